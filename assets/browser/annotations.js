@@ -1,6 +1,6 @@
 // Texts on the picture, and the body mark that says where the probe lies.
 
-import { label } from "./calipers.js";
+import { label, scaleOf } from "./calipers.js";
 import { toStage } from "./view.js";
 
 const INK = "#f1f5f8";
@@ -44,8 +44,13 @@ export class Annotations {
     this.turn = 0;
   }
 
-  add(at, text) {
-    if (text.trim()) this.texts.push({ at, text: text.trim().slice(0, 60) });
+  add(at, text, frame) {
+    if (text.trim()) this.texts.push({ at, text: text.trim().slice(0, 60), scale: scaleOf(frame) });
+  }
+
+  /** Texts that were written at the frame's scale. */
+  on(frame) {
+    return this.texts.filter(({ scale }) => scale === scaleOf(frame));
   }
 
   clear() {
@@ -62,9 +67,8 @@ export class Annotations {
     this.turn = (this.turn + degrees + 360) % 360;
   }
 
-  draw(context, rect, font) {
-    context.fillStyle = INK;
-    for (const { at, text } of this.texts) {
+  draw(context, frame, rect, font) {
+    for (const { at, text } of this.on(frame)) {
       const place = toStage(rect, at);
       context.fillStyle = INK;
       label(context, text, place.x, place.y, rect.marks, font);
@@ -95,9 +99,9 @@ export class Annotations {
   }
 
   /** What is written beside a saved picture. */
-  values() {
+  values(frame) {
     return {
-      texts: this.texts.map(({ at, text }) => ({ x: at.x, y: at.y, text })),
+      texts: this.on(frame).map(({ at, text }) => ({ x: at.x, y: at.y, text })),
       body_mark: this.mark === "none" ? null : { name: this.mark, turn_deg: this.turn },
     };
   }

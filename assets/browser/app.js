@@ -1,13 +1,14 @@
 // The page of a live station: frames in, controls out.
 
 import { Connection } from "./connection.js";
-import { download } from "./clip.js";
+import { download, fileName } from "./clip.js";
 import { Console } from "./console.js";
 import { Controls, show } from "./controls.js";
 import { fillHelp, listen } from "./keys.js";
 import { Picture } from "./picture.js";
 import { Scene3d } from "./scene.js";
 import { legend, Status } from "./status.js";
+import { fileSize } from "./view.js";
 import { MAP } from "./wire.js";
 
 const byId = (id) => document.getElementById(id);
@@ -19,14 +20,16 @@ const stage = byId("stage");
 const picture = new Picture(byId("picture"));
 const marks = byId("marks");
 const status = new Status();
-const scene = new Scene3d((text, bad) => status.notice(text, bad));
+const scene = new Scene3d((text, bad) => status.say(text, bad));
 let tissues = [];
 let shortcuts = [];
 let shown = null;
 let next = null;
 /** The station's newest frame; `shown` may be one of the cine loop. */
 let newest = null;
+/** When the newest frame came, and when the one that is shown was first shown, ms since the page began. */
 let shownAt = 0;
+let shownTime = 0;
 let closedReason = "";
 let greyMaps = [];
 
@@ -55,7 +58,7 @@ const connection = new Connection({
     } else if (message.type === "stats") {
       status.stats(message);
     } else if (message.type === "error") {
-      status.notice(message.message, true);
+      status.say(message.message, true);
     }
   },
   frame(frame) {
@@ -64,21 +67,22 @@ const connection = new Connection({
     next = frame;
   },
   error(text) {
-    status.notice(text, true);
+    status.say(text, true);
   },
 });
 
 const controls = new Controls((message) => {
   if (connection.isOpen) connection.send(message);
-  else status.notice("not connected: the station did not hear that", true);
+  else status.say("not connected: the station did not hear that", true);
 });
 
 const tools = new Console({
   picture,
   shown: () => shown,
+  shownDate: () => new Date(performance.timeOrigin + shownTime),
   captions: (settings) => controls.captions(settings),
   greys: (settings) => greyMaps[settings.grey_map] ?? null,
-  say: (text, bad) => status.notice(text, bad),
+  say: (text, bad) => status.say(text, bad),
   redraw: layOut,
   showKept,
 });
@@ -97,32 +101,40 @@ function present() {
   document.body.dataset.frame = String(frame.number);
   // While the cine loop is gone through, the station's frozen picture stays behind it.
   if (!tools.cine.isShown) {
-    take(frame);
+    take(frame, shownAt);
     redraw();
     tools.keep(frame);
     scene.show(frame);
   }
+  tools.recordFrame();
   watch();
 }
 
 /** Makes a frame the one that is shown. */
-function take(frame) {
-  if (shown && (frame.pixelMm !== shown.pixelMm || frame.width !== shown.width)) tools.calipers.clear();
+function take(frame, time) {
   const resized = !shown || frame.width !== shown.width || frame.height !== shown.height;
   shown = frame;
+  shownTime = time;
+  status.picture(frame);
   stage.dataset.pixelMm = String(frame.pixelMm);
   if (resized) layOut();
 }
 
 /** Shows a picture of the cine loop. */
-function showKept(frame, bitmap) {
-  take(frame);
+function showKept({ frame, time }, bitmap) {
+  take(frame, time);
   picture.show(bitmap);
   redrawMarks();
+  tools.recordFrame();
 }
 
 function redraw() {
   if (!shown) return;
+  // A kept picture has its overlays mixed in.
+  if (tools.cine.isShown) {
+    redrawMarks();
+    return;
+  }
   const overlay = (name, map) => {
     const data = byId(name).checked ? connection.mapOf(shown, map) : null;
     return data && { data, opacity: Number(byId(`${name}_opacity`).value) / 100 };
@@ -144,7 +156,9 @@ function redrawMarks() {
   context.setTransform(ratio, 0, 0, ratio, 0, 0);
   context.clearRect(0, 0, width, height);
   if (!shown) return;
-  tools.drawOver(context, tools.rect(width, height), shown);
+  const rect = tools.rect(width, height);
+  tools.drawOver(context, rect, shown);
+  tools.drawCross(context, rect);
 }
 
 function layOut() {
@@ -165,6 +179,7 @@ function watch() {
     return;
   }
   const frozen = newest?.settings.frozen ?? false;
+  for (const name of OVERLAYS) byId(name).disabled = tools.cine.isShown;
   const silent = performance.now() - shownAt > SILENCE_MS;
   status.run(!shown ? "WAITING" : tools.cine.isShown ? "CINE" : frozen ? "FROZEN" : silent ? "STALLED" : "LIVE");
   if (!frozen && silent) status.banner("silent");
@@ -187,25 +202,36 @@ function toggleOverlay(name) {
 function save() {
   if (!shown) return;
   const canvas = document.createElement("canvas");
-  Object.assign(canvas, { width: shown.width + 108, height: shown.height + 74 });
+  const [width, height] = fileSize(shown.width, shown.height);
+  Object.assign(canvas, { width, height });
   const context = canvas.getContext("2d");
   context.fillStyle = "#000";
   context.fillRect(0, 0, canvas.width, canvas.height);
-  const rect = tools.compose(context, canvas, true);
+  const rect = tools.compose(context, true);
   const state = tools.cine.isShown ? "cine" : document.body.dataset.state;
   context.fillStyle = state === "live" ? "#7d8893" : "#ff6b5e";
   context.font = "13px sans-serif";
   context.textAlign = "left";
-  context.fillText(`${new Date().toISOString()}   frame ${shown.number}   ${state}`, rect.x, 18);
-  const name = `insonify_${String(shown.number).padStart(6, "0")}`;
-  canvas.toBlob((blob) => download(blob, `${name}.png`), "image/png");
+  const date = new Date(performance.timeOrigin + shownTime);
+  context.fillText(`${date.toISOString()}   frame ${shown.number}   ${state}`, rect.x, 18);
+  const [png, json] = ["png", "json"].map((extension) => fileName(date, shown.number, extension));
+  const offer = (blob, name) => {
+    try {
+      download(blob, name);
+    } catch (error) {
+      status.say(error.message, true);
+    }
+  };
+  const picturePlace = { x_px: rect.x, y_px: rect.y, width_px: rect.width, height_px: rect.height };
+  canvas.toBlob((blob) => offer(blob, png), "image/png");
   const { number, pixelMm, pose, tracking, contact, settings } = shown;
   const record = {
     version: byId("version").textContent,
-    time: new Date().toISOString(),
+    picture_time: date.toISOString(),
     state,
     frame: number,
     pixel_mm: pixelMm,
+    picture: picturePlace,
     pose,
     tracking,
     contact,
@@ -213,12 +239,12 @@ function save() {
     ...tools.values(shown),
     settings,
   };
-  download(new Blob([JSON.stringify(record, null, 2)], { type: "application/json" }), `${name}.json`);
+  offer(new Blob([JSON.stringify(record, null, 2)], { type: "application/json" }), json);
 }
 
 function fullScreen() {
   const change = document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen();
-  change.catch((error) => status.notice(`full screen is not possible: ${error.message}`, true));
+  change.catch((error) => status.say(`full screen is not possible: ${error.message}`, true));
 }
 
 const toggleHelp = () => (byId("shortcuts").open ? byId("shortcuts").close() : byId("shortcuts").showModal());
@@ -254,7 +280,8 @@ listen(
     else if (action.page) pageActions[action.page]();
   },
   // Arrows go through the cine loop while the picture is frozen.
-  (key) => {
+  (key, shift) => {
+    if (tools.pointByKey(key, shift)) return true;
     if (!newest?.settings.frozen) return false;
     if (tools.cine.kept.length < 2) return false;
     const steps = { ArrowLeft: -1, ArrowRight: 1, ArrowDown: -10, ArrowUp: 10 };
@@ -266,13 +293,23 @@ listen(
   },
 );
 
+/** Way of the wheel that counts as a step, CSS pixels, and the way so far. */
+const WHEEL_PX = 50;
+let wheel = 0;
+
 /** A wheel over the picture: depth, with Shift gain, with Alt the focus; the cine loop while it is frozen. */
 stage.addEventListener(
   "wheel",
   (event) => {
+    // With Ctrl the browser zooms.
+    if (event.ctrlKey) return;
     event.preventDefault();
-    const by = Math.sign(event.deltaY || event.deltaX);
-    if (!by || !shown) return;
+    // A trackpad sends many small steps for one of a wheel.
+    const way = event.deltaY || event.deltaX;
+    wheel = Math.sign(way) === Math.sign(wheel) ? wheel + way : way;
+    if (Math.abs(wheel) < (event.deltaMode === 0 ? WHEEL_PX : 1) || !shown) return;
+    const by = Math.sign(wheel);
+    wheel = 0;
     if (newest.settings.frozen && tools.cine.kept.length > 1) tools.step(by);
     else if (event.shiftKey) controls.step("gain_db", -by);
     else if (event.altKey) controls.step("focus_mm", 5 * by);

@@ -36,19 +36,27 @@ export class Calipers {
     this.pending = null;
   }
 
-  /** Sets the next point; the last one completes the caliper, which is returned. */
-  point(at) {
-    const { points } = TOOLS[this.tool];
-    if (!this.pending) this.pending = { tool: this.tool, points: [at, at] };
-    else if (this.pending.points.length < points) this.pending.points.push(at);
-    else {
-      const done = this.pending;
-      done.points[points - 1] = at;
-      this.all = [...this.all, done].slice(-CALIPERS_MAX);
-      this.pending = null;
-      return done;
+  /** Sets the next point on a frame; the last one completes the caliper, which is returned. */
+  point(at, frame) {
+    if (!this.pending) {
+      this.pending = { tool: this.tool, scale: scaleOf(frame), points: [at, at] };
+      return null;
     }
-    return null;
+    // A finger sets a point without having moved to it.
+    this.move(at);
+    const done = this.pending;
+    if (done.points.length < TOOLS[this.tool].points) {
+      done.points.push(at);
+      return null;
+    }
+    this.all = [...this.all, done].slice(-CALIPERS_MAX);
+    this.pending = null;
+    return done;
+  }
+
+  /** Calipers that were set at the frame's scale; on another one they lie elsewhere. */
+  on(frame) {
+    return this.all.filter(({ scale }) => scale === scaleOf(frame));
   }
 
   /** Moves the point that is not set yet. */
@@ -57,15 +65,18 @@ export class Calipers {
   }
 
   draw(context, frame, rect, font) {
-    const shown = this.pending ? [...this.all, this.pending] : this.all;
+    const shown = this.pending?.scale === scaleOf(frame) ? [...this.on(frame), this.pending] : this.on(frame);
     shown.forEach((caliper, i) => draw(context, frame, rect, caliper, i, font));
   }
 
   /** Every measurement by name and value. */
   values(frame) {
-    return this.all.map((caliper, i) => ({ number: i + 1, tool: caliper.tool, ...measure(frame, caliper) }));
+    return this.on(frame).map((caliper, i) => ({ number: i + 1, tool: caliper.tool, ...measure(frame, caliper) }));
   }
 }
+
+/** What places on a picture depend on: its size and the side of a pixel. */
+export const scaleOf = (frame) => `${frame.width} ${frame.height} ${frame.pixelMm}`;
 
 const between = (a, b) => Math.hypot(b.x - a.x, b.y - a.y);
 

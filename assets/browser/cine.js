@@ -12,37 +12,24 @@ export class Cine {
     this.kept = [];
     this.bytes = 0;
     this.encoding = false;
-    /** Pictures that were not kept because the one before was still being encoded. */
-    this.skipped = 0;
     /** Index of the picture that is shown; null: the live one. */
     this.at = null;
-    this.epoch = 0;
   }
 
   get isShown() {
     return this.at !== null;
   }
 
-  clear() {
-    this.kept = [];
-    this.bytes = 0;
-    this.at = null;
-    this.epoch += 1;
-  }
-
   /** Keeps a picture that was just drawn on `canvas`. */
   keep(canvas, frame, time) {
-    if (this.encoding) {
-      this.skipped += 1;
-      return;
-    }
+    // A page that is slow keeps fewer pictures.
+    if (this.encoding) return;
     this.encoding = true;
-    const epoch = this.epoch;
     const { data, ...meta } = frame;
     canvas.toBlob(
       (blob) => {
         this.encoding = false;
-        if (!blob || epoch !== this.epoch || this.isShown) return;
+        if (!blob || this.isShown) return;
         this.kept.push({ time, frame: meta, blob });
         this.bytes += blob.size;
         while (this.kept.length > 1 && (this.kept[0].time < time - KEPT_MS || this.bytes > BYTES_MAX)) {
@@ -52,11 +39,6 @@ export class Cine {
       "image/jpeg",
       QUALITY,
     );
-  }
-
-  /** Length of what is kept, s. */
-  get seconds() {
-    return this.kept.length > 1 ? (this.kept.at(-1).time - this.kept[0].time) / 1000 : 0;
   }
 
   /** Goes to a picture; returns it, or null if none is kept. */

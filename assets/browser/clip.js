@@ -9,12 +9,17 @@ export class Clip {
     const type = typeof MediaRecorder === "undefined" ? undefined : TYPES.find((type) => MediaRecorder.isTypeSupported(type));
     if (!type) throw new Error("this browser records no video");
     this.type = type;
-    this.canvas = Object.assign(document.createElement("canvas"), { width: width & ~1, height: height & ~1 });
+    // Encoders take even sizes.
+    const even = { width: width + (width & 1), height: height + (height & 1) };
+    this.canvas = Object.assign(document.createElement("canvas"), even);
     this.context = this.canvas.getContext("2d", { alpha: false });
     this.stream = this.canvas.captureStream(0);
     this.recorder = new MediaRecorder(this.stream, { mimeType: type, videoBitsPerSecond: BITS_PER_SECOND });
     this.parts = [];
     this.frames = 0;
+    this.recorder.onerror = ({ error }) => {
+      this.error = error ?? new Error("the browser stopped the recording");
+    };
     this.recorder.ondataavailable = ({ data }) => data.size && this.parts.push(data);
     this.recorder.start(1000);
   }
@@ -27,12 +32,21 @@ export class Clip {
     this.frames += 1;
   }
 
-  /** Ends the recording; resolves with the file's content. */
-  end() {
-    return new Promise((resolve) => {
-      this.recorder.onstop = () => resolve(new Blob(this.parts, { type: this.type.split(";")[0] }));
-      this.recorder.stop();
-    });
+  /** Ends the recording; resolves with the file's content, or rejects with what went wrong. */
+  async end() {
+    try {
+      if (this.recorder.state !== "inactive") {
+        await new Promise((resolve) => {
+          this.recorder.onstop = resolve;
+          this.recorder.stop();
+        });
+      }
+      if (this.error) throw this.error;
+      if (this.frames === 0) throw new Error("the clip is empty: nothing was shown meanwhile");
+      return new Blob(this.parts, { type: this.type.split(";")[0] });
+    } finally {
+      this.stream.getTracks().forEach((track) => track.stop());
+    }
   }
 
   get extension() {
@@ -40,8 +54,15 @@ export class Clip {
   }
 }
 
+/** Name of a file of a picture: when it was shown, and its frame. */
+export function fileName(date, number, extension) {
+  const [day, time] = date.toISOString().split("T");
+  return `insonify_${day.replaceAll("-", "")}_${time.slice(0, 8).replaceAll(":", "")}_${String(number).padStart(6, "0")}.${extension}`;
+}
+
 /** Offers a file for download. */
 export function download(blob, name) {
+  if (!blob) throw new Error(`${name} can't be made: the picture is too large for this browser`);
   const link = document.createElement("a");
   link.href = URL.createObjectURL(blob);
   link.download = name;

@@ -3,14 +3,18 @@
 import { Annotations } from "./annotations.js";
 import { Calipers, measure, TOOLS } from "./calipers.js";
 import { Cine } from "./cine.js";
-import { Clip, download } from "./clip.js";
+import { Clip, download, fileName } from "./clip.js";
 import { drawMarks, FONT } from "./marks.js";
-import { drawPicture, fromStage, View } from "./view.js";
+import { drawPicture, fileSize, fromStage, toStage, View } from "./view.js";
 
 const byId = (id) => document.getElementById(id);
+/** Steps of the cross by arrow keys, pixels of the picture; with Shift ten times as far. */
+const CROSS_STEP = 2;
+/** Longest time for which a clip of the loop stands still, ms: the station was frozen meanwhile. */
+const STILL_MAX_MS = 1000;
 
 export class Console {
-  /** `page`: { picture, shown(), captions(settings), greys(settings), say(text, bad), redraw() }. */
+  /** `page`: { picture, shown(), shownDate(), captions(settings), greys(settings), say(text, bad), redraw(), showKept(kept, bitmap) }. */
   constructor(page) {
     this.page = page;
     this.view = new View();
@@ -18,6 +22,9 @@ export class Console {
     this.annotations = new Annotations();
     this.cine = new Cine();
     this.clip = null;
+    this.frozen = false;
+    /** Place of the cross that arrow keys move; null without one. */
+    this.cross = null;
     this.stage = byId("stage");
     this.bind();
   }
@@ -26,6 +33,7 @@ export class Console {
     const { stage } = this;
     stage.addEventListener("click", (event) => this.clicked(event));
     stage.addEventListener("pointermove", (event) => {
+      this.cross = null;
       if (!this.calipers.pending) return;
       this.calipers.move(this.pointAt(event));
       this.page.redraw();
@@ -41,6 +49,8 @@ export class Console {
       caliper: () => this.nextTool(),
       annotate: () => this.annotate(),
       body_mark: () => this.nextBodyMark(),
+      body_mark_turn: () => this.turnBodyMark(15),
+      marks_clear: () => this.clear(),
       invert_x: () => this.invert("flipX"),
       invert_y: () => this.invert("flipY"),
       record: () => this.record(),
@@ -56,6 +66,8 @@ export class Console {
         action();
       });
     }
+    // A switch that keeps the focus would take the space bar from freezing.
+    byId("clip_overlays").addEventListener("change", (event) => event.currentTarget.blur());
   }
 
   rect(width = this.stage.clientWidth, height = this.stage.clientHeight) {
@@ -66,8 +78,50 @@ export class Console {
   /** Draws everything over the picture. */
   drawOver(context, rect, frame) {
     drawMarks(context, frame, rect, this.page.captions(frame.settings), this.page.greys(frame.settings));
-    this.annotations.draw(context, rect, FONT);
+    this.annotations.draw(context, frame, rect, FONT);
     this.calipers.draw(context, frame, rect, FONT);
+  }
+
+  /** Draws the cross of the arrow keys. */
+  drawCross(context, rect) {
+    if (!this.cross) return;
+    const { x, y } = toStage(rect, this.cross);
+    const size = 14 * rect.marks;
+    context.strokeStyle = "#ffffff";
+    context.lineWidth = rect.marks;
+    context.strokeRect(x - size / 2, y - size / 2, size, size);
+    context.beginPath();
+    context.moveTo(x - size, y);
+    context.lineTo(x + size, y);
+    context.moveTo(x, y - size);
+    context.lineTo(x, y + size);
+    context.stroke();
+  }
+
+  get annotating() {
+    return this.stage.classList.contains("annotating");
+  }
+
+  /** While a tool is in the hand, arrow keys move a cross and Enter sets a point there. True if the key was taken. */
+  pointByKey(key, far) {
+    const frame = this.page.shown();
+    if (!frame || !(this.calipers.tool || this.annotating)) return false;
+    const middle = { x: frame.width / 2, y: frame.height / 2 };
+    const ways = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+    if (key === "Enter") {
+      this.set(this.cross ?? middle);
+      return true;
+    }
+    if (!ways[key]) return false;
+    const [x, y] = ways[key].map((way) => way * CROSS_STEP * (far ? 10 : 1));
+    const from = this.cross ?? middle;
+    this.cross = {
+      x: Math.min(Math.max(from.x + (this.view.flipX ? -x : x), 0), frame.width),
+      y: Math.min(Math.max(from.y + (this.view.flipY ? -y : y), 0), frame.height),
+    };
+    this.calipers.move(this.cross);
+    this.page.redraw();
+    return true;
   }
 
   /** The pixel of the picture under a pointer. */
@@ -80,13 +134,17 @@ export class Console {
 
   clicked(event) {
     if (!this.page.shown() || event.target.closest("#cine, #note")) return;
-    const at = this.pointAt(event);
-    if (this.stage.classList.contains("annotating")) {
-      this.beginNote(event, at);
+    this.set(this.pointAt(event));
+  }
+
+  /** Sets a point of the tool in the hand. */
+  set(at) {
+    if (this.annotating) {
+      this.beginNote(at);
       return;
     }
     if (!this.calipers.tool) return;
-    const done = this.calipers.point(at);
+    const done = this.calipers.point(at, this.page.shown());
     if (done) {
       const found = measure(this.page.shown(), done);
       if (found.length_mm !== undefined) this.stage.dataset.lengthMm = found.length_mm.toFixed(2);
@@ -104,6 +162,7 @@ export class Console {
   putAway() {
     this.stage.classList.remove("annotating");
     this.calipers.pick(null);
+    this.cross = null;
     this.showTool();
   }
 
@@ -112,7 +171,7 @@ export class Console {
     const button = byId("caliper");
     button.firstChild.textContent = tool ? `${TOOLS[tool].label} ` : "Measure ";
     button.setAttribute("aria-pressed", String(Boolean(tool)));
-    byId("annotate").setAttribute("aria-pressed", String(this.stage.classList.contains("annotating")));
+    byId("annotate").setAttribute("aria-pressed", String(this.annotating));
     this.stage.classList.toggle("measuring", Boolean(tool));
     this.page.redraw();
   }
@@ -129,12 +188,12 @@ export class Console {
     this.showTool();
   }
 
-  beginNote(event, at) {
+  beginNote(at) {
     const note = byId("note");
-    const box = this.stage.getBoundingClientRect();
+    const place = toStage(this.rect(), at);
     note.hidden = false;
     note.value = "";
-    Object.assign(note.style, { left: `${event.clientX - box.left}px`, top: `${event.clientY - box.top}px` });
+    Object.assign(note.style, { left: `${place.x}px`, top: `${place.y}px` });
     this.noteAt = at;
     note.focus();
   }
@@ -143,7 +202,7 @@ export class Console {
     const note = byId("note");
     if (note.hidden) return;
     note.hidden = true;
-    if (keep) this.annotations.add(this.noteAt, note.value);
+    if (keep) this.annotations.add(this.noteAt, note.value, this.page.shown());
     this.page.redraw();
   }
 
@@ -165,18 +224,17 @@ export class Console {
 
   /** Keeps a live picture that was just drawn, with the tissues or attenuation that are mixed in. */
   keep(frame) {
-    if (!frame.settings.frozen) this.cine.keep(this.page.picture.canvas, frame, performance.now());
+    // The first frozen picture is the loop's last one.
+    if (!frame.settings.frozen || !this.keptFrozen) this.cine.keep(this.page.picture.canvas, frame, performance.now());
+    this.keptFrozen = Boolean(frame.settings.frozen);
     this.stage.dataset.kept = String(this.cine.kept.length);
-    if (this.clip) this.recordFrame();
   }
 
   /** Shows or hides the bar of the cine loop. */
   follow(frozen) {
     const bar = byId("cine");
-    if (!frozen && this.cine.isShown) {
-      this.cine.live();
-      this.cine.clear();
-    }
+    this.frozen = Boolean(frozen);
+    if (!frozen) this.cine.live();
     const available = Boolean(frozen) && this.cine.kept.length > 1;
     if (bar.hidden === available) {
       bar.hidden = !available;
@@ -200,31 +258,31 @@ export class Console {
   }
 
   step(by) {
-    return this.show(this.cine.step(by));
+    if (!this.saving) this.show(this.cine.step(by));
   }
 
   goTo(index) {
-    return this.show(this.cine.goTo(index));
+    if (!this.saving) this.show(this.cine.goTo(index));
   }
 
   async show(kept) {
-    if (!kept) return false;
+    if (!kept) return;
     byId("cine_place").value = this.cine.at;
     this.showPlace();
-    const wanted = this.cine.at;
-    const bitmap = await Cine.pixels(kept);
-    // The newest step wins.
-    if (this.cine.at === wanted) this.page.showKept(kept.frame, bitmap);
-    return true;
+    try {
+      const bitmap = await Cine.pixels(kept);
+      // The newest step wins.
+      if (this.cine.kept[this.cine.at] === kept) this.page.showKept(kept, bitmap);
+      bitmap.close();
+    } catch (error) {
+      this.page.say(`the picture can't be shown: ${error.message}`, true);
+    }
   }
 
-  /** Draws the picture, and what lies over it if `over`, into a canvas of any size. */
-  compose(context, canvas, over) {
+  /** Draws the picture at its own size, and what lies over it if `over`, into a canvas of `fileSize`. Returns its place. */
+  compose(context, over) {
     const frame = this.page.shown();
-    const { foot } = this.view;
-    this.view.foot = 0;
-    const rect = this.rect(canvas.width, canvas.height);
-    this.view.foot = foot;
+    const rect = this.view.inFile(frame.width, frame.height);
     drawPicture(context, this.page.picture.canvas, rect);
     if (over) this.drawOver(context, rect, frame);
     return rect;
@@ -236,29 +294,26 @@ export class Console {
 
   /** Begins or ends a recording of the screen. */
   async record() {
-    if (this.clip) {
-      const { clip } = this;
-      this.clip = null;
-      byId("record").setAttribute("aria-pressed", "false");
-      const blob = await clip.end();
-      this.saveClip(blob, clip);
-      return;
-    }
+    const frame = this.page.shown();
+    if (!frame) return;
+    const { clip } = this;
     try {
-      const frame = this.page.shown();
-      this.clip = new Clip(frame.width + 108, frame.height + 74);
-      byId("record").setAttribute("aria-pressed", "true");
+      this.clip = clip ? null : new Clip(...fileSize(frame.width, frame.height));
+      byId("record").setAttribute("aria-pressed", String(Boolean(this.clip)));
+      if (clip) this.saveClip(await clip.end(), clip);
+      else this.recordFrame();
     } catch (error) {
-      this.page.say(error.message, true);
+      this.page.say(`the clip can't be recorded: ${error.message}`, true);
     }
   }
 
+  /** Adds what is shown to the clip that is recorded. */
   recordFrame() {
-    this.clip.show((context, canvas) => this.compose(context, canvas, this.withOverlays));
+    this.clip?.show((context) => this.compose(context, this.withOverlays));
   }
 
   saveClip(blob, clip) {
-    const name = `insonify_${String(this.page.shown().number).padStart(6, "0")}.${clip.extension}`;
+    const name = fileName(this.page.shownDate(), this.page.shown().number, clip.extension);
     download(blob, name);
     this.stage.dataset.clip = `${name} ${clip.frames} ${blob.size}`;
     this.page.say(`${name}: ${clip.frames} pictures`);
@@ -266,27 +321,35 @@ export class Console {
 
   /** Saves the cine loop as a clip, at the pace at which it was seen. */
   async saveLoop() {
-    const { kept } = this.cine;
-    if (kept.length < 2 || this.saving) return;
+    if (this.saving) return;
+    const kept = [...this.cine.kept];
+    if (!this.frozen || kept.length < 2) {
+      this.page.say("freeze the picture first: the loop is saved from there");
+      return;
+    }
     this.saving = true;
+    let clip = null;
     try {
-      const first = kept[0];
-      const clip = new Clip(first.frame.width + 108, first.frame.height + 74);
-      const begun = performance.now();
+      const { width, height } = kept[0].frame;
+      clip = new Clip(...fileSize(width, height));
+      let due = performance.now();
       for (const [i, picture] of kept.entries()) {
         const bitmap = await Cine.pixels(picture);
-        const due = begun + picture.time - first.time;
+        if (i > 0) due += Math.min(picture.time - kept[i - 1].time, STILL_MAX_MS);
         await new Promise((resolve) => setTimeout(resolve, Math.max(due - performance.now(), 0)));
-        this.cine.at = i;
+        if (!this.frozen) throw new Error("the picture is live again");
+        this.cine.goTo(i);
         this.showPlace();
         byId("cine_place").value = i;
-        this.page.showKept(picture.frame, bitmap);
-        clip.show((context, canvas) => this.compose(context, canvas, this.withOverlays));
+        this.page.showKept(picture, bitmap);
+        bitmap.close();
+        clip.show((context) => this.compose(context, this.withOverlays));
         this.page.say(`saving the loop: ${i + 1} of ${kept.length}`);
       }
       this.saveClip(await clip.end(), clip);
     } catch (error) {
-      this.page.say(error.message, true);
+      clip?.end().catch(() => {});
+      this.page.say(`the loop is not saved: ${error.message}`, true);
     } finally {
       this.saving = false;
     }
@@ -294,6 +357,6 @@ export class Console {
 
   /** What is written beside a saved picture. */
   values(frame) {
-    return { measurements: this.calipers.values(frame), ...this.annotations.values() };
+    return { measurements: this.calipers.values(frame), ...this.annotations.values(frame) };
   }
 }

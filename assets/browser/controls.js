@@ -20,6 +20,8 @@ export class Controls {
     byId("freeze").addEventListener("click", (e) => this.fromButton(e, () => this.toggle("frozen")));
     byId("enhance").addEventListener("change", () => this.toggle("enhance"));
     byId("harmonics").addEventListener("change", () => this.toggle("harmonics"));
+    // A switch that keeps the focus would take the space bar from freezing.
+    for (const id of ["enhance", "harmonics"]) byId(id).addEventListener("change", (event) => event.currentTarget.blur());
   }
 
   /** Builds sliders and buttons by the station's first message. */

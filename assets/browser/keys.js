@@ -9,7 +9,7 @@ export function listen(shortcuts, run, first) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const dialogOpen = document.querySelector("dialog[open]") !== null;
     if (document.activeElement?.matches("input[type=text]")) return;
-    if (!dialogOpen && !document.activeElement?.matches("input[type=range]") && first(event.key)) {
+    if (!dialogOpen && !document.activeElement?.matches("input[type=range]") && first(event.key, event.shiftKey)) {
       event.preventDefault();
       return;
     }

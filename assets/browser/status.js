@@ -48,6 +48,7 @@ export class Status {
     element.querySelector("span").textContent = detail || text;
   }
 
+  /** Takes the newest frame. */
   frame(frame, now) {
     this.arrivals.push(now);
     while (this.arrivals.length && this.arrivals[0] < now - 1000) this.arrivals.shift();
@@ -55,6 +56,10 @@ export class Status {
       this.latencies.push(frame.latencyMs);
       if (this.latencies.length > HISTORY) this.latencies.shift();
     }
+  }
+
+  /** Says what is known about the picture that is shown. */
+  picture(frame) {
     const kinds = ["", "good", "warn"];
     badge(byId("source"), SOURCES[frame.source] ?? "?", kinds[frame.source] ?? "");
     badge(byId("tracking"), ...TRACKING[frame.tracking]);
@@ -102,20 +107,27 @@ export class Status {
     context.stroke();
   }
 
-  /** A text at the foot of the picture; an empty one clears it. Errors go after a while. */
-  notice(text, isError = false) {
+  /** The station's text at the foot of the picture; an empty one clears it. It waits while the page says something. */
+  notice(text) {
+    if (!this.noticeTimer) this.write(text, "");
+  }
+
+  /** Something that the page says for some seconds. Only an error replaces an error. */
+  say(text, isError = false) {
+    if (byId("notice").className === "error" && this.noticeTimer && !isError) return;
+    this.write(text, isError ? "error" : "");
+    clearTimeout(this.noticeTimer);
+    this.noticeTimer = setTimeout(() => {
+      this.noticeTimer = 0;
+      this.notice("");
+    }, isError ? 6000 : 4000);
+  }
+
+  write(text, kind) {
     const element = byId("notice");
-    if (!isError && this.noticeTimer) return;
     element.hidden = !text;
     if (element.textContent !== text) element.textContent = text;
-    element.className = isError ? "error" : "";
-    if (isError) {
-      clearTimeout(this.noticeTimer);
-      this.noticeTimer = setTimeout(() => {
-        this.noticeTimer = 0;
-        this.notice("");
-      }, 6000);
-    }
+    element.className = kind;
   }
 
   stats({ dropped, clients }) {

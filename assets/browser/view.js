@@ -8,6 +8,9 @@ const USUAL_HEIGHT = 860;
 /** Size of marks and texts: they grow with the stage, to be read from 3 m, and never shrink below 12 pixels. */
 export const markScale = (width, height) => Math.min(Math.max(Math.min(height / USUAL_HEIGHT, width / 1100), 1), 2.4);
 
+/** Size of a saved picture of `width` × `height` with its margins, pixels. */
+export const fileSize = (width, height) => [width + MARGINS.left + MARGINS.right, height + MARGINS.top + MARGINS.bottom];
+
 export class View {
   constructor() {
     this.flipX = false;
@@ -18,10 +21,18 @@ export class View {
 
   /** Where a picture of `width` × `height` lies in a stage: as large as fits, centred between the margins. */
   fit(width, height, stageWidth, stageHeight) {
-    const marks = markScale(stageWidth, stageHeight);
+    return this.place(width, height, stageWidth, stageHeight, markScale(stageWidth, stageHeight), this.foot);
+  }
+
+  /** Where a picture of its own size lies in a file of `fileSize(width, height)`. */
+  inFile(width, height) {
+    return this.place(width, height, ...fileSize(width, height), 1, 0);
+  }
+
+  place(width, height, stageWidth, stageHeight, marks, foot) {
     const room = {
       x: Math.max(stageWidth - (MARGINS.left + MARGINS.right) * marks, 1),
-      y: Math.max(stageHeight - (MARGINS.top + MARGINS.bottom) * marks - this.foot, 1),
+      y: Math.max(stageHeight - (MARGINS.top + MARGINS.bottom) * marks - foot, 1),
     };
     const scale = Math.min(room.x / width, room.y / height);
     const [w, h] = [width * scale, height * scale];

@@ -18,7 +18,8 @@ use crate::pose::Pose;
 /// Search length, mm; exceeds any distance from inside a body to its skin.
 const REACH_MM: u32 = 400;
 
-/// Search length in front of a probe's face, mm.
+/// Search length in front of a probe's face, mm: more than the thickest gel, the gap that couples, and the largest
+/// tolerance together.
 const PROBE_MM: f64 = 30.0;
 
 /// Sideways offset of test rays, mm: a ray exactly along a box's border may miss the box; rays on both sides do not.

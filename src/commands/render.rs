@@ -108,7 +108,13 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if frame.overflows > 0 {
         tracing::warn!("{} paths met more interfaces than are kept, and go on in the last medium", frame.overflows);
     }
-    let shape = Shape::new(frame.width, renderer.sector().pixel_mm, &frame.mask, &settings.image);
+    let shape = Shape::new(
+        frame.width,
+        renderer.sector().pixel_mm,
+        &frame.mask,
+        &settings.image,
+        settings.look.independent_looks(&station.probe),
+    );
     Look::default().apply(&settings.look, shape, &mut frame.bmode);
     let adapter = session::adapter(&backend);
     let (plan, sector) = (renderer.plan(), renderer.sector());

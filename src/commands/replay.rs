@@ -25,8 +25,9 @@ use super::{Failure, output, quality, session};
 /// Replay a recorded session over a station's scene: a PNG a frame, and a video.
 ///
 /// The raw tracker bytes of the recording run through decoder, calibration and filter of a live session, each frame as if
-/// it were shown at once, and what was set while it was recorded is set again at its time. Frames have the station's look
-/// as in a live session: compounding one angle a frame, persistence, filters, grey map. The same recording, station and
+/// it were shown at once, and what was set while it was recorded is set again at its time. Frames have the station's
+/// look: compounding one angle a frame, persistence, filters, grey map. At another frame rate than the live session's,
+/// compounding and persistence span another time. The same recording, station and
 /// seed give the same frames, at any speed. No generator runs. A truncated or damaged recording is used as far as it is whole, and what is missing is said.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]

@@ -52,7 +52,8 @@ pub(crate) struct ReplayArgs {
     #[arg(long)]
     raw_poses: bool,
 
-    /// Leave alone what was set while it was recorded: gain, dynamic range, TGC, freeze, depth, focus, quality
+    /// Leave alone what was set while it was recorded: gain, dynamic range, TGC, freeze, depth, focus,
+    /// look, harmonics, quality
     #[arg(long)]
     ignore_controls: bool,
 }
@@ -262,9 +263,9 @@ impl Replay {
                 before(from + i);
                 self.timeline.scene_s(frames.start + i)
             };
-            let pixel_mm = renderer.sector().pixel_mm;
+            let (pixel_mm, looks) = (renderer.sector().pixel_mm, settings.look.independent_looks(probe));
             session::render_paced(&mut renderer, poses, before, |i, frame| {
-                let shape = Shape::new(frame.width, pixel_mm, &frame.mask, &settings.image);
+                let shape = Shape::new(frame.width, pixel_mm, &frame.mask, &settings.image, looks);
                 look.apply(&settings.look, shape, &mut frame.bmode);
                 each(from + i, frame)
             })?;

@@ -10,6 +10,7 @@ use insonify::exam::score::{self, HOLD_S, PlaneScore, Reference, Score};
 use insonify::pipeline::ReplayedControls;
 use insonify::pose::{TimedPose, TrackingState};
 use insonify::report::exam as exam_report;
+use insonify::settings::{Choice, Effect};
 use insonify::station::Station;
 use insonify::tracker::recording::{RecordingReader, read_both};
 use serde::Serialize;
@@ -92,7 +93,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let surfaces: BTreeMap<String, Mesh> = named.map(|surface| (surface.name, surface.mesh)).collect();
     let reference = Reference {
         planes: planes.chosen(&args.planes)?,
-        skin: Some(&skin),
+        // A station that simulates no contact shows the whole picture wherever the probe is.
+        skin: (station.settings.effects.of(Effect::Contact) != Choice::Off).then_some(&skin),
         surfaces: &surfaces,
         contact: &station.settings.contact,
         probe: &station.probe,

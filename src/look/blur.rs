@@ -20,8 +20,8 @@ pub(super) struct Blur {
     columns: Vec<Columns>,
 }
 
-/// Numbers, sums of levels and of squared levels of the pixels within the sector, column by column. The row of columns
-/// begins half a square before the picture, and ends behind it.
+/// Numbers, sums of levels and of squared levels of the pixels within the sector, column by column. The sum `i + half` is
+/// that of the column `i` of pixels; zeros pad both ends.
 #[derive(Debug, Default, Clone)]
 pub(super) struct Columns {
     counts: Vec<u16>,

@@ -40,12 +40,14 @@ pub struct Shape<'a> {
     pub mask: &'a [u8],
     /// Dynamic range of the grey levels, dB.
     pub dynamic_range_db: f64,
+    /// Independent looks in the picture's speckle.
+    pub looks: f64,
 }
 
 impl<'a> Shape<'a> {
-    /// A picture of `image`, `width` pixels wide.
-    pub fn new(width: u32, pixel_mm: f64, mask: &'a [u8], image: &ImageSettings) -> Self {
-        Self { width: width as usize, pixel_mm, mask, dynamic_range_db: image.dynamic_range_db }
+    /// A picture of `image`, `width` pixels wide, compounded of so many independent looks.
+    pub fn new(width: u32, pixel_mm: f64, mask: &'a [u8], image: &ImageSettings, looks: f64) -> Self {
+        Self { width: width as usize, pixel_mm, mask, dynamic_range_db: image.dynamic_range_db, looks }
     }
 }
 
@@ -58,10 +60,15 @@ impl Look {
             && settings.grey_map == GreyMap::Linear
     }
 
+    /// Forgets the pictures so far.
+    pub fn reset(&mut self) {
+        self.persistence.reset();
+    }
+
     /// Processes the next picture in place.
     pub fn apply(&mut self, settings: &LookSettings, shape: Shape<'_>, picture: &mut [u8]) {
         if Self::is_plain(settings) || shape.width == 0 || shape.mask.len() != picture.len() {
-            self.persistence.reset();
+            self.reset();
             return;
         }
         if settings.speckle_reduction > 0.0 {

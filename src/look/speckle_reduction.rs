@@ -10,6 +10,11 @@ pub(super) const HALF: usize = 3;
 /// Standard deviation of fully developed speckle in log-compressed grey levels, dB (Rayleigh): 10·π/(√6·ln 10).
 pub(super) const SPECKLE_DB: f64 = 5.570_082;
 
+/// Variance of speckle in grey levels. The mean of independent looks has that of one over their number.
+pub(super) fn variance_of_speckle(shape: Shape<'_>) -> f64 {
+    (SPECKLE_DB * 255.0 / shape.dynamic_range_db).powi(2) / shape.looks.max(1.0)
+}
+
 /// Memory of the filter.
 #[derive(Debug, Default)]
 pub(super) struct SpeckleReduction {
@@ -17,11 +22,11 @@ pub(super) struct SpeckleReduction {
 }
 
 impl SpeckleReduction {
-    /// Filters a picture. Each pixel moves towards the mean of its window, the more the less the window varies beyond
-    /// what speckle does. `strength` 0..=1 blends the filtered picture with the original.
+    /// Filters a picture. Each pixel becomes a weighted mean of itself and of its window; the weight of the window's mean
+    /// is the variance of speckle over that of the window, at most 1. `strength` 0..=1 blends the filtered picture with
+    /// the original.
     pub(super) fn apply(&mut self, strength: f32, shape: Shape<'_>, picture: &mut [u8]) {
-        let speckle = (SPECKLE_DB * 255.0 / shape.dynamic_range_db) as f32;
-        let filter = Filter { strength, variance_of_speckle: speckle * speckle };
+        let filter = Filter { strength, variance_of_speckle: variance_of_speckle(shape) as f32 };
         self.blur.rows(shape.width, HALF, shape.mask, picture, |pixels, mask, columns| {
             filter_row(filter, columns, mask, pixels);
         });

@@ -19,7 +19,7 @@ fn picture() -> (Vec<u8>, Vec<u8>) {
 }
 
 fn shape(mask: &[u8]) -> Shape<'_> {
-    Shape { width: WIDTH, pixel_mm: 0.2, mask, dynamic_range_db: 60.0 }
+    Shape { width: WIDTH, pixel_mm: 0.2, mask, dynamic_range_db: 60.0, looks: 1.0 }
 }
 
 fn wide(picture: &[u8]) -> Vec<f64> {
@@ -53,12 +53,13 @@ fn each_step_is_its_twin() {
         assert!(found != levels, "{settings:?} changes nothing");
         assert!(found.iter().zip(&mask).all(|(level, mask)| *mask == 255 || *level == 0), "outside the sector");
         // Another strength is another picture: the twin would notice.
-        let wrong = twin::apply(
-            &LookSettings { speckle_reduction: 0.9 * settings.speckle_reduction, ..of(|_| {}) },
-            shape(&mask),
-            &wide(&levels),
-            None,
-        );
+        let weaker = LookSettings {
+            speckle_reduction: 0.9 * settings.speckle_reduction,
+            edge_enhancement: 0.9 * settings.edge_enhancement,
+            grey_map: if settings.grey_map == GreyMap::Sharp { GreyMap::Contrast } else { settings.grey_map },
+            ..settings
+        };
+        let wrong = twin::apply(&weaker, shape(&mask), &wide(&levels), None);
         assert!(off(&found, &wrong) > 1.0);
     }
 }
@@ -76,8 +77,12 @@ fn persistence_is_a_running_mean_that_begins_anew_with_another_size() {
         assert!(off(&found, &expected) < 0.51, "frame {frame}");
         before = Some(expected);
     }
+    // A step of the depth.
+    let mut deeper = levels.clone();
+    look.apply(&settings, Shape { pixel_mm: 0.3, ..shape(&mask) }, &mut deeper);
+    assert_eq!(deeper, levels);
     let (mut small, mask) = (vec![200; 12], vec![255; 12]);
-    look.apply(&settings, Shape { width: 4, pixel_mm: 0.2, mask: &mask, dynamic_range_db: 60.0 }, &mut small);
+    look.apply(&settings, Shape { width: 4, mask: &mask, ..shape(&mask) }, &mut small);
     assert_eq!(small, [200; 12]);
 }
 
@@ -106,4 +111,44 @@ fn grey_maps_rise_from_black_to_white() {
         assert!(table.windows(2).all(|pair| pair[0] <= pair[1]), "{map:?}");
     }
     assert!(GreyMap::ALL.len() >= 5);
+}
+
+#[test]
+fn all_steps_follow_each_other_as_in_the_twin() {
+    let (levels, mask) = picture();
+    let settings = LookSettings {
+        speckle_reduction: 0.7,
+        edge_enhancement: 0.5,
+        persistence: 0.4,
+        grey_map: GreyMap::Contrast,
+        ..LookSettings::default()
+    };
+    let mut look = Look::default();
+    let mut first = levels.clone();
+    look.apply(&settings, shape(&mask), &mut first);
+    let before =
+        twin::apply(&LookSettings { grey_map: GreyMap::Linear, ..settings }, shape(&mask), &wide(&levels), None);
+    let next: Vec<u8> = levels.iter().map(|level| level / 2).collect();
+    let mut found = next.clone();
+    look.apply(&settings, shape(&mask), &mut found);
+    let twin = twin::apply(&settings, shape(&mask), &wide(&next), Some(&before));
+    // Each step rounds to whole levels, and edges and map amplify that.
+    assert!(off(&found, &twin) < 2.5, "{}", off(&found, &twin));
+    assert!(off(&first, &twin) > 10.0);
+}
+
+#[test]
+fn a_compounded_picture_keeps_more_of_its_texture() {
+    let (levels, mask) = picture();
+    let settings = LookSettings { speckle_reduction: 1.0, ..LookSettings::default() };
+    // Half the speckle, as of four looks.
+    let calm: Vec<u8> = levels.iter().map(|&level| if level == 0 { 0 } else { 64 + level / 2 }).collect();
+    let change = |looks: f64| {
+        let mut found = calm.clone();
+        Look::default().apply(&settings, Shape { looks, ..shape(&mask) }, &mut found);
+        let twin = twin::apply(&settings, Shape { looks, ..shape(&mask) }, &wide(&calm), None);
+        assert!(off(&found, &twin) < 0.51, "{looks} looks");
+        found.iter().zip(&calm).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>()
+    };
+    assert!(change(16.0) < 0.7 * change(4.0) && change(4.0) <= change(1.0));
 }

@@ -153,8 +153,13 @@ impl Presenter {
                 frame.image.extend_from_slice(&held.image);
             }
             let settings = &rendered.info.settings.render;
-            let shape = Shape::new(frame.width, frame.pixel_mm, &frame.mask, &settings.image);
-            state.look.apply(&settings.look, shape, &mut frame.image);
+            let looks = settings.look.independent_looks(&rendered.info.settings.probe);
+            let shape = Shape::new(frame.width, frame.pixel_mm, &frame.mask, &settings.image, looks);
+            // Without a pose the picture is black: it must not show what was there before.
+            match rendered.info.pose() {
+                Some(_) => state.look.apply(&settings.look, shape, &mut frame.image),
+                None => state.look.reset(),
+            }
             match (held, &mut frame.tier) {
                 (Some(held), Some(tier)) => tier.clone_from(&held.tier),
                 (held, tier) => *tier = held.map(|held| held.tier.clone()),

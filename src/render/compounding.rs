@@ -175,11 +175,26 @@ mod tests {
                 let off = mean.iter().zip(&twin).map(|(&a, b)| (f64::from(a) - b).abs()).fold(0.0, f64::max);
                 assert!(off < 0.55, "{range_db} dB, {k}: {off}");
             }
-            // Three equal pictures again change nothing.
+            // The same picture again changes nothing; another one replaces it.
             let before = mean.clone();
             let mut again = looks[1].1.clone();
             compounding.add(1, &mut again);
             assert_eq!(again, before);
+            let other = [looks[0].clone(), (looks[1].0.clone(), of(7).1), looks[2].clone()];
+            let off = |mean: &[u8], range_db: f64| {
+                let twin = compounded(&other, range_db);
+                mean.iter().zip(&twin).map(|(&a, b)| (f64::from(a) - b).abs()).fold(0.0, f64::max)
+            };
+            let mut mean = other[1].1.clone();
+            compounding.add(1, &mut mean);
+            assert!(mean != before && off(&mean, range_db) < 0.55, "{range_db} dB, replaced");
+            // Anew with another range, in another order.
+            compounding.restart(0.5 * range_db);
+            for k in [2, 0, 1] {
+                mean.clone_from(&other[k].1);
+                compounding.add(k, &mut mean);
+            }
+            assert!(off(&mean, 0.5 * range_db) < 0.55, "{range_db} dB, anew");
         }
     }
 }

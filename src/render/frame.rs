@@ -35,6 +35,14 @@ pub struct FrameTimes {
 }
 
 impl FrameTimes {
+    /// Adds the times of another frame.
+    pub(super) fn add_frame(&mut self, frame: &Self) {
+        self.total_ms += frame.total_ms;
+        for pass in &frame.passes {
+            self.add(pass.name, pass.ms);
+        }
+    }
+
     /// Adds a run of a pass.
     pub fn add(&mut self, name: &'static str, ms: f64) {
         match self.passes.iter_mut().find(|pass| pass.name == name) {

@@ -1,6 +1,6 @@
 //! What the receiver adds to the lines: noise, clutter near the face, and the reverberation of a face without contact.
 //!
-//! Reverberation and clutter belong to the probe: they stay where they are in the image while the probe moves. Their
+//! Reverberation and clutter belong to the probe: they lie at fixed places of its scanlines, wherever it is. Their
 //! shape follows a C5-1 in air (pydicom's `examples_palette.dcm`): bright arcs 1.2 mm apart over a diffuse haze, grey
 //! at the face and black 2 cm deeper.
 
@@ -157,9 +157,9 @@ pub(crate) fn white_amplitude(level_db: f64, pulse: &[f32]) -> f64 {
     10f64.powf(level_db / 20.0) / pulse_power.sqrt()
 }
 
-/// Seed of the noise of a frame, from the settings' seed and the scene's time.
-pub(crate) fn noise_seed(seed: u32, time_s: f64) -> u32 {
-    random::bits(u64::from(seed) ^ time_s.to_bits().rotate_left(17)) as u32
+/// Seed of the noise of a frame, from the settings' seed, the scene's time and the number of its look.
+pub(crate) fn noise_seed(seed: u32, time_s: f64, look: u32) -> u32 {
+    random::bits(u64::from(seed) ^ u64::from(look) << 48 ^ time_s.to_bits().rotate_left(17)) as u32
 }
 
 #[cfg(test)]
@@ -189,11 +189,12 @@ mod tests {
     }
 
     #[test]
-    fn frames_of_other_times_and_seeds_have_other_noise() {
-        let seeds = [noise_seed(0, 0.0), noise_seed(0, 0.04), noise_seed(1, 0.0), noise_seed(1, 0.04)];
+    fn frames_of_other_times_seeds_and_looks_have_other_noise() {
+        let seeds = [(0, 0.0, 0), (0, 0.04, 0), (1, 0.0, 0), (1, 0.04, 0), (0, 0.0, 1), (0, 0.0, 2), (1, 0.04, 2)];
+        let seeds = seeds.map(|(seed, time_s, look)| noise_seed(seed, time_s, look));
         for (i, seed) in seeds.iter().enumerate() {
             assert!(!seeds[..i].contains(seed));
         }
-        assert_eq!(noise_seed(3, 1.5), noise_seed(3, 1.5));
+        assert_eq!(noise_seed(3, 1.5, 2), noise_seed(3, 1.5, 2));
     }
 }

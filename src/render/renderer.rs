@@ -11,7 +11,7 @@ use super::compounding::Compounding;
 use super::configuration::{Configuration, FrameInputs, Media};
 use super::constants::TISSUES_MAX;
 use super::error::RenderError;
-use super::frame::{Contents, FRAMES_IN_FLIGHT, Frame};
+use super::frame::{Contents, FRAMES_IN_FLIGHT, Frame, FrameTimes};
 use super::hooks::TestHooks;
 use super::maker::FrameMaker;
 use super::plan::EffectPlan;
@@ -146,7 +146,7 @@ impl Renderer {
     /// Changes the probe and settings. The scene and compiled passes are kept:
     ///
     /// - gain, dynamic range, TGC, seed, reflections and maps apply to the next frame and cost nothing, as long as the
-    ///   plan has the same effects;
+    ///   plan has the same effects. A compounded picture then takes as many frames as it has angles to follow;
     /// - all other settings rebuild the tables, and the buffers whose sizes change. A new pass (kept lines) is compiled
     ///   and warmed up by an extra frame.
     ///
@@ -162,7 +162,9 @@ impl Renderer {
         if self.active.has_tables_of(&self.media, probe, settings) {
             let (before, after) = (self.active.settings, *settings);
             self.active.set_uniforms(&self.media, settings);
-            if (before.image, before.quality.seed) != (after.image, after.quality.seed) {
+            // With another gain the looks so far age out, so that a slider doesn't bring back their speckle.
+            let range_db = |settings: &RenderSettings| settings.image.dynamic_range_db;
+            if (range_db(&before), before.quality.seed) != (range_db(&after), after.quality.seed) {
                 self.restart_looks();
             }
             return Ok(());
@@ -312,21 +314,27 @@ impl Renderer {
         self.look = 0;
         let looks = self.active.tables.looks.len();
         let maps = self.active.settings.maps;
-        let mut total_ms = 0.0;
+        let (mut times, mut overflows) = (FrameTimes::default(), 0u32);
         for look in 1..=looks {
             // The last look is straight: its maps and lines are the frame's.
             self.active.settings.maps = maps && look == looks;
             let rendered = self.submit(pose).and_then(|()| self.receive(frame));
             self.active.settings.maps = maps;
             rendered?;
-            total_ms += frame.times.total_ms;
+            if looks > 1 {
+                times.add_frame(&frame.times);
+                overflows = overflows.saturating_add(frame.overflows);
+            }
         }
-        frame.times.total_ms = total_ms;
+        if looks > 1 {
+            (frame.times, frame.overflows) = (times, overflows);
+        }
         Ok(())
     }
 
-    /// Places the probe: on the skin, if it is within the tolerance. Returns its contact, if that is simulated.
-    fn place(&mut self, pose: &Pose) -> Option<Contact> {
+    /// Places the probe, on the skin if it is within the tolerance, and steers its scanlines. Returns its contact, if that
+    /// is simulated.
+    fn place(&mut self, pose: &Pose, look: usize) -> Option<Contact> {
         let active = &mut self.active;
         let skin = self.skin.as_ref().filter(|_| active.effects.has(Effect::Contact));
         // The whole scene drifts, its skin included.
@@ -336,7 +344,10 @@ impl Renderer {
         let shift_mm = contact.map_or(0.0, |contact| contact.shift_mm);
         let placed = Pose { position_mm: pose.position_mm + shift_mm * pose.transform_vector(DVec3::Z), ..*pose };
         active.params.set_pose(&placed, &self.bvh, &active.probe);
-        active.params.noise_seed = noise_seed(active.params.seed, self.time_s);
+        active.params.set_look(&active.tables, look);
+        // Each look has its own noise; the straight one, the last, that of a frame without compounding.
+        let before_last = active.tables.looks.len().saturating_sub(1 + look);
+        active.params.noise_seed = noise_seed(active.params.seed, self.time_s, before_last as u32);
         contact
     }
 
@@ -350,11 +361,9 @@ impl Renderer {
             return Err(RenderError::RingFull);
         }
         let started = Instant::now();
-        let contact = self.place(pose);
         let (look, generation) = (self.look, self.generation);
+        let contact = self.place(pose, look);
         self.look = (look + 1) % self.active.tables.looks.len().max(1);
-        let active = &mut self.active;
-        active.params.set_look(&active.tables, look);
         let settings = &self.active.settings;
         let maps = settings.maps || settings.effects.of(Effect::Maps) == Choice::On;
         let contents = Contents { image: self.image || !maps || settings.lines, maps };
@@ -409,9 +418,7 @@ impl Renderer {
         if batches != 1 {
             return Err(RenderError::Batches { batches });
         }
-        self.place(pose);
-        let active = &mut self.active;
-        active.params.set_look(&active.tables, look);
+        self.place(pose, look);
         let inputs = FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &self.active, look };
         Ok(Snapshot::new(self.maker.pass_buffers(inputs)?, inputs))
     }

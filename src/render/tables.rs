@@ -58,7 +58,7 @@ impl PackedTissue {
         let seen_ratio = if (speed_ratio - 1.0).abs() > HARD_SPEED { 1.0 } else { speed_ratio };
         // The sinc of the phase over the thickness, replaced by the Gaussian of the same curvature: never negative.
         let phase = std::f64::consts::TAU / wavelength_mm(probe.frequency_mhz) * thickness_mm;
-        let textured = effects.has(Effect::Texture) && PackedTexture::new(number, tissue).is_some();
+        let textured = effects.has(Effect::Texture) && PackedTexture::is_of(tissue);
         let texture = if textured { (number as u32 + 1) << TEXTURE_SHIFT } else { 0 };
         let density = (of(Effect::Scatterers, tissue.scatterer_density, 0.0) * DENSITY_ONE) as u32;
         Self {

@@ -2,8 +2,7 @@
 //!
 //! A level is the sum of three functions of a Gaussian random field: clouds (coarse), grain (fine), and septa, bright or
 //! dark sheets where a field passes through zero. A field is a sum of plane waves whose wave vectors have the field's
-//! spectrum: random Fourier features (Rahimi and Recht, NIPS 2007). It has no lattice, and it does not repeat, since no
-//! two wave vectors are multiples of each other.
+//! spectrum: random Fourier features (Rahimi and Recht, NIPS 2007). It has no lattice, and no period within a body.
 
 use std::sync::LazyLock;
 
@@ -36,12 +35,17 @@ pub(crate) struct PackedTexture {
 }
 
 impl PackedTexture {
+    /// Whether a tissue has a texture.
+    pub(crate) fn is_of(tissue: &Tissue) -> bool {
+        [tissue.cloud_db, tissue.grain_db, tissue.septa_db] != [0.0; 3]
+    }
+
     /// Texture of the tissue of an index; none if it is uniform.
     pub(crate) fn new(index: usize, tissue: &Tissue) -> Option<Self> {
-        let amounts = [tissue.cloud_db, tissue.grain_db, tissue.septa_db].map(|db| db * NP_PER_DB);
-        if amounts == [0.0; 3] {
+        if !Self::is_of(tissue) {
             return None;
         }
+        let amounts = [tissue.cloud_db, tissue.grain_db, tissue.septa_db].map(|db| db * NP_PER_DB);
         // A field of scale s passes through zero every πs on average (Rice, Bell Syst Tech J 24:46, 1945).
         let scales_mm = [tissue.cloud_mm, tissue.grain_mm, tissue.septa_mm / std::f64::consts::PI];
         let fields = [0, 1, 2].map(|field| {
@@ -64,6 +68,9 @@ impl PackedTexture {
 /// Mean of e^(2·amount·septum) over a Gaussian field.
 fn septa_mean_power(amount: f64) -> f64 {
     const STEPS: i32 = 4000;
+    if amount == 0.0 {
+        return 1.0;
+    }
     let (mut sum, mut total) = (0.0, 0.0);
     for step in -STEPS..=STEPS {
         let field = 6.0 * f64::from(step) / f64::from(STEPS);

@@ -9,10 +9,10 @@ settings! {
     #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
     pub struct ContactSettings in "contact" {
         /// Thickness of the film of gel: skin farther below the face is not coupled, since air lies between.
-        gel_mm: f64 = 3.0, "mm", 0.0..=50.0, Nothing;
+        gel_mm: f64 = 3.0, "mm", 0.0..=10.0, Nothing;
 
         /// Registration error that counts as touching: a probe that hovers or sinks by less is put on the skin.
-        tolerance_mm: f64 = 0.0, "mm", 0.0..=30.0, Nothing;
+        tolerance_mm: f64 = 0.0, "mm", 0.0..=10.0, Nothing;
     }
 }
 

@@ -135,8 +135,7 @@ impl FromStr for Choice {
 pub struct EffectChoices([Choice; Effect::COUNT]);
 
 impl EffectChoices {
-    /// Every effect simulated, whether the scene calls for it or not. What the scene and the receiver are stays with the
-    /// plan: contact, texture, clutter, noise.
+    /// Every effect forced on, except [`Effect::OF_BODIES`], which the plan decides.
     pub const ALL_ON: Self = {
         let mut choices = [Choice::On; Effect::COUNT];
         let mut i = 0;

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use serde::Serialize;
 
 use super::{
-    Assignment, Kind, LiveSettings, Quality, Setting, SettingsGroup as _, StepKey, live_settings, looks, preset,
+    Assignment, Kind, LiveSettings, Quality, Setting, SettingsGroup as _, StepKey, exams, live_settings, looks, preset,
 };
 
 /// Action of a key.
@@ -140,10 +140,10 @@ pub fn hot_keys() -> &'static [HotKey] {
             key(&["?", "h"], "?", "this list", Action::Help),
             key(&["q"], "Q", "end the session", Action::Quit),
         ];
-        let presets = looks().iter().filter_map(|preset| {
-            let name = preset.key.as_ref()?;
-            Some(key(&[name], name, preset.meaning, Action::Preset(preset.name)))
-        });
+        let presets = exams()
+            .iter()
+            .chain(looks())
+            .map(|preset| key(&[preset.key], preset.key, preset.meaning, Action::Preset(preset.name)));
         steps.chain(points).chain(presets).chain(others).collect()
     });
     &HOT_KEYS

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::live_control::{choice, hidden, slider};
-use super::{Kind, Stored, settings};
+use super::{Kind, Probe, ProbeKind, Stored, settings};
 
 /// Mapping from the picture's grey levels to the display's.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
@@ -20,7 +20,7 @@ pub enum GreyMap {
     Dark,
     /// Darks darker and brights brighter.
     Contrast,
-    /// The same, twice as much.
+    /// Strong contrast: the curve of `contrast` at full weight.
     Sharp,
 }
 
@@ -63,7 +63,7 @@ settings! {
         /// Angle between the outermost directions of compounding.
         span_deg: f64 = 30.0, "degrees", 1.0..=60.0, Tables, hidden("Span");
 
-        /// Part of the pictures so far in each picture; 0: none.
+        /// Weight of the running mean in each new picture; 0: no persistence.
         persistence: f64 = 0.0, "", 0.0..=0.95, Nothing,
             slider("Persistence", "look", 0.0..=0.9, 0.1).caption("").shown("%", 100.0, 0);
 
@@ -82,6 +82,14 @@ settings! {
 }
 
 impl LookSettings {
+    /// Independent looks in the mean of the angles of `probe`: 1, and one more for each angle of the aperture, seen from
+    /// the focus, by which they span (Trahey, Smith and von Ramm, IEEE Trans UFFC 33:257, 1986).
+    pub fn independent_looks(&self, probe: &Probe) -> f64 {
+        let aperture_deg = 2.0 * (0.5 * probe.aperture_mm / probe.focus_mm).atan().to_degrees();
+        let angles = if matches!(probe.kind, ProbeKind::Phased { .. }) { 1 } else { self.odd_angles() };
+        if angles == 1 { 1.0 } else { (1.0 + self.span_deg / aperture_deg).min(f64::from(angles)) }
+    }
+
     /// Number of steering angles: odd.
     pub fn odd_angles(&self) -> u32 {
         (self.angles - 1) / 2 * 2 + 1

@@ -13,8 +13,8 @@ pub struct Preset {
     pub name: &'static str,
     /// Name on the button.
     pub label: &'static str,
-    /// Key; none if it has only a button.
-    pub key: Option<&'static str>,
+    /// Key.
+    pub key: &'static str,
     /// Meaning in lists, printable ASCII.
     pub meaning: &'static str,
     /// Values that are set together.
@@ -27,7 +27,7 @@ pub fn looks() -> &'static [Preset] {
         let of = |look: LookPreset, label, key, meaning| Preset {
             name: look.name(),
             label,
-            key: Some(key),
+            key,
             meaning,
             values: values_of(&look.settings()),
         };
@@ -45,15 +45,33 @@ pub fn exams() -> &'static [Preset] {
     static EXAMS: LazyLock<Vec<Preset>> = LazyLock::new(|| {
         let deep = [-4.0, 4.0, 12.0, 12.0, 8.0, 0.0, -8.0, -14.0];
         vec![
-            exam("obstetric", "OB", (150.0, 70.0, 66.0, 7.0), deep, LookPreset::Survey.settings()),
+            exam(
+                "obstetric",
+                "OB",
+                "4",
+                "exam: obstetric",
+                (150.0, 70.0, 66.0, 7.0),
+                deep,
+                LookPreset::Survey.settings(),
+            ),
             exam(
                 "fetal_heart",
                 "Fetal heart",
+                "5",
+                "exam: fetal heart",
                 (110.0, 60.0, 54.0, 7.0),
                 [-2.0, 4.0, 10.0, 12.0, 10.0, 6.0, 0.0, -4.0],
                 LookSettings { persistence: 0.0, edge_enhancement: 0.3, ..LookPreset::Survey.settings() },
             ),
-            exam("near", "Near", (60.0, 25.0, 60.0, 7.0), [0.0; TGC_SLIDERS], LookPreset::Detail.settings()),
+            exam(
+                "near",
+                "Near",
+                "6",
+                "exam: near structures",
+                (60.0, 25.0, 60.0, 7.0),
+                [0.0; TGC_SLIDERS],
+                LookPreset::Detail.settings(),
+            ),
         ]
     });
     &EXAMS
@@ -64,10 +82,12 @@ pub fn preset(name: &str) -> Option<&'static Preset> {
     looks().iter().chain(exams()).find(|preset| preset.name == name)
 }
 
-/// An exam by its depth and focus (mm), dynamic range (dB), slope of the TGC (dB/cm), TGC sliders (dB) and look.
+/// An exam by its key and meaning, its depth and focus (mm), dynamic range (dB), slope of the TGC (dB/cm), TGC sliders (dB) and look.
 fn exam(
     name: &'static str,
     label: &'static str,
+    key: &'static str,
+    meaning: &'static str,
     (depth_mm, focus_mm, dynamic_range_db, tgc_db_per_cm): (f64, f64, f64, f64),
     sliders_db: [f64; TGC_SLIDERS],
     look: LookSettings,
@@ -81,7 +101,7 @@ fn exam(
     let slider = |(index, db): (usize, f64)| Assignment { index, ..Assignment::new("tgc_sliders_db", db) };
     values.extend(sliders_db.into_iter().enumerate().map(slider));
     values.extend(values_of(&look));
-    Preset { name, label, key: None, meaning: "", values }
+    Preset { name, label, key, meaning, values }
 }
 
 fn values_of(look: &LookSettings) -> Vec<Assignment> {

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::pose::Pose;
 use crate::render::{Effect, EffectPlan, Frame, FrameTimes};
-use crate::settings::{ImageSettings, LookSettings, Probe, Quality, RenderSettings};
+use crate::settings::{ContactSettings, ImageSettings, LookSettings, Probe, Quality, ReceiverSettings, RenderSettings};
 use crate::transducer::{Contact, Sector};
 
 /// Inputs of a frame: pose, quality, image, probe, device. The station file holds scene and tissues.
@@ -22,6 +22,10 @@ pub struct FrameRecord {
     pub image: ImageRecord,
     /// From lines to the display.
     pub look: LookSettings,
+    /// Gel and tolerance.
+    pub coupling: ContactSettings,
+    /// Levels of noise, clutter and reverberation.
+    pub receiver: ReceiverSettings,
     /// Probe.
     pub probe: Probe,
     /// Contact of the face with the skin; none if everything is coupled.
@@ -99,6 +103,8 @@ impl FrameRecord {
                 settings: settings.image,
             },
             look: settings.look,
+            coupling: settings.contact,
+            receiver: settings.receiver,
             probe: *probe,
             contact: frame.contact,
             attenuation_p98: frame.attenuation_p98,

@@ -151,12 +151,39 @@ def measure(page):
         page.click_at("#picture", int(place[0] * box[0]), int(place[1] * box[1]))
     found = page.wait("an angle", lambda: page.script("return JSON.parse(stage.dataset.measured ?? '{}').angle_deg"))
     assert abs(found - 90) < 2, found
+    # A finger taps without moving there first.
+    page.press("\ue017")  # Delete
+    page.press("c")
+    page.press("c")
+    page.press("c")
+    tap = """
+const b = picture.getBoundingClientRect();
+const at = { clientX: b.x + arguments[0] * b.width, clientY: b.y + arguments[1] * b.height, bubbles: true };
+picture.dispatchEvent(new MouseEvent("click", at));"""
+    for place in [(0.3, 0.5), (0.7, 0.5), (0.5, 0.7)]:
+        page.script(tap, *place)
+    found = page.script("return JSON.parse(stage.dataset.measured).axes_mm")
+    expected = [0.4 * page.script("return picture.width") * pixel_mm, 0.4 * page.script("return picture.height") * pixel_mm]
+    assert all(abs(a - b) < 2 for a, b in zip(found, expected)), (found, expected)
+    # Without a pointer: the cross begins in the middle.
+    page.press("\ue00c")  # Escape
+    page.press("c")
+    page.press("\ue007")  # Enter
+    for _ in range(20):
+        page.press("\ue014")  # right
+    page.press("\ue007")
+    found = page.script("return JSON.parse(stage.dataset.measured).length_mm")
+    assert abs(found - 40 * pixel_mm) < 0.01, (found, pixel_mm)
+    page.press("\ue017")  # Delete
     page.press("\ue00c")  # Escape
     assert page.script("return caliper.getAttribute('aria-pressed')") == "false"
 
 
 def the_cine_loop_is_gone_through(page):
     page.wait("kept pictures", lambda: page.script("return Number(stage.dataset.kept)") > 8, 30)
+    page.press("l")
+    page.wait("a hint", lambda: "freeze the picture first" in text(page, "#notice"))
+    assert page.script("return Number(stage.dataset.kept)") > 8
     page.press(" ")
     page.wait("the loop's bar", lambda: visible(page, "#cine"))
     page.wait("its length", lambda: page.script("return Number(stage.dataset.kept)") > 5)
@@ -171,6 +198,18 @@ def the_cine_loop_is_gone_through(page):
     page.press("\ue011")  # Home
     page.wait("the first one", lambda: page.script("return Number(stage.dataset.cine)") == 0)
     page.wait("another picture", lambda: page.script(LOOK)["hash"] != before)
+    # Overlays are mixed into kept pictures already.
+    page.press("s")
+    assert page.script("return segmentation.disabled && !segmentation.checked")
+    # What is gone through is recorded.
+    page.press("r")
+    page.press("\ue014")  # right
+    page.press("\ue014")
+    time.sleep(0.5)
+    page.press("r")
+    clip = page.wait("a clip of it", lambda: page.script("return stage.dataset.clip"), 30).split()
+    assert int(clip[1]) >= 3 and int(clip[2]) > 1000, clip
+    page.script("delete stage.dataset.clip")
     page.press("l")
     clip = page.wait("the clip", lambda: page.script("return stage.dataset.clip"), 60).split()
     assert clip[0].endswith((".webm", ".mp4")) and int(clip[1]) == kept and int(clip[2]) > 1000, clip
@@ -277,7 +316,10 @@ def states_are_unmistakable(page, station):
 def pages_are_saved(page, downloads):
     page.press("p")
     record = page.wait("the measurements", lambda: next(downloads.glob("insonify_*.json"), None))
-    assert json.loads(page.wait("their text", record.read_text))["pixel_mm"] > 0
+    saved = json.loads(page.wait("their text", record.read_text))
+    assert saved["pixel_mm"] > 0
+    size = page.script("return [picture.width, picture.height]")
+    assert [saved["picture"]["width_px"], saved["picture"]["height_px"]] == size, (saved["picture"], size)
     file = page.wait("the file", lambda: next(downloads.glob("insonify_*.png"), None))
     content = page.wait("its bytes", lambda: file.read_bytes())
     assert content[:8] == b"\x89PNG\r\n\x1a\n"

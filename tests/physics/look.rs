@@ -53,7 +53,7 @@ fn probe() -> Probe {
 fn compounding_raises_the_snr_as_its_looks_correlate() {
     let scene = block(Tissue { attenuation_db_cm_mhz: 0.0, ..grainy(0.0, 0.01) });
     let boxes = ([0.42, 0.58], [0.3, 0.8]);
-    // Looks one by one: a span so narrow that three angles are one, moved by its probe's own steering.
+    // Each of the nine looks by itself.
     let looks: Vec<Vec<f64>> = (0..9)
         .map(|look| {
             let mut rig = Rig::new(&scene, &probe(), &settings(compounded(9)));
@@ -79,6 +79,13 @@ fn a_rolling_compound_at_rest_is_the_stills() {
     let still = rig.frame(&at(0.0, 0.0, 0.0));
     let rolling = rig.rolling(&at(0.0, 0.0, 0.0), 12);
     assert!(rolling.bmode == still.bmode);
+    // Each look has its own noise, in a still as in a rolling compound.
+    let mut noisy = settings(compounded(5));
+    noisy.receiver = ReceiverSettings { noise_db: -50.0, ..ReceiverSettings::default() };
+    noisy.effects = noisy.effects.with(Effect::Noise, Choice::On);
+    let mut noisy = Rig::new(&scene, &probe(), &noisy);
+    let with_noise = noisy.frame(&at(0.0, 0.0, 0.0));
+    assert!(with_noise.bmode != still.bmode && noisy.rolling(&at(0.0, 0.0, 0.0), 7).bmode == with_noise.bmode);
     let mut plain = Rig::new(&scene, &probe(), &settings(compounded(1)));
     let plain = plain.frame(&at(0.0, 0.0, 0.0));
     assert!(plain.bmode != still.bmode);

@@ -1,7 +1,7 @@
 //! Cost of each step of a look on this machine, live: with compounding one angle a frame.
 
 use std::fmt;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use insonify::anatomy::{Bvh, Scene};
 use insonify::look::{Look, Shape};
@@ -19,6 +19,9 @@ use crate::commands::progress::Progress;
 /// Rounds of each variant, and frames per round.
 const ROUNDS: usize = 7;
 const FRAMES: usize = 4;
+/// Time after which no round beyond `ROUNDS_MIN` starts.
+const LONG: Duration = Duration::from_secs(30);
+const ROUNDS_MIN: usize = 3;
 
 /// A look, and whether the probe receives tissue harmonics.
 pub(crate) type Variant = (LookSettings, bool);
@@ -171,7 +174,11 @@ fn differences_ms(
     let mut live = Live { look: Look::default(), frame: Frame::default() };
     let mut rounds_ms: Vec<Vec<f64>> = vec![Vec::new(); variants.len()];
     let progress = Progress::new("measuring looks", ROUNDS * variants.len());
+    let began = Instant::now();
     for round in 0..ROUNDS {
+        if round >= ROUNDS_MIN && began.elapsed() > LONG {
+            break;
+        }
         for (i, &(look, harmonics)) in variants.iter().enumerate() {
             let settings = RenderSettings { look, ..*settings };
             renderer.reconfigure(&Probe { harmonics, ..*probe }, &settings)?;
@@ -202,7 +209,8 @@ impl Live {
         renderer.submit(pose)?;
         renderer.receive(&mut self.frame)?;
         let Frame { width, mask, bmode, .. } = &mut self.frame;
-        let shape = Shape::new(*width, renderer.sector().pixel_mm, mask, &settings.image);
+        let looks = settings.look.independent_looks(renderer.probe());
+        let shape = Shape::new(*width, renderer.sector().pixel_mm, mask, &settings.image, looks);
         self.look.apply(&settings.look, shape, bmode);
         Ok(started.elapsed().as_secs_f64() * 1e3)
     }

@@ -159,8 +159,7 @@ impl Buffers {
             tables.sector_words.iter().flat_map(|&word| pixels[4 * word as usize..][..4].iter().copied()).collect()
         };
         let steered = tables.looks.iter().map(|look| &look.pixels[..]).filter(|pixels| !pixels.is_empty());
-        let sector_pixels: Vec<u32> =
-            std::iter::once(&tables.pixels[..]).chain(steered).flat_map(places).collect();
+        let sector_pixels: Vec<u32> = std::iter::once(&tables.pixels[..]).chain(steered).flat_map(places).collect();
         let write = |buffer: &wgpu::Buffer, bytes: &[u8]| gpu.queue.write_buffer(buffer, 0, bytes);
         // Pads a table that is shorter than its uniform with zeros.
         let padded = |buffer: &wgpu::Buffer, bytes: &[u8]| {

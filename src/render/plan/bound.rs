@@ -13,7 +13,7 @@ pub const GREY_ALLOWED: f64 = 0.5;
 pub enum Bound {
     /// Rounding of f32 only. It may choose another cell if a scanline runs in a face of the scatterer lattice.
     Exact,
-    /// The scene lacks what the effect is of: only a station that asks for it shows it.
+    /// The scene does not call for the effect; it is simulated only if the station requests it.
     OnRequest,
     /// Level of any pixel. If media of different loss meet, speckle nulls 26 dB below the mean are excepted.
     Level {
