@@ -203,9 +203,9 @@ def the_cine_loop_is_gone_through(page):
     assert page.script("return segmentation.disabled && !segmentation.checked")
     # What is gone through is recorded.
     page.press("r")
-    page.press("\ue014")  # right
-    page.press("\ue014")
-    time.sleep(0.5)
+    for _ in range(2):
+        page.press("\ue014")  # right
+        time.sleep(0.4)
     page.press("r")
     clip = page.wait("a clip of it", lambda: page.script("return stage.dataset.clip"), 30).split()
     assert int(clip[1]) >= 3 and int(clip[2]) > 1000, clip

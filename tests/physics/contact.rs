@@ -107,15 +107,16 @@ fn lifting_and_landing_have_no_flash_and_no_jump() {
     let heights_mm = (0..=2 * steps).map(|i: i32| -1.0 + 0.1 * f64::from(steps - (steps - i).abs()));
     let levels: Vec<f64> =
         heights_mm.map(|height_mm| mean(&rig.rolling(&above(height_mm, 0.0), 1), DEEP, ALL)).collect();
-    let whole = levels[8];
+    // The film lets the probe stand off by 3 mm.
+    let whole = levels[8..40].iter().fold(0.0, |most: f64, level| most.max(*level));
     for (i, pair) in levels.windows(2).enumerate().skip(8) {
         let change = (pair[1] - pair[0]) / whole;
         let (lifts, change_max) = (i < steps as usize, 0.25);
         assert!(if lifts { change < 0.04 } else { change > -0.04 }, "a flash after step {i}: {pair:?}");
-        assert!(change.abs() < change_max && pair[1] < 1.04 * whole, "a jump after step {i}: {pair:?}");
+        assert!(change.abs() < change_max && pair[1] < 1.02 * whole, "a jump after step {i}: {pair:?}");
     }
     assert!(levels[steps as usize] < 1.0);
-    assert!((levels[2 * steps as usize] - whole).abs() < 0.04 * whole, "landed");
+    assert!((levels[2 * steps as usize] - levels[8]).abs() < 0.04 * whole, "landed");
 }
 
 #[test]
