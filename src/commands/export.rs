@@ -13,7 +13,8 @@ use super::progress::Progress;
 use super::replay_args::{Part, ReplayArgs};
 use super::{Failure, output, session};
 
-/// Render a recorded session into a tracked sequence (.igs.mha), as PLUS and 3D Slicer read it: images, times, transforms.
+/// Render a recorded session into a tracked sequence (.igs.mha), as PLUS and 3D Slicer read it: images with the station's
+/// look, times, transforms.
 #[derive(Debug, Parser)]
 #[command(after_help = "Example:\n  \
                         insonify export assets/exams/obstetric_sweep.mcap configs/obstetric.toml --frames ..40 --out sweep.igs.mha")]

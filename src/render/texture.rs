@@ -166,6 +166,30 @@ mod tests {
     }
 
     #[test]
+    fn nothing_repeats_within_a_sweep() {
+        // 60 s at 5 mm/s.
+        let texture = PackedTexture::new(3, &tissue(2.0, 0.0, 1.0)).unwrap();
+        let mut random = random::SplitMix64::new(11);
+        let places: Vec<DVec3> =
+            (0..1500).map(|_| DVec3::from_array([0; 3].map(|_| random.between(-150.0, 150.0)))).collect();
+        let levels = |by_mm: DVec3| {
+            let levels: Vec<f64> = places.iter().map(|at| texture_level_np(&texture, *at + by_mm)).collect();
+            let mean = levels.iter().sum::<f64>() / levels.len() as f64;
+            levels.into_iter().map(|level| level - mean).collect::<Vec<_>>()
+        };
+        let power = |levels: &[f64]| levels.iter().map(|level| level * level).sum::<f64>();
+        let here = levels(DVec3::ZERO);
+        for axis in [DVec3::X, DVec3::Y, DVec3::Z, DVec3::ONE.normalize()] {
+            for lag_mm in 12..300 {
+                let there = levels(f64::from(lag_mm) * axis);
+                let shared: f64 = here.iter().zip(&there).map(|(a, b)| a * b).sum();
+                let alike = shared / (power(&here) * power(&there)).sqrt();
+                assert!(alike < 0.75, "{alike} after {lag_mm} mm along {axis}");
+            }
+        }
+    }
+
+    #[test]
     fn fibres_stretch_clouds_along_their_direction() {
         let along = moments(&pairs(&tissue(2.0, 0.0, 4.0), 8.0 * DVec3::Y)).2;
         let across = moments(&pairs(&tissue(2.0, 0.0, 4.0), 8.0 * DVec3::X)).2;
