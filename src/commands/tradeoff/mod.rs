@@ -32,7 +32,8 @@ use super::{Classify, Failure, output, session};
 /// Renders some poses of the station with so many rays that doubling them changes little, which is checked and told, and
 /// with the 3 layers of HQ unless more change the levels. Then
 /// turns rays and layers in a small grid, three points of it also with all effects that the scene does not call for, and
-/// every other knob alone about 8 x 3; a station's generators run on top of LQ. The reference has all effects.
+/// every other knob alone about 8 x 3; a station's generators run on top of LQ. The reference has all effects. The receiver's
+/// noise is left out: it is no error of the picture.
 /// For each point: time (with maps, from the call until the frame lies in memory) and error within the sector. The front
 /// goes by the error of mean levels (32 x 32 pixels): other samples, scanlines and kernels are other speckle.
 ///
