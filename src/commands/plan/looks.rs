@@ -1,7 +1,7 @@
 //! Cost of each step of a look on this machine, live: with compounding one angle a frame.
 
 use std::fmt;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use insonify::anatomy::{Bvh, Scene};
 use insonify::look::{Look, Shape};
@@ -12,16 +12,9 @@ use insonify::statistics::median;
 use insonify::transducer::Probe;
 use serde::Serialize;
 
-use super::measure::Cost;
+use super::measure::{Cost, FRAMES, LONG, ROUNDS, ROUNDS_MIN};
 use crate::commands::Failure;
 use crate::commands::progress::Progress;
-
-/// Rounds of each variant, and frames per round.
-const ROUNDS: usize = 7;
-const FRAMES: usize = 4;
-/// Time after which no round beyond `ROUNDS_MIN` starts.
-const LONG: Duration = Duration::from_secs(30);
-const ROUNDS_MIN: usize = 3;
 
 /// A look, and whether the probe receives tissue harmonics.
 pub(crate) type Variant = (LookSettings, bool);

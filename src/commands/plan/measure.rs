@@ -16,11 +16,11 @@ use crate::commands::Failure;
 use crate::commands::progress::Progress;
 
 /// Rounds of each variant, and frames per round; the first frame of a round is not counted.
-const ROUNDS: usize = 7;
-const FRAMES: usize = 4;
+pub(super) const ROUNDS: usize = 7;
+pub(super) const FRAMES: usize = 4;
 /// Time after which no round beyond `ROUNDS_MIN` starts: slow devices measure fewer rounds.
-const LONG: Duration = Duration::from_secs(30);
-const ROUNDS_MIN: usize = 3;
+pub(super) const LONG: Duration = Duration::from_secs(30);
+pub(super) const ROUNDS_MIN: usize = 3;
 /// Time between frames of a scene that moves, s.
 const STEP_S: f64 = 1.0 / 30.0;
 

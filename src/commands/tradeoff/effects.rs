@@ -22,9 +22,10 @@ pub(super) fn measure(
     poses: &[Pose],
 ) -> Result<Vec<EffectTruth>, Failure> {
     let Some(pose) = poses.first() else { return Ok(Vec::new()) };
-    if let Some(effects) = store.read("effects")? {
-        return Ok(effects);
-    }
+    kept(store, "effects", || measured(backend, station, scene, pose))
+}
+
+fn measured(backend: &Backend, station: &Station, scene: &Scene, pose: &Pose) -> Result<Vec<EffectTruth>, Failure> {
     let progress = Progress::new("wave theory", 0);
     let errors = truth_errors(backend, &|done, of| progress.set(done, of)).other()?;
     drop(progress);
@@ -44,8 +45,7 @@ pub(super) fn measure(
             error,
         }
     };
-    let effects: Vec<EffectTruth> = errors.into_iter().map(of).collect();
-    kept(store, "effects", effects)
+    Ok(errors.into_iter().map(of).collect())
 }
 
 /// Errors and costs of the steps of a look, likewise.
@@ -57,9 +57,15 @@ pub(super) fn measure_looks(
     poses: &[Pose],
 ) -> Result<Vec<EffectTruth>, Failure> {
     let Some(pose) = poses.first() else { return Ok(Vec::new()) };
-    if let Some(looks) = store.read("looks")? {
-        return Ok(looks);
-    }
+    kept(store, "looks", || measured_looks(backend, station, scene, pose))
+}
+
+fn measured_looks(
+    backend: &Backend,
+    station: &Station,
+    scene: &Scene,
+    pose: &Pose,
+) -> Result<Vec<EffectTruth>, Failure> {
     let progress = Progress::new("looks", 0);
     let errors = look_errors(backend, &|done, of| progress.set(done, of)).other()?;
     drop(progress);
@@ -71,11 +77,20 @@ pub(super) fn measure_looks(
         possible: true,
         cost_ms: cost.map(Cost::ms),
     };
-    kept(store, "looks", errors.into_iter().zip(costs).map(of).collect())
+    Ok(errors.into_iter().zip(costs).map(of).collect())
 }
 
-/// Stores rows, if they are whole: JSON has no word for a number that is none.
-fn kept(store: &Store, name: &str, rows: Vec<EffectTruth>) -> Result<Vec<EffectTruth>, Failure> {
+/// Rows that the store holds under a name; else measures and stores them.
+fn kept(
+    store: &Store,
+    name: &str,
+    measure: impl FnOnce() -> Result<Vec<EffectTruth>, Failure>,
+) -> Result<Vec<EffectTruth>, Failure> {
+    if let Some(rows) = store.read(name)? {
+        return Ok(rows);
+    }
+    let rows = measure()?;
+    // JSON has no word for a number that is none.
     if rows.iter().all(|row| row.error.without.is_finite() && row.error.with.is_finite()) {
         store.write(name, &rows)?;
     }
