@@ -109,6 +109,48 @@ fn a_data_set_matches_its_rows_and_renders_again() {
 }
 
 #[test]
+fn a_compounded_target_is_rendered_once_for_several_low_qualities() {
+    let (dir, station, out) = station_and_output();
+    made(&make(&station, &out, &["--angles", "4", "--span", "40"]));
+    let data = Dataset::open(&out).unwrap();
+    let look = data.header.look;
+    assert_eq!((look.lq_angles, look.hq_angles, look.span_deg), (1, 3, 40.0), "even numbers are rounded down");
+    let single = dir.path().join("single");
+    made(&make(&station, &single, &["--span", "40"]));
+    let single = Dataset::open(&single).unwrap();
+    // Squared differences of neighbours in one tissue: mostly speckle.
+    let roughness = |image: &[u8], tissue: &[u8]| -> f64 {
+        let pairs =
+            image.windows(2).zip(tissue.windows(2)).filter(|(_, tissue)| tissue[0] > 0 && tissue[0] == tissue[1]);
+        pairs.map(|(levels, _)| (f64::from(levels[0]) - f64::from(levels[1])).powi(2)).sum()
+    };
+    for (row, of_one) in data.rows.iter().zip(&single.rows) {
+        let [compounded, one] = [data.tuple(row).unwrap(), single.tuple(of_one).unwrap()];
+        assert_eq!(compounded.lq, one.lq);
+        let [calm, rough] = [&compounded, &one].map(|tuple| roughness(&tuple.hq, &tuple.segmentation));
+        assert!(calm < 0.8 * rough, "{calm} {rough}");
+    }
+    made(&insonify(&["dataset", "--verify", text(&out), "--tuples", "2"]));
+
+    let more = dir.path().join("more");
+    let from = ["--angles", "3", "--span", "40", "--hq-from", text(&out)];
+    made(&make(&station, &more, &[&from[..], &["--lq", "2x1", "--lq-angles", "3"]].concat()));
+    let others = Dataset::open(&more).unwrap();
+    for (row, other) in data.rows.iter().zip(&others.rows) {
+        let [row, other] = [data.tuple(row).unwrap(), others.tuple(other).unwrap()];
+        assert_eq!((row.hq, row.segmentation), (other.hq, other.segmentation));
+        assert_ne!(row.lq, other.lq);
+    }
+    made(&insonify(&["dataset", "--verify", text(&more), "--tuples", "2"]));
+    let wrong = dir.path().join("wrong");
+    for (options, word) in [(["--angles", "5"], "angles"), (["--seed", "3"], "seed"), (["--span", "30"], "span")] {
+        let usual: Vec<&str> = ["--angles", "3", "--span", "40", "--hq-from", text(&out)].into();
+        let kept = usual.chunks(2).filter(|pair| pair[0] != options[0]).flatten().copied();
+        failed(&make(&station, &wrong, &kept.chain(options).collect::<Vec<_>>()), 2, &["--hq-from", word]);
+    }
+}
+
+#[test]
 fn a_killed_run_is_resumed_and_shards_make_the_same_tuples() {
     let (dir, station, out) = station_and_output();
     made(&make(&station, &out, &[]));
@@ -184,6 +226,9 @@ fn wrong_options_and_foreign_directories_are_refused() {
         (&["--frames-per-exam", "6"], "too few"),
         (&["--frames", "1"], "2..="),
         (&["--hq", "x"], "rays x layers"),
+        (&["--angles", "16"], "1..=15"),
+        (&["--span", "61"], "1..=60"),
+        (&["--frames-per-exam", "2", "--hq-from", "nowhere"], "nowhere"),
     ] {
         let usual = ["dataset", text(&station), "--out", text(&out)];
         let frames = if more.contains(&"--frames") { &[][..] } else { &["--frames", "6"] };

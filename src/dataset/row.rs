@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::anatomy::phantom::PhantomOptions;
 use crate::pose::Pose;
+use crate::settings::LookSettings;
 
 /// `dataset.json`: properties common to all tuples. Two runs with the same header make the same tuples.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -26,6 +27,9 @@ pub struct Header {
     pub lq: [u32; 2],
     /// Rays and layers of the high quality.
     pub hq: [u32; 2],
+    /// Compounding of both.
+    #[serde(default)]
+    pub look: CompoundingRow,
     /// Phantoms per station with a phantom scene; 0 keeps the station's own.
     pub phantoms: usize,
     /// Tuples per exam.
@@ -84,6 +88,9 @@ pub struct Row {
     pub lq: [u32; 2],
     /// Rays and layers of the high quality.
     pub hq: [u32; 2],
+    /// Compounding of both.
+    #[serde(default)]
+    pub look: CompoundingRow,
     /// Width, height, pixels.
     pub size: [u32; 2],
     /// File of the tuple's array in the data set's directory.
@@ -104,6 +111,32 @@ pub struct ExamRow {
     /// Skill of the hand; `None` if the hand wanders about the station's pose.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub skill: Option<String>,
+}
+
+/// Compounding of the frames of a tuple. What a look does after that isn't in data sets: it follows the generator.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct CompoundingRow {
+    /// Steering angles of the low quality.
+    pub lq_angles: u32,
+    /// Steering angles of the high quality.
+    pub hq_angles: u32,
+    /// Angle between the outermost directions, degrees.
+    pub span_deg: f64,
+}
+
+impl Default for CompoundingRow {
+    /// One look each.
+    fn default() -> Self {
+        Self { lq_angles: 1, hq_angles: 1, span_deg: LookSettings::default().span_deg }
+    }
+}
+
+impl CompoundingRow {
+    /// The part of a look that renders low quality (0) or high quality (1).
+    pub fn of(&self, quality: usize) -> LookSettings {
+        let angles = if quality == 0 { self.lq_angles } else { self.hq_angles };
+        LookSettings { angles, span_deg: self.span_deg, ..LookSettings::default() }
+    }
 }
 
 /// A pose.

@@ -21,6 +21,7 @@ mod local_renderer;
 mod metrics;
 mod pace;
 mod parts;
+pub mod point_control;
 mod presenter;
 mod quality_budget;
 mod recorded;

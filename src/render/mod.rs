@@ -13,6 +13,7 @@ mod device;
 mod elevation;
 mod error;
 mod frame;
+mod frame_quality;
 mod hooks;
 mod host;
 mod kernels;
@@ -35,6 +36,7 @@ pub use backend::{Backend, BackendChoice, UnknownBackend, UnknownBackendVariable
 pub use device::ShaderSet;
 pub use error::{BackendError, RenderError};
 pub use frame::{FRAMES_IN_FLIGHT, Frame, FrameTimes, PassTime};
+pub use frame_quality::FrameQuality;
 #[cfg(feature = "test-hooks")]
 pub use hooks::TestHooks;
 pub use host::processor_name;

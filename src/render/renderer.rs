@@ -165,7 +165,7 @@ impl Renderer {
             // With another gain the looks so far age out, so that a slider doesn't bring back their speckle.
             let range_db = |settings: &RenderSettings| settings.image.dynamic_range_db;
             if (range_db(&before), before.quality.seed) != (range_db(&after), after.quality.seed) {
-                self.restart_looks();
+                self.restart_compounding();
             }
             return Ok(());
         }
@@ -200,11 +200,11 @@ impl Renderer {
         let range_db = self.active.settings.image.dynamic_range_db;
         let several = tables.looks.len() > 1;
         self.compounding = several.then(|| Compounding::new(tables.covered(), tables.looks.len(), range_db));
-        self.restart_looks();
+        self.restart_compounding();
     }
 
-    /// Begins a compounded picture anew, with the straight look: it alone shows the whole sector.
-    fn restart_looks(&mut self) {
+    /// Begins a compounded picture anew with the next frame: the straight look, which alone shows the whole sector.
+    pub fn restart_compounding(&mut self) {
         self.generation += 1;
         self.look = self.active.tables.looks.len().saturating_sub(1);
         if let Some(compounding) = &mut self.compounding {
@@ -229,7 +229,7 @@ impl Renderer {
             rendered = rendered.and_then(|()| warmed());
         }
         (self.active.settings.maps, self.image) = (maps, image);
-        self.restart_looks();
+        self.restart_compounding();
         rendered
     }
 
@@ -310,7 +310,7 @@ impl Renderer {
         if !self.in_flight.is_empty() {
             return Err(RenderError::RingFull);
         }
-        self.restart_looks();
+        self.restart_compounding();
         self.look = 0;
         let looks = self.active.tables.looks.len();
         let maps = self.active.settings.maps;

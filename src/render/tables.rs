@@ -227,7 +227,7 @@ fn pixels(probe: &Probe, sector: &Sector) -> (Vec<u32>, Vec<u8>) {
 
 /// Looks of a compounded picture. The steered ones show the sector as far as their scanlines lead.
 fn looks(probe: &Probe, look: &LookSettings, pixels: &[u32]) -> Vec<SteeredLook> {
-    let angles = if probe.face_radius_mm() == Some(0.0) { 1 } else { look.odd_angles() };
+    let angles = look.angles_of(probe.kind);
     let of_angle = |steer_rad: f64| {
         let steered = || {
             let steering = Steering::new(probe, steer_rad);

@@ -86,8 +86,13 @@ impl LookSettings {
     /// the focus, by which they span (Trahey, Smith and von Ramm, IEEE Trans UFFC 33:257, 1986).
     pub fn independent_looks(&self, probe: &Probe) -> f64 {
         let aperture_deg = 2.0 * (0.5 * probe.aperture_mm / probe.focus_mm).atan().to_degrees();
-        let angles = if matches!(probe.kind, ProbeKind::Phased { .. }) { 1 } else { self.odd_angles() };
+        let angles = self.angles_of(probe.kind);
         if angles == 1 { 1.0 } else { (1.0 + self.span_deg / aperture_deg).min(f64::from(angles)) }
+    }
+
+    /// Number of steering angles with a probe of that kind: odd.
+    pub fn angles_of(&self, kind: ProbeKind) -> u32 {
+        if kind.steers() { self.odd_angles() } else { 1 }
     }
 
     /// Number of steering angles: odd.

@@ -43,6 +43,13 @@ settings! {
     }
 }
 
+impl ProbeKind {
+    /// Whether its scanlines can be steered for spatial compounding: those of a phased array leave one point.
+    pub fn steers(&self) -> bool {
+        !matches!(self, Self::Phased { .. })
+    }
+}
+
 impl Default for ProbeKind {
     fn default() -> Self {
         let Face { radius_mm, fov_deg, .. } = Face::default();

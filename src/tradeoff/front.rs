@@ -3,9 +3,9 @@
 use super::Point;
 
 /// Marks the Pareto-optimal points: no other is at least as fast and as accurate, and better in one of both.
-/// Accuracy is that of mean levels: other samples, scanlines and kernels change the speckle and thus every pixel.
+/// Accuracy is that of pixels: the compounded reference has little speckle, and what a picture has of it is its error.
 pub fn mark_front(points: &mut [Point]) {
-    let places: Vec<[f64; 2]> = points.iter().map(|p| [p.time.median_ms, p.error.level_rmse]).collect();
+    let places: Vec<[f64; 2]> = points.iter().map(|p| [p.time.median_ms, p.error.rmse]).collect();
     for (point, mine) in points.iter_mut().zip(&places) {
         let beats = |other: &[f64; 2]| other[0] <= mine[0] && other[1] <= mine[1] && other != mine;
         point.on_front = mine.iter().all(|v| v.is_finite()) && !places.iter().any(beats);
@@ -17,8 +17,8 @@ pub fn mark_noise(points: &mut [Point]) {
     let all: Vec<(String, [f64; 2], [f64; 2])> = points
         .iter()
         .map(|p| {
-            let values = [p.time.median_ms, p.error.level_rmse];
-            (p.name.clone(), values, [p.time.spread_ms, p.error.level_rmse_spread])
+            let values = [p.time.median_ms, p.error.rmse];
+            (p.name.clone(), values, [p.time.spread_ms, p.error.rmse_spread])
         })
         .collect();
     for (point, (_, mine, spread)) in points.iter_mut().zip(&all) {
@@ -37,7 +37,7 @@ pub(super) mod tests {
     use crate::tradeoff::{ClassError, Errors, Knobs, PassMs, Time};
     use crate::transducer::Probe;
 
-    pub(in crate::tradeoff) fn point(name: &str, median_ms: f64, level_rmse: f64, against: Option<&str>) -> Point {
+    pub(in crate::tradeoff) fn point(name: &str, median_ms: f64, rmse: f64, against: Option<&str>) -> Point {
         Point {
             name: name.into(),
             sweep: "rays x layers".into(),
@@ -52,10 +52,10 @@ pub(super) mod tests {
                 passes: vec![PassMs { name: "trace".into(), median_ms: 0.5 * median_ms }],
             },
             error: Errors {
-                level_rmse,
-                level_rmse_spread: 0.5,
-                rmse: 25.5,
-                rmse_spread: 0.25,
+                level_rmse: 25.5,
+                level_rmse_spread: 0.25,
+                rmse,
+                rmse_spread: 0.5,
                 psnr_db: 20.0,
                 identical: 0,
                 ssim: 0.5,
@@ -83,8 +83,8 @@ pub(super) mod tests {
         let places =
             [(10.0, 30.0), (20.0, 20.0), (21.0, 20.0), (25.0, 25.0), (90.0, 5.0), (90.0, 5.0), (9.0, f64::NAN)];
         let mut points: Vec<Point> = places.iter().map(|&(ms, level)| point("", ms, level, None)).collect();
-        // Pixel errors are ignored.
-        points[3].error.rmse = 0.0;
+        // Errors of levels are ignored.
+        points[3].error.level_rmse = 0.0;
         mark_front(&mut points);
         let front: Vec<bool> = points.iter().map(|p| p.on_front).collect();
         assert_eq!(front, [true, true, false, false, true, true, false]);

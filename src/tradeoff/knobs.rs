@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::render::{EffectChoices, Quality, RenderSettings};
+use crate::render::{Quality, RenderSettings};
+use crate::settings::{Choice, Effect, EffectChoices, LookSettings};
 use crate::transducer::Probe;
 
 /// The quality knobs of a frame; see the keys of `[quality]` and `[probe]`.
@@ -22,8 +23,15 @@ pub struct Knobs {
     pub beam_taps_max: u32,
     /// Largest number of taps of the pulse.
     pub pulse_taps_max: u32,
+    /// Steering angles of spatial compounding; odd.
+    pub angles: u32,
+    /// True if each frame has one new angle, and its picture is the mean of the last ones of a moving probe, as in a live
+    /// session; false if each frame takes all angles.
+    pub rolling: bool,
     /// True if every effect is simulated; else the station's effects that its scene needs.
     pub all_effects: bool,
+    /// False if shadows are those of each path by itself, whatever the station says.
+    pub aperture: bool,
 }
 
 impl Knobs {
@@ -37,7 +45,10 @@ impl Knobs {
             samples: probe.samples,
             beam_taps_max: settings.beam_taps_max,
             pulse_taps_max: settings.pulse_taps_max,
+            angles: settings.look.odd_angles(),
+            rolling: false,
             all_effects: settings.effects == EffectChoices::ALL_ON,
+            aperture: settings.effects.of(Effect::Aperture) != Choice::Off,
         }
     }
 
@@ -51,22 +62,37 @@ impl Knobs {
         Self { all_effects: true, ..self }
     }
 
+    /// Knobs of a picture of so many angles; with `rolling`, in a live session.
+    pub fn compounded(self, angles: u32, rolling: bool) -> Self {
+        Self { angles, rolling, ..self }
+    }
+
+    /// Knobs with each path's own shadows.
+    pub fn without_aperture(self) -> Self {
+        Self { aperture: false, ..self }
+    }
+
     /// Applies these knobs and `seed` to `probe` and `settings`.
     pub fn apply(&self, probe: &Probe, settings: &RenderSettings, seed: u32) -> (Probe, RenderSettings) {
         let probe = Probe { scanlines: self.scanlines, samples: self.samples, ..*probe };
+        let mut effects = if self.all_effects { EffectChoices::ALL_ON } else { settings.effects };
+        if !self.aperture {
+            effects = effects.with(Effect::Aperture, Choice::Off);
+        }
         let settings = RenderSettings {
             quality: Quality { rays: self.rays, layers: self.layers, seed },
             reflections_max: self.reflections_max,
             beam_taps_max: self.beam_taps_max,
             pulse_taps_max: self.pulse_taps_max,
-            effects: if self.all_effects { EffectChoices::ALL_ON } else { settings.effects },
+            look: LookSettings { angles: self.angles, ..settings.look },
+            effects,
             ..*settings
         };
         (probe, settings)
     }
 
     /// Names and values, in the tables' order.
-    pub fn values(&self) -> [(&'static str, u32); 8] {
+    pub fn values(&self) -> [(&'static str, u32); 11] {
         [
             ("rays", self.rays),
             ("layers", self.layers),
@@ -75,7 +101,10 @@ impl Knobs {
             ("samples", self.samples),
             ("beam_taps_max", self.beam_taps_max),
             ("pulse_taps_max", self.pulse_taps_max),
+            ("angles", self.angles),
+            ("rolling", u32::from(self.rolling)),
             ("all_effects", u32::from(self.all_effects)),
+            ("aperture", u32::from(self.aperture)),
         ]
     }
 }
@@ -94,15 +123,21 @@ mod tests {
             samples: 99,
             beam_taps_max: 9,
             pulse_taps_max: 11,
+            angles: 13,
+            rolling: false,
             all_effects: true,
+            aperture: true,
         };
         let (probe, settings) = knobs.apply(&Probe::default(), &RenderSettings::default(), 7);
         assert_eq!((Knobs::of(&probe, &settings), settings.quality.seed), (knobs, 7));
         let mut values = knobs.values().map(|(_, value)| value);
         values.sort_unstable();
-        assert_eq!(values, [1, 1, 3, 5, 9, 11, 17, 99]);
+        assert_eq!(values, [0, 1, 1, 1, 3, 5, 9, 11, 13, 17, 99]);
         let planned = Knobs { all_effects: false, ..knobs };
         let (_, settings) = planned.apply(&Probe::default(), &RenderSettings::default(), 7);
         assert_eq!(settings.effects, EffectChoices::default());
+        let (probe, settings) = planned.without_aperture().apply(&Probe::default(), &RenderSettings::default(), 7);
+        assert_eq!(settings.effects.of(Effect::Aperture), Choice::Off);
+        assert!(!Knobs::of(&probe, &settings).aperture);
     }
 }

@@ -7,12 +7,19 @@ const MIDDLE: (u32, u32) = (8, 3);
 /// Rays and layers also measured with every effect.
 const ALL_EFFECTS: [(u32, u32); 3] = [(1, 1), (8, 1), (32, 3)];
 
+/// Steering angles of compounded points.
+const ANGLES: [u32; 2] = [3, 9];
+/// Rays and layers also measured as compounded stills.
+const STILLS: [(u32, u32); 4] = [(1, 1), (1, 3), (8, 3), (32, 3)];
+/// Rays and layers also measured as live pictures of a moving probe, and without the aperture.
+const LIVE: [(u32, u32); 3] = [(1, 1), (1, 3), (2, 3)];
+
 /// A point to be measured.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Planned {
     /// Unique name.
     pub name: String,
-    /// Varied knob: `rays x layers`, `all effects`, or one of [`Knobs::values`].
+    /// Varied knob: `rays x layers`, `rolling angles`, `all effects`, `no aperture`, or one of [`Knobs::values`].
     pub sweep: &'static str,
     /// Name of the neighbour for the noise test.
     pub against: Option<String>,
@@ -24,9 +31,11 @@ pub struct Planned {
 type Sweep = (&'static str, Vec<u32>, fn(&mut Knobs) -> &mut u32);
 
 /// Points to be measured about the station's knobs `base`; fewer with `quick`.
-/// First a small grid of rays × layers, then three of its points with every effect, then each other knob alone at 8 ×
-/// 3. The station's own values of samples, scanlines and taps are the maxima.
-pub fn plan(base: Knobs, quick: bool) -> Vec<Planned> {
+/// First a small grid of rays × layers of one look, then some of its points compounded (`compounds`: the probe can be
+/// steered), compounded while the probe moves (`moves`), with every effect, and without the aperture; then each other knob
+/// alone at 8 × 3. The station's own values of samples, scanlines and taps are the maxima.
+pub fn plan(base: Knobs, compounds: bool, moves: bool, quick: bool) -> Vec<Planned> {
+    let base = base.compounded(1, false);
     let mut points: Vec<Planned> = Vec::new();
     let (rays, layers): (&[u32], &[u32]) =
         if quick { (&[1, 8, 32], &[1, 3]) } else { (&[1, 2, 4, 8, 16, 32], &[1, 3, 5]) };
@@ -42,6 +51,26 @@ pub fn plan(base: Knobs, quick: bool) -> Vec<Planned> {
             });
             against = Some(name);
         }
+    }
+    let mut variant = |sweep, (rays, layers): (u32, u32), words: String, knobs: Knobs| {
+        let against = format!("{rays}x{layers}");
+        // A quick plan lacks some neighbours.
+        if points.iter().any(|point| point.name == against) {
+            points.push(Planned { name: format!("{against} {words}"), sweep, against: Some(against), knobs });
+        }
+    };
+    for angles in ANGLES.into_iter().filter(|_| compounds) {
+        for still in STILLS {
+            let knobs = base.with(still.0, still.1).compounded(angles, false);
+            variant("angles", still, format!("{angles} angles"), knobs);
+        }
+        for live in LIVE.into_iter().filter(|_| moves) {
+            let knobs = base.with(live.0, live.1).compounded(angles, true);
+            variant("rolling angles", live, format!("{angles} rolling angles"), knobs);
+        }
+    }
+    for live in LIVE.into_iter().filter(|_| base.aperture) {
+        variant("no aperture", live, "no aperture".to_owned(), base.with(live.0, live.1).without_aperture());
     }
     for (rays, layers) in ALL_EFFECTS {
         let grid_name = format!("{rays}x{layers}");
@@ -97,7 +126,7 @@ mod tests {
     #[test]
     fn every_point_has_its_own_name_and_values_and_an_earlier_neighbour() {
         for quick in [false, true] {
-            let points = plan(Knobs::of(&Probe::default(), &RenderSettings::default()), quick);
+            let points = plan(Knobs::of(&Probe::default(), &RenderSettings::default()), true, true, quick);
             for (i, point) in points.iter().enumerate() {
                 let before = &points[..i];
                 assert!(before.iter().all(|p| p.name != point.name && p.knobs != point.knobs), "{point:?}");
@@ -110,8 +139,8 @@ mod tests {
                 assert!(points.iter().any(|p| p.name == name), "{name}");
             }
             let swept: std::collections::BTreeSet<_> = points.iter().map(|p| p.sweep).collect();
-            assert_eq!(swept.len(), 7);
-            assert!(points.len() <= if quick { 20 } else { 40 });
+            assert_eq!(swept.len(), 10);
+            assert!(points.len() <= if quick { 32 } else { 58 });
         }
     }
 
@@ -119,7 +148,7 @@ mod tests {
     fn the_least_stations_have_points_that_can_be_rendered_each_once() {
         for (scanlines, samples) in [(1, 1), (2, 3), (3, 2), (4, 7)] {
             let probe = Probe { scanlines, samples, ..Probe::default() };
-            let points = plan(Knobs::of(&probe, &RenderSettings::default()), false);
+            let points = plan(Knobs::of(&probe, &RenderSettings::default()), true, true, false);
             for (i, point) in points.iter().enumerate() {
                 assert!(point.knobs.scanlines >= 1 && point.knobs.samples >= 1);
                 assert!(points[..i].iter().all(|p| p.name != point.name), "{point:?}");
@@ -128,10 +157,21 @@ mod tests {
     }
 
     #[test]
+    fn only_probes_that_steer_are_compounded_and_only_those_that_move_roll() {
+        let base = Knobs::of(&Probe::default(), &RenderSettings::default());
+        let sweeps = |compounds, moves| {
+            let points = plan(base.compounded(5, false), compounds, moves, false);
+            ["angles", "rolling angles"].map(|sweep| points.iter().filter(|p| p.sweep == sweep).count())
+        };
+        assert_eq!([sweeps(true, true), sweeps(true, false), sweeps(false, true)], [[8, 6], [8, 0], [0, 0]]);
+        assert!(plan(base.compounded(5, false), false, true, false).iter().all(|p| p.knobs.angles == 1));
+    }
+
+    #[test]
     fn all_effects_are_measured_beside_those_that_the_scene_calls_for() {
         let base = Knobs::of(&Probe::default(), &RenderSettings::default());
         for quick in [false, true] {
-            let points = plan(base, quick);
+            let points = plan(base, true, false, quick);
             for name in ["1x1", "8x1", "32x3"] {
                 let of = |name: &str| points.iter().find(|p| p.name == name).unwrap();
                 let (planned, all) = (of(name), of(&format!("{name} all effects")));
@@ -140,6 +180,6 @@ mod tests {
                 assert!(!planned.knobs.all_effects);
             }
         }
-        assert!(plan(base.with_all_effects(), false).iter().all(|p| p.sweep != "all effects"));
+        assert!(plan(base.with_all_effects(), true, false, false).iter().all(|p| p.sweep != "all effects"));
     }
 }

@@ -1,6 +1,7 @@
 //! `insonify dataset`: paired frames to train generators on.
 
 mod store;
+mod targets;
 mod tuple_renderer;
 
 use std::collections::BTreeSet;
@@ -11,9 +12,10 @@ use anyhow::anyhow;
 use clap::Parser;
 use insonify::anatomy::planes::file_beside;
 use insonify::dataset::{
-    ATTENUATION_POWER, Exam, ExamRow, FORMAT, Header, Moment, PLANES, Plan, Row, SettingsRow, Shard, Source, Split,
-    Wishes,
+    ATTENUATION_POWER, CompoundingRow, Exam, ExamRow, FORMAT, Header, Moment, PLANES, Plan, Row, SettingsRow, Shard,
+    Source, Split, Wishes,
 };
+use insonify::settings::{ANGLES_MAX, LookSettings, SettingsGroup};
 use insonify::station::{SceneSource, Station};
 use serde::Serialize;
 
@@ -24,6 +26,7 @@ use super::progress::Progress;
 use super::quality::RaysLayers;
 use super::{Failure, output};
 use store::{Store, kept_station};
+use targets::Targets;
 pub(super) use tuple_renderer::{TupleRenderer, station_of};
 
 /// Render paired frames of low and high quality with their maps, to train and judge generators.
@@ -74,6 +77,22 @@ pub(crate) struct Args {
     #[arg(long, value_name = "QUALITY", default_value = "hq")]
     hq: RaysLayers,
 
+    /// Steering angles of the high quality: the mean of so many looks; even numbers are rounded down
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=i64::from(ANGLES_MAX)))]
+    angles: u32,
+
+    /// Steering angles of the low quality
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=i64::from(ANGLES_MAX)))]
+    lq_angles: u32,
+
+    /// Angle between the outermost directions of compounding, degrees [default: the first station's `[look] span_deg`]
+    #[arg(long, value_name = "DEG", value_parser = span)]
+    span: Option<f64>,
+
+    /// Take the high quality from this data set of the same plan, for another low quality
+    #[arg(long, value_name = "DIR", conflicts_with = "verify")]
+    hq_from: Option<PathBuf>,
+
     /// Render tuples of an existing data set again, and compare them with what it holds
     #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "shard"])]
     verify: Option<PathBuf>,
@@ -106,6 +125,8 @@ Files:
 Examples:
   insonify dataset configs/obstetric.toml --frames 600 --seed 1 --out out/data
   insonify dataset configs/obstetric.toml --frames 6669 --test-share 0.1 --out /scratch/data --shard $SLURM_ARRAY_TASK_ID/64
+  insonify dataset configs/obstetric.toml --hq 32x3 --angles 9 --out out/data
+  insonify dataset configs/obstetric.toml --lq 1x3 --hq 32x3 --angles 9 --hq-from out/data --out out/data_1x3
   insonify dataset --verify out/data --tuples 10";
 
 #[derive(Serialize)]
@@ -146,6 +167,13 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
     let exams = args.shard.of(&plan.exams);
     let classes = classes(&stations)?;
     let [lq, hq] = [args.lq, args.hq].map(|quality| quality.with_seed(0));
+    let span_deg = args.span.or(stations.first().map(|station| station.settings.look.span_deg));
+    let odd = |angles| LookSettings { angles, ..LookSettings::default() }.odd_angles();
+    let look = CompoundingRow {
+        lq_angles: odd(args.lq_angles),
+        hq_angles: odd(args.angles),
+        span_deg: span_deg.unwrap_or_default(),
+    };
     let header = Header {
         format: FORMAT,
         insonify: env!("CARGO_PKG_VERSION").to_owned(),
@@ -156,11 +184,13 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
         attenuation_power: ATTENUATION_POWER,
         lq: [lq.rays, lq.layers],
         hq: [hq.rays, hq.layers],
+        look,
         phantoms: wishes.phantoms,
         frames_per_exam: wishes.frames_per_exam,
         test_share: args.test_share,
         stations: stations.iter().map(kept_station).collect::<Result<_, _>>()?,
     };
+    let targets = args.hq_from.as_deref().map(|from| Targets::open(from, &header)).transpose()?;
     say(args, &stations, exams, &header);
     if args.dry_run {
         return Ok(());
@@ -184,7 +214,7 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
             if exam.tuples.clone().all(|index| store.has(index)) {
                 continue;
             }
-            made += render_exam(&mut renderer, &mut store, exam, &stations, &header, &mut |done| {
+            made += render_exam(&mut renderer, &mut store, exam, &stations, &header, targets.as_ref(), &mut |done| {
                 progress.set(kept + made + done, total)
             })?;
         }
@@ -231,6 +261,7 @@ fn render_exam(
     exam: &Exam,
     stations: &[Station],
     header: &Header,
+    targets: Option<&Targets>,
     done: &mut dyn FnMut(usize),
 ) -> Result<usize, Failure> {
     let Some(station) = stations.get(exam.station) else { return Ok(0) };
@@ -263,12 +294,14 @@ fn render_exam(
             seed,
             lq: header.lq,
             hq: header.hq,
+            look: header.look,
             size: [station.settings.image.width, station.settings.image.height],
             file: format!("tuples/{index:07}.npy"),
             mask: String::new(),
             sha256: String::new(),
         };
-        let tuple = renderer.tuple(&station, &row)?;
+        let target = targets.map(|targets| targets.of(&row)).transpose()?;
+        let tuple = renderer.tuple(&station, &row, target)?;
         store.keep(&mut row, &tuple)?;
         made += 1;
         done(made);
@@ -335,16 +368,25 @@ fn say(args: &Args, stations: &[Station], exams: &[Exam], header: &Header) {
     let shard = if args.shard.of > 1 { format!(" (shard {})", args.shard) } else { String::new() };
     let (train, test) = (count(Split::Train), count(Split::Test));
     let of = if phantoms.is_empty() { String::new() } else { format!(" over {} phantoms", phantoms.len()) };
+    let quality = |[rays, layers]: [u32; 2], angles| match angles {
+        1 => format!("{rays}x{layers}"),
+        angles => format!("{rays}x{layers} of {angles} angles"),
+    };
     eprintln!(
-        "dataset: {} tuples{shard} of {} sessions{of}: {train} to train, {test} to test; {}x{} against {}x{} rays x layers; {} on disk",
+        "dataset: {} tuples{shard} of {} sessions{of}: {train} to train, {test} to test; {} against {} rays x layers; {} on disk",
         thousands(train + test),
         exams.len(),
-        header.lq[0],
-        header.lq[1],
-        header.hq[0],
-        header.hq[1],
+        quality(header.lq, header.look.lq_angles),
+        quality(header.hq, header.look.hq_angles),
         megabytes(bytes)
     );
+}
+
+/// Parses `--span`.
+fn span(text: &str) -> Result<f64, String> {
+    let span_deg = text.parse().map_err(|_| format!("`{text}` is no number of degrees"))?;
+    LookSettings { span_deg, ..LookSettings::default() }.validate().map_err(|e| e.to_string())?;
+    Ok(span_deg)
 }
 
 fn megabytes(bytes: u64) -> String {

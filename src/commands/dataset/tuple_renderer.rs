@@ -78,7 +78,12 @@ impl<'a> TupleRenderer<'a> {
         let [rays, layers] = [row.lq, row.hq][quality];
         // Both qualities have the same maps; the second frame needs none.
         let maps = settings.maps && quality == 0;
-        let settings = RenderSettings { quality: Quality { rays, layers, seed: row.seed }, maps, ..settings };
+        let settings = RenderSettings {
+            quality: Quality { rays, layers, seed: row.seed },
+            look: row.look.of(quality),
+            maps,
+            ..settings
+        };
         let set = self.prepared(station)?;
         let renderer = match &mut set.renderers[quality] {
             Some(renderer) => renderer,
@@ -118,13 +123,21 @@ impl<'a> TupleRenderer<'a> {
     /// Whether rendering reproduces the tuple of `row` of the data set in `directory`, bit for bit.
     pub(super) fn agrees(&mut self, directory: &Path, header: &Header, row: &Row) -> Result<bool, Failure> {
         let station = station_of(directory, header, row)?;
-        Ok(sha256(&self.tuple(&station, row)?.bytes) == row.sha256)
+        Ok(sha256(&self.tuple(&station, row, None)?.bytes) == row.sha256)
     }
 
-    /// Renders the tuple of `row`; none of its files need exist.
-    pub(super) fn tuple(&mut self, station: &Station, row: &Row) -> Result<RenderedTuple, Failure> {
+    /// Renders the tuple of `row`; none of its files need exist. A high quality that is there already is taken over.
+    pub(super) fn tuple(
+        &mut self,
+        station: &Station,
+        row: &Row,
+        high_quality: Option<Vec<u8>>,
+    ) -> Result<RenderedTuple, Failure> {
         self.render(0, station, row)?;
-        self.render(1, station, row)?;
+        match high_quality {
+            Some(image) => self.frames[1].bmode = image,
+            None => self.render(1, station, row)?,
+        }
         let Some(set) = &self.scene else { return Err(Failure::Other(anyhow!("no scene"))) };
         let [lq, hq] = &self.frames;
         let [segmentation, attenuation] = &mut self.planes;

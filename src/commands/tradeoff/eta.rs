@@ -42,13 +42,18 @@ impl Estimate {
         let compare_s = bench.comparison_s(pose)?;
         let point_s = |p: &Planned| {
             let line = if p.knobs.all_effects { &all } else { &own };
-            pose_s(line.frame_s(p.knobs.rays * p.knobs.layers), compare_s)
+            // A rolling picture takes a frame an angle before it is measured.
+            pose_s(f64::from(p.knobs.angles) * line.frame_s(p.knobs.rays * p.knobs.layers), compare_s)
         };
         let mut points_s: Vec<f64> = planned.iter().map(point_s).collect();
         for index in 0..bench.generators().len() {
             points_s.push(pose_s(bench.generated_s(index, pose)?, compare_s));
         }
-        Ok(Self { reference_s: USUAL.iter().map(|&(rays, layers)| all.frame_s(rays * layers)).sum(), points_s })
+        let angles = f64::from(bench.reference_angles());
+        Ok(Self {
+            reference_s: angles * USUAL.iter().map(|&(rays, layers)| all.frame_s(rays * layers)).sum::<f64>(),
+            points_s,
+        })
     }
 
     /// Time of a pose, s.

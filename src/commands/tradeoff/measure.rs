@@ -8,7 +8,7 @@ use insonify::pose::Pose;
 use insonify::quality::speckle::speckle;
 use insonify::quality::structures::{contrast_lost, structures};
 use insonify::quality::{ClassSpeckle, ClassStructure, Pair, Scores, level_difference, psnr_db};
-use insonify::render::{Frame, Quality, RenderSettings, Renderer};
+use insonify::render::{Frame, FrameQuality, Quality, RenderSettings, Renderer};
 use insonify::report::TimeTable;
 use insonify::report::time_table::{OVERHEAD, WHOLE_FRAME};
 use insonify::settings::ReceiverSettings;
@@ -18,11 +18,14 @@ use insonify::tradeoff::{ClassError, Errors, Knobs, PassMs, Planned, Point, Time
 use insonify::transducer::Probe;
 
 use super::super::{Classify, Failure};
+use super::poses::Track;
 use super::reference::{Reference, Truth};
 
 /// Seeds, unlike those of the reference. The error's difference between them is its noise.
 const SEEDS: [u32; 2] = [0, 1];
 const REPEATS: usize = 2;
+/// Fewest steering angles of the reference.
+const REFERENCE_ANGLES: u32 = 9;
 /// Least time per pose and seed, s; fast points are repeated, at most `REPEATS_MAX` times.
 const POSE_S: f64 = 0.25;
 const REPEATS_MAX: usize = 8;
@@ -62,9 +65,10 @@ struct Times {
     generator_ms: Vec<f64>,
 }
 
-/// Name of a generator's point: on top of LQ, or of the maps alone if it takes no image.
+/// Name of a generator's point: on top of the quality that it was trained for, or of the maps alone if it takes no image.
 fn enhanced(generator: &str, manifest: &Manifest) -> String {
-    let from = if manifest.takes(Channel::Image) { "1x1" } else { "maps" };
+    let from = manifest.lq().to_string();
+    let from = if manifest.takes(Channel::Image) { from.as_str() } else { "maps" };
     format!("{from} + {generator}")
 }
 
@@ -114,10 +118,11 @@ impl Bench {
     /// Time of a frame of LQ with a generator, s; the first is not counted.
     pub(super) fn generated_s(&mut self, index: usize, poses: &[Pose]) -> Result<f64, Failure> {
         self.configure(&self.base().with(Quality::LQ.rays, Quality::LQ.layers), 0)?;
-        let Some(pose) = poses.first() else { return Ok(0.0) };
+        let Some(&at) = poses.first() else { return Ok(0.0) };
+        let track = Track { at, before: Vec::new() };
         let mut image = Vec::new();
-        self.shown(pose, Some(index), &mut image)?;
-        Ok(1e-3 * self.shown(pose, Some(index), &mut image)?.iter().sum::<f64>())
+        self.shown(&track, Some(index), false, &mut image)?;
+        Ok(1e-3 * self.shown(&track, Some(index), false, &mut image)?.iter().sum::<f64>())
     }
 
     /// Time of comparing a frame with its reference, s.
@@ -134,8 +139,14 @@ impl Bench {
         &self.settings
     }
 
+    /// The station's knobs, for one look.
     pub(super) fn base(&self) -> Knobs {
-        Knobs::of(&self.probe, &self.settings)
+        Knobs::of(&self.probe, &self.settings).compounded(1, false)
+    }
+
+    /// Steering angles of the reference.
+    pub(super) fn reference_angles(&self) -> u32 {
+        if self.probe.kind.steers() { self.settings.look.odd_angles().max(REFERENCE_ANGLES) } else { 1 }
     }
 
     pub(super) fn configure(&mut self, knobs: &Knobs, seed: u32) -> Result<(), Failure> {
@@ -150,25 +161,31 @@ impl Bench {
     }
 
     /// Measures a point.
-    pub(super) fn point(&mut self, planned: &Planned, reference: &Reference, poses: &[Pose]) -> Result<Point, Failure> {
-        self.measure(planned, None, reference, poses)
+    pub(super) fn point(
+        &mut self,
+        planned: &Planned,
+        reference: &Reference,
+        tracks: &[Track],
+    ) -> Result<Point, Failure> {
+        self.measure(planned, None, reference, tracks)
     }
 
-    /// Measures a generator on top of LQ.
+    /// Measures a generator on top of the frames that it was trained for.
     pub(super) fn generated(
         &mut self,
         index: usize,
         name: String,
         reference: &Reference,
-        poses: &[Pose],
+        tracks: &[Track],
     ) -> Result<Point, Failure> {
+        let lq = self.generators.get(index).map_or(FrameQuality::LQ, |generator| generator.manifest().lq());
         let planned = Planned {
             name: self.generators.get(index).map_or_else(|| name.clone(), |g| enhanced(&name, g.manifest())),
             sweep: "generator",
-            against: Some("1x1".to_owned()),
-            knobs: self.base().with(Quality::LQ.rays, Quality::LQ.layers),
+            against: Some(format!("{}x{}", lq.rays, lq.layers)),
+            knobs: self.base().with(lq.rays, lq.layers).compounded(lq.angles, lq.angles > 1),
         };
-        Ok(Point { generator: Some(name), ..self.measure(&planned, Some(index), reference, poses)? })
+        Ok(Point { generator: Some(name), ..self.measure(&planned, Some(index), reference, tracks)? })
     }
 
     fn measure(
@@ -176,21 +193,22 @@ impl Bench {
         planned: &Planned,
         generator: Option<usize>,
         reference: &Reference,
-        poses: &[Pose],
+        tracks: &[Track],
     ) -> Result<Point, Failure> {
-        let mut times = Times { ms: vec![Vec::new(); poses.len()], ..Times::default() };
+        let mut times = Times { ms: vec![Vec::new(); tracks.len()], ..Times::default() };
         let mut errors: Vec<PoseError> = Vec::new();
         let mut image = Vec::new();
         for (turn, seed) in SEEDS.into_iter().enumerate() {
             self.configure(&planned.knobs, seed)?;
-            for (index, (pose, truth)) in poses.iter().zip(&reference.truths).enumerate() {
+            let rolling = planned.knobs.rolling;
+            for (index, (track, truth)) in tracks.iter().zip(&reference.truths).enumerate() {
                 if turn == 0 && index == 0 {
                     // Not counted: includes uploads for the new settings.
-                    self.shown(pose, generator, &mut image)?;
+                    self.shown(track, generator, rolling, &mut image)?;
                 }
                 let (mut done, mut spent_s) = (0, 0.0);
                 while done < REPEATS || (spent_s < POSE_S && done < REPEATS_MAX) {
-                    let [render_ms, generator_ms] = self.shown(pose, generator, &mut image)?;
+                    let [render_ms, generator_ms] = self.shown(track, generator, rolling, &mut image)?;
                     times.table.push(&self.frame.times);
                     times.ms[index].push(render_ms + generator_ms);
                     times.generator_ms.push(generator_ms);
@@ -222,12 +240,23 @@ impl Bench {
         })
     }
 
-    /// Renders, without the image if the generator takes none, and runs the generator if given. Returns both times, ms.
-    fn shown(&mut self, pose: &Pose, generator: Option<usize>, image: &mut Vec<u8>) -> Result<[f64; 2], Failure> {
+    /// Renders, without the image if the generator takes none, and runs the generator if given. With `rolling` the frames
+    /// before come first, and the last one's time counts. Returns both times, ms.
+    fn shown(
+        &mut self,
+        track: &Track,
+        generator: Option<usize>,
+        rolling: bool,
+        image: &mut Vec<u8>,
+    ) -> Result<[f64; 2], Failure> {
         let needed =
             generator.and_then(|index| self.generators.get(index)).is_none_or(|g| g.manifest().takes(Channel::Image));
         self.renderer.set_image(needed);
-        self.renderer.render(pose, &mut self.frame)?;
+        if rolling {
+            self.roll(track)?;
+        } else {
+            self.renderer.render(&track.at, &mut self.frame)?;
+        }
         let started = Instant::now();
         match generator.and_then(|index| self.generators.get_mut(index)) {
             Some(generator) => generator.run(&Input::from(&self.frame), image)?,
@@ -237,6 +266,18 @@ impl Bench {
             }
         }
         Ok([self.frame.times.total_ms, 1e3 * started.elapsed().as_secs_f64()])
+    }
+
+    /// Renders as a live session does: a frame has one angle, and its picture is the mean of the last ones.
+    fn roll(&mut self, track: &Track) -> Result<(), Failure> {
+        self.renderer.restart_compounding();
+        let angles = self.renderer.settings().look.odd_angles() as usize;
+        let skipped = track.before.len().saturating_sub(angles - 1);
+        for pose in track.before[skipped..].iter().chain([&track.at]) {
+            self.renderer.submit(pose)?;
+            self.renderer.receive(&mut self.frame)?;
+        }
+        Ok(())
     }
 
     fn compare(&self, image: &[u8], truth: &Truth) -> Result<PoseError, Failure> {

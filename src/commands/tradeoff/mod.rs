@@ -9,11 +9,13 @@ mod reference;
 mod store;
 
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
 use clap::Parser;
+use insonify::pose::Pose;
 use insonify::render::{Renderer, processor_name};
+use insonify::settings::ANGLES_MAX;
 use insonify::sink::{create_dir, png, write_json, write_text};
 use insonify::station::Station;
 use insonify::tradeoff::plot::Figure;
@@ -29,13 +31,14 @@ use super::{Classify, Failure, output, session};
 
 /// Measure what accuracy costs in time: sweep the quality knobs, and compare every point with a converged reference.
 ///
-/// Renders some poses of the station with so many rays that doubling them changes little, which is checked and told, and
-/// with the 3 layers of HQ unless more change the levels. Then
-/// turns rays and layers in a small grid, three points of it also with all effects that the scene does not call for, and
-/// every other knob alone about 8 x 3; a station's generators run on top of LQ. The reference has all effects. The receiver's
-/// noise is left out: it is no error of the picture.
+/// Renders some poses of the station with so many rays that doubling them changes little, which is checked and told, with
+/// the 3 layers of HQ unless more change the levels, compounded from 9 angles, and with all effects. Then turns rays and
+/// layers in a small grid; some of its points also compounded, compounded while the probe moves as in the recording (one
+/// angle a frame, as in a live session), without the aperture, and with all effects that the scene does not call for; and
+/// every other knob alone about 8 x 3. A station's generators run on top of the frames that they were trained for. The
+/// receiver's noise is left out: it is no error of the picture.
 /// For each point: time (with maps, from the call until the frame lies in memory) and error within the sector. The front
-/// goes by the error of mean levels (32 x 32 pixels): other samples, scanlines and kernels are other speckle.
+/// goes by the error of pixels: the reference has little speckle.
 ///
 /// A second panel compares frames of small scenes with wave theory (diffraction sums, a full-wave simulation), with and
 /// without each effect that theory speaks of, and says what the effect costs in the station's scene at 1 x 1. It does the
@@ -113,7 +116,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let backend = args.backend.open(station.backend)?;
     session::warn_of_budget(&station);
     let scene = session::load_scene(&station)?;
-    let planned = tradeoff::plan(Knobs::of(&station.probe, &station.settings), args.quick);
+    let compounds = station.probe.kind.steers();
+    let planned = tradeoff::plan(Knobs::of(&station.probe, &station.settings), compounds, all.moves(), args.quick);
     let renderer = Renderer::new(&backend, &scene, &station.probe, &station.settings)?;
     let mut bench = Bench::new(renderer, &station, &scene)?;
     let estimate = Estimate::measure(&mut bench, &planned, &all.spread(1))?;
@@ -128,7 +132,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         Some(count) => usize::from(count),
         None => poses_in_time(&Store::new(&args.out, args.resume, &key)?, &estimate, args.quick)?,
     };
-    let poses = all.spread(count);
+    let period = Duration::from_secs_f64(1.0 / station.pipeline.frame_rate_hz);
+    let tracks = all.tracks(count, ANGLES_MAX, period);
+    let poses: Vec<Pose> = tracks.iter().map(|track| track.at).collect();
     let total_s = estimate.pose_s() * poses.len() as f64;
     eprintln!(
         "{}, {}, on {device}: about {}",
@@ -136,7 +142,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         all.what,
         output::duration(total_s)
     );
-    key.push(format!("{poses:?}"));
+    key.push(format!("{tracks:?}"));
     let store = Store::new(&args.out, args.resume, &key)?;
     let mut eta = Eta::new(total_s);
     let part_s = |part_s: f64| part_s * poses.len() as f64;
@@ -156,8 +162,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             Some(point) => (point, None),
             None => {
                 let point = match generator {
-                    Some(number) => bench.generated(number, generators[number].clone(), &reference, &poses)?,
-                    None => bench.point(&planned[index], &reference, &poses)?,
+                    Some(number) => bench.generated(number, generators[number].clone(), &reference, &tracks)?,
+                    None => bench.point(&planned[index], &reference, &tracks)?,
                 };
                 store.write(&file, &point)?;
                 (point, Some(started.elapsed().as_secs_f64()))
@@ -236,6 +242,6 @@ fn say(points: &[Point], total: usize, eta: &Eta) {
         points.len(),
         point.name,
         point.time.median_ms,
-        point.error.level_rmse
+        point.error.rmse
     );
 }

@@ -37,6 +37,8 @@ pub(super) struct Check {
     rays: u32,
     /// Its layers.
     layers: u32,
+    /// Its steering angles.
+    angles: u32,
     /// Layers that they are compared with.
     layers_compared: u32,
     /// Mean magnitude of a pixel's change from half the rays, grey levels.
@@ -53,12 +55,22 @@ pub(super) struct Check {
 
 impl fmt::Display for Check {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { rays, layers, layers_compared, rays_change, rays_bound, layers_change, layers_bound, converged } =
-            self;
+        let Self {
+            rays,
+            layers,
+            angles,
+            layers_compared,
+            rays_change,
+            rays_bound,
+            layers_change,
+            layers_bound,
+            converged,
+        } = self;
+        let of_angles = if *angles > 1 { format!(" of {angles} angles") } else { String::new() };
         let not = if *converged { "is" } else { "is not" };
         write!(
             f,
-            "The reference, {rays}x{layers} with all effects, {not} converged: doubling the rays to {rays} changed a pixel by {rays_change:.2} grey levels in the mean (chosen bound: {rays_bound}), {layers_compared} layers instead of {layers} change the level of 32 x 32 pixels by {layers_change:.2} (chosen bound: {layers_bound})"
+            "The reference, {rays}x{layers}{of_angles} with all effects, {not} converged: doubling the rays to {rays} changed a pixel by {rays_change:.2} grey levels in the mean (chosen bound: {rays_bound}), {layers_compared} layers instead of {layers} change the level of 32 x 32 pixels by {layers_change:.2} (chosen bound: {layers_bound})"
         )
     }
 }
@@ -125,6 +137,7 @@ impl Reference {
         let (rays_max, layers_max) = if quick { (64, LAYERS[0]) } else { (256, LAYERS[1]) };
         let mut rays = RAYS;
         let [mut layers, mut next] = [LAYERS[0], LAYERS[1]];
+        let angles = bench.reference_angles();
         let mut turn = 0;
         let mut render = |rays, layers| {
             turn += 1;
@@ -152,6 +165,7 @@ impl Reference {
                 let check = Check {
                     rays,
                     layers,
+                    angles,
                     layers_compared: next,
                     rays_change,
                     rays_bound,
@@ -171,7 +185,8 @@ impl Reference {
 
 fn truths(bench: &mut Bench, poses: &[Pose], (rays, layers): (u32, u32), seed: u32) -> Result<Vec<Truth>, Failure> {
     // With every effect, so that omitting a relevant one shows as an error.
-    bench.configure(&bench.base().with(rays, layers).with_all_effects(), seed)?;
+    let knobs = bench.base().with(rays, layers).compounded(bench.reference_angles(), false);
+    bench.configure(&knobs.with_all_effects(), seed)?;
     let range_db = bench.settings().image.dynamic_range_db;
     poses.iter().map(|pose| Truth::of(bench.render(pose)?, range_db)).collect()
 }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::GeneratorError;
+use crate::render::FrameQuality;
 
 mod check;
 
@@ -200,6 +201,12 @@ pub struct Training {
     pub data_sha256: String,
     /// Iterations.
     pub iterations: u64,
+    /// Frames that it takes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lq: Option<FrameQuality>,
+    /// Frames that it was taught to give.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hq: Option<FrameQuality>,
 }
 
 /// Mean quality metrics on the test set.
@@ -248,6 +255,11 @@ impl Manifest {
             Channel::Segmentation => self.input.segmentation,
             Channel::Attenuation => self.input.attenuation,
         }
+    }
+
+    /// Frames that the model takes: those that it was trained on, else low quality.
+    pub fn lq(&self) -> FrameQuality {
+        self.training.as_ref().and_then(|training| training.lq).unwrap_or(FrameQuality::LQ)
     }
 
     /// Whether the model takes that map.

@@ -1,0 +1,465 @@
+//! Operating points of a live session, and the controller that chooses among them.
+//!
+//! A point is a frame's quality and a generator on top of it. Its error is known from a table, its time is measured at the
+//! start. While the session runs, the controller follows how many times as long frames and runs take as they did then, and
+//! predicts from it the time of every other point.
+
+mod recent;
+mod summary;
+#[cfg(test)]
+mod tests;
+
+pub use summary::{PointSummary, Switch};
+
+use self::recent::Recent;
+use crate::render::FrameQuality;
+
+/// Frames by which a sudden load is recognised, and the fewest for that.
+const SUDDEN: (usize, usize) = (12, 8);
+/// Frames whose 95th percentile must keep the budget, the fewest for that, and for how long it may exceed it, s. A sudden
+/// load shows within that time, and is predicted better.
+const SETTLED: (usize, usize) = (96, 40);
+const OFTEN_S: f64 = 3.0;
+/// Frames that predict a better point's time, and the fewest for that.
+const AHEAD: (usize, usize) = (48, 24);
+/// Part of the budget that a point may be predicted to take when it is chosen.
+const ROOM: f64 = 0.92;
+/// Time for which a better point must fit before it is chosen, s.
+const RISE_S: f64 = 6.0;
+/// Largest part of the present error that a better point may have: less isn't worth a change.
+const WORTH: f64 = 0.98;
+/// Time after a change in which frames are ignored, s: buffers are rebuilt.
+const REST_S: f64 = 1.0;
+/// Time after a rise within which a fall counts as its failure, s.
+const SOON_S: f64 = 20.0;
+/// First and longest time for which a point that failed is not chosen again, s; it doubles each time.
+const RETRY_S: [f64; 2] = [60.0, 3840.0];
+/// Changes within [`MINUTE_S`] after which a better point waits.
+const CHANGES: usize = 2;
+const MINUTE_S: f64 = 60.0;
+/// Frames without a run after which a generator counts as over its budget.
+const FRAMES_WITHOUT_RUN: u32 = 16;
+/// Time within which a burden of runs alone is forgotten, s.
+const RELAX_S: f64 = 30.0;
+/// Failures in a row after which a generator is left.
+const FAILURES: u32 = 3;
+/// Largest spread that is believed: 95th percentile over median.
+const SPREAD_MAX: f64 = 2.0;
+
+/// A way to make a frame, with its error and its times.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Candidate {
+    /// Rendering.
+    pub quality: FrameQuality,
+    /// Index of the generator on top; none: the rendered picture.
+    pub generator: Option<usize>,
+    /// Error against the converged reference, grey levels.
+    pub error: f64,
+    /// Median time of a rendered frame, ms.
+    pub render_ms: f64,
+    /// Median time of a run of the generator, ms; 0 without one.
+    pub run_ms: f64,
+}
+
+/// Time that a frame may take.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrameBudget {
+    /// Time for rendering and generating a frame, ms; none: only runs are limited.
+    pub frame_ms: Option<f64>,
+    /// Time of a run, ms.
+    pub run_ms: f64,
+    /// Whether frames and runs take different hardware, so that the longer of both counts.
+    pub apart: bool,
+    /// 95th percentile of times over their median, as measured at the start.
+    pub spread: f64,
+}
+
+/// Loads: times over those measured at the start.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Load {
+    render: f64,
+    run: f64,
+}
+
+/// A change of the operating point.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PointChange {
+    /// The point before.
+    pub from: Candidate,
+    /// The point from now on.
+    pub to: Candidate,
+    /// Why, as text.
+    pub reason: String,
+}
+
+/// Chooses the operating point of a session.
+#[derive(Debug, Clone)]
+pub struct PointController {
+    /// By rising error.
+    candidates: Vec<Candidate>,
+    /// Names of the generators.
+    generators: Vec<String>,
+    budget: FrameBudget,
+    current: usize,
+    begun: usize,
+    /// Whether watchers want generated pictures.
+    generate: bool,
+    /// Times of frames at this point, over the budget's kind: with their run, if they have one.
+    busy: Recent,
+    /// Loads of the frames and runs at this point.
+    renders: Recent,
+    runs: Recent,
+    /// Load of runs over that of frames, as last seen, and when, s.
+    run_over_render: (f64, f64),
+    /// Time of the last frame, which its run will be added to, ms.
+    rendered_ms: f64,
+    frames_without_run: u32,
+    /// Times since which a better point would fit, and since which the 95th percentile is over the budget, s.
+    fits_since: Option<f64>,
+    often_since: Option<f64>,
+    /// Frames before this time are ignored, s.
+    rests_until: f64,
+    /// Time of the last frame, s.
+    last_s: f64,
+    /// Time at which this point was reached from a worse one, s.
+    raised_at: Option<f64>,
+    /// Time until which each point isn't chosen, s, and how long after its next failure.
+    blocked_until: Vec<f64>,
+    retry_s: Vec<f64>,
+    /// Failures in a row of each generator, and the last reason.
+    failures: Vec<(u32, String)>,
+    /// Times of the latest changes, s.
+    changes: [f64; CHANGES],
+    /// The point before the last change.
+    before: usize,
+    /// Whether the warning that even the cheapest point is over the budget is active, and when it was given, s.
+    told: bool,
+    told_s: f64,
+    switches: Vec<Switch>,
+    counts: summary::Counts,
+}
+
+impl PointController {
+    /// A controller of `candidates`, which starts at the best that is predicted to keep the budget, else at the cheapest.
+    /// None without candidates. `generators` are the names that candidates refer to.
+    pub fn new(mut candidates: Vec<Candidate>, generators: Vec<String>, budget: FrameBudget) -> Option<Self> {
+        candidates.retain(|candidate| candidate.error.is_finite() && candidate.render_ms.is_finite());
+        candidates.sort_by(|a, b| a.error.total_cmp(&b.error));
+        let spread = if budget.spread.is_finite() { budget.spread.clamp(1.0, SPREAD_MAX) } else { 1.0 };
+        let count = candidates.len();
+        let mut controller = Self {
+            failures: vec![(0, String::new()); generators.len()],
+            candidates,
+            generators,
+            budget: FrameBudget { spread, ..budget },
+            current: 0,
+            begun: 0,
+            generate: true,
+            busy: Recent::new(),
+            renders: Recent::new(),
+            runs: Recent::new(),
+            run_over_render: (1.0, 0.0),
+            rendered_ms: 0.0,
+            frames_without_run: 0,
+            fits_since: None,
+            often_since: None,
+            rests_until: f64::NEG_INFINITY,
+            last_s: f64::NEG_INFINITY,
+            raised_at: None,
+            blocked_until: vec![f64::NEG_INFINITY; count],
+            retry_s: vec![RETRY_S[0]; count],
+            changes: [f64::NEG_INFINITY; CHANGES],
+            before: 0,
+            told: false,
+            told_s: f64::NEG_INFINITY,
+            switches: Vec::new(),
+            counts: summary::Counts::default(),
+        };
+        let idle = Load { render: 1.0, run: 1.0 };
+        let first = controller.best(f64::NEG_INFINITY, idle, controller.budget.spread, ROOM);
+        controller.current = first.or_else(|| controller.cheapest(f64::NEG_INFINITY))?;
+        (controller.begun, controller.before) = (controller.current, controller.current);
+        Some(controller)
+    }
+
+    /// The point of the next frames.
+    pub fn point(&self) -> Candidate {
+        self.candidates[self.current]
+    }
+
+    /// Name of a point.
+    pub fn name(&self, point: &Candidate) -> String {
+        match point.generator.and_then(|index| self.generators.get(index)) {
+            Some(generator) => format!("{} + {generator}", point.quality),
+            None => point.quality.to_string(),
+        }
+    }
+
+    /// Time that a frame may take, or a run where frames aren't limited, ms.
+    pub fn limit_ms(&self) -> f64 {
+        self.budget.frame_ms.unwrap_or(self.budget.run_ms)
+    }
+
+    /// Time of a frame of the point as measured at the start, ms.
+    pub fn expected_ms(&self, point: &Candidate) -> f64 {
+        self.busy_ms(point, Load { render: 1.0, run: 1.0 })
+    }
+
+    /// Records that a frame of `quality` took `ms` and was done at `now_s`. Ignores frames of another quality, frames
+    /// during a rest, and times that are no duration.
+    pub fn rendered(&mut self, now_s: f64, quality: FrameQuality, ms: f64) {
+        let point = self.point();
+        if quality != point.quality || now_s < self.rests_until || !ms.is_finite() || ms < 0.0 {
+            return;
+        }
+        if now_s - self.last_s > REST_S + 2e-3 * ms {
+            // A pause in rendering is no measure of times.
+            self.forget();
+        }
+        self.last_s = now_s;
+        self.rendered_ms = ms;
+        self.renders.push(ms / point.render_ms.max(1e-3));
+        if point.generator.is_some() {
+            self.frames_without_run += 1;
+        } else {
+            self.busy.push(self.busy_of(ms, 0.0));
+        }
+        let since = |holds: bool, since: Option<f64>| if holds { since.or(Some(now_s)) } else { None };
+        self.fits_since = since(self.better(now_s).is_some(), self.fits_since);
+        let p95_ms = self.busy.percentile(0.95, SETTLED.0, SETTLED.1);
+        self.often_since = since(p95_ms.is_some_and(|ms| ms > self.limit_ms()), self.often_since);
+    }
+
+    /// Records a run of a generator that took `ms`.
+    pub fn ran(&mut self, now_s: f64, generator: usize, ms: f64) {
+        if let Some((failures, _)) = self.failures.get_mut(generator) {
+            *failures = 0;
+        }
+        let point = self.point();
+        if point.generator != Some(generator) || now_s < self.rests_until || !ms.is_finite() || ms < 0.0 {
+            return;
+        }
+        self.frames_without_run = 0;
+        self.runs.push(ms / point.run_ms.max(1e-3));
+        self.busy.push(self.busy_of(self.rendered_ms, ms));
+    }
+
+    /// Records that a run of a generator failed.
+    pub fn failed(&mut self, generator: usize, reason: &str) {
+        if let Some((failures, last)) = self.failures.get_mut(generator) {
+            *failures += 1;
+            reason.clone_into(last);
+        }
+    }
+
+    /// Says whether watchers want generated pictures. Without, only rendered ones are chosen.
+    pub fn allow_generators(&mut self, generate: bool) {
+        self.generate = generate;
+    }
+
+    /// Makes the change that is due at `now_s`, if any, and returns it.
+    pub fn change(&mut self, now_s: f64) -> Option<PointChange> {
+        let current = self.point();
+        if let Some(index) = current.generator {
+            if !self.generate {
+                return self.leave(now_s, "generated pictures are switched off".to_owned());
+            }
+            if let Some((FAILURES.., reason)) = self.failures.get(index) {
+                let name = self.generators.get(index).map_or("", String::as_str);
+                let reason = format!("{name} failed {FAILURES} times in a row: {reason}");
+                self.block_generator(now_s, index);
+                return self.leave(now_s, reason);
+            }
+        }
+        if self.is_over() { self.fall(now_s) } else { self.rise(now_s) }
+    }
+
+    /// Whether recent frames are over the budget.
+    fn is_over(&self) -> bool {
+        let sudden = self.busy.percentile(0.5, SUDDEN.0, SUDDEN.1).is_some_and(|ms| ms > self.limit_ms());
+        let often = self.often_since.is_some_and(|since| self.last_s - since >= OFTEN_S);
+        sudden || often || self.frames_without_run > FRAMES_WITHOUT_RUN
+    }
+
+    fn fall(&mut self, now_s: f64) -> Option<PointChange> {
+        let load = self.load(SUDDEN)?;
+        let spread = self.spread(SUDDEN);
+        let ms = self.busy.percentile(0.5, SUDDEN.0, 1);
+        let now_ms = self.busy_ms(&self.point(), load);
+        let to = self.best(now_s, load, spread, 1.0).filter(|&to| self.busy_ms(&self.candidates[to], load) < now_ms);
+        let to = to.or_else(|| self.cheapest(now_s)).filter(|&to| to != self.current)?;
+        if self.raised_at.is_some_and(|at| now_s - at <= SOON_S) {
+            self.block_beyond(now_s);
+        } else {
+            self.retry_s[self.current] = RETRY_S[0];
+        }
+        let limit_ms = self.limit_ms();
+        let reason = match ms {
+            Some(ms) if self.frames_without_run <= FRAMES_WITHOUT_RUN => format!(
+                "frames take {ms:.0} ms of {limit_ms:.0}, {:.1} times as long as at the start",
+                self.slower(load)
+            ),
+            _ => format!("no run has ended for {FRAMES_WITHOUT_RUN} frames"),
+        };
+        self.counts.lowered += 1;
+        Some(self.go(now_s, to, false, reason))
+    }
+
+    fn rise(&mut self, now_s: f64) -> Option<PointChange> {
+        if self.fits_since.is_none_or(|since| self.last_s - since < RISE_S) || now_s - self.changes[0] < MINUTE_S {
+            return None;
+        }
+        let to = self.better(now_s)?;
+        let ms = self.busy_ms(&self.candidates[to], self.load(AHEAD)?);
+        let reason = format!("it is expected to take {ms:.0} ms of {:.0}", self.limit_ms());
+        self.counts.raised += 1;
+        Some(self.go(now_s, to, true, reason))
+    }
+
+    /// The best point that is worth a change and predicted to fit.
+    fn better(&self, now_s: f64) -> Option<usize> {
+        let load = self.load(AHEAD)?;
+        let best = self.best(now_s, load, self.spread(AHEAD), ROOM)?;
+        (self.candidates[best].error < WORTH * self.point().error).then_some(best)
+    }
+
+    /// The point with the least error that is predicted to keep `room` of the budget.
+    fn best(&self, now_s: f64, load: Load, spread: f64, room: f64) -> Option<usize> {
+        let fits = |candidate: &Candidate| {
+            spread * self.busy_ms(candidate, load) <= room * self.limit_ms()
+                && spread * load.run * candidate.run_ms <= self.budget.run_ms
+        };
+        (0..self.candidates.len()).find(|&index| self.may_be_chosen(now_s, index) && fits(&self.candidates[index]))
+    }
+
+    /// The point that takes the least time.
+    fn cheapest(&self, now_s: f64) -> Option<usize> {
+        let ms = |index: &usize| self.expected_ms(&self.candidates[*index]);
+        let open = (0..self.candidates.len()).filter(|&index| self.may_be_chosen(now_s, index));
+        let raw = (0..self.candidates.len()).filter(|&index| self.candidates[index].generator.is_none());
+        let least = |a: &usize, b: &usize| ms(a).total_cmp(&ms(b));
+        open.min_by(least).or_else(|| raw.min_by(least))
+    }
+
+    fn may_be_chosen(&self, now_s: f64, index: usize) -> bool {
+        let generated = self.candidates[index].generator.is_some();
+        now_s >= self.blocked_until[index] && (self.generate || !generated)
+    }
+
+    /// Loads of the latest frames; that of runs follows the frames' where there are none.
+    fn load(&self, (count, least): (usize, usize)) -> Option<Load> {
+        let render = self.renders.percentile(0.5, count, least)?;
+        let run = self.runs.percentile(0.5, count, least.min(count / 4));
+        let (ratio, seen_s) = self.run_over_render;
+        // What burdened runs alone is believed in less and less.
+        let ratio = || 1.0 + (ratio - 1.0) * (-(self.last_s - seen_s).max(0.0) / RELAX_S).exp();
+        Some(Load { render, run: run.unwrap_or_else(|| render * ratio()) })
+    }
+
+    /// How many times as long the present point takes as measured.
+    fn slower(&self, load: Load) -> f64 {
+        self.busy_ms(&self.point(), load) / self.expected_ms(&self.point()).max(1e-3)
+    }
+
+    /// 95th percentile of the latest frames over their median, at least that of the start.
+    fn spread(&self, (count, least): (usize, usize)) -> f64 {
+        let of = |part| self.busy.percentile(part, count, least);
+        let found = of(0.95).zip(of(0.5)).map_or(1.0, |(p95, p50)| p95 / p50.max(1e-3));
+        found.clamp(self.budget.spread, SPREAD_MAX)
+    }
+
+    /// Predicted time of a frame, ms.
+    fn busy_ms(&self, candidate: &Candidate, load: Load) -> f64 {
+        self.busy_of(load.render * candidate.render_ms, load.run * candidate.run_ms)
+    }
+
+    /// Time of a frame that counts: both parts, the longer one, or the run alone.
+    fn busy_of(&self, render_ms: f64, run_ms: f64) -> f64 {
+        match (self.budget.frame_ms, self.budget.apart) {
+            (None, _) => run_ms,
+            (Some(_), true) => render_ms.max(run_ms),
+            (Some(_), false) => render_ms + run_ms,
+        }
+    }
+
+    /// Blocks the present point, and all that take as long, for a while.
+    fn block_beyond(&mut self, now_s: f64) {
+        let wait_s = self.retry_s[self.current];
+        self.retry_s[self.current] = (2.0 * wait_s).min(RETRY_S[1]);
+        let failed_ms = self.expected_ms(&self.point());
+        for index in 0..self.candidates.len() {
+            if self.expected_ms(&self.candidates[index]) >= 0.97 * failed_ms {
+                self.blocked_until[index] = self.blocked_until[index].max(now_s + wait_s);
+            }
+        }
+    }
+
+    /// Blocks all points with a generator that failed, for a while.
+    fn block_generator(&mut self, now_s: f64, generator: usize) {
+        let wait_s = self.retry_s[self.current];
+        for index in 0..self.candidates.len() {
+            if self.candidates[index].generator == Some(generator) {
+                self.blocked_until[index] = now_s + wait_s;
+                self.retry_s[index] = (2.0 * wait_s).min(RETRY_S[1]);
+            }
+        }
+        self.failures[generator].0 = 0;
+    }
+
+    /// Leaves a generator for the best point without it.
+    fn leave(&mut self, now_s: f64, reason: String) -> Option<PointChange> {
+        let load = self.load(SUDDEN).unwrap_or(Load { render: 1.0, run: 1.0 });
+        let to = self.best(now_s, load, self.spread(SUDDEN), 1.0).or_else(|| self.cheapest(now_s))?;
+        (to != self.current).then(|| self.go(now_s, to, false, reason))
+    }
+
+    fn go(&mut self, now_s: f64, to: usize, raised: bool, reason: String) -> PointChange {
+        let from = self.point();
+        if let Some(Load { render, run }) = self.load(SUDDEN).filter(|_| from.generator.is_some()) {
+            self.run_over_render = ((run / render.max(1e-3)).clamp(0.25, 4.0), now_s);
+        }
+        (self.before, self.current) = (self.current, to);
+        self.raised_at = raised.then_some(now_s);
+        self.changes.rotate_left(1);
+        self.changes[CHANGES - 1] = now_s;
+        self.rest(now_s);
+        let change = PointChange { from, to: self.point(), reason };
+        self.note(now_s, &change);
+        change
+    }
+
+    /// Undoes the last change, for which the device had no room: its point is not chosen again.
+    pub fn refused(&mut self, now_s: f64) {
+        self.blocked_until[self.current] = f64::INFINITY;
+        (self.current, self.raised_at) = (self.before, None);
+        self.counts.refused += 1;
+        self.rest(now_s);
+    }
+
+    /// Forgets the times so far and rests: the cost of frames changed at `now_s`.
+    pub fn rest(&mut self, now_s: f64) {
+        self.forget();
+        self.rests_until = now_s + REST_S;
+    }
+
+    fn forget(&mut self) {
+        self.busy.clear();
+        self.renders.clear();
+        self.runs.clear();
+        (self.frames_without_run, self.fits_since, self.often_since) = (0, None, None);
+    }
+
+    /// Median time of recent frames, ms, if they are over the budget and no point takes less; returned once per overrun
+    /// and at most once per minute.
+    pub fn over_at_least(&mut self, now_s: f64) -> Option<f64> {
+        let over = self.is_over() && self.cheapest(now_s) == Some(self.current);
+        let tell = over && !self.told && now_s - self.told_s >= MINUTE_S;
+        // The warning ends when frames fit again, not by a rest.
+        self.told = tell || (self.told && (over || self.busy.len() < SUDDEN.1));
+        if !tell {
+            return None;
+        }
+        self.told_s = now_s;
+        self.busy.percentile(0.5, SUDDEN.0, 1)
+    }
+}

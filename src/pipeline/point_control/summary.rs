@@ -1,0 +1,75 @@
+//! What a controller did in a session.
+
+use serde::Serialize;
+
+use super::{Candidate, PointChange, PointController};
+
+/// Most changes that a summary lists.
+const LISTED: usize = 100;
+
+/// A change of the operating point.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Switch {
+    /// Time in the session, s.
+    pub time_s: f64,
+    /// Name of the point from then on.
+    pub to: String,
+    /// Why.
+    pub reason: String,
+}
+
+/// Operating points of a session.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PointSummary {
+    /// Time that a frame may take, or a run where frames aren't limited, ms.
+    pub budget_ms: f64,
+    /// Point at the start.
+    pub begun: String,
+    /// Point at the end.
+    pub ended: String,
+    /// Error of the point at the end, grey levels.
+    pub error: f64,
+    /// Changes to a cheaper point.
+    pub lowered: u64,
+    /// Changes to a better point.
+    pub raised: u64,
+    /// Points for which the device had no room.
+    pub refused: u64,
+    /// Whether a watcher set the quality by hand, which ended the control.
+    pub by_hand: bool,
+    /// The first hundred changes.
+    pub changes: Vec<Switch>,
+}
+
+/// Counted changes.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Counts {
+    pub(super) lowered: u64,
+    pub(super) raised: u64,
+    pub(super) refused: u64,
+}
+
+impl PointController {
+    pub(super) fn note(&mut self, time_s: f64, change: &PointChange) {
+        if self.switches.len() < LISTED {
+            let to = self.name(&change.to);
+            self.switches.push(Switch { time_s, to, reason: change.reason.clone() });
+        }
+    }
+
+    /// Summary of the session so far.
+    pub fn summary(&self, by_hand: bool) -> PointSummary {
+        let Candidate { error, .. } = self.point();
+        PointSummary {
+            budget_ms: self.limit_ms(),
+            begun: self.name(&self.candidates[self.begun]),
+            ended: self.name(&self.point()),
+            error,
+            lowered: self.counts.lowered,
+            raised: self.counts.raised,
+            refused: self.counts.refused,
+            by_hand,
+            changes: self.switches.clone(),
+        }
+    }
+}

@@ -1,0 +1,333 @@
+//! The controller on simulated machines.
+
+use super::*;
+use crate::random::SplitMix64;
+
+const PERIOD_S: f64 = 1.0 / 14.0;
+
+/// Rays, layers and error of the rendered points, and names and errors of the generators on top of 1x1 and 1x3.
+const RAW: [(u32, u32, f64); 6] = [(1, 1, 22.0), (1, 3, 18.0), (2, 3, 17.0), (4, 3, 16.0), (8, 3, 15.5), (32, 3, 15.0)];
+const GENERATORS: [(&str, u32, f64); 3] = [("fast", 1, 14.0), ("fast_1x3", 3, 12.0), ("middle_1x3", 3, 11.0)];
+
+/// Times of a machine.
+#[derive(Debug, Clone, Copy)]
+struct Machine {
+    frame_ms: f64,
+    path_ms: f64,
+    /// Runs of the fast and of the middle network.
+    run_ms: [f64; 2],
+    /// Times vary by this factor upward.
+    spread: f64,
+}
+
+/// Two cores, as measured.
+const TWO_CORES: Machine = Machine { frame_ms: 26.0, path_ms: 2.6, run_ms: [26.0, 50.0], spread: 1.15 };
+
+impl Machine {
+    fn render_ms(&self, quality: FrameQuality) -> f64 {
+        self.frame_ms + self.path_ms * f64::from(quality.paths())
+    }
+
+    fn run_ms(&self, generator: Option<usize>) -> f64 {
+        match generator {
+            None => 0.0,
+            Some(2) => self.run_ms[1],
+            Some(_) => self.run_ms[0],
+        }
+    }
+
+    fn candidates(&self) -> Vec<Candidate> {
+        let raw = RAW.map(|(rays, layers, error)| (FrameQuality::new(rays, layers), None, error));
+        let generated = GENERATORS.iter().enumerate();
+        let generated = generated.map(|(i, &(_, layers, error))| (FrameQuality::new(1, layers), Some(i), error));
+        let times = |(quality, generator, error)| Candidate {
+            quality,
+            generator,
+            error,
+            render_ms: self.render_ms(quality),
+            run_ms: self.run_ms(generator),
+        };
+        raw.into_iter().chain(generated).map(times).collect()
+    }
+
+    fn controller(&self, frame_ms: f64) -> PointController {
+        let budget = FrameBudget { frame_ms: Some(frame_ms), run_ms: f64::INFINITY, apart: false, spread: self.spread };
+        let names = GENERATORS.map(|(name, ..)| name.to_owned()).into();
+        PointController::new(self.candidates(), names, budget).unwrap()
+    }
+}
+
+/// What a session saw.
+#[derive(Debug, Default)]
+struct Seen {
+    frames: usize,
+    over: usize,
+    longest_s: f64,
+    changes: Vec<(f64, String, String)>,
+}
+
+/// Runs a session of `seconds` on `machine`, whose frames and runs take `load` times as long.
+fn session(
+    controller: &mut PointController,
+    machine: &Machine,
+    from_s: f64,
+    seconds: f64,
+    mut load: impl FnMut(f64) -> (f64, f64),
+) -> Seen {
+    let (mut seen, mut now_s) = (Seen::default(), from_s);
+    let mut random = SplitMix64::new(7);
+    while now_s < from_s + seconds {
+        if let Some(change) = controller.change(now_s) {
+            assert_eq!(change.to, controller.point());
+            seen.changes.push((now_s, controller.name(&change.to), change.reason));
+        }
+        let point = controller.point();
+        let (render, run) = load(now_s);
+        // Most frames are near the median, one in twenty takes `spread` times as long.
+        let vary = |random: &mut SplitMix64| match random.unit() {
+            u if u < 0.95 => 0.97 + 0.06 * u,
+            _ => machine.spread,
+        };
+        let render_ms = render * machine.render_ms(point.quality) * vary(&mut random);
+        controller.rendered(now_s + 1e-3 * render_ms, point.quality, render_ms);
+        let run_ms = run * machine.run_ms(point.generator) * vary(&mut random);
+        let busy_s = 1e-3 * (render_ms + run_ms);
+        if let Some(generator) = point.generator {
+            controller.ran(now_s + busy_s, generator, run_ms);
+        }
+        seen.frames += 1;
+        seen.over += usize::from(1e3 * busy_s > controller.limit_ms());
+        let step_s = busy_s.max(PERIOD_S);
+        seen.longest_s = seen.longest_s.max(step_s);
+        now_s += step_s;
+    }
+    seen
+}
+
+/// The candidate with the least error whose 95th percentile keeps the budget, found by trying all of them.
+fn best_of_all(machine: &Machine, frame_ms: f64, (render, run): (f64, f64)) -> f64 {
+    let p95_ms = |c: &Candidate| machine.spread * (render * c.render_ms + run * c.run_ms);
+    let fitting = machine.candidates().into_iter().filter(|c| p95_ms(c) <= frame_ms);
+    fitting.map(|c| c.error).fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn the_point_chosen_is_the_best_of_all_on_machines_of_any_speed() {
+    let machines = [
+        TWO_CORES,
+        Machine { frame_ms: 4.0, path_ms: 0.3, run_ms: [3.0, 6.0], ..TWO_CORES },
+        Machine { frame_ms: 14.0, path_ms: 1.2, run_ms: [40.0, 90.0], ..TWO_CORES },
+        Machine { frame_ms: 30.0, path_ms: 6.0, run_ms: [8.0, 14.0], ..TWO_CORES },
+        Machine { frame_ms: 38.0, path_ms: 1.0, run_ms: [20.0, 25.0], spread: 1.3 },
+        Machine { frame_ms: 1.0, path_ms: 0.1, run_ms: [1.0, 2.0], spread: 1.05 },
+    ];
+    for machine in &machines {
+        for budget_ms in [33.0, 50.0, 60.0, 71.0, 100.0] {
+            let mut controller = machine.controller(budget_ms);
+            let seen = session(&mut controller, machine, 0.0, 120.0, |_| (1.0, 1.0));
+            let best = best_of_all(machine, ROOM * budget_ms, (1.0, 1.0));
+            if best.is_finite() {
+                assert!(controller.point().error <= best, "{machine:?} {budget_ms}: {:?}", seen.changes);
+                assert_eq!(seen.over, 0);
+            } else {
+                assert_eq!(controller.name(&controller.point()), "1x1");
+            }
+            assert!(seen.changes.is_empty(), "{machine:?} {budget_ms}: {:?}", seen.changes);
+        }
+    }
+}
+
+#[test]
+fn a_machine_that_is_slower_than_measured_is_found_out() {
+    // Frames slow down by one factor, runs by another.
+    for slow in [(1.0, 1.8), (1.8, 1.0), (1.4, 1.4), (0.6, 0.6), (2.2, 1.2)] {
+        let mut controller = TWO_CORES.controller(71.0);
+        session(&mut controller, &TWO_CORES, 0.0, 300.0, |_| slow);
+        let settled = session(&mut controller, &TWO_CORES, 300.0, 120.0, |_| slow);
+        let best = best_of_all(&TWO_CORES, ROOM * 71.0, slow);
+        if best.is_finite() {
+            let (error, name) = (controller.point().error, controller.name(&controller.point()));
+            assert!(error <= 1.1 * best, "{slow:?}: {name} with {error} for {best}");
+            assert!(settled.over * 20 <= settled.frames, "{slow:?}: {} of {}", settled.over, settled.frames);
+        }
+        assert!(settled.changes.len() <= 2, "{slow:?}: {:?}", settled.changes);
+    }
+}
+
+#[test]
+fn a_load_that_comes_and_goes_costs_few_changes_and_little_time() {
+    let mut controller = TWO_CORES.controller(71.0);
+    let loaded = |now_s: f64| if now_s % 60.0 >= 40.0 { (1.9, 2.0) } else { (1.0, 1.0) };
+    let seen = session(&mut controller, &TWO_CORES, 0.0, 600.0, loaded);
+    for minute in 0..10 {
+        let within = |at: f64| (60.0 * f64::from(minute)..60.0 * f64::from(minute + 1)).contains(&at);
+        let changes = seen.changes.iter().filter(|(at, ..)| within(*at)).count();
+        assert!(changes <= 4, "{changes} in minute {minute}: {:?}", seen.changes);
+    }
+    assert!(seen.over * 20 < seen.frames, "{} of {}", seen.over, seen.frames);
+    assert!(seen.longest_s < 0.5, "{}", seen.longest_s);
+    assert!(seen.changes.len() >= 18, "it follows the load: {:?}", seen.changes);
+    assert!(seen.changes.iter().all(|(_, _, reason)| !reason.is_empty()));
+    assert!(seen.changes[0].2.contains("times as long as at the start"), "{:?}", seen.changes[0]);
+    let summary = controller.summary(false);
+    assert_eq!(summary.changes.len(), seen.changes.len());
+    assert_eq!(summary.lowered + summary.raised, seen.changes.len() as u64);
+}
+
+#[test]
+fn single_slow_frames_change_nothing() {
+    let mut controller = TWO_CORES.controller(71.0);
+    let begun = controller.point();
+    let mut frame = 0;
+    let seen = session(&mut controller, &TWO_CORES, 0.0, 600.0, |_| {
+        frame += 1;
+        if frame % 30 == 0 { (8.0, 8.0) } else { (1.0, 1.0) }
+    });
+    assert_eq!((seen.changes, controller.point()), (vec![], begun));
+}
+
+#[test]
+fn a_point_that_takes_longer_than_predicted_is_tried_more_and_more_seldom() {
+    let mut controller = TWO_CORES.controller(71.0);
+    let begun = controller.name(&controller.point());
+    let slow_point = controller.point();
+    let mut tries = Vec::new();
+    let mut now_s = 0.0;
+    while now_s < 3600.0 {
+        if let Some(change) = controller.change(now_s)
+            && change.to == slow_point
+        {
+            tries.push(now_s);
+        }
+        let point = controller.point();
+        let factor = if point == slow_point { 1.7 } else { 1.0 };
+        controller.rendered(now_s, point.quality, factor * point.render_ms);
+        if let Some(generator) = point.generator {
+            controller.ran(now_s, generator, factor * point.run_ms);
+        }
+        now_s += PERIOD_S;
+    }
+    let gaps: Vec<f64> = tries.windows(2).map(|w| w[1] - w[0]).collect();
+    assert!((3..=7).contains(&tries.len()), "{begun}: {tries:?}");
+    assert!(gaps.windows(2).all(|w| w[1] > 1.5 * w[0]), "{gaps:?}");
+}
+
+#[test]
+fn a_generator_that_fails_is_left_and_tried_again_later() {
+    // Only one generator fits.
+    let mut controller = TWO_CORES.controller(68.5);
+    let generator = controller.point().generator.unwrap();
+    controller.failed(generator, "pixel 7 is NaN");
+    controller.failed(generator, "pixel 7 is NaN");
+    assert_eq!(controller.change(1.0), None);
+    controller.ran(1.0, generator, 30.0);
+    (0..3).for_each(|_| controller.failed(generator, "pixel 7 is NaN"));
+    let change = controller.change(2.0).unwrap();
+    assert_ne!(change.to.generator, Some(generator));
+    assert!(change.reason.contains("failed 3 times in a row: pixel 7 is NaN"), "{}", change.reason);
+    let seen = session(&mut controller, &TWO_CORES, 2.0, 50.0, |_| (1.0, 1.0));
+    assert!(seen.changes.is_empty(), "{:?}", seen.changes);
+    session(&mut controller, &TWO_CORES, 52.0, 60.0, |_| (1.0, 1.0));
+    assert_eq!(controller.point().generator, Some(generator));
+}
+
+#[test]
+fn generators_that_nobody_wants_are_left_at_once() {
+    let mut controller = TWO_CORES.controller(71.0);
+    session(&mut controller, &TWO_CORES, 0.0, 10.0, |_| (1.0, 1.0));
+    controller.allow_generators(false);
+    let change = controller.change(10.0).unwrap();
+    assert_eq!((change.to.generator, change.to.quality), (None, FrameQuality::new(4, 3)));
+    let seen = session(&mut controller, &TWO_CORES, 10.0, 100.0, |_| (1.0, 1.0));
+    assert!(seen.changes.iter().all(|(_, name, _)| !name.contains('+')), "{:?}", seen.changes);
+    controller.allow_generators(true);
+    session(&mut controller, &TWO_CORES, 110.0, 100.0, |_| (1.0, 1.0));
+    assert!(controller.point().generator.is_some());
+}
+
+#[test]
+fn nothing_is_cheaper_than_the_cheapest() {
+    let mut controller = TWO_CORES.controller(20.0);
+    assert_eq!(controller.name(&controller.point()), "1x1");
+    let mut told = Vec::new();
+    for frame in 0..3000 {
+        let now_s = f64::from(frame) * PERIOD_S;
+        // Within the budget from 60 s to 80 s.
+        controller.rendered(now_s, FrameQuality::LQ, if (60.0..80.0).contains(&now_s) { 15.0 } else { 29.0 });
+        assert_eq!(controller.change(now_s), None);
+        told.extend(controller.over_at_least(now_s).map(|ms| (now_s, ms)));
+    }
+    assert!(matches!(told[..], [(first, 29.0), (second, 29.0)] if first < 2.0 && second > 80.0), "{told:?}");
+}
+
+#[test]
+fn without_a_frame_budget_only_runs_are_limited() {
+    let quality = FrameQuality::new(8, 3);
+    let of =
+        |generator: Option<usize>, error, run_ms| Candidate { quality, generator, error, render_ms: 900.0, run_ms };
+    let candidates = vec![of(None, 20.0, 0.0), of(Some(0), 10.0, 70.0), of(Some(1), 12.0, 40.0)];
+    let budget = FrameBudget { frame_ms: None, run_ms: 50.0, apart: false, spread: 1.1 };
+    let mut controller = PointController::new(candidates, vec!["slow".into(), "fast".into()], budget).unwrap();
+    assert_eq!(controller.name(&controller.point()), "8x3 + fast");
+    for frame in 0..30 {
+        controller.rendered(f64::from(frame), quality, 900.0);
+        controller.ran(f64::from(frame), 1, 60.0);
+    }
+    let change = controller.change(30.0).unwrap();
+    assert_eq!((change.to.generator, change.reason.starts_with("frames take 60 ms of 50")), (None, true), "{change:?}");
+}
+
+#[test]
+fn frames_and_runs_on_other_hardware_overlap() {
+    let budget = FrameBudget { frame_ms: Some(60.0), run_ms: f64::INFINITY, apart: true, spread: 1.1 };
+    let names = GENERATORS.map(|(name, ..)| name.to_owned()).into();
+    let controller = PointController::new(TWO_CORES.candidates(), names, budget).unwrap();
+    assert_eq!(controller.name(&controller.point()), "1x3 + middle_1x3");
+    assert_eq!(controller.expected_ms(&controller.point()), 50.0);
+}
+
+#[test]
+fn a_refused_point_is_not_asked_for_again() {
+    let mut controller = TWO_CORES.controller(71.0);
+    let begun = controller.point();
+    let mut refused = 0;
+    for tick in 0..40_000 {
+        let now_s = f64::from(tick) * PERIOD_S;
+        if controller.change(now_s).is_some() {
+            controller.refused(now_s);
+            refused += 1;
+            assert_eq!(controller.point(), begun);
+        }
+        controller.rendered(now_s, begun.quality, 2.0 * begun.render_ms);
+        if let Some(generator) = begun.generator {
+            controller.ran(now_s, generator, 2.0 * begun.run_ms);
+        }
+    }
+    // Each point is refused once.
+    assert!(refused < RAW.len() + GENERATORS.len(), "{refused}");
+    assert_eq!(controller.summary(false).refused, refused as u64);
+}
+
+#[test]
+fn times_that_are_none_and_pauses_do_not_count() {
+    let mut controller = TWO_CORES.controller(71.0);
+    let point = controller.point();
+    let generator = point.generator.unwrap();
+    for tick in 0..400 {
+        let now_s = f64::from(tick) * PERIOD_S;
+        controller.rendered(now_s, point.quality, [f64::NAN, f64::INFINITY, -1.0][tick as usize % 3]);
+        controller.ran(now_s, generator, f64::NAN);
+        controller.rendered(now_s, FrameQuality::new(64, 3), 1000.0);
+        assert_eq!(controller.change(now_s), None);
+    }
+    // Few slow frames at a time, with pauses between.
+    for burst in 0..50 {
+        for tick in 0..6 {
+            let now_s = 100.0 + 10.0 * f64::from(burst) + f64::from(tick) * PERIOD_S;
+            controller.rendered(now_s, point.quality, 300.0);
+            controller.ran(now_s, generator, 300.0);
+            assert_eq!(controller.change(now_s), None, "burst {burst}");
+        }
+    }
+    assert!(PointController::new(Vec::new(), Vec::new(), controller.budget).is_none());
+}
