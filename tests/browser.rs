@@ -43,6 +43,7 @@ fn frame(number: u64, width: u32, height: u32) -> PresentedFrame {
         attenuation: vec![1.0; pixels],
         mask: vec![255; pixels],
         tier: None,
+        point: None,
         notice: None,
     }
 }

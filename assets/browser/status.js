@@ -65,6 +65,9 @@ export class Status {
     badge(byId("tracking"), ...TRACKING[frame.tracking]);
     contact(frame.contact);
     byId("tier").textContent = frame.tier;
+    byId("point").hidden = !frame.point;
+    byId("point_name").textContent = frame.point;
+    byId("point_reason").textContent = frame.reason;
     byId("frame_number").textContent = `frame ${frame.number}`;
     pose(frame.pose);
   }

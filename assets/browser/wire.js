@@ -1,7 +1,7 @@
 // Binary messages of the station; src/sink/browser/wire.rs has the table of their layout.
 
 const FIXED_BYTES = 176;
-const VERSION = 3;
+const VERSION = 4;
 
 export const MAP = { IMAGE: 1, SEGMENTATION: 2, ATTENUATION: 3 };
 export const SOURCES = ["LOW QUALITY", "ENHANCED", "HELD"];
@@ -24,6 +24,7 @@ export function decode(buffer, settings) {
   if (buffer.byteLength !== end + tierBytes + noticeBytes) throw new Error("a message of the wrong length");
   const flags = view.getUint8(41);
   const text = (offset, bytes) => (bytes ? new TextDecoder().decode(new Uint8Array(buffer, offset, bytes)) : "");
+  const [tier = "", point = "", reason = ""] = text(end, tierBytes).split("\n");
   const [firstByte, sampled, submitted, rendered, inferenceStart, inferenceEnd, presented] = numbers(104, 7);
   return {
     map: view.getUint8(6),
@@ -39,7 +40,9 @@ export function decode(buffer, settings) {
     times: { firstByte, sampled, submitted, rendered, inferenceStart, inferenceEnd, presented },
     contact: flags & 8 ? { part: f64(160), pressMm: f64(168) } : null,
     settings: settingsOf(settings, numbers(FIXED_BYTES, values)),
-    tier: text(end, tierBytes),
+    tier,
+    point,
+    reason,
     notice: text(end + tierBytes, noticeBytes),
     data: new Uint8Array(buffer, start, width * height),
   };

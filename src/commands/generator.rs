@@ -3,10 +3,9 @@
 use std::path::PathBuf;
 
 use clap::Parser;
-use insonify::generator::{
-    Generator, Kind, LoadOptions, Manifest, ParityReport, Provider, RunTimes, Runtime, Settings,
-};
+use insonify::generator::{Generator, Kind, LoadOptions, Manifest, ParityReport, Provider, Runtime, Settings};
 use insonify::sink::png::{self, Effort};
+use insonify::statistics::{nearest_rank, sorted};
 use serde::Serialize;
 
 use super::frame_dir::FrameDir;
@@ -144,10 +143,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 
 fn measure(generator: &mut Generator, width: u32, height: u32, runs: usize) -> Result<Option<Times>, Failure> {
     let measured = generator.measure(width, height, runs)?;
-    let mut times = RunTimes::new(runs);
-    measured.into_iter().for_each(|time| times.push(time));
-    let mut ms = |part| times.percentile(part).map(|t| t.as_secs_f64() * 1e3);
-    let [Some(min_ms), Some(p50_ms), Some(p95_ms)] = [0.0, 0.5, 0.95].map(&mut ms) else { return Ok(None) };
+    let times = sorted(measured.into_iter().map(|time| time.as_secs_f64() * 1e3));
+    let ms = |part| nearest_rank(&times, part);
+    let [Some(min_ms), Some(p50_ms), Some(p95_ms)] = [0.0, 0.5, 0.95].map(ms) else { return Ok(None) };
     Ok(Some(Times { width, height, runs, min_ms, p50_ms, p95_ms }))
 }
 

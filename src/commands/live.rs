@@ -1,29 +1,53 @@
 //! Common parts of live sessions: generators, status and dropped frames.
 
-use std::sync::Arc;
-
 use anyhow::anyhow;
-use insonify::generator::{GeneratorError, Kind, LoadedTiers, TierState, load_tiers};
-use insonify::pipeline::{Clock, Enhancer, Limits, Parts, Pipeline, QualityBudget, Status, Summary, TieredEnhancer};
+use insonify::generator::{Generator, GeneratorError, Kind, load_generators};
+use insonify::pipeline::{Enhancer, Generators, Limits, Parts, Pipeline, PointController, Status, Summary};
 use insonify::pose::{Counters, Pose};
-use insonify::render::Renderer;
+use insonify::render::{Choice, Effect, Renderer};
 use insonify::station::Station;
 
+use super::operating_points;
 use super::status_line::StatusLine;
-use super::{Classify, Failure, quality};
+use super::{Classify, Failure};
 
-/// The station's generators; `None` without models, without ONNX Runtime, or if every model is refused. Failures are
-/// logged as warnings, and the session shows rendered images.
-pub(crate) fn enhancer(station: &Station, clock: &Arc<dyn Clock>) -> Result<Option<Box<dyn Enhancer>>, Failure> {
-    if !station.generator.enabled || station.generator.models.is_empty() {
-        return Ok(None);
-    }
-    let (width, height) = (station.settings.image.width, station.settings.image.height);
-    let mut loaded = match load_tiers(&station.generator, station.tissues.names(), width, height) {
+/// Times its budget after which a generator's run is ended.
+const RUN_ENDED: f64 = 2.0;
+
+/// Generators of a session, and the controller of its operating point.
+#[derive(Default)]
+pub(crate) struct Chosen {
+    /// Generators; none: rendered frames are shown.
+    pub(crate) enhancer: Option<Box<dyn Enhancer>>,
+    /// Controller; none: the quality stays as set.
+    pub(crate) points: Option<PointController>,
+    /// The station's choice for the aperture.
+    pub(crate) aperture: Choice,
+}
+
+/// Loads the station's generators, unless they aren't wanted, and chooses the operating point at `pose`, else at the
+/// station's. The station's settings and the renderer become those of the point.
+pub(crate) fn choose(
+    renderer: &mut Renderer,
+    station: &mut Station,
+    pose: Option<Pose>,
+    generate: bool,
+) -> Result<Chosen, Failure> {
+    let aperture = station.settings.effects.of(Effect::Aperture);
+    let mut generators = if generate { generators(station)? } else { Vec::new() };
+    let points = operating_points::controller(renderer, station, &mut generators, pose)?;
+    let enhancer = Generators::new(generators).map(|generators| Box::new(generators) as Box<dyn Enhancer>);
+    Ok(Chosen { enhancer, points, aperture })
+}
+
+/// The station's generators; none without models, without ONNX Runtime, or if every model is refused. Failures are logged
+/// as warnings, and the session shows rendered images.
+fn generators(station: &Station) -> Result<Vec<Generator>, Failure> {
+    let loaded = match load_generators(&station.generator, station.tissues.names()) {
         Ok(loaded) => loaded,
         Err(error) => {
             tracing::warn!("no generator runs, the rendered image is shown: {error}");
-            return Ok(None);
+            return Ok(Vec::new());
         }
     };
     for refused in &loaded.refused {
@@ -33,41 +57,12 @@ pub(crate) fn enhancer(station: &Station, clock: &Arc<dyn Clock>) -> Result<Opti
         }
         tracing::warn!("{} is not used: {}", refused.path.display(), refused.error);
     }
-    say_tiers(&mut loaded, station.generator.budget_ms);
-    Ok(TieredEnhancer::new(loaded, clock.clone()).map(|enhancer| Box::new(enhancer) as Box<dyn Enhancer>))
-}
-
-/// Prints the time of each generator, and marks fixed filters.
-fn say_tiers(loaded: &mut LoadedTiers, budget_ms: f64) {
-    for (tier, generator) in loaded.tiers.report().iter().zip(&loaded.generators) {
-        let p50_ms = tier.p50.map_or(0.0, |t| t.as_secs_f64() * 1e3);
-        let state = match &tier.state {
-            TierState::TooSlow => ", too slow: it is not started",
-            TierState::OverBudget { .. } => ", too slow now and then: it is not started yet",
-            TierState::Ready | TierState::Failed(_) => "",
-        };
-        let kind = match generator.manifest().kind {
-            Kind::Trained => "",
-            Kind::FixedFilter => "; a fixed filter, no trained generator",
-        };
-        eprintln!("generator: {} ({p50_ms:.0} ms, budget {budget_ms} ms{state}){kind}", tier.name);
+    for generator in &loaded.generators {
+        if generator.manifest().kind == Kind::FixedFilter {
+            eprintln!("generator: {}: a fixed filter, no trained generator", generator.manifest().name);
+        }
     }
-}
-
-/// Chooses and prints the quality that fits the station's budget at `pose`, else at the station's pose. Returns the
-/// budget for the session to keep; `None` without one.
-pub(crate) fn choose_quality(
-    renderer: &mut Renderer,
-    station: &mut Station,
-    pose: Option<Pose>,
-) -> Result<Option<QualityBudget>, Failure> {
-    let Some(budget_ms) = station.quality_budget_ms else { return Ok(None) };
-    // The tracked pose is not known yet; the session later corrects a wrong choice.
-    let pose = pose.or(station.default_pose).unwrap_or(Pose::IDENTITY);
-    let climbed = renderer.choose_quality(&station.probe, &station.settings, &[pose], budget_ms)?;
-    quality::say_chosen(&climbed);
-    station.settings.quality = climbed.point().with_seed(station.settings.quality.seed);
-    Ok(Some(QualityBudget::new(&climbed)))
+    Ok(loaded.generators)
 }
 
 /// Runs a session and prints its status; `each` also receives every status.
@@ -79,7 +74,7 @@ pub(crate) fn run(
 ) -> Result<Summary, Failure> {
     let mut settings = station.pipeline;
     // Ends a generator's run that is far over its budget, not only one that hangs.
-    settings.hang_ms = settings.hang_ms.min(station.generator.budget().stop_after.as_secs_f64() * 1e3);
+    settings.hang_ms = settings.hang_ms.min(RUN_ENDED * station.generator.budget_ms);
     let mut line = StatusLine::new();
     let summary = Pipeline::run(&settings, limits, parts, |now| {
         line.set(now.elapsed_s, || status(now));

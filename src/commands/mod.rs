@@ -17,6 +17,7 @@ mod input;
 mod inspect;
 mod live;
 mod live_sinks;
+mod operating_points;
 mod output;
 mod pace;
 mod phantom;
@@ -107,6 +108,7 @@ enum Command {
     Generator(generator::Args),
     Evaluate(evaluate::Args),
     Tradeoff(tradeoff::Args),
+    Front(tradeoff::front::Args),
     Tissues(tissues::Args),
     Trackers(trackers::Args),
     StationKeys(station_keys::Args),
@@ -138,6 +140,7 @@ impl Cli {
             Command::Generator(args) => generator::run(args),
             Command::Evaluate(args) => evaluate::run(args),
             Command::Tradeoff(args) => tradeoff::run(args),
+            Command::Front(args) => tradeoff::front::run(args),
             Command::Tissues(args) => tissues::run(args),
             Command::Trackers(args) => trackers::run(args),
             Command::StationKeys(args) => station_keys::run(args),

@@ -131,13 +131,12 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     session::warn_of_effects(&scene, &station.probe, &station.settings);
     let factory = LocalRendererFactory::new(backend.clone(), scene.clone())?;
     let mut renderer = factory.build_renderer(&station.probe, &station.settings)?;
-    let quality = live::choose_quality(&mut renderer, &mut station, args.pose)?;
+    let chosen = live::choose(&mut renderer, &mut station, args.pose, !args.no_generator)?;
 
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
     let stop = Stop::new(&clock);
     on_ctrl_c(&stop, || std::process::exit(130)).context("cannot handle Ctrl-C").other()?;
     let adapter = session::adapter(&backend);
-    let enhancer = if args.no_generator { None } else { live::enhancer(&station, &clock)? };
     // Keeps the sender: the channel must stay open even if no sink takes input.
     let opened = live_sinks::open(&args.sinks, &station, &scene, &args.out, args.metrics.as_deref())?;
     let mut recorded: Option<RecordedSlot> = None;
@@ -165,8 +164,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         factory: Box::new(factory),
         probe: station.probe,
         render: station.settings,
-        quality,
-        enhancer,
+        points: chosen.points,
+        aperture: chosen.aperture,
+        enhancer: chosen.enhancer,
         sinks: opened.sinks,
         log: opened.log,
         controls: opened.controls,

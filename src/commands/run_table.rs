@@ -30,14 +30,17 @@ impl fmt::Display for SummaryTable<'_> {
             writeln!(f, "  {count:>8}  {cause}")?;
         }
         writeln!(f, "  {:>8}  ticks without a frame", s.missed_ticks)?;
-        if let Some(q) = &s.quality {
-            let (begun, ended, lowered, raised) = (&q.begun, &q.ended, q.lowered, q.raised);
+        if let Some(p) = &s.points {
+            let (begun, ended, lowered, raised) = (&p.begun, &p.ended, p.lowered, p.raised);
             write!(
                 f,
-                "quality            {begun} to {ended} for {} ms: lowered {lowered}, raised {raised}",
-                q.budget_ms
+                "quality            {begun} to {ended} for {:.0} ms: lowered {lowered}, raised {raised}",
+                p.budget_ms
             )?;
-            writeln!(f, ", refused {}{}", q.refused, if q.by_hand { ", then set by hand" } else { "" })?;
+            writeln!(f, ", refused {}{}", p.refused, if p.by_hand { ", then set by hand" } else { "" })?;
+            for change in &p.changes {
+                writeln!(f, "  {:>7.1} s        {}: {}", change.time_s, change.to, change.reason)?;
+            }
         }
         if let Some(g) = &s.generator {
             let (done, late, dropped, failed) = (g.done, g.late, g.dropped, g.failed);

@@ -36,7 +36,7 @@ pub(crate) fn scene_file(station: &Station) -> Result<PathBuf, Failure> {
 }
 
 /// Directory of generated scenes: `$INSONIFY_CACHE`, else `insonify/` in the user's cache directory.
-fn cache_directory() -> Result<PathBuf, Failure> {
+pub(crate) fn cache_directory() -> Result<PathBuf, Failure> {
     match std::env::var_os("INSONIFY_CACHE").filter(|v| !v.is_empty()) {
         Some(directory) => Ok(directory.into()),
         None => etcetera::choose_base_strategy()

@@ -12,7 +12,7 @@ use crate::anatomy::planes::StandardPlanes;
 use crate::exam::hand::{Deviation, Skill, wandered};
 use crate::exam::session::{self, PLANE_S};
 use crate::exam::{ExamError, START_TIME_NS};
-use crate::pose::{Pose, TimedPose};
+use crate::pose::{Pose, TimedPose, interpolate};
 use crate::random::SplitMix64;
 
 /// Least distance or angle between two key frames of an exam; one of them suffices.
@@ -24,6 +24,8 @@ const TRIES: usize = 40;
 const OFF_SKIN_MM: f64 = 1.0;
 /// Range of a hand's wandering about the pose of a station without standard planes.
 const WANDER: Deviation = Deviation { tilt_deg: 12.0, rock_deg: 10.0, rotate_deg: 40.0, slide_mm: 12.0 };
+/// Frame rates of live sessions, Hz.
+const FRAME_RATE_HZ: (f64, f64) = (10.0, 30.0);
 /// Length of such a session, s: the time span for moving scenes.
 const WANDER_S: f64 = 60.0;
 
@@ -89,6 +91,10 @@ pub struct Moment {
     pub pose: Pose,
     /// Seed of its frames.
     pub seed: u32,
+    /// Frame rate of the live session, Hz.
+    pub frame_rate_hz: f64,
+    /// Poses of the frames before, the oldest first.
+    pub before: Vec<Pose>,
 }
 
 /// Part `number` (from 1) of `of` parts.
@@ -183,11 +189,12 @@ impl Plan {
 }
 
 impl Exam {
-    /// The exam's key frames: spread over its session, on the skin, and apart from each other.
+    /// The exam's key frames: spread over its session, on the skin, and apart from each other. Each with the poses of
+    /// `frames_before` frames before it, at a frame rate of its own; a hand that wanders about a pose rests.
     ///
     /// # Errors
     /// As [`session::make`].
-    pub fn moments(&self, source: &Source) -> Result<Vec<Moment>, ExamError> {
+    pub fn moments(&self, source: &Source, frames_before: u32) -> Result<Vec<Moment>, ExamError> {
         let mut random = SplitMix64::new(self.seed ^ 0x6d6f_6d65_6e74);
         let count = self.tuples.len();
         let mut moments: Vec<Moment> = Vec::with_capacity(count);
@@ -222,7 +229,13 @@ impl Exam {
             let Some((time_s, pose)) = found else { continue };
             // Short enough for every reader of the manifest to recover it exactly.
             let time_s = (1e3 * time_s).round() / 1e3;
-            moments.push(Moment { index, time_s, pose, seed: whole(&mut random) as u32 });
+            let seed = whole(&mut random) as u32;
+            let frame_rate_hz = frame_rate_hz(seed);
+            let before = match source {
+                Source::Planes(..) => before(&session, time_s, frame_rate_hz, frames_before),
+                Source::About(_) => vec![pose; frames_before as usize],
+            };
+            moments.push(Moment { index, time_s, pose, seed, frame_rate_hz, before });
         }
         Ok(moments)
     }
@@ -233,6 +246,24 @@ fn at(session: &[TimedPose], part: f64) -> (f64, Pose) {
     let index = (part * session.len() as f64) as usize;
     let Some(timed) = session.get(index).or(session.last()) else { return (0.0, Pose::IDENTITY) };
     (timed.host_time_ns.saturating_sub(START_TIME_NS) as f64 * 1e-9, timed.pose)
+}
+
+/// Frame rate of a live session, Hz: drawn from `seed`.
+fn frame_rate_hz(seed: u32) -> f64 {
+    let unit = SplitMix64::new(u64::from(seed) ^ 0x7261_7465).unit();
+    // A manifest holds three decimals exactly.
+    (1e3 * (FRAME_RATE_HZ.0 + unit * (FRAME_RATE_HZ.1 - FRAME_RATE_HZ.0))).round() / 1e3
+}
+
+/// Poses of `count` frames before `time_s`, the oldest first; fewer where the session begins.
+fn before(session: &[TimedPose], time_s: f64, frame_rate_hz: f64, count: u32) -> Vec<Pose> {
+    let pose = |frames: u32| {
+        let ns = 1e9 * (time_s - f64::from(frames) / frame_rate_hz);
+        (ns >= 0.0).then(|| interpolate(session, START_TIME_NS + ns as u64, u64::MAX)).flatten()
+    };
+    let mut poses: Vec<Pose> = (1..=count).map_while(pose).collect();
+    poses.reverse();
+    poses
 }
 
 fn is_apart(a: &Pose, b: &Pose) -> bool {
@@ -312,20 +343,30 @@ mod tests {
         let skin = Skin::phantom(&parameters);
         let planes = crate::anatomy::planes::obstetric(&parameters);
         let source = Source::Planes(&planes, &skin);
-        let moments = exam.moments(&source).unwrap();
+        let moments = exam.moments(&source, 2).unwrap();
         assert_eq!(moments.iter().map(|m| m.index).collect::<Vec<_>>(), exam.tuples.clone().collect::<Vec<_>>());
         for (i, a) in moments.iter().enumerate() {
             assert!(skin.press_mm(&a.pose).unwrap() > -OFF_SKIN_MM);
             assert!(moments[..i].iter().all(|b| is_apart(&a.pose, &b.pose) && b.time_s < a.time_s && b.seed != a.seed));
         }
-        assert_eq!(exam.moments(&source).unwrap(), moments);
+        assert_eq!(exam.moments(&source, 2).unwrap(), moments);
+        for moment in &moments {
+            assert!((10.0..=30.0).contains(&moment.frame_rate_hz));
+            assert_eq!(moment.before.len(), 2);
+            // A hand moves less than a metre in a second, and the last pose before is the nearer one.
+            let far = |pose: &Pose| pose.position_mm.distance(moment.pose.position_mm);
+            assert!(moment.before.iter().all(|pose| far(pose) < 100.0), "{:?}", moment.before);
+        }
+        assert!(moments.iter().any(|m| m.before[0] != m.pose && m.before[0] != m.before[1]));
+        let same: Vec<_> = exam.moments(&source, 0).unwrap().into_iter().map(|m| (m.pose, m.seed)).collect();
+        assert_eq!(same, moments.iter().map(|m| (m.pose, m.seed)).collect::<Vec<_>>());
     }
 
     #[test]
     fn a_hand_without_planes_wanders_about_a_pose() {
         let exam = Exam { tuples: 5..25, phantom: None, ..Plan::new(&wishes()).unwrap().exams[0].clone() };
         let home = Pose { position_mm: DVec3::new(1.0, 2.0, 3.0), orientation: DQuat::from_rotation_x(1.0) };
-        let moments = exam.moments(&Source::About(home)).unwrap();
+        let moments = exam.moments(&Source::About(home), 2).unwrap();
         assert_eq!(moments.len(), 20);
         for moment in &moments {
             assert!(moment.pose.position_mm.distance(home.position_mm) < 1.5 * 1.5 * WANDER.slide_mm);

@@ -25,6 +25,9 @@ pub struct Header {
     pub attenuation_power: f32,
     /// Rays and layers of the low quality.
     pub lq: [u32; 2],
+    /// Further low qualities; tuples take all in turn.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub lq_more: Vec<[u32; 2]>,
     /// Rays and layers of the high quality.
     pub hq: [u32; 2],
     /// Compounding of both.
@@ -38,6 +41,16 @@ pub struct Header {
     pub test_share: f64,
     /// Station files, as stored in `stations/`, with the base directory of their paths.
     pub stations: Vec<StationRow>,
+}
+
+impl Header {
+    /// Rays and layers of the low quality of a tuple.
+    pub fn lq_of(&self, index: usize) -> [u32; 2] {
+        match index % (1 + self.lq_more.len()) {
+            0 => self.lq,
+            nth => self.lq_more.get(nth - 1).copied().unwrap_or(self.lq),
+        }
+    }
 }
 
 /// A station of a data set.
@@ -80,6 +93,9 @@ pub struct Row {
     pub time_s: f64,
     /// `scene_from_probe`.
     pub pose: PoseRow,
+    /// Frames before, which compound the low quality; none if it is a single look.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rolling: Option<RollingRow>,
     /// Settings that replace the station's.
     pub settings: SettingsRow,
     /// Seed of both frames.
@@ -116,7 +132,7 @@ pub struct ExamRow {
 /// Compounding of the frames of a tuple. What a look does after that isn't in data sets: it follows the generator.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CompoundingRow {
-    /// Steering angles of the low quality.
+    /// Steering angles of the low quality: those of the last frames of a live session.
     pub lq_angles: u32,
     /// Steering angles of the high quality.
     pub hq_angles: u32,
@@ -146,6 +162,15 @@ pub struct PoseRow {
     pub position_mm: [f64; 3],
     /// Unit quaternion w, x, y, z that turns probe axes into scene axes.
     pub quaternion: [f64; 4],
+}
+
+/// Frames before one of a live session: each shows one angle of a compounded picture.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RollingRow {
+    /// Frame rate, Hz.
+    pub frame_rate_hz: f64,
+    /// Poses, the oldest first; fewer where the session begins.
+    pub poses: Vec<PoseRow>,
 }
 
 /// Settings that vary between sessions.

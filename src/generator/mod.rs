@@ -3,10 +3,9 @@
 //! A generator is an `.onnx` file with a [`Manifest`] beside it. [`Generator::load`] checks both, runs the bundled
 //! parity pair on this machine and refuses a model that does not reproduce it. [`Generator::run`] translates the whole
 //! field of view: normalise, pad to the model's multiple, infer, crop, clear pixels outside the sector, round to grey
-//! levels. [`Tiers`] chooses which of several generators runs within a time budget. Without ONNX Runtime's library
-//! [`Runtime::get`] returns an error that names the remedy; rendering works without it.
+//! levels. Which of several generators runs, the pipeline's controller of operating points says. Without ONNX Runtime's
+//! library [`Runtime::get`] returns an error that names the remedy; rendering works without it.
 
-mod budget;
 mod error;
 mod features;
 #[expect(clippy::module_inception, reason = "the type of that name has a file of its own")]
@@ -20,14 +19,12 @@ mod provider;
 mod runtime;
 mod session;
 mod settings;
-mod tiers;
 
-pub use budget::{Budget, RunTimes};
 pub use error::GeneratorError;
 pub use features::{FeatureScale, OnnxFeatures};
 pub use generator::{Generator, LoadOptions};
 pub use input::Input;
-pub use load::{LoadedTiers, RefusedModel, load_tiers};
+pub use load::{LoadedGenerators, RefusedModel, load_generators};
 pub use manifest::{
     Affine, Channel, Encoding, InputManifest, Kind, Manifest, OutputManifest, ParityManifest, Quality,
     SegmentationManifest, Training, Variant,
@@ -37,4 +34,3 @@ pub use provider::Provider;
 pub use runtime::{Runtime, RuntimeError};
 pub use session::Terminator;
 pub use settings::Settings;
-pub use tiers::{Change, Outcome, RunTicket, TierReport, TierState, Tiers};

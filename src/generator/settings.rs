@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{Budget, Provider};
+use super::Provider;
 use crate::settings::settings;
 
 /// Least and greatest budget, ms.
@@ -19,22 +19,14 @@ settings! {
         /// Threads of one run; 0 is one per processor.
         threads: u32 = 0, "", 0.0..=256.0, Everything;
 
-        /// Time that one run may take; a generator that cannot keep it is not started.
+        /// Time that one run may take; not given, with `quality.budget_ms`, it is that.
         budget_ms: f64 = 50.0, "ms", BUDGET_MIN_MS..=BUDGET_MAX_MS, Everything;
     }
     plain {
-        /// Models (`.onnx`, each with its manifest), the best first. If empty, the station shows rendered frames.
+        /// Models (`.onnx`, each with its manifest); of a fixed quality, the best first. If empty, the station shows
+        /// rendered frames.
         models: Vec<PathBuf> = Vec::new(), Everything;
         /// Execution provider.
         provider: Provider = Provider::Cpu, Everything;
-    }
-}
-
-impl Settings {
-    /// The budget, with the limits derived from it.
-    pub fn budget(&self) -> Budget {
-        // `max` before `min`, so that NaN becomes the least.
-        let [least, greatest] = [BUDGET_MIN_MS, BUDGET_MAX_MS];
-        Budget::new(std::time::Duration::from_secs_f64(self.budget_ms.max(least).min(greatest) / 1000.0))
     }
 }

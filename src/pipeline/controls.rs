@@ -54,7 +54,7 @@ impl Controls {
                     self.live = changed;
                     changes.applied += 1;
                     let is_quality = |key: &str| Quality::settings().iter().any(|setting| setting.key == key);
-                    changes.quality |= assignments.iter().any(|assignment| is_quality(&assignment.key));
+                    changes.quality |= assignments.iter().any(|a| is_quality(&a.key) || a.key == "angles");
                 }
                 Err(reason) => {
                     changes.refused += 1;
@@ -93,7 +93,8 @@ mod tests {
             let (controls, changes, refused) = apply(&[Control::Set(vec![assignment.clone()])]);
             assert_eq!(controls.live.stored(setting.key).unwrap().get(assignment.index), other, "{}", setting.key);
             assert!(refused.is_empty());
-            let [quality, picture] = [setting.table == "quality", setting.table != "session"];
+            let quality = setting.table == "quality" || setting.key == "angles";
+            let picture = setting.table != "session";
             assert_eq!(changes, Changes { picture, any: true, quality, quit: false, applied: 1, refused: 0 });
         }
         assert_eq!(apply(&[Control::Quit]).1, Changes { quit: true, applied: 1, ..Changes::default() });

@@ -7,8 +7,8 @@ use tracing::field::Empty;
 
 use super::clock::{Clock, NEVER, lock, ms};
 use super::events::Events;
-use super::generator_link::GeneratorLink;
-use super::parts::{Enhancer, Readiness};
+use super::generator_link::{GeneratorLink, Run, RunEnd};
+use super::parts::{EnhanceError, Enhancer};
 use super::rendered::Rendered;
 use super::slot::{Slot, Taken};
 use crate::sink::live::FrameInfo;
@@ -34,7 +34,7 @@ pub(super) struct Generated {
     pub(super) run: (Duration, Duration),
     /// Deadline of that frame.
     pub(super) deadline: Duration,
-    /// Tier of the generator.
+    /// Name of the generator.
     pub(super) tier: String,
 }
 
@@ -62,10 +62,13 @@ impl GenerateStage {
         let mut health = Health { failures: 0, rest: REST.0, resting_until: Duration::ZERO };
         while let Taken::Item(rendered) = self.from_renderer.take(NEVER) {
             let number = rendered.info.number;
-            if self.takes(&rendered, &health) {
-                self.translate(rendered, &mut pool, &mut health);
-            } else {
-                lock(&self.link.state).counts.dropped += 1;
+            let rests = self.clock.now() < health.resting_until;
+            self.link.rests(rests);
+            // After a rest the first frames were rendered without maps.
+            let ready = |generator: &usize| !rests && (rendered.maps || !self.enhancer.reads_maps(*generator));
+            match rendered.generator.filter(ready) {
+                Some(generator) => self.translate(rendered, generator, &mut pool, &mut health),
+                None => lock(&self.link.state).counts.dropped += 1,
             }
             self.link.done_with(number, &*self.clock);
             // Without a generated picture, the presenter must not wait until the deadline.
@@ -74,37 +77,32 @@ impl GenerateStage {
         self.to_presenter.close();
     }
 
-    /// Whether the frame can be translated. Also publishes which inputs the next frames need.
-    fn takes(&mut self, rendered: &Rendered, health: &Health) -> bool {
-        let readiness = match self.clock.now() < health.resting_until {
-            true => Readiness::Rests,
-            false => self.enhancer.ready(rendered.maps),
-        };
-        // A resting generator reads no maps.
-        let reads_maps = self.clock.now() >= health.resting_until && self.enhancer.reads_maps();
-        self.link.say(readiness == Readiness::Rests, reads_maps);
-        readiness == Readiness::Runs
-    }
-
-    fn translate(&mut self, rendered: Arc<Rendered>, pool: &mut Pool<Generated>, health: &mut Health) {
+    fn translate(
+        &mut self,
+        rendered: Arc<Rendered>,
+        generator: usize,
+        pool: &mut Pool<Generated>,
+        health: &mut Health,
+    ) {
         let started = self.clock.now();
-        let frame = rendered.info.number;
+        let number = rendered.info.number;
+        let frame = number;
         let span = tracing::debug_span!("infer", frame, started_ms = ms(started), ended_ms = Empty).entered();
-        self.link.begin(rendered.info.number, started);
+        self.link.begin(number, started);
         let filled = pool.fill(|generated| {
             let frame = rendered.frame.read().unwrap_or_else(PoisonError::into_inner);
             generated.image.clear();
-            let result = self.enhancer.enhance(&frame, &mut generated.image).map_err(|e| e.to_string());
+            let result = self.enhancer.enhance(generator, &frame, &mut generated.image);
             let (found, expected) = (generated.image.len(), frame.bmode.len());
             if result.is_ok() && found != expected {
-                return Err(format!("it gave {found} pixels for a frame of {expected}"));
+                return Err(EnhanceError::Failed(format!("it gave {found} pixels for a frame of {expected}")));
             }
             generated.info = rendered.info;
             generated.size = (frame.width, frame.height);
             generated.deadline = rendered.deadline;
             generated.run = (started, self.clock.now());
             generated.tier.clear();
-            generated.tier.push_str(self.enhancer.tier());
+            generated.tier.push_str(self.enhancer.name(generator));
             result
         });
         // Released early: the presenter can then move the frame instead of copying it.
@@ -117,6 +115,11 @@ impl GenerateStage {
             self.events.info(&format!("the generator that was given up is back after {after_s:.1} s"));
         }
         let mut state = lock(&self.link.state);
+        let ended_as = match &filled {
+            Some((_, Err(EnhanceError::Failed(reason)))) => RunEnd::Failed(reason.clone()),
+            _ => RunEnd::Done,
+        };
+        state.report(Run { generator, frame: number, took, end: ended_as });
         match filled {
             Some((generated, Ok(()))) => {
                 state.took(took);
@@ -129,16 +132,16 @@ impl GenerateStage {
             Some((_, Err(reason))) => {
                 state.counts.failed += 1;
                 drop(state);
-                self.failed(&reason, health);
+                self.failed(generator, &reason.to_string(), health);
             }
             None => state.counts.dropped += 1,
         }
     }
 
     /// Handles a failed run: after [`FAILURES`] in a row the generator rests, longer each time.
-    fn failed(&self, reason: &str, health: &mut Health) {
+    fn failed(&self, generator: usize, reason: &str, health: &mut Health) {
         health.failures += 1;
-        let tier = self.enhancer.tier();
+        let tier = self.enhancer.name(generator);
         if health.failures < FAILURES {
             if health.failures == 1 {
                 self.events.warn(format!("generator {tier} failed: {reason}; the rendered frame is shown"));

@@ -1,5 +1,6 @@
 //! Generator state shared with the other stages: current run, predicted duration and required inputs.
 
+use std::collections::VecDeque;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -19,6 +20,30 @@ const FORGET: f64 = 1.0625;
 
 /// Frames without a wait after which one waits: otherwise every run is disturbed and the estimate never falls.
 const TRY_AGAIN: u32 = 16;
+
+/// Runs that may wait to be read.
+const RUNS_WAITING: usize = 16;
+
+/// End of a run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum RunEnd {
+    /// It gave a picture, or was terminated.
+    Done,
+    /// It failed, for this reason.
+    Failed(String),
+}
+
+/// A run that ended.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Run {
+    /// Index of the generator.
+    pub(super) generator: usize,
+    /// Number of the frame.
+    pub(super) frame: u64,
+    /// Duration.
+    pub(super) took: Duration,
+    pub(super) end: RunEnd,
+}
 
 /// Watchdog state of one run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -47,6 +72,8 @@ pub(super) struct GeneratorState {
     passed_over: u32,
     /// Watchdog state of the current run.
     hang: Hang,
+    /// Runs that the controller of operating points has not read yet, the oldest first.
+    runs: VecDeque<Run>,
     pub(super) counts: GeneratorSummary,
 }
 
@@ -59,6 +86,14 @@ impl GeneratorState {
             Duration::ZERO => time,
             least => time.min(least.mul_f64(FORGET)),
         };
+    }
+
+    /// Records a run for the controller. The oldest goes if nobody reads them.
+    pub(super) fn report(&mut self, run: Run) {
+        if self.runs.len() == RUNS_WAITING {
+            self.runs.pop_front();
+        }
+        self.runs.push_back(run);
     }
 
     /// Whether a frame waits for the generator, `until` at the latest.
@@ -90,10 +125,10 @@ pub(super) struct GeneratorLink {
     on_processors: bool,
     /// Notified after each frame that the generator translated or skipped.
     done: Signal,
-    /// Whether the generator takes no frames: after failures, or while no tier meets the budget.
+    /// Whether the generator takes no frames after failures.
     rests: AtomicBool,
-    /// Whether the current tier reads the frames' maps.
-    reads_maps: AtomicBool,
+    /// Whether each generator reads the frames' maps.
+    reads_maps: Vec<bool>,
 }
 
 impl GeneratorLink {
@@ -105,13 +140,18 @@ impl GeneratorLink {
             on_processors: enhancer.on_processors(),
             done: Signal::default(),
             rests: AtomicBool::new(false),
-            reads_maps: AtomicBool::new(enhancer.reads_maps()),
+            reads_maps: (0..enhancer.generators()).map(|generator| enhancer.reads_maps(generator)).collect(),
         }
     }
 
-    /// Whether the generator reads the frames' maps.
-    pub(super) fn reads_maps(&self) -> bool {
-        self.reads_maps.load(Ordering::Relaxed)
+    /// Whether a generator reads the frames' maps.
+    pub(super) fn reads_maps(&self, generator: usize) -> bool {
+        self.reads_maps.get(generator).is_some_and(|reads| *reads) && !self.rests.load(Ordering::Relaxed)
+    }
+
+    /// Takes the oldest run that nobody has read.
+    pub(super) fn next_run(&self) -> Option<Run> {
+        lock(&self.state).runs.pop_front()
     }
 
     /// Records that frame `number` is about to be handed to the generator.
@@ -130,11 +170,9 @@ impl GeneratorLink {
         waits
     }
 
-    /// Publishes the generator's state to the other stages: whether it takes no frames, and whether its current tier
-    /// reads the maps.
-    pub(super) fn say(&self, rests: bool, reads_maps: bool) {
+    /// Publishes to the other stages whether the generator takes no frames.
+    pub(super) fn rests(&self, rests: bool) {
         self.rests.store(rests, Ordering::Relaxed);
-        self.reads_maps.store(reads_maps, Ordering::Relaxed);
     }
 
     /// Records the start of a run on frame `number`.

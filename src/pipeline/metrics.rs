@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::clock::{lock, ms, smoothed};
 use super::histogram::Histogram;
-use super::quality_budget::QualitySummary;
+use super::point_control::PointSummary;
 use crate::pose::TrackingState;
 use crate::sink::live::{FrameInfo, FrameSource, PresentedFrame};
 use crate::statistics::upper_median;
@@ -67,8 +67,8 @@ pub(super) struct Metrics {
     pub(super) refused: AtomicU64,
     /// Expected time from sampling to presentation, ns.
     expected_ns: AtomicU64,
-    /// Summary of the quality controller; none without a budget.
-    quality: Mutex<Option<QualitySummary>>,
+    /// Operating points so far; none if the quality is fixed.
+    points: Mutex<Option<PointSummary>>,
     shown: Mutex<Shown>,
 }
 
@@ -175,14 +175,14 @@ impl Metrics {
         Duration::from_nanos(self.expected_ns.load(Ordering::Relaxed))
     }
 
-    /// Stores the quality controller's summary so far.
-    pub(super) fn set_quality(&self, summary: QualitySummary) {
-        *lock(&self.quality) = Some(summary);
+    /// Stores the operating points so far.
+    pub(super) fn set_points(&self, summary: PointSummary) {
+        *lock(&self.points) = Some(summary);
     }
 
-    /// Summary of the quality controller; none without a budget.
-    pub(super) fn quality(&self) -> Option<QualitySummary> {
-        lock(&self.quality).clone()
+    /// Operating points so far; none if the quality is fixed.
+    pub(super) fn points(&self) -> Option<PointSummary> {
+        lock(&self.points).clone()
     }
 
     /// Calls `look` with the statistics of presented frames.

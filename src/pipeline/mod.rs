@@ -16,14 +16,14 @@ mod deadline;
 mod events;
 mod generate_stage;
 mod generator_link;
+mod generators;
 mod histogram;
 mod local_renderer;
 mod metrics;
 mod pace;
 mod parts;
-pub mod point_control;
+mod point_control;
 mod presenter;
-mod quality_budget;
 mod recorded;
 mod render_stage;
 mod rendered;
@@ -35,20 +35,20 @@ mod sink_stage;
 mod slot;
 mod sources;
 mod summary;
-mod tiered;
 mod tracked;
 
 pub use clock::{Clock, NEVER, Signal, SystemClock};
 pub use controls::CONTROLS_WAITING;
 pub use deadline::Chooser;
 pub use events::Observer;
+pub use generators::Generators;
 pub use histogram::{Histogram, Percentiles};
 pub use local_renderer::LocalRendererFactory;
 pub use metrics::{Status, memory_bytes};
 pub use parts::{
-    EnhanceError, Enhancer, FrameRenderer, ImageShape, PoseSource, Readiness, RenderFault, RendererFactory, Terminator,
+    EnhanceError, Enhancer, FrameRenderer, ImageShape, PoseSource, RenderFault, RendererFactory, Terminator,
 };
-pub use quality_budget::{QualityBudget, QualityChange, QualitySummary};
+pub use point_control::{Candidate, FrameBudget, PointChange, PointController, PointSummary, Switch};
 pub use recorded::{RecordedSlot, RecorderPart, RecordingObserver};
 pub use replayed::{OtherSetting, ReplayedControls, ReplayedPoses};
 pub use session::{Limits, Parts, Pipeline, PipelineError};
@@ -57,5 +57,4 @@ pub use simulated::SimulatedClock;
 pub use slot::{Slot, Taken};
 pub use sources::StandingPose;
 pub use summary::{GeneratorSummary, SinkSummary, Summary};
-pub use tiered::TieredEnhancer;
 pub use tracked::{TrackedPoses, TrackerPart};

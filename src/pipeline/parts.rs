@@ -83,40 +83,35 @@ pub trait RendererFactory: Send {
 
 /// Failure to translate a frame.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
-#[error("{0}")]
-pub struct EnhanceError(pub String);
+pub enum EnhanceError {
+    /// The run was terminated because it took too long.
+    #[error("the run was terminated")]
+    Terminated,
+    /// Any other cause.
+    #[error("{0}")]
+    Failed(String),
+}
 
 /// Function that terminates a run of an [`Enhancer`] from another thread.
 pub type Terminator = Arc<dyn Fn() + Send + Sync>;
 
-/// Outcome of offering a frame to an [`Enhancer`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Readiness {
-    /// The frame is translated.
-    Runs,
-    /// The frame lacks maps that the generator reads.
-    NeedsMaps,
-    /// The generator rests.
-    Rests,
-}
-
-/// Translates rendered frames to generated ones.
+/// Generators that translate rendered frames, by index.
 pub trait Enhancer: Send {
-    /// Name of the active tier.
-    fn tier(&self) -> &str;
+    /// Number of generators, at least one.
+    fn generators(&self) -> usize {
+        1
+    }
+
+    /// Name of a generator.
+    fn name(&self, generator: usize) -> &str;
 
     /// Whether it runs on the CPU instead of a separate device.
     fn on_processors(&self) -> bool {
         false
     }
 
-    /// Whether the next frame can be translated; `maps` says whether it has its maps. Skipping a frame is no failure.
-    fn ready(&mut self, maps: bool) -> Readiness {
-        if maps || !self.reads_maps() { Readiness::Runs } else { Readiness::NeedsMaps }
-    }
-
-    /// Whether the next frames need segmentation and attenuation, as of the last [`Enhancer::ready`].
-    fn reads_maps(&self) -> bool {
+    /// Whether a generator reads segmentation or attenuation.
+    fn reads_maps(&self, _generator: usize) -> bool {
         true
     }
 
@@ -124,7 +119,7 @@ pub trait Enhancer: Send {
     ///
     /// # Errors
     /// The run fails, is terminated, or yields non-finite values.
-    fn enhance(&mut self, frame: &Frame, out: &mut Vec<u8>) -> Result<(), EnhanceError>;
+    fn enhance(&mut self, generator: usize, frame: &Frame, out: &mut Vec<u8>) -> Result<(), EnhanceError>;
 
     /// Function that terminates an overlong run; none if the provider cannot be stopped.
     fn terminator(&self) -> Option<Terminator>;

@@ -96,7 +96,7 @@ impl Presenter {
     /// Waits for the frame's own generated picture while it is expected before the deadline.
     fn await_own(&self, rendered: &Rendered, state: &mut State) {
         let Some(generator) = &self.generator else { return };
-        if !state.chooser.waits() || !rendered.info.settings.enhance || rendered.info.pose().is_none() {
+        if !state.chooser.waits() || rendered.generator.is_none() || rendered.info.pose().is_none() {
             return;
         }
         loop {
@@ -115,8 +115,7 @@ impl Presenter {
     }
 
     fn choose(&self, rendered: &Rendered, state: &mut State) -> FrameSource {
-        let enhanced = rendered.info.settings.enhance && self.generator.is_some();
-        let Some(pose) = rendered.info.pose().filter(|_| enhanced) else {
+        let Some(pose) = rendered.info.pose().filter(|_| rendered.generator.is_some()) else {
             state.chooser.reset();
             return FrameSource::LowQuality;
         };
@@ -164,6 +163,7 @@ impl Presenter {
                 (Some(held), Some(tier)) => tier.clone_from(&held.tier),
                 (held, tier) => *tier = held.map(|held| held.tier.clone()),
             }
+            frame.point.clone_from(&rendered.point);
             self.events.notice_into(&mut frame.notice);
             let inference = held.filter(|held| held.info.number == rendered.info.number).map(|held| held.run);
             let presented = self.clock.now();

@@ -1,11 +1,11 @@
 //! A rendered frame between the stages.
 
-use std::sync::RwLock;
+use std::sync::{Arc, RwLock};
 use std::time::Duration;
 
 use super::parts::ImageShape;
 use crate::render::Frame;
-use crate::sink::live::FrameInfo;
+use crate::sink::live::{FrameInfo, PointText};
 
 /// A frame between the stages: rendered, or black if there is no picture.
 #[derive(Debug, Default)]
@@ -20,6 +20,10 @@ pub(super) struct Rendered {
     pub(super) deadline: Duration,
     /// Whether it was rendered with its maps.
     pub(super) maps: bool,
+    /// Generator that translates it; none: it is shown as it is.
+    pub(super) generator: Option<usize>,
+    /// Operating point, for viewers; none if the quality is fixed.
+    pub(super) point: Option<Arc<PointText>>,
 }
 
 /// Makes `frame` a black frame of this size.

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::histogram::Percentiles;
-use super::quality_budget::QualitySummary;
+use super::point_control::PointSummary;
 
 /// Summary of one sink.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
@@ -86,8 +86,8 @@ pub struct Summary {
     pub controls: u64,
     /// Controls refused because a value was out of range.
     pub controls_refused: u64,
-    /// Summary of the quality controller; none without a budget.
-    pub quality: Option<QualitySummary>,
+    /// Operating points; none if the quality was fixed.
+    pub points: Option<PointSummary>,
     /// Summary of the generator; none without one.
     pub generator: Option<GeneratorSummary>,
     /// Summary of each sink.

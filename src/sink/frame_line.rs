@@ -37,6 +37,9 @@ pub struct FrameLine<'a> {
     pub presented_ms: f64,
     /// Generator tier at work.
     pub tier: Option<&'a str>,
+    /// Operating point; none if the quality is fixed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub point: Option<&'a str>,
     /// Whether the picture is frozen.
     pub frozen: bool,
     /// Latest fault.
@@ -62,6 +65,7 @@ impl<'a> FrameLine<'a> {
             inference_ms: times.inference.map(|(start, end)| [ms(start), ms(end)]),
             presented_ms: ms(times.presented),
             tier: frame.tier.as_deref(),
+            point: frame.point.as_deref().map(|point| &*point.name),
             frozen: frame.info.settings.frozen,
             notice: frame.notice.as_deref(),
         }

@@ -94,8 +94,19 @@ pub struct PresentedFrame {
     pub mask: Vec<u8>,
     /// Name of the generator tier at work; none on low quality.
     pub tier: Option<String>,
+    /// Operating point; none if the quality is fixed.
+    pub point: Option<Arc<PointText>>,
     /// Recent fault, to be shown to viewers.
     pub notice: Option<String>,
+}
+
+/// Operating point of a frame, for viewers.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct PointText {
+    /// Rays × layers, angles and generator.
+    pub name: String,
+    /// Why it was chosen.
+    pub reason: String,
 }
 
 impl PresentedFrame {

@@ -34,15 +34,21 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let mut settings = super::quality::settings(&section(&mut root, "image")?, &quality_values)?;
     settings.contact = group(&mut root, "contact")?;
     settings.receiver = group(&mut root, "receiver")?;
-    settings.look = look(&section(&mut root, "look")?);
+    let look_values = section(&mut root, "look")?;
+    settings.look = look(&look_values);
     let quality_budget_ms = quality_values.number("budget_ms");
+    let angles_open = quality_budget_ms.is_some() && !look_values.has("angles") && !look_values.has("preset");
     let backend = section(&mut root, "render")?.text("backend").and_then(|word| word.parse().ok()).unwrap_or_default();
     settings.effects = super::effects::choices(&section(&mut root, "effects")?);
     let default_pose = pose(&mut root)?;
     let filter = group(&mut root, "filter")?;
     let calibration = calibration::source(&section(&mut root, "calibration")?, dir)?;
     let tracker = super::tracker_table::settings(&section(&mut root, "tracker")?, default_pose, dir)?;
-    let generator = super::generator::settings(&section(&mut root, "generator")?, dir);
+    let generator_values = section(&mut root, "generator")?;
+    let mut generator = super::generator::settings(&generator_values, dir);
+    if let Some(budget_ms) = quality_budget_ms.filter(|_| !generator_values.has("budget_ms")) {
+        generator.budget_ms = budget_ms;
+    }
     let openigtlink = optional(&mut root, "openigtlink")?.map(|v| super::openigtlink::settings(&v)).transpose()?;
     let browser = optional(&mut root, "browser")?.map(|values| super::browser::settings(&values)).transpose()?;
     let window = optional(&mut root, "window")?
@@ -58,6 +64,7 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
         settings,
         backend,
         quality_budget_ms,
+        angles_open,
         tissues,
         default_pose,
         filter,

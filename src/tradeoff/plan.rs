@@ -140,7 +140,7 @@ mod tests {
             }
             let swept: std::collections::BTreeSet<_> = points.iter().map(|p| p.sweep).collect();
             assert_eq!(swept.len(), 10);
-            assert!(points.len() <= if quick { 32 } else { 58 });
+            assert!(points.len() <= if quick { 34 } else { 58 });
         }
     }
 

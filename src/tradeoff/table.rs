@@ -110,7 +110,7 @@ mod tests {
         points[1].time.passes.clear();
         let csv = csv(&points);
         let columns: Vec<usize> = csv.lines().map(|line| line.split(',').count()).collect();
-        assert_eq!(columns, [30; 3], "{csv}");
+        assert_eq!(columns, [33; 3], "{csv}");
         assert!(csv.contains("trace_ms") && csv.contains("\n1x1,rays x layers,,1,1,"), "{csv}");
     }
 
@@ -129,7 +129,7 @@ mod tests {
         points[0].error.pkl = None;
         let table = markdown(&points);
         let rows: Vec<&str> = table.lines().skip(2).collect();
-        assert_eq!(rows[0], "| **1x1 (LQ)** | 10.0 | 12.5 | 2.25 | 25.50 | 20.00 | 50.0 | 25.0 | 12.5 | front |");
+        assert_eq!(rows[0], "| **1x1 (LQ)** | 10.0 | 12.5 | 25.50 | 2.25 | 20.00 | 50.0 | 25.0 | 12.5 | front |");
         assert!(rows[1].starts_with("| 32x3 (HQ), all effects | 90.0 |"), "{table}");
         assert!(rows[1].ends_with("| - | 12.5 | all effects |"), "{table}");
     }

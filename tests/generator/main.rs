@@ -6,21 +6,18 @@
 
 mod evaluate;
 mod seams;
-mod tiers;
 
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use std::sync::Arc;
-use std::time::Duration;
 
 use insonify::anatomy::TissueTable;
 use insonify::generator::{
-    Budget, FeatureScale, Generator, GeneratorError, Input, LoadOptions, LoadedTiers, OnnxFeatures, Provider, Runtime,
-    Settings, TierState, Tiers, load_tiers,
+    FeatureScale, Generator, GeneratorError, Input, LoadOptions, OnnxFeatures, Provider, Runtime, Settings,
+    load_generators,
 };
-use insonify::pipeline::{Clock, Enhancer, Readiness, SimulatedClock, TieredEnhancer};
+use insonify::pipeline::{Enhancer, Generators};
 use insonify::quality::{FeatureExtractor, frechet_distance_of};
 use insonify::render::Frame;
 use insonify::sink::png::{self, Effort};
@@ -437,7 +434,7 @@ fn broken_truncated_and_foreign_models_are_refused_and_the_others_are_used() {
     let models = [&not_numbers.1, &truncated.1, &foreign.1, &other_channels.1, &model("identity")].map(Clone::clone);
     let settings = Settings { models: models.to_vec(), threads: 1, budget_ms: 10_000.0, ..Settings::default() };
     let tissues = TISSUES.map(str::to_owned);
-    let mut loaded = load_tiers(&settings, &tissues, 40, 30).unwrap();
+    let mut loaded = load_generators(&settings, &tissues).unwrap();
     let words: [&[&str]; 4] = [
         &["`blur`", "not finite"],
         &["ONNX Runtime cannot use", "identity.onnx"],
@@ -452,11 +449,11 @@ fn broken_truncated_and_foreign_models_are_refused_and_the_others_are_used() {
     let maps = Maps::new((40, 30));
     let mut out = Vec::new();
     loaded.generators[0].run(&maps.input(), &mut out).unwrap();
-    assert_eq!((loaded.tiers.current(), out), (Some(0), maps.image));
+    assert_eq!((loaded.generators.len(), out), (1, maps.image));
     // Without a valid model the station has none, and shows its rendered frames.
     let none = Settings { models: models[..4].to_vec(), ..settings };
-    let loaded = load_tiers(&none, &tissues, 40, 30).unwrap();
-    assert!(loaded.generators.is_empty() && loaded.tiers.current().is_none() && loaded.refused.len() == 4);
+    let loaded = load_generators(&none, &tissues).unwrap();
+    assert!(loaded.generators.is_empty() && loaded.refused.len() == 4);
 }
 
 #[test]
@@ -497,22 +494,17 @@ fn the_texture_network_distinguishes_textures() {
 }
 
 #[test]
-fn a_station_uses_the_valid_and_fast_models() {
+fn a_station_uses_the_valid_models() {
     let models = ["wrong_parity", "slow", "identity"].map(model).to_vec();
-    let settings = Settings { models, threads: 1, budget_ms: 1.0, ..Settings::default() };
-    let mut loaded = load_tiers(&settings, &[], 320, 320).unwrap();
+    let settings = Settings { models, threads: 1, ..Settings::default() };
+    let loaded = load_generators(&settings, &[]).unwrap();
     assert_eq!(loaded.refused.len(), 1);
     assert_says(&loaded.refused[0].error, &["wrong_parity.onnx"]);
     let names: Vec<_> = loaded.generators.iter().map(|g| g.manifest().name.as_str()).collect();
     assert_eq!(names, ["slow", "identity"]);
-    let report = loaded.tiers.report();
-    // 2.3 billion operations take any processor core more than a millisecond.
-    assert_eq!((report[0].name.as_str(), &report[0].state), ("slow", &TierState::TooSlow));
-    assert_ne!(loaded.tiers.current(), Some(0));
 
     let off = Settings { enabled: false, ..settings };
-    let loaded = load_tiers(&off, &[], 320, 320).unwrap();
-    assert!(loaded.generators.is_empty() && loaded.tiers.current().is_none());
+    assert!(load_generators(&off, &[]).unwrap().generators.is_empty());
 }
 
 #[test]
@@ -636,18 +628,13 @@ fn a_feature_extractor_returns_its_features() {
 }
 
 #[test]
-fn a_tier_that_reads_maps_starts_with_a_frame_that_has_them() {
-    let (better, fast) = (load("weighted_maps"), load("blur"));
-    let budget = Budget::new(Duration::from_millis(20));
-    let mut tiers = Tiers::new(budget);
-    tiers.add("weighted_maps", &[10, 30].map(Duration::from_millis));
-    tiers.add("blur", &[]);
-    let loaded = LoadedTiers { generators: vec![better, fast], tiers, refused: Vec::new() };
-    let clock: Arc<dyn Clock> = Arc::new(SimulatedClock::new());
-    let mut enhancer = TieredEnhancer::new(loaded, clock.clone()).unwrap();
-    assert!(enhancer.on_processors());
+fn a_pipeline_runs_generators_by_index() {
+    let mut enhancer = Generators::new(vec![load("weighted_maps"), load("blur")]).unwrap();
+    assert!(enhancer.on_processors() && enhancer.generators() == 2);
+    assert_eq!([0, 1, 2].map(|index| enhancer.reads_maps(index)), [true, false, false]);
+    assert_eq!([0, 1, 2].map(|index| enhancer.name(index).to_owned()), ["weighted_maps", "blur", "none"]);
     let maps = Maps::new((20, 10));
-    let with = Frame {
+    let frame = Frame {
         width: 20,
         height: 10,
         bmode: maps.image.clone(),
@@ -656,19 +643,13 @@ fn a_tier_that_reads_maps_starts_with_a_frame_that_has_them() {
         mask: maps.mask.clone(),
         ..Frame::default()
     };
-    let without = Frame { segmentation: Vec::new(), attenuation: Vec::new(), ..with.clone() };
-    let mut out = Vec::new();
-    for _ in 0..budget.settle {
-        assert_eq!((enhancer.ready(false), enhancer.reads_maps()), (Readiness::Runs, false));
-        enhancer.enhance(&without, &mut out).unwrap();
+    let mut outputs = [const { Vec::new() }; 2];
+    for (index, out) in outputs.iter_mut().enumerate() {
+        enhancer.enhance(index, &frame, out).unwrap();
+        assert_eq!(out.len(), 200);
     }
-    clock.sleep_until(budget.hold);
-    // It is due: frames with maps are requested, and frames without them continue as before.
-    assert_eq!((enhancer.ready(false), enhancer.reads_maps()), (Readiness::Runs, true));
-    enhancer.enhance(&without, &mut out).unwrap();
-    assert_eq!(enhancer.tier(), "blur");
-    assert_eq!((enhancer.ready(true), enhancer.reads_maps()), (Readiness::Runs, true));
-    enhancer.enhance(&with, &mut out).unwrap();
-    assert_eq!(enhancer.tier(), "weighted_maps");
-    assert_eq!((enhancer.ready(false), enhancer.reads_maps()), (Readiness::NeedsMaps, true));
+    assert_ne!(outputs[0], outputs[1]);
+    let error = enhancer.enhance(2, &frame, &mut Vec::new()).unwrap_err().to_string();
+    assert!(error.contains("no generator 2"), "{error}");
+    assert!(Generators::new(Vec::new()).is_none());
 }

@@ -173,7 +173,7 @@ pub(super) struct Translate<F> {
 }
 
 impl<F: FnMut(&Frame, &mut Vec<u8>) -> Result<(), EnhanceError> + Send> Enhancer for Translate<F> {
-    fn tier(&self) -> &str {
+    fn name(&self, _: usize) -> &str {
         "fake"
     }
 
@@ -181,7 +181,7 @@ impl<F: FnMut(&Frame, &mut Vec<u8>) -> Result<(), EnhanceError> + Send> Enhancer
         self.on_processors
     }
 
-    fn enhance(&mut self, frame: &Frame, out: &mut Vec<u8>) -> Result<(), EnhanceError> {
+    fn enhance(&mut self, _: usize, frame: &Frame, out: &mut Vec<u8>) -> Result<(), EnhanceError> {
         (self.work)(frame, out)
     }
 

@@ -26,7 +26,7 @@ fn a_frame_whose_run_fails_is_shown_as_soon_as_it_has() {
         let fails = run % 20 == 0;
         clock_of_run.sleep_until(clock_of_run.now() + if fails { 10 * MS } else { 30 * MS });
         out.resize(frame.bmode.len(), 200);
-        if fails { Err(EnhanceError("pixel 7 is NaN".to_owned())) } else { Ok(()) }
+        if fails { Err(EnhanceError::Failed("pixel 7 is NaN".to_owned())) } else { Ok(()) }
     };
     let enhancer = Some(translate(work));
     let summary = Session { enhancer, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
@@ -99,7 +99,7 @@ fn a_generator_that_gives_nonsense_rests_and_is_tried_again() {
         run += 1;
         match run {
             20 => out.resize(frame.bmode.len() - 1, 0),
-            21..=40 => return Err(EnhanceError("pixel 7 is NaN".to_owned())),
+            21..=40 => return Err(EnhanceError::Failed("pixel 7 is NaN".to_owned())),
             _ => out.resize(frame.bmode.len(), 200),
         }
         Ok(())

@@ -79,7 +79,7 @@ fn a_generator_that_hangs_is_terminated_where_its_provider_can() {
         run += 1;
         if run == 40 {
             clock_of.wait(&stopped, stopped.generation(), NEVER);
-            return Err(EnhanceError("terminated".to_owned()));
+            return Err(EnhanceError::Terminated);
         }
         clock_of.sleep_until(clock_of.now() + 20 * MS);
         out.resize(frame.bmode.len(), 200);

@@ -31,12 +31,12 @@ use std::time::Duration;
 
 use glam::{DQuat, DVec3};
 use insonify::pipeline::{
-    Clock, EnhanceError, Enhancer, FrameRenderer, ImageShape, Limits, NEVER, Observer, Part, Parts, Pipeline,
-    PoseSource, QualityBudget, QualitySummary, Readiness, RenderFault, RendererFactory, SimulatedClock, Stop, Summary,
+    Candidate, Clock, EnhanceError, Enhancer, FrameBudget, FrameRenderer, ImageShape, Limits, NEVER, Observer, Part,
+    Parts, Pipeline, PointController, PoseSource, RenderFault, RendererFactory, SimulatedClock, Stop, Summary,
     SystemClock, Terminator,
 };
 use insonify::pose::{Estimate, Pose, TrackingState};
-use insonify::render::{Frame, Quality, QualityPoint, RenderSettings, climb};
+use insonify::render::{Choice, Frame, FrameQuality, Quality, QualityPoint, RenderSettings};
 use insonify::settings::{Assignment, ChoiceSettings, Control, LiveSettings, PipelineSettings};
 use insonify::sink::live::{FrameSource, LiveSink, MapsWanted, PresentedFrame};
 use insonify::sink::{FrameLog, SinkError};

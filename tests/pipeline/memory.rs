@@ -46,7 +46,7 @@ fn ten_minutes_with_everything_going_wrong_leave_memory_and_latency_flat() {
         run += 1;
         clock_of.sleep_until(clock_of.now() + (60 + 37 * (run % 5) as u32) * MS);
         if run.is_multiple_of(97) {
-            return Err(EnhanceError("NaN".to_owned()));
+            return Err(EnhanceError::Failed("NaN".to_owned()));
         }
         out.resize(frame.bmode.len(), 200);
         Ok(())

@@ -1,19 +1,36 @@
-//! Quality under a time budget.
+//! Operating points under a time budget.
 
 use super::*;
 
-/// A session with a budget of 40 ms. A frame takes 7.9 ms and 1.34 ms per path (4x3: 24, 2x3: 16, 8x3: 40.1), and twice
-/// as much from 20 s to 60 s.
-fn budgeted(clock: &Arc<dyn Clock>, heard: &Arc<Heard>) -> Session {
-    let cost_ms = |point: QualityPoint| 7.9 + 1.34 * f64::from(point.paths());
-    let climbed = climb::<()>(40.0, |point| Ok(Some(cost_ms(point)))).unwrap();
+/// Rays and layers of the rendered points, and their errors.
+const RAW: [(u32, u32, f64); 5] = [(1, 1, 20.0), (1, 3, 16.0), (2, 3, 15.0), (4, 3, 14.0), (8, 3, 13.0)];
+
+/// Time of a frame, ms: 1x1 9, 1x3 12, 2x3 16, 4x3 24, 8x3 40.
+fn cost_ms(quality: QualityPoint) -> f64 {
+    7.9 + 1.34 * f64::from(quality.paths())
+}
+
+fn raw(&(rays, layers, error): &(u32, u32, f64)) -> Candidate {
+    let quality = FrameQuality::new(rays, layers);
+    let render_ms = cost_ms(QualityPoint::new(rays, layers));
+    Candidate { quality, generator: None, error, render_ms, run_ms: 0.0 }
+}
+
+/// A session with a budget of 40 ms, whose frames take twice as long from 20 s to 60 s.
+fn budgeted(clock: &Arc<dyn Clock>, heard: &Arc<Heard>, points: PointController) -> Session {
     let extra: Arc<Extra> = Arc::new(move |now, point| {
         let slow = if (20 * SECOND..60 * SECOND).contains(&now) { 2.0 } else { 1.0 };
         Duration::from_secs_f64(1e-3 * slow * cost_ms(point))
     });
     let limits = Limits { duration: Some(120 * SECOND), frames: None };
-    let (quality, observer) = (Some(QualityBudget::new(&climbed)), Some(heard.clone() as Arc<dyn Observer>));
-    Session { service: Duration::ZERO, extra, quality, observer, limits, ..Session::new(clock, moving) }
+    let observer = Some(heard.clone() as Arc<dyn Observer>);
+    Session { service: Duration::ZERO, extra, points: Some(points), observer, limits, ..Session::new(clock, moving) }
+}
+
+fn controller(candidates: Vec<Candidate>, generators: &[&str]) -> PointController {
+    let budget = FrameBudget { frame_ms: Some(40.0), run_ms: 1000.0, apart: false, spread: 1.1 };
+    let names = generators.iter().map(|name| (*name).to_owned()).collect();
+    PointController::new(candidates, names, budget).unwrap()
 }
 
 /// Events about the quality, with their times in whole seconds.
@@ -24,17 +41,23 @@ fn said_of_quality(heard: &Heard) -> Vec<(u64, String)> {
 }
 
 #[test]
-fn quality_follows_what_the_machine_affords() {
+fn the_point_follows_what_the_machine_affords() {
     let _guard = beside_others();
     let (clock, log, heard) = (clock(), Log::default(), Arc::<Heard>::default());
-    let summary = Session { sinks: vec![logger(&log)], ..budgeted(&clock, &heard) }.run();
+    let points = controller(RAW.iter().map(raw).collect(), &[]);
+    let summary = Session { sinks: vec![logger(&log)], ..budgeted(&clock, &heard, points) }.run();
     let said = said_of_quality(&heard);
     let texts: Vec<&str> = said.iter().map(|(_, text)| text.as_str()).collect();
-    assert_eq!(texts, ["4x3 -> 2x3: frames take 48 ms of 40", "2x3 -> 4x3: frames take 16 ms of 40"]);
-    assert!((23..30).contains(&said[0].0) && (70..80).contains(&said[1].0), "{said:?}");
-    let (begun, ended) = ("4x3".to_owned(), "4x3".to_owned());
-    let expected = QualitySummary { budget_ms: 40.0, begun, ended, lowered: 1, raised: 1, refused: 0, by_hand: false };
-    assert_eq!(summary.quality, Some(expected));
+    let expected = [
+        "4x3 -> 2x3: frames take 48 ms of 40, 2.0 times as long as at the start",
+        "2x3 -> 4x3: it is expected to take 24 ms of 40",
+    ];
+    assert_eq!(texts, expected);
+    assert!((20..23).contains(&said[0].0) && (66..71).contains(&said[1].0), "{said:?}");
+    let points = summary.points.unwrap();
+    assert_eq!((points.begun.as_str(), points.ended.as_str(), points.error), ("4x3", "4x3", 14.0));
+    assert_eq!((points.lowered, points.raised, points.refused, points.by_hand), (1, 1, 0, false));
+    assert_eq!(points.changes.iter().map(|change| change.to.as_str()).collect::<Vec<_>>(), ["2x3", "4x3"]);
     assert_eq!(heard.0.lock().unwrap().settings, 3, "at the start, and at each change");
     let frames = seen(&log);
     assert_eq!(frames.len(), 2400, "no frame is lost to a change");
@@ -42,7 +65,37 @@ fn quality_follows_what_the_machine_affords() {
         let within = |f: &&Seen| (SECOND * from as u32..SECOND * to as u32).contains(&f.presented);
         frames.iter().filter(within).filter(|f| f.age > ms * MS).count()
     };
-    assert_eq!([late(0, 20, 24), late(30, 60, 32), late(61, 70, 16), late(80, 120, 24)], [0; 4]);
+    assert_eq!([late(0, 20, 24), late(24, 60, 32), late(61, 66, 16), late(71, 120, 24)], [0; 4]);
+}
+
+#[test]
+fn generators_come_and_go_with_the_load() {
+    let _guard = beside_others();
+    let (clock, log, heard) = (clock(), Log::default(), Arc::<Heard>::default());
+    let quality = FrameQuality::LQ;
+    let generated = Candidate { quality, generator: Some(0), error: 5.0, render_ms: 9.24, run_ms: 20.0 };
+    let points = controller(RAW.iter().map(raw).chain([generated]).collect(), &["fake"]);
+    let clock_of_run = clock.clone();
+    let work = move |frame: &Frame, out: &mut Vec<u8>| {
+        let slow = if (20 * SECOND..60 * SECOND).contains(&clock_of_run.now()) { 3 } else { 1 };
+        clock_of_run.sleep_until(clock_of_run.now() + slow * 20 * MS);
+        out.resize(frame.bmode.len(), 200);
+        Ok(())
+    };
+    let enhancer = Some(translate(work));
+    let summary = Session { enhancer, sinks: vec![logger(&log)], ..budgeted(&clock, &heard, points) }.run();
+    let said = said_of_quality(&heard);
+    assert!(said[0].1.starts_with("1x1 + fake -> ") && said[0].0 <= 23, "{said:?}");
+    assert!(said.last().unwrap().1.contains("-> 1x1 + fake: it is expected to take"), "{said:?}");
+    assert!(said.len() <= 4, "{said:?}");
+    assert_eq!(summary.points.unwrap().ended, "1x1 + fake");
+    let frames = seen(&log);
+    let enhanced = |from: u32, to: u32| {
+        let within: Vec<_> = frames.iter().filter(|f| (from * SECOND..to * SECOND).contains(&f.presented)).collect();
+        within.iter().filter(|f| f.source == FrameSource::Enhanced).count() as f64 / within.len() as f64
+    };
+    let parts = [enhanced(2, 20), enhanced(25, 60), enhanced(95, 120)];
+    assert!(parts[0] > 0.95 && parts[1] < 0.05 && parts[2] > 0.95, "{parts:?} {said:?}");
 }
 
 #[test]
@@ -51,9 +104,10 @@ fn a_quality_that_is_set_by_hand_stays() {
     let (clock, heard) = (clock(), Arc::<Heard>::default());
     let (sender, controls) = tokio::sync::mpsc::channel(1);
     sender.try_send(Control::Set(vec![Assignment::new("rays", 8.0), Assignment::new("layers", 1.0)])).unwrap();
-    let summary = Session { controls, ..budgeted(&clock, &heard) }.run();
+    let points = controller(RAW.iter().map(raw).collect(), &[]);
+    let summary = Session { controls, ..budgeted(&clock, &heard, points) }.run();
     let said = said_of_quality(&heard);
     assert!(matches!(&said[..], [(0, text)] if text.contains("by hand")), "{said:?}");
-    let quality = summary.quality.unwrap();
-    assert_eq!((quality.by_hand, quality.lowered, quality.raised), (true, 0, 0));
+    let points = summary.points.unwrap();
+    assert_eq!((points.by_hand, points.lowered, points.raised), (true, 0, 0));
 }

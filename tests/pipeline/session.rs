@@ -59,7 +59,7 @@ pub(super) struct Session {
     pub(super) poses: Box<dyn PoseSource>,
     pub(super) service: Duration,
     pub(super) extra: Arc<Extra>,
-    pub(super) quality: Option<QualityBudget>,
+    pub(super) points: Option<PointController>,
     pub(super) faults: Arc<dyn Fn(u64) -> bool + Send + Sync>,
     pub(super) build_failures: u32,
     pub(super) processors: Option<Arc<Processors>>,
@@ -89,7 +89,7 @@ impl Session {
             poses: Box::new(Poses(poses)),
             service: 20 * MS,
             extra: Arc::new(|_, _| Duration::ZERO),
-            quality: None,
+            points: None,
             faults: Arc::new(|_| false),
             build_failures: 0,
             processors: None,
@@ -112,8 +112,8 @@ impl Session {
             (Arc::<AtomicU64>::default(), self.clock.clone(), self.service, self.faults);
         let (extra, processors) = (self.extra, self.processors);
         let mut render = RenderSettings::default();
-        if let Some(budget) = &self.quality {
-            render.quality = budget.point().with_seed(0);
+        if let Some(points) = &self.points {
+            render = points.point().quality.apply(&render, Choice::Auto);
         }
         let device = move || Device {
             clock: clock.clone(),
@@ -137,7 +137,8 @@ impl Session {
             factory: Box::new(Factory { clock: self.clock, device: Box::new(device), failures: self.build_failures }),
             probe: Probe::default(),
             render,
-            quality: self.quality,
+            points: self.points,
+            aperture: Choice::Auto,
             enhancer: self.enhancer,
             sinks: self.sinks,
             log: self.log,

@@ -48,6 +48,7 @@ fn frame(number: u64, width: u32, height: u32) -> PresentedFrame {
         attenuation: vec![0.0; pixels],
         mask: vec![255; pixels],
         tier: None,
+        point: None,
         notice: None,
     }
 }

@@ -12,8 +12,8 @@ use anyhow::anyhow;
 use clap::Parser;
 use insonify::anatomy::planes::file_beside;
 use insonify::dataset::{
-    ATTENUATION_POWER, CompoundingRow, Exam, ExamRow, FORMAT, Header, Moment, PLANES, Plan, Row, SettingsRow, Shard,
-    Source, Split, Wishes,
+    ATTENUATION_POWER, CompoundingRow, Exam, ExamRow, FORMAT, Header, Moment, PLANES, Plan, PoseRow, RollingRow, Row,
+    SettingsRow, Shard, Source, Split, Wishes,
 };
 use insonify::settings::{ANGLES_MAX, LookSettings, SettingsGroup};
 use insonify::station::{SceneSource, Station};
@@ -69,9 +69,9 @@ pub(crate) struct Args {
     #[arg(long, value_name = "X", default_value_t = 0.1)]
     test_share: f64,
 
-    /// Rays x layers of the low quality, or a preset
-    #[arg(long, value_name = "QUALITY", default_value = "lq")]
-    lq: RaysLayers,
+    /// Rays x layers of the low quality, or a preset; of several, with commas between, tuples take one each in turn
+    #[arg(long, value_name = "QUALITY", default_value = "lq", value_delimiter = ',')]
+    lq: Vec<RaysLayers>,
 
     /// Rays x layers of the high quality, or a preset
     #[arg(long, value_name = "QUALITY", default_value = "hq")]
@@ -81,7 +81,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=i64::from(ANGLES_MAX)))]
     angles: u32,
 
-    /// Steering angles of the low quality
+    /// Steering angles of the low quality: a live session's picture, the mean of its last frames with an angle each, while
+    /// the hand moves, at 10 to 30 frames a second
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=i64::from(ANGLES_MAX)))]
     lq_angles: u32,
 
@@ -166,7 +167,8 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
     let plan = Plan::new(&wishes)?;
     let exams = args.shard.of(&plan.exams);
     let classes = classes(&stations)?;
-    let [lq, hq] = [args.lq, args.hq].map(|quality| quality.with_seed(0));
+    let pair = |quality: RaysLayers| [quality.with_seed(0).rays, quality.with_seed(0).layers];
+    let mut lq = args.lq.iter().copied().map(pair);
     let span_deg = args.span.or(stations.first().map(|station| station.settings.look.span_deg));
     let odd = |angles| LookSettings { angles, ..LookSettings::default() }.odd_angles();
     let look = CompoundingRow {
@@ -182,8 +184,9 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
         classes,
         planes: PLANES.map(str::to_owned).to_vec(),
         attenuation_power: ATTENUATION_POWER,
-        lq: [lq.rays, lq.layers],
-        hq: [hq.rays, hq.layers],
+        lq: lq.next().unwrap_or([1, 1]),
+        lq_more: lq.collect(),
+        hq: pair(args.hq),
         look,
         phantoms: wishes.phantoms,
         frames_per_exam: wishes.frames_per_exam,
@@ -266,7 +269,8 @@ fn render_exam(
 ) -> Result<usize, Failure> {
     let Some(station) = stations.get(exam.station) else { return Ok(0) };
     let station = with_phantom(station, exam);
-    let moments = moments(renderer, exam, &station)?;
+    let frames_before = header.look.lq_angles - 1;
+    let moments = moments(renderer, exam, &station, frames_before)?;
     let phantom = match &station.scene {
         SceneSource::ObstetricPhantom(options) => Some(*options),
         SceneSource::File(_) => None,
@@ -274,7 +278,7 @@ fn render_exam(
     let settings = SettingsRow::draw(exam.seed, &station.probe, &station.settings);
     let about_planes = station_has_planes(&station);
     let mut made = 0;
-    for Moment { index, time_s, pose, seed } in moments {
+    for Moment { index, time_s, pose, seed, frame_rate_hz, before } in moments {
         if store.has(index) {
             continue;
         }
@@ -290,9 +294,11 @@ fn render_exam(
             },
             time_s,
             pose: (&pose).into(),
+            rolling: (frames_before > 0)
+                .then(|| RollingRow { frame_rate_hz, poses: before.iter().map(PoseRow::from).collect() }),
             settings,
             seed,
-            lq: header.lq,
+            lq: header.lq_of(index),
             hq: header.hq,
             look: header.look,
             size: [station.settings.image.width, station.settings.image.height],
@@ -323,13 +329,18 @@ fn station_has_planes(station: &Station) -> bool {
     station.scene_file().is_none_or(|path| file_beside(path).exists())
 }
 
-fn moments(renderer: &mut TupleRenderer, exam: &Exam, station: &Station) -> Result<Vec<Moment>, Failure> {
+fn moments(
+    renderer: &mut TupleRenderer,
+    exam: &Exam,
+    station: &Station,
+    frames_before: u32,
+) -> Result<Vec<Moment>, Failure> {
     if station_has_planes(station) {
         let scene = match station.scene_file() {
             Some(_) => PlaneScene::of(station, renderer.scene(station)?)?,
             None => PlaneScene::open(station)?,
         };
-        return Ok(exam.moments(&Source::Planes(&scene.planes, &scene.skin))?);
+        return Ok(exam.moments(&Source::Planes(&scene.planes, &scene.skin), frames_before)?);
     }
     let pose = station.default_pose.ok_or_else(|| {
         Failure::Input(anyhow!(
@@ -337,7 +348,7 @@ fn moments(renderer: &mut TupleRenderer, exam: &Exam, station: &Station) -> Resu
             station.path.display()
         ))
     })?;
-    Ok(exam.moments(&Source::About(pose))?)
+    Ok(exam.moments(&Source::About(pose), frames_before)?)
 }
 
 /// `outside`, then every tissue of the stations, once.
@@ -372,11 +383,12 @@ fn say(args: &Args, stations: &[Station], exams: &[Exam], header: &Header) {
         1 => format!("{rays}x{layers}"),
         angles => format!("{rays}x{layers} of {angles} angles"),
     };
+    let lq = std::iter::once(&header.lq).chain(&header.lq_more).map(|&lq| quality(lq, header.look.lq_angles));
     eprintln!(
         "dataset: {} tuples{shard} of {} sessions{of}: {train} to train, {test} to test; {} against {} rays x layers; {} on disk",
         thousands(train + test),
         exams.len(),
-        quality(header.lq, header.look.lq_angles),
+        lq.collect::<Vec<_>>().join(", "),
         quality(header.hq, header.look.hq_angles),
         megabytes(bytes)
     );

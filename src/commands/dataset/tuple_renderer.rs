@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::{Context, anyhow};
 use insonify::anatomy::Scene;
 use insonify::anatomy::bvh::Bvh;
-use insonify::dataset::{ATTENUATION_POWER, Dataset, Header, Row};
+use insonify::dataset::{ATTENUATION_POWER, Dataset, Header, RollingRow, Row};
 use insonify::pose::Pose;
 use insonify::render::{Backend, BackendChoice, Frame, Quality, RenderSettings, Renderer};
 use insonify::sink::npy::bytes_of_u8;
@@ -115,7 +115,12 @@ impl<'a> TupleRenderer<'a> {
     /// Renders the frame of low (0) or high (1) quality of `row`.
     fn render(&mut self, quality: usize, station: &Station, row: &Row) -> Result<(), Failure> {
         let mut frame = std::mem::take(&mut self.frames[quality]);
-        self.renderer(quality, station, row)?.render(&Pose::from(&row.pose), &mut frame)?;
+        let renderer = self.renderer(quality, station, row)?;
+        let pose = Pose::from(&row.pose);
+        match row.rolling.as_ref().filter(|_| quality == 0) {
+            Some(rolling) => roll(renderer, row, rolling, &pose, &mut frame)?,
+            None => renderer.render(&pose, &mut frame)?,
+        }
         self.frames[quality] = frame;
         Ok(())
     }
@@ -157,6 +162,26 @@ impl<'a> TupleRenderer<'a> {
             size: [lq.width, lq.height],
         })
     }
+}
+
+/// Renders as a live session does: a frame has one angle, and its picture is the mean of the last ones.
+fn roll(
+    renderer: &mut Renderer,
+    row: &Row,
+    rolling: &RollingRow,
+    pose: &Pose,
+    frame: &mut Frame,
+) -> Result<(), Failure> {
+    renderer.restart_compounding();
+    for (back, before) in (1..=rolling.poses.len()).rev().zip(&rolling.poses) {
+        renderer.set_time_s((row.time_s - back as f64 / rolling.frame_rate_hz).max(0.0));
+        renderer.submit(&Pose::from(before))?;
+        renderer.receive(frame)?;
+    }
+    renderer.set_time_s(row.time_s);
+    renderer.submit(pose)?;
+    renderer.receive(frame)?;
+    Ok(())
 }
 
 /// The class of each tissue number: 0 is outside, number i + 1 is the scene's tissue i.

@@ -65,12 +65,11 @@ pub(super) fn run(
     let stays = !args.once && std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
     let factory = LocalRendererFactory::new(backend.clone(), scene.clone())?;
     let mut renderer = factory.build_renderer(&station.probe, &station.settings)?;
-    let quality = live::choose_quality(&mut renderer, &mut station, None)?;
+    let chosen = live::choose(&mut renderer, &mut station, None, true)?;
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
     let stop = Stop::new(&clock);
 
     eprintln!("live: recorded tracker bytes → decoder → estimator → renderer → generator → page and files");
-    let enhancer = live::enhancer(&station, &clock)?;
     // Keeps the sender: the channel must stay open even if no sink takes input.
     let (control, controls) = mpsc::channel(CONTROLS_WAITING);
     let mut sinks: Vec<Box<dyn LiveSink>> = Vec::new();
@@ -107,8 +106,9 @@ pub(super) fn run(
         factory: Box::new(factory),
         probe: station.probe,
         render: station.settings,
-        quality,
-        enhancer,
+        points: chosen.points,
+        aperture: chosen.aperture,
+        enhancer: chosen.enhancer,
         sinks,
         log,
         controls,

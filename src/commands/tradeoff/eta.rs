@@ -46,7 +46,7 @@ impl Estimate {
             pose_s(f64::from(p.knobs.angles) * line.frame_s(p.knobs.rays * p.knobs.layers), compare_s)
         };
         let mut points_s: Vec<f64> = planned.iter().map(point_s).collect();
-        for index in 0..bench.generators().len() {
+        for (_, index) in bench.generated_points() {
             points_s.push(pose_s(bench.generated_s(index, pose)?, compare_s));
         }
         let angles = f64::from(bench.reference_angles());

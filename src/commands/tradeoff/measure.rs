@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use insonify::anatomy::Scene;
-use insonify::generator::{Channel, Generator, Input, Manifest, load_tiers};
+use insonify::generator::{Channel, Generator, Input, Manifest, load_generators};
 use insonify::pose::Pose;
 use insonify::quality::speckle::speckle;
 use insonify::quality::structures::{contrast_lost, structures};
@@ -14,10 +14,10 @@ use insonify::report::time_table::{OVERHEAD, WHOLE_FRAME};
 use insonify::settings::ReceiverSettings;
 use insonify::station::Station;
 use insonify::statistics::{mean, median, percentile};
-use insonify::tradeoff::{ClassError, Errors, Knobs, PassMs, Planned, Point, Time};
+use insonify::tradeoff::{ClassError, Errors, GeneratorKey, Knobs, PassMs, Planned, Point, Time};
 use insonify::transducer::Probe;
 
-use super::super::{Classify, Failure};
+use super::super::{Classify, Failure, operating_points};
 use super::poses::Track;
 use super::reference::{Reference, Truth};
 
@@ -65,9 +65,9 @@ struct Times {
     generator_ms: Vec<f64>,
 }
 
-/// Name of a generator's point: on top of the quality that it was trained for, or of the maps alone if it takes no image.
-fn enhanced(generator: &str, manifest: &Manifest) -> String {
-    let from = manifest.lq().to_string();
+/// Name of a generator's point: on top of rendered frames, or of the maps alone if it takes no image.
+fn enhanced(generator: &str, lq: FrameQuality, manifest: &Manifest) -> String {
+    let from = lq.to_string();
     let from = if manifest.takes(Channel::Image) { from.as_str() } else { "maps" };
     format!("{from} + {generator}")
 }
@@ -75,8 +75,7 @@ fn enhanced(generator: &str, manifest: &Manifest) -> String {
 impl Bench {
     pub(super) fn new(renderer: Renderer, station: &Station, scene: &Scene) -> Result<Self, Failure> {
         let tissues = scene.tissues.names().to_vec();
-        let image = &station.settings.image;
-        let loaded = load_tiers(&station.generator, &tissues, image.width, image.height).input()?;
+        let loaded = load_generators(&station.generator, &tissues).input()?;
         for refused in &loaded.refused {
             tracing::warn!("{} is left out: {}", refused.path.display(), refused.error);
         }
@@ -170,17 +169,47 @@ impl Bench {
         self.measure(planned, None, reference, tracks)
     }
 
+    /// Generators by index, each with every quality of frames that it takes.
+    pub(super) fn generated_points(&self) -> Vec<(FrameQuality, usize)> {
+        let all = self.generators.iter().enumerate();
+        all.flat_map(|(index, generator)| generator.manifest().lq().into_iter().map(move |lq| (lq, index))).collect()
+    }
+
+    /// Identity of a generator.
+    pub(super) fn key(&self, index: usize) -> Option<GeneratorKey> {
+        self.generators.get(index).map(operating_points::key)
+    }
+
+    /// Mean error of live frames with two seeds, grey levels.
+    pub(super) fn rolling_error(
+        &mut self,
+        knobs: &Knobs,
+        generator: Option<usize>,
+        reference: &Reference,
+        tracks: &[Track],
+    ) -> Result<[f64; 2], Failure> {
+        let mut image = Vec::new();
+        let mut errors = [0.0; SEEDS.len()];
+        for (error, seed) in errors.iter_mut().zip(SEEDS) {
+            self.configure(knobs, seed)?;
+            for (track, truth) in tracks.iter().zip(&reference.truths) {
+                self.shown(track, generator, knobs.rolling, &mut image)?;
+                *error += rmse(&image, truth)? / tracks.len() as f64;
+            }
+        }
+        Ok(errors)
+    }
+
     /// Measures a generator on top of the frames that it was trained for.
     pub(super) fn generated(
         &mut self,
-        index: usize,
+        (lq, index): (FrameQuality, usize),
         name: String,
         reference: &Reference,
         tracks: &[Track],
     ) -> Result<Point, Failure> {
-        let lq = self.generators.get(index).map_or(FrameQuality::LQ, |generator| generator.manifest().lq());
         let planned = Planned {
-            name: self.generators.get(index).map_or_else(|| name.clone(), |g| enhanced(&name, g.manifest())),
+            name: self.generators.get(index).map_or_else(|| name.clone(), |g| enhanced(&name, lq, g.manifest())),
             sweep: "generator",
             against: Some(format!("{}x{}", lq.rays, lq.layers)),
             knobs: self.base().with(lq.rays, lq.layers).compounded(lq.angles, lq.angles > 1),

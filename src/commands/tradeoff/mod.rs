@@ -2,6 +2,7 @@
 
 mod effects;
 mod eta;
+pub(super) mod front;
 mod identity;
 mod measure;
 pub(super) mod poses;
@@ -152,7 +153,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     eprintln!("{}", reference.check);
     let mut points: Vec<Point> = Vec::new();
     let generators = bench.generators();
-    let total = planned.len() + generators.len();
+    let generated = bench.generated_points();
+    let total = planned.len() + generated.len();
     for (index, estimate_s) in estimate.points_s.iter().enumerate() {
         let generator = index.checked_sub(planned.len());
         // By number: names of generators may differ only in characters that file names lack.
@@ -162,7 +164,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             Some(point) => (point, None),
             None => {
                 let point = match generator {
-                    Some(number) => bench.generated(number, generators[number].clone(), &reference, &tracks)?,
+                    Some(number) => {
+                        let name = generators[generated[number].1].clone();
+                        bench.generated(generated[number], name, &reference, &tracks)?
+                    }
                     None => bench.point(&planned[index], &reference, &tracks)?,
                 };
                 store.write(&file, &point)?;
@@ -238,7 +243,7 @@ fn say(points: &[Point], total: usize, eta: &Eta) {
     let left =
         if points.len() < total { format!(", about {} left", output::duration(eta.left_s())) } else { String::new() };
     eprintln!(
-        "[{}/{total}] {}: {:.1} ms, level error {:.2}{left}",
+        "[{}/{total}] {}: {:.1} ms, error {:.2}{left}",
         points.len(),
         point.name,
         point.time.median_ms,

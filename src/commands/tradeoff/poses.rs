@@ -37,18 +37,23 @@ pub(in crate::commands) fn of_station(station: &Station, file: Option<&Path>) ->
         _ => None,
     };
     if let Some(path) = file.or(own) {
-        let calibration = station.pose_settings()?.calibration;
-        let (timed, _) = recording::poses(path)?;
-        let in_scene = |timed: TimedPose| TimedPose { pose: calibration.scene_from_probe(timed.pose), ..timed };
-        let all: Vec<TimedPose> = timed.into_iter().map(in_scene).collect();
-        if all.is_empty() {
-            return Err(Failure::Input(anyhow!("{} holds no pose", path.display())));
-        }
-        return Ok(Poses { all, what: "spread over the recording" });
+        return of_recording(path, station);
     }
     let pose = input::pose(None, station, "--recording FILE, a recorded tracker")?;
     let standing = TimedPose { host_time_ns: 0, device_time_us: 0, pose };
     Ok(Poses { all: vec![standing], what: "the station's own, turned about the beam" })
+}
+
+/// Poses of the recording `path`, with the station's calibration.
+pub(super) fn of_recording(path: &Path, station: &Station) -> Result<Poses, Failure> {
+    let calibration = station.pose_settings()?.calibration;
+    let (timed, _) = recording::poses(path)?;
+    let in_scene = |timed: TimedPose| TimedPose { pose: calibration.scene_from_probe(timed.pose), ..timed };
+    let all: Vec<TimedPose> = timed.into_iter().map(in_scene).collect();
+    if all.is_empty() {
+        return Err(Failure::Input(anyhow!("{} holds no pose", path.display())));
+    }
+    Ok(Poses { all, what: "spread over the recording" })
 }
 
 impl Poses {
@@ -62,6 +67,19 @@ impl Poses {
             return (0..count).map(turned).collect();
         }
         session::evenly(count.min(self.all.len()), self.all.len()).map(|i| self.all[i].pose).collect()
+    }
+
+    /// Poses of a probe that moves as in `hand` about these: of `count` moments of it, the way that led to each.
+    pub(super) fn moved_like(&self, hand: &Self, count: usize, frames: u32, period: Duration) -> Vec<Track> {
+        if self.moves() {
+            return self.tracks(count, frames, period);
+        }
+        let at = self.spread(count);
+        let along = |(at, track): (Pose, Track)| {
+            let from_hand = at * track.at.inverse();
+            Track { at, before: track.before.into_iter().map(|before| from_hand * before).collect() }
+        };
+        at.into_iter().zip(hand.tracks(count, frames, period)).map(along).collect()
     }
 
     /// Whether the probe moves.

@@ -204,6 +204,9 @@ pub struct Training {
     /// Frames that it takes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lq: Option<FrameQuality>,
+    /// Further frames that it takes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub lq_more: Vec<FrameQuality>,
     /// Frames that it was taught to give.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hq: Option<FrameQuality>,
@@ -258,8 +261,10 @@ impl Manifest {
     }
 
     /// Frames that the model takes: those that it was trained on, else low quality.
-    pub fn lq(&self) -> FrameQuality {
-        self.training.as_ref().and_then(|training| training.lq).unwrap_or(FrameQuality::LQ)
+    pub fn lq(&self) -> Vec<FrameQuality> {
+        let training = self.training.as_ref();
+        let first = training.and_then(|training| training.lq).unwrap_or(FrameQuality::LQ);
+        std::iter::once(first).chain(training.into_iter().flat_map(|training| training.lq_more.clone())).collect()
     }
 
     /// Whether the model takes that map.

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::{Candidate, PointChange, PointController};
+use crate::sink::live::PointText;
 
 /// Most changes that a summary lists.
 const LISTED: usize = 100;
@@ -54,6 +55,15 @@ impl PointController {
         if self.switches.len() < LISTED {
             let to = self.name(&change.to);
             self.switches.push(Switch { time_s, to, reason: change.reason.clone() });
+        }
+    }
+
+    /// The point of the session's start, for viewers.
+    pub fn text(&self) -> PointText {
+        let (ms, limit_ms) = (self.expected_ms(&self.point()), self.limit_ms());
+        PointText {
+            name: self.name(&self.point()),
+            reason: format!("it took {ms:.0} ms of {limit_ms:.0} when measured"),
         }
     }
 

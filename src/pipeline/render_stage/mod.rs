@@ -20,13 +20,13 @@ use super::generator_link::GeneratorLink;
 use super::metrics::{Metrics, count};
 use super::pace::Pace;
 use super::parts::{FrameRenderer, ImageShape, PoseSource, RendererFactory};
-use super::quality_budget::QualityBudget;
+use super::point_control::PointController;
 use super::rendered::{Rendered, blacken};
 use super::shutdown::Stop;
 use super::slot::Slot;
-use crate::render::{FRAMES_IN_FLIGHT, Frame, QualityPoint};
-use crate::settings::LiveSettings;
-use crate::sink::live::{FrameInfo, FrameTimeline, MapsWanted};
+use crate::render::{FRAMES_IN_FLIGHT, Frame, FrameQuality};
+use crate::settings::Choice;
+use crate::sink::live::{FrameInfo, FrameTimeline, MapsWanted, PointText};
 use crate::sink::pool::Pool;
 use crate::transducer::Contact;
 
@@ -41,6 +41,8 @@ const TURN: Duration = Duration::from_millis(250);
 struct InFlight {
     info: FrameInfo,
     maps: bool,
+    generator: Option<usize>,
+    point: Option<Arc<PointText>>,
     /// Expected completion time.
     expected: Duration,
     /// Whether it is done.
@@ -55,8 +57,10 @@ pub(super) struct RenderParts {
     pub(super) metrics: Arc<Metrics>,
     pub(super) factory: Box<dyn RendererFactory>,
     pub(super) controls: Controls,
-    /// Quality controller; none: the quality stays as set.
-    pub(super) quality: Option<QualityBudget>,
+    /// Controller of the operating point; none: it stays as set.
+    pub(super) points: Option<PointController>,
+    /// What the station wants of the aperture where the controller doesn't take it away.
+    pub(super) aperture: Choice,
     pub(super) to_presenter: Arc<Slot<Arc<Rendered>>>,
     pub(super) to_generator: Option<Arc<Slot<Arc<Rendered>>>>,
     pub(super) generator: Option<Arc<GeneratorLink>>,
@@ -68,9 +72,9 @@ pub(super) struct RenderParts {
 
 impl RenderParts {
     /// Whether the generator or a sink reads the maps of a frame submitted now.
-    fn maps_wanted(&self, settings: &LiveSettings) -> bool {
-        let generator = self.generator.as_ref().is_some_and(|link| link.reads_maps());
-        (generator && settings.enhance) || self.map_readers.iter().any(|wanted| wanted())
+    fn maps_wanted(&self, generator: Option<usize>) -> bool {
+        let read = self.generator.as_ref().zip(generator).is_some_and(|(link, generator)| link.reads_maps(generator));
+        read || self.map_readers.iter().any(|wanted| wanted())
     }
 }
 
@@ -91,6 +95,10 @@ pub(super) struct RenderStage {
     poses: PoseSampler,
     /// Number of the next frame.
     number: u64,
+    /// Generator of the next frames.
+    generator: Option<usize>,
+    /// Operating point, for viewers.
+    point: Option<Arc<PointText>>,
     /// Whether the face was coupled in the last frame that knew it.
     coupled: Option<bool>,
 }
@@ -109,6 +117,11 @@ impl RenderStage {
             scratch: Frame::default(),
             poses: PoseSampler::new(poses, parts.events.clone()),
             number: 0,
+            generator: match &parts.points {
+                Some(points) => points.point().generator,
+                None => parts.generator.is_some().then_some(0),
+            },
+            point: parts.points.as_ref().map(|points| Arc::new(points.text())),
             coupled: None,
             parts,
         }
@@ -117,7 +130,7 @@ impl RenderStage {
     /// Renders until a stop is requested, then closes the slots of the next stages.
     pub(super) fn run(mut self) {
         self.parts.events.settings(&self.parts.controls.live);
-        self.note_quality(false);
+        self.note_points(false);
         while !self.parts.stop.is_requested() {
             let submit_at = self.pace.submit_at();
             match self.in_flight.front() {
@@ -152,14 +165,15 @@ impl RenderStage {
     /// Begins a frame.
     fn tick(&mut self) {
         self.apply_controls();
-        self.keep_quality();
+        self.keep_point();
         self.reopen();
         let missed = self.pace.missed();
         let info = self.sample();
         count(&self.parts.metrics.produced);
         let now = info.timeline.submitted;
         let scene_time = self.poses.scene_time(now, info.settings.frozen);
-        let maps = self.parts.maps_wanted(&info.settings);
+        let generator = self.generator.filter(|_| info.settings.enhance);
+        let maps = self.parts.maps_wanted(generator);
         match (&mut self.device, info.pose()) {
             (Device::Ready(renderer), Some(pose)) => {
                 let _span = tracing::debug_span!("submit", frame = info.number, submitted_ms = ms(now)).entered();
@@ -170,7 +184,14 @@ impl RenderStage {
                     Ok(()) => {
                         let expected = self.pace.submitted(now);
                         let done = renderer.on_processors();
-                        self.in_flight.push_back(InFlight { info, maps, expected, done });
+                        self.in_flight.push_back(InFlight {
+                            info,
+                            maps,
+                            generator,
+                            point: self.point.clone(),
+                            expected,
+                            done,
+                        });
                     }
                     Err(fault) => {
                         self.pace.ticked(now);
@@ -214,7 +235,7 @@ impl RenderStage {
     fn receive(&mut self) {
         let Device::Ready(renderer) = &mut self.device else { return };
         let Some(oldest) = self.in_flight.pop_front() else { return };
-        let InFlight { info, maps, .. } = oldest;
+        let InFlight { info, maps, generator, point, .. } = oldest;
         let timeline = &info.timeline;
         let span = tracing::debug_span!(
             "receive",
@@ -226,6 +247,7 @@ impl RenderStage {
         let filled = self.pool.fill(|rendered| {
             let received = renderer.receive(rendered.frame.get_mut().unwrap_or_else(PoisonError::into_inner));
             describe(rendered, info, maps, &self.parts, self.shape);
+            (rendered.generator, rendered.point) = (generator, point);
             received
         });
         let (rendered, received) = match filled {
@@ -242,9 +264,9 @@ impl RenderStage {
         let now = self.parts.clock.now();
         span.record("rendered_ms", ms(now));
         let took = self.pace.rendered(timeline.submitted, now, left);
-        if let Some(quality) = &mut self.parts.quality {
-            let point = QualityPoint::from(info.settings.render.quality);
-            quality.frame(now.as_secs_f64(), point, 1e3 * took.as_secs_f64());
+        if let Some(points) = &mut self.parts.points {
+            let quality = FrameQuality::of(&info.settings.render);
+            points.rendered(now.as_secs_f64(), quality, 1e3 * took.as_secs_f64());
         }
         match rendered {
             Some(rendered) => {
@@ -273,6 +295,7 @@ impl RenderStage {
         let filled = self.pool.fill(|rendered| {
             blacken(rendered.frame.get_mut().unwrap_or_else(PoisonError::into_inner), self.shape);
             describe(rendered, info, true, &self.parts, self.shape);
+            (rendered.generator, rendered.point) = (None, None);
         });
         match filled {
             Some((rendered, ())) => self.hand_on(rendered),
@@ -283,7 +306,7 @@ impl RenderStage {
     fn hand_on(&self, rendered: Arc<Rendered>) {
         if let (Some(generator), Some(link)) = (&self.parts.to_generator, &self.parts.generator)
             && rendered.info.pose().is_some()
-            && rendered.info.settings.enhance
+            && rendered.generator.is_some()
         {
             link.give(rendered.info.number);
             generator.put(rendered.clone());

@@ -1,10 +1,13 @@
-//! Settings of the render stage: controls from watchers, and the quality controller.
+//! Settings of the render stage: controls from watchers, and the controller of operating points.
 
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use super::{Device, RenderStage};
+use crate::pipeline::generator_link::RunEnd;
 use crate::pipeline::parts::RenderFault;
 use crate::settings::LiveSettings;
+use crate::sink::live::PointText;
 
 impl RenderStage {
     /// Applies the controls received since the last frame.
@@ -18,16 +21,16 @@ impl RenderStage {
         if changes.quit {
             self.parts.stop.request("asked by a watcher");
         }
-        if changes.quality && self.parts.quality.is_some() {
-            self.note_quality(true);
-            self.parts.quality = None;
+        if changes.quality && self.parts.points.is_some() {
+            self.note_points(true);
+            (self.parts.points, self.point) = (None, None);
             self.parts.events.info("quality: set by hand, the budget no longer chooses it");
         }
         if changes.picture {
             self.reconfigure(&before);
             let now_s = self.parts.clock.now().as_secs_f64();
-            if let Some(quality) = &mut self.parts.quality {
-                quality.rest(now_s);
+            if let Some(points) = &mut self.parts.points {
+                points.rest(now_s);
             }
         }
         if changes.any {
@@ -56,38 +59,52 @@ impl RenderStage {
         true
     }
 
-    /// Makes a change of quality if one is due. A frozen picture is not changed.
-    pub(super) fn keep_quality(&mut self) {
+    /// Reports ended runs to the controller, and makes the change of the operating point that is due, if any. A frozen
+    /// picture is not changed.
+    pub(super) fn keep_point(&mut self) {
+        let now_s = self.parts.clock.now().as_secs_f64();
+        let Some(points) = &mut self.parts.points else { return };
+        while let Some(run) = self.parts.generator.as_ref().and_then(|link| link.next_run()) {
+            match run.end {
+                RunEnd::Done => points.ran(now_s, run.generator, 1e3 * run.took.as_secs_f64()),
+                RunEnd::Failed(reason) => points.failed(run.generator, &reason),
+            }
+        }
+        points.allow_generators(self.parts.controls.live.enhance);
         if self.parts.controls.live.frozen || !matches!(self.device, Device::Ready(_)) {
             return;
         }
-        let now_s = self.parts.clock.now().as_secs_f64();
-        let Some(quality) = &mut self.parts.quality else { return };
-        let budget_ms = quality.budget_ms();
-        if let Some(frame_ms) = quality.over_at_least() {
-            let point = quality.point();
+        if let Some(frame_ms) = points.over_at_least(now_s) {
+            let (point, limit_ms) = (points.name(&points.point()), points.limit_ms());
             self.parts.events.warn(format!(
-                "quality: {point} is the least there is, and frames take {frame_ms:.0} ms of {budget_ms}"
+                "quality: {point} is the least there is, and frames take {frame_ms:.0} ms of {limit_ms:.0}"
             ));
         }
-        let Some(change) = quality.change(now_s) else { return };
+        let Some(change) = points.change(now_s) else { return };
+        let [from, to] = [&change.from, &change.to].map(|point| points.name(point));
         let before = self.parts.controls.live;
-        self.parts.controls.live.render.quality = change.to.with_seed(before.render.quality.seed);
-        if self.reconfigure(&before) {
-            self.pace.begin_anew(self.parts.clock.now());
-            let (from, to, ms) = (change.from, change.to, change.frame_ms);
-            self.parts.events.info(&format!("quality: {from} -> {to}: frames take {ms:.0} ms of {budget_ms}"));
-            self.parts.events.settings(&self.parts.controls.live);
-        } else if let Some(quality) = &mut self.parts.quality {
-            quality.refused(now_s);
+        let renders_anew = change.to.quality != change.from.quality;
+        if renders_anew {
+            self.parts.controls.live.render = change.to.quality.apply(&before.render, self.parts.aperture);
         }
-        self.note_quality(false);
+        if !renders_anew || self.reconfigure(&before) {
+            self.generator = change.to.generator;
+            self.point = Some(Arc::new(PointText { name: to.clone(), reason: change.reason.clone() }));
+            if renders_anew {
+                self.pace.begin_anew(self.parts.clock.now());
+            }
+            self.parts.events.info(&format!("quality: {from} -> {to}: {}", change.reason));
+            self.parts.events.settings(&self.parts.controls.live);
+        } else if let Some(points) = &mut self.parts.points {
+            points.refused(now_s);
+        }
+        self.note_points(false);
     }
 
-    /// Updates the summary of the quality controller.
-    pub(super) fn note_quality(&self, by_hand: bool) {
-        if let Some(quality) = &self.parts.quality {
-            self.parts.metrics.set_quality(quality.summary(by_hand));
+    /// Updates the summary of the controller.
+    pub(super) fn note_points(&self, by_hand: bool) {
+        if let Some(points) = &self.parts.points {
+            self.parts.metrics.set_points(points.summary(by_hand));
         }
     }
 }

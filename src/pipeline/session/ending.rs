@@ -90,7 +90,7 @@ impl Pipeline {
                 device_rebuilt: counted(&metrics.rebuilt),
                 controls: counted(&metrics.controls),
                 controls_refused: counted(&metrics.refused),
-                quality: metrics.quality(),
+                points: metrics.points(),
                 generator,
                 sinks,
                 stuck,

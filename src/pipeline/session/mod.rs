@@ -16,8 +16,8 @@ use super::generate_stage::GenerateStage;
 use super::generator_link::GeneratorLink;
 use super::metrics::{Metrics, Status, counted};
 use super::parts::{Enhancer, FrameRenderer, PoseSource, RendererFactory};
+use super::point_control::PointController;
 use super::presenter::Presenter;
-use super::quality_budget::QualityBudget;
 use super::render_stage::{RenderParts, RenderStage};
 use super::rendered::Rendered;
 use super::shutdown::{Part, Stop, Thread, spawn};
@@ -25,7 +25,7 @@ use super::sink_stage::SinkStage;
 use super::slot::Slot;
 use super::summary::Summary;
 use crate::render::RenderSettings;
-use crate::settings::{Control, LiveSettings, PipelineSettings};
+use crate::settings::{Choice, Control, LiveSettings, PipelineSettings};
 use crate::sink::FrameLog;
 use crate::sink::live::LiveSink;
 use crate::transducer::Probe;
@@ -71,8 +71,11 @@ pub struct Parts {
     pub probe: Probe,
     /// Initial settings of the renderer.
     pub render: RenderSettings,
-    /// Quality controller, starting at the quality of `render`; none: the quality stays as set.
-    pub quality: Option<QualityBudget>,
+    /// Controller of the operating point, which starts at the quality of `render`; none: the quality stays as set, and the
+    /// first generator runs.
+    pub points: Option<PointController>,
+    /// The station's choice for the aperture, which the controller may take away.
+    pub aperture: Choice,
     /// Generator; none: rendered frames are shown.
     pub enhancer: Option<Box<dyn Enhancer>>,
     /// Sinks of the presented frames.
@@ -214,7 +217,8 @@ impl Pipeline {
             metrics: metrics.clone(),
             factory: parts.factory,
             controls: Controls::new(parts.controls, live),
-            quality: parts.quality,
+            points: parts.points,
+            aperture: parts.aperture,
             to_presenter: to_presenter.clone(),
             to_generator: to_generator.clone(),
             generator: generator.clone(),

@@ -5,7 +5,7 @@
 //! | offset | type | meaning |
 //! |---|---|---|
 //! | 0 | u8 × 4 | `INSF` |
-//! | 4 | u16 | version of this layout, 3 |
+//! | 4 | u16 | version of this layout, 4 |
 //! | 6 | u8 | map that follows: 1 grey levels, 2 tissue numbers, 3 attenuation (255 = 1) |
 //! | 7 | u8 | source: 0 low quality, 1 enhanced, 2 held enhanced |
 //! | 8 | u64 | frame number |
@@ -14,14 +14,14 @@
 //! | 32 | f64 | row of the middle of the probe's face, pixels |
 //! | 40 | u8 | tracking: 0 good, 1 held, 2 stuck, 3 stale, 4 lost |
 //! | 41 | u8 | flags: 1 pose known, 2 first byte known, 4 generator ran, 8 contact known |
-//! | 42 | u16 × 2 | bytes of the tier's name and of the notice |
+//! | 42 | u16 × 2 | bytes of the first text and of the notice |
 //! | 46 | u16 | number n of values of live settings |
 //! | 48 | f64 × 7 | `scene_from_probe`: x, y, z in mm, qw, qx, qy, qz |
 //! | 104 | f64 × 7 | first byte, sampled, submitted, rendered, inference start and end, presented |
 //! | 160 | f64 × 2 | part of the face in contact, 0..=1; its depth below the skin, mm (NaN: unknown) |
 //! | 176 | f64 × n | values of live settings, in the order of the first text message; switches are 0 or 1 |
 //! | 176 + 8n | u8 × width × height | the map, row-major |
-//! | | UTF-8 | name of the tier, then the notice |
+//! | | UTF-8 | a line each: name of the tier, operating point, its reason; then the notice |
 //!
 //! The maps 2 and 3 of a frame precede its grey levels, and are sent only to pages that request them.
 
@@ -35,8 +35,8 @@ use crate::settings::{Setting, live_settings};
 
 /// Bytes before the values of live settings.
 const FIXED_BYTES: usize = 176;
-const VERSION: u16 = 3;
-/// Most bytes of a tier name or notice; longer ones are cut.
+const VERSION: u16 = 4;
+/// Most bytes of a line or of the notice; longer ones are cut.
 const TEXT_BYTES_MAX: usize = 1024;
 
 /// Map carried by a message.
@@ -66,18 +66,23 @@ pub(super) fn check(frame: &PresentedFrame) -> Result<(), SinkError> {
 
 /// Writes one message into `out`, which keeps its capacity.
 pub(super) fn encode(frame: &PresentedFrame, map: Map, out: &mut Vec<u8>) {
-    let [tier, notice] = match map {
-        Map::Image => [text(frame.tier.as_deref()), text(frame.notice.as_deref())],
-        Map::Segmentation | Map::Attenuation => [""; 2],
+    let point = frame.point.as_deref();
+    let texts = [frame.tier.as_deref(), point.map(|p| &*p.name), point.map(|p| &*p.reason), frame.notice.as_deref()];
+    let [tier, name, reason, notice] = match map {
+        Map::Image => texts.map(text),
+        Map::Segmentation | Map::Attenuation => [""; 4],
     };
+    let lines = [tier, "\n", name, "\n", reason];
+    let lines = if map == Map::Image { &lines[..] } else { &[] };
     out.clear();
-    header(frame, map, [tier.len() as u16, notice.len() as u16], out);
+    let bytes: usize = lines.iter().map(|line| line.len()).sum();
+    header(frame, map, [bytes as u16, notice.len() as u16], out);
     match map {
         Map::Image => out.extend_from_slice(&frame.image),
         Map::Segmentation => out.extend_from_slice(&frame.segmentation),
         Map::Attenuation => out.extend(frame.attenuation.iter().map(|&a| (a * 255.0 + 0.5) as u8)),
     }
-    out.extend_from_slice(tier.as_bytes());
+    lines.iter().for_each(|line| out.extend_from_slice(line.as_bytes()));
     out.extend_from_slice(notice.as_bytes());
 }
 
@@ -132,7 +137,7 @@ mod tests {
     use super::*;
     use crate::pose::{Estimate, Pose, TrackingState};
     use crate::settings::LiveSettings;
-    use crate::sink::live::{FrameInfo, FrameTimeline};
+    use crate::sink::live::{FrameInfo, FrameTimeline, PointText};
     use crate::transducer::Contact;
 
     fn frame() -> PresentedFrame {
@@ -164,6 +169,7 @@ mod tests {
             attenuation: vec![0.0, 0.5, 1.0, 2.0, -1.0, f32::NAN, 0.1, 0.2, 0.3, 0.4, 0.6, 0.7],
             mask: vec![255, 0, 255, 0, 255, 0, 255, 255, 255, 255, 255, 255],
             tier: Some("MSA".into()),
+            point: Some(PointText { name: "1x3 + MSA".into(), reason: "it fits".into() }.into()),
             notice: Some("no generator µ".into()),
         }
     }
@@ -176,18 +182,18 @@ mod tests {
     fn every_field_lies_where_the_table_says() {
         let mut out = Vec::new();
         encode(&frame(), Map::Image, &mut out);
-        assert_eq!(&out[..8], b"INSF\x03\x00\x01\x02");
+        assert_eq!(&out[..8], b"INSF\x04\x00\x01\x02");
         assert_eq!((out[8], out[16], out[20]), (7, 3, 4));
         assert_eq!((f64_at(&out, 24), f64_at(&out, 32)), (0.25, 1.0));
         let values: Vec<f64> = frame().info.settings.values().collect();
-        assert_eq!(out[40..48], [2, 0b1011, 3, 0, 15, 0, values.len() as u8, 0]);
+        assert_eq!(out[40..48], [2, 0b1011, 21, 0, 15, 0, values.len() as u8, 0]);
         assert_eq!((f64_at(&out, 48), f64_at(&out, 80)), (1.0, 1.0));
         assert_eq!((f64_at(&out, 104), f64_at(&out, 152)), (1000.0, 1050.0));
         let header = header_bytes();
         assert_eq!((f64_at(&out, 160), f64_at(&out, 168)), (0.75, 1.5));
         assert_eq!((0..values.len()).map(|i| f64_at(&out, 176 + 8 * i)).collect::<Vec<_>>(), values);
         assert_eq!(&out[header..header + 12], &frame().image[..]);
-        assert_eq!(&out[header + 12..], "MSAno generator µ".as_bytes());
+        assert_eq!(&out[header + 12..], "MSA\n1x3 + MSA\nit fitsno generator µ".as_bytes());
     }
 
     #[test]
@@ -204,8 +210,8 @@ mod tests {
     fn a_long_notice_is_cut_at_a_character() {
         let mut out = Vec::new();
         let notice = Some("µ".repeat(600) + "x");
-        encode(&PresentedFrame { notice, tier: None, ..frame() }, Map::Image, &mut out);
-        assert_eq!(out.len(), header_bytes() + 12 + 1024);
+        encode(&PresentedFrame { notice, tier: None, point: None, ..frame() }, Map::Image, &mut out);
+        assert_eq!(out.len(), header_bytes() + 12 + 2 + 1024);
         assert!(std::str::from_utf8(&out[header_bytes() + 12..]).is_ok());
     }
 

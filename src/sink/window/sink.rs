@@ -145,6 +145,7 @@ mod tests {
             image: vec![number as u8; 4],
             mask: vec![255; 4],
             tier: Some("MS".into()),
+            point: None,
             ..PresentedFrame::default()
         }
     }

@@ -1,0 +1,62 @@
+//! A station's generators in the pipeline.
+
+use std::sync::Arc;
+
+use super::parts::{EnhanceError, Enhancer, Terminator};
+use crate::generator::{Channel, Generator, GeneratorError, Input, Provider};
+use crate::render::Frame;
+
+/// Loaded generators, by index.
+pub struct Generators {
+    generators: Vec<Generator>,
+    provider: Provider,
+}
+
+impl Generators {
+    /// The generators; none if there is none.
+    pub fn new(generators: Vec<Generator>) -> Option<Self> {
+        let provider = generators.first()?.provider();
+        Some(Self { generators, provider })
+    }
+}
+
+impl Enhancer for Generators {
+    fn generators(&self) -> usize {
+        self.generators.len()
+    }
+
+    fn name(&self, generator: usize) -> &str {
+        self.generators.get(generator).map_or("none", |generator| &generator.manifest().name)
+    }
+
+    fn on_processors(&self) -> bool {
+        self.provider == Provider::Cpu
+    }
+
+    fn reads_maps(&self, generator: usize) -> bool {
+        let takes = |channel| self.generators.get(generator).is_some_and(|g| g.manifest().takes(channel));
+        takes(Channel::Segmentation) || takes(Channel::Attenuation)
+    }
+
+    fn enhance(&mut self, generator: usize, frame: &Frame, out: &mut Vec<u8>) -> Result<(), EnhanceError> {
+        let Some(generator) = self.generators.get_mut(generator) else {
+            return Err(EnhanceError::Failed(format!("there is no generator {generator}")));
+        };
+        generator.run(&Input::from(frame), out).map_err(|error| match error {
+            GeneratorError::Terminated { .. } => EnhanceError::Terminated,
+            other => EnhanceError::Failed(other.to_string()),
+        })
+    }
+
+    fn terminator(&self) -> Option<Terminator> {
+        let runs: Vec<_> = self.generators.iter().map(Generator::terminator).collect();
+        self.provider.can_stop().then(|| -> Terminator {
+            Arc::new(move || {
+                for run in &runs {
+                    // Only one generator has a run to terminate.
+                    run.terminate();
+                }
+            })
+        })
+    }
+}

@@ -1,0 +1,259 @@
+//! Errors of operating points: frames of the shipped stations against their converged, compounded references.
+//!
+//! The table holds no times, so it is the same for all machines. `insonify front` makes it.
+
+use std::sync::OnceLock;
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::render::FrameQuality;
+use crate::transducer::{Probe, ProbeKind};
+
+/// Version of the table's layout.
+const FORMAT: u32 = 1;
+
+/// The table that is shipped.
+const SHIPPED: &str = include_str!("../../assets/quality/front.toml");
+
+/// Errors in a table.
+#[derive(Debug, Error, Clone, PartialEq, Eq)]
+pub enum ErrorTableError {
+    /// It is no TOML, or has another layout.
+    #[error("the table of errors is damaged: {0}")]
+    Parse(String),
+    /// It is of another version.
+    #[error("the table of errors has format {found}; this program reads {FORMAT}")]
+    Format {
+        /// Its format.
+        found: u32,
+    },
+}
+
+/// Errors of operating points, by scene.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ErrorTable {
+    /// Version of the layout.
+    pub format: u32,
+    /// Version of insonify that made it.
+    pub insonify: String,
+    /// Command that made it.
+    pub command: String,
+    /// A table a station.
+    #[serde(rename = "station")]
+    pub stations: Vec<StationErrors>,
+}
+
+/// Errors of a station's frames.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StationErrors {
+    /// Name of the station's file.
+    pub name: String,
+    /// Name of the scene.
+    pub scene: String,
+    /// Kind of the probe: convex, linear or phased.
+    pub probe: String,
+    /// Centre frequency, MHz.
+    pub frequency_mhz: f64,
+    /// What the reference is.
+    pub reference: String,
+    /// Poses of the mean.
+    pub poses: usize,
+    /// Points, by rising paths.
+    #[serde(rename = "point")]
+    pub points: Vec<PointError>,
+}
+
+/// Error of a point.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PointError {
+    /// Quality of the rendered frame.
+    pub quality: FrameQuality,
+    /// Generator on top.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub generator: Option<GeneratorKey>,
+    /// RMS difference of pixels from the reference inside the sector, mean over poses, grey levels.
+    pub rmse: f64,
+    /// Difference of that value between two seeds, grey levels.
+    pub spread: f64,
+}
+
+/// Identity of a generator.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GeneratorKey {
+    /// Its name.
+    pub name: String,
+    /// SHA-256 of its model.
+    pub sha256: String,
+}
+
+impl ErrorTable {
+    /// The table that is shipped.
+    ///
+    /// # Errors
+    /// It can't be read: a fault of the build.
+    pub fn shipped() -> Result<&'static Self, ErrorTableError> {
+        static TABLE: OnceLock<Result<ErrorTable, ErrorTableError>> = OnceLock::new();
+        TABLE.get_or_init(|| ErrorTable::parse(SHIPPED)).as_ref().map_err(Clone::clone)
+    }
+
+    /// A table from its text.
+    ///
+    /// # Errors
+    /// Text that is no table, or another format.
+    pub fn parse(text: &str) -> Result<Self, ErrorTableError> {
+        let table: Self = toml::from_str(text).map_err(|e| ErrorTableError::Parse(e.to_string().trim().to_owned()))?;
+        match table.format {
+            FORMAT => Ok(table),
+            found => Err(ErrorTableError::Format { found }),
+        }
+    }
+
+    /// An empty table, made by `command`.
+    pub fn new(command: String) -> Self {
+        Self { format: FORMAT, insonify: env!("CARGO_PKG_VERSION").to_owned(), command, stations: Vec::new() }
+    }
+
+    /// Errors to be expected of a station: those of the same scene and the nearest probe, else the mean over all scenes
+    /// with that kind of probe, else over all.
+    pub fn expected(&self, scene: &str, probe: &Probe) -> ExpectedErrors<'_> {
+        let kind = kind_name(&probe.kind);
+        let of_kind = |station: &&StationErrors| station.probe == kind;
+        let distance = |station: &StationErrors| (station.frequency_mhz - probe.frequency_mhz).abs();
+        let same = self.stations.iter().filter(|station| station.scene == scene).filter(of_kind);
+        if let Some(nearest) = same.min_by(|a, b| distance(a).total_cmp(&distance(b))) {
+            return ExpectedErrors { stations: vec![nearest], measured: true };
+        }
+        let alike: Vec<&StationErrors> = self.stations.iter().filter(of_kind).collect();
+        let stations = if alike.is_empty() { self.stations.iter().collect() } else { alike };
+        ExpectedErrors { stations, measured: false }
+    }
+}
+
+/// Name of a kind of probe.
+pub fn kind_name(kind: &ProbeKind) -> &'static str {
+    match kind {
+        ProbeKind::Convex { .. } => "convex",
+        ProbeKind::Linear { .. } => "linear",
+        ProbeKind::Phased { .. } => "phased",
+    }
+}
+
+/// Errors to be expected of a station's points.
+#[derive(Debug, Clone)]
+pub struct ExpectedErrors<'a> {
+    stations: Vec<&'a StationErrors>,
+    /// Whether they are of the station's own scene and kind of probe.
+    pub measured: bool,
+}
+
+impl ExpectedErrors<'_> {
+    /// Qualities of rendered frames with known errors, by rising paths.
+    pub fn qualities(&self) -> Vec<FrameQuality> {
+        let mut known: Vec<FrameQuality> = Vec::new();
+        for point in self.stations.iter().flat_map(|station| &station.points) {
+            if point.generator.is_none() && !known.contains(&point.quality) {
+                known.push(point.quality);
+            }
+        }
+        known.retain(|quality| self.of(*quality, None).is_some());
+        known.sort_by_key(|quality| (quality.paths(), quality.layers, quality.angles));
+        known
+    }
+
+    /// Error of a point, grey levels: the mean over the stations. `None` if one of them lacks it, or for a generator that
+    /// the table doesn't know.
+    pub fn of(&self, quality: FrameQuality, generator: Option<&GeneratorKey>) -> Option<f64> {
+        let of_station = |station: &&StationErrors| {
+            let mut points = station.points.iter();
+            points.find(|p| p.quality == quality && p.generator.as_ref() == generator).map(|point| point.rmse)
+        };
+        match generator {
+            None => {
+                let errors: Option<Vec<f64>> = self.stations.iter().map(of_station).collect();
+                crate::statistics::mean(errors?)
+            }
+            // Generators are measured where stations name them.
+            Some(_) => crate::statistics::mean(self.stations.iter().filter_map(of_station)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn point(rays: u32, layers: u32, generator: Option<&str>, rmse: f64) -> PointError {
+        let generator = generator.map(|name| GeneratorKey { name: name.into(), sha256: "ab".into() });
+        PointError { quality: FrameQuality::new(rays, layers), generator, rmse, spread: 0.25 }
+    }
+
+    fn station(scene: &str, probe: &str, frequency_mhz: f64, points: Vec<PointError>) -> StationErrors {
+        StationErrors {
+            name: format!("{scene}.toml"),
+            scene: scene.into(),
+            probe: probe.into(),
+            frequency_mhz,
+            reference: "128x3 of 9 angles".into(),
+            poses: 3,
+            points,
+        }
+    }
+
+    fn table() -> ErrorTable {
+        let stations = vec![
+            station("fetus", "convex", 8.0, vec![point(1, 1, None, 20.0), point(1, 1, Some("fast"), 10.0)]),
+            station("fetus", "convex", 4.0, vec![point(1, 1, None, 22.0), point(2, 3, None, 12.0)]),
+            station("lung", "linear", 8.0, vec![point(1, 1, None, 30.0), point(2, 3, None, 14.0)]),
+        ];
+        ErrorTable { stations, ..ErrorTable::new("insonify front".into()) }
+    }
+
+    #[test]
+    fn a_table_comes_back_as_it_was_written() {
+        let text = toml::to_string(&table()).unwrap();
+        assert_eq!(ErrorTable::parse(&text).unwrap(), table());
+        let other = text.replace("format = 1", "format = 2");
+        assert_eq!(ErrorTable::parse(&other), Err(ErrorTableError::Format { found: 2 }));
+        let error = ErrorTable::parse(&text.replace("rmse", "rms")).unwrap_err().to_string();
+        assert!(error.contains("unknown field `rms`"), "{error}");
+    }
+
+    #[test]
+    fn a_station_finds_its_own_scene_and_the_nearest_probe() {
+        let table = table();
+        let probe = |frequency_mhz| Probe { frequency_mhz, ..Probe::default() };
+        let lq = FrameQuality::LQ;
+        let fast = GeneratorKey { name: "fast".into(), sha256: "ab".into() };
+        let near = table.expected("fetus", &probe(7.0));
+        assert_eq!((near.measured, near.of(lq, None), near.of(lq, Some(&fast))), (true, Some(20.0), Some(10.0)));
+        let trained_anew = GeneratorKey { sha256: "cd".into(), ..fast.clone() };
+        assert_eq!(near.of(lq, Some(&trained_anew)), None);
+        assert_eq!(table.expected("fetus", &probe(5.0)).of(lq, None), Some(22.0));
+        // Another scene: the mean over those of the kind, for what all of them know.
+        let other = table.expected("liver", &probe(4.0));
+        assert_eq!((other.measured, other.of(lq, None), other.of(lq, Some(&fast))), (false, Some(21.0), Some(10.0)));
+        assert_eq!(other.qualities(), [lq]);
+        let phased = Probe { kind: ProbeKind::Phased { fov_deg: 90.0 }, ..Probe::default() };
+        assert_eq!(table.expected("lung", &phased).of(lq, None), Some(24.0));
+        assert_eq!(table.expected("fetus", &probe(4.0)).qualities(), [lq, FrameQuality::new(2, 3)]);
+    }
+
+    #[test]
+    fn the_shipped_table_knows_every_shipped_scene() {
+        let table = ErrorTable::shipped().unwrap();
+        assert!(table.command.starts_with("insonify front "), "{}", table.command);
+        for station in &table.stations {
+            assert!(station.points.iter().all(|p| p.rmse.is_finite() && p.rmse > 0.0), "{}", station.name);
+            let raw = |rays, layers| {
+                let quality = FrameQuality::new(rays, layers);
+                station.points.iter().find(|p| p.quality == quality && p.generator.is_none()).unwrap().rmse
+            };
+            assert!(raw(32, 3) < raw(1, 1), "{}", station.name);
+        }
+    }
+}
