@@ -164,3 +164,47 @@ fn the_program_tracks_enhances_and_records() {
         sums[1].0.iter().map(|p| p.pose).collect::<Vec<_>>()
     );
 }
+
+/// The operating point: measured at the first start, kept for the next, said on every line.
+#[test]
+fn the_program_chooses_its_point_and_keeps_its_times() {
+    let _guard = beside_others();
+    let dir = tempfile::tempdir().unwrap();
+    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/generators/blur.onnx");
+    let tables = format!(
+        "[quality]\nbudget_ms = 500\n[generator]\nmodels = ['{}']\n[pipeline]\nframe_rate_hz = 2\n",
+        model.display()
+    );
+    let station = small_station(dir.path(), &tables);
+    let cache = dir.path().join("cache");
+    let run = |metrics: &str| {
+        let metrics = dir.path().join(metrics);
+        let arguments = [
+            "run",
+            &station,
+            "--pose=0,0,0,1,0,0,0",
+            "--frames",
+            "3",
+            "--json",
+            "--metrics",
+            metrics.to_str().unwrap(),
+        ];
+        let done = insonify(&arguments).env("INSONIFY_CACHE", &cache).output().unwrap();
+        let said = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert!(done.status.success(), "{said}");
+        (said, serde_json::from_slice::<Value>(&done.stdout).unwrap(), json_lines(&metrics))
+    };
+    let (said, summary, lines) = run("first.jsonl");
+    assert!(said.contains("ms of 450 (measured now)"), "{said}");
+    let begun = summary["points"]["begun"].as_str().unwrap();
+    assert!(said.contains(&format!("quality: {begun}, ")), "{said}");
+    assert_eq!(lines[0]["point"], begun);
+    assert_eq!(std::fs::read_dir(&cache).unwrap().count(), 1);
+    let (again, _, _) = run("second.jsonl");
+    assert!(again.contains("(as measured before)"), "{again}");
+
+    // Damaged times are measured again.
+    let kept = std::fs::read_dir(&cache).unwrap().next().unwrap().unwrap().path();
+    std::fs::write(&kept, "{").unwrap();
+    assert!(run("third.jsonl").0.contains("(measured now)"));
+}

@@ -105,11 +105,11 @@ def main(argv=None):
 
         for name in args.network:
             torch.manual_seed(1)
-            compare(name, fold(make(name, args.channels, image=0)), args.channels)
+            compare(name, fold(make(name, args.channels)), args.channels)
         try:
             for run in runs:
                 trainer, _ = load_run(run, Dataset(args.data))
-                compare(run.name, fold(trainer.average), trainer.encode.channels)
+                compare(run.name, fold(trainer.generator), trainer.encode.channels)
         except (ExportError, DatasetError) as error:
             raise SystemExit(str(error)) from None
         for path in (path for path in args.models if path not in runs):

@@ -4,12 +4,14 @@ import torch
 
 from .dataset import ATTENUATION, HQ, LQ, SEGMENTATION
 
-# Channels of each variant, in input order (Zhang et al. 2020; Maps: Zhang et al., IJCARS 2021).
+# Planes of maps that are read through a table.
+PLANES = {"segmentation": SEGMENTATION, "attenuation": ATTENUATION}
+
+# Channels of each variant, in input order (Zhang et al. 2020). The LQ image is the first.
 VARIANTS = {
     "M": ("image", "mask"),
     "MS": ("image", "mask", "segmentation"),
     "MSA": ("image", "mask", "segmentation", "attenuation"),
-    "Maps": ("mask", "segmentation", "attenuation"),
 }
 
 
@@ -18,22 +20,19 @@ class Encoder:
 
     def __init__(self, variant, segmentation, data, attenuation_power=1.0, device="cpu"):
         self.names = VARIANTS[variant]
-        self.segmentation = segmentation
         self.device = torch.device(device)
-        self.values = torch.from_numpy(segmentation.values(data.classes)).to(self.device)
         # Attenuation falls by orders of magnitude with depth: a root of it shows deep shadows as well.
         levels = torch.arange(256, dtype=torch.float64) / 255
-        self.attenuation = (levels ** (attenuation_power / data.attenuation_power)).float().to(self.device)
+        attenuation = (levels ** (attenuation_power / data.attenuation_power)).float()
+        self.tables = {
+            "segmentation": torch.from_numpy(segmentation.values(data.classes)).to(self.device),
+            "attenuation": attenuation.to(self.device),
+        }
 
     @property
     def channels(self):
         """Channels of the input tensor."""
-        return sum(self.segmentation.channels if name == "segmentation" else 1 for name in self.names)
-
-    @property
-    def image(self):
-        """Index of the LQ image among the channels, if it is one."""
-        return self.names.index("image") if self.names[0] == "image" else None
+        return len(self.names)
 
     @property
     def outside(self):
@@ -47,20 +46,13 @@ class Encoder:
         n, _, height, width = planes.shape
         out = torch.empty((n, self.channels, height, width), device=self.device)
         out = out.to(memory_format=torch.channels_last)
-        at = 0
-        for name in self.names:
-            if name == "segmentation":
-                count = self.segmentation.channels
-                out[:, at : at + count] = self.values[planes[:, SEGMENTATION].int()].permute(0, 3, 1, 2)
-                at += count
-                continue
-            if name == "mask":
-                out[:, at] = (mask[:, 0] > 0).float()
-            elif name == "image":
+        for at, name in enumerate(self.names):
+            if name == "image":
                 out[:, at] = planes[:, LQ].float() * (1 / 255)
+            elif name == "mask":
+                out[:, at] = (mask[:, 0] > 0).float()
             else:
-                out[:, at] = self.attenuation[planes[:, ATTENUATION].int()]
-            at += 1
+                out[:, at] = self.tables[name][planes[:, PLANES[name]].int()]
         return out
 
     def __call__(self, planes, mask):

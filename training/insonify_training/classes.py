@@ -1,10 +1,7 @@
 """Mapping from tissues to the classes that a generator sees.
 
-Tissues are identified by name, since their numbers differ between data sets and stations. Two encodings:
-
-- ``map``: one channel, the class's index over the greatest index. Each tissue of ``assets/tissues.toml`` is a class,
-  in the order of `order`: neighbours look alike, so intermediate values are meaningful.
-- ``classes``: one channel per group of tissues (`GROUPS`), 0 or 1.
+Tissues are identified by name, since their numbers differ between data sets and stations. Each tissue of
+``assets/tissues.toml`` is a class. Classes are ordered by appearance, so that intermediate values are meaningful.
 """
 
 import math
@@ -19,10 +16,6 @@ TISSUES = Path(__file__).resolve().parents[2] / "assets/tissues.toml"
 OUTSIDE = "outside"
 # Class of a tissue that is not in the table.
 OTHER = "soft_tissue"
-# Groups, from dark to bright between the two that cast shadows.
-GROUPS = (OUTSIDE, "gas", "fluid", "dark", "mid", "iso", "bright", "hard")
-# Upper limits of the speckle's amplitude (deviation x sqrt(density)) in the groups fluid, dark, mid, iso.
-LIMITS = (0.0006, 0.0045, 0.0075, 0.0125)
 # Impedances, MRayl, below which a tissue is gas, and above which it is hard.
 GAS_MRAYL, HARD_MRAYL = 1.0, 2.5
 
@@ -36,14 +29,13 @@ class Tissue:
     speckle: float
 
     @property
-    def group(self):
-        """Group of `GROUPS` that the tissue belongs to."""
+    def look(self):
+        """Sort key: gas, then by speckle from fluids upwards, then hard tissues by impedance."""
         if self.impedance_mrayl < GAS_MRAYL:
-            return "gas"
+            return (0, self.speckle, self.name)
         if self.impedance_mrayl > HARD_MRAYL:
-            return "hard"
-        below = (name for name, limit in zip(("fluid", "dark", "mid", "iso"), LIMITS) if self.speckle < limit)
-        return next(below, "bright")
+            return (2, self.impedance_mrayl, self.name)
+        return (1, self.speckle, self.name)
 
 
 def read_tissues(path=TISSUES):
@@ -51,7 +43,7 @@ def read_tissues(path=TISSUES):
     table = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     tissues = {}
     for name, row in table.items():
-        value = {key: entry["value"] for key, entry in row.items() if isinstance(entry, dict)}
+        value = {key: entry["value"] for key, entry in row.items() if isinstance(entry, dict) and "value" in entry}
         impedance = value["speed_m_s"] * value["density_kg_m3"] * 1e-6
         speckle = value["scatterer_deviation"] * math.sqrt(value["scatterer_density"])
         tissues[name] = Tissue(name, impedance, speckle)
@@ -59,56 +51,36 @@ def read_tissues(path=TISSUES):
 
 
 def order(tissues):
-    """Names of `tissues` by appearance: gas, then by speckle from fluids upwards, then hard tissues."""
-    key = lambda t: (GROUPS.index(t.group), t.impedance_mrayl if t.group == "hard" else t.speckle, t.name)
-    return [t.name for t in sorted(tissues.values(), key=key)]
-
-
-# Encodings of the segmentation as channels.
-ENCODINGS = ("map", "classes")
+    """Names of `tissues` by appearance."""
+    return [t.name for t in sorted(tissues.values(), key=lambda t: t.look)]
 
 
 @dataclass(frozen=True)
 class Segmentation:
-    """Conversion of the segmentation to channels."""
+    """Conversion of the segmentation to one channel: the index of the class over the greatest index."""
 
-    encoding: str
     # Names of the classes in the order of their indices.
     classes: tuple
-    # Class of each tissue whose name differs from its class.
-    of: dict
-    # Class of all other tissues.
-    other: str
+    # Class of tissues that aren't classes.
+    other: str = OTHER
 
     @classmethod
-    def make(cls, encoding, tissues=None):
-        """Segmentation of insonify's tissue table in the encoding `map` or `classes`."""
-        tissues = tissues or read_tissues()
-        if encoding == "map":
-            return cls("map", (OUTSIDE, *order(tissues)), {}, OTHER)
-        if encoding == "classes":
-            of = {name: tissues[name].group for name in order(tissues)}
-            return cls("classes", GROUPS, of, tissues[OTHER].group)
-        raise ValueError(f"segmentation is `{encoding}`; it must be one of {', '.join(ENCODINGS)}")
-
-    @property
-    def channels(self):
-        """Number of channels."""
-        return 1 if self.encoding == "map" else len(self.classes)
+    def make(cls, tissues=None):
+        """Segmentation of insonify's tissue table."""
+        return cls((OUTSIDE, *order(tissues or read_tissues())))
 
     @property
     def scale(self):
-        """Factor from the class's index (or 0 and 1) to the tensor's value."""
-        return 1.0 / (len(self.classes) - 1) if self.encoding == "map" else 1.0
+        """Factor from the class's index to the tensor's value."""
+        return 1.0 / (len(self.classes) - 1)
 
     def index(self, name):
         """Index of the class of the tissue `name`."""
-        name = self.of.get(name, name)
         return self.classes.index(name if name in self.classes else self.other)
 
     def unknown(self, names):
         """Those of `names` without a class of their own, which become `other`."""
-        return [n for n in names if n not in self.of and n not in self.classes]
+        return [n for n in names if n not in self.classes]
 
     def indices(self, names):
         """Class index of each number of a segmentation whose numbers mean `names`: uint8 [256]."""
@@ -117,13 +89,9 @@ class Segmentation:
         return table
 
     def values(self, names):
-        """Channel values of each number of a segmentation whose numbers mean `names`: float32 [256, channels]."""
-        indices = self.indices(names)
-        if self.encoding == "map":
-            return (indices[:, None] * np.float32(self.scale)).astype(np.float32)
-        return np.eye(len(self.classes), dtype=np.float32)[indices]
+        """Channel value of each number of a segmentation whose numbers mean `names`: float32 [256]."""
+        return self.indices(names) * np.float32(self.scale)
 
     def manifest(self):
         """Table ``[segmentation]`` of a model's manifest."""
-        table = {"encoding": self.encoding, "classes": list(self.classes), "other": self.other}
-        return {**table, "of": dict(self.of)} if self.of else table
+        return {"encoding": "map", "classes": list(self.classes), "other": self.other}

@@ -56,6 +56,33 @@ def _parse_rows(path):
             raise DatasetError(f"{path}:{number}: {error!r} is missing or wrong") from None
 
 
+@dataclass(frozen=True)
+class Quality:
+    """Rendering of frames: rays, elevational layers and steering angles."""
+
+    rays: int
+    layers: int
+    angles: int
+
+    def __str__(self):
+        return f"{self.rays}x{self.layers}" + (f" of {self.angles} angles" if self.angles > 1 else "")
+
+    @classmethod
+    def parse(cls, text):
+        """Quality of `RAYSxLAYERS` or `RAYSxLAYERSxANGLES`."""
+        try:
+            rays, layers, *angles = map(int, text.split("x"))
+            (angles,) = angles or (1,)
+        except ValueError:
+            raise ValueError(f"`{text}`; it must be RAYSxLAYERS or RAYSxLAYERSxANGLES") from None
+        return cls(rays, layers, angles)
+
+    @classmethod
+    def parse_list(cls, text):
+        """Qualities of a text with commas between."""
+        return tuple(cls.parse(one) for one in text.split(","))
+
+
 class Dataset:
     """Rows of a data set, and its pictures."""
 
@@ -79,6 +106,15 @@ class Dataset:
             raise DatasetError(f"{header}: classes must be at most 256 names, the first `outside`")
         # The byte is 255 x a^power of the attenuation a.
         self.attenuation_power = float(described.get("attenuation_power", 1.0))
+        look = described.get("look", {})
+        try:
+            # Tuples have the low qualities in turn.
+            self.lq = tuple(
+                Quality(*map(int, pair), int(look.get("lq_angles", 1))) for pair in (described["lq"], *described.get("lq_more", ()))
+            )
+            self.hq = Quality(*map(int, described["hq"]), int(look.get("hq_angles", 1)))
+        except (KeyError, TypeError, ValueError) as error:
+            raise DatasetError(f"{header}: lq, hq or look is missing or wrong: {error!r}") from None
         rows = {}
         for path in manifests:
             for row in _parse_rows(path):

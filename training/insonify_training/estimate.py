@@ -3,7 +3,7 @@
 import argparse
 import sys
 import time
-from dataclasses import astuple, replace
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -13,7 +13,7 @@ from .tiers import SHIPPED, TIERS
 from .train import hours
 from .trainer import Trainer
 
-STEPS = 3
+STEPS = 6
 
 
 class NoData:
@@ -24,14 +24,9 @@ class NoData:
 
 
 def phases(config):
-    """Number of steps and first step of each phase; a phase ends when a term of the loss is added or removed."""
-
-    def terms(step):
-        return tuple(weight > 0 for weight in astuple(config.weights_at(step)))
-
-    edges = sorted({config.warmup, config.divergence_from, config.main_steps})
-    begins = [0, *(step for step in edges if 0 < step < config.steps and terms(step) != terms(step - 1))]
-    return [(end - begin, begin) for begin, end in zip(begins, [*begins[1:], config.steps])]
+    """Number of steps and first step of each phase: without and with the GAN term."""
+    warmup = min(config.warmup, config.steps) if config.gan_weight > 0 else config.steps
+    return [(count, first) for count, first in ((warmup, 0), (config.steps - warmup, warmup)) if count > 0]
 
 
 def step_seconds(config, first, device, bf16):
@@ -65,7 +60,7 @@ def main(argv=None):
         config = TIERS[name]
         if args.trial is not None:
             config = config.trial(args.trial)
-        alike = replace(config, variant="MSA")
+        alike = replace(config, variant="MSA", lq="", hq="")
         if alike not in seen:
             seen[alike] = [(steps, step_seconds(alike, first, args.device, args.bf16)) for steps, first in phases(alike)]
         seconds = sum(steps * each for steps, each in seen[alike])

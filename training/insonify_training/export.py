@@ -1,6 +1,6 @@
 """Exports a run for the station: `python -m insonify_training.export RUN --data DIR --out assets/generators/NAME`.
 
-Writes NAME.onnx (averaged weights, statistics frozen and folded into the convolutions, height and width free),
+Writes NAME.onnx (the norms' statistics frozen and folded into the convolutions, height and width free),
 NAME.toml (its manifest), NAME.parity_input.npy and NAME.parity_output.npy, and checks them in ONNX Runtime.
 """
 
@@ -8,15 +8,16 @@ import argparse
 import hashlib
 import json
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import torch
 
 from .channels import VARIANTS
-from .dataset import ATTENUATION, LQ, SEGMENTATION, Crops, Dataset, DatasetError
+from .dataset import ATTENUATION, LQ, SEGMENTATION, Dataset, DatasetError
 from .networks import fold, freeze
-from .quality import psnr_db, ssim
+from .quality import pkl, psnr_db, ssim
 from .tiers import Config
 from .trainer import Trainer, read_checkpoint
 
@@ -27,7 +28,6 @@ PARITY_SIZE = (128, 160)
 TOLERANCE = 0.25
 # Accepted difference, grey levels, between ONNX Runtime and PyTorch on this machine.
 AGREES = 0.05
-CALIBRATION_BATCHES = 32
 
 
 class ExportError(Exception):
@@ -35,18 +35,14 @@ class ExportError(Exception):
 
 
 def load_run(folder, data):
-    """Trainer of a run with usable averaged weights; a run that isn't frozen yet is calibrated on `data`."""
+    """Trainer of a run, its norms frozen, and the SHA-256 of its training data."""
     checkpoint = Path(folder) / "checkpoint.pt"
     if not checkpoint.is_file():
         raise ExportError(f"{folder}: no run: checkpoint.pt must be there")
     state = read_checkpoint(checkpoint)
     trainer = Trainer(Config.from_dict(state["config"]), data)
     trainer.load(state)
-    config = trainer.config
-    if trainer.step < config.freeze_from * config.steps and config.norm != "none":
-        crops = Crops(data, "train", config.crop, config.batch, config.seed + 1, config.flip, border=config.border)
-        trainer.calibrate(crops.at(step) for step in range(CALIBRATION_BATCHES))
-    freeze(trainer.average)
+    freeze(trainer.generator.eval())
     return trainer, state.get("data_sha256")
 
 
@@ -95,7 +91,7 @@ def session(path, threads=2):
     return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
 
 
-def parity_planes(data, encode):
+def parity_planes(data, segmentation):
     """Planes float32 [4, h, w] of a parity pair, from a part of a test tuple with bone or many tissues."""
     height, width = PARITY_SIZE
     best, found = -1, None
@@ -110,7 +106,7 @@ def parity_planes(data, encode):
                 if score > best:
                     best, found = score, (np.array(planes[(slice(None), *at)]), np.array(mask[at]))
     planes, mask = found
-    indices = encode.segmentation.indices(data.classes)
+    indices = segmentation.indices(data.classes)
     attenuation = (planes[ATTENUATION] / 255.0) ** (1 / data.attenuation_power)
     return np.stack(
         [planes[LQ], indices[planes[SEGMENTATION]], attenuation, mask]
@@ -140,7 +136,7 @@ def write_manifest(path, head, tables):
 
 
 def measure(trainer, ort, multiple, data, frames):
-    """Mean PSNR and SSIM inside the sector of test tuples, full field of view, by the exported model."""
+    """Mean PSNR, SSIM and pKL inside the sector of test tuples, full field of view: of the exported model [3], of LQ [3]."""
     rows = data.split("test")
     rows = rows[:: max(1, len(rows) // frames)][:frames]
     values = []
@@ -149,7 +145,7 @@ def measure(trainer, ort, multiple, data, frames):
         inputs, target, inside = trainer.encode(planes, mask)
         output = run_onnx(ort, inputs, multiple, trainer.encode.outside).clamp(0, 1) * inside
         lq = torch.from_numpy(planes[:, LQ : LQ + 1]).float() / 255 * inside
-        values.append([f(p, target, inside).item() for p in (output, lq) for f in (psnr_db, ssim)])
+        values.append([[f(p, target, inside).item() for f in (psnr_db, ssim, pkl)] for p in (output, lq)])
     return np.mean(values, axis=0)
 
 
@@ -161,19 +157,19 @@ def export(run, data, out, description=None, frames=32, name=None):
         raise ExportError(f"{data.directory}: no test rows: the parity pair and the quality are of them")
     trainer, data_sha256 = load_run(run, data)
     config, encode = trainer.config, trainer.encode
-    network = fold(trainer.average)
+    network = fold(trainer.generator)
     multiple = network.padding_multiple
     out.mkdir(parents=True, exist_ok=True)
     model = out / f"{name}.onnx"
     write_onnx(network, encode.channels, model)
     ort = session(model)
 
-    parity, planes, mask = parity_planes(data, encode)
+    parity, planes, mask = parity_planes(data, trainer.segmentation)
     inputs, _, inside = encode(planes[None], mask[None, None])
     whole = padded(inputs, multiple, encode.outside)
     with torch.no_grad():
         _, at = place(mask.shape, multiple)
-        live, expected = (of(whole)[(..., *at)].clamp(0, 1) * inside for of in (trainer.average, network))
+        live, expected = (of(whole)[(..., *at)].clamp(0, 1) * inside for of in (trainer.generator, network))
     found = run_onnx(ort, inputs, multiple, encode.outside).clamp(0, 1) * inside
     differences = {
         "folded_levels": (expected - live).abs().max().item() * 255,
@@ -184,26 +180,29 @@ def export(run, data, out, description=None, frames=32, name=None):
     np.save(out / f"{name}.parity_input.npy", parity)
     np.save(out / f"{name}.parity_output.npy", (expected[0, 0] * 255).numpy().astype(np.float32))
 
-    psnr, similarity, psnr_lq, similarity_lq = measure(trainer, ort, multiple, data, frames)
+    made, lq = measure(trainer, ort, multiple, data, frames)
     unit = {"scale": 1.0, "offset": 0.0}
     channels = VARIANTS[config.variant]
     affine = {channel: dict(unit) for channel in channels}
     tables = {"input": {"name": "input", "channels": list(channels), **affine}}
     if "segmentation" in channels:
-        affine["segmentation"]["scale"] = encode.segmentation.scale
-        tables["segmentation"] = encode.segmentation.manifest()
+        affine["segmentation"]["scale"] = trainer.segmentation.scale
+        tables["segmentation"] = trainer.segmentation.manifest()
     if "attenuation" in channels and config.attenuation_power != 1.0:
         affine["attenuation"]["power"] = config.attenuation_power
     tables["output"] = {"name": "output", **unit}
     tables["parity"] = {
         "input": f"{name}.parity_input.npy", "output": f"{name}.parity_output.npy", "tolerance": TOLERANCE,
     }
-    tables["training"] = {"data_sha256": data_sha256 or data.sha256(), "iterations": trainer.step}
-    tables["quality"] = {"psnr_db": round(float(psnr), 3), "ssim": round(float(similarity), 4)}
+    tables["training"] = {
+        "data_sha256": data_sha256 or data.sha256(), "iterations": trainer.step, "lq": asdict(data.lq[0]),
+        **({"lq_more": [asdict(lq) for lq in data.lq[1:]]} if data.lq[1:] else {}), "hq": asdict(data.hq),
+    }
+    tables["quality"] = {"psnr_db": round(float(made[0]), 3), "ssim": round(float(made[1]), 4)}
     head = {
         "format": 1,
         "name": name,
-        "description": description or f"{config.network}, {config.variant}: {'LQ frames' if encode.image is not None else 'maps'} to HQ appearance.",
+        "description": description or f"{config.network}, {config.variant}: {', '.join(map(str, data.lq))} to {data.hq}.",
         "kind": "trained",
         "variant": config.variant,
         "sha256": hashlib.sha256(model.read_bytes()).hexdigest(),
@@ -212,7 +211,8 @@ def export(run, data, out, description=None, frames=32, name=None):
     write_manifest(out / f"{name}.toml", head, tables)
     return {
         "model": str(model), "bytes": model.stat().st_size, "iterations": trainer.step, **differences,
-        "psnr_db": float(psnr), "ssim": float(similarity), "psnr_lq_db": float(psnr_lq), "ssim_lq": float(similarity_lq),
+        **{key: float(value) for key, value in zip(("psnr_db", "ssim", "pkl"), made)},
+        **{f"{key}_lq": float(value) for key, value in zip(("psnr_db", "ssim", "pkl"), lq)},
     }
 
 

@@ -1,10 +1,10 @@
-"""Losses of the generator and the discriminator, and their weights over the steps."""
+"""Losses of the generator and the discriminator."""
 
 import torch
 import torch.nn.functional as F
 
 from .patches import BINS, PATCH, divergence, parts, patches
-from .quality import similarity
+from .quality import similarity_map
 
 # Slope of the output beyond black and white: the station clips there, but a gradient must lead back.
 LEAK = 0.05
@@ -19,18 +19,6 @@ def soft_clip(y):
 def l1(output, target):
     """Mean absolute difference of masked pictures."""
     return F.l1_loss(output, target)
-
-
-def patch_histogram(output, target, offset, side=PATCH):
-    """Mean 1-Wasserstein distance of the grey-level histograms of patches of `side` pixels, by sorting.
-
-    It depends on levels and not on their places, and so rewards the grain that L1 smooths away. Patches begin
-    `offset` pixels from the upper left corner; incomplete ones at the edges are ignored. Pictures are at least
-    `side` + `offset` pixels high and wide.
-    """
-
-    output, target = (patches(picture, offset, side).sort(1).values for picture in (output, target))
-    return (output - target).abs().mean()
 
 
 def soft_histogram(levels, bins=BINS):
@@ -49,7 +37,8 @@ def soft_histogram(levels, bins=BINS):
 def patch_divergence(output, target, offset, side=PATCH):
     """Mean Kullback-Leibler divergence D(target || output) of patches' grey-level histograms: pKL with soft bins.
 
-    Patches as in `patch_histogram`; those with a black target are ignored.
+    Patches begin `offset` pixels from the upper left corner; incomplete ones at the edges and those with a black target
+    are ignored. It rewards the grain that L1 smooths away. Pictures are at least `side` + `offset` pixels high and wide.
     """
     output, target = (patches(picture, offset, side) for picture in (output, target))
     seen = target.amax(1) > 0
@@ -57,7 +46,7 @@ def patch_divergence(output, target, offset, side=PATCH):
     return divergence(p, q).sum() / seen.sum().clamp_min(1)
 
 
-def grid(output, target, period=8, tile=64):
+def grid(output, target, period=8, tile=32):
     """Root mean square of the error common to the same place of all `period` x `period` blocks of a tile.
 
     This is a pattern that stands still on the screen, which networks of that stride would use as grain. Pictures
@@ -71,9 +60,12 @@ def grid(output, target, period=8, tile=64):
     return (pattern - pattern.mean((2, 4), keepdim=True)).square().mean().add(1e-10).sqrt()
 
 
-def dissimilarity(output, target):
-    """1 minus the mean structural similarity of pictures within 0..=1."""
-    return 1 - similarity(255 * output, 255 * target).mean()
+def dissimilarity(output, target, offset=0, every=4):
+    """1 minus the mean structural similarity of pictures within 0..=1, of every `every`-th window from `offset` on.
+
+    Windows overlap, so that each pixel is in several; all windows would cost more than the network.
+    """
+    return 1 - similarity_map(255 * output, 255 * target, offset, every).mean()
 
 
 def discriminator_loss(real, fake):
@@ -86,18 +78,3 @@ def discriminator_loss(real, fake):
 def generator_gan_loss(fake):
     """Cross-entropy of generated patches labelled as rendered."""
     return F.binary_cross_entropy_with_logits(fake.float(), torch.ones_like(fake, dtype=torch.float32))
-
-
-def gan_weight(step, weight, warmup, ramp):
-    """Weight of the GAN term: 0 for `warmup` steps, then linear to `weight` over `ramp` steps."""
-    if step < warmup:
-        return 0.0
-    return weight * min(1.0, (step - warmup + 1) / max(ramp, 1))
-
-
-def falling(step, steps, rate, decay_from):
-    """`rate` up to the fraction `decay_from` of the steps, then falling linearly towards 0 (at least a hundredth)."""
-    start = decay_from * steps
-    if step <= start:
-        return rate
-    return rate * max(0.01, 1.0 - (step - start) / max(steps - start, 1.0))

@@ -12,23 +12,20 @@ from torch import nn
 
 EPS = 1e-5
 # `none` omits the norm.
-NORMS = ("none", "instance", "batch")
+NORMS = ("none", "instance")
 # Statistics are updated on every n-th training pass, by this fraction: they change slowly, and reading them is
 # expensive.
 FOLLOW_EVERY, MOMENTUM = 4, 0.02
 
 
 class Norm(nn.Module):
-    """Instance or batch norm that tracks its statistics, and can be frozen to them.
+    """Instance norm that tracks its statistics, and can be frozen to them.
 
-    Live instance statistics differ between a crop and the full field of view; frozen ones are the same everywhere.
+    Live statistics differ between a crop and the full field of view; frozen ones are the same everywhere.
     """
 
-    def __init__(self, channels, kind):
+    def __init__(self, channels):
         super().__init__()
-        if kind not in NORMS:
-            raise ValueError(f"norm is `{kind}`; it must be one of {', '.join(NORMS)}")
-        self.kind = kind
         self.weight, self.bias = nn.Parameter(torch.ones(channels)), nn.Parameter(torch.zeros(channels))
         self.register_buffer("mean", torch.zeros(channels))
         self.register_buffer("variance", torch.ones(channels))
@@ -43,21 +40,13 @@ class Norm(nn.Module):
             if self.passes % self.every == 0:
                 self.follow(x)
             self.passes += 1
-        if self.kind == "batch":
-            if not self.training:
-                return F.batch_norm(x, self.mean, self.variance, self.weight, self.bias, False, 0.0, EPS)
-            return F.batch_norm(x, None, None, self.weight, self.bias, True, 0.0, EPS)
         # One group per channel is instance norm, and keeps channels_last.
         return F.group_norm(x, x.shape[1], self.weight, self.bias, EPS)
 
     @torch.no_grad()
     def follow(self, x):
         """Moves the statistics towards those of `x`; in the beginning they are the mean."""
-        x = x.detach().float()
-        if self.kind == "batch":
-            variance, mean = torch.var_mean(x, (0, 2, 3), unbiased=False)
-        else:
-            variance, mean = (s.mean(0) for s in torch.var_mean(x, (2, 3), unbiased=False))
+        variance, mean = (s.mean(0) for s in torch.var_mean(x.detach().float(), (2, 3), unbiased=False))
         part = max(self.momentum, 1.0 / (1 + int(self.passes) // self.every))
         self.mean.lerp_(mean, part)
         self.variance.lerp_(variance, part)
@@ -76,7 +65,9 @@ class Conv(nn.Sequential):
     def __init__(self, inputs, outputs, kernel=3, stride=1, padding=1, norm="none", transposed=False):
         layer = nn.ConvTranspose2d if transposed else nn.Conv2d
         parts = [layer(inputs, outputs, kernel, stride, padding)]
-        super().__init__(*parts, *([Norm(outputs, norm)] if norm != "none" else []))
+        if norm not in NORMS:
+            raise ValueError(f"norm is `{norm}`; it must be one of {', '.join(NORMS)}")
+        super().__init__(*parts, *([Norm(outputs)] if norm == "instance" else []))
 
     def folded(self):
         """Single convolution equivalent to convolution and frozen norm."""
@@ -106,33 +97,46 @@ def fold(network):
     return network.requires_grad_(False)
 
 
+def tent(side):
+    """Weights [side * side, 1, 3, 3] by which the pixels of a cell interpolate linearly between it and its neighbours."""
+    place = (torch.arange(side) + 0.5) / side - 0.5
+    weights = torch.stack([(-place).clamp_min(0), 1 - place.abs(), place.clamp_min(0)], 1)
+    return torch.einsum("ai,bj->abij", weights, weights).reshape(side * side, 1, 3, 3)
+
+
 class StemNet(nn.Module):
     """A strided convolution as the stem, a small U-Net at the coarse scales, a pixel shuffle as the head.
 
     `widths` are the channels of its scales, each half as fine as the previous one. Convolutions at the finest scale
-    take most of the time: only one follows the stem's skip, and the head only mixes its channels.
+    take most of the time: only one follows the stem's skip. The head sums two parts: one only mixes the channels of a
+    cell; the other interpolates `SMOOTH` channels between cells, without which cells of `stride` pixels are visible.
 
-    With an `image` among the channels the output is b + g * image: LQ and HQ frames have the same speckle, and the
-    gain g, one for each `GAIN_PX` x `GAIN_PX` pixels, sets how much of the image is kept.
+    The first channel is the LQ image. The output is b + g * image: the gain g, one for each `GAIN_PX` x `GAIN_PX` pixels,
+    sets how much of the image's grain is kept.
     """
 
     GAIN_PX = 2
+    SMOOTH = 4
 
-    def __init__(self, channels, stride, widths, norm="instance", image=None):
+    def __init__(self, channels, stride, widths, norm="none"):
         super().__init__()
+        self.stride = stride
         self.padding_multiple = stride << (len(widths) - 1)
         self.stem = Conv(channels, widths[0], stride, stride, 0, norm)
         self.down = nn.ModuleList(Conv(a, b, stride=2, norm=norm) for a, b in zip(widths, widths[1:]))
         self.bottom = nn.ModuleList(Conv(widths[-1], widths[-1], norm=norm) for _ in range(2))
-        self.up = nn.ModuleList(Conv(b, a, 1, padding=0, norm="none") for a, b in zip(widths, widths[1:]))
+        self.up = nn.ModuleList(Conv(b, a, 1, padding=0) for a, b in zip(widths, widths[1:]))
         self.decode = nn.ModuleList(Conv(w, w, norm=norm) for w in widths[:-1])
-        self.image, self.stride = image, stride
-        self.shapes = [stride * stride] if image is None else [stride * stride, (stride // self.GAIN_PX) ** 2]
-        self.head = Conv(widths[0], sum(self.shapes), 1, padding=0, norm="none")
-        if image is not None:
-            # Starts at half of the image: a training started at the image itself never left it.
-            with torch.no_grad():
-                self.head[0].bias[self.shapes[0] :] = 0.5
+        sides = (stride, stride // self.GAIN_PX)
+        self.shapes = [side * side for side in sides]
+        self.head = Conv(widths[0], sum(self.shapes), 1, padding=0)
+        self.reduce = Conv(widths[0], self.SMOOTH, 1, padding=0)
+        self.spread = Conv(self.SMOOTH, sum(self.shapes))
+        with torch.no_grad():
+            # Starts as an interpolation, and at half of the image: a training that began at the image itself never left it.
+            self.spread[0].weight.mul_(0.1).add_(torch.cat([tent(side) for side in sides]))
+            self.spread[0].bias.zero_()
+            self.head[0].bias[self.shapes[0] :] = 0.5
 
     def forward(self, inputs):
         x = F.relu(self.stem(inputs))
@@ -145,13 +149,10 @@ class StemNet(nn.Module):
         for up, decode, skip in zip(reversed(self.up), reversed(self.decode), reversed(skips)):
             x = F.interpolate(up(x), scale_factor=2.0, mode="nearest") + skip
             x = F.relu(decode(x))
-        y = self.head(x)
-        if self.image is None:
-            return F.pixel_shuffle(y, self.stride)
-        base, gain = y.split(self.shapes, 1)
+        base, gain = (self.head(x) + self.spread(self.reduce(x))).split(self.shapes, 1)
         gain = F.pixel_shuffle(gain, self.stride // self.GAIN_PX)
         gain = F.interpolate(gain, scale_factor=float(self.GAIN_PX), mode="nearest")
-        return F.pixel_shuffle(base, self.stride) + gain * inputs[:, self.image : self.image + 1]
+        return F.pixel_shuffle(base, self.stride) + gain * inputs[:, :1]
 
 
 class UNet(nn.Module):
@@ -186,17 +187,12 @@ class UNet(nn.Module):
         return x
 
 
-def make(network, channels, norm="instance", image=None):
-    """Network by name: stride8, stride4, unet16, unet64 (any ngf); weights from torch's own seed.
-
-    `image` is the index of the LQ image, if it is one of the channels.
-    """
+def make(network, channels, norm="none"):
+    """Network by name: stride8, stride4, unet64 (any ngf); weights from torch's own seed."""
     if network == "stride8":
-        made = StemNet(channels, 8, (48, 96, 128), norm, image)
-    elif network == "stride4":
-        made = StemNet(channels, 4, (32, 64, 96, 128), norm, image)
-    elif network.startswith("unet") and network[4:].isdigit():
-        made = UNet(channels, int(network[4:]), norm)
-    else:
-        raise ValueError(f"network {network}: it must be stride8, stride4 or unetN (N: channels of the first level)")
-    return made
+        return StemNet(channels, 8, (48, 96, 128), norm)
+    if network == "stride4":
+        return StemNet(channels, 4, (32, 64, 96, 128), norm)
+    if network.startswith("unet") and network[4:].isdigit():
+        return UNet(channels, int(network[4:]), norm)
+    raise ValueError(f"network {network}: it must be stride8, stride4 or unetN (N: channels of the first level)")

@@ -46,7 +46,7 @@ def main(argv=None):
     """Entry point of the command."""
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     p.add_argument("data", type=Path, help="data set that `insonify dataset` wrote")
-    p.add_argument("runs", type=Path, nargs="*", metavar="RUN", help="folders of training runs: their averaged weights are asked")
+    p.add_argument("runs", type=Path, nargs="*", metavar="RUN", help="folders of training runs")
     p.add_argument("--limit", type=int, default=10, help="test tuples to look at, evenly spread [default: 10]")
     args = p.parse_args(argv)
     try:
@@ -66,9 +66,9 @@ def main(argv=None):
             sums[name] += variances(torch.from_numpy(planes[plane]).float(), inside)
         for name, trainer in trainers.items():
             inputs, _, _ = trainer.encode(planes[None], np.array(mask)[None, None])
-            multiple = trainer.average.padding_multiple
+            multiple = trainer.generator.padding_multiple
             with torch.no_grad():
-                output = trainer.average(padded(inputs, multiple, trainer.encode.outside))
+                output = trainer.generator(padded(inputs, multiple, trainer.encode.outside))
             made = output[(0, 0, *place(mask.shape, multiple)[1])].clamp(0, 1) * 255 * inside
             sums[name] += variances(made, inside)
     for name, (pattern, detail) in sums.items():

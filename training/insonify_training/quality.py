@@ -52,14 +52,12 @@ def blur_matrix(n, sigma, reach, device="cpu"):
     return torch.zeros(n, n, device=device).scatter_add_(1, places, weights.expand(n, -1).contiguous())
 
 
-def similarity(x, y):
-    """Structural similarity of each picture of levels 0..=255, with a gradient."""
-    return similarity_map(x, y).mean((1, 2, 3))
+def similarity_map(x, y, first=0, every=1):
+    """Structural similarity around pixels of pictures of levels 0..=255, with a gradient.
 
-
-def similarity_map(x, y):
-    """Structural similarity around each pixel of pictures of levels 0..=255, with a gradient."""
-    down, across = (blur_matrix(n, 1.5, 5, x.device) for n in x.shape[-2:])
+    Windows are centred on every `every`-th row and column, from `first` on.
+    """
+    down, across = (blur_matrix(n, 1.5, 5, x.device)[first::every] for n in x.shape[-2:])
     mean_x, mean_y, xx, yy, xy = (down @ torch.cat((x, y, x * x, y * y, x * y)) @ across.T).chunk(5)
     variance_x, variance_y = xx - mean_x.square(), yy - mean_y.square()
     covariance = xy - mean_x * mean_y

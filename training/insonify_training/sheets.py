@@ -43,7 +43,7 @@ def read_log(path):
 
 
 # Terms of the loss beside L1 and GAN, before their weights.
-TERMS = {"histogram": "histograms", "dissimilarity": "1 − SSIM", "divergence": "divergence", "grid": "pattern"}
+TERMS = {"dissimilarity": "1 − SSIM", "divergence": "divergence", "grid": "pattern"}
 
 
 def loss_plot(log, path, title=""):

@@ -1,18 +1,11 @@
-"""Configurations of trained tiers: those that insonify ships, and the paper's own schedule for a GPU."""
+"""Configurations of trained tiers: those that insonify ships, those of the paper's tables, and the paper's own for a GPU."""
 
+import sys
 from dataclasses import asdict, dataclass, fields, replace
 
-from .losses import falling, gan_weight
 
-
-@dataclass(frozen=True)
-class Weights:
-    """Weights of the loss's terms at a step. `gan` is relative to L1's own weight, the others to an L1 weight of 1."""
-
-    gan: float
-    divergence: float
-    grid: float
-    ssim: float
+# Frames of a live session with rolling compounding.
+ROLLING = "1x1x9,1x3x9,2x3x9,8x3x9"
 
 
 @dataclass(frozen=True)
@@ -21,49 +14,34 @@ class Config:
 
     network: str = "stride8"
     variant: str = "MSA"
-    segmentation: str = "map"
+    # Rendering of input and target: rays x layers x angles. Tuples have several inputs in turn.
+    lq: str = "1x1"
+    hq: str = "32x3x9"
     # Exponent of the attenuation that the network sees: 1 is the map itself.
     attenuation_power: float = 0.25
     norm: str = "none"
-    steps: int = 12000
+    steps: int = 14000
     batch: int = 4
     crop: int = 256
     # Pixels of outside around a picture that crops may contain: a station pads so, and a sector may end at the
     # picture's edge.
     border: int = 32
-    rate: float = 7e-4
-    # Limit on the norm of the generator's gradient; 0 for none. One crop in a thousand would set a network without norm
-    # back.
-    clip: float = 100.0
-    # Final steps, with a restarted falling rate and other weights: they regain the SSIM that the GAN term cost, and
-    # keep the grain.
-    polish: int = 5000
-    polish_rate: float = 6e-4
-    polish_gan_weight: float = 0.0
-    polish_divergence_weight: float = 0.6
-    polish_ssim_weight: float = 2.5
-    # Fraction of the steps before the polish from which the rate falls towards 0; fraction of all steps from which the
-    # norms' statistics are frozen.
-    decay_from: float = 0.6
+    rate: float = 1e-3
+    # Fraction of the steps from which the rate falls towards 0, and from which the norms' statistics are frozen.
+    decay_from: float = 0.4
     freeze_from: float = 0.7
-    gan_weight: float = 0.5
-    # The paper's 100 is for levels within -1..=1; here they are within 0..=1.
-    l1_weight: float = 200.0
-    # Weight of the patches' histogram distance, relative to an L1 weight of 1.
-    histogram_weight: float = 1.0
-    # Likewise of the patches' divergence, pKL; and the step from which on it applies.
-    divergence_weight: float = 0.6
-    divergence_from: int = 5500
-    # Likewise of a pattern with the network's stride, from the same step on.
-    grid_weight: float = 4.0
-    # Likewise of 1 minus the structural similarity.
+    # Limit on the norm of the generator's gradient; 0 for none.
+    clip: float = 0.5
+    # Weights of the loss's terms; L1's is 1.
     ssim_weight: float = 0.3
+    divergence_weight: float = 0.15
+    grid_weight: float = 4.0
+    gan_weight: float = 0.0
     # Steps without the GAN term, and steps in which it rises to its weight.
-    warmup: int = 4000
-    ramp: int = 400
-    ndf: int = 8
-    # Decay of the running mean of the weights, which is exported.
-    ema: float = 0.999
+    warmup: int = 0
+    ramp: int = 1
+    # Width of the discriminator.
+    ndf: int = 16
     flip: bool = True
     seed: int = 1
 
@@ -80,83 +58,81 @@ class Config:
         return cls(**values)
 
     @property
-    def main_steps(self):
-        """Steps before the polish, which takes at most half of all steps."""
-        return self.steps - min(self.polish, self.steps // 2)
+    def data(self):
+        """Name of the data set that `scripts/train` renders for it."""
+        if not self.hq.endswith("x9"):
+            return "single"
+        return "rolling" if self.lq == ROLLING else self.lq
 
     def rate_at(self, step):
-        """Learning rate of Adam at a step."""
-        if step < self.main_steps:
-            return falling(step, self.main_steps, self.rate, self.decay_from)
-        return falling(step - self.main_steps, self.steps - self.main_steps, self.polish_rate, 0.0)
+        """Learning rate of Adam at a step: constant, then falling linearly towards 0."""
+        start = self.decay_from * self.steps
+        if step <= start:
+            return self.rate
+        return self.rate * max(0.01, 1.0 - (step - start) / max(self.steps - start, 1.0))
 
-    def weights_at(self, step):
-        """Weights of the scheduled terms at a step."""
-
-        def now(weight, polish):
-            # A term that is switched off stays off.
-            return polish if weight > 0 and step >= self.main_steps else weight
-
-        late = step >= self.divergence_from
-        gan = now(self.gan_weight, self.polish_gan_weight)
-        return Weights(
-            gan=gan_weight(step, gan, self.warmup, self.ramp),
-            divergence=now(self.divergence_weight, self.polish_divergence_weight) if late else 0.0,
-            grid=self.grid_weight if late else 0.0,
-            ssim=now(self.ssim_weight, self.polish_ssim_weight),
-        )
+    def gan_weight_at(self, step):
+        """Weight of the GAN term at a step: 0 during the warm-up, then rising linearly."""
+        if step < self.warmup:
+            return 0.0
+        return self.gan_weight * min(1.0, (step - self.warmup + 1) / max(self.ramp, 1))
 
     def trial(self, steps):
-        """The same in so few steps that it only shows that everything runs.
-
-        The second half has the late terms, the last quarter the polish.
-        """
-        if steps < 4:
-            raise SystemExit(f"a trial of {steps} steps: all phases take 4 at least")
-        polish = min(self.polish, steps // 4)
-        return replace(self, steps=steps, warmup=steps // 2, divergence_from=steps // 2, ramp=1, polish=polish)
+        """The same in so few steps that it only shows that everything runs."""
+        if steps < 2:
+            raise SystemExit(f"a trial of {steps} steps: it takes 2 at least")
+        return replace(self, steps=steps, warmup=min(self.warmup, steps // 2), ramp=1)
 
 
 FAST = Config(network="stride8")
 MIDDLE = Config(network="stride4")
-# pix2pix's own loss and rate.
+# pix2pix's own loss and rate. Its 100 on levels within -1..=1 is 200 on 0..=1, here the inverse of the GAN's weight.
 PIX2PIX = Config(
     norm="instance",
     rate=2e-4,
     clip=0.0,
     border=0,
-    steps=10500,
-    polish=0,
-    gan_weight=1.0,
-    histogram_weight=0.0,
+    ssim_weight=0.0,
     divergence_weight=0.0,
     grid_weight=0.0,
-    ssim_weight=0.0,
-    warmup=6000,
-    ramp=600,
+    gan_weight=0.005,
+    crop=512,
+    batch=16,
 )
-# As in the paper, but small.
-CLASSIC = replace(PIX2PIX, network="unet16", ndf=16)
-# For a GPU: the paper's network and schedule.
-PAPER = replace(
-    PIX2PIX, network="unet64", steps=50000, batch=16, crop=512, decay_from=1.0, ndf=64, warmup=2000, ramp=3000
-)
+CLASSIC = replace(PIX2PIX, network="unet64", steps=20000, warmup=2000, ramp=3000, ndf=64)
+# The paper's schedule.
+PAPER = replace(CLASSIC, steps=50000, decay_from=1.0)
 
 
-def _variants(name, config, variants):
-    return {f"{name}_{variant.lower()}": replace(config, variant=variant) for variant in variants}
+def _variants(name, config, variants=("M", "MS", "MSA"), suffix=""):
+    return {f"{name}_{variant.lower()}{suffix}": replace(config, variant=variant) for variant in variants}
 
 
-# Tiers by name, `NETWORK_VARIANT`.
+# Tiers by name: NETWORK_VARIANT, for another input or target NETWORK_VARIANT_DATA.
 TIERS = {
-    **_variants("fast", FAST, ("M", "MS", "MSA", "Maps")),
-    **_variants("middle", MIDDLE, ("M", "MS", "MSA", "Maps")),
-    **_variants("classic", CLASSIC, ("M", "MS", "MSA", "Maps")),
-    **_variants("paper", PAPER, ("M", "MS", "MSA", "Maps")),
+    **_variants("fast", FAST),
+    **_variants("middle", MIDDLE),
+    **_variants("fast", replace(FAST, lq=ROLLING), suffix="_rolling"),
+    **_variants("middle", replace(MIDDLE, lq=ROLLING), suffix="_rolling"),
+    **_variants("fast", replace(FAST, hq="32x3x1"), suffix="_single"),
+    **_variants("classic", CLASSIC),
+    **_variants("paper", PAPER),
 }
 # Tiers that `make train` trains, in this order.
-SHIPPED = ("fast_msa", "fast_ms", "fast_m", "fast_maps", "middle_msa")
+SHIPPED = (
+    "fast_msa", "fast_ms", "fast_m", "middle_msa", "middle_ms", "middle_m",
+    "fast_msa_rolling", "fast_m_rolling", "middle_msa_rolling",
+)  # fmt: skip
+# Tiers that only the tables need: `scripts/train --table`.
+TABLE = ("fast_msa_single", "fast_ms_single", "fast_m_single")
 
 if __name__ == "__main__":
-    # For scripts/train.
-    print(*SHIPPED)
+    # For scripts/train: the tiers of the list that is asked for, or the data set, LQ and HQ of each named one.
+    lists = {"shipped": SHIPPED, "table": TABLE}
+    if sys.argv[1:2] and sys.argv[1] in lists:
+        print(*lists[sys.argv[1]])
+    else:
+        for name in sys.argv[1:]:
+            if name not in TIERS:
+                raise SystemExit(f"no tier is called {name}; there are {', '.join(TIERS)}")
+            print(name, TIERS[name].data, TIERS[name].lq, TIERS[name].hq)

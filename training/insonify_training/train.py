@@ -15,8 +15,7 @@ from pathlib import Path
 import torch
 
 from .channels import VARIANTS
-from .classes import ENCODINGS
-from .dataset import LQ, Crops, Dataset, DatasetError
+from .dataset import LQ, Crops, Dataset, DatasetError, Quality
 from .networks import NORMS, make
 from .patches import PATCH
 from .quality import pkl, psnr_db, ssim
@@ -41,7 +40,7 @@ def parser():
             p.add_argument(flag, action=argparse.BooleanOptionalAction, default=None)
         else:
             p.add_argument(flag, type=field.type, help="[default: the tier's]")
-    p.add_argument("--trial", type=int, metavar="STEPS", help="only to see that it runs: so many steps, all terms in them")
+    p.add_argument("--trial", type=int, metavar="STEPS", help="only to see that it runs: so many steps")
     p.add_argument("--threads", type=int, default=2, help="threads of the arithmetic [default: 2]")
     p.add_argument("--loaders", type=int, default=1, help="threads that read crops [default: 1]")
     p.add_argument("--device", default="cpu", help="cpu or cuda [default: cpu]")
@@ -56,7 +55,7 @@ def configure(args):
     given = {f.name: getattr(args, f.name) for f in fields(Config)}
     tier = TIERS[args.tier] if args.trial is None else TIERS[args.tier].trial(args.trial)
     config = replace(tier, **{k: v for k, v in given.items() if v is not None})
-    choices = {"variant": list(VARIANTS), "segmentation": list(ENCODINGS), "norm": list(NORMS)}
+    choices = {"variant": list(VARIANTS), "norm": list(NORMS)}
     for name, known in choices.items():
         if getattr(config, name) not in known:
             raise SystemExit(f"--{name} {getattr(config, name)}: it must be one of {', '.join(known)}")
@@ -70,17 +69,26 @@ def configure(args):
         raise SystemExit(f"--crop {config.crop}: {config.network} takes multiples of {multiple} pixels")
     if config.crop < PATCH:
         raise SystemExit(f"--crop {config.crop}: pKL is of patches of {PATCH} pixels")
-    if config.gan_weight > 0 and config.warmup >= config.main_steps:
-        print(
-            f"the GAN term never counts: it would begin at step {config.warmup}, the polish does at {config.main_steps}; "
-            "--warmup, --polish and --divergence-from move them",
-            file=sys.stderr,
-        )
     if config.border < 0:
         raise SystemExit(f"--border {config.border}: 0 or more pixels")
-    if max(config.histogram_weight, config.divergence_weight, config.grid_weight) > 0 and config.crop < 2 * PATCH:
-        raise SystemExit(f"--crop {config.crop}: histograms are of patches of {PATCH}, so that crops need {2 * PATCH} pixels")
+    if config.divergence_weight > 0 and config.crop < 2 * PATCH:
+        raise SystemExit(f"--crop {config.crop}: the divergence is of patches of {PATCH}, so that crops need {2 * PATCH} pixels")
     return config
+
+
+def check_quality(config, data):
+    """Refuses a data set whose frames are rendered otherwise than the configuration says."""
+    for name, found in (("lq", data.lq), ("hq", (data.hq,))):
+        try:
+            wanted = Quality.parse_list(getattr(config, name))
+        except ValueError as error:
+            raise SystemExit(f"--{name} {error}") from None
+        if found != wanted:
+            given = ",".join(f"{q.rays}x{q.layers}x{q.angles}" for q in found)
+            raise SystemExit(
+                f"{data.directory}: {name} is {', '.join(map(str, found))}, the tier wants {', '.join(map(str, wanted))}: "
+                f"name another data set, or --{name} {given}"
+            )
 
 
 class Run:
@@ -112,7 +120,7 @@ def resume(trainer, run, config, data_sha256):
     if state["step"] > config.steps:
         raise SystemExit(f"{run.checkpoint}: at step {state['step']}, beyond the {config.steps} of this training: name another --out")
     # More steps continue the same training; another network structure doesn't.
-    for name in ("network", "variant", "segmentation", "attenuation_power", "norm", "ndf"):
+    for name in ("network", "variant", "lq", "hq", "attenuation_power", "norm", "ndf"):
         if getattr(kept, name) != getattr(config, name):
             raise SystemExit(
                 f"{run.checkpoint}: {name} is {getattr(kept, name)}, not {getattr(config, name)}: name another --out"
@@ -194,10 +202,9 @@ def loop(trainer, crops, test, run, args, data_sha256):
                     waited_ms=round(1000 * waited / (trainer.step - first), 2),
                 )
                 left = hours(pace * (config.steps - trainer.step))
+                terms = "  ".join(f"{key} {value:.4f}" for key, value in means.items() if key != "rate")
                 print(
-                    f"\r{run.folder.name} {trainer.step}/{config.steps}  L1 {means['l1']:.4f}  "
-                    f"GAN {means.get('gan', 0):.3f}/{means.get('discriminator', 0):.3f}  {1000 * pace:.0f} ms/step  "
-                    f"left {left}  ",
+                    f"\r{run.folder.name} {trainer.step}/{config.steps}  {terms}  {1000 * pace:.0f} ms/step  left {left}  ",
                     end="",
                     file=sys.stderr,
                     flush=True,
@@ -225,6 +232,7 @@ def main(argv=None):
     torch.set_num_threads(args.threads)
     try:
         data = Dataset(args.data)
+        check_quality(config, data)
         crops = Crops(data, "train", config.crop, config.batch, config.seed, config.flip, border=config.border)
         # A data set that is still being written may have no test rows yet.
         split = "test" if data.split("test") else "train"

@@ -47,6 +47,7 @@ def write(directory, frames=8, tests=2, size=(160, 128)):
     (directory / "tuples").mkdir(parents=True)
     (directory / "masks").mkdir()
     header = {"format": 1, "seed": 1, "frames": frames, "classes": CLASSES, "something_new": 1}
+    header |= {"lq": [1, 1], "hq": [32, 3], "look": {"lq_angles": 1, "hq_angles": 9, "span_deg": 30.0}}
     (directory / "dataset.json").write_text(json.dumps(header))
     rows = []
     for index in range(frames):

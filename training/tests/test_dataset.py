@@ -1,3 +1,4 @@
+import json
 import shutil
 
 import numpy as np
@@ -5,7 +6,7 @@ import pytest
 
 from insonify_training.channels import VARIANTS, Encoder
 from insonify_training.classes import Segmentation
-from insonify_training.dataset import Crops, Dataset, DatasetError
+from insonify_training.dataset import Crops, Dataset, DatasetError, Quality
 
 
 def test_batches_depend_on_seed_and_step_only(data):
@@ -89,24 +90,20 @@ def test_an_exam_in_both_splits_is_refused(data_dir, tmp_path):
         Dataset(copy)
 
 
-@pytest.mark.parametrize("encoding", ["map", "classes"])
 @pytest.mark.parametrize("variant", list(VARIANTS))
-def test_channels_follow_the_manifest(data, variant, encoding):
-    segmentation = Segmentation.make(encoding)
+def test_channels_follow_the_manifest(data, variant):
+    segmentation = Segmentation.make()
     encode = Encoder(variant, segmentation, data, attenuation_power=0.25)
     batch = Crops(data, "train", 64, 2, seed=3).at(0)
     inputs, target, mask = encode(batch.planes, batch.mask)
     assert inputs.shape == (2, encode.channels, 64, 64)
+    indices = segmentation.indices(data.classes)[batch.planes[:, 2]]
     expected = {
         "image": batch.planes[:, :1] / np.float32(255),
         "mask": (batch.mask > 0).astype(np.float32),
+        "segmentation": indices[:, None] * segmentation.scale,
         "attenuation": (batch.planes[:, 3:] / np.float32(255)) ** 0.25,
     }
-    indices = segmentation.indices(data.classes)[batch.planes[:, 2]]
-    if encoding == "map":
-        expected["segmentation"] = indices[:, None] * segmentation.scale
-    else:
-        expected["segmentation"] = indices[:, None] == np.arange(len(segmentation.classes))[:, None, None]
     whole = np.concatenate([expected[name] for name in VARIANTS[variant]], axis=1)
     np.testing.assert_allclose(inputs.numpy(), whole, atol=1e-6)
     np.testing.assert_allclose(target.numpy(), batch.planes[:, 1:2] / np.float32(255), atol=1e-6)
@@ -114,10 +111,25 @@ def test_channels_follow_the_manifest(data, variant, encoding):
 
 
 def test_neighbouring_classes_look_alike():
-    classes = Segmentation.make("map").classes
+    segmentation = Segmentation.make()
+    classes = segmentation.classes
     assert classes[0] == "outside" and len(set(classes)) == len(classes)
     at = classes.index
     assert at("air") < at("amniotic_fluid") < at("brain") < at("liver") < at("fascia") < at("bone_fetal")
-    groups = Segmentation.make("classes")
-    assert groups.of["calvaria_fetal"] == "hard" and groups.of["blood"] == "fluid" and groups.of["lung_air"] == "gas"
-    assert groups.index("never_heard_of") == groups.index("soft_tissue")
+    assert segmentation.index("never_heard_of") == at("soft_tissue")
+    assert segmentation.unknown(["liver", "never_heard_of"]) == ["never_heard_of"]
+
+
+def test_qualities_are_those_of_the_header(data_dir, tmp_path):
+    data = Dataset(data_dir)
+    assert (data.lq, data.hq) == ((Quality(1, 1, 1),), Quality(32, 3, 9))
+    copy = shutil.copytree(data_dir, tmp_path / "set")
+    header = json.loads((copy / "dataset.json").read_text())
+    # Older data sets have a single look.
+    del header["look"]
+    (copy / "dataset.json").write_text(json.dumps(header))
+    assert Dataset(copy).hq == Quality(32, 3, 1)
+    header["hq"] = 32
+    (copy / "dataset.json").write_text(json.dumps(header))
+    with pytest.raises(DatasetError, match="lq, hq or look"):
+        Dataset(copy)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from insonify_training.losses import grid, patch_divergence, patch_histogram, soft_histogram
+from insonify_training.losses import dissimilarity, grid, patch_divergence, soft_histogram
 from insonify_training.patches import BINS, PATCH, PSEUDO_COUNT, patches
-from insonify_training.quality import pkl
+from insonify_training.quality import pkl, similarity_map
 
 
 def picture(seed, side=2 * PATCH, spread=1.0):
@@ -26,9 +26,8 @@ def test_moved_levels_within_a_patch_cost_nothing():
     a = picture(1)
     b = a.clone()
     b[..., :PATCH, :PATCH] = b[..., :PATCH, :PATCH].flip(-1)
-    assert patch_histogram(a, b, 0) == 0
     assert patch_divergence(a, b, 0) == pytest.approx(0, abs=1e-7)
-    assert patch_histogram(a, a + 0.25, 0) == pytest.approx(0.25, abs=1e-6)
+    assert patch_divergence(a, b, PATCH // 2) > 1e-3
 
 
 def test_a_level_is_divided_between_the_two_nearest_bins():
@@ -76,6 +75,15 @@ def test_pkl_equals_numpys():
     assert pkl(output, target, mask).numpy() == pytest.approx(expected, rel=1e-5)
 
 
+def test_the_dissimilarity_is_that_of_every_fourth_window():
+    a, b = picture(5), picture(6)
+    whole = similarity_map(255 * a, 255 * b)
+    for offset in (0, 3):
+        expected = 1 - whole[..., offset::4, offset::4].mean()
+        assert dissimilarity(a, b, offset) == pytest.approx(float(expected), abs=1e-5)
+    assert dissimilarity(a, b, 1, every=1) == pytest.approx(float(1 - whole[..., 1:, 1:].mean()), abs=1e-5)
+
+
 def test_a_static_pattern_is_detected_and_grain_is_not():
     target = picture(1, 128)
     pattern = torch.zeros(1, 1, 8, 8)
@@ -84,6 +92,6 @@ def test_a_static_pattern_is_detected_and_grain_is_not():
     # One pixel of 64 is brighter by 0.1.
     assert grid(still, target) == pytest.approx(0.1 * (1 / 64 * 63 / 64) ** 0.5, rel=1e-3)
     assert grid(target + 0.1, target) == pytest.approx(0, abs=2e-5)
-    # Equal noise, of which a 64th stands still by chance.
+    # Equal noise, of which a 16th of the power stands still by chance.
     noise = 0.1 * (picture(2, 128) - 0.5)
-    assert grid(target + noise, target) < 0.15 * noise.std()
+    assert grid(target + noise, target).item() == pytest.approx(noise.std().item() / 4, rel=0.1)

@@ -1,14 +1,14 @@
 import pytest
 import torch
+import torch.nn.functional as F
 
 from insonify_training import losses
-from insonify_training.ceiling import oracle
 from insonify_training.discriminator import PatchDiscriminator
-from insonify_training.networks import Norm, fold, freeze, make
+from insonify_training.networks import Norm, StemNet, fold, freeze, make, tent
 from insonify_training.quality import psnr_db, ssim
 
 
-@pytest.mark.parametrize("norm", ["none", "instance", "batch"])
+@pytest.mark.parametrize("norm", ["none", "instance"])
 @pytest.mark.parametrize("name", ["stride8", "stride4", "unet4"])
 def test_a_folded_network_equals_the_frozen_one(name, norm):
     torch.manual_seed(1)
@@ -41,8 +41,27 @@ def test_frozen_statistics_treat_a_crop_like_the_whole_picture():
         assert (inner < 1e-5) == same
 
 
+def test_the_tent_interpolates_between_cells():
+    for side in (2, 4, 8):
+        # A slope over cells becomes a slope over pixels; the outermost cells see zeros beyond.
+        cells = (torch.arange(6.0)[:, None] * 2 + torch.arange(6.0)).view(1, 1, 6, 6)
+        made = F.pixel_shuffle(F.conv2d(cells, tent(side), padding=1), side)[0, 0, side:-side, side:-side]
+        assert torch.allclose(made.diff(dim=0), torch.tensor(2 / side), atol=1e-5)
+        assert torch.allclose(made.diff(dim=1), torch.tensor(1 / side), atol=1e-5)
+
+
+def test_a_new_stem_network_keeps_half_of_the_image():
+    torch.manual_seed(6)
+    network = StemNet(4, 8, (8, 8))
+    for parameter in (network.head[0].weight, network.reduce[0].weight, network.reduce[0].bias):
+        parameter.data.zero_()
+    network.head[0].bias.data[: network.shapes[0]] = 0.1
+    x = torch.rand(1, 4, 32, 32)
+    assert torch.allclose(network(x), 0.1 + 0.5 * x[:, :1], atol=1e-6)
+
+
 def test_statistics_are_the_mean_of_all_inputs():
-    norm = Norm(3, "instance")
+    norm = Norm(3)
     norm.every, norm.momentum = 1, 0.0
     x = torch.randn(4, 2, 3, 8, 8) * 3 + 1
     for one in x:
@@ -57,32 +76,10 @@ def test_the_discriminator_has_four_convolutions_and_judges_patches():
     assert discriminator(torch.rand(2, 4, 64, 64), torch.rand(2, 1, 64, 64)).shape == (2, 1, 14, 14)
 
 
-def test_rates_and_weights_follow_their_schedules():
-    weights = [losses.gan_weight(step, 1.0, 10, 5) for step in range(20)]
-    assert weights[:10] == [0.0] * 10 and weights[10:15] == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0]) and weights[19] == 1.0
-    rates = [losses.falling(step, 100, 1.0, 0.5) for step in (0, 50, 75, 99)]
-    assert rates == pytest.approx([1.0, 1.0, 0.5, 0.02])
-
-
 def test_soft_clip_has_a_gradient_outside():
     y = torch.tensor([-1.0, 0.5, 2.0], requires_grad=True)
     losses.soft_clip(y).sum().backward()
     assert y.grad.tolist() == pytest.approx([0.05, 1.0, 0.05])
-
-
-def test_patch_histograms_depend_on_levels_and_not_on_places():
-    torch.manual_seed(2)
-    target = torch.rand(2, 1, 64, 96)
-    shuffled = target.clone()
-    patch = target[0, 0, 32:, 64:].reshape(-1)
-    shuffled[0, 0, 32:, 64:] = patch[torch.randperm(patch.numel())].reshape(32, 32)
-    assert losses.l1(shuffled, target) > 0.02
-    assert losses.patch_histogram(shuffled, target, 0) < 1e-7
-    # Detected by patches that straddle it.
-    assert losses.patch_histogram(shuffled, target, 16) > 1e-4
-    # A uniform shift counts in full; a smooth picture has different levels than speckle of equal mean.
-    assert abs(losses.patch_histogram(target + 0.25, target, 3).item() - 0.25) < 1e-6
-    assert losses.patch_histogram(torch.full_like(target, 0.5), target, 0) > 0.2
 
 
 def test_dissimilarity_falls_towards_the_target():
@@ -91,22 +88,11 @@ def test_dissimilarity_falls_towards_the_target():
     assert abs(losses.dissimilarity(target, target)) < 1e-6
     # As `ssim`, except for the rounding.
     other = 0.6 * target + 0.3
-    assert losses.dissimilarity(other, target).item() == pytest.approx(1 - ssim(other, target, torch.ones_like(target)).mean().item(), abs=1e-3)
+    assert losses.dissimilarity(other, target, every=1).item() == pytest.approx(1 - ssim(other, target, torch.ones_like(target)).mean().item(), abs=1e-3)
     guess = torch.full_like(target, 0.5, requires_grad=True)
     before = losses.dissimilarity(guess, target)
     before.backward()
     assert losses.dissimilarity(guess - 2e3 * guess.grad, target) < before - 0.05
-
-
-def test_an_oracle_uses_its_knowledge():
-    torch.manual_seed(4)
-    hq = torch.rand(1, 1, 120, 90)
-    mask = torch.ones_like(hq)
-    # If LQ equals HQ, nothing is missing; if it is noise, only the blurred picture remains, and a finer one says more.
-    assert (oracle(hq, hq, mask, 4) - hq).abs().max() < 1e-4
-    noise = torch.rand_like(hq)
-    errors = [(oracle(noise, hq, mask, sigma) - hq).abs().mean() for sigma in (2, 8)]
-    assert 0.05 < errors[0] < errors[1]
 
 
 def test_quality_of_known_pictures():
