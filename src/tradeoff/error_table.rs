@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::render::FrameQuality;
+use crate::statistics::mean;
 use crate::transducer::{Probe, ProbeKind};
 
 /// Version of the table's layout.
@@ -64,6 +65,13 @@ pub struct StationErrors {
     /// Points, by rising paths.
     #[serde(rename = "point")]
     pub points: Vec<PointError>,
+}
+
+impl StationErrors {
+    fn error(&self, quality: FrameQuality, generator: Option<&GeneratorKey>) -> Option<f64> {
+        let point = self.points.iter().find(|p| p.quality == quality && p.generator.as_ref() == generator);
+        point.map(|point| point.rmse)
+    }
 }
 
 /// Error of a point.
@@ -126,11 +134,11 @@ impl ErrorTable {
         let distance = |station: &StationErrors| (station.frequency_mhz - probe.frequency_mhz).abs();
         let same = self.stations.iter().filter(|station| station.scene == scene).filter(of_kind);
         if let Some(nearest) = same.min_by(|a, b| distance(a).total_cmp(&distance(b))) {
-            return ExpectedErrors { stations: vec![nearest], measured: true };
+            return ExpectedErrors { stations: vec![nearest], all: &self.stations, measured: true };
         }
         let alike: Vec<&StationErrors> = self.stations.iter().filter(of_kind).collect();
         let stations = if alike.is_empty() { self.stations.iter().collect() } else { alike };
-        ExpectedErrors { stations, measured: false }
+        ExpectedErrors { stations, all: &self.stations, measured: false }
     }
 }
 
@@ -147,6 +155,8 @@ pub fn kind_name(kind: &ProbeKind) -> &'static str {
 #[derive(Debug, Clone)]
 pub struct ExpectedErrors<'a> {
     stations: Vec<&'a StationErrors>,
+    /// All stations: generators are measured where stations name them.
+    all: &'a [StationErrors],
     /// Whether they are of the station's own scene and kind of probe.
     pub measured: bool,
 }
@@ -165,21 +175,21 @@ impl ExpectedErrors<'_> {
         known
     }
 
-    /// Error of a point, grey levels: the mean over the stations. `None` if one of them lacks it, or for a generator that
-    /// the table doesn't know.
+    /// Error of a point, grey levels: the mean over the stations; `None` if one of them lacks it. That of a generator on other
+    /// scenes than those it was measured on: the frame's own, by the ratio of both there; `None` if the table doesn't know it.
     pub fn of(&self, quality: FrameQuality, generator: Option<&GeneratorKey>) -> Option<f64> {
-        let of_station = |station: &&StationErrors| {
-            let mut points = station.points.iter();
-            points.find(|p| p.quality == quality && p.generator.as_ref() == generator).map(|point| point.rmse)
+        let mean_of = |generator: Option<&GeneratorKey>| {
+            let errors: Option<Vec<f64>> = self.stations.iter().map(|s| s.error(quality, generator)).collect();
+            mean(errors?)
         };
-        match generator {
-            None => {
-                let errors: Option<Vec<f64>> = self.stations.iter().map(of_station).collect();
-                crate::statistics::mean(errors?)
-            }
-            // Generators are measured where stations name them.
-            Some(_) => crate::statistics::mean(self.stations.iter().filter_map(of_station)),
-        }
+        let Some(key) = generator else { return mean_of(None) };
+        let elsewhere = || {
+            let ratio = |station: &StationErrors| {
+                Some(station.error(quality, Some(key))? / station.error(quality, None).filter(|raw| *raw > 0.0)?)
+            };
+            Some(mean(self.all.iter().filter_map(ratio))? * mean_of(None)?)
+        };
+        mean_of(Some(key)).or_else(elsewhere)
     }
 }
 
@@ -234,9 +244,9 @@ mod tests {
         let trained_anew = GeneratorKey { sha256: "cd".into(), ..fast.clone() };
         assert_eq!(near.of(lq, Some(&trained_anew)), None);
         assert_eq!(table.expected("fetus", &probe(5.0)).of(lq, None), Some(22.0));
-        // Another scene: the mean over those of the kind, for what all of them know.
+        // Another scene: the mean over those of the kind, for what all of them know. There, the generator halves the error.
         let other = table.expected("liver", &probe(4.0));
-        assert_eq!((other.measured, other.of(lq, None), other.of(lq, Some(&fast))), (false, Some(21.0), Some(10.0)));
+        assert_eq!((other.measured, other.of(lq, None), other.of(lq, Some(&fast))), (false, Some(21.0), Some(10.5)));
         assert_eq!(other.qualities(), [lq]);
         let phased = Probe { kind: ProbeKind::Phased { fov_deg: 90.0 }, ..Probe::default() };
         assert_eq!(table.expected("lung", &phased).of(lq, None), Some(24.0));

@@ -69,7 +69,8 @@ pub(crate) fn controller(
     let own = FrameQuality::of(&station.settings);
     let mut qualities = expected.qualities();
     qualities.retain(|quality| fits(quality, &own, station.angles_open));
-    for quality in generators.iter().flat_map(|g| g.manifest().lq()).chain([own]) {
+    let as_here = |quality: FrameQuality| FrameQuality { aperture: quality.aperture && own.aperture, ..quality };
+    for quality in generators.iter().flat_map(|g| g.manifest().lq()).map(as_here).chain([own]) {
         if !qualities.contains(&quality) {
             qualities.push(quality);
         }
@@ -77,7 +78,7 @@ pub(crate) fn controller(
     qualities.sort_by_key(|quality| (quality.paths(), quality.layers, quality.angles));
     let mut bench = Bench { station, renderer, generators, pose, frame_ms };
     let (times, measured) = Times::known_or_measured(&mut bench, &qualities)?;
-    let all = candidates(&expected, &qualities, generators, &times);
+    let all = candidates(&expected, &qualities, &own, generators, &times);
     let budget = |frame_ms| FrameBudget { frame_ms, run_ms: station.generator.budget_ms, apart, spread: times.spread };
     let controller = match station.quality_budget_ms {
         Some(_) => PointController::new(all, names, budget(Some(frame_ms))),
@@ -111,6 +112,7 @@ fn fits(quality: &FrameQuality, own: &FrameQuality, angles_open: bool) -> bool {
 fn candidates(
     expected: &ExpectedErrors<'_>,
     qualities: &[FrameQuality],
+    own: &FrameQuality,
     generators: &[Generator],
     times: &Times,
 ) -> Vec<Candidate> {
@@ -122,8 +124,9 @@ fn candidates(
     let generated = generated.flat_map(|(index, generator)| {
         generator.manifest().lq().into_iter().map(move |quality| (index, generator, quality))
     });
-    let generated = generated.filter_map(|(index, generator, quality)| {
-        let own = expected.of(quality, Some(&key(generator)));
+    let generated = generated.filter_map(|(index, generator, trained_on)| {
+        let quality = FrameQuality { aperture: trained_on.aperture && own.aperture, ..trained_on };
+        let known = expected.of(trained_on, Some(&key(generator)));
         // Of a generator that was measured when it was trained, else a guess: that it was worth training.
         let trained = || generator.manifest().quality.as_ref().map(|q| 255.0 * 10f64.powf(-q.psnr_db / 20.0));
         let guessed = || expected.of(quality, None).map(|error| UNMEASURED * error);
@@ -131,7 +134,7 @@ fn candidates(
         Some(Candidate {
             quality,
             generator: Some(index),
-            error: own.or_else(trained).or_else(guessed)?,
+            error: known.or_else(trained).or_else(guessed)?,
             render_ms,
             run_ms,
         })
