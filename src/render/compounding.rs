@@ -90,6 +90,22 @@ impl Compounding {
         }
     }
 
+    /// Leaves a look out of the mean until it is made again.
+    pub(super) fn leave_out(&mut self, look: usize) {
+        let bit = 1 << look;
+        let Self { covered, looks, sums, made, amplitudes, .. } = self;
+        let Some(kept) = looks.get(look).filter(|_| *made & bit != 0) else { return };
+        *made &= !bit;
+        let pixels = kept.par_chunks(CHUNK).zip(covered.par_chunks(CHUNK)).zip(sums.par_chunks_mut(CHUNK));
+        pixels.for_each(|((kept, covered), sums)| {
+            for ((level, covered), sum) in kept.iter().zip(covered).zip(sums) {
+                if covered & bit != 0 {
+                    *sum -= amplitudes[usize::from(*level)];
+                }
+            }
+        });
+    }
+
     /// Takes the picture of a look, and replaces it by the mean of the last pictures of all looks.
     pub(super) fn add(&mut self, look: usize, picture: &mut [u8]) {
         let Self { covered, looks, sums, made, per_sum, amplitudes, levels, .. } = self;
@@ -188,6 +204,18 @@ mod tests {
             let mut mean = other[1].1.clone();
             compounding.add(1, &mut mean);
             assert!(mean != before && off(&mean, range_db) < 0.55, "{range_db} dB, replaced");
+            // Without a look, the mean is that of the others; made again, it is as before.
+            let whole = mean.clone();
+            compounding.leave_out(0);
+            compounding.leave_out(0);
+            let mut fewer = other[1].1.clone();
+            compounding.add(1, &mut fewer);
+            let twin = compounded(&other[1..], range_db);
+            let off_by = fewer.iter().zip(&twin).map(|(&a, b)| (f64::from(a) - b).abs()).fold(0.0, f64::max);
+            assert!(off_by < 0.55 && fewer != whole, "{range_db} dB, left out: {off_by}");
+            let mut back = other[0].1.clone();
+            compounding.add(0, &mut back);
+            assert_eq!(back, whole);
             // Anew with another range, in another order.
             compounding.restart(0.5 * range_db);
             for k in [2, 0, 1] {

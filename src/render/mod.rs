@@ -19,6 +19,7 @@ mod host;
 mod kernels;
 mod ladder;
 mod lateral_beam;
+mod look_order;
 mod maker;
 mod params;
 pub mod plan;

@@ -13,6 +13,7 @@ use super::constants::TISSUES_MAX;
 use super::error::RenderError;
 use super::frame::{Contents, FRAMES_IN_FLIGHT, Frame, FrameTimes};
 use super::hooks::TestHooks;
+use super::look_order::{LookOrder, Place, moved_mm, place};
 use super::maker::FrameMaker;
 use super::plan::EffectPlan;
 use super::receiver::noise_seed;
@@ -32,6 +33,7 @@ struct InFlight {
     mask: Arc<[u8]>,
     contact: Option<Contact>,
     look: usize,
+    place: Place,
     /// [`Renderer::generation`] at its submission.
     generation: u64,
     started: Instant,
@@ -53,8 +55,10 @@ pub struct Renderer {
     time_s: f64,
     /// Pictures of all looks; none without compounding.
     compounding: Option<Compounding>,
-    /// Look of the next frame.
-    look: usize,
+    /// Order of the looks of live frames.
+    order: LookOrder,
+    /// Place of the last picture of each look.
+    places: Vec<Option<Place>>,
     /// Changes of settings so far: pictures before and after are not averaged.
     generation: u64,
     in_flight: VecDeque<InFlight>,
@@ -133,7 +137,8 @@ impl Renderer {
             image: true,
             time_s: 0.0,
             compounding: None,
-            look: 0,
+            order: LookOrder::default(),
+            places: Vec::new(),
             generation: 0,
             in_flight,
         };
@@ -206,7 +211,10 @@ impl Renderer {
     /// Begins a compounded picture anew with the next frame: the straight look, which alone shows the whole sector.
     pub fn restart_compounding(&mut self) {
         self.generation += 1;
-        self.look = self.active.tables.looks.len().saturating_sub(1);
+        let looks = self.active.tables.looks.len();
+        self.order.restart(looks);
+        self.places.clear();
+        self.places.resize(looks, None);
         if let Some(compounding) = &mut self.compounding {
             compounding.restart(self.active.settings.image.dynamic_range_db);
         }
@@ -311,14 +319,13 @@ impl Renderer {
             return Err(RenderError::RingFull);
         }
         self.restart_compounding();
-        self.look = 0;
         let looks = self.active.tables.looks.len();
         let maps = self.active.settings.maps;
         let (mut times, mut overflows) = (FrameTimes::default(), 0u32);
         for look in 1..=looks {
             // The last look is straight: its maps and lines are the frame's.
             self.active.settings.maps = maps && look == looks;
-            let rendered = self.submit(pose).and_then(|()| self.receive(frame));
+            let rendered = self.submit_look(pose, look - 1).and_then(|()| self.receive(frame));
             self.active.settings.maps = maps;
             rendered?;
             if looks > 1 {
@@ -351,8 +358,8 @@ impl Renderer {
         contact
     }
 
-    /// Starts a frame. With compounding it has the next angle, and its picture is the mean of the last ones of all angles.
-    /// At most [`FRAMES_IN_FLIGHT`] may wait to be received. The host makes it within this call.
+    /// Starts a frame. With compounding it has the next angle, and its picture is the mean of the last ones of all angles
+    /// from which the probe has moved by no more than `look.reach_mm`. At most [`FRAMES_IN_FLIGHT`] may wait to be received. The host makes it within this call.
     ///
     /// # Errors
     /// A full ring, or a device that fails.
@@ -360,10 +367,18 @@ impl Renderer {
         if self.in_flight.len() == FRAMES_IN_FLIGHT {
             return Err(RenderError::RingFull);
         }
+        let look = self.order.next(place(pose, self.active.probe.depth_mm), self.active.settings.look.reach_mm);
+        self.submit_look(pose, look)
+    }
+
+    /// Starts a frame of one look.
+    fn submit_look(&mut self, pose: &Pose, look: usize) -> Result<(), RenderError> {
+        if self.in_flight.len() == FRAMES_IN_FLIGHT {
+            return Err(RenderError::RingFull);
+        }
         let started = Instant::now();
-        let (look, generation) = (self.look, self.generation);
+        let generation = self.generation;
         let contact = self.place(pose, look);
-        self.look = (look + 1) % self.active.tables.looks.len().max(1);
         let settings = &self.active.settings;
         let maps = settings.maps || settings.effects.of(Effect::Maps) == Choice::On;
         let contents = Contents { image: self.image || !maps || settings.lines, maps };
@@ -373,6 +388,7 @@ impl Renderer {
             mask: self.active.tables.mask.clone(),
             contact,
             look,
+            place: place(pose, self.active.probe.depth_mm),
             generation,
             started,
         });
@@ -384,10 +400,20 @@ impl Renderer {
     /// # Errors
     /// An empty ring, or a device that fails.
     pub fn receive(&mut self, frame: &mut Frame) -> Result<(), RenderError> {
-        let InFlight { mask, contact, look, generation, started } =
+        let InFlight { mask, contact, look, place, generation, started } =
             self.in_flight.pop_front().ok_or(RenderError::RingEmpty)?;
         self.maker.receive(frame)?;
         if let Some(compounding) = self.compounding.as_mut().filter(|_| generation == self.generation) {
+            let reach_mm = self.active.settings.look.reach_mm;
+            for (other, kept) in self.places.iter_mut().enumerate() {
+                if other != look && kept.is_some_and(|kept| moved_mm(&kept, &place) > reach_mm) {
+                    compounding.leave_out(other);
+                    *kept = None;
+                }
+            }
+            if let Some(kept) = self.places.get_mut(look) {
+                *kept = Some(place);
+            }
             compounding.add(look, &mut frame.bmode);
         }
         frame.mask.clear();

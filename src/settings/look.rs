@@ -63,6 +63,9 @@ settings! {
         /// Angle between the outermost directions of compounding.
         span_deg: f64 = 30.0, "degrees", 1.0..=60.0, Tables, hidden("Span");
 
+        /// Displacement of the probe within a live compounded picture, at any depth; looks from farther away are left out.
+        reach_mm: f64 = 2.0, "mm", 0.0..=100.0, Nothing, hidden("Reach");
+
         /// Weight of the running mean in each new picture; 0: no persistence.
         persistence: f64 = 0.0, "", 0.0..=0.95, Nothing,
             slider("Persistence", "look", 0.0..=0.9, 0.1).caption("").shown("%", 100.0, 0);

@@ -73,7 +73,7 @@ pub(super) fn encode(frame: &PresentedFrame, map: Map, out: &mut Vec<u8>) {
         Map::Segmentation | Map::Attenuation => [""; 4],
     };
     let lines = [tier, "\n", name, "\n", reason];
-    let lines = if map == Map::Image { &lines[..] } else { &[] };
+    let lines = if [tier, name, reason] == [""; 3] { &[] } else { &lines[..] };
     out.clear();
     let bytes: usize = lines.iter().map(|line| line.len()).sum();
     header(frame, map, [bytes as u16, notice.len() as u16], out);
@@ -211,7 +211,7 @@ mod tests {
         let mut out = Vec::new();
         let notice = Some("µ".repeat(600) + "x");
         encode(&PresentedFrame { notice, tier: None, point: None, ..frame() }, Map::Image, &mut out);
-        assert_eq!(out.len(), header_bytes() + 12 + 2 + 1024);
+        assert_eq!(out.len(), header_bytes() + 12 + 1024);
         assert!(std::str::from_utf8(&out[header_bytes() + 12..]).is_ok());
     }
 
