@@ -138,12 +138,19 @@ pub struct CompoundingRow {
     pub hq_angles: u32,
     /// Angle between the outermost directions, degrees.
     pub span_deg: f64,
+    /// Displacement of the probe within a picture of the low quality, mm.
+    #[serde(default = "reach_mm")]
+    pub reach_mm: f64,
+}
+
+fn reach_mm() -> f64 {
+    LookSettings::default().reach_mm
 }
 
 impl Default for CompoundingRow {
     /// One look each.
     fn default() -> Self {
-        Self { lq_angles: 1, hq_angles: 1, span_deg: LookSettings::default().span_deg }
+        Self { lq_angles: 1, hq_angles: 1, span_deg: LookSettings::default().span_deg, reach_mm: reach_mm() }
     }
 }
 
@@ -151,7 +158,7 @@ impl CompoundingRow {
     /// The part of a look that renders low quality (0) or high quality (1).
     pub fn of(&self, quality: usize) -> LookSettings {
         let angles = if quality == 0 { self.lq_angles } else { self.hq_angles };
-        LookSettings { angles, span_deg: self.span_deg, ..LookSettings::default() }
+        LookSettings { angles, span_deg: self.span_deg, reach_mm: self.reach_mm, ..LookSettings::default() }
     }
 }
 

@@ -64,7 +64,7 @@ settings! {
         span_deg: f64 = 30.0, "degrees", 1.0..=60.0, Tables, hidden("Span");
 
         /// Displacement of the probe within a live compounded picture, at any depth; looks from farther away are left out.
-        reach_mm: f64 = 2.0, "mm", 0.0..=100.0, Nothing, hidden("Reach");
+        reach_mm: f64 = 4.0, "mm", 0.0..=100.0, Nothing, hidden("Reach");
 
         /// Weight of the running mean in each new picture; 0: no persistence.
         persistence: f64 = 0.0, "", 0.0..=0.95, Nothing,

@@ -169,12 +169,13 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
     let classes = classes(&stations)?;
     let pair = |quality: RaysLayers| [quality.with_seed(0).rays, quality.with_seed(0).layers];
     let mut lq = args.lq.iter().copied().map(pair);
-    let span_deg = args.span.or(stations.first().map(|station| station.settings.look.span_deg));
+    let look = stations.first().map(|station| station.settings.look).unwrap_or_default();
     let odd = |angles| LookSettings { angles, ..LookSettings::default() }.odd_angles();
     let look = CompoundingRow {
         lq_angles: odd(args.lq_angles),
         hq_angles: odd(args.angles),
-        span_deg: span_deg.unwrap_or_default(),
+        span_deg: args.span.unwrap_or(look.span_deg),
+        reach_mm: look.reach_mm,
     };
     let header = Header {
         format: FORMAT,
