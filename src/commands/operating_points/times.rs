@@ -25,10 +25,14 @@ const BEYOND: f64 = 1.5;
 /// Median times, ms, and their spread.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Times {
-    /// Frames of each quality, without maps; none for those that the device has no room for.
-    render_ms: Vec<(FrameQuality, Option<f64>)>,
-    /// What the maps add.
-    maps_ms: f64,
+    /// Frames of one look by rays and layers, without maps; none for those that the device has no room for, or that take far
+    /// more than the budget.
+    render_ms: Vec<([u32; 2], Option<f64>)>,
+    /// What the maps, and rolling compounding, add to a frame.
+    maps_ms: Option<f64>,
+    angles_ms: Option<f64>,
+    /// Time without the aperture over that with it.
+    without_aperture: Option<f64>,
     /// Runs, by SHA-256 of the model.
     run_ms: BTreeMap<String, f64>,
     /// 95th percentile of times over their median.
@@ -48,8 +52,11 @@ pub(super) struct Bench<'a> {
 impl Times {
     /// Time of a frame, ms; none if it was not measured.
     pub(super) fn render(&self, quality: FrameQuality, maps: bool) -> Option<f64> {
-        let (_, ms) = self.render_ms.iter().find(|(known, _)| *known == quality)?;
-        ms.map(|ms| ms + if maps { self.maps_ms } else { 0.0 })
+        let of_paths = |(known, _): &&([u32; 2], Option<f64>)| *known == [quality.rays, quality.layers];
+        let (_, ms) = self.render_ms.iter().find(of_paths)?;
+        let ms = ms.as_ref()? * if quality.aperture { 1.0 } else { self.without_aperture? };
+        let angles_ms = if quality.angles > 1 { self.angles_ms? } else { 0.0 };
+        Some(ms + angles_ms + if maps { self.maps_ms? } else { 0.0 })
     }
 
     /// Time of a run, ms.
@@ -66,11 +73,8 @@ impl Times {
         let path = path(bench)?;
         let kept = std::fs::read(&path).ok().and_then(|text| serde_json::from_slice::<Self>(&text).ok());
         let mut times = kept.unwrap_or_default();
-        let unknown = |times: &Self| {
-            let quality = qualities.iter().any(|q| times.render_ms.iter().all(|(known, _)| known != q));
-            quality || bench.generators.iter().any(|generator| times.run(generator).is_none())
-        };
-        if !unknown(&times) {
+        let unknown = qualities.iter().any(|q| !times.knows([q.rays, q.layers]));
+        if !unknown && times.maps_ms.is_some() && bench.generators.iter().all(|g| times.run(g).is_some()) {
             return Ok((times, false));
         }
         times.measure(bench, qualities)?;
@@ -79,6 +83,10 @@ impl Times {
             tracing::debug!("times are not kept: {error}");
         }
         Ok((times, true))
+    }
+
+    fn knows(&self, rays_layers: [u32; 2]) -> bool {
+        self.render_ms.iter().any(|(known, _)| *known == rays_layers)
     }
 
     fn measure(&mut self, bench: &mut Bench<'_>, qualities: &[FrameQuality]) -> Result<(), Failure> {
@@ -92,26 +100,40 @@ impl Times {
                 self.run_ms.insert(generator.manifest().sha256.clone(), ms);
             }
         }
+        // With the aperture if the station has it.
+        let aperture = qualities.iter().any(|quality| quality.aperture);
+        let one_look = |[rays, layers]: [u32; 2]| FrameQuality { aperture, ..FrameQuality::new(rays, layers) };
+        if let Some(first) = qualities.first().map(|quality| one_look([quality.rays, quality.layers])) {
+            let angles = qualities.iter().map(|quality| quality.angles).max().unwrap_or(1);
+            let without = FrameQuality { aperture: false, ..first };
+            let compounded = FrameQuality { angles, ..first };
+            let mut ms =
+                |quality, maps| Ok::<_, Failure>(frames(bench, quality, maps)?.map(|ms| median_of(ms, &mut spreads)));
+            let alone = ms(first, false)?;
+            let over = |more: Option<f64>| alone.zip(more).map(|(alone, more)| (more - alone).max(0.0));
+            self.maps_ms = over(ms(first, true)?);
+            self.angles_ms = if angles > 1 { over(ms(compounded, false)?) } else { Some(0.0) };
+            self.without_aperture = match aperture {
+                true => alone.zip(ms(without, false)?).map(|(with, without)| (without / with).min(1.0)),
+                false => Some(1.0),
+            };
+        }
         let mut beyond = None;
-        for &quality in qualities {
-            if self.render_ms.iter().any(|(known, _)| *known == quality) {
+        for rays_layers in qualities.iter().map(|quality| [quality.rays, quality.layers]) {
+            let quality = one_look(rays_layers);
+            if self.knows(rays_layers) {
                 continue;
             }
             let hopeless = beyond.is_some_and(|paths| quality.paths() >= paths);
-            let ms = match hopeless || started.elapsed().as_secs_f64() > ENOUGH_S {
-                true => None,
-                false => frames(bench, quality, false)?.map(|ms| median_of(ms, &mut spreads)),
-            };
-            if ms.is_some_and(|ms| ms > BEYOND * bench.frame_ms) {
+            // What is left out now is measured at the next start.
+            if !hopeless && started.elapsed().as_secs_f64() > ENOUGH_S {
+                continue;
+            }
+            let ms = if hopeless { None } else { frames(bench, quality, false)?.map(|ms| median_of(ms, &mut spreads)) };
+            if ms.is_none_or(|ms| ms > BEYOND * bench.frame_ms) {
                 beyond = Some(quality.paths());
             }
-            self.render_ms.push((quality, ms));
-        }
-        let cheapest = self.render_ms.iter().find_map(|(quality, ms)| Some((*quality, (*ms)?)));
-        if let Some((quality, without_ms)) = cheapest
-            && let Some(with) = frames(bench, quality, true)?
-        {
-            self.maps_ms = (median_of(with, &mut spreads) - without_ms).max(0.0);
+            self.render_ms.push((rays_layers, ms));
         }
         // Of few values, the largest stands for the 95th percentile.
         self.spread = mean(spreads).unwrap_or(1.0).max(1.0);
@@ -181,8 +203,10 @@ mod tests {
         assert_eq!(median_of([3.0, 1.0, 2.0, 9.0, 2.5], &mut spreads), 2.5);
         assert_eq!(spreads, [9.0 / 2.5]);
         let times = Times {
-            render_ms: vec![(FrameQuality::LQ, Some(20.0)), (FrameQuality::new(32, 3), None)],
-            maps_ms: 4.0,
+            render_ms: vec![([1, 1], Some(20.0)), ([32, 3], None)],
+            maps_ms: Some(4.0),
+            angles_ms: Some(2.0),
+            without_aperture: Some(0.5),
             run_ms: [("ab".to_owned(), 30.0)].into(),
             spread: 1.2,
         };
@@ -190,6 +214,8 @@ mod tests {
         assert_eq!(again, times);
         let of = |quality, maps| again.render(quality, maps);
         assert_eq!([of(FrameQuality::LQ, false), of(FrameQuality::LQ, true)], [Some(20.0), Some(24.0)]);
+        let lean = FrameQuality { angles: 9, aperture: false, ..FrameQuality::LQ };
+        assert_eq!(of(lean, true), Some(16.0));
         assert_eq!([of(FrameQuality::new(32, 3), false), of(FrameQuality::new(2, 3), false)], [None, None]);
     }
 }
