@@ -286,7 +286,8 @@ impl PointController {
         let spread = self.spread(SUDDEN);
         let ms = self.busy.percentile(0.5, SUDDEN.0, 1);
         let now_ms = self.busy_ms(&self.point(), load);
-        let to = self.best(now_s, load, spread, 1.0).filter(|&to| self.busy_ms(&self.candidates[to], load) < now_ms);
+        // The present point may seem to fit: its median does.
+        let to = self.best_below(now_s, load, spread, 1.0, now_ms);
         let to = to.or_else(|| self.cheapest(now_s)).filter(|&to| to != self.current)?;
         if self.raised_at.is_some_and(|at| now_s - at <= SOON_S) {
             self.block_beyond(now_s);
@@ -325,8 +326,15 @@ impl PointController {
 
     /// The point with the least error that is predicted to keep `room` of the budget.
     fn best(&self, now_s: f64, load: Load, spread: f64, room: f64) -> Option<usize> {
+        self.best_below(now_s, load, spread, room, f64::INFINITY)
+    }
+
+    /// [`Self::best`] of the points that are predicted to take less than `most_ms`.
+    fn best_below(&self, now_s: f64, load: Load, spread: f64, room: f64, most_ms: f64) -> Option<usize> {
         let fits = |candidate: &Candidate| {
-            spread * self.busy_ms(candidate, load) <= room * self.limit_ms()
+            let busy_ms = self.busy_ms(candidate, load);
+            busy_ms < most_ms
+                && spread * busy_ms <= room * self.limit_ms()
                 && spread * load.run * candidate.run_ms <= self.budget.run_ms
         };
         (0..self.candidates.len()).find(|&index| self.may_be_chosen(now_s, index) && fits(&self.candidates[index]))

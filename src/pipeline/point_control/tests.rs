@@ -331,3 +331,22 @@ fn times_that_are_none_and_pauses_do_not_count() {
     }
     assert!(PointController::new(Vec::new(), Vec::new(), controller.budget).is_none());
 }
+
+#[test]
+fn a_point_that_is_over_now_and_then_gives_way_to_the_next_one() {
+    // 2x3 takes 41.6 ms, and one frame in eight takes 64 ms.
+    let machine = Machine { run_ms: [500.0, 500.0], ..TWO_CORES };
+    let mut controller = machine.controller(60.0);
+    assert_eq!(controller.name(&controller.point()), "2x3");
+    let mut frame = 0;
+    let seen = session(&mut controller, &machine, 0.0, 60.0, |_| {
+        frame += 1;
+        if frame % 8 == 0 { (1.55, 1.0) } else { (1.0, 1.0) }
+    });
+    assert_eq!(
+        seen.changes.iter().map(|(_, name, _)| name.as_str()).collect::<Vec<_>>(),
+        ["1x3"],
+        "{:?}",
+        seen.changes
+    );
+}
