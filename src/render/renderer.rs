@@ -339,6 +339,25 @@ impl Renderer {
         Ok(())
     }
 
+    /// Renders frames at these times (s) and poses one after another, as a live session does, from a new compounded picture on.
+    /// `frame` is the last.
+    ///
+    /// # Errors
+    /// Those of [`Renderer::submit`] and [`Renderer::receive`].
+    pub fn render_live(
+        &mut self,
+        way: impl IntoIterator<Item = (f64, Pose)>,
+        frame: &mut Frame,
+    ) -> Result<(), RenderError> {
+        self.restart_compounding();
+        for (time_s, pose) in way {
+            self.set_time_s(time_s);
+            self.submit(&pose)?;
+            self.receive(frame)?;
+        }
+        Ok(())
+    }
+
     /// Places the probe, on the skin if it is within the tolerance, and steers its scanlines. Returns its contact, if that
     /// is simulated.
     fn place(&mut self, pose: &Pose, look: usize) -> Option<Contact> {

@@ -15,6 +15,7 @@ use insonify::dataset::{
     ATTENUATION_POWER, CompoundingRow, Exam, ExamRow, FORMAT, Header, Moment, PLANES, Plan, PoseRow, RollingRow, Row,
     SettingsRow, Shard, Source, Split, Wishes,
 };
+use insonify::render::FrameQuality;
 use insonify::settings::{ANGLES_MAX, LookSettings, SettingsGroup};
 use insonify::station::{SceneSource, Station};
 use serde::Serialize;
@@ -380,11 +381,9 @@ fn say(args: &Args, stations: &[Station], exams: &[Exam], header: &Header) {
     let shard = if args.shard.of > 1 { format!(" (shard {})", args.shard) } else { String::new() };
     let (train, test) = (count(Split::Train), count(Split::Test));
     let of = if phantoms.is_empty() { String::new() } else { format!(" over {} phantoms", phantoms.len()) };
-    let quality = |[rays, layers]: [u32; 2], angles| match angles {
-        1 => format!("{rays}x{layers}"),
-        angles => format!("{rays}x{layers} of {angles} angles"),
-    };
-    let lq = std::iter::once(&header.lq).chain(&header.lq_more).map(|&lq| quality(lq, header.look.lq_angles));
+    let quality = |[rays, layers]: [u32; 2], angles| FrameQuality { angles, ..FrameQuality::new(rays, layers) };
+    let lq = std::iter::once(&header.lq).chain(&header.lq_more);
+    let lq = lq.map(|&lq| quality(lq, header.look.lq_angles).to_string());
     eprintln!(
         "dataset: {} tuples{shard} of {} sessions{of}: {train} to train, {test} to test; {} against {} rays x layers; {} on disk",
         thousands(train + test),

@@ -116,10 +116,9 @@ impl<'a> TupleRenderer<'a> {
     fn render(&mut self, quality: usize, station: &Station, row: &Row) -> Result<(), Failure> {
         let mut frame = std::mem::take(&mut self.frames[quality]);
         let renderer = self.renderer(quality, station, row)?;
-        let pose = Pose::from(&row.pose);
         match row.rolling.as_ref().filter(|_| quality == 0) {
-            Some(rolling) => roll(renderer, row, rolling, &pose, &mut frame)?,
-            None => renderer.render(&pose, &mut frame)?,
+            Some(rolling) => renderer.render_live(way(row, rolling), &mut frame)?,
+            None => renderer.render(&Pose::from(&row.pose), &mut frame)?,
         }
         self.frames[quality] = frame;
         Ok(())
@@ -164,24 +163,12 @@ impl<'a> TupleRenderer<'a> {
     }
 }
 
-/// Renders as a live session does: a frame has one angle, and its picture is the mean of the last ones.
-fn roll(
-    renderer: &mut Renderer,
-    row: &Row,
-    rolling: &RollingRow,
-    pose: &Pose,
-    frame: &mut Frame,
-) -> Result<(), Failure> {
-    renderer.restart_compounding();
-    for (back, before) in (1..=rolling.poses.len()).rev().zip(&rolling.poses) {
-        renderer.set_time_s((row.time_s - back as f64 / rolling.frame_rate_hz).max(0.0));
-        renderer.submit(&Pose::from(before))?;
-        renderer.receive(frame)?;
-    }
-    renderer.set_time_s(row.time_s);
-    renderer.submit(pose)?;
-    renderer.receive(frame)?;
-    Ok(())
+/// Times and poses of the frames of `row` in a live session.
+fn way(row: &Row, rolling: &RollingRow) -> impl Iterator<Item = (f64, Pose)> {
+    let before = (1..=rolling.poses.len()).rev().zip(&rolling.poses);
+    let before =
+        before.map(|(back, pose)| ((row.time_s - back as f64 / rolling.frame_rate_hz).max(0.0), Pose::from(pose)));
+    before.chain([(row.time_s, Pose::from(&row.pose))])
 }
 
 /// The class of each tissue number: 0 is outside, number i + 1 is the scene's tissue i.

@@ -297,16 +297,12 @@ impl Bench {
         Ok([self.frame.times.total_ms, 1e3 * started.elapsed().as_secs_f64()])
     }
 
-    /// Renders as a live session does: a frame has one angle, and its picture is the mean of the last ones.
+    /// The frame of a live session that came this way.
     fn roll(&mut self, track: &Track) -> Result<(), Failure> {
-        self.renderer.restart_compounding();
         let angles = self.renderer.settings().look.odd_angles() as usize;
         let skipped = track.before.len().saturating_sub(angles - 1);
-        for pose in track.before[skipped..].iter().chain([&track.at]) {
-            self.renderer.submit(pose)?;
-            self.renderer.receive(&mut self.frame)?;
-        }
-        Ok(())
+        let poses = track.before[skipped..].iter().chain([&track.at]);
+        Ok(self.renderer.render_live(poses.map(|&pose| (0.0, pose)), &mut self.frame)?)
     }
 
     fn compare(&self, image: &[u8], truth: &Truth) -> Result<PoseError, Failure> {

@@ -5,7 +5,7 @@ use std::fmt;
 use insonify::pose::Pose;
 use insonify::quality::speckle::speckle;
 use insonify::quality::{ClassSpeckle, Pair, level_difference};
-use insonify::render::Frame;
+use insonify::render::{Frame, FrameQuality};
 use insonify::sink::png::{self, Effort};
 use insonify::statistics::mean;
 use serde::{Deserialize, Serialize};
@@ -66,11 +66,11 @@ impl fmt::Display for Check {
             layers_bound,
             converged,
         } = self;
-        let of_angles = if *angles > 1 { format!(" of {angles} angles") } else { String::new() };
+        let quality = FrameQuality { angles: *angles, ..FrameQuality::new(*rays, *layers) };
         let not = if *converged { "is" } else { "is not" };
         write!(
             f,
-            "The reference, {rays}x{layers}{of_angles} with all effects, {not} converged: doubling the rays to {rays} changed a pixel by {rays_change:.2} grey levels in the mean (chosen bound: {rays_bound}), {layers_compared} layers instead of {layers} change the level of 32 x 32 pixels by {layers_change:.2} (chosen bound: {layers_bound})"
+            "The reference, {quality} with all effects, {not} converged: doubling the rays to {rays} changed a pixel by {rays_change:.2} grey levels in the mean (chosen bound: {rays_bound}), {layers_compared} layers instead of {layers} change the level of 32 x 32 pixels by {layers_change:.2} (chosen bound: {layers_bound})"
         )
     }
 }
