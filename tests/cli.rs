@@ -270,6 +270,23 @@ fn without_a_driver_frames_are_made_on_the_host() {
 }
 
 #[test]
+fn the_record_says_what_a_budget_chose() {
+    let dir = directory();
+    let record = |add: &str, options: &[&str]| {
+        let station = station(&dir, &format!("{SMALL}{add}"));
+        succeeded(&render(&dir, &station, &[&ORIGIN[..], options].concat()));
+        let read = std::fs::read(dir.path().join("out/frame.json")).unwrap();
+        serde_json::from_slice::<Value>(&read).unwrap()
+    };
+    let budget = "\n[quality]\nbudget_ms = 10000\n";
+    let chosen = record(budget, &[]);
+    assert_eq!([&chosen["quality"]["rays"], &chosen["quality"]["layers"]], [128, 3]);
+    let said = chosen["chosen"].as_str().unwrap();
+    assert!(said.starts_with("128x3, ") && said.ends_with(" ms of 10000"), "{said}");
+    assert_eq!(record(budget, &["--quality", "2x1"])["chosen"], Value::Null);
+}
+
+#[test]
 fn an_unwritable_directory_is_another_failure() {
     let dir = directory();
     let station = station(&dir, SMALL);

@@ -57,16 +57,14 @@ impl FromStr for RaysLayers {
     }
 }
 
-/// Prints the quality that a budget chose, and the time of the next one.
-pub(crate) fn say_chosen(climbed: &Climbed) {
+/// Prints and returns the quality that a budget chose, with its time and that of the next one.
+pub(crate) fn say_chosen(climbed: &Climbed) -> String {
     let (point, budget_ms) = (climbed.point(), climbed.budget_ms);
     let Some(ms) = climbed.chosen_ms() else {
-        tracing::warn!("quality: {point}, whose frames gave no time to hold against {budget_ms} ms");
-        return;
+        return warned(format!("{point}, whose frames gave no time to hold against {budget_ms} ms"));
     };
     if !climbed.fits() {
-        tracing::warn!("quality: nothing keeps {budget_ms} ms here; {point} is the least, and takes {ms:.1} ms");
-        return;
+        return warned(format!("nothing keeps {budget_ms} ms here; {point} is the least, and takes {ms:.1} ms"));
     }
     let next = climbed.rung + 1;
     let beyond = match (LADDER.get(next), climbed.frame_ms.get(next).copied().flatten()) {
@@ -74,7 +72,14 @@ pub(crate) fn say_chosen(climbed: &Climbed) {
         (Some(next), Some(ms)) => format!("; {next} takes {ms:.1} ms"),
         (Some(next), None) => format!("; {next} is more than the device has room for"),
     };
-    eprintln!("quality: {point}, {ms:.1} ms of {budget_ms}{beyond}");
+    let chosen = format!("{point}, {ms:.1} ms of {budget_ms}{beyond}");
+    eprintln!("quality: {chosen}");
+    chosen
+}
+
+fn warned(chosen: String) -> String {
+    tracing::warn!("quality: {chosen}");
+    chosen
 }
 
 /// The quality's short name in captions and tables.

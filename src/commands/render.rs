@@ -99,9 +99,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut renderer = Renderer::new(&backend, &scene, &station.probe, &settings)?;
     let mut frame = Frame::default();
     renderer.set_time_s(args.time);
+    let mut chosen = None;
     if let (Some(budget_ms), None) = (station.quality_budget_ms, args.quality) {
         let climbed = renderer.choose_quality(&station.probe, &settings, &[pose], budget_ms)?;
-        quality::say_chosen(&climbed);
+        chosen = Some(quality::say_chosen(&climbed));
         settings.quality = climbed.point().with_seed(seed);
     }
     renderer.render(&pose, &mut frame)?;
@@ -118,7 +119,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     Look::default().apply(&settings.look, shape, &mut frame.bmode);
     let adapter = session::adapter(&backend);
     let (plan, sector) = (renderer.plan(), renderer.sector());
-    let record = FrameRecord::new(&frame, &pose, &station.probe, &settings, plan, sector, adapter);
+    let mut record = FrameRecord::new(&frame, &pose, &station.probe, &settings, plan, sector, adapter);
+    record.chosen = chosen;
     let files = FrameFiles { frame: &frame, tissues: &scene.tissues, record: &record }.write(&args.out)?;
     if args.json {
         return output::json(&Report { record: &record, files });

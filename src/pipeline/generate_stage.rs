@@ -85,10 +85,9 @@ impl GenerateStage {
         health: &mut Health,
     ) {
         let started = self.clock.now();
-        let number = rendered.info.number;
-        let frame = number;
+        let frame = rendered.info.number;
         let span = tracing::debug_span!("infer", frame, started_ms = ms(started), ended_ms = Empty).entered();
-        self.link.begin(number, started);
+        self.link.begin(frame, started);
         let filled = pool.fill(|generated| {
             let frame = rendered.frame.read().unwrap_or_else(PoisonError::into_inner);
             generated.image.clear();
@@ -119,7 +118,7 @@ impl GenerateStage {
             Some((_, Err(EnhanceError::Failed(reason)))) => RunEnd::Failed(reason.clone()),
             _ => RunEnd::Done,
         };
-        state.report(Run { generator, frame: number, took, end: ended_as });
+        state.report(Run { generator, took, end: ended_as });
         match filled {
             Some((generated, Ok(()))) => {
                 state.took(took);

@@ -38,8 +38,6 @@ pub(super) enum RunEnd {
 pub(super) struct Run {
     /// Index of the generator.
     pub(super) generator: usize,
-    /// Number of the frame.
-    pub(super) frame: u64,
     /// Duration.
     pub(super) took: Duration,
     pub(super) end: RunEnd,

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::parts::{EnhanceError, Enhancer, Terminator};
-use crate::generator::{Channel, Generator, GeneratorError, Input, Provider};
+use crate::generator::{Generator, GeneratorError, Input, Provider};
 use crate::render::Frame;
 
 /// Loaded generators, by index.
@@ -34,8 +34,7 @@ impl Enhancer for Generators {
     }
 
     fn reads_maps(&self, generator: usize) -> bool {
-        let takes = |channel| self.generators.get(generator).is_some_and(|g| g.manifest().takes(channel));
-        takes(Channel::Segmentation) || takes(Channel::Attenuation)
+        self.generators.get(generator).is_some_and(|generator| generator.manifest().reads_maps())
     }
 
     fn enhance(&mut self, generator: usize, frame: &Frame, out: &mut Vec<u8>) -> Result<(), EnhanceError> {

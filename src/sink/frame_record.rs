@@ -16,6 +16,9 @@ pub struct FrameRecord {
     pub pose: PoseRecord,
     /// Requested quality.
     pub quality: RenderSettings,
+    /// Quality that a budget chose, and why; none if the quality is fixed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub chosen: Option<String>,
     /// Simulated quality and effects.
     pub simulated: SimulatedRecord,
     /// Image.
@@ -96,6 +99,7 @@ impl FrameRecord {
             version: env!("CARGO_PKG_VERSION"),
             pose: PoseRecord::from(pose),
             quality: *settings,
+            chosen: None,
             simulated: SimulatedRecord::new(settings, plan),
             image: ImageRecord {
                 pixel_mm: sector.pixel_mm,

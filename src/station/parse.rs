@@ -37,7 +37,7 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let look_values = section(&mut root, "look")?;
     settings.look = look(&look_values);
     let quality_budget_ms = quality_values.number("budget_ms");
-    let angles_open = !look_values.has("angles") && !look_values.has("preset");
+    let angles_open = quality_budget_ms.is_some() && !look_values.has("angles") && !look_values.has("preset");
     let backend = section(&mut root, "render")?.text("backend").and_then(|word| word.parse().ok()).unwrap_or_default();
     settings.effects = super::effects::choices(&section(&mut root, "effects")?);
     let default_pose = pose(&mut root)?;

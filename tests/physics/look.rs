@@ -96,6 +96,25 @@ fn a_rolling_compound_at_rest_is_the_stills() {
 }
 
 #[test]
+fn looks_from_where_the_probe_was_are_left_out() {
+    let scene = block(grainy(0.0, 0.01));
+    let (there, here) = (at(3.0, 0.0, 0.0), at(-3.0, 0.0, 0.0));
+    let plain = Rig::new(&scene, &probe(), &settings(compounded(1))).frame(&here);
+    let with_reach = |reach_mm: f64| {
+        let mut rig = Rig::new(&scene, &probe(), &settings(LookSettings { reach_mm, ..compounded(5) }));
+        rig.rolling(&there, 5);
+        [1, 4].map(|frames| rig.rolling(&here, frames).bmode)
+    };
+    let still = Rig::new(&scene, &probe(), &settings(compounded(5))).frame(&here).bmode;
+    let [first, whole] = with_reach(5.0);
+    assert!(first == plain.bmode, "6 mm away, the straight look is alone");
+    assert!(whole == still, "at rest, the others return");
+    let [smeared, renewed] = with_reach(7.0);
+    assert!(smeared != plain.bmode && smeared != still, "within reach, they stay");
+    assert!(renewed == still);
+}
+
+#[test]
 fn compounding_keeps_the_width_of_a_point_and_makes_shadows_cones() {
     let probe = probe();
     let mut bench = Bench::new(silent(1540.0, 1.5));

@@ -33,13 +33,6 @@ pub(crate) fn key(generator: &Generator) -> GeneratorKey {
     GeneratorKey { name: manifest.name.clone(), sha256: manifest.sha256.clone() }
 }
 
-/// Whether a generator reads segmentation or attenuation.
-fn reads_maps(generator: &Generator) -> bool {
-    use insonify::generator::Channel::{Attenuation, Segmentation};
-    let manifest = generator.manifest();
-    manifest.takes(Segmentation) || manifest.takes(Attenuation)
-}
-
 /// The controller of a live session; the station's settings become those of its first point. `None` if there is nothing
 /// to choose: a fixed quality without generators. Reports the choice, and what would fit better than a fixed one.
 pub(crate) fn controller(
@@ -58,7 +51,8 @@ pub(crate) fn controller(
     let frame_ms = station.quality_budget_ms.unwrap_or(most_ms).min(most_ms);
     if station.quality_budget_ms.is_some_and(|budget_ms| budget_ms > most_ms) {
         eprintln!(
-            "quality: frames may take {most_ms:.0} ms, 90 % of the period at {} frames/s; quality.budget_ms is more",
+            "quality: frames may take {most_ms:.0} ms, {:.0} % of the period at {} frames/s; quality.budget_ms is more",
+            100.0 * PART_OF_PERIOD,
             station.pipeline.frame_rate_hz
         );
     }
@@ -68,7 +62,9 @@ pub(crate) fn controller(
     let expected = table.expected(&scene_name(station), &station.probe);
     let own = FrameQuality::of(&station.settings);
     let mut qualities = expected.qualities();
-    qualities.retain(|quality| fits(quality, &own, station.angles_open));
+    // A hint for a fixed quality looks at all angles.
+    let angles_open = station.angles_open || station.quality_budget_ms.is_none();
+    qualities.retain(|quality| fits(quality, &own, angles_open));
     let as_here = |quality: FrameQuality| FrameQuality { aperture: quality.aperture && own.aperture, ..quality };
     for quality in generators.iter().flat_map(|g| g.manifest().lq()).map(as_here).chain([own]) {
         if !qualities.contains(&quality) {
@@ -130,7 +126,7 @@ fn candidates(
         // Of a generator that was measured when it was trained, else a guess: that it was worth training.
         let trained = || generator.manifest().quality.as_ref().map(|q| 255.0 * 10f64.powf(-q.psnr_db / 20.0));
         let guessed = || expected.of(quality, None).map(|error| UNMEASURED * error);
-        let (render_ms, run_ms) = (times.render(quality, reads_maps(generator))?, times.run(generator)?);
+        let (render_ms, run_ms) = (times.render(quality, generator.manifest().reads_maps())?, times.run(generator)?);
         Some(Candidate {
             quality,
             generator: Some(index),

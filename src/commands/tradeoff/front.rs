@@ -9,7 +9,7 @@ use insonify::pose::Pose;
 use insonify::render::{FrameQuality, Renderer};
 use insonify::sink::write_text;
 use insonify::station::Station;
-use insonify::tradeoff::{ErrorTable, Knobs, PointError, StationErrors, kind_name};
+use insonify::tradeoff::{ErrorTable, PointError, StationErrors, kind_name};
 
 use super::super::backend::BackendArgs;
 use super::super::operating_points::scene_name;
@@ -119,7 +119,7 @@ fn errors(args: &Args, station: &Station) -> Result<StationErrors, Failure> {
         let [first, second] = match store.read::<[f64; 2]>(&file)? {
             Some(kept) => kept,
             None => {
-                let measured = bench.rolling_error(&knobs(&bench, quality), generator, &reference, &tracks)?;
+                let measured = bench.rolling_error(&bench.live_knobs(quality), generator, &reference, &tracks)?;
                 store.write(&file, &measured)?;
                 measured
             }
@@ -152,9 +152,4 @@ fn planned(bench: &Bench, steers: bool) -> Vec<(FrameQuality, Option<usize>)> {
     let without: Vec<FrameQuality> = few.map(|quality| FrameQuality { aperture: false, ..*quality }).collect();
     let raw = with.into_iter().chain(without).map(|quality| (quality, None));
     raw.chain(bench.generated_points().into_iter().map(|(lq, index)| (lq, Some(index)))).collect()
-}
-
-fn knobs(bench: &Bench, quality: FrameQuality) -> Knobs {
-    let knobs = bench.base().with(quality.rays, quality.layers).compounded(quality.angles, quality.angles > 1);
-    if quality.aperture { knobs } else { knobs.without_aperture() }
 }

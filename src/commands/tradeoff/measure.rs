@@ -143,6 +143,12 @@ impl Bench {
         Knobs::of(&self.probe, &self.settings).compounded(1, false)
     }
 
+    /// Knobs of a live frame.
+    pub(super) fn live_knobs(&self, quality: FrameQuality) -> Knobs {
+        let knobs = self.base().with(quality.rays, quality.layers).compounded(quality.angles, quality.angles > 1);
+        if quality.aperture { knobs } else { knobs.without_aperture() }
+    }
+
     /// Steering angles of the reference.
     pub(super) fn reference_angles(&self) -> u32 {
         if self.probe.kind.steers() { self.settings.look.odd_angles().max(REFERENCE_ANGLES) } else { 1 }
@@ -212,7 +218,7 @@ impl Bench {
             name: self.generators.get(index).map_or_else(|| name.clone(), |g| enhanced(&name, lq, g.manifest())),
             sweep: "generator",
             against: Some(format!("{}x{}", lq.rays, lq.layers)),
-            knobs: self.base().with(lq.rays, lq.layers).compounded(lq.angles, lq.angles > 1),
+            knobs: self.live_knobs(lq),
         };
         Ok(Point { generator: Some(name), ..self.measure(&planned, Some(index), reference, tracks)? })
     }

@@ -272,6 +272,11 @@ impl Manifest {
         self.input.channels.contains(&channel)
     }
 
+    /// Whether the model takes segmentation or attenuation.
+    pub fn reads_maps(&self) -> bool {
+        self.takes(Channel::Segmentation) || self.takes(Channel::Attenuation)
+    }
+
     /// Channels of the input tensor.
     pub fn tensor_channels(&self) -> usize {
         let of = |channel: &Channel| match (channel, &self.segmentation) {
