@@ -295,12 +295,21 @@ impl PointController {
             self.retry_s[self.current] = RETRY_S[0];
         }
         let limit_ms = self.limit_ms();
-        let reason = match ms {
-            Some(ms) if self.frames_without_run <= FRAMES_WITHOUT_RUN => format!(
-                "frames take {ms:.0} ms of {limit_ms:.0}, {:.1} times as long as at the start",
+        let often_ms = self.busy.percentile(0.95, SETTLED.0, 1);
+        let reason = match (ms, often_ms) {
+            _ if self.frames_without_run > FRAMES_WITHOUT_RUN => {
+                format!("no run has ended for {FRAMES_WITHOUT_RUN} frames")
+            }
+            (Some(ms), Some(often_ms)) if ms <= limit_ms => {
+                format!(
+                    "one frame in twenty takes {often_ms:.0} ms or more, of {limit_ms:.0}; half of them take {ms:.0}"
+                )
+            }
+            _ => format!(
+                "frames take {:.0} ms of {limit_ms:.0}, {:.1} times as long as at the start",
+                ms.unwrap_or(now_ms),
                 self.slower(load)
             ),
-            _ => format!("no run has ended for {FRAMES_WITHOUT_RUN} frames"),
         };
         self.counts.lowered += 1;
         Some(self.go(now_s, to, false, reason))

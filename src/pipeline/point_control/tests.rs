@@ -350,3 +350,74 @@ fn a_point_that_is_over_now_and_then_gives_way_to_the_next_one() {
         seen.changes
     );
 }
+
+#[test]
+fn a_short_calm_raises_nothing() {
+    let mut controller = TWO_CORES.controller(71.0);
+    let loaded = |now_s: f64| if now_s % 15.0 < 10.0 { (1.9, 2.0) } else { (1.0, 1.0) };
+    let seen = session(&mut controller, &TWO_CORES, 0.0, 300.0, loaded);
+    assert_eq!(seen.changes.len(), 1, "{:?}", seen.changes);
+}
+
+#[test]
+fn a_load_that_falls_slowly_raises_at_most_twice_a_minute() {
+    let mut controller = TWO_CORES.controller(71.0);
+    let begun = controller.point();
+    let falling = |now_s: f64| [2.4 - 1.4 * (now_s / 90.0).min(1.0); 2].into();
+    let seen = session(&mut controller, &TWO_CORES, 0.0, 300.0, falling);
+    let raised: Vec<f64> = seen.changes.iter().skip(1).map(|(at_s, ..)| *at_s).collect();
+    assert!(raised.len() >= 3, "{:?}", seen.changes);
+    assert!(raised.windows(3).all(|w| w[2] - w[0] > MINUTE_S), "{:?}", seen.changes);
+    assert_eq!(controller.point(), begun);
+}
+
+#[test]
+fn a_point_over_its_budget_never_gives_way_to_a_slower_one() {
+    // One frame in 15 takes three times as long: often there is none among the latest twelve.
+    let machine = Machine { run_ms: [500.0, 500.0], ..TWO_CORES };
+    let mut controller = machine.controller(60.0);
+    let mut frame = 0;
+    let seen = session(&mut controller, &machine, 0.0, 120.0, |_| {
+        frame += 1;
+        if frame % 15 == 0 { (3.0, 1.0) } else { (1.0, 1.0) }
+    });
+    let [(_, name, reason)] = &seen.changes[..] else { panic!("{:?}", seen.changes) };
+    assert_eq!(name, "1x1");
+    assert!(reason.starts_with("one frame in twenty takes 12") && reason.contains("of 60"), "{reason}");
+}
+
+#[test]
+fn a_generator_whose_runs_do_not_end_is_left() {
+    let mut controller = TWO_CORES.controller(71.0);
+    let point = controller.point();
+    let mut changed = None;
+    for tick in 0..40 {
+        let now_s = f64::from(tick) * PERIOD_S;
+        controller.rendered(now_s, point.quality, point.render_ms);
+        changed = changed.or_else(|| controller.change(now_s).map(|change| (tick, change)));
+    }
+    let (tick, change) = changed.unwrap();
+    assert_eq!((tick, change.reason.as_str()), (16, "no run has ended for 16 frames"));
+    assert_ne!(change.to, point);
+}
+
+#[test]
+fn a_burden_of_runs_alone_is_forgotten() {
+    let mut controller = TWO_CORES.controller(71.0);
+    let begun = controller.point();
+    let burdened = |now_s: f64| if now_s < 60.0 { (1.0, 3.0) } else { (1.0, 1.0) };
+    session(&mut controller, &TWO_CORES, 0.0, 60.0, burdened);
+    assert_eq!(controller.point().generator, None);
+    session(&mut controller, &TWO_CORES, 60.0, 300.0, burdened);
+    assert_eq!(controller.point(), begun);
+}
+
+#[test]
+fn runs_keep_their_own_budget() {
+    let budget = FrameBudget { frame_ms: Some(120.0), run_ms: 45.0, apart: false, spread: 1.15 };
+    let names = GENERATORS.map(|(name, ..)| name.to_owned()).into();
+    let mut controller = PointController::new(TWO_CORES.candidates(), names, budget).unwrap();
+    assert_eq!(controller.name(&controller.point()), "1x3 + fast_1x3");
+    let seen = session(&mut controller, &TWO_CORES, 0.0, 120.0, |_| (1.0, 1.0));
+    assert!(seen.changes.is_empty(), "{:?}", seen.changes);
+}
