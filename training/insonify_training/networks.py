@@ -139,11 +139,6 @@ class StemNet(nn.Module):
             self.head[0].bias[self.shapes[0] :] = 0.5
 
     def forward(self, inputs):
-        base, kept = self.base_and_kept(inputs)
-        return base + kept
-
-    def base_and_kept(self, inputs):
-        """Terms of the output: b, and the part of the image that is kept, g * image."""
         x = F.relu(self.stem(inputs))
         skips = []
         for down in self.down:
@@ -157,7 +152,7 @@ class StemNet(nn.Module):
         base, gain = (self.head(x) + self.spread(self.reduce(x))).split(self.shapes, 1)
         gain = F.pixel_shuffle(gain, self.stride // self.GAIN_PX)
         gain = F.interpolate(gain, scale_factor=float(self.GAIN_PX), mode="nearest")
-        return F.pixel_shuffle(base, self.stride), gain * inputs[:, :1]
+        return F.pixel_shuffle(base, self.stride) + gain * inputs[:, :1]
 
 
 class UNet(nn.Module):

@@ -51,7 +51,7 @@ class Trainer:
         freeze(self.generator, self.frozen)
         self.generator.train()
         with self._autocast():
-            output, grained = (losses.soft_clip(part.float()) * mask for part in self._outputs(inputs))
+            output = losses.soft_clip(self.generator(inputs).float()) * mask
         loss = losses.l1(output, target)
         seen = {"l1": loss.detach()}
         if config.ssim_weight > 0:
@@ -60,7 +60,7 @@ class Trainer:
             seen["dissimilarity"] = dissimilarity.detach()
             loss = loss + config.ssim_weight * dissimilarity
         if config.divergence_weight > 0:
-            divergence = losses.patch_divergence(grained, target, self.step * 7 % losses.PATCH)
+            divergence = losses.patch_divergence(output, target, self.step * 7 % losses.PATCH)
             seen["divergence"] = divergence.detach()
             loss = loss + config.divergence_weight * divergence
         if config.grid_weight > 0:
@@ -82,17 +82,6 @@ class Trainer:
         self.generator_adam.step()
         self.step += 1
         return {**seen, "rate": rate}
-
-    def _outputs(self, inputs):
-        """The output, and the same with a gradient through the gain alone, where the network has one.
-
-        A divergence of histograms lowers by any grain, also by a pattern that the base would draw; the image's own is wanted.
-        """
-        if not hasattr(self.generator, "base_and_kept"):
-            output = self.generator(inputs)
-            return output, output
-        base, kept = self.generator.base_and_kept(inputs)
-        return base + kept, base.detach() + kept
 
     def _train_discriminator(self, inputs, fake, real):
         with self._autocast():
