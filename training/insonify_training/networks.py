@@ -112,7 +112,8 @@ class StemNet(nn.Module):
     cell; the other interpolates `SMOOTH` channels between cells, without which cells of `stride` pixels are visible.
 
     The first channel is the LQ image. The output is b + g * image: the gain g, one for each `GAIN_PX` x `GAIN_PX` pixels,
-    sets how much of the image's grain is kept.
+    sets how much of the image's grain is kept. In evaluation, and where it is exported, `share` of the image replaces as
+    much of that output.
     """
 
     GAIN_PX = 2
@@ -120,6 +121,7 @@ class StemNet(nn.Module):
 
     def __init__(self, channels, stride, widths, norm="none"):
         super().__init__()
+        self.share = 0.0
         self.stride = stride
         self.padding_multiple = stride << (len(widths) - 1)
         self.stem = Conv(channels, widths[0], stride, stride, 0, norm)
@@ -152,7 +154,10 @@ class StemNet(nn.Module):
         base, gain = (self.head(x) + self.spread(self.reduce(x))).split(self.shapes, 1)
         gain = F.pixel_shuffle(gain, self.stride // self.GAIN_PX)
         gain = F.interpolate(gain, scale_factor=float(self.GAIN_PX), mode="nearest")
-        return F.pixel_shuffle(base, self.stride) + gain * inputs[:, :1]
+        output = F.pixel_shuffle(base, self.stride) + gain * inputs[:, :1]
+        if self.training or self.share == 0:
+            return output
+        return (1 - self.share) * output + self.share * inputs[:, :1]
 
 
 class UNet(nn.Module):

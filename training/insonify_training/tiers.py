@@ -34,8 +34,10 @@ class Config:
     clip: float = 0.5
     # Weights of the loss's terms; L1's is 1.
     ssim_weight: float = 0.3
-    divergence_weight: float = 0.15
+    divergence_weight: float = 0.05
     grid_weight: float = 4.0
+    # Share of the LQ image in the exported output, for its grain; 0 for networks that have no such share.
+    share: float = 0.0
     gan_weight: float = 0.0
     # Steps without the GAN term, and steps in which it rises to its weight.
     warmup: int = 0
@@ -86,6 +88,8 @@ class Config:
 
 FAST = Config(network="stride8")
 MIDDLE = Config(network="stride4")
+# For compounded input, whose grain resembles the target's.
+NATURAL = {"divergence_weight": 0.0, "share": 0.25}
 # pix2pix's own loss and rate. Its 100 on levels within -1..=1 is 200 on 0..=1, here the inverse of the GAN's weight.
 PIX2PIX = Config(
     norm="instance",
@@ -112,8 +116,8 @@ def _variants(name, config, variants=("M", "MS", "MSA"), suffix=""):
 TIERS = {
     **_variants("fast", FAST),
     **_variants("middle", MIDDLE),
-    **_variants("fast", replace(FAST, lq=ROLLING), suffix="_rolling"),
-    **_variants("middle", replace(MIDDLE, lq=ROLLING), suffix="_rolling"),
+    **_variants("fast", replace(FAST, lq=ROLLING, **NATURAL), suffix="_rolling"),
+    **_variants("middle", replace(MIDDLE, lq=ROLLING, **NATURAL), suffix="_rolling"),
     **_variants("fast", replace(FAST, hq="32x3x1"), suffix="_single"),
     **_variants("classic", CLASSIC),
     **_variants("paper", PAPER),

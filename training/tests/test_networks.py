@@ -111,3 +111,14 @@ def test_quality_of_known_pictures():
     assert psnr_db(half, grey, mask).item() == pytest.approx(28.13, abs=0.01)
     assert psnr_db(half, grey, everywhere).item() == pytest.approx(28.13 + 3.01, abs=0.01)
     assert ssim(half, grey, mask).item() < ssim(half, grey, everywhere).item() - 1e-4
+
+
+def test_a_share_of_the_image_is_kept_in_evaluation_alone():
+    torch.manual_seed(3)
+    network = make("stride8", 2, "none")
+    x = torch.rand(1, 2, 64, 64)
+    with torch.no_grad():
+        trained = network(x)
+        network.share = 0.25
+        torch.testing.assert_close(network(x), trained)
+        torch.testing.assert_close(fold(network)(x), 0.75 * trained + 0.25 * x[:, :1])
