@@ -22,10 +22,10 @@ class Trainer:
         self.encode = Encoder(config.variant, self.segmentation, data, config.attenuation_power, device)
         torch.manual_seed(config.seed)
         place = {"device": self.device, "memory_format": torch.channels_last}
-        if config.share > 0:
-            self.generator.share = config.share
         adam = {"lr": config.rate, "betas": ADAM_BETAS}
         self.generator = make(config.network, self.encode.channels, config.norm).to(**place)
+        if config.share > 0:
+            self.generator.share = config.share
         self.generator_adam = torch.optim.Adam(self.generator.parameters(), **adam)
         self.parts = ["generator", "generator_adam"]
         if config.gan_weight > 0:
