@@ -82,7 +82,7 @@ class Conv(nn.Sequential):
 
 
 def fold(network):
-    """Copy of `network` for the runtime: its norms frozen and folded into the convolutions."""
+    """Copy of `network` for the runtime: its norms and its share of the image folded into the convolutions."""
     network = copy.deepcopy(network).float().eval()
     freeze(network)
 
@@ -94,7 +94,10 @@ def fold(network):
                 visit(child)
 
     visit(network)
-    return network.requires_grad_(False)
+    network.requires_grad_(False)
+    if getattr(network, "share", 0) > 0:
+        network.fold_share()
+    return network
 
 
 def tent(side):
@@ -139,6 +142,14 @@ class StemNet(nn.Module):
             self.spread[0].weight.mul_(0.1).add_(torch.cat([tent(side) for side in sides]))
             self.spread[0].bias.zero_()
             self.head[0].bias[self.shapes[0] :] = 0.5
+
+    def fold_share(self):
+        """Puts the share into the head: (1 - share) * (b + g * image) + share * image has another base and gain."""
+        for part in (self.head, self.spread):
+            part.weight.mul_(1 - self.share)
+            part.bias.mul_(1 - self.share)
+        self.head.bias[self.shapes[0] :].add_(self.share)
+        self.share = 0.0
 
     def forward(self, inputs):
         x = F.relu(self.stem(inputs))

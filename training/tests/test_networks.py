@@ -121,4 +121,8 @@ def test_a_share_of_the_image_is_kept_in_evaluation_alone():
         trained = network(x)
         network.share = 0.25
         torch.testing.assert_close(network(x), trained)
-        torch.testing.assert_close(fold(network)(x), 0.75 * trained + 0.25 * x[:, :1])
+        kept = 0.75 * trained + 0.25 * x[:, :1]
+        torch.testing.assert_close(network.eval()(x), kept)
+        folded = fold(network)
+        assert folded.share == 0
+        torch.testing.assert_close(folded(x), kept)
