@@ -86,8 +86,8 @@ class Config:
         return replace(self, steps=steps, warmup=min(self.warmup, steps // 2), ramp=1)
 
 
-FAST = Config(network="stride8")
-MIDDLE = Config(network="stride4")
+FAST = Config(network="stride8", share=0.1)
+MIDDLE = Config(network="stride4", share=0.1)
 # For compounded input, whose grain resembles the target's.
 NATURAL = {"divergence_weight": 0.0, "share": 0.25}
 # pix2pix's own loss and rate. Its 100 on levels within -1..=1 is 200 on 0..=1, here the inverse of the GAN's weight.

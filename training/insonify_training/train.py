@@ -62,15 +62,18 @@ def configure(args):
     try:
         # Only its shape: ngf 64 has 54 million weights.
         with torch.device("meta"):
-            multiple = make(config.network, 1).padding_multiple
+            network = make(config.network, 1)
     except ValueError as error:
         raise SystemExit(f"--{error}") from None
+    multiple = network.padding_multiple
     if config.crop % multiple != 0:
         raise SystemExit(f"--crop {config.crop}: {config.network} takes multiples of {multiple} pixels")
     if config.crop < PATCH:
         raise SystemExit(f"--crop {config.crop}: pKL is of patches of {PATCH} pixels")
     if config.border < 0:
         raise SystemExit(f"--border {config.border}: 0 or more pixels")
+    if not 0 <= config.share < 1 or (config.share > 0 and not hasattr(network, "share")):
+        raise SystemExit(f"--share {config.share}: at least 0 and below 1; {config.network} takes {'any' if hasattr(network, 'share') else 'only 0'}")
     if config.divergence_weight > 0 and config.crop < 2 * PATCH:
         raise SystemExit(f"--crop {config.crop}: the divergence is of patches of {PATCH}, so that crops need {2 * PATCH} pixels")
     return config
