@@ -65,7 +65,7 @@ def test_a_refused_run_keeps_its_config(data_dir, trained):
         (["--crop", "100"], "--crop 100: stride8 takes multiples of 32"),
         (["--border", "-1"], "--border -1"),
         (["--share", "1"], "--share 1.0: at least 0 and below 1"),
-        (["--network", "unet4", "--share", "0.1"], "--share 0.1: .* unet4 takes only 0"),
+        (["--network", "unet4", "--crop", "256", "--share", "0.1"], "--share 0.1: .* unet4 takes only 0"),
     ],
 )
 def test_wrong_flags_name_the_accepted_values(data_dir, tmp_path, flags, word):
