@@ -16,7 +16,7 @@ help:
 	@echo 'make bench  measure frames, passes and set-up (criterion)'
 	@echo 'make soak   ten minutes of a live station on a bad day: memory, latency and drops; scripts/soak --help'
 	@echo 'make hard   a million random frames worth of rays without a value that is not finite; goes on where it was stopped'
-	@echo 'make train  train every shipped generator from nothing; says how long; goes on where it was stopped'
+	@echo 'make train  train every generator of the tables from nothing; says how long; goes on where it was stopped'
 	@echo 'make test-training  the tests of the training package (training/)'
 	@echo 'make setup  what the others do first; scripts/setup --help says more'
 	@echo 'make clean  remove what was built and rendered'

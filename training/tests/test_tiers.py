@@ -31,7 +31,7 @@ def test_tiers_are_named_by_their_variant_and_data():
         assert variant == config.variant.lower() and [config.data] == (data or ["1x1"]), name
         assert Quality.parse(config.hq) == Quality(32, 3, 1 if config.data == "single" else 9)
     # All that the single-look table compares is trained equally.
-    for name in TABLE:
+    for name in (name for name in TABLE if name.endswith("_single")):
         assert replace(TIERS[name], hq="32x3x9") == TIERS[name.removesuffix("_single")]
 
 
