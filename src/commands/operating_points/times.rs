@@ -107,8 +107,8 @@ impl Times {
             let angles = qualities.iter().map(|quality| quality.angles).max().unwrap_or(1);
             let without = FrameQuality { aperture: false, ..first };
             let compounded = FrameQuality { angles, ..first };
-            let mut ms =
-                |quality, maps| Ok::<_, Failure>(frames(bench, quality, maps)?.map(|ms| median_of(ms, &mut spreads)));
+            // Differences of medians would be lost in the noise of so few frames.
+            let mut ms = |quality, maps| Ok::<_, Failure>(frames(bench, quality, maps)?.and_then(least));
             let alone = ms(first, false)?;
             let over = |more: Option<f64>| alone.zip(more).map(|(alone, more)| (more - alone).max(0.0));
             self.maps_ms = over(ms(first, true)?);
@@ -172,6 +172,11 @@ fn median_of(ms: impl IntoIterator<Item = f64>, spreads: &mut Vec<f64>) -> f64 {
         spreads.push(most / median);
     }
     median
+}
+
+/// Least of `ms`, if there are any.
+fn least(ms: Vec<f64>) -> Option<f64> {
+    ms.into_iter().min_by(f64::total_cmp)
 }
 
 /// File of the times in the cache: named by machine, build and settings.

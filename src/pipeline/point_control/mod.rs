@@ -24,6 +24,8 @@ const OFTEN_S: f64 = 3.0;
 const AHEAD: (usize, usize) = (48, 24);
 /// Part of the budget that a point may be predicted to take when it is chosen.
 const ROOM: f64 = 0.92;
+/// Where no point's 95th percentile fits, a point may take so many times the least time if its median fits.
+const NEARLY: f64 = 1.2;
 /// Time for which a better point must fit before it is chosen, s.
 const RISE_S: f64 = 6.0;
 /// Largest part of the present error that a better point may have: less isn't worth a change.
@@ -132,7 +134,7 @@ pub struct PointController {
     changes: [f64; CHANGES],
     /// The point before the last change.
     before: usize,
-    /// Whether the warning that even the cheapest point is over the budget is active, and when it was given, s.
+    /// Whether the warning that even the least point is over the budget is active, and when it was given, s.
     told: bool,
     told_s: f64,
     switches: Vec<Switch>,
@@ -177,7 +179,8 @@ impl PointController {
         };
         let idle = Load { render: 1.0, run: 1.0 };
         let first = controller.best(f64::NEG_INFINITY, idle, controller.budget.spread, ROOM);
-        controller.current = first.or_else(|| controller.cheapest(f64::NEG_INFINITY))?;
+        let least = || controller.least(f64::NEG_INFINITY, idle, f64::INFINITY);
+        controller.current = first.or_else(least)?;
         (controller.begun, controller.before) = (controller.current, controller.current);
         Some(controller)
     }
@@ -288,7 +291,7 @@ impl PointController {
         let now_ms = self.busy_ms(&self.point(), load);
         // The present point may seem to fit: its median does.
         let to = self.best_below(now_s, load, spread, 1.0, now_ms);
-        let to = to.or_else(|| self.cheapest(now_s)).filter(|&to| to != self.current)?;
+        let to = to.or_else(|| self.least(now_s, load, now_ms)).filter(|&to| to != self.current)?;
         if self.raised_at.is_some_and(|at| now_s - at <= SOON_S) {
             self.block_beyond(now_s);
         } else {
@@ -349,13 +352,18 @@ impl PointController {
         (0..self.candidates.len()).find(|&index| self.may_be_chosen(now_s, index) && fits(&self.candidates[index]))
     }
 
-    /// The point that takes the least time.
-    fn cheapest(&self, now_s: f64) -> Option<usize> {
-        let ms = |index: &usize| self.expected_ms(&self.candidates[*index]);
-        let open = (0..self.candidates.len()).filter(|&index| self.may_be_chosen(now_s, index));
-        let raw = (0..self.candidates.len()).filter(|&index| self.candidates[index].generator.is_none());
-        let least = |a: &usize, b: &usize| ms(a).total_cmp(&ms(b));
-        open.min_by(least).or_else(|| raw.min_by(least))
+    /// The point to run where none fits: the best of those that take little more than the least time and whose median fits,
+    /// else the one that takes the least. Only points that are predicted to take at most `most_ms` count.
+    fn least(&self, now_s: f64, load: Load, most_ms: f64) -> Option<usize> {
+        let ms = |index: usize| self.busy_ms(&self.candidates[index], load);
+        let among = |open: &dyn Fn(usize) -> bool| {
+            let open = || (0..self.candidates.len()).filter(|&index| open(index) && ms(index) <= most_ms);
+            let least = open().min_by(|&a, &b| ms(a).total_cmp(&ms(b)))?;
+            let limit_ms = (NEARLY * ms(least)).min(ROOM * self.limit_ms());
+            open().find(|&index| ms(index) <= limit_ms).or(Some(least))
+        };
+        let raw = |index: usize| self.candidates[index].generator.is_none();
+        among(&|index| self.may_be_chosen(now_s, index)).or_else(|| among(&raw))
     }
 
     fn may_be_chosen(&self, now_s: f64, index: usize) -> bool {
@@ -426,7 +434,8 @@ impl PointController {
     /// Leaves a generator for the best point without it.
     fn leave(&mut self, now_s: f64, reason: String) -> Option<PointChange> {
         let load = self.load(SUDDEN).unwrap_or(Load { render: 1.0, run: 1.0 });
-        let to = self.best(now_s, load, self.spread(SUDDEN), 1.0).or_else(|| self.cheapest(now_s))?;
+        let to = self.best(now_s, load, self.spread(SUDDEN), 1.0);
+        let to = to.or_else(|| self.least(now_s, load, f64::INFINITY))?;
         (to != self.current).then(|| self.go(now_s, to, false, reason))
     }
 
@@ -469,7 +478,8 @@ impl PointController {
     /// Median time of recent frames, ms, if they are over the budget and no point takes less; returned once per overrun
     /// and at most once per minute.
     pub fn over_at_least(&mut self, now_s: f64) -> Option<f64> {
-        let over = self.is_over() && self.cheapest(now_s) == Some(self.current);
+        let least = |load| self.least(now_s, load, self.busy_ms(&self.point(), load));
+        let over = self.is_over() && self.load(SUDDEN).and_then(least) == Some(self.current);
         let tell = over && !self.told && now_s - self.told_s >= MINUTE_S;
         // The warning ends when frames fit again, not by a rest.
         self.told = tell || (self.told && (over || self.busy.len() < SUDDEN.1));

@@ -120,6 +120,11 @@ fn best_of_all(machine: &Machine, frame_ms: f64, (render, run): (f64, f64)) -> f
     fitting.map(|c| c.error).fold(f64::INFINITY, f64::min)
 }
 
+/// Least time of all candidates, ms.
+fn least_ms(machine: &Machine) -> f64 {
+    machine.candidates().iter().map(|c| c.render_ms + c.run_ms).fold(f64::INFINITY, f64::min)
+}
+
 #[test]
 fn the_point_chosen_is_the_best_of_all_on_machines_of_any_speed() {
     let machines = [
@@ -139,9 +144,12 @@ fn the_point_chosen_is_the_best_of_all_on_machines_of_any_speed() {
                 assert!(controller.point().error <= best, "{machine:?} {budget_ms}: {:?}", seen.changes);
                 assert_eq!(seen.over, 0);
             } else {
-                assert_eq!(controller.name(&controller.point()), "1x1");
+                let ms = controller.expected_ms(&controller.point());
+                assert!(ms <= NEARLY * least_ms(machine), "{machine:?} {budget_ms}: {ms} ms");
             }
-            assert!(seen.changes.is_empty(), "{machine:?} {budget_ms}: {:?}", seen.changes);
+            // Where none fits, one may turn out not to fit even nearly.
+            let most = usize::from(best.is_infinite());
+            assert!(seen.changes.len() <= most, "{machine:?} {budget_ms}: {:?}", seen.changes);
         }
     }
 }
@@ -267,6 +275,27 @@ fn nothing_is_cheaper_than_the_cheapest() {
         told.extend(controller.over_at_least(now_s).map(|ms| (now_s, ms)));
     }
     assert!(matches!(told[..], [(first, 29.0), (second, 29.0)] if first < 2.0 && second > 80.0), "{told:?}");
+}
+
+#[test]
+fn where_none_fits_a_better_point_runs_that_takes_little_more() {
+    // 1x3 takes 5.2 ms more than 1x1. The tenth frames are far over the budget, the others are near it.
+    let machine = Machine { frame_ms: 36.0, run_ms: [500.0, 500.0], ..TWO_CORES };
+    for (load, name) in [(1.3, "1x3"), (1.45, "1x1")] {
+        let mut controller = machine.controller(64.0);
+        let mut frame = 0;
+        let loaded = |_| {
+            frame += 1;
+            (if frame % 10 == 0 { 2.0 * load } else { load }, 1.0)
+        };
+        session(&mut controller, &machine, 0.0, 60.0, loaded);
+        assert_eq!(controller.name(&controller.point()), name, "at {load}");
+        assert!(controller.switches.len() <= 2, "{:?}", controller.switches);
+    }
+    // The median of 2x3 would fit, too, but it takes a third more than 1x1.
+    let machine = Machine { frame_ms: 31.0, run_ms: [500.0, 500.0], spread: 2.0, ..TWO_CORES };
+    let controller = machine.controller(64.0);
+    assert_eq!(controller.name(&controller.point()), "1x3");
 }
 
 #[test]
