@@ -165,7 +165,7 @@ mod tests {
             let points = plan(base.compounded(5, false), compounds, moves, false);
             ["angles", "rolling angles"].map(|sweep| points.iter().filter(|p| p.sweep == sweep).count())
         };
-        assert_eq!([sweeps(true, true), sweeps(true, false), sweeps(false, true)], [[8, 6], [8, 0], [0, 0]]);
+        assert_eq!([sweeps(true, true), sweeps(true, false), sweeps(false, true)], [[8, 12], [8, 0], [0, 0]]);
         assert!(plan(base.compounded(5, false), false, true, false).iter().all(|p| p.knobs.angles == 1));
     }
 
