@@ -114,11 +114,15 @@ impl GenerateStage {
             self.events.info(&format!("the generator that was given up is back after {after_s:.1} s"));
         }
         let mut state = lock(&self.link.state);
-        let ended_as = match &filled {
-            Some((_, Err(EnhanceError::Failed(reason)))) => RunEnd::Failed(reason.clone()),
-            _ => RunEnd::Done,
-        };
-        state.report(Run { generator, took, end: ended_as });
+        // Without a free buffer nothing has run.
+        let end = filled.as_ref().map(|(_, result)| match result {
+            Ok(()) => RunEnd::Done,
+            Err(EnhanceError::Terminated) => RunEnd::Terminated,
+            Err(EnhanceError::Failed(reason)) => RunEnd::Failed(reason.clone()),
+        });
+        if let Some(end) = end {
+            state.report(Run { generator, took, end });
+        }
         match filled {
             Some((generated, Ok(()))) => {
                 state.took(took);

@@ -27,8 +27,10 @@ const RUNS_WAITING: usize = 16;
 /// End of a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum RunEnd {
-    /// It gave a picture, or was terminated.
+    /// It gave a picture.
     Done,
+    /// It was terminated: it took too long.
+    Terminated,
     /// It failed, for this reason.
     Failed(String),
 }

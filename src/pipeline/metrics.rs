@@ -67,7 +67,7 @@ pub(super) struct Metrics {
     pub(super) refused: AtomicU64,
     /// Expected time from sampling to presentation, ns.
     expected_ns: AtomicU64,
-    /// Operating points so far; none if the quality is fixed.
+    /// Operating points so far; none without a controller of operating points.
     points: Mutex<Option<PointSummary>>,
     shown: Mutex<Shown>,
 }
@@ -180,7 +180,7 @@ impl Metrics {
         *lock(&self.points) = Some(summary);
     }
 
-    /// Operating points so far; none if the quality is fixed.
+    /// Operating points so far; none without a controller of operating points.
     pub(super) fn points(&self) -> Option<PointSummary> {
         lock(&self.points).clone()
     }

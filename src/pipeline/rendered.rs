@@ -22,7 +22,7 @@ pub(super) struct Rendered {
     pub(super) maps: bool,
     /// Generator that translates it; none: it is shown as it is.
     pub(super) generator: Option<usize>,
-    /// Operating point, for viewers; none if the quality is fixed.
+    /// Operating point, for viewers; none without a controller of operating points.
     pub(super) point: Option<Arc<PointText>>,
 }
 

@@ -378,7 +378,8 @@ impl Renderer {
     }
 
     /// Starts a frame. With compounding it has the next angle, and its picture is the mean of the last ones of all angles
-    /// from which the probe has moved by no more than `look.reach_mm`. At most [`FRAMES_IN_FLIGHT`] may wait to be received. The host makes it within this call.
+    /// from which the probe has moved by no more than `look.reach_mm`. At most [`FRAMES_IN_FLIGHT`] may wait to be received.
+    /// The host makes it within this call.
     ///
     /// # Errors
     /// A full ring, or a device that fails.

@@ -37,7 +37,7 @@ pub struct FrameLine<'a> {
     pub presented_ms: f64,
     /// Generator tier at work.
     pub tier: Option<&'a str>,
-    /// Operating point; none if the quality is fixed.
+    /// Operating point; none without a controller of operating points.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub point: Option<&'a str>,
     /// Whether the picture is frozen.

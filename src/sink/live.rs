@@ -94,7 +94,7 @@ pub struct PresentedFrame {
     pub mask: Vec<u8>,
     /// Name of the generator tier at work; none on low quality.
     pub tier: Option<String>,
-    /// Operating point; none if the quality is fixed.
+    /// Operating point; none without a controller of operating points.
     pub point: Option<Arc<PointText>>,
     /// Recent fault, to be shown to viewers.
     pub notice: Option<String>,

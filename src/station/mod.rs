@@ -64,7 +64,7 @@ pub struct Station {
     pub backend: BackendChoice,
     /// Render time budget by which rays and layers are chosen, ms; none: they stay as set.
     pub quality_budget_ms: Option<f64>,
-    /// Whether the budget also chooses the angles of compounding: `[look]` says none.
+    /// Whether the budget also chooses the angles of compounding: `[look]` has neither angles nor a preset.
     pub angles_open: bool,
     /// Generators.
     pub generator: crate::generator::Settings,

@@ -69,8 +69,16 @@ pub struct StationErrors {
 
 impl StationErrors {
     fn error(&self, quality: FrameQuality, generator: Option<&GeneratorKey>) -> Option<f64> {
-        let point = self.points.iter().find(|p| p.quality == quality && p.generator.as_ref() == generator);
-        point.map(|point| point.rmse)
+        let exact = self.points.iter().find(|p| p.quality == quality && p.generator.as_ref() == generator);
+        exact.or_else(|| self.nearest_angles(quality).filter(|_| generator.is_none())).map(|point| point.rmse)
+    }
+
+    /// The rendered point that differs least in its number of angles, by their ratio, and in nothing else.
+    fn nearest_angles(&self, quality: FrameQuality) -> Option<&PointError> {
+        let alike =
+            |p: &&PointError| p.generator.is_none() && FrameQuality { angles: quality.angles, ..p.quality } == quality;
+        let ratio = |p: &PointError| (f64::from(p.quality.angles) / f64::from(quality.angles.max(1))).ln().abs();
+        self.points.iter().filter(alike).min_by(|a, b| ratio(a).total_cmp(&ratio(b)))
     }
 }
 
@@ -175,7 +183,8 @@ impl ExpectedErrors<'_> {
         known
     }
 
-    /// Error of a point, grey levels: the mean over the stations; `None` if one of them lacks it. That of a generator on other
+    /// Error of a point, grey levels: the mean over the stations; `None` if one of them lacks it. A frame of other angles than the
+    /// table's has the error of the nearest ones. That of a generator on other
     /// scenes than those it was measured on: the frame's own, by the ratio of both there; `None` if the table doesn't know it.
     pub fn of(&self, quality: FrameQuality, generator: Option<&GeneratorKey>) -> Option<f64> {
         let mean_of = |generator: Option<&GeneratorKey>| {

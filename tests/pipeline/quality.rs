@@ -55,7 +55,7 @@ fn the_point_follows_what_the_machine_affords() {
     assert_eq!(texts, expected);
     assert!((20..23).contains(&said[0].0) && (66..71).contains(&said[1].0), "{said:?}");
     let points = summary.points.unwrap();
-    assert_eq!((points.begun.as_str(), points.ended.as_str(), points.error), ("4x3", "4x3", 14.0));
+    assert_eq!((points.begun.as_str(), points.ended.as_str(), points.error), ("4x3", "4x3", Some(14.0)));
     assert_eq!((points.lowered, points.raised, points.refused, points.by_hand), (1, 1, 0, false));
     assert_eq!(points.changes.iter().map(|change| change.to.as_str()).collect::<Vec<_>>(), ["2x3", "4x3"]);
     assert_eq!(heard.0.lock().unwrap().settings, 3, "at the start, and at each change");

@@ -2,18 +2,20 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use insonify::generator::Generator;
+use insonify::generator::{Generator, GeneratorError};
 use insonify::pose::Pose;
 use insonify::render::{BackendError, Frame, FrameQuality, RenderError, Renderer, processor_name};
 use insonify::sink::write_json;
 use insonify::station::Station;
 use insonify::statistics::{mean, nearest_rank, sorted};
+use insonify::tradeoff::GeneratorKey;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::super::{Failure, output, session};
+use super::key;
 
 /// Timed frames and runs of a point, after one to warm up.
 const FRAMES: usize = 5;
@@ -21,14 +23,16 @@ const FRAMES: usize = 5;
 const ENOUGH_S: f64 = 2.5;
 /// A point whose frames take so many times the budget ends the measurement of points with more paths.
 const BEYOND: f64 = 1.5;
+/// Spread of a measurement that something else has disturbed.
+const DISTURBED: f64 = 1.4;
 
 /// Median times, ms, and their spread.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Times {
-    /// Frames of one look by rays and layers, without maps; none for those that the device has no room for, or that take far
-    /// more than the budget.
+    /// Frames of one look by rays and layers, without maps; none for those that the device has no room for. Estimated from
+    /// the paths for those far beyond the budget.
     render_ms: Vec<([u32; 2], Option<f64>)>,
-    /// What the maps, and rolling compounding, add to a frame.
+    /// Additional time of maps, and of rolling compounding.
     maps_ms: Option<f64>,
     angles_ms: Option<f64>,
     /// Time without the aperture over that with it.
@@ -39,7 +43,7 @@ pub(crate) struct Times {
     pub(crate) spread: f64,
 }
 
-/// What a measurement takes.
+/// Inputs of a measurement.
 pub(super) struct Bench<'a> {
     pub(super) station: &'a Station,
     pub(super) renderer: &'a mut Renderer,
@@ -59,45 +63,55 @@ impl Times {
         Some(ms + angles_ms + if maps { self.maps_ms? } else { 0.0 })
     }
 
-    /// Time of a run, ms.
-    pub(super) fn run(&self, generator: &Generator) -> Option<f64> {
-        self.run_ms.get(&generator.manifest().sha256).copied()
+    /// Time of a run, ms; none if the model can't run here.
+    pub(super) fn run(&self, generator: &GeneratorKey) -> Option<f64> {
+        self.run_ms.get(&generator.sha256).copied()
     }
 
-    /// Times of `qualities` and of the generators: those of the cache, and the others measured, in at most three seconds.
-    /// Whether anything was measured.
+    /// Times of `qualities` and of the generators: those of the cache, and the others measured. Returns the times, and
+    /// whether anything was measured. No measurement begins after 2.5 s; the station's `own` quality is always measured.
     pub(super) fn known_or_measured(
         bench: &mut Bench<'_>,
         qualities: &[FrameQuality],
+        own: FrameQuality,
     ) -> Result<(Self, bool), Failure> {
-        let path = path(bench)?;
+        let path = path(bench, qualities)?;
         let kept = std::fs::read(&path).ok().and_then(|text| serde_json::from_slice::<Self>(&text).ok());
         let mut times = kept.unwrap_or_default();
         let unknown = qualities.iter().any(|q| !times.knows([q.rays, q.layers]));
-        if !unknown && times.maps_ms.is_some() && bench.generators.iter().all(|g| times.run(g).is_some()) {
+        if !unknown && times.maps_ms.is_some() && bench.generators.iter().all(|g| times.run(&key(g)).is_some()) {
             return Ok((times, false));
         }
-        times.measure(bench, qualities)?;
-        // Without a cache the next session measures again.
-        if let Err(error) = write_json(&path, &times) {
+        times.measure(bench, qualities, own)?;
+        // The next session measures again what was disturbed now, and where there is no cache.
+        if times.spread > DISTURBED {
+            tracing::debug!("times are not kept: they vary by a factor of {:.1}", times.spread);
+        } else if let Err(error) = write_json(&path, &times) {
             tracing::debug!("times are not kept: {error}");
         }
         Ok((times, true))
     }
 
+    /// Whether these rays and layers have been measured.
     fn knows(&self, rays_layers: [u32; 2]) -> bool {
         self.render_ms.iter().any(|(known, _)| *known == rays_layers)
     }
 
-    fn measure(&mut self, bench: &mut Bench<'_>, qualities: &[FrameQuality]) -> Result<(), Failure> {
+    fn measure(&mut self, bench: &mut Bench<'_>, qualities: &[FrameQuality], own: FrameQuality) -> Result<(), Failure> {
         let started = Instant::now();
+        let late = || started.elapsed().as_secs_f64() > ENOUGH_S;
         let mut spreads = Vec::new();
-        let image = bench.station.settings.image;
         for generator in bench.generators.iter_mut() {
-            if self.run(generator).is_none() {
-                let times = generator.measure(image.width, image.height, FRAMES)?;
-                let ms = median_of(times.iter().map(Duration::as_secs_f64).map(|s| 1e3 * s), &mut spreads);
-                self.run_ms.insert(generator.manifest().sha256.clone(), ms);
+            let key = key(generator);
+            // What is left out now is measured at the next start.
+            if self.run(&key).is_some() || late() {
+                continue;
+            }
+            match runs(generator, bench.station, bench.frame_ms) {
+                Ok(ms) => self.insert_run(&key, median_of(ms, &mut spreads)),
+                Err(error) => {
+                    tracing::warn!("generator {} does not run at this size and is left out: {error}", key.name)
+                }
             }
         }
         // With the aperture if the station has it.
@@ -118,27 +132,54 @@ impl Times {
                 false => Some(1.0),
             };
         }
-        let mut beyond = None;
+        // Paths and time of the first point far beyond the budget.
+        let mut beyond: Option<(u32, f64)> = None;
         for rays_layers in qualities.iter().map(|quality| [quality.rays, quality.layers]) {
             let quality = one_look(rays_layers);
             if self.knows(rays_layers) {
                 continue;
             }
-            let hopeless = beyond.is_some_and(|paths| quality.paths() >= paths);
-            // What is left out now is measured at the next start.
-            if !hopeless && started.elapsed().as_secs_f64() > ENOUGH_S {
+            let is_own = rays_layers == [own.rays, own.layers];
+            let estimated = beyond.filter(|(paths, _)| quality.paths() >= *paths && !is_own);
+            if let Some((paths, ms)) = estimated {
+                self.insert(rays_layers, Some(ms * f64::from(quality.paths()) / f64::from(paths)));
                 continue;
             }
-            let ms = if hopeless { None } else { frames(bench, quality, false)?.map(|ms| median_of(ms, &mut spreads)) };
-            if ms.is_none_or(|ms| ms > BEYOND * bench.frame_ms) {
-                beyond = Some(quality.paths());
+            if late() && !is_own {
+                continue;
             }
-            self.render_ms.push((rays_layers, ms));
+            let ms = frames(bench, quality, false)?.map(|ms| median_of(ms, &mut spreads));
+            if let Some(ms) = ms.filter(|ms| *ms > BEYOND * bench.frame_ms && beyond.is_none()) {
+                beyond = Some((quality.paths(), ms));
+            }
+            self.insert(rays_layers, ms);
         }
         // Of few values, the largest stands for the 95th percentile.
-        self.spread = mean(spreads).unwrap_or(1.0).max(1.0);
+        if let Some(spread) = mean(spreads) {
+            self.spread = spread;
+        }
+        self.spread = self.spread.max(1.0);
         Ok(())
     }
+
+    pub(super) fn insert(&mut self, rays_layers: [u32; 2], ms: Option<f64>) {
+        self.render_ms.push((rays_layers, ms));
+    }
+
+    pub(super) fn insert_run(&mut self, generator: &GeneratorKey, ms: f64) {
+        self.run_ms.insert(generator.sha256.clone(), ms);
+    }
+}
+
+/// Times of runs on frames of the station's size, ms; of one run if that takes far more than a frame may.
+fn runs(generator: &mut Generator, station: &Station, frame_ms: f64) -> Result<Vec<f64>, GeneratorError> {
+    let image = station.settings.image;
+    let mut ms = |runs| {
+        let times = generator.measure(image.width, image.height, runs)?;
+        Ok::<_, GeneratorError>(times.iter().map(|time| 1e3 * time.as_secs_f64()).collect::<Vec<_>>())
+    };
+    let first = ms(1)?;
+    if first.iter().all(|ms| *ms > BEYOND * frame_ms) { Ok(first) } else { ms(FRAMES) }
 }
 
 /// Times of frames of a quality, ms; none if the device has no room for them.
@@ -179,8 +220,8 @@ fn least(ms: Vec<f64>) -> Option<f64> {
     ms.into_iter().min_by(f64::total_cmp)
 }
 
-/// File of the times in the cache: named by machine, build and settings.
-fn path(bench: &Bench<'_>) -> Result<PathBuf, Failure> {
+/// File of the times in the cache: named by machine, build, settings, and the largest number of angles.
+fn path(bench: &Bench<'_>, qualities: &[FrameQuality]) -> Result<PathBuf, Failure> {
     let mut sum = Sha256::new();
     let Station { scene, probe, settings, background, motion, .. } = bench.station;
     let mut settings = *settings;
@@ -191,11 +232,25 @@ fn path(bench: &Bench<'_>) -> Result<PathBuf, Failure> {
         std::env::current_exe().and_then(|path| path.metadata()).and_then(|data| Ok((data.len(), data.modified()?)));
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let device = if bench.renderer.on_host() { "host" } else { "device" };
-    let provider = &bench.station.generator.provider;
+    let generator = &bench.station.generator;
+    let (provider, runs_on) = (&generator.provider, generator.threads);
+    let angles = qualities.iter().map(|quality| quality.angles).max().unwrap_or(1);
     sum.update(format!("{} {threads} {device} {build:?} {}", processor_name(), env!("CARGO_PKG_VERSION")));
-    sum.update(format!("{scene:?} {probe:?} {settings:?} {background} {motion} {provider:?} {}", bench.frame_ms));
+    sum.update(format!(
+        "{scene:?} {probe:?} {settings:?} {background} {motion} {provider:?} {runs_on:?} {angles} {}",
+        bench.frame_ms
+    ));
     let name = format!("times-{}.json", output::hex(&sum.finalize()[..8]));
     Ok(session::cache_directory()?.join(name))
+}
+
+#[cfg(test)]
+impl Times {
+    /// Sets what maps and angles add, and the ratio without the aperture.
+    pub(super) fn insert_differences(&mut self, maps_ms: f64, angles_ms: f64, without_aperture: f64) {
+        (self.maps_ms, self.angles_ms) = (Some(maps_ms), Some(angles_ms));
+        self.without_aperture = Some(without_aperture);
+    }
 }
 
 #[cfg(test)]

@@ -4,6 +4,8 @@
 //! start. While the session runs, the controller follows how many times as long frames and runs take as they did then, and
 //! predicts from it the time of every other point.
 
+mod hand;
+mod predict;
 mod recent;
 mod summary;
 #[cfg(test)]
@@ -11,6 +13,7 @@ mod tests;
 
 pub use summary::{PointSummary, Switch};
 
+use self::predict::{AHEAD, START_SPREAD_MAX};
 use self::recent::Recent;
 use crate::render::FrameQuality;
 
@@ -20,33 +23,25 @@ const SUDDEN: (usize, usize) = (12, 8);
 /// load shows within that time, and is predicted better.
 const SETTLED: (usize, usize) = (96, 40);
 const OFTEN_S: f64 = 3.0;
-/// Frames that predict a better point's time, and the fewest for that.
-const AHEAD: (usize, usize) = (48, 24);
 /// Part of the budget that a point may be predicted to take when it is chosen.
 const ROOM: f64 = 0.92;
-/// Where no point's 95th percentile fits, a point may take so many times the least time if its median fits.
-const NEARLY: f64 = 1.2;
 /// Time for which a better point must fit before it is chosen, s.
 const RISE_S: f64 = 6.0;
-/// Largest part of the present error that a better point may have: less isn't worth a change.
-const WORTH: f64 = 0.98;
 /// Time after a change in which frames are ignored, s: buffers are rebuilt.
 const REST_S: f64 = 1.0;
 /// Time after a rise within which a fall counts as its failure, s.
 const SOON_S: f64 = 20.0;
 /// First and longest time for which a point that failed is not chosen again, s; it doubles each time.
 const RETRY_S: [f64; 2] = [60.0, 3840.0];
+/// Falls within this time count as one change, s: the first one may not have been enough.
+const ONE_FALL_S: f64 = 5.0;
 /// Changes within [`MINUTE_S`] after which a better point waits.
 const CHANGES: usize = 2;
 const MINUTE_S: f64 = 60.0;
 /// Frames without a run after which a generator counts as over its budget.
 const FRAMES_WITHOUT_RUN: u32 = 16;
-/// Time within which a burden of runs alone is forgotten, s.
-const RELAX_S: f64 = 30.0;
 /// Failures in a row after which a generator is left.
 const FAILURES: u32 = 3;
-/// Largest spread that is believed: 95th percentile over median.
-const SPREAD_MAX: f64 = 2.0;
 
 /// A way to make a frame, with its error and its times.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,7 +52,7 @@ pub struct Candidate {
     pub generator: Option<usize>,
     /// Error against the converged reference, grey levels.
     pub error: f64,
-    /// Median time of a rendered frame, ms.
+    /// Median time of a rendered frame, ms; 0 if it is not known.
     pub render_ms: f64,
     /// Median time of a run of the generator, ms; 0 without one.
     pub run_ms: f64,
@@ -83,6 +78,11 @@ struct Load {
     run: f64,
 }
 
+impl Load {
+    /// That of the start.
+    const START: Self = Self { render: 1.0, run: 1.0 };
+}
+
 /// A change of the operating point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PointChange {
@@ -103,9 +103,13 @@ pub struct PointController {
     generators: Vec<String>,
     budget: FrameBudget,
     current: usize,
-    begun: usize,
-    /// Whether watchers want generated pictures.
+    /// Name of the point at the start.
+    begun: String,
+    /// Whether watchers want generated pictures, and whether they have just asked for them again.
     generate: bool,
+    asked: bool,
+    /// Whether a watcher set the quality.
+    by_hand: bool,
     /// Times of frames at this point, over the budget's kind: with their run, if they have one.
     busy: Recent,
     /// Loads of the frames and runs at this point.
@@ -134,9 +138,11 @@ pub struct PointController {
     changes: [f64; CHANGES],
     /// The point before the last change.
     before: usize,
-    /// Whether the warning that even the least point is over the budget is active, and when it was given, s.
-    told: bool,
-    told_s: f64,
+    /// Whether the last change was to a cheaper point.
+    fell: bool,
+    /// Whether the warning that no point keeps the budget is active, and when it was given, s.
+    warned: bool,
+    warned_s: f64,
     switches: Vec<Switch>,
     counts: summary::Counts,
 }
@@ -147,7 +153,7 @@ impl PointController {
     pub fn new(mut candidates: Vec<Candidate>, generators: Vec<String>, budget: FrameBudget) -> Option<Self> {
         candidates.retain(|candidate| candidate.error.is_finite() && candidate.render_ms.is_finite());
         candidates.sort_by(|a, b| a.error.total_cmp(&b.error));
-        let spread = if budget.spread.is_finite() { budget.spread.clamp(1.0, SPREAD_MAX) } else { 1.0 };
+        let spread = if budget.spread.is_finite() { budget.spread.clamp(1.0, START_SPREAD_MAX) } else { 1.0 };
         let count = candidates.len();
         let mut controller = Self {
             failures: vec![(0, String::new()); generators.len()],
@@ -155,8 +161,10 @@ impl PointController {
             generators,
             budget: FrameBudget { spread, ..budget },
             current: 0,
-            begun: 0,
+            begun: String::new(),
             generate: true,
+            asked: false,
+            by_hand: false,
             busy: Recent::new(),
             renders: Recent::new(),
             runs: Recent::new(),
@@ -172,16 +180,17 @@ impl PointController {
             retry_s: vec![RETRY_S[0]; count],
             changes: [f64::NEG_INFINITY; CHANGES],
             before: 0,
-            told: false,
-            told_s: f64::NEG_INFINITY,
+            fell: false,
+            warned: false,
+            warned_s: f64::NEG_INFINITY,
             switches: Vec::new(),
             counts: summary::Counts::default(),
         };
-        let idle = Load { render: 1.0, run: 1.0 };
-        let first = controller.best(f64::NEG_INFINITY, idle, controller.budget.spread, ROOM);
-        let least = || controller.least(f64::NEG_INFINITY, idle, f64::INFINITY);
+        let first = controller.best(f64::NEG_INFINITY, Load::START, controller.budget.spread, ROOM);
+        let least = || controller.least(f64::NEG_INFINITY, Load::START, f64::INFINITY);
         controller.current = first.or_else(least)?;
-        (controller.begun, controller.before) = (controller.current, controller.current);
+        controller.before = controller.current;
+        controller.begun = controller.name(&controller.point());
         Some(controller)
     }
 
@@ -203,9 +212,19 @@ impl PointController {
         self.budget.frame_ms.unwrap_or(self.budget.run_ms)
     }
 
+    /// Whether the quality is chosen, not only the generator.
+    pub fn chooses_quality(&self) -> bool {
+        self.budget.frame_ms.is_some()
+    }
+
     /// Time of a frame of the point as measured at the start, ms.
     pub fn expected_ms(&self, point: &Candidate) -> f64 {
-        self.busy_ms(point, Load { render: 1.0, run: 1.0 })
+        self.busy_ms(point, Load::START)
+    }
+
+    /// Whether the point was measured to keep the budget, with its spread.
+    pub fn is_expected_to_fit(&self, point: &Candidate) -> bool {
+        self.budget.spread * self.expected_ms(point) <= self.limit_ms()
     }
 
     /// Records that a frame of `quality` took `ms` and was done at `now_s`. Ignores frames of another quality, frames
@@ -221,7 +240,8 @@ impl PointController {
         }
         self.last_s = now_s;
         self.rendered_ms = ms;
-        self.renders.push(ms / point.render_ms.max(1e-3));
+        // Without a time to compare with, frames say nothing about runs.
+        self.renders.push(if point.render_ms > 0.0 { ms / point.render_ms } else { 1.0 });
         if point.generator.is_some() {
             self.frames_without_run += 1;
         } else {
@@ -233,11 +253,16 @@ impl PointController {
         self.often_since = since(p95_ms.is_some_and(|ms| ms > self.limit_ms()), self.often_since);
     }
 
-    /// Records a run of a generator that took `ms`.
+    /// Records a run of a generator that gave a picture after `ms`.
     pub fn ran(&mut self, now_s: f64, generator: usize, ms: f64) {
         if let Some((failures, _)) = self.failures.get_mut(generator) {
             *failures = 0;
         }
+        self.terminated(now_s, generator, ms);
+    }
+
+    /// Records a run of a generator that was terminated after `ms`.
+    pub fn terminated(&mut self, now_s: f64, generator: usize, ms: f64) {
         let point = self.point();
         if point.generator != Some(generator) || now_s < self.rests_until || !ms.is_finite() || ms < 0.0 {
             return;
@@ -255,17 +280,12 @@ impl PointController {
         }
     }
 
-    /// Says whether watchers want generated pictures. Without, only rendered ones are chosen.
-    pub fn allow_generators(&mut self, generate: bool) {
-        self.generate = generate;
-    }
-
     /// Makes the change that is due at `now_s`, if any, and returns it.
     pub fn change(&mut self, now_s: f64) -> Option<PointChange> {
         let current = self.point();
         if let Some(index) = current.generator {
             if !self.generate {
-                return self.leave(now_s, "generated pictures are switched off".to_owned());
+                return self.switch_off(now_s);
             }
             if let Some((FAILURES.., reason)) = self.failures.get(index) {
                 let name = self.generators.get(index).map_or("", String::as_str);
@@ -273,21 +293,31 @@ impl PointController {
                 self.block_generator(now_s, index);
                 return self.leave(now_s, reason);
             }
+        } else if std::mem::take(&mut self.asked)
+            && let Some(change) = self.switch_on(now_s)
+        {
+            return Some(change);
         }
         if self.is_over() { self.fall(now_s) } else { self.rise(now_s) }
     }
 
-    /// Whether recent frames are over the budget.
+    /// Whether recent frames, or runs, are over the budget.
     fn is_over(&self) -> bool {
         let sudden = self.busy.percentile(0.5, SUDDEN.0, SUDDEN.1).is_some_and(|ms| ms > self.limit_ms());
         let often = self.often_since.is_some_and(|since| self.last_s - since >= OFTEN_S);
-        sudden || often || self.frames_without_run > FRAMES_WITHOUT_RUN
+        let runs = self.slow_runs_ms().is_some();
+        sudden || often || runs || self.frames_without_run > FRAMES_WITHOUT_RUN
+    }
+
+    /// Median time of recent runs if it is over their own budget, ms.
+    fn slow_runs_ms(&self) -> Option<f64> {
+        let load = self.runs.percentile(0.5, SUDDEN.0, SUDDEN.1)?;
+        Some(load * self.point().run_ms).filter(|ms| *ms > self.budget.run_ms)
     }
 
     fn fall(&mut self, now_s: f64) -> Option<PointChange> {
         let load = self.load(SUDDEN)?;
         let spread = self.spread(SUDDEN);
-        let ms = self.busy.percentile(0.5, SUDDEN.0, 1);
         let now_ms = self.busy_ms(&self.point(), load);
         // The present point may seem to fit: its median does.
         let to = self.best_below(now_s, load, spread, 1.0, now_ms);
@@ -297,25 +327,28 @@ impl PointController {
         } else {
             self.retry_s[self.current] = RETRY_S[0];
         }
-        let limit_ms = self.limit_ms();
-        let often_ms = self.busy.percentile(0.95, SETTLED.0, 1);
-        let reason = match (ms, often_ms) {
-            _ if self.frames_without_run > FRAMES_WITHOUT_RUN => {
-                format!("no run has ended for {FRAMES_WITHOUT_RUN} frames")
-            }
-            (Some(ms), Some(often_ms)) if ms <= limit_ms => {
-                format!(
-                    "one frame in twenty takes {often_ms:.0} ms or more, of {limit_ms:.0}; half of them take {ms:.0}"
-                )
-            }
-            _ => format!(
-                "frames take {:.0} ms of {limit_ms:.0}, {:.1} times as long as at the start",
-                ms.unwrap_or(now_ms),
-                self.slower(load)
-            ),
-        };
-        self.counts.lowered += 1;
+        let reason = self.overrun(load);
         Some(self.go(now_s, to, false, reason))
+    }
+
+    /// What is over the budget, as text.
+    fn overrun(&self, load: Load) -> String {
+        let limit_ms = self.limit_ms();
+        let ms = self.busy.percentile(0.5, SUDDEN.0, 1).unwrap_or_else(|| self.busy_ms(&self.point(), load));
+        if self.frames_without_run > FRAMES_WITHOUT_RUN {
+            return format!("no run has ended for {FRAMES_WITHOUT_RUN} frames");
+        }
+        if ms > limit_ms {
+            return format!(
+                "frames take {ms:.0} ms of {limit_ms:.0}, {:.1} times as long as at the start",
+                self.slower(load)
+            );
+        }
+        if let Some(run_ms) = self.slow_runs_ms() {
+            return format!("runs take {run_ms:.0} ms of {:.0}", self.budget.run_ms);
+        }
+        let often_ms = self.busy.percentile(0.95, SETTLED.0, 1).unwrap_or(ms);
+        format!("one frame in twenty takes {often_ms:.0} ms or more, of {limit_ms:.0}; half of them take {ms:.0}")
     }
 
     fn rise(&mut self, now_s: f64) -> Option<PointChange> {
@@ -325,86 +358,7 @@ impl PointController {
         let to = self.better(now_s)?;
         let ms = self.busy_ms(&self.candidates[to], self.load(AHEAD)?);
         let reason = format!("it is expected to take {ms:.0} ms of {:.0}", self.limit_ms());
-        self.counts.raised += 1;
         Some(self.go(now_s, to, true, reason))
-    }
-
-    /// The best point that is worth a change and predicted to fit.
-    fn better(&self, now_s: f64) -> Option<usize> {
-        let load = self.load(AHEAD)?;
-        let best = self.best(now_s, load, self.spread(AHEAD), ROOM)?;
-        (self.candidates[best].error < WORTH * self.point().error).then_some(best)
-    }
-
-    /// The point with the least error that is predicted to keep `room` of the budget.
-    fn best(&self, now_s: f64, load: Load, spread: f64, room: f64) -> Option<usize> {
-        self.best_below(now_s, load, spread, room, f64::INFINITY)
-    }
-
-    /// [`Self::best`] of the points that are predicted to take less than `most_ms`.
-    fn best_below(&self, now_s: f64, load: Load, spread: f64, room: f64, most_ms: f64) -> Option<usize> {
-        let fits = |candidate: &Candidate| {
-            let busy_ms = self.busy_ms(candidate, load);
-            busy_ms < most_ms
-                && spread * busy_ms <= room * self.limit_ms()
-                && spread * load.run * candidate.run_ms <= self.budget.run_ms
-        };
-        (0..self.candidates.len()).find(|&index| self.may_be_chosen(now_s, index) && fits(&self.candidates[index]))
-    }
-
-    /// The point to run where none fits: the best of those that take little more than the least time and whose median fits,
-    /// else the one that takes the least. Only points that are predicted to take at most `most_ms` count.
-    fn least(&self, now_s: f64, load: Load, most_ms: f64) -> Option<usize> {
-        let ms = |index: usize| self.busy_ms(&self.candidates[index], load);
-        let among = |open: &dyn Fn(usize) -> bool| {
-            let open = || (0..self.candidates.len()).filter(|&index| open(index) && ms(index) <= most_ms);
-            let least = open().min_by(|&a, &b| ms(a).total_cmp(&ms(b)))?;
-            let limit_ms = (NEARLY * ms(least)).min(ROOM * self.limit_ms());
-            open().find(|&index| ms(index) <= limit_ms).or(Some(least))
-        };
-        let raw = |index: usize| self.candidates[index].generator.is_none();
-        among(&|index| self.may_be_chosen(now_s, index)).or_else(|| among(&raw))
-    }
-
-    fn may_be_chosen(&self, now_s: f64, index: usize) -> bool {
-        let generated = self.candidates[index].generator.is_some();
-        now_s >= self.blocked_until[index] && (self.generate || !generated)
-    }
-
-    /// Loads of the latest frames; that of runs follows the frames' where there are none.
-    fn load(&self, (count, least): (usize, usize)) -> Option<Load> {
-        let render = self.renders.percentile(0.5, count, least)?;
-        let run = self.runs.percentile(0.5, count, least.min(count / 4));
-        let (ratio, seen_s) = self.run_over_render;
-        // What burdened runs alone is believed in less and less.
-        let ratio = || 1.0 + (ratio - 1.0) * (-(self.last_s - seen_s).max(0.0) / RELAX_S).exp();
-        Some(Load { render, run: run.unwrap_or_else(|| render * ratio()) })
-    }
-
-    /// How many times as long the present point takes as measured.
-    fn slower(&self, load: Load) -> f64 {
-        self.busy_ms(&self.point(), load) / self.expected_ms(&self.point()).max(1e-3)
-    }
-
-    /// 95th percentile of the latest frames over their median, at least that of the start.
-    fn spread(&self, (count, least): (usize, usize)) -> f64 {
-        let of = |part| self.busy.percentile(part, count, least);
-        let found = of(0.95).zip(of(0.5)).map_or(1.0, |(p95, p50)| p95 / p50.max(1e-3));
-        found.clamp(self.budget.spread, SPREAD_MAX)
-    }
-
-    /// Predicted time of a frame, ms.
-    fn busy_ms(&self, candidate: &Candidate, load: Load) -> f64 {
-        self.busy_of(load.render * candidate.render_ms, load.run * candidate.run_ms)
-    }
-
-    /// Time of a frame that counts: both parts, the longer one, or the run alone.
-    fn busy_of(&self, render_ms: f64, run_ms: f64) -> f64 {
-        match (self.budget.frame_ms, self.budget.apart) {
-            (None, _) => run_ms,
-            (Some(_), true) => render_ms.max(run_ms),
-            (Some(_), false) => render_ms + run_ms,
-        }
     }
 
     /// Blocks the present point, and all that take as long, for a while.
@@ -433,7 +387,7 @@ impl PointController {
 
     /// Leaves a generator for the best point without it.
     fn leave(&mut self, now_s: f64, reason: String) -> Option<PointChange> {
-        let load = self.load(SUDDEN).unwrap_or(Load { render: 1.0, run: 1.0 });
+        let load = self.load(SUDDEN).unwrap_or(Load::START);
         let to = self.best(now_s, load, self.spread(SUDDEN), 1.0);
         let to = to.or_else(|| self.least(now_s, load, f64::INFINITY))?;
         (to != self.current).then(|| self.go(now_s, to, false, reason))
@@ -446,11 +400,15 @@ impl PointController {
         }
         (self.before, self.current) = (self.current, to);
         self.raised_at = raised.then_some(now_s);
-        self.changes.rotate_left(1);
+        let again = self.fell && !raised && now_s - self.changes[CHANGES - 1] < ONE_FALL_S;
+        if !again {
+            self.changes.rotate_left(1);
+        }
         self.changes[CHANGES - 1] = now_s;
+        self.fell = !raised;
         self.rest(now_s);
         let change = PointChange { from, to: self.point(), reason };
-        self.note(now_s, &change);
+        self.note(now_s, &change, raised);
         change
     }
 
@@ -458,7 +416,7 @@ impl PointController {
     pub fn refused(&mut self, now_s: f64) {
         self.blocked_until[self.current] = f64::INFINITY;
         (self.current, self.raised_at) = (self.before, None);
-        self.counts.refused += 1;
+        self.undo_note();
         self.rest(now_s);
     }
 
@@ -475,18 +433,19 @@ impl PointController {
         (self.frames_without_run, self.fits_since, self.often_since) = (0, None, None);
     }
 
-    /// Median time of recent frames, ms, if they are over the budget and no point takes less; returned once per overrun
-    /// and at most once per minute.
-    pub fn over_at_least(&mut self, now_s: f64) -> Option<f64> {
+    /// What is over the budget, if no point takes less than the present one; returned once per overrun and at most once per
+    /// minute.
+    pub fn over_at_least(&mut self, now_s: f64) -> Option<String> {
+        let load = self.load(SUDDEN);
         let least = |load| self.least(now_s, load, self.busy_ms(&self.point(), load));
-        let over = self.is_over() && self.load(SUDDEN).and_then(least) == Some(self.current);
-        let tell = over && !self.told && now_s - self.told_s >= MINUTE_S;
+        let over = self.is_over() && load.and_then(least) == Some(self.current);
+        let warn = over && !self.warned && now_s - self.warned_s >= MINUTE_S;
         // The warning ends when frames fit again, not by a rest.
-        self.told = tell || (self.told && (over || self.busy.len() < SUDDEN.1));
-        if !tell {
+        self.warned = warn || (self.warned && (over || self.busy.len() < SUDDEN.1));
+        if !warn {
             return None;
         }
-        self.told_s = now_s;
-        self.busy.percentile(0.5, SUDDEN.0, 1)
+        self.warned_s = now_s;
+        Some(self.overrun(load?))
     }
 }

@@ -28,15 +28,15 @@ pub struct PointSummary {
     pub begun: String,
     /// Point at the end.
     pub ended: String,
-    /// Error of the point at the end, grey levels.
-    pub error: f64,
+    /// Error of the point at the end, grey levels; none of a quality that was fixed.
+    pub error: Option<f64>,
     /// Changes to a cheaper point.
     pub lowered: u64,
     /// Changes to a better point.
     pub raised: u64,
     /// Points for which the device had no room.
     pub refused: u64,
-    /// Whether a watcher set the quality by hand, which ended the control.
+    /// Whether a watcher set the quality by hand; from then on at most the generator was chosen.
     pub by_hand: bool,
     /// The first hundred changes.
     pub changes: Vec<Switch>,
@@ -48,14 +48,31 @@ pub(super) struct Counts {
     pub(super) lowered: u64,
     pub(super) raised: u64,
     pub(super) refused: u64,
+    /// Whether the last change was to a better point, and whether it is listed.
+    last: (bool, bool),
 }
 
 impl PointController {
-    pub(super) fn note(&mut self, time_s: f64, change: &PointChange) {
-        if self.switches.len() < LISTED {
+    pub(super) fn note(&mut self, time_s: f64, change: &PointChange, raised: bool) {
+        let listed = self.switches.len() < LISTED;
+        if listed {
             let to = self.name(&change.to);
             self.switches.push(Switch { time_s, to, reason: change.reason.clone() });
         }
+        self.counts.raised += u64::from(raised);
+        self.counts.lowered += u64::from(!raised);
+        self.counts.last = (raised, listed);
+    }
+
+    /// Takes the last change back: it was refused.
+    pub(super) fn undo_note(&mut self) {
+        let (raised, listed) = self.counts.last;
+        if listed {
+            self.switches.pop();
+        }
+        self.counts.raised -= u64::from(raised);
+        self.counts.lowered -= u64::from(!raised);
+        self.counts.refused += 1;
     }
 
     /// The point of the session's start, for viewers.
@@ -68,17 +85,17 @@ impl PointController {
     }
 
     /// Summary of the session so far.
-    pub fn summary(&self, by_hand: bool) -> PointSummary {
+    pub fn summary(&self) -> PointSummary {
         let Candidate { error, .. } = self.point();
         PointSummary {
             budget_ms: self.limit_ms(),
-            begun: self.name(&self.candidates[self.begun]),
+            begun: self.begun.clone(),
             ended: self.name(&self.point()),
-            error,
+            error: self.budget.frame_ms.is_some().then_some(error),
             lowered: self.counts.lowered,
             raised: self.counts.raised,
             refused: self.counts.refused,
-            by_hand,
+            by_hand: self.by_hand,
             changes: self.switches.clone(),
         }
     }

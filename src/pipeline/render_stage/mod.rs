@@ -130,7 +130,7 @@ impl RenderStage {
     /// Renders until a stop is requested, then closes the slots of the next stages.
     pub(super) fn run(mut self) {
         self.parts.events.settings(&self.parts.controls.live);
-        self.note_points(false);
+        self.note_points();
         while !self.parts.stop.is_requested() {
             let submit_at = self.pace.submit_at();
             match self.in_flight.front() {

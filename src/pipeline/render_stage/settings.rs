@@ -6,6 +6,7 @@ use std::sync::atomic::Ordering;
 use super::{Device, RenderStage};
 use crate::pipeline::generator_link::RunEnd;
 use crate::pipeline::parts::RenderFault;
+use crate::render::FrameQuality;
 use crate::settings::LiveSettings;
 use crate::sink::live::PointText;
 
@@ -21,11 +22,6 @@ impl RenderStage {
         if changes.quit {
             self.parts.stop.request("asked by a watcher");
         }
-        if changes.quality && self.parts.points.is_some() {
-            self.note_points(true);
-            (self.parts.points, self.point) = (None, None);
-            self.parts.events.info("quality: set by hand, the budget no longer chooses it");
-        }
         if changes.picture {
             self.reconfigure(&before);
             let now_s = self.parts.clock.now().as_secs_f64();
@@ -33,8 +29,29 @@ impl RenderStage {
                 points.rest(now_s);
             }
         }
+        if changes.quality {
+            self.hold_quality();
+        }
         if changes.any {
             self.parts.events.settings(&self.parts.controls.live);
+        }
+    }
+
+    /// Ends the choice of the quality: a watcher set it.
+    fn hold_quality(&mut self) {
+        let now_s = self.parts.clock.now().as_secs_f64();
+        let quality = FrameQuality::of(&self.parts.controls.live.render);
+        let Some(points) = &mut self.parts.points else { return };
+        if points.chooses_quality() {
+            self.parts.events.info("quality: set by hand, the budget no longer chooses it");
+        }
+        let goes_on = points.hold(now_s, quality);
+        self.point = goes_on.then(|| {
+            Arc::new(PointText { name: points.name(&points.point()), reason: "the quality was set by hand".to_owned() })
+        });
+        self.note_points();
+        if !goes_on {
+            self.parts.points = None;
         }
     }
 
@@ -67,6 +84,7 @@ impl RenderStage {
         while let Some(run) = self.parts.generator.as_ref().and_then(|link| link.next_run()) {
             match run.end {
                 RunEnd::Done => points.ran(now_s, run.generator, 1e3 * run.took.as_secs_f64()),
+                RunEnd::Terminated => points.terminated(now_s, run.generator, 1e3 * run.took.as_secs_f64()),
                 RunEnd::Failed(reason) => points.failed(run.generator, &reason),
             }
         }
@@ -74,11 +92,9 @@ impl RenderStage {
         if self.parts.controls.live.frozen || !matches!(self.device, Device::Ready(_)) {
             return;
         }
-        if let Some(frame_ms) = points.over_at_least(now_s) {
+        if let Some(overrun) = points.over_at_least(now_s) {
             let (point, limit_ms) = (points.name(&points.point()), points.limit_ms());
-            self.parts.events.warn(format!(
-                "quality: {point} is the least there is, and frames take {frame_ms:.0} ms of {limit_ms:.0}"
-            ));
+            self.parts.events.warn(format!("quality: no point keeps {limit_ms:.0} ms now; {point}: {overrun}"));
         }
         let Some(change) = points.change(now_s) else { return };
         let [from, to] = [&change.from, &change.to].map(|point| points.name(point));
@@ -98,13 +114,13 @@ impl RenderStage {
         } else if let Some(points) = &mut self.parts.points {
             points.refused(now_s);
         }
-        self.note_points(false);
+        self.note_points();
     }
 
     /// Updates the summary of the controller.
-    pub(super) fn note_points(&self, by_hand: bool) {
+    pub(super) fn note_points(&self) {
         if let Some(points) = &self.parts.points {
-            self.parts.metrics.set_points(points.summary(by_hand));
+            self.parts.metrics.set_points(points.summary());
         }
     }
 }

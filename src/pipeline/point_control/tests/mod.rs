@@ -1,129 +1,11 @@
 //! The controller on simulated machines.
 
+mod hand;
+mod machine;
+
+use self::machine::*;
+use super::predict::NEARLY;
 use super::*;
-use crate::random::SplitMix64;
-
-const PERIOD_S: f64 = 1.0 / 14.0;
-
-/// Rays, layers and error of the rendered points, and names and errors of the generators on top of 1x1 and 1x3.
-const RAW: [(u32, u32, f64); 6] = [(1, 1, 22.0), (1, 3, 18.0), (2, 3, 17.0), (4, 3, 16.0), (8, 3, 15.5), (32, 3, 15.0)];
-const GENERATORS: [(&str, u32, f64); 3] = [("fast", 1, 14.0), ("fast_1x3", 3, 12.0), ("middle_1x3", 3, 11.0)];
-
-/// Times of frames along the recorded exam over the first one's, each half second: 2x3 of 9 angles on two cores, the mean of
-/// the medians of two sessions (2026-11-23).
-#[rustfmt::skip]
-const EXAM: [f64; 48] = [
-    1.00, 0.99, 1.07, 1.27, 1.32, 1.24, 1.27, 1.26, 1.28, 1.37, 1.37, 1.40, 1.06, 1.17, 1.08, 1.07, 1.37, 1.29,
-    1.33, 1.08, 1.10, 1.09, 1.08, 1.10, 1.06, 1.06, 1.21, 1.22, 1.46, 1.43, 1.51, 1.49, 1.50, 1.51, 1.53, 1.41,
-    1.37, 1.38, 1.41, 1.48, 1.39, 1.39, 1.41, 1.36, 1.45, 1.17, 1.17, 1.20,
-];
-
-/// Times of a machine.
-#[derive(Debug, Clone, Copy)]
-struct Machine {
-    frame_ms: f64,
-    path_ms: f64,
-    /// Runs of the fast and of the middle network.
-    run_ms: [f64; 2],
-    /// Times vary by this factor upward.
-    spread: f64,
-}
-
-/// Two cores, as measured.
-const TWO_CORES: Machine = Machine { frame_ms: 26.0, path_ms: 2.6, run_ms: [26.0, 50.0], spread: 1.15 };
-
-impl Machine {
-    fn render_ms(&self, quality: FrameQuality) -> f64 {
-        self.frame_ms + self.path_ms * f64::from(quality.paths())
-    }
-
-    fn run_ms(&self, generator: Option<usize>) -> f64 {
-        match generator {
-            None => 0.0,
-            Some(2) => self.run_ms[1],
-            Some(_) => self.run_ms[0],
-        }
-    }
-
-    fn candidates(&self) -> Vec<Candidate> {
-        let raw = RAW.map(|(rays, layers, error)| (FrameQuality::new(rays, layers), None, error));
-        let generated = GENERATORS.iter().enumerate();
-        let generated = generated.map(|(i, &(_, layers, error))| (FrameQuality::new(1, layers), Some(i), error));
-        let times = |(quality, generator, error)| Candidate {
-            quality,
-            generator,
-            error,
-            render_ms: self.render_ms(quality),
-            run_ms: self.run_ms(generator),
-        };
-        raw.into_iter().chain(generated).map(times).collect()
-    }
-
-    fn controller(&self, frame_ms: f64) -> PointController {
-        let budget = FrameBudget { frame_ms: Some(frame_ms), run_ms: f64::INFINITY, apart: false, spread: self.spread };
-        let names = GENERATORS.map(|(name, ..)| name.to_owned()).into();
-        PointController::new(self.candidates(), names, budget).unwrap()
-    }
-}
-
-/// What a session saw.
-#[derive(Debug, Default)]
-struct Seen {
-    frames: usize,
-    over: usize,
-    longest_s: f64,
-    changes: Vec<(f64, String, String)>,
-}
-
-/// Runs a session of `seconds` on `machine`, whose frames and runs take `load` times as long.
-fn session(
-    controller: &mut PointController,
-    machine: &Machine,
-    from_s: f64,
-    seconds: f64,
-    mut load: impl FnMut(f64) -> (f64, f64),
-) -> Seen {
-    let (mut seen, mut now_s) = (Seen::default(), from_s);
-    let mut random = SplitMix64::new(7);
-    while now_s < from_s + seconds {
-        if let Some(change) = controller.change(now_s) {
-            assert_eq!(change.to, controller.point());
-            seen.changes.push((now_s, controller.name(&change.to), change.reason));
-        }
-        let point = controller.point();
-        let (render, run) = load(now_s);
-        // Most frames are near the median, one in twenty takes `spread` times as long.
-        let vary = |random: &mut SplitMix64| match random.unit() {
-            u if u < 0.95 => 0.97 + 0.06 * u,
-            _ => machine.spread,
-        };
-        let render_ms = render * machine.render_ms(point.quality) * vary(&mut random);
-        controller.rendered(now_s + 1e-3 * render_ms, point.quality, render_ms);
-        let run_ms = run * machine.run_ms(point.generator) * vary(&mut random);
-        let busy_s = 1e-3 * (render_ms + run_ms);
-        if let Some(generator) = point.generator {
-            controller.ran(now_s + busy_s, generator, run_ms);
-        }
-        seen.frames += 1;
-        seen.over += usize::from(1e3 * busy_s > controller.limit_ms());
-        let step_s = busy_s.max(PERIOD_S);
-        seen.longest_s = seen.longest_s.max(step_s);
-        now_s += step_s;
-    }
-    seen
-}
-
-/// The candidate with the least error whose 95th percentile keeps the budget, found by trying all of them.
-fn best_of_all(machine: &Machine, frame_ms: f64, (render, run): (f64, f64)) -> f64 {
-    let p95_ms = |c: &Candidate| machine.spread * (render * c.render_ms + run * c.run_ms);
-    let fitting = machine.candidates().into_iter().filter(|c| p95_ms(c) <= frame_ms);
-    fitting.map(|c| c.error).fold(f64::INFINITY, f64::min)
-}
-
-/// Least time of all candidates, ms.
-fn least_ms(machine: &Machine) -> f64 {
-    machine.candidates().iter().map(|c| c.render_ms + c.run_ms).fold(f64::INFINITY, f64::min)
-}
 
 #[test]
 fn the_point_chosen_is_the_best_of_all_on_machines_of_any_speed() {
@@ -186,9 +68,43 @@ fn a_load_that_comes_and_goes_costs_few_changes_and_little_time() {
     assert!(seen.changes.len() >= 18, "it follows the load: {:?}", seen.changes);
     assert!(seen.changes.iter().all(|(_, _, reason)| !reason.is_empty()));
     assert!(seen.changes[0].2.contains("times as long as at the start"), "{:?}", seen.changes[0]);
-    let summary = controller.summary(false);
+    let summary = controller.summary();
     assert_eq!(summary.changes.len(), seen.changes.len());
     assert_eq!(summary.lowered + summary.raised, seen.changes.len() as u64);
+}
+
+#[test]
+fn two_falls_in_a_row_do_not_delay_the_return() {
+    let machine = Machine { run_ms: [500.0, 500.0], ..TWO_CORES };
+    let mut controller = machine.controller(60.0);
+    let begun = controller.point();
+    // The load grows while it falls.
+    let loaded = |now_s: f64| match now_s {
+        ..10.0 => (1.0, 1.0),
+        ..12.0 => (1.45, 1.0),
+        ..30.0 => (1.9, 1.0),
+        _ => (1.0, 1.0),
+    };
+    let seen = session(&mut controller, &machine, 0.0, 55.0, loaded);
+    let names: Vec<&str> = seen.changes.iter().map(|(_, name, _)| name.as_str()).collect();
+    assert_eq!(names, ["1x3", "1x1", "2x3"], "{:?}", seen.changes);
+    assert_eq!(controller.point(), begun);
+}
+
+#[test]
+fn a_fall_soon_after_a_rise_is_a_change_of_its_own() {
+    let machine = Machine { run_ms: [500.0, 500.0], ..TWO_CORES };
+    let mut controller = machine.controller(60.0);
+    session(&mut controller, &machine, 0.0, 10.0, |_| (1.9, 1.0));
+    let mut now_s = 10.0;
+    while controller.raised_at.is_none() {
+        session(&mut controller, &machine, now_s, 0.5, |_| (1.0, 1.0));
+        now_s += 0.5;
+    }
+    session(&mut controller, &machine, now_s, 4.0, |_| (1.9, 1.0));
+    let last: Vec<f64> = controller.switches.iter().rev().take(2).map(|switch| switch.time_s).collect();
+    assert!(last[0] - last[1] < ONE_FALL_S, "{last:?}");
+    assert_eq!(controller.changes, [last[1], last[0]]);
 }
 
 #[test]
@@ -266,15 +182,17 @@ fn generators_that_nobody_wants_are_left_at_once() {
 fn nothing_is_cheaper_than_the_cheapest() {
     let mut controller = TWO_CORES.controller(20.0);
     assert_eq!(controller.name(&controller.point()), "1x1");
-    let mut told = Vec::new();
+    let mut warned = Vec::new();
     for frame in 0..3000 {
         let now_s = f64::from(frame) * PERIOD_S;
         // Within the budget from 60 s to 80 s.
         controller.rendered(now_s, FrameQuality::LQ, if (60.0..80.0).contains(&now_s) { 15.0 } else { 29.0 });
         assert_eq!(controller.change(now_s), None);
-        told.extend(controller.over_at_least(now_s).map(|ms| (now_s, ms)));
+        warned.extend(controller.over_at_least(now_s).map(|overrun| (now_s, overrun)));
     }
-    assert!(matches!(told[..], [(first, 29.0), (second, 29.0)] if first < 2.0 && second > 80.0), "{told:?}");
+    let [(first_s, overrun), (second_s, again)] = &warned[..] else { panic!("{warned:?}") };
+    assert!(*first_s < 2.0 && *second_s > 80.0, "{warned:?}");
+    assert_eq!((overrun, overrun), (again, &"frames take 29 ms of 20, 1.0 times as long as at the start".to_owned()));
 }
 
 #[test]
@@ -293,7 +211,7 @@ fn where_none_fits_a_better_point_runs_that_takes_little_more() {
         assert!(controller.switches.len() <= 2, "{:?}", controller.switches);
     }
     // The median of 2x3 would fit, too, but it takes a third more than 1x1.
-    let machine = Machine { frame_ms: 31.0, run_ms: [500.0, 500.0], spread: 2.0, ..TWO_CORES };
+    let machine = Machine { frame_ms: 43.0, run_ms: [500.0, 500.0], spread: 1.3, ..TWO_CORES };
     let controller = machine.controller(64.0);
     assert_eq!(controller.name(&controller.point()), "1x3");
 }
@@ -342,8 +260,9 @@ fn a_refused_point_is_not_asked_for_again() {
         }
     }
     // Each point is refused once.
-    assert!(refused < RAW.len() + GENERATORS.len(), "{refused}");
-    assert_eq!(controller.summary(false).refused, refused as u64);
+    assert!(refused > 0 && refused < RAW.len() + GENERATORS.len(), "{refused}");
+    let summary = controller.summary();
+    assert_eq!((summary.refused, summary.lowered, summary.raised, summary.changes), (refused as u64, 0, 0, vec![]));
 }
 
 #[test]
@@ -458,6 +377,36 @@ fn runs_keep_their_own_budget() {
     assert_eq!(controller.name(&controller.point()), "1x3 + fast_1x3");
     let seen = session(&mut controller, &TWO_CORES, 0.0, 120.0, |_| (1.0, 1.0));
     assert!(seen.changes.is_empty(), "{:?}", seen.changes);
+}
+
+#[test]
+fn a_generator_over_its_own_budget_is_left() {
+    // Frames and runs fit the frame's budget, runs not their own.
+    let budget = FrameBudget { frame_ms: Some(120.0), run_ms: 30.0, apart: false, spread: 1.1 };
+    let names = GENERATORS.map(|(name, ..)| name.to_owned()).into();
+    let mut controller = PointController::new(TWO_CORES.candidates(), names, budget).unwrap();
+    let point = controller.point();
+    let generator = point.generator.unwrap();
+    let mut changed = None;
+    for tick in 0..20 {
+        let now_s = f64::from(tick) * PERIOD_S;
+        controller.rendered(now_s, point.quality, point.render_ms);
+        controller.terminated(now_s, generator, 60.0);
+        changed = changed.or_else(|| controller.change(now_s));
+    }
+    let change = changed.unwrap();
+    assert_eq!((change.to.generator, change.reason.as_str()), (None, "runs take 60 ms of 30"));
+}
+
+#[test]
+fn a_disturbed_start_is_forgiven() {
+    // Measured beside a busy program: times twice as long, and spread.
+    let disturbed = Machine { frame_ms: 52.0, path_ms: 5.2, run_ms: [52.0, 100.0], spread: 2.0 };
+    let mut controller = disturbed.controller(71.0);
+    session(&mut controller, &TWO_CORES, 0.0, 120.0, |_| (1.0, 1.0));
+    // Times are corrected; of the spread no more than this is believed.
+    let believed = Machine { spread: 1.3, ..TWO_CORES };
+    assert!(controller.point().error <= best_of_all(&believed, ROOM * 71.0, (1.0, 1.0)), "{:?}", controller.switches);
 }
 
 #[test]

@@ -1,0 +1,233 @@
+//! Operating points that a station may run, with their errors and times.
+
+use insonify::generator::Generator;
+use insonify::pipeline::Candidate;
+use insonify::render::{Choice, Effect, FrameQuality};
+use insonify::station::Station;
+use insonify::tradeoff::{ExpectedErrors, GeneratorKey};
+
+use super::times::Times;
+
+/// Error of a generator that nobody has measured, over that of the frames below it.
+const UNMEASURED: f64 = 0.9;
+/// Target of generators whose own figures are comparable with the table of errors.
+const TARGET: FrameQuality = FrameQuality { angles: 9, ..FrameQuality::new(32, 3) };
+
+/// What the choice needs of a generator.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Model {
+    pub(super) key: GeneratorKey,
+    /// Frames that it takes.
+    pub(super) lq: Vec<FrameQuality>,
+    pub(super) reads_maps: bool,
+    /// Its error when it was trained, grey levels; none if its target was another one than [`TARGET`].
+    pub(super) error: Option<f64>,
+}
+
+impl Model {
+    pub(super) fn of(generator: &Generator) -> Self {
+        let manifest = generator.manifest();
+        let target = manifest.training.as_ref().and_then(|training| training.hq);
+        let quality = manifest.quality.as_ref().filter(|_| target == Some(TARGET));
+        Self {
+            key: super::key(generator),
+            lq: manifest.lq(),
+            reads_maps: manifest.reads_maps(),
+            error: quality.map(|quality| 255.0 * 10f64.powf(-quality.psnr_db / 20.0)),
+        }
+    }
+}
+
+/// What a station leaves open.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Open {
+    /// Its own quality.
+    pub(super) own: FrameQuality,
+    /// Whether the angles may be chosen.
+    angles: bool,
+    /// Whether the aperture may be left out.
+    aperture: bool,
+}
+
+impl Open {
+    pub(super) fn of(station: &Station) -> Self {
+        let own = FrameQuality::of(&station.settings);
+        // A probe that doesn't steer has one look.
+        let steers = station.probe.kind.steers();
+        let own = FrameQuality { angles: if steers { own.angles } else { 1 }, ..own };
+        let aperture = station.settings.effects.of(Effect::Aperture) != Choice::On;
+        // A hint for a fixed quality leaves open what a budget would.
+        let angles = station.angles_open || (station.quality_budget_ms.is_none() && own.angles == 1);
+        Self { own, angles: angles && steers, aperture }
+    }
+
+    /// Quality of the table as this station would render it; none if the station fixes it otherwise.
+    fn here(&self, quality: FrameQuality) -> Option<FrameQuality> {
+        let angles = self.angles || quality.angles == self.own.angles;
+        let aperture = if quality.aperture { self.own.aperture } else { self.aperture || !self.own.aperture };
+        (angles && aperture).then_some(quality)
+    }
+
+    /// Quality that a generator takes, as this station would render it: without the aperture where the station has none.
+    fn below_generator(&self, quality: FrameQuality) -> Option<FrameQuality> {
+        let angles = self.angles || quality.angles == self.own.angles;
+        angles.then_some(FrameQuality { aperture: quality.aperture && self.own.aperture, ..quality })
+    }
+
+    /// Qualities to measure, by rising paths: the table's that are open, those below generators, and the station's own.
+    pub(super) fn qualities(&self, expected: &ExpectedErrors<'_>, models: &[Model]) -> Vec<FrameQuality> {
+        let angles = |quality: FrameQuality| if self.angles { quality.angles } else { self.own.angles };
+        let of_table =
+            expected.qualities().into_iter().map(|quality| FrameQuality { angles: angles(quality), ..quality });
+        let generated = models.iter().flat_map(|model| &model.lq).filter_map(|&quality| self.below_generator(quality));
+        let mut qualities = Vec::new();
+        for quality in of_table.filter_map(|quality| self.here(quality)).chain(generated).chain([self.own]) {
+            if !qualities.contains(&quality) {
+                qualities.push(quality);
+            }
+        }
+        qualities.sort_by_key(|quality| (quality.paths(), quality.layers, quality.angles));
+        qualities
+    }
+
+    /// All points with a known error and time.
+    pub(super) fn candidates(
+        &self,
+        expected: &ExpectedErrors<'_>,
+        qualities: &[FrameQuality],
+        models: &[Model],
+        times: &Times,
+    ) -> Vec<Candidate> {
+        let raw = qualities.iter().filter_map(|&quality| {
+            let (error, render_ms) = (expected.of(quality, None)?, times.render(quality, false)?);
+            Some(Candidate { quality, generator: None, error, render_ms, run_ms: 0.0 })
+        });
+        let generated = models.iter().enumerate();
+        let generated =
+            generated.flat_map(|(index, model)| model.lq.iter().map(move |&trained_on| (index, model, trained_on)));
+        let generated = generated.filter_map(|(index, model, trained_on)| {
+            let quality = self.below_generator(trained_on)?;
+            let known = expected.of(trained_on, Some(&model.key));
+            // A generator that was worth training is better than its input.
+            let guessed = || expected.of(quality, None).map(|error| UNMEASURED * error);
+            let error = known.or(model.error).or_else(guessed)?;
+            let (render_ms, run_ms) = (times.render(quality, model.reads_maps)?, times.run(&model.key)?);
+            Some(Candidate { quality, generator: Some(index), error, render_ms, run_ms })
+        });
+        raw.chain(generated).collect()
+    }
+
+    /// Points of the station's own quality: generators in their order, then the rendered frame. Errors are ranks.
+    pub(super) fn fixed(&self, models: &[Model], times: &Times) -> Vec<Candidate> {
+        let quality = self.own;
+        // Without a time, frames say nothing about the load.
+        let render_ms = times.render(quality, true).unwrap_or(0.0);
+        let of = |(rank, model): (usize, &Model)| {
+            let run_ms = times.run(&model.key)?;
+            Some(Candidate { quality, generator: Some(rank), error: 1.0 + rank as f64, render_ms, run_ms })
+        };
+        let raw = Candidate { quality, generator: None, error: 1.0 + models.len() as f64, render_ms, run_ms: 0.0 };
+        models.iter().enumerate().filter_map(of).chain([raw]).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use insonify::tradeoff::ErrorTable;
+    use insonify::transducer::{Probe, ProbeKind};
+
+    use super::*;
+
+    const ROLLING: FrameQuality = FrameQuality { angles: 9, ..FrameQuality::new(2, 3) };
+
+    fn model(name: &str, sha256: &str, lq: FrameQuality, error: Option<f64>) -> Model {
+        let key = GeneratorKey { name: name.into(), sha256: sha256.into() };
+        Model { key, lq: vec![lq], reads_maps: false, error }
+    }
+
+    /// Times that grow with the paths, and 20 ms for each run.
+    fn times(qualities: &[FrameQuality], models: &[Model]) -> Times {
+        let mut times = Times::default();
+        for quality in qualities {
+            times.insert([quality.rays, quality.layers], Some(20.0 + 2.0 * f64::from(quality.paths())));
+        }
+        models.iter().for_each(|model| times.insert_run(&model.key, 20.0));
+        times.insert_differences(4.0, 3.0, 0.7);
+        times
+    }
+
+    fn open(angles: u32, angles_open: bool) -> Open {
+        Open { own: FrameQuality { angles, ..FrameQuality::LQ }, angles: angles_open, aperture: true }
+    }
+
+    #[test]
+    fn angles_that_the_table_lacks_have_the_errors_of_the_nearest() {
+        let expected = ErrorTable::shipped().unwrap().expected("obstetric", &Probe::default());
+        for (angles, like) in [(7, 9), (5, 3), (15, 9), (1, 1)] {
+            let open = open(angles, false);
+            let qualities = open.qualities(&expected, &[]);
+            assert!(qualities.len() > 5 && qualities.iter().all(|quality| quality.angles == angles), "{qualities:?}");
+            let found = open.candidates(&expected, &qualities, &[], &times(&qualities, &[]));
+            assert_eq!(found.len(), qualities.len());
+            let known = expected.of(FrameQuality { angles: like, ..FrameQuality::LQ }, None);
+            let lq = found.iter().find(|c| c.quality == open.own).unwrap();
+            assert_eq!(Some(lq.error), known, "{angles} angles");
+        }
+    }
+
+    #[test]
+    fn probes_that_do_not_steer_have_points_of_one_look() {
+        let phased = Probe { kind: ProbeKind::Phased { fov_deg: 90.0 }, ..Probe::default() };
+        let expected = ErrorTable::shipped().unwrap().expected("lung", &phased);
+        let open = open(1, false);
+        let qualities = open.qualities(&expected, &[]);
+        assert!(!open.candidates(&expected, &qualities, &[], &times(&qualities, &[])).is_empty());
+    }
+
+    #[test]
+    fn fixed_angles_and_effects_hold_for_generators_and_frames() {
+        let expected = ErrorTable::shipped().unwrap().expected("obstetric", &Probe::default());
+        let rolling = [model("rolling", "ab", ROLLING, None)];
+        let of = |open: Open| {
+            let qualities = open.qualities(&expected, &rolling);
+            open.candidates(&expected, &qualities, &rolling, &times(&qualities, &rolling))
+        };
+        assert!(of(open(1, false)).iter().all(|c| c.quality.angles == 1 && c.generator.is_none()));
+        assert!(of(open(9, false)).iter().any(|c| c.quality == ROLLING && c.generator == Some(0)));
+        assert!(of(open(1, true)).iter().any(|c| c.generator == Some(0)));
+        assert!(of(open(1, true)).iter().any(|c| !c.quality.aperture));
+        let kept = Open { aperture: false, ..open(1, true) };
+        assert!(of(kept).iter().all(|c| c.quality.aperture));
+        let without = Open { own: FrameQuality { aperture: false, ..FrameQuality::LQ }, ..open(1, true) };
+        assert!(of(without).iter().all(|c| !c.quality.aperture));
+    }
+
+    #[test]
+    fn a_generator_nobody_has_measured_is_a_little_better_than_its_input() {
+        let expected = ErrorTable::shipped().unwrap().expected("obstetric", &Probe::default());
+        let open = open(1, true);
+        let models = [model("own", "ab", ROLLING, None), model("compounded", "cd", ROLLING, Some(13.5))];
+        let qualities = open.qualities(&expected, &models);
+        let found = open.candidates(&expected, &qualities, &models, &times(&qualities, &models));
+        let error = |generator| found.iter().find(|c| c.quality == ROLLING && c.generator == generator).unwrap().error;
+        assert_eq!([error(Some(0)), error(Some(1))], [UNMEASURED * error(None), 13.5]);
+        // Without a time it is no candidate.
+        let mut half = times(&qualities, &models[..1]);
+        half.insert([2, 3], Some(30.0));
+        assert!(open.candidates(&expected, &qualities, &models, &half).iter().all(|c| c.generator != Some(1)));
+    }
+
+    #[test]
+    fn a_fixed_quality_ranks_the_generators_as_the_station_does() {
+        let models = [model("first", "ab", FrameQuality::LQ, None), model("second", "cd", FrameQuality::LQ, None)];
+        let open = Open { own: FrameQuality::new(32, 3), ..open(1, false) };
+        let known = open.fixed(&models, &times(&[open.own], &models));
+        assert_eq!(
+            known.iter().map(|c| (c.generator, c.error)).collect::<Vec<_>>(),
+            [(Some(0), 1.0), (Some(1), 2.0), (None, 3.0)]
+        );
+        assert_eq!(known[0].render_ms, 20.0 + 2.0 * 96.0 + 4.0);
+        let unknown = open.fixed(&models, &times(&[], &models));
+        assert!(unknown.iter().all(|c| c.render_ms == 0.0));
+    }
+}

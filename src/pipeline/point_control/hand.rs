@@ -1,0 +1,61 @@
+//! What watchers set by hand: generated pictures on and off, and a quality of their own.
+
+use super::{Candidate, Load, PointChange, PointController, RETRY_S, ROOM, SUDDEN};
+use crate::render::FrameQuality;
+
+impl PointController {
+    /// Says whether watchers want generated pictures. Without, only rendered ones are chosen.
+    pub fn allow_generators(&mut self, generate: bool) {
+        self.asked = (self.asked || !self.generate) && generate;
+        self.generate = generate;
+    }
+
+    /// Leaves the generator for the best point without one.
+    pub(super) fn switch_off(&mut self, now_s: f64) -> Option<PointChange> {
+        self.uncounted(|this| this.leave(now_s, "generated pictures are switched off".to_owned()))
+    }
+
+    /// Takes the best point at once, if it has a generator.
+    pub(super) fn switch_on(&mut self, now_s: f64) -> Option<PointChange> {
+        let load = self.load(SUDDEN).unwrap_or(Load::START);
+        let to = self.best(now_s, load, self.spread(SUDDEN), ROOM)?;
+        self.candidates[to].generator?;
+        let reason = "generated pictures are switched on".to_owned();
+        self.uncounted(|this| Some(this.go(now_s, to, true, reason)))
+    }
+
+    /// Makes a change that no later one has to wait for.
+    fn uncounted(&mut self, change: impl FnOnce(&mut Self) -> Option<PointChange>) -> Option<PointChange> {
+        let changes = self.changes;
+        let change = change(self);
+        self.changes = changes;
+        change
+    }
+
+    /// Keeps `quality`, which a watcher set, from now on. A fixed quality keeps its generators, a chosen one the generator
+    /// at work. Returns whether there is a generator left to control.
+    pub fn hold(&mut self, now_s: f64, quality: FrameQuality) -> bool {
+        self.by_hand = true;
+        let at_work = self.point().generator;
+        let all = self.budget.frame_ms.is_none();
+        let mut kept: Vec<Candidate> = Vec::new();
+        for candidate in self.candidates.iter().filter(|c| c.generator.is_some() && (all || c.generator == at_work)) {
+            if kept.iter().all(|known| known.generator != candidate.generator) {
+                kept.push(Candidate { quality, render_ms: 0.0, ..*candidate });
+            }
+        }
+        if kept.is_empty() {
+            return false;
+        }
+        let worst = kept.iter().map(|candidate| candidate.error).fold(0.0, f64::max);
+        kept.push(Candidate { quality, generator: None, error: worst + 1.0, render_ms: 0.0, run_ms: 0.0 });
+        self.current = kept.iter().position(|candidate| candidate.generator == at_work).unwrap_or(kept.len() - 1);
+        self.before = self.current;
+        self.blocked_until = vec![f64::NEG_INFINITY; kept.len()];
+        self.retry_s = vec![RETRY_S[0]; kept.len()];
+        self.candidates = kept;
+        self.budget.frame_ms = None;
+        self.rest(now_s);
+        true
+    }
+}
