@@ -143,7 +143,11 @@ fn a_compounded_target_is_rendered_once_for_several_low_qualities() {
     }
     made(&insonify(&["dataset", "--verify", text(&more), "--tuples", "2"]));
     let wrong = dir.path().join("wrong");
-    for (options, word) in [(["--angles", "5"], "angles"), (["--seed", "3"], "seed"), (["--span", "30"], "span")] {
+    for (options, word) in [
+        (["--angles", "5"], "look.hq_angles is 3 there, 5 is wanted here: --angles"),
+        (["--seed", "3"], "seed"),
+        (["--span", "30"], "look.span_deg is 40 there, 30 is wanted here: --span"),
+    ] {
         let usual: Vec<&str> = ["--angles", "3", "--span", "40", "--hq-from", text(&out)].into();
         let kept = usual.chunks(2).filter(|pair| pair[0] != options[0]).flatten().copied();
         failed(&make(&station, &wrong, &kept.chain(options).collect::<Vec<_>>()), 2, &["--hq-from", word]);

@@ -3,7 +3,7 @@
 //! A generator is an `.onnx` file with a [`Manifest`] beside it. [`Generator::load`] checks both, runs the bundled
 //! parity pair on this machine and refuses a model that does not reproduce it. [`Generator::run`] translates the whole
 //! field of view: normalise, pad to the model's multiple, infer, crop, clear pixels outside the sector, round to grey
-//! levels. Which of several generators runs, the pipeline's controller of operating points says. Without ONNX Runtime's
+//! levels. The pipeline's controller of operating points chooses which generator runs. Without ONNX Runtime's
 //! library [`Runtime::get`] returns an error that names the remedy; rendering works without it.
 
 mod error;

@@ -19,12 +19,11 @@ settings! {
         /// Threads of one run; 0 is one per processor.
         threads: u32 = 0, "", 0.0..=256.0, Everything;
 
-        /// Time that one run may take; not given, with `quality.budget_ms`, it is that.
+        /// Time that one run may take. Default: `quality.budget_ms`, if given.
         budget_ms: f64 = 50.0, "ms", BUDGET_MIN_MS..=BUDGET_MAX_MS, Everything;
     }
     plain {
-        /// Models (`.onnx`, each with its manifest); of a fixed quality, the best first. If empty, the station shows
-        /// rendered frames.
+        /// Models (`.onnx`, each with its manifest); with a fixed quality, in order of preference. Empty: rendered frames.
         models: Vec<PathBuf> = Vec::new(), Everything;
         /// Execution provider.
         provider: Provider = Provider::Cpu, Everything;

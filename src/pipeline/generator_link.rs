@@ -15,7 +15,7 @@ const GIVE_UP: Duration = Duration::from_secs(1);
 /// Weight of the latest run in the estimated duration.
 const WEIGHT: f64 = 0.2;
 
-/// Growth per run of the undisturbed duration: it adapts to a slower tier within a dozen runs.
+/// Growth per run of the undisturbed duration: it adapts to a slower generator within a dozen runs.
 const FORGET: f64 = 1.0625;
 
 /// Frames without a wait after which one waits: otherwise every run is disturbed and the estimate never falls.

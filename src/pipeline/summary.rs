@@ -37,7 +37,7 @@ pub struct GeneratorSummary {
     pub done: u64,
     /// Of these, after their deadline.
     pub late: u64,
-    /// Frames replaced by newer ones, or offered while it rested, lacked maps, or no tier met the budget.
+    /// Frames replaced by newer ones, or offered while it rested, lacked maps, or no generator met the budget.
     pub dropped: u64,
     /// Frames on which it failed.
     pub failed: u64,

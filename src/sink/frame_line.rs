@@ -35,7 +35,7 @@ pub struct FrameLine<'a> {
     pub inference_ms: Option<[f64; 2]>,
     /// Handed to the sinks.
     pub presented_ms: f64,
-    /// Generator tier at work.
+    /// Name of the generator at work.
     pub tier: Option<&'a str>,
     /// Operating point; none without a controller of operating points.
     #[serde(skip_serializing_if = "Option::is_none")]

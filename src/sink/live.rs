@@ -92,7 +92,7 @@ pub struct PresentedFrame {
     pub attenuation: Vec<f32>,
     /// 255 inside the sector [height × width].
     pub mask: Vec<u8>,
-    /// Name of the generator tier at work; none on low quality.
+    /// Name of the generator at work; none on rendered frames.
     pub tier: Option<String>,
     /// Operating point; none without a controller of operating points.
     pub point: Option<Arc<PointText>>,

@@ -62,7 +62,8 @@ pub struct Station {
     pub settings: RenderSettings,
     /// Rendering backend, unless a flag or the environment overrides it.
     pub backend: BackendChoice,
-    /// Render time budget by which rays and layers are chosen, ms; none: they stay as set.
+    /// Time to render and generate a frame, ms, by which a live session chooses rays, layers, angles and generator, and stills
+    /// rays and layers; none: they stay as set.
     pub quality_budget_ms: Option<f64>,
     /// Whether the budget also chooses the angles of compounding: `[look]` has neither angles nor a preset.
     pub angles_open: bool,

@@ -20,11 +20,11 @@ const SHIPPED: &str = include_str!("../../assets/quality/front.toml");
 /// Errors in a table.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 pub enum ErrorTableError {
-    /// It is no TOML, or has another layout.
-    #[error("the table of errors is damaged: {0}")]
+    /// Text that is not TOML, or has another layout.
+    #[error("assets/quality/front.toml, the table of errors, is damaged: {0}")]
     Parse(String),
-    /// It is of another version.
-    #[error("the table of errors has format {found}; this program reads {FORMAT}")]
+    /// A table of another version.
+    #[error("assets/quality/front.toml, the table of errors, has format {found}; this program reads {FORMAT}")]
     Format {
         /// Its format.
         found: u32,
@@ -41,7 +41,7 @@ pub struct ErrorTable {
     pub insonify: String,
     /// Command that made it.
     pub command: String,
-    /// A table a station.
+    /// Errors of each station.
     #[serde(rename = "station")]
     pub stations: Vec<StationErrors>,
 }
@@ -275,6 +275,11 @@ mod tests {
             // Around a sphere one look's error is speckle alone: rays change it by less than the reference is converged to.
             let converged_to = if station.name == "sphere.toml" { 0.02 } else { 0.0 };
             assert!(raw(32, 3) < raw(1, 1) + converged_to, "{}", station.name);
+            for key in station.points.iter().filter_map(|point| point.generator.as_ref()) {
+                let path = format!("{}/assets/generators/{1}/{1}.toml", env!("CARGO_MANIFEST_DIR"), key.name);
+                let manifest = std::fs::read_to_string(&path).unwrap();
+                assert!(manifest.contains(&key.sha256), "{path}: another model than the table's");
+            }
             let least = station.points.iter().map(|p| p.rmse).fold(f64::INFINITY, f64::min);
             assert!(least < 0.9 * raw(1, 1), "{}", station.name);
         }

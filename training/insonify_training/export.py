@@ -40,7 +40,11 @@ def load_run(folder, data):
     if not checkpoint.is_file():
         raise ExportError(f"{folder}: no run: checkpoint.pt must be there")
     state = read_checkpoint(checkpoint)
-    trainer = Trainer(Config.from_dict(state["config"]), data)
+    try:
+        config = Config.from_dict(state["config"])
+    except ValueError as error:
+        raise ExportError(f"{checkpoint}: made by another version ({error}): train it anew") from None
+    trainer = Trainer(config, data)
     trainer.load(state)
     freeze(trainer.generator.eval())
     return trainer, state.get("data_sha256")

@@ -119,7 +119,10 @@ def resume(trainer, run, config, data_sha256):
         run.log(event="start", data_sha256=data_sha256, config=config.to_dict())
         return
     state = read_checkpoint(run.checkpoint)
-    kept = Config.from_dict(state["config"])
+    try:
+        kept = Config.from_dict(state["config"])
+    except ValueError as error:
+        raise SystemExit(f"{run.checkpoint}: made by another version ({error}): name another --out") from None
     if state["step"] > config.steps:
         raise SystemExit(f"{run.checkpoint}: at step {state['step']}, beyond the {config.steps} of this training: name another --out")
     # More steps continue the same training; another network structure doesn't.

@@ -93,6 +93,17 @@ def test_bfloat16_trains(data_dir, tmp_path):
     assert half != whole and half == pytest.approx(whole, rel=0.1)
 
 
+def test_a_checkpoint_of_another_version_is_explained(data_dir, trained, tmp_path):
+    run_dir = shutil.copytree(trained, tmp_path / "run")
+    state = torch.load(run_dir / "checkpoint.pt", weights_only=False)
+    state["config"]["polish"] = 1
+    torch.save(state, run_dir / "checkpoint.pt")
+    with pytest.raises(SystemExit, match="another version .*polish.*name another --out"):
+        run(data_dir, run_dir, "--steps", "2")
+    with pytest.raises(SystemExit, match="another version .*polish"):
+        export.main([str(run_dir), "--data", str(data_dir), "--out", str(tmp_path / "none")])
+
+
 def test_an_export_without_a_run_or_test_rows_is_explained(data, data_dir, trained, tmp_path):
     with pytest.raises(SystemExit, match="checkpoint.pt must be there"):
         export.main([str(tmp_path), "--data", str(data_dir), "--out", str(tmp_path / "none")])

@@ -20,19 +20,19 @@ impl Targets {
     pub(super) fn open(directory: &Path, header: &Header) -> Result<Self, Failure> {
         let dataset = Dataset::open(directory).input()?;
         let found = &dataset.header;
-        let same = [
-            ("hq", found.hq == header.hq),
-            ("angles", found.look.hq_angles == header.look.hq_angles),
-            ("span", found.look.span_deg == header.look.span_deg),
-            ("seed", found.seed == header.seed),
-            ("stations", found.stations == header.stations),
-            ("tissues", found.classes == header.classes),
+        let refused = |what: String| Failure::Input(anyhow!("--hq-from {}: {what}", directory.display()));
+        let values = [
+            ("hq", format!("{:?}", found.hq), format!("{:?}", header.hq), "--hq"),
+            ("look.hq_angles", found.look.hq_angles.to_string(), header.look.hq_angles.to_string(), "--angles"),
+            ("look.span_deg", found.look.span_deg.to_string(), header.look.span_deg.to_string(), "--span"),
+            ("seed", found.seed.to_string(), header.seed.to_string(), "--seed"),
         ];
-        if let Some((what, _)) = same.iter().find(|(_, same)| !same) {
-            return Err(Failure::Input(anyhow!(
-                "--hq-from {}: it has another {what}: its high quality is not the one wanted",
-                directory.display()
-            )));
+        if let Some((key, found, wanted, by)) = values.into_iter().find(|(_, found, wanted, _)| found != wanted) {
+            return Err(refused(format!("{key} is {found} there, {wanted} is wanted here: {by} says so")));
+        }
+        let lists = [("stations", found.stations == header.stations), ("classes", found.classes == header.classes)];
+        if let Some((key, _)) = lists.iter().find(|(_, same)| !same) {
+            return Err(refused(format!("{key} differ from those of this command: name the stations that made it")));
         }
         let rows = dataset.rows.iter().enumerate().map(|(at, row)| (row.index, at)).collect();
         Ok(Self { dataset, rows })

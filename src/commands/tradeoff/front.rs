@@ -28,6 +28,8 @@ const ANGLES: [u32; 3] = [1, 3, 9];
 const PATHS_WITHOUT_APERTURE: u32 = 3;
 /// Frames before each measured one: those of the most angles.
 const FRAMES_BEFORE: u32 = 8;
+/// Recording by which probes move.
+const MOTION: &str = "assets/exams/obstetric_sweep.mcap";
 /// Time between frames of the moving probe, s.
 const PERIOD_S: f64 = 1.0 / 14.0;
 
@@ -53,7 +55,7 @@ pub(crate) struct Args {
     poses: u16,
 
     /// Recording (.mcap) by which probes move
-    #[arg(long, value_name = "FILE", default_value = "assets/exams/obstetric_sweep.mcap")]
+    #[arg(long, value_name = "FILE", default_value = MOTION)]
     motion: PathBuf,
 
     /// Keep what was measured before with the same station, scene, models, poses and version
@@ -91,7 +93,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 /// The command, as it is typed.
 fn command(args: &Args) -> String {
     let stations: Vec<String> = args.stations.iter().map(|path| path.display().to_string()).collect();
-    format!("insonify front {} --poses {}", stations.join(" "), args.poses)
+    let motion =
+        if args.motion == Path::new(MOTION) { String::new() } else { format!(" --motion {}", args.motion.display()) };
+    format!("insonify front {} --poses {}{motion}", stations.join(" "), args.poses)
 }
 
 /// Errors of one station.

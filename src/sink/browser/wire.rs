@@ -72,17 +72,23 @@ pub(super) fn encode(frame: &PresentedFrame, map: Map, out: &mut Vec<u8>) {
         Map::Image => texts.map(text),
         Map::Segmentation | Map::Attenuation => [""; 4],
     };
-    let lines = [tier, "\n", name, "\n", reason];
-    let lines = if [tier, name, reason] == [""; 3] { &[] } else { &lines[..] };
+    let lines = [tier, name, reason];
+    let lines = if lines == [""; 3] { &[] } else { &lines[..] };
     out.clear();
-    let bytes: usize = lines.iter().map(|line| line.len()).sum();
+    let bytes: usize = lines.iter().map(|line| line.len()).sum::<usize>() + lines.len().saturating_sub(1);
     header(frame, map, [bytes as u16, notice.len() as u16], out);
     match map {
         Map::Image => out.extend_from_slice(&frame.image),
         Map::Segmentation => out.extend_from_slice(&frame.segmentation),
         Map::Attenuation => out.extend(frame.attenuation.iter().map(|&a| (a * 255.0 + 0.5) as u8)),
     }
-    lines.iter().for_each(|line| out.extend_from_slice(line.as_bytes()));
+    for (nth, line) in lines.iter().enumerate() {
+        if nth > 0 {
+            out.push(b'\n');
+        }
+        // Messages of other libraries span lines; here a line ends a text.
+        out.extend(line.bytes().map(|byte| if byte.is_ascii_control() { b' ' } else { byte }));
+    }
     out.extend_from_slice(notice.as_bytes());
 }
 
@@ -204,6 +210,17 @@ mod tests {
         assert_eq!((seg[6], att[6], seg[42], seg.len()), (2, 3, 0, header_bytes() + 12));
         assert_eq!(&seg[header_bytes()..], &frame().segmentation[..]);
         assert_eq!(&att[header_bytes()..header_bytes() + 6], &[0, 128, 255, 255, 0, 0]);
+    }
+
+    #[test]
+    fn a_text_of_several_lines_is_sent_as_one() {
+        let mut out = Vec::new();
+        let point = PointText { name: "1x3".into(), reason: "it failed:\r\nno\tmemory µ".into() };
+        let frame = PresentedFrame { tier: None, point: Some(point.into()), notice: None, ..frame() };
+        encode(&frame, Map::Image, &mut out);
+        let texts = &out[header_bytes() + 12..];
+        assert_eq!(texts, "\n1x3\nit failed:  no memory µ".as_bytes());
+        assert_eq!(usize::from(out[42]), texts.len());
     }
 
     #[test]
