@@ -25,6 +25,8 @@ const ENOUGH_S: f64 = 2.5;
 const BEYOND: f64 = 1.5;
 /// Spread of a measurement that something else has disturbed.
 const DISTURBED: f64 = 1.4;
+/// Part of a kept time below which a time of now shows that the kept one was disturbed.
+const SAME: f64 = 0.9;
 
 /// Median times, ms, and their spread.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -78,6 +80,9 @@ impl Times {
         let path = path(bench, qualities)?;
         let kept = std::fs::read(&path).ok().and_then(|text| serde_json::from_slice::<Self>(&text).ok());
         let mut times = kept.unwrap_or_default();
+        if times.were_disturbed(bench, qualities)? {
+            times = Self::default();
+        }
         let unknown = qualities.iter().any(|q| !times.knows([q.rays, q.layers]));
         if !unknown && times.maps_ms.is_some() && bench.generators.iter().all(|g| times.run(&key(g)).is_some()) {
             return Ok((times, false));
@@ -90,6 +95,17 @@ impl Times {
             tracing::debug!("times are not kept: {error}");
         }
         Ok((times, true))
+    }
+
+    /// Whether frames take much less time now: something else ran when these times were measured.
+    fn were_disturbed(&self, bench: &mut Bench<'_>, qualities: &[FrameQuality]) -> Result<bool, Failure> {
+        let Some(first) = qualities.first().map(|quality| one_look(qualities, [quality.rays, quality.layers])) else {
+            return Ok(false);
+        };
+        let known = self.render_ms.iter().find(|(known, _)| *known == [first.rays, first.layers]);
+        let Some(known_ms) = known.and_then(|(_, ms)| *ms) else { return Ok(false) };
+        let now = frames(bench, first, false)?;
+        Ok(now.is_some_and(|ms| median_of(ms, &mut Vec::new()) < SAME * known_ms))
     }
 
     /// Whether these rays and layers have been measured.
@@ -114,10 +130,9 @@ impl Times {
                 }
             }
         }
-        // With the aperture if the station has it.
-        let aperture = qualities.iter().any(|quality| quality.aperture);
-        let one_look = |[rays, layers]: [u32; 2]| FrameQuality { aperture, ..FrameQuality::new(rays, layers) };
+        let one_look = |rays_layers| one_look(qualities, rays_layers);
         if let Some(first) = qualities.first().map(|quality| one_look([quality.rays, quality.layers])) {
+            let aperture = first.aperture;
             let angles = qualities.iter().map(|quality| quality.angles).max().unwrap_or(1);
             let without = FrameQuality { aperture: false, ..first };
             let compounded = FrameQuality { angles, ..first };
@@ -169,6 +184,11 @@ impl Times {
     pub(super) fn insert_run(&mut self, generator: &GeneratorKey, ms: f64) {
         self.run_ms.insert(generator.sha256.clone(), ms);
     }
+}
+
+/// Quality of these rays and layers with one look, and with the aperture if the station has it.
+fn one_look(qualities: &[FrameQuality], [rays, layers]: [u32; 2]) -> FrameQuality {
+    FrameQuality { aperture: qualities.iter().any(|quality| quality.aperture), ..FrameQuality::new(rays, layers) }
 }
 
 /// Times of runs on frames of the station's size, ms; of one run if that takes far more than a frame may.
