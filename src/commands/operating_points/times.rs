@@ -23,7 +23,7 @@ const FRAMES: usize = 5;
 const ENOUGH_S: f64 = 2.5;
 /// A point whose frames take so many times the budget ends the measurement of points with more paths.
 const BEYOND: f64 = 1.5;
-/// Spread of a measurement that something else has disturbed.
+/// Spread above which a measurement was disturbed by something else; the next session measures again.
 const DISTURBED: f64 = 1.4;
 /// Part of a kept time below which a time of now shows that the kept one was disturbed.
 const SAME: f64 = 0.9;
@@ -88,17 +88,17 @@ impl Times {
             return Ok((times, false));
         }
         times.measure(bench, qualities, own)?;
-        // The next session measures again what was disturbed now, and where there is no cache.
-        if times.spread > DISTURBED {
-            tracing::debug!("times are not kept: they vary by a factor of {:.1}", times.spread);
-        } else if let Err(error) = write_json(&path, &times) {
+        if let Err(error) = write_json(&path, &times) {
             tracing::debug!("times are not kept: {error}");
         }
         Ok((times, true))
     }
 
-    /// Whether frames take much less time now: something else ran when these times were measured.
+    /// Whether something else ran when these times were measured: they vary, or frames take much less time now.
     fn were_disturbed(&self, bench: &mut Bench<'_>, qualities: &[FrameQuality]) -> Result<bool, Failure> {
+        if self.spread > DISTURBED {
+            return Ok(true);
+        }
         let Some(first) = qualities.first().map(|quality| one_look(qualities, [quality.rays, quality.layers])) else {
             return Ok(false);
         };
