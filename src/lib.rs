@@ -14,19 +14,19 @@ pub mod report;
 
 pub mod sink;
 
-pub mod tradeoff;
-
 pub mod generator;
 
-pub mod quality;
+pub mod tradeoff;
 
 pub mod selftest;
 
-pub mod render;
+pub mod quality;
 
 pub mod dataset;
 
 pub mod exam;
+
+pub mod render;
 
 pub mod transducer;
 
@@ -40,14 +40,14 @@ pub mod acoustics;
 
 pub mod look;
 
-mod names;
-
-pub mod random;
-
 pub mod settings;
-
-mod simd;
 
 pub mod statistics;
 
+pub mod random;
+
 mod suggest;
+
+mod names;
+
+mod simd;

@@ -175,10 +175,9 @@ impl File {
                 for (path, name) in leaves(&tokens[i + 1..end]) {
                     let Some(path) = absolute(&path) else { continue };
                     if public {
-                        file.exported.insert(name, path);
-                    } else {
-                        file.named.insert(path);
+                        file.exported.insert(name, path.clone());
                     }
+                    file.named.insert(path);
                 }
                 i = end;
             } else if token(i + 1) == "::" && token(i.wrapping_sub(1)) != "::" {
@@ -304,6 +303,18 @@ fn tokens(source: &str) -> Vec<String> {
 
 /// The library of this repository; commands and `main` see it from outside.
 fn library() -> House {
+    read(&["main", "commands"])
+}
+
+/// The binary's files; the library is another crate to them.
+fn commands() -> House {
+    let mut house = read(&["main", "lib"]);
+    house.named.retain(|module, _| module.first().is_some_and(|top| top == "commands"));
+    house
+}
+
+/// All files in `src/` but those directly in it with a name in `without`.
+fn read(without: &[&str]) -> House {
     let mut house = House::default();
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let mut folders = vec![(source, Module::new())];
@@ -312,7 +323,7 @@ fn library() -> House {
             let path = entry.unwrap().path();
             let stem = path.file_stem().unwrap().to_string_lossy().into_owned();
             let mut child = module.clone();
-            if module.is_empty() && ["main", "commands"].contains(&stem.as_str()) {
+            if module.is_empty() && without.contains(&stem.as_str()) {
                 continue;
             }
             if path.is_dir() {
@@ -338,13 +349,34 @@ fn no_module_knows_one_above_it() {
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
+/// Modules of [`ORDER`] that `text` names as `before NAME after`, from the top down.
+fn listed(text: &str, before: &str, after: &str) -> Vec<String> {
+    let names = text.match_indices(before).filter_map(|(at, _)| text[at + before.len()..].split_once(after));
+    let known = |name: &&str| ORDER.iter().any(|line| line.contains(name));
+    names.map(|(name, _)| name).filter(known).map(str::to_owned).collect()
+}
+
+#[test]
+fn the_documents_list_the_modules_in_this_order() {
+    let lib = listed(include_str!("../src/lib.rs"), "mod ", ";");
+    let (table, _) = include_str!("../ARCHITECTURE.md").split_once("\nBeside `src/`").unwrap();
+    let architecture = listed(table, "`src/", "/`");
+    assert_eq!(lib.len(), ORDER.iter().map(|line| line.len()).sum::<usize>(), "{lib:?}");
+    for found in [lib, architecture] {
+        let ranks = found.iter().map(|name| ORDER.iter().position(|line| line.contains(&name.as_str())));
+        assert!(found.len() > 15 && ranks.is_sorted(), "{found:?}");
+    }
+}
+
 #[test]
 fn no_files_of_a_folder_import_each_other_in_a_circle() {
-    let house = library();
-    let folders = house.named.keys().map(|module| module.join("::"));
-    let circles = folders.flat_map(|f| house.circles(&f).into_iter().map(move |c| format!("{f}: {c}")));
-    let circles: Vec<String> = circles.collect();
-    assert!(circles.is_empty(), "{circles:#?}");
+    for house in [library(), commands()] {
+        assert!(house.edges().count() > 200, "the source was not read");
+        let folders = house.named.keys().map(|module| module.join("::"));
+        let circles = folders.flat_map(|f| house.circles(&f).into_iter().map(move |c| format!("{f}: {c}")));
+        let circles: Vec<String> = circles.collect();
+        assert!(circles.is_empty(), "{circles:#?}");
+    }
 }
 
 #[test]
@@ -355,9 +387,12 @@ fn an_upward_import_is_found() {
     house.add(&["sink"], "pub mod png; pub use png::Writer; use crate::pose::Pose;");
     house.add(&["sink", "png"], "use super::Writer;");
     assert_eq!(house.upward(), BTreeSet::new());
-    for upward in
-        ["use crate::{fmt, sink::{Writer as W}};", "fn f() { crate::sink::png::write() }", "use super::sink::*;"]
-    {
+    for upward in [
+        "use crate::{fmt, sink::{Writer as W}};",
+        "fn f() { crate::sink::png::write() }",
+        "use super::sink::*;",
+        "pub use crate::sink::Writer;",
+    ] {
         house.add(&["pose"], upward);
         assert_eq!(house.upward().len(), 1, "{upward}");
     }

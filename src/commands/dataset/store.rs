@@ -13,7 +13,16 @@ use insonify::station::Station;
 use sha2::{Digest, Sha256};
 
 use super::super::{Classify, Failure, input, output};
-use super::tuple_renderer::RenderedTuple;
+
+/// A rendered tuple.
+pub(super) struct RenderedTuple {
+    /// Bytes of its file.
+    pub(super) bytes: Vec<u8>,
+    /// Bytes of its mask's file.
+    pub(super) mask: Vec<u8>,
+    /// Width, height.
+    pub(super) size: [u32; 2],
+}
 
 /// SHA-256 of `bytes`, as lower-case hexadecimal digits.
 pub(super) fn sha256(bytes: &[u8]) -> String {

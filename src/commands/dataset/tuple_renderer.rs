@@ -16,17 +16,7 @@ use serde::Serialize;
 use super::super::backend::BackendArgs;
 use super::super::progress::Progress;
 use super::super::{Classify, Failure, output, session};
-use super::store::{open_station, sha256};
-
-/// A rendered tuple.
-pub(super) struct RenderedTuple {
-    /// Bytes of its file.
-    pub(super) bytes: Vec<u8>,
-    /// Bytes of its mask's file.
-    pub(super) mask: Vec<u8>,
-    /// Width, height.
-    pub(super) size: [u32; 2],
-}
+use super::store::{RenderedTuple, open_station, sha256};
 
 /// A scene and its renderers, each made when first needed.
 struct SceneRenderers {

@@ -5,7 +5,6 @@ use std::path::Path;
 
 use anyhow::{anyhow, ensure};
 use insonify::dataset::{Dataset, Row as TupleRow, Split, Tuple};
-use insonify::generator::{Generator, Input};
 use insonify::quality::regions::is_bone;
 use insonify::quality::{CROP_INSIDE, Scanlines, crop_places};
 use insonify::render::BackendChoice;
@@ -112,7 +111,7 @@ pub(super) fn run(args: &Args, directory: &Path) -> Result<Report, Failure> {
         rows[0].add(&judged, &tuple.lq, &mut extractors)?;
         let attenuation = tuple.attenuation_map();
         for ((_, generator), row) in generators.iter_mut().zip(&mut rows[1..]) {
-            generate(generator, &tuple, &attenuation, &mut image)?;
+            models::generate(generator, &tuple, &attenuation, &mut image)?;
             row.add(&judged, &image, &mut extractors)?;
         }
         if let Some(again) = &mut again {
@@ -165,19 +164,6 @@ pub(super) fn run(args: &Args, directory: &Path) -> Result<Report, Failure> {
         notes,
         sheets,
     })
-}
-
-/// Runs a generator on the full field of view of a tuple.
-pub(super) fn generate(
-    generator: &mut Generator,
-    tuple: &Tuple,
-    attenuation: &[f32],
-    image: &mut Vec<u8>,
-) -> Result<(), Failure> {
-    let [width, height] = tuple.size.map(|n| n as u32);
-    let input =
-        Input { width, height, image: &tuple.lq, segmentation: &tuple.segmentation, attenuation, mask: &tuple.mask };
-    Ok(generator.run(&input, image)?)
 }
 
 /// Tuples of the split, at most `--limit`, spread evenly.

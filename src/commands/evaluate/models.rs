@@ -1,6 +1,7 @@
 //! Generators and feature extractors named on the command line.
 
-use insonify::generator::{Generator, OnnxFeatures, Runtime};
+use insonify::dataset::Tuple;
+use insonify::generator::{Generator, Input, OnnxFeatures, Runtime};
 use insonify::quality::{FeatureExtractor, QualityError, crops};
 
 use super::super::{Classify, Failure};
@@ -21,6 +22,19 @@ pub(super) fn generators(args: &Args, tissues: &[String]) -> Result<Vec<(String,
         named.push((if taken { format!("{name} ({})", named.len() + 1) } else { name }, generator));
     }
     Ok(named)
+}
+
+/// Runs a generator on the full field of view of a tuple.
+pub(super) fn generate(
+    generator: &mut Generator,
+    tuple: &Tuple,
+    attenuation: &[f32],
+    image: &mut Vec<u8>,
+) -> Result<(), Failure> {
+    let [width, height] = tuple.size.map(|n| n as u32);
+    let input =
+        Input { width, height, image: &tuple.lq, segmentation: &tuple.segmentation, attenuation, mask: &tuple.mask };
+    Ok(generator.run(&input, image)?)
 }
 
 /// A feature extractor and the name of its distance.

@@ -10,8 +10,8 @@ use insonify::report::comparison_sheet::Panel;
 use insonify::sink::create_dir;
 
 use super::super::{Classify, Failure};
-use super::dataset::generate;
 use super::judge::{ImageScores, RowReport};
+use super::models::generate;
 
 /// Width of a full field of view, pixels.
 const WIDTH: u32 = 460;

@@ -123,7 +123,8 @@ fn errors(args: &Args, station: &Station) -> Result<StationErrors, Failure> {
         let [first, second] = match store.read::<[f64; 2]>(&file)? {
             Some(kept) => kept,
             None => {
-                let measured = bench.rolling_error(&bench.live_knobs(quality), generator, &reference, &tracks)?;
+                let measured =
+                    bench.rolling_error(&bench.live_knobs(quality), generator, &reference.truths, &tracks)?;
                 store.write(&file, &measured)?;
                 measured
             }

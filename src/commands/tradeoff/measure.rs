@@ -19,7 +19,7 @@ use insonify::transducer::Probe;
 
 use super::super::{Classify, Failure, operating_points};
 use super::poses::Track;
-use super::reference::{Reference, Truth};
+use super::truth::Truth;
 
 /// Seeds, unlike those of the reference. The error's difference between them is its noise.
 const SEEDS: [u32; 2] = [0, 1];
@@ -166,13 +166,8 @@ impl Bench {
     }
 
     /// Measures a point.
-    pub(super) fn point(
-        &mut self,
-        planned: &Planned,
-        reference: &Reference,
-        tracks: &[Track],
-    ) -> Result<Point, Failure> {
-        self.measure(planned, None, reference, tracks)
+    pub(super) fn point(&mut self, planned: &Planned, truths: &[Truth], tracks: &[Track]) -> Result<Point, Failure> {
+        self.measure(planned, None, truths, tracks)
     }
 
     /// Generators by index, each with every quality of frames that it takes.
@@ -191,14 +186,14 @@ impl Bench {
         &mut self,
         knobs: &Knobs,
         generator: Option<usize>,
-        reference: &Reference,
+        truths: &[Truth],
         tracks: &[Track],
     ) -> Result<[f64; 2], Failure> {
         let mut image = Vec::new();
         let mut errors = [0.0; SEEDS.len()];
         for (error, seed) in errors.iter_mut().zip(SEEDS) {
             self.configure(knobs, seed)?;
-            for (track, truth) in tracks.iter().zip(&reference.truths) {
+            for (track, truth) in tracks.iter().zip(truths) {
                 self.shown(track, generator, knobs.rolling, &mut image)?;
                 *error += rmse(&image, truth)? / tracks.len() as f64;
             }
@@ -211,7 +206,7 @@ impl Bench {
         &mut self,
         (lq, index): (FrameQuality, usize),
         name: String,
-        reference: &Reference,
+        truths: &[Truth],
         tracks: &[Track],
     ) -> Result<Point, Failure> {
         let planned = Planned {
@@ -220,14 +215,14 @@ impl Bench {
             against: Some(format!("{}x{}", lq.rays, lq.layers)),
             knobs: self.live_knobs(lq),
         };
-        Ok(Point { generator: Some(name), ..self.measure(&planned, Some(index), reference, tracks)? })
+        Ok(Point { generator: Some(name), ..self.measure(&planned, Some(index), truths, tracks)? })
     }
 
     fn measure(
         &mut self,
         planned: &Planned,
         generator: Option<usize>,
-        reference: &Reference,
+        truths: &[Truth],
         tracks: &[Track],
     ) -> Result<Point, Failure> {
         let mut times = Times { ms: vec![Vec::new(); tracks.len()], ..Times::default() };
@@ -236,7 +231,7 @@ impl Bench {
         for (turn, seed) in SEEDS.into_iter().enumerate() {
             self.configure(&planned.knobs, seed)?;
             let rolling = planned.knobs.rolling;
-            for (index, (track, truth)) in tracks.iter().zip(&reference.truths).enumerate() {
+            for (index, (track, truth)) in tracks.iter().zip(truths).enumerate() {
                 if turn == 0 && index == 0 {
                     // Not counted: includes uploads for the new settings.
                     self.shown(track, generator, rolling, &mut image)?;
@@ -259,7 +254,7 @@ impl Bench {
                 }
             }
         }
-        let classes = self.classes(&errors, reference);
+        let classes = self.classes(&errors, truths);
         Ok(Point {
             name: planned.name.clone(),
             sweep: planned.sweep.to_owned(),
@@ -323,7 +318,7 @@ impl Bench {
     }
 
     /// Errors by tissue: means over poses, grey differences weighted by pixels.
-    fn classes(&self, errors: &[PoseError], reference: &Reference) -> Vec<ClassError> {
+    fn classes(&self, errors: &[PoseError], truths: &[Truth]) -> Vec<ClassError> {
         let of = |number: usize, tissue: &String| {
             let is = |class: u8| usize::from(class) == number;
             let structures: Vec<&ClassStructure> =
@@ -338,7 +333,7 @@ impl Bench {
                 grey_difference: structures.iter().map(|s| s.grey_difference * s.pixels as f64).sum::<f64>()
                     / pixels as f64,
                 envelope_snr: snr(&mut errors.iter().flat_map(|e| &e.speckle)),
-                reference_snr: snr(&mut reference.truths.iter().flat_map(|t| &t.speckle)),
+                reference_snr: snr(&mut truths.iter().flat_map(|t| &t.speckle)),
                 contrast_lost: mean(structures.iter().filter_map(|s| s.contrast_lost)),
             })
         };

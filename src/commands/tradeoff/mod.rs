@@ -8,6 +8,7 @@ mod measure;
 pub(super) mod poses;
 mod reference;
 mod store;
+mod truth;
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -166,9 +167,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
                 let point = match generator {
                     Some(number) => {
                         let name = generators[generated[number].1].clone();
-                        bench.generated(generated[number], name, &reference, &tracks)?
+                        bench.generated(generated[number], name, &reference.truths, &tracks)?
                     }
-                    None => bench.point(&planned[index], &reference, &tracks)?,
+                    None => bench.point(&planned[index], &reference.truths, &tracks)?,
                 };
                 store.write(&file, &point)?;
                 (point, Some(started.elapsed().as_secs_f64()))

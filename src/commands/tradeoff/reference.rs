@@ -3,9 +3,8 @@
 use std::fmt;
 
 use insonify::pose::Pose;
-use insonify::quality::speckle::speckle;
-use insonify::quality::{ClassSpeckle, Pair, level_difference};
-use insonify::render::{Frame, FrameQuality};
+use insonify::quality::level_difference;
+use insonify::render::FrameQuality;
 use insonify::sink::png::{self, Effort};
 use insonify::statistics::mean;
 use serde::{Deserialize, Serialize};
@@ -14,6 +13,7 @@ use super::super::frame_dir::grey;
 use super::super::{Classify, Failure};
 use super::measure::Bench;
 use super::store::Store;
+use super::truth::Truth;
 
 /// Convergence limit: mean change of a pixel from doubled rays, grey levels. Chosen: 2 of 255 levels are 0.5 dB at 60
 /// dB.
@@ -72,38 +72,6 @@ impl fmt::Display for Check {
             f,
             "The reference, {quality} with all effects, {not} converged: doubling the rays to {rays} changed a pixel by {rays_change:.2} grey levels in the mean (chosen bound: {rays_bound}), {layers_compared} layers instead of {layers} change the level of 32 x 32 pixels by {layers_change:.2} (chosen bound: {layers_bound})"
         )
-    }
-}
-
-/// Reference images at one pose.
-pub(super) struct Truth {
-    pub(super) size: [usize; 2],
-    pub(super) bmode: Vec<u8>,
-    pub(super) segmentation: Vec<u8>,
-    mask: Vec<u8>,
-    pub(super) speckle: Vec<ClassSpeckle>,
-}
-
-impl Truth {
-    pub(super) fn of(frame: &Frame, dynamic_range_db: f64) -> Result<Self, Failure> {
-        let size = [frame.width as usize, frame.height as usize];
-        Self::new(size, frame.bmode.clone(), frame.segmentation.clone(), frame.mask.clone(), dynamic_range_db)
-    }
-
-    fn new(
-        size: [usize; 2],
-        bmode: Vec<u8>,
-        segmentation: Vec<u8>,
-        mask: Vec<u8>,
-        range_db: f64,
-    ) -> Result<Self, Failure> {
-        let speckle = speckle(&bmode, &segmentation, size, range_db)?;
-        Ok(Self { size, bmode, segmentation, mask, speckle })
-    }
-
-    /// Pair of `image` and this reference within the sector.
-    pub(super) fn pair<'a>(&'a self, image: &'a [u8]) -> Result<Pair<'a>, Failure> {
-        Ok(Pair::new(self.size, image, &self.bmode, Some(&self.mask))?)
     }
 }
 
