@@ -11,9 +11,6 @@ use super::operating_points;
 use super::status_line::StatusLine;
 use super::{Classify, Failure};
 
-/// Times its budget after which a generator's run is ended.
-const RUN_ENDED: f64 = 2.0;
-
 /// Generators of a session, and the controller of its operating point.
 #[derive(Default)]
 pub(crate) struct Chosen {
@@ -72,11 +69,8 @@ pub(crate) fn run(
     parts: Parts,
     mut each: impl FnMut(&Status),
 ) -> Result<Summary, Failure> {
-    let mut settings = station.pipeline;
-    // Ends a generator's run that is far over its budget, not only one that hangs.
-    settings.hang_ms = settings.hang_ms.min(RUN_ENDED * station.generator.budget_ms);
     let mut line = StatusLine::new();
-    let summary = Pipeline::run(&settings, limits, parts, |now| {
+    let summary = Pipeline::run(&station.pipeline, limits, parts, |now| {
         line.set(now.elapsed_s, || status(now));
         each(now);
     });
@@ -104,5 +98,112 @@ pub(crate) fn say_left_out(counters: &Counters) {
     let list: Vec<String> = named.map(|(name, count)| format!("{name} {count}")).collect();
     if !list.is_empty() {
         eprintln!("tracker: {}", list.join(", "));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+    use std::sync::Arc;
+    use std::time::Duration;
+
+    use insonify::pipeline::{
+        Clock, EnhanceError, FrameRenderer, ImageShape, RenderFault, RendererFactory, SimulatedClock, StandingPose,
+        Stop, Terminator,
+    };
+    use insonify::render::{Frame, RenderSettings};
+    use insonify::transducer::Probe;
+
+    use super::*;
+
+    /// A renderer of one pixel.
+    struct Pixel;
+
+    impl FrameRenderer for Pixel {
+        fn shape(&self) -> ImageShape {
+            ImageShape { width: 1, height: 1, pixel_mm: 1.0 }
+        }
+
+        fn submit(&mut self, _: &Pose) -> Result<(), RenderFault> {
+            Ok(())
+        }
+
+        fn receive(&mut self, frame: &mut Frame) -> Result<(), RenderFault> {
+            (frame.width, frame.height) = (1, 1);
+            for map in [&mut frame.bmode, &mut frame.segmentation, &mut frame.mask] {
+                map.clear();
+                map.push(1);
+            }
+            frame.attenuation.clear();
+            frame.attenuation.push(0.0);
+            Ok(())
+        }
+
+        fn reconfigure(&mut self, _: &Probe, _: &RenderSettings) -> Result<(), RenderFault> {
+            Ok(())
+        }
+    }
+
+    impl RendererFactory for Pixel {
+        fn build(&mut self, _: &Probe, _: &RenderSettings) -> Result<Box<dyn FrameRenderer>, RenderFault> {
+            Ok(Box::new(Self))
+        }
+    }
+
+    /// A generator whose runs take 400 ms.
+    struct Slow(Arc<dyn Clock>);
+
+    impl Enhancer for Slow {
+        fn name(&self, _: usize) -> &str {
+            "slow"
+        }
+
+        fn enhance(&mut self, _: usize, _: &Frame, out: &mut Vec<u8>) -> Result<(), EnhanceError> {
+            self.0.sleep_until(self.0.now() + Duration::from_millis(400));
+            out.push(2);
+            Ok(())
+        }
+
+        fn terminator(&self) -> Option<Terminator> {
+            None
+        }
+    }
+
+    /// Counted hangs of a session of the live station with these lines in its `[pipeline]`.
+    fn hung(pipeline: &str) -> u64 {
+        let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs");
+        let text = std::fs::read_to_string(directory.join("live.toml")).unwrap();
+        let text = text.replace("[pipeline]", &format!("[pipeline]\n{pipeline}"));
+        let station = Station::parse(&text, &directory).unwrap();
+        assert_eq!(station.generator.budget_ms, 64.0);
+        let clock: Arc<dyn Clock> = Arc::new(SimulatedClock::new());
+        let parts = Parts {
+            clock: clock.clone(),
+            stop: Stop::new(&clock),
+            poses: Box::new(StandingPose(Pose::IDENTITY)),
+            renderer: Box::new(Pixel),
+            factory: Box::new(Pixel),
+            probe: station.probe,
+            render: station.settings,
+            points: None,
+            aperture: Choice::Auto,
+            enhancer: Some(Box::new(Slow(clock))),
+            sinks: Vec::new(),
+            log: None,
+            controls: tokio::sync::mpsc::channel(1).1,
+            observer: None,
+            before: Vec::new(),
+            after: Vec::new(),
+        };
+        let limits = Limits { duration: Some(Duration::from_secs(5)), frames: None };
+        let generator = run(&station, limits, parts, |_| ()).unwrap().generator.unwrap();
+        assert!(generator.done > 5, "{generator:?}");
+        generator.hung
+    }
+
+    #[test]
+    fn a_run_hangs_after_the_stations_own_time_and_not_after_its_budget() {
+        assert_eq!(hung(""), 0, "5 s by default");
+        assert!(hung("hang_ms = 200") > 5);
     }
 }

@@ -38,6 +38,22 @@ mod tests {
     }
 
     #[test]
+    fn a_run_may_not_hang_within_its_budget() {
+        let models = "models = [\"a.onnx\"]";
+        let station = |lines: &str| parse(&format!("{lines}\n[generator]\n{models}"));
+        for lines in ["[quality]\nbudget_ms = 64\n[pipeline]\nhang_ms = 64", "[quality]\nbudget_ms = 6000"] {
+            let error = station(lines).unwrap_err().to_string();
+            let words = ["pipeline.hang_ms", "5000 by default", "generator.budget_ms", "quality.budget_ms"];
+            assert!(words.iter().all(|word| error.contains(word)), "{error}");
+        }
+        let kept = |lines: &str| station(lines).unwrap().pipeline.hang_ms;
+        assert_eq!(kept("[quality]\nbudget_ms = 64"), 5000.0);
+        assert_eq!(kept("[quality]\nbudget_ms = 64\n[pipeline]\nhang_ms = 65"), 65.0);
+        // Without generators nothing hangs.
+        assert_eq!(parse("[quality]\nbudget_ms = 64\n[pipeline]\nhang_ms = 50").unwrap().pipeline.hang_ms, 50.0);
+    }
+
+    #[test]
     fn mistakes_are_named_with_what_would_be_right() {
         let lines = [
             ("provider = \"cuba\"", ["generator.provider", "did you mean `cuda`?"]),

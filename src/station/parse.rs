@@ -10,8 +10,9 @@ use super::keys::{PHYSICAL, tables};
 use super::values::{Values, optional, section, take, wrong_type};
 use super::{Station, StationError, calibration};
 use crate::anatomy::{Tissue, TissueTable};
+use crate::generator;
 use crate::pose::Pose;
-use crate::settings::{Face, LookPreset, LookSettings, Probe, ProbeKind, SettingsGroup};
+use crate::settings::{Face, LookPreset, LookSettings, PipelineSettings, Probe, ProbeKind, SettingsGroup};
 use crate::sink::window as window_sink;
 use crate::suggest::did_you_mean;
 
@@ -54,6 +55,7 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let window = optional(&mut root, "window")?
         .map(|values| window_sink::Settings { full_screen: values.boolean("full_screen").unwrap_or(false) });
     let pipeline = group(&mut root, "pipeline")?;
+    check_hang(&pipeline, &generator)?;
     let sinks = super::display::sinks(&section(&mut root, "display")?);
     let path = dir.to_owned();
     Ok(Station {
@@ -93,6 +95,20 @@ fn group<G: SettingsGroup + Default>(root: &mut Table, name: &str) -> Result<G, 
     let mut group = G::default();
     section(root, name)?.set_group(&mut group);
     Ok(group)
+}
+
+/// Refuses a `hang_ms` that ends runs within their budget.
+fn check_hang(pipeline: &PipelineSettings, generator: &generator::Settings) -> Result<(), StationError> {
+    let (hang_ms, budget_ms) = (pipeline.hang_ms, generator.budget_ms);
+    if generator.models.is_empty() || !generator.enabled || hang_ms > budget_ms {
+        return Ok(());
+    }
+    let default_ms = PipelineSettings::default().hang_ms;
+    let reason = format!(
+        "a run counts as hanging after {hang_ms} ms ({default_ms} by default), but may take {budget_ms} ms by \
+         `generator.budget_ms` (`quality.budget_ms` by default); make it more, or the budget less"
+    );
+    Err(StationError::Text { key: "pipeline.hang_ms".to_owned(), reason })
 }
 
 /// A look by name, with the changes of the table's other keys.
