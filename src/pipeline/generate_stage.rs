@@ -17,10 +17,6 @@ use crate::sink::pool::Pool;
 /// Buffers of generated frames: two in the presenter during an exchange, one in the slot, one to fill.
 const FRAMES: usize = 4;
 
-/// Consecutive failures after which the generator rests, and its first and longest rest.
-const FAILURES: u32 = 3;
-const REST: (Duration, Duration) = (Duration::from_secs(1), Duration::from_secs(60));
-
 /// A generated picture.
 #[derive(Debug, Default)]
 pub(super) struct Generated {
@@ -48,26 +44,17 @@ pub(super) struct GenerateStage {
     pub(super) to_presenter: Arc<Slot<Arc<Generated>>>,
 }
 
-/// Recent failures and the resulting back-off.
-struct Health {
-    failures: u32,
-    rest: Duration,
-    resting_until: Duration,
-}
-
 impl GenerateStage {
     /// Translates the newest frame in a loop until the slot is closed.
     pub(super) fn run(mut self) {
         let mut pool = Pool::new(FRAMES);
-        let mut health = Health { failures: 0, rest: REST.0, resting_until: Duration::ZERO };
+        let mut failing = false;
         while let Taken::Item(rendered) = self.from_renderer.take(NEVER) {
             let number = rendered.info.number;
-            let rests = self.clock.now() < health.resting_until;
-            self.link.rests(rests);
-            // After a rest the first frames were rendered without maps.
-            let ready = |generator: &usize| !rests && (rendered.maps || !self.enhancer.reads_maps(*generator));
+            // The first frames after a change were rendered without maps.
+            let ready = |generator: &usize| rendered.maps || !self.enhancer.reads_maps(*generator);
             match rendered.generator.filter(ready) {
-                Some(generator) => self.translate(rendered, generator, &mut pool, &mut health),
+                Some(generator) => self.translate(rendered, generator, &mut pool, &mut failing),
                 None => lock(&self.link.state).counts.dropped += 1,
             }
             self.link.done_with(number, &*self.clock);
@@ -77,13 +64,7 @@ impl GenerateStage {
         self.to_presenter.close();
     }
 
-    fn translate(
-        &mut self,
-        rendered: Arc<Rendered>,
-        generator: usize,
-        pool: &mut Pool<Generated>,
-        health: &mut Health,
-    ) {
+    fn translate(&mut self, rendered: Arc<Rendered>, generator: usize, pool: &mut Pool<Generated>, failing: &mut bool) {
         let started = self.clock.now();
         let frame = rendered.info.number;
         let span = tracing::debug_span!("infer", frame, started_ms = ms(started), ended_ms = Empty).entered();
@@ -129,34 +110,19 @@ impl GenerateStage {
                 state.counts.done += 1;
                 state.counts.late += u64::from(ended > generated.deadline);
                 drop(state);
-                (health.failures, health.rest) = (0, REST.0);
+                *failing = false;
                 self.to_presenter.put(generated);
             }
             Some((_, Err(reason))) => {
                 state.counts.failed += 1;
                 drop(state);
-                self.failed(generator, &reason.to_string(), health);
+                // The first in a row; the controller of operating points leaves a generator that fails again and again.
+                if !std::mem::replace(failing, true) {
+                    let tier = self.enhancer.name(generator);
+                    self.events.warn(format!("generator {tier} failed: {reason}; the rendered frame is shown"));
+                }
             }
             None => state.counts.dropped += 1,
         }
-    }
-
-    /// Handles a failed run: after [`FAILURES`] in a row the generator rests, longer each time.
-    fn failed(&self, generator: usize, reason: &str, health: &mut Health) {
-        health.failures += 1;
-        let tier = self.enhancer.name(generator);
-        if health.failures < FAILURES {
-            if health.failures == 1 {
-                self.events.warn(format!("generator {tier} failed: {reason}; the rendered frame is shown"));
-            }
-            return;
-        }
-        let rest_s = health.rest.as_secs_f64();
-        self.events.warn(format!(
-            "generator {tier} failed {FAILURES} times in a row and rests for {rest_s:.0} s: {reason}; rendered frames are shown"
-        ));
-        health.resting_until = self.clock.now().saturating_add(health.rest);
-        health.rest = (2 * health.rest).min(REST.1);
-        health.failures = 0;
     }
 }

@@ -2,7 +2,6 @@
 
 use std::collections::VecDeque;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use super::clock::{Clock, Signal, lock, smoothed};
@@ -125,8 +124,6 @@ pub(super) struct GeneratorLink {
     on_processors: bool,
     /// Notified after each frame that the generator translated or skipped.
     done: Signal,
-    /// Whether the generator takes no frames after failures.
-    rests: AtomicBool,
     /// Whether each generator reads the frames' maps.
     reads_maps: Vec<bool>,
 }
@@ -139,14 +136,13 @@ impl GeneratorLink {
             hang,
             on_processors: enhancer.on_processors(),
             done: Signal::default(),
-            rests: AtomicBool::new(false),
             reads_maps: (0..enhancer.generators()).map(|generator| enhancer.reads_maps(generator)).collect(),
         }
     }
 
     /// Whether a generator reads the frames' maps.
     pub(super) fn reads_maps(&self, generator: usize) -> bool {
-        self.reads_maps.get(generator).is_some_and(|reads| *reads) && !self.rests.load(Ordering::Relaxed)
+        self.reads_maps.get(generator).is_some_and(|reads| *reads)
     }
 
     /// Takes the oldest run that nobody has read.
@@ -168,11 +164,6 @@ impl GeneratorLink {
             clock.wait(&self.done, seen, until);
         }
         waits
-    }
-
-    /// Publishes to the other stages whether the generator takes no frames.
-    pub(super) fn rests(&self, rests: bool) {
-        self.rests.store(rests, Ordering::Relaxed);
     }
 
     /// Records the start of a run on frame `number`.
@@ -199,10 +190,6 @@ impl GeneratorLink {
 
     /// Predicted completion time of the picture of frame `number`, which was handed to the generator.
     pub(super) fn expected(&self, number: u64, now: Duration) -> Option<Duration> {
-        // A resting generator makes no pictures.
-        if self.rests.load(Ordering::Relaxed) {
-            return None;
-        }
         let state = lock(&self.state);
         // The end of a hanging run cannot be predicted, nor that of the next one.
         if state.estimate.is_zero() || state.hang != Hang::No {

@@ -57,7 +57,7 @@ impl FrameQuality {
         }
     }
 
-    /// `settings` at this quality. The seed stays; `effects` says what the station wants of the aperture.
+    /// `settings` at this quality, with the same seed. `aperture` is the station's own choice of that effect.
     pub fn apply(&self, settings: &RenderSettings, aperture: Choice) -> RenderSettings {
         let mut next = *settings;
         (next.quality.rays, next.quality.layers, next.look.angles) = (self.rays, self.layers, self.angles);

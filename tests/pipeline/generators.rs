@@ -91,7 +91,7 @@ fn a_generator_at_its_limit_does_not_flicker() {
 }
 
 #[test]
-fn a_generator_that_gives_nonsense_rests_and_is_tried_again() {
+fn a_generator_that_gives_nonsense_is_left_and_tried_again() {
     let _guard = beside_others();
     let (clock, log) = (clock(), Log::default());
     let mut run = 0;
@@ -99,20 +99,25 @@ fn a_generator_that_gives_nonsense_rests_and_is_tried_again() {
         run += 1;
         match run {
             20 => out.resize(frame.bmode.len() - 1, 0),
-            21..=40 => return Err(EnhanceError::Failed("pixel 7 is NaN".to_owned())),
+            21..=25 => return Err(EnhanceError::Failed("pixel 7 is NaN".to_owned())),
             _ => out.resize(frame.bmode.len(), 200),
         }
         Ok(())
     };
     let enhancer = Some(translate(work));
-    let limits = Limits { duration: Some(200 * SECOND), frames: None };
-    let summary = Session { enhancer, limits, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
+    // Three failures in a row: it is left for a minute, after the next three for two.
+    let limits = Limits { duration: Some(240 * SECOND), frames: None };
+    let points = Some(with_generator());
+    let summary = Session { enhancer, limits, points, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
     let frames = seen(&log);
-    assert_eq!(frames.len(), 4000);
+    assert_eq!(frames.len(), 4800);
     assert!(frames.iter().all(|f| matches!((f.source, f.first_pixel), (FrameSource::LowQuality, 1) | (_, 200))));
     assert_eq!(changes(&frames), (3, false));
-    assert!(frames.iter().any(|f| f.notice.as_ref().is_some_and(|n| n.contains("NaN") && n.contains("rests"))));
+    assert!(frames.iter().any(|f| f.notice.as_ref().is_some_and(|n| n.contains("fake failed: it gave 31 pixels"))));
     let generator = summary.generator.unwrap();
-    assert_eq!(generator.failed, 21);
+    assert_eq!(generator.failed, 6, "no back-off but the controller's");
+    let said: Vec<String> = summary.points.unwrap().changes.into_iter().map(|change| change.reason).collect();
+    assert_eq!(said.len(), 4, "{said:?}");
+    assert!([0, 2].iter().all(|&nth| said[nth] == "fake failed 3 times in a row: pixel 7 is NaN"), "{said:?}");
     assert_eq!(frames.last().unwrap().source, FrameSource::Enhanced, "it is back at the end");
 }
