@@ -202,7 +202,9 @@ def export(run, data, out, description=None, frames=32, name=None):
         "data_sha256": data_sha256 or data.sha256(), "iterations": trainer.step, "lq": asdict(data.lq[0]),
         **({"lq_more": [asdict(lq) for lq in data.lq[1:]]} if data.lq[1:] else {}), "hq": asdict(data.hq),
     }
-    tables["quality"] = {"psnr_db": round(float(made[0]), 3), "ssim": round(float(made[1]), 4)}
+    tables["quality"] = {
+        "psnr_db": round(float(made[0]), 3), "ssim": round(float(made[1]), 4), "lq_psnr_db": round(float(lq[0]), 3),
+    }
     head = {
         "format": 1,
         "name": name,

@@ -220,6 +220,9 @@ pub struct Quality {
     pub psnr_db: f64,
     /// Structural similarity, 0..=1.
     pub ssim: f64,
+    /// Peak signal-to-noise ratio of its input on the same frames, dB.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lq_psnr_db: Option<f64>,
     /// Patch-wise Kullback-Leibler divergence of histograms.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pkl: Option<f64>,
