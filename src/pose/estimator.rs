@@ -8,6 +8,7 @@ use super::prediction::{horizon_s, predict};
 use super::rates::RateIntegrator;
 use super::ring::PoseRing;
 use super::settings::Settings;
+use super::speed::Speed;
 use super::stream_order::{Place, StreamOrder};
 use super::stuck::StuckWatch;
 use super::tracking::{TrackingClock, TrackingState};
@@ -33,6 +34,8 @@ pub struct Estimate {
     pub first_byte_ns: Option<u64>,
     /// Prediction beyond the newest measurement, ms.
     pub predicted_ms: f64,
+    /// Speed of the probe at the newest measurement; none while it does not tell of now.
+    pub speed: Option<Speed>,
 }
 
 /// Turns the measurements of one sensor into poses.
@@ -167,6 +170,7 @@ impl Estimator {
             state,
             first_byte_ns: self.newest.map(|(_, raw_ns)| raw_ns),
             predicted_ms: 0.0,
+            speed: None,
         };
         let (Some((newest_ns, _)), Some(motion)) = (self.newest, &self.motion) else { return estimate };
         if state == TrackingState::Lost {
@@ -175,6 +179,8 @@ impl Estimator {
         let horizon_s = horizon_s(newest_ns, display_ns, self.settings.filter.prediction_ms);
         let earlier = if display_ns < newest_ns { self.history.at(display_ns) } else { None };
         estimate.predicted_ms = horizon_s * 1e3;
+        let speed = Speed::of(motion.velocity_mm_s, motion.angular_velocity_rad_s);
+        estimate.speed = (state.is_live() || state == TrackingState::Stuck).then_some(speed);
         estimate.scene_from_probe = Some(earlier.unwrap_or_else(|| predict(motion, horizon_s)));
         estimate
     }

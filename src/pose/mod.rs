@@ -33,6 +33,7 @@ pub mod tracking;
 mod estimator;
 mod history;
 mod reading;
+mod speed;
 mod transform;
 
 pub use calibration::{Calibration, CalibrationError, CalibrationSource, Fitted};
@@ -41,6 +42,7 @@ pub use estimator::{Estimate, Estimator};
 pub use history::{TimedPose, interpolate};
 pub use reading::{Measurement, Reading};
 pub use settings::{FilterSettings, Settings};
+pub use speed::{BySpeed, LIMITS, ProbeSpeed, Speed};
 pub use tracking::TrackingState;
 pub use transform::{angle_between, rotation_vector};
 

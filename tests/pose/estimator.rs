@@ -449,3 +449,20 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn the_speed_of_the_probe_is_reported_while_it_is_tracked() {
+    let mut estimator = estimator();
+    assert_eq!(estimator.sample(time(0), time(0)).speed, None);
+    // 60 measurements a second: a second at rest, a second at 30 mm/s.
+    let speeds = (0..120).map(|i: u64| {
+        let x = 0.5 * i.saturating_sub(60) as f64;
+        estimator.push(&measurement(i, at(x)));
+        estimator.sample(time(i), time(i)).speed.unwrap()
+    });
+    let speeds: Vec<_> = speeds.collect();
+    assert!(speeds[50].mm_s < 0.01 && speeds[119].deg_s < 0.01, "{:?}", speeds[50]);
+    let expected = 0.5 * 1e9 / PERIOD_NS as f64;
+    assert!((speeds[119].mm_s / expected - 1.0).abs() < 0.05, "{:?}", speeds[119]);
+    assert_eq!(estimator.sample(time(119) + 900 * MS, time(119)).speed, None, "what was before the silence is not now");
+}
