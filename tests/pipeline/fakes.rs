@@ -154,6 +154,7 @@ pub(super) fn tracked(now: Duration, x: f64) -> Estimate {
         state: TrackingState::Good,
         first_byte_ns: Some((START_NS + now.as_nanos() as u64).saturating_sub(5_000_000)),
         predicted_ms: 0.0,
+        speed: None,
     }
 }
 
@@ -188,6 +189,16 @@ impl<F: FnMut(&Frame, &mut Vec<u8>) -> Result<(), EnhanceError> + Send> Enhancer
     fn terminator(&self) -> Option<Terminator> {
         self.terminator.clone()
     }
+}
+
+/// A controller of the generator `fake` at the default quality, on a device of its own.
+pub(super) fn with_generator() -> PointController {
+    let of = |generator: Option<usize>, error, run_ms| {
+        let (quality, error) = (FrameQuality::of(&RenderSettings::default()), BySpeed::all(error));
+        Candidate { quality, generator, error, render_ms: 20.0, run_ms }
+    };
+    let budget = FrameBudget { frame_ms: None, run_ms: 1000.0, apart: true, spread: 1.0 };
+    PointController::new(vec![of(Some(0), 1.0, 1.0), of(None, 2.0, 0.0)], vec!["fake".to_owned()], budget).unwrap()
 }
 
 /// A generator that does `work` on its own device.

@@ -35,7 +35,7 @@ use insonify::pipeline::{
     Parts, Pipeline, PointController, PoseSource, RenderFault, RendererFactory, SimulatedClock, Stop, Summary,
     SystemClock, Terminator,
 };
-use insonify::pose::{Estimate, Pose, TrackingState};
+use insonify::pose::{BySpeed, Estimate, Pose, Speed, TrackingState};
 use insonify::render::{Choice, Frame, FrameQuality, Quality, QualityPoint, RenderSettings};
 use insonify::settings::{Assignment, ChoiceSettings, Control, LiveSettings, PipelineSettings};
 use insonify::sink::live::{FrameSource, LiveSink, MapsWanted, PresentedFrame};

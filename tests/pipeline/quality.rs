@@ -13,7 +13,7 @@ fn cost_ms(quality: QualityPoint) -> f64 {
 fn raw(&(rays, layers, error): &(u32, u32, f64)) -> Candidate {
     let quality = FrameQuality::new(rays, layers);
     let render_ms = cost_ms(QualityPoint::new(rays, layers));
-    Candidate { quality, generator: None, error, render_ms, run_ms: 0.0 }
+    Candidate { quality, generator: None, error: BySpeed::all(error), render_ms, run_ms: 0.0 }
 }
 
 /// A session with a budget of 40 ms, whose frames take twice as long from 20 s to 60 s.
@@ -73,7 +73,7 @@ fn generators_come_and_go_with_the_load() {
     let _guard = beside_others();
     let (clock, log, heard) = (clock(), Log::default(), Arc::<Heard>::default());
     let quality = FrameQuality::LQ;
-    let generated = Candidate { quality, generator: Some(0), error: 5.0, render_ms: 9.24, run_ms: 20.0 };
+    let generated = Candidate { quality, generator: Some(0), error: BySpeed::all(5.0), render_ms: 9.24, run_ms: 20.0 };
     let points = controller(RAW.iter().map(raw).chain([generated]).collect(), &["fake"]);
     let clock_of_run = clock.clone();
     let work = move |frame: &Frame, out: &mut Vec<u8>| {
@@ -110,4 +110,33 @@ fn a_quality_that_is_set_by_hand_stays() {
     assert!(matches!(&said[..], [(0, text)] if text.contains("by hand")), "{said:?}");
     let points = summary.points.unwrap();
     assert_eq!((points.by_hand, points.lowered, points.raised), (true, 0, 0));
+}
+
+#[test]
+fn the_point_follows_the_speed_that_the_tracker_reports() {
+    let _guard = beside_others();
+    let (clock, heard) = (clock(), Arc::<Heard>::default());
+    let of = |quality, error| Candidate { quality, generator: None, error, render_ms: 16.0, run_ms: 0.0 };
+    let rolling = FrameQuality { angles: 9, ..FrameQuality::new(1, 3) };
+    let candidates =
+        vec![of(rolling, BySpeed::new([10.0, 16.0, 25.0])), of(FrameQuality::new(2, 3), BySpeed::all(18.0))];
+    let points = controller(candidates, &[]);
+    // Fast strokes from 30 s to 60 s, with pauses of a second, and slow motion before and after.
+    let poses = |now: Duration| {
+        let s = now.as_secs_f64();
+        let fast = (30.0..60.0).contains(&s) && s % 4.0 < 3.0;
+        let speed = Some(Speed { mm_s: if fast { 40.0 } else { 4.0 }, deg_s: 0.0 });
+        Estimate { speed, ..tracked(now, 0.0) }
+    };
+    let extra: Arc<Extra> = Arc::new(|_, _| 16 * MS);
+    let limits = Limits { duration: Some(90 * SECOND), frames: None };
+    let observer = Some(heard.clone() as Arc<dyn Observer>);
+    let session = Session { service: Duration::ZERO, extra, points: Some(points), ..Session::new(&clock, poses) };
+    let summary = Session { observer, limits, ..session }.run();
+    let said = said_of_quality(&heard);
+    let [(away_s, away), (back_s, back)] = &said[..] else { panic!("{said:?}") };
+    assert!((30..32).contains(away_s) && (60..63).contains(back_s), "{said:?}");
+    assert_eq!(away, "1x3 of 9 angles -> 2x3: the probe moves fast: 18.0 grey levels off instead of 25.0");
+    assert_eq!(back, "2x3 -> 1x3 of 9 angles: the probe moves slowly: 16.0 grey levels off instead of 18.0");
+    assert_eq!(summary.points.unwrap().error, Some(16.0));
 }

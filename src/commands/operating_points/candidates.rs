@@ -1,7 +1,8 @@
 //! Operating points that a station may run, with their errors and times.
 
-use insonify::generator::Generator;
+use insonify::generator::{Generator, Quality};
 use insonify::pipeline::Candidate;
+use insonify::pose::BySpeed;
 use insonify::render::{Choice, Effect, FrameQuality};
 use insonify::station::Station;
 use insonify::tradeoff::{ExpectedErrors, GeneratorKey};
@@ -10,7 +11,7 @@ use super::times::Times;
 
 /// Error of a generator that nobody has measured, over that of the frames below it.
 const UNMEASURED: f64 = 0.9;
-/// Target of generators whose own figures are comparable with the table of errors.
+/// Target of generators whose own gain is comparable with the table of errors.
 const TARGET: FrameQuality = FrameQuality { angles: 9, ..FrameQuality::new(32, 3) };
 
 /// What the choice needs of a generator.
@@ -20,8 +21,8 @@ pub(super) struct Model {
     /// Frames that it takes.
     pub(super) lq: Vec<FrameQuality>,
     pub(super) reads_maps: bool,
-    /// Its error when it was trained, grey levels; none if its target was another one than [`TARGET`].
-    pub(super) error: Option<f64>,
+    /// Its error over that of its input by its manifest; none if that says neither, or its target wasn't [`TARGET`].
+    pub(super) gain: Option<f64>,
 }
 
 impl Model {
@@ -33,9 +34,15 @@ impl Model {
             key: super::key(generator),
             lq: manifest.lq(),
             reads_maps: manifest.reads_maps(),
-            error: quality.map(|quality| 255.0 * 10f64.powf(-quality.psnr_db / 20.0)),
+            gain: quality.and_then(gain),
         }
     }
+}
+
+/// Error of a model's output over that of its input, by its manifest.
+fn gain(quality: &Quality) -> Option<f64> {
+    let gain = 10f64.powf((quality.lq_psnr_db? - quality.psnr_db) / 20.0);
+    (gain.is_finite() && gain > 0.0).then_some(gain)
 }
 
 /// What a station leaves open.
@@ -99,7 +106,7 @@ impl Open {
         times: &Times,
     ) -> Vec<Candidate> {
         let raw = qualities.iter().filter_map(|&quality| {
-            let (error, render_ms) = (expected.of(quality, None)?, times.render(quality, false)?);
+            let (error, render_ms) = (expected.by_speed(quality, None)?, times.render(quality, false)?);
             Some(Candidate { quality, generator: None, error, render_ms, run_ms: 0.0 })
         });
         let generated = models.iter().enumerate();
@@ -107,10 +114,10 @@ impl Open {
             generated.flat_map(|(index, model)| model.lq.iter().map(move |&trained_on| (index, model, trained_on)));
         let generated = generated.filter_map(|(index, model, trained_on)| {
             let quality = self.below_generator(trained_on)?;
-            let known = expected.of(trained_on, Some(&model.key));
-            // A generator that was worth training is better than its input.
-            let guessed = || expected.of(quality, None).map(|error| UNMEASURED * error);
-            let error = known.or(model.error).or_else(guessed)?;
+            let known = expected.by_speed(trained_on, Some(&model.key));
+            // Its own figures are of other frames than the table's: only their ratio counts.
+            let by_gain = || Some(expected.by_speed(quality, None)?.times(model.gain.unwrap_or(UNMEASURED)));
+            let error = known.or_else(by_gain)?;
             let (render_ms, run_ms) = (times.render(quality, model.reads_maps)?, times.run(&model.key)?);
             Some(Candidate { quality, generator: Some(index), error, render_ms, run_ms })
         });
@@ -123,10 +130,11 @@ impl Open {
         // Without a time, frames say nothing about the load.
         let render_ms = times.render(quality, true).unwrap_or(0.0);
         let of = |(rank, model): (usize, &Model)| {
-            let run_ms = times.run(&model.key)?;
-            Some(Candidate { quality, generator: Some(rank), error: 1.0 + rank as f64, render_ms, run_ms })
+            let (error, run_ms) = (BySpeed::all(1.0 + rank as f64), times.run(&model.key)?);
+            Some(Candidate { quality, generator: Some(rank), error, render_ms, run_ms })
         };
-        let raw = Candidate { quality, generator: None, error: 1.0 + models.len() as f64, render_ms, run_ms: 0.0 };
+        let error = BySpeed::all(1.0 + models.len() as f64);
+        let raw = Candidate { quality, generator: None, error, render_ms, run_ms: 0.0 };
         models.iter().enumerate().filter_map(of).chain([raw]).collect()
     }
 }
@@ -140,9 +148,9 @@ mod tests {
 
     const ROLLING: FrameQuality = FrameQuality { angles: 9, ..FrameQuality::new(2, 3) };
 
-    fn model(name: &str, sha256: &str, lq: FrameQuality, error: Option<f64>) -> Model {
+    fn model(name: &str, sha256: &str, lq: FrameQuality, gain: Option<f64>) -> Model {
         let key = GeneratorKey { name: name.into(), sha256: sha256.into() };
-        Model { key, lq: vec![lq], reads_maps: false, error }
+        Model { key, lq: vec![lq], reads_maps: false, gain }
     }
 
     /// Times that grow with the paths, and 20 ms for each run.
@@ -169,7 +177,7 @@ mod tests {
             assert!(qualities.len() > 5 && qualities.iter().all(|quality| quality.angles == angles), "{qualities:?}");
             let found = open.candidates(&expected, &qualities, &[], &times(&qualities, &[]));
             assert_eq!(found.len(), qualities.len());
-            let known = expected.of(FrameQuality { angles: like, ..FrameQuality::LQ }, None);
+            let known = expected.by_speed(FrameQuality { angles: like, ..FrameQuality::LQ }, None);
             let lq = found.iter().find(|c| c.quality == open.own).unwrap();
             assert_eq!(Some(lq.error), known, "{angles} angles");
         }
@@ -206,15 +214,24 @@ mod tests {
     fn a_generator_nobody_has_measured_is_a_little_better_than_its_input() {
         let expected = ErrorTable::shipped().unwrap().expected("obstetric", &Probe::default());
         let open = open(1, true);
-        let models = [model("own", "ab", ROLLING, None), model("compounded", "cd", ROLLING, Some(13.5))];
+        let models = [model("own", "ab", ROLLING, None), model("compounded", "cd", ROLLING, Some(0.8))];
         let qualities = open.qualities(&expected, &models);
         let found = open.candidates(&expected, &qualities, &models, &times(&qualities, &models));
         let error = |generator| found.iter().find(|c| c.quality == ROLLING && c.generator == generator).unwrap().error;
-        assert_eq!([error(Some(0)), error(Some(1))], [UNMEASURED * error(None), 13.5]);
+        assert_eq!([error(Some(0)), error(Some(1))], [error(None).times(UNMEASURED), error(None).times(0.8)]);
         // Without a time it is no candidate.
         let mut half = times(&qualities, &models[..1]);
         half.insert([2, 3], Some(30.0));
         assert!(open.candidates(&expected, &qualities, &models, &half).iter().all(|c| c.generator != Some(1)));
+    }
+
+    #[test]
+    fn a_models_own_figures_count_as_their_ratio() {
+        let quality = |lq_psnr_db| Quality { psnr_db: 30.0, ssim: 0.9, lq_psnr_db, pkl: None, fid: None };
+        // Its data set is easier than the table's scenes: 30 dB are 8 grey levels.
+        let gain = gain(&quality(Some(28.0))).unwrap();
+        assert!((gain - 10f64.powf(-0.1)).abs() < 1e-12, "{gain}");
+        assert_eq!([super::gain(&quality(None)), super::gain(&quality(Some(f64::NAN)))], [None; 2]);
     }
 
     #[test]
@@ -223,7 +240,7 @@ mod tests {
         let open = Open { own: FrameQuality::new(32, 3), ..open(1, false) };
         let known = open.fixed(&models, &times(&[open.own], &models));
         assert_eq!(
-            known.iter().map(|c| (c.generator, c.error)).collect::<Vec<_>>(),
+            known.iter().map(|c| (c.generator, c.error.at_rest)).collect::<Vec<_>>(),
             [(Some(0), 1.0), (Some(1), 2.0), (None, 3.0)]
         );
         assert_eq!(known[0].render_ms, 20.0 + 2.0 * 96.0 + 4.0);

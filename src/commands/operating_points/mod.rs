@@ -5,7 +5,7 @@ mod times;
 
 use insonify::generator::{Generator, Provider};
 use insonify::pipeline::{FrameBudget, PointController};
-use insonify::pose::Pose;
+use insonify::pose::{BySpeed, Pose, ProbeSpeed};
 use insonify::render::{Effect, FrameQuality, Renderer};
 use insonify::station::{SceneSource, Station};
 use insonify::tradeoff::{ErrorTable, ExpectedErrors, GeneratorKey};
@@ -107,9 +107,15 @@ fn report(controller: &PointController, expected: &ExpectedErrors<'_>, measured:
         tracing::warn!("quality: no point is sure to keep {limit_ms:.0} ms here; {name} takes {ms:.1} ms ({when})");
         return;
     }
-    let error = point.error;
+    let BySpeed { at_rest, slow, fast } = point.error;
+    let moving = if slow == at_rest && fast == at_rest {
+        String::new()
+    } else {
+        format!(" at rest, {slow:.1} slow, {fast:.1} fast")
+    };
     eprintln!(
-        "quality: {name}, {ms:.0} ms of {limit_ms:.0} ({when}), {error:.1} grey levels off the converged picture{whose}"
+        "quality: {name}, {ms:.0} ms of {limit_ms:.0} ({when}), {at_rest:.1} grey levels off the converged \
+         picture{whose}{moving}"
     );
 }
 
@@ -123,16 +129,16 @@ fn hint(
 ) {
     let point = fixed.point();
     let key = point.generator.and_then(|index| models.get(index)).map(|model| &model.key);
-    let Some(error) = expected.of(point.quality, key) else { return };
+    let Some(error) = expected.of(point.quality, key, ProbeSpeed::AtRest) else { return };
     let better = best.point();
-    if better.error < HINT * error && best.is_expected_to_fit(&better) {
+    if better.error.at_rest < HINT * error && best.is_expected_to_fit(&better) {
         eprintln!(
             "quality: {} is fixed, {error:.1} grey levels off the converged picture; {} would take {:.0} ms and be off by {:.1}: \
              `quality.budget_ms = {frame_ms:.0}` in place of rays and layers lets the station choose",
             fixed.name(&point),
             best.name(&better),
             best.expected_ms(&better),
-            better.error
+            better.error.at_rest
         );
     }
 }

@@ -1,6 +1,7 @@
 //! What watchers set by hand: generated pictures on and off, and a quality of their own.
 
 use super::{Candidate, Load, PointChange, PointController, RETRY_S, ROOM, SUDDEN};
+use crate::pose::BySpeed;
 use crate::render::FrameQuality;
 
 impl PointController {
@@ -25,7 +26,7 @@ impl PointController {
     }
 
     /// Makes a change that no later one has to wait for.
-    fn uncounted(&mut self, change: impl FnOnce(&mut Self) -> Option<PointChange>) -> Option<PointChange> {
+    pub(super) fn uncounted(&mut self, change: impl FnOnce(&mut Self) -> Option<PointChange>) -> Option<PointChange> {
         let changes = self.changes;
         let change = change(self);
         self.changes = changes;
@@ -47,13 +48,15 @@ impl PointController {
         if kept.is_empty() {
             return false;
         }
-        let worst = kept.iter().map(|candidate| candidate.error).fold(0.0, f64::max);
-        kept.push(Candidate { quality, generator: None, error: worst + 1.0, render_ms: 0.0, run_ms: 0.0 });
+        // Worse than all of them at any speed.
+        let error = BySpeed::all(f64::MAX);
+        kept.push(Candidate { quality, generator: None, error, render_ms: 0.0, run_ms: 0.0 });
         self.current = kept.iter().position(|candidate| candidate.generator == at_work).unwrap_or(kept.len() - 1);
         self.before = self.current;
         self.blocked_until = vec![f64::NEG_INFINITY; kept.len()];
         self.retry_s = vec![RETRY_S[0]; kept.len()];
         self.candidates = kept;
+        self.sort();
         self.budget.frame_ms = None;
         self.rest(now_s);
         true

@@ -7,6 +7,7 @@
 mod hand;
 mod predict;
 mod recent;
+mod speed;
 mod summary;
 #[cfg(test)]
 mod tests;
@@ -15,6 +16,8 @@ pub use summary::{PointSummary, Switch};
 
 use self::predict::{AHEAD, START_SPREAD_MAX};
 use self::recent::Recent;
+use self::speed::SpeedWatch;
+use crate::pose::{BySpeed, ProbeSpeed};
 use crate::render::FrameQuality;
 
 /// Frames by which a sudden load is recognised, and the fewest for that.
@@ -50,8 +53,8 @@ pub struct Candidate {
     pub quality: FrameQuality,
     /// Index of the generator on top; none: the rendered picture.
     pub generator: Option<usize>,
-    /// Error against the converged reference, grey levels.
-    pub error: f64,
+    /// Error against the converged reference by speed of the probe, grey levels.
+    pub error: BySpeed,
     /// Median time of a rendered frame, ms; 0 if it is not known.
     pub render_ms: f64,
     /// Median time of a run of the generator, ms; 0 without one.
@@ -97,8 +100,12 @@ pub struct PointChange {
 /// Chooses the operating point of a session.
 #[derive(Debug, Clone)]
 pub struct PointController {
-    /// By rising error.
     candidates: Vec<Candidate>,
+    /// Indices of the candidates by rising error, for each speed of the probe.
+    orders: [Vec<usize>; 3],
+    /// Speed of the probe, and when it last changed, s.
+    watch: SpeedWatch,
+    moved_s: f64,
     /// Names of the generators.
     generators: Vec<String>,
     budget: FrameBudget,
@@ -134,8 +141,9 @@ pub struct PointController {
     retry_s: Vec<f64>,
     /// Failures in a row of each generator, and the last reason.
     failures: Vec<(u32, String)>,
-    /// Times of the latest changes, s.
+    /// Times of the latest changes that count, s, and of the latest at all.
     changes: [f64; CHANGES],
+    changed_s: f64,
     /// The point before the last change.
     before: usize,
     /// Whether the last change was to a cheaper point.
@@ -151,13 +159,16 @@ impl PointController {
     /// A controller of `candidates`, which starts at the best that is predicted to keep the budget, else at the cheapest.
     /// None without candidates. `generators` are the names that candidates refer to.
     pub fn new(mut candidates: Vec<Candidate>, generators: Vec<String>, budget: FrameBudget) -> Option<Self> {
-        candidates.retain(|candidate| candidate.error.is_finite() && candidate.render_ms.is_finite());
-        candidates.sort_by(|a, b| a.error.total_cmp(&b.error));
+        let is_finite = |error: BySpeed| ProbeSpeed::ALL.iter().all(|speed| error.at(*speed).is_finite());
+        candidates.retain(|candidate| is_finite(candidate.error) && candidate.render_ms.is_finite());
         let spread = if budget.spread.is_finite() { budget.spread.clamp(1.0, START_SPREAD_MAX) } else { 1.0 };
         let count = candidates.len();
         let mut controller = Self {
             failures: vec![(0, String::new()); generators.len()],
             candidates,
+            orders: Default::default(),
+            watch: SpeedWatch::default(),
+            moved_s: f64::NEG_INFINITY,
             generators,
             budget: FrameBudget { spread, ..budget },
             current: 0,
@@ -179,6 +190,7 @@ impl PointController {
             blocked_until: vec![f64::NEG_INFINITY; count],
             retry_s: vec![RETRY_S[0]; count],
             changes: [f64::NEG_INFINITY; CHANGES],
+            changed_s: f64::NEG_INFINITY,
             before: 0,
             fell: false,
             warned: false,
@@ -186,6 +198,7 @@ impl PointController {
             switches: Vec::new(),
             counts: summary::Counts::default(),
         };
+        controller.sort();
         let first = controller.best(f64::NEG_INFINITY, Load::START, controller.budget.spread, ROOM);
         let least = || controller.least(f64::NEG_INFINITY, Load::START, f64::INFINITY);
         controller.current = first.or_else(least)?;
@@ -298,7 +311,10 @@ impl PointController {
         {
             return Some(change);
         }
-        if self.is_over() { self.fall(now_s) } else { self.rise(now_s) }
+        if self.is_over() {
+            return self.fall(now_s);
+        }
+        self.follow_speed(now_s).or_else(|| self.rise(now_s))
     }
 
     /// Whether recent frames, or runs, are over the budget.
@@ -404,7 +420,7 @@ impl PointController {
         if !again {
             self.changes.rotate_left(1);
         }
-        self.changes[CHANGES - 1] = now_s;
+        (self.changes[CHANGES - 1], self.changed_s) = (now_s, now_s);
         self.fell = !raised;
         self.rest(now_s);
         let change = PointChange { from, to: self.point(), reason };

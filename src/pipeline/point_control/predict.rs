@@ -7,7 +7,7 @@ pub(super) const AHEAD: (usize, usize) = (48, 24);
 /// Where no point's 95th percentile fits, a point may take so many times the least time if its median fits.
 pub(super) const NEARLY: f64 = 1.2;
 /// Largest part of the present error that a better point may have: less isn't worth a change.
-const WORTH: f64 = 0.98;
+pub(super) const WORTH: f64 = 0.98;
 /// Time within which a burden of runs alone is forgotten, s.
 const RELAX_S: f64 = 30.0;
 /// Largest spread that is believed of live frames: 95th percentile over median.
@@ -20,7 +20,7 @@ impl PointController {
     pub(super) fn better(&self, now_s: f64) -> Option<usize> {
         let load = self.load(AHEAD)?;
         let best = self.best(now_s, load, self.spread(AHEAD), ROOM)?;
-        (self.candidates[best].error < WORTH * self.point().error).then_some(best)
+        (self.error(best) < WORTH * self.error(self.current)).then_some(best)
     }
 
     /// The point with the least error that is predicted to keep `room` of the budget.
@@ -36,7 +36,7 @@ impl PointController {
                 && spread * busy_ms <= room * self.limit_ms()
                 && spread * load.run * candidate.run_ms <= self.budget.run_ms
         };
-        (0..self.candidates.len()).find(|&index| self.may_be_chosen(now_s, index) && fits(&self.candidates[index]))
+        self.by_error().find(|&index| self.may_be_chosen(now_s, index) && fits(&self.candidates[index]))
     }
 
     /// The point to run where none fits: the best of those that take little more than the least time and whose median fits,
@@ -44,7 +44,7 @@ impl PointController {
     pub(super) fn least(&self, now_s: f64, load: Load, most_ms: f64) -> Option<usize> {
         let ms = |index: usize| self.busy_ms(&self.candidates[index], load);
         let among = |open: &dyn Fn(usize) -> bool| {
-            let open = || (0..self.candidates.len()).filter(|&index| open(index) && ms(index) <= most_ms);
+            let open = || self.by_error().filter(|&index| open(index) && ms(index) <= most_ms);
             let least = open().min_by(|&a, &b| ms(a).total_cmp(&ms(b)))?;
             let limit_ms = (NEARLY * ms(least)).min(ROOM * self.limit_ms());
             open().find(|&index| ms(index) <= limit_ms).or(Some(least))

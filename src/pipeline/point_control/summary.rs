@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{Candidate, PointChange, PointController};
+use super::{PointChange, PointController};
 use crate::sink::live::PointText;
 
 /// Most changes that a summary lists.
@@ -28,7 +28,7 @@ pub struct PointSummary {
     pub begun: String,
     /// Point at the end.
     pub ended: String,
-    /// Error of the point at the end, grey levels; none of a quality that was fixed.
+    /// Error of the point at the end, at the probe's speed then, grey levels; none of a quality that was fixed.
     pub error: Option<f64>,
     /// Changes to a cheaper point.
     pub lowered: u64,
@@ -86,12 +86,11 @@ impl PointController {
 
     /// Summary of the session so far.
     pub fn summary(&self) -> PointSummary {
-        let Candidate { error, .. } = self.point();
         PointSummary {
             budget_ms: self.limit_ms(),
             begun: self.begun.clone(),
             ended: self.name(&self.point()),
-            error: self.budget.frame_ms.is_some().then_some(error),
+            error: self.budget.frame_ms.is_some().then(|| self.error(self.current)),
             lowered: self.counts.lowered,
             raised: self.counts.raised,
             refused: self.counts.refused,

@@ -171,6 +171,10 @@ impl RenderStage {
         let info = self.sample();
         count(&self.parts.metrics.produced);
         let now = info.timeline.submitted;
+        if let (Some(points), Some(speed), false) = (&mut self.parts.points, info.estimate.speed, info.settings.frozen)
+        {
+            points.moves(now.as_secs_f64(), speed);
+        }
         let scene_time = self.poses.scene_time(now, info.settings.frozen);
         let generator = self.generator.filter(|_| info.settings.enhance);
         let maps = self.parts.maps_wanted(generator);

@@ -68,7 +68,7 @@ fn a_quality_set_by_hand_ends_the_choice_of_a_rendered_point() {
 #[test]
 fn a_fixed_quality_keeps_all_its_generators() {
     let of = |generator: Option<usize>, error, run_ms| {
-        let quality = FrameQuality::LQ;
+        let (quality, error) = (FrameQuality::LQ, BySpeed::all(error));
         Candidate { quality, generator, error, render_ms: 20.0, run_ms }
     };
     let candidates = vec![of(Some(0), 1.0, 70.0), of(Some(1), 2.0, 40.0), of(None, 3.0, 0.0)];

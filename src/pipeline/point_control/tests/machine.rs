@@ -1,6 +1,7 @@
 //! Simulated machines and sessions.
 
 use super::super::{Candidate, FrameBudget, PointController};
+use crate::pose::BySpeed;
 use crate::random::SplitMix64;
 use crate::render::FrameQuality;
 
@@ -55,7 +56,7 @@ impl Machine {
         let times = |(quality, generator, error)| Candidate {
             quality,
             generator,
-            error,
+            error: BySpeed::all(error),
             render_ms: self.render_ms(quality),
             run_ms: self.run_ms(generator),
         };
@@ -120,7 +121,7 @@ pub(super) fn session(
 pub(super) fn best_of_all(machine: &Machine, frame_ms: f64, (render, run): (f64, f64)) -> f64 {
     let p95_ms = |c: &Candidate| machine.spread * (render * c.render_ms + run * c.run_ms);
     let fitting = machine.candidates().into_iter().filter(|c| p95_ms(c) <= frame_ms);
-    fitting.map(|c| c.error).fold(f64::INFINITY, f64::min)
+    fitting.map(|c| c.error.at_rest).fold(f64::INFINITY, f64::min)
 }
 
 /// Least time of all candidates, ms.

@@ -2,6 +2,7 @@
 
 mod hand;
 mod machine;
+mod speed;
 
 use self::machine::*;
 use super::predict::NEARLY;
@@ -23,7 +24,7 @@ fn the_point_chosen_is_the_best_of_all_on_machines_of_any_speed() {
             let seen = session(&mut controller, machine, 0.0, 120.0, |_| (1.0, 1.0));
             let best = best_of_all(machine, ROOM * budget_ms, (1.0, 1.0));
             if best.is_finite() {
-                assert!(controller.point().error <= best, "{machine:?} {budget_ms}: {:?}", seen.changes);
+                assert!(controller.point().error.at_rest <= best, "{machine:?} {budget_ms}: {:?}", seen.changes);
                 assert_eq!(seen.over, 0);
             } else {
                 let ms = controller.expected_ms(&controller.point());
@@ -45,7 +46,7 @@ fn a_machine_that_is_slower_than_measured_is_found_out() {
         let settled = session(&mut controller, &TWO_CORES, 300.0, 120.0, |_| slow);
         let best = best_of_all(&TWO_CORES, ROOM * 71.0, slow);
         if best.is_finite() {
-            let (error, name) = (controller.point().error, controller.name(&controller.point()));
+            let (error, name) = (controller.point().error.at_rest, controller.name(&controller.point()));
             assert!(error <= 1.1 * best, "{slow:?}: {name} with {error} for {best}");
             assert!(settled.over * 20 <= settled.frames, "{slow:?}: {} of {}", settled.over, settled.frames);
         }
@@ -219,8 +220,13 @@ fn where_none_fits_a_better_point_runs_that_takes_little_more() {
 #[test]
 fn without_a_frame_budget_only_runs_are_limited() {
     let quality = FrameQuality::new(8, 3);
-    let of =
-        |generator: Option<usize>, error, run_ms| Candidate { quality, generator, error, render_ms: 900.0, run_ms };
+    let of = |generator: Option<usize>, error, run_ms| Candidate {
+        quality,
+        generator,
+        error: BySpeed::all(error),
+        render_ms: 900.0,
+        run_ms,
+    };
     let candidates = vec![of(None, 20.0, 0.0), of(Some(0), 10.0, 70.0), of(Some(1), 12.0, 40.0)];
     let budget = FrameBudget { frame_ms: None, run_ms: 50.0, apart: false, spread: 1.1 };
     let mut controller = PointController::new(candidates, vec!["slow".into(), "fast".into()], budget).unwrap();
@@ -406,7 +412,11 @@ fn a_disturbed_start_is_forgiven() {
     session(&mut controller, &TWO_CORES, 0.0, 120.0, |_| (1.0, 1.0));
     // Times are corrected; of the spread no more than this is believed.
     let believed = Machine { spread: 1.3, ..TWO_CORES };
-    assert!(controller.point().error <= best_of_all(&believed, ROOM * 71.0, (1.0, 1.0)), "{:?}", controller.switches);
+    assert!(
+        controller.point().error.at_rest <= best_of_all(&believed, ROOM * 71.0, (1.0, 1.0)),
+        "{:?}",
+        controller.switches
+    );
 }
 
 #[test]
@@ -424,7 +434,7 @@ fn the_exams_changing_frames_cost_few_changes_and_little_error() {
                 changes += seen.changes.len();
                 over += seen.over;
                 frames += seen.frames;
-                error += controller.point().error / 600.0;
+                error += controller.point().error.at_rest / 600.0;
             }
             assert!(changes <= 2, "{budget_ms} ms: {changes} changes in minute {minute}");
         }
