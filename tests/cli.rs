@@ -712,6 +712,44 @@ fn a_tradeoff_is_measured_and_can_be_resumed() {
 }
 
 #[test]
+fn a_front_by_speed_is_measured_in_parts() {
+    let dir = directory();
+    let pose = "[pose]\nposition_mm = [0, 0, 0]\nquaternion = [1, 0, 0, 0]\n[pipeline]\nframe_rate_hz = 14\n";
+    let station = station(&dir, &format!("{SMALL}{pose}"));
+    let out = dir.path().join("out/front.toml");
+    let front = |more: &[&str]| {
+        let only = ["--poses", "3", "--points", "1x1", "--angles", "1,9"];
+        let done = insonify(&[&["front", text(&station), "--out", text(&out)], &only[..], more].concat());
+        succeeded(&done);
+        stderr(&done)
+    };
+    let said = front(&["--minutes", "0"]);
+    assert!(said.contains("stopped after 0 minutes") && !out.exists(), "{said}");
+    front(&["--resume"]);
+    let table = std::fs::read_to_string(&out).unwrap();
+    let found: toml::Table = table.parse().unwrap();
+    let [station] = &found["station"].as_array().unwrap()[..] else { panic!("{table}") };
+    assert_eq!((station["poses"].as_integer(), station["frame_rate_hz"].as_float()), (Some(3), Some(14.0)));
+    let error = |angles: i64, speed: &str| {
+        let angles_of = |point: &toml::Value| point["quality"].get("angles").map_or(1, |n| n.as_integer().unwrap());
+        let without = |point: &toml::Value| point["quality"].get("aperture").is_some();
+        let points = station["point"].as_array().unwrap();
+        let point = points.iter().find(|point| angles_of(point) == angles && !without(point)).unwrap();
+        point["by_speed"][speed].as_float().unwrap()
+    };
+    // Rolling compounding is worth most at rest, and nothing in fast motion.
+    let gain = |speed: &str| error(1, speed) - error(9, speed);
+    assert!(gain("at_rest") > 2.0 && gain("fast") < 0.5 * gain("at_rest"), "{table}");
+    // What is there is kept; another station's table keeps it.
+    let said = front(&["--resume", "--merge", text(&out)]);
+    assert!(!said.contains("reference 32x3"), "{said}");
+    let again: toml::Table = std::fs::read_to_string(&out).unwrap().parse().unwrap();
+    assert_eq!((&again["station"], &again["format"]), (&found["station"], &found["format"]));
+    refused(&insonify(&["front", "configs/sphere.toml", "--points", "7x3"]), &["--points", "1x1, 1x3"]);
+    refused(&insonify(&["front", "configs/sphere.toml", "--angles", "5"]), &["--angles 5", "1, 3 and 9"]);
+}
+
+#[test]
 fn a_tradeoff_of_black_images_can_be_resumed() {
     let dir = directory();
     let pose = "gain_db = -200.0\ntgc_db_per_cm = 0.0\n[pose]\nposition_mm = [0, 0, 0]\nquaternion = [1, 0, 0, 0]\n";

@@ -181,22 +181,21 @@ impl Bench {
         self.generators.get(index).map(operating_points::key)
     }
 
-    /// Mean error of live frames with two seeds, grey levels.
-    pub(super) fn rolling_error(
+    /// Error of a live frame with two seeds, grey levels.
+    pub(super) fn live_error(
         &mut self,
-        knobs: &Knobs,
+        quality: FrameQuality,
         generator: Option<usize>,
-        truths: &[Truth],
-        tracks: &[Track],
+        truth: &Truth,
+        track: &Track,
     ) -> Result<[f64; 2], Failure> {
+        let knobs = self.live_knobs(quality);
         let mut image = Vec::new();
         let mut errors = [0.0; SEEDS.len()];
         for (error, seed) in errors.iter_mut().zip(SEEDS) {
-            self.configure(knobs, seed)?;
-            for (track, truth) in tracks.iter().zip(truths) {
-                self.shown(track, generator, knobs.rolling, &mut image)?;
-                *error += rmse(&image, truth)? / tracks.len() as f64;
-            }
+            self.configure(&knobs, seed)?;
+            self.shown(track, generator, knobs.rolling, &mut image)?;
+            *error = rmse(&image, truth)?;
         }
         Ok(errors)
     }

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use anyhow::anyhow;
 use glam::{DQuat, DVec3};
-use insonify::pose::{Pose, TimedPose, interpolate};
+use insonify::pose::{Pose, ProbeSpeed, Speed, TimedPose, interpolate};
 use insonify::station::Station;
 use insonify::tracker::{Transport, recording};
 
@@ -28,6 +28,14 @@ pub(in crate::commands) struct Track {
     pub(in crate::commands) at: Pose,
     /// Poses of the frames before, the oldest first; shorter where the recording begins or has a gap.
     pub(in crate::commands) before: Vec<Pose>,
+}
+
+impl Track {
+    /// The same way to another pose.
+    fn moved_to(self, at: Pose) -> Self {
+        let from_own = at * self.at.inverse();
+        Self { at, before: self.before.into_iter().map(|before| from_own * before).collect() }
+    }
 }
 
 /// Poses of `file`, else of the station's recording, with the station's calibration; else the station's own pose.
@@ -69,17 +77,44 @@ impl Poses {
         session::evenly(count.min(self.all.len()), self.all.len()).map(|i| self.all[i].pose).collect()
     }
 
-    /// Poses of a probe that moves as in `hand` about these: of `count` moments of it, the way that led to each.
-    pub(super) fn moved_like(&self, hand: &Self, count: usize, frames: u32, period: Duration) -> Vec<Track> {
-        if self.moves() {
-            return self.tracks(count, frames, period);
-        }
+    /// `count` poses for each speed of the probe, with the way of `frames` frames that led to each: of the recording's own
+    /// moments at that speed, else these poses with the ways of `hand`.
+    ///
+    /// # Errors
+    /// A speed at which the probe never moves.
+    pub(super) fn at_speeds(
+        &self,
+        hand: &Self,
+        count: usize,
+        frames: u32,
+        period: Duration,
+    ) -> Result<Vec<(ProbeSpeed, Track)>, ProbeSpeed> {
+        let moving = if self.moves() { self } else { hand };
+        let all = moving.moments(frames, period);
         let at = self.spread(count);
-        let along = |(at, track): (Pose, Track)| {
-            let from_hand = at * track.at.inverse();
-            Track { at, before: track.before.into_iter().map(|before| from_hand * before).collect() }
-        };
-        at.into_iter().zip(hand.tracks(count, frames, period)).map(along).collect()
+        let mut found = Vec::new();
+        for speed in ProbeSpeed::ALL {
+            let ways: Vec<&Track> = all.iter().filter(|(other, _)| *other == speed).map(|(_, track)| track).collect();
+            if ways.is_empty() {
+                return Err(speed);
+            }
+            for (nth, index) in session::evenly(count.min(ways.len()), ways.len()).enumerate() {
+                let own = ways[index].clone();
+                found.push((speed, if self.moves() { own } else { own.moved_to(at[nth]) }));
+            }
+        }
+        Ok(found)
+    }
+
+    /// All poses with a whole way of `frames` frames before them, and the mean speed along it.
+    fn moments(&self, frames: u32, period: Duration) -> Vec<(ProbeSpeed, Track)> {
+        let whole = (0..self.all.len()).filter_map(|index| {
+            let track = self.track(index, frames, period);
+            let first = track.before.first().filter(|_| track.before.len() == frames as usize)?;
+            let speed = Speed::between(first, &track.at, f64::from(frames) * period.as_secs_f64());
+            Some((speed.class(1.0), track))
+        });
+        whole.collect()
     }
 
     /// Whether the probe moves.
@@ -92,22 +127,53 @@ impl Poses {
         if !self.moves() {
             return self.spread(count).into_iter().map(|at| Track { at, before: Vec::new() }).collect();
         }
+        let indices = session::evenly(count.min(self.all.len()), self.all.len());
+        indices.map(|index| self.track(index, frames, period)).collect()
+    }
+
+    fn track(&self, index: usize, frames: u32, period: Duration) -> Track {
         let period_ns = u64::try_from(period.as_nanos()).unwrap_or(u64::MAX);
-        let track = |index: usize| {
-            let TimedPose { host_time_ns, pose, .. } = self.all[index];
-            let earlier = |frames| host_time_ns.checked_sub(period_ns.saturating_mul(u64::from(frames)));
-            let known = (1..=frames).map_while(|frames| interpolate(&self.all, earlier(frames)?, GAP_NS));
-            let mut before: Vec<Pose> = known.collect();
-            before.reverse();
-            Track { at: pose, before }
-        };
-        session::evenly(count.min(self.all.len()), self.all.len()).map(track).collect()
+        let TimedPose { host_time_ns, pose, .. } = self.all[index];
+        let earlier = |frames| host_time_ns.checked_sub(period_ns.saturating_mul(u64::from(frames)));
+        let known = (1..=frames).map_while(|frames| interpolate(&self.all, earlier(frames)?, GAP_NS));
+        let mut before: Vec<Pose> = known.collect();
+        before.reverse();
+        Track { at: pose, before }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn each_speed_gets_poses_with_their_real_ways() {
+        // One second at rest, one at 10 mm/s, one at 50 mm/s, at 100 poses a second.
+        let x = |ms: f64| 0.01 * (ms.min(2000.0) - 1000.0).max(0.0) + 0.05 * (ms - 2000.0).max(0.0);
+        let at = |x: f64| Pose { position_mm: DVec3::X * x, orientation: DQuat::IDENTITY };
+        let timed = |nth: u32| {
+            let ms = 10.0 * f64::from(nth);
+            TimedPose { host_time_ns: 10_000_000 * u64::from(nth), device_time_us: 0, pose: at(x(ms)) }
+        };
+        let hand = Poses { all: (0..300).map(timed).collect(), what: "" };
+        let period = Duration::from_millis(20);
+        let found = hand.at_speeds(&hand, 4, 8, period).unwrap();
+        let speeds: Vec<ProbeSpeed> = found.iter().map(|(speed, _)| *speed).collect();
+        assert_eq!(speeds, ProbeSpeed::ALL.map(|speed| [speed; 4]).concat());
+        // Eight frames of 20 ms: nothing at rest, 1.6 mm at most in slow motion, 8 mm at most in fast.
+        let way = |(_, track): &(ProbeSpeed, Track)| track.at.position_mm.x - track.before[0].position_mm.x;
+        assert!(found.iter().all(|(_, track)| track.before.len() == 8));
+        assert!(found[..4].iter().all(|f| way(f) < 0.48) && found[8..].iter().all(|f| way(f) >= 2.4 && way(f) <= 8.01));
+        // A standing probe moves as the hand does, about its own poses.
+        let standing = Poses { all: vec![timed(50)], what: "" };
+        let moved = standing.at_speeds(&hand, 4, 8, period).unwrap();
+        let (_, fast) = &moved[8];
+        assert_eq!(fast.at, standing.spread(4)[0]);
+        let length = |track: &Track| track.at.position_mm.distance(track.before[0].position_mm);
+        assert!((length(fast) - way(&found[8])).abs() < 1e-9);
+        let still = Poses { all: (0..100).map(timed).collect(), what: "" };
+        assert_eq!(still.at_speeds(&still, 4, 8, period), Err(ProbeSpeed::Slow));
+    }
 
     #[test]
     fn poses_are_spread_or_turned() {

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use anyhow::anyhow;
 use insonify::pose::Pose;
 use insonify::quality::level_difference;
 use insonify::render::FrameQuality;
@@ -91,14 +92,24 @@ impl Reference {
         }
         let reference = Self::converge(bench, poses, quick)?;
         for (index, truth) in reference.truths.iter().enumerate() {
-            let [width, height] = truth.size.map(|n| n as u32);
-            for (name, map) in [("bmode", &truth.bmode), ("segmentation", &truth.segmentation), ("mask", &truth.mask)] {
-                png::write_grey(&path(store, name, index), width, height, map, Effort::Fast)?;
-            }
+            save(store, index, truth)?;
         }
         // Written last: its presence marks a complete reference.
         store.write("reference", &reference.check)?;
         Ok((reference, false))
+    }
+
+    /// The reference of one more pose, with as many paths as converged at others; from the store if it holds it.
+    pub(super) fn of_pose(bench: &mut Bench, store: &Store, pose: Pose, check: &Check) -> Result<Truth, Failure> {
+        let quality = (check.rays, check.layers);
+        if store.read("reference")? == Some(quality) {
+            return load(bench, store, 0);
+        }
+        let truth = truths(bench, &[pose], quality, SEED)?.pop();
+        let truth = truth.ok_or_else(|| anyhow!("no reference was rendered")).other()?;
+        save(store, 0, &truth)?;
+        store.write("reference", &quality)?;
+        Ok(truth)
     }
 
     fn converge(bench: &mut Bench, poses: &[Pose], quick: bool) -> Result<Self, Failure> {
@@ -161,6 +172,14 @@ fn truths(bench: &mut Bench, poses: &[Pose], (rays, layers): (u32, u32), seed: u
 
 fn path(store: &Store, name: &str, index: usize) -> std::path::PathBuf {
     store.path(&format!("reference_{index}_{name}"), "png")
+}
+
+fn save(store: &Store, index: usize, truth: &Truth) -> Result<(), Failure> {
+    let [width, height] = truth.size.map(|n| n as u32);
+    for (name, map) in [("bmode", &truth.bmode), ("segmentation", &truth.segmentation), ("mask", &truth.mask)] {
+        png::write_grey(&path(store, name, index), width, height, map, Effort::Fast)?;
+    }
+    Ok(())
 }
 
 fn load(bench: &Bench, store: &Store, index: usize) -> Result<Truth, Failure> {
