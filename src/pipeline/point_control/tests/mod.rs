@@ -2,6 +2,7 @@
 
 mod hand;
 mod machine;
+mod reason;
 
 use self::machine::*;
 use super::predict::NEARLY;
