@@ -389,7 +389,7 @@ fn tables_are_printed_as_text_and_json() {
 #[test]
 fn help_is_complete() {
     for (command, words) in [
-        ("demo", ["contact_sheet.png", "--no-live", "--once"]),
+        ("demo", ["contact_sheet.png           key frames: LQ | translated from LQ | HQ |", "--no-live", "--once"]),
         ("record", ["--stdin", "--protocol", "FILE.part"]),
         ("render", ["x,y,z,qw,qx,qy,qz", "segmentation.png", "1..=256"]),
         ("replay", ["truncated", "--raw-poses", "--ignore-controls"]),

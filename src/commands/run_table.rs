@@ -50,6 +50,9 @@ impl fmt::Display for SummaryTable<'_> {
                 "generator          {done} done ({late} late), {dropped} dropped, {failed} failed, {hung} hung ({given_up} given up)"
             )?;
         }
+        if let Some(reason) = s.points.as_ref().and_then(|points| points.generator_reason.as_deref()) {
+            writeln!(f, "  at the start     {reason}")?;
+        }
         for sink in &s.sinks {
             let (taken, dropped, failed) = (sink.taken, sink.dropped, sink.failed);
             write!(f, "sink {:<13} {taken} taken, {dropped} dropped, {failed} failed", sink.name)?;

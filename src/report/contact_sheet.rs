@@ -1,4 +1,4 @@
-//! A contact sheet: rows of frames, columns of their maps, with the marks of a scanner's screen.
+//! A contact sheet: rows of frames, columns of their images and maps, with the marks of a scanner's screen.
 
 use std::path::Path;
 
@@ -19,7 +19,10 @@ const MARGIN: u32 = 14;
 const BAR_GUTTER: u32 = 44;
 /// Right of an image: the depth scale.
 const SCALE_GUTTER: u32 = 40;
-const CAPTION_HEIGHT: u32 = 22;
+/// Between a line of text and what is below it.
+const LINE_GAP: u32 = 4;
+/// Least distance between the texts of neighbouring columns.
+const TEXT_GAP: u32 = 16;
 const BACKGROUND: Rgb = [14, 16, 20];
 const INK: Rgb = [214, 218, 224];
 const FAINT_INK: Rgb = [128, 134, 144];
@@ -42,10 +45,30 @@ pub enum Map {
 #[derive(Debug, Clone)]
 pub struct Panel {
     caption: String,
+    /// Second line; may be empty.
+    note: String,
     image: RgbImage,
     map: Map,
     /// Segmentation numbers that occur.
     numbers: Vec<u8>,
+}
+
+impl Panel {
+    /// The panel with a second line below its caption, printable ASCII.
+    #[must_use]
+    pub fn with_note(self, note: impl Into<String>) -> Self {
+        Self { note: note.into(), ..self }
+    }
+}
+
+/// Place of a column.
+struct Column {
+    /// Left edge of its images and texts, pixels.
+    image_x: u32,
+    /// From there to the next column's gutter, pixels.
+    width: u32,
+    /// Whether the scale of its levels stands left of its images.
+    has_bar: bool,
 }
 
 /// A sheet of panels that share one sector.
@@ -53,6 +76,8 @@ pub struct Panel {
 pub struct ContactSheet<'a> {
     /// First line; printable ASCII.
     pub title: String,
+    /// Lines below the title; printable ASCII.
+    pub notes: Vec<String>,
     /// Panels, row by row.
     pub rows: Vec<Vec<Panel>>,
     /// Sector of the frames.
@@ -77,10 +102,7 @@ impl ContactSheet<'_> {
         let shape = [frame.height as usize, frame.width as usize];
         let mut numbers = Vec::new();
         let colours: Vec<Rgb> = match map {
-            Map::BMode { .. } => {
-                check_shape(named, shape, frame.bmode.len())?;
-                frame.bmode.iter().map(|&grey| [grey; 3]).collect()
-            }
+            Map::BMode { .. } => return self.grey_panel(caption, &frame.bmode, [frame.width, frame.height], map),
             Map::Segmentation => {
                 check_shape(named, shape, frame.segmentation.len())?;
                 let palette = colour::segmentation_palette(self.tissues.names());
@@ -96,11 +118,32 @@ impl ContactSheet<'_> {
                 inside.map(|(&a, &mask)| if mask > 0 { colour::viridis(a) } else { [0; 3] }).collect()
             }
         };
-        let (width, height) = self.image_size(frame.width, frame.height);
-        let colour = |x: u32, y: u32| image::Rgb(colours[(y * frame.width + x) as usize]);
-        let full = RgbImage::from_fn(frame.width, frame.height, colour);
-        let image = resize(&full, width, height, FilterType::Triangle);
-        Ok(Panel { caption, image, map, numbers })
+        let image = self.reduced([frame.width, frame.height], |index| colours[index]);
+        Ok(Panel { caption, note: String::new(), image, map, numbers })
+    }
+
+    /// [`Self::panel`] of grey levels [height × width] that are no part of a frame.
+    ///
+    /// # Errors
+    /// Levels that do not fill `size`, [width, height].
+    pub fn grey_panel(
+        &self,
+        caption: impl Into<String>,
+        levels: &[u8],
+        size @ [width, height]: [u32; 2],
+        map: Map,
+    ) -> Result<Panel, SinkError> {
+        let caption = caption.into();
+        check_shape(Path::new(&caption), [height as usize, width as usize], levels.len())?;
+        let image = self.reduced(size, |index| [levels[index]; 3]);
+        Ok(Panel { caption, note: String::new(), image, map, numbers: Vec::new() })
+    }
+
+    /// An image of these colours, by their index, at the sheet's size.
+    fn reduced(&self, [full_width, full_height]: [u32; 2], colour: impl Fn(usize) -> Rgb) -> RgbImage {
+        let (width, height) = self.image_size(full_width, full_height);
+        let colour = |x: u32, y: u32| image::Rgb(colour((y * full_width + x) as usize));
+        resize(&RgbImage::from_fn(full_width, full_height, colour), width, height, FilterType::Triangle)
     }
 
     /// Draws the sheet and writes it as a PNG.
@@ -117,31 +160,61 @@ impl ContactSheet<'_> {
     }
 
     fn draw(&self) -> Canvas {
-        let (image_width, image_height) = self.image_size(self.sector.width, self.sector.height);
-        let cell_width = BAR_GUTTER + image_width + SCALE_GUTTER;
-        let cell_height = CAPTION_HEIGHT + image_height + MARGIN;
-        let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0) as u32;
-        let title_width = 2 * MARGIN + Text::Large.width(&self.title);
-        let width = (2 * MARGIN + columns * cell_width).max(title_width);
+        let (_, image_height) = self.image_size(self.sector.width, self.sector.height);
+        let line = Text::Large.height() + LINE_GAP;
+        let columns = self.columns();
+        let row_width = columns.last().map_or(0, |column| column.image_x + column.width);
+        let head = std::iter::once(&self.title).chain(&self.notes);
+        let head_width = head.map(|text| Text::Large.width(text)).max().unwrap_or(0) + MARGIN;
+        let width = MARGIN + row_width.max(head_width);
         let legend = self.legend_entries();
-        let lines = legend_lines(&legend, width);
-        let top = 2 * MARGIN + Text::Large.height();
-        let legend_top = top + self.rows.len() as u32 * cell_height;
-        let height = legend_top + lines * (Text::Small.height() + 6) + MARGIN;
+        let top = 2 * MARGIN + line * (1 + self.notes.len() as u32);
+        let noted = self.rows.iter().flatten().any(|panel| !panel.note.is_empty());
+        let caption_height = if noted { 2 * line } else { line };
+        let row_height = caption_height + image_height + MARGIN;
+        let legend_top = top + self.rows.len() as u32 * row_height;
+        let legend_height = legend_lines(&legend, width) * (Text::Small.height() + LEGEND_GAP);
 
-        let mut canvas = Canvas::new(width, height, BACKGROUND);
+        let mut canvas = Canvas::new(width, legend_top + legend_height + MARGIN, BACKGROUND);
         canvas.text(MARGIN, MARGIN, &self.title, Text::Large, INK);
-        for (y, row) in (top..).step_by(cell_height as usize).zip(&self.rows) {
-            for (x, panel) in (MARGIN..).step_by(cell_width as usize).zip(row) {
-                canvas.text(x + BAR_GUTTER, y, &panel.caption, Text::Small, INK);
-                let image_y = y + CAPTION_HEIGHT;
-                canvas.draw(x + BAR_GUTTER, image_y, &panel.image);
-                draw_bar(&mut canvas, x, image_y, image_height, panel.map);
-                self.draw_depth_scale(&mut canvas, x + BAR_GUTTER + image_width + 4, image_y);
+        for (y, note) in (MARGIN + line..).step_by(line as usize).zip(&self.notes) {
+            canvas.text(MARGIN, y, note, Text::Large, FAINT_INK);
+        }
+        for (y, row) in (top..).step_by(row_height as usize).zip(&self.rows) {
+            for (column, panel) in columns.iter().zip(row) {
+                let (x, image_y) = (column.image_x, y + caption_height);
+                canvas.text(x, y, &panel.caption, Text::Large, INK);
+                canvas.text(x, y + line, &panel.note, Text::Large, INK);
+                canvas.draw(x, image_y, &panel.image);
+                if column.has_bar {
+                    draw_bar(&mut canvas, x - BAR_GUTTER, image_y, image_height, panel.map);
+                }
+                self.draw_depth_scale(&mut canvas, x + panel.image.width() + 4, image_y);
             }
         }
         draw_legend(&mut canvas, legend_top, &legend, width);
         canvas
+    }
+
+    /// Columns of the sheet, each wide enough for its texts. A column has a bar unless its left neighbour has the same.
+    fn columns(&self) -> Vec<Column> {
+        let count = self.rows.iter().map(Vec::len).max().unwrap_or(0);
+        let mut next_x = MARGIN;
+        let mut columns = Vec::with_capacity(count);
+        for index in 0..count {
+            let panels = || self.rows.iter().filter_map(|row| row.get(index));
+            let has_bar = self.rows.iter().any(|row| {
+                let map = |index: usize| row.get(index).map(|panel| panel.map);
+                map(index) != Some(Map::Segmentation) && (index == 0 || map(index) != map(index - 1))
+            });
+            let image_x = next_x + if has_bar { BAR_GUTTER } else { 0 };
+            let texts = panels().flat_map(|panel| [&panel.caption, &panel.note]);
+            let text_width = texts.map(|text| Text::Large.width(text)).max().unwrap_or(0) + TEXT_GAP;
+            let width = (self.panel_width + SCALE_GUTTER).max(text_width);
+            columns.push(Column { image_x, width, has_bar });
+            next_x = image_x + width;
+        }
+        columns
     }
 
     /// Ticks at every cm below the face's centre; numbered ticks are longer.
@@ -197,6 +270,8 @@ fn draw_bar(canvas: &mut Canvas, x: u32, y: u32, image_height: u32, map: Map) {
 }
 
 const SWATCH: u32 = 14;
+/// Between lines of the legend.
+const LEGEND_GAP: u32 = 6;
 
 fn entry_width(name: &str) -> u32 {
     SWATCH + 6 + Text::Small.width(name) + 18
@@ -222,7 +297,7 @@ fn legend_lines(entries: &[(&str, Rgb)], width: u32) -> u32 {
 
 fn draw_legend(canvas: &mut Canvas, top: u32, entries: &[(&str, Rgb)], width: u32) {
     for ((x, line), (name, colour)) in legend_places(entries, width).zip(entries) {
-        let y = top + line * (Text::Small.height() + 6);
+        let y = top + line * (Text::Small.height() + LEGEND_GAP);
         canvas.fill(x, y + 1, SWATCH, SWATCH, FAINT_INK);
         canvas.fill(x + 1, y + 2, SWATCH - 2, SWATCH - 2, *colour);
         canvas.text(x + SWATCH + 6, y, name, Text::Small, INK);
@@ -230,77 +305,4 @@ fn draw_legend(canvas: &mut Canvas, top: u32, entries: &[(&str, Rgb)], width: u3
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::transducer::Probe;
-
-    fn tissues() -> TissueTable {
-        let tissue = crate::anatomy::Tissue::default();
-        TissueTable::new(["blood", "bone_fetal", "liver"].map(|n| (n.to_owned(), tissue.clone()))).unwrap()
-    }
-
-    fn sheet<'a>(title: &str, sector: &'a Sector, tissues: &'a TissueTable, panel_width: u32) -> ContactSheet<'a> {
-        ContactSheet { title: title.into(), rows: Vec::new(), sector, depth_mm: 150.0, tissues, panel_width }
-    }
-
-    fn frame(sector: &Sector, probe: &Probe) -> Frame {
-        let mut frame = Frame { width: sector.width, height: sector.height, ..Frame::default() };
-        for row in 0..sector.height {
-            for column in 0..sector.width {
-                let polar = Sector::polar(probe, sector.pixel_centre_mm(column, row));
-                let depth = polar.map(|(_, depth)| depth);
-                frame.bmode.push(depth.map_or(0, |d| (d * 1.6) as u8));
-                frame.segmentation.push(depth.map_or(0, |d| if d < 70.0 { 1 } else { 3 }));
-                frame.attenuation.push(depth.map_or(0.0, |d| (-d as f32 / 100.0).exp()));
-                frame.mask.push(if depth.is_some() { 255 } else { 0 });
-            }
-        }
-        frame
-    }
-
-    #[test]
-    fn panels_keep_their_colours_and_the_legend_names_what_is_seen() {
-        let probe = Probe::default();
-        let sector = Sector::fit(&probe, 693, 500);
-        let frame = frame(&sector, &probe);
-        let tissues = tissues();
-        let mut sheet = sheet("test", &sector, &tissues, 300);
-        let maps = [Map::BMode { dynamic_range_db: 60.0 }, Map::Segmentation, Map::Attenuation];
-        let row: Vec<_> = maps.iter().map(|&m| sheet.panel("a panel", &frame, m).unwrap()).collect();
-        sheet.rows = vec![row.clone(), row];
-        let names: Vec<_> = sheet.legend_entries().into_iter().map(|(name, _)| name).collect();
-        assert_eq!(names, ["blood", "liver"]);
-
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("sheet.png");
-        sheet.write(&path).unwrap();
-        let image = image::open(&path).unwrap().into_rgb8();
-        let (cell, top) = (BAR_GUTTER + 300 + SCALE_GUTTER, 2 * MARGIN + Text::Large.height() + CAPTION_HEIGHT);
-        // The middle column of each panel at a third of its height is at 36 mm, in blood.
-        let at = |panel: u32, y: u32| image.get_pixel(MARGIN + panel * cell + BAR_GUTTER + 150, top + y).0;
-        assert_eq!(at(1, 72), colour::tissue("blood"));
-        assert_eq!(at(1, 200), colour::tissue("liver"));
-        assert!(at(0, 200)[0] > at(0, 72)[0] && at(0, 72)[0] == at(0, 72)[2]);
-        assert!(at(2, 72)[1] > at(2, 200)[1]);
-        // Outside the sector every map is black.
-        assert_eq!(*image.get_pixel(MARGIN + 2 * cell + BAR_GUTTER + 2, top + 2), image::Rgb([0; 3]));
-    }
-
-    #[test]
-    fn an_empty_sheet_is_its_title() {
-        let sector = Sector::fit(&Probe::default(), 64, 48);
-        let tissues = TissueTable::default();
-        let sheet = sheet("nothing", &sector, &tissues, 100);
-        assert!(sheet.draw().size().0 > Text::Large.width("nothing"));
-    }
-
-    #[test]
-    fn a_map_that_is_missing_is_an_error() {
-        let sector = Sector::fit(&Probe::default(), 4, 4);
-        let tissues = TissueTable::default();
-        let sheet = sheet("", &sector, &tissues, 100);
-        let frame = Frame { width: 4, height: 4, bmode: vec![0; 16], ..Frame::default() };
-        let error = sheet.panel("key frame 2", &frame, Map::Segmentation).unwrap_err().to_string();
-        assert!(error.contains("key frame 2"), "{error}");
-    }
-}
+mod tests;

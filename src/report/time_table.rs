@@ -13,18 +13,22 @@ pub const OVERHEAD: &str = "upload, submit, read back";
 /// Stage of whole frames.
 pub const WHOLE_FRAME: &str = "whole frame";
 
+/// Stage of a generator's runs on whole frames, which do not include them.
+pub const GENERATOR: &str = "generator, on top";
+
 /// Times of many frames. Frames of one table have the same passes.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TimeTable {
     /// Stages in order of first appearance, each with its times, ms.
     stages: Vec<(&'static str, Vec<f64>)>,
     whole_ms: Vec<f64>,
+    generator_ms: Vec<f64>,
 }
 
 /// Percentiles of one stage.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct StageTime {
-    /// A pass, [`OVERHEAD`] or [`WHOLE_FRAME`].
+    /// A pass, [`OVERHEAD`], [`WHOLE_FRAME`] or [`GENERATOR`].
     pub stage: &'static str,
     /// Number of times.
     pub count: usize,
@@ -49,19 +53,25 @@ impl TimeTable {
         self.whole_ms.push(times.total_ms);
     }
 
+    /// Adds a run of a generator.
+    pub fn push_generator(&mut self, ms: f64) {
+        self.generator_ms.push(ms);
+    }
+
     /// Frames added.
     pub fn frames(&self) -> usize {
         self.whole_ms.len()
     }
 
-    /// Percentiles of each pass, in order, then of the overhead and of whole frames; empty without frames.
+    /// Percentiles of each pass, in order, then of the overhead, of whole frames and of runs of a generator; empty without
+    /// frames.
     pub fn stages(&self) -> Vec<StageTime> {
         let stages = || self.stages.iter().map(|(name, times)| (*name, times));
         let passes = stages().filter(|(name, _)| *name != OVERHEAD);
         let overhead = stages().filter(|(name, _)| *name == OVERHEAD);
         passes
             .chain(overhead)
-            .chain(std::iter::once((WHOLE_FRAME, &self.whole_ms)))
+            .chain([(WHOLE_FRAME, &self.whole_ms), (GENERATOR, &self.generator_ms)])
             .filter_map(|(stage, times)| {
                 let times = sorted(times.iter().copied());
                 let percentile = |part| nearest_rank(&times, part);
@@ -87,16 +97,18 @@ impl fmt::Display for SideBySide<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let tables: Vec<_> = self.0.iter().map(|(_, table)| table.stages()).collect();
         let mut names: Vec<&str> = Vec::new();
-        for stage in tables.iter().flatten().map(|s| s.stage).filter(|s| *s != OVERHEAD && *s != WHOLE_FRAME) {
+        let last = [OVERHEAD, WHOLE_FRAME, GENERATOR];
+        for stage in tables.iter().flatten().map(|s| s.stage).filter(|stage| !last.contains(stage)) {
             if !names.contains(&stage) {
                 names.push(stage);
             }
         }
-        names.extend([OVERHEAD, WHOLE_FRAME]);
+        names.extend(last);
         let width = names.iter().map(|n| n.len()).max().unwrap_or(0);
+        let cell_widths: Vec<usize> = self.0.iter().map(|(heading, _)| 9.max(heading.len() + 4)).collect();
         write!(f, "{:width$}", "ms")?;
-        for (heading, _) in self.0 {
-            write!(f, "  {:>9} {:>9}", format!("{heading} p50"), format!("{heading} p95"))?;
+        for ((heading, _), cell) in self.0.iter().zip(&cell_widths) {
+            write!(f, "  {:>cell$} {:>cell$}", format!("{heading} p50"), format!("{heading} p95"))?;
         }
         for name in names {
             let cells: Vec<_> = tables.iter().map(|t| t.iter().find(|s| s.stage == name)).collect();
@@ -104,10 +116,10 @@ impl fmt::Display for SideBySide<'_> {
                 continue;
             }
             write!(f, "\n{name:width$}")?;
-            for cell in cells {
-                match cell {
-                    Some(s) => write!(f, "  {:>9.2} {:>9.2}", s.p50_ms, s.p95_ms)?,
-                    None => write!(f, "  {:>9} {:>9}", "-", "-")?,
+            for (stage, cell) in cells.into_iter().zip(&cell_widths) {
+                match stage {
+                    Some(s) => write!(f, "  {:>cell$.2} {:>cell$.2}", s.p50_ms, s.p95_ms)?,
+                    None => write!(f, "  {:>cell$} {:>cell$}", "-", "-")?,
                 }
             }
         }
@@ -166,5 +178,21 @@ mod tests {
         assert_eq!(layers.split_whitespace().collect::<Vec<_>>(), ["layers", "-", "-", "4.00", "4.00"]);
         assert!(text.lines().last().unwrap().starts_with(WHOLE_FRAME));
         assert!(text.lines().next().unwrap().contains("HQ p95"));
+    }
+
+    #[test]
+    fn runs_of_a_generator_have_a_row_of_their_own_below_whole_frames() {
+        let (mut low, mut high) = (TimeTable::default(), TimeTable::default());
+        low.push(&times(20.0, &[("trace", 5.0)]));
+        high.push(&times(60.0, &[("trace", 25.0)]));
+        (1..=20).for_each(|ms| low.push_generator(f64::from(ms)));
+        let stages = low.stages();
+        let [.., whole, runs] = &stages[..] else { panic!("{stages:?}") };
+        assert_eq!((whole.stage, whole.p50_ms), (WHOLE_FRAME, 20.0));
+        assert_eq!((runs.stage, runs.count, runs.p50_ms, runs.p95_ms), (GENERATOR, 20, 10.0, 19.0));
+        let text = SideBySide(&[("LQ", &low), ("HQ of 9 angles", &high)]).to_string();
+        let row = text.lines().last().unwrap();
+        assert_eq!(row.split_whitespace().skip(3).collect::<Vec<_>>(), ["10.00", "19.00", "-", "-"]);
+        assert!(row.starts_with(GENERATOR) && text.lines().all(|line| line.len() == row.len()), "{text}");
     }
 }

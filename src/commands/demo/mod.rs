@@ -1,7 +1,9 @@
 //! `insonify demo`: a recorded exam over the obstetric phantom, to look at.
 
+mod key_frames;
 mod live;
 mod stills;
+mod translation;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -9,18 +11,16 @@ use std::time::Instant;
 
 use anyhow::Context;
 use clap::Parser;
-use insonify::anatomy::{Bvh, Scene};
+use insonify::anatomy::Bvh;
 use insonify::pipeline::{Clock, Stop, Summary, SystemClock, on_ctrl_c};
-use insonify::pose::Pose;
-use insonify::render::{Backend, Frame, Quality, RenderError, RenderSettings, Renderer};
-use insonify::report::contact_sheet::{Map, Panel};
+use insonify::render::{FrameQuality, RenderError};
+use insonify::report::ContactSheet;
 use insonify::report::time_table::{SideBySide, StageTime};
-use insonify::report::{ContactSheet, TimeTable};
 use insonify::sink::frame_record::AdapterRecord;
 use insonify::sink::video::halved;
-use insonify::sink::{FrameFiles, FrameRate, FrameRecord, Video, png, write_json};
+use insonify::sink::{FrameRate, Video, write_json};
 use insonify::station::Station;
-use insonify::tracker::recording::{Event, RecordingReader, poses_of};
+use insonify::tracker::recording::{RecordingReader, poses_of};
 use serde::Serialize;
 
 use super::backend::BackendArgs;
@@ -31,24 +31,27 @@ use super::replay::RecordingReport;
 use super::run_table::SummaryTable;
 use super::timeline::Timeline;
 use super::{Classify, Failure, output, session};
+use key_frames::{Agreement, KeyFrames, KeyScores, Stage};
+use translation::{Translation, TranslationReport};
 
 /// Station and exam are embedded, so that the demo runs from any directory.
 const STATION: &str = include_str!("../../../configs/obstetric.toml");
 const EXAM: &[u8] = include_bytes!("../../../assets/exams/obstetric_sweep.mcap");
 const EXAM_NAME: &str = "obstetric_sweep.mcap";
 
-/// Most rows of the contact sheet.
-const KEY_FRAMES_MAX: usize = 6;
-/// Least number of frames timed at HQ.
-const HQ_FRAMES: usize = 20;
+/// Frames timed at HQ, and runs of the generator timed, spread over the exam so that they are not those of a few good
+/// views.
+const TIMED: usize = 20;
+/// High quality of one look. That of the contact sheet is the generator's target.
+const HQ: FrameQuality = FrameQuality::new(32, 3);
 /// Width of an image in the contact sheet, pixels.
-const PANEL_WIDTH: u32 = 520;
+const PANEL_WIDTH: u32 = 440;
 
 /// Show what insonify does: a recorded exam over a fetus of 22 weeks, live, then as frames, a video and a contact sheet.
 ///
 /// It opens with the whole chain in real time: the tracker's recorded bytes, decoder, estimator, renderer, generator, and
-/// a page for the browser, whose address is printed; then says how long each pose took to be seen, what was dropped and
-/// how much was enhanced. On a terminal the exam goes on while the page is watched, until Enter; else the demo ends by
+/// a page for the browser, whose address is printed; then says how long each pose took to be seen, what was dropped, how
+/// much was enhanced, and why a generator ran or not. On a terminal the exam goes on while the page is watched, until Enter; else the demo ends by
 /// itself.
 ///
 /// The first run builds the phantom of 675 000 triangles, which takes some minutes; later runs find it in the cache.
@@ -86,23 +89,17 @@ const AFTER_HELP: &str = "\
 Files:
   live/                       of the live chain: stills, frames.jsonl with each frame's times, summary.json
   station/                    the live station with all it needs: insonify run DIR/station/configs/live.toml
-  contact_sheet.png           key frames: LQ | HQ | segmentation | attenuation
+  contact_sheet.png           key frames: LQ | translated from LQ | HQ | segmentation | attenuation
   exam.mp4                    the exam at LQ, half size; H.264, plays in a browser
-  key_frames/NN_name/         each key frame at HQ with its maps, and lq.png
-  times.json                  p50, p95 and max of each stage, LQ and HQ
+  key_frames/NN_name/         each key frame at HQ with its maps, lq.png and translated.png
+  times.json                  p50, p95 and max of each stage and of the generator; PSNR and SSIM of the key frames
+
+The generator of the contact sheet is the shipped one with the least error on LQ frames. HQ is what it was trained to give,
+a mean of several steering angles. Without ONNX Runtime the sheet has no translated images, and HQ is one look.
 
 Examples:
   insonify demo
   insonify demo --no-live --out /tmp/demo --fps 5";
-
-/// A frame of the exam that the contact sheet shows.
-struct KeyFrame {
-    name: String,
-    time_s: f64,
-    /// Time of the scene, s.
-    scene_s: f64,
-    pose: Pose,
-}
 
 /// Summary of the demo, for JSON.
 #[derive(Serialize)]
@@ -115,10 +112,19 @@ struct Report<'a> {
     fps: f64,
     frames_lq: usize,
     frames_hq: usize,
-    key_frames: Vec<String>,
+    /// The sheet's column HQ.
+    target: FrameQuality,
+    /// The sheet's generator; none where it is missing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    generator: Option<TranslationReport>,
+    key_frames: &'a [KeyScores],
     overflowed: usize,
+    /// With the generator's runs.
     times_lq: Vec<StageTime>,
+    /// One look.
     times_hq: Vec<StageTime>,
+    /// Key frames at `target`.
+    times_target: Vec<StageTime>,
     wall_s: f64,
     video: PathBuf,
     contact_sheet: PathBuf,
@@ -136,7 +142,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let exam_path = Path::new(EXAM_NAME);
     let (poses, summary) = poses_of(RecordingReader::from_source(EXAM, exam_path)?, exam_path)?;
     let timeline = Timeline::new(&poses, rate)?.since(summary.info.start_time_ns);
-    let keys = key_frames(&summary.events, &timeline);
+    let keys = key_frames::chosen(&summary.events, &timeline);
 
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
     let interrupt = Stop::new(&clock);
@@ -159,51 +165,71 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         Some(live)
     };
     let bvh = Arc::new(Bvh::build(&scene).map_err(RenderError::from)?);
-    let mut lq = Stage::new(&backend, &scene, &bvh, &station, Quality::LQ)?;
-    let mut hq = Stage::new(&backend, &scene, &bvh, &station, Quality::HQ)?;
+    let mut lq = Stage::new(&backend, &scene, &bvh, &station, FrameQuality::LQ)?;
+    let mut hq = Stage::new(&backend, &scene, &bvh, &station, HQ)?;
     let sector = *lq.renderer.sector();
+    let mut translation = match Translation::load(&station, scene.tissues.names(), &sector) {
+        Ok(translation) => Some(translation),
+        Err(reason) => {
+            tracing::warn!("the contact sheet has no translated images: {reason}");
+            None
+        }
+    };
 
     // Half the size keeps the video small.
     let mut video = Video::create(&args.out.join("exam"), sector.width / 4 * 2, sector.height / 4 * 2, rate)?;
     let frames = timeline.poses.len();
+    let timed: Vec<usize> = session::evenly(TIMED, frames).collect();
     let progress = Progress::new("exam at LQ", frames);
     for (i, pose) in timeline.poses.iter().enumerate() {
         going_on()?;
         let frame = lq.render(pose, timeline.scene_s(i))?;
         video.push(&halved(&frame.bmode, frame.width, frame.height).0)?;
+        if let Some(translation) = translation.as_mut().filter(|_| timed.contains(&i)) {
+            let ms = translation.run(frame)?;
+            lq.times.push_generator(ms);
+        }
         progress.set(i + 1, frames);
     }
     drop(progress);
     let video = video.finish()?;
+    let progress = Progress::new("exam at HQ", timed.len());
+    for (done, &frame) in timed.iter().enumerate() {
+        going_on()?;
+        hq.render(&timeline.poses[frame], timeline.scene_s(frame))?;
+        progress.set(done + 1, timed.len());
+    }
+    drop(progress);
+    let times_hq = std::mem::take(&mut hq.times);
 
+    let target = translation.as_ref().map_or(HQ, |translation| translation.target);
+    hq.reconfigure(&station, target)?;
     let mut sheet = ContactSheet {
         title: format!(
-            "insonify {}   obstetric phantom, {} triangles   LQ: 1 ray x 1 layer   HQ: 32 rays x 3 layers",
+            "insonify {}   obstetric phantom, {} triangles",
             env!("CARGO_PKG_VERSION"),
             thousands(scene.triangle_count())
         ),
+        notes: key_frames::legend(target, translation.as_ref().map(Translation::name)),
         rows: Vec::new(),
         sector: &sector,
         depth_mm: station.probe.depth_mm,
         tissues: &scene.tissues,
         panel_width: PANEL_WIDTH,
     };
-    let total = HQ_FRAMES.max(keys.len());
-    let progress = Progress::new("key frames", total);
+    let mut key_frames = KeyFrames { lq, hq, translation, station: &station, backend: &backend };
+    let mut scores = Vec::with_capacity(keys.len());
+    let progress = Progress::new("key frames", keys.len());
     for (i, key) in keys.iter().enumerate() {
         going_on()?;
-        let directory = args.out.join("key_frames").join(format!("{:02}_{}", i + 1, file_name(&key.name)));
-        let row = key_frame(key, &directory, &mut lq, &mut hq, &sheet, &station, &backend)?;
+        let directory = args.out.join("key_frames").join(format!("{:02}_{}", i + 1, key.file_name()));
+        let (row, score) = key_frames.render(key, &directory, &sheet)?;
         sheet.rows.push(row);
-        progress.set(i + 1, total);
-    }
-    // Spread over the exam, so that the times are not those of a few good views.
-    for (i, frame) in session::evenly(total - keys.len(), frames).enumerate() {
-        going_on()?;
-        hq.render(&timeline.poses[frame], timeline.scene_s(frame))?;
-        progress.set(keys.len() + i + 1, total);
+        scores.push(score);
+        progress.set(i + 1, keys.len());
     }
     drop(progress);
+    let KeyFrames { lq, hq, translation, .. } = key_frames;
     let contact_sheet = args.out.join("contact_sheet.png");
     sheet.write(&contact_sheet)?;
 
@@ -215,11 +241,14 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         exam: RecordingReport::new(exam_path, &summary),
         fps: rate.fps(),
         frames_lq: lq.times.frames(),
-        frames_hq: hq.times.frames(),
-        key_frames: keys.iter().map(|k| k.name.clone()).collect(),
+        frames_hq: times_hq.frames(),
+        target,
+        generator: translation.as_ref().map(Translation::report),
+        key_frames: &scores,
         overflowed: lq.overflowed + hq.overflowed,
         times_lq: lq.times.stages(),
-        times_hq: hq.times.stages(),
+        times_hq: times_hq.stages(),
+        times_target: hq.times.stages(),
         wall_s: started.elapsed().as_secs_f64(),
         video,
         contact_sheet,
@@ -235,94 +264,19 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     output::line(format!("device         {} ({})", report.adapter.name, report.adapter.driver))?;
     output::line(format!("scene          obstetric phantom: {triangles} triangles in {} surfaces", report.surfaces))?;
     output::line(format!("exam           {EXAM_NAME}: {summary}"))?;
-    output::line(format!("rendered       {} frames at LQ, {} at HQ", report.frames_lq, report.frames_hq))?;
-    output::line(format!("\n{}\n", SideBySide(&[("LQ", &lq.times), ("HQ", &hq.times)])))?;
+    let key_frames = format!("{} key frames at {target}", hq.times.frames());
+    let (frames_lq, frames_hq) = (report.frames_lq, report.frames_hq);
+    output::line(format!("rendered       {frames_lq} frames at LQ (1x1), {frames_hq} at HQ ({HQ}), {key_frames}"))?;
+    let compounded = format!("HQ of {}", target.angles);
+    let columns = [("LQ", &lq.times), ("HQ", &times_hq), (compounded.as_str(), &hq.times)];
+    // Without a generator the last two are of one quality.
+    let shown = if target == HQ { &columns[..2] } else { &columns[..] };
+    output::line(format!("\n{}\n", SideBySide(shown)))?;
+    if let Some(translation) = &translation {
+        output::line(format!("translation    LQ by {}, against {target}: {}", translation.name(), Agreement(&scores)))?;
+    }
     output::line(format!("look here      {}", report.contact_sheet.display()))?;
     output::line(format!("video          {}", report.video.display()))?;
     output::line(format!("key frames     {}", args.out.join("key_frames").display()))?;
     output::line(format!("times          {}", times.display()))
-}
-
-/// A renderer with its frame and times.
-struct Stage {
-    renderer: Renderer,
-    settings: RenderSettings,
-    frame: Frame,
-    times: TimeTable,
-    overflowed: usize,
-}
-
-impl Stage {
-    fn new(
-        backend: &Backend,
-        scene: &Scene,
-        bvh: &Arc<Bvh>,
-        station: &Station,
-        quality: Quality,
-    ) -> Result<Self, Failure> {
-        let quality = Quality { seed: station.settings.quality.seed, ..quality };
-        let settings = RenderSettings { quality, ..station.settings };
-        let renderer = Renderer::with_bvh(backend, scene, bvh.clone(), &station.probe, &settings)?;
-        Ok(Self { renderer, settings, frame: Frame::default(), times: TimeTable::default(), overflowed: 0 })
-    }
-
-    /// Renders the scene at `time_s`.
-    fn render(&mut self, pose: &Pose, time_s: f64) -> Result<&Frame, Failure> {
-        self.renderer.set_time_s(time_s);
-        self.renderer.render(pose, &mut self.frame)?;
-        self.times.push(&self.frame.times);
-        self.overflowed += usize::from(self.frame.overflows > 0);
-        Ok(&self.frame)
-    }
-}
-
-/// Renders a key frame at both qualities, writes its files and returns its row of the sheet.
-fn key_frame(
-    key: &KeyFrame,
-    directory: &Path,
-    lq: &mut Stage,
-    hq: &mut Stage,
-    sheet: &ContactSheet<'_>,
-    station: &Station,
-    backend: &Backend,
-) -> Result<Vec<Panel>, Failure> {
-    let bmode = Map::BMode { dynamic_range_db: station.settings.image.dynamic_range_db };
-    let low = lq.render(&key.pose, key.scene_s)?;
-    let lq_panel = sheet.panel(caption(&format!("{:.1} s  {}  LQ", key.time_s, key.name), low), low, bmode)?;
-    png::write_grey(&directory.join("lq.png"), low.width, low.height, &low.bmode, png::Effort::Small)?;
-    let high = hq.render(&key.pose, key.scene_s)?;
-    let row = vec![
-        lq_panel,
-        sheet.panel(caption("HQ", high), high, bmode)?,
-        sheet.panel("segmentation", high, Map::Segmentation)?,
-        sheet.panel(format!("attenuation, 1 = {:.3}", high.attenuation_p98), high, Map::Attenuation)?,
-    ];
-    let (adapter, sector) = (session::adapter(backend), hq.renderer.sector());
-    let plan = hq.renderer.plan();
-    let record = FrameRecord::new(&hq.frame, &key.pose, &station.probe, &hq.settings, plan, sector, adapter);
-    FrameFiles { frame: &hq.frame, tissues: sheet.tissues, record: &record }.write(directory)?;
-    Ok(row)
-}
-
-fn caption(text: &str, frame: &Frame) -> String {
-    format!("{text}  {:.0} ms", frame.times.total_ms)
-}
-
-/// The exam's events, each with the pose of its nearest frame; without events, frames spread over the exam.
-fn key_frames(events: &[Event], timeline: &Timeline) -> Vec<KeyFrame> {
-    let key = |name: String, frame: usize| {
-        let pose = *timeline.poses.get(frame)?;
-        Some(KeyFrame { name, time_s: timeline.seconds(frame), scene_s: timeline.scene_s(frame), pose })
-    };
-    if events.is_empty() {
-        let frames = session::evenly(4, timeline.poses.len());
-        return (1..).zip(frames).filter_map(|(number, frame)| key(format!("view {number}"), frame)).collect();
-    }
-    let named = events.iter().take(KEY_FRAMES_MAX);
-    named.filter_map(|event| key(event.name.clone(), timeline.nearest(event.host_time_ns))).collect()
-}
-
-/// A name as part of a path: letters, digits and `_`.
-fn file_name(name: &str) -> String {
-    name.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' }).collect()
 }

@@ -78,6 +78,9 @@ pub(crate) fn controller(
         }
         fixed.filter(|_| !models.is_empty())
     };
+    if let Some(reason) = controller.as_ref().and_then(PointController::generator_reason) {
+        eprintln!("{reason}");
+    }
     renderer.reconfigure(&station.probe, &station.settings)?;
     Ok(controller)
 }

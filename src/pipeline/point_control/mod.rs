@@ -6,6 +6,7 @@
 
 mod hand;
 mod predict;
+mod reason;
 mod recent;
 mod speed;
 mod summary;
@@ -112,6 +113,8 @@ pub struct PointController {
     current: usize,
     /// Name of the point at the start.
     begun: String,
+    /// Why that point has a generator or none; `None` without generators.
+    generator_reason: Option<String>,
     /// Whether watchers want generated pictures, and whether they have just asked for them again.
     generate: bool,
     asked: bool,
@@ -173,6 +176,7 @@ impl PointController {
             budget: FrameBudget { spread, ..budget },
             current: 0,
             begun: String::new(),
+            generator_reason: None,
             generate: true,
             asked: false,
             by_hand: false,
@@ -204,6 +208,7 @@ impl PointController {
         controller.current = first.or_else(least)?;
         controller.before = controller.current;
         controller.begun = controller.name(&controller.point());
+        controller.generator_reason = controller.reason_now();
         Some(controller)
     }
 

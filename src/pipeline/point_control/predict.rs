@@ -31,12 +31,15 @@ impl PointController {
     /// [`Self::best`] of the points that are predicted to take less than `most_ms`.
     pub(super) fn best_below(&self, now_s: f64, load: Load, spread: f64, room: f64, most_ms: f64) -> Option<usize> {
         let fits = |candidate: &Candidate| {
-            let busy_ms = self.busy_ms(candidate, load);
-            busy_ms < most_ms
-                && spread * busy_ms <= room * self.limit_ms()
-                && spread * load.run * candidate.run_ms <= self.budget.run_ms
+            self.busy_ms(candidate, load) < most_ms && self.keeps(candidate, load, spread, room)
         };
         self.by_error().find(|&index| self.may_be_chosen(now_s, index) && fits(&self.candidates[index]))
+    }
+
+    /// Whether the candidate is predicted to keep `room` of the budget, and its runs theirs.
+    pub(super) fn keeps(&self, candidate: &Candidate, load: Load, spread: f64, room: f64) -> bool {
+        spread * self.busy_ms(candidate, load) <= room * self.limit_ms()
+            && spread * load.run * candidate.run_ms <= self.budget.run_ms
     }
 
     /// The point to run where none fits: the best of those that take little more than the least time and whose median fits,

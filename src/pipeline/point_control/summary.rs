@@ -26,6 +26,8 @@ pub struct PointSummary {
     pub budget_ms: f64,
     /// Point at the start.
     pub begun: String,
+    /// Why the point at the start has a generator or none; none without generators.
+    pub generator_reason: Option<String>,
     /// Point at the end.
     pub ended: String,
     /// Error of the point at the end, at the probe's speed then, grey levels; none of a quality that was fixed.
@@ -89,6 +91,7 @@ impl PointController {
         PointSummary {
             budget_ms: self.limit_ms(),
             begun: self.begun.clone(),
+            generator_reason: self.generator_reason.clone(),
             ended: self.name(&self.point()),
             error: self.budget.frame_ms.is_some().then(|| self.error(self.current)),
             lowered: self.counts.lowered,

@@ -2,6 +2,7 @@
 
 mod hand;
 mod machine;
+mod reason;
 mod speed;
 
 use self::machine::*;

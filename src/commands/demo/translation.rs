@@ -1,0 +1,158 @@
+//! The generator of the contact sheet: the shipped one that is best on LQ frames.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use insonify::generator::{Generator, Input, Kind, LoadOptions, Manifest, Runtime};
+use insonify::render::{Frame, FrameQuality};
+use insonify::station::Station;
+use insonify::tradeoff::{ErrorTable, ExpectedErrors, GeneratorKey};
+use insonify::transducer::Sector;
+use serde::Serialize;
+
+use super::super::{Failure, operating_points};
+
+/// Folder of shipped generators, below the repository's root: a folder for each.
+const FOLDER: &str = "assets/generators";
+
+/// A generator with its last image.
+pub(super) struct Translation {
+    generator: Generator,
+    /// Quality that it was trained to give.
+    pub(super) target: FrameQuality,
+    /// Its error in the table of errors, grey levels.
+    error: f64,
+    /// Grey levels of the last run [height × width].
+    pub(super) image: Vec<u8>,
+}
+
+/// The generator, for JSON.
+#[derive(Debug, Serialize)]
+pub(super) struct TranslationReport {
+    name: String,
+    sha256: String,
+    model: PathBuf,
+    target: FrameQuality,
+    error: f64,
+}
+
+impl Translation {
+    /// The best generator of LQ frames, ready to run; its error says in one line why there is none. `tissues` are names from
+    /// number 1.
+    pub(super) fn load(station: &Station, tissues: &[String], sector: &Sector) -> Result<Self, String> {
+        let table = ErrorTable::shipped().map_err(|error| error.to_string())?;
+        let expected = table.expected(&operating_points::scene_name(station), &station.probe);
+        let folder = folder().ok_or_else(|| format!("there is no folder {FOLDER} above the program"))?;
+        let Best { model, target, error } = best(&folder, &expected)?;
+        let runtime = Runtime::get().map_err(|error| error.to_string())?;
+        let options = LoadOptions { tissues, ..LoadOptions::default() };
+        let mut generator = Generator::load(&model, runtime, &options).map_err(|error| error.to_string())?;
+        // Its first run allocates, and is not timed.
+        generator.measure(sector.width, sector.height, 0).map_err(|error| error.to_string())?;
+        Ok(Self { generator, target, error, image: Vec::new() })
+    }
+
+    /// Translates a frame and returns the duration, ms.
+    pub(super) fn run(&mut self, frame: &Frame) -> Result<f64, Failure> {
+        let started = Instant::now();
+        self.generator.run(&Input::from(frame), &mut self.image)?;
+        Ok(started.elapsed().as_secs_f64() * 1e3)
+    }
+
+    /// Name of the generator.
+    pub(super) fn name(&self) -> &str {
+        &self.generator.manifest().name
+    }
+
+    /// Its report.
+    pub(super) fn report(&self) -> TranslationReport {
+        let Manifest { name, sha256, .. } = self.generator.manifest().clone();
+        let model = self.generator.path().to_owned();
+        TranslationReport { name, sha256, model, target: self.target, error: self.error }
+    }
+}
+
+/// A model, its target, and its error on LQ frames.
+#[derive(Debug, PartialEq)]
+struct Best {
+    model: PathBuf,
+    target: FrameQuality,
+    error: f64,
+}
+
+/// The folder of generators above the program or its sources.
+fn folder() -> Option<PathBuf> {
+    let program = std::env::current_exe().unwrap_or_default();
+    let above = program.ancestors().skip(1).chain([Path::new(env!("CARGO_MANIFEST_DIR"))]);
+    above.map(|folder| folder.join(FOLDER)).find(|folder| folder.is_dir())
+}
+
+/// Of the trained models in `folder` that take LQ frames, the one with the least error in the table. Their own PSNR would
+/// not do: it is that of their data sets, which differ.
+fn best(folder: &Path, expected: &ExpectedErrors<'_>) -> Result<Best, String> {
+    let entries = std::fs::read_dir(folder).map_err(|error| format!("cannot read {}: {error}", folder.display()))?;
+    let measured = entries.flatten().filter_map(|entry| {
+        let model = entry.path().join(entry.file_name()).with_extension("onnx");
+        let manifest = Manifest::load(&Manifest::path_of(&model)).ok()?;
+        let takes_lq = manifest.kind == Kind::Trained && manifest.lq().contains(&FrameQuality::LQ);
+        let target = manifest.training.as_ref()?.hq.filter(|_| takes_lq)?;
+        let key = GeneratorKey { name: manifest.name, sha256: manifest.sha256 };
+        let error = expected.of(FrameQuality::LQ, Some(&key))?;
+        Some(Best { model, target, error })
+    });
+    measured
+        .min_by(|a, b| a.error.total_cmp(&b.error))
+        .ok_or_else(|| format!("{} has no generator of LQ frames that the table of errors knows", folder.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use insonify::tradeoff::{PointError, StationErrors};
+    use insonify::transducer::Probe;
+
+    use super::*;
+
+    const SHIPPED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/generators");
+
+    #[test]
+    fn the_shipped_generator_with_the_least_error_on_lq_frames_is_taken() {
+        let table = ErrorTable::shipped().unwrap();
+        let expected = table.expected("obstetric", &Probe::default());
+        let found = best(Path::new(SHIPPED), &expected).unwrap();
+        let manifest = Manifest::load(&Manifest::path_of(&found.model)).unwrap();
+        assert_eq!(Some(found.target), manifest.training.unwrap().hq);
+        assert!(found.target.angles > 1, "{found:?}");
+        let errors = table.stations.iter().flat_map(|station| &station.points);
+        let errors = errors.filter(|point| point.generator.is_some() && point.quality == FrameQuality::LQ);
+        assert_eq!(Some(found.error), errors.map(|point| point.rmse).min_by(f64::total_cmp));
+        assert!(found.error < expected.of(FrameQuality::LQ, None).unwrap(), "{found:?}");
+    }
+
+    #[test]
+    fn the_table_decides_not_the_name_nor_the_models_own_figure() {
+        let of = |name: &str| Manifest::load(Path::new(&format!("{SHIPPED}/{name}/{name}.toml"))).unwrap();
+        let point = |name: &str, rmse| {
+            let generator = Some(GeneratorKey { name: name.into(), sha256: of(name).sha256 });
+            PointError { quality: FrameQuality::LQ, generator, rmse, spread: 0.1 }
+        };
+        // `fast_msa` has the highest PSNR of its own data set, and `fast_m_rolling` takes other frames.
+        let points = vec![point("fast_msa", 20.0), point("fast_m", 12.0), point("fast_m_rolling", 5.0)];
+        let station = StationErrors {
+            name: "t.toml".into(),
+            scene: "obstetric".into(),
+            probe: "convex".into(),
+            frequency_mhz: 8.0,
+            reference: String::new(),
+            poses: 1,
+            points,
+        };
+        let table = ErrorTable { stations: vec![station], ..ErrorTable::new(String::new()) };
+        let found = best(Path::new(SHIPPED), &table.expected("obstetric", &Probe::default())).unwrap();
+        assert!(found.model.ends_with("fast_m/fast_m.onnx") && found.error == 12.0, "{found:?}");
+        let none = ErrorTable::new(String::new());
+        let error = best(Path::new(SHIPPED), &none.expected("obstetric", &Probe::default())).unwrap_err();
+        assert!(error.contains("no generator of LQ frames"), "{error}");
+        let error = best(Path::new("/nowhere"), &table.expected("obstetric", &Probe::default())).unwrap_err();
+        assert!(error.contains("/nowhere") && error.lines().count() == 1, "{error}");
+    }
+}

@@ -1,0 +1,71 @@
+//! Why a session begins with a generator or without one.
+
+use super::{Candidate, Load, PointController, ROOM};
+
+impl PointController {
+    /// Why the session began with a generator or without one, with the two points compared: the chosen one, and the best
+    /// one of the other kind. `None` without generators.
+    pub fn generator_reason(&self) -> Option<&str> {
+        self.generator_reason.as_deref()
+    }
+
+    /// [`Self::generator_reason`] of the present point, by the times of the start.
+    pub(super) fn reason_now(&self) -> Option<String> {
+        let point = self.point();
+        let names = self.generators.join(", ");
+        let head = match point.generator.and_then(|index| self.generators.get(index)) {
+            Some(name) => format!("generator {name}"),
+            None => "no generator".to_owned(),
+        };
+        let Some(other) = self.best_of_other_kind(&point) else {
+            let none = || format!("{head}: this station makes no frames for {names}, or its time is not known");
+            return (!names.is_empty()).then(none);
+        };
+        let limit_ms = self.limit_ms();
+        let [this, that] = [&point, &other].map(|point| self.described(point));
+        let why = if !self.fits(&point) {
+            let than =
+                if self.expected_ms(&point) <= self.expected_ms(&other) { "is faster" } else { "has less error" };
+            format!("nothing keeps {limit_ms:.0} ms; {this} {than} than {that}")
+        } else if self.fits(&other) {
+            format!("{this} beats {that} within {limit_ms:.0} ms")
+        } else {
+            let over = self.over_limit(&other);
+            format!("{this} keeps {limit_ms:.0} ms, {that} does not: {over}")
+        };
+        Some(format!("{head}: {why}"))
+    }
+
+    /// Of the points with a generator if `point` has none, and the other way round: the one with the least error that fits,
+    /// else the fastest.
+    fn best_of_other_kind(&self, point: &Candidate) -> Option<Candidate> {
+        let others = || self.candidates.iter().filter(|c| c.generator.is_some() != point.generator.is_some());
+        let fastest = || others().min_by(|a, b| self.expected_ms(a).total_cmp(&self.expected_ms(b)));
+        others().find(|other| self.fits(other)).or_else(fastest).copied()
+    }
+
+    /// Whether the choice at the start takes the point as one that keeps the budget.
+    fn fits(&self, point: &Candidate) -> bool {
+        self.keeps(point, Load::START, self.budget.spread, ROOM)
+    }
+
+    /// Name, time and error. With a fixed quality only runs count, and errors are ranks: both are left out.
+    fn described(&self, point: &Candidate) -> String {
+        let (name, ms) = (self.name(point), self.expected_ms(point));
+        match (self.chooses_quality(), point.generator) {
+            (true, _) => format!("{name} ({ms:.0} ms, error {:.1})", point.error),
+            (false, Some(_)) => format!("{name} ({ms:.0} ms a run)"),
+            (false, None) => name,
+        }
+    }
+
+    /// What exceeds which limit, at the 95th percentile.
+    fn over_limit(&self, point: &Candidate) -> String {
+        let spread = self.budget.spread;
+        let (busy_ms, most_ms) = (spread * self.expected_ms(point), ROOM * self.limit_ms());
+        if busy_ms > most_ms {
+            return format!("its 95th percentile is {busy_ms:.0} ms, more than {:.0} % of that", 100.0 * ROOM);
+        }
+        format!("the 95th percentile of its runs is {:.0} ms of {:.0}", spread * point.run_ms, self.budget.run_ms)
+    }
+}
