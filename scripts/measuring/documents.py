@@ -6,7 +6,8 @@ from . import store
 from .store import FigureError
 from .tables import TABLES, rendered
 
-MARKER = re.compile(r"<!-- (?:figure: (?P<name>[^>]*?)|/figure) -->")
+# A line of its own.
+MARKER = re.compile(r"(?m)^<!-- (?:figure: (?P<name>[^>]*?)|/figure) -->$")
 
 
 def documents(tree):
@@ -15,7 +16,7 @@ def documents(tree):
 
 
 def sections(path, text):
-    """(name, begin, end) of what lies between each pair of markers."""
+    """(name, begin, end) of what lies between each pair of markers; errors name the document `path`."""
     found, name, begin = [], None, 0
     for marker in MARKER.finditer(text):
         line = text.count("\n", 0, marker.start()) + 1
@@ -51,11 +52,11 @@ def render(tree):
     """Writes all tables; returns lines about what changed."""
     said = []
     for path in documents(tree):
-        text = path.read_text()
-        new, changed = filled(tree, path, text)
+        name = path.relative_to(tree.root)
+        new, changed = filled(tree, name, path.read_text())
         if changed:
             store.replace(path, new)
-            said.append(f"{path.relative_to(tree.root)}: {', '.join(changed)}")
+            said.append(f"{name}: {', '.join(changed)}")
     return said
 
 
@@ -63,14 +64,14 @@ def faults(tree):
     """Lines about tables that differ from their data, markers that are wrong, and data that no document shows."""
     said, shown = [], set()
     for path in documents(tree):
+        name = path.relative_to(tree.root)
         try:
             text = path.read_text()
-            shown |= {TABLES[name][0] for name, _, _ in sections(path, text) if name in TABLES}
-            _, changed = filled(tree, path, text)
+            shown |= {TABLES[table][0] for table, _, _ in sections(name, text) if table in TABLES}
+            _, changed = filled(tree, name, text)
         except FigureError as error:
             said.append(str(error))
             continue
-        name = path.relative_to(tree.root)
         said += [f"{name}: the table {table} differs from its data; scripts/figures --render writes it" for table in changed]
     for name in tree.names():
         tables = [table for table, (data, _) in TABLES.items() if data == name]

@@ -38,13 +38,13 @@ def measure(tree, figure, program, limit_s=LIMIT_S):
         code, peak_kib = run(step.command, tree.root, folder, left_s)
         if code is None:
             raise FigureError(f"{figure.name}: not finished within {limit_s:.0f} s; the same command goes on at step {number}")
+        tail = (folder / "stderr.txt").read_text(errors="replace")[-2000:].strip()
         if code not in step.codes:
-            tail = (folder / "stderr.txt").read_text(errors="replace")[-2000:].strip()
             raise FigureError(f"{figure.name}, {step.name}: exit code {code}; {folder}/stderr.txt ends with:\n{tail}")
         try:
             values = step.collect(folder, peak_kib)
         except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
-            raise FigureError(f"{figure.name}, {step.name}: no figures in {folder}: {error!r}") from None
+            raise FigureError(f"{figure.name}, {step.name}: no figures in {folder}: {error!r}\n{tail}") from None
         kept.add(step.name, command, values)
     done = [{"step": step.name, **kept.steps[step.name]} for step in steps]
     for entry in done:

@@ -147,8 +147,8 @@ def looks(data):
         [LOOKS[row["name"]], *(number(row[key]) for key in ("render_ms", "look_ms", "both_ms")), f"{row['both_ms'] / first:.2f}"]
         for row in data["rows"]
     ]
-    frames = " to ".join(sorted({f"{row['frames']:,}" for row in data["rows"]}))
-    text = f": `configs/obstetric.toml`, three turns of 14 s each, {frames} frames a row, medians, ms"
+    frames = round(min(row["frames"] for row in data["rows"]), -2)
+    text = f": `configs/obstetric.toml`, three turns of 14 s each, about {frames:,} frames a row, medians, ms"
     return table(["", "render:", "look:", "both:", "ratio:"], rows) + "\n\n" + caption(data, text)
 
 

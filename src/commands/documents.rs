@@ -8,6 +8,7 @@ use clap::error::ErrorKind;
 use super::Cli;
 
 #[path = "../../tests/documents/markdown.rs"]
+#[allow(dead_code, reason = "places of inline code are for the test of links")]
 mod markdown;
 #[path = "../../tests/documents/shell.rs"]
 mod shell;
@@ -18,14 +19,14 @@ use shell::Command;
 const BEFORE: [&str; 12] =
     ["do", "then", "else", "exec", "nice", "nohup", "parallel", "sudo", "time", "/usr/bin/time", "timeout", "xargs"];
 /// What a placeholder after an option may stand for.
-const VALUES: [&str; 6] = ["lq", "1", "1x1", "page.html", "host", "0,0,0,1,0,0,0"];
+const VALUES: [&str; 7] = ["lq", "1", "1x1", "64x64", "page.html", "host", "0,0,0,1,0,0,0"];
 
 /// The words from `insonify` on, if the command runs it.
 fn arguments(command: &Command) -> Option<Vec<String>> {
     let is_program = |word: &str| Path::new(word).file_name().is_some_and(|name| name == "insonify");
     let is_variable = |word: &str| word.split_once('=').is_some_and(|(name, _)| name.chars().all(|c| c.is_ascii_uppercase() || c == '_'));
     let mut words: Vec<&str> = command.words.iter().map(String::as_str).collect();
-    words.drain(..words.iter().take_while(|word| is_variable(word)).count());
+    words.drain(..words.iter().take_while(|&&word| word == "$" || is_variable(word)).count());
     if words.starts_with(&["cargo", "run"]) && !words.contains(&"--example") {
         words.drain(..words.iter().position(|&word| word == "--")?);
         words[0] = "insonify";
@@ -124,7 +125,7 @@ fn every_command_line_of_the_documents_parses() {
 fn wrong_command_lines_are_found_wherever_they_stand() {
     let wrong = [
         "```\ninsonify rendr configs/sphere.toml\n```",
-        "```\ninsonify render\n```",
+        "```\n$ insonify render\n```",
         "```sh\nINSONIFY_BACKEND=host target/release/insonify render a.toml --qualty lq # comment\n```",
         "```\nmake demo && insonify demo --fps N --speed 2\n```",
         "```\ninsonify render a.toml --quality lq \\\n  --gain 2\n```",

@@ -116,7 +116,7 @@ fn an_interrupted_measuring_goes_on_where_it_was() {
     assert_eq!(code, Some(130), "{said}");
     assert_eq!((checkout.calls(), checkout.data()), (vec!["lq", "hq"], None));
     let listed = String::from_utf8(figures(checkout.root.path(), &[]).stdout).unwrap();
-    assert!(listed.lines().any(|line| line.starts_with("memory") && line.contains("1 steps")), "{listed}");
+    assert!(listed.lines().any(|line| line.starts_with("memory") && line.contains("steps kept: 1")), "{listed}");
 
     checkout.flag("interrupt", false);
     let (code, said) = checkout.measure("memory");
@@ -191,7 +191,7 @@ fn tables_that_differ_from_their_data_are_found() {
         (right.replace("<!-- figure: memory -->", ""), "ends no figure"),
         (right.replace("figure: memory", "figure: memories"), "no table is named memories"),
         (right.replace("figure: memory", "figure: looks"), "the figure looks has no data"),
-        (format!("{right}<!-- figure: memory --><!-- figure: memory --><!-- /figure -->"), "before the end"),
+        (format!("{right}<!-- figure: memory -->\n<!-- figure: memory -->\n<!-- /figure -->\n"), "before the end"),
         ("# Performance\n".to_owned(), "shown nowhere"),
     ];
     for (page, reason) in broken {
