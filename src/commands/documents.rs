@@ -24,7 +24,9 @@ const VALUES: [&str; 7] = ["lq", "1", "1x1", "64x64", "page.html", "host", "0,0,
 /// The words from `insonify` on, if the command runs it.
 fn arguments(command: &Command) -> Option<Vec<String>> {
     let is_program = |word: &str| Path::new(word).file_name().is_some_and(|name| name == "insonify");
-    let is_variable = |word: &str| word.split_once('=').is_some_and(|(name, _)| name.chars().all(|c| c.is_ascii_uppercase() || c == '_'));
+    let is_variable = |word: &str| {
+        word.split_once('=').is_some_and(|(name, _)| name.chars().all(|c| c.is_ascii_uppercase() || c == '_'))
+    };
     let mut words: Vec<&str> = command.words.iter().map(String::as_str).collect();
     words.drain(..words.iter().take_while(|&&word| word == "$" || is_variable(word)).count());
     if words.starts_with(&["cargo", "run"]) && !words.contains(&"--example") {
@@ -71,7 +73,10 @@ fn is_placeholder(word: &str) -> bool {
 /// What is wrong with a command line, if anything.
 fn fault(words: &[String], inline: bool) -> Option<String> {
     let error = Cli::try_parse_from(words).err()?;
-    let named = inline && words[1..].iter().all(|word| word.chars().all(|c| c.is_ascii_lowercase() || c == '-') && !word.starts_with('-'));
+    let named = inline
+        && words[1..]
+            .iter()
+            .all(|word| word.chars().all(|c| c.is_ascii_lowercase() || c == '-') && !word.starts_with('-'));
     match error.kind() {
         ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => return None,
         // In running text, a name stands for the command.

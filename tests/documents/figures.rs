@@ -124,7 +124,10 @@ fn an_interrupted_measuring_goes_on_where_it_was() {
     let data = checkout.data().unwrap();
     assert_eq!(data["rows"].as_array().unwrap().len(), 2);
     assert!(data["rows"][0]["peak_mb"].as_f64().unwrap() > 0.0, "{data}");
-    assert_eq!(data["steps"][1]["command"], "insonify render configs/obstetric.toml --quality hq --out out/figures/memory/hq/frame");
+    assert_eq!(
+        data["steps"][1]["command"],
+        "insonify render configs/obstetric.toml --quality hq --out out/figures/memory/hq/frame"
+    );
     for key in ["commit", "date", "machine", "command"] {
         assert!(!data[key].is_null(), "{key}: {data}");
     }

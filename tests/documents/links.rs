@@ -107,7 +107,11 @@ fn slug(title: &str) -> String {
         let end = title[middle..].find(')').map_or(title.len(), |end| middle + end + 1);
         title.replace_range(middle..end, "");
     }
-    title.chars().filter(|c| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_')).map(|c| if c == ' ' { '-' } else { c }).collect()
+    title
+        .chars()
+        .filter(|c| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_'))
+        .map(|c| if c == ' ' { '-' } else { c })
+        .collect()
 }
 
 #[test]

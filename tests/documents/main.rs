@@ -25,8 +25,9 @@ fn root() -> &'static Path {
 /// Lines with something that was to be replaced.
 fn placeholders(name: &str, text: &str) -> Vec<String> {
     let is_word = |word: &str| ["TODO", "TBD", "FIXME", "XXX"].contains(&word);
-    let is_marked =
-        |line: &str| line.match_indices("@@").any(|(at, _)| line[at + 2..].starts_with(|c: char| c.is_ascii_uppercase()));
+    let is_marked = |line: &str| {
+        line.match_indices("@@").any(|(at, _)| line[at + 2..].starts_with(|c: char| c.is_ascii_uppercase()))
+    };
     let numbered = (1..).zip(text.lines());
     let left = numbered.filter(|(_, line)| is_marked(line) || line.split(|c: char| !c.is_alphanumeric()).any(is_word));
     left.map(|(number, line)| format!("{name}:{number}: a placeholder: {line}")).collect()
@@ -75,7 +76,8 @@ fn placeholders_are_found() {
 
 #[test]
 fn every_link_and_picture_exists() {
-    let faults: Vec<_> = documents(root()).unwrap().iter().flat_map(|d| links::broken(root(), &d.path, &d.text)).collect();
+    let faults: Vec<_> =
+        documents(root()).unwrap().iter().flat_map(|d| links::broken(root(), &d.path, &d.text)).collect();
     none(&faults);
 }
 
@@ -92,12 +94,16 @@ fn missing_make_targets_are_found() {
     for broken in ["```\nmake dem\n```", "run `make -j2 ARGS=x live`", "```\ncd a && make demos # all\n```"] {
         assert_eq!(targets("broken.md", broken, makefile).len(), 1, "{broken}");
     }
-    assert_eq!(targets("right.md", "`make demo ARGS=\"--out DIR\"`; we make pictures\n```\nmake demo\n```", makefile), [""; 0]);
+    assert_eq!(
+        targets("right.md", "`make demo ARGS=\"--out DIR\"`; we make pictures\n```\nmake demo\n```", makefile),
+        [""; 0]
+    );
 }
 
 #[test]
 fn readme_and_architecture_are_short() {
-    let faults: Vec<_> = documents(root()).unwrap().iter().filter_map(|d| length(&d.path.to_string_lossy(), &d.text)).collect();
+    let faults: Vec<_> =
+        documents(root()).unwrap().iter().filter_map(|d| length(&d.path.to_string_lossy(), &d.text)).collect();
     none(&faults);
 }
 
