@@ -95,7 +95,7 @@ fn fault(words: &[String], inline: bool) -> Option<String> {
         values.map(|(word, before)| if of_option(word, before) { value.to_owned() } else { word.clone() }).collect()
     };
     let fits = VALUES.iter().any(|value| Cli::try_parse_from(with(value)).is_ok());
-    (!fits).then(|| error.to_string().lines().next().unwrap_or_default().to_owned())
+    (!fits).then(|| error.to_string().lines().take(2).map(str::trim).collect::<Vec<_>>().join(" "))
 }
 
 /// Number of command lines of a document, and what is wrong with them.
