@@ -5,6 +5,8 @@ mod calibrate;
 mod dataset;
 mod demo;
 mod doctor;
+#[cfg(test)]
+mod documents;
 mod effects;
 mod evaluate;
 mod exam;

@@ -1,0 +1,106 @@
+"""Measuring of a figure: its steps one after the other, each kept when it is done."""
+
+import contextlib
+import os
+import pathlib
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+from . import store
+from .store import FigureError, Kept
+
+# Longest measuring of a figure, s. What was finished is kept, so the same command goes on.
+LIMIT_S = 600
+
+
+def measure(tree, figure, program, limit_s=LIMIT_S):
+    """Measures a figure and writes its data. Steps of an interrupted measuring of the same build are taken over."""
+    program = pathlib.Path(program).resolve()
+    commit = tree.commit()
+    build = {"inputs": tree.inputs(), "program": store.sha256(program)}
+    kept = Kept(tree, figure.name, build)
+    until = time.monotonic() + limit_s
+    steps = figure.steps(tree, program, kept.folder)
+    for number, step in enumerate(steps, 1):
+        command = [shown(part, tree, program) for part in step.command]
+        say = f"{figure.name}: step {number} of {len(steps)}, {step.name}"
+        if kept.get(step.name, command):
+            print(f"{say}: kept", file=sys.stderr)
+            continue
+        print(f"{say}: {' '.join(command)}", file=sys.stderr)
+        folder = kept.folder / step.name
+        folder.mkdir(parents=True, exist_ok=True)
+        left_s = until - time.monotonic()
+        code, peak_kib = run(step.command, tree.root, folder, left_s)
+        if code is None:
+            raise FigureError(f"{figure.name}: not finished within {limit_s:.0f} s; the same command goes on at step {number}")
+        tail = (folder / "stderr.txt").read_text(errors="replace")[-2000:].strip()
+        if code not in step.codes:
+            raise FigureError(f"{figure.name}, {step.name}: exit code {code}; {folder}/stderr.txt ends with:\n{tail}")
+        try:
+            values = step.collect(folder, peak_kib)
+        except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
+            raise FigureError(f"{figure.name}, {step.name}: no figures in {folder}: {error!r}\n{tail}") from None
+        kept.add(step.name, command, values)
+    done = [{"step": step.name, **kept.steps[step.name]} for step in steps]
+    for entry in done:
+        entry["command"] = " ".join(entry["command"])
+    data = {
+        "figure": figure.name,
+        "commit": commit,
+        "date": store.today(),
+        "machine": store.machine(),
+        "command": figure.command,
+        **figure.summary(done),
+        "steps": done,
+    }
+    path = tree.save(data)
+    for source, target in figure.files.items():
+        copied = tree.root / target
+        copied.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(kept.folder / source, copied)
+    kept.remove()
+    return path
+
+
+def shown(part, tree, program):
+    """A word of a command as it is kept: the program by its name, paths relative to the checkout."""
+    return "insonify" if str(part) == str(program) else str(part).replace(f"{tree.root}/", "")
+
+
+def run(command, cwd, folder, limit_s):
+    """Runs a command. Returns its exit code, None where the limit ended it, and its peak of resident memory, KiB."""
+    with open(folder / "stdout.txt", "wb") as out, open(folder / "stderr.txt", "wb") as err:
+        try:
+            process = subprocess.Popen(
+                [str(part) for part in command], cwd=cwd, stdin=subprocess.DEVNULL, stdout=out, stderr=err, start_new_session=True
+            )
+        except OSError as error:
+            raise FigureError(f"{command[0]} cannot be run: {error}") from None
+    late = threading.Event()
+
+    def end():
+        late.set()
+        os.killpg(process.pid, signal.SIGKILL)
+
+    timer = threading.Timer(max(0.0, limit_s), end)
+    timer.start()
+    try:
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+    except BaseException:
+        # What the command started belongs to its group.
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGTERM)
+        try:
+            process.wait(30)
+        except subprocess.TimeoutExpired:
+            end()
+        raise
+    finally:
+        timer.cancel()
+    return (None if late.is_set() else process.returncode), usage.ru_maxrss

@@ -1,0 +1,234 @@
+"""Markdown of figures, from their data files. The name of a table stands in its marker."""
+
+from .store import FigureError
+
+
+def number(value, digits=1, unit=""):
+    """A number with thousands separated; a dash where it was not measured."""
+    return "–" if value is None else f"{value:,.{digits}f}{unit}"
+
+
+def table(head, rows):
+    """A table; columns whose heading ends in `:` are aligned to the right."""
+    bar = ["---:" if name.endswith(":") else "---" for name in head]
+    lines = [[name.removesuffix(":") for name in head], None, *rows]
+    return "\n".join(f"|{'|'.join(bar)}|" if line is None else "| " + " | ".join(line) + " |" for line in lines)
+
+
+def origin(data):
+    """Processor, cores, commit and date."""
+    machine = data["machine"]
+    return f"{machine['processor']}, {machine['cores']} cores, commit `{data['commit']}`, {data['date']}"
+
+
+def caption(data, text=""):
+    """What was measured, and where it comes from, as the line below a table."""
+    return f"*`{data['command']}`{text}. {origin(data)}.*"
+
+
+def point(name):
+    """Name of an operating point, as in text."""
+    words = (name or "–").split(" ")
+    return " ".join(word.replace("x", " × ") if word.replace("x", "").isdigit() else word for word in words)
+
+
+def passes(data):
+    rows = []
+    for row in data["rows"]:
+        if row["stage"] == "upload, submit, read back":
+            continue
+        cells = [row["stage"], *(number(row[f"{quality}_{key}_ms"]) for quality in ("lq", "hq") for key in ("p50", "p95"))]
+        whole = row["stage"] == "whole frame"
+        rows.append([f"**{cell}**" if whole and column in (0, 1, 3) else cell for column, cell in enumerate(cells)])
+    made = f": {data['frames_lq']} frames at LQ (1 × 1) and {data['frames_hq']} at HQ (32 × 3), {data['triangles']:,} triangles, ms"
+    return table(["pass", "LQ p50:", "LQ p95:", "HQ p50:", "HQ p95:"], rows) + "\n\n" + caption(data, made)
+
+
+def demo(data):
+    row = data["rows"][0]
+    cells = [number(row["frames_per_s"]), number(row["ticks_percent"], 1, " %"), number(row["p50_ms"], 0), number(row["p99_ms"], 0)]
+    cells += [point(row["begun"]), number(row["enhanced_percent"], 0, " %"), number(row["wall_s"], 0)]
+    head = ["live frames/s:", "ticks kept:", "pose to present, ms: p50:", "p99:", "begins with", "generated:", "whole demo, s:"]
+    return table(head, [cells]) + "\n\n" + caption(data)
+
+
+# Points of the README's table, with their names there.
+SHOWN = {
+    "1x1 no aperture": "1 × 1, without `aperture`",
+    "1x1": "1 × 1 (LQ)",
+    "1x1 9 rolling angles": "1 × 1, 9 rolling",
+    "1x3 9 rolling angles": "1 × 3, 9 rolling",
+    "2x3 9 rolling angles": "2 × 3, 9 rolling",
+    "4x3 9 rolling angles": "4 × 3, 9 rolling",
+    "1x1 + fast_msa": "LQ + `fast_msa`",
+    "2x3 of 9 angles + fast_m_rolling": "2 × 3, 9 rolling + `fast_m_rolling`",
+    "8x3 9 rolling angles": "8 × 3, 9 rolling",
+    "8x3 of 9 angles + fast_m_rolling": "8 × 3, 9 rolling + `fast_m_rolling`",
+    "32x3": "32 × 3 (HQ)",
+    "8x3 9 angles": "8 × 3, 9 angles",
+}
+
+
+def by_name(data):
+    return {row["name"]: row for row in data["rows"] if not row["all_effects"]}
+
+
+def tradeoff(data):
+    found = by_name(data)
+    shown = sorted((found[name] | {"shown": shown} for name, shown in SHOWN.items() if name in found), key=lambda row: row["median_ms"])
+    rows = [
+        [row["shown"], number(row["median_ms"]), number(row["rmse"]), number(100 * row["ssim"])]
+        for row in shown
+    ]
+    return table(["rays × layers, angles", "ms a frame:", "pixel error:", "SSIM, %:"], rows)
+
+
+# Budget of configs/live.toml, ms.
+BUDGET_MS = 64
+
+
+def tradeoff_summary(data):
+    front = sorted((row for row in data["rows"] if row["on_front"]), key=lambda row: row["median_ms"])
+    spans = []
+    for row, following in zip(front, [*front[1:], None]):
+        if row["generator"]:
+            begin, end = row["median_ms"], following["median_ms"] if following else None
+            if spans and spans[-1][1] == begin:
+                spans[-1][1] = end
+            else:
+                spans.append([begin, end])
+    times = " and ".join(f"from {begin:.0f} ms" if end is None else f"from {begin:.0f} to {end:.0f} ms" for begin, end in spans)
+    within = [row for row in data["rows"] if row["p95_ms"] <= BUDGET_MS]
+    best = min(within, key=lambda row: row["rmse"], default=None)
+    uses = "none" if best is None or not best["generator"] else f"`{best['generator']}`"
+    nearest = f"A generator is nearest to the reference {times}, elsewhere compounding alone" if spans else "No generator is nearest to the reference"
+    effect = next(row for row in data["effects"] if row["name"] == "aperture")
+    reference = data["reference"]
+    sentences = [
+        f"**{nearest}; within the {BUDGET_MS} ms of `configs/live.toml` the best point uses {uses}.**",
+        f"The effect `aperture` takes the error of a shadow from {effect['without']:.1f} to {effect['with']:.1f} dB for {effect['cost_ms'][0]:.0f} ms.",
+        "Pixel error is the RMS difference in grey levels of 255.",
+        f"Doubling the reference's rays changes a pixel by {reference['rays_change']:.1f} grey levels on average; {reference['layers_compared']} layers "
+        f"instead of {reference['layers']} change the mean level of 32 × 32 pixels by {reference['layers_change']:.1f}.",
+        f"{origin(data)}, frames on the host with their maps.",
+    ]
+    return "\n".join(sentences)
+
+
+def cost(effect):
+    """Time that an effect adds to a frame; a difference within its spread is none."""
+    ms, spread_ms = effect["cost_ms"]
+    return f"less than {spread_ms:.1f} ms" if ms <= spread_ms else f"{ms:.1f} ms"
+
+
+def points(data):
+    found = by_name(data)
+    ms = lambda name: number(found[name]["median_ms"]) if name in found else ""  # noqa: E731
+    rows = [
+        [name.replace("x", " × "), ms(f"{name} no aperture"), ms(name), ms(f"{name} 9 rolling angles")]
+        for name in ("1x1", "1x3", "2x3", "4x3", "8x3", "32x3")
+        if name in found
+    ]
+    costs = ", ".join(f"`{row['name']}` {cost(row)}" for row in data["effects"] if row["cost_ms"])
+    text = f": medians with maps, ms. Of these, effects take at 1 × 1: {costs}"
+    return table(["rays × layers", "without `aperture`:", "with it:", "of 9 rolling angles:"], rows) + "\n\n" + caption(data, text)
+
+
+LOOKS = {
+    "plain": "without `contact`, `texture`, `clutter`, `noise`",
+    "raw": "with them, look `raw` (the default)",
+    "survey": "look `survey`: three angles, smoothing, persistence, contrast",
+}
+
+
+def looks(data):
+    first = data["rows"][0]["both_ms"]
+    rows = [
+        [LOOKS[row["name"]], *(number(row[key]) for key in ("render_ms", "look_ms", "both_ms")), f"{row['both_ms'] / first:.2f}"]
+        for row in data["rows"]
+    ]
+    frames = round(min(row["frames"] for row in data["rows"]), -2)
+    text = f": `configs/obstetric.toml`, three turns of 14 s each, about {frames:,} frames a row, medians, ms"
+    return table(["", "render:", "look:", "both:", "ratio:"], rows) + "\n\n" + caption(data, text)
+
+
+def memory(data):
+    rows = [[row["name"].upper(), number(row["peak_mb"], 0)] for row in data["rows"]]
+    return table(["quality", "peak, MB:"], rows) + "\n\n" + caption(data, ": peak of resident memory")
+
+
+def generators(data):
+    rows = [
+        [f"`{row['name']}`", number(row["min_ms"]), number(row["p50_ms"]), number(row["p95_ms"])]
+        for row in sorted(data["rows"], key=lambda row: row["p50_ms"])
+    ]
+    first = data["rows"][0]
+    text = f": {first['runs']} pictures of {first['width']} × {first['height']} each, ms"
+    return table(["generator", "least:", "p50:", "p95:"], rows) + "\n\n" + caption(data, text)
+
+
+def live(data):
+    rows = [
+        [
+            f"{row['rate_hz']} Hz, {row['asked_budget_ms']} ms", point(row["begun"]), point(row["most"]),
+            number(row["ticks_percent"], 1, " %"), number(row["p50_ms"], 0), number(row["p99_ms"], 0), str(row["changes"]),
+            number(row["over_percent"], 1, " %"),
+        ]
+        for row in data["rows"]
+    ]
+    head = ["asked for", "begins with", "most frames", "ticks kept:", "pose to present, ms: p50:", "p99:", "changes:", "over the budget:"]
+    return table(head, rows) + "\n\n" + caption(data, ": `configs/live.toml` with its rate and budget changed")
+
+
+def session(data):
+    """The row of one session of scripts/soak."""
+    row = data["rows"][0]
+    cells = [number(row["ticks_percent"], 1, " %"), number(row["p50_ms"], 0), number(row["p99_ms"], 0), number(row["longest_gap_ms"], 0)]
+    cells += [str(row["changes_a_minute"]), number(row["over_percent"], 1, " %")]
+    head = ["ticks kept:", "pose to present, ms: p50:", "p99:", "longest gap, ms:", "changes a minute, at most:", "over the budget:"]
+    text = f": {row['rate_hz']} Hz, {row['asked_budget_ms']} ms"
+    return table(head, [cells]) + "\n\n" + caption(data, text)
+
+
+STATIONS = {"fixed": "1 × 1 with a generator for single looks", "live": "`configs/live.toml`"}
+
+
+def live_error(data):
+    rows = [
+        [STATIONS[row["name"]], number(row["error"]), number(row["ticks_percent"], 1, " %"), number(row["p50_ms"], 0), number(row["p99_ms"], 0)]
+        for row in data["rows"]
+    ]
+    head = ["", "error, grey levels:", "ticks kept:", "pose to present, ms: p50:", "p99:"]
+    text = ": the exam once at 14 Hz, 12 of its pictures against stills of 64 × 3 of nine angles at the same poses"
+    return table(head, rows) + "\n\n" + caption(data, text)
+
+
+# Table: its data file and its renderer.
+TABLES = {
+    "passes": ("passes", passes),
+    "demo": ("demo", demo),
+    "tradeoff": ("tradeoff", tradeoff),
+    "tradeoff_summary": ("tradeoff", tradeoff_summary),
+    "points": ("tradeoff", points),
+    "looks": ("looks", looks),
+    "memory": ("memory", memory),
+    "generators": ("generators", generators),
+    "live": ("live", live),
+    "live_page": ("live_page", session),
+    "live_load": ("live_load", session),
+    "live_error": ("live_error", live_error),
+}
+
+
+def rendered(tree, name):
+    """Markdown of a table."""
+    if name not in TABLES:
+        raise FigureError(f"no table is named {name}; they are {', '.join(TABLES)}")
+    of, render = TABLES[name]
+    data = tree.load(of)
+    if data is None:
+        raise FigureError(f"the figure {of} has no data: scripts/figures {of} measures it")
+    try:
+        return render(data)
+    except (KeyError, IndexError, TypeError, StopIteration) as error:
+        raise FigureError(f"docs/figures/{of}.json doesn't hold what the table {name} needs: {error!r}") from None

@@ -1,0 +1,208 @@
+//! `scripts/figures`: tables are as their data, and an interrupted measuring goes on.
+
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use tempfile::TempDir;
+
+/// A stand-in for `insonify render`: it logs its arguments. Where the file `interrupt` exists, it interrupts the measuring at
+/// HQ; where `fail` exists, it fails.
+const PROGRAM: &str = r#"#!/bin/sh
+here=$(dirname "$0")
+echo "$@" >> "$here/calls"
+case "$*" in *"--quality hq"*)
+    if [ -e "$here/interrupt" ]; then kill -INT $PPID; exec sleep 600; fi
+    if [ -e "$here/fail" ]; then echo "the disk is full" >&2; exit 3; fi
+esac
+"#;
+
+const PAGE: &str = "# Performance\n\n<!-- figure: memory -->\n<!-- /figure -->\n";
+
+/// The Python of the tests.
+pub(crate) fn python() -> String {
+    std::env::var("INSONIFY_PYTHON").unwrap_or_else(|_| "python3".into())
+}
+
+fn figures(root: &Path, arguments: &[&str]) -> Output {
+    let mut command = Command::new(python());
+    command.arg(super::root().join("scripts/figures")).arg("--root").arg(root).args(arguments);
+    command.output().expect("scripts/figures needs python3")
+}
+
+/// A checkout with a document, a commit and a program.
+struct Checkout {
+    root: TempDir,
+    bin: TempDir,
+}
+
+impl Checkout {
+    fn new() -> Self {
+        let checkout = Self { root: TempDir::new().unwrap(), bin: TempDir::new().unwrap() };
+        let root = checkout.root.path();
+        fs::create_dir_all(root.join("src")).unwrap();
+        fs::create_dir_all(root.join("docs")).unwrap();
+        fs::write(root.join("src/lib.rs"), "").unwrap();
+        fs::write(root.join("docs/performance.md"), PAGE).unwrap();
+        fs::write(checkout.program(), PROGRAM).unwrap();
+        fs::set_permissions(checkout.program(), fs::Permissions::from_mode(0o755)).unwrap();
+        checkout.git(&["init", "-q"]);
+        checkout.commit("first");
+        checkout
+    }
+
+    fn git(&self, arguments: &[&str]) {
+        let user = ["-c", "user.name=test", "-c", "user.email=test@localhost", "-c", "commit.gpgsign=false"];
+        let done = Command::new("git").args(user).args(arguments).current_dir(self.root.path()).output().unwrap();
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    }
+
+    fn commit(&self, message: &str) {
+        self.git(&["add", "."]);
+        self.git(&["commit", "-q", "-m", message]);
+    }
+
+    fn program(&self) -> PathBuf {
+        self.bin.path().join("fake")
+    }
+
+    fn page(&self) -> PathBuf {
+        self.root.path().join("docs/performance.md")
+    }
+
+    /// Measures the memory, and returns the exit code and what was said.
+    fn measure(&self, name: &str) -> (Option<i32>, String) {
+        let program = self.program();
+        let output = figures(self.root.path(), &[name, "--program", program.to_str().unwrap()]);
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    }
+
+    /// Calls of the program since the last time.
+    fn calls(&self) -> Vec<&'static str> {
+        let path = self.bin.path().join("calls");
+        let text = fs::read_to_string(&path).unwrap_or_default();
+        fs::write(path, "").unwrap();
+        text.lines().map(|line| if line.contains("--quality hq") { "hq" } else { "lq" }).collect()
+    }
+
+    fn flag(&self, name: &str, on: bool) {
+        let path = self.bin.path().join(name);
+        if on { fs::write(path, "").unwrap() } else { fs::remove_file(path).unwrap() }
+    }
+
+    fn data(&self) -> Option<serde_json::Value> {
+        let text = fs::read_to_string(self.root.path().join("docs/figures/memory.json")).ok()?;
+        Some(serde_json::from_str(&text).unwrap())
+    }
+
+    fn check(&self) -> (Option<i32>, String) {
+        let output = figures(self.root.path(), &["--check"]);
+        (output.status.code(), String::from_utf8_lossy(&output.stdout).into_owned())
+    }
+}
+
+#[test]
+fn every_table_is_as_its_data() {
+    let output = figures(super::root(), &["--check"]);
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stdout));
+}
+
+#[test]
+fn an_interrupted_measuring_goes_on_where_it_was() {
+    let checkout = Checkout::new();
+    checkout.flag("interrupt", true);
+    let (code, said) = checkout.measure("memory");
+    assert_eq!(code, Some(130), "{said}");
+    assert_eq!((checkout.calls(), checkout.data()), (vec!["lq", "hq"], None));
+    let listed = String::from_utf8(figures(checkout.root.path(), &[]).stdout).unwrap();
+    assert!(listed.lines().any(|line| line.starts_with("memory") && line.contains("steps kept: 1")), "{listed}");
+
+    checkout.flag("interrupt", false);
+    let (code, said) = checkout.measure("memory");
+    assert_eq!((code, checkout.calls()), (Some(0), vec!["hq"]), "{said}");
+    let data = checkout.data().unwrap();
+    assert_eq!(data["rows"].as_array().unwrap().len(), 2);
+    assert!(data["rows"][0]["peak_mb"].as_f64().unwrap() > 0.0, "{data}");
+    assert_eq!(
+        data["steps"][1]["command"],
+        "insonify render configs/obstetric.toml --quality hq --out out/figures/memory/hq/frame"
+    );
+    for key in ["commit", "date", "machine", "command"] {
+        assert!(!data[key].is_null(), "{key}: {data}");
+    }
+    let page = fs::read_to_string(checkout.page()).unwrap();
+    assert!(page.contains("| LQ | ") && page.contains(data["commit"].as_str().unwrap()), "{page}");
+    assert_eq!(checkout.check().0, Some(0));
+
+    // A figure that is complete is measured anew.
+    assert_eq!(checkout.measure("memory").0, Some(0));
+    assert_eq!(checkout.calls(), ["lq", "hq"]);
+}
+
+#[test]
+fn steps_of_another_build_are_measured_again() {
+    let checkout = Checkout::new();
+    checkout.flag("interrupt", true);
+    assert_eq!(checkout.measure("memory").0, Some(130));
+    checkout.calls();
+    checkout.flag("interrupt", false);
+    fs::write(checkout.program(), format!("{PROGRAM}# another build\n")).unwrap();
+    assert_eq!(checkout.measure("memory").0, Some(0));
+    assert_eq!(checkout.calls(), ["lq", "hq"]);
+    // A commit of documents alone keeps what was measured.
+    checkout.flag("interrupt", true);
+    assert_eq!(checkout.measure("memory").0, Some(130));
+    checkout.commit("figures");
+    checkout.flag("interrupt", false);
+    checkout.calls();
+    assert_eq!((checkout.measure("memory").0, checkout.calls()), (Some(0), vec!["hq"]));
+}
+
+#[test]
+fn a_failed_step_says_why_and_keeps_the_others() {
+    let checkout = Checkout::new();
+    checkout.flag("fail", true);
+    let (code, said) = checkout.measure("memory");
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("hq: exit code 3") && said.contains("the disk is full"), "{said}");
+    checkout.flag("fail", false);
+    checkout.calls();
+    assert_eq!((checkout.measure("memory").0, checkout.calls()), (Some(0), vec!["hq"]));
+}
+
+#[test]
+fn wrong_names_and_uncommitted_code_are_refused() {
+    let checkout = Checkout::new();
+    let (code, said) = checkout.measure("memry");
+    assert!(code == Some(2) && said.contains("did you mean memory?"), "{said}");
+    fs::write(checkout.root.path().join("src/lib.rs"), "// changed").unwrap();
+    let (code, said) = checkout.measure("memory");
+    assert!(code == Some(2) && said.contains("src/lib.rs"), "{said}");
+    assert!(checkout.calls().is_empty());
+    assert_eq!(figures(checkout.root.path(), &["--check", "--render"]).status.code(), Some(2));
+}
+
+#[test]
+fn tables_that_differ_from_their_data_are_found() {
+    let checkout = Checkout::new();
+    assert_eq!(checkout.measure("memory").0, Some(0));
+    let right = fs::read_to_string(checkout.page()).unwrap();
+    let broken = [
+        (right.replace("| LQ | ", "| LQ | 9"), "differs from its data"),
+        (right.replace("<!-- /figure -->", ""), "has no end"),
+        (right.replace("<!-- figure: memory -->", ""), "ends no figure"),
+        (right.replace("figure: memory", "figure: memories"), "no table is named memories"),
+        (right.replace("figure: memory", "figure: looks"), "the figure looks has no data"),
+        (format!("{right}<!-- figure: memory -->\n<!-- figure: memory -->\n<!-- /figure -->\n"), "before the end"),
+        ("# Performance\n".to_owned(), "shown nowhere"),
+    ];
+    for (page, reason) in broken {
+        fs::write(checkout.page(), &page).unwrap();
+        let (code, said) = checkout.check();
+        assert!(code == Some(1) && said.contains(reason), "{reason}: {said}");
+    }
+    fs::write(checkout.page(), right.replace("| LQ | ", "| LQ | 9")).unwrap();
+    assert_eq!(figures(checkout.root.path(), &["--render"]).status.code(), Some(0));
+    assert_eq!(fs::read_to_string(checkout.page()).unwrap(), right);
+}
