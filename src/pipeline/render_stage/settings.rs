@@ -58,7 +58,7 @@ impl RenderStage {
     }
 
     /// Reconfigures the renderer. If it refuses, restores the settings of `before` and returns false.
-    fn reconfigure(&mut self, before: &LiveSettings) -> bool {
+    pub(super) fn reconfigure(&mut self, before: &LiveSettings) -> bool {
         while !self.in_flight.is_empty() {
             self.receive();
         }

@@ -35,21 +35,21 @@ impl RenderStage {
 
     /// Judges the trial by a frame of `settings` that took `took`.
     pub(super) fn judge(&mut self, settings: &LiveSettings, took: Duration) {
-        if !settings.same_picture(&self.parts.controls.live) {
+        let Some(trial) = &mut self.trial else { return };
+        if settings.same_picture(&trial.before) {
             return;
         }
-        match &mut self.trial {
-            Some(trial) if took > FRAME_MAX => trial.too_long = Some(took),
-            trial => *trial = None,
+        if took > FRAME_MAX {
+            trial.too_long = Some(took);
+        } else if trial.too_long.is_none() && settings.same_picture(&self.parts.controls.live) {
+            self.trial = None;
         }
     }
 
     /// Takes back the settings that failed their trial.
     pub(super) fn take_back(&mut self) {
-        let Some((trial, took)) = self.trial.take_if(|t| t.too_long.is_some()).and_then(|t| Some((t, t.too_long?)))
-        else {
-            return;
-        };
+        let Some(took) = self.trial.as_ref().and_then(|trial| trial.too_long) else { return };
+        let Some(trial) = self.trial.take() else { return };
         let failed = self.parts.controls.live;
         let live = &mut self.parts.controls.live;
         (live.probe, live.render) = (trial.before.probe, trial.before.render);
