@@ -84,15 +84,15 @@ fn the_budget_goes_on_choosing_after_a_quality_by_hand_was_taken_back() {
         }
         Ok(())
     });
-    let candidate = |rays, error| Candidate {
+    let candidate = |rays, error, render_ms| Candidate {
         quality: FrameQuality::new(rays, 1),
         generator: None,
         error,
-        render_ms: 20.0,
+        render_ms,
         run_ms: 0.0,
     };
     let budget = FrameBudget { frame_ms: Some(40.0), run_ms: 100.0, apart: false, spread: 1.0 };
-    let points = PointController::new(vec![candidate(1, 3.0), candidate(2, 2.0)], vec![], budget);
+    let points = PointController::new(vec![candidate(1, 3.0, 10.0), candidate(2, 2.0, 20.0)], vec![], budget);
     // Long after that, two rays exceed the budget.
     let extra: Arc<Extra> = Arc::new(|now, quality| match quality.rays {
         256 => 3 * SECOND,

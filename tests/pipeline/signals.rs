@@ -16,7 +16,7 @@ use super::*;
 const LIMIT: Duration = Duration::from_secs(60);
 
 /// Starts the program with a mock tracker and SIGHUP as `hangup` says, and waits until it has said `word`.
-fn started(arguments: &[&str], hangup: SigHandler, word: &str) -> (Child, impl Iterator<Item = String>) {
+fn started(arguments: &[&str], hangup: SigHandler, word: &str) -> (Child, impl Iterator<Item = String> + use<>) {
     let mut command = insonify(arguments);
     // SAFETY: `signal` is safe to call between fork and exec, and it installs no function.
     unsafe { command.pre_exec(move || signal(Signal::SIGHUP, hangup).map(|_| ()).map_err(Into::into)) };
@@ -53,13 +53,12 @@ fn a_closed_terminal_ends_run_and_record_in_order() {
     for reads_on in [true, false] {
         let [of_run, of_record] = ["run", "record"].map(|name| dir.path().join(format!("{name}_{reads_on}.mcap")));
         let (run, record) = (of_run.to_str().unwrap(), of_record.to_str().unwrap());
-        // "tracking" is logged at the first frame.
-        let commands: [(&[&str], _, _); 2] = [
-            (&["run", &station, "--sink", "null", "--record", run], "tracking", &of_run),
-            (&["record", &station, "--out", record], "recording", &of_record),
+        let commands: [(&[&str], _); 2] = [
+            (&["run", &station, "--sink", "null", "--record", run], &of_run),
+            (&["record", &station, "--out", record], &of_record),
         ];
-        for (arguments, word, file) in commands {
-            let (mut child, said) = started(arguments, SigHandler::SigDfl, word);
+        for (arguments, file) in commands {
+            let (mut child, said) = started(arguments, SigHandler::SigDfl, "connected to a mock");
             let said = reads_on.then_some(said);
             if !reads_on {
                 drop(child.stdout.take());
@@ -81,6 +80,7 @@ fn a_program_that_was_started_to_outlive_its_terminal_does() {
     let _guard = beside_others();
     let dir = tempfile::tempdir().unwrap();
     let station = small_station(dir.path(), "");
+    // "tracking" is logged at the first frame.
     let (mut child, said) = started(&["run", &station, "--sink", "null"], SigHandler::SigIgn, "tracking");
     send(&child, Signal::SIGHUP);
     send(&child, Signal::SIGTERM);
