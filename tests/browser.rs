@@ -7,6 +7,7 @@ use std::io::{Read as _, Write as _};
 use std::net::{SocketAddr, TcpStream};
 use std::path::Path;
 use std::process::Command;
+use std::time::Duration;
 
 use futures_util::{SinkExt as _, StreamExt as _};
 use insonify::anatomy::Axes;
@@ -18,6 +19,7 @@ use insonify::sink::live::{FrameInfo, FrameSource, LiveSink as _, PresentedFrame
 use insonify::sink::{FrameRate, SinkError, Video};
 use insonify::transducer::Probe;
 use serde_json::{Value, json};
+use tokio::io::AsyncWriteExt as _;
 use tokio::sync::mpsc;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest as _;
 use tokio_tungstenite::tungstenite::http::{HeaderName, HeaderValue};
@@ -26,6 +28,9 @@ use tokio_tungstenite::tungstenite::{Error, Message};
 use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async};
 
 type Socket = WebSocketStream<MaybeTlsStream<tokio::net::TcpStream>>;
+
+/// Limit for tests that hang; far longer than any step takes.
+const LIMIT: Duration = Duration::from_secs(30);
 
 const TOKEN: &str = "a-token-of-some-length";
 
@@ -118,6 +123,7 @@ async fn drawn(socket: &mut Socket, number: u64) {
 /// Status line, headers and body of a plain HTTP request.
 fn http(address: SocketAddr, path: &str, headers: &str) -> String {
     let mut stream = TcpStream::connect(address).unwrap();
+    stream.set_read_timeout(Some(LIMIT)).unwrap();
     write!(stream, "GET {path} HTTP/1.1\r\n{headers}connection: close\r\n\r\n").unwrap();
     let mut answer = Vec::new();
     stream.read_to_end(&mut answer).unwrap();
@@ -197,6 +203,58 @@ async fn a_page_that_reads_nothing_blocks_nobody() {
     let counts: Vec<_> = sink.monitor().clients().iter().map(|c| (c.sent, c.dropped)).collect();
     assert!(counts.contains(&(40, 0)), "{counts:?}");
     Box::new(sink).finish().unwrap();
+}
+
+#[tokio::test]
+async fn peers_that_ask_and_read_no_answer_keep_no_new_page_out() {
+    let (mut sink, _controls) = serve(&any_port());
+    let address = sink.local_address();
+    let request = format!("GET /app.js HTTP/1.1\r\nhost: {address}\r\n\r\n").repeat(400);
+    let mut peers = Vec::new();
+    for _ in 0..64 {
+        let socket = tokio::net::TcpSocket::new_v4().unwrap();
+        // Small, so that the answers don't fit into the system's memory.
+        socket.set_recv_buffer_size(4096).unwrap();
+        let mut peer = socket.connect(address).await.unwrap();
+        // The server may close it while it writes.
+        let _ = peer.write_all(request.as_bytes()).await;
+        peers.push(peer);
+    }
+    let page = tokio::task::spawn_blocking(move || http(address, "/", &format!("host: {address}\r\n"))).await.unwrap();
+    assert!(page.contains("<title>insonify</title>"), "{page}");
+    let mut page = connect(address).await;
+    sink.present(&frame(5, 4, 4)).unwrap();
+    assert_eq!(binary(&mut page).await.1, 5);
+    drop(peers);
+}
+
+#[tokio::test]
+async fn values_that_the_page_does_not_offer_are_refused_with_the_reason() {
+    let (mut sink, mut controls) = serve(&any_port());
+    let mut page = connect(sink.local_address()).await;
+    let set = |values: &[(&str, f64)]| {
+        let assignments: Vec<_> = values.iter().map(|&(key, value)| Assignment::new(key, value)).collect();
+        json!({"type": "set", "assignments": assignments})
+    };
+    let excessive = set(&[("rays", 256.0), ("layers", 33.0), ("angles", 15.0)]);
+    send(&mut page, &excessive).await;
+    let error = text(&mut page, "error").await;
+    assert!(error["message"].as_str().unwrap().contains("the page offers"), "{error}");
+    send(&mut page, &set(&[("rays", 256.0), ("layers", 33.0)])).await;
+    let error = text(&mut page, "error").await;
+    let expected = "not set: quality.rays x layers is 256x33; the page offers 1x1, 4x3, 32x3";
+    assert_eq!(error["message"], expected);
+    let offered = [("rays", 32.0), ("layers", 3.0)];
+    send(&mut page, &set(&offered)).await;
+    let expected: Vec<_> = offered.iter().map(|&(key, value)| Assignment::new(key, value)).collect();
+    assert_eq!(controls.recv().await, Some(Control::Set(expected)), "nothing came before");
+    // A station beyond that can be gone back to.
+    let mut shown = frame(0, 4, 4);
+    (shown.info.settings.render.quality.rays, shown.info.settings.render.quality.layers) = (64, 5);
+    sink.present(&shown).unwrap();
+    binary(&mut page).await;
+    send(&mut page, &set(&[("rays", 64.0), ("layers", 5.0)])).await;
+    assert!(matches!(controls.recv().await, Some(Control::Set(_))));
 }
 
 #[tokio::test]
@@ -343,9 +401,12 @@ async fn pages_beyond_the_limit_are_refused_with_the_reason() {
         other => panic!("{other:?}"),
     }
     drop(first);
-    while !sink.monitor().clients().is_empty() {
-        tokio::task::yield_now().await;
-    }
+    let left = async {
+        while !sink.monitor().clients().is_empty() {
+            tokio::task::yield_now().await;
+        }
+    };
+    tokio::time::timeout(LIMIT, left).await.unwrap();
     connect(sink.local_address()).await;
 }
 

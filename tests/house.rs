@@ -1,5 +1,5 @@
 //! Order of the modules: each imports only modules below it, and files of a folder do not import each other in a
-//! circle.
+//! circle. Last, the script that runs all tests.
 //!
 //! The source text is read, not compiled: `use` trees and inline paths that begin with `crate`, `super`, `self` or the name
 //! of a submodule. A name that a module re-exports counts for the file that it comes from. Code under `#[cfg(test)]` is
@@ -417,4 +417,38 @@ fn a_circle_is_found_through_re_exports_and_inline_paths() {
         assert_eq!(circles.len(), 3, "{back}: {circles:?}");
         assert_eq!(circles[0], "client -> wire -> server -> client");
     }
+}
+
+#[cfg(unix)]
+#[test]
+fn the_script_of_all_tests_goes_on_after_a_failure_and_names_all_that_failed() {
+    use std::os::unix::fs::PermissionsExt;
+    let dir = tempfile::tempdir().unwrap();
+    let cargo = dir.path().join("cargo");
+    // One binary fails, the next passes, the third crashes; of the tests with programs of others one fails.
+    let text = r#"#!/bin/sh
+case "$*" in *simple_itk*) echo "test result: FAILED. 0 passed; 1 failed; 0 ignored"; exit 101 ;; esac
+case "$*" in *--exact*) echo "test result: ok. 1 passed; 0 failed; 0 ignored"; exit ;; esac
+case "$*" in *--no-fail-fast*) ;; *) exit 3 ;; esac
+printf '     Running unittests src/lib.rs (target/a)\nfailures:\n\n---- a::b stdout ----\n    panicked\n\n' >&2
+printf 'failures:\n    a::b\n    a::c\n\ntest result: FAILED. 4 passed; 2 failed; 0 ignored; 0 measured\n'
+printf '     Running tests/cli.rs (target/b)\ntest result: ok. 5 passed; 0 failed; 6 ignored; 0 measured\n'
+printf "     Running tests/c.rs (target/c)\n  process didn't exit successfully: \`c\` (signal: 11)\n" >&2
+exit 101
+"#;
+    fs::write(&cargo, text).unwrap();
+    fs::set_permissions(&cargo, fs::Permissions::from_mode(0o755)).unwrap();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/test");
+    let mut command = std::process::Command::new(script);
+    // `true` has every Python package.
+    let output = command.env("CARGO", &cargo).env("INSONIFY_PYTHON", "true").output().unwrap();
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    let (_, failed) = said.split_once("\nfailed:\n").unwrap();
+    let lines: Vec<&str> = failed.lines().map(str::trim).collect();
+    let names = ["src/lib.rs: a::b", "src/lib.rs: a::c", "tests/c.rs: ended early (signal: 11)"];
+    assert_eq!(lines[..3], names);
+    assert_eq!(lines[3], "tests/interchange.rs: simple_itk_reads_our_sequences, with programs of others");
+    // Browser and window may be installed or not.
+    assert!(lines[4].starts_with("all: ") && lines[4].contains(" passed, 4 failed, "), "{said}");
 }

@@ -21,6 +21,8 @@ use insonify::tracker::TrackerError;
 use insonify::tracker::interchange::InterchangeError;
 use insonify::tracker::recording::RecordingError;
 
+use super::terminal;
+
 /// Failure of a command.
 #[derive(Debug)]
 pub(crate) enum Failure {
@@ -70,7 +72,7 @@ impl Failure {
             Self::OutputClosed => return ExitCode::SUCCESS,
             Self::Interrupted => return ExitCode::from(130),
         };
-        eprintln!("error: {}", paragraph(&error));
+        terminal::say(&format!("error: {}", paragraph(&error)));
         ExitCode::from(code)
     }
 }

@@ -9,7 +9,7 @@ use insonify::station::Station;
 
 use super::operating_points;
 use super::status_line::StatusLine;
-use super::{Classify, Failure};
+use super::{Classify, Failure, terminal};
 
 /// Generators of a session, and the controller of its operating point.
 #[derive(Default)]
@@ -80,11 +80,14 @@ pub(crate) fn run(
 
 fn status(status: &Status) -> String {
     let latency = status.latency_ms.map_or_else(|| "-".to_owned(), |ms| format!("{ms:.0} ms"));
+    let rate = match status.silent_s {
+        Some(silent_s) => format!("no frame for {silent_s:.0} s"),
+        None => format!("{:5.1} frames/s", status.frames_per_s),
+    };
     let frozen = if status.frozen { "  frozen" } else { "" };
     format!(
-        "{:7.1} s  {:5.1} frames/s  latency {latency}  pose {}  {}{frozen}  {} presented, {} dropped",
+        "{:7.1} s  {rate}  latency {latency}  pose {}  {}{frozen}  {} presented, {} dropped",
         status.elapsed_s,
-        status.frames_per_s,
         status.tracking.name(),
         status.source.name(),
         status.presented,
@@ -97,7 +100,34 @@ pub(crate) fn say_left_out(counters: &Counters) {
     let named = counters.named().filter(|(name, count)| *count > 0 && !["measurements", "used"].contains(name));
     let list: Vec<String> = named.map(|(name, count)| format!("{name} {count}")).collect();
     if !list.is_empty() {
-        eprintln!("tracker: {}", list.join(", "));
+        terminal::say(&format!("tracker: {}", list.join(", ")));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use insonify::pose::TrackingState;
+    use insonify::sink::live::FrameSource;
+
+    use super::*;
+
+    #[test]
+    fn the_line_says_when_no_frame_came() {
+        let mut now = Status {
+            elapsed_s: 60.0,
+            presented: 500,
+            frames_per_s: 14.1,
+            silent_s: None,
+            latency_ms: None,
+            tracking: TrackingState::Good,
+            source: FrameSource::LowQuality,
+            frozen: false,
+            dropped: 0,
+            notice: None,
+        };
+        assert!(status(&now).contains("14.1 frames/s"), "{}", status(&now));
+        (now.frames_per_s, now.silent_s) = (0.0, Some(30.4));
+        assert!(status(&now).contains("no frame for 30 s") && !status(&now).contains("frames/s"), "{}", status(&now));
     }
 }
 

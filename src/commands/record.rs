@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use anyhow::anyhow;
 use bytes::BytesMut;
 use clap::Parser;
+use insonify::pipeline::StopSignals;
 use insonify::station::Station;
 use insonify::tracker::recording::{Event, Recorded, RecorderHandle, event_of};
 use insonify::tracker::{
@@ -17,6 +18,7 @@ use insonify::tracker::{
     spawn, stream_of,
 };
 use serde::Serialize;
+use tokio::runtime::Runtime;
 use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
 
@@ -102,6 +104,11 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         }
     };
     let from = tracker.as_ref().map_or_else(|| "stdin".to_owned(), name);
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().other()?;
+    let signals = {
+        let _inside = runtime.enter();
+        StopSignals::new().other()?
+    };
     let recorder = recorder::start(&args.out, &station, (protocol, sensor), &from, "", host_time_ns())?;
     let tap = Tap::new(&recorder.handle(), tracker.as_ref());
     let source = match &tracker {
@@ -111,9 +118,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         }
         None => Source::Stdin(read_stdin(tap.clone(), protocol)?),
     };
-    eprintln!("recording {from} to {}; Ctrl-C ends it", args.out.display());
-    let (reason, records) = wait(args.duration, source, &tap)?;
-    eprintln!("{reason}");
+    terminal::say(&format!("recording {from} to {}; Ctrl-C ends it", args.out.display()));
+    let (reason, records) = wait(&runtime, signals, args.duration, source, &tap)?;
+    terminal::say(&reason);
     tap.handle.event(Event::new(host_time_ns(), "end").with(reason));
     finish(args, recorder.finish(), records)
 }
@@ -267,20 +274,21 @@ fn read_stdin(mut tap: Tap, protocol: Protocol) -> Result<oneshot::Receiver<Stri
 }
 
 /// Prints the status until the recording ends. Returns the reason for the end and the number of records.
-fn wait(duration: Option<Duration>, mut source: Source, tap: &Tap) -> Result<(String, u64), Failure> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().other()?;
+fn wait(
+    runtime: &Runtime,
+    mut signals: StopSignals,
+    duration: Option<Duration>,
+    mut source: Source,
+    tap: &Tap,
+) -> Result<(String, u64), Failure> {
     let started = Instant::now();
     let mut line = StatusLine::new();
     let mut progress = Progress::default();
     let reason: Result<String, Failure> = runtime.block_on(async {
-        let mut stopped = std::pin::pin!(stop_signal());
         loop {
             let left = duration.map_or(LOOK, |duration| duration.saturating_sub(started.elapsed()).min(LOOK));
             let asked = tokio::select! {
-                stopped = &mut stopped => {
-                    stopped.other()?;
-                    Some("it was stopped".to_owned())
-                }
+                _ = signals.next() => Some("it was stopped".to_owned()),
                 () = tokio::time::sleep(left) => None,
             };
             let over = source.over();
@@ -331,18 +339,4 @@ impl Progress {
             )
         });
     }
-}
-
-/// Waits for Ctrl-C, or SIGTERM from a service manager.
-async fn stop_signal() -> std::io::Result<()> {
-    #[cfg(unix)]
-    {
-        let mut terminate = tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate())?;
-        tokio::select! {
-            stopped = tokio::signal::ctrl_c() => stopped,
-            _ = terminate.recv() => Ok(()),
-        }
-    }
-    #[cfg(not(unix))]
-    tokio::signal::ctrl_c().await
 }

@@ -28,11 +28,12 @@ use tokio::sync::mpsc;
 use super::backend::BackendArgs;
 use super::effects::EffectArgs;
 use super::run_table::SummaryTable;
-use super::{Classify, Failure, input, live, live_sinks, output, recorder, session};
+use super::{Classify, Failure, input, live, live_sinks, output, recorder, session, terminal};
 
 /// Run a station: poses become frames, live, until Ctrl-C.
 ///
-/// The first Ctrl-C ends the session in order and prints what it did; the second ends it at once.
+/// The first Ctrl-C ends the session in order and prints what it did; the second ends it at once. A closed terminal or a
+/// lost connection (SIGHUP) ends it in order, too, except after `nohup`.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {
@@ -191,7 +192,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         let recorded = slot.lock().ok().and_then(|mut recorded| recorded.take());
         match recorded {
             Some(Recorded { failure: Some(failure), .. }) => return Err(Failure::Other(anyhow!("{failure}"))),
-            Some(done) => eprintln!("recorded {} bytes and {} poses in {}", done.bytes, done.poses, path.display()),
+            Some(done) => {
+                let path = path.display();
+                terminal::say(&format!("recorded {} bytes and {} poses in {path}", done.bytes, done.poses));
+            }
             None => return Err(Failure::Other(anyhow!("{} was not finished in time", path.display()))),
         }
     }

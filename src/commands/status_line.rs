@@ -25,7 +25,7 @@ impl StatusLine {
             Some(bar) => bar.set_message(line()),
             None if elapsed_s >= self.next_line_s => {
                 self.next_line_s = elapsed_s + LINE_INTERVAL_S;
-                eprintln!("{}", line());
+                terminal::say(&line());
             }
             None => {}
         }

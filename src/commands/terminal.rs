@@ -20,9 +20,10 @@ pub(crate) fn show(bar: ProgressBar, template: &str) -> Option<ProgressBar> {
     io::stderr().is_terminal().then(|| BARS.add(bar.with_style(style)))
 }
 
-/// Writes a line above the bars.
+/// Writes a line above the bars; a terminal that is closed loses it.
 pub(crate) fn say(text: &str) {
-    BARS.suspend(|| eprintln!("{text}"));
+    // `eprintln` would panic there, before a session's files are finished.
+    let _ = BARS.suspend(|| writeln!(io::stderr(), "{text}"));
 }
 
 /// Starts logging to stderr as `RUST_LOG` says. Without it: warnings, and more with each `verbose`.
@@ -42,7 +43,8 @@ struct AboveBars;
 
 impl Write for AboveBars {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        BARS.suspend(|| io::stderr().write(bytes))
+        // The log must not fail with its terminal: its error message would panic.
+        Ok(BARS.suspend(|| io::stderr().write(bytes)).unwrap_or(bytes.len()))
     }
 
     fn flush(&mut self) -> io::Result<()> {

@@ -17,6 +17,9 @@ use crate::statistics::upper_median;
 /// Recent frames in the live figures.
 const RECENT: usize = 64;
 
+/// Shortest time without a frame that is unusual, and intervals of recent frames that it lasts at least.
+const SILENCE: (Duration, f64) = (Duration::from_secs(2), 3.0);
+
 /// Weight of the latest frame in the expected time from sampling to presentation.
 const WEIGHT: f64 = 0.1;
 
@@ -27,8 +30,10 @@ pub struct Status {
     pub elapsed_s: f64,
     /// Frames presented.
     pub presented: u64,
-    /// Recent frame rate, Hz.
+    /// Recent frame rate, Hz; 0 while no frame comes.
     pub frames_per_s: f64,
+    /// Time without a frame, s, if that is unusually long.
+    pub silent_s: Option<f64>,
     /// Median pose-to-present latency of recent frames, ms.
     pub latency_ms: Option<f64>,
     /// State of the shown pose.
@@ -191,16 +196,22 @@ impl Metrics {
     }
 
     pub(super) fn status(&self, now: Duration, dropped: u64, notice: Option<String>) -> Status {
-        self.shown(|shown| Status {
-            elapsed_s: now.as_secs_f64(),
-            presented: shown.presented,
-            frames_per_s: shown.recent.frames_per_s(),
-            latency_ms: shown.recent.median_ms(),
-            tracking: shown.tracking,
-            source: shown.source,
-            frozen: shown.frozen,
-            dropped,
-            notice,
+        self.shown(|shown| {
+            let (rate, since) = (shown.recent.frames_per_s(), now.saturating_sub(shown.last));
+            let is_silent = since > SILENCE.0 && since.as_secs_f64() * rate > SILENCE.1;
+            let silent_s = (is_silent || (shown.presented < 2 && since > SILENCE.0)).then(|| since.as_secs_f64());
+            Status {
+                elapsed_s: now.as_secs_f64(),
+                presented: shown.presented,
+                frames_per_s: if silent_s.is_some() { 0.0 } else { rate },
+                silent_s,
+                latency_ms: shown.recent.median_ms(),
+                tracking: shown.tracking,
+                source: shown.source,
+                frozen: shown.frozen,
+                dropped,
+                notice,
+            }
         })
     }
 }
@@ -216,6 +227,30 @@ pub fn memory_bytes() -> Option<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn presented_at(metrics: &Metrics, ms: u64) {
+        let mut frame = PresentedFrame::default();
+        frame.info.timeline.presented = Duration::from_millis(ms);
+        metrics.presented(&frame);
+    }
+
+    #[test]
+    fn the_status_says_that_no_frame_comes() {
+        let metrics = Metrics::default();
+        let at = |ms| {
+            let status = metrics.status(Duration::from_millis(ms), 0, None);
+            (status.frames_per_s.round(), status.silent_s)
+        };
+        assert_eq!((at(1000), at(2500)), ((0.0, None), (0.0, Some(2.5))));
+        (0..20).for_each(|i| presented_at(&metrics, 3000 + 50 * i));
+        assert_eq!((at(3960), at(5000)), ((20.0, None), (20.0, None)));
+        assert_eq!(at(33_950), (0.0, Some(30.0)));
+        // At a slow rate the pauses are usual.
+        let slow = Metrics::default();
+        (0..20).for_each(|i| presented_at(&slow, 5000 * i));
+        let status = |ms| slow.status(Duration::from_millis(ms), 0, None).silent_s;
+        assert_eq!((status(99_000), status(115_000)), (None, Some(20.0)));
+    }
 
     #[cfg(target_os = "linux")]
     #[test]

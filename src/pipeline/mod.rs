@@ -30,6 +30,7 @@ mod rendered;
 mod replayed;
 mod session;
 mod shutdown;
+mod signals;
 mod simulated;
 mod sink_stage;
 mod slot;
@@ -52,7 +53,8 @@ pub use point_control::{Candidate, FrameBudget, PointChange, PointController, Po
 pub use recorded::{RecordedSlot, RecorderPart, RecordingObserver};
 pub use replayed::{OtherSetting, ReplayedControls, ReplayedPoses};
 pub use session::{Limits, Parts, Pipeline, PipelineError};
-pub use shutdown::{Joined, Part, Stop, Thread, on_ctrl_c, spawn};
+pub use shutdown::{Joined, Part, Stop, Thread, spawn};
+pub use signals::{StopSignals, on_ctrl_c};
 pub use simulated::SimulatedClock;
 pub use slot::{Slot, Taken};
 pub use sources::StandingPose;

@@ -70,6 +70,11 @@ impl Pace {
         (self.free_at, self.last_rendered, self.service) = (now, now, Duration::ZERO);
     }
 
+    /// Device time per frame, by recent frames.
+    pub(super) fn service(&self) -> Duration {
+        self.service
+    }
+
     /// Ticks that passed without a frame.
     pub(super) fn missed(&self) -> u64 {
         self.missed

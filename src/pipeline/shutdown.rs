@@ -151,68 +151,6 @@ pub fn spawn<T: Send + 'static>(
     Ok(Thread { name: name.to_owned(), clock: clock.clone(), ended, handle: started? })
 }
 
-/// Handles Ctrl-C, and SIGTERM on Unix: the first signal requests `stop`, the second calls `at_once`.
-///
-/// # Errors
-/// The handler cannot be installed, or its thread cannot be started.
-pub fn on_ctrl_c(stop: &Stop, at_once: impl FnOnce() + Send + 'static) -> io::Result<()> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
-    let (stop, (ready, installed)) = (stop.clone(), std::sync::mpsc::sync_channel(1));
-    std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
-        runtime.block_on(async {
-            let mut signals = match Signals::new() {
-                Ok(signals) => signals,
-                Err(error) => {
-                    let _ = ready.send(Err(error));
-                    return;
-                }
-            };
-            let _ = ready.send(Ok(()));
-            let reason = signals.next().await;
-            stop.request(reason);
-            signals.next().await;
-            at_once();
-        });
-    })?;
-    installed.recv().unwrap_or_else(|_| Err(io::Error::other("the signal thread ended")))
-}
-
-#[cfg(unix)]
-struct Signals {
-    interrupt: tokio::signal::unix::Signal,
-    terminate: tokio::signal::unix::Signal,
-}
-
-#[cfg(unix)]
-impl Signals {
-    fn new() -> io::Result<Self> {
-        use tokio::signal::unix::{SignalKind, signal};
-        Ok(Self { interrupt: signal(SignalKind::interrupt())?, terminate: signal(SignalKind::terminate())? })
-    }
-
-    async fn next(&mut self) -> &'static str {
-        tokio::select! {
-            _ = self.interrupt.recv() => "Ctrl-C",
-            _ = self.terminate.recv() => "SIGTERM",
-        }
-    }
-}
-
-#[cfg(windows)]
-struct Signals(tokio::signal::windows::CtrlC);
-
-#[cfg(windows)]
-impl Signals {
-    fn new() -> io::Result<Self> {
-        tokio::signal::windows::ctrl_c().map(Self)
-    }
-
-    async fn next(&mut self) -> &'static str {
-        self.0.recv().await;
-        "Ctrl-C"
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::clock::NEVER;

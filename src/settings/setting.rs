@@ -91,6 +91,16 @@ pub enum SettingsError {
         /// Index of the last element.
         last: usize,
     },
+    /// A value within its range that the page doesn't offer.
+    #[error("{key} is {value}; the page offers {offered}")]
+    NotOffered {
+        /// Key with its table.
+        key: &'static str,
+        /// Value found.
+        value: String,
+        /// Values or range offered.
+        offered: String,
+    },
     /// A key that is no setting of a live session.
     #[error("`{key}` is no live setting; they are {known}")]
     NotLive {
@@ -105,7 +115,10 @@ impl SettingsError {
     /// Key of the setting, with its table where it is known.
     pub fn key(&self) -> &str {
         match self {
-            Self::Range { key, .. } | Self::Fraction { key, .. } | Self::Element { key, .. } => key,
+            Self::Range { key, .. }
+            | Self::Fraction { key, .. }
+            | Self::Element { key, .. }
+            | Self::NotOffered { key, .. } => key,
             Self::NotLive { key, .. } => key,
         }
     }

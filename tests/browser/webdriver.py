@@ -104,7 +104,7 @@ class Browser:
         """What the page wrote to its console since the last call, errors included."""
         return self.post("/se/log", {"type": "browser"})
 
-    def wait(self, what, condition, seconds=20):
+    def wait(self, what, condition, seconds=60):
         """Waits until condition() is true, and returns it."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:

@@ -241,16 +241,19 @@ fn wrong_units_and_distant_scenes_are_named() {
         examined(&scene(&[("organ", "liver", 0, &mesh)]))
     };
     assert_eq!(scaled(1.0, Vec3::ZERO).findings, []);
-    for (factor, words) in [(1000.0, "1000 times too large"), (0.001, "1000 times too small"), (1e6, "km across")] {
-        let report = scaled(factor, Vec3::ZERO);
-        if factor < 1e6 {
-            assert!(only(&report, Defect::WrongUnit).what.contains(words), "{:?}", report.findings);
-        } else {
-            assert!(report.findings.iter().any(|f| f.defect == Defect::WrongUnit), "{:?}", report.findings);
-        }
+    for (factor, words) in [
+        (1000.0, "m across: 1000 times too large"),
+        (0.001, "mm across: 1000 times too small"),
+        (1e6, "km across"),
+        (1e-6, "mm across"),
+    ] {
+        let what = only(&scaled(factor, Vec3::ZERO), Defect::WrongUnit).what;
+        // A factor of 1000 is named where it would help.
+        assert!(what.contains(words) && what.contains("1000 times") == words.contains("1000 times"), "{what}");
     }
     let finding = only(&scaled(1.0, Vec3::new(5000.0, 0.0, 0.0)), Defect::FarFromOrigin);
     assert!((finding.places[0].at_mm[0] - 5010.0).abs() < 1.0);
+    assert!(finding.what.contains("mm from the origin"), "{finding}");
 }
 
 #[test]

@@ -17,6 +17,8 @@ mod processors;
 mod program;
 mod quality;
 mod session;
+#[cfg(unix)]
+mod signals;
 mod sinks;
 mod spans;
 mod stuck;

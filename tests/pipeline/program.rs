@@ -2,14 +2,14 @@
 
 use super::*;
 
-fn insonify(arguments: &[&str]) -> Command {
+pub(super) fn insonify(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_insonify"));
     command.args(arguments).env_remove("RUST_LOG").current_dir(env!("CARGO_MANIFEST_DIR"));
     command
 }
 
 /// The sphere's station with a small image, for speed on the software device.
-fn small_station(directory: &Path, rest: &str) -> String {
+pub(super) fn small_station(directory: &Path, rest: &str) -> String {
     let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/sphere.glb");
     let path = directory.join("station.toml");
     let text = format!(

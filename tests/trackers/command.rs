@@ -26,15 +26,19 @@ fn records_of_a_stations_tracker_are_printed() {
     let text = "[scene]\npath = \"none.glb\"\n[pose]\nposition_mm = [100, 0, 0]\n[tracker]\ntransport = \"mock\"\n\
                 schedule = \"move 60\"\nrate_hz = 200";
     std::fs::write(&station, text).unwrap();
-    let found = lines(&run(&[station.to_str().unwrap(), "--seconds", "0.6", "--json"]));
-    assert_eq!(found.len(), 2);
-    for line in &found {
-        assert_eq!(line["state"], "streaming");
+    let found = lines(&run(&[station.to_str().unwrap(), "--seconds", "1.6", "--json"]));
+    // One each half second, and the last; on a busy machine some come late.
+    assert!(found.len() >= 2, "{found:?}");
+    let last = found.last().unwrap();
+    assert_eq!(last["state"], "streaming");
+    for line in found.iter().filter(|line| !line["position_mm"].is_null()) {
         assert_eq!(line["missing"], 0);
         let x = line["position_mm"][0].as_f64().unwrap();
         assert!((80.0..120.0).contains(&x), "{line}");
     }
-    assert_eq!(found[0]["events"][0], "connected to a mock");
+    assert!(!last["position_mm"].is_null(), "{last}");
+    let mut events = found.iter().flat_map(|line| line["events"].as_array().unwrap());
+    assert_eq!(events.next().unwrap(), "connected to a mock");
 }
 
 #[test]

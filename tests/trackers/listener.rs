@@ -7,7 +7,7 @@ use insonify::tracker::{Listener, Record, SessionHandle, Settings, TrackerEvent,
 use tokio_util::sync::CancellationToken;
 
 /// Longest wait for an expected event; only failing tests reach it.
-const LIMIT: Duration = Duration::from_secs(30);
+pub const LIMIT: Duration = Duration::from_secs(30);
 
 #[derive(Debug, Default)]
 pub struct Heard {

@@ -8,13 +8,13 @@ use std::net::{TcpListener, TcpStream};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, mpsc};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use insonify::pose::Reading;
 use insonify::tracker::ndi::{Reason, ReplyFormat};
 use insonify::tracker::{DecodeError, Fault, Protocol, Record, Settings, TrackerEvent, Transport};
 
-use crate::listener::{Live, connected, decode_error, disconnected};
+use crate::listener::{LIMIT, Live, connected, decode_error, disconnected};
 use crate::ndi_device::{Device, pose};
 use crate::ports::{Board, Order, Terminal, place, serial};
 
@@ -103,11 +103,11 @@ fn a_device_is_set_up_over_a_serial_line_at_its_new_speed_and_stopped_at_the_end
         }
         drop(live);
         // It is commanded to stop; the terminal needs a moment to deliver that.
-        let stopped = (0..2000).any(|_| {
+        let asked = Instant::now();
+        while device.lock().unwrap().is_tracking() {
+            assert!(asked.elapsed() < LIMIT, "it was not told to stop");
             std::thread::sleep(Duration::from_millis(1));
-            !device.lock().unwrap().is_tracking()
-        });
-        assert!(stopped);
+        }
     }
 }
 

@@ -63,8 +63,8 @@ pub enum Order {
     Unplug,
     /// Flips bits of one byte in each of the next records.
     Damage(usize),
-    /// Silent for a while; its output in that time is lost.
-    Mute(Duration),
+    /// Silent from now on, or no longer; its output in between is lost.
+    Mute(bool),
 }
 
 /// A board on a pseudo-terminal behind a link, as udev creates them by id.
@@ -121,13 +121,13 @@ fn speed(_: &File) -> Option<u32> {
 /// The board's loop. It also holds the near end open, because a terminal without readers reports errors.
 fn serve(master: OwnedFd, slave: OwnedFd, mut board: impl Board, orders: &mpsc::Receiver<Order>) {
     let (mut far, start) = (File::from(master), Instant::now());
-    let (mut cut, mut damage, mut mute_until, mut sent) = (None, 0, Duration::ZERO, 0);
+    let (mut cut, mut damage, mut mute, mut sent) = (None, 0, false, 0);
     loop {
         match orders.recv_timeout(Duration::from_millis(1)) {
             Ok(Order::Cut(length, answer)) => cut = Some((length, answer)),
             Ok(Order::Unplug) => return,
             Ok(Order::Damage(records)) => damage = records,
-            Ok(Order::Mute(time)) => mute_until = start.elapsed() + time,
+            Ok(Order::Mute(silent)) => mute = silent,
             Err(mpsc::RecvTimeoutError::Timeout) => {}
             Err(mpsc::RecvTimeoutError::Disconnected) => break,
         }
@@ -140,13 +140,13 @@ fn serve(master: OwnedFd, slave: OwnedFd, mut board: impl Board, orders: &mpsc::
             board.receive(start.elapsed(), &input[..length]);
         }
         while let Some(mut record) = board.next_record(start.elapsed()) {
-            if start.elapsed() < mute_until {
+            if mute {
                 continue;
             }
             if let Some((length, answer)) = cut.take() {
                 sent += far.write(&record[..length]).unwrap();
                 answer.send(sent).unwrap();
-                mute_until = Duration::MAX;
+                mute = true;
                 continue;
             }
             if damage > 0 {
@@ -283,9 +283,10 @@ fn a_silent_line_is_reported_and_reopened() {
     settings.device.silence = Duration::from_millis(60);
     let live = Live::start(&settings);
     live.listener.more_records(20);
-    terminal.order(Order::Mute(Duration::from_millis(400)));
+    terminal.order(Order::Mute(true));
     let silent = |event: &TrackerEvent| matches!(event, TrackerEvent::Silent { .. });
     let TrackerEvent::Silent { for_, attempt } = live.listener.nth_event(1, silent) else { panic!() };
     assert!(for_ >= Duration::from_millis(60) && attempt == 1);
+    terminal.order(Order::Mute(false));
     live.listener.more_records(20);
 }

@@ -46,9 +46,10 @@ fn a_tcp_server_is_read_and_found_again() {
 
 #[test]
 fn an_unreachable_address_is_retried() {
-    let server = TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = server.local_addr().unwrap();
-    drop(server);
+    // Held, so that nobody else gets the port, but without a listener.
+    let held = tokio::net::TcpSocket::new_v4().unwrap();
+    held.bind(([127, 0, 0, 1], 0).into()).unwrap();
+    let address = held.local_addr().unwrap();
     let live = Live::start(&settings(Transport::Tcp { address: address.to_string() }));
     let TrackerEvent::Disconnected { reason, retry } = live.listener.nth_event(1, disconnected) else { panic!() };
     assert!(reason.starts_with(&format!("cannot connect to {address}")), "{reason}");

@@ -168,13 +168,14 @@ fn whole(checks: &[SurfaceCheck], bounds: Option<Bounds>) -> Vec<Finding> {
     let Some(Bounds { min: low, max: high }) = bounds else { return findings };
     let (size, [least, most]) = ((high.as_dvec3() - low.as_dvec3()).length() as f32, SIZE_MM);
     let place = Place { at_mm: (0.5 * low + 0.5 * high).to_array(), size_mm: size };
+    let would_fit = |factor: f32| (least..=most).contains(&(size * factor));
     if size > most {
-        let factor = if size / 1000.0 >= least { ": 1000 times too large, if it was drawn in mm" } else { "" };
-        let what = format!("the scene is {:.1} m across{factor}", size / 1000.0);
+        let factor = if would_fit(1e-3) { ": 1000 times too large, if it was drawn in mm" } else { "" };
+        let across = if size < 1e6 { format!("{:.1} m", size * 1e-3) } else { format!("{:.1} km", size * 1e-6) };
+        let what = format!("the scene is {across} across{factor}");
         findings.push(Finding::new(Defect::WrongUnit, what).at([place]));
     } else if size > 0.0 && size < least {
-        let factor =
-            if size * 1000.0 <= most { ": 1000 times too small, if it was drawn in m and scaled to mm" } else { "" };
+        let factor = if would_fit(1e3) { ": 1000 times too small, if it was drawn in m and scaled to mm" } else { "" };
         findings.push(Finding::new(Defect::WrongUnit, format!("the scene is {size} mm across{factor}")).at([place]));
     } else if Vec3::from(place.at_mm).length() > (10.0 * size).max(2000.0) {
         let what =

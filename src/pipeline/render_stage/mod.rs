@@ -3,6 +3,7 @@
 mod device;
 mod pose;
 mod settings;
+mod trial;
 
 use std::collections::VecDeque;
 use std::sync::atomic::Ordering;
@@ -13,6 +14,7 @@ use tracing::field::Empty;
 
 use self::device::Device;
 use self::pose::PoseSampler;
+use self::trial::Trial;
 use super::clock::{Clock, ms};
 use super::controls::Controls;
 use super::events::Events;
@@ -101,6 +103,8 @@ pub(super) struct RenderStage {
     point: Option<Arc<PointText>>,
     /// Whether the face was coupled in the last frame that knew it.
     coupled: Option<bool>,
+    /// Trial of a watcher's settings.
+    trial: Option<Trial>,
 }
 
 impl RenderStage {
@@ -123,6 +127,7 @@ impl RenderStage {
             },
             point: parts.points.as_ref().map(|points| Arc::new(points.text())),
             coupled: None,
+            trial: None,
             parts,
         }
     }
@@ -164,6 +169,7 @@ impl RenderStage {
 
     /// Begins a frame.
     fn tick(&mut self) {
+        self.take_back();
         self.apply_controls();
         self.keep_point();
         self.reopen();
@@ -268,6 +274,7 @@ impl RenderStage {
         let now = self.parts.clock.now();
         span.record("rendered_ms", ms(now));
         let took = self.pace.rendered(timeline.submitted, now, left);
+        self.judge(&info.settings, took);
         if let Some(points) = &mut self.parts.points {
             let quality = FrameQuality::of(&info.settings.render);
             points.rendered(now.as_secs_f64(), quality, 1e3 * took.as_secs_f64());

@@ -22,8 +22,10 @@ impl RenderStage {
         if changes.quit {
             self.parts.stop.request("asked by a watcher");
         }
+        if changes.picture && self.reconfigure(&before) {
+            self.begin_trial(&before);
+        }
         if changes.picture {
-            self.reconfigure(&before);
             let now_s = self.parts.clock.now().as_secs_f64();
             if let Some(points) = &mut self.parts.points {
                 points.rest(now_s);
@@ -56,7 +58,7 @@ impl RenderStage {
     }
 
     /// Reconfigures the renderer. If it refuses, restores the settings of `before` and returns false.
-    fn reconfigure(&mut self, before: &LiveSettings) -> bool {
+    pub(super) fn reconfigure(&mut self, before: &LiveSettings) -> bool {
         while !self.in_flight.is_empty() {
             self.receive();
         }
@@ -97,6 +99,8 @@ impl RenderStage {
             self.parts.events.warn(format!("quality: no point keeps {limit_ms:.0} ms now; {point}: {overrun}"));
         }
         let Some(change) = points.change(now_s) else { return };
+        // The budget judges from here on.
+        self.trial = None;
         let [from, to] = [&change.from, &change.to].map(|point| points.name(point));
         let before = self.parts.controls.live;
         let renders_anew = change.to.quality != change.from.quality;

@@ -15,7 +15,7 @@ use tokio::time::{MissedTickBehavior, interval, timeout};
 
 use super::messages::{self, Request, ToPage};
 use super::shared::{Client, ClientCounters, ClientSlot, FrameSet, Shared};
-use crate::settings::Control;
+use crate::settings::{Assignment, Control};
 
 /// Most frames sent and not yet drawn: one in transit while one is drawn.
 const FRAMES_UNDER_WAY: usize = 2;
@@ -85,10 +85,9 @@ async fn read(
                 client.attenuation.store(attenuation, Ordering::Relaxed);
                 Heard::Overlays
             }
-            Ok(Request::Set { assignments }) => match shared.controls.try_send(Control::Set(assignments)) {
+            Ok(Request::Set { assignments }) => match set(shared, assignments) {
                 Ok(()) => continue,
-                Err(TrySendError::Full(_)) => Heard::Mistake("the station is busy; try again".to_owned()),
-                Err(TrySendError::Closed(_)) => Heard::Mistake("the station takes no controls any more".to_owned()),
+                Err(mistake) => Heard::Mistake(mistake),
             },
             Err(mistake) => Heard::Mistake(mistake),
         };
@@ -96,6 +95,21 @@ async fn read(
             return "ended";
         }
     }
+}
+
+/// Passes new values of settings to the session.
+///
+/// # Errors
+/// The page doesn't offer a value, or the session takes none now; as text for the page.
+fn set(shared: &Shared, assignments: Vec<Assignment>) -> Result<(), String> {
+    shared.check_offered(&assignments).map_err(|refused| format!("not set: {refused}"))?;
+    shared.controls.try_send(Control::Set(assignments)).map_err(|unsent| {
+        let text = match unsent {
+            TrySendError::Full(_) => "the station is busy; try again",
+            TrySendError::Closed(_) => "the station takes no controls any more",
+        };
+        text.to_owned()
+    })
 }
 
 struct Writer<'a> {
@@ -172,9 +186,9 @@ impl<'a> Writer<'a> {
             self.client.dropped.fetch_add(missed, Ordering::Relaxed);
         }
         self.last = set.sequence;
-        self.send_set(&set).await?;
+        // Counted first: who has received the frame finds it counted.
         self.client.sent.fetch_add(1, Ordering::Relaxed);
-        Ok(())
+        self.send_set(&set).await
     }
 
     /// Sends the current frame again with newly requested overlays: a frozen frame has no successor.

@@ -15,6 +15,8 @@ mod assets;
 #[cfg(feature = "browser")]
 mod client;
 #[cfg(feature = "browser")]
+mod connections;
+#[cfg(feature = "browser")]
 mod messages;
 #[cfg(feature = "browser")]
 mod server;

@@ -18,7 +18,6 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
-use tokio::sync::Semaphore;
 
 use super::access::Access;
 use super::assets::{ASSETS, Asset};
@@ -27,10 +26,10 @@ use super::shared::Shared;
 
 /// Largest message accepted from a page, bytes; real ones are far smaller.
 const MESSAGE_BYTES_MAX: usize = 4096;
-/// Most connections besides the pages' WebSockets; each page loads its files over a few.
-const CONNECTIONS_MAX: usize = 64;
 /// Longest wait for the headers of a request; then the connection is closed.
 const HEADER_TIMEOUT: Duration = Duration::from_secs(10);
+/// Longest time of a connection besides a page's WebSocket, with all its requests and answers.
+const CONNECTION_TIMEOUT: Duration = Duration::from_secs(30);
 /// Longest wait for the pages to leave when the station ends.
 const GOODBYE: Duration = Duration::from_secs(1);
 
@@ -42,11 +41,8 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; i
 pub(super) async fn serve(listener: TcpListener, shared: Arc<Shared>) -> io::Result<()> {
     let listener = tokio::net::TcpListener::from_std(listener)?;
     let router = router(&shared);
-    let permits = Arc::new(Semaphore::new(CONNECTIONS_MAX));
     let accept = async {
         loop {
-            // The semaphore is never closed.
-            let Ok(permit) = permits.clone().acquire_owned().await else { return };
             let (stream, address) = match listener.accept().await {
                 Ok(accepted) => accepted,
                 Err(e) => {
@@ -59,14 +55,19 @@ pub(super) async fn serve(listener: TcpListener, shared: Arc<Shared>) -> io::Res
                 tracing::debug!("{address}: {e}");
             }
             let service = TowerToHyperService::new(router.clone().layer(Extension(address)));
+            let place = shared.connections.enter(address.ip());
             tokio::spawn(async move {
                 let mut http = hyper::server::conn::http1::Builder::new();
                 http.timer(TokioTimer::new()).header_read_timeout(HEADER_TIMEOUT);
                 let connection = http.serve_connection(TokioIo::new(stream), service).with_upgrades();
-                if let Err(e) = connection.await {
-                    tracing::debug!("{address}: {e}");
+                tokio::select! {
+                    ended = tokio::time::timeout(CONNECTION_TIMEOUT, connection) => match ended {
+                        Ok(Ok(())) => {}
+                        Ok(Err(e)) => tracing::debug!("{address}: {e}"),
+                        Err(_) => tracing::debug!("{address}: open for too long"),
+                    },
+                    () = place.displaced() => tracing::debug!("{address}: closed for a newer connection"),
                 }
-                drop(permit);
             });
         }
     };
@@ -172,6 +173,61 @@ async fn stream(
             let reason = format!("{} pages are watching already, which is browser.clients_max", shared.clients_max);
             tracing::warn!("{address} turned away: {reason}");
             upgrade.on_upgrade(move |socket| client::turn_away(socket, reason))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+    use tokio::net::TcpStream;
+    use tokio::sync::{mpsc, watch};
+
+    use super::super::{SceneInfo, Settings, messages};
+    use super::*;
+
+    /// Limit in simulated time.
+    const LIMIT: Duration = Duration::from_secs(120);
+
+    /// A station on any free port, served on this test's runtime.
+    fn station() -> (SocketAddr, Arc<Shared>) {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        listener.set_nonblocking(true).unwrap();
+        let local = listener.local_addr().unwrap();
+        let access = Access::new(&Settings::default(), local).unwrap();
+        let hello = messages::write(&messages::hello(&SceneInfo::default()));
+        let shared = Shared::new(access, hello, None, mpsc::channel(1).0, watch::channel(None).1, 8);
+        let shared = Arc::new(shared);
+        tokio::spawn(serve(listener, shared.clone()));
+        (local, shared)
+    }
+
+    async fn until(shared: &Shared, count: usize) {
+        let counted = async {
+            while shared.connections.count() != count {
+                tokio::time::sleep(Duration::from_millis(10)).await;
+            }
+        };
+        let reached = tokio::time::timeout(LIMIT, counted).await;
+        assert!(reached.is_ok(), "{} connections are open instead of {count}", shared.connections.count());
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn silent_peers_and_those_that_read_no_answer_are_closed() {
+        let (address, shared) = station();
+        let mut silent = TcpStream::connect(address).await.unwrap();
+        let mut half = TcpStream::connect(address).await.unwrap();
+        half.write_all(b"GET / HTTP/1.1\r\nhost: ").await.unwrap();
+        let mut unread = TcpStream::connect(address).await.unwrap();
+        // Answers of 20 MB: more than the system keeps for a connection.
+        let request = format!("GET /app.js HTTP/1.1\r\nhost: {address}\r\n\r\n");
+        unread.write_all(request.repeat(1500).as_bytes()).await.unwrap();
+        until(&shared, 3).await;
+        until(&shared, 0).await;
+        for closed in [&mut silent, &mut half] {
+            let mut answer = Vec::new();
+            let ended = closed.read_to_end(&mut answer).await;
+            assert!(ended.is_ok() || answer.is_empty(), "{ended:?}");
         }
     }
 }

@@ -3,15 +3,16 @@
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use bytes::Bytes;
 use tokio::sync::{Notify, mpsc, watch};
 use tokio_util::sync::CancellationToken;
 
 use super::access::Access;
+use super::connections::Connections;
 use super::scene::ScenePacket;
-use crate::settings::Control;
+use crate::settings::{Assignment, Control, LiveSettings, SettingsError, check_offered};
 
 /// The messages of one frame.
 #[derive(Debug)]
@@ -19,6 +20,7 @@ pub(super) struct FrameSet {
     /// Number of the set, from 1; gaps are frames that a client missed.
     pub(super) sequence: u64,
     pub(super) number: u64,
+    pub(super) settings: LiveSettings,
     pub(super) image: Bytes,
     pub(super) segmentation: Option<Bytes>,
     pub(super) attenuation: Option<Bytes>,
@@ -47,7 +49,7 @@ pub struct ClientCounters {
     pub id: u64,
     /// Its address.
     pub address: SocketAddr,
-    /// Frames sent to it.
+    /// Frames sent to it, or being sent.
     pub sent: u64,
     /// Frames skipped because the page was too slow.
     pub dropped: u64,
@@ -87,6 +89,9 @@ pub(super) struct Shared {
     pub(super) controls: mpsc::Sender<Control>,
     pub(super) frames: watch::Receiver<Option<Arc<FrameSet>>>,
     pub(super) cancel: CancellationToken,
+    /// Settings of the first frame.
+    pub(super) begun: OnceLock<LiveSettings>,
+    pub(super) connections: Arc<Connections>,
     pub(super) clients: Mutex<BTreeMap<u64, Arc<Client>>>,
     pub(super) clients_max: u32,
     /// Number of the next page.
@@ -95,6 +100,31 @@ pub(super) struct Shared {
 }
 
 impl Shared {
+    /// State before the first frame and page.
+    pub(super) fn new(
+        access: Access,
+        hello: String,
+        surfaces: Option<ScenePacket>,
+        controls: mpsc::Sender<Control>,
+        frames: watch::Receiver<Option<Arc<FrameSet>>>,
+        clients_max: u32,
+    ) -> Self {
+        Self {
+            access,
+            hello,
+            surfaces,
+            controls,
+            frames,
+            cancel: CancellationToken::new(),
+            begun: OnceLock::new(),
+            connections: Arc::default(),
+            clients: Mutex::default(),
+            clients_max,
+            next_client: AtomicU64::new(1),
+            client_left: Notify::new(),
+        }
+    }
+
     fn clients(&self) -> MutexGuard<'_, BTreeMap<u64, Arc<Client>>> {
         self.clients.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -105,6 +135,16 @@ impl Shared {
 
     pub(super) fn counters(&self) -> Vec<ClientCounters> {
         self.clients().values().map(|client| client.counters()).collect()
+    }
+
+    /// Checks that the page offers these values.
+    ///
+    /// # Errors
+    /// Those of [`check_offered`].
+    pub(super) fn check_offered(&self, assignments: &[Assignment]) -> Result<(), SettingsError> {
+        let newest = self.frames.borrow().as_ref().map(|set| set.settings);
+        let shown: Vec<_> = self.begun.get().copied().into_iter().chain(newest).collect();
+        check_offered(assignments, &shown)
     }
 
     /// Maps that any client wants.

@@ -1,13 +1,11 @@
 //! The sink of the station: makes the messages of each frame and starts the server.
 
 use std::net::{SocketAddr, TcpListener};
-use std::sync::atomic::AtomicU64;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::thread::JoinHandle;
 
 use bytes::Bytes;
-use tokio::sync::{Notify, mpsc, watch};
-use tokio_util::sync::CancellationToken;
+use tokio::sync::{mpsc, watch};
 
 use super::access::Access;
 use super::server;
@@ -72,18 +70,8 @@ impl BrowserSink {
         let url = access.url();
         let (frames, receiver) = watch::channel(None);
         let hello = messages::write(&messages::hello(scene));
-        let shared = Arc::new(Shared {
-            access,
-            hello,
-            surfaces: scene.surfaces.clone(),
-            controls,
-            frames: receiver,
-            cancel: CancellationToken::new(),
-            clients: Mutex::default(),
-            clients_max: settings.clients_max,
-            next_client: AtomicU64::new(1),
-            client_left: Notify::new(),
-        });
+        let surfaces = scene.surfaces.clone();
+        let shared = Arc::new(Shared::new(access, hello, surfaces, controls, receiver, settings.clients_max));
         let served = shared.clone();
         let run = move || {
             if let Err(e) = runtime.block_on(server::serve(listener, served)) {
@@ -142,7 +130,9 @@ impl LiveSink for BrowserSink {
         let attenuation = if has_attenuation { message(Map::Attenuation) } else { None };
         let image = message(Map::Image).unwrap_or_default();
         self.sequence += 1;
-        let set = FrameSet { sequence: self.sequence, number: frame.number, image, segmentation, attenuation };
+        let (sequence, number, settings) = (self.sequence, frame.number, frame.info.settings);
+        self.shared.begun.get_or_init(|| settings);
+        let set = FrameSet { sequence, number, settings, image, segmentation, attenuation };
         self.frames.send_replace(Some(Arc::new(set)));
         Ok(())
     }

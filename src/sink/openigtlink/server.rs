@@ -27,7 +27,7 @@ pub struct Counters {
     pub accepted: AtomicU64,
     /// Clients refused because too many were connected.
     pub refused: AtomicU64,
-    /// Frames sent, summed over clients.
+    /// Frames sent or being sent, summed over clients.
     pub sent: AtomicU64,
     /// Frames skipped for a newer one, summed over clients.
     pub dropped: AtomicU64,
@@ -79,12 +79,13 @@ impl Server {
                 tracing::warn!("OpenIGTLink client {client} is turned away: too many are connected");
                 continue;
             };
-            self.counters.accepted.fetch_add(1, Ordering::Relaxed);
-            self.counters.connected.fetch_add(1, Ordering::Relaxed);
-            tracing::info!("OpenIGTLink client {client} is connected");
             let mut frames = self.latest.subscribe();
             // A client that connects during a freeze gets the frozen frame.
             frames.mark_changed();
+            // Counted last: a client that is counted gets the next frame.
+            self.counters.accepted.fetch_add(1, Ordering::Relaxed);
+            self.counters.connected.fetch_add(1, Ordering::Relaxed);
+            tracing::info!("OpenIGTLink client {client} is connected");
             let (counters, cancel) = (Arc::clone(&self.counters), self.cancel.clone());
             tokio::spawn(async move {
                 serve(stream, client, frames, &counters, &cancel).await;
@@ -131,6 +132,8 @@ async fn feed(mut writer: OwnedWriteHalf, mut frames: watch::Receiver<Latest>, c
     while frames.changed().await.is_ok() {
         let Some(frame) = frames.borrow_and_update().clone() else { continue };
         counted(frame.number);
+        // Counted first: who has received the frame finds it counted.
+        counters.sent.fetch_add(1, Ordering::Relaxed);
         let mut rest = &frame.bytes[..];
         while !rest.is_empty() {
             match tokio::time::timeout(STALL_LIMIT, writer.write(rest)).await {
@@ -145,7 +148,6 @@ async fn feed(mut writer: OwnedWriteHalf, mut frames: watch::Receiver<Latest>, c
                 }
             }
         }
-        counters.sent.fetch_add(1, Ordering::Relaxed);
     }
     "the server ends"
 }
