@@ -40,6 +40,8 @@ pub mod acoustics;
 
 pub mod look;
 
+pub mod files;
+
 mod names;
 
 pub mod random;

@@ -13,6 +13,7 @@ use insonify::tradeoff::{ErrorTable, PointError, StationErrors, kind_name};
 
 use super::super::backend::BackendArgs;
 use super::super::operating_points::scene_name;
+use super::super::outputs::Outputs;
 use super::super::{Classify, Failure, output, session};
 use super::identity;
 use super::measure::Bench;
@@ -76,6 +77,8 @@ Example:
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let stations = args.stations.iter().map(|path| Ok(Station::load(path)?)).collect::<Result<Vec<_>, Failure>>()?;
+    let read = stations.iter().flat_map(Station::files);
+    Outputs::beside(read).and([&args.motion]).replaced("--out", &args.out)?;
     let mut table = ErrorTable::new(command(args));
     for (nth, station) in stations.iter().enumerate() {
         let started = Instant::now();
