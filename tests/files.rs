@@ -265,6 +265,7 @@ fn interrupted_frames(bytes: &[u8]) -> usize {
     let (mut demuxer, mut frames) = (Fmp4FileDemuxer::new(), 0);
     while let Some(required) = demuxer.required_input() {
         let data = bytes.get(required.position as usize..).unwrap_or_default();
+        let data = &data[..required.size.map_or(data.len(), |size| size.min(data.len()))];
         demuxer.handle_input(Input { position: required.position, data });
         loop {
             match demuxer.next_sample() {

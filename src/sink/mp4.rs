@@ -227,6 +227,7 @@ pub(super) mod tests {
         let (mut demuxer, mut pictures) = (Fmp4FileDemuxer::new(), Vec::new());
         while let Some(required) = demuxer.required_input() {
             let data = bytes.get(required.position as usize..).unwrap_or_default();
+            let data = &data[..required.size.map_or(data.len(), |size| size.min(data.len()))];
             demuxer.handle_input(Input { position: required.position, data });
             loop {
                 match demuxer.next_sample() {
