@@ -42,6 +42,8 @@ pub mod look;
 
 pub mod settings;
 
+pub mod files;
+
 pub mod statistics;
 
 pub mod random;

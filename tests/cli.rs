@@ -506,7 +506,7 @@ fn faulty_scores_and_exams_are_refused() {
     let file = dir.path().join("scene.planes.json");
     let text_of = std::fs::read_to_string(&file).unwrap();
     std::fs::write(&file, text_of.replace("\"block\"", "\"blok\"")).unwrap();
-    refused(&score(&[]), &["surface `blok`", "did you mean `block`"]);
+    refused(&score(&[]), &["scene.planes.json: plane `middle`", "surface `blok`", "did you mean `block`"]);
     std::fs::write(&file, text_of.replace("\"angle_deg\": 10", "\"angle_deg\": -10")).unwrap();
     refused(&score(&[]), &["scene.planes.json", "planes.middle.tolerances.angle_deg"]);
     std::fs::remove_file(&file).unwrap();

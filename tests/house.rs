@@ -29,7 +29,7 @@ const ORDER: [&[&str]; 16] = [
     &["pose"],
     &["acoustics", "look"],
     &["settings"],
-    &["statistics", "random", "suggest", "names", "simd"],
+    &["files", "statistics", "random", "suggest", "names", "simd"],
 ];
 
 type Module = Vec<String>;

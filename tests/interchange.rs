@@ -273,22 +273,23 @@ fn imports_become_recordings() {
         assert!(found.pose.orientation.angle_between(row.orientation) < 1e-6);
     }
     let again = fs::read(&out).unwrap();
-    json(&["import", text(&sequence), "--out", text(&out)]);
+    assert!(refused(&["import", text(&sequence), "--out", text(&out)]).contains("--force replaces it"));
+    json(&["import", text(&sequence), "--out", text(&out), "--force"]);
     assert_eq!(fs::read(&out).unwrap(), again, "the same file gives the same recording");
 
     // A first time since 1970 is kept.
     let unix = TABLE.replace("\n0.0", "\n1790000000.0");
-    let report = json(&["import", text(&file("poses.csv", unix.as_bytes())), "--out", text(&out)]);
+    let report = json(&["import", text(&file("poses.csv", unix.as_bytes())), "--out", text(&out), "--force"]);
     assert_eq!((&report["poses"], &report["events"]), (&2.into(), &2.into()));
     let (found, summary) = poses(&out).unwrap();
     assert_eq!(found[0].host_time_ns, 1_790_000_000_000_000_000);
     assert_eq!(summary.events.iter().map(|e| e.name.as_str()).collect::<Vec<_>>(), ["start", "lost"]);
 
     let back = file("back.csv", TABLE.replace("0.04", "0.01").as_bytes());
-    let message = refused(&["import", text(&back), "--out", text(&out)]);
+    let message = refused(&["import", text(&back), "--out", text(&out), "--force"]);
     assert!(message.contains("line 6 (byte") && message.contains("times must not fall"), "{message}");
     let none = file("none.csv", b"time_s,x_mm,y_mm,z_mm,qw,qx,qy,qz\n");
-    assert!(refused(&["import", text(&none), "--out", text(&out)]).contains("it has no rows"));
+    assert!(refused(&["import", text(&none), "--out", text(&out), "--force"]).contains("it has no rows"));
     assert!(refused(&["import", "poses.xlsx", "--out", "x.mcap"]).contains("is neither .mha, .mhd nor .csv"));
     assert_eq!(poses(&out).unwrap().0.len(), 2, "a refused import leaves what was there");
 }
@@ -477,7 +478,7 @@ fn an_exported_sequence_contains_the_replays_frames() {
     };
     let file = dir.path().join("deep/sweep.igs.mha");
     for (more, map) in [(&[][..], "bmode"), (&["--compress"], "bmode"), (&["--map", "segmentation"], "segmentation")] {
-        let arguments = ["export", text(&recording), text(&station), "--fps", "10", "--out", text(&file)];
+        let arguments = ["export", text(&recording), text(&station), "--fps", "10", "--force", "--out", text(&file)];
         let report = json(&[&arguments, more].concat());
         assert_eq!((&report["images"], &report["invalid"], &report["width"]), (&11.into(), &3.into(), &160.into()));
         assert_eq!(images(&fs::read(&file).unwrap()).unwrap(), frames(map), "{more:?}");

@@ -1,6 +1,6 @@
 //! `insonify doctor`: finds faults of a scene and names their remedies.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 use clap::Parser;
@@ -11,7 +11,8 @@ use serde::Serialize;
 
 use super::output::counted;
 use super::progress::Progress;
-use super::{Classify, Failure, input, output, session};
+use super::session::{self, SceneFile};
+use super::{Classify, Failure, input, output};
 
 /// Say what is wrong with a scene, where, and what to do about it in the modelling program.
 ///
@@ -33,7 +34,7 @@ pub(crate) struct Args {
 
 #[derive(Serialize)]
 struct Printed<'a> {
-    path: &'a PathBuf,
+    path: &'a Path,
     #[serde(flatten)]
     report: &'a Report,
 }
@@ -41,12 +42,13 @@ struct Printed<'a> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let builtin = TissueTable::builtin().other()?;
-    let (path, station) = if input::is_station(&args.scene) {
+    let (file, station) = if input::is_station(&args.scene) {
         let station = Station::load(&args.scene)?;
         (session::scene_file(&station)?, Some(station))
     } else {
-        (args.scene.clone(), None)
+        (SceneFile::Given(args.scene.clone()), None)
     };
+    let path = file.path();
     let tissues = station.as_ref().map_or(&builtin, |station| &station.tissues);
     let own = tissues.names().iter().filter(|name| builtin.index_of(name).is_none());
     // The background counts as used, although no surface has it.
@@ -56,10 +58,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let progress = Progress::new("doctor", 0);
     let background = station.as_ref().and_then(|s| tissues.index_of(&s.background));
     let settings = Settings { tissues, own_tissues: &own_tissues, background, start };
-    let report = examine(&path, &settings, &|done, total| progress.set(done, total))?;
+    let report = examine(path, &settings, &|done, total| progress.set(done, total))?;
     drop(progress);
     if args.json {
-        output::json(&Printed { path: &path, report: &report })?;
+        output::json(&Printed { path, report: &report })?;
     } else {
         print(&report)?;
     }

@@ -16,6 +16,7 @@ use insonify::station::Station;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::outputs::Outputs;
 use super::plane_scene::{PlaneScene, scene_name};
 use super::progress::Progress;
 use super::{Failure, output};
@@ -40,6 +41,10 @@ pub(crate) struct Args {
     /// File to write (.mcap); with --sessions, the directory
     #[arg(long, value_name = "PATH")]
     out: PathBuf,
+
+    /// Replace the file if it is there; sessions in a directory are always replaced
+    #[arg(long, conflicts_with = "sessions")]
+    force: bool,
 
     /// Planes to look for, in this order [default: all of the scene]
     #[arg(long, value_name = "A,B,...", value_delimiter = ',', requires = "station")]
@@ -115,6 +120,11 @@ struct KeyFrame {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let Some(station) = &args.station else { return sweep(args) };
     let station = Station::load(station)?;
+    let inputs = Outputs::beside_station(&station);
+    match args.sessions {
+        Some(_) => inputs.within("--out", &args.out, &["session_*.mcap", "sessions.json"])?,
+        None => inputs.file("--out", &args.out, args.force)?,
+    };
     let scene = PlaneScene::open(&station)?;
     let planes = scene.planes.chosen(&args.planes)?;
     let duration_s = args.duration.unwrap_or(PLANE_S * planes.len() as f64);
@@ -187,6 +197,7 @@ impl Task<'_> {
 
 /// The sweep of `assets/exams`.
 fn sweep(args: &Args) -> Result<(), Failure> {
+    Outputs::default().file("--out", &args.out, args.force)?;
     output::make_parent(&args.out)?;
     sweep::write(&args.out, args.seed)?;
     let key_frames = sweep::KEY_FRAMES.map(|(name, time_s)| KeyFrame { name: name.to_owned(), time_s });

@@ -9,6 +9,7 @@ use insonify::transducer::Sector;
 use serde::Serialize;
 
 use super::backend::BackendArgs;
+use super::outputs::Outputs;
 use super::progress::Progress;
 use super::replay_args::{Part, ReplayArgs};
 use super::{Failure, output, session};
@@ -25,6 +26,10 @@ pub(crate) struct Args {
     /// Sequence to write (.igs.mha)
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
+
+    /// Replace FILE if it is there
+    #[arg(long)]
+    force: bool,
 
     #[command(flatten)]
     backend: BackendArgs,
@@ -65,6 +70,8 @@ struct Report<'a> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut replay = args.replay.read()?;
+    let inputs = Outputs::beside_station(&replay.station).and([&args.replay.recording]);
+    inputs.file("--out", &args.out, args.force)?;
     let probe = &replay.first()?.probe;
     if let Some(part) = replay.parts.iter().find(|part| part.probe.depth_mm != probe.depth_mm) {
         let at = part.frames.start;

@@ -1,9 +1,12 @@
 //! Reads frames that `insonify render` wrote.
 
 use std::collections::BTreeMap;
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
+use image::ImageReader;
+use insonify::files::{self, FileKind};
 use insonify::generator::{Channel, Input, Manifest};
 
 /// The maps in a directory.
@@ -64,14 +67,16 @@ impl FrameDir {
 
 /// Pixels of an 8-bit grey image, and its width and height.
 pub(super) fn grey(path: &Path) -> Result<(Vec<u8>, [u32; 2])> {
-    let image = image::open(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let cannot = || format!("cannot read {}", path.display());
+    let file = BufReader::new(files::open(path, FileKind::Image).with_context(cannot)?);
+    let image = ImageReader::new(file).with_guessed_format().with_context(cannot)?.decode().with_context(cannot)?;
     ensure!(image.color() == image::ColorType::L8, "{} is not an 8-bit grey image", path.display());
     let size = [image.width(), image.height()];
     Ok((image.into_bytes(), size))
 }
 
 fn names(path: &Path) -> Result<Vec<String>> {
-    let text = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let text = files::read(path, FileKind::Stored).with_context(|| format!("cannot read {}", path.display()))?;
     let by_number: BTreeMap<usize, String> =
         serde_json::from_slice(&text).with_context(|| format!("{} is not number -> name", path.display()))?;
     let whole = by_number.keys().copied().eq(0..by_number.len());
@@ -81,7 +86,7 @@ fn names(path: &Path) -> Result<Vec<String>> {
 
 fn floats(path: &Path, shape: [u32; 2]) -> Result<Vec<f32>> {
     let context = || format!("cannot read {}", path.display());
-    let bytes = std::fs::read(path).with_context(context)?;
+    let bytes = files::read(path, FileKind::Array).with_context(context)?;
     let file = npyz::NpyFile::new(&bytes[..]).with_context(context)?;
     let shape = shape.map(u64::from);
     ensure!(file.shape() == shape, "{} has the shape {:?}; the image's is {shape:?}", path.display(), file.shape());

@@ -3,12 +3,16 @@
 use std::path::PathBuf;
 
 use clap::Parser;
-use insonify::generator::{Generator, Kind, LoadOptions, Manifest, ParityReport, Provider, Runtime, Settings};
+use insonify::generator::{
+    Generator, Kind, LoadOptions, Manifest, ParityReport, Provider, Runtime, Settings, generator_files,
+};
+use insonify::sink::FrameFiles;
 use insonify::sink::png::{self, Effort};
 use insonify::statistics::{nearest_rank, sorted};
 use serde::Serialize;
 
 use super::frame_dir::FrameDir;
+use super::outputs::Outputs;
 use super::{Classify, Failure, input, output};
 
 /// Check a generator against its manifest and parity pair, measure it, and apply it to a frame.
@@ -103,18 +107,20 @@ struct Times {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let frame = args.frame.as_deref().map(FrameDir::read).transpose().input()?;
     let tissues = frame.as_ref().map_or(&[][..], |f| &f.tissues);
+    let written = frame.as_ref().map(|f| args.out.clone().unwrap_or_else(|| f.directory.join("enhanced.png")));
+    if let (Some(frame), Some(path)) = (&frame, &written) {
+        let read = FrameFiles::NAMES.map(|name| frame.directory.join(name));
+        Outputs::beside(read).and(generator_files(&args.model)).replaced("--out", path)?;
+    }
     let runtime = Runtime::get().input()?;
     let mut generator = Generator::load(&args.model, runtime, &args.runtime.options(tissues))?;
     let default = frame.as_ref().map_or((1386, 1000), |f| (f.width, f.height));
     let (width, height) = args.size.unwrap_or(default);
     let times = measure(&mut generator, width, height, args.runs.into())?;
-    let mut written = None;
-    if let Some(frame) = &frame {
-        let path = args.out.clone().unwrap_or_else(|| frame.directory.join("enhanced.png"));
+    if let (Some(frame), Some(path)) = (&frame, &written) {
         let mut image = Vec::new();
         generator.run(&frame.input(generator.manifest()).input()?, &mut image)?;
-        png::write_grey(&path, frame.width, frame.height, &image, Effort::Small)?;
-        written = Some(path);
+        png::write_grey(path, frame.width, frame.height, &image, Effort::Small)?;
     }
     let parity = generator.parity();
     if args.json {

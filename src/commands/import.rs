@@ -1,13 +1,14 @@
 //! `insonify import`: converts tracked sequences of other programs into recordings.
 
-use std::fs::File;
 use std::io::BufReader;
 use std::path::PathBuf;
 
 use clap::Parser;
+use insonify::files::{self, FileKind};
 use insonify::tracker::interchange::{Imported, InterchangeError, Sequence, TrackedRow, csv, tracked, write_recording};
 use serde::Serialize;
 
+use super::outputs::Outputs;
 use super::{Failure, output};
 
 /// Make a recording of a PLUS sequence (.mha, .igs.mha) or of a table (.csv).
@@ -22,6 +23,10 @@ pub(crate) struct Args {
     /// Recording to write (.mcap)
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
+
+    /// Replace the recording if it is there
+    #[arg(long)]
+    force: bool,
 
     /// Transform of a sequence to take
     #[arg(long, value_name = "NAME", default_value = "ProbeToTrackerTransform")]
@@ -54,6 +59,7 @@ struct Report<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    Outputs::beside([&args.file]).file("--out", &args.out, args.force)?;
     let rows = rows(args)?;
     output::make_parent(&args.out)?;
     let imported = write_recording(&rows, &args.file, &args.out)?;
@@ -73,7 +79,8 @@ fn rows(args: &Args) -> Result<Vec<TrackedRow>, Failure> {
     match extension.as_deref() {
         Some("mha" | "mhd") => Ok(tracked(Sequence::open(path)?.head(), &args.transform, path)?),
         Some("csv") => {
-            let file = File::open(path).map_err(|source| InterchangeError::Read { path: path.clone(), source })?;
+            let file = files::open(path, FileKind::Table)
+                .map_err(|source| InterchangeError::Read { path: path.clone(), source })?;
             Ok(csv::read(BufReader::new(file), path)?)
         }
         _ => Err(Failure::Input(anyhow::anyhow!("{} is neither .mha, .mhd nor .csv", path.display()))),

@@ -1,11 +1,11 @@
 //! Reading of arguments and of the files that they name.
 
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context, anyhow};
+use insonify::files::{self, FileKind};
 use insonify::pose::Pose;
 use insonify::settings::{Setting, SettingsGroup};
 use insonify::station::Station;
@@ -14,21 +14,22 @@ use insonify::tracker::recording::RecordingSummary;
 use super::{Classify, Failure};
 
 /// Reads the file at `path`; `what` names it in errors.
-pub(crate) fn bytes(path: &Path, what: &str) -> Result<Vec<u8>, Failure> {
-    std::fs::read(path).with_context(|| cannot_read(path, what)).input()
+pub(crate) fn bytes(path: &Path, kind: FileKind, what: &str) -> Result<Vec<u8>, Failure> {
+    files::read(path, kind).with_context(|| cannot_read(path, what)).input()
 }
 
 /// Whether the file at `path` starts with `magic`; `what` names it in errors.
 pub(crate) fn starts_with(path: &Path, magic: &[u8], what: &str) -> Result<bool, Failure> {
     let mut head = Vec::with_capacity(magic.len());
-    let read = File::open(path).and_then(|file| file.take(magic.len() as u64).read_to_end(&mut head));
+    let read =
+        files::open(path, FileKind::Recording).and_then(|file| file.take(magic.len() as u64).read_to_end(&mut head));
     read.with_context(|| cannot_read(path, what)).input()?;
     Ok(head == magic)
 }
 
 /// Reads the text of the file at `path`; `what` names it in errors.
-pub(crate) fn text(path: &Path, what: &str) -> Result<String, Failure> {
-    std::fs::read_to_string(path).with_context(|| cannot_read(path, what)).input()
+pub(crate) fn text(path: &Path, kind: FileKind, what: &str) -> Result<String, Failure> {
+    files::read_text(path, kind).with_context(|| cannot_read(path, what)).input()
 }
 
 fn cannot_read(path: &Path, what: &str) -> String {

@@ -40,6 +40,16 @@ pub(crate) fn kinds(asked: &[LiveSinkKind], station: &Station) -> Vec<LiveSinkKi
     kinds
 }
 
+/// Files of these sinks below their directory.
+pub(crate) fn files(kinds: &[LiveSinkKind]) -> Vec<&'static str> {
+    let of = |kind: &LiveSinkKind| match kind {
+        LiveSinkKind::Png => &["png/index.jsonl", "png/*.png"][..],
+        LiveSinkKind::Video => &["video.mp4", "video.part.mp4"],
+        _ => &[],
+    };
+    kinds.iter().flat_map(of).copied().collect()
+}
+
 /// Opens the sinks; file sinks write below `out`.
 pub(crate) fn open(
     asked: &[LiveSinkKind],

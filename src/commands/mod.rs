@@ -21,6 +21,7 @@ mod live;
 mod live_sinks;
 mod operating_points;
 mod output;
+mod outputs;
 mod pace;
 mod phantom;
 mod plan;

@@ -11,6 +11,7 @@ use insonify::sink::write_json;
 use serde::Serialize;
 
 use super::output::thousands;
+use super::outputs::Outputs;
 use super::progress::Progress;
 use super::{Failure, output};
 
@@ -25,6 +26,10 @@ pub(crate) struct Args {
     /// File to write (.glb)
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
+
+    /// Replace FILE and its planes if they are there
+    #[arg(long)]
+    force: bool,
 
     /// Number of triangles over that of the full phantom, 0.01..=20; refused where the finest parts would be lost (below about 0.21; the message says the least)
     #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true)]
@@ -120,13 +125,15 @@ fn row(surface: &PhantomSurface) -> Row<'_> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let planes_file = planes::file_beside(&args.out);
+    Outputs::default().file("--out", &args.out, args.force)?.file("--out", &planes_file, args.force)?;
     let progress = Progress::new("phantom", 0);
     let surfaces = build(&args.options(), &|p| progress.set(p.done, p.total))?;
     drop(progress);
     output::make_parent(&args.out)?;
     let parameters = args.options().parameters;
     write_moving_glb(&surfaces, &movement(&parameters), &args.out)?;
-    write_json(&planes::file_beside(&args.out), &planes::obstetric(&parameters))?;
+    write_json(&planes_file, &planes::obstetric(&parameters))?;
     let rows: Vec<_> = surfaces.iter().map(row).collect();
     let triangles = rows.iter().map(|r| r.triangles).sum();
     if args.json {

@@ -1,6 +1,6 @@
 //! A station's standard planes, and the skin that a probe touches.
 
-use insonify::anatomy::planes::StandardPlanes;
+use insonify::anatomy::planes::{StandardPlanes, file_beside};
 use insonify::anatomy::{Scene, Skin};
 use insonify::station::{SceneSource, Station};
 
@@ -28,7 +28,9 @@ impl PlaneScene {
     /// Planes and skin of the station's `scene`.
     pub(crate) fn of(station: &Station, scene: &Scene) -> Result<Self, Failure> {
         let names: Vec<_> = scene.surfaces.iter().map(|surface| surface.name.as_str()).collect();
-        station.standard_planes()?.check_surfaces(&names)?;
+        // The phantom's planes and surfaces match: its file is never named.
+        let file = station.scene_file().map(file_beside).unwrap_or_default();
+        station.standard_planes()?.check_surfaces(&file, &names)?;
         match &station.scene {
             SceneSource::File(_) => Self::on(Skin::of_scene(scene).input()?, station),
             SceneSource::ObstetricPhantom(options) => Self::on(Skin::phantom(&options.parameters), station),

@@ -17,6 +17,7 @@ use insonify::transducer::Sector;
 use serde::Serialize;
 
 use super::backend::BackendArgs;
+use super::outputs::Outputs;
 use super::progress::Progress;
 use super::{Failure, output, session};
 
@@ -63,6 +64,10 @@ struct Record<'a> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::load(&args.station)?;
+    if let Some(out) = &args.out {
+        let names = ["qa_phantom.png", "qa_phantom.json", "qa_phantom.md"];
+        Outputs::beside_station(&station).within("--out", out, &names)?;
+    }
     let sector = Sector::fit(&station.probe, station.settings.image.width, station.settings.image.height);
     if !qa_phantom::suits(&station.probe, &sector) {
         return Err(Failure::Input(anyhow!(

@@ -22,6 +22,7 @@ use tokio::runtime::Runtime;
 use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
 
+use super::outputs::Outputs;
 use super::status_line::StatusLine;
 use super::tracker_args::TrackerArgs;
 use super::{Classify, Failure, input, output, recorder, terminal};
@@ -90,9 +91,7 @@ struct Report<'a> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::load(&args.station)?;
-    if args.out.exists() && !args.force {
-        return Err(Failure::Input(anyhow!("{} is there already; --force replaces it", args.out.display())));
-    }
+    Outputs::beside_station(&station).file("--out", &args.out, args.force)?;
     let tracker = if args.stdin { None } else { Some(tracker(args, &station)?) };
     let (protocol, sensor) = match &tracker {
         Some(tracker) => stream_of(tracker)?,

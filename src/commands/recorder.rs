@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use insonify::files::FileKind;
 use insonify::station::Station;
 use insonify::tracker::Protocol;
 use insonify::tracker::recording::{QueueLimits, Recorder, RecordingInfo, RecordingWriter, SessionSettings};
@@ -18,7 +19,7 @@ pub(crate) fn start(
     adapter: &str,
     start_time_ns: u64,
 ) -> Result<Recorder, Failure> {
-    let text = input::text(&station.path, "the station file again:")?;
+    let text = input::text(&station.path, FileKind::Station, "the station file again:")?;
     output::make_parent(path)?;
     let scene = station.path.display().to_string();
     let info = RecordingInfo { protocol, device: device.to_owned(), scene: scene.clone(), start_time_ns, sensor };

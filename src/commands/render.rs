@@ -13,6 +13,7 @@ use serde::Serialize;
 
 use super::backend::BackendArgs;
 use super::effects::EffectArgs;
+use super::outputs::Outputs;
 use super::quality::{self, RaysLayers};
 use super::{Failure, input, output, session};
 
@@ -78,6 +79,7 @@ struct Report<'a> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::load(&args.station)?;
+    Outputs::beside_station(&station).within("--out", &args.out, &FrameFiles::NAMES)?;
     let pose = input::pose(args.pose, &station, "--pose x,y,z,qw,qx,qy,qz")?;
     let mut settings = station.settings;
     settings.lines = true;

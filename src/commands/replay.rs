@@ -17,6 +17,7 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use super::backend::BackendArgs;
+use super::outputs::Outputs;
 use super::pace::{Pace, Speed};
 use super::progress::Progress;
 use super::replay_args::{Part, Replay, ReplayArgs};
@@ -65,6 +66,19 @@ Files:
 
 Example:
   insonify replay assets/exams/obstetric_sweep.mcap configs/obstetric.toml --fps 10 --frames 20..60 --out out/sweep";
+
+/// Files of a replay, as in the help.
+const FILES: [&str; 9] = [
+    "bmode/*.png",
+    "video.mp4",
+    "video.part.mp4",
+    "segmentation/*.png",
+    "attenuation/*.npy",
+    "mask.png",
+    "mask_*.png",
+    "tissues.json",
+    "replay.json",
+];
 
 /// Summary of a replay.
 #[derive(Serialize)]
@@ -177,6 +191,7 @@ impl<'a> RecordingReport<'a> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut replay = args.replay.read()?;
+    Outputs::beside_station(&replay.station).and([&args.replay.recording]).within("--out", &args.out, &FILES)?;
     let backend = args.backend.open(replay.station.backend)?;
     let scene = session::load_scene(&replay.station)?;
     replay.choose_quality(&backend, &scene)?;

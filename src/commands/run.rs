@@ -27,6 +27,7 @@ use tokio::sync::mpsc;
 
 use super::backend::BackendArgs;
 use super::effects::EffectArgs;
+use super::outputs::Outputs;
 use super::run_table::SummaryTable;
 use super::{Classify, Failure, input, live, live_sinks, output, recorder, session, terminal};
 
@@ -80,6 +81,10 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
 
+    /// Replace the files of --metrics and --record if they are there
+    #[arg(long)]
+    force: bool,
+
     /// Show what is rendered, whatever generators the station names
     #[arg(long)]
     no_generator: bool,
@@ -118,6 +123,7 @@ struct SummaryLine<'a> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut station = station(args)?;
+    check_outputs(args, &station)?;
     let (poses, tracked) = pose_source(args, &station)?;
     // Refuses an unplayable recording before anything is opened; an unused one may be missing.
     let stream = match &tracked {
@@ -207,6 +213,22 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         [] => Ok(()),
         stuck => Err(Failure::Other(anyhow!("did not end in time: {}", stuck.join(", ")))),
     }
+}
+
+/// Refuses files that the session reads, and files that are there already.
+fn check_outputs(args: &Args, station: &Station) -> Result<(), Failure> {
+    let mut outputs = Outputs::beside_station(station);
+    if let Some(path) = &args.record {
+        outputs = outputs.file("--record", path, args.force)?;
+    }
+    if let Some(path) = &args.metrics {
+        outputs = outputs.log("--metrics", path, args.force)?;
+    }
+    let names = live_sinks::files(&live_sinks::kinds(&args.sinks, station));
+    if !names.is_empty() {
+        outputs.within("--out", &args.out, &names)?;
+    }
+    Ok(())
 }
 
 /// Poses, and their tracker if any.

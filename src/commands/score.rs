@@ -15,6 +15,7 @@ use insonify::station::Station;
 use insonify::tracker::recording::{RecordingReader, read_both};
 use serde::Serialize;
 
+use super::outputs::Outputs;
 use super::plane_scene::PlaneScene;
 use super::replay::RecordingReport;
 use super::replay_args::recorded_controls;
@@ -66,6 +67,9 @@ struct Report<'a> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::load(&args.station)?;
+    if let Some(out) = &args.out {
+        Outputs::beside_station(&station).and([&args.recording]).replaced("--out", out)?;
+    }
     let (raw, used, summary) = read_both(RecordingReader::open(&args.recording)?)?;
     input::warn_of_damage(&args.recording, &summary);
     // Scores the poses shown in the session; without any, the tracker's poses with the station's calibration.

@@ -10,6 +10,7 @@ use insonify::selftest::{self, Report};
 use insonify::sink::write_json;
 
 use super::backend::BackendArgs;
+use super::outputs::Outputs;
 use super::progress::Progress;
 use super::{Failure, input, output};
 
@@ -37,6 +38,12 @@ pub(crate) struct Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let mut outputs = Outputs::default();
+    for (option, path) in [("--json", &args.json), ("--html", &args.html)] {
+        if let Some(path) = path {
+            outputs = outputs.replaced(option, path)?;
+        }
+    }
     let backend = args.backend.open(BackendChoice::Auto)?;
     let progress = Progress::new("self-test", 0);
     let report = selftest::run(&backend, &|done, of| progress.set(done, of))?;

@@ -1,10 +1,11 @@
 //! Rendering for commands: scene, warnings, and frames in order.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use etcetera::BaseStrategy;
-use insonify::anatomy::{Scene, phantom};
+use insonify::anatomy::Scene;
+use insonify::anatomy::phantom::{self, PhantomFile};
 use insonify::pose::Pose;
 use insonify::render::{Backend, EffectPlan, FRAMES_IN_FLIGHT, Frame, QualityPoint, RenderSettings, Renderer};
 use insonify::sink::frame_record::AdapterRecord;
@@ -21,16 +22,32 @@ pub(crate) fn adapter(backend: &Backend) -> AdapterRecord {
 
 /// The surfaces of a station, from its file or from the cache of generated scenes.
 pub(crate) fn load_scene(station: &Station) -> Result<Scene, Failure> {
-    Ok(station.load_scene_from(&scene_file(station)?)?)
+    Ok(station.load_scene_from(scene_file(station)?.path())?)
+}
+
+/// File of a station's surfaces.
+pub(crate) enum SceneFile {
+    Given(PathBuf),
+    Generated(PhantomFile),
+}
+
+impl SceneFile {
+    pub(crate) fn path(&self) -> &Path {
+        match self {
+            Self::Given(path) => path,
+            Self::Generated(file) => &file.path,
+        }
+    }
 }
 
 /// File of a station's surfaces; a generated scene is built and cached if missing.
-pub(crate) fn scene_file(station: &Station) -> Result<PathBuf, Failure> {
+pub(crate) fn scene_file(station: &Station) -> Result<SceneFile, Failure> {
     match &station.scene {
-        SceneSource::File(path) => Ok(path.clone()),
+        SceneSource::File(path) => Ok(SceneFile::Given(path.clone())),
         SceneSource::ObstetricPhantom(options) => {
             let progress = Progress::new("phantom", 0);
-            Ok(phantom::cached(&cache_directory()?, options, &|p| progress.set(p.done, p.total))?)
+            let progress = |p: phantom::Progress| progress.set(p.done, p.total);
+            Ok(SceneFile::Generated(phantom::cached_or_temporary(&cache_directory()?, options, &progress)?))
         }
     }
 }

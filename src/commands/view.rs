@@ -17,6 +17,7 @@ use insonify::transducer::Probe;
 use serde::Serialize;
 
 use super::backend::BackendArgs;
+use super::outputs::Outputs;
 use super::{Classify, Failure, input, output, session};
 
 /// Picture a scene with the probe's fan in it, as a PNG: shaded surfaces in the colours of their tissues.
@@ -106,6 +107,8 @@ fn size(text: &str) -> Result<(u32, u32), String> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let (scene, station) = load(args)?;
+    let read = station.as_ref().map_or_else(|| import::files_of(&args.scene), Station::files);
+    Outputs::beside(read).replaced("--out", &args.out)?;
     let selection = Selection::of(&scene, &args.only, &args.hide).input()?;
     let pose = args.pose.or(station.as_ref().and_then(|station| station.default_pose));
     let probe = station.as_ref().map_or_else(Probe::default, |station| station.probe);

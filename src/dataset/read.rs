@@ -1,12 +1,12 @@
 //! Reading a data set back.
 
-use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use npyz::NpyFile;
 
 use super::{ATTENUATION_POWER, DatasetError, FORMAT, HEADER_FILE, Header, PLANES, Row, Split};
+use crate::files::{self, FileKind};
 
 /// Header and rows of a data set; arrays are read on demand.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,7 +51,8 @@ impl Header {
     /// A missing or invalid header, or another format version.
     pub fn load(directory: &Path) -> Result<Self, DatasetError> {
         let path = directory.join(HEADER_FILE);
-        let text = std::fs::read(&path).map_err(|source| DatasetError::Io { path: path.clone(), source })?;
+        let text = files::read(&path, FileKind::DatasetHeader)
+            .map_err(|source| DatasetError::Io { path: path.clone(), source })?;
         let header: Self =
             serde_json::from_slice(&text).map_err(|source| DatasetError::Header { path: path.clone(), source })?;
         if header.format != FORMAT {
@@ -134,7 +135,8 @@ pub fn manifests(directory: &Path) -> Result<Vec<PathBuf>, DatasetError> {
 /// # Errors
 /// The file cannot be read, or a complete line is not a row.
 pub fn read_rows(path: &Path) -> Result<(Vec<Row>, u64), DatasetError> {
-    let text = std::fs::read(path).map_err(|source| DatasetError::Io { path: path.to_owned(), source })?;
+    let text = files::read(path, FileKind::DatasetRows)
+        .map_err(|source| DatasetError::Io { path: path.to_owned(), source })?;
     let (mut rows, mut whole) = (Vec::new(), 0);
     for (number, line) in text.split_inclusive(|&byte| byte == b'\n').enumerate() {
         let is_last_and_cut = !line.ends_with(b"\n");
@@ -154,7 +156,7 @@ pub fn read_rows(path: &Path) -> Result<(Vec<Row>, u64), DatasetError> {
 
 fn read(path: &Path, shape: &[usize]) -> Result<Vec<u8>, DatasetError> {
     let failed = |source| DatasetError::Io { path: path.to_owned(), source };
-    let npy = NpyFile::new(BufReader::new(File::open(path).map_err(failed)?)).map_err(failed)?;
+    let npy = NpyFile::new(BufReader::new(files::open(path, FileKind::Array).map_err(failed)?)).map_err(failed)?;
     let found: Vec<usize> = npy.shape().iter().map(|&n| n as usize).collect();
     if found != shape || npy.order() != npyz::Order::C {
         let reason = format!("is an array {found:?}; its row says {shape:?}");

@@ -8,6 +8,7 @@ use ort::session::Session;
 use ort::value::{Outlet, Tensor, TensorElementType, ValueType};
 
 use super::{GeneratorError, Runtime};
+use crate::files::{self, FileKind};
 use crate::quality::{CROP, FeatureExtractor, QualityError};
 
 /// Written by `training/make_features.py`.
@@ -76,7 +77,7 @@ impl OnnxFeatures {
     /// # Errors
     /// A file that can't be read, a model that ONNX Runtime refuses, or tensors of another kind.
     pub fn load(path: &Path, runtime: &Runtime, scale: FeatureScale) -> Result<Self, GeneratorError> {
-        let model = std::fs::read(path).map_err(GeneratorError::io(path))?;
+        let model = files::read(path, FileKind::Model).map_err(GeneratorError::io(path))?;
         let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         Self::of_model(stem, path, &model, runtime, scale)
     }

@@ -10,6 +10,7 @@ use super::maps::{self, ClassMap, Geometry};
 use super::parity::{self, ParityReport};
 use super::session::{RunFailure, Session};
 use super::{GeneratorError, Input, Provider, Runtime, Terminator};
+use crate::files::{self, FileKind};
 use crate::render::Frame;
 
 /// Options for loading a model.
@@ -48,7 +49,7 @@ impl Generator {
     pub fn load(path: &Path, runtime: &Runtime, options: &LoadOptions) -> Result<Self, GeneratorError> {
         let manifest_path = Manifest::path_of(path);
         let manifest = Manifest::load(&manifest_path)?;
-        let model = std::fs::read(path).map_err(GeneratorError::io(path))?;
+        let model = files::read(path, FileKind::Model).map_err(GeneratorError::io(path))?;
         check_hash(path, &model, &manifest.sha256)?;
         let segmentation = manifest.segmentation.as_ref();
         let classes = segmentation.map(|s| ClassMap::of_tissues(s, options.tissues, path)).transpose()?;

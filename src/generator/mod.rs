@@ -27,7 +27,7 @@ pub use input::Input;
 pub use load::{LoadedGenerators, RefusedModel, load_generators};
 pub use manifest::{
     Affine, Channel, Encoding, InputManifest, Kind, Manifest, OutputManifest, ParityManifest, Quality,
-    SegmentationManifest, Training, Variant,
+    SegmentationManifest, Training, Variant, generator_files,
 };
 pub use parity::ParityReport;
 pub use provider::Provider;

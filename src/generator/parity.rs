@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use super::manifest::ParityManifest;
 use super::{GeneratorError, Input};
+use crate::files::{self, FileKind};
 use crate::render::Frame;
 
 /// Largest side of a parity pair, pixels.
@@ -84,7 +85,7 @@ pub(super) fn read(manifest_path: &Path, parity: &ParityManifest) -> Result<Pair
 /// Shape and values of an array of float32 in C order.
 fn read_npy(path: &Path) -> Result<(Vec<u64>, Vec<f32>), GeneratorError> {
     let io = GeneratorError::io(path);
-    let bytes = std::fs::read(path).map_err(&io)?;
+    let bytes = files::read(path, FileKind::Array).map_err(&io)?;
     let file = npyz::NpyFile::new(&bytes[..]).map_err(&io)?;
     let shape = file.shape().to_vec();
     if file.order() != npyz::Order::C {

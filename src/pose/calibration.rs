@@ -27,6 +27,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::{POSITION_LIMIT_MM, Pose, PoseError};
+use crate::files::{self, FileKind};
 
 /// Version of the file format; other versions are refused.
 pub const CALIBRATION_VERSION: u32 = 1;
@@ -123,8 +124,8 @@ impl Calibration {
     /// # Errors
     /// The file cannot be read, or an error of [`parse`](Self::parse). Each error names the file.
     pub fn load(path: &Path) -> Result<Self, CalibrationError> {
-        let text =
-            std::fs::read_to_string(path).map_err(|source| CalibrationError::Read { path: path.to_owned(), source })?;
+        let text = files::read_text(path, FileKind::Calibration)
+            .map_err(|source| CalibrationError::Read { path: path.to_owned(), source })?;
         Self::parse(&text)
             .map_err(|source| CalibrationError::InFile { path: path.to_owned(), source: Box::new(source) })
     }

@@ -30,8 +30,8 @@ settings! {
         /// Duration of a generator run that counts as hanging.
         hang_ms: f64 = 5000.0, "ms", 10.0..=600_000.0, Everything;
 
-        /// Time allowed for displays to finish at the end.
-        finish_ms: f64 = 10_000.0, "ms", 0.0..=600_000.0, Everything;
+        /// Time in which displays and files must take their last frame at the end; one that is later counts as stuck.
+        finish_ms: f64 = 10_000.0, "ms", 100.0..=600_000.0, Everything;
     }
     nested {
         /// Conditions for showing generated pictures.

@@ -43,6 +43,12 @@ pub enum SinkError {
         /// Values given.
         found: usize,
     },
+    /// Another process writes the file.
+    #[error("another process is writing {path}")]
+    Busy {
+        /// File.
+        path: PathBuf,
+    },
     /// A frame rate outside 0.1..=1000.
     #[error("a video cannot run at {fps} frames a second; it must lie in 0.1..=1000")]
     FrameRate {

@@ -20,6 +20,10 @@ pub struct FrameFiles<'a> {
 }
 
 impl FrameFiles<'_> {
+    /// Names of the files.
+    pub const NAMES: [&'static str; 7] =
+        ["bmode.png", "segmentation.png", "tissues.json", "attenuation.npy", "mask.png", "lines.npy", "frame.json"];
+
     /// Writes the frame into `dir`, which is made if missing, and returns the files in the order written:
     ///
     /// | file | content |

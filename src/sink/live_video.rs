@@ -37,7 +37,7 @@ impl LiveSink for LiveVideo {
     fn present(&mut self, frame: &PresentedFrame) -> Result<(), SinkError> {
         let time = frame.info.timeline.presented;
         let Some(video) = &mut self.video else {
-            self.video = Some(Video::create(&self.stem, frame.width, frame.height, self.rate)?);
+            self.video = Some(Video::create_keeping(&self.stem, frame.width, frame.height, self.rate)?);
             self.origin = time;
             self.shown.clone_from(&frame.image);
             return Ok(());
@@ -51,8 +51,9 @@ impl LiveSink for LiveVideo {
             place = self.place + longest;
         }
         while self.place < place {
-            video.push(&self.shown)?;
             self.place += 1;
+            // After an error the frame still waits to be written.
+            video.push(&self.shown)?;
         }
         self.shown.clone_from(&frame.image);
         Ok(())

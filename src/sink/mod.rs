@@ -1,7 +1,7 @@
 //! Outputs for frames: image, array and video files; pages and windows of a live station.
 //!
 //! A file is written under a temporary name beside its target and renamed when complete, so that readers never see a
-//! partial one. Only logs grow in place. Every error names the file.
+//! partial one. Logs grow in place, and videos under a name of their own. Every error names the file.
 
 pub mod browser;
 pub mod colour;
@@ -25,6 +25,7 @@ pub(crate) mod canvas;
 pub(crate) mod error;
 mod file;
 mod frame_rate;
+mod growing_mp4;
 mod live_kind;
 pub(crate) mod pool;
 

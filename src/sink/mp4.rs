@@ -1,7 +1,5 @@
 //! MP4 videos of grey frames: H.264, which every browser plays.
 
-use std::io::{BufWriter, Seek, SeekFrom, Write};
-use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 
 use openh264::OpenH264API;
@@ -9,13 +7,12 @@ use openh264::encoder::{
     BitRate, Encoder, EncoderConfig, IntraFramePeriod, QpRange, RateControlMode, UsageType, VuiConfig,
 };
 use openh264::formats::YUVSlices;
+use shiguredo_mp4::Uint;
 use shiguredo_mp4::boxes::{Avc1Box, AvccBox, SampleEntry, VisualSampleEntryFields};
-use shiguredo_mp4::mux::{Mp4FileMuxer, Sample};
-use shiguredo_mp4::{TrackKind, Uint};
-use tempfile::NamedTempFile;
 
 use super::error::check_shape;
-use super::{FrameRate, SinkError, file};
+use super::growing_mp4::{GrowingMp4, failed};
+use super::{FrameRate, SinkError};
 
 /// Bit rate that the encoder aims at, bits/s: high enough that speckle survives.
 const BIT_RATE: u32 = 8_000_000;
@@ -34,15 +31,14 @@ const SEQUENCE_PARAMETERS: u8 = 7;
 const PICTURE_PARAMETERS: u8 = 8;
 const KEY_PICTURE: u8 = 5;
 
-/// A growing MP4 of grey frames, full range. Frames are written as they come; only their sizes stay in memory.
+/// A growing MP4 of grey frames, full range. Frames are written every second; only their sizes stay in memory.
 ///
-/// The file gets its name in [`Video::finish`]; dropped before that, it disappears.
+/// The file is called `STEM.part.mp4` until [`Video::finish`]. Interrupted before that, it stays and plays up to its last
+/// second.
 pub struct Video {
     path: PathBuf,
-    file: BufWriter<NamedTempFile>,
+    file: GrowingMp4,
     encoder: Encoder,
-    muxer: Mp4FileMuxer,
-    rate: FrameRate,
     /// Height and width of the frames.
     shape: [usize; 2],
     /// Width and height of the video: even, and not below [`SIDE_MIN`].
@@ -51,16 +47,29 @@ pub struct Video {
     chroma: Vec<u8>,
     /// Buffer for a coded picture: NAL units with length prefixes.
     sample: Vec<u8>,
-    position: u64,
     has_entry: bool,
 }
 
 impl Video {
-    /// Opens `stem` + `.mp4` for frames of `width` × `height` pixels. Odd sides are padded with black.
+    /// Opens `stem` + `.mp4` for frames of `width` × `height` pixels. Odd sides are padded with black. A video that was
+    /// interrupted before is replaced.
     ///
     /// # Errors
-    /// The file cannot be created, or the encoder refuses the size.
+    /// The file cannot be created, another process writes it, or the encoder refuses the size.
     pub fn create(stem: &Path, width: u32, height: u32, rate: FrameRate) -> Result<Self, SinkError> {
+        Self::open(stem, [width, height], rate, false)
+    }
+
+    /// As [`create`](Self::create), but a video that was interrupted before is kept as `stem.recovered-1.mp4`, or the next
+    /// free number.
+    ///
+    /// # Errors
+    /// As [`create`](Self::create).
+    pub fn create_keeping(stem: &Path, width: u32, height: u32, rate: FrameRate) -> Result<Self, SinkError> {
+        Self::open(stem, [width, height], rate, true)
+    }
+
+    fn open(stem: &Path, [width, height]: [u32; 2], rate: FrameRate, keep: bool) -> Result<Self, SinkError> {
         let path = stem.with_extension("mp4");
         let shape = [height as usize, width as usize];
         let size = [shape[1], shape[0]].map(|side| side.next_multiple_of(2).max(SIDE_MIN));
@@ -78,14 +87,9 @@ impl Video {
             .intra_frame_period(IntraFramePeriod::from_num_frames(key_frames))
             .vui(VuiConfig::bt709_full());
         let encoder = Encoder::with_api_config(OpenH264API::from_source(), config).map_err(failed(&path))?;
-        let muxer = Mp4FileMuxer::new().map_err(failed(&path))?;
-        let mut file = BufWriter::new(file::begin(&path)?);
-        let header = muxer.initial_boxes_bytes();
-        file.write_all(header).map_err(SinkError::io(&path))?;
-        let position = header.len() as u64;
+        let file = GrowingMp4::create(&path, rate, keep)?;
         let (luma, chroma) = (vec![0; size[0] * size[1]], vec![128; size[0] * size[1] / 4]);
-        let sample = Vec::new();
-        Ok(Self { path, file, encoder, muxer, rate, shape, size, luma, chroma, sample, position, has_entry: false })
+        Ok(Self { path, file, encoder, shape, size, luma, chroma, sample: Vec::new(), has_entry: false })
     }
 
     /// Appends a frame, `grey` [height × width].
@@ -121,39 +125,17 @@ impl Video {
                 }
             }
         }
-        let sample_entry = if self.has_entry { None } else { Some(sample_entry(parameters, self.size, &self.path)?) };
+        let entry = if self.has_entry { None } else { Some(sample_entry(parameters, self.size, &self.path)?) };
         self.has_entry = true;
-        self.file.write_all(&self.sample).map_err(SinkError::io(&self.path))?;
-        let sample = Sample {
-            track_kind: TrackKind::Video,
-            sample_entry,
-            keyframe: is_key,
-            timescale: NonZeroU32::MIN.saturating_add(self.rate.numerator.saturating_sub(1)),
-            duration: self.rate.denominator,
-            composition_time_offset: None,
-            data_offset: self.position,
-            data_size: self.sample.len(),
-        };
-        self.muxer.append_sample(&sample).map_err(failed(&self.path))?;
-        self.position += self.sample.len() as u64;
-        Ok(())
+        self.file.push(&self.sample, is_key, entry)
     }
 
     /// Completes the file, gives it its name and returns that.
     ///
     /// # Errors
     /// The disk is full, or the file cannot be renamed.
-    pub fn finish(mut self) -> Result<PathBuf, SinkError> {
-        let io = SinkError::io(&self.path);
-        let finished = self.muxer.finalize().map_err(failed(&self.path))?;
-        let written = finished.offset_and_bytes_pairs().try_for_each(|(offset, bytes)| {
-            self.file.seek(SeekFrom::Start(offset))?;
-            self.file.write_all(bytes)
-        });
-        written.map_err(io)?;
-        let file = self.file.into_inner().map_err(|error| SinkError::io(&self.path)(error.into_error()))?;
-        file::commit(file, &self.path)?;
-        Ok(self.path)
+    pub fn finish(self) -> Result<PathBuf, SinkError> {
+        self.file.finish()
     }
 }
 
@@ -191,33 +173,32 @@ fn sample_entry([sps, pps]: [Vec<u8>; 2], size: [usize; 2], path: &Path) -> Resu
     }))
 }
 
-fn failed<E: ToString>(path: &Path) -> impl FnOnce(E) -> SinkError {
-    let path = path.to_owned();
-    move |error| SinkError::Encoder { path, reason: error.to_string() }
-}
-
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
     use openh264::decoder::Decoder;
     use openh264::formats::YUVSource as _;
-    use shiguredo_mp4::demux::{Input, Mp4FileDemuxer};
+    use shiguredo_mp4::demux::{DemuxError, Fmp4FileDemuxer, Input, Mp4FileDemuxer};
 
-    /// Frames [height × width] of the video at `path`, whether each is a key frame, and the duration, s.
-    pub(in crate::sink) fn decode(path: &Path) -> (Vec<Vec<u8>>, Vec<bool>, f64) {
-        let bytes = std::fs::read(path).unwrap();
-        let mut demuxer = Mp4FileDemuxer::new();
-        demuxer.handle_input(Input { position: 0, data: &bytes });
-        let track = demuxer.tracks().unwrap()[0].clone();
+    /// A coded picture: its bytes in the file, whether it is a key frame, and the parameter sets of the first one.
+    type Coded = (std::ops::Range<usize>, bool, Option<SampleEntry>);
+
+    fn coded(sample: &shiguredo_mp4::demux::Sample<'_>) -> Coded {
+        let start = sample.data_offset as usize;
+        (start..start + sample.data_size, sample.keyframe, sample.sample_entry.cloned())
+    }
+
+    /// Frames [height × width] of coded pictures.
+    fn frames(bytes: &[u8], pictures: &[Coded]) -> Vec<Vec<u8>> {
         let mut decoder = Decoder::new().unwrap();
-        let (mut frames, mut keys) = (Vec::new(), Vec::new());
-        while let Some(sample) = demuxer.next_sample().unwrap() {
+        let mut frames = Vec::new();
+        for (place, _, entry) in pictures {
             let mut stream = Vec::new();
             let mut unit = |bytes: &[u8]| stream.extend([&[0, 0, 0, 1], bytes].concat());
-            if let Some(SampleEntry::Avc1(entry)) = sample.sample_entry.filter(|_| frames.is_empty()) {
+            if let Some(SampleEntry::Avc1(entry)) = entry.as_ref().filter(|_| frames.is_empty()) {
                 entry.avcc_box.sps_list.iter().chain(&entry.avcc_box.pps_list).for_each(|set| unit(set));
             }
-            let mut data = &bytes[sample.data_offset as usize..][..sample.data_size];
+            let mut data = &bytes[place.clone()];
             while let Some((length, rest)) = data.split_first_chunk::<4>() {
                 let (one, rest) = rest.split_at(u32::from_be_bytes(*length) as usize);
                 unit(one);
@@ -226,9 +207,53 @@ pub(super) mod tests {
             let picture = decoder.decode(&stream).unwrap().unwrap();
             let ((width, height), (stride, ..)) = (picture.dimensions(), picture.strides());
             frames.push(picture.y().chunks(stride).take(height).flat_map(|row| row[..width].to_vec()).collect());
-            keys.push(sample.keyframe);
         }
-        (frames, keys, track.duration as f64 / f64::from(track.timescale.get()))
+        frames
+    }
+
+    /// Frames [height × width] of the video at `path`, whether each is a key frame, and the duration, s.
+    pub(in crate::sink) fn decode(path: &Path) -> (Vec<Vec<u8>>, Vec<bool>, f64) {
+        let bytes = std::fs::read(path).unwrap();
+        let mut demuxer = Mp4FileDemuxer::new();
+        demuxer.handle_input(Input { position: 0, data: &bytes });
+        let track = demuxer.tracks().unwrap()[0].clone();
+        let pictures: Vec<_> = std::iter::from_fn(|| demuxer.next_sample().unwrap().as_ref().map(coded)).collect();
+        let keys = pictures.iter().map(|(_, is_key, _)| *is_key).collect();
+        (frames(&bytes, &pictures), keys, track.duration as f64 / f64::from(track.timescale.get()))
+    }
+
+    /// Frames of an interrupted video, up to where it is cut.
+    pub(in crate::sink) fn decode_interrupted(bytes: &[u8]) -> Vec<Vec<u8>> {
+        let (mut demuxer, mut pictures) = (Fmp4FileDemuxer::new(), Vec::new());
+        while let Some(required) = demuxer.required_input() {
+            let data = bytes.get(required.position as usize..).unwrap_or_default();
+            let data = &data[..required.size.map_or(data.len(), |size| size.min(data.len()))];
+            demuxer.handle_input(Input { position: required.position, data });
+            loop {
+                match demuxer.next_sample() {
+                    Ok(Some(sample)) => pictures.push(coded(&sample)),
+                    Ok(None) | Err(DemuxError::InputRequired(_)) => break,
+                    Err(_) => return frames(bytes, &pictures),
+                }
+            }
+        }
+        frames(bytes, &pictures)
+    }
+
+    /// Names of the boxes of a file, and the end of each.
+    fn boxes(bytes: &[u8]) -> Vec<(String, usize)> {
+        let (mut found, mut at) = (Vec::new(), 0);
+        while at < bytes.len() {
+            let name = String::from_utf8_lossy(&bytes[at + 4..at + 8]).into_owned();
+            let size = u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap());
+            at += match size {
+                1 => u64::from_be_bytes(bytes[at + 8..at + 16].try_into().unwrap()) as usize,
+                size => size as usize,
+            };
+            found.push((name, at));
+        }
+        assert_eq!(at, bytes.len());
+        found
     }
 
     /// Speckle that drifts by one pixel per frame: Rayleigh amplitudes, log-compressed, under a ramp.
@@ -270,16 +295,7 @@ pub(super) mod tests {
         let mut video = Video::create(&dir.path().join("v"), 33, 21, FrameRate::new(29.97).unwrap()).unwrap();
         (0..3).for_each(|_| video.push(&[90; 33 * 21]).unwrap());
         let bytes = std::fs::read(video.finish().unwrap()).unwrap();
-        let (mut names, mut at) = (Vec::new(), 0);
-        while at < bytes.len() {
-            names.push(String::from_utf8_lossy(&bytes[at + 4..at + 8]).into_owned());
-            let size = u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap());
-            at += match size {
-                1 => u64::from_be_bytes(bytes[at + 8..at + 16].try_into().unwrap()) as usize,
-                size => size as usize,
-            };
-        }
-        assert_eq!(at, bytes.len());
+        let mut names: Vec<_> = boxes(&bytes).into_iter().map(|(name, _)| name).collect();
         names.retain(|name| name != "free");
         assert_eq!(names, ["ftyp", "mdat", "moov"]);
         let (found, ..) = decode(&dir.path().join("v.mp4"));
@@ -288,11 +304,54 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn an_unfinished_video_disappears() {
+    fn an_interrupted_video_plays_up_to_its_last_whole_second_wherever_it_is_cut() {
         let dir = tempfile::tempdir().unwrap();
-        let mut video = Video::create(&dir.path().join("v"), 4, 2, FrameRate::new(20.0).unwrap()).unwrap();
-        video.push(&[0; 8]).unwrap();
+        let (width, height) = (64, 48);
+        let part = dir.path().join("v.part.mp4");
+        let mut video = Video::create(&dir.path().join("v"), 64, 48, FrameRate::new(10.0).unwrap()).unwrap();
+        let sent: Vec<_> = (0..45).map(|n| speckle(width, height, n)).collect();
+        sent.iter().for_each(|frame| video.push(frame).unwrap());
+        let on_disk = std::fs::read(&part).unwrap();
         drop(video);
-        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+        let whole = std::fs::read(&part).unwrap();
+        assert!(whole.starts_with(&on_disk) && !dir.path().join("v.mp4").exists());
+        let ends: Vec<usize> = boxes(&whole).iter().filter(|(name, _)| name == "mdat").map(|(_, end)| *end).collect();
+        assert_eq!(ends.len(), 5, "five seconds, the last one from the end of the program");
+        assert_eq!(ends[3], on_disk.len(), "a killed program leaves four seconds");
+        let cuts = (ends[0]..whole.len()).step_by(2999).chain(ends.iter().flat_map(|end| [end - 1, *end]));
+        for cut in cuts {
+            let found = decode_interrupted(&whole[..cut]);
+            let seconds = ends.iter().filter(|end| **end <= cut).count();
+            assert_eq!(found.len(), (10 * seconds).min(45), "cut at {cut} of {ends:?}");
+            assert!(found.iter().zip(&sent).all(|(a, b)| psnr(a, b) > 35.0), "cut at {cut}");
+        }
+    }
+
+    #[test]
+    fn interrupted_videos_are_replaced_or_kept_and_never_written_by_two() {
+        let dir = tempfile::tempdir().unwrap();
+        let (stem, rate) = (dir.path().join("v"), FrameRate::new(20.0).unwrap());
+        let names = || {
+            let mut names: Vec<_> = std::fs::read_dir(&dir).unwrap().map(|e| e.unwrap().file_name()).collect();
+            names.sort();
+            names
+        };
+        let mut video = Video::create(&stem, 4, 2, rate).unwrap();
+        video.push(&[0; 8]).unwrap();
+        assert!(matches!(Video::create(&stem, 4, 2, rate), Err(SinkError::Busy { .. })));
+        drop(video);
+        assert_eq!(names(), ["v.part.mp4"]);
+        drop(Video::create(&stem, 4, 2, rate).unwrap());
+        assert_eq!(names(), [""; 0], "without a picture nothing stays");
+        for _ in 0..3 {
+            let mut video = Video::create_keeping(&stem, 4, 2, rate).unwrap();
+            video.push(&[0; 8]).unwrap();
+            drop(video);
+        }
+        assert_eq!(names(), ["v.part.mp4", "v.recovered-1.mp4", "v.recovered-2.mp4"]);
+        let mut video = Video::create(&stem, 4, 2, rate).unwrap();
+        video.push(&[0; 8]).unwrap();
+        video.finish().unwrap();
+        assert_eq!(names(), ["v.mp4", "v.recovered-1.mp4", "v.recovered-2.mp4"]);
     }
 }

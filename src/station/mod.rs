@@ -26,6 +26,8 @@ use std::path::{Path, PathBuf};
 use crate::anatomy::phantom::PhantomOptions;
 use crate::anatomy::planes::{self, StandardPlanes};
 use crate::anatomy::{Motion, Scene, TissueTable, import};
+use crate::files::{self, FileKind};
+use crate::generator::generator_files;
 use crate::pose::{self, CalibrationSource, FilterSettings, Pose};
 use crate::render::BackendChoice;
 use crate::settings::{PipelineSettings, Probe, RenderSettings};
@@ -99,8 +101,8 @@ impl Station {
     /// # Errors
     /// The file cannot be read, or an error of [`Station::parse`]. Each error names the file.
     pub fn load(path: &Path) -> Result<Self, StationError> {
-        let text =
-            std::fs::read_to_string(path).map_err(|source| StationError::Io { path: path.to_owned(), source })?;
+        let text = files::read_text(path, FileKind::Station)
+            .map_err(|source| StationError::Io { path: path.to_owned(), source })?;
         let dir = path.parent().unwrap_or(Path::new(""));
         let station = Self::parse(&text, dir)
             .map_err(|source| StationError::InFile { path: path.to_owned(), source: Box::new(source) })?;
@@ -122,6 +124,22 @@ impl Station {
             SceneSource::File(path) => Some(path),
             SceneSource::ObstetricPhantom(_) => None,
         }
+    }
+
+    /// Files that the station is read from, its own first. Some of them may be missing.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let mut files = vec![self.path.clone()];
+        if let Some(scene) = self.scene_file() {
+            files.extend(import::files_of(scene));
+            files.push(planes::file_beside(scene));
+        }
+        files.extend(self.calibration.path.clone());
+        files.extend(self.generator.models.iter().flat_map(|model| generator_files(model)));
+        files.extend(self.tracker.device.ndi.rom_files.iter().cloned());
+        if let tracker::Transport::Recording { path, .. } = &self.tracker.transport {
+            files.push(path.clone());
+        }
+        files
     }
 
     /// Settings of a live tracker's estimator. Reads the calibration file, if the station names one.

@@ -1,8 +1,7 @@
 //! A glTF file and its buffers.
 
-use std::fs;
-use std::io::{self, Read};
 use std::path::{Path, PathBuf};
+use std::str::Utf8Error;
 
 use data_url::DataUrl;
 use gltf::{Document, Gltf, buffer};
@@ -10,6 +9,7 @@ use percent_encoding::percent_decode_str;
 
 use super::extensions;
 use crate::anatomy::SceneError;
+use crate::files::{self, FileKind};
 
 /// Length of a binary glTF's header and its first chunk's header, bytes: the shortest file.
 const GLB_MIN: usize = 20;
@@ -23,7 +23,8 @@ pub(super) struct File {
 
 impl File {
     pub(super) fn read(path: &Path) -> Result<Self, SceneError> {
-        let bytes = read_file(path, u64::MAX).map_err(|source| SceneError::Io { path: path.to_owned(), source })?;
+        let bytes =
+            files::read(path, FileKind::Scene).map_err(|source| SceneError::Io { path: path.to_owned(), source })?;
         let format = |reason: String| SceneError::Format { path: path.to_owned(), reason };
         check_header(&bytes).map_err(format)?;
         let Gltf { document, mut blob } =
@@ -78,6 +79,26 @@ fn validate(document: Document) -> Result<Document, String> {
     Document::from_json(root).map_err(|e| e.to_string())
 }
 
+/// File of a buffer of the scene at `path`.
+fn buffer_file(path: &Path, uri: &str) -> Result<PathBuf, Utf8Error> {
+    Ok(path.parent().unwrap_or(Path::new("")).join(&*percent_decode_str(uri).decode_utf8()?))
+}
+
+/// Files of the scene at `path`: its own and, of a `.gltf`, those of its buffers as far as it can be read.
+pub fn files_of(path: &Path) -> Vec<PathBuf> {
+    let mut found = vec![path.to_owned()];
+    if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("gltf"))
+        && let Ok(bytes) = files::read(path, FileKind::Scene)
+        && let Ok(Gltf { document, .. }) = Gltf::from_slice_without_validation(&bytes)
+    {
+        found.extend(document.buffers().filter_map(|buffer| match buffer.source() {
+            buffer::Source::Uri(uri) if !uri.contains(':') => buffer_file(path, uri).ok(),
+            _ => None,
+        }));
+    }
+    found
+}
+
 fn read_buffer(path: &Path, buffer: &buffer::Buffer<'_>, blob: &mut Option<Vec<u8>>) -> Result<Vec<u8>, SceneError> {
     let index = buffer.index();
     let format = |reason: String| SceneError::Format { path: path.to_owned(), reason };
@@ -94,11 +115,9 @@ fn read_buffer(path: &Path, buffer: &buffer::Buffer<'_>, blob: &mut Option<Vec<u
             return Err(format(format!("buffer {index} is at `{uri}`; only relative files and data: URIs are read")));
         }
         buffer::Source::Uri(uri) => {
-            let relative = percent_decode_str(uri)
-                .decode_utf8()
-                .map_err(|e| format(format!("buffer {index}: its uri `{uri}` is not UTF-8: {e}")))?;
-            let file = path.parent().unwrap_or(Path::new("")).join(&*relative);
-            read_file(&file, buffer.length() as u64).map_err(|source| SceneError::Buffer {
+            let file = buffer_file(path, uri);
+            let file = file.map_err(|e| format(format!("buffer {index}: its uri `{uri}` is not UTF-8: {e}")))?;
+            files::read(&file, FileKind::Scene).map_err(|source| SceneError::Buffer {
                 path: path.to_owned(),
                 buffer: file,
                 source,
@@ -109,16 +128,5 @@ fn read_buffer(path: &Path, buffer: &buffer::Buffer<'_>, blob: &mut Option<Vec<u
         let (needed, found) = (buffer.length(), bytes.len());
         return Err(format(format!("truncated: buffer {index} should hold {needed} bytes, it holds {found}")));
     }
-    Ok(bytes)
-}
-
-/// Reads at most `limit` bytes of a regular file: a pipe or device might never end.
-fn read_file(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
-    // Checked before opening: opening a pipe waits for its other end.
-    if !fs::metadata(path)?.is_file() {
-        return Err(io::Error::new(io::ErrorKind::InvalidInput, "not a regular file"));
-    }
-    let mut bytes = Vec::new();
-    fs::File::open(path)?.take(limit).read_to_end(&mut bytes)?;
     Ok(bytes)
 }

@@ -23,6 +23,8 @@ mod movement;
 mod surface;
 mod walk;
 
+pub use document::files_of;
+
 use std::fmt;
 use std::path::{Path, PathBuf};
 

@@ -2,9 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use tempfile::TempDir;
 use thiserror::Error;
 
-use super::{PhantomError, PhantomOptions, Progress, build, movement};
+use super::{PhantomError, PhantomOptions, PhantomSurface, Progress, build, movement};
 use crate::anatomy::export::{ExportError, write_moving_glb};
 
 /// Version of the generator's output; raised with every change to invalidate old files.
@@ -42,12 +43,48 @@ pub fn cached(
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<PathBuf, CacheError> {
     let path = cache_dir.join(file_name(options));
+    if !path.is_file() {
+        write(&build(options, progress)?, options, cache_dir)?;
+    }
+    Ok(path)
+}
+
+/// File of a phantom. Outside the cache it is removed with this value.
+#[derive(Debug)]
+pub struct PhantomFile {
+    /// Path of the .glb.
+    pub path: PathBuf,
+    _temporary: Option<TempDir>,
+}
+
+/// As [`cached`]; if the cache cannot be written, warns and writes to the system's temporary folder.
+///
+/// # Errors
+/// The phantom cannot be built with these options, or neither folder can be written.
+pub fn cached_or_temporary(
+    cache_dir: &Path,
+    options: &PhantomOptions,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<PhantomFile, CacheError> {
+    let path = cache_dir.join(file_name(options));
     if path.is_file() {
-        return Ok(path);
+        return Ok(PhantomFile { path, _temporary: None });
     }
     let surfaces = build(options, progress)?;
-    std::fs::create_dir_all(cache_dir).map_err(|source| CacheError::Folder { path: cache_dir.to_owned(), source })?;
-    write_moving_glb(&surfaces, &movement(&options.parameters), &path)?;
+    let Err(error) = write(&surfaces, options, cache_dir) else {
+        return Ok(PhantomFile { path, _temporary: None });
+    };
+    tracing::warn!("the generated scene is not kept, and will be built again: {error}");
+    let folder = tempfile::tempdir().map_err(|source| CacheError::Folder { path: std::env::temp_dir(), source })?;
+    let path = write(&surfaces, options, folder.path())?;
+    Ok(PhantomFile { path, _temporary: Some(folder) })
+}
+
+/// Writes a phantom into `folder`, which is made if missing.
+fn write(surfaces: &[PhantomSurface], options: &PhantomOptions, folder: &Path) -> Result<PathBuf, CacheError> {
+    let path = folder.join(file_name(options));
+    std::fs::create_dir_all(folder).map_err(|source| CacheError::Folder { path: folder.to_owned(), source })?;
+    write_moving_glb(surfaces, &movement(&options.parameters), &path)?;
     Ok(path)
 }
 

@@ -38,7 +38,7 @@ use thiserror::Error;
 
 pub use attitude::Attitude;
 pub use biometry::Biometry;
-pub use cache::{CacheError, cached};
+pub use cache::{CacheError, PhantomFile, cached, cached_or_temporary};
 pub use landmarks::{Landmarks, landmarks};
 pub use movement::movement;
 pub use organ::{Body, Organ};

@@ -6,6 +6,7 @@ use glam::DVec3;
 use thiserror::Error;
 
 use super::{PLANES_VERSION, StandardPlane, StandardPlanes, View};
+use crate::files::{self, FileKind};
 use crate::pose::POSITION_LIMIT_MM;
 
 /// Largest deviation of a direction's length from one, and of the cosine of angles between directions from zero.
@@ -49,8 +50,12 @@ pub enum PlanesError {
         wrong: WrongValue,
     },
     /// A caliper or outline names a surface that the scene lacks.
-    #[error("the standard planes name the surface `{name}`, which the scene does not have{suggestion}")]
+    #[error("{path}: plane `{plane}` names the surface `{name}`, which the scene does not have{suggestion}")]
     Surface {
+        /// File of the planes.
+        path: PathBuf,
+        /// Name of the plane.
+        plane: String,
         /// Name of the surface.
         name: String,
         /// Nearest surface, as text to append, or empty.
@@ -79,7 +84,7 @@ pub fn file_beside(scene: &Path) -> PathBuf {
 /// The file doesn't exist, cannot be read, or has an invalid value, which the error names.
 pub fn beside(scene: &Path) -> Result<StandardPlanes, PlanesError> {
     let path = file_beside(scene);
-    match std::fs::read_to_string(&path) {
+    match files::read_text(&path, FileKind::Planes) {
         Ok(text) => StandardPlanes::from_json(&text, &path),
         Err(source) if source.kind() == std::io::ErrorKind::NotFound => {
             Err(PlanesError::None { scene: scene.to_owned(), path })
@@ -244,8 +249,10 @@ mod tests {
         assert_eq!(planes.chosen(&["ball"]).unwrap().len(), 1);
         let error = planes.chosen(&["bal"]).unwrap_err().to_string();
         assert!(error.contains("did you mean `ball`"), "{error}");
-        let error = planes.check_surfaces(&["spheres"]).unwrap_err().to_string();
-        assert!(error.contains("`sphere`") && error.contains("did you mean `spheres`"), "{error}");
+        let error = planes.check_surfaces(Path::new("t.planes.json"), &["spheres"]).unwrap_err().to_string();
+        for part in ["t.planes.json: plane `ball`", "`sphere`", "did you mean `spheres`"] {
+            assert!(error.contains(part), "{error}");
+        }
     }
 
     #[test]

@@ -10,6 +10,8 @@ mod file;
 mod obstetric;
 mod pose;
 
+use std::path::Path;
+
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -190,26 +192,36 @@ impl StandardPlanes {
 
     /// Names of the surfaces in calipers and outlines, each once.
     pub fn surfaces(&self) -> Vec<&str> {
-        let views = || self.planes.iter().flat_map(|plane| &plane.views);
-        let measured = views().flat_map(|view| &view.calipers);
-        let measured = measured.flat_map(|c| std::iter::once(c.surface.as_str()).chain(c.far_surface.as_deref()));
-        let mut names: Vec<_> = measured.chain(views().flat_map(|view| &view.outlines).map(String::as_str)).collect();
+        let mut names: Vec<_> = self.planes.iter().flat_map(StandardPlane::surfaces).collect();
         names.sort_unstable();
         names.dedup();
         names
     }
 
-    /// Checks that a scene with surfaces called `known` has all surfaces named here.
+    /// Checks that a scene with surfaces called `known` has all surfaces named here. Errors name the planes' `file`.
     ///
     /// # Errors
     /// The first missing surface.
-    pub fn check_surfaces(&self, known: &[&str]) -> Result<(), PlanesError> {
-        match self.surfaces().into_iter().find(|name| !known.contains(name)) {
+    pub fn check_surfaces(&self, file: &Path, known: &[&str]) -> Result<(), PlanesError> {
+        let mut named = self.planes.iter().flat_map(|plane| plane.surfaces().map(move |name| (plane, name)));
+        match named.find(|(_, name)| !known.contains(name)) {
             None => Ok(()),
-            Some(name) => {
-                let suggestion = crate::suggest::did_you_mean(name, known.iter().copied());
-                Err(PlanesError::Surface { name: name.to_owned(), suggestion })
-            }
+            Some((plane, name)) => Err(PlanesError::Surface {
+                path: file.to_owned(),
+                plane: plane.name.clone(),
+                name: name.to_owned(),
+                suggestion: crate::suggest::did_you_mean(name, known.iter().copied()),
+            }),
         }
+    }
+}
+
+impl StandardPlane {
+    /// Names of the surfaces in its calipers and outlines.
+    fn surfaces(&self) -> impl Iterator<Item = &str> {
+        self.views.iter().flat_map(|view| {
+            let measured = view.calipers.iter().flat_map(|c| [&c.surface].into_iter().chain(&c.far_surface));
+            measured.chain(&view.outlines).map(String::as_str)
+        })
     }
 }

@@ -309,7 +309,7 @@ mod tests {
     fn the_planes_match_their_file_and_the_phantom() {
         let planes = obstetric(&Parameters::default());
         let names: Vec<_> = phantom::organs(&Parameters::default()).iter().map(|organ| organ.name).collect();
-        planes.check_surfaces(&names).unwrap();
+        planes.check_surfaces(Path::new("t.planes.json"), &names).unwrap();
         let text = serde_json::to_string_pretty(&planes).unwrap();
         let back = StandardPlanes::from_json(&text, Path::new("t.planes.json")).unwrap();
         for (a, b) in planes.planes.iter().zip(&back.planes) {

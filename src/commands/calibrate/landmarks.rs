@@ -4,11 +4,13 @@ use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 use clap::Parser;
+use insonify::files::FileKind;
 use insonify::pose::Fitted;
 use insonify::pose::csv::{self, Named};
 use insonify::pose::registration::{PointPair, Registration, register};
 use serde::Serialize;
 
+use super::super::outputs::Outputs;
 use super::super::{Classify, Failure, input, output};
 use super::touch::{self, TouchArgs};
 use super::{OutputArgs, TransformReport, write};
@@ -59,7 +61,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         return fit(&pairs, station, &OutputArgs { out: Some(out), ..args.output });
     }
     let path = args.pairs.as_deref().unwrap_or(Path::new(""));
-    let pairs = csv::pairs(&input::text(path, "the landmarks")?).input_of(path)?;
+    if let Some(out) = &args.output.out {
+        Outputs::beside([path]).replaced("--out", out)?;
+    }
+    let pairs = csv::pairs(&input::text(path, FileKind::Table, "the landmarks")?).input_of(path)?;
     fit(&pairs, path, &args.output)
 }
 

@@ -4,11 +4,13 @@ use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 use clap::{Parser, ValueEnum};
+use insonify::files::FileKind;
 use insonify::pose::pivot::{Pivot, calibrate};
 use insonify::pose::{Calibration, Fitted, Pose, csv};
 use insonify::tracker::recording;
 use serde::Serialize;
 
+use super::super::outputs::Outputs;
 use super::super::{Classify, Failure, input, output};
 use super::{OutputArgs, write};
 
@@ -55,6 +57,9 @@ struct Report {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    if let Some(out) = &args.output.out {
+        Outputs::beside([&args.poses]).replaced("--out", out)?;
+    }
     let poses = read(&args.poses)?;
     let found = calibrate(&poses).input_of(&args.poses)?;
     let Pivot { rms_mm, max_mm, tip_error_mm, condition, turn_deg, .. } = found;
@@ -113,5 +118,5 @@ fn read(path: &Path) -> Result<Vec<Pose>, Failure> {
         input::warn_of_damage(path, &summary);
         return Ok(poses.into_iter().map(|p| p.pose).collect());
     }
-    csv::poses(&input::text(path, "the poses")?).input_of(path)
+    csv::poses(&input::text(path, FileKind::Table, "the poses")?).input_of(path)
 }

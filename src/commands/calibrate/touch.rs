@@ -7,6 +7,7 @@ use std::time::Duration;
 use anyhow::{Context, anyhow};
 use glam::DVec3;
 use insonify::anatomy::fiducials;
+use insonify::files::FileKind;
 use insonify::pose::Calibration;
 use insonify::pose::csv::{self, Named};
 use insonify::pose::landmark::{StillSettings, Touched, touch};
@@ -15,6 +16,7 @@ use insonify::station::{SceneSource, Station};
 use insonify::tracker::{PoseStream, pose_tap, spawn};
 use tokio_util::sync::CancellationToken;
 
+use super::super::outputs::Outputs;
 use super::super::{Classify, Failure, input, tracker_args};
 use super::positive;
 
@@ -62,6 +64,9 @@ pub(super) fn run(
         anyhow!("{path} names no calibration file: give `[calibration] path` there, or --out FILE")
     });
     let out = out.input()?.to_owned();
+    // The calibration itself is read and changed.
+    let read = station.files().into_iter().filter(|path| station.calibration.path.as_ref() != Some(path));
+    Outputs::beside(read).and(&args.points).replaced("--out", &out)?;
     let points = points(args, &station)?;
     let (tip_mm, tip) = tip(&station, &out)?;
     let samples = usize::from(args.samples);
@@ -82,7 +87,7 @@ pub(super) fn run(
 /// The points to touch.
 fn points(args: &TouchArgs, station: &Station) -> Result<Vec<Named<DVec3>>, Failure> {
     if let Some(path) = &args.points {
-        return csv::points(&input::text(path, "the points")?).input_of(path);
+        return csv::points(&input::text(path, FileKind::Table, "the points")?).input_of(path);
     }
     match &station.scene {
         SceneSource::ObstetricPhantom(options) => Ok(fiducials::of_phantom(&options.parameters)),

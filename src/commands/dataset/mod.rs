@@ -12,8 +12,8 @@ use anyhow::anyhow;
 use clap::Parser;
 use insonify::anatomy::planes::file_beside;
 use insonify::dataset::{
-    ATTENUATION_POWER, CompoundingRow, Exam, ExamRow, FORMAT, Header, Moment, PLANES, Plan, PoseRow, RollingRow, Row,
-    SettingsRow, Shard, Source, Split, Wishes,
+    ATTENUATION_POWER, CompoundingRow, Exam, ExamRow, FORMAT, HEADER_FILE, Header, Moment, PLANES, Plan, PoseRow,
+    RollingRow, Row, SettingsRow, Shard, Source, Split, Wishes,
 };
 use insonify::render::FrameQuality;
 use insonify::settings::{ANGLES_MAX, LookSettings, SettingsGroup};
@@ -22,6 +22,7 @@ use serde::Serialize;
 
 use super::backend::BackendArgs;
 use super::output::thousands;
+use super::outputs::Outputs;
 use super::plane_scene::PlaneScene;
 use super::progress::Progress;
 use super::quality::RaysLayers;
@@ -154,6 +155,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 
 fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
     let stations = args.stations.iter().map(|path| Ok(Station::load(path)?)).collect::<Result<Vec<_>, Failure>>()?;
+    // A data set to take targets from must be another one.
+    let read = stations.iter().flat_map(Station::files).chain(args.hq_from.iter().map(|from| from.join(HEADER_FILE)));
+    Outputs::beside(read).within("--out", out, &[HEADER_FILE, "manifest*"])?;
     let is_phantom = |station: &Station| matches!(station.scene, SceneSource::ObstetricPhantom(_));
     let frames = args.frames as usize;
     let share = frames / stations.len().max(1);

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
 use insonify::dataset::{Dataset, HEADER_FILE, Header, Row, Shard, Split, StationRow, manifests, read_rows};
+use insonify::files::FileKind;
 use insonify::sink::{SinkError, create_dir, write_bytes, write_json, write_text};
 use insonify::station::Station;
 use sha2::{Digest, Sha256};
@@ -31,11 +32,11 @@ pub(super) fn sha256(bytes: &[u8]) -> String {
 
 /// Manifest row of `station`; its file is named after its content.
 pub(super) fn kept_station(station: &Station) -> Result<StationRow, Failure> {
-    let text = input::bytes(&station.path, "")?;
+    let text = input::bytes(&station.path, FileKind::Station, "")?;
     let name = station.path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     let directory = station.path.parent().filter(|d| !d.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let directory = directory.canonicalize().with_context(|| format!("cannot open {}", directory.display())).input()?;
-    let sum_of = |path: &Path| input::bytes(path, "").map(|bytes| sha256(&bytes));
+    let sum_of = |path: &Path| input::bytes(path, FileKind::Scene, "").map(|bytes| sha256(&bytes));
     Ok(StationRow {
         file: format!("stations/{name}_{}.toml", &sha256(&text)[..16]),
         directory: directory.display().to_string(),
@@ -48,11 +49,11 @@ pub(super) fn open_station(directory: &Path, header: &Header, file: &str) -> Res
     let known = header.stations.iter().find(|station| station.file == file);
     let known = known.ok_or_else(|| anyhow!("{HEADER_FILE} knows no station `{file}`")).input()?;
     let path = directory.join(file);
-    let text = input::text(&path, "")?;
+    let text = input::text(&path, FileKind::Station, "")?;
     let mut station = Station::parse(&text, Path::new(&known.directory))?;
     station.path = path;
     if let (Some(scene), Some(expected)) = (station.scene_file(), &known.scene_sha256)
-        && sha256(&input::bytes(scene, "")?) != *expected
+        && sha256(&input::bytes(scene, FileKind::Scene, "")?) != *expected
     {
         return Err(Failure::Input(anyhow!("{} is another scene than the data set was made of", scene.display())));
     }
@@ -102,7 +103,7 @@ impl Store {
             }
         } else {
             for (station, kept) in stations.iter().zip(&header.stations) {
-                write_text(&directory.join(&kept.file), &input::text(&station.path, "")?)?;
+                write_text(&directory.join(&kept.file), &input::text(&station.path, FileKind::Station, "")?)?;
             }
             // Written last: its presence marks a complete directory.
             write_json(&path, header)?;

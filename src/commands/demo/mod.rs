@@ -26,6 +26,7 @@ use serde::Serialize;
 use super::backend::BackendArgs;
 use super::effects::EffectArgs;
 use super::output::thousands;
+use super::outputs::Outputs;
 use super::progress::Progress;
 use super::replay::RecordingReport;
 use super::run_table::SummaryTable;
@@ -137,6 +138,7 @@ struct Report<'a> {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let started = Instant::now();
     let rate = FrameRate::new(args.fps)?;
+    Outputs::default().within("--out", &args.out, &[])?;
     let mut station = Station::parse(STATION, Path::new("configs"))?;
     args.effects.apply(&mut station.settings);
     let exam_path = Path::new(EXAM_NAME);

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use anyhow::{anyhow, ensure};
 use insonify::dataset::{Dataset, Row as TupleRow, Split, Tuple};
+use insonify::files::{self, FileKind};
 use insonify::quality::regions::is_bone;
 use insonify::quality::{CROP_INSIDE, Scanlines, crop_places};
 use insonify::render::BackendChoice;
@@ -63,7 +64,7 @@ impl Geometry<'_> {
 
 /// Scanlines of a tuple's image, from the station's file in the data set.
 fn scanlines(dataset: &Dataset, row: &TupleRow) -> Result<Scanlines, anyhow::Error> {
-    let text = std::fs::read_to_string(dataset.directory.join(&row.station))?;
+    let text = files::read_text(&dataset.directory.join(&row.station), FileKind::Station)?;
     let directory = dataset.header.stations.iter().find(|s| s.file == row.station).map_or("", |s| &s.directory);
     let station = Station::parse(&text, Path::new(directory))?;
     Ok(Scanlines::new(&station.probe, row.size[0], row.size[1]))

@@ -9,16 +9,17 @@ mod sheets;
 mod steadiness;
 mod tables;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 use clap::Parser;
-use insonify::generator::FeatureScale;
+use insonify::generator::{FeatureScale, generator_files};
 use insonify::quality::{CROP_COUNT, CROP_SIDE};
 
 use super::Failure;
 use super::backend::BackendArgs;
 use super::generator::RuntimeArgs;
+use super::outputs::Outputs;
 
 /// Compare images with their references, or generators with what they are to generate: PSNR, SSIM, pKL and Frechet
 /// distances.
@@ -141,6 +142,7 @@ Examples:
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    check_outputs(args)?;
     if let (Some(images), Some(references)) = (&args.images, &args.references) {
         return images::run(args, images, references);
     }
@@ -150,4 +152,30 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let data = args.dataset.as_ref().map(|directory| dataset::run(args, directory)).transpose()?;
     let steady = args.steadiness.as_ref().map(|station| steadiness::run(args, station)).transpose()?;
     tables::write(args, data.as_ref(), steady.as_ref())
+}
+
+/// Refuses files that the command reads.
+fn check_outputs(args: &Args) -> Result<(), Failure> {
+    let folders = [&args.images, &args.references, &args.mask, &args.dataset].into_iter().flatten();
+    let models = args.model.iter().flat_map(|model| generator_files(model));
+    let mut outputs = Outputs::beside(folders.flat_map(|path| files_of(path, 2)))
+        .and(models)
+        .and(args.features.iter().chain(&args.steadiness));
+    for (option, path) in [("--json", &args.json), ("--csv", &args.csv)] {
+        if let Some(path) = path {
+            outputs = outputs.replaced(option, path)?;
+        }
+    }
+    if let Some(out) = &args.out {
+        outputs.within("--out", out, &["table.md", "best_*.png", "median_*.png", "worst_*.png"])?;
+    }
+    Ok(())
+}
+
+/// A file, or the files of a folder and of `depth` - 1 levels of folders in it.
+fn files_of(path: &Path, depth: u8) -> Vec<PathBuf> {
+    match std::fs::read_dir(path) {
+        Ok(entries) if depth > 0 => entries.flatten().flat_map(|entry| files_of(&entry.path(), depth - 1)).collect(),
+        _ => vec![path.to_owned()],
+    }
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Instant;
 
+use insonify::files::{self, FileKind};
 use insonify::generator::{Generator, GeneratorError};
 use insonify::pose::Pose;
 use insonify::render::{BackendError, Frame, FrameQuality, RenderError, Renderer, processor_name};
@@ -78,7 +79,8 @@ impl Times {
         own: FrameQuality,
     ) -> Result<(Self, bool), Failure> {
         let path = path(bench, qualities)?;
-        let kept = std::fs::read(&path).ok().and_then(|text| serde_json::from_slice::<Self>(&text).ok());
+        let kept =
+            files::read(&path, FileKind::Stored).ok().and_then(|text| serde_json::from_slice::<Self>(&text).ok());
         let mut times = kept.unwrap_or_default();
         if times.were_disturbed(bench, qualities)? {
             times = Self::default();

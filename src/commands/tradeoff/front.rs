@@ -14,6 +14,7 @@ use insonify::tradeoff::{ErrorTable, GeneratorKey, PointError, StationErrors, ki
 
 use super::super::backend::BackendArgs;
 use super::super::operating_points::scene_name;
+use super::super::outputs::Outputs;
 use super::super::progress::Progress;
 use super::super::{Classify, Failure, input, output, session};
 use super::identity;
@@ -106,11 +107,13 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if let Some(angles) = args.angles.iter().find(|angles| !ANGLES.contains(angles)) {
         return Err(Failure::Input(anyhow!("--angles {angles}: angles are 1, 3 and 9")));
     }
+    let stations = args.stations.iter().map(|path| Ok(Station::load(path)?)).collect::<Result<Vec<_>, Failure>>()?;
+    let read = stations.iter().flat_map(Station::files);
+    Outputs::beside(read).and([&args.motion]).and(&args.merge).replaced("--out", &args.out)?;
     let merged = match &args.merge {
         Some(path) => Some(ErrorTable::parse(&input::text(path, "the table")?).input()?),
         None => None,
     };
-    let stations = args.stations.iter().map(|path| Ok(Station::load(path)?)).collect::<Result<Vec<_>, Failure>>()?;
     let ends = args.minutes.map(|minutes| Instant::now() + Duration::from_secs(60 * u64::from(minutes)));
     let mut measured = Vec::new();
     for (nth, station) in stations.iter().enumerate() {

@@ -29,6 +29,7 @@ use self::measure::Bench;
 use self::reference::Reference;
 use self::store::Store;
 use super::backend::BackendArgs;
+use super::outputs::Outputs;
 use super::{Classify, Failure, output, session};
 
 /// Measure what accuracy costs in time: sweep the quality knobs, and compare every point with a converged reference.
@@ -92,6 +93,18 @@ Examples:
   insonify tradeoff configs/live.toml --out out/tradeoff
   insonify tradeoff configs/vessel_needle.toml --quick";
 
+/// Files of a run, as in the help.
+const FILES: [&str; 8] = [
+    "tradeoff.csv",
+    "tradeoff.json",
+    "tradeoff.svg",
+    "tradeoff.png",
+    "tradeoff.md",
+    "effects.csv",
+    "looks.csv",
+    "points/*",
+];
+
 /// Target duration of a run without `--poses`, s; a slowly converging reference may double it.
 const TIME_S: f64 = 270.0;
 /// Most poses of such a run.
@@ -114,6 +127,7 @@ struct Report<'a> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::load(&args.station)?;
+    Outputs::beside_station(&station).and(&args.recording).within("--out", &args.out, &FILES)?;
     let all = poses::of_station(&station, args.recording.as_deref())?;
     let backend = args.backend.open(station.backend)?;
     session::warn_of_budget(&station);

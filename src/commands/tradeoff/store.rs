@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use insonify::files::{self, FileKind};
 use insonify::sink::{create_dir, remove, write_json};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -42,7 +43,7 @@ impl Store {
     /// Reads a value that [`Store::write`] wrote; `None` if there is none.
     pub(super) fn read<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>, Failure> {
         let path = self.path(name, "json");
-        let text = match std::fs::read(&path) {
+        let text = match files::read(&path, FileKind::Stored) {
             Ok(text) => text,
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             Err(e) => return Err(e).with_context(|| format!("cannot read {}", path.display())).other(),

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::GeneratorError;
+use crate::files::{self, FileKind};
 use crate::render::FrameQuality;
 
 mod check;
@@ -231,6 +232,14 @@ pub struct Quality {
     pub fid: Option<f64>,
 }
 
+/// Files of the generator `model`: the model, its manifest, and the parity pair that the manifest names.
+pub fn generator_files(model: &Path) -> Vec<PathBuf> {
+    let manifest = Manifest::path_of(model);
+    let parity = Manifest::load(&manifest).map(|found| [found.parity.input, found.parity.output]);
+    let parity = parity.into_iter().flatten().map(|name| manifest.with_file_name(name));
+    [model.to_owned(), manifest.clone()].into_iter().chain(parity).collect()
+}
+
 impl Manifest {
     /// Path of the manifest of `model`: the same name with `.toml`.
     pub fn path_of(model: &Path) -> PathBuf {
@@ -242,7 +251,7 @@ impl Manifest {
     /// # Errors
     /// A file that cannot be read, text that is no manifest, or values that contradict each other; each names the file.
     pub fn load(path: &Path) -> Result<Self, GeneratorError> {
-        let text = std::fs::read_to_string(path).map_err(GeneratorError::io(path))?;
+        let text = files::read_text(path, FileKind::Manifest).map_err(GeneratorError::io(path))?;
         Self::parse(&text).map_err(|reason| GeneratorError::Manifest { path: path.to_owned(), reason })
     }
 

@@ -8,6 +8,7 @@ use flate2::bufread::ZlibDecoder;
 
 use super::meta_image::{Head, PixelStorage, read_head};
 use super::{InterchangeError, Lines};
+use crate::files::{self, FileKind};
 
 /// Images are read in pieces of this size, bytes: a header with a wrong size must not allocate much memory.
 const PIECE: usize = 1 << 20;
@@ -34,7 +35,7 @@ impl Sequence<BufReader<File>> {
     /// # Errors
     /// The file cannot be opened, or an error of [`from_source`](Self::from_source).
     pub fn open(path: &Path) -> Result<Self, InterchangeError> {
-        match File::open(path) {
+        match files::open(path, FileKind::Sequence) {
             Ok(file) => Self::from_source(BufReader::new(file), path),
             Err(source) => Err(InterchangeError::Read { path: path.to_owned(), source }),
         }

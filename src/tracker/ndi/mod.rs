@@ -18,6 +18,7 @@ use bytes::{BufMut, Bytes, BytesMut};
 use crc::{CRC_16_ARC, Crc, Table};
 use thiserror::Error;
 
+use crate::files::{self, FileKind};
 use crate::pose::PoseError;
 
 mod bring_up;
@@ -120,7 +121,8 @@ impl Options {
     /// A file cannot be read, or is not a tool description.
     pub fn load_roms(mut self) -> Result<Self, RomError> {
         for path in std::mem::take(&mut self.rom_files) {
-            let content = std::fs::read(&path).map_err(|source| RomError::Read { path: path.clone(), source })?;
+            let content = files::read(&path, FileKind::ToolDescription)
+                .map_err(|source| RomError::Read { path: path.clone(), source })?;
             self.roms.push(pad_rom(content).map_err(|source| RomError::Content { path, source })?);
         }
         Ok(self)

@@ -13,6 +13,7 @@ use super::{
     EVENT_TOPIC, Entry, Event, FORMAT_VERSION, POSE_TOPIC, Protocol, RAW_TOPIC, RecordingError, RecordingInfo,
     SessionSettings, attached, part_path, pose_json,
 };
+use crate::files::{self, FileKind};
 
 /// Longest accepted MCAP record, bytes. A larger value means a damaged length.
 const RECORD_LIMIT: usize = 64 << 20;
@@ -72,7 +73,7 @@ impl RecordingReader<BufReader<File>> {
     /// # Errors
     /// The file cannot be opened, or an error of [`from_source`](Self::from_source).
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
-        match File::open(path) {
+        match files::open(path, FileKind::Recording) {
             Ok(file) => Self::from_source(BufReader::new(file), path),
             Err(source) => {
                 let part = part_path(path);

@@ -1,0 +1,230 @@
+//! Files that a command writes, checked before it starts: none is also read, and none is lost without being asked for.
+
+use std::path::{Component, Path, PathBuf};
+
+use anyhow::anyhow;
+use insonify::files::PartFile;
+use insonify::station::Station;
+
+use super::Failure;
+
+/// Checks outputs against the inputs of a command and against each other.
+#[derive(Debug, Default)]
+pub(crate) struct Outputs {
+    inputs: Vec<Place>,
+    /// Options with their files.
+    outputs: Vec<(String, Place)>,
+}
+
+impl Outputs {
+    /// Checks against these inputs.
+    pub(crate) fn beside<P: AsRef<Path>>(inputs: impl IntoIterator<Item = P>) -> Self {
+        Self::default().and(inputs)
+    }
+
+    /// Checks against a station and the files that it names.
+    pub(crate) fn beside_station(station: &Station) -> Self {
+        Self::beside(station.files())
+    }
+
+    /// Adds inputs.
+    pub(crate) fn and<P: AsRef<Path>>(mut self, inputs: impl IntoIterator<Item = P>) -> Self {
+        self.inputs.extend(inputs.into_iter().map(|path| Place::of(path.as_ref())));
+        self
+    }
+
+    /// Checks a file of `option` that is written under another name and then replaces `path` if `force` is set.
+    pub(crate) fn file(self, option: &str, path: &Path, force: bool) -> Result<Self, Failure> {
+        if path.exists() && !force {
+            let checked = self.replaced(option, path);
+            return checked
+                .and_then(|_| Err(wrong(format!("{} is there already; --force replaces it", path.display()))));
+        }
+        self.replaced(option, path)
+    }
+
+    /// As [`file`](Self::file), for a file that is made anew by every run of the command.
+    pub(crate) fn replaced(self, option: &str, path: &Path) -> Result<Self, Failure> {
+        if path.exists() && !path.is_file() && !path.is_dir() {
+            return Err(wrong(format!("{} is not a regular file; {option} would replace it", path.display())));
+        }
+        self.checked(option, path)
+    }
+
+    /// As [`file`](Self::file), for a file that is written in place: a device or a pipe may take it.
+    pub(crate) fn log(self, option: &str, path: &Path, force: bool) -> Result<Self, Failure> {
+        if path.is_file() { self.file(option, path, force) } else { self.checked(option, path) }
+    }
+
+    /// Checks that no input is one of the files `names` in the directory of `option`. A `*` in the last part of a name
+    /// stands for anything.
+    pub(crate) fn within(self, option: &str, directory: &Path, names: &[&str]) -> Result<Self, Failure> {
+        if directory.exists() && !directory.is_dir() {
+            return Err(wrong(format!("{} is a file; {option} takes a directory", directory.display())));
+        }
+        let place = Place::of(directory);
+        for name in names {
+            let reads = |input: &&Place| match name.split_once('*') {
+                None => input.is(&Place::of(&directory.join(name))),
+                Some((before, after)) => {
+                    let below = input.path.strip_prefix(&place.path).ok().and_then(Path::to_str);
+                    below.is_some_and(|name| name.starts_with(before) && name.ends_with(after))
+                }
+            };
+            if let Some(input) = self.inputs.iter().find(reads) {
+                return Err(also_read(option, &input.path));
+            }
+        }
+        Ok(self)
+    }
+
+    fn checked(mut self, option: &str, path: &Path) -> Result<Self, Failure> {
+        if path.is_dir() {
+            return Err(wrong(format!("{} is a directory; {option} takes a file", path.display())));
+        }
+        let above = path.ancestors().skip(1).find(|above| !above.as_os_str().is_empty() && above.exists());
+        if let Some(above) = above.filter(|above| !above.is_dir()) {
+            return Err(wrong(format!("{} is not a directory; {option} names a file in it", above.display())));
+        }
+        let place = Place::of(path);
+        // The file of an unfinished recording is renamed before a new one is written.
+        let part = Place::of(&PartFile::appended(path).part);
+        if self.inputs.iter().any(|input| input.is(&place) || input.is(&part)) {
+            return Err(also_read(option, path));
+        }
+        if let Some((other, _)) = self.outputs.iter().find(|(_, other)| other.is(&place)) {
+            return Err(wrong(format!("{other} and {option} name one file, {}", path.display())));
+        }
+        self.outputs.push((option.to_owned(), place));
+        Ok(self)
+    }
+}
+
+fn also_read(option: &str, path: &Path) -> Failure {
+    wrong(format!("this command reads {}, so {option} must name another place", path.display()))
+}
+
+fn wrong(message: String) -> Failure {
+    Failure::Input(anyhow!(message))
+}
+
+/// Identity of a file, whatever its name: through relative paths, symbolic links and hard links.
+#[derive(Debug)]
+struct Place {
+    /// Without symbolic links, as far as it exists.
+    path: PathBuf,
+    /// Device and inode of a file that exists.
+    inode: Option<(u64, u64)>,
+}
+
+impl Place {
+    fn of(path: &Path) -> Self {
+        Self { inode: inode(path), path: resolved(path) }
+    }
+
+    fn is(&self, other: &Self) -> bool {
+        self.path == other.path || (self.inode.is_some() && self.inode == other.inode)
+    }
+}
+
+/// Absolute path without symbolic links: the part that exists as the system resolves it, the rest as written.
+fn resolved(path: &Path) -> PathBuf {
+    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    for above in absolute.ancestors() {
+        if let (Ok(real), Ok(rest)) = (above.canonicalize(), absolute.strip_prefix(above)) {
+            return rest.components().fold(real, |mut path, part| {
+                match part {
+                    Component::ParentDir => drop(path.pop()),
+                    part => path.push(part),
+                }
+                path
+            });
+        }
+    }
+    absolute
+}
+
+#[cfg(unix)]
+fn inode(path: &Path) -> Option<(u64, u64)> {
+    use std::os::unix::fs::MetadataExt;
+    path.metadata().ok().map(|found| (found.dev(), found.ino()))
+}
+
+#[cfg(not(unix))]
+fn inode(_: &Path) -> Option<(u64, u64)> {
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn text(checked: Result<Outputs, Failure>) -> String {
+        match checked {
+            Ok(_) => String::new(),
+            Err(Failure::Input(error)) => error.to_string(),
+            Err(other) => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn a_file_that_is_read_is_never_written_by_whatever_name() {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |name: &str| dir.path().join(name);
+        std::fs::create_dir(at("sub")).unwrap();
+        std::fs::write(at("in.mcap"), "").unwrap();
+        std::fs::hard_link(at("in.mcap"), at("hard.mcap")).unwrap();
+        #[cfg(unix)]
+        std::os::unix::fs::symlink(at("in.mcap"), at("soft.mcap")).unwrap();
+        #[cfg(unix)]
+        std::os::unix::fs::symlink(dir.path(), at("sub/up")).unwrap();
+        for name in ["in.mcap", "./in.mcap", "sub/../in.mcap", "hard.mcap", "soft.mcap", "sub/up/in.mcap"] {
+            for force in [false, true] {
+                let message = text(Outputs::beside([at("in.mcap")]).file("--record", &at(name), force));
+                assert!(message.contains("reads") && message.contains("--record"), "{name}: {message}");
+            }
+        }
+        assert_eq!(text(Outputs::beside([at("in.mcap")]).file("--record", &at("new/out.mcap"), false)), "");
+        let part = Outputs::beside([at("in.mcap.part")]).file("--record", &at("in.mcap"), true);
+        assert!(text(part).contains("reads"));
+    }
+
+    #[test]
+    fn what_is_there_is_replaced_only_by_force_and_only_a_file() {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |name: &str| dir.path().join(name);
+        std::fs::write(at("a"), "").unwrap();
+        let none = || Outputs::default();
+        assert!(text(none().file("--out", &at("a"), false)).ends_with("is there already; --force replaces it"));
+        assert_eq!(text(none().file("--out", &at("a"), true)), "");
+        assert_eq!(text(none().replaced("--out", &at("a"))), "");
+        for force in [false, true] {
+            assert!(text(none().file("--out", dir.path(), force)).ends_with("is a directory; --out takes a file"));
+        }
+        assert!(text(none().replaced("--out", &at("a/b/c"))).contains("a is not a directory"));
+        let twice = none().file("--record", &at("b"), false).and_then(|o| o.log("--metrics", &at("./b"), false));
+        assert!(text(twice).contains("--record and --metrics name one file"));
+        #[cfg(unix)]
+        {
+            assert_eq!(text(none().log("--metrics", Path::new("/dev/null"), false)), "");
+            assert!(text(none().file("--record", Path::new("/dev/null"), true)).contains("not a regular file"));
+        }
+    }
+
+    #[test]
+    fn no_input_is_among_the_files_of_a_directory() {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |name: &str| dir.path().join(name);
+        std::fs::create_dir(at("bmode")).unwrap();
+        for name in ["frame.json", "station.toml", "bmode/1.png"] {
+            std::fs::write(at(name), "").unwrap();
+        }
+        let names = ["frame.json", "bmode/*.png"];
+        let check = |input: &str| text(Outputs::beside([at(input)]).within("--out", dir.path(), &names));
+        assert_eq!(check("station.toml"), "");
+        assert!(check("frame.json").contains("must name another place"));
+        assert!(check("bmode/1.png").contains("must name another place"));
+        let file = Outputs::default().within("--out", &at("frame.json"), &names);
+        assert!(text(file).ends_with("is a file; --out takes a directory"));
+    }
+}

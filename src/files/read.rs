@@ -1,0 +1,150 @@
+//! Reading of whole files, with a limit of size for each kind.
+
+use std::fs::File;
+use std::io::{self, ErrorKind, Read};
+use std::path::Path;
+
+/// Kinds of files that are read, each with its largest size.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FileKind {
+    /// Station file.
+    Station,
+    /// Calibration of tracker, sensor and probe.
+    Calibration,
+    /// Standard planes of a scene.
+    Planes,
+    /// glTF scene, or one of its buffers.
+    Scene,
+    /// Manifest of a generator.
+    Manifest,
+    /// ONNX model.
+    Model,
+    /// Array (.npy).
+    Array,
+    /// Image.
+    Image,
+    /// Table of points or poses (.csv).
+    Table,
+    /// Description of a wireless tool.
+    ToolDescription,
+    /// Recording of a session.
+    Recording,
+    /// Tracked sequence of another program.
+    Sequence,
+    /// Header of a data set.
+    DatasetHeader,
+    /// Rows of a data set.
+    DatasetRows,
+    /// Results that an earlier run stored.
+    Stored,
+}
+
+impl FileKind {
+    /// Name with its article, and largest size, bytes.
+    const fn limit(self) -> (&'static str, u64) {
+        const MIB: u64 = 1 << 20;
+        const GIB: u64 = 1 << 30;
+        match self {
+            Self::Station => ("a station file", MIB),
+            Self::Calibration => ("a calibration", MIB),
+            Self::Planes => ("a file of standard planes", 16 * MIB),
+            Self::Scene => ("a scene", 2 * GIB),
+            Self::Manifest => ("a manifest", MIB),
+            Self::Model => ("a model", 2 * GIB),
+            Self::Array => ("an array", 256 * MIB),
+            Self::Image => ("an image", 256 * MIB),
+            Self::Table => ("a table", 256 * MIB),
+            Self::ToolDescription => ("a tool description", MIB),
+            Self::Recording => ("a recording", 64 * GIB),
+            Self::Sequence => ("a sequence", 64 * GIB),
+            Self::DatasetHeader => ("a data set's header", 16 * MIB),
+            Self::DatasetRows => ("a data set's list of rows", 2 * GIB),
+            Self::Stored => ("a stored result", 64 * MIB),
+        }
+    }
+}
+
+/// Opens a regular file that is not larger than its kind allows. Pipes and devices are refused: they might never end.
+///
+/// # Errors
+/// The file cannot be opened, is not a regular file, or is too large; the error gives its size and the limit.
+pub fn open(path: &Path, kind: FileKind) -> io::Result<File> {
+    // Checked before opening: opening a pipe waits for its other end.
+    let found = std::fs::metadata(path)?;
+    if found.is_dir() {
+        return Err(io::Error::new(ErrorKind::IsADirectory, "it is a directory, not a regular file"));
+    }
+    if !found.is_file() {
+        return Err(io::Error::new(ErrorKind::InvalidInput, "it is not a regular file"));
+    }
+    if found.len() > kind.limit().1 {
+        return Err(too_large(kind, &format!("it has {} bytes", found.len())));
+    }
+    File::open(path)
+}
+
+/// Reads a regular file that is not larger than its kind allows.
+///
+/// # Errors
+/// The errors of [`open`], or the file cannot be read.
+pub fn read(path: &Path, kind: FileKind) -> io::Result<Vec<u8>> {
+    let (file, (_, limit)) = (open(path, kind)?, kind.limit());
+    let length = file.metadata().map_or(0, |found| found.len().min(limit));
+    let mut bytes = Vec::with_capacity(usize::try_from(length).unwrap_or_default());
+    // The file may grow meanwhile, and files of `/proc` have no length.
+    file.take(limit + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > limit {
+        return Err(too_large(kind, "it is larger"));
+    }
+    Ok(bytes)
+}
+
+/// Reads the text of a file, as [`read`].
+///
+/// # Errors
+/// The errors of [`read`], or bytes that are not UTF-8.
+pub fn read_text(path: &Path, kind: FileKind) -> io::Result<String> {
+    let not_text = |e: std::string::FromUtf8Error| {
+        let byte = e.utf8_error().valid_up_to();
+        io::Error::new(ErrorKind::InvalidData, format!("it is not UTF-8 text: byte {byte}"))
+    };
+    String::from_utf8(read(path, kind)?).map_err(not_text)
+}
+
+fn too_large(kind: FileKind, found: &str) -> io::Error {
+    let (what, limit) = kind.limit();
+    io::Error::new(ErrorKind::FileTooLarge, format!("{found}; {what} has at most {limit}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_read_up_to_the_limit_of_its_kind() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("c.toml");
+        let limit = FileKind::Calibration.limit().1;
+        let sized = |bytes: u64| File::create(&path).unwrap().set_len(bytes).unwrap();
+        sized(limit);
+        assert_eq!(read(&path, FileKind::Calibration).unwrap().len() as u64, limit);
+        sized(limit + 1);
+        let error = read_text(&path, FileKind::Calibration).unwrap_err().to_string();
+        assert_eq!(error, "it has 1048577 bytes; a calibration has at most 1048576");
+        assert!(open(dir.path(), FileKind::Scene).is_err_and(|e| e.kind() == ErrorKind::IsADirectory));
+        std::fs::write(&path, b"ab\xff").unwrap();
+        assert!(read_text(&path, FileKind::Station).unwrap_err().to_string().ends_with("byte 2"));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn devices_and_pipes_are_refused_at_once() {
+        let dir = tempfile::tempdir().unwrap();
+        let pipe = dir.path().join("pipe");
+        nix::unistd::mkfifo(&pipe, nix::sys::stat::Mode::S_IRWXU).unwrap();
+        for path in [Path::new("/dev/zero"), &pipe] {
+            let error = read(path, FileKind::Station).unwrap_err();
+            assert_eq!(error.to_string(), "it is not a regular file", "{}", path.display());
+        }
+    }
+}
