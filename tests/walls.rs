@@ -10,8 +10,8 @@ use insonify::exam::sweep::{KEY_FRAMES, RATE_HZ, SEED, sweep};
 use insonify::pose::Pose;
 use insonify::settings::Probe;
 
-/// Cells of the full phantom's finest wall surface, mm.
-const CELL_MM: f32 = 4.0;
+/// Largest cells, mm: finer than the full phantom's. The border of the muscles has its own.
+const CELL_MM: f32 = 7.0;
 /// Depth of the face in the skin, mm.
 const PRESS_MM: f64 = 2.5;
 
