@@ -111,7 +111,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let read = stations.iter().flat_map(Station::files);
     Outputs::beside(read).and([&args.motion]).and(&args.merge).replaced("--out", &args.out)?;
     let merged = match &args.merge {
-        Some(path) => Some(ErrorTable::parse(&input::text(path, "the table")?).input()?),
+        Some(path) => Some(ErrorTable::parse(&input::text(path, FileKind::Stored, "the table")?).input()?),
         None => None,
     };
     let ends = args.minutes.map(|minutes| Instant::now() + Duration::from_secs(60 * u64::from(minutes)));
