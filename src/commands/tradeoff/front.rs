@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
 use clap::Parser;
+use insonify::files::FileKind;
 use insonify::pose::{BySpeed, LIMITS, Pose, ProbeSpeed};
 use insonify::render::{FrameQuality, Renderer};
 use insonify::sink::write_text;
