@@ -74,33 +74,41 @@ def shown(part, tree, program):
 
 def run(command, cwd, folder, limit_s):
     """Runs a command. Returns its exit code, None where the limit ended it, and its peak of resident memory, KiB."""
-    with open(folder / "stdout.txt", "wb") as out, open(folder / "stderr.txt", "wb") as err:
-        try:
-            process = subprocess.Popen(
-                [str(part) for part in command], cwd=cwd, stdin=subprocess.DEVNULL, stdout=out, stderr=err, start_new_session=True
-            )
-        except OSError as error:
-            raise FigureError(f"{command[0]} cannot be run: {error}") from None
-    late = threading.Event()
+    process, asked, late = None, [], threading.Event()
 
-    def end():
-        late.set()
-        os.killpg(process.pid, signal.SIGKILL)
-
-    timer = threading.Timer(max(0.0, limit_s), end)
-    timer.start()
-    try:
-        _, status, usage = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-    except BaseException:
+    def end(number):
         # What the command started belongs to its group.
         with contextlib.suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGTERM)
-        try:
-            process.wait(30)
-        except subprocess.TimeoutExpired:
-            end()
-        raise
+            os.killpg(process.pid, number)
+
+    def interrupt(*_):
+        # An exception here could lose the process while it is started. A second request ends what ignores the first.
+        asked.append(True)
+        if process:
+            end(signal.SIGTERM if len(asked) == 1 else signal.SIGKILL)
+
+    def time_over():
+        late.set()
+        end(signal.SIGKILL)
+
+    before = {number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
+    timer = threading.Timer(max(0.0, limit_s), time_over)
+    timer.daemon = True
+    try:
+        with open(folder / "stdout.txt", "wb") as out, open(folder / "stderr.txt", "wb") as err:
+            words = [str(part) for part in command]
+            process = subprocess.Popen(words, cwd=cwd, stdin=subprocess.DEVNULL, stdout=out, stderr=err, start_new_session=True)
+        if asked:
+            end(signal.SIGTERM)
+        timer.start()
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+    except OSError as error:
+        raise FigureError(f"{command[0]} cannot be run: {error}") from None
     finally:
         timer.cancel()
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    if asked:
+        raise KeyboardInterrupt
     return (None if late.is_set() else process.returncode), usage.ru_maxrss
