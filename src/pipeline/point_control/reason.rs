@@ -39,7 +39,8 @@ impl PointController {
     /// Of the points with a generator if `point` has none, and the other way round: the one with the least error that fits,
     /// else the fastest.
     fn best_of_other_kind(&self, point: &Candidate) -> Option<Candidate> {
-        let others = || self.candidates.iter().filter(|c| c.generator.is_some() != point.generator.is_some());
+        let by_error = || self.by_error().map(|index| &self.candidates[index]);
+        let others = || by_error().filter(|other| other.generator.is_some() != point.generator.is_some());
         let fastest = || others().min_by(|a, b| self.expected_ms(a).total_cmp(&self.expected_ms(b)));
         others().find(|other| self.fits(other)).or_else(fastest).copied()
     }
@@ -53,7 +54,7 @@ impl PointController {
     fn described(&self, point: &Candidate) -> String {
         let (name, ms) = (self.name(point), self.expected_ms(point));
         match (self.chooses_quality(), point.generator) {
-            (true, _) => format!("{name} ({ms:.0} ms, error {:.1})", point.error),
+            (true, _) => format!("{name} ({ms:.0} ms, error {:.1})", point.error.at(self.speed())),
             (false, Some(_)) => format!("{name} ({ms:.0} ms a run)"),
             (false, None) => name,
         }
