@@ -119,5 +119,5 @@ impl Border {
 /// The fat that indents the fascia.
 pub(super) fn organs(parameters: &Parameters, wall: &AbdominalWall) -> Vec<Organ> {
     let solid = Border::of(parameters, wall).solid();
-    vec![Mother.organ("muscle_border_fat", "fat", 11, 3.0, 4.0, solid)]
+    vec![Mother.organ("muscle_border_fat", "fat", 11, 2.6, 6.0, solid)]
 }
