@@ -104,7 +104,7 @@ fn an_easy_wall_is_frosted_glass_and_no_lens() {
 fn an_easy_wall_hardly_tilts_if_the_face_does_not_cut_it() {
     // A face before the skin, in gel: what is left is the wall's own.
     for (name, angle, a) in figures(&of(Wall::Easy), 12.0).into_iter().filter(|(_, angle, _)| angle.abs() < 15.0) {
-        assert!(a.delay_rms_ns <= 14.0 && a.tilt_mrad.abs() <= 3.0, "{name} at {angle:.0}°: {a:?}");
+        assert!(a.delay_rms_ns <= 14.0 && a.tilt_mrad.abs() <= 3.5, "{name} at {angle:.0}°: {a:?}");
     }
 }
 
