@@ -30,7 +30,7 @@ const RIM_MM: f32 = 12.0;
 /// Height of the fat's upper side above the even fascia, mm: at least a mesh cell.
 const UPPER_MM: f32 = 5.0;
 /// Width over which the edges of the rim are rounded, mm.
-const ROUNDED_MM: f32 = 3.0;
+const ROUNDED_MM: f32 = 8.0;
 /// Height of the axis for angles across the belly, mm.
 const AXIS_Z_MM: f32 = -40.0;
 
