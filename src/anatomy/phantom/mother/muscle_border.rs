@@ -37,7 +37,7 @@ const AXIS_Z_MM: f32 = -40.0;
 /// RMS height of the relief, mm.
 fn relief_mm(wall: Wall) -> f32 {
     match wall {
-        Wall::Easy => 0.13,
+        Wall::Easy => 0.10,
         Wall::Average => 1.15,
         Wall::Hard => 1.85,
     }
