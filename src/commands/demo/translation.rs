@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use insonify::generator::{Generator, Input, Kind, LoadOptions, Manifest, Runtime};
+use insonify::pose::ProbeSpeed;
 use insonify::render::{Frame, FrameQuality};
 use insonify::station::Station;
 use insonify::tradeoff::{ErrorTable, ExpectedErrors, GeneratorKey};
@@ -97,7 +98,8 @@ fn best(folder: &Path, expected: &ExpectedErrors<'_>) -> Result<Best, String> {
         let takes_lq = manifest.kind == Kind::Trained && manifest.lq().contains(&FrameQuality::LQ);
         let target = manifest.training.as_ref()?.hq.filter(|_| takes_lq)?;
         let key = GeneratorKey { name: manifest.name, sha256: manifest.sha256 };
-        let error = expected.of(FrameQuality::LQ, Some(&key))?;
+        // Key frames are stills.
+        let error = expected.of(FrameQuality::LQ, Some(&key), ProbeSpeed::AtRest)?;
         Some(Best { model, target, error })
     });
     measured
@@ -124,8 +126,8 @@ mod tests {
         assert!(found.target.angles > 1, "{found:?}");
         let errors = table.stations.iter().flat_map(|station| &station.points);
         let errors = errors.filter(|point| point.generator.is_some() && point.quality == FrameQuality::LQ);
-        assert_eq!(Some(found.error), errors.map(|point| point.rmse).min_by(f64::total_cmp));
-        assert!(found.error < expected.of(FrameQuality::LQ, None).unwrap(), "{found:?}");
+        assert_eq!(Some(found.error), errors.map(|point| point.at(ProbeSpeed::AtRest)).min_by(f64::total_cmp));
+        assert!(found.error < expected.of(FrameQuality::LQ, None, ProbeSpeed::AtRest).unwrap(), "{found:?}");
     }
 
     #[test]
@@ -133,7 +135,7 @@ mod tests {
         let of = |name: &str| Manifest::load(Path::new(&format!("{SHIPPED}/{name}/{name}.toml"))).unwrap();
         let point = |name: &str, rmse| {
             let generator = Some(GeneratorKey { name: name.into(), sha256: of(name).sha256 });
-            PointError { quality: FrameQuality::LQ, generator, rmse, spread: 0.1 }
+            PointError { quality: FrameQuality::LQ, generator, rmse, spread: 0.1, by_speed: None }
         };
         // `fast_msa` has the highest PSNR of its own data set, and `fast_m_rolling` takes other frames.
         let points = vec![point("fast_msa", 20.0), point("fast_m", 12.0), point("fast_m_rolling", 5.0)];
@@ -144,6 +146,7 @@ mod tests {
             frequency_mhz: 8.0,
             reference: String::new(),
             poses: 1,
+            frame_rate_hz: None,
             points,
         };
         let table = ErrorTable { stations: vec![station], ..ErrorTable::new(String::new()) };
