@@ -178,7 +178,7 @@ impl ContactSheet<'_> {
         let mut canvas = Canvas::new(width, legend_top + legend_height + MARGIN, BACKGROUND);
         canvas.text(MARGIN, MARGIN, &self.title, Text::Large, INK);
         for (y, note) in (MARGIN + line..).step_by(line as usize).zip(&self.notes) {
-            canvas.text(MARGIN, y, note, Text::Large, FAINT_INK);
+            canvas.text(MARGIN, y, note, Text::Large, INK);
         }
         for (y, row) in (top..).step_by(row_height as usize).zip(&self.rows) {
             for (column, panel) in columns.iter().zip(row) {
@@ -252,7 +252,7 @@ impl ContactSheet<'_> {
 fn draw_bar(canvas: &mut Canvas, x: u32, y: u32, image_height: u32, map: Map) {
     let line = Text::Small.height();
     let (top, bottom) = match map {
-        Map::BMode { dynamic_range_db } => ("0dB".to_owned(), format!("{:.0}", -dynamic_range_db)),
+        Map::BMode { dynamic_range_db } => ("0 dB".to_owned(), format!("{:.0}", -dynamic_range_db)),
         Map::Attenuation => ("1".to_owned(), "0".to_owned()),
         Map::Segmentation => return,
     };
