@@ -6,7 +6,13 @@ use super::*;
 fn controller(raw: (f64, f64), generated: (f64, f64, f64), budget: FrameBudget) -> PointController {
     let rolling = |rays, layers| FrameQuality { angles: 9, ..FrameQuality::new(rays, layers) };
     let candidates = vec![
-        Candidate { quality: rolling(4, 3), generator: None, error: BySpeed::all(raw.0), render_ms: raw.1, run_ms: 0.0 },
+        Candidate {
+            quality: rolling(4, 3),
+            generator: None,
+            error: BySpeed::all(raw.0),
+            render_ms: raw.1,
+            run_ms: 0.0,
+        },
         Candidate {
             quality: FrameQuality::LQ,
             generator: Some(0),
@@ -81,7 +87,13 @@ fn a_fixed_quality_compares_runs_alone() {
 
 #[test]
 fn stations_without_generators_say_nothing_and_unusable_ones_are_named() {
-    let raw = Candidate { quality: FrameQuality::LQ, generator: None, error: BySpeed::all(9.0), render_ms: 20.0, run_ms: 0.0 };
+    let raw = Candidate {
+        quality: FrameQuality::LQ,
+        generator: None,
+        error: BySpeed::all(9.0),
+        render_ms: 20.0,
+        run_ms: 0.0,
+    };
     let of = |names: Vec<String>| PointController::new(vec![raw], names, budget(64.0)).unwrap();
     assert_eq!(of(vec![]).generator_reason(), None);
     let unusable = of(vec!["fast_msa".into()]);
