@@ -106,8 +106,18 @@ pub(crate) fn say_left_out(counters: &Counters) {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+    use std::sync::Arc;
+    use std::time::Duration;
+
+    use insonify::pipeline::{
+        Clock, EnhanceError, FrameRenderer, ImageShape, RenderFault, RendererFactory, SimulatedClock, StandingPose,
+        Stop, Terminator,
+    };
     use insonify::pose::TrackingState;
+    use insonify::render::{Frame, RenderSettings};
     use insonify::sink::live::FrameSource;
+    use insonify::transducer::Probe;
 
     use super::*;
 
@@ -129,22 +139,6 @@ mod tests {
         (now.frames_per_s, now.silent_s) = (0.0, Some(30.4));
         assert!(status(&now).contains("no frame for 30 s") && !status(&now).contains("frames/s"), "{}", status(&now));
     }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::path::Path;
-    use std::sync::Arc;
-    use std::time::Duration;
-
-    use insonify::pipeline::{
-        Clock, EnhanceError, FrameRenderer, ImageShape, RenderFault, RendererFactory, SimulatedClock, StandingPose,
-        Stop, Terminator,
-    };
-    use insonify::render::{Frame, RenderSettings};
-    use insonify::transducer::Probe;
-
-    use super::*;
 
     /// A renderer of one pixel.
     struct Pixel;
