@@ -122,7 +122,7 @@ def looks_steps(tree, program, folder):
             station.write_text(text + (f'\n[look]\npreset = "{preset}"\n' if preset else ""))
             metrics = folder / f"{name}_{turn}.jsonl"
             command = [program, "run", station, "--replay", EXAM, "--sink", "null", "--no-generator", "--duration", "14"]
-            command += ["--metrics", metrics, *options]
+            command += ["--metrics", metrics, "--force", *options]
             steps.append(Step(f"{name}_{turn}", command, lambda _, __, metrics=metrics: frame_times(metrics)))
     return steps
 
@@ -204,7 +204,7 @@ def soak_steps(*options):
 
 def live_error_steps(tree, program, folder):
     def fixed(text):
-        text = with_key(text, "generator", "models", '["../assets/generators/fast_m/fast_m.onnx"]\nbudget_ms = 5000')
+        text = with_key(text, "generator", "models", '["../assets/generators/fast_m/fast_m.onnx"]\nbudget_ms = 4000')
         return re.sub(r"(?ms)^\[quality\]\n.*?(?=^\[)", "[quality]\nrays = 1\nlayers = 1\n\n", text)
 
     stations = [

@@ -15,13 +15,17 @@ from .store import FigureError, Kept
 
 # Longest measuring of a figure, s. What was finished is kept, so the same command goes on.
 LIMIT_S = 600
+# Signals that end a measuring; SIGHUP is that of a closed terminal.
+INTERRUPTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
-def measure(tree, figure, program, limit_s=LIMIT_S):
-    """Measures a figure and writes its data. Steps of an interrupted measuring of the same build are taken over."""
+def measure(tree, figure, program, commit, limit_s=LIMIT_S):
+    """Measures a figure of the program built from `commit`, and writes its data. Steps of an interrupted measuring of the same
+    build on the same machine are taken over."""
     program = pathlib.Path(program).resolve()
-    commit = tree.commit()
-    build = {"inputs": tree.inputs(), "program": store.sha256(program)}
+    if tree.commit() != commit:
+        raise FigureError(f"the checkout moved away from {commit} since the program was built", 2)
+    build = {"inputs": tree.inputs(), "program": store.sha256(program), "machine": store.machine()}
     kept = Kept(tree, figure.name, build)
     until = time.monotonic() + limit_s
     steps = figure.steps(tree, program, kept.folder)
@@ -58,11 +62,11 @@ def measure(tree, figure, program, limit_s=LIMIT_S):
         **figure.summary(done),
         "steps": done,
     }
-    path = tree.save(data)
     for source, target in figure.files.items():
         copied = tree.root / target
         copied.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(kept.folder / source, copied)
+    path = tree.save(data)
     kept.remove()
     return path
 
@@ -91,7 +95,7 @@ def run(command, cwd, folder, limit_s):
         late.set()
         end(signal.SIGKILL)
 
-    before = {number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.signal(number, interrupt) for number in INTERRUPTS if signal.getsignal(number) != signal.SIG_IGN}
     timer = threading.Timer(max(0.0, limit_s), time_over)
     timer.daemon = True
     try:

@@ -101,7 +101,7 @@ def tradeoff_summary(data):
     within = [row for row in data["rows"] if row["p95_ms"] <= BUDGET_MS]
     best = min(within, key=lambda row: row["rmse"], default=None)
     uses = "none" if best is None or not best["generator"] else f"`{best['generator']}`"
-    nearest = f"A generator is nearest to the reference {times}, elsewhere compounding alone" if spans else "No generator is nearest to the reference"
+    nearest = f"A generator is nearest to the reference {times}, elsewhere a frame without one" if spans else "No generator is nearest to the reference"
     effect = next(row for row in data["effects"] if row["name"] == "aperture")
     reference = data["reference"]
     sentences = [

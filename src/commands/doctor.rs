@@ -21,8 +21,8 @@ use super::{Classify, Failure, input, output};
 /// Say what is wrong with a scene, where, and what to do about it in the modelling program.
 ///
 /// A scene alone is examined with the built-in tissues; a station file also tells its own tissues and where the probe
-/// starts. At a pose, the station's or `--pose`, it tells how the tissue before the probe aberrates. Findings are errors (refused, or simulated wrongly), warnings (mended while loading, or wrong in places) and
-/// notes. Exit code 1 where there is an error, 0 without one, 2 where the file cannot be read at all.
+/// starts. At a pose (the station's, or `--pose`), it also reports how much the tissue before the probe aberrates. Findings
+/// are errors (refused, or simulated wrongly), warnings (mended while loading, or wrong in places) and notes. Exit code 1 where there is an error, 0 without one, 2 where the file cannot be read at all.
 #[derive(Debug, Parser)]
 #[command(after_help = "Examples:\n  \
                         insonify doctor belly.glb\n  \
@@ -32,7 +32,7 @@ pub(crate) struct Args {
     /// Scene (.glb, .gltf) or station file (.toml)
     scene: PathBuf,
 
-    /// Pose of a probe whose aberration is told, as x,y,z,qw,qx,qy,qz in mm; the station's if left out
+    /// Pose of the probe for the report of aberration, as x,y,z,qw,qx,qy,qz in mm [default: the station's]
     #[arg(long, allow_hyphen_values = true)]
     pose: Option<Pose>,
 
@@ -100,7 +100,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         output::json(&Printed { path, report: &report, aberration: &aberration })?;
     } else {
         print(&report)?;
-        aberration.iter().try_for_each(|summary| output::line(told(summary)))?;
+        aberration.iter().try_for_each(|summary| output::line(aberration_line(summary)))?;
     }
     match errors {
         0 => Ok(()),
@@ -120,7 +120,7 @@ fn print(report: &Report) -> Result<(), Failure> {
     output::line(format!("\n{errors}, {warnings}, {notes} in {of}"))
 }
 
-fn told(summary: &Summary) -> String {
+fn aberration_line(summary: &Summary) -> String {
     let Summary { depth_mm, delay_rms_ns: [rms, most], tilt_mrad: [tilt, steepest], correlation_mm, wall } = summary;
     let length = correlation_mm.map_or_else(|| "-".to_owned(), |mm| format!("{mm:.1} mm"));
     format!(

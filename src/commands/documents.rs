@@ -1,4 +1,4 @@
-//! Command lines of the documents, held to the parser.
+//! Test that clap parses every command line of the documents.
 
 use std::path::Path;
 

@@ -53,7 +53,9 @@ impl Outputs {
 
     /// As [`file`](Self::file), for a file that is written in place: a device or a pipe may take it.
     pub(crate) fn log(self, option: &str, path: &Path, force: bool) -> Result<Self, Failure> {
-        if path.is_file() { self.file(option, path, force) } else { self.checked(option, path) }
+        // A redirected /dev/stdout is a file, too.
+        let regular = path.is_file() && !path.starts_with("/dev");
+        if regular { self.file(option, path, force) } else { self.checked(option, path) }
     }
 
     /// Checks that no input is one of the files `names` in the directory of `option`. A `*` in the last part of a name

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
 use etcetera::BaseStrategy;
 use insonify::anatomy::Scene;
 use insonify::anatomy::phantom::{self, PhantomFile};
@@ -12,8 +11,8 @@ use insonify::sink::frame_record::AdapterRecord;
 use insonify::station::{SceneSource, Station};
 use insonify::transducer::Probe;
 
+use super::Failure;
 use super::progress::Progress;
-use super::{Classify, Failure};
 
 /// Name and driver of the backend.
 pub(crate) fn adapter(backend: &Backend) -> AdapterRecord {
@@ -56,10 +55,15 @@ pub(crate) fn scene_file(station: &Station) -> Result<SceneFile, Failure> {
 pub(crate) fn cache_directory() -> Result<PathBuf, Failure> {
     match std::env::var_os("INSONIFY_CACHE").filter(|v| !v.is_empty()) {
         Some(directory) => Ok(directory.into()),
-        None => etcetera::choose_base_strategy()
-            .map(|strategy| strategy.cache_dir().join("insonify"))
-            .context("there is no home directory to keep generated scenes in; set INSONIFY_CACHE to a directory")
-            .input(),
+        None => Ok(etcetera::choose_base_strategy().map_or_else(
+            |_| {
+                tracing::warn!(
+                    "there is no home directory: generated scenes are kept in the temporary folder; INSONIFY_CACHE names another"
+                );
+                std::env::temp_dir().join("insonify")
+            },
+            |strategy| strategy.cache_dir().join("insonify"),
+        )),
     }
 }
 

@@ -72,11 +72,11 @@ impl ProbeSpeed {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BySpeed {
-    /// That at rest.
+    /// Value at rest.
     pub at_rest: f64,
-    /// That in slow motion.
+    /// Value in slow motion.
     pub slow: f64,
-    /// That in fast motion.
+    /// Value in fast motion.
     pub fast: f64,
 }
 

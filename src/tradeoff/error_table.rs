@@ -23,10 +23,10 @@ const SHIPPED: &str = include_str!("../../assets/quality/front.toml");
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 pub enum ErrorTableError {
     /// Text that is not TOML, or has another layout.
-    #[error("assets/quality/front.toml, the table of errors, is damaged: {0}")]
+    #[error("the table of errors is damaged: {0}")]
     Parse(String),
     /// A table of another version.
-    #[error("assets/quality/front.toml, the table of errors, has format {found}; this program reads up to {FORMAT}")]
+    #[error("the table of errors has format {found}; this program reads up to {FORMAT}")]
     Format {
         /// Its format.
         found: u32,

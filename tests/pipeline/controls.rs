@@ -87,7 +87,7 @@ fn the_budget_goes_on_choosing_after_a_quality_by_hand_was_taken_back() {
     let candidate = |rays, error, render_ms| Candidate {
         quality: FrameQuality::new(rays, 1),
         generator: None,
-        error,
+        error: BySpeed::all(error),
         render_ms,
         run_ms: 0.0,
     };

@@ -146,7 +146,7 @@ fn the_program_tracks_enhances_and_records() {
     writer.finish().unwrap();
     let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/generators/blur.onnx");
     let tables = format!(
-        "[tracker]\ntransport = 'recording'\nrecording = '{}'\n[generator]\nmodels = ['{}']\nbudget_ms = 5000\n",
+        "[tracker]\ntransport = 'recording'\nrecording = '{}'\n[generator]\nmodels = ['{}']\nbudget_ms = 4000\n",
         taken.display(),
         model.display()
     );

@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 use clap::Parser;
+use insonify::dataset::{HEADER_FILE, manifests};
 use insonify::generator::{FeatureScale, generator_files};
 use insonify::quality::{CROP_COUNT, CROP_SIDE};
 
@@ -156,11 +157,13 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 
 /// Refuses files that the command reads.
 fn check_outputs(args: &Args) -> Result<(), Failure> {
-    let folders = [&args.images, &args.references, &args.mask, &args.dataset].into_iter().flatten();
+    let images = [&args.images, &args.references, &args.mask].into_iter().flatten().flat_map(|path| images_of(path));
+    let dataset = args.dataset.iter().flat_map(|directory| {
+        manifests(directory).unwrap_or_default().into_iter().chain([directory.join(HEADER_FILE)])
+    });
     let models = args.model.iter().flat_map(|model| generator_files(model));
-    let mut outputs = Outputs::beside(folders.flat_map(|path| files_of(path, 2)))
-        .and(models)
-        .and(args.features.iter().chain(&args.steadiness));
+    let mut outputs =
+        Outputs::beside(images).and(dataset).and(models).and(args.features.iter().chain(&args.steadiness));
     for (option, path) in [("--json", &args.json), ("--csv", &args.csv)] {
         if let Some(path) = path {
             outputs = outputs.replaced(option, path)?;
@@ -172,10 +175,11 @@ fn check_outputs(args: &Args) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A file, or the files of a folder and of `depth` - 1 levels of folders in it.
-fn files_of(path: &Path, depth: u8) -> Vec<PathBuf> {
+/// A file, or the images of a folder.
+fn images_of(path: &Path) -> Vec<PathBuf> {
+    let is_image = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "png");
     match std::fs::read_dir(path) {
-        Ok(entries) if depth > 0 => entries.flatten().flat_map(|entry| files_of(&entry.path(), depth - 1)).collect(),
-        _ => vec![path.to_owned()],
+        Ok(entries) => entries.flatten().map(|entry| entry.path()).filter(is_image).collect(),
+        Err(_) => vec![path.to_owned()],
     }
 }

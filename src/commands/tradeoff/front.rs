@@ -110,9 +110,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     let stations = args.stations.iter().map(|path| Ok(Station::load(path)?)).collect::<Result<Vec<_>, Failure>>()?;
     let read = stations.iter().flat_map(Station::files);
-    Outputs::beside(read).and([&args.motion]).and(&args.merge).replaced("--out", &args.out)?;
+    // The merged table is read before it is replaced.
+    Outputs::beside(read).and([&args.motion]).replaced("--out", &args.out)?;
     let merged = match &args.merge {
-        Some(path) => Some(ErrorTable::parse(&input::text(path, FileKind::Stored, "the table")?).input()?),
+        Some(path) => Some(ErrorTable::parse(&input::text(path, FileKind::Stored, "the table")?).input_of(path)?),
         None => None,
     };
     let ends = args.minutes.map(|minutes| Instant::now() + Duration::from_secs(60 * u64::from(minutes)));
@@ -170,13 +171,15 @@ fn errors(args: &Args, station: &Station, ends: Option<Instant>) -> Result<Optio
     let hand = of_recording(&args.motion, station)?;
     let each = usize::from(args.poses).div_ceil(ProbeSpeed::ALL.len());
     let period = Duration::from_secs_f64(1.0 / frame_rate_hz);
-    let tracks = of_station(station, None)?.at_speeds(&hand, each, FRAMES_BEFORE, period);
+    let own = of_station(station, None)?;
+    let source = if own.moves() { &station.path } else { &args.motion };
+    let tracks = own.at_speeds(&hand, each, FRAMES_BEFORE, period);
     let [slow, fast] = LIMITS;
     let tracks = tracks.map_err(|speed| {
         let name = speed.name();
         Failure::Input(anyhow!(
-            "{}: no moment of its recording is {name} (slow: from {} mm/s or {} degrees/s; fast: from {} mm/s or {} degrees/s)",
-            station.path.display(),
+            "{}: at no moment is the probe {name} (slow: from {} mm/s or {} degrees/s; fast: from {} mm/s or {} degrees/s)",
+            source.display(),
             slow.mm_s,
             slow.deg_s,
             fast.mm_s,
@@ -196,7 +199,12 @@ fn errors(args: &Args, station: &Station, ends: Option<Instant>) -> Result<Optio
     // One pose of each speed, then the others.
     let mut order: Vec<usize> = (0..tracks.len()).collect();
     order.sort_by_key(|&index| index % each);
-    let first: Vec<Pose> = order.iter().take(CHECKED).map(|&index| tracks[index].1.at).collect();
+    let mut first: Vec<Pose> = Vec::new();
+    for at in order.iter().map(|&index| tracks[index].1.at) {
+        if first.len() < CHECKED && !first.contains(&at) {
+            first.push(at);
+        }
+    }
     let (reference, _) = Reference::make(&mut bench, &store(format!("{first:?}"))?, &first, false)?;
     eprintln!("{}", reference.check);
     let check = reference.check;

@@ -31,7 +31,7 @@ pub(in crate::commands) struct Track {
 }
 
 impl Track {
-    /// The same way to another pose.
+    /// The same path, moved rigidly to end at `at`.
     fn moved_to(self, at: Pose) -> Self {
         let from_own = at * self.at.inverse();
         Self { at, before: self.before.into_iter().map(|before| from_own * before).collect() }

@@ -35,14 +35,14 @@ impl RenderStage {
 
     /// Judges the trial by a frame of `settings` that took `took`.
     pub(super) fn judge(&mut self, settings: &LiveSettings, took: Duration) {
-        let Some(trial) = &mut self.trial else { return };
-        if settings.same_picture(&trial.before) {
+        // Frames of earlier settings say nothing about the present ones.
+        if self.trial.is_none() || !settings.same_picture(&self.parts.controls.live) {
             return;
         }
-        if took > FRAME_MAX {
-            trial.too_long = Some(took);
-        } else if trial.too_long.is_none() && settings.same_picture(&self.parts.controls.live) {
-            self.trial = None;
+        match &mut self.trial {
+            Some(trial) if took > FRAME_MAX => trial.too_long = Some(took),
+            Some(trial) if trial.too_long.is_some() => {}
+            _ => self.trial = None,
         }
     }
 
