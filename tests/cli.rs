@@ -290,11 +290,17 @@ fn the_record_says_what_a_budget_chose() {
 fn an_unwritable_directory_is_another_failure() {
     let dir = directory();
     let station = station(&dir, SMALL);
-    let file = dir.path().join("out");
-    std::fs::write(&file, "in the way").unwrap();
+    let out = dir.path().join("out");
+    std::os::unix::fs::symlink("/proc/nowhere", &out).unwrap();
     let output = render(&dir, &station, &ORIGIN);
     assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
-    assert!(stderr(&output).contains(text(&file)) && !stderr(&output).contains("panicked"));
+    assert!(stderr(&output).contains(text(&out)) && !stderr(&output).contains("panicked"));
+    // A file in its place is a wrong argument.
+    std::fs::remove_file(&out).unwrap();
+    std::fs::write(&out, "in the way").unwrap();
+    let output = render(&dir, &station, &ORIGIN);
+    assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+    assert!(stderr(&output).contains("takes a directory"), "{}", stderr(&output));
 }
 
 #[test]

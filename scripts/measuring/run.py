@@ -15,8 +15,6 @@ from .store import FigureError, Kept
 
 # Longest measuring of a figure, s. What was finished is kept, so the same command goes on.
 LIMIT_S = 600
-# Signals that end a measuring; SIGHUP is that of a closed terminal.
-INTERRUPTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def measure(tree, figure, program, commit, limit_s=LIMIT_S):
@@ -71,6 +69,12 @@ def measure(tree, figure, program, commit, limit_s=LIMIT_S):
     return path
 
 
+def interrupts():
+    """Signals that end a measuring. SIGHUP is that of a closed terminal; `nohup` makes it ignored."""
+    hang_up = [signal.SIGHUP] if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN else []
+    return [signal.SIGINT, signal.SIGTERM, *hang_up]
+
+
 def shown(part, tree, program):
     """A word of a command as it is kept: the program by its name, paths relative to the checkout."""
     return "insonify" if str(part) == str(program) else str(part).replace(f"{tree.root}/", "")
@@ -95,7 +99,7 @@ def run(command, cwd, folder, limit_s):
         late.set()
         end(signal.SIGKILL)
 
-    before = {number: signal.signal(number, interrupt) for number in INTERRUPTS if signal.getsignal(number) != signal.SIG_IGN}
+    before = {number: signal.signal(number, interrupt) for number in interrupts()}
     timer = threading.Timer(max(0.0, limit_s), time_over)
     timer.daemon = True
     try:

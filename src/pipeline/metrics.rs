@@ -199,7 +199,7 @@ impl Metrics {
         self.shown(|shown| {
             let (rate, since) = (shown.recent.frames_per_s(), now.saturating_sub(shown.last));
             let is_silent = since > SILENCE.0 && since.as_secs_f64() * rate > SILENCE.1;
-            let silent_s = (is_silent || (shown.presented < 2 && since > SILENCE.0)).then(|| since.as_secs_f64());
+            let silent_s = (is_silent || (shown.presented < 2 && since > SILENCE.0)).then_some(since.as_secs_f64());
             Status {
                 elapsed_s: now.as_secs_f64(),
                 presented: shown.presented,
