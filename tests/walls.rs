@@ -10,9 +10,7 @@ use insonify::exam::sweep::{KEY_FRAMES, RATE_HZ, SEED, sweep};
 use insonify::pose::Pose;
 use insonify::settings::Probe;
 
-/// Cells of the muscles' border in the full phantom, mm.
-const BORDER_CELL_MM: f32 = 4.0;
-/// Cells of other organs, mm: finer than the full phantom's.
+/// Largest cells, mm: finer than the full phantom's. The border of the muscles has its own.
 const CELL_MM: f32 = 7.0;
 /// Depth of the face in the skin, mm.
 const PRESS_MM: f64 = 2.5;
@@ -38,9 +36,7 @@ fn scene(parameters: &Parameters) -> Scene {
         let tissue = if part.name == "abdominal_interior" { gel } else { tissues.index_of(&part.tissue).unwrap() };
         Surface { name: part.name, tissue, priority: part.priority, mesh: part.mesh }
     };
-    let (border, others): (Vec<&str>, Vec<&str>) = names.into_iter().partition(|&name| name == "muscle_border_fat");
-    let all = [parts(parameters, &border, BORDER_CELL_MM), parts(parameters, &others, CELL_MM)].concat();
-    let surfaces = all.into_iter().map(surface).collect();
+    let surfaces = parts(parameters, &names, CELL_MM).into_iter().map(surface).collect();
     let mut scene = Scene { tissues, background: gel, surfaces, motion: Motion::default() };
     scene.sort_by_priority();
     scene
@@ -55,8 +51,9 @@ fn poses(parameters: &Parameters) -> Vec<(String, Pose)> {
         plane.views.into_iter().filter_map(pose_of)
     });
     let exam = sweep(&landmarks(parameters), |from, along| skin.exit(from, along), SEED).unwrap();
-    let key_frame =
-        |(name, time_s): (&str, f64)| (format!("key frame {name}"), exam[(time_s * f64::from(RATE_HZ)) as usize].pose);
+    let key_frame = |(name, time_s): (&str, f64)| {
+        (format!("key frame {name}"), exam[(time_s * f64::from(RATE_HZ)) as usize].pose)
+    };
     views.chain(KEY_FRAMES.map(key_frame)).collect()
 }
 
@@ -94,7 +91,7 @@ fn an_easy_wall_is_frosted_glass_and_no_lens() {
     assert!((4.0..=8.0).contains(&length), "{length} mm");
     for (name, angle, a) in &figures {
         // Beams that leave obliquely pass more of each layer on one side.
-        let (most_ns, most_mrad) = if angle.abs() < 15.0 { (22.0, 3.5) } else { (24.0, 7.0) };
+        let (most_ns, most_mrad) = if angle.abs() < 15.0 { (20.0, 3.5) } else { (24.0, 7.0) };
         assert!(a.delay_rms_ns <= most_ns, "{name} at {angle:.0}°: {a:?}");
         assert!(a.tilt_mrad.abs() <= most_mrad, "{name} at {angle:.0}°: {a:?}");
     }
@@ -104,7 +101,7 @@ fn an_easy_wall_is_frosted_glass_and_no_lens() {
 fn an_easy_wall_hardly_tilts_if_the_face_does_not_cut_it() {
     // A face before the skin, in gel: what is left is the wall's own.
     for (name, angle, a) in figures(&of(Wall::Easy), 12.0).into_iter().filter(|(_, angle, _)| angle.abs() < 15.0) {
-        assert!(a.delay_rms_ns <= 14.0 && a.tilt_mrad.abs() <= 3.5, "{name} at {angle:.0}°: {a:?}");
+        assert!(a.delay_rms_ns <= 14.0 && a.tilt_mrad.abs() <= 3.0, "{name} at {angle:.0}°: {a:?}");
     }
 }
 
@@ -122,8 +119,7 @@ fn average_and_hard_walls_aberrate_as_their_names_say() {
 fn the_recti_are_a_lens_only_if_asked() {
     let over_the_gap = |recti_lens| {
         let parameters = Parameters { recti_lens, ..Parameters::default() };
-        let femur =
-            figures(&parameters, 0.0).into_iter().find(|(name, angle, _)| name == "femur left" && *angle == 0.0);
+        let femur = figures(&parameters, 0.0).into_iter().find(|(name, angle, _)| name == "femur left" && *angle == 0.0);
         femur.unwrap().2.delay_rms_ns
     };
     let (without, with) = (over_the_gap(false), over_the_gap(true));

@@ -5,9 +5,7 @@ use std::path::PathBuf;
 use clap::Parser;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use insonify::anatomy::export::write_moving_glb;
-use insonify::anatomy::phantom::{
-    Lie, Parameters, PhantomOptions, PhantomSurface, PlacentaSite, Wall, build, movement,
-};
+use insonify::anatomy::phantom::{Lie, Parameters, PhantomOptions, PhantomSurface, PlacentaSite, Wall, build, movement};
 use insonify::anatomy::planes;
 use insonify::sink::write_json;
 use serde::Serialize;
@@ -33,7 +31,7 @@ pub(crate) struct Args {
     #[arg(long)]
     force: bool,
 
-    /// Number of triangles over that of the full phantom, 0.01..=20; refused where the finest parts would be lost (below about 0.24; the message says the least)
+    /// Number of triangles over that of the full phantom, 0.01..=20; refused where the finest parts would be lost (below about 0.21; the message says the least)
     #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true)]
     scale: f64,
 

@@ -68,7 +68,7 @@ const fn doc(
 const SCENE: &[KeyDoc] = &[
     doc("scene", "path", "", "required, unless phantom is given", Accepts::Text("a path"), "glTF file (.glb or .gltf), relative to the station file"),
     doc("scene", "phantom", "", "none", Accepts::OneOf(&["obstetric"]), "generated scene in place of path"),
-    doc("scene", "phantom_scale", "", "1.0", number(*SCALE_RANGE.start(), *SCALE_RANGE.end()), "triangles of the phantom over those of the full one; below about 0.24 its finest parts are lost and it is refused"),
+    doc("scene", "phantom_scale", "", "1.0", number(*SCALE_RANGE.start(), *SCALE_RANGE.end()), "triangles of the phantom over those of the full one; below about 0.21 its finest parts are lost and it is refused"),
     doc("scene", "phantom_weeks", "weeks", "22.0", number(*WEEKS_RANGE.start(), *WEEKS_RANGE.end()), "gestational age of the phantom's fetus"),
     doc("scene", "phantom_lie", "", "\"cephalic\"", Accepts::OneOf(Lie::NAMES), "which way the fetus lies: head down, head up, or across"),
     doc("scene", "phantom_roll_deg", "°", "0.0", number(*ROLL_RANGE_DEG.start(), *ROLL_RANGE_DEG.end()), "turn of the fetus about its long axis from where its left side is up"),

@@ -28,16 +28,14 @@ const MEAN: f32 = 1.45;
 /// Width of the rim over which the relief fades, mm.
 const RIM_MM: f32 = 12.0;
 /// Height of the fat's upper side above the even fascia, mm: at least a mesh cell.
-const UPPER_MM: f32 = 5.0;
-/// Width over which the edges of the rim are rounded, mm.
-const ROUNDED_MM: f32 = 8.0;
+const UPPER_MM: f32 = 4.0;
 /// Height of the axis for angles across the belly, mm.
 const AXIS_Z_MM: f32 = -40.0;
 
 /// RMS height of the relief, mm.
 fn relief_mm(wall: Wall) -> f32 {
     match wall {
-        Wall::Easy => 0.10,
+        Wall::Easy => 0.13,
         Wall::Average => 1.15,
         Wall::Hard => 1.85,
     }
@@ -99,7 +97,7 @@ impl Border {
 
     /// The fat above the border.
     fn solid(self) -> Solid {
-        let along = self.half_mm[1];
+        let [across, along] = self.half_mm;
         let outer = self.under_fat.bounds().grown(self.upper_mm + 1.0);
         // Beyond a right angle the relief ends below the axis.
         let low = AXIS_Z_MM - 0.15 * outer.max.x;
@@ -107,25 +105,19 @@ impl Border {
             min: Vec3::new(outer.min.x, -along - 1.0, low),
             max: Vec3::new(outer.max.x, along + 1.0, outer.max.z),
         });
-        let (radius_mm, half_mm) = (self.radius_mm, self.half_mm);
-        let place = move |p: Vec3| {
-            let (u, v) = (radius_mm * p.x.atan2(p.z - AXIS_Z_MM), p.y);
-            (u, v, (u.abs() - half_mm[0]).max(v.abs() - half_mm[1]))
-        };
-        let extent = Solid::new(bounds, move |p| place(p).2);
-        let layer = Solid::new(bounds, move |p| {
+        Solid::new(bounds, move |p| {
             let depth = -self.under_fat.distance_mm(p);
-            let (u, v, beside) = place(p);
+            let (u, v) = (self.radius_mm * p.x.atan2(p.z - AXIS_Z_MM), p.y);
+            let beside = (u.abs() - across).max(v.abs() - along);
             // Far from the border its relief has no effect that matters.
             let border = if depth.abs() > 20.0 { 0.0 } else { self.depth_mm(u, v, beside) };
-            (-self.upper_mm - depth).max(depth - border)
-        });
-        layer.smooth_intersect(extent, ROUNDED_MM)
+            beside.max(-self.upper_mm - depth).max(depth - border)
+        })
     }
 }
 
 /// The fat that indents the fascia.
 pub(super) fn organs(parameters: &Parameters, wall: &AbdominalWall) -> Vec<Organ> {
     let solid = Border::of(parameters, wall).solid();
-    vec![Mother.organ("muscle_border_fat", "fat", 11, 2.6, 6.0, solid)]
+    vec![Mother.organ("muscle_border_fat", "fat", 11, 3.0, 4.0, solid)]
 }
