@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Parser;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use insonify::anatomy::export::write_moving_glb;
-use insonify::anatomy::phantom::{Lie, Parameters, PhantomOptions, PhantomSurface, PlacentaSite, Wall, build, movement};
+use insonify::anatomy::phantom::{Lie, Parameters, PhantomOptions, PhantomSurface, PlacentaSite, build, movement};
 use insonify::anatomy::planes;
 use insonify::sink::write_json;
 use serde::Serialize;
@@ -59,17 +59,9 @@ pub(crate) struct Args {
     #[arg(long, value_name = "MM", default_value_t = Parameters::default().fluid_index_mm, allow_negative_numbers = true)]
     fluid_index: f64,
 
-    /// The mother's subcutaneous fat over the belly in mm, 5..=60 [default: 13.5; 24 with a hard wall]
-    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
-    fat: Option<f64>,
-
-    /// How strongly the abdominal wall aberrates: at most 20, 40 to 50, at least 60 ns rms over 30 mm of aperture
-    #[arg(long, value_name = "WALL", default_value = Parameters::default().wall.name(), value_parser = wall())]
-    wall: Wall,
-
-    /// Fill the gap between the recti with fat: a lens that doubles what lies behind the midline
-    #[arg(long)]
-    recti_lens: bool,
+    /// The mother's subcutaneous fat over the belly in mm, 5..=60
+    #[arg(long, value_name = "MM", default_value_t = Parameters::default().maternal_fat_mm, allow_negative_numbers = true)]
+    fat: f64,
 
     /// Seed of what differs from one individual to the next
     #[arg(long, value_name = "N", default_value_t = Parameters::default().seed)]
@@ -88,10 +80,6 @@ fn site() -> impl TypedValueParser<Value = PlacentaSite> {
     PossibleValuesParser::new(PlacentaSite::NAMES).try_map(|word| PlacentaSite::named(&word).ok_or("no such site"))
 }
 
-fn wall() -> impl TypedValueParser<Value = Wall> {
-    PossibleValuesParser::new(Wall::NAMES).try_map(|word| Wall::named(&word).ok_or("no such wall"))
-}
-
 impl Args {
     fn options(&self) -> PhantomOptions {
         let parameters = Parameters {
@@ -101,9 +89,7 @@ impl Args {
             flexion: self.flexion,
             placenta: self.placenta,
             fluid_index_mm: self.fluid_index,
-            maternal_fat_mm: self.fat.unwrap_or(self.wall.fat_mm()),
-            wall: self.wall,
-            recti_lens: self.recti_lens,
+            maternal_fat_mm: self.fat,
             seed: self.seed,
         };
         PhantomOptions { scale: self.scale, parameters }

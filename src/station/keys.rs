@@ -11,7 +11,7 @@ use crate::anatomy::Tissue;
 use crate::anatomy::phantom::parameters::{
     FAT_RANGE_MM, FLEXION_RANGE, FLUID_INDEX_RANGE_MM, ROLL_RANGE_DEG, WEEKS_RANGE,
 };
-use crate::anatomy::phantom::{Lie, PlacentaSite, SCALE_RANGE, Wall};
+use crate::anatomy::phantom::{Lie, PlacentaSite, SCALE_RANGE};
 use crate::generator::{self, Provider};
 use crate::pose::FilterSettings;
 use crate::render::{BackendChoice, Preset};
@@ -75,9 +75,7 @@ const SCENE: &[KeyDoc] = &[
     doc("scene", "phantom_flexion", "", "0.5", number(*FLEXION_RANGE.start(), *FLEXION_RANGE.end()), "0 is stretched, 1 tightly curled"),
     doc("scene", "phantom_placenta", "", "\"anterior\"", Accepts::OneOf(PlacentaSite::NAMES), "where on the uterine wall the placenta sits"),
     doc("scene", "phantom_fluid_index_mm", "mm", "140.0", number(*FLUID_INDEX_RANGE_MM.start(), *FLUID_INDEX_RANGE_MM.end()), "amniotic fluid index, from oligohydramnios to polyhydramnios"),
-    doc("scene", "phantom_fat_mm", "mm", "13.5", number(*FAT_RANGE_MM.start(), *FAT_RANGE_MM.end()), "the mother's subcutaneous fat over the belly; 24 with phantom_wall = \"hard\" unless given"),
-    doc("scene", "phantom_wall", "", "\"easy\"", Accepts::OneOf(Wall::NAMES), "how strongly the abdominal wall aberrates: at most 20, 40 to 50, at least 60 ns rms over 30 mm of aperture"),
-    doc("scene", "phantom_recti_lens", "", "false", Accepts::Bool, "whether fat fills the gap between the recti: a lens that doubles what lies behind the midline"),
+    doc("scene", "phantom_fat_mm", "mm", "13.5", number(*FAT_RANGE_MM.start(), *FAT_RANGE_MM.end()), "the mother's subcutaneous fat over the belly"),
     doc("scene", "phantom_seed", "", "0", integer(0, u32::MAX as i64), "seed of what differs from one individual to the next"),
     doc("scene", "motion", "", "true", Accepts::Bool, "whether what moves in the scene moves: hearts, breath, limbs; one frame shows time 0, at rest"),
     doc("scene", "background", "", "\"gel\"", Accepts::Text("the name of a tissue"), "tissue outside of every surface"),
