@@ -3,8 +3,8 @@
 //! The host has sums, and the software device of the version that the file names. Another device, a real GPU for
 //! example, rounds differently: its frames must be the same from run to run.
 //!
-//! `INSONIFY_WRITE_SUMS=1 cargo test --release --test frames -- --include-ignored` rewrites the sums after a change that
-//! is meant to.
+//! `INSONIFY_WRITE_SUMS=1 cargo test --release --test frames -- --include-ignored` rewrites the sums after a change
+//! that is meant to.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 

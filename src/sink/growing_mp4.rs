@@ -21,8 +21,8 @@ const FRAGMENT_S: f64 = 1.0;
 /// Box that the header of the finished file's `mdat` replaces, as large as that.
 const PLACE_OF_MDAT: [u8; 16] = [0, 0, 0, 16, b'f', b'r', b'e', b'e', 0, 0, 0, 0, 0, 0, 0, 0];
 
-/// A growing MP4 with one video track. It is called `NAME.part.mp4` until it is finished. Dropped before that, it stays,
-/// unless it holds no picture.
+/// A growing MP4 with one video track. It is called `NAME.part.mp4` until it is finished. Dropped before that, it
+/// stays, unless it holds no picture.
 pub(super) struct GrowingMp4 {
     names: PartFile,
     file: File,

@@ -42,8 +42,8 @@ impl PointController {
         format!("one frame in twenty takes {often_ms:.0} ms or more, of {limit_ms:.0}; half of them take {ms:.0}")
     }
 
-    /// What is over the budget, if no point takes less than the present one; returned once per overrun and at most once per
-    /// minute.
+    /// What is over the budget, if no point takes less than the present one; returned once per overrun and at most
+    /// once per minute.
     pub fn over_at_least(&mut self, now_s: f64) -> Option<String> {
         let load = self.load(SUDDEN);
         let least = |load| self.least(now_s, load, self.busy_ms(&self.point(), load));
