@@ -242,7 +242,7 @@ async fn values_that_the_page_does_not_offer_are_refused_with_the_reason() {
     assert!(error["message"].as_str().unwrap().contains("the page offers"), "{error}");
     send(&mut page, &set(&[("rays", 256.0), ("layers", 33.0)])).await;
     let error = text(&mut page, "error").await;
-    let expected = "not set: quality.rays x layers is 256x33; the page offers 1x1, 4x3, 32x3";
+    let expected = "not set: quality.rays x quality.layers is 256x33; the page offers 1x1, 4x3, 32x3";
     assert_eq!(error["message"], expected);
     let offered = [("rays", 32.0), ("layers", 3.0)];
     send(&mut page, &set(&offered)).await;

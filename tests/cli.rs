@@ -3,6 +3,8 @@
 // clippy counts helpers as outside of tests; a failing helper fails its test.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+mod program;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -18,33 +20,9 @@ use shiguredo_mp4::TrackKind;
 use shiguredo_mp4::demux::{Input, Mp4FileDemuxer};
 use tempfile::TempDir;
 
+use self::program::{insonify, refused, stderr, succeeded};
+
 const SMALL: &str = "[probe]\nscanlines = 32\nsamples = 256\n[image]\nwidth = 160\nheight = 120\n";
-
-fn insonify(arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_insonify"));
-    command.args(arguments).env_remove("RUST_LOG").current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap()
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-/// Asserts that a command was refused: exit code 2, no panic, and a message that contains all of `words`.
-#[track_caller]
-fn refused(output: &Output, words: &[&str]) {
-    let message = stderr(output);
-    assert_eq!(output.status.code(), Some(2), "{message}");
-    assert!(!message.contains("panicked"), "{message}");
-    assert!(output.stdout.is_empty(), "stdout holds results only");
-    for word in words {
-        assert!(message.contains(word), "`{word}` is missing: {message}");
-    }
-}
-
-#[track_caller]
-fn succeeded(output: &Output) {
-    assert_eq!(output.status.code(), Some(0), "{}", stderr(output));
-}
 
 fn text(path: &Path) -> &str {
     path.to_str().unwrap()

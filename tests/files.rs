@@ -3,9 +3,11 @@
 // clippy counts helpers as outside of tests; a failing helper fails its test.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+mod program;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Command;
 
 use glam::{DQuat, DVec3};
 use insonify::pose::Pose;
@@ -14,37 +16,9 @@ use insonify::tracker::{Protocol, ascii_line};
 use serde_json::Value;
 use tempfile::TempDir;
 
+use self::program::{insonify, program, refused, stderr, succeeded};
+
 const SMALL: &str = "[probe]\nscanlines = 32\nsamples = 256\n[image]\nwidth = 160\nheight = 120\n[pose]\n";
-
-fn program(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_insonify"));
-    command.args(arguments).env_remove("RUST_LOG").current_dir(env!("CARGO_MANIFEST_DIR"));
-    command
-}
-
-fn insonify(arguments: &[&str]) -> Output {
-    program(arguments).output().unwrap()
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-/// Asserts exit code 2, no panic, and a message that contains all of `words`.
-#[track_caller]
-fn refused(output: &Output, words: &[&str]) {
-    let message = stderr(output);
-    assert_eq!(output.status.code(), Some(2), "{message}");
-    assert!(!message.contains("panicked"), "{message}");
-    for word in words {
-        assert!(message.contains(word), "`{word}` is missing: {message}");
-    }
-}
-
-#[track_caller]
-fn succeeded(output: &Output) {
-    assert_eq!(output.status.code(), Some(0), "{}", stderr(output));
-}
 
 /// A directory with a scene, a station, and a recording of two seconds.
 struct Fixture {

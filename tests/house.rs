@@ -432,7 +432,7 @@ case "$*" in *--exact*) echo "test result: ok. 1 passed; 0 failed; 0 ignored"; e
 case "$*" in *--no-fail-fast*) ;; *) exit 3 ;; esac
 printf '     Running unittests src/lib.rs (target/a)\nfailures:\n\n---- a::b stdout ----\n    panicked\n\n' >&2
 printf 'failures:\n    a::b\n    a::c\n\ntest result: FAILED. 4 passed; 2 failed; 0 ignored; 0 measured\n'
-printf '     Running tests/cli.rs (target/b)\ntest result: ok. 5 passed; 0 failed; 6 ignored; 0 measured\n'
+printf '     Running tests/cli.rs (target/b)\ntest result: ok. 5 passed; 0 failed; 7 ignored; 0 measured\n'
 printf "     Running tests/c.rs (target/c)\n  process didn't exit successfully: \`c\` (signal: 11)\n" >&2
 exit 101
 "#;

@@ -309,7 +309,9 @@ export class Console {
 
   /** Adds what is shown to the clip that is recorded. */
   recordFrame() {
-    this.clip?.show((context) => this.compose(context, this.withOverlays));
+    if (!this.clip) return;
+    this.clip.show((context) => this.compose(context, this.withOverlays));
+    this.stage.dataset.recorded = String(this.clip.frames);
   }
 
   saveClip(blob, clip) {

@@ -4,8 +4,8 @@ use std::io;
 
 use super::shutdown::Stop;
 
-/// Handles Ctrl-C, and SIGTERM and SIGHUP on Unix: the first signal requests `stop`, a second one calls `at_once`. A shell
-/// repeats the SIGHUP of a closed terminal, so only the first of those counts.
+/// Handles Ctrl-C, and SIGTERM and SIGHUP on Unix: the first signal requests `stop`, a second one calls `at_once`. A
+/// shell repeats the SIGHUP of a closed terminal, so only the first of those counts.
 ///
 /// # Errors
 /// The handler cannot be installed, or its thread cannot be started.

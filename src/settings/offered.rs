@@ -26,7 +26,7 @@ pub fn check_offered(assignments: &[Assignment], shown: &[LiveSettings]) -> Resu
     let points: Vec<String> = QUALITY_POINTS.iter().map(|point| format!("{}x{}", point.rays, point.layers)).collect();
     let [rays, layers] = asked.map(|value| value.map_or_else(|| "?".to_owned(), |value| value.to_string()));
     let value = format!("{rays}x{layers}");
-    Err(SettingsError::NotOffered { key: "quality.rays x layers", value, offered: points.join(", ") })
+    Err(SettingsError::NotOffered { key: "quality.rays x quality.layers", value, offered: points.join(", ") })
 }
 
 /// Checks one value; rays and layers against their ranges only.
@@ -87,7 +87,7 @@ mod tests {
     #[test]
     fn what_no_control_sets_is_refused_by_key() {
         let text = check(&[("rays", 256.0), ("layers", 33.0), ("angles", 9.0)], &[]).unwrap_err();
-        assert_eq!(text, "quality.rays x layers is 256x33; the page offers 1x1, 4x3, 32x3");
+        assert_eq!(text, "quality.rays x quality.layers is 256x33; the page offers 1x1, 4x3, 32x3");
         assert!(check(&[("rays", 32.0)], &[]).unwrap_err().contains("32x?"), "the buttons set both");
         assert_eq!(check(&[("angles", 15.0)], &[]).unwrap_err(), "look.angles is 15; the page offers 1..=9");
         assert!(check(&[("span_deg", 60.0)], &[]).unwrap_err().starts_with("look.span_deg is 60; the page offers"));

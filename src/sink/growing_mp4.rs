@@ -1,7 +1,7 @@
 //! An MP4 file that plays at every moment while it grows.
 //!
-//! Until it is finished it is a fragmented MP4: a description, then a `moof` and an `mdat` for each second. Finishing appends
-//! the index of a plain MP4, and turns everything before that index into the content of one `mdat`.
+//! Until it is finished it is a fragmented MP4: a description, then a `moof` and an `mdat` for each second. Finishing
+//! appends the index of a plain MP4, and turns everything before that index into the content of one `mdat`.
 
 use std::fs::File;
 use std::io::{Seek, SeekFrom, Write};
@@ -21,8 +21,8 @@ const FRAGMENT_S: f64 = 1.0;
 /// Box that the header of the finished file's `mdat` replaces, as large as that.
 const PLACE_OF_MDAT: [u8; 16] = [0, 0, 0, 16, b'f', b'r', b'e', b'e', 0, 0, 0, 0, 0, 0, 0, 0];
 
-/// A growing MP4 with one video track. It is called `NAME.part.mp4` until it is finished. Dropped before that, it stays, unless
-/// it holds no picture.
+/// A growing MP4 with one video track. It is called `NAME.part.mp4` until it is finished. Dropped before that, it
+/// stays, unless it holds no picture.
 pub(super) struct GrowingMp4 {
     names: PartFile,
     file: File,
@@ -45,8 +45,8 @@ pub(super) struct GrowingMp4 {
 }
 
 impl GrowingMp4 {
-    /// Creates the file `path`. A file that an interrupted process left is kept under another name if `keep` is set, else
-    /// replaced.
+    /// Creates the file `path`. A file that an interrupted process left is kept under another name if `keep` is set,
+    /// else replaced.
     pub(super) fn create(path: &Path, rate: FrameRate, keep: bool) -> Result<Self, SinkError> {
         if let Some(directory) = path.parent().filter(|directory| !directory.as_os_str().is_empty()) {
             create_dir(directory)?;

@@ -13,7 +13,6 @@ import struct
 import subprocess
 import sys
 import tempfile
-import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 import webdriver  # noqa: E402
@@ -38,6 +37,18 @@ const input = document.getElementById(arguments[0]);
 input.value = arguments[1];
 input.dispatchEvent(new Event("input", { bubbles: true }));
 input.dispatchEvent(new Event("change", { bubbles: true }));
+"""
+
+# Keeps the page's next recorder, and counts the bytes that it encodes.
+WATCH_RECORDER = """
+const start = MediaRecorder.prototype.start;
+window.encoded_bytes = 0;
+MediaRecorder.prototype.start = function (...given) {
+  MediaRecorder.prototype.start = start;
+  window.recorder = this;
+  this.addEventListener("dataavailable", ({ data }) => { window.encoded_bytes += data.size; });
+  return start.apply(this, given);
+};
 """
 
 
@@ -187,8 +198,6 @@ def the_cine_loop_is_gone_through(page):
     page.press(" ")
     page.wait("the loop's bar", lambda: visible(page, "#cine"))
     page.wait("its length", lambda: page.script("return Number(stage.dataset.kept)") > 5)
-    # The last picture before the freeze may still be encoded.
-    time.sleep(1)
     page.press("\ue012")  # left
     page.press("\ue012")
     page.wait("an earlier picture", lambda: page.script("return stage.dataset.kept - stage.dataset.cine") == 3)
@@ -202,10 +211,15 @@ def the_cine_loop_is_gone_through(page):
     page.press("s")
     assert page.script("return segmentation.disabled && !segmentation.checked")
     # What is gone through is recorded.
+    page.script(WATCH_RECORDER)
     page.press("r")
+    recorded = "return Number(stage.dataset.recorded)"
     for _ in range(2):
+        before = page.script(recorded)
         page.press("\ue014")  # right
-        time.sleep(0.4)
+        page.wait("the next picture in the clip", lambda before=before: page.script(recorded) > before)
+    # Pictures that are not encoded yet are lost at the end.
+    page.wait("encoded pictures", lambda: page.script("recorder.requestData(); return encoded_bytes") > 1000)
     page.press("r")
     clip = page.wait("a clip of it", lambda: page.script("return stage.dataset.clip"), 30).split()
     assert int(clip[1]) >= 3 and int(clip[2]) > 1000, clip

@@ -4,11 +4,13 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod estimator;
+#[path = "../program/mod.rs"]
+mod program;
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
 use bytes::BytesMut;
 use glam::{DQuat, DVec3};
@@ -19,6 +21,8 @@ use insonify::station::Station;
 use insonify::tracker::recording::{Entry, RecordingInfo, RecordingReader, RecordingWriter, poses};
 use insonify::tracker::{Protocol, ascii_line};
 use serde_json::Value;
+
+use self::program::{insonify, refused, succeeded};
 
 const START_NS: u64 = 1_790_000_000_000_000_000;
 const PERIOD_NS: u64 = 16_666_667;
@@ -167,29 +171,8 @@ fn nothing_is_allocated_per_measurement_or_frame() {
     assert_eq!(estimator.counters().used, 480);
 }
 
-fn insonify(arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_insonify"));
-    command.args(arguments).env_remove("RUST_LOG").current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap()
-}
-
 fn calibrate(what: &str, input: &Path, more: &[&str]) -> Output {
     insonify(&[&["calibrate", what, input.to_str().unwrap()], more].concat())
-}
-
-#[track_caller]
-fn refused(output: &Output, words: &[&str]) {
-    let message = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(2), "{message}");
-    assert!(output.stdout.is_empty() && !message.contains("panicked"), "{message}");
-    for word in words {
-        assert!(message.contains(word), "`{word}` is missing: {message}");
-    }
-}
-
-#[track_caller]
-fn succeeded(output: &Output) -> String {
-    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
 const LANDMARKS: [(&str, [f64; 3]); 5] = [

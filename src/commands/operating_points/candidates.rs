@@ -11,7 +11,7 @@ use super::times::Times;
 
 /// Error of a generator that nobody has measured, over that of the frames below it.
 const UNMEASURED: f64 = 0.9;
-/// Target of generators whose own gain is comparable with the table of errors.
+/// Target of generators whose own error ratio is comparable with the table of errors.
 const TARGET: FrameQuality = FrameQuality { angles: 9, ..FrameQuality::new(32, 3) };
 
 /// What the choice needs of a generator.
@@ -21,8 +21,9 @@ pub(super) struct Model {
     /// Frames that it takes.
     pub(super) lq: Vec<FrameQuality>,
     pub(super) reads_maps: bool,
-    /// Its error over that of its input by its manifest; none if that says neither, or its target wasn't [`TARGET`].
-    pub(super) gain: Option<f64>,
+    /// Error of its output over that of its input, by its manifest; none if the manifest lacks either, or its target
+    /// isn't [`TARGET`].
+    pub(super) error_ratio: Option<f64>,
 }
 
 impl Model {
@@ -34,15 +35,15 @@ impl Model {
             key: super::key(generator),
             lq: manifest.lq(),
             reads_maps: manifest.reads_maps(),
-            gain: quality.and_then(gain),
+            error_ratio: quality.and_then(error_ratio),
         }
     }
 }
 
 /// Error of a model's output over that of its input, by its manifest.
-fn gain(quality: &Quality) -> Option<f64> {
-    let gain = 10f64.powf((quality.lq_psnr_db? - quality.psnr_db) / 20.0);
-    (gain.is_finite() && gain > 0.0).then_some(gain)
+fn error_ratio(quality: &Quality) -> Option<f64> {
+    let ratio = 10f64.powf((quality.lq_psnr_db? - quality.psnr_db) / 20.0);
+    (ratio.is_finite() && ratio > 0.0).then_some(ratio)
 }
 
 /// What a station leaves open.
@@ -116,8 +117,8 @@ impl Open {
             let quality = self.below_generator(trained_on)?;
             let known = expected.by_speed(trained_on, Some(&model.key));
             // Its own figures are of other frames than the table's: only their ratio counts.
-            let by_gain = || Some(expected.by_speed(quality, None)?.times(model.gain.unwrap_or(UNMEASURED)));
-            let error = known.or_else(by_gain)?;
+            let by_ratio = || Some(expected.by_speed(quality, None)?.times(model.error_ratio.unwrap_or(UNMEASURED)));
+            let error = known.or_else(by_ratio)?;
             let (render_ms, run_ms) = (times.render(quality, model.reads_maps)?, times.run(&model.key)?);
             Some(Candidate { quality, generator: Some(index), error, render_ms, run_ms })
         });
@@ -148,9 +149,9 @@ mod tests {
 
     const ROLLING: FrameQuality = FrameQuality { angles: 9, ..FrameQuality::new(2, 3) };
 
-    fn model(name: &str, sha256: &str, lq: FrameQuality, gain: Option<f64>) -> Model {
+    fn model(name: &str, sha256: &str, lq: FrameQuality, error_ratio: Option<f64>) -> Model {
         let key = GeneratorKey { name: name.into(), sha256: sha256.into() };
-        Model { key, lq: vec![lq], reads_maps: false, gain }
+        Model { key, lq: vec![lq], reads_maps: false, error_ratio }
     }
 
     /// Times that grow with the paths, and 20 ms for each run.
@@ -229,9 +230,9 @@ mod tests {
     fn a_models_own_figures_count_as_their_ratio() {
         let quality = |lq_psnr_db| Quality { psnr_db: 30.0, ssim: 0.9, lq_psnr_db, pkl: None, fid: None };
         // Its data set is easier than the table's scenes: 30 dB are 8 grey levels.
-        let gain = gain(&quality(Some(28.0))).unwrap();
-        assert!((gain - 10f64.powf(-0.1)).abs() < 1e-12, "{gain}");
-        assert_eq!([super::gain(&quality(None)), super::gain(&quality(Some(f64::NAN)))], [None; 2]);
+        let ratio = error_ratio(&quality(Some(28.0))).unwrap();
+        assert!((ratio - 10f64.powf(-0.1)).abs() < 1e-12, "{ratio}");
+        assert_eq!([error_ratio(&quality(None)), error_ratio(&quality(Some(f64::NAN)))], [None; 2]);
     }
 
     #[test]

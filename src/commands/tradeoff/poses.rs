@@ -77,8 +77,8 @@ impl Poses {
         session::evenly(count.min(self.all.len()), self.all.len()).map(|i| self.all[i].pose).collect()
     }
 
-    /// `count` poses for each speed of the probe, with the way of `frames` frames that led to each: of the recording's own
-    /// moments at that speed, else these poses with the ways of `hand`.
+    /// `count` poses for each speed of the probe, each with the path of `frames` frames before it: moments of this
+    /// recording at that speed, or, if it has one pose only, these poses with the paths of `hand`.
     ///
     /// # Errors
     /// A speed at which the probe never moves.
@@ -94,19 +94,19 @@ impl Poses {
         let at = self.spread(count);
         let mut found = Vec::new();
         for speed in ProbeSpeed::ALL {
-            let ways: Vec<&Track> = all.iter().filter(|(other, _)| *other == speed).map(|(_, track)| track).collect();
-            if ways.is_empty() {
+            let paths: Vec<&Track> = all.iter().filter(|(other, _)| *other == speed).map(|(_, track)| track).collect();
+            if paths.is_empty() {
                 return Err(speed);
             }
-            for (nth, index) in session::evenly(count.min(ways.len()), ways.len()).enumerate() {
-                let own = ways[index].clone();
+            for (nth, index) in session::evenly(count.min(paths.len()), paths.len()).enumerate() {
+                let own = paths[index].clone();
                 found.push((speed, if self.moves() { own } else { own.moved_to(at[nth]) }));
             }
         }
         Ok(found)
     }
 
-    /// All poses with a whole way of `frames` frames before them, and the mean speed along it.
+    /// All poses with a whole path of `frames` frames before them, and the class of the mean speed along it.
     fn moments(&self, frames: u32, period: Duration) -> Vec<(ProbeSpeed, Track)> {
         let whole = (0..self.all.len()).filter_map(|index| {
             let track = self.track(index, frames, period);
@@ -147,7 +147,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_speed_gets_poses_with_their_real_ways() {
+    fn each_speed_gets_poses_with_their_real_paths() {
         // One second at rest, one at 10 mm/s, one at 50 mm/s, at 100 poses a second.
         let x = |ms: f64| 0.01 * (ms.min(2000.0) - 1000.0).max(0.0) + 0.05 * (ms - 2000.0).max(0.0);
         let at = |x: f64| Pose { position_mm: DVec3::X * x, orientation: DQuat::IDENTITY };
@@ -161,16 +161,17 @@ mod tests {
         let speeds: Vec<ProbeSpeed> = found.iter().map(|(speed, _)| *speed).collect();
         assert_eq!(speeds, ProbeSpeed::ALL.map(|speed| [speed; 4]).concat());
         // Eight frames of 20 ms: nothing at rest, 1.6 mm at most in slow motion, 8 mm at most in fast.
-        let way = |(_, track): &(ProbeSpeed, Track)| track.at.position_mm.x - track.before[0].position_mm.x;
+        let path_mm = |(_, track): &(ProbeSpeed, Track)| track.at.position_mm.x - track.before[0].position_mm.x;
         assert!(found.iter().all(|(_, track)| track.before.len() == 8));
-        assert!(found[..4].iter().all(|f| way(f) < 0.48) && found[8..].iter().all(|f| way(f) >= 2.4 && way(f) <= 8.01));
+        assert!(found[..4].iter().all(|f| path_mm(f) < 0.48));
+        assert!(found[8..].iter().all(|f| (2.4..=8.01).contains(&path_mm(f))));
         // A standing probe moves as the hand does, about its own poses.
         let standing = Poses { all: vec![timed(50)], what: "" };
         let moved = standing.at_speeds(&hand, 4, 8, period).unwrap();
         let (_, fast) = &moved[8];
         assert_eq!(fast.at, standing.spread(4)[0]);
         let length = |track: &Track| track.at.position_mm.distance(track.before[0].position_mm);
-        assert!((length(fast) - way(&found[8])).abs() < 1e-9);
+        assert!((length(fast) - path_mm(&found[8])).abs() < 1e-9);
         let still = Poses { all: (0..100).map(timed).collect(), what: "" };
         assert_eq!(still.at_speeds(&still, 4, 8, period), Err(ProbeSpeed::Slow));
     }

@@ -4,7 +4,9 @@
 //! start. While the session runs, the controller follows how many times as long frames and runs take as they did then, and
 //! predicts from it the time of every other point.
 
+mod change;
 mod hand;
+mod overrun;
 mod predict;
 mod reason;
 mod recent;
@@ -15,7 +17,7 @@ mod tests;
 
 pub use summary::{PointSummary, Switch};
 
-use self::predict::{AHEAD, START_SPREAD_MAX};
+use self::predict::START_SPREAD_MAX;
 use self::recent::Recent;
 use self::speed::SpeedWatch;
 use crate::pose::{BySpeed, ProbeSpeed};
@@ -23,29 +25,19 @@ use crate::render::FrameQuality;
 
 /// Frames by which a sudden load is recognised, and the fewest for that.
 const SUDDEN: (usize, usize) = (12, 8);
-/// Frames whose 95th percentile must keep the budget, the fewest for that, and for how long it may exceed it, s. A sudden
-/// load shows within that time, and is predicted better.
+/// Frames whose 95th percentile must keep the budget, and the fewest for that.
 const SETTLED: (usize, usize) = (96, 40);
-const OFTEN_S: f64 = 3.0;
 /// Part of the budget that a point may be predicted to take when it is chosen.
 const ROOM: f64 = 0.92;
 /// Time for which a better point must fit before it is chosen, s.
 const RISE_S: f64 = 6.0;
 /// Time after a change in which frames are ignored, s: buffers are rebuilt.
 const REST_S: f64 = 1.0;
-/// Time after a rise within which a fall counts as its failure, s.
-const SOON_S: f64 = 20.0;
 /// First and longest time for which a point that failed is not chosen again, s; it doubles each time.
 const RETRY_S: [f64; 2] = [60.0, 3840.0];
-/// Falls within this time count as one change, s: the first one may not have been enough.
-const ONE_FALL_S: f64 = 5.0;
 /// Changes within [`MINUTE_S`] after which a better point waits.
 const CHANGES: usize = 2;
 const MINUTE_S: f64 = 60.0;
-/// Frames without a run after which a generator counts as over its budget.
-const FRAMES_WITHOUT_RUN: u32 = 16;
-/// Failures in a row after which a generator is left.
-const FAILURES: u32 = 3;
 
 /// A way to make a frame, with its error and its times.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -298,149 +290,6 @@ impl PointController {
         }
     }
 
-    /// Makes the change that is due at `now_s`, if any, and returns it.
-    pub fn change(&mut self, now_s: f64) -> Option<PointChange> {
-        let current = self.point();
-        if let Some(index) = current.generator {
-            if !self.generate {
-                return self.switch_off(now_s);
-            }
-            if let Some((FAILURES.., reason)) = self.failures.get(index) {
-                let name = self.generators.get(index).map_or("", String::as_str);
-                let reason = format!("{name} failed {FAILURES} times in a row: {reason}");
-                self.block_generator(now_s, index);
-                return self.leave(now_s, reason);
-            }
-        } else if std::mem::take(&mut self.asked)
-            && let Some(change) = self.switch_on(now_s)
-        {
-            return Some(change);
-        }
-        if self.is_over() {
-            return self.fall(now_s);
-        }
-        self.follow_speed(now_s).or_else(|| self.rise(now_s))
-    }
-
-    /// Whether recent frames, or runs, are over the budget.
-    fn is_over(&self) -> bool {
-        let sudden = self.busy.percentile(0.5, SUDDEN.0, SUDDEN.1).is_some_and(|ms| ms > self.limit_ms());
-        let often = self.often_since.is_some_and(|since| self.last_s - since >= OFTEN_S);
-        let runs = self.slow_runs_ms().is_some();
-        sudden || often || runs || self.frames_without_run > FRAMES_WITHOUT_RUN
-    }
-
-    /// Median time of recent runs if it is over their own budget, ms.
-    fn slow_runs_ms(&self) -> Option<f64> {
-        let load = self.runs.percentile(0.5, SUDDEN.0, SUDDEN.1)?;
-        Some(load * self.point().run_ms).filter(|ms| *ms > self.budget.run_ms)
-    }
-
-    fn fall(&mut self, now_s: f64) -> Option<PointChange> {
-        let load = self.load(SUDDEN)?;
-        let spread = self.spread(SUDDEN);
-        let now_ms = self.busy_ms(&self.point(), load);
-        // The present point may seem to fit: its median does.
-        let to = self.best_below(now_s, load, spread, 1.0, now_ms);
-        let to = to.or_else(|| self.least(now_s, load, now_ms)).filter(|&to| to != self.current)?;
-        if self.raised_at.is_some_and(|at| now_s - at <= SOON_S) {
-            self.block_beyond(now_s);
-        } else {
-            self.retry_s[self.current] = RETRY_S[0];
-        }
-        let reason = self.overrun(load);
-        Some(self.go(now_s, to, false, reason))
-    }
-
-    /// What is over the budget, as text.
-    fn overrun(&self, load: Load) -> String {
-        let limit_ms = self.limit_ms();
-        let ms = self.busy.percentile(0.5, SUDDEN.0, 1).unwrap_or_else(|| self.busy_ms(&self.point(), load));
-        if self.frames_without_run > FRAMES_WITHOUT_RUN {
-            return format!("no run has ended for {FRAMES_WITHOUT_RUN} frames");
-        }
-        if ms > limit_ms {
-            return format!(
-                "frames take {ms:.0} ms of {limit_ms:.0}, {:.1} times as long as at the start",
-                self.slower(load)
-            );
-        }
-        if let Some(run_ms) = self.slow_runs_ms() {
-            return format!("runs take {run_ms:.0} ms of {:.0}", self.budget.run_ms);
-        }
-        let often_ms = self.busy.percentile(0.95, SETTLED.0, 1).unwrap_or(ms);
-        format!("one frame in twenty takes {often_ms:.0} ms or more, of {limit_ms:.0}; half of them take {ms:.0}")
-    }
-
-    fn rise(&mut self, now_s: f64) -> Option<PointChange> {
-        if self.fits_since.is_none_or(|since| self.last_s - since < RISE_S) || now_s - self.changes[0] < MINUTE_S {
-            return None;
-        }
-        let to = self.better(now_s)?;
-        let ms = self.busy_ms(&self.candidates[to], self.load(AHEAD)?);
-        let reason = format!("it is expected to take {ms:.0} ms of {:.0}", self.limit_ms());
-        Some(self.go(now_s, to, true, reason))
-    }
-
-    /// Blocks the present point, and all that take as long, for a while.
-    fn block_beyond(&mut self, now_s: f64) {
-        let wait_s = self.retry_s[self.current];
-        self.retry_s[self.current] = (2.0 * wait_s).min(RETRY_S[1]);
-        let failed_ms = self.expected_ms(&self.point());
-        for index in 0..self.candidates.len() {
-            if self.expected_ms(&self.candidates[index]) >= 0.97 * failed_ms {
-                self.blocked_until[index] = self.blocked_until[index].max(now_s + wait_s);
-            }
-        }
-    }
-
-    /// Blocks all points with a generator that failed, for a while.
-    fn block_generator(&mut self, now_s: f64, generator: usize) {
-        let wait_s = self.retry_s[self.current];
-        for index in 0..self.candidates.len() {
-            if self.candidates[index].generator == Some(generator) {
-                self.blocked_until[index] = now_s + wait_s;
-                self.retry_s[index] = (2.0 * wait_s).min(RETRY_S[1]);
-            }
-        }
-        self.failures[generator].0 = 0;
-    }
-
-    /// Leaves a generator for the best point without it.
-    fn leave(&mut self, now_s: f64, reason: String) -> Option<PointChange> {
-        let load = self.load(SUDDEN).unwrap_or(Load::START);
-        let to = self.best(now_s, load, self.spread(SUDDEN), 1.0);
-        let to = to.or_else(|| self.least(now_s, load, f64::INFINITY))?;
-        (to != self.current).then(|| self.go(now_s, to, false, reason))
-    }
-
-    fn go(&mut self, now_s: f64, to: usize, raised: bool, reason: String) -> PointChange {
-        let from = self.point();
-        if let Some(Load { render, run }) = self.load(SUDDEN).filter(|_| from.generator.is_some()) {
-            self.run_over_render = ((run / render.max(1e-3)).clamp(0.25, 4.0), now_s);
-        }
-        (self.before, self.current) = (self.current, to);
-        self.raised_at = raised.then_some(now_s);
-        let again = self.fell && !raised && now_s - self.changes[CHANGES - 1] < ONE_FALL_S;
-        if !again {
-            self.changes.rotate_left(1);
-        }
-        (self.changes[CHANGES - 1], self.changed_s) = (now_s, now_s);
-        self.fell = !raised;
-        self.rest(now_s);
-        let change = PointChange { from, to: self.point(), reason };
-        self.note(now_s, &change, raised);
-        change
-    }
-
-    /// Undoes the last change, for which the device had no room: its point is not chosen again.
-    pub fn refused(&mut self, now_s: f64) {
-        self.blocked_until[self.current] = f64::INFINITY;
-        (self.current, self.raised_at) = (self.before, None);
-        self.undo_note();
-        self.rest(now_s);
-    }
-
     /// Forgets the times so far and rests: the cost of frames changed at `now_s`.
     pub fn rest(&mut self, now_s: f64) {
         self.forget();
@@ -452,21 +301,5 @@ impl PointController {
         self.renders.clear();
         self.runs.clear();
         (self.frames_without_run, self.fits_since, self.often_since) = (0, None, None);
-    }
-
-    /// What is over the budget, if no point takes less than the present one; returned once per overrun and at most once per
-    /// minute.
-    pub fn over_at_least(&mut self, now_s: f64) -> Option<String> {
-        let load = self.load(SUDDEN);
-        let least = |load| self.least(now_s, load, self.busy_ms(&self.point(), load));
-        let over = self.is_over() && load.and_then(least) == Some(self.current);
-        let warn = over && !self.warned && now_s - self.warned_s >= MINUTE_S;
-        // The warning ends when frames fit again, not by a rest.
-        self.warned = warn || (self.warned && (over || self.busy.len() < SUDDEN.1));
-        if !warn {
-            return None;
-        }
-        self.warned_s = now_s;
-        Some(self.overrun(load?))
     }
 }

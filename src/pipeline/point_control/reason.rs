@@ -68,8 +68,8 @@ impl PointController {
             return format!("its 95th percentile is {busy_ms:.0} ms");
         }
         if busy_ms > ROOM * limit_ms {
-            let free = 100.0 * (1.0 - ROOM);
-            return format!("its 95th percentile is {busy_ms:.0} ms, and {free:.0} % of the budget stay free");
+            let percent = 100.0 * ROOM;
+            return format!("its 95th percentile is {busy_ms:.0} ms, above {percent:.0} % of the budget");
         }
         format!("the 95th percentile of its runs is {:.0} ms of {:.0}", spread * point.run_ms, self.budget.run_ms)
     }

@@ -6,6 +6,7 @@ mod reason;
 mod speed;
 
 use self::machine::*;
+use super::change::ONE_FALL_S;
 use super::predict::NEARLY;
 use super::*;
 
