@@ -40,8 +40,10 @@ class Browser:
         if port is None:
             raise RuntimeError("chromedriver did not start")
         self.base = f"http://127.0.0.1:{port}"
+        # WebGL in software, and the page composed as Chromium does without a GPU. With --use-angle=swiftshader the page is composed in
+        # software OpenGL, too: a frame of 1600 x 950 takes 170 ms of processor time in place of 45.
         arguments = [
-            "--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run",
+            "--headless", "--no-sandbox", "--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run",
             "--disable-background-networking", "--disable-component-update", "--disable-sync",
             "--hide-scrollbars", f"--user-data-dir={self.profile.name}/profile", f"--window-size={width},{height}",
         ]
