@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use glam::Vec3;
 use image::{Rgb, RgbImage};
 use insonify::anatomy::export::tissue_colour;
-use insonify::anatomy::phantom::{Lie, Organ, Parameters, PlacentaSite, landmarks, organs};
+use insonify::anatomy::phantom::{Lie, Organ, Parameters, PlacentaSite, Wall, landmarks, organs};
 use rayon::prelude::*;
 
 /// A plane: file name, centre, right and up on the picture, half width and half height, all mm.
@@ -39,6 +39,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             "placenta" => parameters.placenta = PlacentaSite::named(value).ok_or("no such site")?,
             "fluid" => parameters.fluid_index_mm = value.parse()?,
             "fat" => parameters.maternal_fat_mm = value.parse()?,
+            "wall" => parameters.wall = Wall::named(value).ok_or("no such wall")?,
+            "recti_lens" => parameters.recti_lens = value.parse()?,
             "seed" => parameters.seed = value.parse()?,
             "only" => value.clone_into(&mut only),
             _ => return Err(format!("no option {key}").into()),

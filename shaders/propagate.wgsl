@@ -1,5 +1,5 @@
-// Propagation of the modes from plane to plane through the transmission of the scan plane: an angular spectrum.
-// Out: field of each mode at each node before the interval of each plane
+// Propagation of the modes from plane to plane through the transmission and the delays of the scan plane: an angular
+// spectrum. Out: field of each mode at each cell before the interval of each plane
 // [modes × planes × (real parts, imaginary parts) × cells]. A workgroup per mode.
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -9,7 +9,7 @@
 @group(0) @binding(3) var<storage, read> face: array<f32>;
 // Propagation of each spatial frequency to each plane, over the number of cells [planes × cells].
 @group(0) @binding(4) var<storage, read> steps: array<vec2<f32>>;
-@group(0) @binding(5) var<storage, read> transmissions: array<f32>;
+@group(0) @binding(5) var<storage, read> transmissions: array<vec2<f32>>;
 @group(0) @binding(6) var<storage, read_write> fields: array<f32>;
 
 const THREADS: u32 = 64u;
@@ -70,14 +70,11 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) l
         }
         workgroupBarrier();
         inverse(local.x);
-        let node_cells = node_cells_at(plane);
         let row = (slot * aperture.planes + plane) * 2u * cells;
         for (var cell = local.x; cell < cells; cell += THREADS) {
-            if cell % node_cells == 0u {
-                fields[row + cell / node_cells] = field[cell].x;
-                fields[row + cells + cell / node_cells] = field[cell].y;
-            }
-            field[cell] *= transmissions[plane * cells + cell];
+            fields[row + cell] = field[cell].x;
+            fields[row + cells + cell] = field[cell].y;
+            field[cell] = times(field[cell], transmissions[plane * cells + cell]);
         }
         workgroupBarrier();
     }

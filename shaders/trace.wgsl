@@ -301,14 +301,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             if MOVING {
                 carried_mm = select(vec3<f32>(0.0), displacements[chosen].xyz, moves);
             }
-            if REFRACTION {
-                var ratio = speed_ratio;
-                var cos_beyond = split.cos_transmitted;
-                if by_aperture {
-                    ratio = select(beyond.seen_bending / tissue.seen_bending, 1.0, beyond.seen_bending == tissue.seen_bending);
-                    cos_beyond = interface_between(1.0, 1.0, ratio, cos_incident).cos_transmitted;
-                }
-                let bent = ratio * direction + (ratio * cos_incident - cos_beyond) * normal;
+            // Beams bend by the delays over the aperture, not by the facet that a path meets.
+            if REFRACTION && is_diverted {
+                let cos_beyond = split.cos_transmitted;
+                let bent = speed_ratio * direction + (speed_ratio * cos_incident - cos_beyond) * normal;
                 if cos_beyond > 0.0 && dot(bent, normal) < 0.0 {
                     direction = normalize(bent);
                 }

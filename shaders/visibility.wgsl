@@ -14,7 +14,7 @@
 @group(0) @binding(5) var<storage, read> powers: array<f32>;
 @group(0) @binding(6) var<storage, read> row_np: array<f32>;
 @group(0) @binding(7) var<storage, read_write> line_gains: array<vec4<f32>>;
-// Gain of each block of samples as amplitude, and its reciprocal [scanlines × blocks].
+// Gain of each block of samples as amplitude, and its place among the planes [scanlines × blocks].
 @group(0) @binding(8) var<storage, read_write> block_gains: array<vec2<f32>>;
 
 fn node_root(plane: u32, node: u32) -> f32 {
@@ -76,7 +76,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         // At the first sample: a face within the block counts as not yet crossed.
         let range_mm = (f32(block << BLOCK_SHIFT) + 0.5) * params.sample_spacing_mm;
         at = segment_from(guide, at, range_mm);
-        let gain_np = gain_without_shared(line, range_mm, loss_on(guide, at, range_mm));
-        block_gains[line * blocks + block] = vec2<f32>(exp(gain_np), exp(-gain_np));
+        let place = place_of(line, range_mm, loss_on(guide, at, range_mm));
+        block_gains[line * blocks + block] = vec2<f32>(exp(gain_at(line, place)), place);
     }
 }

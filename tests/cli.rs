@@ -556,6 +556,30 @@ fn the_doctors_exit_code_reports_defects() {
     refused(&insonify(&["doctor", text(&path)]), &["is not a whole glTF file"]);
 }
 
+#[test]
+fn the_doctor_tells_how_a_wall_aberrates() {
+    let dir = directory();
+    let path = dir.path().join("wedge.glb");
+    // Half the aperture lies over fat: 20 mm of it delay a ray by 806 ns.
+    let mesh = cuboid(Vec3::new(0.0, -60.0, 5.0), Vec3::new(90.0, 60.0, 25.0));
+    write_glb(&[LabelledSurface { name: "half".into(), tissue: "fat".into(), priority: 1, mesh }], &path).unwrap();
+    let without_pose = insonify(&["doctor", text(&path)]);
+    assert_eq!(String::from_utf8_lossy(&without_pose.stdout), "nothing is wrong: 1 surface, 12 triangles\n");
+    let at_pose = insonify(&["doctor", text(&path), "--pose", "0,0,0,1,0,0,0"]);
+    succeeded(&at_pose);
+    let told = String::from_utf8_lossy(&at_pose.stdout).into_owned();
+    assert_eq!(told.lines().filter(|line| line.starts_with("aberration to ")).count(), 3, "{told}");
+    let json = insonify(&["doctor", text(&path), "--pose", "0,0,0,1,0,0,0", "--json"]);
+    let json: Value = serde_json::from_slice(&json.stdout).unwrap();
+    let at_40_mm = &json["aberration"][1];
+    assert_eq!(at_40_mm["depth_mm"], 40.0);
+    // A step: a quarter of its height remains beside the best-fit line where it is in the middle of the aperture, and at
+    // most 0.29 of it elsewhere.
+    let most = at_40_mm["delay_rms_ns"][1].as_f64().unwrap();
+    assert!((195.0..245.0).contains(&most), "{json}");
+    assert!(at_40_mm["tilt_mrad"][1].as_f64().unwrap() > 50.0 && at_40_mm["wall"].is_string(), "{json}");
+}
+
 /// Writes a grey image of speckle-like levels.
 fn grey_image(path: &Path, width: u32, height: u32, seed: u32) {
     let level = |i: u32| ((i ^ seed.wrapping_mul(77)).wrapping_mul(2_654_435_761) >> 25) as u8 + (i % width) as u8 / 2;

@@ -300,8 +300,8 @@ fn random_noise_in_the_target_is_measured() {
     };
     let (psnr, ssim, output) = judge();
     assert!(!String::from_utf8_lossy(&output.stdout).contains("its own seed"));
-    // Chance leaves a small error; averaging squares leaves less.
-    assert!(psnr[1] > 25.0 && psnr[1] + 1.0 < psnr[2] && psnr[2] < 80.0, "{psnr:?}");
+    // Chance leaves a small error, near that of grey levels; averaging squares leaves less.
+    assert!(psnr[1] > 25.0 && psnr[1] + 0.3 < psnr[2] && psnr[2] < 80.0, "{psnr:?}");
     assert!(ssim[1] > 0.8 && ssim[1] < ssim[2] && ssim[2] < 1.0, "{ssim:?}");
 
     // A target that this program can't render is reported.

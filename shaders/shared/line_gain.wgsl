@@ -50,12 +50,12 @@ fn gain_at(line: u32, place: f32) -> f32 {
     return mix(line_gains[row].z, line_gains[row + 1u].z, at - f32(low));
 }
 
-// `scatterer_gain_at` without the loss that all scanlines share.
-fn gain_without_shared(line: u32, range_mm: f32, loss_np: f32) -> f32 {
+// Place among the planes of scatterers at a range that the scanline reaches with a loss of `loss_np`.
+fn place_of(line: u32, range_mm: f32, loss_np: f32) -> f32 {
     let index = interval_index(range_mm);
     let interval = interval_at(line, index);
     let part = range_mm / aperture.plane_mm - f32(index);
-    return gain_at(line, place_within(interval, part, lost_part(interval, part, loss_np)));
+    return place_within(interval, part, lost_part(interval, part, loss_np));
 }
 
 // ln of the amplitude, two-way, of scatterers at a range that the scanline reaches with a loss of `loss_np`.

@@ -74,8 +74,9 @@ struct Params {
     steer_sin: f32,
     // First word of the places of this look's pixels.
     look_words: u32,
+    // Range by which the wavefront of a steered look falls behind from one scanline to the next, mm.
+    steer_shift_mm: f32,
     pad0: u32,
-    pad1: u32,
     sheets: array<SheetFamily, SHEET_FAMILIES>,
     // Settings of [image]; a generated function reads each: image_gain_db(), image_tgc_sliders_db(index).
     image: array<vec4<u32>, IMAGE_QUADS>,

@@ -15,7 +15,7 @@ struct Tissue {
     coherence: f32,
     // c/c₀ in Snell's and Fresnel's laws; 1 without refraction.
     bending: f32,
-    // Both for paths whose loss the aperture's gain replaces; 1 in hard media.
+    // `speed_ratio` of paths whose loss the aperture's gain replaces; 1 in hard media.
     seen_speed_ratio: f32,
-    seen_bending: f32,
+    pad0: u32,
 }

@@ -5,7 +5,11 @@ use std::path::{Path, PathBuf};
 use anyhow::anyhow;
 use clap::Parser;
 use insonify::anatomy::TissueTable;
+use insonify::anatomy::doctor::aberration::{Aperture, Caster, Summary};
 use insonify::anatomy::doctor::{Finding, Report, Settings, Severity, examine};
+use insonify::anatomy::{Scene, import};
+use insonify::pose::Pose;
+use insonify::settings::Probe;
 use insonify::station::Station;
 use serde::Serialize;
 
@@ -17,15 +21,20 @@ use super::{Classify, Failure, input, output};
 /// Say what is wrong with a scene, where, and what to do about it in the modelling program.
 ///
 /// A scene alone is examined with the built-in tissues; a station file also tells its own tissues and where the probe
-/// starts. Findings are errors (refused, or simulated wrongly), warnings (mended while loading, or wrong in places) and
+/// starts. At a pose, the station's or `--pose`, it tells how the tissue before the probe aberrates. Findings are errors (refused, or simulated wrongly), warnings (mended while loading, or wrong in places) and
 /// notes. Exit code 1 where there is an error, 0 without one, 2 where the file cannot be read at all.
 #[derive(Debug, Parser)]
 #[command(after_help = "Examples:\n  \
                         insonify doctor belly.glb\n  \
-                        insonify doctor configs/gallbladder_stones.toml --json")]
+                        insonify doctor configs/gallbladder_stones.toml --json\n  \
+                        insonify doctor belly.glb --pose 0,0,83.5,0,1,0,0")]
 pub(crate) struct Args {
     /// Scene (.glb, .gltf) or station file (.toml)
     scene: PathBuf,
+
+    /// Pose of a probe whose aberration is told, as x,y,z,qw,qx,qy,qz in mm; the station's if left out
+    #[arg(long, allow_hyphen_values = true)]
+    pose: Option<Pose>,
 
     /// Print the findings as JSON
     #[arg(long)]
@@ -37,6 +46,24 @@ struct Printed<'a> {
     path: &'a Path,
     #[serde(flatten)]
     report: &'a Report,
+    aberration: &'a [Summary],
+}
+
+/// Width of the aperture over which delays are compared, mm.
+const APERTURE_MM: f64 = 30.0;
+/// Depths at which they are told, mm: in a wall, below most walls, below all of them.
+const DEPTHS_MM: [f64; 3] = [20.0, 40.0, 60.0];
+/// Number of apertures along the face.
+const BEAMS: u32 = 9;
+
+/// Aberration of a probe at `pose`, by depth.
+fn aberration(scene: &Scene, probe: &Probe, pose: &Pose) -> Vec<Summary> {
+    let caster = Caster::of(scene);
+    let fraction = |i: u32| (f64::from(i) + 0.5) / f64::from(BEAMS);
+    let beams: Vec<_> = (0..BEAMS).map(|i| probe.ray(probe.lateral_coordinate(fraction(i)))).collect();
+    let face_radius_mm = probe.face_radius_mm().filter(|&radius_mm| radius_mm > 0.0);
+    let at = |depth_mm| caster.summary(pose, &beams, &Aperture { width_mm: APERTURE_MM, face_radius_mm, depth_mm });
+    DEPTHS_MM.into_iter().filter_map(at).collect()
 }
 
 /// Runs the command.
@@ -54,18 +81,28 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     // The background counts as used, although no surface has it.
     let own_tissues: Vec<String> =
         own.filter(|name| station.as_ref().is_none_or(|s| s.background != **name)).cloned().collect();
-    let start = station.as_ref().and_then(|s| s.default_pose.map(|pose| (pose, s.probe.depth_mm)));
+    let probe = station.as_ref().map_or_else(Probe::default, |s| s.probe);
+    let pose = args.pose.or(station.as_ref().and_then(|s| s.default_pose));
+    let start = pose.map(|pose| (pose, probe.depth_mm));
     let progress = Progress::new("doctor", 0);
     let background = station.as_ref().and_then(|s| tissues.index_of(&s.background));
     let settings = Settings { tissues, own_tissues: &own_tissues, background, start };
     let report = examine(path, &settings, &|done, total| progress.set(done, total))?;
     drop(progress);
+    let errors = report.count(Severity::Error);
+    let aberration = match pose {
+        Some(pose) if errors == 0 => {
+            aberration(&import::load(path, tissues, background.unwrap_or_default())?, &probe, &pose)
+        }
+        _ => Vec::new(),
+    };
     if args.json {
-        output::json(&Printed { path, report: &report })?;
+        output::json(&Printed { path, report: &report, aberration: &aberration })?;
     } else {
         print(&report)?;
+        aberration.iter().try_for_each(|summary| output::line(told(summary)))?;
     }
-    match report.count(Severity::Error) {
+    match errors {
         0 => Ok(()),
         errors => Err(Failure::Other(anyhow!("{} has {}", path.display(), counted(errors, "error")))),
     }
@@ -81,6 +118,16 @@ fn print(report: &Report) -> Result<(), Failure> {
     let errors = of_severity(Severity::Error, "error");
     let (warnings, notes) = (of_severity(Severity::Warning, "warning"), of_severity(Severity::Note, "note"));
     output::line(format!("\n{errors}, {warnings}, {notes} in {of}"))
+}
+
+fn told(summary: &Summary) -> String {
+    let Summary { depth_mm, delay_rms_ns: [rms, most], tilt_mrad: [tilt, steepest], correlation_mm, wall } = summary;
+    let length = correlation_mm.map_or_else(|| "-".to_owned(), |mm| format!("{mm:.1} mm"));
+    format!(
+        "aberration to {depth_mm:.0} mm: delays {rms:.0} ns rms over {APERTURE_MM:.0} mm (at most {most:.0}), tilt \
+         {tilt:.1} mrad (at most {steepest:.1}), correlation length {length}: {}",
+        wall.name()
+    )
 }
 
 fn line(finding: &Finding) -> String {

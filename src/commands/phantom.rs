@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use clap::Parser;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use insonify::anatomy::export::write_moving_glb;
-use insonify::anatomy::phantom::{Lie, Parameters, PhantomOptions, PhantomSurface, PlacentaSite, build, movement};
+use insonify::anatomy::phantom::{
+    Lie, Parameters, PhantomOptions, PhantomSurface, PlacentaSite, Wall, build, movement,
+};
 use insonify::anatomy::planes;
 use insonify::sink::write_json;
 use serde::Serialize;
@@ -31,7 +33,7 @@ pub(crate) struct Args {
     #[arg(long)]
     force: bool,
 
-    /// Number of triangles over that of the full phantom, 0.01..=20; refused where the finest parts would be lost (below about 0.21; the message says the least)
+    /// Number of triangles over that of the full phantom, 0.01..=20; refused where the finest parts would be lost (below about 0.24; the message says the least)
     #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true)]
     scale: f64,
 
@@ -59,9 +61,17 @@ pub(crate) struct Args {
     #[arg(long, value_name = "MM", default_value_t = Parameters::default().fluid_index_mm, allow_negative_numbers = true)]
     fluid_index: f64,
 
-    /// The mother's subcutaneous fat over the belly in mm, 5..=60
-    #[arg(long, value_name = "MM", default_value_t = Parameters::default().maternal_fat_mm, allow_negative_numbers = true)]
-    fat: f64,
+    /// The mother's subcutaneous fat over the belly in mm, 5..=60 [default: 13.5; 24 with a hard wall]
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    fat: Option<f64>,
+
+    /// How strongly the abdominal wall aberrates: 13, 45 or 71 ns rms over 30 mm of aperture in the median
+    #[arg(long, value_name = "WALL", default_value = Parameters::default().wall.name(), value_parser = wall())]
+    wall: Wall,
+
+    /// Fill the gap between the recti with fat: a lens that doubles what lies behind the midline
+    #[arg(long)]
+    recti_lens: bool,
 
     /// Seed of what differs from one individual to the next
     #[arg(long, value_name = "N", default_value_t = Parameters::default().seed)]
@@ -80,6 +90,10 @@ fn site() -> impl TypedValueParser<Value = PlacentaSite> {
     PossibleValuesParser::new(PlacentaSite::NAMES).try_map(|word| PlacentaSite::named(&word).ok_or("no such site"))
 }
 
+fn wall() -> impl TypedValueParser<Value = Wall> {
+    PossibleValuesParser::new(Wall::NAMES).try_map(|word| Wall::named(&word).ok_or("no such wall"))
+}
+
 impl Args {
     fn options(&self) -> PhantomOptions {
         let parameters = Parameters {
@@ -89,7 +103,9 @@ impl Args {
             flexion: self.flexion,
             placenta: self.placenta,
             fluid_index_mm: self.fluid_index,
-            maternal_fat_mm: self.fat,
+            maternal_fat_mm: self.fat.unwrap_or(self.wall.fat_mm()),
+            wall: self.wall,
+            recti_lens: self.recti_lens,
             seed: self.seed,
         };
         PhantomOptions { scale: self.scale, parameters }

@@ -48,6 +48,7 @@ pub fn parameters(seed: u64) -> Parameters {
         maternal_fat_mm: within(&mut random, 8.0, 30.0),
         // JSON readers hold integers up to 2^53.
         seed: whole(&mut random),
+        ..Parameters::default()
     }
 }
 

@@ -108,6 +108,13 @@ pub(crate) const HARD_SPEED: f64 = 0.15;
 /// Greatest ratio of a scanline's own gain to its neighbour's in `lateral`. Scatterers need no limit; echoes of reflected
 /// paths don't carry the gain and must not be amplified.
 pub(crate) const NEIGHBOUR_GAIN_MAX: f64 = 4.0;
+/// Unlikeness of a beam's profile to an unobstructed one, 1 less their squared correlation, from which the profile alone
+/// weighs a scanline's neighbours.
+pub(crate) const UNLIKE: f64 = 0.02;
+/// Amplitude of a profile over its greatest one below which its ends are cut: −26 dB.
+pub(crate) const PROFILE_CUT: f64 = 0.05;
+/// Least difference of range and depth that counts as a delay, mm per mm: 0.005 m/s.
+pub(crate) const DELAY_MIN: f64 = 3.0e-6;
 /// Least transmission of a row of cells, which the row's common loss is taken from.
 pub(crate) const TRANSMISSION_MIN: f64 = 1.0e-20;
 /// Most cells along the face of the aperture's grid.

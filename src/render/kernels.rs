@@ -59,6 +59,10 @@ impl fmt::Display for ClippedKernel {
 pub(crate) struct Kernels {
     /// [blocks of DEPTH_BLOCK samples][2·lateral_half + 1], each block's sum 1.
     pub(crate) lateral: Vec<f32>,
+    /// Sum of the squares of each block's kernel.
+    pub(crate) power: Vec<f32>,
+    /// Scanlines to either side that each block's kernel reaches.
+    pub(crate) reach: Vec<u32>,
     pub(crate) lateral_half: u32,
     /// [2·axial_half + 1] between PULSE_PAD zeros, 1 at the peak.
     pub(crate) pulse: Vec<f32>,
@@ -70,9 +74,10 @@ pub(crate) struct Kernels {
 
 impl Kernels {
     /// Kernels within the settings' caps. Only kernels cut by the limits of passes count as clipped: caps are intended.
-    pub(crate) fn new(probe: &Probe, settings: &RenderSettings, sheets: Option<&Sheets>) -> Self {
+    /// Kernels leave room for `reach` scanlines to either side.
+    pub(crate) fn new(probe: &Probe, settings: &RenderSettings, sheets: Option<&Sheets>, reach: u32) -> Self {
         let half = |taps: u32| taps.saturating_sub(1) / 2;
-        let (lateral_half, kernels, clipped_beam) = lateral_kernels(probe, half(settings.beam_taps_max));
+        let (lateral_half, kernels, clipped_beam) = lateral_kernels(probe, half(settings.beam_taps_max), reach);
         let (axial_half, pulse, clipped_pulse) = pulse(probe, half(settings.pulse_taps_max));
         let axial_gain = match sheets {
             Some(sheets) => axial_speckle_gain(&pulse, probe.sample_spacing_mm(), sheets.shared()),
@@ -88,6 +93,8 @@ impl Kernels {
             .collect();
         Self {
             lateral: kernels.iter().map(|&w| w as f32).collect(),
+            reach: kernels.chunks_exact(width).map(|kernel| reach_of(kernel, lateral_half)).collect(),
+            power: kernels.chunks_exact(width).map(|k| k.iter().map(|w| w * w).sum::<f64>() as f32).collect(),
             lateral_half,
             pulse: padded(&pulse),
             axial_half,
@@ -100,7 +107,7 @@ impl Kernels {
 /// Half width and kernels of the lateral beam for each block of samples: the two-way profile by diffraction, with its
 /// side lobes. Real weights give a point its image, and diffuse clutter its power; of phases beside the axis only the
 /// sum over a smooth plate would tell, whose level the kernel's sum of 1 keeps.
-fn lateral_kernels(probe: &Probe, cap: u32) -> (u32, Vec<f64>, Option<ClippedKernel>) {
+fn lateral_kernels(probe: &Probe, cap: u32, reach: u32) -> (u32, Vec<f64>, Option<ClippedKernel>) {
     let blocks = probe.samples.div_ceil(DEPTH_BLOCK);
     let depth_mm = |block: u32| {
         let sample = (f64::from(block) + 0.5) * f64::from(DEPTH_BLOCK);
@@ -112,7 +119,7 @@ fn lateral_kernels(probe: &Probe, cap: u32) -> (u32, Vec<f64>, Option<ClippedKer
     let array = probe.scanlines.max(2) - 1;
     let lines = |block: u32, reach_mm: f64| ((reach_mm / spacing_mm(block)).ceil() as u32).clamp(1, array);
     let wanted = |block: u32| lines(block, beam.at(depth_mm(block)).reach_mm());
-    let half = (0..blocks).map(wanted).max().unwrap_or(1).min(LATERAL_HALF_MAX).min(cap);
+    let half = (0..blocks).map(wanted).max().unwrap_or(1).max(reach.min(array)).min(LATERAL_HALF_MAX).min(cap);
     // Side lobes beyond the limit are missing without a word; a cut main lobe is reported.
     let main_lobe = |block: u32| lines(block, MAIN_LOBE * beam.at(depth_mm(block)).half_width_mm());
     let mut cut = (0..blocks).filter(|&block| main_lobe(block) > LATERAL_HALF_MAX && half == LATERAL_HALF_MAX);
@@ -135,6 +142,12 @@ fn lateral_kernels(probe: &Probe, cap: u32) -> (u32, Vec<f64>, Option<ClippedKer
         kernels.extend(kernel.iter().map(|w| w / sum));
     }
     (half, kernels, clipped)
+}
+
+/// Taps to either side of a kernel's middle that are not zero.
+fn reach_of(kernel: &[f64], half: u32) -> u32 {
+    let first = kernel.iter().position(|&weight| weight > 0.0).unwrap_or(0);
+    half - (first as u32).min(half)
 }
 
 /// A Gaussian of standard deviation `sigma`, 1 at its peak, `half` taps to either side.
@@ -200,12 +213,12 @@ mod tests {
     use super::*;
 
     fn new(probe: &Probe) -> Kernels {
-        Kernels::new(probe, &RenderSettings::default(), None)
+        Kernels::new(probe, &RenderSettings::default(), None, 0)
     }
 
     #[test]
     fn kernels_are_normalised() {
-        let (half, kernels, _) = lateral_kernels(&Probe::default(), LATERAL_HALF_MAX);
+        let (half, kernels, _) = lateral_kernels(&Probe::default(), LATERAL_HALF_MAX, 0);
         for kernel in kernels.chunks_exact(2 * half as usize + 1) {
             assert!((kernel.iter().sum::<f64>() - 1.0).abs() < 1e-12);
         }
@@ -241,7 +254,7 @@ mod tests {
         let whole = new(&probe);
         for taps in [3, 4, 5] {
             let capped = RenderSettings { beam_taps_max: taps, pulse_taps_max: taps, ..RenderSettings::default() };
-            let cut = Kernels::new(&probe, &capped, None);
+            let cut = Kernels::new(&probe, &capped, None, 0);
             let half = (taps - 1) / 2;
             assert_eq!((cut.lateral_half, cut.axial_half), (half, half));
             assert_eq!(cut.clipped, []);

@@ -118,7 +118,9 @@ pub(crate) struct Params {
     pub(crate) steer: [f32; 2],
     /// First word of the places of this look's pixels.
     pub(crate) look_words: u32,
-    pub(crate) padding: [u32; 2],
+    /// Range by which the wavefront of a steered look falls behind from one scanline to the next, mm.
+    pub(crate) steer_shift_mm: f32,
+    pub(crate) padding: u32,
     pub(crate) sheets: [SheetFamily; SHEET_FAMILIES as usize],
     /// Every setting of `[image]`.
     pub(crate) image: ImageUniforms,
@@ -187,7 +189,8 @@ impl Params {
             noise_seed: 0,
             steer: [1.0, 0.0],
             look_words: 0,
-            padding: [0; 2],
+            steer_shift_mm: 0.0,
+            padding: 0,
             sheets: bytemuck::Zeroable::zeroed(),
             image: image.into(),
             tail: [0; TAIL],
@@ -198,6 +201,8 @@ impl Params {
     pub(crate) fn set_look(&mut self, tables: &Tables, look: usize) {
         let steer_rad = tables.looks.get(look).map_or(0.0, |look| look.steer_rad);
         self.steer = [steer_rad.cos() as f32, steer_rad.sin() as f32];
+        // Scanlines of a curved face turn about its centre of curvature: the shift is that of the face at all depths.
+        self.steer_shift_mm = (tables.face_spacing_mm * steer_rad.sin()) as f32;
         // The straight look's places come first.
         let steered = tables.looks.get(look).is_some_and(|look| !look.pixels.is_empty());
         self.look_words = if steered { (look as u32 + 1) * self.sector_words } else { 0 };

@@ -8,7 +8,8 @@ use super::constants::{
 };
 use super::frame::unpad;
 use super::twin::{
-    Aperture, Boundary, Inputs, Launched, Membership, Path, RasterPoint, Run, Sections, Segment, Transmission,
+    Aperture, BlockGain, Boundary, Inputs, Launched, Membership, Path, Profile, RasterPoint, Run, Sections, Segment,
+    Transmission,
 };
 
 /// Outputs of every pass of one frame, in the layouts of the shaders; images without their padding.
@@ -22,13 +23,17 @@ pub(super) struct PassBuffers {
     pub(super) segment_counts: Vec<u32>,
     pub(super) hints: Vec<u32>,
     /// `transmission`: mask [planes × cells] and the loss of each row's best cell.
-    pub(super) mask: Vec<f32>,
+    pub(super) mask: Vec<[f32; 2]>,
     pub(super) row_np: Vec<f32>,
     /// `propagate`, and the first plane that it fills.
     pub(super) fields: Vec<f32>,
     pub(super) first_plane: u32,
-    /// `beams` [planes × cells].
+    /// `beams`: amplitudes [planes × beams × cells] from the first plane on, powers [planes × cells].
+    pub(super) amplitudes: Vec<f32>,
     pub(super) beam_powers: Vec<f32>,
+    /// `profiles`: weights [planes × scanlines × taps], blends [planes × scanlines].
+    pub(super) profiles: Vec<f32>,
+    pub(super) blends: Vec<[f32; 3]>,
     /// `visibility` [scanlines × (planes + 1)].
     pub(super) line_gains: Vec<[f32; 4]>,
     /// `visibility` [scanlines × blocks].
@@ -66,17 +71,20 @@ pub struct Snapshot {
     pub hint_block: usize,
     /// `transmission`; empty without the aperture, as the next three.
     pub transmission: Transmission,
-    /// `propagate`: field of each mode at each node [modes × planes × cells], the first nodes of each row, from
-    /// `first_plane` on.
+    /// `propagate`: field of each mode at each cell [modes × planes × cells], from `first_plane` on.
     pub fields: Vec<DVec2>,
     /// First plane of `fields`.
     pub first_plane: usize,
+    /// `beams`: amplitude of each beam of a period at each cell [planes × beams × cells], from `first_plane` on.
+    pub amplitudes: Vec<f64>,
     /// `beams`: echo power at each node [planes × cells], the first nodes of each row.
     pub beam_powers: Vec<f64>,
+    /// `profiles` [planes × scanlines].
+    pub profiles: Vec<Profile>,
     /// `visibility` [scanlines × (planes + 1)].
     pub line_gains: Vec<Boundary>,
-    /// `visibility`: gain of each block and its reciprocal [scanlines × blocks].
-    pub block_gains: Vec<[f64; 2]>,
+    /// `visibility`: gain of each block and its place [scanlines × blocks].
+    pub block_gains: Vec<BlockGain>,
     /// `march`: baseband of the scatterers [scanlines × samples].
     pub scattered: Vec<DVec2>,
     /// `echo`: the same with the interfaces' echoes.
@@ -131,6 +139,8 @@ impl Snapshot {
             transmission: transmission_from(&buffers, &inputs),
             fields: fields_from(&buffers, &inputs),
             first_plane: buffers.first_plane as usize,
+            amplitudes: wide(&buffers.amplitudes, of_aperture(&inputs, |a| a.planes * a.beams * a.cells)),
+            profiles: profiles_from(&buffers, &inputs),
             beam_powers: wide(&buffers.beam_powers, of_aperture(&inputs, |a| a.planes * a.cells)),
             line_gains: line_gains_from(&buffers, &inputs),
             block_gains: block_gains_from(&buffers, &inputs),
@@ -164,7 +174,7 @@ fn wide(values: &[f32], count: usize) -> Vec<f64> {
 
 fn transmission_from(buffers: &PassBuffers, inputs: &Inputs) -> Transmission {
     Transmission {
-        mask: wide(&buffers.mask, of_aperture(inputs, |a| a.planes * a.cells)),
+        mask: buffers.mask.iter().take(of_aperture(inputs, |a| a.planes * a.cells)).map(complex).collect(),
         row_np: wide(&buffers.row_np, of_aperture(inputs, |a| a.planes)),
     }
 }
@@ -189,9 +199,27 @@ fn line_gains_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<Boundary> {
     buffers.line_gains.iter().take(count).map(boundary).collect()
 }
 
-fn block_gains_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<[f64; 2]> {
+fn block_gains_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<BlockGain> {
     let count = of_aperture(inputs, |_| inputs.scanlines * inputs.blocks());
-    buffers.block_gains.iter().take(count).map(|gain| gain.map(f64::from)).collect()
+    let gain = |&[gain, place]: &[f32; 2]| BlockGain { gain: gain.into(), place: place.into() };
+    buffers.block_gains.iter().take(count).map(gain).collect()
+}
+
+/// Profiles with zeros beyond their ends, which the passes do not read.
+fn profiles_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<Profile> {
+    let taps = inputs.lateral_kernels[0].len();
+    let count = of_aperture(inputs, |a| inputs.scanlines * a.planes);
+    let profile = |(weights, &[kept, first, end]): (&[f32], &[f32; 3])| {
+        let within = |(tap, &weight): (usize, &f32)| {
+            if (first as usize..end as usize).contains(&tap) { weight.into() } else { 0.0 }
+        };
+        Profile { kept: kept.into(), weights: weights.iter().enumerate().map(within).collect() }
+    };
+    buffers.profiles.chunks_exact(taps).zip(&buffers.blends).take(count).map(profile).collect()
+}
+
+fn complex(&[re, im]: &[f32; 2]) -> DVec2 {
+    DVec2::new(re.into(), im.into())
 }
 
 fn launches_from(buffers: &PassBuffers) -> Vec<Launched> {

@@ -42,7 +42,7 @@ pub(crate) struct PackedTissue {
     pub(crate) coherence: f32,
     pub(crate) bending: f32,
     pub(crate) seen_speed_ratio: f32,
-    pub(crate) seen_bending: f32,
+    pub(crate) padding: u32,
 }
 
 impl PackedTissue {
@@ -73,7 +73,7 @@ impl PackedTissue {
             coherence: (-phase * phase / 6.0).exp() as f32,
             bending: of(Effect::Refraction, speed_ratio, 1.0) as f32,
             seen_speed_ratio: of(Effect::SpeedDisplacement, seen_ratio, 1.0) as f32,
-            seen_bending: of(Effect::Refraction, seen_ratio, 1.0) as f32,
+            padding: 0,
         }
     }
 }
@@ -99,6 +99,8 @@ pub(crate) struct Tables {
     pub(crate) map_depths: u32,
     /// Spacing of those depths, and largest spacing of neighbouring map rays, mm.
     pub(crate) map_step_mm: f64,
+    /// Distance of neighbouring scanlines at the face, mm.
+    pub(crate) face_spacing_mm: f64,
     /// Of each path of a scanline [layers × rays]: elevational offset at the face (mm), slope, length per mm of depth, 0.
     pub(crate) elevations: Vec<[f32; 4]>,
     pub(crate) tissues: Vec<PackedTissue>,
@@ -152,7 +154,9 @@ impl Tables {
         // Tile by tile: pixels near each other read the same part of the scanlines and of the maps.
         sector_words.par_sort_unstable_by_key(|&i| (i / row_words / TILE_ROWS, i % row_words / TILE_WORDS, i));
         let sheets = effects.has(Effect::ElevationalSpeckle).then(|| Sheets::new(probe));
-        let kernels = Kernels::new(probe, settings, sheets.as_ref());
+        let aperture = if effects.has(Effect::Aperture) { ApertureTables::new(probe, settings.quality) } else { None };
+        let reach = aperture.as_ref().map_or(0, ApertureTables::reach_lines);
+        let kernels = Kernels::new(probe, settings, sheets.as_ref(), reach);
         let near = effects.has(Effect::Contact) || effects.has(Effect::Clutter);
         Self {
             near_field: near.then(|| NearField::new(probe, &kernels.pulse)),
@@ -161,11 +165,12 @@ impl Tables {
             map_ray_count,
             map_depths: (probe.depth_mm / map_step_mm).ceil() as u32 + 2,
             map_step_mm,
+            face_spacing_mm: probe.line_spacing_mm(0.0),
             elevations: elevations(probe, settings.quality.rays, settings.quality.layers),
             tissues: tissues.iter().enumerate().map(|(i, t)| PackedTissue::new(i, t, probe, effects)).collect(),
             textures: if effects.has(Effect::Texture) { textures(tissues) } else { Vec::new() },
             kernels,
-            aperture: if effects.has(Effect::Aperture) { ApertureTables::new(probe, settings.quality) } else { None },
+            aperture,
             sheets,
             pixels,
             sector_words,

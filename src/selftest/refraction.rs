@@ -1,4 +1,6 @@
-//! Directions of refracted paths compared with Snell's law.
+//! Directions of refracted paths compared with Snell's law. Paths bend once they have reflected: a mirror turns them first.
+
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
@@ -14,7 +16,9 @@ use crate::render::RenderError;
 const CASES: [(f64, f64, f64, f64); 2] = [(1450.0, 1578.0, 45.0, 30.0), (1480.0, 4080.0, 15.0, 180.0)];
 /// Tilts and azimuths of the three planes that measure the refracted path, degrees.
 const PLANES: [(f64, f64); 3] = [(35.0, 20.0), (30.0, 140.0), (40.0, 260.0)];
-/// Depth of the path's entry into the second medium, and distance of the planes behind it, mm.
+/// Depth of the mirror, which turns the path from z to x, mm.
+const MIRROR_MM: f64 = 10.0;
+/// Length of the path up to the second medium, and distance of the planes behind it, mm.
 const ENTRY_MM: f64 = 20.0;
 const BEYOND_MM: f64 = 12.0;
 /// Impedance of the first medium, MRayl.
@@ -45,6 +49,7 @@ fn bent(&(c1, c2, incidence, azimuth): &(f64, f64, f64, f64)) -> (DVec3, DVec3) 
 
 impl Refraction {
     pub(super) fn new(bench: &mut Bench) -> Self {
+        let gas = bench.tissue(silent(343.0, 0.0004));
         let of_case = |case: &(f64, f64, f64, f64)| {
             let &(c1, c2, incidence, azimuth) = case;
             let (normal, direction) = bent(case);
@@ -56,12 +61,16 @@ impl Refraction {
             let plane = bench.tissue(Tissue { roughness: 0.5, ..silent(c2, 1.2 * z2) });
             PLANES.map(|tilt| {
                 let place = bench.place();
-                let entry = place.extend(ENTRY_MM);
-                bench.add(first, 0, slab(place, 30.0, -20.0, 40.0));
-                bench.add(second, 1, facing(entry, 45.0, turned((incidence, azimuth))));
+                let mirror = place.extend(MIRROR_MM);
+                bench.add(first, 0, slab(place, 45.0, -35.0, 55.0));
+                bench.add(gas, 3, facing(mirror, 6.0, DQuat::from_rotation_y(-FRAC_PI_4)));
+                // Behind the mirror, the path goes along x.
+                let turn = DQuat::from_rotation_y(FRAC_PI_2);
+                let entry = mirror + (ENTRY_MM - MIRROR_MM) * DVec3::X;
+                bench.add(second, 1, facing(entry, 45.0, turn * turned((incidence, azimuth))));
                 let rotation = DQuat::from_rotation_arc(DVec3::Z, direction) * turned(tilt);
                 let point = BEYOND_MM * direction;
-                bench.add(plane, 2, facing(entry + point, 20.0, rotation));
+                bench.add(plane, 2, facing(entry + turn * point, 20.0, turn * rotation));
                 Plane { place, point, normal: rotation * DVec3::NEG_Z }
             })
         };

@@ -32,8 +32,9 @@ const CASES: [Case; 4] = [
 const TOLERANCE_MM: f64 = 0.1;
 /// Side of the body that stands for the point, mm.
 const POINT_MM: f64 = 0.4;
-const LINES: u32 = 129;
-const SPACING_MM: f64 = 0.1;
+/// The face is wider than the aperture and the displacement.
+const LINES: u32 = 257;
+const SPACING_MM: f64 = 0.15;
 
 const fn case(speeds_m_s: [f64; 2], depth_mm: f64, tilt_deg: f64, point_mm: [f64; 2], shown_mm: [f64; 2]) -> Case {
     Case { speeds_m_s, depth_mm, tilt_deg, point_mm, shown_mm }
@@ -42,7 +43,7 @@ const fn case(speeds_m_s: [f64; 2], depth_mm: f64, tilt_deg: f64, point_mm: [f64
 /// Axis of a displacement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Axis {
-    /// Across the scanlines, by bent paths.
+    /// Across the scanlines, by bent beams.
     Lateral,
     /// Along them, by the time of flight.
     Depth,
@@ -76,7 +77,7 @@ impl TiltedFace {
     fn shown_mm(&self, rig: &mut Rig, case: &Case, place: DVec2, choice: Choice) -> Result<[f64; 2], RenderError> {
         let probe = Probe { frequency_mhz: 2.5, aperture_mm: 20.0, ..linear(LINES, SPACING_MM, 4096, 85.0) };
         let mut settings = small(1, 1);
-        settings.effects = settings.effects.with(self.effect(), choice);
+        settings.effects = settings.effects.with(Effect::Aperture, Choice::On).with(self.effect(), choice);
         // The middle scanline passes through the place where the simulation shows the point.
         let frame = rig.frame(&probe, &settings, &at(place.x + case.shown_mm[0], place.y, 0.0))?;
         let sample = |mm: f64| (mm / probe.sample_spacing_mm()) as usize;
@@ -84,8 +85,12 @@ impl TiltedFace {
         let (mut peaks, mut weights, mut ranges) = (0.0, 0.0, 0.0);
         for number in 0..LINES {
             let echo = line(&probe, frame, number).get(from..sample(case.point_mm[1] + 4.0)).unwrap_or_default();
-            let peak = echo.iter().map(|&s| magnitude(s)).enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
-            let Some((at, height)) = peak else { continue };
+            let heights: Vec<f64> = echo.iter().map(|&s| magnitude(s)).collect();
+            // The first peak: behind the body's front is its back.
+            let greatest = heights.iter().copied().fold(0.0, f64::max);
+            let is_front = |pair: &[f64]| pair[0] >= 0.5 * greatest && pair[0] >= pair[1];
+            let Some(at) = heights.windows(2).position(is_front) else { continue };
+            let height = heights[at];
             let weight = height * height;
             weights += weight;
             peaks += weight * (f64::from(number) - f64::from(LINES / 2)) * SPACING_MM;

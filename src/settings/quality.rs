@@ -8,7 +8,7 @@ use super::{ContactSettings, EffectChoices, ImageSettings, LookSettings, Receive
 /// Greatest value of `quality.reflections_max`.
 pub const REFLECTIONS_MAX: u32 = 6;
 /// Most taps of the lateral kernel in its pass; odd.
-pub const BEAM_TAPS_MAX: u32 = 65;
+pub const BEAM_TAPS_MAX: u32 = 129;
 /// Most taps of the pulse in its pass; odd.
 pub const PULSE_TAPS_MAX: u32 = 257;
 

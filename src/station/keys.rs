@@ -11,7 +11,7 @@ use crate::anatomy::Tissue;
 use crate::anatomy::phantom::parameters::{
     FAT_RANGE_MM, FLEXION_RANGE, FLUID_INDEX_RANGE_MM, ROLL_RANGE_DEG, WEEKS_RANGE,
 };
-use crate::anatomy::phantom::{Lie, PlacentaSite, SCALE_RANGE};
+use crate::anatomy::phantom::{Lie, PlacentaSite, SCALE_RANGE, Wall};
 use crate::generator::{self, Provider};
 use crate::pose::FilterSettings;
 use crate::render::{BackendChoice, Preset};
@@ -68,14 +68,16 @@ const fn doc(
 const SCENE: &[KeyDoc] = &[
     doc("scene", "path", "", "required, unless phantom is given", Accepts::Text("a path"), "glTF file (.glb or .gltf), relative to the station file"),
     doc("scene", "phantom", "", "none", Accepts::OneOf(&["obstetric"]), "generated scene in place of path"),
-    doc("scene", "phantom_scale", "", "1.0", number(*SCALE_RANGE.start(), *SCALE_RANGE.end()), "triangles of the phantom over those of the full one; below about 0.21 its finest parts are lost and it is refused"),
+    doc("scene", "phantom_scale", "", "1.0", number(*SCALE_RANGE.start(), *SCALE_RANGE.end()), "triangles of the phantom over those of the full one; below about 0.24 its finest parts are lost and it is refused"),
     doc("scene", "phantom_weeks", "weeks", "22.0", number(*WEEKS_RANGE.start(), *WEEKS_RANGE.end()), "gestational age of the phantom's fetus"),
     doc("scene", "phantom_lie", "", "\"cephalic\"", Accepts::OneOf(Lie::NAMES), "which way the fetus lies: head down, head up, or across"),
     doc("scene", "phantom_roll_deg", "°", "0.0", number(*ROLL_RANGE_DEG.start(), *ROLL_RANGE_DEG.end()), "turn of the fetus about its long axis from where its left side is up"),
     doc("scene", "phantom_flexion", "", "0.5", number(*FLEXION_RANGE.start(), *FLEXION_RANGE.end()), "0 is stretched, 1 tightly curled"),
     doc("scene", "phantom_placenta", "", "\"anterior\"", Accepts::OneOf(PlacentaSite::NAMES), "where on the uterine wall the placenta sits"),
     doc("scene", "phantom_fluid_index_mm", "mm", "140.0", number(*FLUID_INDEX_RANGE_MM.start(), *FLUID_INDEX_RANGE_MM.end()), "amniotic fluid index, from oligohydramnios to polyhydramnios"),
-    doc("scene", "phantom_fat_mm", "mm", "13.5", number(*FAT_RANGE_MM.start(), *FAT_RANGE_MM.end()), "the mother's subcutaneous fat over the belly"),
+    doc("scene", "phantom_fat_mm", "mm", "13.5", number(*FAT_RANGE_MM.start(), *FAT_RANGE_MM.end()), "the mother's subcutaneous fat over the belly; 24 with phantom_wall = \"hard\" unless given"),
+    doc("scene", "phantom_wall", "", "\"easy\"", Accepts::OneOf(Wall::NAMES), "how strongly the abdominal wall aberrates: 13, 45 or 71 ns rms over 30 mm of aperture in the median"),
+    doc("scene", "phantom_recti_lens", "", "false", Accepts::Bool, "whether fat fills the gap between the recti: a lens that doubles what lies behind the midline"),
     doc("scene", "phantom_seed", "", "0", integer(0, u32::MAX as i64), "seed of what differs from one individual to the next"),
     doc("scene", "motion", "", "true", Accepts::Bool, "whether what moves in the scene moves: hearts, breath, limbs; one frame shows time 0, at rest"),
     doc("scene", "background", "", "\"gel\"", Accepts::Text("the name of a tissue"), "tissue outside of every surface"),

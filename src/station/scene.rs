@@ -5,7 +5,7 @@ use std::path::Path;
 use super::keys::of_table;
 use super::values::Values;
 use super::{SceneSource, StationError};
-use crate::anatomy::phantom::{Lie, PhantomOptions, PlacentaSite};
+use crate::anatomy::phantom::{Lie, PhantomOptions, PlacentaSite, Wall};
 
 pub(super) fn source(values: &Values, dir: &Path) -> Result<SceneSource, StationError> {
     match (values.text("path"), values.text("phantom")) {
@@ -36,6 +36,9 @@ fn phantom(values: &Values) -> PhantomOptions {
     values.set("phantom_roll_deg", &mut p.roll_deg);
     values.set("phantom_flexion", &mut p.flexion);
     values.set("phantom_fluid_index_mm", &mut p.fluid_index_mm);
+    p.wall = values.text("phantom_wall").and_then(Wall::named).unwrap_or(p.wall);
+    p.recti_lens = values.boolean("phantom_recti_lens").unwrap_or(p.recti_lens);
+    p.maternal_fat_mm = p.wall.fat_mm();
     values.set("phantom_fat_mm", &mut p.maternal_fat_mm);
     p.lie = values.text("phantom_lie").and_then(Lie::named).unwrap_or(p.lie);
     p.placenta = values.text("phantom_placenta").and_then(PlacentaSite::named).unwrap_or(p.placenta);

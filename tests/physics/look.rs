@@ -73,6 +73,31 @@ fn compounding_raises_the_snr_as_its_looks_correlate() {
 }
 
 #[test]
+fn looks_are_as_unlike_as_waves_make_them() {
+    // By a sum over the elements of a two-way array: 8 MHz, aperture 20 mm, focus and depth 70 mm, looks 3.75° and 7.5° apart, and nine.
+    const CORRELATIONS: [(usize, f64); 2] = [(7, 0.41), (5, 0.03)];
+    const SNR: f64 = 4.35;
+    let scene = block(Tissue { attenuation_db_cm_mhz: 0.0, ..grainy(0.0, 0.01) });
+    // Close scanlines: each of the scatterers' cells is met by one of every look.
+    let probe = Probe { frequency_mhz: 8.0, aperture_mm: 20.0, focus_mm: 70.0, ..linear(512, 0.14, 1536, 100.0) };
+    let (box_x, box_z, pose) = ([0.35, 0.65], [0.62, 0.8], at(0.0, 0.0, 0.0));
+    let mut rig = Rig::new(&scene, &probe, &settings(compounded(9)));
+    let mut look = |look: usize| amplitudes(&rig.look(&pose, look), box_x, box_z);
+    let straight = look(8);
+    for (steered, expected) in CORRELATIONS {
+        let found = correlation(&straight, &look(steered));
+        println!("correlation {found:.3}, theory {expected}");
+        assert!((found - expected).abs() < 0.1, "{found}, theory {expected}");
+    }
+    let mean = amplitudes(&rig.frame(&pose), box_x, box_z);
+    let level = |values: &[f64]| 20.0 * (values.iter().sum::<f64>() / values.len() as f64).log10();
+    let (found, raised_db) = (snr(&mean), level(&mean) - level(&straight));
+    println!("SNR {found:.2}, theory {SNR}; level {raised_db:+.2} dB");
+    assert_part(found, SNR, 0.1, "SNR of nine angles");
+    assert!(raised_db.abs() < 0.5, "{raised_db} dB");
+}
+
+#[test]
 fn a_rolling_compound_at_rest_is_the_stills() {
     let scene = block(grainy(0.0, 0.01));
     let mut rig = Rig::new(&scene, &probe(), &settings(compounded(5)));

@@ -1,4 +1,5 @@
-//! Directions of refracted paths against Snell's law.
+//! Directions of refracted paths against Snell's law. Paths bend once they have reflected; before, beams bend by the aperture
+//! (`tests/truth/refraction.rs`).
 
 use glam::{DMat3, DQuat, DVec3, Vec3};
 use insonify::acoustics::ASSUMED_SPEED_M_S;
@@ -11,15 +12,28 @@ use insonify::transducer::Probe;
 use super::bench::{Bench, Rig, at, facing, linear, silent, slab, small};
 
 /// Specimens are on a grid, so that none is far from the scene's centre.
-const PITCH: f64 = 90.0;
+const PITCH: f64 = 200.0;
 const ROW: usize = 6;
 /// Depth of the plate behind a bone, mm.
 const PLATE_MM: f64 = 60.0;
-/// Depth at which a ray enters the second medium, mm.
+/// Length of a path up to the second medium, mm.
 const ENTRY_MM: f64 = 20.0;
+/// Depth of the mirror, which turns a path from z to x, mm.
+const MIRROR_MM: f64 = 10.0;
 
 fn pose(specimen: usize) -> Pose {
     at(PITCH * (specimen % ROW) as f64, PITCH * (specimen / ROW) as f64, 0.0)
+}
+
+/// The scene's place of a place along a path that would go on straight from `foot`, behind the mirror.
+fn mirrored(foot: DVec3, straight: DVec3) -> DVec3 {
+    let mirror = MIRROR_MM * DVec3::Z;
+    foot + mirror + turned_by_mirror() * (straight - mirror)
+}
+
+/// Rotation of the path by the mirror: from z to x.
+fn turned_by_mirror() -> DQuat {
+    DQuat::from_rotation_y(std::f64::consts::FRAC_PI_2)
 }
 
 #[test]
@@ -42,6 +56,7 @@ fn refracted_paths_follow_snell_within_0_05_degrees() {
     };
     let snell = |c1, c2, rotation: DQuat| refracted(c1, c2, rotation * DVec3::NEG_Z, DVec3::Z).unwrap();
     let mut bench = Bench::new(silent(1540.0, 1.5));
+    let gas = bench.tissue(silent(343.0, 0.0004));
     let mut planes = Vec::new();
     for (i, (c1, c2, incidence, azimuth)) in cases.into_iter().enumerate() {
         let rotation = turned((incidence, azimuth));
@@ -54,17 +69,16 @@ fn refracted_paths_follow_snell_within_0_05_degrees() {
         let plane = bench.tissue(Tissue { roughness: 0.5, ..silent(c2, 1.2 * z2) });
         for (k, &tilt) in tilts.iter().enumerate() {
             let foot = pose(tilts.len() * i + k).position_mm;
-            let entry = foot + DVec3::new(0.0, 0.0, ENTRY_MM);
-            bench.add(
-                first,
-                0,
-                analytic::plate((foot + 10.0 * DVec3::Z).as_vec3(), Vec3::splat(60.0), glam::Quat::IDENTITY),
-            );
-            bench.add(second, 1, facing(entry, 45.0, rotation));
+            let around = (foot + MIRROR_MM * DVec3::Z).as_vec3();
+            bench.add(first, 0, analytic::plate(around, Vec3::splat(90.0), glam::Quat::IDENTITY));
+            let mirror = DQuat::from_rotation_y(-std::f64::consts::FRAC_PI_4);
+            bench.add(gas, 3, facing(foot + MIRROR_MM * DVec3::Z, 6.0, mirror));
+            let entry = ENTRY_MM * DVec3::Z;
+            bench.add(second, 1, facing(mirrored(foot, entry), 45.0, turned_by_mirror() * rotation));
             // A plane about 12 mm further on, tilted against the path.
             let about_path = DQuat::from_rotation_arc(DVec3::Z, direction) * turned(tilt);
             let point = entry + 12.0 * direction;
-            bench.add(plane, 2, facing(point, 20.0, about_path));
+            bench.add(plane, 2, facing(mirrored(foot, point), 20.0, turned_by_mirror() * about_path));
             planes.push((point - entry, about_path * DVec3::NEG_Z));
         }
     }

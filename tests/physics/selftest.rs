@@ -74,7 +74,7 @@ const DAMAGES: [Damage; 24] = [
         "tap(2 * index + 1 - half - PULSE_PAD), tap(2 * index - half - PULSE_PAD)",
         "Point spread",
     ),
-    ("beam of one depth everywhere", "lateral", "(first >> BLOCK_SHIFT)", "0u", "Point spread"),
+    ("beam of one depth everywhere", "lateral", "let block = first >> BLOCK_SHIFT;", "let block = 0u;", "Point spread"),
     ("paths all in the plane", "trace", "vec3<f32>(0.0, elevation.y, 0.0)", "vec3<f32>(0.0)", "Point spread"),
     (
         "a texture that repeats every 9.6 mm",
@@ -92,7 +92,7 @@ const DAMAGES: [Damage; 24] = [
     ),
     ("sheets of scatterers of one weight", "march", "let weight = bell * bell;", "let weight = 1.0;", "Speckle"),
     ("beams that only send", "beams", "dot(sent, sent) * dot(heard, heard)", "dot(sent, sent)", "Shadow"),
-    ("paths that don't bend", "trace", "direction = normalize(bent)", "direction = normalize(direction)", "Full wave"),
+    ("beams that don't bend", "transmission", "(value.y - middle_mm)", "(0.0 * middle_mm)", "Full wave"),
     ("delays ignored behind a face", "trace", "let passed_mm = t / path_per_range", "let passed_mm = t", "Full wave"),
     ("sheets of one weight after a slide", "march", "let weight = bell * bell;", "let weight = 1.0;", "Slide"),
     ("no gain", "detect", "+ image_gain_db()", "", "Image"),

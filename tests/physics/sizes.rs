@@ -63,7 +63,7 @@ fn wrong_settings_are_refused() {
         ("quality.rays", |_, s| s.quality.rays = 257),
         ("quality.layers", |_, s| s.quality.layers = 34),
         ("quality.reflections_max", |_, s| s.reflections_max = 7),
-        ("quality.beam_taps_max", |_, s| s.beam_taps_max = 66),
+        ("quality.beam_taps_max", |_, s| s.beam_taps_max = 130),
         ("quality.pulse_taps_max", |_, s| s.pulse_taps_max = 2),
         ("width_mm", |p, _| p.kind = ProbeKind::Linear { width_mm: 0.0 }),
         ("fov_deg", |p, _| p.kind = ProbeKind::Phased { fov_deg: 181.0 }),

@@ -1,14 +1,17 @@
 #!/usr/bin/env python3
-"""Writes the fixtures that follow from the diffraction sums of shadow.py, elevation.py and point_spread.py.
+"""Writes the fixtures that follow from the diffraction sums of shadow.py, elevation.py, point_spread.py, refraction.py and
+edge.py.
 
-usage: make_sums.py shadow|elevation|point_spread|convex > FIXTURE.csv
+usage: make_sums.py shadow|elevation|point_spread|convex|refraction|edges > FIXTURE.csv
 Needs NumPy. Progress goes to the standard error.
 """
 import argparse
 import sys
 import numpy as np
+import edge
 import elevation
 import point_spread
+import refraction
 import shadow
 import shadow_convex
 
@@ -93,8 +96,46 @@ def write_convex():
                 print(f"radius {radius}, {frequency} MHz, focus {focus}, depth {depth}", file=sys.stderr)
 
 
+def refraction_cases():
+    """Speed maps of refraction.py: (name, size, offsets)."""
+    yield from (("tilt", size, [0]) for size in (15, 30))
+    yield from (("wavy", period, np.arange(5) * period / 5) for period in (12, 14, 20))
+    yield "cylinder", 7, np.arange(7)
+    yield "recti", 6, np.arange(0, 13, 2)
+
+
+def write_refraction():
+    print("# Two-way beam behind a speed map, by tests/truth/refraction.py (make_sums.py refraction), flat array of 8 MHz,")
+    print("# aperture 20 mm, focus 70 mm: shift and RMS width of its power, its level over that of the homogeneous medium.")
+    print("case,size,offset_mm,depth_mm,shift_mm,spread_mm,level_db")
+    depths = [60.0, 95.0, 120.0]
+    plain, x = refraction.two_way(lambda x, z: np.full_like(x, refraction.C0), depths, 8, 20, 70)
+    for name, size, offsets in refraction_cases():
+        for offset in offsets:
+            power, _ = refraction.two_way(lambda x, z: refraction.CASES[name](x, z, size, offset), depths, 8, 20, 70)
+            for depth, bent, straight in zip(depths, power, plain):
+                shift, spread, _, level = refraction.measures(bent, straight, x)
+                print(f"{name},{size},{offset:g},{depth:g},{shift:.3f},{spread:.3f},{level:.2f}", flush=True)
+        print(f"{name} {size}", file=sys.stderr)
+
+
+def write_edges():
+    print("# Speckle near the ends of the apertures of a linear array, by tests/truth/edge.py (make_sums.py edges).")
+    print("# rim: distance from the array's end, level over a scanline with whole apertures.")
+    print("# contact: elements at x < 0 are not coupled; x of the scanline, level over full contact. -inf: no elements are left.")
+    print("case,frequency_mhz,aperture_mm,focus_mm,place_mm,depth_mm,level_db")
+    places = {"rim": (0, 0.125, 0.5, 1, 2, 4, 6, 10), "contact": (-8, -6, -5, -4, -3, -2, -1, 0, 1, 2, 3, 4, 6, 8, 10, 12)}
+    for beam in ((8, 20, 70), (5, 14, 60)):
+        for case in places:
+            for place in places[case]:
+                for depth in (30, 60, 100):
+                    level = edge.level_db(place, depth, *beam)
+                    print(f"{case},{beam[0]},{beam[1]},{beam[2]},{place:g},{depth},{level:.2f}", flush=True)
+            print(f"{case}, {beam[0]} MHz", file=sys.stderr)
+
+
 WRITERS = {"shadow": write_shadows, "elevation": write_elevation, "point_spread": write_point_spread,
-           "convex": write_convex}
+           "convex": write_convex, "refraction": write_refraction, "edges": write_edges}
 
 
 def main():

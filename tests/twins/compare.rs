@@ -8,12 +8,13 @@ use glam::DVec2;
 use insonify::render::Snapshot;
 use insonify::render::twin::{self, Path, Segment};
 
-pub(crate) const PASSES: [&str; 14] = [
+pub(crate) const PASSES: [&str; 15] = [
     "locate",
     "trace",
     "transmission",
     "propagate",
     "beams",
+    "profiles",
     "visibility",
     "march",
     "echo",
@@ -88,6 +89,7 @@ pub(crate) fn compare(pass: &str, s: &Snapshot) -> Result<(), Mismatch> {
         "transmission" => transmission(s),
         "propagate" => propagate(s),
         "beams" => beams(s),
+        "profiles" => profiles(s),
         "visibility" => visibility(s),
         "march" => march(s),
         "echo" => echo(s),
@@ -113,7 +115,7 @@ fn locate(s: &Snapshot) -> Result<(), Mismatch> {
 fn trace(s: &Snapshot) -> Result<(), Mismatch> {
     let twins = twin::trace(&s.inputs, &s.launches);
     // A different decision at an edge, a facet or a roulette gives a different path from there on.
-    let mut tally = Tally::new("trace", "paths", 0.01);
+    let mut tally = Tally::new("trace", "paths", 0.015);
     for (device, twin) in s.paths.iter().zip(&twins) {
         let pairs = device.segments.iter().zip(&twin.segments);
         let worst =
@@ -195,7 +197,7 @@ fn transmission(s: &Snapshot) -> Result<(), Mismatch> {
     // A loss of hundreds of nepers, rounded, at the start of an interval.
     let mut tally = Tally::new("transmission", "cells", 0.001);
     for (device, twin) in s.transmission.mask.iter().zip(&twin.mask) {
-        tally.add((device - twin).abs() / 2.0e-4);
+        tally.add((*device - *twin).length() / 2.0e-4);
     }
     tally.finish()?;
     let mut tally = Tally::new("transmission", "row losses", 0.0);
@@ -214,14 +216,14 @@ fn propagate(s: &Snapshot) -> Result<(), Mismatch> {
     {
         let (slot, plane) = (row / aperture.planes, row % aperture.planes);
         if plane >= s.first_plane && slot < aperture.mode_count[plane] {
-            for node in 0..aperture.nodes(plane) {
+            for (device, twin) in device.iter().zip(twin) {
                 // A mode's amplitude on the face is 1.
-                tally.add((device[node] - twin[node]).length() / 1.0e-4);
+                tally.add((*device - *twin).length() / 1.0e-4);
             }
         }
     }
     // A renderer may begin at the first obstacle, not behind it.
-    let shaded = |row: &[f64]| row.iter().any(|&passes| passes < 1.0 - 1.0e-4);
+    let shaded = |row: &[DVec2]| row.iter().any(|passes| passes.x < 1.0 - 1.0e-4 || passes.y.abs() > 1.0e-2);
     let obstacle = s.transmission.mask.chunks_exact(aperture.cells).position(shaded).unwrap_or(aperture.planes);
     tally.add(if s.first_plane <= obstacle { 0.0 } else { f64::NAN });
     tally.finish()
@@ -229,15 +231,37 @@ fn propagate(s: &Snapshot) -> Result<(), Mismatch> {
 
 fn beams(s: &Snapshot) -> Result<(), Mismatch> {
     let Some(aperture) = &s.inputs.aperture else { return Ok(()) };
-    let twin = twin::beams(aperture, &s.fields);
-    let mut tally = Tally::new("beams", "powers", 0.0);
-    for plane in 0..aperture.planes {
-        for node in 0..aperture.nodes(plane) {
-            let (device, twin) = (s.beam_powers[plane * aperture.cells + node], twin[plane * aperture.cells + node]);
-            let twin = if plane < s.first_plane { 1.0 } else { twin };
-            // Beyond the array's ends the power without obstacles is tiny.
-            tally.add((device - twin).abs() / (1.0e-3 * twin.max(1.0e-9)));
+    let twin = twin::amplitudes(aperture, &s.fields);
+    let mut tally = Tally::new("beams", "amplitudes", 0.0);
+    let of_plane = aperture.beams * aperture.cells;
+    let planes = s.amplitudes.chunks_exact(of_plane).zip(twin.chunks_exact(of_plane)).skip(s.first_plane);
+    for (device, twin) in planes {
+        let greatest = twin.iter().copied().fold(1.0e-20, f64::max);
+        for (device, twin) in device.iter().zip(twin) {
+            tally.add((device - twin).abs() / (1.0e-4 * greatest));
         }
+    }
+    tally.finish()
+}
+
+fn profiles(s: &Snapshot) -> Result<(), Mismatch> {
+    let Some(aperture) = &s.inputs.aperture else { return Ok(()) };
+    let twin = twin::powers(aperture, &s.amplitudes);
+    let mut tally = Tally::new("profiles", "powers", 0.0);
+    for (at, (device, twin)) in s.beam_powers.iter().zip(&twin).enumerate() {
+        let twin = if at / aperture.cells < s.first_plane { aperture.shares[at] } else { *twin };
+        // Beyond the array's ends the power is tiny.
+        tally.add((device - twin).abs() / (1.0e-3 * twin.max(1.0e-9)));
+    }
+    tally.finish()?;
+    // A weight at the cut may count or not.
+    let mut tally = Tally::new("profiles", "weights", 0.002);
+    for (device, twin) in s.profiles.iter().zip(&twin::profiles(&s.inputs, aperture, s.first_plane, &s.amplitudes)) {
+        // Rounding of the correlation moves `kept`, and with it all weights, by 1e-5.
+        let greatest = twin.weights.iter().copied().fold(0.05, f64::max);
+        let pairs = device.weights.iter().zip(&twin.weights);
+        let worst = pairs.map(|(a, b)| (a - b).abs() / (1.0e-3 * greatest)).fold(0.0, f64::max);
+        tally.add(worst.max((device.kept - twin.kept).abs() / 1.0e-3));
     }
     tally.finish()
 }
@@ -258,9 +282,8 @@ fn visibility(s: &Snapshot) -> Result<(), Mismatch> {
     tally.finish()?;
     let mut tally = Tally::new("visibility", "blocks", 0.002);
     for (device, twin) in s.block_gains.iter().zip(&twin::block_gains(&s.inputs, aperture, &s.paths, &s.line_gains)) {
-        let [gain, reciprocal] = device;
-        tally.add((gain / twin - 1.0).abs() / 1.0e-3);
-        tally.add((reciprocal * twin - 1.0).abs() / 1.0e-3);
+        tally.add((device.gain / twin.gain - 1.0).abs() / 1.0e-3);
+        tally.add((device.place - twin.place).abs() / 2.0e-3);
     }
     tally.finish()
 }
@@ -287,9 +310,10 @@ fn echo(s: &Snapshot) -> Result<(), Mismatch> {
 }
 
 fn lateral(s: &Snapshot) -> Result<(), Mismatch> {
-    let mut tally = Tally::new("lateral", "focused baseband", 0.0);
-    let gains: Vec<f64> = s.block_gains.iter().map(|gain| gain[0]).collect();
-    add_rows(&mut tally, s, &s.focused, &twin::lateral(&s.inputs, &gains, &s.baseband), 1.0e-5);
+    let mut tally = Tally::new("lateral", "focused baseband", 0.001);
+    let twin = twin::lateral(&s.inputs, &s.block_gains, &s.profiles, &s.baseband);
+    // The shift of a steered look is a whole number of samples; at a tie it may be the neighbour.
+    add_rows(&mut tally, s, &s.focused, &twin, phase_tolerance(s));
     tally.finish()
 }
 

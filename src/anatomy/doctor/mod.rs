@@ -9,6 +9,7 @@
 //! They are reported if more than one triangle in 25 has one; slivers, if more than one triangle in 1000 is one. A
 //! surface without an inside (an open one, for example) hides and overlaps nothing.
 
+pub mod aberration;
 mod crossing;
 mod edges;
 mod finding;

@@ -9,7 +9,7 @@ use super::{PhantomError, PhantomOptions, PhantomSurface, Progress, build, movem
 use crate::anatomy::export::{ExportError, write_moving_glb};
 
 /// Version of the generator's output; raised with every change to invalidate old files.
-const GENERATOR: &str = "obstetric-8";
+const GENERATOR: &str = "obstetric-9";
 
 /// Errors in obtaining a phantom file.
 #[derive(Debug, Error)]
@@ -91,7 +91,7 @@ fn write(surfaces: &[PhantomSurface], options: &PhantomOptions, folder: &Path) -
 fn file_name(options: &PhantomOptions) -> String {
     let PhantomOptions { scale, parameters: p } = options;
     let what = format!(
-        "{GENERATOR} {} {} {} {} {} {} {} {}",
+        "{GENERATOR} {} {} {} {} {} {} {} {} {} {}",
         p.gestational_weeks,
         p.lie.name(),
         p.roll_deg,
@@ -99,6 +99,8 @@ fn file_name(options: &PhantomOptions) -> String {
         p.placenta.name(),
         p.fluid_index_mm,
         p.maternal_fat_mm,
+        p.wall.name(),
+        p.recti_lens,
         p.seed
     );
     // FNV-1a: small, and the same on every machine and Rust version.
@@ -109,7 +111,7 @@ fn file_name(options: &PhantomOptions) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::anatomy::phantom::{Lie, Parameters, PlacentaSite};
+    use crate::anatomy::phantom::{Lie, Parameters, PlacentaSite, Wall};
 
     #[test]
     fn different_options_have_different_files() {
@@ -124,6 +126,8 @@ mod tests {
             PhantomOptions { parameters: Parameters { placenta: PlacentaSite::Fundal, ..p }, scale: 1.0 },
             PhantomOptions { parameters: Parameters { fluid_index_mm: 99.0, ..p }, scale: 1.0 },
             PhantomOptions { parameters: Parameters { maternal_fat_mm: 30.0, ..p }, scale: 1.0 },
+            PhantomOptions { parameters: Parameters { wall: Wall::Hard, ..p }, scale: 1.0 },
+            PhantomOptions { parameters: Parameters { recti_lens: true, ..p }, scale: 1.0 },
             PhantomOptions { parameters: Parameters { seed: 1, ..p }, scale: 1.0 },
         ];
         let names: std::collections::BTreeSet<_> = options.iter().map(file_name).collect();

@@ -42,7 +42,7 @@ pub use cache::{CacheError, PhantomFile, cached, cached_or_temporary};
 pub use landmarks::{Landmarks, landmarks};
 pub use movement::movement;
 pub use organ::{Body, Organ};
-pub use parameters::{Lie, Parameters, ParametersError, PlacentaSite};
+pub use parameters::{Lie, Parameters, ParametersError, PlacentaSite, Wall};
 
 pub use crate::anatomy::export::LabelledSurface as PhantomSurface;
 

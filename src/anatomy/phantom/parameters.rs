@@ -46,6 +46,29 @@ pub enum PlacentaSite {
     Right,
 }
 
+/// How strongly the abdominal wall aberrates; figures over 30 mm of aperture are RMS delays about their best-fit plane.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Wall {
+    /// At most 20 ns.
+    #[default]
+    Easy,
+    /// 40 to 50 ns.
+    Average,
+    /// At least 60 ns, behind more fat.
+    Hard,
+}
+
+impl Wall {
+    /// Thickness of the subcutaneous fat unless another is asked for, mm.
+    pub fn fat_mm(self) -> f64 {
+        match self {
+            Self::Easy | Self::Average => 13.5,
+            Self::Hard => 24.0,
+        }
+    }
+}
+
 crate::names::named!(Lie {
     Cephalic = "cephalic",
     Breech = "breech",
@@ -60,6 +83,8 @@ crate::names::named!(PlacentaSite {
     Left = "left",
     Right = "right",
 });
+
+crate::names::named!(Wall { Easy = "easy", Average = "average", Hard = "hard" });
 
 /// Parameters of a phantom; equal parameters give equal bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -81,6 +106,12 @@ pub struct Parameters {
     /// Thickness of the mother's subcutaneous fat over the belly, mm, within [`FAT_RANGE_MM`].
     #[serde(rename = "fat_mm")]
     pub maternal_fat_mm: f64,
+    /// How strongly the abdominal wall aberrates.
+    #[serde(default)]
+    pub wall: Wall,
+    /// Whether fat fills the gap between the recti: a lens that doubles what lies behind the midline.
+    #[serde(default)]
+    pub recti_lens: bool,
     /// Seed of the small variations between individuals.
     pub seed: u64,
 }
@@ -94,7 +125,9 @@ impl Default for Parameters {
             flexion: 0.5,
             placenta: PlacentaSite::Anterior,
             fluid_index_mm: 140.0,
-            maternal_fat_mm: 13.5,
+            maternal_fat_mm: Wall::Easy.fat_mm(),
+            wall: Wall::Easy,
+            recti_lens: false,
             seed: 0,
         }
     }
@@ -144,6 +177,7 @@ mod tests {
     fn names_select_their_variants() {
         assert_eq!(Lie::NAMES.iter().filter_map(|name| Lie::named(name)).collect::<Vec<_>>(), Lie::ALL);
         assert!(PlacentaSite::ALL.iter().all(|&site| PlacentaSite::named(site.name()) == Some(site)));
+        assert!(Wall::ALL.iter().all(|&wall| Wall::named(wall.name()) == Some(wall)));
         assert_eq!((Lie::named("oblique"), PlacentaSite::named("")), (None, None));
     }
 

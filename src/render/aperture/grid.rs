@@ -10,26 +10,37 @@ use crate::render::constants::CELLS_MAX;
 use crate::transducer::Probe;
 
 /// Modes that are computed together.
-pub(crate) const MODE_LANES: usize = 16;
+pub(crate) const MODE_LANES: usize = 8;
 /// Most beams of a period.
-pub(crate) const BEAMS_MAX: usize = 256;
+const BEAMS_MAX: usize = 256;
+/// Fewest cells of a period.
+const CELLS_MIN: usize = 64;
+/// End of the binary logarithms of the numbers of periods that are tried.
+const PERIODS_LOG2_END: u32 = 8;
+/// Most offsets of a profile to one side, in cells: half a period.
+pub(crate) const OFFSETS_MAX: usize = BEAMS_MAX;
 /// Most planes of a frame.
 pub(crate) const PLANES_MAX: usize = 128;
 
 /// Largest distance of planes, mm, unless the image is deeper than [`PLANES_MAX`] of them.
 const PLANE_MM: f64 = 3.33;
-/// Largest distance of beams along the face, mm.
-const BEAM_MM: f64 = 0.5625;
-/// Largest cell of a curved face, mm: rays leave it at steep angles.
-const CURVED_CELL_MM: f64 = 0.22;
+/// Largest cell along the face, mm: flat and curved faces. Cells of a curved face widen with depth, and rays leave it at
+/// steep angles.
+const CELL_MM: [f64; 2] = [0.28125, 0.135];
+/// Largest distance of beams along the face, mm: flat and curved faces.
+const BEAM_MM: [f64; 2] = [0.5625, 0.45];
+/// Most cells per beam.
+const BEAM_CELLS_MAX: usize = 4;
 /// Space on either side of the array, mm.
 const MARGIN_MM: f64 = 3.0;
 /// Width over which the array's sensitivity falls at its ends, mm: a hard end would scatter the copies of beams.
 const FACE_EDGE_MM: f64 = 2.0;
 /// Sines beyond the aperture's steepest ray that belong to its beams.
 pub(super) const SLOPE_MARGIN: f64 = 0.06;
-/// Distance from a scanline within which scatterers are summed, mm at the scatterers.
-const REACH_MM: f64 = 7.0;
+/// Least and greatest distance from a scanline within which scatterers are summed, mm at the scatterers.
+const REACH_MM: [f64; 2] = [7.0, 13.0];
+/// That distance over the depth of the image: beams that bend lead farther away at larger depths.
+const REACH_PER_DEPTH: f64 = 0.11;
 /// Spread from which every second mode does.
 const HALVING_SPREAD: f64 = 2.0;
 /// Most rays of a layer that are taken for one cell.
@@ -52,6 +63,8 @@ pub(super) struct Grid {
     pub(super) planes: usize,
     pub(super) plane_samples: u32,
     pub(super) plane_mm: f64,
+    /// Distance from a beam's axis within which its scatterers are summed, mm at the scatterers.
+    pub(super) reach_mm: f64,
     pub(super) modes: Vec<Option<i32>>,
 }
 
@@ -67,25 +80,36 @@ impl Grid {
         let wave_number = std::f64::consts::TAU / wavelength_mm(probe.frequency_mhz);
 
         // The period is the distance of a beam from its copies, which must lie outside the aperture and the reach.
-        let period_min_mm = (if curved { 0.7 } else { 0.9 } * probe.aperture_mm).max(2.0 * REACH_MM);
-        let node_cells = if curved { 2 } else { 1 };
-        let beam_mm = if curved { CURVED_CELL_MM * node_cells as f64 } else { BEAM_MM };
-        let beams = (((period_min_mm / beam_mm - 1e-9).ceil() as usize).next_power_of_two()).max(MODE_LANES);
+        let reach_mm = (REACH_PER_DEPTH * probe.depth_mm).clamp(REACH_MM[0], REACH_MM[1]);
+        // A curved face spreads the copies with depth.
+        let period_min_mm = match curved {
+            true => (0.7 * probe.aperture_mm).max(2.0 * REACH_MM[0]),
+            false => (0.9 * probe.aperture_mm).max(2.0 * reach_mm),
+        };
+        // Powers of two: the fewest cells, then the shortest period.
         let domain_mm = width_mm + 2.0 * MARGIN_MM;
-        let period_max_mm = beam_mm * beams as f64;
-        let periods = ((domain_mm / period_max_mm - 1e-9).ceil() as usize).max(1).next_power_of_two();
-        let period_mm = (domain_mm / periods as f64).clamp(period_min_mm, period_max_mm);
-        let cells = periods * beams * node_cells;
-        if cells > CELLS_MAX as usize || beams > BEAMS_MAX {
+        let sizes = (0..PERIODS_LOG2_END).map(|log2| {
+            let periods = 1_usize << log2;
+            let period_mm = period_min_mm.max(domain_mm / periods as f64);
+            let cells = (period_mm / CELL_MM[usize::from(curved)] - 1e-9).ceil() as usize;
+            (periods, cells.next_power_of_two().max(CELLS_MIN), period_mm)
+        });
+        let (periods, period_cells, period_mm) =
+            sizes.min_by(|a, b| (a.0 * a.1).cmp(&(b.0 * b.1)).then(a.2.total_cmp(&b.2)))?;
+        let (cells, cell_mm) = (periods * period_cells, period_mm / period_cells as f64);
+        let fits = |node_cells: &usize| cell_mm * *node_cells as f64 <= BEAM_MM[usize::from(curved)];
+        let node_cells = [BEAM_CELLS_MAX, 2].into_iter().find(fits).unwrap_or(2);
+        let beams = period_cells / node_cells;
+        if cells > CELLS_MAX as usize || period_cells / 2 > OFFSETS_MAX || beams > BEAMS_MAX {
             return None;
         }
 
         let (plane_samples, planes) = planes(probe);
         let plane_mm = f64::from(plane_samples) * probe.sample_spacing_mm();
         let depth_of = |plane: usize| (plane as f64 + 0.5) * plane_mm;
-        let halves_at = match node_cells {
-            1 => planes,
-            _ => (0..planes).find(|&p| shape.spread(depth_of(p)) >= HALVING_SPREAD).unwrap_or(planes),
+        let halves_at = match curved {
+            false => planes,
+            true => (0..planes).find(|&p| shape.spread(depth_of(p)) >= HALVING_SPREAD).unwrap_or(planes),
         };
         let slopes = (0..planes).map(|p| shape.slope(0.5 * receive_mm(probe, depth_of(p)), depth_of(p)));
         let steepest = slopes.fold(shape.slope(0.5 * probe.aperture_mm, probe.focus_mm), f64::max) + SLOPE_MARGIN;
@@ -98,10 +122,11 @@ impl Grid {
             width_mm,
             period_mm,
             sampling: Sampling { cells, beams, node_cells, halves_at, modes: modes.len(), lasting_modes },
-            cell_mm: period_mm / (beams * node_cells) as f64,
+            cell_mm,
             planes,
             plane_samples,
             plane_mm,
+            reach_mm,
             modes,
         })
     }
@@ -116,11 +141,10 @@ impl Grid {
         std::f64::consts::TAU * f64::from(mode) / self.period_mm
     }
 
-    /// Distance in nodes within which a beam's scatterers are summed: at most half a period.
-    pub(super) fn reach_nodes(&self, plane: usize) -> f64 {
-        let node_mm = self.cell_mm * self.sampling.node_cells_at(plane) as f64;
-        let half_period = 0.5 * self.sampling.beams as f64 - 1.0;
-        (REACH_MM / self.shape.spread(self.depth_mm(plane)) / node_mm).min(half_period)
+    /// Distance in cells within which a beam's scatterers are summed: at most half a period.
+    pub(super) fn reach_cells(&self, plane: usize) -> f64 {
+        let half_period = (0.5 * self.sampling.beams as f64 - 1.0) * self.sampling.node_cells_at(plane) as f64;
+        (self.reach_mm / self.shape.spread(self.depth_mm(plane)) / self.cell_mm).min(half_period)
     }
 
     /// Propagation of each spatial frequency from the plane before to each plane [planes × cells]; evanescent waves end.

@@ -15,10 +15,12 @@ mod shape;
 mod unobstructed;
 
 use grid::Grid;
-pub(crate) use grid::{BEAMS_MAX, MODE_LANES, PLANES_MAX};
+pub(crate) use grid::{MODE_LANES, OFFSETS_MAX, PLANES_MAX};
 pub(crate) use sampling::{CellRays, Sampling};
 pub(crate) use shape::{ApertureShape, MODE_NONE};
+use unobstructed::unobstructed;
 
+use crate::render::constants::DEPTH_BLOCK;
 use crate::settings::Quality;
 use crate::transducer::Probe;
 
@@ -43,14 +45,22 @@ pub(crate) struct ApertureTables {
     pub(crate) receive: Vec<Complex>,
     /// Sensitivity of the face: 1 within the array, 0 beyond it [cells].
     pub(crate) face: Vec<f32>,
-    /// Distance at each plane, in nodes, within which a beam's scatterers are summed.
-    pub(crate) reach_nodes: Vec<f32>,
-    /// Echo power of each beam without obstacles [planes × cells], the first nodes of each row.
-    pub(crate) unobstructed: Vec<f32>,
+    /// Distance at each plane, in cells, within which a beam's scatterers are summed.
+    pub(crate) reach_cells: Vec<f32>,
+    /// Greatest echo power of the beams without obstacles [planes].
+    pub(crate) greatest: Vec<f32>,
+    /// Echo power of each beam without obstacles over that greatest one [planes × cells], the first nodes of each row.
+    pub(crate) shares: Vec<f32>,
+    /// Two-way amplitude of an unobstructed beam against the offset from its axis, in cells [planes × offsets].
+    pub(crate) profiles: Vec<f32>,
+    /// Wave number, radians per mm.
+    pub(crate) wave_number: f32,
     /// Rays that cross each cell [cells].
     pub(crate) cell_rays: Vec<CellRays>,
     /// Place of each scanline, in cells [scanlines].
     pub(crate) line_cells: Vec<f32>,
+    /// Distance of neighbouring scanlines, in cells.
+    pub(crate) line_spacing_cells: f32,
 }
 
 impl ApertureTables {
@@ -65,7 +75,8 @@ impl ApertureTables {
         let beams = beams::Beams::new(probe, &grid);
         let steps = grid.steps();
         let face = grid.face();
-        let unobstructed = unobstructed::echo_power(&grid, &beams, &steps, &face);
+        let unobstructed = unobstructed(&grid, &beams, &steps, &face);
+        let narrow = |values: &[f64]| -> Vec<f32> { values.iter().map(|&v| v as f32).collect() };
         let single = |values: &[rustfft::num_complex::Complex64]| -> Vec<Complex> {
             values.iter().map(|v| [v.re as f32, v.im as f32]).collect()
         };
@@ -78,13 +89,34 @@ impl ApertureTables {
             steps: steps.iter().map(|h| [(h.re * scale) as f32, (h.im * scale) as f32]).collect(),
             transmit: single(&beams.transmit),
             receive: single(&beams.receive),
-            face: face.iter().map(|&v| v as f32).collect(),
-            reach_nodes: (0..grid.planes).map(|plane| grid.reach_nodes(plane) as f32).collect(),
-            unobstructed: unobstructed.iter().map(|&v| v as f32).collect(),
+            face: narrow(&face),
+            reach_cells: (0..grid.planes).map(|plane| grid.reach_cells(plane) as f32).collect(),
+            greatest: narrow(&unobstructed.greatest),
+            shares: narrow(&unobstructed.shares),
+            profiles: narrow(&unobstructed.profiles),
+            wave_number: grid.wave_number as f32,
             cell_rays: grid.cell_rays(probe, quality.rays),
             line_cells: (0..probe.scanlines).map(|line| grid.line_cell(probe, line) as f32).collect(),
+            line_spacing_cells: (grid.width_mm / f64::from(probe.scanlines) / grid.cell_mm) as f32,
             modes: grid.modes,
         })
+    }
+
+    /// Turns of a wave per mm of delay.
+    pub(crate) fn turns_per_mm(&self) -> f32 {
+        self.wave_number * (1.0 / std::f32::consts::TAU)
+    }
+
+    /// Block of samples in the middle of a plane's interval; the last one for a plane beyond the samples.
+    pub(crate) fn block_of(&self, plane: usize, samples: u32) -> usize {
+        let sample = (2 * plane as u32 + 1) * self.plane_samples / 2;
+        (sample.min(samples - 1) / DEPTH_BLOCK) as usize
+    }
+
+    /// Scanlines to either side of one that its beam may reach.
+    pub(crate) fn reach_lines(&self) -> u32 {
+        let furthest = self.reach_cells.iter().copied().fold(0.0, f32::max);
+        (furthest / self.line_spacing_cells.max(1.0e-6)).ceil() as u32
     }
 }
 
@@ -107,7 +139,7 @@ mod tests {
             let grid = Grid::new(&probe).unwrap();
             assert!(grid.sampling.cells.is_power_of_two() && grid.sampling.beams.is_power_of_two(), "{probe:?}");
             assert!(grid.sampling.cells as f64 * grid.cell_mm >= grid.width_mm + 6.0 - 1e-9, "{probe:?}");
-            let finest = if probe.face_radius_mm().is_some() { 0.2201 } else { 0.5626 };
+            let finest = if probe.face_radius_mm().is_some() { 0.1351 } else { 0.2813 };
             assert!(grid.cell_mm <= finest, "{} mm", grid.cell_mm);
             assert!(grid.plane_mm <= 3.34 && grid.planes <= PLANES_MAX, "{} mm", grid.plane_mm);
             assert_eq!(grid.modes.len() % MODE_LANES, 0);
@@ -142,10 +174,9 @@ mod tests {
     fn beams_of_a_linear_array_are_alike_in_its_middle() {
         let tables = tables(&linear(60.0));
         let nodes = tables.sampling.nodes_at(10);
-        let row = &tables.unobstructed[10 * tables.sampling.cells..][..nodes];
-        let middle = row[nodes / 2];
-        for power in &row[nodes / 2 - 8..nodes / 2 + 8] {
-            assert!((power / middle - 1.0).abs() < 0.01, "{power} of {middle}");
+        let row = &tables.shares[10 * tables.sampling.cells..][..nodes];
+        for share in &row[nodes / 2 - 8..nodes / 2 + 8] {
+            assert!((share - 1.0).abs() < 0.01, "{share}");
         }
     }
 }

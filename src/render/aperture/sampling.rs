@@ -8,7 +8,7 @@ pub(crate) struct Sampling {
     pub(crate) cells: usize,
     /// Beams per period of the modes, a power of two.
     pub(crate) beams: usize,
-    /// Cells per node at the first planes: 1 or 2. From plane `halves_at` on it is 1.
+    /// Cells per node at the first planes, a power of two. From plane `halves_at` on it is half of that.
     pub(crate) node_cells: usize,
     /// First plane without the odd modes; the number of planes if all have them.
     pub(crate) halves_at: usize,
@@ -21,7 +21,7 @@ pub(crate) struct Sampling {
 impl Sampling {
     /// Cells per node at a plane.
     pub(crate) fn node_cells_at(&self, plane: usize) -> usize {
-        if plane < self.halves_at { self.node_cells } else { 1 }
+        if plane < self.halves_at { self.node_cells } else { self.node_cells / 2 }
     }
 
     /// Nodes at a plane: places along the face with a beam each.
@@ -36,7 +36,17 @@ impl Sampling {
 
     /// Distance of neighbouring modes at a plane, in their numbers.
     pub(crate) fn mode_stride(&self, plane: usize) -> i32 {
-        if plane < self.halves_at || self.node_cells == 1 { 1 } else { 2 }
+        if plane < self.halves_at { 1 } else { 2 }
+    }
+
+    /// Index of the beam whose axis is at a node, within a period: x = 0 is in the middle of the nodes.
+    pub(crate) fn beam_of(&self, plane: usize, axis: usize) -> usize {
+        (axis + self.nodes_at(plane) / 2) % self.beams
+    }
+
+    /// Offsets of a profile, in cells from its axis: half a period of beams.
+    pub(crate) fn offsets(&self) -> usize {
+        self.beams * self.node_cells / 2
     }
 
     /// Index of a mode within one period at a plane: modulo the number of beams.

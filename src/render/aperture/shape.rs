@@ -19,10 +19,15 @@ pub(crate) struct ApertureShape {
     modes: u32,
     lasting_modes: u32,
     plane_mm: f32,
+    offsets: u32,
+    plane_samples: u32,
+    turns_per_mm: f32,
+    line_spacing_cells: f32,
 }
 
 impl ApertureShape {
-    pub(crate) fn new(tables: &ApertureTables) -> Self {
+    /// Sizes as the shaders read them; without refraction, delays turn no phase.
+    pub(crate) fn new(tables: &ApertureTables, refraction: bool) -> Self {
         let Sampling { cells, beams, node_cells, halves_at, modes, lasting_modes } = tables.sampling;
         Self {
             cells: cells as u32,
@@ -33,6 +38,10 @@ impl ApertureShape {
             modes: modes as u32,
             lasting_modes: lasting_modes as u32,
             plane_mm: tables.plane_mm,
+            offsets: tables.sampling.offsets() as u32,
+            plane_samples: tables.plane_samples,
+            turns_per_mm: if refraction { tables.turns_per_mm() } else { 0.0 },
+            line_spacing_cells: tables.line_spacing_cells,
         }
     }
 }

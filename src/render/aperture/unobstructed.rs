@@ -1,4 +1,4 @@
-//! Echo power of every beam in a scan plane without obstacles: what `propagate` and `beams` give if nothing absorbs.
+//! Every beam in a scan plane without obstacles: what `propagate` and `beams` give if nothing absorbs or delays.
 
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64;
@@ -6,10 +6,20 @@ use rustfft::{FftDirection, FftPlanner};
 
 use super::beams::Beams;
 use super::grid::Grid;
-use super::sampling::Sampling;
 
-/// Echo power [planes × cells]; a row's first nodes are filled. `steps` and `face` are the grid's.
-pub(super) fn echo_power(grid: &Grid, beams: &Beams, steps: &[Complex64], face: &[f64]) -> Vec<f64> {
+/// Beams of a homogeneous scan plane.
+pub(super) struct Unobstructed {
+    /// Greatest echo power of the beams at each plane [planes].
+    pub(super) greatest: Vec<f64>,
+    /// Echo power of each beam over that greatest one [planes × cells]; a row's first nodes are filled. Beams at the ends
+    /// of the array have less.
+    pub(super) shares: Vec<f64>,
+    /// Two-way amplitude of the middle beam against the offset from its axis [planes × offsets], one cell apart.
+    pub(super) profiles: Vec<f64>,
+}
+
+/// The beams; `steps` and `face` are the grid's.
+pub(super) fn unobstructed(grid: &Grid, beams: &Beams, steps: &[Complex64], face: &[f64]) -> Unobstructed {
     let sampling = grid.sampling;
     let mut planner = FftPlanner::new();
     let forward = planner.plan_fft(sampling.cells, FftDirection::Forward);
@@ -29,7 +39,7 @@ pub(super) fn echo_power(grid: &Grid, beams: &Beams, steps: &[Complex64], face: 
     };
     let mut spectra: Vec<Vec<Complex64>> = grid.modes.par_iter().map(start).collect();
 
-    let mut powers = Vec::with_capacity(grid.planes * sampling.cells);
+    let mut all = Unobstructed { greatest: Vec::new(), shares: Vec::new(), profiles: Vec::new() };
     for plane in 0..grid.planes {
         let steps = &steps[plane * sampling.cells..][..sampling.cells];
         let scale = 1.0 / sampling.cells as f64;
@@ -44,7 +54,6 @@ pub(super) fn echo_power(grid: &Grid, beams: &Beams, steps: &[Complex64], face: 
             })
             .collect();
 
-        let (node_cells, nodes) = (sampling.node_cells_at(plane), sampling.nodes_at(plane));
         let receive = &beams.receive[plane * grid.modes.len()..][..grid.modes.len()];
         let sum = |parts: &[Complex64], cell: usize| {
             let mut bins = vec![Complex64::ZERO; sampling.beams];
@@ -55,29 +64,29 @@ pub(super) fn echo_power(grid: &Grid, beams: &Beams, steps: &[Complex64], face: 
             of_beams.process(&mut bins);
             bins
         };
-        let reach = grid.reach_nodes(plane);
-        let furthest = (reach + 0.5) as isize;
-        let mut row = vec![0.0; sampling.cells];
-        let products: Vec<Vec<f64>> = (0..nodes)
-            .into_par_iter()
-            .map(|node| {
-                let (sent, heard) = (sum(&beams.transmit, node * node_cells), sum(receive, node * node_cells));
-                sent.iter().zip(&heard).map(|(t, r)| t.norm_sqr() * r.norm_sqr()).collect()
-            })
-            .collect();
-        for (node, products) in products.iter().enumerate() {
-            for away in -furthest..=furthest {
-                let Some(axis) = node.checked_add_signed(away).filter(|&axis| axis < nodes) else { continue };
-                let inside = (reach + 0.5 - away.unsigned_abs() as f64).clamp(0.0, 1.0);
-                row[axis] += inside * products[beam_of(sampling, nodes, axis)];
-            }
-        }
-        powers.extend(row);
-    }
-    powers
-}
+        let of_cell = |cell: usize| -> Vec<f64> {
+            let (sent, heard) = (sum(&beams.transmit, cell), sum(receive, cell));
+            sent.iter().zip(&heard).map(|(t, r)| t.norm_sqr() * r.norm_sqr()).collect()
+        };
+        let products: Vec<Vec<f64>> = (0..sampling.cells).into_par_iter().map(of_cell).collect();
 
-/// The beam, within a period, whose axis is at a node: x = 0 is in the middle of the nodes.
-fn beam_of(sampling: Sampling, nodes: usize, axis: usize) -> usize {
-    (axis + nodes / 2) % sampling.beams
+        let (node_cells, nodes) = (sampling.node_cells_at(plane), sampling.nodes_at(plane));
+        let reach = grid.reach_cells(plane);
+        let power = |axis: usize| {
+            let (beam, middle) = (sampling.beam_of(plane, axis), axis * node_cells);
+            let returned = |(cell, products): (usize, &Vec<f64>)| {
+                (reach + 0.5 - cell.abs_diff(middle) as f64).clamp(0.0, 1.0) * products[beam]
+            };
+            products.iter().enumerate().map(returned).sum::<f64>()
+        };
+        let powers: Vec<f64> = (0..nodes).map(power).collect();
+        let greatest = powers.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+        all.greatest.push(greatest);
+        all.shares.extend(powers.iter().map(|power| power / greatest));
+        all.shares.resize((plane + 1) * sampling.cells, 0.0);
+        let middle = sampling.beam_of(plane, nodes / 2);
+        let amplitude = |offset: usize| products.get(sampling.cells / 2 + offset).map_or(0.0, |p| p[middle].sqrt());
+        all.profiles.extend((0..sampling.offsets()).map(amplitude));
+    }
+    all
 }

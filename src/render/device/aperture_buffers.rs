@@ -17,12 +17,15 @@ pub(crate) struct ApertureBuffers {
     pub(super) face: wgpu::Buffer,
     pub(super) steps: wgpu::Buffer,
     pub(super) beam_parts: wgpu::Buffer,
-    pub(super) reach_nodes: wgpu::Buffer,
+    pub(super) reaches: wgpu::Buffer,
     pub(super) unobstructed: wgpu::Buffer,
     pub(crate) mask: wgpu::Buffer,
     pub(crate) row_np: wgpu::Buffer,
     pub(crate) fields: wgpu::Buffer,
+    pub(crate) amplitudes: wgpu::Buffer,
     pub(crate) beam_powers: wgpu::Buffer,
+    pub(crate) profiles: wgpu::Buffer,
+    pub(crate) blends: wgpu::Buffer,
     pub(crate) line_gains: wgpu::Buffer,
     pub(crate) block_gains: wgpu::Buffer,
 }
@@ -40,6 +43,7 @@ impl ApertureBuffers {
         let aperture = tables.aperture.as_ref();
         let (cells, planes, modes) =
             aperture.map_or((0, 0, 0), |a| (a.sampling.cells as u64, a.planes as u64, a.modes.len() as u64));
+        let (beams, offsets) = aperture.map_or((0, 0), |a| (a.sampling.beams as u64, a.sampling.offsets() as u64));
         let lines = u64::from(params.scanlines);
         let blocks = lines * u64::from(params.row_samples / DEPTH_BLOCK);
         let work = |label: &'static str, size: u64, of: Of| match taken(of, size.max(16)) {
@@ -58,12 +62,15 @@ impl ApertureBuffers {
             face: work("face", 4 * cells, |b| &b.face)?,
             steps: work("propagation steps", 8 * planes * cells, |b| &b.steps)?,
             beam_parts: work("beam parts", 8 * (planes + 1) * modes, |b| &b.beam_parts)?,
-            reach_nodes: work("beam reach", 4 * planes, |b| &b.reach_nodes)?,
-            unobstructed: work("unobstructed beams", 4 * planes * cells, |b| &b.unobstructed)?,
-            mask: work("transmission", 4 * planes * cells, |b| &b.mask)?,
+            reaches: work("beam reach", 8 * planes, |b| &b.reaches)?,
+            unobstructed: work("unobstructed beams", 4 * planes * offsets, |b| &b.unobstructed)?,
+            mask: work("transmission", 8 * planes * cells, |b| &b.mask)?,
             row_np: work("row losses", 4 * planes, |b| &b.row_np)?,
             fields: work("mode fields", 8 * modes * planes * cells, |b| &b.fields)?,
+            amplitudes: work("beam amplitudes", 4 * planes * beams * cells, |b| &b.amplitudes)?,
             beam_powers: work("beam powers", 4 * planes * cells, |b| &b.beam_powers)?,
+            profiles: work("profiles", 4 * planes * lines * u64::from(2 * params.lateral_half + 1), |b| &b.profiles)?,
+            blends: work("profile blends", 12 * planes * lines, |b| &b.blends)?,
             line_gains: work("line gains", if aperture.is_some() { 16 * lines * (planes + 1) } else { 0 }, |b| {
                 &b.line_gains
             })?,
@@ -72,10 +79,10 @@ impl ApertureBuffers {
     }
 
     /// Uploads the tables.
-    pub(super) fn fill(&self, gpu: &Gpu, tables: &Tables) {
+    pub(super) fn fill(&self, gpu: &Gpu, tables: &Tables, refraction: bool) {
         let Some(tables) = &tables.aperture else { return };
         let write = |buffer: &wgpu::Buffer, bytes: &[u8]| gpu.queue.write_buffer(buffer, 0, bytes);
-        write(&self.shape, bytemuck::bytes_of(&ApertureShape::new(tables)));
+        write(&self.shape, bytemuck::bytes_of(&ApertureShape::new(tables, refraction)));
         let packed = |rays: &CellRays| {
             let [first, last] = rays.parts.map(u32::from);
             [rays.first, rays.step, rays.count, first | last << 16]
@@ -88,7 +95,9 @@ impl ApertureBuffers {
         write(&self.face, bytemuck::cast_slice(&tables.face));
         write(&self.steps, bytemuck::cast_slice(&tables.steps));
         write(&self.beam_parts, bytemuck::cast_slice(&[&tables.transmit[..], &tables.receive].concat()));
-        write(&self.reach_nodes, bytemuck::cast_slice(&tables.reach_nodes));
-        write(&self.unobstructed, bytemuck::cast_slice(&tables.unobstructed));
+        let reaches = tables.reach_cells.iter().zip(&tables.greatest);
+        let reaches: Vec<[f32; 2]> = reaches.map(|(&reach, &greatest)| [reach, greatest]).collect();
+        write(&self.reaches, bytemuck::cast_slice(&reaches));
+        write(&self.unobstructed, bytemuck::cast_slice(&tables.profiles));
     }
 }

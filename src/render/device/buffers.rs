@@ -154,7 +154,14 @@ impl Buffers {
 
     /// Uploads the tables and clears the buffers that passes write. No pass writes image words outside the sector, and
     /// none may read data of another configuration.
-    pub(crate) fn fill(&self, gpu: &Gpu, scene: &SceneBuffers, tables: &Tables, previous: Option<&Self>) {
+    pub(crate) fn fill(
+        &self,
+        gpu: &Gpu,
+        scene: &SceneBuffers,
+        tables: &Tables,
+        refraction: bool,
+        previous: Option<&Self>,
+    ) {
         let places = |pixels: &[u32]| -> Vec<u32> {
             tables.sector_words.iter().flat_map(|&word| pixels[4 * word as usize..][..4].iter().copied()).collect()
         };
@@ -179,7 +186,7 @@ impl Buffers {
         write(&self.near_field, bytemuck::cast_slice(tables.near_field.as_ref().map_or(&[][..], |near| &near.values)));
         write(&self.pixels, bytemuck::cast_slice(&sector_pixels));
         write(&self.sector_words, bytemuck::cast_slice(&tables.sector_words));
-        self.aperture.fill(gpu, tables);
+        self.aperture.fill(gpu, tables, refraction);
         // New memory is zero.
         let Some(previous) = previous else { return };
         let label = wgpu::CommandEncoderDescriptor { label: Some("clear") };
@@ -253,6 +260,7 @@ impl Buffers {
                 (&self.aperture.cell_rays, read),
                 (&self.aperture.mask, write),
                 (&self.aperture.row_np, write),
+                (&self.rays, read),
             ],
             "propagate" => vec![
                 (&self.aperture.shape, uniform),
@@ -266,10 +274,19 @@ impl Buffers {
                 (&self.aperture.shape, uniform),
                 (&self.aperture.modes, read),
                 (&self.aperture.beam_parts, read),
-                (&self.aperture.reach_nodes, read),
-                (&self.aperture.unobstructed, read),
                 (&self.aperture.fields, read),
+                (&self.aperture.amplitudes, write),
+            ],
+            "profiles" => vec![
+                (&self.aperture.shape, uniform),
+                (&self.aperture.line_cells, read),
+                (&self.aperture.reaches, read),
+                (&self.aperture.unobstructed, read),
+                (&self.lateral_kernels, read),
+                (&self.aperture.amplitudes, read),
                 (&self.aperture.beam_powers, write),
+                (&self.aperture.profiles, write),
+                (&self.aperture.blends, write),
             ],
             "visibility" => vec![
                 (&self.starts, read),
@@ -286,6 +303,9 @@ impl Buffers {
                 (&self.baseband, read),
                 (&self.focused, write),
                 (&self.aperture.block_gains, read),
+                (&self.aperture.shape, uniform),
+                (&self.aperture.profiles, read),
+                (&self.aperture.blends, read),
             ],
             "receive" => {
                 vec![(&self.starts, read), (&self.segments, read), (&self.near_field, read), (&self.focused, write)]

@@ -60,13 +60,17 @@ impl DeviceConfiguration {
             ("APERTURE", flag(on.has(Effect::Aperture))),
         ];
         let aperture = [("APERTURE", flag(on.has(Effect::Aperture)))];
+        let steered = tables.looks.iter().any(|look| look.steer_rad != 0.0);
+        let lateral = [aperture[0], ("STEERED", flag(steered))];
         let lines = [params.scanlines.div_ceil(16), 1, 1];
+        let cells = tables.aperture.as_ref().map_or(0, |tables| tables.sampling.cells as u32);
         let traced = vec![pass("locate", path_groups, &[])?, pass("trace", path_groups, &trace)?];
         let seen = match &tables.aperture {
             Some(tables) => vec![
                 pass("transmission", [tables.planes as u32, 1, 1], &[])?,
                 pass("propagate", [tables.modes.len() as u32, 1, 1], &[])?,
-                pass("beams", [(tables.sampling.cells as u32).div_ceil(64), tables.planes as u32, 1], &[])?,
+                pass("beams", [cells.div_ceil(64), tables.sampling.beams as u32, tables.planes as u32], &[])?,
+                pass("profiles", [cells.max(params.scanlines).div_ceil(64), tables.planes as u32, 1], &[])?,
                 pass("visibility", lines, &[])?,
             ],
             None => Vec::new(),
@@ -85,8 +89,7 @@ impl DeviceConfiguration {
         }
         let path_order = path_order([traced.len(), seen.len(), returned.len()], batches.batches);
         let path_passes: Vec<Pass> = traced.into_iter().chain(seen).chain(returned).collect();
-        let mut image_passes =
-            vec![pass("lateral", [params.row_samples.div_ceil(256), params.scanlines.div_ceil(4), 1], &aperture)?];
+        let mut image_passes = vec![pass("lateral", samples_by(4), &lateral)?];
         if params.receives() {
             image_passes.push(pass("receive", samples_by(2), &[])?);
         }

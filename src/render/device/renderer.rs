@@ -55,7 +55,8 @@ impl DeviceRenderer {
         let scene = SceneBuffers::new(gpu, &inputs.media.surface_words, inputs.bvh)?;
         let mut pipelines = Pipelines::new(shaders);
         let active = DeviceConfiguration::new(gpu, &scene, &mut pipelines, inputs, None)?;
-        active.buffers.fill(gpu, &scene, &inputs.configuration.tables, None);
+        let bends = inputs.configuration.effects.effects().has(Effect::Refraction);
+        active.buffers.fill(gpu, &scene, &inputs.configuration.tables, bends, None);
         let (map_done, mapped) = mpsc::sync_channel(FRAMES_IN_FLIGHT);
         Ok(Self {
             gpu: gpu.clone(),
@@ -118,7 +119,9 @@ impl FrameMaker for DeviceRenderer {
     fn configure(&mut self, inputs: FrameInputs<'_>) -> Result<(), RenderError> {
         let previous = Some(&self.active);
         let next = DeviceConfiguration::new(&self.gpu, &self.scene, &mut self.pipelines, inputs, previous)?;
-        next.buffers.fill(&self.gpu, &self.scene, &inputs.configuration.tables, previous.map(|p| &p.buffers));
+        let bends = inputs.configuration.effects.effects().has(Effect::Refraction);
+        let tables = &inputs.configuration.tables;
+        next.buffers.fill(&self.gpu, &self.scene, tables, bends, previous.map(|p| &p.buffers));
         self.active = next;
         Ok(())
     }

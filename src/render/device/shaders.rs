@@ -27,16 +27,17 @@ macro_rules! pass {
 }
 
 /// Name and source of each pass.
-pub(super) const PASSES: [(&str, &str); 14] = [
+pub(super) const PASSES: [(&str, &str); 15] = [
     pass!("locate", "bvh", "surfaces", "collect", "launch"),
     pass!("trace", "tissue", "hash", "lattice", "interface", "bvh", "surfaces", "nearest", "collect", "launch"),
-    pass!("transmission", "aperture", "loss"),
+    pass!("transmission", "aperture", "loss", "phasor", "launch"),
     pass!("propagate", "aperture", "phasor"),
     pass!("beams", "aperture", "phasor"),
+    pass!("profiles", "aperture"),
     pass!("visibility", "aperture", "loss", "line_gain"),
     pass!("march", "hash", "lattice", "phasor", "speckle", "texture", "aperture", "loss", "line_gain"),
     pass!("echo", "phasor", "aperture", "loss", "line_gain"),
-    pass!("lateral"),
+    pass!("lateral", "aperture", "phasor"),
     pass!("receive", "hash", "lattice", "loss"),
     pass!("detect"),
     pass!("section", "tissue", "bvh", "surfaces", "collect"),
@@ -79,7 +80,7 @@ fn preamble() -> String {
             LN_SPECKLE_SILENT LN_SCALE UNSCALED DIFFUSE DIFFUSE_HALF_ROUGHNESS2 APERTURE_HALF_ANGLE
             APERTURE_HALF_ANGLE_MIN APERTURE_HALF_ANGLE_MAX FACET_COS_MIN DB_A_DOUBLING ONE_WAY BRIGHTEST_PART
             CONTRAST_MIN_NP_MM TRACKED_NP EVEN_NP SPREAD_NP VISIBLE_MIN VISIBLE_MAX_NP NEIGHBOUR_GAIN_MAX
-            TRANSMISSION_MIN DENSITY_ONE LEAST_POWER GAP_NP_MM GAP_MAX_MM GAP_PART LN_UNCOUPLED COUPLED_MIN VISIBLE_MIN_NP;
+            TRANSMISSION_MIN DELAY_MIN HARD_SPEED UNLIKE PROFILE_CUT DENSITY_ONE LEAST_POWER GAP_NP_MM GAP_MAX_MM GAP_PART LN_UNCOUPLED COUPLED_MIN VISIBLE_MIN_NP;
     };
     let readers = wgsl_readers("image_", "params.image", ImageSettings::settings());
     format!(

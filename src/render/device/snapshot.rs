@@ -93,7 +93,10 @@ pub(super) fn pass_buffers(
         row_np: read(gpu, &buffers.aperture.row_np)?,
         fields: read(gpu, &buffers.aperture.fields)?,
         first_plane: 0,
+        amplitudes: read(gpu, &buffers.aperture.amplitudes)?,
         beam_powers: read(gpu, &buffers.aperture.beam_powers)?,
+        profiles: read(gpu, &buffers.aperture.profiles)?,
+        blends: read(gpu, &buffers.aperture.blends)?,
         line_gains: read(gpu, &buffers.aperture.line_gains)?,
         block_gains: read(gpu, &buffers.aperture.block_gains)?,
     })

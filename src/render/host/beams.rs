@@ -1,14 +1,24 @@
-//! Echo power of the beams at each plane, over that without obstacles.
+//! Beams at each plane: their two-way amplitude at every cell, and their echo power over that without obstacles.
 
 use rayon::prelude::*;
 
 use super::constants::ImageConstants;
 use super::fourier::{LANES, Roots, Row, Wide, reversed};
-use crate::render::aperture::{ApertureTables, BEAMS_MAX};
+use crate::render::aperture::ApertureTables;
 use crate::simd::widened;
 
-/// Fills `powers`, echo power of the beam at each node over that without obstacles [planes × cells], the first nodes of
-/// each row. Planes before `first` have none. `work` holds a period of beams, twice, for each plane.
+/// Outputs of the pass.
+#[derive(Debug)]
+pub(super) struct Beams<'a> {
+    /// Two-way amplitude of each beam of a period at each cell [planes × beams × cells]. Planes before the first obstacle
+    /// are not filled.
+    pub(super) amplitudes: &'a mut [f32],
+    /// Echo power of the beam at each node over the greatest one without obstacles [planes × cells], the first nodes of
+    /// each row.
+    pub(super) powers: &'a mut [f32],
+}
+
+/// Fills the outputs. Planes before `first` are unobstructed. `work` holds a period of beams, twice, for each plane.
 pub(super) fn beams(
     constants: ImageConstants,
     tables: &ApertureTables,
@@ -16,17 +26,20 @@ pub(super) fn beams(
     first: usize,
     fields: &[f32],
     work: &mut [Wide],
-    powers: &mut [f32],
+    into: Beams<'_>,
 ) {
-    let rows = powers
-        .par_chunks_exact_mut(tables.sampling.cells)
-        .zip(work.par_chunks_exact_mut(2 * tables.sampling.beams))
+    let (cells, beams) = (tables.sampling.cells, tables.sampling.beams);
+    let rows = into
+        .powers
+        .par_chunks_exact_mut(cells)
+        .zip(into.amplitudes.par_chunks_exact_mut(beams * cells))
+        .zip(work.par_chunks_exact_mut(2 * beams))
         .enumerate();
-    rows.for_each(|(plane, (row, work))| {
+    rows.for_each(|(plane, ((row, amplitudes), work))| {
         if plane < first {
-            row.fill(1.0);
+            row.copy_from_slice(&tables.shares[plane * cells..][..cells]);
         } else {
-            sum_plane(constants, tables, roots, plane, fields, work, row);
+            sum_plane(constants, tables, roots, plane, fields, work, amplitudes, row);
         }
     });
 }
@@ -35,11 +48,12 @@ widened! {
     /// One plane.
     fn sum_plane(
         constants: ImageConstants, tables: &ApertureTables, roots: &Roots, plane: usize, fields: &[f32],
-        work: &mut [Wide], row: &mut [f32],
+        work: &mut [Wide], amplitudes: &mut [f32], row: &mut [f32],
     ) = sum_plane_body
 }
 
 #[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "those of `sum_plane`")]
 fn sum_plane_body(
     constants: ImageConstants,
     tables: &ApertureTables,
@@ -47,20 +61,19 @@ fn sum_plane_body(
     plane: usize,
     fields: &[f32],
     work: &mut [Wide],
+    amplitudes: &mut [f32],
     row: &mut [f32],
 ) {
-    let (cells, nodes, beams) = (tables.sampling.cells, tables.sampling.nodes_at(plane), tables.sampling.beams);
+    let (cells, beams) = (tables.sampling.cells, tables.sampling.beams);
     let receive = &tables.receive[plane * tables.modes.len()..][..tables.sampling.modes_at(plane)];
     let (sent, heard) = work.split_at_mut(beams);
-    let mut products: [[f32; BEAMS_MAX]; LANES] = [[0.0; BEAMS_MAX]; LANES];
-    row.fill(0.0);
-    for first_node in (0..nodes).step_by(LANES) {
+    for first_cell in (0..cells).step_by(LANES) {
         sent.fill(Wide::ZERO);
         heard.fill(Wide::ZERO);
         for (slot, ((mode, &transmit), &receive)) in tables.modes.iter().zip(&tables.transmit).zip(receive).enumerate()
         {
             let Some(mode) = mode else { continue };
-            let at = (slot * tables.planes + plane) * 2 * cells + first_node;
+            let at = (slot * tables.planes + plane) * 2 * cells + first_cell;
             let (Some(re), Some(im)) = (lanes_at(fields, at), lanes_at(fields, at + cells)) else { continue };
             let (field, bin) = (Wide { re: *re, im: *im }, tables.sampling.bin(plane, *mode));
             sent[bin] = sent[bin].plus(&field.times(transmit));
@@ -68,34 +81,45 @@ fn sum_plane_body(
         }
         roots.forward(sent);
         roots.forward(heard);
-        for beam in 0..beams {
+        for (beam, amplitudes) in amplitudes.chunks_exact_mut(cells).enumerate() {
             let (t, r) = (&sent[reversed(beam, beams)], &heard[reversed(beam, beams)]);
-            for (lane, products) in products.iter_mut().enumerate() {
-                let power = |v: &Wide| v.re[lane] * v.re[lane] + v.im[lane] * v.im[lane];
-                products[beam] = power(t) * power(r);
+            let power = |v: &Wide, lane: usize| v.re[lane] * v.re[lane] + v.im[lane] * v.im[lane];
+            for (lane, amplitude) in amplitudes[first_cell..].iter_mut().take(LANES).enumerate() {
+                *amplitude = (power(t, lane) * power(r, lane)).sqrt();
             }
         }
-        for (lane, products) in products.iter().enumerate() {
-            add_node(tables, plane, first_node + lane, products, &mut row[..nodes]);
-        }
     }
-    let unobstructed = &tables.unobstructed[plane * cells..][..nodes];
-    for (power, &whole) in row.iter_mut().zip(unobstructed) {
-        *power /= whole.max(constants.unobstructed_min());
+    let greatest = tables.greatest[plane].max(constants.unobstructed_min());
+    let (node_cells, reach) = (tables.sampling.node_cells_at(plane), tables.reach_cells[plane]);
+    let furthest = (reach + 0.5) as usize;
+    row.fill(0.0);
+    for (axis, power) in row.iter_mut().enumerate().take(tables.sampling.nodes_at(plane)) {
+        let amplitudes = &amplitudes[tables.sampling.beam_of(plane, axis) * cells..][..cells];
+        let middle = axis * node_cells;
+        let (from, to) = (middle.saturating_sub(furthest), (middle + furthest + 1).min(cells));
+        *power = sum_within(&amplitudes[from..to], middle - from, reach) / greatest;
     }
 }
 
-/// Adds what the scatterers at a node return to each beam whose axis is within reach.
+/// Sum of squared amplitudes within `reach` of the middle; the last cell counts by its part inside. In lanes, whose order
+/// every instruction set keeps.
 #[inline(always)]
-fn add_node(tables: &ApertureTables, plane: usize, node: usize, products: &[f32; BEAMS_MAX], row: &mut [f32]) {
-    let (nodes, reach) = (row.len(), tables.reach_nodes[plane]);
-    let furthest = (reach + 0.5) as usize;
-    // x = 0 is in the middle of the nodes.
-    let first = node.saturating_sub(furthest);
-    for (axis, sum) in row.iter_mut().enumerate().take(node + furthest + 1).skip(first) {
-        let inside = (reach + 0.5 - axis.abs_diff(node) as f32).clamp(0.0, 1.0);
-        *sum += inside * products[((axis + nodes / 2) & (tables.sampling.beams - 1)) & (BEAMS_MAX - 1)];
+fn sum_within(amplitudes: &[f32], middle: usize, reach: f32) -> f32 {
+    let mut sums = [0.0; LANES];
+    let term = |i: usize, amplitude: f32| {
+        let inside = (reach + 0.5 - (i as f32 - middle as f32).abs()).clamp(0.0, 1.0);
+        inside * amplitude * amplitude
+    };
+    let (tiles, rest) = amplitudes.as_chunks::<LANES>();
+    for (tile, first) in tiles.iter().zip((0..).step_by(LANES)) {
+        for lane in 0..LANES {
+            sums[lane] += term(first + lane, tile[lane]);
+        }
     }
+    for (lane, &amplitude) in rest.iter().enumerate() {
+        sums[lane] += term(LANES * tiles.len() + lane, amplitude);
+    }
+    sums.iter().sum()
 }
 
 #[inline(always)]

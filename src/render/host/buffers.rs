@@ -7,6 +7,7 @@ use super::fourier::{Roots, Wide};
 use super::path_outputs::PathOutputs;
 use super::propagate::Propagation;
 use super::scan_convert::Layout;
+use super::transmission::CellMeans;
 use crate::render::aperture::{ApertureTables, MODE_LANES};
 use crate::render::configuration::Configuration;
 use crate::render::constants::{DEPTH_BLOCK, ENTRIES, SEGMENTS, STARTS, TISSUES_MAX};
@@ -19,6 +20,8 @@ pub(super) struct Buffers {
     /// All outputs except images, which go into the frame. `lines` are empty unless the settings ask for them.
     pub(super) passes: PassBuffers,
     pub(super) aperture: Option<ApertureBuffers>,
+    /// Gains of the blocks, those of neighbouring scanlines side by side [blocks × scanlines]; empty without the aperture.
+    pub(super) loudness: Vec<f32>,
     /// Powers of the scatterers between batches; empty if there is one.
     pub(super) kept_powers: Vec<[f32; 3]>,
     pub(super) gain: DepthGain,
@@ -35,7 +38,7 @@ pub(super) struct ApertureBuffers {
     pub(super) propagation: Propagation,
     pub(super) beam_roots: Roots,
     /// [cells × planes]
-    pub(super) layer_powers: Vec<f32>,
+    pub(super) cell_means: Vec<CellMeans>,
     /// [groups of modes × cells]
     pub(super) mode_work: Vec<Wide>,
     /// [planes × 2 × beams]
@@ -47,7 +50,7 @@ impl ApertureBuffers {
         Self {
             propagation: Propagation::new(tables),
             beam_roots: Roots::new(tables.sampling.beams),
-            layer_powers: vec![0.0; tables.sampling.cells * tables.planes],
+            cell_means: vec![[0.0; 2]; tables.sampling.cells * tables.planes],
             mode_work: vec![Wide::ZERO; tables.modes.len() / MODE_LANES * tables.sampling.cells],
             beam_work: vec![Wide::ZERO; tables.planes * 2 * tables.sampling.beams],
         }
@@ -92,6 +95,8 @@ impl Buffers {
             raster: zeros("map raster", map_rays * u64::from(params.map_depths))?,
             ..PassBuffers::default()
         };
+        let planes = tables.aperture.as_ref().map_or(0, |aperture| aperture.planes as u64);
+        let lines_planes = u64::from(params.scanlines) * planes;
         let passes = match &tables.aperture {
             Some(aperture) => PassBuffers {
                 mask: zeros("transmission", (aperture.planes * aperture.sampling.cells) as u64)?,
@@ -100,7 +105,13 @@ impl Buffers {
                     "mode fields",
                     (aperture.modes.len() * aperture.planes * 2 * aperture.sampling.cells) as u64,
                 )?,
+                amplitudes: zeros(
+                    "beam amplitudes",
+                    (aperture.planes * aperture.sampling.beams * aperture.sampling.cells) as u64,
+                )?,
                 beam_powers: zeros("beam powers", (aperture.planes * aperture.sampling.cells) as u64)?,
+                profiles: zeros("profiles", lines_planes * u64::from(2 * params.lateral_half + 1))?,
+                blends: zeros("profile blends", lines_planes)?,
                 line_gains: zeros("line gains", u64::from(params.scanlines) * (aperture.planes as u64 + 1))?,
                 block_gains: zeros("block gains", samples / u64::from(DEPTH_BLOCK))?,
                 ..passes
@@ -112,6 +123,7 @@ impl Buffers {
         Ok(Self {
             passes,
             aperture: tables.aperture.as_ref().map(ApertureBuffers::new),
+            loudness: zeros("loudness", if planes > 0 { samples / u64::from(DEPTH_BLOCK) } else { 0 })?,
             kept_powers: zeros("scatterer powers", if batches.batches > 1 { samples } else { 0 })?,
             gain: DepthGain::default(),
             layout: layout(&tables.pixels),

@@ -96,6 +96,8 @@ changeable! {
         loss_max_np: f32 = 80.0;
         /// `propagate`: rows of cells whose transmissions differ by less hide nothing.
         contrast_min: f32 = 1.0e-5;
+        /// `propagate`: rows of cells whose delays differ by less bend nothing, radians.
+        phase_min: f32 = 1.0e-3;
         /// `beams`: least power of a beam without obstacles.
         unobstructed_min: f32 = 1.0e-30;
         /// `visibility`: most gain by diffraction at an edge, nepers of amplitude.

@@ -140,7 +140,7 @@ fn transmit_or_reflect(
         let turned = plus(direction, facet, 2.0 * cos(facet, direction));
         let mirrored = plus(direction, normal, -2.0 * dot(direction, normal));
         let turned = pick(dot(turned, normal) <= 0.0, mirrored, turned);
-        let ratio = speed_ratio(&arrivals.seen_bending, i);
+        let ratio = speed_ratio(&arrivals.path_bending, i);
         let cos_beyond = interface_between(1.0, 1.0, ratio, cos_incident).cos_transmitted;
         let bent = plus(scaled(direction, ratio), normal, ratio * cos_incident - cos_beyond);
         let bends = effects.refraction & (cos_beyond > 0.0) & (dot(bent, normal) < 0.0);
@@ -205,7 +205,7 @@ mod tests {
             coherence: number(17),
             impedances_mrayl: [0.1 + 2.0 * number(18), 0.1 + 6.0 * number(19)],
             bending: [1.0, speed],
-            seen_bending: [1.0, speed],
+            path_bending: [1.0, speed],
             surface: (100.0 * number(23)) as u32,
             line_ray: (8000.0 * number(24)) as u32,
             layer: (3.0 * number(25)) as u32,

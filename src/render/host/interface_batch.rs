@@ -26,8 +26,8 @@ pub(super) struct Arrival {
     pub(super) impedances_mrayl: [f32; 2],
     /// Speed ratio c/c₀ of refraction, before and beyond.
     pub(super) bending: [f32; 2],
-    /// c/c₀ for the transmitted direction; 1 in hard media if the aperture's gain replaces the path's loss.
-    pub(super) seen_bending: [f32; 2],
+    /// c/c₀ for the transmitted direction; 1 before the first reflection, since beams bend by the aperture, not by a facet.
+    pub(super) path_bending: [f32; 2],
     pub(super) surface: u32,
     pub(super) line_ray: u32,
     pub(super) layer: u32,
@@ -66,7 +66,7 @@ pub(super) struct Arrivals {
     pub(super) coherence: Lanes,
     pub(super) impedances_mrayl: [Lanes; 2],
     pub(super) bending: [Lanes; 2],
-    pub(super) seen_bending: [Lanes; 2],
+    pub(super) path_bending: [Lanes; 2],
     pub(super) surface: Words,
     pub(super) line_ray: Words,
     pub(super) layer: Words,
@@ -117,7 +117,7 @@ impl InterfaceBatch {
             path_per_range: [1.0; RAYS],
             impedances_mrayl: [[1.0; RAYS]; 2],
             bending: [[1.0; RAYS]; 2],
-            seen_bending: [[1.0; RAYS]; 2],
+            path_bending: [[1.0; RAYS]; 2],
             ..Arrivals::default()
         };
         Self { count: 0, arrivals, departures: Departures::default() }
@@ -151,7 +151,7 @@ impl InterfaceBatch {
         for side in 0..2 {
             arrivals.impedances_mrayl[side][i] = arrival.impedances_mrayl[side];
             arrivals.bending[side][i] = arrival.bending[side];
-            arrivals.seen_bending[side][i] = arrival.seen_bending[side];
+            arrivals.path_bending[side][i] = arrival.path_bending[side];
         }
         arrivals.surface[i] = arrival.surface;
         (arrivals.line_ray[i], arrivals.layer[i], arrivals.bounce[i]) =

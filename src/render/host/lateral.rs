@@ -1,82 +1,233 @@
-//! The lateral point-spread function: each sample becomes the beam's weighted mean over neighbouring scanlines.
+//! The lateral point-spread function: each sample becomes the beam's weighted sum over neighbouring scanlines.
 
 use rayon::prelude::*;
 
 use super::constants::{ImageConstants, NEIGHBOUR_GAIN_MAX};
+use super::profiles::{Blend, TAPS_MAX};
 use super::visibility::BlockGain;
 use crate::render::constants::DEPTH_BLOCK;
+use crate::render::kernels::Kernels;
 use crate::render::params::Params;
-use crate::simd::{at_most, widened};
+use crate::simd::{at_least, at_most, floor, phasor, widened};
 
 /// Numbers in a block of complex samples that share a kernel.
 const BLOCK: usize = 2 * DEPTH_BLOCK as usize;
+/// Sums of powers that are kept apart.
+const SUMS: usize = 8;
 /// Least consecutive scanlines per task: they read the same rows.
 const LINES_TOGETHER: usize = 8;
 
-/// Tables of the beam.
+/// Beam of every scanline.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LateralBeam<'a> {
     pub(super) constants: ImageConstants,
-    /// Weights of each block of samples.
-    pub(super) kernels: &'a [f32],
-    /// Gain of each block [scanlines × blocks]; empty without the aperture.
+    /// Kernels of each block of samples.
+    pub(super) kernels: &'a Kernels,
+    /// Gain and place of each block [scanlines × blocks]; empty without the aperture.
     pub(super) gains: &'a [BlockGain],
+    /// Outputs of `profiles`; empty without the aperture.
+    pub(super) weights: &'a [f32],
+    pub(super) blends: &'a [Blend],
 }
 
-/// Focuses `baseband` into `focused`, both complex [scanlines × row_samples]. Each block of samples has a kernel; at
-/// the sector's edges the remaining weights are renormalised. Weights below `least_weight` count as 0. Each
-/// scanline sees its neighbours' scatterers with the gain of its own aperture.
-pub(super) fn lateral(params: &Params, beam: LateralBeam<'_>, baseband: &[[f32; 2]], focused: &mut [[f32; 2]]) {
+/// Focuses `baseband` into `focused`, both complex [scanlines × row_samples]. Each block of samples has a kernel, or the
+/// profile of its scanline's beam. Weights beyond the array are made up for: with the aperture in power, by a factor of two
+/// at most, since its beams have less power there; else in amplitude. Weights below `least_weight` count as 0. Each scanline sees its neighbours' scatterers with the gain of its own aperture. The wavefront of a steered look is
+/// across its scanlines: a neighbour's samples lie `params.steer_shift_mm` deeper or higher.
+///
+/// `loudness` holds the gains as amplitudes, those of neighbouring scanlines side by side [blocks × scanlines].
+pub(super) fn lateral(
+    params: &Params,
+    beam: LateralBeam<'_>,
+    baseband: &[[f32; 2]],
+    loudness: &mut [f32],
+    focused: &mut [[f32; 2]],
+) {
     let row_samples = params.row_samples as usize;
+    let blocks = row_samples / DEPTH_BLOCK as usize;
+    let rows = loudness.par_chunks_exact_mut(params.scanlines as usize).enumerate();
+    rows.with_min_len(LINES_TOGETHER).for_each(|(block, row)| {
+        for (loudness, gains) in row.iter_mut().zip(beam.gains.chunks_exact(blocks)) {
+            *loudness = gains[block][0];
+        }
+    });
+    let loudness = &*loudness;
     let rows = focused.par_chunks_exact_mut(row_samples).enumerate().with_min_len(LINES_TOGETHER);
     rows.for_each(|(line, row)| {
-        focus_row(params, beam, line, baseband.as_flattened(), row.as_flattened_mut());
+        focus_row(params, beam, line, loudness, baseband.as_flattened(), row.as_flattened_mut());
     });
+}
+
+/// Weights of one block of a scanline, from tap `first` to before tap `end`.
+struct Weights {
+    taps: [f32; TAPS_MAX],
+    first: usize,
+    end: usize,
+}
+
+impl LateralBeam<'_> {
+    /// Fills in the weights of a block.
+    #[inline(always)]
+    fn weigh(&self, params: &Params, line: usize, block: usize, place: f32, weights: &mut Weights) {
+        let taps = 2 * params.lateral_half as usize + 1;
+        let kernel = &self.kernels.lateral[block * taps..][..taps];
+        let (half, reach) = (params.lateral_half as usize, self.kernels.reach[block] as usize);
+        weights.taps[..taps].copy_from_slice(kernel);
+        (weights.first, weights.end) = (half - reach, half + reach + 1);
+        let lines = params.scanlines as usize;
+        let planes = self.blends.len() / lines;
+        if planes == 0 {
+            return;
+        }
+        // Before the first plane, its profile.
+        let place = at_most(at_least(place, 0.0), (planes - 1) as f32);
+        let low = (place as usize).min(planes.saturating_sub(2));
+        let part = place - low as f32;
+        let of = |plane: usize| (plane.min(planes - 1)) * lines + line;
+        let shares = [(of(low), 1.0 - part), (of(low + 1), part)];
+        let kept: f32 = shares.iter().map(|&(at, share)| share * self.blends[at][0]).sum();
+        if kept >= 1.0 {
+            return;
+        }
+        weights.taps[..taps].iter_mut().for_each(|weight| *weight *= kept);
+        for (at, share) in shares {
+            let [_, first, end] = self.blends[at];
+            let span = first as usize..end as usize;
+            if span.is_empty() {
+                continue;
+            }
+            (weights.first, weights.end) = (weights.first.min(span.start), weights.end.max(span.end));
+            for (weight, profile) in weights.taps[span.clone()].iter_mut().zip(&self.weights[at * taps..][span]) {
+                *weight += share * profile;
+            }
+        }
+    }
 }
 
 widened! {
     /// One scanline.
     fn focus_row(
-        params: &Params, beam: LateralBeam<'_>, line: usize, baseband: &[f32], row: &mut [f32],
+        params: &Params, beam: LateralBeam<'_>, line: usize, loudness: &[f32], baseband: &[f32], row: &mut [f32],
     ) = focus_row_body
 }
 
 #[inline(always)]
-fn focus_row_body(params: &Params, beam: LateralBeam<'_>, line: usize, baseband: &[f32], row: &mut [f32]) {
-    let LateralBeam { constants, kernels, gains } = beam;
+fn focus_row_body(
+    params: &Params,
+    beam: LateralBeam<'_>,
+    line: usize,
+    loudness: &[f32],
+    baseband: &[f32],
+    row: &mut [f32],
+) {
+    let LateralBeam { constants, kernels, gains, .. } = beam;
     let half = params.lateral_half as usize;
     let stride = row.len();
     // Taps within the array.
     let from = half.saturating_sub(line);
     let to = (2 * half + 1).min(params.scanlines as usize + half - line);
-    let first_line = line + from - half;
     let blocks = row.as_chunks_mut::<BLOCK>().0;
     let block_count = blocks.len();
-    for ((block, out), kernel) in blocks.iter_mut().enumerate().zip(kernels.chunks_exact(2 * half + 1)) {
-        let weights = &kernel[from..to];
-        let mut sum = [0.0f32; BLOCK];
-        let mut total = 0.0;
-        // Denormal weights are zeros on a GPU, and slow here.
-        let some = |weight: &&f32| **weight >= constants.least_weight();
-        let skipped = weights.iter().take_while(|w| !some(w)).count();
-        let mut at = (first_line + skipped) * stride + block * BLOCK;
-        let own = gains.get(line * block_count + block).map_or(1.0, |gain| gain[0]);
-        let mut other = (first_line + skipped) * block_count + block;
-        for &weight in weights[skipped..].iter().take_while(some) {
-            let seen = gains.get(other).map_or(1.0, |gain| at_most(own * gain[1], NEIGHBOUR_GAIN_MAX));
-            let seen = weight * seen;
-            if let Some(source) = baseband.get(at..).and_then(|rest| rest.first_chunk::<BLOCK>()) {
+    let mut weights = Weights { taps: [0.0; TAPS_MAX], first: 0, end: 0 };
+    let steered = params.steer_shift_mm != 0.0;
+    // Samples and phase by which each neighbour's echoes come later.
+    let (mut shifts, mut turns) = ([0; TAPS_MAX], [[1.0, 0.0]; TAPS_MAX]);
+    if steered {
+        for (tap, (shift, turn)) in shifts.iter_mut().zip(&mut turns).enumerate().take(2 * half + 1) {
+            let later_mm = (tap as f32 - half as f32) * params.steer_shift_mm;
+            *shift = floor(later_mm / params.sample_spacing_mm + 0.5);
+            *turn = phasor(-params.phase_turns_per_mm * later_mm);
+        }
+    }
+    for (block, out) in blocks.iter_mut().enumerate() {
+        let [own, place] = gains.get(line * block_count + block).copied().unwrap_or([1.0, 0.0]);
+        beam.weigh(params, line, block, place, &mut weights);
+        let (first, end) = (weights.first.clamp(from, to), weights.end.min(to));
+        let count = end.saturating_sub(first);
+        let mut seen = [0.0_f32; TAPS_MAX];
+        let seen = &mut seen[..count];
+        for (seen, &weight) in seen.iter_mut().zip(&weights.taps[first..]) {
+            // Denormal weights are zeros on a GPU, and slow here.
+            *seen = if weight >= constants.least_weight() { weight } else { 0.0 };
+        }
+        let scale = match gains {
+            // Kernels have a sum of 1.
+            [] => 1.0 / at_least(seen.iter().sum(), 1.0e-30),
+            _ => (kernels.power[block] / at_least(sum_of_squares(seen), 0.5 * kernels.power[block])).sqrt(),
+        };
+        let nearest = line + first - half;
+        let lines = params.scanlines as usize;
+        if let Some(loudness) = loudness.get(block * lines + nearest..).filter(|_| !gains.is_empty()) {
+            for (seen, &gain) in seen.iter_mut().zip(loudness) {
+                *seen *= at_most(own / gain, NEIGHBOUR_GAIN_MAX);
+            }
+        }
+        let sources = baseband[nearest * stride..].chunks_exact(stride);
+        let mut sum = [0.0_f32; BLOCK];
+        if steered {
+            let mut turned = [0.0_f32; BLOCK];
+            for ((source, &seen), (&shift, [cos, sin])) in
+                sources.zip(&*seen).zip(shifts[first..].iter().zip(&turns[first..]))
+            {
+                add_shifted(source, block, shift, [seen * cos, seen * sin], &mut sum, &mut turned);
+            }
+            // (re, im) + i·(re', im').
+            for (sum, turned) in sum.as_chunks_mut::<2>().0.iter_mut().zip(turned.as_chunks::<2>().0) {
+                *sum = [sum[0] - turned[1], sum[1] + turned[0]];
+            }
+        } else {
+            for (source, &seen) in sources.zip(&*seen) {
+                let Some(source) = source.as_chunks::<BLOCK>().0.get(block) else { continue };
                 for (sum, &value) in sum.iter_mut().zip(source) {
                     *sum += seen * value;
                 }
             }
-            total += weight;
-            at += stride;
-            other += block_count;
         }
-        let scale = 1.0 / total.max(1.0e-30);
         for (out, &sum) in out.iter_mut().zip(&sum) {
             *out = sum * scale;
         }
+    }
+}
+
+/// Sum of squares in an order that every instruction set keeps.
+#[inline(always)]
+fn sum_of_squares(values: &[f32]) -> f32 {
+    let mut sums = [0.0_f32; SUMS];
+    let (chunks, rest) = values.as_chunks::<SUMS>();
+    for chunk in chunks {
+        for (sum, value) in sums.iter_mut().zip(chunk) {
+            *sum += value * value;
+        }
+    }
+    for (sum, value) in sums.iter_mut().zip(rest) {
+        *sum += value * value;
+    }
+    sums.iter().sum()
+}
+
+/// Adds a block of a neighbour, `samples` before its own place, by both parts of a weight. Beyond the row there is nothing.
+#[inline(always)]
+fn add_shifted(
+    source: &[f32],
+    block: usize,
+    samples: i32,
+    [re, im]: [f32; 2],
+    sum: &mut [f32; BLOCK],
+    turned: &mut [f32; BLOCK],
+) {
+    let start = (block * BLOCK) as isize - 2 * samples as isize;
+    if let Some(chunk) =
+        usize::try_from(start).ok().and_then(|at| source.get(at..)).and_then(|s| s.first_chunk::<BLOCK>())
+    {
+        for i in 0..BLOCK {
+            sum[i] += re * chunk[i];
+            turned[i] += im * chunk[i];
+        }
+        return;
+    }
+    for i in 0..BLOCK {
+        let value = usize::try_from(start + i as isize).ok().and_then(|at| source.get(at)).copied().unwrap_or(0.0);
+        sum[i] += re * value;
+        turned[i] += im * value;
     }
 }

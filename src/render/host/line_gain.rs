@@ -122,23 +122,24 @@ impl<'a> LineGain<'a> {
     /// ln of the amplitude, two-way, of scatterers at a range that the scanline reaches with a loss of `loss_np`.
     #[inline(always)]
     fn at(&self, range_mm: f32, loss_np: f32) -> f32 {
-        let (interval, lost, gain_np) = self.tracked(range_mm, loss_np);
-        gain_np - 2.0 * (interval.shared_np + interval.row_np * lost)
+        let (interval, lost, place) = self.tracked(range_mm, loss_np);
+        self.gain(place) - 2.0 * (interval.shared_np + interval.row_np * lost)
     }
 
-    /// [`LineGain::at`] without the loss that all scanlines share.
+    /// [`LineGain::at`] without the loss that all scanlines share, and the place among the planes.
     #[inline(always)]
-    pub(super) fn without_shared(&self, range_mm: f32, loss_np: f32) -> f32 {
-        self.tracked(range_mm, loss_np).2
+    pub(super) fn without_shared(&self, range_mm: f32, loss_np: f32) -> [f32; 2] {
+        let (_, _, place) = self.tracked(range_mm, loss_np);
+        [self.gain(place), place]
     }
 
-    /// The interval of a range, the part of its loss before the range, and the gain there.
+    /// The interval of a range, the part of its loss before the range, and the place among the planes.
     #[inline(always)]
     fn tracked(&self, range_mm: f32, loss_np: f32) -> (Interval, f32, f32) {
         let (index, part) = self.index(range_mm);
         let interval = self.interval(index);
         let lost = interval.lost(part, loss_np);
-        (interval, lost, self.gain(interval.place(part, lost)))
+        (interval, lost, interval.place(part, lost))
     }
 
     /// [`LineGain::at`] for all samples of a block within one interval; `falls` and `passed` are those of the segments.

@@ -29,6 +29,7 @@ mod paths;
 mod percentile;
 mod power;
 mod processor;
+mod profiles;
 mod propagate;
 mod receive;
 mod renderer;

@@ -356,11 +356,7 @@ impl Scene<'_> {
             coherence: tissue.coherence.min(beyond.coherence),
             impedances_mrayl: [tissue.impedance_mrayl, beyond.impedance_mrayl],
             bending: [tissue.bending, beyond.bending],
-            seen_bending: if self.by_aperture(state) {
-                [tissue.seen_bending, beyond.seen_bending]
-            } else {
-                [tissue.bending, beyond.bending]
-            },
+            path_bending: if state.diverted { [tissue.bending, beyond.bending] } else { [1.0; 2] },
             surface: triangle.surface,
             line_ray: state.line_ray,
             layer: state.layer,

@@ -100,6 +100,12 @@ impl Powers {
         for block in begin / BLOCK..end.div_ceil(BLOCK) {
             let Some(sums) = self.seen.get_mut(block) else { break };
             let (from, to) = (begin.saturating_sub(block * BLOCK) as i32, end.wrapping_sub(block * BLOCK) as i32);
+            if from == 0 && to >= BLOCK as i32 {
+                for (sums, part) in sums.iter_mut().zip(parts) {
+                    sums.iter_mut().for_each(|sum| *sum += part);
+                }
+                continue;
+            }
             for i in 0..BLOCK {
                 let within = (i as i32 >= from) & ((i as i32) < to);
                 for (sums, part) in sums.iter_mut().zip(parts) {

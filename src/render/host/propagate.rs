@@ -1,4 +1,4 @@
-//! Propagation of the modes from plane to plane through the transmission of the scan plane.
+//! Propagation of the modes from plane to plane through the transmission and the delays of the scan plane.
 
 use rayon::iter::once;
 use rayon::prelude::*;
@@ -32,20 +32,22 @@ impl Propagation {
     }
 }
 
-/// The first plane with an obstacle in its interval; `planes` if there is none. Beams up to it are unobstructed.
-pub(super) fn first_plane(constants: ImageConstants, tables: &ApertureTables, mask: &[f32]) -> usize {
-    let differs = |row: &[f32]| row.iter().any(|&value| value < 1.0 - constants.contrast_min());
+/// The first plane with an obstacle or an uneven delay in its interval; `planes` if there is none. Beams up to it are
+/// unobstructed.
+pub(super) fn first_plane(constants: ImageConstants, tables: &ApertureTables, mask: &[[f32; 2]]) -> usize {
+    let whole = 1.0 - constants.contrast_min();
+    let differs = |row: &[[f32; 2]]| row.iter().any(|&[re, im]| re < whole || im.abs() > constants.phase_min());
     mask.chunks_exact(tables.sampling.cells).position(differs).unwrap_or(tables.planes)
 }
 
-/// Fills `fields` from plane `first_plane` on: the field of each mode at each node, before the interval of the plane
-/// [modes × planes × (real parts, imaginary parts) × cells], the first nodes of each row. `work` holds as many numbers as
-/// the groups of modes have cells.
+/// Fills `fields` from plane `first_plane` on: the field of each mode at each cell, before the interval of the plane
+/// [modes × planes × (real parts, imaginary parts) × cells]. `work` holds as many numbers as the groups of modes have
+/// cells.
 pub(super) fn propagate(
     tables: &ApertureTables,
     propagation: &Propagation,
     first_plane: usize,
-    mask: &[f32],
+    mask: &[[f32; 2]],
     work: &mut [Wide],
     fields: &mut [f32],
 ) {
@@ -70,7 +72,7 @@ pub(super) fn propagate(
 widened! {
     /// A group of modes.
     fn propagate_group(
-        tables: &ApertureTables, propagation: &Propagation, group: usize, first: usize, mask: &[f32],
+        tables: &ApertureTables, propagation: &Propagation, group: usize, first: usize, mask: &[[f32; 2]],
         work: &mut [Wide], fields: &mut [f32],
     ) = propagate_group_body
 }
@@ -81,7 +83,7 @@ fn propagate_group_body(
     propagation: &Propagation,
     group: usize,
     first: usize,
-    mask: &[f32],
+    mask: &[[f32; 2]],
     work: &mut [Wide],
     fields: &mut [f32],
 ) {
@@ -105,7 +107,7 @@ fn propagate_group_body(
         propagation.roots.inverse(work);
         store(tables, plane, work, fields);
         for (value, &passes) in work.iter_mut().zip(&mask[plane * cells..][..cells]) {
-            *value = value.times([passes, 0.0]);
+            *value = value.times(passes);
         }
         propagation.roots.forward(work);
     }
@@ -128,19 +130,18 @@ fn begin(tables: &ApertureTables, group: usize, work: &mut [Wide]) {
     }
 }
 
-/// Writes the fields at the nodes of a plane, a row a mode.
+/// Writes the fields at a plane, a row a mode.
 #[inline(always)]
 fn store(tables: &ApertureTables, plane: usize, work: &[Wide], fields: &mut [f32]) {
-    let (cells, node_cells, nodes) =
-        (tables.sampling.cells, tables.sampling.node_cells_at(plane), tables.sampling.nodes_at(plane));
+    let cells = tables.sampling.cells;
     let rows = tables.planes * 2 * cells;
     // In tiles: a row at a time would read every number from another cache line.
-    for first in (0..nodes).step_by(LANES) {
+    for (first, tile) in (0..cells).step_by(LANES).zip(work.chunks_exact(LANES)) {
         let (mut re, mut im) = ([[0.0; LANES]; LANES], [[0.0; LANES]; LANES]);
-        for (node, value) in work.iter().step_by(node_cells).skip(first).take(LANES).enumerate() {
+        for (cell, value) in tile.iter().enumerate() {
             for lane in 0..LANES {
-                re[lane][node] = value.re[lane];
-                im[lane][node] = value.im[lane];
+                re[lane][cell] = value.re[lane];
+                im[lane][cell] = value.im[lane];
             }
         }
         for (lane, row) in fields.chunks_exact_mut(rows).enumerate() {

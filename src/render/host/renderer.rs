@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::beams::beams;
+use super::beams::{Beams, beams};
 use super::buffers::{Buffers, path_outputs};
 use super::constants::{ImageConstants, TraceConstants};
 use super::detect::detect;
@@ -17,13 +17,14 @@ use super::march::{Scatterers, march};
 use super::path;
 use super::paths::Paths;
 use super::percentile::percentile;
+use super::profiles::{Profiles, profiles};
 use super::propagate::{first_plane, propagate};
 use super::receive::receive;
 use super::scan_convert::{Image, Maps, scan_convert};
 use super::section::{self, Section, section};
 use super::texture::Waves;
 use super::trace::{Follow, fastest, trace};
-use super::transmission::{Transmission, transmission};
+use super::transmission::{self, Transmission, transmission};
 use super::traverse::Tree;
 use super::tree::WideNode;
 use super::visibility::{self, Gains, visibility};
@@ -109,9 +110,10 @@ impl HostRenderer {
         if image {
             frame.overflows = self.follow_paths(inputs, &mut laps, kept.as_deref_mut().map(|kept| &mut kept.scattered));
             let (kernels, constants) = (&tables.kernels, self.image);
-            let Buffers { passes: b, gain, .. } = &mut self.buffers;
-            let beam = LateralBeam { constants, kernels: &kernels.lateral, gains: &b.block_gains };
-            lateral(params, beam, &b.baseband, &mut b.focused);
+            let Buffers { passes: b, gain, loudness, .. } = &mut self.buffers;
+            let (gains, weights, blends) = (&b.block_gains[..], &b.profiles[..], &b.blends[..]);
+            let beam = LateralBeam { constants, kernels, gains, weights, blends };
+            lateral(params, beam, &b.baseband, loudness, &mut b.focused);
             laps.note("lateral");
             if let Some(kept) = kept {
                 kept.focused.clone_from(&b.focused);
@@ -252,8 +254,10 @@ impl HostRenderer {
         let Buffers { passes: b, aperture, .. } = &mut self.buffers;
         let (Some(tables), Some(work)) = (&configuration.tables.aperture, aperture) else { return };
         let paths = Paths { starts: &b.starts, segments: &b.segments, hints: &b.hints };
-        let into = Transmission { powers: &mut work.layer_powers, mask: &mut b.mask, row_np: &mut b.row_np };
-        transmission(params, self.image, tables, paths, into);
+        let into = Transmission { means: &mut work.cell_means, mask: &mut b.mask, row_np: &mut b.row_np };
+        let bends = configuration.effects.effects().has(Effect::Refraction);
+        let elevations = bends.then_some(&configuration.tables.elevations[..]);
+        transmission(params, transmission::Inputs { constants: self.image, tables, paths, elevations }, into);
         laps.note("transmission");
         if params.layer_first + params.layer_count < params.layers {
             return;
@@ -262,8 +266,12 @@ impl HostRenderer {
         b.first_plane = first as u32;
         propagate(tables, &work.propagation, first, &b.mask, &mut work.mode_work, &mut b.fields);
         laps.note("propagate");
-        beams(self.image, tables, &work.beam_roots, first, &b.fields, &mut work.beam_work, &mut b.beam_powers);
+        let into = Beams { amplitudes: &mut b.amplitudes, powers: &mut b.beam_powers };
+        beams(self.image, tables, &work.beam_roots, first, &b.fields, &mut work.beam_work, into);
         laps.note("beams");
+        let into = Profiles { weights: &mut b.profiles, blends: &mut b.blends };
+        profiles(params, tables, &configuration.tables.kernels, first, &b.amplitudes, into);
+        laps.note("profiles");
         let into = Gains { lines: &mut b.line_gains, blocks: &mut b.block_gains };
         let (constants, powers, row_np) = (self.image, &b.beam_powers, &b.row_np);
         visibility(params, visibility::Inputs { constants, tables, paths, powers, row_np }, into);

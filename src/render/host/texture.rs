@@ -21,17 +21,27 @@ impl Waves {
     /// A Gaussian random field of variance 1 whose correlation at a distance d is e^(−d²/2).
     #[inline(always)]
     fn field(&self, &[x0, y0, z0, per_mm]: &[f32; 4], [x, y, z]: &[Places; 3]) -> Places {
-        let mut heights = [[0.0; PLACES]; WAVES];
-        for (height, [wx, wy, wz, phase]) in heights.iter_mut().zip(self.0) {
+        let mut at = [[0.0; PLACES]; 3];
+        for j in 0..PLACES {
+            (at[0][j], at[1][j], at[2][j]) = (x[j] * per_mm + x0, y[j] * per_mm + y0, z[j] * per_mm + z0);
+        }
+        let height = |wave: usize, j: usize| {
+            let [wx, wy, wz, phase] = self.0[wave];
+            let turns = wx * at[0][j] + wy * at[1][j] + wz * at[2][j] + phase;
+            let whole = (turns + TO_INTEGER) - TO_INTEGER;
+            let u = 2.0 * (turns - whole).abs();
+            1.0 - 2.0 * u * u * (3.0 - 2.0 * u)
+        };
+        // The first two levels of the tree of sums stay in registers.
+        let mut half = WAVES / 4;
+        let mut heights = [[0.0; PLACES]; WAVES / 4];
+        for (i, sums) in heights.iter_mut().enumerate() {
             for j in 0..PLACES {
-                let at = [x[j] * per_mm + x0, y[j] * per_mm + y0, z[j] * per_mm + z0];
-                let turns = wx * at[0] + wy * at[1] + wz * at[2] + phase;
-                let whole = (turns + TO_INTEGER) - TO_INTEGER;
-                let u = 2.0 * (turns - whole).abs();
-                height[j] = 1.0 - 2.0 * u * u * (3.0 - 2.0 * u);
+                let near = height(i, j) + height(i + 2 * half, j);
+                sums[j] = near + (height(i + half, j) + height(i + 3 * half, j));
             }
         }
-        let mut half = WAVES / 2;
+        half /= 2;
         while half > 0 {
             for i in 0..half {
                 for j in 0..PLACES {

@@ -15,7 +15,7 @@ use crate::render::constants::DEPTH_BLOCK;
 use crate::render::params::Params;
 use crate::simd::{at_least, at_most, exp, widened};
 
-/// Gain of a block of samples as amplitude, and its reciprocal.
+/// Gain of a block of samples as amplitude, and its place among the planes.
 pub(super) type BlockGain = [f32; 2];
 
 /// Gains along the scanlines, by boundary and by block.
@@ -68,11 +68,10 @@ fn see_line_body(params: &Params, inputs: Inputs<'_>, line: usize, row: &mut [Bo
         while starts[at + 1] <= range_mm {
             at += 1;
         }
-        let gain_np = along.without_shared(range_mm, loss_np(&segments[at], range_mm));
-        *gain = [gain_np, -gain_np];
+        *gain = along.without_shared(range_mm, loss_np(&segments[at], range_mm));
     }
-    for value in blocks.as_flattened_mut() {
-        *value = exp(*value);
+    for [gain, _] in blocks {
+        *gain = exp(*gain);
     }
 }
 

@@ -102,7 +102,12 @@ impl Rules<'_> {
         };
         let critical_deg = critical_deg(slow, fast);
         let reason = format!("{} and {}: nothing passes beyond {critical_deg:.1}°", speed(slow), speed(fast));
-        finding(reason, Bound::none("bent paths, edge shadows and total reflection"))
+        let off = |effect| self.settings.effects.of(effect) == Choice::Off;
+        if off(Effect::Aperture) || off(Effect::SpeedDisplacement) || !ApertureTables::possible(self.probe) {
+            let reason = format!("{reason}; only reflected paths bend without aperture and speed_displacement");
+            return finding(reason, Bound::none("bent reflections, and total reflection"));
+        }
+        finding(reason, Bound::none("bent beams, edge shadows and total reflection"))
     }
 
     fn speed_displacement(&self) -> Finding {

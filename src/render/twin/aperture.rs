@@ -31,14 +31,26 @@ pub struct Aperture {
     pub receive: Vec<DVec2>,
     /// Sensitivity of the face at each cell.
     pub face: Vec<f64>,
-    /// Distance at each plane, in nodes, within which a beam's scatterers are summed.
-    pub reach_nodes: Vec<f64>,
-    /// Echo power of each beam without obstacles [planes × cells].
-    pub unobstructed: Vec<f64>,
+    /// Distance at each plane, in cells, within which a beam's scatterers are summed.
+    pub reach_cells: Vec<f64>,
+    /// Greatest echo power of the beams without obstacles `[planes]`.
+    pub greatest: Vec<f64>,
+    /// Echo power of each beam without obstacles over that greatest one [planes × cells].
+    pub shares: Vec<f64>,
+    /// Two-way amplitude of an unobstructed beam against the offset from its axis, in cells [planes × offsets].
+    pub profiles: Vec<f64>,
+    /// Offsets of a profile.
+    pub offsets: usize,
+    /// Turns of a wave per mm of delay.
+    pub turns_per_mm: f64,
     /// Rays of each cell.
     pub cell_rays: Vec<CellRays>,
     /// Place of each scanline, in cells.
     pub line_cells: Vec<f64>,
+    /// Distance of neighbouring scanlines, in cells.
+    pub line_spacing_cells: f64,
+    /// Block of samples in the middle of each plane's interval.
+    pub plane_blocks: Vec<usize>,
 }
 
 /// Rays of a layer that cross a cell.
@@ -61,8 +73,9 @@ impl From<&aperture::CellRays> for CellRays {
     }
 }
 
-impl From<&ApertureTables> for Aperture {
-    fn from(tables: &ApertureTables) -> Self {
+impl Aperture {
+    /// Tables for scanlines of a number of samples.
+    pub(crate) fn new(tables: &ApertureTables, samples: u32) -> Self {
         let complex = |values: &[[f32; 2]]| -> Vec<DVec2> {
             values.iter().map(|&[re, im]| DVec2::new(re.into(), im.into())).collect()
         };
@@ -76,23 +89,32 @@ impl From<&ApertureTables> for Aperture {
             beams: sampling.beams,
             node_cells: planes.clone().map(|plane| sampling.node_cells_at(plane)).collect(),
             mode_stride: planes.clone().map(|plane| sampling.mode_stride(plane)).collect(),
-            mode_count: planes.map(|plane| sampling.modes_at(plane)).collect(),
+            mode_count: planes.clone().map(|plane| sampling.modes_at(plane)).collect(),
+            plane_blocks: planes.map(|plane| tables.block_of(plane, samples)).collect(),
             modes: tables.modes.clone(),
             steps: complex(&tables.steps),
             transmit: complex(&tables.transmit),
             receive: complex(&tables.receive),
             face: wide(&tables.face),
-            reach_nodes: wide(&tables.reach_nodes),
-            unobstructed: wide(&tables.unobstructed),
+            reach_cells: wide(&tables.reach_cells),
+            greatest: wide(&tables.greatest),
+            shares: wide(&tables.shares),
+            profiles: wide(&tables.profiles),
+            offsets: sampling.offsets(),
+            turns_per_mm: tables.turns_per_mm().into(),
+            line_spacing_cells: tables.line_spacing_cells.into(),
             cell_rays: tables.cell_rays.iter().map(CellRays::from).collect(),
             line_cells: wide(&tables.line_cells),
         }
     }
-}
 
-impl Aperture {
     /// Nodes at a plane.
     pub fn nodes(&self, plane: usize) -> usize {
         self.cells / self.node_cells[plane]
+    }
+
+    /// Beam, within a period, whose axis is at a node: x = 0 is in the middle of the nodes.
+    pub fn beam_of(&self, plane: usize, axis: usize) -> usize {
+        (axis + self.nodes(plane) / 2) % self.beams
     }
 }

@@ -1,42 +1,49 @@
-//! Echo power of the beams at each plane, over that without obstacles.
+//! Beams at each plane: their two-way amplitude at every cell, and their echo power over that without obstacles.
 
 use glam::DVec2;
 use rayon::prelude::*;
 
 use super::aperture::Aperture;
 
-/// Echo power of the beam at each node [planes × cells], the first nodes of each row, from the fields of the modes.
-pub fn beams(aperture: &Aperture, fields: &[DVec2]) -> Vec<f64> {
-    let plane = |plane: usize| -> Vec<f64> {
-        let nodes = aperture.nodes(plane);
-        let power = |axis: usize| {
-            let reach = aperture.reach_nodes[plane];
-            let returned = |node: usize| {
-                let inside = (reach + 0.5 - axis.abs_diff(node) as f64).clamp(0.0, 1.0);
-                if inside > 0.0 { inside * echo(aperture, fields, plane, axis, node) } else { 0.0 }
-            };
-            (0..nodes).map(returned).sum::<f64>() / aperture.unobstructed[plane * aperture.cells + axis].max(1.0e-30)
-        };
-        let mut row: Vec<f64> = (0..nodes).map(power).collect();
-        row.resize(aperture.cells, 0.0);
-        row
+/// Two-way amplitude of each beam of a period at each cell [planes × beams × cells], from the fields of the modes.
+pub fn amplitudes(aperture: &Aperture, fields: &[DVec2]) -> Vec<f64> {
+    let of_plane = |plane: usize| {
+        let of_beam =
+            move |beam: usize| (0..aperture.cells).map(move |cell| amplitude(aperture, fields, plane, beam, cell));
+        (0..aperture.beams).flat_map(of_beam)
     };
-    (0..aperture.planes).into_par_iter().flat_map_iter(plane).collect()
+    (0..aperture.planes).into_par_iter().flat_map_iter(of_plane).collect()
 }
 
-/// Power that scatterers at a node return to the beam whose axis is at another.
-fn echo(aperture: &Aperture, fields: &[DVec2], plane: usize, axis: usize, node: usize) -> f64 {
-    // x = 0 is in the middle of the nodes.
-    let beam = ((axis + aperture.nodes(plane) / 2) % aperture.beams) as f64;
+/// Echo power of the beam at each node over the greatest one without obstacles [planes × cells], the first nodes of each
+/// row.
+pub fn powers(aperture: &Aperture, amplitudes: &[f64]) -> Vec<f64> {
+    let power = |plane: usize, axis: usize| {
+        if axis >= aperture.nodes(plane) {
+            return 0.0;
+        }
+        let row = &amplitudes[(plane * aperture.beams + aperture.beam_of(plane, axis)) * aperture.cells..];
+        let middle = axis * aperture.node_cells[plane];
+        let returned = |(cell, amplitude): (usize, &f64)| {
+            let inside = (aperture.reach_cells[plane] + 0.5 - cell.abs_diff(middle) as f64).clamp(0.0, 1.0);
+            inside * amplitude * amplitude
+        };
+        row.iter().take(aperture.cells).enumerate().map(returned).sum::<f64>() / aperture.greatest[plane].max(1.0e-30)
+    };
+    (0..aperture.planes).flat_map(|plane| (0..aperture.cells).map(move |axis| power(plane, axis))).collect()
+}
+
+/// Amplitude that a scatterer at a cell returns to a beam.
+fn amplitude(aperture: &Aperture, fields: &[DVec2], plane: usize, beam: usize, cell: usize) -> f64 {
     let receive = &aperture.receive[plane * aperture.modes.len()..][..aperture.modes.len()];
     let (mut sent, mut heard) = (DVec2::ZERO, DVec2::ZERO);
     for slot in 0..aperture.mode_count[plane] {
         let Some(mode) = aperture.modes[slot] else { continue };
-        let turns = f64::from(mode / aperture.mode_stride[plane]) * beam / aperture.beams as f64;
-        let field = fields[(slot * aperture.planes + plane) * aperture.cells + node];
+        let turns = f64::from(mode / aperture.mode_stride[plane]) * beam as f64 / aperture.beams as f64;
+        let field = fields[(slot * aperture.planes + plane) * aperture.cells + cell];
         let turned = field.rotate(DVec2::from_angle(-std::f64::consts::TAU * turns));
         sent += turned.rotate(aperture.transmit[slot]);
         heard += turned.rotate(receive[slot]);
     }
-    sent.length_squared() * heard.length_squared()
+    sent.length() * heard.length()
 }

@@ -41,8 +41,6 @@ pub struct Medium {
     pub bending: f64,
     /// `speed_ratio` of what the aperture sees past hard media: 1 in those.
     pub seen_speed_ratio: f64,
-    /// `bending` of the same.
-    pub seen_bending: f64,
     /// Two-way attenuation of the amplitude, nepers per mm of path.
     pub attenuation_np_mm: f64,
     /// RMS slope of the microfacets of its surfaces.
@@ -68,7 +66,6 @@ impl From<&PackedTissue> for Medium {
             speed_ratio: tissue.speed_ratio.into(),
             bending: tissue.bending.into(),
             seen_speed_ratio: tissue.seen_speed_ratio.into(),
-            seen_bending: tissue.seen_bending.into(),
             attenuation_np_mm: tissue.attenuation_np_mm.into(),
             roughness: tissue.roughness.into(),
             scatterer_density: tissue.scatterers & TAG_DENSITY,
@@ -144,6 +141,10 @@ pub struct Inputs {
     pub interface_echoes: bool,
     /// Whether paths reflect.
     pub reflections: bool,
+    /// Whether beams and reflected paths bend.
+    pub refraction: bool,
+    /// Range by which the wavefront of a steered look falls behind from one scanline to the next, mm.
+    pub steer_shift_mm: f64,
     /// Widest active aperture, mm.
     pub aperture_mm: f64,
     /// A distance from the face that leads out of the whole scene, mm.
@@ -286,6 +287,8 @@ impl Inputs {
             seed: params.seed,
             interface_echoes: effects.has(Effect::InterfaceEchoes),
             reflections: effects.has(Effect::Reflections),
+            refraction: effects.has(Effect::Refraction),
+            steer_shift_mm: params.steer_shift_mm.into(),
             aperture_mm: params.aperture_mm.into(),
             reach_mm: params.reach_mm.into(),
             rays: line_rays,
@@ -317,7 +320,7 @@ impl Inputs {
             tgc_db_per_mm: params.tgc_db_per_mm.into(),
             image: params.image,
             face_radius_mm: (params.face_radius_mm >= 0.0).then_some(params.face_radius_mm.into()),
-            aperture: tables.aperture.as_ref().map(Aperture::from),
+            aperture: tables.aperture.as_ref().map(|tables| Aperture::new(tables, params.samples)),
             map_rays: rays(&tables.map_rays),
             map_depths: params.map_depths as usize,
             map_step_mm: params.map_step_mm.into(),

@@ -3,30 +3,62 @@
 use glam::DVec2;
 
 use super::inputs::Inputs;
+use super::profiles::Profile;
+use super::visibility::BlockGain;
 use crate::render::constants::NEIGHBOUR_GAIN_MAX;
 
-/// Baseband after the beam [scanlines × samples]: each sample is the weighted mean over neighbouring scanlines, with
-/// weights renormalised at the sector's edges. Each scanline sees its neighbours' scatterers with the gain of its own
-/// aperture. `gains` are the aperture's [scanlines × blocks]; empty without it.
-pub fn lateral(inputs: &Inputs, gains: &[f64], baseband: &[DVec2]) -> Vec<DVec2> {
+/// Baseband after the beam [scanlines × samples]: each sample is the weighted sum over neighbouring scanlines. Weights
+/// beyond the array are made up for: with the aperture in power, by a factor of two at most, else in amplitude. Each scanline sees its neighbours' scatterers with the gain of its own
+/// aperture. `gains` are the aperture's [scanlines × blocks], `profiles` those of the planes; both are empty without it.
+pub fn lateral(inputs: &Inputs, gains: &[BlockGain], profiles: &[Profile], baseband: &[DVec2]) -> Vec<DVec2> {
     let mut focused = Vec::with_capacity(baseband.len());
     for line in 0..inputs.scanlines {
-        for sample in 0..inputs.samples {
-            let block = sample / inputs.depth_block;
+        for block in 0..inputs.blocks() {
             let gain_of = |line: usize| gains.get(line * inputs.blocks() + block);
             let kernel = &inputs.lateral_kernels[block];
+            let weights = weights(inputs, kernel, line, gain_of(line).map_or(0.0, |gain| gain.place), profiles);
             let half = kernel.len() / 2;
-            let (mut sum, mut total) = (DVec2::ZERO, 0.0);
-            for (tap, &weight) in kernel.iter().enumerate() {
-                if let Some(other) = (line + tap).checked_sub(half).filter(|&l| l < inputs.scanlines) {
+            let within = |tap: usize| (line + tap).checked_sub(half).filter(|&l| l < inputs.scanlines);
+            let taps: Vec<(usize, f64, usize)> =
+                weights.iter().enumerate().filter_map(|(tap, &w)| Some((tap, w, within(tap)?))).collect();
+            let total: f64 = taps.iter().map(|(_, weight, _)| weight).sum();
+            let power: f64 = taps.iter().map(|(_, weight, _)| weight * weight).sum();
+            let whole: f64 = kernel.iter().map(|w| w * w).sum();
+            let scale = if gains.is_empty() { 1.0 / total } else { (whole / power.max(0.5 * whole)).sqrt() };
+            let first = block * inputs.depth_block;
+            for sample in first..(first + inputs.depth_block).min(inputs.samples) {
+                let seen = |&(tap, weight, other): &(usize, f64, usize)| {
                     let pair = gain_of(line).zip(gain_of(other));
-                    let seen = pair.map_or(1.0, |(own, other)| (own / other).min(NEIGHBOUR_GAIN_MAX));
-                    sum += weight * seen * baseband[other * inputs.samples + sample];
-                    total += weight;
-                }
+                    let seen = pair.map_or(1.0, |(own, other)| (own.gain / other.gain).min(NEIGHBOUR_GAIN_MAX));
+                    weight * seen * steered(inputs, baseband, other, sample, tap as f64 - half as f64)
+                };
+                focused.push(scale * taps.iter().map(seen).sum::<DVec2>());
             }
-            focused.push(sum / total);
         }
     }
     focused
+}
+
+/// Weights of a scanline's neighbours at a place among the planes.
+fn weights(inputs: &Inputs, kernel: &[f64], line: usize, place: f64, profiles: &[Profile]) -> Vec<f64> {
+    let planes = profiles.len() / inputs.scanlines;
+    if planes == 0 {
+        return kernel.to_vec();
+    }
+    let place = place.clamp(0.0, (planes - 1) as f64);
+    let low = (place as usize).min(planes.saturating_sub(2));
+    let part = place - low as f64;
+    let [a, b] = [low, (low + 1).min(planes - 1)].map(|plane| &profiles[plane * inputs.scanlines + line]);
+    let mix = |a: f64, b: f64| (1.0 - part) * a + part * b;
+    let pairs = a.weights.iter().zip(&b.weights);
+    kernel.iter().zip(pairs).map(|(kernel, (&of_a, &of_b))| mix(a.kept, b.kept) * kernel + mix(of_a, of_b)).collect()
+}
+
+/// Sample of a neighbour that lies on a scanline's wavefront.
+fn steered(inputs: &Inputs, baseband: &[DVec2], other: usize, sample: usize, lines: f64) -> DVec2 {
+    let later_mm = lines * inputs.steer_shift_mm;
+    let shift = (later_mm / inputs.sample_spacing_mm + 0.5).floor() as isize;
+    let at = sample.checked_add_signed(-shift).filter(|&at| at < inputs.samples);
+    let value = at.map_or(DVec2::ZERO, |at| baseband[other * inputs.samples + at]);
+    value.rotate(DVec2::from_angle(-std::f64::consts::TAU * inputs.phase_turns_per_mm * later_mm))
 }

@@ -5,7 +5,7 @@
 //! then the guides. Samples are `[scanlines × samples]`, without the device's padding.
 //!
 //! ```text
-//! locate → trace → transmission → propagate → beams → visibility → march → echo → lateral → receive → detect ┐
+//! locate → trace → transmission → propagate → beams → profiles → visibility → march → echo → lateral → receive → detect ┐
 //!                                                                                       section → percentile ┴→ scan_convert
 //! ```
 
@@ -20,6 +20,7 @@ pub mod lattice;
 mod locate;
 mod march;
 mod percentile;
+mod profiles;
 mod propagate;
 mod receive;
 mod scan_convert;
@@ -32,7 +33,7 @@ mod transmission;
 mod visibility;
 
 pub use aperture::Aperture;
-pub use beams::beams;
+pub use beams::{amplitudes, powers};
 pub use detect::{Detected, detect};
 pub use echo::echo;
 pub use inputs::{Elevation, Inputs, Medium, Ray, SheetFamily, Triangle};
@@ -40,6 +41,7 @@ pub use lateral::lateral;
 pub use locate::{Launched, locate};
 pub use march::march;
 pub use percentile::percentile;
+pub use profiles::{Profile, profiles};
 pub use propagate::propagate;
 pub use receive::receive;
 pub use scan_convert::{Maps, scan_convert};
@@ -49,22 +51,24 @@ pub use surfaces::Membership;
 pub(crate) use texture::texture_level_np;
 pub use trace::{Path, Segment, segment_at, trace};
 pub use transmission::{Transmission, transmission};
-pub use visibility::{Boundary, block_gains, visibility};
+pub use visibility::{BlockGain, Boundary, block_gains, visibility};
 
 /// All passes, from a pose to the maps of a frame.
 pub fn frame(inputs: &Inputs) -> Maps {
     let paths = trace(inputs, &locate(inputs));
-    let gains = inputs.aperture.as_ref().map(|aperture| {
+    let beams = inputs.aperture.as_ref().map(|aperture| {
         let Transmission { mask, row_np } = transmission(inputs, aperture, &paths);
-        let powers = beams(aperture, &propagate(aperture, &mask));
-        visibility(inputs, aperture, &paths, &powers, &row_np)
+        let amplitudes = amplitudes(aperture, &propagate(aperture, &mask));
+        let powers = powers(aperture, &amplitudes);
+        let profiles = profiles(inputs, aperture, 0, &amplitudes);
+        (visibility(inputs, aperture, &paths, &powers, &row_np), profiles)
     });
-    let gains = gains.unwrap_or_default();
+    let (gains, profiles) = beams.unwrap_or_default();
     let mut baseband = march(inputs, &paths, &gains);
     echo(inputs, &paths, &gains, &mut baseband);
     let of_blocks =
         inputs.aperture.as_ref().map(|aperture| block_gains(inputs, aperture, &paths, &gains)).unwrap_or_default();
-    let received = receive(inputs, &paths, &lateral(inputs, &of_blocks, &baseband));
+    let received = receive(inputs, &paths, &lateral(inputs, &of_blocks, &profiles, &baseband));
     let detected = detect(inputs, &received);
     let sections = section(inputs);
     let percentile_np = percentile(inputs, &sections.runs);

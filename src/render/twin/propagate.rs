@@ -1,12 +1,13 @@
-//! Propagation of the modes from plane to plane through the transmission of the scan plane, by plain Fourier sums.
+//! Propagation of the modes from plane to plane through the transmission and the delays of the scan plane, by plain
+//! Fourier sums.
 
 use glam::DVec2;
 use rayon::prelude::*;
 
 use super::aperture::Aperture;
 
-/// Field of each mode at each node, before the interval of each plane [modes × planes × cells]; the first nodes of a row.
-pub fn propagate(aperture: &Aperture, mask: &[f64]) -> Vec<DVec2> {
+/// Field of each mode at each cell, before the interval of each plane [modes × planes × cells].
+pub fn propagate(aperture: &Aperture, mask: &[DVec2]) -> Vec<DVec2> {
     let (cells, planes) = (aperture.cells, aperture.planes);
     let roots: Vec<DVec2> =
         (0..cells).map(|k| DVec2::from_angle(std::f64::consts::TAU * k as f64 / cells as f64)).collect();
@@ -31,11 +32,9 @@ pub fn propagate(aperture: &Aperture, mask: &[f64]) -> Vec<DVec2> {
                 .collect();
             let at = |n: usize| (0..cells).map(|k| spectrum[k].rotate(roots[k * n % cells])).sum::<DVec2>();
             field = (0..cells).map(at).collect();
-            for node in 0..aperture.nodes(plane) {
-                rows[plane * cells + node] = field[node * aperture.node_cells[plane]];
-            }
+            rows[plane * cells..][..cells].copy_from_slice(&field);
             for (value, passes) in field.iter_mut().zip(&mask[plane * cells..][..cells]) {
-                *value *= *passes;
+                *value = value.rotate(*passes);
             }
         }
         rows

@@ -208,16 +208,8 @@ impl<'a> Tracer<'a> {
                 }
                 let moves = self.inside.highest().is_some_and(|s| self.inputs.surface_moves[s as usize]);
                 self.carried_mm = if moves { triangle.displacement_mm } else { DVec3::ZERO };
-                if self.by_aperture() {
-                    // Sound that shows what lies behind a hard body has passed beside it.
-                    let bends = interface(1.0, 1.0, tissue.seen_bending, beyond.seen_bending, cos_incident);
-                    self.refract(
-                        normal,
-                        cos_incident,
-                        bends.cos_transmitted,
-                        beyond.seen_bending / tissue.seen_bending,
-                    );
-                } else {
+                // Beams bend by the delays over the aperture, not by the facet that a path meets.
+                if self.diverted {
                     self.refract(normal, cos_incident, split.cos_transmitted, beyond.bending / tissue.bending);
                 }
             }

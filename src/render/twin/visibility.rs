@@ -19,14 +19,23 @@ pub struct Boundary {
     pub shared_np: f64,
 }
 
-/// The gain of every block's first sample as amplitude [scanlines × blocks], without the loss that all scanlines share.
-pub fn block_gains(inputs: &Inputs, aperture: &Aperture, paths: &[Path], boundaries: &[Boundary]) -> Vec<f64> {
+/// Gain of a block of samples, at its first one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BlockGain {
+    /// As amplitude, without the loss that all scanlines share.
+    pub gain: f64,
+    /// Place among the planes.
+    pub place: f64,
+}
+
+/// The gain of every block [scanlines × blocks].
+pub fn block_gains(inputs: &Inputs, aperture: &Aperture, paths: &[Path], boundaries: &[Boundary]) -> Vec<BlockGain> {
     let of = |line: usize| {
         let along = LineGain::new(aperture, boundaries, line);
         let guide = &paths[inputs.guide_of(line)];
         (0..inputs.blocks()).map(move |block| {
             let range_mm = inputs.range_mm(block * inputs.depth_block);
-            along.without_shared(range_mm, passed_np(guide, range_mm)).exp()
+            along.without_shared(range_mm, passed_np(guide, range_mm))
         })
     };
     (0..inputs.scanlines).flat_map(of).collect()
@@ -122,11 +131,12 @@ impl<'a> LineGain<'a> {
         self.gain(self.place(interval, range_mm, lost, self.row[interval].place)) - self.shared(interval, lost)
     }
 
-    /// [`LineGain::at`] without the loss that all scanlines share.
-    fn without_shared(&self, range_mm: f64, loss_np: f64) -> f64 {
+    /// [`LineGain::at`] without the loss that all scanlines share, and its place.
+    fn without_shared(&self, range_mm: f64, loss_np: f64) -> BlockGain {
         let interval = self.interval(range_mm);
         let lost = self.lost(interval, range_mm, loss_np - self.row[interval].loss_np);
-        self.gain(self.place(interval, range_mm, lost, self.row[interval].place))
+        let place = self.place(interval, range_mm, lost, self.row[interval].place);
+        BlockGain { gain: self.gain(place).exp(), place }
     }
 
     fn interval(&self, range_mm: f64) -> usize {

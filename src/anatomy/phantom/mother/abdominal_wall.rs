@@ -8,14 +8,14 @@ use glam::Vec3;
 use super::proportions::Proportions;
 use crate::anatomy::phantom::organ::{Body::Mother, Organ};
 use crate::anatomy::phantom::parameters::Parameters;
-use crate::anatomy::phantom::sdf::{Solid, bisect, ellipsoid, half_space, rounded_box, smooth_union};
+use crate::anatomy::phantom::sdf::{Bounds, Solid, bisect, ellipsoid, half_space, rounded_box, smooth_union};
 
 /// Height of the belly's skin above the reference cavity at [`REFERENCE_FAT_MM`], mm.
 const BELLY_ABOVE_CAVITY_MM: f32 = 33.0;
 
 pub(super) const SKIN_MM: f32 = 2.0;
 const REFERENCE_FAT_MM: f32 = 13.5;
-const FASCIA_MM: f32 = 0.8;
+pub(super) const FASCIA_MM: f32 = 0.8;
 const MUSCLE_MM: f32 = 7.0;
 const POSTERIOR_FASCIA_MM: f32 = 0.5;
 const PREPERITONEAL_FAT_MM: f32 = 0.8;
@@ -29,10 +29,11 @@ const FLAT_MUSCLES_MM: [f32; 5] = [FASCIA_MM, 3.0, 3.4, 6.0, 6.4];
 /// Layers of the wall, defined relative to the deep fascia.
 pub(super) struct AbdominalWall {
     /// Torso inside the deep fascia's outer side.
-    under_fat: Solid,
+    pub(super) under_fat: Solid,
     /// Thickness of the subcutaneous fat, mm.
     pub(super) fat_mm: f32,
     proportions: Proportions,
+    recti_lens: bool,
 }
 
 impl AbdominalWall {
@@ -46,7 +47,8 @@ impl AbdominalWall {
         let semi = Vec3::new(128.0 + excess.x, 155.0 + excess.y, height + 20.0);
         let torso = smooth_union([trunk, ellipsoid(Vec3::new(0.0, 0.0, -20.0), semi)], 40.0);
         let under_fat = torso.grown(-(SKIN_MM + REFERENCE_FAT_MM));
-        Self { under_fat, fat_mm: parameters.maternal_fat_mm as f32, proportions }
+        let (fat_mm, recti_lens) = (parameters.maternal_fat_mm as f32, parameters.recti_lens);
+        Self { under_fat, fat_mm, proportions, recti_lens }
     }
 
     /// Torso up to `depth_mm` below the skin's outer side.
@@ -74,13 +76,13 @@ impl AbdominalWall {
         let mut organs = vec![
             Mother.organ("skin", "skin", 1, 7.0, 30.0, self.under_skin(0.0)),
             Mother.organ("subcutaneous_fat", "fat", 2, 7.0, 30.0, self.under_skin(SKIN_MM)),
-            Mother.organ("abdominal_fascia", "fascia", 5, 7.0, 30.0, layer(0.0)),
-            Mother.organ("rectus_muscles", "muscle", 6, 4.5, 18.0, self.recti()),
-            Mother.organ("back_muscles", "muscle", 6, 9.0, 30.0, self.back_muscles()),
-            Mother.organ("transversalis_fascia", "fascia", 12, 7.0, 26.0, self.behind_linea_alba(under_sheath)),
-            Mother.organ("preperitoneal_fat", "fat", 13, 7.0, 26.0, self.behind_linea_alba(under_fascia)),
-            Mother.organ("peritoneum", "peritoneum", 14, 8.0, 30.0, layer(under_fascia + PREPERITONEAL_FAT_MM)),
-            Mother.organ("abdominal_interior", "soft_tissue_maternal", 15, 8.0, 30.0, self.interior()),
+            Mother.organ("abdominal_fascia", "fascia", 3, 7.0, 30.0, layer(0.0)),
+            Mother.organ("rectus_muscles", "muscle", 4, 4.5, 18.0, self.recti()),
+            Mother.organ("back_muscles", "muscle", 4, 9.0, 30.0, self.back_muscles()),
+            Mother.organ("transversalis_fascia", "fascia", 14, 7.0, 26.0, self.behind_linea_alba(under_sheath)),
+            Mother.organ("preperitoneal_fat", "fat", 15, 7.0, 26.0, self.behind_linea_alba(under_fascia)),
+            Mother.organ("peritoneum", "peritoneum", 16, 8.0, 30.0, layer(under_fascia + PREPERITONEAL_FAT_MM)),
+            Mother.organ("abdominal_interior", "soft_tissue_maternal", 17, 8.0, 30.0, self.interior()),
         ];
         let flat = [
             ("external_obliques", "muscle"),
@@ -90,7 +92,7 @@ impl AbdominalWall {
             ("transversus_muscles", "muscle"),
         ];
         for (i, (name, tissue)) in flat.into_iter().enumerate() {
-            organs.push(Mother.organ(name, tissue, 7 + i as i32, 7.0, 17.0, self.flat_muscle(FLAT_MUSCLES_MM[i])));
+            organs.push(Mother.organ(name, tissue, 5 + i as i32, 7.0, 17.0, self.flat_muscle(FLAT_MUSCLES_MM[i])));
         }
         organs
     }
@@ -106,19 +108,34 @@ impl AbdominalWall {
         // At least as deep as a mesh cell; the part below the posterior sheath is hidden.
         let deep = self.under_fat.grown(-(FASCIA_MM + MUSCLE_MM + 8.0));
         let semilunaris = half_space(Vec3::X * (self.semilunaris_mm() - 1.0), Vec3::new(0.94, 0.0, -0.34));
-        let alba = half_space(Vec3::X * (4.0 + 0.1 * self.proportions.excess.x.max(0.0)), Vec3::NEG_X);
+        let (half_width, under_fat) = (self.alba_half_width_mm(), self.under_fat.clone());
+        // Without fat behind it the linea alba narrows inward, where the recti's edges are rounded.
+        let narrowing = if self.recti_lens { 0.0 } else { 0.45 * half_width };
+        let alba = Solid::new(Bounds::EVERYWHERE, move |p| {
+            let part = (-under_fat.distance_mm(p) / (FASCIA_MM + MUSCLE_MM)).clamp(0.0, 1.0);
+            half_width - narrowing * part - p.x
+        });
         let front = half_space(Vec3::Z * self.front_mm(), Vec3::NEG_Z);
         let band = semilunaris.smooth_intersect(alba, 3.0).intersect(front);
         sheath.subtract(deep).smooth_intersect(band, 4.0).with_mirror_image()
     }
 
-    /// Region deeper than `depth_mm` under the fat; shallower behind the linea alba, which is thinner than the muscles
-    /// beside it.
+    /// Half the width of the linea alba's outer side, mm.
+    fn alba_half_width_mm(&self) -> f32 {
+        4.0 + 0.1 * self.proportions.excess.x.max(0.0)
+    }
+
+    /// Region deeper than `depth_mm` under the fat. With the recti's lens it is shallower behind the linea alba, which
+    /// is then thinner than the muscles beside it.
     fn behind_linea_alba(&self, depth_mm: f32) -> Solid {
-        let half_width = 4.0 + 0.1 * self.proportions.excess.x.max(0.0);
+        let layer = self.under_fat.grown(-depth_mm);
+        if !self.recti_lens {
+            return layer;
+        }
+        let half_width = self.alba_half_width_mm();
         let thinner = MUSCLE_MM - 1.6;
         let front = self.front_mm();
-        self.under_fat.grown(-depth_mm).displaced(thinner, move |p| {
+        layer.displaced(thinner, move |p| {
             let beside = (p.x.abs() / half_width).min(2.0);
             let ridge = (1.0 - 0.25 * beside * beside).max(0.0).powi(2);
             thinner * ridge * ((p.z - front) / 20.0).clamp(0.0, 1.0)

@@ -32,6 +32,11 @@ const DEPTH_PER_MM_OF_FAT: f32 = 2.5;
 /// side.
 const SLAB_UNDER_SKIN_MM: f32 = 0.6;
 
+/// Distance of the lowest lobules from the fascia, mm; below them is the fat of the muscles' border.
+const ABOVE_FASCIA_MM: f32 = 0.6;
+/// Depth by which the lowest lobules cover the slab's lower side, mm.
+const COVER_MM: f32 = 0.3;
+
 /// Coordinates in the fat: across and along the belly, and depth under the skin's outer side.
 #[derive(Clone)]
 struct Lattice {
@@ -94,7 +99,8 @@ impl Lattice {
     }
 
     fn layer_mm(&self) -> f32 {
-        (self.fat_mm + 0.2) / self.layers as f32
+        // The lowest lobules end a septum's half thickness above their lattice cell.
+        (self.fat_mm - ABOVE_FASCIA_MM - 0.2 + 0.5 * SEPTUM_MM) / self.layers as f32
     }
 
     /// Slab that contains the septa.
@@ -104,8 +110,8 @@ impl Lattice {
         let [across, along] = [0, 1].map(|i| self.half_mm[i] * (1.0 - 0.95 / LOBULES[i] as f32));
         Solid::new(self.bounds(), move |p| {
             let q = lattice.place(p);
-            // Extends into the fascia, which hides it.
-            let deep = q.z - (SKIN_MM + lattice.fat_mm + 3.0);
+            // Ends inside the lowest lobules, so no septum runs along that side.
+            let deep = q.z - (SKIN_MM + lattice.fat_mm - ABOVE_FASCIA_MM - COVER_MM);
             let beside = (q.x.abs() - across).max(q.y.abs() - along);
             beside.max(deep).max(SKIN_MM + SLAB_UNDER_SKIN_MM - q.z)
         })
@@ -155,11 +161,11 @@ pub(super) fn organs(parameters: &Parameters, wall: &AbdominalWall) -> Vec<Organ
         "fat_lobules_8",
     ];
     let lattice = Lattice::of(parameters, wall);
-    let mut organs = vec![Mother.organ("fat_septa", "septum", 3, 5.0, 20.0, lattice.slab())];
+    let mut organs = vec![Mother.organ("fat_septa", "septum", 12, 5.0, 8.0, lattice.slab())];
     for (n, name) in NAMES.into_iter().enumerate() {
         let parity = [n & 1, n >> 1 & 1, n >> 2 & 1].map(|b| b as i32);
         if parity[2] < lattice.layers {
-            organs.push(Mother.organ(name, "fat", 4, 2.6, 6.0, lattice.lobules(parity)));
+            organs.push(Mother.organ(name, "fat", 13, 2.6, 6.0, lattice.lobules(parity)));
         }
     }
     organs

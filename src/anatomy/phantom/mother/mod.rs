@@ -9,6 +9,7 @@ mod bowel;
 mod cord;
 mod cord_path;
 mod fat_septa;
+mod muscle_border;
 mod pelvis;
 mod placenta;
 mod placental_vessels;
@@ -87,6 +88,7 @@ pub(super) fn organs(parameters: &Parameters, attitude: &Attitude) -> Vec<Organ>
     let vessels = placental_vessels::tree(&placenta, &body, root.at);
     let parts = [
         wall.organs(),
+        muscle_border::organs(parameters, &wall),
         fat_septa::organs(parameters, &wall),
         spine::organs(parameters),
         bowel::organs(parameters, &wall),

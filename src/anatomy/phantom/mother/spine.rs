@@ -33,7 +33,7 @@ pub(super) fn organs(parameters: &Parameters) -> Vec<Organ> {
         rounded_box(0.5 * (lower + body(i)), Vec3::new(22.0, 8.0, 16.0), 6.0)
     }));
     vec![
-        Mother.organ("psoas_muscles", "muscle", 17, 4.0, 17.0, psoas().placed(shift)),
+        Mother.organ("psoas_muscles", "muscle", 18, 4.0, 17.0, psoas().placed(shift)),
         Mother.organ("intervertebral_discs", "cartilage", 31, 2.8, 9.5, discs.placed(shift)),
         Mother.organ("lumbar_vertebrae", "bone_adult", 32, 3.0, 10.0, vertebrae().placed(shift)),
     ]

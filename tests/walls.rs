@@ -1,0 +1,153 @@
+//! Aberration by the phantom's abdominal walls, on their meshes, where the exam and the standard planes put the probe.
+
+#![allow(clippy::unwrap_used)]
+
+use glam::{DQuat, DVec3, Vec3};
+use insonify::anatomy::doctor::aberration::{Aberration, Aperture, Caster, summary};
+use insonify::anatomy::phantom::{Organ, Parameters, Wall, landmarks, organs, parts};
+use insonify::anatomy::{Motion, Scene, Skin, Surface, TissueTable, planes};
+use insonify::exam::sweep::{KEY_FRAMES, RATE_HZ, SEED, sweep};
+use insonify::pose::Pose;
+use insonify::settings::Probe;
+
+/// Cells of the muscles' border in the full phantom, mm.
+const BORDER_CELL_MM: f32 = 4.0;
+/// Cells of other organs, mm: finer than the full phantom's.
+const CELL_MM: f32 = 7.0;
+/// Depth of the face in the skin, mm.
+const PRESS_MM: f64 = 2.5;
+
+fn of(wall: Wall) -> Parameters {
+    Parameters { wall, maternal_fat_mm: wall.fat_mm(), ..Parameters::default() }
+}
+
+/// Organs up to the inside of the abdominal wall.
+fn wall_organs(parameters: &Parameters) -> Vec<Organ> {
+    let mut all = organs(parameters);
+    let inside = all.iter().find(|o| o.name == "abdominal_interior").unwrap().priority;
+    all.retain(|o| o.priority <= inside);
+    all
+}
+
+/// The wall alone: what it encloses has the speed that delays refer to.
+fn scene(parameters: &Parameters) -> Scene {
+    let names: Vec<&str> = wall_organs(parameters).iter().map(|o| o.name).collect();
+    let tissues = TissueTable::builtin().unwrap();
+    let gel = tissues.index_of("gel").unwrap();
+    let surface = |part: insonify::anatomy::phantom::PhantomSurface| {
+        let tissue = if part.name == "abdominal_interior" { gel } else { tissues.index_of(&part.tissue).unwrap() };
+        Surface { name: part.name, tissue, priority: part.priority, mesh: part.mesh }
+    };
+    let (border, others): (Vec<&str>, Vec<&str>) = names.into_iter().partition(|&name| name == "muscle_border_fat");
+    let all = [parts(parameters, &border, BORDER_CELL_MM), parts(parameters, &others, CELL_MM)].concat();
+    let surfaces = all.into_iter().map(surface).collect();
+    let mut scene = Scene { tissues, background: gel, surfaces, motion: Motion::default() };
+    scene.sort_by_priority();
+    scene
+}
+
+/// Poses of the standard planes and of the exam's key frames.
+fn poses(parameters: &Parameters) -> Vec<(String, Pose)> {
+    let skin = Skin::phantom(parameters);
+    let planes = planes::obstetric(parameters).with_poses(&skin, PRESS_MM).planes;
+    let views = planes.into_iter().flat_map(|plane| {
+        let pose_of = move |view: planes::View| Some((format!("{} {}", plane.name, view.name), view.pose?));
+        plane.views.into_iter().filter_map(pose_of)
+    });
+    let exam = sweep(&landmarks(parameters), |from, along| skin.exit(from, along), SEED).unwrap();
+    let key_frame =
+        |(name, time_s): (&str, f64)| (format!("key frame {name}"), exam[(time_s * f64::from(RATE_HZ)) as usize].pose);
+    views.chain(KEY_FRAMES.map(key_frame)).collect()
+}
+
+/// Aberration over 30 mm about five scanlines at each pose: its name, the scanline's angle in degrees, the figures. The
+/// face is moved out of the body by `lifted_mm`.
+fn figures(parameters: &Parameters, lifted_mm: f64) -> Vec<(String, f64, Aberration)> {
+    let (scene, probe) = (scene(parameters), Probe::default());
+    let caster = Caster::of(&scene);
+    let aperture = Aperture { width_mm: 30.0, face_radius_mm: probe.face_radius_mm(), depth_mm: 60.0 };
+    let mut all = Vec::new();
+    for (name, pose) in poses(parameters) {
+        for fraction in [0.15, 0.325, 0.5, 0.675, 0.85] {
+            let angle = probe.lateral_coordinate(fraction);
+            let origin_mm = probe.ray(angle).0 - DVec3::Z * lifted_mm;
+            let beam = Pose { position_mm: origin_mm, orientation: DQuat::from_rotation_y(angle) };
+            all.push((name.clone(), angle.to_degrees(), caster.aberration(&(pose * beam), &aperture)));
+        }
+    }
+    all
+}
+
+fn median_rms_and_length(figures: &[(String, f64, Aberration)]) -> (f64, f64, Wall) {
+    let all: Vec<Aberration> = figures.iter().map(|&(.., a)| a).collect();
+    let summary = summary(&all, 60.0).unwrap();
+    (summary.delay_rms_ns[0], summary.correlation_mm.unwrap(), summary.wall)
+}
+
+#[test]
+fn an_easy_wall_is_frosted_glass_and_no_lens() {
+    let mut figures = figures(&of(Wall::Easy), 0.0);
+    // At the profile's plane the face is pressed obliquely into a flank: the missing fat is a wedge.
+    figures.retain(|(name, ..)| !name.starts_with("profile"));
+    let (rms, length, wall) = median_rms_and_length(&figures);
+    assert!(rms <= 17.0 && wall == Wall::Easy, "{rms} ns");
+    assert!((4.0..=8.0).contains(&length), "{length} mm");
+    for (name, angle, a) in &figures {
+        // Beams that leave obliquely pass more of each layer on one side.
+        let (most_ns, most_mrad) = if angle.abs() < 15.0 { (22.0, 3.5) } else { (24.0, 7.0) };
+        assert!(a.delay_rms_ns <= most_ns, "{name} at {angle:.0}°: {a:?}");
+        assert!(a.tilt_mrad.abs() <= most_mrad, "{name} at {angle:.0}°: {a:?}");
+    }
+}
+
+#[test]
+fn an_easy_wall_hardly_tilts_if_the_face_does_not_cut_it() {
+    // A face before the skin, in gel: what is left is the wall's own.
+    for (name, angle, a) in figures(&of(Wall::Easy), 12.0).into_iter().filter(|(_, angle, _)| angle.abs() < 15.0) {
+        assert!(a.delay_rms_ns <= 14.0 && a.tilt_mrad.abs() <= 3.5, "{name} at {angle:.0}°: {a:?}");
+    }
+}
+
+#[test]
+fn average_and_hard_walls_aberrate_as_their_names_say() {
+    let (average, length, name) = median_rms_and_length(&figures(&of(Wall::Average), 0.0));
+    assert!((40.0..=50.0).contains(&average) && name == Wall::Average, "{average} ns");
+    assert!((4.0..=8.0).contains(&length), "{length} mm");
+    let (hard, length, name) = median_rms_and_length(&figures(&of(Wall::Hard), 0.0));
+    assert!((60.0..=90.0).contains(&hard) && name == Wall::Hard, "{hard} ns");
+    assert!((3.5..=8.0).contains(&length), "{length} mm");
+}
+
+#[test]
+fn the_recti_are_a_lens_only_if_asked() {
+    let over_the_gap = |recti_lens| {
+        let parameters = Parameters { recti_lens, ..Parameters::default() };
+        let femur =
+            figures(&parameters, 0.0).into_iter().find(|(name, angle, _)| name == "femur left" && *angle == 0.0);
+        femur.unwrap().2.delay_rms_ns
+    };
+    let (without, with) = (over_the_gap(false), over_the_gap(true));
+    assert!(without < 20.0 && with > 80.0, "{without} and {with} ns");
+}
+
+#[test]
+fn all_walls_show_their_layers() {
+    for wall in Wall::ALL {
+        let parameters = of(wall);
+        let mut organs = wall_organs(&parameters);
+        organs.sort_by_key(|o| o.priority);
+        let tissue = |p: Vec3| organs.iter().rev().find(|o| o.solid.distance_mm(p) < 0.0).map(|o| o.tissue);
+        // Inward through a rectus, then through the linea alba: thickness of each medium, mm.
+        for (x, muscle) in [(35.0, true), (0.0, false)] {
+            let mut thickness = std::collections::BTreeMap::new();
+            (0..2000).filter_map(|i| tissue(Vec3::new(x, 5.0, 110.0 - 0.03 * i as f32))).for_each(|name| {
+                *thickness.entry(name).or_insert(0.0) += 0.03;
+            });
+            let of = |name: &str| thickness.get(name).copied().unwrap_or(0.0);
+            assert!((1.9..2.6).contains(&of("skin")), "{wall:?} at {x}: {thickness:?}");
+            assert!(of("fat") + of("septum") > wall.fat_mm() as f32, "{wall:?} at {x}: {thickness:?}");
+            assert!(of("fascia") > 0.4 && of("peritoneum") > 0.4, "{wall:?} at {x}: {thickness:?}");
+            assert_eq!(of("muscle") > 2.0, muscle, "{wall:?} at {x}: {thickness:?}");
+        }
+    }
+}
