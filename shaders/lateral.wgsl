@@ -1,18 +1,35 @@
 // Lateral point-spread function: each sample becomes the beam's weighted sum over neighbouring scanlines.
-// Each block of DEPTH_BLOCK samples has a kernel, or the profile of its scanline's beam; weights beyond the array are made
-// up for: with the aperture in power, by a factor of two at most, else in amplitude. Complex [scanlines × row_samples] in and out, two samples per vector. A thread makes four samples of a
-// scanline. Each scanline sees its neighbours' scatterers with the gain of its own aperture. The wavefront of a steered
-// look is across its scanlines: a neighbour's samples lie deeper or higher.
+// Complex [scanlines × row_samples] in and out, two samples per vector. A thread makes four samples of a scanline.
+//
+// Each block of DEPTH_BLOCK samples has a kernel, or the profile of its scanline's beam. Weights beyond the array are made
+// up for: with the aperture in power, by a factor of two at most, else in amplitude. Each scanline sees its neighbours'
+// scatterers with the gain of its own aperture. The wavefront of a steered look is across its scanlines: a neighbour's
+// samples lie deeper or higher.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> kernels: array<f32>;
-@group(0) @binding(2) var<storage, read> baseband: array<vec2<f32>>;
-@group(0) @binding(3) var<storage, read_write> focused: array<vec2<f32>>;
+@group(0) @binding(2) var<storage, read> baseband: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read_write> focused: array<vec4<f32>>;
 // Gain of each block as amplitude, and its place among the planes [scanlines × blocks]. Read if APERTURE, as the rest.
 @group(0) @binding(4) var<storage, read> block_gains: array<vec2<f32>>;
 @group(0) @binding(5) var<uniform> aperture: Aperture;
 @group(0) @binding(6) var<storage, read> profiles: array<f32>;
 @group(0) @binding(7) var<storage, read> blends: array<f32>;
+
+const THREADS: u32 = 64u;
+// Threads of a block of samples, and blocks of a workgroup.
+const SHARING: u32 = DEPTH_BLOCK / 4u;
+const BLOCKS: u32 = THREADS / SHARING;
+const TAPS_MAX: u32 = 2u * LATERAL_HALF_MAX + 1u;
+
+// Weights, times the gain of the scanline over its neighbour's [taps × blocks].
+var<workgroup> weights: array<f32, TAPS_MAX * BLOCKS>;
+// Phase of each neighbour's wavefront; only in steered looks.
+var<workgroup> turns: array<vec2<f32>, TAPS_MAX>;
+// Of each thread's taps: sum of the weights' squares, their sum, sum of the kernel's squares.
+var<workgroup> sums: array<vec3<f32>, THREADS>;
+// First tap with a weight, and the end of them.
+var<workgroup> ends: array<vec2<u32>, THREADS>;
 
 override APERTURE: bool;
 override STEERED: bool = false;
@@ -27,20 +44,15 @@ fn profile_at(profile: u32, tap: u32) -> f32 {
 fn sample_of(line: u32, sample: i32) -> vec2<f32> {
     let there = sample >= 0 && sample < i32(params.row_samples);
     let at = line * params.row_samples + u32(clamp(sample, 0, i32(params.row_samples) - 1));
-    return select(vec2<f32>(0.0), baseband[at], there);
+    let pair = baseband[at >> 1u];
+    return select(vec2<f32>(0.0), select(pair.xy, pair.zw, (at & 1u) == 1u), there);
 }
 
-@compute @workgroup_size(64)
-fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    let line = id.y;
-    let first = id.x * 4u;
-    if first >= params.row_samples {
-        return;
-    }
+// Weights of a block, by the threads that share it: each has every SHARING-th tap.
+fn weigh(thread: u32, line: u32, block: u32) {
     let half = i32(params.lateral_half);
     let taps = 2u * params.lateral_half + 1u;
     let blocks = params.row_samples >> BLOCK_SHIFT;
-    let block = first >> BLOCK_SHIFT;
     var kept = 1.0;
     var part = 0.0;
     var near = 0u;
@@ -56,54 +68,84 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         far = min(low + 1u, aperture.planes - 1u) * params.scanlines + line;
         kept = (1.0 - part) * blends[3u * near] + part * blends[3u * far];
     }
-    var power = 0.0;
-    var total = 0.0;
-    var kernel_power = 0.0;
-    var a = vec2<f32>(0.0);
-    var b = vec2<f32>(0.0);
-    var c = vec2<f32>(0.0);
-    var d = vec2<f32>(0.0);
-    for (var tap = -half; tap <= half; tap++) {
-        let at = u32(tap + half);
+    var sum = vec3<f32>(0.0);
+    var first = taps;
+    var end = 0u;
+    for (var at = thread % SHARING; at < taps; at += SHARING) {
         let kernel = kernels[block * taps + at];
-        kernel_power += kernel * kernel;
-        let source = i32(line) + tap;
-        if source < 0 || source >= i32(params.scanlines) {
-            continue;
-        }
-        var weight = kernel;
-        if kept < 1.0 {
+        let source = i32(line) + i32(at) - half;
+        let there = source >= 0 && source < i32(params.scanlines);
+        var weight = select(0.0, kernel, there);
+        if kept < 1.0 && there {
             weight = kept * kernel + ((1.0 - part) * profile_at(near, at) + part * profile_at(far, at));
         }
-        if weight <= 0.0 {
-            continue;
+        sum += vec3<f32>(weight * weight, weight, kernel * kernel);
+        if weight > 0.0 {
+            first = min(first, at);
+            end = at + 1u;
+            if APERTURE {
+                let other = u32(source);
+                weight *= min(own / block_gains[other * blocks + block].x, NEIGHBOUR_GAIN_MAX);
+            }
         }
-        power += weight * weight;
-        total += weight;
-        let other = u32(source);
-        if APERTURE {
-            weight *= min(own / block_gains[other * blocks + block].x, NEIGHBOUR_GAIN_MAX);
+        weights[at * BLOCKS + thread / SHARING] = weight;
+    }
+    sums[thread] = sum;
+    ends[thread] = vec2<u32>(first, end);
+}
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_id) local: vec3<u32>) {
+    let thread = local.x;
+    let line = id.y;
+    let first = id.x * 4u;
+    let half = i32(params.lateral_half);
+    let block = first >> BLOCK_SHIFT;
+    let inside = first < params.row_samples;
+    if inside {
+        weigh(thread, line, block);
+    }
+    if STEERED {
+        for (var at = thread; at < 2u * params.lateral_half + 1u; at += THREADS) {
+            turns[at] = phasor(-params.phase_turns_per_mm * (f32(i32(at) - half) * params.steer_shift_mm));
         }
+    }
+    workgroupBarrier();
+    if !inside {
+        return;
+    }
+    var sum = vec3<f32>(0.0);
+    var begin = TAPS_MAX;
+    var to = 0u;
+    for (var other = thread - thread % SHARING; other < thread - thread % SHARING + SHARING; other++) {
+        sum += sums[other];
+        begin = min(begin, ends[other].x);
+        to = max(to, ends[other].y);
+    }
+    var a = vec4<f32>(0.0);
+    var b = vec4<f32>(0.0);
+    for (var at = begin; at < to; at++) {
+        let tap = i32(at) - half;
+        let source = i32(line) + tap;
+        let other = u32(clamp(source, 0, i32(params.scanlines) - 1));
+        let weight = weights[at * BLOCKS + thread / SHARING];
         if STEERED {
             let later_mm = f32(tap) * params.steer_shift_mm;
             let before = i32(first) - i32(floor(later_mm / params.sample_spacing_mm + 0.5));
-            let turn = weight * phasor(-params.phase_turns_per_mm * later_mm);
-            a += times(sample_of(other, before), turn);
-            b += times(sample_of(other, before + 1), turn);
-            c += times(sample_of(other, before + 2), turn);
-            d += times(sample_of(other, before + 3), turn);
+            let turn = weight * turns[at];
+            a += vec4<f32>(times(sample_of(other, before), turn), times(sample_of(other, before + 1), turn));
+            b += vec4<f32>(times(sample_of(other, before + 2), turn), times(sample_of(other, before + 3), turn));
         } else {
-            let from_sample = other * params.row_samples + first;
-            a += weight * baseband[from_sample];
-            b += weight * baseband[from_sample + 1u];
-            c += weight * baseband[from_sample + 2u];
-            d += weight * baseband[from_sample + 3u];
+            let pair = (other * params.row_samples + first) >> 1u;
+            a += weight * baseband[pair];
+            b += weight * baseband[pair + 1u];
         }
     }
+    let power = sum.x;
+    let total = sum.y;
+    let kernel_power = sum.z;
     let scale = select(1.0 / max(total, 1.0e-30), sqrt(kernel_power / max(power, 0.5 * kernel_power)), APERTURE);
-    let out = line * params.row_samples + first;
+    let out = (line * params.row_samples + first) >> 1u;
     focused[out] = a * scale;
     focused[out + 1u] = b * scale;
-    focused[out + 2u] = c * scale;
-    focused[out + 3u] = d * scale;
 }

@@ -16,31 +16,124 @@ const THREADS: u32 = 64u;
 
 var<workgroup> field: array<vec2<f32>, CELLS_MAX>;
 
-// Spectrum of the field, in bit-reversed order.
+struct Quad {
+    a: vec2<f32>,
+    b: vec2<f32>,
+    c: vec2<f32>,
+    d: vec2<f32>,
+}
+
+// i times a number.
+fn turned(number: vec2<f32>) -> vec2<f32> {
+    return vec2<f32>(-number.y, number.x);
+}
+
+// Radix-4 step of the transform, with twiddle factors of −`turns`.
+fn forward_step(q: Quad, turns: f32) -> Quad {
+    let w = phasor(-turns);
+    let w2 = times(w, w);
+    let even = q.a + q.c;
+    let odd = q.a - q.c;
+    let sum = q.b + q.d;
+    let difference = turned(q.d - q.b);
+    return Quad(even + sum, times(even - sum, w2), times(odd + difference, w), times(odd - difference, times(w2, w)));
+}
+
+// Radix-4 step of the inverse.
+fn inverse_step(q: Quad, turns: f32) -> Quad {
+    let w = phasor(turns);
+    let w2 = times(w, w);
+    let b = times(q.b, w2);
+    let c = times(q.c, w);
+    let d = times(q.d, times(w2, w));
+    let even = q.a + b;
+    let odd = q.a - b;
+    let sum = c + d;
+    let difference = turned(c - d);
+    return Quad(even + sum, odd + difference, even - sum, odd - difference);
+}
+
+fn loaded(at: u32, apart: u32) -> Quad {
+    return Quad(field[at], field[at + apart], field[at + 2u * apart], field[at + 3u * apart]);
+}
+
+fn store(at: u32, apart: u32, q: Quad) {
+    field[at] = q.a;
+    field[at + apart] = q.b;
+    field[at + 2u * apart] = q.c;
+    field[at + 3u * apart] = q.d;
+}
+
+// First of the four places of a step.
+fn place(i: u32, apart: u32) -> u32 {
+    let j = i % apart;
+    return 4u * (i - j) + j;
+}
+
+// Whether the transform has a step of radix 2.
+fn has_radix_2() -> bool {
+    return countTrailingZeros(aperture.cells) % 2u == 1u;
+}
+
+// Spectrum of the field, in bit-reversed order, without the last step.
 fn forward(thread: u32) {
-    for (var half = aperture.cells / 2u; half > 0u; half /= 2u) {
-        for (var i = thread; i < aperture.cells / 2u; i += THREADS) {
-            let j = i % half;
-            let at = 2u * (i - j) + j;
-            let a = field[at];
-            let b = field[at + half];
-            field[at] = a + b;
-            field[at + half] = times(a - b, phasor(-0.5 * f32(j) / f32(half)));
+    var block = aperture.cells;
+    if has_radix_2() {
+        block /= 2u;
+        for (var i = thread; i < block; i += THREADS) {
+            let a = field[i];
+            let b = field[i + block];
+            field[i] = a + b;
+            field[i + block] = times(a - b, phasor(-0.5 * f32(i) / f32(block)));
+        }
+        workgroupBarrier();
+    }
+    for (; block > 4u; block /= 4u) {
+        let apart = block / 4u;
+        for (var i = thread; i < aperture.cells / 4u; i += THREADS) {
+            let at = place(i, apart);
+            store(at, apart, forward_step(loaded(at, apart), f32(i % apart) / f32(block)));
         }
         workgroupBarrier();
     }
 }
 
-// The field of a spectrum in bit-reversed order, times the number of cells.
+// The last step of the transform, the propagation to a plane, and the first step of the inverse: on the same places.
+fn propagate_spectrum(thread: u32, plane: u32) {
+    let shift = countLeadingZeros(aperture.cells) + 1u;
+    for (var i = thread; i < aperture.cells / 4u; i += THREADS) {
+        var q = forward_step(loaded(4u * i, 1u), 0.0);
+        q.a = times(q.a, step_of(4u * i, plane, shift));
+        q.b = times(q.b, step_of(4u * i + 1u, plane, shift));
+        q.c = times(q.c, step_of(4u * i + 2u, plane, shift));
+        q.d = times(q.d, step_of(4u * i + 3u, plane, shift));
+        store(4u * i, 1u, inverse_step(q, 0.0));
+    }
+    workgroupBarrier();
+}
+
+fn step_of(k: u32, plane: u32, shift: u32) -> vec2<f32> {
+    return steps[plane * aperture.cells + (reverseBits(k) >> shift)];
+}
+
+// The field of a spectrum in bit-reversed order, times the number of cells, without the first step.
 fn inverse(thread: u32) {
-    for (var half = 1u; half < aperture.cells; half *= 2u) {
-        for (var i = thread; i < aperture.cells / 2u; i += THREADS) {
-            let j = i % half;
-            let at = 2u * (i - j) + j;
-            let a = field[at];
-            let b = times(field[at + half], phasor(0.5 * f32(j) / f32(half)));
-            field[at] = a + b;
-            field[at + half] = a - b;
+    var block = 16u;
+    for (; block <= aperture.cells; block *= 4u) {
+        let apart = block / 4u;
+        for (var i = thread; i < aperture.cells / 4u; i += THREADS) {
+            let at = place(i, apart);
+            store(at, apart, inverse_step(loaded(at, apart), f32(i % apart) / f32(block)));
+        }
+        workgroupBarrier();
+    }
+    if has_radix_2() {
+        let half = aperture.cells / 2u;
+        for (var i = thread; i < half; i += THREADS) {
+            let a = field[i];
+            let b = times(field[i + half], phasor(0.5 * f32(i) / f32(half)));
+            field[i] = a + b;
+            field[i + half] = a - b;
         }
         workgroupBarrier();
     }
@@ -59,16 +152,12 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) l
         field[cell] = select(vec2<f32>(0.0), face[cell] * wave, mode != MODE_NONE);
     }
     workgroupBarrier();
-    let shift = countLeadingZeros(cells) + 1u;
     for (var plane = 0u; plane < aperture.planes; plane++) {
         if mode_ends(slot, plane) {
             return;
         }
         forward(local.x);
-        for (var k = local.x; k < cells; k += THREADS) {
-            field[k] = times(field[k], steps[plane * cells + (reverseBits(k) >> shift)]);
-        }
-        workgroupBarrier();
+        propagate_spectrum(local.x, plane);
         inverse(local.x);
         let row = (slot * aperture.planes + plane) * 2u * cells;
         for (var cell = local.x; cell < cells; cell += THREADS) {

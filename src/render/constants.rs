@@ -119,6 +119,8 @@ pub(crate) const DELAY_MIN: f64 = 3.0e-6;
 pub(crate) const TRANSMISSION_MIN: f64 = 1.0e-20;
 /// Most cells along the face of the aperture's grid.
 pub(crate) const CELLS_MAX: u32 = 2048;
+/// Cells of a workgroup of `beams`, times the beams of a period: 16 KiB of two complex fields.
+pub(crate) const BEAM_CELLS_OF_A_GROUP: u32 = 1024;
 /// Part of the sector's area that is brighter than the attenuation's percentile, and the steps of its bisection.
 pub(crate) const BRIGHTEST_PART: f64 = 0.02;
 pub(crate) const PERCENTILE_STEPS: u32 = 30;

@@ -189,7 +189,12 @@ const DAMAGES: [Damages; 4] = [
         ),
         ("the aperture's gain as an amplitude", "march", "exp(2.0 * (clamp", "exp((clamp"),
         ("carrier f/c in place of 2f/c", "echo", "params.phase_turns_per_mm", "0.5 * params.phase_turns_per_mm"),
-        ("one side of the beam", "lateral", "var tap = -half;", "var tap = 0;"),
+        (
+            "one side of the beam",
+            "lateral",
+            "select(0.0, kernel, there)",
+            "select(0.0, kernel, there && at >= params.lateral_half)",
+        ),
         ("decibels of power as of amplitude", "detect", "DB_A_DOUBLING * log2", "6.02059991328 * log2"),
         ("attenuation from the face in each run", "section", "rate * (t - start)", "rate * t"),
         ("depth beyond the runs forgotten", "percentile", "f32(params.map_rays)", "f32(params.scanlines)"),

@@ -7,6 +7,7 @@ use super::gpu::Gpu;
 use super::passes::{Constants, Pass, Pipelines};
 use super::readback::{Shape, Slot, takes};
 use crate::render::configuration::{Configuration, FrameInputs};
+use crate::render::constants::BEAM_CELLS_OF_A_GROUP;
 use crate::render::error::BackendError;
 use crate::render::frame::{Contents, FRAMES_IN_FLIGHT};
 use crate::settings::Effect;
@@ -69,7 +70,11 @@ impl DeviceConfiguration {
             Some(tables) => vec![
                 pass("transmission", [tables.planes as u32, 1, 1], &[])?,
                 pass("propagate", [tables.modes.len() as u32, 1, 1], &[])?,
-                pass("beams", [cells.div_ceil(64), tables.sampling.beams as u32, tables.planes as u32], &[])?,
+                pass(
+                    "beams",
+                    [cells * tables.sampling.beams as u32 / BEAM_CELLS_OF_A_GROUP, tables.planes as u32, 1],
+                    &[],
+                )?,
                 pass("profiles", [cells.max(params.scanlines).div_ceil(64), tables.planes as u32, 1], &[])?,
                 pass("visibility", lines, &[])?,
             ],
