@@ -15,6 +15,8 @@
 @group(0) @binding(5) var<uniform> aperture: Aperture;
 @group(0) @binding(6) var<storage, read> profiles: array<f32>;
 @group(0) @binding(7) var<storage, read> blends: array<f32>;
+// Of each block's kernel: scanlines to either side that it reaches, and the sum of its squares.
+@group(0) @binding(8) var<storage, read> kernel_spans: array<vec2<f32>>;
 
 const THREADS: u32 = 64u;
 // Threads of a block of samples, and blocks of a workgroup.
@@ -26,8 +28,8 @@ const TAPS_MAX: u32 = 2u * LATERAL_HALF_MAX + 1u;
 var<workgroup> weights: array<f32, TAPS_MAX * BLOCKS>;
 // Phase of each neighbour's wavefront; only in steered looks.
 var<workgroup> turns: array<vec2<f32>, TAPS_MAX>;
-// Of each thread's taps: sum of the weights' squares, their sum, sum of the kernel's squares.
-var<workgroup> sums: array<vec3<f32>, THREADS>;
+// Of each thread's taps: sum of the weights' squares, and their sum.
+var<workgroup> sums: array<vec2<f32>, THREADS>;
 // First tap with a weight, and the end of them.
 var<workgroup> ends: array<vec2<u32>, THREADS>;
 
@@ -38,6 +40,11 @@ override STEERED: bool = false;
 fn profile_at(profile: u32, tap: u32) -> f32 {
     let inside = f32(tap) >= blends[3u * profile + 1u] && f32(tap) < blends[3u * profile + 2u];
     return select(0.0, profiles[profile * (2u * params.lateral_half + 1u) + tap], inside);
+}
+
+// First tap of a profile; the kernel's middle if it has none.
+fn start_of(profile: u32) -> f32 {
+    return select(f32(params.lateral_half), blends[3u * profile + 1u], blends[3u * profile + 2u] > 0.0);
 }
 
 // A neighbour's sample; nothing beyond the row.
@@ -58,6 +65,9 @@ fn weigh(thread: u32, line: u32, block: u32) {
     var near = 0u;
     var far = 0u;
     var own = 1.0;
+    let reach = u32(kernel_spans[block].x);
+    var begin = params.lateral_half - reach;
+    var limit = params.lateral_half + reach + 1u;
     if APERTURE {
         let gain = block_gains[line * blocks + block];
         own = gain.x;
@@ -67,11 +77,15 @@ fn weigh(thread: u32, line: u32, block: u32) {
         near = low * params.scanlines + line;
         far = min(low + 1u, aperture.planes - 1u) * params.scanlines + line;
         kept = (1.0 - part) * blends[3u * near] + part * blends[3u * far];
+        if kept < 1.0 {
+            begin = min(begin, u32(min(start_of(near), start_of(far))));
+            limit = max(limit, u32(max(blends[3u * near + 2u], blends[3u * far + 2u])));
+        }
     }
-    var sum = vec3<f32>(0.0);
+    var sum = vec2<f32>(0.0);
     var first = taps;
     var end = 0u;
-    for (var at = thread % SHARING; at < taps; at += SHARING) {
+    for (var at = begin + thread % SHARING; at < limit; at += SHARING) {
         let kernel = kernels[block * taps + at];
         let source = i32(line) + i32(at) - half;
         let there = source >= 0 && source < i32(params.scanlines);
@@ -79,7 +93,7 @@ fn weigh(thread: u32, line: u32, block: u32) {
         if kept < 1.0 && there {
             weight = kept * kernel + ((1.0 - part) * profile_at(near, at) + part * profile_at(far, at));
         }
-        sum += vec3<f32>(weight * weight, weight, kernel * kernel);
+        sum += vec2<f32>(weight * weight, weight);
         if weight > 0.0 {
             first = min(first, at);
             end = at + 1u;
@@ -114,7 +128,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_
     if !inside {
         return;
     }
-    var sum = vec3<f32>(0.0);
+    var sum = vec2<f32>(0.0);
     var begin = TAPS_MAX;
     var to = 0u;
     for (var other = thread - thread % SHARING; other < thread - thread % SHARING + SHARING; other++) {
@@ -143,7 +157,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_
     }
     let power = sum.x;
     let total = sum.y;
-    let kernel_power = sum.z;
+    let kernel_power = kernel_spans[block].y;
     let scale = select(1.0 / max(total, 1.0e-30), sqrt(kernel_power / max(power, 0.5 * kernel_power)), APERTURE);
     let out = (line * params.row_samples + first) >> 1u;
     focused[out] = a * scale;

@@ -55,6 +55,10 @@ impl Beam {
 }
 
 impl Family for Beam {
+    fn groups(&self) -> &'static [&'static str] {
+        &["Point spread"]
+    }
+
     fn measure(&self, rig: &mut Rig) -> Result<Vec<Check>, RenderError> {
         let mut checks = Vec::new();
         let probe = fan();

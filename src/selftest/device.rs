@@ -48,6 +48,10 @@ fn words(frame: &Frame) -> Vec<u32> {
 }
 
 impl Family for Device {
+    fn groups(&self) -> &'static [&'static str] {
+        &["Twin", "Determinism"]
+    }
+
     fn measure(&self, rig: &mut Rig) -> Result<Vec<Check>, RenderError> {
         let probe = linear(64, 0.5, 512, 50.0);
         let pose = self.pose();

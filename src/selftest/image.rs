@@ -93,6 +93,10 @@ impl View<'_> {
 }
 
 impl Family for Image {
+    fn groups(&self) -> &'static [&'static str] {
+        &["Image", "Maps", "Shadow"]
+    }
+
     fn measure(&self, rig: &mut Rig) -> Result<Vec<Check>, RenderError> {
         let frame = rig.frame(&probe(), &settings(), &at(self.place.x, self.place.y, 0.0))?.clone();
         let sector = rig.sector();

@@ -93,6 +93,10 @@ fn strongest(probe: &Probe, samples: &[[f32; 2]], threshold: f64) -> Option<Echo
 }
 
 impl Family for Interfaces {
+    fn groups(&self) -> &'static [&'static str] {
+        &["Fresnel", "Time of flight", "Attenuation"]
+    }
+
     fn measure(&self, rig: &mut Rig) -> Result<Vec<Check>, RenderError> {
         let mut checks = Vec::new();
         let probe = linear(8, 0.5, 2048, 50.0);

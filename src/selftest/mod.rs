@@ -118,6 +118,9 @@ impl Report {
 
 /// Checks that share specimens.
 trait Family {
+    /// Groups of its checks.
+    fn groups(&self) -> &'static [&'static str];
+
     /// Renders the specimens and measures them.
     fn measure(&self, rig: &mut Rig) -> Result<Vec<Check>, RenderError>;
 }
@@ -142,10 +145,10 @@ pub fn run(backend: &Backend, progress: &dyn Fn(usize, usize)) -> Result<Report,
     let new = |scene: &Scene, bvh: Bvh, probe: &Probe, settings: &RenderSettings| {
         Renderer::with_bvh(backend, scene, bvh, probe, settings)
     };
-    checked(backend, &new, progress)
+    checked(backend, &new, None, progress)
 }
 
-/// As [`run`], with passes modified by a test.
+/// As [`run`], with passes modified by a test. Measures only until a check of `group` has failed, if one is given.
 ///
 /// # Errors
 /// As [`run`].
@@ -153,16 +156,22 @@ pub fn run(backend: &Backend, progress: &dyn Fn(usize, usize)) -> Result<Report,
 pub fn run_with_hooks(
     backend: &Backend,
     hooks: &TestHooks,
+    group: Option<&str>,
     progress: &dyn Fn(usize, usize),
 ) -> Result<Report, SelfTestError> {
     let new = |scene: &Scene, bvh: Bvh, probe: &Probe, settings: &RenderSettings| {
         Renderer::with_hooks(backend, scene, bvh, probe, settings, hooks)
     };
-    checked(backend, &new, progress)
+    checked(backend, &new, group, progress)
 }
 
-/// Runs every check on frames of the renderer created by `new`.
-fn checked(backend: &Backend, new: &NewRenderer<'_>, progress: &dyn Fn(usize, usize)) -> Result<Report, SelfTestError> {
+/// Runs every check on frames of the renderer created by `new`; of one group, if it is given, until a check has failed.
+fn checked(
+    backend: &Backend,
+    new: &NewRenderer<'_>,
+    only: Option<&str>,
+    progress: &dyn Fn(usize, usize),
+) -> Result<Report, SelfTestError> {
     let (date, started) = (SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()), Instant::now());
     let mut bench = Bench::new(silent(1540.0, 1.5));
     let families: [Box<dyn Family>; 9] = [
@@ -180,7 +189,13 @@ fn checked(backend: &Backend, new: &NewRenderer<'_>, progress: &dyn Fn(usize, us
     let mut checks = Vec::new();
     for (done, family) in families.iter().enumerate() {
         progress(done, families.len());
-        checks.extend(family.measure(&mut rig)?);
+        let failed = checks.iter().any(|check: &Check| Some(check.group) == only && !check.passed);
+        if only.is_some_and(|group| failed || !family.groups().contains(&group)) {
+            continue;
+        }
+        let measured = family.measure(&mut rig)?;
+        debug_assert!(measured.iter().all(|check| family.groups().contains(&check.group)), "{:?}", family.groups());
+        checks.extend(measured);
     }
     checks.extend(rig.checks());
     // Groups are ordered by their first check.

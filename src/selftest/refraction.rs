@@ -79,6 +79,10 @@ impl Refraction {
 }
 
 impl Family for Refraction {
+    fn groups(&self) -> &'static [&'static str] {
+        &["Snell"]
+    }
+
     fn measure(&self, rig: &mut Rig) -> Result<Vec<Check>, RenderError> {
         let probe = linear(1, 1.0, 4096, 60.0);
         let mut checks = Vec::new();

@@ -103,6 +103,10 @@ impl Truth for Shadow {
 }
 
 impl Family for Shadow {
+    fn groups(&self) -> &'static [&'static str] {
+        &["Shadow"]
+    }
+
     fn measure(&self, rig: &mut Rig) -> Result<Vec<Check>, RenderError> {
         self.compare(rig, Choice::On)
     }

@@ -99,6 +99,10 @@ impl Truth for Slide {
 }
 
 impl Family for Slide {
+    fn groups(&self) -> &'static [&'static str] {
+        &["Slide"]
+    }
+
     fn measure(&self, rig: &mut Rig) -> Result<Vec<Check>, RenderError> {
         self.compare(rig, Choice::On)
     }

@@ -113,6 +113,10 @@ fn likeness_across(probe: &Probe, frame: &Frame) -> f64 {
 }
 
 impl Family for Speckle {
+    fn groups(&self) -> &'static [&'static str] {
+        &["Speckle", "Attenuation"]
+    }
+
     fn measure(&self, rig: &mut Rig) -> Result<Vec<Check>, RenderError> {
         let probe = linear(128, 0.3, 2048, 100.0);
         let settings = small(1, 1);

@@ -144,6 +144,10 @@ impl Truth for TiltedFace {
 }
 
 impl Family for TiltedFace {
+    fn groups(&self) -> &'static [&'static str] {
+        &["Full wave"]
+    }
+
     fn measure(&self, rig: &mut Rig) -> Result<Vec<Check>, RenderError> {
         Ok(self.both_axes(rig, Choice::On)?.into_iter().map(|(_, check)| check).collect())
     }

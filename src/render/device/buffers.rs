@@ -50,6 +50,7 @@ pub(crate) struct Buffers {
     tissues: wgpu::Buffer,
     textures: wgpu::Buffer,
     lateral_kernels: wgpu::Buffer,
+    kernel_spans: wgpu::Buffer,
     pulse: wgpu::Buffer,
     scatterer_gain: wgpu::Buffer,
     sheet_reach: wgpu::Buffer,
@@ -118,6 +119,7 @@ impl Buffers {
                 size_of_val(&tables.textures[..]).max(size_of::<PackedTexture>()) as u64,
                 |b| &b.textures,
             )?,
+            kernel_spans: work("kernel spans", 8 * tables.kernels.power.len() as u64, |b| &b.kernel_spans)?,
             lateral_kernels: work("lateral kernels", 4 * tables.kernels.lateral.len() as u64, |b| &b.lateral_kernels)?,
             pulse: uniform("pulse", 16 * u64::from(PULSE_QUADS), |b| &b.pulse)?,
             scatterer_gain: uniform("scatterer gain", 16 * u64::from(BLOCK_QUADS), |b| &b.scatterer_gain)?,
@@ -179,6 +181,9 @@ impl Buffers {
         padded(&self.tissues, bytemuck::cast_slice(&tables.tissues));
         write(&self.textures, bytemuck::cast_slice(&tables.textures));
         write(&self.lateral_kernels, bytemuck::cast_slice(&tables.kernels.lateral));
+        let spans = tables.kernels.reach.iter().zip(&tables.kernels.power);
+        let spans: Vec<[f32; 2]> = spans.map(|(&reach, &power)| [reach as f32, power]).collect();
+        write(&self.kernel_spans, bytemuck::cast_slice(&spans));
         padded(&self.pulse, bytemuck::cast_slice(&tables.kernels.pulse));
         padded(&self.scatterer_gain, bytemuck::cast_slice(&tables.kernels.scatterer_gain));
         let reach = tables.sheets.as_ref().map_or(&[][..], |sheets| &sheets.per_reach_mm);
@@ -306,6 +311,7 @@ impl Buffers {
                 (&self.aperture.shape, uniform),
                 (&self.aperture.profiles, read),
                 (&self.aperture.blends, read),
+                (&self.kernel_spans, read),
             ],
             "receive" => {
                 vec![(&self.starts, read), (&self.segments, read), (&self.near_field, read), (&self.focused, write)]
