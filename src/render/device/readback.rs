@@ -37,12 +37,13 @@ pub(crate) struct Shape {
 /// Passes that a frame without maps leaves out.
 const MAP_PASSES: [&str; 2] = ["section", "percentile"];
 /// Passes that a frame without its image leaves out.
-const IMAGE_PASSES: [&str; 11] = [
+const IMAGE_PASSES: [&str; 12] = [
     "locate",
     "trace",
     "transmission",
     "propagate",
     "beams",
+    "profiles",
     "visibility",
     "march",
     "echo",
