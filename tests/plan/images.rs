@@ -46,7 +46,7 @@ fn speckle_alone(speed_m_s: f64) -> Case {
 #[test]
 fn rays_without_effect_are_left_out() {
     let case = speckle_alone(1540.0);
-    assert_eq!(case.on(), ["scatterers", "elevational_speckle", "maps"]);
+    assert_eq!(case.on(), ["aperture", "scatterers", "elevational_speckle", "maps"]);
     assert_eq!(bound_of(&case, Effect::Rays), Bound::Exact);
     assert_exact("6 rays at 1540 m/s", &case);
 
@@ -90,7 +90,7 @@ fn edges_of_silent_targets_stay_within_a_scanlines_width() {
     case.probe.scanlines = 192;
     let Bound::Aside { mm, .. } = bound_of(&case, Effect::Rays) else { panic!("{}", case.plan()) };
     assert!((mm - 0.5 * 20.0 / 192.0).abs() < 1e-9);
-    assert_eq!(case.on(), ["scatterers", "elevational_speckle", "maps"]);
+    assert_eq!(case.on(), ["aperture", "scatterers", "elevational_speckle", "maps"]);
     let (planned, whole) = case.planned_and_whole();
     // Pixels whose level depends on an edge: the point-spread function extends beyond the bound.
     let (width, pixel_mm) = (planned.width as usize, 40.0 / 320.0);
@@ -156,7 +156,7 @@ fn media_of_equal_speed_and_impedance_never_reflect() {
     let (normal_to, size) = (Quat::from_rotation_y(1e-4), Vec3::new(10.0, 80.0, 200.0));
     let beside = plate(Vec3::new(line_x + 5.0, 0.0, 20.0), size, normal_to);
     let case = Case::of(vec![part("beside", "b", beside)], &[("a", rough.clone()), ("b", rough)], "a");
-    assert_eq!(case.on(), ["scatterers", "elevational_speckle", "maps"]);
+    assert_eq!(case.on(), ["aperture", "scatterers", "elevational_speckle", "maps"]);
     assert_exact("a grazed face between like media", &case);
 }
 

@@ -50,7 +50,7 @@ fn kept_lines_hold_invisible_echoes() {
     // Effects that change nothing at all are still left out.
     let mut none = two(lossy(0.0), lossy(0.0));
     none.settings.lines = true;
-    assert_eq!(none.on(), ["scatterers", "elevational_speckle", "maps"]);
+    assert_eq!(none.on(), ["aperture", "scatterers", "elevational_speckle", "maps"]);
 }
 
 #[test]

@@ -55,7 +55,18 @@ fn each_scene_calls_for_its_effects() {
         ("vessel_needle", and(&["rays", "layers", "contact", "frequency_exponent", "texture", "clutter"])),
         ("gallbladder_stones", and(&["rays", "layers", "contact", "texture", "clutter"])),
         // Liver alone: 1575 m/s displaces; no refraction, echoes or reflections; speckle differs across the slice.
-        ("speckle", vec!["speed_displacement", "layers", "attenuation", "scatterers", "elevational_speckle", "maps"]),
+        (
+            "speckle",
+            vec![
+                "speed_displacement",
+                "layers",
+                "attenuation",
+                "aperture",
+                "scatterers",
+                "elevational_speckle",
+                "maps",
+            ],
+        ),
     ];
     for (name, expected) in &table {
         let case = if *name == "obstetric" { obstetric() } else { Case::station(name) };

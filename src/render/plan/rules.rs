@@ -356,6 +356,10 @@ impl Rules<'_> {
             loss_db_mm * SHADOWED_MM + interface_db
         });
         match most {
+            None if self.facts.media.iter().any(|m| m.scatters()) => finding(
+                "no medium casts a shadow, but the ends of the array cut beams",
+                Bound::none("dimmer speckle below the ends of the array"),
+            ),
             None => finding("all media lose alike: nothing casts a shadow", Bound::Exact),
             Some((db, (a, b))) => {
                 let (strong, weak) = if self.loss_db_mm(a) < self.loss_db_mm(b) { (b, a) } else { (a, b) };
