@@ -10,7 +10,8 @@
 @group(0) @binding(1) var<storage, read> kernels: array<f32>;
 @group(0) @binding(2) var<storage, read> baseband: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read_write> focused: array<vec4<f32>>;
-// Gain of each block as amplitude, and its place among the planes [scanlines × blocks]. Read if APERTURE, as the rest.
+// Gain of each block as amplitude, and its place among the planes [scanlines × blocks]. This one and the next three are
+// read if APERTURE.
 @group(0) @binding(4) var<storage, read> block_gains: array<vec2<f32>>;
 @group(0) @binding(5) var<uniform> aperture: Aperture;
 @group(0) @binding(6) var<storage, read> profiles: array<f32>;

@@ -1,5 +1,6 @@
 //! Constants shared by the shaders, the host renderer and the f64 twin; `device::shaders` writes them into each shader.
 
+pub(crate) use crate::acoustics::HARD_SPEED;
 use crate::settings::{BEAM_TAPS_MAX, PULSE_TAPS_MAX};
 
 /// Samples that share one lateral kernel, one scatterer gain and one gain of the aperture.
@@ -102,9 +103,6 @@ pub(crate) const VISIBLE_MIN: f64 = 1.0e-12;
 pub(crate) const VISIBLE_MIN_NP: f64 = -13.815510558;
 /// Most gain by diffraction at an edge, nepers of amplitude.
 pub(crate) const VISIBLE_MAX_NP: f64 = 0.25;
-/// Difference of c/c₀ from 1 beyond which a medium is hard: bone, gas, stone, metal. Sound that shows tissue behind a hard
-/// body has passed beside it, so the body neither bends nor delays it.
-pub(crate) const HARD_SPEED: f64 = 0.15;
 /// Greatest ratio of a scanline's own gain to its neighbour's in `lateral`. Scatterers need no limit; echoes of reflected
 /// paths don't carry the gain and must not be amplified.
 pub(crate) const NEIGHBOUR_GAIN_MAX: f64 = 4.0;

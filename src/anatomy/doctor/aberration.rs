@@ -1,6 +1,6 @@
 //! Aberration by the tissue before a probe's face: delays over an aperture, along straight parallel rays.
 //!
-//! A ray's delay is that of its path relative to one in [`REFERENCE_M_S`]. Over an aperture the best-fit line is the
+//! A ray's delay is that of its path relative to one in [`ASSUMED_SPEED_M_S`]. Over an aperture the best-fit line is the
 //! tilt, which moves an image; what remains blurs it. Rays start on the face, so tissue that the face is pressed into
 //! does not count. Outside all surfaces, and in media that ultrasound does not pass straight (bone, gas), speed is that
 //! of the reference.
@@ -10,15 +10,12 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::tree::Tree;
+use crate::acoustics::{ASSUMED_SPEED_M_S, HARD_SPEED};
 use crate::anatomy::Scene;
 use crate::anatomy::phantom::Wall;
 use crate::pose::Pose;
 use crate::statistics::{median, sorted};
 
-/// Speed to which delays refer, m/s: that for which scanners focus.
-pub const REFERENCE_M_S: f64 = 1540.0;
-/// Relative deviation from the reference beyond which a medium counts as bone or gas.
-const PASSED: f64 = 0.15;
 /// Distance between rays, mm.
 const STEP_MM: f64 = 0.5;
 /// Offset of all rays across the scan plane, mm: meshes often have vertices in a plane of symmetry.
@@ -77,8 +74,8 @@ impl<'s> Caster<'s> {
     /// Caster for `scene`, whose surfaces ascend in priority.
     pub fn of(scene: &'s Scene) -> Self {
         let excess = |speed_m_s: f64| {
-            let passed = (speed_m_s / REFERENCE_M_S - 1.0).abs() <= PASSED;
-            if passed { 1e6 / speed_m_s - 1e6 / REFERENCE_M_S } else { 0.0 }
+            let passed = (speed_m_s / ASSUMED_SPEED_M_S - 1.0).abs() <= HARD_SPEED;
+            if passed { 1e6 / speed_m_s - 1e6 / ASSUMED_SPEED_M_S } else { 0.0 }
         };
         let surface = |surface: &'s crate::anatomy::Surface| {
             let tissue = scene.tissues.tissues().get(surface.tissue)?;
@@ -156,7 +153,7 @@ fn of_delays(delays_ns: &[f64], width_mm: f64) -> Aberration {
         2.0 * step_mm * ((lag - 1) as f64 + (before - 0.5 * power) / (before - after))
     });
     // ns/mm · m/s = 1e-6.
-    let tilt_mrad = slope * REFERENCE_M_S * 1e-3;
+    let tilt_mrad = slope * ASSUMED_SPEED_M_S * 1e-3;
     Aberration { delay_rms_ns: (power / count as f64).sqrt(), tilt_mrad, correlation_mm }
 }
 
@@ -207,7 +204,7 @@ mod tests {
 
     /// Delay of a millimetre of a medium, ns.
     fn ns_per_mm(speed_m_s: f64) -> f64 {
-        1e6 / speed_m_s - 1e6 / REFERENCE_M_S
+        1e6 / speed_m_s - 1e6 / ASSUMED_SPEED_M_S
     }
 
     #[test]
@@ -230,7 +227,7 @@ mod tests {
         let turn = 10f64.to_radians();
         let pose = Pose { position_mm: DVec3::ZERO, orientation: DQuat::from_rotation_y(turn) };
         let found = Caster::of(&wedge).aberration(&pose, &APERTURE);
-        let expected = turn.tan() * ns_per_mm(1450.0) * REFERENCE_M_S * 1e-3;
+        let expected = turn.tan() * ns_per_mm(1450.0) * ASSUMED_SPEED_M_S * 1e-3;
         assert!((found.tilt_mrad - expected).abs() < 1e-3, "{found:?}, expected a tilt of {expected}");
         assert!(found.delay_rms_ns < 1e-3 && found.correlation_mm.is_none(), "{found:?}");
 
