@@ -1,7 +1,8 @@
 // Lateral point-spread function: each sample becomes the beam's weighted sum over neighbouring scanlines.
 // Complex [scanlines × row_samples] in and out, two samples per vector. A thread makes four samples of a scanline.
 //
-// Each block of DEPTH_BLOCK samples has a kernel, or the profile of its scanline's beam. Weights beyond the array are made
+// Each block of DEPTH_BLOCK samples has a kernel, or the profile of its scanline's beam. Kernels of a phased array are wider
+// beside its normal. Weights beyond the array are made
 // up for: with the aperture in power, by a factor of two at most, else in amplitude. Each scanline sees its neighbours'
 // scatterers with the gain of its own aperture. The wavefront of a steered look is across its scanlines: a neighbour's
 // samples lie deeper or higher.
@@ -56,6 +57,24 @@ fn sample_of(line: u32, sample: i32) -> vec2<f32> {
     return select(vec2<f32>(0.0), select(pair.xy, pair.zw, (at & 1u) == 1u), there);
 }
 
+// Cosine of a scanline's angle to the normal of a phased array: the part of the aperture that it sees. 1 for other arrays.
+fn projection_of(line: u32) -> f32 {
+    let turns = params.line_turns * (f32(line) + 0.5 - 0.5 * f32(params.scanlines));
+    return select(max(phasor(turns).x, PROJECTION_MIN), 1.0, params.line_turns == 0.0);
+}
+
+// Weight of a tap in a kernel as wide as a projection of the aperture makes it.
+fn kernel_at(block: u32, at: u32, projection: f32) -> f32 {
+    let kernel = block * (2u * params.lateral_half + 1u) + params.lateral_half;
+    let offset = u32(abs(i32(at) - i32(params.lateral_half)));
+    if projection == 1.0 || offset == 0u {
+        return kernels[kernel + offset];
+    }
+    let place = f32(offset) * projection;
+    let low = min(u32(place), params.lateral_half - 1u);
+    return mix(kernels[kernel + low], kernels[kernel + low + 1u], place - f32(low));
+}
+
 // Weights of a block, by the threads that share it: each has every SHARING-th tap.
 fn weigh(thread: u32, line: u32, block: u32) {
     let half = i32(params.lateral_half);
@@ -66,7 +85,11 @@ fn weigh(thread: u32, line: u32, block: u32) {
     var near = 0u;
     var far = 0u;
     var own = 1.0;
-    let reach = u32(kernel_spans[block].x);
+    let projection = projection_of(line);
+    var reach = u32(kernel_spans[block].x);
+    if projection < 1.0 {
+        reach = min(u32(ceil(f32(reach + 1u) / projection)), params.lateral_half);
+    }
     var begin = params.lateral_half - reach;
     var limit = params.lateral_half + reach + 1u;
     if APERTURE {
@@ -87,7 +110,7 @@ fn weigh(thread: u32, line: u32, block: u32) {
     var first = taps;
     var end = 0u;
     for (var at = begin + thread % SHARING; at < limit; at += SHARING) {
-        let kernel = kernels[block * taps + at];
+        let kernel = kernel_at(block, at, projection);
         let source = i32(line) + i32(at) - half;
         let there = source >= 0 && source < i32(params.scanlines);
         var weight = select(0.0, kernel, there);
@@ -159,7 +182,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_
     let power = sum.x;
     let total = sum.y;
     let kernel_power = kernel_spans[block].y;
-    let scale = select(1.0 / max(total, 1.0e-30), sqrt(kernel_power / max(power, 0.5 * kernel_power)), APERTURE);
+    // Speckle of a wide kernel whose sum is 1 would be darker.
+    let level = sqrt(projection_of(line));
+    let scale = select(1.0 / max(total * level, 1.0e-30), sqrt(kernel_power / max(power, 0.5 * kernel_power)), APERTURE);
     let out = (line * params.row_samples + first) >> 1u;
     focused[out] = a * scale;
     focused[out + 1u] = b * scale;

@@ -133,8 +133,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var echo_range_mm = 0.0;
     var count = 0u;
     var t_min = 0.0;
-    // Where nothing is coupled the path ends in the film: its scanline shows nothing of the body.
-    var open = coupling > 0.0;
+    // A place that is not coupled ends the path, unless apertures beside it may reach what lies below.
+    var open = coupling > 0.0 || APERTURE;
     var lost = 0u;
     var crossed = 0u;
     // Displacement of the medium from rest, mm: scatterers are looked up at rest, so speckle moves with its tissue.

@@ -44,7 +44,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var shared_np = 0.0;
     // Place within the interval of the last loss, 0..1.
     var last = 0.5;
-    let gap_np = 2.0 * GAP_PART * begins_np;
     line_gains[row] = vec4<f32>(-0.5, begins_np, max(-2.0 * begins_np, VISIBLE_MIN_NP), 0.0);
     for (var interval = 0u; interval < aperture.planes; interval++) {
         let from_mm = f32(interval) * aperture.plane_mm;
@@ -68,7 +67,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         shared_np += row_np[interval];
         begins_np = ends_np;
         let place = f32(interval + 1u) - (1.0 - followed) * last;
-        line_gains[row + interval + 1u] = vec4<f32>(place, ends_np, plane_gain(line, interval) - gap_np, shared_np);
+        line_gains[row + interval + 1u] = vec4<f32>(place, ends_np, plane_gain(line, interval), shared_np);
     }
     at = 0u;
     let blocks = params.row_samples >> BLOCK_SHIFT;
@@ -77,6 +76,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let range_mm = (f32(block << BLOCK_SHIFT) + 0.5) * params.sample_spacing_mm;
         at = segment_from(guide, at, range_mm);
         let place = place_of(line, range_mm, loss_on(guide, at, range_mm));
-        block_gains[line * blocks + block] = vec2<f32>(exp(gain_at(line, place)), place);
+        block_gains[line * blocks + block] = vec2<f32>(exp(max(gain_at(line, place), COMPARED_MIN_NP)), place);
     }
 }

@@ -76,7 +76,8 @@ struct Params {
     look_words: u32,
     // Range by which the wavefront of a steered look falls behind from one scanline to the next, mm.
     steer_shift_mm: f32,
-    pad0: u32,
+    // Angle between neighbouring scanlines of a phased array, turns; 0 for other arrays.
+    line_turns: f32,
     sheets: array<SheetFamily, SHEET_FAMILIES>,
     // Settings of [image]; a generated function reads each: image_gain_db(), image_tgc_sliders_db(index).
     image: array<vec4<u32>, IMAGE_QUADS>,

@@ -106,6 +106,11 @@ pub(crate) const VISIBLE_MAX_NP: f64 = 0.25;
 /// Greatest ratio of a scanline's own gain to its neighbour's in `lateral`. Scatterers need no limit; echoes of reflected
 /// paths don't carry the gain and must not be amplified.
 pub(crate) const NEIGHBOUR_GAIN_MAX: f64 = 4.0;
+/// Least gain of a block, nepers of amplitude, that `lateral` compares with its neighbours': −40 dB. What is seen behind
+/// darker places came by reflections, and doesn't carry the gain.
+pub(crate) const COMPARED_MIN_NP: f64 = -4.605170186;
+/// Least part of a phased array's aperture that a scanline sees: the cosine of 78°.
+pub(crate) const PROJECTION_MIN: f64 = 0.2;
 /// Unlikeness of a beam's profile to an unobstructed one, 1 less their squared correlation, from which the profile alone
 /// weighs a scanline's neighbours.
 pub(crate) const UNLIKE: f64 = 0.02;
@@ -130,8 +135,6 @@ pub(crate) const FIRST_TISSUE: u32 = 1;
 pub(crate) use crate::transducer::contact::{GAP_MAX_MM, GAP_NP_MM};
 /// ln of the least coupling that is computed.
 pub(crate) const LN_UNCOUPLED: f64 = -80.0;
-/// Fraction of the loss in its gap that a scanline keeps where neighbouring elements reach the body below it.
-pub(crate) const GAP_PART: f64 = 0.25;
 /// Coupling below which the maps show air.
 pub(crate) const COUPLED_MIN: f64 = 0.5;
 

@@ -2,11 +2,11 @@
 
 use std::fmt;
 
-use super::constants::{AXIAL_HALF_MAX, CELL_MM, DEPTH_BLOCK, LATERAL_HALF_MAX, PULSE_PAD};
+use super::constants::{AXIAL_HALF_MAX, CELL_MM, DEPTH_BLOCK, LATERAL_HALF_MAX, PROJECTION_MIN, PULSE_PAD};
 use super::lateral_beam::LateralBeam;
 use super::sheets::Sheets;
 use crate::settings::RenderSettings;
-use crate::transducer::Probe;
+use crate::transducer::{Probe, ProbeKind};
 
 /// Half width of the main lobe, down to −26 dB, over that at −6 dB.
 const MAIN_LOBE: f64 = 2.1;
@@ -119,7 +119,16 @@ fn lateral_kernels(probe: &Probe, cap: u32, reach: u32) -> (u32, Vec<f64>, Optio
     let array = probe.scanlines.max(2) - 1;
     let lines = |block: u32, reach_mm: f64| ((reach_mm / spacing_mm(block)).ceil() as u32).clamp(1, array);
     let wanted = |block: u32| lines(block, beam.at(depth_mm(block)).reach_mm());
-    let half = (0..blocks).map(wanted).max().unwrap_or(1).max(reach.min(array)).min(LATERAL_HALF_MAX).min(cap);
+    // Beside the normal of a phased array, kernels are wider by one over the cosine.
+    let projection = match probe.kind {
+        ProbeKind::Phased { fov_deg } => (0.5 * fov_deg.to_radians()).cos().max(PROJECTION_MIN),
+        ProbeKind::Convex { .. } | ProbeKind::Linear { .. } => 1.0,
+    };
+    let widest = |block: u32| {
+        let reach = f64::from(wanted(block));
+        if projection < 1.0 { (((reach + 1.0) / projection).ceil() as u32).min(array) } else { wanted(block) }
+    };
+    let half = (0..blocks).map(widest).max().unwrap_or(1).max(reach.min(array)).min(LATERAL_HALF_MAX).min(cap);
     // Side lobes beyond the limit are missing without a word; a cut main lobe is reported.
     let main_lobe = |block: u32| lines(block, MAIN_LOBE * beam.at(depth_mm(block)).half_width_mm());
     let mut cut = (0..blocks).filter(|&block| main_lobe(block) > LATERAL_HALF_MAX && half == LATERAL_HALF_MAX);

@@ -3,14 +3,15 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 
-use super::constants::{CELLS_OF_A_BEAM, FAMILY_SALT, HINT_BLOCK, ROW_ALIGN, SHEET_FAMILIES};
+use super::constants::{CELLS_OF_A_BEAM, FAMILY_SALT, HINT_BLOCK, PROJECTION_MIN, ROW_ALIGN, SHEET_FAMILIES};
 use super::receiver::{HARMONIC_CLUTTER_DB, white_amplitude};
 use super::sheets::Family;
 use super::tables::Tables;
 use crate::anatomy::Bvh;
 use crate::pose::Pose;
 use crate::settings::{Effect, EffectSet, ImageUniforms, RenderSettings};
-use crate::transducer::Probe;
+use crate::simd::{at_least, phasor};
+use crate::transducer::{Probe, ProbeKind};
 
 /// 32-bit words of the image settings.
 const IMAGE_WORDS: usize = size_of::<ImageUniforms>() / 4;
@@ -120,11 +121,20 @@ pub(crate) struct Params {
     pub(crate) look_words: u32,
     /// Range by which the wavefront of a steered look falls behind from one scanline to the next, mm.
     pub(crate) steer_shift_mm: f32,
-    pub(crate) padding: u32,
+    /// Angle between neighbouring scanlines of a phased array, turns; 0 for other arrays.
+    pub(crate) line_turns: f32,
     pub(crate) sheets: [SheetFamily; SHEET_FAMILIES as usize],
     /// Every setting of `[image]`.
     pub(crate) image: ImageUniforms,
     pub(crate) tail: [u32; TAIL],
+}
+
+/// Angle between neighbouring scanlines of a phased array, turns; 0 for other arrays.
+fn line_turns(probe: &Probe) -> f32 {
+    match probe.kind {
+        ProbeKind::Phased { fov_deg } => (fov_deg / (360.0 * f64::from(probe.scanlines))) as f32,
+        ProbeKind::Convex { .. } | ProbeKind::Linear { .. } => 0.0,
+    }
 }
 
 impl Params {
@@ -190,7 +200,7 @@ impl Params {
             steer: [1.0, 0.0],
             look_words: 0,
             steer_shift_mm: 0.0,
-            padding: 0,
+            line_turns: line_turns(probe),
             sheets: bytemuck::Zeroable::zeroed(),
             image: image.into(),
             tail: [0; TAIL],
@@ -213,6 +223,17 @@ impl Params {
     pub(crate) fn steered(&self, v: Vec3) -> Vec3 {
         let [cos, sin] = self.steer;
         Vec3::new(v.x * cos + v.z * sin, v.y, v.z * cos - v.x * sin)
+    }
+
+    /// Cosine of a scanline's angle to the normal of a phased array: the part of the aperture that it sees. 1 for other
+    /// arrays.
+    #[inline(always)]
+    pub(crate) fn projection(&self, line: usize) -> f32 {
+        if self.line_turns == 0.0 {
+            return 1.0;
+        }
+        let turns = self.line_turns * (line as f32 + 0.5 - 0.5 * self.scanlines as f32);
+        at_least(phasor(turns)[0], PROJECTION_MIN as f32)
     }
 
     /// Tissue outside all surfaces at a depth below the apex of the face: within the film of gel it conducts.

@@ -14,7 +14,7 @@ use super::kernels::Kernels;
 use super::receiver::NearField;
 use super::sheets::Sheets;
 use super::texture::PackedTexture;
-use crate::acoustics::attenuation::attenuation_np_mm;
+use crate::acoustics::decibel::NEPER_PER_DB;
 use crate::acoustics::{ASSUMED_SPEED_M_S, wavelength_mm};
 use crate::anatomy::Tissue;
 use crate::settings::{Effect, EffectSet, LookSettings, RenderSettings};
@@ -52,8 +52,7 @@ impl PackedTissue {
         let thickness_mm = of(Effect::Thickness, tissue.thickness_mm, 0.0);
         let exponent = of(Effect::FrequencyExponent, tissue.attenuation_exponent, 1.0);
         let loss_db_cm_mhz = of(Effect::Attenuation, tissue.attenuation_db_cm_mhz, 0.0);
-        let one_way_np_mm = |frequency_mhz| attenuation_np_mm(loss_db_cm_mhz, exponent, frequency_mhz);
-        let loss_np_mm = one_way_np_mm(probe.frequency_mhz) + one_way_np_mm(probe.returning_mhz());
+        let loss_np_mm = probe.two_way_loss_db_mm(loss_db_cm_mhz, exponent) * NEPER_PER_DB;
         let speed_ratio = tissue.speed_m_s / ASSUMED_SPEED_M_S;
         let seen_ratio = if (speed_ratio - 1.0).abs() > HARD_SPEED { 1.0 } else { speed_ratio };
         // The sinc of the phase over the thickness, replaced by the Gaussian of the same curvature: never negative.

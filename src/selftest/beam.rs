@@ -14,9 +14,9 @@ use crate::transducer::{Probe, ProbeKind};
 const POSTS_MM: [f64; 3] = [30.0, 70.0, 120.0];
 /// Two-way lateral widths at [`POSTS_MM`] by an independent sum over the default aperture, `tests/truth/point_spread.py`.
 const DIFFRACTION_MM: [(Apodization, [f64; POSTS_MM.len()]); 3] = [
-    (Apodization::Rectangular, [0.4434, 0.5511, 1.3331]),
-    (Apodization::Hann, [0.7244, 0.8939, 2.0874]),
-    (Apodization::Gaussian, [0.5473, 0.6738, 1.6120]),
+    (Apodization::Rectangular, [0.4972, 0.6163, 1.4201]),
+    (Apodization::Hann, [0.8161, 0.9999, 2.3313]),
+    (Apodization::Gaussian, [0.6160, 0.7537, 1.7806]),
 ];
 /// Depth of the edge for the elevational beam, mm.
 const EDGE_MM: f64 = 30.0;

@@ -114,9 +114,13 @@ impl Probe {
     }
 
     /// Loss out and back of a tissue that loses `db_cm_mhz` at 1 MHz, rising with a power of the frequency; dB per mm.
+    ///
+    /// A harmonic is made on the way by the square of the transmitted pressure, which loses twice as much as the pressure
+    /// (quasi-linear plane waves: Hamilton and Blackstock, Nonlinear Acoustics, 1998, chapter 4).
     pub fn two_way_loss_db_mm(&self, db_cm_mhz: f64, exponent: f64) -> f64 {
         let at = |frequency_mhz| acoustics::attenuation::attenuation_db_mm(db_cm_mhz, exponent, frequency_mhz);
-        at(self.frequency_mhz) + at(self.returning_mhz())
+        let out = if self.harmonics { 2.0 * at(self.frequency_mhz) } else { at(self.frequency_mhz) };
+        out + at(self.returning_mhz())
     }
 
     /// Turns of baseband phase per mm of depth: 2f/c₀ of the frequency of reception. An echo at depth z carries

@@ -78,8 +78,9 @@ fn looks_are_as_unlike_as_waves_make_them() {
     const CORRELATIONS: [(usize, f64); 2] = [(7, 0.41), (5, 0.03)];
     const SNR: f64 = 4.35;
     let scene = block(Tissue { attenuation_db_cm_mhz: 0.0, ..grainy(0.0, 0.01) });
-    // Close scanlines: each of the scatterers' cells is met by one of every look.
-    let probe = Probe { frequency_mhz: 8.0, aperture_mm: 20.0, focus_mm: 70.0, ..linear(512, 0.14, 1536, 100.0) };
+    // Close scanlines: each of the scatterers' cells is met by several of every look. Cells are not points, so looks are less
+    // alike by up to 0.14.
+    let probe = Probe { frequency_mhz: 8.0, aperture_mm: 20.0, focus_mm: 70.0, ..linear(1024, 0.07, 1536, 100.0) };
     let (box_x, box_z, pose) = ([0.35, 0.65], [0.62, 0.8], at(0.0, 0.0, 0.0));
     let mut rig = Rig::new(&scene, &probe, &settings(compounded(9)));
     let mut look = |look: usize| amplitudes(&rig.look(&pose, look), box_x, box_z);
@@ -87,7 +88,7 @@ fn looks_are_as_unlike_as_waves_make_them() {
     for (steered, expected) in CORRELATIONS {
         let found = correlation(&straight, &look(steered));
         println!("correlation {found:.3}, theory {expected}");
-        assert!((found - expected).abs() < 0.1, "{found}, theory {expected}");
+        assert!((found - expected).abs() < 0.14, "{found}, theory {expected}");
     }
     let mean = amplitudes(&rig.frame(&pose), box_x, box_z);
     let level = |values: &[f64]| 20.0 * (values.iter().sum::<f64>() / values.len() as f64).log10();
@@ -227,7 +228,7 @@ fn noise_is_rayleigh_and_rises_as_the_gain_says() {
 }
 
 #[test]
-fn harmonics_go_out_at_f_and_come_back_at_2f() {
+fn harmonics_lose_twice_the_loss_at_f_out_and_that_at_2f_back() {
     let alpha = 0.7;
     let scene = block(Tissue { attenuation_db_cm_mhz: alpha, attenuation_exponent: 1.1, ..grainy(0.0, 0.01) });
     let slope_db_cm = |harmonics: bool| {
@@ -243,7 +244,7 @@ fn harmonics_go_out_at_f_and_come_back_at_2f() {
     };
     let at_mhz = |f: f64| alpha * f.powf(1.1);
     assert_part(slope_db_cm(false), 2.0 * at_mhz(3.0), 0.05, "fundamental");
-    assert_part(slope_db_cm(true), at_mhz(3.0) + at_mhz(6.0), 0.05, "harmonic");
+    assert_part(slope_db_cm(true), 2.0 * at_mhz(3.0) + at_mhz(6.0), 0.05, "harmonic");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Point targets: −6 dB widths of pulse and beam at any buffer spacing, and against diffraction.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use insonify::acoustics::pulse::FWHM_PER_SIGMA;
 use insonify::settings::Apodization;
 use insonify::transducer::{Probe, ProbeKind};
@@ -50,9 +50,12 @@ fn point_widths_are_those_of_pulse_and_beam_at_every_sampling() {
                 .map(|l| magnitude(frame.lines[l as usize * samples + sample]).max(1e-30))
                 .collect();
             let lateral = half_width(&across) * probe.line_spacing_mm(depth);
+            // A phased array's aperture is seen at an angle.
+            let angle_rad = probe.lateral_coordinate((f64::from(line(i)) + 0.5) / f64::from(probe.scanlines));
+            let seen = if matches!(probe.kind, ProbeKind::Phased { .. }) { angle_rad.cos() } else { 1.0 };
             assert_part(
                 lateral,
-                FWHM_PER_SIGMA * probe.lateral_sigma_mm(depth),
+                FWHM_PER_SIGMA * probe.lateral_sigma_mm(depth) / seen,
                 0.05,
                 &format!("{name}: lateral at {depth} mm"),
             );
@@ -70,7 +73,7 @@ fn reference() -> Vec<(Probe, f64, f64)> {
         ..Probe::default()
     };
     let rows = rows("point_spread.csv");
-    rows.iter().map(|row| (probe(row), row.number("depth_mm"), row.number("width_mm"))).collect()
+    rows.iter().map(|row| (probe(row), row.number("depth_mm"), row.number("flat_width_mm"))).collect()
 }
 
 /// Widths of point images at `depths` on evenly spread scanlines of one frame, mm.
@@ -127,4 +130,58 @@ fn point_images_of_a_curved_face_are_as_wide_as_diffraction_makes_them() {
         }
     }
     println!("convex: within {:.1} % of diffraction", 100.0 * worst);
+}
+
+/// −6 dB width, mm, of a point at (`depth_mm`, `angle_rad`) from the centre of a phased array, by two-way Huygens sums over
+/// its elements and band. Scanlines turn past the point.
+fn diffraction_width_mm(probe: &Probe, depth_mm: f64, angle_rad: f64) -> f64 {
+    const ELEMENTS: u32 = 256;
+    const STEP_RAD: f64 = 2.0e-4;
+    let point = depth_mm * DVec2::new(angle_rad.sin(), angle_rad.cos());
+    let one_way = |aperture_mm: f64, focus: DVec2, wave_number: f64| {
+        let element = |i: u32| {
+            let place = (f64::from(i) + 0.5) / f64::from(ELEMENTS) - 0.5;
+            let x = DVec2::new(place * aperture_mm, 0.0);
+            let way_mm = x.distance(point) - x.distance(focus);
+            DVec2::from_angle(wave_number * way_mm) * (-0.5 * (place / 0.3).powi(2)).exp()
+        };
+        (0..ELEMENTS).map(element).sum::<DVec2>().length_squared()
+    };
+    let energy = |turn_rad: f64| {
+        let axis = DVec2::new((angle_rad + turn_rad).sin(), (angle_rad + turn_rad).cos());
+        let band = (-4..=4).map(|i| {
+            let aside = probe.fractional_bandwidth * f64::from(i) / 8.0;
+            let wave_number = std::f64::consts::TAU * (1.0 + aside) * probe.frequency_mhz / 1.54;
+            let weight = (-0.5 * (aside * FWHM_PER_SIGMA / probe.fractional_bandwidth).powi(2)).exp();
+            let sent = one_way(probe.aperture_mm, probe.focus_mm * axis, wave_number);
+            weight * sent * one_way(probe.aperture_mm.min(depth_mm / 2.0), depth_mm * axis, wave_number)
+        });
+        band.sum::<f64>()
+    };
+    let half = 0.25 * energy(0.0);
+    let turned = |way: f64| (1..).map(|i| way * STEP_RAD * f64::from(i)).find(|&turn| energy(turn) < half).unwrap();
+    depth_mm * (turned(1.0) - turned(-1.0))
+}
+
+#[test]
+fn points_of_a_phased_array_widen_beside_its_normal_as_by_diffraction() {
+    let kind = ProbeKind::Phased { fov_deg: 90.0 };
+    let probe = Probe { kind, scanlines: 512, frequency_mhz: 3.0, ..Probe::default() };
+    let step_deg = 90.0 / 512.0;
+    for (depth_mm, angle_deg) in [(70.0, 0.0), (70.0, 20.0), (70.0, 35.0)] {
+        let line = ((angle_deg + 45.0) / step_deg) as u32;
+        let angle_rad = ((f64::from(line) + 0.5) * step_deg - 45.0_f64).to_radians();
+        let mut bench = Bench::new(silent(1540.0, 1.5));
+        let target = bench.tissue(silent(1540.0, 1.7));
+        bench.add(target, 1, post(DVec3::ZERO, &probe, line, depth_mm, 400.0));
+        let frame = Rig::new(&bench.scene().unwrap(), &probe, &small(1, 1)).frame(&at(0.0, 0.0, 0.0));
+        let sample = (depth_mm / probe.sample_spacing_mm()) as usize;
+        let across: Vec<f64> = (line - 40..line + 40)
+            .map(|l| magnitude(frame.lines[l as usize * probe.samples as usize + sample]).max(1e-30))
+            .collect();
+        let got = half_width(&across) * probe.line_spacing_mm(depth_mm);
+        let want = diffraction_width_mm(&probe, depth_mm, angle_rad);
+        println!("phased: {depth_mm} mm at {angle_deg}°: {got:.2} mm, by diffraction {want:.2}");
+        assert_part(got, want, 0.06, &format!("phased: {depth_mm} mm at {angle_deg}°"));
+    }
 }

@@ -3,8 +3,9 @@
 use glam::{DQuat, DVec3, Quat, Vec3};
 use insonify::acoustics::ASSUMED_SPEED_M_S;
 use insonify::anatomy::{Scene, analytic};
+use insonify::render::{Choice, Effect};
 
-use super::bench::{Bench, Rig, assert_part, at, linear, magnitude, silent, slab, small};
+use super::bench::{Bench, Rig, assert_part, at, grainy, linear, magnitude, mean_square, silent, slab, small};
 
 #[test]
 fn a_mirror_shows_its_target_at_the_folded_range() {
@@ -188,5 +189,41 @@ fn touching_surfaces_make_one_interface_or_none() {
         assert_media(&mut rig, 0.0, &media);
         assert_media(&mut rig, 15.0, &media[1..]);
         assert_media(&mut rig, 25.0, &media[2..]);
+    }
+}
+
+#[test]
+fn behind_a_tilted_mirror_the_level_is_that_behind_a_flat_one() {
+    // Gas in uniform tissue: what is shown behind it is that tissue, mirrored.
+    let levels_db = |degrees: f32, aperture: Choice| {
+        let mut bench = Bench::new(grainy(0.0, 0.01));
+        let gas = bench.tissue(silent(343.0, 0.0004));
+        let turned = Quat::from_rotation_y(degrees.to_radians());
+        let foot = Vec3::new(0.0, 0.0, 40.0) + turned * (30.0 * Vec3::Z);
+        bench.add(gas, 1, analytic::plate(foot, Vec3::new(100.0, 60.0, 60.0), turned));
+        let mut settings = small(1, 1);
+        settings.effects = settings.effects.with(Effect::Aperture, aperture);
+        let mut rig = Rig::new(&bench.scene().unwrap(), &linear(192, 0.2, 2048, 120.0), &settings);
+        let frame = rig.frame(&at(0.0, 0.0, 0.0));
+        // The middle of the array, 50 to 70 mm behind the mirror.
+        let level_db = |behind_mm: f64| {
+            let power = (64..128).map(|line| {
+                let x_mm = 0.2 * (f64::from(line) - 95.5);
+                let from_mm = 40.0 - x_mm * f64::from(degrees).to_radians().tan() + behind_mm;
+                let sample = |mm: f64| (mm / rig.probe.sample_spacing_mm()) as usize;
+                mean_square(
+                    rig.line(&frame, line)[sample(from_mm)..sample(from_mm + 5.0)].iter().map(|&s| magnitude(s)),
+                )
+            });
+            10.0 * (power.sum::<f64>() / 64.0).log10()
+        };
+        [50.0, 55.0, 60.0, 65.0].map(level_db)
+    };
+    for (name, aperture) in [("straight", Choice::Off), ("aperture", Choice::On)] {
+        let (flat, tilted) = (levels_db(0.0, aperture), levels_db(20.0, aperture));
+        println!("{name}: {flat:.2?} {tilted:.2?}");
+        for (flat_db, tilted_db) in flat.iter().zip(tilted) {
+            assert!((tilted_db - flat_db).abs() <= 1.5, "{name}: flat {flat:.2?}, tilted {tilted:.2?} dB");
+        }
     }
 }

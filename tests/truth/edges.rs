@@ -38,8 +38,10 @@ const GEL_MM: f64 = 3.0;
 const GAPS_MM: [f64; 2] = [2.0, 10.0];
 /// Distance from the edge of contact from which the apertures are whole, mm.
 const FAR_MM: f64 = 10.0;
-/// Distance from the edge of contact to the coupled side from which levels are compared, mm.
+/// Least distance from the edge of contact, mm, into the coupled side, at which scanlines start in the tissue.
 const COUPLED_MM: f64 = 1.0;
+/// Level below which nothing is compared, dB.
+const FAINT_DB: f64 = -30.0;
 /// One ray, and many: rays and layers.
 const SINGLE: [u32; 2] = [1, 1];
 const MANY: [u32; 2] = [8, 3];
@@ -206,7 +208,7 @@ fn half_contact(
         let there = |row: &[f64]| mean(row, |number| (x_mm(number) - level.place_mm).abs() <= BESIDE_MM);
         (level, decibels(there(&half[depth]) / there(&full[depth])))
     };
-    levels.iter().filter(|level| level.place_mm >= COUPLED_MM).map(measured).collect()
+    levels.iter().filter(|level| level.theory_db > FAINT_DB).map(measured).collect()
 }
 
 /// Whether a level at the rim is near enough to theory.
@@ -214,9 +216,14 @@ fn good_at_rim(&(level, measured_db): &(Level, f64)) -> bool {
     level.theory_db < -10.0 || (measured_db - level.theory_db).abs() <= 0.7
 }
 
-/// Whether a level beside the edge of contact is near enough to theory: within 0.5 dB far from it, within 2.5 dB near it.
+/// Whether a level beside the edge of contact is near enough to theory: within 0.5 dB far from it, 2.5 dB near it, 4.5 dB
+/// on the edge and where the face is not coupled.
 fn good_beside_contact(&(level, measured_db): &(Level, f64)) -> bool {
-    let allowed_db = if level.place_mm >= FAR_MM { 0.5 } else { 2.5 };
+    let allowed_db = match level.place_mm {
+        far if far >= FAR_MM => 0.5,
+        coupled if coupled >= COUPLED_MM => 2.5,
+        _ => 4.5,
+    };
     (measured_db - level.theory_db).abs() <= allowed_db
 }
 

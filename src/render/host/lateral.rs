@@ -31,7 +31,7 @@ pub(super) struct LateralBeam<'a> {
 }
 
 /// Focuses `baseband` into `focused`, both complex [scanlines × row_samples]. Each block of samples has a kernel, or the
-/// profile of its scanline's beam. Weights beyond the array are made up for: with the aperture in power, by a factor of two
+/// profile of its scanline's beam. Kernels of a phased array are wider beside its normal. Weights beyond the array are made up for: with the aperture in power, by a factor of two
 /// at most, since its beams have less power there; else in amplitude. Weights below `least_weight` count as 0. Each
 /// scanline sees its neighbours' scatterers with the gain of its own aperture. The wavefront of a steered look is across its
 /// scanlines: a neighbour's samples lie `params.steer_shift_mm` deeper or higher.
@@ -73,7 +73,15 @@ impl LateralBeam<'_> {
         let taps = 2 * params.lateral_half as usize + 1;
         let kernel = &self.kernels.lateral[block * taps..][..taps];
         let (half, reach) = (params.lateral_half as usize, self.kernels.reach[block] as usize);
-        weights.taps[..taps].copy_from_slice(kernel);
+        let projection = params.projection(line);
+        let reach = if projection < 1.0 {
+            let reach = (((reach + 1) as f32 / projection).ceil() as usize).min(half);
+            widen(kernel, reach, projection, &mut weights.taps[..taps]);
+            reach
+        } else {
+            weights.taps[..taps].copy_from_slice(kernel);
+            reach
+        };
         (weights.first, weights.end) = (half - reach, half + reach + 1);
         let lines = params.scanlines as usize;
         let planes = self.blends.len() / lines;
@@ -105,6 +113,20 @@ impl LateralBeam<'_> {
     }
 }
 
+/// Fills the `reach` taps to either side of the middle with a kernel as wide as a `projection` of the aperture makes it.
+#[inline(always)]
+fn widen(kernel: &[f32], reach: usize, projection: f32, taps: &mut [f32]) {
+    let half = kernel.len() / 2;
+    taps[half] = kernel[half];
+    for offset in 1..=reach {
+        let place = offset as f32 * projection;
+        let low = (place as usize).min(half - 1);
+        let part = place - low as f32;
+        let weight = (1.0 - part) * kernel[half + low] + part * kernel[half + low + 1];
+        (taps[half - offset], taps[half + offset]) = (weight, weight);
+    }
+}
+
 widened! {
     /// One scanline.
     fn focus_row(
@@ -130,6 +152,8 @@ fn focus_row_body(
     let blocks = row.as_chunks_mut::<BLOCK>().0;
     let block_count = blocks.len();
     let mut weights = Weights { taps: [0.0; TAPS_MAX], first: 0, end: 0 };
+    // Speckle of a wide kernel whose sum is 1 would be darker.
+    let level = params.projection(line).sqrt();
     let steered = params.steer_shift_mm != 0.0;
     // Samples and phase by which each neighbour's echoes come later.
     let (mut shifts, mut turns) = ([0; TAPS_MAX], [[1.0, 0.0]; TAPS_MAX]);
@@ -152,8 +176,7 @@ fn focus_row_body(
             *seen = if weight >= constants.least_weight() { weight } else { 0.0 };
         }
         let scale = match gains {
-            // Kernels have a sum of 1.
-            [] => 1.0 / at_least(seen.iter().sum(), 1.0e-30),
+            [] => 1.0 / at_least(seen.iter().sum::<f32>() * level, 1.0e-30),
             _ => (kernels.power[block] / at_least(sum_of_squares(seen), 0.5 * kernels.power[block])).sqrt(),
         };
         let nearest = line + first - half;

@@ -208,9 +208,10 @@ impl Scene<'_> {
         record.count = 0;
         state.here = self.medium_word(state) & TISSUE_MASK;
         if record.coupling < 1.0 {
-            // Where nothing is coupled the path ends in the film: its scanline shows nothing of the body.
-            state.open = record.coupling > 0.0;
-            state.ln_amplitude = 2.0 * if state.open { ln(record.coupling).max(LN_UNCOUPLED) } else { LN_UNCOUPLED };
+            let coupled = record.coupling > 0.0;
+            // A place that is not coupled ends the path, unless apertures beside it may reach what lies below.
+            state.open = coupled || self.effects.aperture;
+            state.ln_amplitude = 2.0 * if coupled { ln(record.coupling).max(LN_UNCOUPLED) } else { LN_UNCOUPLED };
             state.ln_passed = state.ln_amplitude;
         }
         self.segment(state, record);

@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use super::constants::{GAP_PART, ImageConstants, TRACKED_NP, VISIBLE_MIN, VISIBLE_MIN_NP};
+use super::constants::{COMPARED_MIN_NP, ImageConstants, TRACKED_NP, VISIBLE_MIN, VISIBLE_MIN_NP};
 use super::interface::ln;
 use super::line_gain::{Boundary, LineGain};
 use super::paths::{Paths, range_mm};
@@ -71,7 +71,7 @@ fn see_line_body(params: &Params, inputs: Inputs<'_>, line: usize, row: &mut [Bo
         *gain = along.without_shared(range_mm, loss_np(&segments[at], range_mm));
     }
     for [gain, _] in blocks {
-        *gain = exp(*gain);
+        *gain = exp(at_least(*gain, COMPARED_MIN_NP));
     }
 }
 
@@ -118,7 +118,6 @@ fn place(tables: &ApertureTables, (starts, segments): (&[f32], &[[f32; 12]]), ro
 /// Fills in the gains, interpolated between the beams.
 #[inline(always)]
 fn gains(constants: ImageConstants, tables: &ApertureTables, line: usize, powers: &[f32], row: &mut [Boundary]) {
-    let gap_np = 2.0 * GAP_PART * row[0][1];
     for (plane, boundary) in row[1..].iter_mut().enumerate() {
         let nodes = tables.sampling.nodes_at(plane);
         let at = tables.line_cells[line] / tables.sampling.node_cells_at(plane) as f32;
@@ -129,6 +128,6 @@ fn gains(constants: ImageConstants, tables: &ApertureTables, line: usize, powers
         let root = |node: usize| at_least(powers[node], VISIBLE_MIN).sqrt().sqrt();
         let part = node - low as f32;
         let between = root(low) * (1.0 - part) + root(low + 1) * part;
-        boundary[2] = at_most(2.0 * ln(between), constants.visible_max_np()) - gap_np;
+        boundary[2] = at_most(2.0 * ln(between), constants.visible_max_np());
     }
 }

@@ -40,8 +40,13 @@ pub struct Decision {
 }
 
 impl Decision {
-    /// Warning for a user who switches off an effect that the scene calls for.
+    /// Warning for a user who switches off an effect that the scene calls for, or whose tissues have a texture that is shown
+    /// only on request.
     pub fn warning(&self) -> Option<String> {
+        if self.effect == Effect::Texture && self.choice == Choice::Auto && self.bound == Bound::OnRequest {
+            let Self { effect, reason, .. } = self;
+            return Some(format!("{effect} is left out: {reason}; [effects] {effect} = \"on\" shows it"));
+        }
         let against = self.called_for && !self.on;
         against.then(|| format!("{} is off though {} (bound without it: {})", self.effect, self.reason, self.bound))
     }

@@ -4,7 +4,9 @@ use glam::{DMat3, DVec2, DVec3, Vec3, Vec4};
 
 use super::aperture::Aperture;
 use crate::anatomy::Bvh;
-use crate::render::constants::{DEPTH_BLOCK, MOVES, PULSE_PAD, TAG_DENSITY, TEXTURE_MASK, TEXTURE_SHIFT, TISSUE_MASK};
+use crate::render::constants::{
+    DEPTH_BLOCK, MOVES, PROJECTION_MIN, PULSE_PAD, TAG_DENSITY, TEXTURE_MASK, TEXTURE_SHIFT, TISSUE_MASK,
+};
 use crate::render::params::Params;
 use crate::render::tables::{PackedTissue, Tables, unpack_place};
 use crate::render::texture::PackedTexture;
@@ -145,6 +147,8 @@ pub struct Inputs {
     pub refraction: bool,
     /// Range by which the wavefront of a steered look falls behind from one scanline to the next, mm.
     pub steer_shift_mm: f64,
+    /// Angle between neighbouring scanlines of a phased array, radians; 0 for other arrays.
+    pub line_angle_rad: f64,
     /// Widest active aperture, mm.
     pub aperture_mm: f64,
     /// A distance from the face that leads out of the whole scene, mm.
@@ -289,6 +293,7 @@ impl Inputs {
             reflections: effects.has(Effect::Reflections),
             refraction: effects.has(Effect::Refraction),
             steer_shift_mm: params.steer_shift_mm.into(),
+            line_angle_rad: std::f64::consts::TAU * f64::from(params.line_turns),
             aperture_mm: params.aperture_mm.into(),
             reach_mm: params.reach_mm.into(),
             rays: line_rays,
@@ -327,6 +332,12 @@ impl Inputs {
             pixels: places(steered.unwrap_or(&tables.pixels)),
             map_pixels: places(&tables.pixels),
         }
+    }
+
+    /// Part of a phased array's aperture that a scanline sees; 1 for other arrays.
+    pub fn projection(&self, line: usize) -> f64 {
+        let angle_rad = self.line_angle_rad * (line as f64 + 0.5 - 0.5 * self.scanlines as f64);
+        angle_rad.cos().max(PROJECTION_MIN)
     }
 
     /// Number of paths of a frame that carry echoes: rays fastest, then scanlines, then layers.

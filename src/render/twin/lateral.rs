@@ -15,7 +15,8 @@ pub fn lateral(inputs: &Inputs, gains: &[BlockGain], profiles: &[Profile], baseb
     for line in 0..inputs.scanlines {
         for block in 0..inputs.blocks() {
             let gain_of = |line: usize| gains.get(line * inputs.blocks() + block);
-            let kernel = &inputs.lateral_kernels[block];
+            let projection = inputs.projection(line);
+            let kernel = &widened(&inputs.lateral_kernels[block], projection);
             let weights = weights(inputs, kernel, line, gain_of(line).map_or(0.0, |gain| gain.place), profiles);
             let half = kernel.len() / 2;
             let within = |tap: usize| (line + tap).checked_sub(half).filter(|&l| l < inputs.scanlines);
@@ -24,7 +25,11 @@ pub fn lateral(inputs: &Inputs, gains: &[BlockGain], profiles: &[Profile], baseb
             let total: f64 = taps.iter().map(|(_, weight, _)| weight).sum();
             let power: f64 = taps.iter().map(|(_, weight, _)| weight * weight).sum();
             let whole: f64 = kernel.iter().map(|w| w * w).sum();
-            let scale = if gains.is_empty() { 1.0 / total } else { (whole / power.max(0.5 * whole)).sqrt() };
+            let scale = if gains.is_empty() {
+                1.0 / (total * projection.sqrt())
+            } else {
+                (whole / power.max(0.5 * whole)).sqrt()
+            };
             let first = block * inputs.depth_block;
             for sample in first..(first + inputs.depth_block).min(inputs.samples) {
                 let seen = |&(tap, weight, other): &(usize, f64, usize)| {
@@ -37,6 +42,17 @@ pub fn lateral(inputs: &Inputs, gains: &[BlockGain], profiles: &[Profile], baseb
         }
     }
     focused
+}
+
+/// A kernel as wide as a projection of the aperture makes it.
+fn widened(kernel: &[f64], projection: f64) -> Vec<f64> {
+    let half = kernel.len() / 2;
+    let weight = |tap: usize| {
+        let place = tap.abs_diff(half) as f64 * projection;
+        let at = |lines: f64| kernel.get(half + lines as usize).copied().unwrap_or(0.0);
+        at(place.floor()) * (1.0 - place.fract()) + at(place.floor() + 1.0) * place.fract()
+    };
+    (0..kernel.len()).map(weight).collect()
 }
 
 /// Weights of a scanline's neighbours at a place among the planes.

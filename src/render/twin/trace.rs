@@ -93,8 +93,8 @@ struct Tracer<'a> {
     /// Whether it is a guide, which carries no echo and places the scatterers of the other paths.
     guide: bool,
     inside: Membership,
-    /// Whether anything of the face is coupled; if not, the path ends in the film.
-    coupled: bool,
+    /// Whether the path goes on beyond the film: its place is coupled, or apertures beside it may reach what lies below.
+    goes_on: bool,
     ray: Ray,
     range_mm: f64,
     /// Range by which the path lies before what is seen past the fast bodies that it is in, mm.
@@ -129,7 +129,7 @@ impl<'a> Tracer<'a> {
             stretch: inputs.elevation_of(path).stretch,
             guide: path >= inputs.sounding(),
             inside,
-            coupled: coupling > 0.0,
+            goes_on: coupling > 0.0 || inputs.aperture.is_some(),
             ray: inputs.launch(path),
             range_mm: 0.0,
             behind_mm: 0.0,
@@ -148,7 +148,7 @@ impl<'a> Tracer<'a> {
         let mut here = self.inside.medium(self.inputs, self.ray.origin_mm);
         let (mut echo, mut echo_range_mm) = (0.0, 0.0);
         let (mut crossed, mut reflections) = (0, 0);
-        let mut open = self.coupled;
+        let mut open = self.goes_on;
         loop {
             // The last record takes each further segment: what lies between counts as the medium before.
             path.segments.truncate(SEGMENTS as usize - 1);

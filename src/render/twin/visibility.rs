@@ -4,7 +4,9 @@ use super::aperture::Aperture;
 use super::inputs::Inputs;
 use super::trace::{Path, segment_at};
 use super::transmission::passed_np;
-use crate::render::constants::{EVEN_NP, GAP_PART, SPREAD_NP, TRACKED_NP, VISIBLE_MAX_NP, VISIBLE_MIN, VISIBLE_MIN_NP};
+use crate::render::constants::{
+    COMPARED_MIN_NP, EVEN_NP, SPREAD_NP, TRACKED_NP, VISIBLE_MAX_NP, VISIBLE_MIN, VISIBLE_MIN_NP,
+};
 
 /// Numbers of a scanline at a boundary of the intervals.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,10 +55,7 @@ pub fn visibility(
         let guide = &paths[inputs.guide_of(line)];
         let boundaries = places(aperture, guide, row_np);
         let gained = move |(number, boundary): (usize, Boundary)| match number.checked_sub(1) {
-            Some(plane) => {
-                let gap_np = 2.0 * GAP_PART * passed_np(guide, 0.0);
-                Boundary { gain_np: gain(aperture, line, plane, powers) - gap_np, ..boundary }
-            }
+            Some(plane) => Boundary { gain_np: gain(aperture, line, plane, powers), ..boundary },
             None => boundary,
         };
         boundaries.into_iter().enumerate().map(gained).collect::<Vec<_>>()
@@ -136,7 +135,7 @@ impl<'a> LineGain<'a> {
         let interval = self.interval(range_mm);
         let lost = self.lost(interval, range_mm, loss_np - self.row[interval].loss_np);
         let place = self.place(interval, range_mm, lost, self.row[interval].place);
-        BlockGain { gain: self.gain(place).exp(), place }
+        BlockGain { gain: self.gain(place).max(COMPARED_MIN_NP).exp(), place }
     }
 
     fn interval(&self, range_mm: f64) -> usize {
