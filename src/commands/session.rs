@@ -67,9 +67,10 @@ pub(crate) fn cache_directory() -> Result<PathBuf, Failure> {
     }
 }
 
-/// Warns, one line each, of effects that are left out although the scene needs them.
+/// Warns, one line each, of effects that are left out although the scene needs them, or that it shows only on request.
 pub(crate) fn warn_of_effects(scene: &Scene, probe: &Probe, settings: &RenderSettings) {
-    for warning in EffectPlan::new(scene, probe, settings).warnings() {
+    let plan = EffectPlan::new(scene, probe, settings);
+    for warning in plan.warnings().chain(plan.notices()) {
         tracing::warn!("{warning}");
     }
 }

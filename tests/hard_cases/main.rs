@@ -9,6 +9,7 @@
 
 mod aperture;
 mod common;
+mod delays;
 mod edges;
 mod far;
 mod incidence;

@@ -96,6 +96,9 @@ fn every_decision_has_a_reason_and_a_bound() {
             }
         }
         assert_eq!(plan.warnings().count(), 0);
+        // A specimen's tissues have textures, too; a patient's are shown.
+        let textured = plan.notices().any(|notice| notice.contains("texture") && notice.contains("no surface is skin"));
+        assert_eq!(textured, !plan.has(Effect::Texture));
     }
 }
 

@@ -40,13 +40,15 @@ pub struct Decision {
 }
 
 impl Decision {
-    /// Warning for a user who switches off an effect that the scene calls for, or whose tissues have a texture that is shown
-    /// only on request.
+    /// Notice for a user whose tissues have a texture that is shown only on request.
+    pub fn notice(&self) -> Option<String> {
+        let Self { effect, reason, .. } = self;
+        let waits = *effect == Effect::Texture && self.choice == Choice::Auto && self.bound == Bound::OnRequest;
+        waits.then(|| format!("{effect} is left out: {reason}; [effects] {effect} = \"on\" shows it"))
+    }
+
+    /// Warning for a user who switches off an effect that the scene calls for.
     pub fn warning(&self) -> Option<String> {
-        if self.effect == Effect::Texture && self.choice == Choice::Auto && self.bound == Bound::OnRequest {
-            let Self { effect, reason, .. } = self;
-            return Some(format!("{effect} is left out: {reason}; [effects] {effect} = \"on\" shows it"));
-        }
         let against = self.called_for && !self.on;
         against.then(|| format!("{} is off though {} (bound without it: {})", self.effect, self.reason, self.bound))
     }
@@ -96,6 +98,11 @@ impl EffectPlan {
     /// The effects that are simulated.
     pub fn effects(&self) -> EffectSet {
         self.decisions.iter().filter(|d| d.on).map(|d| d.effect).collect()
+    }
+
+    /// Notices of [`Decision::notice`].
+    pub fn notices(&self) -> impl Iterator<Item = String> {
+        self.decisions.iter().filter_map(Decision::notice)
     }
 
     /// Warnings about effects that are off against the plan, one line each.
