@@ -20,6 +20,7 @@ mod inspect;
 mod live;
 mod live_sinks;
 mod operating_points;
+mod other_load;
 mod output;
 mod outputs;
 mod pace;

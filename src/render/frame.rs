@@ -30,6 +30,8 @@ pub struct PassTime {
 pub struct FrameTimes {
     /// Duration from submission until the frame is in memory, ms.
     pub total_ms: f64,
+    /// Duration of the scene's motion before the submission, ms, which `total_ms` does not include; 0 at rest.
+    pub motion_ms: f64,
     /// Total duration of each pass's runs, in the order of first runs; empty on a device without timestamps.
     pub passes: Vec<PassTime>,
 }
@@ -38,6 +40,7 @@ impl FrameTimes {
     /// Adds the times of another frame.
     pub(super) fn add_frame(&mut self, frame: &Self) {
         self.total_ms += frame.total_ms;
+        self.motion_ms += frame.motion_ms;
         for pass in &frame.passes {
             self.add(pass.name, pass.ms);
         }

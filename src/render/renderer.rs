@@ -36,6 +36,7 @@ struct InFlight {
     place: Place,
     /// [`Renderer::generation`] at its submission.
     generation: u64,
+    motion_ms: f64,
     started: Instant,
 }
 
@@ -53,6 +54,8 @@ pub struct Renderer {
     image: bool,
     /// Time of the scene, s.
     time_s: f64,
+    /// Duration of the scene's motion since the last submission, ms.
+    motion_ms: f64,
     /// Pictures of all looks; none without compounding.
     compounding: Option<Compounding>,
     /// Order of the looks of live frames.
@@ -136,6 +139,7 @@ impl Renderer {
             on_host: backend.on_host(),
             image: true,
             time_s: 0.0,
+            motion_ms: 0.0,
             compounding: None,
             order: LookOrder::default(),
             places: Vec::new(),
@@ -266,7 +270,9 @@ impl Renderer {
     pub fn set_time_s(&mut self, time_s: f64) {
         self.time_s = time_s;
         if self.bvh.moves() && self.active.effects.has(Effect::Motion) {
+            let started = Instant::now();
             self.move_to(time_s);
+            self.motion_ms += started.elapsed().as_secs_f64() * 1e3;
         }
     }
 
@@ -410,6 +416,7 @@ impl Renderer {
             look,
             place: place(pose, self.active.probe.depth_mm),
             generation,
+            motion_ms: std::mem::take(&mut self.motion_ms),
             started,
         });
         Ok(())
@@ -420,7 +427,7 @@ impl Renderer {
     /// # Errors
     /// An empty ring, or a device that fails.
     pub fn receive(&mut self, frame: &mut Frame) -> Result<(), RenderError> {
-        let InFlight { mask, contact, look, place, generation, started } =
+        let InFlight { mask, contact, look, place, generation, motion_ms, started } =
             self.in_flight.pop_front().ok_or(RenderError::RingEmpty)?;
         self.maker.receive(frame)?;
         if let Some(compounding) = self.compounding.as_mut().filter(|_| generation == self.generation) {
@@ -440,6 +447,7 @@ impl Renderer {
         frame.mask.extend_from_slice(&mask);
         frame.contact = contact;
         frame.times.total_ms = started.elapsed().as_secs_f64() * 1e3;
+        frame.times.motion_ms = motion_ms;
         Ok(())
     }
 

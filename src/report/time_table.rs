@@ -13,6 +13,9 @@ pub const OVERHEAD: &str = "upload, submit, read back";
 /// Stage of whole frames.
 pub const WHOLE_FRAME: &str = "whole frame";
 
+/// Stage of the scene's motion before each frame, which whole frames do not include.
+pub const MOTION: &str = "motion, before";
+
 /// Stage of a generator's runs on whole frames, which do not include them.
 pub const GENERATOR: &str = "generator, on top";
 
@@ -22,13 +25,14 @@ pub struct TimeTable {
     /// Stages in order of first appearance, each with its times, ms.
     stages: Vec<(&'static str, Vec<f64>)>,
     whole_ms: Vec<f64>,
+    motion_ms: Vec<f64>,
     generator_ms: Vec<f64>,
 }
 
 /// Percentiles of one stage.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct StageTime {
-    /// A pass, [`OVERHEAD`], [`WHOLE_FRAME`] or [`GENERATOR`].
+    /// A pass, [`OVERHEAD`], [`WHOLE_FRAME`], [`MOTION`] or [`GENERATOR`].
     pub stage: &'static str,
     /// Number of times.
     pub count: usize,
@@ -51,6 +55,9 @@ impl TimeTable {
             self.stage(pass.name).push(pass.ms);
         }
         self.whole_ms.push(times.total_ms);
+        if times.motion_ms > 0.0 {
+            self.motion_ms.push(times.motion_ms);
+        }
     }
 
     /// Adds a run of a generator.
@@ -63,15 +70,15 @@ impl TimeTable {
         self.whole_ms.len()
     }
 
-    /// Percentiles of each pass, in order, then of the overhead, of whole frames and of runs of a generator; empty without
-    /// frames.
+    /// Percentiles of each pass, in order, then of the overhead, of whole frames, of the motion before them and of runs of a
+    /// generator; empty without frames.
     pub fn stages(&self) -> Vec<StageTime> {
         let stages = || self.stages.iter().map(|(name, times)| (*name, times));
         let passes = stages().filter(|(name, _)| *name != OVERHEAD);
         let overhead = stages().filter(|(name, _)| *name == OVERHEAD);
         passes
             .chain(overhead)
-            .chain([(WHOLE_FRAME, &self.whole_ms), (GENERATOR, &self.generator_ms)])
+            .chain([(WHOLE_FRAME, &self.whole_ms), (MOTION, &self.motion_ms), (GENERATOR, &self.generator_ms)])
             .filter_map(|(stage, times)| {
                 let times = sorted(times.iter().copied());
                 let percentile = |part| nearest_rank(&times, part);
@@ -97,7 +104,7 @@ impl fmt::Display for SideBySide<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let tables: Vec<_> = self.0.iter().map(|(_, table)| table.stages()).collect();
         let mut names: Vec<&str> = Vec::new();
-        let last = [OVERHEAD, WHOLE_FRAME, GENERATOR];
+        let last = [OVERHEAD, WHOLE_FRAME, MOTION, GENERATOR];
         for stage in tables.iter().flatten().map(|s| s.stage).filter(|stage| !last.contains(stage)) {
             if !names.contains(&stage) {
                 names.push(stage);
@@ -158,6 +165,15 @@ mod tests {
         table.push(&times(20.0, &[("trace", 5.0), ("march", 2.0), ("trace", 6.0), ("march", 1.0)]));
         let stages: Vec<_> = table.stages().iter().map(|s| (s.stage, s.count, s.p50_ms)).collect();
         assert_eq!(stages, [("trace", 1, 11.0), ("march", 1, 3.0), (OVERHEAD, 1, 6.0), (WHOLE_FRAME, 1, 20.0)]);
+    }
+
+    #[test]
+    fn motion_has_a_row_of_its_own_where_the_scene_moves() {
+        let mut table = TimeTable::default();
+        table.push(&FrameTimes { motion_ms: 3.0, ..times(20.0, &[("trace", 5.0)]) });
+        table.push(&times(22.0, &[("trace", 5.0)]));
+        let stages: Vec<_> = table.stages().iter().map(|s| (s.stage, s.count, s.max_ms)).collect();
+        assert_eq!(stages[2..], [(WHOLE_FRAME, 2, 22.0), (MOTION, 1, 3.0)]);
     }
 
     #[test]

@@ -25,6 +25,7 @@ use serde::Serialize;
 
 use super::backend::BackendArgs;
 use super::effects::EffectArgs;
+use super::other_load::OtherLoad;
 use super::output::thousands;
 use super::outputs::Outputs;
 use super::progress::Progress;
@@ -182,6 +183,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut video = Video::create(&args.out.join("exam"), sector.width / 4 * 2, sector.height / 4 * 2, rate)?;
     let frames = timeline.poses.len();
     let timed: Vec<usize> = session::evenly(TIMED, frames).collect();
+    let load = OtherLoad::begin();
     let progress = Progress::new("exam at LQ", frames);
     for (i, pose) in timeline.poses.iter().enumerate() {
         going_on()?;
@@ -202,6 +204,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         progress.set(done + 1, timed.len());
     }
     drop(progress);
+    load.warn("these times");
     let times_hq = std::mem::take(&mut hq.times);
 
     let target = translation.as_ref().map_or(HQ, |translation| translation.target);

@@ -1,0 +1,102 @@
+//! Processor time of other programs during a measurement, which makes its times too long.
+
+use std::time::Instant;
+
+/// Cores that others may use without a warning.
+const ALLOWED_CORES: f64 = 0.2;
+/// Shortest measurement that says anything, s: the kernel counts in steps of 10 ms.
+const SHORTEST_S: f64 = 0.5;
+
+/// Processor times in the kernel's ticks, at one moment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Ticks {
+    /// Of all cores, idle or not.
+    all: u64,
+    /// Of all cores, not idle; with what a hypervisor gave to others.
+    busy: u64,
+    /// Of this process.
+    own: u64,
+}
+
+/// A measurement of times.
+#[derive(Debug)]
+pub(crate) struct OtherLoad {
+    began: Instant,
+    /// None where the kernel doesn't tell.
+    ticks: Option<Ticks>,
+}
+
+impl OtherLoad {
+    /// Begins.
+    pub(crate) fn begin() -> Self {
+        Self { began: Instant::now(), ticks: Ticks::now() }
+    }
+
+    /// Warns if other programs used much of the processor since the beginning.
+    pub(crate) fn warn(&self, what: &str) {
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        if self.began.elapsed().as_secs_f64() < SHORTEST_S {
+            return;
+        }
+        let Some(others) = self.ticks.zip(Ticks::now()).and_then(|(from, to)| from.others_until(to, cores)) else {
+            return;
+        };
+        if others > ALLOWED_CORES {
+            tracing::warn!(
+                "other programs used {others:.1} of {cores} cores meanwhile: {what} are longer than on an idle machine"
+            );
+        }
+    }
+}
+
+impl Ticks {
+    /// Now, from `/proc`; none on other systems.
+    fn now() -> Option<Self> {
+        let read = |path: &str| std::fs::read_to_string(path).ok();
+        Self::parse(&read("/proc/stat")?, &read("/proc/self/stat")?)
+    }
+
+    fn parse(machine: &str, process: &str) -> Option<Self> {
+        // user, nice, system, idle, iowait, irq, softirq, steal; guests are in user.
+        let line = machine.lines().next()?.strip_prefix("cpu ")?;
+        let times: Vec<u64> = line.split_whitespace().take(8).map(str::parse).collect::<Result<_, _>>().ok()?;
+        let idle = times.get(3)? + times.get(4)?;
+        let all = times.iter().sum::<u64>();
+        // Fields count from the state, after the name in parentheses: utime and stime are the 12th and 13th.
+        let mut fields = process.rsplit_once(')')?.1.split_whitespace().skip(11);
+        let mut next = || fields.next()?.parse::<u64>().ok();
+        Some(Self { all, busy: all - idle, own: next()? + next()? })
+    }
+
+    /// Cores that other programs used until `to`, of `cores`. None if no time has passed.
+    fn others_until(self, to: Self, cores: usize) -> Option<f64> {
+        let all = to.all.checked_sub(self.all).filter(|&all| all > 0)?;
+        let others = to.busy.saturating_sub(self.busy).saturating_sub(to.own.saturating_sub(self.own));
+        Some(others as f64 / all as f64 * cores as f64)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PROCESS: &str = "4711 (a ) name) R 1 2 3 4 5 6 7 8 9 10 250 50 0 0 20 0 3 0 100 0 0";
+
+    #[test]
+    fn other_programs_are_what_is_busy_without_this_process() {
+        let from = Ticks::parse("cpu  1000 0 500 8000 100 0 20 30 0 0\ncpu0 1 2 3\n", PROCESS).unwrap();
+        assert_eq!(from, Ticks { all: 9650, busy: 1550, own: 300 });
+        // Of 400 ticks of two cores, 300 were busy, and 190 of these were our own.
+        let to = Ticks { all: from.all + 400, busy: from.busy + 300, own: from.own + 190 };
+        assert!((from.others_until(to, 2).unwrap() - 0.55).abs() < 1e-12);
+        assert_eq!(from.others_until(from, 2), None);
+    }
+
+    #[test]
+    fn text_of_another_kind_tells_nothing() {
+        for (machine, process) in [("", PROCESS), ("cpu  1 2", PROCESS), ("cpu  1 2 3 4 5 6 7 8", "4711 name")] {
+            assert_eq!(Ticks::parse(machine, process), None);
+        }
+        assert_eq!(Ticks::now().is_some(), std::path::Path::new("/proc/stat").exists());
+    }
+}
