@@ -77,7 +77,7 @@ fn beams_behind_any_delay_match_the_twin() {
 
 #[test]
 fn a_medium_as_fast_as_assumed_bends_nothing() {
-    // Another impedance alone: nothing is delayed, so every profile is the kernel.
+    // Another impedance alone: nothing is delayed, so profiles are the kernel.
     let mut bench = Bench::new(grainy(0.0, 0.01));
     let body = bench.tissue(silent(1540.0, 1.62));
     bench.add(body, 1, cuboid([0.0, FAR], [20.0, 40.0]));
@@ -86,6 +86,8 @@ fn a_medium_as_fast_as_assumed_bends_nothing() {
     let mut renderer = renderer(&scene, &probe, &settings(1, 1), &ShaderSet::default());
     let snapshot = holds("no delay", &mut renderer, &at(0.011, 0.012, 0.0), ROUNDING);
     let middle = |i: usize| (32..64).contains(&(i % probe.scanlines as usize));
-    let kept = snapshot.profiles.iter().enumerate().filter(|&(i, _)| middle(i)).all(|(_, profile)| profile.kept == 1.0);
-    assert!(kept, "beams of the middle of the array are those of one medium");
+    // Beams whose apertures don't reach the array's ends; the border hardly scatters.
+    let kept = snapshot.profiles.iter().enumerate().filter(|&(i, _)| middle(i)).map(|(_, profile)| profile.kept);
+    let least = kept.fold(1.0, f64::min);
+    assert!(least > 0.99, "the least part of the kernel is {least}");
 }
