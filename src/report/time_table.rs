@@ -14,7 +14,7 @@ pub const OVERHEAD: &str = "upload, submit, read back";
 pub const WHOLE_FRAME: &str = "whole frame";
 
 /// Stage of the scene's motion before each frame, which whole frames do not include.
-pub const MOTION: &str = "motion, before";
+pub const MOTION: &str = "motion";
 
 /// Stage of a generator's runs on whole frames, which do not include them.
 pub const GENERATOR: &str = "generator, on top";
