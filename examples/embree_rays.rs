@@ -48,23 +48,16 @@ fn main() -> anyhow::Result<()> {
         }
         trace_ms.extend(upper_median(&sorted(times)));
         let snapshot = renderer.snapshot(pose)?;
-        let inputs = &snapshot.inputs;
-        for (index, path) in snapshot.paths.iter().enumerate() {
-            // Segments give the positions of scatterers: on the scanline's axis, not on the ray.
-            let line_ray = index % inputs.rays.len();
-            let (ray, axis) = (inputs.rays[line_ray], inputs.axes[line_ray / inputs.rays_per_line]);
-            let shift = inputs.scene_from_probe * (axis.origin_mm - ray.origin_mm);
-            let shift_step = inputs.scene_from_probe * (axis.direction - ray.direction);
+        for path in &snapshot.paths {
             let ends = path.segments.iter().skip(1).map(|s| s.start_mm).chain([station.probe.depth_mm]);
             for (segment, end_mm) in path.segments.iter().zip(ends) {
                 let range_mm = end_mm - segment.start_mm;
                 let given_up = segment.ln_amplitude(segment.start_mm) < GIVEN_UP_LN;
                 if range_mm > 0.0 && !given_up {
-                    let from = segment.scatterer_mm(segment.start_mm) - shift - shift_step * segment.start_mm;
-                    let step = segment.step - shift_step;
+                    let from = segment.scatterer_mm(segment.start_mm);
                     origins.extend((centre_mm + from).as_vec3().to_array());
-                    directions.extend(step.normalize().as_vec3().to_array());
-                    lengths.push((range_mm * step.length()) as f32);
+                    directions.extend(segment.step.normalize().as_vec3().to_array());
+                    lengths.push((range_mm * segment.step.length()) as f32);
                 }
             }
         }
