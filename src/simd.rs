@@ -44,6 +44,22 @@ pub(crate) fn has_avx512() -> bool {
         && is_x86_feature_detected!("avx512vl")
 }
 
+/// Asks the processor to load a value into its cache, if it can.
+#[inline(always)]
+pub(crate) fn prefetch<T: ?Sized>(value: &T) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        const LINE: usize = 64;
+        let start = std::ptr::from_ref(value).cast::<i8>();
+        for offset in (0..size_of_val(value)).step_by(LINE) {
+            // SAFETY: the address lies within the value, and a prefetch changes nothing that a program sees.
+            unsafe { std::arch::x86_64::_mm_prefetch::<{ std::arch::x86_64::_MM_HINT_T0 }>(start.add(offset)) };
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = value;
+}
+
 /// Added to a number below 2²² in magnitude, it leaves the number's nearest integer in the lowest bits.
 pub(crate) const TO_INTEGER: f32 = 12_582_912.0;
 

@@ -3,12 +3,19 @@
 use rayon::prelude::*;
 
 use super::constants::ImageConstants;
-use super::line_gain::{LineGain, Visibility};
+use super::line_gain::{InterfaceGains, LineGain, Visibility};
 use super::paths::Paths;
 use super::transmission::diverted;
 use crate::render::constants::SEGMENTS;
 use crate::render::params::Params;
-use crate::simd::{exp, phasor};
+use crate::simd::{at_least, exp, phasor, widened};
+
+/// Interfaces whose echoes are computed at once.
+const LANES: usize = 16;
+/// Room for the echoes of a path, in whole groups.
+const ECHOES: usize = (SEGMENTS as usize).next_multiple_of(LANES);
+/// A number of each echo of a path.
+type Numbers = [f32; ECHOES];
 
 /// Inputs of the interfaces.
 #[derive(Debug, Clone, Copy)]
@@ -22,109 +29,146 @@ pub(super) struct Interfaces<'a> {
     pub(super) visibility: Option<&'a Visibility<'a>>,
 }
 
-/// An echo in the baseband.
-#[derive(Debug, Clone, Copy, Default)]
-struct Echo {
-    sample: usize,
-    value: [f32; 2],
-    /// Range of its interface, mm.
-    range_mm: f32,
+/// Echoes of a path in the baseband.
+#[derive(Debug)]
+struct Echoes {
+    count: usize,
+    amplitude: Numbers,
+    /// ln of the gain.
+    ln_gain: Numbers,
+    /// Range, and that of the interface before it is spread over its thickness, mm.
+    range_mm: Numbers,
+    interface_mm: Numbers,
+    /// Complex value, and its place among the samples.
+    value: [Numbers; 2],
+    sample: Numbers,
 }
 
-/// Echoes of the guide of a scanline.
-type GuideEchoes = [Echo; SEGMENTS as usize];
+impl Echoes {
+    #[inline(always)]
+    fn new() -> Self {
+        let zeros = [0.0; ECHOES];
+        Self {
+            count: 0,
+            amplitude: zeros,
+            ln_gain: zeros,
+            range_mm: zeros,
+            interface_mm: zeros,
+            value: [zeros; 2],
+            sample: zeros,
+        }
+    }
+
+    /// Computes the values of all echoes.
+    #[inline(always)]
+    fn compute(&mut self, params: &Params) {
+        for first in (0..self.count).step_by(LANES) {
+            for i in first..first + LANES {
+                let amplitude = self.amplitude[i] * exp(at_least(self.ln_gain[i], -80.0));
+                let [re, im] = phasor(-params.phase_turns_per_mm * self.range_mm[i]);
+                (self.value[0][i], self.value[1][i]) = (amplitude * re, amplitude * im);
+                self.sample[i] = self.range_mm[i] / params.sample_spacing_mm;
+            }
+        }
+    }
+
+    /// Adds those beyond `from_mm` to the samples of a scanline.
+    #[inline(always)]
+    fn add(&self, weight: f32, from_mm: f32, row: &mut [[f32; 2]]) {
+        for i in 0..self.count {
+            let beyond = self.sample[i] >= 0.0 && self.interface_mm[i] > from_mm;
+            if let Some(at) = row.get_mut(self.sample[i] as usize).filter(|_| beyond) {
+                *at = [at[0] + weight * self.value[0][i], at[1] + weight * self.value[1][i]];
+            }
+        }
+    }
+}
 
 /// Adds echoes to `baseband`, complex [scanlines × row_samples].
 pub(super) fn echo(params: &Params, constants: ImageConstants, interfaces: Interfaces<'_>, baseband: &mut [[f32; 2]]) {
     let rows = baseband.par_chunks_exact_mut(params.row_samples as usize).enumerate();
     rows.for_each(|(line, row)| {
-        let row = &mut row[..params.samples as usize];
-        let gain = interfaces.visibility.map(|visibility| visibility.line(line as u32));
-        let mut guide_echoes: GuideEchoes = [Echo::default(); SEGMENTS as usize];
-        let mut guides = None;
-        let weight = params.path_weight();
-        for layer in 0..params.layer_count {
-            let first = (layer * params.scanlines + line as u32) * params.rays;
-            for path in first..first + params.rays {
-                let reflected_mm = interfaces.add_path(params, constants, path as usize, gain, row);
-                if params.guides == 0 || reflected_mm == f32::MAX {
-                    continue;
-                }
-                // The guide stands for what the path missed.
-                let count = *guides.get_or_insert_with(|| {
-                    let guide = params.guide_of(line as u32) as usize;
-                    interfaces.guide_echoes(params, guide, gain, &mut guide_echoes)
-                });
-                for echo in guide_echoes[..count].iter().filter(|echo| echo.range_mm > reflected_mm) {
-                    let [re, im] = echo.value;
-                    let at = &mut row[echo.sample];
-                    *at = [at[0] + weight * re, at[1] + weight * im];
-                }
-            }
-        }
+        add_line(params, constants, &interfaces, line as u32, &mut row[..params.samples as usize]);
     });
 }
 
-impl Interfaces<'_> {
-    /// The echo at the start of a segment of a path, if it lies within the samples.
-    #[inline(always)]
-    fn echo_at(&self, params: &Params, path: usize, segment: usize, gain: Option<LineGain<'_>>) -> Option<Echo> {
-        let [amplitude, range_mm] = self.echoes[path * SEGMENTS as usize + segment];
-        let sample = range_mm / params.sample_spacing_mm;
-        if amplitude == 0.0 || sample < 0.0 || sample >= params.samples as f32 {
-            return None;
-        }
-        let (starts, segments) = self.paths.of(path);
-        let mut amplitude = amplitude;
-        if let (Some(gain), Some(arrived)) = (gain, segment.checked_sub(1))
-            && !diverted(&segments[arrived])
-        {
-            amplitude *= exp(gain.at_interface(starts, segments, arrived).max(-80.0));
-        }
-        let [re, im] = phasor(-params.phase_turns_per_mm * range_mm);
-        Some(Echo { sample: sample as usize, value: [amplitude * re, amplitude * im], range_mm: starts[segment] })
-    }
+widened! {
+    /// One scanline.
+    fn add_line(
+        params: &Params, constants: ImageConstants, interfaces: &Interfaces<'_>, line: u32, row: &mut [[f32; 2]],
+    ) = add_line_body
+}
 
-    /// Adds the echoes of a path. Returns the range of its first reflection if the guide stands for it from there on,
-    /// else the greatest number.
-    fn add_path(
-        &self,
-        params: &Params,
-        constants: ImageConstants,
-        path: usize,
-        gain: Option<LineGain<'_>>,
-        row: &mut [[f32; 2]],
-    ) -> f32 {
-        let mut reflected_mm = f32::MAX;
+#[inline(always)]
+fn add_line_body(
+    params: &Params,
+    constants: ImageConstants,
+    interfaces: &Interfaces<'_>,
+    line: u32,
+    row: &mut [[f32; 2]],
+) {
+    // No closures: they may be compiled without the vector instructions.
+    let mut gain = None;
+    if let Some(visibility) = interfaces.visibility {
+        gain = Some(visibility.line(line));
+    }
+    let (mut echoes, mut guide_echoes) = (Echoes::new(), Echoes::new());
+    let mut guided = false;
+    let weight = params.path_weight();
+    for layer in 0..params.layer_count {
+        let first = layer.wrapping_mul(params.scanlines).wrapping_add(line).wrapping_mul(params.rays);
+        for ray in 0..params.rays {
+            let path = first.wrapping_add(ray) as usize;
+            let reflected_mm = interfaces.list(path, constants.first_interface(), gain, &mut echoes);
+            echoes.compute(params);
+            echoes.add(1.0, f32::NEG_INFINITY, row);
+            if params.guides == 0 || reflected_mm == f32::MAX {
+                continue;
+            }
+            // The guide stands for what the path missed.
+            if !guided {
+                interfaces.list(params.guide_of(line) as usize, 1, gain, &mut guide_echoes);
+                guide_echoes.compute(params);
+                guided = true;
+            }
+            guide_echoes.add(weight, reflected_mm, row);
+        }
+    }
+}
+
+impl Interfaces<'_> {
+    /// Lists the echoes of a path from segment `first` on. Returns the range of its first reflection if the guide stands
+    /// for it from there on, else the greatest number.
+    #[inline(always)]
+    fn list(&self, path: usize, first: usize, gain: Option<LineGain<'_>>, echoes: &mut Echoes) -> f32 {
         let (starts, segments) = self.paths.of(path);
-        for segment in constants.first_interface()..self.segment_counts[path] as usize {
-            if gain.is_some() && reflected_mm == f32::MAX && diverted(&segments[segment]) {
+        let sources = &self.echoes[path * SEGMENTS as usize..][..SEGMENTS as usize];
+        let count = (self.segment_counts[path] as usize).min(sources.len());
+        let mut gains = None;
+        if let Some(gain) = gain {
+            gains = Some(InterfaceGains::new(gain, (starts, segments)));
+        }
+        let mut reflected_mm = f32::MAX;
+        echoes.count = 0;
+        for segment in first..count {
+            if gains.is_some() && reflected_mm == f32::MAX && diverted(&segments[segment]) {
                 reflected_mm = starts[segment];
             }
-            if let Some(echo) = self.echo_at(params, path, segment, gain)
-                && let Some(at) = row.get_mut(echo.sample)
-            {
-                *at = [at[0] + echo.value[0], at[1] + echo.value[1]];
+            let [amplitude, range_mm] = sources[segment];
+            if amplitude == 0.0 {
+                continue;
             }
+            let mut ln_gain = 0.0;
+            if let (Some(gains), Some(arrived)) = (&mut gains, segment.checked_sub(1))
+                && !diverted(&segments[arrived])
+            {
+                ln_gain = gains.at(arrived);
+            }
+            let i = echoes.count;
+            (echoes.amplitude[i], echoes.ln_gain[i]) = (amplitude, ln_gain);
+            (echoes.range_mm[i], echoes.interface_mm[i]) = (range_mm, starts[segment]);
+            echoes.count = i + 1;
         }
         reflected_mm
-    }
-
-    /// Fills in the echoes of a guide; returns their number.
-    fn guide_echoes(
-        &self,
-        params: &Params,
-        guide: usize,
-        gain: Option<LineGain<'_>>,
-        echoes: &mut GuideEchoes,
-    ) -> usize {
-        let mut count = 0;
-        for segment in 1..self.segment_counts[guide] as usize {
-            if let Some(echo) = self.echo_at(params, guide, segment, gain) {
-                echoes[count] = echo;
-                count += 1;
-            }
-        }
-        count
     }
 }

@@ -34,12 +34,14 @@ fn range(of: &Lanes, on: &[bool; RAYS]) -> [f32; 2] {
 }
 
 impl Hull {
-    /// Bounds of the rays whose bits are set in `rays`. All search within `first_mm` to `last_mm`.
+    /// Bounds of the rays whose bits are set in `rays`, and of others up to `aside_mm` beside them. All search within
+    /// `first_mm` to `last_mm`.
     #[inline(always)]
     pub(super) fn new(
         [origin, direction, reciprocal]: [&[Lanes; 3]; 3],
         rays: u32,
         [first_mm, last_mm]: [f32; 2],
+        aside_mm: f32,
     ) -> Self {
         let mut on = [false; RAYS];
         for (lane, on) in on.iter_mut().enumerate() {
@@ -52,7 +54,8 @@ impl Hull {
             strays[lane] = if on[lane] { stray(origin) + stray(direction) + stray(reciprocal) } else { 0.0 };
         }
         let axes = std::array::from_fn(|axis| {
-            let origin = range(&origin[axis], &on);
+            let [least, most] = range(&origin[axis], &on);
+            let origin = [least - aside_mm, most + aside_mm];
             let farthest = max(max(origin[0].abs(), origin[1].abs()), max(first_mm.abs(), last_mm.abs()));
             Span {
                 origin,

@@ -19,3 +19,13 @@ pub(super) fn fold(mut of: Lanes, pick: fn(f32, f32) -> f32) -> f32 {
     }
     of[0]
 }
+
+/// Lanes whose bits are set.
+#[inline(always)]
+pub(super) fn bits(mut of: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let lane = (of != 0).then(|| (of.trailing_zeros() % RAYS as u32) as usize)?;
+        of &= of - 1;
+        Some(lane)
+    })
+}

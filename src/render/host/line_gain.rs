@@ -1,7 +1,7 @@
 //! The aperture's gain at samples and interfaces of a scanline, from the outputs of `visibility`.
 
 use super::constants::{EVEN_NP, SPREAD_NP, TRACKED_NP};
-use super::paths::{BLOCK, Lanes, Paths, range_mm, seek};
+use super::paths::{BLOCK, Lanes, Paths, SEGMENT, range_mm, seek};
 use super::transmission::loss_np;
 use crate::render::aperture::ApertureTables;
 use crate::render::params::Params;
@@ -175,35 +175,76 @@ impl<'a> LineGain<'a> {
         let part = at - low as f32;
         self.row[low][2] * (1.0 - part) + self.row[low + 1][2] * part
     }
+}
 
-    /// ln of the amplitude, two-way, that returns from an interface of a path: the aperture's gain before the obstacles
-    /// which that path has not crossed yet. `starts` and `segments` are the path's; the interface begins segment
-    /// `arrived` + 1.
-    pub(super) fn at_interface(&self, starts: &[f32], segments: &[[f32; 12]], arrived: usize) -> f32 {
-        let range_mm = starts[arrived + 1];
-        let (index, part) = self.index(range_mm);
-        let mut interval = self.interval(index);
-        // Loss of the path at the start of an interval.
-        let loss_of = |interval: usize| {
-            let range_mm = interval as f32 * self.plane_mm;
-            let holds = (0..=arrived).rev().find(|&at| starts[at] <= range_mm).unwrap_or(0);
-            loss_np(&segments[holds], range_mm)
-        };
-        let begins_np = loss_of(index);
-        if let Some(before) = index.checked_sub(1) {
-            // How far the scanline lags behind its depth, by its own loss in the interval before and by the path's.
-            let last = self.interval(before);
-            let lags = |own_np: f32| TRACKED_NP / (at_least(own_np, 0.0) + TRACKED_NP);
-            let lag = (index as f32 - interval.places[0]) / lags(last.own_np());
-            let own_np = begins_np - loss_of(before) - last.row_np;
-            interval.places[0] = index as f32 - lags(own_np) * at_most(at_least(lag, 0.0), 1.0);
-        }
-        let rise_np = loss_np(&segments[arrived], range_mm) - begins_np;
+/// Gains at the interfaces of a path, from the first to the last.
+#[derive(Debug)]
+pub(super) struct InterfaceGains<'a> {
+    gain: LineGain<'a>,
+    starts: &'a [f32],
+    segments: &'a [[f32; SEGMENT]],
+    /// The last interface's interval as the path sees it, its index, and the path's loss at its start.
+    interval: Interval,
+    index: usize,
+    begins_np: f32,
+    /// Segments that hold the start of that interval and of the one before.
+    holds: [usize; 2],
+}
+
+impl<'a> InterfaceGains<'a> {
+    /// Gains of a path with these `starts` and `segments`.
+    #[inline(always)]
+    pub(super) fn new(gain: LineGain<'a>, (starts, segments): (&'a [f32], &'a [[f32; SEGMENT]])) -> Self {
+        Self { gain, starts, segments, interval: gain.interval(0), index: usize::MAX, begins_np: 0.0, holds: [0; 2] }
+    }
+
+    /// ln of the amplitude, two-way, that returns from an interface: the aperture's gain before the obstacles which the
+    /// path has not crossed yet. The interface begins segment `arrived` + 1, and is not before that of the last call.
+    #[inline(always)]
+    pub(super) fn at(&mut self, arrived: usize) -> f32 {
+        let range_mm = self.starts[arrived + 1];
+        let (index, part) = self.gain.index(range_mm);
+        self.enter(index, arrived);
+        let (interval, begins_np) = (self.interval, self.begins_np);
+        let rise_np = loss_np(&self.segments[arrived], range_mm) - begins_np;
         let lost = interval.lost(part, rise_np + interval.begins_np);
         // The plane of the interval is before what the path has not crossed.
         let own_np = at_least(rise_np - interval.row_np * lost, 0.0);
         let furthest = at_least(index as f32 + own_np / (own_np + TRACKED_NP), interval.places[0]);
         let place = at_most(interval.place(part, lost), furthest);
-        self.gain(place) - 2.0 * (interval.shared_np + interval.row_np * lost)
+        self.gain.gain(place) - 2.0 * (interval.shared_np + interval.row_np * lost)
+    }
+
+    /// Makes `index` the interval, for a path that has come to segment `arrived`.
+    #[inline(always)]
+    fn enter(&mut self, index: usize, arrived: usize) {
+        let boundary_mm = |interval: usize| interval as f32 * self.gain.plane_mm;
+        let holds = self.holding(self.holds[0], arrived, boundary_mm(index));
+        if index == self.index && holds == self.holds[0] {
+            return;
+        }
+        let loss_of = |interval: usize, holds: usize| loss_np(&self.segments[holds], boundary_mm(interval));
+        self.begins_np = loss_of(index, holds);
+        self.interval = self.gain.interval(index);
+        if let Some(before) = index.checked_sub(1) {
+            // How far the scanline lags behind its depth, by its own loss in the interval before and by the path's.
+            let last = self.gain.interval(before);
+            let lags = |own_np: f32| TRACKED_NP / (at_least(own_np, 0.0) + TRACKED_NP);
+            let lag = (index as f32 - self.interval.places[0]) / lags(last.own_np());
+            let holds_before = self.holding(self.holds[1], arrived, boundary_mm(before));
+            let own_np = self.begins_np - loss_of(before, holds_before) - last.row_np;
+            self.interval.places[0] = index as f32 - lags(own_np) * at_most(at_least(lag, 0.0), 1.0);
+            self.holds[1] = holds_before;
+        }
+        (self.index, self.holds[0]) = (index, holds);
+    }
+
+    /// The last segment from `from` to `arrived` that begins by a range.
+    #[inline(always)]
+    fn holding(&self, mut from: usize, arrived: usize, range_mm: f32) -> usize {
+        while from < arrived && self.starts[from + 1] <= range_mm {
+            from += 1;
+        }
+        from
     }
 }

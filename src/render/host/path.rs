@@ -2,26 +2,25 @@
 
 use glam::{Vec3, Vec4, Vec4Swizzles};
 
+use super::candidates::Candidates;
 use super::constants::{BEYOND_MM, LN_GIVEN_UP, LN_SILENT, LN_UNCOUPLED, TOUCH_MM, TraceConstants};
 use super::depart::Rules;
 use super::effects::PathEffects;
 use super::interface::ln;
 use super::interface_batch::{Arrival, Departure};
 use super::membership::{Inside, coupling, cross, cross_until, film_reach_mm, highest, medium_word};
+use super::path_record::PathRecord;
 use super::path_state::PathState;
 use super::search::Covered;
 use super::traverse::{Crossing, Nearest, Ray, Stack, Tree, by_distance, collect};
 use crate::render::constants::{
-    self as shared, CROSSINGS_AT_A_PLACE, DIVERTED, HINT_BLOCK, MOVES, PLACES_MAX, SAMPLES_MAX, SEGMENTS, STARTS, TAG,
-    TISSUE_MASK,
+    self as shared, CROSSINGS_AT_A_PLACE, DIVERTED, MOVES, PLACES_MAX, SEGMENTS, TAG, TISSUE_MASK,
 };
 use crate::render::params::Params;
 use crate::render::tables::PackedTissue;
 
 /// Capacity for crossings behind the face.
 pub(super) const CROSSINGS_BEHIND: usize = shared::CROSSINGS_BEHIND as usize;
-/// Words of hints for the largest number of samples.
-const HINT_WORDS: usize = (SAMPLES_MAX / (4 * HINT_BLOCK) + 1) as usize;
 
 /// Inputs of path tracing.
 #[derive(Debug, Clone, Copy)]
@@ -53,55 +52,14 @@ pub(super) struct Boundary {
     triangle: u32,
 }
 
-/// Recorded data of a path, in the device's layout.
-#[derive(Debug)]
-pub(super) struct PathRecord {
-    /// Surfaces that it starts inside.
-    pub(super) starts_inside: [u32; 8],
-    /// Amplitude, one way, that the face passes into the body, 0..=1.
-    pub(super) coupling: f32,
-    pub(super) starts: [f32; STARTS as usize],
-    pub(super) segments: [[f32; 12]; SEGMENTS as usize],
-    pub(super) echoes: [[f32; 2]; SEGMENTS as usize],
-    pub(super) count: u32,
-    pub(super) hints: [u32; HINT_WORDS],
-}
-
-/// A path's last segment at some time.
+/// The next interface of a path, as far as its candidates tell.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct LastSegment {
-    count: u32,
-    segment: [f32; 12],
-    start: f32,
-    echo: [f32; 2],
-}
-
-impl PathRecord {
-    pub(super) fn new() -> Self {
-        Self {
-            starts_inside: [0; 8],
-            coupling: 1.0,
-            starts: [0.0; STARTS as usize],
-            segments: [[0.0; 12]; SEGMENTS as usize],
-            echoes: [[0.0; 2]; SEGMENTS as usize],
-            count: 0,
-            hints: [0; HINT_WORDS],
-        }
-    }
-
-    /// The last segment so far.
-    pub(super) fn last(&self) -> LastSegment {
-        let at = self.count.saturating_sub(1) as usize;
-        LastSegment { count: self.count, segment: self.segments[at], start: self.starts[at], echo: self.echoes[at] }
-    }
-
-    /// Takes back all segments after `last`.
-    pub(super) fn reopen(&mut self, last: &LastSegment) {
-        let at = last.count.saturating_sub(1) as usize;
-        self.count = last.count;
-        // Further segments may have replaced it in a full record.
-        (self.segments[at], self.starts[at], self.echoes[at]) = (last.segment, last.start, last.echo);
-    }
+pub(super) enum NextInterface {
+    At(Boundary),
+    /// A search of the tree tells: candidates are missing, or the path has reflected.
+    Unknown,
+    /// The path ends before any.
+    None,
 }
 
 /// Memory for the crossings of one place.
@@ -118,14 +76,6 @@ impl Place {
 }
 
 impl Scene<'_> {
-    /// Origin and direction of a path's first ray: the table's, moved across the slice.
-    fn launch(&self, ray: usize, [offset, slope]: [f32; 2]) -> (Vec3, Vec3) {
-        let p = self.params;
-        let origin = Vec4::from(self.rays[2 * ray]).xyz() + Vec3::new(0.0, offset, 0.0);
-        let direction = p.steered(Vec4::from(self.rays[2 * ray + 1]).xyz()) + Vec3::new(0.0, slope, 0.0);
-        (p.face_mm() + p.scene_vector(origin), p.scene_vector(direction).normalize())
-    }
-
     /// Tissue of the medium at the state's place; outside all surfaces the background, or air beyond the film of gel.
     #[inline(always)]
     fn medium_word(&self, state: &PathState) -> u32 {
@@ -146,36 +96,6 @@ impl Scene<'_> {
             (triangle.surface, std::cmp::Reverse(triangle.triangle))
         };
         place.iter().max_by_key(order).map_or(0, |c| c.triangle)
-    }
-
-    /// Initial state of path `path`.
-    pub(super) fn begin(&self, path: usize) -> PathState {
-        let p = self.params;
-        let line_rays = (p.scanlines * p.rays) as usize;
-        let (line_ray, number) = (path % line_rays, path / line_rays);
-        // Guides come after the paths of all layers, along the axes, which follow the rays in their table.
-        let guide = number >= p.layer_count as usize;
-        let layer = p.layer_first as usize + number;
-        let across = layer * p.rays as usize + line_ray % p.rays as usize;
-        let [offset, slope, stretch, _] = if guide { [0.0, 0.0, 1.0, 0.0] } else { self.elevations[across] };
-        let ray = if guide { path - line_rays * p.layer_count as usize + line_rays } else { line_ray };
-        let (origin, direction) = self.launch(ray, [offset, slope]);
-        // A guide's echoes stand for those of diverted paths, in their place.
-        let (in_phase, in_power) = if guide { (1.0, 1.0) } else { (p.path_weight(), p.power_weight()) };
-        PathState {
-            line_ray: line_ray as u32,
-            // Guides are the same in all batches.
-            layer: if guide { 0 } else { layer as u32 },
-            guide,
-            stretch,
-            face_depth_mm: self.rays[2 * ray][2],
-            origin,
-            direction,
-            in_phase,
-            in_power,
-            open: true,
-            ..PathState::default()
-        }
     }
 
     /// Distance behind a path's start that is searched for surfaces that it starts inside, mm.
@@ -290,6 +210,7 @@ impl Scene<'_> {
         state: &mut PathState,
         found: Nearest,
         covered: &mut Covered,
+        candidates: &Candidates,
         place: &mut Place,
     ) -> Option<Boundary> {
         let tissue = &self.tissues[state.here as usize];
@@ -308,17 +229,16 @@ impl Scene<'_> {
         if found.crowded || !touching.is_empty() {
             let least = state.t_min.max(t - TOUCH_MM).max(end);
             let most = (t + TOUCH_MM).min(self.left_mm(state));
-            let ray = Ray::new(state.origin, state.direction);
-            let (all, missed) = collect(&self.tree, &ray, least, most, &mut place.stack, &mut place.crossings);
+            let all = self.collect(state, [least, most], candidates, place);
             place.crossings[..all].sort_unstable_by(by_distance);
             crossings = all.max(1);
-            state.lost += missed;
         }
         let here = &place.crossings[..crossings];
         let here = &here[..here.partition_point(|c| c.t <= here[0].t + TOUCH_MM)];
         let before = state.inside;
         cross(self.tree.triangles, here, &mut state.inside);
         state.origin += state.direction * t;
+        state.along.step(t);
         let there = self.medium_word(state);
         let passed_mm = t / self.path_per_range(state);
         state.range_mm += passed_mm;
@@ -333,6 +253,63 @@ impl Scene<'_> {
             moves: there & MOVES != 0,
             triangle: self.interface_of(here),
         })
+    }
+
+    /// Advances a path by its candidates to its next interface.
+    #[inline(always)]
+    pub(super) fn go_straight(
+        &self,
+        state: &mut PathState,
+        candidates: &Candidates,
+        covered: &mut Covered,
+        place: &mut Place,
+    ) -> NextInterface {
+        loop {
+            let left_mm = self.left_mm(state);
+            if left_mm <= 0.0 {
+                return NextInterface::None;
+            }
+            if state.diverted {
+                return NextInterface::Unknown;
+            }
+            let (range, highest, ray) = ([state.t_min, left_mm], Self::highest(state), [state.origin, state.direction]);
+            let Some(found) = candidates.nearest(&self.tree, ray, &mut state.along, range, highest, covered) else {
+                return NextInterface::Unknown;
+            };
+            let Some(found) = found else {
+                state.open = false;
+                return NextInterface::None;
+            };
+            if let Some(boundary) = self.advance(state, found, covered, candidates, place) {
+                return NextInterface::At(boundary);
+            }
+        }
+    }
+
+    /// Collects the crossings of a path in a range of distances; returns their number.
+    fn collect(
+        &self,
+        state: &mut PathState,
+        [least, most]: [f32; 2],
+        candidates: &Candidates,
+        Place { stack, crossings }: &mut Place,
+    ) -> usize {
+        let ray = [state.origin, state.direction];
+        if !state.diverted
+            && let Some(all) = candidates.collect(&self.tree, ray, &state.along, [least, most], crossings)
+        {
+            return all;
+        }
+        let ray = Ray::new(state.origin, state.direction);
+        let (all, missed) = collect(&self.tree, &ray, least, most, stack, crossings);
+        state.lost += missed;
+        all
+    }
+
+    /// Distance over which a path's candidates are collected, mm: its depth, and what fast media may add.
+    #[inline(always)]
+    pub(super) fn candidates_mm(&self, state: &PathState) -> f32 {
+        Candidates::length_mm(state.origin, 1.05 * state.stretch * self.params.depth_mm)
     }
 
     /// State of a path on arrival at the interface `at`.
@@ -411,21 +388,6 @@ impl Scene<'_> {
     #[inline(always)]
     pub(super) fn end(&self, record: &mut PathRecord) {
         record.starts[record.count as usize] = BEYOND_MM;
-        self.hint(record);
-    }
-
-    /// Records the segment that holds the first sample of each block, four blocks per word.
-    fn hint(&self, record: &mut PathRecord) {
-        let p = self.params;
-        let mut holds = 0;
-        for (i, word) in (0..p.hint_words).zip(record.hints.iter_mut()) {
-            *word = u32::from_le_bytes([0, 1, 2, 3].map(|block| {
-                let at_mm = (((4 * i + block) * HINT_BLOCK) as f32 + 0.5) * p.sample_spacing_mm;
-                while record.starts[holds + 1] <= at_mm {
-                    holds += 1;
-                }
-                holds as u8
-            }));
-        }
+        record.hint(self.params);
     }
 }

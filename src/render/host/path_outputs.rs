@@ -1,6 +1,6 @@
 //! Output buffers of paths.
 
-use super::path::PathRecord;
+use super::path_record::PathRecord;
 use crate::render::constants::{SEGMENTS, STARTS};
 
 /// Outputs of a run of paths, in the shaders' layouts.

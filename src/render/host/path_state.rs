@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 
+use super::candidates::Along;
 use super::membership::Inside;
 
 /// Position of a path, and its propagated quantities.
@@ -17,6 +18,8 @@ pub(super) struct PathState {
     pub(super) face_depth_mm: f32,
     pub(super) origin: Vec3,
     pub(super) direction: Vec3,
+    /// Its place among its candidates, up to its first reflection.
+    pub(super) along: Along,
     pub(super) inside: Inside,
     // Weights of an echo. Over rays and layers, echoes in phase add in amplitude, others in power.
     pub(super) in_phase: f32,

@@ -30,38 +30,69 @@ impl<'a> Paths<'a> {
         let (starts, segments) = (STARTS as usize, SEGMENTS as usize);
         (&self.starts[path * starts..][..starts], &self.segments[path * segments..][..segments])
     }
+
+    /// Ends and segments of a path, and a segment that holds `sample` or is before it.
+    #[inline(always)]
+    fn hinted(&self, params: &Params, path: u32, sample: u32) -> (&'a [f32], &'a [[f32; SEGMENT]], usize) {
+        let path = path as usize;
+        let hints: &[u8] = bytemuck::cast_slice(self.hints);
+        let hint = path * 4 * params.hint_words as usize + (sample / HINT_BLOCK) as usize;
+        let ends = self.starts.get(path * STARTS as usize + 1..(path + 1) * STARTS as usize).unwrap_or(&[]);
+        let segments = self.segments.get(path * SEGMENTS as usize..(path + 1) * SEGMENTS as usize).unwrap_or(&[]);
+        (ends, segments, hints.get(hint).copied().unwrap_or(0) as usize)
+    }
 }
 
-/// The first sample in (sample, last] beyond a segment that ends at `end_mm`. Two samples share the first's segment.
-#[inline(always)]
-pub(super) fn first_beyond(params: &Params, end_mm: f32, sample: u32, last: u32) -> u32 {
-    let about = (end_mm / params.sample_spacing_mm - 0.5).clamp(real(sample), real(last));
-    // An even estimate, then corrected.
-    let mut stop = ((about as u32).wrapping_add(1) & !1).clamp(sample.wrapping_add(2), last);
-    while stop > sample.wrapping_add(2) && range_mm(params, stop.wrapping_sub(2)) >= end_mm {
-        stop = stop.wrapping_sub(2);
-    }
-    while stop < last && range_mm(params, stop) < end_mm {
-        stop = stop.wrapping_add(2);
-    }
-    stop
+/// Segments of a path, from a sample on.
+#[derive(Debug)]
+pub(super) struct Run<'a> {
+    ends: &'a [f32],
+    segments: &'a [[f32; SEGMENT]],
+    at: usize,
+    samples_per_mm: f32,
 }
+
+impl<'a> Run<'a> {
+    /// Segments of `path` that hold `sample` or later ones.
+    #[inline(always)]
+    pub(super) fn new(params: &Params, paths: &Paths<'a>, path: u32, sample: u32) -> Self {
+        let (ends, segments, at) = paths.hinted(params, path, sample);
+        Self { ends, segments, at, samples_per_mm: 1.0 / params.sample_spacing_mm }
+    }
+
+    /// The segment that holds `sample`, which is not before that of the last call, and the first sample in (sample, last]
+    /// beyond it. Two samples share the first's segment.
+    #[inline(always)]
+    pub(super) fn segment(&mut self, params: &Params, sample: u32, last: u32) -> (&'a [f32; SEGMENT], u32) {
+        let range = range_mm(params, sample);
+        while self.ends.get(self.at).is_some_and(|&end_mm| end_mm <= range) {
+            self.at = self.at.wrapping_add(1);
+        }
+        let end_mm = self.ends.get(self.at).copied().unwrap_or(f32::MAX);
+        let about = (end_mm * self.samples_per_mm - 0.5).clamp(real(sample), real(last));
+        // An even estimate, then corrected.
+        let mut stop = ((about as u32).wrapping_add(1) & !1).clamp(sample.wrapping_add(2), last);
+        while stop > sample.wrapping_add(2) && range_mm(params, stop.wrapping_sub(2)) >= end_mm {
+            stop = stop.wrapping_sub(2);
+        }
+        while stop < last && range_mm(params, stop) < end_mm {
+            stop = stop.wrapping_add(2);
+        }
+        (self.segments.get(self.at).unwrap_or(NONE), stop)
+    }
+}
+
+const NONE: &[f32; SEGMENT] = &[0.0; SEGMENT];
 
 /// End of the path segment that holds `sample`, mm of range, and the segment.
 #[inline(always)]
 pub(super) fn seek<'a>(params: &Params, paths: &Paths<'a>, path: u32, sample: u32) -> (f32, &'a [f32; SEGMENT]) {
-    const NONE: &[f32; SEGMENT] = &[0.0; SEGMENT];
-    let path = path as usize;
+    let (ends, segments, mut at) = paths.hinted(params, path, sample);
     let range_mm = range_mm(params, sample);
-    let hints: &[u8] = bytemuck::cast_slice(paths.hints);
-    let hint = path * 4 * params.hint_words as usize + (sample / HINT_BLOCK) as usize;
-    let mut at = hints.get(hint).copied().unwrap_or(0) as usize;
-    let ends = paths.starts.get(path * STARTS as usize + 1..(path + 1) * STARTS as usize).unwrap_or(&[]);
     while ends.get(at).is_some_and(|&end_mm| end_mm <= range_mm) {
         at += 1;
     }
-    let segment = paths.segments.get(path * SEGMENTS as usize + at).unwrap_or(NONE);
-    (ends.get(at).copied().unwrap_or(f32::MAX), segment)
+    (ends.get(at).copied().unwrap_or(f32::MAX), segments.get(at).unwrap_or(NONE))
 }
 
 #[inline(always)]

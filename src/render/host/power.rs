@@ -1,7 +1,7 @@
 //! Power of the scatterers along the paths of a scanline.
 
 use super::constants::{DENSITY_ONE, LN_SCALE, LN_SPECKLE_SILENT};
-use super::paths::{BLOCK, CHUNK, Lanes, Paths, SEGMENT, first_beyond, range_mm, seek};
+use super::paths::{BLOCK, CHUNK, Lanes, Paths, Run, SEGMENT, range_mm};
 use super::transmission::diverted;
 use crate::render::constants::TAG_DENSITY;
 use crate::render::params::Params;
@@ -62,16 +62,16 @@ impl Powers {
     ) {
         let Stretch { first, blocks, .. } = stretch;
         let last = first.wrapping_add((blocks * BLOCK) as u32);
+        let mut run = Run::new(params, paths, path, first);
         let mut sample = first;
         while sample < last {
-            let (end_mm, segment) = seek(params, paths, path, sample);
-            let stop = first_beyond(params, end_mm, sample, last);
-            let run = [sample.wrapping_sub(first) as usize, stop.wrapping_sub(first) as usize];
+            let (segment, stop) = run.segment(params, sample, last);
+            let samples = [sample.wrapping_sub(first) as usize, stop.wrapping_sub(first) as usize];
             if aperture && !diverted(segment) {
-                self.add_seen(stretch.weight, segment, run);
+                self.add_seen(stretch.weight, segment, samples);
             } else {
                 self.diverted = true;
-                self.add_traced(params, stretch, segment, run);
+                self.add_traced(params, stretch, segment, samples);
                 if aperture {
                     self.add_guide(params, paths, guide, stretch, [sample, stop]);
                 }
@@ -83,12 +83,12 @@ impl Powers {
     /// Adds the guide's scatterers at samples where a path is on another way.
     #[inline(always)]
     fn add_guide(&mut self, params: &Params, paths: &Paths<'_>, guide: u32, stretch: Stretch, [from, to]: [u32; 2]) {
+        let mut run = Run::new(params, paths, guide, from);
         let mut sample = from;
         while sample < to {
-            let (end_mm, segment) = seek(params, paths, guide, sample);
-            let stop = first_beyond(params, end_mm, sample, to);
-            let run = [sample, stop].map(|sample| sample.wrapping_sub(stretch.first) as usize);
-            self.add_seen(stretch.weight, segment, run);
+            let (segment, stop) = run.segment(params, sample, to);
+            let samples = [sample.wrapping_sub(stretch.first) as usize, stop.wrapping_sub(stretch.first) as usize];
+            self.add_seen(stretch.weight, segment, samples);
             sample = stop;
         }
     }

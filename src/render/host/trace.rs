@@ -7,8 +7,8 @@ use super::path::Scene;
 use super::path_outputs::PathOutputs;
 use crate::render::params::Params;
 
-/// Paths per parallel task.
-const PATHS_A_TASK: usize = Bundle::PATHS;
+/// Parallel tasks per thread, so that none waits long for the last one.
+const TASKS_A_THREAD: usize = 16;
 
 /// Function that follows paths from an index on into the outputs; returns the number of crossings lost.
 pub(super) type Follow = fn(&Scene<'_>, usize, &mut Outputs<'_>) -> u32;
@@ -46,16 +46,22 @@ pub(super) fn trace(scene: &Scene<'_>, follow: Follow, out: PathOutputs<'_>) -> 
     }
 }
 
-fn over_cores(scene: &Scene<'_>, follow: Follow, paths: Range<usize>, mut out: Outputs<'_>) -> u32 {
-    if paths.len() <= PATHS_A_TASK {
+fn over_cores(scene: &Scene<'_>, follow: Follow, paths: Range<usize>, out: Outputs<'_>) -> u32 {
+    let a_task = (paths.len() / (TASKS_A_THREAD * rayon::current_num_threads())).max(Bundle::PATHS);
+    in_tasks(scene, follow, paths, out, a_task)
+}
+
+/// Follows paths in tasks of up to `a_task` paths: each has working memory of its own.
+fn in_tasks(scene: &Scene<'_>, follow: Follow, paths: Range<usize>, mut out: Outputs<'_>, a_task: usize) -> u32 {
+    if paths.len() <= a_task {
         return follow(scene, paths.start, &mut out);
     }
     let half = (paths.len() / 2).next_multiple_of(Bundle::PATHS);
     let middle = paths.start + half;
     let (low, high) = out.split_at(half);
     let (a, b) = rayon::join(
-        || over_cores(scene, follow, paths.start..middle, low),
-        || over_cores(scene, follow, middle..paths.end, high),
+        || in_tasks(scene, follow, paths.start..middle, low, a_task),
+        || in_tasks(scene, follow, middle..paths.end, high, a_task),
     );
     a + b
 }
@@ -68,12 +74,12 @@ fn follow_run(scene: &Scene<'_>, first: usize, out: &mut Outputs<'_>) -> u32 {
     for i in (0..out.paths.paths()).step_by(Bundle::PATHS) {
         let count = Bundle::PATHS.min(out.paths.paths() - i);
         lost += bundle.follow(scene, first + i..first + i + count);
-        for (path, record) in bundle.records[..count].iter().enumerate() {
+        for (path, record) in bundle.records(count).enumerate() {
             out.paths.write(i + path, record);
         }
         if let Some(guides) = &mut out.guides {
             lost += bundle.follow_guides(scene, count);
-            for (path, record) in bundle.records[..count].iter().enumerate() {
+            for (path, record) in bundle.records(count).enumerate() {
                 guides.write(i + path, record);
             }
         }

@@ -2,8 +2,10 @@
 
 use glam::Vec3;
 
+use super::meeting::intersection;
 use super::tree::{LEAF, WIDTH, WideNode};
 use crate::anatomy::bvh::{PackedTriangle, STACK_DEPTH_MAX};
+use crate::simd::prefetch;
 
 /// A node leaves at most seven of its children on the stack.
 const STACK: usize = (WIDTH - 1) * STACK_DEPTH_MAX + WIDTH;
@@ -25,6 +27,12 @@ impl Stack {
 
     pub(crate) fn new() -> Self {
         Self([(0.0, 0); STACK])
+    }
+
+    /// The pending visits, and room for more.
+    #[inline(always)]
+    pub(super) fn entries(&mut self) -> &mut [(f32, u32); STACK] {
+        &mut self.0
     }
 }
 
@@ -86,28 +94,6 @@ pub(super) fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// Möller–Trumbore about the ray's point nearest to the first corner, which keeps f32 precise far from the ray's
-/// origin. Edges extend outward by a tolerance, so a shared edge is never missed. Returns the distance (mm), whether
-/// the ray hits the triangle, and whether it enters the surface.
-#[inline(always)]
-pub(super) fn intersection(triangle: &PackedTriangle, origin: Vec3, direction: Vec3) -> (f32, bool, bool) {
-    let (edge1, edge2) = (Vec3::from(triangle.edge1), Vec3::from(triangle.edge2));
-    let to_corner = Vec3::from(triangle.corner) - origin;
-    let t0 = to_corner.dot(direction);
-    let s = direction * t0 - to_corner;
-    let p = direction.cross(edge2);
-    let determinant = edge1.dot(p);
-    let magnitude = determinant.abs();
-    let side = if determinant >= 0.0 { 1.0 } else { -1.0 };
-    let q = s.cross(edge1);
-    let u = s.dot(p) * side;
-    let v = direction.dot(q) * side;
-    let tolerance = triangle.tolerance * (t0.abs() + 100.0);
-    // edge1 × edge2 points outward, and the determinant is −direction · (edge1 × edge2).
-    let hit = (magnitude > 2.0 * tolerance) & (u >= -tolerance) & (v >= -tolerance) & (u + v <= magnitude + tolerance);
-    (t0 + edge2.dot(q) * side / max(magnitude, 1.0e-30), hit, determinant > 0.0)
-}
-
 /// [`intersection`] of one ray: distance, and whether it enters.
 #[inline(always)]
 pub(super) fn intersect(triangle: &PackedTriangle, ray: &Ray) -> Option<(f32, bool)> {
@@ -115,23 +101,26 @@ pub(super) fn intersect(triangle: &PackedTriangle, ray: &Ray) -> Option<(f32, bo
     hit.then_some((t, enters))
 }
 
-/// Bit mask of the children that the ray meets from `first` to `last`. `near` receives the entry distances.
+/// Bit mask of the children that the ray meets from `first` to `last`, or would if it were moved by `aside_mm`. `near`
+/// receives the entry distances.
 #[inline(always)]
-pub(super) fn boxes(node: &WideNode, ray: &Ray, first: f32, last: f32, near: &mut [f32; WIDTH]) -> u32 {
+pub(super) fn boxes(node: &WideNode, ray: &Ray, first: f32, last: f32, aside_mm: f32, near: &mut [f32; WIDTH]) -> u32 {
     let bounds = &node.bounds;
     let [x, y, z] = ray.near;
     let side = |i: usize| &bounds[i];
     let (near_x, near_y, near_z) = (side(x), side(y), side(z));
     let (far_x, far_y, far_z) = (side(3 - x), side(5 - y), side(7 - z));
+    let aside = Vec3::splat(aside_mm).copysign(ray.reciprocal);
+    let (ahead, behind) = (ray.origin + aside, ray.origin - aside);
     let mut mask = 0;
     for i in 0..WIDTH {
         let from = max(
-            max((near_x[i] - ray.origin.x) * ray.reciprocal.x, (near_y[i] - ray.origin.y) * ray.reciprocal.y),
-            max((near_z[i] - ray.origin.z) * ray.reciprocal.z, first),
+            max((near_x[i] - ahead.x) * ray.reciprocal.x, (near_y[i] - ahead.y) * ray.reciprocal.y),
+            max((near_z[i] - ahead.z) * ray.reciprocal.z, first),
         );
         let to = min(
-            min((far_x[i] - ray.origin.x) * ray.reciprocal.x, (far_y[i] - ray.origin.y) * ray.reciprocal.y),
-            min((far_z[i] - ray.origin.z) * ray.reciprocal.z, last),
+            min((far_x[i] - behind.x) * ray.reciprocal.x, (far_y[i] - behind.y) * ray.reciprocal.y),
+            min((far_z[i] - behind.z) * ray.reciprocal.z, last),
         );
         near[i] = from;
         mask |= u32::from(from <= to + 1.0e-4) << i;
@@ -150,6 +139,16 @@ pub(super) fn slack(t_min: f32, t_max: f32) -> f32 {
 pub(super) fn leaf(child: u32) -> std::ops::Range<usize> {
     let first = ((child & !LEAF) >> 2) as usize;
     first..first + (child & 3) as usize
+}
+
+/// Asks for the memory of a child that will be visited.
+#[inline(always)]
+pub(super) fn prefetch_child(tree: &Tree<'_>, child: u32) {
+    if child & LEAF == 0 {
+        prefetch(&tree.nodes[child as usize]);
+    } else {
+        prefetch(&tree.triangles[leaf(child)]);
+    }
 }
 
 /// Collects every crossing in (t_min, t_max], in tree order. Returns the number stored in `into` and the number lost.
@@ -173,7 +172,7 @@ pub(crate) fn collect(
         let child = stack[depth].1;
         if child & LEAF == 0 {
             let node = &tree.nodes[child as usize];
-            let mut mask = boxes(node, ray, t_min - reach, t_max + reach, &mut near);
+            let mut mask = boxes(node, ray, t_min - reach, t_max + reach, 0.0, &mut near);
             while mask != 0 {
                 let slot = (mask.trailing_zeros() & 7) as usize;
                 mask &= mask - 1;
