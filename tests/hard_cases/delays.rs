@@ -31,7 +31,8 @@ fn settings(rays: u32, layers: u32) -> RenderSettings {
     RenderSettings { effects: plain.effects.with(Effect::Aperture, Choice::On), ..plain }
 }
 
-/// Mean and greatest offset of a beam's echo power from its scanline, mm, over the planes behind `from`, 0..=1 of them.
+/// Greatest offset of a beam's echo power from its scanline over the planes behind `from`, 0..=1 of them, in mm at the
+/// image's depth.
 fn shifts_mm(snapshot: &insonify::render::Snapshot, probe: &Probe, from: f64) -> f64 {
     let planes = snapshot.profiles.len() / probe.scanlines as usize;
     let behind = &snapshot.profiles[(from * planes as f64) as usize * probe.scanlines as usize..];

@@ -16,7 +16,7 @@ use super::search::{Covered, Search};
 use super::traverse::{Crossing, Nearest, Tree};
 use crate::simd::prefetch;
 
-/// Steps from crossing to crossing over which candidates hold. A step moves the origin by at most 4·10⁻⁵ mm, and turns
+/// Steps from crossing to crossing over which candidates hold. A step moves the origin by at most 6·10⁻⁵ mm, and turns
 /// the direction by at most 10⁻⁷.
 const STEPS_MAX: u32 = 64;
 /// Greatest coordinate of a path for which candidates hold, mm.
