@@ -2,10 +2,9 @@
 // Complex [scanlines × row_samples] in and out, two samples per vector. A thread makes four samples of a scanline.
 //
 // Each block of DEPTH_BLOCK samples has a kernel, or the profile of its scanline's beam. Kernels of a phased array are wider
-// beside its normal. Weights beyond the array are made
-// up for: with the aperture in power, by a factor of two at most, else in amplitude. Each scanline sees its neighbours'
-// scatterers with the gain of its own aperture. The wavefront of a steered look is across its scanlines: a neighbour's
-// samples lie deeper or higher.
+// beside its normal. Weights beyond the array are made up for: with the aperture in power, by a factor of two at most, else
+// in amplitude. Each scanline sees its neighbours' scatterers with the gain of its own aperture. The wavefront of a steered
+// look is across its scanlines: a neighbour's samples lie deeper or higher.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> kernels: array<f32>;

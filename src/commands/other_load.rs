@@ -16,6 +16,8 @@ struct Ticks {
     busy: u64,
     /// Of this process.
     own: u64,
+    /// Cores that the others are of: those of the machine, whichever of them this process may use.
+    cores: usize,
 }
 
 /// A measurement of times.
@@ -33,17 +35,15 @@ impl OtherLoad {
     }
 
     /// Warns if other programs used much of the processor since the beginning.
-    pub(crate) fn warn(&self, what: &str) {
-        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    pub(crate) fn warn(&self) {
         if self.began.elapsed().as_secs_f64() < SHORTEST_S {
             return;
         }
-        let Some(others) = self.ticks.zip(Ticks::now()).and_then(|(from, to)| from.others_until(to, cores)) else {
-            return;
-        };
-        if others > ALLOWED_CORES {
+        let Some((from, to)) = self.ticks.zip(Ticks::now()) else { return };
+        if let Some(others) = from.others_until(to).filter(|others| *others > ALLOWED_CORES) {
+            let cores = to.cores;
             tracing::warn!(
-                "other programs used {others:.1} of {cores} cores meanwhile: {what} are longer than on an idle machine"
+                "other programs used {others:.1} of {cores} cores meanwhile: times are longer than on an idle machine"
             );
         }
     }
@@ -60,19 +60,20 @@ impl Ticks {
         // user, nice, system, idle, iowait, irq, softirq, steal; guests are in user.
         let line = machine.lines().next()?.strip_prefix("cpu ")?;
         let times: Vec<u64> = line.split_whitespace().take(8).map(str::parse).collect::<Result<_, _>>().ok()?;
+        let cores = machine.lines().skip(1).take_while(|line| line.starts_with("cpu")).count();
         let idle = times.get(3)? + times.get(4)?;
         let all = times.iter().sum::<u64>();
         // Fields count from the state, after the name in parentheses: utime and stime are the 12th and 13th.
         let mut fields = process.rsplit_once(')')?.1.split_whitespace().skip(11);
         let mut next = || fields.next()?.parse::<u64>().ok();
-        Some(Self { all, busy: all - idle, own: next()? + next()? })
+        Some(Self { all, busy: all - idle, own: next()? + next()?, cores })
     }
 
-    /// Cores that other programs used until `to`, of `cores`. None if no time has passed.
-    fn others_until(self, to: Self, cores: usize) -> Option<f64> {
+    /// Cores that other programs used until `to`. None if no time has passed.
+    fn others_until(self, to: Self) -> Option<f64> {
         let all = to.all.checked_sub(self.all).filter(|&all| all > 0)?;
         let others = to.busy.saturating_sub(self.busy).saturating_sub(to.own.saturating_sub(self.own));
-        Some(others as f64 / all as f64 * cores as f64)
+        Some(others as f64 / all as f64 * to.cores as f64)
     }
 }
 
@@ -84,12 +85,13 @@ mod tests {
 
     #[test]
     fn other_programs_are_what_is_busy_without_this_process() {
-        let from = Ticks::parse("cpu  1000 0 500 8000 100 0 20 30 0 0\ncpu0 1 2 3\n", PROCESS).unwrap();
-        assert_eq!(from, Ticks { all: 9650, busy: 1550, own: 300 });
+        let from = Ticks::parse("cpu  1000 0 500 8000 100 0 20 30 0 0\ncpu0 1 2 3\ncpu1 1 2 3\nintr 5 cpu\n", PROCESS)
+            .unwrap();
+        assert_eq!(from, Ticks { all: 9650, busy: 1550, own: 300, cores: 2 });
         // Of 400 ticks of two cores, 300 were busy, and 190 of these were our own.
-        let to = Ticks { all: from.all + 400, busy: from.busy + 300, own: from.own + 190 };
-        assert!((from.others_until(to, 2).unwrap() - 0.55).abs() < 1e-12);
-        assert_eq!(from.others_until(from, 2), None);
+        let to = Ticks { all: from.all + 400, busy: from.busy + 300, own: from.own + 190, ..from };
+        assert!((from.others_until(to).unwrap() - 0.55).abs() < 1e-12);
+        assert_eq!(from.others_until(from), None);
     }
 
     #[test]

@@ -106,7 +106,7 @@ impl Kernels {
 
 /// Half width and kernels of the lateral beam for each block of samples: the two-way profile by diffraction, with its
 /// side lobes. Real weights give a point its image, and diffuse clutter its power; of phases beside the axis only the
-/// sum over a smooth plate would tell, whose level the kernel's sum of 1 keeps.
+/// sum over a smooth plate would tell, whose level the kernel's sum of 1 keeps, but for a phased array beside its normal.
 fn lateral_kernels(probe: &Probe, cap: u32, reach: u32) -> (u32, Vec<f64>, Option<ClippedKernel>) {
     let blocks = probe.samples.div_ceil(DEPTH_BLOCK);
     let depth_mm = |block: u32| {
@@ -130,7 +130,7 @@ fn lateral_kernels(probe: &Probe, cap: u32, reach: u32) -> (u32, Vec<f64>, Optio
     };
     let half = (0..blocks).map(widest).max().unwrap_or(1).max(reach.min(array)).min(LATERAL_HALF_MAX).min(cap);
     // Side lobes beyond the limit are missing without a word; a cut main lobe is reported.
-    let main_lobe = |block: u32| lines(block, MAIN_LOBE * beam.at(depth_mm(block)).half_width_mm());
+    let main_lobe = |block: u32| lines(block, MAIN_LOBE * beam.at(depth_mm(block)).half_width_mm() / projection);
     let mut cut = (0..blocks).filter(|&block| main_lobe(block) > LATERAL_HALF_MAX && half == LATERAL_HALF_MAX);
     let clipped = cut.next().map(|first| ClippedKernel {
         kernel: Kernel::Lateral,

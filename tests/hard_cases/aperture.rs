@@ -3,18 +3,12 @@
 
 use glam::{DVec2, Vec3};
 use insonify::anatomy::{Scene, Tissue, analytic};
-use insonify::render::{Choice, Effect, Frame, RenderSettings, Renderer, ShaderSet};
-use insonify::selftest::bench::{Bench, at, grainy, linear, slab, small};
+use insonify::render::{Choice, Frame, Renderer, ShaderSet};
+use insonify::selftest::bench::{Bench, at, grainy, linear, slab};
 use insonify::selftest::measure::{line, magnitude};
 use insonify::transducer::{Probe, ProbeKind};
 
-use super::common::{ROUNDING, frame, holds, renderer, row};
-
-/// Settings with the aperture as chosen.
-fn settings(rays: u32, layers: u32, aperture: Choice) -> RenderSettings {
-    let plain = small(rays, layers);
-    RenderSettings { effects: plain.effects.with(Effect::Aperture, aperture), ..plain }
-}
+use super::common::{ROUNDING, frame, holds, renderer, row, settings};
 
 /// Speckle with boxes of a loss: lower and upper corner of each, mm.
 fn obstacles(db_cm_mhz: f64, boxes: &[[[f32; 3]; 2]]) -> Scene {

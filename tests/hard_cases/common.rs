@@ -5,7 +5,10 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 use insonify::anatomy::{Bvh, Scene};
 use insonify::pose::Pose;
 use insonify::random::SplitMix64;
-use insonify::render::{Backend, BackendChoice, Frame, RenderSettings, Renderer, ShaderSet, Snapshot, TestHooks, twin};
+use insonify::render::{
+    Backend, BackendChoice, Choice, Effect, Frame, RenderSettings, Renderer, ShaderSet, Snapshot, TestHooks, twin,
+};
+use insonify::selftest::bench::small;
 use insonify::transducer::Probe;
 
 /// The backend that cases share, of `INSONIFY_BACKEND`.
@@ -28,6 +31,12 @@ pub(crate) fn renderer(scene: &Scene, probe: &Probe, settings: &RenderSettings, 
     let backend = if *shaders == ShaderSet::default() { backend() } else { device() };
     let hooks = TestHooks { shaders: shaders.clone(), ..TestHooks::default() };
     Renderer::with_hooks(backend, scene, Bvh::build(scene).unwrap(), probe, settings, &hooks).unwrap()
+}
+
+/// Settings with the aperture as chosen.
+pub(crate) fn settings(rays: u32, layers: u32, aperture: Choice) -> RenderSettings {
+    let plain = small(rays, layers);
+    RenderSettings { effects: plain.effects.with(Effect::Aperture, aperture), ..plain }
 }
 
 /// The shipped shaders with one change.

@@ -2,12 +2,12 @@
 //! part of the aperture, and beams that leave the sector.
 
 use glam::Vec3;
-use insonify::anatomy::{Mesh, Scene, analytic};
-use insonify::render::{Choice, Effect, RenderSettings, ShaderSet};
-use insonify::selftest::bench::{Bench, at, grainy, linear, silent, small};
+use insonify::anatomy::{Mesh, Scene, Tissue, analytic};
+use insonify::render::{Choice, ShaderSet, Snapshot};
+use insonify::selftest::bench::{Bench, at, grainy, linear, silent};
 use insonify::transducer::{Probe, ProbeKind};
 
-use super::common::{ROUNDING, holds, renderer};
+use super::common::{ROUNDING, holds, renderer, settings};
 
 /// Reach of bodies across the scan plane and to its sides, mm.
 const FAR: f32 = 60.0;
@@ -19,21 +19,16 @@ fn cuboid(x: [f32; 2], z: [f32; 2]) -> Mesh {
 /// Speckle of 1540 m/s with bodies of the same grain and another speed.
 fn bodies(speed_m_s: f64, meshes: Vec<Mesh>) -> Scene {
     let mut bench = Bench::new(grainy(0.0, 0.01));
-    let body = bench.tissue(insonify::anatomy::Tissue { speed_m_s, ..grainy(0.0, 0.01) });
+    let body = bench.tissue(Tissue { speed_m_s, ..grainy(0.0, 0.01) });
     for mesh in meshes {
         bench.add(body, 1, mesh);
     }
     bench.scene().unwrap()
 }
 
-fn settings(rays: u32, layers: u32) -> RenderSettings {
-    let plain = small(rays, layers);
-    RenderSettings { effects: plain.effects.with(Effect::Aperture, Choice::On), ..plain }
-}
-
 /// Greatest offset of a beam's echo power from its scanline over the planes behind `from`, 0..=1 of them, in mm at the
 /// image's depth.
-fn shifts_mm(snapshot: &insonify::render::Snapshot, probe: &Probe, from: f64) -> f64 {
+fn greatest_shift_mm(snapshot: &Snapshot, probe: &Probe, from: f64) -> f64 {
     let planes = snapshot.profiles.len() / probe.scanlines as usize;
     let behind = &snapshot.profiles[(from * planes as f64) as usize * probe.scanlines as usize..];
     let shift = |weights: &[f64]| {
@@ -66,10 +61,10 @@ fn beams_behind_any_delay_match_the_twin() {
     ];
     for (what, scene, probe, shifted) in cases {
         for (rays, layers) in [(1, 1), (3, 2)] {
-            let mut renderer = renderer(&scene, &probe, &settings(rays, layers), &ShaderSet::default());
+            let mut renderer = renderer(&scene, &probe, &settings(rays, layers, Choice::On), &ShaderSet::default());
             let snapshot =
                 holds(&format!("{what}, {rays} x {layers}"), &mut renderer, &at(0.011, 0.012, 0.0), ROUNDING);
-            let shift_mm = shifts_mm(&snapshot, &probe, 0.5);
+            let shift_mm = greatest_shift_mm(&snapshot, &probe, 0.5);
             println!("{what}, {rays} x {layers}: greatest shift {shift_mm:.2} mm");
             assert!(!shifted || shift_mm > 0.5, "{what}: {shift_mm} mm");
         }
@@ -84,7 +79,7 @@ fn a_medium_as_fast_as_assumed_bends_nothing() {
     bench.add(body, 1, cuboid([0.0, FAR], [20.0, 40.0]));
     let scene = bench.scene().unwrap();
     let probe = linear(96, 0.4, 512, 100.0);
-    let mut renderer = renderer(&scene, &probe, &settings(1, 1), &ShaderSet::default());
+    let mut renderer = renderer(&scene, &probe, &settings(1, 1, Choice::On), &ShaderSet::default());
     let snapshot = holds("no delay", &mut renderer, &at(0.011, 0.012, 0.0), ROUNDING);
     let middle = |i: usize| (32..64).contains(&(i % probe.scanlines as usize));
     // Beams whose apertures don't reach the array's ends; the border hardly scatters.

@@ -75,20 +75,20 @@ fn compounding_raises_the_snr_as_its_looks_correlate() {
 #[test]
 fn looks_are_as_unlike_as_waves_make_them() {
     // By a sum over the elements of a two-way array: 8 MHz, aperture 20 mm, focus and depth 70 mm, looks 3.75° and 7.5° apart, and nine.
-    const CORRELATIONS: [(usize, f64); 2] = [(7, 0.41), (5, 0.03)];
+    // Look, correlation, and how far it may be off: cells are not points, so looks are less alike.
+    const CORRELATIONS: [(usize, f64, f64); 2] = [(7, 0.41, 0.14), (5, 0.03, 0.1)];
     const SNR: f64 = 4.35;
     let scene = block(Tissue { attenuation_db_cm_mhz: 0.0, ..grainy(0.0, 0.01) });
-    // Close scanlines: each of the scatterers' cells is met by several of every look. Cells are not points, so looks are less
-    // alike by up to 0.14.
+    // Close scanlines: each of the scatterers' cells is met by several of every look.
     let probe = Probe { frequency_mhz: 8.0, aperture_mm: 20.0, focus_mm: 70.0, ..linear(1024, 0.07, 1536, 100.0) };
     let (box_x, box_z, pose) = ([0.35, 0.65], [0.62, 0.8], at(0.0, 0.0, 0.0));
     let mut rig = Rig::new(&scene, &probe, &settings(compounded(9)));
     let mut look = |look: usize| amplitudes(&rig.look(&pose, look), box_x, box_z);
     let straight = look(8);
-    for (steered, expected) in CORRELATIONS {
+    for (steered, expected, allowed) in CORRELATIONS {
         let found = correlation(&straight, &look(steered));
         println!("correlation {found:.3}, theory {expected}");
-        assert!((found - expected).abs() < 0.14, "{found}, theory {expected}");
+        assert!((found - expected).abs() < allowed, "{found}, theory {expected}");
     }
     let mean = amplitudes(&rig.frame(&pose), box_x, box_z);
     let level = |values: &[f64]| 20.0 * (values.iter().sum::<f64>() / values.len() as f64).log10();

@@ -204,7 +204,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         progress.set(done + 1, timed.len());
     }
     drop(progress);
-    load.warn("these times");
+    load.warn();
     let times_hq = std::mem::take(&mut hq.times);
 
     let target = translation.as_ref().map_or(HQ, |translation| translation.target);

@@ -31,10 +31,11 @@ pub(super) struct LateralBeam<'a> {
 }
 
 /// Focuses `baseband` into `focused`, both complex [scanlines × row_samples]. Each block of samples has a kernel, or the
-/// profile of its scanline's beam. Kernels of a phased array are wider beside its normal. Weights beyond the array are made up for: with the aperture in power, by a factor of two
-/// at most, since its beams have less power there; else in amplitude. Weights below `least_weight` count as 0. Each
-/// scanline sees its neighbours' scatterers with the gain of its own aperture. The wavefront of a steered look is across its
-/// scanlines: a neighbour's samples lie `params.steer_shift_mm` deeper or higher.
+/// profile of its scanline's beam. Kernels of a phased array are wider beside its normal. Weights beyond the array are
+/// made up for: with the aperture in power, by a factor of two at most, since its beams have less power there; else in
+/// amplitude. Weights below `least_weight` count as 0. Each scanline sees its neighbours' scatterers with the gain of its
+/// own aperture. The wavefront of a steered look is across its scanlines: a neighbour's samples lie
+/// `params.steer_shift_mm` deeper or higher.
 ///
 /// `loudness` holds the gains as amplitudes, those of neighbouring scanlines side by side [blocks × scanlines].
 pub(super) fn lateral(

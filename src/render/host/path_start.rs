@@ -5,6 +5,15 @@ use glam::{Vec3, Vec4, Vec4Swizzles};
 use super::path::Scene;
 use super::path_state::PathState;
 
+/// Place of a path among the paths of a batch.
+#[derive(Debug, Clone, Copy)]
+struct PathNumber {
+    /// Ray of a scanline [scanlines × rays].
+    line_ray: usize,
+    /// Layer of the frame; none for a guide.
+    layer: Option<usize>,
+}
+
 impl Scene<'_> {
     /// Origin and direction of a path's first ray: the table's, moved across the slice.
     fn launch(&self, ray: usize, [offset, slope]: [f32; 2]) -> (Vec3, Vec3) {
@@ -14,41 +23,43 @@ impl Scene<'_> {
         (p.face_mm() + p.scene_vector(origin), p.scene_vector(direction).normalize())
     }
 
-    /// Elevational offset, slope and stretch of path `path`.
-    fn elevation(&self, path: usize) -> [f32; 4] {
+    /// Place of path `path` among the paths of a batch. Guides come after the paths of all layers.
+    fn number(&self, path: usize) -> PathNumber {
         let p = self.params;
         let line_rays = (p.scanlines * p.rays) as usize;
         let (line_ray, number) = (path % line_rays, path / line_rays);
-        if number >= p.layer_count as usize {
-            return [0.0, 0.0, 1.0, 0.0];
-        }
-        let layer = p.layer_first as usize + number;
-        self.elevations[layer * p.rays as usize + line_ray % p.rays as usize]
+        let layer = (number < p.layer_count as usize).then_some(p.layer_first as usize + number);
+        PathNumber { line_ray, layer }
+    }
+
+    /// Elevational offset, slope and stretch of a path.
+    fn elevation(&self, PathNumber { line_ray, layer }: PathNumber) -> [f32; 4] {
+        let rays = self.params.rays as usize;
+        layer.map_or([0.0, 0.0, 1.0, 0.0], |layer| self.elevations[layer * rays + line_ray % rays])
     }
 
     /// Elevational place of path `path` at half of the depth, mm.
     pub(super) fn across_mm(&self, path: usize) -> f32 {
-        let [offset, slope, ..] = self.elevation(path);
+        let [offset, slope, ..] = self.elevation(self.number(path));
         offset + 0.5 * self.params.depth_mm * slope
     }
 
     /// Initial state of path `path`.
     pub(super) fn begin(&self, path: usize) -> PathState {
         let p = self.params;
-        let line_rays = (p.scanlines * p.rays) as usize;
-        let (line_ray, number) = (path % line_rays, path / line_rays);
-        // Guides come after the paths of all layers, along the axes, which follow the rays in their table.
-        let guide = number >= p.layer_count as usize;
-        let layer = p.layer_first as usize + number;
-        let [offset, slope, stretch, _] = self.elevation(path);
-        let ray = if guide { path - line_rays * p.layer_count as usize + line_rays } else { line_ray };
+        let number @ PathNumber { line_ray, layer } = self.number(path);
+        let guide = layer.is_none();
+        let [offset, slope, stretch, _] = self.elevation(number);
+        // Guides go along the axes, which follow the rays in their table.
+        let before = p.scanlines * p.rays * p.layer_count.saturating_sub(1);
+        let ray = if guide { path - before as usize } else { line_ray };
         let (origin, direction) = self.launch(ray, [offset, slope]);
         // A guide's echoes stand for those of diverted paths, in their place.
         let (in_phase, in_power) = if guide { (1.0, 1.0) } else { (p.path_weight(), p.power_weight()) };
         PathState {
             line_ray: line_ray as u32,
             // Guides are the same in all batches.
-            layer: if guide { 0 } else { layer as u32 },
+            layer: layer.unwrap_or(0) as u32,
             guide,
             stretch,
             face_depth_mm: self.rays[2 * ray][2],

@@ -176,8 +176,7 @@ impl Powers {
 }
 
 /// Weighted power of a medium's scatterers: of the mean, of the deviation, and of both times the density as a part
-/// of 1. None without
-/// scatterers.
+/// of 1. None without scatterers.
 #[inline(always)]
 fn parts(weight: f32, segment: &[f32; SEGMENT]) -> Option<[f32; 3]> {
     let [mean, deviation, density] = [segment[8], segment[9], segment[10]];

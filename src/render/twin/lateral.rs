@@ -8,8 +8,8 @@ use super::visibility::BlockGain;
 use crate::render::constants::NEIGHBOUR_GAIN_MAX;
 
 /// Baseband after the beam [scanlines × samples]: each sample is the weighted sum over neighbouring scanlines. Weights
-/// beyond the array are made up for: with the aperture in power, by a factor of two at most, else in amplitude. Each scanline sees its neighbours' scatterers with the gain of its own
-/// aperture. `gains` are the aperture's [scanlines × blocks], `profiles` those of the planes; both are empty without it.
+/// beyond the array are made up for: with the aperture in power, by a factor of two at most, else in amplitude. Each
+/// scanline sees its neighbours' scatterers with the gain of its own aperture. `gains` are the aperture's [scanlines × blocks], `profiles` those of the planes; both are empty without it.
 pub fn lateral(inputs: &Inputs, gains: &[BlockGain], profiles: &[Profile], baseband: &[DVec2]) -> Vec<DVec2> {
     let mut focused = Vec::with_capacity(baseband.len());
     for line in 0..inputs.scanlines {
