@@ -6,6 +6,8 @@ const byId = (id) => document.getElementById(id);
 const add = (a, b, k = 1) => a.map((v, i) => v + k * b[i]);
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+/** Rest after a live frame of the view, in durations of its drawing: the picture comes first where WebGL runs on the CPU. */
+const REST = 3;
 const AXES = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
 
 /** Reads what `/scene` answers; src/sink/browser/scene.rs has the layout. */
@@ -49,6 +51,7 @@ export class Scene3d {
     this.zoom = 1;
     this.pan = [0, 0];
     this.queued = false;
+    this.resting = null;
     this.listen();
   }
 
@@ -131,7 +134,7 @@ export class Scene3d {
   /** The newest frame: where the probe is and what it sees. */
   show(frame) {
     this.frame = frame;
-    if (this.isOpen) this.redraw();
+    if (this.isOpen && !this.resting) this.redraw();
   }
 
   redraw() {
@@ -139,8 +142,25 @@ export class Scene3d {
     this.queued = true;
     requestAnimationFrame(() => {
       this.queued = false;
-      if (this.isOpen && this.gl && this.scene) this.draw();
+      if (!this.isOpen || !this.gl || !this.scene) return;
+      this.draw();
+      this.rest(this.frame);
     });
+  }
+
+  /** Draws no newer frame until this one is done and the rest is over. A user's change is drawn at once. */
+  rest(drawn) {
+    const start = performance.now();
+    const isDone = this.gl.fence();
+    const rest = {};
+    this.resting = rest;
+    const end = () => {
+      if (this.resting !== rest) return;
+      this.resting = null;
+      if (this.frame !== drawn) this.redraw();
+    };
+    const poll = () => (isDone() ? setTimeout(end, REST * (performance.now() - start)) : setTimeout(poll, 4));
+    setTimeout(poll, 0);
   }
 
   pose() {

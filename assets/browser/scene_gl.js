@@ -78,7 +78,10 @@ function program(gl, fragment) {
 /** Draws a scene packet; `null` from `open` where there is no WebGL 2. */
 export class SceneGl {
   static open(canvas) {
-    const gl = canvas.getContext("webgl2", { antialias: true, alpha: false, preserveDrawingBuffer: true });
+    const settings = { alpha: false, preserveDrawingBuffer: true };
+    // Smooth edges only where a GPU draws them.
+    const gl = canvas.getContext("webgl2", { ...settings, antialias: true, failIfMajorPerformanceCaveat: true })
+      ?? canvas.getContext("webgl2", { ...settings, antialias: false });
     return gl && new SceneGl(gl);
   }
 
@@ -166,6 +169,18 @@ export class SceneGl {
     for (let i = FAN_STEPS; i >= 0; i--) loop.push(...corner(2 * i + 1));
     gl.bindBuffer(gl.ARRAY_BUFFER, this.fanBuffer);
     gl.bufferData(gl.ARRAY_BUFFER, new Float32Array([...values, ...loop]), gl.DYNAMIC_DRAW);
+  }
+
+  /** Whether all that was drawn until now is done, as a function to ask. A lost context counts as done. */
+  fence() {
+    const { gl } = this;
+    const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
+    return () => {
+      const isDone = !fence || gl.isContextLost() || gl.getSyncParameter(fence, gl.SYNC_STATUS) === gl.SIGNALED;
+      if (isDone && fence) gl.deleteSync(fence);
+      return isDone;
+    };
   }
 
   /**

@@ -31,7 +31,7 @@ class Settled:
             self.first = None
             return False
         if first is None:
-            self.first = figures
+            self.first = dict(figures)
             return False
         is_steady = figures["p95_ms"] is not None and figures["p95_ms"] <= 2000 / self.rate_hz
         return figures["frame"] - first["frame"] >= self.frames and is_steady

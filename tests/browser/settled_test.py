@@ -4,6 +4,7 @@
 import pathlib
 import sys
 import unittest
+import unittest.mock
 
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
@@ -55,6 +56,20 @@ class SettledTest(unittest.TestCase):
                 raise AssertionError(f"waited {seconds} s in vain for: {what}")
 
         with self.assertRaisesRegex(AssertionError, "4 of 14 frames/s, p95 234 ms, 94 skipped"):
+            settled.wait(Page(), 14)
+
+    def test_waiting_ends_when_the_session_has_settled(self):
+        class Page:
+            frame = 0
+
+            def script(self, _):
+                self.frame += 7
+                return figures(self.frame)
+
+            def wait(self, what, condition, seconds):
+                assert any(condition() for _ in range(seconds)), what
+
+        with unittest.mock.patch("settled.time.sleep"):
             settled.wait(Page(), 14)
 
 
