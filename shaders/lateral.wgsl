@@ -3,8 +3,9 @@
 //
 // Each block of DEPTH_BLOCK samples has a kernel, or the profile of its scanline's beam. Kernels of a phased array are wider
 // beside its normal. Weights beyond the array are made up for: with the aperture in power, by a factor of two at most, else
-// in amplitude. Each scanline sees its neighbours' scatterers with the gain of its own aperture. The wavefront of a steered
-// look is across its scanlines: a neighbour's samples lie deeper or higher.
+// in amplitude. Each scanline sees its neighbours' scatterers with the gain of its own aperture. Echoes that came by
+// reflections don't carry the gain: where both scanlines hold some, the weaker one's amplitude is the least that is
+// compared. The wavefront of a steered look is across its scanlines: a neighbour's samples lie deeper or higher.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> kernels: array<f32>;
@@ -18,6 +19,8 @@
 @group(0) @binding(7) var<storage, read> blends: array<f32>;
 // Of each block's kernel: scanlines to either side that it reaches, and the sum of its squares.
 @group(0) @binding(8) var<storage, read> kernel_spans: array<vec2<f32>>;
+// Amplitude that came by reflections over the amplitude that the aperture sees [scanlines × blocks]. Read if APERTURE.
+@group(0) @binding(9) var<storage, read> reflected: array<f32>;
 
 const THREADS: u32 = 64u;
 // Threads of a block of samples, and blocks of a workgroup.
@@ -29,8 +32,8 @@ const TAPS_MAX: u32 = 2u * LATERAL_HALF_MAX + 1u;
 var<workgroup> weights: array<f32, TAPS_MAX * BLOCKS>;
 // Phase of each neighbour's wavefront; only in steered looks.
 var<workgroup> turns: array<vec2<f32>, TAPS_MAX>;
-// Of each thread's taps: sum of the weights' squares, and their sum.
-var<workgroup> sums: array<vec2<f32>, THREADS>;
+// Of each thread's taps: sum of the weights' squares, and their sum; the same with taps beyond the array's ends.
+var<workgroup> sums: array<vec4<f32>, THREADS>;
 // First tap with a weight, and the end of them.
 var<workgroup> ends: array<vec2<u32>, THREADS>;
 
@@ -74,6 +77,11 @@ fn kernel_at(block: u32, at: u32, projection: f32) -> f32 {
     return mix(kernels[kernel + low], kernels[kernel + low + 1u], place - f32(low));
 }
 
+// Amplitude of a block that came by reflections, at most 1; `gain` is that of its scanline.
+fn reflected_of(line: u32, block: u32, gain: f32) -> f32 {
+    return min(gain * reflected[line * (params.row_samples >> BLOCK_SHIFT) + block], 1.0);
+}
+
 // Weights of a block, by the threads that share it: each has every SHARING-th tap.
 fn weigh(thread: u32, line: u32, block: u32) {
     let half = i32(params.lateral_half);
@@ -84,6 +92,7 @@ fn weigh(thread: u32, line: u32, block: u32) {
     var near = 0u;
     var far = 0u;
     var own = 1.0;
+    var own_reflected = 0.0;
     let projection = projection_of(line);
     var reach = u32(kernel_spans[block].x);
     if projection < 1.0 {
@@ -94,6 +103,7 @@ fn weigh(thread: u32, line: u32, block: u32) {
     if APERTURE {
         let gain = block_gains[line * blocks + block];
         own = gain.x;
+        own_reflected = reflected_of(line, block, gain.x);
         let place = clamp(gain.y, 0.0, f32(aperture.planes - 1u));
         let low = min(u32(place), max(aperture.planes, 2u) - 2u);
         part = place - f32(low);
@@ -105,7 +115,7 @@ fn weigh(thread: u32, line: u32, block: u32) {
             limit = max(limit, u32(max(blends[3u * near + 2u], blends[3u * far + 2u])));
         }
     }
-    var sum = vec2<f32>(0.0);
+    var sum = vec4<f32>(0.0);
     var first = taps;
     var end = 0u;
     for (var at = begin + thread % SHARING; at < limit; at += SHARING) {
@@ -116,13 +126,14 @@ fn weigh(thread: u32, line: u32, block: u32) {
         if kept < 1.0 && there {
             weight = kept * kernel + ((1.0 - part) * profile_at(near, at) + part * profile_at(far, at));
         }
-        sum += vec2<f32>(weight * weight, weight);
+        sum += vec4<f32>(weight * weight, weight, kernel * kernel, kernel);
         if weight > 0.0 {
             first = min(first, at);
             end = at + 1u;
             if APERTURE {
-                let other = u32(source);
-                weight *= min(own / block_gains[other * blocks + block].x, NEIGHBOUR_GAIN_MAX);
+                let gain = block_gains[u32(source) * blocks + block].x;
+                let by_reflections = reflected_of(u32(source), block, gain);
+                weight *= min(max(own, min(own_reflected, by_reflections)) / max(gain, by_reflections), NEIGHBOUR_GAIN_MAX);
             }
         }
         weights[at * BLOCKS + thread / SHARING] = weight;
@@ -151,7 +162,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_
     if !inside {
         return;
     }
-    var sum = vec2<f32>(0.0);
+    var sum = vec4<f32>(0.0);
     var begin = TAPS_MAX;
     var to = 0u;
     for (var other = thread - thread % SHARING; other < thread - thread % SHARING + SHARING; other++) {
@@ -182,7 +193,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_
     let total = sum.y;
     let kernel_power = kernel_spans[block].y;
     // Speckle of a wide kernel whose sum is 1 would be darker.
-    let level = sqrt(projection_of(line));
+    let level = select(sqrt(sum.z / kernel_power) / sum.w, 1.0, projection_of(line) == 1.0);
     let scale = select(1.0 / max(total * level, 1.0e-30), sqrt(kernel_power / max(power, 0.5 * kernel_power)), APERTURE);
     let out = (line * params.row_samples + first) >> 1u;
     focused[out] = a * scale;

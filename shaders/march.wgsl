@@ -18,6 +18,9 @@
 
 // Texture of each tissue, by number − 1.
 @group(0) @binding(10) var<storage, read> textures: array<Texture>;
+// Amplitude that came by reflections over the amplitude that the aperture sees, at the first sample of each block
+// [scanlines × blocks]; until the last dispatch the scaled power of the reflections. Written if APERTURE.
+@group(0) @binding(11) var<storage, read_write> reflected: array<f32>;
 
 // Whether the aperture's gain replaces the loss of paths that have not reflected.
 override APERTURE: bool = false;
@@ -90,6 +93,15 @@ fn echo_at(range_mm: f32, power: vec3<f32>, gain: f32, per_reach_mm: f32) -> vec
     return lattice_echo(place, strength);
 }
 
+// Ratio of two amplitudes from their powers, at most REFLECTED_MAX.
+fn reflected_over_seen(by_reflections: f32, seen: f32) -> f32 {
+    if by_reflections == 0.0 {
+        return 0.0;
+    }
+    let bounded = seen > by_reflections * (1.0 / (REFLECTED_MAX * REFLECTED_MAX));
+    return select(REFLECTED_MAX, sqrt(by_reflections / seen), bounded);
+}
+
 fn range_of(sample: u32) -> f32 {
     return (f32(i32(sample)) + 0.5) * params.sample_spacing_mm;
 }
@@ -121,6 +133,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     // The mean power of all rays sets their strength. Samples restart here, so the current segment is reset.
     path = 0xffffffffu;
     var power: array<vec3<f32>, RUN>;
+    var by_reflections = 0.0;
     let weight = 1.0 / f32(params.rays * params.layers);
     for (var layer = 0u; layer < params.layer_count; layer++) {
         for (var ray = 0u; ray < params.rays; ray++) {
@@ -134,7 +147,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                     power[i + 1u] += seen[i + 1u] * here;
                 } else {
                     // Beyond its first reflection a path has its own loss, and the guide stands for what it missed.
-                    power[i] += own_power(range_mm) * here;
+                    let own = own_power(range_mm) * here;
+                    power[i] += own;
+                    by_reflections += select(0.0, own.x + own.y, pair == 0u);
                     power[i + 1u] += own_power(range_of(first + i + 1u)) * here;
                     if APERTURE {
                         power[i] += seen[i] * weight * guided[pair];
@@ -145,6 +160,11 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
     }
     let block = first >> BLOCK_SHIFT;
+    if APERTURE && first % DEPTH_BLOCK == 0u {
+        let at = line * (params.row_samples >> BLOCK_SHIFT) + block;
+        by_reflections += select(reflected[at], 0.0, begins);
+        reflected[at] = select(by_reflections, reflected_over_seen(by_reflections, seen[0] * (guided[0].x + guided[0].y)), ends);
+    }
     let gain = UNSCALED * scatterer_gain[block >> 2u][block & 3u];
     var textured: array<f32, RUN / TEXTURE_SAMPLES>;
     path = 0xffffffffu;

@@ -76,6 +76,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let range_mm = (f32(block << BLOCK_SHIFT) + 0.5) * params.sample_spacing_mm;
         at = segment_from(guide, at, range_mm);
         let place = place_of(line, range_mm, loss_on(guide, at, range_mm));
-        block_gains[line * blocks + block] = vec2<f32>(exp(max(gain_at(line, place), COMPARED_MIN_NP)), place);
+        block_gains[line * blocks + block] = vec2<f32>(exp(gain_at(line, place)), place);
     }
 }

@@ -106,9 +106,8 @@ pub(crate) const VISIBLE_MAX_NP: f64 = 0.25;
 /// Greatest ratio of a scanline's own gain to its neighbour's in `lateral`. Scatterers need no limit; echoes of reflected
 /// paths don't carry the gain and must not be amplified.
 pub(crate) const NEIGHBOUR_GAIN_MAX: f64 = 4.0;
-/// Least gain of a block, nepers of amplitude, that `lateral` compares with its neighbours': −40 dB. What is seen behind
-/// darker places came by reflections, and doesn't carry the gain.
-pub(crate) const COMPARED_MIN_NP: f64 = -4.605170186;
+/// Most amplitude that came by reflections, over the amplitude that the aperture sees.
+pub(crate) const REFLECTED_MAX: f64 = 1.0e7;
 /// Least part of a phased array's aperture that a scanline sees: the cosine of 78°.
 pub(crate) const PROJECTION_MIN: f64 = 0.2;
 /// Unlikeness of a beam's profile to an unobstructed one, 1 less their squared correlation, from which the profile alone

@@ -38,6 +38,8 @@ pub(super) struct PassBuffers {
     pub(super) line_gains: Vec<[f32; 4]>,
     /// `visibility` [scanlines × blocks].
     pub(super) block_gains: Vec<[f32; 2]>,
+    /// `march` [scanlines × blocks].
+    pub(super) reflected: Vec<f32>,
     /// Baseband before the interfaces echo.
     pub(super) scattered: Vec<[f32; 2]>,
     pub(super) baseband: Vec<[f32; 2]>,
@@ -85,6 +87,9 @@ pub struct Snapshot {
     pub line_gains: Vec<Boundary>,
     /// `visibility`: gain of each block and its place [scanlines × blocks].
     pub block_gains: Vec<BlockGain>,
+    /// `march`: amplitude that came by reflections over the amplitude that the aperture sees, at the first sample of each
+    /// block [scanlines × blocks].
+    pub reflected: Vec<f64>,
     /// `march`: baseband of the scatterers [scanlines × samples].
     pub scattered: Vec<DVec2>,
     /// `echo`: the same with the interfaces' echoes.
@@ -144,6 +149,7 @@ impl Snapshot {
             beam_powers: wide(&buffers.beam_powers, of_aperture(&inputs, |a| a.planes * a.cells)),
             line_gains: line_gains_from(&buffers, &inputs),
             block_gains: block_gains_from(&buffers, &inputs),
+            reflected: reflected_from(&buffers, &inputs),
             scattered: complex(&buffers.scattered),
             baseband: complex(&buffers.baseband),
             focused: complex(&buffers.focused),
@@ -203,6 +209,11 @@ fn block_gains_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<BlockGain> {
     let count = of_aperture(inputs, |_| inputs.scanlines * inputs.blocks());
     let gain = |&[gain, place]: &[f32; 2]| BlockGain { gain: gain.into(), place: place.into() };
     buffers.block_gains.iter().take(count).map(gain).collect()
+}
+
+fn reflected_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<f64> {
+    let count = of_aperture(inputs, |_| inputs.scanlines * inputs.blocks());
+    buffers.reflected.iter().take(count).map(|&over_seen| over_seen.into()).collect()
 }
 
 /// Profiles with zeros beyond their ends, which the passes do not read.

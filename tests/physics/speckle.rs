@@ -6,7 +6,7 @@ use insonify::anatomy::{Scene, Tissue, analytic};
 use insonify::pose::Pose;
 use insonify::render::{Choice, Effect, Frame, RenderSettings};
 use insonify::statistics::slope;
-use insonify::transducer::Probe;
+use insonify::transducer::{Probe, ProbeKind};
 
 use super::bench::{Bench, Rig, at, grainy, linear, magnitude, mean_square, silent, small};
 
@@ -78,6 +78,25 @@ fn all_paths(rays: u32, layers: u32) -> RenderSettings {
     let mut settings = small(rays, layers);
     settings.effects = settings.effects.with(Effect::Rays, Choice::On).with(Effect::Layers, Choice::On);
     settings
+}
+
+#[test]
+fn speckle_of_a_phased_array_keeps_its_level_beside_the_normal() {
+    let kind = ProbeKind::Phased { fov_deg: 90.0 };
+    let probe = Probe { kind, scanlines: 512, frequency_mhz: 3.0, ..Probe::default() };
+    let scene = block(grainy(0.0, 0.01));
+    let frame = Rig::new(&scene, &probe, &small(1, 1)).frame(&at(0.0, 0.0, 0.0));
+    // Nearer to the face, scanlines share scatterers.
+    for (from_mm, to_mm) in [(16.0, 24.0), (24.0, 32.0), (40.0, 60.0), (90.0, 110.0)] {
+        let level_db = |first: u32| {
+            let samples = |mm: f64| (mm / probe.sample_spacing_mm()) as usize;
+            let line = |line: u32| &frame.lines[(line * probe.samples) as usize..][samples(from_mm)..samples(to_mm)];
+            10.0 * (mean_square((first..first + 60).flat_map(|l| line(l).iter().map(|&s| magnitude(s)))) / 1e-4).log10()
+        };
+        let (middle, beside) = (level_db(226), level_db(20));
+        println!("{from_mm} to {to_mm} mm: {middle:+.2} dB in the middle, {beside:+.2} dB at 36 degrees");
+        assert!((middle - beside).abs() < 0.6, "{from_mm} mm: {middle} and {beside} dB");
+    }
 }
 
 #[test]

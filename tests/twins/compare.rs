@@ -292,6 +292,15 @@ fn march(s: &Snapshot) -> Result<(), Mismatch> {
     // A sample within 10⁻⁵ mm of a face of its lattice cell (0.15 mm) may fall into the neighbour.
     let mut tally = Tally::new("march", "scatterers", 0.005);
     add_rows(&mut tally, s, &s.scattered, &twin::march(&s.inputs, &s.paths, &s.line_gains), phase_tolerance(s));
+    tally.finish()?;
+    if s.inputs.aperture.is_none() {
+        return Ok(());
+    }
+    // A block that begins within rounding of a segment's end may have the neighbour's.
+    let mut tally = Tally::new("march", "blocks with reflections", 0.005);
+    for (device, twin) in s.reflected.iter().zip(&twin::reflected(&s.inputs, &s.paths, &s.line_gains)) {
+        tally.add((device - twin).abs() / (1.0e-3 * twin.max(1.0e-6)));
+    }
     tally.finish()
 }
 
@@ -311,7 +320,7 @@ fn echo(s: &Snapshot) -> Result<(), Mismatch> {
 
 fn lateral(s: &Snapshot) -> Result<(), Mismatch> {
     let mut tally = Tally::new("lateral", "focused baseband", 0.001);
-    let twin = twin::lateral(&s.inputs, &s.block_gains, &s.profiles, &s.baseband);
+    let twin = twin::lateral(&s.inputs, &s.block_gains, &s.reflected, &s.profiles, &s.baseband);
     // The shift of a steered look is a whole number of samples; at a tie it may be the neighbour.
     add_rows(&mut tally, s, &s.focused, &twin, phase_tolerance(s));
     tally.finish()

@@ -205,9 +205,10 @@ const DAMAGES: [Damages; 4] = [
         (
             "neighbours of a scanline in the shadow as loud",
             "lateral",
-            "min(own / block_gains[other * blocks + block].x, NEIGHBOUR_GAIN_MAX)",
+            "max(own, min(own_reflected, by_reflections)) / max(gain, by_reflections)",
             "1.0",
         ),
+        ("reflections of a pair of samples", "march", "select(0.0, own.x + own.y, pair == 0u)", "own.x + own.y"),
         ("delays of the guide alone", "transmission", "return own.x +", "return 0.0 * own.x +"),
         (
             "a profile of the plane before",

@@ -28,6 +28,7 @@ pub(crate) struct ApertureBuffers {
     pub(crate) blends: wgpu::Buffer,
     pub(crate) line_gains: wgpu::Buffer,
     pub(crate) block_gains: wgpu::Buffer,
+    pub(crate) reflected: wgpu::Buffer,
 }
 
 impl ApertureBuffers {
@@ -75,6 +76,7 @@ impl ApertureBuffers {
                 &b.line_gains
             })?,
             block_gains: work("block gains", if aperture.is_some() { 8 * blocks } else { 0 }, |b| &b.block_gains)?,
+            reflected: work("reflected amplitudes", if aperture.is_some() { 4 * blocks } else { 0 }, |b| &b.reflected)?,
         })
     }
 

@@ -248,6 +248,7 @@ impl Buffers {
                 (&self.aperture.line_gains, read),
                 (&self.sheet_reach, uniform),
                 (&self.textures, read),
+                (&self.aperture.reflected, write),
             ],
             "echo" => vec![
                 (&self.starts, read),
@@ -312,6 +313,7 @@ impl Buffers {
                 (&self.aperture.profiles, read),
                 (&self.aperture.blends, read),
                 (&self.kernel_spans, read),
+                (&self.aperture.reflected, read),
             ],
             "receive" => {
                 vec![(&self.starts, read), (&self.segments, read), (&self.near_field, read), (&self.focused, write)]

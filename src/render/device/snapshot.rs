@@ -99,5 +99,6 @@ pub(super) fn pass_buffers(
         blends: read(gpu, &buffers.aperture.blends)?,
         line_gains: read(gpu, &buffers.aperture.line_gains)?,
         block_gains: read(gpu, &buffers.aperture.block_gains)?,
+        reflected: read(gpu, &buffers.aperture.reflected)?,
     })
 }

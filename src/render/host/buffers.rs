@@ -20,7 +20,7 @@ pub(super) struct Buffers {
     /// All outputs except images, which go into the frame. `lines` are empty unless the settings ask for them.
     pub(super) passes: PassBuffers,
     pub(super) aperture: Option<ApertureBuffers>,
-    /// Gains of the blocks, those of neighbouring scanlines side by side [blocks × scanlines]; empty without the aperture.
+    /// Amplitudes that `lateral` compares [blocks × 2 × scanlines]; empty without the aperture.
     pub(super) loudness: Vec<f32>,
     /// Powers of the scatterers between batches; empty if there is one.
     pub(super) kept_powers: Vec<[f32; 3]>,
@@ -87,6 +87,7 @@ impl Buffers {
             hints: zeros("segment hints", paths * u64::from(params.hint_words))?,
             segment_counts: zeros("segment counts", paths)?,
             baseband: zeros("baseband", samples)?,
+            reflected: zeros("reflected amplitudes", samples / u64::from(DEPTH_BLOCK))?,
             focused: zeros("focused baseband", samples)?,
             polar: zeros("polar image", samples)?,
             lines: zeros("lines", if settings.lines { samples } else { 0 })?,
@@ -123,7 +124,7 @@ impl Buffers {
         Ok(Self {
             passes,
             aperture: tables.aperture.as_ref().map(ApertureBuffers::new),
-            loudness: zeros("loudness", if planes > 0 { samples / u64::from(DEPTH_BLOCK) } else { 0 })?,
+            loudness: zeros("loudness", if planes > 0 { 2 * samples / u64::from(DEPTH_BLOCK) } else { 0 })?,
             kept_powers: zeros("scatterer powers", if batches.batches > 1 { samples } else { 0 })?,
             gain: DepthGain::default(),
             layout: layout(&tables.pixels),

@@ -25,6 +25,8 @@ pub(super) struct LateralBeam<'a> {
     pub(super) kernels: &'a Kernels,
     /// Gain and place of each block [scanlines × blocks]; empty without the aperture.
     pub(super) gains: &'a [BlockGain],
+    /// Amplitude that came by reflections over the amplitude that the aperture sees [scanlines × blocks].
+    pub(super) reflected: &'a [f32],
     /// Outputs of `profiles`; empty without the aperture.
     pub(super) weights: &'a [f32],
     pub(super) blends: &'a [Blend],
@@ -37,7 +39,10 @@ pub(super) struct LateralBeam<'a> {
 /// own aperture. The wavefront of a steered look is across its scanlines: a neighbour's samples lie
 /// `params.steer_shift_mm` deeper or higher.
 ///
-/// `loudness` holds the gains as amplitudes, those of neighbouring scanlines side by side [blocks × scanlines].
+/// Echoes that came by reflections don't carry the gain. Where both scanlines hold some, the weaker one's amplitude is the
+/// least that is compared.
+///
+/// `loudness` [blocks × 2 × scanlines] holds what a scanline's echoes carry, gain or reflections, then the reflections alone.
 pub(super) fn lateral(
     params: &Params,
     beam: LateralBeam<'_>,
@@ -47,10 +52,13 @@ pub(super) fn lateral(
 ) {
     let row_samples = params.row_samples as usize;
     let blocks = row_samples / DEPTH_BLOCK as usize;
-    let rows = loudness.par_chunks_exact_mut(params.scanlines as usize).enumerate();
+    let rows = loudness.par_chunks_exact_mut(2 * params.scanlines as usize).enumerate();
     rows.with_min_len(LINES_TOGETHER).for_each(|(block, row)| {
-        for (loudness, gains) in row.iter_mut().zip(beam.gains.chunks_exact(blocks)) {
-            *loudness = gains[block][0];
+        let (carried, reflected) = row.split_at_mut(params.scanlines as usize);
+        let lines = beam.gains.chunks_exact(blocks).zip(beam.reflected.chunks_exact(blocks));
+        for ((carried, reflected), (gains, over_gain)) in carried.iter_mut().zip(reflected).zip(lines) {
+            *reflected = at_most(gains[block][0] * over_gain[block], 1.0);
+            *carried = at_least(gains[block][0], *reflected);
         }
     });
     let loudness = &*loudness;
@@ -65,6 +73,8 @@ struct Weights {
     taps: [f32; TAPS_MAX],
     first: usize,
     end: usize,
+    /// Level of speckle over that of the depth's kernel, beyond the array's ends too.
+    level: f32,
 }
 
 impl LateralBeam<'_> {
@@ -75,9 +85,13 @@ impl LateralBeam<'_> {
         let kernel = &self.kernels.lateral[block * taps..][..taps];
         let (half, reach) = (params.lateral_half as usize, self.kernels.reach[block] as usize);
         let projection = params.projection(line);
+        weights.level = 1.0;
         let reach = if projection < 1.0 {
             let reach = (((reach + 1) as f32 / projection).ceil() as usize).min(half);
             widen(kernel, reach, projection, &mut weights.taps[..taps]);
+            let widened = &weights.taps[half - reach..=half + reach];
+            // Speckle of a wide kernel whose sum is 1 would be darker.
+            weights.level = (sum_of_squares(widened) / self.kernels.power[block]).sqrt() / widened.iter().sum::<f32>();
             reach
         } else {
             weights.taps[..taps].copy_from_slice(kernel);
@@ -152,9 +166,7 @@ fn focus_row_body(
     let to = (2 * half + 1).min(params.scanlines as usize + half - line);
     let blocks = row.as_chunks_mut::<BLOCK>().0;
     let block_count = blocks.len();
-    let mut weights = Weights { taps: [0.0; TAPS_MAX], first: 0, end: 0 };
-    // Speckle of a wide kernel whose sum is 1 would be darker.
-    let level = params.projection(line).sqrt();
+    let mut weights = Weights { taps: [0.0; TAPS_MAX], first: 0, end: 0, level: 1.0 };
     let steered = params.steer_shift_mm != 0.0;
     // Samples and phase by which each neighbour's echoes come later.
     let (mut shifts, mut turns) = ([0; TAPS_MAX], [[1.0, 0.0]; TAPS_MAX]);
@@ -177,14 +189,17 @@ fn focus_row_body(
             *seen = if weight >= constants.least_weight() { weight } else { 0.0 };
         }
         let scale = match gains {
-            [] => 1.0 / at_least(seen.iter().sum::<f32>() * level, 1.0e-30),
+            [] => 1.0 / at_least(seen.iter().sum::<f32>() * weights.level, 1.0e-30),
             _ => (kernels.power[block] / at_least(sum_of_squares(seen), 0.5 * kernels.power[block])).sqrt(),
         };
         let nearest = line + first - half;
         let lines = params.scanlines as usize;
-        if let Some(loudness) = loudness.get(block * lines + nearest..).filter(|_| !gains.is_empty()) {
-            for (seen, &gain) in seen.iter_mut().zip(loudness) {
-                *seen *= at_most(own / gain, NEIGHBOUR_GAIN_MAX);
+        if !gains.is_empty() {
+            let (carried, reflected) = loudness[2 * block * lines..][..2 * lines].split_at(lines);
+            let own_reflected = reflected[line];
+            for ((seen, &carried), &other) in seen.iter_mut().zip(&carried[nearest..]).zip(&reflected[nearest..]) {
+                let own = at_least(own, at_most(own_reflected, other));
+                *seen *= at_most(own / carried, NEIGHBOUR_GAIN_MAX);
             }
         }
         let sources = baseband[nearest * stride..].chunks_exact(stride);

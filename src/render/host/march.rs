@@ -2,10 +2,10 @@
 
 use rayon::prelude::*;
 
-use super::constants::{ImageConstants, UNSCALED};
+use super::constants::{ImageConstants, REFLECTED_MAX, UNSCALED};
 use super::line_gain::Visibility;
 use super::paths::{BLOCK, CHUNK, Lanes, Paths, range_mm, seek};
-use super::power::{Power, Powers, Stretch};
+use super::power::{Power, Powers, Stretch, seen_power};
 use super::speckle::{Block, BlockOfPath, Speckle, Strength};
 use super::texture::{PLACES, Waves};
 use crate::render::constants::{TEXTURE_MASK, TEXTURE_SAMPLES, TEXTURE_SHIFT};
@@ -34,22 +34,31 @@ pub(super) struct Scatterers<'a> {
     pub(super) visibility: Option<&'a Visibility<'a>>,
 }
 
-/// Fills `baseband`, complex [scanlines × row_samples]; the last batch adds to it. `kept` keeps the powers between the
-/// batches of a frame [scanlines × row_samples]; it is empty if there is one batch.
-pub(super) fn march(
-    params: &Params,
-    paths: Paths<'_>,
-    scatterers: Scatterers<'_>,
-    baseband: &mut [[f32; 2]],
-    kept: &mut [[f32; 3]],
-) {
+/// Outputs of the pass.
+#[derive(Debug)]
+pub(super) struct Marched<'a> {
+    /// Complex [scanlines × row_samples]; the last batch adds to it.
+    pub(super) baseband: &'a mut [[f32; 2]],
+    /// Amplitude that came by reflections over the amplitude that the aperture sees, at the first sample of each block
+    /// [scanlines × blocks]. Filled in with the aperture.
+    pub(super) reflected: &'a mut [f32],
+    /// Powers between the batches of a frame [scanlines × row_samples]; empty if there is one batch.
+    pub(super) kept: &'a mut [[f32; 3]],
+}
+
+/// Fills in the echoes of the scatterers.
+pub(super) fn march(params: &Params, paths: Paths<'_>, scatterers: Scatterers<'_>, into: Marched<'_>) {
     let samples = params.row_samples as usize;
-    let rows = baseband.par_chunks_exact_mut(samples).enumerate();
+    let Marched { baseband, reflected, kept } = into;
+    let rows = baseband.par_chunks_exact_mut(samples).zip(reflected.par_chunks_exact_mut(samples / BLOCK)).enumerate();
     if kept.is_empty() {
-        rows.for_each(|(line, row)| march_row(params, &paths, &scatterers, line as u32, row, &mut []));
+        rows.for_each(|(line, (row, reflected))| {
+            march_row(params, &paths, &scatterers, line as u32, row, reflected, &mut []);
+        });
     } else {
-        let rows = rows.zip(kept.par_chunks_exact_mut(samples));
-        rows.for_each(|((line, row), kept)| march_row(params, &paths, &scatterers, line as u32, row, kept));
+        rows.zip(kept.par_chunks_exact_mut(samples)).for_each(|((line, (row, reflected)), kept)| {
+            march_row(params, &paths, &scatterers, line as u32, row, reflected, kept);
+        });
     }
 }
 
@@ -57,7 +66,7 @@ widened! {
     /// One scanline.
     fn march_row(
         params: &Params, paths: &Paths<'_>, scatterers: &Scatterers<'_>, line: u32, row: &mut [[f32; 2]],
-        kept: &mut [[f32; 3]],
+        reflected: &mut [f32], kept: &mut [[f32; 3]],
     ) = march_row_body
 }
 
@@ -68,6 +77,7 @@ fn march_row_body(
     scatterers: &Scatterers<'_>,
     line: u32,
     row: &mut [[f32; 2]],
+    reflected: &mut [f32],
     kept: &mut [[f32; 3]],
 ) {
     let begins = params.layer_first == 0;
@@ -101,6 +111,14 @@ fn march_row_body(
             if let Some(kept) = kept.get_mut(block as usize..).and_then(|rest| rest.first_chunk_mut::<BLOCK>()) {
                 add_kept(&mut total, kept, begins);
             }
+            if let (Some(loudness), Some(reflected)) = (&loudness, reflected.get_mut(block as usize / BLOCK)) {
+                // Power until the last batch.
+                *reflected = powers.reflected(i) + if begins { 0.0 } else { *reflected };
+                if ends && *reflected > 0.0 {
+                    let seen = seen_power(seek(params, paths, guide, block).1, loudness[0]);
+                    *reflected = reflected_over_seen(*reflected, seen);
+                }
+            }
             let mut sums = [[0.0; BLOCK]; 2];
             if ends {
                 let part = i % TEXTURE_BLOCKS;
@@ -117,6 +135,12 @@ fn march_row_body(
             }
         }
     }
+}
+
+/// Ratio of two amplitudes from their powers, at most `REFLECTED_MAX`.
+#[inline(always)]
+fn reflected_over_seen(reflected: f32, seen: f32) -> f32 {
+    if seen > reflected * (1.0 / (REFLECTED_MAX * REFLECTED_MAX)) { (reflected / seen).sqrt() } else { REFLECTED_MAX }
 }
 
 /// Adds the powers of earlier batches, and keeps the sum.

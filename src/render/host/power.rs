@@ -152,6 +152,13 @@ impl Powers {
         }
     }
 
+    /// Power at the first sample of a block, scaled: of the mean and the deviation that came by reflections.
+    #[inline(always)]
+    pub(super) fn reflected(&self, block: usize) -> f32 {
+        let [mean, deviation, _] = &self.traced[block];
+        if self.diverted { mean[0] + deviation[0] } else { 0.0 }
+    }
+
     /// Power at the samples of a block, scaled; `loudness` is the aperture's gain, ln of the amplitude. Without it all
     /// paths have their own loss.
     #[inline(always)]
@@ -183,6 +190,12 @@ fn parts(weight: f32, segment: &[f32; SEGMENT]) -> Option<[f32; 3]> {
     let density = density.to_bits() & TAG_DENSITY;
     let [mean, deviation] = [weight * mean * mean, weight * deviation * deviation];
     (density != 0).then_some([mean, deviation, (mean + deviation) * (real(density) * (1.0 / DENSITY_ONE))])
+}
+
+/// Power of a segment's scatterers, of the mean and the deviation, that are seen with a gain, ln of the amplitude; scaled.
+#[inline(always)]
+pub(super) fn seen_power(segment: &[f32; SEGMENT], ln_gain: f32) -> f32 {
+    parts(1.0, segment).map_or(0.0, |[mean, deviation, _]| (mean + deviation) * scaled_power(ln_gain))
 }
 
 /// Power of an amplitude, scaled.

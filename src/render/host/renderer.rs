@@ -13,7 +13,7 @@ use super::echo::{Interfaces, echo};
 use super::effects::PathEffects;
 use super::lateral::{LateralBeam, lateral};
 use super::line_gain::Visibility;
-use super::march::{Scatterers, march};
+use super::march::{Marched, Scatterers, march};
 use super::path;
 use super::paths::Paths;
 use super::percentile::percentile;
@@ -112,7 +112,7 @@ impl HostRenderer {
             let (kernels, constants) = (&tables.kernels, self.image);
             let Buffers { passes: b, gain, loudness, .. } = &mut self.buffers;
             let (gains, weights, blends) = (&b.block_gains[..], &b.profiles[..], &b.blends[..]);
-            let beam = LateralBeam { constants, kernels, gains, weights, blends };
+            let beam = LateralBeam { constants, kernels, gains, reflected: &b.reflected, weights, blends };
             lateral(params, beam, &b.baseband, loudness, &mut b.focused);
             laps.note("lateral");
             if let Some(kept) = kept {
@@ -207,7 +207,8 @@ impl HostRenderer {
                 let per_reach_mm = tables.sheets.as_ref().map_or(&[][..], |sheets| &sheets.per_reach_mm);
                 let (textures, waves) = (&tables.textures[..], &self.waves);
                 let scatterers = Scatterers { constants: self.image, gain, per_reach_mm, textures, waves, visibility };
-                march(&params, paths, scatterers, &mut b.baseband, kept_powers);
+                let into = Marched { baseband: &mut b.baseband, reflected: &mut b.reflected, kept: kept_powers };
+                march(&params, paths, scatterers, into);
                 laps.note("march");
             }
             if let Some(scattered) = &mut scattered {

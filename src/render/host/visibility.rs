@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use super::constants::{COMPARED_MIN_NP, ImageConstants, TRACKED_NP, VISIBLE_MIN, VISIBLE_MIN_NP};
+use super::constants::{ImageConstants, TRACKED_NP, VISIBLE_MIN, VISIBLE_MIN_NP};
 use super::interface::ln;
 use super::line_gain::{Boundary, LineGain};
 use super::paths::{Paths, range_mm};
@@ -71,7 +71,7 @@ fn see_line_body(params: &Params, inputs: Inputs<'_>, line: usize, row: &mut [Bo
         *gain = along.without_shared(range_mm, loss_np(&segments[at], range_mm));
     }
     for [gain, _] in blocks {
-        *gain = exp(at_least(*gain, COMPARED_MIN_NP));
+        *gain = exp(*gain);
     }
 }
 

@@ -9,13 +9,25 @@ use crate::render::constants::NEIGHBOUR_GAIN_MAX;
 
 /// Baseband after the beam [scanlines × samples]: each sample is the weighted sum over neighbouring scanlines. Weights
 /// beyond the array are made up for: with the aperture in power, by a factor of two at most, else in amplitude. Each
-/// scanline sees its neighbours' scatterers with the gain of its own aperture. `gains` are the aperture's [scanlines × blocks], `profiles` those of the planes; both are empty without it.
-pub fn lateral(inputs: &Inputs, gains: &[BlockGain], profiles: &[Profile], baseband: &[DVec2]) -> Vec<DVec2> {
+/// scanline sees its neighbours' scatterers with the gain of its own aperture. Echoes that came by reflections don't carry
+/// the gain: where both scanlines hold some, the weaker one's amplitude is the least that is compared.
+///
+/// `gains` and `reflected` are those of the blocks [scanlines × blocks], `profiles` those of the planes; all are empty
+/// without the aperture.
+pub fn lateral(
+    inputs: &Inputs,
+    gains: &[BlockGain],
+    reflected: &[f64],
+    profiles: &[Profile],
+    baseband: &[DVec2],
+) -> Vec<DVec2> {
+    let by_reflections = |at: usize| (gains[at].gain * reflected[at]).min(1.0);
     let mut focused = Vec::with_capacity(baseband.len());
     for line in 0..inputs.scanlines {
         for block in 0..inputs.blocks() {
             let gain_of = |line: usize| gains.get(line * inputs.blocks() + block);
             let projection = inputs.projection(line);
+            let unwidened_power = inputs.lateral_kernels[block].iter().map(|w| w * w).sum::<f64>();
             let kernel = &widened(&inputs.lateral_kernels[block], projection);
             let weights = weights(inputs, kernel, line, gain_of(line).map_or(0.0, |gain| gain.place), profiles);
             let half = kernel.len() / 2;
@@ -26,15 +38,22 @@ pub fn lateral(inputs: &Inputs, gains: &[BlockGain], profiles: &[Profile], baseb
             let power: f64 = taps.iter().map(|(_, weight, _)| weight * weight).sum();
             let whole: f64 = kernel.iter().map(|w| w * w).sum();
             let scale = if gains.is_empty() {
-                1.0 / (total * projection.sqrt())
+                // Level of speckle of the whole kernel, over that of the array's normal.
+                let sum = |kernel: &[f64]| kernel.iter().sum::<f64>();
+                let level = (kernel.iter().map(|w| w * w).sum::<f64>() / unwidened_power).sqrt() / sum(kernel);
+                1.0 / (total * level)
             } else {
                 (whole / power.max(0.5 * whole)).sqrt()
             };
             let first = block * inputs.depth_block;
             for sample in first..(first + inputs.depth_block).min(inputs.samples) {
+                let at = |line: usize| line * inputs.blocks() + block;
+                let compared = |other: usize| {
+                    let own = gains[at(line)].gain.max(by_reflections(at(line)).min(by_reflections(at(other))));
+                    (own / gains[at(other)].gain.max(by_reflections(at(other)))).min(NEIGHBOUR_GAIN_MAX)
+                };
                 let seen = |&(tap, weight, other): &(usize, f64, usize)| {
-                    let pair = gain_of(line).zip(gain_of(other));
-                    let seen = pair.map_or(1.0, |(own, other)| (own.gain / other.gain).min(NEIGHBOUR_GAIN_MAX));
+                    let seen = if gains.is_empty() { 1.0 } else { compared(other) };
                     weight * seen * steered(inputs, baseband, other, sample, tap as f64 - half as f64)
                 };
                 focused.push(scale * taps.iter().map(seen).sum::<DVec2>());

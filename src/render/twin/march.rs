@@ -8,7 +8,7 @@ use super::speckle::{self, Place, Strength};
 use super::texture::texture_level_np;
 use super::trace::{Path, Segment, segment_at};
 use super::visibility::{Boundary, LineGain};
-use crate::render::constants::{LN_SPECKLE_SILENT, TEXTURE_SAMPLES};
+use crate::render::constants::{LN_SPECKLE_SILENT, REFLECTED_MAX, TEXTURE_SAMPLES};
 
 /// Baseband of the scatterers, a·e^(−i2π·turns·range) each [scanlines × samples].
 ///
@@ -24,6 +24,31 @@ pub fn march(inputs: &Inputs, paths: &[Path], gains: &[Boundary]) -> Vec<DVec2> 
     (0..inputs.scanlines * inputs.samples).into_par_iter().map(sample).collect()
 }
 
+/// Amplitude that came by reflections over the amplitude that the aperture sees, at the first sample of each block
+/// [scanlines × blocks].
+pub fn reflected(inputs: &Inputs, paths: &[Path], gains: &[Boundary]) -> Vec<f64> {
+    let Some(aperture) = &inputs.aperture else { return Vec::new() };
+    let of_block = |line: usize, block: usize| {
+        let range_mm = inputs.range_mm(block * inputs.depth_block);
+        let segment_of = |path: usize| &paths[path].segments[segment_at(&paths[path], range_mm)];
+        let power_of = |path: usize| {
+            let segment = segment_of(path);
+            if segment.diverted { own_power(segment, range_mm) } else { DVec3::ZERO }
+        };
+        let power = paths_of(inputs, line).map(power_of).sum::<DVec3>() * inputs.path_weight();
+        let guide = segment_of(inputs.guide_of(line));
+        let ln_gain = LineGain::new(aperture, gains, line).at(range_mm, -0.5 * guide.ln_passed(range_mm));
+        let scatterers = scatterer_power(guide);
+        let seen = (scatterers.x + scatterers.y) * (2.0 * ln_gain.max(LN_SPECKLE_SILENT)).exp();
+        let over_seen = ((power.x + power.y) / seen).sqrt();
+        if power == DVec3::ZERO { 0.0 } else { over_seen.min(REFLECTED_MAX) }
+    };
+    (0..inputs.scanlines * inputs.blocks())
+        .into_par_iter()
+        .map(|at| of_block(at / inputs.blocks(), at % inputs.blocks()))
+        .collect()
+}
+
 /// Factor of the texture at a sample of a guide. Four samples share it: that between the second and the third.
 fn texture_gain(inputs: &Inputs, guide: &Path, sample: usize) -> f64 {
     let samples = TEXTURE_SAMPLES as usize;
@@ -34,8 +59,22 @@ fn texture_gain(inputs: &Inputs, guide: &Path, sample: usize) -> f64 {
     texture_level_np(texture, segment.scatterer_mm(middle_mm)).exp()
 }
 
+/// Paths of a scanline.
+fn paths_of(inputs: &Inputs, line: usize) -> impl Iterator<Item = usize> {
+    let rays = inputs.rays_per_line;
+    let first = move |layer: usize| (layer * inputs.scanlines + line) * rays;
+    (0..inputs.layers).flat_map(move |layer| first(layer)..first(layer) + rays)
+}
+
+/// Power of a segment's scatterers at a range, with the segment's own loss; see [`scatterer_power`].
+fn own_power(segment: &Segment, range_mm: f64) -> DVec3 {
+    let ln_amplitude = segment.ln_amplitude(range_mm);
+    let loss = if ln_amplitude > LN_SPECKLE_SILENT { (2.0 * ln_amplitude).exp() } else { 0.0 };
+    loss * scatterer_power(segment)
+}
+
 /// Power of a segment's scatterers: of their mean, of their deviation, and of both times the density.
-fn power(segment: &Segment) -> DVec3 {
+fn scatterer_power(segment: &Segment) -> DVec3 {
     let mean = segment.scatterer_mean.powi(2);
     let deviation = segment.scatterer_deviation.powi(2);
     let density = f64::from(segment.scatterer_density);
@@ -54,18 +93,11 @@ fn sample_of(inputs: &Inputs, paths: &[Path], gains: &[Boundary], line: usize, s
     let power_of = |path: usize| {
         let segment = segment_of(path);
         if let Some(gain) = gain.filter(|_| !segment.diverted) {
-            return gain * power(segment);
+            return gain * scatterer_power(segment);
         }
-        let ln_amplitude = segment.ln_amplitude(range_mm);
-        let loss = if ln_amplitude > LN_SPECKLE_SILENT { (2.0 * ln_amplitude).exp() } else { 0.0 };
-        loss * power(segment) + gain.map_or(DVec3::ZERO, |gain| gain * power(guide))
+        own_power(segment, range_mm) + gain.map_or(DVec3::ZERO, |gain| gain * scatterer_power(guide))
     };
-    let rays = inputs.rays_per_line;
-    let of_layer = |layer: usize| {
-        let first = (layer * inputs.scanlines + line) * rays;
-        (first..first + rays).map(power_of).sum::<DVec3>()
-    };
-    let power = (0..inputs.layers).map(of_layer).sum::<DVec3>() * inputs.path_weight();
+    let power = paths_of(inputs, line).map(power_of).sum::<DVec3>() * inputs.path_weight();
     if power.x + power.y == 0.0 {
         return DVec2::ZERO;
     }

@@ -39,7 +39,7 @@ pub use echo::echo;
 pub use inputs::{Elevation, Inputs, Medium, Ray, SheetFamily, Triangle};
 pub use lateral::lateral;
 pub use locate::{Launched, locate};
-pub use march::march;
+pub use march::{march, reflected};
 pub use percentile::percentile;
 pub use profiles::{Profile, profiles};
 pub use propagate::propagate;
@@ -68,7 +68,8 @@ pub fn frame(inputs: &Inputs) -> Maps {
     echo(inputs, &paths, &gains, &mut baseband);
     let of_blocks =
         inputs.aperture.as_ref().map(|aperture| block_gains(inputs, aperture, &paths, &gains)).unwrap_or_default();
-    let received = receive(inputs, &paths, &lateral(inputs, &of_blocks, &profiles, &baseband));
+    let reflected = reflected(inputs, &paths, &gains);
+    let received = receive(inputs, &paths, &lateral(inputs, &of_blocks, &reflected, &profiles, &baseband));
     let detected = detect(inputs, &received);
     let sections = section(inputs);
     let percentile_np = percentile(inputs, &sections.runs);

@@ -4,9 +4,7 @@ use super::aperture::Aperture;
 use super::inputs::Inputs;
 use super::trace::{Path, segment_at};
 use super::transmission::passed_np;
-use crate::render::constants::{
-    COMPARED_MIN_NP, EVEN_NP, SPREAD_NP, TRACKED_NP, VISIBLE_MAX_NP, VISIBLE_MIN, VISIBLE_MIN_NP,
-};
+use crate::render::constants::{EVEN_NP, SPREAD_NP, TRACKED_NP, VISIBLE_MAX_NP, VISIBLE_MIN, VISIBLE_MIN_NP};
 
 /// Numbers of a scanline at a boundary of the intervals.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -135,7 +133,7 @@ impl<'a> LineGain<'a> {
         let interval = self.interval(range_mm);
         let lost = self.lost(interval, range_mm, loss_np - self.row[interval].loss_np);
         let place = self.place(interval, range_mm, lost, self.row[interval].place);
-        BlockGain { gain: self.gain(place).max(COMPARED_MIN_NP).exp(), place }
+        BlockGain { gain: self.gain(place).exp(), place }
     }
 
     fn interval(&self, range_mm: f64) -> usize {
