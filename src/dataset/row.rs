@@ -141,6 +141,9 @@ pub struct CompoundingRow {
     /// Displacement of the probe within a picture of the low quality, mm.
     #[serde(default = "reach_mm")]
     pub reach_mm: f64,
+    /// Whether earlier looks of the low quality are brought to the last pose.
+    #[serde(default)]
+    pub registration: bool,
 }
 
 fn reach_mm() -> f64 {
@@ -150,7 +153,8 @@ fn reach_mm() -> f64 {
 impl Default for CompoundingRow {
     /// One look each.
     fn default() -> Self {
-        Self { lq_angles: 1, hq_angles: 1, span_deg: LookSettings::default().span_deg, reach_mm: reach_mm() }
+        let LookSettings { span_deg, reach_mm, registration, .. } = LookSettings::default();
+        Self { lq_angles: 1, hq_angles: 1, span_deg, reach_mm, registration }
     }
 }
 
@@ -158,7 +162,8 @@ impl CompoundingRow {
     /// The part of a look that renders low quality (0) or high quality (1).
     pub fn of(&self, quality: usize) -> LookSettings {
         let angles = if quality == 0 { self.lq_angles } else { self.hq_angles };
-        LookSettings { angles, span_deg: self.span_deg, reach_mm: self.reach_mm, ..LookSettings::default() }
+        let Self { span_deg, reach_mm, registration, .. } = *self;
+        LookSettings { angles, span_deg, reach_mm, registration, ..LookSettings::default() }
     }
 }
 

@@ -6,18 +6,79 @@
 use glam::DVec3;
 
 use crate::pose::Pose;
+use crate::settings::LookSettings;
 
-/// Place of a picture: the centre of the face, and the point of the central scanline at full depth, mm.
-pub(super) type Place = [DVec3; 2];
+/// Distance across the slice within which registered looks count, mm: beyond it they weigh next to nothing.
+const ACROSS_MM: f64 = 2.4;
+/// Motion within the slice that registered looks may span, in parts of the reach. They are brought to the present pose, but a
+/// steered look doesn't show what has just come into the sector.
+const WITHIN: f64 = 3.0;
 
-/// Place of a picture at `pose`.
-pub(super) fn place(pose: &Pose, depth_mm: f64) -> Place {
-    [pose.position_mm, pose.position_mm + depth_mm * pose.transform_vector(DVec3::Z)]
+/// Place of a picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Place {
+    /// Pose relative to the scene.
+    pub(super) pose: Pose,
+    /// Point of the central scanline at full depth, mm.
+    deep_mm: DVec3,
+    /// Whether any of the face touches the body.
+    coupled: bool,
 }
 
-/// Largest displacement between two places, mm.
-pub(super) fn moved_mm(a: &Place, b: &Place) -> f64 {
-    a[0].distance(b[0]).max(a[1].distance(b[1]))
+impl Place {
+    /// Place of a picture of `depth_mm` at `pose`.
+    pub(super) fn new(pose: Pose, depth_mm: f64, coupled: bool) -> Self {
+        Self { pose, deep_mm: pose.position_mm + depth_mm * pose.transform_vector(DVec3::Z), coupled }
+    }
+
+    /// Displacements from another place, of the face's centre and in the depth, mm.
+    fn moved_mm(&self, other: &Self) -> [DVec3; 2] {
+        [self.pose.position_mm - other.pose.position_mm, self.deep_mm - other.deep_mm]
+    }
+
+    /// Largest displacement from another place, mm.
+    fn distance_mm(&self, other: &Self) -> f64 {
+        let [face, deep] = self.moved_mm(other);
+        face.length().max(deep.length())
+    }
+
+    /// Largest distance of another place from this one's slice, mm.
+    fn across_mm(&self, other: &Self) -> f64 {
+        let normal = self.pose.transform_vector(DVec3::Y);
+        let [face, deep] = self.moved_mm(other);
+        face.dot(normal).abs().max(deep.dot(normal).abs())
+    }
+}
+
+/// Which looks a live picture is the mean of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Rules {
+    /// Whether looks are brought to the present pose.
+    pub(super) registration: bool,
+    /// Displacement from which looks are left out, mm; of registered ones, across the slice.
+    pub(super) reach_mm: f64,
+}
+
+impl Rules {
+    /// Those of a station.
+    pub(super) fn of(look: &LookSettings) -> Self {
+        Self { registration: look.registration, reach_mm: look.reach_mm }
+    }
+
+    /// Whether a look that was made at `kept` is part of a picture at `place`.
+    pub(super) fn keep(&self, kept: &Place, place: &Place) -> bool {
+        let moved_mm = if self.registration { place.across_mm(kept) } else { place.distance_mm(kept) };
+        kept.coupled == place.coupled && moved_mm <= self.reach_mm
+    }
+
+    /// Number of frames that a picture may span with such steps.
+    fn frames(&self, last: &Place, place: &Place) -> f64 {
+        let moved_mm = place.distance_mm(last);
+        if !self.registration {
+            return self.reach_mm / moved_mm;
+        }
+        (WITHIN * self.reach_mm / moved_mm).min(self.reach_mm.min(ACROSS_MM) / place.across_mm(last))
+    }
 }
 
 /// Chooses the look of each frame.
@@ -37,16 +98,19 @@ impl LookOrder {
         (self.frames, self.last) = (0, None);
     }
 
-    /// The look of a frame at `place`: of those that the probe's speed leaves time for within `limit_mm`, the one that was
-    /// made the longest ago. The first is straight: it alone shows the whole sector.
-    pub(super) fn next(&mut self, place: Place, limit_mm: f64) -> usize {
+    /// The look of a frame at `place`: of those that the probe's speed leaves time for, the one that was made the longest ago.
+    /// The first, and the first with or without contact, is straight: it alone shows the whole sector.
+    pub(super) fn next(&mut self, place: Place, rules: Rules) -> usize {
         let looks = self.asked.len();
         let straight = looks.saturating_sub(1);
-        let step_mm = self.last.map_or(0.0, |last| moved_mm(&last, &place));
+        if self.last.is_some_and(|last| last.coupled != place.coupled) {
+            self.restart(looks);
+        }
+        let frames = self.last.map_or(f64::INFINITY, |last| rules.frames(&last, &place));
         self.last = Some(place);
         self.frames += 1;
-        // An odd number: the straight look, and pairs from the inside outward.
-        let in_time = if step_mm > 0.0 { (limit_mm / step_mm).min(1e6) as usize } else { looks };
+        // An odd number: the straight look, and pairs from the inside outward. A probe at rest gives infinity, or NaN.
+        let in_time = if frames < looks as f64 { frames as usize } else { looks };
         let most = (in_time.clamp(1, looks.max(1)) - 1) / 2 * 2 + 1;
         let inner = looks.saturating_sub(most)..looks;
         let first = self.asked.iter().all(|&asked| asked == 0);
@@ -63,15 +127,17 @@ mod tests {
     use super::*;
     use glam::DQuat;
 
+    const RULES: Rules = Rules { registration: false, reach_mm: 2.0 };
+
     fn at(x: f64) -> Place {
-        place(&Pose { position_mm: DVec3::X * x, orientation: DQuat::IDENTITY }, 100.0)
+        Place::new(Pose { position_mm: DVec3::X * x, orientation: DQuat::IDENTITY }, 100.0, true)
     }
 
     /// Looks of frames that move by `step_mm` each.
     fn looks(count: usize, step_mm: f64, frames: usize) -> Vec<usize> {
         let mut order = LookOrder::default();
         order.restart(count);
-        (0..frames).map(|i| order.next(at(step_mm * i as f64), 2.0)).collect()
+        (0..frames).map(|i| order.next(at(step_mm * i as f64), RULES)).collect()
     }
 
     #[test]
@@ -91,15 +157,16 @@ mod tests {
         // As it comes to rest, the outer ones return.
         let mut order = LookOrder::default();
         order.restart(9);
-        (0..10).for_each(|i| assert_eq!(order.next(at(5.0 * f64::from(i)), 2.0), 8));
-        let rest: Vec<usize> = (0..10).map(|_| order.next(at(45.0), 2.0)).collect();
+        (0..10).for_each(|i| assert_eq!(order.next(at(5.0 * f64::from(i)), RULES), 8));
+        let rest: Vec<usize> = (0..10).map(|_| order.next(at(45.0), RULES)).collect();
         assert_eq!(rest, [0, 1, 2, 3, 4, 5, 6, 7, 8, 0]);
     }
 
     #[test]
     fn turning_moves_what_lies_deep() {
         let turned = Pose { position_mm: DVec3::ZERO, orientation: DQuat::from_rotation_y(0.01) };
-        let moved = moved_mm(&place(&Pose::IDENTITY, 100.0), &place(&turned, 100.0));
+        let place = |pose| Place::new(pose, 100.0, true);
+        let moved = place(Pose::IDENTITY).distance_mm(&place(turned));
         assert!((moved - 1.0).abs() < 0.01, "{moved}");
     }
 }

@@ -13,7 +13,7 @@ use super::constants::TISSUES_MAX;
 use super::error::RenderError;
 use super::frame::{Contents, FRAMES_IN_FLIGHT, Frame, FrameTimes};
 use super::hooks::TestHooks;
-use super::look_order::{LookOrder, Place, moved_mm, place};
+use super::look_order::{LookOrder, Place, Rules};
 use super::maker::FrameMaker;
 use super::plan::EffectPlan;
 use super::receiver::noise_seed;
@@ -40,6 +40,14 @@ struct InFlight {
     started: Instant,
 }
 
+/// A probe in the scene.
+#[derive(Debug)]
+struct Placed {
+    pose: Pose,
+    contact: Option<Contact>,
+    place: Place,
+}
+
 /// Renders frames of one scene.
 #[derive(Debug)]
 pub struct Renderer {
@@ -60,8 +68,6 @@ pub struct Renderer {
     compounding: Option<Compounding>,
     /// Order of the looks of live frames.
     order: LookOrder,
-    /// Place of the last picture of each look.
-    places: Vec<Option<Place>>,
     /// Changes of settings so far: pictures before and after are not averaged.
     generation: u64,
     in_flight: VecDeque<InFlight>,
@@ -142,7 +148,6 @@ impl Renderer {
             motion_ms: 0.0,
             compounding: None,
             order: LookOrder::default(),
-            places: Vec::new(),
             generation: 0,
             in_flight,
         };
@@ -208,7 +213,9 @@ impl Renderer {
         let tables = &self.active.tables;
         let range_db = self.active.settings.image.dynamic_range_db;
         let several = tables.looks.len() > 1;
-        self.compounding = several.then(|| Compounding::new(tables.covered(), tables.looks.len(), range_db));
+        let new =
+            || Compounding::new(tables.sector, tables.mask.clone(), tables.covered(), tables.looks.len(), range_db);
+        self.compounding = several.then(new);
         self.restart_compounding();
     }
 
@@ -217,8 +224,6 @@ impl Renderer {
         self.generation += 1;
         let looks = self.active.tables.looks.len();
         self.order.restart(looks);
-        self.places.clear();
-        self.places.resize(looks, None);
         if let Some(compounding) = &mut self.compounding {
             compounding.restart(self.active.settings.image.dynamic_range_db);
         }
@@ -328,10 +333,11 @@ impl Renderer {
         let looks = self.active.tables.looks.len();
         let maps = self.active.settings.maps;
         let (mut times, mut overflows) = (FrameTimes::default(), 0u32);
+        let placed = self.touch(pose);
         for look in 1..=looks {
             // The last look is straight: its maps and lines are the frame's.
             self.active.settings.maps = maps && look == looks;
-            let rendered = self.submit_look(pose, look - 1).and_then(|()| self.receive(frame));
+            let rendered = self.submit_look(&placed, look - 1).and_then(|()| self.receive(frame));
             self.active.settings.maps = maps;
             rendered?;
             if looks > 1 {
@@ -364,27 +370,35 @@ impl Renderer {
         Ok(())
     }
 
-    /// Places the probe, on the skin if it is within the tolerance, and steers its scanlines. Returns its contact, if that
-    /// is simulated.
-    fn place(&mut self, pose: &Pose, look: usize) -> Option<Contact> {
-        let active = &mut self.active;
+    /// Places the probe on the skin, if it is within the tolerance and contact is simulated.
+    fn touch(&self, pose: &Pose) -> Placed {
+        let active = &self.active;
         let skin = self.skin.as_ref().filter(|_| active.effects.has(Effect::Contact));
         // The whole scene drifts, its skin included.
         let drift_mm = self.bvh.drift_mm();
         let at_rest = Pose { position_mm: pose.position_mm - drift_mm, ..*pose };
-        let contact = skin.map(|skin| touch(skin, &active.probe, &at_rest, &active.settings.contact).1);
+        let touched = skin.map(|skin| touch(skin, &active.probe, &at_rest, &active.settings.contact));
+        let at_rest = touched.map_or(at_rest, |(placed, _)| placed);
+        let contact = touched.map(|(_, contact)| contact);
         let shift_mm = contact.map_or(0.0, |contact| contact.shift_mm);
-        let placed = Pose { position_mm: pose.position_mm + shift_mm * pose.transform_vector(DVec3::Z), ..*pose };
-        active.params.set_pose(&placed, &self.bvh, &active.probe);
+        let pose = Pose { position_mm: pose.position_mm + shift_mm * pose.transform_vector(DVec3::Z), ..*pose };
+        let coupled = contact.is_none_or(|contact| contact.coupled());
+        Placed { pose, contact, place: Place::new(at_rest, active.probe.depth_mm, coupled) }
+    }
+
+    /// Sets the pose and steers the scanlines.
+    fn aim(&mut self, placed: &Placed, look: usize) {
+        let active = &mut self.active;
+        active.params.set_pose(&placed.pose, &self.bvh, &active.probe);
         active.params.set_look(&active.tables, look);
         // Each look has its own noise; the straight one, the last, that of a frame without compounding.
         let before_last = active.tables.looks.len().saturating_sub(1 + look);
         active.params.noise_seed = noise_seed(active.params.seed, self.time_s, before_last as u32);
-        contact
     }
 
     /// Starts a frame. With compounding it has the next angle, and its picture is the mean of the last ones of all angles
-    /// from which the probe has moved by no more than `look.reach_mm`. At most [`FRAMES_IN_FLIGHT`] may wait to be received.
+    /// from which the probe has moved by no more than `look.reach_mm`; `look.registration` brings them to its pose. At most
+    /// [`FRAMES_IN_FLIGHT`] may wait to be received.
     /// The host makes it within this call.
     ///
     /// # Errors
@@ -393,18 +407,19 @@ impl Renderer {
         if self.in_flight.len() == FRAMES_IN_FLIGHT {
             return Err(RenderError::RingFull);
         }
-        let look = self.order.next(place(pose, self.active.probe.depth_mm), self.active.settings.look.reach_mm);
-        self.submit_look(pose, look)
+        let placed = self.touch(pose);
+        let look = self.order.next(placed.place, Rules::of(&self.active.settings.look));
+        self.submit_look(&placed, look)
     }
 
     /// Starts a frame of one look.
-    fn submit_look(&mut self, pose: &Pose, look: usize) -> Result<(), RenderError> {
+    fn submit_look(&mut self, placed: &Placed, look: usize) -> Result<(), RenderError> {
         if self.in_flight.len() == FRAMES_IN_FLIGHT {
             return Err(RenderError::RingFull);
         }
         let started = Instant::now();
         let generation = self.generation;
-        let contact = self.place(pose, look);
+        self.aim(placed, look);
         let settings = &self.active.settings;
         let maps = settings.maps || settings.effects.of(Effect::Maps) == Choice::On;
         let contents = Contents { image: self.image || !maps || settings.lines, maps };
@@ -412,9 +427,9 @@ impl Renderer {
         self.maker.submit(inputs, contents)?;
         self.in_flight.push_back(InFlight {
             mask: self.active.tables.mask.clone(),
-            contact,
+            contact: placed.contact,
             look,
-            place: place(pose, self.active.probe.depth_mm),
+            place: placed.place,
             generation,
             motion_ms: std::mem::take(&mut self.motion_ms),
             started,
@@ -431,17 +446,7 @@ impl Renderer {
             self.in_flight.pop_front().ok_or(RenderError::RingEmpty)?;
         self.maker.receive(frame)?;
         if let Some(compounding) = self.compounding.as_mut().filter(|_| generation == self.generation) {
-            let reach_mm = self.active.settings.look.reach_mm;
-            for (other, kept) in self.places.iter_mut().enumerate() {
-                if other != look && kept.is_some_and(|kept| moved_mm(&kept, &place) > reach_mm) {
-                    compounding.leave_out(other);
-                    *kept = None;
-                }
-            }
-            if let Some(kept) = self.places.get_mut(look) {
-                *kept = Some(place);
-            }
-            compounding.add(look, &mut frame.bmode);
+            compounding.add(look, place, Rules::of(&self.active.settings.look), &mut frame.bmode);
         }
         frame.mask.clear();
         frame.mask.extend_from_slice(&mask);
@@ -472,7 +477,7 @@ impl Renderer {
         if batches != 1 {
             return Err(RenderError::Batches { batches });
         }
-        self.place(pose, look);
+        self.aim(&self.touch(pose), look);
         let inputs = FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &self.active, look };
         Ok(Snapshot::new(self.maker.pass_buffers(inputs)?, inputs))
     }

@@ -63,7 +63,10 @@ settings! {
         /// Angle between the outermost directions of compounding.
         span_deg: f64 = 30.0, "degrees", 1.0..=60.0, Tables, hidden("Span");
 
-        /// Displacement of the probe within a live compounded picture, at any depth; looks from farther away are left out.
+        /// Whether the earlier looks of a live compounded picture are brought to the present pose.
+        registration: bool = true, "", 0.0..=1.0, Nothing, hidden("Registration");
+
+        /// Displacement of the probe, if registered across its slice, beyond which live looks are left out, at any depth.
         reach_mm: f64 = 4.0, "mm", 0.0..=100.0, Nothing, hidden("Reach");
 
         /// Weight of the running mean in each new picture; 0: no persistence.

@@ -181,6 +181,7 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
         hq_angles: odd(args.angles),
         span_deg: args.span.unwrap_or(look.span_deg),
         reach_mm: look.reach_mm,
+        registration: look.registration,
     };
     let header = Header {
         format: FORMAT,
