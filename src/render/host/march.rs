@@ -99,6 +99,7 @@ fn march_row_body(
                 powers.add(params, paths, [path.wrapping_add(ray), guide], stretch, scatterers.visibility.is_some());
             }
         }
+        powers.end(weight);
         let mut textured = [1.0; PLACES];
         for (i, row) in row.iter_mut().enumerate() {
             let block = first.wrapping_add((i * BLOCK) as u32);
