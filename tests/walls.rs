@@ -5,10 +5,12 @@
 use glam::{DQuat, DVec3, Vec3};
 use insonify::anatomy::doctor::aberration::{Aberration, Aperture, Caster, summary};
 use insonify::anatomy::phantom::{Organ, Parameters, Wall, landmarks, organs, parts};
-use insonify::anatomy::{Motion, Scene, Skin, Surface, TissueTable, planes};
+use insonify::anatomy::{Motion, Scene, Skin, Surface, Tissue, TissueTable, analytic, planes};
 use insonify::exam::sweep::{KEY_FRAMES, RATE_HZ, SEED, sweep};
 use insonify::pose::Pose;
+use insonify::render::{Backend, BackendChoice, Frame, ImageSettings, RenderSettings, Renderer};
 use insonify::settings::Probe;
+use insonify::transducer::ProbeKind;
 
 /// Cells of the muscles' border in the full phantom, mm.
 const BORDER_CELL_MM: f32 = 4.0;
@@ -128,6 +130,98 @@ fn the_recti_are_a_lens_only_if_asked() {
     };
     let (without, with) = (over_the_gap(false), over_the_gap(true));
     assert!(without < 20.0 && with > 80.0, "{without} and {with} ns");
+}
+
+/// Half the width of a stripe of scatterers, their distance, and the depths between which they are, mm.
+const STRIPE_HALF_MM: f64 = 2.0;
+const STRIPE_PERIOD_MM: f64 = 8.0;
+const STRIPES_MM: [f64; 2] = [90.0, 125.0];
+
+/// Stripes of scatterers below a pose, in a scene whose other tissues are kept; they are along y.
+fn add_stripes(scene: &mut Scene, pose: &Pose) {
+    let name_of = |index: usize| scene.tissues.names()[index].clone();
+    let interior = scene.tissues.tissues()[scene.background].clone();
+    let stripe = Tissue { scatterer_density: 1.0, scatterer_deviation: 0.05, ..interior };
+    let named = scene.tissues.names().iter().cloned().zip(scene.tissues.tissues().iter().cloned());
+    let tissues = TissueTable::new(named.chain([("stripe".to_owned(), stripe)])).unwrap();
+    let mut surfaces: Vec<Surface> = scene.surfaces.clone();
+    for surface in &mut surfaces {
+        surface.tissue = tissues.index_of(&name_of(surface.tissue)).unwrap();
+    }
+    let [top, bottom] = STRIPES_MM.map(|mm| mm as f32);
+    for number in -2..=2 {
+        let (middle, half) = (f64::from(number) * STRIPE_PERIOD_MM, STRIPE_HALF_MM);
+        let low = Vec3::new((middle - half) as f32, -40.0, top);
+        let mut mesh = analytic::cuboid(low, Vec3::new((middle + half) as f32, 40.0, bottom));
+        for vertex in &mut mesh.vertices_mm {
+            *vertex = (pose.position_mm + pose.orientation * vertex.as_dvec3()).as_vec3();
+        }
+        surfaces.push(Surface {
+            name: format!("stripe {number}"),
+            tissue: tissues.index_of("stripe").unwrap(),
+            priority: i32::MAX,
+            mesh,
+        });
+    }
+    scene.background = tissues.index_of(&name_of(scene.background)).unwrap();
+    (scene.tissues, scene.surfaces) = (tissues, surfaces);
+    scene.sort_by_priority();
+}
+
+/// Power between stripes over the power on them, dB, at 8 MHz with an aperture of 20 mm.
+fn stripe_contrast_db(scene: &Scene, pose: &Pose) -> f64 {
+    let kind = ProbeKind::Linear { width_mm: 64.0 };
+    let probe = Probe {
+        kind,
+        scanlines: 256,
+        samples: 2560,
+        depth_mm: 130.0,
+        frequency_mhz: 8.0,
+        aperture_mm: 20.0,
+        ..Probe::default()
+    };
+    let mut settings = RenderSettings { lines: true, ..RenderSettings::default() };
+    settings.image = ImageSettings { width: 96, height: 64, ..ImageSettings::default() };
+    (settings.quality.rays, settings.quality.layers) = (32, 3);
+    let backend = Backend::open(BackendChoice::Host).unwrap();
+    let mut frame = Frame::default();
+    Renderer::new(&backend, scene, &probe, &settings).unwrap().render(pose, &mut frame).unwrap();
+    let samples = [95.0, 120.0].map(|mm| (mm / probe.sample_spacing_mm()) as usize);
+    let power_at = |x_mm: f64| {
+        let lines = (0..probe.scanlines).filter(|&line| {
+            let fraction = (f64::from(line) + 0.5) / f64::from(probe.scanlines);
+            (probe.lateral_coordinate(fraction) - x_mm).abs() < 0.5
+        });
+        let line = |line: u32| &frame.lines[(line * probe.samples) as usize..][samples[0]..samples[1]];
+        lines.flat_map(line).map(|s| f64::from(s[0]).powi(2) + f64::from(s[1]).powi(2)).sum::<f64>()
+    };
+    let half = 0.5 * STRIPE_PERIOD_MM;
+    let on: f64 = [-1.0, 0.0, 1.0].map(|n| power_at(n * STRIPE_PERIOD_MM)).iter().sum();
+    let between: f64 = [-3.0, -1.0, 1.0, 3.0].map(|n| power_at(n * half)).iter().sum();
+    10.0 * ((on / 3.0) / (between / 4.0)).log10()
+}
+
+#[test]
+fn stripes_are_seen_behind_an_easy_wall_and_not_behind_a_hard_one() {
+    let contrasts = |wall: Wall| {
+        let parameters = of(wall);
+        let bare = scene(&parameters);
+        let chosen = poses(&parameters)
+            .into_iter()
+            .filter(|(name, _)| ["head", "heart", "femur"].iter().any(|n| *name == format!("key frame {n}")));
+        let contrast = |(name, pose): (String, Pose)| {
+            let mut scene = bare.clone();
+            add_stripes(&mut scene, &pose);
+            let contrast_db = stripe_contrast_db(&scene, &pose);
+            println!("{wall:?}, {name}: {contrast_db:.1} dB");
+            contrast_db
+        };
+        chosen.map(contrast).collect::<Vec<f64>>()
+    };
+    let (easy, hard) = (contrasts(Wall::Easy), contrasts(Wall::Hard));
+    assert_eq!((easy.len(), hard.len()), (3, 3));
+    assert!(easy.iter().all(|&db| db >= 10.0), "{easy:.1?} dB");
+    assert!(hard.iter().all(|&db| db < 10.0), "{hard:.1?} dB");
 }
 
 #[test]
