@@ -1,8 +1,12 @@
 //! Paths of a scanline by the medium that they are in: counted, since media are few and paths many.
 
+use super::constants::DENSITY_ONE;
 use super::paths::{BLOCK, CHUNK, Lanes, SEGMENT};
-use super::power::{Power, parts_of};
 use crate::render::constants::TAG_DENSITY;
+use crate::simd::real;
+
+/// Power of scatterers at the samples of a block: of the mean, of the deviation, and of both times the density.
+pub(super) type Power = [Lanes; 3];
 
 /// Media that are counted before they are summed.
 const MEDIA: usize = 16;
@@ -85,6 +89,21 @@ impl Media {
         }
         self.count = 0;
     }
+}
+
+/// Weighted power of a medium's scatterers: of the mean, of the deviation, and of both times the density as a part
+/// of 1. None without scatterers.
+#[inline(always)]
+pub(super) fn parts(weight: f32, segment: &[f32; SEGMENT]) -> Option<[f32; 3]> {
+    parts_of(weight, [segment[8], segment[9], segment[10]])
+}
+
+/// [`parts`] of a medium's mean, deviation and density.
+#[inline(always)]
+fn parts_of(weight: f32, [mean, deviation, density]: [f32; 3]) -> Option<[f32; 3]> {
+    let density = density.to_bits() & TAG_DENSITY;
+    let [mean, deviation] = [weight * mean * mean, weight * deviation * deviation];
+    (density != 0).then_some([mean, deviation, (mean + deviation) * (real(density) * (1.0 / DENSITY_ONE))])
 }
 
 #[cfg(test)]

@@ -1,12 +1,11 @@
 //! Power of the scatterers along the paths of a scanline.
 
-use super::constants::{DENSITY_ONE, LN_SCALE, LN_SPECKLE_SILENT};
-use super::media::Media;
+use super::constants::{LN_SCALE, LN_SPECKLE_SILENT};
+use super::media::{Media, Power, parts};
 use super::paths::{BLOCK, CHUNK, Lanes, Paths, Run, SEGMENT, range_mm};
 use super::transmission::diverted;
-use crate::render::constants::TAG_DENSITY;
 use crate::render::params::Params;
-use crate::simd::{at_least, at_most, exp, real};
+use crate::simd::{at_least, at_most, exp};
 
 /// Scaled power at and below which scatterers are silent: e⁻⁷⁰.
 const SILENT_POWER: f32 = 3.975_449_7e-31;
@@ -14,9 +13,6 @@ const SILENT_POWER: f32 = 3.975_449_7e-31;
 const LN_FALL_MAX: f32 = 7.0;
 /// Range of ln of the scaled powers. Lanes before the start of their segment are louder, by up to a block's fall.
 const LN_POWERS: [f32; 2] = [2.0 * (LN_SPECKLE_SILENT + LN_SCALE), 2.0 * LN_SCALE + LN_FALL_MAX];
-
-/// Power of scatterers at the samples of a block: of the mean, of the deviation, and of both times the density.
-pub(super) type Power = [Lanes; 3];
 
 /// Run of blocks of a path, and the path's weight.
 #[derive(Debug, Clone, Copy)]
@@ -167,21 +163,6 @@ impl Powers {
         }
         total
     }
-}
-
-/// Weighted power of a medium's scatterers: of the mean, of the deviation, and of both times the density as a part
-/// of 1. None without scatterers.
-#[inline(always)]
-fn parts(weight: f32, segment: &[f32; SEGMENT]) -> Option<[f32; 3]> {
-    parts_of(weight, [segment[8], segment[9], segment[10]])
-}
-
-/// [`parts`] of a medium's mean, deviation and density.
-#[inline(always)]
-pub(super) fn parts_of(weight: f32, [mean, deviation, density]: [f32; 3]) -> Option<[f32; 3]> {
-    let density = density.to_bits() & TAG_DENSITY;
-    let [mean, deviation] = [weight * mean * mean, weight * deviation * deviation];
-    (density != 0).then_some([mean, deviation, (mean + deviation) * (real(density) * (1.0 / DENSITY_ONE))])
 }
 
 /// Power of a segment's scatterers, of the mean and the deviation, that are seen with a gain, ln of the amplitude; scaled.
