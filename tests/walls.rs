@@ -2,13 +2,17 @@
 
 #![allow(clippy::unwrap_used)]
 
+use std::path::Path;
+
 use glam::{DQuat, DVec3, Vec3};
 use insonify::anatomy::doctor::aberration::{Aberration, Aperture, Caster, summary};
 use insonify::anatomy::phantom::{Organ, Parameters, Wall, landmarks, organs, parts};
-use insonify::anatomy::{Motion, Scene, Skin, Surface, TissueTable, planes};
+use insonify::anatomy::{Motion, Scene, Skin, Surface, Tissue, TissueTable, analytic, planes};
 use insonify::exam::sweep::{KEY_FRAMES, RATE_HZ, SEED, sweep};
 use insonify::pose::Pose;
+use insonify::render::{Backend, BackendChoice, Frame, ImageSettings, RenderSettings, Renderer};
 use insonify::settings::Probe;
+use insonify::transducer::ProbeKind;
 
 /// Cells of the muscles' border in the full phantom, mm.
 const BORDER_CELL_MM: f32 = 4.0;
@@ -128,6 +132,125 @@ fn the_recti_are_a_lens_only_if_asked() {
     };
     let (without, with) = (over_the_gap(false), over_the_gap(true));
     assert!(without < 20.0 && with > 80.0, "{without} and {with} ns");
+}
+
+/// Half the width of a stripe of scatterers, their distance, and the depths between which they are, mm.
+const STRIPE_HALF_MM: f64 = 2.0;
+const STRIPE_PERIOD_MM: f64 = 8.0;
+const STRIPES_MM: [f64; 2] = [90.0, 125.0];
+
+/// Stripes of scatterers below a pose, in a scene whose other tissues are kept; they are along y.
+fn add_stripes(scene: &mut Scene, pose: &Pose) {
+    let name_of = |index: usize| scene.tissues.names()[index].clone();
+    let interior = scene.tissues.tissues()[scene.background].clone();
+    let stripe = Tissue { scatterer_density: 1.0, scatterer_deviation: 0.05, ..interior };
+    let named = scene.tissues.names().iter().cloned().zip(scene.tissues.tissues().iter().cloned());
+    let tissues = TissueTable::new(named.chain([("stripe".to_owned(), stripe)])).unwrap();
+    let mut surfaces: Vec<Surface> = scene.surfaces.clone();
+    for surface in &mut surfaces {
+        surface.tissue = tissues.index_of(&name_of(surface.tissue)).unwrap();
+    }
+    let [top, bottom] = STRIPES_MM.map(|mm| mm as f32);
+    for number in -2..=2 {
+        let (middle, half) = (f64::from(number) * STRIPE_PERIOD_MM, STRIPE_HALF_MM);
+        let low = Vec3::new((middle - half) as f32, -40.0, top);
+        let mut mesh = analytic::cuboid(low, Vec3::new((middle + half) as f32, 40.0, bottom));
+        for vertex in &mut mesh.vertices_mm {
+            *vertex = (pose.position_mm + pose.orientation * vertex.as_dvec3()).as_vec3();
+        }
+        surfaces.push(Surface {
+            name: format!("stripe {number}"),
+            tissue: tissues.index_of("stripe").unwrap(),
+            priority: i32::MAX,
+            mesh,
+        });
+    }
+    scene.background = tissues.index_of(&name_of(scene.background)).unwrap();
+    (scene.tissues, scene.surfaces) = (tissues, surfaces);
+    scene.sort_by_priority();
+}
+
+/// An array whose scanlines are parallel, 8 MHz, aperture 20 mm.
+fn flat_probe() -> Probe {
+    let kind = ProbeKind::Linear { width_mm: 64.0 };
+    Probe {
+        kind,
+        scanlines: 256,
+        samples: 2560,
+        depth_mm: 130.0,
+        frequency_mhz: 8.0,
+        aperture_mm: 20.0,
+        ..Probe::default()
+    }
+}
+
+fn rendered(scene: &Scene, pose: &Pose, rays: u32, image: ImageSettings) -> Frame {
+    let mut settings = RenderSettings { lines: true, image, ..RenderSettings::default() };
+    (settings.quality.rays, settings.quality.layers) = (rays, 3);
+    let backend = Backend::open(BackendChoice::Host).unwrap();
+    let mut frame = Frame::default();
+    Renderer::new(&backend, scene, &flat_probe(), &settings).unwrap().render(pose, &mut frame).unwrap();
+    frame
+}
+
+/// Power on the stripes over the power between them, dB, 95 to 120 mm deep.
+fn stripe_contrast_db(scene: &Scene, pose: &Pose) -> f64 {
+    let probe = flat_probe();
+    let frame = rendered(scene, pose, 32, ImageSettings { width: 96, height: 64, ..ImageSettings::default() });
+    let samples = [95.0, 120.0].map(|mm| (mm / probe.sample_spacing_mm()) as usize);
+    let power_at = |x_mm: f64| {
+        let lines = (0..probe.scanlines).filter(|&line| {
+            let fraction = (f64::from(line) + 0.5) / f64::from(probe.scanlines);
+            (probe.lateral_coordinate(fraction) - x_mm).abs() < 0.5
+        });
+        let line = |line: u32| &frame.lines[(line * probe.samples) as usize..][samples[0]..samples[1]];
+        lines.flat_map(line).map(|s| f64::from(s[0]).powi(2) + f64::from(s[1]).powi(2)).sum::<f64>()
+    };
+    let half = 0.5 * STRIPE_PERIOD_MM;
+    let on: f64 = [-1.0, 0.0, 1.0].map(|n| power_at(n * STRIPE_PERIOD_MM)).iter().sum();
+    let between: f64 = [-3.0, -1.0, 1.0, 3.0].map(|n| power_at(n * half)).iter().sum();
+    10.0 * ((on / 3.0) / (between / 4.0)).log10()
+}
+
+/// Writes the speeds, m/s, of the scan plane behind a pose as `tests/truth/stripes.py` reads them: f32 [1040 × 512], pixels
+/// of 0.125 mm.
+fn write_speeds(scene: &Scene, pose: &Pose, path: &Path) {
+    let image = ImageSettings { width: 512, height: 1040, ..ImageSettings::default() };
+    let frame = rendered(scene, pose, 1, image);
+    let tissues = scene.tissues.tissues();
+    let speed = |&number: &u8| tissues[usize::from(number.max(1)) - 1].speed_m_s as f32;
+    let bytes: Vec<u8> = frame.segmentation.iter().flat_map(|number| speed(number).to_le_bytes()).collect();
+    std::fs::write(path, bytes).unwrap();
+}
+
+/// Contrasts by wave theory through the same scan planes, dB: `tests/truth/stripes.py` with the maps that this test writes
+/// to the folder `INSONIFY_WRITE_SPEEDS`.
+const THEORY_DB: [(Wall, [(&str, f64); 3]); 3] = [
+    (Wall::Easy, [("head", 15.3), ("heart", 17.6), ("femur", 21.4)]),
+    (Wall::Average, [("head", -1.4), ("heart", 4.7), ("femur", 9.4)]),
+    (Wall::Hard, [("head", -4.6), ("heart", 6.3), ("femur", 3.5)]),
+];
+
+#[test]
+fn stripes_behind_walls_have_the_contrast_of_wave_theory() {
+    for (wall, expected) in THEORY_DB {
+        let parameters = of(wall);
+        let bare = scene(&parameters);
+        let poses = poses(&parameters);
+        for (name, theory_db) in expected {
+            let key_frame = format!("key frame {name}");
+            let &(_, pose) = poses.iter().find(|(name, _)| *name == key_frame).unwrap();
+            if let Some(folder) = std::env::var_os("INSONIFY_WRITE_SPEEDS") {
+                write_speeds(&bare, &pose, &Path::new(&folder).join(format!("{}_{name}.f32", wall.name())));
+            }
+            let mut scene = bare.clone();
+            add_stripes(&mut scene, &pose);
+            let contrast_db = stripe_contrast_db(&scene, &pose);
+            println!("{wall:?}, {name}: {contrast_db:.1} dB, by theory {theory_db}");
+            assert!((contrast_db - theory_db).abs() <= 3.0, "{wall:?}, {name}: {contrast_db:.1} dB, not {theory_db}");
+            assert!(wall != Wall::Easy || contrast_db >= 10.0, "{name}: {contrast_db:.1} dB");
+        }
+    }
 }
 
 #[test]

@@ -47,7 +47,7 @@ pub(super) fn build(triangles: &[Triangle]) -> CwBvh {
     }
     let mut extents = vec![Bounds::EMPTY; nodes.len()];
     for &node in order.iter().rev() {
-        extents[node] = fit(nodes, node, &leaves, &extents);
+        (nodes[node], extents[node]) = fit(nodes[node], &leaves, &extents);
     }
     tree
 }

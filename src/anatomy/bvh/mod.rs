@@ -178,7 +178,9 @@ impl Bvh {
     /// Moves all triangles to their positions at `time_s`; [`Bvh::changed`] then lists the modified ranges.
     pub fn set_time_s(&mut self, time_s: f64) {
         if let Some(moving) = &mut self.moving {
-            moving.set_time_s(time_s, self.centre_mm, &mut self.nodes, &mut self.triangles);
+            // Within the threads, so that each of the parallel parts does not have to enter them.
+            let (nodes, triangles) = (&mut self.nodes, &mut self.triangles);
+            rayon::scope(|_| moving.set_time_s(time_s, self.centre_mm, nodes, triangles));
         }
         self.drift_mm = self.drift.map_or(DVec3::ZERO, |drift| drift.at(time_s));
     }

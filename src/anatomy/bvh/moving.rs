@@ -5,11 +5,15 @@ use std::ops::Range;
 
 use glam::{DVec3, Vec3};
 use obvhs::cwbvh::CwBvh;
+use rayon::prelude::*;
 
 use super::refit;
 use super::{Changed, PackedTriangle, local};
 use crate::anatomy::motion::Motion;
 use crate::anatomy::{Bounds, Scene};
+
+/// Least vertices, triangles or nodes of a parallel task.
+const TOGETHER: usize = 512;
 
 /// Triangles that share a tree: the static ones, or those with the same first field.
 #[derive(Debug)]
@@ -36,11 +40,12 @@ struct Vertex {
 #[derive(Debug, Clone)]
 struct Tree {
     fields: u32,
-    /// Index of its root; its other nodes are contiguous elsewhere.
-    root: usize,
+    /// Its nodes but for the root.
     nodes: Range<usize>,
     triangles: Range<usize>,
     vertices: Range<usize>,
+    /// Its nodes, the lowest level first. Nodes of a level have children in lower ones only.
+    levels: Vec<Vec<u32>>,
 }
 
 /// State for moving and refitting the trees without allocation.
@@ -59,6 +64,8 @@ pub(super) struct Moving {
     first_triangle: usize,
     /// Exact boxes of all nodes.
     extents: Vec<Bounds>,
+    /// Nodes of one level, fitted.
+    fitted: Vec<([u32; 20], Bounds)>,
     /// Ranges modified by the last call of [`Moving::set_time_s`].
     pub(super) changed: Vec<Changed>,
 }
@@ -107,6 +114,7 @@ pub(super) fn join(
         displacements: vec![[0.0; 4]; order.len()],
         first_triangle: order.len(),
         extents: Vec::new(),
+        fitted: Vec::new(),
         changed: Vec::with_capacity(trees.len() + 1),
     };
     let mut first_triangle = 0;
@@ -132,15 +140,38 @@ pub(super) fn join(
             moving.add_corners(scene, &order[triangles.clone()], centre_mm);
             moving.trees.push(Tree {
                 fields: group.fields,
-                root: 1 + i,
                 nodes: start as usize..nodes.len(),
                 triangles,
                 vertices: first_vertex..moving.vertices.len(),
+                levels: levels(&nodes, 1 + i),
             });
         }
     }
     moving.extents = vec![Bounds::EMPTY; nodes.len()];
     (nodes, moving)
+}
+
+/// Nodes of a tree by level, the lowest first.
+fn levels(nodes: &[[u32; 20]], root: usize) -> Vec<Vec<u32>> {
+    let mut levels: Vec<Vec<u32>> = Vec::new();
+    // Parents before their children.
+    let mut order = vec![root as u32];
+    let mut next = 0;
+    while let Some(&node) = order.get(next) {
+        order.extend(super::children(&nodes[node as usize]));
+        next += 1;
+    }
+    let mut heights: HashMap<u32, usize> = HashMap::with_capacity(order.len());
+    for &node in order.iter().rev() {
+        let below = super::children(&nodes[node as usize]).filter_map(|child| heights.get(&child)).max();
+        let height = below.map_or(0, |height| height + 1);
+        heights.insert(node, height);
+        levels.resize_with(levels.len().max(height + 1), Vec::new);
+        levels[height].push(node);
+    }
+    // Neighbours in memory are fitted together.
+    levels.iter_mut().for_each(|level| level.sort_unstable());
+    levels
 }
 
 impl Moving {
@@ -192,22 +223,32 @@ impl Moving {
         }
         let (motion, amounts) = (&self.motion, &self.amounts);
         for tree in self.trees.iter().filter(|tree| tree.fields & dirty != 0) {
-            for vertex in &mut self.vertices[tree.vertices.clone()] {
+            self.vertices[tree.vertices.clone()].par_iter_mut().with_min_len(TOGETHER).for_each(|vertex| {
                 if vertex.fields & dirty != 0 {
                     vertex.now = local(motion.moved(vertex.rest_mm, vertex.fields, amounts), centre_mm);
                 }
-            }
-            for index in tree.triangles.clone() {
-                let vertices = self.corners[index - self.first_triangle].map(|v| self.vertices[v as usize]);
-                let corners = vertices.map(|v| v.now);
-                let packed = &mut triangles[index];
-                *packed = PackedTriangle::new(corners, packed.surface, packed.triangle);
-                let moved = vertices.map(|v| v.now - v.rest).iter().sum::<Vec3>() / 3.0;
-                self.displacements[index] = moved.extend(0.0).to_array();
-            }
-            // Children come after their parents.
-            for index in tree.nodes.clone().rev().chain([tree.root]) {
-                self.extents[index] = refit::fit(nodes, index, triangles, &self.extents);
+            });
+            let first = tree.triangles.start - self.first_triangle;
+            let corners = &self.corners[first..first + tree.triangles.len()];
+            let moved = triangles[tree.triangles.clone()]
+                .par_iter_mut()
+                .zip(&mut self.displacements[tree.triangles.clone()])
+                .zip(corners)
+                .with_min_len(TOGETHER);
+            let all = &self.vertices;
+            moved.for_each(|((packed, displacement), corners)| {
+                let vertices = corners.map(|v| all[v as usize]);
+                *packed = PackedTriangle::new(vertices.map(|v| v.now), packed.surface, packed.triangle);
+                *displacement = (vertices.map(|v| v.now - v.rest).iter().sum::<Vec3>() / 3.0).extend(0.0).to_array();
+            });
+            for level in &tree.levels {
+                let (before, extents, triangles) = (&*nodes, &self.extents, &*triangles);
+                let fitted = level.par_iter().with_min_len(TOGETHER);
+                let fitted = fitted.map(|&node| refit::fit(before[node as usize], triangles, extents));
+                fitted.collect_into_vec(&mut self.fitted);
+                for (&node, &(words, extent)) in level.iter().zip(&self.fitted) {
+                    (nodes[node as usize], self.extents[node as usize]) = (words, extent);
+                }
             }
             self.changed.push(Changed { nodes: tree.nodes.clone(), triangles: tree.triangles.clone() });
         }

@@ -13,10 +13,10 @@ pub(super) fn bounds_of(t: &PackedTriangle) -> Bounds {
     Bounds { min: a.min(b).min(c), max: a.max(b).max(c) }
 }
 
-/// Sets the boxes of the children of node `index`. `extents`, indexed as `nodes`, already holds those of inner
-/// children. Returns the node's own extent.
-pub(super) fn fit(nodes: &mut [[u32; 20]], index: usize, triangles: &[PackedTriangle], extents: &[Bounds]) -> Bounds {
-    let node: &mut CwBvhNode = bytemuck::cast_mut(&mut nodes[index]);
+/// A node with the boxes of its children set, and its own extent. `extents`, indexed as all nodes, already holds those of
+/// inner children.
+pub(super) fn fit(mut words: [u32; 20], triangles: &[PackedTriangle], extents: &[Bounds]) -> ([u32; 20], Bounds) {
+    let node: &mut CwBvhNode = bytemuck::cast_mut(&mut words);
     let mut children = [Bounds::EMPTY; 8];
     for (slot, extent) in children.iter_mut().enumerate() {
         if node.is_child_empty(slot) {
@@ -30,7 +30,8 @@ pub(super) fn fit(nodes: &mut [[u32; 20]], index: usize, triangles: &[PackedTria
             extents[node.child_node_index(slot) as usize]
         };
     }
-    quantise(node, &children)
+    let extent = quantise(node, &children);
+    (words, extent)
 }
 
 /// Writes the root that joins `trees` trees; their roots are the nodes after it.

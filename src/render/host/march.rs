@@ -4,8 +4,9 @@ use rayon::prelude::*;
 
 use super::constants::{ImageConstants, REFLECTED_MAX, UNSCALED};
 use super::line_gain::Visibility;
+use super::media::Power;
 use super::paths::{BLOCK, CHUNK, Lanes, Paths, range_mm, seek};
-use super::power::{Power, Powers, Stretch, seen_power};
+use super::power::{Powers, Stretch, seen_power};
 use super::speckle::{Block, BlockOfPath, Speckle, Strength};
 use super::texture::{PLACES, Waves};
 use crate::render::constants::{TEXTURE_MASK, TEXTURE_SAMPLES, TEXTURE_SHIFT};
@@ -99,6 +100,7 @@ fn march_row_body(
                 powers.add(params, paths, [path.wrapping_add(ray), guide], stretch, scatterers.visibility.is_some());
             }
         }
+        powers.end(weight);
         let mut textured = [1.0; PLACES];
         for (i, row) in row.iter_mut().enumerate() {
             let block = first.wrapping_add((i * BLOCK) as u32);

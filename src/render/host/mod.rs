@@ -21,6 +21,7 @@ mod lanes;
 mod lateral;
 mod line_gain;
 mod march;
+mod media;
 mod meeting;
 mod membership;
 mod packet;

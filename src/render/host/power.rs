@@ -1,11 +1,11 @@
 //! Power of the scatterers along the paths of a scanline.
 
-use super::constants::{DENSITY_ONE, LN_SCALE, LN_SPECKLE_SILENT};
+use super::constants::{LN_SCALE, LN_SPECKLE_SILENT};
+use super::media::{Media, Power, parts};
 use super::paths::{BLOCK, CHUNK, Lanes, Paths, Run, SEGMENT, range_mm};
 use super::transmission::diverted;
-use crate::render::constants::TAG_DENSITY;
 use crate::render::params::Params;
-use crate::simd::{at_least, at_most, exp, real};
+use crate::simd::{at_least, at_most, exp};
 
 /// Scaled power at and below which scatterers are silent: e⁻⁷⁰.
 const SILENT_POWER: f32 = 3.975_449_7e-31;
@@ -13,9 +13,6 @@ const SILENT_POWER: f32 = 3.975_449_7e-31;
 const LN_FALL_MAX: f32 = 7.0;
 /// Range of ln of the scaled powers. Lanes before the start of their segment are louder, by up to a block's fall.
 const LN_POWERS: [f32; 2] = [2.0 * (LN_SPECKLE_SILENT + LN_SCALE), 2.0 * LN_SCALE + LN_FALL_MAX];
-
-/// Power of scatterers at the samples of a block: of the mean, of the deviation, and of both times the density.
-pub(super) type Power = [Lanes; 3];
 
 /// Run of blocks of a path, and the path's weight.
 #[derive(Debug, Clone, Copy)]
@@ -30,6 +27,8 @@ pub(super) struct Stretch {
 pub(super) struct Powers {
     /// Of paths whose loss the aperture's gain replaces.
     seen: [Power; CHUNK],
+    /// The same paths, not yet added.
+    media: Media,
     /// Of paths with their own loss, scaled.
     traced: [Power; CHUNK],
     /// Whether `traced` holds any.
@@ -39,7 +38,7 @@ pub(super) struct Powers {
 impl Powers {
     pub(super) const fn new() -> Self {
         let zeros = [[[0.0; BLOCK]; 3]; CHUNK];
-        Self { seen: zeros, traced: zeros, diverted: false }
+        Self { seen: zeros, media: Media::new(), traced: zeros, diverted: false }
     }
 
     /// Clears the first blocks.
@@ -68,7 +67,7 @@ impl Powers {
             let (segment, stop) = run.segment(params, sample, last);
             let samples = [sample.wrapping_sub(first) as usize, stop.wrapping_sub(first) as usize];
             if aperture && !diverted(segment) {
-                self.add_seen(stretch.weight, segment, samples);
+                self.media.add(stretch.weight, segment, samples, &mut self.seen);
             } else {
                 self.diverted = true;
                 self.add_traced(params, stretch, segment, samples);
@@ -88,31 +87,15 @@ impl Powers {
         while sample < to {
             let (segment, stop) = run.segment(params, sample, to);
             let samples = [sample.wrapping_sub(stretch.first) as usize, stop.wrapping_sub(stretch.first) as usize];
-            self.add_seen(stretch.weight, segment, samples);
+            self.media.add(stretch.weight, segment, samples, &mut self.seen);
             sample = stop;
         }
     }
 
-    /// Adds the scatterers of a segment without its loss.
+    /// Completes the powers after the last path.
     #[inline(always)]
-    fn add_seen(&mut self, weight: f32, segment: &[f32; SEGMENT], [begin, end]: [usize; 2]) {
-        let Some(parts) = parts(weight, segment) else { return };
-        for block in begin / BLOCK..end.div_ceil(BLOCK) {
-            let Some(sums) = self.seen.get_mut(block) else { break };
-            let (from, to) = (begin.saturating_sub(block * BLOCK) as i32, end.wrapping_sub(block * BLOCK) as i32);
-            if from == 0 && to >= BLOCK as i32 {
-                for (sums, part) in sums.iter_mut().zip(parts) {
-                    sums.iter_mut().for_each(|sum| *sum += part);
-                }
-                continue;
-            }
-            for i in 0..BLOCK {
-                let within = (i as i32 >= from) & ((i as i32) < to);
-                for (sums, part) in sums.iter_mut().zip(parts) {
-                    sums[i] += if within { part } else { 0.0 };
-                }
-            }
-        }
+    pub(super) fn end(&mut self, weight: f32) {
+        self.media.sum(weight, &mut self.seen);
     }
 
     /// Adds the scatterers of a segment with its loss, scaled.
@@ -180,16 +163,6 @@ impl Powers {
         }
         total
     }
-}
-
-/// Weighted power of a medium's scatterers: of the mean, of the deviation, and of both times the density as a part
-/// of 1. None without scatterers.
-#[inline(always)]
-fn parts(weight: f32, segment: &[f32; SEGMENT]) -> Option<[f32; 3]> {
-    let [mean, deviation, density] = [segment[8], segment[9], segment[10]];
-    let density = density.to_bits() & TAG_DENSITY;
-    let [mean, deviation] = [weight * mean * mean, weight * deviation * deviation];
-    (density != 0).then_some([mean, deviation, (mean + deviation) * (real(density) * (1.0 / DENSITY_ONE))])
 }
 
 /// Power of a segment's scatterers, of the mean and the deviation, that are seen with a gain, ln of the amplitude; scaled.

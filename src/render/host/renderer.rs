@@ -39,6 +39,9 @@ use crate::render::snapshot::PassBuffers;
 use crate::render::texture::waves;
 use crate::settings::Effect;
 
+/// Least nodes of a parallel task that decodes them.
+const DECODED_TOGETHER: usize = 512;
+
 /// Makes frames by the host's processors, each within `submit`.
 #[derive(Debug)]
 pub(in crate::render) struct HostRenderer {
@@ -314,9 +317,8 @@ impl FrameMaker for HostRenderer {
 
     fn move_scene(&mut self, bvh: &Bvh, changed: &Changed) {
         let moved = &bvh.nodes[changed.nodes.clone()];
-        for (node, words) in self.nodes[changed.nodes.clone()].iter_mut().zip(moved) {
-            *node = WideNode::decode(words);
-        }
+        let nodes = self.nodes[changed.nodes.clone()].par_iter_mut().zip(moved).with_min_len(DECODED_TOGETHER);
+        nodes.for_each(|(node, words)| *node = WideNode::decode(words));
     }
 
     fn submit(&mut self, inputs: FrameInputs<'_>, contents: Contents) -> Result<(), BackendError> {

@@ -128,13 +128,15 @@ impl Paths<'_> {
         let range_of = |boundary: usize| boundary as f32 * tables.plane_mm;
         // Delay at the start of the segment.
         let (mut at, mut late_mm) = (0, 0.0);
+        let mut rate = delay_rate(&segments[0], stretch);
         for boundary in 0..=tables.planes {
             while starts[at + 1] <= range_of(boundary) && !diverted(&segments[at]) {
-                late_mm += (starts[at + 1] - starts[at]) * delay_rate(&segments[at], stretch);
+                late_mm += (starts[at + 1] - starts[at]) * rate;
                 at += 1;
+                rate = delay_rate(&segments[at], stretch);
             }
             if !diverted(&segments[at]) {
-                delays[boundary] = late_mm + (range_of(boundary) - starts[at]) * delay_rate(&segments[at], stretch);
+                delays[boundary] = late_mm + (range_of(boundary) - starts[at]) * rate;
                 continue;
             }
             let reflected_mm = starts[at];
