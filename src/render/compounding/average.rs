@@ -1,11 +1,9 @@
 //! Weighted mean of looks at the present picture's pixels.
 
-use super::codes::{Codes, amplitude};
+use super::codes::{BLOCK, Codes, amplitude};
 use super::registration::{ACROSS_MM, Registration};
 use crate::simd::{at_least, at_most, log2, nearest_bits, widened};
 
-/// Neighbouring pixels that are read at one displacement. A turn by 5 degrees displaces their ends by 0.3 more.
-pub(super) const BLOCK: usize = 8;
 /// Pixels of a row that are summed together.
 const SEGMENT: usize = 64 * BLOCK;
 /// Parts of a pixel to which displacements are rounded.
