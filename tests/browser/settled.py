@@ -15,9 +15,10 @@ return { frame: Number(document.body.dataset.frame ?? 0), rate: number("rate"), 
 class Settled:
     """Decides from samples of the page's figures. A session has settled if its newest frames came at the station's rate."""
 
-    def __init__(self, rate_hz, frames=FRAMES):
+    def __init__(self, rate_hz, frames=FRAMES, skipped_part=0.02):
         self.rate_hz = rate_hz
         self.frames = frames
+        self.skipped_part = skipped_part
         self.first = None
 
     def add(self, figures):
@@ -25,7 +26,7 @@ class Settled:
         # The page counts the frames of the last second, one less at times.
         keeps_rate = (figures["rate"] or 0) >= 0.85 * self.rate_hz
         first = self.first
-        skipped = first is not None and figures["skipped"] - first["skipped"] > self.frames / 50
+        skipped = first is not None and figures["skipped"] - first["skipped"] > self.frames * self.skipped_part
         restarted = first is not None and figures["frame"] < first["frame"]
         if not keeps_rate or skipped or restarted:
             self.first = None
@@ -37,9 +38,10 @@ class Settled:
         return figures["frame"] - first["frame"] >= self.frames and is_steady
 
 
-def wait(page, rate_hz, seconds=240):
-    """Waits until the session that the page shows has settled; the error says what the page showed at last."""
-    settled, seen = Settled(rate_hz), {}
+def wait(page, rate_hz, seconds=240, **bounds):
+    """Waits until the session that the page shows has settled within the bounds of `Settled`; the error says what the page
+    showed at last."""
+    settled, seen = Settled(rate_hz, **bounds), {}
 
     def sample():
         time.sleep(0.5)
