@@ -8,7 +8,7 @@ use obvhs::cwbvh::{CwBvh, builder::build_cwbvh};
 use obvhs::{BvhBuildParams, triangle::Triangle};
 
 use super::refit::fit;
-use super::{PackedTriangle, children};
+use super::{PackedTriangle, parents_first};
 use crate::anatomy::Bounds;
 
 /// Random displacement of the centroids, as a fraction of their bounds' diagonal: 200 steps of the builder's Morton
@@ -39,14 +39,9 @@ pub(super) fn build(triangles: &[Triangle]) -> CwBvh {
     let leaves: Vec<PackedTriangle> =
         tree.primitive_indices.iter().map(|&i| PackedTriangle::of(&triangles[i as usize], 0, i)).collect();
     let nodes: &mut [[u32; 20]] = bytemuck::cast_slice_mut(&mut tree.nodes);
-    // Parents come before their children; boxes are computed in reverse order.
-    let (mut order, mut next) = (vec![0usize], 0);
-    while let Some(&node) = order.get(next) {
-        order.extend(children(&nodes[node]).map(|child| child as usize));
-        next += 1;
-    }
     let mut extents = vec![Bounds::EMPTY; nodes.len()];
-    for &node in order.iter().rev() {
+    for node in parents_first(nodes, 0).into_iter().rev() {
+        let node = node as usize;
         (nodes[node], extents[node]) = fit(nodes[node], &leaves, &extents);
     }
     tree

@@ -234,6 +234,16 @@ fn depth(nodes: &[[u32; 20]]) -> usize {
     deepest
 }
 
+/// Nodes of the tree below `root`, each after its parent.
+fn parents_first(nodes: &[[u32; 20]], root: u32) -> Vec<u32> {
+    let (mut order, mut next) = (vec![root], 0);
+    while let Some(&node) = order.get(next) {
+        order.extend(children(&nodes[node as usize]));
+        next += 1;
+    }
+    order
+}
+
 /// Indices of a node's inner children.
 fn children(node: &[u32; 20]) -> Range<u32> {
     node[4]..node[4] + (node[3] >> 24).count_ones()

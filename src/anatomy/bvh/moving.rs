@@ -154,13 +154,7 @@ pub(super) fn join(
 /// Nodes of a tree by level, the lowest first.
 fn levels(nodes: &[[u32; 20]], root: usize) -> Vec<Vec<u32>> {
     let mut levels: Vec<Vec<u32>> = Vec::new();
-    // Parents before their children.
-    let mut order = vec![root as u32];
-    let mut next = 0;
-    while let Some(&node) = order.get(next) {
-        order.extend(super::children(&nodes[node as usize]));
-        next += 1;
-    }
+    let order = super::parents_first(nodes, root as u32);
     let mut heights: HashMap<u32, usize> = HashMap::with_capacity(order.len());
     for &node in order.iter().rev() {
         let below = super::children(&nodes[node as usize]).filter_map(|child| heights.get(&child)).max();

@@ -1,7 +1,8 @@
 //! Weighted mean of looks at the present picture's pixels.
 
 use super::codes::{BLOCK, Codes, amplitude};
-use super::registration::{ACROSS_MM, Registration};
+use super::registration::Registration;
+use crate::render::look_order::ACROSS_SIGMA_MM;
 use crate::simd::{at_least, at_most, log2, nearest_bits, widened};
 
 /// Pixels of a row that are summed together.
@@ -9,7 +10,7 @@ const SEGMENT: usize = 64 * BLOCK;
 /// Parts of a pixel to which displacements are rounded.
 const PARTS: i64 = 256;
 /// The weight (1 − y²/8σ²)⁸ is that of exp(−y²/σ²) near the slice, and 0 from √8 σ on.
-const PER_MM2: f32 = (1.0 / (8.0 * ACROSS_MM * ACROSS_MM)) as f32;
+const PER_MM2: f32 = (1.0 / (8.0 * ACROSS_SIGMA_MM * ACROSS_SIGMA_MM)) as f32;
 /// Eighth root of the least weight: a look from beside the slice shows where no other one does.
 const WEIGHT_ROOT_MIN: f32 = 0.2;
 const AMPLITUDE_MIN: f32 = 1.0e-30;

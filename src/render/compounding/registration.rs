@@ -7,9 +7,6 @@ use crate::transducer::Sector;
 
 /// Largest displacement at which a look is read, pixels.
 const FAR: f64 = 1.0e6;
-/// Distance across the slice at which a look weighs 1/e, about, mm. Speckle has decorrelated by then (its power by half at
-/// 0.5 mm, at all depths); structures have not.
-pub(super) const ACROSS_MM: f64 = 1.2;
 
 /// Where a look shows what the present picture's pixels show, and how far beside the slice.
 ///

@@ -2,8 +2,8 @@
 
 use glam::{DVec2, DVec3};
 
-use super::registration::ACROSS_MM;
 use crate::pose::Pose;
+use crate::render::look_order::ACROSS_SIGMA_MM;
 use crate::transducer::Sector;
 
 /// A look: its pose, the pixels that it shows, and its grey levels.
@@ -51,7 +51,7 @@ pub(super) fn compounded(sector: &Sector, looks: &[Look], present: &Pose, dynami
         for look in looks {
             let there_mm = look.pose.orientation.inverse() * (world_mm - look.pose.position_mm);
             let place = sector.pixel_from_probe(DVec2::new(there_mm.x, there_mm.z)) - 0.5;
-            let near = 1.0 - there_mm.y.powi(2) / (8.0 * ACROSS_MM.powi(2));
+            let near = 1.0 - there_mm.y.powi(2) / (8.0 * ACROSS_SIGMA_MM.powi(2));
             let near = near.max(0.2).powi(8);
             let (amplitude, shown) = look.at(sector, place, dynamic_range_db);
             sum += near * amplitude;

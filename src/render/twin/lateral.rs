@@ -39,8 +39,7 @@ pub fn lateral(
             let whole: f64 = kernel.iter().map(|w| w * w).sum();
             let scale = if gains.is_empty() {
                 // Level of speckle of the whole kernel, over that of the array's normal.
-                let sum = |kernel: &[f64]| kernel.iter().sum::<f64>();
-                let level = (kernel.iter().map(|w| w * w).sum::<f64>() / unwidened_power).sqrt() / sum(kernel);
+                let level = (whole / unwidened_power).sqrt() / kernel.iter().sum::<f64>();
                 1.0 / (total * level)
             } else {
                 (whole / power.max(0.5 * whole)).sqrt()
