@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use criterion::Criterion;
 use insonify::anatomy::TissueTable;
 use insonify::generator::{Generator, Input, LoadOptions, Runtime};
+use insonify::transducer::{Probe, ScanGeometry};
 
 const WIDTH: u32 = 1386;
 const HEIGHT: u32 = 1000;
@@ -35,6 +36,7 @@ fn main() {
         segmentation: &segmentation,
         attenuation: &attenuation,
         mask: &mask,
+        scan: Some(ScanGeometry::fit(&Probe::default(), WIDTH, HEIGHT)),
     };
     let mut group = criterion.benchmark_group("generator");
     group.sample_size(20);

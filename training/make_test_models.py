@@ -76,6 +76,8 @@ class Generator:
     channels: dict
     output: dict = field(default_factory=lambda: dict(UNIT))
     multiple: int = 1
+    # Scanlines and length of a range cell in mm of a model in beam coordinates.
+    beam: tuple = None
     encoding: str = "map"
     classes: list = field(default_factory=lambda: list(CLASSES))
     # Class of each tissue that has none of its own, and the class of all others.
@@ -351,6 +353,8 @@ channels = [{names}]
         text += f'other = "{generator.other}"\n' if generator.other else ""
         text += "\n[segmentation.of]\n" if generator.of else ""
         text += "".join(f'{tissue} = "{name}"\n' for tissue, name in generator.of.items())
+    if generator.beam:
+        text += f"\n[beam]\nscanlines = {generator.beam[0]}\ncell_mm = {generator.beam[1]}\n"
     text += f"""
 [output]
 name = "output"
@@ -372,6 +376,8 @@ def main():
     by_class = {"mask": UNIT, "segmentation": UNIT, "image": UNIT}
     generators = [
         Generator("identity", "Test: the image as it is, through -1..=1.", identity(), signed, output=SIGNED_OUTPUT),
+        Generator("identity_beam", "Test: the image as it is, in beam coordinates.", identity(), signed,
+                  output=SIGNED_OUTPUT, beam=(128, 0.25)),
         Generator("brightness", "Test: 1.25 times the image and 0.1.", brightness(), m),
         Generator("blur", "Test: the mean of 3 x 3 pixels.", blur(), m),
         Generator("blur_padded", "Test: the mean of 3 x 3 pixels, sizes in multiples of 16.", blur(), m, multiple=16),

@@ -8,6 +8,9 @@ use anyhow::{Context, Result, ensure};
 use image::ImageReader;
 use insonify::files::{self, FileKind};
 use insonify::generator::{Channel, Input, Manifest};
+use insonify::settings::SettingsGroup;
+use insonify::transducer::{Probe, ProbeKind, ScanGeometry};
+use serde::Deserialize;
 
 /// The maps in a directory.
 pub(crate) struct FrameDir {
@@ -20,6 +23,7 @@ pub(crate) struct FrameDir {
     mask: Vec<u8>,
     segmentation: Option<Vec<u8>>,
     attenuation: Option<Vec<f32>>,
+    scan: Option<ScanGeometry>,
 }
 
 impl FrameDir {
@@ -38,9 +42,20 @@ impl FrameDir {
         let image = optional("bmode.png")?;
         let segmentation = optional("segmentation.png")?;
         let tissues = if segmentation.is_some() { names(&directory.join("tissues.json"))? } else { Vec::new() };
+        let scan = scan(&directory.join("frame.json"), [width, height])?;
         let path = directory.join("attenuation.npy");
         let attenuation = path.exists().then(|| floats(&path, [height, width])).transpose()?;
-        Ok(Self { directory: directory.to_owned(), width, height, tissues, image, mask, segmentation, attenuation })
+        Ok(Self {
+            directory: directory.to_owned(),
+            width,
+            height,
+            tissues,
+            image,
+            mask,
+            segmentation,
+            attenuation,
+            scan,
+        })
     }
 
     /// Inputs of a generator with `manifest`; an error if one that it takes is missing.
@@ -61,8 +76,36 @@ impl FrameDir {
             segmentation: self.segmentation.as_deref().unwrap_or_default(),
             attenuation: self.attenuation.as_deref().unwrap_or_default(),
             mask: &self.mask,
+            scan: self.scan,
         })
     }
+}
+
+/// Probe of a frame's record, as far as its pictures depend on it.
+#[derive(Deserialize)]
+struct Recorded {
+    probe: RecordedProbe,
+}
+
+#[derive(Deserialize)]
+struct RecordedProbe {
+    #[serde(flatten)]
+    kind: ProbeKind,
+    depth_mm: f64,
+}
+
+/// Scanlines of the frame whose record is at `path`; none without a record.
+fn scan(path: &Path, [width, height]: [u32; 2]) -> Result<Option<ScanGeometry>> {
+    if !path.exists() {
+        return Ok(None);
+    }
+    let text = files::read(path, FileKind::Stored).with_context(|| format!("cannot read {}", path.display()))?;
+    let record: Recorded =
+        serde_json::from_slice(&text).with_context(|| format!("{} names no probe of a frame", path.display()))?;
+    let RecordedProbe { kind, depth_mm } = record.probe;
+    let probe = Probe { kind, depth_mm, ..Probe::default() };
+    probe.validate().with_context(|| format!("{} holds a probe out of range", path.display()))?;
+    Ok(Some(ScanGeometry::fit(&probe, width, height)))
 }
 
 /// Pixels of an 8-bit grey image, and its width and height.

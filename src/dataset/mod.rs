@@ -14,7 +14,7 @@ mod variation;
 pub use error::DatasetError;
 pub use plan::{Exam, Moment, Plan, Shard, Source, Wishes};
 pub use read::{Dataset, Tuple, manifests, read_rows};
-pub use row::{CompoundingRow, ExamRow, Header, PoseRow, RollingRow, Row, SettingsRow, Split, StationRow};
+pub use row::{CompoundingRow, ExamRow, Header, PoseRow, RollingRow, Row, ScanRow, SettingsRow, Split, StationRow};
 pub use variation::parameters;
 
 /// Version of the directory's layout.

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::anatomy::phantom::PhantomOptions;
 use crate::pose::Pose;
 use crate::settings::LookSettings;
+use crate::transducer::{Probe, Sector};
 
 /// `dataset.json`: properties common to all tuples. Two runs with the same header make the same tuples.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -54,7 +55,7 @@ impl Header {
 }
 
 /// A station of a data set.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StationRow {
     /// File in the data set's directory.
     pub file: String,
@@ -63,6 +64,47 @@ pub struct StationRow {
     /// SHA-256 of the scene's file; `None` for a generated phantom.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scene_sha256: Option<String>,
+    /// Place of the scanlines in its pictures, for networks in beam coordinates; `None` in data sets of older versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scan: Option<ScanRow>,
+}
+
+impl StationRow {
+    /// Whether both are of the same files.
+    pub fn same_files(&self, other: &Self) -> bool {
+        let files = |station: &Self| [Some(station.file.clone()), station.scene_sha256.clone()];
+        files(self) == files(other)
+    }
+}
+
+/// Place of the scanlines in pictures.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ScanRow {
+    /// Radius of the face, mm, 0 for a phased array; `None` for a linear one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub radius_mm: Option<f64>,
+    /// Half the lateral extent: radians, or mm for a linear face.
+    pub half_extent: f64,
+    /// Depth from the face, mm.
+    pub depth_mm: f64,
+    /// Side of a square pixel, mm.
+    pub pixel_mm: f64,
+    /// Probe-frame (x, z) of the upper left corner, mm.
+    pub corner_mm: [f64; 2],
+}
+
+impl ScanRow {
+    /// The scanlines of `probe` in pictures of `width` × `height` pixels.
+    pub fn new(probe: &Probe, width: u32, height: u32) -> Self {
+        let sector = Sector::fit(probe, width, height);
+        Self {
+            radius_mm: probe.face_radius_mm(),
+            half_extent: probe.half_extent(),
+            depth_mm: probe.depth_mm,
+            pixel_mm: sector.pixel_mm,
+            corner_mm: sector.corner_mm.to_array(),
+        }
+    }
 }
 
 /// Training or test split. They share no exam and no phantom.

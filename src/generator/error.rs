@@ -137,6 +137,19 @@ pub enum GeneratorError {
         /// Column of the first one.
         column: usize,
     },
+    /// A model in beam coordinates has a picture whose scanlines are not known.
+    #[error(
+        "generator `{name}` works in beam coordinates, and the scanlines of this picture of {width} x {height} are not known: \
+         give it a frame of a renderer, or a directory that `insonify render` wrote"
+    )]
+    NoScanGeometry {
+        /// Generator.
+        name: String,
+        /// Width, pixels.
+        width: u32,
+        /// Height, pixels.
+        height: u32,
+    },
     /// The run was stopped by a [`Terminator`](super::Terminator).
     #[error("generator `{name}`: the run was stopped")]
     Terminated {

@@ -5,13 +5,15 @@ use std::time::{Duration, Instant};
 
 use sha2::{Digest, Sha256};
 
+use super::beam_grid::BeamSampling;
 use super::manifest::{Affine, Manifest};
 use super::maps::{self, ClassMap, Geometry};
 use super::parity::{self, ParityReport};
 use super::session::{RunFailure, Session};
-use super::{GeneratorError, Input, Provider, Runtime, Terminator};
+use super::{BeamGrid, GeneratorError, Input, Provider, Runtime, Terminator};
 use crate::files::{self, FileKind};
 use crate::render::Frame;
+use crate::transducer::{Probe, ScanGeometry};
 
 /// Options for loading a model.
 #[derive(Debug, Clone, Default)]
@@ -32,6 +34,8 @@ pub struct Generator {
     classes: Option<ClassMap>,
     session: Session,
     provider: Provider,
+    /// Tables of a model in beam coordinates, of the last geometry.
+    sampling: Option<BeamSampling>,
 }
 
 impl std::fmt::Debug for Generator {
@@ -68,6 +72,7 @@ impl Generator {
             classes: parity_classes,
             session,
             provider: options.provider,
+            sampling: None,
         };
         let found = generator.levels(&pair.input())?;
         generator.parity = parity::compare(&generator.path, &pair, &found, generator.manifest.parity.tolerance)?;
@@ -78,17 +83,40 @@ impl Generator {
     /// Translates a whole frame into `out` [height × width]: grey levels, 0 outside the sector.
     ///
     /// # Errors
-    /// Maps of the wrong size, unknown tissue numbers, a run that fails or is stopped, or values that are not finite.
-    /// `out` is empty then.
+    /// Maps of the wrong size, unknown tissue numbers, a model in beam coordinates without [`Input::scan`], a run that
+    /// fails or is stopped, or values that are not finite. `out` is empty then.
     pub fn run(&mut self, input: &Input, out: &mut Vec<u8>) -> Result<(), GeneratorError> {
         out.clear();
+        if let Some(grid) = self.manifest.beam {
+            return self.run_on(&grid, input, out);
+        }
         let affine = self.output_affine();
         let (values, geometry) = self.infer(input)?;
         maps::quantise(values, affine, input.mask, &geometry, out);
         Ok(())
     }
 
-    /// Durations of `runs` runs on a synthetic frame of `width` × `height` pixels, after one warm-up run.
+    /// [`Self::run`] of a model in beam coordinates.
+    fn run_on(&mut self, grid: &BeamGrid, input: &Input, out: &mut Vec<u8>) -> Result<(), GeneratorError> {
+        input.check(&self.manifest)?;
+        let (width, height) = (input.width, input.height);
+        let of_picture = |scan: &ScanGeometry| (scan.sector.width, scan.sector.height) == (width, height);
+        let Some(scan) = input.scan.filter(of_picture) else {
+            return Err(GeneratorError::NoScanGeometry { name: self.manifest.name.clone(), width, height });
+        };
+        let affine = self.output_affine();
+        let kept = self.sampling.take().filter(|sampling| sampling.is_of(grid, &scan));
+        let mut sampling = kept.unwrap_or_else(|| BeamSampling::new(*grid, scan));
+        let on_grid = sampling.resample(input);
+        let done = self.infer(&on_grid).map(|(values, geometry)| {
+            sampling.picture(values, [geometry.first(), geometry.padded_width], affine, input.mask, out);
+        });
+        self.sampling = Some(sampling);
+        done
+    }
+
+    /// Durations of `runs` runs on a synthetic frame of `width` × `height` pixels, after one warm-up run. Beam coordinates
+    /// are those of the default probe.
     ///
     /// # Errors
     /// Those of [`Generator::run`].
@@ -102,6 +130,7 @@ impl Generator {
             segmentation: vec![0; pixels],
             attenuation: vec![0.5; pixels],
             mask: vec![255; pixels],
+            scan: Some(ScanGeometry::fit(&Probe::default(), width, height)),
             ..Frame::default()
         };
         let input = Input::from(&frame);

@@ -3,6 +3,7 @@
 use super::GeneratorError;
 use super::manifest::{Channel, Manifest};
 use crate::render::Frame;
+use crate::transducer::ScanGeometry;
 
 /// Maps of one frame, row-major, the first row nearest to the probe. Maps that the model does not take
 /// ([`Manifest::takes`]) are not read and may be empty; the mask may not.
@@ -20,6 +21,8 @@ pub struct Input<'a> {
     pub attenuation: &'a [f32],
     /// 255 inside the sector, 0 outside [height × width].
     pub mask: &'a [u8],
+    /// Place of the scanlines in the picture. Only models in beam coordinates ([`Manifest::beam`]) need it.
+    pub scan: Option<ScanGeometry>,
 }
 
 impl<'a> From<&'a Frame> for Input<'a> {
@@ -31,6 +34,7 @@ impl<'a> From<&'a Frame> for Input<'a> {
             segmentation: &frame.segmentation,
             attenuation: &frame.attenuation,
             mask: &frame.mask,
+            scan: frame.scan,
         }
     }
 }

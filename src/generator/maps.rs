@@ -40,6 +40,11 @@ impl Geometry {
         (self.padded_width - self.width) / 2
     }
 
+    /// Index of the field of view's first value in a padded plane.
+    pub(super) fn first(&self) -> usize {
+        self.above() + self.left()
+    }
+
     /// Values of a padded plane before the first row of the field of view.
     fn above(&self) -> usize {
         (self.padded_height - self.height) / 2 * self.padded_width
@@ -252,6 +257,7 @@ mod tests {
                     segmentation: &[number; 6],
                     attenuation: &[0.0; 6],
                     mask: &[0; 6],
+                    scan: None,
                 };
                 let mut tensor = vec![f32::NAN; manifest.tensor_channels() * 16];
                 fill(&manifest, Some(&classes), &input, &Geometry::new(3, 2, 4), &mut tensor).unwrap();
@@ -302,6 +308,7 @@ mod tests {
                 segmentation: &[0; 4],
                 attenuation: &values,
                 mask: &[255; 4],
+                scan: None,
             };
             let classes = ClassMap::identity(manifest.segmentation.as_ref().unwrap());
             let mut tensor = [0.0; 16];

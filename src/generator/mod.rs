@@ -3,9 +3,11 @@
 //! A generator is an `.onnx` file with a [`Manifest`] beside it. [`Generator::load`] checks both, runs the bundled
 //! parity pair on this machine and refuses a model that does not reproduce it. [`Generator::run`] translates the whole
 //! field of view: normalise, pad to the model's multiple, infer, crop, clear pixels outside the sector, round to grey
-//! levels. The pipeline's controller of operating points chooses which generator runs. Without ONNX Runtime's
+//! levels. A model in beam coordinates ([`BeamGrid`]) takes and gives scanlines × range cells; the picture is resampled
+//! before and after it. The pipeline's controller of operating points chooses which generator runs. Without ONNX Runtime's
 //! library [`Runtime::get`] returns an error that names the remedy; rendering works without it.
 
+mod beam_grid;
 mod error;
 mod features;
 #[expect(clippy::module_inception, reason = "the type of that name has a file of its own")]
@@ -20,6 +22,7 @@ mod runtime;
 mod session;
 mod settings;
 
+pub use beam_grid::BeamGrid;
 pub use error::GeneratorError;
 pub use features::{FeatureScale, OnnxFeatures};
 pub use generator::{Generator, LoadOptions};

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::transducer::Contact;
+use crate::transducer::{Contact, ScanGeometry};
 
 /// Greatest number of frames in flight.
 pub const FRAMES_IN_FLIGHT: usize = 2;
@@ -75,6 +75,8 @@ pub struct Frame {
     pub attenuation_p98: f32,
     /// 255 inside the sector, 0 outside [height × width].
     pub mask: Vec<u8>,
+    /// Place of the scanlines in the picture; none in a frame that no renderer made.
+    pub scan: Option<ScanGeometry>,
     /// Complex baseband (re, im) after the point-spread function, before TGC and compression [scanlines × samples];
     /// empty unless the settings ask for it.
     pub lines: Vec<[f32; 2]>,

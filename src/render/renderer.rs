@@ -24,13 +24,14 @@ use crate::pose::Pose;
 use crate::settings::RenderSettings;
 use crate::settings::SettingsGroup as _;
 use crate::settings::{Choice, Effect};
-use crate::transducer::{Contact, Probe, Sector, touch};
+use crate::transducer::{Contact, Probe, ScanGeometry, Sector, touch};
 
 /// A frame that was submitted and not received.
 #[derive(Debug)]
 struct InFlight {
     /// Mask of the settings that it was submitted with.
     mask: Arc<[u8]>,
+    scan: ScanGeometry,
     contact: Option<Contact>,
     look: usize,
     place: Place,
@@ -427,6 +428,7 @@ impl Renderer {
         self.maker.submit(inputs, contents)?;
         self.in_flight.push_back(InFlight {
             mask: self.active.tables.mask.clone(),
+            scan: ScanGeometry::new(&self.active.probe, self.active.tables.sector),
             contact: placed.contact,
             look,
             place: placed.place,
@@ -442,7 +444,7 @@ impl Renderer {
     /// # Errors
     /// An empty ring, or a device that fails.
     pub fn receive(&mut self, frame: &mut Frame) -> Result<(), RenderError> {
-        let InFlight { mask, contact, look, place, generation, motion_ms, started } =
+        let InFlight { mask, scan, contact, look, place, generation, motion_ms, started } =
             self.in_flight.pop_front().ok_or(RenderError::RingEmpty)?;
         self.maker.receive(frame)?;
         if let Some(compounding) = self.compounding.as_mut().filter(|_| generation == self.generation) {
@@ -450,6 +452,7 @@ impl Renderer {
         }
         frame.mask.clear();
         frame.mask.extend_from_slice(&mask);
+        frame.scan = Some(scan);
         frame.contact = contact;
         frame.times.total_ms = started.elapsed().as_secs_f64() * 1e3;
         frame.times.motion_ms = motion_ms;

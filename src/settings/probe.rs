@@ -1,12 +1,12 @@
 //! Probe: face, beam and sampling.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::live_control::{choice, slider, toggle};
 use super::{Apodization, Change, Setting, SettingsError, SettingsGroup, Stored, check_own, settings};
 
 /// Shape of a transducer's face.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 pub enum ProbeKind {
     /// A curved array: scanlines leave an arc of `radius_mm` at angles over `fov_deg`.

@@ -3,10 +3,12 @@
 pub(crate) mod contact;
 mod housing;
 mod probe;
+mod scan_geometry;
 mod sector;
 
 pub use contact::{Contact, touch};
 pub use housing::housing;
+pub use scan_geometry::ScanGeometry;
 pub use sector::Sector;
 
 pub use crate::settings::{Probe, ProbeKind};

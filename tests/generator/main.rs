@@ -22,6 +22,7 @@ use insonify::quality::{FeatureExtractor, frechet_distance_of};
 use insonify::render::Frame;
 use insonify::sink::png::{self, Effort};
 use insonify::sink::{npy, write_json};
+use insonify::transducer::{Probe, ScanGeometry};
 use sha2::{Digest, Sha256};
 
 /// Tissues of the station, in a different order than the models' classes.
@@ -90,6 +91,7 @@ impl Maps {
             segmentation: &self.segmentation,
             attenuation: &self.attenuation,
             mask: &self.mask,
+            scan: None,
         }
     }
 
@@ -206,8 +208,15 @@ fn a_generator_of_maps_needs_no_image_and_accepts_tissue_groups() {
     let options = LoadOptions { tissues: &tissues, ..LoadOptions::default() };
     let mut other = Generator::load(&model("maps_only"), runtime(), &options).unwrap();
     let attenuation = [0.0; 3];
-    let input =
-        Input { width: 3, height: 1, image: &[], segmentation: &[1, 2, 0], attenuation: &attenuation, mask: &[255; 3] };
+    let input = Input {
+        width: 3,
+        height: 1,
+        image: &[],
+        segmentation: &[1, 2, 0],
+        attenuation: &attenuation,
+        mask: &[255; 3],
+        scan: None,
+    };
     other.run(&input, &mut found).unwrap();
     assert_eq!(found, [153, 102, 0], "a group's tissue, any other, outside");
 }
@@ -235,6 +244,53 @@ fn a_model_without_a_class_for_a_tissue_is_refused() {
 }
 
 #[test]
+fn a_model_in_beam_coordinates_translates_pictures() {
+    let mut generator = load("identity_beam");
+    let probe = Probe::default();
+    let scan = ScanGeometry::fit(&probe, 300, 216);
+    let pixels: Vec<_> = (0..216).flat_map(|row| (0..300).map(move |column| (column, row))).collect();
+    let beam = |&(column, row): &(u32, u32)| scan.beam_at(column, row);
+    let level = |(fraction, depth_mm): (f64, f64)| (128.0 + 90.0 * (6.0 * fraction + depth_mm / 25.0).sin()) as u8;
+    let image: Vec<u8> = pixels.iter().map(|at| beam(at).map_or(0, level)).collect();
+    let mask: Vec<u8> = pixels.iter().map(|at| if beam(at).is_some() { 255 } else { 0 }).collect();
+    let frame = Frame { width: 300, height: 216, bmode: image.clone(), mask, scan: Some(scan), ..Frame::default() };
+    let mut out = Vec::new();
+    generator.run(&Input::from(&frame), &mut out).unwrap();
+    let off: Vec<u8> = out.iter().zip(&image).map(|(a, b)| a.abs_diff(*b)).collect();
+    assert!(
+        off.iter().filter(|off| **off > 2).count() < off.len() / 200,
+        "{} pixels",
+        off.iter().filter(|o| **o > 2).count()
+    );
+    assert!(out.iter().zip(&frame.mask).all(|(level, inside)| *inside > 0 || *level == 0));
+    // Another depth of the same size needs other tables.
+    let deeper = ScanGeometry::fit(&Probe { depth_mm: 75.0, ..probe }, 300, 216);
+    let mask = pixels.iter().map(|&(c, r)| if deeper.beam_at(c, r).is_some() { 255 } else { 0 }).collect();
+    let frame = Frame { mask, scan: Some(deeper), ..frame };
+    generator.run(&Input::from(&frame), &mut out).unwrap();
+    let inside = frame.mask.iter().zip(&image).zip(&out).filter(|((mask, image), _)| **mask > 0 && **image > 0);
+    let mean = |of: &dyn Fn((u8, u8)) -> u8| {
+        let values: Vec<_> = inside.clone().map(|((_, image), out)| f64::from(of((*image, *out)))).collect();
+        values.iter().sum::<f64>() / values.len() as f64
+    };
+    assert!((mean(&|(image, _)| image) - mean(&|(_, out)| out)).abs() < 1.0);
+}
+
+#[test]
+fn a_model_in_beam_coordinates_wants_the_scanlines() {
+    let maps = Maps::new((130, 71));
+    let mut generator = load("identity_beam");
+    let mut out = vec![1];
+    let error = generator.run(&maps.input(), &mut out).unwrap_err();
+    assert_says(&error, &["identity_beam", "scanlines", "130 x 71", "insonify render"]);
+    // Those of another picture are not its own.
+    let scan = Some(ScanGeometry::fit(&Probe::default(), 131, 71));
+    let error = generator.run(&Input { scan, ..maps.input() }, &mut out).unwrap_err();
+    assert_says(&error, &["130 x 71"]);
+    assert!(out.is_empty());
+}
+
+#[test]
 fn maps_of_the_wrong_size_are_errors() {
     let mut generator = load("weighted_maps");
     let maps = Maps::new((20, 10));
@@ -245,7 +301,7 @@ fn maps_of_the_wrong_size_are_errors() {
     let segmentation = vec![4; 200];
     let unknown = Input { segmentation: &segmentation, ..maps.input() };
     assert_says(&generator.run(&unknown, &mut out).unwrap_err(), &["number 4", "go to 3"]);
-    let empty = Input { width: 0, height: 0, image: &[], segmentation: &[], attenuation: &[], mask: &[] };
+    let empty = Input { width: 0, height: 0, image: &[], segmentation: &[], attenuation: &[], mask: &[], scan: None };
     assert!(matches!(generator.run(&empty, &mut out), Err(GeneratorError::InputSize { .. })));
     generator.run(&maps.input(), &mut out).unwrap();
     assert_eq!(out.len(), 200);
@@ -526,6 +582,7 @@ fn the_demos_filter_smooths_speckle_and_keeps_edges() {
         segmentation: &none,
         attenuation: &attenuation,
         mask: &mask,
+        scan: None,
     };
     let mut out = Vec::new();
     generator.run(&input, &mut out).unwrap();

@@ -7,12 +7,16 @@ pages.
 
 import hashlib
 import json
+import os
+import threading
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+
+from .beam import Scan, sampling
 
 LQ, HQ, SEGMENTATION, ATTENUATION = range(4)
 # Crop origins are drawn from a grid of this step, px, and shifted by less than it.
@@ -33,8 +37,9 @@ class Row:
     file: str
     mask: str
     sha256: str
-    # Width and height, px.
+    # Width and height, px, or scanlines and range cells.
     size: tuple
+    station: str = ""
 
 
 def _parse_rows(path):
@@ -51,7 +56,7 @@ def _parse_rows(path):
             raise DatasetError(f"{path}:{number}: no JSON: {error}") from None
         try:
             keys = {key: row[key] for key in ("index", "split", "file", "mask", "sha256")}
-            yield Row(**keys, exam=json.dumps(row.get("exam")), size=tuple(row["size"]))
+            yield Row(**keys, exam=json.dumps(row.get("exam")), size=tuple(row["size"]), station=row.get("station", ""))
         except (KeyError, TypeError) as error:
             raise DatasetError(f"{path}:{number}: {error!r} is missing or wrong") from None
 
@@ -84,9 +89,9 @@ class Quality:
 
 
 class Dataset:
-    """Rows of a data set, and its pictures."""
+    """Rows of a data set, and its pictures; on a `grid` of beam coordinates, if one is given."""
 
-    def __init__(self, directory):
+    def __init__(self, directory, grid=None):
         self.directory = Path(directory)
         header = self.directory / "dataset.json"
         manifests = sorted(self.directory.glob("manifest*.jsonl"))
@@ -121,10 +126,48 @@ class Dataset:
                 if row.index in rows:
                     raise DatasetError(f"{path}: tuple {row.index} is in the manifests twice")
                 rows[row.index] = row
-        self.rows = [rows[index] for index in sorted(rows)]
+        self.pictures = {index: rows[index] for index in sorted(rows)}
+        self.grid = grid
+        self.scans = self._scans(described, header) if grid else {}
+        self.rows = [self._on_grid(row) if grid else row for row in self.pictures.values()]
         shared = {row.exam for row in self.split("train")} & {row.exam for row in self.split("test")}
         if shared:
             raise DatasetError(f"{self.directory}: exams in both train and test: {sorted(shared)[:3]}")
+
+    def _scans(self, described, header):
+        """Scan of each station, by its file."""
+        try:
+            return {station["file"]: Scan.of(station["scan"]) for station in described["stations"]}
+        except (KeyError, TypeError, ValueError) as error:
+            raise DatasetError(f"{header}: the scan of a station is missing or wrong ({error!r}): render the data set anew") from None
+
+    def sampling(self, row):
+        """Resampling of a row's pictures."""
+        picture = self.pictures[row.index]
+        if picture.station not in self.scans:
+            raise DatasetError(f"{self.directory}: tuple {row.index} is of the station `{picture.station}`, which dataset.json lacks")
+        return sampling(self.grid, self.scans[picture.station], picture.size)
+
+    def _on_grid(self, row):
+        """The row of a tuple in beam coordinates. Resampled tuples are kept beside the others."""
+        cells, lines = self.sampling(row).shape
+        folder = f"beam_{self.grid}"
+        mask = f"{folder}/mask_{hashlib.sha256(row.station.encode()).hexdigest()[:8]}_{row.size[0]}x{row.size[1]}.npy"
+        return replace(row, file=f"{folder}/{row.index:07}.{row.sha256[:12]}.npy", mask=mask, size=(lines, cells))
+
+    def _resample(self, row):
+        """Writes a tuple and its mask in beam coordinates, unless they are there."""
+        path, mask = self.directory / row.file, self.directory / row.mask
+        if path.exists() and mask.exists():
+            return
+        of, picture = self.sampling(row), self.pictures[row.index]
+        planes = _open(self.directory / picture.file, (4, picture.size[1], picture.size[0]))
+        levels, maps = [of.levels(planes[at]) for at in (LQ, HQ)], [of.map(planes[at]) for at in (SEGMENTATION, ATTENUATION)]
+        path.parent.mkdir(exist_ok=True)
+        for at, array in ((path, np.stack([*levels, *maps])), (mask, np.where(of.inside, 255, 0).astype(np.uint8))):
+            part = at.with_suffix(f".{os.getpid()}.{threading.get_ident()}.part.npy")
+            np.save(part, array)
+            os.replace(part, at)
 
     def split(self, name):
         """Rows of `train` or `test`."""
@@ -137,10 +180,20 @@ class Dataset:
 
     def planes(self, row):
         """Planes of a tuple, memory-mapped: uint8 [4, height, width]."""
+        if self.grid:
+            self._resample(row)
         return _open(self.directory / row.file, (4, row.size[1], row.size[0]))
+
+    def picture(self, row):
+        """Planes and mask of a tuple's pictures, whatever the coordinates: uint8 [4, height, width], [height, width]."""
+        of = self.pictures[row.index]
+        shape = (of.size[1], of.size[0])
+        return _open(self.directory / of.file, (4, *shape)), _mask(self.directory / of.mask, shape)
 
     def mask(self, row):
         """255 inside the sector, 0 outside: uint8 [height, width]."""
+        if self.grid:
+            self._resample(row)
         return _mask(self.directory / row.mask, (row.size[1], row.size[0]))
 
 
@@ -216,6 +269,8 @@ class Crops:
         for i in range(self.batch):
             row = self.rows[random.integers(len(self.rows))]
             size = (row.size[1], row.size[0])
+            # Resampled now, if it is in beam coordinates.
+            self.dataset.mask(row)
             origins = _origins(self.dataset.directory / row.mask, size, self.crop, self.min_inside, self.border)
             origin = origins[random.integers(len(origins))] + random.integers(GRID_PX, size=2)
             y, x = np.minimum(origin, np.subtract(size, self.crop) + 2 * self.border) - self.border

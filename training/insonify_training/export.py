@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from .beam import BeamGrid
 from .channels import VARIANTS
 from .dataset import ATTENUATION, LQ, SEGMENTATION, Dataset, DatasetError
 from .networks import fold, freeze
@@ -48,6 +49,16 @@ def load_run(folder, data):
     trainer.load(state)
     freeze(trainer.generator.eval())
     return trainer, state.get("data_sha256")
+
+
+def grid_of(folder):
+    """Beam coordinates of a run; none if it is of pictures."""
+    config = Path(folder) / "config.json"
+    try:
+        values = json.loads(config.read_text(encoding="utf-8"))
+        return BeamGrid.parse(values.get("config", values).get("beam", ""))
+    except (OSError, ValueError) as error:
+        raise ExportError(f"{config}: {error}") from None
 
 
 def write_onnx(network, channels, path):
@@ -140,7 +151,10 @@ def write_manifest(path, head, tables):
 
 
 def measure(trainer, ort, multiple, data, frames):
-    """Mean PSNR, SSIM and pKL inside the sector of test tuples, full field of view: of the exported model [3], of LQ [3]."""
+    """Mean PSNR, SSIM and pKL inside the sector of test tuples, full field of view: of the exported model [3], of LQ [3].
+
+    They are of pictures, also if the model is in beam coordinates.
+    """
     rows = data.split("test")
     rows = rows[:: max(1, len(rows) // frames)][:frames]
     values = []
@@ -148,6 +162,10 @@ def measure(trainer, ort, multiple, data, frames):
         planes, mask = np.array(data.planes(row))[None], np.array(data.mask(row))[None, None]
         inputs, target, inside = trainer.encode(planes, mask)
         output = run_onnx(ort, inputs, multiple, trainer.encode.outside).clamp(0, 1) * inside
+        if data.grid:
+            output = torch.from_numpy(data.sampling(row).picture(output.numpy())).float()
+            planes, mask = (part[None] for part in data.picture(row))
+            _, target, inside = trainer.encode(np.array(planes), mask[None])
         lq = torch.from_numpy(planes[:, LQ : LQ + 1]).float() / 255 * inside
         values.append([[f(p, target, inside).item() for f in (psnr_db, ssim, pkl)] for p in (output, lq)])
     return np.mean(values, axis=0)
@@ -194,6 +212,8 @@ def export(run, data, out, description=None, frames=32, name=None):
         tables["segmentation"] = trainer.segmentation.manifest()
     if "attenuation" in channels and config.attenuation_power != 1.0:
         affine["attenuation"]["power"] = config.attenuation_power
+    if data.grid:
+        tables["beam"] = {"scanlines": data.grid.scanlines, "cell_mm": data.grid.cell_mm}
     tables["output"] = {"name": "output", **unit}
     tables["parity"] = {
         "input": f"{name}.parity_input.npy", "output": f"{name}.parity_output.npy", "tolerance": TOLERANCE,
@@ -234,7 +254,7 @@ def main(argv=None):
     args = p.parse_args(argv)
     torch.set_num_threads(args.threads)
     try:
-        found = export(args.run, Dataset(args.data), args.out, args.description, args.frames)
+        found = export(args.run, Dataset(args.data, grid_of(args.run)), args.out, args.description, args.frames)
     except (ExportError, DatasetError) as error:
         raise SystemExit(str(error)) from None
     print(json.dumps(found, indent=2))

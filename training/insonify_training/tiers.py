@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, fields, replace
 
 
 # Frames of a live session with rolling compounding.
-ROLLING = "1x1x9,1x3x9,2x3x9,8x3x9"
+ROLLING = "1x1x9,1x3x9,2x3x9,4x3x9,8x3x9"
 
 
 @dataclass(frozen=True)
@@ -17,6 +17,8 @@ class Config:
     # Rendering of input and target: rays x layers x angles. Tuples have several inputs in turn.
     lq: str = "1x1"
     hq: str = "32x3x9"
+    # Beam coordinates, SCANLINESxCELL_MM; none: pictures.
+    beam: str = ""
     # Exponent of the attenuation that the network sees: 1 is the map itself.
     attenuation_power: float = 0.25
     norm: str = "none"
@@ -88,6 +90,8 @@ class Config:
 
 FAST = Config(network="stride8", share=0.1)
 MIDDLE = Config(network="stride4", share=0.1)
+# Range cells of 0.2 mm lose less than speckle holds: a picture comes back with 38 dB.
+BEAM = "256x0.2"
 # For compounded input, whose grain resembles the target's.
 NATURAL = {"divergence_weight": 0.0, "share": 0.25}
 # pix2pix's own loss and rate. Its 100 on levels within -1..=1 is 200 on 0..=1, here the inverse of the GAN's weight.
@@ -118,6 +122,9 @@ TIERS = {
     **_variants("middle", MIDDLE),
     **_variants("fast", replace(FAST, lq=ROLLING, **NATURAL), suffix="_rolling"),
     **_variants("middle", replace(MIDDLE, lq=ROLLING, **NATURAL), suffix="_rolling"),
+    **_variants("beam", replace(FAST, beam=BEAM)),
+    **_variants("beam", replace(FAST, beam=BEAM, lq=ROLLING, **NATURAL), suffix="_rolling"),
+    **_variants("beam4", replace(MIDDLE, beam=BEAM, lq=ROLLING, **NATURAL), suffix="_rolling"),
     **_variants("fast", replace(FAST, hq="32x3x1"), suffix="_single"),
     **_variants("classic", CLASSIC),
     **_variants("paper", PAPER),

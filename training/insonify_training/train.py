@@ -14,6 +14,7 @@ from pathlib import Path
 
 import torch
 
+from .beam import BeamGrid
 from .channels import VARIANTS
 from .dataset import LQ, Crops, Dataset, DatasetError, Quality
 from .networks import NORMS, make
@@ -65,6 +66,10 @@ def configure(args):
             network = make(config.network, 1)
     except ValueError as error:
         raise SystemExit(f"--{error}") from None
+    try:
+        BeamGrid.parse(config.beam)
+    except ValueError as error:
+        raise SystemExit(f"--beam {error}") from None
     multiple = network.padding_multiple
     if config.crop % multiple != 0:
         raise SystemExit(f"--crop {config.crop}: {config.network} takes multiples of {multiple} pixels")
@@ -237,7 +242,7 @@ def main(argv=None):
     config = configure(args)
     torch.set_num_threads(args.threads)
     try:
-        data = Dataset(args.data)
+        data = Dataset(args.data, BeamGrid.parse(config.beam))
         check_quality(config, data)
         crops = Crops(data, "train", config.crop, config.batch, config.seed, config.flip, border=config.border)
         # A data set that is still being written may have no test rows yet.

@@ -7,7 +7,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
-use insonify::dataset::{Dataset, HEADER_FILE, Header, Row, Shard, Split, StationRow, manifests, read_rows};
+use insonify::dataset::{Dataset, HEADER_FILE, Header, Row, ScanRow, Shard, Split, StationRow, manifests, read_rows};
 use insonify::files::FileKind;
 use insonify::sink::{SinkError, create_dir, write_bytes, write_json, write_text};
 use insonify::station::Station;
@@ -41,6 +41,7 @@ pub(super) fn kept_station(station: &Station) -> Result<StationRow, Failure> {
         file: format!("stations/{name}_{}.toml", &sha256(&text)[..16]),
         directory: directory.display().to_string(),
         scene_sha256: station.scene_file().map(sum_of).transpose()?,
+        scan: Some(ScanRow::new(&station.probe, station.settings.image.width, station.settings.image.height)),
     })
 }
 

@@ -30,7 +30,9 @@ impl Targets {
         if let Some((key, found, wanted, by)) = values.into_iter().find(|(_, found, wanted, _)| found != wanted) {
             return Err(refused(format!("{key} is {found} there, {wanted} is wanted here: {by} says so")));
         }
-        let lists = [("stations", found.stations == header.stations), ("classes", found.classes == header.classes)];
+        let same_stations = found.stations.len() == header.stations.len()
+            && found.stations.iter().zip(&header.stations).all(|(found, wanted)| found.same_files(wanted));
+        let lists = [("stations", same_stations), ("classes", found.classes == header.classes)];
         if let Some((key, _)) = lists.iter().find(|(_, same)| !same) {
             return Err(refused(format!("{key} differ from those of this command: name the stations that made it")));
         }

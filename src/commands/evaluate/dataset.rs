@@ -10,6 +10,7 @@ use insonify::quality::regions::is_bone;
 use insonify::quality::{CROP_INSIDE, Scanlines, crop_places};
 use insonify::render::BackendChoice;
 use insonify::station::Station;
+use insonify::transducer::ScanGeometry;
 use serde::Serialize;
 
 use super::super::progress::Progress;
@@ -41,12 +42,13 @@ pub(super) struct Report {
 /// Scanlines of the images, by station and size.
 struct Geometry<'a> {
     dataset: &'a Dataset,
-    known: HashMap<(String, [u32; 2]), Option<Scanlines>>,
+    known: HashMap<(String, [u32; 2]), Option<(Scanlines, ScanGeometry)>>,
     notes: Vec<String>,
 }
 
 impl Geometry<'_> {
-    fn behind_bone(&mut self, row: &TupleRow, tuple: &Tuple) -> Option<Vec<bool>> {
+    /// Scanlines of a row's pictures; none if its station can't be read.
+    fn of(&mut self, row: &TupleRow) -> Option<&(Scanlines, ScanGeometry)> {
         let key = (row.station.clone(), row.size);
         if !self.known.contains_key(&key) {
             let found = scanlines(self.dataset, row);
@@ -56,18 +58,23 @@ impl Geometry<'_> {
             }
             self.known.insert(key.clone(), found.ok());
         }
+        self.known.get(&key)?.as_ref()
+    }
+
+    fn behind_bone(&mut self, row: &TupleRow, tuple: &Tuple) -> Option<Vec<bool>> {
         let classes = &self.dataset.header.classes;
         let casts = |number: u8| classes.get(usize::from(number)).is_some_and(|name| is_bone(name));
-        self.known.get(&key)?.as_ref().map(|scanlines| scanlines.behind(&tuple.segmentation, casts))
+        self.of(row).map(|(scanlines, _)| scanlines.behind(&tuple.segmentation, casts))
     }
 }
 
 /// Scanlines of a tuple's image, from the station's file in the data set.
-fn scanlines(dataset: &Dataset, row: &TupleRow) -> Result<Scanlines, anyhow::Error> {
+pub(super) fn scanlines(dataset: &Dataset, row: &TupleRow) -> Result<(Scanlines, ScanGeometry), anyhow::Error> {
     let text = files::read_text(&dataset.directory.join(&row.station), FileKind::Station)?;
     let directory = dataset.header.stations.iter().find(|s| s.file == row.station).map_or("", |s| &s.directory);
     let station = Station::parse(&text, Path::new(directory))?;
-    Ok(Scanlines::new(&station.probe, row.size[0], row.size[1]))
+    let [width, height] = row.size;
+    Ok((Scanlines::new(&station.probe, width, height), ScanGeometry::fit(&station.probe, width, height)))
 }
 
 /// Judges the chosen tuples.
@@ -111,8 +118,9 @@ pub(super) fn run(args: &Args, directory: &Path) -> Result<Report, Failure> {
         judged.features(&tuple.hq, &mut extractors, &mut target)?;
         rows[0].add(&judged, &tuple.lq, &mut extractors)?;
         let attenuation = tuple.attenuation_map();
+        let scan = geometry.of(row).map(|(_, scan)| *scan);
         for ((_, generator), row) in generators.iter_mut().zip(&mut rows[1..]) {
-            models::generate(generator, &tuple, &attenuation, &mut image)?;
+            models::generate(generator, &tuple, &attenuation, scan, &mut image)?;
             row.add(&judged, &image, &mut extractors)?;
         }
         if let Some(again) = &mut again {

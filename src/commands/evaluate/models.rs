@@ -3,6 +3,7 @@
 use insonify::dataset::Tuple;
 use insonify::generator::{Generator, Input, OnnxFeatures, Runtime};
 use insonify::quality::{FeatureExtractor, QualityError, crops};
+use insonify::transducer::ScanGeometry;
 
 use super::super::{Classify, Failure};
 use super::Args;
@@ -29,11 +30,19 @@ pub(super) fn generate(
     generator: &mut Generator,
     tuple: &Tuple,
     attenuation: &[f32],
+    scan: Option<ScanGeometry>,
     image: &mut Vec<u8>,
 ) -> Result<(), Failure> {
     let [width, height] = tuple.size.map(|n| n as u32);
-    let input =
-        Input { width, height, image: &tuple.lq, segmentation: &tuple.segmentation, attenuation, mask: &tuple.mask };
+    let input = Input {
+        width,
+        height,
+        image: &tuple.lq,
+        segmentation: &tuple.segmentation,
+        attenuation,
+        mask: &tuple.mask,
+        scan,
+    };
     Ok(generator.run(&input, image)?)
 }
 

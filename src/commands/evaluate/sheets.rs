@@ -10,6 +10,7 @@ use insonify::report::comparison_sheet::Panel;
 use insonify::sink::create_dir;
 
 use super::super::{Classify, Failure};
+use super::dataset::scanlines;
 use super::judge::{ImageScores, RowReport};
 use super::models::generate;
 
@@ -39,10 +40,11 @@ pub(super) fn write(
         let Some(row) = chosen.iter().find(|row| row.index == scores.index) else { continue };
         let tuple = dataset.tuple(row).input()?;
         let attenuation = tuple.attenuation_map();
+        let scan = scanlines(dataset, row).ok().map(|(_, scan)| scan);
         let mut images = vec![("LQ".to_owned(), tuple.lq.clone())];
         for (name, generator) in generators.iter_mut() {
             let mut image = Vec::new();
-            generate(generator, &tuple, &attenuation, &mut image)?;
+            generate(generator, &tuple, &attenuation, scan, &mut image)?;
             images.push((name.clone(), image));
         }
         let score = |row: &RowReport| {

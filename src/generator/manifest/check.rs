@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::super::BeamGrid;
 use super::{Channel, Kind, Manifest, Variant};
 
 impl Manifest {
@@ -18,6 +19,7 @@ impl Manifest {
         if !(1..=1024).contains(&self.padding_multiple) {
             return Err(format!("padding_multiple is {}; it must be 1..=1024", self.padding_multiple));
         }
+        self.beam.as_ref().map_or(Ok(()), BeamGrid::check)?;
         self.check_channels()?;
         self.check_segmentation()?;
         if !(self.output.scale.is_finite() && self.output.offset.is_finite()) || self.output.scale == 0.0 {
@@ -138,6 +140,8 @@ mod tests {
             ("name = \"weighted_maps\"", "nam = \"x\"", "unknown field `nam`"),
             ("sha256 = \"", "sha256 = \"0", "64 hexadecimal digits"),
             ("padding_multiple = 1", "padding_multiple = 0", "1..=1024"),
+            ("[input]", "[beam]\nscanlines = 8\ncell_mm = 0.2\n\n[input]", "beam.scanlines is 8"),
+            ("[input]", "[beam]\nscanlines = 256\ncell_mm = 0.0\n\n[input]", "beam.cell_mm is 0"),
             ("variant = \"MSA\"", "variant = \"M\"", "MSA"),
             ("\"attenuation\", ", "", "input.attenuation is given"),
             ("\"image\", \"mask\"]", "\"image\", \"image\", \"mask\"]", "image 2 times"),

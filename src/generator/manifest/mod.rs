@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::GeneratorError;
+use super::{BeamGrid, GeneratorError};
 use crate::files::{self, FileKind};
 use crate::render::FrameQuality;
 
@@ -29,6 +29,9 @@ pub struct Manifest {
     pub sha256: String,
     /// Width and height are padded to a multiple of this, 1..=1024: half before, half after, an odd pixel after.
     pub padding_multiple: u32,
+    /// Grid of a model in beam coordinates; without it the model takes pictures.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub beam: Option<BeamGrid>,
     /// The input tensor.
     pub input: InputManifest,
     /// Encoding of the segmentation; present if and only if it is a channel.
@@ -181,7 +184,7 @@ pub struct OutputManifest {
     pub offset: f32,
 }
 
-/// Two `.npy` files of float32 beside the manifest.
+/// Two `.npy` files of float32 beside the manifest. Those of a model in beam coordinates hold scanlines × range cells.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ParityManifest {

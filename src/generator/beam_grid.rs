@@ -1,0 +1,263 @@
+//! Beam coordinates of a generator: resampling of a picture to scanlines × range cells, and back.
+//!
+//! A grid holds no pixel outside the sector, shows speckle of one size everywhere, and has as many values for a small
+//! picture as for a large one.
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::Input;
+use super::manifest::Affine;
+use crate::transducer::ScanGeometry;
+
+/// Parts into which weights are divided.
+const PARTS: u32 = 256;
+/// Rows per parallel task.
+const BAND: usize = 32;
+
+/// Grid of a model in beam coordinates: rows are range cells, the first at the face; columns are scanlines.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BeamGrid {
+    /// Scanlines over the lateral extent of the sector, 16..=1024, whatever the probe has.
+    pub scanlines: u32,
+    /// Length of a range cell, mm, 0.02..=2.
+    pub cell_mm: f64,
+}
+
+impl BeamGrid {
+    /// Fault of its values, and what would be right.
+    pub(super) fn check(&self) -> Result<(), String> {
+        if !(16..=1024).contains(&self.scanlines) {
+            return Err(format!("beam.scanlines is {}; it must be 16..=1024", self.scanlines));
+        }
+        if !(0.02..=2.0).contains(&self.cell_mm) {
+            return Err(format!("beam.cell_mm is {}; it must be 0.02..=2", self.cell_mm));
+        }
+        Ok(())
+    }
+
+    /// Range cells that cover a depth.
+    pub fn cells(&self, depth_mm: f64) -> u32 {
+        (depth_mm / self.cell_mm - 1e-6).ceil().max(1.0) as u32
+    }
+}
+
+/// Pixels whose weighted mean is a value of the grid.
+#[derive(Debug, Clone, Copy, Default)]
+struct Corners {
+    /// First of four pixels: this one, its right neighbour, and the two below.
+    first: u32,
+    /// Their weights, of [`PARTS`] in all. Pixels outside the sector have none.
+    weights: [u16; 4],
+    /// Offset of the heaviest pixel from the first.
+    nearest: u32,
+}
+
+/// Values of the grid whose weighted mean is a pixel.
+#[derive(Debug, Clone, Copy, Default)]
+struct Cell {
+    /// Scanline and range cell of the first of four values.
+    scanline: u16,
+    cell: u16,
+    /// Weights of the next scanline and of the next cell, of [`PARTS`].
+    next: [u8; 2],
+}
+
+/// Tables that resample pictures of one geometry.
+#[derive(Debug)]
+pub(super) struct BeamSampling {
+    grid: BeamGrid,
+    geometry: ScanGeometry,
+    scanlines: usize,
+    cells: usize,
+    to_grid: Vec<Corners>,
+    /// Of the pixels within [`Self::spans`], in order.
+    to_picture: Vec<Cell>,
+    /// First column in the sector, the one after the last, and the row's first entry of `to_picture`.
+    spans: Vec<[usize; 3]>,
+    image: Vec<u8>,
+    segmentation: Vec<u8>,
+    attenuation: Vec<f32>,
+    mask: Vec<u8>,
+}
+
+impl BeamSampling {
+    /// Tables of `geometry`. Takes some 20 ms a million pixels.
+    pub(super) fn new(grid: BeamGrid, geometry: ScanGeometry) -> Self {
+        let (scanlines, cells) = (grid.scanlines as usize, grid.cells(geometry.depth_mm) as usize);
+        let (width, height) = (geometry.sector.width as usize, geometry.sector.height as usize);
+        let pixels = Picture { geometry: &geometry, width, height };
+        let point = |index: usize| {
+            let (cell, scanline) = (index / scanlines, index % scanlines);
+            let fraction = (scanline as f64 + 0.5) / scanlines as f64;
+            pixels.corners(fraction, (cell as f64 + 0.5) * grid.cell_mm)
+        };
+        let to_grid: Vec<_> = (0..scanlines * cells).into_par_iter().map(point).collect();
+        let rows: Vec<_> = (0..height).into_par_iter().map(|row| pixels.row(row, &grid, [scanlines, cells])).collect();
+        let mut to_picture = Vec::new();
+        let mut spans = Vec::with_capacity(height);
+        for (first, cells) in rows {
+            spans.push([first, first + cells.len(), to_picture.len()]);
+            to_picture.extend(cells);
+        }
+        let mask = to_grid.iter().map(|corners| if corners.weights == [0; 4] { 0 } else { 255 }).collect();
+        let (image, segmentation, attenuation) = Default::default();
+        Self { grid, geometry, scanlines, cells, to_grid, to_picture, spans, image, segmentation, attenuation, mask }
+    }
+
+    /// Whether it is of that grid and geometry.
+    pub(super) fn is_of(&self, grid: &BeamGrid, geometry: &ScanGeometry) -> bool {
+        self.grid == *grid && self.geometry == *geometry
+    }
+
+    /// The maps of `input` on the grid; those that are empty stay so. Grey levels are interpolated, other maps take the
+    /// nearest pixel.
+    pub(super) fn resample(&mut self, input: &Input<'_>) -> Input<'_> {
+        let take = |corners: &Corners| corners.first as usize + corners.nearest as usize;
+        let row = self.geometry.sector.width as usize;
+        let mean = |levels: &[u8], corners: &Corners| {
+            let at = corners.first as usize;
+            let level = |offset: usize| u32::from(levels.get(at + offset).copied().unwrap_or(0));
+            let [a, b, c, d] = corners.weights.map(u32::from);
+            let sum = a * level(0) + b * level(1) + c * level(row) + d * level(row + 1);
+            ((sum + PARTS / 2) / PARTS) as u8
+        };
+        let to_grid = &self.to_grid;
+        fill(&mut self.image, to_grid, !input.image.is_empty(), |corners| mean(input.image, corners));
+        fill(&mut self.segmentation, to_grid, !input.segmentation.is_empty(), |corners| {
+            input.segmentation.get(take(corners)).copied().unwrap_or(0)
+        });
+        fill(&mut self.attenuation, to_grid, !input.attenuation.is_empty(), |corners| {
+            input.attenuation.get(take(corners)).copied().unwrap_or(0.0)
+        });
+        Input {
+            width: self.scanlines as u32,
+            height: self.cells as u32,
+            image: &self.image,
+            segmentation: &self.segmentation,
+            attenuation: &self.attenuation,
+            mask: &self.mask,
+            scan: None,
+        }
+    }
+
+    /// Grey levels of the picture [height × width], from the model's values on the grid, whose rows are `stride` long and
+    /// begin at `first`; rounded, 0 outside `mask`.
+    pub(super) fn picture(
+        &self,
+        values: &[f32],
+        [first, stride]: [usize; 2],
+        affine: Affine,
+        mask: &[u8],
+        out: &mut Vec<u8>,
+    ) {
+        let width = self.geometry.sector.width as usize;
+        out.clear();
+        out.resize(mask.len(), 0);
+        let (scale, offset) = (affine.scale * 255.0, affine.offset * 255.0);
+        let (last_line, last_cell) = (self.scanlines - 1, self.cells - 1);
+        let bands =
+            out.par_chunks_mut(BAND * width).zip(mask.par_chunks(BAND * width)).zip(self.spans.par_chunks(BAND));
+        bands.for_each(|((rows, masks), spans)| {
+            let rows = rows.chunks_exact_mut(width).zip(masks.chunks_exact(width));
+            for ((row, mask), &[begin, end, entry]) in rows.zip(spans) {
+                let cells = &self.to_picture[entry..entry + end - begin];
+                for ((level, inside), cell) in row[begin..end].iter_mut().zip(&mask[begin..end]).zip(cells) {
+                    let (line, at) = (usize::from(cell.scanline), usize::from(cell.cell));
+                    let right = usize::from(line < last_line);
+                    let below = if at < last_cell { stride } else { 0 };
+                    let index = first + at * stride + line;
+                    let value = |offset: usize| values.get(index + offset).copied().unwrap_or(0.0);
+                    let [x, y] = cell.next.map(|part| f32::from(part) / PARTS as f32);
+                    let upper = value(0) + x * (value(right) - value(0));
+                    let lower = value(below) + x * (value(below + right) - value(below));
+                    let mean = upper + y * (lower - upper);
+                    // Adding 2^23 rounds to a whole number in the lowest bits.
+                    let rounded = ((mean * scale + offset).clamp(0.0, 255.0) + 8_388_608.0).to_bits() as u8;
+                    *level = rounded & inside;
+                }
+            }
+        });
+    }
+}
+
+fn fill<T: Send + Default + Clone>(
+    plane: &mut Vec<T>,
+    to_grid: &[Corners],
+    given: bool,
+    value: impl Fn(&Corners) -> T + Sync,
+) {
+    plane.resize(if given { to_grid.len() } else { 0 }, T::default());
+    let chunks = plane.par_chunks_mut(1 << 14).zip(to_grid.par_chunks(1 << 14));
+    chunks.for_each(|(plane, to_grid)| {
+        for (target, corners) in plane.iter_mut().zip(to_grid) {
+            *target = value(corners);
+        }
+    });
+}
+
+/// Pixels of a picture.
+struct Picture<'a> {
+    geometry: &'a ScanGeometry,
+    width: usize,
+    height: usize,
+}
+
+impl Picture<'_> {
+    /// Pixels around a place of the sector.
+    fn corners(&self, fraction: f64, depth_mm: f64) -> Corners {
+        if depth_mm >= self.geometry.depth_mm {
+            return Corners::default();
+        }
+        let at = self.geometry.pixel_at(fraction, depth_mm);
+        // Clamped so that all four pixels are in the picture.
+        let [left, top] = [(at.x, self.width), (at.y, self.height)]
+            .map(|(place, side)| place.floor().clamp(0.0, side.saturating_sub(2) as f64));
+        let [x, y] = [at.x - left, at.y - top].map(|part| part.clamp(0.0, 1.0));
+        let shares = [(1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y];
+        let offsets = [(0, 0), (1, 0), (0, 1), (1, 1)];
+        let (left, top) = (left as u32, top as u32);
+        let inside = offsets.map(|(right, below)| self.geometry.beam_at(left + right, top + below).is_some());
+        let shown: f64 = shares.iter().zip(inside).map(|(share, inside)| if inside { *share } else { 0.0 }).sum();
+        if shown <= 0.0 {
+            return Corners::default();
+        }
+        let mut weights = [0; 4];
+        for ((weight, share), inside) in weights.iter_mut().zip(shares).zip(inside) {
+            *weight = if inside { (f64::from(PARTS) * share / shown).round() as u16 } else { 0 };
+        }
+        let heaviest = (0..4).max_by_key(|&i| weights[i]).unwrap_or(0);
+        // What rounding left over.
+        let others: u16 = weights.iter().sum::<u16>() - weights[heaviest];
+        weights[heaviest] = PARTS as u16 - others;
+        let (right, below) = offsets[heaviest];
+        let width = self.width as u32;
+        Corners { first: top * width + left, weights, nearest: below * width + right }
+    }
+
+    /// First column of a row in the sector, and the grid's values around each pixel from there to the sector's end.
+    fn row(&self, row: usize, grid: &BeamGrid, [scanlines, cells]: [usize; 2]) -> (usize, Vec<Cell>) {
+        let beam = |column: usize| self.geometry.beam_at(column as u32, row as u32);
+        let Some(first) = (0..self.width).find(|&column| beam(column).is_some()) else {
+            return (0, Vec::new());
+        };
+        let last = (first..self.width).rev().find(|&column| beam(column).is_some()).unwrap_or(first);
+        let split = |place: f64, count: usize| {
+            let place = place.clamp(0.0, (count - 1) as f64);
+            let parts = (place * f64::from(PARTS)).round() as u32;
+            ((parts / PARTS) as u16, (parts % PARTS) as u8)
+        };
+        let cell = |column: usize| {
+            // A gap in the row, below the arc of the face, is masked.
+            let Some((fraction, depth_mm)) = beam(column) else { return Cell::default() };
+            let (scanline, x) = split(fraction * scanlines as f64 - 0.5, scanlines);
+            let (cell, y) = split(depth_mm / grid.cell_mm - 0.5, cells);
+            Cell { scanline, cell, next: [x, y] }
+        };
+        (first, (first..=last).map(cell).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests;
