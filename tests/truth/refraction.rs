@@ -58,7 +58,7 @@ fn span(half: f64, count: u32) -> Vec<f64> {
 }
 
 /// The bodies of a case of refraction.py about x = 0; background speed first, then those of the bodies, m/s.
-fn bodies(case: &str, size: f64) -> (f64, f64, Vec<Mesh>) {
+pub(crate) fn bodies(case: &str, size: f64) -> (f64, f64, Vec<Mesh>) {
     let ellipse = |x0: f64, z0: f64, half: f64, height: f64| {
         let arc = |x: f64| height * (1.0 - ((x - x0) / half).powi(2)).max(0.0).sqrt() + 1.0e-3;
         // Denser where it is steep.
