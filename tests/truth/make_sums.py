@@ -2,7 +2,7 @@
 """Writes the fixtures that follow from the diffraction sums of shadow.py, elevation.py, point_spread.py, refraction.py and
 edge.py.
 
-usage: make_sums.py shadow|elevation|point_spread|convex|refraction|edges|leaving > FIXTURE.csv
+usage: make_sums.py shadow|elevation|point_spread|convex|refraction|edges|leaving|wires > FIXTURE.csv
 Needs NumPy. Progress goes to the standard error.
 """
 import argparse
@@ -174,8 +174,28 @@ def write_leaving():
             print(f"tilt {tilt}, side {side}", file=sys.stderr)
 
 
+def write_wires(period=20, depth=95.0, reach=7.5, step=0.25):
+    print("# Image of a wire behind the wavy border of refraction.py (period 20 mm), by tests/truth/refraction.py (make_sums.py wires):")
+    print("# power of the scanlines within 7.5 mm of it, its centroid less the wire's place and its RMS width. 8 MHz, aperture 20 mm,")
+    print("# focus 70 mm. The wave rises from x = 0.")
+    print("wire_mm,depth_mm,shift_mm,spread_mm")
+    for wire in (-15, 0, 15):
+        lines = wire + np.arange(-reach, reach + step / 2, step)
+        powers = []
+        for line in lines:
+            wavy = lambda x, z: refraction.CASES["wavy"](x, z, period, -line)
+            (power,), x = refraction.two_way(wavy, [depth], 8, 20, 70)
+            powers.append(np.interp(wire - line, x, power))
+        powers = np.array(powers)
+        shown = (powers * lines).sum() / powers.sum()
+        spread = np.sqrt((powers * (lines - shown) ** 2).sum() / powers.sum())
+        print(f"{wire},{depth:g},{shown - wire:.3f},{spread:.3f}", flush=True)
+        print(f"wire at {wire} mm", file=sys.stderr)
+
+
 WRITERS = {"shadow": write_shadows, "elevation": write_elevation, "point_spread": write_point_spread,
-           "convex": write_convex, "refraction": write_refraction, "edges": write_edges, "leaving": write_leaving}
+           "convex": write_convex, "refraction": write_refraction, "edges": write_edges, "leaving": write_leaving,
+           "wires": write_wires}
 
 
 def main():
