@@ -74,7 +74,7 @@ fn compounding_raises_the_snr_as_its_looks_correlate() {
 
 #[test]
 fn looks_are_as_unlike_as_waves_make_them() {
-    // By sums over the elements of a two-way array (8 MHz, aperture 20 mm, focus 70 mm), mean over 66 to 74 mm: looks 3.75° and 7.5°
+    // By tests/truth/compounding.py (8 MHz, aperture 20 mm, focus 70 mm), mean over 66 to 74 mm: looks 3.75° and 7.5°
     // apart, and nine. Correlation falls away from the focus: at 3.75° it is 0.41 at 70 mm and 0.21 at 80 mm.
     const CORRELATIONS: [([usize; 2], f64); 2] = [([7, 6], 0.395), ([5, 4], 0.025)];
     const SNR: f64 = 4.39;
