@@ -697,7 +697,7 @@ fn a_tradeoff_is_measured_and_can_be_resumed() {
         let [with, without] = ["with", "without"].map(|key| effect[key].as_f64().unwrap());
         assert!(with < 0.5 * without && with < effect["tolerance"].as_f64().unwrap(), "{effect}");
     }
-    assert_eq!(read("effects.csv").lines().count(), 5);
+    assert_eq!(read("effects.csv").lines().count(), 7);
     let looks = report["looks"].as_array().unwrap();
     assert_eq!((looks.len(), read("looks.csv").lines().count()), (4, 5));
     for step in looks {

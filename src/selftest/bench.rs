@@ -11,6 +11,8 @@ use crate::transducer::{Probe, ProbeKind};
 const PITCH_MM: f64 = 100.0;
 /// Specimens in a row.
 const ROW: u32 = 5;
+/// Half of the length of a prism, mm.
+const HALF_LENGTH_MM: f64 = 40.0;
 
 /// A lossless tissue without scatterers, of a given speed and impedance.
 pub fn silent(speed_m_s: f64, impedance_mrayl: f64) -> Tissue {
@@ -114,6 +116,30 @@ pub fn facing(point: DVec3, size: f64, rotation: DQuat) -> Mesh {
     analytic::plate(centre.as_vec3(), Vec3::splat(size as f32), rotation.as_quat())
 }
 
+/// A body about `centre` (x, y) whose section in the plane of the scanlines lies between two curves, both at the places `xs`.
+pub fn prism(centre: DVec2, xs: &[f64], top: impl Fn(f64) -> f64, bottom: impl Fn(f64) -> f64) -> Mesh {
+    let count = xs.len() as u32;
+    let mut vertices_mm = Vec::new();
+    for y in [-HALF_LENGTH_MM, HALF_LENGTH_MM] {
+        let vertex = |x: f64, z: f64| (centre + DVec2::new(x, y)).extend(z).as_vec3();
+        vertices_mm.extend(xs.iter().map(|&x| vertex(x, top(x))));
+        vertices_mm.extend(xs.iter().map(|&x| vertex(x, bottom(x))));
+    }
+    let at = |y: u32, curve: u32, i: u32| (2 * y + curve) * count + i;
+    let mut triangles = Vec::new();
+    let mut quad = |[a, b, c, d]: [u32; 4]| triangles.extend([[a, c, b], [a, d, c]]);
+    for (i, next) in (0..count).zip(1..count) {
+        quad([at(0, 0, i), at(0, 0, next), at(1, 0, next), at(1, 0, i)]);
+        quad([at(0, 1, i), at(1, 1, i), at(1, 1, next), at(0, 1, next)]);
+        quad([at(0, 0, i), at(0, 1, i), at(0, 1, next), at(0, 0, next)]);
+        quad([at(1, 0, i), at(1, 0, next), at(1, 1, next), at(1, 1, i)]);
+    }
+    let last = count.saturating_sub(1);
+    quad([at(0, 0, 0), at(1, 0, 0), at(1, 1, 0), at(0, 1, 0)]);
+    quad([at(0, 0, last), at(0, 1, last), at(1, 1, last), at(1, 0, last)]);
+    Mesh { vertices_mm, triangles }
+}
+
 /// A post along a scanline of a probe at `face`, narrow enough to be hit by its ray only. Its one visible face is at
 /// `depth_mm`.
 pub fn post(face: DVec3, probe: &Probe, line: u32, depth_mm: f64, length_mm: f64) -> Mesh {
@@ -124,4 +150,18 @@ pub fn post(face: DVec3, probe: &Probe, line: u32, depth_mm: f64, length_mm: f64
     let rotation = DQuat::from_rotation_arc(DVec3::Z, direction);
     let size = DVec3::new(width, width, length_mm);
     analytic::plate(centre.as_vec3(), size.as_vec3(), rotation.as_quat())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn prisms_are_closed_and_face_outwards() {
+        let xs: Vec<f64> = (0..=20).map(|i| f64::from(i) - 10.0).collect();
+        let mesh = prism(DVec2::new(100.0, 5.0), &xs, |x| 3.0 + x.sin(), |_| 6.0);
+        let volume_mm3 = 3.0 * 20.0 * 2.0 * HALF_LENGTH_MM;
+        assert!(mesh.unpaired_edges() == 0);
+        assert!((mesh.signed_volume_mm3() / volume_mm3 - 1.0).abs() < 0.01, "{}", mesh.signed_volume_mm3());
+    }
 }

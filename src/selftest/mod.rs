@@ -12,6 +12,7 @@ mod date;
 mod device;
 #[cfg(test)]
 mod fixture;
+mod half_contact;
 mod image;
 mod interfaces;
 mod looks;
@@ -22,6 +23,7 @@ mod slide;
 mod speckle;
 mod tilted_face;
 mod truth;
+mod wavy_border;
 
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
@@ -174,12 +176,14 @@ fn checked(
 ) -> Result<Report, SelfTestError> {
     let (date, started) = (SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()), Instant::now());
     let mut bench = Bench::new(silent(1540.0, 1.5));
-    let families: [Box<dyn Family>; 9] = [
+    let families: [Box<dyn Family>; 11] = [
         Box::new(interfaces::Interfaces::new(&mut bench)),
         Box::new(refraction::Refraction::new(&mut bench)),
         Box::new(tilted_face::TiltedFace::new(&mut bench, tilted_face::Axis::Lateral)),
+        Box::new(wavy_border::WavyBorder::new(&mut bench)),
         Box::new(beam::Beam::new(&mut bench)),
         Box::new(shadow::Shadow::new(&mut bench)),
+        Box::new(half_contact::HalfContact::new(&mut bench)),
         Box::new(speckle::Speckle::new(&mut bench)),
         Box::new(slide::Slide::new(&mut bench)),
         Box::new(image::Image::new(&mut bench)),

@@ -3,10 +3,12 @@
 use serde::{Deserialize, Serialize};
 
 use super::bench::{Bench, silent};
+use super::half_contact::HalfContact;
 use super::rig::Rig;
 use super::shadow::Shadow;
 use super::slide::Slide;
 use super::tilted_face::{Axis, TiltedFace};
+use super::wavy_border::WavyBorder;
 use super::{Check, SelfTestError, Truth};
 use crate::anatomy::{Bvh, Scene};
 use crate::render::{Backend, Choice, RenderSettings, Renderer};
@@ -38,10 +40,12 @@ pub struct TruthError {
 /// A device that fails.
 pub fn truth_errors(backend: &Backend, progress: &dyn Fn(usize, usize)) -> Result<Vec<TruthError>, SelfTestError> {
     let mut bench = Bench::new(silent(1540.0, 1.5));
-    let families: [Box<dyn Truth>; 4] = [
+    let families: [Box<dyn Truth>; 6] = [
         Box::new(Shadow::new(&mut bench)),
+        Box::new(HalfContact::new(&mut bench)),
         Box::new(Slide::new(&mut bench)),
         Box::new(TiltedFace::new(&mut bench, Axis::Lateral)),
+        Box::new(WavyBorder::new(&mut bench)),
         Box::new(TiltedFace::new(&mut bench, Axis::Depth)),
     ];
     let new = |scene: &Scene, bvh: Bvh, probe: &Probe, settings: &RenderSettings| {

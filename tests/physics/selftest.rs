@@ -33,7 +33,7 @@ fn a_sound_device_passes() {
 /// Damage: its name, the pass, the source text and its replacement, and the group of checks that must fail.
 type Damage = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
-const DAMAGES: [Damage; 24] = [
+const DAMAGES: [Damage; 26] = [
     ("sign of the echoes' phase", "echo", "phasor(-params", "phasor(params", "Time of flight"),
     ("sign of the speckle's phase", "march", "phasor(-params", "phasor(params", "Speckle"),
     (
@@ -93,7 +93,15 @@ const DAMAGES: [Damage; 24] = [
     ("sheets of scatterers of one weight", "march", "let weight = bell * bell;", "let weight = 1.0;", "Speckle"),
     ("beams that only send", "beams", "dot(sent, sent) * dot(heard, heard)", "dot(sent, sent)", "Shadow"),
     ("beams that don't bend", "transmission", "(value.y - middle_mm)", "(0.0 * middle_mm)", "Full wave"),
+    ("half of the delays", "transmission", "(value.y - middle_mm)", "0.5 * (value.y - middle_mm)", "Bent beams"),
     ("delays ignored behind a face", "trace", "let passed_mm = t / path_per_range", "let passed_mm = t", "Full wave"),
+    (
+        "a face that is coupled everywhere",
+        "trace",
+        "let coupling = couplings[path];",
+        "let coupling = max(couplings[path], 1.0);",
+        "Contact",
+    ),
     ("sheets of one weight after a slide", "march", "let weight = bell * bell;", "let weight = 1.0;", "Slide"),
     ("no gain", "detect", "+ image_gain_db()", "", "Image"),
     ("no sliders", "detect", "+ vec4<f32>(slider_db", "+ 0.0 * vec4<f32>(slider_db", "Twin"),

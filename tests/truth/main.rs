@@ -4,5 +4,6 @@
 
 mod edges;
 mod fixtures;
+mod leaving;
 mod refraction;
 mod shadow;

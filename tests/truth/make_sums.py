@@ -2,7 +2,7 @@
 """Writes the fixtures that follow from the diffraction sums of shadow.py, elevation.py, point_spread.py, refraction.py and
 edge.py.
 
-usage: make_sums.py shadow|elevation|point_spread|convex|refraction|edges > FIXTURE.csv
+usage: make_sums.py shadow|elevation|point_spread|convex|refraction|edges|leaving|wires > FIXTURE.csv
 Needs NumPy. Progress goes to the standard error.
 """
 import argparse
@@ -134,8 +134,68 @@ def write_edges():
             print(f"{case}, {beam[0]} MHz", file=sys.stderr)
 
 
+def two_way_at_end(speed, depths, side, place):
+    """refraction.two_way of a scanline `place` mm from the array's right end, or its left one if `side` is negative.
+
+    Elements beyond the end are missing; the others keep their weights. No end if `side` is 0.
+    """
+    whole = refraction.aperture
+
+    def cut(x, width, focus, k):
+        return whole(x, width, focus, k) * (side * x <= place + 1e-9)
+
+    refraction.aperture = cut
+    try:
+        power, x = refraction.two_way(speed, depths, 8, 20, 70)
+    finally:
+        refraction.aperture = whole
+    # two_way divides by the weights of the receive aperture.
+    weights = [(np.abs(cut(x, min(20, depth / 2), depth, 1.0)) ** 2).sum() for depth in depths]
+    return power * np.array(weights)[:, None], x
+
+
+def write_leaving():
+    print("# Two-way beams near the ends of a flat array of 8 MHz behind a tilted plane (1450 over 1580 m/s, 20 mm deep at the end), by")
+    print("# tests/truth/refraction.py without the elements beyond the end (make_sums.py leaving). Aperture 20 mm, focus 70 mm.")
+    print("# side: 1 is the right end, beams bend outwards; -1 the left one. Level over whole apertures in a homogeneous medium;")
+    print("# beyond_part: part of the power that returns from beyond the end.")
+    print("tilt_deg,side,place_mm,depth_mm,shift_mm,level_db,beyond_part")
+    depths = [60.0, 95.0, 120.0]
+    plain, x = two_way_at_end(lambda x, z: np.full_like(x, refraction.C0), depths, 0, 0)
+    for tilt in (15, 30):
+        for side in (1, -1):
+            for place in (0.125, 1, 2, 4, 6, 10):
+                tilted = lambda x, z: refraction.CASES["tilt"](x, z, tilt, side * place)
+                power, _ = two_way_at_end(tilted, depths, side, place)
+                for depth, bent, straight in zip(depths, power, plain):
+                    shift, level = (bent * x).sum() / bent.sum(), 10 * np.log10(bent.sum() / straight.sum())
+                    beyond = bent[side * x > place].sum() / bent.sum()
+                    print(f"{tilt},{side},{place:g},{depth:g},{shift:.3f},{level:.2f},{beyond:.3f}", flush=True)
+            print(f"tilt {tilt}, side {side}", file=sys.stderr)
+
+
+def write_wires(period=20, depth=95.0, reach=7.5, step=0.25):
+    print("# Image of a wire behind the wavy border of refraction.py (period 20 mm), by tests/truth/refraction.py (make_sums.py wires):")
+    print("# power of the scanlines within 7.5 mm of it, its centroid less the wire's place and its RMS width. 8 MHz, aperture 20 mm,")
+    print("# focus 70 mm. The wave rises from x = 0.")
+    print("wire_mm,depth_mm,shift_mm,spread_mm")
+    for wire in (-15, 0, 15):
+        lines = wire + np.arange(-reach, reach + step / 2, step)
+        powers = []
+        for line in lines:
+            wavy = lambda x, z: refraction.CASES["wavy"](x, z, period, -line)
+            (power,), x = refraction.two_way(wavy, [depth], 8, 20, 70)
+            powers.append(np.interp(wire - line, x, power))
+        powers = np.array(powers)
+        shown = (powers * lines).sum() / powers.sum()
+        spread = np.sqrt((powers * (lines - shown) ** 2).sum() / powers.sum())
+        print(f"{wire},{depth:g},{shown - wire:.3f},{spread:.3f}", flush=True)
+        print(f"wire at {wire} mm", file=sys.stderr)
+
+
 WRITERS = {"shadow": write_shadows, "elevation": write_elevation, "point_spread": write_point_spread,
-           "convex": write_convex, "refraction": write_refraction, "edges": write_edges}
+           "convex": write_convex, "refraction": write_refraction, "edges": write_edges, "leaving": write_leaving,
+           "wires": write_wires}
 
 
 def main():

@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use glam::{DVec2, Vec3};
+use glam::DVec2;
 use insonify::anatomy::{Bvh, Mesh, Tissue};
 use insonify::render::{Backend, BackendChoice, Choice, Effect, Renderer, Snapshot};
-use insonify::selftest::bench::{Bench, at, linear, silent, small};
+use insonify::selftest::bench::{Bench, at, linear, prism, silent, small};
 use insonify::transducer::Probe;
 
 use crate::fixtures::rows;
@@ -16,8 +16,6 @@ const LINES: u32 = 301;
 const SPACING_MM: f64 = 0.25;
 /// Depth of the image, mm.
 const DEPTH_MM: f64 = 130.0;
-/// Half of the length of every body across the slice, mm.
-const HALF_LENGTH_MM: f64 = 40.0;
 
 /// Measures of a beam at a depth.
 #[derive(Debug, Clone, Copy)]
@@ -27,45 +25,20 @@ struct Measures {
     level_db: f64,
 }
 
-/// A body whose section in the plane of the scanlines lies between two curves.
-fn prism(xs: &[f64], top: impl Fn(f64) -> f64, bottom: impl Fn(f64) -> f64) -> Mesh {
-    let count = xs.len() as u32;
-    let mut vertices = Vec::new();
-    for y in [-HALF_LENGTH_MM, HALF_LENGTH_MM] {
-        vertices.extend(xs.iter().map(|&x| Vec3::new(x as f32, y as f32, top(x) as f32)));
-        vertices.extend(xs.iter().map(|&x| Vec3::new(x as f32, y as f32, bottom(x) as f32)));
-    }
-    let at = |y: u32, curve: u32, i: u32| (2 * y + curve) * count + i;
-    let mut triangles = Vec::new();
-    let mut quad = |[a, b, c, d]: [u32; 4]| triangles.extend([[a, c, b], [a, d, c]]);
-    for i in 0..count - 1 {
-        quad([at(0, 0, i), at(0, 0, i + 1), at(1, 0, i + 1), at(1, 0, i)]);
-        quad([at(0, 1, i), at(1, 1, i), at(1, 1, i + 1), at(0, 1, i + 1)]);
-        quad([at(0, 0, i), at(0, 1, i), at(0, 1, i + 1), at(0, 0, i + 1)]);
-        quad([at(1, 0, i), at(1, 0, i + 1), at(1, 1, i + 1), at(1, 1, i)]);
-    }
-    quad([at(0, 0, 0), at(1, 0, 0), at(1, 1, 0), at(0, 1, 0)]);
-    let last = count - 1;
-    quad([at(0, 0, last), at(0, 1, last), at(1, 1, last), at(1, 0, last)]);
-    let mesh = Mesh { vertices_mm: vertices, triangles };
-    assert!(mesh.unpaired_edges() == 0 && mesh.signed_volume_mm3() > 0.0);
-    mesh
-}
-
 /// Places from `-half` to `half`.
 fn span(half: f64, count: u32) -> Vec<f64> {
     (0..=count).map(|i| half * (2.0 * f64::from(i) / f64::from(count) - 1.0)).collect()
 }
 
 /// The bodies of a case of refraction.py about x = 0; background speed first, then those of the bodies, m/s.
-fn bodies(case: &str, size: f64) -> (f64, f64, Vec<Mesh>) {
+pub(crate) fn bodies(case: &str, size: f64) -> (f64, f64, Vec<Mesh>) {
     let ellipse = |x0: f64, z0: f64, half: f64, height: f64| {
         let arc = |x: f64| height * (1.0 - ((x - x0) / half).powi(2)).max(0.0).sqrt() + 1.0e-3;
         // Denser where it is steep.
         let xs: Vec<f64> = (0..=120).map(|i| x0 - half * (std::f64::consts::PI * f64::from(i) / 120.0).cos()).collect();
-        prism(&xs, |x| z0 - arc(x), |x| z0 + arc(x))
+        prism(DVec2::ZERO, &xs, |x| z0 - arc(x), |x| z0 + arc(x))
     };
-    let below = |border: &dyn Fn(f64) -> f64| vec![prism(&span(70.0, 1400), border, |_| 200.0)];
+    let below = |border: &dyn Fn(f64) -> f64| vec![prism(DVec2::ZERO, &span(70.0, 1400), border, |_| 200.0)];
     match case {
         "tilt" => (1450.0, 1580.0, below(&|x| 20.0 + x * size.to_radians().tan())),
         "wavy" => (1450.0, 1580.0, below(&|x| 20.0 + 1.5 * (std::f64::consts::TAU * x / size).sin())),

@@ -1,0 +1,141 @@
+//! Speckle beside the edge of contact, half of the face being lifted, compared with diffraction sums.
+
+use glam::{DVec2, Vec3};
+
+use super::bench::{Bench, at, grainy, linear, small};
+use super::measure::line;
+use super::{Check, Family, Rig, Truth};
+use crate::anatomy::{Tissue, analytic};
+use crate::render::{Choice, Effect, RenderError};
+use crate::transducer::Probe;
+
+/// Depths, mm.
+const DEPTHS_MM: [f64; 2] = [60.0, 100.0];
+/// Distance of a scanline from the edge of contact (mm, negative where the face is lifted), and its level over full
+/// contact at [`DEPTHS_MM`], dB, by `tests/truth/edges.csv`.
+const LEVELS: [(f64, [f64; DEPTHS_MM.len()]); 5] = [
+    (-5.0, [-24.12, -24.99]),
+    (-2.0, [-13.78, -14.37]),
+    (0.0, [-8.63, -8.56]),
+    (3.0, [-3.15, -2.21]),
+    (10.0, [0.0, 0.0]),
+];
+/// Largest accepted error of a level, dB.
+const TOLERANCE_DB: f64 = 2.0;
+/// Thickness of the film of gel, and of the air beyond it, mm: it passes −92 dB.
+const GEL_MM: f64 = 3.0;
+const GAP_MM: f64 = 2.0;
+/// Slides across the slice over which power is summed, mm.
+const SLIDES_MM: [f64; 2] = [-3.0, 3.0];
+/// Half of the range over which power is summed, mm.
+const HALF_MM: f64 = 4.0;
+/// Scanlines within this distance of a place belong to it, mm.
+const BESIDE_MM: f64 = 0.2;
+const LINES: u32 = 200;
+const SPACING_MM: f64 = 0.25;
+
+/// Power of each scanline [depths][scanlines].
+type Powers = [Vec<f64>; DEPTHS_MM.len()];
+
+/// A body whose skin lies lower on one side.
+pub(super) struct HalfContact {
+    place: DVec2,
+}
+
+impl HalfContact {
+    pub(super) fn new(bench: &mut Bench) -> Self {
+        let place = bench.place();
+        let speckle = bench.tissue(Tissue { attenuation_db_cm_mhz: 0.0, ..grainy(0.0, 0.01) });
+        for (from, to, skin_mm) in [(0.0, 40.0, -20.0), (-40.0, 0.0, GEL_MM + GAP_MM)] {
+            let corner = |x: f64, y: f64, z: f64| (place + DVec2::new(x, y)).extend(z).as_vec3();
+            let [min, max]: [Vec3; 2] = [corner(from, -40.0, skin_mm), corner(to, 40.0, 130.0)];
+            bench.add(speckle, 1, analytic::cuboid(min, max));
+        }
+        Self { place }
+    }
+
+    /// Powers with half of the face or all of it in contact.
+    fn powers(&self, rig: &mut Rig, aperture: Choice, contact: Choice) -> Result<Powers, RenderError> {
+        let probe =
+            Probe { frequency_mhz: 8.0, aperture_mm: 20.0, focus_mm: 70.0, ..linear(LINES, SPACING_MM, 1536, 110.0) };
+        let mut settings = small(1, 1);
+        settings.effects = settings.effects.with(Effect::Aperture, aperture).with(Effect::Contact, contact);
+        settings.contact.gel_mm = GEL_MM;
+        // Levels are of what the body returns.
+        settings.receiver.reverberation_db = -400.0;
+        let mut powers = DEPTHS_MM.map(|_| vec![0.0; LINES as usize]);
+        for slide_mm in SLIDES_MM {
+            let frame = rig.frame(&probe, &settings, &at(self.place.x, self.place.y + slide_mm, 0.0))?;
+            for (row, depth_mm) in powers.iter_mut().zip(DEPTHS_MM) {
+                let [from, to] = [-HALF_MM, HALF_MM].map(|mm| ((depth_mm + mm) / probe.sample_spacing_mm()) as usize);
+                for (number, power) in (0..LINES).zip(row) {
+                    let samples = line(&probe, frame, number).get(from..to).unwrap_or_default();
+                    *power += samples.iter().map(|[re, im]| f64::from(re * re + im * im)).sum::<f64>();
+                }
+            }
+        }
+        Ok(powers)
+    }
+}
+
+/// Power of the scanlines at a place.
+fn there(row: &[f64], place_mm: f64) -> f64 {
+    let x_mm = |number: u32| (f64::from(number) + 0.5 - 0.5 * f64::from(LINES)) * SPACING_MM;
+    (0_u32..)
+        .zip(row)
+        .filter(|&(number, _)| (x_mm(number) - place_mm).abs() <= BESIDE_MM)
+        .map(|(_, &power)| power)
+        .sum()
+}
+
+impl Truth for HalfContact {
+    fn effect(&self) -> Effect {
+        Effect::Aperture
+    }
+
+    fn quantity(&self) -> &'static str {
+        "speckle beside half a face in contact"
+    }
+
+    fn compare(&self, rig: &mut Rig, choice: Choice) -> Result<Vec<Check>, RenderError> {
+        let half = self.powers(rig, choice, Choice::On)?;
+        let whole = self.powers(rig, choice, Choice::Off)?;
+        let mut checks = Vec::new();
+        for (place_mm, levels_db) in LEVELS {
+            for (depth, (depth_mm, expected)) in DEPTHS_MM.into_iter().zip(levels_db).enumerate() {
+                let ratio = there(&half[depth], place_mm) / there(&whole[depth], place_mm);
+                let measured = 10.0 * ratio.max(1e-12).log10();
+                let name = format!("half a face in contact, {place_mm:.0} mm from the edge, {depth_mm:.0} mm deep");
+                checks.push(Check::new("Contact", name, "dB", expected, measured, TOLERANCE_DB));
+            }
+        }
+        Ok(checks)
+    }
+}
+
+impl Family for HalfContact {
+    fn groups(&self) -> &'static [&'static str] {
+        &["Contact"]
+    }
+
+    fn measure(&self, rig: &mut Rig) -> Result<Vec<Check>, RenderError> {
+        self.compare(rig, Choice::On)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_are_those_of_the_sums() {
+        let text = include_str!("../../tests/truth/edges.csv");
+        for (place_mm, levels_db) in LEVELS {
+            for (depth_mm, level_db) in DEPTHS_MM.into_iter().zip(levels_db) {
+                let row = format!("contact,8,20,70,{place_mm},{depth_mm},");
+                let found = text.lines().find_map(|line| line.strip_prefix(&row)).unwrap();
+                assert_eq!(found.parse::<f64>().unwrap(), level_db, "{row}");
+            }
+        }
+    }
+}

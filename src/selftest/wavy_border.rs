@@ -1,0 +1,148 @@
+//! Wires behind a wavy border of fat and muscle: where frames show them and how wide, and where wave theory does.
+
+use std::f64::consts::TAU;
+
+use glam::{DQuat, DVec2, DVec3};
+
+use super::bench::{Bench, at, facing, linear, prism, silent, slab, small};
+use super::measure::{line, mean_square};
+use super::{Check, Family, Rig, Truth};
+use crate::anatomy::Tissue;
+use crate::render::{Choice, Effect, RenderError};
+use crate::transducer::Probe;
+
+/// Place of a wire across the slice's plane, shift and RMS width of its image, mm, by `tests/truth/wires.csv`.
+const WIRES_MM: [[f64; 3]; 3] = [[-15.0, 0.0, 2.644], [0.0, -1.783, 0.984], [15.0, 0.0, 0.607]];
+/// Depth of the wires, mm.
+const DEPTH_MM: f64 = 95.0;
+/// Speeds before the border and behind it, m/s.
+const SPEEDS_M_S: [f64; 2] = [1450.0, 1580.0];
+/// Mean depth, height and period of the wave, mm.
+const BORDER_MM: f64 = 20.0;
+const HEIGHT_MM: f64 = 1.5;
+const PERIOD_MM: f64 = 20.0;
+/// Half of the border's length, and the distance of its points, mm.
+const HALF_MM: f64 = 45.0;
+const STEP_MM: f64 = 0.25;
+/// Side of the body that stands for a wire, mm: one scanline meets it.
+const WIRE_MM: f64 = 0.3;
+/// Scanlines that show a wire lie within this distance of it, mm.
+const REACH_MM: f64 = 7.5;
+/// Half of the range in which a wire is shown, mm.
+const AROUND_MM: f64 = 4.0;
+/// Largest accepted error of a shift, mm, and of a width, as a part of it.
+const SHIFT_MM: f64 = 0.2;
+const WIDTH_PART: f64 = 0.2;
+const LINES: u32 = 281;
+const SPACING_MM: f64 = 0.25;
+
+/// Wires behind a wavy border.
+pub(super) struct WavyBorder {
+    place: DVec2,
+}
+
+impl WavyBorder {
+    pub(super) fn new(bench: &mut Bench) -> Self {
+        let place = bench.place();
+        let [fat, muscle] = SPEEDS_M_S.map(|speed| bench.tissue(silent(speed, 1.5)));
+        // Rough, to be visible at any angle.
+        let wire = bench.tissue(Tissue { roughness: 0.5, ..silent(SPEEDS_M_S[1], 3.0) });
+        bench.add(fat, 0, slab(place, HALF_MM, -1.0, 2.0 * BORDER_MM));
+        let points = (2.0 * HALF_MM / STEP_MM) as u32;
+        let xs: Vec<f64> = (0..=points).map(|i| f64::from(i) * STEP_MM - HALF_MM).collect();
+        let border = |x: f64| BORDER_MM + HEIGHT_MM * (TAU * x / PERIOD_MM).sin();
+        bench.add(muscle, 1, prism(place, &xs, border, |_| DEPTH_MM + 20.0));
+        for [across_mm, ..] in WIRES_MM {
+            let point = place.extend(DEPTH_MM) + DVec3::new(across_mm, 0.0, 0.0);
+            bench.add(wire, 2, facing(point, WIRE_MM, DQuat::IDENTITY));
+        }
+        Self { place }
+    }
+
+    /// Shift and width of each wire's image, mm.
+    fn images_mm(&self, rig: &mut Rig, choice: Choice) -> Result<[[f64; 2]; WIRES_MM.len()], RenderError> {
+        let probe = Probe {
+            frequency_mhz: 8.0,
+            aperture_mm: 20.0,
+            focus_mm: 70.0,
+            ..linear(LINES, SPACING_MM, 1536, DEPTH_MM + 10.0)
+        };
+        let mut settings = small(1, 1);
+        settings.effects = settings.effects.with(Effect::Aperture, Choice::On).with(self.effect(), choice);
+        let frame = rig.frame(&probe, &settings, &at(self.place.x, self.place.y, 0.0))?;
+        let [from, to] = [-AROUND_MM, AROUND_MM].map(|mm| ((DEPTH_MM + mm) / probe.sample_spacing_mm()) as usize);
+        // Distance of a scanline from a wire, and the power with which it shows it.
+        let shown = |wire_mm: f64| {
+            let x_mm = |number: u32| (f64::from(number) - f64::from(LINES / 2)) * SPACING_MM - wire_mm;
+            let power = |number: u32| {
+                let samples = line(&probe, frame, number).get(from..to).unwrap_or_default();
+                mean_square(samples.iter().map(|&[re, im]| f64::from(re).hypot(im.into())))
+            };
+            (0..LINES)
+                .filter(|&number| x_mm(number).abs() <= REACH_MM)
+                .map(|number| [x_mm(number), power(number)])
+                .collect::<Vec<_>>()
+        };
+        Ok(WIRES_MM.map(|[wire_mm, ..]| {
+            let lines = shown(wire_mm);
+            let mean = |of: &dyn Fn(f64) -> f64| {
+                lines.iter().map(|&[x, power]| of(x) * power).sum::<f64>()
+                    / lines.iter().map(|line| line[1]).sum::<f64>()
+            };
+            let shift_mm = mean(&|x| x);
+            [shift_mm, mean(&|x| (x - shift_mm).powi(2)).sqrt()]
+        }))
+    }
+}
+
+impl Truth for WavyBorder {
+    fn effect(&self) -> Effect {
+        Effect::Refraction
+    }
+
+    fn quantity(&self) -> &'static str {
+        "lateral place of wires behind a wavy border"
+    }
+
+    fn compare(&self, rig: &mut Rig, choice: Choice) -> Result<Vec<Check>, RenderError> {
+        let images = self.images_mm(rig, choice)?;
+        let check = |([wire_mm, expected, _], [measured, _]): ([f64; 3], [f64; 2])| {
+            let name = format!("wire {wire_mm:.0} mm off, behind a wavy border, shift");
+            Check::new("Bent beams", name, "mm", expected, measured, SHIFT_MM)
+        };
+        Ok(WIRES_MM.into_iter().zip(images).map(check).collect())
+    }
+}
+
+impl Family for WavyBorder {
+    fn groups(&self) -> &'static [&'static str] {
+        &["Bent beams"]
+    }
+
+    fn measure(&self, rig: &mut Rig) -> Result<Vec<Check>, RenderError> {
+        let images = self.images_mm(rig, Choice::On)?;
+        let checks = |([wire_mm, shift_mm, width_mm], [shift, width]): ([f64; 3], [f64; 2])| {
+            let name = |what: &str| format!("wire {wire_mm:.0} mm off, behind a wavy border, {what}");
+            [
+                Check::new("Bent beams", name("shift"), "mm", shift_mm, shift, SHIFT_MM),
+                Check::new("Bent beams", name("RMS width"), "mm", width_mm, width, WIDTH_PART * width_mm),
+            ]
+        };
+        Ok(WIRES_MM.into_iter().zip(images).flat_map(checks).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::fixture::fixture;
+    use super::*;
+
+    #[test]
+    fn images_are_those_of_the_sums() {
+        let text = include_str!("../../tests/truth/wires.csv");
+        for [wire_mm, shift_mm, width_mm] in WIRES_MM {
+            let row = [("wire_mm", wire_mm), ("depth_mm", DEPTH_MM)];
+            assert_eq!(["shift_mm", "spread_mm"].map(|column| fixture(text, &row, column)), [shift_mm, width_mm]);
+        }
+    }
+}
