@@ -94,15 +94,17 @@ pub struct ScanRow {
 }
 
 impl ScanRow {
-    /// The scanlines of `probe` in pictures of `width` × `height` pixels.
+    /// The scanlines of `probe` in pictures of `width` × `height` pixels, rounded to 1e-9: every JSON reader recovers such
+    /// short numbers exactly.
     pub fn new(probe: &Probe, width: u32, height: u32) -> Self {
         let sector = Sector::fit(probe, width, height);
+        let short = |value: f64| (1e9 * value).round() / 1e9;
         Self {
-            radius_mm: probe.face_radius_mm(),
-            half_extent: probe.half_extent(),
-            depth_mm: probe.depth_mm,
-            pixel_mm: sector.pixel_mm,
-            corner_mm: sector.corner_mm.to_array(),
+            radius_mm: probe.face_radius_mm().map(short),
+            half_extent: short(probe.half_extent()),
+            depth_mm: short(probe.depth_mm),
+            pixel_mm: short(sector.pixel_mm),
+            corner_mm: sector.corner_mm.to_array().map(short),
         }
     }
 }

@@ -122,17 +122,19 @@ TIERS = {
     **_variants("middle", MIDDLE),
     **_variants("fast", replace(FAST, lq=ROLLING, **NATURAL), suffix="_rolling"),
     **_variants("middle", replace(MIDDLE, lq=ROLLING, **NATURAL), suffix="_rolling"),
-    **_variants("beam", replace(FAST, beam=BEAM)),
-    **_variants("beam", replace(FAST, beam=BEAM, lq=ROLLING, **NATURAL), suffix="_rolling"),
-    **_variants("beam4", replace(MIDDLE, beam=BEAM, lq=ROLLING, **NATURAL), suffix="_rolling"),
+    # A step sees as much of the sector as seven of pictures do.
+    **_variants("beam", replace(FAST, beam=BEAM, steps=8000)),
+    **_variants("beam", replace(FAST, beam=BEAM, steps=8000, lq=ROLLING, divergence_weight=0.0, share=0.35), suffix="_rolling"),
+    **_variants("beam4", replace(MIDDLE, beam=BEAM, steps=8000, lq=ROLLING, **NATURAL), suffix="_rolling"),
     **_variants("fast", replace(FAST, hq="32x3x1"), suffix="_single"),
     **_variants("classic", CLASSIC),
     **_variants("paper", PAPER),
 }
 # Tiers in assets/generators, in the order of their training.
-SHIPPED = ("fast_msa", "fast_ms", "fast_m", "fast_m_rolling")
+SHIPPED = ("beam_m_rolling", "beam_msa", "fast_msa", "fast_ms", "fast_m")
 # Tiers that only the tables compare with.
 TABLE = (
+    "fast_m_rolling", "beam_msa_rolling", "beam4_m_rolling",
     "middle_msa", "middle_ms", "middle_m", "middle_m_rolling",
     "fast_msa_single", "fast_ms_single", "fast_m_single",
 )  # fmt: skip

@@ -48,6 +48,9 @@ def write(directory, frames=8, tests=2, size=(160, 128)):
     (directory / "masks").mkdir()
     header = {"format": 1, "seed": 1, "frames": frames, "classes": CLASSES, "something_new": 1}
     header |= {"lq": [1, 1], "hq": [32, 3], "look": {"lq_angles": 1, "hq_angles": 9, "span_deg": 30.0}}
+    # A flat face as wide as the pictures.
+    scan = {"half_extent": size[0] / 8, "depth_mm": size[1] / 4, "pixel_mm": 0.25, "corner_mm": [-size[0] / 8, 0.0]}
+    header |= {"stations": [{"file": "stations/a.toml", "directory": ".", "scan": scan}]}
     (directory / "dataset.json").write_text(json.dumps(header))
     rows = []
     for index in range(frames):
@@ -57,7 +60,7 @@ def write(directory, frames=8, tests=2, size=(160, 128)):
         np.save(directory / mask_name, mask)
         digest = hashlib.sha256((directory / name).read_bytes()).hexdigest()
         split = "test" if index >= frames - tests else "train"
-        row = {"index": index, "split": split, "exam": index, "size": size, "file": name, "mask": mask_name}
+        row = {"index": index, "split": split, "station": "stations/a.toml", "exam": index, "size": size, "file": name, "mask": mask_name}
         rows.append(json.dumps({**row, "sha256": digest}))
     (directory / "manifest.jsonl").write_text("\n".join(rows) + "\n")
     return directory

@@ -4,6 +4,8 @@ import shutil
 import numpy as np
 import pytest
 
+import synthetic
+from insonify_training.beam import BeamGrid
 from insonify_training.channels import VARIANTS, Encoder
 from insonify_training.classes import Segmentation
 from insonify_training.dataset import Crops, Dataset, DatasetError, Quality
@@ -133,3 +135,28 @@ def test_qualities_are_those_of_the_header(data_dir, tmp_path):
     (copy / "dataset.json").write_text(json.dumps(header))
     with pytest.raises(DatasetError, match="lq, hq or look"):
         Dataset(copy)
+
+
+def test_tuples_are_resampled_to_beam_coordinates(data_dir, data):
+    # Cells of 2 x 2 pixels, with their middle on a corner of four.
+    on_grid = Dataset(data_dir, BeamGrid(80, 0.5))
+    row = on_grid.split("test")[0]
+    assert row.size == (80, 64) and row.index == data.split("test")[0].index
+    planes, whole = np.array(on_grid.planes(row)).astype(int), np.array(data.planes(data.split("test")[0])).astype(int)
+    means = whole[:2].reshape(2, 64, 2, 80, 2).mean((2, 4))
+    assert np.abs(planes[:2] - means).max() <= 0.5
+    cells = whole[2].reshape(64, 2, 80, 2).transpose(0, 2, 1, 3).reshape(64, 80, 4)
+    assert (cells == planes[2][..., None]).any(-1).all()
+    assert (on_grid.mask(row) == 255).all()
+    assert (np.array(on_grid.picture(row)[0]) == whole).all()
+    crops = Crops(on_grid, "train", 32, 2, 1).at(0)
+    assert crops.planes.shape == (2, 4, 32, 32) and (crops.mask == 255).all()
+
+
+def test_beam_coordinates_need_the_scanlines(tmp_path):
+    directory = synthetic.write(tmp_path / "set", frames=2, tests=1)
+    header = json.loads((directory / "dataset.json").read_text())
+    del header["stations"][0]["scan"]
+    (directory / "dataset.json").write_text(json.dumps(header))
+    with pytest.raises(DatasetError, match="scan of a station"):
+        Dataset(directory, BeamGrid(80, 0.5))

@@ -40,7 +40,7 @@ macro_rules! generator {
 /// Files of the live station, by their paths in the repository. They are embedded, so that the demo runs from anywhere.
 const FILES: [(&str, &[u8]); 2] = [(STATION, include_bytes!("../../../configs/live.toml")), (RECORDING, super::EXAM)];
 /// The generators that the station names.
-const GENERATORS: [[(&str, &[u8]); 4]; 1] = [generator!("fast_m_rolling")];
+const GENERATORS: [[(&str, &[u8]); 4]; 1] = [generator!("beam_m_rolling")];
 const STATION: &str = "configs/live.toml";
 const RECORDING: &str = "assets/exams/obstetric_sweep.mcap";
 
