@@ -23,7 +23,6 @@ pub(crate) struct FrameDir {
     mask: Vec<u8>,
     segmentation: Option<Vec<u8>>,
     attenuation: Option<Vec<f32>>,
-    scan: Option<ScanGeometry>,
 }
 
 impl FrameDir {
@@ -42,20 +41,9 @@ impl FrameDir {
         let image = optional("bmode.png")?;
         let segmentation = optional("segmentation.png")?;
         let tissues = if segmentation.is_some() { names(&directory.join("tissues.json"))? } else { Vec::new() };
-        let scan = scan(&directory.join("frame.json"), [width, height])?;
         let path = directory.join("attenuation.npy");
         let attenuation = path.exists().then(|| floats(&path, [height, width])).transpose()?;
-        Ok(Self {
-            directory: directory.to_owned(),
-            width,
-            height,
-            tissues,
-            image,
-            mask,
-            segmentation,
-            attenuation,
-            scan,
-        })
+        Ok(Self { directory: directory.to_owned(), width, height, tissues, image, mask, segmentation, attenuation })
     }
 
     /// Inputs of a generator with `manifest`; an error if one that it takes is missing.
@@ -69,6 +57,9 @@ impl FrameDir {
             let is_there = there || !manifest.takes(channel);
             ensure!(is_there, "the generator is of the variant {variant:?}, and {directory} has no {file}");
         }
+        // Only models in beam coordinates ask for the record.
+        let record = self.directory.join("frame.json");
+        let scan = manifest.beam.map(|_| scan(&record, [self.width, self.height])).transpose()?.flatten();
         Ok(Input {
             width: self.width,
             height: self.height,
@@ -76,7 +67,7 @@ impl FrameDir {
             segmentation: self.segmentation.as_deref().unwrap_or_default(),
             attenuation: self.attenuation.as_deref().unwrap_or_default(),
             mask: &self.mask,
-            scan: self.scan,
+            scan,
         })
     }
 }

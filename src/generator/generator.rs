@@ -5,12 +5,12 @@ use std::time::{Duration, Instant};
 
 use sha2::{Digest, Sha256};
 
-use super::beam_grid::BeamSampling;
-use super::manifest::{Affine, Manifest};
+use super::beam_sampling::BeamSampling;
+use super::manifest::{Affine, BeamGrid, Manifest};
 use super::maps::{self, ClassMap, Geometry};
 use super::parity::{self, ParityReport};
 use super::session::{RunFailure, Session};
-use super::{BeamGrid, GeneratorError, Input, Provider, Runtime, Terminator};
+use super::{GeneratorError, Input, Provider, Runtime, Terminator};
 use crate::files::{self, FileKind};
 use crate::render::Frame;
 use crate::transducer::{Probe, ScanGeometry};

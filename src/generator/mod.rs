@@ -7,7 +7,7 @@
 //! before and after it. The pipeline's controller of operating points chooses which generator runs. Without ONNX Runtime's
 //! library [`Runtime::get`] returns an error that names the remedy; rendering works without it.
 
-mod beam_grid;
+mod beam_sampling;
 mod error;
 mod features;
 #[expect(clippy::module_inception, reason = "the type of that name has a file of its own")]
@@ -22,14 +22,13 @@ mod runtime;
 mod session;
 mod settings;
 
-pub use beam_grid::BeamGrid;
 pub use error::GeneratorError;
 pub use features::{FeatureScale, OnnxFeatures};
 pub use generator::{Generator, LoadOptions};
 pub use input::Input;
 pub use load::{LoadedGenerators, RefusedModel, load_generators};
 pub use manifest::{
-    Affine, Channel, Encoding, InputManifest, Kind, Manifest, OutputManifest, ParityManifest, Quality,
+    Affine, BeamGrid, Channel, Encoding, InputManifest, Kind, Manifest, OutputManifest, ParityManifest, Quality,
     SegmentationManifest, Training, Variant, generator_files,
 };
 pub use parity::ParityReport;

@@ -121,6 +121,10 @@ fn a_crops_output_equals_the_full_frames_beyond_a_margin() {
             // Its receptive field is the whole frame: no margin is wide enough.
             continue;
         }
+        if generator.manifest().beam.is_some() {
+            // Its input is always the whole sector.
+            continue;
+        }
         let all = scene(width, height, |_, _| true, 1);
         let mut changed = scene(width, height, |_, _| true, 77);
         for row in 0..height {
@@ -158,6 +162,10 @@ fn nothing_is_outside_the_sector_and_padding_changes_its_edge_by_a_few_levels() 
     for path in shipped() {
         let mut generator = load_shipped(&path);
         let name = generator.manifest().name.clone();
+        if generator.manifest().beam.is_some() {
+            // The edge of its grid is the sector's, in training, too.
+            continue;
+        }
         let maps = scene(width, height, fan, 5);
         assert!(maps.mask[301] > 0 && maps.mask[(height - 1) * width + 301] > 0);
         let alone = run(&mut generator, &maps);
@@ -185,4 +193,62 @@ fn nothing_is_outside_the_sector_and_padding_changes_its_edge_by_a_few_levels() 
             if generator.manifest().takes(insonify::generator::Channel::Image) { [8.0, 1.0] } else { [20.0, 3.0] };
         assert!(near < near_max && far < far_max, "{name}: {near} levels at the frame's edge, {far} elsewhere");
     }
+}
+
+/// A picture of speckle that is fixed to scanlines and range cells, of a sector of this size.
+fn beam_scene(width: u32, height: u32) -> Frame {
+    let scan = ScanGeometry::fit(&Probe::default(), width, height);
+    // Speckle of some three scanlines by five cells of 0.2 mm, brighter in some tissues.
+    let speckle = |fraction: f64, depth_mm: f64| {
+        let waves = (0..24).map(|i| {
+            let turn = f64::from(i * i) * 0.618;
+            (540.0 * fraction * (turn * 1.7).sin() + depth_mm * 6.0 * (turn * 2.3).cos() + 7.0 * turn).sin()
+        });
+        0.5 + waves.sum::<f64>() / 24.0
+    };
+    let tissue = |fraction: f64, depth_mm: f64| 1 + ((5.0 * fraction) as u8 + (depth_mm / 20.0) as u8) % 20;
+    let mut frame = Frame { width, height, scan: Some(scan), ..Frame::default() };
+    for (row, column) in (0..height).flat_map(|row| (0..width).map(move |column| (row, column))) {
+        let beam = scan.beam_at(column, row);
+        let tissue = beam.map_or(0, |(fraction, depth_mm)| tissue(fraction, depth_mm));
+        let level =
+            beam.map_or(0.0, |(fraction, depth_mm)| speckle(fraction, depth_mm) * (40.0 + 8.0 * f64::from(tissue)));
+        frame.bmode.push(level.clamp(0.0, 255.0) as u8);
+        frame.segmentation.push(tissue);
+        frame.attenuation.push(beam.map_or(0.0, |(_, depth_mm)| (-depth_mm / 40.0).exp() as f32));
+        frame.mask.push(if beam.is_some() { 255 } else { 0 });
+    }
+    frame
+}
+
+#[test]
+fn models_in_beam_coordinates_see_the_same_at_any_size() {
+    let (small, large) = (beam_scene(693, 500), beam_scene(1386, 1000));
+    let mut compared = 0;
+    for path in shipped() {
+        let mut generator = load_shipped(&path);
+        if generator.manifest().beam.is_none() {
+            continue;
+        }
+        let name = generator.manifest().name.clone();
+        let (mut at_small, mut at_large) = (Vec::new(), Vec::new());
+        generator.run(&Input::from(&small), &mut at_small).unwrap();
+        generator.run(&Input::from(&large), &mut at_large).unwrap();
+        assert!(at_large.iter().zip(&large.mask).all(|(&level, &mask)| mask > 0 || level == 0), "{name}: outside");
+        let (mut sum, mut count) = (0.0, 0.0);
+        for (row, column) in (0..500usize).flat_map(|row| (0..693usize).map(move |column| (row, column))) {
+            let of_large = [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(y, x)| (2 * row + y) * 1386 + 2 * column + x);
+            if small.mask[row * 693 + column] > 0 && of_large.iter().all(|&at| large.mask[at] > 0) {
+                let mean = of_large.iter().map(|&at| f64::from(at_large[at])).sum::<f64>() / 4.0;
+                sum += (mean - f64::from(at_small[row * 693 + column])).abs();
+                count += 1.0;
+            }
+        }
+        eprintln!("{name}: {:.2} grey levels between pictures of 693 x 500 and 1386 x 1000", sum / count);
+        assert!(count > 150_000.0 && sum / count < 3.0, "{name}: {} grey levels", sum / count);
+        let level = at_large.iter().map(|l| f64::from(*l)).sum::<f64>() / at_large.len() as f64;
+        assert!(level > 10.0, "{name}: a mean level of {level}");
+        compared += 1;
+    }
+    assert!(compared > 0, "no shipped model works in beam coordinates");
 }

@@ -1,6 +1,6 @@
 """Beam coordinates: resampling of pictures to scanlines x range cells, and back, as the station does it.
 
-src/generator/beam_grid.rs is its counterpart; tests/data/beam_grid.json holds both to the same values.
+src/generator/beam_sampling.rs is its counterpart; tests/data/beam_grid.json holds both to the same values.
 """
 
 from dataclasses import dataclass

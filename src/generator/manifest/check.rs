@@ -2,8 +2,7 @@
 
 use std::path::Path;
 
-use super::super::BeamGrid;
-use super::{Channel, Kind, Manifest, Variant};
+use super::{BeamGrid, Channel, Kind, Manifest, Variant};
 
 impl Manifest {
     pub(super) fn check(&self) -> Result<(), String> {

@@ -5,11 +5,14 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::{BeamGrid, GeneratorError};
+use super::GeneratorError;
 use crate::files::{self, FileKind};
 use crate::render::FrameQuality;
 
+mod beam_grid;
 mod check;
+
+pub use beam_grid::BeamGrid;
 
 /// A generator's manifest.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -1,0 +1,31 @@
+//! Grid of a model in beam coordinates.
+
+use serde::{Deserialize, Serialize};
+
+/// Grid of a model in beam coordinates: rows are range cells, the first at the face; columns are scanlines.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BeamGrid {
+    /// Scanlines over the lateral extent of the sector, 16..=1024, whatever the probe has.
+    pub scanlines: u32,
+    /// Length of a range cell, mm, 0.02..=2.
+    pub cell_mm: f64,
+}
+
+impl BeamGrid {
+    /// Fault of its values, and what would be right.
+    pub(super) fn check(&self) -> Result<(), String> {
+        if !(16..=1024).contains(&self.scanlines) {
+            return Err(format!("beam.scanlines is {}; it must be 16..=1024", self.scanlines));
+        }
+        if !(0.02..=2.0).contains(&self.cell_mm) {
+            return Err(format!("beam.cell_mm is {}; it must be 0.02..=2", self.cell_mm));
+        }
+        Ok(())
+    }
+
+    /// Range cells that cover a depth.
+    pub fn cells(&self, depth_mm: f64) -> u32 {
+        (depth_mm / self.cell_mm - 1e-6).ceil().max(1.0) as u32
+    }
+}
