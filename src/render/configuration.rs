@@ -92,7 +92,7 @@ impl Configuration {
         let planned = effects.settings(settings);
         let with_its_look = |before: &&Self| RenderSettings { look: before.settings.look, ..*settings };
         let tables = match before.filter(|before| before.has_tables_of(media, probe, &with_its_look(before))) {
-            Some(before) => before.tables.with_looks(probe, &planned.look),
+            Some(before) => before.tables.with_looks(probe, &planned),
             None => Tables::new(&media.tissues, probe, &planned, effects.effects()),
         };
         let params = Params::new(media.outside, probe, &planned, &tables, effects.effects());

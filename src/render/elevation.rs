@@ -24,17 +24,20 @@ struct Envelope {
 }
 
 /// Elevational offset at the face (mm), slope, length of ray per mm of depth, and 0, of each path of a scanline
-/// [layers × rays]. A single layer is the image plane.
-pub(crate) fn elevations(probe: &Probe, rays: u32, layers: u32) -> Vec<[f32; 4]> {
+/// [looks × layers × rays]. A single layer is the image plane.
+///
+/// Each look has its own places, so that a compounded picture has as many as all its looks: of a dozen paths the outermost
+/// alone may show what only a hundredth of the beam meets.
+pub(crate) fn elevations(probe: &Probe, rays: u32, layers: u32, looks: u32) -> Vec<[f32; 4]> {
     if layers == 1 {
-        return vec![[0.0, 0.0, 1.0, 0.0]; rays as usize];
+        return vec![[0.0, 0.0, 1.0, 0.0]; (looks * rays) as usize];
     }
     let envelope = Envelope::of(probe);
     let line = |[waist, cone]: [f64; 2]| {
         let slope = cone * envelope.slope;
         [waist * envelope.waist_mm + cone * envelope.start_mm, slope, slope.hypot(1.0), 0.0].map(|v| v as f32)
     };
-    places(rays, layers).into_iter().map(line).collect()
+    (0..looks).flat_map(|look| places(rays, layers, f64::from(look) / f64::from(looks))).map(line).collect()
 }
 
 impl Envelope {
@@ -69,13 +72,13 @@ impl Envelope {
 
 /// Places in the waist and in the cone, in standard deviations: `rays` × `layers` points of equal weight whose mean is 0,
 /// whose variances are 1, and whose covariance is 0. Each layer has a part of the cone; in a layer, neighbouring rays
-/// are far apart.
-fn places(rays: u32, layers: u32) -> Vec<[f64; 2]> {
+/// are far apart. `turned` is in turns.
+fn places(rays: u32, layers: u32, turned: f64) -> Vec<[f64; 2]> {
     let count = rays * layers;
     // A spiral whose density is Gaussian.
     let point = |i: u32| {
         let radius = (-2.0 * (1.0 - (f64::from(i) + 0.5) / f64::from(count)).ln()).sqrt();
-        let angle = std::f64::consts::TAU * (f64::from(i) * GOLDEN).fract();
+        let angle = std::f64::consts::TAU * (f64::from(i) * GOLDEN + turned).fract();
         [radius * angle.cos(), radius * angle.sin()]
     };
     let mut points: Vec<[f64; 2]> = (0..count).map(point).collect();
@@ -119,7 +122,7 @@ mod tests {
 
     #[test]
     fn one_layer_is_the_image_plane() {
-        assert_eq!(elevations(&Probe::default(), 3, 1), vec![[0.0, 0.0, 1.0, 0.0]; 3]);
+        assert_eq!(elevations(&Probe::default(), 3, 1, 1), vec![[0.0, 0.0, 1.0, 0.0]; 3]);
     }
 
     #[test]
@@ -127,7 +130,7 @@ mod tests {
         let probe = Probe::default();
         let Envelope { waist_mm, start_mm, slope } = Envelope::of(&probe);
         for (rays, layers) in [(1, 3), (2, 3), (7, 2), (32, 3), (128, 33), (256, 33)] {
-            let lines = elevations(&probe, rays, layers);
+            let lines = elevations(&probe, rays, layers, 1);
             assert_eq!(lines.len(), (rays * layers) as usize);
             for depth in [0.0, 35.0, 70.0, 150.0] {
                 let want = waist_mm.hypot(start_mm + slope * depth);
@@ -142,7 +145,7 @@ mod tests {
     #[test]
     fn lines_have_the_gaussian_profile_of_the_beam_at_every_depth() {
         let probe = Probe::default();
-        let lines = elevations(&probe, 32, 3);
+        let lines = elevations(&probe, 32, 3, 1);
         for depth in [10.0, 40.0, 60.0, 70.0, 80.0, 120.0, 150.0] {
             let sigma = spread_mm(&lines, depth);
             for (sigmas, want) in [(-2.0, 0.0228), (-1.0, 0.1587), (-0.5, 0.3085), (0.0, 0.5), (1.0, 0.8413)] {
@@ -151,6 +154,30 @@ mod tests {
                 assert!((got - want).abs() < 0.035, "{got}, not {want}, below {sigmas} sigma at {depth} mm");
             }
         }
+    }
+
+    #[test]
+    fn looks_have_places_of_their_own_which_fill_the_beam_together() {
+        let probe = Probe::default();
+        let (one, nine) = (elevations(&probe, 4, 3, 1), elevations(&probe, 4, 3, 9));
+        assert_eq!((one.len(), nine.len()), (12, 9 * 12));
+        assert_eq!(one[..], nine[..12]);
+        // Largest error of the beam's part beyond a distance.
+        let beyond = |lines: &[[f32; 4]]| {
+            let mut worst = 0.0_f64;
+            for depth in [20.0, 40.0, 60.0, 80.0, 110.0, 140.0] {
+                let sigma = spread_mm(lines, depth);
+                for (sigmas, want) in [(1.5, 0.0668), (2.0, 0.0228), (2.5, 0.0062)] {
+                    for side in [-1.0, 1.0] {
+                        let out = |l: &&[f32; 4]| side * (f64::from(l[0]) + f64::from(l[1]) * depth) > sigmas * sigma;
+                        worst = worst.max((lines.iter().filter(out).count() as f64 / lines.len() as f64 - want).abs());
+                    }
+                }
+            }
+            worst
+        };
+        assert!(beyond(&one) > 0.05, "{}", beyond(&one));
+        assert!(beyond(&nine) < 0.025, "{}", beyond(&nine));
     }
 
     #[test]
@@ -174,7 +201,7 @@ mod tests {
 
     #[test]
     fn layers_have_parts_of_the_cone() {
-        let lines = elevations(&Probe::default(), 32, 3);
+        let lines = elevations(&Probe::default(), 32, 3, 1);
         let slopes = |layer: usize| lines[32 * layer..32 * (layer + 1)].iter().map(|l| l[1]);
         let (most, least) = (slopes(0).fold(f32::MIN, f32::max), slopes(1).fold(f32::MAX, f32::min));
         assert!(most <= least && slopes(1).fold(f32::MIN, f32::max) <= slopes(2).fold(f32::MAX, f32::min));

@@ -218,6 +218,13 @@ impl Params {
         self.look_words = if steered { (look as u32 + 1) * self.sector_words } else { 0 };
     }
 
+    /// Places across the slice of this look's paths, of those of all looks.
+    pub(crate) fn elevations_of<'a>(&self, elevations: &'a [[f32; 4]]) -> &'a [[f32; 4]] {
+        let count = (self.layers * self.rays) as usize;
+        let look = (self.look_words / self.sector_words.max(1)) as usize;
+        elevations.get(look * count..(look + 1) * count).unwrap_or_default()
+    }
+
     /// A direction in the probe frame, steered.
     #[inline(always)]
     pub(crate) fn steered(&self, v: Vec3) -> Vec3 {

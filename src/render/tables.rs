@@ -100,7 +100,7 @@ pub(crate) struct Tables {
     pub(crate) map_step_mm: f64,
     /// Distance of neighbouring scanlines at the face, mm.
     pub(crate) face_spacing_mm: f64,
-    /// Of each path of a scanline [layers × rays]: elevational offset at the face (mm), slope, length per mm of depth, 0.
+    /// Of each path of a scanline [looks × layers × rays], the straight look first: elevational offset at the face (mm), slope, length per mm of depth, 0.
     pub(crate) elevations: Vec<[f32; 4]>,
     pub(crate) tissues: Vec<PackedTissue>,
     /// Texture of each tissue; empty without the effect.
@@ -136,8 +136,9 @@ impl Tables {
     }
 
     /// These tables with the looks of other settings.
-    pub(crate) fn with_looks(&self, probe: &Probe, look: &LookSettings) -> Self {
-        Self { looks: looks(probe, look, &self.pixels), ..self.clone() }
+    pub(crate) fn with_looks(&self, probe: &Probe, settings: &RenderSettings) -> Self {
+        let looks = looks(probe, &settings.look, &self.pixels);
+        Self { elevations: elevations_of(probe, settings, &looks), looks, ..self.clone() }
     }
 
     pub(crate) fn new(tissues: &[Tissue], probe: &Probe, settings: &RenderSettings, effects: EffectSet) -> Self {
@@ -165,7 +166,7 @@ impl Tables {
             map_depths: (probe.depth_mm / map_step_mm).ceil() as u32 + 2,
             map_step_mm,
             face_spacing_mm: probe.line_spacing_mm(0.0),
-            elevations: elevations(probe, settings.quality.rays, settings.quality.layers),
+            elevations: elevations_of(probe, settings, &looks),
             tissues: tissues.iter().enumerate().map(|(i, t)| PackedTissue::new(i, t, probe, effects)).collect(),
             textures: if effects.has(Effect::Texture) { textures(tissues) } else { Vec::new() },
             kernels,
@@ -227,6 +228,11 @@ fn pixels(probe: &Probe, sector: &Sector) -> (Vec<u32>, Vec<u8>) {
     let inside = |&place: &u32| if place == OUTSIDE { 0 } else { 255 };
     let mask = rows.flat_map(|row| row[..sector.width as usize].iter().map(inside)).collect();
     (places, mask)
+}
+
+/// Places of the paths of all looks.
+fn elevations_of(probe: &Probe, settings: &RenderSettings, looks: &[SteeredLook]) -> Vec<[f32; 4]> {
+    elevations(probe, settings.quality.rays, settings.quality.layers, looks.len() as u32)
 }
 
 /// Looks of a compounded picture. The steered ones show the sector as far as their scanlines lead.

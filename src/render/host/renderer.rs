@@ -241,7 +241,7 @@ impl HostRenderer {
             surface_words: &media.surface_words,
             params,
             rays: &tables.rays,
-            elevations: &tables.elevations,
+            elevations: params.elevations_of(&tables.elevations),
             tissues: &tables.tissues,
             effects: PathEffects::new(configuration.effects.effects(), media.moving),
             constants: self.trace,
@@ -260,7 +260,7 @@ impl HostRenderer {
         let paths = Paths { starts: &b.starts, segments: &b.segments, hints: &b.hints };
         let into = Transmission { means: &mut work.cell_means, mask: &mut b.mask, row_np: &mut b.row_np };
         let bends = configuration.effects.effects().has(Effect::Refraction);
-        let elevations = bends.then_some(&configuration.tables.elevations[..]);
+        let elevations = bends.then_some(params.elevations_of(&configuration.tables.elevations));
         transmission(params, transmission::Inputs { constants: self.image, tables, paths, elevations }, into);
         laps.note("transmission");
         if params.layer_first + params.layer_count < params.layers {

@@ -322,7 +322,7 @@ impl Rules<'_> {
         }
         if self.one_medium() {
             // Oblique layers lose more on their longer paths.
-            let longer = elevations(self.probe, self.settings.quality.rays, asked)
+            let longer = elevations(self.probe, self.settings.quality.rays, asked, 1)
                 .iter()
                 .map(|&[.., stretch, _]| f64::from(stretch) - 1.0)
                 .fold(0.0, f64::max);

@@ -299,7 +299,7 @@ impl Inputs {
             rays: line_rays,
             axes,
             layers: params.layers as usize,
-            elevations: tables.elevations.iter().map(elevation).collect(),
+            elevations: params.elevations_of(&tables.elevations).iter().map(elevation).collect(),
             guides: params.guides as usize,
             triangles: triangles.collect(),
             surface_tissue: surface_words.iter().map(|&w| (w & TISSUE_MASK) as usize).collect(),
