@@ -5,11 +5,9 @@ use std::path::Path;
 
 use anyhow::{anyhow, ensure};
 use insonify::dataset::{Dataset, Row as TupleRow, Split, Tuple};
-use insonify::files::{self, FileKind};
 use insonify::quality::regions::is_bone;
 use insonify::quality::{CROP_INSIDE, Scanlines, crop_places};
 use insonify::render::BackendChoice;
-use insonify::station::Station;
 use insonify::transducer::ScanGeometry;
 use serde::Serialize;
 
@@ -17,6 +15,7 @@ use super::super::progress::Progress;
 use super::super::{Classify, Failure, session};
 use super::again::Again;
 use super::judge::{Judged, Row, RowReport, Vectors};
+use super::scan::scanlines;
 use super::{Args, models, sheets};
 
 /// Result, for JSON.
@@ -66,15 +65,6 @@ impl Geometry<'_> {
         let casts = |number: u8| classes.get(usize::from(number)).is_some_and(|name| is_bone(name));
         self.of(row).map(|(scanlines, _)| scanlines.behind(&tuple.segmentation, casts))
     }
-}
-
-/// Scanlines of a tuple's image, from the station's file in the data set.
-pub(super) fn scanlines(dataset: &Dataset, row: &TupleRow) -> Result<(Scanlines, ScanGeometry), anyhow::Error> {
-    let text = files::read_text(&dataset.directory.join(&row.station), FileKind::Station)?;
-    let directory = dataset.header.stations.iter().find(|s| s.file == row.station).map_or("", |s| &s.directory);
-    let station = Station::parse(&text, Path::new(directory))?;
-    let [width, height] = row.size;
-    Ok((Scanlines::new(&station.probe, width, height), ScanGeometry::fit(&station.probe, width, height)))
 }
 
 /// Judges the chosen tuples.

@@ -5,6 +5,7 @@ mod dataset;
 mod images;
 mod judge;
 mod models;
+mod scan;
 mod sheets;
 mod steadiness;
 mod tables;

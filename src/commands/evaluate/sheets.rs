@@ -10,9 +10,9 @@ use insonify::report::comparison_sheet::Panel;
 use insonify::sink::create_dir;
 
 use super::super::{Classify, Failure};
-use super::dataset::scanlines;
 use super::judge::{ImageScores, RowReport};
 use super::models::generate;
+use super::scan::scanlines;
 
 /// Width of a full field of view, pixels.
 const WIDTH: u32 = 460;
