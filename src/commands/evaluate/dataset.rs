@@ -6,16 +6,15 @@ use std::path::Path;
 use anyhow::{anyhow, ensure};
 use insonify::dataset::{Dataset, Row as TupleRow, Split, Tuple};
 use insonify::quality::regions::is_bone;
-use insonify::quality::{CROP_INSIDE, Scanlines, crop_places};
+use insonify::quality::{CROP_INSIDE, crop_places};
 use insonify::render::BackendChoice;
-use insonify::transducer::ScanGeometry;
 use serde::Serialize;
 
 use super::super::progress::Progress;
 use super::super::{Classify, Failure, session};
 use super::again::Again;
 use super::judge::{Judged, Row, RowReport, Vectors};
-use super::scan::scanlines;
+use super::scan::{Scan, scan};
 use super::{Args, models, sheets};
 
 /// Result, for JSON.
@@ -41,16 +40,16 @@ pub(super) struct Report {
 /// Scanlines of the images, by station and size.
 struct Geometry<'a> {
     dataset: &'a Dataset,
-    known: HashMap<(String, [u32; 2]), Option<(Scanlines, ScanGeometry)>>,
+    known: HashMap<(String, [u32; 2]), Option<Scan>>,
     notes: Vec<String>,
 }
 
 impl Geometry<'_> {
     /// Scanlines of a row's pictures; none if its station can't be read.
-    fn of(&mut self, row: &TupleRow) -> Option<&(Scanlines, ScanGeometry)> {
+    fn of(&mut self, row: &TupleRow) -> Option<&Scan> {
         let key = (row.station.clone(), row.size);
         if !self.known.contains_key(&key) {
-            let found = scanlines(self.dataset, row);
+            let found = scan(self.dataset, row);
             if let Err(reason) = &found {
                 self.notes
                     .push(format!("nothing is said of what lies behind bone in images of {}: {reason}", row.station));
@@ -63,7 +62,7 @@ impl Geometry<'_> {
     fn behind_bone(&mut self, row: &TupleRow, tuple: &Tuple) -> Option<Vec<bool>> {
         let classes = &self.dataset.header.classes;
         let casts = |number: u8| classes.get(usize::from(number)).is_some_and(|name| is_bone(name));
-        self.of(row).map(|(scanlines, _)| scanlines.behind(&tuple.segmentation, casts))
+        self.of(row).map(|scan| scan.scanlines.behind(&tuple.segmentation, casts))
     }
 }
 
@@ -108,7 +107,7 @@ pub(super) fn run(args: &Args, directory: &Path) -> Result<Report, Failure> {
         judged.features(&tuple.hq, &mut extractors, &mut target)?;
         rows[0].add(&judged, &tuple.lq, &mut extractors)?;
         let attenuation = tuple.attenuation_map();
-        let scan = geometry.of(row).map(|(_, scan)| *scan);
+        let scan = geometry.of(row).map(|scan| scan.geometry);
         for ((_, generator), row) in generators.iter_mut().zip(&mut rows[1..]) {
             models::generate(generator, &tuple, &attenuation, scan, &mut image)?;
             row.add(&judged, &image, &mut extractors)?;

@@ -12,7 +12,7 @@ use insonify::sink::create_dir;
 use super::super::{Classify, Failure};
 use super::judge::{ImageScores, RowReport};
 use super::models::generate;
-use super::scan::scanlines;
+use super::scan::scan;
 
 /// Width of a full field of view, pixels.
 const WIDTH: u32 = 460;
@@ -40,7 +40,7 @@ pub(super) fn write(
         let Some(row) = chosen.iter().find(|row| row.index == scores.index) else { continue };
         let tuple = dataset.tuple(row).input()?;
         let attenuation = tuple.attenuation_map();
-        let scan = scanlines(dataset, row).ok().map(|(_, scan)| scan);
+        let scan = scan(dataset, row).ok().map(|scan| scan.geometry);
         let mut images = vec![("LQ".to_owned(), tuple.lq.clone())];
         for (name, generator) in generators.iter_mut() {
             let mut image = Vec::new();
