@@ -16,7 +16,7 @@ import numpy as np
 import torch
 
 from .dataset import Dataset, DatasetError
-from .export import ExportError, load_run, place, session, write_onnx
+from .export import ExportError, grid_of, load_run, place, session, write_onnx
 from .networks import fold, make
 
 
@@ -71,7 +71,7 @@ def main(argv=None):
     p.add_argument("--data", type=Path, help="data set that the runs were trained on")
     p.add_argument("--network", action="append", default=[], help="time this network untrained; may be given again")
     p.add_argument("--channels", type=int, default=4, help="input channels of --network [default: 4]")
-    p.add_argument("--size", default="1386x1000", help="field of view, px [default: 1386x1000]")
+    p.add_argument("--size", default="1386x1000", help="field of view, px; of exported models in beam coordinates scanlines x range cells [default: 1386x1000]")
     p.add_argument("--threads", type=int, default=2)
     p.add_argument("--runs", type=int, default=20)
     p.add_argument("--skip-torch", action="store_true")
@@ -94,7 +94,7 @@ def main(argv=None):
 
     with tempfile.TemporaryDirectory() as folder:
 
-        def compare(name, network, channels):
+        def compare(name, network, channels, size):
             path = Path(folder) / f"{name}.onnx"
             write_onnx(network, channels, path)
             x = random.random((1, channels, *place(size[::-1], network.padding_multiple)[0]), dtype=np.float32)
@@ -105,11 +105,12 @@ def main(argv=None):
 
         for name in args.network:
             torch.manual_seed(1)
-            compare(name, fold(make(name, args.channels)), args.channels)
+            compare(name, fold(make(name, args.channels)), args.channels, size)
         try:
             for run in runs:
-                trainer, _ = load_run(run, Dataset(args.data))
-                compare(run.name, fold(trainer.generator), trainer.encode.channels)
+                data = Dataset(args.data, grid_of(run))
+                trainer, _ = load_run(run, data)
+                compare(run.name, fold(trainer.generator), trainer.encode.channels, data.split("train")[0].size if data.grid else size)
         except (ExportError, DatasetError) as error:
             raise SystemExit(str(error)) from None
         for path in (path for path in args.models if path not in runs):

@@ -35,30 +35,34 @@ class ExportError(Exception):
     """Reason why a run can't be exported."""
 
 
-def load_run(folder, data):
-    """Trainer of a run, its norms frozen, and the SHA-256 of its training data."""
+def read_run(folder):
+    """State and configuration of a run's checkpoint."""
     checkpoint = Path(folder) / "checkpoint.pt"
     if not checkpoint.is_file():
         raise ExportError(f"{folder}: no run: checkpoint.pt must be there")
     state = read_checkpoint(checkpoint)
     try:
-        config = Config.from_dict(state["config"])
+        return state, Config.from_dict(state["config"])
     except ValueError as error:
         raise ExportError(f"{checkpoint}: made by another version ({error}): train it anew") from None
-    trainer = Trainer(config, data)
-    trainer.load(state)
-    freeze(trainer.generator.eval())
-    return trainer, state.get("data_sha256")
 
 
 def grid_of(folder):
     """Beam coordinates of a run; none if it is of pictures."""
-    config = Path(folder) / "config.json"
-    try:
-        values = json.loads(config.read_text(encoding="utf-8"))
-        return BeamGrid.parse(values.get("config", values).get("beam", ""))
-    except (OSError, ValueError) as error:
-        raise ExportError(f"{config}: {error}") from None
+    return BeamGrid.parse(read_run(folder)[1].beam)
+
+
+def load_run(folder, data):
+    """Trainer of a run, its norms frozen, and the SHA-256 of its training data; `data` is in the run's coordinates."""
+    state, config = read_run(folder)
+    grid = BeamGrid.parse(config.beam)
+    if grid != data.grid:
+        named = lambda one: f"beam coordinates {one}" if one else "pictures"  # noqa: E731
+        raise ExportError(f"{folder}: the run is of {named(grid)}, the others are of {named(data.grid)}: name it alone")
+    trainer = Trainer(config, data)
+    trainer.load(state)
+    freeze(trainer.generator.eval())
+    return trainer, state.get("data_sha256")
 
 
 def write_onnx(network, channels, path):
@@ -108,9 +112,11 @@ def session(path, threads=2):
 
 def parity_planes(data, segmentation):
     """Planes float32 [4, h, w] of a parity pair, from a part of a test tuple with bone or many tissues."""
-    height, width = PARITY_SIZE
+    rows = data.split("test")[:8]
+    # A grid may have fewer scanlines.
+    height, width = (min(side, *sizes) for side, sizes in zip(PARITY_SIZE, zip(*(row.size[::-1] for row in rows))))
     best, found = -1, None
-    for row in data.split("test")[:8]:
+    for row in rows:
         planes, mask = data.planes(row), data.mask(row)
         for y in range(0, row.size[1] - height + 1, height // 2):
             for x in range(0, row.size[0] - width + 1, width // 2):

@@ -13,7 +13,7 @@ import numpy as np
 import torch
 
 from .dataset import HQ, LQ, Dataset, DatasetError
-from .export import ExportError, load_run, padded, place
+from .export import ExportError, grid_of, load_run, padded, place
 from .quality import blur_matrix
 
 PERIOD, TILE = 8, 64
@@ -50,7 +50,7 @@ def main(argv=None):
     p.add_argument("--limit", type=int, default=10, help="test tuples to look at, evenly spread [default: 10]")
     args = p.parse_args(argv)
     try:
-        data = Dataset(args.data)
+        data = Dataset(args.data, grid_of(args.runs[0]) if args.runs else None)
         rows = data.split("test")
         if not rows:
             raise SystemExit(f"{args.data}: no test rows")

@@ -7,8 +7,10 @@ import pytest
 import torch
 
 from insonify_training import export, train
+from insonify_training.beam import BeamGrid
 from insonify_training.channels import Encoder
 from insonify_training.classes import Segmentation
+from insonify_training.dataset import Dataset
 from insonify_training.sheets import read_log
 from insonify_training.trainer import read_checkpoint
 
@@ -112,6 +114,24 @@ def test_an_export_without_a_run_or_test_rows_is_explained(data, data_dir, train
     (only / "manifest.jsonl").write_text("".join(line for line in text.splitlines(True) if '"train"' in line))
     with pytest.raises(SystemExit, match="no test rows"):
         export.main([str(trained), "--data", str(only), "--out", str(tmp_path / "none")])
+
+
+def test_a_run_is_not_loaded_with_data_of_other_coordinates(data_dir, trained):
+    with pytest.raises(export.ExportError, match="of pictures, the others are of beam coordinates 80x0.5"):
+        export.load_run(trained, Dataset(data_dir, BeamGrid(80, 0.5)))
+
+
+def test_a_run_in_beam_coordinates_is_exported(data_dir, tmp_path):
+    run(data_dir, tmp_path / "run", "--steps", "3", "--beam", "80x0.5")
+    out = tmp_path / "net"
+    export.main([str(tmp_path / "run"), "--data", str(data_dir), "--out", str(out), "--frames", "1"])
+    manifest = tomllib.loads((out / "net.toml").read_text())
+    assert manifest["beam"] == {"scanlines": 80, "cell_mm": 0.5}
+    pictures = Dataset(data_dir)
+    lq, hq = (np.array(pictures.planes(pictures.split("test")[0]))[at] / 255.0 for at in (0, 1))
+    mask = np.array(pictures.mask(pictures.split("test")[0])) > 0
+    # Its figures are of pictures.
+    assert manifest["quality"]["lq_psnr_db"] == pytest.approx(-10 * np.log10(((lq - hq)[mask] ** 2).mean()), abs=0.01)
 
 
 def test_a_longer_training_is_not_resumed(data_dir, trained):
