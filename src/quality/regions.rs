@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::transducer::{Probe, Sector};
+use crate::transducer::{Probe, ScanGeometry};
 
 /// Least distance of a pixel from the tissue's nearest pixel on its scanline to count as behind it, mm. The pulse and
 /// the blur of its echo are shorter.
@@ -78,10 +78,10 @@ pub struct Scanlines {
 impl Scanlines {
     /// Map of `probe`'s sector in `width` × `height` pixels.
     pub fn new(probe: &Probe, width: u32, height: u32) -> Self {
-        let sector = Sector::fit(probe, width, height);
+        let geometry = ScanGeometry::fit(probe, width, height);
         let lines = (probe.scanlines as usize).clamp(1, usize::from(u16::MAX));
         let place = |column, row| {
-            let (fraction, depth) = Sector::polar(probe, sector.pixel_centre_mm(column, row))?;
+            let (fraction, depth) = geometry.beam_at(column, row)?;
             let line = ((fraction * lines as f64) as usize).min(lines - 1);
             Some((line as u16, depth as f32))
         };
@@ -115,6 +115,7 @@ impl Scanlines {
 mod tests {
     use super::*;
     use crate::transducer::ProbeKind;
+    use crate::transducer::Sector;
 
     #[test]
     fn sums_become_means() {

@@ -3,7 +3,7 @@
 use glam::{DVec2, Vec3};
 
 use super::bench::{Bench, at, grainy, linear, small};
-use super::measure::line;
+use super::measure::power_about;
 use super::{Check, Family, Rig, Truth};
 use crate::anatomy::{Tissue, analytic};
 use crate::render::{Choice, Effect, RenderError};
@@ -67,10 +67,8 @@ impl HalfContact {
         for slide_mm in SLIDES_MM {
             let frame = rig.frame(&probe, &settings, &at(self.place.x, self.place.y + slide_mm, 0.0))?;
             for (row, depth_mm) in powers.iter_mut().zip(DEPTHS_MM) {
-                let [from, to] = [-HALF_MM, HALF_MM].map(|mm| ((depth_mm + mm) / probe.sample_spacing_mm()) as usize);
                 for (number, power) in (0..LINES).zip(row) {
-                    let samples = line(&probe, frame, number).get(from..to).unwrap_or_default();
-                    *power += samples.iter().map(|[re, im]| f64::from(re * re + im * im)).sum::<f64>();
+                    *power += power_about(&probe, frame, number, depth_mm, HALF_MM);
                 }
             }
         }

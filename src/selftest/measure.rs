@@ -14,6 +14,13 @@ pub fn line<'a>(probe: &Probe, frame: &'a Frame, line: u32) -> &'a [[f32; 2]] {
     frame.lines.get(line as usize * samples..).and_then(|rest| rest.get(..samples)).unwrap_or_default()
 }
 
+/// Power of a scanline's samples within `half_mm` of a range, mm.
+pub fn power_about(probe: &Probe, frame: &Frame, number: u32, range_mm: f64, half_mm: f64) -> f64 {
+    let sample = |mm: f64| (mm / probe.sample_spacing_mm()) as usize;
+    let samples = line(probe, frame, number).get(sample(range_mm - half_mm)..sample(range_mm + half_mm));
+    samples.unwrap_or_default().iter().map(|[re, im]| f64::from(re * re + im * im)).sum()
+}
+
 /// A peak of the envelope.
 #[derive(Debug, Clone, Copy)]
 pub struct Echo {

@@ -3,7 +3,7 @@
 use glam::{DVec2, Vec3};
 
 use super::bench::{Bench, at, grainy, linear, slab, small};
-use super::measure::line;
+use super::measure::power_about;
 use super::{Check, Family, Rig, Truth};
 use crate::anatomy::{Tissue, analytic};
 use crate::render::{Choice, Effect, RenderError};
@@ -54,11 +54,7 @@ impl Shadow {
         let (mut behind, mut beside) = ([0.0; BEHIND_MM.len()], [0.0; BEHIND_MM.len()]);
         for slide in SLIDES_MM {
             let frame = rig.frame(&probe, &settings, &at(self.place.x, self.place.y + slide, 0.0))?;
-            let power = |number: u32, range_mm: f64| {
-                let sample = |mm: f64| (mm / probe.sample_spacing_mm()) as usize;
-                let samples = line(&probe, frame, number).get(sample(range_mm - HALF_MM)..sample(range_mm + HALF_MM));
-                samples.unwrap_or_default().iter().map(|[re, im]| f64::from(re * re + im * im)).sum::<f64>()
-            };
+            let power = |number: u32, range_mm: f64| power_about(&probe, frame, number, range_mm, HALF_MM);
             let aside = |number: &u32| {
                 let mm = (f64::from(*number) - f64::from(LINES / 2)).abs() * SPACING_MM;
                 (BESIDE_MM[0]..BESIDE_MM[1]).contains(&mm)

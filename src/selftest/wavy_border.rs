@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use glam::{DQuat, DVec2, DVec3};
 
 use super::bench::{Bench, at, facing, linear, prism, silent, slab, small};
-use super::measure::{line, mean_square};
+use super::measure::power_about;
 use super::{Check, Family, Rig, Truth};
 use crate::anatomy::Tissue;
 use crate::render::{Choice, Effect, RenderError};
@@ -70,14 +70,10 @@ impl WavyBorder {
         let mut settings = small(1, 1);
         settings.effects = settings.effects.with(Effect::Aperture, Choice::On).with(self.effect(), choice);
         let frame = rig.frame(&probe, &settings, &at(self.place.x, self.place.y, 0.0))?;
-        let [from, to] = [-AROUND_MM, AROUND_MM].map(|mm| ((DEPTH_MM + mm) / probe.sample_spacing_mm()) as usize);
         // Distance of a scanline from a wire, and the power with which it shows it.
         let shown = |wire_mm: f64| {
             let x_mm = |number: u32| (f64::from(number) - f64::from(LINES / 2)) * SPACING_MM - wire_mm;
-            let power = |number: u32| {
-                let samples = line(&probe, frame, number).get(from..to).unwrap_or_default();
-                mean_square(samples.iter().map(|&[re, im]| f64::from(re).hypot(im.into())))
-            };
+            let power = |number: u32| power_about(&probe, frame, number, DEPTH_MM, AROUND_MM);
             (0..LINES)
                 .filter(|&number| x_mm(number).abs() <= REACH_MM)
                 .map(|number| [x_mm(number), power(number)])

@@ -246,34 +246,33 @@ fn a_model_without_a_class_for_a_tissue_is_refused() {
 #[test]
 fn a_model_in_beam_coordinates_translates_pictures() {
     let mut generator = load("identity_beam");
-    let probe = Probe::default();
-    let scan = ScanGeometry::fit(&probe, 300, 216);
-    let pixels: Vec<_> = (0..216).flat_map(|row| (0..300).map(move |column| (column, row))).collect();
-    let beam = |&(column, row): &(u32, u32)| scan.beam_at(column, row);
-    let level = |(fraction, depth_mm): (f64, f64)| (128.0 + 90.0 * (6.0 * fraction + depth_mm / 25.0).sin()) as u8;
-    let image: Vec<u8> = pixels.iter().map(|at| beam(at).map_or(0, level)).collect();
-    let mask: Vec<u8> = pixels.iter().map(|at| if beam(at).is_some() { 255 } else { 0 }).collect();
-    let frame = Frame { width: 300, height: 216, bmode: image.clone(), mask, scan: Some(scan), ..Frame::default() };
+    let picture = |depth_mm: f64| {
+        let scan = ScanGeometry::fit(&Probe { depth_mm, ..Probe::default() }, 300, 216);
+        let pixels = (0..216).flat_map(|row| (0..300).map(move |column| (column, row)));
+        let beams: Vec<_> = pixels.map(|(column, row)| scan.beam_at(column, row)).collect();
+        let level = |(fraction, depth_mm): (f64, f64)| (128.0 + 90.0 * (6.0 * fraction + depth_mm / 25.0).sin()) as u8;
+        Frame {
+            width: 300,
+            height: 216,
+            bmode: beams.iter().map(|beam| beam.map_or(0, level)).collect(),
+            mask: beams.iter().map(|beam| if beam.is_some() { 255 } else { 0 }).collect(),
+            scan: Some(scan),
+            ..Frame::default()
+        }
+    };
+    let assert_shows = |frame: &Frame, out: &[u8]| {
+        let far = out.iter().zip(&frame.bmode).filter(|(found, level)| found.abs_diff(**level) > 2).count();
+        assert!(far < out.len() / 200, "{far} pixels");
+        assert!(out.iter().zip(&frame.mask).all(|(level, inside)| *inside > 0 || *level == 0));
+    };
+    let frame = picture(150.0);
     let mut out = Vec::new();
     generator.run(&Input::from(&frame), &mut out).unwrap();
-    let off: Vec<u8> = out.iter().zip(&image).map(|(a, b)| a.abs_diff(*b)).collect();
-    assert!(
-        off.iter().filter(|off| **off > 2).count() < off.len() / 200,
-        "{} pixels",
-        off.iter().filter(|o| **o > 2).count()
-    );
-    assert!(out.iter().zip(&frame.mask).all(|(level, inside)| *inside > 0 || *level == 0));
+    assert_shows(&frame, &out);
     // Another depth of the same size needs other tables.
-    let deeper = ScanGeometry::fit(&Probe { depth_mm: 75.0, ..probe }, 300, 216);
-    let mask = pixels.iter().map(|&(c, r)| if deeper.beam_at(c, r).is_some() { 255 } else { 0 }).collect();
-    let frame = Frame { mask, scan: Some(deeper), ..frame };
-    generator.run(&Input::from(&frame), &mut out).unwrap();
-    let inside = frame.mask.iter().zip(&image).zip(&out).filter(|((mask, image), _)| **mask > 0 && **image > 0);
-    let mean = |of: &dyn Fn((u8, u8)) -> u8| {
-        let values: Vec<_> = inside.clone().map(|((_, image), out)| f64::from(of((*image, *out)))).collect();
-        values.iter().sum::<f64>() / values.len() as f64
-    };
-    assert!((mean(&|(image, _)| image) - mean(&|(_, out)| out)).abs() < 1.0);
+    let shallow = picture(75.0);
+    generator.run(&Input::from(&shallow), &mut out).unwrap();
+    assert_shows(&shallow, &out);
 }
 
 #[test]

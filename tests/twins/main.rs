@@ -243,6 +243,18 @@ fn a_damaged_pass_is_caught() {
 }
 
 #[test]
+fn places_of_another_look_are_caught() {
+    let mut case = nested();
+    (case.settings.look.angles, case.settings.look.span_deg) = (3, 22.0);
+    let mut shaders = ShaderSet::default();
+    assert!(shaders.replace("trace", "look * params.layers + params.layer_first", "params.layer_first"));
+    let mut renderer = case.renderer(&shaders);
+    // The straight look's places come first.
+    assert!(compare("trace", &renderer.snapshot(&case.pose).unwrap()).is_ok());
+    assert!(compare("trace", &renderer.snapshot_of_look(&case.pose, 0).unwrap()).is_err());
+}
+
+#[test]
 fn frames_are_the_same_bit_for_bit() {
     for case in [cases().swap_remove(0), nested()] {
         let rendered = RENDERED.iter().find(|r| r.name == case.name).unwrap();

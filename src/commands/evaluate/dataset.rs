@@ -14,7 +14,7 @@ use super::super::progress::Progress;
 use super::super::{Classify, Failure, session};
 use super::again::Again;
 use super::judge::{Judged, Row, RowReport, Vectors};
-use super::scan::{Scan, scan};
+use super::scan::Scan;
 use super::{Args, models, sheets};
 
 /// Result, for JSON.
@@ -49,7 +49,7 @@ impl Geometry<'_> {
     fn of(&mut self, row: &TupleRow) -> Option<&Scan> {
         let key = (row.station.clone(), row.size);
         if !self.known.contains_key(&key) {
-            let found = scan(self.dataset, row);
+            let found = Scan::of(self.dataset, row);
             if let Err(reason) = &found {
                 self.notes
                     .push(format!("nothing is said of what lies behind bone in images of {}: {reason}", row.station));

@@ -6,7 +6,7 @@ use insonify::dataset::{Dataset, Row as TupleRow};
 use insonify::files::{self, FileKind};
 use insonify::quality::Scanlines;
 use insonify::station::Station;
-use insonify::transducer::ScanGeometry;
+use insonify::transducer::{Probe, ScanGeometry};
 
 /// Scanlines of pictures of one station and size.
 pub(super) struct Scan {
@@ -15,14 +15,18 @@ pub(super) struct Scan {
     pub(super) geometry: ScanGeometry,
 }
 
-/// Scanlines of a tuple's image, from the station's file in the data set.
-pub(super) fn scan(dataset: &Dataset, row: &TupleRow) -> Result<Scan, anyhow::Error> {
+impl Scan {
+    /// Scanlines of a row's pictures.
+    pub(super) fn of(dataset: &Dataset, row: &TupleRow) -> Result<Self, anyhow::Error> {
+        let (probe, [width, height]) = (probe(dataset, row)?, row.size);
+        let geometry = ScanGeometry::fit(&probe, width, height);
+        Ok(Self { scanlines: Scanlines::new(&probe, width, height), geometry })
+    }
+}
+
+/// Probe of a row, from the station's file in the data set.
+pub(super) fn probe(dataset: &Dataset, row: &TupleRow) -> Result<Probe, anyhow::Error> {
     let text = files::read_text(&dataset.directory.join(&row.station), FileKind::Station)?;
     let directory = dataset.header.stations.iter().find(|s| s.file == row.station).map_or("", |s| &s.directory);
-    let station = Station::parse(&text, Path::new(directory))?;
-    let [width, height] = row.size;
-    Ok(Scan {
-        scanlines: Scanlines::new(&station.probe, width, height),
-        geometry: ScanGeometry::fit(&station.probe, width, height),
-    })
+    Ok(Station::parse(&text, Path::new(directory))?.probe)
 }

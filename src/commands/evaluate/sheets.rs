@@ -8,11 +8,12 @@ use insonify::quality::cut;
 use insonify::report::ComparisonSheet;
 use insonify::report::comparison_sheet::Panel;
 use insonify::sink::create_dir;
+use insonify::transducer::ScanGeometry;
 
 use super::super::{Classify, Failure};
 use super::judge::{ImageScores, RowReport};
 use super::models::generate;
-use super::scan::scan;
+use super::scan::probe;
 
 /// Width of a full field of view, pixels.
 const WIDTH: u32 = 460;
@@ -40,7 +41,8 @@ pub(super) fn write(
         let Some(row) = chosen.iter().find(|row| row.index == scores.index) else { continue };
         let tuple = dataset.tuple(row).input()?;
         let attenuation = tuple.attenuation_map();
-        let scan = scan(dataset, row).ok().map(|scan| scan.geometry);
+        let [width, height] = row.size;
+        let scan = probe(dataset, row).ok().map(|probe| ScanGeometry::fit(&probe, width, height));
         let mut images = vec![("LQ".to_owned(), tuple.lq.clone())];
         for (name, generator) in generators.iter_mut() {
             let mut image = Vec::new();
