@@ -6,11 +6,13 @@
 //! Lengths are in mm, frequency in MHz, speed in m/s, attenuation in dB/cm/MHz and impedance in MRayl;
 //! the unit is in the name. Transforms are named `a_from_b`.
 
-pub mod station;
-
 pub mod pipeline;
 
+pub mod chooser;
+
 pub mod report;
+
+pub mod station;
 
 pub mod sink;
 

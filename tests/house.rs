@@ -13,10 +13,11 @@ use std::fs;
 use std::path::Path;
 
 /// Modules from the highest to the lowest. Those of one line do not import each other.
-const ORDER: [&[&str]; 16] = [
-    &["station"],
+const ORDER: [&[&str]; 17] = [
     &["pipeline"],
+    &["chooser"],
     &["report"],
+    &["station"],
     &["sink"],
     &["generator"],
     &["tradeoff"],

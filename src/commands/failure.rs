@@ -7,6 +7,7 @@ use insonify::anatomy::SceneError;
 use insonify::anatomy::export::ExportError;
 use insonify::anatomy::phantom::{CacheError, PhantomError};
 use insonify::anatomy::planes::PlanesError;
+use insonify::chooser::ChooserError;
 use insonify::dataset::DatasetError;
 use insonify::exam::ExamError;
 use insonify::generator::GeneratorError;
@@ -114,6 +115,7 @@ classified! {
         _ => Other,
     }
     RenderError as Backend { RenderError::Bvh(_) | RenderError::Settings(_) => Input, _ => Other }
+    ChooserError as Render { _ => Other }
     SelfTestError as Render { _ => Other }
     ExamError as Recording { ExamError::OutOfReach { .. } | ExamError::TooShort { .. } => Input, _ => Other }
     CacheError as Build { _ => Other }

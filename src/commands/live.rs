@@ -1,13 +1,13 @@
 //! Common parts of live sessions: generators, status and dropped frames.
 
 use anyhow::anyhow;
+use insonify::chooser::{self, PointController};
 use insonify::generator::{Generator, GeneratorError, Kind, load_generators};
-use insonify::pipeline::{Enhancer, Generators, Limits, Parts, Pipeline, PointController, Status, Summary};
+use insonify::pipeline::{Enhancer, Generators, Limits, Parts, Pipeline, Status, Summary};
 use insonify::pose::{Counters, Pose};
 use insonify::render::{Choice, Effect, Renderer};
 use insonify::station::Station;
 
-use super::operating_points;
 use super::status_line::StatusLine;
 use super::{Classify, Failure, terminal};
 
@@ -32,9 +32,12 @@ pub(crate) fn choose(
 ) -> Result<Chosen, Failure> {
     let aperture = station.settings.effects.of(Effect::Aperture);
     let mut generators = if generate { generators(station)? } else { Vec::new() };
-    let points = operating_points::controller(renderer, station, &mut generators, pose)?;
+    let choice = chooser::choose(renderer, station, &mut generators, pose)?;
+    for message in &choice.messages {
+        eprintln!("{message}");
+    }
     let enhancer = Generators::new(generators).map(|generators| Box::new(generators) as Box<dyn Enhancer>);
-    Ok(Chosen { enhancer, points, aperture })
+    Ok(Chosen { enhancer, points: choice.controller, aperture })
 }
 
 /// The station's generators; none without models, without ONNX Runtime, or if every model is refused. Failures are logged

@@ -19,7 +19,6 @@ mod input;
 mod inspect;
 mod live;
 mod live_sinks;
-mod operating_points;
 mod other_load;
 mod output;
 mod outputs;

@@ -268,7 +268,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         overflowed,
         wall_s,
         behind_s: pace.behind_s(),
-        frames_sha256: output::hex(&hash.finalize()),
+        frames_sha256: insonify::files::hex(&hash.finalize()),
         times: times.stages(),
         video,
         frames: (start..end).map(entry).collect(),

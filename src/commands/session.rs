@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use etcetera::BaseStrategy;
 use insonify::anatomy::Scene;
 use insonify::anatomy::phantom::{self, PhantomFile};
+use insonify::files::cache_directory;
 use insonify::pose::Pose;
 use insonify::render::{Backend, EffectPlan, FRAMES_IN_FLIGHT, Frame, QualityPoint, RenderSettings, Renderer};
 use insonify::sink::frame_record::AdapterRecord;
@@ -46,24 +46,8 @@ pub(crate) fn scene_file(station: &Station) -> Result<SceneFile, Failure> {
         SceneSource::ObstetricPhantom(options) => {
             let progress = Progress::new("phantom", 0);
             let progress = |p: phantom::Progress| progress.set(p.done, p.total);
-            Ok(SceneFile::Generated(phantom::cached_or_temporary(&cache_directory()?, options, &progress)?))
+            Ok(SceneFile::Generated(phantom::cached_or_temporary(&cache_directory(), options, &progress)?))
         }
-    }
-}
-
-/// Directory of generated scenes: `$INSONIFY_CACHE`, else `insonify/` in the user's cache directory.
-pub(crate) fn cache_directory() -> Result<PathBuf, Failure> {
-    match std::env::var_os("INSONIFY_CACHE").filter(|v| !v.is_empty()) {
-        Some(directory) => Ok(directory.into()),
-        None => Ok(etcetera::choose_base_strategy().map_or_else(
-            |_| {
-                tracing::warn!(
-                    "there is no home directory: generated scenes are kept in the temporary folder; INSONIFY_CACHE names another"
-                );
-                std::env::temp_dir().join("insonify")
-            },
-            |strategy| strategy.cache_dir().join("insonify"),
-        )),
     }
 }
 

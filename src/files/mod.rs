@@ -1,7 +1,9 @@
-//! Files at the edge of the program: reading within limits of size, and files that are not complete yet.
+//! Files at the edge of the program: reading within limits of size, files that are not complete yet, and the cache.
 
+mod cache;
 mod part;
 mod read;
 
+pub use cache::{cache_directory, hex};
 pub use part::{PartError, PartFile};
 pub use read::{FileKind, open, read, read_text};

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::clock::{lock, ms, smoothed};
 use super::histogram::Histogram;
-use super::point_control::PointSummary;
+use crate::chooser::PointSummary;
 use crate::pose::TrackingState;
 use crate::sink::live::{FrameInfo, FrameSource, PresentedFrame};
 use crate::statistics::upper_median;

@@ -22,7 +22,6 @@ mod local_renderer;
 mod metrics;
 mod pace;
 mod parts;
-mod point_control;
 mod presenter;
 mod recorded;
 mod render_stage;
@@ -49,7 +48,6 @@ pub use metrics::{Status, memory_bytes};
 pub use parts::{
     EnhanceError, Enhancer, FrameRenderer, ImageShape, PoseSource, RenderFault, RendererFactory, Terminator,
 };
-pub use point_control::{Candidate, FrameBudget, PointChange, PointController, PointSummary, Switch};
 pub use recorded::{RecordedSlot, RecorderPart, RecordingObserver};
 pub use replayed::{OtherSetting, ReplayedControls, ReplayedPoses};
 pub use session::{Limits, Parts, Pipeline, PipelineError};

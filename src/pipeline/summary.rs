@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::histogram::Percentiles;
-use super::point_control::PointSummary;
+use crate::chooser::PointSummary;
 
 /// Summary of one sink.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]

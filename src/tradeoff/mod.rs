@@ -1,8 +1,7 @@
 //! Trade-off between accuracy and time: measured points, their data, the Pareto front, the noise threshold, the errors of
-//! effects against theory, the shipped table of errors, and the output files. Rendering and measuring are done by `insonify tradeoff`.
+//! effects against theory, and the output files. Rendering and measuring are done by `insonify tradeoff`.
 
 mod effect_truth;
-mod error_table;
 mod front;
 mod knobs;
 mod labels;
@@ -14,9 +13,6 @@ mod style;
 mod table;
 
 pub use effect_truth::{EffectTruth, effects_csv, effects_markdown};
-pub use error_table::{
-    ErrorTable, ErrorTableError, ExpectedErrors, GeneratorKey, PointError, StationErrors, kind_name,
-};
 pub use front::{mark_front, mark_noise};
 pub use knobs::Knobs;
 pub use plan::{Planned, plan};

@@ -32,10 +32,10 @@ use std::sync::{Arc, Mutex, PoisonError, RwLock, mpsc};
 use std::time::Duration;
 
 use glam::{DQuat, DVec3};
+use insonify::chooser::{Candidate, FrameBudget, PointController};
 use insonify::pipeline::{
-    Candidate, Clock, EnhanceError, Enhancer, FrameBudget, FrameRenderer, ImageShape, Limits, NEVER, Observer, Part,
-    Parts, Pipeline, PointController, PoseSource, RenderFault, RendererFactory, SimulatedClock, Stop, Summary,
-    SystemClock, Terminator,
+    Clock, EnhanceError, Enhancer, FrameRenderer, ImageShape, Limits, NEVER, Observer, Part, Parts, Pipeline,
+    PoseSource, RenderFault, RendererFactory, SimulatedClock, Stop, Summary, SystemClock, Terminator,
 };
 use insonify::pose::{BySpeed, Estimate, Pose, Speed, TrackingState};
 use insonify::render::{Choice, Frame, FrameQuality, Quality, QualityPoint, RenderSettings};

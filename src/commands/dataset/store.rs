@@ -13,7 +13,7 @@ use insonify::sink::{SinkError, create_dir, write_bytes, write_json, write_text}
 use insonify::station::Station;
 use sha2::{Digest, Sha256};
 
-use super::super::{Classify, Failure, input, output};
+use super::super::{Classify, Failure, input};
 
 /// A rendered tuple.
 pub(super) struct RenderedTuple {
@@ -27,7 +27,7 @@ pub(super) struct RenderedTuple {
 
 /// SHA-256 of `bytes`, as lower-case hexadecimal digits.
 pub(super) fn sha256(bytes: &[u8]) -> String {
-    output::hex(&Sha256::digest(bytes))
+    insonify::files::hex(&Sha256::digest(bytes))
 }
 
 /// Manifest row of `station`; its file is named after its content.

@@ -3,15 +3,15 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use insonify::chooser::{ErrorTable, ExpectedErrors, GeneratorKey, scene_name};
 use insonify::generator::{Generator, Input, Kind, LoadOptions, Manifest, Runtime};
 use insonify::pose::ProbeSpeed;
 use insonify::render::{Frame, FrameQuality};
 use insonify::station::Station;
-use insonify::tradeoff::{ErrorTable, ExpectedErrors, GeneratorKey};
 use insonify::transducer::Sector;
 use serde::Serialize;
 
-use super::super::{Failure, operating_points};
+use super::super::Failure;
 
 /// Folder of shipped generators, below the repository's root: a folder for each.
 const FOLDER: &str = "assets/generators";
@@ -42,7 +42,7 @@ impl Translation {
     /// number 1.
     pub(super) fn load(station: &Station, tissues: &[String], sector: &Sector) -> Result<Self, String> {
         let table = ErrorTable::shipped().map_err(|error| error.to_string())?;
-        let expected = table.expected(&operating_points::scene_name(station), &station.probe);
+        let expected = table.expected(&scene_name(station), &station.probe);
         let folder = folder().ok_or_else(|| format!("there is no folder {FOLDER} above the program"))?;
         let Best { model, target, error } = best(&folder, &expected)?;
         let runtime = Runtime::get().map_err(|error| error.to_string())?;
@@ -109,7 +109,7 @@ fn best(folder: &Path, expected: &ExpectedErrors<'_>) -> Result<Best, String> {
 
 #[cfg(test)]
 mod tests {
-    use insonify::tradeoff::{PointError, StationErrors};
+    use insonify::chooser::{PointError, StationErrors};
     use insonify::transducer::Probe;
 
     use super::*;

@@ -5,16 +5,15 @@ use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
 use clap::Parser;
+use insonify::chooser::{ErrorTable, GeneratorKey, PointError, StationErrors, kind_name, scene_name};
 use insonify::files::FileKind;
 use insonify::pose::{BySpeed, LIMITS, Pose, ProbeSpeed};
 use insonify::render::{FrameQuality, Renderer};
 use insonify::sink::write_text;
 use insonify::station::Station;
 use insonify::statistics::mean;
-use insonify::tradeoff::{ErrorTable, GeneratorKey, PointError, StationErrors, kind_name};
 
 use super::super::backend::BackendArgs;
-use super::super::operating_points::scene_name;
 use super::super::outputs::Outputs;
 use super::super::progress::Progress;
 use super::super::{Classify, Failure, input, output, session};

@@ -6,8 +6,6 @@ use insonify::anatomy::Scene;
 use insonify::station::Station;
 use sha2::{Digest, Sha256};
 
-use super::super::output;
-
 /// Feeds text to a hash.
 struct Sum(Sha256);
 
@@ -23,7 +21,7 @@ pub(super) fn of(station: &Station, scene: &Scene) -> String {
     let mut sum = Sum(Sha256::new());
     // Writing to a hash cannot fail.
     let _ = write!(sum, "{scene:?}");
-    let sum = output::hex(&sum.0.finalize());
+    let sum = insonify::files::hex(&sum.0.finalize());
     let Station { background, motion, probe, settings, generator, tissues, .. } = station;
     format!("{sum} {background} {motion} {probe:?} {settings:?} {generator:?} {tissues:?}")
 }

@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use insonify::anatomy::Scene;
+use insonify::chooser::GeneratorKey;
 use insonify::generator::{Channel, Generator, Input, Manifest, load_generators};
 use insonify::pose::Pose;
 use insonify::quality::speckle::speckle;
@@ -14,10 +15,10 @@ use insonify::report::time_table::{OVERHEAD, WHOLE_FRAME};
 use insonify::settings::ReceiverSettings;
 use insonify::station::Station;
 use insonify::statistics::{mean, median, percentile};
-use insonify::tradeoff::{ClassError, Errors, GeneratorKey, Knobs, PassMs, Planned, Point, Time};
+use insonify::tradeoff::{ClassError, Errors, Knobs, PassMs, Planned, Point, Time};
 use insonify::transducer::Probe;
 
-use super::super::{Classify, Failure, operating_points};
+use super::super::{Classify, Failure};
 use super::poses::Track;
 use super::truth::Truth;
 
@@ -178,7 +179,7 @@ impl Bench {
 
     /// Identity of a generator.
     pub(super) fn key(&self, index: usize) -> Option<GeneratorKey> {
-        self.generators.get(index).map(operating_points::key)
+        self.generators.get(index).map(GeneratorKey::of)
     }
 
     /// Error of a live frame with two seeds, grey levels.

@@ -9,7 +9,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use sha2::{Digest, Sha256};
 
-use super::super::{Classify, Failure, output};
+use super::super::{Classify, Failure};
 
 /// Files in a folder. Their names contain a hash of everything that they depend on.
 pub(super) struct Store {
@@ -64,5 +64,5 @@ fn digest(parts: &[&str]) -> String {
         hash.update(part.as_bytes());
         hash.update([0]);
     }
-    output::hex(&hash.finalize()[..6])
+    insonify::files::hex(&hash.finalize()[..6])
 }

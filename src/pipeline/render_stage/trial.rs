@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use super::{Device, RenderStage};
-use crate::pipeline::point_control::PointController;
+use crate::chooser::PointController;
 use crate::render::FrameQuality;
 use crate::settings::{Change, LiveSettings, SettingsGroup as _};
 use crate::sink::live::PointText;

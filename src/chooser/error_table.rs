@@ -7,6 +7,7 @@ use std::sync::OnceLock;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::generator::Generator;
 use crate::pose::{BySpeed, ProbeSpeed};
 use crate::render::FrameQuality;
 use crate::statistics::mean;
@@ -120,6 +121,14 @@ pub struct GeneratorKey {
     pub name: String,
     /// SHA-256 of its model.
     pub sha256: String,
+}
+
+impl GeneratorKey {
+    /// Identity of a loaded generator.
+    pub fn of(generator: &Generator) -> Self {
+        let manifest = generator.manifest();
+        Self { name: manifest.name.clone(), sha256: manifest.sha256.clone() }
+    }
 }
 
 impl ErrorTable {

@@ -4,19 +4,17 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use insonify::files::{self, FileKind};
-use insonify::generator::{Generator, GeneratorError};
-use insonify::pose::Pose;
-use insonify::render::{BackendError, Frame, FrameQuality, RenderError, Renderer, processor_name};
-use insonify::sink::write_json;
-use insonify::station::Station;
-use insonify::statistics::{mean, nearest_rank, sorted};
-use insonify::tradeoff::GeneratorKey;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::super::{Failure, output, session};
-use super::key;
+use super::error_table::GeneratorKey;
+use crate::files::{self, FileKind};
+use crate::generator::{Generator, GeneratorError};
+use crate::pose::Pose;
+use crate::render::{BackendError, Frame, FrameQuality, RenderError, Renderer, processor_name};
+use crate::sink::write_json;
+use crate::station::Station;
+use crate::statistics::{mean, nearest_rank, sorted};
 
 /// Timed frames and runs of a point, after one to warm up.
 const FRAMES: usize = 5;
@@ -77,8 +75,8 @@ impl Times {
         bench: &mut Bench<'_>,
         qualities: &[FrameQuality],
         own: FrameQuality,
-    ) -> Result<(Self, bool), Failure> {
-        let path = path(bench, qualities)?;
+    ) -> Result<(Self, bool), RenderError> {
+        let path = path(bench, qualities);
         let kept =
             files::read(&path, FileKind::Stored).ok().and_then(|text| serde_json::from_slice::<Self>(&text).ok());
         let mut times = kept.unwrap_or_default();
@@ -86,7 +84,10 @@ impl Times {
             times = Self::default();
         }
         let unknown = qualities.iter().any(|q| !times.knows([q.rays, q.layers]));
-        if !unknown && times.maps_ms.is_some() && bench.generators.iter().all(|g| times.run(&key(g)).is_some()) {
+        if !unknown
+            && times.maps_ms.is_some()
+            && bench.generators.iter().all(|g| times.run(&GeneratorKey::of(g)).is_some())
+        {
             return Ok((times, false));
         }
         times.measure(bench, qualities, own)?;
@@ -97,7 +98,7 @@ impl Times {
     }
 
     /// Whether something else ran when these times were measured: they vary, or frames take much less time now.
-    fn were_disturbed(&self, bench: &mut Bench<'_>, qualities: &[FrameQuality]) -> Result<bool, Failure> {
+    fn were_disturbed(&self, bench: &mut Bench<'_>, qualities: &[FrameQuality]) -> Result<bool, RenderError> {
         if self.spread > DISTURBED {
             return Ok(true);
         }
@@ -115,12 +116,17 @@ impl Times {
         self.render_ms.iter().any(|(known, _)| *known == rays_layers)
     }
 
-    fn measure(&mut self, bench: &mut Bench<'_>, qualities: &[FrameQuality], own: FrameQuality) -> Result<(), Failure> {
+    fn measure(
+        &mut self,
+        bench: &mut Bench<'_>,
+        qualities: &[FrameQuality],
+        own: FrameQuality,
+    ) -> Result<(), RenderError> {
         let started = Instant::now();
         let late = || started.elapsed().as_secs_f64() > ENOUGH_S;
         let mut spreads = Vec::new();
         for generator in bench.generators.iter_mut() {
-            let key = key(generator);
+            let key = GeneratorKey::of(generator);
             // What is left out now is measured at the next start.
             if self.run(&key).is_some() || late() {
                 continue;
@@ -139,7 +145,7 @@ impl Times {
             let without = FrameQuality { aperture: false, ..first };
             let compounded = FrameQuality { angles, ..first };
             // Differences of medians would be lost in the noise of so few frames.
-            let mut ms = |quality, maps| Ok::<_, Failure>(frames(bench, quality, maps)?.and_then(least));
+            let mut ms = |quality, maps| Ok::<_, RenderError>(frames(bench, quality, maps)?.and_then(least));
             let alone = ms(first, false)?;
             let over = |more: Option<f64>| alone.zip(more).map(|(alone, more)| (more - alone).max(0.0));
             self.maps_ms = over(ms(first, true)?);
@@ -205,15 +211,15 @@ fn runs(generator: &mut Generator, station: &Station, frame_ms: f64) -> Result<V
 }
 
 /// Times of frames of a quality, ms; none if the device has no room for them.
-fn frames(bench: &mut Bench<'_>, quality: FrameQuality, maps: bool) -> Result<Option<Vec<f64>>, Failure> {
+fn frames(bench: &mut Bench<'_>, quality: FrameQuality, maps: bool) -> Result<Option<Vec<f64>>, RenderError> {
     let Station { probe, settings, .. } = bench.station;
-    let aperture = settings.effects.of(insonify::render::Effect::Aperture);
+    let aperture = settings.effects.of(crate::render::Effect::Aperture);
     let mut settings = quality.apply(settings, aperture);
     settings.maps = maps;
     match bench.renderer.reconfigure(probe, &settings) {
         Ok(()) => {}
         Err(RenderError::Backend(BackendError::Limit { .. } | BackendError::Memory { .. })) => return Ok(None),
-        Err(error) => return Err(error.into()),
+        Err(error) => return Err(error),
     }
     let mut frame = Frame::default();
     let mut ms = Vec::with_capacity(FRAMES);
@@ -243,7 +249,7 @@ fn least(ms: Vec<f64>) -> Option<f64> {
 }
 
 /// File of the times in the cache: named by machine, build, settings, and the largest number of angles.
-fn path(bench: &Bench<'_>, qualities: &[FrameQuality]) -> Result<PathBuf, Failure> {
+fn path(bench: &Bench<'_>, qualities: &[FrameQuality]) -> PathBuf {
     let mut sum = Sha256::new();
     let Station { scene, probe, settings, background, motion, .. } = bench.station;
     let mut settings = *settings;
@@ -262,8 +268,8 @@ fn path(bench: &Bench<'_>, qualities: &[FrameQuality]) -> Result<PathBuf, Failur
         "{scene:?} {probe:?} {settings:?} {background} {motion} {provider:?} {runs_on:?} {angles} {}",
         bench.frame_ms
     ));
-    let name = format!("times-{}.json", output::hex(&sum.finalize()[..8]));
-    Ok(session::cache_directory()?.join(name))
+    let name = format!("times-{}.json", files::hex(&sum.finalize()[..8]));
+    files::cache_directory().join(name)
 }
 
 #[cfg(test)]

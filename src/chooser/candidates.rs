@@ -1,13 +1,12 @@
 //! Operating points that a station may run, with their errors and times.
 
-use insonify::generator::{Generator, Quality};
-use insonify::pipeline::Candidate;
-use insonify::pose::BySpeed;
-use insonify::render::{Choice, Effect, FrameQuality};
-use insonify::station::Station;
-use insonify::tradeoff::{ExpectedErrors, GeneratorKey};
-
+use super::control::Candidate;
+use super::error_table::{ExpectedErrors, GeneratorKey};
 use super::times::Times;
+use crate::generator::{Generator, Quality};
+use crate::pose::BySpeed;
+use crate::render::{Choice, Effect, FrameQuality};
+use crate::station::Station;
 
 /// Error of a generator that nobody has measured, over that of the frames below it.
 const UNMEASURED: f64 = 0.9;
@@ -32,7 +31,7 @@ impl Model {
         let target = manifest.training.as_ref().and_then(|training| training.hq);
         let quality = manifest.quality.as_ref().filter(|_| target == Some(TARGET));
         Self {
-            key: super::key(generator),
+            key: GeneratorKey::of(generator),
             lq: manifest.lq(),
             reads_maps: manifest.reads_maps(),
             error_ratio: quality.and_then(error_ratio),
@@ -142,10 +141,9 @@ impl Open {
 
 #[cfg(test)]
 mod tests {
-    use insonify::tradeoff::ErrorTable;
-    use insonify::transducer::{Probe, ProbeKind};
-
     use super::*;
+    use crate::chooser::ErrorTable;
+    use crate::transducer::{Probe, ProbeKind};
 
     const ROLLING: FrameQuality = FrameQuality { angles: 9, ..FrameQuality::new(2, 3) };
 

@@ -1,57 +1,61 @@
-//! Operating points of a session: what this station and machine can choose from.
+//! The first operating point of a session.
 
-mod candidates;
-mod times;
-
-use insonify::generator::{Generator, Provider};
-use insonify::pipeline::{FrameBudget, PointController};
-use insonify::pose::{BySpeed, Pose, ProbeSpeed};
-use insonify::render::{Effect, FrameQuality, Renderer};
-use insonify::station::{SceneSource, Station};
-use insonify::tradeoff::{ErrorTable, ExpectedErrors, GeneratorKey};
-
-use super::{Classify, Failure};
-use candidates::{Model, Open};
-use times::{Bench, Times};
+use super::candidates::{Model, Open};
+use super::control::{FrameBudget, PointController};
+use super::error::ChooserError;
+use super::error_table::{ErrorTable, ExpectedErrors};
+use super::times::{Bench, Times};
+use crate::generator::{Generator, Provider};
+use crate::pose::{BySpeed, Pose, ProbeSpeed};
+use crate::render::{Effect, FrameQuality, Renderer};
+use crate::station::{SceneSource, Station};
 
 /// Part of a frame's period that rendering and generating may take: the rest goes to the displays.
 const PART_OF_PERIOD: f64 = 0.9;
 /// Part of the present error that another point must have to be worth a hint.
 const HINT: f64 = 0.9;
 
+/// A controller, and what its user should know.
+#[derive(Debug, Default)]
+pub struct Choice {
+    /// `None` if there is nothing to choose: a fixed quality without generators.
+    pub controller: Option<PointController>,
+    /// Sentences about the choice: the point, its error and time, and what would fit better than a fixed quality.
+    pub messages: Vec<String>,
+}
+
 /// Name of a station's scene in the table of errors.
-pub(crate) fn scene_name(station: &Station) -> String {
+pub fn scene_name(station: &Station) -> String {
     match &station.scene {
         SceneSource::ObstetricPhantom(_) => "obstetric".to_owned(),
         SceneSource::File(path) => path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default(),
     }
 }
 
-/// Identity of a generator in the table of errors.
-pub(crate) fn key(generator: &Generator) -> GeneratorKey {
-    let manifest = generator.manifest();
-    GeneratorKey { name: manifest.name.clone(), sha256: manifest.sha256.clone() }
-}
-
-/// The controller of a live session; the station's settings and the renderer become those of its first point. `None` if there
-/// is nothing to choose: a fixed quality without generators. Reports the choice, and what would fit better than a fixed one.
-pub(crate) fn controller(
+/// Chooses the operating point of a live session at `pose`, else at the station's. The station's settings and the renderer become
+/// those of the point.
+///
+/// # Errors
+/// The shipped table of errors can't be read, or a frame of the measurement can't be rendered. A point that the device has no
+/// room for, or a model that doesn't run, is left out with a warning.
+pub fn choose(
     renderer: &mut Renderer,
     station: &mut Station,
     generators: &mut [Generator],
     pose: Option<Pose>,
-) -> Result<Option<PointController>, Failure> {
+) -> Result<Choice, ChooserError> {
+    let mut messages = Vec::new();
     let budgeted = station.quality_budget_ms.is_some();
     // The default quality is no choice that a hint could better.
     let own = FrameQuality::of(&station.settings);
     if !budgeted && generators.is_empty() && own.paths() == 1 {
-        return Ok(None);
+        return Ok(Choice::default());
     }
     // The tracked pose is not known yet; the session later corrects a wrong choice.
     let pose = pose.or(station.default_pose).unwrap_or(Pose::IDENTITY);
-    let frame_ms = frame_ms(station);
+    let frame_ms = frame_ms(station, &mut messages);
     let apart = !(renderer.on_host() && station.generator.provider == Provider::Cpu);
-    let expected = ErrorTable::shipped().other()?.expected(&scene_name(station), &station.probe);
+    let expected = ErrorTable::shipped()?.expected(&scene_name(station), &station.probe);
     let open = Open::of(station);
     let models: Vec<Model> = generators.iter().map(Model::of).collect();
     let names: Vec<String> = models.iter().map(|model| model.key.name.clone()).collect();
@@ -66,7 +70,7 @@ pub(crate) fn controller(
             Some(best) => {
                 let aperture = station.settings.effects.of(Effect::Aperture);
                 station.settings = best.point().quality.apply(&station.settings, aperture);
-                report(best, &expected, measured);
+                messages.extend(report(best, &expected, measured));
             }
             None => tracing::warn!("quality: no operating point could be measured; {} stays", open.own),
         }
@@ -74,33 +78,31 @@ pub(crate) fn controller(
     } else {
         let fixed = PointController::new(open.fixed(&models, &times), names, budget(None));
         if let (Some(fixed), Some(best)) = (&fixed, &best) {
-            hint(&expected, fixed, best, &models, frame_ms);
+            messages.extend(hint(&expected, fixed, best, &models, frame_ms));
         }
         fixed.filter(|_| !models.is_empty())
     };
-    if let Some(reason) = controller.as_ref().and_then(PointController::generator_reason) {
-        eprintln!("{reason}");
-    }
+    messages.extend(controller.as_ref().and_then(PointController::generator_reason).map(str::to_owned));
     renderer.reconfigure(&station.probe, &station.settings)?;
-    Ok(controller)
+    Ok(Choice { controller, messages })
 }
 
 /// Time that a frame may take, ms: the station's budget, within its period.
-fn frame_ms(station: &Station) -> f64 {
+fn frame_ms(station: &Station, messages: &mut Vec<String>) -> f64 {
     let rate_hz = station.pipeline.frame_rate_hz;
     let most_ms = PART_OF_PERIOD * 1e3 / rate_hz;
     let Some(budget_ms) = station.quality_budget_ms else { return most_ms };
     if budget_ms > most_ms {
-        eprintln!(
+        messages.push(format!(
             "quality: frames may take {most_ms:.0} ms, {:.0} % of the period at {rate_hz} frames/s; quality.budget_ms is more",
             100.0 * PART_OF_PERIOD,
-        );
+        ));
     }
     budget_ms.min(most_ms)
 }
 
-/// Prints the chosen point.
-fn report(controller: &PointController, expected: &ExpectedErrors<'_>, measured: bool) {
+/// The chosen point in a sentence; none if it isn't sure to keep the budget, which is logged as a warning.
+fn report(controller: &PointController, expected: &ExpectedErrors<'_>, measured: bool) -> Option<String> {
     let point = controller.point();
     let (ms, limit_ms) = (controller.expected_ms(&point), controller.limit_ms());
     let name = controller.name(&point);
@@ -108,7 +110,7 @@ fn report(controller: &PointController, expected: &ExpectedErrors<'_>, measured:
     let whose = if expected.measured { "" } else { " in the mean of the shipped scenes" };
     if !controller.is_expected_to_fit(&point) {
         tracing::warn!("quality: no point is sure to keep {limit_ms:.0} ms here; {name} takes {ms:.1} ms ({when})");
-        return;
+        return None;
     }
     let BySpeed { at_rest, slow, fast } = point.error;
     let moving = if slow == at_rest && fast == at_rest {
@@ -116,32 +118,33 @@ fn report(controller: &PointController, expected: &ExpectedErrors<'_>, measured:
     } else {
         format!(" at rest, {slow:.1} slow, {fast:.1} fast")
     };
-    eprintln!(
+    Some(format!(
         "quality: {name}, {ms:.0} ms of {limit_ms:.0} ({when}), {at_rest:.1} grey levels off the converged \
          picture{whose}{moving}"
-    );
+    ))
 }
 
-/// Prints the point that would fit better than a fixed quality.
+/// The point that would fit better than a fixed quality, in a sentence; none if no point is much better.
 fn hint(
     expected: &ExpectedErrors<'_>,
     fixed: &PointController,
     best: &PointController,
     models: &[Model],
     frame_ms: f64,
-) {
+) -> Option<String> {
     let point = fixed.point();
     let key = point.generator.and_then(|index| models.get(index)).map(|model| &model.key);
-    let Some(error) = expected.of(point.quality, key, ProbeSpeed::AtRest) else { return };
+    let error = expected.of(point.quality, key, ProbeSpeed::AtRest)?;
     let better = best.point();
-    if better.error.at_rest < HINT * error && best.is_expected_to_fit(&better) {
-        eprintln!(
+    let worth = better.error.at_rest < HINT * error && best.is_expected_to_fit(&better);
+    worth.then(|| {
+        format!(
             "quality: {} is fixed, {error:.1} grey levels off the converged picture; {} would take {:.0} ms and be off by {:.1}: \
              `quality.budget_ms = {frame_ms:.0}` in place of rays and layers lets the station choose",
             fixed.name(&point),
             best.name(&better),
             best.expected_ms(&better),
             better.error.at_rest
-        );
-    }
+        )
+    })
 }

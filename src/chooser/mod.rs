@@ -1,0 +1,19 @@
+//! Operating points of a station on a machine: rays, layers, steering angles and a generator, their errors and times, and the
+//! choice among them.
+//!
+//! Errors come from a table that is shipped ([`ErrorTable`]), times are measured on the machine once and kept in the cache.
+//! [`choose`] picks the first point of a session; [`PointController`] follows the load and the probe's speed from there on.
+
+mod candidates;
+mod choice;
+mod control;
+mod error;
+mod error_table;
+mod times;
+
+pub use choice::{Choice, choose, scene_name};
+pub use control::{Candidate, FrameBudget, PointChange, PointController, PointSummary, Switch};
+pub use error::ChooserError;
+pub use error_table::{
+    ErrorTable, ErrorTableError, ExpectedErrors, GeneratorKey, PointError, StationErrors, kind_name,
+};

@@ -1,0 +1,27 @@
+//! The program's cache directory, and names of files in it.
+
+use std::path::PathBuf;
+
+use etcetera::BaseStrategy;
+
+/// Directory of generated scenes and measured times: `$INSONIFY_CACHE`, else `insonify/` in the user's cache directory. Without
+/// a home directory it is in the temporary folder, and a warning says so.
+pub fn cache_directory() -> PathBuf {
+    if let Some(directory) = std::env::var_os("INSONIFY_CACHE").filter(|v| !v.is_empty()) {
+        return directory.into();
+    }
+    match etcetera::choose_base_strategy() {
+        Ok(strategy) => strategy.cache_dir().join("insonify"),
+        Err(_) => {
+            tracing::warn!(
+                "there is no home directory: generated scenes are kept in the temporary folder; INSONIFY_CACHE names another"
+            );
+            std::env::temp_dir().join("insonify")
+        }
+    }
+}
+
+/// Lower-case hexadecimal digits of bytes, as sums are written.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
