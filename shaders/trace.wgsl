@@ -115,7 +115,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var direction = ray.direction;
     let face_depth_mm = dot(vec3<f32>(params.lateral.w, params.elevational.w, params.axial.w), params.axial.xyz);
     var range_mm = 0.0;
-    // Range by which the path lies before what is seen past the fast bodies that it is in.
+    // Range that fast bodies take off this path. The aperture sees past them, where nothing is taken off.
     var behind_mm = 0.0;
     let coupling = couplings[path];
     let ln_coupling = select(2.0 * max(log(max(coupling, 1.0e-37)), LN_UNCOUPLED), 0.0, coupling == 1.0);

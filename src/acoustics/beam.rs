@@ -25,7 +25,7 @@ const LANES: usize = 8;
 pub enum Reception {
     /// At every depth, with an aperture that opens with the depth up to its width.
     Dynamic,
-    /// That of transmission.
+    /// At the focus of transmission, at all depths.
     Fixed,
 }
 

@@ -13,7 +13,7 @@ const UNMEASURED: f64 = 0.9;
 /// Target of generators whose own error ratio is comparable with the table of errors.
 const TARGET: FrameQuality = FrameQuality { angles: 9, ..FrameQuality::new(32, 3) };
 
-/// What the choice needs of a generator.
+/// Properties of a generator that decide the choice.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Model {
     pub(super) key: GeneratorKey,
@@ -45,7 +45,7 @@ fn error_ratio(quality: &Quality) -> Option<f64> {
     (ratio.is_finite() && ratio > 0.0).then_some(ratio)
 }
 
-/// What a station leaves open.
+/// Settings that a station leaves to the choice.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Open {
     /// Its own quality.

@@ -61,7 +61,7 @@ pub struct StationErrors {
     pub probe: String,
     /// Centre frequency, MHz.
     pub frequency_mhz: f64,
-    /// What the reference is.
+    /// Description of the reference.
     pub reference: String,
     /// Poses of the mean.
     pub poses: usize,
@@ -101,7 +101,7 @@ pub struct PointError {
     pub rmse: f64,
     /// Difference of that value between two seeds, grey levels.
     pub spread: f64,
-    /// That error by speed of the probe; none in a table without speeds, where it holds for all.
+    /// Error by speed of the probe. In a table without speeds it is none, and `rmse` holds for all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub by_speed: Option<BySpeed>,
 }

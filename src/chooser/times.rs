@@ -24,8 +24,8 @@ const ENOUGH_S: f64 = 2.5;
 const BEYOND: f64 = 1.5;
 /// Spread above which a measurement was disturbed by something else; the next session measures again.
 const DISTURBED: f64 = 1.4;
-/// Part of a kept time below which a time of now shows that the kept one was disturbed.
-const SAME: f64 = 0.9;
+/// Ratio of a new time to a kept one below which the kept one counts as disturbed.
+const LEAST_OF_KEPT: f64 = 0.9;
 
 /// Median times, ms, and their spread.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -108,7 +108,7 @@ impl Times {
         let known = self.render_ms.iter().find(|(known, _)| *known == [first.rays, first.layers]);
         let Some(known_ms) = known.and_then(|(_, ms)| *ms) else { return Ok(false) };
         let now = frames(bench, first, false)?;
-        Ok(now.is_some_and(|ms| median_of(ms, &mut Vec::new()) < SAME * known_ms))
+        Ok(now.is_some_and(|ms| median_of(ms, &mut Vec::new()) < LEAST_OF_KEPT * known_ms))
     }
 
     /// Whether these rays and layers have been measured.

@@ -18,7 +18,7 @@ use shell::Command;
 /// Programs and words that run the command that follows them.
 const BEFORE: [&str; 12] =
     ["do", "then", "else", "exec", "nice", "nohup", "parallel", "sudo", "time", "/usr/bin/time", "timeout", "xargs"];
-/// What a placeholder after an option may stand for.
+/// Values that are tried for a placeholder after an option.
 const VALUES: [&str; 7] = ["lq", "1", "1x1", "64x64", "page.html", "host", "0,0,0,1,0,0,0"];
 
 /// The words from `insonify` on, if the command runs it.

@@ -10,11 +10,11 @@ const SHORTEST_S: f64 = 0.5;
 /// Processor times in the kernel's ticks, at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Ticks {
-    /// Of all cores, idle or not.
+    /// Time of all cores, idle or not.
     all: u64,
-    /// Of all cores, not idle; with what a hypervisor gave to others.
+    /// Time of all cores, not idle; with what a hypervisor gave to others.
     busy: u64,
-    /// Of this process.
+    /// Time of this process.
     own: u64,
     /// Cores that the others are of: those of the machine, whichever of them this process may use.
     cores: usize,

@@ -92,7 +92,7 @@ struct Report<'a> {
     fps: f64,
     /// Frames written.
     rendered: usize,
-    /// Of these, frames in or just after gaps of the recording, whose poses are not exactly of their time.
+    /// Rendered frames in or just after gaps of the recording, whose poses are not exactly of their time.
     held: usize,
     /// Changes of settings by the recorded session among these frames.
     changes: usize,

@@ -119,7 +119,7 @@ impl Generator {
     /// are those of the default probe.
     ///
     /// # Errors
-    /// Those of [`Generator::run`].
+    /// As [`Generator::run`].
     pub fn measure(&mut self, width: u32, height: u32, runs: usize) -> Result<Vec<Duration>, GeneratorError> {
         let pixels = width as usize * height as usize;
         let frame = Frame {

@@ -35,7 +35,7 @@ pub struct GeneratorSummary {
     pub offered: u64,
     /// Frames that it translated.
     pub done: u64,
-    /// Of these, after their deadline.
+    /// Translated frames that came after their deadline.
     pub late: u64,
     /// Frames replaced by newer ones, or offered while it rested, lacked maps, or no generator met the budget.
     pub dropped: u64,
@@ -43,7 +43,7 @@ pub struct GeneratorSummary {
     pub failed: u64,
     /// Runs over the time limit, terminated if the provider can.
     pub hung: u64,
-    /// Of these, runs that did not end and were given up.
+    /// Hung runs that did not end and were given up.
     pub given_up: u64,
     /// Whether it did not end within its time at the session's end.
     pub stuck: bool,
@@ -80,7 +80,7 @@ pub struct Summary {
     pub inference: Option<Percentiles>,
     /// Devices lost.
     pub device_losses: u64,
-    /// Of these, rebuilt.
+    /// Lost devices that were opened again.
     pub device_rebuilt: u64,
     /// Controls applied.
     pub controls: u64,

@@ -36,7 +36,7 @@ pub struct ClassStructure {
 /// Contrast is the mean level inside minus that outside of a border, within [`BAND`] pixels of it. Levels are
 /// log-compressed, so it is the contrast in dB of Smith et al. 1983 (IEEE Trans. Sonics Ultrason. 30) up to a factor.
 /// It is measured per tile: a bright and a dark stretch of one border don't cancel.
-/// Of a tile with contrast c in the reference and c′ in the image, max(0, min(|c|, |c| − c′·sign c)) is lost. The share
+/// A tile with contrast c in the reference and c′ in the image loses max(0, min(|c|, |c| − c′·sign c)). The share
 /// is Σ lost / Σ |c| over tiles with |c| at least [`CONTRAST_MIN`]. Higher contrast than the reference's loses nothing;
 /// opposite contrast loses all.
 ///

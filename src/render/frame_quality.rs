@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::settings::{Choice, Effect, RenderSettings};
 
-/// What a controller may change of a live frame's rendering.
+/// Settings of a live frame's rendering that a controller may change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FrameQuality {

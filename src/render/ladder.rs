@@ -61,7 +61,7 @@ impl Climbed {
 /// ms, or None if the device has no room for such frames. Times that are not finite are ignored.
 ///
 /// # Errors
-/// Those of `frame_ms`.
+/// As `frame_ms`.
 pub fn climb<E>(
     budget_ms: f64,
     mut frame_ms: impl FnMut(QualityPoint) -> Result<Option<f64>, E>,
@@ -93,7 +93,7 @@ impl Renderer {
     /// memory.
     ///
     /// # Errors
-    /// Those of [`Renderer::reconfigure`] and [`Renderer::render`], except that a rung without room
+    /// As [`Renderer::reconfigure`] and [`Renderer::render`], except that a rung without room
     /// ends the ladder.
     pub fn choose_quality(
         &mut self,

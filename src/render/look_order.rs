@@ -63,7 +63,7 @@ pub(super) struct Rules {
 }
 
 impl Rules {
-    /// Those of a station.
+    /// Rules of a station's look.
     pub(super) fn of(look: &LookSettings) -> Self {
         Self { registration: look.registration, reach_mm: look.reach_mm }
     }

@@ -71,7 +71,7 @@ impl NearField {
     }
 }
 
-/// What all scanlines share at a depth.
+/// Values that all scanlines share at a depth.
 struct Depth {
     /// Place in the fields of haze and clutter, and in that of the arcs.
     haze: Along,

@@ -356,7 +356,7 @@ impl Renderer {
     /// `frame` is the last.
     ///
     /// # Errors
-    /// Those of [`Renderer::submit`] and [`Renderer::receive`].
+    /// As [`Renderer::submit`] and [`Renderer::receive`].
     pub fn render_live(
         &mut self,
         way: impl IntoIterator<Item = (f64, Pose)>,

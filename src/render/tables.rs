@@ -100,7 +100,8 @@ pub(crate) struct Tables {
     pub(crate) map_step_mm: f64,
     /// Distance of neighbouring scanlines at the face, mm.
     pub(crate) face_spacing_mm: f64,
-    /// Of each path of a scanline [looks × layers × rays], the straight look first: elevational offset at the face (mm), slope, length per mm of depth, 0.
+    /// Paths of a scanline [looks × layers × rays], the straight look first. Each has its elevational offset at the face (mm), its
+    /// slope, its length per mm of depth, and 0.
     pub(crate) elevations: Vec<[f32; 4]>,
     pub(crate) tissues: Vec<PackedTissue>,
     /// Texture of each tissue; empty without the effect.
@@ -250,7 +251,7 @@ fn looks(probe: &Probe, look: &LookSettings, pixels: &[u32]) -> Vec<SteeredLook>
 
 /// From places on straight scanlines to those on steered ones: [`Sector::polar_steered`] by a table over the depth.
 struct Steering {
-    /// Of equal steps of depth, in parts of the sector: shift across, and depth.
+    /// Shift across and depth, in parts of the sector, at equal steps of depth.
     steps: Vec<[f64; 2]>,
 }
 

@@ -37,7 +37,7 @@ pub struct LookError {
     pub error: TruthError,
 }
 
-/// What a step is measured on.
+/// Specimen that a step is measured on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Specimen {
     /// A uniform tissue, whose picture would be one level.

@@ -25,7 +25,7 @@ pub struct TruthError {
     pub unit: String,
     /// Number of values in the errors: those with the smallest tolerance.
     pub values: usize,
-    /// That tolerance, of a single value, in `unit`.
+    /// The smallest tolerance of a single value, in `unit`.
     pub tolerance: f64,
     /// Error without the effect.
     pub without: f64,

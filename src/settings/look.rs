@@ -111,7 +111,7 @@ impl LookSettings {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LookPreset {
-    /// What the lines hold: one angle, no filter, a linear map.
+    /// The lines as they are: one angle, no filter, a linear map.
     Raw,
     /// Calm pictures for finding one's way: three angles, some persistence and smoothing.
     Survey,

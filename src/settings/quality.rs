@@ -57,7 +57,7 @@ settings! {
         /// Contact with the skin.
         #[serde(skip)]
         contact: ContactSettings,
-        /// What the receiver adds.
+        /// Additions of the receiver: noise, clutter, reverberation.
         #[serde(skip)]
         receiver: ReceiverSettings,
         /// From lines to the display.

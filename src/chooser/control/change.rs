@@ -4,7 +4,7 @@ use super::predict::AHEAD;
 use super::{CHANGES, Load, MINUTE_S, PointChange, PointController, RETRY_S, RISE_S, SUDDEN};
 
 /// Time after a rise within which a fall counts as its failure, s.
-const SOON_S: f64 = 20.0;
+const FAILED_WITHIN_S: f64 = 20.0;
 /// Falls within this time count as one change, s: the first one may not have been enough.
 pub(super) const ONE_FALL_S: f64 = 5.0;
 /// Failures in a row after which a generator is left.
@@ -43,7 +43,7 @@ impl PointController {
         // The present point may seem to fit: its median does.
         let to = self.best_below(now_s, load, spread, 1.0, now_ms);
         let to = to.or_else(|| self.least(now_s, load, now_ms)).filter(|&to| to != self.current)?;
-        if self.raised_at.is_some_and(|at| now_s - at <= SOON_S) {
+        if self.raised_at.is_some_and(|at| now_s - at <= FAILED_WITHIN_S) {
             self.block_beyond(now_s);
         } else {
             self.retry_s[self.current] = RETRY_S[0];

@@ -23,9 +23,9 @@ use self::speed::SpeedWatch;
 use crate::pose::{BySpeed, ProbeSpeed};
 use crate::render::FrameQuality;
 
-/// Frames by which a sudden load is recognised, and the fewest for that.
+/// Most recent frames that show a sudden load, and the least number of them that decides.
 const SUDDEN: (usize, usize) = (12, 8);
-/// Frames whose 95th percentile must keep the budget, and the fewest for that.
+/// Most recent frames whose 95th percentile must keep the budget, and the least number of them that decides.
 const SETTLED: (usize, usize) = (96, 40);
 /// Part of the budget that a point may be predicted to take when it is chosen.
 const ROOM: f64 = 0.92;
@@ -75,7 +75,7 @@ struct Load {
 }
 
 impl Load {
-    /// That of the start.
+    /// Load when the times were measured.
     const START: Self = Self { render: 1.0, run: 1.0 };
 }
 
@@ -122,8 +122,9 @@ pub struct PointController {
     /// Time of the last frame, which its run will be added to, ms.
     rendered_ms: f64,
     frames_without_run: u32,
-    /// Times since which a better point would fit, and since which the 95th percentile is over the budget, s.
+    /// Time from which on a better point would fit, s.
     fits_since: Option<f64>,
+    /// Time from which on the 95th percentile is over the budget, s.
     often_since: Option<f64>,
     /// Frames before this time are ignored, s.
     rests_until: f64,

@@ -22,7 +22,7 @@ impl PointController {
         Some(load * self.point().run_ms).filter(|ms| *ms > self.budget.run_ms)
     }
 
-    /// What is over the budget, as text.
+    /// The overrun as text: times and limit.
     pub(super) fn overrun(&self, load: Load) -> String {
         let limit_ms = self.limit_ms();
         let ms = self.busy.percentile(0.5, SUDDEN.0, 1).unwrap_or_else(|| self.busy_ms(&self.point(), load));
@@ -42,8 +42,8 @@ impl PointController {
         format!("one frame in twenty takes {often_ms:.0} ms or more, of {limit_ms:.0}; half of them take {ms:.0}")
     }
 
-    /// What is over the budget, if no point takes less than the present one; returned once per overrun and at most
-    /// once per minute.
+    /// The overrun as text if no point takes less than the present one. It is returned once per overrun, and at most once a
+    /// minute.
     pub fn over_at_least(&mut self, now_s: f64) -> Option<String> {
         let load = self.load(SUDDEN);
         let least = |load| self.least(now_s, load, self.busy_ms(&self.point(), load));

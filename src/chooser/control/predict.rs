@@ -2,10 +2,10 @@
 
 use super::{Candidate, Load, PointController, ROOM};
 
-/// Frames that predict a better point's time, and the fewest for that.
+/// Most recent frames that predict a better point's time, and the least number of them that decides.
 pub(super) const AHEAD: (usize, usize) = (48, 24);
-/// Where no point's 95th percentile fits, a point may take so many times the least time if its median fits.
-pub(super) const NEARLY: f64 = 1.2;
+/// Largest time of a point over the least one, where no point's 95th percentile fits.
+pub(super) const OVER_LEAST_MAX: f64 = 1.2;
 /// Largest part of the present error that a better point may have: less isn't worth a change.
 pub(super) const WORTH: f64 = 0.98;
 /// Time within which a burden of runs alone is forgotten, s.
@@ -42,14 +42,15 @@ impl PointController {
             && spread * load.run * candidate.run_ms <= self.budget.run_ms
     }
 
-    /// The point to run where none fits: the best of those that take little more than the least time and whose median fits,
-    /// else the one that takes the least. Only points that are predicted to take at most `most_ms` count.
+    /// The point to run where none fits. It is the best one whose median fits and whose time is at most
+    /// [`OVER_LEAST_MAX`] times the least. Without such a point it is the fastest. Points that are predicted to take more than
+    /// `most_ms` don't count.
     pub(super) fn least(&self, now_s: f64, load: Load, most_ms: f64) -> Option<usize> {
         let ms = |index: usize| self.busy_ms(&self.candidates[index], load);
         let among = |open: &dyn Fn(usize) -> bool| {
             let open = || self.by_error().filter(|&index| open(index) && ms(index) <= most_ms);
             let least = open().min_by(|&a, &b| ms(a).total_cmp(&ms(b)))?;
-            let limit_ms = (NEARLY * ms(least)).min(ROOM * self.limit_ms());
+            let limit_ms = (OVER_LEAST_MAX * ms(least)).min(ROOM * self.limit_ms());
             open().find(|&index| ms(index) <= limit_ms).or(Some(least))
         };
         let raw = |index: usize| self.candidates[index].generator.is_none();

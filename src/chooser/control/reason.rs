@@ -36,8 +36,8 @@ impl PointController {
         Some(format!("{head}: {why}"))
     }
 
-    /// Of the points with a generator if `point` has none, and the other way round: the one with the least error that fits,
-    /// else the fastest.
+    /// The best point with a generator if `point` has none, else the best one without. Best is the least error that fits; if
+    /// none fits, the fastest.
     fn best_of_other_kind(&self, point: &Candidate) -> Option<Candidate> {
         let by_error = || self.by_error().map(|index| &self.candidates[index]);
         let others = || by_error().filter(|other| other.generator.is_some() != point.generator.is_some());
@@ -60,7 +60,7 @@ impl PointController {
         }
     }
 
-    /// What exceeds which limit, at the 95th percentile.
+    /// The limit that a point exceeds, and its time at the 95th percentile.
     fn over_limit(&self, point: &Candidate) -> String {
         let (spread, limit_ms) = (self.budget.spread, self.limit_ms());
         let busy_ms = spread * self.expected_ms(point);

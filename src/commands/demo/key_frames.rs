@@ -120,7 +120,7 @@ fn settings(station: &Station, quality: FrameQuality) -> RenderSettings {
     quality.apply(&station.settings, station.settings.effects.of(Effect::Aperture))
 }
 
-/// What a row of the sheet is made with.
+/// Renderers and generator that make the rows of the sheet.
 pub(super) struct KeyFrames<'a> {
     pub(super) lq: Stage,
     pub(super) hq: Stage,

@@ -34,8 +34,8 @@ use super::{Classify, Failure, output, session};
 
 /// Measure what accuracy costs in time: sweep the quality knobs, and compare every point with a converged reference.
 ///
-/// Renders some poses of the station with so many rays that doubling them changes little, which is checked and told, with
-/// the 3 layers of HQ unless more change the levels, compounded from 9 angles, and with all effects. Then turns rays and
+/// First renders a reference of some poses: all effects, 9 angles, the 3 layers of HQ unless more change the levels, and so many
+/// rays that doubling them changes little. That change is measured and printed. Then turns rays and
 /// layers in a small grid; some of its points also compounded, compounded while the probe moves as in the recording (one
 /// angle a frame, as in a live session), without the aperture, and with all effects that the scene does not call for; and
 /// every other knob alone about 8 x 3. A station's generators run on top of the frames that they were trained for. The

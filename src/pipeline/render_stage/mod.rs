@@ -61,7 +61,7 @@ pub(super) struct RenderParts {
     pub(super) controls: Controls,
     /// Controller of the operating point; none: it stays as set.
     pub(super) points: Option<PointController>,
-    /// What the station wants of the aperture where the controller doesn't take it away.
+    /// The station's choice for the aperture. The controller may leave it out.
     pub(super) aperture: Choice,
     pub(super) to_presenter: Arc<Slot<Arc<Rendered>>>,
     pub(super) to_generator: Option<Arc<Slot<Arc<Rendered>>>>,

@@ -39,7 +39,7 @@ const FACE_EDGE_MM: f64 = 2.0;
 pub(super) const SLOPE_MARGIN: f64 = 0.06;
 /// Least and greatest distance from a scanline within which scatterers are summed, mm at the scatterers.
 const REACH_MM: [f64; 2] = [7.0, 13.0];
-/// That distance over the depth of the image: beams that bend lead farther away at larger depths.
+/// Ratio of this distance to the depth of the image: beams that bend lead farther away at larger depths.
 const REACH_PER_DEPTH: f64 = 0.11;
 /// Spread from which every second mode does.
 const HALVING_SPREAD: f64 = 2.0;

@@ -81,7 +81,7 @@ impl Interval {
         at_least(self.total_np - self.row_np, 0.0)
     }
 
-    /// Part of its loss that has been lost where `loss_np` is lost at a part of its depth.
+    /// Share of the interval's loss that is behind a place with the loss `loss_np`, at the part `part` of the interval's depth.
     #[inline(always)]
     fn lost(&self, part: f32, loss_np: f32) -> f32 {
         let lost_np = loss_np - self.begins_np + EVEN_NP * part;

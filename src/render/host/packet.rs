@@ -192,7 +192,7 @@ fn intersections(triangle: &PackedTriangle, packet: &Packet, rays: u32, t: &mut 
     (hits, entering)
 }
 
-/// What a traversal does at the leaves.
+/// Work of a traversal at the leaves.
 trait Leaves {
     /// Distance by which rays may lie aside of those of the packet, mm.
     const ASIDE_MM: f32;

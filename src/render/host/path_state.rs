@@ -26,7 +26,7 @@ pub(super) struct PathState {
     pub(super) in_power: f32,
     pub(super) here: u32,
     pub(super) range_mm: f32,
-    /// Range by which the path lies before what is seen past the fast bodies that it is in, mm.
+    /// Range that fast bodies take off this path, mm. The aperture sees past them, where nothing is taken off.
     pub(super) behind_mm: f32,
     pub(super) ln_amplitude: f32,
     /// Scatterers of different paths add in power: the random choice makes half of an interface's loss, this the rest.

@@ -25,11 +25,11 @@ pub(super) struct Stretch {
 /// Powers of a run of blocks.
 #[derive(Debug)]
 pub(super) struct Powers {
-    /// Of paths whose loss the aperture's gain replaces.
+    /// Power by paths whose loss the aperture's gain replaces.
     seen: [Power; CHUNK],
     /// The same paths, not yet added.
     media: Media,
-    /// Of paths with their own loss, scaled.
+    /// Power by paths with their own loss, scaled.
     traced: [Power; CHUNK],
     /// Whether `traced` holds any.
     diverted: bool,

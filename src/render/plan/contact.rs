@@ -24,7 +24,7 @@ impl Rules<'_> {
         self.added("noise", self.settings.receiver.noise_db, 0.0)
     }
 
-    /// What the receiver adds to the lines of a body is left out if no display shows it.
+    /// Rule for an addition of the receiver to the lines of a body: left out if no display shows it.
     fn added(&self, what: &str, level_db: f64, fall_db_cm: f64) -> Finding {
         if !self.facts.skin {
             return finding(format!("no surface is skin: a specimen is shown without {what}"), Bound::OnRequest);

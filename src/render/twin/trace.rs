@@ -97,7 +97,7 @@ struct Tracer<'a> {
     goes_on: bool,
     ray: Ray,
     range_mm: f64,
-    /// Range by which the path lies before what is seen past the fast bodies that it is in, mm.
+    /// Range that fast bodies take off this path, mm. The aperture sees past them, where nothing is taken off.
     behind_mm: f64,
     ln_amplitude: f64,
     /// Scatterers of different paths add in power: the random choice makes half of an interface's loss, this the rest.

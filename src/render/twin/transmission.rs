@@ -110,7 +110,7 @@ fn late_between(path: &Path, stretch: f64, from: f64, to: f64) -> f64 {
 }
 
 /// Loss of a path from the face to a range, one-way nepers; from its first reflection on, it rises as that of the guide.
-/// What the face does not couple is lost in the first interval.
+/// The loss of an uncoupled face falls in the first interval.
 fn loss_np(path: &Path, guide: &Path, range_mm: f64) -> f64 {
     if range_mm == 0.0 {
         return 0.0;

@@ -140,7 +140,7 @@ impl Shared {
     /// Checks that the page offers these values.
     ///
     /// # Errors
-    /// Those of [`check_offered`].
+    /// As [`check_offered`].
     pub(super) fn check_offered(&self, assignments: &[Assignment]) -> Result<(), SettingsError> {
         let newest = self.frames.borrow().as_ref().map(|set| set.settings);
         let shown: Vec<_> = self.begun.get().copied().into_iter().chain(newest).collect();

@@ -70,7 +70,7 @@ impl Machine {
     }
 }
 
-/// What a session saw.
+/// Record of a simulated session.
 #[derive(Debug, Default)]
 pub(super) struct Seen {
     pub(super) frames: usize,

@@ -7,7 +7,7 @@ mod speed;
 
 use self::machine::*;
 use super::change::ONE_FALL_S;
-use super::predict::NEARLY;
+use super::predict::OVER_LEAST_MAX;
 use super::*;
 
 #[test]
@@ -30,7 +30,7 @@ fn the_point_chosen_is_the_best_of_all_on_machines_of_any_speed() {
                 assert_eq!(seen.over, 0);
             } else {
                 let ms = controller.expected_ms(&controller.point());
-                assert!(ms <= NEARLY * least_ms(machine), "{machine:?} {budget_ms}: {ms} ms");
+                assert!(ms <= OVER_LEAST_MAX * least_ms(machine), "{machine:?} {budget_ms}: {ms} ms");
             }
             // Where none fits, one may turn out not to fit even nearly.
             let most = usize::from(best.is_infinite());
