@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use rayon::prelude::*;
+
 use super::constants::{AXIAL_HALF_MAX, CELL_MM, DEPTH_BLOCK, LATERAL_HALF_MAX, PROJECTION_MIN, PULSE_PAD};
 use super::lateral_beam::LateralBeam;
 use super::sheets::Sheets;
@@ -79,18 +81,18 @@ impl Kernels {
         let half = |taps: u32| taps.saturating_sub(1) / 2;
         let (lateral_half, kernels, clipped_beam) = lateral_kernels(probe, half(settings.beam_taps_max), reach);
         let (axial_half, pulse, clipped_pulse) = pulse(probe, half(settings.pulse_taps_max));
-        let axial_gain = match sheets {
-            Some(sheets) => axial_speckle_gain(&pulse, probe.sample_spacing_mm(), sheets.shared()),
-            None => axial_speckle_gain(&pulse, probe.sample_spacing_mm(), shared_cells),
+        let alike = match sheets {
+            Some(sheets) => Alike::new(sheets.shared()),
+            None => Alike::new(shared_cells),
         };
+        let axial = autocorrelation(&pulse);
         let width = 2 * lateral_half as usize + 1;
-        let scatterer_gain = kernels
-            .chunks_exact(width)
-            .map(|kernel| {
-                let power: f64 = kernel.iter().map(|w| w * w).sum();
-                (1.0 / (power * axial_gain).sqrt()) as f32
-            })
-            .collect();
+        let gain = |(block, kernel): (usize, &[f64])| {
+            let spacing_mm = probe.line_spacing_mm(depth_mm(probe, block as u32));
+            let power = alike.power(&autocorrelation(kernel), spacing_mm, &axial, probe.sample_spacing_mm());
+            (1.0 / power.sqrt()) as f32
+        };
+        let scatterer_gain = kernels.par_chunks_exact(width).enumerate().map(gain).collect();
         Self {
             lateral: kernels.iter().map(|&w| w as f32).collect(),
             reach: kernels.chunks_exact(width).map(|kernel| reach_of(kernel, lateral_half)).collect(),
@@ -104,15 +106,18 @@ impl Kernels {
     }
 }
 
+/// Depth of the middle of a block of samples, mm.
+fn depth_mm(probe: &Probe, block: u32) -> f64 {
+    let sample = (f64::from(block) + 0.5) * f64::from(DEPTH_BLOCK);
+    (sample * probe.sample_spacing_mm()).min(probe.depth_mm)
+}
+
 /// Half width and kernels of the lateral beam for each block of samples: the two-way profile by diffraction, with its
 /// side lobes. Real weights give a point its image, and diffuse clutter its power; of phases beside the axis only the
 /// sum over a smooth plate would tell, whose level the kernel's sum of 1 keeps, but for a phased array beside its normal.
 fn lateral_kernels(probe: &Probe, cap: u32, reach: u32) -> (u32, Vec<f64>, Option<ClippedKernel>) {
     let blocks = probe.samples.div_ceil(DEPTH_BLOCK);
-    let depth_mm = |block: u32| {
-        let sample = (f64::from(block) + 0.5) * f64::from(DEPTH_BLOCK);
-        (sample * probe.sample_spacing_mm()).min(probe.depth_mm)
-    };
+    let depth_mm = |block: u32| depth_mm(probe, block);
     let beam = LateralBeam::new(probe);
     let spacing_mm = |block: u32| probe.line_spacing_mm(depth_mm(block)).max(1e-9);
     // No kernel reaches beyond the other end of the array.
@@ -185,20 +190,52 @@ fn padded(pulse: &[f64]) -> Vec<f32> {
     zeros().chain(pulse.iter().map(|&w| w as f32)).chain(zeros()).collect()
 }
 
-/// Power of unit scatterers after the pulse. Samples that share a scatterer add in amplitude; `shared` is the mean
-/// correlation of two points of a ray at a distance.
-fn axial_speckle_gain(pulse: &[f64], spacing_mm: f64, shared: impl Fn(f64) -> f64) -> f64 {
-    let chances: Vec<f64> = (0..pulse.len()).map(|lag| shared(lag as f64 * spacing_mm)).collect();
-    let mut power = 0.0;
-    for (i, a) in pulse.iter().enumerate() {
-        for (j, b) in pulse.iter().enumerate() {
-            power += a * b * chances[i.abs_diff(j)];
-        }
-    }
-    power
+/// Σ wᵢ·wᵢ₊ₗ for each lag l from 0 on.
+fn autocorrelation(weights: &[f64]) -> Vec<f64> {
+    let at = |lag: usize| weights.iter().zip(&weights[lag..]).map(|(a, b)| a * b).sum();
+    (0..weights.len()).map(at).collect()
 }
 
-/// The chance that two points of a ray share a cell of the lattice, averaged over all directions.
+/// Correlation of the scatterers at two points of a slice by their distance.
+struct Alike {
+    /// Values at multiples of `STEP_MM`, up to the first that is 0.
+    values: Vec<f64>,
+}
+
+impl Alike {
+    const STEP_MM: f64 = 0.01;
+    const STEPS_MAX: usize = 512;
+
+    fn new(shared: impl Fn(f64) -> f64) -> Self {
+        let values = (0..Self::STEPS_MAX).map(|i| shared(i as f64 * Self::STEP_MM)).take_while(|&value| value > 0.0);
+        Self { values: values.collect() }
+    }
+
+    /// Correlation at a distance, by linear interpolation.
+    fn at(&self, distance_mm: f64) -> f64 {
+        let place = distance_mm / Self::STEP_MM;
+        let (i, part) = (place as usize, place.fract());
+        let of = |i: usize| self.values.get(i).copied().unwrap_or(0.0);
+        of(i) * (1.0 - part) + of(i + 1) * part
+    }
+
+    /// Power of unit scatterers after kernel and pulse, given by their autocorrelations. Samples that share a scatterer add
+    /// in amplitude.
+    fn power(&self, lateral: &[f64], spacing_mm: f64, axial: &[f64], sample_mm: f64) -> f64 {
+        let reach_mm = self.values.len() as f64 * Self::STEP_MM;
+        let twice = |lag: usize| if lag == 0 { 1.0 } else { 2.0 };
+        let mut power = 0.0;
+        for (line, across) in lateral.iter().enumerate().take_while(|(line, _)| *line as f64 * spacing_mm < reach_mm) {
+            for (sample, along) in axial.iter().enumerate().take_while(|(i, _)| *i as f64 * sample_mm < reach_mm) {
+                let distance_mm = (line as f64 * spacing_mm).hypot(sample as f64 * sample_mm);
+                power += twice(line) * twice(sample) * across * along * self.at(distance_mm);
+            }
+        }
+        power
+    }
+}
+
+/// The chance that two points share a cell of the lattice, averaged over all directions.
 fn shared_cells(distance_mm: f64) -> f64 {
     const STEPS: i32 = 24;
     let mut sum = 0.0;

@@ -7,7 +7,6 @@ use std::collections::BTreeMap;
 use glam::{DVec2, DVec3, Quat, Vec3};
 use insonify::anatomy::Tissue;
 use insonify::anatomy::{Bvh, analytic};
-use insonify::pose::Pose;
 use insonify::render::{Backend, BackendChoice, Choice, Effect, Frame, RenderSettings, Renderer};
 use insonify::selftest::bench::{Bench, at, grainy, linear, slab, small};
 use insonify::selftest::measure::line;
@@ -19,6 +18,9 @@ use crate::fixtures::rows;
 const THICK_MM: f64 = 1.0;
 /// Half of the window in which power is averaged, mm along the middle scanline.
 const WINDOW_MM: f64 = 1.0;
+/// Slices whose power is averaged, and the distance from one to the next, mm.
+const SLICES: u32 = 3;
+const SLICE_MM: f64 = 4.0;
 /// Scanlines: one is in the middle.
 const LINES: u32 = 255;
 
@@ -106,13 +108,14 @@ impl Case {
             // The background in the obstacle's place, so that the scatterers stay where they are.
             let tissue = if obstacle { opaque } else { 0 };
             self.obstacle().into_iter().for_each(|mesh| bench.add(tissue, 1, mesh));
-            frame(backend, bench, &probe, &settings, &at(0.0, 0.0, 0.0))
+            frames(backend, bench, &probe, &settings)
         };
         let (with, without) = (render(true), render(false));
-        let power = |frame: &Frame, range_mm: f64| {
+        let power = |frames: &[Frame], range_mm: f64| {
             let sample = |mm: f64| (mm / probe.sample_spacing_mm()) as usize;
-            let samples = &line(&probe, frame, LINES / 2)[sample(range_mm - WINDOW_MM)..sample(range_mm + WINDOW_MM)];
-            samples.iter().map(|[re, im]| f64::from(re * re + im * im)).sum::<f64>()
+            let window = sample(range_mm - WINDOW_MM)..sample(range_mm + WINDOW_MM);
+            let samples = frames.iter().flat_map(|frame| &line(&probe, frame, LINES / 2)[window.clone()]);
+            samples.map(|[re, im]| f64::from(re * re + im * im)).sum::<f64>()
         };
         let level = |&(behind_mm, _): &(f64, f64)| {
             let range_mm = self.depth_mm + behind_mm;
@@ -122,12 +125,16 @@ impl Case {
     }
 }
 
-fn frame(backend: &Backend, bench: Bench, probe: &Probe, settings: &RenderSettings, pose: &Pose) -> Frame {
+/// Frames of the scene in `SLICES` slices, whose scatterers differ.
+fn frames(backend: &Backend, bench: Bench, probe: &Probe, settings: &RenderSettings) -> Vec<Frame> {
     let scene = bench.scene().unwrap();
     let mut renderer = Renderer::with_bvh(backend, &scene, Bvh::build(&scene).unwrap(), probe, settings).unwrap();
-    let mut frame = Frame::default();
-    renderer.render(pose, &mut frame).unwrap();
-    frame
+    let slice = |slice: u32| {
+        let mut frame = Frame::default();
+        renderer.render(&at(0.0, SLICE_MM * f64::from(slice), 0.0), &mut frame).unwrap();
+        frame
+    };
+    (0..SLICES).map(slice).collect()
 }
 
 /// Whether a level is near enough to theory: within 4 dB above −25 dB, within 7 dB to −35, below −28 deeper down.
