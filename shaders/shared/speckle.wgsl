@@ -1,6 +1,6 @@
 // Echo of the scatterers at a sample.
 
-// What the paths see of a sample's scatterers.
+// Scatterers of a sample as the paths see them.
 struct Strength {
     // Mean and deviation of a scatterer's amplitude.
     mean: f32,

@@ -149,8 +149,8 @@ pub(crate) fn families(elevational: DVec3) -> impl Iterator<Item = Family> {
     (0u32..).zip(normals).map(family).filter(|family| family.share > 0.0).take(SHEET_FAMILIES as usize)
 }
 
-/// Of each family of a slice and a scanline in it, spread evenly over all orientations: change of the two cell
-/// coordinates and of y per mm of the scanline, and share of the power.
+/// Families of a slice and a scanline in it; the slices are spread evenly over all orientations. Of each: change of the two
+/// cell coordinates and of y per mm of the scanline, and share of the power.
 fn orientation(index: u32) -> impl Iterator<Item = [f64; 4]> {
     let golden = 0.5 * (1.0 + 5f64.sqrt());
     let z = 1.0 - (f64::from(index) + 0.5) * 2.0 / f64::from(ORIENTATIONS);

@@ -9,7 +9,7 @@ use crate::simd::{at_least, floor, floored, pcg3d, phasor, real};
 /// Numbers that place a sample's scatterers.
 const PLACE: usize = 8;
 
-/// What the paths see of a block's scatterers.
+/// Scatterers of a block as the paths see them.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Strength {
     /// Mean and deviation of a scatterer's amplitude.

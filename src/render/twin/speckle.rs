@@ -6,7 +6,7 @@ use super::inputs::{Inputs, SheetFamily};
 use super::lattice;
 use crate::render::constants::SHEETS;
 
-/// What the paths see of a sample's scatterers.
+/// Scatterers of a sample as the paths see them.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Strength {
     /// Mean of a scatterer's amplitude.
