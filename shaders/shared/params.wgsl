@@ -9,9 +9,8 @@ struct SheetFamily {
     share: f32,
     // Added to the number of each sheet.
     salt: u32,
-    // Side of a cell, mm.
-    cell_mm: f32,
-    pad: u32,
+    pad0: u32,
+    pad1: u32,
 }
 
 // Uniforms of every pass: `Params` of src/render/params.rs, field by field.

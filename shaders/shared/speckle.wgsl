@@ -42,16 +42,16 @@ fn sheet_hash(cell: vec3<i32>) -> vec3<u32> {
 
 // Echo of the scatterers where the sample's elevational line meets sheets: see src/render/sheets.rs.
 fn sheets_echo(place: Place, strength: Strength, per_reach_mm: f32) -> vec2<f32> {
+    let per_cell = 1.0 / CELL_MM;
     let steps = 1.0 / max(dot(place.step, place.step), 1.0e-12);
     var sum = vec2<f32>(0.0);
     for (var k = 0u; k < params.sheet_families; k++) {
         let family = params.sheets[k];
-        let per_cell = 1.0 / family.cell_mm;
         let across = dot(family.normal.xyz, place.here) / params.sheet_spacing_mm;
         let in_sheet = vec2<f32>(dot(family.first.xyz, place.here), dot(family.second.xyz, place.here)) * per_cell;
         // Cells along the elevational line per sheet, and mm of range per cell.
         let drift = vec2<f32>(family.first.w, family.second.w) * (params.sheet_spacing_mm * per_cell);
-        let rate = vec2<f32>(dot(family.first.xyz, place.step), dot(family.second.xyz, place.step)) * (steps * family.cell_mm);
+        let rate = vec2<f32>(dot(family.first.xyz, place.step), dot(family.second.xyz, place.step)) * (steps * CELL_MM);
         let lowest = i32(floor(across - 0.5 * f32(SHEETS))) + 1;
         var echo = vec2<f32>(0.0);
         var squares = 0.0;

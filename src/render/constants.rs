@@ -39,12 +39,8 @@ pub(crate) const PLACES_MAX: u32 = 192;
 /// Range beyond every sample, mm.
 pub(crate) const BEYOND_MM: f64 = 3.0e38;
 
-/// Side of a cell of the scatterer lattice, and the least of a sheet's cell, mm.
+/// Side of a cell of the scatterer lattice, mm.
 pub(crate) const CELL_MM: f64 = 0.15;
-/// Largest side of a sheet's cell, mm. Larger ones would be wider than the beam of usual probes.
-pub(crate) const SHEET_CELL_MAX_MM: f64 = 0.6;
-/// Side of a sheet's cell over the distance of neighbouring scanlines at the focus.
-pub(crate) const SHEET_CELL_PER_SPACING: f64 = 1.15;
 /// Sheets of scatterers across the slice that reach a sample, at most.
 pub(crate) const SHEETS: u32 = 3;
 /// Families of sheets that reach a frame, at most.

@@ -37,14 +37,12 @@ pub(crate) struct SheetFamily {
     pub(crate) share: f32,
     /// Added to the number of each sheet.
     pub(crate) salt: u32,
-    /// Side of a cell, mm.
-    pub(crate) cell_mm: f32,
-    pub(crate) padding: u32,
+    pub(crate) padding: [u32; 2],
 }
 
 impl SheetFamily {
-    /// A family as a slice with an elevational axis sees it, with cells of a side.
-    fn new(family: &Family, elevational: DVec3, cell_mm: f64) -> Self {
+    /// A family as a slice with an elevational axis sees it.
+    fn new(family: &Family, elevational: DVec3) -> Self {
         let Family { number, axes, share } = *family;
         let along = axes.x_axis.dot(elevational);
         let vector = |v: DVec3, w: f64| v.as_vec3().extend(w as f32).to_array();
@@ -55,8 +53,7 @@ impl SheetFamily {
             second: in_sheet(axes.z_axis),
             share: share as f32,
             salt: FAMILY_SALT * (number + 1),
-            cell_mm: cell_mm as f32,
-            padding: 0,
+            padding: [0; 2],
         }
     }
 }
@@ -312,9 +309,8 @@ impl Params {
         let mut families = 0;
         if self.sheet_spacing_mm > 0.0 {
             let elevational = pose.transform_vector(DVec3::Y);
-            let cell_mm = super::sheets::cell_mm(probe);
             for (slot, family) in self.sheets.iter_mut().zip(super::sheets::families(elevational)) {
-                *slot = SheetFamily::new(&family, elevational, cell_mm);
+                *slot = SheetFamily::new(&family, elevational);
                 families += 1;
             }
         }

@@ -1,7 +1,7 @@
 //! Sheets of scatterers, which make speckle change gradually across the slice.
 //!
 //! A family is a stack of parallel sheets, fixed in the scene and `spacing_mm` apart, with one scatterer per square
-//! cell of the side [`cell_mm`]. A sample at X takes the scatterers where its elevational line X + y·ŷ meets the sheets within
+//! cell of [`CELL_MM`]. A sample at X takes the scatterers where its elevational line X + y·ŷ meets the sheets within
 //! ±Y, each weighted by (1 − (y/Y)²)² and divided by the root of the weights' squared sum. A slide along ŷ moves no such
 //! point on its sheet, it only changes the weights: their autocorrelation is that of the speckle. Y is fitted to theory.
 //!
@@ -10,7 +10,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::constants::{CELL_MM, DEPTH_BLOCK, SHEET_CELL_MAX_MM, SHEET_CELL_PER_SPACING, SHEET_FAMILIES, SHEETS};
+use super::constants::{CELL_MM, DEPTH_BLOCK, SHEET_FAMILIES, SHEETS};
 use crate::transducer::Probe;
 
 /// Turn of the families against the scene's axes, which makes usual slices cut the sheets obliquely: 1.16 rad about
@@ -40,8 +40,6 @@ pub(crate) struct Sheets {
     pub(crate) per_reach_mm: Vec<f32>,
     /// Mean of Y, mm.
     reach_mm: f64,
-    /// Side of a cell, mm.
-    cell_mm: f64,
 }
 
 /// A family of sheets as a slice sees it.
@@ -74,34 +72,21 @@ impl Sheets {
             spacing_mm: 2.001 * widest / f64::from(SHEETS),
             per_reach_mm: reaches_mm.iter().map(|y| (1.0 / y) as f32).collect(),
             reach_mm: mean_mm,
-            cell_mm: cell_mm(probe),
         }
     }
 
     /// Correlation of the scatterers at two points of a slice as a function of their distance, averaged over orientations.
     pub(crate) fn shared(&self) -> impl Fn(f64) -> f64 {
         let ways: Vec<[f64; 4]> = (0..ORIENTATIONS).flat_map(orientation).collect();
-        let (sum, reach_mm, cell_mm) = (ways.iter().map(|way| way[3]).sum::<f64>(), self.reach_mm, self.cell_mm);
+        let (sum, reach_mm) = (ways.iter().map(|way| way[3]).sum::<f64>(), self.reach_mm);
         move |distance_mm| {
             let of = |&[first, second, across, power]: &[f64; 4]| {
-                let cell = [first, second].map(|part| (1.0 - distance_mm * part / cell_mm).max(0.0));
+                let cell = [first, second].map(|part| (1.0 - distance_mm * part / CELL_MM).max(0.0));
                 power * cell[0] * cell[1] * weights_correlation(distance_mm * across / reach_mm)
             };
             ways.iter().map(of).sum::<f64>() / sum
         }
     }
-}
-
-/// Side of a cell of a sheet, mm.
-///
-/// A scanline sees the cells that it crosses. Where cells are narrower than scanlines are apart, the scanlines of another
-/// steering angle cross other cells, and looks are far less alike than waves make them. Probes that don't steer keep the least side.
-pub(crate) fn cell_mm(probe: &Probe) -> f64 {
-    if !probe.kind.steers() {
-        return CELL_MM;
-    }
-    let spacing_mm = probe.line_spacing_mm(probe.focus_mm.min(probe.depth_mm));
-    (SHEET_CELL_PER_SPACING * spacing_mm).clamp(CELL_MM, SHEET_CELL_MAX_MM)
 }
 
 /// Y for each depth: the weights' autocorrelation is nearest to that of the lens's speckle.

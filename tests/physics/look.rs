@@ -3,7 +3,7 @@
 use insonify::anatomy::Tissue;
 use insonify::render::{Choice, Effect, Frame, RenderSettings};
 use insonify::settings::{LookSettings, ReceiverSettings};
-use insonify::transducer::{Probe, ProbeKind};
+use insonify::transducer::Probe;
 
 use super::bench::{Bench, Rig, assert_part, at, grainy, linear, magnitude, mean_square, post, silent, small};
 use super::speckle::block;
@@ -106,43 +106,6 @@ fn looks_are_as_unlike_as_waves_make_them() {
     println!("SNR {found:.2}, theory {SNR}; level {raised_db:+.2} dB");
     assert_part(found, SNR, 0.1, "SNR of nine angles");
     assert!(raised_db.abs() < 0.5, "{raised_db} dB");
-}
-
-#[test]
-fn looks_of_distant_scanlines_share_their_scatterers() {
-    // Scanlines as far apart as a station's. By tests/truth/compounding.py as above, and with --radius 40.
-    const SPACED: Spaced = Spaced { apart_3_75: 0.395, nine: 4.39 };
-    const CURVED: Spaced = Spaced { apart_3_75: 0.88, nine: 2.8 };
-    // A scanline sees one scatterer of a cell as wide as scanlines are apart, where a beam sees all of it.
-    const CORRELATION_MISS: f64 = 0.34;
-    const SNR_MISS: f64 = 0.25;
-    struct Spaced {
-        apart_3_75: f64,
-        nine: f64,
-    }
-    let scene = block(Tissue { attenuation_db_cm_mhz: 0.0, ..grainy(0.0, 0.01) });
-    let at_focus = |probe: Probe| Probe { frequency_mhz: 8.0, aperture_mm: 20.0, focus_mm: 70.0, ..probe };
-    let flat = linear(288, 0.25, 3072, 100.0);
-    let curved = Probe { kind: ProbeKind::Convex { radius_mm: 40.0, fov_deg: 70.0 }, scanlines: 256, ..flat.clone() };
-    let mut levels_db = Vec::new();
-    for (probe, theory) in [(flat, SPACED), (curved, CURVED)] {
-        let (box_x, box_z) = ([0.35, 0.65], [0.66, 0.74]);
-        let mut rig = Rig::new(&scene, &at_focus(probe), &settings(compounded(9)));
-        let (mut alike, mut nine, mut power) = (0.0, 0.0, 0.0);
-        for pose in [0.0, 1.0, 2.0].map(|step| at(1.37 * step, 3.1 * step, 0.0)) {
-            let mut look = |look: usize| amplitudes(&rig.look(&pose, look), box_x, box_z);
-            let straight = look(8);
-            alike += [7, 6].map(|steered| correlation(&straight, &look(steered))).iter().sum::<f64>() / 6.0;
-            power += mean_square(straight.iter().copied()) / 3.0;
-            nine += snr(&amplitudes(&rig.frame(&pose), box_x, box_z)) / 3.0;
-        }
-        println!("correlation {alike:.3}, theory {}; SNR {nine:.2}, theory {}", theory.apart_3_75, theory.nine);
-        assert!((alike - theory.apart_3_75).abs() < CORRELATION_MISS, "{alike}, theory {}", theory.apart_3_75);
-        assert_part(nine, theory.nine, SNR_MISS, "SNR of nine angles");
-        levels_db.push(10.0 * power.log10());
-    }
-    // Neighbours that share scatterers add in amplitude: the level must not depend on their distance.
-    assert!((levels_db[0] - levels_db[1]).abs() < 0.5, "{levels_db:?} dB");
 }
 
 #[test]

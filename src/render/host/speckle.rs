@@ -135,7 +135,6 @@ pub(super) struct Block {
 /// Scatterers of a frame: sheets of them, or one per cell of the lattice.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Speckle {
-    /// Side of a cell of the lattice.
     cell_mm: f32,
     phase_turns_per_mm: f32,
     families: [Family; SHEET_FAMILIES as usize],
@@ -149,23 +148,20 @@ impl Speckle {
     /// The scatterers of a frame.
     #[inline(always)]
     pub(super) fn new(params: &Params, constants: ImageConstants) -> Self {
-        let spacing_mm = params.sheet_spacing_mm;
-        let per_sheet = 1.0 / at_least(spacing_mm, f32::MIN_POSITIVE);
-        let family = |f: &SheetFamily| {
-            let per_cell = 1.0 / at_least(f.cell_mm, f32::MIN_POSITIVE);
-            Family {
-                view: View {
-                    axes: [scaled(f.normal, per_sheet), scaled(f.first, per_cell), scaled(f.second, per_cell)],
-                    range: f.cell_mm * f.cell_mm,
-                },
-                drift: [f.first[3], f.second[3]].map(|way| way * (spacing_mm * per_cell)),
-                pitch_mm: spacing_mm * f.normal[3],
-                share: f.share,
-                salt: f.salt,
-            }
+        let (spacing_mm, cell_mm) = (params.sheet_spacing_mm, constants.cell_mm());
+        let (per_sheet, per_cell) = (1.0 / at_least(spacing_mm, f32::MIN_POSITIVE), 1.0 / cell_mm);
+        let family = |f: &SheetFamily| Family {
+            view: View {
+                axes: [scaled(f.normal, per_sheet), scaled(f.first, per_cell), scaled(f.second, per_cell)],
+                range: cell_mm * cell_mm,
+            },
+            drift: [f.first[3], f.second[3]].map(|way| way * (spacing_mm * per_cell)),
+            pitch_mm: spacing_mm * f.normal[3],
+            share: f.share,
+            salt: f.salt,
         };
         Self {
-            cell_mm: constants.cell_mm(),
+            cell_mm,
             phase_turns_per_mm: params.phase_turns_per_mm,
             families: params.sheets.each_ref().map(family),
             count: params.sheet_families as usize,

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::inputs::{Inputs, SheetFamily};
 use super::lattice;
-use crate::render::constants::SHEETS;
+use crate::render::constants::{CELL_MM, SHEETS};
 
 /// Scatterers of a sample as the paths see them.
 #[derive(Debug, Clone, Copy)]
@@ -43,7 +43,7 @@ pub(super) fn of_sheets(inputs: &Inputs, place: Place, strength: Strength, per_r
 
 fn of_family(inputs: &Inputs, family: &SheetFamily, place: Place, strength: Strength, per_reach_mm: f64) -> DVec2 {
     let [normal, first, second] = family.axes;
-    let cell_mm = family.cell_mm;
+    let cell_mm = f64::from(CELL_MM as f32);
     let across_mm = normal.dot(place.here_mm);
     let lowest = (across_mm / inputs.sheet_spacing_mm - 0.5 * f64::from(SHEETS)).floor() as i32 + 1;
     let (mut echo, mut squares) = (DVec2::ZERO, 0.0);
