@@ -5,11 +5,15 @@ mod effect_truth;
 mod error_table;
 mod front;
 mod knobs;
+#[cfg(feature = "plots")]
 mod labels;
+#[cfg(feature = "plots")]
 mod panel;
 mod plan;
+#[cfg(feature = "plots")]
 pub mod plot;
 mod point;
+#[cfg(feature = "plots")]
 mod style;
 mod table;
 
