@@ -1,13 +1,85 @@
 //! insonify: a real-time ultrasound simulator for training stations.
 //!
+//! A [`Scene`] holds tissues as closed surfaces. A [`Renderer`] makes a [`Frame`] of it for each [`Pose`] of a probe: the
+//! B-mode picture, a segmentation and an attenuation map. A [`Station`] is a file that describes scene, probe, tracker and displays.
+//!
+//! # A first frame
+//!
+//! ```
+//! use insonify::anatomy::{TissueTable, analytic::sphere};
+//! use insonify::glam::Vec3;
+//! use insonify::render::{Backend, BackendChoice, RenderSettings};
+//! use insonify::sink::png::{Effort, write_grey};
+//! use insonify::{Frame, Pose, Renderer, Scene, transducer::Probe};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let mut scene = Scene::new(TissueTable::builtin()?, "liver")?;
+//! scene.add("cyst", "amniotic_fluid", 1, sphere(Vec3::new(0.0, 0.0, 70.0), 20.0, 3))?;
+//! let probe = Probe { scanlines: 128, ..Probe::default() };
+//! let backend = Backend::open(BackendChoice::Host)?;
+//! let mut renderer = Renderer::new(&backend, &scene, &probe, &RenderSettings::default())?;
+//! let mut frame = Frame::default();
+//! renderer.render(&Pose::IDENTITY, &mut frame)?;
+//! let path = std::env::temp_dir().join("cyst.png");
+//! write_grey(&path, frame.width, frame.height, &frame.bmode, Effort::Small)?;
+//! # let level = |name: &str| {
+//! #     let number = scene.tissues.index_of(name).map(|index| index as u8 + 1);
+//! #     let pixels = frame.bmode.iter().zip(&frame.segmentation).filter(|(_, n)| Some(**n) == number);
+//! #     let (sum, count) = pixels.fold((0.0, 0.0), |(sum, count), (grey, _)| (sum + f64::from(*grey), count + 1.0));
+//! #     sum / count
+//! # };
+//! # assert!(level("liver") > level("amniotic_fluid") + 20.0, "{} {}", level("liver"), level("amniotic_fluid"));
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! The probe lies at the origin and looks along z: pixels of the sphere are dark. More in `examples/`: a scene from arrays, a live
+//! session, a data set, a generator.
+//!
+//! # Modules
+//!
 //! Data flows one way: pose → rays → segments → baseband lines → polar frame → Cartesian maps → generator → sink.
-//! A module knows only those listed below it here; nothing points upward.
+//! A module knows only those below it here; nothing points upward.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`pipeline`] | live sessions; feature `live` |
+//! | [`chooser`] | operating points: errors, times, the choice; feature `live` |
+//! | [`report`] | reports, sheets, pictures of scenes |
+//! | [`station`] | station files |
+//! | [`sink`] | files, and live displays; features `video`, `browser`, `window` |
+//! | [`generator`] | models that translate frames; feature `generator` |
+//! | [`tradeoff`] | time against error; its figure: feature `plots` |
+//! | [`quality`], [`selftest`], [`dataset`] | measures of pictures, known answers, data sets |
+//! | [`exam`] | simulated sessions, scores |
+//! | [`render`] | renderers of the host, of devices (feature `gpu`) and of tests |
+//! | [`transducer`] | probes and their sectors |
+//! | [`anatomy`] | scenes, tissues, motion, the phantom |
+//! | [`tracker`] | decoders; sessions: features `live`, `serial`, `hid`; recordings: feature `recordings` |
+//! | [`pose`] | poses, their estimation and calibration |
+//! | [`acoustics`], [`look`] | formulas; the picture after its lines |
+//! | [`settings`] | every setting once |
+//! | [`files`], [`statistics`], [`random`] | tools |
+//!
+//! All features are on by default, and `cli` makes the program `insonify`. Without any, what the table names no feature for works; the rest
+//! is absent, or returns an error that names its feature.
+//!
+//! # Units
 //!
 //! Lengths are in mm, frequency in MHz, speed in m/s, attenuation in dB/cm/MHz and impedance in MRayl;
 //! the unit is in the name. Transforms are named `a_from_b`.
 
+pub use glam;
+
+pub use anatomy::Scene;
+pub use pose::Pose;
+pub use render::{Frame, Renderer};
+pub use station::Station;
+
+#[cfg(feature = "live")]
 pub mod pipeline;
 
+#[cfg(feature = "live")]
 pub mod chooser;
 
 pub mod report;

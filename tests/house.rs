@@ -426,8 +426,10 @@ fn the_script_of_all_tests_goes_on_after_a_failure_and_names_all_that_failed() {
     use std::os::unix::fs::PermissionsExt;
     let dir = tempfile::tempdir().unwrap();
     let cargo = dir.path().join("cargo");
-    // One binary fails, the next passes, the third crashes; of the tests with programs of others one fails.
+    // One binary fails, the next passes, the third crashes; one combination of features warns, one doesn't build; of the
+    // tests with programs of others one fails.
     let text = r#"#!/bin/sh
+case "$*" in check*gpu) echo "warning: unused" >&2; exit ;; check*generator) exit 101 ;; check*) echo "    Finished" >&2; exit ;; esac
 case "$*" in *simple_itk*) echo "test result: FAILED. 0 passed; 1 failed; 0 ignored"; exit 101 ;; esac
 case "$*" in *--exact*) echo "test result: ok. 1 passed; 0 failed; 0 ignored"; exit ;; esac
 case "$*" in *--no-fail-fast*) ;; *) exit 3 ;; esac
@@ -449,7 +451,9 @@ exit 101
     let lines: Vec<&str> = failed.lines().map(str::trim).collect();
     let names = ["src/lib.rs: a::b", "src/lib.rs: a::c", "tests/c.rs: ended early (signal: 11)"];
     assert_eq!(lines[..3], names);
-    assert_eq!(lines[3], "tests/interchange.rs: simple_itk_reads_our_sequences, with programs of others");
+    let check = "cargo check --release --lib --no-default-features --features";
+    assert_eq!(lines[3..5], [format!("{check} gpu"), format!("{check} generator")]);
+    assert_eq!(lines[5], "tests/interchange.rs: simple_itk_reads_our_sequences, with programs of others");
     // Browser and window may be installed or not.
-    assert!(lines[4].starts_with("all: ") && lines[4].contains(" passed, 4 failed, "), "{said}");
+    assert!(lines[6].starts_with("all: ") && lines[6].contains(" passed, 6 failed, "), "{said}");
 }

@@ -7,7 +7,7 @@ use std::collections::HashMap;
 
 use glam::{DVec3, Quat, Vec3, Vec3Swizzles};
 
-use super::{Mesh, Motion, Scene, Surface, TissueTable};
+use super::{Mesh, Scene, TissueTable};
 
 /// A surface with the name of its tissue; needs no tissue table.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,18 +24,10 @@ pub struct Part {
 
 /// Scene of `parts` in `background`; `None` if `tissues` lacks one of their tissues.
 pub fn scene(parts: Vec<Part>, tissues: &TissueTable, background: &str) -> Option<Scene> {
-    let surface = |part: Part| {
-        let Part { name, tissue, priority, mesh } = part;
-        Some(Surface { name: name.to_owned(), tissue: tissues.index_of(tissue)?, priority, mesh })
-    };
-    let surfaces = parts.into_iter().map(surface).collect::<Option<_>>()?;
-    let mut scene = Scene {
-        tissues: tissues.clone(),
-        background: tissues.index_of(background)?,
-        surfaces,
-        motion: Motion::default(),
-    };
-    scene.sort_by_priority();
+    let mut scene = Scene::new(tissues.clone(), background).ok()?;
+    for Part { name, tissue, priority, mesh } in parts {
+        scene.add(name, tissue, priority, mesh).ok()?;
+    }
     Some(scene)
 }
 

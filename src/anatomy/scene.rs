@@ -6,6 +6,7 @@ use thiserror::Error;
 
 use super::motion::Motion;
 use super::{Mesh, TissueTable};
+use crate::suggest::did_you_mean;
 
 /// Largest number of surfaces in a scene: a path has one bit for each.
 pub const SURFACES_MAX: usize = 256;
@@ -99,6 +100,18 @@ pub enum SceneError {
         /// Nearest known name, as text to append, or empty.
         suggestion: String,
     },
+    /// A tissue that the scene's table lacks.
+    #[error("{what} is of the unknown tissue `{tissue}`{suggestion}; the tissues are {known}")]
+    TissueNotInTable {
+        /// Surface, or the background.
+        what: String,
+        /// Name looked up.
+        tissue: String,
+        /// Nearest known name, as text to append, or empty.
+        suggestion: String,
+        /// All names.
+        known: String,
+    },
     /// Neither the node nor its material names a tissue.
     #[error(
         "surface `{surface}` of {path} has no tissue: give its node `extras.tissue` or its material a tissue's name"
@@ -142,6 +155,26 @@ pub enum SceneError {
 }
 
 impl Scene {
+    /// A scene of one tissue, `background`, without surfaces. A renderer needs at least one: see [`Scene::add`].
+    ///
+    /// # Errors
+    /// `tissues` lacks the background.
+    pub fn new(tissues: TissueTable, background: &str) -> Result<Self, SceneError> {
+        let background = tissue_of(&tissues, "the background", background)?;
+        Ok(Self { tissues, background, surfaces: Vec::new(), motion: Motion::default() })
+    }
+
+    /// Adds a closed surface filled with `tissue`, after those of the same or a lower priority.
+    ///
+    /// # Errors
+    /// The scene's table lacks the tissue.
+    pub fn add(&mut self, name: &str, tissue: &str, priority: i32, mesh: Mesh) -> Result<(), SceneError> {
+        let tissue = tissue_of(&self.tissues, &format!("surface `{name}`"), tissue)?;
+        let place = self.surfaces.partition_point(|surface| surface.priority <= priority);
+        self.surfaces.insert(place, Surface { name: name.to_owned(), tissue, priority, mesh });
+        Ok(())
+    }
+
     /// Number of triangles of all surfaces.
     pub fn triangle_count(&self) -> usize {
         self.surfaces.iter().map(|s| s.mesh.triangles.len()).sum()
@@ -162,5 +195,34 @@ impl Scene {
     /// Sorts surfaces by priority, keeping the order among equals.
     pub fn sort_by_priority(&mut self) {
         self.surfaces.sort_by_key(|s| s.priority);
+    }
+}
+
+/// Index of a tissue of `what`.
+fn tissue_of(tissues: &TissueTable, what: &str, tissue: &str) -> Result<usize, SceneError> {
+    tissues.index_of(tissue).ok_or_else(|| SceneError::TissueNotInTable {
+        what: what.to_owned(),
+        tissue: tissue.to_owned(),
+        suggestion: did_you_mean(tissue, tissues.names().iter().map(String::as_str)),
+        known: tissues.names().join(", "),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn surfaces_lie_in_the_order_of_their_priorities_and_unknown_tissues_are_named() {
+        let mut scene = Scene::new(TissueTable::builtin().unwrap(), "liver").unwrap();
+        for (name, priority) in [("b", 2), ("a", 1), ("c", 2)] {
+            scene.add(name, "bone", priority, Mesh::default()).unwrap();
+        }
+        assert_eq!(scene.surfaces.iter().map(|s| s.name.as_str()).collect::<String>(), "abc");
+        let error = scene.add("d", "bnoe", 1, Mesh::default()).unwrap_err().to_string();
+        assert!(error.contains("surface `d`") && error.contains("did you mean `bone`"), "{error}");
+        let error = Scene::new(TissueTable::default(), "liver").unwrap_err().to_string();
+        assert!(error.contains("the background") && error.contains("`liver`"), "{error}");
+        assert_eq!(scene.surfaces.len(), 3);
     }
 }

@@ -1,4 +1,4 @@
-//! The program's cache directory, and names of files in it.
+//! The program's cache directory.
 
 use std::path::PathBuf;
 
@@ -19,9 +19,4 @@ pub fn cache_directory() -> PathBuf {
             std::env::temp_dir().join("insonify")
         }
     }
-}
-
-/// Lower-case hexadecimal digits of bytes, as sums are written.
-pub fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }

@@ -4,7 +4,48 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use super::{Provider, RuntimeError};
+use super::Provider;
+
+/// Oldest minor version of ONNX Runtime 1 that generators can use.
+pub(super) const ONNX_RUNTIME_MINOR: u32 = 24;
+
+/// Failure to find or load ONNX Runtime.
+#[derive(Debug, Error)]
+pub enum RuntimeError {
+    /// The build has no generators.
+    #[error("insonify was built without the feature `generator`, which generators need; build it with that feature")]
+    NotBuilt,
+    /// No library was found.
+    #[error(
+        "ONNX Runtime's library, which generators need, is not in {searched}; run scripts/setup, or set \
+         ORT_DYLIB_PATH to the file of the library"
+    )]
+    Missing {
+        /// Folders looked into.
+        searched: String,
+    },
+    /// The variable names no file.
+    #[error(
+        "ORT_DYLIB_PATH names {path}, which is no file; set it to ONNX Runtime's library, or unset it and run \
+         scripts/setup"
+    )]
+    NoSuchFile {
+        /// Path that it names.
+        path: PathBuf,
+    },
+    /// The library could not be used.
+    #[error(
+        "{path} cannot be used as ONNX Runtime's library: {reason}; run scripts/setup, or set ORT_DYLIB_PATH to one \
+         of version 1.{} or later",
+        ONNX_RUNTIME_MINOR
+    )]
+    Unusable {
+        /// Library.
+        path: PathBuf,
+        /// Cause.
+        reason: String,
+    },
+}
 
 /// Reason why a model is refused, or a run gave no image.
 #[derive(Debug, Error)]

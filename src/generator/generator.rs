@@ -3,13 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use sha2::{Digest, Sha256};
-
 use super::beam_sampling::BeamSampling;
 use super::manifest::{Affine, BeamGrid, Manifest};
 use super::maps::{self, ClassMap, Geometry};
 use super::parity::{self, ParityReport};
-use super::session::{RunFailure, Session};
+use super::session::{RunFailure, Session, check_hash};
 use super::{GeneratorError, Input, Provider, Runtime, Terminator};
 use crate::files::{self, FileKind};
 use crate::render::Frame;
@@ -196,12 +194,4 @@ impl Generator {
             None => Ok((values, geometry)),
         }
     }
-}
-
-fn check_hash(path: &Path, model: &[u8], expected: &str) -> Result<(), GeneratorError> {
-    let found: String = Sha256::digest(model).iter().map(|byte| format!("{byte:02x}")).collect();
-    if found.eq_ignore_ascii_case(expected) {
-        return Ok(());
-    }
-    Err(GeneratorError::Sha256 { path: path.to_owned(), expected: expected.to_owned(), found })
 }

@@ -5,10 +5,11 @@
 //! field of view: normalise, pad to the model's multiple, infer, crop, clear pixels outside the sector, round to grey
 //! levels. A model in beam coordinates ([`BeamGrid`]) takes and gives scanlines × range cells; the picture is resampled
 //! before and after it. The pipeline's controller of operating points chooses which generator runs. Without ONNX Runtime's
-//! library [`Runtime::get`] returns an error that names the remedy; rendering works without it.
+//! library, or the feature `generator`, [`Runtime::get`] returns an error that names the remedy; rendering works without it.
 
 mod beam_sampling;
 mod error;
+#[cfg(feature = "generator")]
 mod features;
 #[expect(clippy::module_inception, reason = "the type of that name has a file of its own")]
 mod generator;
@@ -18,11 +19,20 @@ mod manifest;
 mod maps;
 mod parity;
 mod provider;
+#[cfg(feature = "generator")]
 mod runtime;
+#[cfg(not(feature = "generator"))]
+#[path = "no_runtime.rs"]
+mod runtime;
+#[cfg(feature = "generator")]
+mod session;
+#[cfg(not(feature = "generator"))]
+#[path = "no_session.rs"]
 mod session;
 mod settings;
 
-pub use error::GeneratorError;
+pub use error::{GeneratorError, RuntimeError};
+#[cfg(feature = "generator")]
 pub use features::{FeatureScale, OnnxFeatures};
 pub use generator::{Generator, LoadOptions};
 pub use input::Input;
@@ -33,6 +43,6 @@ pub use manifest::{
 };
 pub use parity::ParityReport;
 pub use provider::Provider;
-pub use runtime::{Runtime, RuntimeError};
+pub use runtime::Runtime;
 pub use session::Terminator;
 pub use settings::Settings;

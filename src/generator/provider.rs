@@ -3,7 +3,6 @@
 use std::fmt;
 use std::str::FromStr;
 
-use ort::ep::{self, ExecutionProviderDispatch};
 use serde::Serialize;
 
 /// Execution provider of a model. An unavailable one is an error: there is no silent fallback to the CPU.
@@ -26,16 +25,6 @@ impl Provider {
     /// model into one node.
     pub fn can_stop(self) -> bool {
         self != Self::TensorRt
-    }
-
-    /// Providers to request from ONNX Runtime; empty for the CPU.
-    pub(super) fn dispatch(self) -> Vec<ExecutionProviderDispatch> {
-        let cuda = || ep::CUDA::default().build().error_on_failure();
-        match self {
-            Self::Cpu => Vec::new(),
-            Self::Cuda => vec![cuda()],
-            Self::TensorRt => vec![ep::TensorRT::default().build().error_on_failure(), cuda()],
-        }
     }
 }
 

@@ -5,47 +5,16 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 
 use ort::environment::Environment;
 use ort::logging::LogLevel;
-use thiserror::Error;
+
+use super::RuntimeError;
+use super::error::ONNX_RUNTIME_MINOR;
 
 /// Environment variable with the path of the library; replaces the usual places.
 const VARIABLE: &str = "ORT_DYLIB_PATH";
 /// Folder in which `scripts/setup` installs it, below the repository's root.
 const FOLDER: &str = "third_party/onnxruntime";
 
-/// Failure to find or load ONNX Runtime.
-#[derive(Debug, Error)]
-pub enum RuntimeError {
-    /// No library was found.
-    #[error(
-        "ONNX Runtime's library, which generators need, is not in {searched}; run scripts/setup, or set \
-         ORT_DYLIB_PATH to the file of the library"
-    )]
-    Missing {
-        /// Folders looked into.
-        searched: String,
-    },
-    /// The variable names no file.
-    #[error(
-        "ORT_DYLIB_PATH names {path}, which is no file; set it to ONNX Runtime's library, or unset it and run \
-         scripts/setup"
-    )]
-    NoSuchFile {
-        /// Path that it names.
-        path: PathBuf,
-    },
-    /// The library could not be used.
-    #[error(
-        "{path} cannot be used as ONNX Runtime's library: {reason}; run scripts/setup, or set ORT_DYLIB_PATH to one \
-         of version 1.{} or later",
-        ort::MINOR_VERSION
-    )]
-    Unusable {
-        /// Library.
-        path: PathBuf,
-        /// Cause.
-        reason: String,
-    },
-}
+const _: () = assert!(ort::MINOR_VERSION == ONNX_RUNTIME_MINOR, "messages name another version");
 
 /// ONNX Runtime, one per process.
 #[derive(Debug)]

@@ -4,10 +4,12 @@ use std::fmt;
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use ort::ep::{self, ExecutionProviderDispatch};
 use ort::memory::Allocator;
 use ort::session::builder::GraphOptimizationLevel;
 use ort::session::{IoBinding, RunOptions};
 use ort::value::{Outlet, Tensor, TensorElementType, ValueType};
+use sha2::{Digest, Sha256};
 
 use super::maps::Geometry;
 use super::{GeneratorError, Manifest, Provider, Runtime};
@@ -113,7 +115,7 @@ impl Session {
         let refused = |e: ort::Error| GeneratorError::Model { path: path.to_owned(), reason: e.message().to_owned() };
         let builder = ort::session::Session::builder(runtime.environment()).map_err(refused)?;
         let builder = builder
-            .with_execution_providers(provider.dispatch())
+            .with_execution_providers(dispatch(provider))
             .map_err(|e| GeneratorError::Provider { provider, reason: e.message().to_owned() })?;
         // Waiting threads that spin would take the processors from the renderer.
         let builder = builder.with_intra_threads(threads).map_err(|e| refused(e.into()))?;
@@ -189,6 +191,28 @@ impl Session {
             Err(e) => Err(e.into()),
         }
     }
+}
+
+/// Providers to request from ONNX Runtime; empty for the CPU.
+fn dispatch(provider: Provider) -> Vec<ExecutionProviderDispatch> {
+    let cuda = || ep::CUDA::default().build().error_on_failure();
+    match provider {
+        Provider::Cpu => Vec::new(),
+        Provider::Cuda => vec![cuda()],
+        Provider::TensorRt => vec![ep::TensorRT::default().build().error_on_failure(), cuda()],
+    }
+}
+
+/// Checks the sum of a model's file.
+///
+/// # Errors
+/// The file is another than its manifest is of.
+pub(super) fn check_hash(path: &Path, model: &[u8], expected: &str) -> Result<(), GeneratorError> {
+    let found: String = Sha256::digest(model).iter().map(|byte| format!("{byte:02x}")).collect();
+    if found.eq_ignore_ascii_case(expected) {
+        return Ok(());
+    }
+    Err(GeneratorError::Sha256 { path: path.to_owned(), expected: expected.to_owned(), found })
 }
 
 /// Checks the model's tensors against the manifest; the error is the difference.

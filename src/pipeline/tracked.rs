@@ -19,9 +19,14 @@ use crate::tracker::{
 pub struct TrackedPoses(Arc<Mutex<Estimator>>);
 
 impl TrackedPoses {
-    /// Poses from `estimator`, which [`Self::track`] feeds.
+    /// Poses from `estimator`, which [`Self::track`] or [`Self::push`] feeds.
     pub fn new(estimator: Estimator) -> Self {
         Self(Arc::new(Mutex::new(estimator)))
+    }
+
+    /// Takes a measurement of a tracker of one's own, as soon as it has arrived.
+    pub fn push(&self, measurement: &Measurement) {
+        lock(&self.0).push(measurement);
     }
 
     /// Counts of used and dropped measurements so far.

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use thiserror::Error;
 
 use super::configuration::FrameInputs;
-use super::device::{DeviceRenderer, Gpu};
+use super::device::Gpu;
 use super::error::{BackendError, RenderError};
 use super::hooks::TestHooks;
 use super::host::{self, HostRenderer};
@@ -85,8 +85,8 @@ impl Backend {
     /// Devices are preferred in the order discrete, integrated, software; `WGPU_BACKEND` restricts the interfaces.
     ///
     /// # Errors
-    /// `Device` without a driver, or with one that refuses a device. `Auto` falls back to the host, with a warning if a
-    /// driver fails.
+    /// `Device` without a driver, with one that refuses a device, or in a build without the feature `gpu`. `Auto` falls
+    /// back to the host, with a warning if a driver fails.
     pub fn open(choice: BackendChoice) -> Result<Self, BackendError> {
         match choice {
             BackendChoice::Host => Ok(Self(Kind::Host)),
@@ -147,7 +147,7 @@ impl Backend {
     pub(super) fn maker(&self, inputs: FrameInputs<'_>, hooks: &TestHooks) -> Result<Box<dyn FrameMaker>, RenderError> {
         Ok(match &self.0 {
             Kind::Host => Box::new(HostRenderer::new(inputs, hooks.trace, hooks.image)?),
-            Kind::Device(gpu) => Box::new(DeviceRenderer::new(gpu, inputs, &hooks.shaders)?),
+            Kind::Device(gpu) => gpu.maker(inputs, &hooks.shaders)?,
         })
     }
 }

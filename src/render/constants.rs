@@ -1,4 +1,5 @@
 //! Constants shared by the shaders, the host renderer and the f64 twin; `device::shaders` writes them into each shader.
+#![cfg_attr(not(feature = "gpu"), allow(dead_code, reason = "shaders take all of them"))]
 
 pub(crate) use crate::acoustics::HARD_SPEED;
 use crate::settings::{BEAM_TAPS_MAX, PULSE_TAPS_MAX};

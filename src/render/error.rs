@@ -9,6 +9,11 @@ use crate::settings::SettingsError;
 /// Failure to open or run a backend.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum BackendError {
+    /// The build has no devices.
+    #[error(
+        "insonify was built without the feature `gpu`, which devices need; build it with that feature, or render on the processors with `--backend host`"
+    )]
+    NotBuilt,
     /// No driver was found.
     #[error(
         "no GPU driver was found ({reason}). Render on the processors with `--backend host`, install the driver of your GPU, or Mesa's software Vulkan: `sudo apt-get install mesa-vulkan-drivers libvulkan1`"

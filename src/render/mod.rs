@@ -9,6 +9,10 @@ mod batch_plan;
 mod compounding;
 mod configuration;
 mod constants;
+#[cfg(feature = "gpu")]
+mod device;
+#[cfg(not(feature = "gpu"))]
+#[path = "no_device.rs"]
 mod device;
 mod elevation;
 mod error;

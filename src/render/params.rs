@@ -18,6 +18,7 @@ const IMAGE_WORDS: usize = size_of::<ImageUniforms>() / 4;
 /// Words of padding that make the uniforms a multiple of 16 bytes.
 const TAIL: usize = IMAGE_WORDS.next_multiple_of(4) - IMAGE_WORDS;
 /// Vectors of four that hold the image settings.
+#[cfg(feature = "gpu")]
 pub(crate) const IMAGE_QUADS: usize = IMAGE_WORDS.div_ceil(4);
 
 // WGSL aligns vectors to 16 bytes. A field before `sheets` needs others, or padding, to a multiple of that.

@@ -10,8 +10,10 @@ pub mod frame_line;
 pub mod frame_log;
 pub mod frame_record;
 pub mod live;
+#[cfg(feature = "video")]
 pub mod live_video;
 pub mod meta_image;
+#[cfg(feature = "video")]
 pub mod mp4;
 pub mod npy;
 pub mod null;
@@ -25,8 +27,10 @@ pub(crate) mod canvas;
 pub(crate) mod error;
 mod file;
 mod frame_rate;
+#[cfg(feature = "video")]
 mod growing_mp4;
 mod live_kind;
+#[cfg(feature = "live")]
 pub(crate) mod pool;
 
 pub use error::SinkError;
@@ -36,7 +40,9 @@ pub use frame_log::FrameLog;
 pub use frame_rate::FrameRate;
 pub use frame_record::FrameRecord;
 pub use live_kind::{LiveSinkKind, UnknownSink};
+#[cfg(feature = "video")]
 pub use live_video::LiveVideo;
+#[cfg(feature = "video")]
 pub use mp4::Video;
 pub use null::NullSink;
 pub use png_sequence::PngSequence;

@@ -21,6 +21,7 @@ use driver::Driver;
 use ndi::NdiDriver;
 use polhemus::PolhemusDriver;
 
+#[cfg(feature = "recordings")]
 mod arrival;
 pub mod ascii_line;
 mod axis_map;
@@ -45,9 +46,11 @@ mod passive;
 pub mod polhemus;
 mod pose_tap;
 pub mod recording;
+#[cfg(feature = "live")]
 mod session;
 mod settings;
 pub mod spacemouse;
+#[cfg(feature = "live")]
 mod transport;
 
 pub use axis_map::{AxisMap, AxisMapError};
@@ -59,6 +62,7 @@ pub use listener::{Listener, TrackerEvent};
 pub use monitor::{Monitor, Report, SessionState};
 pub use passive::Passive;
 pub use pose_tap::{PoseStream, PoseTap, Poses, pose_tap};
+#[cfg(feature = "live")]
 pub use session::{SessionHandle, SessionSummary, spawn, stream_of};
 pub use settings::{BAUD_RANGE, PortName, PortNameError, Settings, Speed, Transport};
 

@@ -96,6 +96,7 @@ impl Transport {
     }
 
     /// Whether devices with `protocol` are silent at rest, like pucks.
+    #[cfg(feature = "live")]
     pub(super) fn may_rest(protocol: Protocol) -> bool {
         HID.contains(&protocol.name())
     }

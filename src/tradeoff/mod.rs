@@ -4,11 +4,15 @@
 mod effect_truth;
 mod front;
 mod knobs;
+#[cfg(feature = "plots")]
 mod labels;
+#[cfg(feature = "plots")]
 mod panel;
 mod plan;
+#[cfg(feature = "plots")]
 pub mod plot;
 mod point;
+#[cfg(feature = "plots")]
 mod style;
 mod table;
 

@@ -1,4 +1,4 @@
-//! The documents: links, pictures, placeholders, make targets, lengths, and tables of figures. Their command lines are
+//! The documents: links, pictures, placeholders, make targets, lengths, and tables of figures; and the weight of what git tracks. Their command lines are
 //! held to the parser in `src/commands/documents.rs`.
 
 // clippy counts helpers as outside of tests; a failing helper fails its test.
@@ -9,6 +9,7 @@ mod links;
 mod markdown;
 mod picture;
 mod shell;
+mod weight;
 
 use std::path::Path;
 
@@ -113,5 +114,24 @@ fn long_documents_are_found() {
         assert!(root().join(name).exists(), "{name}");
         assert_eq!(length(name, &"word\n".repeat(most)), None);
         assert!(length(name, &"word ".repeat(most + 1)).is_some());
+    }
+}
+
+#[test]
+fn no_tracked_file_is_large_without_a_reason() {
+    let files = weight::tracked(root()).unwrap();
+    assert!(files.len() > 500, "git lists {} files", files.len());
+    none(&weight::faults(&files, &weight::LISTED));
+}
+
+#[test]
+fn large_files_and_needless_reasons_are_found() {
+    let files = |bytes| [("a.png".to_owned(), bytes)];
+    assert_eq!(weight::faults(&files(weight::LARGEST), &[]), [""; 0]);
+    assert!(weight::faults(&files(weight::LARGEST + 1), &[])[0].starts_with("a.png has 1000001 bytes"));
+    assert_eq!(weight::faults(&files(weight::LARGEST + 1), &[("a.png", "a film")]), [""; 0]);
+    for (bytes, listed) in [(9, ("a.png", "a film")), (weight::LARGEST + 1, ("a.png", "")), (9, ("gone.png", "a film"))]
+    {
+        assert_eq!(weight::faults(&files(bytes), &[listed]).len(), 1, "{listed:?}");
     }
 }

@@ -9,11 +9,12 @@ use std::time::Duration;
 use thiserror::Error;
 use tokio::sync::mpsc;
 
-use super::clock::{Clock, Signal};
-use super::controls::Controls;
+use super::clock::{Clock, Signal, SystemClock};
+use super::controls::{CONTROLS_WAITING, Controls};
 use super::events::{Events, Observer};
 use super::generate_stage::GenerateStage;
 use super::generator_link::GeneratorLink;
+use super::local_renderer::LocalRendererFactory;
 use super::metrics::{Metrics, Status, counted};
 use super::parts::{Enhancer, FrameRenderer, PoseSource, RendererFactory};
 use super::presenter::Presenter;
@@ -24,8 +25,8 @@ use super::sink_stage::SinkStage;
 use super::slot::Slot;
 use super::summary::Summary;
 use crate::chooser::PointController;
-use crate::render::RenderSettings;
-use crate::settings::{Choice, Control, LiveSettings, PipelineSettings};
+use crate::render::{RenderError, RenderSettings};
+use crate::settings::{Choice, Control, Effect, LiveSettings, PipelineSettings};
 use crate::sink::FrameLog;
 use crate::sink::live::LiveSink;
 use crate::transducer::Probe;
@@ -90,6 +91,42 @@ pub struct Parts {
     pub before: Vec<Box<dyn Part>>,
     /// Parts that end after all sinks: the recorder.
     pub after: Vec<Box<dyn Part>>,
+}
+
+impl Parts {
+    /// Parts of a session on the system's clock that shows `poses` at a fixed quality: no sink, log, generator or recording yet.
+    /// Watchers send their controls through the sender.
+    ///
+    /// # Errors
+    /// The same as those of [`Renderer::new`](crate::render::Renderer::new).
+    pub fn new(
+        poses: impl PoseSource + 'static,
+        factory: LocalRendererFactory,
+        probe: Probe,
+        render: RenderSettings,
+    ) -> Result<(Self, mpsc::Sender<Control>), RenderError> {
+        let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
+        let (sender, controls) = mpsc::channel(CONTROLS_WAITING);
+        let parts = Self {
+            stop: Stop::new(&clock),
+            clock,
+            poses: Box::new(poses),
+            renderer: Box::new(factory.build_renderer(&probe, &render)?),
+            factory: Box::new(factory),
+            probe,
+            render,
+            points: None,
+            aperture: render.effects.of(Effect::Aperture),
+            enhancer: None,
+            sinks: Vec::new(),
+            log: None,
+            controls,
+            observer: None,
+            before: Vec::new(),
+            after: Vec::new(),
+        };
+        Ok((parts, sender))
+    }
 }
 
 /// The threads of a session.

@@ -11,12 +11,14 @@ mod beams;
 mod geometry;
 mod grid;
 mod sampling;
+#[cfg(feature = "gpu")]
 mod shape;
 mod unobstructed;
 
 use grid::Grid;
 pub(crate) use grid::{MODE_LANES, OFFSETS_MAX, PLANES_MAX};
 pub(crate) use sampling::{CellRays, Sampling};
+#[cfg(feature = "gpu")]
 pub(crate) use shape::{ApertureShape, MODE_NONE};
 use unobstructed::unobstructed;
 

@@ -11,6 +11,5 @@ mod shaders;
 mod snapshot;
 
 pub(super) use gpu::Gpu;
-pub(super) use renderer::DeviceRenderer;
 #[cfg_attr(not(feature = "test-hooks"), allow(unreachable_pub, reason = "public in tests"))]
 pub use shaders::ShaderSet;

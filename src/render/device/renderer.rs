@@ -29,7 +29,7 @@ struct InFlight {
 
 /// Makes frames by the shaders of a device.
 #[derive(Debug)]
-pub(in crate::render) struct DeviceRenderer {
+struct DeviceRenderer {
     gpu: Gpu,
     scene: SceneBuffers,
     pipelines: Pipelines,
@@ -42,16 +42,26 @@ pub(in crate::render) struct DeviceRenderer {
     uniforms: Vec<u8>,
 }
 
+impl Gpu {
+    /// Frame maker of a scene and a configuration.
+    ///
+    /// # Errors
+    /// As [`DeviceRenderer::new`].
+    pub(in crate::render) fn maker(
+        &self,
+        inputs: FrameInputs<'_>,
+        shaders: &ShaderSet,
+    ) -> Result<Box<dyn FrameMaker>, BackendError> {
+        Ok(Box::new(DeviceRenderer::new(self, inputs, shaders)?))
+    }
+}
+
 impl DeviceRenderer {
     /// A renderer of a scene and a configuration.
     ///
     /// # Errors
     /// A device that fails, is too small or has no memory left.
-    pub(in crate::render) fn new(
-        gpu: &Gpu,
-        inputs: FrameInputs<'_>,
-        shaders: &ShaderSet,
-    ) -> Result<Self, BackendError> {
+    fn new(gpu: &Gpu, inputs: FrameInputs<'_>, shaders: &ShaderSet) -> Result<Self, BackendError> {
         let scene = SceneBuffers::new(gpu, &inputs.media.surface_words, inputs.bvh)?;
         let mut pipelines = Pipelines::new(shaders);
         let active = DeviceConfiguration::new(gpu, &scene, &mut pipelines, inputs, None)?;

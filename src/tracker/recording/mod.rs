@@ -26,25 +26,44 @@ use thiserror::Error;
 use super::{Protocol, TrackerEvent, UnknownProtocol};
 use crate::pose::{Pose, TrackingState};
 
+#[cfg(feature = "recordings")]
 mod attached;
 mod caliper;
+#[cfg(feature = "recordings")]
 mod decoded;
+#[cfg(feature = "recordings")]
 mod in_order;
+#[cfg(feature = "recordings")]
 mod part;
+#[cfg(feature = "recordings")]
 mod pose_json;
+#[cfg(feature = "recordings")]
 mod poses;
+#[cfg(feature = "recordings")]
 mod reader;
+#[cfg(feature = "recordings")]
 mod recorder;
+#[cfg(feature = "recordings")]
 mod summary;
 mod timing;
+#[cfg(feature = "recordings")]
+mod writer;
+#[cfg(not(feature = "recordings"))]
+#[path = "no_writer.rs"]
 mod writer;
 
 pub use caliper::{CALIPER_EVENT, CaliperEvent, ellipse_circumference_mm};
+#[cfg(feature = "recordings")]
 pub use decoded::{DecodedRecording, Item};
+#[cfg(feature = "recordings")]
 pub use part::part_path;
+#[cfg(feature = "recordings")]
 pub use poses::{measurements, poses, poses_of, read_all, read_both};
+#[cfg(feature = "recordings")]
 pub use reader::{Damage, RecordingReader};
+#[cfg(feature = "recordings")]
 pub use recorder::{QueueLimits, Recorded, Recorder, RecorderError, RecorderHandle};
+#[cfg(feature = "recordings")]
 pub use summary::RecordingSummary;
 pub use timing::{GAP_NS, Gap, Timing};
 pub use writer::RecordingWriter;
@@ -166,6 +185,12 @@ pub enum Entry {
 /// Errors in reading or writing a recording.
 #[derive(Debug, Error)]
 pub enum RecordingError {
+    /// The build has no recordings.
+    #[error("cannot write {path}: insonify was built without the feature `recordings`; build it with that feature")]
+    NotBuilt {
+        /// File.
+        path: PathBuf,
+    },
     /// The file could not be read.
     #[error("cannot read the recording {path}: {source}")]
     Read {

@@ -1,0 +1,6 @@
+//! Hexadecimal text.
+
+/// Lower-case hexadecimal digits of bytes, as sums are written.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}

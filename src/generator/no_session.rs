@@ -1,0 +1,69 @@
+//! What stands for sessions in a build without the feature `generator`: there are none.
+
+use std::convert::Infallible;
+use std::path::Path;
+
+use super::maps::Geometry;
+use super::{GeneratorError, Manifest, Provider, Runtime, RuntimeError};
+
+/// Stops a run from another thread.
+#[derive(Debug, Clone)]
+pub struct Terminator(Infallible);
+
+impl Terminator {
+    /// Number of the run in progress, counted from 1; None if there is none.
+    pub fn running(&self) -> Option<u64> {
+        match self.0 {}
+    }
+
+    /// Stops the run in progress. Returns whether there was one.
+    pub fn terminate(&self) -> bool {
+        match self.0 {}
+    }
+
+    /// As [`Terminator::terminate`], but only if the run in progress has this number.
+    pub fn terminate_run(&self, _number: u64) -> bool {
+        match self.0 {}
+    }
+}
+
+/// Reason why a run gave no image.
+pub(super) enum RunFailure {
+    #[expect(dead_code, reason = "nothing runs")]
+    Stopped,
+    #[expect(dead_code, reason = "nothing runs")]
+    Failed(String),
+}
+
+/// One model.
+pub(super) struct Session(Infallible);
+
+impl Session {
+    pub(super) fn new(
+        runtime: &Runtime,
+        _path: &Path,
+        _model: &[u8],
+        _manifest: &Manifest,
+        _provider: Provider,
+        _threads: usize,
+    ) -> Result<Self, GeneratorError> {
+        runtime.none()
+    }
+
+    pub(super) fn terminator(&self) -> Terminator {
+        match self.0 {}
+    }
+
+    pub(super) fn input(&mut self, _geometry: &Geometry) -> Result<&mut [f32], RunFailure> {
+        match self.0 {}
+    }
+
+    pub(super) fn run(&mut self) -> Result<&[f32], RunFailure> {
+        match self.0 {}
+    }
+}
+
+/// Checks the sum of a model's file.
+pub(super) fn check_hash(_path: &Path, _model: &[u8], _expected: &str) -> Result<(), GeneratorError> {
+    Err(RuntimeError::NotBuilt.into())
+}

@@ -1,0 +1,42 @@
+//! What stands for the graphics device in a build without the feature `gpu`: there is none.
+
+use std::convert::Infallible;
+
+use super::configuration::FrameInputs;
+use super::error::BackendError;
+use super::maker::FrameMaker;
+
+/// A device, of which there is none.
+#[derive(Debug, Clone)]
+pub(super) struct Gpu(Infallible);
+
+/// Shaders of a device.
+#[derive(Debug, Clone, Default)]
+#[cfg_attr(not(feature = "test-hooks"), allow(unreachable_pub, reason = "public in tests"))]
+pub struct ShaderSet;
+
+impl Gpu {
+    pub(super) fn may_exist() -> bool {
+        false
+    }
+
+    pub(super) fn open(_software: bool) -> Result<Self, BackendError> {
+        Err(BackendError::NotBuilt)
+    }
+
+    pub(super) fn maker(&self, _: FrameInputs<'_>, _: &ShaderSet) -> Result<Box<dyn FrameMaker>, BackendError> {
+        match self.0 {}
+    }
+
+    pub(super) fn adapter_name(&self) -> String {
+        match self.0 {}
+    }
+
+    pub(super) fn driver(&self) -> String {
+        match self.0 {}
+    }
+
+    pub(super) fn is_software(&self) -> bool {
+        match self.0 {}
+    }
+}
