@@ -21,6 +21,7 @@ mod own_scene;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use insonify::dataset::{Dataset, Split};
 use insonify::render::Quality;
 use insonify::{Frame, Scene};
 use tempfile::TempDir;
@@ -104,16 +105,17 @@ fn the_live_session_shows_what_its_tracker_says() {
 fn the_data_set_is_planned_rendered_and_read() {
     let (folder, station) = small_station();
     let rendered = data_set::render(&station, 4, Quality { rays: 2, ..Quality::LQ }).unwrap();
-    assert!(
-        rendered.len() == 4 && rendered.iter().all(|difference| (0.01..100.0).contains(difference)),
-        "{rendered:?}"
-    );
+    let plausible = |differences: &[f64]| differences.iter().all(|levels| (0.0..100.0).contains(levels));
+    assert!(rendered.len() == 4 && plausible(&rendered), "{rendered:?}");
+    // Where only liver is seen, one ray is as good as two.
+    assert!(rendered.iter().any(|levels| *levels > 0.1), "{rendered:?}");
     let out = folder.path().join("data");
     let mut dataset = Command::new(env!("CARGO_BIN_EXE_insonify"));
     dataset.arg("dataset").arg(&station).args(["--frames", "4", "--frames-per-exam", "2", "--hq", "2x1", "--out"]);
     assert!(dataset.arg(&out).output().unwrap().status.success());
     let read = data_set::read(&out).unwrap();
-    assert!(!read.is_empty() && read.iter().all(|difference| (0.01..100.0).contains(difference)), "{read:?}");
+    let training = Dataset::open(&out).unwrap().of(Split::Train).count();
+    assert!(training > 0 && read.len() == training && plausible(&read), "{read:?}");
 }
 
 #[test]

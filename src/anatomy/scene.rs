@@ -216,11 +216,11 @@ mod tests {
     fn surfaces_lie_in_the_order_of_their_priorities_and_unknown_tissues_are_named() {
         let mut scene = Scene::new(TissueTable::builtin().unwrap(), "liver").unwrap();
         for (name, priority) in [("b", 2), ("a", 1), ("c", 2)] {
-            scene.add(name, "bone", priority, Mesh::default()).unwrap();
+            scene.add(name, "kidney", priority, Mesh::default()).unwrap();
         }
         assert_eq!(scene.surfaces.iter().map(|s| s.name.as_str()).collect::<String>(), "abc");
-        let error = scene.add("d", "bnoe", 1, Mesh::default()).unwrap_err().to_string();
-        assert!(error.contains("surface `d`") && error.contains("did you mean `bone`"), "{error}");
+        let error = scene.add("d", "kidny", 1, Mesh::default()).unwrap_err().to_string();
+        assert!(error.contains("surface `d`") && error.contains("did you mean `kidney`"), "{error}");
         let error = Scene::new(TissueTable::default(), "liver").unwrap_err().to_string();
         assert!(error.contains("the background") && error.contains("`liver`"), "{error}");
         assert_eq!(scene.surfaces.len(), 3);
