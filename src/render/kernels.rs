@@ -81,15 +81,15 @@ impl Kernels {
         let half = |taps: u32| taps.saturating_sub(1) / 2;
         let (lateral_half, kernels, clipped_beam) = lateral_kernels(probe, half(settings.beam_taps_max), reach);
         let (axial_half, pulse, clipped_pulse) = pulse(probe, half(settings.pulse_taps_max));
-        let alike = match sheets {
-            Some(sheets) => Alike::new(sheets.shared()),
-            None => Alike::new(shared_cells),
+        let correlation = match sheets {
+            Some(sheets) => ScattererCorrelation::new(sheets.shared()),
+            None => ScattererCorrelation::new(shared_cells),
         };
         let axial = autocorrelation(&pulse);
         let width = 2 * lateral_half as usize + 1;
         let gain = |(block, kernel): (usize, &[f64])| {
             let spacing_mm = probe.line_spacing_mm(depth_mm(probe, block as u32));
-            let power = alike.power(&autocorrelation(kernel), spacing_mm, &axial, probe.sample_spacing_mm());
+            let power = correlation.power(&autocorrelation(kernel), spacing_mm, &axial, probe.sample_spacing_mm());
             (1.0 / power.sqrt()) as f32
         };
         let scatterer_gain = kernels.par_chunks_exact(width).enumerate().map(gain).collect();
@@ -197,12 +197,12 @@ fn autocorrelation(weights: &[f64]) -> Vec<f64> {
 }
 
 /// Correlation of the scatterers at two points of a slice by their distance.
-struct Alike {
+struct ScattererCorrelation {
     /// Values at multiples of `STEP_MM`, up to the first that is 0.
     values: Vec<f64>,
 }
 
-impl Alike {
+impl ScattererCorrelation {
     const STEP_MM: f64 = 0.01;
     const STEPS_MAX: usize = 512;
 
