@@ -5,15 +5,15 @@
 //! [`choose`] picks the first point of a session; [`PointController`] follows the load and the probe's speed from there on.
 
 mod candidates;
-mod choice;
 mod control;
 mod error;
 mod error_table;
+mod starting_point;
 mod times;
 
-pub use choice::{Choice, choose, scene_name};
 pub use control::{Candidate, FrameBudget, PointChange, PointController, PointSummary, Switch};
 pub use error::ChooserError;
 pub use error_table::{
     ErrorTable, ErrorTableError, ExpectedErrors, GeneratorKey, PointError, StationErrors, kind_name,
 };
+pub use starting_point::{StartingPoint, choose, scene_name};

@@ -11,7 +11,7 @@ use super::error_table::GeneratorKey;
 use crate::files::{self, FileKind};
 use crate::generator::{Generator, GeneratorError};
 use crate::pose::Pose;
-use crate::render::{BackendError, Frame, FrameQuality, RenderError, Renderer, processor_name};
+use crate::render::{BackendError, Effect, Frame, FrameQuality, RenderError, Renderer, processor_name};
 use crate::sink::write_json;
 use crate::station::Station;
 use crate::statistics::{mean, nearest_rank, sorted};
@@ -213,7 +213,7 @@ fn runs(generator: &mut Generator, station: &Station, frame_ms: f64) -> Result<V
 /// Times of frames of a quality, ms; none if the device has no room for them.
 fn frames(bench: &mut Bench<'_>, quality: FrameQuality, maps: bool) -> Result<Option<Vec<f64>>, RenderError> {
     let Station { probe, settings, .. } = bench.station;
-    let aperture = settings.effects.of(crate::render::Effect::Aperture);
+    let aperture = settings.effects.of(Effect::Aperture);
     let mut settings = quality.apply(settings, aperture);
     settings.maps = maps;
     match bench.renderer.reconfigure(probe, &settings) {

@@ -32,12 +32,12 @@ pub(crate) fn choose(
 ) -> Result<Chosen, Failure> {
     let aperture = station.settings.effects.of(Effect::Aperture);
     let mut generators = if generate { generators(station)? } else { Vec::new() };
-    let choice = chooser::choose(renderer, station, &mut generators, pose)?;
-    for message in &choice.messages {
+    let start = chooser::choose(renderer, station, &mut generators, pose)?;
+    for message in &start.messages {
         eprintln!("{message}");
     }
     let enhancer = Generators::new(generators).map(|generators| Box::new(generators) as Box<dyn Enhancer>);
-    Ok(Chosen { enhancer, points: choice.controller, aperture })
+    Ok(Chosen { enhancer, points: start.controller, aperture })
 }
 
 /// The station's generators; none without models, without ONNX Runtime, or if every model is refused. Failures are logged

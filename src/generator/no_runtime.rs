@@ -1,11 +1,11 @@
-//! What stands for ONNX Runtime in a build without the feature `generator`: there is none.
+//! ONNX Runtime in a build without the feature `generator`. It can't be loaded.
 
 use std::convert::Infallible;
 use std::path::Path;
 
 use super::RuntimeError;
 
-/// ONNX Runtime, which this build cannot load.
+/// ONNX Runtime. No value of it exists.
 #[derive(Debug)]
 pub struct Runtime(Infallible);
 
@@ -23,7 +23,7 @@ impl Runtime {
         match self.0 {}
     }
 
-    /// What nobody can ask for: there is no runtime.
+    /// Any value: without a runtime this is never called.
     pub(super) fn none<T>(&self) -> T {
         match self.0 {}
     }

@@ -1,4 +1,4 @@
-//! What stands for sessions in a build without the feature `generator`: there are none.
+//! Sessions of ONNX Runtime in a build without the feature `generator`. None can be opened.
 
 use std::convert::Infallible;
 use std::path::Path;
@@ -35,7 +35,7 @@ pub(super) enum RunFailure {
     Failed(String),
 }
 
-/// One model.
+/// A session of one model. No value of it exists.
 pub(super) struct Session(Infallible);
 
 impl Session {

@@ -13,6 +13,7 @@ use sha2::{Digest, Sha256};
 
 use super::maps::Geometry;
 use super::{GeneratorError, Manifest, Provider, Runtime};
+use crate::files::hex;
 
 /// Stops a run from another thread.
 #[derive(Clone)]
@@ -208,7 +209,7 @@ fn dispatch(provider: Provider) -> Vec<ExecutionProviderDispatch> {
 /// # Errors
 /// The file is another than its manifest is of.
 pub(super) fn check_hash(path: &Path, model: &[u8], expected: &str) -> Result<(), GeneratorError> {
-    let found: String = Sha256::digest(model).iter().map(|byte| format!("{byte:02x}")).collect();
+    let found = hex(&Sha256::digest(model));
     if found.eq_ignore_ascii_case(expected) {
         return Ok(());
     }

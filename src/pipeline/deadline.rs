@@ -19,7 +19,7 @@ impl ChoiceSettings {
 
 /// Chooses the picture of each frame. It has no clock: its owner reports which pictures were ready.
 #[derive(Debug)]
-pub struct Chooser {
+pub(super) struct DeadlineChooser {
     settings: ChoiceSettings,
     /// Whether generated pictures are currently shown.
     enhanced: bool,
@@ -34,20 +34,20 @@ pub struct Chooser {
     since_change: u32,
 }
 
-impl Chooser {
+impl DeadlineChooser {
     /// A chooser that starts with rendered pictures, until generated ones have been ready for long enough.
-    pub fn new(settings: ChoiceSettings) -> Self {
+    pub(super) fn new(settings: ChoiceSettings) -> Self {
         let row = settings.steady_frames.clamp(1, ROW_MAX);
         Self { settings, enhanced: false, in_time: 0, last_in_time: None, near: 0, row, since_change: 0 }
     }
 
     /// Whether to wait for the frame's own generated picture: they are shown already, or this frame could be the first.
-    pub fn waits(&self) -> bool {
+    pub(super) fn waits(&self) -> bool {
         self.enhanced || self.in_time >= self.row
     }
 
     /// Reports that the generated picture of frame `number` was ready at `ready`, to be used until `deadline`.
-    pub fn ready(&mut self, number: u64, ready: Duration, deadline: Duration) {
+    pub(super) fn ready(&mut self, number: u64, ready: Duration, deadline: Duration) {
         if ready > deadline {
             self.in_time = 0;
             return;
@@ -59,7 +59,7 @@ impl Chooser {
 
     /// Chooses the next frame's picture. `own_ready`: its own generated picture is ready. `held_near`: the last
     /// generated picture is close enough in pose to be shown again.
-    pub fn choose(&mut self, own_ready: bool, held_near: bool) -> FrameSource {
+    pub(super) fn choose(&mut self, own_ready: bool, held_near: bool) -> FrameSource {
         self.near = if held_near { self.near.saturating_add(1) } else { 0 };
         self.since_change = self.since_change.saturating_add(1);
         if self.enhanced && !own_ready && !held_near {
@@ -80,7 +80,7 @@ impl Chooser {
     }
 
     /// Resets to rendered pictures: the generator was switched off, or there is no picture.
-    pub fn reset(&mut self) {
+    pub(super) fn reset(&mut self) {
         (self.enhanced, self.in_time, self.near, self.last_in_time) = (false, 0, 0, None);
     }
 }
@@ -96,7 +96,7 @@ mod tests {
     const MS: Duration = Duration::from_millis(1);
 
     /// Choices for `frames` frames; frame n has its own picture in time if `ready(n)`.
-    fn run(chooser: &mut Chooser, first: u64, ready: impl Fn(u64) -> bool, frames: u64) -> Vec<FrameSource> {
+    fn run(chooser: &mut DeadlineChooser, first: u64, ready: impl Fn(u64) -> bool, frames: u64) -> Vec<FrameSource> {
         (first..first + frames)
             .map(|n| {
                 chooser.ready(n, if ready(n) { MS } else { MS * 3 }, MS * 2);
@@ -107,19 +107,19 @@ mod tests {
 
     #[test]
     fn a_steady_generator_is_shown_after_its_row_and_then_always() {
-        let shown = run(&mut Chooser::new(SETTINGS), 0, |_| true, 100);
+        let shown = run(&mut DeadlineChooser::new(SETTINGS), 0, |_| true, 100);
         assert_eq!(shown[..4], [LowQuality, LowQuality, Enhanced, Enhanced]);
         assert!(shown[2..].iter().all(|s| *s == Enhanced));
     }
 
     #[test]
     fn a_generator_in_time_for_every_other_frame_is_never_shown() {
-        assert!(run(&mut Chooser::new(SETTINGS), 0, |n| n % 2 == 0, 1000).iter().all(|s| *s == LowQuality));
+        assert!(run(&mut DeadlineChooser::new(SETTINGS), 0, |n| n % 2 == 0, 1000).iter().all(|s| *s == LowQuality));
     }
 
     #[test]
     fn a_generator_at_its_limit_changes_the_picture_ever_more_rarely() {
-        let shown = run(&mut Chooser::new(SETTINGS), 0, |n| n % 10 != 9, 2000);
+        let shown = run(&mut DeadlineChooser::new(SETTINGS), 0, |n| n % 10 != 9, 2000);
         let changes: Vec<_> = (1..shown.len()).filter(|&i| shown[i] != shown[i - 1]).collect();
         assert!(changes.len() <= 6, "{changes:?}");
         assert!(changes.iter().all(|&i| i < 100), "{changes:?}");
@@ -129,7 +129,7 @@ mod tests {
 
     #[test]
     fn one_miss_after_a_long_time_does_not_cost_more_than_a_row() {
-        let mut chooser = Chooser::new(SETTINGS);
+        let mut chooser = DeadlineChooser::new(SETTINGS);
         run(&mut chooser, 0, |_| true, 1000);
         let shown = run(&mut chooser, 1000, |n| n != 1000, 5);
         assert_eq!(shown, [LowQuality, LowQuality, LowQuality, Enhanced, Enhanced]);
@@ -137,7 +137,7 @@ mod tests {
 
     #[test]
     fn a_slow_generator_is_held_while_the_probe_rests_and_never_beyond() {
-        let mut chooser = Chooser::new(SETTINGS);
+        let mut chooser = DeadlineChooser::new(SETTINGS);
         let mut frame = |near| {
             chooser.ready(0, MS * 9, MS);
             chooser.choose(false, near)

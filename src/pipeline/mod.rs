@@ -39,7 +39,6 @@ mod tracked;
 
 pub use clock::{Clock, NEVER, Signal, SystemClock};
 pub use controls::CONTROLS_WAITING;
-pub use deadline::Chooser;
 pub use events::Observer;
 pub use generators::Generators;
 pub use histogram::{Histogram, Percentiles};

@@ -5,7 +5,7 @@ use std::sync::{Arc, PoisonError};
 use tracing::field::Empty;
 
 use super::clock::{Clock, NEVER, Signal, ms};
-use super::deadline::Chooser;
+use super::deadline::DeadlineChooser;
 use super::events::Events;
 use super::generate_stage::Generated;
 use super::generator_link::GeneratorLink;
@@ -47,8 +47,12 @@ pub(super) struct Presenter {
 impl Presenter {
     /// Presents rendered frames until the slot is closed. Returns the log, to be completed.
     pub(super) fn run(mut self) -> Option<FrameLog> {
-        let mut state =
-            State { chooser: Chooser::new(self.choice), held: None, look: Look::default(), pool: Pool::new(FRAMES) };
+        let mut state = State {
+            chooser: DeadlineChooser::new(self.choice),
+            held: None,
+            look: Look::default(),
+            pool: Pool::new(FRAMES),
+        };
         while let Some(rendered) = self.next(&mut state) {
             if self.frames_max.is_some_and(|max| self.metrics.shown(|s| s.presented) >= max) {
                 count(&self.metrics.ended);
@@ -195,7 +199,7 @@ impl Presenter {
 }
 
 struct State {
-    chooser: Chooser,
+    chooser: DeadlineChooser,
     /// The last generated picture.
     held: Option<Arc<Generated>>,
     look: Look,

@@ -114,8 +114,7 @@ impl Scanlines {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::transducer::ProbeKind;
-    use crate::transducer::Sector;
+    use crate::transducer::{ProbeKind, Sector};
 
     #[test]
     fn sums_become_means() {

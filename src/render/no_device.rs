@@ -1,4 +1,4 @@
-//! What stands for the graphics device in a build without the feature `gpu`: there is none.
+//! Graphics device of a build without the feature `gpu`. It can't be opened.
 
 use std::convert::Infallible;
 
@@ -6,11 +6,11 @@ use super::configuration::FrameInputs;
 use super::error::BackendError;
 use super::maker::FrameMaker;
 
-/// A device, of which there is none.
+/// A graphics device. No value of it exists.
 #[derive(Debug, Clone)]
 pub(super) struct Gpu(Infallible);
 
-/// Shaders of a device.
+/// Shaders of a device: none.
 #[derive(Debug, Clone, Default)]
 #[cfg_attr(not(feature = "test-hooks"), allow(unreachable_pub, reason = "public in tests"))]
 pub struct ShaderSet;

@@ -9,7 +9,7 @@ use insonify::anatomy::Tissue;
 use insonify::anatomy::{Bvh, analytic};
 use insonify::render::{Backend, BackendChoice, Choice, Effect, Frame, RenderSettings, Renderer};
 use insonify::selftest::bench::{Bench, at, grainy, linear, slab, small};
-use insonify::selftest::measure::line;
+use insonify::selftest::measure::power_about;
 use insonify::transducer::{Probe, ProbeKind};
 
 use crate::fixtures::rows;
@@ -112,10 +112,7 @@ impl Case {
         };
         let (with, without) = (render(true), render(false));
         let power = |frames: &[Frame], range_mm: f64| {
-            let sample = |mm: f64| (mm / probe.sample_spacing_mm()) as usize;
-            let window = sample(range_mm - WINDOW_MM)..sample(range_mm + WINDOW_MM);
-            let samples = frames.iter().flat_map(|frame| &line(&probe, frame, LINES / 2)[window.clone()]);
-            samples.map(|[re, im]| f64::from(re * re + im * im)).sum::<f64>()
+            frames.iter().map(|frame| power_about(&probe, frame, LINES / 2, range_mm, WINDOW_MM)).sum::<f64>()
         };
         let level = |&(behind_mm, _): &(f64, f64)| {
             let range_mm = self.depth_mm + behind_mm;

@@ -1,11 +1,11 @@
-//! What stands for the writer of recordings in a build without the feature `recordings`: there is none.
+//! Writer of recordings in a build without the feature `recordings`. It can't be created.
 
 use std::convert::Infallible;
 use std::path::Path;
 
 use super::{Event, RecordingError, RecordingInfo};
 
-/// Writer of a recording, which this build lacks.
+/// Writer of a recording. No value of it exists.
 #[derive(Debug)]
 pub struct RecordingWriter(Infallible);
 

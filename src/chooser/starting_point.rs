@@ -1,4 +1,4 @@
-//! The first operating point of a session.
+//! The operating point that a session starts with.
 
 use super::candidates::{Model, Open};
 use super::control::{FrameBudget, PointController};
@@ -15,9 +15,9 @@ const PART_OF_PERIOD: f64 = 0.9;
 /// Part of the present error that another point must have to be worth a hint.
 const HINT: f64 = 0.9;
 
-/// A controller, and what its user should know.
+/// Controller of a session at its first operating point, and sentences for its user.
 #[derive(Debug, Default)]
-pub struct Choice {
+pub struct StartingPoint {
     /// `None` if there is nothing to choose: a fixed quality without generators.
     pub controller: Option<PointController>,
     /// Sentences about the choice: the point, its error and time, and what would fit better than a fixed quality.
@@ -43,13 +43,13 @@ pub fn choose(
     station: &mut Station,
     generators: &mut [Generator],
     pose: Option<Pose>,
-) -> Result<Choice, ChooserError> {
+) -> Result<StartingPoint, ChooserError> {
     let mut messages = Vec::new();
     let budgeted = station.quality_budget_ms.is_some();
     // The default quality is no choice that a hint could better.
     let own = FrameQuality::of(&station.settings);
     if !budgeted && generators.is_empty() && own.paths() == 1 {
-        return Ok(Choice::default());
+        return Ok(StartingPoint::default());
     }
     // The tracked pose is not known yet; the session later corrects a wrong choice.
     let pose = pose.or(station.default_pose).unwrap_or(Pose::IDENTITY);
@@ -84,7 +84,7 @@ pub fn choose(
     };
     messages.extend(controller.as_ref().and_then(PointController::generator_reason).map(str::to_owned));
     renderer.reconfigure(&station.probe, &station.settings)?;
-    Ok(Choice { controller, messages })
+    Ok(StartingPoint { controller, messages })
 }
 
 /// Time that a frame may take, ms: the station's budget, within its period.
