@@ -9,8 +9,10 @@ struct SheetFamily {
     share: f32,
     // Added to the number of each sheet.
     salt: u32,
-    pad0: u32,
-    pad1: u32,
+    // Side of a cell, mm.
+    cell_mm: f32,
+    // Scatterers of a cell, 1 to 4.
+    cell_scatterers: u32,
 }
 
 // Uniforms of every pass: `Params` of src/render/params.rs, field by field.

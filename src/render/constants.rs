@@ -40,8 +40,16 @@ pub(crate) const PLACES_MAX: u32 = 192;
 /// Range beyond every sample, mm.
 pub(crate) const BEYOND_MM: f64 = 3.0e38;
 
-/// Side of a cell of the scatterer lattice, mm.
+/// Side of a cell of the scatterer lattice, and the least side of a sheet's cell, mm.
 pub(crate) const CELL_MM: f64 = 0.15;
+/// Largest side of a sheet's cell, mm.
+pub(crate) const SHEET_CELL_MAX_MM: f64 = 0.6;
+/// Side of a sheet's cell over the distance of neighbouring scanlines at the focus.
+pub(crate) const SHEET_CELL_PER_SPACING: f64 = 1.15;
+/// Most scatterers of a sheet's cell, one in each quarter.
+pub(crate) const CELL_QUARTERS: u32 = 4;
+/// Odd number that makes the amplitudes of a cell's scatterers independent of each other (2³² over the golden ratio).
+pub(crate) const SCATTERER_STRIDE: u32 = 0x9e37_79b1;
 /// Sheets of scatterers across the slice that reach a sample, at most.
 pub(crate) const SHEETS: u32 = 3;
 /// Families of sheets that reach a frame, at most.

@@ -83,7 +83,9 @@ impl Kernels {
         let (axial_half, pulse, clipped_pulse) = pulse(probe, half(settings.pulse_taps_max));
         let correlation = match sheets {
             Some(sheets) => ScattererCorrelation::new(sheets.shared()),
-            None => ScattererCorrelation::new(shared_cells),
+            None => {
+                ScattererCorrelation::new(|[across_mm, along_mm]: [f64; 2]| shared_cells(across_mm.hypot(along_mm)))
+            }
         };
         let axial = autocorrelation(&pulse);
         let width = 2 * lateral_half as usize + 1;
@@ -196,38 +198,47 @@ fn autocorrelation(weights: &[f64]) -> Vec<f64> {
     (0..weights.len()).map(at).collect()
 }
 
-/// Correlation of the scatterers at two points of a slice by their distance.
+/// Correlation of the scatterers at two points of a slice by their distance across scanlines and along them.
 struct ScattererCorrelation {
-    /// Values at multiples of `STEP_MM`, up to the first that is 0.
-    values: Vec<f64>,
+    /// Values at multiples of `ACROSS_MM` and `ALONG_MM`; rows end before the first that is 0.
+    rows: Vec<Vec<f64>>,
 }
 
 impl ScattererCorrelation {
-    const STEP_MM: f64 = 0.01;
-    const STEPS_MAX: usize = 512;
+    const ACROSS_MM: f64 = 0.04;
+    const ALONG_MM: f64 = 0.01;
+    const STEPS_MAX: usize = 256;
 
-    fn new(shared: impl Fn(f64) -> f64) -> Self {
-        let values = (0..Self::STEPS_MAX).map(|i| shared(i as f64 * Self::STEP_MM)).take_while(|&value| value > 0.0);
-        Self { values: values.collect() }
+    fn new(shared: impl Fn([f64; 2]) -> f64 + Sync) -> Self {
+        let row = |i: usize| -> Vec<f64> {
+            let at = |j: usize| shared([i as f64 * Self::ACROSS_MM, j as f64 * Self::ALONG_MM]);
+            (0..Self::STEPS_MAX).map(at).take_while(|&value| value > 0.0).collect()
+        };
+        Self { rows: (0..Self::STEPS_MAX).map(row).take_while(|row| !row.is_empty()).collect() }
     }
 
-    /// Correlation at a distance, by linear interpolation.
-    fn at(&self, distance_mm: f64) -> f64 {
-        let place = distance_mm / Self::STEP_MM;
-        let (i, part) = (place as usize, place.fract());
-        let of = |i: usize| self.values.get(i).copied().unwrap_or(0.0);
-        of(i) * (1.0 - part) + of(i + 1) * part
+    /// Correlation at a distance, by bilinear interpolation.
+    fn at(&self, [across_mm, along_mm]: [f64; 2]) -> f64 {
+        let (across, along) = (across_mm / Self::ACROSS_MM, along_mm / Self::ALONG_MM);
+        let of = |i: usize, j: usize| self.rows.get(i).and_then(|row| row.get(j)).copied().unwrap_or(0.0);
+        let in_row = |i: usize| {
+            let (j, part) = (along as usize, along.fract());
+            of(i, j) * (1.0 - part) + of(i, j + 1) * part
+        };
+        let (i, part) = (across as usize, across.fract());
+        in_row(i) * (1.0 - part) + in_row(i + 1) * part
     }
 
     /// Power of unit scatterers after kernel and pulse, given by their autocorrelations. Samples that share a scatterer add
     /// in amplitude.
     fn power(&self, lateral: &[f64], spacing_mm: f64, axial: &[f64], sample_mm: f64) -> f64 {
-        let reach_mm = self.values.len() as f64 * Self::STEP_MM;
+        let across_max_mm = self.rows.len() as f64 * Self::ACROSS_MM;
+        let along_max_mm = self.rows.iter().map(Vec::len).max().unwrap_or(0) as f64 * Self::ALONG_MM;
         let twice = |lag: usize| if lag == 0 { 1.0 } else { 2.0 };
         let mut power = 0.0;
-        for (line, across) in lateral.iter().enumerate().take_while(|(line, _)| *line as f64 * spacing_mm < reach_mm) {
-            for (sample, along) in axial.iter().enumerate().take_while(|(i, _)| *i as f64 * sample_mm < reach_mm) {
-                let distance_mm = (line as f64 * spacing_mm).hypot(sample as f64 * sample_mm);
+        for (line, across) in lateral.iter().enumerate().take_while(|(i, _)| *i as f64 * spacing_mm < across_max_mm) {
+            for (sample, along) in axial.iter().enumerate().take_while(|(i, _)| *i as f64 * sample_mm < along_max_mm) {
+                let distance_mm = [line as f64 * spacing_mm, sample as f64 * sample_mm];
                 power += twice(line) * twice(sample) * across * along * self.at(distance_mm);
             }
         }

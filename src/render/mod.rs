@@ -30,6 +30,7 @@ pub mod plan;
 mod preset;
 mod receiver;
 mod renderer;
+mod sheet_cells;
 mod sheets;
 mod snapshot;
 mod tables;

@@ -5,6 +5,7 @@ use glam::{DVec3, Vec3};
 
 use super::constants::{CELLS_OF_A_BEAM, FAMILY_SALT, HINT_BLOCK, PROJECTION_MIN, ROW_ALIGN, SHEET_FAMILIES};
 use super::receiver::{HARMONIC_CLUTTER_DB, white_amplitude};
+use super::sheet_cells::SheetCells;
 use super::sheets::Family;
 use super::tables::Tables;
 use crate::anatomy::Bvh;
@@ -38,12 +39,15 @@ pub(crate) struct SheetFamily {
     pub(crate) share: f32,
     /// Added to the number of each sheet.
     pub(crate) salt: u32,
-    pub(crate) padding: [u32; 2],
+    /// Side of a cell, mm.
+    pub(crate) cell_mm: f32,
+    /// Scatterers of a cell, 1 to 4.
+    pub(crate) cell_scatterers: u32,
 }
 
 impl SheetFamily {
     /// A family as a slice with an elevational axis sees it.
-    fn new(family: &Family, elevational: DVec3) -> Self {
+    fn new(family: &Family, elevational: DVec3, cells: SheetCells) -> Self {
         let Family { number, axes, share } = *family;
         let along = axes.x_axis.dot(elevational);
         let vector = |v: DVec3, w: f64| v.as_vec3().extend(w as f32).to_array();
@@ -54,7 +58,8 @@ impl SheetFamily {
             second: in_sheet(axes.z_axis),
             share: share as f32,
             salt: FAMILY_SALT * (number + 1),
-            padding: [0; 2],
+            cell_mm: cells.side_mm as f32,
+            cell_scatterers: cells.scatterers,
         }
     }
 }
@@ -310,8 +315,9 @@ impl Params {
         let mut families = 0;
         if self.sheet_spacing_mm > 0.0 {
             let elevational = pose.transform_vector(DVec3::Y);
+            let cells = SheetCells::new(probe);
             for (slot, family) in self.sheets.iter_mut().zip(super::sheets::families(elevational)) {
-                *slot = SheetFamily::new(&family, elevational);
+                *slot = SheetFamily::new(&family, elevational, cells);
                 families += 1;
             }
         }

@@ -1,16 +1,17 @@
 //! Sheets of scatterers, which make speckle change gradually across the slice.
 //!
-//! A family is a stack of parallel sheets, fixed in the scene and `spacing_mm` apart, with one scatterer per square
-//! cell of [`CELL_MM`]. A sample at X takes the scatterers where its elevational line X + y·ŷ meets the sheets within
+//! A family is a stack of parallel sheets, fixed in the scene and `spacing_mm` apart, with scatterers in square cells: see
+//! [`SheetCells`]. A sample at X takes the scatterers where its elevational line X + y·ŷ meets the sheets within
 //! ±Y, each weighted by (1 − (y/Y)²)² and divided by the root of the weights' squared sum. A slide along ŷ moves no such
 //! point on its sheet, it only changes the weights: their autocorrelation is that of the speckle. Y is fitted to theory.
 //!
 //! Six families lie on the axes of an icosahedron, so that one of them is within 37.4° of any slice. A frame takes the
 //! nearest; close to the border of two or three of them, it blends.
 
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec2, DVec3};
 
-use super::constants::{CELL_MM, DEPTH_BLOCK, SHEET_FAMILIES, SHEETS};
+use super::constants::{DEPTH_BLOCK, SHEET_FAMILIES, SHEETS};
+use super::sheet_cells::SheetCells;
 use crate::transducer::Probe;
 
 /// Turn of the families against the scene's axes, which makes usual slices cut the sheets obliquely: 1.16 rad about
@@ -40,6 +41,7 @@ pub(crate) struct Sheets {
     pub(crate) per_reach_mm: Vec<f32>,
     /// Mean of Y, mm.
     reach_mm: f64,
+    cells: SheetCells,
 }
 
 /// A family of sheets as a slice sees it.
@@ -72,17 +74,23 @@ impl Sheets {
             spacing_mm: 2.001 * widest / f64::from(SHEETS),
             per_reach_mm: reaches_mm.iter().map(|y| (1.0 / y) as f32).collect(),
             reach_mm: mean_mm,
+            cells: SheetCells::new(probe),
         }
     }
 
-    /// Correlation of the scatterers at two points of a slice as a function of their distance, averaged over orientations.
-    pub(crate) fn shared(&self) -> impl Fn(f64) -> f64 {
-        let ways: Vec<[f64; 4]> = (0..ORIENTATIONS).flat_map(orientation).collect();
-        let (sum, reach_mm) = (ways.iter().map(|way| way[3]).sum::<f64>(), self.reach_mm);
-        move |distance_mm| {
-            let of = |&[first, second, across, power]: &[f64; 4]| {
-                let cell = [first, second].map(|part| (1.0 - distance_mm * part / CELL_MM).max(0.0));
-                power * cell[0] * cell[1] * weights_correlation(distance_mm * across / reach_mm)
+    /// Correlation of the scatterers at two points of a slice, averaged over orientations, as a function of their distance
+    /// across scanlines and along them, mm.
+    pub(crate) fn shared(&self) -> impl Fn([f64; 2]) -> f64 {
+        let ways: Vec<[Way; 2]> = (0..ORIENTATIONS).flat_map(orientation).collect();
+        let (sum, reach_mm) = (ways.iter().map(|[way, _]| way.power).sum::<f64>(), self.reach_mm);
+        let cells = self.cells;
+        move |[across_mm, along_mm]| {
+            let of = |[across, along]: &[Way; 2]| {
+                let moved = |of: fn(&Way) -> f64| across_mm * of(across) + along_mm * of(along);
+                let cell = cells.chance_of_same([moved(|way| way.first), moved(|way| way.second)]);
+                // A way across scanlines doesn't change which scatterer is nearest in range.
+                let nearest = cells.chance_of_same_nearest(along_mm / along.in_sheet);
+                along.power * cell * nearest * weights_correlation(moved(|way| way.elevational) / reach_mm)
             };
             ways.iter().map(of).sum::<f64>() / sum
         }
@@ -134,20 +142,35 @@ pub(crate) fn families(elevational: DVec3) -> impl Iterator<Item = Family> {
     (0u32..).zip(normals).map(family).filter(|family| family.share > 0.0).take(SHEET_FAMILIES as usize)
 }
 
-/// Families of a slice and a scanline in it; the slices are spread evenly over all orientations. Of each: change of the two
-/// cell coordinates and of y per mm of the scanline, and share of the power.
-fn orientation(index: u32) -> impl Iterator<Item = [f64; 4]> {
+/// A direction of a slice as a family sees it.
+#[derive(Debug, Clone, Copy)]
+struct Way {
+    /// Change along the two axes of the cells, and along the elevational axis, per mm.
+    first: f64,
+    second: f64,
+    elevational: f64,
+    /// Length of the direction's projection on the sheet.
+    in_sheet: f64,
+    /// Share of the family in the power.
+    power: f64,
+}
+
+/// Families of a slice: the way across scanlines and that along them. The slices are spread evenly over all orientations.
+fn orientation(index: u32) -> impl Iterator<Item = [Way; 2]> {
     let golden = 0.5 * (1.0 + 5f64.sqrt());
     let z = 1.0 - (f64::from(index) + 0.5) * 2.0 / f64::from(ORIENTATIONS);
     let turn = DQuat::from_rotation_z(std::f64::consts::TAU * f64::from(index) / golden)
         * DQuat::from_rotation_y(z.acos())
         * DQuat::from_rotation_z(std::f64::consts::TAU * f64::from(index) * std::f64::consts::SQRT_2);
-    let (elevational, along) = (turn * DVec3::Z, turn * DVec3::X);
-    families(elevational).map(move |family| {
-        let across = -family.axes.x_axis.dot(along) / family.axes.x_axis.dot(elevational);
-        let moved = along + across * elevational;
-        let [first, second] = [family.axes.y_axis, family.axes.z_axis].map(|axis| axis.dot(moved).abs());
-        [first, second, across, family.share * family.share]
+    let elevational = turn * DVec3::Z;
+    families(elevational).map(move |Family { axes, share, .. }| {
+        [turn * DVec3::Y, turn * DVec3::X].map(|way| {
+            let across = -axes.x_axis.dot(way) / axes.x_axis.dot(elevational);
+            let moved = way + across * elevational;
+            let in_sheet = DVec2::new(axes.y_axis.dot(way), axes.z_axis.dot(way)).length();
+            let [first, second] = [axes.y_axis, axes.z_axis].map(|axis| axis.dot(moved));
+            Way { first, second, elevational: across, in_sheet, power: share * share }
+        })
     })
 }
 

@@ -3,7 +3,7 @@
 use insonify::anatomy::Tissue;
 use insonify::render::{Choice, Effect, Frame, RenderSettings};
 use insonify::settings::{LookSettings, ReceiverSettings};
-use insonify::transducer::Probe;
+use insonify::transducer::{Probe, ProbeKind};
 
 use super::bench::{Bench, Rig, assert_part, at, grainy, linear, magnitude, mean_square, post, silent, small};
 use super::speckle::block;
@@ -106,6 +106,49 @@ fn looks_are_as_unlike_as_waves_make_them() {
     println!("SNR {found:.2}, theory {SNR}; level {raised_db:+.2} dB");
     assert_part(found, SNR, 0.1, "SNR of nine angles");
     assert!(raised_db.abs() < 0.5, "{raised_db} dB");
+}
+
+#[test]
+fn looks_of_distant_scanlines_share_their_scatterers() {
+    struct Case {
+        probe: Probe,
+        /// Correlation of looks 3.75° apart and SNR of nine, by tests/truth/compounding.py as above; with `--radius 40`
+        /// for the curved face. With how much frames may differ: a scanline takes one scatterer of a cell as wide as
+        /// scanlines are apart, where a beam takes all.
+        correlation: [f64; 2],
+        snr: [f64; 2],
+    }
+    let scene = block(Tissue { attenuation_db_cm_mhz: 0.0, ..grainy(0.0, 0.01) });
+    // Scanlines as far apart as a station's.
+    let flat = linear(288, 0.25, 3072, 100.0);
+    let kind = ProbeKind::Convex { radius_mm: 40.0, fov_deg: 70.0 };
+    let curved = Probe { kind, scanlines: 256, ..flat.clone() };
+    let cases = [
+        Case { probe: flat, correlation: [0.395, 0.2], snr: [4.39, 0.1] },
+        Case { probe: curved, correlation: [0.88, 0.36], snr: [2.8, 0.32] },
+    ];
+    for Case { probe, correlation: [expected, allowed], snr: [expected_snr, allowed_part] } in cases {
+        let probe = Probe { frequency_mhz: 8.0, aperture_mm: 20.0, focus_mm: 70.0, ..probe };
+        let (box_x, box_z) = ([0.35, 0.65], [0.66, 0.74]);
+        let mut rig = Rig::new(&scene, &probe, &settings(compounded(9)));
+        let (mut alike, mut nine, mut power) = (0.0, 0.0, 0.0);
+        for pose in [0.0, 1.0, 2.0].map(|step| at(1.37 * step, 3.1 * step, 0.0)) {
+            let mut look = |look: usize| amplitudes(&rig.look(&pose, look), box_x, box_z);
+            let straight = look(8);
+            alike += [7, 6].map(|steered| correlation(&straight, &look(steered))).iter().sum::<f64>() / 6.0;
+            power += mean_square(straight.iter().copied()) / 3.0;
+            nine += snr(&amplitudes(&rig.frame(&pose), box_x, box_z)) / 3.0;
+        }
+        // A gain of 30 dB over scatterers of −40.
+        let level_db = 10.0 * power.log10() + 10.0;
+        println!(
+            "correlation {alike:.3}, theory {expected}; SNR {nine:.2}, theory {expected_snr}; level {level_db:+.2} dB"
+        );
+        assert!((alike - expected).abs() < allowed, "{alike}, theory {expected}");
+        assert_part(nine, expected_snr, allowed_part, "SNR of nine angles");
+        // Neighbours that share scatterers add in amplitude.
+        assert!(level_db.abs() < 0.7, "{level_db} dB");
+    }
 }
 
 #[test]

@@ -20,7 +20,7 @@ const DEPTH_MM: f64 = 128.0;
 /// Depths, mm.
 const DEPTHS_MM: [f64; 3] = [60.0, 95.0, 120.0];
 /// Slides across the slice over which power is summed, and their distance, mm: other speckle in each.
-const SLIDES: u32 = 12;
+const SLIDES: u32 = 24;
 const SLIDE_MM: f64 = 3.0;
 /// Half of the window in which power is summed, mm along a scanline.
 const WINDOW_MM: f64 = 4.0;

@@ -68,7 +68,7 @@ fn at_another_value_of_each_image_setting_host_device_and_twin_agree() {
 fn a_damaged_pass_of_the_host_is_caught() {
     type Damage = fn(&mut ImageConstants);
     let damages: [(&str, &str, Damage); 13] = [
-        ("cells of another size", "march", |c| c.cell_mm = 0.151),
+        ("one amplitude for all scatterers of a cell", "march", |c| c.scatterer_stride = 0),
         ("a sheet of scatterers too few", "march", |c| c.sheets_to_a_side = 0.5),
         ("obstacles hardly lose anything", "transmission", |c| c.loss_max_np = 0.1),
         ("the first obstacles hide nothing", "propagate", |c| (c.contrast_min, c.phase_min) = (0.5, 10.0)),

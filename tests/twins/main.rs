@@ -202,6 +202,7 @@ const DAMAGES: [Damages; 4] = [
     ],
     &[
         ("sheets of scatterers of other weights", "march", "let weight = bell * bell;", "let weight = bell;"),
+        ("the first scatterer of a cell", "march", "abs(along_mm) < abs(ahead_mm)", "quarter == 0u"),
         (
             "neighbours of a scanline in the shadow as loud",
             "lateral",

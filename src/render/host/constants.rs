@@ -1,6 +1,6 @@
 //! The shared constants in single precision, and constants of the passes that a test may change.
 
-use crate::render::constants::{self as shared, BRIGHTEST_PART, CELL_MM, FIRST_TISSUE, ONE_WAY, SHEETS};
+use crate::render::constants::{self as shared, BRIGHTEST_PART, FIRST_TISSUE, ONE_WAY, SCATTERER_STRIDE, SHEETS};
 
 pub(super) const TOUCH_MM: f32 = shared::TOUCH_MM as f32;
 pub(super) const LN_GIVEN_UP: f32 = shared::LN_GIVEN_UP as f32;
@@ -86,8 +86,8 @@ changeable! {
 changeable! {
     /// Constants of the host's other passes.
     ImageConstants {
-        /// `march`: side of a cell of the scatterer lattice, mm.
-        cell_mm: f32 = CELL_MM as f32;
+        /// `march`: makes the amplitudes of a cell's scatterers independent.
+        scatterer_stride: u32 = SCATTERER_STRIDE;
         /// `march`: sheets of scatterers looked up to one side of a sample.
         sheets_to_a_side: f32 = 0.5 * SHEETS as f32;
         /// `echo`: the first segment that begins at an interface.

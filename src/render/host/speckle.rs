@@ -2,7 +2,7 @@
 
 use super::constants::{DENSITY_ONE, DEVIATE_SCALE, ImageConstants, LEAST_POWER};
 use super::paths::{BLOCK, Lanes, Paths, SEGMENT, range_mm, seek};
-use crate::render::constants::{SHEET_FAMILIES, SHEETS};
+use crate::render::constants::{CELL_MM, SHEET_FAMILIES, SHEETS};
 use crate::render::params::{Params, SheetFamily};
 use crate::simd::{at_least, floor, floored, pcg3d, phasor, real};
 
@@ -108,6 +108,8 @@ struct Family {
     pitch_mm: f32,
     share: f32,
     salt: u32,
+    /// Scatterers of a cell.
+    scatterers: u32,
 }
 
 /// Cells of one sheet at a block's samples.
@@ -120,6 +122,39 @@ struct Met {
     bits: [[u32; BLOCK]; 3],
     /// Range of the scatterer, mm.
     range_mm: Lanes,
+}
+
+impl Met {
+    /// Takes, of several scatterers in a cell, that whose range is nearest to the sample's. Each lies in a quarter; two lie in
+    /// opposite quarters. The range per cell is given along both axes.
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "several arrays go together")]
+    fn choose_nearest(
+        &mut self,
+        [scatterers, stride]: [u32; 2],
+        ranges_mm: &Lanes,
+        [first_mm, second_mm]: [&Lanes; 2],
+    ) {
+        let (mut nearest, mut ahead_mm) = ([0; BLOCK], [f32::MAX; BLOCK]);
+        for quarter in 0..scatterers {
+            let corner = [(quarter ^ quarter >> 1) & 1, quarter & 1].map(|half| 0.5 * real(half));
+            for i in 0..BLOCK {
+                let place = self.bits[1][i].wrapping_add(quarter.wrapping_mul(self.bits[0][i].wrapping_mul(stride)));
+                let first = self.ahead[0][i] + (corner[0] + 0.5 * offset(place, 0));
+                let second = self.ahead[1][i] + (corner[1] + 0.5 * offset(place, 10));
+                let along_mm = first * first_mm[i] + second * second_mm[i];
+                let nearer = along_mm.abs() < ahead_mm[i].abs();
+                nearest[i] = if nearer { quarter } else { nearest[i] };
+                ahead_mm[i] = if nearer { along_mm } else { ahead_mm[i] };
+            }
+        }
+        for i in 0..BLOCK {
+            self.range_mm[i] = ranges_mm[i] + ahead_mm[i];
+            let [presence, place, amplitude] = [self.bits[0][i], self.bits[1][i], self.bits[2][i]];
+            self.bits[0][i] = presence.wrapping_add(nearest[i].wrapping_mul(amplitude));
+            self.bits[2][i] = amplitude.wrapping_add(nearest[i].wrapping_mul(place.wrapping_mul(stride)));
+        }
+    }
 }
 
 /// A block of samples.
@@ -135,37 +170,42 @@ pub(super) struct Block {
 /// Scatterers of a frame: sheets of them, or one per cell of the lattice.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Speckle {
-    cell_mm: f32,
     phase_turns_per_mm: f32,
     families: [Family; SHEET_FAMILIES as usize],
     /// Number of `families`; 0 for the lattice.
     count: usize,
     /// Sheets looked up to one side of a sample.
     to_a_side: f32,
+    /// See [`SCATTERER_STRIDE`](crate::render::constants::SCATTERER_STRIDE).
+    stride: u32,
 }
 
 impl Speckle {
     /// The scatterers of a frame.
     #[inline(always)]
     pub(super) fn new(params: &Params, constants: ImageConstants) -> Self {
-        let (spacing_mm, cell_mm) = (params.sheet_spacing_mm, constants.cell_mm());
-        let (per_sheet, per_cell) = (1.0 / at_least(spacing_mm, f32::MIN_POSITIVE), 1.0 / cell_mm);
-        let family = |f: &SheetFamily| Family {
-            view: View {
-                axes: [scaled(f.normal, per_sheet), scaled(f.first, per_cell), scaled(f.second, per_cell)],
-                range: cell_mm * cell_mm,
-            },
-            drift: [f.first[3], f.second[3]].map(|way| way * (spacing_mm * per_cell)),
-            pitch_mm: spacing_mm * f.normal[3],
-            share: f.share,
-            salt: f.salt,
+        let spacing_mm = params.sheet_spacing_mm;
+        let per_sheet = 1.0 / at_least(spacing_mm, f32::MIN_POSITIVE);
+        let family = |f: &SheetFamily| {
+            let per_cell = 1.0 / at_least(f.cell_mm, f32::MIN_POSITIVE);
+            Family {
+                view: View {
+                    axes: [scaled(f.normal, per_sheet), scaled(f.first, per_cell), scaled(f.second, per_cell)],
+                    range: f.cell_mm * f.cell_mm,
+                },
+                drift: [f.first[3], f.second[3]].map(|way| way * (spacing_mm * per_cell)),
+                pitch_mm: spacing_mm * f.normal[3],
+                share: f.share,
+                salt: f.salt,
+                scatterers: f.cell_scatterers,
+            }
         };
         Self {
-            cell_mm,
             phase_turns_per_mm: params.phase_turns_per_mm,
             families: params.sheets.each_ref().map(family),
             count: params.sheet_families as usize,
             to_a_side: constants.sheets_to_a_side(),
+            stride: constants.scatterer_stride(),
         }
     }
 
@@ -185,15 +225,15 @@ impl Speckle {
     #[inline(always)]
     fn lattice(&self, block: &Block, places: &[Lanes; PLACE], sums: &mut [Lanes; 2]) {
         let [x0, dx, y0, dy, z0, dz, ..] = places;
-        let per_mm = 1.0 / self.cell_mm;
+        const CELL: f32 = CELL_MM as f32;
+        let per_mm = 1.0 / CELL;
         for i in 0..BLOCK {
             let range_mm = block.ranges_mm[i];
             let here = [x0[i] + dx[i] * range_mm, y0[i] + dy[i] * range_mm, z0[i] + dz[i] * range_mm];
             let cell = here.map(|x| floor(x * per_mm));
             let bits = pcg3d(cell.map(|c| c as u32));
             // Place of the scatterer in its cell: three times ten bits.
-            let ahead =
-                |axis: usize| (cell[axis] as f32 + offset(bits[1], 10 * axis as u32)) * self.cell_mm - here[axis];
+            let ahead = |axis: usize| (cell[axis] as f32 + offset(bits[1], 10 * axis as u32)) * CELL - here[axis];
             let along = ahead(0) * dx[i] + ahead(1) * dy[i] + ahead(2) * dz[i];
             let ahead_mm = along / at_least(dx[i] * dx[i] + dy[i] * dy[i] + dz[i] * dz[i], 1.0e-12);
             let echo = self.scatterer(bits, range_mm + ahead_mm, &block.strength, i);
@@ -237,6 +277,10 @@ impl Speckle {
             }
         }
         for met in &mut met {
+            if family.scatterers > 1 {
+                met.choose_nearest([family.scatterers, self.stride], &block.ranges_mm, [first_mm, second_mm]);
+                continue;
+            }
             for i in 0..BLOCK {
                 let place = met.bits[1][i];
                 let along = [met.ahead[0][i] + offset(place, 0), met.ahead[1][i] + offset(place, 10)];

@@ -112,6 +112,10 @@ pub struct SheetFamily {
     pub share: f64,
     /// Added to the number of each sheet.
     pub salt: u32,
+    /// Side of a cell, mm.
+    pub cell_mm: f64,
+    /// Scatterers of a cell, 1 to 4.
+    pub cell_scatterers: u32,
 }
 
 /// Everything that the passes of one frame read.
@@ -262,6 +266,8 @@ impl Inputs {
             drift: DVec2::new(f.first[3].into(), f.second[3].into()),
             share: f.share.into(),
             salt: f.salt,
+            cell_mm: f.cell_mm.into(),
+            cell_scatterers: f.cell_scatterers,
         };
         let pair =
             |[a, b, c, d]: &[f32; 4]| [DVec2::new((*a).into(), (*b).into()), DVec2::new((*c).into(), (*d).into())];

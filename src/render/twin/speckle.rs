@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::inputs::{Inputs, SheetFamily};
 use super::lattice;
-use crate::render::constants::{CELL_MM, SHEETS};
+use crate::render::constants::{SCATTERER_STRIDE, SHEETS};
 
 /// Scatterers of a sample as the paths see them.
 #[derive(Debug, Clone, Copy)]
@@ -43,7 +43,7 @@ pub(super) fn of_sheets(inputs: &Inputs, place: Place, strength: Strength, per_r
 
 fn of_family(inputs: &Inputs, family: &SheetFamily, place: Place, strength: Strength, per_reach_mm: f64) -> DVec2 {
     let [normal, first, second] = family.axes;
-    let cell_mm = f64::from(CELL_MM as f32);
+    let cell_mm = family.cell_mm;
     let across_mm = normal.dot(place.here_mm);
     let lowest = (across_mm / inputs.sheet_spacing_mm - 0.5 * f64::from(SHEETS)).floor() as i32 + 1;
     let (mut echo, mut squares) = (DVec2::ZERO, 0.0);
@@ -55,12 +55,40 @@ fn of_family(inputs: &Inputs, family: &SheetFamily, place: Place, strength: Stre
         let met_mm = DVec2::new(first.dot(place.here_mm), second.dot(place.here_mm)) + off_mm * family.drift;
         let cell = (met_mm / cell_mm).floor();
         let bits = lattice::hash([cell.x as i32, cell.y as i32, sheet + family.salt as i32]);
-        let offset = DVec2::new((bits[1] & 1023).into(), (bits[1] >> 10 & 1023).into()) + 0.5;
-        let ahead_mm = (cell + offset / 1024.0) * cell_mm - met_mm;
-        echo += weight * scatterer(inputs, bits, ahead_mm.x * first + ahead_mm.y * second, place, strength);
+        let ahead = |offset: DVec2| {
+            let ahead_mm = (cell + offset) * cell_mm - met_mm;
+            ahead_mm.x * first + ahead_mm.y * second
+        };
+        let (bits, ahead_mm) = if family.cell_scatterers > 1 {
+            nearest(family.cell_scatterers, bits, ahead, place.step)
+        } else {
+            (bits, ahead(offset(bits[1])))
+        };
+        echo += weight * scatterer(inputs, bits, ahead_mm, place, strength);
         squares += weight * weight;
     }
     family.share / squares.sqrt() * echo
+}
+
+/// Place of a scatterer by its random word: twice ten bits.
+fn offset(bits: u32) -> DVec2 {
+    (DVec2::new((bits & 1023).into(), (bits >> 10 & 1023).into()) + 0.5) / 1024.0
+}
+
+/// Random words and place ahead of the sample of that scatterer of a cell whose range is nearest to the sample's. Each lies
+/// in a quarter of the cell; two lie in opposite quarters.
+fn nearest(scatterers: u32, bits: [u32; 3], ahead: impl Fn(DVec2) -> DVec3, step: DVec3) -> ([u32; 3], DVec3) {
+    let [presence, place, amplitude] = bits;
+    let of_quarter = |quarter: u32| {
+        let after = |word: u32, stride: u32| word.wrapping_add(quarter.wrapping_mul(stride));
+        let place_of = after(place, presence.wrapping_mul(SCATTERER_STRIDE));
+        let corner = DVec2::new(((quarter ^ quarter >> 1) & 1).into(), (quarter & 1).into());
+        let ahead_mm = ahead(0.5 * (corner + offset(place_of)));
+        ([after(presence, amplitude), place_of, after(amplitude, place.wrapping_mul(SCATTERER_STRIDE))], ahead_mm)
+    };
+    let off = |ahead_mm: DVec3| ahead_mm.dot(step).abs();
+    let first = of_quarter(0);
+    (1..scatterers).map(of_quarter).fold(first, |best, other| if off(other.1) < off(best.1) { other } else { best })
 }
 
 /// Echo of a scatterer with the random words `bits`, `ahead_mm` beyond its sample.
