@@ -10,8 +10,8 @@ use std::time::Duration;
 
 use criterion::Criterion;
 use insonify::anatomy::export::write_glb;
-use insonify::anatomy::phantom::{PhantomOptions, build};
 use insonify::anatomy::{Bvh, TissueTable, import};
+use insonify::phantom::{PhantomOptions, build};
 
 /// Fraction of the full phantom's triangles.
 const SCALE: f64 = 0.25;

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use glam::Vec3;
 use image::{Rgb, RgbImage};
 use insonify::anatomy::export::tissue_colour;
-use insonify::anatomy::phantom::{Lie, Organ, Parameters, PlacentaSite, Wall, landmarks, organs};
+use insonify::phantom::{Lie, Organ, Parameters, PlacentaSite, Wall, landmarks, organs};
 use rayon::prelude::*;
 
 /// A plane: file name, centre, right and up on the picture, half width and half height, all mm.

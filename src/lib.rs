@@ -54,7 +54,8 @@
 //! | [`exam`] | simulated sessions, scores |
 //! | [`render`] | renderers of the host, of devices (feature `gpu`) and of tests |
 //! | [`transducer`] | probes and their sectors |
-//! | [`anatomy`] | scenes, tissues, motion, the phantom |
+//! | [`phantom`] | the obstetric phantom: an individual from its parameters |
+//! | [`anatomy`] | scenes, tissues, motion |
 //! | [`tracker`] | decoders; sessions: features `live`, `serial`, `hid`; recordings: feature `recordings` |
 //! | [`pose`] | poses, their estimation and calibration |
 //! | [`acoustics`], [`look`] | formulas; the picture after its lines |
@@ -103,6 +104,8 @@ pub mod exam;
 pub mod render;
 
 pub mod transducer;
+
+pub mod phantom;
 
 pub mod anatomy;
 

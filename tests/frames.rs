@@ -14,8 +14,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use insonify::anatomy::export::write_moving_glb;
-use insonify::anatomy::phantom::{PhantomOptions, build, movement};
 use insonify::anatomy::{Bvh, Scene};
+use insonify::phantom::{PhantomOptions, build, movement};
 use insonify::pose::Pose;
 use insonify::render::{Backend, BackendChoice, Choice, Effect, Frame, RenderSettings, Renderer};
 use insonify::station::Station;

@@ -13,7 +13,7 @@ use std::fs;
 use std::path::Path;
 
 /// Modules from the highest to the lowest. Those of one line do not import each other.
-const ORDER: [&[&str]; 17] = [
+const ORDER: [&[&str]; 18] = [
     &["pipeline"],
     &["chooser"],
     &["report"],
@@ -25,6 +25,7 @@ const ORDER: [&[&str]; 17] = [
     &["exam"],
     &["render"],
     &["transducer"],
+    &["phantom"],
     &["anatomy"],
     &["tracker"],
     &["pose"],

@@ -8,8 +8,8 @@ use std::sync::OnceLock;
 use glam::{DVec3, Vec3};
 use insonify::anatomy::Mesh;
 use insonify::anatomy::export::write_glb;
-use insonify::anatomy::phantom::sdf::{Bounds, Solid};
-use insonify::anatomy::phantom::{
+use insonify::anatomy::sdf::{Bounds, Solid};
+use insonify::phantom::{
     Biometry, Body, FETUS_TRIANGLES, Lie, MOTHER_TRIANGLES, Organ, Parameters, PhantomError, PhantomOptions,
     PhantomSurface, build, cached, landmarks, organs,
 };
@@ -180,7 +180,7 @@ fn the_cache_builds_once() {
     let folder = tempfile::tempdir().unwrap();
     let inner = folder.path().join("new/folder");
     let steps = std::sync::atomic::AtomicUsize::new(0);
-    let count = |p: insonify::anatomy::phantom::Progress| {
+    let count = |p: insonify::phantom::Progress| {
         assert!(p.done >= 1 && p.done <= p.total);
         steps.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
     };
@@ -313,7 +313,7 @@ fn the_cord_runs_from_the_placenta_to_the_navel_and_touches_little_else() {
     let (cavity, placenta, skin) =
         (organ_of("amniotic_cavity").solid, organ_of("placenta").solid, organ_of("fetal_skin").solid);
     let cord = mesh_of("cord");
-    let inside = |solid: &insonify::anatomy::phantom::sdf::Solid| {
+    let inside = |solid: &insonify::anatomy::sdf::Solid| {
         cord.vertices_mm.iter().filter(|&&v| solid.distance_mm(v) < 0.0).count() as f64 / cord.vertices_mm.len() as f64
     };
     assert!(cord.vertices_mm.iter().all(|&v| cavity.distance_mm(v) < 0.0), "the cord leaves the cavity");
@@ -360,7 +360,7 @@ fn the_media_at_the_landmarks_are_the_organs_they_name() {
 
 #[test]
 fn the_fat_of_the_belly_has_the_requested_thickness() {
-    let asked = insonify::anatomy::phantom::Parameters::default().maternal_fat_mm;
+    let asked = insonify::phantom::Parameters::default().maternal_fat_mm;
     let (fat, fascia) = (mesh_of("subcutaneous_fat"), mesh_of("abdominal_fascia"));
     let normal = organ_of("abdominal_fascia").solid;
     for (x, y) in [(0.0, 0.0), (30.0, 20.0), (-40.0, -30.0)] {

@@ -6,9 +6,10 @@ use std::path::Path;
 
 use glam::{DQuat, DVec3, Vec3};
 use insonify::anatomy::doctor::aberration::{Aberration, Aperture, Caster, summary};
-use insonify::anatomy::phantom::{Organ, Parameters, Wall, landmarks, organs, parts};
-use insonify::anatomy::{Motion, Scene, Skin, Surface, Tissue, TissueTable, analytic, planes};
+use insonify::anatomy::planes::View;
+use insonify::anatomy::{Motion, Scene, Surface, Tissue, TissueTable, analytic};
 use insonify::exam::sweep::{KEY_FRAMES, RATE_HZ, SEED, sweep};
+use insonify::phantom::{self, Organ, Parameters, Wall, landmarks, organs, parts};
 use insonify::pose::Pose;
 use insonify::render::{Backend, BackendChoice, Frame, ImageSettings, RenderSettings, Renderer};
 use insonify::settings::Probe;
@@ -38,7 +39,7 @@ fn scene(parameters: &Parameters) -> Scene {
     let names: Vec<&str> = wall_organs(parameters).iter().map(|o| o.name).collect();
     let tissues = TissueTable::builtin().unwrap();
     let gel = tissues.index_of("gel").unwrap();
-    let surface = |part: insonify::anatomy::phantom::PhantomSurface| {
+    let surface = |part: insonify::phantom::PhantomSurface| {
         let tissue = if part.name == "abdominal_interior" { gel } else { tissues.index_of(&part.tissue).unwrap() };
         Surface { name: part.name, tissue, priority: part.priority, mesh: part.mesh }
     };
@@ -52,10 +53,10 @@ fn scene(parameters: &Parameters) -> Scene {
 
 /// Poses of the standard planes and of the exam's key frames.
 fn poses(parameters: &Parameters) -> Vec<(String, Pose)> {
-    let skin = Skin::phantom(parameters);
-    let planes = planes::obstetric(parameters).with_poses(&skin, PRESS_MM).planes;
+    let skin = phantom::skin(parameters);
+    let planes = phantom::planes(parameters).with_poses(&skin, PRESS_MM).planes;
     let views = planes.into_iter().flat_map(|plane| {
-        let pose_of = move |view: planes::View| Some((format!("{} {}", plane.name, view.name), view.pose?));
+        let pose_of = move |view: View| Some((format!("{} {}", plane.name, view.name), view.pose?));
         plane.views.into_iter().filter_map(pose_of)
     });
     let exam = sweep(&landmarks(parameters), |from, along| skin.exit(from, along), SEED).unwrap();

@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use etcetera::BaseStrategy;
-use insonify::anatomy::{Scene, phantom};
+use insonify::anatomy::Scene;
+use insonify::phantom;
 use insonify::station::{SceneSource, Station};
 
 /// The station's scene; a phantom is taken from the program's cache.

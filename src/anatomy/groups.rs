@@ -1,11 +1,11 @@
 //! Disjoint sets (union-find), for connected components of a mesh.
 
 /// Disjoint sets of item indices.
-pub(super) struct Groups(Vec<u32>);
+pub(crate) struct Groups(Vec<u32>);
 
 impl Groups {
     /// Puts each of `count` items into a set of its own.
-    pub(super) fn new(count: usize) -> Self {
+    pub(crate) fn new(count: usize) -> Self {
         Self((0..count as u32).collect())
     }
 
@@ -19,13 +19,13 @@ impl Groups {
     }
 
     /// Merges the sets of two items.
-    pub(super) fn join(&mut self, a: u32, b: u32) {
+    pub(crate) fn join(&mut self, a: u32, b: u32) {
         let (a, b) = (self.root(a), self.root(b));
         self.0[a.max(b) as usize] = a.min(b);
     }
 
     /// Set of each item, numbered from 0 in the order of their first items.
-    pub(super) fn numbered(mut self) -> Vec<u32> {
+    pub(crate) fn numbered(mut self) -> Vec<u32> {
         let count = self.0.len();
         let mut numbers = vec![0; count];
         let mut next = 0;

@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 /// outer side. `None` for a miss (Möller & Trumbore, J Graph Tools 2:21, 1997).
 ///
 /// The distance may be negative. The triangle is enlarged by the fraction `margin` of its size.
-pub(super) fn intersect(corners: [Vec3; 3], margin: f64, from_mm: DVec3, direction: DVec3) -> Option<(f64, bool)> {
+pub(crate) fn intersect(corners: [Vec3; 3], margin: f64, from_mm: DVec3, direction: DVec3) -> Option<(f64, bool)> {
     let [a, b, c] = corners.map(|v| v.as_dvec3());
     let (ab, ac) = (b - a, c - a);
     let p = direction.cross(ac);

@@ -9,9 +9,8 @@ use obvhs::cwbvh::builder::build_cwbvh_from_tris;
 use obvhs::ray::Ray;
 use obvhs::triangle::Triangle;
 
-use super::phantom::sdf::Solid;
-use super::phantom::{self, Parameters};
 use super::ray::intersect;
+use super::sdf::Solid;
 use super::{BvhError, Scene};
 use crate::pose::Pose;
 
@@ -44,9 +43,9 @@ enum Outside {
 }
 
 impl Skin {
-    /// Skin of the obstetric phantom's mother, from its solid model.
-    pub fn phantom(parameters: &Parameters) -> Self {
-        Self(Outside::Solid(phantom::skin(parameters)))
+    /// Surface of a solid.
+    pub fn of_solid(solid: Solid) -> Self {
+        Self(Outside::Solid(solid))
     }
 
     /// Outermost surfaces of `scene`.
@@ -150,14 +149,5 @@ mod tests {
         assert!((skin.press_mm(&at(47.0)).unwrap() - 3.0).abs() < 0.1);
         assert!((skin.press_mm(&at(60.0)).unwrap() + 10.0).abs() < 0.1);
         assert_eq!(skin.press_mm(&at(90.0)), None);
-    }
-
-    #[test]
-    fn the_phantoms_belly_is_at_its_landmark() {
-        let skin = Skin::phantom(&Parameters::default());
-        let top = phantom::landmarks(&Parameters::default()).belly_top_mm.as_dvec3();
-        let exit = skin.exit(DVec3::ZERO, DVec3::Z).unwrap();
-        assert!(exit.distance(top) < 0.5, "{exit}");
-        assert_eq!(skin.exit(top + DVec3::Z * 5.0, DVec3::Z), None, "starts outside");
     }
 }

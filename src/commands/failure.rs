@@ -5,12 +5,12 @@ use std::process::ExitCode;
 
 use insonify::anatomy::SceneError;
 use insonify::anatomy::export::ExportError;
-use insonify::anatomy::phantom::{CacheError, PhantomError};
 use insonify::anatomy::planes::PlanesError;
 use insonify::chooser::ChooserError;
 use insonify::dataset::DatasetError;
 use insonify::exam::ExamError;
 use insonify::generator::GeneratorError;
+use insonify::phantom::{CacheError, PhantomError};
 use insonify::pose::CalibrationError;
 use insonify::quality::QualityError;
 use insonify::render::{BackendError, RenderError, UnknownBackendVariable};

@@ -5,10 +5,8 @@ use std::path::PathBuf;
 use clap::Parser;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use insonify::anatomy::export::write_moving_glb;
-use insonify::anatomy::phantom::{
-    Lie, Parameters, PhantomOptions, PhantomSurface, PlacentaSite, Wall, build, movement,
-};
 use insonify::anatomy::planes;
+use insonify::phantom::{self, Lie, Parameters, PhantomOptions, PhantomSurface, PlacentaSite, Wall, build, movement};
 use insonify::sink::write_json;
 use serde::Serialize;
 
@@ -149,7 +147,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     output::make_parent(&args.out)?;
     let parameters = args.options().parameters;
     write_moving_glb(&surfaces, &movement(&parameters), &args.out)?;
-    write_json(&planes_file, &planes::obstetric(&parameters))?;
+    write_json(&planes_file, &phantom::planes(&parameters))?;
     let rows: Vec<_> = surfaces.iter().map(row).collect();
     let triangles = rows.iter().map(|r| r.triangles).sum();
     if args.json {

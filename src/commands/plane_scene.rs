@@ -2,6 +2,7 @@
 
 use insonify::anatomy::planes::{StandardPlanes, file_beside};
 use insonify::anatomy::{Scene, Skin};
+use insonify::phantom;
 use insonify::station::{SceneSource, Station};
 
 use super::{Classify, Failure};
@@ -21,7 +22,7 @@ impl PlaneScene {
     pub(crate) fn open(station: &Station) -> Result<Self, Failure> {
         match &station.scene {
             SceneSource::File(path) => Self::of(station, &station.load_scene_from(path)?),
-            SceneSource::ObstetricPhantom(options) => Self::on(Skin::phantom(&options.parameters), station),
+            SceneSource::ObstetricPhantom(options) => Self::on(phantom::skin(&options.parameters), station),
         }
     }
 
@@ -33,7 +34,7 @@ impl PlaneScene {
         station.standard_planes()?.check_surfaces(&file, &names)?;
         match &station.scene {
             SceneSource::File(_) => Self::on(Skin::of_scene(scene).input()?, station),
-            SceneSource::ObstetricPhantom(options) => Self::on(Skin::phantom(&options.parameters), station),
+            SceneSource::ObstetricPhantom(options) => Self::on(phantom::skin(&options.parameters), station),
         }
     }
 

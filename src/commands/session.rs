@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use insonify::anatomy::Scene;
-use insonify::anatomy::phantom::{self, PhantomFile};
 use insonify::files::cache_directory;
+use insonify::phantom::{self, PhantomFile};
 use insonify::pose::Pose;
 use insonify::render::{Backend, EffectPlan, FRAMES_IN_FLIGHT, Frame, QualityPoint, RenderSettings, Renderer};
 use insonify::sink::frame_record::AdapterRecord;

@@ -7,11 +7,11 @@ use std::str::FromStr;
 use super::variation::whole;
 use super::{DatasetError, Split, parameters};
 use crate::anatomy::Skin;
-use crate::anatomy::phantom::Parameters;
 use crate::anatomy::planes::StandardPlanes;
 use crate::exam::hand::{Deviation, Skill, wandered};
 use crate::exam::session::{self, PLANE_S};
 use crate::exam::{ExamError, START_TIME_NS};
+use crate::phantom::Parameters;
 use crate::pose::{Pose, TimedPose, interpolate};
 use crate::random::SplitMix64;
 
@@ -340,8 +340,8 @@ mod tests {
     fn key_frames_of_the_phantom_lie_apart_and_on_the_skin() {
         let exam = Plan::new(&wishes()).unwrap().exams[0].clone();
         let parameters = exam.phantom.unwrap();
-        let skin = Skin::phantom(&parameters);
-        let planes = crate::anatomy::planes::obstetric(&parameters);
+        let skin = crate::phantom::skin(&parameters);
+        let planes = crate::phantom::planes(&parameters);
         let source = Source::Planes(&planes, &skin);
         let moments = exam.moments(&source, 2).unwrap();
         assert_eq!(moments.iter().map(|m| m.index).collect::<Vec<_>>(), exam.tuples.clone().collect::<Vec<_>>());

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::anatomy::phantom::PhantomOptions;
+use crate::phantom::PhantomOptions;
 use crate::pose::Pose;
 use crate::settings::LookSettings;
 use crate::transducer::{Probe, Sector};

@@ -1,7 +1,7 @@
 //! Variation of phantoms and settings within a data set.
 
 use super::SettingsRow;
-use crate::anatomy::phantom::{Lie, Parameters, PlacentaSite};
+use crate::phantom::{Lie, Parameters, PlacentaSite};
 use crate::random::SplitMix64;
 use crate::render::{ImageSettings, RenderSettings};
 use crate::transducer::Probe;

@@ -8,8 +8,7 @@ use std::path::Path;
 use glam::{DVec3, Vec3};
 
 use super::{ExamError, START_TIME_NS, encode, on_skin};
-use crate::anatomy::Skin;
-use crate::anatomy::phantom::{self, Landmarks, Parameters};
+use crate::phantom::{self, Landmarks, Parameters};
 use crate::pose::freehand::{Tremor, Waypoint, view_at};
 use crate::pose::{Pose, TimedPose};
 use crate::tracker::recording::Event;
@@ -36,7 +35,7 @@ pub const KEY_FRAMES: [(&str, f64); 6] =
 /// The file cannot be written, or [`ExamError::NoSkin`].
 pub fn write(path: &Path, seed: u64) -> Result<(), ExamError> {
     let parameters = Parameters::default();
-    let skin = Skin::phantom(&parameters);
+    let skin = phantom::skin(&parameters);
     let poses = sweep(&phantom::landmarks(&parameters), |from, along| skin.exit(from, along), seed)?;
     let events = KEY_FRAMES.map(|(name, time_s)| Event::new(START_TIME_NS + (time_s * 1e9).round() as u64, name));
     encode(path, "obstetric phantom", &poses, &events)
@@ -112,7 +111,7 @@ mod tests {
 
     fn exam() -> Vec<TimedPose> {
         let parameters = Parameters::default();
-        let skin = Skin::phantom(&parameters);
+        let skin = phantom::skin(&parameters);
         sweep(&phantom::landmarks(&parameters), |from, along| skin.exit(from, along), SEED).unwrap()
     }
 

@@ -8,11 +8,9 @@ use std::sync::LazyLock;
 
 use super::accepts::{AXES, Accepts, HOST_NAME, LISTEN_ADDRESS, TOKEN};
 use crate::anatomy::Tissue;
-use crate::anatomy::phantom::parameters::{
-    FAT_RANGE_MM, FLEXION_RANGE, FLUID_INDEX_RANGE_MM, ROLL_RANGE_DEG, WEEKS_RANGE,
-};
-use crate::anatomy::phantom::{Lie, PlacentaSite, SCALE_RANGE, Wall};
 use crate::generator::{self, Provider};
+use crate::phantom::parameters::{FAT_RANGE_MM, FLEXION_RANGE, FLUID_INDEX_RANGE_MM, ROLL_RANGE_DEG, WEEKS_RANGE};
+use crate::phantom::{Lie, PlacentaSite, SCALE_RANGE, Wall};
 use crate::pose::FilterSettings;
 use crate::render::{BackendChoice, Preset};
 use crate::settings::{

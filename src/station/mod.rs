@@ -23,11 +23,11 @@ mod values;
 
 use std::path::{Path, PathBuf};
 
-use crate::anatomy::phantom::PhantomOptions;
 use crate::anatomy::planes::{self, StandardPlanes};
 use crate::anatomy::{Motion, Scene, TissueTable, import};
 use crate::files::{self, FileKind};
 use crate::generator::generator_files;
+use crate::phantom::{self, PhantomOptions};
 use crate::pose::{self, CalibrationSource, FilterSettings, Pose};
 use crate::render::BackendChoice;
 use crate::settings::{PipelineSettings, Probe, RenderSettings};
@@ -161,7 +161,7 @@ impl Station {
     pub fn standard_planes(&self) -> Result<StandardPlanes, StationError> {
         match &self.scene {
             SceneSource::File(path) => Ok(planes::beside(path)?),
-            SceneSource::ObstetricPhantom(options) => Ok(planes::obstetric(&options.parameters)),
+            SceneSource::ObstetricPhantom(options) => Ok(phantom::planes(&options.parameters)),
         }
     }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::keys::of_table;
 use super::values::Values;
 use super::{SceneSource, StationError};
-use crate::anatomy::phantom::{Lie, PhantomOptions, PlacentaSite, Wall};
+use crate::phantom::{Lie, PhantomOptions, PlacentaSite, Wall};
 
 pub(super) fn source(values: &Values, dir: &Path) -> Result<SceneSource, StationError> {
     match (values.text("path"), values.text("phantom")) {

@@ -9,13 +9,13 @@ use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
 use glam::{DQuat, DVec3};
-use insonify::anatomy::phantom::{self, Biometry, Parameters};
-use insonify::anatomy::planes::{StandardPlane, StandardPlanes, View, obstetric};
+use insonify::anatomy::planes::{StandardPlane, StandardPlanes, View};
 use insonify::anatomy::{Mesh, Motion, Scene, Skin, Surface, TissueTable, analytic};
 use insonify::exam::hand::Skill;
 use insonify::exam::score::{Reference, Score, score};
 use insonify::exam::session::{Session, Settings, TRUTH_EVENT, make};
 use insonify::exam::{ExamError, START_TIME_NS};
+use insonify::phantom::{self, Biometry, Parameters};
 use insonify::pose::{Pose, TimedPose};
 use insonify::settings::ContactSettings;
 use insonify::tracker::recording::{Event, RecordingReader, read_all};
@@ -35,7 +35,7 @@ fn place() -> &'static Place {
             .into_iter()
             .map(|part| (part.name, part.mesh))
             .collect();
-        Place { planes: obstetric(&Parameters::default()), skin: Skin::phantom(&Parameters::default()), surfaces }
+        Place { planes: phantom::planes(&Parameters::default()), skin: phantom::skin(&Parameters::default()), surfaces }
     })
 }
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use insonify::anatomy::TissueTable;
-use insonify::anatomy::phantom::PhantomOptions;
+use insonify::phantom::PhantomOptions;
 use insonify::pose::FilterSettings;
 use insonify::pose::Pose;
 use insonify::settings::{

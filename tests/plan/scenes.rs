@@ -3,7 +3,7 @@
 use glam::Vec3;
 use insonify::anatomy::TissueTable;
 use insonify::anatomy::analytic::{self, Part, cuboid};
-use insonify::anatomy::phantom::{Parameters, movement, organs};
+use insonify::phantom::{Parameters, movement, organs};
 use insonify::pose::Pose;
 use insonify::render::plan::{Bound, GREY_ALLOWED};
 use insonify::render::{Choice, Effect};
@@ -23,7 +23,7 @@ fn tissues_and(more: &[&'static str]) -> Vec<&'static str> {
 fn obstetric() -> Case {
     let station = station("obstetric");
     let parameters = Parameters::default();
-    let boxed = |organ: insonify::anatomy::phantom::Organ| Part {
+    let boxed = |organ: insonify::phantom::Organ| Part {
         name: organ.name,
         tissue: organ.tissue,
         priority: organ.priority,

@@ -10,7 +10,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use glam::{DQuat, DVec3};
-use insonify::anatomy::fiducials;
+use insonify::phantom;
 use insonify::pose::csv::Named;
 use insonify::pose::{Calibration, Fitted, Pose};
 use insonify::tracker::ascii_line;
@@ -168,7 +168,7 @@ impl Asked {
 fn landmarks_are_touched_one_by_one_and_the_calibration_file_is_written() {
     let (dir, tracker) = (tempfile::tempdir().unwrap(), Tracker::start());
     let mut asked = Asked::start(dir.path(), &tracker, &["--json"]);
-    let points = fiducials::of_phantom(&Default::default());
+    let points = phantom::fiducials(&Default::default());
     // First the hand slides, and then the tracker is lost: neither gives a landmark.
     asked.until(&points[0].name);
     tracker.does(Hand::Moving(touching(points[0].value, 0)));
@@ -211,7 +211,7 @@ fn wrong_landmarks_leave_the_file_unchanged() {
     for (count, place, message) in cases {
         let (dir, tracker) = (tempfile::tempdir().unwrap(), Tracker::start());
         let mut asked = Asked::start(dir.path(), &tracker, &[]);
-        let points = fiducials::of_phantom(&Default::default());
+        let points = phantom::fiducials(&Default::default());
         for (n, point) in points.iter().take(count).enumerate() {
             asked.take(&tracker, point, place(point.value), n);
         }

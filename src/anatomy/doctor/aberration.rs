@@ -12,7 +12,7 @@ use serde::Serialize;
 use super::tree::Tree;
 use crate::acoustics::{ASSUMED_SPEED_M_S, HARD_SPEED};
 use crate::anatomy::Scene;
-use crate::anatomy::phantom::Wall;
+use crate::anatomy::Wall;
 use crate::pose::Pose;
 use crate::statistics::{median, sorted};
 

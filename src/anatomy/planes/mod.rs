@@ -1,13 +1,12 @@
 //! Standard planes of a scene: target planes of a trainee, their tolerances and measurements.
 //!
-//! The obstetric phantom has built-in planes ([`obstetric`]). Any other scene has them in a file beside its glTF file:
+//! The obstetric phantom has built-in planes. Any other scene has them in a file beside its glTF file:
 //! `belly.glb` has `belly.planes.json` ([`beside`]). `insonify planes STATION --json` prints a complete file.
 //!
 //! Points are in mm and directions are unit vectors, both in the scene frame, written `[x, y, z]`; a pose is `[x, y, z,
 //! qw, qx, qy, qz]`, as in a station file.
 
 mod file;
-mod obstetric;
 mod pose;
 
 use std::path::Path;
@@ -16,7 +15,6 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 pub use file::{PlanesError, WrongValue, beside, file_beside};
-pub use obstetric::{obstetric, obstetric_of};
 
 use super::Skin;
 use crate::pose::Pose;

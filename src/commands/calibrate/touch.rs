@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use glam::DVec3;
-use insonify::anatomy::fiducials;
 use insonify::files::FileKind;
+use insonify::phantom;
 use insonify::pose::Calibration;
 use insonify::pose::csv::{self, Named};
 use insonify::pose::landmark::{StillSettings, Touched, touch};
@@ -90,7 +90,7 @@ fn points(args: &TouchArgs, station: &Station) -> Result<Vec<Named<DVec3>>, Fail
         return csv::points(&input::text(path, FileKind::Table, "the points")?).input_of(path);
     }
     match &station.scene {
-        SceneSource::ObstetricPhantom(options) => Ok(fiducials::of_phantom(&options.parameters)),
+        SceneSource::ObstetricPhantom(options) => Ok(phantom::fiducials(&options.parameters)),
         SceneSource::File(scene) => Err(Failure::Input(anyhow!(
             "nobody knows landmarks of {}: give --points FILE with lines `x,y,z,name` (mm in the scene)",
             scene.display()
