@@ -3,12 +3,14 @@
 //!
 //! Errors come from a table that is shipped ([`ErrorTable`]), times are measured on the machine once and kept in the cache.
 //! [`choose`] picks the first point of a session; [`PointController`] follows the load and the probe's speed from there on.
+//! [`choose_still`] picks the quality of stills.
 
 mod candidates;
 mod control;
 mod error;
 mod error_table;
 mod starting_point;
+mod still;
 mod times;
 
 pub use control::{Candidate, FrameBudget, PointChange, PointController, PointSummary, Switch};
@@ -17,3 +19,4 @@ pub use error_table::{
     ErrorTable, ErrorTableError, ExpectedErrors, GeneratorKey, PointError, StationErrors, kind_name,
 };
 pub use starting_point::{StartingPoint, choose, scene_name};
+pub use still::{StillQuality, choose_still};

@@ -2,7 +2,8 @@
 
 use std::str::FromStr;
 
-use insonify::render::{Climbed, LADDER, Preset, Quality, QualityPoint};
+use insonify::chooser::StillQuality;
+use insonify::render::{FrameQuality, Preset, Quality};
 use insonify::settings::SettingsGroup as _;
 
 use super::input;
@@ -19,21 +20,21 @@ pub(crate) fn seed_help() -> String {
 
 /// Values of `--quality`.
 fn accepts() -> String {
-    let presets = Preset::NAMES.iter().zip(Preset::ALL).map(|(name, preset)| format!("{name} ({})", preset.point()));
+    let presets = Preset::NAMES.iter().zip(Preset::ALL).map(|(name, preset)| format!("{name} ({})", preset.quality()));
     let presets: Vec<String> = presets.collect();
-    let [lq, hq] = [Quality::LQ, Quality::HQ].map(QualityPoint::from);
+    let [lq, hq] = [Quality::LQ, Quality::HQ].map(rays_layers);
     let [rays, layers] = ["rays", "layers"].map(input::range::<Quality>);
     format!("{}, lq ({lq}), hq ({hq}), or rays x layers: {rays} x {layers}", presets.join(", "))
 }
 
 /// Rays and layers as given on the command line: a preset, `lq`, `hq` or `RxL`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct RaysLayers(QualityPoint);
+pub(crate) struct RaysLayers(FrameQuality);
 
 impl RaysLayers {
     /// These rays and layers with a seed.
     pub(crate) fn with_seed(self, seed: u32) -> Quality {
-        self.0.with_seed(seed)
+        Quality { rays: self.0.rays, layers: self.0.layers, seed }
     }
 }
 
@@ -43,36 +44,41 @@ impl FromStr for RaysLayers {
     fn from_str(text: &str) -> Result<Self, String> {
         let text = text.to_ascii_lowercase();
         if let Ok(preset) = text.parse::<Preset>() {
-            return Ok(Self(preset.point()));
+            return Ok(Self(preset.quality()));
         }
         match text.as_str() {
-            "lq" => Ok(Self(Quality::LQ.into())),
-            "hq" => Ok(Self(Quality::HQ.into())),
+            "lq" => Ok(Self(rays_layers(Quality::LQ))),
+            "hq" => Ok(Self(rays_layers(Quality::HQ))),
             other => {
-                let point = input::product(other).map(|(rays, layers)| QualityPoint::new(rays, layers));
-                let in_range = point.filter(|point| point.with_seed(0).validate().is_ok());
-                in_range.map(Self).ok_or_else(|| format!("expected {}, such as `8x1`", accepts()))
+                let given = input::product(other).map(|(rays, layers)| Self(FrameQuality::new(rays, layers)));
+                let in_range = given.filter(|given| given.with_seed(0).validate().is_ok());
+                in_range.ok_or_else(|| format!("expected {}, such as `8x1`", accepts()))
             }
         }
     }
 }
 
-/// Prints and returns the quality that a budget chose, with its time and that of the next one.
-pub(crate) fn say_chosen(climbed: &Climbed) -> String {
-    let (point, budget_ms) = (climbed.point(), climbed.budget_ms);
-    let Some(ms) = climbed.chosen_ms() else {
-        return warned(format!("{point}, whose frames gave no time to hold against {budget_ms} ms"));
+/// Rays and layers of a quality.
+fn rays_layers(quality: Quality) -> FrameQuality {
+    FrameQuality::new(quality.rays, quality.layers)
+}
+
+/// Prints and returns the quality that a budget chose, with its time, its error and the time of the next one.
+pub(crate) fn say_chosen(chosen: &StillQuality) -> String {
+    let StillQuality { budget_ms, quality, error, frame_ms, beyond } = chosen;
+    let Some(ms) = frame_ms else {
+        return warned(format!("{quality}, whose frames gave no time to hold against {budget_ms} ms"));
     };
-    if !climbed.fits() {
-        return warned(format!("nothing keeps {budget_ms} ms here; {point} is the least, and takes {ms:.1} ms"));
+    if !chosen.fits() {
+        return warned(format!("nothing keeps {budget_ms} ms here; {quality} is the least, and takes {ms:.1} ms"));
     }
-    let next = climbed.rung + 1;
-    let beyond = match (LADDER.get(next), climbed.frame_ms.get(next).copied().flatten()) {
-        (None, _) => String::new(),
-        (Some(next), Some(ms)) => format!("; {next} takes {ms:.1} ms"),
-        (Some(next), None) => format!("; {next} is more than the device has room for"),
+    let beyond = match beyond {
+        None => String::new(),
+        Some((next, Some(ms))) => format!("; {next} takes {ms:.1} ms"),
+        Some((next, None)) => format!("; {next} is more than the device has room for"),
     };
-    let chosen = format!("{point}, {ms:.1} ms of {budget_ms}{beyond}");
+    let chosen =
+        format!("{quality}, {ms:.1} ms of {budget_ms}, {error:.1} grey levels off the converged picture{beyond}");
     eprintln!("quality: {chosen}");
     chosen
 }
@@ -84,10 +90,9 @@ fn warned(chosen: String) -> String {
 
 /// The quality's short name in captions and tables.
 pub(crate) fn name(quality: &Quality) -> String {
-    let point = QualityPoint::from(*quality);
-    let named =
-        [(Quality::LQ, "LQ"), (Quality::HQ, "HQ")].into_iter().find(|(known, _)| point == QualityPoint::from(*known));
-    named.map_or_else(|| point.to_string(), |(_, name)| name.to_owned())
+    let own = rays_layers(*quality);
+    let named = [(Quality::LQ, "LQ"), (Quality::HQ, "HQ")].into_iter().find(|(known, _)| own == rays_layers(*known));
+    named.map_or_else(|| own.to_string(), |(_, name)| name.to_owned())
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::anyhow;
 use clap::Parser;
+use insonify::chooser::{choose_still, scene_name};
 use insonify::look::{Look, Shape};
 use insonify::pose::Pose;
 use insonify::render::{Frame, Quality, Renderer};
@@ -103,9 +104,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     renderer.set_time_s(args.time);
     let mut chosen = None;
     if let (Some(budget_ms), None) = (station.quality_budget_ms, args.quality) {
-        let climbed = renderer.choose_quality(&station.probe, &settings, &[pose], budget_ms)?;
-        chosen = Some(quality::say_chosen(&climbed));
-        settings.quality = climbed.point().with_seed(seed);
+        let scene = scene_name(&station);
+        let found = choose_still(&mut renderer, &scene, &station.probe, &settings, &[pose], budget_ms)?;
+        chosen = Some(quality::say_chosen(&found));
+        settings.quality = Quality { rays: found.quality.rays, layers: found.quality.layers, seed };
     }
     renderer.render(&pose, &mut frame)?;
     if frame.overflows > 0 {

@@ -7,6 +7,7 @@ use std::str::FromStr;
 use anyhow::anyhow;
 use clap::Args;
 use insonify::anatomy::Scene;
+use insonify::chooser::{choose_still, scene_name};
 use insonify::look::{Look, Shape};
 use insonify::pipeline::{OtherSetting, ReplayedControls, ReplayedPoses};
 use insonify::pose::{Estimator, Pose};
@@ -233,11 +234,12 @@ impl Replay {
         let poses = self.timeline.poses.get(self.frames.clone()).unwrap_or_default();
         let last = poses.len().saturating_sub(1);
         let poses: Vec<Pose> = [0, last / 2, last].iter().filter_map(|i| poses.get(*i).copied()).collect();
-        let climbed =
-            Renderer::new(backend, scene, probe, settings)?.choose_quality(probe, settings, &poses, budget_ms)?;
-        quality::say_chosen(&climbed);
-        for part in &mut self.parts {
-            part.settings.quality = climbed.point().with_seed(part.settings.quality.seed);
+        let mut renderer = Renderer::new(backend, scene, probe, settings)?;
+        let name = scene_name(&self.station);
+        let chosen = choose_still(&mut renderer, &name, probe, settings, &poses, budget_ms)?;
+        quality::say_chosen(&chosen);
+        for Part { settings, .. } in &mut self.parts {
+            (settings.quality.rays, settings.quality.layers) = (chosen.quality.rays, chosen.quality.layers);
         }
         Ok(())
     }

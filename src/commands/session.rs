@@ -6,13 +6,13 @@ use insonify::anatomy::Scene;
 use insonify::files::cache_directory;
 use insonify::phantom::{self, PhantomFile};
 use insonify::pose::Pose;
-use insonify::render::{Backend, EffectPlan, FRAMES_IN_FLIGHT, Frame, QualityPoint, RenderSettings, Renderer};
+use insonify::render::{Backend, EffectPlan, FRAMES_IN_FLIGHT, Frame, RenderSettings, Renderer};
 use insonify::sink::frame_record::AdapterRecord;
 use insonify::station::{SceneSource, Station};
 use insonify::transducer::Probe;
 
-use super::Failure;
 use super::progress::Progress;
+use super::{Failure, quality};
 
 /// Name and driver of the backend.
 pub(crate) fn adapter(backend: &Backend) -> AdapterRecord {
@@ -62,8 +62,8 @@ pub(crate) fn warn_of_effects(scene: &Scene, probe: &Probe, settings: &RenderSet
 /// Warns that the command ignores the station's budget and uses the lowest quality.
 pub(crate) fn warn_of_budget(station: &Station) {
     if let Some(budget_ms) = station.quality_budget_ms {
-        let point = QualityPoint::from(station.settings.quality);
-        tracing::warn!("quality.budget_ms = {budget_ms} chooses nothing here: the quality is {point}");
+        let quality = quality::name(&station.settings.quality);
+        tracing::warn!("quality.budget_ms = {budget_ms} chooses nothing here: the quality is {quality}");
     }
 }
 

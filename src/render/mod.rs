@@ -21,7 +21,6 @@ mod frame_quality;
 mod hooks;
 mod host;
 mod kernels;
-mod ladder;
 mod lateral_beam;
 mod look_order;
 mod maker;
@@ -48,9 +47,8 @@ pub use hooks::TestHooks;
 pub use host::processor_name;
 #[cfg(feature = "test-hooks")]
 pub use host::{ImageConstants, TraceConstants};
-pub use ladder::{Climbed, LADDER, RUNGS, climb};
 pub use plan::{Decision, EffectPlan};
-pub use preset::{Preset, QualityPoint, UnknownPreset};
+pub use preset::{Preset, UnknownPreset};
 pub use renderer::Renderer;
 pub use snapshot::Snapshot;
 

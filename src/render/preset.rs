@@ -1,49 +1,10 @@
-//! Quality points, rays × layers, and their names.
+//! Named qualities.
 
-use std::fmt;
 use std::str::FromStr;
 
 use thiserror::Error;
 
-use crate::settings::Quality;
-
-/// Rays × layers, written `8x1`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct QualityPoint {
-    /// Rays per scanline and layer, 1..=256.
-    pub rays: u32,
-    /// Elevational layers, 1..=33.
-    pub layers: u32,
-}
-
-impl QualityPoint {
-    /// This point.
-    pub const fn new(rays: u32, layers: u32) -> Self {
-        Self { rays, layers }
-    }
-
-    /// The point with a seed.
-    pub const fn with_seed(self, seed: u32) -> Quality {
-        Quality { rays: self.rays, layers: self.layers, seed }
-    }
-
-    /// Paths per scanline: rays × layers.
-    pub const fn paths(self) -> u32 {
-        self.rays * self.layers
-    }
-}
-
-impl From<Quality> for QualityPoint {
-    fn from(quality: Quality) -> Self {
-        Self::new(quality.rays, quality.layers)
-    }
-}
-
-impl fmt::Display for QualityPoint {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}x{}", self.rays, self.layers)
-    }
-}
+use super::frame_quality::FrameQuality;
 
 /// A text that names no preset.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
@@ -53,7 +14,7 @@ pub struct UnknownPreset {
     pub found: String,
 }
 
-/// A named point of the [`LADDER`](super::LADDER), in rising cost.
+/// A named quality, in rising cost.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Preset {
     /// 1 ray × 1 layer: the paper's low quality.
@@ -75,12 +36,12 @@ crate::names::named!(Preset {
 
 impl Preset {
     /// Its rays and layers.
-    pub const fn point(self) -> QualityPoint {
+    pub const fn quality(self) -> FrameQuality {
         match self {
-            Self::Fast => QualityPoint::new(1, 1),
-            Self::Balanced => QualityPoint::new(2, 3),
-            Self::Accurate => QualityPoint::new(32, 3),
-            Self::Reference => QualityPoint::new(128, 3),
+            Self::Fast => FrameQuality::new(1, 1),
+            Self::Balanced => FrameQuality::new(2, 3),
+            Self::Accurate => FrameQuality::new(32, 3),
+            Self::Reference => FrameQuality::new(128, 3),
         }
     }
 }
@@ -96,12 +57,21 @@ impl FromStr for Preset {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::Quality;
 
     #[test]
     fn names_are_read() {
         assert_eq!(Preset::NAMES.iter().map(|name| name.parse().unwrap()).collect::<Vec<Preset>>(), Preset::ALL);
         let error = "best".parse::<Preset>().unwrap_err().to_string();
         assert_eq!(error, "`best` is no preset; they are fast, balanced, accurate, reference");
-        assert_eq!(Preset::Reference.point().to_string(), "128x3");
+        assert_eq!(Preset::Reference.quality().to_string(), "128x3");
+    }
+
+    #[test]
+    fn cost_rises_from_the_papers_low_quality_to_beyond_its_high_one() {
+        assert!(Preset::ALL.map(|preset| preset.quality().paths()).is_sorted());
+        for (preset, Quality { rays, layers, .. }) in [(Preset::Fast, Quality::LQ), (Preset::Accurate, Quality::HQ)] {
+            assert_eq!(preset.quality(), FrameQuality::new(rays, layers));
+        }
     }
 }

@@ -15,7 +15,8 @@ pub(super) fn settings(image_values: &Values, values: &Values) -> Result<RenderS
     let mut settings = RenderSettings::default();
     if let Some(preset) = values.text("preset").and_then(|name| name.parse::<Preset>().ok()) {
         values.refuse(&["rays", "layers"], "`quality.preset` says rays and layers; give one or the other")?;
-        settings.quality = preset.point().with_seed(settings.quality.seed);
+        let quality = preset.quality();
+        (settings.quality.rays, settings.quality.layers) = (quality.rays, quality.layers);
     }
     image_values.set_group(&mut settings.image);
     values.set_group(&mut settings);

@@ -15,7 +15,7 @@ pub(super) fn pose(x: f64) -> Pose {
     Pose { position_mm: DVec3::X * x, orientation: DQuat::IDENTITY }
 }
 
-pub(super) type Extra = dyn Fn(Duration, QualityPoint) -> Duration + Send + Sync;
+pub(super) type Extra = dyn Fn(Duration, FrameQuality) -> Duration + Send + Sync;
 
 /// Processors shared by frames and generated images if there is no other device.
 #[derive(Default)]
@@ -64,7 +64,8 @@ impl FrameRenderer for Device {
 
     fn submit(&mut self, pose: &Pose) -> Result<(), RenderFault> {
         assert!(self.in_flight.len() < 2, "two in flight at most");
-        let extra = (self.extra)(self.clock.now(), self.quality.into());
+        let quality = FrameQuality::new(self.quality.rays, self.quality.layers);
+        let extra = (self.extra)(self.clock.now(), quality);
         self.free = self.free.max(self.clock.now()) + self.service + extra;
         if let Some(processors) = &self.processors {
             processors.work(&self.clock, self.service + extra);

@@ -6,13 +6,13 @@ use super::*;
 const RAW: [(u32, u32, f64); 5] = [(1, 1, 20.0), (1, 3, 16.0), (2, 3, 15.0), (4, 3, 14.0), (8, 3, 13.0)];
 
 /// Time of a frame, ms: 1x1 9, 1x3 12, 2x3 16, 4x3 24, 8x3 40.
-fn cost_ms(quality: QualityPoint) -> f64 {
+fn cost_ms(quality: FrameQuality) -> f64 {
     7.9 + 1.34 * f64::from(quality.paths())
 }
 
 fn raw(&(rays, layers, error): &(u32, u32, f64)) -> Candidate {
     let quality = FrameQuality::new(rays, layers);
-    let render_ms = cost_ms(QualityPoint::new(rays, layers));
+    let render_ms = cost_ms(quality);
     Candidate { quality, generator: None, error: BySpeed::all(error), render_ms, run_ms: 0.0 }
 }
 

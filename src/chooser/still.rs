@@ -1,0 +1,193 @@
+//! Quality of stills within a budget of time.
+
+use super::error::ChooserError;
+use super::error_table::ErrorTable;
+use crate::pose::{Pose, ProbeSpeed};
+use crate::render::{BackendError, Effect, Frame, FrameQuality, RenderError, Renderer};
+use crate::settings::RenderSettings;
+use crate::statistics::upper_median;
+use crate::transducer::Probe;
+
+/// Timed frames of a quality, after one that warms it up. Their median counts.
+const FRAMES: usize = 3;
+
+/// Quality chosen for stills, and the times that decided.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StillQuality {
+    /// Time that a frame may take, ms.
+    pub budget_ms: f64,
+    /// The quality of least error within the budget; that of the fewest paths if none keeps it.
+    pub quality: FrameQuality,
+    /// Its expected error, grey levels.
+    pub error: f64,
+    /// Median time of its frames, ms; `None` if no frame had a time.
+    pub frame_ms: Option<f64>,
+    /// The first quality over the budget; its time in ms is `None` if the device has no room for it.
+    pub beyond: Option<(FrameQuality, Option<f64>)>,
+}
+
+impl StillQuality {
+    /// Whether the quality keeps the budget.
+    pub fn fits(&self) -> bool {
+        self.frame_ms.is_some_and(|ms| ms <= self.budget_ms)
+    }
+}
+
+/// Chooses the quality of stills, and switches the renderer to `probe` and `settings` with it. Qualities are those of the shipped
+/// table of errors, with the angles and the aperture of `settings`; the seed is kept. They are timed from the fewest paths on at
+/// `poses`, in turn, until one takes more than `budget_ms`. `scene` is [`scene_name`](super::scene_name) of the station.
+///
+/// # Errors
+/// The table can't be read, or a frame can't be rendered. A quality that the device has no room for ends the search.
+pub fn choose_still(
+    renderer: &mut Renderer,
+    scene: &str,
+    probe: &Probe,
+    settings: &RenderSettings,
+    poses: &[Pose],
+    budget_ms: f64,
+) -> Result<StillQuality, ChooserError> {
+    let own = FrameQuality::of(settings);
+    let expected = ErrorTable::shipped()?.expected(scene, probe);
+    let mut points: Vec<(FrameQuality, f64)> = Vec::new();
+    for known in expected.qualities().into_iter().filter(|quality| quality.aperture) {
+        let quality = FrameQuality { rays: known.rays, layers: known.layers, ..own };
+        let error = expected.of(FrameQuality { aperture: true, ..quality }, None, ProbeSpeed::AtRest);
+        if let Some(error) = error
+            && points.iter().all(|(point, _)| *point != quality)
+        {
+            points.push((quality, error));
+        }
+    }
+    let aperture = settings.effects.of(Effect::Aperture);
+    let mut poses = poses.iter().cycle();
+    let mut frame = Frame::default();
+    let first = points.first().map(|(quality, _)| *quality);
+    let chosen = search(&points, own, budget_ms, |quality| {
+        match renderer.reconfigure(probe, &quality.apply(settings, aperture)) {
+            Ok(()) => {}
+            // The cheapest must work.
+            Err(RenderError::Backend(BackendError::Limit { .. } | BackendError::Memory { .. }))
+                if Some(quality) != first =>
+            {
+                return Ok(None);
+            }
+            Err(error) => return Err(error),
+        }
+        let Some(pose) = poses.next() else { return Ok(None) };
+        renderer.render(pose, &mut frame)?;
+        Ok(Some(frame.times.total_ms))
+    })?;
+    renderer.reconfigure(probe, &chosen.quality.apply(settings, aperture))?;
+    Ok(chosen)
+}
+
+/// Searches `points`, qualities with their errors by rising paths; `own` stands for an empty list. `frame_ms` renders a frame and
+/// returns its time, ms, or `None` if the device has no room for such frames. Times that are not finite are ignored.
+fn search<E>(
+    points: &[(FrameQuality, f64)],
+    own: FrameQuality,
+    budget_ms: f64,
+    mut frame_ms: impl FnMut(FrameQuality) -> Result<Option<f64>, E>,
+) -> Result<StillQuality, E> {
+    let &(least, error) = points.first().unwrap_or(&(own, 0.0));
+    let mut chosen = StillQuality { budget_ms, quality: least, error, frame_ms: None, beyond: None };
+    for &(quality, error) in points {
+        let mut times = [f64::NAN; FRAMES];
+        let mut known = 0;
+        for frame in 0..=FRAMES {
+            let Some(ms) = frame_ms(quality)? else {
+                chosen.beyond = Some((quality, None));
+                return Ok(chosen);
+            };
+            if frame > 0 && ms.is_finite() {
+                times[known] = ms;
+                known += 1;
+            }
+        }
+        times[..known].sort_by(f64::total_cmp);
+        let ms = upper_median(&times[..known]);
+        let fits = ms.is_some_and(|ms| ms <= budget_ms);
+        if quality == least || (fits && error < chosen.error) {
+            (chosen.quality, chosen.error, chosen.frame_ms) = (quality, error, ms);
+        }
+        if !fits {
+            chosen.beyond = (quality != least).then_some((quality, ms));
+            break;
+        }
+    }
+    Ok(chosen)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Qualities of a table, with errors that fall with the paths.
+    fn points() -> Vec<(FrameQuality, f64)> {
+        let of = |(rays, layers): (u32, u32)| (FrameQuality::new(rays, layers), 20.0 / f64::from(rays * layers).sqrt());
+        [(1, 1), (1, 3), (2, 3), (4, 3), (8, 3), (32, 3)].map(of).to_vec()
+    }
+
+    /// Search on a machine that takes 10 ms plus `per_path` ms per path, and the number of its frames.
+    fn searched(points: &[(FrameQuality, f64)], budget_ms: f64, per_path: f64) -> (StillQuality, usize) {
+        let mut frames = 0;
+        let found = search::<()>(points, FrameQuality::LQ, budget_ms, |quality| {
+            frames += 1;
+            // The first of each quality compiles.
+            let warm = if frames % 4 == 1 { 1000.0 } else { 0.0 };
+            Ok(Some(10.0 + per_path * f64::from(quality.paths()) + warm))
+        });
+        (found.unwrap(), frames)
+    }
+
+    #[test]
+    fn the_best_quality_within_the_budget_is_chosen_and_one_more_measured() {
+        let (found, frames) = searched(&points(), 40.0, 2.0);
+        assert_eq!((found.quality, found.frame_ms, found.fits()), (FrameQuality::new(4, 3), Some(34.0), true));
+        assert_eq!((found.beyond, frames), (Some((FrameQuality::new(8, 3), Some(58.0))), 5 * 4));
+    }
+
+    #[test]
+    fn all_may_fit_and_none_may() {
+        let (all, _) = searched(&points(), 1e4, 2.0);
+        assert_eq!((all.quality, all.beyond), (FrameQuality::new(32, 3), None));
+        let (none, frames) = searched(&points(), 5.0, 2.0);
+        assert_eq!((none.quality, none.fits(), none.beyond, frames), (FrameQuality::LQ, false, None, 4));
+    }
+
+    #[test]
+    fn a_quality_of_more_paths_and_a_greater_error_is_not_chosen() {
+        let mut points = points();
+        points[3].1 = 2.0 * points[2].1;
+        assert_eq!(searched(&points, 40.0, 2.0).0.quality, FrameQuality::new(2, 3));
+    }
+
+    #[test]
+    fn times_that_are_no_number_are_left_out() {
+        let mut frames = 0;
+        let found = search::<()>(&points(), FrameQuality::LQ, 40.0, |_| {
+            frames += 1;
+            Ok(Some(if frames % 4 == 2 { f64::NAN } else { 12.0 }))
+        });
+        assert_eq!(found.unwrap().frame_ms, Some(12.0));
+        let found = search::<()>(&points(), FrameQuality::LQ, 40.0, |_| Ok(Some(f64::INFINITY))).unwrap();
+        assert_eq!((found.quality, found.fits(), found.frame_ms), (FrameQuality::LQ, false, None));
+    }
+
+    #[test]
+    fn a_refused_quality_ends_the_search_and_a_fault_is_handed_on() {
+        let found = search::<()>(&points(), FrameQuality::LQ, 40.0, |q| Ok((q.rays < 4).then_some(5.0))).unwrap();
+        assert_eq!((found.quality, found.fits()), (FrameQuality::new(2, 3), true));
+        assert_eq!(found.beyond, Some((FrameQuality::new(4, 3), None)));
+        assert_eq!(search(&points(), FrameQuality::LQ, 40.0, |_| Err("gone")), Err("gone"));
+    }
+
+    #[test]
+    fn the_shipped_table_knows_stills_of_every_probe() {
+        for probe in [Probe::default(), Probe { frequency_mhz: 3.0, ..Probe::default() }] {
+            let expected = ErrorTable::shipped().unwrap().expected("unknown", &probe);
+            assert!(expected.qualities().iter().filter(|q| q.angles == 1 && q.aperture).count() > 3);
+        }
+    }
+}
