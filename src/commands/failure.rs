@@ -91,13 +91,13 @@ fn paragraph(error: &anyhow::Error) -> String {
     text
 }
 
-/// Class of each error, one enum per line. `as` names a variant that wraps an error of another line.
+/// Class of each error, one enum per line. `as` names variants that wrap an error of another line.
 macro_rules! classified {
-    ($($error:ident $(as $wrapped:ident)? { $($case:pat => $class:ident),+ $(,)? })*) => {$(
+    ($($error:ident $(as $($wrapped:ident)|+)? { $($case:pat => $class:ident),+ $(,)? })*) => {$(
         impl From<$error> for Failure {
             fn from(error: $error) -> Self {
                 match error {
-                    $($error::$wrapped(error) => error.into(),)?
+                    $($($error::$wrapped(error) => error.into(),)+)?
                     $($case => Self::$class(error.into()),)+
                 }
             }
@@ -127,7 +127,7 @@ classified! {
     GeneratorError { GeneratorError::Inference { .. } | GeneratorError::Terminated { .. } => Other, _ => Input }
     ExportError { _ => Other }
     UnknownBackendVariable { _ => Input }
-    StationError { _ => Input }
+    StationError as Phantom { _ => Input }
     DatasetError { _ => Input }
     PlanesError { _ => Input }
     SceneError { _ => Input }

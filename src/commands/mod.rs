@@ -25,7 +25,6 @@ mod outputs;
 mod pace;
 mod phantom;
 mod plan;
-mod plane_scene;
 mod planes;
 mod progress;
 mod qa;

@@ -17,13 +17,12 @@ use insonify::dataset::{
 };
 use insonify::render::FrameQuality;
 use insonify::settings::{ANGLES_MAX, LookSettings, SettingsGroup};
-use insonify::station::{SceneSource, Station};
+use insonify::station::{PlaneScene, SceneSource, Station};
 use serde::Serialize;
 
 use super::backend::BackendArgs;
 use super::output::thousands;
 use super::outputs::Outputs;
-use super::plane_scene::PlaneScene;
 use super::progress::Progress;
 use super::quality::RaysLayers;
 use super::{Failure, output};

@@ -197,7 +197,7 @@ pub(super) fn verify(directory: &Path, backend: &BackendArgs, count: usize, json
     let mut renderer = TupleRenderer::new(&backend, data.header.classes.clone());
     let progress = Progress::new("verify", total);
     let mut differ = Vec::new();
-    for (done, index) in session::evenly(total, data.rows.len()).enumerate() {
+    for (done, index) in insonify::statistics::evenly(total, data.rows.len()).enumerate() {
         progress.set(done, total);
         let row = &data.rows[index];
         if !renderer.agrees(directory, &data.header, row)? {

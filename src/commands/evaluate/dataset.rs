@@ -8,10 +8,11 @@ use insonify::dataset::{Dataset, Row as TupleRow, Split, Tuple};
 use insonify::quality::regions::is_bone;
 use insonify::quality::{CROP_INSIDE, crop_places};
 use insonify::render::BackendChoice;
+use insonify::statistics::evenly;
 use serde::Serialize;
 
 use super::super::progress::Progress;
-use super::super::{Classify, Failure, session};
+use super::super::{Classify, Failure};
 use super::again::Again;
 use super::judge::{Judged, Row, RowReport, Vectors};
 use super::scan::Scan;
@@ -186,5 +187,5 @@ fn chosen<'a>(args: &Args, dataset: &'a Dataset) -> Result<Vec<&'a TupleRow>, an
         ));
     }
     let count = args.limit.map_or(all.len(), |n| (n as usize).min(all.len()));
-    Ok(session::evenly(count, all.len()).map(|i| all[i]).collect())
+    Ok(evenly(count, all.len()).map(|i| all[i]).collect())
 }
