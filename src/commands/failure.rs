@@ -128,7 +128,8 @@ classified! {
     ExportError { _ => Other }
     UnknownBackendVariable { _ => Input }
     StationError as Phantom { _ => Input }
-    DatasetError { _ => Input }
+    // A number without a class is a fault of the renderer.
+    DatasetError as Station | Exam | Render | Sink { DatasetError::Number { .. } => Other, _ => Input }
     PlanesError { _ => Input }
     SceneError { _ => Input }
     SettingsError { _ => Input }

@@ -41,6 +41,7 @@ mod selftest;
 mod session;
 mod station_keys;
 mod status_line;
+mod steps;
 mod terminal;
 mod timeline;
 mod tissues;

@@ -31,6 +31,11 @@ fn accepts() -> String {
 pub(crate) struct RaysLayers(QualityPoint);
 
 impl RaysLayers {
+    /// The point of the ladder, or beside it.
+    pub(crate) fn point(self) -> QualityPoint {
+        self.0
+    }
+
     /// These rays and layers with a seed.
     pub(crate) fn with_seed(self, seed: u32) -> Quality {
         self.0.with_seed(seed)
