@@ -45,12 +45,13 @@
 //! |---|---|
 //! | [`pipeline`] | live sessions; feature `live` |
 //! | [`chooser`] | operating points: errors, times, the choice; feature `live` |
+//! | [`dataset`] | data sets of paired frames: plan, rendering, reading |
 //! | [`report`] | reports, sheets, pictures of scenes |
 //! | [`station`] | station files |
 //! | [`sink`] | files, and live displays; features `video`, `browser`, `window` |
 //! | [`generator`] | models that translate frames; feature `generator` |
 //! | [`tradeoff`] | time against error; its figure: feature `plots` |
-//! | [`quality`], [`selftest`], [`dataset`] | measures of pictures, known answers, data sets |
+//! | [`quality`], [`selftest`] | measures of pictures, known answers |
 //! | [`exam`] | simulated sessions, scores |
 //! | [`render`] | renderers of the host, of devices (feature `gpu`) and of tests |
 //! | [`transducer`] | probes and their sectors |
@@ -83,6 +84,8 @@ pub mod pipeline;
 #[cfg(feature = "live")]
 pub mod chooser;
 
+pub mod dataset;
+
 pub mod report;
 
 pub mod station;
@@ -96,8 +99,6 @@ pub mod tradeoff;
 pub mod selftest;
 
 pub mod quality;
-
-pub mod dataset;
 
 pub mod exam;
 

@@ -15,6 +15,11 @@ pub fn upper_median<T: Copy>(sorted: &[T]) -> Option<T> {
     sorted.get(sorted.len() / 2).copied()
 }
 
+/// Indices of `count` of `total` things, spread evenly. `count` is at most `total`.
+pub fn evenly(count: usize, total: usize) -> impl Iterator<Item = usize> {
+    (0..count).map(move |i| (2 * i + 1) * total / (2 * count))
+}
+
 /// `values` in ascending order. Infinities sort like other numbers, positive NaN last.
 pub fn sorted(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
     let mut sorted: Vec<f64> = values.into_iter().collect();

@@ -9,7 +9,9 @@ use std::process::{Command, Output};
 use glam::Vec3;
 use insonify::anatomy::analytic::cuboid;
 use insonify::anatomy::export::{LabelledSurface, write_glb};
-use insonify::dataset::{Dataset, DatasetError, Split};
+use insonify::dataset::{Dataset, DatasetError, Maker, Recipe, Shard, Split, Step};
+use insonify::render::{Backend, BackendChoice, QualityPoint};
+use insonify::station::Station;
 use tempfile::TempDir;
 
 const STATION: &str = "[scene]\npath = \"scene.glb\"\n[probe]\nscanlines = 32\nsamples = 256\n\
@@ -106,6 +108,42 @@ fn a_data_set_matches_its_rows_and_renders_again() {
     assert_eq!(rows.matches(&seed).count(), 1);
     std::fs::write(&manifest, rows.replace(&seed, "\"seed\":1")).unwrap();
     failed(&insonify(&["dataset", "--verify", text(&out), "--tuples", "0"]), 1, &["1 of 6", "[3]"]);
+}
+
+#[test]
+fn a_program_makes_the_tuples_of_the_command() {
+    let (dir, station, out) = station_and_output();
+    made(&make(&station, &out, &["--backend", "host"]));
+    let recipe = Recipe {
+        frames: 6,
+        frames_per_exam: 2,
+        hq: QualityPoint::new(4, 1),
+        ..Recipe::new(vec![Station::load(&station).unwrap()])
+    };
+    let own = dir.path().join("own");
+    let backend = Backend::open(BackendChoice::Host).unwrap();
+    let maker = Maker::new(recipe.clone()).unwrap();
+    let last = std::sync::Mutex::new(None);
+    let report = maker.make(&own, &backend, &|step| *last.lock().unwrap() = Some(step)).unwrap();
+    assert_eq!((report.made, report.kept, report.train, report.test), (6, 0, 4, 2));
+    assert_eq!(*last.lock().unwrap(), Some(Step::Tuples { done: 6, total: 6 }));
+    assert_eq!(maker.planned().train, 4);
+    assert_eq!(Dataset::open(&own).unwrap(), Dataset { directory: own.clone(), ..Dataset::open(&out).unwrap() });
+    let verified = Dataset::open(&own).unwrap().verify(&backend, 2, &|_| ()).unwrap();
+    assert_eq!((verified.tuples, verified.differ), (2, vec![]));
+
+    let recipe = || recipe.clone();
+    for (wrong, word) in [
+        (Recipe { lq: vec![], ..recipe() }, "low quality"),
+        (Recipe { lq: vec![QualityPoint::new(0, 1)], ..recipe() }, "1..=256"),
+        (Recipe { hq_angles: 0, ..recipe() }, "angles"),
+        (Recipe { span_deg: Some(f64::NAN), ..recipe() }, "span_deg"),
+        (Recipe { shard: Shard { number: 0, of: 3 }, ..recipe() }, "1..=3"),
+        (Recipe { stations: vec![], ..recipe() }, "station"),
+    ] {
+        let error = Maker::new(wrong).unwrap_err().to_string();
+        assert!(error.contains(word), "{error}");
+    }
 }
 
 #[test]

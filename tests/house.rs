@@ -13,15 +13,16 @@ use std::fs;
 use std::path::Path;
 
 /// Modules from the highest to the lowest. Those of one line do not import each other.
-const ORDER: [&[&str]; 18] = [
+const ORDER: [&[&str]; 19] = [
     &["pipeline"],
     &["chooser"],
+    &["dataset"],
     &["report"],
     &["station"],
     &["sink"],
     &["generator"],
     &["tradeoff"],
-    &["selftest", "quality", "dataset"],
+    &["selftest", "quality"],
     &["exam"],
     &["render"],
     &["transducer"],

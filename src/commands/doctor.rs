@@ -10,12 +10,12 @@ use insonify::anatomy::doctor::{Finding, Report, Settings, Severity, examine};
 use insonify::anatomy::{Scene, import};
 use insonify::pose::Pose;
 use insonify::settings::Probe;
-use insonify::station::Station;
+use insonify::station::{SceneFile, Station};
 use serde::Serialize;
 
 use super::output::counted;
 use super::progress::Progress;
-use super::session::{self, SceneFile};
+use super::session;
 use super::{Classify, Failure, input, output};
 
 /// Say what is wrong with a scene, where, and what to do about it in the modelling program.

@@ -12,13 +12,13 @@ use insonify::exam::hand::Skill;
 use insonify::exam::session::{self, PLANE_S, Settings, TRUTH_EVENT};
 use insonify::exam::{START_TIME_NS, sweep};
 use insonify::sink::{create_dir, write_json};
-use insonify::station::Station;
+use insonify::station::{PlaneScene, Station};
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::outputs::Outputs;
-use super::plane_scene::{PlaneScene, scene_name};
 use super::progress::Progress;
+use super::session::scene_name;
 use super::{Failure, output};
 
 /// Record sessions of a simulated hand that looks for standard planes, as raw tracker bytes.

@@ -91,13 +91,13 @@ fn paragraph(error: &anyhow::Error) -> String {
     text
 }
 
-/// Class of each error, one enum per line. `as` names a variant that wraps an error of another line.
+/// Class of each error, one enum per line. `as` names variants that wrap an error of another line.
 macro_rules! classified {
-    ($($error:ident $(as $wrapped:ident)? { $($case:pat => $class:ident),+ $(,)? })*) => {$(
+    ($($error:ident $(as $($wrapped:ident)|+)? { $($case:pat => $class:ident),+ $(,)? })*) => {$(
         impl From<$error> for Failure {
             fn from(error: $error) -> Self {
                 match error {
-                    $($error::$wrapped(error) => error.into(),)?
+                    $($($error::$wrapped(error) => error.into(),)+)?
                     $($case => Self::$class(error.into()),)+
                 }
             }
@@ -127,8 +127,9 @@ classified! {
     GeneratorError { GeneratorError::Inference { .. } | GeneratorError::Terminated { .. } => Other, _ => Input }
     ExportError { _ => Other }
     UnknownBackendVariable { _ => Input }
-    StationError { _ => Input }
-    DatasetError { _ => Input }
+    StationError as Phantom { _ => Input }
+    // A number without a class is a fault of the renderer.
+    DatasetError as Station | Exam | Render | Sink { DatasetError::Number { .. } => Other, _ => Input }
     PlanesError { _ => Input }
     SceneError { _ => Input }
     SettingsError { _ => Input }

@@ -13,11 +13,6 @@ use insonify::tracker::recording::RecordingSummary;
 
 use super::{Classify, Failure};
 
-/// Reads the file at `path`; `what` names it in errors.
-pub(crate) fn bytes(path: &Path, kind: FileKind, what: &str) -> Result<Vec<u8>, Failure> {
-    files::read(path, kind).with_context(|| cannot_read(path, what)).input()
-}
-
 /// Whether the file at `path` starts with `magic`; `what` names it in errors.
 pub(crate) fn starts_with(path: &Path, magic: &[u8], what: &str) -> Result<bool, Failure> {
     let mut head = Vec::with_capacity(magic.len());

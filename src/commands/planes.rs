@@ -3,9 +3,8 @@
 use std::path::PathBuf;
 
 use clap::Parser;
-use insonify::station::Station;
+use insonify::station::{PlaneScene, Station};
 
-use super::plane_scene::PlaneScene;
 use super::{Failure, output};
 
 /// List the standard planes of a station's scene: where they are, how near counts, and what is measured there.

@@ -32,6 +32,11 @@ fn accepts() -> String {
 pub(crate) struct RaysLayers(FrameQuality);
 
 impl RaysLayers {
+    /// The point of the ladder, or beside it.
+    pub(crate) fn point(self) -> QualityPoint {
+        self.0
+    }
+
     /// These rays and layers with a seed.
     pub(crate) fn with_seed(self, seed: u32) -> Quality {
         Quality { rays: self.0.rays, layers: self.0.layers, seed }

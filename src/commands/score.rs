@@ -11,12 +11,11 @@ use insonify::pipeline::ReplayedControls;
 use insonify::pose::{TimedPose, TrackingState};
 use insonify::report::exam as exam_report;
 use insonify::settings::{Choice, Effect};
-use insonify::station::Station;
+use insonify::station::{PlaneScene, Station};
 use insonify::tracker::recording::{RecordingReader, read_both};
 use serde::Serialize;
 
 use super::outputs::Outputs;
-use super::plane_scene::PlaneScene;
 use super::replay::RecordingReport;
 use super::replay_args::recorded_controls;
 use super::{Failure, input, output, session};

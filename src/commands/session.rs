@@ -1,14 +1,10 @@
 //! Rendering for commands: scene, warnings, and frames in order.
 
-use std::path::{Path, PathBuf};
-
 use insonify::anatomy::Scene;
-use insonify::files::cache_directory;
-use insonify::phantom::{self, PhantomFile};
 use insonify::pose::Pose;
 use insonify::render::{Backend, EffectPlan, FRAMES_IN_FLIGHT, Frame, RenderSettings, Renderer};
 use insonify::sink::frame_record::AdapterRecord;
-use insonify::station::{SceneSource, Station};
+use insonify::station::{SceneFile, SceneSource, Station};
 use insonify::transducer::Probe;
 
 use super::progress::Progress;
@@ -24,30 +20,17 @@ pub(crate) fn load_scene(station: &Station) -> Result<Scene, Failure> {
     Ok(station.load_scene_from(scene_file(station)?.path())?)
 }
 
-/// File of a station's surfaces.
-pub(crate) enum SceneFile {
-    Given(PathBuf),
-    Generated(PhantomFile),
-}
-
-impl SceneFile {
-    pub(crate) fn path(&self) -> &Path {
-        match self {
-            Self::Given(path) => path,
-            Self::Generated(file) => &file.path,
-        }
-    }
-}
-
 /// File of a station's surfaces; a generated scene is built and cached if missing.
 pub(crate) fn scene_file(station: &Station) -> Result<SceneFile, Failure> {
+    let progress = Progress::new("phantom", 0);
+    Ok(station.prepare_scene_file(&|p| progress.set(p.done, p.total))?)
+}
+
+/// Description of the scene.
+pub(crate) fn scene_name(station: &Station) -> String {
     match &station.scene {
-        SceneSource::File(path) => Ok(SceneFile::Given(path.clone())),
-        SceneSource::ObstetricPhantom(options) => {
-            let progress = Progress::new("phantom", 0);
-            let progress = |p: phantom::Progress| progress.set(p.done, p.total);
-            Ok(SceneFile::Generated(phantom::cached_or_temporary(&cache_directory(), options, &progress)?))
-        }
+        SceneSource::File(path) => path.display().to_string(),
+        SceneSource::ObstetricPhantom { .. } => "obstetric phantom".to_owned(),
     }
 }
 
@@ -74,11 +57,6 @@ pub(crate) fn warn_of_overflows(frames: usize) {
             "in {frames} frames a few paths met more interfaces than are kept, and go on in the last medium"
         );
     }
-}
-
-/// Indices of `count` of `total` things, spread evenly.
-pub(crate) fn evenly(count: usize, total: usize) -> impl Iterator<Item = usize> {
-    (0..count).map(move |i| (2 * i + 1) * total / (2 * count))
 }
 
 /// Renders `poses` in order, two in flight. `each` receives every frame with its index. `before` runs before each

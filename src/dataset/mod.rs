@@ -3,19 +3,53 @@
 //!
 //! A data set is a directory with `dataset.json` ([`Header`]) and one row per tuple in `manifest*.jsonl` ([`Row`]). The
 //! tuples are `uint8` arrays [4 × height × width] in `tuples/`; `masks/` holds the sectors' masks, `stations/` the
-//! station files. The content is planned from a seed before rendering ([`Plan`]); `insonify dataset` renders it.
+//! station files. The content is planned from a seed before rendering ([`Plan`]).
+//!
+//! ```no_run
+//! use std::path::Path;
+//!
+//! use insonify::Station;
+//! use insonify::dataset::{Dataset, Maker, Recipe};
+//! use insonify::render::{Backend, BackendChoice};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let backend = Backend::open(BackendChoice::Auto)?;
+//! let station = Station::load(Path::new("configs/obstetric.toml"))?;
+//! let maker = Maker::new(Recipe { frames: 100, ..Recipe::new(vec![station]) })?;
+//! let made = maker.make(Path::new("data"), &backend, &|step| println!("{step:?}"))?;
+//! println!("{} for training, {} for the test", made.train, made.test);
+//! let verified = Dataset::open(Path::new("data"))?.verify(&backend, 10, &|_| ())?;
+//! assert!(verified.differ.is_empty());
+//! # Ok(())
+//! # }
+//! ```
 
 mod error;
+mod job;
+mod maker;
 mod plan;
 mod read;
+mod recipe;
 mod row;
+mod stations;
+mod step;
+mod store;
+mod targets;
+mod tuple_renderer;
 mod variation;
+mod verify;
 
 pub use error::DatasetError;
+pub use job::{Job, Made};
+pub use maker::{Maker, Planned};
 pub use plan::{Exam, Moment, Plan, Shard, Source, Wishes};
 pub use read::{Dataset, Tuple, manifests, read_rows};
+pub use recipe::Recipe;
 pub use row::{CompoundingRow, ExamRow, Header, PoseRow, RollingRow, Row, ScanRow, SettingsRow, Split, StationRow};
+pub use step::{Progress, Step};
+pub use tuple_renderer::TupleRenderer;
 pub use variation::parameters;
+pub use verify::Verified;
 
 /// Version of the directory's layout.
 pub const FORMAT: u32 = 1;

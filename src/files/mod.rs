@@ -1,12 +1,10 @@
 //! Files at the edge of the program: reading within limits of size, files that are not complete yet, and the cache.
 
-#[cfg(feature = "live")]
 mod cache;
 mod hex;
 mod part;
 mod read;
 
-#[cfg(feature = "live")]
 pub use cache::cache_directory;
 pub use hex::hex;
 pub use part::{PartError, PartFile};

@@ -6,7 +6,8 @@ use thiserror::Error;
 
 use super::accepts::Accepts;
 use crate::anatomy::planes::PlanesError;
-use crate::anatomy::{SceneError, TissueError};
+use crate::anatomy::{BvhError, SceneError, TissueError};
+use crate::phantom::CacheError;
 use crate::pose::{CalibrationError, PoseError};
 
 /// Error in a station file. Keys are written with their table: `probe.depth_mm`.
@@ -114,6 +115,12 @@ pub enum StationError {
     /// A scene that cannot be read.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// A scene without a skin.
+    #[error(transparent)]
+    Skin(#[from] BvhError),
+    /// A generated scene that cannot be built or kept.
+    #[error(transparent)]
+    Phantom(#[from] CacheError),
     /// Standard planes that cannot be used.
     #[error(transparent)]
     Planes(#[from] PlanesError),

@@ -14,8 +14,10 @@ mod generator;
 mod keys;
 mod openigtlink;
 mod parse;
+mod plane_scene;
 mod quality;
 mod scene;
+mod scene_file;
 #[cfg(test)]
 mod tests;
 mod tracker_table;
@@ -39,6 +41,8 @@ use crate::tracker;
 pub use accepts::Accepts;
 pub use error::StationError;
 pub use keys::{KeyDoc, keys, print_keys};
+pub use plane_scene::PlaneScene;
+pub use scene_file::SceneFile;
 
 /// Source of a station's surfaces.
 #[derive(Debug, Clone, PartialEq)]

@@ -12,7 +12,7 @@ use insonify::report::contact_sheet::{Map, Panel};
 use insonify::report::{ContactSheet, TimeTable};
 use insonify::sink::{FrameFiles, FrameRecord, png, remove};
 use insonify::station::Station;
-use insonify::statistics::mean;
+use insonify::statistics::{evenly, mean};
 use insonify::tracker::recording::Event;
 use serde::Serialize;
 
@@ -48,7 +48,7 @@ pub(super) fn chosen(events: &[Event], timeline: &Timeline) -> Vec<KeyFrame> {
         Some(KeyFrame { name, time_s: timeline.seconds(frame), scene_s: timeline.scene_s(frame), pose })
     };
     if events.is_empty() {
-        let frames = session::evenly(4, timeline.poses.len());
+        let frames = evenly(4, timeline.poses.len());
         return (1..).zip(frames).filter_map(|(number, frame)| key(format!("view {number}"), frame)).collect();
     }
     let named = events.iter().take(COUNT_MAX);

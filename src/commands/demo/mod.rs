@@ -20,6 +20,7 @@ use insonify::sink::frame_record::AdapterRecord;
 use insonify::sink::video::halved;
 use insonify::sink::{FrameRate, Video, write_json};
 use insonify::station::Station;
+use insonify::statistics::evenly;
 use insonify::tracker::recording::{RecordingReader, poses_of};
 use serde::Serialize;
 
@@ -182,7 +183,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     // Half the size keeps the video small.
     let mut video = Video::create(&args.out.join("exam"), sector.width / 4 * 2, sector.height / 4 * 2, rate)?;
     let frames = timeline.poses.len();
-    let timed: Vec<usize> = session::evenly(TIMED, frames).collect();
+    let timed: Vec<usize> = evenly(TIMED, frames).collect();
     let load = OtherLoad::begin();
     let progress = Progress::new("exam at LQ", frames);
     for (i, pose) in timeline.poses.iter().enumerate() {

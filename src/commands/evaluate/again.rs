@@ -1,12 +1,11 @@
 //! High quality rendered again with other seeds: the part of the target that no generator can predict.
 
 use anyhow::anyhow;
-use insonify::dataset::{Dataset, Row};
+use insonify::dataset::{Dataset, Progress, Row, TupleRenderer};
 use insonify::render::Backend;
 use insonify::render::twin::hash::pcg3d;
 
 use super::super::Failure;
-use super::super::dataset::{TupleRenderer, station_of};
 
 /// Renders the high quality of tuples again.
 pub(super) struct Again<'a> {
@@ -21,15 +20,15 @@ pub(super) struct Again<'a> {
 }
 
 impl<'a> Again<'a> {
-    pub(super) fn new(backend: &'a Backend, dataset: &'a Dataset, renders: u32) -> Self {
-        let renderer = TupleRenderer::new(backend, dataset.header.classes.clone());
+    pub(super) fn new(backend: &'a Backend, dataset: &'a Dataset, renders: u32, progress: &'a Progress<'a>) -> Self {
+        let renderer = TupleRenderer::new(backend, dataset.header.classes.clone(), progress);
         Self { dataset, renderer, renders, sums: Vec::new(), seen: Vec::new(), foreign: Vec::new() }
     }
 
     /// Renders the tuple of `row`, with the high quality `hq`, `renders` times. Returns the first image and the mean of
     /// all.
     pub(super) fn render(&mut self, row: &Row, hq: &[u8]) -> Result<[Vec<u8>; 2], Failure> {
-        let station = station_of(&self.dataset.directory, &self.dataset.header, row)?;
+        let station = self.dataset.station(row)?;
         if !self.seen.contains(&row.station) {
             self.seen.push(row.station.clone());
             let image = self.renderer.high_quality(&station, row, row.seed)?;

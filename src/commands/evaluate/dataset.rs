@@ -4,14 +4,16 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use anyhow::{anyhow, ensure};
-use insonify::dataset::{Dataset, Row as TupleRow, Split, Tuple};
+use insonify::dataset::{Dataset, Row as TupleRow, Split, Step, Tuple};
 use insonify::quality::regions::is_bone;
 use insonify::quality::{CROP_INSIDE, crop_places};
 use insonify::render::BackendChoice;
+use insonify::statistics::evenly;
 use serde::Serialize;
 
 use super::super::progress::Progress;
-use super::super::{Classify, Failure, session};
+use super::super::steps::Steps;
+use super::super::{Classify, Failure};
 use super::again::Again;
 use super::judge::{Judged, Row, RowReport, Vectors};
 use super::scan::Scan;
@@ -81,7 +83,10 @@ pub(super) fn run(args: &Args, directory: &Path) -> Result<Report, Failure> {
         rows.push(Row::new(name.clone(), Some(generator.path().to_owned()), Some(manifest.variant), count));
     }
     let backend = args.again.map(|_| args.backend.open(BackendChoice::Auto)).transpose()?;
-    let mut again = backend.as_ref().zip(args.again).map(|(backend, renders)| Again::new(backend, &dataset, renders));
+    let steps = Steps::new(Progress::new("evaluate", chosen.len()));
+    let show = |step| steps.set(step);
+    let mut again =
+        backend.as_ref().zip(args.again).map(|(backend, renders)| Again::new(backend, &dataset, renders, &show));
     if let Some(renders) = args.again {
         let mean = format!("mean of {renders} of HQ");
         rows.extend(["HQ again".to_owned(), mean].map(|name| Row::new(name, None, None, count)));
@@ -89,11 +94,10 @@ pub(super) fn run(args: &Args, directory: &Path) -> Result<Report, Failure> {
     let mut target = vec![Vectors::default(); count];
     let mut geometry = Geometry { dataset: &dataset, known: HashMap::new(), notes: Vec::new() };
     let (side, seed) = (args.crop as usize, args.seed);
-    let progress = Progress::new("evaluate", chosen.len());
     let mut image = Vec::new();
     let mut without_crops = 0;
     for (done, row) in chosen.iter().enumerate() {
-        progress.set(done, chosen.len());
+        steps.set(Step::Tuples { done, total: chosen.len() });
         let tuple = dataset.tuple(row).input()?;
         let fits = tuple.size.into_iter().all(|n| n >= side);
         without_crops += usize::from(!fits);
@@ -118,7 +122,6 @@ pub(super) fn run(args: &Args, directory: &Path) -> Result<Report, Failure> {
             }
         }
     }
-    drop(progress);
     let mut notes = geometry.notes;
     if without_crops > 0 && args.crops > 0 {
         notes.push(format!(
@@ -186,5 +189,5 @@ fn chosen<'a>(args: &Args, dataset: &'a Dataset) -> Result<Vec<&'a TupleRow>, an
         ));
     }
     let count = args.limit.map_or(all.len(), |n| (n as usize).min(all.len()));
-    Ok(session::evenly(count, all.len()).map(|i| all[i]).collect())
+    Ok(evenly(count, all.len()).map(|i| all[i]).collect())
 }

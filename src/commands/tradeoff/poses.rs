@@ -7,9 +7,10 @@ use anyhow::anyhow;
 use glam::{DQuat, DVec3};
 use insonify::pose::{Pose, ProbeSpeed, Speed, TimedPose, interpolate};
 use insonify::station::Station;
+use insonify::statistics::evenly;
 use insonify::tracker::{Transport, recording};
 
-use super::super::{Failure, input, session};
+use super::super::{Failure, input};
 
 /// Longest gap of a recording within which poses are interpolated, ns.
 const GAP_NS: u64 = 500_000_000;
@@ -74,7 +75,7 @@ impl Poses {
             };
             return (0..count).map(turned).collect();
         }
-        session::evenly(count.min(self.all.len()), self.all.len()).map(|i| self.all[i].pose).collect()
+        evenly(count.min(self.all.len()), self.all.len()).map(|i| self.all[i].pose).collect()
     }
 
     /// `count` poses for each speed of the probe, each with the path of `frames` frames before it: moments of this
@@ -98,7 +99,7 @@ impl Poses {
             if paths.is_empty() {
                 return Err(speed);
             }
-            for (nth, index) in session::evenly(count.min(paths.len()), paths.len()).enumerate() {
+            for (nth, index) in evenly(count.min(paths.len()), paths.len()).enumerate() {
                 let own = paths[index].clone();
                 found.push((speed, if self.moves() { own } else { own.moved_to(at[nth]) }));
             }
@@ -127,7 +128,7 @@ impl Poses {
         if !self.moves() {
             return self.spread(count).into_iter().map(|at| Track { at, before: Vec::new() }).collect();
         }
-        let indices = session::evenly(count.min(self.all.len()), self.all.len());
+        let indices = evenly(count.min(self.all.len()), self.all.len());
         indices.map(|index| self.track(index, frames, period)).collect()
     }
 

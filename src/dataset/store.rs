@@ -6,62 +6,14 @@ use std::io::Write;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, anyhow};
-use insonify::dataset::{Dataset, HEADER_FILE, Header, Row, ScanRow, Shard, Split, StationRow, manifests, read_rows};
-use insonify::files::FileKind;
-use insonify::sink::{SinkError, create_dir, write_bytes, write_json, write_text};
-use insonify::station::Station;
-use sha2::{Digest, Sha256};
-
-use super::super::{Classify, Failure, input};
-
-/// A rendered tuple.
-pub(super) struct RenderedTuple {
-    /// Bytes of its file.
-    pub(super) bytes: Vec<u8>,
-    /// Bytes of its mask's file.
-    pub(super) mask: Vec<u8>,
-    /// Width, height.
-    pub(super) size: [u32; 2],
-}
-
-/// SHA-256 of `bytes`, as lower-case hexadecimal digits.
-pub(super) fn sha256(bytes: &[u8]) -> String {
-    insonify::files::hex(&Sha256::digest(bytes))
-}
-
-/// Manifest row of `station`; its file is named after its content.
-pub(super) fn kept_station(station: &Station) -> Result<StationRow, Failure> {
-    let text = input::bytes(&station.path, FileKind::Station, "")?;
-    let name = station.path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-    let directory = station.path.parent().filter(|d| !d.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let directory = directory.canonicalize().with_context(|| format!("cannot open {}", directory.display())).input()?;
-    let sum_of = |path: &Path| input::bytes(path, FileKind::Scene, "").map(|bytes| sha256(&bytes));
-    Ok(StationRow {
-        file: format!("stations/{name}_{}.toml", &sha256(&text)[..16]),
-        directory: directory.display().to_string(),
-        scene_sha256: station.scene_file().map(sum_of).transpose()?,
-        scan: Some(ScanRow::new(&station.probe, station.settings.image.width, station.settings.image.height)),
-    })
-}
-
-/// The station `file` of the data set in `directory`.
-pub(super) fn open_station(directory: &Path, header: &Header, file: &str) -> Result<Station, Failure> {
-    let known = header.stations.iter().find(|station| station.file == file);
-    let known = known.ok_or_else(|| anyhow!("{HEADER_FILE} knows no station `{file}`")).input()?;
-    let path = directory.join(file);
-    let text = input::text(&path, FileKind::Station, "")?;
-    let mut station = Station::parse(&text, Path::new(&known.directory))?;
-    station.path = path;
-    if let (Some(scene), Some(expected)) = (station.scene_file(), &known.scene_sha256)
-        && sha256(&input::bytes(scene, FileKind::Scene, "")?) != *expected
-    {
-        return Err(Failure::Input(anyhow!("{} is another scene than the data set was made of", scene.display())));
-    }
-    Ok(station)
-}
+use super::stations::{read_station, sha256};
+use super::tuple_renderer::RenderedTuple;
+use super::{Dataset, DatasetError, HEADER_FILE, Header, Row, Shard, Split, manifests, read_rows};
+use crate::sink::{SinkError, create_dir, write_bytes, write_json, write_text};
+use crate::station::Station;
 
 /// The directory of a data set, and the manifest of one shard.
+#[derive(Debug)]
 pub(super) struct Store {
     directory: PathBuf,
     /// Path of the manifest.
@@ -89,22 +41,19 @@ impl Store {
         stations: &[Station],
         shard: Shard,
         ours: Range<usize>,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self, DatasetError> {
         for folder in ["tuples", "masks", "stations"] {
             create_dir(&directory.join(folder))?;
         }
         let path = directory.join(HEADER_FILE);
         if path.exists() {
             let found = Header::load(directory)?;
-            if let Some(what) = difference(&found, header) {
-                return Err(Failure::Input(anyhow!(
-                    "{} holds another data set ({what}): give another --out, or remove it",
-                    directory.display()
-                )));
+            if let Some(difference) = difference(&found, header) {
+                return Err(DatasetError::OtherDataset { directory: directory.to_owned(), difference });
             }
         } else {
             for (station, kept) in stations.iter().zip(&header.stations) {
-                write_text(&directory.join(&kept.file), &input::text(&station.path, FileKind::Station, "")?)?;
+                write_text(&directory.join(&kept.file), &read_station(&station.path)?)?;
             }
             // Written last: its presence marks a complete directory.
             write_json(&path, header)?;
@@ -117,7 +66,7 @@ impl Store {
         let manifest = OpenOptions::new().create(true).append(true).open(&path).map_err(SinkError::io(&path))?;
         // On file systems without locks, concurrent runs go unnoticed.
         if let Err(TryLockError::WouldBlock) = manifest.try_lock() {
-            return Err(busy(&path));
+            return Err(DatasetError::Busy { manifest: path });
         }
         let (_, whole) = read_rows(&path)?;
         // Drops the incomplete last row of a killed run.
@@ -126,7 +75,7 @@ impl Store {
         for other in manifests(directory)?.into_iter().filter(|other| shards_of(other) != shards_of(&path)) {
             let file = File::open(&other).map_err(SinkError::io(&other))?;
             if let Err(TryLockError::WouldBlock) = file.try_lock_shared() {
-                return Err(busy(&other));
+                return Err(DatasetError::Busy { manifest: other });
             }
         }
         let mut store = Self {
@@ -161,7 +110,7 @@ impl Store {
     }
 
     /// Writes a tuple, its mask and then its row. Fills in the row's checksums and names.
-    pub(super) fn keep(&mut self, row: &mut Row, tuple: &RenderedTuple) -> Result<(), Failure> {
+    pub(super) fn keep(&mut self, row: &mut Row, tuple: &RenderedTuple) -> Result<(), DatasetError> {
         let [width, height] = tuple.size;
         row.size = tuple.size;
         row.mask = format!("masks/{width}x{height}_{}.npy", &sha256(&tuple.mask)[..16]);
@@ -170,7 +119,7 @@ impl Store {
             write_bytes(&self.directory.join(&row.mask), &tuple.mask)?;
         }
         write_bytes(&self.directory.join(&row.file), &tuple.bytes)?;
-        let mut line = serde_json::to_vec(row).other()?;
+        let mut line = serde_json::to_vec(row).map_err(|source| SinkError::Json { path: self.path.clone(), source })?;
         line.push(b'\n');
         self.manifest.write_all(&line).map_err(SinkError::io(&self.path))?;
         self.count(row);
@@ -192,10 +141,6 @@ impl Store {
 fn shards_of(manifest: &Path) -> Option<String> {
     let name = manifest.file_name()?.to_string_lossy().into_owned();
     name.split_once("-of-").map(|(_, of)| of.to_owned())
-}
-
-fn busy(manifest: &Path) -> Failure {
-    Failure::Input(anyhow!("{} is being written by another run: wait for it", manifest.display()))
 }
 
 /// First difference between two headers.

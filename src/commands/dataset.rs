@@ -1,0 +1,272 @@
+//! `insonify dataset`: paired frames to train generators on.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::anyhow;
+use clap::Parser;
+use insonify::dataset::{Dataset, DatasetError, HEADER_FILE, Maker, Planned, Recipe, Shard};
+use insonify::render::{BackendChoice, FrameQuality};
+use insonify::settings::{ANGLES_MAX, LookSettings, SettingsGroup};
+use insonify::station::Station;
+use serde::Serialize;
+
+use super::backend::BackendArgs;
+use super::output::thousands;
+use super::outputs::Outputs;
+use super::progress::Progress;
+use super::quality::RaysLayers;
+use super::steps::Steps;
+use super::{Failure, output};
+
+/// Render paired frames of low and high quality with their maps, to train and judge generators.
+///
+/// Phantoms, sessions of simulated hands over them, and settings are drawn from the seed; key frames of a session lie far
+/// apart. No session, and no phantom, is in both training and test. Each tuple can be rendered again from its row in the
+/// manifest, bit for bit on the same device: --verify does so. A run that was stopped goes on where it was.
+#[derive(Debug, Parser)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Args {
+    /// Station files (TOML): probe, image, tissues and scene; frames are shared out evenly
+    #[arg(required_unless_present = "verify", conflicts_with = "verify")]
+    stations: Vec<PathBuf>,
+
+    /// Tuples to make, 2..=10000000
+    #[arg(long, value_name = "N", default_value_t = 600, value_parser = clap::value_parser!(u32).range(2..=10_000_000))]
+    frames: u32,
+
+    /// Seed of phantoms, sessions, settings and key frames
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    seed: u64,
+
+    /// Directory to write to; made if missing
+    #[arg(long, value_name = "DIR", required_unless_present = "verify")]
+    out: Option<PathBuf>,
+
+    /// Do part i of n, from 1/n to n/n: one job of an array; all may write to the same directory
+    #[arg(long, value_name = "I/N", default_value = "1/1")]
+    shard: Shard,
+
+    /// Phantoms to draw for a station whose scene is the obstetric one; 0: its own as it is [default: one in 40 frames, 4 at least]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(..=1_000_000))]
+    phantoms: Option<u32>,
+
+    /// Tuples of a session
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    frames_per_exam: u32,
+
+    /// Share of the test, above 0 and below 1: whole phantoms, else whole sessions
+    #[arg(long, value_name = "X", default_value_t = 0.1)]
+    test_share: f64,
+
+    /// Rays x layers of the low quality, or a preset; of several, with commas between, tuples take one each in turn
+    #[arg(long, value_name = "QUALITY", default_value = "lq", value_delimiter = ',')]
+    lq: Vec<RaysLayers>,
+
+    /// Rays x layers of the high quality, or a preset
+    #[arg(long, value_name = "QUALITY", default_value = "hq")]
+    hq: RaysLayers,
+
+    /// Steering angles of the high quality: the mean of so many looks; even numbers are rounded down
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=i64::from(ANGLES_MAX)))]
+    angles: u32,
+
+    /// Steering angles of the low quality: a live session's picture, the mean of its last frames with an angle each, while
+    /// the hand moves, at 10 to 30 frames a second
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=i64::from(ANGLES_MAX)))]
+    lq_angles: u32,
+
+    /// Angle between the outermost directions of compounding, degrees [default: the first station's `[look] span_deg`]
+    #[arg(long, value_name = "DEG", value_parser = span)]
+    span: Option<f64>,
+
+    /// Take the high quality from this data set of the same plan, for another low quality
+    #[arg(long, value_name = "DIR", conflicts_with = "verify")]
+    hq_from: Option<PathBuf>,
+
+    /// Render tuples of an existing data set again, and compare them with what it holds
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "shard"])]
+    verify: Option<PathBuf>,
+
+    /// Number of tuples to render again, spread over the data set; 0: all
+    #[arg(long, value_name = "N", default_value_t = 4, requires = "verify")]
+    tuples: usize,
+
+    #[command(flatten)]
+    backend: BackendArgs,
+
+    /// Say what would be made, and make nothing
+    #[arg(long)]
+    dry_run: bool,
+
+    /// Print what was made as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+const AFTER_HELP: &str = "\
+Files:
+  dataset.json          what holds for all: version, seed, names of the classes, qualities
+  manifest.jsonl        a row a tuple: station, phantom, session, pose, settings, seed, files, SHA-256
+                        (with --shard manifest.I-of-N.jsonl; readers take all of them)
+  tuples/NNNNNNN.npy    uint8 [4, height, width]: LQ, HQ, number of the tissue, 255 x attenuation^(1/4)
+  masks/*.npy           uint8 [height, width], 255 inside the sector
+  stations/*.toml       the station files as they were
+
+Examples:
+  insonify dataset configs/obstetric.toml --frames 600 --seed 1 --out out/data
+  insonify dataset configs/obstetric.toml --frames 6669 --test-share 0.1 --out /scratch/data --shard $SLURM_ARRAY_TASK_ID/64
+  insonify dataset configs/obstetric.toml --hq 32x3 --angles 9 --out out/data
+  insonify dataset configs/obstetric.toml --lq 1x3 --hq 32x3 --angles 9 --hq-from out/data --out out/data_1x3
+  insonify dataset --verify out/data --tuples 10";
+
+#[derive(Serialize)]
+struct Report<'a> {
+    out: &'a PathBuf,
+    shard: String,
+    made: usize,
+    kept: usize,
+    train: usize,
+    test: usize,
+    bytes: u64,
+    seconds: f64,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    match (&args.verify, &args.out) {
+        (Some(directory), _) => verify(args, directory),
+        (None, Some(out)) => make(args, out),
+        (None, None) => Err(Failure::Input(anyhow!("--out is missing: the directory to write to"))),
+    }
+}
+
+fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
+    let stations = args.stations.iter().map(|path| Ok(Station::load(path)?)).collect::<Result<Vec<_>, Failure>>()?;
+    // A data set to take targets from must be another one.
+    let read = stations.iter().flat_map(Station::files).chain(args.hq_from.iter().map(|from| from.join(HEADER_FILE)));
+    Outputs::beside(read).within("--out", out, &[HEADER_FILE, "manifest*"])?;
+    let choice = stations.first().map(|station| station.backend).unwrap_or_default();
+    let maker = Maker::new(Recipe {
+        frames: args.frames as usize,
+        seed: args.seed,
+        phantoms: args.phantoms.map(|n| n as usize),
+        frames_per_exam: args.frames_per_exam as usize,
+        test_share: args.test_share,
+        lq: args.lq.iter().copied().map(RaysLayers::point).collect(),
+        hq: args.hq.point(),
+        lq_angles: args.lq_angles,
+        hq_angles: args.angles,
+        span_deg: args.span,
+        hq_from: args.hq_from.clone(),
+        shard: args.shard,
+        ..Recipe::new(stations)
+    });
+    let maker = maker.map_err(of_options)?;
+    say(args, &maker);
+    if args.dry_run {
+        return Ok(());
+    }
+    let mut job = maker.open(out)?;
+    let started = Instant::now();
+    if job.missing() > 0 {
+        let steps = Steps::new(Progress::new("dataset", job.total()));
+        let backend = args.backend.open(choice)?;
+        job.render(&backend, &|step| steps.set(step)).map_err(of_options)?;
+    }
+    let made = job.made();
+    let report = Report {
+        out,
+        shard: args.shard.to_string(),
+        made: made.made,
+        kept: made.kept,
+        train: made.train,
+        test: made.test,
+        bytes: made.bytes,
+        seconds: started.elapsed().as_secs_f64(),
+    };
+    if args.json {
+        return output::json(&report);
+    }
+    output::line(format!(
+        "{} tuples made in {:.0} s, {} were there; {} to train, {} to test, {}",
+        made.made,
+        report.seconds,
+        made.kept,
+        made.train,
+        made.test,
+        megabytes(report.bytes)
+    ))?;
+    output::line(made.manifest.display())
+}
+
+/// The error with the options that it is about.
+fn of_options(error: DatasetError) -> Failure {
+    match &error {
+        DatasetError::OtherTarget { key, .. } => {
+            let option = match *key {
+                "look.hq_angles" => "--angles",
+                "look.span_deg" => "--span",
+                "seed" => "--seed",
+                _ => "--hq",
+            };
+            Failure::Input(anyhow!("--hq-from {error}: {option} says so"))
+        }
+        DatasetError::Target { .. } => Failure::Input(anyhow!("--hq-from {error}")),
+        _ => error.into(),
+    }
+}
+
+/// Renders tuples of the data set in `directory` again, and compares them.
+fn verify(args: &Args, directory: &Path) -> Result<(), Failure> {
+    let data = Dataset::open(directory)?;
+    let steps = Steps::new(Progress::new("verify", data.rows.len()));
+    let backend = args.backend.open(BackendChoice::Auto)?;
+    let verified = data.verify(&backend, args.tuples, &|step| steps.set(step))?;
+    drop(steps);
+    let (total, differ) = (verified.tuples, &verified.differ);
+    if args.json {
+        output::json(&verified)?;
+    } else {
+        output::line(format!("{} of {total} tuples are the same, bit for bit", total - differ.len()))?;
+    }
+    if differ.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::Other(anyhow!(
+        "{} of {total} tuples differ from the data set ({differ:?}): another device, driver or version made them, or a file changed",
+        differ.len()
+    )))
+}
+
+/// Prints the number of tuples and their size on disk.
+fn say(args: &Args, maker: &Maker) {
+    let Planned { train, test, exams, phantoms, bytes } = maker.planned();
+    let header = maker.header();
+    let shard = if args.shard.of > 1 { format!(" (shard {})", args.shard) } else { String::new() };
+    let of = if phantoms == 0 { String::new() } else { format!(" over {phantoms} phantoms") };
+    let quality = |[rays, layers]: [u32; 2], angles| FrameQuality { angles, ..FrameQuality::new(rays, layers) };
+    let lq = std::iter::once(&header.lq).chain(&header.lq_more);
+    let lq = lq.map(|&lq| quality(lq, header.look.lq_angles).to_string());
+    eprintln!(
+        "dataset: {} tuples{shard} of {exams} sessions{of}: {train} to train, {test} to test; {} against {} rays x layers; {} on disk",
+        thousands(train + test),
+        lq.collect::<Vec<_>>().join(", "),
+        quality(header.hq, header.look.hq_angles),
+        megabytes(bytes)
+    );
+}
+
+/// Parses `--span`.
+fn span(text: &str) -> Result<f64, String> {
+    let span_deg = text.parse().map_err(|_| format!("`{text}` is no number of degrees"))?;
+    LookSettings { span_deg, ..LookSettings::default() }.validate().map_err(|e| e.to_string())?;
+    Ok(span_deg)
+}
+
+fn megabytes(bytes: u64) -> String {
+    match bytes as f64 * 1e-6 {
+        mb if mb < 2000.0 => format!("{mb:.0} MB"),
+        mb => format!("{:.1} GB", mb * 1e-3),
+    }
+}

@@ -1,0 +1,34 @@
+//! Progress of the library's long tasks: a bar of its own for each phantom that is built on the way.
+
+use std::sync::Mutex;
+
+use insonify::dataset::Step;
+
+use super::progress::Progress;
+
+/// Progress of a task, and of the phantom that is being built.
+pub(super) struct Steps {
+    task: Progress,
+    phantom: Mutex<Option<Progress>>,
+}
+
+impl Steps {
+    /// Steps of a task.
+    pub(super) fn new(task: Progress) -> Self {
+        Self { task, phantom: Mutex::new(None) }
+    }
+
+    /// Shows a step.
+    pub(super) fn set(&self, step: Step) {
+        let Ok(mut phantom) = self.phantom.lock() else { return };
+        match step {
+            Step::Phantom { done, total } => {
+                phantom.get_or_insert_with(|| Progress::new("phantom", 0)).set(done, total);
+            }
+            Step::Tuples { done, total } => {
+                *phantom = None;
+                self.task.set(done, total);
+            }
+        }
+    }
+}

@@ -1,0 +1,188 @@
+//! Making of a planned data set in a directory.
+
+use std::path::{Path, PathBuf};
+
+use super::plan::{Moment, Source};
+use super::stations::{has_planes, with_phantom};
+use super::step::{Progress, Step};
+use super::store::Store;
+use super::tuple_renderer::TupleRenderer;
+use super::{DatasetError, Exam, ExamRow, Maker, PoseRow, RollingRow, Row, SettingsRow};
+use crate::render::Backend;
+use crate::station::{PlaneScene, SceneSource, Station};
+
+/// Tuples of a shard in a directory. The directory is locked against other runs of the shard while this value lives.
+#[derive(Debug)]
+pub struct Job<'a> {
+    maker: &'a Maker,
+    directory: PathBuf,
+    store: Store,
+    /// Tuples that were there.
+    kept: usize,
+}
+
+/// Result of a run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Made {
+    /// Tuples rendered by this run.
+    pub made: usize,
+    /// Tuples of the shard that were there.
+    pub kept: usize,
+    /// Training tuples of the shard.
+    pub train: usize,
+    /// Test tuples of the shard.
+    pub test: usize,
+    /// Size of the shard's arrays, bytes.
+    pub bytes: u64,
+    /// Manifest of the shard.
+    pub manifest: PathBuf,
+}
+
+impl Maker {
+    /// Opens or creates the data set in `directory`. Tuples that are there are kept.
+    ///
+    /// # Errors
+    /// A directory that cannot be written, or that holds another data set; tuples that another run is writing.
+    pub fn open(&self, directory: &Path) -> Result<Job<'_>, DatasetError> {
+        let store = Store::open(directory, &self.header, &self.recipe.stations, self.recipe.shard, self.tuples())?;
+        Ok(Job { maker: self, directory: directory.to_owned(), kept: store.done(), store })
+    }
+
+    /// Makes the shard in `directory`: [`Maker::open`] and [`Job::render`].
+    ///
+    /// # Errors
+    /// Those of both.
+    pub fn make(&self, directory: &Path, backend: &Backend, progress: &Progress<'_>) -> Result<Made, DatasetError> {
+        let mut job = self.open(directory)?;
+        job.render(backend, progress)?;
+        Ok(job.made())
+    }
+}
+
+impl Job<'_> {
+    /// Tuples of the shard.
+    pub fn total(&self) -> usize {
+        self.maker.tuples().len()
+    }
+
+    /// Tuples of the shard that are still to be rendered.
+    pub fn missing(&self) -> usize {
+        self.total() - self.store.done()
+    }
+
+    /// Renders the missing tuples. A run that was stopped goes on where it was.
+    ///
+    /// # Errors
+    /// Tuples of this directory that this machine renders differently, checked on one; a scene that cannot be loaded or
+    /// rendered; a station with neither standard planes nor a pose; files that cannot be written.
+    pub fn render(&mut self, backend: &Backend, progress: &Progress<'_>) -> Result<(), DatasetError> {
+        let total = self.total();
+        if self.missing() == 0 {
+            return Ok(());
+        }
+        let mut renderer = TupleRenderer::new(backend, self.maker.header.classes.clone(), progress);
+        self.check_machine(&mut renderer)?;
+        progress(Step::Tuples { done: self.store.done(), total });
+        for exam in self.maker.exams() {
+            if exam.tuples.clone().all(|index| self.store.has(index)) {
+                continue;
+            }
+            self.render_exam(&mut renderer, exam, &mut |done| progress(Step::Tuples { done, total }))?;
+        }
+        Ok(())
+    }
+
+    /// Numbers of tuples, and the manifest.
+    pub fn made(&self) -> Made {
+        let (train, test) = self.store.splits;
+        Made {
+            made: self.store.done() - self.kept,
+            kept: self.kept,
+            train,
+            test,
+            bytes: self.store.bytes,
+            manifest: self.store.path.clone(),
+        }
+    }
+
+    /// Refuses to continue a data set that this machine renders differently, checked on one tuple.
+    fn check_machine(&self, renderer: &mut TupleRenderer<'_>) -> Result<(), DatasetError> {
+        let Some(row) = &self.store.last else { return Ok(()) };
+        if renderer.agrees(&self.directory, &self.maker.header, row)? {
+            return Ok(());
+        }
+        Err(DatasetError::OtherMachine { directory: self.directory.clone(), index: row.index })
+    }
+
+    /// Renders the missing tuples of an exam; reports the finished tuples of the shard.
+    fn render_exam(
+        &mut self,
+        renderer: &mut TupleRenderer<'_>,
+        exam: &Exam,
+        done: &mut dyn FnMut(usize),
+    ) -> Result<(), DatasetError> {
+        let Maker { recipe, header, targets, .. } = self.maker;
+        let Some(station) = recipe.stations.get(exam.station) else { return Ok(()) };
+        let station = with_phantom(station, exam);
+        let frames_before = header.look.lq_angles - 1;
+        let moments = moments(renderer, exam, &station, frames_before)?;
+        let phantom = match &station.scene {
+            SceneSource::ObstetricPhantom(options) => Some(*options),
+            SceneSource::File(_) => None,
+        };
+        let settings = SettingsRow::draw(exam.seed, &station.probe, &station.settings);
+        let about_planes = has_planes(&station);
+        for Moment { index, time_s, pose, seed, frame_rate_hz, before } in moments {
+            if self.store.has(index) {
+                continue;
+            }
+            let mut row = Row {
+                index,
+                split: exam.split,
+                station: header.stations.get(exam.station).map(|s| s.file.clone()).unwrap_or_default(),
+                phantom,
+                exam: ExamRow {
+                    number: exam.number,
+                    seed: exam.seed,
+                    skill: about_planes.then(|| exam.skill.name().to_owned()),
+                },
+                time_s,
+                pose: (&pose).into(),
+                rolling: (frames_before > 0)
+                    .then(|| RollingRow { frame_rate_hz, poses: before.iter().map(PoseRow::from).collect() }),
+                settings,
+                seed,
+                lq: header.lq_of(index),
+                hq: header.hq,
+                look: header.look,
+                size: [station.settings.image.width, station.settings.image.height],
+                file: format!("tuples/{index:07}.npy"),
+                mask: String::new(),
+                sha256: String::new(),
+            };
+            let target = targets.as_ref().map(|targets| targets.of(&row)).transpose()?;
+            let tuple = renderer.tuple(&station, &row, target)?;
+            self.store.keep(&mut row, &tuple)?;
+            done(self.store.done());
+        }
+        Ok(())
+    }
+}
+
+/// Key frames of an exam over `station`.
+fn moments(
+    renderer: &mut TupleRenderer<'_>,
+    exam: &Exam,
+    station: &Station,
+    frames_before: u32,
+) -> Result<Vec<Moment>, DatasetError> {
+    if has_planes(station) {
+        let scene = match station.scene_file() {
+            Some(_) => PlaneScene::of(station, renderer.scene(station)?)?,
+            None => PlaneScene::open(station)?,
+        };
+        return Ok(exam.moments(&Source::Planes(&scene.planes, &scene.skin), frames_before)?);
+    }
+    let no_pose = || DatasetError::NoPose { station: station.path.clone() };
+    Ok(exam.moments(&Source::About(station.default_pose.ok_or_else(no_pose)?), frames_before)?)
+}

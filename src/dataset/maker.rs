@@ -1,0 +1,102 @@
+//! Plan of a requested data set: everything but its frames.
+
+use std::collections::BTreeSet;
+use std::ops::Range;
+
+use super::stations::classes;
+use super::targets::Targets;
+use super::{ATTENUATION_POWER, DatasetError, Exam, FORMAT, Header, PLANES, Plan, Recipe, Shard, Split, StationRow};
+
+/// Plan of a data set, ready to be made.
+#[derive(Debug)]
+pub struct Maker {
+    pub(super) recipe: Recipe,
+    pub(super) header: Header,
+    plan: Plan,
+    pub(super) targets: Option<Targets>,
+}
+
+/// Size of a planned data set, or of its shard.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Planned {
+    /// Training tuples.
+    pub train: usize,
+    /// Test tuples.
+    pub test: usize,
+    /// Sessions.
+    pub exams: usize,
+    /// Drawn phantoms; 0 if stations keep their own scenes.
+    pub phantoms: usize,
+    /// Size of the arrays, bytes.
+    pub bytes: u64,
+}
+
+impl Maker {
+    /// Plans the data set of `recipe`; reads the files of its stations, and writes nothing.
+    ///
+    /// # Errors
+    /// A request that cannot be planned; a quality, a number of angles or a span outside its range; more than 255
+    /// tissues; a station whose files cannot be read; a data set in [`Recipe::hq_from`] that is not of the same plan.
+    pub fn new(recipe: Recipe) -> Result<Self, DatasetError> {
+        let Shard { number, of } = recipe.shard;
+        if !(1..=of).contains(&number) {
+            return Err(DatasetError::Plan(format!("there is no shard {number}/{of}: shards of {of} are 1..={of}")));
+        }
+        let wishes = recipe.wishes();
+        let plan = Plan::new(&wishes)?;
+        let (lq, lq_more, hq) = recipe.qualities()?;
+        let header = Header {
+            format: FORMAT,
+            insonify: env!("CARGO_PKG_VERSION").to_owned(),
+            seed: recipe.seed,
+            frames: recipe.frames,
+            classes: classes(&recipe.stations)?,
+            planes: PLANES.map(str::to_owned).to_vec(),
+            attenuation_power: ATTENUATION_POWER,
+            lq,
+            lq_more,
+            hq,
+            look: recipe.compounding()?,
+            phantoms: wishes.phantoms,
+            frames_per_exam: wishes.frames_per_exam,
+            test_share: wishes.test_share,
+            stations: recipe.stations.iter().map(StationRow::of).collect::<Result<_, _>>()?,
+        };
+        let targets = recipe.hq_from.as_deref().map(|from| Targets::open(from, &header)).transpose()?;
+        Ok(Self { recipe, header, plan, targets })
+    }
+
+    /// Header of the data set.
+    pub fn header(&self) -> &Header {
+        &self.header
+    }
+
+    /// Sessions of the shard.
+    pub fn exams(&self) -> &[Exam] {
+        self.recipe.shard.of(&self.plan.exams)
+    }
+
+    /// Tuples of the shard. Its exams, and so its tuples, are consecutive.
+    pub fn tuples(&self) -> Range<usize> {
+        let exams = self.exams();
+        exams.first().zip(exams.last()).map_or(0..0, |(first, last)| first.tuples.start..last.tuples.end)
+    }
+
+    /// Size of the shard.
+    pub fn planned(&self) -> Planned {
+        let exams = self.exams();
+        let count = |split| exams.iter().filter(|e| e.split == split).map(|e| e.tuples.len()).sum::<usize>();
+        let bytes = |exam: &Exam| {
+            let image = self.recipe.stations.get(exam.station).map(|s| s.settings.image).unwrap_or_default();
+            (exam.tuples.len() * PLANES.len()) as u64 * u64::from(image.width) * u64::from(image.height)
+        };
+        let phantoms: BTreeSet<u64> = exams.iter().filter_map(|e| e.phantom.map(|p| p.seed)).collect();
+        Planned {
+            train: count(Split::Train),
+            test: count(Split::Test),
+            exams: exams.len(),
+            phantoms: phantoms.len(),
+            bytes: exams.iter().map(bytes).sum(),
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! Request for a data set.
+
+use std::path::PathBuf;
+
+use super::{CompoundingRow, DatasetError, Shard, Wishes};
+use crate::render::{Quality, QualityPoint};
+use crate::settings::{LookSettings, SettingsGroup};
+use crate::station::{SceneSource, Station};
+
+/// Frames per phantom, and the least number of phantoms, if their number is not requested.
+const FRAMES_PER_PHANTOM: usize = 40;
+const PHANTOMS_LEAST: usize = 4;
+
+/// Request for a data set: stations, size, variety and qualities. Equal recipes give equal tuples.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Recipe {
+    /// Stations with their probe, image, tissues and scene; frames are shared out evenly. Each has been loaded from a file.
+    pub stations: Vec<Station>,
+    /// Tuples in all, at least 2.
+    pub frames: usize,
+    /// Seed of phantoms, sessions, settings and key frames.
+    pub seed: u64,
+    /// Phantoms per station with a phantom scene; 0 keeps the station's own. `None`: one in 40 frames, at least 4.
+    pub phantoms: Option<usize>,
+    /// Tuples per session, at least 1.
+    pub frames_per_exam: usize,
+    /// Share of test tuples, above 0 and below 1.
+    pub test_share: f64,
+    /// Low qualities, at least one; tuples take all in turn.
+    pub lq: Vec<QualityPoint>,
+    /// High quality.
+    pub hq: QualityPoint,
+    /// Steering angles of the low quality, at least 1; even numbers are rounded down.
+    pub lq_angles: u32,
+    /// Steering angles of the high quality, at least 1; even numbers are rounded down.
+    pub hq_angles: u32,
+    /// Angle between the outermost directions of compounding, degrees. `None`: that of the first station.
+    pub span_deg: Option<f64>,
+    /// Data set of the same plan whose high quality is taken over instead of rendered.
+    pub hq_from: Option<PathBuf>,
+    /// Part to make.
+    pub shard: Shard,
+}
+
+impl Recipe {
+    /// 600 tuples of `stations`, 8 a session, a tenth for the test, 1 × 1 against 32 × 3 rays and layers, one look each.
+    pub fn new(stations: Vec<Station>) -> Self {
+        Self {
+            stations,
+            frames: 600,
+            seed: 1,
+            phantoms: None,
+            frames_per_exam: 8,
+            test_share: 0.1,
+            lq: vec![Quality::LQ.into()],
+            hq: Quality::HQ.into(),
+            lq_angles: 1,
+            hq_angles: 1,
+            span_deg: None,
+            hq_from: None,
+            shard: Shard { number: 1, of: 1 },
+        }
+    }
+
+    /// Size and variety, for the plan.
+    pub(super) fn wishes(&self) -> Wishes {
+        let share = self.frames / self.stations.len().max(1);
+        let is_phantom = |station: &Station| matches!(station.scene, SceneSource::ObstetricPhantom(_));
+        Wishes {
+            frames: self.frames,
+            seed: self.seed,
+            phantoms: self.phantoms.unwrap_or((share / FRAMES_PER_PHANTOM).max(PHANTOMS_LEAST)),
+            frames_per_exam: self.frames_per_exam,
+            test_share: self.test_share,
+            stations: self.stations.iter().map(is_phantom).collect(),
+        }
+    }
+
+    /// Low qualities, the first apart, and the high quality.
+    pub(super) fn qualities(&self) -> Result<([u32; 2], Vec<[u32; 2]>, [u32; 2]), DatasetError> {
+        for point in self.lq.iter().chain([&self.hq]) {
+            point.with_seed(0).validate()?;
+        }
+        let pair = |point: &QualityPoint| [point.rays, point.layers];
+        let Some((first, more)) = self.lq.split_first() else {
+            return Err(DatasetError::Plan("a data set needs a low quality, and none is given".to_owned()));
+        };
+        Ok((pair(first), more.iter().map(pair).collect(), pair(&self.hq)))
+    }
+
+    /// Compounding of both qualities.
+    pub(super) fn compounding(&self) -> Result<CompoundingRow, DatasetError> {
+        let look = self.stations.first().map(|station| station.settings.look).unwrap_or_default();
+        let span_deg = self.span_deg.unwrap_or(look.span_deg);
+        let odd = |angles| {
+            let look = LookSettings { angles, span_deg, ..LookSettings::default() };
+            look.validate().map(|()| look.odd_angles())
+        };
+        Ok(CompoundingRow {
+            lq_angles: odd(self.lq_angles)?,
+            hq_angles: odd(self.hq_angles)?,
+            span_deg,
+            reach_mm: look.reach_mm,
+            registration: look.registration,
+        })
+    }
+}

@@ -1,0 +1,123 @@
+//! Stations of a data set: their files, scenes and classes.
+
+use std::path::{Path, PathBuf};
+
+use sha2::{Digest, Sha256};
+
+use super::{Dataset, DatasetError, Exam, HEADER_FILE, Header, Row, ScanRow, StationRow};
+use crate::anatomy::planes::file_beside;
+use crate::files::{self, FileKind, hex};
+use crate::station::{SceneSource, Station};
+
+/// SHA-256 of `bytes`, as lower-case hexadecimal digits.
+pub(super) fn sha256(bytes: &[u8]) -> String {
+    hex(&Sha256::digest(bytes))
+}
+
+/// Contents of a station or scene file.
+pub(super) fn read(path: &Path, kind: FileKind) -> Result<Vec<u8>, DatasetError> {
+    files::read(path, kind).map_err(|source| DatasetError::Io { path: path.to_owned(), source })
+}
+
+/// Text of a station file.
+pub(super) fn read_station(path: &Path) -> Result<String, DatasetError> {
+    files::read_text(path, FileKind::Station).map_err(|source| DatasetError::Io { path: path.to_owned(), source })
+}
+
+impl StationRow {
+    /// Row of `station`, which has been loaded from a file; its file in the data set is named after its content.
+    ///
+    /// # Errors
+    /// The station's file, its folder or its scene cannot be read.
+    pub fn of(station: &Station) -> Result<Self, DatasetError> {
+        let text = read(&station.path, FileKind::Station)?;
+        let name = station.path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+        let directory = station.path.parent().filter(|d| !d.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let directory =
+            directory.canonicalize().map_err(|source| DatasetError::Io { path: directory.to_owned(), source })?;
+        let sum_of = |path: &Path| read(path, FileKind::Scene).map(|bytes| sha256(&bytes));
+        Ok(Self {
+            file: format!("stations/{name}_{}.toml", &sha256(&text)[..16]),
+            directory: directory.display().to_string(),
+            scene_sha256: station.scene_file().map(sum_of).transpose()?,
+            scan: Some(ScanRow::new(&station.probe, station.settings.image.width, station.settings.image.height)),
+        })
+    }
+}
+
+impl Dataset {
+    /// Station of the tuple of `row`, with the tuple's phantom.
+    ///
+    /// # Errors
+    /// A row of an unknown station, a station file that cannot be read, another scene than the data set was made of, or
+    /// a phantom outside its range.
+    pub fn station(&self, row: &Row) -> Result<Station, DatasetError> {
+        station_of(&self.directory, &self.header, row)
+    }
+}
+
+/// The station of a tuple of the data set in `directory`, with the tuple's phantom.
+pub(super) fn station_of(directory: &Path, header: &Header, row: &Row) -> Result<Station, DatasetError> {
+    let mut station = open(directory, header, &row.station)?;
+    if let (SceneSource::ObstetricPhantom(options), Some(phantom)) = (&mut station.scene, &row.phantom) {
+        phantom.parameters.validate().map_err(|source| DatasetError::Phantom { index: row.index, source })?;
+        *options = *phantom;
+    }
+    Ok(station)
+}
+
+/// The station `file` of the data set in `directory`.
+fn open(directory: &Path, header: &Header, file: &str) -> Result<Station, DatasetError> {
+    let path = directory.join(file);
+    let known = header.stations.iter().find(|station| station.file == file);
+    let known = known
+        .ok_or_else(|| DatasetError::UnknownStation { path: directory.join(HEADER_FILE), file: PathBuf::from(file) })?;
+    let mut station = Station::parse(&read_station(&path)?, Path::new(&known.directory))?;
+    station.path = path;
+    if let (Some(scene), Some(expected)) = (station.scene_file(), &known.scene_sha256)
+        && sha256(&read(scene, FileKind::Scene)?) != *expected
+    {
+        return Err(DatasetError::OtherScene { path: scene.to_owned() });
+    }
+    Ok(station)
+}
+
+/// The station with the exam's phantom.
+pub(super) fn with_phantom(station: &Station, exam: &Exam) -> Station {
+    let mut station = station.clone();
+    if let (SceneSource::ObstetricPhantom(options), Some(parameters)) = (&mut station.scene, exam.phantom) {
+        options.parameters = parameters;
+    }
+    station
+}
+
+/// Whether the scene has standard planes; those of a scene file are in a file beside it.
+pub(super) fn has_planes(station: &Station) -> bool {
+    station.scene_file().is_none_or(|path| file_beside(path).exists())
+}
+
+/// Class of pixels outside the sector.
+pub(super) const OUTSIDE: &str = "outside";
+
+/// [`OUTSIDE`], then every tissue of the stations, once.
+pub(super) fn classes(stations: &[Station]) -> Result<Vec<String>, DatasetError> {
+    let mut classes = vec![OUTSIDE.to_owned()];
+    for name in stations.iter().flat_map(|station| station.tissues.names()) {
+        if !classes.contains(name) {
+            classes.push(name.clone());
+        }
+    }
+    match classes.len() {
+        0..=256 => Ok(classes),
+        count => Err(DatasetError::Tissues { count: count - 1 }),
+    }
+}
+
+/// The class of each tissue number: 0 is outside, number i + 1 is the scene's tissue i.
+pub(super) fn class_of(classes: &[String], tissues: &[String]) -> Result<Vec<u8>, DatasetError> {
+    let class = |name: &str| {
+        let found = classes.iter().position(|class| class == name).and_then(|at| u8::try_from(at).ok());
+        found.ok_or_else(|| DatasetError::UnknownTissue { tissue: name.to_owned(), known: classes.join(", ") })
+    };
+    std::iter::once(OUTSIDE).chain(tissues.iter().map(String::as_str)).map(class).collect()
+}
