@@ -10,7 +10,7 @@ use glam::Vec3;
 use insonify::anatomy::analytic::cuboid;
 use insonify::anatomy::export::{LabelledSurface, write_glb};
 use insonify::dataset::{Dataset, DatasetError, Maker, Recipe, Shard, Split, Step};
-use insonify::render::{Backend, BackendChoice, QualityPoint};
+use insonify::render::{Backend, BackendChoice};
 use insonify::station::Station;
 use tempfile::TempDir;
 
@@ -114,12 +114,8 @@ fn a_data_set_matches_its_rows_and_renders_again() {
 fn a_program_makes_the_tuples_of_the_command() {
     let (dir, station, out) = station_and_output();
     made(&make(&station, &out, &["--backend", "host"]));
-    let recipe = Recipe {
-        frames: 6,
-        frames_per_exam: 2,
-        hq: QualityPoint::new(4, 1),
-        ..Recipe::new(vec![Station::load(&station).unwrap()])
-    };
+    let recipe =
+        Recipe { frames: 6, frames_per_exam: 2, hq: [4, 1], ..Recipe::new(vec![Station::load(&station).unwrap()]) };
     let own = dir.path().join("own");
     let backend = Backend::open(BackendChoice::Host).unwrap();
     let maker = Maker::new(recipe.clone()).unwrap();
@@ -135,7 +131,7 @@ fn a_program_makes_the_tuples_of_the_command() {
     let recipe = || recipe.clone();
     for (wrong, word) in [
         (Recipe { lq: vec![], ..recipe() }, "low quality"),
-        (Recipe { lq: vec![QualityPoint::new(0, 1)], ..recipe() }, "1..=256"),
+        (Recipe { lq: vec![[0, 1]], ..recipe() }, "1..=256"),
         (Recipe { hq_angles: 0, ..recipe() }, "angles"),
         (Recipe { span_deg: Some(f64::NAN), ..recipe() }, "span_deg"),
         (Recipe { shard: Shard { number: 0, of: 3 }, ..recipe() }, "1..=3"),

@@ -32,9 +32,9 @@ fn accepts() -> String {
 pub(crate) struct RaysLayers(FrameQuality);
 
 impl RaysLayers {
-    /// The point of the ladder, or beside it.
-    pub(crate) fn point(self) -> QualityPoint {
-        self.0
+    /// The rays, then the layers.
+    pub(crate) fn pair(self) -> [u32; 2] {
+        [self.0.rays, self.0.layers]
     }
 
     /// These rays and layers with a seed.

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::{CompoundingRow, DatasetError, Shard, Wishes};
-use crate::render::{Quality, QualityPoint};
+use crate::render::Quality;
 use crate::settings::{LookSettings, SettingsGroup};
 use crate::station::{SceneSource, Station};
 
@@ -26,10 +26,10 @@ pub struct Recipe {
     pub frames_per_exam: usize,
     /// Share of test tuples, above 0 and below 1.
     pub test_share: f64,
-    /// Low qualities, at least one; tuples take all in turn.
-    pub lq: Vec<QualityPoint>,
-    /// High quality.
-    pub hq: QualityPoint,
+    /// Rays and layers of the low qualities, at least one; tuples take all in turn.
+    pub lq: Vec<[u32; 2]>,
+    /// Rays and layers of the high quality.
+    pub hq: [u32; 2],
     /// Steering angles of the low quality, at least 1; even numbers are rounded down.
     pub lq_angles: u32,
     /// Steering angles of the high quality, at least 1; even numbers are rounded down.
@@ -42,6 +42,11 @@ pub struct Recipe {
     pub shard: Shard,
 }
 
+/// Rays and layers of a quality.
+fn pair(quality: Quality) -> [u32; 2] {
+    [quality.rays, quality.layers]
+}
+
 impl Recipe {
     /// 600 tuples of `stations`, 8 a session, a tenth for the test, 1 × 1 against 32 × 3 rays and layers, one look each.
     pub fn new(stations: Vec<Station>) -> Self {
@@ -52,8 +57,8 @@ impl Recipe {
             phantoms: None,
             frames_per_exam: 8,
             test_share: 0.1,
-            lq: vec![Quality::LQ.into()],
-            hq: Quality::HQ.into(),
+            lq: vec![pair(Quality::LQ)],
+            hq: pair(Quality::HQ),
             lq_angles: 1,
             hq_angles: 1,
             span_deg: None,
@@ -78,14 +83,13 @@ impl Recipe {
 
     /// Low qualities, the first apart, and the high quality.
     pub(super) fn qualities(&self) -> Result<([u32; 2], Vec<[u32; 2]>, [u32; 2]), DatasetError> {
-        for point in self.lq.iter().chain([&self.hq]) {
-            point.with_seed(0).validate()?;
+        for &[rays, layers] in self.lq.iter().chain([&self.hq]) {
+            Quality { rays, layers, seed: 0 }.validate()?;
         }
-        let pair = |point: &QualityPoint| [point.rays, point.layers];
         let Some((first, more)) = self.lq.split_first() else {
             return Err(DatasetError::Plan("a data set needs a low quality, and none is given".to_owned()));
         };
-        Ok((pair(first), more.iter().map(pair).collect(), pair(&self.hq)))
+        Ok((*first, more.to_vec(), self.hq))
     }
 
     /// Compounding of both qualities.
