@@ -45,6 +45,7 @@
 //! |---|---|
 //! | [`pipeline`] | live sessions; feature `live` |
 //! | [`chooser`] | operating points: errors, times, the choice; feature `live` |
+//! | [`evaluation`] | images and generators against their targets |
 //! | [`dataset`] | data sets of paired frames: plan, rendering, reading |
 //! | [`report`] | reports, sheets, pictures of scenes |
 //! | [`station`] | station files |
@@ -83,6 +84,8 @@ pub mod pipeline;
 
 #[cfg(feature = "live")]
 pub mod chooser;
+
+pub mod evaluation;
 
 pub mod dataset;
 

@@ -13,9 +13,10 @@ use std::fs;
 use std::path::Path;
 
 /// Modules from the highest to the lowest. Those of one line do not import each other.
-const ORDER: [&[&str]; 19] = [
+const ORDER: [&[&str]; 20] = [
     &["pipeline"],
     &["chooser"],
+    &["evaluation"],
     &["dataset"],
     &["report"],
     &["station"],

@@ -8,6 +8,7 @@ use insonify::anatomy::export::ExportError;
 use insonify::anatomy::planes::PlanesError;
 use insonify::chooser::ChooserError;
 use insonify::dataset::DatasetError;
+use insonify::evaluation::EvaluationError;
 use insonify::exam::ExamError;
 use insonify::generator::GeneratorError;
 use insonify::phantom::{CacheError, PhantomError};
@@ -127,9 +128,11 @@ classified! {
     GeneratorError { GeneratorError::Inference { .. } | GeneratorError::Terminated { .. } => Other, _ => Input }
     ExportError { _ => Other }
     UnknownBackendVariable { _ => Input }
-    StationError as Phantom { _ => Input }
+    StationError as Phantom | Recording { _ => Input }
     // A number without a class is a fault of the renderer.
     DatasetError as Station | Exam | Render | Sink { DatasetError::Number { .. } => Other, _ => Input }
+    // The caller gives images, data sets and models.
+    EvaluationError as Dataset | Station | Generator | Render | Sink { _ => Input }
     PlanesError { _ => Input }
     SceneError { _ => Input }
     SettingsError { _ => Input }

@@ -10,7 +10,7 @@ use insonify::files::FileKind;
 use insonify::pose::{BySpeed, LIMITS, Pose, ProbeSpeed};
 use insonify::render::{FrameQuality, Renderer};
 use insonify::sink::write_text;
-use insonify::station::Station;
+use insonify::station::{Poses, Station};
 use insonify::statistics::mean;
 
 use super::super::backend::BackendArgs;
@@ -19,7 +19,6 @@ use super::super::progress::Progress;
 use super::super::{Classify, Failure, input, output, session};
 use super::identity;
 use super::measure::Bench;
-use super::poses::{of_recording, of_station};
 use super::reference::Reference;
 use super::store::Store;
 use super::truth::Truth;
@@ -167,10 +166,10 @@ fn table(command: String, measured: Vec<StationErrors>, merged: Option<ErrorTabl
 /// Errors of one station; none if the time was over before all were measured.
 fn errors(args: &Args, station: &Station, ends: Option<Instant>) -> Result<Option<StationErrors>, Failure> {
     let frame_rate_hz = station.pipeline.frame_rate_hz;
-    let hand = of_recording(&args.motion, station)?;
+    let hand = Poses::of_recording(&args.motion, station)?;
     let each = usize::from(args.poses).div_ceil(ProbeSpeed::ALL.len());
     let period = Duration::from_secs_f64(1.0 / frame_rate_hz);
-    let own = of_station(station, None)?;
+    let own = Poses::of_station(station, None)?;
     let source = if own.moves() { &station.path } else { &args.motion };
     let tracks = own.at_speeds(&hand, each, FRAMES_BEFORE, period);
     let [slow, fast] = LIMITS;

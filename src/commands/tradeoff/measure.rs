@@ -13,13 +13,12 @@ use insonify::render::{Frame, FrameQuality, Quality, RenderSettings, Renderer};
 use insonify::report::TimeTable;
 use insonify::report::time_table::{OVERHEAD, WHOLE_FRAME};
 use insonify::settings::ReceiverSettings;
-use insonify::station::Station;
+use insonify::station::{Station, Track};
 use insonify::statistics::{mean, median, percentile};
 use insonify::tradeoff::{ClassError, Errors, Knobs, PassMs, Planned, Point, Time};
 use insonify::transducer::Probe;
 
 use super::super::{Classify, Failure};
-use super::poses::Track;
 use super::truth::Truth;
 
 /// Seeds, unlike those of the reference. The error's difference between them is its noise.

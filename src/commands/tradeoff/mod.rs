@@ -5,8 +5,7 @@ mod eta;
 pub(super) mod front;
 mod identity;
 mod measure;
-pub(super) mod poses;
-mod reference;
+pub(super) mod reference;
 mod store;
 mod truth;
 
@@ -19,7 +18,7 @@ use insonify::pose::Pose;
 use insonify::render::{Renderer, processor_name};
 use insonify::settings::ANGLES_MAX;
 use insonify::sink::{create_dir, png, write_json, write_text};
-use insonify::station::Station;
+use insonify::station::{Poses, Station};
 use insonify::tradeoff::plot::Figure;
 use insonify::tradeoff::{self, EffectTruth, Knobs, Point};
 use serde::Serialize;
@@ -30,7 +29,7 @@ use self::reference::Reference;
 use self::store::Store;
 use super::backend::BackendArgs;
 use super::outputs::Outputs;
-use super::{Classify, Failure, output, session};
+use super::{Classify, Failure, input, output, session};
 
 /// Measure what accuracy costs in time: sweep the quality knobs, and compare every point with a converged reference.
 ///
@@ -128,7 +127,7 @@ struct Report<'a> {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::load(&args.station)?;
     Outputs::beside_station(&station).and(&args.recording).within("--out", &args.out, &FILES)?;
-    let all = poses::of_station(&station, args.recording.as_deref())?;
+    let all = poses_of(&station, args.recording.as_deref())?;
     let backend = args.backend.open(station.backend)?;
     session::warn_of_budget(&station);
     let scene = session::load_scene(&station)?;
@@ -264,4 +263,12 @@ fn say(points: &[Point], total: usize, eta: &Eta) {
         point.time.median_ms,
         point.error.rmse
     );
+}
+
+/// Poses of `recording`, else of the station; an error names the option.
+fn poses_of(station: &Station, recording: Option<&Path>) -> Result<Poses, Failure> {
+    if recording.or(station.recording()).is_none() {
+        input::pose(None, station, "--recording FILE, a recorded tracker")?;
+    }
+    Ok(Poses::of_station(station, recording)?)
 }

@@ -3,6 +3,7 @@
 use std::fmt;
 
 use anyhow::anyhow;
+use insonify::files::read_grey;
 use insonify::pose::Pose;
 use insonify::quality::level_difference;
 use insonify::render::FrameQuality;
@@ -10,7 +11,6 @@ use insonify::sink::png::{self, Effort};
 use insonify::statistics::mean;
 use serde::{Deserialize, Serialize};
 
-use super::super::frame_dir::grey;
 use super::super::{Classify, Failure};
 use super::measure::Bench;
 use super::store::Store;
@@ -183,7 +183,7 @@ fn save(store: &Store, index: usize, truth: &Truth) -> Result<(), Failure> {
 }
 
 fn load(bench: &Bench, store: &Store, index: usize) -> Result<Truth, Failure> {
-    let map = |name| grey(&path(store, name, index)).input();
+    let map = |name| read_grey(&path(store, name, index)).input();
     let (bmode, [width, height]) = map("bmode")?;
     let size = [width as usize, height as usize];
     Truth::new(size, bmode, map("segmentation")?.0, map("mask")?.0, bench.settings().image.dynamic_range_db)
