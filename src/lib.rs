@@ -46,12 +46,11 @@
 //! | [`pipeline`] | live sessions; feature `live` |
 //! | [`chooser`] | operating points: errors, times, the choice; feature `live` |
 //! | [`evaluation`] | images and generators against their targets |
-//! | [`dataset`] | data sets of paired frames: plan, rendering, reading |
+//! | [`dataset`], [`tradeoff`] | data sets of paired frames; time against error (its figure: feature `plots`) |
 //! | [`report`] | reports, sheets, pictures of scenes |
 //! | [`station`] | station files |
 //! | [`sink`] | files, and live displays; features `video`, `browser`, `window` |
 //! | [`generator`] | models that translate frames; feature `generator` |
-//! | [`tradeoff`] | time against error; its figure: feature `plots` |
 //! | [`quality`], [`selftest`] | measures of pictures, known answers |
 //! | [`exam`] | simulated sessions, scores |
 //! | [`render`] | renderers of the host, of devices (feature `gpu`) and of tests |
@@ -89,6 +88,8 @@ pub mod evaluation;
 
 pub mod dataset;
 
+pub mod tradeoff;
+
 pub mod report;
 
 pub mod station;
@@ -96,8 +97,6 @@ pub mod station;
 pub mod sink;
 
 pub mod generator;
-
-pub mod tradeoff;
 
 pub mod selftest;
 

@@ -13,16 +13,15 @@ use std::fs;
 use std::path::Path;
 
 /// Modules from the highest to the lowest. Those of one line do not import each other.
-const ORDER: [&[&str]; 20] = [
+const ORDER: [&[&str]; 19] = [
     &["pipeline"],
     &["chooser"],
     &["evaluation"],
-    &["dataset"],
+    &["dataset", "tradeoff"],
     &["report"],
     &["station"],
     &["sink"],
     &["generator"],
-    &["tradeoff"],
     &["selftest", "quality"],
     &["exam"],
     &["render"],

@@ -22,6 +22,7 @@ use insonify::station::StationError;
 use insonify::tracker::TrackerError;
 use insonify::tracker::interchange::InterchangeError;
 use insonify::tracker::recording::RecordingError;
+use insonify::tradeoff::TradeoffError;
 
 use super::terminal;
 
@@ -116,7 +117,7 @@ classified! {
         _ => Other,
     }
     RenderError as Backend { RenderError::Bvh(_) | RenderError::Settings(_) => Input, _ => Other }
-    ChooserError as Render { _ => Other }
+    ChooserError as Render | Station | Measurement { ChooserError::NoMotion { .. } => Input, _ => Other }
     SelfTestError as Render { _ => Other }
     ExamError as Recording { ExamError::OutOfReach { .. } | ExamError::TooShort { .. } => Input, _ => Other }
     CacheError as Build { _ => Other }
@@ -131,6 +132,10 @@ classified! {
     StationError as Phantom | Recording { _ => Input }
     // A number without a class is a fault of the renderer.
     DatasetError as Station | Exam | Render | Sink { DatasetError::Number { .. } => Other, _ => Input }
+    TradeoffError as Station | Generator | Quality | Render | SelfTest | Sink {
+        TradeoffError::Read { .. } => Other,
+        _ => Input,
+    }
     // The caller gives images, data sets and models.
     EvaluationError as Dataset | Station | Generator | Render | Sink { _ => Input }
     PlanesError { _ => Input }
