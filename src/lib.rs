@@ -45,12 +45,12 @@
 //! |---|---|
 //! | [`pipeline`] | live sessions; feature `live` |
 //! | [`chooser`] | operating points: errors, times, the choice; feature `live` |
-//! | [`dataset`] | data sets of paired frames: plan, rendering, reading |
+//! | [`evaluation`] | images and generators against their targets |
+//! | [`dataset`], [`tradeoff`] | data sets of paired frames; time against error (its figure: feature `plots`) |
 //! | [`report`] | reports, sheets, pictures of scenes |
 //! | [`station`] | station files |
 //! | [`sink`] | files, and live displays; features `video`, `browser`, `window` |
 //! | [`generator`] | models that translate frames; feature `generator` |
-//! | [`tradeoff`] | time against error; its figure: feature `plots` |
 //! | [`quality`], [`selftest`] | measures of pictures, known answers |
 //! | [`exam`] | simulated sessions, scores |
 //! | [`render`] | renderers of the host, of devices (feature `gpu`) and of tests |
@@ -84,7 +84,11 @@ pub mod pipeline;
 #[cfg(feature = "live")]
 pub mod chooser;
 
+pub mod evaluation;
+
 pub mod dataset;
+
+pub mod tradeoff;
 
 pub mod report;
 
@@ -93,8 +97,6 @@ pub mod station;
 pub mod sink;
 
 pub mod generator;
-
-pub mod tradeoff;
 
 pub mod selftest;
 

@@ -1,10 +1,15 @@
+use std::path::PathBuf;
+
 use thiserror::Error;
 
 use super::error_table::ErrorTableError;
 use crate::render::RenderError;
+use crate::station::StationError;
+use crate::tradeoff::TradeoffError;
 
-/// Failure to choose an operating point.
+/// Failure to choose an operating point, or to measure errors.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum ChooserError {
     /// The shipped table of errors.
     #[error(transparent)]
@@ -12,4 +17,20 @@ pub enum ChooserError {
     /// A frame of the measurement.
     #[error(transparent)]
     Render(#[from] RenderError),
+    /// A recording in which the probe does not move at each speed.
+    #[error("{path}: at no moment is the probe {speed} ({limits})")]
+    NoMotion {
+        /// Recording, or the station that names it.
+        path: PathBuf,
+        /// Missing speed.
+        speed: &'static str,
+        /// Limits of the speeds.
+        limits: String,
+    },
+    /// A station without a pose, or a recording that cannot be read.
+    #[error(transparent)]
+    Station(#[from] StationError),
+    /// A measurement that failed.
+    #[error(transparent)]
+    Measurement(#[from] TradeoffError),
 }

@@ -1,7 +1,7 @@
 //! Operating points of a station on a machine: rays, layers, steering angles and a generator, their errors and times, and the
 //! choice among them.
 //!
-//! Errors come from a table that is shipped ([`ErrorTable`]), times are measured on the machine once and kept in the cache.
+//! Errors come from a table that is shipped ([`ErrorTable`]; [`measure_errors`] makes one), times are measured on the machine once and kept in the cache.
 //! [`choose`] picks the first point of a session; [`PointController`] follows the load and the probe's speed from there on.
 //! [`choose_still`] picks the quality of stills.
 
@@ -9,6 +9,7 @@ mod candidates;
 mod control;
 mod error;
 mod error_table;
+mod front;
 mod starting_point;
 mod still;
 mod times;
@@ -18,5 +19,6 @@ pub use error::ChooserError;
 pub use error_table::{
     ErrorTable, ErrorTableError, ExpectedErrors, GeneratorKey, PointError, StationErrors, kind_name,
 };
+pub use front::{ANGLES, ErrorSettings, ErrorStep, RAYS_LAYERS, measure_errors};
 pub use starting_point::{StartingPoint, choose, scene_name};
 pub use still::{StillQuality, choose_still};

@@ -8,6 +8,7 @@ use insonify::anatomy::export::ExportError;
 use insonify::anatomy::planes::PlanesError;
 use insonify::chooser::ChooserError;
 use insonify::dataset::DatasetError;
+use insonify::evaluation::EvaluationError;
 use insonify::exam::ExamError;
 use insonify::generator::GeneratorError;
 use insonify::phantom::{CacheError, PhantomError};
@@ -21,6 +22,7 @@ use insonify::station::StationError;
 use insonify::tracker::TrackerError;
 use insonify::tracker::interchange::InterchangeError;
 use insonify::tracker::recording::RecordingError;
+use insonify::tradeoff::TradeoffError;
 
 use super::terminal;
 
@@ -115,7 +117,7 @@ classified! {
         _ => Other,
     }
     RenderError as Backend { RenderError::Bvh(_) | RenderError::Settings(_) => Input, _ => Other }
-    ChooserError as Render { _ => Other }
+    ChooserError as Render | Station | Measurement { ChooserError::NoMotion { .. } => Input, _ => Other }
     SelfTestError as Render { _ => Other }
     ExamError as Recording { ExamError::OutOfReach { .. } | ExamError::TooShort { .. } => Input, _ => Other }
     CacheError as Build { _ => Other }
@@ -127,9 +129,15 @@ classified! {
     GeneratorError { GeneratorError::Inference { .. } | GeneratorError::Terminated { .. } => Other, _ => Input }
     ExportError { _ => Other }
     UnknownBackendVariable { _ => Input }
-    StationError as Phantom { _ => Input }
+    StationError as Phantom | Recording { _ => Input }
     // A number without a class is a fault of the renderer.
     DatasetError as Station | Exam | Render | Sink { DatasetError::Number { .. } => Other, _ => Input }
+    TradeoffError as Station | Generator | Quality | Render | SelfTest | Sink {
+        TradeoffError::Read { .. } => Other,
+        _ => Input,
+    }
+    // The caller gives images, data sets and models.
+    EvaluationError as Dataset | Station | Generator | Render | Sink { _ => Input }
     PlanesError { _ => Input }
     SceneError { _ => Input }
     SettingsError { _ => Input }

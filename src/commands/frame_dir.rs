@@ -1,12 +1,10 @@
 //! Reads frames that `insonify render` wrote.
 
 use std::collections::BTreeMap;
-use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use image::ImageReader;
-use insonify::files::{self, FileKind};
+use insonify::files::{self, FileKind, read_grey};
 use insonify::generator::{Channel, Input, Manifest};
 use insonify::settings::SettingsGroup;
 use insonify::transducer::{Probe, ProbeKind, ScanGeometry};
@@ -28,13 +26,13 @@ pub(crate) struct FrameDir {
 impl FrameDir {
     /// Reads mask.png and, if present, bmode.png, attenuation.npy, and segmentation.png with tissues.json.
     pub(crate) fn read(directory: &Path) -> Result<Self> {
-        let (mask, [width, height]) = grey(&directory.join("mask.png"))?;
+        let (mask, [width, height]) = read_grey(&directory.join("mask.png"))?;
         let optional = |name: &str| -> Result<Option<Vec<u8>>> {
             let path = directory.join(name);
             if !path.exists() {
                 return Ok(None);
             }
-            let (pixels, [w, h]) = grey(&path)?;
+            let (pixels, [w, h]) = read_grey(&path)?;
             ensure!((w, h) == (width, height), "{} is {w} x {h}, mask.png {width} x {height}", path.display());
             Ok(Some(pixels))
         };
@@ -97,16 +95,6 @@ fn scan(path: &Path, [width, height]: [u32; 2]) -> Result<Option<ScanGeometry>> 
     let probe = Probe { kind, depth_mm, ..Probe::default() };
     probe.validate().with_context(|| format!("{} holds a probe out of range", path.display()))?;
     Ok(Some(ScanGeometry::fit(&probe, width, height)))
-}
-
-/// Pixels of an 8-bit grey image, and its width and height.
-pub(super) fn grey(path: &Path) -> Result<(Vec<u8>, [u32; 2])> {
-    let cannot = || format!("cannot read {}", path.display());
-    let file = BufReader::new(files::open(path, FileKind::Image).with_context(cannot)?);
-    let image = ImageReader::new(file).with_guessed_format().with_context(cannot)?.decode().with_context(cannot)?;
-    ensure!(image.color() == image::ColorType::L8, "{} is not an 8-bit grey image", path.display());
-    let size = [image.width(), image.height()];
-    Ok((image.into_bytes(), size))
 }
 
 fn names(path: &Path) -> Result<Vec<String>> {

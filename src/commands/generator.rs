@@ -64,10 +64,10 @@ fn size(text: &str) -> Result<(u32, u32), String> {
 pub(super) struct RuntimeArgs {
     /// Execution provider of generators: cpu, cuda or tensorrt
     #[arg(long, value_name = "NAME", default_value_t)]
-    provider: Provider,
+    pub(super) provider: Provider,
 
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = threads, help = input::described::<Settings>("threads"))]
-    threads: u32,
+    pub(super) threads: u32,
 }
 
 fn threads(text: &str) -> Result<u32, String> {

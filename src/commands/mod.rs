@@ -13,6 +13,7 @@ mod exam;
 mod export;
 mod failure;
 mod frame_dir;
+mod front;
 mod generator;
 mod import;
 mod input;
@@ -111,7 +112,7 @@ enum Command {
     Generator(generator::Args),
     Evaluate(evaluate::Args),
     Tradeoff(tradeoff::Args),
-    Front(tradeoff::front::Args),
+    Front(front::Args),
     Tissues(tissues::Args),
     Trackers(trackers::Args),
     StationKeys(station_keys::Args),
@@ -143,7 +144,7 @@ impl Cli {
             Command::Generator(args) => generator::run(args),
             Command::Evaluate(args) => evaluate::run(args),
             Command::Tradeoff(args) => tradeoff::run(args),
-            Command::Front(args) => tradeoff::front::run(args),
+            Command::Front(args) => front::run(args),
             Command::Tissues(args) => tissues::run(args),
             Command::Trackers(args) => trackers::run(args),
             Command::StationKeys(args) => station_keys::run(args),

@@ -25,7 +25,7 @@ impl Steps {
             Step::Phantom { done, total } => {
                 phantom.get_or_insert_with(|| Progress::new("phantom", 0)).set(done, total);
             }
-            Step::Tuples { done, total } => {
+            Step::Tuples { done, total } | Step::Frames { done, total } => {
                 *phantom = None;
                 self.task.set(done, total);
             }

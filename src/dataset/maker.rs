@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
 
+use super::recipe::Qualities;
 use super::stations::classes;
 use super::targets::Targets;
 use super::{ATTENUATION_POWER, DatasetError, Exam, FORMAT, Header, PLANES, Plan, Recipe, Shard, Split, StationRow};
@@ -44,7 +45,7 @@ impl Maker {
         }
         let wishes = recipe.wishes();
         let plan = Plan::new(&wishes)?;
-        let (lq, lq_more, hq) = recipe.qualities()?;
+        let Qualities { lq, lq_more, hq } = recipe.qualities()?;
         let header = Header {
             format: FORMAT,
             insonify: env!("CARGO_PKG_VERSION").to_owned(),

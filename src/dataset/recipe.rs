@@ -47,6 +47,13 @@ fn pair(quality: Quality) -> [u32; 2] {
     [quality.rays, quality.layers]
 }
 
+/// Rays and layers of the low qualities, the first apart, and of the high quality.
+pub(super) struct Qualities {
+    pub(super) lq: [u32; 2],
+    pub(super) lq_more: Vec<[u32; 2]>,
+    pub(super) hq: [u32; 2],
+}
+
 impl Recipe {
     /// 600 tuples of `stations`, 8 a session, a tenth for the test, 1 × 1 against 32 × 3 rays and layers, one look each.
     pub fn new(stations: Vec<Station>) -> Self {
@@ -81,15 +88,15 @@ impl Recipe {
         }
     }
 
-    /// Low qualities, the first apart, and the high quality.
-    pub(super) fn qualities(&self) -> Result<([u32; 2], Vec<[u32; 2]>, [u32; 2]), DatasetError> {
+    /// Qualities, for the header.
+    pub(super) fn qualities(&self) -> Result<Qualities, DatasetError> {
         for &[rays, layers] in self.lq.iter().chain([&self.hq]) {
             Quality { rays, layers, seed: 0 }.validate()?;
         }
         let Some((first, more)) = self.lq.split_first() else {
             return Err(DatasetError::Plan("a data set needs a low quality, and none is given".to_owned()));
         };
-        Ok((*first, more.to_vec(), self.hq))
+        Ok(Qualities { lq: *first, lq_more: more.to_vec(), hq: self.hq })
     }
 
     /// Compounding of both qualities.

@@ -10,6 +10,13 @@ pub enum Step {
         /// Total steps.
         total: usize,
     },
+    /// Frames of a sequence.
+    Frames {
+        /// Completed frames.
+        done: usize,
+        /// Total frames.
+        total: usize,
+    },
     /// Tuples.
     Tuples {
         /// Completed tuples.

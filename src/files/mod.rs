@@ -1,11 +1,13 @@
 //! Files at the edge of the program: reading within limits of size, files that are not complete yet, and the cache.
 
 mod cache;
+mod grey;
 mod hex;
 mod part;
 mod read;
 
 pub use cache::cache_directory;
+pub use grey::{GreyError, read_grey};
 pub use hex::hex;
 pub use part::{PartError, PartFile};
 pub use read::{FileKind, open, read, read_text};

@@ -2,31 +2,16 @@
 
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
 use ort::session::Session;
 use ort::value::{Outlet, Tensor, TensorElementType, ValueType};
 
-use super::{GeneratorError, Runtime};
+use super::{FeatureScale, GeneratorError, Runtime};
 use crate::files::{self, FileKind};
 use crate::quality::{CROP, FeatureExtractor, QualityError};
 
 /// Written by `training/make_features.py`.
 const TEXTURE64: &[u8] = include_bytes!("../../assets/quality/texture64.onnx");
-
-/// Scale of grey levels in the tensor.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum FeatureScale {
-    /// −1..=1, as Inception v3 was trained with.
-    #[default]
-    Signed,
-    /// 0..=1.
-    Unit,
-    /// 0..=255.
-    Grey,
-}
-
-crate::names::named!(FeatureScale { Signed = "signed", Unit = "unit", Grey = "grey" });
 
 impl FeatureScale {
     fn value(self, level: u8) -> f32 {
@@ -35,21 +20,6 @@ impl FeatureScale {
             Self::Unit => f32::from(level) / 255.0,
             Self::Grey => f32::from(level),
         }
-    }
-}
-
-impl fmt::Display for FeatureScale {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl FromStr for FeatureScale {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        Self::named(text)
-            .ok_or_else(|| format!("unknown scale `{text}`; scales are signed (-1..1), unit (0..1) and grey (0..255)"))
     }
 }
 

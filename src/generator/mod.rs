@@ -9,7 +9,11 @@
 
 mod beam_sampling;
 mod error;
+mod feature_scale;
 #[cfg(feature = "generator")]
+mod features;
+#[cfg(not(feature = "generator"))]
+#[path = "no_features.rs"]
 mod features;
 #[expect(clippy::module_inception, reason = "the type of that name has a file of its own")]
 mod generator;
@@ -32,8 +36,8 @@ mod session;
 mod settings;
 
 pub use error::{GeneratorError, RuntimeError};
-#[cfg(feature = "generator")]
-pub use features::{FeatureScale, OnnxFeatures};
+pub use feature_scale::FeatureScale;
+pub use features::OnnxFeatures;
 pub use generator::{Generator, LoadOptions};
 pub use input::Input;
 pub use load::{LoadedGenerators, RefusedModel, load_generators};

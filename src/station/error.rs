@@ -9,6 +9,7 @@ use crate::anatomy::planes::PlanesError;
 use crate::anatomy::{BvhError, SceneError, TissueError};
 use crate::phantom::CacheError;
 use crate::pose::{CalibrationError, PoseError};
+use crate::tracker::recording::RecordingError;
 
 /// Error in a station file. Keys are written with their table: `probe.depth_mm`.
 #[derive(Debug, Error)]
@@ -127,6 +128,21 @@ pub enum StationError {
     /// A tissue table that cannot be used.
     #[error(transparent)]
     Tissue(#[from] TissueError),
+    /// A station without a pose.
+    #[error("no pose: give a recording, or a [pose] with position_mm and quaternion in {station}")]
+    NoPose {
+        /// Station file.
+        station: PathBuf,
+    },
+    /// A recording without poses.
+    #[error("{path} holds no pose")]
+    NoRecordedPose {
+        /// Recording.
+        path: PathBuf,
+    },
+    /// A recording that cannot be read.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
     /// Not a pose.
     #[error("[pose]: {0}")]
     Pose(#[from] PoseError),

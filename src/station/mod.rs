@@ -15,6 +15,7 @@ mod keys;
 mod openigtlink;
 mod parse;
 mod plane_scene;
+mod poses;
 mod quality;
 mod scene;
 mod scene_file;
@@ -42,6 +43,7 @@ pub use accepts::Accepts;
 pub use error::StationError;
 pub use keys::{KeyDoc, keys, print_keys};
 pub use plane_scene::PlaneScene;
+pub use poses::{Poses, Track};
 pub use scene_file::SceneFile;
 
 /// Source of a station's surfaces.
@@ -130,6 +132,14 @@ impl Station {
         }
     }
 
+    /// Recording that takes the place of a tracker, if the station names one.
+    pub fn recording(&self) -> Option<&Path> {
+        match &self.tracker.transport {
+            tracker::Transport::Recording { path, .. } => Some(path),
+            _ => None,
+        }
+    }
+
     /// Files that the station is read from, its own first. Some of them may be missing.
     pub fn files(&self) -> Vec<PathBuf> {
         let mut files = vec![self.path.clone()];
@@ -140,9 +150,7 @@ impl Station {
         files.extend(self.calibration.path.clone());
         files.extend(self.generator.models.iter().flat_map(|model| generator_files(model)));
         files.extend(self.tracker.device.ndi.rom_files.iter().cloned());
-        if let tracker::Transport::Recording { path, .. } = &self.tracker.transport {
-            files.push(path.clone());
-        }
+        files.extend(self.recording().map(Path::to_owned));
         files
     }
 

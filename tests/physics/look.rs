@@ -122,7 +122,7 @@ fn looks_of_distant_scanlines_share_their_scatterers() {
     // Scanlines as far apart as a station's.
     let flat = linear(288, 0.25, 3072, 100.0);
     let kind = ProbeKind::Convex { radius_mm: 40.0, fov_deg: 70.0 };
-    let curved = Probe { kind, scanlines: 256, ..flat.clone() };
+    let curved = Probe { kind, scanlines: 256, ..flat };
     let cases = [
         Case { probe: flat, correlation: [0.395, 0.2], snr: [4.39, 0.1] },
         Case { probe: curved, correlation: [0.88, 0.36], snr: [2.8, 0.32] },

@@ -39,6 +39,9 @@ mod part;
 mod pose_json;
 #[cfg(feature = "recordings")]
 mod poses;
+#[cfg(not(feature = "recordings"))]
+#[path = "no_poses.rs"]
+mod poses;
 #[cfg(feature = "recordings")]
 mod reader;
 #[cfg(feature = "recordings")]
@@ -57,8 +60,9 @@ pub use caliper::{CALIPER_EVENT, CaliperEvent, ellipse_circumference_mm};
 pub use decoded::{DecodedRecording, Item};
 #[cfg(feature = "recordings")]
 pub use part::part_path;
+pub use poses::poses;
 #[cfg(feature = "recordings")]
-pub use poses::{measurements, poses, poses_of, read_all, read_both};
+pub use poses::{measurements, poses_of, read_all, read_both};
 #[cfg(feature = "recordings")]
 pub use reader::{Damage, RecordingReader};
 #[cfg(feature = "recordings")]
@@ -186,7 +190,7 @@ pub enum Entry {
 #[derive(Debug, Error)]
 pub enum RecordingError {
     /// The build has no recordings.
-    #[error("cannot write {path}: insonify was built without the feature `recordings`; build it with that feature")]
+    #[error("cannot use {path}: insonify was built without the feature `recordings`; build it with that feature")]
     NotBuilt {
         /// File.
         path: PathBuf,

@@ -1,13 +1,12 @@
 //! Estimated duration of a run, and its remaining time.
 
-use insonify::pose::Pose;
-use insonify::tradeoff::{Knobs, Planned};
-
-use super::super::Failure;
-use super::measure::{Bench, pose_s};
+use super::bench::{Bench, pose_s};
 use super::reference::USUAL;
+use super::{Knobs, Planned, TradeoffError};
+use crate::pose::Pose;
 
 /// Estimated times of a pose, s.
+#[derive(Debug)]
 pub(super) struct Estimate {
     pub(super) reference_s: f64,
     /// Per planned point, then per generator.
@@ -22,7 +21,7 @@ struct Line {
 
 impl Line {
     /// Fits a frame of 1 × 1 rays × layers and one of 8 × 3.
-    fn of(bench: &mut Bench, base: Knobs, pose: &[Pose]) -> Result<Self, Failure> {
+    fn of(bench: &mut Bench, base: Knobs, pose: &[Pose]) -> Result<Self, TradeoffError> {
         let one_s = bench.frame_s(&base.with(1, 1), pose)?;
         let middle_s = bench.frame_s(&base.with(8, 3), pose)?;
         Ok(Self { one_s, path_s: ((middle_s - one_s) / 23.0).max(0.0) })
@@ -35,7 +34,7 @@ impl Line {
 
 impl Estimate {
     /// Measures two frames as planned, two with all effects, one per generator, and one comparison.
-    pub(super) fn measure(bench: &mut Bench, planned: &[Planned], pose: &[Pose]) -> Result<Self, Failure> {
+    pub(super) fn measure(bench: &mut Bench, planned: &[Planned], pose: &[Pose]) -> Result<Self, TradeoffError> {
         let base = bench.base();
         let own = Line::of(bench, base, pose)?;
         let all = Line::of(bench, base.with_all_effects(), pose)?;
@@ -64,14 +63,14 @@ impl Estimate {
 
 /// Remaining time, corrected by the durations of the finished parts.
 #[derive(Default)]
-pub(super) struct Eta {
+pub(super) struct Remaining {
     left_s: f64,
     /// Estimated and actual time of the measured parts, s.
     estimated_s: f64,
     taken_s: f64,
 }
 
-impl Eta {
+impl Remaining {
     pub(super) fn new(total_s: f64) -> Self {
         Self { left_s: total_s, ..Self::default() }
     }
@@ -98,13 +97,13 @@ mod tests {
 
     #[test]
     fn the_remaining_time_corrects_itself() {
-        let mut eta = Eta::new(100.0);
-        assert_eq!(eta.left_s(), 100.0);
-        eta.done(20.0, None);
-        assert_eq!(eta.left_s(), 80.0);
-        eta.done(30.0, Some(60.0));
-        assert_eq!(eta.left_s(), 100.0);
-        eta.done(60.0, Some(75.0));
-        assert_eq!(eta.left_s(), 0.0);
+        let mut remaining = Remaining::new(100.0);
+        assert_eq!(remaining.left_s(), 100.0);
+        remaining.done(20.0, None);
+        assert_eq!(remaining.left_s(), 80.0);
+        remaining.done(30.0, Some(60.0));
+        assert_eq!(remaining.left_s(), 100.0);
+        remaining.done(60.0, Some(75.0));
+        assert_eq!(remaining.left_s(), 0.0);
     }
 }

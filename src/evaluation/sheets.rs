@@ -2,18 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
-use insonify::dataset::{Dataset, Row as TupleRow};
-use insonify::generator::Generator;
-use insonify::quality::cut;
-use insonify::report::ComparisonSheet;
-use insonify::report::comparison_sheet::Panel;
-use insonify::sink::create_dir;
-use insonify::transducer::ScanGeometry;
-
-use super::super::{Classify, Failure};
+use super::EvaluationError;
 use super::judge::{ImageScores, RowReport};
 use super::models::generate;
 use super::scan::probe;
+use crate::dataset::{Dataset, Row as TupleRow};
+use crate::generator::Generator;
+use crate::quality::cut;
+use crate::report::ComparisonSheet;
+use crate::report::comparison_sheet::Panel;
+use crate::sink::create_dir;
+use crate::transducer::ScanGeometry;
 
 /// Width of a full field of view, pixels.
 const WIDTH: u32 = 460;
@@ -28,7 +27,7 @@ pub(super) fn write(
     rows: &[RowReport],
     generators: &mut [(String, Generator)],
     (side, seed): (usize, u64),
-) -> Result<Vec<PathBuf>, Failure> {
+) -> Result<Vec<PathBuf>, EvaluationError> {
     create_dir(out)?;
     let Some(last) = rows.last() else { return Ok(Vec::new()) };
     let mut order: Vec<&ImageScores> = last.images.iter().collect();
@@ -39,7 +38,7 @@ pub(super) fn write(
         let seen = places[..number].iter().any(|(_, other)| *other == at);
         let Some(scores) = order.get(at).filter(|_| !seen) else { continue };
         let Some(row) = chosen.iter().find(|row| row.index == scores.index) else { continue };
-        let tuple = dataset.tuple(row).input()?;
+        let tuple = dataset.tuple(row)?;
         let attenuation = tuple.attenuation_map();
         let [width, height] = row.size;
         let scan = probe(dataset, row).ok().map(|probe| ScanGeometry::fit(&probe, width, height));

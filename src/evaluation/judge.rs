@@ -2,15 +2,15 @@
 
 use std::path::PathBuf;
 
-use insonify::dataset::Tuple;
-use insonify::generator::Variant;
-use insonify::quality::structures::{contrast_lost, structures};
-use insonify::quality::{FeatureExtractor, Pair, RegionError, RegionSum, Scores, Summary, cut, frechet_distance_of};
-use insonify::statistics::mean;
 use serde::Serialize;
 
-use super::super::Failure;
+use super::EvaluationError;
 use super::models::{Extractor, add_features};
+use crate::dataset::Tuple;
+use crate::generator::Variant;
+use crate::quality::structures::{contrast_lost, structures};
+use crate::quality::{FeatureExtractor, Pair, RegionError, RegionSum, Scores, Summary, cut, frechet_distance_of};
+use crate::statistics::mean;
 
 /// Feature vectors of the crops and of the full field of view.
 #[derive(Clone, Default)]
@@ -33,11 +33,13 @@ pub(super) struct Judged<'a> {
 
 /// Scores of one image, for the table of images.
 #[derive(Debug, Clone, Serialize)]
-pub(super) struct ImageScores {
-    pub(super) index: usize,
-    pub(super) full: Scores,
+pub struct ImageScores {
+    /// Index of the tuple.
+    pub index: usize,
+    /// On the full field of view.
+    pub full: Scores,
     /// With the crop's left and top.
-    pub(super) crops: Vec<([usize; 2], Scores)>,
+    pub crops: Vec<([usize; 2], Scores)>,
 }
 
 /// Accumulated metrics of a row.
@@ -56,46 +58,53 @@ pub(super) struct Row {
 }
 
 /// A row of the report.
-#[derive(Serialize)]
-pub(super) struct RowReport {
+#[derive(Debug, Clone, Serialize)]
+pub struct RowReport {
     /// `LQ`, the generator's name, or the name of the repeated high quality.
-    pub(super) name: String,
-    pub(super) model: Option<PathBuf>,
-    pub(super) variant: Option<Variant>,
+    pub name: String,
+    /// File of the generator.
+    pub model: Option<PathBuf>,
+    /// Maps that the generator takes.
+    pub variant: Option<Variant>,
     /// On random crops.
-    pub(super) crops: Option<Summary>,
+    pub crops: Option<Summary>,
     /// On the full field of view.
-    pub(super) full: Summary,
+    pub full: Summary,
     /// Distances to the target's features.
-    pub(super) distances: Vec<Distance>,
+    pub distances: Vec<Distance>,
     /// Lost share of the contrast at tissue borders, mean over images.
-    pub(super) contrast_lost: Option<f64>,
+    pub contrast_lost: Option<f64>,
     /// Errors of each tissue present.
-    pub(super) tissues: Vec<TissueRow>,
+    pub tissues: Vec<TissueRow>,
     /// Behind bone.
-    pub(super) behind_bone: Option<RegionError>,
+    pub behind_bone: Option<RegionError>,
     /// In the rest of the sector.
-    pub(super) elsewhere: Option<RegionError>,
-    pub(super) images: Vec<ImageScores>,
+    pub elsewhere: Option<RegionError>,
+    /// Scores of each image.
+    pub images: Vec<ImageScores>,
 }
 
 /// A Fréchet distance.
 #[derive(Debug, Clone, Serialize)]
-pub(super) struct Distance {
+pub struct Distance {
     /// Name.
-    pub(super) name: String,
-    pub(super) crops: Option<f64>,
-    pub(super) full: Option<f64>,
+    pub name: String,
+    /// Of the crops; `None` with fewer than two vectors.
+    pub crops: Option<f64>,
+    /// Of the full fields of view; `None` with fewer than two vectors.
+    pub full: Option<f64>,
 }
 
 /// Errors of one tissue.
 #[derive(Debug, Clone, Serialize)]
-pub(super) struct TissueRow {
-    pub(super) tissue: String,
+pub struct TissueRow {
+    /// Name.
+    pub tissue: String,
     /// Share of the pixels inside the sectors.
-    pub(super) share: f64,
+    pub share: f64,
+    /// Errors of its grey levels.
     #[serde(flatten)]
-    pub(super) error: RegionError,
+    pub error: RegionError,
 }
 
 impl Judged<'_> {
@@ -105,7 +114,7 @@ impl Judged<'_> {
         image: &[u8],
         extractors: &mut [Extractor],
         vectors: &mut [Vectors],
-    ) -> Result<(), Failure> {
+    ) -> Result<(), EvaluationError> {
         for (extractor, vectors) in extractors.iter_mut().zip(vectors) {
             let side = extractor.network.crop();
             let mut add = |image: &[u8], size: [usize; 2], to: &mut Vec<Vec<f64>>| {
@@ -123,14 +132,14 @@ impl Judged<'_> {
     }
 
     /// Scores of an image and of its crops.
-    fn scores(&self, image: &[u8]) -> Result<ImageScores, Failure> {
+    fn scores(&self, image: &[u8]) -> Result<ImageScores, EvaluationError> {
         let Tuple { size, hq, mask, .. } = self.tuple;
         let full = Scores::of(&Pair::new(*size, image, hq, Some(mask))?);
         let crop = |&place: &[usize; 2]| {
             let [image, hq, mask] = [image, hq, mask].map(|map| cut(map, size[0], place, self.side));
             Ok((place, Scores::of(&Pair::new([self.side; 2], &image, &hq, Some(&mask))?)))
         };
-        let crops = self.places.iter().map(crop).collect::<Result<Vec<_>, Failure>>()?;
+        let crops = self.places.iter().map(crop).collect::<Result<Vec<_>, EvaluationError>>()?;
         Ok(ImageScores { index: self.index, full, crops })
     }
 }
@@ -153,7 +162,7 @@ impl Row {
         judged: &Judged<'_>,
         image: &[u8],
         extractors: &mut [Extractor],
-    ) -> Result<(), Failure> {
+    ) -> Result<(), EvaluationError> {
         self.images.push(judged.scores(image)?);
         judged.features(image, extractors, &mut self.vectors)?;
         let Tuple { size, hq, segmentation, mask, .. } = judged.tuple;
@@ -178,10 +187,10 @@ impl Row {
         names: &[String],
         target: &[Vectors],
         extractors: &[Extractor],
-    ) -> Result<RowReport, Failure> {
+    ) -> Result<RowReport, EvaluationError> {
         let crops: Vec<Scores> = self.images.iter().flat_map(|i| i.crops.iter().map(|c| c.1)).collect();
         let full: Vec<Scores> = self.images.iter().map(|i| i.full).collect();
-        let Some(full) = Summary::of(&full) else { return Err(Failure::Input(anyhow::anyhow!("there is no tuple"))) };
+        let Some(full) = Summary::of(&full) else { return Err(EvaluationError::Nothing("tuple")) };
         let distance =
             |a: &[Vec<f64>], b: &[Vec<f64>]| (a.len().min(b.len()) > 1).then(|| frechet_distance_of(a, b)).transpose();
         let mut distances = Vec::new();

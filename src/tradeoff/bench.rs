@@ -1,26 +1,19 @@
-//! Measurement of one point: frame times, and errors against the reference.
+//! Renderer and generators that measure points: frame times, and errors against the reference.
 
 use std::time::Instant;
 
-use insonify::anatomy::Scene;
-use insonify::chooser::GeneratorKey;
-use insonify::generator::{Channel, Generator, Input, Manifest, load_generators};
-use insonify::pose::Pose;
-use insonify::quality::speckle::speckle;
-use insonify::quality::structures::{contrast_lost, structures};
-use insonify::quality::{ClassSpeckle, ClassStructure, Pair, Scores, level_difference, psnr_db};
-use insonify::render::{Frame, FrameQuality, Quality, RenderSettings, Renderer};
-use insonify::report::TimeTable;
-use insonify::report::time_table::{OVERHEAD, WHOLE_FRAME};
-use insonify::settings::ReceiverSettings;
-use insonify::station::Station;
-use insonify::statistics::{mean, median, percentile};
-use insonify::tradeoff::{ClassError, Errors, Knobs, PassMs, Planned, Point, Time};
-use insonify::transducer::Probe;
-
-use super::super::{Classify, Failure};
-use super::poses::Track;
+use super::pose_error::{PoseError, classes, rmse, summary};
+use super::times::Times;
 use super::truth::Truth;
+use super::{Knobs, Planned, Point, TradeoffError};
+use crate::anatomy::Scene;
+use crate::generator::{Channel, Generator, Input, Manifest, load_generators};
+use crate::pose::Pose;
+use crate::quality::level_difference;
+use crate::render::{Frame, FrameQuality, Quality, RenderSettings, Renderer};
+use crate::settings::ReceiverSettings;
+use crate::station::{Station, Track};
+use crate::transducer::Probe;
 
 /// Seeds, unlike those of the reference. The error's difference between them is its noise.
 const SEEDS: [u32; 2] = [0, 1];
@@ -38,7 +31,8 @@ pub(super) fn pose_s(frame_s: f64, compare_s: f64) -> f64 {
 }
 
 /// A renderer with the data to measure points.
-pub(super) struct Bench {
+#[derive(Debug)]
+pub(crate) struct Bench {
     renderer: Renderer,
     probe: Probe,
     settings: RenderSettings,
@@ -46,24 +40,6 @@ pub(super) struct Bench {
     tissues: Vec<String>,
     generators: Vec<Generator>,
     frame: Frame,
-}
-
-/// One pose of a point.
-struct PoseError {
-    rmse: [f64; SEEDS.len()],
-    level_rmse: [f64; SEEDS.len()],
-    scores: Scores,
-    speckle: Vec<ClassSpeckle>,
-    structures: Vec<ClassStructure>,
-}
-
-/// Times of the frames of a point.
-#[derive(Default)]
-struct Times {
-    table: TimeTable,
-    /// Frame times per pose.
-    ms: Vec<Vec<f64>>,
-    generator_ms: Vec<f64>,
 }
 
 /// Name of a generator's point: on top of rendered frames, or of the maps alone if it takes no image.
@@ -74,9 +50,9 @@ fn enhanced(generator: &str, lq: FrameQuality, manifest: &Manifest) -> String {
 }
 
 impl Bench {
-    pub(super) fn new(renderer: Renderer, station: &Station, scene: &Scene) -> Result<Self, Failure> {
+    pub(crate) fn new(renderer: Renderer, station: &Station, scene: &Scene) -> Result<Self, TradeoffError> {
         let tissues = scene.tissues.names().to_vec();
-        let loaded = load_generators(&station.generator, &tissues).input()?;
+        let loaded = load_generators(&station.generator, &tissues)?;
         for refused in &loaded.refused {
             tracing::warn!("{} is left out: {}", refused.path.display(), refused.error);
         }
@@ -107,7 +83,7 @@ impl Bench {
     }
 
     /// Mean frame time with `knobs` over `poses`, s, after one frame to warm up.
-    pub(super) fn frame_s(&mut self, knobs: &Knobs, poses: &[Pose]) -> Result<f64, Failure> {
+    pub(super) fn frame_s(&mut self, knobs: &Knobs, poses: &[Pose]) -> Result<f64, TradeoffError> {
         self.configure(knobs, 0)?;
         poses.iter().take(1).try_for_each(|pose| self.render(pose).map(drop))?;
         let started = Instant::now();
@@ -116,7 +92,7 @@ impl Bench {
     }
 
     /// Time of a frame of LQ with a generator, s; the first is not counted.
-    pub(super) fn generated_s(&mut self, index: usize, poses: &[Pose]) -> Result<f64, Failure> {
+    pub(super) fn generated_s(&mut self, index: usize, poses: &[Pose]) -> Result<f64, TradeoffError> {
         self.configure(&self.base().with(Quality::LQ.rays, Quality::LQ.layers), 0)?;
         let Some(&at) = poses.first() else { return Ok(0.0) };
         let track = Track { at, before: Vec::new() };
@@ -126,12 +102,12 @@ impl Bench {
     }
 
     /// Time of comparing a frame with its reference, s.
-    pub(super) fn comparison_s(&mut self, poses: &[Pose]) -> Result<f64, Failure> {
+    pub(super) fn comparison_s(&mut self, poses: &[Pose]) -> Result<f64, TradeoffError> {
         let Some(pose) = poses.first() else { return Ok(0.0) };
         let range_db = self.settings.image.dynamic_range_db;
         let truth = Truth::of(self.render(pose)?, range_db)?;
         let started = Instant::now();
-        self.compare(&truth.bmode, &truth)?;
+        self.compared(&truth.bmode, &truth)?;
         Ok(started.elapsed().as_secs_f64())
     }
 
@@ -140,7 +116,7 @@ impl Bench {
     }
 
     /// The station's knobs, for one look.
-    pub(super) fn base(&self) -> Knobs {
+    pub(crate) fn base(&self) -> Knobs {
         Knobs::of(&self.probe, &self.settings).compounded(1, false)
     }
 
@@ -155,41 +131,48 @@ impl Bench {
         if self.probe.kind.steers() { self.settings.look.odd_angles().max(REFERENCE_ANGLES) } else { 1 }
     }
 
-    pub(super) fn configure(&mut self, knobs: &Knobs, seed: u32) -> Result<(), Failure> {
+    pub(super) fn configure(&mut self, knobs: &Knobs, seed: u32) -> Result<(), TradeoffError> {
         let (probe, settings) = knobs.apply(&self.probe, &self.settings, seed);
         Ok(self.renderer.reconfigure(&probe, &settings)?)
     }
 
-    pub(super) fn render(&mut self, pose: &Pose) -> Result<&Frame, Failure> {
+    pub(super) fn render(&mut self, pose: &Pose) -> Result<&Frame, TradeoffError> {
         self.renderer.set_image(true);
         self.renderer.render(pose, &mut self.frame)?;
         Ok(&self.frame)
     }
 
     /// Measures a point.
-    pub(super) fn point(&mut self, planned: &Planned, truths: &[Truth], tracks: &[Track]) -> Result<Point, Failure> {
+    pub(super) fn point(
+        &mut self,
+        planned: &Planned,
+        truths: &[Truth],
+        tracks: &[Track],
+    ) -> Result<Point, TradeoffError> {
         self.measure(planned, None, truths, tracks)
     }
 
     /// Generators by index, each with every quality of frames that it takes.
-    pub(super) fn generated_points(&self) -> Vec<(FrameQuality, usize)> {
+    pub(crate) fn generated_points(&self) -> Vec<(FrameQuality, usize)> {
         let all = self.generators.iter().enumerate();
         all.flat_map(|(index, generator)| generator.manifest().lq().into_iter().map(move |lq| (lq, index))).collect()
     }
 
-    /// Identity of a generator.
-    pub(super) fn key(&self, index: usize) -> Option<GeneratorKey> {
-        self.generators.get(index).map(GeneratorKey::of)
+    /// Generator with an index.
+    #[cfg(feature = "live")]
+    pub(crate) fn generator(&self, index: usize) -> Option<&Generator> {
+        self.generators.get(index)
     }
 
     /// Error of a live frame with two seeds, grey levels.
-    pub(super) fn live_error(
+    #[cfg(feature = "live")]
+    pub(crate) fn live_error(
         &mut self,
         quality: FrameQuality,
         generator: Option<usize>,
         truth: &Truth,
         track: &Track,
-    ) -> Result<[f64; 2], Failure> {
+    ) -> Result<[f64; 2], TradeoffError> {
         let knobs = self.live_knobs(quality);
         let mut image = Vec::new();
         let mut errors = [0.0; SEEDS.len()];
@@ -208,7 +191,7 @@ impl Bench {
         name: String,
         truths: &[Truth],
         tracks: &[Track],
-    ) -> Result<Point, Failure> {
+    ) -> Result<Point, TradeoffError> {
         let planned = Planned {
             name: self.generators.get(index).map_or_else(|| name.clone(), |g| enhanced(&name, lq, g.manifest())),
             sweep: "generator",
@@ -218,13 +201,17 @@ impl Bench {
         Ok(Point { generator: Some(name), ..self.measure(&planned, Some(index), truths, tracks)? })
     }
 
+    fn compared(&self, image: &[u8], truth: &Truth) -> Result<PoseError, TradeoffError> {
+        Ok(PoseError::of(image, truth, self.settings.image.dynamic_range_db)?)
+    }
+
     fn measure(
         &mut self,
         planned: &Planned,
         generator: Option<usize>,
         truths: &[Truth],
         tracks: &[Track],
-    ) -> Result<Point, Failure> {
+    ) -> Result<Point, TradeoffError> {
         let mut times = Times { ms: vec![Vec::new(); tracks.len()], ..Times::default() };
         let mut errors: Vec<PoseError> = Vec::new();
         let mut image = Vec::new();
@@ -246,7 +233,7 @@ impl Bench {
                     done += 1;
                 }
                 if turn == 0 {
-                    errors.push(self.compare(&image, truth)?);
+                    errors.push(self.compared(&image, truth)?);
                 }
                 if let Some(error) = errors.get_mut(index) {
                     error.rmse[turn] = rmse(&image, truth)?;
@@ -254,7 +241,7 @@ impl Bench {
                 }
             }
         }
-        let classes = self.classes(&errors, truths);
+        let classes = classes(&self.tissues, &errors, truths);
         Ok(Point {
             name: planned.name.clone(),
             sweep: planned.sweep.to_owned(),
@@ -278,7 +265,7 @@ impl Bench {
         generator: Option<usize>,
         rolling: bool,
         image: &mut Vec<u8>,
-    ) -> Result<[f64; 2], Failure> {
+    ) -> Result<[f64; 2], TradeoffError> {
         let needed =
             generator.and_then(|index| self.generators.get(index)).is_none_or(|g| g.manifest().takes(Channel::Image));
         self.renderer.set_image(needed);
@@ -299,105 +286,10 @@ impl Bench {
     }
 
     /// The frame of a live session that came this way.
-    fn roll(&mut self, track: &Track) -> Result<(), Failure> {
+    fn roll(&mut self, track: &Track) -> Result<(), TradeoffError> {
         let angles = self.renderer.settings().look.odd_angles() as usize;
         let skipped = track.before.len().saturating_sub(angles - 1);
         let poses = track.before[skipped..].iter().chain([&track.at]);
         Ok(self.renderer.render_live(poses.map(|&pose| (0.0, pose)), &mut self.frame)?)
-    }
-
-    fn compare(&self, image: &[u8], truth: &Truth) -> Result<PoseError, Failure> {
-        let range_db = self.settings.image.dynamic_range_db;
-        Ok(PoseError {
-            rmse: [0.0; SEEDS.len()],
-            level_rmse: [0.0; SEEDS.len()],
-            scores: Scores::of(&truth.pair(image)?),
-            speckle: speckle(image, &truth.segmentation, truth.size, range_db)?,
-            structures: structures(image, &truth.bmode, &truth.segmentation, truth.size)?,
-        })
-    }
-
-    /// Errors by tissue: means over poses, grey differences weighted by pixels.
-    fn classes(&self, errors: &[PoseError], truths: &[Truth]) -> Vec<ClassError> {
-        let of = |number: usize, tissue: &String| {
-            let is = |class: u8| usize::from(class) == number;
-            let structures: Vec<&ClassStructure> =
-                errors.iter().flat_map(|e| &e.structures).filter(|s| is(s.class)).collect();
-            let pixels: usize = structures.iter().map(|s| s.pixels).sum();
-            let snr = |all: &mut dyn Iterator<Item = &ClassSpeckle>| {
-                mean(all.filter(|s| is(s.class)).filter_map(|s| s.envelope_snr))
-            };
-            (pixels > 0).then(|| ClassError {
-                tissue: tissue.clone(),
-                pixels,
-                grey_difference: structures.iter().map(|s| s.grey_difference * s.pixels as f64).sum::<f64>()
-                    / pixels as f64,
-                envelope_snr: snr(&mut errors.iter().flat_map(|e| &e.speckle)),
-                reference_snr: snr(&mut truths.iter().flat_map(|t| &t.speckle)),
-                contrast_lost: mean(structures.iter().filter_map(|s| s.contrast_lost)),
-            })
-        };
-        self.tissues.iter().enumerate().filter_map(|(index, tissue)| of(index + 1, tissue)).collect()
-    }
-}
-
-impl Times {
-    fn time(&self) -> Time {
-        let all = self.ms.concat();
-        let part = |part| percentile(&all, part).unwrap_or(f64::NAN);
-        // Differences between poses are not noise.
-        let less_median = |pose: &Vec<f64>| {
-            let median = median(pose).unwrap_or(0.0);
-            pose.iter().map(|ms| ms - median).collect::<Vec<_>>()
-        };
-        let rest = self.ms.iter().flat_map(less_median).collect::<Vec<_>>();
-        let rest = |part| percentile(&rest, part).unwrap_or(f64::NAN);
-        let stages = self.table.stages().into_iter().filter(|s| ![OVERHEAD, WHOLE_FRAME].contains(&s.stage));
-        let mut passes: Vec<PassMs> =
-            stages.map(|s| PassMs { name: s.stage.to_owned(), median_ms: s.p50_ms }).collect();
-        let generator = median(&self.generator_ms).filter(|ms| *ms > 0.0);
-        passes.extend(generator.map(|median_ms| PassMs { name: "generator".to_owned(), median_ms }));
-        Time { frames: all.len(), median_ms: part(0.5), p95_ms: part(0.95), spread_ms: rest(0.75) - rest(0.25), passes }
-    }
-}
-
-fn summary(errors: &[PoseError], classes: &[ClassError]) -> Errors {
-    let over = |of: &dyn Fn(&PoseError) -> f64| mean(errors.iter().map(of)).unwrap_or(f64::NAN);
-    let pixels_of = [0, 1].map(|turn| over(&|e| e.rmse[turn]));
-    let levels_of = [0, 1].map(|turn| over(&|e| e.level_rmse[turn]));
-    let middle = |[first, second]: [f64; 2]| 0.5 * (first + second);
-    let spread = |[first, second]: [f64; 2]| (first - second).abs();
-    let finite = errors.iter().map(|e| e.scores.psnr_db).filter(|db| db.is_finite());
-    let pixels: usize = classes.iter().map(|c| c.pixels).sum();
-    let grey: f64 = classes.iter().map(|c| c.grey_difference.abs() * c.pixels as f64).sum();
-    Errors {
-        level_rmse: middle(levels_of),
-        level_rmse_spread: spread(levels_of),
-        rmse: middle(pixels_of),
-        rmse_spread: spread(pixels_of),
-        psnr_db: mean(finite).unwrap_or(f64::INFINITY),
-        identical: errors.iter().filter(|e| e.scores.psnr_db.is_infinite()).count(),
-        ssim: over(&|e| e.scores.ssim),
-        pkl: mean(errors.iter().filter_map(|e| e.scores.pkl)),
-        snr_difference: mean(classes.iter().filter_map(|c| Some(c.envelope_snr? - c.reference_snr?))),
-        grey_difference: grey / pixels.max(1) as f64,
-        contrast_lost: mean(errors.iter().filter_map(|e| contrast_lost(&e.structures))),
-    }
-}
-
-fn rmse(image: &[u8], truth: &Truth) -> Result<f64, Failure> {
-    let pair: Pair<'_> = truth.pair(image)?;
-    Ok(255.0 * 10f64.powf(-psnr_db(&pair) / 20.0))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_spread_is_that_of_repeats_and_not_of_poses() {
-        let times = Times { ms: vec![vec![10.0, 11.0, 12.0], vec![100.0, 101.0, 102.0]], ..Times::default() };
-        let time = times.time();
-        assert_eq!((time.frames, time.median_ms, time.spread_ms), (6, 56.0, 1.5));
     }
 }

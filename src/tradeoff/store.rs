@@ -2,31 +2,32 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
-use insonify::files::{self, FileKind};
-use insonify::sink::{create_dir, remove, write_json};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use sha2::{Digest, Sha256};
 
-use super::super::{Classify, Failure};
+use super::TradeoffError;
+use crate::files::{self, FileKind, hex};
+use crate::sink::{create_dir, remove, write_json};
 
 /// Files in a folder. Their names contain a hash of everything that they depend on.
-pub(super) struct Store {
+#[derive(Debug)]
+pub(crate) struct Store {
     folder: PathBuf,
     key: String,
 }
 
 impl Store {
     /// Opens the store in `out`. Without `resume`, entries of the same key are deleted.
-    pub(super) fn new(out: &Path, resume: bool, key: &[String]) -> Result<Self, Failure> {
+    pub(crate) fn new(out: &Path, resume: bool, key: &[String]) -> Result<Self, TradeoffError> {
         let folder = out.join("points");
         create_dir(&folder)?;
         let store = Self { folder, key: digest(&[env!("CARGO_PKG_VERSION"), &key.join("\n")]) };
         if !resume {
+            let failed = |source| TradeoffError::Read { path: store.folder.clone(), source };
             let prefix = format!("{}_", store.key);
-            for entry in std::fs::read_dir(&store.folder).other()? {
-                let path = entry.other()?.path();
+            for entry in std::fs::read_dir(&store.folder).map_err(failed)? {
+                let path = entry.map_err(failed)?.path();
                 if path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(&prefix)) {
                     remove(&path)?;
                 }
@@ -36,24 +37,23 @@ impl Store {
     }
 
     /// Path of the entry `name`.
-    pub(super) fn path(&self, name: &str, extension: &str) -> PathBuf {
+    pub(crate) fn path(&self, name: &str, extension: &str) -> PathBuf {
         self.folder.join(format!("{}_{}.{extension}", self.key, name.replace([' ', '/', '\\'], "_")))
     }
 
     /// Reads a value that [`Store::write`] wrote; `None` if there is none.
-    pub(super) fn read<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>, Failure> {
+    pub(crate) fn read<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>, TradeoffError> {
         let path = self.path(name, "json");
         let text = match files::read(&path, FileKind::Stored) {
             Ok(text) => text,
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            Err(e) => return Err(e).with_context(|| format!("cannot read {}", path.display())).other(),
+            Err(source) => return Err(TradeoffError::Read { path, source }),
         };
-        let value = serde_json::from_slice(&text);
-        Ok(Some(value.with_context(|| format!("{} is damaged: run without --resume", path.display())).input()?))
+        serde_json::from_slice(&text).map(Some).map_err(|source| TradeoffError::Damaged { path, source })
     }
 
     /// Writes a value under a name.
-    pub(super) fn write(&self, name: &str, value: &impl Serialize) -> Result<(), Failure> {
+    pub(crate) fn write(&self, name: &str, value: &impl Serialize) -> Result<(), TradeoffError> {
         Ok(write_json(&self.path(name, "json"), value)?)
     }
 }
@@ -64,5 +64,5 @@ fn digest(parts: &[&str]) -> String {
         hash.update(part.as_bytes());
         hash.update([0]);
     }
-    insonify::files::hex(&hash.finalize()[..6])
+    hex(&hash.finalize()[..6])
 }

@@ -1,8 +1,5 @@
 //! `insonify plan`: effects that a scene needs, and their costs.
 
-pub(super) mod looks;
-pub(super) mod measure;
-
 use std::path::PathBuf;
 
 use clap::Parser;
@@ -11,12 +8,12 @@ use insonify::render::{Choice, Decision, Effect, EffectPlan, RenderSettings};
 use insonify::sink::LiveSinkKind;
 use insonify::sink::frame_record::AdapterRecord;
 use insonify::station::Station;
+use insonify::tradeoff::{Costs, LookCost, TimedFrame, effect_costs, look_costs};
 use serde::Serialize;
 
-use self::looks::LookCost;
-use self::measure::{Costs, measure};
 use super::backend::BackendArgs;
 use super::effects::EffectArgs;
+use super::progress::Progress;
 use super::quality::{self, RaysLayers};
 use super::{Failure, live_sinks, output, session};
 
@@ -102,8 +99,13 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         None => None,
         Some(pose) => {
             let backend = args.backend.open(station.backend)?;
-            let costs = measure(&backend, &scene, &station.probe, &settings, &plan, &Effect::ALL, &pose)?;
-            let look = looks::measure(&backend, &scene, &station.probe, &settings, &pose)?;
+            let frame = TimedFrame { backend: &backend, scene: &scene, probe: station.probe, settings, pose };
+            let progress = Progress::new("measuring", 0);
+            let costs = effect_costs(&frame, &plan, &Effect::ALL, &|done, total| progress.set(done, total))?;
+            drop(progress);
+            let progress = Progress::new("measuring looks", 0);
+            let look = look_costs(&frame, &|done, total| progress.set(done, total))?;
+            drop(progress);
             Some(Measured { adapter: session::adapter(&backend), costs, look })
         }
     };

@@ -1,13 +1,12 @@
 //! Converged images at one pose, which points are compared with.
 
-use insonify::quality::speckle::speckle;
-use insonify::quality::{ClassSpeckle, Pair};
-use insonify::render::Frame;
-
-use super::super::Failure;
+use crate::quality::speckle::speckle;
+use crate::quality::{ClassSpeckle, Pair, QualityError};
+use crate::render::Frame;
 
 /// Reference images at one pose.
-pub(super) struct Truth {
+#[derive(Debug)]
+pub(crate) struct Truth {
     pub(super) size: [usize; 2],
     pub(super) bmode: Vec<u8>,
     pub(super) segmentation: Vec<u8>,
@@ -16,7 +15,7 @@ pub(super) struct Truth {
 }
 
 impl Truth {
-    pub(super) fn of(frame: &Frame, dynamic_range_db: f64) -> Result<Self, Failure> {
+    pub(super) fn of(frame: &Frame, dynamic_range_db: f64) -> Result<Self, QualityError> {
         let size = [frame.width as usize, frame.height as usize];
         Self::new(size, frame.bmode.clone(), frame.segmentation.clone(), frame.mask.clone(), dynamic_range_db)
     }
@@ -27,13 +26,13 @@ impl Truth {
         segmentation: Vec<u8>,
         mask: Vec<u8>,
         range_db: f64,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self, QualityError> {
         let speckle = speckle(&bmode, &segmentation, size, range_db)?;
         Ok(Self { size, bmode, segmentation, mask, speckle })
     }
 
     /// Pair of `image` and this reference within the sector.
-    pub(super) fn pair<'a>(&'a self, image: &'a [u8]) -> Result<Pair<'a>, Failure> {
-        Ok(Pair::new(self.size, image, &self.bmode, Some(&self.mask))?)
+    pub(super) fn pair<'a>(&'a self, image: &'a [u8]) -> Result<Pair<'a>, QualityError> {
+        Pair::new(self.size, image, &self.bmode, Some(&self.mask))
     }
 }

@@ -1,27 +1,27 @@
 //! `insonify evaluate`: compares images with references, and generators with their targets.
 
-mod again;
-mod dataset;
-mod images;
-mod judge;
-mod models;
-mod scan;
-mod sheets;
-mod steadiness;
-mod tables;
-
 use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 use clap::Parser;
-use insonify::dataset::{HEADER_FILE, manifests};
+use insonify::dataset::{Dataset, HEADER_FILE, Split, manifests};
+use insonify::evaluation::{
+    Again, DatasetReport, Evaluation, EvaluationError, FeatureModel, ImagesReport, Models, Settings, Slide,
+    SteadinessReport, compare, steadiness,
+};
 use insonify::generator::{FeatureScale, generator_files};
-use insonify::quality::{CROP_COUNT, CROP_SIDE};
+use insonify::quality::{CROP_COUNT, CROP_SIDE, Summary};
+use insonify::render::BackendChoice;
+use insonify::sink::{create_dir, write_json, write_text};
+use insonify::station::Station;
+use serde::Serialize;
 
-use super::Failure;
 use super::backend::BackendArgs;
 use super::generator::RuntimeArgs;
 use super::outputs::Outputs;
+use super::progress::Progress;
+use super::steps::Steps;
+use super::{Failure, output};
 
 /// Compare images with their references, or generators with what they are to generate: PSNR, SSIM, pKL and Frechet
 /// distances.
@@ -146,14 +146,137 @@ Examples:
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     check_outputs(args)?;
     if let (Some(images), Some(references)) = (&args.images, &args.references) {
-        return images::run(args, images, references);
+        return of_images(args, images, references);
     }
     if args.dataset.is_none() && args.csv.is_some() {
         return Err(Failure::Input(anyhow!("--csv has a line an image: it needs images, or a --dataset")));
     }
-    let data = args.dataset.as_ref().map(|directory| dataset::run(args, directory)).transpose()?;
-    let steady = args.steadiness.as_ref().map(|station| steadiness::run(args, station)).transpose()?;
-    tables::write(args, data.as_ref(), steady.as_ref())
+    let data = args.dataset.as_ref().map(|directory| of_dataset(args, directory)).transpose()?;
+    let steady = args.steadiness.as_ref().map(|station| of_station(args, station)).transpose()?;
+    write(args, data.as_ref(), steady.as_ref())
+}
+
+/// Judges low quality and generators on the data set in `directory`.
+fn of_dataset(args: &Args, directory: &Path) -> Result<DatasetReport, Failure> {
+    let dataset = Dataset::open(directory)?;
+    let settings = Settings {
+        split: match args.split.as_str() {
+            "all" => None,
+            "train" => Some(Split::Train),
+            _ => Some(Split::Test),
+        },
+        limit: args.limit.map(|n| n as usize),
+        crops: args.crops as usize,
+        crop_side: args.crop as usize,
+        seed: args.seed,
+        sheets: args.out.clone(),
+    };
+    let evaluation = Evaluation::new(&dataset, &models(args), settings)?;
+    let backend = args.again.map(|_| args.backend.open(BackendChoice::Auto)).transpose()?;
+    let again = backend.as_ref().zip(args.again).map(|(backend, renders)| Again { backend, renders });
+    let steps = Steps::new(Progress::new("evaluate", evaluation.tuples()));
+    Ok(evaluation.run(again, &|step| steps.set(step))?)
+}
+
+/// Measures the steadiness of frames of the station at `path`.
+fn of_station(args: &Args, path: &Path) -> Result<SteadinessReport, Failure> {
+    let station = Station::load(path)?;
+    let backend = args.backend.open(station.backend)?;
+    let slide = Slide { frames: args.frames as usize, step_pixels: args.step };
+    let steps = Steps::new(Progress::new("steadiness", 0));
+    Ok(steadiness(&station, &models(args), slide, &backend, &|step| steps.set(step))?)
+}
+
+/// Models of the command line.
+fn models(args: &Args) -> Models {
+    let generators = args.model.clone();
+    Models { generators, provider: args.runtime.provider, threads: args.runtime.threads, features: features(args) }
+}
+
+fn features(args: &Args) -> Option<FeatureModel> {
+    args.features.clone().map(|path| FeatureModel { path, scale: args.features_scale })
+}
+
+#[derive(Serialize)]
+struct Report<'a> {
+    version: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    dataset: Option<&'a DatasetReport>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    steadiness: Option<&'a SteadinessReport>,
+}
+
+/// Prints the tables and writes the requested files.
+fn write(args: &Args, data: Option<&DatasetReport>, steady: Option<&SteadinessReport>) -> Result<(), Failure> {
+    let mut text = String::new();
+    text.extend(data.map(DatasetReport::markdown));
+    text.extend(steady.map(SteadinessReport::markdown));
+    output::line(text.trim_end())?;
+    if let (Some(path), Some(data)) = (&args.csv, data) {
+        write_text(path, &data.csv())?;
+    }
+    if let Some(path) = &args.json {
+        write_json(path, &Report { version: env!("CARGO_PKG_VERSION"), dataset: data, steadiness: steady })?;
+    }
+    if let Some(out) = &args.out {
+        create_dir(out)?;
+        write_text(&out.join("table.md"), &text)?;
+        output::line(out.join("table.md").display())?;
+        data.iter().flat_map(|data| &data.sheets).try_for_each(|path| output::line(path.display()))?;
+    }
+    Ok(())
+}
+
+#[derive(Serialize)]
+struct Printed<'a> {
+    version: &'static str,
+    #[serde(flatten)]
+    report: &'a ImagesReport,
+}
+
+/// Compares `images` with `references`.
+fn of_images(args: &Args, images: &Path, references: &Path) -> Result<(), Failure> {
+    let progress = Progress::new("evaluate", 0);
+    let show = |done, total| progress.set(done, total);
+    let report = match compare(images, references, args.mask.as_deref(), features(args).as_ref(), &show) {
+        Err(EvaluationError::MaskFolder { .. }) => {
+            return Err(Failure::Input(anyhow!("--mask is a folder; two images have one mask")));
+        }
+        compared => compared?,
+    };
+    drop(progress);
+    if let Some(path) = &args.csv {
+        write_text(path, &report.csv())?;
+    }
+    if let Some(path) = &args.json {
+        write_json(path, &Printed { version: env!("CARGO_PKG_VERSION"), report: &report })?;
+    }
+    print(&report.summary, report.frechet_distance)
+}
+
+fn print(summary: &Summary, distance: Option<f64>) -> Result<(), Failure> {
+    let Summary { images, identical, psnr_db, ssim, without_pkl, pkl } = summary;
+    output::line(format!("{:12} {:>9} {:>9}", "", "mean", "5/95 %"))?;
+    let row = |name: &str, mean: f64, percentile: f64, digits: usize| {
+        output::line(format!("{name:12} {mean:>9.digits$} {percentile:>9.digits$}"))
+    };
+    row("PSNR [dB]", psnr_db.mean, psnr_db.percentile, 2)?;
+    row("SSIM [%]", 100.0 * ssim.mean, 100.0 * ssim.percentile, 2)?;
+    match pkl {
+        Some(pkl) => row("pKL x100", 100.0 * pkl.mean, 100.0 * pkl.percentile, 2)?,
+        None => output::line(format!("{:12} {:>9} {:>9}", "pKL x100", "-", "-"))?,
+    }
+    if let Some(distance) = distance {
+        output::line(format!("{:12} {distance:>9.2} {:>9}", "FD", "-"))?;
+    }
+    let mut note = String::new();
+    if *identical > 0 {
+        note += &format!("; {identical} identical, not in the mean of PSNR");
+    }
+    if *without_pkl > 0 {
+        note += &format!("; {without_pkl} without pKL, as no patch of 32 x 32 is half inside");
+    }
+    output::line(output::counted(*images, "image") + &note)
 }
 
 /// Refuses files that the command reads.

@@ -3,25 +3,23 @@
 use std::fmt;
 use std::time::Instant;
 
-use insonify::anatomy::{Bvh, Scene};
-use insonify::look::{Look, Shape};
-use insonify::pose::Pose;
-use insonify::render::{Backend, Frame, RenderError, RenderSettings, Renderer};
-use insonify::settings::{GreyMap, LookPreset, LookSettings};
-use insonify::statistics::median;
-use insonify::transducer::Probe;
 use serde::Serialize;
 
-use super::measure::{Cost, FRAMES, LONG, ROUNDS, ROUNDS_MIN};
-use crate::commands::Failure;
-use crate::commands::progress::Progress;
+use super::cost::{Cost, FRAMES, LONG, ROUNDS, ROUNDS_MIN, TimedFrame};
+use crate::anatomy::Bvh;
+use crate::look::{Look, Shape};
+use crate::pose::Pose;
+use crate::render::{Frame, RenderError, RenderSettings, Renderer};
+use crate::settings::{GreyMap, LookPreset, LookSettings};
+use crate::statistics::median;
+use crate::transducer::Probe;
 
 /// A look, and whether the probe receives tissue harmonics.
-pub(crate) type Variant = (LookSettings, bool);
+pub(super) type Variant = (LookSettings, bool);
 
 /// A step of the look, as the station sets it, and its cost.
 #[derive(Debug, Clone, Serialize)]
-pub(crate) struct LookCost {
+pub struct LookCost {
     setting: &'static str,
     /// Value in the station.
     value: String,
@@ -118,17 +116,14 @@ fn is_on(step: &Step, own: &Variant) -> bool {
     (step.value)(&without) != (step.value)(own)
 }
 
-/// Measures each step of the station's look inverted.
-pub(crate) fn measure(
-    backend: &Backend,
-    scene: &Scene,
-    probe: &Probe,
-    settings: &RenderSettings,
-    pose: &Pose,
-) -> Result<Vec<LookCost>, Failure> {
-    let own = (settings.look, probe.harmonics);
+/// Measures each step of the frame's look inverted.
+///
+/// # Errors
+/// A scene or settings that cannot be rendered.
+pub fn look_costs(frame: &TimedFrame<'_>, progress: &dyn Fn(usize, usize)) -> Result<Vec<LookCost>, RenderError> {
+    let own = (frame.settings.look, frame.probe.harmonics);
     let others = other_ways(own);
-    let differences_ms = differences_ms(backend, scene, probe, settings, own, &others, pose)?;
+    let differences_ms = differences_ms(frame, own, &others, progress)?;
     let of = |((step, other), differences_ms): ((&Step, &Variant), Vec<f64>)| {
         let on = is_on(step, &own);
         let sign = if on { -1.0 } else { 1.0 };
@@ -139,34 +134,28 @@ pub(crate) fn measure(
 }
 
 /// Cost of each of `looks` over a plain one.
-pub(crate) fn costs(
-    backend: &Backend,
-    scene: &Scene,
-    probe: &Probe,
-    settings: &RenderSettings,
+pub(super) fn costs(
+    frame: &TimedFrame<'_>,
     looks: &[Variant],
-    pose: &Pose,
-) -> Result<Vec<Option<Cost>>, Failure> {
-    let differences_ms = differences_ms(backend, scene, probe, settings, plain(), looks, pose)?;
+    progress: &dyn Fn(usize, usize),
+) -> Result<Vec<Option<Cost>>, RenderError> {
+    let differences_ms = differences_ms(frame, plain(), looks, progress)?;
     Ok(differences_ms.iter().map(|ms| Cost::of(ms)).collect())
 }
 
 /// Time that a frame of each of `others` takes more than one of `own`, ms, by round.
 fn differences_ms(
-    backend: &Backend,
-    scene: &Scene,
-    probe: &Probe,
-    settings: &RenderSettings,
+    frame: &TimedFrame<'_>,
     own: Variant,
     others: &[Variant],
-    pose: &Pose,
-) -> Result<Vec<Vec<f64>>, Failure> {
+    progress: &dyn Fn(usize, usize),
+) -> Result<Vec<Vec<f64>>, RenderError> {
+    let TimedFrame { backend, scene, ref probe, ref settings, ref pose } = *frame;
     let variants: Vec<Variant> = std::iter::once(own).chain(others.iter().copied()).collect();
     let bvh = Bvh::build(scene).map_err(RenderError::from)?;
     let mut renderer = Renderer::with_bvh(backend, scene, bvh, probe, settings)?;
     let mut live = Live { look: Look::default(), frame: Frame::default() };
     let mut rounds_ms: Vec<Vec<f64>> = vec![Vec::new(); variants.len()];
-    let progress = Progress::new("measuring looks", ROUNDS * variants.len());
     let began = Instant::now();
     for round in 0..ROUNDS {
         if round >= ROUNDS_MIN && began.elapsed() > LONG {
@@ -180,11 +169,10 @@ fn differences_ms(
                 live.frame_ms(&mut renderer, &settings, pose)?;
             }
             let frame_ms = (0..FRAMES).map(|_| live.frame_ms(&mut renderer, &settings, pose));
-            rounds_ms[i].extend(median(&frame_ms.collect::<Result<Vec<f64>, Failure>>()?));
-            progress.set(round * variants.len() + i + 1, ROUNDS * variants.len());
+            rounds_ms[i].extend(median(&frame_ms.collect::<Result<Vec<f64>, RenderError>>()?));
+            progress(round * variants.len() + i + 1, ROUNDS * variants.len());
         }
     }
-    drop(progress);
     let (own_ms, others_ms) = rounds_ms.split_at(1);
     let of = |other_ms: &Vec<f64>| other_ms.iter().zip(&own_ms[0]).map(|(other, own)| other - own).collect();
     Ok(others_ms.iter().map(of).collect())
@@ -197,7 +185,12 @@ struct Live {
 }
 
 impl Live {
-    fn frame_ms(&mut self, renderer: &mut Renderer, settings: &RenderSettings, pose: &Pose) -> Result<f64, Failure> {
+    fn frame_ms(
+        &mut self,
+        renderer: &mut Renderer,
+        settings: &RenderSettings,
+        pose: &Pose,
+    ) -> Result<f64, RenderError> {
         let started = Instant::now();
         renderer.submit(pose)?;
         renderer.receive(&mut self.frame)?;
@@ -228,7 +221,7 @@ mod tests {
 
     #[test]
     fn steps_are_the_settings_of_a_look() {
-        use insonify::settings::SettingsGroup as _;
+        use crate::settings::SettingsGroup as _;
         let mut keys: Vec<&str> = LookSettings::settings().iter().map(|setting| setting.key).collect();
         keys.retain(|key| !["span_deg", "reach_mm", "registration"].contains(key));
         let mut steps: Vec<&str> = STEPS.iter().map(|step| step.setting).filter(|s| *s != "harmonics").collect();

@@ -1,59 +1,37 @@
-//! Tables of generators: printed and written as Markdown, all figures as JSON, one line per image as CSV.
+//! Tables of generators as Markdown, and one line per image as CSV.
 
 use std::fmt::Write;
 
-use insonify::quality::{Scores, Summary};
-use insonify::sink::{create_dir, write_json, write_text};
-use insonify::tradeoff::csv_field;
-use serde::Serialize;
-
-use super::super::{Failure, output};
+use super::dataset::DatasetReport;
 use super::judge::{Distance, RowReport};
-use super::{Args, dataset, steadiness};
+use super::steadiness::SteadinessReport;
+use crate::quality::{RegionError, Scores, Summary};
+use crate::tradeoff::csv_field;
 
 /// Least share of the pixels for a tissue in the printed table; the JSON has all tissues.
 const SHARE_MIN: f64 = 0.002;
 
-#[derive(Serialize)]
-struct Report<'a> {
-    version: &'static str,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    dataset: Option<&'a dataset::Report>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    steadiness: Option<&'a steadiness::Report>,
+impl DatasetReport {
+    /// All tables as Markdown.
+    pub fn markdown(&self) -> String {
+        of_dataset(self)
+    }
+
+    /// A line for each image and crop: tuple, row, part, place, PSNR, SSIM and pKL.
+    pub fn csv(&self) -> String {
+        csv(self)
+    }
 }
 
-/// Prints the tables and writes the requested files.
-pub(super) fn write(
-    args: &Args,
-    data: Option<&dataset::Report>,
-    steady: Option<&steadiness::Report>,
-) -> Result<(), Failure> {
-    let mut text = String::new();
-    if let Some(data) = data {
-        text += &of_dataset(data);
+impl SteadinessReport {
+    /// Table as Markdown.
+    pub fn markdown(&self) -> String {
+        of_steadiness(self)
     }
-    if let Some(steady) = steady {
-        text += &of_steadiness(steady);
-    }
-    output::line(text.trim_end())?;
-    if let (Some(path), Some(data)) = (&args.csv, data) {
-        write_text(path, &csv(data))?;
-    }
-    if let Some(path) = &args.json {
-        write_json(path, &Report { version: env!("CARGO_PKG_VERSION"), dataset: data, steadiness: steady })?;
-    }
-    if let Some(out) = &args.out {
-        create_dir(out)?;
-        write_text(&out.join("table.md"), &text)?;
-        output::line(out.join("table.md").display())?;
-        data.iter().flat_map(|data| &data.sheets).try_for_each(|path| output::line(path.display()))?;
-    }
-    Ok(())
 }
 
-fn of_dataset(report: &dataset::Report) -> String {
-    let dataset::Report { dataset, split, tuples, crop_side, crops_per_tuple, crop_inside, seed, rows, notes, .. } =
+fn of_dataset(report: &DatasetReport) -> String {
+    let DatasetReport { dataset, split, tuples, crop_side, crops_per_tuple, crop_inside, seed, rows, notes, .. } =
         report;
     let mut text = format!("{}, split {split}, {tuples} tuples\n\n", dataset.display());
     if rows.iter().any(|row| row.crops.is_some()) {
@@ -118,7 +96,7 @@ fn shadows(rows: &[RowReport]) -> String {
         let _ = writeln!(text, " {} |", number(row.contrast_lost.map(|lost| 100.0 * lost)));
     }
     if let Some(row) = rows.first() {
-        let grey = |region: Option<insonify::quality::RegionError>| number(region.map(|r| r.reference_grey));
+        let grey = |region: Option<RegionError>| number(region.map(|r| r.reference_grey));
         let _ = writeln!(text, "| target | {} | | | {} | | | |", grey(row.behind_bone), grey(row.elsewhere));
     }
     text + "\n"
@@ -153,8 +131,8 @@ fn tissues(rows: &[RowReport]) -> String {
     text + "\n"
 }
 
-fn of_steadiness(report: &steadiness::Report) -> String {
-    let steadiness::Report { station, frames, step_pixels, step_mm, rows } = report;
+fn of_steadiness(report: &SteadinessReport) -> String {
+    let SteadinessReport { station, frames, step_pixels, step_mm, rows } = report;
     let mut text = format!(
         "Steadiness: {frames} frames of {} while the probe slides by {step_pixels} pixels ({step_mm:.3} mm) a frame in \
          its image plane; mean magnitude of the difference of neighbouring frames after the exact shift, grey levels, pixel by \
@@ -172,7 +150,7 @@ fn of_steadiness(report: &steadiness::Report) -> String {
     text + "\n"
 }
 
-fn csv(report: &dataset::Report) -> String {
+fn csv(report: &DatasetReport) -> String {
     let mut text = "tuple,row,part,left,top,psnr_db,ssim,pkl\n".to_owned();
     for row in &report.rows {
         let name = csv_field(&row.name);

@@ -3,17 +3,13 @@
 use std::fmt;
 use std::time::{Duration, Instant};
 
-use insonify::anatomy::{Bvh, Scene};
-use insonify::pose::Pose;
-use insonify::render::{
-    Backend, Choice, Effect, EffectChoices, EffectPlan, Frame, RenderError, RenderSettings, Renderer,
-};
-use insonify::statistics::{median, percentile};
-use insonify::transducer::Probe;
 use serde::Serialize;
 
-use crate::commands::Failure;
-use crate::commands::progress::Progress;
+use crate::anatomy::{Bvh, Scene};
+use crate::pose::Pose;
+use crate::render::{Backend, Choice, Effect, EffectChoices, EffectPlan, Frame, RenderError, RenderSettings, Renderer};
+use crate::statistics::{median, percentile};
+use crate::transducer::Probe;
 
 /// Rounds of each variant, and frames per round; the first frame of a round is not counted.
 pub(super) const ROUNDS: usize = 7;
@@ -24,9 +20,24 @@ pub(super) const ROUNDS_MIN: usize = 3;
 /// Time between frames of a scene that moves, s.
 const STEP_S: f64 = 1.0 / 30.0;
 
+/// A frame whose time is measured.
+#[derive(Debug, Clone)]
+pub struct TimedFrame<'a> {
+    /// Renderer.
+    pub backend: &'a Backend,
+    /// Scene.
+    pub scene: &'a Scene,
+    /// Probe.
+    pub probe: Probe,
+    /// Settings as planned.
+    pub settings: RenderSettings,
+    /// Pose of the probe.
+    pub pose: Pose,
+}
+
 /// Time that something adds to a frame.
 #[derive(Debug, Clone, Copy, Serialize)]
-pub(crate) struct Cost {
+pub struct Cost {
     /// Median over rounds of the difference in frame time with and without it, ms.
     cost_ms: f64,
     /// Half the interquartile range of the differences, ms.
@@ -42,7 +53,7 @@ impl Cost {
     }
 
     /// Cost and its spread, ms.
-    pub(crate) fn ms(self) -> [f64; 2] {
+    pub fn ms(self) -> [f64; 2] {
         [self.cost_ms, self.spread_ms]
     }
 }
@@ -63,25 +74,25 @@ struct EffectCost {
 }
 
 /// Measured times.
-#[derive(Debug, Serialize)]
-pub(crate) struct Costs {
+#[derive(Debug, Clone, Serialize)]
+pub struct Costs {
     /// Median time of a frame as planned, ms.
-    pub(crate) planned_ms: f64,
+    pub planned_ms: f64,
     /// Median time of a frame with all effects, ms.
-    pub(crate) all_effects_ms: f64,
+    pub all_effects_ms: f64,
     /// Number of frames per median.
-    pub(crate) frames: usize,
+    pub frames: usize,
     costs: Vec<EffectCost>,
 }
 
 impl Costs {
     /// Cost of `effect`; `None` if it only changes numbers in tables.
-    pub(crate) fn of(&self, effect: Effect) -> Option<Cost> {
+    pub fn of(&self, effect: Effect) -> Option<Cost> {
         self.costs.iter().find(|cost| cost.effect == effect).map(|found| found.cost)
     }
 
     /// Time that the plan saves, ms.
-    pub(crate) fn saved_ms(&self) -> f64 {
+    pub fn saved_ms(&self) -> f64 {
         self.all_effects_ms - self.planned_ms
     }
 }
@@ -125,15 +136,16 @@ fn other_way(settings: &RenderSettings, plan: &EffectPlan, effect: Effect) -> Re
 }
 
 /// Measures frames as planned, with all effects, and with each of `effects` inverted.
-pub(crate) fn measure(
-    backend: &Backend,
-    scene: &Scene,
-    probe: &Probe,
-    settings: &RenderSettings,
+///
+/// # Errors
+/// A scene or settings that cannot be rendered.
+pub fn effect_costs(
+    frame: &TimedFrame<'_>,
     plan: &EffectPlan,
     effects: &[Effect],
-    pose: &Pose,
-) -> Result<Costs, Failure> {
+    progress: &dyn Fn(usize, usize),
+) -> Result<Costs, RenderError> {
+    let TimedFrame { backend, scene, ref probe, ref settings, ref pose } = *frame;
     let asked = |effect| match effect {
         Effect::Rays => settings.quality.rays > 1,
         Effect::Layers => settings.quality.layers > 1,
@@ -148,7 +160,6 @@ pub(crate) fn measure(
     let bvh = Bvh::build(scene).map_err(RenderError::from)?;
     let mut renderer = Renderer::with_bvh(backend, scene, bvh, probe, settings)?;
     let mut frame = Frame::default();
-    let progress = Progress::new("measuring", ROUNDS * ways.len());
     // Compiles each variant's pipelines before timing.
     for way in &ways {
         renderer.reconfigure(probe, &way.settings)?;
@@ -174,10 +185,9 @@ pub(crate) fn measure(
             }
             way.turns_ms.extend(median(&turn_ms));
             way.all_ms.append(&mut turn_ms);
-            progress.set(round * count + i + 1, ROUNDS * count);
+            progress(round * count + i + 1, ROUNDS * count);
         }
     }
-    drop(progress);
 
     let planned = ways[0].turns_ms.clone();
     let cost = |way: &Way| {
@@ -200,7 +210,7 @@ mod tests {
     fn the_other_way_differs_in_one_effect() {
         for name in ["slabs", "speckle", "vessel_needle"] {
             let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("configs/{name}.toml"));
-            let station = insonify::station::Station::load(&path).unwrap();
+            let station = crate::station::Station::load(&path).unwrap();
             let scene = station.load_scene_from(station.scene_file().unwrap()).unwrap();
             let mut settings = station.settings;
             settings.effects = settings.effects.with(Effect::Maps, Choice::On);

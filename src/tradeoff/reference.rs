@@ -2,19 +2,18 @@
 
 use std::fmt;
 
-use anyhow::anyhow;
-use insonify::pose::Pose;
-use insonify::quality::level_difference;
-use insonify::render::FrameQuality;
-use insonify::sink::png::{self, Effort};
-use insonify::statistics::mean;
 use serde::{Deserialize, Serialize};
 
-use super::super::frame_dir::grey;
-use super::super::{Classify, Failure};
-use super::measure::Bench;
+use super::TradeoffError;
+use super::bench::Bench;
 use super::store::Store;
 use super::truth::Truth;
+use crate::files::read_grey;
+use crate::pose::Pose;
+use crate::quality::{QualityError, level_difference};
+use crate::render::FrameQuality;
+use crate::sink::png::{self, Effort};
+use crate::statistics::mean;
 
 /// Convergence limit: mean change of a pixel from doubled rays, grey levels. Chosen: 2 of 255 levels are 0.5 dB at 60
 /// dB.
@@ -33,25 +32,25 @@ pub(super) const USUAL: [(u32, u32); 4] = [(32, 3), (64, 3), (128, 3), (128, 5)]
 
 /// Whether doubling the rays, and more layers, change little.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(super) struct Check {
+pub struct Check {
     /// Rays of the reference.
-    rays: u32,
+    pub rays: u32,
     /// Its layers.
-    layers: u32,
+    pub layers: u32,
     /// Its steering angles.
-    angles: u32,
+    pub angles: u32,
     /// Layers that they are compared with.
-    layers_compared: u32,
+    pub layers_compared: u32,
     /// Mean magnitude of a pixel's change from half the rays, grey levels.
-    rays_change: f64,
+    pub rays_change: f64,
     /// Upper limit.
-    rays_bound: f64,
+    pub rays_bound: f64,
     /// Mean magnitude of the change of the levels of 32 × 32 pixels by more layers, grey levels.
-    layers_change: f64,
+    pub layers_change: f64,
     /// Upper limit.
-    layers_bound: f64,
+    pub layers_bound: f64,
     /// Whether both changes are below their limits.
-    pub(super) converged: bool,
+    pub converged: bool,
 }
 
 impl fmt::Display for Check {
@@ -76,21 +75,66 @@ impl fmt::Display for Check {
     }
 }
 
+/// A step towards a converged reference.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Convergence {
+    /// The rays were doubled.
+    Rays {
+        /// Rays now.
+        rays: u32,
+        /// Layers.
+        layers: u32,
+        /// Mean magnitude of a pixel's change, grey levels.
+        change: f64,
+    },
+    /// More layers were rendered for comparison.
+    Layers {
+        /// Rays.
+        rays: u32,
+        /// Layers.
+        layers: u32,
+        /// Layers compared with.
+        compared: u32,
+        /// Mean magnitude of the change of the levels of 32 × 32 pixels, grey levels.
+        change: f64,
+    },
+}
+
+impl fmt::Display for Convergence {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Rays { rays, layers, change } => {
+                write!(f, "reference {rays}x{layers}: a pixel changes by {change:.2} grey levels from half the rays")
+            }
+            Self::Layers { rays, layers, compared, change } => {
+                write!(f, "reference {rays}x{layers}: levels change by {change:.2} with {compared} layers")
+            }
+        }
+    }
+}
+
 /// The reference of every pose.
-pub(super) struct Reference {
-    pub(super) truths: Vec<Truth>,
-    pub(super) check: Check,
+#[derive(Debug)]
+pub(crate) struct Reference {
+    pub(crate) truths: Vec<Truth>,
+    pub(crate) check: Check,
 }
 
 impl Reference {
     /// Reads the reference from the store, or renders it with more paths until it converges. Also returns whether it
     /// was stored.
-    pub(super) fn make(bench: &mut Bench, store: &Store, poses: &[Pose], quick: bool) -> Result<(Self, bool), Failure> {
+    pub(crate) fn make(
+        bench: &mut Bench,
+        store: &Store,
+        poses: &[Pose],
+        quick: bool,
+        progress: &dyn Fn(Convergence),
+    ) -> Result<(Self, bool), TradeoffError> {
         if let Some(check) = store.read("reference")? {
             let truths = (0..poses.len()).map(|i| load(bench, store, i)).collect::<Result<_, _>>()?;
             return Ok((Self { truths, check }, true));
         }
-        let reference = Self::converge(bench, poses, quick)?;
+        let reference = Self::converge(bench, poses, quick, progress)?;
         for (index, truth) in reference.truths.iter().enumerate() {
             save(store, index, truth)?;
         }
@@ -100,19 +144,26 @@ impl Reference {
     }
 
     /// The reference of one more pose, with as many paths as converged at others; from the store if it holds it.
-    pub(super) fn of_pose(bench: &mut Bench, store: &Store, pose: Pose, check: &Check) -> Result<Truth, Failure> {
+    #[cfg(feature = "live")]
+    pub(crate) fn of_pose(bench: &mut Bench, store: &Store, pose: Pose, check: &Check) -> Result<Truth, TradeoffError> {
         let quality = (check.rays, check.layers);
         if store.read("reference")? == Some(quality) {
             return load(bench, store, 0);
         }
-        let truth = truths(bench, &[pose], quality, SEED)?.pop();
-        let truth = truth.ok_or_else(|| anyhow!("no reference was rendered")).other()?;
+        configure(bench, quality, SEED)?;
+        let range_db = bench.settings().image.dynamic_range_db;
+        let truth = Truth::of(bench.render(&pose)?, range_db)?;
         save(store, 0, &truth)?;
         store.write("reference", &quality)?;
         Ok(truth)
     }
 
-    fn converge(bench: &mut Bench, poses: &[Pose], quick: bool) -> Result<Self, Failure> {
+    fn converge(
+        bench: &mut Bench,
+        poses: &[Pose],
+        quick: bool,
+        progress: &dyn Fn(Convergence),
+    ) -> Result<Self, TradeoffError> {
         let (rays_max, layers_max) = if quick { (64, LAYERS[0]) } else { (256, LAYERS[1]) };
         let mut rays = RAYS;
         let [mut layers, mut next] = [LAYERS[0], LAYERS[1]];
@@ -129,14 +180,12 @@ impl Reference {
                 rays *= 2;
                 let twice = render(rays, layers)?;
                 rays_change = mean_change(&truths, &twice);
-                eprintln!(
-                    "reference {rays}x{layers}: a pixel changes by {rays_change:.2} grey levels from half the rays"
-                );
+                progress(Convergence::Rays { rays, layers, change: rays_change });
                 truths = twice;
             }
             let more = render(rays, next)?;
             let layers_change = level_change(&truths, &more)?;
-            eprintln!("reference {rays}x{layers}: levels change by {layers_change:.2} with {next} layers");
+            progress(Convergence::Layers { rays, layers, compared: next, change: layers_change });
             let enough = layers_change < LAYERS_BOUND;
             if enough || layers >= layers_max {
                 let converged = enough && rays_change < RAYS_BOUND;
@@ -162,19 +211,23 @@ impl Reference {
     }
 }
 
-fn truths(bench: &mut Bench, poses: &[Pose], (rays, layers): (u32, u32), seed: u32) -> Result<Vec<Truth>, Failure> {
-    // With every effect, so that omitting a relevant one shows as an error.
-    let knobs = bench.base().with(rays, layers).compounded(bench.reference_angles(), false);
-    bench.configure(&knobs.with_all_effects(), seed)?;
+fn truths(bench: &mut Bench, poses: &[Pose], quality: (u32, u32), seed: u32) -> Result<Vec<Truth>, TradeoffError> {
+    configure(bench, quality, seed)?;
     let range_db = bench.settings().image.dynamic_range_db;
-    poses.iter().map(|pose| Truth::of(bench.render(pose)?, range_db)).collect()
+    poses.iter().map(|pose| Ok(Truth::of(bench.render(pose)?, range_db)?)).collect()
+}
+
+/// Sets every effect, so that omitting a relevant one shows as an error.
+fn configure(bench: &mut Bench, (rays, layers): (u32, u32), seed: u32) -> Result<(), TradeoffError> {
+    let knobs = bench.base().with(rays, layers).compounded(bench.reference_angles(), false);
+    bench.configure(&knobs.with_all_effects(), seed)
 }
 
 fn path(store: &Store, name: &str, index: usize) -> std::path::PathBuf {
     store.path(&format!("reference_{index}_{name}"), "png")
 }
 
-fn save(store: &Store, index: usize, truth: &Truth) -> Result<(), Failure> {
+fn save(store: &Store, index: usize, truth: &Truth) -> Result<(), TradeoffError> {
     let [width, height] = truth.size.map(|n| n as u32);
     for (name, map) in [("bmode", &truth.bmode), ("segmentation", &truth.segmentation), ("mask", &truth.mask)] {
         png::write_grey(&path(store, name, index), width, height, map, Effort::Fast)?;
@@ -182,11 +235,12 @@ fn save(store: &Store, index: usize, truth: &Truth) -> Result<(), Failure> {
     Ok(())
 }
 
-fn load(bench: &Bench, store: &Store, index: usize) -> Result<Truth, Failure> {
-    let map = |name| grey(&path(store, name, index)).input();
+fn load(bench: &Bench, store: &Store, index: usize) -> Result<Truth, TradeoffError> {
+    let map = |name| read_grey(&path(store, name, index));
     let (bmode, [width, height]) = map("bmode")?;
     let size = [width as usize, height as usize];
-    Truth::new(size, bmode, map("segmentation")?.0, map("mask")?.0, bench.settings().image.dynamic_range_db)
+    let range_db = bench.settings().image.dynamic_range_db;
+    Ok(Truth::new(size, bmode, map("segmentation")?.0, map("mask")?.0, range_db)?)
 }
 
 /// Mean absolute change of a pixel inside the sectors, grey levels.
@@ -202,8 +256,8 @@ fn mean_change(before: &[Truth], after: &[Truth]) -> f64 {
 }
 
 /// Mean absolute change of patch levels, grey levels.
-fn level_change(before: &[Truth], after: &[Truth]) -> Result<f64, Failure> {
+fn level_change(before: &[Truth], after: &[Truth]) -> Result<f64, QualityError> {
     let changes = before.iter().zip(after).map(|(a, b)| Ok(level_difference(&b.pair(&a.bmode)?)?[0]));
-    let changes = changes.collect::<Result<Vec<f64>, Failure>>()?;
+    let changes = changes.collect::<Result<Vec<f64>, QualityError>>()?;
     Ok(mean(changes).unwrap_or(0.0))
 }

@@ -1,34 +1,33 @@
-//! Poses to measure at.
+//! Poses of a station to measure at: of its recording, or its own.
 
 use std::path::Path;
 use std::time::Duration;
 
-use anyhow::anyhow;
 use glam::{DQuat, DVec3};
-use insonify::pose::{Pose, ProbeSpeed, Speed, TimedPose, interpolate};
-use insonify::station::Station;
-use insonify::statistics::evenly;
-use insonify::tracker::{Transport, recording};
 
-use super::super::{Failure, input};
+use super::{Station, StationError};
+use crate::pose::{Pose, ProbeSpeed, Speed, TimedPose, interpolate};
+use crate::statistics::evenly;
+use crate::tracker::recording;
 
 /// Longest gap of a recording within which poses are interpolated, ns.
 const GAP_NS: u64 = 500_000_000;
 
 /// Source of poses.
-pub(in crate::commands) struct Poses {
+#[derive(Debug, Clone, PartialEq)]
+pub struct Poses {
     all: Vec<TimedPose>,
     /// Description of the poses.
-    pub(super) what: &'static str,
+    pub what: &'static str,
 }
 
 /// A pose to measure at, and those of the frames before it.
 #[derive(Debug, Clone, PartialEq)]
-pub(in crate::commands) struct Track {
+pub struct Track {
     /// The pose.
-    pub(in crate::commands) at: Pose,
+    pub at: Pose,
     /// Poses of the frames before, the oldest first; shorter where the recording begins or has a gap.
-    pub(in crate::commands) before: Vec<Pose>,
+    pub before: Vec<Pose>,
 }
 
 impl Track {
@@ -39,35 +38,37 @@ impl Track {
     }
 }
 
-/// Poses of `file`, else of the station's recording, with the station's calibration; else the station's own pose.
-pub(in crate::commands) fn of_station(station: &Station, file: Option<&Path>) -> Result<Poses, Failure> {
-    let own = match &station.tracker.transport {
-        Transport::Recording { path, .. } => Some(path.as_path()),
-        _ => None,
-    };
-    if let Some(path) = file.or(own) {
-        return of_recording(path, station);
-    }
-    let pose = input::pose(None, station, "--recording FILE, a recorded tracker")?;
-    let standing = TimedPose { host_time_ns: 0, device_time_us: 0, pose };
-    Ok(Poses { all: vec![standing], what: "the station's own, turned about the beam" })
-}
-
-/// Poses of the recording `path`, with the station's calibration.
-pub(super) fn of_recording(path: &Path, station: &Station) -> Result<Poses, Failure> {
-    let calibration = station.pose_settings()?.calibration;
-    let (timed, _) = recording::poses(path)?;
-    let in_scene = |timed: TimedPose| TimedPose { pose: calibration.scene_from_probe(timed.pose), ..timed };
-    let all: Vec<TimedPose> = timed.into_iter().map(in_scene).collect();
-    if all.is_empty() {
-        return Err(Failure::Input(anyhow!("{} holds no pose", path.display())));
-    }
-    Ok(Poses { all, what: "spread over the recording" })
-}
-
 impl Poses {
+    /// Poses of `file`, else of the station's recording, with the station's calibration; else the station's own pose.
+    ///
+    /// # Errors
+    /// Those of [`Poses::of_recording`], or a station with neither a recording nor a pose.
+    pub fn of_station(station: &Station, file: Option<&Path>) -> Result<Self, StationError> {
+        if let Some(path) = file.or(station.recording()) {
+            return Self::of_recording(path, station);
+        }
+        let pose = station.default_pose.ok_or_else(|| StationError::NoPose { station: station.path.clone() })?;
+        let standing = TimedPose { host_time_ns: 0, device_time_us: 0, pose };
+        Ok(Self { all: vec![standing], what: "the station's own, turned about the beam" })
+    }
+
+    /// Poses of the recording `path`, with the station's calibration.
+    ///
+    /// # Errors
+    /// A recording or a calibration that cannot be read, or a recording without a pose.
+    pub fn of_recording(path: &Path, station: &Station) -> Result<Self, StationError> {
+        let calibration = station.pose_settings()?.calibration;
+        let (timed, _) = recording::poses(path)?;
+        let in_scene = |timed: TimedPose| TimedPose { pose: calibration.scene_from_probe(timed.pose), ..timed };
+        let all: Vec<TimedPose> = timed.into_iter().map(in_scene).collect();
+        if all.is_empty() {
+            return Err(StationError::NoRecordedPose { path: path.to_owned() });
+        }
+        Ok(Self { all, what: "spread over the recording" })
+    }
+
     /// `count` poses spread evenly over the recording; a single one is turned about its beam in even steps.
-    pub(in crate::commands) fn spread(&self, count: usize) -> Vec<Pose> {
+    pub fn spread(&self, count: usize) -> Vec<Pose> {
         if let [TimedPose { pose, .. }] = self.all[..] {
             let turned = |i: usize| {
                 let angle = std::f64::consts::PI * i as f64 / count as f64;
@@ -83,7 +84,7 @@ impl Poses {
     ///
     /// # Errors
     /// A speed at which the probe never moves.
-    pub(super) fn at_speeds(
+    pub fn at_speeds(
         &self,
         hand: &Self,
         count: usize,
@@ -119,12 +120,12 @@ impl Poses {
     }
 
     /// Whether the probe moves.
-    pub(super) fn moves(&self) -> bool {
+    pub fn moves(&self) -> bool {
         self.all.len() > 1
     }
 
     /// [`Poses::spread`], each with the poses of `frames` frames before it, `period` apart.
-    pub(in crate::commands) fn tracks(&self, count: usize, frames: u32, period: Duration) -> Vec<Track> {
+    pub fn tracks(&self, count: usize, frames: u32, period: Duration) -> Vec<Track> {
         if !self.moves() {
             return self.spread(count).into_iter().map(|at| Track { at, before: Vec::new() }).collect();
         }

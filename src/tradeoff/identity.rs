@@ -2,9 +2,11 @@
 
 use std::fmt::{self, Write};
 
-use insonify::anatomy::Scene;
-use insonify::station::Station;
 use sha2::{Digest, Sha256};
+
+use crate::anatomy::Scene;
+use crate::files::hex;
+use crate::station::Station;
 
 /// Feeds text to a hash.
 struct Sum(Sha256);
@@ -17,11 +19,11 @@ impl Write for Sum {
 }
 
 /// Station without knobs and poses; the scene by its content, not its path.
-pub(super) fn of(station: &Station, scene: &Scene) -> String {
+pub(crate) fn of(station: &Station, scene: &Scene) -> String {
     let mut sum = Sum(Sha256::new());
     // Writing to a hash cannot fail.
     let _ = write!(sum, "{scene:?}");
-    let sum = insonify::files::hex(&sum.0.finalize());
+    let sum = hex(&sum.0.finalize());
     let Station { background, motion, probe, settings, generator, tissues, .. } = station;
     format!("{sum} {background} {motion} {probe:?} {settings:?} {generator:?} {tissues:?}")
 }

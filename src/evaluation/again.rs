@@ -1,14 +1,21 @@
 //! High quality rendered again with other seeds: the part of the target that no generator can predict.
 
-use anyhow::anyhow;
-use insonify::dataset::{Dataset, Progress, Row, TupleRenderer};
-use insonify::render::Backend;
-use insonify::render::twin::hash::pcg3d;
+use super::EvaluationError;
+use crate::dataset::{Dataset, Progress, Row, TupleRenderer};
+use crate::render::Backend;
+use crate::render::twin::hash::pcg3d;
 
-use super::super::Failure;
+/// Request to render the high quality again with other random choices.
+#[derive(Debug, Clone, Copy)]
+pub struct Again<'a> {
+    /// Renderer.
+    pub backend: &'a Backend,
+    /// Renders of each tuple, at least 1; their mean is judged, too.
+    pub renders: u32,
+}
 
 /// Renders the high quality of tuples again.
-pub(super) struct Again<'a> {
+pub(super) struct Renders<'a> {
     dataset: &'a Dataset,
     renderer: TupleRenderer<'a>,
     renders: u32,
@@ -19,27 +26,34 @@ pub(super) struct Again<'a> {
     pub(super) foreign: Vec<String>,
 }
 
-impl<'a> Again<'a> {
-    pub(super) fn new(backend: &'a Backend, dataset: &'a Dataset, renders: u32, progress: &'a Progress<'a>) -> Self {
+impl<'a> Renders<'a> {
+    pub(super) fn new(
+        again: &Again<'a>,
+        dataset: &'a Dataset,
+        progress: &'a Progress<'a>,
+    ) -> Result<Self, EvaluationError> {
+        let Again { backend, renders } = *again;
+        if renders == 0 {
+            return Err(EvaluationError::Renders { renders });
+        }
         let renderer = TupleRenderer::new(backend, dataset.header.classes.clone(), progress);
-        Self { dataset, renderer, renders, sums: Vec::new(), seen: Vec::new(), foreign: Vec::new() }
+        Ok(Self { dataset, renderer, renders, sums: Vec::new(), seen: Vec::new(), foreign: Vec::new() })
     }
 
     /// Renders the tuple of `row`, with the high quality `hq`, `renders` times. Returns the first image and the mean of
     /// all.
-    pub(super) fn render(&mut self, row: &Row, hq: &[u8]) -> Result<[Vec<u8>; 2], Failure> {
+    pub(super) fn render(&mut self, row: &Row, hq: &[u8]) -> Result<[Vec<u8>; 2], EvaluationError> {
         let station = self.dataset.station(row)?;
         if !self.seen.contains(&row.station) {
             self.seen.push(row.station.clone());
             let image = self.renderer.high_quality(&station, row, row.seed)?;
             if image.len() != hq.len() {
-                return Err(Failure::Input(anyhow!(
-                    "tuple {} has {} pixels, and {} renders {}",
-                    row.index,
-                    hq.len(),
-                    row.station,
-                    image.len()
-                )));
+                return Err(EvaluationError::Pixels {
+                    index: row.index,
+                    expected: hq.len(),
+                    station: row.station.clone(),
+                    found: image.len(),
+                });
             }
             if image != hq {
                 self.foreign.push(row.station.clone());

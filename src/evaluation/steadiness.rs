@@ -1,39 +1,57 @@
 //! Steadiness of generated frames while the probe slides in its image plane.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use anyhow::anyhow;
 use glam::DVec3;
-use insonify::generator::{Generator, Input};
-use insonify::pose::Pose;
-use insonify::quality::Steadiness;
-use insonify::render::{Effect, Frame, FrameQuality, Quality, RenderSettings, Renderer};
-use insonify::station::Station;
 use serde::Serialize;
 
-use super::super::progress::Progress;
-use super::super::tradeoff::poses;
-use super::super::{Failure, session};
-use super::{Args, models};
+use super::{EvaluationError, Models};
+use crate::dataset::{Progress, Step};
+use crate::generator::{Generator, Input};
+use crate::pose::Pose;
+use crate::quality::Steadiness;
+use crate::render::{Backend, Effect, Frame, FrameQuality, Quality, RenderSettings, Renderer};
+use crate::station::{Poses, Station, StationError};
 
-/// Result, for JSON.
-#[derive(Serialize)]
-pub(super) struct Report {
-    pub(super) station: PathBuf,
-    pub(super) frames: usize,
-    /// Slide from frame to frame.
-    pub(super) step_pixels: u32,
-    pub(super) step_mm: f64,
+/// Slide of the probe in its image plane.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Slide {
+    /// Frames, at least 2.
+    pub frames: usize,
+    /// Displacement from frame to frame, pixels.
+    pub step_pixels: u32,
+}
+
+impl Default for Slide {
+    /// 12 frames, one pixel apart.
+    fn default() -> Self {
+        Self { frames: 12, step_pixels: 1 }
+    }
+}
+
+/// Steadiness of low quality, generators and target.
+#[derive(Debug, Clone, Serialize)]
+pub struct SteadinessReport {
+    /// Station file.
+    pub station: PathBuf,
+    /// Frames of the slide.
+    pub frames: usize,
+    /// Slide from frame to frame, pixels.
+    pub step_pixels: u32,
+    /// Slide from frame to frame, mm.
+    pub step_mm: f64,
     /// Low quality, generators, target.
-    pub(super) rows: Vec<Row>,
+    pub rows: Vec<SteadinessRow>,
 }
 
 /// Steadiness of a sequence.
-#[derive(Serialize)]
-pub(super) struct Row {
-    pub(super) name: String,
+#[derive(Debug, Clone, Serialize)]
+pub struct SteadinessRow {
+    /// Quality, or the generator's name.
+    pub name: String,
+    /// Differences of neighbouring frames.
     #[serde(flatten)]
-    pub(super) steadiness: Steadiness,
+    pub steadiness: Steadiness,
 }
 
 /// Renders the slide in high quality, and in each low quality as a live session does; runs the generators on the frames
@@ -41,13 +59,21 @@ pub(super) struct Row {
 ///
 /// The probe slides laterally by whole pixels, so that the warp between frames is exact. The scene is static, and all
 /// frames have the station's seed, as in a live session.
-pub(super) fn run(args: &Args, path: &Path) -> Result<Report, Failure> {
-    let station = Station::load(path)?;
-    let all = poses::of_station(&station, None)?;
-    let pose = *all.spread(1).first().ok_or_else(|| Failure::Input(anyhow!("{} has no pose", path.display())))?;
-    let backend = args.backend.open(station.backend)?;
-    let scene = session::load_scene(&station)?;
-    let mut generators = models::generators(args, scene.tissues.names())?;
+///
+/// # Errors
+/// A station without a pose or with a scene that cannot be loaded or rendered, a generator that cannot be loaded or run, or
+/// fewer than two frames.
+pub fn steadiness(
+    station: &Station,
+    models: &Models,
+    motion: Slide,
+    backend: &Backend,
+    progress: &Progress<'_>,
+) -> Result<SteadinessReport, EvaluationError> {
+    let poses = Poses::of_station(station, None)?.spread(1);
+    let pose = *poses.first().ok_or_else(|| StationError::NoPose { station: station.path.clone() })?;
+    let scene = station.load_scene(&|p| progress(Step::Phantom { done: p.done, total: p.total }))?;
+    let mut generators = models.load_generators(scene.tissues.names())?;
     let base = RenderSettings { maps: true, lines: false, ..station.settings };
     let aperture = base.effects.of(Effect::Aperture);
     let taken = |generator: &Generator| generator.manifest().lq().first().copied().unwrap_or(FrameQuality::LQ);
@@ -59,12 +85,11 @@ pub(super) fn run(args: &Args, path: &Path) -> Result<Report, Failure> {
     }
     let of_training = generators.first().and_then(|(_, g)| g.manifest().training.as_ref()?.hq);
     let target = of_training.unwrap_or(FrameQuality::new(Quality::HQ.rays, Quality::HQ.layers));
-    let mut renderer = Renderer::new(&backend, &scene, &station.probe, &FrameQuality::LQ.apply(&base, aperture))?;
+    let mut renderer = Renderer::new(backend, &scene, &station.probe, &FrameQuality::LQ.apply(&base, aperture))?;
     let sector = *renderer.sector();
-    let step_mm = f64::from(args.step) * sector.pixel_mm;
-    let count = args.frames as usize;
+    let step_mm = f64::from(motion.step_pixels) * sector.pixel_mm;
+    let count = motion.frames;
     let total = (qualities.len() + 1) * count;
-    let progress = Progress::new("steadiness", total);
     let mut sequences: Vec<(String, Vec<Vec<u8>>)> = Vec::new();
     let mut mask = Vec::new();
     let mut frame = Frame::default();
@@ -75,7 +100,7 @@ pub(super) fn run(args: &Args, path: &Path) -> Result<Report, Failure> {
         let mut rendered = Vec::new();
         let mut generated: Vec<(String, Vec<Vec<u8>>)> = Vec::new();
         for (done, pose) in slide(&pose, count, before, step_mm).iter().enumerate() {
-            progress.set(nth * count + done.saturating_sub(before), total);
+            progress(Step::Frames { done: nth * count + done.saturating_sub(before), total });
             renderer.submit(pose)?;
             renderer.receive(&mut frame)?;
             if done < before {
@@ -100,20 +125,25 @@ pub(super) fn run(args: &Args, path: &Path) -> Result<Report, Failure> {
     renderer.reconfigure(&station.probe, &target.apply(&base, aperture))?;
     let mut hq = Vec::new();
     for (done, pose) in slide(&pose, count, 0, step_mm).iter().enumerate() {
-        progress.set(qualities.len() * count + done, total);
+        progress(Step::Frames { done: qualities.len() * count + done, total });
         renderer.render(pose, &mut frame)?;
         hq.push(frame.bmode.clone());
     }
-    drop(progress);
     let size = [sector.width as usize, sector.height as usize];
-    let shift = [-(args.step as isize), 0];
+    let shift = [-(motion.step_pixels as isize), 0];
     let mut rows = Vec::new();
     for (name, frames) in &sequences {
-        rows.push(Row { name: name.clone(), steadiness: Steadiness::of(frames, &hq, &mask, size, shift)? });
+        rows.push(SteadinessRow { name: name.clone(), steadiness: Steadiness::of(frames, &hq, &mask, size, shift)? });
     }
     let name = format!("HQ (target, {target})");
-    rows.push(Row { name, steadiness: Steadiness::of(&hq, &hq, &mask, size, shift)? });
-    Ok(Report { station: path.to_owned(), frames: count, step_pixels: args.step, step_mm, rows })
+    rows.push(SteadinessRow { name, steadiness: Steadiness::of(&hq, &hq, &mask, size, shift)? });
+    Ok(SteadinessReport {
+        station: station.path.clone(),
+        frames: count,
+        step_pixels: motion.step_pixels,
+        step_mm,
+        rows,
+    })
 }
 
 /// `frames` poses along the probe's x axis, centred on `middle`, and `before` of them on the way there.

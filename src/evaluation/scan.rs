@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use insonify::dataset::{Dataset, Row as TupleRow};
-use insonify::files::{self, FileKind};
-use insonify::quality::Scanlines;
-use insonify::station::Station;
-use insonify::transducer::{Probe, ScanGeometry};
+use crate::dataset::{Dataset, Row as TupleRow};
+use crate::files::{self, FileKind};
+use crate::quality::Scanlines;
+use crate::station::{Station, StationError};
+use crate::transducer::{Probe, ScanGeometry};
 
 /// Scanlines of pictures of one station and size.
 pub(super) struct Scan {
@@ -17,16 +17,18 @@ pub(super) struct Scan {
 
 impl Scan {
     /// Scanlines of a row's pictures.
-    pub(super) fn of(dataset: &Dataset, row: &TupleRow) -> Result<Self, anyhow::Error> {
+    pub(super) fn of(dataset: &Dataset, row: &TupleRow) -> Result<Self, StationError> {
         let (probe, [width, height]) = (probe(dataset, row)?, row.size);
         let geometry = ScanGeometry::fit(&probe, width, height);
         Ok(Self { scanlines: Scanlines::new(&probe, width, height), geometry })
     }
 }
 
-/// Probe of a row, from the station's file in the data set.
-pub(super) fn probe(dataset: &Dataset, row: &TupleRow) -> Result<Probe, anyhow::Error> {
-    let text = files::read_text(&dataset.directory.join(&row.station), FileKind::Station)?;
+/// Probe of a row, from the station's file in the data set. Its scene need not exist.
+pub(super) fn probe(dataset: &Dataset, row: &TupleRow) -> Result<Probe, StationError> {
+    let path = dataset.directory.join(&row.station);
+    let text =
+        files::read_text(&path, FileKind::Station).map_err(|source| StationError::Io { path: path.clone(), source })?;
     let directory = dataset.header.stations.iter().find(|s| s.file == row.station).map_or("", |s| &s.directory);
     Ok(Station::parse(&text, Path::new(directory))?.probe)
 }

@@ -1,0 +1,210 @@
+//! `insonify front`: the table of errors that live sessions choose from.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use anyhow::anyhow;
+use clap::Parser;
+use insonify::chooser::{
+    ANGLES, ChooserError, ErrorSettings, ErrorStep, ErrorTable, PointError, RAYS_LAYERS, StationErrors, measure_errors,
+};
+use insonify::files::FileKind;
+use insonify::pose::BySpeed;
+use insonify::sink::write_text;
+use insonify::station::Station;
+
+use super::backend::BackendArgs;
+use super::outputs::Outputs;
+use super::tradeoff::{Bar, of_options};
+use super::{Classify, Failure, input, output, session};
+
+/// Recording by which probes move.
+const MOTION: &str = "assets/exams/obstetric_sweep.mcap";
+/// Make the table of errors that live sessions choose their operating point from.
+///
+/// For each station: moments of its recording at which the probe is at rest, moves slowly, and moves fast (without a
+/// recording its own pose, turned about the beam, to which the probe has moved as a hand in the recording of --motion
+/// does); a converged reference of 9 angles with all effects at each; and the error of live frames against it, by speed:
+/// rays x layers x angles of rolling compounding, some of them without the aperture, and the station's generators on the
+/// frames that they were trained for. The looks of a rolling picture are those of the probe's earlier poses at the
+/// station's frame rate. The table holds no times: sessions measure them.
+#[derive(Debug, Parser)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Args {
+    /// Station files (TOML)
+    #[arg(required = true)]
+    stations: Vec<PathBuf>,
+
+    /// File to write
+    #[arg(long, value_name = "FILE", default_value = "out/front/front.toml")]
+    out: PathBuf,
+
+    /// Poses of each station, a third of them at each speed, 3..=99
+    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u16).range(3..=99))]
+    poses: u16,
+
+    /// Only points with these rays x layers, such as 1x1,8x3 [default: all]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = rays_layers)]
+    points: Vec<(u32, u32)>,
+
+    /// Only points with these numbers of angles, such as 1,9 [default: all]
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    angles: Vec<u32>,
+
+    /// Recording (.mcap) by which probes without one move
+    #[arg(long, value_name = "FILE", default_value = MOTION)]
+    motion: PathBuf,
+
+    /// Table whose other stations are kept
+    #[arg(long, value_name = "FILE")]
+    merge: Option<PathBuf>,
+
+    /// Stop after about so many minutes; the same command with --resume goes on
+    #[arg(long, value_name = "N")]
+    minutes: Option<u16>,
+
+    /// Keep what was measured before with the same station, scene, models, poses and version
+    #[arg(long)]
+    resume: bool,
+
+    #[command(flatten)]
+    backend: BackendArgs,
+}
+
+const AFTER_HELP: &str = "\
+The shipped table is assets/quality/front.toml; its first lines name the command. A build reads it, so build again after
+a change.
+
+Example:
+  insonify front configs/tiers.toml configs/lung_air.toml --minutes 10 --resume";
+
+/// Rays and layers from text such as `8x3`.
+fn rays_layers(text: &str) -> Result<(u32, u32), String> {
+    let parsed = text.split_once('x').and_then(|(rays, layers)| Some((rays.parse().ok()?, layers.parse().ok()?)));
+    let all = RAYS_LAYERS.map(|(rays, layers)| format!("{rays}x{layers}")).join(", ");
+    parsed.filter(|found| RAYS_LAYERS.contains(found)).ok_or_else(|| format!("points are {all}"))
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    if let Some(angles) = args.angles.iter().find(|angles| !ANGLES.contains(angles)) {
+        return Err(Failure::Input(anyhow!("--angles {angles}: angles are 1, 3 and 9")));
+    }
+    let stations = args.stations.iter().map(|path| Ok(Station::load(path)?)).collect::<Result<Vec<_>, Failure>>()?;
+    let read = stations.iter().flat_map(Station::files);
+    // The merged table is read before it is replaced.
+    Outputs::beside(read).and([&args.motion]).replaced("--out", &args.out)?;
+    let merged = match &args.merge {
+        Some(path) => Some(ErrorTable::parse(&input::text(path, FileKind::Stored, "the table")?).input_of(path)?),
+        None => None,
+    };
+    let ends = args.minutes.map(|minutes| Instant::now() + Duration::from_secs(60 * u64::from(minutes)));
+    let mut measured = Vec::new();
+    for (nth, station) in stations.iter().enumerate() {
+        eprintln!("[{}/{}] {}", nth + 1, stations.len(), station.path.display());
+        let Some(errors) = errors(args, station, ends)? else {
+            eprintln!("stopped after {} minutes: the same command with --resume goes on", args.minutes.unwrap_or(0));
+            return Ok(());
+        };
+        measured.push(errors);
+    }
+    let table = table(command(args), measured, merged);
+    let text = toml::to_string(&table).map_err(|e| anyhow!("the table can't be written: {e}")).other()?;
+    write_text(&args.out, &format!("# Errors of live frames, by `insonify front`. Docs: docs/commands.md.\n{text}"))?;
+    output::line(args.out.display())
+}
+
+/// The command, as it is typed.
+fn command(args: &Args) -> String {
+    let stations: Vec<String> = args.stations.iter().map(|path| path.display().to_string()).collect();
+    let mut text = format!("insonify front {} --poses {}", stations.join(" "), args.poses);
+    if !args.points.is_empty() {
+        let points = args.points.iter().map(|(rays, layers)| format!("{rays}x{layers}")).collect::<Vec<_>>();
+        text += &format!(" --points {}", points.join(","));
+    }
+    if !args.angles.is_empty() {
+        text += &format!(" --angles {}", args.angles.iter().map(u32::to_string).collect::<Vec<_>>().join(","));
+    }
+    if args.motion != Path::new(MOTION) {
+        text += &format!(" --motion {}", args.motion.display());
+    }
+    text
+}
+
+/// The table of what was measured, and of the other stations of `merged`, in their order.
+fn table(command: String, measured: Vec<StationErrors>, merged: Option<ErrorTable>) -> ErrorTable {
+    let mut table = ErrorTable::new(command);
+    if let Some(merged) = merged {
+        table.command += &format!("; other stations: {}", merged.command);
+        table.stations = merged.stations;
+    }
+    table.merge(measured);
+    table
+}
+
+/// Errors of one station; none if the time was over before all were measured.
+fn errors(args: &Args, station: &Station, ends: Option<Instant>) -> Result<Option<StationErrors>, Failure> {
+    let settings = ErrorSettings {
+        motion: args.motion.clone(),
+        poses: usize::from(args.poses),
+        points: args.points.clone(),
+        angles: args.angles.clone(),
+        folder: args.out.parent().unwrap_or(Path::new(".")).to_owned(),
+        resume: args.resume,
+        ends,
+    };
+    let backend = args.backend.open(station.backend)?;
+    let scene = session::load_scene(station)?;
+    let bar = Bar::default();
+    let show = |step: ErrorStep<'_>| match step {
+        ErrorStep::Reference(found) => eprintln!("{found}"),
+        ErrorStep::Converged(check) => eprintln!("{check}"),
+        ErrorStep::Frames { done, total } => bar.set("front", done, total),
+        ErrorStep::Point(point) => {
+            bar.clear();
+            say(point);
+        }
+        _ => {}
+    };
+    match measure_errors(&backend, station, &scene, &settings, &show) {
+        Err(ChooserError::Measurement(error)) => Err(of_options(error)),
+        measured => Ok(measured?),
+    }
+}
+
+/// Prints the errors of a point by speed.
+fn say(point: &PointError) {
+    let on_top = point.generator.as_ref().map_or_else(String::new, |key| format!(" + {}", key.name));
+    let Some(BySpeed { at_rest, slow, fast }) = point.by_speed else { return };
+    eprintln!("{}{on_top}: {at_rest:.1} grey levels at rest, {slow:.1} slow, {fast:.1} fast", point.quality);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_are_named_by_rays_and_layers() {
+        assert_eq!(rays_layers("8x3"), Ok((8, 3)));
+        assert!(["8", "8x", "7x3", "x"].iter().all(|text| rays_layers(text).unwrap_err().contains("1x1, 1x3")));
+    }
+
+    #[test]
+    fn other_stations_of_a_merged_table_stay() {
+        let station = |name: &str, poses| StationErrors {
+            name: name.into(),
+            scene: String::new(),
+            probe: "convex".into(),
+            frequency_mhz: 8.0,
+            reference: String::new(),
+            poses,
+            frame_rate_hz: None,
+            points: Vec::new(),
+        };
+        let old = ErrorTable { stations: vec![station("a", 3), station("b", 3)], ..ErrorTable::new("old".into()) };
+        let new = table("new".into(), vec![station("b", 12), station("c", 12)], Some(old));
+        let poses: Vec<(&str, usize)> = new.stations.iter().map(|s| (s.name.as_str(), s.poses)).collect();
+        assert_eq!(poses, [("a", 3), ("b", 12), ("c", 12)]);
+        assert_eq!(new.command, "new; other stations: old");
+    }
+}

@@ -1,0 +1,204 @@
+//! `insonify tradeoff`: frame time against image error.
+
+use std::cell::RefCell;
+use std::path::{Path, PathBuf};
+
+use anyhow::anyhow;
+use clap::Parser;
+use insonify::sink::{create_dir, png, write_json, write_text};
+use insonify::station::Station;
+use insonify::tradeoff::plot::Figure;
+use insonify::tradeoff::{self, Sweep, SweepReport, SweepSettings, SweepStep, TradeoffError};
+
+use super::backend::BackendArgs;
+use super::outputs::Outputs;
+use super::progress::Progress;
+use super::{Classify, Failure, input, output, session};
+
+/// Measure what accuracy costs in time: sweep the quality knobs, and compare every point with a converged reference.
+///
+/// First renders a reference of some poses: all effects, 9 angles, the 3 layers of HQ unless more change the levels, and so many
+/// rays that doubling them changes little. That change is measured and printed. Then turns rays and
+/// layers in a small grid; some of its points also compounded, compounded while the probe moves as in the recording (one
+/// angle a frame, as in a live session), without the aperture, and with all effects that the scene does not call for; and
+/// every other knob alone about 8 x 3. A station's generators run on top of the frames that they were trained for. The
+/// receiver's noise is left out: it is no error of the picture.
+/// For each point: time (with maps, from the call until the frame lies in memory) and error within the sector. The front
+/// goes by the error of pixels: the reference has little speckle.
+///
+/// A second panel compares frames of small scenes with wave theory (diffraction sums, a full-wave simulation), with and
+/// without each effect that theory speaks of, and says what the effect costs in the station's scene at 1 x 1. It does the
+/// same for the steps of a look: what they leave of speckle, noise and the width of a point.
+#[derive(Debug, Parser)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Args {
+    /// Station file (TOML); `insonify station-keys` lists its keys
+    station: PathBuf,
+
+    /// Folder to write to; made if missing
+    #[arg(long, value_name = "DIR", default_value = "out/tradeoff")]
+    out: PathBuf,
+
+    /// Poses, spread over the recording, 1..=100 [default: 3, or as many as take about 5 minutes]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=100))]
+    poses: Option<u16>,
+
+    /// Recording (.mcap) whose poses are taken [default: the station's; without one, [pose] turned about the beam]
+    #[arg(long, value_name = "FILE")]
+    recording: Option<PathBuf>,
+
+    /// Fewer points, one pose, and a reference of fewer rays
+    #[arg(long)]
+    quick: bool,
+
+    #[command(flatten)]
+    backend: BackendArgs,
+
+    /// Keep what the folder holds of an earlier run of the same station, scene, models, poses, machine and version
+    #[arg(long)]
+    resume: bool,
+}
+
+const AFTER_HELP: &str = "\
+Files:
+  tradeoff.csv    a line a point: knobs, times, errors, passes
+  tradeoff.json   all of it, with tissues and the reference
+  tradeoff.svg    the figure, and as tradeoff.png
+  tradeoff.md     tables
+  effects.csv     a line an effect: errors against wave theory with and without it, cost
+  looks.csv       the same for steps of a look
+  points/         points as they were done, for --resume
+
+A difference is called noise where repeats of one point differ as much: in time by the distance of the quartiles, in
+error by what another seed makes.
+
+Examples:
+  insonify tradeoff configs/live.toml --out out/tradeoff
+  insonify tradeoff configs/vessel_needle.toml --quick";
+
+/// Files of a run, as in the help.
+const FILES: [&str; 8] = [
+    "tradeoff.csv",
+    "tradeoff.json",
+    "tradeoff.svg",
+    "tradeoff.png",
+    "tradeoff.md",
+    "effects.csv",
+    "looks.csv",
+    "points/*",
+];
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let station = Station::load(&args.station)?;
+    Outputs::beside_station(&station).and(&args.recording).within("--out", &args.out, &FILES)?;
+    if args.recording.as_deref().or(station.recording()).is_none() {
+        input::pose(None, &station, "--recording FILE, a recorded tracker")?;
+    }
+    let backend = args.backend.open(station.backend)?;
+    session::warn_of_budget(&station);
+    let scene = session::load_scene(&station)?;
+    create_dir(&args.out)?;
+    let settings = SweepSettings {
+        recording: args.recording.clone(),
+        poses: args.poses.map(usize::from),
+        quick: args.quick,
+        resume: args.resume,
+    };
+    let sweep = Sweep::prepare(&backend, &station, &scene, &args.out, &settings).map_err(of_options)?;
+    eprintln!(
+        "{}, {}, on {}: about {}",
+        output::counted(sweep.poses(), "pose"),
+        sweep.source(),
+        sweep.device(),
+        output::duration(sweep.estimated_s())
+    );
+    let bar = Bar::default();
+    let report = sweep.run(&|step| bar.say(step)).map_err(of_options)?;
+    drop(bar);
+    write(&args.out, &report)
+}
+
+/// The error with the option that it is about.
+pub(super) fn of_options(error: TradeoffError) -> Failure {
+    match error {
+        TradeoffError::Damaged { path, source } => {
+            let error = anyhow::Error::new(source);
+            Failure::Input(error.context(format!("{} is damaged: run without --resume", path.display())))
+        }
+        error => error.into(),
+    }
+}
+
+/// Progress of the part that runs.
+#[derive(Default)]
+pub(super) struct Bar(RefCell<Option<(&'static str, Progress)>>);
+
+impl Bar {
+    fn say(&self, step: SweepStep<'_>) {
+        match step {
+            SweepStep::Reference(found) => eprintln!("{found}"),
+            SweepStep::Converged(check) => eprintln!("{check}"),
+            SweepStep::Point { point, number, total, left_s } => {
+                let left =
+                    if number < total { format!(", about {} left", output::duration(left_s)) } else { String::new() };
+                let (ms, rmse) = (point.time.median_ms, point.error.rmse);
+                eprintln!("[{number}/{total}] {}: {ms:.1} ms, error {rmse:.2}{left}", point.name);
+            }
+            SweepStep::Theory { done, total } => self.set("wave theory", done, total),
+            SweepStep::Costs { done, total } => self.set("measuring", done, total),
+            SweepStep::Looks { done, total } => self.set("looks", done, total),
+            SweepStep::LookCosts { done, total } => self.set("measuring looks", done, total),
+            _ => {}
+        }
+    }
+
+    /// Clears the bar, before a line is printed.
+    pub(super) fn clear(&self) {
+        *self.0.borrow_mut() = None;
+    }
+
+    /// Shows the part's progress.
+    pub(super) fn set(&self, label: &'static str, done: usize, total: usize) {
+        let mut shown = self.0.borrow_mut();
+        if shown.as_ref().is_none_or(|(shown, _)| *shown != label) {
+            // The last bar is cleared before the next is drawn.
+            *shown = None;
+            *shown = Some((label, Progress::new(label, 0)));
+        }
+        if let Some((_, progress)) = &*shown {
+            progress.set(done, total);
+        }
+    }
+}
+
+/// Writes the files of a run, and prints its tables.
+fn write(out: &Path, report: &SweepReport) -> Result<(), Failure> {
+    let SweepReport { station, device, processor, threads, poses, points, effects, looks, reference, .. } = report;
+    let converged = reference.converged;
+    let not = if converged { "" } else { " (reference not converged)" };
+    let title =
+        format!("{}{not}, {}, on {device}, {threads} threads", station.display(), output::counted(*poses, "pose"));
+    write_text(&out.join("tradeoff.csv"), &tradeoff::csv(points))?;
+    write_text(&out.join("effects.csv"), &tradeoff::effects_csv(effects))?;
+    write_text(&out.join("looks.csv"), &tradeoff::effects_csv(looks))?;
+    let both = [&effects[..], looks].concat();
+    let table = format!("{}\n{}", tradeoff::markdown(points), tradeoff::effects_markdown(&both));
+    write_text(&out.join("tradeoff.md"), &format!("{title} of {processor}. {reference}\n\n{table}"))?;
+    write_json(&out.join("tradeoff.json"), report)?;
+    let failed = |e: String| anyhow!("the figure can't be drawn: {e}");
+    let figure = Figure { points, effects: &both, title: &title, converged };
+    let svg = tradeoff::plot::svg(&figure).map_err(failed).other()?;
+    write_text(&out.join("tradeoff.svg"), &svg)?;
+    let (width, height, rgb) = tradeoff::plot::rgb(&figure).map_err(failed).other()?;
+    png::write_rgb(&out.join("tradeoff.png"), width, height, &rgb)?;
+    output::line(table)?;
+    output::line(reference)?;
+    for name in ["csv", "json", "svg", "png", "md"] {
+        output::line(out.join(format!("tradeoff.{name}")).display())?;
+    }
+    for name in ["effects.csv", "looks.csv"] {
+        output::line(out.join(name).display())?;
+    }
+    Ok(())
+}

@@ -1,0 +1,216 @@
+//! Images and their references, as files.
+
+use std::collections::BTreeSet;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::models::add_features;
+use super::tables::csv_scores;
+use super::{EvaluationError, FeatureModel};
+use crate::files::read_grey;
+use crate::generator::OnnxFeatures;
+use crate::quality::{Pair, Scores, Summary, frechet_distance_of};
+use crate::tradeoff::csv_field;
+
+/// Scores of images.
+#[derive(Debug, Clone, Serialize)]
+pub struct ImagesReport {
+    /// Image, or folder of images.
+    pub images: PathBuf,
+    /// Reference, or folder of references.
+    pub references: PathBuf,
+    /// Mask, or folder of masks.
+    pub mask: Option<PathBuf>,
+    /// Feature extractor.
+    pub features: Option<PathBuf>,
+    /// Means and percentiles.
+    pub summary: Summary,
+    /// Over all images, if there is an extractor.
+    pub frechet_distance: Option<f64>,
+    /// Scores of each image.
+    pub scores: Vec<NamedScores>,
+}
+
+/// Scores of an image.
+#[derive(Debug, Clone, Serialize)]
+pub struct NamedScores {
+    /// File name.
+    pub name: String,
+    /// Scores.
+    #[serde(flatten)]
+    pub scores: Scores,
+}
+
+/// Files of an image, its reference and its mask.
+struct Files {
+    name: OsString,
+    image: PathBuf,
+    reference: PathBuf,
+    mask: Option<PathBuf>,
+}
+
+/// Features of images and of references.
+struct Features {
+    extractor: OnnxFeatures,
+    sets: [Vec<Vec<f64>>; 2],
+}
+
+impl Features {
+    fn load(model: &FeatureModel) -> Result<Self, EvaluationError> {
+        Ok(Self { extractor: model.load()?, sets: Default::default() })
+    }
+
+    fn add(&mut self, images: [&[u8]; 2], size: [usize; 2]) -> Result<(), EvaluationError> {
+        let mut pairs = self.sets.iter_mut().zip(images);
+        Ok(pairs.try_for_each(|(set, image)| add_features(&mut self.extractor, image, size, set))?)
+    }
+}
+
+/// Compares `images`, a grey PNG or a folder of such, with `references`: a file, or a folder with the same file names. Only
+/// pixels where `mask`, a file for all or a folder, isn't black count. `features` adds a Fréchet distance over all images.
+///
+/// # Errors
+/// Files that cannot be read, images without a partner or of different sizes, or a feature extractor that cannot be loaded.
+pub fn compare(
+    images: &Path,
+    references: &Path,
+    mask: Option<&Path>,
+    features: Option<&FeatureModel>,
+    progress: &dyn Fn(usize, usize),
+) -> Result<ImagesReport, EvaluationError> {
+    let files = paired(images, references, mask)?;
+    let mut network = features.map(Features::load).transpose()?;
+    let mut scores = Vec::with_capacity(files.len());
+    for (done, pair) in files.iter().enumerate() {
+        progress(done, files.len());
+        let name = pair.name.to_string_lossy().into_owned();
+        let found = score(pair, network.as_mut());
+        let of_image = |source| EvaluationError::Image { name: name.clone(), source: Box::new(source) };
+        scores.push(NamedScores { scores: found.map_err(of_image)?, name });
+    }
+    let all: Vec<Scores> = scores.iter().map(|named| named.scores).collect();
+    let summary = Summary::of(&all).ok_or(EvaluationError::Nothing("image"))?;
+    let frechet_distance = network.map(|f| frechet_distance_of(&f.sets[0], &f.sets[1])).transpose()?;
+    Ok(ImagesReport {
+        images: images.to_owned(),
+        references: references.to_owned(),
+        mask: mask.map(Path::to_owned),
+        features: features.map(|model| model.path.clone()),
+        summary,
+        frechet_distance,
+        scores,
+    })
+}
+
+impl ImagesReport {
+    /// A line for each image: name, PSNR, SSIM and pKL.
+    pub fn csv(&self) -> String {
+        let mut text = "image,psnr_db,ssim,pkl\n".to_owned();
+        for NamedScores { name, scores } in &self.scores {
+            text += &format!("{},{}\n", csv_field(name), csv_scores(scores));
+        }
+        text
+    }
+}
+
+/// Pairs two images, or the images of two folders by their names.
+fn paired(images: &Path, references: &Path, mask: Option<&Path>) -> Result<Vec<Files>, EvaluationError> {
+    if !images.is_dir() && !references.is_dir() {
+        if let Some(path) = mask.filter(|mask| mask.is_dir()) {
+            return Err(EvaluationError::MaskFolder { path: path.to_owned() });
+        }
+        let name = images.file_name().map_or_else(|| images.as_os_str().to_owned(), Into::into);
+        let [image, reference] = [images, references].map(Path::to_owned);
+        return Ok(vec![Files { name, image, reference, mask: mask.map(Path::to_owned) }]);
+    }
+    if let Some(path) = [images, references].into_iter().find(|path| !path.is_dir()) {
+        return Err(EvaluationError::NoFolder { path: path.to_owned() });
+    }
+    let (names, others) = (names(images)?, names(references)?);
+    if names.is_empty() {
+        return Err(EvaluationError::NoImages { folder: images.to_owned() });
+    }
+    let mut unpaired = only_in(images, &names, &others);
+    unpaired.extend(only_in(references, &others, &names));
+    if let Some(folder) = mask.filter(|m| m.is_dir()) {
+        let masks = self::names(folder)?;
+        let missing =
+            names.difference(&masks).map(|name| format!("{} has no mask in {}", name.display(), folder.display()));
+        unpaired.extend(missing);
+    }
+    if !unpaired.is_empty() {
+        return Err(EvaluationError::Unpaired { unpaired });
+    }
+    let files = names.into_iter().map(|name| {
+        let mask = mask.map(|m| if m.is_dir() { m.join(&name) } else { m.to_owned() });
+        Files { image: images.join(&name), reference: references.join(&name), mask, name }
+    });
+    Ok(files.collect())
+}
+
+fn names(folder: &Path) -> Result<BTreeSet<OsString>, EvaluationError> {
+    let failed = |source| EvaluationError::Folder { path: folder.to_owned(), source };
+    let mut names = BTreeSet::new();
+    for entry in std::fs::read_dir(folder).map_err(failed)? {
+        let path = entry.map_err(failed)?.path();
+        if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) && path.is_file() {
+            names.extend(path.file_name().map(OsString::from));
+        }
+    }
+    Ok(names)
+}
+
+fn only_in(folder: &Path, names: &BTreeSet<OsString>, others: &BTreeSet<OsString>) -> Vec<String> {
+    names.difference(others).map(|name| format!("{} is only in {}", name.to_string_lossy(), folder.display())).collect()
+}
+
+fn score(files: &Files, features: Option<&mut Features>) -> Result<Scores, EvaluationError> {
+    let (image, expected) = read_grey(&files.image)?;
+    let same_size = |path: &PathBuf| match read_grey(path)? {
+        (pixels, size) if size == expected => Ok(pixels),
+        (_, size) => Err(EvaluationError::Size { path: path.clone(), size, first: files.image.clone(), expected }),
+    };
+    let reference = same_size(&files.reference)?;
+    let mask = files.mask.as_ref().map(same_size).transpose()?;
+    let size = expected.map(|n| n as usize);
+    if let Some(features) = features {
+        features.add([&image, &reference], size)?;
+    }
+    Ok(Scores::of(&Pair::new(size, &image, &reference, mask.as_deref())?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sink::png::{Effort, write_grey};
+
+    #[test]
+    fn images_are_paired_by_name_and_have_one_size() {
+        let dir = tempfile::tempdir().unwrap();
+        let write = |name: &str, width: u32, level: u8| {
+            let path = dir.path().join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            write_grey(&path, width, 40, &vec![level; width as usize * 40], Effort::Small).unwrap();
+        };
+        let compare = |a: &str, b: &str| {
+            compare(&dir.path().join(a), &dir.path().join(b), None, None, &|_, _| ()).map_err(|error| error.to_string())
+        };
+        ["a/1.png", "b/1.png"].iter().for_each(|name| write(name, 50, 100));
+        write("a/2.png", 50, 110);
+        let error = compare("a", "b").unwrap_err();
+        assert!(error.contains("2.png is only in"), "{error}");
+        write("b/2.png", 40, 100);
+        let error = compare("a", "b").unwrap_err();
+        assert!(error.starts_with("2.png: ") && error.contains("40 x 40") && error.contains("50 x 40"), "{error}");
+        write("b/2.png", 50, 100);
+        let report = compare("a", "b").unwrap();
+        assert_eq!((report.summary.images, report.summary.identical), (2, 1));
+        assert_eq!(report.csv().lines().count(), 3);
+        let error = compare("a", "b/1.png").unwrap_err();
+        assert!(error.contains("1.png is no folder"), "{error}");
+        std::fs::create_dir(dir.path().join("c")).unwrap();
+        assert!(compare("c", "c").unwrap_err().contains("holds no .png"));
+    }
+}

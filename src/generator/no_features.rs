@@ -1,0 +1,44 @@
+//! Feature extractors in a build without the feature `generator`. None can be loaded.
+
+use std::convert::Infallible;
+use std::path::Path;
+
+use super::{FeatureScale, GeneratorError, Runtime, RuntimeError};
+use crate::quality::{FeatureExtractor, QualityError};
+
+/// Feature extractor by an ONNX model. No value of it exists.
+#[derive(Debug)]
+pub struct OnnxFeatures(Infallible);
+
+impl OnnxFeatures {
+    /// Loads the model at `path`.
+    ///
+    /// # Errors
+    /// Always: the build lacks the feature `generator`.
+    pub fn load(_path: &Path, _runtime: &Runtime, _scale: FeatureScale) -> Result<Self, GeneratorError> {
+        Err(RuntimeError::NotBuilt.into())
+    }
+
+    /// The built-in network `texture64`.
+    ///
+    /// # Errors
+    /// Always: the build lacks the feature `generator`.
+    pub fn texture64(_runtime: &Runtime) -> Result<Self, GeneratorError> {
+        Err(RuntimeError::NotBuilt.into())
+    }
+
+    /// Its name.
+    pub fn name(&self) -> &str {
+        match self.0 {}
+    }
+}
+
+impl FeatureExtractor for OnnxFeatures {
+    fn crop(&self) -> usize {
+        match self.0 {}
+    }
+
+    fn features(&mut self, _crop: &[u8]) -> Result<Vec<f64>, QualityError> {
+        match self.0 {}
+    }
+}
