@@ -56,7 +56,7 @@
 //! | [`render`] | renderers of the host, of devices (feature `gpu`) and of tests |
 //! | [`transducer`] | probes and their sectors |
 //! | [`phantom`] | the obstetric phantom: an individual from its parameters |
-//! | [`anatomy`] | scenes, tissues, motion |
+//! | [`anatomy`] | scenes, tissues, solids, motion |
 //! | [`tracker`] | decoders; sessions: features `live`, `serial`, `hid`; recordings: feature `recordings` |
 //! | [`pose`] | poses, their estimation and calibration |
 //! | [`acoustics`], [`look`] | formulas; the picture after its lines |

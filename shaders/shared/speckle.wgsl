@@ -53,8 +53,8 @@ fn sheet_offset(bits: u32) -> vec2<f32> {
     return (vec2<f32>(vec2<i32>(vec2<u32>(bits, bits >> 10u) & vec2<u32>(1023u))) + 0.5) * (1.0 / 1024.0);
 }
 
-// Of a cell's scatterers, that whose range is nearest to the sample's. Each lies in a quarter; two lie in opposite
-// quarters. `corner` is the way from the sample to the cell's corner, cells; `rate` the range per cell, mm.
+// The cell's scatterer whose range is nearest to the sample's. Each lies in its own quarter; two lie in opposite quarters.
+// `corner` is the vector from the sample to the cell's corner, cells; `rate` the range per cell, mm.
 fn nearest_scatterer(scatterers: u32, bits: vec3<u32>, corner: vec2<f32>, rate: vec2<f32>) -> CellScatterer {
     var nearest = 0u;
     var ahead_mm = BEYOND_MM;

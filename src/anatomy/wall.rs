@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// How strongly the abdominal wall aberrates; figures over 30 mm of aperture are RMS delays about their best-fit plane.
+/// Aberration class of an abdominal wall. Delays are RMS over 30 mm of aperture, about their best-fit plane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Wall {

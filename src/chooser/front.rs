@@ -21,7 +21,7 @@ use crate::tradeoff::{Check, Convergence, TradeoffError, identity};
 pub const RAYS_LAYERS: [(u32, u32); 7] = [(1, 1), (1, 3), (2, 3), (4, 3), (8, 3), (16, 3), (32, 3)];
 /// Angles of rolling compounding.
 pub const ANGLES: [u32; 3] = [1, 3, 9];
-/// Points without the aperture have at most so many paths.
+/// Most paths of points without the aperture.
 const PATHS_WITHOUT_APERTURE: u32 = 3;
 /// Frames before each measured one: those of the most angles.
 const FRAMES_BEFORE: u32 = 8;
@@ -35,9 +35,9 @@ pub struct ErrorSettings {
     pub motion: PathBuf,
     /// Poses, a third of them at each speed.
     pub poses: usize,
-    /// Rays and layers of the points, of [`RAYS_LAYERS`]; none for all.
+    /// Rays and layers of the points, of [`RAYS_LAYERS`]; empty for all.
     pub points: Vec<(u32, u32)>,
-    /// Angles of the points, of [`ANGLES`]; none for all.
+    /// Angles of the points, of [`ANGLES`]; empty for all.
     pub angles: Vec<u32>,
     /// Folder in which results are kept.
     pub folder: PathBuf,
@@ -45,6 +45,21 @@ pub struct ErrorSettings {
     pub resume: bool,
     /// Time after which no further point is measured.
     pub ends: Option<Instant>,
+}
+
+impl ErrorSettings {
+    /// Poses of each speed.
+    fn poses_of_speed(&self) -> usize {
+        self.poses.max(1).div_ceil(ProbeSpeed::ALL.len())
+    }
+
+    /// Checks that the recordings hold poses of each speed; needs no scene.
+    ///
+    /// # Errors
+    /// A station without a pose, recordings that cannot be read, or a speed at which the probe never moves.
+    pub fn check(&self, station: &Station) -> Result<(), ChooserError> {
+        tracks(station, &self.motion, self.poses_of_speed()).map(drop)
+    }
 }
 
 /// Progress of the measurement of a station's errors.
@@ -79,9 +94,6 @@ impl ErrorTable {
 }
 
 /// Poses of a station at each speed of the probe, each with the path of the frames before it.
-///
-/// # Errors
-/// A station without a pose, recordings that cannot be read, or a speed at which the probe never moves.
 fn tracks(station: &Station, motion: &Path, each: usize) -> Result<Vec<(ProbeSpeed, Track)>, ChooserError> {
     let hand = Poses::of_recording(motion, station)?;
     let period = Duration::from_secs_f64(1.0 / station.pipeline.frame_rate_hz);
@@ -99,7 +111,7 @@ fn tracks(station: &Station, motion: &Path, each: usize) -> Result<Vec<(ProbeSpe
 }
 
 /// Measures the errors of a station's points against a converged reference, at each speed of the probe. `scene` is the
-/// station's. `None` if the time was over before all points were measured: a call with [`ErrorSettings::resume`] goes on.
+/// station's. `None` if [`ErrorSettings::ends`] passed before all points were measured; a call with [`ErrorSettings::resume`] continues.
 ///
 /// # Errors
 /// A station without a pose, a recording without one of the speeds, frames that cannot be rendered or translated, or results
@@ -111,7 +123,7 @@ pub fn measure_errors(
     settings: &ErrorSettings,
     progress: &dyn Fn(ErrorStep<'_>),
 ) -> Result<Option<StationErrors>, ChooserError> {
-    let each = settings.poses.max(1).div_ceil(ProbeSpeed::ALL.len());
+    let each = settings.poses_of_speed();
     let tracks = tracks(station, &settings.motion, each)?;
     let renderer = Renderer::new(backend, scene, &station.probe, &station.settings)?;
     let mut bench = Bench::new(renderer, station, scene)?;

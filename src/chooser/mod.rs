@@ -1,7 +1,8 @@
 //! Operating points of a station on a machine: rays, layers, steering angles and a generator, their errors and times, and the
 //! choice among them.
 //!
-//! Errors come from a table that is shipped ([`ErrorTable`]; [`measure_errors`] makes one), times are measured on the machine once and kept in the cache.
+//! Errors come from a table that is shipped ([`ErrorTable`]; [`measure_errors`] measures one). Times are measured on the machine
+//! once and kept in the cache.
 //! [`choose`] picks the first point of a session; [`PointController`] follows the load and the probe's speed from there on.
 //! [`choose_still`] picks the quality of stills.
 

@@ -18,7 +18,7 @@ pub struct StillQuality {
     pub budget_ms: f64,
     /// The quality of least error within the budget; that of the fewest paths if none keeps it.
     pub quality: FrameQuality,
-    /// Its expected error, grey levels.
+    /// Expected error, grey levels. For stills without the effect `aperture`, that of the same quality with it.
     pub error: f64,
     /// Median time of its frames, ms; `None` if no frame had a time.
     pub frame_ms: Option<f64>,
@@ -34,8 +34,8 @@ impl StillQuality {
 }
 
 /// Chooses the quality of stills, and switches the renderer to `probe` and `settings` with it. Qualities are those of the shipped
-/// table of errors, with the angles and the aperture of `settings`; the seed is kept. They are timed from the fewest paths on at
-/// `poses`, in turn, until one takes more than `budget_ms`. `scene` is [`scene_name`](super::scene_name) of the station.
+/// table of errors, with the angles and the aperture of `settings`; the seed is kept. They are timed by rising number of paths, until
+/// one takes more than `budget_ms`; their frames cycle through `poses`. `scene` is [`scene_name`](super::scene_name) of the station.
 ///
 /// # Errors
 /// The table can't be read, or a frame can't be rendered. A quality that the device has no room for ends the search.
@@ -48,6 +48,8 @@ pub fn choose_still(
     budget_ms: f64,
 ) -> Result<StillQuality, ChooserError> {
     let own = FrameQuality::of(settings);
+    // A probe that doesn't steer has one look.
+    let own = FrameQuality { angles: if probe.kind.steers() { own.angles } else { 1 }, ..own };
     let expected = ErrorTable::shipped()?.expected(scene, probe);
     let mut points: Vec<(FrameQuality, f64)> = Vec::new();
     for known in expected.qualities().into_iter().filter(|quality| quality.aperture) {
@@ -122,6 +124,7 @@ fn search<E>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::transducer::ProbeKind;
 
     /// Qualities of a table, with errors that fall with the paths.
     fn points() -> Vec<(FrameQuality, f64)> {
@@ -185,9 +188,16 @@ mod tests {
 
     #[test]
     fn the_shipped_table_knows_stills_of_every_probe() {
-        for probe in [Probe::default(), Probe { frequency_mhz: 3.0, ..Probe::default() }] {
-            let expected = ErrorTable::shipped().unwrap().expected("unknown", &probe);
-            assert!(expected.qualities().iter().filter(|q| q.angles == 1 && q.aperture).count() > 3);
+        let kinds = [
+            ProbeKind::Convex { radius_mm: 40.0, fov_deg: 70.0 },
+            ProbeKind::Linear { width_mm: 40.0 },
+            ProbeKind::Phased { fov_deg: 90.0 },
+        ];
+        for (scene, kind) in ["obstetric", "unknown"].into_iter().flat_map(|scene| kinds.map(|kind| (scene, kind))) {
+            let probe = Probe { kind, ..Probe::default() };
+            let expected = ErrorTable::shipped().unwrap().expected(scene, &probe);
+            let known = |rays| expected.qualities().contains(&FrameQuality::new(rays, if rays == 1 { 1 } else { 3 }));
+            assert!([1, 2, 8, 32].into_iter().all(known), "{scene}, {kind:?}: {:?}", expected.qualities());
         }
     }
 }

@@ -153,6 +153,8 @@ fn errors(args: &Args, station: &Station, ends: Option<Instant>) -> Result<Optio
         resume: args.resume,
         ends,
     };
+    // Before the scene, which may have to be built.
+    settings.check(station)?;
     let backend = args.backend.open(station.backend)?;
     let scene = session::load_scene(station)?;
     let bar = Bar::default();

@@ -82,8 +82,10 @@ pub(crate) fn say_chosen(chosen: &StillQuality) -> String {
         Some((next, Some(ms))) => format!("; {next} takes {ms:.1} ms"),
         Some((next, None)) => format!("; {next} is more than the device has room for"),
     };
-    let chosen =
-        format!("{quality}, {ms:.1} ms of {budget_ms}, {error:.1} grey levels off the converged picture{beyond}");
+    // The table has no errors of stills without the aperture.
+    let off =
+        if quality.aperture { format!(", {error:.1} grey levels off the converged picture") } else { String::new() };
+    let chosen = format!("{quality}, {ms:.1} ms of {budget_ms}{off}{beyond}");
     eprintln!("quality: {chosen}");
     chosen
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::anyhow;
 use clap::Parser;
 use insonify::sink::{create_dir, png, write_json, write_text};
-use insonify::station::Station;
+use insonify::station::{Poses, Station};
 use insonify::tradeoff::plot::Figure;
 use insonify::tradeoff::{self, Sweep, SweepReport, SweepSettings, SweepStep, TradeoffError};
 
@@ -95,6 +95,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if args.recording.as_deref().or(station.recording()).is_none() {
         input::pose(None, &station, "--recording FILE, a recorded tracker")?;
     }
+    // Before the scene, which may have to be built.
+    Poses::of_station(&station, args.recording.as_deref())?;
     let backend = args.backend.open(station.backend)?;
     session::warn_of_budget(&station);
     let scene = session::load_scene(&station)?;

@@ -17,7 +17,7 @@ pub struct Job<'a> {
     maker: &'a Maker,
     directory: PathBuf,
     store: Store,
-    /// Tuples that were there.
+    /// Number of the shard's tuples when the directory was opened.
     kept: usize,
 }
 
@@ -26,7 +26,7 @@ pub struct Job<'a> {
 pub struct Made {
     /// Tuples rendered by this run.
     pub made: usize,
-    /// Tuples of the shard that were there.
+    /// Tuples of the shard that an earlier run rendered.
     pub kept: usize,
     /// Training tuples of the shard.
     pub train: usize,

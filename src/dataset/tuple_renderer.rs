@@ -58,7 +58,7 @@ impl<'a> TupleRenderer<'a> {
     }
 
     fn prepared(&mut self, station: &Station) -> Result<&mut SceneRenderers, DatasetError> {
-        // An other scene is dropped before the next is built: memory may not hold both.
+        // The last scene is dropped before another is built: memory may not hold both.
         let set = match self.scene.take().filter(|set| set.station == *station) {
             Some(set) => set,
             None => {

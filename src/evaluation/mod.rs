@@ -2,8 +2,8 @@
 //!
 //! [`compare`] scores image files against references. [`Evaluation`] scores low quality and generators on the tuples of a
 //! data set: on random crops and on the full field of view, by tissue, and behind bone. [`steadiness`] measures how much
-//! generated frames flicker as the probe slides. Without the feature `generator`, no model can be loaded: [`compare`] without a
-//! feature extractor and [`steadiness`] without generators work.
+//! generated frames flicker as the probe slides. Without the feature `generator`, only
+//! [`compare`] without a feature extractor and [`steadiness`] without generators work.
 //!
 //! ```no_run
 //! use std::path::{Path, PathBuf};

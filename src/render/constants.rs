@@ -48,7 +48,7 @@ pub(crate) const SHEET_CELL_MAX_MM: f64 = 0.6;
 pub(crate) const SHEET_CELL_PER_SPACING: f64 = 1.15;
 /// Most scatterers of a sheet's cell, one in each quarter.
 pub(crate) const CELL_QUARTERS: u32 = 4;
-/// Odd number that makes the amplitudes of a cell's scatterers independent of each other (2³² over the golden ratio).
+/// Odd factor that makes places and amplitudes of a cell's scatterers independent of each other (2³² over the golden ratio).
 pub(crate) const SCATTERER_STRIDE: u32 = 0x9e37_79b1;
 /// Sheets of scatterers across the slice that reach a sample, at most.
 pub(crate) const SHEETS: u32 = 3;

@@ -214,7 +214,9 @@ impl ScattererCorrelation {
             let at = |j: usize| shared([i as f64 * Self::ACROSS_MM, j as f64 * Self::ALONG_MM]);
             (0..Self::STEPS_MAX).map(at).take_while(|&value| value > 0.0).collect()
         };
-        Self { rows: (0..Self::STEPS_MAX).map(row).take_while(|row| !row.is_empty()).collect() }
+        let mut rows: Vec<Vec<f64>> = (0..Self::STEPS_MAX).into_par_iter().map(row).collect();
+        rows.truncate(rows.iter().position(Vec::is_empty).unwrap_or(rows.len()));
+        Self { rows }
     }
 
     /// Correlation at a distance, by bilinear interpolation.

@@ -81,14 +81,14 @@ impl Sheets {
     /// Correlation of the scatterers at two points of a slice, averaged over orientations, as a function of their distance
     /// across scanlines and along them, mm.
     pub(crate) fn shared(&self) -> impl Fn([f64; 2]) -> f64 {
-        let ways: Vec<[Way; 2]> = (0..ORIENTATIONS).flat_map(orientation).collect();
+        let ways: Vec<[Direction; 2]> = (0..ORIENTATIONS).flat_map(orientation).collect();
         let (sum, reach_mm) = (ways.iter().map(|[way, _]| way.power).sum::<f64>(), self.reach_mm);
         let cells = self.cells;
         move |[across_mm, along_mm]| {
-            let of = |[across, along]: &[Way; 2]| {
-                let moved = |of: fn(&Way) -> f64| across_mm * of(across) + along_mm * of(along);
+            let of = |[across, along]: &[Direction; 2]| {
+                let moved = |of: fn(&Direction) -> f64| across_mm * of(across) + along_mm * of(along);
                 let cell = cells.chance_of_same([moved(|way| way.first), moved(|way| way.second)]);
-                // A way across scanlines doesn't change which scatterer is nearest in range.
+                // A step across scanlines doesn't change which scatterer is nearest in range.
                 let nearest = cells.chance_of_same_nearest(along_mm / along.in_sheet);
                 along.power * cell * nearest * weights_correlation(moved(|way| way.elevational) / reach_mm)
             };
@@ -142,9 +142,9 @@ pub(crate) fn families(elevational: DVec3) -> impl Iterator<Item = Family> {
     (0u32..).zip(normals).map(family).filter(|family| family.share > 0.0).take(SHEET_FAMILIES as usize)
 }
 
-/// A direction of a slice as a family sees it.
+/// Direction in a slice, in a family's coordinates.
 #[derive(Debug, Clone, Copy)]
-struct Way {
+struct Direction {
     /// Change along the two axes of the cells, and along the elevational axis, per mm.
     first: f64,
     second: f64,
@@ -155,8 +155,8 @@ struct Way {
     power: f64,
 }
 
-/// Families of a slice: the way across scanlines and that along them. The slices are spread evenly over all orientations.
-fn orientation(index: u32) -> impl Iterator<Item = [Way; 2]> {
+/// Directions across and along the scanlines, of each family of a slice. Slices are spread evenly over all orientations.
+fn orientation(index: u32) -> impl Iterator<Item = [Direction; 2]> {
     let golden = 0.5 * (1.0 + 5f64.sqrt());
     let z = 1.0 - (f64::from(index) + 0.5) * 2.0 / f64::from(ORIENTATIONS);
     let turn = DQuat::from_rotation_z(std::f64::consts::TAU * f64::from(index) / golden)
@@ -169,7 +169,7 @@ fn orientation(index: u32) -> impl Iterator<Item = [Way; 2]> {
             let moved = way + across * elevational;
             let in_sheet = DVec2::new(axes.y_axis.dot(way), axes.z_axis.dot(way)).length();
             let [first, second] = [axes.y_axis, axes.z_axis].map(|axis| axis.dot(moved));
-            Way { first, second, elevational: across, in_sheet, power: share * share }
+            Direction { first, second, elevational: across, in_sheet, power: share * share }
         })
     })
 }

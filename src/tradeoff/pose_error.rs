@@ -17,7 +17,7 @@ pub(super) struct PoseError {
 }
 
 impl PoseError {
-    /// Errors of an image but for its RMS errors, which are those of several seeds.
+    /// Errors of an image, except its RMS errors, which are filled in for each seed.
     pub(super) fn of(image: &[u8], truth: &Truth, range_db: f64) -> Result<Self, QualityError> {
         Ok(Self {
             rmse: [0.0; 2],

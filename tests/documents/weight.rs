@@ -7,7 +7,7 @@ use std::process::Command;
 pub(crate) const LARGEST: u64 = 1_000_000;
 
 /// Larger files, each with its reason.
-pub(crate) const LISTED: [(&str, &str); 9] = [
+pub(crate) const LISTED: [(&str, &str); 8] = [
     ("assets/generators/beam_m_rolling/beam_m_rolling.onnx", "the generator of live stations, part of the program"),
     ("assets/generators/beam_msa/beam_msa.onnx", "a shipped generator: its network has half a million weights"),
     ("assets/generators/fast_m/fast_m.onnx", "a shipped generator: its network has half a million weights"),
@@ -15,7 +15,6 @@ pub(crate) const LISTED: [(&str, &str); 9] = [
     ("assets/generators/fast_msa/fast_msa.onnx", "a shipped generator: its network has half a million weights"),
     ("docs/generators/best.png", "compares pictures grain by grain, without loss"),
     ("docs/generators/median.png", "compares pictures grain by grain, without loss"),
-    ("docs/images/contact_sheet.png", "the contact sheet as the demo writes it"),
     ("docs/images/live.webp", "the README's film of a live station"),
 ];
 

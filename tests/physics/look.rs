@@ -113,8 +113,8 @@ fn looks_of_distant_scanlines_share_their_scatterers() {
     struct Case {
         probe: Probe,
         /// Correlation of looks 3.75° apart and SNR of nine, by tests/truth/compounding.py as above; with `--radius 40`
-        /// for the curved face. With how much frames may differ: a scanline takes one scatterer of a cell as wide as
-        /// scanlines are apart, where a beam takes all.
+        /// for the curved face. The second value is the tolerance: a sample takes one scatterer of a cell that is as wide
+        /// as scanlines are apart, where a beam takes all.
         correlation: [f64; 2],
         snr: [f64; 2],
     }

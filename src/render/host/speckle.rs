@@ -125,8 +125,8 @@ struct Met {
 }
 
 impl Met {
-    /// Takes, of several scatterers in a cell, that whose range is nearest to the sample's. Each lies in a quarter; two lie in
-    /// opposite quarters. The range per cell is given along both axes.
+    /// Selects each cell's scatterer whose range is nearest to the sample's. Each lies in its own quarter; two lie in opposite
+    /// quarters. The last argument is the range per cell along both axes.
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "several arrays go together")]
     fn choose_nearest(

@@ -75,8 +75,8 @@ fn offset(bits: u32) -> DVec2 {
     (DVec2::new((bits & 1023).into(), (bits >> 10 & 1023).into()) + 0.5) / 1024.0
 }
 
-/// Random words and place ahead of the sample of that scatterer of a cell whose range is nearest to the sample's. Each lies
-/// in a quarter of the cell; two lie in opposite quarters.
+/// Random words and offset of the cell's scatterer whose range is nearest to the sample's. Each lies in its own quarter; two
+/// lie in opposite quarters.
 fn nearest(scatterers: u32, bits: [u32; 3], ahead: impl Fn(DVec2) -> DVec3, step: DVec3) -> ([u32; 3], DVec3) {
     let [presence, place, amplitude] = bits;
     let of_quarter = |quarter: u32| {
