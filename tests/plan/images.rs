@@ -13,14 +13,17 @@ fn bound_of(case: &Case, effect: Effect) -> Bound {
     case.plan().decisions().iter().find(|d| d.effect == effect).unwrap().bound.clone()
 }
 
+/// Largest part of the pixels that may differ by more than one level. Where f32 moves a point into the next cell of scatterers, or makes another
+/// of a cell's scatterers the nearest, a sample differs.
+const MOVED: f64 = 3e-3;
+
 /// Asserts equality except for rounding of grey levels.
 fn assert_exact(name: &str, case: &Case) {
     let (planned, whole) = case.planned_and_whole();
     let off = difference(&planned, &whole);
     println!("{name}: {off:?}");
     assert!(off.mean > 2.0, "{name}: a black image proves nothing: {off:?}");
-    // Where f32 moves a point into the next lattice cell, a sample differs.
-    assert!(off.part < 3e-3 && off.mean_off.abs() < 0.01, "{name}: {off:?}");
+    assert!(off.part < MOVED && off.mean_off.abs() < 0.01, "{name}: {off:?}");
     assert_eq!(planned.segmentation, whole.segmentation, "{name}");
     let maps_off = planned.attenuation.iter().zip(&whole.attenuation).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(maps_off <= 0.5 / 255.0, "{name}: the attenuation map is {maps_off} off");
@@ -71,7 +74,7 @@ fn layers_are_left_out_where_the_slice_is_uniform() {
     let off = difference(&planned, &whole);
     println!("3 layers of one medium that attenuates, {grey:.3} grey levels: {off:?}");
     assert!(grey > 0.0 && !case.plan().has(Effect::Layers), "{grey}");
-    assert!(f64::from(off.most) <= grey.ceil() && off.mean_off.abs() <= grey, "{off:?}");
+    assert!(grey <= 1.0 && off.part < MOVED && off.mean_off.abs() <= grey, "{off:?}");
     assert!(lossy(10.0).plan().has(Effect::Layers), "{}", lossy(10.0).plan());
     let two = [("slab", speckled(1540.0, 1.6, 0.02)), ("all about", speckled(1540.0, 1.6, 0.01))];
     let two = Case::of(vec![part("slab", "slab", slab(10.04, 20.0))], &two, "all about").asking(1, 3);
@@ -170,7 +173,7 @@ fn invisible_attenuation_is_left_out() {
     let (planned, whole) = case.planned_and_whole();
     let off = difference(&planned, &whole);
     println!("weak attenuation: {off:?}");
-    assert!(off.mean > 20.0 && off.most <= 1 && off.mean_off.abs() <= grey, "{off:?}");
+    assert!(off.mean > 20.0 && off.part < MOVED && off.mean_off.abs() <= grey, "{off:?}");
     // The map: one-way e^(−Σμ).
     let least = 10f64.powf(-0.5 * db / 20.0);
     for (a, b) in planned.attenuation.iter().zip(&whole.attenuation) {
