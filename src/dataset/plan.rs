@@ -162,8 +162,10 @@ impl Plan {
             let units = if groups > 0 { groups.min(count) } else { count };
             if units < 2 {
                 return wrong(format!(
-                    "{} frames of a station are {count} exams of {frames_per_exam}: too few for training and test",
-                    last - first
+                    "{} frames of a station are too few: a session has {frames_per_exam}, and training and test need one each; take {} \
+                     frames or more, fewer a session, or 2 phantoms or more",
+                    last - first,
+                    frames_per_exam + 1
                 ));
             }
             let tests = ((test_share * units as f64).round() as usize).clamp(1, units - 1);
