@@ -2,10 +2,11 @@
 // Complex [scanlines × row_samples] in and out, two samples per vector. A thread makes four samples of a scanline.
 //
 // Each block of DEPTH_BLOCK samples has a kernel, or the profile of its scanline's beam. Kernels of a phased array are wider
-// beside its normal. Weights beyond the array are made up for: with the aperture in power, by a factor of two at most, else
-// in amplitude. Each scanline sees its neighbours' scatterers with the gain of its own aperture. Echoes that came by
-// reflections don't carry the gain: where both scanlines hold some, the weaker one's amplitude is the least that is
-// compared. The wavefront of a steered look is across its scanlines: a neighbour's samples lie deeper or higher.
+// beside its normal. Beyond the array, a beam with an aperture meets the mirror image of what is within, a quarter of a cycle
+// later; without the aperture, the weights within are scaled to the sum of all. Each scanline sees its neighbours' scatterers
+// with the gain of its own aperture. Echoes that came by reflections don't carry the gain: where both scanlines hold some, the
+// weaker one's amplitude is the least that is compared. The wavefront of a steered look is across its scanlines: a
+// neighbour's samples lie deeper or higher.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> kernels: array<f32>;
@@ -32,7 +33,7 @@ const TAPS_MAX: u32 = 2u * LATERAL_HALF_MAX + 1u;
 var<workgroup> weights: array<f32, TAPS_MAX * BLOCKS>;
 // Phase of each neighbour's wavefront; only in steered looks.
 var<workgroup> turns: array<vec2<f32>, TAPS_MAX>;
-// Of each thread's taps: sum of the weights' squares, and their sum; the same with taps beyond the array's ends.
+// Of each thread's taps: sum of the weights' squares, and their sum; the same of the whole kernel.
 var<workgroup> sums: array<vec4<f32>, THREADS>;
 // First tap with a weight, and the end of them.
 var<workgroup> ends: array<vec2<u32>, THREADS>;
@@ -57,6 +58,17 @@ fn sample_of(line: u32, sample: i32) -> vec2<f32> {
     let at = line * params.row_samples + u32(clamp(sample, 0, i32(params.row_samples) - 1));
     let pair = baseband[at >> 1u];
     return select(vec2<f32>(0.0), select(pair.xy, pair.zw, (at & 1u) == 1u), there);
+}
+
+// Scanline of a place; beyond the array's ends, its mirror image.
+fn mirrored(place: i32) -> u32 {
+    let lines = i32(params.scanlines);
+    return u32(clamp(select(max(place, -1 - place), 2 * lines - 1 - place, place >= lines), 0, lines - 1));
+}
+
+// Two complex samples, times i if they are beyond the array.
+fn quarter_later(pair: vec4<f32>, beyond: bool) -> vec4<f32> {
+    return select(pair, vec4<f32>(-pair.y, pair.x, -pair.w, pair.z), beyond);
 }
 
 // Cosine of a scanline's angle to the normal of a phased array: the part of the aperture that it sees. 1 for other arrays.
@@ -120,8 +132,9 @@ fn weigh(thread: u32, line: u32, block: u32) {
     var end = 0u;
     for (var at = begin + thread % SHARING; at < limit; at += SHARING) {
         let kernel = kernel_at(block, at, projection);
-        let source = i32(line) + i32(at) - half;
-        let there = source >= 0 && source < i32(params.scanlines);
+        let place = i32(line) + i32(at) - half;
+        let source = mirrored(place);
+        let there = APERTURE || i32(source) == place;
         var weight = select(0.0, kernel, there);
         if kept < 1.0 && there {
             weight = kept * kernel + ((1.0 - part) * profile_at(near, at) + part * profile_at(far, at));
@@ -131,8 +144,8 @@ fn weigh(thread: u32, line: u32, block: u32) {
             first = min(first, at);
             end = at + 1u;
             if APERTURE {
-                let gain = block_gains[u32(source) * blocks + block].x;
-                let by_reflections = reflected_of(u32(source), block, gain);
+                let gain = block_gains[source * blocks + block].x;
+                let by_reflections = reflected_of(source, block, gain);
                 weight *= min(max(own, min(own_reflected, by_reflections)) / max(gain, by_reflections), NEIGHBOUR_GAIN_MAX);
             }
         }
@@ -174,19 +187,19 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_
     var b = vec4<f32>(0.0);
     for (var at = begin; at < to; at++) {
         let tap = i32(at) - half;
-        let source = i32(line) + tap;
-        let other = u32(clamp(source, 0, i32(params.scanlines) - 1));
+        let other = mirrored(i32(line) + tap);
         let weight = weights[at * BLOCKS + thread / SHARING];
+        let beyond = i32(other) != i32(line) + tap;
         if STEERED {
             let later_mm = f32(tap) * params.steer_shift_mm;
             let before = i32(first) - i32(floor(later_mm / params.sample_spacing_mm + 0.5));
-            let turn = weight * turns[at];
+            let turn = weight * select(turns[at], vec2<f32>(-turns[at].y, turns[at].x), beyond);
             a += vec4<f32>(times(sample_of(other, before), turn), times(sample_of(other, before + 1), turn));
             b += vec4<f32>(times(sample_of(other, before + 2), turn), times(sample_of(other, before + 3), turn));
         } else {
             let pair = (other * params.row_samples + first) >> 1u;
-            a += weight * baseband[pair];
-            b += weight * baseband[pair + 1u];
+            a += weight * quarter_later(baseband[pair], beyond);
+            b += weight * quarter_later(baseband[pair + 1u], beyond);
         }
     }
     let power = sum.x;

@@ -27,10 +27,10 @@ fn catmull_rom(v: vec4<f32>, part: f32) -> f32 {
 }
 
 fn amplitude_at(plane: u32, axis: u32, offset: i32) -> f32 {
-    let cell = i32(axis * node_cells_at(plane)) + offset;
-    let there = cell >= 0 && cell < i32(aperture.cells);
+    let cell = i32(axis * node_cells_at(plane)) + offset + i32(aperture.cells);
     let row = (plane * aperture.beams + beam_of(plane, axis)) * aperture.cells;
-    return select(0.0, amplitudes[row + u32(clamp(cell, 0, i32(aperture.cells) - 1))], there);
+    // The grid is periodic.
+    return amplitudes[row + u32(cell) % aperture.cells];
 }
 
 // Amplitude of a scanline between two axes, at an offset in cells.

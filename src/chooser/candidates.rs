@@ -6,7 +6,9 @@ use super::times::Times;
 use crate::generator::{Generator, Quality};
 use crate::pose::BySpeed;
 use crate::render::{Choice, Effect, FrameQuality};
+use crate::settings::RenderSettings;
 use crate::station::Station;
+use crate::transducer::Probe;
 
 /// Error of a generator that nobody has measured, over that of the frames below it.
 const UNMEASURED: f64 = 0.9;
@@ -45,6 +47,12 @@ fn error_ratio(quality: &Quality) -> Option<f64> {
     (ratio.is_finite() && ratio > 0.0).then_some(ratio)
 }
 
+/// Quality that settings ask for. A probe that doesn't steer has one angle.
+pub(super) fn own_quality(settings: &RenderSettings, probe: &Probe) -> FrameQuality {
+    let own = FrameQuality::of(settings);
+    FrameQuality { angles: if probe.kind.steers() { own.angles } else { 1 }, ..own }
+}
+
 /// Settings that a station leaves to the choice.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Open {
@@ -58,10 +66,8 @@ pub(super) struct Open {
 
 impl Open {
     pub(super) fn of(station: &Station) -> Self {
-        let own = FrameQuality::of(&station.settings);
-        // A probe that doesn't steer has one look.
+        let own = own_quality(&station.settings, &station.probe);
         let steers = station.probe.kind.steers();
-        let own = FrameQuality { angles: if steers { own.angles } else { 1 }, ..own };
         let aperture = station.settings.effects.of(Effect::Aperture) != Choice::On;
         // A hint for a fixed quality leaves open what a budget would.
         let angles = station.angles_open || (station.quality_budget_ms.is_none() && own.angles == 1);

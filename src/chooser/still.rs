@@ -1,5 +1,6 @@
 //! Quality of stills within a budget of time.
 
+use super::candidates::own_quality;
 use super::error::ChooserError;
 use super::error_table::ErrorTable;
 use crate::pose::{Pose, ProbeSpeed};
@@ -47,9 +48,7 @@ pub fn choose_still(
     poses: &[Pose],
     budget_ms: f64,
 ) -> Result<StillQuality, ChooserError> {
-    let own = FrameQuality::of(settings);
-    // A probe that doesn't steer has one look.
-    let own = FrameQuality { angles: if probe.kind.steers() { own.angles } else { 1 }, ..own };
+    let own = own_quality(settings, probe);
     let expected = ErrorTable::shipped()?.expected(scene, probe);
     let mut points: Vec<(FrameQuality, f64)> = Vec::new();
     for known in expected.qualities().into_iter().filter(|quality| quality.aperture) {
@@ -84,7 +83,7 @@ pub fn choose_still(
     Ok(chosen)
 }
 
-/// Searches `points`, qualities with their errors by rising paths; `own` stands for an empty list. `frame_ms` renders a frame and
+/// Searches `points`, qualities with their errors by rising paths; `own` is chosen if there are none. `frame_ms` renders a frame and
 /// returns its time, ms, or `None` if the device has no room for such frames. Times that are not finite are ignored.
 fn search<E>(
     points: &[(FrameQuality, f64)],

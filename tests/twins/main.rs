@@ -136,8 +136,8 @@ const DAMAGES: [Damages; 4] = [
         (
             "the beam is off by a scanline",
             "lateral",
-            "let source = i32(line) + tap;",
-            "let source = i32(line) + tap + 1;",
+            "let other = mirrored(i32(line) + tap);",
+            "let other = mirrored(i32(line) + tap + 1);",
         ),
         ("all of the face shows its reverberation", "receive", "(1.0 - exp(0.5 * ln_passed))", "1.0"),
         ("half of the TGC", "detect", "params.tgc_db_per_mm *", "0.5 * params.tgc_db_per_mm *"),
@@ -160,7 +160,7 @@ const DAMAGES: [Damages; 4] = [
         ("phase of the sample, not of its scatterer", "march", "(place.range_mm + ahead_mm)", "(place.range_mm)"),
         ("echoes a sample too deep", "echo", "u32(sample)]", "min(u32(sample) + 1u, params.samples - 1u)]"),
         (
-            "weights not made up for at the edges",
+            "weights of a kernel and two profiles not made up for",
             "lateral",
             "sqrt(kernel_power / max(power, 0.5 * kernel_power))",
             "1.0",
@@ -189,6 +189,7 @@ const DAMAGES: [Damages; 4] = [
         ),
         ("the aperture's gain as an amplitude", "march", "exp(2.0 * (clamp", "exp((clamp"),
         ("carrier f/c in place of 2f/c", "echo", "params.phase_turns_per_mm", "0.5 * params.phase_turns_per_mm"),
+        ("mirror image in phase", "lateral", "vec4<f32>(-pair.y, pair.x, -pair.w, pair.z)", "pair"),
         (
             "one side of the beam",
             "lateral",

@@ -75,7 +75,9 @@ pub(super) fn unobstructed(grid: &Grid, beams: &Beams, steps: &[Complex64], face
         let power = |axis: usize| {
             let (beam, middle) = (sampling.beam_of(plane, axis), axis * node_cells);
             let returned = |(cell, products): (usize, &Vec<f64>)| {
-                (reach + 0.5 - cell.abs_diff(middle) as f64).clamp(0.0, 1.0) * products[beam]
+                // The grid is periodic.
+                let apart = cell.abs_diff(middle).min(sampling.cells - cell.abs_diff(middle));
+                (reach + 0.5 - apart as f64).clamp(0.0, 1.0) * products[beam]
             };
             products.iter().enumerate().map(returned).sum::<f64>()
         };

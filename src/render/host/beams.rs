@@ -97,17 +97,26 @@ fn sum_plane_body(
         let amplitudes = &amplitudes[tables.sampling.beam_of(plane, axis) * cells..][..cells];
         let middle = axis * node_cells;
         let (from, to) = (middle.saturating_sub(furthest), (middle + furthest + 1).min(cells));
-        *power = sum_within(&amplitudes[from..to], middle - from, reach) / greatest;
+        let mut sum = sum_within(&amplitudes[from..to], (middle - from) as f32, reach);
+        // The grid is periodic.
+        let (before, after) = (furthest - (middle - from), middle + furthest + 1 - to);
+        if before > 0 {
+            sum += sum_within(&amplitudes[cells - before..], furthest as f32, reach);
+        }
+        if after > 0 {
+            sum += sum_within(&amplitudes[..after], middle as f32 - cells as f32, reach);
+        }
+        *power = sum / greatest;
     }
 }
 
-/// Sum of squared amplitudes within `reach` of the middle; the last cell counts by its part inside. In lanes, whose order
+/// Sum of squared amplitudes within `reach` of the middle, in cells from the first; the last cell counts by its part inside. In lanes, whose order
 /// every instruction set keeps.
 #[inline(always)]
-fn sum_within(amplitudes: &[f32], middle: usize, reach: f32) -> f32 {
+fn sum_within(amplitudes: &[f32], middle: f32, reach: f32) -> f32 {
     let mut sums = [0.0; LANES];
     let term = |i: usize, amplitude: f32| {
-        let inside = (reach + 0.5 - (i as f32 - middle as f32).abs()).clamp(0.0, 1.0);
+        let inside = (reach + 0.5 - (i as f32 - middle).abs()).clamp(0.0, 1.0);
         inside * amplitude * amplitude
     };
     let (tiles, rest) = amplitudes.as_chunks::<LANES>();

@@ -33,11 +33,12 @@ pub(super) struct LateralBeam<'a> {
 }
 
 /// Focuses `baseband` into `focused`, both complex [scanlines × row_samples]. Each block of samples has a kernel, or the
-/// profile of its scanline's beam. Kernels of a phased array are wider beside its normal. Weights beyond the array are
-/// made up for: with the aperture in power, by a factor of two at most, since its beams have less power there; else in
-/// amplitude. Weights below `least_weight` count as 0. Each scanline sees its neighbours' scatterers with the gain of its
-/// own aperture. The wavefront of a steered look is across its scanlines: a neighbour's samples lie
-/// `params.steer_shift_mm` deeper or higher.
+/// profile of its scanline's beam. Kernels of a phased array are wider beside its normal. Weights below `least_weight` count
+/// as 0. Each scanline sees its neighbours' scatterers with the gain of its own aperture. The wavefront of a steered look is
+/// across its scanlines: a neighbour's samples lie `params.steer_shift_mm` deeper or higher.
+///
+/// Beyond the array, a beam with an aperture meets the mirror image of the tissue within, a quarter of a cycle later: so
+/// powers add where a beam holds both. Without the aperture, the weights within are scaled to the sum of all.
 ///
 /// Echoes that came by reflections don't carry the gain. Where both scanlines hold some, the weaker one's amplitude is the
 /// least that is compared.
@@ -73,7 +74,7 @@ struct Weights {
     taps: [f32; TAPS_MAX],
     first: usize,
     end: usize,
-    /// Level of speckle over that of the depth's kernel, beyond the array's ends too.
+    /// Level of speckle over that of the depth's kernel.
     level: f32,
 }
 
@@ -159,11 +160,11 @@ fn focus_row_body(
     row: &mut [f32],
 ) {
     let LateralBeam { constants, kernels, gains, .. } = beam;
-    let half = params.lateral_half as usize;
+    let (half, lines) = (params.lateral_half as usize, params.scanlines as usize);
     let stride = row.len();
     // Taps within the array.
     let from = half.saturating_sub(line);
-    let to = (2 * half + 1).min(params.scanlines as usize + half - line);
+    let to = (2 * half + 1).min(lines + half - line);
     let blocks = row.as_chunks_mut::<BLOCK>().0;
     let block_count = blocks.len();
     let mut weights = Weights { taps: [0.0; TAPS_MAX], first: 0, end: 0, level: 1.0 };
@@ -180,53 +181,82 @@ fn focus_row_body(
     for (block, out) in blocks.iter_mut().enumerate() {
         let [own, place] = gains.get(line * block_count + block).copied().unwrap_or([1.0, 0.0]);
         beam.weigh(params, line, block, place, &mut weights);
-        let (first, end) = (weights.first.clamp(from, to), weights.end.min(to));
-        let count = end.saturating_sub(first);
+        let (first, end) = match gains {
+            [] => (weights.first.clamp(from, to), weights.end.clamp(from, to)),
+            _ => (weights.first, weights.end),
+        };
         let mut seen = [0.0_f32; TAPS_MAX];
-        let seen = &mut seen[..count];
-        for (seen, &weight) in seen.iter_mut().zip(&weights.taps[first..]) {
+        for (seen, &weight) in seen[first..end].iter_mut().zip(&weights.taps[first..end]) {
             // Denormal weights are zeros on a GPU, and slow here.
             *seen = if weight >= constants.least_weight() { weight } else { 0.0 };
         }
         let scale = match gains {
-            [] => 1.0 / at_least(seen.iter().sum::<f32>() * weights.level, 1.0e-30),
-            _ => (kernels.power[block] / at_least(sum_of_squares(seen), 0.5 * kernels.power[block])).sqrt(),
+            [] => 1.0 / at_least(seen[first..end].iter().sum::<f32>() * weights.level, 1.0e-30),
+            _ => {
+                (kernels.power[block] / at_least(sum_of_squares(&seen[first..end]), 0.5 * kernels.power[block])).sqrt()
+            }
         };
-        let nearest = line + first - half;
-        let lines = params.scanlines as usize;
+        let within = first.clamp(from, to)..end.clamp(from, to);
+        let beyond = (first..within.start.min(end)).chain(within.end.max(first)..end);
+        let nearest = line + within.start - half;
         if !gains.is_empty() {
             let (carried, reflected) = loudness[2 * block * lines..][..2 * lines].split_at(lines);
             let own_reflected = reflected[line];
-            for ((seen, &carried), &other) in seen.iter_mut().zip(&carried[nearest..]).zip(&reflected[nearest..]) {
-                let own = at_least(own, at_most(own_reflected, other));
-                *seen *= at_most(own / carried, NEIGHBOUR_GAIN_MAX);
+            let compared = |carried: f32, other: f32| {
+                at_most(at_least(own, at_most(own_reflected, other)) / carried, NEIGHBOUR_GAIN_MAX)
+            };
+            let others = carried[nearest..].iter().zip(&reflected[nearest..]);
+            for (seen, (&carried, &other)) in seen[within.clone()].iter_mut().zip(others) {
+                *seen *= compared(carried, other);
+            }
+            for tap in beyond.clone() {
+                let source = mirrored(line + tap, half, lines);
+                seen[tap] *= compared(carried[source], reflected[source]);
             }
         }
-        let sources = baseband[nearest * stride..].chunks_exact(stride);
-        let mut sum = [0.0_f32; BLOCK];
+        let sources = baseband[nearest * stride..].chunks_exact(stride).zip(&seen[within.clone()]);
+        let (mut sum, mut turned) = ([0.0_f32; BLOCK], [0.0_f32; BLOCK]);
         if steered {
-            let mut turned = [0.0_f32; BLOCK];
             for ((source, &seen), (&shift, [cos, sin])) in
-                sources.zip(&*seen).zip(shifts[first..].iter().zip(&turns[first..]))
+                sources.zip(shifts[within.clone()].iter().zip(&turns[within]))
             {
                 add_shifted(source, block, shift, [seen * cos, seen * sin], &mut sum, &mut turned);
             }
-            // (re, im) + i·(re', im').
-            for (sum, turned) in sum.as_chunks_mut::<2>().0.iter_mut().zip(turned.as_chunks::<2>().0) {
-                *sum = [sum[0] - turned[1], sum[1] + turned[0]];
-            }
         } else {
-            for (source, &seen) in sources.zip(&*seen) {
+            for (source, &seen) in sources {
                 let Some(source) = source.as_chunks::<BLOCK>().0.get(block) else { continue };
                 for (sum, &value) in sum.iter_mut().zip(source) {
                     *sum += seen * value;
                 }
             }
         }
+        for tap in beyond.clone() {
+            let source = &baseband[mirrored(line + tap, half, lines) * stride..][..stride];
+            let [cos, sin] = turns[tap];
+            add_shifted(source, block, shifts[tap], [-seen[tap] * sin, seen[tap] * cos], &mut sum, &mut turned);
+        }
+        if steered || beyond.count() > 0 {
+            // (re, im) + i·(re', im').
+            for (sum, turned) in sum.as_chunks_mut::<2>().0.iter_mut().zip(turned.as_chunks::<2>().0) {
+                *sum = [sum[0] - turned[1], sum[1] + turned[0]];
+            }
+        }
         for (out, &sum) in out.iter_mut().zip(&sum) {
             *out = sum * scale;
         }
     }
+}
+
+/// Scanline at a tap of another one, whose own scanline is at `half`; `at` is that scanline plus the tap. Beyond the array's
+/// ends, the mirror image.
+#[inline(always)]
+fn mirrored(at: usize, half: usize, lines: usize) -> usize {
+    let line = match at.checked_sub(half) {
+        None => half - at - 1,
+        Some(line) if line >= lines => (2 * lines - 1).saturating_sub(line),
+        Some(line) => line,
+    };
+    line.min(lines - 1)
 }
 
 /// Sum of squares in an order that every instruction set keeps.

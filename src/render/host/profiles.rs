@@ -170,11 +170,17 @@ impl PlaneBeams<'_> {
         for (axis, share) in [(low, 1.0 - part), (low + 1, part)] {
             let row = &amplitudes[sampling.beam_of(plane, axis) * cells..][..cells];
             let middle = axis * node_cells;
-            // Cells beyond the grid count as zero.
-            let before = reach.min(middle);
-            let to = (middle + reach + 1).min(cells);
-            for (value, amplitude) in around[MIDDLE - before..].iter_mut().zip(&row[middle - before..to]) {
-                *value += share * amplitude;
+            // The grid is periodic.
+            let (before, to) = (reach.min(middle), (middle + reach + 1).min(cells));
+            let pieces = [
+                (MIDDLE - before, &row[middle - before..to]),
+                (MIDDLE - reach, &row[cells - (reach - before)..]),
+                (MIDDLE + cells - middle, &row[..middle + reach + 1 - to]),
+            ];
+            for (at, piece) in pieces {
+                for (value, amplitude) in around[at.min(AROUND)..].iter_mut().zip(piece) {
+                    *value += share * amplitude;
+                }
             }
         }
         self.interpolate(around, weights);

@@ -25,7 +25,9 @@ pub fn powers(aperture: &Aperture, amplitudes: &[f64]) -> Vec<f64> {
         let row = &amplitudes[(plane * aperture.beams + aperture.beam_of(plane, axis)) * aperture.cells..];
         let middle = axis * aperture.node_cells[plane];
         let returned = |(cell, amplitude): (usize, &f64)| {
-            let inside = (aperture.reach_cells[plane] + 0.5 - cell.abs_diff(middle) as f64).clamp(0.0, 1.0);
+            // The grid is periodic.
+            let apart = cell.abs_diff(middle).min(aperture.cells - cell.abs_diff(middle));
+            let inside = (aperture.reach_cells[plane] + 0.5 - apart as f64).clamp(0.0, 1.0);
             inside * amplitude * amplitude
         };
         row.iter().take(aperture.cells).enumerate().map(returned).sum::<f64>() / aperture.greatest[plane].max(1.0e-30)

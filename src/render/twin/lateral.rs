@@ -7,10 +7,11 @@ use super::profiles::Profile;
 use super::visibility::BlockGain;
 use crate::render::constants::NEIGHBOUR_GAIN_MAX;
 
-/// Baseband after the beam [scanlines × samples]: each sample is the weighted sum over neighbouring scanlines. Weights
-/// beyond the array are made up for: with the aperture in power, by a factor of two at most, else in amplitude. Each
-/// scanline sees its neighbours' scatterers with the gain of its own aperture. Echoes that came by reflections don't carry
-/// the gain: where both scanlines hold some, the weaker one's amplitude is the least that is compared.
+/// Baseband after the beam [scanlines × samples]: each sample is the weighted sum over neighbouring scanlines. Beyond the
+/// array, a beam with an aperture meets the mirror image of what is within, a quarter of a cycle later; without the aperture,
+/// the weights within are scaled to the sum of all. Each scanline sees its neighbours' scatterers with the gain of its own
+/// aperture. Echoes that came by reflections don't carry the gain: where both scanlines hold some, the weaker one's amplitude
+/// is the least that is compared.
 ///
 /// `gains` and `reflected` are those of the blocks [scanlines × blocks], `profiles` those of the planes; all are empty
 /// without the aperture.
@@ -32,10 +33,14 @@ pub fn lateral(
             let weights = weights(inputs, kernel, line, gain_of(line).map_or(0.0, |gain| gain.place), profiles);
             let half = kernel.len() / 2;
             let within = |tap: usize| (line + tap).checked_sub(half).filter(|&l| l < inputs.scanlines);
-            let taps: Vec<(usize, f64, usize)> =
-                weights.iter().enumerate().filter_map(|(tap, &w)| Some((tap, w, within(tap)?))).collect();
-            let total: f64 = taps.iter().map(|(_, weight, _)| weight).sum();
-            let power: f64 = taps.iter().map(|(_, weight, _)| weight * weight).sum();
+            let taps: Vec<(usize, f64)> = weights
+                .iter()
+                .copied()
+                .enumerate()
+                .filter(|&(tap, _)| !gains.is_empty() || within(tap).is_some())
+                .collect();
+            let total: f64 = taps.iter().map(|(_, weight)| weight).sum();
+            let power: f64 = taps.iter().map(|(_, weight)| weight * weight).sum();
             let whole: f64 = kernel.iter().map(|w| w * w).sum();
             let scale = if gains.is_empty() {
                 // Level of speckle of the whole kernel, over that of the array's normal.
@@ -51,15 +56,23 @@ pub fn lateral(
                     let own = gains[at(line)].gain.max(by_reflections(at(line)).min(by_reflections(at(other))));
                     (own / gains[at(other)].gain.max(by_reflections(at(other)))).min(NEIGHBOUR_GAIN_MAX)
                 };
-                let seen = |&(tap, weight, other): &(usize, f64, usize)| {
+                let seen = |&(tap, weight): &(usize, f64)| {
+                    let other = within(tap).unwrap_or_else(|| mirrored(line + tap, half, inputs.scanlines));
                     let seen = if gains.is_empty() { 1.0 } else { compared(other) };
-                    weight * seen * steered(inputs, baseband, other, sample, tap as f64 - half as f64)
+                    let echo = steered(inputs, baseband, other, sample, tap as f64 - half as f64);
+                    weight * seen * if within(tap).is_some() { echo } else { echo.perp() }
                 };
                 focused.push(scale * taps.iter().map(seen).sum::<DVec2>());
             }
         }
     }
     focused
+}
+
+/// Mirror image of a scanline beyond the array's ends; `at` is its number plus `half`.
+fn mirrored(at: usize, half: usize, scanlines: usize) -> usize {
+    let image = if at < half { half - at - 1 } else { (2 * scanlines - 1).saturating_sub(at - half) };
+    image.min(scanlines - 1)
 }
 
 /// A kernel as wide as a projection of the aperture makes it.

@@ -38,7 +38,8 @@ fn of_line(aperture: &Aperture, plane: usize, line: usize, beams: &[f64], plain:
     let low = node as usize;
     let of_axis = |axis: usize, offset: isize| {
         let row = &beams[aperture.beam_of(plane, axis) * aperture.cells..][..aperture.cells];
-        (axis * node_cells).checked_add_signed(offset).and_then(|cell| row.get(cell)).copied().unwrap_or(0.0)
+        // The grid is periodic.
+        row[((axis * node_cells) as isize + offset).rem_euclid(aperture.cells as isize) as usize]
     };
     let part = node - low as f64;
     let at = |offset: isize| (1.0 - part) * of_axis(low, offset) + part * of_axis(low + 1, offset);
