@@ -36,7 +36,8 @@ override ROUGHNESS: bool = true;
 override REFLECTIONS: bool = true;
 override APERTURE: bool = false;
 
-const CROSSINGS: u32 = CROSSINGS_AT_A_PLACE;
+// Of the line up to the first reflection; behind it, of a place.
+const CROSSINGS: u32 = CROSSINGS_OF_A_PATH;
 
 // Normal of a microfacet on a surface of normal `n`: Beckmann's distribution of slopes, mean square `variance`.
 fn microfacet(n: vec3<f32>, variance: f32, u: f32, v: f32) -> vec3<f32> {
@@ -72,12 +73,13 @@ fn returning(cos_facet: f32, roughness: f32, range_mm: f32) -> f32 {
     return sqrt(specular + diffuse);
 }
 
-// The triangle that is the interface at a place: the first in the scene of those of the highest surface.
-fn place_interface() -> u32 {
+// The triangle that is the interface at the place of the crossings from `first` to before `end`: the first in the scene of
+// those of the highest surface.
+fn place_interface(first: u32, end: u32) -> u32 {
     var chosen = 0u;
     var chosen_surface = 0u;
     var chosen_triangle = 0xffffffffu;
-    for (var i = 0u; i < crossing_count; i++) {
+    for (var i = first; i < end; i++) {
         let surface = crossing_surface(i);
         let triangle = triangles[3u * (crossing_key[i] >> 1u) + 1u].w;
         if surface > chosen_surface || (surface == chosen_surface && triangle < chosen_triangle) {
@@ -139,6 +141,14 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var crossed = 0u;
     // Displacement of the medium from rest, mm: scatterers are looked up at rest, so speckle moves with its tissue.
     var carried_mm = vec3<f32>(0.0);
+    // A path is a line until it reflects: one traversal finds its crossings, up to `known_mm`.
+    let start = origin;
+    let line_mm = FAST_MEDIA * stretch * params.depth_mm;
+    collect(start, direction, 0.0, line_mm);
+    let known_mm = min(line_mm, crossing_lost_mm) - TOUCH_MM;
+    var on_line = true;
+    var travelled_mm = 0.0;
+    var next = 0u;
     loop {
         // Writes the segment that begins here. The last record takes each further segment: what lies between counts as
         // the medium before.
@@ -176,7 +186,15 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         var done = false;
         loop {
             let left_mm = (params.depth_mm - range_mm) * path_per_range;
-            let t = nearest(origin, direction, t_min, left_mm);
+            var t = -1.0;
+            if on_line {
+                let ahead_mm = select(BEYOND_MM, crossing_t[min(next, CROSSINGS - 1u)], next < crossing_count);
+                on_line = min(travelled_mm + left_mm, ahead_mm) <= known_mm;
+                t = select(-1.0, ahead_mm - travelled_mm, ahead_mm - travelled_mm <= left_mm);
+            }
+            if !on_line {
+                t = nearest(origin, direction, t_min, left_mm);
+            }
             if t < 0.0 || left_mm <= 0.0 {
                 done = true;
                 break;
@@ -188,18 +206,27 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                 break;
             }
             // The place: that crossing and all others within TOUCH_MM of it.
-            crossing_count = 1u;
-            crossing_t[0] = t;
-            crossing_key[0] = nearest_key;
-            while nearest_crowded {
-                collect(origin, direction, max(t_min, t - TOUCH_MM), min(t + TOUCH_MM, left_mm));
-                lost += crossing_lost;
-                nearest_crowded = false;
+            if !on_line {
+                next = 0u;
+                crossing_count = 1u;
+                crossing_t[0] = t;
+                crossing_key[0] = nearest_key;
+                while nearest_crowded {
+                    collect(origin, direction, max(t_min, t - TOUCH_MM), min(t + TOUCH_MM, left_mm));
+                    lost += crossing_lost;
+                    nearest_crowded = false;
+                }
             }
             before = inside;
-            cross_place(0u);
-            chosen = place_interface();
-            origin += direction * t;
+            let first = next;
+            next = cross_place(first);
+            chosen = place_interface(first, next);
+            if on_line {
+                travelled_mm = crossing_t[first];
+                origin = start + direction * travelled_mm;
+            } else {
+                origin += direction * t;
+            }
             place_depth_mm = dot(origin, params.axial.xyz) - face_depth_mm;
             let word = medium_word();
             there = word & TISSUE_MASK;
@@ -276,6 +303,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         is_diverted = is_diverted || reflects;
         if reflects {
             inside = before;
+            on_line = false;
             reflections++;
             open = reflections <= params.reflections_max;
             // A rough surface spreads part of the beam beyond the aperture, both ways.

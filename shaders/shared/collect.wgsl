@@ -5,6 +5,8 @@ var<private> crossing_t: array<f32, CROSSINGS>;
 var<private> crossing_key: array<u32, CROSSINGS>;
 var<private> crossing_count: u32;
 var<private> crossing_lost: u32;
+// Distance of the nearest one that was lost, mm.
+var<private> crossing_lost_mm: f32;
 
 // Crossings in (t_min, t_max]; those beyond CROSSINGS are lost and counted.
 fn collect(origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: f32) {
@@ -15,6 +17,7 @@ fn collect(origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: f32) {
     var group = vec2<u32>(0u, 0x80000000u);
     crossing_count = 0u;
     crossing_lost = 0u;
+    crossing_lost_mm = BEYOND_MM;
     loop {
         var leaf = vec2<u32>(0u, 0u);
         if (group.y & 0xff000000u) != 0u {
@@ -45,6 +48,7 @@ fn collect(origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: f32) {
             }
             crossing_count += select(0u, 1u, there && room);
             crossing_lost += select(0u, 1u, there && !room);
+            crossing_lost_mm = select(crossing_lost_mm, min(crossing_lost_mm, hit.t), there && !room);
         }
         if (group.y & 0xff000000u) == 0u {
             if depth == 0u {

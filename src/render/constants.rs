@@ -31,12 +31,16 @@ pub(crate) const AXIAL_HALF_MAX: u32 = PULSE_TAPS_MAX / 2;
 
 /// Hits this close along a ray are one place, mm: touching surfaces, or one edge hit twice.
 pub(crate) const TOUCH_MM: f64 = 1.0e-3;
-/// Capacities for crossings: at one place, behind the face, and along a map ray.
+/// Capacities for crossings: at one place, along a path up to its first reflection, behind the face, and along a map ray.
 pub(crate) const CROSSINGS_AT_A_PLACE: u32 = 16;
+pub(crate) const CROSSINGS_OF_A_PATH: u32 = 96;
 pub(crate) const CROSSINGS_BEHIND: u32 = 64;
 pub(crate) const CROSSINGS_OF_A_MAP_RAY: u32 = 160;
 /// Most places that one path may cross. Few of them change the medium.
 pub(crate) const PLACES_MAX: u32 = 192;
+/// Speed of the media in which a path finds all its crossings by one traversal, over the assumed speed. In faster ones it is
+/// longer than that traversal.
+pub(crate) const FAST_MEDIA: f64 = 1.05;
 /// Range beyond every sample, mm.
 pub(crate) const BEYOND_MM: f64 = 3.0e38;
 

@@ -14,6 +14,7 @@ use super::meeting::{DRIFT_MM, Hit, hit};
 use super::packet::{Packet, Visits, possible_crossings};
 use super::search::{Covered, Search};
 use super::traverse::{Crossing, Nearest, Tree};
+use crate::render::constants::CROSSINGS_OF_A_PATH;
 use crate::simd::prefetch;
 
 /// Steps from crossing to crossing over which candidates hold. A step moves the origin by at most 6·10⁻⁵ mm, and turns
@@ -62,7 +63,7 @@ pub(super) struct Candidates {
 
 impl Candidates {
     /// Capacity. A path at high quality has about fifty.
-    const MOST: usize = 96;
+    const MOST: usize = CROSSINGS_OF_A_PATH as usize;
 
     pub(super) fn new() -> Self {
         Self { list: [Candidate::default(); Self::MOST], count: 0, complete_mm: f32::NEG_INFINITY }

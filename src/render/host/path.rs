@@ -19,8 +19,6 @@ use crate::render::constants::{
 use crate::render::params::Params;
 use crate::render::tables::PackedTissue;
 
-/// Way per mm of range over which candidates are collected. A path in faster media searches anew at its end.
-const FAST_MEDIA: f32 = 1.05;
 /// Capacity for crossings behind the face.
 pub(super) const CROSSINGS_BEHIND: usize = shared::CROSSINGS_BEHIND as usize;
 
@@ -311,7 +309,7 @@ impl Scene<'_> {
     /// Distance over which a path's candidates are collected, mm.
     #[inline(always)]
     pub(super) fn candidates_mm(&self, state: &PathState) -> f32 {
-        Candidates::length_mm(state.origin, FAST_MEDIA * state.stretch * self.params.depth_mm)
+        Candidates::length_mm(state.origin, shared::FAST_MEDIA as f32 * state.stretch * self.params.depth_mm)
     }
 
     /// State of a path on arrival at the interface `at`.
