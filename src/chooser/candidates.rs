@@ -124,7 +124,7 @@ impl Open {
         raw.chain(generated).collect()
     }
 
-    /// Points of the station's own quality: generators in their order, then the rendered frame. Errors are ranks.
+    /// Points of the station's own quality: generators in their order, then the raw frame. Errors are ranks.
     pub(super) fn fixed(&self, models: &[Model], times: &Times) -> Vec<Candidate> {
         let quality = self.own;
         // Without a time, frames say nothing about the load.

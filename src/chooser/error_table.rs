@@ -92,7 +92,7 @@ impl StationErrors {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PointError {
-    /// Quality of the rendered frame.
+    /// Quality of the raw frame.
     pub quality: FrameQuality,
     /// Generator on top.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -194,7 +194,7 @@ pub struct ExpectedErrors<'a> {
 }
 
 impl ExpectedErrors<'_> {
-    /// Qualities of rendered frames with known errors, by rising paths.
+    /// Qualities of raw frames with known errors, by rising paths.
     pub fn qualities(&self) -> Vec<FrameQuality> {
         let mut known: Vec<FrameQuality> = Vec::new();
         for point in self.stations.iter().flat_map(|station| &station.points) {

@@ -76,7 +76,7 @@ The shipped table is assets/quality/front.toml; its first lines name the command
 a change.
 
 Example:
-  insonify front configs/tiers.toml configs/lung_air.toml --minutes 10 --resume";
+  insonify front configs/generators.toml configs/lung_air.toml --minutes 10 --resume";
 
 /// Rays and layers from text such as `8x3`.
 fn rays_layers(text: &str) -> Result<(u32, u32), String> {

@@ -26,7 +26,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR")]
     frame: Option<PathBuf>,
 
-    /// Image to write [default: enhanced.png in the frame's directory]
+    /// Image to write [default: generated.png in the frame's directory]
     #[arg(long, value_name = "PNG", requires = "frame")]
     out: Option<PathBuf>,
 
@@ -52,7 +52,7 @@ Needs ONNX Runtime's library: scripts/setup fetches it, or ORT_DYLIB_PATH names 
 Examples:
   insonify generator assets/generators/fast_msa/fast_msa.onnx
   insonify render configs/obstetric.toml --out out/frame
-  insonify generator assets/generators/fast_msa/fast_msa.onnx --frame out/frame --out out/enhanced.png";
+  insonify generator assets/generators/fast_msa/fast_msa.onnx --frame out/frame --out out/generated.png";
 
 fn size(text: &str) -> Result<(u32, u32), String> {
     let in_range = input::product(text).filter(|(w, h)| (16..=4096).contains(w) && (16..=4096).contains(h));
@@ -107,7 +107,7 @@ struct Times {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let frame = args.frame.as_deref().map(FrameDir::read).transpose().input()?;
     let tissues = frame.as_ref().map_or(&[][..], |f| &f.tissues);
-    let written = frame.as_ref().map(|f| args.out.clone().unwrap_or_else(|| f.directory.join("enhanced.png")));
+    let written = frame.as_ref().map(|f| args.out.clone().unwrap_or_else(|| f.directory.join("generated.png")));
     if let (Some(frame), Some(path)) = (&frame, &written) {
         let read = FrameFiles::NAMES.map(|name| frame.directory.join(name));
         Outputs::beside(read).and(generator_files(&args.model)).replaced("--out", path)?;

@@ -201,7 +201,7 @@ pub(crate) fn recorded_controls(
     render: RenderSettings,
     events: &[Event],
 ) -> ReplayedControls {
-    let begin = LiveSettings { probe, render, frozen: false, enhance: false };
+    let begin = LiveSettings { probe, render, frozen: false, generator: false };
     let controls = ReplayedControls::new(begin, events);
     for reason in controls.refused() {
         tracing::warn!("{}: {reason}", path.display());

@@ -173,7 +173,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         render: station.settings,
         points: chosen.points,
         aperture: chosen.aperture,
-        enhancer: chosen.enhancer,
+        generators: chosen.generators,
         sinks: opened.sinks,
         log: opened.log,
         controls: opened.controls,

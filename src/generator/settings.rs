@@ -23,7 +23,7 @@ settings! {
         budget_ms: f64 = 50.0, "ms", BUDGET_MIN_MS..=BUDGET_MAX_MS, Everything;
     }
     plain {
-        /// Models (`.onnx`, each with its manifest); with a fixed quality, in order of preference. Empty: rendered frames.
+        /// Models (`.onnx`, each with its manifest); with a fixed quality, in order of preference. Empty: raw frames.
         models: Vec<PathBuf> = Vec::new(), Everything;
         /// Execution provider.
         provider: Provider = Provider::Cpu, Everything;

@@ -45,7 +45,7 @@ pub use histogram::{Histogram, Percentiles};
 pub use local_renderer::LocalRendererFactory;
 pub use metrics::{Status, memory_bytes};
 pub use parts::{
-    EnhanceError, Enhancer, FrameRenderer, ImageShape, PoseSource, RenderFault, RendererFactory, Terminator,
+    FrameGenerators, FrameRenderer, GenerateError, ImageShape, PoseSource, RenderFault, RendererFactory, Terminator,
 };
 pub use recorded::{RecordedSlot, RecorderPart, RecordingObserver};
 pub use replayed::{OtherSetting, ReplayedControls, ReplayedPoses};

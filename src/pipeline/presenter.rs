@@ -121,7 +121,7 @@ impl Presenter {
     fn choose(&self, rendered: &Rendered, state: &mut State) -> FrameSource {
         let Some(pose) = rendered.info.pose().filter(|_| rendered.generator.is_some()) else {
             state.chooser.reset();
-            return FrameSource::LowQuality;
+            return FrameSource::Raw;
         };
         let own = state.is_own(rendered);
         let near = state.held.as_ref().is_some_and(|held| {
@@ -143,7 +143,7 @@ impl Presenter {
             presented_ms = Empty
         )
         .entered();
-        let held = state.held.as_deref().filter(|_| source != FrameSource::LowQuality);
+        let held = state.held.as_deref().filter(|_| source != FrameSource::Raw);
         let number = self.metrics.shown(|s| s.presented);
         let filled = state.pool.fill(|frame| {
             frame.number = number;
@@ -163,9 +163,9 @@ impl Presenter {
                 Some(_) => state.look.apply(&settings.look, shape, &mut frame.image),
                 None => state.look.reset(),
             }
-            match (held, &mut frame.tier) {
-                (Some(held), Some(tier)) => tier.clone_from(&held.tier),
-                (held, tier) => *tier = held.map(|held| held.tier.clone()),
+            match (held, &mut frame.generator) {
+                (Some(held), Some(generator)) => generator.clone_from(&held.generator),
+                (held, generator) => *generator = held.map(|held| held.generator.clone()),
             }
             frame.point.clone_from(&rendered.point);
             self.events.notice_into(&mut frame.notice);

@@ -225,7 +225,7 @@ mod tests {
     #[test]
     fn settings_hold_from_their_time_on_and_nonsense_is_refused() {
         let event = |ms: u64, name: &str, value: serde_json::Value| Event::new(START + ms * MS, name).with(value);
-        let begin = LiveSettings { enhance: false, ..LiveSettings::default() };
+        let begin = LiveSettings { generator: false, ..LiveSettings::default() };
         let mut louder = LiveSettings { frozen: true, ..begin };
         (louder.probe.depth_mm, louder.render.quality.rays) = (90.0, 4);
         let events = [

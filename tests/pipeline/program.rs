@@ -123,7 +123,7 @@ fn ctrl_c_ends_the_program_in_order_and_a_truncated_file_is_never_left() {
 
 /// The complete chain of the program: a recorded tracker's bytes, estimator, generator, sink and recording.
 #[test]
-fn the_program_tracks_enhances_and_records() {
+fn the_program_tracks_generates_and_records() {
     use insonify::tracker::Protocol;
     use insonify::tracker::recording::{RecordingInfo, RecordingWriter, poses};
     let _guard = beside_others();
@@ -156,7 +156,7 @@ fn the_program_tracks_enhances_and_records() {
     let done = insonify(&["run", &station, "--record", &paths[0], "--metrics", &paths[1], "--json"]).output().unwrap();
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     let summary: Value = serde_json::from_slice(&done.stdout).unwrap();
-    assert!(summary["enhanced_ratio"].as_f64().unwrap() > 0.0, "{summary}");
+    assert!(summary["generated_ratio"].as_f64().unwrap() > 0.0, "{summary}");
     let sums: Vec<_> = [&taken, &kept].into_iter().map(|path| poses(path).unwrap()).collect();
     assert_eq!(sums[1].1.info.protocol, Protocol::OpenTrack);
     assert_eq!(

@@ -54,7 +54,7 @@ const PANEL_WIDTH: u32 = 440;
 ///
 /// It opens with the whole chain in real time: the tracker's recorded bytes, decoder, estimator, renderer, generator,
 /// and a page for the browser, whose address is printed; then says how long each pose took to be seen, what was
-/// dropped, how much was enhanced, and why a generator ran or not. On a terminal the exam goes on while the page is
+/// dropped, how much was generated, and why a generator ran or not. On a terminal the exam goes on while the page is
 /// watched, until Enter; else the demo ends by itself.
 ///
 /// The first run builds the phantom of 675 000 triangles, which takes some minutes; later runs find it in the cache.

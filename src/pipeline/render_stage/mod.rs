@@ -182,7 +182,7 @@ impl RenderStage {
             points.moves(now.as_secs_f64(), speed);
         }
         let scene_time = self.poses.scene_time(now, info.settings.frozen);
-        let generator = self.generator.filter(|_| info.settings.enhance);
+        let generator = self.generator.filter(|_| info.settings.generator);
         let maps = self.parts.maps_wanted(generator);
         match (&mut self.device, info.pose()) {
             (Device::Ready(renderer), Some(pose)) => {

@@ -255,11 +255,11 @@ impl App {
 fn labels(shown: &Shown) -> impl PartialEq + '_ {
     let FrameInfo { estimate, settings, .. } = &shown.info;
     let picture = (shown.width, shown.height, shown.pixel_mm, shown.face_row);
-    (picture, shown.source, estimate.state, settings, &shown.tier, &shown.notice)
+    (picture, shown.source, estimate.state, settings, &shown.generator, &shown.notice)
 }
 
 fn without_image(shown: &Shown) -> Shown {
-    Shown { image: Vec::new(), tier: shown.tier.clone(), notice: shown.notice.clone(), ..*shown }
+    Shown { image: Vec::new(), generator: shown.generator.clone(), notice: shown.notice.clone(), ..*shown }
 }
 
 /// The key's name as in `KeyboardEvent.key`.
