@@ -184,12 +184,12 @@ def with_key(text, table, key, value):
     return text[: found.start()] + changed + text[found.end() :]
 
 
-def soak_step(tree, program, folder, name, options, rate_hz=14, budget_ms=64):
+def soak_step(tree, program, folder, name, options, rate_hz=14, frame_budget_ms=64):
     """A session of scripts/soak, whose faults are kept with its figures."""
-    change = lambda text: with_key(with_key(text, "pipeline", "frame_rate_hz", rate_hz), "quality", "budget_ms", budget_ms)  # noqa: E731
+    change = lambda text: with_key(with_key(text, "pipeline", "frame_rate_hz", rate_hz), "quality", "frame_budget_ms", frame_budget_ms)  # noqa: E731
     station = station_copy(tree, folder / f"{name}.toml", change)
     command = [sys.executable, "scripts/soak", "--program", program, "--station", station, "--out", folder / name, *options]
-    asked = {"rate_hz": rate_hz, "asked_budget_ms": budget_ms}
+    asked = {"rate_hz": rate_hz, "asked_frame_budget_ms": frame_budget_ms}
     return Step(name, command, lambda step, _: asked | read(step / "figures.json"), codes=(0, 1))
 
 
@@ -204,7 +204,7 @@ def soak_steps(*options):
 
 def live_error_steps(tree, program, folder):
     def fixed(text):
-        text = with_key(text, "generator", "models", '["../assets/generators/fast_m/fast_m.onnx"]\nbudget_ms = 4000')
+        text = with_key(text, "generator", "models", '["../assets/generators/fast_m/fast_m.onnx"]\nrun_budget_ms = 4000')
         return re.sub(r"(?ms)^\[quality\]\n.*?(?=^\[)", "[quality]\nrays = 1\nlayers = 1\n\n", text)
 
     stations = [

@@ -64,7 +64,7 @@ impl Open {
         let own = FrameQuality { angles: if steers { own.angles } else { 1 }, ..own };
         let aperture = station.settings.effects.of(Effect::Aperture) != Choice::On;
         // A hint for a fixed quality leaves open what a budget would.
-        let angles = station.angles_open || (station.quality_budget_ms.is_none() && own.angles == 1);
+        let angles = station.angles_open || (station.frame_budget_ms.is_none() && own.angles == 1);
         Self { own, angles: angles && steers, aperture }
     }
 

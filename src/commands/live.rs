@@ -202,7 +202,7 @@ mod tests {
         let text = std::fs::read_to_string(directory.join("live.toml")).unwrap();
         let text = text.replace("[pipeline]", &format!("[pipeline]\n{pipeline}"));
         let station = Station::parse(&text, &directory).unwrap();
-        assert_eq!(station.generator.budget_ms, 64.0);
+        assert_eq!(station.generator.run_budget_ms, 64.0);
         let clock: Arc<dyn Clock> = Arc::new(SimulatedClock::new());
         let parts = Parts {
             clock: clock.clone(),

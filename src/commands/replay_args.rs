@@ -113,7 +113,7 @@ pub(crate) struct Replay {
     /// In the order of their frames; at least one.
     pub(crate) parts: Vec<Part>,
     /// Frame time that chooses the quality, ms; `None` if station, command or recorded session sets the quality.
-    budget_ms: Option<f64>,
+    frame_budget_ms: Option<f64>,
 }
 
 impl ReplayArgs {
@@ -130,23 +130,23 @@ impl ReplayArgs {
         settings.quality.seed = self.seed.unwrap_or(settings.quality.seed);
         let events = if self.ignore_controls { &[][..] } else { &summary.events };
         let recorded = events.iter().any(sets_quality);
-        let budget_ms = station.quality_budget_ms.filter(|_| self.quality.is_none() && !recorded);
-        if let (Some(ms), None, None) = (station.quality_budget_ms, budget_ms, self.quality) {
-            eprintln!("the recorded session says its quality: quality.budget_ms = {ms} chooses nothing");
+        let frame_budget_ms = station.frame_budget_ms.filter(|_| self.quality.is_none() && !recorded);
+        if let (Some(ms), None, None) = (station.frame_budget_ms, frame_budget_ms, self.quality) {
+            eprintln!("the recorded session says its quality: quality.frame_budget_ms = {ms} chooses nothing");
         }
         let mut controls = recorded_controls(&self.recording, station.probe, settings, events);
         self.say_others(&station, &controls);
         let live: Vec<LiveSettings> = timeline.times_ns.iter().map(|time| controls.at(*time)).collect();
         timeline.freeze(&live);
         let parts = self.parts(&live, frames.clone());
-        Ok(Replay { station, rate, summary, timeline, frames, parts, budget_ms })
+        Ok(Replay { station, rate, summary, timeline, frames, parts, frame_budget_ms })
     }
 
     /// Prints the settings with which the recorded session began, if they differ from the station's.
     fn say_others(&self, station: &Station, controls: &ReplayedControls) {
         let mut others = controls.others_at_start();
         // A quality chosen here differs on purpose.
-        let chosen = self.quality.is_some() || station.quality_budget_ms.is_some();
+        let chosen = self.quality.is_some() || station.frame_budget_ms.is_some();
         others.retain(|other| !chosen || !matches!(&*other.key, "rays" | "layers"));
         if others.is_empty() {
             return;
@@ -229,14 +229,14 @@ impl Replay {
     /// Applies the quality chosen by the station's budget, if it has one, and reports it. Measured at the poses of the
     /// first, middle and last frame.
     pub(crate) fn choose_quality(&mut self, backend: &Backend, scene: &Scene) -> Result<(), Failure> {
-        let Some(budget_ms) = self.budget_ms else { return Ok(()) };
+        let Some(frame_budget_ms) = self.frame_budget_ms else { return Ok(()) };
         let Part { probe, settings, .. } = self.first()?;
         let poses = self.timeline.poses.get(self.frames.clone()).unwrap_or_default();
         let last = poses.len().saturating_sub(1);
         let poses: Vec<Pose> = [0, last / 2, last].iter().filter_map(|i| poses.get(*i).copied()).collect();
         let mut renderer = Renderer::new(backend, scene, probe, settings)?;
         let name = scene_name(&self.station);
-        let chosen = choose_still(&mut renderer, &name, probe, settings, &poses, budget_ms)?;
+        let chosen = choose_still(&mut renderer, &name, probe, settings, &poses, frame_budget_ms)?;
         quality::say_chosen(&chosen);
         for Part { settings, .. } in &mut self.parts {
             (settings.quality.rays, settings.quality.layers) = (chosen.quality.rays, chosen.quality.layers);

@@ -35,7 +35,7 @@ impl fmt::Display for SummaryTable<'_> {
             write!(
                 f,
                 "quality            {begun} to {ended} for {:.0} ms: lowered {lowered}, raised {raised}",
-                p.budget_ms
+                p.limit_ms
             )?;
             writeln!(f, ", refused {}{}", p.refused, if p.by_hand { ", then set by hand" } else { "" })?;
             for change in &p.changes {

@@ -44,9 +44,9 @@ pub(crate) fn warn_of_effects(scene: &Scene, probe: &Probe, settings: &RenderSet
 
 /// Warns that the command ignores the station's budget and uses the lowest quality.
 pub(crate) fn warn_of_budget(station: &Station) {
-    if let Some(budget_ms) = station.quality_budget_ms {
+    if let Some(frame_budget_ms) = station.frame_budget_ms {
         let quality = quality::name(&station.settings.quality);
-        tracing::warn!("quality.budget_ms = {budget_ms} chooses nothing here: the quality is {quality}");
+        tracing::warn!("quality.frame_budget_ms = {frame_budget_ms} chooses nothing here: the quality is {quality}");
     }
 }
 

@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use super::Provider;
 use crate::settings::settings;
 
-/// Least and greatest budget, ms.
-const BUDGET_MIN_MS: f64 = 1.0;
-const BUDGET_MAX_MS: f64 = 10_000.0;
+/// Least and greatest budget of a run, ms.
+const RUN_BUDGET_MIN_MS: f64 = 1.0;
+const RUN_BUDGET_MAX_MS: f64 = 10_000.0;
 
 settings! {
     /// Generator settings of a station.
@@ -19,8 +19,8 @@ settings! {
         /// Threads of one run; 0 is one per processor.
         threads: u32 = 0, "", 0.0..=256.0, Everything;
 
-        /// Time that one run may take. Default: `quality.budget_ms`, if given.
-        budget_ms: f64 = 50.0, "ms", BUDGET_MIN_MS..=BUDGET_MAX_MS, Everything;
+        /// Time that one run may take. Default: `quality.frame_budget_ms`, if given.
+        run_budget_ms: f64 = 50.0, "ms", RUN_BUDGET_MIN_MS..=RUN_BUDGET_MAX_MS, Everything;
     }
     plain {
         /// Models (`.onnx`, each with its manifest); with a fixed quality, in order of preference. Empty: raw frames.

@@ -487,7 +487,7 @@ fn broken_truncated_and_foreign_models_are_refused_and_the_others_are_used() {
     let other_channels =
         changed("brightness", |text, path| with_model(text, path, &std::fs::read(model("weighted_maps")).unwrap()));
     let models = [&not_numbers.1, &truncated.1, &foreign.1, &other_channels.1, &model("identity")].map(Clone::clone);
-    let settings = Settings { models: models.to_vec(), threads: 1, budget_ms: 10_000.0, ..Settings::default() };
+    let settings = Settings { models: models.to_vec(), threads: 1, run_budget_ms: 10_000.0, ..Settings::default() };
     let tissues = TISSUES.map(str::to_owned);
     let mut loaded = load_generators(&settings, &tissues).unwrap();
     let words: [&[&str]; 4] = [

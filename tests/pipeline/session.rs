@@ -80,7 +80,7 @@ impl Session {
             stop: Stop::new(clock),
             settings: PipelineSettings {
                 frame_rate_hz: 20.0,
-                budget_ms: 100.0,
+                deadline_ms: 100.0,
                 choice,
                 hang_ms: 2000.0,
                 finish_ms: 10_000.0,

@@ -261,7 +261,7 @@ impl Pipeline {
             generator: generator.clone(),
             map_readers,
             period: Duration::from_secs_f64(1.0 / settings.frame_rate_hz.clamp(0.1, 1000.0)),
-            budget: seconds(settings.budget_ms),
+            deadline_after: seconds(settings.deadline_ms),
         };
         let (poses, renderer) = (parts.poses, parts.renderer);
         let render = spawn(&clock, "renderer", move || RenderStage::new(render, poses, renderer).run());
