@@ -59,7 +59,7 @@ pub(super) struct Open {
 impl Open {
     pub(super) fn of(station: &Station) -> Self {
         let own = FrameQuality::of(&station.settings);
-        // A probe that doesn't steer has one look.
+        // A probe that doesn't steer has one angle.
         let steers = station.probe.kind.steers();
         let own = FrameQuality { angles: if steers { own.angles } else { 1 }, ..own };
         let aperture = station.settings.effects.of(Effect::Aperture) != Choice::On;
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn probes_that_do_not_steer_have_points_of_one_look() {
+    fn probes_that_do_not_steer_have_points_of_one_angle() {
         let phased = Probe { kind: ProbeKind::Phased { fov_deg: 90.0 }, ..Probe::default() };
         let expected = ErrorTable::shipped().unwrap().expected("lung", &phased);
         let open = open(1, false);

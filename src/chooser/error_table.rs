@@ -320,7 +320,7 @@ mod tests {
                 station.points.iter().filter(plain).find(|p| p.quality == quality).unwrap().rmse
             };
             let most = station.points.iter().filter(plain).max_by_key(|p| p.quality.paths()).unwrap().rmse;
-            // Around a sphere one look's error is speckle alone: rays change it by less than the reference is converged to.
+            // Around a sphere one angle's error is speckle alone: rays change it by less than the reference is converged to.
             let converged_to = if station.name == "sphere.toml" { 0.02 } else { 0.0 };
             assert!(most < raw(1, 1) + converged_to, "{}", station.name);
             for key in station.points.iter().filter_map(|point| point.generator.as_ref()) {

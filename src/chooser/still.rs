@@ -48,7 +48,7 @@ pub fn choose_still(
     frame_budget_ms: f64,
 ) -> Result<StillQuality, ChooserError> {
     let own = FrameQuality::of(settings);
-    // A probe that doesn't steer has one look.
+    // A probe that doesn't steer has one angle.
     let own = FrameQuality { angles: if probe.kind.steers() { own.angles } else { 1 }, ..own };
     let expected = ErrorTable::shipped()?.expected(scene, probe);
     let mut points: Vec<(FrameQuality, f64)> = Vec::new();

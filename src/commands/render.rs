@@ -118,7 +118,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         renderer.sector().pixel_mm,
         &frame.mask,
         &settings.image,
-        settings.look.independent_looks(&station.probe),
+        settings.look.independent_angles(&station.probe),
     );
     Look::default().apply(&settings.look, shape, &mut frame.bmode);
     let adapter = session::adapter(&backend);

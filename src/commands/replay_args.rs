@@ -265,9 +265,9 @@ impl Replay {
                 before(from + i);
                 self.timeline.scene_s(frames.start + i)
             };
-            let (pixel_mm, looks) = (renderer.sector().pixel_mm, settings.look.independent_looks(probe));
+            let (pixel_mm, angles) = (renderer.sector().pixel_mm, settings.look.independent_angles(probe));
             session::render_paced(&mut renderer, poses, before, |i, frame| {
-                let shape = Shape::new(frame.width, pixel_mm, &frame.mask, &settings.image, looks);
+                let shape = Shape::new(frame.width, pixel_mm, &frame.mask, &settings.image, angles);
                 look.apply(&settings.look, shape, &mut frame.bmode);
                 each(from + i, frame)
             })?;

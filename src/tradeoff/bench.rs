@@ -115,7 +115,7 @@ impl Bench {
         &self.settings
     }
 
-    /// The station's knobs, for one look.
+    /// The station's knobs, for one angle.
     pub(crate) fn base(&self) -> Knobs {
         Knobs::of(&self.probe, &self.settings).compounded(1, false)
     }

@@ -45,7 +45,7 @@ const EXAM_NAME: &str = "obstetric_sweep.mcap";
 /// Frames timed at HQ, and runs of the generator timed, spread over the exam so that they are not those of a few good
 /// views.
 const TIMED: usize = 20;
-/// High quality of one look. That of the contact sheet is the generator's target.
+/// High quality of one angle. That of the contact sheet is the generator's target.
 const HQ: FrameQuality = FrameQuality::new(32, 3);
 /// Width of an image in the contact sheet, pixels.
 const PANEL_WIDTH: u32 = 440;
@@ -98,7 +98,7 @@ Files:
   times.json                  p50, p95 and max of each stage and of the generator; PSNR and SSIM of the key frames
 
 The generator of the contact sheet is the shipped one with the least error on LQ frames. HQ is what it was trained to give,
-a mean of several steering angles. Without ONNX Runtime the sheet has no translated images, and HQ is one look.
+a mean of several steering angles. Without ONNX Runtime the sheet has no translated images, and HQ is one angle.
 
 Examples:
   insonify demo
@@ -124,7 +124,7 @@ struct Report<'a> {
     overflowed: usize,
     /// With the generator's runs.
     times_lq: Vec<StageTime>,
-    /// One look.
+    /// One angle.
     times_hq: Vec<StageTime>,
     /// Key frames at `target`.
     times_target: Vec<StageTime>,
