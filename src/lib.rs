@@ -57,7 +57,8 @@
 //! | [`transducer`] | probes and their sectors |
 //! | [`phantom`] | the obstetric phantom: an individual from its parameters |
 //! | [`anatomy`] | scenes, tissues, solids, motion |
-//! | [`tracker`] | decoders; sessions: features `live`, `serial`, `hid`; recordings: feature `recordings` |
+//! | [`recording`] | recordings and interchange; feature `recordings` |
+//! | [`tracker`] | decoders; sessions: features `live`, `serial`, `hid` |
 //! | [`pose`] | poses, their estimation and calibration |
 //! | [`acoustics`], [`look`] | formulas; the picture after its lines |
 //! | [`settings`] | every setting once |
@@ -111,6 +112,8 @@ pub mod transducer;
 pub mod phantom;
 
 pub mod anatomy;
+
+pub mod recording;
 
 pub mod tracker;
 

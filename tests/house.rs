@@ -13,7 +13,7 @@ use std::fs;
 use std::path::Path;
 
 /// Modules from the highest to the lowest. Those of one line do not import each other.
-const ORDER: [&[&str]; 19] = [
+const ORDER: [&[&str]; 20] = [
     &["pipeline"],
     &["chooser"],
     &["evaluation"],
@@ -28,6 +28,7 @@ const ORDER: [&[&str]; 19] = [
     &["transducer"],
     &["phantom"],
     &["anatomy"],
+    &["recording"],
     &["tracker"],
     &["pose"],
     &["acoustics", "look"],

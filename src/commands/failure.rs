@@ -14,14 +14,14 @@ use insonify::generator::GeneratorError;
 use insonify::phantom::{CacheError, PhantomError};
 use insonify::pose::CalibrationError;
 use insonify::quality::QualityError;
+use insonify::recording::RecordingError;
+use insonify::recording::interchange::InterchangeError;
 use insonify::render::{BackendError, RenderError, UnknownBackendVariable};
 use insonify::selftest::SelfTestError;
 use insonify::settings::SettingsError;
 use insonify::sink::SinkError;
 use insonify::station::StationError;
 use insonify::tracker::TrackerError;
-use insonify::tracker::interchange::InterchangeError;
-use insonify::tracker::recording::RecordingError;
 use insonify::tradeoff::TradeoffError;
 
 use super::terminal;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Parser;
-use insonify::tracker::recording::{Event, RecordingReader, RecordingSummary, SessionSettings, Timing, read_all};
+use insonify::recording::{Event, RecordingReader, RecordingSummary, SessionSettings, Timing, read_all};
 use serde::Serialize;
 
 use super::replay::RecordingReport;

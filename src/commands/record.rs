@@ -11,11 +11,10 @@ use anyhow::anyhow;
 use bytes::BytesMut;
 use clap::Parser;
 use insonify::pipeline::StopSignals;
+use insonify::recording::{Event, Recorded, RecorderHandle, event_of, spawn, stream_of};
 use insonify::station::Station;
-use insonify::tracker::recording::{Event, Recorded, RecorderHandle, event_of};
 use insonify::tracker::{
     Listener, Monitor, Protocol, Record, SessionHandle, SessionState, Settings, TrackerEvent, Transport, host_time_ns,
-    spawn, stream_of,
 };
 use serde::Serialize;
 use tokio::runtime::Runtime;

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Parser;
+use insonify::recording::RecordingSummary;
 use insonify::report::TimeTable;
 use insonify::report::time_table::{SideBySide, StageTime};
 use insonify::settings::{ImageSettings, LookSettings, Probe, RenderSettings};
@@ -12,7 +13,6 @@ use insonify::sink::frame_files::tissue_numbers;
 use insonify::sink::frame_record::{AdapterRecord, PoseRecord};
 use insonify::sink::png::{self, Effort};
 use insonify::sink::{Video, npy, remove, write_json};
-use insonify::tracker::recording::RecordingSummary;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 

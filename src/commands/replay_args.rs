@@ -11,11 +11,11 @@ use insonify::chooser::{choose_still, scene_name};
 use insonify::look::{Look, Shape};
 use insonify::pipeline::{OtherSetting, ReplayedControls, ReplayedPoses};
 use insonify::pose::{Estimator, Pose};
+use insonify::recording::{self, Event, RecordingSummary};
 use insonify::render::{Backend, Frame, Quality, RenderSettings, Renderer};
 use insonify::settings::LiveSettings;
 use insonify::sink::FrameRate;
 use insonify::station::Station;
-use insonify::tracker::recording::{self, Event, RecordingSummary};
 use insonify::transducer::Probe;
 
 use super::effects::EffectArgs;

@@ -9,10 +9,10 @@ use insonify::anatomy::Mesh;
 use insonify::exam::score::{self, HOLD_S, PlaneScore, Reference, Score};
 use insonify::pipeline::ReplayedControls;
 use insonify::pose::{TimedPose, TrackingState};
+use insonify::recording::{RecordingReader, read_both};
 use insonify::report::exam as exam_report;
 use insonify::settings::{Choice, Effect};
 use insonify::station::{PlaneScene, Station};
-use insonify::tracker::recording::{RecordingReader, read_both};
 use serde::Serialize;
 
 use super::outputs::Outputs;
@@ -198,8 +198,8 @@ fn measure_line(name: &str, measured_mm: Option<f64>, true_mm: Option<f64>, erro
 
 #[cfg(test)]
 mod tests {
+    use insonify::recording::Event;
     use insonify::settings::{LiveSettings, Probe};
-    use insonify::tracker::recording::Event;
 
     use super::*;
 

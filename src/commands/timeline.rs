@@ -3,9 +3,9 @@
 use anyhow::anyhow;
 use insonify::pipeline::ReplayedPoses;
 use insonify::pose::{Pose, TimedPose, TrackingState, interpolate};
+use insonify::recording::GAP_NS;
 use insonify::settings::LiveSettings;
 use insonify::sink::FrameRate;
-use insonify::tracker::recording::GAP_NS;
 
 use super::Failure;
 

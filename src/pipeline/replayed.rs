@@ -5,8 +5,8 @@ use serde_json::Value;
 
 use super::recorded::{SETTINGS_EVENT, settings_after};
 use crate::pose::{Estimate, Estimator, Measurement, Reading};
+use crate::recording::{DISCONNECTED_EVENT, Event};
 use crate::settings::{LiveSettings, SettingsGroup as _, live_settings};
-use crate::tracker::recording::{DISCONNECTED_EVENT, Event};
 
 /// Time before a puck's first measurement at which it is assumed at rest, ns.
 const REST_NS: u64 = 1_000_000;

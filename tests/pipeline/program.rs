@@ -124,8 +124,8 @@ fn ctrl_c_ends_the_program_in_order_and_a_truncated_file_is_never_left() {
 /// The complete chain of the program: a recorded tracker's bytes, estimator, generator, sink and recording.
 #[test]
 fn the_program_tracks_generates_and_records() {
+    use insonify::recording::{RecordingInfo, RecordingWriter, poses};
     use insonify::tracker::Protocol;
-    use insonify::tracker::recording::{RecordingInfo, RecordingWriter, poses};
     let _guard = beside_others();
     let dir = tempfile::tempdir().unwrap();
     // A protocol that the station doesn't name: only the recording knows it.

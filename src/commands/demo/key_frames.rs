@@ -7,13 +7,13 @@ use std::sync::Arc;
 use insonify::anatomy::{Bvh, Scene};
 use insonify::pose::Pose;
 use insonify::quality::{Pair, Scores};
+use insonify::recording::Event;
 use insonify::render::{Backend, Effect, Frame, FrameQuality, RenderSettings, Renderer};
 use insonify::report::contact_sheet::{Map, Panel};
 use insonify::report::{ContactSheet, TimeTable};
 use insonify::sink::{FrameFiles, FrameRecord, png, remove};
 use insonify::station::Station;
 use insonify::statistics::{evenly, mean};
-use insonify::tracker::recording::Event;
 use serde::Serialize;
 
 use super::super::timeline::Timeline;

@@ -13,6 +13,7 @@ use anyhow::Context;
 use clap::Parser;
 use insonify::anatomy::Bvh;
 use insonify::pipeline::{Clock, Stop, Summary, SystemClock, on_ctrl_c};
+use insonify::recording::{RecordingReader, poses_of};
 use insonify::render::{FrameQuality, RenderError};
 use insonify::report::ContactSheet;
 use insonify::report::time_table::{SideBySide, StageTime};
@@ -21,7 +22,6 @@ use insonify::sink::video::halved;
 use insonify::sink::{FrameRate, Video, write_json};
 use insonify::station::Station;
 use insonify::statistics::evenly;
-use insonify::tracker::recording::{RecordingReader, poses_of};
 use serde::Serialize;
 
 use super::backend::BackendArgs;
