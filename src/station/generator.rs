@@ -10,8 +10,6 @@ pub(super) fn settings(values: &Values, dir: &Path) -> Settings {
     let mut settings = Settings::default();
     values.set_group(&mut settings);
     settings.models = values.texts("models").unwrap_or_default().into_iter().map(|path| dir.join(path)).collect();
-    // The word is valid: `Values::check` verified it.
-    settings.provider = values.text("provider").and_then(|word| word.parse().ok()).unwrap_or(settings.provider);
     settings
 }
 

@@ -13,8 +13,9 @@ use super::{Station, StationError, calibration};
 use crate::anatomy::{Tissue, TissueTable};
 use crate::generator;
 use crate::pose::Pose;
-use crate::settings::{Face, LookPreset, LookSettings, PipelineSettings, Probe, ProbeKind, SettingsGroup};
-use crate::sink::window as window_sink;
+use crate::settings::{
+    BackendSettings, Face, LookPreset, LookSettings, PipelineSettings, Probe, ProbeKind, SettingsGroup,
+};
 use crate::suggest::did_you_mean;
 
 pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
@@ -30,7 +31,7 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let scene_values = section(&mut root, "scene")?;
     let scene = super::scene::source(&scene_values, dir)?;
     let background = scene_values.text("background").unwrap_or("gel").to_owned();
-    let motion = scene_values.boolean("motion").unwrap_or(true);
+    let motion = super::scene::settings(&scene_values).motion;
     tissue_index(&tissues, &background)?;
     let probe = probe(&section(&mut root, "probe")?)?;
     let quality_values = section(&mut root, "quality")?;
@@ -41,7 +42,7 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     settings.look = look(&look_values);
     let frame_budget_ms = quality_values.number("frame_budget_ms");
     let angles_open = frame_budget_ms.is_some() && !look_values.has("angles") && !look_values.has("preset");
-    let backend = section(&mut root, "render")?.text("backend").and_then(|word| word.parse().ok()).unwrap_or_default();
+    let backend = group::<BackendSettings>(&mut root, "render")?.backend;
     settings.effects = super::effects::choices(&section(&mut root, "effects")?);
     let default_pose = pose(&mut root)?;
     let filter = group(&mut root, "filter")?;
@@ -54,8 +55,7 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     }
     let openigtlink = optional(&mut root, "openigtlink")?.map(|v| super::openigtlink::settings(&v)).transpose()?;
     let browser = optional(&mut root, "browser")?.map(|values| super::browser::settings(&values)).transpose()?;
-    let window = optional(&mut root, "window")?
-        .map(|values| window_sink::Settings { full_screen: values.boolean("full_screen").unwrap_or(false) });
+    let window = optional(&mut root, "window")?.map(|values| values.group());
     let pipeline = group(&mut root, "pipeline")?;
     check_hang(&pipeline, &generator)?;
     let sinks = super::display::sinks(&section(&mut root, "display")?);
@@ -95,9 +95,7 @@ pub(super) fn tissue_index(tissues: &TissueTable, name: &str) -> Result<usize, S
 
 /// Settings group of a table.
 fn group<G: SettingsGroup + Default>(root: &mut Table, name: &str) -> Result<G, StationError> {
-    let mut group = G::default();
-    section(root, name)?.set_group(&mut group);
-    Ok(group)
+    Ok(section(root, name)?.group())
 }
 
 /// Refuses a `hang_ms` that ends runs within their budget.
