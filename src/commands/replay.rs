@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Parser;
-use insonify::recording::RecordingSummary;
+use insonify::recording::{RecordingReport, RecordingSummary};
 use insonify::report::TimeTable;
 use insonify::report::time_table::{SideBySide, StageTime};
 use insonify::settings::{ImageSettings, LookSettings, Probe, RenderSettings};
@@ -113,25 +113,6 @@ struct Report<'a> {
     frames: Vec<FrameEntry>,
 }
 
-/// Contents of a recording.
-#[derive(Serialize)]
-pub(crate) struct RecordingReport<'a> {
-    path: String,
-    device: &'a str,
-    scene: &'a str,
-    records: u64,
-    duration_s: f64,
-    /// Whether everything in the file was used.
-    clean: bool,
-    truncated: Option<&'a str>,
-    damaged_parts: u64,
-    decode_errors: u64,
-    missing_records: u64,
-    sequence_reversals: u64,
-    time_reversals: u64,
-    other_sensors: u64,
-}
-
 /// Frames that were rendered with the same settings.
 #[derive(Serialize)]
 struct PartEntry {
@@ -165,27 +146,6 @@ struct FrameEntry {
     time_s: f64,
     pose: PoseRecord,
     held: bool,
-}
-
-impl<'a> RecordingReport<'a> {
-    /// Report of `summary` for the recording at `path`.
-    pub(crate) fn new(path: &Path, summary: &'a RecordingSummary) -> Self {
-        Self {
-            path: path.display().to_string(),
-            device: &summary.info.device,
-            scene: &summary.info.scene,
-            records: summary.records,
-            duration_s: summary.duration.as_secs_f64(),
-            clean: summary.is_clean(),
-            truncated: summary.damage.truncated.as_deref(),
-            damaged_parts: summary.damage.damaged,
-            decode_errors: summary.decode_errors,
-            missing_records: summary.missing_records,
-            sequence_reversals: summary.sequence_reversals,
-            time_reversals: summary.time_reversals,
-            other_sensors: summary.other_sensors,
-        }
-    }
 }
 
 /// Runs the command.
@@ -278,19 +238,29 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         report.frames.clear();
         return output::json(&report);
     }
-    let name = quality::name(&settings.quality);
+    print(args, &report, summary, &quality::name(&settings.quality), &times)
+}
+
+/// Prints what was made.
+fn print(
+    args: &Args,
+    report: &Report<'_>,
+    summary: &RecordingSummary,
+    name: &str,
+    times: &TimeTable,
+) -> Result<(), Failure> {
     output::line(format!("{}: {summary}", args.replay.recording.display()))?;
-    output::line(format!("{} frames at {name} in {wall_s:.1} s on {}", report.rendered, report.adapter.name))?;
+    output::line(format!("{} frames at {name} in {:.1} s on {}", report.rendered, report.wall_s, report.adapter.name))?;
     if report.held > 0 {
         output::line(format!("{} of them in gaps of the recording or just behind: they hold a pose", report.held))?;
     }
     if report.changes > 0 {
         output::line(format!("the settings change {} times, as they did in the recorded session", report.changes))?;
     }
-    if let Some(behind_s) = report.behind_s.filter(|s| *s > 0.5 / rate.fps()) {
+    if let Some(behind_s) = report.behind_s.filter(|s| *s > 0.5 / report.fps) {
         output::line(format!("this machine does not keep up: frames came up to {behind_s:.2} s late"))?;
     }
-    output::line(format!("\n{}\n", SideBySide(&[(&name, &times)])))?;
+    output::line(format!("\n{}\n", SideBySide(&[(name, times)])))?;
     output::line(format!("sha256   {} (of all frames)", report.frames_sha256))?;
     output::line(format!("video    {}", report.video.display()))?;
     output::line(format!("frames   {}", args.out.join("bmode").display()))

@@ -9,14 +9,13 @@ use insonify::anatomy::Mesh;
 use insonify::exam::score::{self, HOLD_S, PlaneScore, Reference, Score};
 use insonify::pipeline::ReplayedControls;
 use insonify::pose::{TimedPose, TrackingState};
-use insonify::recording::{RecordingReader, read_both};
+use insonify::recording::{RecordingReader, RecordingReport, read_both};
 use insonify::report::exam as exam_report;
 use insonify::settings::{Choice, Effect};
 use insonify::station::{PlaneScene, Station};
 use serde::Serialize;
 
 use super::outputs::Outputs;
-use super::replay::RecordingReport;
 use super::replay_args::recorded_controls;
 use super::{Failure, input, output, session};
 

@@ -50,6 +50,8 @@ mod reader;
 #[cfg(feature = "recordings")]
 mod recorder;
 #[cfg(feature = "recordings")]
+mod report;
+#[cfg(feature = "recordings")]
 mod summary;
 mod timing;
 #[cfg(feature = "recordings")]
@@ -72,6 +74,8 @@ pub use poses::{measurements, poses_of, read_all, read_both};
 pub use reader::{Damage, RecordingReader};
 #[cfg(feature = "recordings")]
 pub use recorder::{QueueLimits, Recorded, Recorder, RecorderError, RecorderHandle};
+#[cfg(feature = "recordings")]
+pub use report::RecordingReport;
 #[cfg(feature = "recordings")]
 pub use summary::RecordingSummary;
 pub use timing::{GAP_NS, Gap, Timing};

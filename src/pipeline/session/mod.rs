@@ -206,23 +206,21 @@ impl Pipeline {
         let to_presenter = Arc::new(Slot::with_signal("presenter", &clock, &signal));
         let generated = Arc::new(Slot::with_signal("generated", &clock, &signal));
         let has_generator = generators.is_some();
-        let (to_generator, generator, generate) = match generators {
-            Some(generators) => {
-                let link = Arc::new(GeneratorLink::new(&*generators, seconds(settings.hang_ms)));
-                let slot = Arc::new(Slot::new("generator", &clock));
-                let stage = GenerateStage {
-                    clock: clock.clone(),
-                    events: events.clone(),
-                    generators,
-                    link: link.clone(),
-                    from_renderer: slot.clone(),
-                    to_presenter: generated.clone(),
-                };
-                let thread = spawn(&clock, "generator", move || stage.run()).map_err(refused("generator"))?;
-                (Some(slot), Some(link), Some(thread))
-            }
-            None => (None, None, None),
-        };
+        let (mut to_generator, mut generator, mut generate) = (None, None, None);
+        if let Some(generators) = generators {
+            let link = Arc::new(GeneratorLink::new(&*generators, seconds(settings.hang_ms)));
+            let slot = Arc::new(Slot::new("generator", &clock));
+            let stage = GenerateStage {
+                clock: clock.clone(),
+                events: events.clone(),
+                generators,
+                link: link.clone(),
+                from_renderer: slot.clone(),
+                to_presenter: generated.clone(),
+            };
+            generate = Some(spawn(&clock, "generator", move || stage.run()).map_err(refused("generator"))?);
+            (to_generator, generator) = (Some(slot), Some(link));
+        }
 
         let presenter = Presenter {
             clock: clock.clone(),
