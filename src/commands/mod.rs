@@ -44,7 +44,6 @@ mod station_keys;
 mod status_line;
 mod steps;
 mod terminal;
-mod timeline;
 mod tissues;
 mod tracker_args;
 mod trackers;

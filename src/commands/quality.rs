@@ -29,7 +29,7 @@ fn accepts() -> String {
 
 /// Rays and layers as given on the command line: a preset, `lq`, `hq` or `RxL`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct RaysLayers(FrameQuality);
+pub(crate) struct RaysLayers(pub(crate) FrameQuality);
 
 impl RaysLayers {
     /// The rays, then the layers.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Parser;
+use insonify::pipeline::replay::{Replay, Stretch};
 use insonify::recording::{RecordingReport, RecordingSummary};
 use insonify::report::TimeTable;
 use insonify::report::time_table::{SideBySide, StageTime};
@@ -20,7 +21,7 @@ use super::backend::BackendArgs;
 use super::outputs::Outputs;
 use super::pace::{Pace, Speed};
 use super::progress::Progress;
-use super::replay_args::{Part, Replay, ReplayArgs};
+use super::replay_args::{ReplayArgs, choose_quality};
 use super::{Failure, output, quality, session};
 
 /// Replay a recorded session over a station's scene: a PNG a frame, and a video.
@@ -127,8 +128,8 @@ struct PartEntry {
     image: ImageSettings,
 }
 
-impl From<&Part> for PartEntry {
-    fn from(&Part { ref frames, probe, settings }: &Part) -> Self {
+impl From<&Stretch> for PartEntry {
+    fn from(&Stretch { ref frames, probe, settings }: &Stretch) -> Self {
         Self {
             first: frames.start,
             frames: frames.len(),
@@ -154,9 +155,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     Outputs::beside_station(&replay.station).and([&args.replay.recording]).within("--out", &args.out, &FILES)?;
     let backend = args.backend.open(replay.station.backend)?;
     let scene = session::load_scene(&replay.station)?;
-    replay.choose_quality(&backend, &scene)?;
+    choose_quality(&mut replay, &backend, &scene)?;
     let (Replay { rate, summary, timeline, .. }, Range { start, end }) = (&replay, replay.frames.clone());
-    let Part { probe, settings, .. } = replay.first()?;
+    let Stretch { probe, settings, .. } = replay.first()?;
 
     let (width, height) = (settings.image.width, settings.image.height);
     // Output of an earlier replay must not pass for this one's.
@@ -199,7 +200,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             times.push(&frame.times);
             overflowed += usize::from(frame.overflows > 0);
             progress.set(i + 1, end - start);
-            Ok(())
+            Ok::<(), Failure>(())
         },
     )?;
     drop(progress);
@@ -224,7 +225,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         rendered: end - start,
         held: timeline.held_in(start..end),
         changes: replay.changes(),
-        parts: replay.parts.iter().map(PartEntry::from).collect(),
+        parts: replay.stretches.iter().map(PartEntry::from).collect(),
         overflowed,
         wall_s,
         behind_s: pace.behind_s(),

@@ -26,6 +26,7 @@ mod presenter;
 mod recorded;
 mod render_stage;
 mod rendered;
+pub mod replay;
 mod replayed;
 mod session;
 mod shutdown;

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use insonify::anatomy::{Bvh, Scene};
+use insonify::pipeline::replay::Timeline;
 use insonify::pose::Pose;
 use insonify::quality::{Pair, Scores};
 use insonify::recording::Event;
@@ -16,7 +17,6 @@ use insonify::station::Station;
 use insonify::statistics::{evenly, mean};
 use serde::Serialize;
 
-use super::super::timeline::Timeline;
 use super::super::{Failure, session};
 use super::translation::Translation;
 

@@ -70,6 +70,36 @@ impl Renderer {
         Ok(())
     }
 
+    /// Renders `poses` in order, two in flight. `each` receives every frame with its index. `before` runs before each
+    /// submission, may wait, and returns the scene's time, s.
+    ///
+    /// # Errors
+    /// As [`Renderer::submit`] and [`Renderer::receive`], or an error of `each`.
+    pub fn render_each<E: From<RenderError>>(
+        &mut self,
+        poses: &[Pose],
+        mut before: impl FnMut(usize) -> f64,
+        mut each: impl FnMut(usize, &mut Frame) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let mut frame = Frame::default();
+        let mut done = 0;
+        for (submitted, pose) in poses.iter().enumerate() {
+            if submitted - done == FRAMES_IN_FLIGHT {
+                self.receive(&mut frame)?;
+                each(done, &mut frame)?;
+                done += 1;
+            }
+            self.set_time_s(before(submitted));
+            self.submit(pose)?;
+        }
+        while done < poses.len() {
+            self.receive(&mut frame)?;
+            each(done, &mut frame)?;
+            done += 1;
+        }
+        Ok(())
+    }
+
     /// Renders frames at these times (s) and poses one after another, as a live session does, from a new compounded picture on.
     /// `frame` is the last.
     ///
