@@ -17,9 +17,9 @@ use insonify::station::Station;
 use serde::Serialize;
 
 use super::backend::BackendArgs;
-use super::generator::RuntimeArgs;
 use super::outputs::Outputs;
 use super::progress::Progress;
+use super::runtime_args::RuntimeArgs;
 use super::steps::Steps;
 use super::{Failure, output};
 

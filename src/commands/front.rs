@@ -15,7 +15,7 @@ use insonify::station::Station;
 
 use super::backend::BackendArgs;
 use super::outputs::Outputs;
-use super::tradeoff::{Bar, of_options};
+use super::sweep_bar::{SweepBar, of_options};
 use super::{Classify, Failure, input, output, session};
 
 /// Recording by which probes move.
@@ -157,7 +157,7 @@ fn errors(args: &Args, station: &Station, ends: Option<Instant>) -> Result<Optio
     settings.check(station)?;
     let backend = args.backend.open(station.backend)?;
     let scene = session::load_scene(station)?;
-    let bar = Bar::default();
+    let bar = SweepBar::default();
     let show = |step: ErrorStep<'_>| match step {
         ErrorStep::Reference(found) => eprintln!("{found}"),
         ErrorStep::Converged(check) => eprintln!("{check}"),

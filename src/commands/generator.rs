@@ -3,9 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Parser;
-use insonify::generator::{
-    Generator, Kind, LoadOptions, Manifest, ParityReport, Provider, Runtime, Settings, generator_files,
-};
+use insonify::generator::{Generator, Kind, Manifest, ParityReport, Provider, Runtime, generator_files};
 use insonify::sink::FrameFiles;
 use insonify::sink::png::{self, Effort};
 use insonify::statistics::{nearest_rank, sorted};
@@ -13,6 +11,7 @@ use serde::Serialize;
 
 use super::frame_dir::FrameDir;
 use super::outputs::Outputs;
+use super::runtime_args::RuntimeArgs;
 use super::{Classify, Failure, input, output};
 
 /// Check a generator against its manifest and parity pair, measure it, and apply it to a frame.
@@ -57,28 +56,6 @@ Examples:
 fn size(text: &str) -> Result<(u32, u32), String> {
     let in_range = input::product(text).filter(|(w, h)| (16..=4096).contains(w) && (16..=4096).contains(h));
     in_range.ok_or_else(|| "expected width x height such as `1386x1000`, each 16..=4096".to_owned())
-}
-
-/// Execution provider and threads of generators.
-#[derive(Debug, clap::Args)]
-pub(super) struct RuntimeArgs {
-    /// Execution provider of generators: cpu, cuda or tensorrt
-    #[arg(long, value_name = "NAME", default_value_t)]
-    pub(super) provider: Provider,
-
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = threads, help = input::described::<Settings>("threads"))]
-    pub(super) threads: u32,
-}
-
-fn threads(text: &str) -> Result<u32, String> {
-    input::whole::<Settings>("threads", text)
-}
-
-impl RuntimeArgs {
-    /// Options of a generator; `tissues` are names from number 1.
-    pub(super) fn options<'a>(&self, tissues: &'a [String]) -> LoadOptions<'a> {
-        LoadOptions { provider: self.provider, threads: self.threads, tissues }
-    }
 }
 
 #[derive(Serialize)]

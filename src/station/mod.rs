@@ -28,7 +28,7 @@ mod values;
 use std::path::{Path, PathBuf};
 
 use crate::anatomy::planes::{self, StandardPlanes};
-use crate::anatomy::{Motion, Scene, TissueTable, import};
+use crate::anatomy::{Axes, Motion, Scene, TissueTable, import};
 use crate::files::{self, FileKind};
 use crate::generator::generator_files;
 use crate::phantom::{self, PhantomOptions};
@@ -136,6 +136,14 @@ impl Station {
         match &self.scene {
             SceneSource::File(path) => Some(path),
             SceneSource::ObstetricPhantom(_) => None,
+        }
+    }
+
+    /// Meaning of the scene's axes.
+    pub fn axes(&self) -> Axes {
+        match self.scene {
+            SceneSource::ObstetricPhantom(_) => Axes::Anatomical,
+            SceneSource::File(_) => Axes::Depth,
         }
     }
 

@@ -161,13 +161,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut lq = Stage::new(&backend, &scene, &bvh, &station, FrameQuality::LQ)?;
     let mut hq = Stage::new(&backend, &scene, &bvh, &station, HQ)?;
     let sector = *lq.renderer.sector();
-    let mut translation = match Translation::load(&station, scene.tissues.names(), &sector) {
-        Ok(translation) => Some(translation),
-        Err(reason) => {
-            tracing::warn!("the contact sheet has no translated images: {reason}");
-            None
-        }
-    };
+    let refused = |reason: &_| tracing::warn!("the contact sheet has no translated images: {reason}");
+    let mut translation = Translation::load(&station, scene.tissues.names(), &sector).inspect_err(refused).ok();
 
     // Half the size keeps the video small.
     let mut video = Video::create(&args.out.join("exam"), sector.width / 4 * 2, sector.height / 4 * 2, rate)?;
