@@ -43,7 +43,7 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`pipeline`] | live sessions; feature `live` |
+//! | [`pipeline`] | live sessions, and replays of recorded ones; feature `live` |
 //! | [`chooser`] | operating points: errors, times, the choice; feature `live` |
 //! | [`evaluation`] | images and generators against their targets |
 //! | [`dataset`], [`tradeoff`] | data sets of paired frames; time against error (its figure: feature `plots`) |

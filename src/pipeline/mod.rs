@@ -9,6 +9,8 @@
 //! [`SimulatedClock`] runs a session without waiting.
 //!
 //! Each begun frame is either presented or dropped, and drops are counted by cause: `produced = presented + Σ drops`.
+//!
+//! [`replay`] renders recorded sessions without a clock.
 
 mod clock;
 mod controls;

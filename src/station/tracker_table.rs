@@ -51,12 +51,15 @@ pub(super) fn settings(values: &Values, default_pose: Option<Pose>, dir: &Path) 
         let reason = format!("trackers that speak `{}` aren't reached by transport `{name}`", protocol.name());
         return Err(StationError::Text { key: "tracker.protocol".to_owned(), reason });
     }
-    let mut device = DeviceOptions::default();
-    device.sensor = values.integer("sensor").and_then(|sensor| u16::try_from(sensor).ok());
-    let given: TrackerSettings = values.group();
-    (device.silence, device.reset_delay) = (milliseconds(given.silence_ms), milliseconds(given.reset_delay_ms));
-    device.hemisphere = values.numbers("hemisphere").unwrap_or(device.hemisphere);
-    device.puck_range = given.puck_range;
+    let (given, usual): (TrackerSettings, _) = (values.group(), DeviceOptions::default());
+    let mut device = DeviceOptions {
+        sensor: values.integer("sensor").and_then(|sensor| u16::try_from(sensor).ok()),
+        silence: milliseconds(given.silence_ms),
+        reset_delay: milliseconds(given.reset_delay_ms),
+        hemisphere: values.numbers("hemisphere").unwrap_or(usual.hemisphere),
+        puck_range: given.puck_range,
+        ..usual
+    };
     if let Transport::Serial { .. } = transport {
         device.ndi.baud = Some(values.integer("baud").unwrap_or(USUAL_BAUD));
     }

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from .dataset import Batch
-from .generators import SHIPPED, GENERATORS
+from .generators import GENERATORS, SHIPPED
 from .train import hours
 from .trainer import Trainer
 

@@ -8,7 +8,7 @@ import pytest
 
 from insonify_training.dataset import Quality
 from insonify_training.estimate import phases
-from insonify_training.generators import ROLLING, SHIPPED, TABLE, GENERATORS
+from insonify_training.generators import GENERATORS, ROLLING, SHIPPED, TABLE
 
 
 def test_rates_and_weights_follow_their_schedules():
