@@ -2,7 +2,6 @@
 
 use thiserror::Error;
 
-use super::timeline::FRAMES_MAX;
 use crate::chooser::ChooserError;
 use crate::recording::RecordingError;
 use crate::render::RenderError;
@@ -25,13 +24,15 @@ pub enum ReplayError {
     Chooser(#[from] ChooserError),
     /// Times that span more frames than any session has: usually a wrong clock.
     #[error(
-        "the recording's host times span {span_s:.0} s: {frames} frames at {fps:.1} a second, at most {FRAMES_MAX} are rendered; is a time stamp wrong?"
+        "the recording's host times span {span_s:.0} s: {frames} frames at {fps:.1} a second, at most {frames_max} are rendered; is a time stamp wrong?"
     )]
     Span {
         /// Span, s.
         span_s: f64,
         /// Frames in it.
         frames: u128,
+        /// Most frames that are rendered.
+        frames_max: u128,
         /// Frames per second.
         fps: f64,
     },

@@ -23,7 +23,7 @@ pub struct Timeline {
 }
 
 /// Most frames of a session: a day at ten a second.
-pub(super) const FRAMES_MAX: u128 = 1_000_000;
+const FRAMES_MAX: u128 = 1_000_000;
 
 impl Timeline {
     /// Samples `poses` from the first to the last at `rate`.
@@ -66,7 +66,12 @@ impl Timeline {
         let span_ns = u128::from(last_ns.saturating_sub(first_ns));
         let frames = span_ns * u128::from(rate.numerator) / (u128::from(rate.denominator) * 1_000_000_000);
         if frames > FRAMES_MAX {
-            return Err(ReplayError::Span { span_s: span_ns as f64 * 1e-9, frames, fps: rate.fps() });
+            return Err(ReplayError::Span {
+                span_s: span_ns as f64 * 1e-9,
+                frames,
+                frames_max: FRAMES_MAX,
+                fps: rate.fps(),
+            });
         }
         let mut timeline = Self { scene_start_ns: first_ns, ..Self::default() };
         for frame in 0u64.. {
