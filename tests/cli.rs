@@ -256,7 +256,7 @@ fn the_record_says_what_a_budget_chose() {
         let read = std::fs::read(dir.path().join("out/frame.json")).unwrap();
         serde_json::from_slice::<Value>(&read).unwrap()
     };
-    let budget = "\n[quality]\nbudget_ms = 10000\n";
+    let budget = "\n[quality]\nframe_budget_ms = 10000\n";
     let chosen = record(budget, &[]);
     assert_eq!([&chosen["quality"]["rays"], &chosen["quality"]["layers"]], [32, 3]);
     let said = chosen["chosen"].as_str().unwrap();

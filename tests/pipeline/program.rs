@@ -146,7 +146,7 @@ fn the_program_tracks_generates_and_records() {
     writer.finish().unwrap();
     let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/generators/blur.onnx");
     let tables = format!(
-        "[tracker]\ntransport = 'recording'\nrecording = '{}'\n[generator]\nmodels = ['{}']\nbudget_ms = 4000\n",
+        "[tracker]\ntransport = 'recording'\nrecording = '{}'\n[generator]\nmodels = ['{}']\nrun_budget_ms = 4000\n",
         taken.display(),
         model.display()
     );
@@ -172,7 +172,7 @@ fn the_program_chooses_its_point_and_keeps_its_times() {
     let dir = tempfile::tempdir().unwrap();
     let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/generators/blur.onnx");
     let tables = format!(
-        "[quality]\nbudget_ms = 500\n[generator]\nmodels = ['{}']\n[pipeline]\nframe_rate_hz = 2\n",
+        "[quality]\nframe_budget_ms = 500\n[generator]\nmodels = ['{}']\n[pipeline]\nframe_rate_hz = 2\n",
         model.display()
     );
     let station = small_station(dir.path(), &tables);
