@@ -20,10 +20,10 @@ use glam::{DVec3, Vec3};
 use insonify::anatomy::TissueTable;
 use insonify::anatomy::analytic::{Part, joined, scene, sphere};
 use insonify::pose::Pose;
+use insonify::recording;
 use insonify::render::{Backend, BackendChoice, Frame, Quality, RenderSettings, Renderer};
 use insonify::station::Station;
 use insonify::statistics::{slope, sorted, upper_median};
-use insonify::tracker::recording;
 use insonify::transducer::Probe;
 
 /// Warm-up time of each point.

@@ -1,4 +1,4 @@
-//! Every shipped generator at the paper's field of view, 1386 × 1000, on 2 CPU threads; the tiers' budgets (30 and 60
+//! Every shipped generator at the paper's field of view, 1386 × 1000, on 2 CPU threads; the generators' budgets (30 and 60
 //! ms) refer to these times. A run is the complete work on a frame: filling the tensor, padding, inference, checking
 //! and rounding.
 //!

@@ -15,11 +15,11 @@ use std::sync::Arc;
 use criterion::Criterion;
 use insonify::anatomy::{Bvh, Scene};
 use insonify::pose::Pose;
+use insonify::recording;
 use insonify::render::{Backend, BackendChoice, Frame, Quality, RenderSettings, Renderer};
 use insonify::report::TimeTable;
 use insonify::report::time_table::SideBySide;
 use insonify::station::Station;
-use insonify::tracker::recording;
 use insonify::transducer::Probe;
 
 /// Number of poses, spread over the exam.

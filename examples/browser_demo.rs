@@ -2,7 +2,7 @@
 //! --example browser_demo -- configs/sphere.toml [--port N] [--width PIXELS] [--window yes]`.
 //!
 //! Prints the page's address. Lines on the standard input set the rest: `tracking good|held|stale|lost`, `source
-//! enhanced|held|low`, `notice TEXT`, `quit`.
+//! generated|held|raw`, `notice TEXT`, `quit`.
 
 use std::io::BufRead as _;
 use std::path::{Path, PathBuf};
@@ -139,7 +139,7 @@ impl Demo {
         let backend = Backend::open(BackendChoice::from_environment()?.unwrap_or_default())?;
         let renderer = Renderer::new(&backend, &scene, &station.probe, &station.settings)?;
         let (probe, render) = (station.probe, station.settings);
-        let live = LiveSettings { probe, render, frozen: false, enhance: false };
+        let live = LiveSettings { probe, render, frozen: false, generator: false };
         let mut shown = PresentedFrame::default();
         shown.info.settings = live;
         shown.info.estimate.state = TrackingState::Good;
@@ -162,9 +162,9 @@ impl Demo {
                 let state = TrackingState::ALL.into_iter().find(|state| state.name() == name);
                 self.shown.info.estimate.state = state.with_context(|| format!("no state `{name}`"))?;
             }
-            ("source", "enhanced") => self.shown.source = FrameSource::Enhanced,
-            ("source", "held") => self.shown.source = FrameSource::HeldEnhanced,
-            ("source", "low") => self.shown.source = FrameSource::LowQuality,
+            ("source", "generated") => self.shown.source = FrameSource::Generated,
+            ("source", "held") => self.shown.source = FrameSource::HeldGenerated,
+            ("source", "raw") => self.shown.source = FrameSource::Raw,
             ("notice", text) => self.shown.notice = Some(text.to_owned()).filter(|text| !text.is_empty()),
             _ => bail!("unknown line `{line}`"),
         }

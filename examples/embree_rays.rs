@@ -7,11 +7,11 @@ use std::path::Path;
 use anyhow::{Context, bail};
 use insonify::anatomy::Bvh;
 use insonify::pose::Pose;
+use insonify::recording;
 use insonify::render::{Backend, BackendChoice, Frame, Quality, RenderSettings, Renderer};
 use insonify::sink::{create_dir, npy, write_json};
 use insonify::station::Station;
 use insonify::statistics::{sorted, upper_median};
-use insonify::tracker::recording;
 
 /// Number of poses, spread over the exam.
 const POSES: usize = 3;

@@ -12,12 +12,12 @@ use std::time::Duration;
 use bytes::BytesMut;
 use insonify::anatomy::{TissueTable, import};
 use insonify::pose::Reading;
+use insonify::recording::{RecordingReader, poses_of};
 use insonify::settings::SettingsGroup as _;
 use insonify::station::Station;
 use insonify::tracker::driver::Driver;
 use insonify::tracker::ndi::{self, NdiDriver, Options, ReplyFormat};
 use insonify::tracker::openigtlink::message;
-use insonify::tracker::recording::{RecordingReader, poses_of};
 use insonify::tracker::{Decoder, Protocol, Record};
 
 /// A fuzz target.
@@ -290,7 +290,7 @@ pub fn recording(data: &[u8]) -> u64 {
 }
 
 fn recording_seeds() -> Vec<Vec<u8>> {
-    use insonify::tracker::recording::{Event, RecordingInfo, RecordingWriter};
+    use insonify::recording::{Event, RecordingInfo, RecordingWriter};
     let write = |messages: u32| -> Option<Vec<u8>> {
         let dir = tempfile::tempdir().ok()?;
         let path = dir.path().join("seed.mcap");

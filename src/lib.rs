@@ -43,7 +43,7 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`pipeline`] | live sessions; feature `live` |
+//! | [`pipeline`] | live sessions, and replays of recorded ones; feature `live` |
 //! | [`chooser`] | operating points: errors, times, the choice; feature `live` |
 //! | [`evaluation`] | images and generators against their targets |
 //! | [`dataset`], [`tradeoff`] | data sets of paired frames; time against error (its figure: feature `plots`) |
@@ -57,7 +57,8 @@
 //! | [`transducer`] | probes and their sectors |
 //! | [`phantom`] | the obstetric phantom: an individual from its parameters |
 //! | [`anatomy`] | scenes, tissues, solids, motion |
-//! | [`tracker`] | decoders; sessions: features `live`, `serial`, `hid`; recordings: feature `recordings` |
+//! | [`recording`] | recordings and interchange; feature `recordings` |
+//! | [`tracker`] | decoders; sessions: features `live`, `serial`, `hid` |
 //! | [`pose`] | poses, their estimation and calibration |
 //! | [`acoustics`], [`look`] | formulas; the picture after its lines |
 //! | [`settings`] | every setting once |
@@ -111,6 +112,8 @@ pub mod transducer;
 pub mod phantom;
 
 pub mod anatomy;
+
+pub mod recording;
 
 pub mod tracker;
 

@@ -39,7 +39,7 @@ fn frame(number: u64, width: u32, height: u32) -> PresentedFrame {
     PresentedFrame {
         number,
         info: FrameInfo::default(),
-        source: FrameSource::LowQuality,
+        source: FrameSource::Raw,
         width,
         height,
         pixel_mm: 0.5,
@@ -47,7 +47,7 @@ fn frame(number: u64, width: u32, height: u32) -> PresentedFrame {
         segmentation: vec![2; pixels],
         attenuation: vec![1.0; pixels],
         mask: vec![255; pixels],
-        tier: None,
+        generator: None,
         point: None,
         notice: None,
     }

@@ -12,8 +12,8 @@ use glam::{DQuat, DVec3, Vec3};
 use insonify::anatomy::analytic::cuboid;
 use insonify::anatomy::export::{LabelledSurface, write_glb};
 use insonify::pose::Pose;
+use insonify::recording::{Event, RecordingInfo, RecordingWriter};
 use insonify::sink::write_json;
-use insonify::tracker::recording::{Event, RecordingInfo, RecordingWriter};
 use insonify::tracker::{Protocol, ascii_line};
 use serde_json::Value;
 use shiguredo_mp4::TrackKind;
@@ -256,7 +256,7 @@ fn the_record_says_what_a_budget_chose() {
         let read = std::fs::read(dir.path().join("out/frame.json")).unwrap();
         serde_json::from_slice::<Value>(&read).unwrap()
     };
-    let budget = "\n[quality]\nbudget_ms = 10000\n";
+    let budget = "\n[quality]\nframe_budget_ms = 10000\n";
     let chosen = record(budget, &[]);
     assert_eq!([&chosen["quality"]["rays"], &chosen["quality"]["layers"]], [32, 3]);
     let said = chosen["chosen"].as_str().unwrap();

@@ -11,7 +11,7 @@ use std::process::Command;
 
 use glam::{DQuat, DVec3};
 use insonify::pose::Pose;
-use insonify::tracker::recording::{RecordingInfo, RecordingWriter, poses};
+use insonify::recording::{RecordingInfo, RecordingWriter, poses};
 use insonify::tracker::{Protocol, ascii_line};
 use serde_json::Value;
 use tempfile::TempDir;

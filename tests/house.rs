@@ -13,7 +13,7 @@ use std::fs;
 use std::path::Path;
 
 /// Modules from the highest to the lowest. Those of one line do not import each other.
-const ORDER: [&[&str]; 19] = [
+const ORDER: [&[&str]; 20] = [
     &["pipeline"],
     &["chooser"],
     &["evaluation"],
@@ -28,6 +28,7 @@ const ORDER: [&[&str]; 19] = [
     &["transducer"],
     &["phantom"],
     &["anatomy"],
+    &["recording"],
     &["tracker"],
     &["pose"],
     &["acoustics", "look"],
@@ -380,6 +381,91 @@ fn no_files_of_a_folder_import_each_other_in_a_circle() {
         let circles: Vec<String> = circles.collect();
         assert!(circles.is_empty(), "{circles:#?}");
     }
+}
+
+/// Files of subcommands, and those of other subcommands that name them.
+fn subcommands_known_by_others(house: &House) -> (BTreeSet<String>, BTreeSet<String>) {
+    let root = vec!["commands".to_owned()];
+    let args = |path: &Module| (path.len() == 3 && path[2] == "Args").then(|| path[1].clone());
+    let subcommands: BTreeSet<String> = house.named.get(&root).into_iter().flatten().filter_map(args).collect();
+    let mut wrong = BTreeSet::new();
+    for (who, whom) in house.edges() {
+        let Some(known) = whom.get(1).filter(|name| subcommands.contains(*name)) else { continue };
+        if who.get(1).is_some_and(|own| own != known) {
+            wrong.insert(format!("{} knows {}", who.join("::"), whom.join("::")));
+        }
+    }
+    (subcommands, wrong)
+}
+
+#[test]
+fn only_the_list_of_commands_knows_a_subcommand() {
+    let (subcommands, wrong) = subcommands_known_by_others(&commands());
+    assert!(subcommands.len() > 20, "{subcommands:?}");
+    assert!(wrong.is_empty(), "what two subcommands use has a file of its own: {wrong:#?}");
+    let mut house = House::default();
+    house.add(&["commands"], "mod render; mod replay; enum Command { Render(render::Args), Replay(replay::Args) }");
+    house.add(&["commands", "render"], "pub struct Args;");
+    house.add(&["commands", "replay"], "use super::render::Args as Others;");
+    assert_eq!(subcommands_known_by_others(&house).1.len(), 1);
+}
+
+/// Lines that a function may have.
+const FUNCTION_LINES_MAX: usize = 100;
+
+/// Functions that are tables, one entry after another.
+const TABLES: [(&str, &str); 2] = [("src/render/device/buffers.rs", "of_pass"), ("src/render/twin/inputs.rs", "new")];
+
+/// Name and lines of each function in formatted source.
+fn functions(source: &str) -> Vec<(&str, usize)> {
+    let lines: Vec<&str> = source.lines().collect();
+    let mut found = Vec::new();
+    for (i, line) in lines.iter().enumerate() {
+        let indent = line.len() - line.trim_start().len();
+        let Some((before, after)) = line.trim_start().split_once("fn ") else { continue };
+        let is_item = before
+            .split_whitespace()
+            .all(|word| word.starts_with("pub") || word.ends_with(')') || ["const", "async", "unsafe"].contains(&word));
+        let name = after.split(['(', '<']).next().unwrap();
+        let end = lines[i..].iter().position(|l| l.len() == indent + 1 && l.ends_with('}'));
+        // Without a body: a method of a trait, or all on one line.
+        let has_body = lines[i..].iter().find(|l| l.ends_with('{') || l.ends_with(';') || l.ends_with('}'));
+        if let (true, Some(end), Some(true)) = (is_item, end, has_body.map(|l| l.ends_with('{'))) {
+            found.push((name, end + 1));
+        }
+    }
+    found
+}
+
+#[test]
+fn functions_have_at_most_so_many_lines() {
+    assert_eq!(
+        functions("impl A {\n    pub(super) fn b<T>(\n        t: T,\n    ) {\n        t()\n    }\n}\n"),
+        [("b", 5)]
+    );
+    assert_eq!(functions("fn a();\nfn b() {}\nfn c() {\n}\n"), [("c", 2)]);
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut folders = vec![root.join("src")];
+    let (mut count, mut long) = (0, Vec::new());
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(&folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|e| e == "rs") {
+                let source = fs::read_to_string(&path).unwrap();
+                let file = path.strip_prefix(root).unwrap().to_string_lossy().replace('\\', "/");
+                for (name, lines) in functions(&source) {
+                    count += 1;
+                    if lines > FUNCTION_LINES_MAX && !TABLES.contains(&(file.as_str(), name)) {
+                        long.push(format!("{file}: {name} has {lines} lines"));
+                    }
+                }
+            }
+        }
+    }
+    assert!(count > 2000, "{count} functions were read");
+    assert!(long.is_empty(), "split what does several things: {long:#?}");
 }
 
 #[test]

@@ -10,11 +10,11 @@ use std::process::{Child, Command, Stdio};
 use bytes::BytesMut;
 use glam::{DQuat, DVec3};
 use insonify::pose::{Pose, Reading, TimedPose, TrackingState};
-use insonify::tracker::ascii_line::{self, LINE_LIMIT};
-use insonify::tracker::recording::{
+use insonify::recording::{
     DecodedRecording, Event, Item, QueueLimits, Recorder, RecordingError, RecordingInfo, RecordingReader,
     RecordingSummary, RecordingWriter, SessionPose, SessionSettings, part_path, poses, poses_of,
 };
+use insonify::tracker::ascii_line::{self, LINE_LIMIT};
 use insonify::tracker::{DecodeError, Protocol, Record};
 use proptest::prelude::*;
 

@@ -18,10 +18,10 @@ export class Controls {
     this.waiting = new Map();
     byId("tgc_reset").addEventListener("click", () => this.resetTgc());
     byId("freeze").addEventListener("click", (e) => this.fromButton(e, () => this.toggle("frozen")));
-    byId("enhance").addEventListener("change", () => this.toggle("enhance"));
+    byId("generator").addEventListener("change", () => this.toggle("generator"));
     byId("harmonics").addEventListener("change", () => this.toggle("harmonics"));
     // A switch that keeps the focus would take the space bar from freezing.
-    for (const id of ["enhance", "harmonics"]) byId(id).addEventListener("change", (event) => event.currentTarget.blur());
+    for (const id of ["generator", "harmonics"]) byId(id).addEventListener("change", (event) => event.currentTarget.blur());
   }
 
   /** Builds sliders and buttons by the station's first message. */
@@ -239,10 +239,10 @@ export class Controls {
   }
 
   showButtons() {
-    const { frozen, enhance, rays, layers } = this.values;
+    const { frozen, generator, rays, layers } = this.values;
     byId("freeze").setAttribute("aria-pressed", String(Boolean(frozen)));
     byId("freeze").firstChild.textContent = frozen ? "Unfreeze " : "Freeze ";
-    byId("enhance").checked = Boolean(enhance);
+    byId("generator").checked = Boolean(generator);
     byId("harmonics").checked = Boolean(this.values.harmonics);
     const as = ({ key, index, value }) => Math.abs([this.values[key]].flat()[index ?? 0] - value) < 1e-6;
     for (const { name, values } of this.presets) {

@@ -64,7 +64,7 @@ export class Status {
     badge(byId("source"), SOURCES[frame.source] ?? "?", kinds[frame.source] ?? "");
     badge(byId("tracking"), ...TRACKING[frame.tracking]);
     contact(frame.contact);
-    byId("tier").textContent = frame.tier;
+    byId("generator_name").textContent = frame.generator;
     byId("point").hidden = !frame.point;
     byId("point_name").textContent = frame.point;
     byId("point_reason").textContent = frame.reason;

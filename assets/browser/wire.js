@@ -4,7 +4,7 @@ const FIXED_BYTES = 176;
 const VERSION = 4;
 
 export const MAP = { IMAGE: 1, SEGMENTATION: 2, ATTENUATION: 3 };
-export const SOURCES = ["LOW QUALITY", "ENHANCED", "HELD"];
+export const SOURCES = ["RAW", "GENERATED", "HELD GENERATED"];
 export const TRACKING = ["good", "held", "stuck", "stale", "lost"];
 
 /** Reads one message by the station's list of live settings. `data` is a view into `buffer`, not a copy. */
@@ -17,14 +17,14 @@ export function decode(buffer, settings) {
   const numbers = (offset, count) => Array.from({ length: count }, (_, i) => f64(offset + 8 * i));
   const width = view.getUint32(16, true);
   const height = view.getUint32(20, true);
-  const [tierBytes, noticeBytes] = [view.getUint16(42, true), view.getUint16(44, true)];
+  const [generatorBytes, noticeBytes] = [view.getUint16(42, true), view.getUint16(44, true)];
   const values = view.getUint16(46, true);
   const start = FIXED_BYTES + 8 * values;
   const end = start + width * height;
-  if (buffer.byteLength !== end + tierBytes + noticeBytes) throw new Error("a message of the wrong length");
+  if (buffer.byteLength !== end + generatorBytes + noticeBytes) throw new Error("a message of the wrong length");
   const flags = view.getUint8(41);
   const text = (offset, bytes) => (bytes ? new TextDecoder().decode(new Uint8Array(buffer, offset, bytes)) : "");
-  const [tier = "", point = "", reason = ""] = text(end, tierBytes).split("\n");
+  const [generator = "", point = "", reason = ""] = text(end, generatorBytes).split("\n");
   const [firstByte, sampled, submitted, rendered, inferenceStart, inferenceEnd, presented] = numbers(104, 7);
   return {
     map: view.getUint8(6),
@@ -40,10 +40,10 @@ export function decode(buffer, settings) {
     times: { firstByte, sampled, submitted, rendered, inferenceStart, inferenceEnd, presented },
     contact: flags & 8 ? { part: f64(160), pressMm: f64(168) } : null,
     settings: settingsOf(settings, numbers(FIXED_BYTES, values)),
-    tier,
+    generator,
     point,
     reason,
-    notice: text(end + tierBytes, noticeBytes),
+    notice: text(end + generatorBytes, noticeBytes),
     data: new Uint8Array(buffer, start, width * height),
   };
 }

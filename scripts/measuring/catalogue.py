@@ -74,7 +74,7 @@ def demo_summary(steps):
         "ticks_percent": 100 * live["produced"] / max(1, live["produced"] + live["missed_ticks"]),
         "p50_ms": latency.get("p50_ms"),
         "p99_ms": latency.get("p99_ms"),
-        "enhanced_percent": 100 * live["enhanced_ratio"],
+        "generated_percent": 100 * live["generated_ratio"],
         "begun": points.get("begun"),
         "ended": points.get("ended"),
         "wall_s": times["wall_s"],
@@ -86,7 +86,7 @@ TRADEOFF_FILES = ["tradeoff.csv", "tradeoff.svg", "tradeoff.png", "tradeoff.md",
 
 
 def tradeoff_steps(_, program, folder):
-    command = [program, "tradeoff", "configs/tiers.toml", "--poses", "1", "--resume", "--out", folder / "tradeoff"]
+    command = [program, "tradeoff", "configs/generators.toml", "--poses", "1", "--resume", "--out", folder / "tradeoff"]
     return [Step("tradeoff", command, lambda _, __: read(folder / "tradeoff/tradeoff.json"))]
 
 
@@ -184,12 +184,12 @@ def with_key(text, table, key, value):
     return text[: found.start()] + changed + text[found.end() :]
 
 
-def soak_step(tree, program, folder, name, options, rate_hz=14, budget_ms=64):
+def soak_step(tree, program, folder, name, options, rate_hz=14, frame_budget_ms=64):
     """A session of scripts/soak, whose faults are kept with its figures."""
-    change = lambda text: with_key(with_key(text, "pipeline", "frame_rate_hz", rate_hz), "quality", "budget_ms", budget_ms)  # noqa: E731
+    change = lambda text: with_key(with_key(text, "pipeline", "frame_rate_hz", rate_hz), "quality", "frame_budget_ms", frame_budget_ms)  # noqa: E731
     station = station_copy(tree, folder / f"{name}.toml", change)
     command = [sys.executable, "scripts/soak", "--program", program, "--station", station, "--out", folder / name, *options]
-    asked = {"rate_hz": rate_hz, "asked_budget_ms": budget_ms}
+    asked = {"rate_hz": rate_hz, "asked_frame_budget_ms": frame_budget_ms}
     return Step(name, command, lambda step, _: asked | read(step / "figures.json"), codes=(0, 1))
 
 
@@ -204,7 +204,7 @@ def soak_steps(*options):
 
 def live_error_steps(tree, program, folder):
     def fixed(text):
-        text = with_key(text, "generator", "models", '["../assets/generators/fast_m/fast_m.onnx"]\nbudget_ms = 4000')
+        text = with_key(text, "generator", "models", '["../assets/generators/fast_m/fast_m.onnx"]\nrun_budget_ms = 4000')
         return re.sub(r"(?ms)^\[quality\]\n.*?(?=^\[)", "[quality]\nrays = 1\nlayers = 1\n\n", text)
 
     stations = [
@@ -227,7 +227,7 @@ FIGURES = {
     for figure in [
         Figure("passes", "passes of a frame, LQ and HQ", "insonify demo --no-live", demo_steps(["--no-live"]), passes_summary),
         Figure("demo", "the demo's live part, and how long all of it takes", "insonify demo --once", demo_steps(["--once"]), demo_summary),
-        Figure("tradeoff", "time against error: rays, layers, angles, generators", "insonify tradeoff configs/tiers.toml --poses 1",
+        Figure("tradeoff", "time against error: rays, layers, angles, generators", "insonify tradeoff configs/generators.toml --poses 1",
                tradeoff_steps, tradeoff_summary, {f"tradeoff/{name}": f"docs/tradeoff/{name}" for name in TRADEOFF_FILES}),
         Figure("looks", "contact, texture, noise and looks",
                f"insonify run STATION --replay {EXAM} --sink null --no-generator --metrics FILE", looks_steps, looks_summary),

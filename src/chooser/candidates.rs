@@ -70,7 +70,7 @@ impl Open {
         let steers = station.probe.kind.steers();
         let aperture = station.settings.effects.of(Effect::Aperture) != Choice::On;
         // A hint for a fixed quality leaves open what a budget would.
-        let angles = station.angles_open || (station.quality_budget_ms.is_none() && own.angles == 1);
+        let angles = station.angles_open || (station.frame_budget_ms.is_none() && own.angles == 1);
         Self { own, angles: angles && steers, aperture }
     }
 
@@ -130,7 +130,7 @@ impl Open {
         raw.chain(generated).collect()
     }
 
-    /// Points of the station's own quality: generators in their order, then the rendered frame. Errors are ranks.
+    /// Points of the station's own quality: generators in their order, then the raw frame. Errors are ranks.
     pub(super) fn fixed(&self, models: &[Model], times: &Times) -> Vec<Candidate> {
         let quality = self.own;
         // Without a time, frames say nothing about the load.
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn probes_that_do_not_steer_have_points_of_one_look() {
+    fn probes_that_do_not_steer_have_points_of_one_angle() {
         let phased = Probe { kind: ProbeKind::Phased { fov_deg: 90.0 }, ..Probe::default() };
         let expected = ErrorTable::shipped().unwrap().expected("lung", &phased);
         let open = open(1, false);

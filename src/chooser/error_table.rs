@@ -92,7 +92,7 @@ impl StationErrors {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PointError {
-    /// Quality of the rendered frame.
+    /// Quality of the raw frame.
     pub quality: FrameQuality,
     /// Generator on top.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -194,7 +194,7 @@ pub struct ExpectedErrors<'a> {
 }
 
 impl ExpectedErrors<'_> {
-    /// Qualities of rendered frames with known errors, by rising paths.
+    /// Qualities of raw frames with known errors, by rising paths.
     pub fn qualities(&self) -> Vec<FrameQuality> {
         let mut known: Vec<FrameQuality> = Vec::new();
         for point in self.stations.iter().flat_map(|station| &station.points) {
@@ -320,7 +320,7 @@ mod tests {
                 station.points.iter().filter(plain).find(|p| p.quality == quality).unwrap().rmse
             };
             let most = station.points.iter().filter(plain).max_by_key(|p| p.quality.paths()).unwrap().rmse;
-            // Around a sphere one look's error is speckle alone: rays change it by less than the reference is converged to.
+            // Around a sphere one angle's error is speckle alone: rays change it by less than the reference is converged to.
             let converged_to = if station.name == "sphere.toml" { 0.02 } else { 0.0 };
             assert!(most < raw(1, 1) + converged_to, "{}", station.name);
             for key in station.points.iter().filter_map(|point| point.generator.as_ref()) {

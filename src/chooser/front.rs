@@ -224,7 +224,7 @@ fn point(quality: FrameQuality, generator: Option<GeneratorKey>, errors: &[(Prob
     PointError { quality, generator, rmse, spread, by_speed: Some(by_speed) }
 }
 
-/// Qualities of rendered frames, then generators on theirs.
+/// Qualities of raw frames, then generators on theirs.
 fn planned(settings: &ErrorSettings, bench: &Bench, steers: bool) -> Vec<(FrameQuality, Option<usize>)> {
     let ErrorSettings { points, angles: chosen, .. } = settings;
     let wanted = |quality: &FrameQuality| {

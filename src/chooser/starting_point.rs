@@ -45,7 +45,7 @@ pub fn choose(
     pose: Option<Pose>,
 ) -> Result<StartingPoint, ChooserError> {
     let mut messages = Vec::new();
-    let budgeted = station.quality_budget_ms.is_some();
+    let budgeted = station.frame_budget_ms.is_some();
     // The default quality is no choice that a hint could better.
     let own = FrameQuality::of(&station.settings);
     if !budgeted && generators.is_empty() && own.paths() == 1 {
@@ -63,7 +63,8 @@ pub fn choose(
     let mut bench = Bench { station, renderer, generators, pose, frame_ms };
     let (times, measured) = Times::known_or_measured(&mut bench, &qualities, open.own)?;
     let all = open.candidates(&expected, &qualities, &models, &times);
-    let budget = |frame_ms| FrameBudget { frame_ms, run_ms: station.generator.budget_ms, apart, spread: times.spread };
+    let budget =
+        |frame_ms| FrameBudget { frame_ms, run_ms: station.generator.run_budget_ms, apart, spread: times.spread };
     let best = PointController::new(all, names.clone(), budget(Some(frame_ms)));
     let controller = if budgeted {
         match &best {
@@ -91,14 +92,14 @@ pub fn choose(
 fn frame_ms(station: &Station, messages: &mut Vec<String>) -> f64 {
     let rate_hz = station.pipeline.frame_rate_hz;
     let most_ms = PART_OF_PERIOD * 1e3 / rate_hz;
-    let Some(budget_ms) = station.quality_budget_ms else { return most_ms };
-    if budget_ms > most_ms {
+    let Some(frame_budget_ms) = station.frame_budget_ms else { return most_ms };
+    if frame_budget_ms > most_ms {
         messages.push(format!(
-            "quality: frames may take {most_ms:.0} ms, {:.0} % of the period at {rate_hz} frames/s; quality.budget_ms is more",
+            "quality: frames may take {most_ms:.0} ms, {:.0} % of the period at {rate_hz} frames/s; quality.frame_budget_ms is more",
             100.0 * PART_OF_PERIOD,
         ));
     }
-    budget_ms.min(most_ms)
+    frame_budget_ms.min(most_ms)
 }
 
 /// The chosen point in a sentence; none if it isn't sure to keep the budget, which is logged as a warning.
@@ -140,7 +141,7 @@ fn hint(
     worth.then(|| {
         format!(
             "quality: {} is fixed, {error:.1} grey levels off the converged picture; {} would take {:.0} ms and be off by {:.1}: \
-             `quality.budget_ms = {frame_ms:.0}` in place of rays and layers lets the station choose",
+             `quality.frame_budget_ms = {frame_ms:.0}` in place of rays and layers lets the station choose",
             fixed.name(&point),
             best.name(&better),
             best.expected_ms(&better),

@@ -16,7 +16,7 @@ const FRAMES: usize = 3;
 #[derive(Debug, Clone, PartialEq)]
 pub struct StillQuality {
     /// Time that a frame may take, ms.
-    pub budget_ms: f64,
+    pub frame_budget_ms: f64,
     /// The quality of least error within the budget; that of the fewest paths if none keeps it.
     pub quality: FrameQuality,
     /// Expected error, grey levels. For stills without the effect `aperture`, that of the same quality with it.
@@ -30,13 +30,13 @@ pub struct StillQuality {
 impl StillQuality {
     /// Whether the quality keeps the budget.
     pub fn fits(&self) -> bool {
-        self.frame_ms.is_some_and(|ms| ms <= self.budget_ms)
+        self.frame_ms.is_some_and(|ms| ms <= self.frame_budget_ms)
     }
 }
 
 /// Chooses the quality of stills, and switches the renderer to `probe` and `settings` with it. Qualities are those of the shipped
 /// table of errors, with the angles and the aperture of `settings`; the seed is kept. They are timed by rising number of paths, until
-/// one takes more than `budget_ms`; their frames cycle through `poses`. `scene` is [`scene_name`](super::scene_name) of the station.
+/// one takes more than `frame_budget_ms`; their frames cycle through `poses`. `scene` is [`scene_name`](super::scene_name) of the station.
 ///
 /// # Errors
 /// The table can't be read, or a frame can't be rendered. A quality that the device has no room for ends the search.
@@ -46,7 +46,7 @@ pub fn choose_still(
     probe: &Probe,
     settings: &RenderSettings,
     poses: &[Pose],
-    budget_ms: f64,
+    frame_budget_ms: f64,
 ) -> Result<StillQuality, ChooserError> {
     let own = own_quality(settings, probe);
     let expected = ErrorTable::shipped()?.expected(scene, probe);
@@ -64,7 +64,7 @@ pub fn choose_still(
     let mut poses = poses.iter().cycle();
     let mut frame = Frame::default();
     let first = points.first().map(|(quality, _)| *quality);
-    let chosen = search(&points, own, budget_ms, |quality| {
+    let chosen = search(&points, own, frame_budget_ms, |quality| {
         match renderer.reconfigure(probe, &quality.apply(settings, aperture)) {
             Ok(()) => {}
             // The cheapest must work.
@@ -88,11 +88,11 @@ pub fn choose_still(
 fn search<E>(
     points: &[(FrameQuality, f64)],
     own: FrameQuality,
-    budget_ms: f64,
+    frame_budget_ms: f64,
     mut frame_ms: impl FnMut(FrameQuality) -> Result<Option<f64>, E>,
 ) -> Result<StillQuality, E> {
     let &(least, error) = points.first().unwrap_or(&(own, 0.0));
-    let mut chosen = StillQuality { budget_ms, quality: least, error, frame_ms: None, beyond: None };
+    let mut chosen = StillQuality { frame_budget_ms, quality: least, error, frame_ms: None, beyond: None };
     for &(quality, error) in points {
         let mut times = [f64::NAN; FRAMES];
         let mut known = 0;
@@ -108,7 +108,7 @@ fn search<E>(
         }
         times[..known].sort_by(f64::total_cmp);
         let ms = upper_median(&times[..known]);
-        let fits = ms.is_some_and(|ms| ms <= budget_ms);
+        let fits = ms.is_some_and(|ms| ms <= frame_budget_ms);
         if quality == least || (fits && error < chosen.error) {
             (chosen.quality, chosen.error, chosen.frame_ms) = (quality, error, ms);
         }
@@ -132,9 +132,9 @@ mod tests {
     }
 
     /// Search on a machine that takes 10 ms plus `per_path` ms per path, and the number of its frames.
-    fn searched(points: &[(FrameQuality, f64)], budget_ms: f64, per_path: f64) -> (StillQuality, usize) {
+    fn searched(points: &[(FrameQuality, f64)], frame_budget_ms: f64, per_path: f64) -> (StillQuality, usize) {
         let mut frames = 0;
-        let found = search::<()>(points, FrameQuality::LQ, budget_ms, |quality| {
+        let found = search::<()>(points, FrameQuality::LQ, frame_budget_ms, |quality| {
             frames += 1;
             // The first of each quality compiles.
             let warm = if frames % 4 == 1 { 1000.0 } else { 0.0 };

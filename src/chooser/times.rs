@@ -30,7 +30,7 @@ const LEAST_OF_KEPT: f64 = 0.9;
 /// Median times, ms, and their spread.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Times {
-    /// Frames of one look by rays and layers, without maps; none for those that the device has no room for. Estimated from
+    /// Frames of one angle by rays and layers, without maps; none for those that the device has no room for. Estimated from
     /// the paths for those far beyond the budget.
     render_ms: Vec<([u32; 2], Option<f64>)>,
     /// Additional time of maps, and of rolling compounding.
@@ -102,7 +102,7 @@ impl Times {
         if self.spread > DISTURBED {
             return Ok(true);
         }
-        let Some(first) = qualities.first().map(|quality| one_look(qualities, [quality.rays, quality.layers])) else {
+        let Some(first) = qualities.first().map(|quality| one_angle(qualities, [quality.rays, quality.layers])) else {
             return Ok(false);
         };
         let known = self.render_ms.iter().find(|(known, _)| *known == [first.rays, first.layers]);
@@ -138,8 +138,8 @@ impl Times {
                 }
             }
         }
-        let one_look = |rays_layers| one_look(qualities, rays_layers);
-        if let Some(first) = qualities.first().map(|quality| one_look([quality.rays, quality.layers])) {
+        let one_angle = |rays_layers| one_angle(qualities, rays_layers);
+        if let Some(first) = qualities.first().map(|quality| one_angle([quality.rays, quality.layers])) {
             let aperture = first.aperture;
             let angles = qualities.iter().map(|quality| quality.angles).max().unwrap_or(1);
             let without = FrameQuality { aperture: false, ..first };
@@ -158,7 +158,7 @@ impl Times {
         // Paths and time of the first point far beyond the budget.
         let mut beyond: Option<(u32, f64)> = None;
         for rays_layers in qualities.iter().map(|quality| [quality.rays, quality.layers]) {
-            let quality = one_look(rays_layers);
+            let quality = one_angle(rays_layers);
             if self.knows(rays_layers) {
                 continue;
             }
@@ -194,8 +194,8 @@ impl Times {
     }
 }
 
-/// Quality of these rays and layers with one look, and with the aperture if the station has it.
-fn one_look(qualities: &[FrameQuality], [rays, layers]: [u32; 2]) -> FrameQuality {
+/// Quality of these rays and layers with one angle, and with the aperture if the station has it.
+fn one_angle(qualities: &[FrameQuality], [rays, layers]: [u32; 2]) -> FrameQuality {
     FrameQuality { aperture: qualities.iter().any(|quality| quality.aperture), ..FrameQuality::new(rays, layers) }
 }
 

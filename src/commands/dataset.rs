@@ -67,7 +67,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "QUALITY", default_value = "hq")]
     hq: RaysLayers,
 
-    /// Steering angles of the high quality: the mean of so many looks; even numbers are rounded down
+    /// Steering angles of the high quality: the mean of so many; even numbers are rounded down
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=i64::from(ANGLES_MAX)))]
     angles: u32,
 

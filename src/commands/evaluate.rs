@@ -17,9 +17,9 @@ use insonify::station::Station;
 use serde::Serialize;
 
 use super::backend::BackendArgs;
-use super::generator::RuntimeArgs;
 use super::outputs::Outputs;
 use super::progress::Progress;
+use super::runtime_args::RuntimeArgs;
 use super::steps::Steps;
 use super::{Failure, output};
 
@@ -137,7 +137,7 @@ Behind bone are the pixels of a scanline more than 2 mm deeper than its first bo
 
 Examples:
   insonify evaluate out/lq/bmode.png out/hq/bmode.png --mask out/hq/mask.png
-  insonify evaluate enhanced/ hq/ --mask masks/ --csv scores.csv --json scores.json
+  insonify evaluate generated/ hq/ --mask masks/ --csv scores.csv --json scores.json
   insonify evaluate --dataset data/ --model m.onnx --model ms.onnx --model msa.onnx --out out/evaluation
   insonify evaluate --dataset data/ --model msa.onnx --again 8 --limit 20
   insonify evaluate --model msa.onnx --steadiness configs/obstetric.toml";

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::anyhow;
 use clap::Parser;
+use insonify::pipeline::replay::Stretch;
 use insonify::sink::meta_image::{ImageTracking, MetaImageWriter};
 use insonify::transducer::Sector;
 use serde::Serialize;
@@ -11,7 +12,7 @@ use serde::Serialize;
 use super::backend::BackendArgs;
 use super::outputs::Outputs;
 use super::progress::Progress;
-use super::replay_args::{Part, ReplayArgs};
+use super::replay_args::{ReplayArgs, choose_quality};
 use super::{Failure, output, session};
 
 /// Render a recorded session into a tracked sequence (.igs.mha), as PLUS and 3D Slicer read it: images with the station's
@@ -73,7 +74,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let inputs = Outputs::beside_station(&replay.station).and([&args.replay.recording]);
     inputs.file("--out", &args.out, args.force)?;
     let probe = &replay.first()?.probe;
-    if let Some(part) = replay.parts.iter().find(|part| part.probe.depth_mm != probe.depth_mm) {
+    if let Some(part) = replay.stretches.iter().find(|part| part.probe.depth_mm != probe.depth_mm) {
         let at = part.frames.start;
         return Err(Failure::Input(anyhow!(
             "the recorded session changes the depth at frame {at}, and a sequence has one size of its pixels; export parts with --frames ..{at} and {at}.., or use --ignore-controls"
@@ -81,9 +82,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     let backend = args.backend.open(replay.station.backend)?;
     let scene = session::load_scene(&replay.station)?;
-    replay.choose_quality(&backend, &scene)?;
+    choose_quality(&mut replay, &backend, &scene)?;
     let (timeline, frames) = (&replay.timeline, replay.frames.clone());
-    let Part { probe, settings, .. } = replay.first()?;
+    let Stretch { probe, settings, .. } = replay.first()?;
     let sector = Sector::fit(probe, settings.image.width, settings.image.height);
     let tracking = |index: usize| ImageTracking {
         time_s: timeline.seconds(index),
@@ -103,7 +104,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
                 Map::Segmentation => &frame.segmentation,
             })?;
             progress.set(i + 1, images.len());
-            Ok(())
+            Ok::<(), Failure>(())
         },
     )?;
     drop(progress);

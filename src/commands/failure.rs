@@ -12,16 +12,17 @@ use insonify::evaluation::EvaluationError;
 use insonify::exam::ExamError;
 use insonify::generator::GeneratorError;
 use insonify::phantom::{CacheError, PhantomError};
+use insonify::pipeline::replay::ReplayError;
 use insonify::pose::CalibrationError;
 use insonify::quality::QualityError;
+use insonify::recording::RecordingError;
+use insonify::recording::interchange::InterchangeError;
 use insonify::render::{BackendError, RenderError, UnknownBackendVariable};
 use insonify::selftest::SelfTestError;
 use insonify::settings::SettingsError;
 use insonify::sink::SinkError;
 use insonify::station::StationError;
 use insonify::tracker::TrackerError;
-use insonify::tracker::interchange::InterchangeError;
-use insonify::tracker::recording::RecordingError;
 use insonify::tradeoff::TradeoffError;
 
 use super::terminal;
@@ -124,6 +125,7 @@ classified! {
     InterchangeError as Recording { _ => Input }
     SinkError { SinkError::FrameRate { .. } => Input, _ => Other }
     RecordingError { RecordingError::Write { .. } => Other, _ => Input }
+    ReplayError as Recording | Station | Render | Chooser { _ => Input }
     TrackerError { TrackerError::Thread(_) => Other, _ => Input }
     // A failed run is a fault of the model or the machine; the caller can fix the others.
     GeneratorError { GeneratorError::Inference { .. } | GeneratorError::Terminated { .. } => Other, _ => Input }

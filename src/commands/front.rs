@@ -15,7 +15,7 @@ use insonify::station::Station;
 
 use super::backend::BackendArgs;
 use super::outputs::Outputs;
-use super::tradeoff::{Bar, of_options};
+use super::sweep_bar::{SweepBar, of_options};
 use super::{Classify, Failure, input, output, session};
 
 /// Recording by which probes move.
@@ -26,7 +26,7 @@ const MOTION: &str = "assets/exams/obstetric_sweep.mcap";
 /// recording its own pose, turned about the beam, to which the probe has moved as a hand in the recording of --motion
 /// does); a converged reference of 9 angles with all effects at each; and the error of live frames against it, by speed:
 /// rays x layers x angles of rolling compounding, some of them without the aperture, and the station's generators on the
-/// frames that they were trained for. The looks of a rolling picture are those of the probe's earlier poses at the
+/// frames that they were trained for. The angles of a rolling picture are those of the probe's earlier poses at the
 /// station's frame rate. The table holds no times: sessions measure them.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
@@ -76,7 +76,7 @@ The shipped table is assets/quality/front.toml; its first lines name the command
 a change.
 
 Example:
-  insonify front configs/tiers.toml configs/lung_air.toml --minutes 10 --resume";
+  insonify front configs/generators.toml configs/lung_air.toml --minutes 10 --resume";
 
 /// Rays and layers from text such as `8x3`.
 fn rays_layers(text: &str) -> Result<(u32, u32), String> {
@@ -157,7 +157,7 @@ fn errors(args: &Args, station: &Station, ends: Option<Instant>) -> Result<Optio
     settings.check(station)?;
     let backend = args.backend.open(station.backend)?;
     let scene = session::load_scene(station)?;
-    let bar = Bar::default();
+    let bar = SweepBar::default();
     let show = |step: ErrorStep<'_>| match step {
         ErrorStep::Reference(found) => eprintln!("{found}"),
         ErrorStep::Converged(check) => eprintln!("{check}"),

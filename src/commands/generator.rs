@@ -3,9 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Parser;
-use insonify::generator::{
-    Generator, Kind, LoadOptions, Manifest, ParityReport, Provider, Runtime, Settings, generator_files,
-};
+use insonify::generator::{Generator, Kind, Manifest, ParityReport, Provider, Runtime, generator_files};
 use insonify::sink::FrameFiles;
 use insonify::sink::png::{self, Effort};
 use insonify::statistics::{nearest_rank, sorted};
@@ -13,6 +11,7 @@ use serde::Serialize;
 
 use super::frame_dir::FrameDir;
 use super::outputs::Outputs;
+use super::runtime_args::RuntimeArgs;
 use super::{Classify, Failure, input, output};
 
 /// Check a generator against its manifest and parity pair, measure it, and apply it to a frame.
@@ -26,7 +25,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR")]
     frame: Option<PathBuf>,
 
-    /// Image to write [default: enhanced.png in the frame's directory]
+    /// Image to write [default: generated.png in the frame's directory]
     #[arg(long, value_name = "PNG", requires = "frame")]
     out: Option<PathBuf>,
 
@@ -52,33 +51,11 @@ Needs ONNX Runtime's library: scripts/setup fetches it, or ORT_DYLIB_PATH names 
 Examples:
   insonify generator assets/generators/fast_msa/fast_msa.onnx
   insonify render configs/obstetric.toml --out out/frame
-  insonify generator assets/generators/fast_msa/fast_msa.onnx --frame out/frame --out out/enhanced.png";
+  insonify generator assets/generators/fast_msa/fast_msa.onnx --frame out/frame --out out/generated.png";
 
 fn size(text: &str) -> Result<(u32, u32), String> {
     let in_range = input::product(text).filter(|(w, h)| (16..=4096).contains(w) && (16..=4096).contains(h));
     in_range.ok_or_else(|| "expected width x height such as `1386x1000`, each 16..=4096".to_owned())
-}
-
-/// Execution provider and threads of generators.
-#[derive(Debug, clap::Args)]
-pub(super) struct RuntimeArgs {
-    /// Execution provider of generators: cpu, cuda or tensorrt
-    #[arg(long, value_name = "NAME", default_value_t)]
-    pub(super) provider: Provider,
-
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = threads, help = input::described::<Settings>("threads"))]
-    pub(super) threads: u32,
-}
-
-fn threads(text: &str) -> Result<u32, String> {
-    input::whole::<Settings>("threads", text)
-}
-
-impl RuntimeArgs {
-    /// Options of a generator; `tissues` are names from number 1.
-    pub(super) fn options<'a>(&self, tissues: &'a [String]) -> LoadOptions<'a> {
-        LoadOptions { provider: self.provider, threads: self.threads, tissues }
-    }
 }
 
 #[derive(Serialize)]
@@ -107,7 +84,7 @@ struct Times {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let frame = args.frame.as_deref().map(FrameDir::read).transpose().input()?;
     let tissues = frame.as_ref().map_or(&[][..], |f| &f.tissues);
-    let written = frame.as_ref().map(|f| args.out.clone().unwrap_or_else(|| f.directory.join("enhanced.png")));
+    let written = frame.as_ref().map(|f| args.out.clone().unwrap_or_else(|| f.directory.join("generated.png")));
     if let (Some(frame), Some(path)) = (&frame, &written) {
         let read = FrameFiles::NAMES.map(|name| frame.directory.join(name));
         Outputs::beside(read).and(generator_files(&args.model)).replaced("--out", path)?;

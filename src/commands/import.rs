@@ -5,7 +5,9 @@ use std::path::PathBuf;
 
 use clap::Parser;
 use insonify::files::{self, FileKind};
-use insonify::tracker::interchange::{Imported, InterchangeError, Sequence, TrackedRow, csv, tracked, write_recording};
+use insonify::recording::interchange::{
+    Imported, InterchangeError, Sequence, TrackedRow, csv, tracked, write_recording,
+};
 use serde::Serialize;
 
 use super::outputs::Outputs;

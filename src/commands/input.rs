@@ -7,9 +7,9 @@ use std::time::Duration;
 use anyhow::{Context, anyhow};
 use insonify::files::{self, FileKind};
 use insonify::pose::Pose;
+use insonify::recording::RecordingSummary;
 use insonify::settings::{Setting, SettingsGroup};
 use insonify::station::Station;
-use insonify::tracker::recording::RecordingSummary;
 
 use super::{Classify, Failure};
 

@@ -3,10 +3,11 @@
 use std::path::PathBuf;
 
 use clap::Parser;
-use insonify::tracker::recording::{Event, RecordingReader, RecordingSummary, SessionSettings, Timing, read_all};
+use insonify::recording::{
+    Event, RecordingReader, RecordingReport, RecordingSummary, SessionSettings, Timing, read_all,
+};
 use serde::Serialize;
 
-use super::replay::RecordingReport;
 use super::{Failure, output};
 
 /// Say what is in a recording: duration, rate, jitter, gaps, damage, events and settings.

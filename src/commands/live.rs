@@ -3,7 +3,7 @@
 use anyhow::anyhow;
 use insonify::chooser::{self, PointController};
 use insonify::generator::{Generator, GeneratorError, Kind, load_generators};
-use insonify::pipeline::{Enhancer, Generators, Limits, Parts, Pipeline, Status, Summary};
+use insonify::pipeline::{FrameGenerators, Generators, Limits, Parts, Pipeline, Status, Summary};
 use insonify::pose::{Counters, Pose};
 use insonify::render::{Choice, Effect, Renderer};
 use insonify::station::Station;
@@ -14,8 +14,8 @@ use super::{Classify, Failure, terminal};
 /// Generators of a session, and the controller of its operating point.
 #[derive(Default)]
 pub(crate) struct Chosen {
-    /// Generators; none: rendered frames are shown.
-    pub(crate) enhancer: Option<Box<dyn Enhancer>>,
+    /// Generators; none: raw frames are shown.
+    pub(crate) generators: Option<Box<dyn FrameGenerators>>,
     /// Controller; none: the quality stays as set.
     pub(crate) points: Option<PointController>,
     /// The station's choice for the aperture.
@@ -36,8 +36,8 @@ pub(crate) fn choose(
     for message in &start.messages {
         eprintln!("{message}");
     }
-    let enhancer = Generators::new(generators).map(|generators| Box::new(generators) as Box<dyn Enhancer>);
-    Ok(Chosen { enhancer, points: start.controller, aperture })
+    let generators = Generators::new(generators).map(|generators| Box::new(generators) as Box<dyn FrameGenerators>);
+    Ok(Chosen { generators, points: start.controller, aperture })
 }
 
 /// The station's generators; none without models, without ONNX Runtime, or if every model is refused. Failures are logged
@@ -114,7 +114,7 @@ mod tests {
     use std::time::Duration;
 
     use insonify::pipeline::{
-        Clock, EnhanceError, FrameRenderer, ImageShape, RenderFault, RendererFactory, SimulatedClock, StandingPose,
+        Clock, FrameRenderer, GenerateError, ImageShape, RenderFault, RendererFactory, SimulatedClock, StandingPose,
         Stop, Terminator,
     };
     use insonify::pose::TrackingState;
@@ -133,7 +133,7 @@ mod tests {
             silent_s: None,
             latency_ms: None,
             tracking: TrackingState::Good,
-            source: FrameSource::LowQuality,
+            source: FrameSource::Raw,
             frozen: false,
             dropped: 0,
             notice: None,
@@ -180,12 +180,12 @@ mod tests {
     /// A generator whose runs take 400 ms.
     struct Slow(Arc<dyn Clock>);
 
-    impl Enhancer for Slow {
+    impl FrameGenerators for Slow {
         fn name(&self, _: usize) -> &str {
             "slow"
         }
 
-        fn enhance(&mut self, _: usize, _: &Frame, out: &mut Vec<u8>) -> Result<(), EnhanceError> {
+        fn generate(&mut self, _: usize, _: &Frame, out: &mut Vec<u8>) -> Result<(), GenerateError> {
             self.0.sleep_until(self.0.now() + Duration::from_millis(400));
             out.push(2);
             Ok(())
@@ -202,7 +202,7 @@ mod tests {
         let text = std::fs::read_to_string(directory.join("live.toml")).unwrap();
         let text = text.replace("[pipeline]", &format!("[pipeline]\n{pipeline}"));
         let station = Station::parse(&text, &directory).unwrap();
-        assert_eq!(station.generator.budget_ms, 64.0);
+        assert_eq!(station.generator.run_budget_ms, 64.0);
         let clock: Arc<dyn Clock> = Arc::new(SimulatedClock::new());
         let parts = Parts {
             clock: clock.clone(),
@@ -214,7 +214,7 @@ mod tests {
             render: station.settings,
             points: None,
             aperture: Choice::Auto,
-            enhancer: Some(Box::new(Slow(clock))),
+            generators: Some(Box::new(Slow(clock))),
             sinks: Vec::new(),
             log: None,
             controls: tokio::sync::mpsc::channel(1).1,

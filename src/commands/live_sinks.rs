@@ -94,7 +94,7 @@ pub(crate) fn open(
 #[cfg(feature = "browser")]
 pub(crate) fn scene_info(station: &Station, scene: &Scene) -> insonify::sink::browser::SceneInfo {
     use insonify::sink::browser::{SceneInfo, ScenePacket};
-    let surfaces = ScenePacket::new(scene, &station.probe, super::view::axes_of(station));
+    let surfaces = ScenePacket::new(scene, &station.probe, station.axes());
     SceneInfo { tissues: station.tissues.names().to_vec(), surfaces: Some(surfaces) }
 }
 

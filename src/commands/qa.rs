@@ -9,7 +9,7 @@ use glam::DVec3;
 use insonify::pose::Pose;
 use insonify::quality::levels::Levels;
 use insonify::quality::qa_phantom::{self, QaReport, RESOLVED_DIP_DB, SEEN_DB};
-use insonify::render::{RenderSettings, Renderer};
+use insonify::render::{RenderError, RenderSettings, Renderer};
 use insonify::sink::frame_record::AdapterRecord;
 use insonify::sink::{self, png};
 use insonify::station::Station;
@@ -105,8 +105,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         })
         .collect();
     let progress = Progress::new("images", poses.len());
-    session::render_paced(
-        &mut renderer,
+    renderer.render_each(
         &poses,
         |_| 0.0,
         |index, frame| {
@@ -115,7 +114,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             }
             levels.add(&frame.bmode);
             progress.set(index + 1, poses.len());
-            Ok(())
+            Ok::<(), RenderError>(())
         },
     )?;
     drop(progress);

@@ -29,7 +29,7 @@ fn accepts() -> String {
 
 /// Rays and layers as given on the command line: a preset, `lq`, `hq` or `RxL`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct RaysLayers(FrameQuality);
+pub(crate) struct RaysLayers(pub(crate) FrameQuality);
 
 impl RaysLayers {
     /// The rays, then the layers.
@@ -70,12 +70,14 @@ fn rays_layers(quality: Quality) -> FrameQuality {
 
 /// Prints and returns the quality that a budget chose, with its time, its error and the time of the next one.
 pub(crate) fn say_chosen(chosen: &StillQuality) -> String {
-    let StillQuality { budget_ms, quality, error, frame_ms, beyond } = chosen;
+    let StillQuality { frame_budget_ms, quality, error, frame_ms, beyond } = chosen;
     let Some(ms) = frame_ms else {
-        return warned(format!("{quality}, whose frames gave no time to hold against {budget_ms} ms"));
+        return warned(format!("{quality}, whose frames gave no time to hold against {frame_budget_ms} ms"));
     };
     if !chosen.fits() {
-        return warned(format!("nothing keeps {budget_ms} ms here; {quality} is the least, and takes {ms:.1} ms"));
+        return warned(format!(
+            "nothing keeps {frame_budget_ms} ms here; {quality} is the least, and takes {ms:.1} ms"
+        ));
     }
     let beyond = match beyond {
         None => String::new(),
@@ -85,7 +87,7 @@ pub(crate) fn say_chosen(chosen: &StillQuality) -> String {
     // The table has no errors of stills without the aperture.
     let off =
         if quality.aperture { format!(", {error:.1} grey levels off the converged picture") } else { String::new() };
-    let chosen = format!("{quality}, {ms:.1} ms of {budget_ms}{off}{beyond}");
+    let chosen = format!("{quality}, {ms:.1} ms of {frame_budget_ms}{off}{beyond}");
     eprintln!("quality: {chosen}");
     chosen
 }

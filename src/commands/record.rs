@@ -11,11 +11,10 @@ use anyhow::anyhow;
 use bytes::BytesMut;
 use clap::Parser;
 use insonify::pipeline::StopSignals;
+use insonify::recording::{Event, Recorded, RecorderHandle, event_of, spawn, stream_of};
 use insonify::station::Station;
-use insonify::tracker::recording::{Event, Recorded, RecorderHandle, event_of};
 use insonify::tracker::{
     Listener, Monitor, Protocol, Record, SessionHandle, SessionState, Settings, TrackerEvent, Transport, host_time_ns,
-    spawn, stream_of,
 };
 use serde::Serialize;
 use tokio::runtime::Runtime;
@@ -28,7 +27,7 @@ use super::tracker_args::TrackerArgs;
 use super::{Classify, Failure, input, output, recorder, terminal};
 
 /// Period of the recording's status checks.
-const LOOK: Duration = Duration::from_millis(250);
+const POLL: Duration = Duration::from_millis(250);
 
 /// Longest time that stdin or a played recording waits for a slow disk.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -285,13 +284,13 @@ fn wait(
     let mut progress = Progress::default();
     let reason: Result<String, Failure> = runtime.block_on(async {
         loop {
-            let left = duration.map_or(LOOK, |duration| duration.saturating_sub(started.elapsed()).min(LOOK));
+            let left = duration.map_or(POLL, |duration| duration.saturating_sub(started.elapsed()).min(POLL));
             let asked = tokio::select! {
                 _ = signals.next() => Some("it was stopped".to_owned()),
                 () = tokio::time::sleep(left) => None,
             };
             let over = source.over();
-            progress.look(tap, started.elapsed(), &mut line);
+            progress.show(tap, started.elapsed(), &mut line);
             let failed = tap.handle.failure().map(|_| "the disk does not take it".to_owned());
             let done = duration.is_some_and(|duration| started.elapsed() >= duration);
             let done = done.then(|| "the duration was over".to_owned());
@@ -301,7 +300,7 @@ fn wait(
         }
     });
     source.end();
-    progress.look(tap, started.elapsed(), &mut line);
+    progress.show(tap, started.elapsed(), &mut line);
     drop(line);
     Ok((reason?, progress.records))
 }
@@ -314,7 +313,7 @@ struct Progress {
 }
 
 impl Progress {
-    fn look(&mut self, tap: &Tap, elapsed: Duration, line: &mut StatusLine) {
+    fn show(&mut self, tap: &Tap, elapsed: Duration, line: &mut StatusLine) {
         let report = tap.monitor.report();
         self.records += report.records;
         self.state = report.state;

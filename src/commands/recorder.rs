@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use insonify::files::FileKind;
+use insonify::recording::{QueueLimits, Recorder, RecordingInfo, RecordingWriter, SessionSettings};
 use insonify::station::Station;
 use insonify::tracker::Protocol;
-use insonify::tracker::recording::{QueueLimits, Recorder, RecordingInfo, RecordingWriter, SessionSettings};
 
 use super::{Classify, Failure, input, output};
 

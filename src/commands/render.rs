@@ -103,9 +103,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut frame = Frame::default();
     renderer.set_time_s(args.time);
     let mut chosen = None;
-    if let (Some(budget_ms), None) = (station.quality_budget_ms, args.quality) {
+    if let (Some(frame_budget_ms), None) = (station.frame_budget_ms, args.quality) {
         let scene = scene_name(&station);
-        let found = choose_still(&mut renderer, &scene, &station.probe, &settings, &[pose], budget_ms)?;
+        let found = choose_still(&mut renderer, &scene, &station.probe, &settings, &[pose], frame_budget_ms)?;
         chosen = Some(quality::say_chosen(&found));
         settings.quality = Quality { rays: found.quality.rays, layers: found.quality.layers, seed };
     }
@@ -118,7 +118,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         renderer.sector().pixel_mm,
         &frame.mask,
         &settings.image,
-        settings.look.independent_looks(&station.probe),
+        settings.look.independent_angles(&station.probe),
     );
     Look::default().apply(&settings.look, shape, &mut frame.bmode);
     let adapter = session::adapter(&backend);

@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Parser;
+use insonify::pipeline::replay::{Replay, Stretch};
+use insonify::recording::{RecordingReport, RecordingSummary};
 use insonify::report::TimeTable;
 use insonify::report::time_table::{SideBySide, StageTime};
 use insonify::settings::{ImageSettings, LookSettings, Probe, RenderSettings};
@@ -12,7 +14,6 @@ use insonify::sink::frame_files::tissue_numbers;
 use insonify::sink::frame_record::{AdapterRecord, PoseRecord};
 use insonify::sink::png::{self, Effort};
 use insonify::sink::{Video, npy, remove, write_json};
-use insonify::tracker::recording::RecordingSummary;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
@@ -20,7 +21,7 @@ use super::backend::BackendArgs;
 use super::outputs::Outputs;
 use super::pace::{Pace, Speed};
 use super::progress::Progress;
-use super::replay_args::{Part, Replay, ReplayArgs};
+use super::replay_args::{ReplayArgs, choose_quality};
 use super::{Failure, output, quality, session};
 
 /// Replay a recorded session over a station's scene: a PNG a frame, and a video.
@@ -113,25 +114,6 @@ struct Report<'a> {
     frames: Vec<FrameEntry>,
 }
 
-/// Contents of a recording.
-#[derive(Serialize)]
-pub(crate) struct RecordingReport<'a> {
-    path: String,
-    device: &'a str,
-    scene: &'a str,
-    records: u64,
-    duration_s: f64,
-    /// Whether everything in the file was used.
-    clean: bool,
-    truncated: Option<&'a str>,
-    damaged_parts: u64,
-    decode_errors: u64,
-    missing_records: u64,
-    sequence_reversals: u64,
-    time_reversals: u64,
-    other_sensors: u64,
-}
-
 /// Frames that were rendered with the same settings.
 #[derive(Serialize)]
 struct PartEntry {
@@ -146,8 +128,8 @@ struct PartEntry {
     image: ImageSettings,
 }
 
-impl From<&Part> for PartEntry {
-    fn from(&Part { ref frames, probe, settings }: &Part) -> Self {
+impl From<&Stretch> for PartEntry {
+    fn from(&Stretch { ref frames, probe, settings }: &Stretch) -> Self {
         Self {
             first: frames.start,
             frames: frames.len(),
@@ -167,36 +149,15 @@ struct FrameEntry {
     held: bool,
 }
 
-impl<'a> RecordingReport<'a> {
-    /// Report of `summary` for the recording at `path`.
-    pub(crate) fn new(path: &Path, summary: &'a RecordingSummary) -> Self {
-        Self {
-            path: path.display().to_string(),
-            device: &summary.info.device,
-            scene: &summary.info.scene,
-            records: summary.records,
-            duration_s: summary.duration.as_secs_f64(),
-            clean: summary.is_clean(),
-            truncated: summary.damage.truncated.as_deref(),
-            damaged_parts: summary.damage.damaged,
-            decode_errors: summary.decode_errors,
-            missing_records: summary.missing_records,
-            sequence_reversals: summary.sequence_reversals,
-            time_reversals: summary.time_reversals,
-            other_sensors: summary.other_sensors,
-        }
-    }
-}
-
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut replay = args.replay.read()?;
     Outputs::beside_station(&replay.station).and([&args.replay.recording]).within("--out", &args.out, &FILES)?;
     let backend = args.backend.open(replay.station.backend)?;
     let scene = session::load_scene(&replay.station)?;
-    replay.choose_quality(&backend, &scene)?;
+    choose_quality(&mut replay, &backend, &scene)?;
     let (Replay { rate, summary, timeline, .. }, Range { start, end }) = (&replay, replay.frames.clone());
-    let Part { probe, settings, .. } = replay.first()?;
+    let Stretch { probe, settings, .. } = replay.first()?;
 
     let (width, height) = (settings.image.width, settings.image.height);
     // Output of an earlier replay must not pass for this one's.
@@ -239,7 +200,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             times.push(&frame.times);
             overflowed += usize::from(frame.overflows > 0);
             progress.set(i + 1, end - start);
-            Ok(())
+            Ok::<(), Failure>(())
         },
     )?;
     drop(progress);
@@ -264,7 +225,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         rendered: end - start,
         held: timeline.held_in(start..end),
         changes: replay.changes(),
-        parts: replay.parts.iter().map(PartEntry::from).collect(),
+        parts: replay.stretches.iter().map(PartEntry::from).collect(),
         overflowed,
         wall_s,
         behind_s: pace.behind_s(),
@@ -278,19 +239,29 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         report.frames.clear();
         return output::json(&report);
     }
-    let name = quality::name(&settings.quality);
+    print(args, &report, summary, &quality::name(&settings.quality), &times)
+}
+
+/// Prints what was made.
+fn print(
+    args: &Args,
+    report: &Report<'_>,
+    summary: &RecordingSummary,
+    name: &str,
+    times: &TimeTable,
+) -> Result<(), Failure> {
     output::line(format!("{}: {summary}", args.replay.recording.display()))?;
-    output::line(format!("{} frames at {name} in {wall_s:.1} s on {}", report.rendered, report.adapter.name))?;
+    output::line(format!("{} frames at {name} in {:.1} s on {}", report.rendered, report.wall_s, report.adapter.name))?;
     if report.held > 0 {
         output::line(format!("{} of them in gaps of the recording or just behind: they hold a pose", report.held))?;
     }
     if report.changes > 0 {
         output::line(format!("the settings change {} times, as they did in the recorded session", report.changes))?;
     }
-    if let Some(behind_s) = report.behind_s.filter(|s| *s > 0.5 / rate.fps()) {
+    if let Some(behind_s) = report.behind_s.filter(|s| *s > 0.5 / report.fps) {
         output::line(format!("this machine does not keep up: frames came up to {behind_s:.2} s late"))?;
     }
-    output::line(format!("\n{}\n", SideBySide(&[(&name, &times)])))?;
+    output::line(format!("\n{}\n", SideBySide(&[(name, times)])))?;
     output::line(format!("sha256   {} (of all frames)", report.frames_sha256))?;
     output::line(format!("video    {}", report.video.display()))?;
     output::line(format!("frames   {}", args.out.join("bmode").display()))

@@ -12,6 +12,7 @@ use insonify::pipeline::{
     RecordingObserver, StandingPose, Stop, Summary, SystemClock, TrackedPoses, on_ctrl_c,
 };
 use insonify::pose::{Estimator, Pose};
+use insonify::recording::{Recorded, stream_of};
 #[cfg(feature = "window")]
 use insonify::settings::Control;
 use insonify::sink::LiveSinkKind;
@@ -19,8 +20,7 @@ use insonify::sink::frame_record::AdapterRecord;
 #[cfg(feature = "window")]
 use insonify::sink::window::{WindowSlot, run_on_main_thread};
 use insonify::station::Station;
-use insonify::tracker::recording::Recorded;
-use insonify::tracker::{Speed, Transport, stream_of};
+use insonify::tracker::{Speed, Transport};
 use serde::Serialize;
 #[cfg(feature = "window")]
 use tokio::sync::mpsc;
@@ -173,7 +173,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         render: station.settings,
         points: chosen.points,
         aperture: chosen.aperture,
-        enhancer: chosen.enhancer,
+        generators: chosen.generators,
         sinks: opened.sinks,
         log: opened.log,
         controls: opened.controls,

@@ -15,9 +15,9 @@ impl fmt::Display for SummaryTable<'_> {
             "session            {:.1} s, {} frames at {:.1} a second",
             s.elapsed_s, s.presented, s.frames_per_s
         )?;
-        let [enhanced, held, low] = s.by_source;
-        let ratio = 100.0 * s.enhanced_ratio;
-        writeln!(f, "pictures           {ratio:.1} % enhanced ({enhanced} own, {held} held), {low} low quality")?;
+        let [generated, held, raw] = s.by_source;
+        let ratio = 100.0 * s.generated_ratio;
+        writeln!(f, "pictures           {ratio:.1} % generated ({generated} own, {held} held), {raw} raw")?;
         let [good, held, stuck, stale, lost] = s.by_tracking;
         writeln!(f, "poses              {good} good, {held} held, {stuck} stuck, {stale} stale, {lost} lost")?;
         writeln!(f, "\nms                       p50      p95      p99      max")?;
@@ -35,7 +35,7 @@ impl fmt::Display for SummaryTable<'_> {
             write!(
                 f,
                 "quality            {begun} to {ended} for {:.0} ms: lowered {lowered}, raised {raised}",
-                p.budget_ms
+                p.limit_ms
             )?;
             writeln!(f, ", refused {}{}", p.refused, if p.by_hand { ", then set by hand" } else { "" })?;
             for change in &p.changes {

@@ -9,15 +9,14 @@ use insonify::anatomy::Mesh;
 use insonify::exam::score::{self, HOLD_S, PlaneScore, Reference, Score};
 use insonify::pipeline::ReplayedControls;
 use insonify::pose::{TimedPose, TrackingState};
+use insonify::recording::{RecordingReader, RecordingReport, read_both};
 use insonify::report::exam as exam_report;
-use insonify::settings::{Choice, Effect};
+use insonify::settings::{Choice, Effect, LiveSettings};
 use insonify::station::{PlaneScene, Station};
-use insonify::tracker::recording::{RecordingReader, read_both};
 use serde::Serialize;
 
 use super::outputs::Outputs;
-use super::replay::RecordingReport;
-use super::replay_args::recorded_controls;
+use super::replay_args::warn_of_refused;
 use super::{Failure, input, output, session};
 
 /// Compare a recorded session with the standard planes of the station's scene.
@@ -87,7 +86,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if poses.is_empty() {
         return Err(Failure::Input(anyhow!("{} holds no pose to score", args.recording.display())));
     }
-    let mut controls = recorded_controls(&args.recording, station.probe, station.settings, &summary.events);
+    let begin = LiveSettings { probe: station.probe, render: station.settings, frozen: false, generator: false };
+    let mut controls = ReplayedControls::new(begin, &summary.events);
+    warn_of_refused(&args.recording, controls.refused());
     let depths_mm = shown(&mut poses, &mut controls);
     let scene = session::load_scene(&station)?;
     let PlaneScene { planes, skin } = PlaneScene::of(&station, &scene)?;
@@ -198,8 +199,8 @@ fn measure_line(name: &str, measured_mm: Option<f64>, true_mm: Option<f64>, erro
 
 #[cfg(test)]
 mod tests {
+    use insonify::recording::Event;
     use insonify::settings::{LiveSettings, Probe};
-    use insonify::tracker::recording::Event;
 
     use super::*;
 

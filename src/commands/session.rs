@@ -1,8 +1,7 @@
 //! Rendering for commands: scene, warnings, and frames in order.
 
 use insonify::anatomy::Scene;
-use insonify::pose::Pose;
-use insonify::render::{Backend, EffectPlan, FRAMES_IN_FLIGHT, Frame, RenderSettings, Renderer};
+use insonify::render::{Backend, EffectPlan, RenderSettings};
 use insonify::sink::frame_record::AdapterRecord;
 use insonify::station::{SceneFile, SceneSource, Station};
 use insonify::transducer::Probe;
@@ -44,9 +43,9 @@ pub(crate) fn warn_of_effects(scene: &Scene, probe: &Probe, settings: &RenderSet
 
 /// Warns that the command ignores the station's budget and uses the lowest quality.
 pub(crate) fn warn_of_budget(station: &Station) {
-    if let Some(budget_ms) = station.quality_budget_ms {
+    if let Some(frame_budget_ms) = station.frame_budget_ms {
         let quality = quality::name(&station.settings.quality);
-        tracing::warn!("quality.budget_ms = {budget_ms} chooses nothing here: the quality is {quality}");
+        tracing::warn!("quality.frame_budget_ms = {frame_budget_ms} chooses nothing here: the quality is {quality}");
     }
 }
 
@@ -57,31 +56,4 @@ pub(crate) fn warn_of_overflows(frames: usize) {
             "in {frames} frames a few paths met more interfaces than are kept, and go on in the last medium"
         );
     }
-}
-
-/// Renders `poses` in order, two in flight. `each` receives every frame with its index. `before` runs before each
-/// submission, may wait, and returns the scene time, s.
-pub(crate) fn render_paced(
-    renderer: &mut Renderer,
-    poses: &[Pose],
-    mut before: impl FnMut(usize) -> f64,
-    mut each: impl FnMut(usize, &mut Frame) -> Result<(), Failure>,
-) -> Result<(), Failure> {
-    let mut frame = Frame::default();
-    let mut done = 0;
-    for (submitted, pose) in poses.iter().enumerate() {
-        if submitted - done == FRAMES_IN_FLIGHT {
-            renderer.receive(&mut frame)?;
-            each(done, &mut frame)?;
-            done += 1;
-        }
-        renderer.set_time_s(before(submitted));
-        renderer.submit(pose)?;
-    }
-    while done < poses.len() {
-        renderer.receive(&mut frame)?;
-        each(done, &mut frame)?;
-        done += 1;
-    }
-    Ok(())
 }

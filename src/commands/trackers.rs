@@ -6,9 +6,10 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, anyhow};
 use clap::Parser;
 use insonify::pose::Reading;
+use insonify::recording::spawn;
 use insonify::station::Station;
 use insonify::tracker::devices::{self, HidDevice, SerialDevice};
-use insonify::tracker::{Monitor, Report, SessionState, Settings, spawn};
+use insonify::tracker::{Monitor, Report, SessionState, Settings};
 use serde::Serialize;
 use tokio_util::sync::CancellationToken;
 

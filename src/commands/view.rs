@@ -12,7 +12,7 @@ use insonify::report::scene_view::{
     BmodeImage, Cut, Direction, Fan, Orbit, PIXELS_MAX, PictureSettings, SceneView, Selection, ViewError,
 };
 use insonify::sink::png;
-use insonify::station::{SceneSource, Station};
+use insonify::station::Station;
 use insonify::transducer::Probe;
 use serde::Serialize;
 
@@ -114,7 +114,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let probe = station.as_ref().map_or_else(Probe::default, |station| station.probe);
     let image = if args.bmode { Some(bmode(args, &scene, station.as_ref(), pose)?) } else { None };
     let fan = pose.map(|scene_from_probe| Fan { scene_from_probe, probe, image });
-    let axes = station.as_ref().map_or(Axes::Depth, axes_of);
+    let axes = station.as_ref().map_or(Axes::Depth, Station::axes);
 
     let fallback = if fan.is_some() { Direction::Fan } else { Direction::Front };
     let turned = Orbit { azimuth_deg: 30.0, elevation_deg: 20.0 };
@@ -136,14 +136,6 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         "{surfaces} surfaces, {triangles} triangles, {width} x {height} pixels in {picture_ms:.0} ms"
     ))?;
     output::line(args.out.display())
-}
-
-/// Meaning of the axes of a station's scene.
-pub(crate) fn axes_of(station: &Station) -> Axes {
-    match station.scene {
-        SceneSource::ObstetricPhantom { .. } => Axes::Anatomical,
-        SceneSource::File(_) => Axes::Depth,
-    }
 }
 
 /// The scene, and the station if given.

@@ -55,7 +55,7 @@ pub(super) struct Qualities {
 }
 
 impl Recipe {
-    /// 600 tuples of `stations`, 8 a session, a tenth for the test, 1 × 1 against 32 × 3 rays and layers, one look each.
+    /// 600 tuples of `stations`, 8 a session, a tenth for the test, 1 × 1 against 32 × 3 rays and layers, one angle each.
     pub fn new(stations: Vec<Station>) -> Self {
         Self {
             stations,

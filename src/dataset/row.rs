@@ -137,7 +137,7 @@ pub struct Row {
     pub time_s: f64,
     /// `scene_from_probe`.
     pub pose: PoseRow,
-    /// Frames before, which compound the low quality; none if it is a single look.
+    /// Frames before, which compound the low quality; none if it has a single angle.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rolling: Option<RollingRow>,
     /// Settings that replace the station's.
@@ -185,7 +185,7 @@ pub struct CompoundingRow {
     /// Displacement of the probe within a picture of the low quality, mm.
     #[serde(default = "reach_mm")]
     pub reach_mm: f64,
-    /// Whether earlier looks of the low quality are brought to the last pose.
+    /// Whether earlier frames of the low quality are brought to the last pose.
     #[serde(default)]
     pub registration: bool,
 }
@@ -195,7 +195,7 @@ fn reach_mm() -> f64 {
 }
 
 impl Default for CompoundingRow {
-    /// One look each.
+    /// One angle each.
     fn default() -> Self {
         let LookSettings { span_deg, reach_mm, registration, .. } = LookSettings::default();
         Self { lq_angles: 1, hq_angles: 1, span_deg, reach_mm, registration }
@@ -203,7 +203,7 @@ impl Default for CompoundingRow {
 }
 
 impl CompoundingRow {
-    /// The part of a look that renders low quality (0) or high quality (1).
+    /// The compounding that renders low quality (0) or high quality (1).
     pub fn of(&self, quality: usize) -> LookSettings {
         let angles = if quality == 0 { self.lq_angles } else { self.hq_angles };
         let Self { span_deg, reach_mm, registration, .. } = *self;

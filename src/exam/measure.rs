@@ -14,7 +14,7 @@ use crate::anatomy::Mesh;
 use crate::anatomy::planes::{Caliper, CaliperKind};
 use crate::anatomy::section::Section;
 use crate::pose::Pose;
-use crate::tracker::recording::ellipse_circumference_mm;
+use crate::recording::ellipse_circumference_mm;
 
 /// Section planes across the thickness of a slice.
 const CUTS: u32 = 5;

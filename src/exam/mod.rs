@@ -18,7 +18,7 @@ use glam::{DQuat, DVec3};
 use thiserror::Error;
 
 use crate::pose::{Pose, TimedPose};
-use crate::tracker::recording::{Event, RecordingError, RecordingInfo, RecordingWriter};
+use crate::recording::{Event, RecordingError, RecordingInfo, RecordingWriter};
 use crate::tracker::{Protocol, ascii_line};
 
 /// Start time of generated exams: 1 January 2026, ns since 1970 (UTC). Fixed, to make files reproducible.

@@ -20,7 +20,7 @@ use crate::anatomy::planes::{Caliper, StandardPlane, View};
 use crate::pose::freehand::{Tremor, Waypoint, minimum_jerk, view_at};
 use crate::pose::{Pose, TimedPose, rotation_vector};
 use crate::random::SplitMix64;
-use crate::tracker::recording::{CaliperEvent, Event};
+use crate::recording::{CaliperEvent, Event};
 
 /// Pose rate, Hz.
 pub const RATE_HZ: u32 = 60;

@@ -11,7 +11,7 @@ use super::{ExamError, START_TIME_NS, encode, on_skin};
 use crate::phantom::{self, Landmarks, Parameters};
 use crate::pose::freehand::{Tremor, Waypoint, view_at};
 use crate::pose::{Pose, TimedPose};
-use crate::tracker::recording::Event;
+use crate::recording::Event;
 
 /// Length of the exam, s.
 pub const DURATION_S: u32 = 24;
@@ -107,7 +107,7 @@ fn across(direction: DVec3, axis: DVec3) -> DVec3 {
 mod tests {
     use super::*;
     use crate::pose::interpolate;
-    use crate::tracker::recording::poses;
+    use crate::recording::poses;
 
     fn exam() -> Vec<TimedPose> {
         let parameters = Parameters::default();

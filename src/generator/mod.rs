@@ -22,7 +22,6 @@ mod load;
 mod manifest;
 mod maps;
 mod parity;
-mod provider;
 #[cfg(feature = "generator")]
 mod runtime;
 #[cfg(not(feature = "generator"))]
@@ -33,8 +32,8 @@ mod session;
 #[cfg(not(feature = "generator"))]
 #[path = "no_session.rs"]
 mod session;
-mod settings;
 
+pub use crate::settings::{GeneratorSettings as Settings, Provider};
 pub use error::{GeneratorError, RuntimeError};
 pub use feature_scale::FeatureScale;
 pub use features::OnnxFeatures;
@@ -46,7 +45,5 @@ pub use manifest::{
     SegmentationManifest, Training, Variant, generator_files,
 };
 pub use parity::ParityReport;
-pub use provider::Provider;
 pub use runtime::Runtime;
 pub use session::Terminator;
-pub use settings::Settings;

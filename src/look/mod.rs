@@ -40,14 +40,14 @@ pub struct Shape<'a> {
     pub mask: &'a [u8],
     /// Dynamic range of the grey levels, dB.
     pub dynamic_range_db: f64,
-    /// Independent looks in the picture's speckle.
-    pub looks: f64,
+    /// Independent angles in the picture's speckle.
+    pub independent_angles: f64,
 }
 
 impl<'a> Shape<'a> {
-    /// A picture of `image`, `width` pixels wide, compounded of so many independent looks.
-    pub fn new(width: u32, pixel_mm: f64, mask: &'a [u8], image: &ImageSettings, looks: f64) -> Self {
-        Self { width: width as usize, pixel_mm, mask, dynamic_range_db: image.dynamic_range_db, looks }
+    /// A picture of `image`, `width` pixels wide, compounded of so many independent angles.
+    pub fn new(width: u32, pixel_mm: f64, mask: &'a [u8], image: &ImageSettings, independent_angles: f64) -> Self {
+        Self { width: width as usize, pixel_mm, mask, dynamic_range_db: image.dynamic_range_db, independent_angles }
     }
 }
 

@@ -19,7 +19,7 @@ fn picture() -> (Vec<u8>, Vec<u8>) {
 }
 
 fn shape(mask: &[u8]) -> Shape<'_> {
-    Shape { width: WIDTH, pixel_mm: 0.2, mask, dynamic_range_db: 60.0, looks: 1.0 }
+    Shape { width: WIDTH, pixel_mm: 0.2, mask, dynamic_range_db: 60.0, independent_angles: 1.0 }
 }
 
 fn wide(picture: &[u8]) -> Vec<f64> {
@@ -141,13 +141,13 @@ fn all_steps_follow_each_other_as_in_the_twin() {
 fn a_compounded_picture_keeps_more_of_its_texture() {
     let (levels, mask) = picture();
     let settings = LookSettings { speckle_reduction: 1.0, ..LookSettings::default() };
-    // Half the speckle, as of four looks.
+    // Half the speckle, as of four independent angles.
     let calm: Vec<u8> = levels.iter().map(|&level| if level == 0 { 0 } else { 64 + level / 2 }).collect();
-    let change = |looks: f64| {
+    let change = |independent_angles: f64| {
         let mut found = calm.clone();
-        Look::default().apply(&settings, Shape { looks, ..shape(&mask) }, &mut found);
-        let twin = twin::apply(&settings, Shape { looks, ..shape(&mask) }, &wide(&calm), None);
-        assert!(off(&found, &twin) < 0.51, "{looks} looks");
+        Look::default().apply(&settings, Shape { independent_angles, ..shape(&mask) }, &mut found);
+        let twin = twin::apply(&settings, Shape { independent_angles, ..shape(&mask) }, &wide(&calm), None);
+        assert!(off(&found, &twin) < 0.51, "{independent_angles} independent angles");
         found.iter().zip(&calm).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>()
     };
     assert!(change(16.0) < 0.7 * change(4.0) && change(4.0) <= change(1.0));

@@ -36,7 +36,7 @@ fn inside(shape: Shape<'_>, picture: &[f64], each: impl Fn(usize, f64) -> f64) -
 
 /// Lee's filter.
 pub fn speckle_reduction(strength: f64, shape: Shape<'_>, picture: &[f64]) -> Vec<f64> {
-    let speckle = (SPECKLE_DB * 255.0 / shape.dynamic_range_db).powi(2) / shape.looks.max(1.0);
+    let speckle = (SPECKLE_DB * 255.0 / shape.dynamic_range_db).powi(2) / shape.independent_angles.max(1.0);
     inside(shape, picture, |i, level| {
         let [mean, variance] = moments(shape, speckle_reduction::HALF, picture, i);
         let kept = (variance - speckle).max(0.0) / variance.max(1.0e-3);

@@ -37,6 +37,8 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+pub use crate::settings::SCALE_RANGE;
+use crate::settings::SceneSettings;
 pub use attitude::Attitude;
 pub use biometry::Biometry;
 pub use cache::{CacheError, PhantomFile, cached, cached_or_temporary};
@@ -56,8 +58,6 @@ pub use crate::anatomy::export::LabelledSurface as PhantomSurface;
 pub const FETUS_TRIANGLES: usize = 400_000;
 /// Triangles of the mother, with placenta, cord and fluid, at scale 1.
 pub const MOTHER_TRIANGLES: usize = 275_000;
-/// Range of accepted scales.
-pub const SCALE_RANGE: std::ops::RangeInclusive<f64> = 0.01..=20.0;
 
 /// Options of a phantom.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -71,7 +71,14 @@ pub struct PhantomOptions {
 
 impl Default for PhantomOptions {
     fn default() -> Self {
-        Self { scale: 1.0, parameters: Parameters::default() }
+        Self::from(&SceneSettings::default())
+    }
+}
+
+/// Phantom of a station.
+impl From<&SceneSettings> for PhantomOptions {
+    fn from(scene: &SceneSettings) -> Self {
+        Self { scale: scene.phantom_scale, parameters: scene.into() }
     }
 }
 

@@ -3,65 +3,10 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::anatomy::Wall;
-
-/// Range of gestational ages, completed weeks.
-pub const WEEKS_RANGE: std::ops::RangeInclusive<f64> = 16.0..=34.0;
-/// Range of flexions.
-pub const FLEXION_RANGE: std::ops::RangeInclusive<f64> = 0.0..=1.0;
-/// Range of rolls, degrees.
-pub const ROLL_RANGE_DEG: std::ops::RangeInclusive<f64> = -180.0..=180.0;
-/// Range of amniotic fluid indices, mm: oligohydramnios to polyhydramnios.
-pub const FLUID_INDEX_RANGE_MM: std::ops::RangeInclusive<f64> = 50.0..=250.0;
-/// Range of thicknesses of the mother's subcutaneous fat, mm.
-pub const FAT_RANGE_MM: std::ops::RangeInclusive<f64> = 5.0..=60.0;
-
-/// Direction of the fetus' long axis.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Lie {
-    /// Head down.
-    #[default]
-    Cephalic,
-    /// Head up.
-    Breech,
-    /// Transverse, with the head to the mother's left.
-    TransverseHeadLeft,
-    /// Transverse, with the head to the mother's right.
-    TransverseHeadRight,
-}
-
-/// Site of the placenta on the uterine wall.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum PlacentaSite {
-    /// Towards the belly, left and fundal.
-    #[default]
-    Anterior,
-    /// Towards the spine.
-    Posterior,
-    /// At the top of the uterus.
-    Fundal,
-    /// On the mother's left.
-    Left,
-    /// On the mother's right.
-    Right,
-}
-
-crate::names::named!(Lie {
-    Cephalic = "cephalic",
-    Breech = "breech",
-    TransverseHeadLeft = "transverse-head-left",
-    TransverseHeadRight = "transverse-head-right",
-});
-
-crate::names::named!(PlacentaSite {
-    Anterior = "anterior",
-    Posterior = "posterior",
-    Fundal = "fundal",
-    Left = "left",
-    Right = "right",
-});
+use crate::settings::SceneSettings;
+pub use crate::settings::{
+    FAT_RANGE_MM, FLEXION_RANGE, FLUID_INDEX_RANGE_MM, Lie, PlacentaSite, ROLL_RANGE_DEG, WEEKS_RANGE, Wall,
+};
 
 /// Parameters of a phantom; equal parameters give equal bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -95,17 +40,24 @@ pub struct Parameters {
 
 impl Default for Parameters {
     fn default() -> Self {
+        Self::from(&SceneSettings::default())
+    }
+}
+
+/// Parameters of a station, with the fat of its wall.
+impl From<&SceneSettings> for Parameters {
+    fn from(scene: &SceneSettings) -> Self {
         Self {
-            gestational_weeks: 22.0,
-            lie: Lie::Cephalic,
-            roll_deg: 0.0,
-            flexion: 0.5,
-            placenta: PlacentaSite::Anterior,
-            fluid_index_mm: 140.0,
-            maternal_fat_mm: Wall::Easy.fat_mm(),
-            wall: Wall::Easy,
-            recti_lens: false,
-            seed: 0,
+            gestational_weeks: scene.phantom_weeks,
+            lie: scene.phantom_lie,
+            roll_deg: scene.phantom_roll_deg,
+            flexion: scene.phantom_flexion,
+            placenta: scene.phantom_placenta,
+            fluid_index_mm: scene.phantom_fluid_index_mm,
+            maternal_fat_mm: scene.phantom_wall.fat_mm(),
+            wall: scene.phantom_wall,
+            recti_lens: scene.phantom_recti_lens,
+            seed: scene.phantom_seed.into(),
         }
     }
 }

@@ -22,7 +22,7 @@ impl ChoiceSettings {
 pub(super) struct DeadlineChooser {
     settings: ChoiceSettings,
     /// Whether generated pictures are currently shown.
-    enhanced: bool,
+    generated: bool,
     /// Consecutive frames whose own generated picture was ready in time.
     in_time: u32,
     last_in_time: Option<u64>,
@@ -35,15 +35,15 @@ pub(super) struct DeadlineChooser {
 }
 
 impl DeadlineChooser {
-    /// A chooser that starts with rendered pictures, until generated ones have been ready for long enough.
+    /// A chooser that starts with raw frames, until generated ones have been ready for long enough.
     pub(super) fn new(settings: ChoiceSettings) -> Self {
         let row = settings.steady_frames.clamp(1, ROW_MAX);
-        Self { settings, enhanced: false, in_time: 0, last_in_time: None, near: 0, row, since_change: 0 }
+        Self { settings, generated: false, in_time: 0, last_in_time: None, near: 0, row, since_change: 0 }
     }
 
     /// Whether to wait for the frame's own generated picture: they are shown already, or this frame could be the first.
     pub(super) fn waits(&self) -> bool {
-        self.enhanced || self.in_time >= self.row
+        self.generated || self.in_time >= self.row
     }
 
     /// Reports that the generated picture of frame `number` was ready at `ready`, to be used until `deadline`.
@@ -62,26 +62,26 @@ impl DeadlineChooser {
     pub(super) fn choose(&mut self, own_ready: bool, held_near: bool) -> FrameSource {
         self.near = if held_near { self.near.saturating_add(1) } else { 0 };
         self.since_change = self.since_change.saturating_add(1);
-        if self.enhanced && !own_ready && !held_near {
+        if self.generated && !own_ready && !held_near {
             // A switch back soon after the switch: the generator is at its limit.
             self.row = match self.since_change {
                 soon if soon <= 4 * self.row => (2 * self.row).min(ROW_MAX),
                 _ => self.settings.steady_frames.clamp(1, ROW_MAX),
             };
-            (self.enhanced, self.in_time, self.near, self.since_change) = (false, 0, 0, 0);
-        } else if !self.enhanced && self.in_time.max(self.near) >= self.row && (own_ready || held_near) {
-            (self.enhanced, self.since_change) = (true, 0);
+            (self.generated, self.in_time, self.near, self.since_change) = (false, 0, 0, 0);
+        } else if !self.generated && self.in_time.max(self.near) >= self.row && (own_ready || held_near) {
+            (self.generated, self.since_change) = (true, 0);
         }
-        match (self.enhanced, own_ready) {
-            (false, _) => FrameSource::LowQuality,
-            (true, true) => FrameSource::Enhanced,
-            (true, false) => FrameSource::HeldEnhanced,
+        match (self.generated, own_ready) {
+            (false, _) => FrameSource::Raw,
+            (true, true) => FrameSource::Generated,
+            (true, false) => FrameSource::HeldGenerated,
         }
     }
 
-    /// Resets to rendered pictures: the generator was switched off, or there is no picture.
+    /// Resets to raw frames: the generator was switched off, or there is no picture.
     pub(super) fn reset(&mut self) {
-        (self.enhanced, self.in_time, self.near, self.last_in_time) = (false, 0, 0, None);
+        (self.generated, self.in_time, self.near, self.last_in_time) = (false, 0, 0, None);
     }
 }
 
@@ -89,7 +89,7 @@ impl DeadlineChooser {
 mod tests {
     use glam::{DQuat, DVec3};
 
-    use super::FrameSource::{Enhanced, HeldEnhanced, LowQuality};
+    use super::FrameSource::{Generated, HeldGenerated, Raw};
     use super::*;
 
     const SETTINGS: ChoiceSettings = ChoiceSettings { hold_mm: 0.5, hold_deg: 0.5, steady_frames: 3 };
@@ -108,13 +108,13 @@ mod tests {
     #[test]
     fn a_steady_generator_is_shown_after_its_row_and_then_always() {
         let shown = run(&mut DeadlineChooser::new(SETTINGS), 0, |_| true, 100);
-        assert_eq!(shown[..4], [LowQuality, LowQuality, Enhanced, Enhanced]);
-        assert!(shown[2..].iter().all(|s| *s == Enhanced));
+        assert_eq!(shown[..4], [Raw, Raw, Generated, Generated]);
+        assert!(shown[2..].iter().all(|s| *s == Generated));
     }
 
     #[test]
     fn a_generator_in_time_for_every_other_frame_is_never_shown() {
-        assert!(run(&mut DeadlineChooser::new(SETTINGS), 0, |n| n % 2 == 0, 1000).iter().all(|s| *s == LowQuality));
+        assert!(run(&mut DeadlineChooser::new(SETTINGS), 0, |n| n % 2 == 0, 1000).iter().all(|s| *s == Raw));
     }
 
     #[test]
@@ -132,7 +132,7 @@ mod tests {
         let mut chooser = DeadlineChooser::new(SETTINGS);
         run(&mut chooser, 0, |_| true, 1000);
         let shown = run(&mut chooser, 1000, |n| n != 1000, 5);
-        assert_eq!(shown, [LowQuality, LowQuality, LowQuality, Enhanced, Enhanced]);
+        assert_eq!(shown, [Raw, Raw, Raw, Generated, Generated]);
     }
 
     #[test]
@@ -143,8 +143,8 @@ mod tests {
             chooser.choose(false, near)
         };
         let shown: Vec<_> = [false, true, true, true, true, false, true].into_iter().map(&mut frame).collect();
-        use LowQuality as L;
-        assert_eq!(shown, [L, L, L, HeldEnhanced, HeldEnhanced, L, L]);
+        use Raw as R;
+        assert_eq!(shown, [R, R, R, HeldGenerated, HeldGenerated, R, R]);
     }
 
     #[test]

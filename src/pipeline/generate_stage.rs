@@ -8,7 +8,7 @@ use tracing::field::Empty;
 use super::clock::{Clock, NEVER, lock, ms};
 use super::events::Events;
 use super::generator_link::{GeneratorLink, Run, RunEnd};
-use super::parts::{EnhanceError, Enhancer};
+use super::parts::{FrameGenerators, GenerateError};
 use super::rendered::Rendered;
 use super::slot::{Slot, Taken};
 use crate::sink::live::FrameInfo;
@@ -31,14 +31,14 @@ pub(super) struct Generated {
     /// Deadline of that frame.
     pub(super) deadline: Duration,
     /// Name of the generator.
-    pub(super) tier: String,
+    pub(super) generator: String,
 }
 
 /// The generator stage.
 pub(super) struct GenerateStage {
     pub(super) clock: Arc<dyn Clock>,
     pub(super) events: Events,
-    pub(super) enhancer: Box<dyn Enhancer>,
+    pub(super) generators: Box<dyn FrameGenerators>,
     pub(super) link: Arc<GeneratorLink>,
     pub(super) from_renderer: Arc<Slot<Arc<Rendered>>>,
     pub(super) to_presenter: Arc<Slot<Arc<Generated>>>,
@@ -52,7 +52,7 @@ impl GenerateStage {
         while let Taken::Item(rendered) = self.from_renderer.take(NEVER) {
             let number = rendered.info.number;
             // The first frames after a change were rendered without maps.
-            let ready = |generator: &usize| rendered.maps || !self.enhancer.reads_maps(*generator);
+            let ready = |generator: &usize| rendered.maps || !self.generators.reads_maps(*generator);
             match rendered.generator.filter(ready) {
                 Some(generator) => self.translate(rendered, generator, &mut pool, &mut failing),
                 None => lock(&self.link.state).counts.dropped += 1,
@@ -72,17 +72,17 @@ impl GenerateStage {
         let filled = pool.fill(|generated| {
             let frame = rendered.frame.read().unwrap_or_else(PoisonError::into_inner);
             generated.image.clear();
-            let result = self.enhancer.enhance(generator, &frame, &mut generated.image);
+            let result = self.generators.generate(generator, &frame, &mut generated.image);
             let (found, expected) = (generated.image.len(), frame.bmode.len());
             if result.is_ok() && found != expected {
-                return Err(EnhanceError::Failed(format!("it gave {found} pixels for a frame of {expected}")));
+                return Err(GenerateError::Failed(format!("it gave {found} pixels for a frame of {expected}")));
             }
             generated.info = rendered.info;
             generated.size = (frame.width, frame.height);
             generated.deadline = rendered.deadline;
             generated.run = (started, self.clock.now());
-            generated.tier.clear();
-            generated.tier.push_str(self.enhancer.name(generator));
+            generated.generator.clear();
+            generated.generator.push_str(self.generators.name(generator));
             result
         });
         // Released early: the presenter can then move the frame instead of copying it.
@@ -98,8 +98,8 @@ impl GenerateStage {
         // Without a free buffer nothing has run.
         let end = filled.as_ref().map(|(_, result)| match result {
             Ok(()) => RunEnd::Done,
-            Err(EnhanceError::Terminated) => RunEnd::Terminated,
-            Err(EnhanceError::Failed(reason)) => RunEnd::Failed(reason.clone()),
+            Err(GenerateError::Terminated) => RunEnd::Terminated,
+            Err(GenerateError::Failed(reason)) => RunEnd::Failed(reason.clone()),
         });
         if let Some(end) = end {
             state.report(Run { generator, took, end });
@@ -118,8 +118,8 @@ impl GenerateStage {
                 drop(state);
                 // The first in a row; the controller of operating points leaves a generator that fails again and again.
                 if !std::mem::replace(failing, true) {
-                    let tier = self.enhancer.name(generator);
-                    self.events.warn(format!("generator {tier} failed: {reason}; the rendered frame is shown"));
+                    let generator = self.generators.name(generator);
+                    self.events.warn(format!("generator {generator} failed: {reason}; the raw frame is shown"));
                 }
             }
             None => state.counts.dropped += 1,

@@ -5,7 +5,7 @@ use std::sync::Mutex;
 use std::time::Duration;
 
 use super::clock::{Clock, Signal, lock, smoothed};
-use super::parts::{Enhancer, Terminator};
+use super::parts::{FrameGenerators, Terminator};
 use super::summary::GeneratorSummary;
 
 /// A run that continues this long after its termination was requested is given up.
@@ -129,14 +129,14 @@ pub(super) struct GeneratorLink {
 }
 
 impl GeneratorLink {
-    pub(super) fn new(enhancer: &dyn Enhancer, hang: Duration) -> Self {
+    pub(super) fn new(generators: &dyn FrameGenerators, hang: Duration) -> Self {
         Self {
             state: Mutex::default(),
-            terminator: enhancer.terminator(),
+            terminator: generators.terminator(),
             hang,
-            on_processors: enhancer.on_processors(),
+            on_processors: generators.on_processors(),
             done: Signal::default(),
-            reads_maps: (0..enhancer.generators()).map(|generator| enhancer.reads_maps(generator)).collect(),
+            reads_maps: (0..generators.count()).map(|generator| generators.reads_maps(generator)).collect(),
         }
     }
 
@@ -231,15 +231,13 @@ impl GeneratorLink {
                     }
                     None => "and its provider cannot end it",
                 };
-                Some(format!(
-                    "the generator hangs on frame {number} for {after_s:.1} s {did}; rendered frames are shown"
-                ))
+                Some(format!("the generator hangs on frame {number} for {after_s:.1} s {did}; raw frames are shown"))
             }
             Hang::Told(at) if now >= at.saturating_add(GIVE_UP) => {
                 state.hang = Hang::GivenUp;
                 state.counts.given_up += 1;
                 Some(format!(
-                    "the generator does not come back from frame {number} after {after_s:.1} s and is given up; rendered frames are shown"
+                    "the generator does not come back from frame {number} after {after_s:.1} s and is given up; raw frames are shown"
                 ))
             }
             _ => None,

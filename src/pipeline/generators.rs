@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::parts::{EnhanceError, Enhancer, Terminator};
+use super::parts::{FrameGenerators, GenerateError, Terminator};
 use crate::generator::{Generator, GeneratorError, Input, Provider};
 use crate::render::Frame;
 
@@ -20,8 +20,8 @@ impl Generators {
     }
 }
 
-impl Enhancer for Generators {
-    fn generators(&self) -> usize {
+impl FrameGenerators for Generators {
+    fn count(&self) -> usize {
         self.generators.len()
     }
 
@@ -37,13 +37,13 @@ impl Enhancer for Generators {
         self.generators.get(generator).is_some_and(|generator| generator.manifest().reads_maps())
     }
 
-    fn enhance(&mut self, generator: usize, frame: &Frame, out: &mut Vec<u8>) -> Result<(), EnhanceError> {
+    fn generate(&mut self, generator: usize, frame: &Frame, out: &mut Vec<u8>) -> Result<(), GenerateError> {
         let Some(generator) = self.generators.get_mut(generator) else {
-            return Err(EnhanceError::Failed(format!("there is no generator {generator}")));
+            return Err(GenerateError::Failed(format!("there is no generator {generator}")));
         };
         generator.run(&Input::from(frame), out).map_err(|error| match error {
-            GeneratorError::Terminated { .. } => EnhanceError::Terminated,
-            other => EnhanceError::Failed(other.to_string()),
+            GeneratorError::Terminated { .. } => GenerateError::Terminated,
+            other => GenerateError::Failed(other.to_string()),
         })
     }
 

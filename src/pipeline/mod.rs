@@ -9,6 +9,8 @@
 //! [`SimulatedClock`] runs a session without waiting.
 //!
 //! Each begun frame is either presented or dropped, and drops are counted by cause: `produced = presented + Σ drops`.
+//!
+//! [`replay`] renders recorded sessions without a clock.
 
 mod clock;
 mod controls;
@@ -26,6 +28,7 @@ mod presenter;
 mod recorded;
 mod render_stage;
 mod rendered;
+pub mod replay;
 mod replayed;
 mod session;
 mod shutdown;
@@ -45,7 +48,7 @@ pub use histogram::{Histogram, Percentiles};
 pub use local_renderer::LocalRendererFactory;
 pub use metrics::{Status, memory_bytes};
 pub use parts::{
-    EnhanceError, Enhancer, FrameRenderer, ImageShape, PoseSource, RenderFault, RendererFactory, Terminator,
+    FrameGenerators, FrameRenderer, GenerateError, ImageShape, PoseSource, RenderFault, RendererFactory, Terminator,
 };
 pub use recorded::{RecordedSlot, RecorderPart, RecordingObserver};
 pub use replayed::{OtherSetting, ReplayedControls, ReplayedPoses};

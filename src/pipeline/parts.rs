@@ -83,7 +83,7 @@ pub trait RendererFactory: Send {
 
 /// Failure to translate a frame.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
-pub enum EnhanceError {
+pub enum GenerateError {
     /// The run was terminated because it took too long.
     #[error("the run was terminated")]
     Terminated,
@@ -92,13 +92,13 @@ pub enum EnhanceError {
     Failed(String),
 }
 
-/// Function that terminates a run of an [`Enhancer`] from another thread.
+/// Function that terminates a run of [`FrameGenerators`] from another thread.
 pub type Terminator = Arc<dyn Fn() + Send + Sync>;
 
 /// Generators that translate rendered frames, by index.
-pub trait Enhancer: Send {
+pub trait FrameGenerators: Send {
     /// Number of generators, at least one.
-    fn generators(&self) -> usize {
+    fn count(&self) -> usize {
         1
     }
 
@@ -119,7 +119,7 @@ pub trait Enhancer: Send {
     ///
     /// # Errors
     /// The run fails, is terminated, or yields non-finite values.
-    fn enhance(&mut self, generator: usize, frame: &Frame, out: &mut Vec<u8>) -> Result<(), EnhanceError>;
+    fn generate(&mut self, generator: usize, frame: &Frame, out: &mut Vec<u8>) -> Result<(), GenerateError>;
 
     /// Function that terminates an overlong run; none if the provider cannot be stopped.
     fn terminator(&self) -> Option<Terminator>;

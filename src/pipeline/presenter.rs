@@ -72,7 +72,7 @@ impl Presenter {
     fn next(&self, state: &mut State) -> Option<Arc<Rendered>> {
         loop {
             let seen = self.signal.generation();
-            self.look_at_generator(state);
+            self.check_generator(state);
             match self.rendered.try_take() {
                 Taken::Item(rendered) => return Some(rendered),
                 Taken::Closed => return None,
@@ -85,7 +85,7 @@ impl Presenter {
     }
 
     /// Takes a new generated picture, and checks the generator's watchdog.
-    fn look_at_generator(&self, state: &mut State) {
+    fn check_generator(&self, state: &mut State) {
         if let Some(generator) = &self.generator
             && let Some(text) = generator.watch(self.clock.now())
         {
@@ -105,7 +105,7 @@ impl Presenter {
         }
         loop {
             let seen = self.signal.generation();
-            self.look_at_generator(state);
+            self.check_generator(state);
             let now = self.clock.now();
             let worthwhile = !state.is_own(rendered)
                 && now < rendered.deadline
@@ -121,7 +121,7 @@ impl Presenter {
     fn choose(&self, rendered: &Rendered, state: &mut State) -> FrameSource {
         let Some(pose) = rendered.info.pose().filter(|_| rendered.generator.is_some()) else {
             state.chooser.reset();
-            return FrameSource::LowQuality;
+            return FrameSource::Raw;
         };
         let own = state.is_own(rendered);
         let near = state.held.as_ref().is_some_and(|held| {
@@ -143,7 +143,7 @@ impl Presenter {
             presented_ms = Empty
         )
         .entered();
-        let held = state.held.as_deref().filter(|_| source != FrameSource::LowQuality);
+        let held = state.held.as_deref().filter(|_| source != FrameSource::Raw);
         let number = self.metrics.shown(|s| s.presented);
         let filled = state.pool.fill(|frame| {
             frame.number = number;
@@ -156,16 +156,16 @@ impl Presenter {
                 frame.image.extend_from_slice(&held.image);
             }
             let settings = &rendered.info.settings.render;
-            let looks = settings.look.independent_looks(&rendered.info.settings.probe);
-            let shape = Shape::new(frame.width, frame.pixel_mm, &frame.mask, &settings.image, looks);
+            let angles = settings.look.independent_angles(&rendered.info.settings.probe);
+            let shape = Shape::new(frame.width, frame.pixel_mm, &frame.mask, &settings.image, angles);
             // Without a pose the picture is black: it must not show what was there before.
             match rendered.info.pose() {
                 Some(_) => state.look.apply(&settings.look, shape, &mut frame.image),
                 None => state.look.reset(),
             }
-            match (held, &mut frame.tier) {
-                (Some(held), Some(tier)) => tier.clone_from(&held.tier),
-                (held, tier) => *tier = held.map(|held| held.tier.clone()),
+            match (held, &mut frame.generator) {
+                (Some(held), Some(generator)) => generator.clone_from(&held.generator),
+                (held, generator) => *generator = held.map(|held| held.generator.clone()),
             }
             frame.point.clone_from(&rendered.point);
             self.events.notice_into(&mut frame.notice);

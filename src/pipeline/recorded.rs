@@ -6,8 +6,8 @@ use super::clock::lock;
 use super::events::Observer;
 use super::shutdown::Part;
 use crate::pose::Estimate;
+use crate::recording::{Event, Recorded, Recorder, RecorderHandle, SessionPose};
 use crate::settings::LiveSettings;
-use crate::tracker::recording::{Event, Recorded, Recorder, RecorderHandle, SessionPose};
 
 /// Name of events that record settings.
 pub(super) const SETTINGS_EVENT: &str = "settings";

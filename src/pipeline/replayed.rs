@@ -5,8 +5,8 @@ use serde_json::Value;
 
 use super::recorded::{SETTINGS_EVENT, settings_after};
 use crate::pose::{Estimate, Estimator, Measurement, Reading};
+use crate::recording::{DISCONNECTED_EVENT, Event};
 use crate::settings::{LiveSettings, SettingsGroup as _, live_settings};
-use crate::tracker::recording::{DISCONNECTED_EVENT, Event};
 
 /// Time before a puck's first measurement at which it is assumed at rest, ns.
 const REST_NS: u64 = 1_000_000;
@@ -225,7 +225,7 @@ mod tests {
     #[test]
     fn settings_hold_from_their_time_on_and_nonsense_is_refused() {
         let event = |ms: u64, name: &str, value: serde_json::Value| Event::new(START + ms * MS, name).with(value);
-        let begin = LiveSettings { enhance: false, ..LiveSettings::default() };
+        let begin = LiveSettings { generator: false, ..LiveSettings::default() };
         let mut louder = LiveSettings { frozen: true, ..begin };
         (louder.probe.depth_mm, louder.render.quality.rays) = (90.0, 4);
         let events = [

@@ -65,8 +65,8 @@ pub struct Summary {
     /// Presented frames per second, from the first to the last.
     pub frames_per_s: f64,
     /// Fraction of presented frames with a generated picture, their own or a held one.
-    pub enhanced_ratio: f64,
-    /// Presented frames by picture: enhanced, held, low quality.
+    pub generated_ratio: f64,
+    /// Presented frames by picture: generated, held, raw.
     pub by_source: [u64; 3],
     /// Presented frames by the state of their pose: good, held, stuck, stale, lost.
     pub by_tracking: [u64; 5],

@@ -9,10 +9,8 @@ use super::parts::PoseSource;
 use super::replayed::at_rest;
 use super::shutdown::{Part, Stop};
 use crate::pose::{Counters, Estimate, Estimator, Measurement};
-use crate::tracker::recording::{self, RecorderHandle};
-use crate::tracker::{
-    Listener, Protocol, Record, SessionHandle, Settings, TrackerError, TrackerEvent, spawn, stream_of,
-};
+use crate::recording::{self, RecorderHandle, spawn, stream_of};
+use crate::tracker::{Listener, Protocol, Record, SessionHandle, Settings, TrackerError, TrackerEvent};
 
 /// Poses of a live tracker; clones share the estimator.
 #[derive(Clone)]

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::{Pose, angle_between};
 
 /// Lower limits of slow and of fast motion, mm/s and degrees/s; either makes the class. At 14 frames/s and 15 cm depth, a
-/// probe at rest keeps all nine looks of a rolling picture, and a fast one keeps one.
+/// probe at rest keeps all nine angles of a rolling picture, and a fast one keeps one.
 pub const LIMITS: [Speed; 2] = [Speed { mm_s: 3.0, deg_s: 1.5 }, Speed { mm_s: 15.0, deg_s: 6.0 }];
 
 /// Speed of the probe.

@@ -1,7 +1,6 @@
 //! Rendering backends and their choice.
 
 use std::fmt;
-use std::str::FromStr;
 
 use thiserror::Error;
 
@@ -11,36 +10,15 @@ use super::error::{BackendError, RenderError};
 use super::hooks::TestHooks;
 use super::host::{self, HostRenderer};
 use super::maker::FrameMaker;
+pub use crate::settings::{BackendChoice, UnknownBackend};
 
 /// Environment variable that names a backend.
 const VARIABLE: &str = "INSONIFY_BACKEND";
-
-/// An unknown name of a backend.
-#[derive(Debug, Error, Clone, PartialEq, Eq)]
-#[error("`{found}` is no backend; they are {}", BackendChoice::NAMES.join(", "))]
-pub struct UnknownBackend {
-    /// Word found.
-    pub found: String,
-}
 
 /// An unknown name of a backend in the environment.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 #[error("INSONIFY_BACKEND: {0}")]
 pub struct UnknownBackendVariable(UnknownBackend);
-
-/// Choice of the rendering backend.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum BackendChoice {
-    /// On a GPU if there is one, else on the host. Software Vulkan is no GPU.
-    #[default]
-    Auto,
-    /// On the host's processors.
-    Host,
-    /// On a graphics device, software Vulkan included.
-    Device,
-}
-
-crate::names::named!(BackendChoice { Auto = "auto", Host = "host", Device = "device" });
 
 impl BackendChoice {
     /// The choice in the environment variable `INSONIFY_BACKEND`; none if it is unset or empty.
@@ -52,20 +30,6 @@ impl BackendChoice {
             Some(word) if !word.is_empty() => word.to_string_lossy().parse().map(Some).map_err(UnknownBackendVariable),
             _ => Ok(None),
         }
-    }
-}
-
-impl FromStr for BackendChoice {
-    type Err = UnknownBackend;
-
-    fn from_str(text: &str) -> Result<Self, UnknownBackend> {
-        Self::named(text).ok_or_else(|| UnknownBackend { found: text.to_owned() })
-    }
-}
-
-impl fmt::Display for BackendChoice {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
     }
 }
 

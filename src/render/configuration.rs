@@ -58,8 +58,8 @@ pub(super) struct FrameInputs<'a> {
     pub(super) bvh: &'a Bvh,
     pub(super) media: &'a Media,
     pub(super) configuration: &'a Configuration,
-    /// Index of the look.
-    pub(super) look: usize,
+    /// Index of the steering angle.
+    pub(super) angle: usize,
 }
 
 /// Tables and uniforms of one probe and one set of settings.
@@ -92,7 +92,7 @@ impl Configuration {
         let planned = effects.settings(settings);
         let with_its_look = |before: &&Self| RenderSettings { look: before.settings.look, ..*settings };
         let tables = match before.filter(|before| before.has_tables_of(media, probe, &with_its_look(before))) {
-            Some(before) => before.tables.with_looks(probe, &planned),
+            Some(before) => before.tables.with_angles(probe, &planned),
             None => Tables::new(&media.tissues, probe, &planned, effects.effects()),
         };
         let params = Params::new(media.outside, probe, &planned, &tables, effects.effects());

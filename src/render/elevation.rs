@@ -24,20 +24,20 @@ struct Envelope {
 }
 
 /// Elevational offset at the face (mm), slope, length of ray per mm of depth, and 0, of each path of a scanline
-/// [looks × layers × rays]. A single layer is the image plane.
+/// [angles × layers × rays]. A single layer is the image plane.
 ///
-/// Each look has its own places, so that a compounded picture has as many as all its looks: of a dozen paths the outermost
+/// Each angle has its own places, so that a compounded picture has as many as all its angles: of a dozen paths the outermost
 /// alone may show what only a hundredth of the beam meets.
-pub(crate) fn elevations(probe: &Probe, rays: u32, layers: u32, looks: u32) -> Vec<[f32; 4]> {
+pub(crate) fn elevations(probe: &Probe, rays: u32, layers: u32, angles: u32) -> Vec<[f32; 4]> {
     if layers == 1 {
-        return vec![[0.0, 0.0, 1.0, 0.0]; (looks * rays) as usize];
+        return vec![[0.0, 0.0, 1.0, 0.0]; (angles * rays) as usize];
     }
     let envelope = Envelope::of(probe);
     let line = |[waist, cone]: [f64; 2]| {
         let slope = cone * envelope.slope;
         [waist * envelope.waist_mm + cone * envelope.start_mm, slope, slope.hypot(1.0), 0.0].map(|v| v as f32)
     };
-    (0..looks).flat_map(|look| places(rays, layers, f64::from(look) / f64::from(looks))).map(line).collect()
+    (0..angles).flat_map(|angle| places(rays, layers, f64::from(angle) / f64::from(angles))).map(line).collect()
 }
 
 impl Envelope {

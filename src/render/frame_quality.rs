@@ -42,7 +42,7 @@ impl FrameQuality {
     /// Low quality: 1 ray × 1 layer.
     pub const LQ: Self = Self::new(1, 1);
 
-    /// One look, with the aperture.
+    /// One angle, with the aperture.
     pub const fn new(rays: u32, layers: u32) -> Self {
         Self { rays, layers, angles: 1, aperture: true }
     }

@@ -3,6 +3,7 @@
 //! Host and device do not know each other. Both use the files directly in this module: tables, uniforms, effect plan,
 //! constants. [`Renderer`] is their one interface.
 
+mod angle_order;
 mod aperture;
 mod backend;
 mod batch_plan;
@@ -22,7 +23,6 @@ mod hooks;
 mod host;
 mod kernels;
 mod lateral_beam;
-mod look_order;
 mod maker;
 mod params;
 pub mod plan;

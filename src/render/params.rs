@@ -123,9 +123,9 @@ pub(crate) struct Params {
     pub(crate) noise_seed: u32,
     /// Cosine and sine of the steering angle.
     pub(crate) steer: [f32; 2],
-    /// First word of the places of this look's pixels.
+    /// First word of the places of this angle's pixels.
     pub(crate) look_words: u32,
-    /// Range by which the wavefront of a steered look falls behind from one scanline to the next, mm.
+    /// Range by which the wavefront of a steered frame falls behind from one scanline to the next, mm.
     pub(crate) steer_shift_mm: f32,
     /// Angle between neighbouring scanlines of a phased array, turns; 0 for other arrays.
     pub(crate) line_turns: f32,
@@ -213,22 +213,22 @@ impl Params {
         }
     }
 
-    /// Steers the scanlines as one of the looks.
-    pub(crate) fn set_look(&mut self, tables: &Tables, look: usize) {
-        let steer_rad = tables.looks.get(look).map_or(0.0, |look| look.steer_rad);
+    /// Steers the scanlines as one of the angles.
+    pub(crate) fn set_angle(&mut self, tables: &Tables, angle: usize) {
+        let steer_rad = tables.angles.get(angle).map_or(0.0, |angle| angle.steer_rad);
         self.steer = [steer_rad.cos() as f32, steer_rad.sin() as f32];
         // Scanlines of a curved face turn about its centre of curvature: the shift is that of the face at all depths.
         self.steer_shift_mm = (tables.face_spacing_mm * steer_rad.sin()) as f32;
-        // The straight look's places come first.
-        let steered = tables.looks.get(look).is_some_and(|look| !look.pixels.is_empty());
-        self.look_words = if steered { (look as u32 + 1) * self.sector_words } else { 0 };
+        // The straight angle's places come first.
+        let steered = tables.angles.get(angle).is_some_and(|angle| !angle.pixels.is_empty());
+        self.look_words = if steered { (angle as u32 + 1) * self.sector_words } else { 0 };
     }
 
-    /// Places across the slice of this look's paths, of those of all looks.
+    /// Places across the slice of this angle's paths, of those of all angles.
     pub(crate) fn elevations_of<'a>(&self, elevations: &'a [[f32; 4]]) -> &'a [[f32; 4]] {
         let count = (self.layers * self.rays) as usize;
-        let look = (self.look_words / self.sector_words.max(1)) as usize;
-        elevations.get(look * count..(look + 1) * count).unwrap_or_default()
+        let angle = (self.look_words / self.sector_words.max(1)) as usize;
+        elevations.get(angle * count..(angle + 1) * count).unwrap_or_default()
     }
 
     /// A direction in the probe frame, steered.

@@ -157,9 +157,9 @@ pub(crate) fn white_amplitude(level_db: f64, pulse: &[f32]) -> f64 {
     10f64.powf(level_db / 20.0) / pulse_power.sqrt()
 }
 
-/// Seed of the noise of a frame, from the settings' seed, the scene's time and the number of its look.
-pub(crate) fn noise_seed(seed: u32, time_s: f64, look: u32) -> u32 {
-    random::bits(u64::from(seed) ^ u64::from(look) << 48 ^ time_s.to_bits().rotate_left(17)) as u32
+/// Seed of the noise of a frame, from the settings' seed, the scene's time and the number of its angle.
+pub(crate) fn noise_seed(seed: u32, time_s: f64, angle: u32) -> u32 {
+    random::bits(u64::from(seed) ^ u64::from(angle) << 48 ^ time_s.to_bits().rotate_left(17)) as u32
 }
 
 #[cfg(test)]
@@ -189,9 +189,9 @@ mod tests {
     }
 
     #[test]
-    fn frames_of_other_times_seeds_and_looks_have_other_noise() {
+    fn frames_of_other_times_seeds_and_angles_have_other_noise() {
         let seeds = [(0, 0.0, 0), (0, 0.04, 0), (1, 0.0, 0), (1, 0.04, 0), (0, 0.0, 1), (0, 0.0, 2), (1, 0.04, 2)];
-        let seeds = seeds.map(|(seed, time_s, look)| noise_seed(seed, time_s, look));
+        let seeds = seeds.map(|(seed, time_s, angle)| noise_seed(seed, time_s, angle));
         for (i, seed) in seeds.iter().enumerate() {
             assert!(!seeds[..i].contains(seed));
         }

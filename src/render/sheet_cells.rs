@@ -18,7 +18,7 @@ const DRAWS: u32 = 20_000;
 /// Cells of the sheets.
 ///
 /// A scanline sees the cells that it crosses. Where cells are narrower than scanlines are apart, the scanlines of another
-/// steering angle cross other cells, and looks are far less alike than waves make them. So the cells of probes that
+/// steering angle cross other cells, and frames of two angles are far less alike than waves make them. So the cells of probes that
 /// steer are as wide as scanlines are apart. To keep grains short along the scanline, a wide cell has several scatterers in
 /// its quarters, and a sample takes the one whose range is nearest.
 #[derive(Debug, Clone, Copy, PartialEq)]

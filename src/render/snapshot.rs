@@ -118,9 +118,9 @@ pub struct Snapshot {
 
 impl Snapshot {
     /// The outputs of a frame as values.
-    pub(super) fn new(buffers: PassBuffers, FrameInputs { bvh, media, configuration, look }: FrameInputs<'_>) -> Self {
+    pub(super) fn new(buffers: PassBuffers, FrameInputs { bvh, media, configuration, angle }: FrameInputs<'_>) -> Self {
         let (params, tables) = (&configuration.params, &configuration.tables);
-        let inputs = Inputs::new(params, tables, &media.surface_words, bvh, configuration.effects.effects(), look);
+        let inputs = Inputs::new(params, tables, &media.surface_words, bvh, configuration.effects.effects(), angle);
         let complex = |padded: &[[f32; 2]]| {
             let mut rows = Vec::new();
             unpad(&mut rows, padded, params.samples as usize, params.row_samples as usize);

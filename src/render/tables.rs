@@ -77,9 +77,9 @@ impl PackedTissue {
     }
 }
 
-/// A look of a compounded picture.
+/// A steering angle of a compounded picture, and where its scanlines lie.
 #[derive(Debug, Clone)]
-pub(crate) struct SteeredLook {
+pub(crate) struct SteeredAngle {
     /// Steering angle, radians.
     pub(crate) steer_rad: f64,
     /// Packed place of each pixel on its steered scanlines [height × 4·row_words]; empty without steering.
@@ -100,7 +100,7 @@ pub(crate) struct Tables {
     pub(crate) map_step_mm: f64,
     /// Distance of neighbouring scanlines at the face, mm.
     pub(crate) face_spacing_mm: f64,
-    /// Paths of a scanline [looks × layers × rays], the straight look first. Each has its elevational offset at the face (mm), its
+    /// Paths of a scanline [angles × layers × rays], the straight angle first. Each has its elevational offset at the face (mm), its
     /// slope, its length per mm of depth, and 0.
     pub(crate) elevations: Vec<[f32; 4]>,
     pub(crate) tissues: Vec<PackedTissue>,
@@ -118,28 +118,28 @@ pub(crate) struct Tables {
     pub(crate) pixels: Vec<u32>,
     /// Image indices of the words of four pixels that overlap the sector, tile by tile.
     pub(crate) sector_words: Vec<u32>,
-    /// Looks of a compounded picture in their order; one without steering, with no places of its own, if there is none.
-    pub(crate) looks: Vec<SteeredLook>,
+    /// Angles of a compounded picture in their order; one without steering, with no places of its own, if there is none.
+    pub(crate) angles: Vec<SteeredAngle>,
     /// 255 inside the sector [height × width].
     pub(crate) mask: Arc<[u8]>,
     pub(crate) sector: Sector,
 }
 
 impl Tables {
-    /// Looks that show each pixel, one bit each [height × width].
+    /// Angles that show each pixel, one bit each [height × width].
     pub(crate) fn covered(&self) -> Vec<u16> {
         let (width, stride) = (self.sector.width as usize, self.sector.width.div_ceil(4) as usize * 4);
-        let place = |look: &SteeredLook, i: usize| *look.pixels.get(i).unwrap_or(&self.pixels[i]);
-        let bit = |(k, look): (usize, &SteeredLook), i: usize| u16::from(place(look, i) != OUTSIDE) << k;
+        let place = |angle: &SteeredAngle, i: usize| *angle.pixels.get(i).unwrap_or(&self.pixels[i]);
+        let bit = |(k, angle): (usize, &SteeredAngle), i: usize| u16::from(place(angle, i) != OUTSIDE) << k;
         let at = |i: usize| i / width * stride + i % width;
-        let bits = |i: usize| self.looks.iter().enumerate().map(|look| bit(look, at(i))).sum();
+        let bits = |i: usize| self.angles.iter().enumerate().map(|angle| bit(angle, at(i))).sum();
         (0..self.mask.len()).into_par_iter().map(bits).collect()
     }
 
-    /// These tables with the looks of other settings.
-    pub(crate) fn with_looks(&self, probe: &Probe, settings: &RenderSettings) -> Self {
-        let looks = looks(probe, &settings.look, &self.pixels);
-        Self { elevations: elevations_of(probe, settings, &looks), looks, ..self.clone() }
+    /// These tables with the angles of other settings.
+    pub(crate) fn with_angles(&self, probe: &Probe, settings: &RenderSettings) -> Self {
+        let angles = angles(probe, &settings.look, &self.pixels);
+        Self { elevations: elevations_of(probe, settings, &angles), angles, ..self.clone() }
     }
 
     pub(crate) fn new(tissues: &[Tissue], probe: &Probe, settings: &RenderSettings, effects: EffectSet) -> Self {
@@ -147,7 +147,7 @@ impl Tables {
         let map_step_mm = sector.pixel_mm.min(probe.depth_mm / MAP_STEPS_MIN);
         let map_ray_count = map_ray_count(probe, map_step_mm);
         let (pixels, mask) = pixels(probe, &sector);
-        let looks = looks(probe, &settings.look, &pixels);
+        let angles = angles(probe, &settings.look, &pixels);
         let inside = |word: &[u32]| word.iter().any(|&pixel| pixel != OUTSIDE);
         let mut sector_words: Vec<u32> =
             (0u32..).zip(pixels.chunks_exact(4)).filter(|(_, w)| inside(w)).map(|(i, _)| i).collect();
@@ -167,7 +167,7 @@ impl Tables {
             map_depths: (probe.depth_mm / map_step_mm).ceil() as u32 + 2,
             map_step_mm,
             face_spacing_mm: probe.line_spacing_mm(0.0),
-            elevations: elevations_of(probe, settings, &looks),
+            elevations: elevations_of(probe, settings, &angles),
             tissues: tissues.iter().enumerate().map(|(i, t)| PackedTissue::new(i, t, probe, effects)).collect(),
             textures: if effects.has(Effect::Texture) { textures(tissues) } else { Vec::new() },
             kernels,
@@ -175,7 +175,7 @@ impl Tables {
             sheets,
             pixels,
             sector_words,
-            looks,
+            angles,
             mask: mask.into(),
             sector,
         }
@@ -231,20 +231,20 @@ fn pixels(probe: &Probe, sector: &Sector) -> (Vec<u32>, Vec<u8>) {
     (places, mask)
 }
 
-/// Places of the paths of all looks.
-fn elevations_of(probe: &Probe, settings: &RenderSettings, looks: &[SteeredLook]) -> Vec<[f32; 4]> {
-    elevations(probe, settings.quality.rays, settings.quality.layers, looks.len() as u32)
+/// Places of the paths of all angles.
+fn elevations_of(probe: &Probe, settings: &RenderSettings, angles: &[SteeredAngle]) -> Vec<[f32; 4]> {
+    elevations(probe, settings.quality.rays, settings.quality.layers, angles.len() as u32)
 }
 
-/// Looks of a compounded picture. The steered ones show the sector as far as their scanlines lead.
-fn looks(probe: &Probe, look: &LookSettings, pixels: &[u32]) -> Vec<SteeredLook> {
+/// Angles of a compounded picture. The steered ones show the sector as far as their scanlines lead.
+fn angles(probe: &Probe, look: &LookSettings, pixels: &[u32]) -> Vec<SteeredAngle> {
     let angles = look.angles_of(probe.kind);
     let of_angle = |steer_rad: f64| {
         let steered = || {
             let steering = Steering::new(probe, steer_rad);
             pixels.par_iter().map(|&straight| steering.place(straight)).collect()
         };
-        SteeredLook { steer_rad, pixels: if steer_rad == 0.0 { Arc::default() } else { steered() } }
+        SteeredAngle { steer_rad, pixels: if steer_rad == 0.0 { Arc::default() } else { steered() } }
     };
     steering(angles, look.span_deg).into_iter().map(of_angle).collect()
 }

@@ -163,7 +163,8 @@ fn deviation_db(rig: &mut Rig, place: DVec2, look: LookSettings, frames: u32) ->
         rig.set_time_s(FRAME_S * f64::from(number));
         let frame = rig.frame(&probe, &settings, &at(place.x, place.y, 0.0))?.clone();
         picture.clone_from(&frame.bmode);
-        let shape = Shape::new(image.width, rig.sector().pixel_mm, &frame.mask, &image, look.independent_looks(&probe));
+        let shape =
+            Shape::new(image.width, rig.sector().pixel_mm, &frame.mask, &image, look.independent_angles(&probe));
         memory.apply(&look, shape, &mut picture);
     }
     let [columns, rows] = [(PART[0], image.width), (PART[1], image.height)]

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{Kind, Stored};
+use super::stored_word;
 
 /// Standard deviation of the Gaussian weights over the width of the aperture.
 const GAUSSIAN_SIGMA: f64 = 0.3;
@@ -33,24 +33,12 @@ impl Apodization {
     }
 }
 
-/// Stored as an index into the names.
-impl Stored for Apodization {
-    fn kind(&self) -> Kind {
-        Kind::Word(Self::NAMES)
-    }
-
-    fn get(&self, _index: usize) -> f64 {
-        f64::from(*self as u8)
-    }
-
-    fn set(&mut self, _index: usize, value: f64) {
-        *self = Self::ALL.get(value as usize).copied().unwrap_or_default();
-    }
-}
+stored_word!(Apodization);
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::Stored as _;
 
     #[test]
     fn weights_are_one_in_the_middle_and_even() {

@@ -11,7 +11,7 @@ settings! {
         frozen: bool = false, "", 0.0..=1.0, Nothing, toggle("Freeze").key(" ", "Space", "freeze, unfreeze", 1.0);
 
         /// Whether the generator may run.
-        enhance: bool = true, "", 0.0..=1.0, Nothing, toggle("Generator").key("e", "E", "generator on, off", 1.0);
+        generator: bool = true, "", 0.0..=1.0, Nothing, toggle("Generator").key("e", "E", "generator on, off", 1.0);
     }
     nested {
         /// Probe.

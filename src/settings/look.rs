@@ -63,10 +63,10 @@ settings! {
         /// Angle between the outermost directions of compounding.
         span_deg: f64 = 30.0, "degrees", 1.0..=60.0, Tables, hidden("Span");
 
-        /// Whether the earlier looks of a live compounded picture are brought to the present pose.
+        /// Whether the earlier frames of a live compounded picture are brought to the present pose.
         registration: bool = true, "", 0.0..=1.0, Nothing, hidden("Registration");
 
-        /// Displacement of the probe, if registered across its slice, beyond which live looks are left out, at any depth.
+        /// Displacement of the probe, if registered across its slice, beyond which live angles are left out, at any depth.
         reach_mm: f64 = 4.0, "mm", 0.0..=100.0, Nothing, hidden("Reach");
 
         /// Weight of the running mean in each new picture; 0: no persistence.
@@ -88,9 +88,9 @@ settings! {
 }
 
 impl LookSettings {
-    /// Independent looks in the mean of the angles of `probe`: 1, and one more for each angle of the aperture, seen from
+    /// Independent angles in the mean of the angles of `probe`: 1, and one more for each angle of the aperture, seen from
     /// the focus, by which they span (Trahey, Smith and von Ramm, IEEE Trans UFFC 33:257, 1986).
-    pub fn independent_looks(&self, probe: &Probe) -> f64 {
+    pub fn independent_angles(&self, probe: &Probe) -> f64 {
         let aperture_deg = 2.0 * (0.5 * probe.aperture_mm / probe.focus_mm).atan().to_degrees();
         let angles = self.angles_of(probe.kind);
         if angles == 1 { 1.0 } else { (1.0 + self.span_deg / aperture_deg).min(f64::from(angles)) }

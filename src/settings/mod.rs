@@ -1,14 +1,18 @@
 //! Every setting of probe, image, quality, effects and live session, each defined once.
 //!
-//! A block of `settings!` in `probe.rs`, `image.rs`, `quality.rs`, `pipeline.rs` or `live.rs` holds a setting's key,
+//! A block of `settings!` in `probe.rs`, `image.rs`, `quality.rs`, `scene.rs`, `tracker.rs`, … holds a setting's key,
 //! type, default, unit, range, documentation, the work that a change needs, and its control on live displays. Derived
 //! from it: station keys and their checks, `insonify station-keys`, the page's controls, hot keys, live controls,
 //! recorded settings and their replay, and the parts that a renderer rebuilds.
 
 mod apodization;
+mod backend;
+mod browser;
 mod contact;
 mod control;
 mod effect;
+mod filter;
+mod generator;
 mod group;
 mod hot_keys;
 mod image;
@@ -19,15 +23,23 @@ mod offered;
 mod pipeline;
 mod presets;
 mod probe;
+mod provider;
 mod quality;
 mod recorded;
+mod scene;
 mod setting;
+mod tracker;
 mod uniform;
+mod window;
 
 pub use apodization::Apodization;
+pub use backend::{BackendChoice, BackendSettings, UnknownBackend};
+pub use browser::{BrowserSettings, TOKEN_CHARS_MIN};
 pub use contact::{ContactSettings, ReceiverSettings};
 pub use control::{Assignment, Control};
 pub use effect::{Choice, Effect, EffectChoices, EffectSet};
+pub use filter::FilterSettings;
+pub use generator::GeneratorSettings;
 pub use group::SettingsGroup;
 pub(crate) use group::{check_own, settings};
 pub use hot_keys::{Action, Display, HotKey, QUALITY_POINTS, QualityPointKey, hot_key, hot_keys};
@@ -39,9 +51,17 @@ pub use offered::check_offered;
 pub use pipeline::{ChoiceSettings, PipelineSettings};
 pub use presets::{Preset, exams, looks, preset};
 pub use probe::{Face, Probe, ProbeKind};
+pub use provider::Provider;
 pub use quality::{BEAM_TAPS_MAX, PULSE_TAPS_MAX, Quality, REFLECTIONS_MAX, RenderSettings};
+pub use scene::{
+    FAT_RANGE_MM, FLEXION_RANGE, FLUID_INDEX_RANGE_MM, Lie, PlacentaSite, ROLL_RANGE_DEG, SCALE_RANGE, SceneSettings,
+    WEEKS_RANGE, Wall,
+};
+pub(crate) use setting::stored_word;
 pub use setting::{Change, Kind, Setting, SettingsError, Stored};
+pub use tracker::{PUCK_RANGE, TrackerSettings};
 pub use uniform::{Uniform, wgsl_readers};
+pub use window::WindowSettings;
 
 #[cfg(test)]
 mod tests {

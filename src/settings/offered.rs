@@ -81,7 +81,7 @@ mod tests {
             check(&[(setting.key, slider.min)], &[]).unwrap();
             check(&[(setting.key, slider.max)], &[]).unwrap();
         }
-        check(&[("frozen", 1.0), ("enhance", 0.0)], &[]).unwrap();
+        check(&[("frozen", 1.0), ("generator", 0.0)], &[]).unwrap();
     }
 
     #[test]

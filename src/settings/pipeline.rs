@@ -1,4 +1,4 @@
-//! Live session: rate, budget, and choice between rendered and generated pictures.
+//! Live session: rate, deadline, and choice between raw and generated frames.
 
 use super::settings;
 
@@ -25,7 +25,7 @@ settings! {
         frame_rate_hz: f64 = 30.0, "Hz", 0.1..=1000.0, Everything;
 
         /// Longest time from sampling a frame's pose until it is shown, whatever the generator does.
-        budget_ms: f64 = 100.0, "ms", 0.0..=10_000.0, Everything;
+        deadline_ms: f64 = 100.0, "ms", 0.0..=10_000.0, Everything;
 
         /// Duration of a generator run that counts as hanging.
         hang_ms: f64 = 5000.0, "ms", 10.0..=600_000.0, Everything;

@@ -4,6 +4,9 @@ use serde_json::{Map, Value};
 
 use super::{LiveSettings, SettingsGroup as _, live_settings};
 
+/// Keys in recordings of earlier builds, and their names today.
+const RENAMED: [(&str, &str); 1] = [("enhance", "generator")];
+
 impl LiveSettings {
     /// Values of all live settings by their keys without table.
     pub fn to_json(&self) -> Map<String, Value> {
@@ -14,11 +17,12 @@ impl LiveSettings {
         values.collect()
     }
 
-    /// Sets a live setting; None if there is no such setting.
+    /// Sets a live setting, also by its key in recordings of earlier builds; None if there is no such setting.
     ///
     /// # Errors
     /// A value of another type. Its range is not checked.
     pub fn read_json(&mut self, key: &str, value: &Value) -> Option<Result<(), String>> {
+        let key = RENAMED.iter().find(|(old, _)| *old == key).map_or(key, |(_, new)| new);
         let setting = live_settings().find(|setting| setting.key == key)?;
         Some(setting.read_json(value, self.stored_mut(key)?))
     }
@@ -48,6 +52,17 @@ mod tests {
         }
         assert_eq!(read, settings);
         assert_eq!(settings.values().count(), live_settings().map(super::super::Setting::count).sum::<usize>());
+    }
+
+    #[test]
+    fn keys_of_earlier_builds_are_read() {
+        let mut settings = LiveSettings::default();
+        settings.read_json("enhance", &false.into()).unwrap().unwrap();
+        assert!(!settings.generator);
+        for (old, new) in RENAMED {
+            let known = |key: &str| live_settings().any(|setting| setting.key == key);
+            assert!(known(new) && !known(old), "{old}");
+        }
     }
 
     #[test]

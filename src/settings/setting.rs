@@ -254,6 +254,26 @@ stored! {
     bool: Switch, value => value > 0.0;
 }
 
+/// Stores an enum with `named!` as an index into its names.
+macro_rules! stored_word {
+    ($type:ty) => {
+        impl $crate::settings::Stored for $type {
+            fn kind(&self) -> $crate::settings::Kind {
+                $crate::settings::Kind::Word(Self::NAMES)
+            }
+
+            fn get(&self, _index: usize) -> f64 {
+                f64::from(*self as u8)
+            }
+
+            fn set(&mut self, _index: usize, value: f64) {
+                *self = Self::ALL.get(value as usize).copied().unwrap_or_default();
+            }
+        }
+    };
+}
+pub(crate) use stored_word;
+
 impl<const N: usize> Stored for [f64; N] {
     fn kind(&self) -> Kind {
         Kind::Numbers(N)

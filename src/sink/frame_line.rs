@@ -15,7 +15,7 @@ pub struct FrameLine<'a> {
     /// File of the image, if any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub file: Option<&'a str>,
-    /// `enhanced`, `held_enhanced` or `low_quality`.
+    /// `generated`, `held_generated` or `raw`.
     pub source: &'static str,
     /// `good`, `held`, `stuck`, `stale` or `lost`.
     pub tracking: &'static str,
@@ -36,7 +36,7 @@ pub struct FrameLine<'a> {
     /// Handed to the sinks.
     pub presented_ms: f64,
     /// Name of the generator at work.
-    pub tier: Option<&'a str>,
+    pub generator: Option<&'a str>,
     /// Operating point; none without a controller of operating points.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub point: Option<&'a str>,
@@ -64,7 +64,7 @@ impl<'a> FrameLine<'a> {
             rendered_ms: ms(times.rendered),
             inference_ms: times.inference.map(|(start, end)| [ms(start), ms(end)]),
             presented_ms: ms(times.presented),
-            tier: frame.tier.as_deref(),
+            generator: frame.generator.as_deref(),
             point: frame.point.as_deref().map(|point| &*point.name),
             frozen: frame.info.settings.frozen,
             notice: frame.notice.as_deref(),

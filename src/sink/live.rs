@@ -16,18 +16,18 @@ use super::SinkError;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum FrameSource {
     /// The generator's image of this frame.
-    Enhanced,
+    Generated,
     /// The generator's image of an earlier frame with nearly the same pose.
-    HeldEnhanced,
-    /// The rendered image.
+    HeldGenerated,
+    /// The raw frame, which no generator has touched.
     #[default]
-    LowQuality,
+    Raw,
 }
 
 crate::names::named!(FrameSource {
-    Enhanced = "enhanced",
-    HeldEnhanced = "held_enhanced",
-    LowQuality = "low_quality",
+    Generated = "generated",
+    HeldGenerated = "held_generated",
+    Raw = "raw",
 });
 
 /// Times at which a frame passed each stage, since the start of the session.
@@ -92,8 +92,8 @@ pub struct PresentedFrame {
     pub attenuation: Vec<f32>,
     /// 255 inside the sector [height × width].
     pub mask: Vec<u8>,
-    /// Name of the generator at work; none on rendered frames.
-    pub tier: Option<String>,
+    /// Name of the generator at work; none on raw frames.
+    pub generator: Option<String>,
     /// Operating point; none without a controller of operating points.
     pub point: Option<Arc<PointText>>,
     /// Recent fault, to be shown to viewers.

@@ -1,5 +1,5 @@
 //! Tracked sequences as PLUS and SlicerIGSIO read them: `.igs.mha`, a MetaImage whose head holds each image's time and
-//! transforms. [`tracker::interchange::meta_image`](crate::tracker::interchange::meta_image) reads them back.
+//! transforms. [`recording::interchange::meta_image`](crate::recording::interchange::meta_image) reads them back.
 //!
 //! Each image has `ProbeToTrackerTransform` (our `scene_from_probe`) and `ImageToProbeTransform` (pixels to mm; the
 //! first pixel's centre is 0 0, x rightward, y downward), both with status and row by row in mm.

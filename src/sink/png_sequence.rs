@@ -64,7 +64,7 @@ mod tests {
         let lines: Vec<serde_json::Value> = index.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
         assert_eq!(lines.len(), 2);
         assert_eq!((&lines[1]["file"], &lines[1]["presented_ms"]), (&"000002.png".into(), &110.0.into()));
-        assert_eq!(lines[1]["source"], "low_quality");
+        assert_eq!(lines[1]["source"], "raw");
         let image = image::open(dir.path().join("png/000002.png")).unwrap();
         assert_eq!(image.into_bytes(), frame(2, 110).image);
         Box::new(sink).finish().unwrap();

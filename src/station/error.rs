@@ -9,7 +9,7 @@ use crate::anatomy::planes::PlanesError;
 use crate::anatomy::{BvhError, SceneError, TissueError};
 use crate::phantom::CacheError;
 use crate::pose::{CalibrationError, PoseError};
-use crate::tracker::recording::RecordingError;
+use crate::recording::RecordingError;
 
 /// Error in a station file. Keys are written with their table: `probe.depth_mm`.
 #[derive(Debug, Error)]

@@ -10,8 +10,6 @@ pub(super) fn settings(values: &Values, dir: &Path) -> Settings {
     let mut settings = Settings::default();
     values.set_group(&mut settings);
     settings.models = values.texts("models").unwrap_or_default().into_iter().map(|path| dir.join(path)).collect();
-    // The word is valid: `Values::check` verified it.
-    settings.provider = values.text("provider").and_then(|word| word.parse().ok()).unwrap_or(settings.provider);
     settings
 }
 
@@ -26,13 +24,13 @@ mod tests {
     fn a_station_names_its_generators() {
         assert_eq!(parse("").unwrap().generator, Settings::default());
         let table = "[generator]\nenabled = false\nmodels = [\"best.onnx\", \"/fast.onnx\"]\nprovider = \"cuda\"\n\
-                     threads = 2\nbudget_ms = 33";
+                     threads = 2\nrun_budget_ms = 33";
         let expected = Settings {
             enabled: false,
             models: vec![PathBuf::from("/station/best.onnx"), PathBuf::from("/fast.onnx")],
             provider: Provider::Cuda,
             threads: 2,
-            budget_ms: 33.0,
+            run_budget_ms: 33.0,
         };
         assert_eq!(parse(table).unwrap().generator, expected);
     }
@@ -41,16 +39,17 @@ mod tests {
     fn a_run_may_not_hang_within_its_budget() {
         let models = "models = [\"a.onnx\"]";
         let station = |lines: &str| parse(&format!("{lines}\n[generator]\n{models}"));
-        for lines in ["[quality]\nbudget_ms = 64\n[pipeline]\nhang_ms = 64", "[quality]\nbudget_ms = 6000"] {
+        for lines in ["[quality]\nframe_budget_ms = 64\n[pipeline]\nhang_ms = 64", "[quality]\nframe_budget_ms = 6000"]
+        {
             let error = station(lines).unwrap_err().to_string();
-            let words = ["pipeline.hang_ms", "5000 by default", "generator.budget_ms", "quality.budget_ms"];
+            let words = ["pipeline.hang_ms", "5000 by default", "generator.run_budget_ms", "quality.frame_budget_ms"];
             assert!(words.iter().all(|word| error.contains(word)), "{error}");
         }
         let kept = |lines: &str| station(lines).unwrap().pipeline.hang_ms;
-        assert_eq!(kept("[quality]\nbudget_ms = 64"), 5000.0);
-        assert_eq!(kept("[quality]\nbudget_ms = 64\n[pipeline]\nhang_ms = 65"), 65.0);
+        assert_eq!(kept("[quality]\nframe_budget_ms = 64"), 5000.0);
+        assert_eq!(kept("[quality]\nframe_budget_ms = 64\n[pipeline]\nhang_ms = 65"), 65.0);
         // Without generators nothing hangs.
-        assert_eq!(parse("[quality]\nbudget_ms = 64\n[pipeline]\nhang_ms = 50").unwrap().pipeline.hang_ms, 50.0);
+        assert_eq!(parse("[quality]\nframe_budget_ms = 64\n[pipeline]\nhang_ms = 50").unwrap().pipeline.hang_ms, 50.0);
     }
 
     #[test]
@@ -61,10 +60,10 @@ mod tests {
             ("models = [\"\"]", ["generator.models", "in quotes"]),
             ("models = [1]", ["generator.models", "in quotes"]),
             ("enabled = 1", ["generator.enabled", "true or false"]),
-            ("budget_ms = 0", ["generator.budget_ms", "1..=10000"]),
-            ("budget_ms = nan", ["generator.budget_ms", "1..=10000"]),
+            ("run_budget_ms = 0", ["generator.run_budget_ms", "1..=10000"]),
+            ("run_budget_ms = nan", ["generator.run_budget_ms", "1..=10000"]),
             ("threads = -1", ["generator.threads", "0..=256"]),
-            ("budget = 5", ["budget_ms", "did you mean"]),
+            ("run_budget = 5", ["run_budget_ms", "did you mean"]),
         ];
         assert_refused("generator", &lines);
     }

@@ -8,16 +8,13 @@ use std::sync::LazyLock;
 
 use super::accepts::{AXES, Accepts, HOST_NAME, LISTEN_ADDRESS, TOKEN};
 use crate::anatomy::Tissue;
-use crate::generator::{self, Provider};
-use crate::phantom::parameters::{FAT_RANGE_MM, FLEXION_RANGE, FLUID_INDEX_RANGE_MM, ROLL_RANGE_DEG, WEEKS_RANGE};
-use crate::phantom::{Lie, PlacentaSite, SCALE_RANGE, Wall};
-use crate::pose::FilterSettings;
-use crate::render::{BackendChoice, Preset};
+use crate::render::Preset;
 use crate::settings::{
-    ChoiceSettings, ContactSettings, Effect, ImageSettings, LookPreset, LookSettings, PipelineSettings, Probe,
-    ProbeKind, Quality, ReceiverSettings, RenderSettings, Setting, SettingsGroup as _,
+    BackendSettings, BrowserSettings, ChoiceSettings, ContactSettings, Effect, FAT_RANGE_MM, FilterSettings,
+    GeneratorSettings, ImageSettings, LookPreset, LookSettings, PipelineSettings, Probe, ProbeKind, Quality,
+    ReceiverSettings, RenderSettings, SceneSettings, Setting, SettingsGroup as _, TrackerSettings, WindowSettings,
 };
-use crate::sink::{LiveSinkKind, browser, openigtlink};
+use crate::sink::{LiveSinkKind, openigtlink};
 use crate::tracker::{BAUD_RANGE, mock};
 
 /// A key of a station file.
@@ -66,18 +63,7 @@ const fn doc(
 const SCENE: &[KeyDoc] = &[
     doc("scene", "path", "", "required, unless phantom is given", Accepts::Text("a path"), "glTF file (.glb or .gltf), relative to the station file"),
     doc("scene", "phantom", "", "none", Accepts::OneOf(&["obstetric"]), "generated scene in place of path"),
-    doc("scene", "phantom_scale", "", "1.0", number(*SCALE_RANGE.start(), *SCALE_RANGE.end()), "triangles of the phantom over those of the full one; below about 0.24 its finest parts are lost and it is refused"),
-    doc("scene", "phantom_weeks", "weeks", "22.0", number(*WEEKS_RANGE.start(), *WEEKS_RANGE.end()), "gestational age of the phantom's fetus"),
-    doc("scene", "phantom_lie", "", "\"cephalic\"", Accepts::OneOf(Lie::NAMES), "which way the fetus lies: head down, head up, or across"),
-    doc("scene", "phantom_roll_deg", "°", "0.0", number(*ROLL_RANGE_DEG.start(), *ROLL_RANGE_DEG.end()), "turn of the fetus about its long axis from where its left side is up"),
-    doc("scene", "phantom_flexion", "", "0.5", number(*FLEXION_RANGE.start(), *FLEXION_RANGE.end()), "0 is stretched, 1 tightly curled"),
-    doc("scene", "phantom_placenta", "", "\"anterior\"", Accepts::OneOf(PlacentaSite::NAMES), "where on the uterine wall the placenta sits"),
-    doc("scene", "phantom_fluid_index_mm", "mm", "140.0", number(*FLUID_INDEX_RANGE_MM.start(), *FLUID_INDEX_RANGE_MM.end()), "amniotic fluid index, from oligohydramnios to polyhydramnios"),
     doc("scene", "phantom_fat_mm", "mm", "13.5", number(*FAT_RANGE_MM.start(), *FAT_RANGE_MM.end()), "the mother's subcutaneous fat over the belly; 24 with phantom_wall = \"hard\" unless given"),
-    doc("scene", "phantom_wall", "", "\"easy\"", Accepts::OneOf(Wall::NAMES), "how strongly the abdominal wall aberrates: 13, 45 or 71 ns rms over 30 mm of aperture in the median"),
-    doc("scene", "phantom_recti_lens", "", "false", Accepts::Bool, "whether fat fills the gap between the recti: a lens that doubles what lies behind the midline"),
-    doc("scene", "phantom_seed", "", "0", integer(0, u32::MAX as i64), "seed of what differs from one individual to the next"),
-    doc("scene", "motion", "", "true", Accepts::Bool, "whether what moves in the scene moves: hearts, breath, limbs; one frame shows time 0, at rest"),
     doc("scene", "background", "", "\"gel\"", Accepts::Text("the name of a tissue"), "tissue outside of every surface"),
 ];
 
@@ -89,17 +75,12 @@ const PROBE: &[KeyDoc] = &[
 #[rustfmt::skip]
 const QUALITY: &[KeyDoc] = &[
     doc("quality", "preset", "", "none", Accepts::OneOf(Preset::NAMES), "rays and layers by name: 1x1, 2x3, 32x3, 128x3"),
-    doc("quality", "budget_ms", "ms", "none", number(1.0, 10_000.0), "time to render and generate a frame: a live session chooses rays, layers, angles and generator within it, stills choose rays and layers"),
+    doc("quality", "frame_budget_ms", "ms", "none", number(1.0, 10_000.0), "time to render and generate a frame: a live session chooses rays, layers, angles and generator within it, stills choose rays and layers"),
 ];
 
 #[rustfmt::skip]
 const LOOK: &[KeyDoc] = &[
     doc("look", "preset", "", "\"raw\"", Accepts::OneOf(LookPreset::NAMES), "look by name; other keys of the table change it"),
-];
-
-#[rustfmt::skip]
-const RENDER: &[KeyDoc] = &[
-    doc("render", "backend", "", "\"auto\"", Accepts::OneOf(BackendChoice::NAMES), "where frames are made: on a device (a GPU, else software Vulkan), on the host's processors, or auto: on a GPU if there is one, else on the host; INSONIFY_BACKEND and --backend override it"),
 ];
 
 #[rustfmt::skip]
@@ -123,16 +104,11 @@ const TRACKER: &[KeyDoc] = &[
     doc("tracker", "baud", "baud", "115200", integer(*BAUD_RANGE.start(), *BAUD_RANGE.end()), "speed of the serial port; an NDI device is met at 9600 and switched to it"),
     doc("tracker", "address", "", "required for tcp; for udp \"127.0.0.1:4242\"", Accepts::Text("host:port"), "server to connect to (tcp), or address to listen at (udp)"),
     doc("tracker", "sensor", "", "none: 1 of Polhemus devices, else the first heard", integer(0, 65_535), "station, port handle or tool that is the probe"),
-    doc("tracker", "silence_ms", "ms", "2000.0", number(10.0, 600_000.0), "silence after which the tracker is started anew"),
-    doc("tracker", "reset_delay_ms", "ms", "20000.0", number(0.0, 120_000.0), "time that a Polhemus device takes to start after a reset"),
     doc("tracker", "hemisphere", "", "[0, 0, 1]", Accepts::Numbers { count: 3, limit: 1.0 }, "axis of a Polhemus source that points to where the sensor moves"),
     doc("tracker", "ndi_reply", "", "\"BX\"", Accepts::OneOf(&["BX", "TX"]), "what an NDI device is asked for: binary replies, or text, the only ones that older devices know"),
     doc("tracker", "ndi_roms", "", "[]", Accepts::Texts("a path"), "definitions (.rom) of wireless NDI tools, relative to the station file; their handles are asked for in this order"),
-    doc("tracker", "ndi_out_of_volume", "", "true", Accepts::Bool, "whether an NDI tool outside of the characterised volume still gives poses"),
-    doc("tracker", "puck_range", "", "350.0", number(1.0, 32_767.0), "what a SpaceMouse reports when it is pushed all the way; `[filter] puck_mm_s` and `puck_deg_s` are the speeds there"),
     doc("tracker", "axis_map", "", "\"x, y, z, rx, ry, rz\"", Accepts::Text("x, y, z, rx, ry, rz in another order and with signs,"), "device axis that each axis of a puck's motion comes from, as in \"x, -z, y, rx, -rz, ry\""),
     doc("tracker", "recording", "", "required for recording", Accepts::Text("a path"), "recording (.mcap), relative to the station file"),
-    doc("tracker", "speed", "", "1.0", number(0.0, 1000.0), "how many times as fast as recorded; 0: as fast as it is taken"),
     doc("tracker", "repeat", "", "\"no\"", Accepts::OneOf(&["no", "yes"]), "whether the recording begins anew at its end"),
     doc("tracker", "schedule", "", "\"move 10, hold 2\"", Accepts::Text("acts and seconds"), "what the mock does, again and again: move, hold, jump, drop, corrupt or unplug, each with its seconds; about [pose]"),
 ];
@@ -140,7 +116,6 @@ const TRACKER: &[KeyDoc] = &[
 #[rustfmt::skip]
 const GENERATOR: &[KeyDoc] = &[
     doc("generator", "models", "", "[]", Accepts::Texts("a path"), "generators (.onnx, each with its manifest), the best first, relative to the station file; none shows what is rendered"),
-    doc("generator", "provider", "", "\"cpu\"", Accepts::OneOf(Provider::NAMES), "what they run on; one that is not available is an error"),
 ];
 
 #[rustfmt::skip]
@@ -157,11 +132,6 @@ const BROWSER: &[KeyDoc] = &[
 ];
 
 #[rustfmt::skip]
-const WINDOW: &[KeyDoc] = &[
-    doc("window", "full_screen", "", "false", Accepts::Bool, "whether the native window fills the screen; F changes it"),
-];
-
-#[rustfmt::skip]
 const DISPLAY: &[KeyDoc] = &[
     doc("display", "sinks", "", "[\"null\"]", Accepts::AnyOf(LiveSinkKind::NAMES), "where frames go"),
 ];
@@ -174,23 +144,23 @@ pub fn keys() -> &'static [KeyDoc] {
             all.extend_from_slice(others);
             all.extend(settings.iter().copied().flatten().map(KeyDoc::from));
         };
-        add(SCENE, &[]);
+        add(SCENE, &[SceneSettings::settings()]);
         add(PROBE, &[ProbeKind::settings(), Probe::settings()]);
         add(&[], &[ContactSettings::settings()]);
         add(&[], &[ImageSettings::settings()]);
         add(&[], &[ReceiverSettings::settings()]);
         add(LOOK, &[LookSettings::settings()]);
         add(QUALITY, &[Quality::settings(), RenderSettings::settings()]);
-        add(RENDER, &[]);
+        add(&[], &[BackendSettings::settings()]);
         add(&Effect::ALL.map(KeyDoc::from), &[]);
         add(POSE, &[]);
         add(&[], &[FilterSettings::settings()]);
         add(CALIBRATION, &[]);
-        add(TRACKER, &[mock::Settings::settings()]);
-        add(GENERATOR, &[generator::Settings::settings()]);
+        add(TRACKER, &[TrackerSettings::settings(), mock::Settings::settings()]);
+        add(GENERATOR, &[GeneratorSettings::settings()]);
         add(OPENIGTLINK, &[openigtlink::Settings::settings()]);
-        add(BROWSER, &[browser::Settings::settings()]);
-        add(WINDOW, &[]);
+        add(BROWSER, &[BrowserSettings::settings()]);
+        add(&[], &[WindowSettings::settings()]);
         add(&[], &[PipelineSettings::settings(), ChoiceSettings::settings()]);
         add(DISPLAY, &[]);
         all.extend(Tissue::settings().iter().map(of_tissue));

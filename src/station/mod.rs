@@ -17,6 +17,7 @@ mod parse;
 mod plane_scene;
 mod poses;
 mod quality;
+mod renamed;
 mod scene;
 mod scene_file;
 #[cfg(test)]
@@ -27,7 +28,7 @@ mod values;
 use std::path::{Path, PathBuf};
 
 use crate::anatomy::planes::{self, StandardPlanes};
-use crate::anatomy::{Motion, Scene, TissueTable, import};
+use crate::anatomy::{Axes, Motion, Scene, TissueTable, import};
 use crate::files::{self, FileKind};
 use crate::generator::generator_files;
 use crate::phantom::{self, PhantomOptions};
@@ -44,6 +45,7 @@ pub use error::StationError;
 pub use keys::{KeyDoc, keys, print_keys};
 pub use plane_scene::PlaneScene;
 pub use poses::{Poses, Track};
+pub use renamed::RenamedKey;
 pub use scene_file::SceneFile;
 
 /// Source of a station's surfaces.
@@ -72,7 +74,7 @@ pub struct Station {
     pub backend: BackendChoice,
     /// Time to render and generate a frame, ms, by which a live session chooses rays, layers, angles and generator, and stills
     /// rays and layers; none: they stay as set.
-    pub quality_budget_ms: Option<f64>,
+    pub frame_budget_ms: Option<f64>,
     /// Whether the budget also chooses the angles of compounding: `[look]` has neither angles nor a preset.
     pub angles_open: bool,
     /// Generators.
@@ -93,10 +95,12 @@ pub struct Station {
     pub browser: Option<browser_sink::Settings>,
     /// Native window, if the station has one.
     pub window: Option<window_sink::Settings>,
-    /// Frame rate, budget and picture choice of a live session.
+    /// Frame rate, deadline and picture choice of a live session.
     pub pipeline: PipelineSettings,
     /// Sinks of a live session.
     pub sinks: Vec<LiveSinkKind>,
+    /// Keys of earlier builds in the file. [`Station::load`] logs a hint for each.
+    pub renamed_keys: Vec<RenamedKey>,
     /// Station file; if parsed from text, the base directory of relative paths.
     pub path: PathBuf,
 }
@@ -112,6 +116,9 @@ impl Station {
         let dir = path.parent().unwrap_or(Path::new(""));
         let station = Self::parse(&text, dir)
             .map_err(|source| StationError::InFile { path: path.to_owned(), source: Box::new(source) })?;
+        for key in &station.renamed_keys {
+            tracing::warn!("{}: {key}", path.display());
+        }
         Ok(Self { path: path.to_owned(), ..station })
     }
 
@@ -129,6 +136,14 @@ impl Station {
         match &self.scene {
             SceneSource::File(path) => Some(path),
             SceneSource::ObstetricPhantom(_) => None,
+        }
+    }
+
+    /// Meaning of the scene's axes.
+    pub fn axes(&self) -> Axes {
+        match self.scene {
+            SceneSource::ObstetricPhantom(_) => Axes::Anatomical,
+            SceneSource::File(_) => Axes::Depth,
         }
     }
 

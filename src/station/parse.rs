@@ -7,18 +7,21 @@ use toml::{Table, Value};
 
 use super::accepts::Accepts;
 use super::keys::{PHYSICAL, tables};
+use super::renamed::rename;
 use super::values::{Values, optional, section, take, wrong_type};
 use super::{Station, StationError, calibration};
 use crate::anatomy::{Tissue, TissueTable};
 use crate::generator;
 use crate::pose::Pose;
-use crate::settings::{Face, LookPreset, LookSettings, PipelineSettings, Probe, ProbeKind, SettingsGroup};
-use crate::sink::window as window_sink;
+use crate::settings::{
+    BackendSettings, Face, LookPreset, LookSettings, PipelineSettings, Probe, ProbeKind, SettingsGroup,
+};
 use crate::suggest::did_you_mean;
 
 pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let mut root: Table =
         text.parse().map_err(|e: toml::de::Error| StationError::Syntax { reason: e.to_string().trim().to_owned() })?;
+    let renamed_keys = rename(&mut root)?;
     let tables = tables();
     if let Some(table) = root.keys().find(|key| !tables.contains(&key.as_str())) {
         let suggestion = did_you_mean(table, tables.iter().copied());
@@ -28,7 +31,7 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let scene_values = section(&mut root, "scene")?;
     let scene = super::scene::source(&scene_values, dir)?;
     let background = scene_values.text("background").unwrap_or("gel").to_owned();
-    let motion = scene_values.boolean("motion").unwrap_or(true);
+    let motion = super::scene::settings(&scene_values).motion;
     tissue_index(&tissues, &background)?;
     let probe = probe(&section(&mut root, "probe")?)?;
     let quality_values = section(&mut root, "quality")?;
@@ -37,9 +40,9 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     settings.receiver = group(&mut root, "receiver")?;
     let look_values = section(&mut root, "look")?;
     settings.look = look(&look_values);
-    let quality_budget_ms = quality_values.number("budget_ms");
-    let angles_open = quality_budget_ms.is_some() && !look_values.has("angles") && !look_values.has("preset");
-    let backend = section(&mut root, "render")?.text("backend").and_then(|word| word.parse().ok()).unwrap_or_default();
+    let frame_budget_ms = quality_values.number("frame_budget_ms");
+    let angles_open = frame_budget_ms.is_some() && !look_values.has("angles") && !look_values.has("preset");
+    let backend = group::<BackendSettings>(&mut root, "render")?.backend;
     settings.effects = super::effects::choices(&section(&mut root, "effects")?);
     let default_pose = pose(&mut root)?;
     let filter = group(&mut root, "filter")?;
@@ -47,13 +50,12 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let tracker = super::tracker_table::settings(&section(&mut root, "tracker")?, default_pose, dir)?;
     let generator_values = section(&mut root, "generator")?;
     let mut generator = super::generator::settings(&generator_values, dir);
-    if let Some(budget_ms) = quality_budget_ms.filter(|_| !generator_values.has("budget_ms")) {
-        generator.budget_ms = budget_ms;
+    if let Some(run_budget_ms) = frame_budget_ms.filter(|_| !generator_values.has("run_budget_ms")) {
+        generator.run_budget_ms = run_budget_ms;
     }
     let openigtlink = optional(&mut root, "openigtlink")?.map(|v| super::openigtlink::settings(&v)).transpose()?;
     let browser = optional(&mut root, "browser")?.map(|values| super::browser::settings(&values)).transpose()?;
-    let window = optional(&mut root, "window")?
-        .map(|values| window_sink::Settings { full_screen: values.boolean("full_screen").unwrap_or(false) });
+    let window = optional(&mut root, "window")?.map(|values| values.group());
     let pipeline = group(&mut root, "pipeline")?;
     check_hang(&pipeline, &generator)?;
     let sinks = super::display::sinks(&section(&mut root, "display")?);
@@ -65,7 +67,7 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
         probe,
         settings,
         backend,
-        quality_budget_ms,
+        frame_budget_ms,
         angles_open,
         tissues,
         default_pose,
@@ -78,6 +80,7 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
         window,
         pipeline,
         sinks,
+        renamed_keys,
         path,
     })
 }
@@ -92,21 +95,19 @@ pub(super) fn tissue_index(tissues: &TissueTable, name: &str) -> Result<usize, S
 
 /// Settings group of a table.
 fn group<G: SettingsGroup + Default>(root: &mut Table, name: &str) -> Result<G, StationError> {
-    let mut group = G::default();
-    section(root, name)?.set_group(&mut group);
-    Ok(group)
+    Ok(section(root, name)?.group())
 }
 
 /// Refuses a `hang_ms` that ends runs within their budget.
 fn check_hang(pipeline: &PipelineSettings, generator: &generator::Settings) -> Result<(), StationError> {
-    let (hang_ms, budget_ms) = (pipeline.hang_ms, generator.budget_ms);
-    if generator.models.is_empty() || !generator.enabled || hang_ms > budget_ms {
+    let (hang_ms, run_budget_ms) = (pipeline.hang_ms, generator.run_budget_ms);
+    if generator.models.is_empty() || !generator.enabled || hang_ms > run_budget_ms {
         return Ok(());
     }
     let default_ms = PipelineSettings::default().hang_ms;
     let reason = format!(
-        "a run counts as hanging after {hang_ms} ms ({default_ms} by default), but may take {budget_ms} ms by \
-         `generator.budget_ms` (`quality.budget_ms` by default); make it more, or the budget less"
+        "a run counts as hanging after {hang_ms} ms ({default_ms} by default), but may take {run_budget_ms} ms by \
+         `generator.run_budget_ms` (`quality.frame_budget_ms` by default); make it more, or the budget less"
     );
     Err(StationError::Text { key: "pipeline.hang_ms".to_owned(), reason })
 }

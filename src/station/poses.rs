@@ -7,8 +7,8 @@ use glam::{DQuat, DVec3};
 
 use super::{Station, StationError};
 use crate::pose::{Pose, ProbeSpeed, Speed, TimedPose, interpolate};
+use crate::recording;
 use crate::statistics::evenly;
-use crate::tracker::recording;
 
 /// Longest gap of a recording within which poses are interpolated, ns.
 const GAP_NS: u64 = 500_000_000;

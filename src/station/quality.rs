@@ -6,10 +6,10 @@ use crate::render::{Preset, RenderSettings};
 
 /// Settings from checked values. With a budget, rays and layers keep their defaults until they are measured.
 pub(super) fn settings(image_values: &Values, values: &Values) -> Result<RenderSettings, StationError> {
-    if values.has("budget_ms") {
+    if values.has("frame_budget_ms") {
         values.refuse(
             &["preset", "rays", "layers"],
-            "`quality.budget_ms` chooses rays and layers; give one or the other",
+            "`quality.frame_budget_ms` chooses rays and layers; give one or the other",
         )?;
     }
     let mut settings = RenderSettings::default();
@@ -36,9 +36,9 @@ mod tests {
         assert_eq!(quality("preset = \"balanced\"\nseed = 7"), Quality { rays: 2, layers: 3, seed: 7 });
         assert_eq!(quality("preset = \"accurate\""), Quality::HQ);
         assert_eq!(quality("preset = \"reference\""), Quality { rays: 128, layers: 3, seed: 0 });
-        let with_budget = station("budget_ms = 40\nseed = 7");
-        assert_eq!((with_budget.quality_budget_ms, with_budget.settings.quality.seed), (Some(40.0), 7));
-        assert_eq!(station("rays = 2").quality_budget_ms, None);
+        let with_budget = station("frame_budget_ms = 40\nseed = 7");
+        assert_eq!((with_budget.frame_budget_ms, with_budget.settings.quality.seed), (Some(40.0), 7));
+        assert_eq!(station("rays = 2").frame_budget_ms, None);
     }
 
     #[test]
@@ -46,14 +46,14 @@ mod tests {
         let lines = [
             ("preset = \"fast\"\nrays = 2", ["`quality.rays`", "`quality.preset`"]),
             ("layers = 3\npreset = \"fast\"", ["`quality.layers`", "`quality.preset`"]),
-            ("budget_ms = 40\nrays = 2", ["`quality.rays`", "`quality.budget_ms`"]),
-            ("budget_ms = 40\nlayers = 1", ["`quality.layers`", "`quality.budget_ms`"]),
-            ("budget_ms = 40\npreset = \"fast\"", ["`quality.preset`", "`quality.budget_ms`"]),
+            ("frame_budget_ms = 40\nrays = 2", ["`quality.rays`", "`quality.frame_budget_ms`"]),
+            ("frame_budget_ms = 40\nlayers = 1", ["`quality.layers`", "`quality.frame_budget_ms`"]),
+            ("frame_budget_ms = 40\npreset = \"fast\"", ["`quality.preset`", "`quality.frame_budget_ms`"]),
             ("preset = \"acurate\"", ["quality.preset", "did you mean `accurate`?"]),
-            ("budget_ms = 0.5", ["quality.budget_ms", "1..=10000"]),
-            ("budget_ms = nan", ["quality.budget_ms", "1..=10000"]),
-            ("budget_ms = \"40\"", ["quality.budget_ms", "a number"]),
-            ("budget = 40", ["budget", "did you mean `budget_ms`?"]),
+            ("frame_budget_ms = 0.5", ["quality.frame_budget_ms", "1..=10000"]),
+            ("frame_budget_ms = nan", ["quality.frame_budget_ms", "1..=10000"]),
+            ("frame_budget_ms = \"40\"", ["quality.frame_budget_ms", "a number"]),
+            ("frame_budget = 40", ["frame_budget", "did you mean `frame_budget_ms`?"]),
         ];
         assert_refused("quality", &lines);
     }

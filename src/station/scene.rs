@@ -5,7 +5,8 @@ use std::path::Path;
 use super::keys::of_table;
 use super::values::Values;
 use super::{SceneSource, StationError};
-use crate::phantom::{Lie, PhantomOptions, PlacentaSite, Wall};
+use crate::phantom::PhantomOptions;
+use crate::settings::SceneSettings;
 
 pub(super) fn source(values: &Values, dir: &Path) -> Result<SceneSource, StationError> {
     match (values.text("path"), values.text("phantom")) {
@@ -29,19 +30,12 @@ pub(super) fn source(values: &Values, dir: &Path) -> Result<SceneSource, Station
 }
 
 fn phantom(values: &Values) -> PhantomOptions {
-    let mut options = PhantomOptions::default();
-    values.set("phantom_scale", &mut options.scale);
-    let p = &mut options.parameters;
-    values.set("phantom_weeks", &mut p.gestational_weeks);
-    values.set("phantom_roll_deg", &mut p.roll_deg);
-    values.set("phantom_flexion", &mut p.flexion);
-    values.set("phantom_fluid_index_mm", &mut p.fluid_index_mm);
-    p.wall = values.text("phantom_wall").and_then(Wall::named).unwrap_or(p.wall);
-    p.recti_lens = values.boolean("phantom_recti_lens").unwrap_or(p.recti_lens);
-    p.maternal_fat_mm = p.wall.fat_mm();
-    values.set("phantom_fat_mm", &mut p.maternal_fat_mm);
-    p.lie = values.text("phantom_lie").and_then(Lie::named).unwrap_or(p.lie);
-    p.placenta = values.text("phantom_placenta").and_then(PlacentaSite::named).unwrap_or(p.placenta);
-    p.seed = values.integer("phantom_seed").map_or(p.seed, u64::from);
+    let mut options = PhantomOptions::from(&settings(values));
+    values.set("phantom_fat_mm", &mut options.parameters.maternal_fat_mm);
     options
+}
+
+/// Settings from checked values.
+pub(super) fn settings(values: &Values) -> SceneSettings {
+    values.group()
 }

@@ -8,6 +8,7 @@ use std::time::Duration;
 use super::StationError;
 use super::values::Values;
 use crate::pose::Pose;
+use crate::settings::TrackerSettings;
 use crate::tracker::DeviceOptions;
 use crate::tracker::ndi::{ReplyFormat, USUAL_BAUD};
 use crate::tracker::{Protocol, Settings, Speed, Transport, mock};
@@ -50,12 +51,15 @@ pub(super) fn settings(values: &Values, default_pose: Option<Pose>, dir: &Path) 
         let reason = format!("trackers that speak `{}` aren't reached by transport `{name}`", protocol.name());
         return Err(StationError::Text { key: "tracker.protocol".to_owned(), reason });
     }
-    let mut device = DeviceOptions::default();
-    device.sensor = values.integer("sensor").and_then(|sensor| u16::try_from(sensor).ok());
-    device.silence = milliseconds(values, "silence_ms", device.silence);
-    device.reset_delay = milliseconds(values, "reset_delay_ms", device.reset_delay);
-    device.hemisphere = values.numbers("hemisphere").unwrap_or(device.hemisphere);
-    values.set("puck_range", &mut device.puck_range);
+    let (given, usual): (TrackerSettings, _) = (values.group(), DeviceOptions::default());
+    let mut device = DeviceOptions {
+        sensor: values.integer("sensor").and_then(|sensor| u16::try_from(sensor).ok()),
+        silence: milliseconds(given.silence_ms),
+        reset_delay: milliseconds(given.reset_delay_ms),
+        hemisphere: values.numbers("hemisphere").unwrap_or(usual.hemisphere),
+        puck_range: given.puck_range,
+        ..usual
+    };
     if let Transport::Serial { .. } = transport {
         device.ndi.baud = Some(values.integer("baud").unwrap_or(USUAL_BAUD));
     }
@@ -66,7 +70,7 @@ pub(super) fn settings(values: &Values, default_pose: Option<Pose>, dir: &Path) 
         if values.text("ndi_reply") == Some("TX") {
             device.ndi.format = ReplyFormat::Text;
         }
-        device.ndi.out_of_volume = values.boolean("ndi_out_of_volume").unwrap_or(device.ndi.out_of_volume);
+        device.ndi.out_of_volume = given.ndi_out_of_volume;
         let roms = values.texts("ndi_roms").unwrap_or_default();
         device.ndi.rom_files = roms.into_iter().map(|path| dir.join(path)).collect();
         device
@@ -115,8 +119,8 @@ fn transport(
         }
         "recording" => {
             let path = values.text("recording").ok_or_else(|| missing("recording", "which recording to play"))?;
-            let factor = values.number("speed").unwrap_or(1.0);
-            let speed = if factor > 0.0 { Speed::Factor(factor) } else { Speed::AtOnce };
+            let TrackerSettings { speed, .. } = values.group();
+            let speed = if speed > 0.0 { Speed::Factor(speed) } else { Speed::AtOnce };
             let repeat = values.text("repeat") == Some("yes");
             if repeat && speed == Speed::AtOnce {
                 values.refuse(&["repeat"], "`tracker.speed` is 0: it would never rest")?;
@@ -127,8 +131,8 @@ fn transport(
     })
 }
 
-fn milliseconds(values: &Values, key: &str, default: Duration) -> Duration {
-    values.number(key).map_or(default, |ms| Duration::from_secs_f64(ms / 1000.0))
+fn milliseconds(ms: f64) -> Duration {
+    Duration::from_secs_f64(ms / 1000.0)
 }
 
 fn text<T: FromStr<Err: std::fmt::Display>>(values: &Values, key: &str, default: T) -> Result<T, StationError> {

@@ -42,10 +42,6 @@ impl Values {
         self.values.get(key)?.as_str()
     }
 
-    pub(super) fn boolean(&self, key: &str) -> Option<bool> {
-        self.values.get(key)?.as_bool()
-    }
-
     pub(super) fn texts(&self, key: &str) -> Option<Vec<&str>> {
         Some(self.values.get(key)?.as_array()?.iter().filter_map(Value::as_str).collect())
     }
@@ -91,6 +87,13 @@ impl Values {
                 value => stored.set(0, number(value).unwrap_or(stored.get(0))),
             }
         }
+    }
+
+    /// The group of settings, defaults where no key is given.
+    pub(super) fn group<G: SettingsGroup + Default>(&self) -> G {
+        let mut group = G::default();
+        self.set_group(&mut group);
+        group
     }
 
     /// Overwrites `target` if the key is given.

@@ -6,9 +6,9 @@ use bytes::BytesMut;
 
 /// Unconsumed bytes of a stream, and their arrival times.
 #[derive(Debug, Default)]
-pub(super) struct StampedBuffer {
+pub(crate) struct StampedBuffer {
     /// The bytes; a decoder removes them from the front.
-    pub(super) bytes: BytesMut,
+    pub(crate) bytes: BytesMut,
     /// Bytes received so far.
     total: u64,
     /// End offset of each piece in the stream, and its arrival time, ns. Consumed pieces are removed.
@@ -17,14 +17,14 @@ pub(super) struct StampedBuffer {
 
 impl StampedBuffer {
     /// Appends `bytes`, which arrived at `time_ns`.
-    pub(super) fn push(&mut self, bytes: &[u8], time_ns: u64) {
+    pub(crate) fn push(&mut self, bytes: &[u8], time_ns: u64) {
         self.bytes.extend_from_slice(bytes);
         self.total += bytes.len() as u64;
         self.pieces.push_back((self.total, time_ns));
     }
 
     /// Arrival time of the first byte left, ns.
-    pub(super) fn first_byte_ns(&mut self) -> u64 {
+    pub(crate) fn first_byte_ns(&mut self) -> u64 {
         let position = self.total - self.bytes.len() as u64;
         while self.pieces.len() > 1 && self.pieces.front().is_some_and(|(end, _)| *end <= position) {
             self.pieces.pop_front();

@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use super::{ndi, spacemouse};
+use super::ndi;
+use crate::settings::TrackerSettings;
 
 /// Device options of a station file.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,13 +24,14 @@ pub struct DeviceOptions {
 
 impl Default for DeviceOptions {
     fn default() -> Self {
+        let settings = TrackerSettings::default();
         Self {
             sensor: None,
             hemisphere: [0.0, 0.0, 1.0],
-            reset_delay: Duration::from_secs(20),
-            silence: Duration::from_secs(2),
+            reset_delay: Duration::from_secs_f64(settings.reset_delay_ms / 1000.0),
+            silence: Duration::from_secs_f64(settings.silence_ms / 1000.0),
             ndi: ndi::Options::default(),
-            puck_range: spacemouse::RANGE,
+            puck_range: settings.puck_range,
         }
     }
 }

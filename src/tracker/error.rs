@@ -5,7 +5,7 @@ use std::io;
 use thiserror::Error;
 
 use super::ndi::RomError;
-use super::recording::RecordingError;
+use super::playback::PlaybackError;
 
 /// Reason why a session cannot be started.
 #[derive(Debug, Error)]
@@ -26,7 +26,10 @@ pub enum TrackerError {
     },
     /// A recording that can't be played.
     #[error(transparent)]
-    Recording(#[from] RecordingError),
+    Playback(PlaybackError),
+    /// A recording to be played, without its bytes.
+    #[error("a recording is to be played, and its bytes are not given: `recording::spawn` opens it")]
+    NoPlayback,
     /// The description file of a wireless tool is unusable.
     #[error(transparent)]
     Rom(#[from] RomError),

@@ -1,7 +1,7 @@
 //! Trackers: from received bytes to pose records.
 //!
 //! Decoders are sans-IO: they take bytes from a buffer filled by a serial port, a socket or a recording, and return
-//! records. A recording holds the raw bytes and the name of their [`Protocol`], so a replay runs the decoder of a live
+//! records. A [recording](crate::recording) holds the raw bytes and the name of their [`Protocol`], so a replay runs the decoder of a live
 //! session. A [driver](driver::Driver) implements the exchange with the device, also sans-IO. A session ([`spawn`])
 //! connects a transport, a driver and a [`Listener`] on its own thread, and survives all hardware faults.
 //!
@@ -22,7 +22,7 @@ use ndi::NdiDriver;
 use polhemus::PolhemusDriver;
 
 #[cfg(feature = "recordings")]
-mod arrival;
+pub(crate) mod arrival;
 pub mod ascii_line;
 mod axis_map;
 pub mod bno08x;
@@ -34,7 +34,6 @@ pub mod driver;
 mod error;
 pub mod fastrak;
 mod framing;
-pub mod interchange;
 pub mod liberty;
 mod listener;
 pub mod mock;
@@ -43,9 +42,9 @@ pub mod ndi;
 pub mod openigtlink;
 pub mod opentrack;
 mod passive;
+mod playback;
 pub mod polhemus;
 mod pose_tap;
-pub mod recording;
 #[cfg(feature = "live")]
 mod session;
 mod settings;
@@ -61,9 +60,10 @@ pub use error::TrackerError;
 pub use listener::{Listener, TrackerEvent};
 pub use monitor::{Monitor, Report, SessionState};
 pub use passive::Passive;
+pub use playback::{Playback, PlaybackError};
 pub use pose_tap::{PoseStream, PoseTap, Poses, pose_tap};
 #[cfg(feature = "live")]
-pub use session::{SessionHandle, SessionSummary, spawn, stream_of};
+pub use session::{SessionHandle, SessionSummary, play, spawn};
 pub use settings::{BAUD_RANGE, PortName, PortNameError, Settings, Speed, Transport};
 
 /// One measurement of a tracker.
@@ -94,7 +94,7 @@ impl Record {
 }
 
 /// Number of records missing between those with the counters `last` and `next`, and whether the counter failed to rise.
-fn counter_step(last: Option<u32>, next: Option<u32>) -> (u64, bool) {
+pub(crate) fn counter_step(last: Option<u32>, next: Option<u32>) -> (u64, bool) {
     let (Some(last), Some(next)) = (last, next) else { return (0, false) };
     // The counter wraps: a step of more than half of its range counts as a step back.
     match next.wrapping_sub(last) {

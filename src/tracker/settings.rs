@@ -22,6 +22,15 @@ pub struct Settings {
     pub axis_map: AxisMap,
 }
 
+impl Settings {
+    /// Protocol and selected sensor of the bytes: those of these settings, or `recorded` ones. `None` takes the first
+    /// sensor received.
+    pub fn stream(&self, recorded: Option<(Protocol, Option<u16>)>) -> (Protocol, Option<u16>) {
+        let (protocol, sensor) = recorded.unwrap_or((self.protocol, self.protocol.first_sensor()));
+        (protocol, self.device.sensor.or(sensor))
+    }
+}
+
 /// Transport of a tracker's bytes.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum Transport {

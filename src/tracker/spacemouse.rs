@@ -22,7 +22,7 @@ use super::{DecodeError, Record};
 use crate::pose::Reading;
 
 /// Approximate report value at full deflection; the devices do not specify it.
-pub const RANGE: f64 = 350.0;
+pub const RANGE: f64 = crate::settings::PUCK_RANGE;
 
 /// Longest report, bytes.
 pub const REPORT_LIMIT: usize = 64;

@@ -42,8 +42,8 @@ pub(crate) struct Bench {
     frame: Frame,
 }
 
-/// Name of a generator's point: on top of rendered frames, or of the maps alone if it takes no image.
-fn enhanced(generator: &str, lq: FrameQuality, manifest: &Manifest) -> String {
+/// Name of a generator's point: on top of raw frames, or of the maps alone if it takes no image.
+fn generated(generator: &str, lq: FrameQuality, manifest: &Manifest) -> String {
     let from = lq.to_string();
     let from = if manifest.takes(Channel::Image) { from.as_str() } else { "maps" };
     format!("{from} + {generator}")
@@ -115,7 +115,7 @@ impl Bench {
         &self.settings
     }
 
-    /// The station's knobs, for one look.
+    /// The station's knobs, for one angle.
     pub(crate) fn base(&self) -> Knobs {
         Knobs::of(&self.probe, &self.settings).compounded(1, false)
     }
@@ -193,7 +193,7 @@ impl Bench {
         tracks: &[Track],
     ) -> Result<Point, TradeoffError> {
         let planned = Planned {
-            name: self.generators.get(index).map_or_else(|| name.clone(), |g| enhanced(&name, lq, g.manifest())),
+            name: self.generators.get(index).map_or_else(|| name.clone(), |g| generated(&name, lq, g.manifest())),
             sweep: "generator",
             against: Some(format!("{}x{}", lq.rays, lq.layers)),
             knobs: self.live_knobs(lq),

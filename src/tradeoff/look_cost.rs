@@ -195,8 +195,8 @@ impl Live {
         renderer.submit(pose)?;
         renderer.receive(&mut self.frame)?;
         let Frame { width, mask, bmode, .. } = &mut self.frame;
-        let looks = settings.look.independent_looks(renderer.probe());
-        let shape = Shape::new(*width, renderer.sector().pixel_mm, mask, &settings.image, looks);
+        let angles = settings.look.independent_angles(renderer.probe());
+        let shape = Shape::new(*width, renderer.sector().pixel_mm, mask, &settings.image, angles);
         self.look.apply(&settings.look, shape, bmode);
         Ok(started.elapsed().as_secs_f64() * 1e3)
     }

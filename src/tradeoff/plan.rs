@@ -33,7 +33,7 @@ pub struct Planned {
 type Sweep = (&'static str, Vec<u32>, fn(&mut Knobs) -> &mut u32);
 
 /// Points to be measured about the station's knobs `base`; fewer with `quick`.
-/// First a small grid of rays × layers of one look, then some of its points compounded (`compounds`: the probe can be
+/// First a small grid of rays × layers of one angle, then some of its points compounded (`compounds`: the probe can be
 /// steered), compounded while the probe moves (`moves`), with every effect, and without the aperture; then each other knob
 /// alone at 8 × 3. The station's own values of samples, scanlines and taps are the maxima.
 pub fn plan(base: Knobs, compounds: bool, moves: bool, quick: bool) -> Vec<Planned> {

@@ -86,7 +86,6 @@ fn draw<B: DrawingBackend>(
     let (from_ms, to_ms) = (least / 1.5, most * 2.0);
     let worst = drawn.iter().map(|p| p.error.rmse).fold(1.0, f64::max);
     area.fill(&WHITE)?;
-    let text = |anchor: Pos, colour: &RGBColor| ("sans-serif", TEXT).into_font().color(colour).pos(anchor);
     let from_left = Pos::new(HPos::Left, VPos::Center);
     area.draw(&Text::new(title.to_owned(), (20, 20), text(from_left, &BLACK)))?;
     let reference = if converged { "the converged reference" } else { "the reference (NOT converged)" };
@@ -138,7 +137,7 @@ fn draw<B: DrawingBackend>(
         let (at, colour) = ((point.time.median_ms, point.error.rmse), colour(index));
         let style = if point.error_is_noise { colour.stroke_width(1) } else { colour.filled() };
         let size = if point.on_front { 6 } else { 4 };
-        // A thin line from the same point without all effects, or from the unenhanced frame.
+        // A thin line from the same point without all effects, or from the raw frame.
         let is_led_to = point.knobs.all_effects || point.generator.is_some();
         let other = drawn.iter().find(|p| is_led_to && Some(&p.name) == point.against.as_ref());
         if let Some(other) = other {
@@ -168,9 +167,21 @@ fn draw<B: DrawingBackend>(
         }
     }
     names.sort_by_key(|name| (name.0, name.1));
-    let sizes: Vec<_> = names.iter().map(|name| (name.2, text_size(&name.3).0 as i32)).collect();
+    let names = names.into_iter().map(|(_, _, marker, name)| (marker, name)).collect();
+    label(area, names, taken)?;
+    legend(area, &sweeps)
+}
+
+/// Draws names beside their markers, clear of the places `taken`, as far as there is room.
+fn label<B: DrawingBackend>(
+    area: &DrawingArea<B, Shift>,
+    names: Vec<((i32, i32), String)>,
+    taken: Vec<[i32; 4]>,
+) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+    let from_left = Pos::new(HPos::Left, VPos::Center);
+    let sizes: Vec<_> = names.iter().map(|(marker, name)| (*marker, text_size(name).0 as i32)).collect();
     let frame = [75, 60, SIZE.0 as i32 - 40, SIZE.1 as i32 - 65];
-    for ((_, _, marker, name), place) in names.into_iter().zip(labels::places(&sizes, taken, frame)) {
+    for ((marker, name), place) in names.into_iter().zip(labels::places(&sizes, taken, frame)) {
         let Some((x, y)) = place else { continue };
         if (y - marker.1).abs() > TEXT as i32 {
             // A distant label gets a line to its point.
@@ -179,6 +190,20 @@ fn draw<B: DrawingBackend>(
         }
         area.draw(&Text::new(name, (x, y), text(from_left, &BLACK)))?;
     }
+    Ok(())
+}
+
+/// Style of a text of this colour at its anchor.
+fn text(anchor: Pos, colour: &RGBColor) -> TextStyle<'static> {
+    ("sans-serif", TEXT).into_font().color(colour).pos(anchor)
+}
+
+/// Draws the legend of the sweeps, and the caption of the time axis.
+fn legend<B: DrawingBackend>(
+    area: &DrawingArea<B, Shift>,
+    sweeps: &[&str],
+) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+    let from_left = Pos::new(HPos::Left, VPos::Center);
     let (width, height) = SIZE;
     for (row, sweep) in sweeps.iter().enumerate() {
         let y = 90 + 22 * row as i32;
@@ -190,7 +215,7 @@ fn draw<B: DrawingBackend>(
         } else {
             area.draw(&Circle::new(at, 4, colour(row).filled()))?;
         }
-        area.draw(&Text::new(sweep.to_string(), (width as i32 - 235, y), text(from_left, &BLACK)))?;
+        area.draw(&Text::new((*sweep).to_owned(), (width as i32 - 235, y), text(from_left, &BLACK)))?;
     }
     let under =
         "time of a frame, ms (median). Black line: Pareto front. Hollow: error within the noise of its neighbour.";

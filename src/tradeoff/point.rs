@@ -15,7 +15,7 @@ pub struct Point {
     pub against: Option<String>,
     /// Knob values.
     pub knobs: Knobs,
-    /// Generator that enhanced its frames, if any.
+    /// Generator that translated its frames, if any.
     pub generator: Option<String>,
     /// Time of a frame.
     pub time: Time,

@@ -91,7 +91,7 @@ def frames_arrive_and_change(page):
     assert first["width"] == 480, first
     page.wait("another picture", lambda: (look := page.script(LOOK))["frame"] > first["frame"] and look["hash"] != first["hash"])
     page.wait("the badge", lambda: text(page, "#run") == "LIVE")
-    assert text(page, "#tracking") == "TRACKING" and text(page, "#source") == "LOW QUALITY"
+    assert text(page, "#tracking") == "TRACKING" and text(page, "#source") == "RAW"
     page.wait("no banner", lambda: not visible(page, "#banner"))
 
 
@@ -320,11 +320,11 @@ def states_are_unmistakable(page, station):
     station.say("tracking good")
     page.wait("no banner", lambda: not visible(page, "#banner"))
     station.say("source held")
-    page.wait("the source", lambda: text(page, "#source") == "HELD")
+    page.wait("the source", lambda: text(page, "#source") == "HELD GENERATED")
     station.say("notice <b>one</b> thing")
     page.wait("the notice as text", lambda: text(page, "#notice") == "<b>one</b> thing")
     station.say("notice ")
-    station.say("source low")
+    station.say("source raw")
 
 
 def pages_are_saved(page, downloads):

@@ -17,8 +17,8 @@ use insonify::exam::session::{Session, Settings, TRUTH_EVENT, make};
 use insonify::exam::{ExamError, START_TIME_NS};
 use insonify::phantom::{self, Biometry, Parameters};
 use insonify::pose::{Pose, TimedPose};
+use insonify::recording::{Event, RecordingReader, read_all};
 use insonify::settings::ContactSettings;
-use insonify::tracker::recording::{Event, RecordingReader, read_all};
 use insonify::transducer::Probe;
 
 struct Place {

@@ -17,7 +17,7 @@ use insonify::generator::{
     FeatureScale, Generator, GeneratorError, Input, LoadOptions, OnnxFeatures, Provider, Runtime, Settings,
     load_generators,
 };
-use insonify::pipeline::{Enhancer, Generators};
+use insonify::pipeline::{FrameGenerators, Generators};
 use insonify::quality::{FeatureExtractor, frechet_distance_of};
 use insonify::render::Frame;
 use insonify::sink::png::{self, Effort};
@@ -487,7 +487,7 @@ fn broken_truncated_and_foreign_models_are_refused_and_the_others_are_used() {
     let other_channels =
         changed("brightness", |text, path| with_model(text, path, &std::fs::read(model("weighted_maps")).unwrap()));
     let models = [&not_numbers.1, &truncated.1, &foreign.1, &other_channels.1, &model("identity")].map(Clone::clone);
-    let settings = Settings { models: models.to_vec(), threads: 1, budget_ms: 10_000.0, ..Settings::default() };
+    let settings = Settings { models: models.to_vec(), threads: 1, run_budget_ms: 10_000.0, ..Settings::default() };
     let tissues = TISSUES.map(str::to_owned);
     let mut loaded = load_generators(&settings, &tissues).unwrap();
     let words: [&[&str]; 4] = [
@@ -685,10 +685,10 @@ fn a_feature_extractor_returns_its_features() {
 
 #[test]
 fn a_pipeline_runs_generators_by_index() {
-    let mut enhancer = Generators::new(vec![load("weighted_maps"), load("blur")]).unwrap();
-    assert!(enhancer.on_processors() && enhancer.generators() == 2);
-    assert_eq!([0, 1, 2].map(|index| enhancer.reads_maps(index)), [true, false, false]);
-    assert_eq!([0, 1, 2].map(|index| enhancer.name(index).to_owned()), ["weighted_maps", "blur", "none"]);
+    let mut generators = Generators::new(vec![load("weighted_maps"), load("blur")]).unwrap();
+    assert!(generators.on_processors() && generators.count() == 2);
+    assert_eq!([0, 1, 2].map(|index| generators.reads_maps(index)), [true, false, false]);
+    assert_eq!([0, 1, 2].map(|index| generators.name(index).to_owned()), ["weighted_maps", "blur", "none"]);
     let maps = Maps::new((20, 10));
     let frame = Frame {
         width: 20,
@@ -701,11 +701,11 @@ fn a_pipeline_runs_generators_by_index() {
     };
     let mut outputs = [const { Vec::new() }; 2];
     for (index, out) in outputs.iter_mut().enumerate() {
-        enhancer.enhance(index, &frame, out).unwrap();
+        generators.generate(index, &frame, out).unwrap();
         assert_eq!(out.len(), 200);
     }
     assert_ne!(outputs[0], outputs[1]);
-    let error = enhancer.enhance(2, &frame, &mut Vec::new()).unwrap_err().to_string();
+    let error = generators.generate(2, &frame, &mut Vec::new()).unwrap_err().to_string();
     assert!(error.contains("no generator 2"), "{error}");
     assert!(Generators::new(Vec::new()).is_none());
 }

@@ -4,11 +4,11 @@ use std::path::Path;
 
 use insonify::anatomy::TissueTable;
 use insonify::phantom::PhantomOptions;
-use insonify::pose::FilterSettings;
 use insonify::pose::Pose;
 use insonify::settings::{
-    ChoiceSettings, ContactSettings, ImageSettings, Kind, LookSettings, PipelineSettings, Probe, ProbeKind, Quality,
-    ReceiverSettings, RenderSettings, SettingsGroup,
+    BackendSettings, ChoiceSettings, ContactSettings, FilterSettings, GeneratorSettings, ImageSettings, Kind,
+    LookSettings, PipelineSettings, Probe, ProbeKind, Quality, ReceiverSettings, RenderSettings, SceneSettings,
+    SettingsGroup, TrackerSettings, WindowSettings,
 };
 use insonify::station::{Accepts, KeyDoc, SceneSource, Station, keys, print_keys};
 use proptest::prelude::*;
@@ -284,6 +284,11 @@ fn documented_keys_are_those_of_the_settings() {
         FilterSettings::settings(),
         PipelineSettings::settings(),
         ChoiceSettings::settings(),
+        SceneSettings::settings(),
+        TrackerSettings::settings(),
+        BackendSettings::settings(),
+        WindowSettings::settings(),
+        GeneratorSettings::settings(),
     ];
     for setting in groups.into_iter().flatten() {
         let mut of_key = keys().iter().filter(|doc| (doc.table, doc.key) == (setting.table, setting.key));
@@ -304,6 +309,9 @@ fn documented_keys_are_those_of_the_settings() {
                 "probe" => station.probe.stored(setting.key),
                 "filter" => station.filter.stored(setting.key),
                 "pipeline" => station.pipeline.stored(setting.key),
+                "generator" => station.generator.stored(setting.key),
+                // The parser makes others of these: `documented_defaults_equal_the_parsers`.
+                "scene" | "tracker" | "render" | "window" => continue,
                 _ => station.settings.stored(setting.key),
             };
             assert_eq!(stored.unwrap().get(0), setting.min, "{}", setting.path);

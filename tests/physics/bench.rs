@@ -53,9 +53,9 @@ impl Rig {
         frame
     }
 
-    /// One look of a compounded picture, without maps.
-    pub(crate) fn look(&mut self, pose: &Pose, look: usize) -> Frame {
-        let snapshot = self.renderer.snapshot_of_look(pose, look).unwrap();
+    /// One angle of a compounded picture, without maps.
+    pub(crate) fn angle(&mut self, pose: &Pose, angle: usize) -> Frame {
+        let snapshot = self.renderer.snapshot_of_angle(pose, angle).unwrap();
         let (width, height) = (self.settings.image.width, self.settings.image.height);
         Frame { width, height, bmode: snapshot.bmode, ..Frame::default() }
     }

@@ -53,11 +53,11 @@ fn probe() -> Probe {
 fn compounding_raises_the_snr_as_its_looks_correlate() {
     let scene = block(Tissue { attenuation_db_cm_mhz: 0.0, ..grainy(0.0, 0.01) });
     let boxes = ([0.42, 0.58], [0.3, 0.8]);
-    // Each of the nine looks by itself.
+    // Each of the nine angles by itself.
     let looks: Vec<Vec<f64>> = (0..9)
         .map(|look| {
             let mut rig = Rig::new(&scene, &probe(), &settings(compounded(9)));
-            amplitudes(&rig.look(&at(0.0, 0.0, 0.0), look), boxes.0, boxes.1)
+            amplitudes(&rig.angle(&at(0.0, 0.0, 0.0), look), boxes.0, boxes.1)
         })
         .collect();
     let shared: f64 = looks.iter().flat_map(|a| looks.iter().map(move |b| correlation(a, b))).sum();
@@ -89,7 +89,7 @@ fn looks_are_as_unlike_as_waves_make_them() {
     let (mut correlations, mut found, mut raised_db) = ([0.0; CORRELATIONS.len()], 0.0, 0.0);
     for pose in 0..POSES {
         let pose = at(1.37 * f64::from(pose), 3.1 * f64::from(pose), 0.0);
-        let mut look = |look: usize| amplitudes(&rig.look(&pose, look), box_x, box_z);
+        let mut look = |look: usize| amplitudes(&rig.angle(&pose, look), box_x, box_z);
         let straight = look(8);
         for (sum, (steered, _)) in correlations.iter_mut().zip(CORRELATIONS) {
             *sum += steered.map(|steered| correlation(&straight, &look(steered))).iter().sum::<f64>();
@@ -133,7 +133,7 @@ fn looks_of_distant_scanlines_share_their_scatterers() {
         let mut rig = Rig::new(&scene, &probe, &settings(compounded(9)));
         let (mut alike, mut nine, mut power) = (0.0, 0.0, 0.0);
         for pose in [0.0, 1.0, 2.0].map(|step| at(1.37 * step, 3.1 * step, 0.0)) {
-            let mut look = |look: usize| amplitudes(&rig.look(&pose, look), box_x, box_z);
+            let mut look = |look: usize| amplitudes(&rig.angle(&pose, look), box_x, box_z);
             let straight = look(8);
             alike += [7, 6].map(|steered| correlation(&straight, &look(steered))).iter().sum::<f64>() / 6.0;
             power += mean_square(straight.iter().copied()) / 3.0;

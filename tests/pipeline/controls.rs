@@ -114,22 +114,22 @@ fn switching_the_generator_off_shows_rendered_frames_at_once() {
     let (sender, controls) = tokio::sync::mpsc::channel(16);
     let viewer = sink("viewer", move |frame| {
         match frame.number {
-            50 => sender.try_send(Control::set("enhance", false)).unwrap(),
-            100 => sender.try_send(Control::set("enhance", true)).unwrap(),
+            50 => sender.try_send(Control::set("generator", false)).unwrap(),
+            100 => sender.try_send(Control::set("generator", true)).unwrap(),
             // Images generated before this no longer match.
             150 => sender.try_send(Control::set("gain_db", 3.0)).unwrap(),
             _ => {}
         }
         Ok(())
     });
-    let enhancer = Some(generator(&clock, 300 * MS));
+    let generators = Some(generator(&clock, 300 * MS));
     let sinks = vec![viewer, logger(&log)];
-    Session { enhancer, controls, sinks, ..Session::new(&clock, resting) }.run();
+    Session { generators, controls, sinks, ..Session::new(&clock, resting) }.run();
     let frames = seen(&log);
     let source = |n: usize| frames[n].source;
-    assert_eq!(source(49), FrameSource::HeldEnhanced);
-    assert!((53..100).all(|n| source(n) == FrameSource::LowQuality));
-    assert_eq!(source(149), FrameSource::HeldEnhanced);
-    assert!((153..157).all(|n| source(n) == FrameSource::LowQuality && frames[n].first_pixel == 4));
-    assert_eq!(source(199), FrameSource::HeldEnhanced);
+    assert_eq!(source(49), FrameSource::HeldGenerated);
+    assert!((53..100).all(|n| source(n) == FrameSource::Raw));
+    assert_eq!(source(149), FrameSource::HeldGenerated);
+    assert!((153..157).all(|n| source(n) == FrameSource::Raw && frames[n].first_pixel == 4));
+    assert_eq!(source(199), FrameSource::HeldGenerated);
 }

@@ -33,12 +33,12 @@ fn every_state_ends_in_order_and_in_time() {
             clock.sleep_until(NEVER);
             Ok(())
         };
-        Session { enhancer: Some(translate(work)), ..session }
+        Session { generators: Some(translate(work)), ..session }
     };
     let states: [(&str, Prepare, &[&str]); 7] = [
         ("plain", |s| s, &[]),
         ("no pose yet", |s| Session { poses: Box::new(Poses(|_| Estimate::default())), ..s }, &[]),
-        ("generating", |s| Session { enhancer: Some(generator(&s.clock, 90 * MS)), ..s }, &[]),
+        ("generating", |s| Session { generators: Some(generator(&s.clock, 90 * MS)), ..s }, &[]),
         ("generator hangs", hang, &["generator"]),
         ("no device", |s| Session { faults: Arc::new(|_| true), build_failures: u32::MAX, ..s }, &[]),
         ("device hangs", |s| Session { service: Duration::from_secs(1 << 30), ..s }, &["renderer"]),

@@ -174,7 +174,7 @@ pub(super) struct Translate<F> {
     pub(super) on_processors: bool,
 }
 
-impl<F: FnMut(&Frame, &mut Vec<u8>) -> Result<(), EnhanceError> + Send> Enhancer for Translate<F> {
+impl<F: FnMut(&Frame, &mut Vec<u8>) -> Result<(), GenerateError> + Send> FrameGenerators for Translate<F> {
     fn name(&self, _: usize) -> &str {
         "fake"
     }
@@ -183,7 +183,7 @@ impl<F: FnMut(&Frame, &mut Vec<u8>) -> Result<(), EnhanceError> + Send> Enhancer
         self.on_processors
     }
 
-    fn enhance(&mut self, _: usize, frame: &Frame, out: &mut Vec<u8>) -> Result<(), EnhanceError> {
+    fn generate(&mut self, _: usize, frame: &Frame, out: &mut Vec<u8>) -> Result<(), GenerateError> {
         (self.work)(frame, out)
     }
 
@@ -204,13 +204,13 @@ pub(super) fn with_generator() -> PointController {
 
 /// A generator that does `work` on its own device.
 pub(super) fn translate(
-    work: impl FnMut(&Frame, &mut Vec<u8>) -> Result<(), EnhanceError> + Send + 'static,
-) -> Box<dyn Enhancer> {
+    work: impl FnMut(&Frame, &mut Vec<u8>) -> Result<(), GenerateError> + Send + 'static,
+) -> Box<dyn FrameGenerators> {
     Box::new(Translate { work, terminator: None, on_processors: false })
 }
 
 /// A generator that takes `time` per run and paints 200.
-pub(super) fn generator(clock: &Arc<dyn Clock>, time: Duration) -> Box<dyn Enhancer> {
+pub(super) fn generator(clock: &Arc<dyn Clock>, time: Duration) -> Box<dyn FrameGenerators> {
     let clock = clock.clone();
     let work = move |frame: &Frame, out: &mut Vec<u8>| {
         clock.sleep_until(clock.now() + time);

@@ -11,7 +11,7 @@ fn without_a_generator_every_tick_is_a_frame_and_as_old_as_it_took() {
     assert_eq!((summary.produced, frames.len() as u64), (200, summary.presented));
     assert!(frames.iter().enumerate().all(|(i, f)| f.number == i as u64 && f.age == 20 * MS), "{frames:?}");
     assert!(frames.windows(2).all(|w| w[1].presented - w[0].presented == 50 * MS));
-    assert!(frames.iter().all(|f| f.source == FrameSource::LowQuality && f.tier.is_none() && f.first_pixel == 1));
+    assert!(frames.iter().all(|f| f.source == FrameSource::Raw && f.generator.is_none() && f.first_pixel == 1));
     let latency = summary.pose_to_present.unwrap();
     assert!(latency.p50_ms >= 25.0 && latency.max_ms < 25.1, "5 ms of age when sampled: {latency:?}");
     assert!((summary.frames_per_s - 20.0).abs() < 0.01);
@@ -22,9 +22,9 @@ fn the_same_session_runs_the_same_way_each_time() {
     let _guard = beside_others();
     let run = || {
         let (clock, log) = (clock(), Log::default());
-        let enhancer = Some(generator(&clock, 63 * MS));
+        let generators = Some(generator(&clock, 63 * MS));
         let session = Session::new(&clock, |now| tracked(now, (now.as_secs_f64() * 3.0).sin().max(0.0)));
-        Session { enhancer, sinks: vec![logger(&log)], service: 37 * MS, ..session }.run();
+        Session { generators, sinks: vec![logger(&log)], service: 37 * MS, ..session }.run();
         seen(&log)
     };
     let first = run();
@@ -59,8 +59,8 @@ fn stale_and_lost_poses_are_shown_as_such() {
         };
         Estimate { state, ..tracked(now, phase) }
     };
-    let enhancer = Some(generator(&clock, 10 * MS));
-    let summary = Session { enhancer, sinks: vec![logger(&log)], ..Session::new(&clock, poses) }.run();
+    let generators = Some(generator(&clock, 10 * MS));
+    let summary = Session { generators, sinks: vec![logger(&log)], ..Session::new(&clock, poses) }.run();
     let frames = seen(&log);
     for frame in &frames {
         let lost = frame.tracking == TrackingState::Lost;

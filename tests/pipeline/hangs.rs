@@ -13,14 +13,14 @@ fn a_generator_that_hangs_for_ever_leaves_the_station_at_rendered_frames() {
         out.resize(frame.bmode.len(), 200);
         Ok(())
     };
-    let enhancer = Some(translate(work));
-    let summary = Session { enhancer, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
+    let generators = Some(translate(work));
+    let summary = Session { generators, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
     let frames = seen(&log);
     // The frame that waited for its deadline comes together with the next one, which replaces it at the sink.
     assert_eq!((summary.presented, frames.len()), (200, 199), "{summary:?}");
     assert_eq!(changes(&frames), (2, false));
     assert!(frames.iter().all(|f| f.age <= 100 * MS));
-    assert!(frames[45..].iter().all(|f| f.source == FrameSource::LowQuality));
+    assert!(frames[45..].iter().all(|f| f.source == FrameSource::Raw));
     assert!(frames.iter().any(|f| f.notice.as_ref().is_some_and(|n| n.contains("hangs on frame"))));
     let generator = summary.generator.unwrap();
     assert_eq!((generator.hung, generator.given_up, generator.stuck, generator.done), (1, 1, true, 39));
@@ -48,10 +48,10 @@ fn a_generator_that_does_not_heed_its_termination_is_given_up_and_may_come_back(
     let terminator: Terminator = Arc::new(move || {
         told_of.fetch_add(1, Ordering::Relaxed);
     });
-    let enhancer: Option<Box<dyn Enhancer>> =
+    let generators: Option<Box<dyn FrameGenerators>> =
         Some(Box::new(Translate { work, terminator: Some(terminator), on_processors: false }));
     let limits = Limits { duration: Some(20 * SECOND), frames: None };
-    let summary = Session { enhancer, limits, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
+    let summary = Session { generators, limits, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
     let frames = seen(&log);
     assert_eq!(summary.presented, 400, "the cadence holds");
     assert_eq!(changes(&frames), (4, false), "generated, rendered, generated, rendered");
@@ -65,7 +65,7 @@ fn a_generator_that_does_not_heed_its_termination_is_given_up_and_may_come_back(
     // The end of the session terminates the last one again.
     assert_eq!((generator.hung, generator.given_up, told.load(Ordering::Relaxed)), (2, 2, 3));
     assert!(generator.stuck && summary.stuck == ["generator"], "{generator:?}");
-    let after = frames.iter().filter(|f| f.presented.as_secs_f64() > 11.0).all(|f| f.source == FrameSource::LowQuality);
+    let after = frames.iter().filter(|f| f.presented.as_secs_f64() > 11.0).all(|f| f.source == FrameSource::Raw);
     assert!(after, "nobody waits for one that is given up");
 }
 
@@ -79,15 +79,16 @@ fn a_generator_that_hangs_is_terminated_where_its_provider_can() {
         run += 1;
         if run == 40 {
             clock_of.wait(&stopped, stopped.generation(), NEVER);
-            return Err(EnhanceError::Terminated);
+            return Err(GenerateError::Terminated);
         }
         clock_of.sleep_until(clock_of.now() + 20 * MS);
         out.resize(frame.bmode.len(), 200);
         Ok(())
     };
     let terminator: Option<Terminator> = Some(Arc::new(move || clock_too.notify(&stops)));
-    let enhancer: Option<Box<dyn Enhancer>> = Some(Box::new(Translate { work, terminator, on_processors: false }));
-    let summary = Session { enhancer, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
+    let generators: Option<Box<dyn FrameGenerators>> =
+        Some(Box::new(Translate { work, terminator, on_processors: false }));
+    let summary = Session { generators, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
     let frames = seen(&log);
     assert_eq!(changes(&frames), (3, false), "and it comes back");
     let generator = summary.generator.unwrap();

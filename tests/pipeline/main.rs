@@ -34,7 +34,7 @@ use std::time::Duration;
 use glam::{DQuat, DVec3};
 use insonify::chooser::{Candidate, FrameBudget, PointController};
 use insonify::pipeline::{
-    Clock, EnhanceError, Enhancer, FrameRenderer, ImageShape, Limits, NEVER, Observer, Part, Parts, Pipeline,
+    Clock, FrameGenerators, FrameRenderer, GenerateError, ImageShape, Limits, NEVER, Observer, Part, Parts, Pipeline,
     PoseSource, RenderFault, RendererFactory, SimulatedClock, Stop, Summary, SystemClock, Terminator,
 };
 use insonify::pose::{BySpeed, Estimate, Pose, Speed, TrackingState};

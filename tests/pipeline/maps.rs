@@ -5,7 +5,7 @@ use super::*;
 /// Numbers of the frames that carried maps. Checks that the maps belong to their frame.
 fn frames_with_maps(
     clock: &Arc<dyn Clock>,
-    enhancer: Option<Box<dyn Enhancer>>,
+    generators: Option<Box<dyn FrameGenerators>>,
     seconds: u32,
     mut each: impl FnMut(u64, &AtomicBool, &tokio::sync::mpsc::Sender<Control>) + Send + 'static,
 ) -> Vec<u64> {
@@ -27,8 +27,8 @@ fn frames_with_maps(
     let maps: MapsWanted = Arc::new(move || wanted.load(Ordering::Relaxed));
     let overlay = Box::new(Sink { name: "overlay", maps: Some(maps), take });
     let limits = Limits { duration: Some(seconds * SECOND), frames: None };
-    let points = enhancer.is_some().then(with_generator);
-    Session { controls, enhancer, limits, points, sinks: vec![overlay], ..Session::new(clock, moving) }.run();
+    let points = generators.is_some().then(with_generator);
+    Session { controls, generators, limits, points, sinks: vec![overlay], ..Session::new(clock, moving) }.run();
     std::mem::take(&mut *with_maps.lock().unwrap())
 }
 
@@ -58,10 +58,10 @@ fn maps_are_rendered_while_the_generator_is_at_work() {
         out.resize(PIXELS, 200);
         Ok(())
     };
-    let enhancer = Some(translate(work));
-    let with_maps = frames_with_maps(&clock, enhancer, 10, |number, _, sender| match number {
-        50 => sender.try_send(Control::set("enhance", false)).unwrap(),
-        120 => sender.try_send(Control::set("enhance", true)).unwrap(),
+    let generators = Some(translate(work));
+    let with_maps = frames_with_maps(&clock, generators, 10, |number, _, sender| match number {
+        50 => sender.try_send(Control::set("generator", false)).unwrap(),
+        120 => sender.try_send(Control::set("generator", true)).unwrap(),
         _ => {}
     });
     assert!(with_maps.contains(&0) && with_maps.contains(&50) && with_maps.contains(&199));
@@ -79,7 +79,7 @@ fn maps_are_not_rendered_while_a_generator_that_failed_is_left() {
         assert_eq!([frame.segmentation.len(), frame.attenuation.len()], [PIXELS; 2], "a generator without its maps");
         out.resize(PIXELS, 200);
         match (2 * SECOND..4 * SECOND).contains(&clock_of_run.now()) {
-            true => Err(EnhanceError::Failed("pixel 7 is NaN".to_owned())),
+            true => Err(GenerateError::Failed("pixel 7 is NaN".to_owned())),
             false => Ok(()),
         }
     };
@@ -94,7 +94,7 @@ fn maps_are_not_rendered_while_a_generator_that_failed_is_left() {
 #[test]
 fn a_generator_of_the_image_alone_makes_nobody_render_maps() {
     struct OfTheImage(Arc<AtomicU64>);
-    impl Enhancer for OfTheImage {
+    impl FrameGenerators for OfTheImage {
         fn name(&self, _: usize) -> &str {
             "of the image"
         }
@@ -103,7 +103,7 @@ fn a_generator_of_the_image_alone_makes_nobody_render_maps() {
             false
         }
 
-        fn enhance(&mut self, _: usize, frame: &Frame, out: &mut Vec<u8>) -> Result<(), EnhanceError> {
+        fn generate(&mut self, _: usize, frame: &Frame, out: &mut Vec<u8>) -> Result<(), GenerateError> {
             self.0.fetch_add(1, Ordering::Relaxed);
             out.resize(frame.bmode.len(), 200);
             Ok(())
@@ -116,8 +116,8 @@ fn a_generator_of_the_image_alone_makes_nobody_render_maps() {
     let _guard = beside_others();
     let clock = Arc::new(SimulatedClock::new()) as Arc<dyn Clock>;
     let runs = Arc::<AtomicU64>::default();
-    let enhancer = Box::new(OfTheImage(runs.clone()));
-    let with_maps = frames_with_maps(&clock, Some(enhancer), 10, |number, wanted, _| {
+    let generators = Box::new(OfTheImage(runs.clone()));
+    let with_maps = frames_with_maps(&clock, Some(generators), 10, |number, wanted, _| {
         wanted.store((50..70).contains(&number), Ordering::Relaxed);
     });
     assert!(with_maps[0] > 50 && with_maps.len() <= 22, "an overlay's alone: {with_maps:?}");

@@ -18,7 +18,7 @@ fn nothing_is_allocated_per_frame() {
         Ok(())
     });
     let session = Session {
-        enhancer: Some(generator(&clock, 70 * MS)),
+        generators: Some(generator(&clock, 70 * MS)),
         sinks: vec![probe],
         limits: Limits { duration: None, frames: Some(1500) },
         ..Session::new(&clock, moving)
@@ -46,7 +46,7 @@ fn ten_minutes_with_everything_going_wrong_leave_memory_and_latency_flat() {
         run += 1;
         clock_of.sleep_until(clock_of.now() + (60 + 37 * (run % 5) as u32) * MS);
         if run.is_multiple_of(97) {
-            return Err(EnhanceError::Failed("NaN".to_owned()));
+            return Err(GenerateError::Failed("NaN".to_owned()));
         }
         out.resize(frame.bmode.len(), 200);
         Ok(())
@@ -70,7 +70,7 @@ fn ten_minutes_with_everything_going_wrong_leave_memory_and_latency_flat() {
         Ok(())
     });
     let session = Session {
-        enhancer: Some(translate(work)),
+        generators: Some(translate(work)),
         sinks: vec![stalls, probe],
         faults: Arc::new(|n| n > 0 && n.is_multiple_of(800)),
         limits: Limits { duration: Some(600 * SECOND), frames: None },
@@ -89,7 +89,7 @@ fn ten_minutes_with_everything_going_wrong_leave_memory_and_latency_flat() {
     let slowest = slowest.lock().unwrap();
     assert!(slowest.iter().all(|age| *age <= 100 * MS), "{slowest:?}");
     assert!(summary.device_losses >= 8 && summary.device_rebuilt == summary.device_losses);
-    assert!(summary.enhanced_ratio > 0.05, "{}", summary.enhanced_ratio);
+    assert!(summary.generated_ratio > 0.05, "{}", summary.generated_ratio);
     let stalls = &summary.sinks[0];
     assert!(stalls.dropped > 3000 && !stalls.stuck, "{stalls:?}");
 }

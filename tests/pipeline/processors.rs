@@ -16,10 +16,10 @@ fn on_shared_processors(
         out.resize(frame.bmode.len(), 200);
         Ok(())
     };
-    let enhancer: Box<dyn Enhancer> = Box::new(Translate { work, terminator: None, on_processors: true });
+    let generators: Box<dyn FrameGenerators> = Box::new(Translate { work, terminator: None, on_processors: true });
     let session = Session::new(&clock, moving);
     let session = Session {
-        enhancer: Some(enhancer),
+        generators: Some(generators),
         processors: Some(processors.clone()),
         sinks: vec![logger(&log)],
         service,
@@ -35,7 +35,7 @@ fn frames_and_generated_pictures_take_turns_on_the_same_processors() {
     // One run in ten is late, but not by half a period.
     let (summary, frames, shared) = on_shared_processors(25 * MS, |n| if n % 10 == 4 { 35 * MS } else { 20 * MS });
     assert_eq!((shared, summary.missed_ticks, summary.presented), (0, 0, 200));
-    assert!(frames[8..].iter().all(|frame| frame.source == FrameSource::Enhanced));
+    assert!(frames[8..].iter().all(|frame| frame.source == FrameSource::Generated));
     assert!(frames.iter().all(|frame| frame.age <= 60 * MS), "rendered and translated without an interruption");
 }
 
@@ -45,7 +45,7 @@ fn frames_slow_down_if_render_and_generator_exceed_a_period() {
     let (summary, frames, shared) = on_shared_processors(30 * MS, |_| 30 * MS);
     assert_eq!(shared, 0);
     assert!((summary.frames_per_s - 1.0 / 0.06).abs() < 0.2, "{}", summary.frames_per_s);
-    assert!(frames[8..].iter().all(|frame| frame.source == FrameSource::Enhanced && frame.age == 60 * MS));
+    assert!(frames[8..].iter().all(|frame| frame.source == FrameSource::Generated && frame.age == 60 * MS));
 }
 
 #[test]
@@ -57,7 +57,7 @@ fn a_generator_that_takes_long_does_not_slow_frames_down() {
     assert!(shared > 100);
     let (summary, frames, _) = on_shared_processors(25 * MS, |n| if n == 30 { 1000 * SECOND } else { 10 * MS });
     assert!(frames.last().unwrap().number >= 150, "{summary:?}");
-    assert!(frames[60..].iter().all(|frame| frame.source == FrameSource::LowQuality), "the generator hangs");
+    assert!(frames[60..].iter().all(|frame| frame.source == FrameSource::Raw), "the generator hangs");
 }
 
 #[test]

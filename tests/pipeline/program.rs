@@ -123,9 +123,9 @@ fn ctrl_c_ends_the_program_in_order_and_a_truncated_file_is_never_left() {
 
 /// The complete chain of the program: a recorded tracker's bytes, estimator, generator, sink and recording.
 #[test]
-fn the_program_tracks_enhances_and_records() {
+fn the_program_tracks_generates_and_records() {
+    use insonify::recording::{RecordingInfo, RecordingWriter, poses};
     use insonify::tracker::Protocol;
-    use insonify::tracker::recording::{RecordingInfo, RecordingWriter, poses};
     let _guard = beside_others();
     let dir = tempfile::tempdir().unwrap();
     // A protocol that the station doesn't name: only the recording knows it.
@@ -146,7 +146,7 @@ fn the_program_tracks_enhances_and_records() {
     writer.finish().unwrap();
     let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/generators/blur.onnx");
     let tables = format!(
-        "[tracker]\ntransport = 'recording'\nrecording = '{}'\n[generator]\nmodels = ['{}']\nbudget_ms = 4000\n",
+        "[tracker]\ntransport = 'recording'\nrecording = '{}'\n[generator]\nmodels = ['{}']\nrun_budget_ms = 4000\n",
         taken.display(),
         model.display()
     );
@@ -156,7 +156,7 @@ fn the_program_tracks_enhances_and_records() {
     let done = insonify(&["run", &station, "--record", &paths[0], "--metrics", &paths[1], "--json"]).output().unwrap();
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     let summary: Value = serde_json::from_slice(&done.stdout).unwrap();
-    assert!(summary["enhanced_ratio"].as_f64().unwrap() > 0.0, "{summary}");
+    assert!(summary["generated_ratio"].as_f64().unwrap() > 0.0, "{summary}");
     let sums: Vec<_> = [&taken, &kept].into_iter().map(|path| poses(path).unwrap()).collect();
     assert_eq!(sums[1].1.info.protocol, Protocol::OpenTrack);
     assert_eq!(
@@ -172,7 +172,7 @@ fn the_program_chooses_its_point_and_keeps_its_times() {
     let dir = tempfile::tempdir().unwrap();
     let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/generators/blur.onnx");
     let tables = format!(
-        "[quality]\nbudget_ms = 500\n[generator]\nmodels = ['{}']\n[pipeline]\nframe_rate_hz = 2\n",
+        "[quality]\nframe_budget_ms = 500\n[generator]\nmodels = ['{}']\n[pipeline]\nframe_rate_hz = 2\n",
         model.display()
     );
     let station = small_station(dir.path(), &tables);

@@ -82,19 +82,19 @@ fn generators_come_and_go_with_the_load() {
         out.resize(frame.bmode.len(), 200);
         Ok(())
     };
-    let enhancer = Some(translate(work));
-    let summary = Session { enhancer, sinks: vec![logger(&log)], ..budgeted(&clock, &heard, points) }.run();
+    let generators = Some(translate(work));
+    let summary = Session { generators, sinks: vec![logger(&log)], ..budgeted(&clock, &heard, points) }.run();
     let said = said_of_quality(&heard);
     assert!(said[0].1.starts_with("1x1 + fake -> ") && said[0].0 <= 23, "{said:?}");
     assert!(said.last().unwrap().1.contains("-> 1x1 + fake: it is expected to take"), "{said:?}");
     assert!(said.len() <= 4, "{said:?}");
     assert_eq!(summary.points.unwrap().ended, "1x1 + fake");
     let frames = seen(&log);
-    let enhanced = |from: u32, to: u32| {
+    let generated = |from: u32, to: u32| {
         let within: Vec<_> = frames.iter().filter(|f| (from * SECOND..to * SECOND).contains(&f.presented)).collect();
-        within.iter().filter(|f| f.source == FrameSource::Enhanced).count() as f64 / within.len() as f64
+        within.iter().filter(|f| f.source == FrameSource::Generated).count() as f64 / within.len() as f64
     };
-    let parts = [enhanced(2, 20), enhanced(25, 60), enhanced(95, 120)];
+    let parts = [generated(2, 20), generated(25, 60), generated(95, 120)];
     assert!(parts[0] > 0.95 && parts[1] < 0.05 && parts[2] > 0.95, "{parts:?} {said:?}");
 }
 

@@ -15,7 +15,7 @@ pub(super) struct Seen {
     pub(super) frozen: bool,
     pub(super) scene_ds: u8,
     pub(super) notice: Option<String>,
-    pub(super) tier: Option<String>,
+    pub(super) generator: Option<String>,
 }
 
 pub(super) type Log = Arc<Mutex<Vec<Seen>>>;
@@ -39,7 +39,7 @@ pub(super) fn logger(log: &Log) -> Box<dyn LiveSink> {
             frozen: frame.info.settings.frozen,
             scene_ds: frame.mask[0],
             notice: frame.notice.clone(),
-            tier: frame.tier.clone(),
+            generator: frame.generator.clone(),
         });
         Ok(())
     };
@@ -63,7 +63,7 @@ pub(super) struct Session {
     pub(super) faults: Arc<dyn Fn(u64) -> bool + Send + Sync>,
     pub(super) build_failures: u32,
     pub(super) processors: Option<Arc<Processors>>,
-    pub(super) enhancer: Option<Box<dyn Enhancer>>,
+    pub(super) generators: Option<Box<dyn FrameGenerators>>,
     pub(super) sinks: Vec<Box<dyn LiveSink>>,
     pub(super) log: Option<FrameLog>,
     pub(super) controls: tokio::sync::mpsc::Receiver<Control>,
@@ -80,7 +80,7 @@ impl Session {
             stop: Stop::new(clock),
             settings: PipelineSettings {
                 frame_rate_hz: 20.0,
-                budget_ms: 100.0,
+                deadline_ms: 100.0,
                 choice,
                 hang_ms: 2000.0,
                 finish_ms: 10_000.0,
@@ -93,7 +93,7 @@ impl Session {
             faults: Arc::new(|_| false),
             build_failures: 0,
             processors: None,
-            enhancer: None,
+            generators: None,
             sinks: Vec::new(),
             log: None,
             controls: tokio::sync::mpsc::channel(1).1,
@@ -139,7 +139,7 @@ impl Session {
             render,
             points: self.points,
             aperture: Choice::Auto,
-            enhancer: self.enhancer,
+            generators: self.generators,
             sinks: self.sinks,
             log: self.log,
             controls: self.controls,
@@ -173,7 +173,7 @@ pub(super) fn all_counted(summary: &Summary) {
 
 /// Number of changes between rendered and generated images, and whether one is reversed at the next frame.
 pub(super) fn changes(frames: &[Seen]) -> (usize, bool) {
-    let enhanced: Vec<bool> = frames.iter().map(|f| f.source != FrameSource::LowQuality).collect();
-    let changes = enhanced.windows(2).filter(|w| w[0] != w[1]).count();
-    (changes, enhanced.windows(3).any(|w| w[0] == w[2] && w[0] != w[1]))
+    let generated: Vec<bool> = frames.iter().map(|f| f.source != FrameSource::Raw).collect();
+    let changes = generated.windows(2).filter(|w| w[0] != w[1]).count();
+    (changes, generated.windows(3).any(|w| w[0] == w[2] && w[0] != w[1]))
 }

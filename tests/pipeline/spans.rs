@@ -70,10 +70,10 @@ fn each_stage_has_a_span_with_frame_number_and_times() {
     // Alone, because spans of other tests' sessions would be captured, too.
     let _guard = alone();
     let clock = clock();
-    let enhancer = Some(generator(&clock, 10 * MS));
+    let generators = Some(generator(&clock, 10 * MS));
     let limits = Limits { duration: None, frames: Some(20) };
     let display = sink("display", |_| Ok(()));
-    let session = Session { enhancer, limits, sinks: vec![display], ..Session::new(&clock, moving) };
+    let session = Session { generators, limits, sinks: vec![display], ..Session::new(&clock, moving) };
     let spans = Spans::default();
     tracing::subscriber::set_global_default(Capture(spans.clone())).unwrap();
     CAPTURES.store(true, Ordering::Relaxed);

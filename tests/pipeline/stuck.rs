@@ -7,10 +7,10 @@ use std::path::Path;
 use futures_util::StreamExt;
 use insonify::pipeline::{RecordingObserver, ReplayedPoses};
 use insonify::pose::{Estimator, Measurement, Reading, Settings as PoseSettings};
+use insonify::recording::{Entry, QueueLimits, Recorder, RecordingInfo, RecordingReader, RecordingWriter};
 use insonify::sink::browser::{BrowserSink, SceneInfo, Settings as PageSettings};
 use insonify::sink::openigtlink::{OpenIgtLink, Settings as IgtlSettings};
 use insonify::tracker::Protocol;
-use insonify::tracker::recording::{Entry, QueueLimits, Recorder, RecordingInfo, RecordingReader, RecordingWriter};
 use tokio_tungstenite::tungstenite::Message;
 
 use super::*;

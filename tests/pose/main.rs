@@ -17,8 +17,8 @@ use glam::{DQuat, DVec3};
 use insonify::pose::{
     Calibration, Estimator, Fitted, Measurement, Pose, Reading, Settings, TrackingState, angle_between,
 };
+use insonify::recording::{Entry, RecordingInfo, RecordingReader, RecordingWriter, poses};
 use insonify::station::Station;
-use insonify::tracker::recording::{Entry, RecordingInfo, RecordingReader, RecordingWriter, poses};
 use insonify::tracker::{Protocol, ascii_line};
 use serde_json::Value;
 

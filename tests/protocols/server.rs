@@ -39,7 +39,7 @@ fn frame(number: u64, width: u32, height: u32) -> PresentedFrame {
     PresentedFrame {
         number,
         info: FrameInfo { estimate: tracked(TrackingState::Good), settings, ..FrameInfo::default() },
-        source: FrameSource::LowQuality,
+        source: FrameSource::Raw,
         width,
         height,
         pixel_mm: Sector::fit(&probe, width, height).pixel_mm,
@@ -47,7 +47,7 @@ fn frame(number: u64, width: u32, height: u32) -> PresentedFrame {
         segmentation: vec![0; pixels],
         attenuation: vec![0.0; pixels],
         mask: vec![255; pixels],
-        tier: None,
+        generator: None,
         point: None,
         notice: None,
     }

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Correlation of speckle between steered looks and the SNR of their mean, flat or curved array, by a two-way array simulation.
+"""Correlation of speckle between steered angles and the SNR of their mean, flat or curved array, by a two-way array simulation.
 
 The array looks at a point on its axis with its beam steered by each angle through that point: the aperture's centre moves along
 the face. On a curved face the angle is that to the face's normal; at depth, beams differ by less. Each look's point spread is the

@@ -52,14 +52,14 @@ fn without_some_effects_every_pass_is_its_twin() {
 }
 
 #[test]
-fn every_look_of_a_compounded_frame_is_its_twin() {
+fn every_angle_of_a_compounded_frame_is_its_twin() {
     let mut wrong = Vec::new();
     for mut case in [lifted(), cases().swap_remove(1)] {
         (case.settings.look.angles, case.settings.look.span_deg) = (3, 22.0);
         for mut renderer in [case.renderer(&ShaderSet::default()), case.host_renderer()] {
             let straight = renderer.snapshot(&case.pose).unwrap();
             for look in 0..3 {
-                let snapshot = renderer.snapshot_of_look(&case.pose, look).unwrap();
+                let snapshot = renderer.snapshot_of_angle(&case.pose, look).unwrap();
                 assert_eq!(snapshot.bmode == straight.bmode, look == 2, "{}: look {look}", case.name);
                 assert_eq!(snapshot.segmentation, straight.segmentation, "maps are straight");
                 wrong.extend(
@@ -245,7 +245,7 @@ fn a_damaged_pass_is_caught() {
 }
 
 #[test]
-fn places_of_another_look_are_caught() {
+fn places_of_another_angle_are_caught() {
     let mut case = nested();
     (case.settings.look.angles, case.settings.look.span_deg) = (3, 22.0);
     let mut shaders = ShaderSet::default();
@@ -253,7 +253,7 @@ fn places_of_another_look_are_caught() {
     let mut renderer = case.renderer(&shaders);
     // The straight look's places come first.
     assert!(compare("trace", &renderer.snapshot(&case.pose).unwrap()).is_ok());
-    assert!(compare("trace", &renderer.snapshot_of_look(&case.pose, 0).unwrap()).is_err());
+    assert!(compare("trace", &renderer.snapshot_of_angle(&case.pose, 0).unwrap()).is_err());
 }
 
 #[test]

@@ -1,4 +1,4 @@
-"""Estimates the training time of tiers on this machine from a few steps of each phase of the loss."""
+"""Estimates the training time of generators on this machine from a few steps of each phase of the loss."""
 
 import argparse
 import sys
@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from .dataset import Batch
-from .tiers import SHIPPED, TIERS
+from .generators import GENERATORS, SHIPPED
 from .train import hours
 from .trainer import Trainer
 
@@ -46,18 +46,18 @@ def step_seconds(config, first, device, bf16):
 def main(argv=None):
     """Entry point of the command."""
     p = argparse.ArgumentParser(description=__doc__)
-    p.add_argument("tiers", nargs="*", default=list(SHIPPED), metavar="TIER", help="[default: those that are shipped]")
+    p.add_argument("generators", nargs="*", default=list(SHIPPED), metavar="GENERATOR", help="[default: those that are shipped]")
     p.add_argument("--threads", type=int, default=2)
     p.add_argument("--device", default="cpu")
     p.add_argument("--bf16", action="store_true")
-    p.add_argument("--trial", type=int, metavar="STEPS", help="of a trial of so many steps a tier")
+    p.add_argument("--trial", type=int, metavar="STEPS", help="of a trial of so many steps a generator")
     args = p.parse_args(argv)
     torch.set_num_threads(args.threads)
     total, seen = 0.0, {}
-    for name in args.tiers:
-        if name not in TIERS:
-            raise SystemExit(f"no tier is called {name}; there are {', '.join(TIERS)}")
-        config = TIERS[name]
+    for name in args.generators:
+        if name not in GENERATORS:
+            raise SystemExit(f"no generator is called {name}; there are {', '.join(GENERATORS)}")
+        config = GENERATORS[name]
         if args.trial is not None:
             config = config.trial(args.trial)
         alike = replace(config, variant="MSA", lq="", hq="")

@@ -19,7 +19,7 @@ from .channels import VARIANTS
 from .dataset import ATTENUATION, LQ, SEGMENTATION, Dataset, DatasetError
 from .networks import fold, freeze
 from .quality import pkl, psnr_db, ssim
-from .tiers import Config
+from .generators import Config
 from .trainer import Trainer, read_checkpoint
 
 OPSET = 18

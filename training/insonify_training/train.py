@@ -1,4 +1,4 @@
-"""Trains one generator: `python -m insonify_training.train TIER --data DIR --out RUN`.
+"""Trains one generator: `python -m insonify_training.train GENERATOR --data DIR --out RUN`.
 
 The run's folder contains config.json, checkpoint.pt, log.jsonl, loss.png and sheet.png. The same command resumes a
 stopped run. Ctrl-C or SIGTERM saves first; the exit code is then 130.
@@ -21,7 +21,7 @@ from .networks import NORMS, make
 from .patches import PATCH
 from .quality import pkl, psnr_db, ssim
 from .sheets import loss_plot, sample_sheet
-from .tiers import TIERS, Config
+from .generators import GENERATORS, Config
 from .trainer import Trainer, read_checkpoint, save_checkpoint
 
 # Seed and number of the test crops of the log, the same for every run.
@@ -30,17 +30,17 @@ STOPPED = 130
 
 
 def parser():
-    """Command line: a tier, and flags that override its values."""
+    """Command line: a generator, and flags that override its values."""
     p = argparse.ArgumentParser(prog="insonify-train", description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    p.add_argument("tier", nargs="?", default="fast_msa", choices=sorted(TIERS), metavar="TIER", help=", ".join(TIERS))
+    p.add_argument("generator", nargs="?", default="fast_msa", choices=sorted(GENERATORS), metavar="GENERATOR", help=", ".join(GENERATORS))
     p.add_argument("--data", type=Path, required=True, help="data set that `insonify dataset` wrote")
-    p.add_argument("--out", type=Path, help="folder of the run [default: runs/TIER]")
+    p.add_argument("--out", type=Path, help="folder of the run [default: runs/GENERATOR]")
     for field in fields(Config):
         flag = "--" + field.name.replace("_", "-")
         if field.type is bool:
             p.add_argument(flag, action=argparse.BooleanOptionalAction, default=None)
         else:
-            p.add_argument(flag, type=field.type, help="[default: the tier's]")
+            p.add_argument(flag, type=field.type, help="[default: the generator's]")
     p.add_argument("--trial", type=int, metavar="STEPS", help="only to see that it runs: so many steps")
     p.add_argument("--threads", type=int, default=2, help="threads of the arithmetic [default: 2]")
     p.add_argument("--loaders", type=int, default=1, help="threads that read crops [default: 1]")
@@ -52,10 +52,10 @@ def parser():
 
 
 def configure(args):
-    """The tier's configuration with the flags' values."""
+    """The generator's configuration with the flags' values."""
     given = {f.name: getattr(args, f.name) for f in fields(Config)}
-    tier = TIERS[args.tier] if args.trial is None else TIERS[args.tier].trial(args.trial)
-    config = replace(tier, **{k: v for k, v in given.items() if v is not None})
+    generator = GENERATORS[args.generator] if args.trial is None else GENERATORS[args.generator].trial(args.trial)
+    config = replace(generator, **{k: v for k, v in given.items() if v is not None})
     choices = {"variant": list(VARIANTS), "norm": list(NORMS)}
     for name, known in choices.items():
         if getattr(config, name) not in known:
@@ -94,7 +94,7 @@ def check_quality(config, data):
         if found != wanted:
             given = ",".join(f"{q.rays}x{q.layers}x{q.angles}" for q in found)
             raise SystemExit(
-                f"{data.directory}: {name} is {', '.join(map(str, found))}, the tier wants {', '.join(map(str, wanted))}: "
+                f"{data.directory}: {name} is {', '.join(map(str, found))}, the generator wants {', '.join(map(str, wanted))}: "
                 f"name another data set, or --{name} {given}"
             )
 
@@ -256,7 +256,7 @@ def main(argv=None):
         print(f"not in insonify's table, taken for {trainer.segmentation.other}: {', '.join(unknown)}", file=sys.stderr)
     if split == "train":
         print("no test rows yet: figures and sheet are of training crops", file=sys.stderr)
-    run = Run(args.out or Path("runs") / args.tier)
+    run = Run(args.out or Path("runs") / args.generator)
     data_sha256 = data.sha256()
     resume(trainer, run, config, data_sha256)
     run.keep_config(config, data)

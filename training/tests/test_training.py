@@ -78,7 +78,7 @@ def test_wrong_flags_name_the_accepted_values(data_dir, tmp_path, flags, word):
 
 @pytest.mark.parametrize(
     ("flags", "word"),
-    [(["--lq", "1x3"], "lq is 1x1, the tier wants 1x3"), (["--hq", "32x3"], "hq is 32x3 of 9 angles, the tier wants 32x3: .*--hq 32x3x9")],
+    [(["--lq", "1x3"], "lq is 1x1, the generator wants 1x3"), (["--hq", "32x3"], "hq is 32x3 of 9 angles, the generator wants 32x3: .*--hq 32x3x9")],
 )
 def test_a_data_set_of_another_quality_is_refused(data_dir, tmp_path, flags, word):
     with pytest.raises(SystemExit, match=word):

@@ -23,7 +23,7 @@ pub struct Switch {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PointSummary {
     /// Time that a frame may take, or a run where frames aren't limited, ms.
-    pub budget_ms: f64,
+    pub limit_ms: f64,
     /// Point at the start.
     pub begun: String,
     /// Why the point at the start has a generator or none; none without generators.
@@ -89,7 +89,7 @@ impl PointController {
     /// Summary of the session so far.
     pub fn summary(&self) -> PointSummary {
         PointSummary {
-            budget_ms: self.limit_ms(),
+            limit_ms: self.limit_ms(),
             begun: self.begun.clone(),
             generator_reason: self.generator_reason.clone(),
             ended: self.name(&self.point()),

@@ -7,7 +7,7 @@ use clap::{Parser, ValueEnum};
 use insonify::files::FileKind;
 use insonify::pose::pivot::{Pivot, calibrate};
 use insonify::pose::{Calibration, Fitted, Pose, csv};
-use insonify::tracker::recording;
+use insonify::recording;
 use serde::Serialize;
 
 use super::super::outputs::Outputs;

@@ -12,8 +12,9 @@ use insonify::pose::Calibration;
 use insonify::pose::csv::{self, Named};
 use insonify::pose::landmark::{StillSettings, Touched, touch};
 use insonify::pose::registration::PointPair;
+use insonify::recording::spawn;
 use insonify::station::{SceneSource, Station};
-use insonify::tracker::{PoseStream, pose_tap, spawn};
+use insonify::tracker::{PoseStream, pose_tap};
 use tokio_util::sync::CancellationToken;
 
 use super::super::outputs::Outputs;

@@ -5,18 +5,18 @@ use std::path::Path;
 use std::sync::Arc;
 
 use insonify::anatomy::{Bvh, Scene};
+use insonify::pipeline::replay::Timeline;
 use insonify::pose::Pose;
 use insonify::quality::{Pair, Scores};
+use insonify::recording::Event;
 use insonify::render::{Backend, Effect, Frame, FrameQuality, RenderSettings, Renderer};
 use insonify::report::contact_sheet::{Map, Panel};
 use insonify::report::{ContactSheet, TimeTable};
 use insonify::sink::{FrameFiles, FrameRecord, png, remove};
 use insonify::station::Station;
 use insonify::statistics::{evenly, mean};
-use insonify::tracker::recording::Event;
 use serde::Serialize;
 
-use super::super::timeline::Timeline;
 use super::super::{Failure, session};
 use super::translation::Translation;
 

@@ -108,7 +108,7 @@ pub(super) fn run(
         render: station.settings,
         points: chosen.points,
         aperture: chosen.aperture,
-        enhancer: chosen.enhancer,
+        generators: chosen.generators,
         sinks,
         log,
         controls,

@@ -11,17 +11,18 @@ use std::time::Instant;
 
 use anyhow::Context;
 use clap::Parser;
-use insonify::anatomy::Bvh;
+use insonify::anatomy::{Bvh, Scene};
+use insonify::pipeline::replay::Timeline;
 use insonify::pipeline::{Clock, Stop, Summary, SystemClock, on_ctrl_c};
-use insonify::render::{FrameQuality, RenderError};
+use insonify::recording::{RecordingReader, RecordingReport, RecordingSummary, poses_of};
+use insonify::render::{Backend, FrameQuality, RenderError};
 use insonify::report::ContactSheet;
-use insonify::report::time_table::{SideBySide, StageTime};
+use insonify::report::time_table::{SideBySide, StageTime, TimeTable};
 use insonify::sink::frame_record::AdapterRecord;
 use insonify::sink::video::halved;
 use insonify::sink::{FrameRate, Video, write_json};
 use insonify::station::Station;
 use insonify::statistics::evenly;
-use insonify::tracker::recording::{RecordingReader, poses_of};
 use serde::Serialize;
 
 use super::backend::BackendArgs;
@@ -30,9 +31,7 @@ use super::other_load::OtherLoad;
 use super::output::thousands;
 use super::outputs::Outputs;
 use super::progress::Progress;
-use super::replay::RecordingReport;
 use super::run_table::SummaryTable;
-use super::timeline::Timeline;
 use super::{Classify, Failure, output, session};
 use key_frames::{Agreement, KeyFrames, KeyScores, Stage};
 use translation::{Translation, TranslationReport};
@@ -45,7 +44,7 @@ const EXAM_NAME: &str = "obstetric_sweep.mcap";
 /// Frames timed at HQ, and runs of the generator timed, spread over the exam so that they are not those of a few good
 /// views.
 const TIMED: usize = 20;
-/// High quality of one look. That of the contact sheet is the generator's target.
+/// High quality of one angle. That of the contact sheet is the generator's target.
 const HQ: FrameQuality = FrameQuality::new(32, 3);
 /// Width of an image in the contact sheet, pixels.
 const PANEL_WIDTH: u32 = 440;
@@ -54,7 +53,7 @@ const PANEL_WIDTH: u32 = 440;
 ///
 /// It opens with the whole chain in real time: the tracker's recorded bytes, decoder, estimator, renderer, generator,
 /// and a page for the browser, whose address is printed; then says how long each pose took to be seen, what was
-/// dropped, how much was enhanced, and why a generator ran or not. On a terminal the exam goes on while the page is
+/// dropped, how much was generated, and why a generator ran or not. On a terminal the exam goes on while the page is
 /// watched, until Enter; else the demo ends by itself.
 ///
 /// The first run builds the phantom of 675 000 triangles, which takes some minutes; later runs find it in the cache.
@@ -98,7 +97,7 @@ Files:
   times.json                  p50, p95 and max of each stage and of the generator; PSNR and SSIM of the key frames
 
 The generator of the contact sheet is the shipped one with the least error on LQ frames. HQ is what it was trained to give,
-a mean of several steering angles. Without ONNX Runtime the sheet has no translated images, and HQ is one look.
+a mean of several steering angles. Without ONNX Runtime the sheet has no translated images, and HQ is one angle.
 
 Examples:
   insonify demo
@@ -124,7 +123,7 @@ struct Report<'a> {
     overflowed: usize,
     /// With the generator's runs.
     times_lq: Vec<StageTime>,
-    /// One look.
+    /// One angle.
     times_hq: Vec<StageTime>,
     /// Key frames at `target`.
     times_target: Vec<StageTime>,
@@ -157,65 +156,29 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let scene = Arc::new(session::load_scene(&station)?);
     session::warn_of_effects(&scene, &station.probe, &station.settings);
     going_on()?;
-    let live = if args.no_live {
-        None
-    } else {
-        let live = live::run(args, &backend, &scene, summary.duration, &interrupt)?;
-        if !args.json {
-            output::line(SummaryTable(&live))?;
-            output::line(format!("files              {}\n", args.out.join("live").display()))?;
-        }
-        eprintln!("now the exam as files");
-        Some(live)
-    };
+    let live = if args.no_live { None } else { Some(live_chain(args, &backend, &scene, &summary, &interrupt)?) };
     let bvh = Arc::new(Bvh::build(&scene).map_err(RenderError::from)?);
     let mut lq = Stage::new(&backend, &scene, &bvh, &station, FrameQuality::LQ)?;
     let mut hq = Stage::new(&backend, &scene, &bvh, &station, HQ)?;
     let sector = *lq.renderer.sector();
-    let mut translation = match Translation::load(&station, scene.tissues.names(), &sector) {
-        Ok(translation) => Some(translation),
-        Err(reason) => {
-            tracing::warn!("the contact sheet has no translated images: {reason}");
-            None
-        }
-    };
+    let refused = |reason: &_| tracing::warn!("the contact sheet has no translated images: {reason}");
+    let mut translation = Translation::load(&station, scene.tissues.names(), &sector).inspect_err(refused).ok();
 
     // Half the size keeps the video small.
     let mut video = Video::create(&args.out.join("exam"), sector.width / 4 * 2, sector.height / 4 * 2, rate)?;
-    let frames = timeline.poses.len();
-    let timed: Vec<usize> = evenly(TIMED, frames).collect();
+    let timed: Vec<usize> = evenly(TIMED, timeline.poses.len()).collect();
     let load = OtherLoad::begin();
-    let progress = Progress::new("exam at LQ", frames);
-    for (i, pose) in timeline.poses.iter().enumerate() {
-        going_on()?;
-        let frame = lq.render(pose, timeline.scene_s(i))?;
-        video.push(&halved(&frame.bmode, frame.width, frame.height).0)?;
-        if let Some(translation) = translation.as_mut().filter(|_| timed.contains(&i)) {
-            let ms = translation.run(frame)?;
-            lq.times.push_generator(ms);
-        }
-        progress.set(i + 1, frames);
-    }
-    drop(progress);
+    film(&mut lq, translation.as_mut(), &timeline, &timed, &mut video, &going_on)?;
     let video = video.finish()?;
-    let progress = Progress::new("exam at HQ", timed.len());
-    for (done, &frame) in timed.iter().enumerate() {
-        going_on()?;
-        hq.render(&timeline.poses[frame], timeline.scene_s(frame))?;
-        progress.set(done + 1, timed.len());
-    }
-    drop(progress);
+    time_frames(&mut hq, &timeline, &timed, &going_on)?;
     load.warn();
     let times_hq = std::mem::take(&mut hq.times);
 
     let target = translation.as_ref().map_or(HQ, |translation| translation.target);
     hq.reconfigure(&station, target)?;
+    let triangles = thousands(scene.triangle_count());
     let mut sheet = ContactSheet {
-        title: format!(
-            "insonify {}   obstetric phantom, {} triangles",
-            env!("CARGO_PKG_VERSION"),
-            thousands(scene.triangle_count())
-        ),
+        title: format!("insonify {}   obstetric phantom, {triangles} triangles", env!("CARGO_PKG_VERSION")),
         notes: key_frames::legend(target, translation.as_ref().map(Translation::name)),
         rows: Vec::new(),
         sector: &sector,
@@ -266,23 +229,95 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if args.json {
         return output::json(&report);
     }
+    let columns = [&lq.times, &times_hq, &hq.times];
+    print(&report, &summary, columns, translation.as_ref().map(Translation::name))?;
+    output::line(format!("key frames     {}", args.out.join("key_frames").display()))?;
+    output::line(format!("times          {}", times.display()))
+}
+
+/// Films the exam; frames of `timed` are also translated.
+fn film(
+    lq: &mut Stage,
+    mut translation: Option<&mut Translation>,
+    timeline: &Timeline,
+    timed: &[usize],
+    video: &mut Video,
+    going_on: &dyn Fn() -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    let frames = timeline.poses.len();
+    let progress = Progress::new("exam at LQ", frames);
+    for (i, pose) in timeline.poses.iter().enumerate() {
+        going_on()?;
+        let frame = lq.render(pose, timeline.scene_s(i))?;
+        video.push(&halved(&frame.bmode, frame.width, frame.height).0)?;
+        if let Some(translation) = translation.as_mut().filter(|_| timed.contains(&i)) {
+            let ms = translation.run(frame)?;
+            lq.times.push_generator(ms);
+        }
+        progress.set(i + 1, frames);
+    }
+    Ok(())
+}
+
+/// Renders the frames of `timed` at HQ, for their times.
+fn time_frames(
+    hq: &mut Stage,
+    timeline: &Timeline,
+    timed: &[usize],
+    going_on: &dyn Fn() -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    let progress = Progress::new("exam at HQ", timed.len());
+    for (done, &frame) in timed.iter().enumerate() {
+        going_on()?;
+        hq.render(&timeline.poses[frame], timeline.scene_s(frame))?;
+        progress.set(done + 1, timed.len());
+    }
+    Ok(())
+}
+
+/// Runs the live chain and prints its summary.
+fn live_chain(
+    args: &Args,
+    backend: &Backend,
+    scene: &Arc<Scene>,
+    summary: &RecordingSummary,
+    interrupt: &Stop,
+) -> Result<Summary, Failure> {
+    let live = live::run(args, backend, scene, summary.duration, interrupt)?;
+    if !args.json {
+        output::line(SummaryTable(&live))?;
+        output::line(format!("files              {}\n", args.out.join("live").display()))?;
+    }
+    eprintln!("now the exam as files");
+    Ok(live)
+}
+
+/// Prints what was made, with the times of LQ, HQ and the target side by side.
+fn print(
+    report: &Report<'_>,
+    summary: &RecordingSummary,
+    [lq, hq, target]: [&TimeTable; 3],
+    generator: Option<&str>,
+) -> Result<(), Failure> {
     let triangles = thousands(report.triangles);
     output::line(format!("device         {} ({})", report.adapter.name, report.adapter.driver))?;
     output::line(format!("scene          obstetric phantom: {triangles} triangles in {} surfaces", report.surfaces))?;
     output::line(format!("exam           {EXAM_NAME}: {summary}"))?;
-    let key_frames = format!("{} key frames at {target}", hq.times.frames());
+    let key_frames = format!("{} key frames at {}", target.frames(), report.target);
     let (frames_lq, frames_hq) = (report.frames_lq, report.frames_hq);
     output::line(format!("rendered       {frames_lq} frames at LQ (1x1), {frames_hq} at HQ ({HQ}), {key_frames}"))?;
-    let compounded = format!("HQ of {}", target.angles);
-    let columns = [("LQ", &lq.times), ("HQ", &times_hq), (compounded.as_str(), &hq.times)];
+    let compounded = format!("HQ of {}", report.target.angles);
+    let columns = [("LQ", lq), ("HQ", hq), (compounded.as_str(), target)];
     // Without a generator the last two are of one quality.
-    let shown = if target == HQ { &columns[..2] } else { &columns[..] };
+    let shown = if report.target == HQ { &columns[..2] } else { &columns[..] };
     output::line(format!("\n{}\n", SideBySide(shown)))?;
-    if let Some(translation) = &translation {
-        output::line(format!("translation    LQ by {}, against {target}: {}", translation.name(), Agreement(&scores)))?;
+    if let Some(name) = generator {
+        output::line(format!(
+            "translation    LQ by {name}, against {}: {}",
+            report.target,
+            Agreement(report.key_frames)
+        ))?;
     }
     output::line(format!("look here      {}", report.contact_sheet.display()))?;
-    output::line(format!("video          {}", report.video.display()))?;
-    output::line(format!("key frames     {}", args.out.join("key_frames").display()))?;
-    output::line(format!("times          {}", times.display()))
+    output::line(format!("video          {}", report.video.display()))
 }

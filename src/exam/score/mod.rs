@@ -27,8 +27,8 @@ use crate::acoustics::pulse::FWHM_PER_SIGMA;
 use crate::anatomy::planes::{Caliper, CaliperKind, StandardPlane, View};
 use crate::anatomy::{Mesh, Skin};
 use crate::pose::{Pose, TimedPose, angle_between};
+use crate::recording::{CaliperEvent, Event};
 use crate::settings::ContactSettings;
-use crate::tracker::recording::{CaliperEvent, Event};
 use crate::transducer::{Probe, Sector};
 
 /// Required hold of a plane, s.

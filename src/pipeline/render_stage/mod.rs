@@ -69,7 +69,7 @@ pub(super) struct RenderParts {
     /// Sinks that may read segmentation and attenuation.
     pub(super) map_readers: Vec<MapsWanted>,
     pub(super) period: Duration,
-    pub(super) budget: Duration,
+    pub(super) deadline_after: Duration,
 }
 
 impl RenderParts {
@@ -182,7 +182,7 @@ impl RenderStage {
             points.moves(now.as_secs_f64(), speed);
         }
         let scene_time = self.poses.scene_time(now, info.settings.frozen);
-        let generator = self.generator.filter(|_| info.settings.enhance);
+        let generator = self.generator.filter(|_| info.settings.generator);
         let maps = self.parts.maps_wanted(generator);
         match (&mut self.device, info.pose()) {
             (Device::Ready(renderer), Some(pose)) => {
@@ -345,6 +345,6 @@ fn describe(rendered: &mut Rendered, info: FrameInfo, maps: bool, parts: &Render
     let timeline = FrameTimeline { rendered: parts.clock.now(), ..info.timeline };
     let contact = rendered.frame.get_mut().unwrap_or_else(PoisonError::into_inner).contact;
     rendered.info = FrameInfo { timeline, contact, ..info };
-    rendered.deadline = timeline.sampled.saturating_add(parts.budget);
+    rendered.deadline = timeline.sampled.saturating_add(parts.deadline_after);
     (rendered.shape, rendered.maps) = (shape, maps);
 }

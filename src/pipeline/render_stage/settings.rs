@@ -90,7 +90,7 @@ impl RenderStage {
                 RunEnd::Failed(reason) => points.failed(run.generator, &reason),
             }
         }
-        points.allow_generators(self.parts.controls.live.enhance);
+        points.allow_generators(self.parts.controls.live.generator);
         if self.parts.controls.live.frozen || !matches!(self.device, Device::Ready(_)) {
             return;
         }

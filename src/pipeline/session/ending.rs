@@ -71,7 +71,7 @@ impl Pipeline {
             }
             let span_s = shown.first.map_or(0.0, |first| (shown.last - first).as_secs_f64());
             let intervals = shown.presented.saturating_sub(1) as f64;
-            let enhanced = shown.by_source[0] + shown.by_source[1];
+            let generated = shown.by_source[0] + shown.by_source[1];
             Summary {
                 elapsed_s,
                 produced: counted(&metrics.produced),
@@ -79,7 +79,7 @@ impl Pipeline {
                 drops,
                 missed_ticks: counted(&metrics.missed_ticks),
                 frames_per_s: if span_s > 0.0 { intervals / span_s } else { 0.0 },
-                enhanced_ratio: if shown.presented > 0 { enhanced as f64 / shown.presented as f64 } else { 0.0 },
+                generated_ratio: if shown.presented > 0 { generated as f64 / shown.presented as f64 } else { 0.0 },
                 by_source: shown.by_source,
                 by_tracking: shown.by_tracking,
                 pose_to_present: shown.pose_to_present.percentiles(),

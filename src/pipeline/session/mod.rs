@@ -16,7 +16,7 @@ use super::generate_stage::GenerateStage;
 use super::generator_link::GeneratorLink;
 use super::local_renderer::LocalRendererFactory;
 use super::metrics::{Metrics, Status, counted};
-use super::parts::{Enhancer, FrameRenderer, PoseSource, RendererFactory};
+use super::parts::{FrameGenerators, FrameRenderer, PoseSource, RendererFactory};
 use super::presenter::Presenter;
 use super::render_stage::{RenderParts, RenderStage};
 use super::rendered::Rendered;
@@ -77,8 +77,8 @@ pub struct Parts {
     pub points: Option<PointController>,
     /// The station's choice for the aperture, which the controller may take away.
     pub aperture: Choice,
-    /// Generator; none: rendered frames are shown.
-    pub enhancer: Option<Box<dyn Enhancer>>,
+    /// Generator; none: raw frames are shown.
+    pub generators: Option<Box<dyn FrameGenerators>>,
     /// Sinks of the presented frames.
     pub sinks: Vec<Box<dyn LiveSink>>,
     /// Log of all presented frames; none: nothing is logged.
@@ -117,7 +117,7 @@ impl Parts {
             render,
             points: None,
             aperture: render.effects.of(Effect::Aperture),
-            enhancer: None,
+            generators: None,
             sinks: Vec::new(),
             log: None,
             controls,
@@ -181,7 +181,7 @@ impl Pipeline {
 
     /// Starts all stages, consumers first.
     fn start(settings: &PipelineSettings, limits: Limits, parts: Parts) -> Result<Self, PipelineError> {
-        let Parts { clock, stop, enhancer, log, .. } = parts;
+        let Parts { clock, stop, generators, log, .. } = parts;
         let events = Events::new(&clock, parts.observer);
         let metrics = Arc::<Metrics>::default();
         let refused = |name: &str| {
@@ -205,24 +205,22 @@ impl Pipeline {
         let signal = Arc::<Signal>::default();
         let to_presenter = Arc::new(Slot::with_signal("presenter", &clock, &signal));
         let generated = Arc::new(Slot::with_signal("generated", &clock, &signal));
-        let has_generator = enhancer.is_some();
-        let (to_generator, generator, generate) = match enhancer {
-            Some(enhancer) => {
-                let link = Arc::new(GeneratorLink::new(&*enhancer, seconds(settings.hang_ms)));
-                let slot = Arc::new(Slot::new("generator", &clock));
-                let stage = GenerateStage {
-                    clock: clock.clone(),
-                    events: events.clone(),
-                    enhancer,
-                    link: link.clone(),
-                    from_renderer: slot.clone(),
-                    to_presenter: generated.clone(),
-                };
-                let thread = spawn(&clock, "generator", move || stage.run()).map_err(refused("generator"))?;
-                (Some(slot), Some(link), Some(thread))
-            }
-            None => (None, None, None),
-        };
+        let has_generator = generators.is_some();
+        let (mut to_generator, mut generator, mut generate) = (None, None, None);
+        if let Some(generators) = generators {
+            let link = Arc::new(GeneratorLink::new(&*generators, seconds(settings.hang_ms)));
+            let slot = Arc::new(Slot::new("generator", &clock));
+            let stage = GenerateStage {
+                clock: clock.clone(),
+                events: events.clone(),
+                generators,
+                link: link.clone(),
+                from_renderer: slot.clone(),
+                to_presenter: generated.clone(),
+            };
+            generate = Some(spawn(&clock, "generator", move || stage.run()).map_err(refused("generator"))?);
+            (to_generator, generator) = (Some(slot), Some(link));
+        }
 
         let presenter = Presenter {
             clock: clock.clone(),
@@ -244,7 +242,7 @@ impl Pipeline {
         let live = LiveSettings {
             probe: parts.probe,
             render: parts.render,
-            enhance: has_generator,
+            generator: has_generator,
             ..LiveSettings::default()
         };
         let render = RenderParts {
@@ -261,7 +259,7 @@ impl Pipeline {
             generator: generator.clone(),
             map_readers,
             period: Duration::from_secs_f64(1.0 / settings.frame_rate_hz.clamp(0.1, 1000.0)),
-            budget: seconds(settings.budget_ms),
+            deadline_after: seconds(settings.deadline_ms),
         };
         let (poses, renderer) = (parts.poses, parts.renderer);
         let render = spawn(&clock, "renderer", move || RenderStage::new(render, poses, renderer).run());

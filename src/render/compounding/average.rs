@@ -1,8 +1,8 @@
-//! Weighted mean of looks at the present picture's pixels.
+//! Weighted mean of the pictures of all angles at the present picture's pixels.
 
 use super::codes::{BLOCK, Codes, amplitude};
 use super::registration::Registration;
-use crate::render::look_order::ACROSS_SIGMA_MM;
+use crate::render::angle_order::ACROSS_SIGMA_MM;
 use crate::simd::{at_least, at_most, log2, nearest_bits, widened};
 
 /// Pixels of a row that are summed together.
@@ -11,23 +11,23 @@ const SEGMENT: usize = 64 * BLOCK;
 const PARTS: i64 = 256;
 /// The weight (1 − y²/8σ²)⁸ is that of exp(−y²/σ²) near the slice, and 0 from √8 σ on.
 const PER_MM2: f32 = (1.0 / (8.0 * ACROSS_SIGMA_MM * ACROSS_SIGMA_MM)) as f32;
-/// Eighth root of the least weight: a look from beside the slice shows where no other one does.
+/// Eighth root of the least weight: a picture from beside the slice shows where no other one does.
 const WEIGHT_ROOT_MIN: f32 = 0.2;
 const AMPLITUDE_MIN: f32 = 1.0e-30;
 
-/// A look in the present picture.
+/// An angle's picture in the present one.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Source {
-    pub(super) look: usize,
+    pub(super) angle: usize,
     pub(super) registration: Registration,
 }
 
 /// What rows of a picture are made of.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct View<'a> {
-    pub(super) looks: &'a [Codes],
+    pub(super) angles: &'a [Codes],
     pub(super) sources: &'a [Source],
-    /// Whether the straight look, the last, has been made.
+    /// Whether the straight angle, the last, has been made.
     pub(super) straight: bool,
     /// 255 inside the sector [height × width].
     pub(super) mask: &'a [u8],
@@ -59,14 +59,14 @@ fn average_rows_body(view: &View<'_>, first_row: usize, picture: &mut [u8]) {
             let pixels = (end - column).min(SEGMENT);
             let blocks = pixels.div_ceil(BLOCK);
             for source in view.sources {
-                if let Some(codes) = view.looks.get(source.look) {
+                if let Some(codes) = view.angles.get(source.angle) {
                     accumulate(codes, &source.registration, [column, row], blocks, &mut sums, &mut weights);
                 }
             }
-            let straight = view.looks.last().map_or(&[][..], |codes| codes.from(column as i64, row as i64));
+            let straight = view.angles.last().map_or(&[][..], |codes| codes.from(column as i64, row as i64));
             let inside = line[column..].iter_mut().zip(&mask[column..]).zip(straight);
             for (((level, mask), straight), (sum, weight)) in inside.zip(sums.iter().zip(&weights)) {
-                // Where no look shows the place, the last straight one does as it is.
+                // Where no angle shows the place, the last straight one does as it is.
                 let alone = if view.straight { amplitude(*straight) } else { 0.0 };
                 let mean = if *weight > 0.0 { sum / weight } else { alone };
                 let shown = 255.0 + view.levels_per_octave * log2(at_least(mean, AMPLITUDE_MIN));
@@ -77,7 +77,7 @@ fn average_rows_body(view: &View<'_>, first_row: usize, picture: &mut [u8]) {
     }
 }
 
-/// Adds a look to the sums of `blocks` blocks of pixels from a column and row on.
+/// Adds an angle's picture to the sums of `blocks` blocks of pixels from a column and row on.
 #[inline(always)]
 fn accumulate(
     codes: &Codes,
@@ -115,7 +115,7 @@ fn accumulate(
                 continue;
             }
             for ((code, sum), weight) in corner.iter().zip(&mut sum).zip(&mut weight) {
-                // Outside its own sector a look doesn't count.
+                // Outside its own sector an angle doesn't count.
                 let shown = if *code > 0 { part } else { 0.0 };
                 *sum += shown * amplitude(*code);
                 *weight += shown;

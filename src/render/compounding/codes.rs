@@ -1,4 +1,4 @@
-//! A look's picture as amplitudes in 16 bits each, with a border of nothing.
+//! An angle's picture as amplitudes in 16 bits each, with a border of nothing.
 
 use rayon::prelude::*;
 
@@ -26,7 +26,7 @@ pub(super) fn amplitude(code: u16) -> f32 {
     f32::from_bits((u32::from(code) + OFFSET) << SHIFT)
 }
 
-/// A picture as codes; 0 is what the look does not show.
+/// A picture as codes; 0 is what the angle does not show.
 #[derive(Debug)]
 pub(super) struct Codes {
     codes: Vec<u16>,

@@ -1,24 +1,24 @@
-//! Motion of the slice between a look and the present picture.
+//! Motion of the slice between an angle's picture and the present one.
 
 use glam::{DQuat, DVec2, DVec3};
 
 use crate::pose::Pose;
 use crate::transducer::Sector;
 
-/// Largest displacement at which a look is read, pixels.
+/// Largest displacement at which an angle's picture is read, pixels.
 const FAR: f64 = 1.0e6;
 
-/// Where a look shows what the present picture's pixels show, and how far beside the slice.
+/// Where an angle's picture shows what the present picture's pixels show, and how far beside the slice.
 ///
-/// Motion is rigid. Points are projected on the look's slice along its normal.
+/// Motion is rigid. Points are projected on the angle's slice along its normal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Registration {
-    /// Column and row in the look of the present picture's first pixel; whole numbers are centres of pixels.
+    /// Column and row in its picture of the present picture's first pixel; whole numbers are centres of pixels.
     pub(super) origin: DVec2,
     /// Its change by a column and by a row of the present picture.
     pub(super) per_column: DVec2,
     pub(super) per_row: DVec2,
-    /// Distance of the first pixel from the look's slice, and its change by a column and by a row, mm.
+    /// Distance of the first pixel from the angle's slice, and its change by a column and by a row, mm.
     pub(super) across_mm: [f64; 3],
 }
 
@@ -27,19 +27,19 @@ impl Registration {
     pub(super) const IDENTITY: Self =
         Self { origin: DVec2::ZERO, per_column: DVec2::X, per_row: DVec2::Y, across_mm: [0.0; 3] };
 
-    /// From the present picture's pose to a look's; `None` if they are too far apart to overlap.
-    pub(super) fn new(sector: &Sector, look: &Pose, present: &Pose) -> Option<Self> {
-        if look == present {
+    /// From the present picture's pose to that at which an angle's was made; `None` if they are too far apart to overlap.
+    pub(super) fn new(sector: &Sector, made_at: &Pose, present: &Pose) -> Option<Self> {
+        if made_at == present {
             return Some(Self::IDENTITY);
         }
-        let look_from_world: DQuat = look.orientation.inverse();
+        let angle_from_world: DQuat = made_at.orientation.inverse();
         let look_from_present = |point_mm: DVec3| {
-            look_from_world * (present.position_mm - look.position_mm)
-                + look_from_world * present.transform_vector(point_mm)
+            angle_from_world * (present.position_mm - made_at.position_mm)
+                + angle_from_world * present.transform_vector(point_mm)
         };
         let first = sector.pixel_centre_mm(0, 0);
         let first_mm = look_from_present(DVec3::new(first.x, 0.0, first.y));
-        let step_mm = |axis: DVec3| look_from_world * present.transform_vector(sector.pixel_mm * axis);
+        let step_mm = |axis: DVec3| angle_from_world * present.transform_vector(sector.pixel_mm * axis);
         let (column_mm, row_mm) = (step_mm(DVec3::X), step_mm(DVec3::Z));
         let of_slice = |v: DVec3| DVec2::new(v.x, v.z);
         let found = Self {

@@ -1,6 +1,6 @@
 use glam::{DQuat, DVec2, DVec3};
 
-use super::twin::{Look, compounded};
+use super::twin::{AnglePicture, compounded};
 use super::*;
 use crate::pose::Pose;
 use crate::random;
@@ -23,18 +23,18 @@ fn pose(position_mm: [f64; 3], turn: f64, tilt: f64) -> Pose {
     Pose { position_mm: position_mm.into(), orientation }
 }
 
-/// Looks that show random parts, with random levels.
-fn random_look(seed: u64, pose: Pose) -> Look {
+/// A picture that shows random parts, with random levels.
+fn random_angle(seed: u64, pose: Pose) -> AnglePicture {
     let pixels = u64::from(sector().width * sector().height);
-    Look {
+    AnglePicture {
         pose,
         covers: (0..pixels).map(|i| random::at(seed, i) > 0.2).collect(),
         levels: (0..pixels).map(|i| (255.0 * random::at(seed + 50, i)) as u8).collect(),
     }
 }
 
-/// A look of a smooth pattern fixed in the scene.
-fn smooth_look(pose: Pose) -> Look {
+/// A picture of a smooth pattern fixed in the scene.
+fn smooth_angle(pose: Pose) -> AnglePicture {
     let sector = sector();
     let level = |i: u32| {
         let point = sector.pixel_centre_mm(i % sector.width, i / sector.width);
@@ -42,23 +42,24 @@ fn smooth_look(pose: Pose) -> Look {
         (150.0 + 60.0 * (0.9 * world.x).sin() * (0.7 * world.z).cos()) as u8
     };
     let pixels = sector.width * sector.height;
-    Look { pose, covers: vec![true; pixels as usize], levels: (0..pixels).map(level).collect() }
+    AnglePicture { pose, covers: vec![true; pixels as usize], levels: (0..pixels).map(level).collect() }
 }
 
-fn new(looks: &[Look], range_db: f64) -> Compounding {
-    let pixels = looks[0].levels.len();
-    let covered =
-        (0..pixels).map(|i| looks.iter().enumerate().map(|(k, look)| u16::from(look.covers[i]) << k).sum()).collect();
-    Compounding::new(sector(), vec![255; pixels].into(), covered, looks.len(), range_db)
+fn new(angles: &[AnglePicture], range_db: f64) -> Compounding {
+    let pixels = angles[0].levels.len();
+    let covered = (0..pixels)
+        .map(|i| angles.iter().enumerate().map(|(k, angle)| u16::from(angle.covers[i]) << k).sum())
+        .collect();
+    Compounding::new(sector(), vec![255; pixels].into(), covered, angles.len(), range_db)
 }
 
-/// The picture after the looks were added one after another.
-fn picture(looks: &[Look], rules: Rules, range_db: f64) -> Vec<u8> {
-    let mut compounding = new(looks, range_db);
+/// The picture after the angles were added one after another.
+fn picture(angles: &[AnglePicture], rules: Rules, range_db: f64) -> Vec<u8> {
+    let mut compounding = new(angles, range_db);
     let mut mean = Vec::new();
-    for (k, look) in looks.iter().enumerate() {
-        mean.clone_from(&look.levels);
-        compounding.add(k, place(look.pose), rules, &mut mean);
+    for (k, angle) in angles.iter().enumerate() {
+        mean.clone_from(&angle.levels);
+        compounding.add(k, place(angle.pose), rules, &mut mean);
     }
     mean
 }
@@ -79,44 +80,44 @@ fn angles_are_even_and_end_with_none() {
 #[test]
 fn a_mean_is_its_twins_at_rest() {
     for range_db in [30.0, 60.0, 120.0, 190.0] {
-        let mut looks = [1, 2, 3].map(|seed| random_look(seed, Pose::IDENTITY));
-        let mut compounding = new(&looks, range_db);
-        let mut add = |looks: &[Look], k: usize| {
-            let mut mean = looks[k].levels.clone();
-            compounding.add(k, place(looks[k].pose), RULES, &mut mean);
+        let mut angles = [1, 2, 3].map(|seed| random_angle(seed, Pose::IDENTITY));
+        let mut compounding = new(&angles, range_db);
+        let mut add = |angles: &[AnglePicture], k: usize| {
+            let mut mean = angles[k].levels.clone();
+            compounding.add(k, place(angles[k].pose), RULES, &mut mean);
             mean
         };
-        let twin = |looks: &[Look]| compounded(&sector(), looks, &Pose::IDENTITY, range_db);
+        let twin = |angles: &[AnglePicture]| compounded(&sector(), angles, &Pose::IDENTITY, range_db);
         for k in 0..3 {
-            let mean = add(&looks, k);
-            // Where only looks that are to come show a pixel, the picture is black, as the twin's.
-            let off = largest_difference(&mean, &twin(&looks[..=k]));
+            let mean = add(&angles, k);
+            // Where only angles that are to come show a pixel, the picture is black, as the twin's.
+            let off = largest_difference(&mean, &twin(&angles[..=k]));
             assert!(off < 0.6, "{range_db} dB, {k}: {off}");
         }
         // The same picture again changes nothing; another one replaces it, whatever the order.
-        let before = add(&looks, 0);
-        assert_eq!(add(&looks, 1), before);
-        looks[1].levels = random_look(7, Pose::IDENTITY).levels;
-        let after = add(&looks, 1);
-        assert!(after != before && largest_difference(&after, &twin(&looks)) < 0.6, "{range_db} dB");
+        let before = add(&angles, 0);
+        assert_eq!(add(&angles, 1), before);
+        angles[1].levels = random_angle(7, Pose::IDENTITY).levels;
+        let after = add(&angles, 1);
+        assert!(after != before && largest_difference(&after, &twin(&angles)) < 0.6, "{range_db} dB");
         compounding.restart(0.5 * range_db);
         let again = [2, 0, 1].map(|k| {
-            let mut mean = looks[k].levels.clone();
-            compounding.add(k, place(looks[k].pose), RULES, &mut mean);
+            let mut mean = angles[k].levels.clone();
+            compounding.add(k, place(angles[k].pose), RULES, &mut mean);
             mean
         });
-        let twin = compounded(&sector(), &looks, &Pose::IDENTITY, 0.5 * range_db);
+        let twin = compounded(&sector(), &angles, &Pose::IDENTITY, 0.5 * range_db);
         assert!(largest_difference(&again[2], &twin) < 0.6, "{range_db} dB, anew");
     }
 }
 
 #[test]
 fn without_registration_poses_do_not_matter_within_reach() {
-    let looks = [1, 2, 3].map(|seed| random_look(seed, pose([0.9 * seed as f64, 0.0, 0.0], 0.0, 0.0)));
-    let off = picture(&looks, Rules { registration: false, ..RULES }, 60.0);
-    let at_rest = looks.clone().map(|look| Look { pose: Pose::IDENTITY, ..look });
+    let angles = [1, 2, 3].map(|seed| random_angle(seed, pose([0.9 * seed as f64, 0.0, 0.0], 0.0, 0.0)));
+    let off = picture(&angles, Rules { registration: false, ..RULES }, 60.0);
+    let at_rest = angles.clone().map(|angle| AnglePicture { pose: Pose::IDENTITY, ..angle });
     assert_eq!(off, picture(&at_rest, RULES, 60.0));
-    assert_ne!(off, picture(&looks, RULES, 60.0));
+    assert_ne!(off, picture(&angles, RULES, 60.0));
 }
 
 #[test]
@@ -124,29 +125,30 @@ fn a_moved_mean_is_its_twins() {
     // Slides and distances across the slice, where displacements of blocks are exact, up to their rounding.
     for last in [[0.37, 0.0, -0.91], [1.2, 0.8, 0.0], [-3.3, -1.7, 2.6]] {
         let there = pose(last, 0.0, 0.0);
-        let looks = [smooth_look(pose([0.1, 0.3, 0.2], 0.0, 0.0)), smooth_look(Pose::IDENTITY), smooth_look(there)];
-        let twin = compounded(&sector(), &looks, &there, 60.0);
-        let off = largest_difference(&picture(&looks, RULES, 60.0), &twin);
+        let angles = [smooth_angle(pose([0.1, 0.3, 0.2], 0.0, 0.0)), smooth_angle(Pose::IDENTITY), smooth_angle(there)];
+        let twin = compounded(&sector(), &angles, &there, 60.0);
+        let off = largest_difference(&picture(&angles, RULES, 60.0), &twin);
         assert!(off < 1.0, "{last:?}: {off}");
     }
     // Turns: a block is read at the displacement of its middle.
     for (turn, tilt) in [(0.05, 0.0), (-0.03, 0.02), (0.0, -0.04)] {
         let there = pose([0.4, 0.1, 0.3], turn, tilt);
-        let looks = [smooth_look(Pose::IDENTITY), smooth_look(there)];
-        let twin = compounded(&sector(), &looks, &there, 60.0);
-        let off = largest_difference(&picture(&looks, RULES, 60.0), &twin);
+        let angles = [smooth_angle(Pose::IDENTITY), smooth_angle(there)];
+        let twin = compounded(&sector(), &angles, &there, 60.0);
+        let off = largest_difference(&picture(&angles, RULES, 60.0), &twin);
         assert!(off < 2.5, "{turn} {tilt}: {off}");
     }
 }
 
 #[test]
 fn a_pattern_of_the_scene_stays_where_it_is() {
-    // Unlike the mean of the looks as they are, a registered one is the present look, where the others show its place.
+    // Unlike the mean of the angles as they are, a registered one is the present angle, where the others show its place.
     for there in [pose([1.0, 0.0, 0.0], 0.0, 0.0), pose([0.5, 0.0, -0.7], 0.04, 0.0), pose([0.0; 3], 0.06, 0.0)] {
-        let looks = [smooth_look(pose([-0.6, 0.0, 0.3], -0.02, 0.0)), smooth_look(Pose::IDENTITY), smooth_look(there)];
-        let present = looks[2].levels.iter().map(|&level| f64::from(level)).collect::<Vec<_>>();
-        let registered = picture(&looks, RULES, 60.0);
-        let smeared = picture(&looks, Rules { registration: false, reach_mm: 20.0 }, 60.0);
+        let angles =
+            [smooth_angle(pose([-0.6, 0.0, 0.3], -0.02, 0.0)), smooth_angle(Pose::IDENTITY), smooth_angle(there)];
+        let present = angles[2].levels.iter().map(|&level| f64::from(level)).collect::<Vec<_>>();
+        let registered = picture(&angles, RULES, 60.0);
+        let smeared = picture(&angles, Rules { registration: false, reach_mm: 20.0 }, 60.0);
         let off = largest_difference(&registered, &present);
         assert!(off < 3.0, "{there:?}: {off}");
         assert!(largest_difference(&smeared, &present) > 4.0 * off, "{there:?}");
@@ -156,23 +158,23 @@ fn a_pattern_of_the_scene_stays_where_it_is() {
 #[test]
 fn looks_from_beside_the_slice_leave_nothing() {
     let there = pose([0.0, 3.6, 0.0], 0.0, 0.0);
-    let looks = [random_look(1, Pose::IDENTITY), random_look(2, there)];
-    let mean = picture(&looks, RULES, 60.0);
+    let angles = [random_angle(1, Pose::IDENTITY), random_angle(2, there)];
+    let mean = picture(&angles, RULES, 60.0);
     for (i, level) in mean.iter().enumerate() {
-        if looks[1].covers[i] {
-            assert!(level.abs_diff(looks[1].levels[i].max(1)) <= 1, "{i}");
+        if angles[1].covers[i] {
+            assert!(level.abs_diff(angles[1].levels[i].max(1)) <= 1, "{i}");
         }
     }
     // Beyond reach, with other contact, and so far away that no pixel overlaps.
     let alone = |place: Place| {
-        let mut compounding = new(&looks, 60.0);
-        let mut mean = looks[0].levels.clone();
+        let mut compounding = new(&angles, 60.0);
+        let mut mean = angles[0].levels.clone();
         compounding.add(0, self::place(Pose::IDENTITY), RULES, &mut mean);
-        mean.clone_from(&looks[1].levels);
+        mean.clone_from(&angles[1].levels);
         compounding.add(1, place, RULES, &mut mean);
         mean
     };
-    let only = compounded(&sector(), &looks[1..], &there, 60.0);
+    let only = compounded(&sector(), &angles[1..], &there, 60.0);
     let places = [
         place(pose([0.0, 5.0, 0.0], 0.0, 0.0)),
         Place::new(Pose::IDENTITY, DEPTH_MM, false),
@@ -186,9 +188,9 @@ fn looks_from_beside_the_slice_leave_nothing() {
 
 #[test]
 fn a_point_does_not_widen_on_a_slow_circle() {
-    // A point of the scene in a probe that goes round within the slice, as 9 looks see it for 20 frames.
+    // A point of the scene in a probe that goes round within the slice, as 9 angles see it for 20 frames.
     let sector = sector();
-    let look = |frame: u32| {
+    let angle = |frame: u32| {
         let turn = std::f64::consts::TAU * f64::from(frame) / 20.0;
         let pose = pose([1.3 * turn.cos(), 0.0, 1.3 * turn.sin()], 0.01 * turn.sin(), 0.0);
         let level = |i: u32| {
@@ -199,7 +201,7 @@ fn a_point_does_not_widen_on_a_slow_circle() {
             (255.0 * (1.0 + 20.0 * amplitude.max(1e-9).log10() / 60.0).clamp(0.0, 1.0)).round() as u8
         };
         let pixels = sector.width * sector.height;
-        Look { pose, covers: vec![true; pixels as usize], levels: (0..pixels).map(level).collect() }
+        AnglePicture { pose, covers: vec![true; pixels as usize], levels: (0..pixels).map(level).collect() }
     };
     // Root of the mean squared distance from the centre, by power.
     let width = |levels: &[u8]| {
@@ -209,17 +211,17 @@ fn a_point_does_not_widen_on_a_slow_circle() {
         let centre = points().map(|(at, power)| power * at).sum::<DVec2>() / total;
         (points().map(|(at, power)| power * (at - centre).length_squared()).sum::<f64>() / total).sqrt()
     };
-    let looks: Vec<Look> = (0..20).map(look).collect();
+    let angles: Vec<AnglePicture> = (0..20).map(angle).collect();
     let mut shown = [true, false].map(|registration| {
-        let mut compounding = new(&looks[..9], 60.0);
+        let mut compounding = new(&angles[..9], 60.0);
         let mut mean = Vec::new();
-        for (frame, look) in looks.iter().enumerate() {
-            mean.clone_from(&look.levels);
-            compounding.add(frame % 9, place(look.pose), Rules { registration, ..RULES }, &mut mean);
+        for (frame, angle) in angles.iter().enumerate() {
+            mean.clone_from(&angle.levels);
+            compounding.add(frame % 9, place(angle.pose), Rules { registration, ..RULES }, &mut mean);
         }
         width(&mean)
     });
-    let single = width(&looks[19].levels);
+    let single = width(&angles[19].levels);
     shown.iter_mut().for_each(|width| *width /= single);
     let [registered, smeared] = shown;
     assert!((0.95..1.1).contains(&registered) && smeared > 1.5, "{registered} {smeared}");
@@ -227,26 +229,26 @@ fn a_point_does_not_widen_on_a_slow_circle() {
 
 #[test]
 fn pictures_are_the_same_on_any_number_of_threads() {
-    let looks = [1, 2, 3].map(|seed| random_look(seed, pose([0.3 * seed as f64, 0.2, 0.1], 0.02, 0.01)));
+    let angles = [1, 2, 3].map(|seed| random_angle(seed, pose([0.3 * seed as f64, 0.2, 0.1], 0.02, 0.01)));
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| picture(&looks, RULES, 60.0))
+        pool.install(|| picture(&angles, RULES, 60.0))
     };
     assert_eq!(on(1), on(3));
 }
 
 #[test]
-fn places_that_a_steered_look_does_not_show_are_the_straight_looks() {
-    // The present look shows nothing; the straight one, from far within the slice, is shown as it is.
-    let mut looks = [random_look(1, pose([60.0, 0.0, 0.0], 0.0, 0.0)), random_look(2, Pose::IDENTITY)];
-    (looks[0].covers, looks[1].covers) = (vec![false; 6300], vec![true; 6300]);
-    let mut compounding = new(&looks, 60.0);
-    let mut mean = looks[1].levels.clone();
-    compounding.add(1, place(looks[1].pose), RULES, &mut mean);
+fn places_that_a_steered_angle_does_not_show_are_the_straight_angles() {
+    // The present angle shows nothing; the straight one, from far within the slice, is shown as it is.
+    let mut angles = [random_angle(1, pose([60.0, 0.0, 0.0], 0.0, 0.0)), random_angle(2, Pose::IDENTITY)];
+    (angles[0].covers, angles[1].covers) = (vec![false; 6300], vec![true; 6300]);
+    let mut compounding = new(&angles, 60.0);
+    let mut mean = angles[1].levels.clone();
+    compounding.add(1, place(angles[1].pose), RULES, &mut mean);
     let straight = mean.clone();
-    mean.clone_from(&looks[0].levels);
-    compounding.add(0, place(looks[0].pose), RULES, &mut mean);
+    mean.clone_from(&angles[0].levels);
+    compounding.add(0, place(angles[0].pose), RULES, &mut mean);
     assert_eq!(mean, straight);
-    // The look's rules are those of its settings.
+    // The angle's rules are those of its settings.
     assert_eq!(Rules::of(&LookSettings::default()), RULES);
 }

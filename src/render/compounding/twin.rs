@@ -1,20 +1,20 @@
-//! The mean of looks in f64, pixel by pixel.
+//! The mean of the pictures of all angles in f64, pixel by pixel.
 
 use glam::{DVec2, DVec3};
 
 use crate::pose::Pose;
-use crate::render::look_order::ACROSS_SIGMA_MM;
+use crate::render::angle_order::ACROSS_SIGMA_MM;
 use crate::transducer::Sector;
 
-/// A look: its pose, the pixels that it shows, and its grey levels.
+/// An angle's picture: its pose, the pixels that it shows, and its grey levels.
 #[derive(Debug, Clone)]
-pub(super) struct Look {
+pub(super) struct AnglePicture {
     pub(super) pose: Pose,
     pub(super) covers: Vec<bool>,
     pub(super) levels: Vec<u8>,
 }
 
-impl Look {
+impl AnglePicture {
     /// Amplitude and weight between the pixels at a column and row; whole numbers are centres of pixels.
     fn at(&self, sector: &Sector, place: DVec2, dynamic_range_db: f64) -> (f64, f64) {
         let first = place.floor();
@@ -42,18 +42,18 @@ fn amplitude(level: u8, dynamic_range_db: f64) -> f64 {
     10f64.powf((f64::from(level) / 255.0 - 1.0) * dynamic_range_db / 20.0)
 }
 
-/// Levels 0..=255 of the mean of `looks` in a picture at `present`; 0 where no look shows the place.
-pub(super) fn compounded(sector: &Sector, looks: &[Look], present: &Pose, dynamic_range_db: f64) -> Vec<f64> {
+/// Levels 0..=255 of the mean of `angles` in a picture at `present`; 0 where no angle shows the place.
+pub(super) fn compounded(sector: &Sector, angles: &[AnglePicture], present: &Pose, dynamic_range_db: f64) -> Vec<f64> {
     let pixel = |i: u32| {
         let point = sector.pixel_centre_mm(i % sector.width, i / sector.width);
         let world_mm = present.transform_point(DVec3::new(point.x, 0.0, point.y));
         let (mut sum, mut weight) = (0.0, 0.0);
-        for look in looks {
-            let there_mm = look.pose.orientation.inverse() * (world_mm - look.pose.position_mm);
+        for angle in angles {
+            let there_mm = angle.pose.orientation.inverse() * (world_mm - angle.pose.position_mm);
             let place = sector.pixel_from_probe(DVec2::new(there_mm.x, there_mm.z)) - 0.5;
             let near = 1.0 - there_mm.y.powi(2) / (8.0 * ACROSS_SIGMA_MM.powi(2));
             let near = near.max(0.2).powi(8);
-            let (amplitude, shown) = look.at(sector, place, dynamic_range_db);
+            let (amplitude, shown) = angle.at(sector, place, dynamic_range_db);
             sum += near * amplitude;
             weight += near * shown;
         }

@@ -124,8 +124,8 @@ impl Buffers {
             pulse: uniform("pulse", 16 * u64::from(PULSE_QUADS), |b| &b.pulse)?,
             scatterer_gain: uniform("scatterer gain", 16 * u64::from(BLOCK_QUADS), |b| &b.scatterer_gain)?,
             sheet_reach: uniform("reach of the sheets", 16 * u64::from(BLOCK_QUADS), |b| &b.sheet_reach)?,
-            // The straight look has no places of its own.
-            pixels: work("pixels", sector_pixels * tables.looks.len() as u64, |b| &b.pixels)?,
+            // The straight angle has no places of its own.
+            pixels: work("pixels", sector_pixels * tables.angles.len() as u64, |b| &b.pixels)?,
             sector_words: work("sector words", sector_pixels / 4, |b| &b.sector_words)?,
             starts_inside: work("start membership", paths * 32, |b| &b.starts_inside)?,
             couplings: work("couplings", paths * 4, |b| &b.couplings)?,
@@ -167,7 +167,7 @@ impl Buffers {
         let places = |pixels: &[u32]| -> Vec<u32> {
             tables.sector_words.iter().flat_map(|&word| pixels[4 * word as usize..][..4].iter().copied()).collect()
         };
-        let steered = tables.looks.iter().map(|look| &look.pixels[..]).filter(|pixels| !pixels.is_empty());
+        let steered = tables.angles.iter().map(|angle| &angle.pixels[..]).filter(|pixels| !pixels.is_empty());
         let sector_pixels: Vec<u32> = std::iter::once(&tables.pixels[..]).chain(steered).flat_map(places).collect();
         let write = |buffer: &wgpu::Buffer, bytes: &[u8]| gpu.queue.write_buffer(buffer, 0, bytes);
         // Pads a table that is shorter than its uniform with zeros.

@@ -61,7 +61,7 @@ impl DeviceConfiguration {
             ("APERTURE", flag(on.has(Effect::Aperture))),
         ];
         let aperture = [("APERTURE", flag(on.has(Effect::Aperture)))];
-        let steered = tables.looks.iter().any(|look| look.steer_rad != 0.0);
+        let steered = tables.angles.iter().any(|angle| angle.steer_rad != 0.0);
         let lateral = [aperture[0], ("STEERED", flag(steered))];
         let lines = [params.scanlines.div_ceil(16), 1, 1];
         let cells = tables.aperture.as_ref().map_or(0, |tables| tables.sampling.cells as u32);

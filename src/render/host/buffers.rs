@@ -26,7 +26,7 @@ pub(super) struct Buffers {
     pub(super) kept_powers: Vec<[f32; 3]>,
     pub(super) gain: DepthGain,
     pub(super) layout: Layout,
-    /// Layouts of the looks; none of a look without steering.
+    /// Layouts of the angles; none of an angle without steering.
     pub(super) steered: Vec<Option<Layout>>,
     /// One-way attenuation of each tissue, nepers/mm.
     pub(super) rates_np_mm: [f32; TISSUES_MAX as usize + 1],
@@ -128,7 +128,7 @@ impl Buffers {
             kept_powers: zeros("scatterer powers", if batches.batches > 1 { samples } else { 0 })?,
             gain: DepthGain::default(),
             layout: layout(&tables.pixels),
-            steered: tables.looks.par_iter().map(|l| (!l.pixels.is_empty()).then(|| layout(&l.pixels))).collect(),
+            steered: tables.angles.par_iter().map(|l| (!l.pixels.is_empty()).then(|| layout(&l.pixels))).collect(),
             rates_np_mm: [0.0; TISSUES_MAX as usize + 1],
         })
     }

@@ -154,11 +154,11 @@ impl HostRenderer {
             rates_np_mm,
             constants: self.image,
         });
-        let steered = steered.get(inputs.look).and_then(Option::as_ref);
+        let steered = steered.get(inputs.angle).and_then(Option::as_ref);
         if let (Some(steered), None) = (steered, maps) {
             scan_convert(params, steered, &b.polar, None, into);
         } else {
-            // Maps are straight, whatever the look.
+            // Maps are straight, whatever the angle.
             scan_convert(params, layout, &b.polar, maps, into);
             if let Some(steered) = steered {
                 let image = Image { bmode: &mut frame.bmode, segmentation: &mut [], attenuation: &mut [] };

@@ -149,7 +149,7 @@ pub struct Inputs {
     pub reflections: bool,
     /// Whether beams and reflected paths bend.
     pub refraction: bool,
-    /// Range by which the wavefront of a steered look falls behind from one scanline to the next, mm.
+    /// Range by which the wavefront of a steered frame falls behind from one scanline to the next, mm.
     pub steer_shift_mm: f64,
     /// Angle between neighbouring scanlines of a phased array, radians; 0 for other arrays.
     pub line_angle_rad: f64,
@@ -237,7 +237,7 @@ impl Inputs {
         surface_words: &[u32],
         bvh: &Bvh,
         effects: EffectSet,
-        look: usize,
+        angle: usize,
     ) -> Self {
         let vector = |v: [f32; 4]| Vec4::from(v).truncate().as_dvec3();
         let rays = |table: &[[f32; 4]]| {
@@ -279,7 +279,7 @@ impl Inputs {
         let places = |pixels: &[u32]| -> Vec<Option<[f64; 2]>> {
             pixels.chunks_exact(stride).flat_map(|row| row[..params.image.width as usize].iter().map(place)).collect()
         };
-        let steered = tables.looks.get(look).map(|look| &look.pixels[..]).filter(|pixels| !pixels.is_empty());
+        let steered = tables.angles.get(angle).map(|angle| &angle.pixels[..]).filter(|pixels| !pixels.is_empty());
         Self {
             scene_from_probe: DMat3::from_cols(
                 vector(params.lateral),

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::camera::Camera;
 use super::caster::{Caster, Hit};
 use super::panel::{Panel, Picture};
-use super::shading::{BEAD, GROUND, HOUSING, Look, Plane, Sample, Scenery, colour_of};
+use super::shading::{Appearance, BEAD, GROUND, HOUSING, Plane, Sample, Scenery, colour_of};
 use super::{Cut, Direction, Fan, Orbit, Selection, ViewError, annotate};
 use crate::anatomy::{Axes, Mesh, Scene};
 use crate::sink::colour::opacities;
@@ -46,12 +46,12 @@ impl SceneView {
     pub fn new(scene: &Scene, selection: &Selection, fan: Option<Fan>, axes: Axes) -> Self {
         let shown: Vec<usize> = (0..scene.surfaces.len()).filter(|&i| selection.shown.get(i) == Some(&true)).collect();
         let meshes: Vec<&Mesh> = shown.iter().filter_map(|&i| scene.surfaces.get(i)).map(|s| &s.mesh).collect();
-        let mut looks = Vec::new();
+        let mut appearances = Vec::new();
         let mut corners_mm = Vec::new();
         for (&index, opacity) in shown.iter().zip(opacities(&meshes)) {
             let Some(surface) = scene.surfaces.get(index) else { continue };
             let name = scene.tissues.names().get(surface.tissue).map_or("", String::as_str);
-            looks.push(Look { colour: colour_of(name), opacity, tissue: Some(surface.tissue) });
+            appearances.push(Appearance { colour: colour_of(name), opacity, tissue: Some(surface.tissue) });
             let bounds = surface.mesh.bounds_mm().map(|b| [b.min.as_dvec3(), b.max.as_dvec3()]);
             corners_mm.extend(
                 bounds
@@ -66,11 +66,11 @@ impl SceneView {
         }
         corners_mm.extend(&probe_mm);
         if fan.is_some() {
-            looks.push(Look { colour: HOUSING, opacity: 1.0, tissue: None });
-            looks.push(Look { colour: BEAD, opacity: 1.0, tissue: None });
+            appearances.push(Appearance { colour: HOUSING, opacity: 1.0, tissue: None });
+            appearances.push(Appearance { colour: BEAD, opacity: 1.0, tissue: None });
         }
         let caster = Caster::new((0u32..).zip(meshes.iter().copied().chain(housing.iter().flatten())));
-        let scenery = Scenery { caster, looks, fan };
+        let scenery = Scenery { caster, appearances, fan };
         Self { scenery, tissue_names: scene.tissues.names().to_vec(), corners_mm, probe_mm, axes }
     }
 

@@ -20,7 +20,7 @@ const IMAGE_OPACITY: f32 = 0.93;
 const BEFORE_MM: f32 = 0.02;
 
 /// Appearance of a surface.
-pub(super) struct Look {
+pub(super) struct Appearance {
     pub(super) colour: Vec3,
     pub(super) opacity: f32,
     /// Its tissue; none for the probe.
@@ -46,7 +46,7 @@ pub(super) struct Sample {
 /// Surfaces with their appearances, and the probe's fan.
 pub(super) struct Scenery {
     pub(super) caster: Caster,
-    pub(super) looks: Vec<Look>,
+    pub(super) appearances: Vec<Appearance>,
     pub(super) fan: Option<Fan>,
 }
 
@@ -94,7 +94,7 @@ impl Scenery {
             (t as f32, self.medium_beyond(hits, t as f32))
         });
         let from = cut.map_or(f32::NEG_INFINITY, |(t, _)| t);
-        let probe = self.looks.len().saturating_sub(if self.fan.is_some() { 2 } else { 0 });
+        let probe = self.appearances.len().saturating_sub(if self.fan.is_some() { 2 } else { 0 });
         let mut next = hits.iter().filter(|hit| hit.t_mm >= from || hit.surface as usize >= probe).peekable();
         loop {
             let t_hit = next.peek().map_or(f32::INFINITY, |hit| hit.t_mm);
@@ -107,18 +107,18 @@ impl Scenery {
                     break;
                 }
             } else if t_cut <= t_hit && t_cut.is_finite() {
-                let medium = cut.take().and_then(|(_, medium)| medium).and_then(|m| self.looks.get(m));
+                let medium = cut.take().and_then(|(_, medium)| medium).and_then(|m| self.appearances.get(m));
                 // A section is opaque.
-                if let Some(look) = medium
-                    && !add(0.92 * look.colour, 1.0, look.tissue, 1 + look.tissue.unwrap_or(0) as u32)
+                if let Some(appearance) = medium
+                    && !add(0.92 * appearance.colour, 1.0, appearance.tissue, 1 + appearance.tissue.unwrap_or(0) as u32)
                 {
                     break;
                 }
             } else if let Some(hit) = next.next() {
-                let Some(look) = self.looks.get(hit.surface as usize) else { continue };
+                let Some(appearance) = self.appearances.get(hit.surface as usize) else { continue };
                 let facing = hit.cosine.abs().min(1.0);
-                let opacity = look.opacity + (1.0 - look.opacity) * 0.6 * (1.0 - facing).powi(3);
-                if !add(shade(look.colour, hit, camera), opacity, look.tissue, 1000 + hit.surface) {
+                let opacity = appearance.opacity + (1.0 - appearance.opacity) * 0.6 * (1.0 - facing).powi(3);
+                if !add(shade(appearance.colour, hit, camera), opacity, appearance.tissue, 1000 + hit.surface) {
                     break;
                 }
             } else {
@@ -134,7 +134,7 @@ impl Scenery {
         let mut highest = None;
         for hit in hits.iter().filter(|hit| hit.t_mm > t_mm) {
             let index = hit.surface as usize;
-            let tissue = self.looks.get(index).is_some_and(|look| look.tissue.is_some());
+            let tissue = self.appearances.get(index).is_some_and(|appearance| appearance.tissue.is_some());
             let Some(word) = met.get_mut(index >> 6).filter(|_| tissue) else { continue };
             let bit = 1 << (index & 63);
             // The point is inside if the first crossing beyond it leads outward.

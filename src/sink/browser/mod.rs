@@ -6,7 +6,6 @@
 //! [`Control`](crate::settings::Control).
 
 mod scene;
-mod settings;
 
 #[cfg(feature = "browser")]
 mod access;
@@ -27,8 +26,8 @@ mod sink;
 #[cfg(feature = "browser")]
 pub mod wire;
 
+pub use crate::settings::{BrowserSettings as Settings, TOKEN_CHARS_MIN};
 pub use scene::{ScenePacket, TRIANGLES_MAX};
-pub use settings::{Settings, TOKEN_CHARS_MIN};
 
 #[cfg(feature = "browser")]
 pub use shared::ClientCounters;

@@ -7,7 +7,7 @@
 //! | 0 | u8 × 4 | `INSF` |
 //! | 4 | u16 | version of this layout, 4 |
 //! | 6 | u8 | map that follows: 1 grey levels, 2 tissue numbers, 3 attenuation (255 = 1) |
-//! | 7 | u8 | source: 0 low quality, 1 enhanced, 2 held enhanced |
+//! | 7 | u8 | source: 0 raw, 1 generated, 2 held generated |
 //! | 8 | u64 | frame number |
 //! | 16 | u32 × 2 | width, height, pixels |
 //! | 24 | f64 | side of a pixel, mm |
@@ -21,7 +21,7 @@
 //! | 160 | f64 × 2 | part of the face in contact, 0..=1; its depth below the skin, mm (NaN: unknown) |
 //! | 176 | f64 × n | values of live settings, in the order of the first text message; switches are 0 or 1 |
 //! | 176 + 8n | u8 × width × height | the map, row-major |
-//! | | UTF-8 | a line each: name of the tier, operating point, its reason; then the notice |
+//! | | UTF-8 | a line each: name of the generator, operating point, its reason; then the notice |
 //!
 //! The maps 2 and 3 of a frame precede its grey levels, and are sent only to pages that request them.
 
@@ -67,12 +67,13 @@ pub(super) fn check(frame: &PresentedFrame) -> Result<(), SinkError> {
 /// Writes one message into `out`, which keeps its capacity.
 pub(super) fn encode(frame: &PresentedFrame, map: Map, out: &mut Vec<u8>) {
     let point = frame.point.as_deref();
-    let texts = [frame.tier.as_deref(), point.map(|p| &*p.name), point.map(|p| &*p.reason), frame.notice.as_deref()];
-    let [tier, name, reason, notice] = match map {
+    let texts =
+        [frame.generator.as_deref(), point.map(|p| &*p.name), point.map(|p| &*p.reason), frame.notice.as_deref()];
+    let [generator, name, reason, notice] = match map {
         Map::Image => texts.map(text),
         Map::Segmentation | Map::Attenuation => [""; 4],
     };
-    let lines = [tier, name, reason];
+    let lines = [generator, name, reason];
     let lines = if lines == [""; 3] { &[] } else { &lines[..] };
     out.clear();
     let bytes: usize = lines.iter().map(|line| line.len()).sum::<usize>() + lines.len().saturating_sub(1);
@@ -95,9 +96,9 @@ pub(super) fn encode(frame: &PresentedFrame, map: Map, out: &mut Vec<u8>) {
 fn header(frame: &PresentedFrame, map: Map, texts: [u16; 2], out: &mut Vec<u8>) {
     let times = &frame.info.timeline;
     let source = match frame.source {
-        FrameSource::LowQuality => 0,
-        FrameSource::Enhanced => 1,
-        FrameSource::HeldEnhanced => 2,
+        FrameSource::Raw => 0,
+        FrameSource::Generated => 1,
+        FrameSource::HeldGenerated => 2,
     };
     let tracking = frame.info.estimate.state as u8;
     let flags = [
@@ -166,7 +167,7 @@ mod tests {
                 contact: Some(Contact { part: 0.75, press_mm: Some(1.5), shift_mm: 0.0 }),
                 ..FrameInfo::default()
             },
-            source: FrameSource::HeldEnhanced,
+            source: FrameSource::HeldGenerated,
             width: 3,
             height: 4,
             pixel_mm: 0.25,
@@ -174,7 +175,7 @@ mod tests {
             segmentation: (12..24).collect(),
             attenuation: vec![0.0, 0.5, 1.0, 2.0, -1.0, f32::NAN, 0.1, 0.2, 0.3, 0.4, 0.6, 0.7],
             mask: vec![255, 0, 255, 0, 255, 0, 255, 255, 255, 255, 255, 255],
-            tier: Some("MSA".into()),
+            generator: Some("MSA".into()),
             point: Some(PointText { name: "1x3 + MSA".into(), reason: "it fits".into() }.into()),
             notice: Some("no generator µ".into()),
         }
@@ -216,7 +217,7 @@ mod tests {
     fn a_text_of_several_lines_is_sent_as_one() {
         let mut out = Vec::new();
         let point = PointText { name: "1x3".into(), reason: "it failed:\r\nno\tmemory µ".into() };
-        let frame = PresentedFrame { tier: None, point: Some(point.into()), notice: None, ..frame() };
+        let frame = PresentedFrame { generator: None, point: Some(point.into()), notice: None, ..frame() };
         encode(&frame, Map::Image, &mut out);
         let texts = &out[header_bytes() + 12..];
         assert_eq!(texts, "\n1x3\nit failed:  no memory µ".as_bytes());
@@ -227,7 +228,7 @@ mod tests {
     fn a_long_notice_is_cut_at_a_character() {
         let mut out = Vec::new();
         let notice = Some("µ".repeat(600) + "x");
-        encode(&PresentedFrame { notice, tier: None, point: None, ..frame() }, Map::Image, &mut out);
+        encode(&PresentedFrame { notice, generator: None, point: None, ..frame() }, Map::Image, &mut out);
         assert_eq!(out.len(), header_bytes() + 12 + 1024);
         assert!(std::str::from_utf8(&out[header_bytes() + 12..]).is_ok());
     }

@@ -12,7 +12,7 @@ use winit::keyboard::{Key, NamedKey};
 use winit::window::{Fullscreen, Window, WindowId};
 
 use super::Settings;
-use super::graphics::{Drawn, Graphics, Look};
+use super::graphics::{Drawing, Drawn, Graphics};
 use super::marks::{self, Banner, Figures};
 use super::sink::{NAME, Shown, Wake, WindowSlot};
 use crate::settings::{Action, Control, Display, LiveSettings, hot_key};
@@ -136,7 +136,7 @@ impl App {
     }
 
     /// Takes the newest frame, and exits if the sink has ended.
-    fn look(&mut self, event_loop: &ActiveEventLoop) {
+    fn poll(&mut self, event_loop: &ActiveEventLoop) {
         self.take_newest();
         if self.slot.state().sink_ended {
             event_loop.exit();
@@ -187,7 +187,7 @@ impl App {
             Some(Banner::Stale | Banner::Stuck) | None => 1.0,
         };
         window.pre_present_notify();
-        match graphics.draw(&Look { picture, brightness, marks_scale: scale }) {
+        match graphics.draw(&Drawing { picture, brightness, marks_scale: scale }) {
             Drawn::Done => self.rebuilds = 0,
             Drawn::Again => window.request_redraw(),
             Drawn::Lost => self.rebuild(event_loop),
@@ -255,11 +255,11 @@ impl App {
 fn labels(shown: &Shown) -> impl PartialEq + '_ {
     let FrameInfo { estimate, settings, .. } = &shown.info;
     let picture = (shown.width, shown.height, shown.pixel_mm, shown.face_row);
-    (picture, shown.source, estimate.state, settings, &shown.tier, &shown.notice)
+    (picture, shown.source, estimate.state, settings, &shown.generator, &shown.notice)
 }
 
 fn without_image(shown: &Shown) -> Shown {
-    Shown { image: Vec::new(), tier: shown.tier.clone(), notice: shown.notice.clone(), ..*shown }
+    Shown { image: Vec::new(), generator: shown.generator.clone(), notice: shown.notice.clone(), ..*shown }
 }
 
 /// The key's name as in `KeyboardEvent.key`.
@@ -306,11 +306,11 @@ impl ApplicationHandler<Wake> for App {
             self.fail(event_loop, reason);
         }
         // A frame may have come before this loop could be woken.
-        self.look(event_loop);
+        self.poll(event_loop);
     }
 
     fn user_event(&mut self, event_loop: &ActiveEventLoop, _wake: Wake) {
-        self.look(event_loop);
+        self.poll(event_loop);
     }
 
     fn window_event(&mut self, event_loop: &ActiveEventLoop, _id: WindowId, event: WindowEvent) {

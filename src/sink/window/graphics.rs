@@ -24,7 +24,7 @@ struct Uniforms {
 
 /// Drawing parameters of a frame.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Look {
+pub(super) struct Drawing {
     pub(super) picture: Placement,
     /// Brightness of the picture; below 1 if it can't be trusted.
     pub(super) brightness: f32,
@@ -158,7 +158,7 @@ impl Graphics {
     }
 
     /// Draws.
-    pub(super) fn draw(&self, look: &Look) -> Drawn {
+    pub(super) fn draw(&self, drawing: &Drawing) -> Drawn {
         let texture = match self.surface.get_current_texture() {
             _ if self.lost.load(Ordering::Relaxed) => return Drawn::Lost,
             Acquired::Success(texture) | Acquired::Suboptimal(texture) => texture,
@@ -169,12 +169,12 @@ impl Graphics {
             }
             Acquired::Lost | Acquired::Validation => return Drawn::Lost,
         };
-        let Placement { x, y, width, height } = look.picture;
+        let Placement { x, y, width, height } = drawing.picture;
         let uniforms = Uniforms {
-            picture: [x, y, width, height].map(|v| v * look.marks_scale as f32),
-            marks_scale: look.marks_scale as f32,
+            picture: [x, y, width, height].map(|v| v * drawing.marks_scale as f32),
+            marks_scale: drawing.marks_scale as f32,
             surface_is_srgb: if self.configuration.format.is_srgb() { 1.0 } else { 0.0 },
-            brightness: look.brightness,
+            brightness: drawing.brightness,
             unused: 0.0,
         };
         self.queue.write_buffer(&self.uniforms, 0, bytemuck::bytes_of(&uniforms));

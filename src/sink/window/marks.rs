@@ -177,12 +177,12 @@ fn tracking_badge(shown: &Shown) -> (&'static str, Rgb) {
 fn badges(canvas: &mut Canvas, shown: &Shown, figures: &Figures) {
     let run = if shown.info.settings.frozen { ("FROZEN", COLD) } else { ("LIVE", ACCENT) };
     let source = match shown.source {
-        FrameSource::Enhanced => ("ENHANCED", ACCENT),
-        FrameSource::HeldEnhanced => ("HELD", WARN),
-        FrameSource::LowQuality => ("LOW QUALITY", FAINT),
+        FrameSource::Generated => ("GENERATED", ACCENT),
+        FrameSource::HeldGenerated => ("HELD GENERATED", WARN),
+        FrameSource::Raw => ("RAW", FAINT),
     };
     let mut x = 14;
-    for (text, colour) in [run, source, tracking_badge(shown), (shown.tier.as_str(), FAINT)] {
+    for (text, colour) in [run, source, tracking_badge(shown), (shown.generator.as_str(), FAINT)] {
         canvas.text(x, 12, text, Text::Small, colour);
         x += Text::Small.width(text) + 22;
     }

@@ -18,9 +18,4 @@ pub use event_loop::run_on_main_thread;
 #[cfg(feature = "window")]
 pub use sink::{WindowSink, WindowSlot};
 
-/// The `[window]` of a station.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Settings {
-    /// Whether the window fills the screen at first.
-    pub full_screen: bool,
-}
+pub use crate::settings::WindowSettings as Settings;

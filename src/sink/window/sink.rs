@@ -26,7 +26,7 @@ pub(super) struct Shown {
     pub(super) source: FrameSource,
     pub(super) info: FrameInfo,
     pub(super) latency: Duration,
-    pub(super) tier: String,
+    pub(super) generator: String,
     pub(super) notice: String,
 }
 
@@ -36,7 +36,7 @@ impl Shown {
         (self.pixel_mm, self.face_row) = (frame.pixel_mm, frame.face_row());
         self.image.clone_from(&frame.image);
         (self.source, self.info, self.latency) = (frame.source, frame.info, frame.latency());
-        for (to, from) in [(&mut self.tier, &frame.tier), (&mut self.notice, &frame.notice)] {
+        for (to, from) in [(&mut self.generator, &frame.generator), (&mut self.notice, &frame.notice)] {
             to.clear();
             to.push_str(from.as_deref().unwrap_or(""));
         }
@@ -144,7 +144,7 @@ mod tests {
             height: 2,
             image: vec![number as u8; 4],
             mask: vec![255; 4],
-            tier: Some("MS".into()),
+            generator: Some("MS".into()),
             point: None,
             ..PresentedFrame::default()
         }
@@ -159,7 +159,7 @@ mod tests {
             sink.present(&frame(number)).unwrap();
         }
         assert!(slot.take(&mut shown) && !slot.take(&mut shown));
-        assert_eq!((shown.image[0], shown.tier.as_str(), slot.dropped()), (3, "MS", 2));
+        assert_eq!((shown.image[0], shown.generator.as_str(), slot.dropped()), (3, "MS", 2));
     }
 
     #[test]

@@ -34,7 +34,7 @@ const SET_UP_FAILURES: u32 = 3;
 const NOTICES_LIMIT: usize = 8;
 
 /// Searches for a tool per report that there is none.
-const NO_TOOL_LOOKS: u32 = 10;
+const NO_TOOL_POLLS: u32 = 10;
 
 /// Bit of the system status: a port was newly occupied.
 const PORT_OCCUPIED: u16 = 0x0040;
@@ -188,7 +188,7 @@ impl NdiDriver {
             Next::NoTool => {
                 self.state = State::Ask(Step::ListStale, now + NO_TOOL_PAUSE);
                 self.no_tool += 1;
-                if self.no_tool % NO_TOOL_LOOKS == 1 {
+                if self.no_tool % NO_TOOL_POLLS == 1 {
                     return Err(Reason::NoTool);
                 }
             }

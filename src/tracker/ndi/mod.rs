@@ -91,7 +91,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             format: ReplyFormat::Binary,
-            out_of_volume: true,
+            out_of_volume: crate::settings::TrackerSettings::default().ndi_out_of_volume,
             baud: None,
             roms: Vec::new(),
             rom_files: Vec::new(),

@@ -13,7 +13,7 @@ use crate::tracker::arrival::StampedBuffer;
 use crate::tracker::clock::{host_time_ns, nanoseconds};
 use crate::tracker::driver::Driver;
 use crate::tracker::passive::Passive;
-use crate::tracker::recording::{RecordingInfo, RecordingReader};
+use crate::tracker::playback::Playback;
 use crate::tracker::settings::{Settings, Transport};
 use crate::tracker::transport::{Port, Received};
 use crate::tracker::{AxisMap, DecodeError, Listener, Protocol, Record, TrackerError, TrackerEvent};
@@ -72,39 +72,36 @@ impl SessionHandle {
     }
 }
 
-/// Protocol and selected sensor of a tracker's bytes: the station's, or those of a recording. `None` takes the first
-/// sensor received.
-///
-/// # Errors
-/// The recording cannot be read.
-pub fn stream_of(settings: &Settings) -> Result<(Protocol, Option<u16>), TrackerError> {
-    match &settings.transport {
-        Transport::Recording { path, .. } => Ok(selection(settings, Some(RecordingReader::open(path)?.info()))),
-        _ => Ok(selection(settings, None)),
-    }
-}
-
-fn selection(settings: &Settings, recording: Option<&RecordingInfo>) -> (Protocol, Option<u16>) {
-    let (protocol, sensor) = match recording {
-        Some(info) => (info.protocol, info.sensor),
-        None => (settings.protocol, settings.protocol.first_sensor()),
-    };
-    (protocol, settings.device.sensor.or(sensor))
-}
-
-/// Starts a session. It ends soon after `cancel`, in any state, or after the last byte of a recording.
+/// Starts a session with a device. It ends soon after `cancel`, in any state.
 ///
 /// A missing device is not an error: the session waits for it.
 ///
 /// # Errors
-/// The transport cannot carry the protocol or is not built in; a recording or tool description cannot be read; or no
-/// thread is available.
+/// The transport cannot carry the protocol, is not built in, or is a recording, whose bytes [`play`] takes; a tool
+/// description cannot be read; or no thread is available.
 pub fn spawn(
     settings: &Settings,
     listener: Box<dyn Listener>,
     cancel: CancellationToken,
 ) -> Result<SessionHandle, TrackerError> {
-    let session = Session::new(settings, listener, cancel)?;
+    start(Session::new(settings, None, listener, cancel)?)
+}
+
+/// Starts a session that plays recorded bytes at the speed of `settings`, a [`Transport::Recording`]. It ends soon after
+/// `cancel`, or after the last byte.
+///
+/// # Errors
+/// No thread is available.
+pub fn play(
+    settings: &Settings,
+    playback: Box<dyn Playback>,
+    listener: Box<dyn Listener>,
+    cancel: CancellationToken,
+) -> Result<SessionHandle, TrackerError> {
+    start(Session::new(settings, Some(playback), listener, cancel)?)
+}
+
+fn start(session: Session) -> Result<SessionHandle, TrackerError> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(TrackerError::Thread)?;
     let thread = std::thread::Builder::new()
         .name("tracker".to_owned())
@@ -142,17 +139,25 @@ struct Session {
 }
 
 impl Session {
-    fn new(settings: &Settings, listener: Box<dyn Listener>, cancel: CancellationToken) -> Result<Self, TrackerError> {
+    fn new(
+        settings: &Settings,
+        playback: Option<Box<dyn Playback>>,
+        listener: Box<dyn Listener>,
+        cancel: CancellationToken,
+    ) -> Result<Self, TrackerError> {
         let transport = &settings.transport;
         if !transport.carries(settings.protocol) {
             let (protocol, transport) = (settings.protocol.name(), transport.name());
             return Err(TrackerError::Mismatch { protocol, transport });
         }
-        let port = Port::new(transport)?;
-        let recording = if let Port::Recording(recording) = &port { Some(recording.info()) } else { None };
-        let (protocol, sensor) = selection(settings, recording);
+        let port = Port::new(transport, playback)?;
+        let recorded = match &port {
+            Port::Playback(port) => Some((port.source().protocol(), port.source().sensor())),
+            _ => None,
+        };
+        let (protocol, sensor) = settings.stream(recorded);
         // A recorded device receives no commands.
-        let driver: Box<dyn Driver> = if recording.is_some() {
+        let driver: Box<dyn Driver> = if recorded.is_some() {
             Box::new(Passive::new(protocol, &settings.device))
         } else {
             let mut device = settings.device.clone();

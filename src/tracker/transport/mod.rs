@@ -7,6 +7,7 @@ use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 
 use super::TrackerError;
 use super::driver::Line;
+use super::playback::Playback;
 use super::settings::Transport;
 
 #[cfg(feature = "hid")]
@@ -14,7 +15,7 @@ mod hid;
 mod mock;
 #[cfg(test)]
 pub(super) mod pipe;
-mod recording;
+mod playback;
 #[cfg(feature = "serial")]
 mod serial;
 mod tcp;
@@ -48,14 +49,14 @@ pub(super) enum Port {
     #[cfg(feature = "hid")]
     Hid(hid::HidPort),
     Mock(Box<mock::MockPort>),
-    Recording(Box<recording::RecordingPort>),
+    Playback(playback::PlaybackPort),
     #[cfg(test)]
     Pipe(pipe::PipePort),
 }
 
 impl Port {
     /// A port that isn't open yet.
-    pub(super) fn new(transport: &Transport) -> Result<Self, TrackerError> {
+    pub(super) fn new(transport: &Transport, playback: Option<Box<dyn Playback>>) -> Result<Self, TrackerError> {
         Ok(match transport {
             Transport::None => Self::None,
             #[cfg(feature = "serial")]
@@ -69,8 +70,9 @@ impl Port {
             #[cfg(not(feature = "hid"))]
             Transport::Hid { .. } => return Err(TrackerError::NotBuilt { feature: "hid" }),
             Transport::Mock(settings) => Self::Mock(Box::new(mock::MockPort::new(settings.clone()))),
-            Transport::Recording { path, speed, repeat } => {
-                Self::Recording(Box::new(recording::RecordingPort::open(path, *speed, *repeat)?))
+            Transport::Recording { speed, repeat, .. } => {
+                let source = playback.ok_or(TrackerError::NoPlayback)?;
+                Self::Playback(playback::PlaybackPort::new(source, *speed, *repeat))
             }
         })
     }
@@ -86,7 +88,7 @@ impl Port {
             #[cfg(feature = "hid")]
             Self::Hid(port) => port.open().await,
             Self::Mock(port) => port.open(),
-            Self::Recording(port) => Ok(port.name()),
+            Self::Playback(port) => Ok(port.source().name()),
             #[cfg(test)]
             Self::Pipe(port) => port.open(),
         }
@@ -104,7 +106,7 @@ impl Port {
             #[cfg(feature = "hid")]
             Self::Hid(port) => port.receive(piece).await,
             Self::Mock(port) => port.receive(piece).await,
-            Self::Recording(port) => port.receive(piece).await,
+            Self::Playback(port) => port.receive(piece).await,
             #[cfg(test)]
             Self::Pipe(port) => port.receive(piece).await,
         }
@@ -136,7 +138,7 @@ impl Port {
 
     pub(super) fn close(&mut self) {
         match self {
-            Self::None | Self::Mock(_) | Self::Recording(_) => {}
+            Self::None | Self::Mock(_) | Self::Playback(_) => {}
             #[cfg(feature = "serial")]
             Self::Serial(port) => port.close(),
             Self::Tcp(port) => port.close(),
@@ -158,7 +160,7 @@ impl Port {
             Self::Tcp(_) => true,
             #[cfg(test)]
             Self::Pipe(_) => true,
-            Self::None | Self::Udp(_) | Self::Mock(_) | Self::Recording(_) => false,
+            Self::None | Self::Udp(_) | Self::Mock(_) | Self::Playback(_) => false,
         }
     }
 
@@ -174,7 +176,7 @@ impl Port {
 
     /// Whether the port may recover after an error.
     pub(super) fn may_recover(&self) -> bool {
-        !matches!(self, Self::Recording(_))
+        !matches!(self, Self::Playback(_))
     }
 }
 

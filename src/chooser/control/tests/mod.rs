@@ -21,20 +21,20 @@ fn the_point_chosen_is_the_best_of_all_on_machines_of_any_speed() {
         Machine { frame_ms: 1.0, path_ms: 0.1, run_ms: [1.0, 2.0], spread: 1.05 },
     ];
     for machine in &machines {
-        for budget_ms in [33.0, 50.0, 60.0, 71.0, 100.0] {
-            let mut controller = machine.controller(budget_ms);
+        for frame_budget_ms in [33.0, 50.0, 60.0, 71.0, 100.0] {
+            let mut controller = machine.controller(frame_budget_ms);
             let seen = session(&mut controller, machine, 0.0, 120.0, |_| (1.0, 1.0));
-            let best = best_of_all(machine, ROOM * budget_ms, (1.0, 1.0));
+            let best = best_of_all(machine, ROOM * frame_budget_ms, (1.0, 1.0));
             if best.is_finite() {
-                assert!(controller.point().error.at_rest <= best, "{machine:?} {budget_ms}: {:?}", seen.changes);
+                assert!(controller.point().error.at_rest <= best, "{machine:?} {frame_budget_ms}: {:?}", seen.changes);
                 assert_eq!(seen.over, 0);
             } else {
                 let ms = controller.expected_ms(&controller.point());
-                assert!(ms <= OVER_LEAST_MAX * least_ms(machine), "{machine:?} {budget_ms}: {ms} ms");
+                assert!(ms <= OVER_LEAST_MAX * least_ms(machine), "{machine:?} {frame_budget_ms}: {ms} ms");
             }
             // Where none fits, one may turn out not to fit even nearly.
             let most = usize::from(best.is_infinite());
-            assert!(seen.changes.len() <= most, "{machine:?} {budget_ms}: {:?}", seen.changes);
+            assert!(seen.changes.len() <= most, "{machine:?} {frame_budget_ms}: {:?}", seen.changes);
         }
     }
 }
@@ -424,8 +424,8 @@ fn a_disturbed_start_is_forgiven() {
 #[test]
 fn the_exams_changing_frames_cost_few_changes_and_little_error() {
     let load = |now_s: f64| [EXAM[(2.0 * now_s) as usize % EXAM.len()], 1.0].into();
-    for budget_ms in [50.0, 64.0, 71.0, 90.0] {
-        let mut controller = TWO_CORES.controller(budget_ms);
+    for frame_budget_ms in [50.0, 64.0, 71.0, 90.0] {
+        let mut controller = TWO_CORES.controller(frame_budget_ms);
         session(&mut controller, &TWO_CORES, 0.0, 120.0, load);
         let (mut over, mut frames, mut error) = (0, 0, 0.0);
         for minute in 2..12 {
@@ -438,12 +438,12 @@ fn the_exams_changing_frames_cost_few_changes_and_little_error() {
                 frames += seen.frames;
                 error += controller.point().error.at_rest / 600.0;
             }
-            assert!(changes <= 2, "{budget_ms} ms: {changes} changes in minute {minute}");
+            assert!(changes <= 2, "{frame_budget_ms} ms: {changes} changes in minute {minute}");
         }
-        assert!(over * 20 <= frames, "{budget_ms} ms: {over} of {frames}");
+        assert!(over * 20 <= frames, "{frame_budget_ms} ms: {over} of {frames}");
         // The best that could be kept all the time.
         let p95 = crate::statistics::nearest_rank(&crate::statistics::sorted(EXAM), 0.95).unwrap();
-        let best = best_of_all(&TWO_CORES, budget_ms, (p95, 1.0));
-        assert!(error <= 1.1 * best, "{budget_ms} ms: {error} for {best}");
+        let best = best_of_all(&TWO_CORES, frame_budget_ms, (p95, 1.0));
+        assert!(error <= 1.1 * best, "{frame_budget_ms} ms: {error} for {best}");
     }
 }

@@ -6,6 +6,7 @@ use std::time::Duration;
 use tokio_util::sync::CancellationToken;
 
 use super::*;
+use crate::recording::{self, RecordingPlayback};
 use crate::tracker::{Protocol, Speed, mock};
 
 mod devices;
@@ -45,9 +46,16 @@ impl Listener for TrackerListener {
     }
 }
 
+/// Bytes of the recording that the settings name.
+fn playback(settings: &Settings) -> Option<Box<dyn Playback>> {
+    let Transport::Recording { path, .. } = &settings.transport else { return None };
+    Some(Box::new(RecordingPlayback::open(path).unwrap()))
+}
+
 fn session(settings: &Settings) -> (Session, Shared, CancellationToken) {
     let (calls, cancel) = (Shared::default(), CancellationToken::new());
-    let session = Session::new(settings, Box::new(TrackerListener(calls.clone())), cancel.clone()).unwrap();
+    let session =
+        Session::new(settings, playback(settings), Box::new(TrackerListener(calls.clone())), cancel.clone()).unwrap();
     (session, calls, cancel)
 }
 
@@ -147,8 +155,10 @@ fn impossible_settings_are_refused() {
     assert_eq!(error.to_string(), "trackers that speak `ascii-line` aren't reached by transport `hid`");
     let path = "/nonexistent/a.mcap".into();
     let transport = Transport::Recording { path, speed: Speed::AtOnce, repeat: false };
-    let error =
-        spawn(&Settings { transport, ..Settings::default() }, listener(), CancellationToken::new()).unwrap_err();
+    let settings = Settings { transport, ..Settings::default() };
+    let error = spawn(&settings, listener(), CancellationToken::new()).unwrap_err();
+    assert!(matches!(error, TrackerError::NoPlayback), "{error}");
+    let error = recording::spawn(&settings, listener(), CancellationToken::new()).unwrap_err();
     assert!(error.to_string().contains("cannot read the recording /nonexistent/a.mcap"), "{error}");
 }
 

@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::pose::{Pose, Reading};
+use crate::recording::{RecordingInfo, RecordingWriter, stream_of};
 use crate::tracker::ascii_line;
-use crate::tracker::recording::RecordingWriter;
 
 fn line(n: u32) -> String {
     let pose = Pose::from_components([f64::from(n), 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]).unwrap();
@@ -40,7 +40,7 @@ async fn a_recording_played_at_once_keeps_its_times() {
     let (session, calls, _) = session(&settings);
     let summary = session.run().await;
     let calls = calls.lock().unwrap();
-    let (poses, _) = crate::tracker::recording::poses(&dir.path().join("a.mcap")).unwrap();
+    let (poses, _) = crate::recording::poses(&dir.path().join("a.mcap")).unwrap();
     let expected: Vec<_> = poses.iter().map(|p| (p.host_time_ns, Reading::Pose(p.pose))).collect();
     let found: Vec<_> = calls.records.iter().map(|(time, record)| (*time, record.reading)).collect();
     assert_eq!(found, expected);

@@ -23,8 +23,8 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use super::{Protocol, TrackerEvent, UnknownProtocol};
 use crate::pose::{Pose, TrackingState};
+use crate::tracker::{Protocol, TrackerEvent, UnknownProtocol};
 
 #[cfg(feature = "recordings")]
 mod attached;
@@ -33,8 +33,11 @@ mod caliper;
 mod decoded;
 #[cfg(feature = "recordings")]
 mod in_order;
+pub mod interchange;
 #[cfg(feature = "recordings")]
 mod part;
+#[cfg(feature = "live")]
+mod playback;
 #[cfg(feature = "recordings")]
 mod pose_json;
 #[cfg(feature = "recordings")]
@@ -46,6 +49,8 @@ mod poses;
 mod reader;
 #[cfg(feature = "recordings")]
 mod recorder;
+#[cfg(feature = "recordings")]
+mod report;
 #[cfg(feature = "recordings")]
 mod summary;
 mod timing;
@@ -60,6 +65,8 @@ pub use caliper::{CALIPER_EVENT, CaliperEvent, ellipse_circumference_mm};
 pub use decoded::{DecodedRecording, Item};
 #[cfg(feature = "recordings")]
 pub use part::part_path;
+#[cfg(feature = "live")]
+pub use playback::{RecordingPlayback, spawn, stream_of};
 pub use poses::poses;
 #[cfg(feature = "recordings")]
 pub use poses::{measurements, poses_of, read_all, read_both};
@@ -67,6 +74,8 @@ pub use poses::{measurements, poses_of, read_all, read_both};
 pub use reader::{Damage, RecordingReader};
 #[cfg(feature = "recordings")]
 pub use recorder::{QueueLimits, Recorded, Recorder, RecorderError, RecorderHandle};
+#[cfg(feature = "recordings")]
+pub use report::RecordingReport;
 #[cfg(feature = "recordings")]
 pub use summary::RecordingSummary;
 pub use timing::{GAP_NS, Gap, Timing};

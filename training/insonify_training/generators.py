@@ -1,4 +1,4 @@
-"""Configurations of trained tiers: those that insonify ships, those of the paper's tables, and the paper's own for a GPU."""
+"""Configurations of trained generators: those that insonify ships, those of the paper's tables, and the paper's own for a GPU."""
 
 import sys
 from dataclasses import asdict, dataclass, fields, replace
@@ -116,8 +116,8 @@ def _variants(name, config, variants=("M", "MS", "MSA"), suffix=""):
     return {f"{name}_{variant.lower()}{suffix}": replace(config, variant=variant) for variant in variants}
 
 
-# Tiers by name: NETWORK_VARIANT, for another input or target NETWORK_VARIANT_DATA.
-TIERS = {
+# Generators by name: NETWORK_VARIANT, for another input or target NETWORK_VARIANT_DATA.
+GENERATORS = {
     **_variants("fast", FAST),
     **_variants("middle", MIDDLE),
     **_variants("fast", replace(FAST, lq=ROLLING, **NATURAL), suffix="_rolling"),
@@ -130,9 +130,9 @@ TIERS = {
     **_variants("classic", CLASSIC),
     **_variants("paper", PAPER),
 }
-# Tiers in assets/generators, in the order of their training.
+# Generators in assets/generators, in the order of their training.
 SHIPPED = ("beam_m_rolling", "beam_msa", "fast_msa", "fast_ms", "fast_m")
-# Tiers that only the tables compare with.
+# Generators that only the tables compare with.
 TABLE = (
     "fast_m_rolling", "beam_msa_rolling", "beam4_m_rolling",
     "middle_msa", "middle_ms", "middle_m", "middle_m_rolling",
@@ -140,12 +140,12 @@ TABLE = (
 )  # fmt: skip
 
 if __name__ == "__main__":
-    # For scripts/train: the tiers of the list that is asked for, or the data set, LQ and HQ of each named one.
+    # For scripts/train: the generators of the list that is asked for, or the data set, LQ and HQ of each named one.
     lists = {"shipped": SHIPPED, "table": TABLE}
     if sys.argv[1:2] and sys.argv[1] in lists:
         print(*lists[sys.argv[1]])
     else:
         for name in sys.argv[1:]:
-            if name not in TIERS:
-                raise SystemExit(f"no tier is called {name}; there are {', '.join(TIERS)}")
-            print(name, TIERS[name].data, TIERS[name].lq, TIERS[name].hq)
+            if name not in GENERATORS:
+                raise SystemExit(f"no generator is called {name}; there are {', '.join(GENERATORS)}")
+            print(name, GENERATORS[name].data, GENERATORS[name].lq, GENERATORS[name].hq)

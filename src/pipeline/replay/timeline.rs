@@ -1,21 +1,19 @@
 //! A recording's poses at the times of a video's frames.
 
-use anyhow::anyhow;
-use insonify::pipeline::ReplayedPoses;
-use insonify::pose::{Pose, TimedPose, TrackingState, interpolate};
-use insonify::settings::LiveSettings;
-use insonify::sink::FrameRate;
-use insonify::tracker::recording::GAP_NS;
-
-use super::Failure;
+use super::ReplayError;
+use crate::pipeline::replayed::ReplayedPoses;
+use crate::pose::{Pose, TimedPose, TrackingState, interpolate};
+use crate::recording::GAP_NS;
+use crate::settings::LiveSettings;
+use crate::sink::FrameRate;
 
 /// Poses at equal distances in time.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(crate) struct Timeline {
+pub struct Timeline {
     /// Pose of each frame; the previous one if it is unknown.
-    pub(crate) poses: Vec<Pose>,
+    pub poses: Vec<Pose>,
     /// Host time of each frame, ns.
-    pub(crate) times_ns: Vec<u64>,
+    pub times_ns: Vec<u64>,
     /// Host time of the scene shown in each frame, ns; held while the picture is frozen.
     scene_times_ns: Vec<u64>,
     /// Host time of scene time 0, ns.
@@ -29,7 +27,10 @@ const FRAMES_MAX: u128 = 1_000_000;
 
 impl Timeline {
     /// Samples `poses` from the first to the last at `rate`.
-    pub(crate) fn new(poses: &[TimedPose], rate: FrameRate) -> Result<Self, Failure> {
+    ///
+    /// # Errors
+    /// Times that span too many frames.
+    pub fn new(poses: &[TimedPose], rate: FrameRate) -> Result<Self, ReplayError> {
         let (Some(first), Some(last)) = (poses.first(), poses.last()) else { return Ok(Self::default()) };
         Self::sampled(first.host_time_ns, last.host_time_ns, rate, |time_ns| {
             let pose = interpolate(poses, time_ns, GAP_NS);
@@ -39,12 +40,15 @@ impl Timeline {
 
     /// Samples the poses that a live session would have known, from `first_ns` to `last_ns` at `rate`. Starts with the
     /// first pose.
-    pub(crate) fn replayed(
+    ///
+    /// # Errors
+    /// Times that span too many frames.
+    pub fn replayed(
         poses: &mut ReplayedPoses,
         first_ns: u64,
         last_ns: u64,
         rate: FrameRate,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self, ReplayError> {
         Self::sampled(first_ns, last_ns, rate, |time_ns| {
             let estimate = poses.at(time_ns);
             (estimate.scene_from_probe, matches!(estimate.state, TrackingState::Good | TrackingState::Stuck))
@@ -58,15 +62,16 @@ impl Timeline {
         last_ns: u64,
         rate: FrameRate,
         mut pose_at: impl FnMut(u64) -> (Option<Pose>, bool),
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self, ReplayError> {
         let span_ns = u128::from(last_ns.saturating_sub(first_ns));
         let frames = span_ns * u128::from(rate.numerator) / (u128::from(rate.denominator) * 1_000_000_000);
         if frames > FRAMES_MAX {
-            return Err(Failure::Input(anyhow!(
-                "the recording's host times span {:.0} s: {frames} frames at {:.1} a second, at most {FRAMES_MAX} are rendered; is a time stamp wrong?",
-                span_ns as f64 * 1e-9,
-                rate.fps()
-            )));
+            return Err(ReplayError::Span {
+                span_s: span_ns as f64 * 1e-9,
+                frames,
+                frames_max: FRAMES_MAX,
+                fps: rate.fps(),
+            });
         }
         let mut timeline = Self { scene_start_ns: first_ns, ..Self::default() };
         for frame in 0u64.. {
@@ -90,13 +95,14 @@ impl Timeline {
     }
 
     /// Sets scene time 0 to the session's start, `start_ns`; the default is the first frame.
-    pub(crate) fn since(mut self, start_ns: u64) -> Self {
+    #[must_use]
+    pub fn since(mut self, start_ns: u64) -> Self {
         self.scene_start_ns = start_ns;
         self
     }
 
     /// Holds pose and scene in frozen frames; `live` has the settings of each frame.
-    pub(crate) fn freeze(&mut self, live: &[LiveSettings]) {
+    pub fn freeze(&mut self, live: &[LiveSettings]) {
         let mut last = None;
         for ((pose, time_ns), live) in self.poses.iter_mut().zip(&mut self.scene_times_ns).zip(live) {
             if live.frozen {
@@ -107,17 +113,17 @@ impl Timeline {
     }
 
     /// Number of `frames` whose pose is not exactly of their time.
-    pub(crate) fn held_in(&self, frames: std::ops::Range<usize>) -> usize {
+    pub fn held_in(&self, frames: std::ops::Range<usize>) -> usize {
         self.held.get(frames).unwrap_or_default().iter().filter(|held| **held).count()
     }
 
     /// Whether a frame's pose is not exactly of its time.
-    pub(crate) fn is_held(&self, frame: usize) -> bool {
+    pub fn is_held(&self, frame: usize) -> bool {
         self.held.get(frame).copied().unwrap_or_default()
     }
 
     /// Time of a frame since the first pose, s.
-    pub(crate) fn seconds(&self, frame: usize) -> f64 {
+    pub fn seconds(&self, frame: usize) -> f64 {
         match (self.times_ns.first(), self.times_ns.get(frame)) {
             (Some(first), Some(time)) => (time - first) as f64 * 1e-9,
             _ => 0.0,
@@ -125,13 +131,13 @@ impl Timeline {
     }
 
     /// Time of the scene in a frame, s.
-    pub(crate) fn scene_s(&self, frame: usize) -> f64 {
+    pub fn scene_s(&self, frame: usize) -> f64 {
         let time_ns = self.scene_times_ns.get(frame).copied().unwrap_or_default();
         time_ns.saturating_sub(self.scene_start_ns) as f64 * 1e-9
     }
 
     /// The frame nearest to a host time.
-    pub(crate) fn nearest(&self, time_ns: u64) -> usize {
+    pub fn nearest(&self, time_ns: u64) -> usize {
         let after = self.times_ns.partition_point(|&t| t < time_ns);
         let candidates = [after.saturating_sub(1), after.min(self.times_ns.len().saturating_sub(1))];
         let distance = |i: &usize| self.times_ns.get(*i).map_or(u64::MAX, |t| t.abs_diff(time_ns));

@@ -8,9 +8,9 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use super::recording::{Event, RecordingError, RecordingInfo, RecordingWriter};
-use super::{Protocol, ascii_line};
+use super::{Event, RecordingError, RecordingInfo, RecordingWriter};
 use crate::pose::Pose;
+use crate::tracker::{Protocol, ascii_line};
 
 pub mod csv;
 pub mod meta_image;

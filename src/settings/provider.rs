@@ -5,6 +5,8 @@ use std::str::FromStr;
 
 use serde::Serialize;
 
+use super::stored_word;
+
 /// Execution provider of a model. An unavailable one is an error: there is no silent fallback to the CPU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -19,6 +21,7 @@ pub enum Provider {
 }
 
 crate::names::named!(Provider { Cpu = "cpu", Cuda = "cuda", TensorRt = "tensorrt" });
+stored_word!(Provider);
 
 impl Provider {
     /// Whether a run can be stopped midway. ONNX Runtime checks between the nodes of a model; TensorRT turns the whole

@@ -1,53 +1,29 @@
 //! Frames from poses: one interface for all backends; up to two frames are in flight.
 
+mod frames;
+
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
 
 use glam::DVec3;
 
+use super::angle_order::AngleOrder;
 use super::backend::Backend;
 use super::compounding::Compounding;
 use super::configuration::{Configuration, FrameInputs, Media};
 use super::constants::TISSUES_MAX;
 use super::error::RenderError;
-use super::frame::{Contents, FRAMES_IN_FLIGHT, Frame, FrameTimes};
+use super::frame::{FRAMES_IN_FLIGHT, Frame};
 use super::hooks::TestHooks;
-use super::look_order::{LookOrder, Place, Rules};
 use super::maker::FrameMaker;
 use super::plan::EffectPlan;
-use super::receiver::noise_seed;
-use super::snapshot::Snapshot;
 use crate::anatomy::scene::SURFACES_MAX;
 use crate::anatomy::{Bvh, Scene, Skin};
 use crate::pose::Pose;
-use crate::settings::RenderSettings;
-use crate::settings::SettingsGroup as _;
-use crate::settings::{Choice, Effect};
-use crate::transducer::{Contact, Probe, ScanGeometry, Sector, touch};
-
-/// A frame that was submitted and not received.
-#[derive(Debug)]
-struct InFlight {
-    /// Mask of the settings that it was submitted with.
-    mask: Arc<[u8]>,
-    scan: ScanGeometry,
-    contact: Option<Contact>,
-    look: usize,
-    place: Place,
-    /// [`Renderer::generation`] at its submission.
-    generation: u64,
-    motion_ms: f64,
-    started: Instant,
-}
-
-/// A probe in the scene.
-#[derive(Debug)]
-struct Placed {
-    pose: Pose,
-    contact: Option<Contact>,
-    place: Place,
-}
+use crate::settings::{Effect, RenderSettings, SettingsGroup as _};
+use crate::transducer::{Probe, Sector};
+use frames::InFlight;
 
 /// Renders frames of one scene.
 #[derive(Debug)]
@@ -65,10 +41,10 @@ pub struct Renderer {
     time_s: f64,
     /// Duration of the scene's motion since the last submission, ms.
     motion_ms: f64,
-    /// Pictures of all looks; none without compounding.
+    /// Pictures of all angles; none without compounding.
     compounding: Option<Compounding>,
-    /// Order of the looks of live frames.
-    order: LookOrder,
+    /// Order of the angles of live frames.
+    order: AngleOrder,
     /// Changes of settings so far: pictures before and after are not averaged.
     generation: u64,
     in_flight: VecDeque<InFlight>,
@@ -132,7 +108,7 @@ impl Renderer {
         check_scene(scene, &bvh)?;
         let media = Media::new(scene, &bvh);
         let active = Configuration::new(&media, probe, settings, None)?;
-        let inputs = FrameInputs { bvh: &bvh, media: &media, configuration: &active, look: 0 };
+        let inputs = FrameInputs { bvh: &bvh, media: &media, configuration: &active, angle: 0 };
         let mut maker = backend.maker(inputs, hooks)?;
         active.warn(None);
         maker.take_cold();
@@ -148,11 +124,11 @@ impl Renderer {
             time_s: 0.0,
             motion_ms: 0.0,
             compounding: None,
-            order: LookOrder::default(),
+            order: AngleOrder::default(),
             generation: 0,
             in_flight,
         };
-        renderer.prepare_looks();
+        renderer.prepare_compounding();
         renderer.prepare_skin()?;
         renderer.warm_up(&[true, false])?;
         Ok(renderer)
@@ -177,7 +153,7 @@ impl Renderer {
         if self.active.has_tables_of(&self.media, probe, settings) {
             let (before, after) = (self.active.settings, *settings);
             self.active.set_uniforms(&self.media, settings);
-            // With another gain the looks so far age out, so that a slider doesn't bring back their speckle.
+            // With another gain the angles so far age out, so that a slider doesn't bring back their speckle.
             let range_db = |settings: &RenderSettings| settings.image.dynamic_range_db;
             if (range_db(&before), before.quality.seed) != (range_db(&after), after.quality.seed) {
                 self.restart_compounding();
@@ -185,12 +161,12 @@ impl Renderer {
             return Ok(());
         }
         let next = Configuration::new(&self.media, probe, settings, Some(&self.active))?;
-        self.maker.configure(FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &next, look: 0 })?;
+        self.maker.configure(FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &next, angle: 0 })?;
         next.warn(Some(&self.active));
         let rests = self.active.effects.has(Effect::Motion) && !next.effects.has(Effect::Motion);
         self.active = next;
         self.prepare_skin()?;
-        self.prepare_looks();
+        self.prepare_compounding();
         if rests && self.bvh.moves() {
             self.move_to(0.0);
         }
@@ -209,22 +185,22 @@ impl Renderer {
         Ok(())
     }
 
-    /// Makes the memory of the looks of a compounded picture.
-    fn prepare_looks(&mut self) {
+    /// Makes the memory of the angles of a compounded picture.
+    fn prepare_compounding(&mut self) {
         let tables = &self.active.tables;
         let range_db = self.active.settings.image.dynamic_range_db;
-        let several = tables.looks.len() > 1;
+        let several = tables.angles.len() > 1;
         let new =
-            || Compounding::new(tables.sector, tables.mask.clone(), tables.covered(), tables.looks.len(), range_db);
+            || Compounding::new(tables.sector, tables.mask.clone(), tables.covered(), tables.angles.len(), range_db);
         self.compounding = several.then(new);
         self.restart_compounding();
     }
 
-    /// Begins a compounded picture anew with the next frame: the straight look, which alone shows the whole sector.
+    /// Begins a compounded picture anew with the next frame: the straight angle, which alone shows the whole sector.
     pub fn restart_compounding(&mut self) {
         self.generation += 1;
-        let looks = self.active.tables.looks.len();
-        self.order.restart(looks);
+        let angles = self.active.tables.angles.len();
+        self.order.restart(angles);
         if let Some(compounding) = &mut self.compounding {
             compounding.restart(self.active.settings.image.dynamic_range_db);
         }
@@ -234,7 +210,7 @@ impl Renderer {
     /// the first write; neither may delay a user's first frame.
     fn warm_up(&mut self, with_maps: &[bool]) -> Result<(), RenderError> {
         let (maps, image) = (self.active.settings.maps, std::mem::replace(&mut self.image, true));
-        // Looks away from the scene, as that takes the least time.
+        // Frames away from the scene, as that takes the least time.
         let beside_mm = self.bvh.centre_mm + 2.0 * self.bvh.radius_mm * DVec3::Z;
         let away = Pose { position_mm: beside_mm, orientation: glam::DQuat::IDENTITY };
         let mut rendered = Ok(());
@@ -320,169 +296,6 @@ impl Renderer {
     /// Place of the sector in the image.
     pub fn sector(&self) -> &Sector {
         &self.active.tables.sector
-    }
-
-    /// Renders one frame and waits for it. A compounded one takes all angles.
-    ///
-    /// # Errors
-    /// A device that fails, or frames that are still in flight.
-    pub fn render(&mut self, pose: &Pose, frame: &mut Frame) -> Result<(), RenderError> {
-        if !self.in_flight.is_empty() {
-            return Err(RenderError::RingFull);
-        }
-        self.restart_compounding();
-        let looks = self.active.tables.looks.len();
-        let maps = self.active.settings.maps;
-        let (mut times, mut overflows) = (FrameTimes::default(), 0u32);
-        let placed = self.touch(pose);
-        for look in 1..=looks {
-            // The last look is straight: its maps and lines are the frame's.
-            self.active.settings.maps = maps && look == looks;
-            let rendered = self.submit_look(&placed, look - 1).and_then(|()| self.receive(frame));
-            self.active.settings.maps = maps;
-            rendered?;
-            if looks > 1 {
-                times.add_frame(&frame.times);
-                overflows = overflows.saturating_add(frame.overflows);
-            }
-        }
-        if looks > 1 {
-            (frame.times, frame.overflows) = (times, overflows);
-        }
-        Ok(())
-    }
-
-    /// Renders frames at these times (s) and poses one after another, as a live session does, from a new compounded picture on.
-    /// `frame` is the last.
-    ///
-    /// # Errors
-    /// As [`Renderer::submit`] and [`Renderer::receive`].
-    pub fn render_live(
-        &mut self,
-        way: impl IntoIterator<Item = (f64, Pose)>,
-        frame: &mut Frame,
-    ) -> Result<(), RenderError> {
-        self.restart_compounding();
-        for (time_s, pose) in way {
-            self.set_time_s(time_s);
-            self.submit(&pose)?;
-            self.receive(frame)?;
-        }
-        Ok(())
-    }
-
-    /// Places the probe on the skin, if it is within the tolerance and contact is simulated.
-    fn touch(&self, pose: &Pose) -> Placed {
-        let active = &self.active;
-        let skin = self.skin.as_ref().filter(|_| active.effects.has(Effect::Contact));
-        // The whole scene drifts, its skin included.
-        let drift_mm = self.bvh.drift_mm();
-        let at_rest = Pose { position_mm: pose.position_mm - drift_mm, ..*pose };
-        let touched = skin.map(|skin| touch(skin, &active.probe, &at_rest, &active.settings.contact));
-        let at_rest = touched.map_or(at_rest, |(placed, _)| placed);
-        let contact = touched.map(|(_, contact)| contact);
-        let shift_mm = contact.map_or(0.0, |contact| contact.shift_mm);
-        let pose = Pose { position_mm: pose.position_mm + shift_mm * pose.transform_vector(DVec3::Z), ..*pose };
-        let coupled = contact.is_none_or(|contact| contact.coupled());
-        Placed { pose, contact, place: Place::new(at_rest, active.probe.depth_mm, coupled) }
-    }
-
-    /// Sets the pose and steers the scanlines.
-    fn aim(&mut self, placed: &Placed, look: usize) {
-        let active = &mut self.active;
-        active.params.set_pose(&placed.pose, &self.bvh, &active.probe);
-        active.params.set_look(&active.tables, look);
-        // Each look has its own noise; the straight one, the last, that of a frame without compounding.
-        let before_last = active.tables.looks.len().saturating_sub(1 + look);
-        active.params.noise_seed = noise_seed(active.params.seed, self.time_s, before_last as u32);
-    }
-
-    /// Starts a frame. With compounding it has the next angle, and its picture is the mean of the last ones of all angles
-    /// from which the probe has moved by no more than `look.reach_mm`; `look.registration` brings them to its pose. At most
-    /// [`FRAMES_IN_FLIGHT`] may wait to be received.
-    /// The host makes it within this call.
-    ///
-    /// # Errors
-    /// A full ring, or a device that fails.
-    pub fn submit(&mut self, pose: &Pose) -> Result<(), RenderError> {
-        if self.in_flight.len() == FRAMES_IN_FLIGHT {
-            return Err(RenderError::RingFull);
-        }
-        let placed = self.touch(pose);
-        let look = self.order.next(placed.place, Rules::of(&self.active.settings.look));
-        self.submit_look(&placed, look)
-    }
-
-    /// Starts a frame of one look.
-    fn submit_look(&mut self, placed: &Placed, look: usize) -> Result<(), RenderError> {
-        if self.in_flight.len() == FRAMES_IN_FLIGHT {
-            return Err(RenderError::RingFull);
-        }
-        let started = Instant::now();
-        let generation = self.generation;
-        self.aim(placed, look);
-        let settings = &self.active.settings;
-        let maps = settings.maps || settings.effects.of(Effect::Maps) == Choice::On;
-        let contents = Contents { image: self.image || !maps || settings.lines, maps };
-        let inputs = FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &self.active, look };
-        self.maker.submit(inputs, contents)?;
-        self.in_flight.push_back(InFlight {
-            mask: self.active.tables.mask.clone(),
-            scan: ScanGeometry::new(&self.active.probe, self.active.tables.sector),
-            contact: placed.contact,
-            look,
-            place: placed.place,
-            generation,
-            motion_ms: std::mem::take(&mut self.motion_ms),
-            started,
-        });
-        Ok(())
-    }
-
-    /// Waits for the oldest frame in flight and copies it into `frame`.
-    ///
-    /// # Errors
-    /// An empty ring, or a device that fails.
-    pub fn receive(&mut self, frame: &mut Frame) -> Result<(), RenderError> {
-        let InFlight { mask, scan, contact, look, place, generation, motion_ms, started } =
-            self.in_flight.pop_front().ok_or(RenderError::RingEmpty)?;
-        self.maker.receive(frame)?;
-        if let Some(compounding) = self.compounding.as_mut().filter(|_| generation == self.generation) {
-            compounding.add(look, place, Rules::of(&self.active.settings.look), &mut frame.bmode);
-        }
-        frame.mask.clear();
-        frame.mask.extend_from_slice(&mask);
-        frame.scan = Some(scan);
-        frame.contact = contact;
-        frame.times.total_ms = started.elapsed().as_secs_f64() * 1e3;
-        frame.times.motion_ms = motion_ms;
-        Ok(())
-    }
-
-    /// Renders a frame with its maps, whatever the settings are, and returns the inputs and outputs of every pass.
-    /// Slow: for tests and study.
-    ///
-    /// # Errors
-    /// Frames in flight, settings whose layers don't fit in one batch, or a device that fails.
-    pub fn snapshot(&mut self, pose: &Pose) -> Result<Snapshot, RenderError> {
-        self.snapshot_of_look(pose, self.active.tables.looks.len().saturating_sub(1))
-    }
-
-    /// [`Renderer::snapshot`] of one look of a compounded picture; the last one is not steered.
-    ///
-    /// # Errors
-    /// As [`Renderer::snapshot`].
-    pub fn snapshot_of_look(&mut self, pose: &Pose, look: usize) -> Result<Snapshot, RenderError> {
-        if self.frames_in_flight() > 0 {
-            return Err(RenderError::RingFull);
-        }
-        let batches = self.active.batches.batches;
-        if batches != 1 {
-            return Err(RenderError::Batches { batches });
-        }
-        self.aim(&self.touch(pose), look);
-        let inputs = FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &self.active, look };
-        Ok(Snapshot::new(self.maker.pass_buffers(inputs)?, inputs))
     }
 }
 

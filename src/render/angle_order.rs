@@ -1,6 +1,6 @@
-//! Order of the looks of a compounded picture while the probe moves.
+//! Order of the steering angles of a compounded picture while the probe moves.
 //!
-//! A picture is the mean of looks that were made one after another. Those from poses that the probe has left would smear it.
+//! A picture is the mean of pictures of several steering angles, made one after another. Those from poses that the probe has left would smear it.
 //! They are left out, and while the probe moves fast only the inner angles are made, which show more of the sector.
 
 use glam::DVec3;
@@ -8,13 +8,13 @@ use glam::DVec3;
 use crate::pose::Pose;
 use crate::settings::LookSettings;
 
-/// Distance across the slice at which a registered look weighs 1/e, about, mm. Speckle has decorrelated by then (its power by
+/// Distance across the slice at which a registered angle's picture weighs 1/e, about, mm. Speckle has decorrelated by then (its power by
 /// half at 0.5 mm, at all depths); structures have not.
 pub(super) const ACROSS_SIGMA_MM: f64 = 1.2;
-/// Distance across the slice within which registered looks count, mm: beyond it they weigh next to nothing.
+/// Distance across the slice within which registered angles count, mm: beyond it they weigh next to nothing.
 const ACROSS_MM: f64 = 2.0 * ACROSS_SIGMA_MM;
-/// Motion within the slice that registered looks may span, in parts of the reach. They are brought to the present pose, but a
-/// steered look doesn't show what has just come into the sector.
+/// Motion within the slice that registered angles may span, in parts of the reach. They are brought to the present pose, but a
+/// steered angle doesn't show what has just come into the sector.
 const WITHIN: f64 = 3.0;
 
 /// Place of a picture.
@@ -53,12 +53,12 @@ impl Place {
     }
 }
 
-/// Which looks a live picture is the mean of.
+/// Which angles a live picture is the mean of.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Rules {
-    /// Whether looks are brought to the present pose.
+    /// Whether angles are brought to the present pose.
     pub(super) registration: bool,
-    /// Displacement from which looks are left out, mm; of registered ones, across the slice.
+    /// Displacement from which angles are left out, mm; of registered ones, across the slice.
     pub(super) reach_mm: f64,
 }
 
@@ -68,7 +68,7 @@ impl Rules {
         Self { registration: look.registration, reach_mm: look.reach_mm }
     }
 
-    /// Whether a look that was made at `kept` is part of a picture at `place`.
+    /// Whether an angle that was made at `kept` is part of a picture at `place`.
     pub(super) fn keep(&self, kept: &Place, place: &Place) -> bool {
         let moved_mm = if self.registration { place.across_mm(kept) } else { place.distance_mm(kept) };
         kept.coupled == place.coupled && moved_mm <= self.reach_mm
@@ -84,44 +84,44 @@ impl Rules {
     }
 }
 
-/// Chooses the look of each frame.
+/// Chooses the angle of each frame.
 #[derive(Debug, Default)]
-pub(super) struct LookOrder {
-    /// Number of the frame that each look was last asked for in, from 1; 0: never.
+pub(super) struct AngleOrder {
+    /// Number of the frame that each angle was last asked for in, from 1; 0: never.
     asked: Vec<u64>,
     frames: u64,
     last: Option<Place>,
 }
 
-impl LookOrder {
-    /// Begins anew with `looks` looks.
-    pub(super) fn restart(&mut self, looks: usize) {
+impl AngleOrder {
+    /// Begins anew with `angles` angles.
+    pub(super) fn restart(&mut self, angles: usize) {
         self.asked.clear();
-        self.asked.resize(looks, 0);
+        self.asked.resize(angles, 0);
         (self.frames, self.last) = (0, None);
     }
 
-    /// The look of a frame at `place`: of those that the probe's speed leaves time for, the one that was made the longest ago.
+    /// The angle of a frame at `place`: of those that the probe's speed leaves time for, the one that was made the longest ago.
     /// The first, and the first with or without contact, is straight: it alone shows the whole sector.
     pub(super) fn next(&mut self, place: Place, rules: Rules) -> usize {
-        let looks = self.asked.len();
-        let straight = looks.saturating_sub(1);
+        let angles = self.asked.len();
+        let straight = angles.saturating_sub(1);
         if self.last.is_some_and(|last| last.coupled != place.coupled) {
-            self.restart(looks);
+            self.restart(angles);
         }
         let frames = self.last.map_or(f64::INFINITY, |last| rules.frames(&last, &place));
         self.last = Some(place);
         self.frames += 1;
-        // An odd number: the straight look, and pairs from the inside outward. A probe at rest gives infinity, or NaN.
-        let in_time = if frames < looks as f64 { frames as usize } else { looks };
-        let most = (in_time.clamp(1, looks.max(1)) - 1) / 2 * 2 + 1;
-        let inner = looks.saturating_sub(most)..looks;
+        // An odd number: the straight angle, and pairs from the inside outward. A probe at rest gives infinity, or NaN.
+        let in_time = if frames < angles as f64 { frames as usize } else { angles };
+        let most = (in_time.clamp(1, angles.max(1)) - 1) / 2 * 2 + 1;
+        let inner = angles.saturating_sub(most)..angles;
         let first = self.asked.iter().all(|&asked| asked == 0);
-        let look = if first { straight } else { inner.min_by_key(|&look| self.asked[look]).unwrap_or(straight) };
-        if let Some(asked) = self.asked.get_mut(look) {
+        let angle = if first { straight } else { inner.min_by_key(|&angle| self.asked[angle]).unwrap_or(straight) };
+        if let Some(asked) = self.asked.get_mut(angle) {
             *asked = self.frames;
         }
-        look
+        angle
     }
 }
 
@@ -136,29 +136,29 @@ mod tests {
         Place::new(Pose { position_mm: DVec3::X * x, orientation: DQuat::IDENTITY }, 100.0, true)
     }
 
-    /// Looks of frames that move by `step_mm` each.
-    fn looks(count: usize, step_mm: f64, frames: usize) -> Vec<usize> {
-        let mut order = LookOrder::default();
+    /// Angles of frames that move by `step_mm` each.
+    fn angles(count: usize, step_mm: f64, frames: usize) -> Vec<usize> {
+        let mut order = AngleOrder::default();
         order.restart(count);
         (0..frames).map(|i| order.next(at(step_mm * i as f64), RULES)).collect()
     }
 
     #[test]
-    fn a_probe_at_rest_gets_all_looks_in_turn_and_begins_with_the_straight_one() {
-        assert_eq!(looks(5, 0.0, 11), [4, 0, 1, 2, 3, 4, 0, 1, 2, 3, 4]);
-        assert_eq!(looks(1, 0.0, 3), [0, 0, 0]);
-        assert_eq!(looks(0, 0.0, 2), [0, 0]);
+    fn a_probe_at_rest_gets_all_angles_in_turn_and_begins_with_the_straight_one() {
+        assert_eq!(angles(5, 0.0, 11), [4, 0, 1, 2, 3, 4, 0, 1, 2, 3, 4]);
+        assert_eq!(angles(1, 0.0, 3), [0, 0, 0]);
+        assert_eq!(angles(0, 0.0, 2), [0, 0]);
     }
 
     #[test]
-    fn a_fast_probe_gets_the_inner_looks_alone() {
+    fn a_fast_probe_gets_the_inner_angles_alone() {
         // 2 mm are two frames: an odd number is one.
-        assert!(looks(9, 1.0, 20).iter().all(|&look| look == 8));
-        let three = looks(9, 0.6, 20);
+        assert!(angles(9, 1.0, 20).iter().all(|&angle| angle == 8));
+        let three = angles(9, 0.6, 20);
         assert_eq!(three[..7], [8, 6, 7, 8, 6, 7, 8]);
-        assert!(looks(9, 0.22, 40)[1..].contains(&0));
+        assert!(angles(9, 0.22, 40)[1..].contains(&0));
         // As it comes to rest, the outer ones return.
-        let mut order = LookOrder::default();
+        let mut order = AngleOrder::default();
         order.restart(9);
         (0..10).for_each(|i| assert_eq!(order.next(at(5.0 * f64::from(i)), RULES), 8));
         let rest: Vec<usize> = (0..10).map(|_| order.next(at(45.0), RULES)).collect();

@@ -1,8 +1,8 @@
-//! Browser settings of a station: address, token and number of pages.
+//! Server of the browser page: address, token and number of pages.
 
 use std::net::{IpAddr, Ipv4Addr};
 
-use crate::settings::settings;
+use super::settings;
 
 /// Fewest characters of a configured token.
 pub const TOKEN_CHARS_MIN: usize = 16;
@@ -10,7 +10,7 @@ pub const TOKEN_CHARS_MIN: usize = 16;
 settings! {
     /// The `[browser]` of a station.
     #[derive(Debug, Clone, PartialEq, Eq)]
-    pub struct Settings in "browser" {
+    pub struct BrowserSettings in "browser" {
         /// Its port; 0 takes any free one.
         port: u16 = 8790, "", 0.0..=65_535.0, Everything;
 
@@ -28,7 +28,7 @@ settings! {
     }
 }
 
-impl Settings {
+impl BrowserSettings {
     /// Whether `token` is long enough and has only characters that a URL allows.
     pub fn accepts_token(token: &str) -> bool {
         token.len() >= TOKEN_CHARS_MIN && token.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'-' || b == b'_')

@@ -1,0 +1,27 @@
+//! Options of the runtime of generators.
+
+use insonify::generator::{LoadOptions, Provider, Settings};
+
+use super::input;
+
+/// Execution provider and threads of generators.
+#[derive(Debug, clap::Args)]
+pub(super) struct RuntimeArgs {
+    /// Execution provider of generators: cpu, cuda or tensorrt
+    #[arg(long, value_name = "NAME", default_value_t)]
+    pub(super) provider: Provider,
+
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = threads, help = input::described::<Settings>("threads"))]
+    pub(super) threads: u32,
+}
+
+fn threads(text: &str) -> Result<u32, String> {
+    input::whole::<Settings>("threads", text)
+}
+
+impl RuntimeArgs {
+    /// Options of a generator; `tissues` are names from number 1.
+    pub(super) fn options<'a>(&self, tissues: &'a [String]) -> LoadOptions<'a> {
+        LoadOptions { provider: self.provider, threads: self.threads, tissues }
+    }
+}

@@ -1,0 +1,52 @@
+//! Errors in replaying a recording.
+
+use thiserror::Error;
+
+use crate::chooser::ChooserError;
+use crate::recording::RecordingError;
+use crate::render::RenderError;
+use crate::station::StationError;
+
+/// Errors in replaying a recording.
+#[derive(Debug, Error)]
+pub enum ReplayError {
+    /// The recording can't be read.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// The station's calibration can't be read.
+    #[error(transparent)]
+    Station(#[from] StationError),
+    /// A frame can't be rendered.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    /// No quality can be chosen.
+    #[error(transparent)]
+    Chooser(#[from] ChooserError),
+    /// Times that span more frames than any session has: usually a wrong clock.
+    #[error(
+        "the recording's host times span {span_s:.0} s: {frames} frames at {fps:.1} a second, at most {frames_max} are rendered; is a time stamp wrong?"
+    )]
+    Span {
+        /// Span, s.
+        span_s: f64,
+        /// Frames in it.
+        frames: u128,
+        /// Most frames that are rendered.
+        frames_max: u128,
+        /// Frames per second.
+        fps: f64,
+    },
+    /// Frames behind the recording's end.
+    #[error("--frames starts at {start}, but at {fps} frames a second the recording has {frames}")]
+    Start {
+        /// First frame asked for.
+        start: usize,
+        /// Frames of the recording.
+        frames: usize,
+        /// Frames per second.
+        fps: f64,
+    },
+    /// No frame to render.
+    #[error("the recording has no frame")]
+    Empty,
+}

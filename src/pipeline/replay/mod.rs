@@ -1,0 +1,224 @@
+//! Recorded sessions to render without a clock: frames with the poses and settings of the live session.
+
+mod error;
+mod timeline;
+
+use std::ops::Range;
+use std::path::Path;
+
+use super::replayed::{OtherSetting, ReplayedControls, ReplayedPoses};
+use crate::anatomy::Scene;
+use crate::chooser::{StillQuality, choose_still, scene_name};
+use crate::look::{Look, Shape};
+use crate::pose::{Estimator, Pose};
+use crate::recording::{self, Event, RecordingSummary};
+use crate::render::{Backend, Frame, FrameQuality, RenderError, Renderer};
+use crate::settings::{LiveSettings, RenderSettings};
+use crate::sink::FrameRate;
+use crate::station::Station;
+use crate::transducer::Probe;
+
+pub use error::ReplayError;
+pub use timeline::Timeline;
+
+/// Choices of a replay.
+#[derive(Debug, Clone, Copy)]
+pub struct ReplayOptions {
+    /// Frames per second of the recording.
+    pub rate: FrameRate,
+    /// First frame.
+    pub start: usize,
+    /// Frame behind the last; none: all.
+    pub end: Option<usize>,
+    /// Rays and layers; none: those of the recorded session, else the station's.
+    pub quality: Option<FrameQuality>,
+    /// Seed; none: the station's.
+    pub seed: Option<u32>,
+    /// Whether the tracker's poses are taken as they are, interpolated, without the station's calibration and filter.
+    pub raw_poses: bool,
+    /// Whether what was set in the recorded session is left alone.
+    pub ignore_controls: bool,
+}
+
+/// Frames that are rendered with the same settings.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stretch {
+    /// Frame indices in the timeline.
+    pub frames: Range<usize>,
+    /// The probe.
+    pub probe: Probe,
+    /// Settings of the renderer.
+    pub settings: RenderSettings,
+}
+
+/// A recorded session, ready to be rendered.
+#[derive(Debug)]
+pub struct Replay {
+    /// The station.
+    pub station: Station,
+    /// Frames per second of the recording.
+    pub rate: FrameRate,
+    /// Content of the recording.
+    pub summary: RecordingSummary,
+    /// Pose and time of each frame.
+    pub timeline: Timeline,
+    /// Requested frames.
+    pub frames: Range<usize>,
+    /// In the order of their frames; at least one.
+    pub stretches: Vec<Stretch>,
+    /// Settings with which the recorded session began, if they differ from the station's.
+    pub others_at_start: Vec<OtherSetting>,
+    /// Reasons why settings of the recorded session were refused.
+    pub refused: Vec<String>,
+    /// Frame budget of the station that chooses nothing, since the recorded session says its quality, ms.
+    pub overruled_budget_ms: Option<f64>,
+    /// Frame budget that chooses the quality, ms; none if station, options or recorded session set the quality.
+    frame_budget_ms: Option<f64>,
+}
+
+impl Replay {
+    /// Reads the recording at `path` for `station`.
+    ///
+    /// # Errors
+    /// A recording or calibration that can't be read, times that span too many frames, or no requested frame.
+    pub fn read(path: &Path, station: Station, options: &ReplayOptions) -> Result<Self, ReplayError> {
+        let ReplayOptions { rate, start, end, quality, .. } = *options;
+        let (timeline, summary) = timeline(path, &station, options)?;
+        let mut timeline = timeline.since(summary.info.start_time_ns);
+        let count = timeline.poses.len();
+        let frames = start..end.unwrap_or(count).min(count);
+        if frames.is_empty() {
+            return Err(ReplayError::Start { start, frames: count, fps: rate.fps() });
+        }
+        let mut settings = station.settings;
+        settings.quality.seed = options.seed.unwrap_or(settings.quality.seed);
+        let events = if options.ignore_controls { &[][..] } else { &summary.events };
+        let recorded = events.iter().any(sets_quality);
+        let begin = LiveSettings { probe: station.probe, render: settings, frozen: false, generator: false };
+        let mut controls = ReplayedControls::new(begin, events);
+        let live: Vec<LiveSettings> = timeline.times_ns.iter().map(|time| controls.at(*time)).collect();
+        timeline.freeze(&live);
+        Ok(Self {
+            rate,
+            stretches: stretches(&live, frames.clone(), quality),
+            frames,
+            others_at_start: controls.others_at_start(),
+            refused: controls.refused().to_vec(),
+            overruled_budget_ms: station.frame_budget_ms.filter(|_| quality.is_none() && recorded),
+            frame_budget_ms: station.frame_budget_ms.filter(|_| quality.is_none() && !recorded),
+            station,
+            summary,
+            timeline,
+        })
+    }
+
+    /// Settings at the first frame.
+    ///
+    /// # Errors
+    /// There is no frame.
+    pub fn first(&self) -> Result<&Stretch, ReplayError> {
+        self.stretches.first().ok_or(ReplayError::Empty)
+    }
+
+    /// Number of changes of the settings among the frames.
+    pub fn changes(&self) -> usize {
+        self.stretches.len().saturating_sub(1)
+    }
+
+    /// Applies and returns the quality chosen by the station's frame budget, if that chooses one. Measured at the poses
+    /// of the first, middle and last frame.
+    ///
+    /// # Errors
+    /// As [`choose_still`].
+    pub fn choose_quality(&mut self, backend: &Backend, scene: &Scene) -> Result<Option<StillQuality>, ReplayError> {
+        let Some(frame_budget_ms) = self.frame_budget_ms else { return Ok(None) };
+        let Stretch { probe, settings, .. } = self.first()?;
+        let poses = self.timeline.poses.get(self.frames.clone()).unwrap_or_default();
+        let last = poses.len().saturating_sub(1);
+        let poses: Vec<Pose> = [0, last / 2, last].iter().filter_map(|i| poses.get(*i).copied()).collect();
+        let mut renderer = Renderer::new(backend, scene, probe, settings)?;
+        let name = scene_name(&self.station);
+        let chosen = choose_still(&mut renderer, &name, probe, settings, &poses, frame_budget_ms)?;
+        for Stretch { settings, .. } in &mut self.stretches {
+            (settings.quality.rays, settings.quality.layers) = (chosen.quality.rays, chosen.quality.layers);
+        }
+        Ok(Some(chosen))
+    }
+
+    /// Renders all frames in order, two in flight. `before` runs before each submission and may wait. `each` receives
+    /// every frame, with the look of its settings, and its index among the requested frames.
+    ///
+    /// # Errors
+    /// A frame that can't be rendered, or an error of `each`.
+    pub fn render<E: From<RenderError> + From<ReplayError>>(
+        &self,
+        backend: &Backend,
+        scene: &Scene,
+        mut before: impl FnMut(usize),
+        mut each: impl FnMut(usize, &Frame) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let Stretch { probe, settings, .. } = self.first()?;
+        let mut renderer = Renderer::new(backend, scene, probe, settings)?;
+        let mut look = Look::default();
+        for Stretch { frames, probe, settings } in &self.stretches {
+            let from = frames.start - self.frames.start;
+            renderer.reconfigure(probe, settings)?;
+            let poses: &[Pose] = self.timeline.poses.get(frames.clone()).unwrap_or_default();
+            let before = |i| {
+                before(from + i);
+                self.timeline.scene_s(frames.start + i)
+            };
+            let (pixel_mm, angles) = (renderer.sector().pixel_mm, settings.look.independent_angles(probe));
+            renderer.render_each(poses, before, |i, frame| {
+                let shape = Shape::new(frame.width, pixel_mm, &frame.mask, &settings.image, angles);
+                look.apply(&settings.look, shape, &mut frame.bmode);
+                each(from + i, frame)
+            })?;
+        }
+        Ok(())
+    }
+}
+
+fn timeline(
+    path: &Path,
+    station: &Station,
+    options: &ReplayOptions,
+) -> Result<(Timeline, RecordingSummary), ReplayError> {
+    if options.raw_poses {
+        let (poses, summary) = recording::poses(path)?;
+        return Ok((Timeline::new(&poses, options.rate)?, summary));
+    }
+    let (measurements, summary) = recording::measurements(path, &station.tracker)?;
+    let span = measurements.first().zip(measurements.last());
+    let (first_ns, last_ns) = span.map_or((0, 0), |(first, last)| (first.host_time_ns, last.host_time_ns));
+    let estimator = Estimator::new(station.pose_settings()?);
+    let mut poses = ReplayedPoses::new(estimator, measurements, &summary.events);
+    Ok((Timeline::replayed(&mut poses, first_ns, last_ns, options.rate)?, summary))
+}
+
+/// Splits `frames` into stretches of equal settings.
+fn stretches(live: &[LiveSettings], frames: Range<usize>, quality: Option<FrameQuality>) -> Vec<Stretch> {
+    let mut stretches: Vec<Stretch> = Vec::new();
+    let mut last: Option<LiveSettings> = None;
+    for frame in frames {
+        let Some(now) = live.get(frame) else { break };
+        match stretches.last_mut() {
+            Some(stretch) if last.is_some_and(|last| last.same_picture(now)) => stretch.frames.end = frame + 1,
+            _ => {
+                let LiveSettings { probe, render: mut settings, .. } = *now;
+                if let Some(FrameQuality { rays, layers, .. }) = quality {
+                    (settings.quality.rays, settings.quality.layers) = (rays, layers);
+                }
+                stretches.push(Stretch { frames: frame..frame + 1, probe, settings });
+            }
+        }
+        last = Some(*now);
+    }
+    stretches
+}
+
+/// Whether an event of a recorded session sets rays or layers.
+fn sets_quality(event: &Event) -> bool {
+    let says = |key: &str| event.name == key || event.value.as_ref().is_some_and(|value| value.get(key).is_some());
+    ["rays", "layers"].into_iter().any(says)
+}

@@ -1,0 +1,59 @@
+//! What reports tell of a recording.
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::RecordingSummary;
+
+/// Contents of a recording.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RecordingReport<'a> {
+    /// File.
+    pub path: String,
+    /// Name of the tracker.
+    pub device: &'a str,
+    /// Scene that defines the frame of the poses.
+    pub scene: &'a str,
+    /// Decoded records.
+    pub records: u64,
+    /// From the first to the last, s.
+    pub duration_s: f64,
+    /// Whether everything in the file was used.
+    pub clean: bool,
+    /// Why the file ends early; `None` if it is whole.
+    pub truncated: Option<&'a str>,
+    /// Damaged parts that were left out.
+    pub damaged_parts: u64,
+    /// Bytes that the decoder refused, in pieces.
+    pub decode_errors: u64,
+    /// Records missing by their counter.
+    pub missing_records: u64,
+    /// Records whose counter did not rise.
+    pub sequence_reversals: u64,
+    /// Records whose time did not rise.
+    pub time_reversals: u64,
+    /// Records of other sensors.
+    pub other_sensors: u64,
+}
+
+impl<'a> RecordingReport<'a> {
+    /// Report of `summary` for the recording at `path`.
+    pub fn new(path: &Path, summary: &'a RecordingSummary) -> Self {
+        Self {
+            path: path.display().to_string(),
+            device: &summary.info.device,
+            scene: &summary.info.scene,
+            records: summary.records,
+            duration_s: summary.duration.as_secs_f64(),
+            clean: summary.is_clean(),
+            truncated: summary.damage.truncated.as_deref(),
+            damaged_parts: summary.damage.damaged,
+            decode_errors: summary.decode_errors,
+            missing_records: summary.missing_records,
+            sequence_reversals: summary.sequence_reversals,
+            time_reversals: summary.time_reversals,
+            other_sensors: summary.other_sensors,
+        }
+    }
+}

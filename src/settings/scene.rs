@@ -1,0 +1,123 @@
+//! Scene of a station: the generated phantom, and motion.
+
+use serde::{Deserialize, Serialize};
+
+use super::{settings, stored_word};
+
+/// Range of triangles of the phantom over those of the full one.
+pub const SCALE_RANGE: std::ops::RangeInclusive<f64> = 0.01..=20.0;
+/// Range of gestational ages, completed weeks.
+pub const WEEKS_RANGE: std::ops::RangeInclusive<f64> = 16.0..=34.0;
+/// Range of flexions.
+pub const FLEXION_RANGE: std::ops::RangeInclusive<f64> = 0.0..=1.0;
+/// Range of rolls, degrees.
+pub const ROLL_RANGE_DEG: std::ops::RangeInclusive<f64> = -180.0..=180.0;
+/// Range of amniotic fluid indices, mm: oligohydramnios to polyhydramnios.
+pub const FLUID_INDEX_RANGE_MM: std::ops::RangeInclusive<f64> = 50.0..=250.0;
+/// Range of thicknesses of the mother's subcutaneous fat, mm.
+pub const FAT_RANGE_MM: std::ops::RangeInclusive<f64> = 5.0..=60.0;
+
+/// Direction of the fetus' long axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Lie {
+    /// Head down.
+    #[default]
+    Cephalic,
+    /// Head up.
+    Breech,
+    /// Transverse, with the head to the mother's left.
+    TransverseHeadLeft,
+    /// Transverse, with the head to the mother's right.
+    TransverseHeadRight,
+}
+
+/// Site of the placenta on the uterine wall.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PlacentaSite {
+    /// Towards the belly, left and fundal.
+    #[default]
+    Anterior,
+    /// Towards the spine.
+    Posterior,
+    /// At the top of the uterus.
+    Fundal,
+    /// On the mother's left.
+    Left,
+    /// On the mother's right.
+    Right,
+}
+
+crate::names::named!(Lie {
+    Cephalic = "cephalic",
+    Breech = "breech",
+    TransverseHeadLeft = "transverse-head-left",
+    TransverseHeadRight = "transverse-head-right",
+});
+
+crate::names::named!(PlacentaSite {
+    Anterior = "anterior",
+    Posterior = "posterior",
+    Fundal = "fundal",
+    Left = "left",
+    Right = "right",
+});
+
+/// Aberration class of an abdominal wall. Delays are RMS over 30 mm of aperture, about their best-fit plane.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Wall {
+    /// At most 20 ns.
+    #[default]
+    Easy,
+    /// 40 to 50 ns.
+    Average,
+    /// At least 60 ns, behind more fat.
+    Hard,
+}
+
+crate::names::named!(Wall { Easy = "easy", Average = "average", Hard = "hard" });
+
+stored_word!(Lie);
+stored_word!(PlacentaSite);
+stored_word!(Wall);
+
+settings! {
+    /// Settings of `[scene]`, beside its files.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct SceneSettings in "scene" {
+        /// Triangles of the phantom over those of the full one; below about 0.24 its finest parts are lost and it is refused.
+        phantom_scale: f64 = 1.0, "", SCALE_RANGE, Everything;
+
+        /// Gestational age of the phantom's fetus.
+        phantom_weeks: f64 = 22.0, "weeks", WEEKS_RANGE, Everything;
+
+        /// Which way the fetus lies: head down, head up, or across.
+        phantom_lie: Lie = Lie::Cephalic, "", 0.0..=3.0, Everything;
+
+        /// Turn of the fetus about its long axis from where its left side is up.
+        phantom_roll_deg: f64 = 0.0, "°", ROLL_RANGE_DEG, Everything;
+
+        /// 0 is stretched, 1 tightly curled.
+        phantom_flexion: f64 = 0.5, "", FLEXION_RANGE, Everything;
+
+        /// Where on the uterine wall the placenta sits.
+        phantom_placenta: PlacentaSite = PlacentaSite::Anterior, "", 0.0..=4.0, Everything;
+
+        /// Amniotic fluid index, from oligohydramnios to polyhydramnios.
+        phantom_fluid_index_mm: f64 = 140.0, "mm", FLUID_INDEX_RANGE_MM, Everything;
+
+        /// How strongly the abdominal wall aberrates: 13, 45 or 71 ns rms over 30 mm of aperture in the median.
+        phantom_wall: Wall = Wall::Easy, "", 0.0..=2.0, Everything;
+
+        /// Whether fat fills the gap between the recti: a lens that doubles what lies behind the midline.
+        phantom_recti_lens: bool = false, "", 0.0..=1.0, Everything;
+
+        /// Seed of what differs from one individual to the next.
+        phantom_seed: u32 = 0, "", 0.0..=4_294_967_295.0, Everything;
+
+        /// Whether what moves in the scene moves: hearts, breath, limbs; one frame shows time 0, at rest.
+        motion: bool = true, "", 0.0..=1.0, Everything;
+    }
+}

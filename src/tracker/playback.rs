@@ -1,0 +1,30 @@
+//! Recorded bytes that a session plays in place of a device.
+
+use super::Protocol;
+
+/// Failure to read recorded bytes.
+pub type PlaybackError = Box<dyn std::error::Error + Send + Sync>;
+
+/// Messages of a recorded tracker, in order. The session waits for the time of each.
+pub trait Playback: Send {
+    /// Name, for messages.
+    fn name(&self) -> String;
+
+    /// Protocol of the bytes.
+    fn protocol(&self) -> Protocol;
+
+    /// Sensor that was selected, if one of several was.
+    fn sensor(&self) -> Option<u16>;
+
+    /// Next message: arrival of its first byte, ns since 1970 (UTC), and its bytes, at least one. `None` at the end.
+    ///
+    /// # Errors
+    /// It can't be read.
+    fn next_message(&mut self) -> Result<Option<(u64, Vec<u8>)>, PlaybackError>;
+
+    /// Goes back to the first message.
+    ///
+    /// # Errors
+    /// It can't be read again.
+    fn rewind(&mut self) -> Result<(), PlaybackError>;
+}
