@@ -5,7 +5,7 @@
 // beside its normal. Beyond the array, a beam with an aperture meets the mirror image of what is within, a quarter of a cycle
 // later; without the aperture, the weights within are scaled to the sum of all. Each scanline sees its neighbours' scatterers
 // with the gain of its own aperture. Echoes that came by reflections don't carry the gain: where both scanlines hold some, the
-// weaker one's amplitude is the least that is compared. The wavefront of a steered look is across its scanlines: a
+// weaker one's amplitude is the least that is compared. The wavefront of a steered frame is across its scanlines: a
 // neighbour's samples lie deeper or higher.
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -31,7 +31,7 @@ const TAPS_MAX: u32 = 2u * LATERAL_HALF_MAX + 1u;
 
 // Weights, times the gain of the scanline over its neighbour's [taps × blocks].
 var<workgroup> weights: array<f32, TAPS_MAX * BLOCKS>;
-// Phase of each neighbour's wavefront; only in steered looks.
+// Phase of each neighbour's wavefront; only in steered frames.
 var<workgroup> turns: array<vec2<f32>, TAPS_MAX>;
 // Of each thread's taps: sum of the weights' squares, and their sum; the same of the whole kernel.
 var<workgroup> sums: array<vec4<f32>, THREADS>;
@@ -60,10 +60,10 @@ fn sample_of(line: u32, sample: i32) -> vec2<f32> {
     return select(vec2<f32>(0.0), select(pair.xy, pair.zw, (at & 1u) == 1u), there);
 }
 
-// Scanline of a place; beyond the array's ends, its mirror image.
+// Scanline of a place; beyond the array's ends, its mirror image: no kernel reaches as far as the array is wide.
 fn mirrored(place: i32) -> u32 {
     let lines = i32(params.scanlines);
-    return u32(clamp(select(max(place, -1 - place), 2 * lines - 1 - place, place >= lines), 0, lines - 1));
+    return u32(select(max(place, -1 - place), 2 * lines - 1 - place, place >= lines));
 }
 
 // Two complex samples, times i if they are beyond the array.

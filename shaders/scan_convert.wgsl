@@ -119,7 +119,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     // The straight places come first, then those of the looks.
-    let places = pixels[params.look_words + id.x];
+    let places = pixels[params.angle_words + id.x];
     let straight = pixels[id.x];
     let word = words[id.x];
     let p = percentile[0];

@@ -36,7 +36,7 @@ override ROUGHNESS: bool = true;
 override REFLECTIONS: bool = true;
 override APERTURE: bool = false;
 
-// Of the line up to the first reflection; behind it, of a place.
+// Capacity for the crossings of the line up to the first reflection; behind it, for those of a place.
 const CROSSINGS: u32 = CROSSINGS_OF_A_PATH;
 
 // Normal of a microfacet on a surface of normal `n`: Beckmann's distribution of slopes, mean square `variance`.

@@ -193,7 +193,7 @@ def session(data):
     return table(head, [cells]) + "\n\n" + caption(data, text)
 
 
-STATIONS = {"fixed": "1 × 1 with a generator for single looks", "live": "`configs/live.toml`"}
+STATIONS = {"fixed": "1 × 1 with a generator for single angles", "live": "`configs/live.toml`"}
 
 
 def live_error(data):

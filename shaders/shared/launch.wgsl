@@ -11,8 +11,8 @@ struct Launch {
 // holds those of every path of a scanline [looks × layers × rays].
 fn elevation_of(path: u32) -> vec3<f32> {
     let line_rays = params.scanlines * params.rays;
-    let look = params.look_words / max(params.sector_words, 1u);
-    let layer = look * params.layers + params.layer_first + path / line_rays;
+    let angle = params.angle_words / max(params.sector_words, 1u);
+    let layer = angle * params.layers + params.layer_first + path / line_rays;
     let across = layer * params.rays + path % params.rays;
     let at = 2u * (line_rays + params.scanlines) + select(across, 0u, is_guide(path));
     return select(rays[at].xyz, vec3<f32>(0.0, 0.0, 1.0), is_guide(path));

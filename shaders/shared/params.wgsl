@@ -75,7 +75,7 @@ struct Params {
     steer_cos: f32,
     steer_sin: f32,
     // First word of the places of this look's pixels.
-    look_words: u32,
+    angle_words: u32,
     // Range by which the wavefront of a steered look falls behind from one scanline to the next, mm.
     steer_shift_mm: f32,
     // Angle between neighbouring scanlines of a phased array, turns; 0 for other arrays.

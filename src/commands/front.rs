@@ -26,7 +26,7 @@ const MOTION: &str = "assets/exams/obstetric_sweep.mcap";
 /// recording its own pose, turned about the beam, to which the probe has moved as a hand in the recording of --motion
 /// does); a converged reference of 9 angles with all effects at each; and the error of live frames against it, by speed:
 /// rays x layers x angles of rolling compounding, some of them without the aperture, and the station's generators on the
-/// frames that they were trained for. The angles of a rolling picture are those of the probe's earlier poses at the
+/// frames that they were trained for. The frames of a rolling picture are made at the probe's earlier poses at the
 /// station's frame rate. The table holds no times: sessions measure them.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]

@@ -13,7 +13,7 @@ use insonify::station::Station;
 
 use super::effects::EffectArgs;
 use super::quality::{self, RaysLayers};
-use super::{Failure, input, session};
+use super::{Failure, session};
 
 /// Recording to replay, and the options for it.
 #[derive(Debug, Args)]
@@ -76,10 +76,11 @@ impl FromStr for FrameRange {
 impl ReplayArgs {
     /// Reads station and recording, and says what may surprise.
     pub(crate) fn read(&self) -> Result<Replay, Failure> {
+        let rate = FrameRate::new(self.fps)?;
         let mut station = Station::load(&self.station)?;
         self.effects.apply(&mut station.settings);
         let options = ReplayOptions {
-            rate: FrameRate::new(self.fps)?,
+            rate,
             start: self.frames.start,
             end: self.frames.end,
             quality: self.quality.map(|RaysLayers(quality)| quality),
@@ -88,7 +89,6 @@ impl ReplayArgs {
             ignore_controls: self.ignore_controls,
         };
         let replay = Replay::read(&self.recording, station, &options)?;
-        input::warn_of_damage(&self.recording, &replay.summary);
         if let Some(ms) = replay.overruled_budget_ms {
             eprintln!("the recorded session says its quality: quality.frame_budget_ms = {ms} chooses nothing");
         }

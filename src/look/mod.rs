@@ -40,12 +40,12 @@ pub struct Shape<'a> {
     pub mask: &'a [u8],
     /// Dynamic range of the grey levels, dB.
     pub dynamic_range_db: f64,
-    /// Independent angles in the picture's speckle.
+    /// Number of independent pictures in the mean.
     pub independent_angles: f64,
 }
 
 impl<'a> Shape<'a> {
-    /// A picture of `image`, `width` pixels wide, compounded of so many independent angles.
+    /// A picture of `image`, `width` pixels wide, the mean of so many independent ones.
     pub fn new(width: u32, pixel_mm: f64, mask: &'a [u8], image: &ImageSettings, independent_angles: f64) -> Self {
         Self { width: width as usize, pixel_mm, mask, dynamic_range_db: image.dynamic_range_db, independent_angles }
     }

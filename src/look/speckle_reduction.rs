@@ -10,7 +10,7 @@ pub(super) const HALF: usize = 3;
 /// Standard deviation of fully developed speckle in log-compressed grey levels, dB (Rayleigh): 10·π/(√6·ln 10).
 pub(super) const SPECKLE_DB: f64 = 5.570_082;
 
-/// Variance of speckle in grey levels. The mean of independent angles has that of one over their number.
+/// Variance of speckle in grey levels. The mean of independent pictures has that of one, divided by their number.
 pub(super) fn variance_of_speckle(shape: Shape<'_>) -> f64 {
     (SPECKLE_DB * 255.0 / shape.dynamic_range_db).powi(2) / shape.independent_angles.max(1.0)
 }

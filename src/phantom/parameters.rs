@@ -28,7 +28,7 @@ pub struct Parameters {
     /// Thickness of the mother's subcutaneous fat over the belly, mm, within [`FAT_RANGE_MM`].
     #[serde(rename = "fat_mm")]
     pub maternal_fat_mm: f64,
-    /// How strongly the abdominal wall aberrates.
+    /// Aberration class of the abdominal wall.
     #[serde(default)]
     pub wall: Wall,
     /// Whether fat fills the gap between the recti: a lens that doubles what lies behind the midline.

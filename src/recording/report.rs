@@ -1,4 +1,4 @@
-//! What reports tell of a recording.
+//! Report on a recording.
 
 use std::path::Path;
 
@@ -17,11 +17,11 @@ pub struct RecordingReport<'a> {
     pub scene: &'a str,
     /// Decoded records.
     pub records: u64,
-    /// From the first to the last, s.
+    /// Duration from the first record to the last, s.
     pub duration_s: f64,
     /// Whether everything in the file was used.
     pub clean: bool,
-    /// Why the file ends early; `None` if it is whole.
+    /// Cause of an early end; `None` if the file is whole.
     pub truncated: Option<&'a str>,
     /// Damaged parts that were left out.
     pub damaged_parts: u64,

@@ -1,20 +1,21 @@
 //! Order of the steering angles of a compounded picture while the probe moves.
 //!
-//! A picture is the mean of pictures of several steering angles, made one after another. Those from poses that the probe has left would smear it.
-//! They are left out, and while the probe moves fast only the inner angles are made, which show more of the sector.
+//! A picture is the mean of pictures of several steering angles, made one after another. Those from poses that the probe has
+//! left would smear it. They are left out. While the probe moves fast only the inner angles are made, which show more of
+//! the sector.
 
 use glam::DVec3;
 
 use crate::pose::Pose;
 use crate::settings::LookSettings;
 
-/// Distance across the slice at which a registered angle's picture weighs 1/e, about, mm. Speckle has decorrelated by then (its power by
-/// half at 0.5 mm, at all depths); structures have not.
+/// Distance across the slice at which a registered picture weighs about 1/e, mm. Speckle has decorrelated by then (its power
+/// by half at 0.5 mm, at all depths); structures have not.
 pub(super) const ACROSS_SIGMA_MM: f64 = 1.2;
-/// Distance across the slice within which registered angles count, mm: beyond it they weigh next to nothing.
+/// Distance across the slice within which registered pictures count, mm: beyond it they weigh next to nothing.
 const ACROSS_MM: f64 = 2.0 * ACROSS_SIGMA_MM;
-/// Motion within the slice that registered angles may span, in parts of the reach. They are brought to the present pose, but a
-/// steered angle doesn't show what has just come into the sector.
+/// Motion within the slice that registered pictures may span, in parts of the reach. They are brought to the present pose,
+/// but a steered picture doesn't show what has just come into the sector.
 const WITHIN: f64 = 3.0;
 
 /// Place of a picture.
@@ -53,12 +54,12 @@ impl Place {
     }
 }
 
-/// Which angles a live picture is the mean of.
+/// Selection of the pictures in a live mean.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Rules {
-    /// Whether angles are brought to the present pose.
+    /// Whether pictures are brought to the present pose.
     pub(super) registration: bool,
-    /// Displacement from which angles are left out, mm; of registered ones, across the slice.
+    /// Displacement from which pictures are left out, mm; of registered ones, across the slice.
     pub(super) reach_mm: f64,
 }
 
@@ -68,7 +69,7 @@ impl Rules {
         Self { registration: look.registration, reach_mm: look.reach_mm }
     }
 
-    /// Whether an angle that was made at `kept` is part of a picture at `place`.
+    /// Whether a picture that was made at `kept` is part of a picture at `place`.
     pub(super) fn keep(&self, kept: &Place, place: &Place) -> bool {
         let moved_mm = if self.registration { place.across_mm(kept) } else { place.distance_mm(kept) };
         kept.coupled == place.coupled && moved_mm <= self.reach_mm

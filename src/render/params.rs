@@ -124,7 +124,7 @@ pub(crate) struct Params {
     /// Cosine and sine of the steering angle.
     pub(crate) steer: [f32; 2],
     /// First word of the places of this angle's pixels.
-    pub(crate) look_words: u32,
+    pub(crate) angle_words: u32,
     /// Range by which the wavefront of a steered frame falls behind from one scanline to the next, mm.
     pub(crate) steer_shift_mm: f32,
     /// Angle between neighbouring scanlines of a phased array, turns; 0 for other arrays.
@@ -204,7 +204,7 @@ impl Params {
             near_samples: tables.near_field.as_ref().map_or(0, |near| near.samples),
             noise_seed: 0,
             steer: [1.0, 0.0],
-            look_words: 0,
+            angle_words: 0,
             steer_shift_mm: 0.0,
             line_turns: line_turns(probe),
             sheets: bytemuck::Zeroable::zeroed(),
@@ -221,13 +221,13 @@ impl Params {
         self.steer_shift_mm = (tables.face_spacing_mm * steer_rad.sin()) as f32;
         // The straight angle's places come first.
         let steered = tables.angles.get(angle).is_some_and(|angle| !angle.pixels.is_empty());
-        self.look_words = if steered { (angle as u32 + 1) * self.sector_words } else { 0 };
+        self.angle_words = if steered { (angle as u32 + 1) * self.sector_words } else { 0 };
     }
 
     /// Places across the slice of this angle's paths, of those of all angles.
     pub(crate) fn elevations_of<'a>(&self, elevations: &'a [[f32; 4]]) -> &'a [[f32; 4]] {
         let count = (self.layers * self.rays) as usize;
-        let angle = (self.look_words / self.sector_words.max(1)) as usize;
+        let angle = (self.angle_words / self.sector_words.max(1)) as usize;
         elevations.get(angle * count..(angle + 1) * count).unwrap_or_default()
     }
 

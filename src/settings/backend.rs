@@ -1,4 +1,4 @@
-//! Where frames are made.
+//! Rendering backend.
 
 use std::fmt;
 use std::str::FromStr;
@@ -48,7 +48,7 @@ settings! {
     /// The `[render]` of a station.
     #[derive(Debug, Clone, Copy, PartialEq, Eq)]
     pub struct BackendSettings in "render" {
-        /// Where frames are made: on a device (a GPU, else software Vulkan), on the host's processors, or auto: on a GPU if there is one, else on the host; INSONIFY_BACKEND and --backend override it.
+        /// Backend that renders frames: on a device (a GPU, else software Vulkan), on the host's processors, or auto: on a GPU if there is one, else on the host; INSONIFY_BACKEND and --backend override it.
         backend: BackendChoice = BackendChoice::Auto, "", 0.0..=2.0, Everything;
     }
 }

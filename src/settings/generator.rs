@@ -21,7 +21,7 @@ settings! {
         /// Time that one run may take. Default: `quality.frame_budget_ms`, if given.
         run_budget_ms: f64 = 50.0, "ms", RUN_BUDGET_MIN_MS..=RUN_BUDGET_MAX_MS, Everything;
 
-        /// What they run on; one that is not available is an error.
+        /// Execution provider; one that is not available is an error.
         provider: Provider = Provider::Cpu, "", 0.0..=2.0, Everything;
     }
     plain {

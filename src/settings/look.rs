@@ -66,7 +66,7 @@ settings! {
         /// Whether the earlier frames of a live compounded picture are brought to the present pose.
         registration: bool = true, "", 0.0..=1.0, Nothing, hidden("Registration");
 
-        /// Displacement of the probe, if registered across its slice, beyond which live angles are left out, at any depth.
+        /// Displacement of the probe, if registered across its slice, beyond which earlier live frames are left out, at any depth.
         reach_mm: f64 = 4.0, "mm", 0.0..=100.0, Nothing, hidden("Reach");
 
         /// Weight of the running mean in each new picture; 0: no persistence.
@@ -88,8 +88,8 @@ settings! {
 }
 
 impl LookSettings {
-    /// Independent angles in the mean of the angles of `probe`: 1, and one more for each angle of the aperture, seen from
-    /// the focus, by which they span (Trahey, Smith and von Ramm, IEEE Trans UFFC 33:257, 1986).
+    /// Number of independent pictures in the mean of all angles: 1, plus the span over the angle at which the focus sees the
+    /// aperture of `probe` (Trahey, Smith and von Ramm, IEEE Trans UFFC 33:257, 1986).
     pub fn independent_angles(&self, probe: &Probe) -> f64 {
         let aperture_deg = 2.0 * (0.5 * probe.aperture_mm / probe.focus_mm).atan().to_degrees();
         let angles = self.angles_of(probe.kind);

@@ -93,7 +93,7 @@ settings! {
         /// Gestational age of the phantom's fetus.
         phantom_weeks: f64 = 22.0, "weeks", WEEKS_RANGE, Everything;
 
-        /// Which way the fetus lies: head down, head up, or across.
+        /// Lie of the fetus: head down, head up, or across.
         phantom_lie: Lie = Lie::Cephalic, "", 0.0..=3.0, Everything;
 
         /// Turn of the fetus about its long axis from where its left side is up.
@@ -102,13 +102,13 @@ settings! {
         /// 0 is stretched, 1 tightly curled.
         phantom_flexion: f64 = 0.5, "", FLEXION_RANGE, Everything;
 
-        /// Where on the uterine wall the placenta sits.
+        /// Site of the placenta on the uterine wall.
         phantom_placenta: PlacentaSite = PlacentaSite::Anterior, "", 0.0..=4.0, Everything;
 
         /// Amniotic fluid index, from oligohydramnios to polyhydramnios.
         phantom_fluid_index_mm: f64 = 140.0, "mm", FLUID_INDEX_RANGE_MM, Everything;
 
-        /// How strongly the abdominal wall aberrates: 13, 45 or 71 ns rms over 30 mm of aperture in the median.
+        /// Aberration of the abdominal wall: 13, 45 or 71 ns rms over 30 mm of aperture in the median.
         phantom_wall: Wall = Wall::Easy, "", 0.0..=2.0, Everything;
 
         /// Whether fat fills the gap between the recti: a lens that doubles what lies behind the midline.

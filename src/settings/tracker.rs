@@ -18,10 +18,10 @@ settings! {
         /// Whether an NDI tool outside of the characterised volume still gives poses.
         ndi_out_of_volume: bool = true, "", 0.0..=1.0, Everything;
 
-        /// What a SpaceMouse reports when it is pushed all the way; `[filter] puck_mm_s` and `puck_deg_s` are the speeds there.
+        /// Report value of a SpaceMouse at full deflection; `[filter] puck_mm_s` and `puck_deg_s` are the speeds there.
         puck_range: f64 = PUCK_RANGE, "", 1.0..=32_767.0, Everything;
 
-        /// How many times as fast as recorded; 0: as fast as it is taken.
+        /// Playback speed over the recorded one; 0: as fast as the session takes it.
         speed: f64 = 1.0, "", 0.0..=1000.0, Everything;
     }
 }

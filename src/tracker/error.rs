@@ -27,9 +27,15 @@ pub enum TrackerError {
     /// A recording that can't be played.
     #[error(transparent)]
     Playback(PlaybackError),
-    /// A recording to be played, without its bytes.
-    #[error("a recording is to be played, and its bytes are not given: `recording::spawn` opens it")]
+    /// The transport is a recording, but no bytes were given.
+    #[error("the transport is a recording, whose bytes were not given; `recording::spawn` opens it")]
     NoPlayback,
+    /// Recorded bytes were given, but the transport is no recording.
+    #[error("recorded bytes were given, and the transport is {transport}; `tracker::spawn` opens devices")]
+    NoRecording {
+        /// Name of the transport.
+        transport: &'static str,
+    },
     /// The description file of a wireless tool is unusable.
     #[error(transparent)]
     Rom(#[from] RomError),

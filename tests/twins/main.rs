@@ -249,7 +249,7 @@ fn places_of_another_angle_are_caught() {
     let mut case = nested();
     (case.settings.look.angles, case.settings.look.span_deg) = (3, 22.0);
     let mut shaders = ShaderSet::default();
-    assert!(shaders.replace("trace", "look * params.layers + params.layer_first", "params.layer_first"));
+    assert!(shaders.replace("trace", "angle * params.layers + params.layer_first", "params.layer_first"));
     let mut renderer = case.renderer(&shaders);
     // The straight look's places come first.
     assert!(compare("trace", &renderer.snapshot(&case.pose).unwrap()).is_ok());

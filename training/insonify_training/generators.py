@@ -123,7 +123,7 @@ GENERATORS = {
     **_variants("fast", replace(FAST, lq=ROLLING, **NATURAL), suffix="_rolling"),
     **_variants("middle", replace(MIDDLE, lq=ROLLING, **NATURAL), suffix="_rolling"),
     # A step sees as much of the sector as seven of pictures do.
-    **_variants("beam", replace(FAST, beam=BEAM, steps=8000)),
+    **_variants("beam", replace(FAST, beam=BEAM, steps=8000, divergence_weight=0.3)),
     **_variants("beam", replace(FAST, beam=BEAM, steps=8000, lq=ROLLING, divergence_weight=0.0, share=0.35), suffix="_rolling"),
     **_variants("beam4", replace(MIDDLE, beam=BEAM, steps=8000, lq=ROLLING, **NATURAL), suffix="_rolling"),
     **_variants("fast", replace(FAST, hq="32x3x1"), suffix="_single"),

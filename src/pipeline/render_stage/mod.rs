@@ -69,6 +69,7 @@ pub(super) struct RenderParts {
     /// Sinks that may read segmentation and attenuation.
     pub(super) map_readers: Vec<MapsWanted>,
     pub(super) period: Duration,
+    /// Time from the sampling of a frame's pose to its deadline.
     pub(super) deadline_after: Duration,
 }
 

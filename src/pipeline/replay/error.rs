@@ -36,8 +36,16 @@ pub enum ReplayError {
         /// Frames per second.
         fps: f64,
     },
+    /// A range of frames that holds none.
+    #[error("the requested frames {start}..{end} hold none; the end is not included")]
+    Range {
+        /// First frame asked for.
+        start: usize,
+        /// Frame behind the last.
+        end: usize,
+    },
     /// Frames behind the recording's end.
-    #[error("--frames starts at {start}, but at {fps} frames a second the recording has {frames}")]
+    #[error("the requested frames start at {start}, but at {fps} frames a second the recording has {frames}")]
     Start {
         /// First frame asked for.
         start: usize,

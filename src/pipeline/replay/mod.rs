@@ -80,13 +80,20 @@ impl Replay {
     /// Reads the recording at `path` for `station`.
     ///
     /// # Errors
-    /// A recording or calibration that can't be read, times that span too many frames, or no requested frame.
+    /// A recording or calibration that can't be read, times that span too many frames, or no requested frame. What is
+    /// damaged is logged before.
     pub fn read(path: &Path, station: Station, options: &ReplayOptions) -> Result<Self, ReplayError> {
         let ReplayOptions { rate, start, end, quality, .. } = *options;
         let (timeline, summary) = timeline(path, &station, options)?;
         let mut timeline = timeline.since(summary.info.start_time_ns);
         let count = timeline.poses.len();
         let frames = start..end.unwrap_or(count).min(count);
+        if !summary.is_clean() {
+            tracing::warn!("{}: {summary}", path.display());
+        }
+        if end.is_some_and(|end| end <= start) {
+            return Err(ReplayError::Range { start, end: end.unwrap_or(start) });
+        }
         if frames.is_empty() {
             return Err(ReplayError::Start { start, frames: count, fps: rate.fps() });
         }

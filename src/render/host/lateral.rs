@@ -34,7 +34,7 @@ pub(super) struct LateralBeam<'a> {
 
 /// Focuses `baseband` into `focused`, both complex [scanlines × row_samples]. Each block of samples has a kernel, or the
 /// profile of its scanline's beam. Kernels of a phased array are wider beside its normal. Weights below `least_weight` count
-/// as 0. Each scanline sees its neighbours' scatterers with the gain of its own aperture. The wavefront of a steered look is
+/// as 0. Each scanline sees its neighbours' scatterers with the gain of its own aperture. The wavefront of a steered frame is
 /// across its scanlines: a neighbour's samples lie `params.steer_shift_mm` deeper or higher.
 ///
 /// Beyond the array, a beam with an aperture meets the mirror image of the tissue within, a quarter of a cycle later: so
@@ -247,16 +247,14 @@ fn focus_row_body(
     }
 }
 
-/// Scanline at a tap of another one, whose own scanline is at `half`; `at` is that scanline plus the tap. Beyond the array's
-/// ends, the mirror image.
+/// Scanline at a place, `at` − `half`. Beyond the array's ends, the mirror image: no kernel reaches as far as the array is wide.
 #[inline(always)]
 fn mirrored(at: usize, half: usize, lines: usize) -> usize {
-    let line = match at.checked_sub(half) {
+    match at.checked_sub(half) {
         None => half - at - 1,
-        Some(line) if line >= lines => (2 * lines - 1).saturating_sub(line),
+        Some(line) if line >= lines => 2 * lines - 1 - line,
         Some(line) => line,
-    };
-    line.min(lines - 1)
+    }
 }
 
 /// Sum of squares in an order that every instruction set keeps.

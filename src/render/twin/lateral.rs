@@ -33,12 +33,8 @@ pub fn lateral(
             let weights = weights(inputs, kernel, line, gain_of(line).map_or(0.0, |gain| gain.place), profiles);
             let half = kernel.len() / 2;
             let within = |tap: usize| (line + tap).checked_sub(half).filter(|&l| l < inputs.scanlines);
-            let taps: Vec<(usize, f64)> = weights
-                .iter()
-                .copied()
-                .enumerate()
-                .filter(|&(tap, _)| !gains.is_empty() || within(tap).is_some())
-                .collect();
+            let shown = |&(tap, _): &(usize, f64)| !gains.is_empty() || within(tap).is_some();
+            let taps: Vec<(usize, f64)> = weights.iter().copied().enumerate().filter(shown).collect();
             let total: f64 = taps.iter().map(|(_, weight)| weight).sum();
             let power: f64 = taps.iter().map(|(_, weight)| weight * weight).sum();
             let whole: f64 = kernel.iter().map(|w| w * w).sum();
@@ -69,10 +65,9 @@ pub fn lateral(
     focused
 }
 
-/// Mirror image of a scanline beyond the array's ends; `at` is its number plus `half`.
+/// Mirror image of a place beyond the array's ends, `at` − `half`: no kernel reaches as far as the array is wide.
 fn mirrored(at: usize, half: usize, scanlines: usize) -> usize {
-    let image = if at < half { half - at - 1 } else { (2 * scanlines - 1).saturating_sub(at - half) };
-    image.min(scanlines - 1)
+    if at < half { half - at - 1 } else { 2 * scanlines - 1 - (at - half) }
 }
 
 /// A kernel as wide as a projection of the aperture makes it.

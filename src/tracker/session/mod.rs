@@ -91,13 +91,16 @@ pub fn spawn(
 /// `cancel`, or after the last byte.
 ///
 /// # Errors
-/// No thread is available.
+/// The transport is no recording, or no thread is available.
 pub fn play(
     settings: &Settings,
     playback: Box<dyn Playback>,
     listener: Box<dyn Listener>,
     cancel: CancellationToken,
 ) -> Result<SessionHandle, TrackerError> {
+    if !matches!(settings.transport, Transport::Recording { .. }) {
+        return Err(TrackerError::NoRecording { transport: settings.transport.name() });
+    }
     start(Session::new(settings, Some(playback), listener, cancel)?)
 }
 
