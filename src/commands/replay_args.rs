@@ -3,17 +3,18 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use anyhow::Context as _;
 use clap::Args;
 use insonify::anatomy::Scene;
 use insonify::pipeline::OtherSetting;
-use insonify::pipeline::replay::{Replay, ReplayOptions, Stretch};
+use insonify::pipeline::replay::{Replay, ReplayError, ReplayOptions, Stretch};
 use insonify::render::Backend;
 use insonify::sink::FrameRate;
 use insonify::station::Station;
 
 use super::effects::EffectArgs;
 use super::quality::{self, RaysLayers};
-use super::{Failure, session};
+use super::{Classify, Failure, session};
 
 /// Recording to replay, and the options for it.
 #[derive(Debug, Args)]
@@ -88,7 +89,10 @@ impl ReplayArgs {
             raw_poses: self.raw_poses,
             ignore_controls: self.ignore_controls,
         };
-        let replay = Replay::read(&self.recording, station, &options)?;
+        let replay = match Replay::read(&self.recording, station, &options) {
+            Err(error @ ReplayError::Start { .. }) => Err(error).context("--frames").input()?,
+            other => other?,
+        };
         if let Some(ms) = replay.overruled_budget_ms {
             eprintln!("the recorded session says its quality: quality.frame_budget_ms = {ms} chooses nothing");
         }
