@@ -144,7 +144,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     // A path is a line until it reflects: one traversal finds its crossings, up to `known_mm`.
     let start = origin;
     let line_mm = FAST_MEDIA * stretch * params.depth_mm;
-    collect(start, direction, 0.0, line_mm);
+    if open {
+        collect(start, direction, 0.0, line_mm);
+    }
     let known_mm = min(line_mm, crossing_lost_mm) - TOUCH_MM;
     var on_line = true;
     var travelled_mm = 0.0;

@@ -7,7 +7,6 @@ use std::time::Duration;
 use anyhow::{Context, anyhow};
 use insonify::files::{self, FileKind};
 use insonify::pose::Pose;
-use insonify::recording::RecordingSummary;
 use insonify::settings::{Setting, SettingsGroup};
 use insonify::station::Station;
 
@@ -38,13 +37,6 @@ pub(crate) fn pose(given: Option<Pose>, station: &Station, others: &str) -> Resu
         let station = station.path.display();
         Failure::Input(anyhow!("no pose: give {others}, or a [pose] with position_mm and quaternion in {station}"))
     })
-}
-
-/// Warns if the recording at `path` is damaged or incomplete.
-pub(crate) fn warn_of_damage(path: &Path, summary: &RecordingSummary) {
-    if !summary.is_clean() {
-        tracing::warn!("{}: {summary}", path.display());
-    }
 }
 
 /// Whether `path` is a station file; otherwise it is a scene.

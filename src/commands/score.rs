@@ -69,7 +69,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         Outputs::beside_station(&station).and([&args.recording]).replaced("--out", out)?;
     }
     let (raw, used, summary) = read_both(RecordingReader::open(&args.recording)?)?;
-    input::warn_of_damage(&args.recording, &summary);
+    summary.warn_of_damage(&args.recording);
     // Scores the poses shown in the session; without any, the tracker's poses with the station's calibration.
     let (mut poses, source): (Vec<TimedPose>, _) = if used.is_empty() {
         let calibration = station.pose_settings()?.calibration;

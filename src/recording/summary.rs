@@ -1,6 +1,7 @@
 //! Summary of a recording's content.
 
 use std::fmt;
+use std::path::Path;
 use std::time::Duration;
 
 use super::{Damage, Event, RecordingInfo, SessionSettings};
@@ -61,6 +62,13 @@ impl RecordingSummary {
     pub fn is_clean(&self) -> bool {
         let lost = self.decode_errors + self.missing_records + self.sequence_reversals + self.time_reversals;
         lost == 0 && self.damage == Damage::default()
+    }
+
+    /// Logs a warning unless everything in the file at `path` was used.
+    pub fn warn_of_damage(&self, path: &Path) {
+        if !self.is_clean() {
+            tracing::warn!("{}: {self}", path.display());
+        }
     }
 }
 

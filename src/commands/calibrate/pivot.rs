@@ -115,7 +115,7 @@ fn set(calibration: &mut Calibration, of: Of, found: &Pivot) {
 fn read(path: &Path) -> Result<Vec<Pose>, Failure> {
     if input::starts_with(path, MCAP_MAGIC, "the poses")? {
         let (poses, summary) = recording::poses(path)?;
-        input::warn_of_damage(path, &summary);
+        summary.warn_of_damage(path);
         return Ok(poses.into_iter().map(|p| p.pose).collect());
     }
     csv::poses(&input::text(path, FileKind::Table, "the poses")?).input_of(path)

@@ -84,16 +84,14 @@ impl Replay {
     /// damaged is logged before.
     pub fn read(path: &Path, station: Station, options: &ReplayOptions) -> Result<Self, ReplayError> {
         let ReplayOptions { rate, start, end, quality, .. } = *options;
+        if let Some(end) = end.filter(|end| *end <= start) {
+            return Err(ReplayError::Range { start, end });
+        }
         let (timeline, summary) = timeline(path, &station, options)?;
         let mut timeline = timeline.since(summary.info.start_time_ns);
         let count = timeline.poses.len();
         let frames = start..end.unwrap_or(count).min(count);
-        if !summary.is_clean() {
-            tracing::warn!("{}: {summary}", path.display());
-        }
-        if end.is_some_and(|end| end <= start) {
-            return Err(ReplayError::Range { start, end: end.unwrap_or(start) });
-        }
+        summary.warn_of_damage(path);
         if frames.is_empty() {
             return Err(ReplayError::Start { start, frames: count, fps: rate.fps() });
         }
@@ -228,4 +226,22 @@ fn stretches(live: &[LiveSettings], frames: Range<usize>, quality: Option<FrameQ
 fn sets_quality(event: &Event) -> bool {
     let says = |key: &str| event.name == key || event.value.as_ref().is_some_and(|value| value.get(key).is_some());
     ["rays", "layers"].into_iter().any(says)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_range_without_a_frame_is_refused_before_the_recording_is_read() {
+        let station = Station::parse("[scene]\npath = \"a.glb\"", Path::new("/station")).unwrap();
+        let read = |end| {
+            let rate = FrameRate::new(10.0).unwrap();
+            let (quality, seed, raw_poses, ignore_controls) = (None, None, false, false);
+            let options = ReplayOptions { rate, start: 5, end: Some(end), quality, seed, raw_poses, ignore_controls };
+            Replay::read(Path::new("/nonexistent/a.mcap"), station.clone(), &options).unwrap_err()
+        };
+        assert!(matches!(read(5), ReplayError::Range { start: 5, end: 5 }));
+        assert!(matches!(read(6), ReplayError::Recording(_)));
+    }
 }

@@ -247,14 +247,10 @@ fn focus_row_body(
     }
 }
 
-/// Scanline at a place, `at` − `half`. Beyond the array's ends, the mirror image: no kernel reaches as far as the array is wide.
+/// Mirror image of a place beyond the array's ends, `at` − `half`: no kernel reaches as far as the array is wide.
 #[inline(always)]
 fn mirrored(at: usize, half: usize, lines: usize) -> usize {
-    match at.checked_sub(half) {
-        None => half - at - 1,
-        Some(line) if line >= lines => 2 * lines - 1 - line,
-        Some(line) => line,
-    }
+    if at < half { half - at - 1 } else { 2 * lines - 1 - (at - half) }
 }
 
 /// Sum of squares in an order that every instruction set keeps.

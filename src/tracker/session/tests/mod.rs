@@ -7,7 +7,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::*;
 use crate::recording::{self, RecordingPlayback};
-use crate::tracker::{Protocol, Speed, mock};
+use crate::tracker::{PlaybackError, Protocol, Speed, mock};
 
 mod devices;
 mod recordings;
@@ -145,6 +145,38 @@ async fn sessions_end_when_cancelled_in_any_state() {
             assert!(calls.lock().unwrap().records.is_empty());
         }
     }
+}
+
+/// Recorded bytes, of which there are none.
+struct Nothing;
+
+impl Playback for Nothing {
+    fn name(&self) -> String {
+        "nothing".to_owned()
+    }
+
+    fn protocol(&self) -> Protocol {
+        Protocol::AsciiLine
+    }
+
+    fn sensor(&self) -> Option<u16> {
+        None
+    }
+
+    fn next_message(&mut self) -> Result<Option<(u64, Vec<u8>)>, PlaybackError> {
+        Ok(None)
+    }
+
+    fn rewind(&mut self) -> Result<(), PlaybackError> {
+        Ok(())
+    }
+}
+
+#[test]
+fn recorded_bytes_are_not_played_in_place_of_a_device() {
+    let listener = Box::new(TrackerListener(Shared::default()));
+    let error = play(&mock("move 1"), Box::new(Nothing), listener, CancellationToken::new()).unwrap_err();
+    assert!(matches!(error, TrackerError::NoRecording { transport: "mock" }), "{error}");
 }
 
 #[test]
