@@ -35,6 +35,31 @@ macro_rules! widened {
 }
 pub(crate) use widened;
 
+/// [`widened`] without AVX-512, for loops whose numbers come by eight: there the compiler pairs them, and shuffles more than it
+/// computes.
+macro_rules! widened_to_eight {
+    ($(#[$doc:meta])* $visibility:vis fn $name:ident($($argument:ident: $kind:ty),* $(,)?) = $body:ident) => {
+        $(#[$doc])*
+        #[allow(clippy::too_many_arguments, reason = "those of the body")]
+        $visibility fn $name($($argument: $kind),*) {
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx2")]
+                #[allow(clippy::too_many_arguments, reason = "those of the body")]
+                fn with_avx2($($argument: $kind),*) {
+                    $body($($argument),*);
+                }
+                if std::arch::is_x86_feature_detected!("avx2") {
+                    // SAFETY: the CPU has AVX2.
+                    return unsafe { with_avx2($($argument),*) };
+                }
+            }
+            $body($($argument),*);
+        }
+    };
+}
+pub(crate) use widened_to_eight;
+
 /// Whether the CPU has the parts of AVX-512 that [`widened`] uses.
 #[cfg(target_arch = "x86_64")]
 pub(crate) fn has_avx512() -> bool {

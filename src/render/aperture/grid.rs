@@ -12,13 +12,15 @@ use crate::transducer::Probe;
 /// Modes that are computed together.
 pub(crate) const MODE_LANES: usize = 8;
 /// Most beams of a period.
-const BEAMS_MAX: usize = 256;
+pub(crate) const BEAMS_MAX: usize = 256;
 /// Fewest cells of a period.
 const CELLS_MIN: usize = 64;
 /// End of the binary logarithms of the numbers of periods that are tried.
 const PERIODS_LOG2_END: u32 = 8;
 /// Most offsets of a profile to one side, in cells: half a period.
 pub(crate) const OFFSETS_MAX: usize = BEAMS_MAX;
+/// Most modes: those of a period's cells, with two groups that are filled up.
+pub(crate) const MODES_MAX: usize = BEAM_CELLS_MAX * BEAMS_MAX + 2 * MODE_LANES;
 /// Most planes of a frame.
 pub(crate) const PLANES_MAX: usize = 128;
 

@@ -16,7 +16,7 @@ mod shape;
 mod unobstructed;
 
 use grid::Grid;
-pub(crate) use grid::{MODE_LANES, OFFSETS_MAX, PLANES_MAX};
+pub(crate) use grid::{BEAMS_MAX, MODE_LANES, MODES_MAX, OFFSETS_MAX, PLANES_MAX};
 pub(crate) use sampling::{CellRays, Sampling};
 #[cfg(feature = "gpu")]
 pub(crate) use shape::{ApertureShape, MODE_NONE};

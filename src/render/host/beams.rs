@@ -3,9 +3,13 @@
 use rayon::prelude::*;
 
 use super::constants::ImageConstants;
-use super::fourier::{LANES, Roots, Row, Wide, reversed};
-use crate::render::aperture::ApertureTables;
-use crate::simd::widened;
+use super::fourier::{LANES, Roots, Wide, reversed};
+use super::propagate::FIELDS;
+use crate::render::aperture::{ApertureTables, BEAMS_MAX, MODES_MAX};
+use crate::simd::widened_to_eight;
+
+/// Cells whose amplitudes are written together: a cache line.
+const TOGETHER: usize = 2 * LANES;
 
 /// Outputs of the pass.
 #[derive(Debug)]
@@ -18,7 +22,7 @@ pub(super) struct Beams<'a> {
     pub(super) powers: &'a mut [f32],
 }
 
-/// Fills the outputs. Planes before `first` are unobstructed. `work` holds a period of beams, twice, for each plane.
+/// Fills the outputs from the fields of `propagate`. Planes before `first` are unobstructed. `work` holds a period of beams, twice, for each plane.
 pub(super) fn beams(
     constants: ImageConstants,
     tables: &ApertureTables,
@@ -44,7 +48,7 @@ pub(super) fn beams(
     });
 }
 
-widened! {
+widened_to_eight! {
     /// One plane.
     fn sum_plane(
         constants: ImageConstants, tables: &ApertureTables, roots: &Roots, plane: usize, fields: &[f32],
@@ -67,25 +71,46 @@ fn sum_plane_body(
     let (cells, beams) = (tables.sampling.cells, tables.sampling.beams);
     let receive = &tables.receive[plane * tables.modes.len()..][..tables.sampling.modes_at(plane)];
     let (sent, heard) = work.split_at_mut(beams);
-    for first_cell in (0..cells).step_by(LANES) {
-        sent.fill(Wide::ZERO);
-        heard.fill(Wide::ZERO);
-        for (slot, ((mode, &transmit), &receive)) in tables.modes.iter().zip(&tables.transmit).zip(receive).enumerate()
-        {
-            let Some(mode) = mode else { continue };
-            let at = (slot * tables.planes + plane) * 2 * cells + first_cell;
-            let (Some(re), Some(im)) = (lanes_at(fields, at), lanes_at(fields, at + cells)) else { continue };
-            let (field, bin) = (Wide { re: *re, im: *im }, tables.sampling.bin(plane, *mode));
-            sent[bin] = sent[bin].plus(&field.times(transmit));
-            heard[bin] = heard[bin].plus(&field.times(receive));
+    let of_group = FIELDS / LANES * cells * tables.planes;
+    let mut bins = [0; MODES_MAX];
+    for (bin, mode) in bins.iter_mut().zip(&tables.modes) {
+        *bin = mode.map_or(0, |mode| tables.sampling.bin(plane, mode));
+    }
+    let mut powers = [[0.0; TOGETHER]; BEAMS_MAX];
+    for first_cell in (0..cells).step_by(TOGETHER) {
+        for beside in 0..TOGETHER / LANES {
+            let tile = FIELDS / LANES * (plane * cells + first_cell) + beside * FIELDS;
+            sent.fill(Wide::ZERO);
+            heard.fill(Wide::ZERO);
+            let groups = bins.chunks_exact(LANES).zip(tables.transmit.chunks_exact(LANES)).enumerate();
+            for ((group, (bins, transmit)), receive) in groups.zip(receive.chunks_exact(LANES)) {
+                let Some(tile) = fields.get(group * of_group + tile..).and_then(|rest| rest.first_chunk::<FIELDS>())
+                else {
+                    continue;
+                };
+                let rows = tile.as_chunks::<LANES>().0.as_chunks::<2>().0;
+                // Modes that pad a group have no field.
+                for (((&bin, [re, im]), &transmit), &receive) in bins.iter().zip(rows).zip(transmit).zip(receive) {
+                    let field = Wide { re: *re, im: *im };
+                    sent[bin] = sent[bin].plus(&field.times(transmit));
+                    heard[bin] = heard[bin].plus(&field.times(receive));
+                }
+            }
+            roots.forward(sent);
+            roots.forward(heard);
+            for ((t, r), powers) in sent.iter().zip(&*heard).zip(&mut powers) {
+                let powers = &mut powers[beside * LANES..][..LANES];
+                for (lane, power) in powers.iter_mut().enumerate() {
+                    *power = (t.re[lane] * t.re[lane] + t.im[lane] * t.im[lane])
+                        * (r.re[lane] * r.re[lane] + r.im[lane] * r.im[lane]);
+                }
+            }
         }
-        roots.forward(sent);
-        roots.forward(heard);
+        // Whole cache lines: the rows of an array's beams share few of the first cache's sets.
         for (beam, amplitudes) in amplitudes.chunks_exact_mut(cells).enumerate() {
-            let (t, r) = (&sent[reversed(beam, beams)], &heard[reversed(beam, beams)]);
-            let power = |v: &Wide, lane: usize| v.re[lane] * v.re[lane] + v.im[lane] * v.im[lane];
-            for (lane, amplitude) in amplitudes[first_cell..].iter_mut().take(LANES).enumerate() {
-                *amplitude = (power(t, lane) * power(r, lane)).sqrt();
+            let powers = &powers[reversed(beam, beams)];
+            for (amplitude, &power) in amplitudes[first_cell..].iter_mut().zip(powers) {
+                *amplitude = power.sqrt();
             }
         }
     }
@@ -129,9 +154,4 @@ fn sum_within(amplitudes: &[f32], middle: f32, reach: f32) -> f32 {
         sums[lane] += term(LANES * tiles.len() + lane, amplitude);
     }
     sums.iter().sum()
-}
-
-#[inline(always)]
-fn lanes_at(values: &[f32], at: usize) -> Option<&Row> {
-    values.get(at..).and_then(|rest| rest.first_chunk::<LANES>())
 }

@@ -1,9 +1,12 @@
 //! Fourier transforms of several rows at once, a row a lane.
 //!
-//! Radix-4 steps in place, and a radix-2 step if the length asks for one. Spectra are in bit-reversed order.
+//! Radix-4 steps in place, and a radix-2 step if the length asks for one. Spectra are in bit-reversed order. All steps of one part
+//! of the numbers are done before the next part's: a part stays in the first cache.
 
 /// Rows transformed together.
 pub(super) const LANES: usize = 8;
+/// Numbers whose steps are done together, so that they stay in the first cache: 16 KiB.
+const PART_MAX: usize = 256;
 
 /// One number of each row.
 pub(super) type Row = [f32; LANES];
@@ -79,61 +82,81 @@ impl Roots {
     /// Σ x_n e^(−i2πkn/length) of each row, in bit-reversed order of k.
     #[inline(always)]
     pub(super) fn forward(&self, data: &mut [Wide]) {
-        let length = self.roots.len();
-        let mut block = length;
-        if length.trailing_zeros() % 2 == 1 {
-            let half = block / 2;
-            let (low, high) = data.split_at_mut(half);
+        self.begin_forward(data);
+        for part in data.chunks_exact_mut(self.part()) {
+            self.end_forward(part);
+        }
+    }
+
+    /// Σ X_k e^(+i2πkn/length) of each row, from the bit-reversed order of k: first within each part, then across parts.
+    #[cfg(test)]
+    fn inverse(&self, data: &mut [Wide]) {
+        for part in data.chunks_exact_mut(self.part()) {
+            self.begin_inverse(part);
+        }
+        self.end_inverse(data);
+    }
+
+    /// Length of the parts that the steps of [`Self::end_forward`] and [`Self::begin_inverse`] keep apart.
+    #[inline(always)]
+    pub(super) fn part(&self) -> usize {
+        let mut part = self.roots.len();
+        if part.trailing_zeros() % 2 == 1 {
+            part /= 2;
+        }
+        while part > PART_MAX {
+            part /= 4;
+        }
+        part
+    }
+
+    /// Steps of [`Self::forward`] across parts.
+    #[inline(always)]
+    pub(super) fn begin_forward(&self, data: &mut [Wide]) {
+        let mut block = self.roots.len();
+        if block.trailing_zeros() % 2 == 1 {
+            block /= 2;
+            let (low, high) = data.split_at_mut(block);
             for (j, (a, b)) in low.iter_mut().zip(high).enumerate() {
                 let difference = a.minus(b);
                 *a = a.plus(b);
                 *b = difference.times(self.roots[j]);
             }
-            block = half;
         }
-        while block >= 4 {
-            let stride = length / block;
-            for part in data.chunks_exact_mut(block) {
-                let [a, b, c, d] = quarters(part);
-                for (j, (((a, b), c), d)) in a.iter_mut().zip(b).zip(c).zip(d).enumerate() {
-                    let (t0, t1) = (a.plus(c), a.minus(c));
-                    let (t2, t3) = (b.plus(d), d.minus(b).turned());
-                    let (w1, w2) = (self.roots[j * stride], self.roots[2 * j * stride]);
-                    let w3 = self.roots[3 * j * stride];
-                    *a = t0.plus(&t2);
-                    *b = t0.minus(&t2).times(w2);
-                    *c = t1.plus(&t3).times(w1);
-                    *d = t1.minus(&t3).times(w3);
-                }
-            }
+        while block > PART_MAX {
+            self.divide(data, block);
             block /= 4;
         }
     }
 
-    /// Σ X_k e^(+i2πkn/length) of each row, from the bit-reversed order of k.
+    /// Steps of [`Self::forward`] within one part.
     #[inline(always)]
-    pub(super) fn inverse(&self, data: &mut [Wide]) {
-        let length = self.roots.len();
-        let conjugate = |[re, im]: [f32; 2]| [re, -im];
+    pub(super) fn end_forward(&self, part: &mut [Wide]) {
+        let mut block = part.len();
+        while block >= 4 {
+            self.divide(part, block);
+            block /= 4;
+        }
+    }
+
+    /// Steps of [`Self::inverse`] within one part.
+    #[inline(always)]
+    pub(super) fn begin_inverse(&self, part: &mut [Wide]) {
         let mut block = 4;
+        while block <= part.len() {
+            self.combine(part, block);
+            block *= 4;
+        }
+    }
+
+    /// Steps of [`Self::inverse`] across parts.
+    #[inline(always)]
+    pub(super) fn end_inverse(&self, data: &mut [Wide]) {
+        let length = self.roots.len();
         let odd = length.trailing_zeros() % 2 == 1;
-        let largest = if odd { length / 2 } else { length };
-        while block <= largest {
-            let stride = length / block;
-            for part in data.chunks_exact_mut(block) {
-                let [a, b, c, d] = quarters(part);
-                for (j, (((a, b), c), d)) in a.iter_mut().zip(b).zip(c).zip(d).enumerate() {
-                    let (w1, w2) = (conjugate(self.roots[j * stride]), conjugate(self.roots[2 * j * stride]));
-                    let w3 = conjugate(self.roots[3 * j * stride]);
-                    let (y1, y2, y3) = (c.times(w1), b.times(w2), d.times(w3));
-                    let (t0, t2) = (a.plus(&y2), a.minus(&y2));
-                    let (t1, t3) = (y1.plus(&y3), y1.minus(&y3).turned());
-                    *a = t0.plus(&t1);
-                    *c = t0.minus(&t1);
-                    *b = t2.plus(&t3);
-                    *d = t2.minus(&t3);
-                }
-            }
+        let mut block = 4 * self.part();
+        while block <= if odd { length / 2 } else { length } {
+            self.combine(data, block);
             block *= 4;
         }
         if odd {
@@ -145,6 +168,74 @@ impl Roots {
             }
         }
     }
+
+    /// A radix-4 step of the transform: each block into quarters.
+    #[inline(always)]
+    fn divide(&self, data: &mut [Wide], block: usize) {
+        let stride = self.roots.len() / block;
+        for part in data.chunks_exact_mut(block) {
+            let [a, b, c, d] = quarters(part);
+            for (j, (((a, b), c), d)) in a.iter_mut().zip(b).zip(c).zip(d).enumerate() {
+                let (t0, t1) = (a.plus(c), a.minus(c));
+                let (t2, t3) = (b.plus(d), d.minus(b).turned());
+                let (w1, w2) = (self.roots[j * stride], self.roots[2 * j * stride]);
+                let w3 = self.roots[3 * j * stride];
+                *a = t0.plus(&t2);
+                *b = t0.minus(&t2).times(w2);
+                *c = t1.plus(&t3).times(w1);
+                *d = t1.minus(&t3).times(w3);
+            }
+        }
+    }
+
+    /// A radix-4 step of the inverse: quarters into each block.
+    #[inline(always)]
+    fn combine(&self, data: &mut [Wide], block: usize) {
+        let stride = self.roots.len() / block;
+        for part in data.chunks_exact_mut(block) {
+            let [a, b, c, d] = quarters(part);
+            for (j, (((a, b), c), d)) in a.iter_mut().zip(b).zip(c).zip(d).enumerate() {
+                let (w1, w2) = (conjugate(self.roots[j * stride]), conjugate(self.roots[2 * j * stride]));
+                let w3 = conjugate(self.roots[3 * j * stride]);
+                let (y1, y2, y3) = (c.times(w1), b.times(w2), d.times(w3));
+                let (t0, t2) = (a.plus(&y2), a.minus(&y2));
+                let (t1, t3) = (y1.plus(&y3), y1.minus(&y3).turned());
+                *a = t0.plus(&t1);
+                *c = t0.minus(&t1);
+                *b = t2.plus(&t3);
+                *d = t2.minus(&t3);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn conjugate([re, im]: [f32; 2]) -> [f32; 2] {
+    [re, -im]
+}
+
+/// Rows and columns of eight rows exchanged.
+#[inline(always)]
+pub(super) fn transposed([a, b, c, d, e, f, g, h]: [Row; LANES]) -> [Row; LANES] {
+    let ([a, e], [b, f]) = (exchanged::<4>(a, e), exchanged::<4>(b, f));
+    let ([c, g], [d, h]) = (exchanged::<4>(c, g), exchanged::<4>(d, h));
+    let ([a, c], [b, d]) = (exchanged::<2>(a, c), exchanged::<2>(b, d));
+    let ([e, g], [f, h]) = (exchanged::<2>(e, g), exchanged::<2>(f, h));
+    let ([a, b], [c, d]) = (exchanged::<1>(a, b), exchanged::<1>(c, d));
+    let ([e, f], [g, h]) = (exchanged::<1>(e, f), exchanged::<1>(g, h));
+    [a, b, c, d, e, f, g, h]
+}
+
+/// Two rows after the numbers of one's odd groups of `APART` and of the other's even groups have changed places.
+#[inline(always)]
+fn exchanged<const APART: usize>(a: Row, b: Row) -> [Row; 2] {
+    let (mut low, mut high) = ([0.0; LANES], [0.0; LANES]);
+    for lane in 0..LANES {
+        let odd = lane & APART != 0;
+        low[lane] = if odd { b[lane ^ APART] } else { a[lane] };
+        high[lane] = if odd { b[lane] } else { a[lane ^ APART] };
+    }
+    [low, high]
 }
 
 /// The four quarters of a slice.
@@ -181,7 +272,7 @@ mod tests {
 
     #[test]
     fn spectra_are_fourier_sums() {
-        for length in [8, 16, 32, 128, 256] {
+        for length in [8, 16, 32, 128, 256, 512, 1024, 2048] {
             let input = data(length);
             let mut spectrum = input.clone();
             Roots::new(length).forward(&mut spectrum);
@@ -203,8 +294,18 @@ mod tests {
     }
 
     #[test]
+    fn rows_and_cells_are_exchanged() {
+        let rows: [Row; LANES] = std::array::from_fn(|row| std::array::from_fn(|cell| (10 * row + cell) as f32));
+        for (cell, lanes) in transposed(rows).iter().enumerate() {
+            for (row, &value) in lanes.iter().enumerate() {
+                assert_eq!(value, (10 * row + cell) as f32);
+            }
+        }
+    }
+
+    #[test]
     fn the_inverse_undoes_the_transform() {
-        for length in [8, 16, 64, 128, 512] {
+        for length in [8, 16, 64, 128, 512, 1024, 4096] {
             let input = data(length);
             let mut output = input.clone();
             let roots = Roots::new(length);

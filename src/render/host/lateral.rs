@@ -8,7 +8,7 @@ use super::visibility::BlockGain;
 use crate::render::constants::DEPTH_BLOCK;
 use crate::render::kernels::Kernels;
 use crate::render::params::Params;
-use crate::simd::{at_least, at_most, floor, phasor, widened};
+use crate::simd::{at_least, at_most, floor, phasor, prefetch, widened};
 
 /// Numbers in a block of complex samples that share a kernel.
 const BLOCK: usize = 2 * DEPTH_BLOCK as usize;
@@ -16,6 +16,10 @@ const BLOCK: usize = 2 * DEPTH_BLOCK as usize;
 const SUMS: usize = 8;
 /// Least consecutive scanlines per task: they read the same rows.
 const LINES_TOGETHER: usize = 8;
+/// Weights of a plane that are loaded ahead.
+const PREFETCHED: usize = 64;
+/// Weights beside the kernel where a plane has none.
+static WITHOUT: [f32; TAPS_MAX] = [0.0; TAPS_MAX];
 
 /// Beam of every scanline.
 #[derive(Debug, Clone, Copy)]
@@ -87,44 +91,54 @@ impl LateralBeam<'_> {
         let (half, reach) = (params.lateral_half as usize, self.kernels.reach[block] as usize);
         let projection = params.projection(line);
         weights.level = 1.0;
-        let reach = if projection < 1.0 {
+        if projection < 1.0 {
+            // Phased arrays, which have no blends.
             let reach = (((reach + 1) as f32 / projection).ceil() as usize).min(half);
             widen(kernel, reach, projection, &mut weights.taps[..taps]);
             let widened = &weights.taps[half - reach..=half + reach];
             // Speckle of a wide kernel whose sum is 1 would be darker.
             weights.level = (sum_of_squares(widened) / self.kernels.power[block]).sqrt() / widened.iter().sum::<f32>();
-            reach
-        } else {
-            weights.taps[..taps].copy_from_slice(kernel);
-            reach
-        };
-        (weights.first, weights.end) = (half - reach, half + reach + 1);
+            (weights.first, weights.end) = (half - reach, half + reach + 1);
+            return;
+        }
+        let (mut first, mut end) = (half - reach, half + reach + 1);
         let lines = params.scanlines as usize;
         let planes = self.blends.len() / lines;
-        if planes == 0 {
-            return;
-        }
         // Before the first plane, its profile.
-        let place = at_most(at_least(place, 0.0), (planes - 1) as f32);
+        let place = at_most(at_least(place, 0.0), planes.saturating_sub(1) as f32);
         let low = (place as usize).min(planes.saturating_sub(2));
         let part = place - low as f32;
-        let of = |plane: usize| (plane.min(planes - 1)) * lines + line;
-        let shares = [(of(low), 1.0 - part), (of(low + 1), part)];
-        let kept: f32 = shares.iter().map(|&(at, share)| share * self.blends[at][0]).sum();
-        if kept >= 1.0 {
+        let shares = [(low, 1.0 - part), (low + 1, part)];
+        let (mut kept, mut rows) = (0.0, [&WITHOUT; 2].map(|row| (&row[..taps], 0.0)));
+        for ((plane, share), row) in shares.into_iter().zip(&mut rows) {
+            let at = plane.min(planes.saturating_sub(1)) * lines + line;
+            let [of_kernel, from, to] = self.blends.get(at).copied().unwrap_or([1.0, 0.0, 0.0]);
+            kept += share * of_kernel;
+            if to > from {
+                *row = (&self.weights[at * taps..][..taps], share);
+                (first, end) = (first.min(from as usize), end.max(to as usize));
+            }
+        }
+        if planes == 0 || kept >= 1.0 {
+            (weights.first, weights.end) = (half - reach, half + reach + 1);
+            for (weight, &kernel) in weights.taps[weights.first..weights.end].iter_mut().zip(&kernel[weights.first..]) {
+                *weight = kernel;
+            }
             return;
         }
-        weights.taps[..taps].iter_mut().for_each(|weight| *weight *= kept);
-        for (at, share) in shares {
-            let [_, first, end] = self.blends[at];
-            let span = first as usize..end as usize;
-            if span.is_empty() {
-                continue;
-            }
-            (weights.first, weights.end) = (weights.first.min(span.start), weights.end.max(span.end));
-            for (weight, profile) in weights.taps[span.clone()].iter_mut().zip(&self.weights[at * taps..][span]) {
-                *weight += share * profile;
-            }
+        (weights.first, weights.end) = (first, end);
+        // Its next plane's weights are far away in memory.
+        if let Some(soon) =
+            self.weights.get(((low + 2) * lines + line) * taps..).and_then(|rest| rest.first_chunk::<PREFETCHED>())
+        {
+            prefetch(soon);
+        }
+        let [(one, one_share), (next, next_share)] = rows;
+        let profiles = one[first..end].iter().zip(&next[first..end]);
+        for ((weight, &kernel), (&one, &next)) in
+            weights.taps[first..end].iter_mut().zip(&kernel[first..end]).zip(profiles)
+        {
+            *weight = kernel * kept + one_share * one + next_share * next;
         }
     }
 }
@@ -259,12 +273,16 @@ fn sum_of_squares(values: &[f32]) -> f32 {
     let mut sums = [0.0_f32; SUMS];
     let (chunks, rest) = values.as_chunks::<SUMS>();
     for chunk in chunks {
-        for (sum, value) in sums.iter_mut().zip(chunk) {
-            *sum += value * value;
+        for lane in 0..SUMS {
+            sums[lane] += chunk[lane] * chunk[lane];
         }
     }
-    for (sum, value) in sums.iter_mut().zip(rest) {
-        *sum += value * value;
+    let mut last = [0.0_f32; SUMS];
+    for (last, &value) in last.iter_mut().zip(rest) {
+        *last = value;
+    }
+    for lane in 0..SUMS {
+        sums[lane] += last[lane] * last[lane];
     }
     sums.iter().sum()
 }

@@ -9,7 +9,7 @@ use crate::render::aperture::{ApertureTables, OFFSETS_MAX};
 use crate::render::constants::{LATERAL_HALF_MAX, PROFILE_CUT, UNLIKE};
 use crate::render::kernels::Kernels;
 use crate::render::params::Params;
-use crate::simd::{at_least, at_most, floor, widened};
+use crate::simd::{at_least, at_most, floor, widened_to_eight};
 
 /// Most weights of a scanline at a plane.
 pub(super) const TAPS_MAX: usize = 2 * LATERAL_HALF_MAX as usize + 1;
@@ -28,7 +28,8 @@ pub(super) type Blend = [f32; 3];
 /// Outputs of the pass.
 #[derive(Debug)]
 pub(super) struct Profiles<'a> {
-    /// Weights beside that part of the kernel [planes × scanlines × (2·lateral_half + 1)]; defined within a blend's ends.
+    /// Weights beside that part of the kernel [planes × scanlines × (2·lateral_half + 1)]: zeros beyond a blend's ends, undefined
+    /// if it has none.
     pub(super) weights: &'a mut [f32],
     /// [planes × scanlines]
     pub(super) blends: &'a mut [Blend],
@@ -58,7 +59,7 @@ pub(super) fn profiles(
     });
 }
 
-widened! {
+widened_to_eight! {
     /// One plane.
     fn weigh_plane(
         beams: &PlaneBeams<'_>, kernel_power: f32, weights: &mut [f32], blends: &mut [Blend],
@@ -195,7 +196,9 @@ impl PlaneBeams<'_> {
         let least = PROFILE_CUT as f32 * greatest;
         let first = weights.iter().position(|&weight| weight >= least).unwrap_or(0);
         let end = weights.iter().rposition(|&weight| weight >= least).map_or(0, |last| last + 1);
-        weights.iter_mut().for_each(|weight| *weight *= scale);
+        for (tap, weight) in weights.iter_mut().enumerate() {
+            *weight = if tap >= first && tap < end { *weight * scale } else { 0.0 };
+        }
         [kept, first as f32, end as f32]
     }
 }

@@ -4,11 +4,14 @@ use rayon::iter::once;
 use rayon::prelude::*;
 
 use super::constants::ImageConstants;
-use super::fourier::{LANES, Roots, Wide, reversed};
+use super::fourier::{LANES, Roots, Wide, reversed, transposed};
 use crate::render::aperture::{ApertureTables, MODE_LANES};
-use crate::simd::{phasor, widened};
+use crate::simd::{phasor, widened_to_eight};
 
 const _: () = assert!(LANES == MODE_LANES);
+
+/// Numbers of a tile of fields: eight modes at eight cells.
+pub(super) const FIELDS: usize = 2 * LANES * LANES;
 
 /// Orders of a spectrum, made once for a configuration.
 #[derive(Debug, Clone)]
@@ -41,8 +44,8 @@ pub(super) fn first_plane(constants: ImageConstants, tables: &ApertureTables, ma
 }
 
 /// Fills `fields` from plane `first_plane` on: the field of each mode at each cell, before the interval of the plane
-/// [modes × planes × (real parts, imaginary parts) × cells]. `work` holds as many numbers as the groups of modes have
-/// cells.
+/// [groups of 8 modes × planes × tiles of 8 cells × modes × (real parts, imaginary parts) × cells]. `work` holds as many numbers
+/// as the groups of modes have cells.
 pub(super) fn propagate(
     tables: &ApertureTables,
     propagation: &Propagation,
@@ -69,7 +72,7 @@ pub(super) fn propagate(
     });
 }
 
-widened! {
+widened_to_eight! {
     /// A group of modes.
     fn propagate_group(
         tables: &ApertureTables, propagation: &Propagation, group: usize, first: usize, mask: &[[f32; 2]],
@@ -89,27 +92,45 @@ fn propagate_group_body(
 ) {
     let (cells, planes) = (tables.sampling.cells, tables.planes);
     begin(tables, group, work);
-    propagation.roots.forward(work);
+    let roots = &propagation.roots;
+    let part = roots.part();
+    roots.begin_forward(work);
     for plane in 0..planes {
         if LANES * group >= tables.sampling.modes_at(plane) {
             return;
         }
-        let steps = &propagation.steps[plane * cells..][..cells];
-        for (value, &step) in work.iter_mut().zip(steps) {
-            *value = value.times(step);
+        let steps = propagation.steps[plane * cells..][..cells].chunks_exact(part);
+        for (values, steps) in work.chunks_exact_mut(part).zip(steps) {
+            // The planes before `first` leave whole spectra.
+            if plane == 0 || plane > first {
+                roots.end_forward(values);
+            }
+            for (value, &step) in values.iter_mut().zip(steps) {
+                *value = value.times(step);
+            }
+            if plane >= first {
+                roots.begin_inverse(values);
+            } else {
+                // Steps hold the inverse transform's 1/cells, which only one of them may have.
+                let scale = [cells as f32, 0.0];
+                for value in values.iter_mut() {
+                    *value = value.times(scale);
+                }
+            }
         }
         if plane < first {
-            // Steps hold the inverse transform's 1/cells, which only one of them may have.
-            let scale = [cells as f32, 0.0];
-            work.iter_mut().for_each(|value| *value = value.times(scale));
             continue;
         }
-        propagation.roots.inverse(work);
-        store(tables, plane, work, fields);
-        for (value, &passes) in work.iter_mut().zip(&mask[plane * cells..][..cells]) {
-            *value = value.times(passes);
+        roots.end_inverse(work);
+        let fields = fields[2 * LANES * cells * plane..].as_chunks_mut::<FIELDS>().0;
+        let mask = mask[plane * cells..].as_chunks::<LANES>().0;
+        for ((tile, fields), mask) in work.as_chunks_mut::<LANES>().0.iter_mut().zip(fields).zip(mask) {
+            store(tile, fields);
+            for (value, &passes) in tile.iter_mut().zip(mask) {
+                *value = value.times(passes);
+            }
         }
-        propagation.roots.forward(work);
+        roots.begin_forward(work);
     }
 }
 
@@ -130,24 +151,28 @@ fn begin(tables: &ApertureTables, group: usize, work: &mut [Wide]) {
     }
 }
 
-/// Writes the fields at a plane, a row a mode.
+/// Writes the fields of eight cells, by mode.
 #[inline(always)]
-fn store(tables: &ApertureTables, plane: usize, work: &[Wide], fields: &mut [f32]) {
-    let cells = tables.sampling.cells;
-    let rows = tables.planes * 2 * cells;
-    // In tiles: a row at a time would read every number from another cache line.
-    for (first, tile) in (0..cells).step_by(LANES).zip(work.chunks_exact(LANES)) {
-        let (mut re, mut im) = ([[0.0; LANES]; LANES], [[0.0; LANES]; LANES]);
-        for (cell, value) in tile.iter().enumerate() {
-            for lane in 0..LANES {
-                re[lane][cell] = value.re[lane];
-                im[lane][cell] = value.im[lane];
-            }
-        }
-        for (lane, row) in fields.chunks_exact_mut(rows).enumerate() {
-            let at = plane * 2 * cells + first;
-            row[at..at + LANES].copy_from_slice(&re[lane]);
-            row[at + cells..at + cells + LANES].copy_from_slice(&im[lane]);
-        }
+fn store(tile: &[Wide; LANES], fields: &mut [f32; FIELDS]) {
+    let (mut re, mut im) = ([[0.0; LANES]; LANES], [[0.0; LANES]; LANES]);
+    for ((re, im), value) in re.iter_mut().zip(&mut im).zip(tile) {
+        (*re, *im) = (value.re, value.im);
     }
+    let rows = fields.as_chunks_mut::<LANES>().0.as_chunks_mut::<2>().0;
+    for (row, (re, im)) in rows.iter_mut().zip(transposed(re).into_iter().zip(transposed(im))) {
+        *row = [re, im];
+    }
+}
+
+/// The fields in the order of the shaders: [modes × planes × (real parts, imaginary parts) × cells].
+pub(super) fn by_mode(tables: &ApertureTables, fields: &[f32]) -> Vec<f32> {
+    let (cells, planes) = (tables.sampling.cells, tables.planes);
+    let mut ordered = vec![0.0; fields.len()];
+    for (at, row) in fields.as_chunks::<LANES>().0.iter().enumerate() {
+        let (part, mode, tile) = (at % 2, at / 2 % LANES, at / (2 * LANES) % (cells / LANES));
+        let (plane, group) = (at * LANES / (2 * LANES * cells) % planes, at * LANES / (2 * LANES * cells) / planes);
+        let first = (((group * LANES + mode) * planes + plane) * 2 + part) * cells + tile * LANES;
+        ordered[first..first + LANES].copy_from_slice(row);
+    }
+    ordered
 }

@@ -18,7 +18,7 @@ use super::path;
 use super::paths::Paths;
 use super::percentile::percentile;
 use super::profiles::{Profiles, profiles};
-use super::propagate::{first_plane, propagate};
+use super::propagate::{by_mode, first_plane, propagate};
 use super::receive::receive;
 use super::scan_convert::{Image, Maps, scan_convert};
 use super::section::{self, Section, section};
@@ -343,7 +343,10 @@ impl FrameMaker for HostRenderer {
         self.render(inputs, Contents { image: true, maps: true }, &mut frame, Some(&mut kept));
         let Intermediate { scattered, focused } = kept;
         let received = self.buffers.passes.focused.clone();
+        let fields = &self.buffers.passes.fields;
+        let by_mode = |tables| by_mode(tables, fields);
         Ok(PassBuffers {
+            fields: inputs.configuration.tables.aperture.as_ref().map_or_else(Vec::new, by_mode),
             scattered,
             focused,
             received,

@@ -18,6 +18,11 @@ const ACROSS_SCALE: f32 = 1.0 / ((1u32 << ACROSS_BITS) - 2) as f32;
 const DEPTH_SCALE: f32 = 1.0 / ((1u32 << (32 - ACROSS_BITS)) - 2) as f32;
 const COUNT_SHIFT: u32 = 28;
 
+/// Two neighbouring words of the raster, read at once.
+#[derive(Clone, Copy)]
+#[repr(C, packed(4))]
+struct Pair(u64);
+
 /// Words of four pixels that overlap the sector, and their places in the image; made once per configuration.
 #[derive(Debug, Default)]
 pub(crate) struct Layout {
@@ -197,8 +202,9 @@ fn greys(params: &Params, polar: &[u32], places: &[u32; LANES]) -> [u8; LANES] {
         for i in 0..LANES {
             // SAFETY: at[i] ≤ last, and last + stride lies in `polar`.
             unsafe {
-                one[i] = *polar.get_unchecked(at[i] as usize);
-                next[i] = *polar.get_unchecked((at[i].wrapping_add(stride)) as usize);
+                let polar = polar.as_ptr();
+                one[i] = polar.add(at[i] as usize).read_volatile();
+                next[i] = polar.add(at[i].wrapping_add(stride) as usize).read_volatile();
             }
         }
     }
@@ -233,21 +239,21 @@ fn sections(params: &Params, maps: &Maps<'_>, places: &[u32; LANES]) -> ([u8; LA
         at[i] = (first as u32).wrapping_mul(params.map_depths).wrapping_add(step as u32).min(last);
     }
     // Raster words of each pixel's two map rays at the two depths around it.
-    let mut pairs = [[[0u32; 2]; LANES]; 2];
+    let mut pairs = [[0u64; LANES]; 2];
     if (last as usize) + (stride as usize) + 1 < maps.raster.len() {
         for i in 0..LANES {
             // SAFETY: at[i] ≤ last, and last + stride + 1 lies in `raster`.
             unsafe {
                 let raster = maps.raster.as_ptr();
-                pairs[0][i] = raster.add(at[i] as usize).cast::<[u32; 2]>().read();
-                pairs[1][i] = raster.add(at[i].wrapping_add(stride) as usize).cast::<[u32; 2]>().read();
+                pairs[0][i] = raster.add(at[i] as usize).cast::<Pair>().read_volatile().0;
+                pairs[1][i] = raster.add(at[i].wrapping_add(stride) as usize).cast::<Pair>().read_volatile().0;
             }
         }
     }
     let mut words = [[0u32; LANES]; 4];
     for i in 0..LANES {
-        [words[0][i], words[1][i]] = pairs[0][i];
-        [words[2][i], words[3][i]] = pairs[1][i];
+        [words[0][i], words[1][i]] = halves(pairs[0][i]);
+        [words[2][i], words[3][i]] = halves(pairs[1][i]);
     }
     let mut tissues = [0u32; LANES];
     let mut sums = [0.0f32; LANES];
@@ -283,6 +289,13 @@ fn sections(params: &Params, maps: &Maps<'_>, places: &[u32; LANES]) -> ([u8; LA
         numbers[i] = if inside { tissues[i].wrapping_add(maps.constants.first_number()) as u8 } else { 0 };
     }
     (numbers, levels)
+}
+
+/// The two words in the order of the memory.
+#[inline(always)]
+fn halves(pair: u64) -> [u32; 2] {
+    let pair = pair.to_le();
+    [pair as u32, (pair >> 32) as u32]
 }
 
 /// Σμ of a raster word.

@@ -55,10 +55,12 @@ pub(crate) fn section(params: &Params, scene: Scene<'_>, section: Section<'_>) -
     let entries =
         section.entries.par_chunks_mut(RAYS * ENTRIES as usize).zip(section.entry_counts.par_chunks_mut(RAYS));
     let bundles = entries.zip(section.raster.par_chunks_mut(RAYS * depths)).enumerate();
-    let lost = bundles.take((params.map_rays as usize).div_ceil(RAYS)).map(|(bundle, ((entries, counts), raster))| {
+    let bundles = bundles.take((params.map_rays as usize).div_ceil(RAYS));
+    // A follower is large: it is made once a task, not once a bundle.
+    let lost = bundles.map_init(Follower::new, |follower, (bundle, ((entries, counts), raster))| {
         let first = RAYS * bundle;
-        let mut follower = Follower::new((params.map_rays as usize - first).min(RAYS));
-        follow(params, &scene, first, &mut follower);
+        follower.rays = (params.map_rays as usize - first).min(RAYS);
+        follow(params, &scene, first, follower);
         let mut lost = follower.lost;
         let parts = entries.chunks_exact_mut(ENTRIES as usize).zip(counts).zip(raster.chunks_exact_mut(depths));
         for (lane, ((entries, count), raster)) in parts.take(follower.rays).enumerate() {
@@ -83,8 +85,8 @@ struct Follower {
 }
 
 impl Follower {
-    fn new(rays: usize) -> Self {
-        Self { rays, found: [[Crossing::default(); CROSSINGS]; RAYS], counts: [0; RAYS], lost: 0 }
+    fn new() -> Self {
+        Self { rays: 0, found: [[Crossing::default(); CROSSINGS]; RAYS], counts: [0; RAYS], lost: 0 }
     }
 }
 
