@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use criterion::Criterion;
 use insonify::anatomy::TissueTable;
-use insonify::generator::{Generator, Input, LoadOptions, Runtime};
+use insonify::generator::{Generator, Input, LoadOptions, Manifest, Runtime};
 use insonify::transducer::{Probe, ScanGeometry};
 
 const WIDTH: u32 = 1386;
@@ -61,7 +61,9 @@ fn models() -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let directories = std::fs::read_dir(root.join("assets/generators")).expect("assets/generators").flatten();
     let files = directories.filter_map(|d| std::fs::read_dir(d.path()).ok()).flatten().flatten().map(|f| f.path());
-    let mut models: Vec<_> = files.filter(|path| path.extension().is_some_and(|e| e == "onnx")).collect();
+    let mut models: Vec<_> = files
+        .filter(|path| path.extension().is_some_and(|e| e == "onnx") && Manifest::path_of(path).is_file())
+        .collect();
     models.push(root.join("tests/data/generators/identity.onnx"));
     models.sort();
     models

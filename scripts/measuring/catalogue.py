@@ -160,7 +160,9 @@ def memory_steps(_, program, folder):
 
 
 def generators_steps(tree, program, _):
-    models = sorted((tree.root / "assets/generators").glob("*/*.onnx"))
+    # A model in another precision has no manifest of its own.
+    found = sorted((tree.root / "assets/generators").glob("*/*.onnx"))
+    models = [model for model in found if model.with_suffix(".toml").is_file()]
     return [
         Step(model.stem, [program, "generator", model, "--json"], lambda folder, _: read(folder / "stdout.txt")["times"])
         for model in models

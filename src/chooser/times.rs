@@ -262,10 +262,11 @@ fn path(bench: &Bench<'_>, qualities: &[FrameQuality]) -> PathBuf {
     let device = if bench.renderer.on_host() { "host" } else { "device" };
     let generator = &bench.station.generator;
     let (provider, runs_on) = (&generator.provider, generator.threads);
+    let precisions: Vec<_> = bench.generators.iter().map(Generator::precision).collect();
     let angles = qualities.iter().map(|quality| quality.angles).max().unwrap_or(1);
     sum.update(format!("{} {threads} {device} {build:?} {}", processor_name(), env!("CARGO_PKG_VERSION")));
     sum.update(format!(
-        "{scene:?} {probe:?} {settings:?} {background} {motion} {provider:?} {runs_on:?} {angles} {}",
+        "{scene:?} {probe:?} {settings:?} {background} {motion} {provider:?} {precisions:?} {runs_on:?} {angles} {}",
         bench.frame_ms
     ));
     let name = format!("times-{}.json", files::hex(&sum.finalize()[..8]));

@@ -190,7 +190,13 @@ fn of_station(args: &Args, path: &Path) -> Result<SteadinessReport, Failure> {
 /// Models of the command line.
 fn models(args: &Args) -> Models {
     let generators = args.model.clone();
-    Models { generators, provider: args.runtime.provider, threads: args.runtime.threads, features: features(args) }
+    Models {
+        generators,
+        provider: args.runtime.provider,
+        precision: args.runtime.precision,
+        threads: args.runtime.threads,
+        features: features(args),
+    }
 }
 
 fn features(args: &Args) -> Option<FeatureModel> {

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Parser;
-use insonify::generator::{Generator, Kind, Manifest, ParityReport, Provider, Runtime, generator_files};
+use insonify::generator::{Generator, Kind, Manifest, ParityReport, Precision, Provider, Runtime, generator_files};
 use insonify::sink::FrameFiles;
 use insonify::sink::png::{self, Effort};
 use insonify::statistics::{nearest_rank, sorted};
@@ -64,6 +64,7 @@ struct Report<'a> {
     model: &'a PathBuf,
     library: PathBuf,
     provider: Provider,
+    precision: Precision,
     manifest: &'a Manifest,
     parity: &'a ParityReport,
     times: Option<Times>,
@@ -106,6 +107,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             model: &args.model,
             library: runtime.library().to_owned(),
             provider: args.runtime.provider,
+            precision: generator.precision(),
             manifest: generator.manifest(),
             parity,
             times,
@@ -114,7 +116,12 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     print_manifest(generator.manifest())?;
     output::line(format!("parity     {parity}"))?;
-    output::line(format!("runs on    {} by {}", args.runtime.provider, runtime.library().display()))?;
+    output::line(format!(
+        "runs on    {} in {} by {}",
+        args.runtime.provider,
+        generator.precision(),
+        runtime.library().display()
+    ))?;
     if let Some(t) = times {
         let (min, p50, p95) = (t.min_ms, t.p50_ms, t.p95_ms);
         let line =

@@ -1,15 +1,19 @@
 //! Options of the runtime of generators.
 
-use insonify::generator::{LoadOptions, Provider, Settings};
+use insonify::generator::{LoadOptions, Precision, Provider, Settings};
 
 use super::input;
 
-/// Execution provider and threads of generators.
+/// Execution provider, precision and threads of generators.
 #[derive(Debug, clap::Args)]
 pub(super) struct RuntimeArgs {
     /// Execution provider of generators: cpu, cuda or tensorrt
     #[arg(long, value_name = "NAME", default_value_t)]
     pub(super) provider: Provider,
+
+    /// Precision of generators: int8 where it is quicker and the model has it (auto), float32 or int8
+    #[arg(long, value_name = "NAME", default_value_t)]
+    pub(super) precision: Precision,
 
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = threads, help = input::described::<Settings>("threads"))]
     pub(super) threads: u32,
@@ -22,6 +26,6 @@ fn threads(text: &str) -> Result<u32, String> {
 impl RuntimeArgs {
     /// Options of a generator; `tissues` are names from number 1.
     pub(super) fn options<'a>(&self, tissues: &'a [String]) -> LoadOptions<'a> {
-        LoadOptions { provider: self.provider, threads: self.threads, tissues }
+        LoadOptions { provider: self.provider, threads: self.threads, precision: self.precision, tissues }
     }
 }

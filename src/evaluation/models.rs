@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::EvaluationError;
 use crate::dataset::Tuple;
-use crate::generator::{FeatureScale, Generator, Input, LoadOptions, OnnxFeatures, Provider, Runtime};
+use crate::generator::{FeatureScale, Generator, Input, LoadOptions, OnnxFeatures, Precision, Provider, Runtime};
 use crate::quality::{FeatureExtractor, QualityError, crops};
 use crate::transducer::ScanGeometry;
 
@@ -15,6 +15,8 @@ pub struct Models {
     pub generators: Vec<PathBuf>,
     /// Execution provider of the generators.
     pub provider: Provider,
+    /// Precision of the generators.
+    pub precision: Precision,
     /// Threads of one run, 0 for one per processor.
     pub threads: u32,
     /// Feature extractor of a further Fréchet distance.
@@ -45,7 +47,8 @@ impl Models {
             return Ok(named);
         }
         let runtime = Runtime::get()?;
-        let options = LoadOptions { provider: self.provider, threads: self.threads, tissues };
+        let options =
+            LoadOptions { provider: self.provider, threads: self.threads, precision: self.precision, tissues };
         for path in &self.generators {
             let generator = Generator::load(path, runtime, &options)?;
             let name = generator.manifest().name.clone();

@@ -7,12 +7,15 @@ use rayon::prelude::*;
 
 use super::Input;
 use super::manifest::{Affine, BeamGrid};
+use crate::simd::{at_least, at_most, nearest_bits, widened};
 use crate::transducer::ScanGeometry;
 
 /// Parts into which weights are divided.
 const PARTS: u32 = 256;
 /// Rows per parallel task.
 const BAND: usize = 32;
+/// Pixels that are interpolated together.
+const LANES: usize = 64;
 
 /// Pixels whose weighted mean is a value of the grid.
 #[derive(Debug, Clone, Copy, Default)]
@@ -126,31 +129,96 @@ impl BeamSampling {
         let width = self.geometry.sector.width as usize;
         out.clear();
         out.resize(mask.len(), 0);
-        let (scale, offset) = (affine.scale * 255.0, affine.offset * 255.0);
         let (last_line, last_cell) = (self.scanlines - 1, self.cells - 1);
+        if first + last_cell * stride + last_line >= values.len() {
+            return;
+        }
+        let model = Model { values, first, stride, last_line, last_cell, affine };
         let bands =
             out.par_chunks_mut(BAND * width).zip(mask.par_chunks(BAND * width)).zip(self.spans.par_chunks(BAND));
         bands.for_each(|((rows, masks), spans)| {
             let rows = rows.chunks_exact_mut(width).zip(masks.chunks_exact(width));
             for ((row, mask), &[begin, end, entry]) in rows.zip(spans) {
                 let cells = &self.to_picture[entry..entry + end - begin];
-                for ((level, inside), cell) in row[begin..end].iter_mut().zip(&mask[begin..end]).zip(cells) {
-                    let (line, at) = (usize::from(cell.scanline), usize::from(cell.cell));
-                    let right = usize::from(line < last_line);
-                    let below = if at < last_cell { stride } else { 0 };
-                    let index = first + at * stride + line;
-                    let value = |offset: usize| values.get(index + offset).copied().unwrap_or(0.0);
-                    let [x, y] = cell.next.map(|part| f32::from(part) / PARTS as f32);
-                    let upper = value(0) + x * (value(right) - value(0));
-                    let lower = value(below) + x * (value(below + right) - value(below));
-                    let mean = upper + y * (lower - upper);
-                    // Adding 2^23 rounds to a whole number in the lowest bits.
-                    let rounded = ((mean * scale + offset).clamp(0.0, 255.0) + 8_388_608.0).to_bits() as u8;
-                    *level = rounded & inside;
-                }
+                interpolate(&model, cells, &mask[begin..end], &mut row[begin..end]);
             }
         });
     }
+}
+
+/// Values of a model on the grid, at least up to the last cell of the last scanline.
+struct Model<'a> {
+    values: &'a [f32],
+    /// Index of the first value, and the length of a row.
+    first: usize,
+    stride: usize,
+    last_line: usize,
+    last_cell: usize,
+    affine: Affine,
+}
+
+widened! {
+    /// Pixels of a row: rounded grey levels, 0 where the mask is 0.
+    fn interpolate(model: &Model<'_>, cells: &[Cell], mask: &[u8], row: &mut [u8]) = interpolate_body
+}
+
+#[inline(always)]
+fn interpolate_body(model: &Model<'_>, cells: &[Cell], mask: &[u8], row: &mut [u8]) {
+    let groups = cells.chunks(LANES).zip(mask.chunks(LANES)).zip(row.chunks_mut(LANES));
+    for ((cells, mask), row) in groups {
+        let mut whole = [Cell::default(); LANES];
+        let cells = match cells.first_chunk::<LANES>() {
+            Some(cells) => cells,
+            None => {
+                whole[..cells.len()].copy_from_slice(cells);
+                &whole
+            }
+        };
+        let levels = levels(model, cells);
+        for ((level, &found), &inside) in row.iter_mut().zip(&levels).zip(mask) {
+            *level = found & inside;
+        }
+    }
+}
+
+/// Grey levels of a group of pixels.
+#[inline(always)]
+fn levels(model: &Model<'_>, cells: &[Cell; LANES]) -> [u8; LANES] {
+    let &Model { values, first, stride, last_line, last_cell, affine } = model;
+    let (mut at, mut right, mut below) = ([0u32; LANES], [0u32; LANES], [0u32; LANES]);
+    for i in 0..LANES {
+        // Within the grid, so that all reads are within `values`.
+        let line = u32::from(cells[i].scanline).min(last_line as u32);
+        let cell = u32::from(cells[i].cell).min(last_cell as u32);
+        at[i] = (first as u32).wrapping_add(cell.wrapping_mul(stride as u32)).wrapping_add(line);
+        right[i] = u32::from(line < last_line as u32);
+        below[i] = if cell < last_cell as u32 { stride as u32 } else { 0 };
+    }
+    let mut corners = [[0.0f32; LANES]; 4];
+    for i in 0..LANES {
+        let [at, right, below] = [at[i], right[i], below[i]].map(|offset| offset as usize);
+        // SAFETY: the greatest index is that of the last cell of the last scanline, which the model has. Volatile, since the
+        // compiler would make gathers of it, which take longer.
+        unsafe {
+            let values = values.as_ptr().add(at);
+            corners[0][i] = values.read_volatile();
+            corners[1][i] = values.add(right).read_volatile();
+            corners[2][i] = values.add(below).read_volatile();
+            corners[3][i] = values.add(below + right).read_volatile();
+        }
+    }
+    let (scale, offset) = (affine.scale * 255.0, affine.offset * 255.0);
+    let mut levels = [0u8; LANES];
+    for i in 0..LANES {
+        let x = f32::from(cells[i].next[0]) * (1.0 / PARTS as f32);
+        let y = f32::from(cells[i].next[1]) * (1.0 / PARTS as f32);
+        let upper = corners[0][i] + x * (corners[1][i] - corners[0][i]);
+        let lower = corners[2][i] + x * (corners[3][i] - corners[2][i]);
+        let mean = upper + y * (lower - upper);
+        let level = at_most(at_least(mean * scale + offset, 0.0), 255.0);
+        levels[i] = nearest_bits(level) as u8;
+    }
+    levels
 }
 
 fn fill<T: Send + Default + Clone>(

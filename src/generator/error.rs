@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use super::Provider;
+use super::{Precision, Provider};
 
 /// Oldest minor version of ONNX Runtime 1 that generators can use.
 pub(super) const ONNX_RUNTIME_MINOR: u32 = 24;
@@ -98,6 +98,14 @@ pub enum GeneratorError {
         path: PathBuf,
         /// Message of ONNX Runtime.
         reason: String,
+    },
+    /// The model is not there in the precision asked for.
+    #[error("{path} has no `{precision}`: its manifest names no such [[precision]]; use auto or float32")]
+    NoPrecision {
+        /// Model.
+        path: PathBuf,
+        /// Precision asked for.
+        precision: Precision,
     },
     /// The model's tensors differ from the manifest's.
     #[error("{path} does not fit its manifest: {reason}")]

@@ -7,8 +7,9 @@ use super::beam_sampling::BeamSampling;
 use super::manifest::{Affine, BeamGrid, Manifest};
 use super::maps::{self, ClassMap, Geometry};
 use super::parity::{self, ParityReport};
+use super::precision::Stored;
 use super::session::{RunFailure, Session, check_hash};
-use super::{GeneratorError, Input, Provider, Runtime, Terminator};
+use super::{GeneratorError, Input, Precision, Provider, Runtime, Terminator};
 use crate::files::{self, FileKind};
 use crate::render::Frame;
 use crate::transducer::{Probe, ScanGeometry};
@@ -20,6 +21,8 @@ pub struct LoadOptions<'a> {
     pub provider: Provider,
     /// Threads of one run, 0 for one per processor.
     pub threads: u32,
+    /// Precision of the model.
+    pub precision: Precision,
     /// Names of the station's tissues in the order of their numbers, from number 1.
     pub tissues: &'a [String],
 }
@@ -32,37 +35,58 @@ pub struct Generator {
     classes: Option<ClassMap>,
     session: Session,
     provider: Provider,
+    precision: Precision,
     /// Tables of a model in beam coordinates, of the last geometry.
     sampling: Option<BeamSampling>,
 }
 
 impl std::fmt::Debug for Generator {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Generator").field("path", &self.path).field("provider", &self.provider).finish_non_exhaustive()
+        let Self { path, provider, precision, .. } = self;
+        let mut f = f.debug_struct("Generator");
+        f.field("path", path).field("provider", provider).field("precision", precision).finish_non_exhaustive()
     }
 }
 
 impl Generator {
-    /// Loads the model at `path` by the manifest beside it, and runs its parity pair.
+    /// Loads the model at `path` by the manifest beside it, and runs its parity pair. A precision that was chosen by
+    /// [`Precision::Auto`] and is refused makes way for float32, with a warning.
     ///
     /// # Errors
-    /// Files that cannot be read or contradict each other, a provider that is not available, a model that ONNX Runtime
-    /// refuses, a tissue without a class, or a parity pair that does not match.
+    /// Files that cannot be read or contradict each other, a provider or a precision that is not available, a model that ONNX
+    /// Runtime refuses, a tissue without a class, or a parity pair that does not match.
     pub fn load(path: &Path, runtime: &Runtime, options: &LoadOptions) -> Result<Self, GeneratorError> {
-        let manifest_path = Manifest::path_of(path);
-        let manifest = Manifest::load(&manifest_path)?;
-        let model = files::read(path, FileKind::Model).map_err(GeneratorError::io(path))?;
-        check_hash(path, &model, &manifest.sha256)?;
+        let manifest = Manifest::load(&Manifest::path_of(path))?;
+        let stored = Stored::choose(path, &manifest, options)?;
+        let may_give_way = options.precision == Precision::Auto && stored.precision != Precision::Float32;
+        match Self::open(path, manifest.clone(), stored, runtime, options) {
+            Err(error) if may_give_way => tracing::warn!("float32 runs in its place: {error}"),
+            loaded => return loaded,
+        }
+        let stored = Stored::as_trained(path, &manifest);
+        Self::open(path, manifest, stored, runtime, options)
+    }
+
+    /// Opens one precision of a model, and runs its parity pair.
+    fn open(
+        path: &Path,
+        manifest: Manifest,
+        stored: Stored,
+        runtime: &Runtime,
+        options: &LoadOptions,
+    ) -> Result<Self, GeneratorError> {
+        let model = files::read(&stored.path, FileKind::Model).map_err(GeneratorError::io(&stored.path))?;
+        check_hash(&stored.path, &model, &stored.sha256)?;
         let segmentation = manifest.segmentation.as_ref();
         let classes = segmentation.map(|s| ClassMap::of_tissues(s, options.tissues, path)).transpose()?;
         let parity_classes = segmentation.map(ClassMap::identity);
-        let pair = parity::read(&manifest_path, &manifest.parity)?;
+        let pair = parity::read(&Manifest::path_of(path), &stored.parity)?;
         let threads = match options.threads {
             0 => std::thread::available_parallelism().map_or(1, usize::from),
             n => n as usize,
         };
-        let session = Session::new(runtime, path, &model, &manifest, options.provider, threads)?;
-        let parity = ParityReport { difference: 0.0, row: 0, column: 0, tolerance: manifest.parity.tolerance };
+        let session = Session::new(runtime, &stored.path, &model, &manifest, options.provider, threads)?;
+        let parity = ParityReport { difference: 0.0, row: 0, column: 0, tolerance: stored.parity.tolerance };
         let mut generator = Self {
             path: path.to_owned(),
             manifest,
@@ -70,10 +94,11 @@ impl Generator {
             classes: parity_classes,
             session,
             provider: options.provider,
+            precision: stored.precision,
             sampling: None,
         };
         let found = generator.levels(&pair.input())?;
-        generator.parity = parity::compare(&generator.path, &pair, &found, generator.manifest.parity.tolerance)?;
+        generator.parity = parity::compare(&stored.path, &pair, &found, stored.parity.tolerance)?;
         generator.classes = classes;
         Ok(generator)
     }
@@ -155,6 +180,11 @@ impl Generator {
     /// Execution provider.
     pub fn provider(&self) -> Provider {
         self.provider
+    }
+
+    /// Precision that was chosen: never [`Precision::Auto`].
+    pub fn precision(&self) -> Precision {
+        self.precision
     }
 
     /// Result of its parity pair when it was loaded.

@@ -35,7 +35,8 @@ pub fn load_generators(settings: &Settings, tissues: &[String]) -> Result<Loaded
         return Ok(loaded);
     }
     let runtime = Runtime::get()?;
-    let options = LoadOptions { provider: settings.provider, threads: settings.threads, tissues };
+    let options =
+        LoadOptions { provider: settings.provider, threads: settings.threads, precision: settings.precision, tissues };
     for path in &settings.models {
         match Generator::load(path, runtime, &options) {
             Ok(generator) => loaded.generators.push(generator),

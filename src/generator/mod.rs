@@ -22,6 +22,7 @@ mod load;
 mod manifest;
 mod maps;
 mod parity;
+mod precision;
 #[cfg(feature = "generator")]
 mod runtime;
 #[cfg(not(feature = "generator"))]
@@ -33,7 +34,7 @@ mod session;
 #[path = "no_session.rs"]
 mod session;
 
-pub use crate::settings::{GeneratorSettings as Settings, Provider};
+pub use crate::settings::{GeneratorSettings as Settings, Precision, Provider};
 pub use error::{GeneratorError, RuntimeError};
 pub use feature_scale::FeatureScale;
 pub use features::OnnxFeatures;
@@ -42,7 +43,7 @@ pub use input::Input;
 pub use load::{LoadedGenerators, RefusedModel, load_generators};
 pub use manifest::{
     Affine, BeamGrid, Channel, Encoding, InputManifest, Kind, Manifest, OutputManifest, ParityManifest, Quality,
-    SegmentationManifest, Training, Variant, generator_files,
+    Quantised, SegmentationManifest, Training, Variant, generator_files,
 };
 pub use parity::ParityReport;
 pub use runtime::Runtime;

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{Provider, settings};
+use super::{Precision, Provider, settings};
 
 /// Least and greatest budget of a run, ms.
 const RUN_BUDGET_MIN_MS: f64 = 1.0;
@@ -23,6 +23,9 @@ settings! {
 
         /// Execution provider; one that is not available is an error.
         provider: Provider = Provider::Cpu, "", 0.0..=2.0, Everything;
+
+        /// Precision of the models: int8 where it is quicker and the model has it, or the one that is named.
+        precision: Precision = Precision::Auto, "", 0.0..=2.0, Everything;
     }
     plain {
         /// Models (`.onnx`, each with its manifest); with a fixed quality, in order of preference. Empty: raw frames.

@@ -17,20 +17,21 @@ pub(super) fn settings(values: &Values, dir: &Path) -> Settings {
 mod tests {
     use std::path::PathBuf;
 
-    use crate::generator::{Provider, Settings};
+    use crate::generator::{Precision, Provider, Settings};
     use crate::station::tests::{assert_refused, parse};
 
     #[test]
     fn a_station_names_its_generators() {
         assert_eq!(parse("").unwrap().generator, Settings::default());
         let table = "[generator]\nenabled = false\nmodels = [\"best.onnx\", \"/fast.onnx\"]\nprovider = \"cuda\"\n\
-                     threads = 2\nrun_budget_ms = 33";
+                     threads = 2\nrun_budget_ms = 33\nprecision = \"float32\"";
         let expected = Settings {
             enabled: false,
             models: vec![PathBuf::from("/station/best.onnx"), PathBuf::from("/fast.onnx")],
             provider: Provider::Cuda,
             threads: 2,
             run_budget_ms: 33.0,
+            precision: Precision::Float32,
         };
         assert_eq!(parse(table).unwrap().generator, expected);
     }
@@ -55,6 +56,7 @@ mod tests {
     #[test]
     fn mistakes_are_named_with_what_would_be_right() {
         let lines = [
+            ("precision = \"int4\"", ["generator.precision", "int8"]),
             ("provider = \"cuba\"", ["generator.provider", "did you mean `cuda`?"]),
             ("models = \"a.onnx\"", ["generator.models", "in quotes"]),
             ("models = [\"\"]", ["generator.models", "in quotes"]),

@@ -14,8 +14,8 @@ use std::process::{Command, Output};
 
 use insonify::anatomy::TissueTable;
 use insonify::generator::{
-    FeatureScale, Generator, GeneratorError, Input, LoadOptions, OnnxFeatures, Provider, Runtime, Settings,
-    load_generators,
+    FeatureScale, Generator, GeneratorError, Input, LoadOptions, Manifest, OnnxFeatures, Precision, Provider, Runtime,
+    Settings, load_generators,
 };
 use insonify::pipeline::{FrameGenerators, Generators};
 use insonify::quality::{FeatureExtractor, frechet_distance_of};
@@ -41,7 +41,7 @@ fn runtime() -> &'static Runtime {
 
 fn load_path(path: &Path, provider: Provider) -> Result<Generator, GeneratorError> {
     let tissues = TISSUES.map(str::to_owned);
-    Generator::load(path, runtime(), &LoadOptions { provider, threads: 1, tissues: &tissues })
+    Generator::load(path, runtime(), &LoadOptions { provider, threads: 1, tissues: &tissues, ..LoadOptions::default() })
 }
 
 fn load(name: &str) -> Generator {
@@ -327,7 +327,7 @@ fn every_other_model_meets_its_parity_pair() {
         onnx.map(|path| (path, &test_tissues[..])).chain(seams::shipped().into_iter().map(|path| (path, &tissues[..])));
     let mut loaded = 0;
     for (path, tissues) in all {
-        let options = LoadOptions { provider: Provider::Cpu, threads: 1, tissues };
+        let options = LoadOptions { threads: 1, tissues, ..LoadOptions::default() };
         let generator = Generator::load(&path, runtime(), &options).unwrap_or_else(|e| panic!("{e}"));
         assert!(generator.parity().difference <= generator.parity().tolerance);
         assert_eq!(generator.manifest().name, path.file_stem().unwrap().to_str().unwrap());
@@ -405,6 +405,50 @@ fn changed(name: &str, change: impl Fn(&str, &Path) -> String) -> (tempfile::Tem
     let manifest = std::fs::read_to_string(source.with_extension("toml")).unwrap();
     std::fs::write(path.with_extension("toml"), change(&manifest, &path)).unwrap();
     (dir, path)
+}
+
+/// The model `blur` whose int8 is in truth the model `brightness`, with that sum in its manifest.
+fn with_int8(sha256: &str) -> (tempfile::TempDir, PathBuf) {
+    let of_other = |end: &str| std::fs::read(model("brightness").with_file_name(format!("brightness{end}"))).unwrap();
+    let (dir, path) = changed("blur", |manifest, path| {
+        std::fs::write(path.with_file_name("b.onnx"), of_other(".onnx")).unwrap();
+        std::fs::write(path.with_file_name("b.npy"), of_other(".parity_output.npy")).unwrap();
+        format!(
+            "{manifest}\n[[precision]]\nname = \"int8\"\nmodel = \"b.onnx\"\nsha256 = \"{sha256}\"\noutput = \"b.npy\"\n\
+             tolerance = 0.5\npsnr_db = 20.0\n"
+        )
+    });
+    (dir, path)
+}
+
+#[test]
+fn a_model_runs_in_the_precision_asked_for() {
+    let brightness = Manifest::load(&model("brightness").with_extension("toml")).unwrap().sha256;
+    let load_in = |path: &Path, precision| {
+        Generator::load(path, runtime(), &LoadOptions { threads: 1, precision, ..LoadOptions::default() })
+    };
+    let image_of = |generator: &mut Generator| {
+        let (maps, mut out) = (Maps::new((40, 30)), Vec::new());
+        generator.run(&maps.input(), &mut out).unwrap();
+        out
+    };
+    let expected = ["blur", "brightness"].map(|name| image_of(&mut load(name)));
+    let (_dir, path) = with_int8(&brightness);
+    for (precision, of) in [(Precision::Float32, 0), (Precision::Int8, 1)] {
+        let mut generator = load_in(&path, precision).unwrap();
+        assert_eq!((generator.precision(), image_of(&mut generator)), (precision, expected[of].clone()));
+    }
+    // By the processor.
+    let mut chosen = load_in(&path, Precision::Auto).unwrap();
+    assert_eq!(image_of(&mut chosen), expected[usize::from(chosen.precision() == Precision::Int8)]);
+
+    let (_dir, path) = with_int8(&"0".repeat(64));
+    assert_says(&load_in(&path, Precision::Int8).unwrap_err(), &["b.onnx has sha256", "0000"]);
+    let mut chosen = load_in(&path, Precision::Auto).unwrap();
+    assert_eq!((chosen.precision(), image_of(&mut chosen)), (Precision::Float32, expected[0].clone()));
+    let error = load_in(&model("identity"), Precision::Int8).unwrap_err();
+    assert_says(&error, &["identity.onnx has no `int8`", "use auto or float32"]);
+    assert_eq!(load_in(&model("identity"), Precision::Auto).unwrap().precision(), Precision::Float32);
 }
 
 #[test]

@@ -13,7 +13,9 @@ pub(super) fn shipped() -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/generators");
     let folders = std::fs::read_dir(root).unwrap().map(|entry| entry.unwrap().path()).filter(|path| path.is_dir());
     let files = folders.flat_map(|folder| std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()));
-    let mut models: Vec<PathBuf> = files.filter(|path| path.extension().is_some_and(|e| e == "onnx")).collect();
+    let mut models: Vec<PathBuf> = files
+        .filter(|path| path.extension().is_some_and(|e| e == "onnx") && Manifest::path_of(path).is_file())
+        .collect();
     models.sort();
     assert!(!models.is_empty());
     models

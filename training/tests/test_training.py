@@ -1,3 +1,4 @@
+import hashlib
 import json
 import shutil
 import tomllib
@@ -6,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from insonify_training import export, train
+from insonify_training import export, int8, train
 from insonify_training.beam import BeamGrid
 from insonify_training.channels import Encoder
 from insonify_training.classes import Segmentation
@@ -130,6 +131,16 @@ def test_a_run_in_beam_coordinates_is_exported(data_dir, tmp_path):
     pictures = Dataset(data_dir)
     lq, hq = (np.array(pictures.planes(pictures.split("test")[0]))[at] / 255.0 for at in (0, 1))
     mask = np.array(pictures.mask(pictures.split("test")[0])) > 0
+    # int8 finds the same picture, and a second time replaces the first.
+    for _ in range(2):
+        int8.main([str(tmp_path / "run"), "--data", str(data_dir), "--out", str(out), "--frames", "1"])
+    (precision,) = tomllib.loads((out / "net.toml").read_text())["precision"]
+    assert precision["name"] == "int8" and precision["sha256"] == hashlib.sha256((out / precision["model"]).read_bytes()).hexdigest()
+    assert precision["psnr_db"] == pytest.approx(manifest["quality"]["psnr_db"], abs=int8.COST_DB)
+    whole, small = (np.load(out / name) for name in ("net.parity_output.npy", precision["output"]))
+    assert whole.shape == small.shape and 0 < np.abs(whole - small).max() < 10
+    with pytest.raises(SystemExit, match="no exported generator"):
+        int8.main([str(tmp_path / "run"), "--data", str(data_dir), "--out", str(tmp_path / "none")])
     # Its figures are of pictures.
     assert manifest["quality"]["lq_psnr_db"] == pytest.approx(-10 * np.log10(((lq - hq)[mask] ** 2).mean()), abs=0.01)
 

@@ -27,7 +27,15 @@ use crate::commands::{Classify, Failure, live, output, terminal};
 /// The files of a shipped generator.
 macro_rules! generator {
     ($name:literal) => {
-        generator!($name, ".onnx", ".toml", ".parity_input.npy", ".parity_output.npy")
+        generator!(
+            $name,
+            ".onnx",
+            ".toml",
+            ".parity_input.npy",
+            ".parity_output.npy",
+            ".int8.onnx",
+            ".int8.parity_output.npy"
+        )
     };
     ($name:literal, $($end:literal),+) => {
         [$((
@@ -40,7 +48,7 @@ macro_rules! generator {
 /// Files of the live station, by their paths in the repository. They are embedded, so that the demo runs from anywhere.
 const FILES: [(&str, &[u8]); 2] = [(STATION, include_bytes!("../../../configs/live.toml")), (RECORDING, super::EXAM)];
 /// The generators that the station names.
-const GENERATORS: [[(&str, &[u8]); 4]; 1] = [generator!("beam_m_rolling")];
+const GENERATORS: [[(&str, &[u8]); 6]; 1] = [generator!("beam_m_rolling")];
 const STATION: &str = "configs/live.toml";
 const RECORDING: &str = "assets/exams/obstetric_sweep.mcap";
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{BeamGrid, Channel, Kind, Manifest, Variant};
+use super::{BeamGrid, Channel, Kind, Manifest, Quantised, Variant};
 
 impl Manifest {
     pub(super) fn check(&self) -> Result<(), String> {
@@ -28,9 +28,15 @@ impl Manifest {
             return Err(format!("parity.tolerance is {}; it must be above 0 and at most 16", self.parity.tolerance));
         }
         for file in [&self.parity.input, &self.parity.output] {
-            if Path::new(file).file_name().and_then(|n| n.to_str()) != Some(file.as_str()) {
+            if !is_file_beside(file) {
                 return Err(format!("parity file `{file}` must be the name of a file beside the manifest"));
             }
+        }
+        self.precisions.iter().try_for_each(Quantised::check)?;
+        if let Some((_, twice)) =
+            self.precisions.iter().enumerate().find(|(i, one)| self.precisions[..*i].iter().any(|o| o.name == one.name))
+        {
+            return Err(format!("precision `{}` is given twice", twice.name));
         }
         match (self.kind, &self.training) {
             (Kind::Trained, None) => Err("a trained generator must say on what, in [training]".to_owned()),
@@ -118,7 +124,12 @@ impl Manifest {
     }
 }
 
-fn is_sha256(text: &str) -> bool {
+/// Whether a name leads to no other folder.
+pub(super) fn is_file_beside(name: &str) -> bool {
+    Path::new(name).file_name().and_then(|n| n.to_str()) == Some(name)
+}
+
+pub(super) fn is_sha256(text: &str) -> bool {
     text.len() == 64 && text.bytes().all(|b| b.is_ascii_hexdigit())
 }
 
@@ -134,6 +145,15 @@ mod tests {
             assert!(TEXT.contains(from), "{from}");
             Manifest::parse(&TEXT.replacen(from, to, 1)).unwrap_err()
         };
+        let precision = |name: &str, model: &str, tolerance: f32| {
+            format!(
+                "[[precision]]\nname = \"{name}\"\nmodel = \"{model}\"\nsha256 = \"{}\"\noutput = \"o.npy\"\n\
+                 tolerance = {tolerance:?}\npsnr_db = 20.0\n\n",
+                "0".repeat(64)
+            )
+        };
+        let one = |name: &str, model: &str, tolerance: f32| precision(name, model, tolerance) + "[parity]";
+        let twice = precision("int8", "q.onnx", 1.0).repeat(2) + "[parity]";
         for (from, to, word) in [
             ("format = 1", "format = 2", "format is 2"),
             ("name = \"weighted_maps\"", "nam = \"x\"", "unknown field `nam`"),
@@ -156,6 +176,10 @@ mod tests {
             ("scale = 1.0\noffset = 0.0\n", "scale = 0.0\noffset = 0.0\n", "output.scale"),
             ("tolerance = 0.01", "tolerance = 0.0", "parity.tolerance"),
             ("input = \"speckle", "input = \"../speckle", "beside the manifest"),
+            ("[parity]", &one("int4", "q.onnx", 1.0), "it must be int8"),
+            ("[parity]", &one("int8", "../q.onnx", 1.0), "`../q.onnx` must be the name"),
+            ("[parity]", &one("int8", "q.onnx", 17.0), "precision.tolerance is 17"),
+            ("[parity]", &twice, "`int8` is given twice"),
             ("kind = \"fixed-filter\"", "kind = \"trained\"", "[training]"),
             ("kind = \"fixed-filter\"", "kind = \"magic\"", "magic"),
         ] {

@@ -8,11 +8,15 @@ use serde::{Deserialize, Serialize};
 use super::GeneratorError;
 use crate::files::{self, FileKind};
 use crate::render::FrameQuality;
+use crate::settings::Precision;
 
 mod beam_grid;
 mod check;
+mod quantised;
 
 pub use beam_grid::BeamGrid;
+use check::{is_file_beside, is_sha256};
+pub use quantised::Quantised;
 
 /// A generator's manifest.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -50,6 +54,9 @@ pub struct Manifest {
     /// Measured quality.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub quality: Option<Quality>,
+    /// The model in other precisions than float32.
+    #[serde(default, rename = "precision", skip_serializing_if = "Vec::is_empty")]
+    pub precisions: Vec<Quantised>,
 }
 
 /// Origin of a generator.
@@ -238,12 +245,16 @@ pub struct Quality {
     pub fid: Option<f64>,
 }
 
-/// Files of the generator `model`: the model, its manifest, and the parity pair that the manifest names.
+/// Files of the generator `model`: the model, its manifest, and the files that the manifest names.
 pub fn generator_files(model: &Path) -> Vec<PathBuf> {
     let manifest = Manifest::path_of(model);
-    let parity = Manifest::load(&manifest).map(|found| [found.parity.input, found.parity.output]);
-    let parity = parity.into_iter().flatten().map(|name| manifest.with_file_name(name));
-    [model.to_owned(), manifest.clone()].into_iter().chain(parity).collect()
+    let named = |found: Manifest| {
+        let others = found.precisions.into_iter().flat_map(|other| [other.model, other.output]);
+        [found.parity.input, found.parity.output].into_iter().chain(others).collect::<Vec<_>>()
+    };
+    let named = Manifest::load(&manifest).map(named).unwrap_or_default();
+    let named = named.iter().map(|name| manifest.with_file_name(name));
+    [model.to_owned(), manifest.clone()].into_iter().chain(named).collect()
 }
 
 impl Manifest {
@@ -276,6 +287,11 @@ impl Manifest {
             Channel::Segmentation => self.input.segmentation,
             Channel::Attenuation => self.input.attenuation,
         }
+    }
+
+    /// The model in another precision, if there is one.
+    pub fn quantised(&self, precision: Precision) -> Option<&Quantised> {
+        self.precisions.iter().find(|other| other.precision() == Some(precision))
     }
 
     /// Frames that the model takes: those that it was trained on, else low quality.

@@ -1,0 +1,48 @@
+//! A model in another precision.
+
+use serde::{Deserialize, Serialize};
+
+use super::{is_file_beside, is_sha256};
+use crate::settings::Precision;
+
+/// The same model with rounded weights and values: another `.onnx` file, with its own expected output of the parity input.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Quantised {
+    /// Its precision: `int8`.
+    pub name: String,
+    /// Its `.onnx` file, beside the manifest.
+    pub model: String,
+    /// SHA-256 of that file, 64 hexadecimal digits.
+    pub sha256: String,
+    /// Grey levels that it gives for the parity input, as [`ParityManifest::output`](super::ParityManifest::output).
+    pub output: String,
+    /// Greatest difference allowed, grey levels. Processors round differently, and a sum may fall to the next step.
+    pub tolerance: f32,
+    /// Peak signal-to-noise ratio on the frames of `[quality]`, dB.
+    pub psnr_db: f64,
+}
+
+impl Quantised {
+    /// Its precision; none if insonify does not know it.
+    pub fn precision(&self) -> Option<Precision> {
+        Precision::named(&self.name).filter(|precision| *precision == Precision::Int8)
+    }
+
+    /// Checks the values; the error says what is wrong.
+    pub(super) fn check(&self) -> Result<(), String> {
+        if self.precision().is_none() {
+            return Err(format!("precision.name is `{}`; it must be int8", self.name));
+        }
+        if !is_sha256(&self.sha256) {
+            return Err(format!("precision.sha256 is `{}`; it must be 64 hexadecimal digits", self.sha256));
+        }
+        if !(self.tolerance > 0.0 && self.tolerance <= 16.0) {
+            return Err(format!("precision.tolerance is {}; it must be above 0 and at most 16", self.tolerance));
+        }
+        match [&self.model, &self.output].into_iter().find(|file| !is_file_beside(file)) {
+            Some(file) => Err(format!("precision: `{file}` must be the name of a file beside the manifest")),
+            None => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,53 @@
+//! Precision of a model's arithmetic.
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::Serialize;
+
+use super::stored_word;
+
+/// Precision of a model's arithmetic.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Precision {
+    /// int8 if the model has it, runs on the processor, and that has instructions for its sums of products; else float32.
+    #[default]
+    Auto,
+    /// The model as it was trained.
+    Float32,
+    /// Weights and values of 8 bits; an error if the model has none.
+    Int8,
+}
+
+crate::names::named!(Precision { Auto = "auto", Float32 = "float32", Int8 = "int8" });
+stored_word!(Precision);
+
+impl fmt::Display for Precision {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Precision {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        Self::named(text)
+            .ok_or_else(|| format!("unknown precision `{text}`; precisions are {}", Self::NAMES.join(", ")))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_those_of_the_list() {
+        for name in Precision::NAMES {
+            assert_eq!(name.parse::<Precision>().unwrap().to_string(), *name);
+        }
+        let error = "int4".parse::<Precision>().unwrap_err();
+        assert!(error.contains("int4") && error.contains("float32"), "{error}");
+    }
+}
