@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::Input;
 use super::manifest::{Affine, BeamGrid};
-use crate::simd::{at_least, at_most, nearest_bits, widened};
+use crate::simd::{at_least, at_most, nearest_bits, real, widened};
 use crate::transducer::ScanGeometry;
 
 /// Parts into which weights are divided.
@@ -28,14 +28,13 @@ struct Corners {
     nearest: u32,
 }
 
-/// Values of the grid whose weighted mean is a pixel.
-#[derive(Debug, Clone, Copy, Default)]
-struct Cell {
-    /// Scanline and range cell of the first of four values.
-    scanline: u16,
-    cell: u16,
-    /// Weights of the next scanline and of the next cell, of [`PARTS`].
-    next: [u8; 2],
+/// Values of the grid whose weighted means are pixels, in columns for vector loads.
+#[derive(Debug, Clone, Default)]
+struct Cells {
+    /// Scanline (low 16 bits) and range cell of the first of four values.
+    places: Vec<u32>,
+    /// Weights of the next scanline (low 8 bits) and of the next cell, of [`PARTS`].
+    next: Vec<u16>,
 }
 
 /// Tables that resample pictures of one geometry.
@@ -47,7 +46,7 @@ pub(super) struct BeamSampling {
     cells: usize,
     to_grid: Vec<Corners>,
     /// Of the pixels within [`Self::spans`], in order.
-    to_picture: Vec<Cell>,
+    to_picture: Cells,
     /// First column in the sector, the one after the last, and the row's first entry of `to_picture`.
     spans: Vec<[usize; 3]>,
     image: Vec<u8>,
@@ -69,11 +68,13 @@ impl BeamSampling {
         };
         let to_grid: Vec<_> = (0..scanlines * cells).into_par_iter().map(point).collect();
         let rows: Vec<_> = (0..height).into_par_iter().map(|row| pixels.row(row, &grid, [scanlines, cells])).collect();
-        let mut to_picture = Vec::new();
+        let mut to_picture = Cells::default();
         let mut spans = Vec::with_capacity(height);
         for (first, cells) in rows {
-            spans.push([first, first + cells.len(), to_picture.len()]);
-            to_picture.extend(cells);
+            spans.push([first, first + cells.len(), to_picture.places.len()]);
+            let (places, next): (Vec<_>, Vec<_>) = cells.into_iter().unzip();
+            to_picture.places.extend(places);
+            to_picture.next.extend(next);
         }
         let mask = to_grid.iter().map(|corners| if corners.weights == [0; 4] { 0 } else { 255 }).collect();
         let (image, segmentation, attenuation) = Default::default();
@@ -92,9 +93,14 @@ impl BeamSampling {
         let row = self.geometry.sector.width as usize;
         let mean = |levels: &[u8], corners: &Corners| {
             let at = corners.first as usize;
-            let level = |offset: usize| u32::from(levels.get(at + offset).copied().unwrap_or(0));
+            let pair = |from: usize| match levels.get(from..) {
+                Some(&[one, next, ..]) => [one, next].map(u32::from),
+                Some(&[last]) => [last.into(), 0],
+                _ => [0; 2],
+            };
             let [a, b, c, d] = corners.weights.map(u32::from);
-            let sum = a * level(0) + b * level(1) + c * level(row) + d * level(row + 1);
+            let ([upper, upper_next], [lower, lower_next]) = (pair(at), pair(at + row));
+            let sum = a * upper + b * upper_next + c * lower + d * lower_next;
             ((sum + PARTS / 2) / PARTS) as u8
         };
         let to_grid = &self.to_grid;
@@ -139,8 +145,9 @@ impl BeamSampling {
         bands.for_each(|((rows, masks), spans)| {
             let rows = rows.chunks_exact_mut(width).zip(masks.chunks_exact(width));
             for ((row, mask), &[begin, end, entry]) in rows.zip(spans) {
-                let cells = &self.to_picture[entry..entry + end - begin];
-                interpolate(&model, cells, &mask[begin..end], &mut row[begin..end]);
+                let of_row = entry..entry + end - begin;
+                let Cells { places, next } = &self.to_picture;
+                interpolate(&model, &places[of_row.clone()], &next[of_row], &mask[begin..end], &mut row[begin..end]);
             }
         });
     }
@@ -159,22 +166,28 @@ struct Model<'a> {
 
 widened! {
     /// Pixels of a row: rounded grey levels, 0 where the mask is 0.
-    fn interpolate(model: &Model<'_>, cells: &[Cell], mask: &[u8], row: &mut [u8]) = interpolate_body
+    fn interpolate(
+        model: &Model<'_>, places: &[u32], next: &[u16], mask: &[u8], row: &mut [u8],
+    ) = interpolate_body
 }
 
 #[inline(always)]
-fn interpolate_body(model: &Model<'_>, cells: &[Cell], mask: &[u8], row: &mut [u8]) {
-    let groups = cells.chunks(LANES).zip(mask.chunks(LANES)).zip(row.chunks_mut(LANES));
-    for ((cells, mask), row) in groups {
-        let mut whole = [Cell::default(); LANES];
-        let cells = match cells.first_chunk::<LANES>() {
-            Some(cells) => cells,
-            None => {
-                whole[..cells.len()].copy_from_slice(cells);
-                &whole
+fn interpolate_body(model: &Model<'_>, places: &[u32], next: &[u16], mask: &[u8], row: &mut [u8]) {
+    let groups = places.chunks(LANES).zip(next.chunks(LANES));
+    for ((places, next), (mask, row)) in groups.zip(mask.chunks(LANES).zip(row.chunks_mut(LANES))) {
+        if let (Some(places), Some(next)) = (places.first_chunk(), next.first_chunk())
+            && let (Some(mask), Some(row)) = (mask.first_chunk::<LANES>(), row.first_chunk_mut::<LANES>())
+        {
+            let levels = levels(model, places, next);
+            for i in 0..LANES {
+                row[i] = levels[i] & mask[i];
             }
-        };
-        let levels = levels(model, cells);
+            continue;
+        }
+        let (mut whole, mut whole_next) = ([0; LANES], [0; LANES]);
+        whole[..places.len()].copy_from_slice(places);
+        whole_next[..next.len()].copy_from_slice(next);
+        let levels = levels(model, &whole, &whole_next);
         for ((level, &found), &inside) in row.iter_mut().zip(&levels).zip(mask) {
             *level = found & inside;
         }
@@ -183,13 +196,13 @@ fn interpolate_body(model: &Model<'_>, cells: &[Cell], mask: &[u8], row: &mut [u
 
 /// Grey levels of a group of pixels.
 #[inline(always)]
-fn levels(model: &Model<'_>, cells: &[Cell; LANES]) -> [u8; LANES] {
+fn levels(model: &Model<'_>, places: &[u32; LANES], next: &[u16; LANES]) -> [u8; LANES] {
     let &Model { values, first, stride, last_line, last_cell, affine } = model;
     let (mut at, mut right, mut below) = ([0u32; LANES], [0u32; LANES], [0u32; LANES]);
     for i in 0..LANES {
         // Within the grid, so that all reads are within `values`.
-        let line = u32::from(cells[i].scanline).min(last_line as u32);
-        let cell = u32::from(cells[i].cell).min(last_cell as u32);
+        let line = (places[i] & 0xffff).min(last_line as u32);
+        let cell = (places[i] >> 16).min(last_cell as u32);
         at[i] = (first as u32).wrapping_add(cell.wrapping_mul(stride as u32)).wrapping_add(line);
         right[i] = u32::from(line < last_line as u32);
         below[i] = if cell < last_cell as u32 { stride as u32 } else { 0 };
@@ -210,8 +223,8 @@ fn levels(model: &Model<'_>, cells: &[Cell; LANES]) -> [u8; LANES] {
     let (scale, offset) = (affine.scale * 255.0, affine.offset * 255.0);
     let mut levels = [0u8; LANES];
     for i in 0..LANES {
-        let x = f32::from(cells[i].next[0]) * (1.0 / PARTS as f32);
-        let y = f32::from(cells[i].next[1]) * (1.0 / PARTS as f32);
+        let x = real(u32::from(next[i] & 0xff)) * (1.0 / PARTS as f32);
+        let y = real(u32::from(next[i] >> 8)) * (1.0 / PARTS as f32);
         let upper = corners[0][i] + x * (corners[1][i] - corners[0][i]);
         let lower = corners[2][i] + x * (corners[3][i] - corners[2][i]);
         let mean = upper + y * (lower - upper);
@@ -275,8 +288,8 @@ impl Picture<'_> {
         Corners { first: top * width + left, weights, nearest: below * width + right }
     }
 
-    /// First column of a row in the sector, and the grid's values around each pixel from there to the sector's end.
-    fn row(&self, row: usize, grid: &BeamGrid, [scanlines, cells]: [usize; 2]) -> (usize, Vec<Cell>) {
+    /// First column of a row in the sector, and the place and weights of each pixel from there to the sector's end, as in [`Cells`].
+    fn row(&self, row: usize, grid: &BeamGrid, [scanlines, cells]: [usize; 2]) -> (usize, Vec<(u32, u16)>) {
         let beam = |column: usize| self.geometry.beam_at(column as u32, row as u32);
         let Some(first) = (0..self.width).find(|&column| beam(column).is_some()) else {
             return (0, Vec::new());
@@ -285,14 +298,14 @@ impl Picture<'_> {
         let split = |place: f64, count: usize| {
             let place = place.clamp(0.0, (count - 1) as f64);
             let parts = (place * f64::from(PARTS)).round() as u32;
-            ((parts / PARTS) as u16, (parts % PARTS) as u8)
+            (parts / PARTS, (parts % PARTS) as u16)
         };
         let cell = |column: usize| {
             // A gap in the row, below the arc of the face, is masked.
-            let Some((fraction, depth_mm)) = beam(column) else { return Cell::default() };
+            let Some((fraction, depth_mm)) = beam(column) else { return (0, 0) };
             let (scanline, x) = split(fraction * scanlines as f64 - 0.5, scanlines);
             let (cell, y) = split(depth_mm / grid.cell_mm - 0.5, cells);
-            Cell { scanline, cell, next: [x, y] }
+            (scanline | cell << 16, x | y << 8)
         };
         (first, (first..=last).map(cell).collect())
     }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use super::Channel;
 use super::beam_sampling::BeamSampling;
 use super::manifest::{Affine, BeamGrid, Manifest};
 use super::maps::{self, ClassMap, Geometry};
@@ -130,7 +131,14 @@ impl Generator {
         let affine = self.output_affine();
         let kept = self.sampling.take().filter(|sampling| sampling.is_of(grid, &scan));
         let mut sampling = kept.unwrap_or_else(|| BeamSampling::new(*grid, scan));
-        let on_grid = sampling.resample(input);
+        // Maps that the model doesn't take need not be resampled.
+        let manifest = &self.manifest;
+        let taken = Input {
+            segmentation: if manifest.takes(Channel::Segmentation) { input.segmentation } else { &[] },
+            attenuation: if manifest.takes(Channel::Attenuation) { input.attenuation } else { &[] },
+            ..*input
+        };
+        let on_grid = sampling.resample(&taken);
         let done = self.infer(&on_grid).map(|(values, geometry)| {
             sampling.picture(values, [geometry.first(), geometry.padded_width], affine, input.mask, out);
         });
