@@ -15,7 +15,6 @@ use super::backend::BackendArgs;
 use super::output::thousands;
 use super::outputs::Outputs;
 use super::progress::Progress;
-use super::quality::RaysLayers;
 use super::steps::Steps;
 use super::{Failure, output};
 
@@ -61,11 +60,11 @@ pub(crate) struct Args {
 
     /// Rays x layers of the low quality, or a preset; of several, with commas between, tuples take one each in turn
     #[arg(long, value_name = "QUALITY", default_value = "lq", value_delimiter = ',')]
-    lq: Vec<RaysLayers>,
+    lq: Vec<FrameQuality>,
 
     /// Rays x layers of the high quality, or a preset
     #[arg(long, value_name = "QUALITY", default_value = "hq")]
-    hq: RaysLayers,
+    hq: FrameQuality,
 
     /// Steering angles of the high quality: the mean of so many; even numbers are rounded down
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=i64::from(ANGLES_MAX)))]
@@ -147,14 +146,15 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
     let read = stations.iter().flat_map(Station::files).chain(args.hq_from.iter().map(|from| from.join(HEADER_FILE)));
     Outputs::beside(read).within("--out", out, &[HEADER_FILE, "manifest*"])?;
     let choice = stations.first().map(|station| station.backend).unwrap_or_default();
+    let pair = |quality: &FrameQuality| [quality.rays, quality.layers];
     let maker = Maker::new(Recipe {
         frames: args.frames as usize,
         seed: args.seed,
         phantoms: args.phantoms.map(|n| n as usize),
         frames_per_exam: args.frames_per_exam as usize,
         test_share: args.test_share,
-        lq: args.lq.iter().copied().map(RaysLayers::pair).collect(),
-        hq: args.hq.pair(),
+        lq: args.lq.iter().map(pair).collect(),
+        hq: pair(&args.hq),
         lq_angles: args.lq_angles,
         hq_angles: args.angles,
         span_deg: args.span,

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use anyhow::anyhow;
 use clap::Parser;
 use insonify::anatomy::TissueTable;
-use insonify::anatomy::doctor::aberration::{Aperture, Caster, Summary};
+use insonify::anatomy::doctor::aberration::Summary;
 use insonify::anatomy::doctor::{Finding, Report, Settings, Severity, examine};
-use insonify::anatomy::{Scene, import};
+use insonify::anatomy::import;
 use insonify::pose::Pose;
-use insonify::settings::Probe;
 use insonify::station::{SceneFile, Station};
+use insonify::transducer::{Probe, aberration};
 use serde::Serialize;
 
 use super::output::counted;
@@ -49,23 +49,6 @@ struct Printed<'a> {
     aberration: &'a [Summary],
 }
 
-/// Width of the aperture over which delays are compared, mm.
-const APERTURE_MM: f64 = 30.0;
-/// Depths at which they are told, mm: in a wall, below most walls, below all of them.
-const DEPTHS_MM: [f64; 3] = [20.0, 40.0, 60.0];
-/// Number of apertures along the face.
-const BEAMS: u32 = 9;
-
-/// Aberration of a probe at `pose`, by depth.
-fn aberration(scene: &Scene, probe: &Probe, pose: &Pose) -> Vec<Summary> {
-    let caster = Caster::of(scene);
-    let fraction = |i: u32| (f64::from(i) + 0.5) / f64::from(BEAMS);
-    let beams: Vec<_> = (0..BEAMS).map(|i| probe.ray(probe.lateral_coordinate(fraction(i)))).collect();
-    let face_radius_mm = probe.face_radius_mm().filter(|&radius_mm| radius_mm > 0.0);
-    let at = |depth_mm| caster.summary(pose, &beams, &Aperture { width_mm: APERTURE_MM, face_radius_mm, depth_mm });
-    DEPTHS_MM.into_iter().filter_map(at).collect()
-}
-
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let builtin = TissueTable::builtin().other()?;
@@ -100,7 +83,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         output::json(&Printed { path, report: &report, aberration: &aberration })?;
     } else {
         print(&report)?;
-        aberration.iter().try_for_each(|summary| output::line(told(summary)))?;
+        aberration.iter().try_for_each(|summary| output::line(summary))?;
     }
     match errors {
         0 => Ok(()),
@@ -118,16 +101,6 @@ fn print(report: &Report) -> Result<(), Failure> {
     let errors = of_severity(Severity::Error, "error");
     let (warnings, notes) = (of_severity(Severity::Warning, "warning"), of_severity(Severity::Note, "note"));
     output::line(format!("\n{errors}, {warnings}, {notes} in {of}"))
-}
-
-fn told(summary: &Summary) -> String {
-    let Summary { depth_mm, delay_rms_ns: [rms, most], tilt_mrad: [tilt, steepest], correlation_mm, wall } = summary;
-    let length = correlation_mm.map_or_else(|| "-".to_owned(), |mm| format!("{mm:.1} mm"));
-    format!(
-        "aberration to {depth_mm:.0} mm: delays {rms:.0} ns rms over {APERTURE_MM:.0} mm (at most {most:.0}), tilt \
-         {tilt:.1} mrad (at most {steepest:.1}), correlation length {length}: {}",
-        wall.name()
-    )
 }
 
 fn line(finding: &Finding) -> String {

@@ -36,7 +36,6 @@ mod render;
 mod replay;
 mod replay_args;
 mod run;
-mod run_table;
 mod runtime_args;
 mod score;
 mod selftest;

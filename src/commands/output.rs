@@ -10,7 +10,12 @@ use super::{Classify, Failure};
 
 /// Prints a line.
 pub(crate) fn line(text: impl std::fmt::Display) -> Result<(), Failure> {
-    match writeln!(std::io::stdout(), "{text}") {
+    self::text(format_args!("{text}\n"))
+}
+
+/// Prints text that ends its last line itself.
+pub(crate) fn text(text: impl std::fmt::Display) -> Result<(), Failure> {
+    match write!(std::io::stdout(), "{text}") {
         Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Err(Failure::OutputClosed),
         written => written.context("cannot write to stdout").other(),
     }

@@ -317,13 +317,7 @@ impl Progress {
         let report = tap.monitor.report();
         self.records += report.records;
         self.state = report.state;
-        for event in report.events.iter().take(TOLD) {
-            terminal::say(&format!("tracker: {event}"));
-        }
-        let more = report.events_dropped + report.events.len().saturating_sub(TOLD) as u64;
-        if more > 0 {
-            terminal::say(&format!("tracker: and {more} more"));
-        }
+        report.news(TOLD).for_each(|news| terminal::say(&format!("tracker: {news}")));
         line.set(elapsed.as_secs_f64(), || {
             let rate = report.rate_hz.map_or_else(|| "-".to_owned(), |rate| format!("{rate:.1}"));
             let bytes = tap.bytes.load(Ordering::Relaxed);

@@ -7,7 +7,8 @@ use clap::Parser;
 use insonify::chooser::{choose_still, scene_name};
 use insonify::look::{Look, Shape};
 use insonify::pose::Pose;
-use insonify::render::{Frame, Quality, Renderer};
+use insonify::render::{Frame, FrameQuality, Quality, Renderer};
+use insonify::sink::frame_record::AdapterRecord;
 use insonify::sink::{FrameFiles, FrameRecord};
 use insonify::station::Station;
 use serde::Serialize;
@@ -15,7 +16,7 @@ use serde::Serialize;
 use super::backend::BackendArgs;
 use super::effects::EffectArgs;
 use super::outputs::Outputs;
-use super::quality::{self, RaysLayers};
+use super::quality;
 use super::{Failure, input, output, session};
 
 /// Render one frame: bmode.png, segmentation.png with tissues.json, attenuation.npy, mask.png, lines.npy, frame.json.
@@ -33,7 +34,7 @@ pub(crate) struct Args {
     pose: Option<Pose>,
 
     #[arg(long, value_name = "QUALITY", help = quality::help("the station's own"))]
-    quality: Option<RaysLayers>,
+    quality: Option<FrameQuality>,
 
     #[arg(long, value_name = "N", allow_negative_numbers = true, help = quality::seed_help())]
     seed: Option<u32>,
@@ -106,7 +107,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if let (Some(frame_budget_ms), None) = (station.frame_budget_ms, args.quality) {
         let scene = scene_name(&station);
         let found = choose_still(&mut renderer, &scene, &station.probe, &settings, &[pose], frame_budget_ms)?;
-        chosen = Some(quality::say_chosen(&found));
+        quality::say_chosen(&found);
+        chosen = Some(found.to_string());
         settings.quality = Quality { rays: found.quality.rays, layers: found.quality.layers, seed };
     }
     renderer.render(&pose, &mut frame)?;
@@ -121,7 +123,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         settings.look.independent_angles(&station.probe),
     );
     Look::default().apply(&settings.look, shape, &mut frame.bmode);
-    let adapter = session::adapter(&backend);
+    let adapter = AdapterRecord::from(&backend);
     let (plan, sector) = (renderer.plan(), renderer.sector());
     let mut record = FrameRecord::new(&frame, &pose, &station.probe, &settings, plan, sector, adapter);
     record.chosen = chosen;

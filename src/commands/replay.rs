@@ -22,7 +22,7 @@ use super::outputs::Outputs;
 use super::pace::{Pace, Speed};
 use super::progress::Progress;
 use super::replay_args::{ReplayArgs, choose_quality};
-use super::{Failure, output, quality, session};
+use super::{Failure, output, session};
 
 /// Replay a recorded session over a station's scene: a PNG a frame, and a video.
 ///
@@ -218,7 +218,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         version: env!("CARGO_PKG_VERSION"),
         recording: RecordingReport::new(&args.replay.recording, summary),
         station: &args.replay.station,
-        adapter: session::adapter(&backend),
+        adapter: AdapterRecord::from(&backend),
         probe: *probe,
         quality: *settings,
         fps: rate.fps(),
@@ -239,7 +239,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         report.frames.clear();
         return output::json(&report);
     }
-    print(args, &report, summary, &quality::name(&settings.quality), &times)
+    print(args, &report, summary, &settings.quality.name(), &times)
 }
 
 /// Prints what was made.

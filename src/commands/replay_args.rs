@@ -8,12 +8,12 @@ use clap::Args;
 use insonify::anatomy::Scene;
 use insonify::pipeline::OtherSetting;
 use insonify::pipeline::replay::{Replay, ReplayError, ReplayOptions, Stretch};
-use insonify::render::Backend;
+use insonify::render::{Backend, FrameQuality};
 use insonify::sink::FrameRate;
 use insonify::station::Station;
 
 use super::effects::EffectArgs;
-use super::quality::{self, RaysLayers};
+use super::quality;
 use super::{Classify, Failure, session};
 
 /// Recording to replay, and the options for it.
@@ -26,7 +26,7 @@ pub(crate) struct ReplayArgs {
     pub(crate) station: PathBuf,
 
     #[arg(long, value_name = "QUALITY", help = quality::help("the recorded session's, else the station's"))]
-    quality: Option<RaysLayers>,
+    quality: Option<FrameQuality>,
 
     #[arg(long, value_name = "N", allow_negative_numbers = true, help = quality::seed_help())]
     seed: Option<u32>,
@@ -84,7 +84,7 @@ impl ReplayArgs {
             rate,
             start: self.frames.start,
             end: self.frames.end,
-            quality: self.quality.map(|RaysLayers(quality)| quality),
+            quality: self.quality,
             seed: self.seed,
             raw_poses: self.raw_poses,
             ignore_controls: self.ignore_controls,

@@ -28,7 +28,6 @@ use tokio::sync::mpsc;
 use super::backend::BackendArgs;
 use super::effects::EffectArgs;
 use super::outputs::Outputs;
-use super::run_table::SummaryTable;
 use super::{Classify, Failure, input, live, live_sinks, output, recorder, session, terminal};
 
 /// Run a station: poses become frames, live, until Ctrl-C.
@@ -143,7 +142,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
     let stop = Stop::new(&clock);
     on_ctrl_c(&stop, || std::process::exit(130)).context("cannot handle Ctrl-C").other()?;
-    let adapter = session::adapter(&backend);
+    let adapter = AdapterRecord::from(&backend);
     // Keeps the sender: the channel must stay open even if no sink takes input.
     let opened = live_sinks::open(&args.sinks, &station, &scene, &args.out, args.metrics.as_deref())?;
     let mut recorded: Option<RecordedSlot> = None;
@@ -295,5 +294,5 @@ fn report(args: &Args, summary: &Summary, adapter: AdapterRecord) -> Result<(), 
         return output::json(&Report { version: env!("CARGO_PKG_VERSION"), station: &args.station, adapter, summary });
     }
     output::line(format!("device             {} ({})", adapter.name, adapter.driver))?;
-    output::line(SummaryTable(summary))
+    output::line(summary)
 }

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use anyhow::anyhow;
 use clap::Parser;
 use insonify::anatomy::Mesh;
-use insonify::exam::score::{self, HOLD_S, PlaneScore, Reference, Score};
+use insonify::exam::score::{self, Reference, Score};
 use insonify::pipeline::ReplayedControls;
 use insonify::pose::{TimedPose, TrackingState};
 use insonify::recording::{RecordingReader, RecordingReport, read_both};
@@ -116,7 +116,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         let recording = RecordingReport::new(&args.recording, &summary);
         return output::json(&Report { recording, station: &args.station, poses: source, score: &score });
     }
-    print(&score)?;
+    output::text(&score)?;
     args.out.as_ref().map_or(Ok(()), |out| output::line(format!("\n{}", out.display())))
 }
 
@@ -132,69 +132,6 @@ fn shown(poses: &mut [TimedPose], controls: &mut ReplayedControls) -> Vec<f64> {
         live.probe.depth_mm
     };
     poses.iter_mut().map(&mut each).collect()
-}
-
-fn print(score: &Score) -> Result<(), Failure> {
-    output::line(format!(
-        "{} of {} planes found, {:.0} of 100 points; {:.1} s, {:.0} mm of way at {:.0} mm/s, {:.0} % of the time on the skin, with {:.0} % of the face",
-        score.found,
-        score.planes.len(),
-        score.points,
-        score.duration_s,
-        score.path_mm,
-        score.mean_speed_mm_s,
-        100.0 * score.contact,
-        100.0 * score.face_contact
-    ))?;
-    output::line("")?;
-    output::line(format!(
-        "{:12} {:>9} {:>9} {:>8} {:>9} {:>9} {:>9} {:>9} {:>7}",
-        "plane", "found at", "way", "held", "angle", "distance", "unsteady", "pressed", "points"
-    ))?;
-    score.planes.iter().try_for_each(|plane| output::line(plane_line(plane)))?;
-    output::line(format!(
-        "(angle, distance, steadiness and pressure in the best second; found: held within tolerance for {HOLD_S} s)"
-    ))?;
-    if score.planes.iter().any(|plane| !plane.measures.is_empty()) {
-        output::line("\nwhat would be measured at the best moment:")?;
-    }
-    for (plane, m) in score.planes.iter().flat_map(|plane| plane.measures.iter().map(move |m| (plane, m))) {
-        let line = measure_line(&m.name, m.measured_mm, m.true_mm, m.error_percent);
-        output::line(format!("{line}  {}: {}", plane.name, m.title))?;
-    }
-    if !score.calipers.is_empty() {
-        output::line("\nwhat the session measured:")?;
-    }
-    for c in &score.calipers {
-        let line = measure_line(&c.name, Some(c.measured_mm), c.true_mm, c.error_percent);
-        output::line(format!("{line}  at {:.1} s", c.time_s))?;
-    }
-    Ok(())
-}
-
-fn plane_line(plane: &PlaneScore) -> String {
-    let or_dash = |value: Option<f64>, unit: &str, digits: usize| {
-        value.map_or_else(|| "-".to_owned(), |v| format!("{v:.digits$}{unit}"))
-    };
-    let name = if plane.view.is_empty() { plane.name.clone() } else { format!("{} ({})", plane.name, plane.view) };
-    format!(
-        "{name:12} {:>9} {:>9} {:>8} {:>9} {:>9} {:>9} {:>9} {:>7.0}",
-        plane.find_s.map_or_else(|| "no".to_owned(), |s| format!("{s:.1} s")),
-        or_dash(plane.path_to_find_mm, " mm", 0),
-        or_dash(Some(plane.longest_hold_s), " s", 1),
-        or_dash(plane.best.map(|b| b.angle_deg), "°", 1),
-        or_dash(plane.best.map(|b| b.distance_mm), " mm", 1),
-        or_dash(plane.unsteady_mm, " mm", 2),
-        or_dash(plane.press_mm, " mm", 1),
-        plane.points
-    )
-}
-
-fn measure_line(name: &str, measured_mm: Option<f64>, true_mm: Option<f64>, error_percent: Option<f64>) -> String {
-    let mm = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.1} mm"));
-    let error = error_percent.map_or_else(String::new, |e| format!("{e:+.1} %"));
-    let measured = if measured_mm.is_some() { mm(measured_mm) } else { "not in view".to_owned() };
-    format!("{name:6} {measured:>12}, truly {:>9}  {error:>8}", mm(true_mm))
 }
 
 #[cfg(test)]

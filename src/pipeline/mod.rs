@@ -38,6 +38,7 @@ mod sink_stage;
 mod slot;
 mod sources;
 mod summary;
+mod summary_table;
 mod tracked;
 
 pub use clock::{Clock, NEVER, Signal, SystemClock};

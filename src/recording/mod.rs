@@ -33,6 +33,8 @@ mod caliper;
 mod decoded;
 #[cfg(feature = "recordings")]
 mod in_order;
+#[cfg(feature = "recordings")]
+mod inspection;
 pub mod interchange;
 #[cfg(feature = "recordings")]
 mod part;
@@ -63,6 +65,8 @@ mod writer;
 pub use caliper::{CALIPER_EVENT, CaliperEvent, ellipse_circumference_mm};
 #[cfg(feature = "recordings")]
 pub use decoded::{DecodedRecording, Item};
+#[cfg(feature = "recordings")]
+pub use inspection::Inspection;
 #[cfg(feature = "recordings")]
 pub use part::part_path;
 #[cfg(feature = "live")]

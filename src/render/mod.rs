@@ -48,7 +48,7 @@ pub use host::processor_name;
 #[cfg(feature = "test-hooks")]
 pub use host::{ImageConstants, TraceConstants};
 pub use plan::{Decision, EffectPlan};
-pub use preset::{Preset, UnknownPreset};
+pub use preset::{NoQuality, Preset, UnknownPreset};
 pub use renderer::Renderer;
 pub use snapshot::Snapshot;
 

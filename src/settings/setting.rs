@@ -155,6 +155,16 @@ impl Setting {
         }
     }
 
+    /// Least and greatest value, as `1..=256`.
+    pub fn range(&self) -> String {
+        format!("{}..={}", self.min, self.max)
+    }
+
+    /// Documentation and range in a line.
+    pub fn described(&self) -> String {
+        format!("{}, {}", self.doc.trim_end_matches('.'), self.range())
+    }
+
     /// Checks every value of `stored`.
     ///
     /// # Errors

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::pose::Pose;
-use crate::render::{Effect, EffectPlan, Frame, FrameTimes};
+use crate::render::{Backend, Effect, EffectPlan, Frame, FrameTimes};
 use crate::settings::{ContactSettings, ImageSettings, LookSettings, Probe, Quality, ReceiverSettings, RenderSettings};
 use crate::transducer::{Contact, Sector};
 
@@ -82,6 +82,12 @@ pub struct AdapterRecord {
     pub name: String,
     /// Its driver.
     pub driver: String,
+}
+
+impl From<&Backend> for AdapterRecord {
+    fn from(backend: &Backend) -> Self {
+        Self { name: backend.name(), driver: backend.driver() }
+    }
 }
 
 impl FrameRecord {

@@ -1,6 +1,6 @@
 //! Serial ports and HID devices of this machine.
 
-#[cfg(any(feature = "serial", feature = "hid"))]
+use std::fmt;
 use std::io;
 use std::path::Path;
 
@@ -53,6 +53,59 @@ pub struct HidDevice {
     pub usb: UsbIdentity,
     /// Whether it is a supported SpaceMouse puck.
     pub space_mouse: bool,
+}
+
+/// All serial ports and HID devices.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Devices {
+    /// Serial ports; empty without the feature `serial`.
+    pub serial: Vec<SerialDevice>,
+    /// HID devices; empty without the feature `hid`.
+    pub hid: Vec<HidDevice>,
+}
+
+impl Devices {
+    /// The devices of this machine.
+    ///
+    /// # Errors
+    /// The system cannot list them.
+    pub fn list() -> io::Result<Self> {
+        Ok(Self {
+            #[cfg(feature = "serial")]
+            serial: serial_ports()?,
+            #[cfg(not(feature = "serial"))]
+            serial: Vec::new(),
+            #[cfg(feature = "hid")]
+            hid: hid_devices()?,
+            #[cfg(not(feature = "hid"))]
+            hid: Vec::new(),
+        })
+    }
+}
+
+impl fmt::Display for Devices {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.serial.is_empty() {
+            writeln!(f, "no serial ports")?;
+        }
+        for port in &self.serial {
+            let usb = port.usb.as_ref();
+            let name = usb.and_then(|usb| usb.name.as_deref()).unwrap_or("");
+            writeln!(f, "serial  {:<16} {} {name}", port.path, usb.map(UsbIdentity::id).unwrap_or_default())?;
+            for further in port.by_id.iter().chain(&latency_hint(port)) {
+                writeln!(f, "        {further}")?;
+            }
+        }
+        if self.hid.is_empty() {
+            writeln!(f, "no HID devices")?;
+        }
+        for HidDevice { path, usb, space_mouse } in &self.hid {
+            let puck = if *space_mouse { " (a SpaceMouse)" } else { "" };
+            let name = usb.name.as_deref().unwrap_or("");
+            writeln!(f, "hid     {path:<16} {} {name}{puck}", usb.id())?;
+        }
+        Ok(())
+    }
 }
 
 /// Whether a HID device is a SpaceMouse puck.

@@ -45,6 +45,7 @@ mod passive;
 mod playback;
 pub mod polhemus;
 mod pose_tap;
+mod report_line;
 #[cfg(feature = "live")]
 mod session;
 mod settings;
@@ -62,6 +63,7 @@ pub use monitor::{Monitor, Report, SessionState};
 pub use passive::Passive;
 pub use playback::{Playback, PlaybackError};
 pub use pose_tap::{PoseStream, PoseTap, Poses, pose_tap};
+pub use report_line::ReportLine;
 #[cfg(feature = "live")]
 pub use session::{SessionHandle, SessionSummary, play, spawn};
 pub use settings::{BAUD_RANGE, PortName, PortNameError, Settings, Speed, Transport};

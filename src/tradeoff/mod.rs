@@ -14,6 +14,7 @@ mod knobs;
 #[cfg(feature = "plots")]
 mod labels;
 mod look_cost;
+mod measured_plan;
 #[cfg(feature = "plots")]
 mod panel;
 mod plan;
@@ -37,6 +38,7 @@ pub use error::TradeoffError;
 pub use front::{mark_front, mark_noise};
 pub use knobs::Knobs;
 pub use look_cost::{LookCost, look_costs};
+pub use measured_plan::{PlanCosts, PlanTable};
 pub use plan::{Planned, plan};
 pub use point::{ClassError, Errors, PassMs, Point, Time};
 pub use reference::{Check, Convergence};

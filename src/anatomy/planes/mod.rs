@@ -8,6 +8,7 @@
 
 mod file;
 mod pose;
+mod table;
 
 use std::path::Path;
 

@@ -12,12 +12,13 @@ use insonify::recording::Event;
 use insonify::render::{Backend, Effect, Frame, FrameQuality, RenderSettings, Renderer};
 use insonify::report::contact_sheet::{Map, Panel};
 use insonify::report::{ContactSheet, TimeTable};
+use insonify::sink::frame_record::AdapterRecord;
 use insonify::sink::{FrameFiles, FrameRecord, png, remove};
 use insonify::station::Station;
 use insonify::statistics::{evenly, mean};
 use serde::Serialize;
 
-use super::super::{Failure, session};
+use super::super::Failure;
 use super::translation::Translation;
 
 /// Most rows of the contact sheet.
@@ -172,7 +173,7 @@ impl KeyFrames<'_> {
         row.push(sheet.panel("segmentation", high, Map::Segmentation)?);
         let attenuation = sheet.panel("attenuation", high, Map::Attenuation)?;
         row.push(attenuation.with_note(format!("1 = {:.3}", high.attenuation_p98)));
-        let (adapter, sector) = (session::adapter(backend), hq.renderer.sector());
+        let (adapter, sector) = (AdapterRecord::from(*backend), hq.renderer.sector());
         let plan = hq.renderer.plan();
         let record = FrameRecord::new(&hq.frame, &key.pose, &station.probe, &hq.settings, plan, sector, adapter);
         FrameFiles { frame: &hq.frame, tissues: sheet.tissues, record: &record }.write(directory)?;

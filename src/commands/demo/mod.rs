@@ -31,7 +31,6 @@ use super::other_load::OtherLoad;
 use super::output::thousands;
 use super::outputs::Outputs;
 use super::progress::Progress;
-use super::run_table::SummaryTable;
 use super::{Classify, Failure, output, session};
 use key_frames::{Agreement, KeyFrames, KeyScores, Stage};
 use translation::{Translation, TranslationReport};
@@ -204,7 +203,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 
     let report = Report {
         version: env!("CARGO_PKG_VERSION"),
-        adapter: session::adapter(&backend),
+        adapter: AdapterRecord::from(&backend),
         triangles: scene.triangle_count(),
         surfaces: scene.surfaces.len(),
         exam: RecordingReport::new(exam_path, &summary),
@@ -285,7 +284,7 @@ fn live_chain(
 ) -> Result<Summary, Failure> {
     let live = live::run(args, backend, scene, summary.duration, interrupt)?;
     if !args.json {
-        output::line(SummaryTable(&live))?;
+        output::line(&live)?;
         output::line(format!("files              {}\n", args.out.join("live").display()))?;
     }
     eprintln!("now the exam as files");

@@ -11,6 +11,7 @@
 //! steady hold. Angle and distance score fully up to a quarter of the tolerance, and 0 at the tolerance. A hold scores
 //! fully up to 0.5 mm RMS, and 0 from 3 mm. The weights are assumed.
 
+mod table;
 mod track;
 
 use std::collections::BTreeMap;

@@ -5,6 +5,11 @@
 //! Definitions follow the AIUM's "Methods for Measuring Performance of Pulse-Echo Ultrasound Equipment" in spirit; each
 //! field gives its exact definition.
 
+mod imaging;
+mod table;
+
+pub use imaging::{QaError, check_probe, check_scene, image_and_measure};
+
 use glam::DVec2;
 use serde::Serialize;
 
@@ -280,6 +285,6 @@ fn penetration(levels: &Levels, probe: &Probe) -> Penetration {
 }
 
 /// True if `probe` and its image can show the phantom's layout.
-pub fn suits(probe: &Probe, sector: &Sector) -> bool {
+fn suits(probe: &Probe, sector: &Sector) -> bool {
     probe.face_radius_mm().is_none() && probe.half_extent() >= 29.0 && probe.depth_mm >= 60.0 && sector.pixel_mm <= 0.25
 }
