@@ -6,6 +6,7 @@ use std::time::Instant;
 use anyhow::anyhow;
 use clap::Parser;
 use insonify::dataset::{Dataset, DatasetError, HEADER_FILE, Maker, Planned, Recipe, Shard};
+use insonify::files::Outputs;
 use insonify::render::{BackendChoice, FrameQuality};
 use insonify::settings::{ANGLES_MAX, LookSettings, SettingsGroup};
 use insonify::station::Station;
@@ -13,7 +14,6 @@ use serde::Serialize;
 
 use super::backend::BackendArgs;
 use super::output::thousands;
-use super::outputs::Outputs;
 use super::progress::Progress;
 use super::steps::Steps;
 use super::{Failure, output};

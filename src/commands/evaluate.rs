@@ -9,6 +9,7 @@ use insonify::evaluation::{
     Again, DatasetReport, Evaluation, EvaluationError, FeatureModel, ImagesReport, Models, Settings, Slide,
     SteadinessReport, compare, steadiness,
 };
+use insonify::files::Outputs;
 use insonify::generator::{FeatureScale, generator_files};
 use insonify::quality::{CROP_COUNT, CROP_SIDE};
 use insonify::render::BackendChoice;
@@ -17,7 +18,6 @@ use insonify::station::Station;
 use serde::Serialize;
 
 use super::backend::BackendArgs;
-use super::outputs::Outputs;
 use super::progress::Progress;
 use super::runtime_args::RuntimeArgs;
 use super::steps::Steps;

@@ -4,13 +4,13 @@ use std::path::PathBuf;
 
 use anyhow::anyhow;
 use clap::Parser;
+use insonify::files::Outputs;
 use insonify::pipeline::replay::Stretch;
 use insonify::sink::meta_image::{ImageTracking, MetaImageWriter};
 use insonify::transducer::Sector;
 use serde::Serialize;
 
 use super::backend::BackendArgs;
-use super::outputs::Outputs;
 use super::progress::Progress;
 use super::replay_args::{ReplayArgs, choose_quality};
 use super::{Failure, output, session};
@@ -71,7 +71,7 @@ struct Report<'a> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut replay = args.replay.read()?;
-    let inputs = Outputs::beside_station(&replay.station).and([&args.replay.recording]);
+    let inputs = Outputs::beside(replay.station.files()).and([&args.replay.recording]);
     inputs.file("--out", &args.out, args.force)?;
     let probe = &replay.first()?.probe;
     if let Some(part) = replay.stretches.iter().find(|part| part.probe.depth_mm != probe.depth_mm) {

@@ -10,9 +10,11 @@ use insonify::chooser::ChooserError;
 use insonify::dataset::DatasetError;
 use insonify::evaluation::EvaluationError;
 use insonify::exam::ExamError;
+use insonify::files::OutputError;
 use insonify::generator::GeneratorError;
 use insonify::phantom::{CacheError, PhantomError};
 use insonify::pipeline::replay::ReplayError;
+use insonify::pipeline::{LiveError, RecordError};
 use insonify::pose::CalibrationError;
 use insonify::quality::QualityError;
 use insonify::recording::RecordingError;
@@ -126,6 +128,8 @@ classified! {
     SinkError { SinkError::FrameRate { .. } => Input, _ => Other }
     RecordingError { RecordingError::Write { .. } => Other, _ => Input }
     ReplayError as Recording | Station | Render | Chooser { _ => Input }
+    RecordError as Recording | Directory { RecordError::Recorder(_) => Other, _ => Input }
+    LiveError as Render | Chooser | Record | Tracker | Sink { _ => Input }
     TrackerError { TrackerError::Thread(_) => Other, _ => Input }
     // A failed run is a fault of the model or the machine; the caller can fix the others.
     GeneratorError { GeneratorError::Inference { .. } | GeneratorError::Terminated { .. } => Other, _ => Input }
@@ -140,6 +144,7 @@ classified! {
     }
     // The caller gives images, data sets and models.
     EvaluationError as Dataset | Station | Generator | Render | Sink { _ => Input }
+    OutputError { _ => Input }
     PlanesError { _ => Input }
     SceneError { _ => Input }
     SettingsError { _ => Input }

@@ -8,13 +8,12 @@ use clap::Parser;
 use insonify::chooser::{
     ANGLES, ChooserError, ErrorSettings, ErrorStep, ErrorTable, PointError, RAYS_LAYERS, StationErrors, measure_errors,
 };
-use insonify::files::FileKind;
+use insonify::files::{FileKind, Outputs};
 use insonify::pose::BySpeed;
 use insonify::sink::write_text;
 use insonify::station::Station;
 
 use super::backend::BackendArgs;
-use super::outputs::Outputs;
 use super::sweep_bar::{SweepBar, of_options};
 use super::{Classify, Failure, input, output, session};
 

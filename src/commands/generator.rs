@@ -3,13 +3,12 @@
 use std::path::PathBuf;
 
 use clap::Parser;
+use insonify::files::Outputs;
 use insonify::generator::{Generator, Manifest, ParityReport, Precision, Provider, RunTimes, Runtime, generator_files};
-use insonify::sink::FrameFiles;
 use insonify::sink::png::{self, Effort};
+use insonify::sink::{FrameDirectory, FrameFiles};
 use serde::Serialize;
 
-use super::frame_dir::FrameDir;
-use super::outputs::Outputs;
 use super::runtime_args::RuntimeArgs;
 use super::{Classify, Failure, input, output};
 
@@ -72,7 +71,7 @@ struct Report<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let frame = args.frame.as_deref().map(FrameDir::read).transpose().input()?;
+    let frame = args.frame.as_deref().map(FrameDirectory::read).transpose().input()?;
     let tissues = frame.as_ref().map_or(&[][..], |f| &f.tissues);
     let written = frame.as_ref().map(|f| args.out.clone().unwrap_or_else(|| f.directory.join("generated.png")));
     if let (Some(frame), Some(path)) = (&frame, &written) {

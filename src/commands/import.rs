@@ -4,13 +4,12 @@ use std::io::BufReader;
 use std::path::PathBuf;
 
 use clap::Parser;
-use insonify::files::{self, FileKind};
+use insonify::files::{self, FileKind, Outputs};
 use insonify::recording::interchange::{
     Imported, InterchangeError, Sequence, TrackedRow, csv, tracked, write_recording,
 };
 use serde::Serialize;
 
-use super::outputs::Outputs;
 use super::{Failure, output};
 
 /// Make a recording of a PLUS sequence (.mha, .igs.mha) or of a table (.csv).

@@ -6,12 +6,12 @@ use clap::Parser;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use insonify::anatomy::export::write_moving_glb;
 use insonify::anatomy::planes;
+use insonify::files::Outputs;
 use insonify::phantom::{self, Lie, Parameters, PhantomOptions, PhantomSurface, PlacentaSite, Wall, build, movement};
 use insonify::sink::write_json;
 use serde::Serialize;
 
 use super::output::thousands;
-use super::outputs::Outputs;
 use super::progress::Progress;
 use super::{Failure, output};
 

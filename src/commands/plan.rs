@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use clap::Parser;
 use insonify::pose::Pose;
 use insonify::render::{Decision, EffectPlan, FrameQuality};
-use insonify::sink::LiveSinkKind;
 use insonify::station::Station;
 use insonify::tradeoff::{PlanCosts, PlanTable, TimedFrame};
 use serde::Serialize;
@@ -13,7 +12,7 @@ use serde::Serialize;
 use super::backend::BackendArgs;
 use super::effects::EffectArgs;
 use super::sweep_bar::SweepBar;
-use super::{Failure, live_sinks, output, quality, session};
+use super::{Failure, output, quality, session};
 
 /// Say which effects a scene calls for, why, how far a frame without each would be off, and what each costs in ms.
 #[derive(Debug, Parser)]
@@ -79,7 +78,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     } else {
         session::warn_of_budget(&station);
     }
-    settings.maps = reads_maps(&station);
+    settings.maps = station.reads_maps();
     let scene = session::load_scene(&station)?;
     let plan = EffectPlan::new(&scene, &station.probe, &settings);
     session::warn_of_effects(&scene, &station.probe, &settings);
@@ -102,10 +101,4 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         output::line("\nnot measured: no pose; give --pose, or a [pose] in the station file")?;
     }
     Ok(())
-}
-
-/// Whether a live session of the station reads the maps, for its generator or its page.
-fn reads_maps(station: &Station) -> bool {
-    (station.generator.enabled && !station.generator.models.is_empty())
-        || live_sinks::kinds(&[], station).contains(&LiveSinkKind::Browser)
 }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Parser;
+use insonify::files::Outputs;
 use insonify::quality::qa_phantom::{self, QaReport};
 use insonify::sink::frame_record::AdapterRecord;
 use insonify::sink::{self, png};
@@ -10,7 +11,6 @@ use insonify::station::Station;
 use serde::Serialize;
 
 use super::backend::BackendArgs;
-use super::outputs::Outputs;
 use super::progress::Progress;
 use super::{Classify, Failure, output, session};
 
@@ -59,7 +59,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::load(&args.station)?;
     if let Some(out) = &args.out {
         let names = ["qa_phantom.png", "qa_phantom.json", "qa_phantom.md"];
-        Outputs::beside_station(&station).within("--out", out, &names)?;
+        Outputs::beside(station.files()).within("--out", out, &names)?;
     }
     qa_phantom::check_probe(&station.probe, &station.settings.image).input_of(&args.station)?;
     session::warn_of_budget(&station);

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use anyhow::anyhow;
 use clap::Parser;
 use insonify::chooser::{choose_still, scene_name};
+use insonify::files::Outputs;
 use insonify::look::{Look, Shape};
 use insonify::pose::Pose;
 use insonify::render::{Frame, FrameQuality, Quality, Renderer};
@@ -15,7 +16,6 @@ use serde::Serialize;
 
 use super::backend::BackendArgs;
 use super::effects::EffectArgs;
-use super::outputs::Outputs;
 use super::quality;
 use super::{Failure, input, output, session};
 
@@ -81,7 +81,7 @@ struct Report<'a> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::load(&args.station)?;
-    Outputs::beside_station(&station).within("--out", &args.out, &FrameFiles::NAMES)?;
+    Outputs::beside(station.files()).within("--out", &args.out, &FrameFiles::NAMES)?;
     let pose = input::pose(args.pose, &station, "--pose x,y,z,qw,qx,qy,qz")?;
     let mut settings = station.settings;
     settings.lines = true;

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Parser;
-use insonify::pipeline::replay::{Replay, Stretch};
+use insonify::files::Outputs;
+use insonify::pipeline::replay::{Pace, Replay, ReplaySpeed, Stretch};
 use insonify::recording::{RecordingReport, RecordingSummary};
 use insonify::report::TimeTable;
 use insonify::report::time_table::{SideBySide, StageTime};
@@ -18,8 +19,6 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use super::backend::BackendArgs;
-use super::outputs::Outputs;
-use super::pace::{Pace, Speed};
 use super::progress::Progress;
 use super::replay_args::{ReplayArgs, choose_quality};
 use super::{Failure, output, session};
@@ -46,7 +45,7 @@ pub(crate) struct Args {
 
     /// Speed: max (no pacing), 1 (real time), or another factor in 0.01..=1000; the frames are the same
     #[arg(long, value_name = "SPEED", default_value = "max", allow_negative_numbers = true)]
-    speed: Speed,
+    speed: ReplaySpeed,
 
     /// Also write each frame's segmentation (PNG) and attenuation (NPY)
     #[arg(long)]
@@ -152,7 +151,7 @@ struct FrameEntry {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut replay = args.replay.read()?;
-    Outputs::beside_station(&replay.station).and([&args.replay.recording]).within("--out", &args.out, &FILES)?;
+    Outputs::beside(replay.station.files()).and([&args.replay.recording]).within("--out", &args.out, &FILES)?;
     let backend = args.backend.open(replay.station.backend)?;
     let scene = session::load_scene(&replay.station)?;
     choose_quality(&mut replay, &backend, &scene)?;

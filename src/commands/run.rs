@@ -7,28 +7,25 @@ use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use clap::Parser;
+use insonify::files::Outputs;
 use insonify::pipeline::{
-    Clock, Limits, LocalRendererFactory, Observer, Part, Parts, PoseSource, RecordedSlot, RecorderPart,
-    RecordingObserver, StandingPose, Stop, Summary, SystemClock, TrackedPoses, on_ctrl_c,
+    Limits, LiveStation, LocalRendererFactory, PoseSource, StandingPose, Summary, TrackedPoses, on_ctrl_c,
 };
 use insonify::pose::{Estimator, Pose};
 use insonify::recording::{Recorded, stream_of};
 #[cfg(feature = "window")]
 use insonify::settings::Control;
-use insonify::sink::LiveSinkKind;
 use insonify::sink::frame_record::AdapterRecord;
 #[cfg(feature = "window")]
-use insonify::sink::window::{WindowSlot, run_on_main_thread};
+use insonify::sink::window::run_on_main_thread;
+use insonify::sink::{FrameLog, LiveSinkKind};
 use insonify::station::Station;
 use insonify::tracker::{Speed, Transport};
 use serde::Serialize;
-#[cfg(feature = "window")]
-use tokio::sync::mpsc;
 
 use super::backend::BackendArgs;
 use super::effects::EffectArgs;
-use super::outputs::Outputs;
-use super::{Classify, Failure, input, live, live_sinks, output, recorder, session, terminal};
+use super::{Classify, Failure, input, live, output, session, terminal};
 
 /// Run a station: poses become frames, live, until Ctrl-C.
 ///
@@ -136,64 +133,27 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let scene = Arc::new(session::load_scene(&station)?);
     session::warn_of_effects(&scene, &station.probe, &station.settings);
     let factory = LocalRendererFactory::new(backend.clone(), scene.clone())?;
-    let mut renderer = factory.build_renderer(&station.probe, &station.settings)?;
-    let chosen = live::choose(&mut renderer, &mut station, args.pose, !args.no_generator)?;
-
-    let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
-    let stop = Stop::new(&clock);
-    on_ctrl_c(&stop, || std::process::exit(130)).context("cannot handle Ctrl-C").other()?;
+    let mut live = LiveStation::new(&mut station, factory, poses, args.pose, !args.no_generator)?;
+    live::say(&mut live);
+    on_ctrl_c(&live.parts.stop, || std::process::exit(130)).context("cannot handle Ctrl-C").other()?;
     let adapter = AdapterRecord::from(&backend);
-    // Keeps the sender: the channel must stay open even if no sink takes input.
-    let opened = live_sinks::open(&args.sinks, &station, &scene, &args.out, args.metrics.as_deref())?;
-    let mut recorded: Option<RecordedSlot> = None;
-    let mut before: Vec<Box<dyn Part>> = Vec::new();
-    let mut after: Vec<Box<dyn Part>> = Vec::new();
-    let mut recording = None;
-    let mut observer: Option<Arc<dyn Observer>> = None;
-    if let (Some(path), Some(stream)) = (&args.record, stream) {
-        let began_ns = clock.start_unix_ns();
-        let recorder = recorder::start(path, &station, stream, "station's tracker", &adapter.name, began_ns)?;
-        recording = Some(recorder.handle());
-        observer = Some(Arc::new(RecordingObserver(recorder.handle())));
-        let (part, slot) = RecorderPart::new(recorder);
-        after.push(Box::new(part));
-        recorded = Some(slot);
-    }
-    if let Some(tracked) = &tracked {
-        before.push(Box::new(tracked.track(&station.tracker, recording, stop.clone())?));
-    }
-    let parts = Parts {
-        clock,
-        stop,
-        poses,
-        renderer: Box::new(renderer),
-        factory: Box::new(factory),
-        probe: station.probe,
-        render: station.settings,
-        points: chosen.points,
-        aperture: chosen.aperture,
-        generators: chosen.generators,
-        sinks: opened.sinks,
-        log: opened.log,
-        controls: opened.controls,
-        observer,
-        before,
-        after,
+    live.open_sinks(&sinks(args, &station), &station, &scene, &args.out)?;
+    live::say(&mut live);
+    live.parts.log = args.metrics.as_deref().map(FrameLog::create).transpose()?;
+    let recorded = match (&args.record, stream) {
+        (Some(path), Some(stream)) => Some((path, live.record(path, &station, stream, &adapter.name)?)),
+        _ => None,
     };
+    if let Some(tracked) = &tracked {
+        live.track(tracked, &station.tracker)?;
+    }
     let limits = Limits { duration: args.duration, frames: args.frames };
-    let summary = session(
-        &station,
-        limits,
-        parts,
-        #[cfg(feature = "window")]
-        opened.window.map(|slot| (slot, opened.control.clone())),
-    )?;
-    drop(opened.control);
+    let summary = session(&station, limits, live)?;
     report(args, &summary, adapter)?;
     if let Some(tracked) = &tracked {
         live::say_left_out(&tracked.counters());
     }
-    if let (Some(slot), Some(path)) = (recorded, &args.record) {
+    if let Some((path, slot)) = recorded {
         let recorded = slot.lock().ok().and_then(|mut recorded| recorded.take());
         match recorded {
             Some(Recorded { failure: Some(failure), .. }) => return Err(Failure::Other(anyhow!("{failure}"))),
@@ -216,18 +176,23 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 
 /// Refuses files that the session reads, and files that are there already.
 fn check_outputs(args: &Args, station: &Station) -> Result<(), Failure> {
-    let mut outputs = Outputs::beside_station(station);
+    let mut outputs = Outputs::beside(station.files());
     if let Some(path) = &args.record {
         outputs = outputs.file("--record", path, args.force)?;
     }
     if let Some(path) = &args.metrics {
         outputs = outputs.log("--metrics", path, args.force)?;
     }
-    let names = live_sinks::files(&live_sinks::kinds(&args.sinks, station));
+    let names: Vec<&str> = sinks(args, station).into_iter().flat_map(|kind| kind.files()).copied().collect();
     if !names.is_empty() {
         outputs.within("--out", &args.out, &names)?;
     }
     Ok(())
+}
+
+/// Sinks named on the command line, else by the station.
+fn sinks(args: &Args, station: &Station) -> Vec<LiveSinkKind> {
+    if args.sinks.is_empty() { station.live_sinks() } else { LiveSinkKind::each_once(args.sinks.clone()) }
 }
 
 /// Poses, and their tracker if any.
@@ -257,15 +222,12 @@ fn station(args: &Args) -> Result<Station, Failure> {
 }
 
 /// Runs the session; a window takes the main thread meanwhile.
-fn session(
-    station: &Station,
-    limits: Limits,
-    parts: Parts,
-    #[cfg(feature = "window")] window: Option<(WindowSlot, mpsc::Sender<Control>)>,
-) -> Result<Summary, Failure> {
+fn session(station: &Station, limits: Limits, live: LiveStation) -> Result<Summary, Failure> {
+    // The sender is kept: the channel must stay open even if no sink takes input.
+    let (parts, control) = (live.parts, live.control);
     let run = move || live::run(station, limits, parts, |_| {});
     #[cfg(feature = "window")]
-    if let Some((slot, control)) = window {
+    if let Some(slot) = live.window {
         let window = station.window.unwrap_or_default();
         return std::thread::scope(|scope| {
             let session = scope.spawn(run);
@@ -279,7 +241,9 @@ fn session(
             summary
         });
     }
-    run()
+    let summary = run();
+    drop(control);
+    summary
 }
 
 /// Prints the summary, and appends it to the metrics file.

@@ -4,13 +4,13 @@ use std::path::PathBuf;
 
 use anyhow::anyhow;
 use clap::Parser;
+use insonify::files::Outputs;
 use insonify::render::BackendChoice;
 use insonify::report::selftest as selftest_report;
 use insonify::selftest;
 use insonify::sink::write_json;
 
 use super::backend::BackendArgs;
-use super::outputs::Outputs;
 use super::progress::Progress;
 use super::{Failure, input, output};
 

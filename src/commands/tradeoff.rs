@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 use clap::Parser;
+use insonify::files::Outputs;
 use insonify::sink::{create_dir, png, write_json, write_text};
 use insonify::station::{Poses, Station};
 use insonify::tradeoff::plot::Figure;
 use insonify::tradeoff::{self, Sweep, SweepReport, SweepSettings};
 
 use super::backend::BackendArgs;
-use super::outputs::Outputs;
 use super::sweep_bar::{SweepBar, of_options};
 use super::{Classify, Failure, input, output, session};
 
@@ -90,7 +90,7 @@ const FILES: [&str; 8] = [
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::load(&args.station)?;
-    Outputs::beside_station(&station).and(&args.recording).within("--out", &args.out, &FILES)?;
+    Outputs::beside(station.files()).and(&args.recording).within("--out", &args.out, &FILES)?;
     if args.recording.as_deref().or(station.recording()).is_none() {
         input::pose(None, &station, "--recording FILE, a recorded tracker")?;
     }

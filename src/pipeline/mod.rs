@@ -20,6 +20,7 @@ mod generate_stage;
 mod generator_link;
 mod generators;
 mod histogram;
+mod live_station;
 mod local_renderer;
 mod metrics;
 mod pace;
@@ -46,12 +47,15 @@ pub use controls::CONTROLS_WAITING;
 pub use events::Observer;
 pub use generators::Generators;
 pub use histogram::{Histogram, Percentiles};
+#[cfg(feature = "browser")]
+pub use live_station::scene_info;
+pub use live_station::{LiveError, LiveStation};
 pub use local_renderer::LocalRendererFactory;
 pub use metrics::{Status, memory_bytes};
 pub use parts::{
     FrameGenerators, FrameRenderer, GenerateError, ImageShape, PoseSource, RenderFault, RendererFactory, Terminator,
 };
-pub use recorded::{RecordedSlot, RecorderPart, RecordingObserver};
+pub use recorded::{RecordError, RecordedSlot, RecorderPart, RecordingObserver, start_recorder};
 pub use replayed::{OtherSetting, ReplayedControls, ReplayedPoses};
 pub use session::{Limits, Parts, Pipeline, PipelineError};
 pub use shutdown::{Joined, Part, Stop, Thread, spawn};

@@ -29,6 +29,8 @@ use crate::tracker::{Protocol, TrackerEvent, UnknownProtocol};
 #[cfg(feature = "recordings")]
 mod attached;
 mod caliper;
+#[cfg(feature = "live")]
+mod capture;
 #[cfg(feature = "recordings")]
 mod decoded;
 #[cfg(feature = "recordings")]
@@ -63,6 +65,8 @@ mod writer;
 mod writer;
 
 pub use caliper::{CALIPER_EVENT, CaliperEvent, ellipse_circumference_mm};
+#[cfg(feature = "live")]
+pub use capture::Capture;
 #[cfg(feature = "recordings")]
 pub use decoded::{DecodedRecording, Item};
 #[cfg(feature = "recordings")]

@@ -147,6 +147,21 @@ impl Station {
         }
     }
 
+    /// Sinks of its live session: `display.sinks` and every display that has a table.
+    pub fn live_sinks(&self) -> Vec<LiveSinkKind> {
+        let mut kinds = self.sinks.clone();
+        kinds.extend(self.browser.as_ref().map(|_| LiveSinkKind::Browser));
+        kinds.extend(self.window.as_ref().map(|_| LiveSinkKind::Window));
+        kinds.extend(self.openigtlink.as_ref().map(|_| LiveSinkKind::OpenIgtLink));
+        LiveSinkKind::each_once(kinds)
+    }
+
+    /// Whether a live session reads the maps, for its generator or its page.
+    pub fn reads_maps(&self) -> bool {
+        (self.generator.enabled && !self.generator.models.is_empty())
+            || self.live_sinks().contains(&LiveSinkKind::Browser)
+    }
+
     /// Recording that takes the place of a tracker, if the station names one.
     pub fn recording(&self) -> Option<&Path> {
         match &self.tracker.transport {

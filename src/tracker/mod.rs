@@ -26,6 +26,7 @@ pub(crate) mod arrival;
 pub mod ascii_line;
 mod axis_map;
 pub mod bno08x;
+mod choice;
 mod clock;
 mod decoder;
 mod device_options;
@@ -54,6 +55,7 @@ pub mod spacemouse;
 mod transport;
 
 pub use axis_map::{AxisMap, AxisMapError};
+pub use choice::{Choice, ChoiceError};
 pub use clock::host_time_ns;
 pub use decoder::{Offset, StreamDecoder};
 pub use device_options::DeviceOptions;

@@ -4,13 +4,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 use clap::Parser;
-use insonify::files::FileKind;
+use insonify::files::{FileKind, Outputs};
 use insonify::pose::Fitted;
 use insonify::pose::csv::{self, Named};
 use insonify::pose::registration::{PointPair, Registration, register};
 use serde::Serialize;
 
-use super::super::outputs::Outputs;
 use super::super::{Classify, Failure, input, output};
 use super::touch::{self, TouchArgs};
 use super::{OutputArgs, TransformReport, write};

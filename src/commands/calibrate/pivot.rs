@@ -4,13 +4,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 use clap::{Parser, ValueEnum};
-use insonify::files::FileKind;
+use insonify::files::{FileKind, Outputs};
 use insonify::pose::pivot::{Pivot, calibrate};
 use insonify::pose::{Calibration, Fitted, Pose, csv};
 use insonify::recording;
 use serde::Serialize;
 
-use super::super::outputs::Outputs;
 use super::super::{Classify, Failure, input, output};
 use super::{OutputArgs, write};
 

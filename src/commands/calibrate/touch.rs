@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use glam::DVec3;
-use insonify::files::FileKind;
+use insonify::files::{FileKind, Outputs};
 use insonify::phantom;
 use insonify::pose::Calibration;
 use insonify::pose::csv::{self, Named};
@@ -17,7 +17,6 @@ use insonify::station::{SceneSource, Station};
 use insonify::tracker::{PoseStream, pose_tap};
 use tokio_util::sync::CancellationToken;
 
-use super::super::outputs::Outputs;
 use super::super::{Classify, Failure, input, tracker_args};
 use super::positive;
 

@@ -2,7 +2,6 @@
 
 mod key_frames;
 mod live;
-mod stills;
 mod translation;
 
 use std::path::{Path, PathBuf};
@@ -12,12 +11,13 @@ use std::time::Instant;
 use anyhow::Context;
 use clap::Parser;
 use insonify::anatomy::{Bvh, Scene};
+use insonify::files::Outputs;
 use insonify::pipeline::replay::Timeline;
 use insonify::pipeline::{Clock, Stop, Summary, SystemClock, on_ctrl_c};
 use insonify::recording::{RecordingReader, RecordingReport, RecordingSummary, poses_of};
 use insonify::render::{Backend, FrameQuality, RenderError};
-use insonify::report::ContactSheet;
 use insonify::report::time_table::{SideBySide, StageTime, TimeTable};
+use insonify::report::{ContactSheet, OtherLoad};
 use insonify::sink::frame_record::AdapterRecord;
 use insonify::sink::video::halved;
 use insonify::sink::{FrameRate, Video, write_json};
@@ -27,9 +27,7 @@ use serde::Serialize;
 
 use super::backend::BackendArgs;
 use super::effects::EffectArgs;
-use super::other_load::OtherLoad;
 use super::output::thousands;
-use super::outputs::Outputs;
 use super::progress::Progress;
 use super::{Classify, Failure, output, session};
 use key_frames::{Agreement, KeyFrames, KeyScores, Stage};

@@ -1,5 +1,7 @@
 //! Errors in replaying a recording.
 
+use std::path::PathBuf;
+
 use thiserror::Error;
 
 use crate::chooser::ChooserError;
@@ -53,6 +55,12 @@ pub enum ReplayError {
         frames: usize,
         /// Frames per second.
         fps: f64,
+    },
+    /// A session without a pose.
+    #[error("{path} holds no pose to score")]
+    NoPose {
+        /// The recording.
+        path: PathBuf,
     },
     /// No frame to render.
     #[error("the recording has no frame")]

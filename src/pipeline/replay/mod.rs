@@ -1,6 +1,9 @@
 //! Recorded sessions to render without a clock: frames with the poses and settings of the live session.
 
 mod error;
+mod exam;
+mod frame_range;
+mod pace;
 mod timeline;
 
 use std::ops::Range;
@@ -19,6 +22,9 @@ use crate::station::Station;
 use crate::transducer::Probe;
 
 pub use error::ReplayError;
+pub use exam::RecordedExam;
+pub use frame_range::FrameRange;
+pub use pace::{Pace, ReplaySpeed};
 pub use timeline::Timeline;
 
 /// Choices of a replay.
@@ -26,10 +32,8 @@ pub use timeline::Timeline;
 pub struct ReplayOptions {
     /// Frames per second of the recording.
     pub rate: FrameRate,
-    /// First frame.
-    pub start: usize,
-    /// Frame behind the last; none: all.
-    pub end: Option<usize>,
+    /// Frames to render.
+    pub frames: FrameRange,
     /// Rays and layers; none: those of the recorded session, else the station's.
     pub quality: Option<FrameQuality>,
     /// Seed; none: the station's.
@@ -83,7 +87,7 @@ impl Replay {
     /// A recording or calibration that can't be read, times that span too many frames, or no requested frame. What is
     /// damaged is logged before.
     pub fn read(path: &Path, station: Station, options: &ReplayOptions) -> Result<Self, ReplayError> {
-        let ReplayOptions { rate, start, end, quality, .. } = *options;
+        let ReplayOptions { rate, frames: FrameRange { start, end }, quality, .. } = *options;
         if let Some(end) = end.filter(|end| *end <= start) {
             return Err(ReplayError::Range { start, end });
         }
@@ -238,7 +242,8 @@ mod tests {
         let read = |end| {
             let rate = FrameRate::new(10.0).unwrap();
             let (quality, seed, raw_poses, ignore_controls) = (None, None, false, false);
-            let options = ReplayOptions { rate, start: 5, end: Some(end), quality, seed, raw_poses, ignore_controls };
+            let frames = FrameRange { start: 5, end: Some(end) };
+            let options = ReplayOptions { rate, frames, quality, seed, raw_poses, ignore_controls };
             Replay::read(Path::new("/nonexistent/a.mcap"), station.clone(), &options).unwrap_err()
         };
         assert!(matches!(read(5), ReplayError::Range { start: 5, end: 5 }));

@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use insonify::sink::live::{LiveSink, PresentedFrame};
-use insonify::sink::{SinkError, png};
+use super::live::{LiveSink, PresentedFrame};
+use super::{SinkError, png};
 
 /// Writes a PNG every `period`, named by presentation time and frame source.
-pub(super) struct Stills {
+pub struct Stills {
     directory: PathBuf,
     period: Duration,
     next: Duration,
@@ -17,7 +17,7 @@ pub(super) struct Stills {
 
 impl Stills {
     /// Writes at most `count` pictures into `directory`.
-    pub(super) fn new(directory: &Path, period: Duration, count: u32) -> Self {
+    pub fn new(directory: &Path, period: Duration, count: u32) -> Self {
         Self { directory: directory.to_owned(), period, next: period, left: count }
     }
 }
