@@ -14,6 +14,7 @@ mod front;
 mod starting_point;
 mod still;
 mod times;
+mod translation;
 
 pub use control::{Candidate, FrameBudget, PointChange, PointController, PointSummary, Switch};
 pub use error::ChooserError;
@@ -23,3 +24,4 @@ pub use error_table::{
 pub use front::{ANGLES, ErrorSettings, ErrorStep, RAYS_LAYERS, measure_errors};
 pub use starting_point::{StartingPoint, choose, scene_name};
 pub use still::{StillQuality, choose_still};
+pub use translation::{Translation, TranslationReport};

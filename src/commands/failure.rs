@@ -127,7 +127,7 @@ classified! {
     InterchangeError as Recording { _ => Input }
     SinkError { SinkError::FrameRate { .. } => Input, _ => Other }
     RecordingError { RecordingError::Write { .. } => Other, _ => Input }
-    ReplayError as Recording | Station | Render | Chooser { _ => Input }
+    ReplayError as Recording | Station | Render | Chooser | Quality | Generator | Sink { _ => Input }
     RecordError as Recording | Directory { RecordError::Recorder(_) => Other, _ => Input }
     LiveError as Render | Chooser | Record | Tracker | Sink { _ => Input }
     TrackerError { TrackerError::Thread(_) => Other, _ => Input }
@@ -139,7 +139,7 @@ classified! {
     // A number without a class is a fault of the renderer.
     DatasetError as Station | Exam | Render | Sink { DatasetError::Number { .. } => Other, _ => Input }
     TradeoffError as Station | Generator | Quality | Render | SelfTest | Sink {
-        TradeoffError::Read { .. } => Other,
+        TradeoffError::Read { .. } | TradeoffError::Figure(_) => Other,
         _ => Input,
     }
     // The caller gives images, data sets and models.

@@ -42,12 +42,3 @@ pub(crate) fn warn_of_budget(station: &Station) {
         tracing::warn!("quality.frame_budget_ms = {frame_budget_ms} chooses nothing here: the quality is {quality}");
     }
 }
-
-/// Warns of frames in which crossings did not fit the buffers.
-pub(crate) fn warn_of_overflows(frames: usize) {
-    if frames > 0 {
-        tracing::warn!(
-            "in {frames} frames a few paths met more interfaces than are kept, and go on in the last medium"
-        );
-    }
-}

@@ -27,6 +27,8 @@ pub(crate) mod store;
 #[cfg(feature = "plots")]
 mod style;
 mod sweep;
+#[cfg(feature = "plots")]
+mod sweep_files;
 mod sweep_step;
 mod table;
 mod times;
@@ -43,5 +45,7 @@ pub use plan::{Planned, plan};
 pub use point::{ClassError, Errors, PassMs, Point, Time};
 pub use reference::{Check, Convergence};
 pub use sweep::{Sweep, SweepReport, SweepSettings};
+#[cfg(feature = "plots")]
+pub use sweep_files::SWEEP_FILES;
 pub use sweep_step::{SweepProgress, SweepStep};
 pub use table::{csv, csv_field, markdown};

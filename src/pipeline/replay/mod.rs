@@ -2,12 +2,16 @@
 
 mod error;
 mod exam;
+#[cfg(feature = "video")]
+mod files;
 mod frame_range;
+mod key_frames;
 mod pace;
+mod sequence;
 mod timeline;
 
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::replayed::{OtherSetting, ReplayedControls, ReplayedPoses};
 use crate::anatomy::Scene;
@@ -23,8 +27,12 @@ use crate::transducer::Probe;
 
 pub use error::ReplayError;
 pub use exam::RecordedExam;
+#[cfg(feature = "video")]
+pub use files::{FrameEntry, REPLAY_FILES, WrittenReplay};
 pub use frame_range::FrameRange;
+pub use key_frames::{Agreement, KeyFrame, KeyFrames, KeyScores, Stage, key_frames, legend};
 pub use pace::{Pace, ReplaySpeed};
+pub use sequence::{SequenceMap, WrittenSequence};
 pub use timeline::Timeline;
 
 /// Choices of a replay.
@@ -58,6 +66,8 @@ pub struct Stretch {
 /// A recorded session, ready to be rendered.
 #[derive(Debug)]
 pub struct Replay {
+    /// The recording.
+    pub path: PathBuf,
     /// The station.
     pub station: Station,
     /// Frames per second of the recording.
@@ -108,6 +118,7 @@ impl Replay {
         let live: Vec<LiveSettings> = timeline.times_ns.iter().map(|time| controls.at(*time)).collect();
         timeline.freeze(&live);
         Ok(Self {
+            path: path.to_owned(),
             rate,
             stretches: stretches(&live, frames.clone(), quality),
             frames,
