@@ -2,6 +2,7 @@
 //!
 //! The table holds no times, so it is the same for all machines. `insonify front` makes it.
 
+use std::fmt;
 use std::sync::OnceLock;
 
 use serde::{Deserialize, Serialize};
@@ -128,6 +129,18 @@ impl GeneratorKey {
     pub fn of(generator: &Generator) -> Self {
         let manifest = generator.manifest();
         Self { name: manifest.name.clone(), sha256: manifest.sha256.clone() }
+    }
+}
+
+impl fmt::Display for PointError {
+    /// Quality and generator, and the error by speed where it is known.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.quality)?;
+        if let Some(GeneratorKey { name, .. }) = &self.generator {
+            write!(f, " + {name}")?;
+        }
+        let Some(BySpeed { at_rest, slow, fast }) = self.by_speed else { return Ok(()) };
+        write!(f, ": {at_rest:.1} grey levels at rest, {slow:.1} slow, {fast:.1} fast")
     }
 }
 

@@ -13,6 +13,7 @@ mod error_table;
 mod front;
 mod starting_point;
 mod still;
+mod still_frame;
 mod times;
 mod translation;
 
@@ -24,4 +25,5 @@ pub use error_table::{
 pub use front::{ANGLES, ErrorSettings, ErrorStep, RAYS_LAYERS, measure_errors};
 pub use starting_point::{StartingPoint, choose, scene_name};
 pub use still::{StillQuality, choose_still};
+pub use still_frame::{StillFrame, render_still};
 pub use translation::{Translation, TranslationReport};

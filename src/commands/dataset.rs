@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use anyhow::anyhow;
 use clap::Parser;
-use insonify::dataset::{Dataset, DatasetError, HEADER_FILE, Maker, Planned, Recipe, Shard};
+use insonify::dataset::{Dataset, DatasetError, HEADER_FILE, Maker, Recipe, Shard};
 use insonify::files::Outputs;
 use insonify::render::{BackendChoice, FrameQuality};
 use insonify::settings::{ANGLES_MAX, LookSettings, SettingsGroup};
@@ -13,7 +13,6 @@ use insonify::station::Station;
 use serde::Serialize;
 
 use super::backend::BackendArgs;
-use super::output::thousands;
 use super::progress::Progress;
 use super::steps::Steps;
 use super::{Failure, output};
@@ -163,7 +162,7 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
         ..Recipe::new(stations)
     });
     let maker = maker.map_err(of_options)?;
-    say(args, &maker);
+    eprintln!("dataset: {maker}");
     if args.dry_run {
         return Ok(());
     }
@@ -188,15 +187,7 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
     if args.json {
         return output::json(&report);
     }
-    output::line(format!(
-        "{} tuples made in {:.0} s, {} were there; {} to train, {} to test, {}",
-        made.made,
-        report.seconds,
-        made.kept,
-        made.train,
-        made.test,
-        megabytes(report.bytes)
-    ))?;
+    output::line(format!("{made} in {:.0} s", report.seconds))?;
     output::line(made.manifest.display())
 }
 
@@ -239,34 +230,9 @@ fn verify(args: &Args, directory: &Path) -> Result<(), Failure> {
     )))
 }
 
-/// Prints the number of tuples and their size on disk.
-fn say(args: &Args, maker: &Maker) {
-    let Planned { train, test, exams, phantoms, bytes } = maker.planned();
-    let header = maker.header();
-    let shard = if args.shard.of > 1 { format!(" (shard {})", args.shard) } else { String::new() };
-    let of = if phantoms == 0 { String::new() } else { format!(" over {phantoms} phantoms") };
-    let quality = |[rays, layers]: [u32; 2], angles| FrameQuality { angles, ..FrameQuality::new(rays, layers) };
-    let lq = std::iter::once(&header.lq).chain(&header.lq_more);
-    let lq = lq.map(|&lq| quality(lq, header.look.lq_angles).to_string());
-    eprintln!(
-        "dataset: {} tuples{shard} of {exams} sessions{of}: {train} to train, {test} to test; {} against {} rays x layers; {} on disk",
-        thousands(train + test),
-        lq.collect::<Vec<_>>().join(", "),
-        quality(header.hq, header.look.hq_angles),
-        megabytes(bytes)
-    );
-}
-
 /// Parses `--span`.
 fn span(text: &str) -> Result<f64, String> {
     let span_deg = text.parse().map_err(|_| format!("`{text}` is no number of degrees"))?;
     LookSettings { span_deg, ..LookSettings::default() }.validate().map_err(|e| e.to_string())?;
     Ok(span_deg)
-}
-
-fn megabytes(bytes: u64) -> String {
-    match bytes as f64 * 1e-6 {
-        mb if mb < 2000.0 => format!("{mb:.0} MB"),
-        mb => format!("{:.1} GB", mb * 1e-3),
-    }
 }

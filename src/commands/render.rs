@@ -4,12 +4,10 @@ use std::path::PathBuf;
 
 use anyhow::anyhow;
 use clap::Parser;
-use insonify::chooser::{choose_still, scene_name};
+use insonify::chooser::{StillFrame, render_still};
 use insonify::files::Outputs;
-use insonify::look::{Look, Shape};
 use insonify::pose::Pose;
-use insonify::render::{Frame, FrameQuality, Quality, Renderer};
-use insonify::sink::frame_record::AdapterRecord;
+use insonify::render::{FrameQuality, Quality};
 use insonify::sink::{FrameFiles, FrameRecord};
 use insonify::station::Station;
 use serde::Serialize;
@@ -100,46 +98,14 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let backend = args.backend.open(station.backend)?;
     let scene = session::load_scene(&station)?;
     session::warn_of_effects(&scene, &station.probe, &settings);
-    let mut renderer = Renderer::new(&backend, &scene, &station.probe, &settings)?;
-    let mut frame = Frame::default();
-    renderer.set_time_s(args.time);
-    let mut chosen = None;
-    if let (Some(frame_budget_ms), None) = (station.frame_budget_ms, args.quality) {
-        let scene = scene_name(&station);
-        let found = choose_still(&mut renderer, &scene, &station.probe, &settings, &[pose], frame_budget_ms)?;
-        quality::say_chosen(&found);
-        chosen = Some(found.to_string());
-        settings.quality = Quality { rays: found.quality.rays, layers: found.quality.layers, seed };
-    }
-    renderer.render(&pose, &mut frame)?;
-    if frame.overflows > 0 {
-        tracing::warn!("{} paths met more interfaces than are kept, and go on in the last medium", frame.overflows);
-    }
-    let shape = Shape::new(
-        frame.width,
-        renderer.sector().pixel_mm,
-        &frame.mask,
-        &settings.image,
-        settings.look.independent_angles(&station.probe),
-    );
-    Look::default().apply(&settings.look, shape, &mut frame.bmode);
-    let adapter = AdapterRecord::from(&backend);
-    let (plan, sector) = (renderer.plan(), renderer.sector());
-    let mut record = FrameRecord::new(&frame, &pose, &station.probe, &settings, plan, sector, adapter);
-    record.chosen = chosen;
+    let budget_ms = station.frame_budget_ms.filter(|_| args.quality.is_none());
+    let StillFrame { frame, record, chosen } =
+        render_still(&backend, &scene, &station, settings, (pose, args.time), budget_ms)?;
+    chosen.iter().for_each(quality::say_chosen);
     let files = FrameFiles { frame: &frame, tissues: &scene.tissues, record: &record }.write(&args.out)?;
     if args.json {
         return output::json(&Report { record: &record, files });
     }
-    let (w, h, ms) = (frame.width, frame.height, frame.times.total_ms);
-    let (asked, simulated) = (settings.quality, &record.simulated);
-    let of = |simulated: u32, asked: u32, what: &str| match asked {
-        _ if asked == simulated => format!("{asked} {what}"),
-        _ => format!("{simulated} of {asked} {what}"),
-    };
-    let rays = of(simulated.rays, asked.rays, "rays");
-    let layers = of(simulated.layers, asked.layers, "layers");
-    let adapter = &record.adapter;
-    output::line(format!("{w} x {h} pixels, {rays} x {layers} in {ms:.1} ms on {}", adapter.name))?;
+    output::line(&record)?;
     files.iter().try_for_each(|file| output::line(file.display()))
 }

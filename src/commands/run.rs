@@ -1,6 +1,5 @@
 //! `insonify run`: a live session.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -11,7 +10,7 @@ use insonify::files::Outputs;
 use insonify::pipeline::{
     Limits, LiveStation, LocalRendererFactory, PoseSource, StandingPose, Summary, TrackedPoses, on_ctrl_c,
 };
-use insonify::pose::{Estimator, Pose};
+use insonify::pose::Pose;
 use insonify::recording::{Recorded, stream_of};
 #[cfg(feature = "window")]
 use insonify::settings::Control;
@@ -20,7 +19,6 @@ use insonify::sink::frame_record::AdapterRecord;
 use insonify::sink::window::run_on_main_thread;
 use insonify::sink::{FrameLog, LiveSinkKind};
 use insonify::station::Station;
-use insonify::tracker::{Speed, Transport};
 use serde::Serialize;
 
 use super::backend::BackendArgs;
@@ -110,12 +108,6 @@ struct Report<'a> {
     summary: &'a Summary,
 }
 
-/// The last line of a metrics file.
-#[derive(Serialize)]
-struct SummaryLine<'a> {
-    summary: &'a Summary,
-}
-
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut station = station(args)?;
@@ -164,14 +156,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             None => return Err(Failure::Other(anyhow!("{} was not finished in time", path.display()))),
         }
     }
-    let failed: Vec<&str> = summary.sinks.iter().filter_map(|sink| sink.error.as_deref()).collect();
-    if !failed.is_empty() {
-        return Err(Failure::Other(anyhow!("{}", failed.join("; "))));
-    }
-    match &summary.stuck[..] {
-        [] => Ok(()),
-        stuck => Err(Failure::Other(anyhow!("did not end in time: {}", stuck.join(", ")))),
-    }
+    summary.failure().map_or(Ok(()), |failure| Err(Failure::Other(anyhow!("{failure}"))))
 }
 
 /// Refuses files that the session reads, and files that are there already.
@@ -200,8 +185,9 @@ type Source = (Box<dyn PoseSource>, Option<TrackedPoses>);
 
 /// Source of the poses.
 fn pose_source(args: &Args, station: &Station) -> Result<Source, Failure> {
-    if args.pose.is_none() && station.tracker.transport != Transport::None {
-        let tracked = TrackedPoses::new(Estimator::new(station.pose_settings()?));
+    if args.pose.is_none()
+        && let Some(tracked) = TrackedPoses::of_station(station)?
+    {
         return Ok((Box::new(tracked.clone()), Some(tracked)));
     }
     let pose = input::pose(args.pose, station, "--replay FILE, --pose x,y,z,qw,qx,qy,qz, or a [tracker]")?;
@@ -213,10 +199,7 @@ fn station(args: &Args) -> Result<Station, Failure> {
     let mut station = Station::load(&args.station)?;
     args.effects.apply(&mut station.settings);
     if let Some(path) = &args.replay {
-        station.tracker.transport =
-            Transport::Recording { path: path.clone(), speed: Speed::Factor(1.0), repeat: false };
-        // The station's sensor is one of another device; the recording names its own.
-        station.tracker.device.sensor = None;
+        station.play(path);
     }
     Ok(station)
 }
@@ -249,10 +232,7 @@ fn session(station: &Station, limits: Limits, live: LiveStation) -> Result<Summa
 /// Prints the summary, and appends it to the metrics file.
 fn report(args: &Args, summary: &Summary, adapter: AdapterRecord) -> Result<(), Failure> {
     if let Some(path) = &args.metrics {
-        let file = std::fs::OpenOptions::new().append(true).open(path);
-        let line = serde_json::to_string(&SummaryLine { summary }).other()?;
-        let written = file.and_then(|mut file| writeln!(file, "{line}"));
-        written.with_context(|| format!("cannot write {}", path.display())).other()?;
+        summary.append_to(path)?;
     }
     if args.json {
         return output::json(&Report { version: env!("CARGO_PKG_VERSION"), station: &args.station, adapter, summary });

@@ -7,7 +7,7 @@ use anyhow::{Context, anyhow};
 use clap::Parser;
 use insonify::recording::spawn;
 use insonify::station::Station;
-use insonify::tracker::devices::{self, Devices, SerialDevice};
+use insonify::tracker::devices::{self, Devices};
 use insonify::tracker::{Monitor, Report, ReportLine, SessionState, Settings};
 use tokio_util::sync::CancellationToken;
 
@@ -78,7 +78,9 @@ fn list(json: bool) -> Result<(), Failure> {
 fn watch(settings: &Settings, seconds: f64, json: bool) -> Result<(), Failure> {
     let (monitor, cancel) = (Monitor::default(), CancellationToken::new());
     let session = spawn(settings, Box::new(monitor.clone()), cancel.clone())?;
-    hint(settings);
+    if let Some(hint) = devices::hint_of(settings) {
+        eprintln!("hint: {hint}");
+    }
     let started = Instant::now();
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().other()?;
     let result: Result<(), Failure> = runtime.block_on(async {
@@ -119,22 +121,4 @@ fn print(report: &Report, time: Duration, json: bool) -> Result<(), Failure> {
     }
     report.news(usize::MAX).for_each(|news| eprintln!("tracker: {news}"));
     output::line(line)
-}
-
-/// Prints a hint if a setting of the serial adapter adds latency.
-fn hint(settings: &Settings) {
-    #[cfg(feature = "serial")]
-    if let insonify::tracker::Transport::Serial { port, .. } = &settings.transport
-        && let Ok(ports) = devices::serial_ports()
-    {
-        let used = |device: &&SerialDevice| match port {
-            insonify::tracker::PortName::Path(path) => device.path == *path || device.by_id.as_deref() == Some(path),
-            usb => device.usb.as_ref().is_some_and(|u| usb.is(u.vendor, u.product, u.serial.as_deref())),
-        };
-        if let Some(hint) = ports.iter().find(used).and_then(devices::latency_hint) {
-            eprintln!("hint: {hint}");
-        }
-    }
-    #[cfg(not(feature = "serial"))]
-    let _ = settings;
 }

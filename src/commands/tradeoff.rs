@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Parser;
 use insonify::files::Outputs;
+use insonify::names::counted;
 use insonify::sink::create_dir;
 use insonify::station::{Poses, Station};
 use insonify::tradeoff::{SWEEP_FILES, Sweep, SweepSettings};
@@ -95,7 +96,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let sweep = Sweep::prepare(&backend, &station, &scene, &args.out, &settings).map_err(of_options)?;
     eprintln!(
         "{}, {}, on {}: about {}",
-        output::counted(sweep.poses(), "pose"),
+        counted(sweep.poses(), "pose"),
         sweep.source(),
         sweep.device(),
         output::duration(sweep.estimated_s())

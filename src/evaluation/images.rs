@@ -12,6 +12,7 @@ use super::tables::csv_scores;
 use super::{EvaluationError, FeatureModel};
 use crate::files::read_grey;
 use crate::generator::OnnxFeatures;
+use crate::names::counted;
 use crate::quality::{Pair, Scores, Summary, frechet_distance_of};
 use crate::tradeoff::csv_field;
 
@@ -130,7 +131,7 @@ impl fmt::Display for ImagesReport {
         if let Some(distance) = self.frechet_distance {
             writeln!(f, "{:12} {distance:>9.2} {:>9}", "FD", "-")?;
         }
-        write!(f, "{images} image{}", if *images == 1 { "" } else { "s" })?;
+        write!(f, "{}", counted(*images, "image"))?;
         if *identical > 0 {
             write!(f, "; {identical} identical, not in the mean of PSNR")?;
         }

@@ -27,6 +27,7 @@ pub mod parameters;
 mod placement;
 mod planes;
 mod spine;
+mod surface_list;
 #[cfg(test)]
 mod tests;
 mod vary;
@@ -48,6 +49,7 @@ pub use movement::movement;
 pub use organ::{Body, Organ};
 pub use parameters::{Lie, Parameters, ParametersError, PlacentaSite};
 pub use planes::{planes, planes_of};
+pub use surface_list::SurfaceList;
 
 use crate::anatomy::Skin;
 pub use crate::anatomy::Wall;

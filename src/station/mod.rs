@@ -10,6 +10,7 @@ mod calibration;
 mod display;
 mod effects;
 mod error;
+mod examination;
 mod generator;
 mod keys;
 mod openigtlink;
@@ -42,6 +43,7 @@ use crate::tracker;
 
 pub use accepts::Accepts;
 pub use error::StationError;
+pub use examination::Examination;
 pub use keys::{KeyDoc, keys, print_keys};
 pub use plane_scene::PlaneScene;
 pub use poses::{Poses, Track};
@@ -168,6 +170,13 @@ impl Station {
             tracker::Transport::Recording { path, .. } => Some(path),
             _ => None,
         }
+    }
+
+    /// Plays a recording in place of the tracker, once and in real time, with the sensor that the recording names.
+    pub fn play(&mut self, path: &Path) {
+        let (path, speed) = (path.to_owned(), tracker::Speed::Factor(1.0));
+        self.tracker.transport = tracker::Transport::Recording { path, speed, repeat: false };
+        self.tracker.device.sensor = None;
     }
 
     /// Files that the station is read from, its own first. Some of them may be missing.

@@ -6,8 +6,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-#[cfg(any(feature = "serial", feature = "hid"))]
-use super::settings::PortName;
+use super::settings::{PortName, Settings, Transport};
 use super::spacemouse;
 
 /// Identity reported by a USB device.
@@ -147,6 +146,16 @@ pub fn serial_ports() -> io::Result<Vec<SerialDevice>> {
         .collect();
     found.sort_by(|a, b| a.path.cmp(&b.path));
     Ok(found)
+}
+
+/// Hint of [`latency_hint`] for a tracker's own port, if that is a serial one of this machine.
+pub fn hint_of(tracker: &Settings) -> Option<String> {
+    let Transport::Serial { port, .. } = &tracker.transport else { return None };
+    let used = |device: &SerialDevice| match port {
+        PortName::Path(path) => device.path == *path || device.by_id.as_deref() == Some(path),
+        usb => device.usb.as_ref().is_some_and(|u| usb.is(u.vendor, u.product, u.serial.as_deref())),
+    };
+    Devices::list().ok()?.serial.iter().find(|device| used(device)).and_then(latency_hint)
 }
 
 /// Current path of a port.

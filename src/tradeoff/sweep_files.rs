@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::plot::{self, Figure};
 use super::{SweepReport, TradeoffError, csv, effects_csv, effects_markdown, markdown};
+use crate::names::counted;
 use crate::sink::{png, write_json, write_text};
 
 /// Names of a sweep's files below its directory; a `*` stands for anything.
@@ -33,8 +34,7 @@ impl SweepReport {
         let Self { station, device, processor, threads, poses, points, effects, looks, reference, .. } = self;
         let converged = reference.converged;
         let not = if converged { "" } else { " (reference not converged)" };
-        let s = if *poses == 1 { "" } else { "s" };
-        let title = format!("{}{not}, {poses} pose{s}, on {device}, {threads} threads", station.display());
+        let title = format!("{}{not}, {}, on {device}, {threads} threads", station.display(), counted(*poses, "pose"));
         write_text(&out.join("tradeoff.csv"), &csv(points))?;
         write_text(&out.join("effects.csv"), &effects_csv(effects))?;
         write_text(&out.join("looks.csv"), &effects_csv(looks))?;

@@ -2,7 +2,7 @@
 //! files.
 
 use std::io::IsTerminal;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -13,7 +13,7 @@ use insonify::pose::Estimator;
 use insonify::render::Backend;
 use insonify::settings::Control;
 use insonify::sink::live::LiveSink;
-use insonify::sink::{FrameLog, Stills, create_dir, write_json};
+use insonify::sink::{FrameLog, Stills, create_dir, remove, write_json};
 use insonify::station::Station;
 use insonify::tracker::{Speed, Transport};
 use tokio::sync::mpsc;
@@ -66,7 +66,9 @@ pub(super) fn run(
     let mut station = station(&args.out.join("station"))?;
     args.effects.apply(&mut station.settings);
     let directory = args.out.join("live");
-    clear(&directory)?;
+    create_dir(&directory)?;
+    Stills::remove_from(&directory)?;
+    remove(&directory.join("summary.json"))?;
     let stays = !args.once && std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
     let factory = LocalRendererFactory::new(backend.clone(), scene.clone())?;
     let tracked = TrackedPoses::new(Estimator::new(station.pose_settings()?));
@@ -174,20 +176,6 @@ fn enter() -> Arc<AtomicBool> {
         set.store(read.is_ok_and(|bytes| bytes > 0), Ordering::Relaxed);
     });
     pressed
-}
-
-/// Removes stills and summary of an earlier demo.
-fn clear(directory: &Path) -> Result<(), Failure> {
-    create_dir(directory)?;
-    let stills = |path: &PathBuf| {
-        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or("");
-        name.contains("_s_") && name.ends_with(".png")
-    };
-    let files = std::fs::read_dir(directory).into_iter().flatten().flatten().map(|file| file.path());
-    for path in files.filter(stills).chain([directory.join("summary.json")]) {
-        insonify::sink::remove(&path)?;
-    }
-    Ok(())
 }
 
 /// The page's sink, its address, and the count of its viewers.

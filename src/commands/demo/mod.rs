@@ -11,6 +11,7 @@ use clap::Parser;
 use insonify::anatomy::{Bvh, Scene};
 use insonify::chooser::{Translation, TranslationReport};
 use insonify::files::Outputs;
+use insonify::names::thousands;
 use insonify::pipeline::replay::{Agreement, KeyFrames, KeyScores, Stage, Timeline, key_frames, legend};
 use insonify::pipeline::{Clock, Stop, Summary, SystemClock, on_ctrl_c};
 use insonify::recording::{RecordingReader, RecordingReport, RecordingSummary, poses_of};
@@ -26,7 +27,6 @@ use serde::Serialize;
 
 use super::backend::BackendArgs;
 use super::effects::EffectArgs;
-use super::output::thousands;
 use super::progress::Progress;
 use super::{Classify, Failure, output, session};
 
