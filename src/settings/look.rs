@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::live_control::{choice, hidden, slider};
-use super::{Kind, Probe, ProbeKind, Stored, settings};
+use super::{Probe, ProbeKind, settings, stored_word};
 
 /// Mapping from the picture's grey levels to the display's.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
@@ -33,24 +33,20 @@ crate::names::named!(GreyMap {
     Sharp = "sharp",
 });
 
-impl Stored for GreyMap {
-    fn kind(&self) -> Kind {
-        Kind::Word(Self::NAMES)
-    }
-
-    fn get(&self, _: usize) -> f64 {
-        f64::from(*self as u8)
-    }
-
-    fn set(&mut self, _: usize, value: f64) {
-        if let Some(&map) = Self::ALL.get(value as usize) {
-            *self = map;
-        }
-    }
-}
+stored_word!(GreyMap);
+stored_word!(LookPreset);
 
 /// Most angles of a compounded picture.
 pub const ANGLES_MAX: u32 = 15;
+
+settings! {
+    /// The look by name in `[look]`.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct LookBase in "look" {
+        /// Look by name; other keys of the table change it.
+        preset: LookPreset = LookPreset::Raw, "", 0.0..=2.0, Nothing;
+    }
+}
 
 settings! {
     /// The `[look]` of a station: from lines to the display.
@@ -108,10 +104,11 @@ impl LookSettings {
 }
 
 /// Looks by name: values of several settings at once.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LookPreset {
     /// The lines as they are: one angle, no filter, a linear map.
+    #[default]
     Raw,
     /// Calm pictures for finding one's way: three angles, some persistence and smoothing.
     Survey,

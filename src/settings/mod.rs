@@ -47,7 +47,7 @@ pub use hot_keys::{Action, Display, HotKey, QUALITY_POINTS, QualityPointKey, hot
 pub use image::{ImageSettings, ImageUniforms, TGC_SLIDERS};
 pub use live::{LiveSettings, live_settings};
 pub use live_control::{LiveControl, Slider, StepKey};
-pub use look::{ANGLES_MAX, GreyMap, LookPreset, LookSettings};
+pub use look::{ANGLES_MAX, GreyMap, LookBase, LookPreset, LookSettings};
 pub use offered::check_offered;
 pub use pipeline::{ChoiceSettings, PipelineSettings};
 pub use precision::Precision;
@@ -61,7 +61,7 @@ pub use scene::{
 };
 pub(crate) use setting::stored_word;
 pub use setting::{Change, Kind, Setting, SettingsError, Stored};
-pub use tracker::{PUCK_RANGE, TrackerSettings};
+pub use tracker::{PUCK_RANGE, Repeat, ReplyFormat, TrackerSettings};
 pub use uniform::{Uniform, wgsl_readers};
 pub use window::WindowSettings;
 

@@ -30,6 +30,8 @@ mod reply;
 pub use decoder::Decoder;
 pub use driver::NdiDriver;
 
+pub use crate::settings::ReplyFormat;
+
 /// Speed of a serial device after power-on or reset, baud.
 pub const START_BAUD: u32 = 9600;
 
@@ -58,16 +60,6 @@ pub fn framed(text: &str) -> Bytes {
     bytes.put_slice(text.as_bytes());
     bytes.put_slice(format!("{:04X}\r", crc16(text.as_bytes())).as_bytes());
     bytes.freeze()
-}
-
-/// Reply format that the driver requests.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum ReplyFormat {
-    /// `BX`: binary, shorter, with f32 resolution.
-    #[default]
-    Binary,
-    /// `TX`: text with a resolution of 0.01 mm. Older devices support only this.
-    Text,
 }
 
 /// Settings of a device.
