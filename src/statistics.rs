@@ -5,7 +5,7 @@
 
 /// Nearest-rank percentile: the least value that at least `part` (0..=1) of the values do not exceed. `sorted` is
 /// ascending. None if it is empty.
-pub fn nearest_rank<T: Copy>(sorted: &[T], part: f64) -> Option<T> {
+pub(crate) fn nearest_rank<T: Copy>(sorted: &[T], part: f64) -> Option<T> {
     let rank = (part * sorted.len() as f64).ceil() as usize;
     sorted.get(rank.clamp(1, sorted.len().max(1)) - 1).copied()
 }
@@ -53,7 +53,7 @@ pub fn mean(values: impl IntoIterator<Item = f64>) -> Option<f64> {
 }
 
 /// Mean, and standard deviation of the population. None without values.
-pub fn mean_and_deviation(values: &[f64]) -> Option<(f64, f64)> {
+pub(crate) fn mean_and_deviation(values: &[f64]) -> Option<(f64, f64)> {
     let mean_of_all = mean(values.iter().copied())?;
     let variance = mean(values.iter().map(|v| (v - mean_of_all).powi(2)))?;
     Some((mean_of_all, variance.sqrt()))

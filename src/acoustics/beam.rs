@@ -8,9 +8,9 @@ use super::wavelength_mm;
 use crate::settings::Apodization;
 
 /// Smallest F-number of the receive aperture: elements are insensitive at steeper angles.
-pub const RECEIVE_F_NUMBER_MIN: f64 = 2.0;
+pub(crate) const RECEIVE_F_NUMBER_MIN: f64 = 2.0;
 /// Offsets of a profile.
-pub const OFFSETS: usize = 160;
+pub(crate) const OFFSETS: usize = 160;
 /// Last offset of a dynamically focused beam's profile, λ·F# of reception: side lobes farther out are below −30 dB.
 const LOBES: f64 = 6.0;
 /// Frequencies over the band.
@@ -194,7 +194,7 @@ fn intensity(pairs: &[Pair], wave_number: f64, step_mm: f64) -> [f64; OFFSETS] {
 
 impl Profile {
     /// Offset beyond which the amplitude stays below `level`, in steps; the last one if it does not.
-    pub fn steps_above(&self, level: f64) -> f64 {
+    pub(crate) fn steps_above(&self, level: f64) -> f64 {
         let last = self.levels.iter().rposition(|&l| l >= level).unwrap_or(0);
         let Some(next) = self.levels.get(last + 1) else { return last as f64 };
         last as f64 + (self.levels[last] - level) / (self.levels[last] - next)

@@ -38,7 +38,7 @@ impl Section {
     }
 
     /// Distances along a ray from `origin_mm` in the unit `direction` to its crossings with the outline, mm.
-    pub fn crossings_mm(&self, origin_mm: DVec2, direction: DVec2) -> impl Iterator<Item = f64> + '_ {
+    pub(crate) fn crossings_mm(&self, origin_mm: DVec2, direction: DVec2) -> impl Iterator<Item = f64> + '_ {
         self.segments_mm.iter().filter_map(move |[a, b]| {
             let (a, b) = (*a - origin_mm, *b - origin_mm);
             let (sa, sb) = (direction.perp_dot(a), direction.perp_dot(b));

@@ -188,7 +188,7 @@ impl ErrorTable {
 }
 
 /// Name of a kind of probe.
-pub fn kind_name(kind: &ProbeKind) -> &'static str {
+pub(crate) fn kind_name(kind: &ProbeKind) -> &'static str {
     match kind {
         ProbeKind::Convex { .. } => "convex",
         ProbeKind::Linear { .. } => "linear",

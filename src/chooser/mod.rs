@@ -19,9 +19,7 @@ mod translation;
 
 pub use control::{Candidate, FrameBudget, PointChange, PointController, PointSummary, Switch};
 pub use error::ChooserError;
-pub use error_table::{
-    ErrorTable, ErrorTableError, ExpectedErrors, GeneratorKey, PointError, StationErrors, kind_name,
-};
+pub use error_table::{ErrorTable, ErrorTableError, ExpectedErrors, GeneratorKey, PointError, StationErrors};
 pub use front::{ANGLES, ErrorSettings, ErrorStep, RAYS_LAYERS, measure_errors};
 pub use starting_point::{StartingPoint, choose, scene_name};
 pub use still::{StillQuality, choose_still};

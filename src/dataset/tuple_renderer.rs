@@ -106,7 +106,7 @@ impl<'a> TupleRenderer<'a> {
     ///
     /// # Errors
     /// A scene that cannot be loaded, has a tissue without a class, or cannot be rendered.
-    pub fn high_quality(&mut self, station: &Station, row: &Row, seed: u32) -> Result<&[u8], DatasetError> {
+    pub(crate) fn high_quality(&mut self, station: &Station, row: &Row, seed: u32) -> Result<&[u8], DatasetError> {
         self.render(1, station, &Row { seed, ..row.clone() })?;
         Ok(&self.frames[1].bmode)
     }

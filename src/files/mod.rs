@@ -8,7 +8,8 @@ mod part;
 mod read;
 
 pub use cache::cache_directory;
-pub use grey::{GreyError, read_grey};
+pub use grey::GreyError;
+pub(crate) use grey::read_grey;
 pub use hex::hex;
 pub use outputs::{OutputError, Outputs};
 pub use part::{PartError, PartFile};

@@ -36,14 +36,14 @@ pub struct PartFile {
 
 impl PartFile {
     /// `NAME.part`.
-    pub fn appended(path: &Path) -> Self {
+    pub(crate) fn appended(path: &Path) -> Self {
         let mut part = path.as_os_str().to_owned();
         part.push(".part");
         Self { path: path.to_owned(), part: part.into() }
     }
 
     /// `NAME.part.EXTENSION`, which programs open as they do the finished file.
-    pub fn playable(path: &Path) -> Self {
+    pub(crate) fn playable(path: &Path) -> Self {
         Self { path: path.to_owned(), part: with_word(path, "part") }
     }
 
@@ -63,7 +63,7 @@ impl PartFile {
     ///
     /// # Errors
     /// Another process writes it, or a file cannot be created or renamed.
-    pub fn create_keeping(&self) -> Result<File, PartError> {
+    pub(crate) fn create_keeping(&self) -> Result<File, PartError> {
         self.take_over(|left, part| {
             if left.metadata()?.len() == 0 {
                 return std::fs::remove_file(part);

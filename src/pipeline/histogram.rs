@@ -54,7 +54,7 @@ impl Histogram {
     }
 
     /// p50, p95, p99 and maximum; none if empty.
-    pub fn percentiles(&self) -> Option<Percentiles> {
+    pub(crate) fn percentiles(&self) -> Option<Percentiles> {
         let at = |percent| self.percentile(percent).map(ms);
         Some(Percentiles {
             count: self.count,

@@ -43,7 +43,6 @@ mod summary_table;
 mod tracked;
 
 pub use clock::{Clock, NEVER, Signal, SystemClock};
-pub use controls::CONTROLS_WAITING;
 pub use events::Observer;
 pub use generators::Generators;
 pub use histogram::{Histogram, Percentiles};
@@ -51,7 +50,7 @@ pub use histogram::{Histogram, Percentiles};
 pub use live_station::scene_info;
 pub use live_station::{LiveError, LiveStation};
 pub use local_renderer::LocalRendererFactory;
-pub use metrics::{Status, memory_bytes};
+pub use metrics::Status;
 pub use parts::{
     FrameGenerators, FrameRenderer, GenerateError, ImageShape, PoseSource, RenderFault, RendererFactory, Terminator,
 };

@@ -43,7 +43,7 @@ impl<T> Slot<T> {
     }
 
     /// An empty slot that notifies `signal`.
-    pub fn with_signal(name: impl Into<String>, clock: &Arc<dyn Clock>, signal: &Arc<Signal>) -> Self {
+    pub(crate) fn with_signal(name: impl Into<String>, clock: &Arc<dyn Clock>, signal: &Arc<Signal>) -> Self {
         Self {
             name: name.into(),
             clock: clock.clone(),
@@ -73,7 +73,7 @@ impl<T> Slot<T> {
     }
 
     /// Takes the current item, if any. An item put in before closing can still be taken.
-    pub fn try_take(&self) -> Taken<T> {
+    pub(crate) fn try_take(&self) -> Taken<T> {
         let mut inner = lock(&self.inner);
         match inner.item.take() {
             Some(item) => Taken::Item(item),

@@ -30,7 +30,7 @@ use super::{POSITION_LIMIT_MM, Pose, PoseError};
 use crate::files::{self, FileKind};
 
 /// Version of the file format; other versions are refused.
-pub const CALIBRATION_VERSION: u32 = 1;
+pub(crate) const CALIBRATION_VERSION: u32 = 1;
 
 /// Errors in calibrations and their files.
 #[derive(Debug, Error)]

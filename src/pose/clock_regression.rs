@@ -107,7 +107,7 @@ impl ClockRegression {
     }
 
     /// Forgets all samples, for a restart of the device.
-    pub fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         *self = Self::default();
     }
 

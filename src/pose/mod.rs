@@ -46,7 +46,8 @@ pub use reading::{Measurement, Reading};
 pub use settings::{FilterSettings, Settings};
 pub use speed::{BySpeed, LIMITS, ProbeSpeed, Speed};
 pub use tracking::TrackingState;
-pub use transform::{angle_between, rotation_vector};
+pub use transform::angle_between;
+pub(crate) use transform::rotation_vector;
 
 /// Largest accepted deviation of a quaternion's norm from one.
 pub const QUATERNION_NORM_TOLERANCE: f64 = 1e-3;
@@ -147,7 +148,7 @@ impl Pose {
     /// # Errors
     /// The columns are not orthonormal within [`ROTATION_TOLERANCE`], the determinant is negative, or the position is
     /// invalid as for [`from_components`](Self::from_components).
-    pub fn from_matrix(rotation: DMat3, position_mm: DVec3) -> Result<Self, PoseError> {
+    pub(crate) fn from_matrix(rotation: DMat3, position_mm: DVec3) -> Result<Self, PoseError> {
         let DMat3 { x_axis: x, y_axis: y, z_axis: z } = rotation;
         // NaN fails the comparisons.
         let is_unit = |v: DVec3| (v.length() - 1.0).abs() <= ROTATION_TOLERANCE;

@@ -78,7 +78,7 @@ impl OneEuro {
 }
 
 /// Weight of the new value in a first-order low-pass filter of `cutoff_hz` after `dt_s`: α = 1/(1 + τ/dt), τ = 1/(2πf).
-pub fn smoothing(cutoff_hz: f64, dt_s: f64) -> f64 {
+pub(crate) fn smoothing(cutoff_hz: f64, dt_s: f64) -> f64 {
     let tau_s = 1.0 / (TAU * cutoff_hz);
     dt_s / (dt_s + tau_s)
 }

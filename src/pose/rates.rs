@@ -48,7 +48,7 @@ impl RateIntegrator {
     }
 
     /// Whether all rates are zero.
-    pub fn is_resting(&self) -> bool {
+    pub(crate) fn is_resting(&self) -> bool {
         self.rates == (DVec3::ZERO, DVec3::ZERO)
     }
 

@@ -38,7 +38,7 @@ impl StuckWatch {
     }
 
     /// Whether the readings are stuck.
-    pub fn is_stuck(&self) -> bool {
+    pub(crate) fn is_stuck(&self) -> bool {
         self.stuck
     }
 }

@@ -26,7 +26,7 @@ crate::names::named!(TrackingState {
 
 impl TrackingState {
     /// Whether the picture follows the probe: the pose is measured, or held over a short gap.
-    pub fn is_live(self) -> bool {
+    pub(crate) fn is_live(self) -> bool {
         self <= Self::Held
     }
 }
@@ -75,7 +75,7 @@ impl TrackingClock {
     }
 
     /// Forgets all measurements.
-    pub fn forget(&mut self) {
+    pub(crate) fn forget(&mut self) {
         self.interrupted();
         self.last_ns = None;
     }

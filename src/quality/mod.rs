@@ -38,13 +38,15 @@ mod ssim;
 pub mod steadiness;
 pub mod structures;
 
-pub use crop_places::{CROP_COUNT, CROP_INSIDE, CROP_SIDE, crop_places, cut};
+pub(crate) use crop_places::crop_places;
+pub use crop_places::{CROP_COUNT, CROP_INSIDE, CROP_SIDE, cut};
 pub use error::QualityError;
-pub use features::{CROP, FeatureExtractor, crops};
+pub(crate) use features::CROP;
+pub use features::{FeatureExtractor, crops};
 pub use frechet::{Gaussian, frechet_distance, frechet_distance_of};
 pub use level::level_difference;
 pub use pair::{PATCH, Pair};
-pub use pkl::{BINS, PSEUDO_COUNT, pkl};
+pub use pkl::pkl;
 pub use psnr::psnr_db;
 pub use regions::{RegionError, RegionSum, Scanlines};
 pub(crate) use scores::infinite_is_null;

@@ -8,10 +8,10 @@ use crate::transducer::{Probe, ScanGeometry};
 /// the blur of its echo are shorter.
 pub const BEHIND_MM: f64 = 2.0;
 /// Parts of the names of tissues whose shadows are measured.
-pub const BONES: [&str; 3] = ["bone", "calvaria", "skull"];
+pub(crate) const BONES: [&str; 3] = ["bone", "calvaria", "skull"];
 
 /// True if a tissue of that name is bone.
-pub fn is_bone(tissue: &str) -> bool {
+pub(crate) fn is_bone(tissue: &str) -> bool {
     BONES.iter().any(|bone| tissue.contains(bone))
 }
 

@@ -64,7 +64,8 @@ mod writer;
 #[path = "no_writer.rs"]
 mod writer;
 
-pub use caliper::{CALIPER_EVENT, CaliperEvent, ellipse_circumference_mm};
+pub(crate) use caliper::ellipse_circumference_mm;
+pub use caliper::{CALIPER_EVENT, CaliperEvent};
 #[cfg(feature = "live")]
 pub use capture::Capture;
 #[cfg(feature = "recordings")]
@@ -77,7 +78,9 @@ pub use part::part_path;
 pub use playback::{RecordingPlayback, spawn, stream_of};
 pub use poses::poses;
 #[cfg(feature = "recordings")]
-pub use poses::{measurements, poses_of, read_all, read_both};
+pub(crate) use poses::read_both;
+#[cfg(feature = "recordings")]
+pub use poses::{measurements, poses_of, read_all};
 #[cfg(feature = "recordings")]
 pub use reader::{Damage, RecordingReader};
 #[cfg(feature = "recordings")]
@@ -86,7 +89,8 @@ pub use recorder::{QueueLimits, Recorded, Recorder, RecorderError, RecorderHandl
 pub use report::RecordingReport;
 #[cfg(feature = "recordings")]
 pub use summary::RecordingSummary;
-pub use timing::{GAP_NS, Gap, Timing};
+pub(crate) use timing::GAP_NS;
+pub use timing::{Gap, Timing};
 pub use writer::RecordingWriter;
 
 /// Channel of the tracker's bytes.
@@ -105,7 +109,7 @@ pub const SETTINGS_NAME: &str = "insonify.settings";
 pub const STATION_NAME: &str = "station.toml";
 
 /// Version of this format; readers refuse later ones.
-pub const FORMAT_VERSION: u32 = 1;
+pub(crate) const FORMAT_VERSION: u32 = 1;
 
 /// Description of a recording.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -164,10 +168,10 @@ impl Event {
 }
 
 /// Name of the event for a lost tracker port.
-pub const DISCONNECTED_EVENT: &str = "tracker-disconnected";
+pub(crate) const DISCONNECTED_EVENT: &str = "tracker-disconnected";
 
 /// Event to record for a tracker event; `None` for decode errors, whose bytes are in the recording.
-pub fn event_of(host_time_ns: u64, event: &TrackerEvent) -> Option<Event> {
+pub(crate) fn event_of(host_time_ns: u64, event: &TrackerEvent) -> Option<Event> {
     let name = match event {
         TrackerEvent::DecodeError(_) => return None,
         TrackerEvent::Disconnected { .. } => DISCONNECTED_EVENT,

@@ -56,7 +56,7 @@ pub struct Panel {
 impl Panel {
     /// The panel with a second line below its caption, printable ASCII.
     #[must_use]
-    pub fn with_note(self, note: impl Into<String>) -> Self {
+    pub(crate) fn with_note(self, note: impl Into<String>) -> Self {
         Self { note: note.into(), ..self }
     }
 }
@@ -126,7 +126,7 @@ impl ContactSheet<'_> {
     ///
     /// # Errors
     /// Levels that do not fill `size`, [width, height].
-    pub fn grey_panel(
+    pub(crate) fn grey_panel(
         &self,
         caption: impl Into<String>,
         levels: &[u8],

@@ -28,7 +28,7 @@ impl LiveSettings {
     }
 
     /// Captions of the live settings that have one, such as `Depth 15.0 cm`, then rays × layers.
-    pub fn captions(&self) -> Vec<String> {
+    pub(crate) fn captions(&self) -> Vec<String> {
         let of_settings = live_settings().filter_map(|setting| {
             let control = setting.control.as_ref().filter(|control| !control.caption.is_empty())?;
             let value = self.stored(setting.key)?.get(0);
@@ -45,7 +45,7 @@ impl LiveSettings {
 }
 
 /// Settings that can be changed while a session runs, in display order. Their keys are unique without the table.
-pub fn live_settings() -> impl Iterator<Item = &'static Setting> {
+pub(crate) fn live_settings() -> impl Iterator<Item = &'static Setting> {
     let groups = [
         ImageSettings::settings(),
         LookSettings::settings(),

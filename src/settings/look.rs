@@ -86,7 +86,7 @@ settings! {
 impl LookSettings {
     /// Number of independent pictures in the mean of all angles: 1, plus the span over the angle at which the focus sees the
     /// aperture of `probe` (Trahey, Smith and von Ramm, IEEE Trans UFFC 33:257, 1986).
-    pub fn independent_angles(&self, probe: &Probe) -> f64 {
+    pub(crate) fn independent_angles(&self, probe: &Probe) -> f64 {
         let aperture_deg = 2.0 * (0.5 * probe.aperture_mm / probe.focus_mm).atan().to_degrees();
         let angles = self.angles_of(probe.kind);
         if angles == 1 { 1.0 } else { (1.0 + self.span_deg / aperture_deg).min(f64::from(angles)) }
@@ -98,7 +98,7 @@ impl LookSettings {
     }
 
     /// Number of steering angles: odd.
-    pub fn odd_angles(&self) -> u32 {
+    pub(crate) fn odd_angles(&self) -> u32 {
         (self.angles - 1) / 2 * 2 + 1
     }
 }

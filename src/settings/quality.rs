@@ -6,11 +6,11 @@ use super::live_control::hidden;
 use super::{ContactSettings, EffectChoices, ImageSettings, LookSettings, ReceiverSettings, settings};
 
 /// Greatest value of `quality.reflections_max`.
-pub const REFLECTIONS_MAX: u32 = 6;
+pub(crate) const REFLECTIONS_MAX: u32 = 6;
 /// Most taps of the lateral kernel in its pass; odd.
-pub const BEAM_TAPS_MAX: u32 = 129;
+pub(crate) const BEAM_TAPS_MAX: u32 = 129;
 /// Most taps of the pulse in its pass; odd.
-pub const PULSE_TAPS_MAX: u32 = 257;
+pub(crate) const PULSE_TAPS_MAX: u32 = 257;
 
 settings! {
     /// Number of paths, and their random seed.

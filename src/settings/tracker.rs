@@ -3,7 +3,7 @@
 use super::{settings, stored_word};
 
 /// Report value of a SpaceMouse at full deflection.
-pub const PUCK_RANGE: f64 = 350.0;
+pub(crate) const PUCK_RANGE: f64 = 350.0;
 
 /// Format of an NDI device's replies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -36,7 +36,8 @@ mod live_kind;
 pub(crate) mod pool;
 
 pub use error::SinkError;
-pub use file::{create_dir, remove, write_bytes, write_json, write_text, write_with};
+pub use file::{create_dir, remove, write_json, write_text};
+pub(crate) use file::{write_bytes, write_with};
 pub use frame_directory::{FrameDirectory, FrameFileError};
 pub use frame_files::FrameFiles;
 pub use frame_log::FrameLog;

@@ -108,7 +108,7 @@ impl fmt::Display for Devices {
 }
 
 /// Whether a HID device is a SpaceMouse puck.
-pub fn is_space_mouse(vendor: u16, product: u16, usage_page: u16, usage: u16) -> bool {
+pub(crate) fn is_space_mouse(vendor: u16, product: u16, usage_page: u16, usage: u16) -> bool {
     spacemouse::VENDORS.contains(&vendor)
         && (usage_page, usage) == spacemouse::USAGE
         && !(vendor == 0x256f && spacemouse::NOT_A_PUCK.contains(&product))
@@ -119,7 +119,7 @@ pub fn is_space_mouse(vendor: u16, product: u16, usage_page: u16, usage: u16) ->
 /// # Errors
 /// The system cannot list them.
 #[cfg(feature = "serial")]
-pub fn serial_ports() -> io::Result<Vec<SerialDevice>> {
+pub(crate) fn serial_ports() -> io::Result<Vec<SerialDevice>> {
     use tokio_serial::SerialPortType;
 
     // Some containers have no sysfs: no ports then.
@@ -214,7 +214,7 @@ pub fn latency_hint(port: &SerialDevice) -> Option<String> {
 /// # Errors
 /// The system cannot list them.
 #[cfg(feature = "hid")]
-pub fn hid_devices() -> io::Result<Vec<HidDevice>> {
+pub(crate) fn hid_devices() -> io::Result<Vec<HidDevice>> {
     Ok(listed(&hidapi::HidApi::new().map_err(io::Error::other)?))
 }
 

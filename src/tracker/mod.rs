@@ -164,7 +164,7 @@ impl Protocol {
     }
 
     /// Decoder at the start of the stream of a device with `options`.
-    pub fn decoder_of(self, options: &DeviceOptions) -> Decoder {
+    pub(crate) fn decoder_of(self, options: &DeviceOptions) -> Decoder {
         match self {
             Self::AsciiLine => Box::new(ascii_line::Decoder::default()),
             Self::FastrakAscii => Box::new(fastrak::Decoder::new(fastrak::Format::Ascii)),
@@ -181,7 +181,7 @@ impl Protocol {
     }
 
     /// Sensor that the driver requests by default; `None` if the protocol needs no number.
-    pub fn first_sensor(self) -> Option<u16> {
+    pub(crate) fn first_sensor(self) -> Option<u16> {
         match self {
             Self::FastrakAscii | Self::FastrakBinary | Self::Liberty | Self::Patriot => Some(1),
             Self::AsciiLine
@@ -195,7 +195,7 @@ impl Protocol {
     }
 
     /// Factory speed of the serial port, baud.
-    pub fn usual_baud(self) -> u32 {
+    pub(crate) fn usual_baud(self) -> u32 {
         match self {
             // The driver switches to a higher speed later.
             Self::Ndi => 9600,
@@ -243,7 +243,7 @@ pub struct DecodeError {
 
 impl DecodeError {
     /// Whether a well-formed frame reports an error of the device: the device is connected and responding.
-    pub fn is_report(&self) -> bool {
+    pub(crate) fn is_report(&self) -> bool {
         match &self.fault {
             Fault::Fastrak(reason) => matches!(reason, fastrak::Reason::Device { .. }),
             Fault::Liberty(reason) => matches!(reason, liberty::Reason::Device { .. }),

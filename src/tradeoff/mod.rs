@@ -35,9 +35,10 @@ mod times;
 pub(crate) mod truth;
 
 pub use cost::{Cost, Costs, TimedFrame, effect_costs};
-pub use effect_truth::{EffectTruth, effects_csv, effects_markdown};
+pub use effect_truth::EffectTruth;
+pub(crate) use effect_truth::{effects_csv, effects_markdown};
 pub use error::TradeoffError;
-pub use front::{mark_front, mark_noise};
+pub(crate) use front::{mark_front, mark_noise};
 pub use knobs::Knobs;
 pub use look_cost::{LookCost, look_costs};
 pub use measured_plan::{PlanCosts, PlanTable};
@@ -48,4 +49,5 @@ pub use sweep::{Sweep, SweepReport, SweepSettings};
 #[cfg(feature = "plots")]
 pub use sweep_files::SWEEP_FILES;
 pub use sweep_step::{SweepProgress, SweepStep};
-pub use table::{csv, csv_field, markdown};
+pub(crate) use table::csv_field;
+pub use table::{csv, markdown};

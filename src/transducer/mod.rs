@@ -9,7 +9,7 @@ mod sector;
 
 pub use aberration::aberration;
 pub use contact::{Contact, touch};
-pub use housing::housing;
+pub(crate) use housing::housing;
 pub use scan_geometry::ScanGeometry;
 pub use sector::Sector;
 

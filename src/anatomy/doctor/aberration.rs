@@ -128,7 +128,7 @@ impl<'s> Caster<'s> {
 
     /// Delays over `aperture`, ns, at places 0.5 mm or less apart. `scene_from_beam` has its origin in the middle
     /// of the aperture, z along the beam and x along the face.
-    pub fn delays_ns(&self, scene_from_beam: &Pose, aperture: &Aperture) -> Vec<f64> {
+    pub(crate) fn delays_ns(&self, scene_from_beam: &Pose, aperture: &Aperture) -> Vec<f64> {
         let count = (aperture.width_mm / STEP_MM).ceil().max(4.0) as usize;
         let direction = scene_from_beam.transform_vector(DVec3::Z);
         let delay = |i: usize| {

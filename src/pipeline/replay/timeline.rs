@@ -113,12 +113,12 @@ impl Timeline {
     }
 
     /// Number of `frames` whose pose is not exactly of their time.
-    pub fn held_in(&self, frames: std::ops::Range<usize>) -> usize {
+    pub(crate) fn held_in(&self, frames: std::ops::Range<usize>) -> usize {
         self.held.get(frames).unwrap_or_default().iter().filter(|held| **held).count()
     }
 
     /// Whether a frame's pose is not exactly of its time.
-    pub fn is_held(&self, frame: usize) -> bool {
+    pub(crate) fn is_held(&self, frame: usize) -> bool {
         self.held.get(frame).copied().unwrap_or_default()
     }
 

@@ -192,7 +192,7 @@ fn cyst(levels: &Levels, (x, depth, diameter): (f32, f32, f32)) -> Cyst {
 }
 
 /// Measured position of the wire near (x, depth): centre of the pixels within 10 dB of its peak, mm.
-pub fn wire_mm(levels: &Levels, (x, depth): (f32, f32)) -> DVec2 {
+pub(crate) fn wire_mm(levels: &Levels, (x, depth): (f32, f32)) -> DVec2 {
     let box_mm = (DVec2::new(x.into(), f64::from(depth) + 0.1), DVec2::new(1.6, 0.5));
     let peak = levels.pixels(box_mm).map(|(_, power)| power).fold(0.0, f64::max);
     let mut weight = 0.0;

@@ -33,16 +33,16 @@ pub use driver::NdiDriver;
 pub use crate::settings::ReplyFormat;
 
 /// Speed of a serial device after power-on or reset, baud.
-pub const START_BAUD: u32 = 9600;
+pub(crate) const START_BAUD: u32 = 9600;
 
 /// Default speed to which a serial device is switched, baud.
-pub const USUAL_BAUD: u32 = 115_200;
+pub(crate) const USUAL_BAUD: u32 = 115_200;
 
 /// Bytes of a tool's description (its ROM).
 pub const ROM_BYTES: usize = 1024;
 
 /// Longest text reply, bytes: a `TX` reply of 255 tools.
-pub const TEXT_LIMIT: usize = 2 + 255 * 70 + 9;
+pub(crate) const TEXT_LIMIT: usize = 2 + 255 * 70 + 9;
 
 const CRC16: Crc<u16, Table<1>> = Crc::<u16, Table<1>>::new(&CRC_16_ARC);
 
@@ -253,7 +253,7 @@ pub enum Reason {
 
 impl Reason {
     /// Whether a well-formed reply reports an error of the device: the device is connected and responding.
-    pub fn is_report(&self) -> bool {
+    pub(crate) fn is_report(&self) -> bool {
         matches!(self, Self::Refused { .. } | Self::Restarted | Self::NoTool)
     }
 }
