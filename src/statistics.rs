@@ -53,7 +53,7 @@ pub fn mean(values: impl IntoIterator<Item = f64>) -> Option<f64> {
 }
 
 /// Mean, and standard deviation of the population. None without values.
-pub(crate) fn mean_and_deviation(values: &[f64]) -> Option<(f64, f64)> {
+pub fn mean_and_deviation(values: &[f64]) -> Option<(f64, f64)> {
     let mean_of_all = mean(values.iter().copied())?;
     let variance = mean(values.iter().map(|v| (v - mean_of_all).powi(2)))?;
     Some((mean_of_all, variance.sqrt()))

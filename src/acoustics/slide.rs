@@ -20,7 +20,7 @@ const MARGIN_MM: f64 = 2.0;
 
 /// A cylindrical lens across the slice.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Lens {
+pub(crate) struct Lens {
     /// Frequency, MHz.
     pub frequency_mhz: f64,
     /// Height, mm.

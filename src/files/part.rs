@@ -43,7 +43,7 @@ impl PartFile {
     }
 
     /// `NAME.part.EXTENSION`, which programs open as they do the finished file.
-    pub(crate) fn playable(path: &Path) -> Self {
+    pub fn playable(path: &Path) -> Self {
         Self { path: path.to_owned(), part: with_word(path, "part") }
     }
 
@@ -63,7 +63,7 @@ impl PartFile {
     ///
     /// # Errors
     /// Another process writes it, or a file cannot be created or renamed.
-    pub(crate) fn create_keeping(&self) -> Result<File, PartError> {
+    pub fn create_keeping(&self) -> Result<File, PartError> {
         self.take_over(|left, part| {
             if left.metadata()?.len() == 0 {
                 return std::fs::remove_file(part);

@@ -45,7 +45,7 @@ mod tracked;
 pub use clock::{Clock, NEVER, Signal, SystemClock};
 pub use events::Observer;
 pub use generators::Generators;
-pub use histogram::{Histogram, Percentiles};
+pub use histogram::Percentiles;
 #[cfg(feature = "browser")]
 pub use live_station::scene_info;
 pub use live_station::{LiveError, LiveStation};
@@ -55,12 +55,11 @@ pub use parts::{
     FrameGenerators, FrameRenderer, GenerateError, ImageShape, PoseSource, RenderFault, RendererFactory, Terminator,
 };
 pub use recorded::{RecordError, RecordedSlot, RecorderPart, RecordingObserver, start_recorder};
-pub use replayed::{OtherSetting, ReplayedControls, ReplayedPoses};
+pub use replayed::{OtherSetting, ReplayedPoses};
 pub use session::{Limits, Parts, Pipeline, PipelineError};
 pub use shutdown::{Joined, Part, Stop, Thread, spawn};
 pub use signals::{StopSignals, on_ctrl_c};
 pub use simulated::SimulatedClock;
-pub use slot::{Slot, Taken};
 pub use sources::StandingPose;
 pub use summary::{GeneratorSummary, SinkSummary, Summary};
 pub use tracked::{TrackedPoses, TrackerPart};

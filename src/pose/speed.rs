@@ -101,7 +101,7 @@ impl BySpeed {
     }
 
     /// Values of a function of the class; `None` if it has none for one of them.
-    pub(crate) fn from_classes(of: impl Fn(ProbeSpeed) -> Option<f64>) -> Option<Self> {
+    pub fn from_classes(of: impl Fn(ProbeSpeed) -> Option<f64>) -> Option<Self> {
         let [at_rest, slow, fast] = ProbeSpeed::ALL.map(of);
         Some(Self { at_rest: at_rest?, slow: slow?, fast: fast? })
     }

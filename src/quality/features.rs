@@ -4,7 +4,7 @@ use super::error::{check_holds, check_sizes};
 use super::{QualityError, cut};
 
 /// Side of a crop for Inception v3, pixels.
-pub(crate) const CROP: usize = 299;
+pub const CROP: usize = 299;
 
 /// Extractor of feature vectors; the ONNX implementation is `generator::OnnxFeatures`.
 pub trait FeatureExtractor {

@@ -89,8 +89,8 @@ pub use recorder::{QueueLimits, Recorded, Recorder, RecorderError, RecorderHandl
 pub use report::RecordingReport;
 #[cfg(feature = "recordings")]
 pub use summary::RecordingSummary;
-pub(crate) use timing::GAP_NS;
-pub use timing::{Gap, Timing};
+pub use timing::GAP_NS;
+pub use timing::Timing;
 pub use writer::RecordingWriter;
 
 /// Channel of the tracker's bytes.
@@ -109,7 +109,7 @@ pub const SETTINGS_NAME: &str = "insonify.settings";
 pub const STATION_NAME: &str = "station.toml";
 
 /// Version of this format; readers refuse later ones.
-pub(crate) const FORMAT_VERSION: u32 = 1;
+pub const FORMAT_VERSION: u32 = 1;
 
 /// Description of a recording.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -168,10 +168,10 @@ impl Event {
 }
 
 /// Name of the event for a lost tracker port.
-pub(crate) const DISCONNECTED_EVENT: &str = "tracker-disconnected";
+pub const DISCONNECTED_EVENT: &str = "tracker-disconnected";
 
 /// Event to record for a tracker event; `None` for decode errors, whose bytes are in the recording.
-pub(crate) fn event_of(host_time_ns: u64, event: &TrackerEvent) -> Option<Event> {
+pub fn event_of(host_time_ns: u64, event: &TrackerEvent) -> Option<Event> {
     let name = match event {
         TrackerEvent::DecodeError(_) => return None,
         TrackerEvent::Disconnected { .. } => DISCONNECTED_EVENT,

@@ -6,7 +6,7 @@ use crate::pose::TimedPose;
 use crate::statistics::{mean_and_deviation, nearest_rank};
 
 /// Intervals between two poses longer than this are gaps, ns: the probe's motion in them is unknown.
-pub(crate) const GAP_NS: u64 = 250_000_000;
+pub const GAP_NS: u64 = 250_000_000;
 
 /// Largest number of listed gaps; all are counted.
 const LISTED: usize = 20;

@@ -71,7 +71,7 @@ impl Backend {
     ///
     /// # Errors
     /// As [`Backend::open`].
-    pub(crate) fn reopen(&self) -> Result<Self, BackendError> {
+    pub fn reopen(&self) -> Result<Self, BackendError> {
         match &self.0 {
             Kind::Host => Ok(self.clone()),
             Kind::Device(gpu) => Ok(Self(Kind::Device(Box::new(Gpu::open(gpu.is_software())?)))),

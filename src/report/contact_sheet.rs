@@ -56,7 +56,7 @@ pub struct Panel {
 impl Panel {
     /// The panel with a second line below its caption, printable ASCII.
     #[must_use]
-    pub(crate) fn with_note(self, note: impl Into<String>) -> Self {
+    pub fn with_note(self, note: impl Into<String>) -> Self {
         Self { note: note.into(), ..self }
     }
 }

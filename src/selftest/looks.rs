@@ -28,7 +28,7 @@ const WIDTH_MM: f64 = 0.3;
 
 /// Errors with one step of a look and without it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct LookError {
+pub(crate) struct LookError {
     /// A plain look with this step; without it, it is [`LookSettings::default`].
     pub look: LookSettings,
     /// Whether the step is tissue harmonics.

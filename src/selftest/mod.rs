@@ -36,7 +36,7 @@ use crate::render::TestHooks;
 use crate::render::{Backend, Choice, Effect, RenderError, RenderSettings, Renderer};
 use crate::transducer::Probe;
 use bench::{Bench, silent};
-pub use looks::LookError;
+pub(crate) use looks::LookError;
 pub(crate) use looks::look_errors;
 use rig::{NewRenderer, Rig};
 pub use truth::TruthError;

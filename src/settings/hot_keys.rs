@@ -66,7 +66,7 @@ pub struct HotKey {
 
 impl HotKey {
     /// Whether the key works on `display`.
-    pub(crate) fn works_on(&self, display: Display) -> bool {
+    pub fn works_on(&self, display: Display) -> bool {
         match self.action {
             Action::Page(_) => display == Display::Page,
             Action::Quit => display == Display::Window,
@@ -112,7 +112,7 @@ fn key(keys: &[&'static str], shown: &'static str, meaning: &'static str, action
 }
 
 /// All keys, those of settings first.
-pub(crate) fn hot_keys() -> &'static [HotKey] {
+pub fn hot_keys() -> &'static [HotKey] {
     static HOT_KEYS: LazyLock<Vec<HotKey>> = LazyLock::new(|| {
         let of_settings = live_settings().filter_map(|setting| Some((setting, setting.control.as_ref()?)));
         let steps = of_settings.flat_map(|(setting, control)| control.keys.iter().map(|step| of_step(setting, step)));
@@ -155,7 +155,7 @@ fn of_step(setting: &Setting, step: &StepKey) -> HotKey {
 }
 
 /// The action of a key on a display, by its name in any case.
-pub(crate) fn hot_key(display: Display, name: &str) -> Option<Action> {
+pub fn hot_key(display: Display, name: &str) -> Option<Action> {
     let found = hot_keys().iter().find(|hot| hot.keys.iter().any(|key| key.eq_ignore_ascii_case(name)));
     found.filter(|hot| hot.works_on(display)).map(|hot| hot.action)
 }

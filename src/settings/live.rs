@@ -28,7 +28,7 @@ impl LiveSettings {
     }
 
     /// Captions of the live settings that have one, such as `Depth 15.0 cm`, then rays × layers.
-    pub(crate) fn captions(&self) -> Vec<String> {
+    pub fn captions(&self) -> Vec<String> {
         let of_settings = live_settings().filter_map(|setting| {
             let control = setting.control.as_ref().filter(|control| !control.caption.is_empty())?;
             let value = self.stored(setting.key)?.get(0);

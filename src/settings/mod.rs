@@ -43,8 +43,9 @@ pub use filter::FilterSettings;
 pub use generator::GeneratorSettings;
 pub use group::SettingsGroup;
 pub(crate) use group::{check_own, settings};
+pub(crate) use hot_keys::QUALITY_POINTS;
 pub use hot_keys::{Action, Display, HotKey, QualityPointKey};
-pub(crate) use hot_keys::{QUALITY_POINTS, hot_key, hot_keys};
+pub use hot_keys::{hot_key, hot_keys};
 pub(crate) use image::TGC_SLIDERS;
 pub use image::{ImageSettings, ImageUniforms};
 pub use live::LiveSettings;
@@ -68,7 +69,7 @@ pub use setting::{Change, Kind, Setting, SettingsError, Stored};
 pub(crate) use tracker::PUCK_RANGE;
 pub use tracker::{Repeat, ReplyFormat, TrackerSettings};
 pub use uniform::Uniform;
-pub(crate) use uniform::wgsl_readers;
+pub use uniform::wgsl_readers;
 pub use window::WindowSettings;
 
 #[cfg(test)]

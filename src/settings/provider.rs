@@ -26,7 +26,7 @@ stored_word!(Provider);
 impl Provider {
     /// Whether a run can be stopped midway. ONNX Runtime checks between the nodes of a model; TensorRT turns the whole
     /// model into one node.
-    pub(crate) fn can_stop(self) -> bool {
+    pub fn can_stop(self) -> bool {
         self != Self::TensorRt
     }
 }

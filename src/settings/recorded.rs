@@ -21,7 +21,7 @@ impl LiveSettings {
     ///
     /// # Errors
     /// A value of another type. Its range is not checked.
-    pub(crate) fn read_json(&mut self, key: &str, value: &Value) -> Option<Result<(), String>> {
+    pub fn read_json(&mut self, key: &str, value: &Value) -> Option<Result<(), String>> {
         let key = RENAMED.iter().find(|(old, _)| *old == key).map_or(key, |(_, new)| new);
         let setting = live_settings().find(|setting| setting.key == key)?;
         Some(setting.read_json(value, self.stored_mut(key)?))

@@ -134,7 +134,7 @@ impl Setting {
     }
 
     /// Whether frames depend on it: true for all settings except the switches of a session.
-    pub(crate) fn is_of_picture(&self) -> bool {
+    pub fn is_of_picture(&self) -> bool {
         self.table != "session"
     }
 
@@ -199,7 +199,7 @@ impl Setting {
     ///
     /// # Errors
     /// A value of another type.
-    pub(crate) fn read_json(&self, value: &Value, stored: &mut dyn Stored) -> Result<(), String> {
+    pub fn read_json(&self, value: &Value, stored: &mut dyn Stored) -> Result<(), String> {
         let (numbers, expected): (Option<Vec<f64>>, _) = match self.kind {
             Kind::Number => (value.as_f64().map(|number| vec![number]), "a number".to_owned()),
             Kind::Whole => {

@@ -50,7 +50,7 @@ where
 ///
 /// A function's name is `prefix` followed by the setting's key, such as `image_gain_db()`. Functions of lists take an
 /// index.
-pub(crate) fn wgsl_readers(prefix: &str, words: &str, settings: &[Setting]) -> String {
+pub fn wgsl_readers(prefix: &str, words: &str, settings: &[Setting]) -> String {
     let mut first = 0;
     let reader = |setting: &Setting| {
         let word = format!("{words}[{}u].{}", first / 4, ["x", "y", "z", "w"][first % 4]);

@@ -112,7 +112,7 @@ pub struct PointText {
 impl PresentedFrame {
     /// Row of the centre of the probe's face, pixels from the upper edge: depth 0 of the depth scale. 0 if the mask's
     /// middle column is empty.
-    pub(crate) fn face_row(&self) -> f64 {
+    pub fn face_row(&self) -> f64 {
         let width = (self.width as usize).max(1);
         let column = self.mask.iter().skip(width / 2).step_by(width);
         column.zip(0_u32..).find(|(mask, _)| **mask > 0).map_or(0.0, |(_, row)| row.into())

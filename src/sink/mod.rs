@@ -45,7 +45,7 @@ pub use frame_rate::FrameRate;
 pub use frame_record::FrameRecord;
 pub use live_kind::{LiveSinkKind, UnknownSink};
 #[cfg(feature = "video")]
-pub use live_video::LiveVideo;
+pub(crate) use live_video::LiveVideo;
 #[cfg(feature = "video")]
 pub use mp4::Video;
 pub use null::NullSink;

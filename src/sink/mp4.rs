@@ -65,7 +65,7 @@ impl Video {
     ///
     /// # Errors
     /// As [`create`](Self::create).
-    pub(crate) fn create_keeping(stem: &Path, width: u32, height: u32, rate: FrameRate) -> Result<Self, SinkError> {
+    pub fn create_keeping(stem: &Path, width: u32, height: u32, rate: FrameRate) -> Result<Self, SinkError> {
         Self::open(stem, [width, height], rate, true)
     }
 

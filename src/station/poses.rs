@@ -84,7 +84,7 @@ impl Poses {
     ///
     /// # Errors
     /// A speed at which the probe never moves.
-    pub(crate) fn at_speeds(
+    pub fn at_speeds(
         &self,
         hand: &Self,
         count: usize,

@@ -108,7 +108,7 @@ impl fmt::Display for Devices {
 }
 
 /// Whether a HID device is a SpaceMouse puck.
-pub(crate) fn is_space_mouse(vendor: u16, product: u16, usage_page: u16, usage: u16) -> bool {
+pub fn is_space_mouse(vendor: u16, product: u16, usage_page: u16, usage: u16) -> bool {
     spacemouse::VENDORS.contains(&vendor)
         && (usage_page, usage) == spacemouse::USAGE
         && !(vendor == 0x256f && spacemouse::NOT_A_PUCK.contains(&product))

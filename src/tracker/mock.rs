@@ -148,7 +148,7 @@ impl Board {
     }
 
     /// Advances by one tick.
-    pub(crate) fn tick(&mut self) -> Tick {
+    pub fn tick(&mut self) -> Tick {
         let at = self.next_at();
         while at >= self.act_end && !self.settings.schedule.acts.is_empty() {
             self.act = (self.act + 1) % self.settings.schedule.acts.len();

@@ -63,7 +63,8 @@ pub use error::TrackerError;
 pub use listener::{Listener, TrackerEvent};
 pub use monitor::{Monitor, Report, SessionState};
 pub use passive::Passive;
-pub use playback::{Playback, PlaybackError};
+pub use playback::Playback;
+pub use playback::PlaybackError;
 pub use pose_tap::{PoseStream, PoseTap, Poses, pose_tap};
 pub use report_line::ReportLine;
 #[cfg(feature = "live")]
@@ -243,7 +244,7 @@ pub struct DecodeError {
 
 impl DecodeError {
     /// Whether a well-formed frame reports an error of the device: the device is connected and responding.
-    pub(crate) fn is_report(&self) -> bool {
+    pub fn is_report(&self) -> bool {
         match &self.fault {
             Fault::Fastrak(reason) => matches!(reason, fastrak::Reason::Device { .. }),
             Fault::Liberty(reason) => matches!(reason, liberty::Reason::Device { .. }),

@@ -28,13 +28,13 @@ pub const RANGE: f64 = crate::settings::PUCK_RANGE;
 pub(crate) const REPORT_LIMIT: usize = 64;
 
 /// USB vendors: Logitech, which made the first ones, and 3Dconnexion.
-pub(crate) const VENDORS: [u16; 2] = [0x046D, 0x256F];
+pub const VENDORS: [u16; 2] = [0x046D, 0x256F];
 
 /// HID usage page and usage of a multi-axis controller.
-pub(crate) const USAGE: (u16, u16) = (1, 8);
+pub const USAGE: (u16, u16) = (1, 8);
 
 /// Products of 3Dconnexion with that usage that are not pucks: keyboards, mice and their receivers.
-pub(crate) const NOT_A_PUCK: [u16; 11] =
+pub const NOT_A_PUCK: [u16; 11] =
     [0xC650, 0xC651, 0xC654, 0xC655, 0xC656, 0xC657, 0xC658, 0xC664, 0xC665, 0xC668, 0xC62C];
 
 const TRANSLATION: u8 = 0x01;

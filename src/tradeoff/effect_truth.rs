@@ -31,7 +31,7 @@ impl EffectTruth {
     }
 
     /// An error with its unit. Small errors get more digits.
-    pub(crate) fn with_unit(&self, error: f64) -> String {
+    pub fn with_unit(&self, error: f64) -> String {
         let digits = if self.error.tolerance < 1.0 { 3 } else { 1 };
         let unit = if self.error.unit.is_empty() { String::new() } else { format!(" {}", self.error.unit) };
         format!("{error:.digits$}{unit}")
@@ -39,7 +39,7 @@ impl EffectTruth {
 }
 
 /// Errors of effects as CSV.
-pub(crate) fn effects_csv(effects: &[EffectTruth]) -> String {
+pub fn effects_csv(effects: &[EffectTruth]) -> String {
     let mut text = "effect,quantity,unit,values,tolerance,without,with,cost_ms,cost_spread_ms\n".to_owned();
     for row in effects {
         let e = &row.error;
@@ -61,7 +61,7 @@ pub(crate) fn effects_csv(effects: &[EffectTruth]) -> String {
 }
 
 /// Errors of effects as a Markdown table.
-pub(crate) fn effects_markdown(effects: &[EffectTruth]) -> String {
+pub fn effects_markdown(effects: &[EffectTruth]) -> String {
     let mut text = "| effect | costs | compared with theory | values | error without it | with it | tolerance |\n\
                     |---|---:|---|---:|---:|---:|---:|\n"
         .to_owned();

@@ -36,7 +36,7 @@ pub(crate) mod truth;
 
 pub use cost::{Cost, Costs, TimedFrame, effect_costs};
 pub use effect_truth::EffectTruth;
-pub(crate) use effect_truth::{effects_csv, effects_markdown};
+pub use effect_truth::{effects_csv, effects_markdown};
 pub use error::TradeoffError;
 pub(crate) use front::{mark_front, mark_noise};
 pub use knobs::Knobs;
@@ -48,6 +48,6 @@ pub use reference::{Check, Convergence};
 pub use sweep::{Sweep, SweepReport, SweepSettings};
 #[cfg(feature = "plots")]
 pub use sweep_files::SWEEP_FILES;
-pub use sweep_step::{SweepProgress, SweepStep};
+pub use sweep_step::SweepStep;
 pub(crate) use table::csv_field;
 pub use table::{csv, markdown};

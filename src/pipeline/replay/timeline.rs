@@ -113,7 +113,7 @@ impl Timeline {
     }
 
     /// Number of `frames` whose pose is not exactly of their time.
-    pub(crate) fn held_in(&self, frames: std::ops::Range<usize>) -> usize {
+    pub fn held_in(&self, frames: std::ops::Range<usize>) -> usize {
         self.held.get(frames).unwrap_or_default().iter().filter(|held| **held).count()
     }
 

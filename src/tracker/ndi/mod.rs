@@ -253,7 +253,7 @@ pub enum Reason {
 
 impl Reason {
     /// Whether a well-formed reply reports an error of the device: the device is connected and responding.
-    pub(crate) fn is_report(&self) -> bool {
+    pub fn is_report(&self) -> bool {
         matches!(self, Self::Refused { .. } | Self::Restarted | Self::NoTool)
     }
 }

@@ -22,7 +22,7 @@ pub(crate) const TOOL: usize = 70;
 pub const STATUS_OK: u16 = 1;
 
 /// Status code: not ready.
-pub(crate) const STATUS_NOT_READY: u16 = 13;
+pub const STATUS_NOT_READY: u16 = 13;
 
 /// Processes sixteen bytes per step, because images have about 1 MB.
 static CRC64: Crc<u64, Table<16>> = Crc::<u64, Table<16>>::new(&CRC_64_ECMA_182);
@@ -153,14 +153,7 @@ pub struct Placement {
 }
 
 /// Appends an `IMAGE` message of one slice of u8 \[height × width\], the first row first.
-pub(crate) fn put_image(
-    out: &mut BytesMut,
-    device: &str,
-    time_ns: u64,
-    size: [u16; 2],
-    placement: &Placement,
-    pixels: &[u8],
-) {
+pub fn put_image(out: &mut BytesMut, device: &str, time_ns: u64, size: [u16; 2], placement: &Placement, pixels: &[u8]) {
     const SCALAR: u8 = 1;
     const U8: u8 = 3;
     const LITTLE_ENDIAN: u8 = 2;
