@@ -232,7 +232,7 @@ mod tests {
             ("transport = \"serial\"\nport = \"/dev/x\"", "`tracker.protocol` is missing"),
             (
                 "transport = \"serial\"\nport = \"/dev/x\"\nprotocol = \"librety\"",
-                "`tracker.protocol`: unknown tracker protocol `librety`",
+                "`tracker.protocol` is \"librety\"; it must be one of",
             ),
             ("transport = \"serial\"\nport = \"zz:1\"\nprotocol = \"liberty\"", "`tracker.port`: `zz:1` is no port"),
             ("transport = \"udp\"\nprotocol = \"liberty\"", "aren't reached by transport `udp`"),
