@@ -89,8 +89,7 @@ pub use recorder::{QueueLimits, Recorded, Recorder, RecorderError, RecorderHandl
 pub use report::RecordingReport;
 #[cfg(feature = "recordings")]
 pub use summary::RecordingSummary;
-pub use timing::GAP_NS;
-pub use timing::Timing;
+pub use timing::{GAP_NS, Timing};
 pub use writer::RecordingWriter;
 
 /// Channel of the tracker's bytes.

@@ -44,8 +44,7 @@ pub use generator::GeneratorSettings;
 pub use group::SettingsGroup;
 pub(crate) use group::{check_own, settings};
 pub(crate) use hot_keys::QUALITY_POINTS;
-pub use hot_keys::{Action, Display, HotKey, QualityPointKey};
-pub use hot_keys::{hot_key, hot_keys};
+pub use hot_keys::{Action, Display, HotKey, QualityPointKey, hot_key, hot_keys};
 pub(crate) use image::TGC_SLIDERS;
 pub use image::{ImageSettings, ImageUniforms};
 pub use live::LiveSettings;
@@ -68,8 +67,7 @@ pub(crate) use setting::stored_word;
 pub use setting::{Change, Kind, Setting, SettingsError, Stored};
 pub(crate) use tracker::PUCK_RANGE;
 pub use tracker::{Repeat, ReplyFormat, TrackerSettings};
-pub use uniform::Uniform;
-pub use uniform::wgsl_readers;
+pub use uniform::{Uniform, wgsl_readers};
 pub use window::WindowSettings;
 
 #[cfg(test)]

@@ -63,8 +63,7 @@ pub use error::TrackerError;
 pub use listener::{Listener, TrackerEvent};
 pub use monitor::{Monitor, Report, SessionState};
 pub use passive::Passive;
-pub use playback::Playback;
-pub use playback::PlaybackError;
+pub use playback::{Playback, PlaybackError};
 pub use pose_tap::{PoseStream, PoseTap, Poses, pose_tap};
 pub use report_line::ReportLine;
 #[cfg(feature = "live")]

@@ -35,8 +35,7 @@ mod times;
 pub(crate) mod truth;
 
 pub use cost::{Cost, Costs, TimedFrame, effect_costs};
-pub use effect_truth::EffectTruth;
-pub use effect_truth::{effects_csv, effects_markdown};
+pub use effect_truth::{EffectTruth, effects_csv, effects_markdown};
 pub use error::TradeoffError;
 pub(crate) use front::{mark_front, mark_noise};
 pub use knobs::Knobs;
