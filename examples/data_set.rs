@@ -1,37 +1,27 @@
-//! A data set: plans exams about a station's pose and renders pairs of low and high quality, or reads what `insonify dataset` wrote:
+//! A data set: renders pairs of low and high quality about a station's pose into a directory, and reads them:
 //! `cargo run --release --example data_set -- [DIRECTORY]`
 
 use std::error::Error;
 use std::path::Path;
 
-use insonify::dataset::{Dataset, Plan, Source, Split, Wishes};
-use insonify::render::{Backend, BackendChoice, Quality, RenderSettings};
-use insonify::{Frame, Renderer, Station};
+use insonify::Station;
+use insonify::dataset::{Dataset, Maker, Recipe, Split};
+use insonify::render::{Backend, BackendChoice};
 
 /// Mean difference of two pictures' grey levels.
 fn difference(lq: &[u8], hq: &[u8]) -> f64 {
     lq.iter().zip(hq).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / lq.len().max(1) as f64
 }
 
-/// Renders `frames` planned pairs; returns the difference of each.
-pub(crate) fn render(station: &Path, frames: usize, hq: Quality) -> Result<Vec<f64>, Box<dyn Error>> {
-    let station = Station::load(station)?;
-    let scene = station.load_scene_from(station.scene_file().ok_or("take a station whose [scene] has a path")?)?;
-    let backend = Backend::open(BackendChoice::Host)?;
-    let renderer =
-        |quality| Renderer::new(&backend, &scene, &station.probe, &RenderSettings { quality, ..station.settings });
-    let (mut low, mut high) = (renderer(Quality::LQ)?, renderer(hq)?);
-    let wishes = Wishes { frames, seed: 7, phantoms: 0, frames_per_exam: 2, test_share: 0.5, stations: vec![false] };
-    let source = Source::About(station.default_pose.ok_or("the station has no [pose]")?);
-    let (mut lq, mut hq, mut differences) = (Frame::default(), Frame::default(), Vec::new());
-    for exam in &Plan::new(&wishes)?.exams {
-        for moment in exam.moments(&source, 0)? {
-            low.render(&moment.pose, &mut lq)?;
-            high.render(&moment.pose, &mut hq)?;
-            differences.push(difference(&lq.bmode, &hq.bmode));
-        }
-    }
-    Ok(differences)
+/// Renders `frames` tuples of `hq` rays x layers into `directory`. Those that are there are kept.
+pub(crate) fn render(station: &Path, frames: usize, hq: [u32; 2], directory: &Path) -> Result<(), Box<dyn Error>> {
+    let recipe = Recipe { frames, hq, frames_per_exam: 2, ..Recipe::new(vec![Station::load(station)?]) };
+    let maker = Maker::new(recipe)?;
+    println!("{maker}");
+    let mut job = maker.open(directory)?;
+    job.render(&Backend::open(BackendChoice::Host)?, &|_| ())?;
+    println!("{}", job.made());
+    Ok(())
 }
 
 /// Reads the training pairs of a data set; returns the difference of each.
@@ -42,10 +32,9 @@ pub(crate) fn read(directory: &Path) -> Result<Vec<f64>, Box<dyn Error>> {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let differences = match std::env::args_os().nth(1) {
-        Some(directory) => read(Path::new(&directory))?,
-        None => render(Path::new("configs/sphere.toml"), 4, Quality::HQ)?,
-    };
+    let directory = std::env::args_os().nth(1).unwrap_or_else(|| "out/data_set".into());
+    render(Path::new("configs/sphere.toml"), 4, [32, 3], Path::new(&directory))?;
+    let differences = read(Path::new(&directory))?;
     println!("LQ and HQ differ by {differences:.1?} grey levels on average");
     Ok(())
 }

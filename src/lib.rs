@@ -62,7 +62,7 @@
 //! | [`pose`] | poses, their estimation and calibration |
 //! | [`acoustics`], [`look`] | formulas; the picture after its lines |
 //! | [`settings`] | every setting once |
-//! | [`files`], [`statistics`], [`random`] | tools |
+//! | [`files`], [`statistics`], [`random`], [`names`] | tools |
 //!
 //! All features are on by default, and `cli` makes the program `insonify`. Without any, what the table names no feature for works; the rest
 //! is absent, or returns an error that names its feature.
@@ -133,6 +133,6 @@ pub mod random;
 
 mod suggest;
 
-mod names;
+pub mod names;
 
 mod simd;

@@ -5,7 +5,7 @@
 
 /// Nearest-rank percentile: the least value that at least `part` (0..=1) of the values do not exceed. `sorted` is
 /// ascending. None if it is empty.
-pub fn nearest_rank<T: Copy>(sorted: &[T], part: f64) -> Option<T> {
+pub(crate) fn nearest_rank<T: Copy>(sorted: &[T], part: f64) -> Option<T> {
     let rank = (part * sorted.len() as f64).ceil() as usize;
     sorted.get(rank.clamp(1, sorted.len().max(1)) - 1).copied()
 }

@@ -65,12 +65,15 @@ fn poses(parameters: &Parameters) -> Vec<(String, Pose)> {
     views.chain(KEY_FRAMES.map(key_frame)).collect()
 }
 
+fn aperture() -> Aperture {
+    Aperture { width_mm: 30.0, face_radius_mm: Probe::default().face_radius_mm(), depth_mm: 60.0 }
+}
+
 /// Aberration over 30 mm about five scanlines at each pose: its name, the scanline's angle in degrees, the figures. The
 /// face is moved out of the body by `lifted_mm`.
 fn figures(parameters: &Parameters, lifted_mm: f64) -> Vec<(String, f64, Aberration)> {
     let (scene, probe) = (scene(parameters), Probe::default());
-    let caster = Caster::of(&scene);
-    let aperture = Aperture { width_mm: 30.0, face_radius_mm: probe.face_radius_mm(), depth_mm: 60.0 };
+    let (caster, aperture) = (Caster::of(&scene), aperture());
     let mut all = Vec::new();
     for (name, pose) in poses(parameters) {
         for fraction in [0.15, 0.325, 0.5, 0.675, 0.85] {
@@ -85,7 +88,7 @@ fn figures(parameters: &Parameters, lifted_mm: f64) -> Vec<(String, f64, Aberrat
 
 fn median_rms_and_length(figures: &[(String, f64, Aberration)]) -> (f64, f64, Wall) {
     let all: Vec<Aberration> = figures.iter().map(|&(.., a)| a).collect();
-    let summary = summary(&all, 60.0).unwrap();
+    let summary = summary(&all, &aperture()).unwrap();
     (summary.delay_rms_ns[0], summary.correlation_mm.unwrap(), summary.wall)
 }
 

@@ -8,9 +8,9 @@ use super::wavelength_mm;
 use crate::settings::Apodization;
 
 /// Smallest F-number of the receive aperture: elements are insensitive at steeper angles.
-pub const RECEIVE_F_NUMBER_MIN: f64 = 2.0;
+pub(crate) const RECEIVE_F_NUMBER_MIN: f64 = 2.0;
 /// Offsets of a profile.
-pub const OFFSETS: usize = 160;
+pub(crate) const OFFSETS: usize = 160;
 /// Last offset of a dynamically focused beam's profile, λ·F# of reception: side lobes farther out are below −30 dB.
 const LOBES: f64 = 6.0;
 /// Frequencies over the band.
@@ -22,7 +22,7 @@ const LANES: usize = 8;
 
 /// Focus of reception.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Reception {
+pub(crate) enum Reception {
     /// At every depth, with an aperture that opens with the depth up to its width.
     Dynamic,
     /// At the focus of transmission, at all depths.
@@ -31,7 +31,7 @@ pub enum Reception {
 
 /// An apodized aperture and its focus.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Beam {
+pub(crate) struct Beam {
     /// Centre frequency, MHz.
     pub frequency_mhz: f64,
     /// Two-way −6 dB bandwidth over the centre frequency.
@@ -68,7 +68,7 @@ struct Pair {
 
 impl Beam {
     /// Profile at `depth_mm`.
-    pub fn profile(&self, depth_mm: f64) -> Profile {
+    pub(crate) fn profile(&self, depth_mm: f64) -> Profile {
         let wavelength = wavelength_mm(self.frequency_mhz);
         let depth_mm = depth_mm.max(self.least_depth_mm());
         let step_mm = self.reach_mm(depth_mm) / OFFSETS as f64;
@@ -101,13 +101,13 @@ impl Beam {
     }
 
     /// −6 dB two-way width at `depth_mm`, mm.
-    pub fn width_mm(&self, depth_mm: f64) -> f64 {
+    pub(crate) fn width_mm(&self, depth_mm: f64) -> f64 {
         let profile = self.profile(depth_mm);
         2.0 * profile.steps_above(0.5) * profile.step_mm
     }
 
     /// Last offset of a profile, mm.
-    pub fn reach_mm(&self, depth_mm: f64) -> f64 {
+    pub(crate) fn reach_mm(&self, depth_mm: f64) -> f64 {
         let wavelength = wavelength_mm(self.frequency_mhz);
         let f_number = depth_mm / self.aperture_mm;
         match self.reception {
@@ -194,7 +194,7 @@ fn intensity(pairs: &[Pair], wave_number: f64, step_mm: f64) -> [f64; OFFSETS] {
 
 impl Profile {
     /// Offset beyond which the amplitude stays below `level`, in steps; the last one if it does not.
-    pub fn steps_above(&self, level: f64) -> f64 {
+    pub(crate) fn steps_above(&self, level: f64) -> f64 {
         let last = self.levels.iter().rposition(|&l| l >= level).unwrap_or(0);
         let Some(next) = self.levels.get(last + 1) else { return last as f64 };
         last as f64 + (self.levels[last] - level) / (self.levels[last] - next)

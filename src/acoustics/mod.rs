@@ -11,7 +11,7 @@ pub mod slide;
 pub const ASSUMED_SPEED_M_S: f64 = 1540.0;
 /// Difference of c/c₀ from 1 beyond which a medium is hard: bone, gas, stone, metal. Sound that shows tissue behind a hard
 /// body has passed beside it, so the body neither bends nor delays it.
-pub const HARD_SPEED: f64 = 0.15;
+pub(crate) const HARD_SPEED: f64 = 0.15;
 
 /// Characteristic impedance of a medium in MRayl, from kg/m³ and m/s.
 pub fn impedance_mrayl(density_kg_m3: f64, speed_m_s: f64) -> f64 {
@@ -19,6 +19,6 @@ pub fn impedance_mrayl(density_kg_m3: f64, speed_m_s: f64) -> f64 {
 }
 
 /// Wavelength in mm at the assumed speed.
-pub fn wavelength_mm(frequency_mhz: f64) -> f64 {
+pub(crate) fn wavelength_mm(frequency_mhz: f64) -> f64 {
     ASSUMED_SPEED_M_S * 1e-3 / frequency_mhz
 }

@@ -20,7 +20,7 @@ const MARGIN_MM: f64 = 2.0;
 
 /// A cylindrical lens across the slice.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Lens {
+pub(crate) struct Lens {
     /// Frequency, MHz.
     pub frequency_mhz: f64,
     /// Height, mm.
@@ -31,7 +31,7 @@ pub struct Lens {
 
 impl Lens {
     /// Slide over which speckle at the focus changes, λ·F/H, mm.
-    pub fn scale_mm(&self) -> f64 {
+    pub(crate) fn scale_mm(&self) -> f64 {
         wavelength_mm(self.frequency_mhz) * self.focus_mm.hypot(0.5 * self.height_mm) / self.height_mm
     }
 
@@ -46,7 +46,7 @@ impl Lens {
     ///
     /// The field is a sum of at most 256 plane waves. Beams too wide for them are taken at a nearer depth:
     /// far from the focus the correlation no longer depends on depth.
-    pub fn slide_correlation(
+    pub(crate) fn slide_correlation(
         &self,
         weight: impl Fn(f64) -> f64,
         depths_mm: &[f64],

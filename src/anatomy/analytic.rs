@@ -168,9 +168,9 @@ pub fn speckle_block() -> Vec<Part> {
 }
 
 /// Radius of the sphere of [`cyst`], mm.
-pub const CYST_RADIUS_MM: f32 = 20.0;
+pub(crate) const CYST_RADIUS_MM: f32 = 20.0;
 /// Centre of the sphere of [`cyst`], mm.
-pub const CYST_CENTRE_MM: Vec3 = Vec3::new(0.0, 0.0, 70.0);
+pub(crate) const CYST_CENTRE_MM: Vec3 = Vec3::new(0.0, 0.0, 70.0);
 
 /// Sphere of fluid for a background of tissue.
 pub fn cyst() -> Vec<Part> {

@@ -13,10 +13,10 @@ pub struct Bounds {
 
 impl Bounds {
     /// The empty box; its hull with any box is that box.
-    pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+    pub(crate) const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
     /// A box far larger than any scene, for half-spaces.
-    pub const EVERYWHERE: Self = Self { min: Vec3::splat(-1.0e6), max: Vec3::splat(1.0e6) };
+    pub(crate) const EVERYWHERE: Self = Self { min: Vec3::splat(-1.0e6), max: Vec3::splat(1.0e6) };
 
     /// Smallest box that contains all `points`; `None` if there are none.
     pub fn of(points: impl IntoIterator<Item = Vec3>) -> Option<Self> {
@@ -41,7 +41,7 @@ impl Bounds {
     }
 
     /// Smallest box that contains both.
-    pub fn hull(self, other: Self) -> Self {
+    pub(crate) fn hull(self, other: Self) -> Self {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 

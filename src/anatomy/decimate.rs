@@ -12,7 +12,7 @@ use super::Mesh;
 const SMALL: usize = 400;
 
 /// `mesh` with the vertices of each cell of `cell_mm` merged into their mean.
-pub fn cluster(mesh: &Mesh, cell_mm: f32) -> Mesh {
+pub(crate) fn cluster(mesh: &Mesh, cell_mm: f32) -> Mesh {
     if mesh.triangles.len() < SMALL || cell_mm <= 0.0 {
         return mesh.clone();
     }
@@ -50,7 +50,7 @@ pub fn cluster(mesh: &Mesh, cell_mm: f32) -> Mesh {
 
 /// Clusters all meshes with a common cell, to at most about `triangles_max` triangles in total. Returns the meshes and
 /// the cell's side in mm, 0 if none was changed.
-pub fn cluster_to(meshes: &[&Mesh], triangles_max: usize) -> (Vec<Mesh>, f32) {
+pub(crate) fn cluster_to(meshes: &[&Mesh], triangles_max: usize) -> (Vec<Mesh>, f32) {
     let count = |meshes: &mut dyn Iterator<Item = &Mesh>| meshes.map(|m| m.triangles.len()).sum::<usize>();
     if count(&mut meshes.iter().copied()) <= triangles_max {
         return (meshes.iter().map(|&m| m.clone()).collect(), 0.0);

@@ -16,7 +16,7 @@ pub struct Mesh {
 
 impl Mesh {
     /// Corners of the triangle of this index, mm.
-    pub fn corners_of(&self, triangle: u32) -> [Vec3; 3] {
+    pub(crate) fn corners_of(&self, triangle: u32) -> [Vec3; 3] {
         self.triangles[triangle as usize].map(|i| self.vertices_mm[i as usize])
     }
 

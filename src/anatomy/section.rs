@@ -7,14 +7,14 @@ use crate::pose::Pose;
 
 /// Outline of a surface in a plane: line segments in no particular order.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Section {
+pub(crate) struct Section {
     /// Both ends of each segment, (x, z) of the probe frame, mm.
     pub segments_mm: Vec<[DVec2; 2]>,
 }
 
 impl Section {
     /// Intersects `mesh` with the image plane of a probe at `pose`, `offset_mm` along its elevational axis.
-    pub fn of(mesh: &Mesh, pose: &Pose, offset_mm: f64) -> Self {
+    pub(crate) fn of(mesh: &Mesh, pose: &Pose, offset_mm: f64) -> Self {
         let probe_from_scene = pose.inverse();
         let local: Vec<_> = mesh.vertices_mm.iter().map(|v| probe_from_scene.transform_point(v.as_dvec3())).collect();
         let mut segments_mm = Vec::new();
@@ -38,7 +38,7 @@ impl Section {
     }
 
     /// Distances along a ray from `origin_mm` in the unit `direction` to its crossings with the outline, mm.
-    pub fn crossings_mm(&self, origin_mm: DVec2, direction: DVec2) -> impl Iterator<Item = f64> + '_ {
+    pub(crate) fn crossings_mm(&self, origin_mm: DVec2, direction: DVec2) -> impl Iterator<Item = f64> + '_ {
         self.segments_mm.iter().filter_map(move |[a, b]| {
             let (a, b) = (*a - origin_mm, *b - origin_mm);
             let (sa, sb) = (direction.perp_dot(a), direction.perp_dot(b));

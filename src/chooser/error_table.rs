@@ -2,6 +2,7 @@
 //!
 //! The table holds no times, so it is the same for all machines. `insonify front` makes it.
 
+use std::fmt;
 use std::sync::OnceLock;
 
 use serde::{Deserialize, Serialize};
@@ -131,6 +132,18 @@ impl GeneratorKey {
     }
 }
 
+impl fmt::Display for PointError {
+    /// Quality and generator, and the error by speed where it is known.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.quality)?;
+        if let Some(GeneratorKey { name, .. }) = &self.generator {
+            write!(f, " + {name}")?;
+        }
+        let Some(BySpeed { at_rest, slow, fast }) = self.by_speed else { return Ok(()) };
+        write!(f, ": {at_rest:.1} grey levels at rest, {slow:.1} slow, {fast:.1} fast")
+    }
+}
+
 impl ErrorTable {
     /// The table that is shipped.
     ///
@@ -175,7 +188,7 @@ impl ErrorTable {
 }
 
 /// Name of a kind of probe.
-pub fn kind_name(kind: &ProbeKind) -> &'static str {
+pub(crate) fn kind_name(kind: &ProbeKind) -> &'static str {
     match kind {
         ProbeKind::Convex { .. } => "convex",
         ProbeKind::Linear { .. } => "linear",

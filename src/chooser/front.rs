@@ -82,6 +82,24 @@ pub enum ErrorStep<'a> {
 }
 
 impl ErrorTable {
+    /// The table of what `command` measured, and of the other stations of `others`, in their order.
+    pub fn merged(command: String, measured: Vec<StationErrors>, others: Option<Self>) -> Self {
+        let mut table = Self::new(command);
+        if let Some(others) = others {
+            table.command += &format!("; other stations: {}", others.command);
+            table.stations = others.stations;
+        }
+        table.merge(measured);
+        table
+    }
+
+    /// Text of the table's file.
+    pub fn to_toml(&self) -> String {
+        // Serialisation of numbers and names cannot fail.
+        let text = toml::to_string(self).unwrap_or_default();
+        format!("# Errors of live frames, by `insonify front`. Docs: docs/commands.md.\n{text}")
+    }
+
     /// Replaces the errors of stations with the same name, and appends the others.
     pub fn merge(&mut self, measured: Vec<StationErrors>) {
         for station in measured {
@@ -254,5 +272,24 @@ mod tests {
         let found = point(FrameQuality::LQ, None, &errors);
         assert_eq!(found.by_speed, Some(BySpeed::new([13.0, 20.5, 30.0])));
         assert_eq!((found.rmse, found.spread), (19.125, 1.25));
+    }
+
+    #[test]
+    fn other_stations_of_a_merged_table_stay() {
+        let station = |name: &str, poses| StationErrors {
+            name: name.into(),
+            scene: String::new(),
+            probe: "convex".into(),
+            frequency_mhz: 8.0,
+            reference: String::new(),
+            poses,
+            frame_rate_hz: None,
+            points: Vec::new(),
+        };
+        let old = ErrorTable { stations: vec![station("a", 3), station("b", 3)], ..ErrorTable::new("old".into()) };
+        let new = ErrorTable::merged("new".into(), vec![station("b", 12), station("c", 12)], Some(old));
+        let poses: Vec<(&str, usize)> = new.stations.iter().map(|s| (s.name.as_str(), s.poses)).collect();
+        assert_eq!(poses, [("a", 3), ("b", 12), ("c", 12)]);
+        assert_eq!(new.command, "new; other stations: old");
     }
 }

@@ -13,13 +13,15 @@ mod error_table;
 mod front;
 mod starting_point;
 mod still;
+mod still_frame;
 mod times;
+mod translation;
 
 pub use control::{Candidate, FrameBudget, PointChange, PointController, PointSummary, Switch};
 pub use error::ChooserError;
-pub use error_table::{
-    ErrorTable, ErrorTableError, ExpectedErrors, GeneratorKey, PointError, StationErrors, kind_name,
-};
+pub use error_table::{ErrorTable, ErrorTableError, ExpectedErrors, GeneratorKey, PointError, StationErrors};
 pub use front::{ANGLES, ErrorSettings, ErrorStep, RAYS_LAYERS, measure_errors};
 pub use starting_point::{StartingPoint, choose, scene_name};
 pub use still::{StillQuality, choose_still};
+pub use still_frame::{StillFrame, render_still};
+pub use translation::{Translation, TranslationReport};

@@ -1,5 +1,7 @@
 //! Quality of stills within a budget of time.
 
+use std::fmt;
+
 use super::candidates::own_quality;
 use super::error::ChooserError;
 use super::error_table::ErrorTable;
@@ -31,6 +33,29 @@ impl StillQuality {
     /// Whether the quality keeps the budget.
     pub fn fits(&self) -> bool {
         self.frame_ms.is_some_and(|ms| ms <= self.frame_budget_ms)
+    }
+}
+
+impl fmt::Display for StillQuality {
+    /// The quality with its time, its error and the time of the next one.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { frame_budget_ms, quality, error, frame_ms, beyond } = self;
+        let Some(ms) = frame_ms else {
+            return write!(f, "{quality}, whose frames gave no time to hold against {frame_budget_ms} ms");
+        };
+        if !self.fits() {
+            return write!(f, "nothing keeps {frame_budget_ms} ms here; {quality} is the least, and takes {ms:.1} ms");
+        }
+        write!(f, "{quality}, {ms:.1} ms of {frame_budget_ms}")?;
+        // The table has no errors of stills without the aperture.
+        if quality.aperture {
+            write!(f, ", {error:.1} grey levels off the converged picture")?;
+        }
+        match beyond {
+            None => Ok(()),
+            Some((next, Some(ms))) => write!(f, "; {next} takes {ms:.1} ms"),
+            Some((next, None)) => write!(f, "; {next} is more than the device has room for"),
+        }
     }
 }
 

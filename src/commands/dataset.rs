@@ -5,17 +5,15 @@ use std::time::Instant;
 
 use anyhow::anyhow;
 use clap::Parser;
-use insonify::dataset::{Dataset, DatasetError, HEADER_FILE, Maker, Planned, Recipe, Shard};
+use insonify::dataset::{Dataset, DatasetError, HEADER_FILE, Maker, Recipe, Shard};
+use insonify::files::Outputs;
 use insonify::render::{BackendChoice, FrameQuality};
 use insonify::settings::{ANGLES_MAX, LookSettings, SettingsGroup};
 use insonify::station::Station;
 use serde::Serialize;
 
 use super::backend::BackendArgs;
-use super::output::thousands;
-use super::outputs::Outputs;
 use super::progress::Progress;
-use super::quality::RaysLayers;
 use super::steps::Steps;
 use super::{Failure, output};
 
@@ -61,11 +59,11 @@ pub(crate) struct Args {
 
     /// Rays x layers of the low quality, or a preset; of several, with commas between, tuples take one each in turn
     #[arg(long, value_name = "QUALITY", default_value = "lq", value_delimiter = ',')]
-    lq: Vec<RaysLayers>,
+    lq: Vec<FrameQuality>,
 
     /// Rays x layers of the high quality, or a preset
     #[arg(long, value_name = "QUALITY", default_value = "hq")]
-    hq: RaysLayers,
+    hq: FrameQuality,
 
     /// Steering angles of the high quality: the mean of so many; even numbers are rounded down
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=i64::from(ANGLES_MAX)))]
@@ -147,14 +145,15 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
     let read = stations.iter().flat_map(Station::files).chain(args.hq_from.iter().map(|from| from.join(HEADER_FILE)));
     Outputs::beside(read).within("--out", out, &[HEADER_FILE, "manifest*"])?;
     let choice = stations.first().map(|station| station.backend).unwrap_or_default();
+    let pair = |quality: &FrameQuality| [quality.rays, quality.layers];
     let maker = Maker::new(Recipe {
         frames: args.frames as usize,
         seed: args.seed,
         phantoms: args.phantoms.map(|n| n as usize),
         frames_per_exam: args.frames_per_exam as usize,
         test_share: args.test_share,
-        lq: args.lq.iter().copied().map(RaysLayers::pair).collect(),
-        hq: args.hq.pair(),
+        lq: args.lq.iter().map(pair).collect(),
+        hq: pair(&args.hq),
         lq_angles: args.lq_angles,
         hq_angles: args.angles,
         span_deg: args.span,
@@ -163,7 +162,7 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
         ..Recipe::new(stations)
     });
     let maker = maker.map_err(of_options)?;
-    say(args, &maker);
+    eprintln!("dataset: {maker}");
     if args.dry_run {
         return Ok(());
     }
@@ -188,15 +187,7 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
     if args.json {
         return output::json(&report);
     }
-    output::line(format!(
-        "{} tuples made in {:.0} s, {} were there; {} to train, {} to test, {}",
-        made.made,
-        report.seconds,
-        made.kept,
-        made.train,
-        made.test,
-        megabytes(report.bytes)
-    ))?;
+    output::line(format!("{made} in {:.0} s", report.seconds))?;
     output::line(made.manifest.display())
 }
 
@@ -239,34 +230,9 @@ fn verify(args: &Args, directory: &Path) -> Result<(), Failure> {
     )))
 }
 
-/// Prints the number of tuples and their size on disk.
-fn say(args: &Args, maker: &Maker) {
-    let Planned { train, test, exams, phantoms, bytes } = maker.planned();
-    let header = maker.header();
-    let shard = if args.shard.of > 1 { format!(" (shard {})", args.shard) } else { String::new() };
-    let of = if phantoms == 0 { String::new() } else { format!(" over {phantoms} phantoms") };
-    let quality = |[rays, layers]: [u32; 2], angles| FrameQuality { angles, ..FrameQuality::new(rays, layers) };
-    let lq = std::iter::once(&header.lq).chain(&header.lq_more);
-    let lq = lq.map(|&lq| quality(lq, header.look.lq_angles).to_string());
-    eprintln!(
-        "dataset: {} tuples{shard} of {exams} sessions{of}: {train} to train, {test} to test; {} against {} rays x layers; {} on disk",
-        thousands(train + test),
-        lq.collect::<Vec<_>>().join(", "),
-        quality(header.hq, header.look.hq_angles),
-        megabytes(bytes)
-    );
-}
-
 /// Parses `--span`.
 fn span(text: &str) -> Result<f64, String> {
     let span_deg = text.parse().map_err(|_| format!("`{text}` is no number of degrees"))?;
     LookSettings { span_deg, ..LookSettings::default() }.validate().map_err(|e| e.to_string())?;
     Ok(span_deg)
-}
-
-fn megabytes(bytes: u64) -> String {
-    match bytes as f64 * 1e-6 {
-        mb if mb < 2000.0 => format!("{mb:.0} MB"),
-        mb => format!("{:.1} GB", mb * 1e-3),
-    }
 }

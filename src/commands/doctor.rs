@@ -1,19 +1,15 @@
 //! `insonify doctor`: finds faults of a scene and names their remedies.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::anyhow;
 use clap::Parser;
 use insonify::anatomy::TissueTable;
-use insonify::anatomy::doctor::aberration::{Aperture, Caster, Summary};
-use insonify::anatomy::doctor::{Finding, Report, Settings, Severity, examine};
-use insonify::anatomy::{Scene, import};
+use insonify::anatomy::doctor::Severity;
+use insonify::names::counted;
 use insonify::pose::Pose;
-use insonify::settings::Probe;
-use insonify::station::{SceneFile, Station};
-use serde::Serialize;
+use insonify::station::{Examination, SceneFile, Station};
 
-use super::output::counted;
 use super::progress::Progress;
 use super::session;
 use super::{Classify, Failure, input, output};
@@ -41,31 +37,6 @@ pub(crate) struct Args {
     json: bool,
 }
 
-#[derive(Serialize)]
-struct Printed<'a> {
-    path: &'a Path,
-    #[serde(flatten)]
-    report: &'a Report,
-    aberration: &'a [Summary],
-}
-
-/// Width of the aperture over which delays are compared, mm.
-const APERTURE_MM: f64 = 30.0;
-/// Depths at which they are told, mm: in a wall, below most walls, below all of them.
-const DEPTHS_MM: [f64; 3] = [20.0, 40.0, 60.0];
-/// Number of apertures along the face.
-const BEAMS: u32 = 9;
-
-/// Aberration of a probe at `pose`, by depth.
-fn aberration(scene: &Scene, probe: &Probe, pose: &Pose) -> Vec<Summary> {
-    let caster = Caster::of(scene);
-    let fraction = |i: u32| (f64::from(i) + 0.5) / f64::from(BEAMS);
-    let beams: Vec<_> = (0..BEAMS).map(|i| probe.ray(probe.lateral_coordinate(fraction(i)))).collect();
-    let face_radius_mm = probe.face_radius_mm().filter(|&radius_mm| radius_mm > 0.0);
-    let at = |depth_mm| caster.summary(pose, &beams, &Aperture { width_mm: APERTURE_MM, face_radius_mm, depth_mm });
-    DEPTHS_MM.into_iter().filter_map(at).collect()
-}
-
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let builtin = TissueTable::builtin().other()?;
@@ -76,60 +47,17 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         (SceneFile::Given(args.scene.clone()), None)
     };
     let path = file.path();
-    let tissues = station.as_ref().map_or(&builtin, |station| &station.tissues);
-    let own = tissues.names().iter().filter(|name| builtin.index_of(name).is_none());
-    // The background counts as used, although no surface has it.
-    let own_tissues: Vec<String> =
-        own.filter(|name| station.as_ref().is_none_or(|s| s.background != **name)).cloned().collect();
-    let probe = station.as_ref().map_or_else(Probe::default, |s| s.probe);
-    let pose = args.pose.or(station.as_ref().and_then(|s| s.default_pose));
-    let start = pose.map(|pose| (pose, probe.depth_mm));
     let progress = Progress::new("doctor", 0);
-    let background = station.as_ref().and_then(|s| tissues.index_of(&s.background));
-    let settings = Settings { tissues, own_tissues: &own_tissues, background, start };
-    let report = examine(path, &settings, &|done, total| progress.set(done, total))?;
+    let show = |done, total| progress.set(done, total);
+    let found = Examination::of(path, station.as_ref(), args.pose, &builtin, &show)?;
     drop(progress);
-    let errors = report.count(Severity::Error);
-    let aberration = match pose {
-        Some(pose) if errors == 0 => {
-            aberration(&import::load(path, tissues, background.unwrap_or_default())?, &probe, &pose)
-        }
-        _ => Vec::new(),
-    };
     if args.json {
-        output::json(&Printed { path, report: &report, aberration: &aberration })?;
+        output::json(&found)?
     } else {
-        print(&report)?;
-        aberration.iter().try_for_each(|summary| output::line(told(summary)))?;
-    }
-    match errors {
+        output::text(&found)?
+    };
+    match found.report.count(Severity::Error) {
         0 => Ok(()),
         errors => Err(Failure::Other(anyhow!("{} has {}", path.display(), counted(errors, "error")))),
     }
-}
-
-fn print(report: &Report) -> Result<(), Failure> {
-    let of = format!("{}, {}", counted(report.surfaces, "surface"), counted(report.triangles, "triangle"));
-    if report.findings.is_empty() {
-        return output::line(format!("nothing is wrong: {of}"));
-    }
-    report.findings.iter().try_for_each(|finding| output::line(line(finding)))?;
-    let of_severity = |severity, name| counted(report.count(severity), name);
-    let errors = of_severity(Severity::Error, "error");
-    let (warnings, notes) = (of_severity(Severity::Warning, "warning"), of_severity(Severity::Note, "note"));
-    output::line(format!("\n{errors}, {warnings}, {notes} in {of}"))
-}
-
-fn told(summary: &Summary) -> String {
-    let Summary { depth_mm, delay_rms_ns: [rms, most], tilt_mrad: [tilt, steepest], correlation_mm, wall } = summary;
-    let length = correlation_mm.map_or_else(|| "-".to_owned(), |mm| format!("{mm:.1} mm"));
-    format!(
-        "aberration to {depth_mm:.0} mm: delays {rms:.0} ns rms over {APERTURE_MM:.0} mm (at most {most:.0}), tilt \
-         {tilt:.1} mrad (at most {steepest:.1}), correlation length {length}: {}",
-        wall.name()
-    )
-}
-
-fn line(finding: &Finding) -> String {
-    format!("{:8} {finding}\n         {}", finding.severity.to_string(), finding.remedy)
 }

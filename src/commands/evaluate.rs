@@ -9,15 +9,15 @@ use insonify::evaluation::{
     Again, DatasetReport, Evaluation, EvaluationError, FeatureModel, ImagesReport, Models, Settings, Slide,
     SteadinessReport, compare, steadiness,
 };
+use insonify::files::Outputs;
 use insonify::generator::{FeatureScale, generator_files};
-use insonify::quality::{CROP_COUNT, CROP_SIDE, Summary};
+use insonify::quality::{CROP_COUNT, CROP_SIDE};
 use insonify::render::BackendChoice;
 use insonify::sink::{create_dir, write_json, write_text};
 use insonify::station::Station;
 use serde::Serialize;
 
 use super::backend::BackendArgs;
-use super::outputs::Outputs;
 use super::progress::Progress;
 use super::runtime_args::RuntimeArgs;
 use super::steps::Steps;
@@ -257,32 +257,7 @@ fn of_images(args: &Args, images: &Path, references: &Path) -> Result<(), Failur
     if let Some(path) = &args.json {
         write_json(path, &Printed { version: env!("CARGO_PKG_VERSION"), report: &report })?;
     }
-    print(&report.summary, report.frechet_distance)
-}
-
-fn print(summary: &Summary, distance: Option<f64>) -> Result<(), Failure> {
-    let Summary { images, identical, psnr_db, ssim, without_pkl, pkl } = summary;
-    output::line(format!("{:12} {:>9} {:>9}", "", "mean", "5/95 %"))?;
-    let row = |name: &str, mean: f64, percentile: f64, digits: usize| {
-        output::line(format!("{name:12} {mean:>9.digits$} {percentile:>9.digits$}"))
-    };
-    row("PSNR [dB]", psnr_db.mean, psnr_db.percentile, 2)?;
-    row("SSIM [%]", 100.0 * ssim.mean, 100.0 * ssim.percentile, 2)?;
-    match pkl {
-        Some(pkl) => row("pKL x100", 100.0 * pkl.mean, 100.0 * pkl.percentile, 2)?,
-        None => output::line(format!("{:12} {:>9} {:>9}", "pKL x100", "-", "-"))?,
-    }
-    if let Some(distance) = distance {
-        output::line(format!("{:12} {distance:>9.2} {:>9}", "FD", "-"))?;
-    }
-    let mut note = String::new();
-    if *identical > 0 {
-        note += &format!("; {identical} identical, not in the mean of PSNR");
-    }
-    if *without_pkl > 0 {
-        note += &format!("; {without_pkl} without pKL, as no patch of 32 x 32 is half inside");
-    }
-    output::line(output::counted(*images, "image") + &note)
+    output::text(&report)
 }
 
 /// Refuses files that the command reads.

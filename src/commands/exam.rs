@@ -1,22 +1,15 @@
 //! `insonify exam`: sessions of a simulated hand.
 
-use std::path::{Path, PathBuf};
-use std::str::FromStr;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::path::PathBuf;
 
 use anyhow::anyhow;
 use clap::Parser;
-use insonify::anatomy::Skin;
-use insonify::anatomy::planes::StandardPlane;
-use insonify::exam::hand::Skill;
-use insonify::exam::session::{self, PLANE_S, Settings, TRUTH_EVENT};
-use insonify::exam::{START_TIME_NS, sweep};
+use insonify::exam::session::PLANE_S;
+use insonify::exam::{Batch, Skills, sweep, write_sweep};
+use insonify::files::Outputs;
 use insonify::sink::{create_dir, write_json};
 use insonify::station::{PlaneScene, Station};
-use rayon::prelude::*;
-use serde::Serialize;
 
-use super::outputs::Outputs;
 use super::progress::Progress;
 use super::session::scene_name;
 use super::{Failure, output};
@@ -60,7 +53,7 @@ pub(crate) struct Args {
 
     /// Whose hand: novice, trained, expert, or mixed (by the seed)
     #[arg(long, value_name = "SKILL", default_value = "expert", requires = "station")]
-    skill: Whose,
+    skill: Skills,
 
     /// Look for the planes in an order that depends on the seed
     #[arg(long, requires = "station")]
@@ -75,52 +68,16 @@ pub(crate) struct Args {
     json: bool,
 }
 
-/// A skill, or each in turn.
-#[derive(Debug, Clone, Copy)]
-enum Whose {
-    One(Skill),
-    Mixed,
-}
-
-impl FromStr for Whose {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        if text == "mixed" { Ok(Self::Mixed) } else { text.parse().map(Self::One).map_err(|e| format!("{e}, mixed")) }
-    }
-}
-
-impl Whose {
-    fn of(self, seed: u64) -> Skill {
-        match self {
-            Self::One(skill) => skill,
-            Self::Mixed => Skill::ALL[(seed % Skill::ALL.len() as u64) as usize],
-        }
-    }
-}
-
-#[derive(Serialize)]
-struct Report {
-    path: PathBuf,
-    seed: u64,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    skill: Option<&'static str>,
-    duration_s: f64,
-    rate_hz: u32,
-    key_frames: Vec<KeyFrame>,
-}
-
-#[derive(Serialize)]
-struct KeyFrame {
-    name: String,
-    time_s: f64,
-}
-
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let Some(station) = &args.station else { return sweep(args) };
+    let Some(station) = &args.station else {
+        Outputs::default().file("--out", &args.out, args.force)?;
+        output::make_parent(&args.out)?;
+        let written = write_sweep(&args.out, args.seed)?;
+        return if args.json { output::json(&written) } else { output::text(&written) };
+    };
     let station = Station::load(station)?;
-    let inputs = Outputs::beside_station(&station);
+    let inputs = Outputs::beside(station.files());
     match args.sessions {
         Some(_) => inputs.within("--out", &args.out, &["session_*.mcap", "sessions.json"])?,
         None => inputs.file("--out", &args.out, args.force)?,
@@ -131,90 +88,24 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if !(duration_s > 0.0 && duration_s <= 3600.0) {
         return Err(Failure::Input(anyhow!("--duration is {duration_s}; it must be above 0 and at most 3600 s")));
     }
-    let task = Task { args, scene: scene_name(&station), skin: &scene.skin, planes, duration_s };
+    let (shuffle, skills) = (args.shuffle, args.skill);
+    let batch = Batch { scene: scene_name(&station), skin: &scene.skin, planes, shuffle, duration_s, skills };
     let Some(count) = args.sessions else {
         output::make_parent(&args.out)?;
-        let report = task.make(args.seed, &args.out)?;
-        return if args.json { output::json(&report) } else { print(&report) };
+        let written = batch.write(args.seed, &args.out)?;
+        return if args.json { output::json(&written) } else { output::text(&written) };
     };
     if args.seed.checked_add(u64::from(count) - 1).is_none() {
         return Err(Failure::Input(anyhow!("--seed {} and --sessions {count} pass the greatest seed", args.seed)));
     }
     create_dir(&args.out)?;
-    let total = count as usize;
-    let progress = Progress::new("exam", total);
-    let done = AtomicUsize::new(0);
-    let reports = (0..u64::from(count)).into_par_iter().map(|i| {
-        let seed = args.seed + i;
-        let report = task.make(seed, &args.out.join(format!("session_{seed:06}.mcap")))?;
-        progress.set(done.fetch_add(1, Ordering::Relaxed) + 1, total);
-        Ok(report)
-    });
-    let reports: Vec<Report> = reports.collect::<Result<_, Failure>>()?;
+    let progress = Progress::new("exam", count as usize);
+    let written = batch.write_all(args.seed, count, &args.out, &|done| progress.set(done, count as usize))?;
     drop(progress);
-    write_json(&args.out.join("sessions.json"), &reports)?;
+    write_json(&args.out.join("sessions.json"), &written)?;
     if args.json {
-        return output::json(&reports);
+        return output::json(&written);
     }
     output::line(format!("{count} sessions of {duration_s} s, seeds from {}", args.seed))?;
     output::line(args.out.join("sessions.json").display())
-}
-
-/// Data shared by all sessions.
-struct Task<'a> {
-    args: &'a Args,
-    scene: String,
-    skin: &'a Skin,
-    planes: Vec<&'a StandardPlane>,
-    duration_s: f64,
-}
-
-impl Task<'_> {
-    fn make(&self, seed: u64, path: &Path) -> Result<Report, Failure> {
-        let skill = self.args.skill.of(seed);
-        let mut planes = self.planes.clone();
-        if self.args.shuffle {
-            session::shuffle(&mut planes, seed);
-        }
-        let made = session::make(&planes, self.skin, &Settings { seed, duration_s: self.duration_s, skill })?;
-        made.write(path, &self.scene)?;
-        let holds = made.events.iter().filter(|event| event.name == TRUTH_EVENT);
-        let key_frames = holds.filter_map(|event| {
-            let value = event.value.as_ref().filter(|value| value["phase"] == "hold")?;
-            let time_s = (event.host_time_ns - START_TIME_NS) as f64 * 1e-9;
-            Some(KeyFrame { name: value["plane"].as_str()?.to_owned(), time_s })
-        });
-        Ok(Report {
-            path: path.to_owned(),
-            seed,
-            skill: Some(skill.name()),
-            duration_s: self.duration_s,
-            rate_hz: session::RATE_HZ,
-            key_frames: key_frames.collect(),
-        })
-    }
-}
-
-/// The sweep of `assets/exams`.
-fn sweep(args: &Args) -> Result<(), Failure> {
-    Outputs::default().file("--out", &args.out, args.force)?;
-    output::make_parent(&args.out)?;
-    sweep::write(&args.out, args.seed)?;
-    let key_frames = sweep::KEY_FRAMES.map(|(name, time_s)| KeyFrame { name: name.to_owned(), time_s });
-    let report = Report {
-        path: args.out.clone(),
-        seed: args.seed,
-        skill: None,
-        duration_s: f64::from(sweep::DURATION_S),
-        rate_hz: sweep::RATE_HZ,
-        key_frames: key_frames.into(),
-    };
-    if args.json { output::json(&report) } else { print(&report) }
-}
-
-fn print(report: &Report) -> Result<(), Failure> {
-    let hand = report.skill.map_or_else(String::new, |skill| format!(", hand: {skill}"));
-    output::line(format!("{} s at {} poses a second, seed {}{hand}", report.duration_s, report.rate_hz, report.seed))?;
-    report.key_frames.iter().try_for_each(|k| output::line(format!("{:6.1} s  {}", k.time_s, k.name)))?;
-    output::line(report.path.display())
 }

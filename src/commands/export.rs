@@ -2,15 +2,11 @@
 
 use std::path::PathBuf;
 
-use anyhow::anyhow;
 use clap::Parser;
-use insonify::pipeline::replay::Stretch;
-use insonify::sink::meta_image::{ImageTracking, MetaImageWriter};
-use insonify::transducer::Sector;
-use serde::Serialize;
+use insonify::files::Outputs;
+use insonify::pipeline::replay::SequenceMap;
 
 use super::backend::BackendArgs;
-use super::outputs::Outputs;
 use super::progress::Progress;
 use super::replay_args::{ReplayArgs, choose_quality};
 use super::{Failure, output, session};
@@ -58,65 +54,23 @@ enum Map {
     Segmentation,
 }
 
-#[derive(Serialize)]
-struct Report<'a> {
-    path: &'a PathBuf,
-    images: usize,
-    /// Images in gaps of the recording, whose transforms are marked invalid.
-    invalid: usize,
-    width: u32,
-    height: u32,
-}
-
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut replay = args.replay.read()?;
-    let inputs = Outputs::beside_station(&replay.station).and([&args.replay.recording]);
+    let inputs = Outputs::beside(replay.station.files()).and([&args.replay.recording]);
     inputs.file("--out", &args.out, args.force)?;
-    let probe = &replay.first()?.probe;
-    if let Some(part) = replay.stretches.iter().find(|part| part.probe.depth_mm != probe.depth_mm) {
-        let at = part.frames.start;
-        return Err(Failure::Input(anyhow!(
-            "the recorded session changes the depth at frame {at}, and a sequence has one size of its pixels; export parts with --frames ..{at} and {at}.., or use --ignore-controls"
-        )));
-    }
+    replay.check_depth()?;
     let backend = args.backend.open(replay.station.backend)?;
     let scene = session::load_scene(&replay.station)?;
     choose_quality(&mut replay, &backend, &scene)?;
-    let (timeline, frames) = (&replay.timeline, replay.frames.clone());
-    let Stretch { probe, settings, .. } = replay.first()?;
-    let sector = Sector::fit(probe, settings.image.width, settings.image.height);
-    let tracking = |index: usize| ImageTracking {
-        time_s: timeline.seconds(index),
-        pose: timeline.poses[index],
-        tracked: !timeline.is_held(index),
+    let map = match args.map {
+        Map::Bmode => SequenceMap::Bmode,
+        Map::Segmentation => SequenceMap::Segmentation,
     };
-    let images: Vec<_> = frames.clone().map(tracking).collect();
-    let mut writer = MetaImageWriter::create(&args.out, &sector, &images, args.compress)?;
-    let progress = Progress::new("export", images.len());
-    replay.render(
-        &backend,
-        &scene,
-        |_| {},
-        |i, frame| {
-            writer.push(match args.map {
-                Map::Bmode => &frame.bmode,
-                Map::Segmentation => &frame.segmentation,
-            })?;
-            progress.set(i + 1, images.len());
-            Ok::<(), Failure>(())
-        },
-    )?;
+    let total = replay.frames.len();
+    let progress = Progress::new("export", total);
+    let show = |done| progress.set(done, total);
+    let written = replay.write_sequence(&backend, &scene, &args.out, (map, args.compress), &show)?;
     drop(progress);
-    writer.finish()?;
-    let invalid = images.iter().filter(|image| !image.tracked).count();
-    let (width, height) = (sector.width, sector.height);
-    if args.json {
-        return output::json(&Report { path: &args.out, images: images.len(), invalid, width, height });
-    }
-    output::line(format!("{} images of {width} x {height}", images.len()))?;
-    if invalid > 0 {
-        output::line(format!("{invalid} of them in gaps of the recording: their transforms are marked INVALID"))?;
-    }
-    output::line(args.out.display())
+    if args.json { output::json(&written) } else { output::text(&written) }
 }

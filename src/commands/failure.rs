@@ -10,9 +10,11 @@ use insonify::chooser::ChooserError;
 use insonify::dataset::DatasetError;
 use insonify::evaluation::EvaluationError;
 use insonify::exam::ExamError;
+use insonify::files::OutputError;
 use insonify::generator::GeneratorError;
 use insonify::phantom::{CacheError, PhantomError};
 use insonify::pipeline::replay::ReplayError;
+use insonify::pipeline::{LiveError, RecordError};
 use insonify::pose::CalibrationError;
 use insonify::quality::QualityError;
 use insonify::recording::RecordingError;
@@ -125,7 +127,9 @@ classified! {
     InterchangeError as Recording { _ => Input }
     SinkError { SinkError::FrameRate { .. } => Input, _ => Other }
     RecordingError { RecordingError::Write { .. } => Other, _ => Input }
-    ReplayError as Recording | Station | Render | Chooser { _ => Input }
+    ReplayError as Recording | Station | Render | Chooser | Quality | Generator | Sink { _ => Input }
+    RecordError as Recording | Directory { RecordError::Recorder(_) => Other, _ => Input }
+    LiveError as Render | Chooser | Record | Tracker | Sink { _ => Input }
     TrackerError { TrackerError::Thread(_) => Other, _ => Input }
     // A failed run is a fault of the model or the machine; the caller can fix the others.
     GeneratorError { GeneratorError::Inference { .. } | GeneratorError::Terminated { .. } => Other, _ => Input }
@@ -135,11 +139,12 @@ classified! {
     // A number without a class is a fault of the renderer.
     DatasetError as Station | Exam | Render | Sink { DatasetError::Number { .. } => Other, _ => Input }
     TradeoffError as Station | Generator | Quality | Render | SelfTest | Sink {
-        TradeoffError::Read { .. } => Other,
+        TradeoffError::Read { .. } | TradeoffError::Figure(_) => Other,
         _ => Input,
     }
     // The caller gives images, data sets and models.
     EvaluationError as Dataset | Station | Generator | Render | Sink { _ => Input }
+    OutputError { _ => Input }
     PlanesError { _ => Input }
     SceneError { _ => Input }
     SettingsError { _ => Input }

@@ -6,15 +6,13 @@ use std::time::{Duration, Instant};
 use anyhow::anyhow;
 use clap::Parser;
 use insonify::chooser::{
-    ANGLES, ChooserError, ErrorSettings, ErrorStep, ErrorTable, PointError, RAYS_LAYERS, StationErrors, measure_errors,
+    ANGLES, ChooserError, ErrorSettings, ErrorStep, ErrorTable, RAYS_LAYERS, StationErrors, measure_errors,
 };
-use insonify::files::FileKind;
-use insonify::pose::BySpeed;
+use insonify::files::{FileKind, Outputs};
 use insonify::sink::write_text;
 use insonify::station::Station;
 
 use super::backend::BackendArgs;
-use super::outputs::Outputs;
 use super::sweep_bar::{SweepBar, of_options};
 use super::{Classify, Failure, input, output, session};
 
@@ -80,9 +78,8 @@ Example:
 
 /// Rays and layers from text such as `8x3`.
 fn rays_layers(text: &str) -> Result<(u32, u32), String> {
-    let parsed = text.split_once('x').and_then(|(rays, layers)| Some((rays.parse().ok()?, layers.parse().ok()?)));
     let all = RAYS_LAYERS.map(|(rays, layers)| format!("{rays}x{layers}")).join(", ");
-    parsed.filter(|found| RAYS_LAYERS.contains(found)).ok_or_else(|| format!("points are {all}"))
+    input::product(text).filter(|found| RAYS_LAYERS.contains(found)).ok_or_else(|| format!("points are {all}"))
 }
 
 /// Runs the command.
@@ -108,9 +105,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         };
         measured.push(errors);
     }
-    let table = table(command(args), measured, merged);
-    let text = toml::to_string(&table).map_err(|e| anyhow!("the table can't be written: {e}")).other()?;
-    write_text(&args.out, &format!("# Errors of live frames, by `insonify front`. Docs: docs/commands.md.\n{text}"))?;
+    write_text(&args.out, &ErrorTable::merged(command(args), measured, merged).to_toml())?;
     output::line(args.out.display())
 }
 
@@ -129,17 +124,6 @@ fn command(args: &Args) -> String {
         text += &format!(" --motion {}", args.motion.display());
     }
     text
-}
-
-/// The table of what was measured, and of the other stations of `merged`, in their order.
-fn table(command: String, measured: Vec<StationErrors>, merged: Option<ErrorTable>) -> ErrorTable {
-    let mut table = ErrorTable::new(command);
-    if let Some(merged) = merged {
-        table.command += &format!("; other stations: {}", merged.command);
-        table.stations = merged.stations;
-    }
-    table.merge(measured);
-    table
 }
 
 /// Errors of one station; none if the time was over before all were measured.
@@ -164,7 +148,7 @@ fn errors(args: &Args, station: &Station, ends: Option<Instant>) -> Result<Optio
         ErrorStep::Frames { done, total } => bar.set("front", done, total),
         ErrorStep::Point(point) => {
             bar.clear();
-            say(point);
+            eprintln!("{point}");
         }
         _ => {}
     };
@@ -172,13 +156,6 @@ fn errors(args: &Args, station: &Station, ends: Option<Instant>) -> Result<Optio
         Err(ChooserError::Measurement(error)) => Err(of_options(error)),
         measured => Ok(measured?),
     }
-}
-
-/// Prints the errors of a point by speed.
-fn say(point: &PointError) {
-    let on_top = point.generator.as_ref().map_or_else(String::new, |key| format!(" + {}", key.name));
-    let Some(BySpeed { at_rest, slow, fast }) = point.by_speed else { return };
-    eprintln!("{}{on_top}: {at_rest:.1} grey levels at rest, {slow:.1} slow, {fast:.1} fast", point.quality);
 }
 
 #[cfg(test)]
@@ -189,24 +166,5 @@ mod tests {
     fn points_are_named_by_rays_and_layers() {
         assert_eq!(rays_layers("8x3"), Ok((8, 3)));
         assert!(["8", "8x", "7x3", "x"].iter().all(|text| rays_layers(text).unwrap_err().contains("1x1, 1x3")));
-    }
-
-    #[test]
-    fn other_stations_of_a_merged_table_stay() {
-        let station = |name: &str, poses| StationErrors {
-            name: name.into(),
-            scene: String::new(),
-            probe: "convex".into(),
-            frequency_mhz: 8.0,
-            reference: String::new(),
-            poses,
-            frame_rate_hz: None,
-            points: Vec::new(),
-        };
-        let old = ErrorTable { stations: vec![station("a", 3), station("b", 3)], ..ErrorTable::new("old".into()) };
-        let new = table("new".into(), vec![station("b", 12), station("c", 12)], Some(old));
-        let poses: Vec<(&str, usize)> = new.stations.iter().map(|s| (s.name.as_str(), s.poses)).collect();
-        assert_eq!(poses, [("a", 3), ("b", 12), ("c", 12)]);
-        assert_eq!(new.command, "new; other stations: old");
     }
 }

@@ -1,16 +1,12 @@
 //! `insonify import`: converts tracked sequences of other programs into recordings.
 
-use std::io::BufReader;
 use std::path::PathBuf;
 
 use clap::Parser;
-use insonify::files::{self, FileKind};
-use insonify::recording::interchange::{
-    Imported, InterchangeError, Sequence, TrackedRow, csv, tracked, write_recording,
-};
+use insonify::files::Outputs;
+use insonify::recording::interchange::{Imported, read_rows, write_recording};
 use serde::Serialize;
 
-use super::outputs::Outputs;
 use super::{Failure, output};
 
 /// Make a recording of a PLUS sequence (.mha, .igs.mha) or of a table (.csv).
@@ -62,7 +58,7 @@ struct Report<'a> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     Outputs::beside([&args.file]).file("--out", &args.out, args.force)?;
-    let rows = rows(args)?;
+    let rows = read_rows(&args.file, &args.transform)?;
     output::make_parent(&args.out)?;
     let imported = write_recording(&rows, &args.file, &args.out)?;
     if args.json {
@@ -73,18 +69,4 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         output::line(format!("{} rows without a pose became gaps", imported.without_pose))?;
     }
     output::line(args.out.display())
-}
-
-fn rows(args: &Args) -> Result<Vec<TrackedRow>, Failure> {
-    let path = &args.file;
-    let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
-    match extension.as_deref() {
-        Some("mha" | "mhd") => Ok(tracked(Sequence::open(path)?.head(), &args.transform, path)?),
-        Some("csv") => {
-            let file = files::open(path, FileKind::Table)
-                .map_err(|source| InterchangeError::Read { path: path.clone(), source })?;
-            Ok(csv::read(BufReader::new(file), path)?)
-        }
-        _ => Err(Failure::Input(anyhow::anyhow!("{} is neither .mha, .mhd nor .csv", path.display()))),
-    }
 }

@@ -7,7 +7,6 @@ use std::time::Duration;
 use anyhow::{Context, anyhow};
 use insonify::files::{self, FileKind};
 use insonify::pose::Pose;
-use insonify::settings::{Setting, SettingsGroup};
 use insonify::station::Station;
 
 use super::{Classify, Failure};
@@ -42,28 +41,6 @@ pub(crate) fn pose(given: Option<Pose>, station: &Station, others: &str) -> Resu
 /// Whether `path` is a station file; otherwise it is a scene.
 pub(crate) fn is_station(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension == "toml")
-}
-
-/// Documentation and range of a setting, as help of its option.
-pub(crate) fn described<G: SettingsGroup>(key: &str) -> String {
-    let doc = setting::<G>(key).map_or("", |setting| setting.doc.trim_end_matches('.'));
-    format!("{doc}, {}", range::<G>(key))
-}
-
-/// Range of a setting.
-pub(crate) fn range<G: SettingsGroup>(key: &str) -> String {
-    setting::<G>(key).map_or_else(String::new, |setting| format!("{}..={}", setting.min, setting.max))
-}
-
-/// Parses a whole number in the range of a setting.
-pub(crate) fn whole<G: SettingsGroup>(key: &str, text: &str) -> Result<u32, String> {
-    let number: Option<u32> = text.parse().ok();
-    let in_range = |number: &u32| setting::<G>(key).is_none_or(|setting| setting.check(f64::from(*number)).is_ok());
-    number.filter(in_range).ok_or_else(|| format!("expected a whole number in {}", range::<G>(key)))
-}
-
-fn setting<G: SettingsGroup>(key: &str) -> Option<&'static Setting> {
-    G::settings().iter().find(|setting| setting.key == key)
 }
 
 /// Parses a duration in seconds.

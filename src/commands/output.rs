@@ -10,7 +10,12 @@ use super::{Classify, Failure};
 
 /// Prints a line.
 pub(crate) fn line(text: impl std::fmt::Display) -> Result<(), Failure> {
-    match writeln!(std::io::stdout(), "{text}") {
+    self::text(format_args!("{text}\n"))
+}
+
+/// Prints text that ends its last line itself.
+pub(crate) fn text(text: impl std::fmt::Display) -> Result<(), Failure> {
+    match write!(std::io::stdout(), "{text}") {
         Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Err(Failure::OutputClosed),
         written => written.context("cannot write to stdout").other(),
     }
@@ -29,16 +34,6 @@ pub(crate) fn make_parent(path: &Path) -> Result<(), Failure> {
     }
 }
 
-/// A whole number with thousands separators.
-pub(crate) fn thousands(n: usize) -> String {
-    if n < 1000 { n.to_string() } else { format!("{},{:03}", thousands(n / 1000), n % 1000) }
-}
-
-/// A count with its noun, as `1 error` or `3 errors`.
-pub(crate) fn counted(n: usize, name: &str) -> String {
-    format!("{} {name}{}", thousands(n), if n == 1 { "" } else { "s" })
-}
-
 /// A duration in s, min or h.
 pub(crate) fn duration(seconds: f64) -> String {
     match seconds {
@@ -51,12 +46,6 @@ pub(crate) fn duration(seconds: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn thousands_are_apart() {
-        assert_eq!([0, 999, 1000, 675_012, 1_234_567].map(thousands), ["0", "999", "1,000", "675,012", "1,234,567"]);
-        assert_eq!([1, 2000].map(|n| counted(n, "error")), ["1 error", "2,000 errors"]);
-    }
 
     #[test]
     fn durations_have_a_unit_of_their_size() {

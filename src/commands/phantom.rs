@@ -6,12 +6,10 @@ use clap::Parser;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use insonify::anatomy::export::write_moving_glb;
 use insonify::anatomy::planes;
-use insonify::phantom::{self, Lie, Parameters, PhantomOptions, PhantomSurface, PlacentaSite, Wall, build, movement};
+use insonify::files::Outputs;
+use insonify::phantom::{self, Lie, Parameters, PhantomOptions, PlacentaSite, SurfaceList, Wall, build, movement};
 use insonify::sink::write_json;
-use serde::Serialize;
 
-use super::output::thousands;
-use super::outputs::Outputs;
 use super::progress::Progress;
 use super::{Failure, output};
 
@@ -110,33 +108,6 @@ impl Args {
     }
 }
 
-#[derive(Serialize)]
-struct Row<'a> {
-    name: &'a str,
-    tissue: &'a str,
-    priority: i32,
-    triangles: usize,
-    volume_ml: f64,
-}
-
-#[derive(Serialize)]
-struct Report<'a> {
-    path: &'a PathBuf,
-    scale: f64,
-    triangles: usize,
-    surfaces: Vec<Row<'a>>,
-}
-
-fn row(surface: &PhantomSurface) -> Row<'_> {
-    Row {
-        name: &surface.name,
-        tissue: &surface.tissue,
-        priority: surface.priority,
-        triangles: surface.mesh.triangles.len(),
-        volume_ml: surface.mesh.signed_volume_mm3() * 1e-3,
-    }
-}
-
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let planes_file = planes::file_beside(&args.out);
@@ -148,16 +119,6 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let parameters = args.options().parameters;
     write_moving_glb(&surfaces, &movement(&parameters), &args.out)?;
     write_json(&planes_file, &phantom::planes(&parameters))?;
-    let rows: Vec<_> = surfaces.iter().map(row).collect();
-    let triangles = rows.iter().map(|r| r.triangles).sum();
-    if args.json {
-        return output::json(&Report { path: &args.out, scale: args.scale, triangles, surfaces: rows });
-    }
-    output::line(format!("{:24} {:22} {:>8} {:>10} {:>10}", "surface", "tissue", "priority", "triangles", "ml"))?;
-    for r in &rows {
-        let (name, tissue, count) = (r.name, r.tissue, thousands(r.triangles));
-        output::line(format!("{name:24} {tissue:22} {:>8} {count:>10} {:>10.2}", r.priority, r.volume_ml))?;
-    }
-    output::line(format!("{} triangles in {} surfaces", thousands(triangles), rows.len()))?;
-    output::line(args.out.display())
+    let list = SurfaceList::new(args.out.clone(), args.scale, &surfaces);
+    if args.json { output::json(&list) } else { output::text(&list) }
 }

@@ -4,18 +4,15 @@ use std::path::PathBuf;
 
 use clap::Parser;
 use insonify::pose::Pose;
-use insonify::render::{Choice, Decision, Effect, EffectPlan, RenderSettings};
-use insonify::sink::LiveSinkKind;
-use insonify::sink::frame_record::AdapterRecord;
+use insonify::render::{Decision, EffectPlan, FrameQuality};
 use insonify::station::Station;
-use insonify::tradeoff::{Costs, LookCost, TimedFrame, effect_costs, look_costs};
+use insonify::tradeoff::{PlanCosts, PlanTable, TimedFrame};
 use serde::Serialize;
 
 use super::backend::BackendArgs;
 use super::effects::EffectArgs;
-use super::progress::Progress;
-use super::quality::{self, RaysLayers};
-use super::{Failure, live_sinks, output, session};
+use super::sweep_bar::SweepBar;
+use super::{Failure, output, quality, session};
 
 /// Say which effects a scene calls for, why, how far a frame without each would be off, and what each costs in ms.
 #[derive(Debug, Parser)]
@@ -28,7 +25,7 @@ pub(crate) struct Args {
     effects: EffectArgs,
 
     #[arg(long, value_name = "QUALITY", help = quality::help("the station's own"))]
-    quality: Option<RaysLayers>,
+    quality: Option<FrameQuality>,
 
     /// Measure at x,y,z,qw,qx,qy,qz [default: the station's pose]; the plan holds for every pose
     #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
@@ -68,16 +65,7 @@ struct Report<'a> {
     effects: &'a [Decision],
     /// `None` with `--no-measure` or without a pose.
     #[serde(skip_serializing_if = "Option::is_none")]
-    measured: Option<Measured>,
-}
-
-#[derive(Serialize)]
-struct Measured {
-    adapter: AdapterRecord,
-    #[serde(flatten)]
-    costs: Costs,
-    /// Steps of the look.
-    look: Vec<LookCost>,
+    measured: Option<PlanCosts>,
 }
 
 /// Runs the command.
@@ -90,7 +78,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     } else {
         session::warn_of_budget(&station);
     }
-    settings.maps = reads_maps(&station);
+    settings.maps = station.reads_maps();
     let scene = session::load_scene(&station)?;
     let plan = EffectPlan::new(&scene, &station.probe, &settings);
     session::warn_of_effects(&scene, &station.probe, &settings);
@@ -100,67 +88,17 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         Some(pose) => {
             let backend = args.backend.open(station.backend)?;
             let frame = TimedFrame { backend: &backend, scene: &scene, probe: station.probe, settings, pose };
-            let progress = Progress::new("measuring", 0);
-            let costs = effect_costs(&frame, &plan, &Effect::ALL, &|done, total| progress.set(done, total))?;
-            drop(progress);
-            let progress = Progress::new("measuring looks", 0);
-            let look = look_costs(&frame, &|done, total| progress.set(done, total))?;
-            drop(progress);
-            Some(Measured { adapter: session::adapter(&backend), costs, look })
+            let bar = SweepBar::default();
+            Some(PlanCosts::measure(&frame, &plan, &|what, done, total| bar.set(what, done, total))?)
         }
     };
     if args.json {
-        let quality = quality::name(&settings.quality);
+        let quality = settings.quality.name();
         return output::json(&Report { station: &args.station, quality, effects: plan.decisions(), measured });
     }
-    table(&plan, &settings, measured.as_ref())?;
+    output::text(PlanTable { plan: &plan, measured: measured.as_ref() })?;
     if measured.is_none() && !args.no_measure {
         output::line("\nnot measured: no pose; give --pose, or a [pose] in the station file")?;
     }
     Ok(())
-}
-
-/// Whether a live session of the station reads the maps, for its generator or its page.
-fn reads_maps(station: &Station) -> bool {
-    (station.generator.enabled && !station.generator.models.is_empty())
-        || live_sinks::kinds(&[], station).contains(&LiveSinkKind::Browser)
-}
-
-fn table(plan: &EffectPlan, settings: &RenderSettings, measured: Option<&Measured>) -> Result<(), Failure> {
-    output::line(format!("{:19} {:4} {:>22}  why", "effect", "", "cost"))?;
-    for d in plan.decisions() {
-        let cost = measured.and_then(|m| m.costs.of(d.effect)).map_or_else(String::new, |cost| match d.on {
-            true => cost.to_string(),
-            false => format!("saves {cost}"),
-        });
-        let state = match (d.on, d.choice) {
-            (true, Choice::Auto) => "on",
-            (false, Choice::Auto) => "off",
-            (true, _) => "ON",
-            (false, _) => "OFF",
-        };
-        let bound = if d.called_for { format!("without it {}", d.bound) } else { d.bound.to_string() };
-        output::line(format!("{:19} {state:4} {cost:>22}  {}", d.effect, d.reason))?;
-        output::line(format!("{:48} {bound}", ""))?;
-    }
-    if plan.decisions().iter().any(|d| d.choice != Choice::Auto) {
-        output::line("\nON, OFF: by the station or --effect")?;
-    }
-    let Some(Measured { adapter, costs, look }) = measured else { return Ok(()) };
-    output::line(format!("\n{:19} {:4} {:>22}  setting", "look", "", "cost"))?;
-    for cost in look {
-        output::line(cost)?;
-    }
-    output::line(format!(
-        "\nat {}: {:.1} ms a frame as planned, {:.1} ms with all effects: {:.1} ms saved ({:.0} %)",
-        quality::name(&settings.quality),
-        costs.planned_ms,
-        costs.all_effects_ms,
-        costs.saved_ms(),
-        100.0 * costs.saved_ms() / costs.all_effects_ms
-    ))?;
-    output::line(format!(
-        "medians of {} frames each, in turns, on {} ({}); ±: half of the middle half of the differences; noise: no more than that",
-        costs.frames, adapter.name, adapter.driver
-    ))
 }

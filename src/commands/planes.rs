@@ -36,28 +36,5 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if args.json {
         return output::json(&planes);
     }
-    let head = format!("{:12} {:6} {:>7} {:>9} {:>9}  measured", "plane", "view", "angle", "distance", "depth");
-    output::line(head)?;
-    for plane in &planes.planes {
-        let t = &plane.tolerances;
-        for view in &plane.views {
-            let depth_mm = view.pose.map(|pose| pose.position_mm.distance(view.centre_mm));
-            let depth = depth_mm.map_or_else(|| "no skin".to_owned(), |mm| format!("{mm:.0} mm"));
-            let calipers: Vec<_> = view
-                .calipers
-                .iter()
-                .map(|c| c.true_mm.map_or_else(|| c.name.clone(), |mm| format!("{} {mm:.1} mm", c.name)))
-                .collect();
-            output::line(format!(
-                "{:12} {:6} {:>5.0}° {:>6.0} mm {depth:>9}  {}",
-                plane.name,
-                view.name,
-                t.angle_deg,
-                t.distance_mm,
-                calipers.join(", ")
-            ))?;
-        }
-    }
-    output::line("")?;
-    planes.planes.iter().try_for_each(|p| output::line(format!("{:12} {} ({})", p.name, p.title, p.source)))
+    output::text(&planes)
 }

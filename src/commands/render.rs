@@ -4,18 +4,17 @@ use std::path::PathBuf;
 
 use anyhow::anyhow;
 use clap::Parser;
-use insonify::chooser::{choose_still, scene_name};
-use insonify::look::{Look, Shape};
+use insonify::chooser::{StillFrame, render_still};
+use insonify::files::Outputs;
 use insonify::pose::Pose;
-use insonify::render::{Frame, Quality, Renderer};
+use insonify::render::{FrameQuality, Quality};
 use insonify::sink::{FrameFiles, FrameRecord};
 use insonify::station::Station;
 use serde::Serialize;
 
 use super::backend::BackendArgs;
 use super::effects::EffectArgs;
-use super::outputs::Outputs;
-use super::quality::{self, RaysLayers};
+use super::quality;
 use super::{Failure, input, output, session};
 
 /// Render one frame: bmode.png, segmentation.png with tissues.json, attenuation.npy, mask.png, lines.npy, frame.json.
@@ -33,7 +32,7 @@ pub(crate) struct Args {
     pose: Option<Pose>,
 
     #[arg(long, value_name = "QUALITY", help = quality::help("the station's own"))]
-    quality: Option<RaysLayers>,
+    quality: Option<FrameQuality>,
 
     #[arg(long, value_name = "N", allow_negative_numbers = true, help = quality::seed_help())]
     seed: Option<u32>,
@@ -80,7 +79,7 @@ struct Report<'a> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::load(&args.station)?;
-    Outputs::beside_station(&station).within("--out", &args.out, &FrameFiles::NAMES)?;
+    Outputs::beside(station.files()).within("--out", &args.out, &FrameFiles::NAMES)?;
     let pose = input::pose(args.pose, &station, "--pose x,y,z,qw,qx,qy,qz")?;
     let mut settings = station.settings;
     settings.lines = true;
@@ -99,45 +98,14 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let backend = args.backend.open(station.backend)?;
     let scene = session::load_scene(&station)?;
     session::warn_of_effects(&scene, &station.probe, &settings);
-    let mut renderer = Renderer::new(&backend, &scene, &station.probe, &settings)?;
-    let mut frame = Frame::default();
-    renderer.set_time_s(args.time);
-    let mut chosen = None;
-    if let (Some(frame_budget_ms), None) = (station.frame_budget_ms, args.quality) {
-        let scene = scene_name(&station);
-        let found = choose_still(&mut renderer, &scene, &station.probe, &settings, &[pose], frame_budget_ms)?;
-        chosen = Some(quality::say_chosen(&found));
-        settings.quality = Quality { rays: found.quality.rays, layers: found.quality.layers, seed };
-    }
-    renderer.render(&pose, &mut frame)?;
-    if frame.overflows > 0 {
-        tracing::warn!("{} paths met more interfaces than are kept, and go on in the last medium", frame.overflows);
-    }
-    let shape = Shape::new(
-        frame.width,
-        renderer.sector().pixel_mm,
-        &frame.mask,
-        &settings.image,
-        settings.look.independent_angles(&station.probe),
-    );
-    Look::default().apply(&settings.look, shape, &mut frame.bmode);
-    let adapter = session::adapter(&backend);
-    let (plan, sector) = (renderer.plan(), renderer.sector());
-    let mut record = FrameRecord::new(&frame, &pose, &station.probe, &settings, plan, sector, adapter);
-    record.chosen = chosen;
+    let budget_ms = station.frame_budget_ms.filter(|_| args.quality.is_none());
+    let StillFrame { frame, record, chosen } =
+        render_still(&backend, &scene, &station, settings, (pose, args.time), budget_ms)?;
+    chosen.iter().for_each(quality::say_chosen);
     let files = FrameFiles { frame: &frame, tissues: &scene.tissues, record: &record }.write(&args.out)?;
     if args.json {
         return output::json(&Report { record: &record, files });
     }
-    let (w, h, ms) = (frame.width, frame.height, frame.times.total_ms);
-    let (asked, simulated) = (settings.quality, &record.simulated);
-    let of = |simulated: u32, asked: u32, what: &str| match asked {
-        _ if asked == simulated => format!("{asked} {what}"),
-        _ => format!("{simulated} of {asked} {what}"),
-    };
-    let rays = of(simulated.rays, asked.rays, "rays");
-    let layers = of(simulated.layers, asked.layers, "layers");
-    let adapter = &record.adapter;
-    output::line(format!("{w} x {h} pixels, {rays} x {layers} in {ms:.1} ms on {}", adapter.name))?;
+    output::line(&record)?;
     files.iter().try_for_each(|file| output::line(file.display()))
 }

@@ -1,19 +1,18 @@
 //! Recorded sessions to render: frames with the poses and settings of the live session.
 
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
 use anyhow::Context as _;
 use clap::Args;
 use insonify::anatomy::Scene;
 use insonify::pipeline::OtherSetting;
-use insonify::pipeline::replay::{Replay, ReplayError, ReplayOptions, Stretch};
-use insonify::render::Backend;
+use insonify::pipeline::replay::{FrameRange, Replay, ReplayError, ReplayOptions, Stretch};
+use insonify::render::{Backend, FrameQuality};
 use insonify::sink::FrameRate;
 use insonify::station::Station;
 
 use super::effects::EffectArgs;
-use super::quality::{self, RaysLayers};
+use super::quality;
 use super::{Classify, Failure, session};
 
 /// Recording to replay, and the options for it.
@@ -26,7 +25,7 @@ pub(crate) struct ReplayArgs {
     pub(crate) station: PathBuf,
 
     #[arg(long, value_name = "QUALITY", help = quality::help("the recorded session's, else the station's"))]
-    quality: Option<RaysLayers>,
+    quality: Option<FrameQuality>,
 
     #[arg(long, value_name = "N", allow_negative_numbers = true, help = quality::seed_help())]
     seed: Option<u32>,
@@ -52,28 +51,6 @@ pub(crate) struct ReplayArgs {
     ignore_controls: bool,
 }
 
-/// Frames `start..end`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct FrameRange {
-    start: usize,
-    end: Option<usize>,
-}
-
-impl FromStr for FrameRange {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let number = |part: &str, absent| if part.is_empty() { Some(absent) } else { part.parse().ok().map(Some) };
-        let parts = text.split_once("..").and_then(|(a, b)| Some((number(a, Some(0))?, number(b, None)?)));
-        match parts {
-            Some((start, end)) if end.is_none_or(|end| end > start.unwrap_or(0)) => {
-                Ok(Self { start: start.unwrap_or(0), end })
-            }
-            _ => Err("expected a..b with a < b, a.. or ..b".to_owned()),
-        }
-    }
-}
-
 impl ReplayArgs {
     /// Reads station and recording, and says what may surprise.
     pub(crate) fn read(&self) -> Result<Replay, Failure> {
@@ -82,9 +59,8 @@ impl ReplayArgs {
         self.effects.apply(&mut station.settings);
         let options = ReplayOptions {
             rate,
-            start: self.frames.start,
-            end: self.frames.end,
-            quality: self.quality.map(|RaysLayers(quality)| quality),
+            frames: self.frames,
+            quality: self.quality,
             seed: self.seed,
             raw_poses: self.raw_poses,
             ignore_controls: self.ignore_controls,
@@ -134,21 +110,4 @@ pub(crate) fn choose_quality(replay: &mut Replay, backend: &Backend, scene: &Sce
     let Stretch { probe, settings, .. } = replay.first()?;
     session::warn_of_effects(scene, probe, settings);
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn ranges_are_understood() {
-        let range = |text: &str| text.parse::<FrameRange>().map(|r| (r.start, r.end));
-        assert_eq!(range("3..7"), Ok((3, Some(7))));
-        assert_eq!(range("3.."), Ok((3, None)));
-        assert_eq!(range("..7"), Ok((0, Some(7))));
-        assert_eq!(range(".."), Ok((0, None)));
-        for wrong in ["", "3", "7..3", "3..3", "..0", "a..b", "-1..3", "1...3"] {
-            assert!(range(wrong).is_err(), "{wrong}");
-        }
-    }
 }

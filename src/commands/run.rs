@@ -1,35 +1,29 @@
 //! `insonify run`: a live session.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use clap::Parser;
+use insonify::files::Outputs;
 use insonify::pipeline::{
-    Clock, Limits, LocalRendererFactory, Observer, Part, Parts, PoseSource, RecordedSlot, RecorderPart,
-    RecordingObserver, StandingPose, Stop, Summary, SystemClock, TrackedPoses, on_ctrl_c,
+    Limits, LiveStation, LocalRendererFactory, PoseSource, StandingPose, Summary, TrackedPoses, on_ctrl_c,
 };
-use insonify::pose::{Estimator, Pose};
+use insonify::pose::Pose;
 use insonify::recording::{Recorded, stream_of};
 #[cfg(feature = "window")]
 use insonify::settings::Control;
-use insonify::sink::LiveSinkKind;
 use insonify::sink::frame_record::AdapterRecord;
 #[cfg(feature = "window")]
-use insonify::sink::window::{WindowSlot, run_on_main_thread};
+use insonify::sink::window::run_on_main_thread;
+use insonify::sink::{FrameLog, LiveSinkKind};
 use insonify::station::Station;
-use insonify::tracker::{Speed, Transport};
 use serde::Serialize;
-#[cfg(feature = "window")]
-use tokio::sync::mpsc;
 
 use super::backend::BackendArgs;
 use super::effects::EffectArgs;
-use super::outputs::Outputs;
-use super::run_table::SummaryTable;
-use super::{Classify, Failure, input, live, live_sinks, output, recorder, session, terminal};
+use super::{Classify, Failure, input, live, output, session, terminal};
 
 /// Run a station: poses become frames, live, until Ctrl-C.
 ///
@@ -114,12 +108,6 @@ struct Report<'a> {
     summary: &'a Summary,
 }
 
-/// The last line of a metrics file.
-#[derive(Serialize)]
-struct SummaryLine<'a> {
-    summary: &'a Summary,
-}
-
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut station = station(args)?;
@@ -137,64 +125,27 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let scene = Arc::new(session::load_scene(&station)?);
     session::warn_of_effects(&scene, &station.probe, &station.settings);
     let factory = LocalRendererFactory::new(backend.clone(), scene.clone())?;
-    let mut renderer = factory.build_renderer(&station.probe, &station.settings)?;
-    let chosen = live::choose(&mut renderer, &mut station, args.pose, !args.no_generator)?;
-
-    let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
-    let stop = Stop::new(&clock);
-    on_ctrl_c(&stop, || std::process::exit(130)).context("cannot handle Ctrl-C").other()?;
-    let adapter = session::adapter(&backend);
-    // Keeps the sender: the channel must stay open even if no sink takes input.
-    let opened = live_sinks::open(&args.sinks, &station, &scene, &args.out, args.metrics.as_deref())?;
-    let mut recorded: Option<RecordedSlot> = None;
-    let mut before: Vec<Box<dyn Part>> = Vec::new();
-    let mut after: Vec<Box<dyn Part>> = Vec::new();
-    let mut recording = None;
-    let mut observer: Option<Arc<dyn Observer>> = None;
-    if let (Some(path), Some(stream)) = (&args.record, stream) {
-        let began_ns = clock.start_unix_ns();
-        let recorder = recorder::start(path, &station, stream, "station's tracker", &adapter.name, began_ns)?;
-        recording = Some(recorder.handle());
-        observer = Some(Arc::new(RecordingObserver(recorder.handle())));
-        let (part, slot) = RecorderPart::new(recorder);
-        after.push(Box::new(part));
-        recorded = Some(slot);
-    }
-    if let Some(tracked) = &tracked {
-        before.push(Box::new(tracked.track(&station.tracker, recording, stop.clone())?));
-    }
-    let parts = Parts {
-        clock,
-        stop,
-        poses,
-        renderer: Box::new(renderer),
-        factory: Box::new(factory),
-        probe: station.probe,
-        render: station.settings,
-        points: chosen.points,
-        aperture: chosen.aperture,
-        generators: chosen.generators,
-        sinks: opened.sinks,
-        log: opened.log,
-        controls: opened.controls,
-        observer,
-        before,
-        after,
+    let mut live = LiveStation::new(&mut station, factory, poses, args.pose, !args.no_generator)?;
+    live::say(&mut live);
+    on_ctrl_c(&live.parts.stop, || std::process::exit(130)).context("cannot handle Ctrl-C").other()?;
+    let adapter = AdapterRecord::from(&backend);
+    live.open_sinks(&sinks(args, &station), &station, &scene, &args.out)?;
+    live::say(&mut live);
+    live.parts.log = args.metrics.as_deref().map(FrameLog::create).transpose()?;
+    let recorded = match (&args.record, stream) {
+        (Some(path), Some(stream)) => Some((path, live.record(path, &station, stream, &adapter.name)?)),
+        _ => None,
     };
+    if let Some(tracked) = &tracked {
+        live.track(tracked, &station.tracker)?;
+    }
     let limits = Limits { duration: args.duration, frames: args.frames };
-    let summary = session(
-        &station,
-        limits,
-        parts,
-        #[cfg(feature = "window")]
-        opened.window.map(|slot| (slot, opened.control.clone())),
-    )?;
-    drop(opened.control);
+    let summary = session(&station, limits, live)?;
     report(args, &summary, adapter)?;
     if let Some(tracked) = &tracked {
         live::say_left_out(&tracked.counters());
     }
-    if let (Some(slot), Some(path)) = (recorded, &args.record) {
+    if let Some((path, slot)) = recorded {
         let recorded = slot.lock().ok().and_then(|mut recorded| recorded.take());
         match recorded {
             Some(Recorded { failure: Some(failure), .. }) => return Err(Failure::Other(anyhow!("{failure}"))),
@@ -205,30 +156,28 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             None => return Err(Failure::Other(anyhow!("{} was not finished in time", path.display()))),
         }
     }
-    let failed: Vec<&str> = summary.sinks.iter().filter_map(|sink| sink.error.as_deref()).collect();
-    if !failed.is_empty() {
-        return Err(Failure::Other(anyhow!("{}", failed.join("; "))));
-    }
-    match &summary.stuck[..] {
-        [] => Ok(()),
-        stuck => Err(Failure::Other(anyhow!("did not end in time: {}", stuck.join(", ")))),
-    }
+    summary.failure().map_or(Ok(()), |failure| Err(Failure::Other(anyhow!("{failure}"))))
 }
 
 /// Refuses files that the session reads, and files that are there already.
 fn check_outputs(args: &Args, station: &Station) -> Result<(), Failure> {
-    let mut outputs = Outputs::beside_station(station);
+    let mut outputs = Outputs::beside(station.files());
     if let Some(path) = &args.record {
         outputs = outputs.file("--record", path, args.force)?;
     }
     if let Some(path) = &args.metrics {
         outputs = outputs.log("--metrics", path, args.force)?;
     }
-    let names = live_sinks::files(&live_sinks::kinds(&args.sinks, station));
+    let names: Vec<&str> = sinks(args, station).into_iter().flat_map(|kind| kind.files()).copied().collect();
     if !names.is_empty() {
         outputs.within("--out", &args.out, &names)?;
     }
     Ok(())
+}
+
+/// Sinks named on the command line, else by the station.
+fn sinks(args: &Args, station: &Station) -> Vec<LiveSinkKind> {
+    if args.sinks.is_empty() { station.live_sinks() } else { LiveSinkKind::each_once(args.sinks.clone()) }
 }
 
 /// Poses, and their tracker if any.
@@ -236,8 +185,9 @@ type Source = (Box<dyn PoseSource>, Option<TrackedPoses>);
 
 /// Source of the poses.
 fn pose_source(args: &Args, station: &Station) -> Result<Source, Failure> {
-    if args.pose.is_none() && station.tracker.transport != Transport::None {
-        let tracked = TrackedPoses::new(Estimator::new(station.pose_settings()?));
+    if args.pose.is_none()
+        && let Some(tracked) = TrackedPoses::of_station(station)?
+    {
         return Ok((Box::new(tracked.clone()), Some(tracked)));
     }
     let pose = input::pose(args.pose, station, "--replay FILE, --pose x,y,z,qw,qx,qy,qz, or a [tracker]")?;
@@ -249,24 +199,18 @@ fn station(args: &Args) -> Result<Station, Failure> {
     let mut station = Station::load(&args.station)?;
     args.effects.apply(&mut station.settings);
     if let Some(path) = &args.replay {
-        station.tracker.transport =
-            Transport::Recording { path: path.clone(), speed: Speed::Factor(1.0), repeat: false };
-        // The station's sensor is one of another device; the recording names its own.
-        station.tracker.device.sensor = None;
+        station.play(path);
     }
     Ok(station)
 }
 
 /// Runs the session; a window takes the main thread meanwhile.
-fn session(
-    station: &Station,
-    limits: Limits,
-    parts: Parts,
-    #[cfg(feature = "window")] window: Option<(WindowSlot, mpsc::Sender<Control>)>,
-) -> Result<Summary, Failure> {
+fn session(station: &Station, limits: Limits, live: LiveStation) -> Result<Summary, Failure> {
+    // The sender is kept: the channel must stay open even if no sink takes input.
+    let (parts, control) = (live.parts, live.control);
     let run = move || live::run(station, limits, parts, |_| {});
     #[cfg(feature = "window")]
-    if let Some((slot, control)) = window {
+    if let Some(slot) = live.window {
         let window = station.window.unwrap_or_default();
         return std::thread::scope(|scope| {
             let session = scope.spawn(run);
@@ -280,20 +224,19 @@ fn session(
             summary
         });
     }
-    run()
+    let summary = run();
+    drop(control);
+    summary
 }
 
 /// Prints the summary, and appends it to the metrics file.
 fn report(args: &Args, summary: &Summary, adapter: AdapterRecord) -> Result<(), Failure> {
     if let Some(path) = &args.metrics {
-        let file = std::fs::OpenOptions::new().append(true).open(path);
-        let line = serde_json::to_string(&SummaryLine { summary }).other()?;
-        let written = file.and_then(|mut file| writeln!(file, "{line}"));
-        written.with_context(|| format!("cannot write {}", path.display())).other()?;
+        summary.append_to(path)?;
     }
     if args.json {
         return output::json(&Report { version: env!("CARGO_PKG_VERSION"), station: &args.station, adapter, summary });
     }
     output::line(format!("device             {} ({})", adapter.name, adapter.driver))?;
-    output::line(SummaryTable(summary))
+    output::line(summary)
 }

@@ -1,8 +1,7 @@
 //! Options of the runtime of generators.
 
 use insonify::generator::{LoadOptions, Precision, Provider, Settings};
-
-use super::input;
+use insonify::settings::{Setting, SettingsGroup as _};
 
 /// Execution provider, precision and threads of generators.
 #[derive(Debug, clap::Args)]
@@ -15,12 +14,12 @@ pub(super) struct RuntimeArgs {
     #[arg(long, value_name = "NAME", default_value_t)]
     pub(super) precision: Precision,
 
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = threads, help = input::described::<Settings>("threads"))]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=256), help = threads())]
     pub(super) threads: u32,
 }
 
-fn threads(text: &str) -> Result<u32, String> {
-    input::whole::<Settings>("threads", text)
+fn threads() -> String {
+    Settings::setting("threads").map_or_else(String::new, Setting::described)
 }
 
 impl RuntimeArgs {

@@ -3,19 +3,17 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use anyhow::anyhow;
 use clap::Parser;
 use insonify::anatomy::Mesh;
-use insonify::exam::score::{self, HOLD_S, PlaneScore, Reference, Score};
-use insonify::pipeline::ReplayedControls;
-use insonify::pose::{TimedPose, TrackingState};
-use insonify::recording::{RecordingReader, RecordingReport, read_both};
+use insonify::exam::score::{self, Reference, Score};
+use insonify::files::Outputs;
+use insonify::pipeline::replay::RecordedExam;
+use insonify::recording::RecordingReport;
 use insonify::report::exam as exam_report;
-use insonify::settings::{Choice, Effect, LiveSettings};
+use insonify::settings::{Choice, Effect};
 use insonify::station::{PlaneScene, Station};
 use serde::Serialize;
 
-use super::outputs::Outputs;
 use super::replay_args::warn_of_refused;
 use super::{Failure, input, output, session};
 
@@ -66,30 +64,10 @@ struct Report<'a> {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::load(&args.station)?;
     if let Some(out) = &args.out {
-        Outputs::beside_station(&station).and([&args.recording]).replaced("--out", out)?;
+        Outputs::beside(station.files()).and([&args.recording]).replaced("--out", out)?;
     }
-    let (raw, used, summary) = read_both(RecordingReader::open(&args.recording)?)?;
-    summary.warn_of_damage(&args.recording);
-    // Scores the poses shown in the session; without any, the tracker's poses with the station's calibration.
-    let (mut poses, source): (Vec<TimedPose>, _) = if used.is_empty() {
-        let calibration = station.pose_settings()?.calibration;
-        (raw.iter().map(|t| TimedPose { pose: calibration.scene_from_probe(t.pose), ..*t }).collect(), "tracker")
-    } else {
-        let shown = used.iter().filter(|p| p.state <= TrackingState::Stuck);
-        let timed = shown.map(|p| TimedPose {
-            host_time_ns: p.host_time_ns,
-            device_time_us: p.host_time_ns / 1000,
-            pose: p.pose,
-        });
-        (timed.collect(), "session")
-    };
-    if poses.is_empty() {
-        return Err(Failure::Input(anyhow!("{} holds no pose to score", args.recording.display())));
-    }
-    let begin = LiveSettings { probe: station.probe, render: station.settings, frozen: false, generator: false };
-    let mut controls = ReplayedControls::new(begin, &summary.events);
-    warn_of_refused(&args.recording, controls.refused());
-    let depths_mm = shown(&mut poses, &mut controls);
+    let exam = RecordedExam::read(&args.recording, &station)?;
+    warn_of_refused(&args.recording, &exam.refused);
     let scene = session::load_scene(&station)?;
     let PlaneScene { planes, skin } = PlaneScene::of(&station, &scene)?;
     let names = planes.surfaces();
@@ -102,9 +80,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         surfaces: &surfaces,
         contact: &station.settings.contact,
         probe: &station.probe,
-        depths_mm: &depths_mm,
+        depths_mm: &exam.depths_mm,
     };
-    let (score, track) = score::score(&poses, &summary.events, &reference);
+    let (score, track) = score::score(&exam.poses, &exam.summary.events, &reference);
     for refused in &score.calipers_refused {
         tracing::warn!("{}: {refused}", args.recording.display());
     }
@@ -113,115 +91,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         exam_report::write(out, &title, &score, &track, &reference)?;
     }
     if args.json {
-        let recording = RecordingReport::new(&args.recording, &summary);
-        return output::json(&Report { recording, station: &args.station, poses: source, score: &score });
+        let recording = RecordingReport::new(&args.recording, &exam.summary);
+        return output::json(&Report { recording, station: &args.station, poses: exam.source, score: &score });
     }
-    print(&score)?;
+    output::text(&score)?;
     args.out.as_ref().map_or(Ok(()), |out| output::line(format!("\n{}", out.display())))
-}
-
-/// Holds the pose while the picture is frozen. Returns the image depth at each pose, mm.
-fn shown(poses: &mut [TimedPose], controls: &mut ReplayedControls) -> Vec<f64> {
-    let mut last = None;
-    let mut each = |timed: &mut TimedPose| {
-        let live = controls.at(timed.host_time_ns);
-        if live.frozen {
-            timed.pose = last.unwrap_or(timed.pose);
-        }
-        last = Some(timed.pose);
-        live.probe.depth_mm
-    };
-    poses.iter_mut().map(&mut each).collect()
-}
-
-fn print(score: &Score) -> Result<(), Failure> {
-    output::line(format!(
-        "{} of {} planes found, {:.0} of 100 points; {:.1} s, {:.0} mm of way at {:.0} mm/s, {:.0} % of the time on the skin, with {:.0} % of the face",
-        score.found,
-        score.planes.len(),
-        score.points,
-        score.duration_s,
-        score.path_mm,
-        score.mean_speed_mm_s,
-        100.0 * score.contact,
-        100.0 * score.face_contact
-    ))?;
-    output::line("")?;
-    output::line(format!(
-        "{:12} {:>9} {:>9} {:>8} {:>9} {:>9} {:>9} {:>9} {:>7}",
-        "plane", "found at", "way", "held", "angle", "distance", "unsteady", "pressed", "points"
-    ))?;
-    score.planes.iter().try_for_each(|plane| output::line(plane_line(plane)))?;
-    output::line(format!(
-        "(angle, distance, steadiness and pressure in the best second; found: held within tolerance for {HOLD_S} s)"
-    ))?;
-    if score.planes.iter().any(|plane| !plane.measures.is_empty()) {
-        output::line("\nwhat would be measured at the best moment:")?;
-    }
-    for (plane, m) in score.planes.iter().flat_map(|plane| plane.measures.iter().map(move |m| (plane, m))) {
-        let line = measure_line(&m.name, m.measured_mm, m.true_mm, m.error_percent);
-        output::line(format!("{line}  {}: {}", plane.name, m.title))?;
-    }
-    if !score.calipers.is_empty() {
-        output::line("\nwhat the session measured:")?;
-    }
-    for c in &score.calipers {
-        let line = measure_line(&c.name, Some(c.measured_mm), c.true_mm, c.error_percent);
-        output::line(format!("{line}  at {:.1} s", c.time_s))?;
-    }
-    Ok(())
-}
-
-fn plane_line(plane: &PlaneScore) -> String {
-    let or_dash = |value: Option<f64>, unit: &str, digits: usize| {
-        value.map_or_else(|| "-".to_owned(), |v| format!("{v:.digits$}{unit}"))
-    };
-    let name = if plane.view.is_empty() { plane.name.clone() } else { format!("{} ({})", plane.name, plane.view) };
-    format!(
-        "{name:12} {:>9} {:>9} {:>8} {:>9} {:>9} {:>9} {:>9} {:>7.0}",
-        plane.find_s.map_or_else(|| "no".to_owned(), |s| format!("{s:.1} s")),
-        or_dash(plane.path_to_find_mm, " mm", 0),
-        or_dash(Some(plane.longest_hold_s), " s", 1),
-        or_dash(plane.best.map(|b| b.angle_deg), "°", 1),
-        or_dash(plane.best.map(|b| b.distance_mm), " mm", 1),
-        or_dash(plane.unsteady_mm, " mm", 2),
-        or_dash(plane.press_mm, " mm", 1),
-        plane.points
-    )
-}
-
-fn measure_line(name: &str, measured_mm: Option<f64>, true_mm: Option<f64>, error_percent: Option<f64>) -> String {
-    let mm = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.1} mm"));
-    let error = error_percent.map_or_else(String::new, |e| format!("{e:+.1} %"));
-    let measured = if measured_mm.is_some() { mm(measured_mm) } else { "not in view".to_owned() };
-    format!("{name:6} {measured:>12}, truly {:>9}  {error:>8}", mm(true_mm))
-}
-
-#[cfg(test)]
-mod tests {
-    use insonify::recording::Event;
-    use insonify::settings::{LiveSettings, Probe};
-
-    use super::*;
-
-    #[test]
-    fn the_picture_on_the_screen_counts() {
-        let pose = |i: u64| {
-            let pose = insonify::pose::Pose::from_components([i as f64, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]).unwrap();
-            TimedPose { host_time_ns: 1000 + 10 * i, device_time_us: 0, pose }
-        };
-        let mut poses: Vec<TimedPose> = (0..5).map(pose).collect();
-        let event = |time_ns, name: &str, value: serde_json::Value| Event::new(time_ns, name).with(value);
-        let events = [
-            event(1010, "depth_mm", 90.0.into()),
-            event(1020, "frozen", true.into()),
-            event(1040, "frozen", false.into()),
-        ];
-        let mut controls = ReplayedControls::new(LiveSettings::default(), &events);
-        assert_eq!(controls.refused(), [] as [String; 0]);
-        let depths = shown(&mut poses, &mut controls);
-        assert_eq!(depths, [Probe::default().depth_mm, 90.0, 90.0, 90.0, 90.0]);
-        let xs: Vec<f64> = poses.iter().map(|p| p.pose.position_mm.x).collect();
-        assert_eq!(xs, [0.0, 1.0, 1.0, 1.0, 4.0]);
-    }
 }

@@ -4,13 +4,13 @@ use std::path::PathBuf;
 
 use anyhow::anyhow;
 use clap::Parser;
+use insonify::files::Outputs;
 use insonify::render::BackendChoice;
-use insonify::report::selftest::{self as selftest_report, figure};
-use insonify::selftest::{self, Report};
+use insonify::report::selftest as selftest_report;
+use insonify::selftest;
 use insonify::sink::write_json;
 
 use super::backend::BackendArgs;
-use super::outputs::Outputs;
 use super::progress::Progress;
 use super::{Failure, input, output};
 
@@ -54,7 +54,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if let Some(path) = &args.html {
         selftest_report::write(path, &report)?;
     }
-    print(&report)?;
+    output::text(selftest_report::table(&report))?;
     for path in args.json.iter().chain(&args.html) {
         output::line(path.display())?;
     }
@@ -67,21 +67,4 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         "{device} ({driver}) does not render what it should: {}. Update its driver, or choose another one (WGPU_BACKEND)",
         failed.join("; ")
     )))
-}
-
-fn print(report: &Report) -> Result<(), Failure> {
-    output::line(format!("{} ({}), {}", report.device, report.driver, report.date))?;
-    output::line(format!("\n{:15} {:54} {:>10} {:>14} {:>10} {:6}", "", "", "expected", "measured", "tolerance", ""))?;
-    let mut group = "";
-    for check in &report.checks {
-        let title = if check.group == group { "" } else { check.group };
-        group = check.group;
-        let figure = |value| figure(value, check.tolerance);
-        let [expected, measured, tolerance] = [check.expected, check.measured, check.tolerance].map(figure);
-        let result = if check.passed { "pass" } else { "FAIL" };
-        let (name, unit) = (&check.name, check.unit);
-        output::line(format!("{title:15} {name:54} {expected:>10} {measured:>14} {tolerance:>10} {unit:6} {result}"))?;
-    }
-    let (passed, all) = (report.checks.len() - report.failed().count(), report.checks.len());
-    output::line(format!("\n{passed} of {all} checks passed in {:.1} s", report.duration_s))
 }

@@ -1,18 +1,12 @@
 //! Rendering for commands: scene, warnings, and frames in order.
 
 use insonify::anatomy::Scene;
-use insonify::render::{Backend, EffectPlan, RenderSettings};
-use insonify::sink::frame_record::AdapterRecord;
+use insonify::render::{EffectPlan, RenderSettings};
 use insonify::station::{SceneFile, SceneSource, Station};
 use insonify::transducer::Probe;
 
+use super::Failure;
 use super::progress::Progress;
-use super::{Failure, quality};
-
-/// Name and driver of the backend.
-pub(crate) fn adapter(backend: &Backend) -> AdapterRecord {
-    AdapterRecord { name: backend.name(), driver: backend.driver() }
-}
 
 /// The surfaces of a station, from its file or from the cache of generated scenes.
 pub(crate) fn load_scene(station: &Station) -> Result<Scene, Failure> {
@@ -44,16 +38,7 @@ pub(crate) fn warn_of_effects(scene: &Scene, probe: &Probe, settings: &RenderSet
 /// Warns that the command ignores the station's budget and uses the lowest quality.
 pub(crate) fn warn_of_budget(station: &Station) {
     if let Some(frame_budget_ms) = station.frame_budget_ms {
-        let quality = quality::name(&station.settings.quality);
+        let quality = station.settings.quality.name();
         tracing::warn!("quality.frame_budget_ms = {frame_budget_ms} chooses nothing here: the quality is {quality}");
-    }
-}
-
-/// Warns of frames in which crossings did not fit the buffers.
-pub(crate) fn warn_of_overflows(frames: usize) {
-    if frames > 0 {
-        tracing::warn!(
-            "in {frames} frames a few paths met more interfaces than are kept, and go on in the last medium"
-        );
     }
 }

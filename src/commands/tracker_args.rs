@@ -1,12 +1,9 @@
 //! A tracker as chosen on the command line.
 
-use std::net::SocketAddr;
-
-use anyhow::{Context, anyhow};
+use anyhow::anyhow;
 use clap::Args;
 use insonify::station::Station;
-use insonify::tracker::ndi::USUAL_BAUD;
-use insonify::tracker::{BAUD_RANGE, PortName, Protocol, Settings, Transport};
+use insonify::tracker::{BAUD_RANGE, Choice, PortName, Protocol, Settings, Transport};
 
 use super::{Classify, Failure};
 
@@ -50,77 +47,8 @@ impl TrackerArgs {
     /// The chosen tracker, with the device settings of `base`; `None` without a protocol.
     pub(crate) fn over(&self, base: Settings) -> Result<Option<Settings>, Failure> {
         let Some(protocol) = self.protocol else { return Ok(None) };
-        // Sensor numbers of another protocol or of a recording do not apply.
-        let same = base.protocol == protocol && !matches!(base.transport, Transport::Recording { .. });
-        let mut settings = Settings { protocol, ..base };
-        settings.device.sensor = self.sensor.or(settings.device.sensor.filter(|_| same));
-        let hid = Transport::Hid { device: self.port.clone() };
-        settings.transport = match (&self.port, &self.address) {
-            _ if hid.carries(protocol) => hid,
-            (Some(port), _) => {
-                // An NDI device is opened at its default speed and then switched to the requested one.
-                let baud = self.baud.filter(|_| protocol != Protocol::Ndi).unwrap_or(protocol.usual_baud());
-                Transport::Serial { port: port.clone(), baud }
-            }
-            (None, Some(address)) => {
-                let tcp = Transport::Tcp { address: address.clone() };
-                if tcp.carries(protocol) {
-                    tcp
-                } else {
-                    let address: SocketAddr = address
-                        .parse()
-                        .with_context(|| format!("`{address}` is no address to listen at; it must be IP:port"))
-                        .input()?;
-                    Transport::Udp { address }
-                }
-            }
-            (None, None) => return Err(Failure::Input(anyhow!("give --port or --address, too"))),
-        };
-        let is_serial = matches!(settings.transport, Transport::Serial { .. });
-        settings.device.ndi.baud = is_serial.then(|| self.baud.unwrap_or(USUAL_BAUD));
-        if protocol == Protocol::Ndi {
-            settings.device.ndi.validate().context("--baud").input()?;
-        }
-        Ok(Some(settings))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn args(protocol: Protocol) -> TrackerArgs {
-        TrackerArgs { port: None, address: None, protocol: Some(protocol), baud: None, sensor: None }
-    }
-
-    fn serial(protocol: Protocol, baud: Option<u32>) -> TrackerArgs {
-        TrackerArgs { port: Some(PortName::Path("/dev/ttyUSB0".into())), baud, ..args(protocol) }
-    }
-
-    #[test]
-    fn an_ndi_device_is_switched_on_serial_lines_alone() {
-        let mut base = Settings { protocol: Protocol::Ndi, ..Settings::default() };
-        base.device.ndi.baud = Some(921_600);
-        let tcp = TrackerArgs { address: Some("10.0.0.2:8765".to_owned()), ..args(Protocol::Ndi) };
-        let found = tcp.over(base.clone()).unwrap().unwrap();
-        assert_eq!((found.transport.name(), found.device.ndi.baud), ("tcp", None));
-        for (asked, expected) in [(None, 115_200), (Some(921_600), 921_600)] {
-            let found = serial(Protocol::Ndi, asked).over(Settings::default()).unwrap().unwrap();
-            assert_eq!(found.device.ndi.baud, Some(expected));
-            assert!(matches!(found.transport, Transport::Serial { baud: 9600, .. }), "{:?}", found.transport);
-        }
-        assert!(serial(Protocol::Ndi, Some(12_345)).over(base).is_err());
-        let found = serial(Protocol::Liberty, Some(12_345)).over(Settings::default()).unwrap().unwrap();
-        assert!(matches!(found.transport, Transport::Serial { baud: 12_345, .. }));
-    }
-
-    #[test]
-    fn the_stations_sensor_is_of_its_own_protocol() {
-        let mut base = Settings { protocol: Protocol::Liberty, ..Settings::default() };
-        base.device.sensor = Some(2);
-        let sensor = |args: TrackerArgs| args.over(base.clone()).unwrap().unwrap().device.sensor;
-        assert_eq!(sensor(serial(Protocol::Liberty, None)), Some(2));
-        assert_eq!(sensor(serial(Protocol::AsciiLine, None)), None);
-        assert_eq!(sensor(TrackerArgs { sensor: Some(3), ..serial(Protocol::AsciiLine, None) }), Some(3));
+        let (port, address) = (self.port.clone(), self.address.clone());
+        let choice = Choice { protocol, port, address, baud: self.baud, sensor: self.sensor };
+        choice.over(base).map(Some).input()
     }
 }

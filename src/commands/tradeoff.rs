@@ -1,18 +1,17 @@
 //! `insonify tradeoff`: frame time against image error.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use anyhow::anyhow;
 use clap::Parser;
-use insonify::sink::{create_dir, png, write_json, write_text};
+use insonify::files::Outputs;
+use insonify::names::counted;
+use insonify::sink::create_dir;
 use insonify::station::{Poses, Station};
-use insonify::tradeoff::plot::Figure;
-use insonify::tradeoff::{self, Sweep, SweepReport, SweepSettings};
+use insonify::tradeoff::{SWEEP_FILES, Sweep, SweepSettings};
 
 use super::backend::BackendArgs;
-use super::outputs::Outputs;
 use super::sweep_bar::{SweepBar, of_options};
-use super::{Classify, Failure, input, output, session};
+use super::{Failure, input, output, session};
 
 /// Measure what accuracy costs in time: sweep the quality knobs, and compare every point with a converged reference.
 ///
@@ -75,22 +74,10 @@ Examples:
   insonify tradeoff configs/live.toml --out out/tradeoff
   insonify tradeoff configs/vessel_needle.toml --quick";
 
-/// Files of a run, as in the help.
-const FILES: [&str; 8] = [
-    "tradeoff.csv",
-    "tradeoff.json",
-    "tradeoff.svg",
-    "tradeoff.png",
-    "tradeoff.md",
-    "effects.csv",
-    "looks.csv",
-    "points/*",
-];
-
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::load(&args.station)?;
-    Outputs::beside_station(&station).and(&args.recording).within("--out", &args.out, &FILES)?;
+    Outputs::beside(station.files()).and(&args.recording).within("--out", &args.out, &SWEEP_FILES)?;
     if args.recording.as_deref().or(station.recording()).is_none() {
         input::pose(None, &station, "--recording FILE, a recorded tracker")?;
     }
@@ -109,7 +96,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let sweep = Sweep::prepare(&backend, &station, &scene, &args.out, &settings).map_err(of_options)?;
     eprintln!(
         "{}, {}, on {}: about {}",
-        output::counted(sweep.poses(), "pose"),
+        counted(sweep.poses(), "pose"),
         sweep.source(),
         sweep.device(),
         output::duration(sweep.estimated_s())
@@ -117,36 +104,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let bar = SweepBar::default();
     let report = sweep.run(&|step| bar.say(step)).map_err(of_options)?;
     drop(bar);
-    write(&args.out, &report)
-}
-
-/// Writes the files of a run, and prints its tables.
-fn write(out: &Path, report: &SweepReport) -> Result<(), Failure> {
-    let SweepReport { station, device, processor, threads, poses, points, effects, looks, reference, .. } = report;
-    let converged = reference.converged;
-    let not = if converged { "" } else { " (reference not converged)" };
-    let title =
-        format!("{}{not}, {}, on {device}, {threads} threads", station.display(), output::counted(*poses, "pose"));
-    write_text(&out.join("tradeoff.csv"), &tradeoff::csv(points))?;
-    write_text(&out.join("effects.csv"), &tradeoff::effects_csv(effects))?;
-    write_text(&out.join("looks.csv"), &tradeoff::effects_csv(looks))?;
-    let both = [&effects[..], looks].concat();
-    let table = format!("{}\n{}", tradeoff::markdown(points), tradeoff::effects_markdown(&both));
-    write_text(&out.join("tradeoff.md"), &format!("{title} of {processor}. {reference}\n\n{table}"))?;
-    write_json(&out.join("tradeoff.json"), report)?;
-    let failed = |e: String| anyhow!("the figure can't be drawn: {e}");
-    let figure = Figure { points, effects: &both, title: &title, converged };
-    let svg = tradeoff::plot::svg(&figure).map_err(failed).other()?;
-    write_text(&out.join("tradeoff.svg"), &svg)?;
-    let (width, height, rgb) = tradeoff::plot::rgb(&figure).map_err(failed).other()?;
-    png::write_rgb(&out.join("tradeoff.png"), width, height, &rgb)?;
-    output::line(table)?;
-    output::line(reference)?;
-    for name in ["csv", "json", "svg", "png", "md"] {
-        output::line(out.join(format!("tradeoff.{name}")).display())?;
-    }
-    for name in ["effects.csv", "looks.csv"] {
-        output::line(out.join(name).display())?;
+    output::line(report.tables())?;
+    output::line(&report.reference)?;
+    for path in report.write(&args.out)? {
+        output::line(path.display())?;
     }
     Ok(())
 }

@@ -6,6 +6,7 @@ use std::time::Instant;
 use anyhow::anyhow;
 use clap::Parser;
 use insonify::anatomy::{Axes, Scene, TissueTable, import};
+use insonify::files::Outputs;
 use insonify::pose::Pose;
 use insonify::render::{Frame, Renderer};
 use insonify::report::scene_view::{
@@ -17,7 +18,6 @@ use insonify::transducer::Probe;
 use serde::Serialize;
 
 use super::backend::BackendArgs;
-use super::outputs::Outputs;
 use super::{Classify, Failure, input, output, session};
 
 /// Picture a scene with the probe's fan in it, as a PNG: shaded surfaces in the colours of their tissues.

@@ -1,7 +1,9 @@
 //! Making of a planned data set in a directory.
 
+use std::fmt;
 use std::path::{Path, PathBuf};
 
+use super::maker::megabytes;
 use super::plan::{Moment, Source};
 use super::stations::{has_planes, with_phantom};
 use super::step::{Progress, Step};
@@ -36,6 +38,13 @@ pub struct Made {
     pub bytes: u64,
     /// Manifest of the shard.
     pub manifest: PathBuf,
+}
+
+impl fmt::Display for Made {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { made, kept, train, test, bytes, .. } = self;
+        write!(f, "{made} tuples made, {kept} were there; {train} to train, {test} to test, {}", megabytes(*bytes))
+    }
 }
 
 impl Maker {

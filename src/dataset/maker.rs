@@ -1,12 +1,15 @@
 //! Plan of a requested data set: everything but its frames.
 
 use std::collections::BTreeSet;
+use std::fmt;
 use std::ops::Range;
 
 use super::recipe::Qualities;
 use super::stations::classes;
 use super::targets::Targets;
 use super::{ATTENUATION_POWER, DatasetError, Exam, FORMAT, Header, PLANES, Plan, Recipe, Shard, Split, StationRow};
+use crate::names::thousands;
+use crate::render::FrameQuality;
 
 /// Plan of a data set, ready to be made.
 #[derive(Debug)]
@@ -30,6 +33,35 @@ pub struct Planned {
     pub phantoms: usize,
     /// Size of the arrays, bytes.
     pub bytes: u64,
+}
+
+impl fmt::Display for Maker {
+    /// Tuples, qualities and size of the shard in a line.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Planned { train, test, exams, phantoms, bytes } = self.planned();
+        let Header { lq, lq_more, hq, look, .. } = &self.header;
+        let quality = |[rays, layers]: [u32; 2], angles| FrameQuality { angles, ..FrameQuality::new(rays, layers) };
+        let lq: Vec<String> =
+            std::iter::once(lq).chain(lq_more).map(|&lq| quality(lq, look.lq_angles).to_string()).collect();
+        let (lq, hq) = (lq.join(", "), quality(*hq, look.hq_angles));
+        write!(f, "{} tuples", thousands(train + test))?;
+        if self.recipe.shard.of > 1 {
+            write!(f, " (shard {})", self.recipe.shard)?;
+        }
+        write!(f, " of {exams} sessions")?;
+        if phantoms > 0 {
+            write!(f, " over {phantoms} phantoms")?;
+        }
+        write!(f, ": {train} to train, {test} to test; {lq} against {hq} rays x layers; {} on disk", megabytes(bytes))
+    }
+}
+
+/// Size as text.
+pub(super) fn megabytes(bytes: u64) -> String {
+    match bytes as f64 * 1e-6 {
+        mb if mb < 2000.0 => format!("{mb:.0} MB"),
+        mb => format!("{:.1} GB", mb * 1e-3),
+    }
 }
 
 impl Maker {

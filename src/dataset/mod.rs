@@ -47,7 +47,7 @@ pub use read::{Dataset, Tuple, manifests, read_rows};
 pub use recipe::Recipe;
 pub use row::{CompoundingRow, ExamRow, Header, PoseRow, RollingRow, Row, ScanRow, SettingsRow, Split, StationRow};
 pub use step::{Progress, Step};
-pub use tuple_renderer::TupleRenderer;
+pub(crate) use tuple_renderer::TupleRenderer;
 pub use variation::parameters;
 pub use verify::Verified;
 

@@ -46,7 +46,7 @@ pub struct Header {
 
 impl Header {
     /// Rays and layers of the low quality of a tuple.
-    pub fn lq_of(&self, index: usize) -> [u32; 2] {
+    pub(crate) fn lq_of(&self, index: usize) -> [u32; 2] {
         match index % (1 + self.lq_more.len()) {
             0 => self.lq,
             nth => self.lq_more.get(nth - 1).copied().unwrap_or(self.lq),
@@ -71,7 +71,7 @@ pub struct StationRow {
 
 impl StationRow {
     /// Whether both are of the same files.
-    pub fn same_files(&self, other: &Self) -> bool {
+    pub(crate) fn same_files(&self, other: &Self) -> bool {
         let files = |station: &Self| [Some(station.file.clone()), station.scene_sha256.clone()];
         files(self) == files(other)
     }

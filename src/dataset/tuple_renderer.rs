@@ -37,7 +37,7 @@ struct SceneRenderers {
 }
 
 /// Renders tuples. Keeps the last scene: rows of one scene follow each other.
-pub struct TupleRenderer<'a> {
+pub(crate) struct TupleRenderer<'a> {
     backend: &'a Backend,
     progress: &'a Progress<'a>,
     classes: Vec<String>,
@@ -48,7 +48,7 @@ pub struct TupleRenderer<'a> {
 
 impl<'a> TupleRenderer<'a> {
     /// A renderer of tuples with these classes. `progress` receives the steps in building a phantom.
-    pub fn new(backend: &'a Backend, classes: Vec<String>, progress: &'a Progress<'a>) -> Self {
+    pub(crate) fn new(backend: &'a Backend, classes: Vec<String>, progress: &'a Progress<'a>) -> Self {
         Self { backend, progress, classes, scene: None, frames: Default::default(), planes: Default::default() }
     }
 
@@ -106,7 +106,7 @@ impl<'a> TupleRenderer<'a> {
     ///
     /// # Errors
     /// A scene that cannot be loaded, has a tissue without a class, or cannot be rendered.
-    pub fn high_quality(&mut self, station: &Station, row: &Row, seed: u32) -> Result<&[u8], DatasetError> {
+    pub(crate) fn high_quality(&mut self, station: &Station, row: &Row, seed: u32) -> Result<&[u8], DatasetError> {
         self.render(1, station, &Row { seed, ..row.clone() })?;
         Ok(&self.frames[1].bmode)
     }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::ffi::OsString;
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -11,6 +12,7 @@ use super::tables::csv_scores;
 use super::{EvaluationError, FeatureModel};
 use crate::files::read_grey;
 use crate::generator::OnnxFeatures;
+use crate::names::counted;
 use crate::quality::{Pair, Scores, Summary, frechet_distance_of};
 use crate::tradeoff::csv_field;
 
@@ -112,6 +114,31 @@ impl ImagesReport {
             text += &format!("{},{}\n", csv_field(name), csv_scores(scores));
         }
         text
+    }
+}
+
+impl fmt::Display for ImagesReport {
+    /// Table of means and percentiles.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Summary { images, identical, psnr_db, ssim, without_pkl, pkl } = &self.summary;
+        writeln!(f, "{:12} {:>9} {:>9}", "", "mean", "5/95 %")?;
+        writeln!(f, "{:12} {:>9.2} {:>9.2}", "PSNR [dB]", psnr_db.mean, psnr_db.percentile)?;
+        writeln!(f, "{:12} {:>9.2} {:>9.2}", "SSIM [%]", 100.0 * ssim.mean, 100.0 * ssim.percentile)?;
+        match pkl {
+            Some(pkl) => writeln!(f, "{:12} {:>9.2} {:>9.2}", "pKL x100", 100.0 * pkl.mean, 100.0 * pkl.percentile)?,
+            None => writeln!(f, "{:12} {:>9} {:>9}", "pKL x100", "-", "-")?,
+        }
+        if let Some(distance) = self.frechet_distance {
+            writeln!(f, "{:12} {distance:>9.2} {:>9}", "FD", "-")?;
+        }
+        write!(f, "{}", counted(*images, "image"))?;
+        if *identical > 0 {
+            write!(f, "; {identical} identical, not in the mean of PSNR")?;
+        }
+        if *without_pkl > 0 {
+            write!(f, "; {without_pkl} without pKL, as no patch of 32 x 32 is half inside")?;
+        }
+        writeln!(f)
     }
 }
 

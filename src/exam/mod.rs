@@ -5,6 +5,7 @@
 //! compares any recording with the planes: the planes found and their times ([`offset`]), and the measurements there
 //! ([`measure`]).
 
+mod batch;
 pub mod hand;
 pub mod measure;
 pub mod offset;
@@ -16,6 +17,8 @@ use std::path::Path;
 
 use glam::{DQuat, DVec3};
 use thiserror::Error;
+
+pub use batch::{Batch, KeyFrame, Skills, WrittenExam, write_sweep};
 
 use crate::pose::{Pose, TimedPose};
 use crate::recording::{Event, RecordingError, RecordingInfo, RecordingWriter};

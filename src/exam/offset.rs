@@ -79,7 +79,7 @@ impl Offset {
     }
 
     /// True if the view is shown.
-    pub fn is_within(&self) -> bool {
+    pub(crate) fn is_within(&self) -> bool {
         self.cost <= 1.0
     }
 }

@@ -39,7 +39,7 @@ pub enum GreyError {
 ///
 /// # Errors
 /// A file that cannot be read, is no image, or is not an 8-bit grey one.
-pub fn read_grey(path: &Path) -> Result<(Vec<u8>, [u32; 2]), GreyError> {
+pub(crate) fn read_grey(path: &Path) -> Result<(Vec<u8>, [u32; 2]), GreyError> {
     let failed = |source| GreyError::Io { path: path.to_owned(), source };
     let file = BufReader::new(open(path, FileKind::Image).map_err(failed)?);
     let image = ImageReader::new(file).with_guessed_format().map_err(failed)?.decode();

@@ -3,11 +3,14 @@
 mod cache;
 mod grey;
 mod hex;
+mod outputs;
 mod part;
 mod read;
 
 pub use cache::cache_directory;
-pub use grey::{GreyError, read_grey};
+pub use grey::GreyError;
+pub(crate) use grey::read_grey;
 pub use hex::hex;
+pub use outputs::{OutputError, Outputs};
 pub use part::{PartError, PartFile};
 pub use read::{FileKind, open, read, read_text};

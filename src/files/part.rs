@@ -36,7 +36,7 @@ pub struct PartFile {
 
 impl PartFile {
     /// `NAME.part`.
-    pub fn appended(path: &Path) -> Self {
+    pub(crate) fn appended(path: &Path) -> Self {
         let mut part = path.as_os_str().to_owned();
         part.push(".part");
         Self { path: path.to_owned(), part: part.into() }

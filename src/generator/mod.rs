@@ -23,6 +23,7 @@ mod manifest;
 mod maps;
 mod parity;
 mod precision;
+mod run_times;
 #[cfg(feature = "generator")]
 mod runtime;
 #[cfg(not(feature = "generator"))]
@@ -46,5 +47,6 @@ pub use manifest::{
     Quantised, SegmentationManifest, Training, Variant, generator_files,
 };
 pub use parity::ParityReport;
+pub use run_times::RunTimes;
 pub use runtime::Runtime;
 pub use session::Terminator;

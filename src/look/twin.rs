@@ -35,7 +35,7 @@ fn inside(shape: Shape<'_>, picture: &[f64], each: impl Fn(usize, f64) -> f64) -
 }
 
 /// Lee's filter.
-pub fn speckle_reduction(strength: f64, shape: Shape<'_>, picture: &[f64]) -> Vec<f64> {
+pub(crate) fn speckle_reduction(strength: f64, shape: Shape<'_>, picture: &[f64]) -> Vec<f64> {
     let speckle = (SPECKLE_DB * 255.0 / shape.dynamic_range_db).powi(2) / shape.independent_angles.max(1.0);
     inside(shape, picture, |i, level| {
         let [mean, variance] = moments(shape, speckle_reduction::HALF, picture, i);
@@ -45,7 +45,7 @@ pub fn speckle_reduction(strength: f64, shape: Shape<'_>, picture: &[f64]) -> Ve
 }
 
 /// The unsharp mask.
-pub fn enhance(amount: f64, shape: Shape<'_>, picture: &[f64]) -> Vec<f64> {
+pub(crate) fn enhance(amount: f64, shape: Shape<'_>, picture: &[f64]) -> Vec<f64> {
     inside(shape, picture, |i, level| {
         let [mean, _] = moments(shape, edges::HALF, picture, i);
         (level + amount * (level - mean)).clamp(0.0, 255.0)
@@ -53,12 +53,12 @@ pub fn enhance(amount: f64, shape: Shape<'_>, picture: &[f64]) -> Vec<f64> {
 }
 
 /// The running mean after a picture.
-pub fn persist(amount: f64, picture: &[f64], before: Option<&[f64]>) -> Vec<f64> {
+pub(crate) fn persist(amount: f64, picture: &[f64], before: Option<&[f64]>) -> Vec<f64> {
     let before = before.unwrap_or(picture);
     picture.iter().zip(before).map(|(level, before)| amount * before + (1.0 - amount) * level).collect()
 }
 
 /// A grey map.
-pub fn grey_map(map: GreyMap, picture: &[f64]) -> Vec<f64> {
+pub(crate) fn grey_map(map: GreyMap, picture: &[f64]) -> Vec<f64> {
     picture.iter().map(|level| 255.0 * curve(map, level / 255.0)).collect()
 }

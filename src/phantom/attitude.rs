@@ -11,7 +11,7 @@ use super::spine::Spine;
 use super::vary::vary;
 use crate::anatomy::sdf::{Isometry, Solid, ellipsoid};
 
-pub use super::spine::VERTEBRAE;
+pub(crate) use super::spine::VERTEBRAE;
 
 /// Joints of one leg, fetal frame, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -186,27 +186,27 @@ impl Attitude {
     }
 
     /// Ball of `radius` (mm at 22 weeks) about [`Self::trunk`], fetal frame, mm.
-    pub fn knot(&self, level: f32, left: f32, ventral: f32, radius: f32) -> (Vec3, f32) {
+    pub(crate) fn knot(&self, level: f32, left: f32, ventral: f32, radius: f32) -> (Vec3, f32) {
         (self.trunk(level, left, ventral), radius * self.biometry.trunk_scale())
     }
 
     /// Converts a solid drawn about the vertebra at `level` (mm at 22 weeks) to the fetal frame.
-    pub fn in_trunk(&self, level: f32, solid: Solid) -> Solid {
+    pub(crate) fn in_trunk(&self, level: f32, solid: Solid) -> Solid {
         solid.scaled(self.biometry.trunk_scale()).placed(self.vertebra(level))
     }
 
     /// Ellipsoid drawn about the vertebra at `level` (mm at 22 weeks), in the fetal frame.
-    pub fn in_trunk_ellipsoid(&self, level: f32, centre: Vec3, semi: Vec3) -> Solid {
+    pub(crate) fn in_trunk_ellipsoid(&self, level: f32, centre: Vec3, semi: Vec3) -> Solid {
         self.in_trunk(level, ellipsoid(centre, semi))
     }
 
     /// Converts a solid drawn in the head's frame (mm at 22 weeks) to the fetal frame.
-    pub fn in_head(&self, solid: Solid) -> Solid {
+    pub(crate) fn in_head(&self, solid: Solid) -> Solid {
         solid.scaled(self.biometry.head_scale()).placed(self.fetus_from_head)
     }
 
     /// Converts a point drawn in the head's frame (mm at 22 weeks) to the fetal frame, mm.
-    pub fn head_point(&self, drawn: Vec3) -> Vec3 {
+    pub(crate) fn head_point(&self, drawn: Vec3) -> Vec3 {
         self.fetus_from_head.point(drawn * self.biometry.head_scale())
     }
 }

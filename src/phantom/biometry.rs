@@ -152,12 +152,12 @@ impl Biometry {
     }
 
     /// Radius of the abdomen at the skin, mm.
-    pub fn abdominal_radius_mm(&self) -> f32 {
+    pub(crate) fn abdominal_radius_mm(&self) -> f32 {
         self.abdominal_circumference_mm / std::f32::consts::TAU
     }
 
     /// Semi-axes of the skull's outer table, mm: lateral, vertical, fore and aft.
-    pub fn skull_semi_mm(&self) -> Vec3 {
+    pub(crate) fn skull_semi_mm(&self) -> Vec3 {
         // An outer-to-inner diameter excludes one table.
         let lateral = 0.5 * (self.biparietal_mm + self.skull_thickness_mm);
         let long = 0.5 * self.occipitofrontal_mm;
@@ -175,12 +175,12 @@ impl Biometry {
     }
 
     /// Size of the legs relative to the drawing, whose femur is 39 mm long (22 weeks).
-    pub fn leg_scale(&self) -> f32 {
+    pub(crate) fn leg_scale(&self) -> f32 {
         self.femur_mm / 39.0
     }
 
     /// Size of the arms relative to the drawing, whose humerus is 37 mm long (22 weeks).
-    pub fn arm_scale(&self) -> f32 {
+    pub(crate) fn arm_scale(&self) -> f32 {
         self.humerus_mm / 37.0
     }
 }

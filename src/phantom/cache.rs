@@ -61,7 +61,7 @@ pub struct PhantomFile {
 ///
 /// # Errors
 /// The phantom cannot be built with these options, or neither folder can be written.
-pub fn cached_or_temporary(
+pub(crate) fn cached_or_temporary(
     cache_dir: &Path,
     options: &PhantomOptions,
     progress: &(dyn Fn(Progress) + Sync),

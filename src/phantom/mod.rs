@@ -27,6 +27,7 @@ pub mod parameters;
 mod placement;
 mod planes;
 mod spine;
+mod surface_list;
 #[cfg(test)]
 mod tests;
 mod vary;
@@ -41,13 +42,15 @@ pub use crate::settings::SCALE_RANGE;
 use crate::settings::SceneSettings;
 pub use attitude::Attitude;
 pub use biometry::Biometry;
-pub use cache::{CacheError, PhantomFile, cached, cached_or_temporary};
+pub(crate) use cache::cached_or_temporary;
+pub use cache::{CacheError, PhantomFile, cached};
 pub use fiducials::fiducials;
 pub use landmarks::{Landmarks, landmarks};
 pub use movement::movement;
 pub use organ::{Body, Organ};
 pub use parameters::{Lie, Parameters, ParametersError, PlacentaSite};
-pub use planes::{planes, planes_of};
+pub use planes::planes;
+pub use surface_list::SurfaceList;
 
 use crate::anatomy::Skin;
 pub use crate::anatomy::Wall;

@@ -33,7 +33,7 @@ pub fn planes(parameters: &Parameters) -> StandardPlanes {
 }
 
 /// Planes of a phantom with these landmarks and sizes.
-pub fn planes_of(landmarks: &Landmarks, biometry: &Biometry) -> StandardPlanes {
+pub(crate) fn planes_of(landmarks: &Landmarks, biometry: &Biometry) -> StandardPlanes {
     let anatomy = Anatomy::of(landmarks, biometry);
     let planes = [head, cerebellum, abdomen, femur, heart, spine, profile].map(|plane| plane(&anatomy));
     StandardPlanes { version: PLANES_VERSION, planes: planes.into() }

@@ -6,7 +6,7 @@ use crate::anatomy::sdf::{Isometry, catmull_rom};
 
 /// Number of vertebrae from C1 to S5. A *level* counts them from 0 at C1's cranial side: 7 is the top of T1, 19 of L1,
 /// 24 of S1.
-pub const VERTEBRAE: usize = 29;
+pub(crate) const VERTEBRAE: usize = 29;
 
 /// Relative heights of a cervical, thoracic, lumbar and sacral vertebra with its disc.
 const HEIGHTS: [(usize, f32); 4] = [(7, 2.9), (12, 3.95), (5, 4.7), (5, 3.5)];

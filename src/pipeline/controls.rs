@@ -5,7 +5,7 @@ use tokio::sync::mpsc;
 use crate::settings::{Control, LiveSettings, Quality, SettingsGroup as _};
 
 /// Capacity of the queue of controls. When it is full, a watcher must wait or send again.
-pub const CONTROLS_WAITING: usize = 64;
+pub(crate) const CONTROLS_WAITING: usize = 64;
 
 /// Changes made by the applied controls.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

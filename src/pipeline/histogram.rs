@@ -14,7 +14,7 @@ const DOUBLINGS: usize = 32;
 
 /// Histogram of durations, with 32 buckets per doubling from 1 µs on.
 #[derive(Debug, Clone)]
-pub struct Histogram {
+pub(crate) struct Histogram {
     counts: Box<[u64]>,
     count: u64,
     max: Duration,
@@ -28,7 +28,7 @@ impl Default for Histogram {
 
 impl Histogram {
     /// Adds a duration.
-    pub fn push(&mut self, time: Duration) {
+    pub(crate) fn push(&mut self, time: Duration) {
         let us = u64::try_from(time.as_micros()).unwrap_or(u64::MAX);
         if let Some(count) = self.counts.get_mut(bucket(us).min(STEPS * DOUBLINGS - 1)) {
             *count += 1;
@@ -37,13 +37,8 @@ impl Histogram {
         self.max = self.max.max(time);
     }
 
-    /// Number of durations added.
-    pub fn count(&self) -> u64 {
-        self.count
-    }
-
     /// Percentile `percent` (0..=100) by nearest rank, at most 1/32 above the true one; none if empty.
-    pub fn percentile(&self, percent: f64) -> Option<Duration> {
+    pub(crate) fn percentile(&self, percent: f64) -> Option<Duration> {
         let rank = ((percent / 100.0 * self.count as f64).ceil() as u64).clamp(1, self.count.max(1));
         let mut below = 0;
         let index = self.counts.iter().position(|count| {
@@ -54,7 +49,7 @@ impl Histogram {
     }
 
     /// p50, p95, p99 and maximum; none if empty.
-    pub fn percentiles(&self) -> Option<Percentiles> {
+    pub(crate) fn percentiles(&self) -> Option<Percentiles> {
         let at = |percent| self.percentile(percent).map(ms);
         Some(Percentiles {
             count: self.count,

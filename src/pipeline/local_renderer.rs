@@ -28,7 +28,7 @@ impl LocalRendererFactory {
     ///
     /// # Errors
     /// The same as those of [`Renderer::new`].
-    pub fn build_renderer(&self, probe: &Probe, settings: &RenderSettings) -> Result<Renderer, RenderError> {
+    pub(crate) fn build_renderer(&self, probe: &Probe, settings: &RenderSettings) -> Result<Renderer, RenderError> {
         Renderer::with_bvh(&self.backend, &self.scene, self.bvh.clone(), probe, settings)
     }
 }

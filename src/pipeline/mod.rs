@@ -20,6 +20,7 @@ mod generate_stage;
 mod generator_link;
 mod generators;
 mod histogram;
+mod live_station;
 mod local_renderer;
 mod metrics;
 mod pace;
@@ -38,25 +39,27 @@ mod sink_stage;
 mod slot;
 mod sources;
 mod summary;
+mod summary_table;
 mod tracked;
 
 pub use clock::{Clock, NEVER, Signal, SystemClock};
-pub use controls::CONTROLS_WAITING;
 pub use events::Observer;
 pub use generators::Generators;
-pub use histogram::{Histogram, Percentiles};
+pub use histogram::Percentiles;
+#[cfg(feature = "browser")]
+pub use live_station::scene_info;
+pub use live_station::{LiveError, LiveStation};
 pub use local_renderer::LocalRendererFactory;
-pub use metrics::{Status, memory_bytes};
+pub use metrics::Status;
 pub use parts::{
     FrameGenerators, FrameRenderer, GenerateError, ImageShape, PoseSource, RenderFault, RendererFactory, Terminator,
 };
-pub use recorded::{RecordedSlot, RecorderPart, RecordingObserver};
-pub use replayed::{OtherSetting, ReplayedControls, ReplayedPoses};
+pub use recorded::{RecordError, RecordedSlot, RecorderPart, RecordingObserver, start_recorder};
+pub use replayed::{OtherSetting, ReplayedPoses};
 pub use session::{Limits, Parts, Pipeline, PipelineError};
 pub use shutdown::{Joined, Part, Stop, Thread, spawn};
 pub use signals::{StopSignals, on_ctrl_c};
 pub use simulated::SimulatedClock;
-pub use slot::{Slot, Taken};
 pub use sources::StandingPose;
 pub use summary::{GeneratorSummary, SinkSummary, Summary};
 pub use tracked::{TrackedPoses, TrackerPart};

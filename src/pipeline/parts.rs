@@ -14,6 +14,12 @@ pub trait PoseSource: Send {
     fn sample(&mut self, now_ns: u64, display_ns: u64) -> Estimate;
 }
 
+impl<T: PoseSource + ?Sized> PoseSource for Box<T> {
+    fn sample(&mut self, now_ns: u64, display_ns: u64) -> Estimate {
+        (**self).sample(now_ns, display_ns)
+    }
+}
+
 /// Faults of a renderer.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 pub enum RenderFault {

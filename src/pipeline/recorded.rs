@@ -1,13 +1,24 @@
 //! Recording of a session: events, poses and settings, in addition to the tracker's bytes.
 
+use std::io;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
+
+use thiserror::Error;
 
 use super::clock::lock;
 use super::events::Observer;
 use super::shutdown::Part;
+use crate::files::{self, FileKind};
 use crate::pose::Estimate;
-use crate::recording::{Event, Recorded, Recorder, RecorderHandle, SessionPose};
+use crate::recording::{
+    Event, QueueLimits, Recorded, Recorder, RecorderError, RecorderHandle, RecordingError, RecordingInfo,
+    RecordingWriter, SessionPose, SessionSettings,
+};
 use crate::settings::LiveSettings;
+use crate::sink::{SinkError, create_dir};
+use crate::station::Station;
+use crate::tracker::Protocol;
 
 /// Name of events that record settings.
 pub(super) const SETTINGS_EVENT: &str = "settings";
@@ -47,6 +58,60 @@ pub(super) fn settings_after(event: &Event, before: &LiveSettings) -> Option<Res
         return Some(read.map(|()| settings));
     }
     settings.read_json(&event.name, value).map(|result| result.map(|()| settings))
+}
+
+/// Reason why a session can't be recorded.
+#[derive(Debug, Error)]
+pub enum RecordError {
+    /// The station file can't be read again.
+    #[error("cannot read the station file again: {path}: {source}")]
+    Station {
+        /// The file.
+        path: PathBuf,
+        /// Cause.
+        source: io::Error,
+    },
+    /// The directory can't be made.
+    #[error(transparent)]
+    Directory(#[from] SinkError),
+    /// The file can't be written.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// The recorder's thread.
+    #[error(transparent)]
+    Recorder(#[from] RecorderError),
+}
+
+/// Starts recording a session of `station` to `path`, with the text of its file. In a replay, scene time is 0 at
+/// `start_time_ns`. The pair is the protocol of the tracker's bytes and the sensor used; `device` names the tracker, and
+/// `adapter` the rendering device.
+///
+/// # Errors
+/// The station file can't be read, or the recording can't be written.
+pub fn start_recorder(
+    path: &Path,
+    station: &Station,
+    (protocol, sensor): (Protocol, Option<u16>),
+    device: &str,
+    adapter: &str,
+    start_time_ns: u64,
+) -> Result<Recorder, RecordError> {
+    let text = files::read_text(&station.path, FileKind::Station)
+        .map_err(|source| RecordError::Station { path: station.path.clone(), source })?;
+    if let Some(directory) = path.parent().filter(|directory| !directory.as_os_str().is_empty()) {
+        create_dir(directory)?;
+    }
+    let scene = station.path.display().to_string();
+    let info = RecordingInfo { protocol, device: device.to_owned(), scene: scene.clone(), start_time_ns, sensor };
+    let mut writer = RecordingWriter::create(path, &info)?;
+    writer.settings(&SessionSettings {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        seed: station.settings.quality.seed,
+        adapter: adapter.to_owned(),
+        station_path: scene,
+        station: text,
+    })?;
+    Ok(Recorder::start(writer, QueueLimits::default())?)
 }
 
 /// Result of a recorder; none until it has ended.

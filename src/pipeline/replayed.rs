@@ -64,7 +64,7 @@ impl ReplayedPoses {
 
 /// Settings of a recorded session, from its events.
 #[derive(Debug, Clone)]
-pub struct ReplayedControls {
+pub(crate) struct ReplayedControls {
     /// Settings of the replay's station.
     begin: LiveSettings,
     live: LiveSettings,
@@ -89,7 +89,7 @@ pub struct OtherSetting {
 
 impl ReplayedControls {
     /// A replay of the settings in `events`, starting from `begin`.
-    pub fn new(begin: LiveSettings, events: &[Event]) -> Self {
+    pub(crate) fn new(begin: LiveSettings, events: &[Event]) -> Self {
         let (changes, refused) = (Vec::new(), Vec::new());
         let mut replayed = Self { begin, live: begin, changes, next: 0, first: None, refused };
         let mut events: Vec<&Event> = events.iter().collect();
@@ -117,7 +117,7 @@ impl ReplayedControls {
 
     /// Picture settings whose initial values differ between the session and the replay; empty if the recording has no
     /// initial settings.
-    pub fn others_at_start(&self) -> Vec<OtherSetting> {
+    pub(crate) fn others_at_start(&self) -> Vec<OtherSetting> {
         let Some(first) = &self.first else { return Vec::new() };
         let of_picture = live_settings().filter(|setting| setting.is_of_picture());
         let others = of_picture.filter_map(|setting| {
@@ -130,18 +130,13 @@ impl ReplayedControls {
         others.collect()
     }
 
-    /// Number of changes of the settings.
-    pub fn changes(&self) -> usize {
-        self.changes.len()
-    }
-
     /// Reasons why events were not applied.
-    pub fn refused(&self) -> &[String] {
+    pub(crate) fn refused(&self) -> &[String] {
         &self.refused
     }
 
     /// The settings at `time_ns`. Times must not decrease between calls.
-    pub fn at(&mut self, time_ns: u64) -> LiveSettings {
+    pub(crate) fn at(&mut self, time_ns: u64) -> LiveSettings {
         while let Some((_, live)) = self.changes.get(self.next).filter(|(from, _)| *from <= time_ns) {
             self.live = *live;
             self.next += 1;
@@ -237,7 +232,7 @@ mod tests {
             event(200, "first view", 7.into()),
         ];
         let mut controls = ReplayedControls::new(begin, &events);
-        assert_eq!((controls.changes(), controls.refused().len()), (2, 3), "{:?}", controls.refused());
+        assert_eq!((controls.changes.len(), controls.refused().len()), (2, 3), "{:?}", controls.refused());
         assert!(controls.refused()[0].contains("image.gain_db") && controls.refused()[1].contains("rays"));
         assert_eq!(controls.at(START), begin);
         let at_100 = controls.at(START + 100 * MS);

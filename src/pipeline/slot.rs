@@ -8,7 +8,7 @@ use super::clock::{Clock, Signal, lock};
 
 /// Outcome of waiting for an item.
 #[derive(Debug, PartialEq, Eq)]
-pub enum Taken<T> {
+pub(crate) enum Taken<T> {
     /// An item.
     Item(T),
     /// No item before the timeout.
@@ -20,7 +20,7 @@ pub enum Taken<T> {
 /// Holds the newest item between two threads. Replaced items and items put in after closing are counted as dropped.
 /// Putting and taking allocate nothing.
 #[derive(Debug)]
-pub struct Slot<T> {
+pub(crate) struct Slot<T> {
     name: String,
     clock: Arc<dyn Clock>,
     /// Notified at each change; slots on which one thread waits together share it.
@@ -38,12 +38,12 @@ struct Inner<T> {
 
 impl<T> Slot<T> {
     /// An empty slot whose drops are counted under `name`.
-    pub fn new(name: impl Into<String>, clock: &Arc<dyn Clock>) -> Self {
+    pub(crate) fn new(name: impl Into<String>, clock: &Arc<dyn Clock>) -> Self {
         Self::with_signal(name, clock, &Arc::default())
     }
 
     /// An empty slot that notifies `signal`.
-    pub fn with_signal(name: impl Into<String>, clock: &Arc<dyn Clock>, signal: &Arc<Signal>) -> Self {
+    pub(crate) fn with_signal(name: impl Into<String>, clock: &Arc<dyn Clock>, signal: &Arc<Signal>) -> Self {
         Self {
             name: name.into(),
             clock: clock.clone(),
@@ -55,12 +55,12 @@ impl<T> Slot<T> {
     }
 
     /// Name of the link.
-    pub fn name(&self) -> &str {
+    pub(crate) fn name(&self) -> &str {
         &self.name
     }
 
     /// Puts an item in. Returns false if it replaced another item, or was dropped because the slot is closed.
-    pub fn put(&self, item: T) -> bool {
+    pub(crate) fn put(&self, item: T) -> bool {
         self.offered.fetch_add(1, Ordering::Relaxed);
         let mut inner = lock(&self.inner);
         let dropped = if inner.closed { Some(item) } else { inner.item.replace(item) };
@@ -73,7 +73,7 @@ impl<T> Slot<T> {
     }
 
     /// Takes the current item, if any. An item put in before closing can still be taken.
-    pub fn try_take(&self) -> Taken<T> {
+    pub(crate) fn try_take(&self) -> Taken<T> {
         let mut inner = lock(&self.inner);
         match inner.item.take() {
             Some(item) => Taken::Item(item),
@@ -83,7 +83,7 @@ impl<T> Slot<T> {
     }
 
     /// Waits for an item, `until` at the latest.
-    pub fn take(&self, until: Duration) -> Taken<T> {
+    pub(crate) fn take(&self, until: Duration) -> Taken<T> {
         loop {
             let seen = self.signal.generation();
             match self.try_take() {
@@ -94,7 +94,7 @@ impl<T> Slot<T> {
     }
 
     /// Closes the slot to new items and wakes all waiting threads.
-    pub fn close(&self) {
+    pub(crate) fn close(&self) {
         lock(&self.inner).closed = true;
         self.clock.notify(&self.signal);
     }
@@ -105,7 +105,7 @@ impl<T> Slot<T> {
     }
 
     /// Drops the current item, if any, and counts it.
-    pub fn clear(&self) {
+    pub(crate) fn clear(&self) {
         let item = lock(&self.inner).item.take();
         if item.is_some() {
             self.dropped.fetch_add(1, Ordering::Relaxed);
@@ -113,12 +113,12 @@ impl<T> Slot<T> {
     }
 
     /// Number of items put in or refused.
-    pub fn offered(&self) -> u64 {
+    pub(crate) fn offered(&self) -> u64 {
         self.offered.load(Ordering::Relaxed)
     }
 
     /// Number of items dropped.
-    pub fn dropped(&self) -> u64 {
+    pub(crate) fn dropped(&self) -> u64 {
         self.dropped.load(Ordering::Relaxed)
     }
 }

@@ -1,11 +1,14 @@
 //! Summary of an ended session.
 
 use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::Path;
 
 use serde::Serialize;
 
 use super::histogram::Percentiles;
 use crate::chooser::PointSummary;
+use crate::sink::SinkError;
 
 /// Summary of one sink.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
@@ -96,4 +99,33 @@ pub struct Summary {
     pub stuck: Vec<String>,
     /// Resident memory at the end, bytes; none if the system does not report it.
     pub memory_bytes: Option<u64>,
+}
+
+/// The last line of a metrics file.
+#[derive(Serialize)]
+struct SummaryLine<'a> {
+    summary: &'a Summary,
+}
+
+impl Summary {
+    /// Appends the summary as a line of JSON to the log at `path`.
+    ///
+    /// # Errors
+    /// The file can't be written.
+    pub fn append_to(&self, path: &Path) -> Result<(), SinkError> {
+        let json = |source| SinkError::Json { path: path.to_owned(), source };
+        let line = serde_json::to_string(&SummaryLine { summary: self }).map_err(json)?;
+        let file = std::fs::OpenOptions::new().append(true).open(path);
+        file.and_then(|mut file| writeln!(file, "{line}")).map_err(SinkError::io(path))
+    }
+
+    /// Errors of sinks, else parts that did not end in time; `None` if there are neither.
+    pub fn failure(&self) -> Option<String> {
+        let failed: Vec<&str> = self.sinks.iter().filter_map(|sink| sink.error.as_deref()).collect();
+        let stuck = || format!("did not end in time: {}", self.stuck.join(", "));
+        match failed[..] {
+            [] => (!self.stuck.is_empty()).then(stuck),
+            _ => Some(failed.join("; ")),
+        }
+    }
 }

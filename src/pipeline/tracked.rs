@@ -10,7 +10,8 @@ use super::replayed::at_rest;
 use super::shutdown::{Part, Stop};
 use crate::pose::{Counters, Estimate, Estimator, Measurement};
 use crate::recording::{self, RecorderHandle, spawn, stream_of};
-use crate::tracker::{Listener, Protocol, Record, SessionHandle, Settings, TrackerError, TrackerEvent};
+use crate::station::{Station, StationError};
+use crate::tracker::{Listener, Protocol, Record, SessionHandle, Settings, TrackerError, TrackerEvent, Transport};
 
 /// Poses of a live tracker; clones share the estimator.
 #[derive(Clone)]
@@ -20,6 +21,15 @@ impl TrackedPoses {
     /// Poses from `estimator`, which [`Self::track`] or [`Self::push`] feeds.
     pub fn new(estimator: Estimator) -> Self {
         Self(Arc::new(Mutex::new(estimator)))
+    }
+
+    /// Poses by the filter and calibration of a station; `None` without a tracker.
+    ///
+    /// # Errors
+    /// The calibration can't be read.
+    pub fn of_station(station: &Station) -> Result<Option<Self>, StationError> {
+        let has_tracker = station.tracker.transport != Transport::None;
+        has_tracker.then(|| Ok(Self::new(Estimator::new(station.pose_settings()?)))).transpose()
     }
 
     /// Takes a measurement of a tracker of one's own, as soon as it has arrived.

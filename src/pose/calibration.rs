@@ -30,7 +30,7 @@ use super::{POSITION_LIMIT_MM, Pose, PoseError};
 use crate::files::{self, FileKind};
 
 /// Version of the file format; other versions are refused.
-pub const CALIBRATION_VERSION: u32 = 1;
+pub(crate) const CALIBRATION_VERSION: u32 = 1;
 
 /// Errors in calibrations and their files.
 #[derive(Debug, Error)]
@@ -128,6 +128,21 @@ impl Calibration {
             .map_err(|source| CalibrationError::Read { path: path.to_owned(), source })?;
         Self::parse(&text)
             .map_err(|source| CalibrationError::InFile { path: path.to_owned(), source: Box::new(source) })
+    }
+
+    /// Values of several files, of which a later one holds over those before; missing files are passed over.
+    ///
+    /// # Errors
+    /// As [`Calibration::load`].
+    pub fn of_files<'a>(paths: impl IntoIterator<Item = &'a Path>) -> Result<Self, CalibrationError> {
+        paths.into_iter().filter(|path| path.exists()).try_fold(Self::default(), |before, path| {
+            let Self { scene_from_tracker, sensor_from_probe, stylus_tip_mm } = Self::load(path)?;
+            Ok(Self {
+                scene_from_tracker: scene_from_tracker.or(before.scene_from_tracker),
+                sensor_from_probe: sensor_from_probe.or(before.sensor_from_probe),
+                stylus_tip_mm: stylus_tip_mm.or(before.stylus_tip_mm),
+            })
+        })
     }
 
     /// Parses the text of a calibration file.
@@ -336,5 +351,25 @@ mod tests {
         std::fs::write(&path, whole().to_toml()).unwrap();
         assert!(source.load().unwrap_err().to_string().contains("given twice"));
         assert_eq!(CalibrationSource::default().load().unwrap(), Calibration::default());
+    }
+
+    #[test]
+    fn an_earlier_file_holds_where_a_later_one_is_silent() {
+        let dir = tempfile::tempdir().unwrap();
+        let [ours, out] = ["station.toml", "out.toml"].map(|name| dir.path().join(name));
+        let tip = |station: Option<&Path>| {
+            let found = Calibration::of_files(station.into_iter().chain([out.as_path()])).unwrap();
+            found.stylus_tip_mm.map(|tip| tip.value)
+        };
+        assert_eq!((tip(None), tip(Some(&ours))), (None, None));
+        let write = |path: &Path, calibration: Calibration| std::fs::write(path, calibration.to_toml()).unwrap();
+        let stylus =
+            |z: f64| Calibration { stylus_tip_mm: Some(Fitted::known(DVec3::Z * z)), ..Calibration::default() };
+        write(&ours, stylus(120.0));
+        assert_eq!(tip(Some(&ours)), Some(DVec3::Z * 120.0));
+        write(&out, Calibration::default());
+        assert_eq!(tip(Some(&ours)), Some(DVec3::Z * 120.0));
+        write(&out, stylus(90.0));
+        assert_eq!(tip(Some(&ours)), Some(DVec3::Z * 90.0));
     }
 }

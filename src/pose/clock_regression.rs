@@ -45,7 +45,7 @@ struct Sample {
 ///
 /// The mean delay of the transport remains, because nothing measures it.
 #[derive(Debug, Clone, Default)]
-pub struct ClockRegression {
+pub(crate) struct ClockRegression {
     /// Samples (ticks, host time in ns); the oldest is overwritten first.
     window: [(u64, u64); WINDOW],
     filled: usize,
@@ -63,7 +63,7 @@ pub struct ClockRegression {
 impl ClockRegression {
     /// Time of a measurement that arrived at `host_ns`. `ticks` counts in the device's own unit and rises with each
     /// measurement; `None` if the device has neither counter nor clock.
-    pub fn push(&mut self, host_ns: u64, ticks: Option<u64>) -> Timing {
+    pub(crate) fn push(&mut self, host_ns: u64, ticks: Option<u64>) -> Timing {
         let sample = Sample { host_ns, ticks };
         let Some(last) = self.last else {
             return Timing::At(self.accept(sample));
@@ -107,12 +107,12 @@ impl ClockRegression {
     }
 
     /// Forgets all samples, for a restart of the device.
-    pub fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         *self = Self::default();
     }
 
     /// Moves all stored times `by_ns` earlier, after the host clock was set back.
-    pub fn set_back(&mut self, by_ns: u64) {
+    pub(crate) fn set_back(&mut self, by_ns: u64) {
         self.window.iter_mut().for_each(|(_, host_ns)| *host_ns = host_ns.saturating_sub(by_ns));
         if let Some(last) = &mut self.last {
             last.host_ns = last.host_ns.saturating_sub(by_ns);

@@ -8,7 +8,7 @@ use crate::random::SplitMix64;
 pub const TREMOR_MM: f64 = 0.3;
 
 /// RMS tremor about each axis, degrees (assumed).
-pub const TREMOR_DEG: f64 = 0.5;
+pub(crate) const TREMOR_DEG: f64 = 0.5;
 
 /// Band of the tremor, Hz: from slow drift to the physiological tremor of a hand.
 const TREMOR_BAND_HZ: (f64, f64) = (0.3, 9.0);
@@ -47,7 +47,7 @@ pub fn view_at(waypoints: &[Waypoint], time_s: f64) -> Option<(DVec3, DQuat)> {
 }
 
 /// Fraction of the way at fraction `t` of the time, 0..=1; velocity and acceleration vanish at both ends.
-pub fn minimum_jerk(t: f64) -> f64 {
+pub(crate) fn minimum_jerk(t: f64) -> f64 {
     let t = t.clamp(0.0, 1.0);
     t * t * t * (10.0 + t * (-15.0 + t * 6.0))
 }

@@ -8,7 +8,7 @@ const LEAST_S: f64 = 0.01;
 
 /// Verdict on a pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Gate {
+pub(crate) enum Gate {
     /// Reachable by a hand.
     Passed,
     /// Out of reach; the next pose decides.
@@ -19,7 +19,7 @@ pub enum Gate {
 
 /// Gate that rejects a pose too far from the last one, unless the next pose confirms it.
 #[derive(Debug, Clone)]
-pub struct JumpGate {
+pub(crate) struct JumpGate {
     max_speed_mm_s: f64,
     max_speed_rad_s: f64,
     /// Last pose that passed, and its time, s.
@@ -30,18 +30,18 @@ pub struct JumpGate {
 
 impl JumpGate {
     /// Gate with these limits of a hand's speed.
-    pub fn new(max_speed_mm_s: f64, max_speed_deg_s: f64) -> Self {
+    pub(crate) fn new(max_speed_mm_s: f64, max_speed_deg_s: f64) -> Self {
         Self { max_speed_mm_s, max_speed_rad_s: max_speed_deg_s.to_radians(), last: None, spike: None }
     }
 
     /// Forgets all poses; the next one passes.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.last = None;
         self.spike = None;
     }
 
     /// Judges the pose at `time_s`, on a clock that rises.
-    pub fn push(&mut self, pose: Pose, time_s: f64) -> Gate {
+    pub(crate) fn push(&mut self, pose: Pose, time_s: f64) -> Gate {
         let near = |from: &Option<(Pose, f64)>| from.is_some_and(|from| self.is_reachable(&from, &pose, time_s));
         let verdict = if self.last.is_none() || near(&self.last) {
             Gate::Passed

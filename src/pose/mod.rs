@@ -19,6 +19,7 @@ pub mod csv;
 pub mod freehand;
 pub mod jump_gate;
 pub mod landmark;
+mod landmark_fit;
 pub mod one_euro;
 pub mod pivot;
 pub mod prediction;
@@ -40,11 +41,13 @@ pub use calibration::{Calibration, CalibrationError, CalibrationSource, Fitted};
 pub use counters::Counters;
 pub use estimator::{Estimate, Estimator};
 pub use history::{TimedPose, interpolate};
+pub use landmark_fit::{LandmarkFit, LandmarkFitError};
 pub use reading::{Measurement, Reading};
 pub use settings::{FilterSettings, Settings};
 pub use speed::{BySpeed, LIMITS, ProbeSpeed, Speed};
 pub use tracking::TrackingState;
-pub use transform::{angle_between, rotation_vector};
+pub use transform::angle_between;
+pub(crate) use transform::rotation_vector;
 
 /// Largest accepted deviation of a quaternion's norm from one.
 pub const QUATERNION_NORM_TOLERANCE: f64 = 1e-3;
@@ -145,7 +148,7 @@ impl Pose {
     /// # Errors
     /// The columns are not orthonormal within [`ROTATION_TOLERANCE`], the determinant is negative, or the position is
     /// invalid as for [`from_components`](Self::from_components).
-    pub fn from_matrix(rotation: DMat3, position_mm: DVec3) -> Result<Self, PoseError> {
+    pub(crate) fn from_matrix(rotation: DMat3, position_mm: DVec3) -> Result<Self, PoseError> {
         let DMat3 { x_axis: x, y_axis: y, z_axis: z } = rotation;
         // NaN fails the comparisons.
         let is_unit = |v: DVec3| (v.length() - 1.0).abs() <= ROTATION_TOLERANCE;

@@ -31,7 +31,7 @@ impl Motion {
 
 /// Filter of one stream of poses.
 #[derive(Debug, Clone)]
-pub struct OneEuro {
+pub(crate) struct OneEuro {
     settings: FilterSettings,
     /// Last raw pose, and last filtered motion.
     state: Option<(Pose, Motion)>,
@@ -39,17 +39,17 @@ pub struct OneEuro {
 
 impl OneEuro {
     /// A filter without poses.
-    pub fn new(settings: FilterSettings) -> Self {
+    pub(crate) fn new(settings: FilterSettings) -> Self {
         Self { settings, state: None }
     }
 
     /// Forgets all poses; the next one passes unchanged, at rest.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.state = None;
     }
 
     /// Filters the pose `dt_s` after the last one. Returns the last motion if `dt_s` is not positive.
-    pub fn push(&mut self, pose: Pose, dt_s: f64) -> Motion {
+    pub(crate) fn push(&mut self, pose: Pose, dt_s: f64) -> Motion {
         let Some((raw, filtered)) = self.state else {
             let motion = Motion::at_rest(pose);
             self.state = Some((pose, motion));
@@ -78,7 +78,7 @@ impl OneEuro {
 }
 
 /// Weight of the new value in a first-order low-pass filter of `cutoff_hz` after `dt_s`: α = 1/(1 + τ/dt), τ = 1/(2πf).
-pub fn smoothing(cutoff_hz: f64, dt_s: f64) -> f64 {
+pub(crate) fn smoothing(cutoff_hz: f64, dt_s: f64) -> f64 {
     let tau_s = 1.0 / (TAU * cutoff_hz);
     dt_s / (dt_s + tau_s)
 }

@@ -4,8 +4,11 @@
 //! R̄)·tip = −(t − t̄), linear least squares with three unknowns ("algebraic two-step" in Yaniv, Which pivot
 //! calibration?, SPIE 9415, 2015).
 
+use std::fmt;
+
 use glam::{DMat3, DVec3};
 use nalgebra::{Matrix3, Vector3};
+use serde::Serialize;
 use thiserror::Error;
 
 use super::Pose;
@@ -21,7 +24,7 @@ const LEAST_TURN_DEG: f64 = 30.0;
 const CONDITION_LIMIT: f64 = 25.0;
 
 /// A calibrated tip.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Pivot {
     /// The tip in the frame of the sensor, mm.
     pub tip_mm: DVec3,
@@ -39,6 +42,17 @@ pub struct Pivot {
     pub turn_deg: f64,
     /// Poses used.
     pub poses: usize,
+}
+
+impl fmt::Display for Pivot {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { tip_mm: tip, pivot_mm: pivot, rms_mm, max_mm, tip_error_mm, condition, turn_deg, poses } = self;
+        writeln!(f, "tip in the sensor's frame     [{:.3}, {:.3}, {:.3}] mm", tip.x, tip.y, tip.z)?;
+        writeln!(f, "pivot in the tracker's frame  [{:.3}, {:.3}, {:.3}] mm", pivot.x, pivot.y, pivot.z)?;
+        writeln!(f, "residual                      RMS {rms_mm:.3} mm, at most {max_mm:.3} mm")?;
+        writeln!(f, "standard error of the tip     {tip_error_mm:.3} mm")?;
+        writeln!(f, "condition number              {condition:.1}; turned by {turn_deg:.0}° over {poses} poses")
+    }
 }
 
 /// Reason for a failed pivot calibration.

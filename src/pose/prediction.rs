@@ -6,7 +6,7 @@ use super::Pose;
 use super::one_euro::Motion;
 
 /// Pose `horizon_s` later at constant velocity.
-pub fn predict(motion: &Motion, horizon_s: f64) -> Pose {
+pub(crate) fn predict(motion: &Motion, horizon_s: f64) -> Pose {
     let Motion { pose, velocity_mm_s, angular_velocity_rad_s } = motion;
     Pose {
         position_mm: pose.position_mm + *velocity_mm_s * horizon_s,
@@ -15,7 +15,7 @@ pub fn predict(motion: &Motion, horizon_s: f64) -> Pose {
 }
 
 /// Prediction interval from `from_ns` to `display_ns`, s, in 0..=`cap_ms`/1000.
-pub fn horizon_s(from_ns: u64, display_ns: u64, cap_ms: f64) -> f64 {
+pub(crate) fn horizon_s(from_ns: u64, display_ns: u64, cap_ms: f64) -> f64 {
     (display_ns.saturating_sub(from_ns) as f64 * 1e-9).min(cap_ms * 1e-3)
 }
 

@@ -12,7 +12,7 @@ const LONGEST_S: f64 = 0.1;
 ///
 /// A rate applies from its report to the next one. A puck at rest sends no reports.
 #[derive(Debug, Clone)]
-pub struct RateIntegrator {
+pub(crate) struct RateIntegrator {
     speed_mm_s: f64,
     speed_rad_s: f64,
     pose: Pose,
@@ -22,13 +22,13 @@ pub struct RateIntegrator {
 
 impl RateIntegrator {
     /// Integrator that starts at `start` (`scene_from_probe`), with these speeds at full deflection.
-    pub fn new(start: Pose, speed_mm_s: f64, speed_deg_s: f64) -> Self {
+    pub(crate) fn new(start: Pose, speed_mm_s: f64, speed_deg_s: f64) -> Self {
         let rates = (DVec3::ZERO, DVec3::ZERO);
         Self { speed_mm_s, speed_rad_s: speed_deg_s.to_radians(), pose: start, rates }
     }
 
     /// Takes the rates of a report `dt_s` after the last one, each in −1..=1; larger ones are clamped.
-    pub fn push(&mut self, translation: DVec3, rotation: DVec3, dt_s: f64) -> Motion {
+    pub(crate) fn push(&mut self, translation: DVec3, rotation: DVec3, dt_s: f64) -> Motion {
         let (velocity, turn) = self.rates;
         // No motion unless time advances.
         let dt_s = if dt_s > 0.0 { dt_s.min(LONGEST_S) } else { 0.0 };
@@ -48,12 +48,12 @@ impl RateIntegrator {
     }
 
     /// Whether all rates are zero.
-    pub fn is_resting(&self) -> bool {
+    pub(crate) fn is_resting(&self) -> bool {
         self.rates == (DVec3::ZERO, DVec3::ZERO)
     }
 
     /// Sets the rates to zero: the device is disconnected.
-    pub fn release(&mut self) {
+    pub(crate) fn release(&mut self) {
         self.rates = (DVec3::ZERO, DVec3::ZERO);
     }
 }

@@ -6,20 +6,20 @@ use super::{Pose, TimedPose, interpolate};
 
 /// History of fixed capacity, ascending in time; a new pose replaces the oldest.
 #[derive(Debug, Clone)]
-pub struct PoseRing {
+pub(crate) struct PoseRing {
     poses: VecDeque<TimedPose>,
     capacity: usize,
 }
 
 impl PoseRing {
     /// An empty history of `capacity` poses (at least one). Nothing is allocated later.
-    pub fn new(capacity: usize) -> Self {
+    pub(crate) fn new(capacity: usize) -> Self {
         let capacity = capacity.max(1);
         Self { poses: VecDeque::with_capacity(capacity), capacity }
     }
 
     /// Appends a pose. One that is not later than the newest starts a new history.
-    pub fn push(&mut self, pose: TimedPose) {
+    pub(crate) fn push(&mut self, pose: TimedPose) {
         if self.poses.back().is_some_and(|newest| pose.host_time_ns <= newest.host_time_ns) {
             self.poses.clear();
         }
@@ -30,18 +30,18 @@ impl PoseRing {
     }
 
     /// Forgets all poses.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.poses.clear();
     }
 
     /// Moves all poses `by_ns` earlier, after the host clock was set back.
-    pub fn set_back(&mut self, by_ns: u64) {
+    pub(crate) fn set_back(&mut self, by_ns: u64) {
         self.poses.iter_mut().for_each(|p| p.host_time_ns = p.host_time_ns.saturating_sub(by_ns));
     }
 
     /// Pose at a time up to the newest, by [`interpolate`]; before the oldest, the oldest pose. `None` after the newest
     /// and in an empty history.
-    pub fn at(&mut self, host_time_ns: u64) -> Option<Pose> {
+    pub(crate) fn at(&mut self, host_time_ns: u64) -> Option<Pose> {
         let poses: &[TimedPose] = self.poses.make_contiguous();
         let oldest = poses.first()?;
         if host_time_ns <= oldest.host_time_ns {

@@ -45,7 +45,7 @@ pub enum Place {
 
 /// Orders one device's measurements.
 #[derive(Debug, Clone, Default)]
-pub struct StreamOrder {
+pub(crate) struct StreamOrder {
     last: Option<Stamp>,
     /// Last late measurement, and the length of the ascending run of late ones up to it.
     late: Option<(Stamp, u32)>,
@@ -87,7 +87,7 @@ enum Step {
 
 impl StreamOrder {
     /// Places the next measurement received.
-    pub fn push(&mut self, measurement: &Measurement) -> Place {
+    pub(crate) fn push(&mut self, measurement: &Measurement) -> Place {
         let mut stamp = Stamp::first(measurement);
         let Some(last) = self.last else {
             self.last = Some(stamp);

@@ -7,7 +7,7 @@ const LEAST_READINGS: u32 = 20;
 
 /// Detects readings that stay exactly equal.
 #[derive(Debug, Clone)]
-pub struct StuckWatch {
+pub(crate) struct StuckWatch {
     limit_ns: u64,
     last: Option<Reading>,
     /// Time of the first of the equal readings.
@@ -18,12 +18,12 @@ pub struct StuckWatch {
 
 impl StuckWatch {
     /// Detector with this duration of equal readings, ms; 0 switches it off.
-    pub fn new(limit_ms: f64) -> Self {
+    pub(crate) fn new(limit_ms: f64) -> Self {
         Self { limit_ns: (limit_ms * 1e6) as u64, last: None, since_ns: 0, readings: 0, stuck: false }
     }
 
     /// Takes a reading with its time, ns. Returns true if the readings become stuck with this one.
-    pub fn push(&mut self, reading: &Reading, time_ns: u64) -> bool {
+    pub(crate) fn push(&mut self, reading: &Reading, time_ns: u64) -> bool {
         if self.limit_ns == 0 {
             return false;
         }
@@ -38,7 +38,7 @@ impl StuckWatch {
     }
 
     /// Whether the readings are stuck.
-    pub fn is_stuck(&self) -> bool {
+    pub(crate) fn is_stuck(&self) -> bool {
         self.stuck
     }
 }

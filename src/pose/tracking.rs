@@ -26,7 +26,7 @@ crate::names::named!(TrackingState {
 
 impl TrackingState {
     /// Whether the picture follows the probe: the pose is measured, or held over a short gap.
-    pub fn is_live(self) -> bool {
+    pub(crate) fn is_live(self) -> bool {
         self <= Self::Held
     }
 }
@@ -37,7 +37,7 @@ const GOOD_RUN: u32 = 3;
 
 /// Derives the state from the age of the last measurement.
 #[derive(Debug, Clone)]
-pub struct TrackingClock {
+pub(crate) struct TrackingClock {
     held_ns: u64,
     stale_ns: u64,
     lost_ns: u64,
@@ -50,14 +50,14 @@ pub struct TrackingClock {
 
 impl TrackingClock {
     /// Ages above which a pose is held, stale and lost, ms, ascending.
-    pub fn new(held_ms: f64, stale_ms: f64, lost_ms: f64) -> Self {
+    pub(crate) fn new(held_ms: f64, stale_ms: f64, lost_ms: f64) -> Self {
         let ns = |ms: f64| (ms * 1e6) as u64;
         let [held_ns, stale_ns, lost_ns] = [ns(held_ms), ns(stale_ms), ns(lost_ms)];
         Self { held_ns, stale_ns, lost_ns, last_ns: None, run: 0, resting: false }
     }
 
     /// Records that a measurement of `time_ns` was used. If `resting`, the device is silent until it moves.
-    pub fn seen(&mut self, time_ns: u64, resting: bool) {
+    pub(crate) fn seen(&mut self, time_ns: u64, resting: bool) {
         let gap = self.last_ns.is_none_or(|last| time_ns.saturating_sub(last) > self.held_ns);
         self.run = match (resting || self.resting, gap) {
             (true, _) => GOOD_RUN,
@@ -69,24 +69,24 @@ impl TrackingClock {
     }
 
     /// Records that the device is disconnected, or reports the sensor out of view.
-    pub fn interrupted(&mut self) {
+    pub(crate) fn interrupted(&mut self) {
         self.run = 0;
         self.resting = false;
     }
 
     /// Forgets all measurements.
-    pub fn forget(&mut self) {
+    pub(crate) fn forget(&mut self) {
         self.interrupted();
         self.last_ns = None;
     }
 
     /// Moves the stored time `by_ns` earlier, after the host clock was set back.
-    pub fn set_back(&mut self, by_ns: u64) {
+    pub(crate) fn set_back(&mut self, by_ns: u64) {
         self.last_ns = self.last_ns.map(|last| last.saturating_sub(by_ns));
     }
 
     /// State at `now_ns`.
-    pub fn at(&self, now_ns: u64) -> TrackingState {
+    pub(crate) fn at(&self, now_ns: u64) -> TrackingState {
         let Some(last_ns) = self.last_ns else { return TrackingState::Lost };
         let age_ns = if self.resting { 0 } else { now_ns.saturating_sub(last_ns) };
         match age_ns {

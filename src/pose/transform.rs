@@ -32,7 +32,7 @@ impl Mul for Pose {
 /// Rotation vector (axis × angle, rad) of a unit quaternion, on the shorter arc: at most π long.
 ///
 /// Uses `atan2`, which is accurate for small angles and needs no clamp if rounding makes |w| exceed 1.
-pub fn rotation_vector(q: DQuat) -> DVec3 {
+pub(crate) fn rotation_vector(q: DQuat) -> DVec3 {
     let v = if q.w < 0.0 { -q.xyz() } else { q.xyz() };
     let sine = v.length();
     if sine < 1e-12 {

@@ -20,7 +20,7 @@ const DRAWS: usize = 200;
 ///
 /// # Errors
 /// An image smaller than a crop, a mask of another size, a mask without a pixel.
-pub fn crop_places(
+pub(crate) fn crop_places(
     mask: &[u8],
     size: [usize; 2],
     side: usize,

@@ -42,20 +42,20 @@ impl Levels {
     }
 
     /// Mean power within `(centre, half size)`; 0 if it contains no pixel.
-    pub fn box_power(&self, box_mm: (DVec2, DVec2)) -> f64 {
+    pub(crate) fn box_power(&self, box_mm: (DVec2, DVec2)) -> f64 {
         let (sum, n) = self.pixels(box_mm).fold((0.0, 0.0), |(sum, n), (_, power)| (sum + power, n + 1.0));
         sum / f64::max(n, 1.0)
     }
 
     /// Mean level of a disc, dB above black; 0 if it contains no pixel.
-    pub fn disc_db(&self, centre: DVec2, radius_mm: f64) -> f64 {
+    pub(crate) fn disc_db(&self, centre: DVec2, radius_mm: f64) -> f64 {
         let inside = self.indices(centre, DVec2::splat(radius_mm)).filter(|(_, p)| p.distance(centre) <= radius_mm);
         let (sum, n) = inside.fold((0.0, 0.0), |(sum, n), (i, _)| (sum + self.sum_db[i], n + 1.0));
         sum / f64::max(n, 1.0) / self.images.max(1.0)
     }
 
     /// Mean level at a position, bilinear in power, dB above black; positions outside take the nearest pixel.
-    pub fn db_at(&self, place: DVec2) -> f64 {
+    pub(crate) fn db_at(&self, place: DVec2) -> f64 {
         let at = self.sector.pixel_from_probe(place) - 0.5;
         let (floor, part) = (at.floor(), at - at.floor());
         let mut power = 0.0;
@@ -67,7 +67,7 @@ impl Levels {
     }
 
     /// Median over the columns of the mean level of the rows within `half_mm` of a depth, dB above black.
-    pub fn median_row_db(&self, depth_mm: f64, half_mm: f64) -> f64 {
+    pub(crate) fn median_row_db(&self, depth_mm: f64, half_mm: f64) -> f64 {
         let middle =
             DVec2::new(self.sector.corner_mm.x + 0.5 * f64::from(self.sector.width) * self.sector.pixel_mm, depth_mm);
         let half = DVec2::new(f64::from(self.sector.width) * self.sector.pixel_mm, half_mm);

@@ -3,10 +3,10 @@
 use super::{Pair, QualityError};
 
 /// Bins of a histogram, of equal width over 0..=255.
-pub const BINS: usize = 50;
+pub(crate) const BINS: usize = 50;
 /// Added to the count of every bin to give empty bins a finite logarithm: half a pixel, Jeffreys' prior of a
 /// multinomial (Krichevsky and Trofimov 1981). Zhang et al. 2020 do not give their value.
-pub const PSEUDO_COUNT: f64 = 0.5;
+pub(crate) const PSEUDO_COUNT: f64 = 0.5;
 
 /// pKL: mean over patches of D(reference ‖ image) = Σ p·ln(p/q) in nats. p is the histogram of the reference's patch, q
 /// that of the image's. The paper's table shows it ×10².

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 
 use serde::Deserialize;
 
-use super::{Pair, SsimMap, frechet_distance, frechet_distance_of, pkl, psnr_db, ssim};
+use super::ssim::SsimMap;
+use super::{Pair, frechet_distance, frechet_distance_of, pkl, psnr_db, ssim};
 use crate::quality::Gaussian;
 
 /// Largest relative difference.

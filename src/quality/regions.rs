@@ -8,16 +8,16 @@ use crate::transducer::{Probe, ScanGeometry};
 /// the blur of its echo are shorter.
 pub const BEHIND_MM: f64 = 2.0;
 /// Parts of the names of tissues whose shadows are measured.
-pub const BONES: [&str; 3] = ["bone", "calvaria", "skull"];
+pub(crate) const BONES: [&str; 3] = ["bone", "calvaria", "skull"];
 
 /// True if a tissue of that name is bone.
-pub fn is_bone(tissue: &str) -> bool {
+pub(crate) fn is_bone(tissue: &str) -> bool {
     BONES.iter().any(|bone| tissue.contains(bone))
 }
 
 /// Sums over the pixels of a region, of one image or several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct RegionSum {
+pub(crate) struct RegionSum {
     pixels: u64,
     image: u64,
     reference: u64,
@@ -41,7 +41,7 @@ pub struct RegionError {
 
 impl RegionSum {
     /// Adds a pixel.
-    pub fn add(&mut self, image: u8, reference: u8) {
+    pub(crate) fn add(&mut self, image: u8, reference: u8) {
         self.pixels += 1;
         self.image += u64::from(image);
         self.reference += u64::from(reference);
@@ -49,12 +49,12 @@ impl RegionSum {
     }
 
     /// Pixels so far.
-    pub fn pixels(&self) -> u64 {
+    pub(crate) fn pixels(&self) -> u64 {
         self.pixels
     }
 
     /// Means; `None` without pixels.
-    pub fn error(&self) -> Option<RegionError> {
+    pub(crate) fn error(&self) -> Option<RegionError> {
         let mean = |sum: u64| sum as f64 / self.pixels as f64;
         let (grey, reference_grey) = (mean(self.image), mean(self.reference));
         (self.pixels > 0).then(|| RegionError {

@@ -15,7 +15,7 @@ const C2: f64 = 0.03 * 255.0 * 0.03 * 255.0;
 
 /// SSIM of every pixel.
 #[derive(Debug, Clone, PartialEq)]
-pub struct SsimMap {
+pub(crate) struct SsimMap {
     /// Local similarity [height × width], at most 1.
     pub values: Vec<f64>,
 }
@@ -35,7 +35,7 @@ pub fn ssim(pair: &Pair<'_>) -> f64 {
 
 impl SsimMap {
     /// SSIM map of a pair; ignores its mask.
-    pub fn new(pair: &Pair<'_>) -> Self {
+    pub(crate) fn new(pair: &Pair<'_>) -> Self {
         let (width, height) = (pair.width, pair.height);
         let window = window();
         // Means of x, y, x², y², xy along rows.
@@ -65,7 +65,7 @@ impl SsimMap {
     }
 
     /// Mean over `pair`'s pixels inside.
-    pub fn mean(&self, pair: &Pair<'_>) -> f64 {
+    pub(crate) fn mean(&self, pair: &Pair<'_>) -> f64 {
         let inside = self.values.iter().enumerate().filter(|(index, _)| pair.inside(*index));
         let (sum, count) = inside.fold((0.0, 0usize), |(sum, count), (_, value)| (sum + value, count + 1));
         sum / count.max(1) as f64

@@ -9,7 +9,7 @@ use super::pixel_counts::PixelCounts;
 /// Width of the bands on both sides of a border, pixels: 1.3 mm in the paper's image, a few speckles.
 pub const BAND: usize = 8;
 /// Side of the tiles in which a border's contrast is measured, pixels.
-pub const TILE: usize = 64;
+pub(crate) const TILE: usize = 64;
 /// Least number of pixels of a tile in each band.
 const PIXELS_MIN: u32 = 64;
 /// Least contrast of a border of the reference for it to count, grey levels.
@@ -81,7 +81,7 @@ pub fn structures(
 }
 
 /// Share of contrast lost over all tissues, each weighted by its contrast; `None` if no border stands out.
-pub fn contrast_lost(classes: &[ClassStructure]) -> Option<f64> {
+pub(crate) fn contrast_lost(classes: &[ClassStructure]) -> Option<f64> {
     let (mut sum, mut lost) = (0.0, 0.0);
     for (contrast, share) in classes.iter().filter_map(|c| c.contrast.zip(c.contrast_lost)) {
         sum += contrast;

@@ -30,7 +30,7 @@ impl CaliperEvent {
     ///
     /// # Errors
     /// A caliper event with a malformed value; the text gives the fault and the correct form.
-    pub fn from_event(event: &Event) -> Option<Result<Self, String>> {
+    pub(crate) fn from_event(event: &Event) -> Option<Result<Self, String>> {
         (event.name == CALIPER_EVENT).then(|| {
             let value = event.value.clone().unwrap_or_default();
             let caliper: Self = serde_json::from_value(value)
@@ -55,7 +55,7 @@ impl CaliperEvent {
     }
 
     /// Length of the line, or circumference of the ellipse (Ramanujan's second approximation), mm.
-    pub fn length_mm(&self) -> f64 {
+    pub(crate) fn length_mm(&self) -> f64 {
         let lengths: Vec<f64> =
             self.points_mm.chunks_exact(2).map(|p| (p[1][0] - p[0][0]).hypot(p[1][1] - p[0][1])).collect();
         match lengths[..] {
@@ -67,7 +67,7 @@ impl CaliperEvent {
 
 /// Circumference of an ellipse with these semi-axes, mm, by Ramanujan's second approximation; its error is below 4e-4
 /// even for flat ellipses.
-pub fn ellipse_circumference_mm(a_mm: f64, b_mm: f64) -> f64 {
+pub(crate) fn ellipse_circumference_mm(a_mm: f64, b_mm: f64) -> f64 {
     let sum = a_mm + b_mm;
     if sum <= 0.0 {
         return 0.0;

@@ -41,7 +41,7 @@ impl<R: Read> DecodedRecording<R> {
 
     /// Decodes the recording of `reader` with the puck range and axis map of `settings`, as a live session does.
     /// Protocol and sensor are the recording's.
-    pub fn with_settings(reader: RecordingReader<R>, settings: &Settings) -> Self {
+    pub(crate) fn with_settings(reader: RecordingReader<R>, settings: &Settings) -> Self {
         let decoder = reader.info().protocol.decoder_of(&settings.device);
         let axis_map = settings.axis_map;
         let info = reader.info().clone();

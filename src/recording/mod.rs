@@ -29,10 +29,14 @@ use crate::tracker::{Protocol, TrackerEvent, UnknownProtocol};
 #[cfg(feature = "recordings")]
 mod attached;
 mod caliper;
+#[cfg(feature = "live")]
+mod capture;
 #[cfg(feature = "recordings")]
 mod decoded;
 #[cfg(feature = "recordings")]
 mod in_order;
+#[cfg(feature = "recordings")]
+mod inspection;
 pub mod interchange;
 #[cfg(feature = "recordings")]
 mod part;
@@ -60,16 +64,23 @@ mod writer;
 #[path = "no_writer.rs"]
 mod writer;
 
-pub use caliper::{CALIPER_EVENT, CaliperEvent, ellipse_circumference_mm};
+pub(crate) use caliper::ellipse_circumference_mm;
+pub use caliper::{CALIPER_EVENT, CaliperEvent};
+#[cfg(feature = "live")]
+pub use capture::Capture;
 #[cfg(feature = "recordings")]
 pub use decoded::{DecodedRecording, Item};
+#[cfg(feature = "recordings")]
+pub use inspection::Inspection;
 #[cfg(feature = "recordings")]
 pub use part::part_path;
 #[cfg(feature = "live")]
 pub use playback::{RecordingPlayback, spawn, stream_of};
 pub use poses::poses;
 #[cfg(feature = "recordings")]
-pub use poses::{measurements, poses_of, read_all, read_both};
+pub(crate) use poses::read_both;
+#[cfg(feature = "recordings")]
+pub use poses::{measurements, poses_of, read_all};
 #[cfg(feature = "recordings")]
 pub use reader::{Damage, RecordingReader};
 #[cfg(feature = "recordings")]
@@ -78,7 +89,7 @@ pub use recorder::{QueueLimits, Recorded, Recorder, RecorderError, RecorderHandl
 pub use report::RecordingReport;
 #[cfg(feature = "recordings")]
 pub use summary::RecordingSummary;
-pub use timing::{GAP_NS, Gap, Timing};
+pub use timing::{GAP_NS, Timing};
 pub use writer::RecordingWriter;
 
 /// Channel of the tracker's bytes.

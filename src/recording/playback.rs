@@ -56,7 +56,7 @@ impl RecordingPlayback {
     ///
     /// # Errors
     /// It can't be read.
-    pub fn open(path: &Path) -> Result<Self, RecordingError> {
+    pub(crate) fn open(path: &Path) -> Result<Self, RecordingError> {
         Ok(Self { path: path.to_owned(), reader: RecordingReader::open(path)? })
     }
 

@@ -88,7 +88,7 @@ pub fn read_all<R: Read>(reader: RecordingReader<R>) -> Result<(Vec<TimedPose>, 
 ///
 /// # Errors
 /// The source cannot be read.
-pub fn read_both<R: Read>(
+pub(crate) fn read_both<R: Read>(
     reader: RecordingReader<R>,
 ) -> Result<(Vec<TimedPose>, Vec<SessionPose>, RecordingSummary), RecordingError> {
     let mut decoded = DecodedRecording::new(reader);

@@ -171,7 +171,7 @@ impl RecordingWriter {
     ///
     /// # Errors
     /// The `.part` cannot be removed.
-    pub fn discard(self) -> Result<(), RecordingError> {
+    pub(crate) fn discard(self) -> Result<(), RecordingError> {
         let Self { mcap, part, .. } = self;
         // Closed first: some systems cannot remove an open file.
         drop(mcap);

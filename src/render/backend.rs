@@ -84,7 +84,7 @@ impl Backend {
     }
 
     /// Whether frames are made on the CPU: by the host renderer or by a software device.
-    pub fn is_software(&self) -> bool {
+    pub(crate) fn is_software(&self) -> bool {
         match &self.0 {
             Kind::Host => true,
             Kind::Device(gpu) => gpu.is_software(),

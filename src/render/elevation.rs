@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn looks_have_places_of_their_own_which_fill_the_beam_together() {
+    fn angles_have_places_of_their_own_which_fill_the_beam_together() {
         let probe = Probe::default();
         let (one, nine) = (elevations(&probe, 4, 3, 1), elevations(&probe, 4, 3, 9));
         assert_eq!((one.len(), nine.len()), (12, 9 * 12));

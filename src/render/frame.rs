@@ -95,3 +95,12 @@ pub(super) fn unpad<T: Copy>(into: &mut Vec<T>, from: &[T], width: usize, stride
         into.extend_from_slice(&row[..width]);
     }
 }
+
+/// Logs a warning of frames in which crossings did not fit the buffers.
+pub fn warn_of_overflows(frames: usize) {
+    if frames > 0 {
+        tracing::warn!(
+            "in {frames} frames a few paths met more interfaces than are kept, and go on in the last medium"
+        );
+    }
+}

@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::settings::{Choice, Effect, RenderSettings};
+use crate::settings::{Choice, Effect, Quality, RenderSettings};
 
 /// Settings of a live frame's rendering that a controller may change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -41,6 +41,8 @@ fn is_yes(aperture: &bool) -> bool {
 impl FrameQuality {
     /// Low quality: 1 ray × 1 layer.
     pub const LQ: Self = Self::new(1, 1);
+    /// High quality: 32 rays × 3 layers.
+    pub const HQ: Self = Self::new(32, 3);
 
     /// One angle, with the aperture.
     pub const fn new(rays: u32, layers: u32) -> Self {
@@ -63,6 +65,11 @@ impl FrameQuality {
         (next.quality.rays, next.quality.layers, next.look.angles) = (self.rays, self.layers, self.angles);
         next.effects = next.effects.with(Effect::Aperture, if self.aperture { aperture } else { Choice::Off });
         next
+    }
+
+    /// These rays and layers with a seed.
+    pub const fn with_seed(&self, seed: u32) -> Quality {
+        Quality { rays: self.rays, layers: self.layers, seed }
     }
 
     /// Paths per scanline: rays × layers.

@@ -40,7 +40,7 @@ pub use backend::{Backend, BackendChoice, UnknownBackend, UnknownBackendVariable
 #[cfg(feature = "test-hooks")]
 pub use device::ShaderSet;
 pub use error::{BackendError, RenderError};
-pub use frame::{FRAMES_IN_FLIGHT, Frame, FrameTimes, PassTime};
+pub use frame::{FRAMES_IN_FLIGHT, Frame, FrameTimes, PassTime, warn_of_overflows};
 pub use frame_quality::FrameQuality;
 #[cfg(feature = "test-hooks")]
 pub use hooks::TestHooks;
@@ -48,7 +48,7 @@ pub use host::processor_name;
 #[cfg(feature = "test-hooks")]
 pub use host::{ImageConstants, TraceConstants};
 pub use plan::{Decision, EffectPlan};
-pub use preset::{Preset, UnknownPreset};
+pub use preset::{NoQuality, Preset, UnknownPreset};
 pub use renderer::Renderer;
 pub use snapshot::Snapshot;
 

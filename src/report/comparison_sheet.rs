@@ -26,7 +26,7 @@ pub struct Panel {
 
 /// Rows of panels under a title; all text is printable ASCII.
 #[derive(Debug, Clone, Default)]
-pub struct ComparisonSheet {
+pub(crate) struct ComparisonSheet {
     /// First line.
     pub title: String,
     /// Panels, row by row; those of a row have one height.
@@ -92,7 +92,7 @@ impl ComparisonSheet {
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn write(&self, path: &Path) -> Result<(), SinkError> {
+    pub(crate) fn write(&self, path: &Path) -> Result<(), SinkError> {
         self.draw().write(path)
     }
 

@@ -126,7 +126,7 @@ impl ContactSheet<'_> {
     ///
     /// # Errors
     /// Levels that do not fill `size`, [width, height].
-    pub fn grey_panel(
+    pub(crate) fn grey_panel(
         &self,
         caption: impl Into<String>,
         levels: &[u8],

@@ -8,7 +8,9 @@ pub mod selftest;
 pub mod time_table;
 
 mod html;
+mod other_load;
 
-pub use comparison_sheet::ComparisonSheet;
+pub(crate) use comparison_sheet::ComparisonSheet;
 pub use contact_sheet::ContactSheet;
+pub use other_load::OtherLoad;
 pub use time_table::TimeTable;

@@ -28,7 +28,7 @@ const WIDTH_MM: f64 = 0.3;
 
 /// Errors with one step of a look and without it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct LookError {
+pub(crate) struct LookError {
     /// A plain look with this step; without it, it is [`LookSettings::default`].
     pub look: LookSettings,
     /// Whether the step is tissue harmonics.
@@ -68,7 +68,7 @@ fn steps() -> [Step; 4] {
 ///
 /// # Errors
 /// A device that fails.
-pub fn look_errors(backend: &Backend, progress: &dyn Fn(usize, usize)) -> Result<Vec<LookError>, SelfTestError> {
+pub(crate) fn look_errors(backend: &Backend, progress: &dyn Fn(usize, usize)) -> Result<Vec<LookError>, SelfTestError> {
     let mut bench = Bench::new(silent(1540.0, 1.5));
     let specimens = Specimens::new(&mut bench);
     let new = |scene: &Scene, bvh: Bvh, probe: &Probe, settings: &RenderSettings| {

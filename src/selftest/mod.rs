@@ -36,9 +36,10 @@ use crate::render::TestHooks;
 use crate::render::{Backend, Choice, Effect, RenderError, RenderSettings, Renderer};
 use crate::transducer::Probe;
 use bench::{Bench, silent};
-pub use looks::{LookError, look_errors};
+pub(crate) use looks::{LookError, look_errors};
 use rig::{NewRenderer, Rig};
-pub use truth::{TruthError, truth_errors};
+pub use truth::TruthError;
+pub(crate) use truth::truth_errors;
 
 /// Errors of the self-test.
 #[derive(Debug, Error)]

@@ -38,7 +38,10 @@ pub struct TruthError {
 ///
 /// # Errors
 /// A device that fails.
-pub fn truth_errors(backend: &Backend, progress: &dyn Fn(usize, usize)) -> Result<Vec<TruthError>, SelfTestError> {
+pub(crate) fn truth_errors(
+    backend: &Backend,
+    progress: &dyn Fn(usize, usize),
+) -> Result<Vec<TruthError>, SelfTestError> {
     let mut bench = Bench::new(silent(1540.0, 1.5));
     let families: [Box<dyn Truth>; 6] = [
         Box::new(Shadow::new(&mut bench)),

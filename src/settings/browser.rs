@@ -30,7 +30,7 @@ settings! {
 
 impl BrowserSettings {
     /// Whether `token` is long enough and has only characters that a URL allows.
-    pub fn accepts_token(token: &str) -> bool {
+    pub(crate) fn accepts_token(token: &str) -> bool {
         token.len() >= TOKEN_CHARS_MIN && token.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'-' || b == b'_')
     }
 }

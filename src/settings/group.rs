@@ -9,6 +9,14 @@ pub trait SettingsGroup {
     where
         Self: Sized;
 
+    /// The group's own setting with this key.
+    fn setting(key: &str) -> Option<&'static Setting>
+    where
+        Self: Sized,
+    {
+        Self::settings().iter().find(|setting| setting.key == key)
+    }
+
     /// Storage of a setting of this group or of a nested one.
     fn stored(&self, key: &str) -> Option<&dyn Stored>;
 

@@ -101,7 +101,7 @@ const fn point(
 }
 
 /// Qualities with a key and a button.
-pub static QUALITY_POINTS: [QualityPointKey; 3] = [
+pub(crate) static QUALITY_POINTS: [QualityPointKey; 3] = [
     point("LQ", "1", "low quality, 1x1", Quality::LQ.rays, Quality::LQ.layers),
     point("Mid", "2", "4x3", 4, 3),
     point("HQ", "3", "high quality, 32x3", Quality::HQ.rays, Quality::HQ.layers),

@@ -45,7 +45,7 @@ impl LiveSettings {
 }
 
 /// Settings that can be changed while a session runs, in display order. Their keys are unique without the table.
-pub fn live_settings() -> impl Iterator<Item = &'static Setting> {
+pub(crate) fn live_settings() -> impl Iterator<Item = &'static Setting> {
     let groups = [
         ImageSettings::settings(),
         LookSettings::settings(),

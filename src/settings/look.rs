@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::live_control::{choice, hidden, slider};
-use super::{Kind, Probe, ProbeKind, Stored, settings};
+use super::{Probe, ProbeKind, settings, stored_word};
 
 /// Mapping from the picture's grey levels to the display's.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
@@ -33,24 +33,20 @@ crate::names::named!(GreyMap {
     Sharp = "sharp",
 });
 
-impl Stored for GreyMap {
-    fn kind(&self) -> Kind {
-        Kind::Word(Self::NAMES)
-    }
-
-    fn get(&self, _: usize) -> f64 {
-        f64::from(*self as u8)
-    }
-
-    fn set(&mut self, _: usize, value: f64) {
-        if let Some(&map) = Self::ALL.get(value as usize) {
-            *self = map;
-        }
-    }
-}
+stored_word!(GreyMap);
+stored_word!(LookPreset);
 
 /// Most angles of a compounded picture.
 pub const ANGLES_MAX: u32 = 15;
+
+settings! {
+    /// The look by name in `[look]`.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct LookBase in "look" {
+        /// Look by name; other keys of the table change it.
+        preset: LookPreset = LookPreset::Raw, "", 0.0..=2.0, Nothing;
+    }
+}
 
 settings! {
     /// The `[look]` of a station: from lines to the display.
@@ -90,7 +86,7 @@ settings! {
 impl LookSettings {
     /// Number of independent pictures in the mean of all angles: 1, plus the span over the angle at which the focus sees the
     /// aperture of `probe` (Trahey, Smith and von Ramm, IEEE Trans UFFC 33:257, 1986).
-    pub fn independent_angles(&self, probe: &Probe) -> f64 {
+    pub(crate) fn independent_angles(&self, probe: &Probe) -> f64 {
         let aperture_deg = 2.0 * (0.5 * probe.aperture_mm / probe.focus_mm).atan().to_degrees();
         let angles = self.angles_of(probe.kind);
         if angles == 1 { 1.0 } else { (1.0 + self.span_deg / aperture_deg).min(f64::from(angles)) }
@@ -102,16 +98,17 @@ impl LookSettings {
     }
 
     /// Number of steering angles: odd.
-    pub fn odd_angles(&self) -> u32 {
+    pub(crate) fn odd_angles(&self) -> u32 {
         (self.angles - 1) / 2 * 2 + 1
     }
 }
 
 /// Looks by name: values of several settings at once.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LookPreset {
     /// The lines as they are: one angle, no filter, a linear map.
+    #[default]
     Raw,
     /// Calm pictures for finding one's way: three angles, some persistence and smoothing.
     Survey,

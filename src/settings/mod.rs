@@ -43,25 +43,30 @@ pub use filter::FilterSettings;
 pub use generator::GeneratorSettings;
 pub use group::SettingsGroup;
 pub(crate) use group::{check_own, settings};
-pub use hot_keys::{Action, Display, HotKey, QUALITY_POINTS, QualityPointKey, hot_key, hot_keys};
-pub use image::{ImageSettings, ImageUniforms, TGC_SLIDERS};
-pub use live::{LiveSettings, live_settings};
+pub(crate) use hot_keys::QUALITY_POINTS;
+pub use hot_keys::{Action, Display, HotKey, QualityPointKey, hot_key, hot_keys};
+pub(crate) use image::TGC_SLIDERS;
+pub use image::{ImageSettings, ImageUniforms};
+pub use live::LiveSettings;
+pub(crate) use live::live_settings;
 pub use live_control::{LiveControl, Slider, StepKey};
-pub use look::{ANGLES_MAX, GreyMap, LookPreset, LookSettings};
+pub use look::{ANGLES_MAX, GreyMap, LookBase, LookPreset, LookSettings};
 pub use offered::check_offered;
 pub use pipeline::{ChoiceSettings, PipelineSettings};
 pub use precision::Precision;
 pub use presets::{Preset, exams, looks, preset};
 pub use probe::{Face, Probe, ProbeKind};
 pub use provider::Provider;
-pub use quality::{BEAM_TAPS_MAX, PULSE_TAPS_MAX, Quality, REFLECTIONS_MAX, RenderSettings};
+pub(crate) use quality::{BEAM_TAPS_MAX, PULSE_TAPS_MAX};
+pub use quality::{Quality, RenderSettings};
 pub use scene::{
     FAT_RANGE_MM, FLEXION_RANGE, FLUID_INDEX_RANGE_MM, Lie, PlacentaSite, ROLL_RANGE_DEG, SCALE_RANGE, SceneSettings,
     WEEKS_RANGE, Wall,
 };
 pub(crate) use setting::stored_word;
 pub use setting::{Change, Kind, Setting, SettingsError, Stored};
-pub use tracker::{PUCK_RANGE, TrackerSettings};
+pub(crate) use tracker::PUCK_RANGE;
+pub use tracker::{Repeat, ReplyFormat, TrackerSettings};
 pub use uniform::{Uniform, wgsl_readers};
 pub use window::WindowSettings;
 

@@ -45,7 +45,7 @@ settings! {
 
 impl ProbeKind {
     /// Whether its scanlines can be steered for spatial compounding: those of a phased array leave one point.
-    pub fn steers(&self) -> bool {
+    pub(crate) fn steers(&self) -> bool {
         !matches!(self, Self::Phased { .. })
     }
 }

@@ -6,11 +6,11 @@ use super::live_control::hidden;
 use super::{ContactSettings, EffectChoices, ImageSettings, LookSettings, ReceiverSettings, settings};
 
 /// Greatest value of `quality.reflections_max`.
-pub const REFLECTIONS_MAX: u32 = 6;
+pub(crate) const REFLECTIONS_MAX: u32 = 6;
 /// Most taps of the lateral kernel in its pass; odd.
-pub const BEAM_TAPS_MAX: u32 = 129;
+pub(crate) const BEAM_TAPS_MAX: u32 = 129;
 /// Most taps of the pulse in its pass; odd.
-pub const PULSE_TAPS_MAX: u32 = 257;
+pub(crate) const PULSE_TAPS_MAX: u32 = 257;
 
 settings! {
     /// Number of paths, and their random seed.
@@ -32,6 +32,15 @@ impl Quality {
     pub const LQ: Self = Self { rays: 1, layers: 1, seed: 0 };
     /// High quality: 32 rays × 3 layers.
     pub const HQ: Self = Self { rays: 32, layers: 3, seed: 0 };
+
+    /// Short name in captions and tables, whatever the seed: `LQ`, `HQ`, or both numbers as `8x1`.
+    pub fn name(&self) -> String {
+        match (Self { seed: 0, ..*self }) {
+            Self::LQ => "LQ".to_owned(),
+            Self::HQ => "HQ".to_owned(),
+            Self { rays, layers, .. } => format!("{rays}x{layers}"),
+        }
+    }
 }
 
 settings! {
@@ -74,5 +83,16 @@ settings! {
         /// Choices for effects, which override the plan.
         #[serde(skip)]
         effects: EffectChoices = EffectChoices::default(), Everything;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn qualities_have_short_names() {
+        assert_eq!(Quality { seed: 1, ..Quality::HQ }.name(), "HQ");
+        assert_eq!(Quality { rays: 8, layers: 1, seed: 0 }.name(), "8x1");
     }
 }

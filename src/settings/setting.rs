@@ -155,11 +155,21 @@ impl Setting {
         }
     }
 
+    /// Least and greatest value, as `1..=256`.
+    pub fn range(&self) -> String {
+        format!("{}..={}", self.min, self.max)
+    }
+
+    /// Documentation and range in a line.
+    pub fn described(&self) -> String {
+        format!("{}, {}", self.doc.trim_end_matches('.'), self.range())
+    }
+
     /// Checks every value of `stored`.
     ///
     /// # Errors
     /// As [`Setting::check`].
-    pub fn check_stored(&self, stored: &dyn Stored) -> Result<(), SettingsError> {
+    pub(crate) fn check_stored(&self, stored: &dyn Stored) -> Result<(), SettingsError> {
         (0..self.count()).try_for_each(|index| self.check(stored.get(index)))
     }
 

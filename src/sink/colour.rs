@@ -87,7 +87,7 @@ const TISSUES: [(&str, u32); 48] = [
 pub type Rgb = [u8; 3];
 
 /// The viridis colour of `value`, clamped to 0..=1; NaN is black.
-pub fn viridis(value: f32) -> Rgb {
+pub(crate) fn viridis(value: f32) -> Rgb {
     if value.is_nan() {
         return [0; 3];
     }
@@ -106,7 +106,7 @@ pub fn tissue(name: &str) -> Rgb {
 }
 
 /// Colours of segmentation numbers 0..=255 for tissues called `names`: black outside the sector (0), then each tissue's own.
-pub fn segmentation_palette(names: &[String]) -> Vec<Rgb> {
+pub(crate) fn segmentation_palette(names: &[String]) -> Vec<Rgb> {
     let mut palette = vec![[0; 3]; 256];
     for (slot, name) in palette.iter_mut().skip(1).zip(names) {
         *slot = tissue(name);

@@ -60,7 +60,7 @@ pub(crate) fn commit(file: NamedTempFile, path: &Path) -> Result<(), SinkError> 
 ///
 /// # Errors
 /// The error of `write`, or an I/O error that names `path`. An earlier file at `path` then stays unchanged.
-pub fn write_with(
+pub(crate) fn write_with(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), SinkError>,
 ) -> Result<(), SinkError> {
@@ -84,7 +84,7 @@ pub fn write_text(path: &Path, text: &str) -> Result<(), SinkError> {
 ///
 /// # Errors
 /// An I/O error.
-pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), SinkError> {
+pub(crate) fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), SinkError> {
     write_with(path, |w| w.write_all(bytes).map_err(SinkError::io(path)))
 }
 

@@ -73,7 +73,7 @@ impl FrameFiles<'_> {
 }
 
 /// Names by segmentation number, 0 included.
-pub fn tissue_numbers(tissues: &TissueTable) -> BTreeMap<usize, &str> {
+pub(crate) fn tissue_numbers(tissues: &TissueTable) -> BTreeMap<usize, &str> {
     let names = tissues.names().iter().map(String::as_str);
     std::iter::once("outside").chain(names).enumerate().collect()
 }

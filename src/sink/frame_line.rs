@@ -9,7 +9,7 @@ use crate::transducer::Contact;
 
 /// Fields of a frame's line. Times are ms since the session began.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct FrameLine<'a> {
+pub(crate) struct FrameLine<'a> {
     /// Number of the frame.
     pub number: u64,
     /// File of the image, if any.
@@ -48,7 +48,7 @@ pub struct FrameLine<'a> {
 
 impl<'a> FrameLine<'a> {
     /// The line of `frame`.
-    pub fn new(frame: &'a PresentedFrame) -> Self {
+    pub(crate) fn new(frame: &'a PresentedFrame) -> Self {
         let times = &frame.info.timeline;
         let ms = |time: Duration| time.as_secs_f64() * 1e3;
         Self {

@@ -1,9 +1,11 @@
 //! Record of a frame's inputs and times, for `frame.json`.
 
+use std::fmt;
+
 use serde::Serialize;
 
 use crate::pose::Pose;
-use crate::render::{Effect, EffectPlan, Frame, FrameTimes};
+use crate::render::{Backend, Effect, EffectPlan, Frame, FrameTimes};
 use crate::settings::{ContactSettings, ImageSettings, LookSettings, Probe, Quality, ReceiverSettings, RenderSettings};
 use crate::transducer::{Contact, Sector};
 
@@ -84,6 +86,12 @@ pub struct AdapterRecord {
     pub driver: String,
 }
 
+impl From<&Backend> for AdapterRecord {
+    fn from(backend: &Backend) -> Self {
+        Self { name: backend.name(), driver: backend.driver() }
+    }
+}
+
 impl FrameRecord {
     /// The record of `frame`, rendered at `pose` by `adapter` with the effects of `plan`.
     pub fn new(
@@ -116,6 +124,22 @@ impl FrameRecord {
             times: frame.times.clone(),
             adapter,
         }
+    }
+}
+
+impl fmt::Display for FrameRecord {
+    /// Size, simulated quality, time and device in a line.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let of = |simulated: u32, asked: u32, what: &str| match asked {
+            _ if asked == simulated => format!("{asked} {what}"),
+            _ => format!("{simulated} of {asked} {what}"),
+        };
+        let (asked, simulated) = (self.quality.quality, &self.simulated);
+        let rays = of(simulated.rays, asked.rays, "rays");
+        let layers = of(simulated.layers, asked.layers, "layers");
+        let ImageSettings { width, height, .. } = self.image.settings;
+        let ms = self.times.total_ms;
+        write!(f, "{width} x {height} pixels, {rays} x {layers} in {ms:.1} ms on {}", self.adapter.name)
     }
 }
 

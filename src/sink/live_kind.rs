@@ -1,5 +1,6 @@
 //! Names of live sinks in station files and on the command line.
 
+use std::collections::HashSet;
 use std::str::FromStr;
 
 use thiserror::Error;
@@ -43,6 +44,24 @@ crate::names::named!(LiveSinkKind {
     Window = "window",
     OpenIgtLink = "openigtlink",
 });
+
+impl LiveSinkKind {
+    /// The kinds in their order, each once.
+    pub fn each_once(mut kinds: Vec<Self>) -> Vec<Self> {
+        let mut seen = HashSet::new();
+        kinds.retain(|kind| seen.insert(*kind));
+        kinds
+    }
+
+    /// Files of such a sink below the session's directory; a `*` stands for anything.
+    pub fn files(self) -> &'static [&'static str] {
+        match self {
+            Self::Png => &["png/index.jsonl", "png/*.png"],
+            Self::Video => &["video.mp4", "video.part.mp4"],
+            _ => &[],
+        }
+    }
+}
 
 impl FromStr for LiveSinkKind {
     type Err = UnknownSink;

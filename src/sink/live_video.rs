@@ -11,7 +11,7 @@ const PAUSE_MAX_S: u64 = 10;
 
 /// Writes frames into a video of fixed rate at their presentation times. A frame that lasts longer is repeated; of
 /// several within one video frame, the last is kept.
-pub struct LiveVideo {
+pub(crate) struct LiveVideo {
     stem: PathBuf,
     rate: FrameRate,
     video: Option<Video>,
@@ -24,7 +24,7 @@ pub struct LiveVideo {
 
 impl LiveVideo {
     /// A video at `stem` + `.mp4`, opened with the first frame.
-    pub fn new(stem: &Path, rate: FrameRate) -> Self {
+    pub(crate) fn new(stem: &Path, rate: FrameRate) -> Self {
         Self { stem: stem.to_owned(), rate, video: None, origin: Duration::ZERO, shown: Vec::new(), place: 0 }
     }
 }

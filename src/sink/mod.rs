@@ -20,12 +20,14 @@ pub mod null;
 pub mod openigtlink;
 pub mod png;
 pub mod png_sequence;
+mod stills;
 pub mod video;
 pub mod window;
 
 pub(crate) mod canvas;
 pub(crate) mod error;
 mod file;
+mod frame_directory;
 mod frame_rate;
 #[cfg(feature = "video")]
 mod growing_mp4;
@@ -34,15 +36,18 @@ mod live_kind;
 pub(crate) mod pool;
 
 pub use error::SinkError;
-pub use file::{create_dir, remove, write_bytes, write_json, write_text, write_with};
+pub use file::{create_dir, remove, write_json, write_text};
+pub(crate) use file::{write_bytes, write_with};
+pub use frame_directory::{FrameDirectory, FrameFileError};
 pub use frame_files::FrameFiles;
 pub use frame_log::FrameLog;
 pub use frame_rate::FrameRate;
 pub use frame_record::FrameRecord;
 pub use live_kind::{LiveSinkKind, UnknownSink};
 #[cfg(feature = "video")]
-pub use live_video::LiveVideo;
+pub(crate) use live_video::LiveVideo;
 #[cfg(feature = "video")]
 pub use mp4::Video;
 pub use null::NullSink;
 pub use png_sequence::PngSequence;
+pub use stills::Stills;

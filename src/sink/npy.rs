@@ -21,7 +21,7 @@ pub fn write_f32(path: &Path, shape: [usize; 2], values: &[f32]) -> Result<(), S
 ///
 /// # Errors
 /// `values` does not fill `shape`, or the file cannot be written.
-pub fn write_complex64(path: &Path, shape: [usize; 2], values: &[[f32; 2]]) -> Result<(), SinkError> {
+pub(crate) fn write_complex64(path: &Path, shape: [usize; 2], values: &[[f32; 2]]) -> Result<(), SinkError> {
     check_shape(path, shape, values.len())?;
     write(path, shape, "c8", bytemuck::cast_slice(values))
 }
@@ -30,7 +30,7 @@ pub fn write_complex64(path: &Path, shape: [usize; 2], values: &[[f32; 2]]) -> R
 ///
 /// # Errors
 /// A plane does not fill `shape`, rows and columns; `path` only names it in the error.
-pub fn bytes_of_u8(path: &Path, shape: [usize; 2], planes: &[&[u8]]) -> Result<Vec<u8>, SinkError> {
+pub(crate) fn bytes_of_u8(path: &Path, shape: [usize; 2], planes: &[&[u8]]) -> Result<Vec<u8>, SinkError> {
     planes.iter().try_for_each(|plane| check_shape(path, shape, plane.len()))?;
     let [rows, columns] = shape.map(|n| n as u64);
     let mut bytes = Vec::with_capacity(planes.iter().map(|plane| plane.len()).sum::<usize>() + 256);

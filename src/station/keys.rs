@@ -11,11 +11,11 @@ use crate::anatomy::Tissue;
 use crate::render::Preset;
 use crate::settings::{
     BackendSettings, BrowserSettings, ChoiceSettings, ContactSettings, Effect, FAT_RANGE_MM, FilterSettings,
-    GeneratorSettings, ImageSettings, LookPreset, LookSettings, PipelineSettings, Probe, ProbeKind, Quality,
+    GeneratorSettings, ImageSettings, LookBase, LookSettings, PipelineSettings, Probe, ProbeKind, Quality,
     ReceiverSettings, RenderSettings, SceneSettings, Setting, SettingsGroup as _, TrackerSettings, WindowSettings,
 };
 use crate::sink::{LiveSinkKind, openigtlink};
-use crate::tracker::{BAUD_RANGE, mock};
+use crate::tracker::{BAUD_RANGE, Protocol, mock};
 
 /// A key of a station file.
 #[derive(Debug, Clone, PartialEq)]
@@ -79,11 +79,6 @@ const QUALITY: &[KeyDoc] = &[
 ];
 
 #[rustfmt::skip]
-const LOOK: &[KeyDoc] = &[
-    doc("look", "preset", "", "\"raw\"", Accepts::OneOf(LookPreset::NAMES), "look by name; other keys of the table change it"),
-];
-
-#[rustfmt::skip]
 const POSE: &[KeyDoc] = &[
     doc("pose", "position_mm", "mm", "[0.0, 0.0, 0.0]", Accepts::Numbers { count: 3, limit: 1e5 }, "centre of the probe's face in the scene [x, y, z]"),
     doc("pose", "quaternion", "", "[1.0, 0.0, 0.0, 0.0]", Accepts::Numbers { count: 4, limit: 2.0 }, "unit quaternion [qw, qx, qy, qz] that turns probe axes into scene axes"),
@@ -99,17 +94,15 @@ const CALIBRATION: &[KeyDoc] = &[
 #[rustfmt::skip]
 const TRACKER: &[KeyDoc] = &[
     doc("tracker", "transport", "", "\"none\"", Accepts::OneOf(&["none", "serial", "tcp", "udp", "hid", "mock", "recording"]), "how the tracker's bytes come; none: the probe stays at [pose]"),
-    doc("tracker", "protocol", "", "required, but for hid (spacemouse) and mock (ascii-line)", Accepts::Text("the name of a protocol"), "what the bytes mean: ascii-line, fastrak-ascii, fastrak-binary, liberty, patriot, ndi, spacemouse, bno08x, bno08x-roll-first, opentrack or openigtlink; a recording knows its own"),
+    doc("tracker", "protocol", "", "required, but for hid (spacemouse) and mock (ascii-line)", Accepts::OneOf(Protocol::NAMES), "what the bytes mean; a recording knows its own"),
     doc("tracker", "port", "", "required for serial; for hid the first SpaceMouse", Accepts::Text("a path, or vendor:product or vendor:product:serial,"), "serial port or HID device; `insonify trackers` lists them"),
     doc("tracker", "baud", "baud", "115200", integer(*BAUD_RANGE.start(), *BAUD_RANGE.end()), "speed of the serial port; an NDI device is met at 9600 and switched to it"),
     doc("tracker", "address", "", "required for tcp; for udp \"127.0.0.1:4242\"", Accepts::Text("host:port"), "server to connect to (tcp), or address to listen at (udp)"),
     doc("tracker", "sensor", "", "none: 1 of Polhemus devices, else the first heard", integer(0, 65_535), "station, port handle or tool that is the probe"),
     doc("tracker", "hemisphere", "", "[0, 0, 1]", Accepts::Numbers { count: 3, limit: 1.0 }, "axis of a Polhemus source that points to where the sensor moves"),
-    doc("tracker", "ndi_reply", "", "\"BX\"", Accepts::OneOf(&["BX", "TX"]), "what an NDI device is asked for: binary replies, or text, the only ones that older devices know"),
     doc("tracker", "ndi_roms", "", "[]", Accepts::Texts("a path"), "definitions (.rom) of wireless NDI tools, relative to the station file; their handles are asked for in this order"),
     doc("tracker", "axis_map", "", "\"x, y, z, rx, ry, rz\"", Accepts::Text("x, y, z, rx, ry, rz in another order and with signs,"), "device axis that each axis of a puck's motion comes from, as in \"x, -z, y, rx, -rz, ry\""),
     doc("tracker", "recording", "", "required for recording", Accepts::Text("a path"), "recording (.mcap), relative to the station file"),
-    doc("tracker", "repeat", "", "\"no\"", Accepts::OneOf(&["no", "yes"]), "whether the recording begins anew at its end"),
     doc("tracker", "schedule", "", "\"move 10, hold 2\"", Accepts::Text("acts and seconds"), "what the mock does, again and again: move, hold, jump, drop, corrupt or unplug, each with its seconds; about [pose]"),
 ];
 
@@ -149,7 +142,7 @@ pub fn keys() -> &'static [KeyDoc] {
         add(&[], &[ContactSettings::settings()]);
         add(&[], &[ImageSettings::settings()]);
         add(&[], &[ReceiverSettings::settings()]);
-        add(LOOK, &[LookSettings::settings()]);
+        add(&[], &[LookBase::settings(), LookSettings::settings()]);
         add(QUALITY, &[Quality::settings(), RenderSettings::settings()]);
         add(&[], &[BackendSettings::settings()]);
         add(&Effect::ALL.map(KeyDoc::from), &[]);

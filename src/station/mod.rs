@@ -10,6 +10,7 @@ mod calibration;
 mod display;
 mod effects;
 mod error;
+mod examination;
 mod generator;
 mod keys;
 mod openigtlink;
@@ -42,6 +43,7 @@ use crate::tracker;
 
 pub use accepts::Accepts;
 pub use error::StationError;
+pub use examination::Examination;
 pub use keys::{KeyDoc, keys, print_keys};
 pub use plane_scene::PlaneScene;
 pub use poses::{Poses, Track};
@@ -147,12 +149,34 @@ impl Station {
         }
     }
 
+    /// Sinks of its live session: `display.sinks` and every display that has a table.
+    pub fn live_sinks(&self) -> Vec<LiveSinkKind> {
+        let mut kinds = self.sinks.clone();
+        kinds.extend(self.browser.as_ref().map(|_| LiveSinkKind::Browser));
+        kinds.extend(self.window.as_ref().map(|_| LiveSinkKind::Window));
+        kinds.extend(self.openigtlink.as_ref().map(|_| LiveSinkKind::OpenIgtLink));
+        LiveSinkKind::each_once(kinds)
+    }
+
+    /// Whether a live session reads the maps, for its generator or its page.
+    pub fn reads_maps(&self) -> bool {
+        (self.generator.enabled && !self.generator.models.is_empty())
+            || self.live_sinks().contains(&LiveSinkKind::Browser)
+    }
+
     /// Recording that takes the place of a tracker, if the station names one.
     pub fn recording(&self) -> Option<&Path> {
         match &self.tracker.transport {
             tracker::Transport::Recording { path, .. } => Some(path),
             _ => None,
         }
+    }
+
+    /// Plays a recording in place of the tracker, once and in real time, with the sensor that the recording names.
+    pub fn play(&mut self, path: &Path) {
+        let (path, speed) = (path.to_owned(), tracker::Speed::Factor(1.0));
+        self.tracker.transport = tracker::Transport::Recording { path, speed, repeat: false };
+        self.tracker.device.sensor = None;
     }
 
     /// Files that the station is read from, its own first. Some of them may be missing.

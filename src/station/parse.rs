@@ -14,7 +14,7 @@ use crate::anatomy::{Tissue, TissueTable};
 use crate::generator;
 use crate::pose::Pose;
 use crate::settings::{
-    BackendSettings, Face, LookPreset, LookSettings, PipelineSettings, Probe, ProbeKind, SettingsGroup,
+    BackendSettings, Face, LookBase, LookSettings, PipelineSettings, Probe, ProbeKind, SettingsGroup,
 };
 use crate::suggest::did_you_mean;
 
@@ -114,8 +114,7 @@ fn check_hang(pipeline: &PipelineSettings, generator: &generator::Settings) -> R
 
 /// A look by name, with the changes of the table's other keys.
 fn look(values: &Values) -> LookSettings {
-    let preset = values.text("preset").and_then(LookPreset::named).unwrap_or(LookPreset::Raw);
-    let mut look = preset.settings();
+    let mut look = values.group::<LookBase>().preset.settings();
     values.set_group(&mut look);
     look
 }

@@ -8,9 +8,9 @@ use std::time::Duration;
 use super::StationError;
 use super::values::Values;
 use crate::pose::Pose;
-use crate::settings::TrackerSettings;
+use crate::settings::{Repeat, TrackerSettings};
 use crate::tracker::DeviceOptions;
-use crate::tracker::ndi::{ReplyFormat, USUAL_BAUD};
+use crate::tracker::ndi::USUAL_BAUD;
 use crate::tracker::{Protocol, Settings, Speed, Transport, mock};
 
 /// Keys restricted to some transports, and these transports.
@@ -67,9 +67,7 @@ pub(super) fn settings(values: &Values, default_pose: Option<Pose>, dir: &Path) 
         let reason = format!("`tracker.protocol` is \"{}\"; it is for ndi", protocol.name());
         values.refuse(&["ndi_reply", "ndi_roms", "ndi_out_of_volume"], &reason)?;
     } else {
-        if values.text("ndi_reply") == Some("TX") {
-            device.ndi.format = ReplyFormat::Text;
-        }
+        device.ndi.format = given.ndi_reply;
         device.ndi.out_of_volume = given.ndi_out_of_volume;
         let roms = values.texts("ndi_roms").unwrap_or_default();
         device.ndi.rom_files = roms.into_iter().map(|path| dir.join(path)).collect();
@@ -119,9 +117,9 @@ fn transport(
         }
         "recording" => {
             let path = values.text("recording").ok_or_else(|| missing("recording", "which recording to play"))?;
-            let TrackerSettings { speed, .. } = values.group();
+            let TrackerSettings { speed, repeat, .. } = values.group();
             let speed = if speed > 0.0 { Speed::Factor(speed) } else { Speed::AtOnce };
-            let repeat = values.text("repeat") == Some("yes");
+            let repeat = repeat == Repeat::Yes;
             if repeat && speed == Speed::AtOnce {
                 values.refuse(&["repeat"], "`tracker.speed` is 0: it would never rest")?;
             }
@@ -158,6 +156,7 @@ mod tests {
     use std::path::PathBuf;
 
     use super::*;
+    use crate::settings::ReplyFormat;
     use crate::station::tests::{assert_refused, parse};
     use crate::tracker::PortName;
 
@@ -233,7 +232,7 @@ mod tests {
             ("transport = \"serial\"\nport = \"/dev/x\"", "`tracker.protocol` is missing"),
             (
                 "transport = \"serial\"\nport = \"/dev/x\"\nprotocol = \"librety\"",
-                "`tracker.protocol`: unknown tracker protocol `librety`",
+                "`tracker.protocol` is \"librety\"; it must be one of",
             ),
             ("transport = \"serial\"\nport = \"zz:1\"\nprotocol = \"liberty\"", "`tracker.port`: `zz:1` is no port"),
             ("transport = \"udp\"\nprotocol = \"liberty\"", "aren't reached by transport `udp`"),

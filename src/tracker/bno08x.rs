@@ -21,10 +21,10 @@ use super::{DecodeError, Record};
 use crate::pose::Reading;
 
 /// Length of a frame, bytes.
-pub const LENGTH: usize = 19;
+pub(crate) const LENGTH: usize = 19;
 
 /// Largest angle of a frame, degrees.
-pub const ANGLE_LIMIT_DEG: f64 = 180.0;
+pub(crate) const ANGLE_LIMIT_DEG: f64 = 180.0;
 
 const START: u8 = 0xAA;
 const DEG_PER_STEP: f64 = 0.01;

@@ -1,13 +1,12 @@
 //! Serial ports and HID devices of this machine.
 
-#[cfg(any(feature = "serial", feature = "hid"))]
+use std::fmt;
 use std::io;
 use std::path::Path;
 
 use serde::Serialize;
 
-#[cfg(any(feature = "serial", feature = "hid"))]
-use super::settings::PortName;
+use super::settings::{PortName, Settings, Transport};
 use super::spacemouse;
 
 /// Identity reported by a USB device.
@@ -55,6 +54,59 @@ pub struct HidDevice {
     pub space_mouse: bool,
 }
 
+/// All serial ports and HID devices.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Devices {
+    /// Serial ports; empty without the feature `serial`.
+    pub serial: Vec<SerialDevice>,
+    /// HID devices; empty without the feature `hid`.
+    pub hid: Vec<HidDevice>,
+}
+
+impl Devices {
+    /// The devices of this machine.
+    ///
+    /// # Errors
+    /// The system cannot list them.
+    pub fn list() -> io::Result<Self> {
+        Ok(Self {
+            #[cfg(feature = "serial")]
+            serial: serial_ports()?,
+            #[cfg(not(feature = "serial"))]
+            serial: Vec::new(),
+            #[cfg(feature = "hid")]
+            hid: hid_devices()?,
+            #[cfg(not(feature = "hid"))]
+            hid: Vec::new(),
+        })
+    }
+}
+
+impl fmt::Display for Devices {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.serial.is_empty() {
+            writeln!(f, "no serial ports")?;
+        }
+        for port in &self.serial {
+            let usb = port.usb.as_ref();
+            let name = usb.and_then(|usb| usb.name.as_deref()).unwrap_or("");
+            writeln!(f, "serial  {:<16} {} {name}", port.path, usb.map(UsbIdentity::id).unwrap_or_default())?;
+            for further in port.by_id.iter().chain(&latency_hint(port)) {
+                writeln!(f, "        {further}")?;
+            }
+        }
+        if self.hid.is_empty() {
+            writeln!(f, "no HID devices")?;
+        }
+        for HidDevice { path, usb, space_mouse } in &self.hid {
+            let puck = if *space_mouse { " (a SpaceMouse)" } else { "" };
+            let name = usb.name.as_deref().unwrap_or("");
+            writeln!(f, "hid     {path:<16} {} {name}{puck}", usb.id())?;
+        }
+        Ok(())
+    }
+}
+
 /// Whether a HID device is a SpaceMouse puck.
 pub fn is_space_mouse(vendor: u16, product: u16, usage_page: u16, usage: u16) -> bool {
     spacemouse::VENDORS.contains(&vendor)
@@ -67,7 +119,7 @@ pub fn is_space_mouse(vendor: u16, product: u16, usage_page: u16, usage: u16) ->
 /// # Errors
 /// The system cannot list them.
 #[cfg(feature = "serial")]
-pub fn serial_ports() -> io::Result<Vec<SerialDevice>> {
+pub(crate) fn serial_ports() -> io::Result<Vec<SerialDevice>> {
     use tokio_serial::SerialPortType;
 
     // Some containers have no sysfs: no ports then.
@@ -94,6 +146,16 @@ pub fn serial_ports() -> io::Result<Vec<SerialDevice>> {
         .collect();
     found.sort_by(|a, b| a.path.cmp(&b.path));
     Ok(found)
+}
+
+/// Hint of [`latency_hint`] for a tracker's own port, if that is a serial one of this machine.
+pub fn hint_of(tracker: &Settings) -> Option<String> {
+    let Transport::Serial { port, .. } = &tracker.transport else { return None };
+    let used = |device: &SerialDevice| match port {
+        PortName::Path(path) => device.path == *path || device.by_id.as_deref() == Some(path),
+        usb => device.usb.as_ref().is_some_and(|u| usb.is(u.vendor, u.product, u.serial.as_deref())),
+    };
+    Devices::list().ok()?.serial.iter().find(|device| used(device)).and_then(latency_hint)
 }
 
 /// Current path of a port.
@@ -152,7 +214,7 @@ pub fn latency_hint(port: &SerialDevice) -> Option<String> {
 /// # Errors
 /// The system cannot list them.
 #[cfg(feature = "hid")]
-pub fn hid_devices() -> io::Result<Vec<HidDevice>> {
+pub(crate) fn hid_devices() -> io::Result<Vec<HidDevice>> {
     Ok(listed(&hidapi::HidApi::new().map_err(io::Error::other)?))
 }
 

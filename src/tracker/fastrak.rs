@@ -19,10 +19,10 @@ use super::{DecodeError, Record};
 use crate::pose::{Pose, PoseError, Reading};
 
 /// Length of an ASCII record, bytes.
-pub const ASCII_LENGTH: usize = 47;
+pub(crate) const ASCII_LENGTH: usize = 47;
 
 /// Length of a binary record, bytes.
-pub const BINARY_LENGTH: usize = 32;
+pub(crate) const BINARY_LENGTH: usize = 32;
 
 const HEAD: usize = 3;
 const FIELD: usize = 7;

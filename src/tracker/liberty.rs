@@ -139,7 +139,7 @@ impl Decoder {
     }
 
     /// A decoder of frames with another output list. Without an orientation item, orientations are the identity.
-    pub fn with_items(device: Device, items: &'static [Item]) -> Self {
+    pub(crate) fn with_items(device: Device, items: &'static [Item]) -> Self {
         Self { device, items, payload: items.iter().map(|item| item.length()).sum(), offset: Offset::default() }
     }
 

@@ -26,6 +26,7 @@ pub(crate) mod arrival;
 pub mod ascii_line;
 mod axis_map;
 pub mod bno08x;
+mod choice;
 mod clock;
 mod decoder;
 mod device_options;
@@ -45,6 +46,7 @@ mod passive;
 mod playback;
 pub mod polhemus;
 mod pose_tap;
+mod report_line;
 #[cfg(feature = "live")]
 mod session;
 mod settings;
@@ -53,6 +55,7 @@ pub mod spacemouse;
 mod transport;
 
 pub use axis_map::{AxisMap, AxisMapError};
+pub use choice::{Choice, ChoiceError};
 pub use clock::host_time_ns;
 pub use decoder::{Offset, StreamDecoder};
 pub use device_options::DeviceOptions;
@@ -62,6 +65,7 @@ pub use monitor::{Monitor, Report, SessionState};
 pub use passive::Passive;
 pub use playback::{Playback, PlaybackError};
 pub use pose_tap::{PoseStream, PoseTap, Poses, pose_tap};
+pub use report_line::ReportLine;
 #[cfg(feature = "live")]
 pub use session::{SessionHandle, SessionSummary, play, spawn};
 pub use settings::{BAUD_RANGE, PortName, PortNameError, Settings, Speed, Transport};
@@ -160,7 +164,7 @@ impl Protocol {
     }
 
     /// Decoder at the start of the stream of a device with `options`.
-    pub fn decoder_of(self, options: &DeviceOptions) -> Decoder {
+    pub(crate) fn decoder_of(self, options: &DeviceOptions) -> Decoder {
         match self {
             Self::AsciiLine => Box::new(ascii_line::Decoder::default()),
             Self::FastrakAscii => Box::new(fastrak::Decoder::new(fastrak::Format::Ascii)),
@@ -177,7 +181,7 @@ impl Protocol {
     }
 
     /// Sensor that the driver requests by default; `None` if the protocol needs no number.
-    pub fn first_sensor(self) -> Option<u16> {
+    pub(crate) fn first_sensor(self) -> Option<u16> {
         match self {
             Self::FastrakAscii | Self::FastrakBinary | Self::Liberty | Self::Patriot => Some(1),
             Self::AsciiLine
@@ -191,7 +195,7 @@ impl Protocol {
     }
 
     /// Factory speed of the serial port, baud.
-    pub fn usual_baud(self) -> u32 {
+    pub(crate) fn usual_baud(self) -> u32 {
         match self {
             // The driver switches to a higher speed later.
             Self::Ndi => 9600,

@@ -60,6 +60,15 @@ pub struct Report {
     pub events_dropped: u64,
 }
 
+impl Report {
+    /// At most `most` events since the last report, and the number of further ones if there are any.
+    pub fn news(&self, most: usize) -> impl Iterator<Item = String> + '_ {
+        let more = self.events_dropped + self.events.len().saturating_sub(most) as u64;
+        let more = (more > 0).then(|| format!("and {more} more"));
+        self.events.iter().take(most).cloned().chain(more)
+    }
+}
+
 /// Collects the statistics of one session. Clones share them.
 #[derive(Debug, Clone, Default)]
 pub struct Monitor(Arc<Mutex<Figures>>);

@@ -16,7 +16,7 @@ use super::{DecodeError, Record};
 use crate::pose::{Pose, PoseError, Reading};
 
 /// Length of a datagram, bytes.
-pub const LENGTH: usize = 48;
+pub(crate) const LENGTH: usize = 48;
 
 const MM_PER_CM: f64 = 10.0;
 
@@ -43,7 +43,7 @@ pub enum Reason {
 }
 
 /// Largest accepted angle, degrees; slightly more than a full turn.
-pub const ANGLE_LIMIT_DEG: f64 = 400.0;
+pub(crate) const ANGLE_LIMIT_DEG: f64 = 400.0;
 
 /// Decoder of one sender's datagrams.
 #[derive(Debug, Clone, Default)]

@@ -21,7 +21,7 @@ const FIRST_RECORD: Duration = Duration::from_millis(500);
 ///
 /// Attempt 0 stops an earlier stream and configures the device. Attempt 1 sends a carriage return first, which ends an
 /// incomplete command. From attempt 2 on the device is reset, and the driver waits for its start-up.
-pub struct PolhemusDriver {
+pub(crate) struct PolhemusDriver {
     protocol: Protocol,
     /// Command that stops the stream.
     stop: &'static [u8],

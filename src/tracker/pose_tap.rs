@@ -1,5 +1,6 @@
 //! Access to the poses of a live tracker on request.
 
+use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -39,6 +40,18 @@ pub fn pose_tap() -> (PoseTap, PoseStream) {
     let (shared, monitor) = (Arc::<Shared>::default(), Monitor::default());
     let stream = PoseStream { shared: shared.clone(), receiver, monitor: monitor.clone() };
     (PoseTap { shared, sender, monitor }, stream)
+}
+
+impl fmt::Display for PoseStream {
+    /// State of the tracker, for error messages.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let report = self.report();
+        write!(f, "the tracker is {}", report.state.name())?;
+        if self.without_pose() > 0 {
+            write!(f, ", {} records held no position", self.without_pose())?;
+        }
+        report.events.last().map_or(Ok(()), |event| write!(f, " (last: {event})"))
+    }
 }
 
 impl Listener for PoseTap {

@@ -31,6 +31,23 @@ impl Settings {
     }
 }
 
+impl fmt::Display for Settings {
+    /// Protocol and place of the tracker.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let protocol = self.protocol.name();
+        match &self.transport {
+            Transport::None => write!(f, "no tracker"),
+            Transport::Serial { port, baud } => write!(f, "{protocol} on {port} at {baud} baud"),
+            Transport::Tcp { address } => write!(f, "{protocol} from tcp {address}"),
+            Transport::Udp { address } => write!(f, "{protocol} at udp {address}"),
+            Transport::Hid { device: Some(device) } => write!(f, "{protocol} on {device}"),
+            Transport::Hid { device: None } => write!(f, "the first {protocol}"),
+            Transport::Mock(_) => write!(f, "a mock tracker"),
+            Transport::Recording { path, .. } => write!(f, "{}", path.display()),
+        }
+    }
+}
+
 /// Transport of a tracker's bytes.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum Transport {

@@ -25,7 +25,7 @@ use crate::pose::Reading;
 pub const RANGE: f64 = crate::settings::PUCK_RANGE;
 
 /// Longest report, bytes.
-pub const REPORT_LIMIT: usize = 64;
+pub(crate) const REPORT_LIMIT: usize = 64;
 
 /// USB vendors: Logitech, which made the first ones, and 3Dconnexion.
 pub const VENDORS: [u16; 2] = [0x046D, 0x256F];

@@ -92,7 +92,7 @@ impl Costs {
     }
 
     /// Time that the plan saves, ms.
-    pub fn saved_ms(&self) -> f64 {
+    pub(crate) fn saved_ms(&self) -> f64 {
         self.all_effects_ms - self.planned_ms
     }
 }

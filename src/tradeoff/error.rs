@@ -53,6 +53,9 @@ pub enum TradeoffError {
     /// The comparison with theory failed.
     #[error(transparent)]
     SelfTest(#[from] SelfTestError),
+    /// A figure that cannot be drawn.
+    #[error("the figure can't be drawn: {0}")]
+    Figure(String),
     /// A file that cannot be written.
     #[error(transparent)]
     Sink(#[from] SinkError),

@@ -4,7 +4,7 @@ use super::Point;
 
 /// Marks the Pareto-optimal points: no other is at least as fast and as accurate, and better in one of both.
 /// Accuracy is that of pixels: the compounded reference has little speckle, and what a picture has of it is its error.
-pub fn mark_front(points: &mut [Point]) {
+pub(crate) fn mark_front(points: &mut [Point]) {
     let places: Vec<[f64; 2]> = points.iter().map(|p| [p.time.median_ms, p.error.rmse]).collect();
     for (point, mine) in points.iter_mut().zip(&places) {
         let beats = |other: &[f64; 2]| other[0] <= mine[0] && other[1] <= mine[1] && other != mine;
@@ -13,7 +13,7 @@ pub fn mark_front(points: &mut [Point]) {
 }
 
 /// Marks points that differ from their neighbour by at most the larger of both spreads.
-pub fn mark_noise(points: &mut [Point]) {
+pub(crate) fn mark_noise(points: &mut [Point]) {
     let all: Vec<(String, [f64; 2], [f64; 2])> = points
         .iter()
         .map(|p| {

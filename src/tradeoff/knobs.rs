@@ -58,7 +58,7 @@ impl Knobs {
     }
 
     /// Knobs with every effect simulated.
-    pub fn with_all_effects(self) -> Self {
+    pub(crate) fn with_all_effects(self) -> Self {
         Self { all_effects: true, ..self }
     }
 
@@ -68,7 +68,7 @@ impl Knobs {
     }
 
     /// Knobs with each path's own shadows.
-    pub fn without_aperture(self) -> Self {
+    pub(crate) fn without_aperture(self) -> Self {
         Self { aperture: false, ..self }
     }
 

@@ -14,6 +14,7 @@ mod knobs;
 #[cfg(feature = "plots")]
 mod labels;
 mod look_cost;
+mod measured_plan;
 #[cfg(feature = "plots")]
 mod panel;
 mod plan;
@@ -26,6 +27,8 @@ pub(crate) mod store;
 #[cfg(feature = "plots")]
 mod style;
 mod sweep;
+#[cfg(feature = "plots")]
+mod sweep_files;
 mod sweep_step;
 mod table;
 mod times;
@@ -34,12 +37,16 @@ pub(crate) mod truth;
 pub use cost::{Cost, Costs, TimedFrame, effect_costs};
 pub use effect_truth::{EffectTruth, effects_csv, effects_markdown};
 pub use error::TradeoffError;
-pub use front::{mark_front, mark_noise};
+pub(crate) use front::{mark_front, mark_noise};
 pub use knobs::Knobs;
 pub use look_cost::{LookCost, look_costs};
+pub use measured_plan::{PlanCosts, PlanTable};
 pub use plan::{Planned, plan};
 pub use point::{ClassError, Errors, PassMs, Point, Time};
 pub use reference::{Check, Convergence};
 pub use sweep::{Sweep, SweepReport, SweepSettings};
-pub use sweep_step::{SweepProgress, SweepStep};
-pub use table::{csv, csv_field, markdown};
+#[cfg(feature = "plots")]
+pub use sweep_files::SWEEP_FILES;
+pub use sweep_step::SweepStep;
+pub(crate) use table::csv_field;
+pub use table::{csv, markdown};

@@ -53,4 +53,4 @@ pub enum SweepStep<'a> {
 }
 
 /// Receiver of a sweep's progress.
-pub type SweepProgress<'a> = dyn Fn(SweepStep<'_>) + 'a;
+pub(crate) type SweepProgress<'a> = dyn Fn(SweepStep<'_>) + 'a;

@@ -42,7 +42,7 @@ pub fn csv(points: &[Point]) -> String {
 }
 
 /// A CSV field; quoted, with doubled quotes, if it has a comma, quote or line break (RFC 4180).
-pub fn csv_field(text: &str) -> Cow<'_, str> {
+pub(crate) fn csv_field(text: &str) -> Cow<'_, str> {
     if !text.contains([',', '"', '\n', '\r']) {
         return text.into();
     }

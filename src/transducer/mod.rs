@@ -1,13 +1,15 @@
 //! Probe geometry, scanlines, beam and pulse. The probe's settings are in [`settings`](crate::settings).
 
+mod aberration;
 pub(crate) mod contact;
 mod housing;
 mod probe;
 mod scan_geometry;
 mod sector;
 
+pub use aberration::aberration;
 pub use contact::{Contact, touch};
-pub use housing::housing;
+pub(crate) use housing::housing;
 pub use scan_geometry::ScanGeometry;
 pub use sector::Sector;
 

@@ -22,7 +22,7 @@ impl Probe {
     }
 
     /// Half the lateral extent of the sector: radians, or mm for a linear face.
-    pub fn half_extent(&self) -> f64 {
+    pub(crate) fn half_extent(&self) -> f64 {
         match self.kind {
             ProbeKind::Convex { fov_deg, .. } | ProbeKind::Phased { fov_deg } => 0.5 * fov_deg.to_radians(),
             ProbeKind::Linear { width_mm } => 0.5 * width_mm,
@@ -63,7 +63,7 @@ impl Probe {
     }
 
     /// The beam across scanlines: a fixed transmit focus and a dynamic receive focus.
-    pub fn lateral_beam(&self) -> Beam {
+    pub(crate) fn lateral_beam(&self) -> Beam {
         Beam {
             frequency_mhz: self.frequency_mhz,
             fractional_bandwidth: self.fractional_bandwidth,
@@ -76,7 +76,7 @@ impl Probe {
     }
 
     /// The beam across the slice: a lens, focused at one depth on both ways.
-    pub fn elevational_beam(&self) -> Beam {
+    pub(crate) fn elevational_beam(&self) -> Beam {
         Beam {
             aperture_mm: self.elevational_height_mm,
             focus_mm: self.elevational_focus_mm,
@@ -95,12 +95,12 @@ impl Probe {
     /// Standard deviation of the Gaussian as wide as the two-way elevational beam at −6 dB, at `depth_mm`, mm.
     ///
     /// Sums over the lens: about 0.1 ms.
-    pub fn elevational_sigma_mm(&self, depth_mm: f64) -> f64 {
+    pub(crate) fn elevational_sigma_mm(&self, depth_mm: f64) -> f64 {
         self.elevational_beam().width_mm(depth_mm) / pulse::FWHM_PER_SIGMA
     }
 
     /// Lens across the slice.
-    pub fn elevational_lens(&self) -> slide::Lens {
+    pub(crate) fn elevational_lens(&self) -> slide::Lens {
         slide::Lens {
             frequency_mhz: self.frequency_mhz,
             height_mm: self.elevational_height_mm,
@@ -109,7 +109,7 @@ impl Probe {
     }
 
     /// Frequency of reception, MHz.
-    pub fn returning_mhz(&self) -> f64 {
+    pub(crate) fn returning_mhz(&self) -> f64 {
         if self.harmonics { 2.0 * self.frequency_mhz } else { self.frequency_mhz }
     }
 
@@ -117,7 +117,7 @@ impl Probe {
     ///
     /// A harmonic is made on the way by the square of the transmitted pressure, which loses twice as much as the pressure
     /// (quasi-linear plane waves: Hamilton and Blackstock, Nonlinear Acoustics, 1998, chapter 4).
-    pub fn two_way_loss_db_mm(&self, db_cm_mhz: f64, exponent: f64) -> f64 {
+    pub(crate) fn two_way_loss_db_mm(&self, db_cm_mhz: f64, exponent: f64) -> f64 {
         let at = |frequency_mhz| acoustics::attenuation::attenuation_db_mm(db_cm_mhz, exponent, frequency_mhz);
         let out = if self.harmonics { 2.0 * at(self.frequency_mhz) } else { at(self.frequency_mhz) };
         out + at(self.returning_mhz())

@@ -32,7 +32,7 @@ impl ScanGeometry {
 
     /// Fractional pixel (column, row) of a point at `fraction` (0..=1) of the lateral extent and `depth_mm` from the face;
     /// the first pixel's centre is (0, 0).
-    pub fn pixel_at(&self, fraction: f64, depth_mm: f64) -> DVec2 {
+    pub(crate) fn pixel_at(&self, fraction: f64, depth_mm: f64) -> DVec2 {
         let probe = self.probe();
         let (origin, direction) = probe.ray(probe.lateral_coordinate(fraction));
         let point = origin + depth_mm * direction;

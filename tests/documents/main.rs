@@ -1,5 +1,5 @@
 //! The documents: links, pictures, placeholders, make targets, lengths, and tables of figures; and the weight of what git tracks. Their command lines are
-//! held to the parser in `src/commands/documents.rs`.
+//! held to the parser in `command_lines.rs`, among the tests of the program.
 
 // clippy counts helpers as outside of tests; a failing helper fails its test.
 #![allow(clippy::unwrap_used, clippy::expect_used)]

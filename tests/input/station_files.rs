@@ -167,6 +167,9 @@ fn tracker_needs(key: &str, value: &str) -> &'static str {
         ("transport", "tcp") => "protocol = 'ascii-line'\naddress = 'localhost:1'\n",
         ("transport", "udp") => "protocol = 'opentrack'\n",
         ("transport", "recording") => "recording = '/x.mcap'\n",
+        ("protocol", "spacemouse") => "transport = 'hid'\n",
+        ("protocol", "opentrack") => "transport = 'udp'\n",
+        ("protocol", _) => "transport = 'tcp'\naddress = 'localhost:1'\n",
         ("baud", _) => SERIAL,
         ("sensor" | "silence_ms" | "reset_delay_ms" | "hemisphere", _) => {
             "transport = 'tcp'\nprotocol = 'fastrak-binary'\naddress = 'localhost:1'\n"

@@ -50,18 +50,18 @@ fn probe() -> Probe {
 }
 
 #[test]
-fn compounding_raises_the_snr_as_its_looks_correlate() {
+fn compounding_raises_the_snr_as_its_angles_correlate() {
     let scene = block(Tissue { attenuation_db_cm_mhz: 0.0, ..grainy(0.0, 0.01) });
     let boxes = ([0.42, 0.58], [0.3, 0.8]);
     // Each of the nine angles by itself.
-    let looks: Vec<Vec<f64>> = (0..9)
-        .map(|look| {
+    let angles: Vec<Vec<f64>> = (0..9)
+        .map(|angle| {
             let mut rig = Rig::new(&scene, &probe(), &settings(compounded(9)));
-            amplitudes(&rig.angle(&at(0.0, 0.0, 0.0), look), boxes.0, boxes.1)
+            amplitudes(&rig.angle(&at(0.0, 0.0, 0.0), angle), boxes.0, boxes.1)
         })
         .collect();
-    let shared: f64 = looks.iter().flat_map(|a| looks.iter().map(move |b| correlation(a, b))).sum();
-    let single = snr(&looks[8]);
+    let shared: f64 = angles.iter().flat_map(|a| angles.iter().map(move |b| correlation(a, b))).sum();
+    let single = snr(&angles[8]);
     let mut rig = Rig::new(&scene, &probe(), &settings(compounded(9)));
     let frame = rig.frame(&at(0.0, 0.0, 0.0));
     let found = snr(&amplitudes(&frame, boxes.0, boxes.1));
@@ -73,15 +73,15 @@ fn compounding_raises_the_snr_as_its_looks_correlate() {
 }
 
 #[test]
-fn looks_are_as_unlike_as_waves_make_them() {
-    // By tests/truth/compounding.py (8 MHz, aperture 20 mm, focus 70 mm), mean over 66 to 74 mm: looks 3.75° and 7.5°
+fn angles_are_as_unlike_as_waves_make_them() {
+    // By tests/truth/compounding.py (8 MHz, aperture 20 mm, focus 70 mm), mean over 66 to 74 mm: angles 3.75° and 7.5°
     // apart, and nine. Correlation falls away from the focus: at 3.75° it is 0.41 at 70 mm and 0.21 at 80 mm.
     const CORRELATIONS: [([usize; 2], f64); 2] = [([7, 6], 0.395), ([5, 4], 0.025)];
     const SNR: f64 = 4.39;
     const ALLOWED: f64 = 0.1;
     const POSES: u32 = 3;
     let scene = block(Tissue { attenuation_db_cm_mhz: 0.0, ..grainy(0.0, 0.01) });
-    // Close scanlines and samples: each of the scatterers' cells is met by several of every look.
+    // Close scanlines and samples: each of the scatterers' cells is met by several of every angle.
     let probe = Probe { frequency_mhz: 8.0, aperture_mm: 20.0, focus_mm: 70.0, ..linear(1024, 0.07, 3072, 100.0) };
     let (box_x, box_z) = ([0.35, 0.65], [0.66, 0.74]);
     let mut rig = Rig::new(&scene, &probe, &settings(compounded(9)));
@@ -89,10 +89,10 @@ fn looks_are_as_unlike_as_waves_make_them() {
     let (mut correlations, mut found, mut raised_db) = ([0.0; CORRELATIONS.len()], 0.0, 0.0);
     for pose in 0..POSES {
         let pose = at(1.37 * f64::from(pose), 3.1 * f64::from(pose), 0.0);
-        let mut look = |look: usize| amplitudes(&rig.angle(&pose, look), box_x, box_z);
-        let straight = look(8);
+        let mut seen = |angle: usize| amplitudes(&rig.angle(&pose, angle), box_x, box_z);
+        let straight = seen(8);
         for (sum, (steered, _)) in correlations.iter_mut().zip(CORRELATIONS) {
-            *sum += steered.map(|steered| correlation(&straight, &look(steered))).iter().sum::<f64>();
+            *sum += steered.map(|steered| correlation(&straight, &seen(steered))).iter().sum::<f64>();
         }
         let mean = amplitudes(&rig.frame(&pose), box_x, box_z);
         found += snr(&mean) / f64::from(POSES);
@@ -109,10 +109,10 @@ fn looks_are_as_unlike_as_waves_make_them() {
 }
 
 #[test]
-fn looks_of_distant_scanlines_share_their_scatterers() {
+fn angles_of_distant_scanlines_share_their_scatterers() {
     struct Case {
         probe: Probe,
-        /// Correlation of looks 3.75° apart and SNR of nine, by tests/truth/compounding.py as above; with `--radius 40`
+        /// Correlation of angles 3.75° apart and SNR of nine, by tests/truth/compounding.py as above; with `--radius 40`
         /// for the curved face. The second value is the tolerance: a sample takes one scatterer of a cell that is as wide
         /// as scanlines are apart, where a beam takes all.
         correlation: [f64; 2],
@@ -133,9 +133,9 @@ fn looks_of_distant_scanlines_share_their_scatterers() {
         let mut rig = Rig::new(&scene, &probe, &settings(compounded(9)));
         let (mut alike, mut nine, mut power) = (0.0, 0.0, 0.0);
         for pose in [0.0, 1.0, 2.0].map(|step| at(1.37 * step, 3.1 * step, 0.0)) {
-            let mut look = |look: usize| amplitudes(&rig.angle(&pose, look), box_x, box_z);
-            let straight = look(8);
-            alike += [7, 6].map(|steered| correlation(&straight, &look(steered))).iter().sum::<f64>() / 6.0;
+            let mut seen = |angle: usize| amplitudes(&rig.angle(&pose, angle), box_x, box_z);
+            let straight = seen(8);
+            alike += [7, 6].map(|steered| correlation(&straight, &seen(steered))).iter().sum::<f64>() / 6.0;
             power += mean_square(straight.iter().copied()) / 3.0;
             nine += snr(&amplitudes(&rig.frame(&pose), box_x, box_z)) / 3.0;
         }
@@ -158,7 +158,7 @@ fn a_rolling_compound_at_rest_is_the_stills() {
     let still = rig.frame(&at(0.0, 0.0, 0.0));
     let rolling = rig.rolling(&at(0.0, 0.0, 0.0), 12);
     assert!(rolling.bmode == still.bmode);
-    // Each look has its own noise, in a still as in a rolling compound.
+    // Each angle has its own noise, in a still as in a rolling compound.
     let mut noisy = settings(compounded(5));
     noisy.receiver = ReceiverSettings { noise_db: -50.0, ..ReceiverSettings::default() };
     noisy.effects = noisy.effects.with(Effect::Noise, Choice::On);
@@ -171,11 +171,11 @@ fn a_rolling_compound_at_rest_is_the_stills() {
     let mut begun = Rig::new(&scene, &probe(), &settings(compounded(5)));
     assert!(begun.rolling(&at(0.0, 0.0, 0.0), 1).bmode == plain.bmode, "the first picture is straight and whole");
     assert!(plain.segmentation == still.segmentation && plain.attenuation == still.attenuation, "maps are straight");
-    assert!(plain.lines == still.lines, "lines are those of the straight look");
+    assert!(plain.lines == still.lines, "lines are those of the straight angle");
 }
 
 #[test]
-fn looks_from_where_the_probe_was_are_left_out() {
+fn frames_from_where_the_probe_was_are_left_out() {
     let scene = block(grainy(0.0, 0.01));
     let (there, here) = (at(3.0, 0.0, 0.0), at(-3.0, 0.0, 0.0));
     let plain = Rig::new(&scene, &probe(), &settings(compounded(1))).frame(&here);
@@ -187,7 +187,7 @@ fn looks_from_where_the_probe_was_are_left_out() {
     };
     let still = Rig::new(&scene, &probe(), &settings(compounded(5))).frame(&here).bmode;
     let [first, whole] = with_reach(5.0);
-    assert!(first == plain.bmode, "6 mm away, the straight look is alone");
+    assert!(first == plain.bmode, "6 mm away, the straight angle is alone");
     assert!(whole == still, "at rest, the others return");
     let [smeared, renewed] = with_reach(7.0);
     assert!(smeared != plain.bmode && smeared != still, "within reach, they stay");
@@ -198,7 +198,7 @@ fn looks_from_where_the_probe_was_are_left_out() {
 fn compounding_keeps_the_width_of_a_point_and_makes_shadows_cones() {
     let probe = probe();
     let mut bench = Bench::new(silent(1540.0, 1.5));
-    // Rough, so that all looks see it.
+    // Rough, so that all angles see it.
     let target = bench.tissue(Tissue { roughness: 1.0, ..silent(1540.0, 1.7) });
     bench.add(target, 1, post(glam::DVec3::ZERO, &probe, 128, 40.0, 0.4));
     let scene = bench.scene().unwrap();

@@ -95,3 +95,24 @@ fn a_generator_that_hangs_is_terminated_where_its_provider_can() {
     assert_eq!((generator.hung, generator.stuck, generator.failed), (1, false, 1));
     assert!(summary.stuck.is_empty());
 }
+
+#[test]
+fn a_run_hangs_after_the_stations_own_time_and_not_after_its_budget() {
+    let _guard = beside_others();
+    let hung = |pipeline: &str| {
+        let directory = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("configs");
+        let text = std::fs::read_to_string(directory.join("live.toml")).unwrap();
+        let text = text.replace("[pipeline]", &format!("[pipeline]\n{pipeline}"));
+        let station = insonify::Station::parse(&text, &directory).unwrap();
+        assert_eq!(station.generator.run_budget_ms, 64.0);
+        let clock = clock();
+        let generators = Some(generator(&clock, 400 * MS));
+        let limits = Limits { duration: Some(5 * SECOND), frames: None };
+        let session = Session { generators, limits, settings: station.pipeline, ..Session::new(&clock, resting) };
+        let generator = session.run().generator.unwrap();
+        assert!(generator.done > 5, "{generator:?}");
+        generator.hung
+    };
+    assert_eq!(hung(""), 0, "5 s by default");
+    assert!(hung("hang_ms = 200") > 5);
+}

@@ -2,10 +2,10 @@
 """Correlation of speckle between steered angles and the SNR of their mean, flat or curved array, by a two-way array simulation.
 
 The array looks at a point on its axis with its beam steered by each angle through that point: the aperture's centre moves along
-the face. On a curved face the angle is that to the face's normal; at depth, beams differ by less. Each look's point spread is the
+the face. On a curved face the angle is that to the face's normal; at depth, beams differ by less. Each angle's point spread is the
 sum over the band of transmit field (fixed focus on the beam) times receive field (focus at the point, F-number at least 2). Both
 apertures have Gaussian weights of sigma 0.3 of their width. The normalised inner product of two point spreads is the correlation of
-their complex signals; that of amplitudes follows for Rayleigh statistics. SNR of the mean of n looks: 1.913 n / sqrt(sum of all
+their complex signals; that of amplitudes follows for Rayleigh statistics. SNR of the mean of n angles: 1.913 n / sqrt(sum of all
 amplitude correlations). Printed are means over the depths.
 
 usage: compounding.py [--radius 40] [--depths 66,68,70,72,74] [--span 30] [--angles 9] [--frequency 8] [--aperture 20] [--focus 70]
@@ -30,7 +30,7 @@ def amplitude_correlation(r):
 
 
 def point_spread(depth, angle, a):
-    """Point spread, of norm 1, of the look that is steered by `angle` to the normal of the face where it starts."""
+    """Point spread, of norm 1, of the beam that is steered by `angle` to the normal of the face where it starts."""
     x, z = np.meshgrid(LATERAL, depth + AXIAL)
     if a.radius:
         # The beam's angle to the axis, and the place along the face where it starts.
@@ -69,8 +69,8 @@ def main():
     angles = np.linspace(-a.span / 2, a.span / 2, a.angles)
     middle, correlations, snrs = a.angles // 2, [], []
     for depth in map(float, a.depths.split(",")):
-        looks = [point_spread(depth, np.radians(t), a) for t in angles]
-        rho = np.array([[amplitude_correlation(np.vdot(g, h)) for h in looks] for g in looks])
+        spreads = [point_spread(depth, np.radians(t), a) for t in angles]
+        rho = np.array([[amplitude_correlation(np.vdot(g, h)) for h in spreads] for g in spreads])
         correlations.append(rho[middle, middle:])
         snrs.append(1.913 * a.angles / np.sqrt(rho.sum()))
     print("angle from the middle, degrees: " + " ".join(f"{t - angles[middle]:6.2f}" for t in angles[middle:]))

@@ -22,7 +22,7 @@ use super::{Bounds, Scene};
 use moving::Moving;
 
 /// Entries of the traversal stack in the shaders; a node pushes at most one.
-pub const STACK_DEPTH_MAX: usize = 32;
+pub(crate) const STACK_DEPTH_MAX: usize = 32;
 
 /// Tolerance of a triangle's edges, relative to its longest edge, per mm of distance. It makes rays through a shared
 /// edge hit at least one of its triangles despite rounding.
@@ -187,7 +187,7 @@ impl Bvh {
 
     /// Drift of the whole scene under the probe, mm. Equivalent to moving the probe by minus the drift in an
     /// undrifted scene.
-    pub fn drift_mm(&self) -> DVec3 {
+    pub(crate) fn drift_mm(&self) -> DVec3 {
         self.drift_mm
     }
 

@@ -5,6 +5,8 @@
 //! does not count. Outside all surfaces, and in media that ultrasound does not pass straight (bone, gas), speed is that
 //! of the reference.
 
+use std::fmt;
+
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -48,6 +50,9 @@ pub struct Aberration {
 /// Aberration over several apertures of a face.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Summary {
+    /// Width of the apertures, mm.
+    #[serde(skip)]
+    pub width_mm: f64,
     /// Depth at which delays are taken, mm.
     pub depth_mm: f64,
     /// Median and maximum RMS delay, ns.
@@ -59,6 +64,21 @@ pub struct Summary {
     /// How strongly such a wall aberrates, by the median RMS delay: easy below 30 ns, hard above 55.
     #[serde(serialize_with = "name_of")]
     pub wall: Wall,
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { width_mm, depth_mm, delay_rms_ns: [rms, most], tilt_mrad: [tilt, steepest], .. } = self;
+        write!(
+            f,
+            "aberration to {depth_mm:.0} mm: delays {rms:.0} ns rms over {width_mm:.0} mm (at most {most:.0}), "
+        )?;
+        write!(f, "tilt {tilt:.1} mrad (at most {steepest:.1}), correlation length ")?;
+        match self.correlation_mm {
+            Some(mm) => write!(f, "{mm:.1} mm: {}", self.wall.name()),
+            None => write!(f, "-: {}", self.wall.name()),
+        }
+    }
 }
 
 fn name_of<S: serde::Serializer>(wall: &Wall, serializer: S) -> Result<S::Ok, S::Error> {
@@ -108,7 +128,7 @@ impl<'s> Caster<'s> {
 
     /// Delays over `aperture`, ns, at places 0.5 mm or less apart. `scene_from_beam` has its origin in the middle
     /// of the aperture, z along the beam and x along the face.
-    pub fn delays_ns(&self, scene_from_beam: &Pose, aperture: &Aperture) -> Vec<f64> {
+    pub(crate) fn delays_ns(&self, scene_from_beam: &Pose, aperture: &Aperture) -> Vec<f64> {
         let count = (aperture.width_mm / STEP_MM).ceil().max(4.0) as usize;
         let direction = scene_from_beam.transform_vector(DVec3::Z);
         let delay = |i: usize| {
@@ -132,7 +152,7 @@ impl<'s> Caster<'s> {
             let turn = DQuat::from_rotation_y(direction.x.atan2(direction.z));
             self.aberration(&(*pose * Pose { position_mm: origin_mm, orientation: turn }), aperture)
         };
-        summary(&beams.iter().map(of_beam).collect::<Vec<_>>(), aperture.depth_mm)
+        summary(&beams.iter().map(of_beam).collect::<Vec<_>>(), aperture)
     }
 }
 
@@ -157,8 +177,8 @@ fn of_delays(delays_ns: &[f64], width_mm: f64) -> Aberration {
     Aberration { delay_rms_ns: (power / count as f64).sqrt(), tilt_mrad, correlation_mm }
 }
 
-/// Summary of `aberrations` at `depth_mm`; `None` if there are none.
-pub fn summary(aberrations: &[Aberration], depth_mm: f64) -> Option<Summary> {
+/// Summary of `aberrations` over such an aperture; `None` if there are none.
+pub fn summary(aberrations: &[Aberration], aperture: &Aperture) -> Option<Summary> {
     let of = |value: fn(&Aberration) -> Option<f64>| sorted(aberrations.iter().filter_map(value));
     let middle_and_last = |values: &[f64]| Some([median(values)?, *values.last()?]);
     let delay_rms_ns = middle_and_last(&of(|a| Some(a.delay_rms_ns)))?;
@@ -170,7 +190,8 @@ pub fn summary(aberrations: &[Aberration], depth_mm: f64) -> Option<Summary> {
         rms if rms <= average => Wall::Average,
         _ => Wall::Hard,
     };
-    Some(Summary { depth_mm, delay_rms_ns, tilt_mrad, correlation_mm, wall })
+    let Aperture { width_mm, depth_mm, .. } = *aperture;
+    Some(Summary { width_mm, depth_mm, delay_rms_ns, tilt_mrad, correlation_mm, wall })
 }
 
 #[cfg(test)]
@@ -263,7 +284,7 @@ mod tests {
     fn the_median_decides_how_hard_a_wall_is() {
         let of = |rms: &[f64]| {
             let one = |&delay_rms_ns: &f64| Aberration { delay_rms_ns, tilt_mrad: -2.0, correlation_mm: None };
-            summary(&rms.iter().map(one).collect::<Vec<_>>(), 40.0)
+            summary(&rms.iter().map(one).collect::<Vec<_>>(), &APERTURE)
         };
         assert_eq!(of(&[]), None);
         let walls = [[5.0, 20.0, 200.0], [31.0, 10.0, 54.0], [56.0, 20.0, 90.0]].map(|rms| of(&rms).unwrap().wall);

@@ -8,6 +8,7 @@
 
 mod file;
 mod pose;
+mod table;
 
 use std::path::Path;
 
@@ -200,7 +201,7 @@ impl StandardPlanes {
     ///
     /// # Errors
     /// The first missing surface.
-    pub fn check_surfaces(&self, file: &Path, known: &[&str]) -> Result<(), PlanesError> {
+    pub(crate) fn check_surfaces(&self, file: &Path, known: &[&str]) -> Result<(), PlanesError> {
         let mut named = self.planes.iter().flat_map(|plane| plane.surfaces().map(move |name| (plane, name)));
         match named.find(|(_, name)| !known.contains(name)) {
             None => Ok(()),

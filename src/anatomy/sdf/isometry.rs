@@ -18,7 +18,7 @@ impl Isometry {
     pub const IDENTITY: Self = Self { rotation: Quat::IDENTITY, translation: Vec3::ZERO };
 
     /// Frame at `origin` whose `y` axis is along `y`, with its `z` axis as near as possible to `z`.
-    pub fn from_axes(origin: Vec3, y: Vec3, z: Vec3) -> Self {
+    pub(crate) fn from_axes(origin: Vec3, y: Vec3, z: Vec3) -> Self {
         let y = y.normalize_or(Vec3::Y);
         let z = (z - y * z.dot(y)).normalize_or(y.any_orthonormal_vector());
         Self { rotation: Quat::from_mat3(&Mat3::from_cols(y.cross(z), y, z)).normalize(), translation: origin }
@@ -35,7 +35,7 @@ impl Isometry {
     }
 
     /// An outer point in local coordinates.
-    pub fn local_point(&self, outer: Vec3) -> Vec3 {
+    pub(crate) fn local_point(&self, outer: Vec3) -> Vec3 {
         self.rotation.conjugate() * (outer - self.translation)
     }
 

@@ -14,12 +14,14 @@ use glam::Vec3;
 
 pub use crate::anatomy::Bounds;
 pub use isometry::Isometry;
-pub use operations::{smooth_union, union};
-pub use primitives::{capsule, ellipsoid, half_space, plate, round_cone, rounded_box, sphere};
-pub use sweep::{catmull_rom, smooth_sweep, sweep};
+pub(crate) use operations::{smooth_union, union};
+pub(crate) use primitives::{capsule, ellipsoid, round_cone, rounded_box};
+pub use primitives::{half_space, plate, sphere};
+pub(crate) use sweep::smooth_sweep;
+pub use sweep::{catmull_rom, sweep};
 
 /// Last inside value of `steps` bisections between `inside` and `outside`.
-pub fn bisect(inside: f32, outside: f32, steps: usize, is_inside: impl Fn(f32) -> bool) -> f32 {
+pub(crate) fn bisect(inside: f32, outside: f32, steps: usize, is_inside: impl Fn(f32) -> bool) -> f32 {
     let (mut inside, mut outside) = (inside, outside);
     for _ in 0..steps {
         let middle = 0.5 * (inside + outside);
@@ -60,7 +62,7 @@ impl Solid {
     }
 
     /// Gradient of the distance, per mm, by central differences.
-    pub fn gradient(&self, p: Vec3) -> Vec3 {
+    pub(crate) fn gradient(&self, p: Vec3) -> Vec3 {
         const STEP_MM: f32 = 0.02;
         let d = |e: Vec3| self.distance_mm(p + e) - self.distance_mm(p - e);
         Vec3::new(d(Vec3::X * STEP_MM), d(Vec3::Y * STEP_MM), d(Vec3::Z * STEP_MM)) / (2.0 * STEP_MM)

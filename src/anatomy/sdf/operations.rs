@@ -13,12 +13,12 @@ fn smooth_min(a: f32, b: f32, k: f32) -> f32 {
 }
 
 /// Union of `parts`.
-pub fn union(parts: impl IntoIterator<Item = Solid>) -> Solid {
+pub(crate) fn union(parts: impl IntoIterator<Item = Solid>) -> Solid {
     combine(parts.into_iter().collect(), 0.0, f32::min)
 }
 
 /// Union of `parts`, blended over `width` mm where they meet.
-pub fn smooth_union(parts: impl IntoIterator<Item = Solid>, width: f32) -> Solid {
+pub(crate) fn smooth_union(parts: impl IntoIterator<Item = Solid>, width: f32) -> Solid {
     combine(parts.into_iter().collect(), width, move |a, b| smooth_min(a, b, width))
 }
 
@@ -47,19 +47,19 @@ impl Solid {
     }
 
     /// Intersection with `other`, the edge rounded over `width` mm.
-    pub fn smooth_intersect(self, other: Self, width: f32) -> Self {
+    pub(crate) fn smooth_intersect(self, other: Self, width: f32) -> Self {
         let bounds = self.bounds.overlap(other.bounds);
         Self::new(bounds, move |p| -smooth_min(-self.distance_mm(p), -other.distance_mm(p), width))
     }
 
     /// Difference: the part outside `other`.
-    pub fn subtract(self, other: Self) -> Self {
+    pub(crate) fn subtract(self, other: Self) -> Self {
         let bounds = self.bounds;
         Self::new(bounds, move |p| self.distance_mm(p).max(-other.distance_mm(p)))
     }
 
     /// Difference: the part outside `other`, the edge rounded over `width` mm.
-    pub fn smooth_subtract(self, other: Self, width: f32) -> Self {
+    pub(crate) fn smooth_subtract(self, other: Self, width: f32) -> Self {
         let bounds = self.bounds;
         Self::new(bounds, move |p| -smooth_min(-self.distance_mm(p), other.distance_mm(p), width))
     }
@@ -83,7 +83,7 @@ impl Solid {
     }
 
     /// The solid's part at x ≥ 0 with its mirror image in the plane x = 0.
-    pub fn with_mirror_image(self) -> Self {
+    pub(crate) fn with_mirror_image(self) -> Self {
         let Bounds { min, max } = self.bounds;
         let bounds = self.bounds.hull(Bounds { min: min.with_x(-max.x), max: max.with_x(-min.x) });
         Self::new(bounds, move |p| self.distance_mm(p.with_x(p.x.abs())))

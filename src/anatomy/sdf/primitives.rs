@@ -10,7 +10,7 @@ pub fn sphere(centre: Vec3, radius: f32) -> Solid {
 }
 
 /// Axis-aligned ellipsoid with semi-axes `semi`; accurate to first order near its surface.
-pub fn ellipsoid(centre: Vec3, semi: Vec3) -> Solid {
+pub(crate) fn ellipsoid(centre: Vec3, semi: Vec3) -> Solid {
     let least = semi.min_element();
     Solid::new(Bounds::around(centre, semi), move |p| {
         let q = (p - centre) / semi;
@@ -22,12 +22,12 @@ pub fn ellipsoid(centre: Vec3, semi: Vec3) -> Solid {
 }
 
 /// Points within `radius` of the segment from `a` to `b`.
-pub fn capsule(a: Vec3, b: Vec3, radius: f32) -> Solid {
+pub(crate) fn capsule(a: Vec3, b: Vec3, radius: f32) -> Solid {
     round_cone(a, b, radius, radius)
 }
 
 /// Convex hull of two spheres.
-pub fn round_cone(a: Vec3, b: Vec3, radius_a: f32, radius_b: f32) -> Solid {
+pub(crate) fn round_cone(a: Vec3, b: Vec3, radius_a: f32, radius_b: f32) -> Solid {
     let bounds = Bounds::around(a, Vec3::splat(radius_a)).hull(Bounds::around(b, Vec3::splat(radius_b)));
     Solid::new(bounds, move |p| round_cone_distance(p, a, b, radius_a, radius_b))
 }
@@ -60,7 +60,7 @@ pub(super) fn round_cone_distance(p: Vec3, a: Vec3, b: Vec3, ra: f32, rb: f32) -
 }
 
 /// Box of half extents `half` (rounding included) with edges rounded by `rounding`.
-pub fn rounded_box(centre: Vec3, half: Vec3, rounding: f32) -> Solid {
+pub(crate) fn rounded_box(centre: Vec3, half: Vec3, rounding: f32) -> Solid {
     let core = half - rounding;
     Solid::new(Bounds::around(centre, half), move |p| {
         let q = (p - centre).abs() - core;

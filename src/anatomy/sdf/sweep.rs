@@ -23,7 +23,7 @@ pub fn sweep(points: &[(Vec3, f32)]) -> Solid {
 }
 
 /// Smooth tube through `knots`: [`sweep`] along [`catmull_rom`].
-pub fn smooth_sweep(knots: &[(Vec3, f32)], steps: usize) -> Solid {
+pub(crate) fn smooth_sweep(knots: &[(Vec3, f32)], steps: usize) -> Solid {
     sweep(&catmull_rom(knots, steps))
 }
 

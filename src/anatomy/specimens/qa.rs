@@ -13,7 +13,7 @@
 /// Side of a wire, mm.
 pub const WIRE_MM: f32 = 0.3;
 /// Distance between wires of the vertical group, and depth of the first, mm.
-pub const VERTICAL_STEP_MM: f32 = 10.0;
+pub(crate) const VERTICAL_STEP_MM: f32 = 10.0;
 /// Number of wires of the vertical group.
 pub const VERTICAL_COUNT: u16 = 12;
 /// Lateral positions of the wires of a horizontal group, mm.
@@ -21,7 +21,7 @@ pub const HORIZONTAL_MM: [f32; 4] = [-20.0, -10.0, 10.0, 20.0];
 /// Depths of the horizontal groups, mm.
 pub const HORIZONTAL_DEPTHS_MM: [f32; 2] = [40.0, 90.0];
 /// Distances between neighbouring wires of a resolution group, mm.
-pub const RESOLUTION_MM: [f32; 6] = [4.0, 3.0, 2.0, 1.0, 0.5, 0.25];
+pub(crate) const RESOLUTION_MM: [f32; 6] = [4.0, 3.0, 2.0, 1.0, 0.5, 0.25];
 /// Depths at which the resolution groups begin, mm.
 pub const RESOLUTION_DEPTHS_MM: [f32; 2] = [24.0, 100.0];
 /// Grey-scale targets: lateral position (mm), level relative to the background (dB) and tissue.

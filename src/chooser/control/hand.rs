@@ -6,7 +6,7 @@ use crate::render::FrameQuality;
 
 impl PointController {
     /// Says whether watchers want generated pictures. Without, only rendered ones are chosen.
-    pub fn allow_generators(&mut self, generate: bool) {
+    pub(crate) fn allow_generators(&mut self, generate: bool) {
         self.asked = (self.asked || !self.generate) && generate;
         self.generate = generate;
     }

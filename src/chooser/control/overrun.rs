@@ -44,7 +44,7 @@ impl PointController {
 
     /// The overrun as text if no point takes less than the present one. It is returned once per overrun, and at most once a
     /// minute.
-    pub fn over_at_least(&mut self, now_s: f64) -> Option<String> {
+    pub(crate) fn over_at_least(&mut self, now_s: f64) -> Option<String> {
         let load = self.load(SUDDEN);
         let least = |load| self.least(now_s, load, self.busy_ms(&self.point(), load));
         let over = self.is_over() && load.and_then(least) == Some(self.current);

@@ -7,9 +7,8 @@ mod touch;
 use std::path::{Path, PathBuf};
 
 use clap::{Parser, Subcommand};
-use insonify::pose::{Calibration, Pose};
+use insonify::pose::Calibration;
 use insonify::sink::write_text;
-use serde::Serialize;
 
 use super::Failure;
 
@@ -65,21 +64,6 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 
 fn positive(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|mm: &f64| *mm > 0.0).ok_or_else(|| "expected a number above 0, in mm".to_owned())
-}
-
-/// A transform for `--json`.
-#[derive(Serialize)]
-struct TransformReport {
-    position_mm: [f64; 3],
-    /// `[qw, qx, qy, qz]`.
-    quaternion: [f64; 4],
-}
-
-impl From<Pose> for TransformReport {
-    fn from(pose: Pose) -> Self {
-        let [x, y, z, qw, qx, qy, qz] = pose.components();
-        Self { position_mm: [x, y, z], quaternion: [qw, qx, qy, qz] }
-    }
 }
 
 /// Applies `change` to the calibration file at `path`, which is created if missing.

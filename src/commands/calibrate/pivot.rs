@@ -4,13 +4,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 use clap::{Parser, ValueEnum};
-use insonify::files::FileKind;
+use insonify::files::{FileKind, Outputs};
 use insonify::pose::pivot::{Pivot, calibrate};
 use insonify::pose::{Calibration, Fitted, Pose, csv};
 use insonify::recording;
-use serde::Serialize;
 
-use super::super::outputs::Outputs;
 use super::super::{Classify, Failure, input, output};
 use super::{OutputArgs, write};
 
@@ -43,18 +41,6 @@ enum Of {
     Probe,
 }
 
-#[derive(Serialize)]
-struct Report {
-    tip_mm: [f64; 3],
-    pivot_mm: [f64; 3],
-    rms_mm: f64,
-    max_mm: f64,
-    tip_error_mm: f64,
-    condition: f64,
-    turn_deg: f64,
-    poses: usize,
-}
-
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if let Some(out) = &args.output.out {
@@ -62,7 +48,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     let poses = read(&args.poses)?;
     let found = calibrate(&poses).input_of(&args.poses)?;
-    let Pivot { rms_mm, max_mm, tip_error_mm, condition, turn_deg, .. } = found;
+    let Pivot { rms_mm, max_mm, .. } = found;
     if rms_mm > args.output.max_rms {
         let (path, limit) = (args.poses.display(), args.output.max_rms);
         return Err(Failure::Input(anyhow!(
@@ -72,27 +58,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if let Some(out) = &args.output.out {
         write(out, |calibration| set(calibration, args.of, &found))?;
     }
-    let (tip, pivot) = (found.tip_mm, found.pivot_mm);
     if args.output.json {
-        return output::json(&Report {
-            tip_mm: tip.to_array(),
-            pivot_mm: pivot.to_array(),
-            rms_mm,
-            max_mm,
-            tip_error_mm,
-            condition,
-            turn_deg,
-            poses: found.poses,
-        });
+        return output::json(&found);
     }
-    output::line(format!("tip in the sensor's frame     [{:.3}, {:.3}, {:.3}] mm", tip.x, tip.y, tip.z))?;
-    output::line(format!("pivot in the tracker's frame  [{:.3}, {:.3}, {:.3}] mm", pivot.x, pivot.y, pivot.z))?;
-    output::line(format!("residual                      RMS {rms_mm:.3} mm, at most {max_mm:.3} mm"))?;
-    output::line(format!("standard error of the tip     {tip_error_mm:.3} mm"))?;
-    output::line(format!(
-        "condition number              {condition:.1}; turned by {turn_deg:.0}° over {} poses",
-        found.poses
-    ))?;
+    output::text(&found)?;
     args.output.out.as_ref().map_or(Ok(()), |out| output::line(out.display()))
 }
 

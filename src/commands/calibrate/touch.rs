@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use glam::DVec3;
-use insonify::files::FileKind;
+use insonify::files::{FileKind, Outputs};
 use insonify::phantom;
 use insonify::pose::Calibration;
 use insonify::pose::csv::{self, Named};
@@ -14,10 +14,9 @@ use insonify::pose::landmark::{StillSettings, Touched, touch};
 use insonify::pose::registration::PointPair;
 use insonify::recording::spawn;
 use insonify::station::{SceneSource, Station};
-use insonify::tracker::{PoseStream, pose_tap};
+use insonify::tracker::pose_tap;
 use tokio_util::sync::CancellationToken;
 
-use super::super::outputs::Outputs;
 use super::super::{Classify, Failure, input, tracker_args};
 use super::positive;
 
@@ -78,7 +77,7 @@ pub(super) fn run(
     let session = spawn(&settings, Box::new(tap), cancel.clone())?;
     let pairs = ask(&points, tip, &mut std::io::stdin().lock(), |point| {
         let touched = touch(stream.poses(SILENCE), tip_mm, &still);
-        touched.map_err(|error| format!("`{}` is not taken: {error}{}", point.name, condition(&stream)))
+        touched.map_err(|error| format!("`{}` is not taken: {error}; {stream}", point.name))
     });
     cancel.cancel();
     session.join();
@@ -99,23 +98,10 @@ fn points(args: &TouchArgs, station: &Station) -> Result<Vec<Named<DVec3>>, Fail
     }
 }
 
-/// Present calibration: values of `out`, else of the station's file. Either file may be missing.
-fn calibration(station: Option<&Path>, out: &Path) -> Result<Calibration, Failure> {
-    let mut found = Calibration::default();
-    for path in station.into_iter().chain([out]).filter(|path| path.exists()) {
-        let Calibration { scene_from_tracker, sensor_from_probe, stylus_tip_mm } = Calibration::load(path)?;
-        found = Calibration {
-            scene_from_tracker: scene_from_tracker.or(found.scene_from_tracker),
-            sensor_from_probe: sensor_from_probe.or(found.sensor_from_probe),
-            stylus_tip_mm: stylus_tip_mm.or(found.stylus_tip_mm),
-        };
-    }
-    Ok(found)
-}
-
 /// Point of contact in the frame of its sensor, mm, and its name.
 fn tip(station: &Station, file: &Path) -> Result<(DVec3, &'static str), Failure> {
-    let calibration = calibration(station.calibration.path.as_deref(), file)?;
+    let own = station.calibration.path.as_deref();
+    let calibration = Calibration::of_files(own.into_iter().chain([file]))?;
     if let Some(tip) = calibration.stylus_tip_mm {
         return Ok((tip.value, "the tip of the stylus"));
     }
@@ -128,16 +114,6 @@ fn tip(station: &Station, file: &Path) -> Result<(DVec3, &'static str), Failure>
         file.display()
     );
     Ok((DVec3::ZERO, "the sensor"))
-}
-
-/// State of the tracker, for error messages.
-fn condition(stream: &PoseStream) -> String {
-    let report = stream.report();
-    let mut text = format!("; the tracker is {}", report.state.name());
-    if stream.without_pose() > 0 {
-        text += &format!(", {} records held no position", stream.without_pose());
-    }
-    report.events.last().map_or(text.clone(), |event| format!("{text} (last: {event})"))
 }
 
 /// Asks for each landmark in turn; a line of `input` answers.
@@ -192,8 +168,6 @@ fn ask(
 
 #[cfg(test)]
 mod tests {
-    use insonify::pose::calibration::Fitted;
-
     use super::*;
 
     fn points() -> Vec<Named<DVec3>> {
@@ -215,23 +189,6 @@ mod tests {
             Err(other) => panic!("{other:?}"),
         };
         (result, tried)
-    }
-
-    #[test]
-    fn the_stations_calibration_holds_where_the_new_one_is_silent() {
-        let dir = tempfile::tempdir().unwrap();
-        let [ours, out] = ["station.toml", "out.toml"].map(|name| dir.path().join(name));
-        let tip = |station: Option<&Path>| calibration(station, &out).unwrap().stylus_tip_mm.map(|tip| tip.value);
-        assert_eq!((tip(None), tip(Some(&ours))), (None, None));
-        let write = |path: &Path, calibration: Calibration| std::fs::write(path, calibration.to_toml()).unwrap();
-        let stylus =
-            |z: f64| Calibration { stylus_tip_mm: Some(Fitted::known(DVec3::Z * z)), ..Calibration::default() };
-        write(&ours, stylus(120.0));
-        assert_eq!(tip(Some(&ours)), Some(DVec3::Z * 120.0));
-        write(&out, Calibration::default());
-        assert_eq!(tip(Some(&ours)), Some(DVec3::Z * 120.0));
-        write(&out, stylus(90.0));
-        assert_eq!(tip(Some(&ours)), Some(DVec3::Z * 90.0));
     }
 
     #[test]

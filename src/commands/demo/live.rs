@@ -2,26 +2,23 @@
 //! files.
 
 use std::io::IsTerminal;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use insonify::anatomy::Scene;
-use insonify::pipeline::{
-    CONTROLS_WAITING, Clock, Limits, LocalRendererFactory, Parts, Stop, Summary, SystemClock, TrackedPoses,
-};
+use insonify::pipeline::{Limits, LiveStation, LocalRendererFactory, Stop, Summary, TrackedPoses};
 use insonify::pose::Estimator;
 use insonify::render::Backend;
 use insonify::settings::Control;
 use insonify::sink::live::LiveSink;
-use insonify::sink::{FrameLog, create_dir, write_json};
+use insonify::sink::{FrameLog, Stills, create_dir, remove, write_json};
 use insonify::station::Station;
 use insonify::tracker::{Speed, Transport};
 use tokio::sync::mpsc;
 
 use super::Args;
-use super::stills::Stills;
 use crate::commands::{Classify, Failure, live, output, terminal};
 
 /// The files of a shipped generator.
@@ -69,19 +66,19 @@ pub(super) fn run(
     let mut station = station(&args.out.join("station"))?;
     args.effects.apply(&mut station.settings);
     let directory = args.out.join("live");
-    clear(&directory)?;
+    create_dir(&directory)?;
+    Stills::remove_from(&directory)?;
+    remove(&directory.join("summary.json"))?;
     let stays = !args.once && std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
     let factory = LocalRendererFactory::new(backend.clone(), scene.clone())?;
-    let mut renderer = factory.build_renderer(&station.probe, &station.settings)?;
-    let chosen = live::choose(&mut renderer, &mut station, None, true)?;
-    let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
-    let stop = Stop::new(&clock);
+    let tracked = TrackedPoses::new(Estimator::new(station.pose_settings()?));
+    let mut live = LiveStation::new(&mut station, factory, tracked.clone(), None, true)?;
+    live::say(&mut live);
+    let stop = live.parts.stop.clone();
 
     eprintln!("live: recorded tracker bytes → decoder → estimator → renderer → generator → page and files");
-    // Keeps the sender: the channel must stay open even if no sink takes input.
-    let (control, controls) = mpsc::channel(CONTROLS_WAITING);
-    let mut sinks: Vec<Box<dyn LiveSink>> = Vec::new();
-    let page = page(&station, scene, &control);
+    let sinks = &mut live.parts.sinks;
+    let page = page(&station, scene, &live.control);
     let seconds = length.as_secs_f64();
     let watchers: Box<dyn Fn() -> usize> = match page {
         Ok((sink, address, watchers)) => {
@@ -97,39 +94,20 @@ pub(super) fn run(
     };
     let stills = u32::try_from(length.as_secs() / STILL_PERIOD.as_secs()).unwrap_or(0);
     sinks.push(Box::new(Stills::new(&directory, STILL_PERIOD, stills)));
-    let log = Some(FrameLog::create(&directory.join("frames.jsonl"))?);
+    live.parts.log = Some(FrameLog::create(&directory.join("frames.jsonl"))?);
 
     let mut tracker = station.tracker.clone();
     if let Transport::Recording { repeat, speed, .. } = &mut tracker.transport {
         (*repeat, *speed) = (stays, Speed::Factor(1.0));
     }
-    let tracked = TrackedPoses::new(Estimator::new(station.pose_settings()?));
-    let began = clock.now();
-    let tracker = tracked.track(&tracker, None, stop.clone())?;
-    let parts = Parts {
-        clock,
-        stop: stop.clone(),
-        poses: Box::new(tracked.clone()),
-        renderer: Box::new(renderer),
-        factory: Box::new(factory),
-        probe: station.probe,
-        render: station.settings,
-        points: chosen.points,
-        aperture: chosen.aperture,
-        generators: chosen.generators,
-        sinks,
-        log,
-        controls,
-        observer: None,
-        before: vec![Box::new(tracker)],
-        after: Vec::new(),
-    };
+    let began = live.parts.clock.now();
+    live.track(&tracked, &tracker)?;
     // Ends the session even if the recorded bytes stop coming.
     let duration = (!stays).then(|| length + GRACE);
     let enter = if stays { enter() } else { Arc::default() };
     let end_s = (began + length).as_secs_f64();
     let mut end = End { end_s, stays, told: false };
-    let summary = live::run(&station, Limits { duration, frames: None }, parts, |now| {
+    let summary = live::run(&station, Limits { duration, frames: None }, live.parts, |now| {
         let asked = match (interrupt.is_requested(), enter.load(Ordering::Relaxed)) {
             (true, _) => Some("Ctrl-C"),
             (_, true) => Some("Enter"),
@@ -141,7 +119,7 @@ pub(super) fn run(
             terminal::say("the exam begins again, since the page is watched: Enter goes on with the demo");
         }
     })?;
-    drop(control);
+    drop(live.control);
     live::say_left_out(&tracked.counters());
     write_json(&directory.join("summary.json"), &summary)?;
     for error in summary.sinks.iter().filter_map(|sink| sink.error.as_deref()) {
@@ -200,27 +178,13 @@ fn enter() -> Arc<AtomicBool> {
     pressed
 }
 
-/// Removes stills and summary of an earlier demo.
-fn clear(directory: &Path) -> Result<(), Failure> {
-    create_dir(directory)?;
-    let stills = |path: &PathBuf| {
-        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or("");
-        name.contains("_s_") && name.ends_with(".png")
-    };
-    let files = std::fs::read_dir(directory).into_iter().flatten().flatten().map(|file| file.path());
-    for path in files.filter(stills).chain([directory.join("summary.json")]) {
-        insonify::sink::remove(&path)?;
-    }
-    Ok(())
-}
-
 /// The page's sink, its address, and the count of its viewers.
 type Page = (Box<dyn LiveSink>, String, Box<dyn Fn() -> usize>);
 
 #[cfg(feature = "browser")]
 fn page(station: &Station, scene: &Scene, control: &mpsc::Sender<Control>) -> Result<Page, String> {
     use insonify::sink::browser::BrowserSink;
-    let scene = crate::commands::live_sinks::scene_info(station, scene);
+    let scene = insonify::pipeline::scene_info(station, scene);
     let mut settings = station.browser.clone().unwrap_or_default();
     let sink = BrowserSink::new(&settings, control.clone(), &scene).or_else(|_| {
         // Another station may have the usual port.

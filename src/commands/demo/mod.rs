@@ -1,9 +1,6 @@
 //! `insonify demo`: a recorded exam over the obstetric phantom, to look at.
 
-mod key_frames;
 mod live;
-mod stills;
-mod translation;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -12,12 +9,15 @@ use std::time::Instant;
 use anyhow::Context;
 use clap::Parser;
 use insonify::anatomy::{Bvh, Scene};
-use insonify::pipeline::replay::Timeline;
+use insonify::chooser::{Translation, TranslationReport};
+use insonify::files::Outputs;
+use insonify::names::thousands;
+use insonify::pipeline::replay::{Agreement, KeyFrames, KeyScores, Stage, Timeline, key_frames, legend};
 use insonify::pipeline::{Clock, Stop, Summary, SystemClock, on_ctrl_c};
 use insonify::recording::{RecordingReader, RecordingReport, RecordingSummary, poses_of};
-use insonify::render::{Backend, FrameQuality, RenderError};
-use insonify::report::ContactSheet;
+use insonify::render::{Backend, FrameQuality, RenderError, warn_of_overflows};
 use insonify::report::time_table::{SideBySide, StageTime, TimeTable};
+use insonify::report::{ContactSheet, OtherLoad};
 use insonify::sink::frame_record::AdapterRecord;
 use insonify::sink::video::halved;
 use insonify::sink::{FrameRate, Video, write_json};
@@ -27,14 +27,8 @@ use serde::Serialize;
 
 use super::backend::BackendArgs;
 use super::effects::EffectArgs;
-use super::other_load::OtherLoad;
-use super::output::thousands;
-use super::outputs::Outputs;
 use super::progress::Progress;
-use super::run_table::SummaryTable;
 use super::{Classify, Failure, output, session};
-use key_frames::{Agreement, KeyFrames, KeyScores, Stage};
-use translation::{Translation, TranslationReport};
 
 /// Station and exam are embedded, so that the demo runs from any directory.
 const STATION: &str = include_str!("../../../configs/obstetric.toml");
@@ -145,7 +139,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let exam_path = Path::new(EXAM_NAME);
     let (poses, summary) = poses_of(RecordingReader::from_source(EXAM, exam_path)?, exam_path)?;
     let timeline = Timeline::new(&poses, rate)?.since(summary.info.start_time_ns);
-    let keys = key_frames::chosen(&summary.events, &timeline);
+    let keys = key_frames(&summary.events, &timeline);
 
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
     let interrupt = Stop::new(&clock);
@@ -179,32 +173,32 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let triangles = thousands(scene.triangle_count());
     let mut sheet = ContactSheet {
         title: format!("insonify {}   obstetric phantom, {triangles} triangles", env!("CARGO_PKG_VERSION")),
-        notes: key_frames::legend(target, translation.as_ref().map(Translation::name)),
+        notes: legend(target, translation.as_ref().map(Translation::name)),
         rows: Vec::new(),
         sector: &sector,
         depth_mm: station.probe.depth_mm,
         tissues: &scene.tissues,
         panel_width: PANEL_WIDTH,
     };
-    let mut key_frames = KeyFrames { lq, hq, translation, station: &station, backend: &backend };
+    let mut rows = KeyFrames { lq, hq, translation, station: &station, backend: &backend };
     let mut scores = Vec::with_capacity(keys.len());
     let progress = Progress::new("key frames", keys.len());
     for (i, key) in keys.iter().enumerate() {
         going_on()?;
         let directory = args.out.join("key_frames").join(format!("{:02}_{}", i + 1, key.file_name()));
-        let (row, score) = key_frames.render(key, &directory, &sheet)?;
+        let (row, score) = rows.render(key, &directory, &sheet)?;
         sheet.rows.push(row);
         scores.push(score);
         progress.set(i + 1, keys.len());
     }
     drop(progress);
-    let KeyFrames { lq, hq, translation, .. } = key_frames;
+    let KeyFrames { lq, hq, translation, .. } = rows;
     let contact_sheet = args.out.join("contact_sheet.png");
     sheet.write(&contact_sheet)?;
 
     let report = Report {
         version: env!("CARGO_PKG_VERSION"),
-        adapter: session::adapter(&backend),
+        adapter: AdapterRecord::from(&backend),
         triangles: scene.triangle_count(),
         surfaces: scene.surfaces.len(),
         exam: RecordingReport::new(exam_path, &summary),
@@ -225,7 +219,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     };
     let times = args.out.join("times.json");
     write_json(&times, &report)?;
-    session::warn_of_overflows(report.overflowed);
+    warn_of_overflows(report.overflowed);
     if args.json {
         return output::json(&report);
     }
@@ -285,7 +279,7 @@ fn live_chain(
 ) -> Result<Summary, Failure> {
     let live = live::run(args, backend, scene, summary.duration, interrupt)?;
     if !args.json {
-        output::line(SummaryTable(&live))?;
+        output::line(&live)?;
         output::line(format!("files              {}\n", args.out.join("live").display()))?;
     }
     eprintln!("now the exam as files");

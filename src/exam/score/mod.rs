@@ -11,6 +11,7 @@
 //! steady hold. Angle and distance score fully up to a quarter of the tolerance, and 0 at the tolerance. A hold scores
 //! fully up to 0.5 mm RMS, and 0 from 3 mm. The weights are assumed.
 
+mod table;
 mod track;
 
 use std::collections::BTreeMap;
@@ -320,7 +321,7 @@ pub fn slice_mm(probe: &Probe, depth_mm: f64) -> f64 {
 }
 
 /// True length of `caliper`: the plane's value, or else measured on its surfaces in the exact plane.
-pub fn truth_mm(caliper: &Caliper, view: &View, reference: &Reference<'_>) -> Option<f64> {
+pub(crate) fn truth_mm(caliper: &Caliper, view: &View, reference: &Reference<'_>) -> Option<f64> {
     /// Depth of the plane's centre below an assumed probe in the plane.
     const DEPTH_MM: f64 = 70.0;
     caliper.true_mm.or_else(|| {

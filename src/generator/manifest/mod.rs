@@ -13,6 +13,7 @@ use crate::settings::Precision;
 mod beam_grid;
 mod check;
 mod quantised;
+mod text;
 
 pub use beam_grid::BeamGrid;
 use check::{is_file_beside, is_sha256};

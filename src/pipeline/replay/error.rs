@@ -1,10 +1,15 @@
 //! Errors in replaying a recording.
 
+use std::path::PathBuf;
+
 use thiserror::Error;
 
 use crate::chooser::ChooserError;
+use crate::generator::GeneratorError;
+use crate::quality::QualityError;
 use crate::recording::RecordingError;
 use crate::render::RenderError;
+use crate::sink::SinkError;
 use crate::station::StationError;
 
 /// Errors in replaying a recording.
@@ -22,6 +27,23 @@ pub enum ReplayError {
     /// No quality can be chosen.
     #[error(transparent)]
     Chooser(#[from] ChooserError),
+    /// Images that can't be compared.
+    #[error(transparent)]
+    Quality(#[from] QualityError),
+    /// A generator that fails.
+    #[error(transparent)]
+    Generator(#[from] GeneratorError),
+    /// A file that can't be written.
+    #[error(transparent)]
+    Sink(#[from] SinkError),
+    /// Another depth, where all frames need the same.
+    #[error(
+        "the recorded session changes the depth at frame {frame}, and a sequence has one size of its pixels; export parts with --frames ..{frame} and {frame}.., or use --ignore-controls"
+    )]
+    Depth {
+        /// First frame of another depth.
+        frame: usize,
+    },
     /// Times that span more frames than any session has: usually a wrong clock.
     #[error(
         "the recording's host times span {span_s:.0} s: {frames} frames at {fps:.1} a second, at most {frames_max} are rendered; is a time stamp wrong?"
@@ -53,6 +75,12 @@ pub enum ReplayError {
         frames: usize,
         /// Frames per second.
         fps: f64,
+    },
+    /// A session without a pose.
+    #[error("{path} holds no pose to score")]
+    NoPose {
+        /// The recording.
+        path: PathBuf,
     },
     /// No frame to render.
     #[error("the recording has no frame")]

@@ -1,10 +1,17 @@
 //! Recorded sessions to render without a clock: frames with the poses and settings of the live session.
 
 mod error;
+mod exam;
+#[cfg(feature = "video")]
+mod files;
+mod frame_range;
+mod key_frames;
+mod pace;
+mod sequence;
 mod timeline;
 
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::replayed::{OtherSetting, ReplayedControls, ReplayedPoses};
 use crate::anatomy::Scene;
@@ -19,6 +26,13 @@ use crate::station::Station;
 use crate::transducer::Probe;
 
 pub use error::ReplayError;
+pub use exam::RecordedExam;
+#[cfg(feature = "video")]
+pub use files::{FrameEntry, REPLAY_FILES, WrittenReplay};
+pub use frame_range::FrameRange;
+pub use key_frames::{Agreement, KeyFrame, KeyFrames, KeyScores, Stage, key_frames, legend};
+pub use pace::{Pace, ReplaySpeed};
+pub use sequence::{SequenceMap, WrittenSequence};
 pub use timeline::Timeline;
 
 /// Choices of a replay.
@@ -26,10 +40,8 @@ pub use timeline::Timeline;
 pub struct ReplayOptions {
     /// Frames per second of the recording.
     pub rate: FrameRate,
-    /// First frame.
-    pub start: usize,
-    /// Frame behind the last; none: all.
-    pub end: Option<usize>,
+    /// Frames to render.
+    pub frames: FrameRange,
     /// Rays and layers; none: those of the recorded session, else the station's.
     pub quality: Option<FrameQuality>,
     /// Seed; none: the station's.
@@ -54,6 +66,8 @@ pub struct Stretch {
 /// A recorded session, ready to be rendered.
 #[derive(Debug)]
 pub struct Replay {
+    /// The recording.
+    pub path: PathBuf,
     /// The station.
     pub station: Station,
     /// Frames per second of the recording.
@@ -83,7 +97,7 @@ impl Replay {
     /// A recording or calibration that can't be read, times that span too many frames, or no requested frame. What is
     /// damaged is logged before.
     pub fn read(path: &Path, station: Station, options: &ReplayOptions) -> Result<Self, ReplayError> {
-        let ReplayOptions { rate, start, end, quality, .. } = *options;
+        let ReplayOptions { rate, frames: FrameRange { start, end }, quality, .. } = *options;
         if let Some(end) = end.filter(|end| *end <= start) {
             return Err(ReplayError::Range { start, end });
         }
@@ -104,6 +118,7 @@ impl Replay {
         let live: Vec<LiveSettings> = timeline.times_ns.iter().map(|time| controls.at(*time)).collect();
         timeline.freeze(&live);
         Ok(Self {
+            path: path.to_owned(),
             rate,
             stretches: stretches(&live, frames.clone(), quality),
             frames,
@@ -238,7 +253,8 @@ mod tests {
         let read = |end| {
             let rate = FrameRate::new(10.0).unwrap();
             let (quality, seed, raw_poses, ignore_controls) = (None, None, false, false);
-            let options = ReplayOptions { rate, start: 5, end: Some(end), quality, seed, raw_poses, ignore_controls };
+            let frames = FrameRange { start: 5, end: Some(end) };
+            let options = ReplayOptions { rate, frames, quality, seed, raw_poses, ignore_controls };
             Replay::read(Path::new("/nonexistent/a.mcap"), station.clone(), &options).unwrap_err()
         };
         assert!(matches!(read(5), ReplayError::Range { start: 5, end: 5 }));

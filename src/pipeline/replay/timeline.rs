@@ -118,7 +118,7 @@ impl Timeline {
     }
 
     /// Whether a frame's pose is not exactly of its time.
-    pub fn is_held(&self, frame: usize) -> bool {
+    pub(crate) fn is_held(&self, frame: usize) -> bool {
         self.held.get(frame).copied().unwrap_or_default()
     }
 

@@ -25,7 +25,7 @@ use super::sink_stage::SinkStage;
 use super::slot::Slot;
 use super::summary::Summary;
 use crate::chooser::PointController;
-use crate::render::{RenderError, RenderSettings};
+use crate::render::{RenderError, RenderSettings, Renderer};
 use crate::settings::{Choice, Control, Effect, LiveSettings, PipelineSettings};
 use crate::sink::FrameLog;
 use crate::sink::live::LiveSink;
@@ -105,13 +105,25 @@ impl Parts {
         probe: Probe,
         render: RenderSettings,
     ) -> Result<(Self, mpsc::Sender<Control>), RenderError> {
+        let renderer = factory.build_renderer(&probe, &render)?;
+        Ok(Self::with_renderer(poses, renderer, factory, probe, render))
+    }
+
+    /// As [`Parts::new`], with a renderer that has these settings already.
+    pub(super) fn with_renderer(
+        poses: impl PoseSource + 'static,
+        renderer: Renderer,
+        factory: LocalRendererFactory,
+        probe: Probe,
+        render: RenderSettings,
+    ) -> (Self, mpsc::Sender<Control>) {
         let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
         let (sender, controls) = mpsc::channel(CONTROLS_WAITING);
         let parts = Self {
             stop: Stop::new(&clock),
             clock,
             poses: Box::new(poses),
-            renderer: Box::new(factory.build_renderer(&probe, &render)?),
+            renderer: Box::new(renderer),
             factory: Box::new(factory),
             probe,
             render,
@@ -125,7 +137,7 @@ impl Parts {
             before: Vec::new(),
             after: Vec::new(),
         };
-        Ok((parts, sender))
+        (parts, sender)
     }
 }
 

@@ -14,10 +14,10 @@ use std::path::{Path, PathBuf};
 use super::{InterchangeError, Lines, Place, quote};
 
 /// Most images of a sequence.
-pub const IMAGES_MAX: u32 = 1_000_000;
+pub(crate) const IMAGES_MAX: u32 = 1_000_000;
 
 /// Largest image, bytes.
-pub const IMAGE_BYTES_MAX: u64 = 256 << 20;
+pub(crate) const IMAGE_BYTES_MAX: u64 = 256 << 20;
 
 /// Longest header, bytes.
 const HEAD_BYTES_MAX: u64 = 2 << 30;

@@ -3,12 +3,13 @@
 //! [`meta_image`] reads the `.mha` sequences of [PLUS](https://plustoolkit.github.io) and SlicerIGSIO; [`csv`] reads
 //! tables. Their poses are taken as `scene_from_probe`: a sequence's tracker frame becomes the scene frame.
 
-use std::io::{BufRead, Read};
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
 use super::{Event, RecordingError, RecordingInfo, RecordingWriter};
+use crate::files::{self, FileKind};
 use crate::pose::Pose;
 use crate::tracker::{Protocol, ascii_line};
 
@@ -106,6 +107,22 @@ pub struct TrackedRow {
     pub event: Option<String>,
     /// Place in the file.
     pub place: Place,
+}
+
+/// Reads the rows of a PLUS sequence (.mha, .mhd), of which `transform` is taken, or of a table (.csv).
+///
+/// # Errors
+/// A file of another kind, or one that can't be read.
+pub fn read_rows(path: &Path, transform: &str) -> Result<Vec<TrackedRow>, InterchangeError> {
+    let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+    match extension.as_deref() {
+        Some("mha" | "mhd") => tracked(Sequence::open(path)?.head(), transform, path),
+        Some("csv") => {
+            let failed = |source| InterchangeError::Read { path: path.to_owned(), source };
+            csv::read(BufReader::new(files::open(path, FileKind::Table).map_err(failed)?), path)
+        }
+        _ => Err(InterchangeError::file(path, "it is neither .mha, .mhd nor .csv")),
+    }
 }
 
 /// Outcome of [`write_recording`].

@@ -33,12 +33,12 @@ impl Registration {
             return Some(Self::IDENTITY);
         }
         let angle_from_world: DQuat = made_at.orientation.inverse();
-        let look_from_present = |point_mm: DVec3| {
+        let frame_from_present = |point_mm: DVec3| {
             angle_from_world * (present.position_mm - made_at.position_mm)
                 + angle_from_world * present.transform_vector(point_mm)
         };
         let first = sector.pixel_centre_mm(0, 0);
-        let first_mm = look_from_present(DVec3::new(first.x, 0.0, first.y));
+        let first_mm = frame_from_present(DVec3::new(first.x, 0.0, first.y));
         let step_mm = |axis: DVec3| angle_from_world * present.transform_vector(sector.pixel_mm * axis);
         let (column_mm, row_mm) = (step_mm(DVec3::X), step_mm(DVec3::Z));
         let of_slice = |v: DVec3| DVec2::new(v.x, v.z);

@@ -156,7 +156,7 @@ fn a_pattern_of_the_scene_stays_where_it_is() {
 }
 
 #[test]
-fn looks_from_beside_the_slice_leave_nothing() {
+fn frames_from_beside_the_slice_leave_nothing() {
     let there = pose([0.0, 3.6, 0.0], 0.0, 0.0);
     let angles = [random_angle(1, Pose::IDENTITY), random_angle(2, there)];
     let mean = picture(&angles, RULES, 60.0);

@@ -3,7 +3,7 @@
 use glam::DVec2;
 
 use super::inputs::Inputs;
-use super::trace::Path;
+use super::segment::Path;
 use super::visibility::{Boundary, LineGain};
 
 /// Adds every interface's echo to the baseband sample that holds its range [scanlines × samples].

@@ -4,9 +4,9 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::inputs::Inputs;
+use super::segment::{Path, Segment, segment_at};
 use super::speckle::{self, Place, Strength};
 use super::texture::texture_level_np;
-use super::trace::{Path, Segment, segment_at};
 use super::visibility::{Boundary, LineGain};
 use crate::render::constants::{LN_SPECKLE_SILENT, REFLECTED_MAX, TEXTURE_SAMPLES};
 

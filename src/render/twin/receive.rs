@@ -3,7 +3,7 @@
 use glam::DVec2;
 
 use super::inputs::Inputs;
-use super::trace::Path;
+use super::segment::Path;
 use super::{hash, lattice};
 
 /// The focused baseband with noise, clutter and reverberation [scanlines × samples].

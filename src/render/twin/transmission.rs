@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::aperture::{Aperture, CellRays};
 use super::inputs::Inputs;
-use super::trace::{Path, segment_at};
+use super::segment::{Path, segment_at};
 use crate::render::constants::{DELAY_MIN, HARD_SPEED, TRANSMISSION_MIN};
 
 /// Transmission of the scan plane.

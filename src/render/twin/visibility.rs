@@ -2,7 +2,7 @@
 
 use super::aperture::Aperture;
 use super::inputs::Inputs;
-use super::trace::{Path, segment_at};
+use super::segment::{Path, segment_at};
 use super::transmission::passed_np;
 use crate::render::constants::{EVEN_NP, SPREAD_NP, TRACKED_NP, VISIBLE_MAX_NP, VISIBLE_MIN, VISIBLE_MIN_NP};
 

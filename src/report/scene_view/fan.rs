@@ -47,7 +47,7 @@ impl Fan {
     }
 
     /// The fan's outline, a closed line of scene points, mm: the face from image left to right, then the far end back.
-    pub fn outline_mm(&self) -> Vec<DVec3> {
+    pub(crate) fn outline_mm(&self) -> Vec<DVec3> {
         border_mm(&self.probe, 48).map(|point| self.scene_from_probe.transform_point(point)).collect()
     }
 }

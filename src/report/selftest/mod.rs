@@ -1,4 +1,4 @@
-//! Printable page about a self-test: one HTML file.
+//! A self-test as a text table, and as a printable page: one HTML file.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -17,8 +17,26 @@ pub fn write(path: &Path, report: &Report) -> Result<(), SinkError> {
     write_text(path, &page(report))
 }
 
+/// All checks as a text table.
+pub fn table(report: &Report) -> String {
+    let Report { device, driver, date, duration_s, checks, .. } = report;
+    let mut out = format!("{device} ({driver}), {date}\n\n");
+    let _ = writeln!(out, "{:15} {:54} {:>10} {:>14} {:>10} {:6}", "", "", "expected", "measured", "tolerance", "");
+    let mut last = "";
+    for Check { group, name, unit, expected, measured, tolerance, passed } in checks {
+        let title = if *group == last { "" } else { group };
+        last = group;
+        let [expected, measured, tolerance] = [expected, measured, tolerance].map(|value| figure(*value, *tolerance));
+        let result = if *passed { "pass" } else { "FAIL" };
+        let _ = writeln!(out, "{title:15} {name:54} {expected:>10} {measured:>14} {tolerance:>10} {unit:6} {result}");
+    }
+    let passed = checks.len() - report.failed().count();
+    let _ = writeln!(out, "\n{passed} of {} checks passed in {duration_s:.1} s", checks.len());
+    out
+}
+
 /// Text of a number, to two digits of its tolerance; a tolerance of 0 means a count.
-pub fn figure(value: f64, tolerance: f64) -> String {
+fn figure(value: f64, tolerance: f64) -> String {
     if !value.is_finite() {
         return "not measurable".to_owned();
     }

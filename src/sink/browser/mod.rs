@@ -27,7 +27,7 @@ mod sink;
 pub mod wire;
 
 pub use crate::settings::{BrowserSettings as Settings, TOKEN_CHARS_MIN};
-pub use scene::{ScenePacket, TRIANGLES_MAX};
+pub use scene::ScenePacket;
 
 #[cfg(feature = "browser")]
 pub use shared::ClientCounters;

@@ -14,7 +14,7 @@ use crate::sink::colour::{self, Rgb};
 use crate::transducer::{Probe, housing};
 
 /// Most triangles of a packet; larger scenes are decimated.
-pub const TRIANGLES_MAX: usize = 150_000;
+pub(crate) const TRIANGLES_MAX: usize = 150_000;
 
 const VERSION: u32 = 1;
 

@@ -30,17 +30,19 @@ mod reply;
 pub use decoder::Decoder;
 pub use driver::NdiDriver;
 
+pub use crate::settings::ReplyFormat;
+
 /// Speed of a serial device after power-on or reset, baud.
-pub const START_BAUD: u32 = 9600;
+pub(crate) const START_BAUD: u32 = 9600;
 
 /// Default speed to which a serial device is switched, baud.
-pub const USUAL_BAUD: u32 = 115_200;
+pub(crate) const USUAL_BAUD: u32 = 115_200;
 
 /// Bytes of a tool's description (its ROM).
 pub const ROM_BYTES: usize = 1024;
 
 /// Longest text reply, bytes: a `TX` reply of 255 tools.
-pub const TEXT_LIMIT: usize = 2 + 255 * 70 + 9;
+pub(crate) const TEXT_LIMIT: usize = 2 + 255 * 70 + 9;
 
 const CRC16: Crc<u16, Table<1>> = Crc::<u16, Table<1>>::new(&CRC_16_ARC);
 
@@ -58,16 +60,6 @@ pub fn framed(text: &str) -> Bytes {
     bytes.put_slice(text.as_bytes());
     bytes.put_slice(format!("{:04X}\r", crc16(text.as_bytes())).as_bytes());
     bytes.freeze()
-}
-
-/// Reply format that the driver requests.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum ReplyFormat {
-    /// `BX`: binary, shorter, with f32 resolution.
-    #[default]
-    Binary,
-    /// `TX`: text with a resolution of 0.01 mm. Older devices support only this.
-    Text,
 }
 
 /// Settings of a device.

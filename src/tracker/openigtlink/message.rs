@@ -10,13 +10,13 @@ use crate::pose::{Pose, PoseError};
 pub const HEAD: usize = 58;
 
 /// Length of the extended header that starts a v3 body, bytes.
-pub const EXTENDED_HEAD: usize = 12;
+pub(crate) const EXTENDED_HEAD: usize = 12;
 
 /// Length of a `TRANSFORM`'s content, bytes.
 pub const TRANSFORM: usize = 48;
 
 /// Length of a tool entry of a `TDATA`, bytes.
-pub const TOOL: usize = 70;
+pub(crate) const TOOL: usize = 70;
 
 /// Status code: OK.
 pub const STATUS_OK: u16 = 1;
@@ -82,14 +82,14 @@ impl Head {
     }
 
     /// Time stamp, µs since 1970; `None` if the message has none.
-    pub fn time_us(&self) -> Option<u64> {
+    pub(crate) fn time_us(&self) -> Option<u64> {
         let (seconds, fraction) = (self.time >> 32, self.time & 0xFFFF_FFFF);
         (self.time != 0).then(|| seconds * 1_000_000 + ((fraction * 1_000_000) >> 32))
     }
 }
 
 /// Time stamp of `time_ns`, ns since 1970.
-pub fn time_stamp(time_ns: u64) -> u64 {
+pub(crate) fn time_stamp(time_ns: u64) -> u64 {
     let (seconds, ns) = (time_ns / 1_000_000_000, time_ns % 1_000_000_000);
     (seconds << 32) | ((ns << 32) / 1_000_000_000)
 }

@@ -25,7 +25,7 @@ pub mod message;
 pub use decoder::{Decoder, NAMES_LIMIT};
 
 /// Default TCP port.
-pub const TCP_PORT: u16 = 18_944;
+pub(crate) const TCP_PORT: u16 = 18_944;
 
 /// Fault of a message.
 #[derive(Debug, Error, Clone, PartialEq)]

@@ -5,6 +5,11 @@
 //! Definitions follow the AIUM's "Methods for Measuring Performance of Pulse-Echo Ultrasound Equipment" in spirit; each
 //! field gives its exact definition.
 
+mod imaging;
+mod table;
+
+pub use imaging::{QaError, check_probe, check_scene, image_and_measure};
+
 use glam::DVec2;
 use serde::Serialize;
 
@@ -187,7 +192,7 @@ fn cyst(levels: &Levels, (x, depth, diameter): (f32, f32, f32)) -> Cyst {
 }
 
 /// Measured position of the wire near (x, depth): centre of the pixels within 10 dB of its peak, mm.
-pub fn wire_mm(levels: &Levels, (x, depth): (f32, f32)) -> DVec2 {
+pub(crate) fn wire_mm(levels: &Levels, (x, depth): (f32, f32)) -> DVec2 {
     let box_mm = (DVec2::new(x.into(), f64::from(depth) + 0.1), DVec2::new(1.6, 0.5));
     let peak = levels.pixels(box_mm).map(|(_, power)| power).fold(0.0, f64::max);
     let mut weight = 0.0;
@@ -280,6 +285,6 @@ fn penetration(levels: &Levels, probe: &Probe) -> Penetration {
 }
 
 /// True if `probe` and its image can show the phantom's layout.
-pub fn suits(probe: &Probe, sector: &Sector) -> bool {
+fn suits(probe: &Probe, sector: &Sector) -> bool {
     probe.face_radius_mm().is_none() && probe.half_extent() >= 29.0 && probe.depth_mm >= 60.0 && sector.pixel_mm <= 0.25
 }

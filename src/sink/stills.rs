@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use insonify::sink::live::{LiveSink, PresentedFrame};
-use insonify::sink::{SinkError, png};
+use super::live::{LiveSink, PresentedFrame};
+use super::{SinkError, png, remove};
 
 /// Writes a PNG every `period`, named by presentation time and frame source.
-pub(super) struct Stills {
+pub struct Stills {
     directory: PathBuf,
     period: Duration,
     next: Duration,
@@ -17,8 +17,21 @@ pub(super) struct Stills {
 
 impl Stills {
     /// Writes at most `count` pictures into `directory`.
-    pub(super) fn new(directory: &Path, period: Duration, count: u32) -> Self {
+    pub fn new(directory: &Path, period: Duration, count: u32) -> Self {
         Self { directory: directory.to_owned(), period, next: period, left: count }
+    }
+
+    /// Removes pictures of an earlier session.
+    ///
+    /// # Errors
+    /// One that can't be removed.
+    pub fn remove_from(directory: &Path) -> Result<(), SinkError> {
+        let files = std::fs::read_dir(directory).into_iter().flatten().flatten().map(|file| file.path());
+        let is_still = |path: &PathBuf| {
+            let name = path.file_name().and_then(|name| name.to_str()).unwrap_or("");
+            name.contains("_s_") && name.ends_with(".png")
+        };
+        files.filter(is_still).try_for_each(|path| remove(&path))
     }
 }
 

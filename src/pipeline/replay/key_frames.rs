@@ -1,32 +1,32 @@
-//! Key frames of the exam: rows of the contact sheet, with files and scores.
+//! Key frames of a recorded session: rows of a contact sheet, with files and scores.
 
 use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
 
-use insonify::anatomy::{Bvh, Scene};
-use insonify::pipeline::replay::Timeline;
-use insonify::pose::Pose;
-use insonify::quality::{Pair, Scores};
-use insonify::recording::Event;
-use insonify::render::{Backend, Effect, Frame, FrameQuality, RenderSettings, Renderer};
-use insonify::report::contact_sheet::{Map, Panel};
-use insonify::report::{ContactSheet, TimeTable};
-use insonify::sink::{FrameFiles, FrameRecord, png, remove};
-use insonify::station::Station;
-use insonify::statistics::{evenly, mean};
 use serde::Serialize;
 
-use super::super::{Failure, session};
-use super::translation::Translation;
+use super::{ReplayError, Timeline};
+use crate::anatomy::{Bvh, Scene};
+use crate::chooser::Translation;
+use crate::pose::Pose;
+use crate::quality::{Pair, Scores};
+use crate::recording::Event;
+use crate::render::{Backend, Effect, Frame, FrameQuality, RenderError, RenderSettings, Renderer};
+use crate::report::contact_sheet::{Map, Panel};
+use crate::report::{ContactSheet, TimeTable};
+use crate::sink::{FrameFiles, FrameRecord, png, remove};
+use crate::station::Station;
+use crate::statistics::{evenly, mean};
 
 /// Most rows of the contact sheet.
 const COUNT_MAX: usize = 6;
 /// File of a key frame's translated image.
 const TRANSLATED: &str = "translated.png";
 
-/// A frame of the exam that the contact sheet shows.
-pub(super) struct KeyFrame {
+/// A frame of the session that the contact sheet shows.
+#[derive(Debug, Clone)]
+pub struct KeyFrame {
     name: String,
     time_s: f64,
     /// Time of the scene, s.
@@ -36,13 +36,13 @@ pub(super) struct KeyFrame {
 
 impl KeyFrame {
     /// Its name as part of a path: letters, digits and `_`.
-    pub(super) fn file_name(&self) -> String {
+    pub fn file_name(&self) -> String {
         self.name.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' }).collect()
     }
 }
 
-/// The exam's events, each with the pose of its nearest frame; without events, frames spread over the exam.
-pub(super) fn chosen(events: &[Event], timeline: &Timeline) -> Vec<KeyFrame> {
+/// The session's events, each with the pose of its nearest frame; without events, frames spread over the session.
+pub fn key_frames(events: &[Event], timeline: &Timeline) -> Vec<KeyFrame> {
     let key = |name: String, frame: usize| {
         let pose = *timeline.poses.get(frame)?;
         Some(KeyFrame { name, time_s: timeline.seconds(frame), scene_s: timeline.scene_s(frame), pose })
@@ -57,7 +57,7 @@ pub(super) fn chosen(events: &[Event], timeline: &Timeline) -> Vec<KeyFrame> {
 
 /// A key frame's scores against HQ.
 #[derive(Debug, Serialize)]
-pub(super) struct KeyScores {
+pub struct KeyScores {
     name: String,
     lq: Scores,
     /// None without a generator.
@@ -66,7 +66,7 @@ pub(super) struct KeyScores {
 }
 
 /// Mean scores of key frames before and after translation, as text.
-pub(super) struct Agreement<'a>(pub(super) &'a [KeyScores]);
+pub struct Agreement<'a>(pub &'a [KeyScores]);
 
 impl fmt::Display for Agreement<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -78,35 +78,48 @@ impl fmt::Display for Agreement<'_> {
 }
 
 /// A renderer with its frame and times.
-pub(super) struct Stage {
-    pub(super) renderer: Renderer,
+pub struct Stage {
+    /// The renderer.
+    pub renderer: Renderer,
     settings: RenderSettings,
     frame: Frame,
-    pub(super) times: TimeTable,
-    pub(super) overflowed: usize,
+    /// Times of its frames.
+    pub times: TimeTable,
+    /// Frames with crossings that did not fit the buffers.
+    pub overflowed: usize,
 }
 
 impl Stage {
-    pub(super) fn new(
+    /// A stage at a quality.
+    ///
+    /// # Errors
+    /// As [`Renderer::with_bvh`].
+    pub fn new(
         backend: &Backend,
         scene: &Scene,
         bvh: &Arc<Bvh>,
         station: &Station,
         quality: FrameQuality,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self, RenderError> {
         let settings = settings(station, quality);
         let renderer = Renderer::with_bvh(backend, scene, bvh.clone(), &station.probe, &settings)?;
         Ok(Self { renderer, settings, frame: Frame::default(), times: TimeTable::default(), overflowed: 0 })
     }
 
     /// Changes the quality.
-    pub(super) fn reconfigure(&mut self, station: &Station, quality: FrameQuality) -> Result<(), Failure> {
+    ///
+    /// # Errors
+    /// As [`Renderer::reconfigure`].
+    pub fn reconfigure(&mut self, station: &Station, quality: FrameQuality) -> Result<(), RenderError> {
         self.settings = settings(station, quality);
-        Ok(self.renderer.reconfigure(&station.probe, &self.settings)?)
+        self.renderer.reconfigure(&station.probe, &self.settings)
     }
 
     /// Renders the scene at `time_s`.
-    pub(super) fn render(&mut self, pose: &Pose, time_s: f64) -> Result<&Frame, Failure> {
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn render(&mut self, pose: &Pose, time_s: f64) -> Result<&Frame, RenderError> {
         self.renderer.set_time_s(time_s);
         self.renderer.render(pose, &mut self.frame)?;
         self.times.push(&self.frame.times);
@@ -121,31 +134,38 @@ fn settings(station: &Station, quality: FrameQuality) -> RenderSettings {
 }
 
 /// Renderers and generator that make the rows of the sheet.
-pub(super) struct KeyFrames<'a> {
-    pub(super) lq: Stage,
-    pub(super) hq: Stage,
+pub struct KeyFrames<'a> {
+    /// Low quality.
+    pub lq: Stage,
+    /// High quality, against which images are scored.
+    pub hq: Stage,
     /// None where the generator is missing.
-    pub(super) translation: Option<Translation>,
-    pub(super) station: &'a Station,
-    pub(super) backend: &'a Backend,
+    pub translation: Option<Translation>,
+    /// The station.
+    pub station: &'a Station,
+    /// Where frames are made.
+    pub backend: &'a Backend,
 }
 
 impl KeyFrames<'_> {
     /// Renders a key frame at both qualities, translates it, writes its files, and returns its row of the sheet with its
     /// scores.
-    pub(super) fn render(
+    ///
+    /// # Errors
+    /// A frame that can't be rendered or translated, or a file that can't be written.
+    pub fn render(
         &mut self,
         key: &KeyFrame,
         directory: &Path,
         sheet: &ContactSheet<'_>,
-    ) -> Result<(Vec<Panel>, KeyScores), Failure> {
+    ) -> Result<(Vec<Panel>, KeyScores), ReplayError> {
         let Self { lq, hq, translation, station, backend } = self;
         let bmode = Map::BMode { dynamic_range_db: station.settings.image.dynamic_range_db };
         lq.render(&key.pose, key.scene_s)?;
         hq.render(&key.pose, key.scene_s)?;
         let (low, high) = (&lq.frame, &hq.frame);
         let size = [low.width, low.height];
-        let score = |image: &[u8]| -> Result<Scores, Failure> {
+        let score = |image: &[u8]| -> Result<Scores, ReplayError> {
             Ok(Scores::of(&Pair::new(size.map(|n| n as usize), image, &high.bmode, Some(&high.mask))?))
         };
         let write = |name: &str, image: &[u8]| {
@@ -172,7 +192,7 @@ impl KeyFrames<'_> {
         row.push(sheet.panel("segmentation", high, Map::Segmentation)?);
         let attenuation = sheet.panel("attenuation", high, Map::Attenuation)?;
         row.push(attenuation.with_note(format!("1 = {:.3}", high.attenuation_p98)));
-        let (adapter, sector) = (session::adapter(backend), hq.renderer.sector());
+        let (adapter, sector) = ((*backend).into(), hq.renderer.sector());
         let plan = hq.renderer.plan();
         let record = FrameRecord::new(&hq.frame, &key.pose, &station.probe, &hq.settings, plan, sector, adapter);
         FrameFiles { frame: &hq.frame, tissues: sheet.tissues, record: &record }.write(directory)?;
@@ -186,12 +206,15 @@ fn note(scores: &Scores) -> String {
 }
 
 /// Lines below the sheet's title: what the columns are. `generator` is its name.
-pub(super) fn legend(target: FrameQuality, generator: Option<&str>) -> Vec<String> {
+pub fn legend(target: FrameQuality, generator: Option<&str>) -> Vec<String> {
     let FrameQuality { rays, layers, angles, .. } = target;
-    let looks = if angles > 1 { format!(", mean of {angles} steering angles") } else { String::new() };
+    let compounded = if angles > 1 { format!(", mean of {angles} steering angles") } else { String::new() };
     let translated = generator.map(|name| format!("   translated: by {name}, trained to give HQ from LQ"));
     vec![
-        format!("LQ: 1 ray x 1 layer{}   HQ: {rays} rays x {layers} layers{looks}", translated.unwrap_or_default()),
+        format!(
+            "LQ: 1 ray x 1 layer{}   HQ: {rays} rays x {layers} layers{compounded}",
+            translated.unwrap_or_default()
+        ),
         "PSNR and SSIM: against HQ, inside the sector".to_owned(),
     ]
 }

@@ -22,7 +22,7 @@ struct Ticks {
 
 /// A measurement of times.
 #[derive(Debug)]
-pub(crate) struct OtherLoad {
+pub struct OtherLoad {
     began: Instant,
     /// None where the kernel doesn't tell.
     ticks: Option<Ticks>,
@@ -30,12 +30,12 @@ pub(crate) struct OtherLoad {
 
 impl OtherLoad {
     /// Begins.
-    pub(crate) fn begin() -> Self {
+    pub fn begin() -> Self {
         Self { began: Instant::now(), ticks: Ticks::now() }
     }
 
     /// Warns if other programs used much of the processor since the beginning.
-    pub(crate) fn warn(&self) {
+    pub fn warn(&self) {
         if self.began.elapsed().as_secs_f64() < SHORTEST_S {
             return;
         }

@@ -1,16 +1,75 @@
-//! Files that a command writes, checked before it starts: none is also read, and none is lost without being asked for.
+//! Files that a program writes, checked before it starts: none is also read, and none is lost without being asked for.
 
 use std::path::{Component, Path, PathBuf};
 
-use anyhow::anyhow;
-use insonify::files::PartFile;
-use insonify::station::Station;
+use thiserror::Error;
 
-use super::Failure;
+use super::PartFile;
 
-/// Checks outputs against the inputs of a command and against each other.
+/// An output that is refused. `option` names it as the program's user does.
+#[derive(Debug, Error)]
+pub enum OutputError {
+    /// A file that is there, where replacing it was not asked for.
+    #[error("{path} is there already; --force replaces it")]
+    Exists {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A device or a pipe in place of a file that is replaced.
+    #[error("{path} is not a regular file; {option} would replace it")]
+    Device {
+        /// The option.
+        option: String,
+        /// The device.
+        path: PathBuf,
+    },
+    /// A file in place of a directory.
+    #[error("{path} is a file; {option} takes a directory")]
+    File {
+        /// The option.
+        option: String,
+        /// The file.
+        path: PathBuf,
+    },
+    /// A directory in place of a file.
+    #[error("{path} is a directory; {option} takes a file")]
+    Directory {
+        /// The option.
+        option: String,
+        /// The directory.
+        path: PathBuf,
+    },
+    /// A file above an output.
+    #[error("{path} is not a directory; {option} names a file in it")]
+    NoDirectory {
+        /// The option.
+        option: String,
+        /// The file.
+        path: PathBuf,
+    },
+    /// An output that is also an input.
+    #[error("this command reads {path}, so {option} must name another place")]
+    Read {
+        /// The option.
+        option: String,
+        /// The input.
+        path: PathBuf,
+    },
+    /// Two outputs in one file.
+    #[error("{other} and {option} name one file, {path}")]
+    Twice {
+        /// The first option.
+        other: String,
+        /// The second option.
+        option: String,
+        /// The file.
+        path: PathBuf,
+    },
+}
+
+/// Checks outputs against the inputs of a program and against each other.
 #[derive(Debug, Default)]
-pub(crate) struct Outputs {
+pub struct Outputs {
     inputs: Vec<Place>,
     /// Options with their files.
     outputs: Vec<(String, Place)>,
@@ -18,41 +77,34 @@ pub(crate) struct Outputs {
 
 impl Outputs {
     /// Checks against these inputs.
-    pub(crate) fn beside<P: AsRef<Path>>(inputs: impl IntoIterator<Item = P>) -> Self {
+    pub fn beside<P: AsRef<Path>>(inputs: impl IntoIterator<Item = P>) -> Self {
         Self::default().and(inputs)
     }
 
-    /// Checks against a station and the files that it names.
-    pub(crate) fn beside_station(station: &Station) -> Self {
-        Self::beside(station.files())
-    }
-
     /// Adds inputs.
-    pub(crate) fn and<P: AsRef<Path>>(mut self, inputs: impl IntoIterator<Item = P>) -> Self {
+    pub fn and<P: AsRef<Path>>(mut self, inputs: impl IntoIterator<Item = P>) -> Self {
         self.inputs.extend(inputs.into_iter().map(|path| Place::of(path.as_ref())));
         self
     }
 
     /// Checks a file of `option` that is written under another name and then replaces `path` if `force` is set.
-    pub(crate) fn file(self, option: &str, path: &Path, force: bool) -> Result<Self, Failure> {
+    pub fn file(self, option: &str, path: &Path, force: bool) -> Result<Self, OutputError> {
         if path.exists() && !force {
-            let checked = self.replaced(option, path);
-            return checked
-                .and_then(|_| Err(wrong(format!("{} is there already; --force replaces it", path.display()))));
+            return self.replaced(option, path).and_then(|_| Err(OutputError::Exists { path: path.to_owned() }));
         }
         self.replaced(option, path)
     }
 
-    /// As [`file`](Self::file), for a file that is made anew by every run of the command.
-    pub(crate) fn replaced(self, option: &str, path: &Path) -> Result<Self, Failure> {
+    /// As [`file`](Self::file), for a file that is made anew by every run.
+    pub fn replaced(self, option: &str, path: &Path) -> Result<Self, OutputError> {
         if path.exists() && !path.is_file() && !path.is_dir() {
-            return Err(wrong(format!("{} is not a regular file; {option} would replace it", path.display())));
+            return Err(OutputError::Device { option: option.to_owned(), path: path.to_owned() });
         }
         self.checked(option, path)
     }
 
     /// As [`file`](Self::file), for a file that is written in place: a device or a pipe may take it.
-    pub(crate) fn log(self, option: &str, path: &Path, force: bool) -> Result<Self, Failure> {
+    pub fn log(self, option: &str, path: &Path, force: bool) -> Result<Self, OutputError> {
         // A redirected /dev/stdout is a file, too.
         let regular = path.is_file() && !path.starts_with("/dev");
         if regular { self.file(option, path, force) } else { self.checked(option, path) }
@@ -60,9 +112,9 @@ impl Outputs {
 
     /// Checks that no input is one of the files `names` in the directory of `option`. A `*` in the last part of a name
     /// stands for anything.
-    pub(crate) fn within(self, option: &str, directory: &Path, names: &[&str]) -> Result<Self, Failure> {
+    pub fn within(self, option: &str, directory: &Path, names: &[&str]) -> Result<Self, OutputError> {
         if directory.exists() && !directory.is_dir() {
-            return Err(wrong(format!("{} is a file; {option} takes a directory", directory.display())));
+            return Err(OutputError::File { option: option.to_owned(), path: directory.to_owned() });
         }
         let place = Place::of(directory);
         for name in names {
@@ -74,40 +126,32 @@ impl Outputs {
                 }
             };
             if let Some(input) = self.inputs.iter().find(reads) {
-                return Err(also_read(option, &input.path));
+                return Err(OutputError::Read { option: option.to_owned(), path: input.path.clone() });
             }
         }
         Ok(self)
     }
 
-    fn checked(mut self, option: &str, path: &Path) -> Result<Self, Failure> {
+    fn checked(mut self, option: &str, path: &Path) -> Result<Self, OutputError> {
         if path.is_dir() {
-            return Err(wrong(format!("{} is a directory; {option} takes a file", path.display())));
+            return Err(OutputError::Directory { option: option.to_owned(), path: path.to_owned() });
         }
         let above = path.ancestors().skip(1).find(|above| !above.as_os_str().is_empty() && above.exists());
         if let Some(above) = above.filter(|above| !above.is_dir()) {
-            return Err(wrong(format!("{} is not a directory; {option} names a file in it", above.display())));
+            return Err(OutputError::NoDirectory { option: option.to_owned(), path: above.to_owned() });
         }
         let place = Place::of(path);
         // The file of an unfinished recording is renamed before a new one is written.
         let part = Place::of(&PartFile::appended(path).part);
         if self.inputs.iter().any(|input| input.is(&place) || input.is(&part)) {
-            return Err(also_read(option, path));
+            return Err(OutputError::Read { option: option.to_owned(), path: path.to_owned() });
         }
         if let Some((other, _)) = self.outputs.iter().find(|(_, other)| other.is(&place)) {
-            return Err(wrong(format!("{other} and {option} name one file, {}", path.display())));
+            return Err(OutputError::Twice { other: other.clone(), option: option.to_owned(), path: path.to_owned() });
         }
         self.outputs.push((option.to_owned(), place));
         Ok(self)
     }
-}
-
-fn also_read(option: &str, path: &Path) -> Failure {
-    wrong(format!("this command reads {}, so {option} must name another place", path.display()))
-}
-
-fn wrong(message: String) -> Failure {
-    Failure::Input(anyhow!(message))
 }
 
 /// Identity of a file, whatever its name: through relative paths, symbolic links and hard links.
@@ -161,11 +205,10 @@ fn inode(_: &Path) -> Option<(u64, u64)> {
 mod tests {
     use super::*;
 
-    fn text(checked: Result<Outputs, Failure>) -> String {
+    fn text(checked: Result<Outputs, OutputError>) -> String {
         match checked {
             Ok(_) => String::new(),
-            Err(Failure::Input(error)) => error.to_string(),
-            Err(other) => panic!("{other:?}"),
+            Err(error) => error.to_string(),
         }
     }
 

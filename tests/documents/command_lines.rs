@@ -7,10 +7,10 @@ use clap::error::ErrorKind;
 
 use super::Cli;
 
-#[path = "../../tests/documents/markdown.rs"]
+#[path = "markdown.rs"]
 #[allow(dead_code, reason = "places of inline code are for the test of links")]
 mod markdown;
-#[path = "../../tests/documents/shell.rs"]
+#[path = "shell.rs"]
 mod shell;
 
 use shell::Command;

@@ -1,4 +1,4 @@
-//! Speed of a replay.
+//! Speed of a replay: frames at once, or when they are due.
 
 use std::str::FromStr;
 use std::thread;
@@ -6,14 +6,14 @@ use std::time::{Duration, Instant};
 
 /// Speed of a replay.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Speed {
+pub enum ReplaySpeed {
     /// As fast as possible.
     Max,
     /// Recorded seconds per second.
     Factor(f64),
 }
 
-impl FromStr for Speed {
+impl FromStr for ReplaySpeed {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -28,7 +28,7 @@ impl FromStr for Speed {
 }
 
 /// Delays frames until they are due. Late frames do not cause others to be dropped.
-pub(crate) struct Pace {
+pub struct Pace {
     /// Frame interval; `None` at full speed.
     interval: Option<Duration>,
     started: Option<Instant>,
@@ -37,16 +37,16 @@ pub(crate) struct Pace {
 
 impl Pace {
     /// Paces `fps` frames per recorded second.
-    pub(crate) fn new(speed: Speed, fps: f64) -> Self {
+    pub fn new(speed: ReplaySpeed, fps: f64) -> Self {
         let interval = match speed {
-            Speed::Max => None,
-            Speed::Factor(factor) => Some(Duration::from_secs_f64(1.0 / (fps * factor))),
+            ReplaySpeed::Max => None,
+            ReplaySpeed::Factor(factor) => Some(Duration::from_secs_f64(1.0 / (fps * factor))),
         };
         Self { interval, started: None, behind: Duration::ZERO }
     }
 
     /// Waits until `frame` is due; the first one starts the clock.
-    pub(crate) fn wait(&mut self, frame: usize) {
+    pub fn wait(&mut self, frame: usize) {
         let Some(due) = self.due(frame) else { return };
         let elapsed = self.started.get_or_insert_with(Instant::now).elapsed();
         match due.checked_sub(elapsed) {
@@ -61,7 +61,7 @@ impl Pace {
     }
 
     /// Greatest delay of a frame, s; `None` at full speed.
-    pub(crate) fn behind_s(&self) -> Option<f64> {
+    pub fn behind_s(&self) -> Option<f64> {
         self.interval.map(|_| self.behind.as_secs_f64())
     }
 }
@@ -72,18 +72,18 @@ mod tests {
 
     #[test]
     fn speeds_are_understood() {
-        assert_eq!("max".parse(), Ok(Speed::Max));
-        assert_eq!("2.5".parse(), Ok(Speed::Factor(2.5)));
+        assert_eq!("max".parse(), Ok(ReplaySpeed::Max));
+        assert_eq!("2.5".parse(), Ok(ReplaySpeed::Factor(2.5)));
         for wrong in ["", "0", "-1", "NaN", "inf", "fast", "1001"] {
-            assert!(wrong.parse::<Speed>().is_err(), "{wrong}");
+            assert!(wrong.parse::<ReplaySpeed>().is_err(), "{wrong}");
         }
     }
 
     #[test]
     fn frames_are_due_by_rate_and_speed() {
         let due = |speed, frame| Pace::new(speed, 20.0).due(frame);
-        assert_eq!(due(Speed::Factor(1.0), 30), Some(Duration::from_millis(1500)));
-        assert_eq!(due(Speed::Factor(4.0), 80), Some(Duration::from_secs(1)));
-        assert_eq!(due(Speed::Max, 80), None);
+        assert_eq!(due(ReplaySpeed::Factor(1.0), 30), Some(Duration::from_millis(1500)));
+        assert_eq!(due(ReplaySpeed::Factor(4.0), 80), Some(Duration::from_secs(1)));
+        assert_eq!(due(ReplaySpeed::Max, 80), None);
     }
 }

@@ -2,14 +2,11 @@
 
 use std::fmt;
 
-use insonify::pipeline::{Percentiles, Summary};
+use super::{Percentiles, Summary};
 
-/// Prints a summary.
-pub(crate) struct SummaryTable<'a>(pub(crate) &'a Summary);
-
-impl fmt::Display for SummaryTable<'_> {
+impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let s = self.0;
+        let s = self;
         writeln!(
             f,
             "session            {:.1} s, {} frames at {:.1} a second",

@@ -1,35 +1,35 @@
-//! The generator of the contact sheet: the shipped one that is best on LQ frames.
+//! The shipped generator that is best on LQ frames, for stills.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use insonify::chooser::{ErrorTable, ExpectedErrors, GeneratorKey, scene_name};
-use insonify::generator::{Generator, Input, Kind, LoadOptions, Manifest, Runtime};
-use insonify::pose::ProbeSpeed;
-use insonify::render::{Frame, FrameQuality};
-use insonify::station::Station;
-use insonify::transducer::Sector;
 use serde::Serialize;
 
-use super::super::Failure;
+use super::error_table::{ErrorTable, ExpectedErrors, GeneratorKey};
+use super::starting_point::scene_name;
+use crate::generator::{Generator, GeneratorError, Input, Kind, LoadOptions, Manifest, Runtime};
+use crate::pose::ProbeSpeed;
+use crate::render::{Frame, FrameQuality};
+use crate::station::Station;
+use crate::transducer::Sector;
 
 /// Folder of shipped generators, below the repository's root: a folder for each.
 const FOLDER: &str = "assets/generators";
 
 /// A generator with its last image.
-pub(super) struct Translation {
+pub struct Translation {
     generator: Generator,
     /// Quality that it was trained to give.
-    pub(super) target: FrameQuality,
+    pub target: FrameQuality,
     /// Its error in the table of errors, grey levels.
     error: f64,
     /// Grey levels of the last run [height × width].
-    pub(super) image: Vec<u8>,
+    pub image: Vec<u8>,
 }
 
 /// The generator, for JSON.
 #[derive(Debug, Serialize)]
-pub(super) struct TranslationReport {
+pub struct TranslationReport {
     name: String,
     sha256: String,
     model: PathBuf,
@@ -38,9 +38,11 @@ pub(super) struct TranslationReport {
 }
 
 impl Translation {
-    /// The best generator of LQ frames, ready to run; its error says in one line why there is none. `tissues` are names from
-    /// number 1.
-    pub(super) fn load(station: &Station, tissues: &[String], sector: &Sector) -> Result<Self, String> {
+    /// The best generator of LQ frames, ready to run; `tissues` are names from number 1.
+    ///
+    /// # Errors
+    /// Why there is none, in one line.
+    pub fn load(station: &Station, tissues: &[String], sector: &Sector) -> Result<Self, String> {
         let table = ErrorTable::shipped().map_err(|error| error.to_string())?;
         let expected = table.expected(&scene_name(station), &station.probe);
         let folder = folder().ok_or_else(|| format!("there is no folder {FOLDER} above the program"))?;
@@ -53,20 +55,23 @@ impl Translation {
         Ok(Self { generator, target, error, image: Vec::new() })
     }
 
-    /// Translates a frame and returns the duration, ms.
-    pub(super) fn run(&mut self, frame: &Frame) -> Result<f64, Failure> {
+    /// Translates a frame into [`Self::image`] and returns the duration, ms.
+    ///
+    /// # Errors
+    /// As [`Generator::run`].
+    pub fn run(&mut self, frame: &Frame) -> Result<f64, GeneratorError> {
         let started = Instant::now();
         self.generator.run(&Input::from(frame), &mut self.image)?;
         Ok(started.elapsed().as_secs_f64() * 1e3)
     }
 
     /// Name of the generator.
-    pub(super) fn name(&self) -> &str {
+    pub fn name(&self) -> &str {
         &self.generator.manifest().name
     }
 
     /// Its report.
-    pub(super) fn report(&self) -> TranslationReport {
+    pub fn report(&self) -> TranslationReport {
         let Manifest { name, sha256, .. } = self.generator.manifest().clone();
         let model = self.generator.path().to_owned();
         TranslationReport { name, sha256, model, target: self.target, error: self.error }
@@ -109,10 +114,9 @@ fn best(folder: &Path, expected: &ExpectedErrors<'_>) -> Result<Best, String> {
 
 #[cfg(test)]
 mod tests {
-    use insonify::chooser::{PointError, StationErrors};
-    use insonify::transducer::Probe;
-
     use super::*;
+    use crate::chooser::{PointError, StationErrors};
+    use crate::transducer::Probe;
 
     const SHIPPED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/generators");
 

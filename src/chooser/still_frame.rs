@@ -1,0 +1,58 @@
+//! One frame of a station with its look and its record.
+
+use super::error::ChooserError;
+use super::starting_point::scene_name;
+use super::still::{StillQuality, choose_still};
+use crate::anatomy::Scene;
+use crate::look::{Look, Shape};
+use crate::pose::Pose;
+use crate::render::{Backend, Frame, Quality, RenderSettings, Renderer};
+use crate::sink::FrameRecord;
+use crate::station::Station;
+
+/// A frame with its record.
+#[derive(Debug)]
+pub struct StillFrame {
+    /// The frame.
+    pub frame: Frame,
+    /// Its inputs and times.
+    pub record: FrameRecord,
+    /// Quality that the budget chose; `None` if the quality is fixed.
+    pub chosen: Option<StillQuality>,
+}
+
+/// Renders a station's `scene` at `pose` and scene time `time_s` (s) with `settings`, and applies their look. A `frame_budget_ms`
+/// chooses rays and layers. Paths that met more interfaces than are kept are logged.
+///
+/// # Errors
+/// A frame that can't be rendered, or as [`choose_still`].
+pub fn render_still(
+    backend: &Backend,
+    scene: &Scene,
+    station: &Station,
+    mut settings: RenderSettings,
+    (pose, time_s): (Pose, f64),
+    frame_budget_ms: Option<f64>,
+) -> Result<StillFrame, ChooserError> {
+    let probe = &station.probe;
+    let mut renderer = Renderer::new(backend, scene, probe, &settings)?;
+    renderer.set_time_s(time_s);
+    let mut chosen = None;
+    if let Some(budget_ms) = frame_budget_ms {
+        let found = choose_still(&mut renderer, &scene_name(station), probe, &settings, &[pose], budget_ms)?;
+        settings.quality = Quality { rays: found.quality.rays, layers: found.quality.layers, ..settings.quality };
+        chosen = Some(found);
+    }
+    let mut frame = Frame::default();
+    renderer.render(&pose, &mut frame)?;
+    if frame.overflows > 0 {
+        tracing::warn!("{} paths met more interfaces than are kept, and go on in the last medium", frame.overflows);
+    }
+    let angles = settings.look.independent_angles(probe);
+    let shape = Shape::new(frame.width, renderer.sector().pixel_mm, &frame.mask, &settings.image, angles);
+    Look::default().apply(&settings.look, shape, &mut frame.bmode);
+    let (plan, sector) = (renderer.plan(), renderer.sector());
+    let mut record = FrameRecord::new(&frame, &pose, probe, &settings, plan, sector, backend.into());
+    record.chosen = chosen.as_ref().map(StillQuality::to_string);
+    Ok(StillFrame { frame, record, chosen })
+}

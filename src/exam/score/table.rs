@@ -1,0 +1,67 @@
+//! A score as text tables.
+
+use std::fmt;
+
+use super::{HOLD_S, PlaneScore, Score};
+
+impl fmt::Display for Score {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { found, points, duration_s, path_mm, mean_speed_mm_s, planes, calipers, .. } = self;
+        let (contact, face_contact) = (100.0 * self.contact, 100.0 * self.face_contact);
+        writeln!(
+            f,
+            "{found} of {} planes found, {points:.0} of 100 points; {duration_s:.1} s, {path_mm:.0} mm of way at {mean_speed_mm_s:.0} mm/s, {contact:.0} % of the time on the skin, with {face_contact:.0} % of the face\n",
+            planes.len(),
+        )?;
+        writeln!(
+            f,
+            "{:12} {:>9} {:>9} {:>8} {:>9} {:>9} {:>9} {:>9} {:>7}",
+            "plane", "found at", "way", "held", "angle", "distance", "unsteady", "pressed", "points"
+        )?;
+        planes.iter().try_for_each(|plane| writeln!(f, "{}", plane_line(plane)))?;
+        writeln!(
+            f,
+            "(angle, distance, steadiness and pressure in the best second; found: held within tolerance for {HOLD_S} s)"
+        )?;
+        if planes.iter().any(|plane| !plane.measures.is_empty()) {
+            writeln!(f, "\nwhat would be measured at the best moment:")?;
+        }
+        for (plane, m) in planes.iter().flat_map(|plane| plane.measures.iter().map(move |m| (plane, m))) {
+            let line = measure_line(&m.name, m.measured_mm, m.true_mm, m.error_percent);
+            writeln!(f, "{line}  {}: {}", plane.name, m.title)?;
+        }
+        if !calipers.is_empty() {
+            writeln!(f, "\nwhat the session measured:")?;
+        }
+        for c in calipers {
+            let line = measure_line(&c.name, Some(c.measured_mm), c.true_mm, c.error_percent);
+            writeln!(f, "{line}  at {:.1} s", c.time_s)?;
+        }
+        Ok(())
+    }
+}
+
+fn plane_line(plane: &PlaneScore) -> String {
+    let or_dash = |value: Option<f64>, unit: &str, digits: usize| {
+        value.map_or_else(|| "-".to_owned(), |v| format!("{v:.digits$}{unit}"))
+    };
+    let name = if plane.view.is_empty() { plane.name.clone() } else { format!("{} ({})", plane.name, plane.view) };
+    format!(
+        "{name:12} {:>9} {:>9} {:>8} {:>9} {:>9} {:>9} {:>9} {:>7.0}",
+        plane.find_s.map_or_else(|| "no".to_owned(), |s| format!("{s:.1} s")),
+        or_dash(plane.path_to_find_mm, " mm", 0),
+        or_dash(Some(plane.longest_hold_s), " s", 1),
+        or_dash(plane.best.map(|b| b.angle_deg), "°", 1),
+        or_dash(plane.best.map(|b| b.distance_mm), " mm", 1),
+        or_dash(plane.unsteady_mm, " mm", 2),
+        or_dash(plane.press_mm, " mm", 1),
+        plane.points
+    )
+}
+
+fn measure_line(name: &str, measured_mm: Option<f64>, true_mm: Option<f64>, error_percent: Option<f64>) -> String {
+    let mm = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.1} mm"));
+    let error = error_percent.map_or_else(String::new, |e| format!("{e:+.1} %"));
+    let measured = if measured_mm.is_some() { mm(measured_mm) } else { "not in view".to_owned() };
+    format!("{name:6} {measured:>12}, truly {:>9}  {error:>8}", mm(true_mm))
+}

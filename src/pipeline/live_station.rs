@@ -1,0 +1,237 @@
+//! A station's live session: generators, operating point, tracker, recording and sinks, from the station file.
+
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+use tokio::sync::mpsc;
+
+use super::local_renderer::LocalRendererFactory;
+use super::parts::{FrameGenerators, PoseSource};
+use super::recorded::{RecordedSlot, RecorderPart, RecordingObserver, start_recorder};
+use super::session::Parts;
+use super::tracked::TrackedPoses;
+use super::{Generators, RecordError};
+use crate::anatomy::Scene;
+use crate::chooser::{self, ChooserError};
+use crate::generator::{Generator, GeneratorError, Kind, load_generators};
+use crate::pose::Pose;
+use crate::recording::RecorderHandle;
+use crate::render::{Effect, RenderError};
+use crate::settings::Control;
+use crate::sink::live::LiveSink;
+use crate::sink::openigtlink::OpenIgtLink;
+#[cfg(feature = "video")]
+use crate::sink::{FrameRate, LiveVideo};
+use crate::sink::{LiveSinkKind, NullSink, PngSequence, SinkError};
+use crate::station::Station;
+use crate::tracker::{self, Protocol, TrackerError};
+
+/// Reason why a station's session cannot begin.
+#[derive(Debug, Error)]
+pub enum LiveError {
+    /// No renderer.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    /// No operating point.
+    #[error(transparent)]
+    Chooser(#[from] ChooserError),
+    /// A provider that the station asks for is unavailable.
+    #[error("{path}: {source}")]
+    Provider {
+        /// The model.
+        path: PathBuf,
+        /// Cause.
+        source: GeneratorError,
+    },
+    /// No recording.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// No tracker.
+    #[error(transparent)]
+    Tracker(#[from] TrackerError),
+    /// No sink.
+    #[error(transparent)]
+    Sink(#[from] SinkError),
+    /// A sink that this build lacks.
+    #[error("this build has no {sink}: build it with the feature `{feature}`")]
+    NotBuilt {
+        /// The sink.
+        sink: &'static str,
+        /// Cargo feature.
+        feature: &'static str,
+    },
+}
+
+/// A station's session before it runs.
+pub struct LiveStation {
+    /// Parts for [`Pipeline::run`](super::Pipeline::run).
+    pub parts: Parts,
+    /// Sender of the watchers' controls. It must outlive the session, or the channel closes if no sink takes input.
+    pub control: mpsc::Sender<Control>,
+    /// Sentences for the user: the operating point, addresses of displays.
+    pub messages: Vec<String>,
+    /// Slot of the native window, which the main thread has to show.
+    #[cfg(feature = "window")]
+    pub window: Option<crate::sink::window::WindowSlot>,
+    recording: Option<RecorderHandle>,
+}
+
+impl LiveStation {
+    /// Loads the station's generators if they are wanted, and chooses the operating point at `pose`, else at the station's.
+    /// The station's settings become those of the point. Generators that can't be used are logged, and frames stay raw.
+    ///
+    /// # Errors
+    /// No renderer, no operating point, or a provider of generators that the station asks for and the machine lacks.
+    pub fn new(
+        station: &mut Station,
+        factory: LocalRendererFactory,
+        poses: impl PoseSource + 'static,
+        pose: Option<Pose>,
+        generate: bool,
+    ) -> Result<Self, LiveError> {
+        let aperture = station.settings.effects.of(Effect::Aperture);
+        let mut renderer = factory.build_renderer(&station.probe, &station.settings)?;
+        let mut messages = Vec::new();
+        let mut generators = if generate { generators(station, &mut messages)? } else { Vec::new() };
+        let start = chooser::choose(&mut renderer, station, &mut generators, pose)?;
+        messages.extend(start.messages);
+        let (mut parts, control) = Parts::with_renderer(poses, renderer, factory, station.probe, station.settings);
+        (parts.points, parts.aperture) = (start.controller, aperture);
+        parts.generators = Generators::new(generators).map(|found| Box::new(found) as Box<dyn FrameGenerators>);
+        Ok(Self {
+            parts,
+            control,
+            messages,
+            #[cfg(feature = "window")]
+            window: None,
+            recording: None,
+        })
+    }
+
+    /// Records the session to `path`: the bytes of a tracker of this protocol and sensor, poses, settings and events.
+    /// `adapter` names the rendering device. The slot holds the result after the session. Call it before [`Self::track`].
+    ///
+    /// # Errors
+    /// The file can't be made, or the station file can't be read again.
+    pub fn record(
+        &mut self,
+        path: &Path,
+        station: &Station,
+        stream: (Protocol, Option<u16>),
+        adapter: &str,
+    ) -> Result<RecordedSlot, LiveError> {
+        let began_ns = self.parts.clock.start_unix_ns();
+        let recorder = start_recorder(path, station, stream, "station's tracker", adapter, began_ns)?;
+        self.recording = Some(recorder.handle());
+        self.parts.observer = Some(std::sync::Arc::new(RecordingObserver(recorder.handle())));
+        let (part, slot) = RecorderPart::new(recorder);
+        self.parts.after.push(Box::new(part));
+        Ok(slot)
+    }
+
+    /// Starts the tracker that feeds `poses`.
+    ///
+    /// # Errors
+    /// As [`TrackedPoses::track`].
+    pub fn track(&mut self, poses: &TrackedPoses, tracker: &tracker::Settings) -> Result<(), LiveError> {
+        let part = poses.track(tracker, self.recording.clone(), self.parts.stop.clone())?;
+        self.parts.before.push(Box::new(part));
+        Ok(())
+    }
+
+    /// Opens the sinks, whose files lie below `out`.
+    ///
+    /// # Errors
+    /// A sink that can't be opened, or that this build lacks.
+    pub fn open_sinks(
+        &mut self,
+        kinds: &[LiveSinkKind],
+        station: &Station,
+        scene: &Scene,
+        out: &Path,
+    ) -> Result<(), LiveError> {
+        for kind in kinds {
+            let sink: Box<dyn LiveSink> = match kind {
+                LiveSinkKind::Null => Box::new(NullSink),
+                LiveSinkKind::Png => Box::new(PngSequence::create(&out.join("png"))?),
+                LiveSinkKind::Video => video(station, out)?,
+                LiveSinkKind::OpenIgtLink => {
+                    let sink = OpenIgtLink::new(station.openigtlink.clone().unwrap_or_default(), station.probe)?;
+                    self.messages.push(format!("OpenIGTLink: {}", sink.address()));
+                    Box::new(sink)
+                }
+                LiveSinkKind::Browser => self.browser(station, scene)?,
+                LiveSinkKind::Window => self.window()?,
+            };
+            self.parts.sinks.push(sink);
+        }
+        Ok(())
+    }
+
+    #[cfg(feature = "browser")]
+    fn browser(&mut self, station: &Station, scene: &Scene) -> Result<Box<dyn LiveSink>, LiveError> {
+        let settings = station.browser.clone().unwrap_or_default();
+        let scene = scene_info(station, scene);
+        let sink = crate::sink::browser::BrowserSink::new(&settings, self.control.clone(), &scene)?;
+        self.messages.push(format!("page: {}", sink.address()));
+        Ok(Box::new(sink))
+    }
+
+    #[cfg(not(feature = "browser"))]
+    fn browser(&mut self, _: &Station, _: &Scene) -> Result<Box<dyn LiveSink>, LiveError> {
+        Err(LiveError::NotBuilt { sink: "page", feature: "browser" })
+    }
+
+    #[cfg(feature = "window")]
+    fn window(&mut self) -> Result<Box<dyn LiveSink>, LiveError> {
+        let (sink, slot) = crate::sink::window::WindowSink::new();
+        self.window = Some(slot);
+        Ok(Box::new(sink))
+    }
+
+    #[cfg(not(feature = "window"))]
+    fn window(&mut self) -> Result<Box<dyn LiveSink>, LiveError> {
+        Err(LiveError::NotBuilt { sink: "window", feature: "window" })
+    }
+}
+
+#[cfg(feature = "video")]
+fn video(station: &Station, out: &Path) -> Result<Box<dyn LiveSink>, LiveError> {
+    let rate = FrameRate::new(station.pipeline.frame_rate_hz)?;
+    Ok(Box::new(LiveVideo::new(&out.join("video"), rate)))
+}
+
+#[cfg(not(feature = "video"))]
+fn video(_: &Station, _: &Path) -> Result<Box<dyn LiveSink>, LiveError> {
+    Err(LiveError::NotBuilt { sink: "video", feature: "video" })
+}
+
+/// Tissues and surfaces of the station's scene, for a page.
+#[cfg(feature = "browser")]
+pub fn scene_info(station: &Station, scene: &Scene) -> crate::sink::browser::SceneInfo {
+    use crate::sink::browser::{SceneInfo, ScenePacket};
+    let surfaces = ScenePacket::new(scene, &station.probe, station.axes());
+    SceneInfo { tissues: station.tissues.names().to_vec(), surfaces: Some(surfaces) }
+}
+
+/// The station's generators; none without models, without ONNX Runtime, or if every model is refused.
+fn generators(station: &Station, messages: &mut Vec<String>) -> Result<Vec<Generator>, LiveError> {
+    let loaded = match load_generators(&station.generator, station.tissues.names()) {
+        Ok(loaded) => loaded,
+        Err(error) => {
+            tracing::warn!("no generator runs, the rendered image is shown: {error}");
+            return Ok(Vec::new());
+        }
+    };
+    for refused in loaded.refused {
+        // A requested provider that is unavailable is an error, never a silent fallback.
+        if let GeneratorError::Provider { .. } = refused.error {
+            return Err(LiveError::Provider { path: refused.path, source: refused.error });
+        }
+        tracing::warn!("{} is not used: {}", refused.path.display(), refused.error);
+    }
+    for manifest in loaded.generators.iter().map(Generator::manifest).filter(|m| m.kind == Kind::FixedFilter) {
+        messages.push(format!("generator: {}: a fixed filter, no trained generator", manifest.name));
+    }
+    Ok(loaded.generators)
+}

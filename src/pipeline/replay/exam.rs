@@ -1,0 +1,96 @@
+//! Poses of a recorded session that a score counts.
+
+use std::path::Path;
+
+use super::ReplayError;
+use crate::pipeline::replayed::ReplayedControls;
+use crate::pose::{TimedPose, TrackingState};
+use crate::recording::{RecordingReader, RecordingSummary, read_both};
+use crate::settings::LiveSettings;
+use crate::station::Station;
+
+/// Poses of a recorded session as they were on the screen.
+#[derive(Debug)]
+pub struct RecordedExam {
+    /// `scene_from_probe`; held while the picture was frozen.
+    pub poses: Vec<TimedPose>,
+    /// Image depth at each pose, mm.
+    pub depths_mm: Vec<f64>,
+    /// Source of the poses: `session`, or `tracker` with the station's calibration.
+    pub source: &'static str,
+    /// Content of the recording.
+    pub summary: RecordingSummary,
+    /// Reasons why settings of the session were refused.
+    pub refused: Vec<String>,
+}
+
+impl RecordedExam {
+    /// Reads the poses shown in the session at `path`; without any, the tracker's poses with the station's calibration. What is
+    /// damaged is logged.
+    ///
+    /// # Errors
+    /// A recording or calibration that can't be read, or no pose.
+    pub fn read(path: &Path, station: &Station) -> Result<Self, ReplayError> {
+        let (raw, used, summary) = read_both(RecordingReader::open(path)?)?;
+        summary.warn_of_damage(path);
+        let (mut poses, source): (Vec<TimedPose>, _) = if used.is_empty() {
+            let calibration = station.pose_settings()?.calibration;
+            (raw.iter().map(|t| TimedPose { pose: calibration.scene_from_probe(t.pose), ..*t }).collect(), "tracker")
+        } else {
+            let shown = used.iter().filter(|p| p.state <= TrackingState::Stuck);
+            let timed = |host_time_ns: u64, pose| TimedPose { host_time_ns, device_time_us: host_time_ns / 1000, pose };
+            (shown.map(|p| timed(p.host_time_ns, p.pose)).collect(), "session")
+        };
+        if poses.is_empty() {
+            return Err(ReplayError::NoPose { path: path.to_owned() });
+        }
+        let begin = LiveSettings { probe: station.probe, render: station.settings, frozen: false, generator: false };
+        let mut controls = ReplayedControls::new(begin, &summary.events);
+        let refused = controls.refused().to_vec();
+        let depths_mm = shown(&mut poses, &mut controls);
+        Ok(Self { poses, depths_mm, source, summary, refused })
+    }
+}
+
+/// Holds the pose while the picture is frozen. Returns the image depth at each pose, mm.
+fn shown(poses: &mut [TimedPose], controls: &mut ReplayedControls) -> Vec<f64> {
+    let mut last = None;
+    let mut each = |timed: &mut TimedPose| {
+        let live = controls.at(timed.host_time_ns);
+        if live.frozen {
+            timed.pose = last.unwrap_or(timed.pose);
+        }
+        last = Some(timed.pose);
+        live.probe.depth_mm
+    };
+    poses.iter_mut().map(&mut each).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::recording::Event;
+    use crate::settings::Probe;
+
+    use super::*;
+
+    #[test]
+    fn the_picture_on_the_screen_counts() {
+        let pose = |i: u64| {
+            let pose = crate::pose::Pose::from_components([i as f64, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]).unwrap();
+            TimedPose { host_time_ns: 1000 + 10 * i, device_time_us: 0, pose }
+        };
+        let mut poses: Vec<TimedPose> = (0..5).map(pose).collect();
+        let event = |time_ns, name: &str, value: serde_json::Value| Event::new(time_ns, name).with(value);
+        let events = [
+            event(1010, "depth_mm", 90.0.into()),
+            event(1020, "frozen", true.into()),
+            event(1040, "frozen", false.into()),
+        ];
+        let mut controls = ReplayedControls::new(LiveSettings::default(), &events);
+        assert_eq!(controls.refused(), [] as [String; 0]);
+        let depths = shown(&mut poses, &mut controls);
+        assert_eq!(depths, [Probe::default().depth_mm, 90.0, 90.0, 90.0, 90.0]);
+        let xs: Vec<f64> = poses.iter().map(|p| p.pose.position_mm.x).collect();
+        assert_eq!(xs, [0.0, 1.0, 1.0, 1.0, 4.0]);
+    }
+}

@@ -1,0 +1,115 @@
+//! A registration with the names of its landmarks, for people and as JSON.
+
+use std::fmt;
+
+use glam::DVec3;
+use serde::Serialize;
+use thiserror::Error;
+
+use super::csv::Named;
+use super::registration::{PointPair, RegistrationError, register};
+use super::{Fitted, Pose};
+
+/// Fit of named landmarks. [`Display`](fmt::Display) formats landmarks, residual and transform.
+#[derive(Debug, Clone, Serialize)]
+pub struct LandmarkFit {
+    scene_from_tracker: Transform,
+    rms_mm: f64,
+    /// Whether all landmarks are near one plane: a mirrored tracker axis then cannot be detected.
+    pub coplanar: bool,
+    landmarks: Vec<Row>,
+    #[serde(skip)]
+    pose: Pose,
+}
+
+#[derive(Debug, Clone, Serialize)]
+struct Transform {
+    position_mm: [f64; 3],
+    /// `[qw, qx, qy, qz]`.
+    quaternion: [f64; 4],
+}
+
+#[derive(Debug, Clone, Serialize)]
+struct Row {
+    name: String,
+    scene_mm: DVec3,
+    tracker_mm: DVec3,
+    residual_mm: f64,
+}
+
+/// Reason for refusing a fit.
+#[derive(Debug, Error)]
+pub enum LandmarkFitError {
+    /// No fit.
+    #[error(transparent)]
+    Registration(#[from] RegistrationError),
+    /// A fit whose residual is too large.
+    #[error(
+        "the landmarks fit with an RMS residual of {rms_mm:.2} mm, more than --max-rms {max_rms_mm}; the worst is `{worst}`, off by {worst_mm:.2} mm\n{table}"
+    )]
+    TooFar {
+        /// RMS residual, mm.
+        rms_mm: f64,
+        /// Greatest accepted, mm.
+        max_rms_mm: f64,
+        /// Landmark of the largest residual.
+        worst: String,
+        /// That residual, mm.
+        worst_mm: f64,
+        /// All landmarks.
+        table: String,
+    },
+}
+
+impl LandmarkFit {
+    /// Fits landmarks; refuses an RMS residual above `max_rms_mm`.
+    ///
+    /// # Errors
+    /// Those of [`register`], or the residual.
+    pub fn of(pairs: &[Named<PointPair>], max_rms_mm: f64) -> Result<Self, LandmarkFitError> {
+        let points: Vec<PointPair> = pairs.iter().map(|p| p.value).collect();
+        let found = register(&points)?;
+        let row = |(pair, &residual_mm): (&Named<PointPair>, &f64)| {
+            let PointPair { scene_mm, tracker_mm } = pair.value;
+            Row { name: pair.name.clone(), scene_mm, tracker_mm, residual_mm }
+        };
+        let landmarks: Vec<Row> = pairs.iter().zip(&found.residuals_mm).map(row).collect();
+        let [x, y, z, qw, qx, qy, qz] = found.scene_from_tracker.components();
+        let scene_from_tracker = Transform { position_mm: [x, y, z], quaternion: [qw, qx, qy, qz] };
+        let (pose, rms_mm, coplanar) = (found.scene_from_tracker, found.rms_mm, found.coplanar);
+        let fit = Self { scene_from_tracker, rms_mm, coplanar, landmarks, pose };
+        let worst = fit.landmarks.iter().max_by(|a, b| a.residual_mm.total_cmp(&b.residual_mm));
+        match worst.filter(|_| rms_mm > max_rms_mm) {
+            None => Ok(fit),
+            Some(Row { name, residual_mm, .. }) => {
+                let (worst, worst_mm, table) = (name.clone(), *residual_mm, fit.table());
+                Err(LandmarkFitError::TooFar { rms_mm, max_rms_mm, worst, worst_mm, table })
+            }
+        }
+    }
+
+    /// The transform with its residual, for a [`Calibration`](super::Calibration).
+    pub fn fitted(&self) -> Fitted<Pose> {
+        Fitted { value: self.pose, rms_mm: Some(self.rms_mm) }
+    }
+
+    fn table(&self) -> String {
+        let width = self.landmarks.iter().map(|r| r.name.chars().count()).max().unwrap_or(0).max("landmark".len());
+        let mut text = format!("{:width$} {:>11} {:>26} {:>29}", "landmark", "residual mm", "scene mm", "tracker mm");
+        for Row { name, scene_mm: s, tracker_mm: t, residual_mm } in &self.landmarks {
+            let scene = format!("{:8.1} {:8.1} {:8.1}", s.x, s.y, s.z);
+            text += &format!("\n{name:width$} {residual_mm:>11.3} {scene:>26}  {:>9.1} {:>8.1} {:>8.1}", t.x, t.y, t.z);
+        }
+        text
+    }
+}
+
+impl fmt::Display for LandmarkFit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}", self.table())?;
+        writeln!(f, "RMS residual {:.3} mm over {} landmarks", self.rms_mm, self.landmarks.len())?;
+        let Transform { position_mm: [x, y, z], quaternion: [qw, qx, qy, qz] } = self.scene_from_tracker;
+        writeln!(f, "scene_from_tracker: position_mm = [{x:.4}, {y:.4}, {z:.4}]")?;
+        writeln!(f, "                    quaternion = [{qw:.6}, {qx:.6}, {qy:.6}, {qz:.6}]")
+    }
+}

@@ -1,0 +1,161 @@
+//! A tracker's session, or a stream of its bytes, that is recorded as it comes.
+
+use std::io::{self, ErrorKind, Read};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use bytes::BytesMut;
+use tokio::sync::oneshot::{self, error::TryRecvError};
+use tokio_util::sync::CancellationToken;
+
+use super::{RecorderHandle, event_of, spawn};
+use crate::tracker::{
+    Listener, Monitor, Protocol, Record, Report, SessionHandle, Settings, TrackerError, TrackerEvent, Transport,
+    host_time_ns,
+};
+
+/// Longest time that a stream or a played recording waits for a slow disk. A live tracker never waits.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// Most bytes read from a stream at once.
+const PIECE: usize = 4096;
+
+/// A source of tracker bytes whose bytes and events go into a recording.
+pub struct Capture {
+    tap: Tap,
+    source: Source,
+}
+
+enum Source {
+    Tracker(SessionHandle, CancellationToken),
+    /// Receives the reason for its end.
+    Stream(oneshot::Receiver<String>),
+}
+
+impl Capture {
+    /// Starts the session of `tracker`, or of the recording in its place.
+    ///
+    /// # Errors
+    /// As [`spawn`].
+    pub fn of_tracker(tracker: &Settings, recorder: RecorderHandle) -> Result<Self, TrackerError> {
+        let waits = matches!(tracker.transport, Transport::Recording { .. });
+        let tap = Tap::new(recorder, if waits { PATIENCE } else { Duration::ZERO });
+        let cancel = CancellationToken::new();
+        let session = spawn(tracker, Box::new(tap.clone()), cancel.clone())?;
+        Ok(Self { tap, source: Source::Tracker(session, cancel) })
+    }
+
+    /// Reads bytes of `protocol` from `stream` on a thread of its own, which is abandoned if the stream never ends.
+    ///
+    /// # Errors
+    /// The thread can't be started.
+    pub fn of_stream(
+        stream: impl Read + Send + 'static,
+        protocol: Protocol,
+        recorder: RecorderHandle,
+    ) -> io::Result<Self> {
+        let tap = Tap::new(recorder, PATIENCE);
+        let (end, ended) = oneshot::channel();
+        let reads = tap.clone();
+        let read = move || {
+            // The receiver is gone if the recording ended for another reason.
+            let _ = end.send(reads.read(stream, protocol));
+        };
+        thread::Builder::new().name("tracker".to_owned()).spawn(read)?;
+        Ok(Self { tap, source: Source::Stream(ended) })
+    }
+
+    /// Statistics since the last report.
+    pub fn report(&self) -> Report {
+        self.tap.monitor.report()
+    }
+
+    /// Bytes so far.
+    pub fn bytes(&self) -> u64 {
+        self.tap.bytes.load(Ordering::Relaxed)
+    }
+
+    /// Reason for the end of the source or of the recording; `None` while both go on.
+    pub fn over(&mut self) -> Option<String> {
+        if self.tap.recorder.failure().is_some() {
+            return Some("the disk does not take it".to_owned());
+        }
+        match &mut self.source {
+            Source::Tracker(session, _) => session.is_finished().then(|| "the tracker's session is over".to_owned()),
+            Source::Stream(ended) => match ended.try_recv() {
+                Ok(reason) => Some(reason),
+                Err(TryRecvError::Empty) => None,
+                Err(TryRecvError::Closed) => Some("the reader stopped".to_owned()),
+            },
+        }
+    }
+
+    /// Ends a tracker's session. Returns the last statistics.
+    pub fn end(self) -> Report {
+        if let Source::Tracker(session, cancel) = self.source {
+            cancel.cancel();
+            session.join();
+        }
+        self.tap.monitor.report()
+    }
+}
+
+/// Listens to a tracker: records its bytes and counts its records.
+#[derive(Clone)]
+struct Tap {
+    recorder: RecorderHandle,
+    monitor: Monitor,
+    bytes: Arc<AtomicU64>,
+    /// Longest wait of bytes for the disk.
+    patience: Duration,
+}
+
+impl Tap {
+    fn new(recorder: RecorderHandle, patience: Duration) -> Self {
+        Self { recorder, monitor: Monitor::default(), bytes: Arc::default(), patience }
+    }
+
+    /// Reads a stream to its end and returns the reason for that.
+    fn read(mut self, mut stream: impl Read, protocol: Protocol) -> String {
+        let (mut piece, mut decoder, mut buffer) = ([0; PIECE], protocol.decoder(), BytesMut::new());
+        loop {
+            match stream.read(&mut piece) {
+                Ok(0) => return "the stream ended".to_owned(),
+                Ok(read) => {
+                    let now_ns = host_time_ns();
+                    self.bytes(now_ns, &piece[..read]);
+                    buffer.extend_from_slice(&piece[..read]);
+                    loop {
+                        match decoder.decode(&mut buffer) {
+                            Ok(Some(record)) => self.record(now_ns, &record),
+                            Ok(None) => break,
+                            Err(error) => self.event(now_ns, &TrackerEvent::DecodeError(error)),
+                        }
+                    }
+                }
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) => return format!("the stream broke: {error}"),
+            }
+        }
+    }
+}
+
+impl Listener for Tap {
+    fn bytes(&mut self, host_time_ns: u64, bytes: &[u8]) {
+        self.bytes.fetch_add(bytes.len() as u64, Ordering::Relaxed);
+        self.recorder.raw_within(host_time_ns, bytes, self.patience);
+    }
+
+    fn record(&mut self, host_time_ns: u64, record: &Record) {
+        self.monitor.record(host_time_ns, record);
+    }
+
+    fn event(&mut self, host_time_ns: u64, event: &TrackerEvent) {
+        self.monitor.event(host_time_ns, event);
+        if let Some(event) = event_of(host_time_ns, event) {
+            self.recorder.event(event);
+        }
+    }
+}

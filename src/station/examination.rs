@@ -1,0 +1,75 @@
+//! What is wrong with a scene, and how it aberrates before a probe.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::Station;
+use crate::anatomy::doctor::aberration::Summary;
+use crate::anatomy::doctor::{Report, Settings, Severity, examine};
+use crate::anatomy::{SceneError, TissueTable, import};
+use crate::names::counted;
+use crate::pose::Pose;
+use crate::transducer::{Probe, aberration};
+
+/// Findings about a scene. [`Display`](fmt::Display) lists them with their remedies.
+#[derive(Debug, Serialize)]
+pub struct Examination {
+    /// File of the scene.
+    pub path: PathBuf,
+    /// Findings.
+    #[serde(flatten)]
+    pub report: Report,
+    /// Aberration by depth; empty without a pose, and where the scene has errors.
+    pub aberration: Vec<Summary>,
+}
+
+impl Examination {
+    /// Examines the scene at `path` with a station's tissues, probe and pose, else with those built in. `pose` replaces the
+    /// station's. `progress` receives the number of triangles examined and their total, from several threads.
+    ///
+    /// # Errors
+    /// As [`examine`].
+    pub fn of(
+        path: &Path,
+        station: Option<&Station>,
+        pose: Option<Pose>,
+        builtin: &TissueTable,
+        progress: &(dyn Fn(usize, usize) + Sync),
+    ) -> Result<Self, SceneError> {
+        let tissues = station.map_or(builtin, |station| &station.tissues);
+        let own = tissues.names().iter().filter(|name| builtin.index_of(name).is_none());
+        // The background counts as used, although no surface has it.
+        let own_tissues: Vec<String> =
+            own.filter(|name| station.is_none_or(|station| station.background != **name)).cloned().collect();
+        let probe = station.map_or_else(Probe::default, |station| station.probe);
+        let pose = pose.or(station.and_then(|station| station.default_pose));
+        let background = station.and_then(|station| tissues.index_of(&station.background));
+        let start = pose.map(|pose| (pose, probe.depth_mm));
+        let report = examine(path, &Settings { tissues, own_tissues: &own_tissues, background, start }, progress)?;
+        let aberration = match pose.filter(|_| report.count(Severity::Error) == 0) {
+            Some(pose) => aberration(&import::load(path, tissues, background.unwrap_or_default())?, &probe, &pose),
+            None => Vec::new(),
+        };
+        Ok(Self { path: path.to_owned(), report, aberration })
+    }
+}
+
+impl fmt::Display for Examination {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { report, aberration, .. } = self;
+        let of = format!("{}, {}", counted(report.surfaces, "surface"), counted(report.triangles, "triangle"));
+        if report.findings.is_empty() {
+            writeln!(f, "nothing is wrong: {of}")?;
+        } else {
+            for finding in &report.findings {
+                writeln!(f, "{:8} {finding}\n         {}", finding.severity.to_string(), finding.remedy)?;
+            }
+            let names = [(Severity::Error, "error"), (Severity::Warning, "warning"), (Severity::Note, "note")];
+            let [errors, warnings, notes] = names.map(|(severity, name)| counted(report.count(severity), name));
+            writeln!(f, "\n{errors}, {warnings}, {notes} in {of}")?;
+        }
+        aberration.iter().try_for_each(|summary| writeln!(f, "{summary}"))
+    }
+}

@@ -1,0 +1,124 @@
+//! A tracker chosen by protocol and place.
+
+use std::net::SocketAddr;
+
+use thiserror::Error;
+
+use super::ndi::{self, USUAL_BAUD};
+use super::{PortName, Protocol, Settings, Transport};
+
+/// Protocol of a tracker, and where it is; the transport follows from both.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Choice {
+    /// Protocol.
+    pub protocol: Protocol,
+    /// Serial port or HID device.
+    pub port: Option<PortName>,
+    /// `host:port` of a server, or where to listen for datagrams.
+    pub address: Option<String>,
+    /// Speed of a serial port, baud; `None`: the protocol's usual one.
+    pub baud: Option<u32>,
+    /// Sensor; `None`: the first that reports.
+    pub sensor: Option<u16>,
+}
+
+/// Reason why a choice is no tracker.
+#[derive(Debug, Error)]
+pub enum ChoiceError {
+    /// Neither port nor address.
+    #[error("give --port or --address, too")]
+    NoPlace,
+    /// An address that datagrams can't be received at.
+    #[error("`{address}` is no address to listen at; it must be IP:port")]
+    Address {
+        /// Address given.
+        address: String,
+    },
+    /// A speed that the device does not support.
+    #[error("--baud: {0}")]
+    Device(#[from] ndi::OptionsError),
+}
+
+impl Choice {
+    /// Settings of the chosen tracker, with the device settings of `base`.
+    ///
+    /// # Errors
+    /// Neither port nor address where one is needed, an address that is none, or a speed that the device does not support.
+    pub fn over(&self, base: Settings) -> Result<Settings, ChoiceError> {
+        let protocol = self.protocol;
+        // Sensor numbers of another protocol or of a recording do not apply.
+        let same = base.protocol == protocol && !matches!(base.transport, Transport::Recording { .. });
+        let mut settings = Settings { protocol, ..base };
+        settings.device.sensor = self.sensor.or(settings.device.sensor.filter(|_| same));
+        settings.transport = self.transport()?;
+        let is_serial = matches!(settings.transport, Transport::Serial { .. });
+        settings.device.ndi.baud = is_serial.then(|| self.baud.unwrap_or(USUAL_BAUD));
+        if protocol == Protocol::Ndi {
+            settings.device.ndi.validate()?;
+        }
+        Ok(settings)
+    }
+
+    fn transport(&self) -> Result<Transport, ChoiceError> {
+        let protocol = self.protocol;
+        let hid = Transport::Hid { device: self.port.clone() };
+        match (&self.port, &self.address) {
+            _ if hid.carries(protocol) => Ok(hid),
+            (Some(port), _) => {
+                // An NDI device is opened at its default speed and then switched to the requested one.
+                let baud = self.baud.filter(|_| protocol != Protocol::Ndi).unwrap_or(protocol.usual_baud());
+                Ok(Transport::Serial { port: port.clone(), baud })
+            }
+            (None, Some(address)) => {
+                let tcp = Transport::Tcp { address: address.clone() };
+                if tcp.carries(protocol) {
+                    return Ok(tcp);
+                }
+                let listened: Result<SocketAddr, _> = address.parse();
+                let address = listened.map_err(|_| ChoiceError::Address { address: address.clone() })?;
+                Ok(Transport::Udp { address })
+            }
+            (None, None) => Err(ChoiceError::NoPlace),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn args(protocol: Protocol) -> Choice {
+        Choice { port: None, address: None, protocol, baud: None, sensor: None }
+    }
+
+    fn serial(protocol: Protocol, baud: Option<u32>) -> Choice {
+        Choice { port: Some(PortName::Path("/dev/ttyUSB0".into())), baud, ..args(protocol) }
+    }
+
+    #[test]
+    fn an_ndi_device_is_switched_on_serial_lines_alone() {
+        let mut base = Settings { protocol: Protocol::Ndi, ..Settings::default() };
+        base.device.ndi.baud = Some(921_600);
+        let tcp = Choice { address: Some("10.0.0.2:8765".to_owned()), ..args(Protocol::Ndi) };
+        let found = tcp.over(base.clone()).unwrap();
+        assert_eq!((found.transport.name(), found.device.ndi.baud), ("tcp", None));
+        for (asked, expected) in [(None, 115_200), (Some(921_600), 921_600)] {
+            let found = serial(Protocol::Ndi, asked).over(Settings::default()).unwrap();
+            assert_eq!(found.device.ndi.baud, Some(expected));
+            assert!(matches!(found.transport, Transport::Serial { baud: 9600, .. }), "{:?}", found.transport);
+        }
+        assert!(serial(Protocol::Ndi, Some(12_345)).over(base).is_err());
+        let found = serial(Protocol::Liberty, Some(12_345)).over(Settings::default()).unwrap();
+        assert!(matches!(found.transport, Transport::Serial { baud: 12_345, .. }));
+    }
+
+    #[test]
+    fn the_stations_sensor_is_of_its_own_protocol() {
+        let mut base = Settings { protocol: Protocol::Liberty, ..Settings::default() };
+        base.device.sensor = Some(2);
+        let sensor = |args: Choice| args.over(base.clone()).unwrap().device.sensor;
+        assert_eq!(sensor(serial(Protocol::Liberty, None)), Some(2));
+        assert_eq!(sensor(serial(Protocol::AsciiLine, None)), None);
+        assert_eq!(sensor(Choice { sensor: Some(3), ..serial(Protocol::AsciiLine, None) }), Some(3));
+    }
+}
