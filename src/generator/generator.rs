@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use super::Channel;
 use super::beam_sampling::BeamSampling;
+use super::load_options::LoadOptions;
 use super::manifest::{Affine, BeamGrid, Manifest};
 use super::maps::{self, ClassMap, Geometry};
 use super::parity::{self, ParityReport};
@@ -14,19 +15,6 @@ use super::{GeneratorError, Input, Precision, Provider, Runtime, Terminator};
 use crate::files::{self, FileKind};
 use crate::render::Frame;
 use crate::transducer::{Probe, ScanGeometry};
-
-/// Options for loading a model.
-#[derive(Debug, Clone, Default)]
-pub struct LoadOptions<'a> {
-    /// Execution provider.
-    pub provider: Provider,
-    /// Threads of one run, 0 for one per processor.
-    pub threads: u32,
-    /// Precision of the model.
-    pub precision: Precision,
-    /// Names of the station's tissues in the order of their numbers, from number 1.
-    pub tissues: &'a [String],
-}
 
 /// One generator, ready to run. It keeps its tensors: runs of one size allocate nothing.
 pub struct Generator {

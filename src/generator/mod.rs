@@ -19,6 +19,7 @@ mod features;
 mod generator;
 mod input;
 mod load;
+mod load_options;
 mod manifest;
 mod maps;
 mod parity;
@@ -39,9 +40,10 @@ pub use crate::settings::{GeneratorSettings as Settings, Precision, Provider};
 pub use error::{GeneratorError, RuntimeError};
 pub use feature_scale::FeatureScale;
 pub use features::OnnxFeatures;
-pub use generator::{Generator, LoadOptions};
+pub use generator::Generator;
 pub use input::Input;
 pub use load::{LoadedGenerators, RefusedModel, load_generators};
+pub use load_options::LoadOptions;
 pub use manifest::{
     Affine, BeamGrid, Channel, Encoding, InputManifest, Kind, Manifest, OutputManifest, ParityManifest, Quality,
     Quantised, SegmentationManifest, Training, Variant, generator_files,

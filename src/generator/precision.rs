@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use super::load_options::LoadOptions;
 use super::manifest::{Manifest, ParityManifest};
-use super::{GeneratorError, LoadOptions, Precision, Provider};
+use super::{GeneratorError, Precision, Provider};
 
 /// A model's file in one precision, and what it must give.
 #[derive(Debug)]
