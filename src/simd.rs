@@ -35,8 +35,8 @@ macro_rules! widened {
 }
 pub(crate) use widened;
 
-/// [`widened`] without AVX-512, for loops whose numbers come by eight: there the compiler pairs them, and shuffles more than it
-/// computes.
+/// [`widened`] with AVX2 at most. For loops over groups of eight: with AVX-512 the compiler joins two groups, and the shuffles
+/// cost more than the arithmetic saves.
 macro_rules! widened_to_eight {
     ($(#[$doc:meta])* $visibility:vis fn $name:ident($($argument:ident: $kind:ty),* $(,)?) = $body:ident) => {
         $(#[$doc])*

@@ -30,6 +30,9 @@ pub enum ChooserError {
     /// A station without a pose, or a recording that cannot be read.
     #[error(transparent)]
     Station(#[from] StationError),
+    /// A table that can't be written as text.
+    #[error("the table of errors can't be written: {0}")]
+    Text(toml::ser::Error),
     /// A measurement that failed.
     #[error(transparent)]
     Measurement(#[from] TradeoffError),

@@ -94,10 +94,12 @@ impl ErrorTable {
     }
 
     /// Text of the table's file.
-    pub fn to_toml(&self) -> String {
-        // Serialisation of numbers and names cannot fail.
-        let text = toml::to_string(self).unwrap_or_default();
-        format!("# Errors of live frames, by `insonify front`. Docs: docs/commands.md.\n{text}")
+    ///
+    /// # Errors
+    /// Numbers that TOML cannot hold.
+    pub fn to_toml(&self) -> Result<String, ChooserError> {
+        let text = toml::to_string(self).map_err(ChooserError::Text)?;
+        Ok(format!("# Errors of live frames, by `insonify front`. Docs: docs/commands.md.\n{text}"))
     }
 
     /// Replaces the errors of stations with the same name, and appends the others.

@@ -105,7 +105,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         };
         measured.push(errors);
     }
-    write_text(&args.out, &ErrorTable::merged(command(args), measured, merged).to_toml())?;
+    write_text(&args.out, &ErrorTable::merged(command(args), measured, merged).to_toml()?)?;
     output::line(args.out.display())
 }
 

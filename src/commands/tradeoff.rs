@@ -104,9 +104,11 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let bar = SweepBar::default();
     let report = sweep.run(&|step| bar.say(step)).map_err(of_options)?;
     drop(bar);
+    // A closed output must not lose a long sweep.
+    let files = report.write(&args.out)?;
     output::line(report.tables())?;
     output::line(&report.reference)?;
-    for path in report.write(&args.out)? {
+    for path in files {
         output::line(path.display())?;
     }
     Ok(())

@@ -210,8 +210,8 @@ fn levels(model: &Model<'_>, places: &[u32; LANES], next: &[u16; LANES]) -> [u8;
     let mut corners = [[0.0f32; LANES]; 4];
     for i in 0..LANES {
         let [at, right, below] = [at[i], right[i], below[i]].map(|offset| offset as usize);
-        // SAFETY: the greatest index is that of the last cell of the last scanline, which the model has. Volatile, since the
-        // compiler would make gathers of it, which take longer.
+        // SAFETY: the greatest index is that of the last cell of the last scanline; `picture` checked that it lies in `values`.
+        // Volatile, since gathers take longer.
         unsafe {
             let values = values.as_ptr().add(at);
             corners[0][i] = values.read_volatile();

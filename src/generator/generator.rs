@@ -49,7 +49,7 @@ impl Generator {
         let stored = Stored::choose(path, &manifest, options)?;
         let may_give_way = options.precision == Precision::Auto && stored.precision != Precision::Float32;
         match Self::open(path, manifest.clone(), stored, runtime, options) {
-            Err(error) if may_give_way => tracing::warn!("float32 runs in its place: {error}"),
+            Err(error) if may_give_way => tracing::warn!("int8 is refused, float32 runs instead: {error}"),
             loaded => return loaded,
         }
         let stored = Stored::as_trained(path, &manifest);

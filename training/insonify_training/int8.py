@@ -18,7 +18,7 @@ import numpy as np
 import torch
 
 from .dataset import Dataset, DatasetError
-from .export import ExportError, grid_of, load_run, measure, padded, place, run_onnx, session, toml_value
+from .export import ExportError, grid_of, load_run, measure, padded, run_onnx, session, toml_value
 
 # Tuples of the training split whose values set the ranges.
 CALIBRATION = 20
@@ -68,22 +68,21 @@ def add(run, data, folder, frames=32):
         inputs, _, _ = encode(np.array(data.planes(row))[None], np.array(data.mask(row))[None, None])
         return padded(inputs, multiple, encode.outside).numpy()
 
-    made = folder / f"{name}.int8.onnx"
-    quantise(model, (encoded(row) for row in calibration), made)
-    small, whole = session(made), session(model)
+    made, output = folder / f"{name}.int8.onnx", folder / f"{name}.int8.parity_output.npy"
+    # What is there stays until the new one is judged.
+    new = made.with_suffix(".new")
+    quantise(model, (encoded(row) for row in calibration), new)
+    small, whole = session(new), session(model)
 
     planes = np.load(folder / f"{name}.parity_input.npy")
     inputs, inside = parity_input(planes, tomllib.loads(manifest.read_text(encoding="utf-8")))
-    _, at = place(planes.shape[1:], multiple)
     found = run_onnx(small, inputs, multiple, encode.outside).clamp(0, 1) * inside
-    output = folder / f"{name}.int8.parity_output.npy"
-    np.save(output, (found[0, 0] * 255).numpy().astype(np.float32))
-
     psnr_db = [float(measure(trainer, ort, multiple, data, frames)[0][0]) for ort in (whole, small)]
     if not psnr_db[1] > psnr_db[0] - COST_DB:
-        made.unlink()
-        output.unlink()
+        new.unlink()
         raise ExportError(f"{made}: int8 costs {psnr_db[0] - psnr_db[1]:.2f} dB, of at most {COST_DB}; left out")
+    new.replace(made)
+    np.save(output, (found[0, 0] * 255).numpy().astype(np.float32))
     table = {
         "name": "int8",
         "model": made.name,

@@ -61,7 +61,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if args.output.json {
         return output::json(&found);
     }
-    output::text(&found)?;
+    output::text(found)?;
     args.output.out.as_ref().map_or(Ok(()), |out| output::line(out.display()))
 }
 

@@ -19,7 +19,7 @@ pub struct Quantised {
     pub output: String,
     /// Greatest difference allowed, grey levels. Processors round differently, and a sum may fall to the next step.
     pub tolerance: f32,
-    /// Peak signal-to-noise ratio on the frames of `[quality]`, dB.
+    /// Peak signal-to-noise ratio on frames of the test set, dB.
     pub psnr_db: f64,
 }
 
@@ -39,6 +39,9 @@ impl Quantised {
         }
         if !(self.tolerance > 0.0 && self.tolerance <= 16.0) {
             return Err(format!("precision.tolerance is {}; it must be above 0 and at most 16", self.tolerance));
+        }
+        if !self.psnr_db.is_finite() {
+            return Err(format!("precision.psnr_db is {}; it must be finite", self.psnr_db));
         }
         match [&self.model, &self.output].into_iter().find(|file| !is_file_beside(file)) {
             Some(file) => Err(format!("precision: `{file}` must be the name of a file beside the manifest")),

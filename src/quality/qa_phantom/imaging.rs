@@ -74,9 +74,9 @@ pub fn image_and_measure(
     let mut renderer = Renderer::new(backend, scene, probe, &settings)?;
     let mut levels = Levels::new(*renderer.sector(), settings.image.dynamic_range_db);
     let mut first = Vec::new();
-    let step_mm = ALONG_MM / f64::from(images.max(2) - 1);
+    let last = f64::from(images.max(2) - 1);
     let start_mm = if images == 1 { 0.0 } else { -0.5 * ALONG_MM };
-    let pose = |i| Pose { position_mm: DVec3::Y * (start_mm + f64::from(i) * step_mm), ..Pose::IDENTITY };
+    let pose = |i| Pose { position_mm: DVec3::Y * (start_mm + ALONG_MM * f64::from(i) / last), ..Pose::IDENTITY };
     let poses: Vec<Pose> = (0..images).map(pose).collect();
     renderer.render_each(
         &poses,

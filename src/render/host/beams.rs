@@ -106,7 +106,7 @@ fn sum_plane_body(
                 }
             }
         }
-        // Whole cache lines: the rows of an array's beams share few of the first cache's sets.
+        // Written by whole cache lines: rows are a power of two apart and collide in the L1 cache.
         for (beam, amplitudes) in amplitudes.chunks_exact_mut(cells).enumerate() {
             let powers = &powers[reversed(beam, beams)];
             for (amplitude, &power) in amplitudes[first_cell..].iter_mut().zip(powers) {

@@ -1,11 +1,11 @@
 //! Fourier transforms of several rows at once, a row a lane.
 //!
 //! Radix-4 steps in place, and a radix-2 step if the length asks for one. Spectra are in bit-reversed order. All steps of one part
-//! of the numbers are done before the next part's: a part stays in the first cache.
+//! of the numbers are done before the next part's: a part stays in the L1 cache.
 
 /// Rows transformed together.
 pub(super) const LANES: usize = 8;
-/// Numbers whose steps are done together, so that they stay in the first cache: 16 KiB.
+/// Numbers whose steps are done together, so that they stay in the L1 cache: 16 KiB.
 const PART_MAX: usize = 256;
 
 /// One number of each row.
@@ -226,7 +226,7 @@ pub(super) fn transposed([a, b, c, d, e, f, g, h]: [Row; LANES]) -> [Row; LANES]
     [a, b, c, d, e, f, g, h]
 }
 
-/// Two rows after the numbers of one's odd groups of `APART` and of the other's even groups have changed places.
+/// One step of a transposition: swaps the groups of `APART` numbers with odd index in `a` and with even index in `b`.
 #[inline(always)]
 fn exchanged<const APART: usize>(a: Row, b: Row) -> [Row; 2] {
     let (mut low, mut high) = ([0.0; LANES], [0.0; LANES]);

@@ -127,7 +127,7 @@ impl LateralBeam<'_> {
             return;
         }
         (weights.first, weights.end) = (first, end);
-        // Its next plane's weights are far away in memory.
+        // Prefetches this scanline's weights at the next plane.
         if let Some(soon) =
             self.weights.get(((low + 2) * lines + line) * taps..).and_then(|rest| rest.first_chunk::<PREFETCHED>())
         {

@@ -200,7 +200,7 @@ fn greys(params: &Params, polar: &[u32], places: &[u32; LANES]) -> [u8; LANES] {
     let (mut one, mut next) = ([0u32; LANES], [0u32; LANES]);
     if (last as usize) + (stride as usize) < polar.len() {
         for i in 0..LANES {
-            // SAFETY: at[i] ≤ last, and last + stride lies in `polar`.
+            // SAFETY: at[i] ≤ last, and last + stride lies in `polar`. Volatile, since gathers take longer.
             unsafe {
                 let polar = polar.as_ptr();
                 one[i] = polar.add(at[i] as usize).read_volatile();
@@ -242,7 +242,7 @@ fn sections(params: &Params, maps: &Maps<'_>, places: &[u32; LANES]) -> ([u8; LA
     let mut pairs = [[0u64; LANES]; 2];
     if (last as usize) + (stride as usize) + 1 < maps.raster.len() {
         for i in 0..LANES {
-            // SAFETY: at[i] ≤ last, and last + stride + 1 lies in `raster`.
+            // SAFETY: at[i] ≤ last, and last + stride + 1 lies in `raster`. Volatile, since gathers take longer.
             unsafe {
                 let raster = maps.raster.as_ptr();
                 pairs[0][i] = raster.add(at[i] as usize).cast::<Pair>().read_volatile().0;
@@ -294,8 +294,8 @@ fn sections(params: &Params, maps: &Maps<'_>, places: &[u32; LANES]) -> ([u8; LA
 /// The two words in the order of the memory.
 #[inline(always)]
 fn halves(pair: u64) -> [u32; 2] {
-    let pair = pair.to_le();
-    [pair as u32, (pair >> 32) as u32]
+    let (low, high) = (pair as u32, (pair >> 32) as u32);
+    if cfg!(target_endian = "big") { [high, low] } else { [low, high] }
 }
 
 /// Σμ of a raster word.
