@@ -1,42 +1,9 @@
 //! Vectorised loops, and the branch-free functions that they need.
 
-/// Defines a function compiled for AVX-512, for AVX2 and for any processor; the best is chosen at run time.
+/// Defines a function compiled for AVX2 and for any processor; the better one is chosen at run time.
 ///
-/// None fuses multiplications with additions, so all give the same bits.
-macro_rules! widened {
-    ($(#[$doc:meta])* $visibility:vis fn $name:ident($($argument:ident: $kind:ty),* $(,)?) = $body:ident) => {
-        $(#[$doc])*
-        #[allow(clippy::too_many_arguments, reason = "those of the body")]
-        $visibility fn $name($($argument: $kind),*) {
-            #[cfg(target_arch = "x86_64")]
-            {
-                #[target_feature(enable = "avx2")]
-                #[allow(clippy::too_many_arguments, reason = "those of the body")]
-                fn with_avx2($($argument: $kind),*) {
-                    $body($($argument),*);
-                }
-                #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-                #[allow(clippy::too_many_arguments, reason = "those of the body")]
-                fn with_avx512($($argument: $kind),*) {
-                    $body($($argument),*);
-                }
-                if $crate::simd::has_avx512() {
-                    // SAFETY: the CPU has these parts of AVX-512.
-                    return unsafe { with_avx512($($argument),*) };
-                }
-                if std::arch::is_x86_feature_detected!("avx2") {
-                    // SAFETY: the CPU has AVX2.
-                    return unsafe { with_avx2($($argument),*) };
-                }
-            }
-            $body($($argument),*);
-        }
-    };
-}
-pub(crate) use widened;
-
-/// [`widened`] with AVX2 at most. For loops over groups of eight: with AVX-512 the compiler joins two groups, and the shuffles
-/// cost more than the arithmetic saves.
+/// For loops over groups of eight: with AVX-512 the compiler joins two groups, and the shuffles cost more than the arithmetic
+/// saves. Multiplications and additions are never fused, so both give the same bits.
 macro_rules! widened_to_eight {
     ($(#[$doc:meta])* $visibility:vis fn $name:ident($($argument:ident: $kind:ty),* $(,)?) = $body:ident) => {
         $(#[$doc])*
@@ -59,6 +26,31 @@ macro_rules! widened_to_eight {
     };
 }
 pub(crate) use widened_to_eight;
+
+/// As [`widened_to_eight`], and compiled for AVX-512, too.
+macro_rules! widened {
+    ($(#[$doc:meta])* $visibility:vis fn $name:ident($($argument:ident: $kind:ty),* $(,)?) = $body:ident) => {
+        $(#[$doc])*
+        #[allow(clippy::too_many_arguments, reason = "those of the body")]
+        $visibility fn $name($($argument: $kind),*) {
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
+                #[allow(clippy::too_many_arguments, reason = "those of the body")]
+                fn with_avx512($($argument: $kind),*) {
+                    $body($($argument),*);
+                }
+                if $crate::simd::has_avx512() {
+                    // SAFETY: the CPU has these parts of AVX-512.
+                    return unsafe { with_avx512($($argument),*) };
+                }
+            }
+            $crate::simd::widened_to_eight! { fn narrower($($argument: $kind),*) = $body }
+            narrower($($argument),*);
+        }
+    };
+}
+pub(crate) use widened;
 
 /// Whether the CPU has the parts of AVX-512 that [`widened`] uses.
 #[cfg(target_arch = "x86_64")]

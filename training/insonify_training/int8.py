@@ -28,6 +28,14 @@ TOLERANCE = 4.0
 COST_DB = 0.2
 
 
+# Exit code of a generator that int8 would cost more.
+TOO_COSTLY = 3
+
+
+class CostError(ExportError):
+    """int8 costs more than it may; the generator is as it was."""
+
+
 def quantise(model, inputs, out):
     """Writes `model` quantised to `out`; `inputs` are arrays [1, c, h, w] that set the ranges."""
     from onnxruntime.quantization import CalibrationDataReader, QuantFormat, QuantType, quantize_static
@@ -80,7 +88,7 @@ def add(run, data, folder, frames=32):
     psnr_db = [float(measure(trainer, ort, multiple, data, frames)[0][0]) for ort in (whole, small)]
     if not psnr_db[1] > psnr_db[0] - COST_DB:
         new.unlink()
-        raise ExportError(f"{made}: int8 costs {psnr_db[0] - psnr_db[1]:.2f} dB, of at most {COST_DB}; left out")
+        raise CostError(f"{made}: int8 costs {psnr_db[0] - psnr_db[1]:.2f} dB, of at most {COST_DB}; left out")
     new.replace(made)
     np.save(output, (found[0, 0] * 255).numpy().astype(np.float32))
     table = {
@@ -121,6 +129,9 @@ def main(argv=None):
     torch.set_num_threads(args.threads)
     try:
         found = add(args.run, Dataset(args.data, grid_of(args.run)), args.out, args.frames)
+    except CostError as error:
+        print(error, file=sys.stderr)
+        return TOO_COSTLY
     except (ExportError, DatasetError) as error:
         raise SystemExit(str(error)) from None
     print(json.dumps(found, indent=2))

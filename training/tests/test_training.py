@@ -122,7 +122,7 @@ def test_a_run_is_not_loaded_with_data_of_other_coordinates(data_dir, trained):
         export.load_run(trained, Dataset(data_dir, BeamGrid(80, 0.5)))
 
 
-def test_a_run_in_beam_coordinates_is_exported(data_dir, tmp_path):
+def test_a_run_in_beam_coordinates_is_exported(data_dir, tmp_path, monkeypatch):
     run(data_dir, tmp_path / "run", "--steps", "3", "--beam", "80x0.5")
     out = tmp_path / "net"
     export.main([str(tmp_path / "run"), "--data", str(data_dir), "--out", str(out), "--frames", "1"])
@@ -139,6 +139,11 @@ def test_a_run_in_beam_coordinates_is_exported(data_dir, tmp_path):
     assert precision["psnr_db"] == pytest.approx(manifest["quality"]["psnr_db"], abs=int8.COST_DB)
     whole, small = (np.load(out / name) for name in ("net.parity_output.npy", precision["output"]))
     assert whole.shape == small.shape and 0 < np.abs(whole - small).max() < 10
+    # Where it costs too much, what is there stays.
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    monkeypatch.setattr(int8, "COST_DB", -100.0)
+    assert int8.main([str(tmp_path / "run"), "--data", str(data_dir), "--out", str(out), "--frames", "1"]) == int8.TOO_COSTLY
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
     with pytest.raises(SystemExit, match="no exported generator"):
         int8.main([str(tmp_path / "run"), "--data", str(data_dir), "--out", str(tmp_path / "none")])
     # Its figures are of pictures.

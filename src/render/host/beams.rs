@@ -22,7 +22,8 @@ pub(super) struct Beams<'a> {
     pub(super) powers: &'a mut [f32],
 }
 
-/// Fills the outputs from the fields of `propagate`. Planes before `first` are unobstructed. `work` holds a period of beams, twice, for each plane.
+/// Fills the outputs from the fields of `propagate`. Planes before `first` are unobstructed. `work` holds a period of beams,
+/// twice, for each plane.
 pub(super) fn beams(
     constants: ImageConstants,
     tables: &ApertureTables,
