@@ -1,5 +1,5 @@
-// Adds the interfaces' echoes to the baseband. One thread per scanline takes its paths in a fixed order: the float sums
-// are reproducible without atomics.
+// Adds the interfaces' echoes to the baseband. One workgroup per scanline: its threads take an echo each, then each adds
+// those of its own samples, in the order of the paths. The float sums are reproducible without atomics.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> starts: array<f32>;
@@ -13,6 +13,16 @@
 
 // Whether the aperture's gain replaces the loss of paths that have not reflected.
 override APERTURE: bool = false;
+
+const THREADS: u32 = 64u;
+const NO_SAMPLE: u32 = 0xffffffffu;
+
+// Of each path in turn: number of echoes up to its last one, and range of its first reflection.
+var<workgroup> ends: array<u32, THREADS>;
+var<workgroup> reflections_mm: array<f32, THREADS>;
+// Of each echo in turn: its sample, and what is added there.
+var<workgroup> samples: array<u32, THREADS>;
+var<workgroup> echoed: array<vec2<f32>, THREADS>;
 
 // Loss of a path at the start of an interval, from the segments up to `arrived`.
 fn loss_at_interval(path: u32, arrived: u32, interval: u32) -> f32 {
@@ -52,8 +62,8 @@ fn interface_gain(line: u32, path: u32, arrived: u32) -> f32 {
     return gain_at(line, place) - 2.0 * (interval.shared_np + interval.row_np * lost);
 }
 
-// Adds the echo at the start of a segment, times `weight`.
-fn add(line: u32, path: u32, segment: u32, weight: f32) {
+// The place of the echo at the start of a segment, times `weight`, among those of this turn.
+fn take(thread: u32, line: u32, path: u32, segment: u32, weight: f32) {
     let echo = echoes[path * SEGMENTS + segment];
     let sample = echo.y / params.sample_spacing_mm;
     if echo.x != 0.0 && sample >= 0.0 && sample < f32(params.samples) {
@@ -61,37 +71,79 @@ fn add(line: u32, path: u32, segment: u32, weight: f32) {
         if APERTURE && !diverted(path, segment - 1u) {
             amplitude *= exp(max(interface_gain(line, path, segment - 1u), -80.0));
         }
-        baseband[line * params.row_samples + u32(sample)] += amplitude * phasor(-params.phase_turns_per_mm * echo.y);
+        samples[thread] = u32(sample);
+        echoed[thread] = amplitude * phasor(-params.phase_turns_per_mm * echo.y);
     }
 }
 
-@compute @workgroup_size(16)
-fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    let line = id.x;
-    if line >= params.scanlines {
-        return;
-    }
+// Echoes of a path: one for each segment but the first.
+fn count_of(path: u32) -> u32 {
+    return max(segment_counts[path], 1u) - 1u;
+}
+
+// The `ordinal`-th path of a scanline: rays fastest, then layers.
+fn path_of(line: u32, ordinal: u32) -> u32 {
+    return (ordinal / params.rays * params.scanlines + line) * params.rays + ordinal % params.rays;
+}
+
+@compute @workgroup_size(64)
+fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
+    let line = group.x;
     let weight = 1.0 / f32(params.rays * params.layers);
-    for (var layer = 0u; layer < params.layer_count; layer++) {
-        for (var ray = 0u; ray < params.rays; ray++) {
-            let path = (layer * params.scanlines + line) * params.rays + ray;
-            let count = segment_counts[path];
-            var reflected_mm = BEYOND_MM;
-            for (var i = 1u; i < count; i++) {
+    let paths = params.rays * params.layer_count;
+    for (var first = 0u; first < paths; first += THREADS) {
+        // The echoes of a path, then those of the guide behind its first reflection: it stands for what the path missed.
+        var count = 0u;
+        var reflected_mm = BEYOND_MM;
+        if first + thread < paths {
+            let path = path_of(line, first + thread);
+            count = count_of(path);
+            for (var i = 1u; i <= count; i++) {
                 if diverted(path, i) {
                     reflected_mm = min(reflected_mm, starts[path * STARTS + i]);
                 }
-                add(line, path, i, 1.0);
             }
             if APERTURE && params.guides > 0u && reflected_mm < BEYOND_MM {
-                // The guide stands for what the path missed.
-                let guide = guide_of(line);
-                for (var i = 1u; i < segment_counts[guide]; i++) {
-                    if starts[guide * STARTS + i] > reflected_mm {
-                        add(line, guide, i, weight);
+                count += count_of(guide_of(line));
+            }
+        }
+        ends[thread] = count;
+        reflections_mm[thread] = reflected_mm;
+        workgroupBarrier();
+        if thread == 0u {
+            for (var i = 1u; i < THREADS; i++) {
+                ends[i] += ends[i - 1u];
+            }
+        }
+        let total = workgroupUniformLoad(&ends[THREADS - 1u]);
+        for (var turn = 0u; turn < total; turn += THREADS) {
+            samples[thread] = NO_SAMPLE;
+            let index = turn + thread;
+            if index < total {
+                var slot = 0u;
+                for (var half = THREADS / 2u; half > 0u; half >>= 1u) {
+                    slot += select(0u, half, ends[slot + half - 1u] <= index);
+                }
+                let path = path_of(line, first + slot);
+                let segment = 1u + index - select(ends[max(slot, 1u) - 1u], 0u, slot == 0u);
+                let own = count_of(path);
+                if segment <= own {
+                    take(thread, line, path, segment, 1.0);
+                } else {
+                    let guide = guide_of(line);
+                    if starts[guide * STARTS + segment - own] > reflections_mm[slot] {
+                        take(thread, line, guide, segment - own, weight);
                     }
                 }
             }
+            workgroupBarrier();
+            for (var i = 0u; i < min(total - turn, THREADS); i++) {
+                let sample = samples[i];
+                if sample % THREADS == thread && sample != NO_SAMPLE {
+                    baseband[line * params.row_samples + sample] += echoed[i];
+                }
+            }
+            workgroupBarrier();
         }
     }
 }

@@ -13,9 +13,15 @@
 
 const CROSSINGS: u32 = CROSSINGS_BEHIND;
 
+// Threads for each one that works: lanes of a group wait for each other's searches.
+override LANES_APART: u32 = 1u;
+
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    let path = id.x;
+    let path = id.x / LANES_APART;
+    if id.x % LANES_APART != 0u {
+        return;
+    }
     if path >= params.scanlines * params.rays * params.layer_count + params.guides {
         return;
     }

@@ -16,9 +16,15 @@
 
 const CROSSINGS: u32 = CROSSINGS_OF_A_MAP_RAY;
 
+// Threads for each one that works: lanes of a group wait for each other's searches.
+override LANES_APART: u32 = 1u;
+
 @compute @workgroup_size(32)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    let ray = id.x;
+    let ray = id.x / LANES_APART;
+    if id.x % LANES_APART != 0u {
+        return;
+    }
     if ray >= params.map_rays {
         return;
     }

@@ -91,10 +91,16 @@ fn place_interface(first: u32, end: u32) -> u32 {
     return chosen;
 }
 
+// Threads for each one that works: lanes of a group wait for each other's searches.
+override LANES_APART: u32 = 1u;
+
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let line_rays = params.scanlines * params.rays;
-    let path = id.x;
+    let path = id.x / LANES_APART;
+    if id.x % LANES_APART != 0u {
+        return;
+    }
     if path >= line_rays * params.layer_count + params.guides {
         return;
     }

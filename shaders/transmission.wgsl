@@ -1,7 +1,7 @@
 // Transmission of the scan plane: what each cell of each interval lets pass, and by how much it delays it, from the loss
 // and the speed along the paths.
 // Out: transmission over the greatest of each row, with the phase of the delay against the middle cell [planes × cells];
-// loss of that greatest one, one-way nepers [planes]. A workgroup per plane.
+// loss of that greatest one, one-way nepers [planes]. A thread per cell, then a workgroup per plane.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> starts: array<f32>;
@@ -15,20 +15,27 @@
 @group(0) @binding(6) var<storage, read_write> row_np: array<f32>;
 @group(0) @binding(7) var<storage, read> rays: array<vec4<f32>>;
 
+// The second dispatch of a frame: what each row has in common.
+override ROWS: bool = false;
+
 const THREADS: u32 = 64u;
 
 var<workgroup> greatest: array<f32, THREADS>;
-var<workgroup> middle_mm: f32;
 
-// Loss of a path at a range; from its first reflection on, it rises as that of its scanline's guide. What the face does
-// not couple is lost in the first interval.
-fn path_loss(path: u32, guide: u32, range_mm: f32) -> f32 {
-    if range_mm == 0.0 {
-        return 0.0;
-    }
-    var at = 0u;
+// Segment that holds a range, from segment `first` on, or the first behind a reflection.
+fn own_segment(path: u32, first: u32, range_mm: f32) -> u32 {
+    var at = first;
     while starts[path * STARTS + at + 1u] <= range_mm && !diverted(path, at) {
         at++;
+    }
+    return at;
+}
+
+// Loss of a path at a range on its own segment `at`; from its first reflection on, it rises as that of its scanline's
+// guide. What the face does not couple is lost in the first interval.
+fn path_loss(path: u32, guide: u32, at: u32, range_mm: f32) -> f32 {
+    if range_mm == 0.0 {
+        return 0.0;
     }
     if !diverted(path, at) {
         return loss_on(path, at, range_mm);
@@ -46,10 +53,11 @@ fn delay_rate(path: u32, at: u32, stretch: f32) -> f32 {
     return select(0.0, rate, abs(rate) >= DELAY_MIN && abs(rate) <= HARD_SPEED);
 }
 
-// Range less depth that a path gains between two ranges, mm, up to its first reflection; that one's range in y, else `to`.
-fn delay_between(path: u32, stretch: f32, from_mm: f32, to_mm: f32, follow: bool) -> vec2<f32> {
+// Range less depth that a path gains between two ranges, mm, from the segment that holds the first, up to its first
+// reflection; that one's range in y, else `to`.
+fn delay_between(path: u32, stretch: f32, first: u32, from_mm: f32, to_mm: f32, follow: bool) -> vec2<f32> {
     var late_mm = 0.0;
-    var at = segment_from(path, 0u, from_mm);
+    var at = first;
     var low = from_mm;
     if diverted(path, at) && !follow {
         return vec2<f32>(0.0, from_mm);
@@ -65,74 +73,86 @@ fn delay_between(path: u32, stretch: f32, from_mm: f32, to_mm: f32, follow: bool
     return vec2<f32>(late_mm + (to_mm - low) * delay_rate(path, at, stretch), to_mm);
 }
 
-// Delay of a path between two ranges, mm; from its first reflection on, it rises as that of its scanline's guide.
-fn path_delay(path: u32, guide: u32, from_mm: f32, to_mm: f32) -> f32 {
-    let own = delay_between(path, elevation_of(path).z, from_mm, to_mm, false);
+// Delay of a path between two ranges, mm, from its own segment `at`; from its first reflection on, it rises as that of its
+// scanline's guide.
+fn path_delay(path: u32, guide: u32, at: u32, from_mm: f32, to_mm: f32) -> f32 {
+    let own = delay_between(path, elevation_of(path).z, at, from_mm, to_mm, false);
     if own.y >= to_mm {
         return own.x;
     }
-    return own.x + delay_between(guide, 1.0, own.y, to_mm, true).x;
+    return own.x + delay_between(guide, 1.0, segment_from(guide, 0u, own.y), own.y, to_mm, true).x;
 }
 
-@compute @workgroup_size(64)
-fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) local: vec3<u32>) {
-    let plane = group.x;
-    let begins = params.layer_first == 0u;
-    let ends = params.layer_first + params.layer_count == params.layers;
-    let from_mm = f32(plane) * aperture.plane_mm;
-    let to_mm = f32(plane + 1u) * aperture.plane_mm;
-    var best = TRANSMISSION_MIN;
-    for (var cell = local.x; cell < aperture.cells; cell += THREADS) {
-        let of_cell = cell_rays[cell];
-        let parts = unpack2x16unorm(of_cell.w);
-        var power = 0.0;
-        var late_mm = 0.0;
-        for (var layer = 0u; layer < params.layer_count; layer++) {
-            var sum = 0.0;
-            var late = 0.0;
-            var total = 0.0;
-            for (var ray = 0u; ray < of_cell.z; ray++) {
-                let line_ray = of_cell.x + ray * of_cell.y;
-                let path = layer * params.scanlines * params.rays + line_ray;
-                let guide = guide_of(line_ray / params.rays);
-                let lost = path_loss(path, guide, to_mm) - path_loss(path, guide, from_mm);
-                let weight = select(1.0, parts.x, ray == 0u) * select(1.0, parts.y, ray + 1u == of_cell.z);
-                sum += weight * exp(-clamp(lost, 0.0, 80.0));
-                if aperture.turns_per_mm > 0.0 {
-                    late += weight * path_delay(path, guide, from_mm, to_mm);
-                }
-                total += weight;
+// Means of a cell over the layers of this batch: of the fourth power of the transmission, and of the delay in mm.
+fn means(cell: u32, from_mm: f32, to_mm: f32) -> vec2<f32> {
+    let of_cell = cell_rays[cell];
+    let parts = unpack2x16unorm(of_cell.w);
+    var power = 0.0;
+    var late_mm = 0.0;
+    for (var layer = 0u; layer < params.layer_count; layer++) {
+        var sum = 0.0;
+        var late = 0.0;
+        var total = 0.0;
+        for (var ray = 0u; ray < of_cell.z; ray++) {
+            let line_ray = of_cell.x + ray * of_cell.y;
+            let path = layer * params.scanlines * params.rays + line_ray;
+            let guide = guide_of(line_ray / params.rays);
+            let first = own_segment(path, 0u, from_mm);
+            let last = own_segment(path, first, to_mm);
+            let lost = path_loss(path, guide, last, to_mm) - path_loss(path, guide, first, from_mm);
+            let weight = select(1.0, parts.x, ray == 0u) * select(1.0, parts.y, ray + 1u == of_cell.z);
+            sum += weight * exp(-clamp(lost, 0.0, 80.0));
+            if aperture.turns_per_mm > 0.0 {
+                late += weight * path_delay(path, guide, first, from_mm, to_mm);
             }
-            // Powers of layers add, on both ways.
-            let mean = sum / total;
-            power += (mean * mean) * (mean * mean) / f32(params.layers);
-            late_mm += late / (total * f32(params.layers));
+            total += weight;
         }
-        let at = plane * aperture.cells + cell;
-        var value = vec2<f32>(power, late_mm) + select(transmissions[at], vec2<f32>(0.0), begins);
-        if ends {
-            value.x = sqrt(sqrt(value.x));
-            best = max(best, value.x);
-        }
-        if cell == aperture.cells / 2u {
-            middle_mm = value.y;
-        }
-        transmissions[at] = value;
+        // Powers of layers add, on both ways.
+        let mean = sum / total;
+        power += (mean * mean) * (mean * mean) / f32(params.layers);
+        late_mm += late / (total * f32(params.layers));
     }
-    if !ends {
-        return;
+    return vec2<f32>(power, late_mm);
+}
+
+// Divides a row by its greatest transmission, and turns delays into phases.
+fn finish_row(plane: u32, thread: u32) {
+    let row = plane * aperture.cells;
+    var best = TRANSMISSION_MIN;
+    for (var cell = thread; cell < aperture.cells; cell += THREADS) {
+        best = max(best, transmissions[row + cell].x);
     }
-    greatest[local.x] = best;
+    greatest[thread] = best;
+    let middle_mm = transmissions[row + aperture.cells / 2u].y;
     workgroupBarrier();
     for (var i = 0u; i < THREADS; i++) {
         best = max(best, greatest[i]);
     }
-    for (var cell = local.x; cell < aperture.cells; cell += THREADS) {
-        let at = plane * aperture.cells + cell;
-        let value = transmissions[at];
-        transmissions[at] = value.x * (1.0 / best) * phasor(aperture.turns_per_mm * (value.y - middle_mm));
+    // Every thread has read the middle cell.
+    storageBarrier();
+    for (var cell = thread; cell < aperture.cells; cell += THREADS) {
+        let value = transmissions[row + cell];
+        transmissions[row + cell] = value.x * (1.0 / best) * phasor(aperture.turns_per_mm * (value.y - middle_mm));
     }
-    if local.x == 0u {
+    if thread == 0u {
         row_np[plane] = -log(best);
     }
+}
+
+@compute @workgroup_size(64)
+fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
+    if ROWS {
+        finish_row(group.x, thread);
+        return;
+    }
+    let plane = group.x;
+    let cell = group.y * THREADS + thread;
+    if cell >= aperture.cells {
+        return;
+    }
+    let at = plane * aperture.cells + cell;
+    let value = means(cell, f32(plane) * aperture.plane_mm, f32(plane + 1u) * aperture.plane_mm);
+    let sum = value + select(transmissions[at], vec2<f32>(0.0), params.layer_first == 0u);
+    let ends = params.layer_first + params.layer_count == params.layers;
+    transmissions[at] = vec2<f32>(select(sum.x, sqrt(sqrt(sum.x)), ends), sum.y);
 }

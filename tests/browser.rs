@@ -46,7 +46,7 @@ fn frame(number: u64, width: u32, height: u32) -> PresentedFrame {
         image: vec![number as u8; pixels],
         segmentation: vec![2; pixels],
         attenuation: vec![1.0; pixels],
-        mask: vec![255; pixels],
+        mask: vec![255; pixels].into(),
         generator: None,
         point: None,
         notice: None,

@@ -1,6 +1,7 @@
 //! Steadiness of generated frames while the probe slides in its image plane.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use glam::DVec3;
 use serde::Serialize;
@@ -91,7 +92,7 @@ pub fn steadiness(
     let count = motion.frames;
     let total = (qualities.len() + 1) * count;
     let mut sequences: Vec<(String, Vec<Vec<u8>>)> = Vec::new();
-    let mut mask = Vec::new();
+    let mut mask: Arc<[u8]> = Arc::default();
     let mut frame = Frame::default();
     for (nth, quality) in qualities.iter().enumerate() {
         renderer.reconfigure(&station.probe, &quality.apply(&base, aperture))?;

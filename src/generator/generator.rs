@@ -148,7 +148,7 @@ impl Generator {
             bmode: (0..pixels).map(|i| (i % 199) as u8).collect(),
             segmentation: vec![0; pixels],
             attenuation: vec![0.5; pixels],
-            mask: vec![255; pixels],
+            mask: std::iter::repeat_n(255, pixels).collect(),
             scan: Some(ScanGeometry::fit(&Probe::default(), width, height)),
             ..Frame::default()
         };

@@ -76,7 +76,7 @@ pub(super) fn read(manifest_path: &Path, parity: &ParityManifest) -> Result<Pair
         bmode: bytes(0, "grey level")?,
         segmentation: bytes(1, "class")?,
         attenuation,
-        mask: bytes(3, "mask")?,
+        mask: bytes(3, "mask")?.into(),
         ..Frame::default()
     };
     Ok(Pair { frame, expected })

@@ -30,10 +30,11 @@ pub(super) struct Rendered {
 pub(super) fn blacken(frame: &mut Frame, shape: ImageShape) {
     let pixels = shape.width as usize * shape.height as usize;
     (frame.width, frame.height) = (shape.width, shape.height);
-    for map in [&mut frame.bmode, &mut frame.segmentation, &mut frame.mask] {
+    for map in [&mut frame.bmode, &mut frame.segmentation] {
         map.clear();
         map.resize(pixels, 0);
     }
+    frame.mask = std::iter::repeat_n(0, pixels).collect();
     frame.attenuation.clear();
     frame.attenuation.resize(pixels, 0.0);
     frame.lines.clear();

@@ -1,5 +1,9 @@
 //! Rendered frames and their times.
 
+use std::sync::Arc;
+
+use bytemuck::Pod;
+use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::transducer::{Contact, ScanGeometry};
@@ -32,8 +36,25 @@ pub struct FrameTimes {
     pub total_ms: f64,
     /// Duration of the scene's motion before the submission, ms, which `total_ms` does not include; 0 at rest.
     pub motion_ms: f64,
-    /// Total duration of each pass's runs, in the order of first runs; empty on a device without timestamps.
+    /// Total duration of each pass's runs, in the order of first runs; empty on a device without timestamps. On a GPU, maps
+    /// are made beside paths: their passes overlap others.
     pub passes: Vec<PassTime>,
+    /// Parts of `total_ms` on the processor, of a frame that a device made.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub device: Option<DeviceTimes>,
+}
+
+/// What a frame of a device takes on the processor, ms.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct DeviceTimes {
+    /// Duration of uploading uniforms and recording the passes.
+    pub record_ms: f64,
+    /// Duration of submitting them to the driver.
+    pub submit_ms: f64,
+    /// Duration of waiting for the device in [`Renderer::receive`](super::Renderer::receive).
+    pub wait_ms: f64,
+    /// Duration of copying the finished frame out of mapped memory.
+    pub copy_ms: f64,
 }
 
 impl FrameTimes {
@@ -43,6 +64,13 @@ impl FrameTimes {
         self.motion_ms += frame.motion_ms;
         for pass in &frame.passes {
             self.add(pass.name, pass.ms);
+        }
+        if let Some(one) = frame.device {
+            let all = self.device.get_or_insert_default();
+            all.record_ms += one.record_ms;
+            all.submit_ms += one.submit_ms;
+            all.wait_ms += one.wait_ms;
+            all.copy_ms += one.copy_ms;
         }
     }
 
@@ -73,8 +101,8 @@ pub struct Frame {
     pub attenuation: Vec<f32>,
     /// The 98th percentile that `attenuation` was divided by; 0 without maps.
     pub attenuation_p98: f32,
-    /// 255 inside the sector, 0 outside [height × width].
-    pub mask: Vec<u8>,
+    /// 255 inside the sector, 0 outside [height × width]; shared by all frames of a configuration.
+    pub mask: Arc<[u8]>,
     /// Place of the scanlines in the picture; none in a frame that no renderer made.
     pub scan: Option<ScanGeometry>,
     /// Complex baseband (re, im) after the point-spread function, before TGC and compression [scanlines × samples];
@@ -88,12 +116,18 @@ pub struct Frame {
     pub times: FrameTimes,
 }
 
-/// Copies rows of `width` out of rows of `stride`.
-pub(super) fn unpad<T: Copy>(into: &mut Vec<T>, from: &[T], width: usize, stride: usize) {
-    into.clear();
-    for row in from.chunks_exact(stride) {
-        into.extend_from_slice(&row[..width]);
-    }
+/// Rows that one task copies.
+const ROWS_OF_A_TASK: usize = 128;
+
+/// Copies rows of `width` out of rows of `stride`, on all threads: one alone reads memory slower than a device fills it.
+pub(super) fn unpad<T: Pod + Send + Sync>(into: &mut Vec<T>, from: &[T], width: usize, stride: usize) {
+    into.resize(from.len() / stride * width, T::zeroed());
+    let tasks = into.par_chunks_mut(ROWS_OF_A_TASK * width).zip(from.par_chunks(ROWS_OF_A_TASK * stride));
+    tasks.for_each(|(into, from)| {
+        for (into, from) in into.chunks_exact_mut(width).zip(from.chunks_exact(stride)) {
+            into.copy_from_slice(&from[..width]);
+        }
+    });
 }
 
 /// Logs a warning of frames in which crossings did not fit the buffers.

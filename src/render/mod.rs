@@ -40,7 +40,7 @@ pub use backend::{Backend, BackendChoice, UnknownBackend, UnknownBackendVariable
 #[cfg(feature = "test-hooks")]
 pub use device::ShaderSet;
 pub use error::{BackendError, RenderError};
-pub use frame::{FRAMES_IN_FLIGHT, Frame, FrameTimes, PassTime, warn_of_overflows};
+pub use frame::{DeviceTimes, FRAMES_IN_FLIGHT, Frame, FrameTimes, PassTime, warn_of_overflows};
 pub use frame_quality::FrameQuality;
 #[cfg(feature = "test-hooks")]
 pub use hooks::TestHooks;

@@ -114,7 +114,7 @@ impl ContactSheet<'_> {
             Map::Attenuation => {
                 check_shape(named, shape, frame.attenuation.len())?;
                 check_shape(named, shape, frame.mask.len())?;
-                let inside = frame.attenuation.iter().zip(&frame.mask);
+                let inside = frame.attenuation.iter().zip(&*frame.mask);
                 inside.map(|(&a, &mask)| if mask > 0 { colour::viridis(a) } else { [0; 3] }).collect()
             }
         };

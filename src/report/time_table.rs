@@ -10,6 +10,10 @@ use crate::statistics::{nearest_rank, sorted};
 /// Stage of the frame time outside the passes.
 pub const OVERHEAD: &str = "upload, submit, read back";
 
+/// Parts of [`OVERHEAD`] on the processor, where a device makes the frames: recording and submitting the passes, and
+/// copying the frame.
+pub const HOST_STAGES: [&str; 3] = ["of it: record", "of it: submit", "of it: copy out"];
+
 /// Stage of whole frames.
 pub const WHOLE_FRAME: &str = "whole frame";
 
@@ -32,7 +36,7 @@ pub struct TimeTable {
 /// Percentiles of one stage.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct StageTime {
-    /// A pass, [`OVERHEAD`], [`WHOLE_FRAME`], [`MOTION`] or [`GENERATOR`].
+    /// A pass, [`OVERHEAD`], one of [`HOST_STAGES`], [`WHOLE_FRAME`], [`MOTION`] or [`GENERATOR`].
     pub stage: &'static str,
     /// Number of times.
     pub count: usize,
@@ -50,6 +54,11 @@ impl TimeTable {
         if !times.passes.is_empty() {
             let passes_ms: f64 = times.passes.iter().map(|p| p.ms).sum();
             self.stage(OVERHEAD).push((times.total_ms - passes_ms).max(0.0));
+            if let Some(device) = times.device {
+                for (stage, ms) in HOST_STAGES.into_iter().zip([device.record_ms, device.submit_ms, device.copy_ms]) {
+                    self.stage(stage).push(ms);
+                }
+            }
         }
         for pass in &times.passes {
             self.stage(pass.name).push(pass.ms);
@@ -74,8 +83,9 @@ impl TimeTable {
     /// generator; empty without frames.
     pub fn stages(&self) -> Vec<StageTime> {
         let stages = || self.stages.iter().map(|(name, times)| (*name, times));
-        let passes = stages().filter(|(name, _)| *name != OVERHEAD);
-        let overhead = stages().filter(|(name, _)| *name == OVERHEAD);
+        let of_host = |name: &str| name == OVERHEAD || HOST_STAGES.contains(&name);
+        let passes = stages().filter(move |(name, _)| !of_host(name));
+        let overhead = stages().filter(move |(name, _)| of_host(name));
         passes
             .chain(overhead)
             .chain([(WHOLE_FRAME, &self.whole_ms), (MOTION, &self.motion_ms), (GENERATOR, &self.generator_ms)])
@@ -104,7 +114,8 @@ impl fmt::Display for SideBySide<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let tables: Vec<_> = self.0.iter().map(|(_, table)| table.stages()).collect();
         let mut names: Vec<&str> = Vec::new();
-        let last = [OVERHEAD, WHOLE_FRAME, MOTION, GENERATOR];
+        let [record, submit, copy] = HOST_STAGES;
+        let last = [OVERHEAD, record, submit, copy, WHOLE_FRAME, MOTION, GENERATOR];
         for stage in tables.iter().flatten().map(|s| s.stage).filter(|stage| !last.contains(stage)) {
             if !names.contains(&stage) {
                 names.push(stage);

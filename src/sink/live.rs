@@ -91,7 +91,7 @@ pub struct PresentedFrame {
     /// One-way attenuation over its 98th percentile [height × width]. Empty where `segmentation` is.
     pub attenuation: Vec<f32>,
     /// 255 inside the sector [height × width].
-    pub mask: Vec<u8>,
+    pub mask: Arc<[u8]>,
     /// Name of the generator at work; none on raw frames.
     pub generator: Option<String>,
     /// Operating point; none without a controller of operating points.

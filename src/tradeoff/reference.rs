@@ -229,7 +229,7 @@ fn path(store: &Store, name: &str, index: usize) -> std::path::PathBuf {
 
 fn save(store: &Store, index: usize, truth: &Truth) -> Result<(), TradeoffError> {
     let [width, height] = truth.size.map(|n| n as u32);
-    for (name, map) in [("bmode", &truth.bmode), ("segmentation", &truth.segmentation), ("mask", &truth.mask)] {
+    for (name, map) in [("bmode", &truth.bmode[..]), ("segmentation", &truth.segmentation), ("mask", &truth.mask)] {
         png::write_grey(&path(store, name, index), width, height, map, Effort::Fast)?;
     }
     Ok(())
@@ -240,14 +240,14 @@ fn load(bench: &Bench, store: &Store, index: usize) -> Result<Truth, TradeoffErr
     let (bmode, [width, height]) = map("bmode")?;
     let size = [width as usize, height as usize];
     let range_db = bench.settings().image.dynamic_range_db;
-    Ok(Truth::new(size, bmode, map("segmentation")?.0, map("mask")?.0, range_db)?)
+    Ok(Truth::new(size, bmode, map("segmentation")?.0, map("mask")?.0.into(), range_db)?)
 }
 
 /// Mean absolute change of a pixel inside the sectors, grey levels.
 fn mean_change(before: &[Truth], after: &[Truth]) -> f64 {
     let (mut sum, mut count) = (0u64, 0u64);
     for (a, b) in before.iter().zip(after) {
-        for ((x, y), _) in a.bmode.iter().zip(&b.bmode).zip(&b.mask).filter(|(_, mask)| **mask > 0) {
+        for ((x, y), _) in a.bmode.iter().zip(&b.bmode).zip(&*b.mask).filter(|(_, mask)| **mask > 0) {
             sum += u64::from(x.abs_diff(*y));
             count += 1;
         }

@@ -2,7 +2,7 @@
 
 use super::{PassMs, Time};
 use crate::report::TimeTable;
-use crate::report::time_table::{OVERHEAD, WHOLE_FRAME};
+use crate::report::time_table::{HOST_STAGES, OVERHEAD, WHOLE_FRAME};
 use crate::statistics::{median, percentile};
 
 /// Times of the frames of a point.
@@ -25,7 +25,8 @@ impl Times {
         };
         let rest = self.ms.iter().flat_map(less_median).collect::<Vec<_>>();
         let rest = |part| percentile(&rest, part).unwrap_or(f64::NAN);
-        let stages = self.table.stages().into_iter().filter(|s| ![OVERHEAD, WHOLE_FRAME].contains(&s.stage));
+        let beside = |stage: &str| [OVERHEAD, WHOLE_FRAME].contains(&stage) || HOST_STAGES.contains(&stage);
+        let stages = self.table.stages().into_iter().filter(|s| !beside(s.stage));
         let mut passes: Vec<PassMs> =
             stages.map(|s| PassMs { name: s.stage.to_owned(), median_ms: s.p50_ms }).collect();
         let generator = median(&self.generator_ms).filter(|ms| *ms > 0.0);

@@ -3,6 +3,7 @@
 use crate::quality::speckle::speckle;
 use crate::quality::{ClassSpeckle, Pair, QualityError};
 use crate::render::Frame;
+use std::sync::Arc;
 
 /// Reference images at one pose.
 #[derive(Debug)]
@@ -10,7 +11,7 @@ pub(crate) struct Truth {
     pub(super) size: [usize; 2],
     pub(super) bmode: Vec<u8>,
     pub(super) segmentation: Vec<u8>,
-    pub(super) mask: Vec<u8>,
+    pub(super) mask: Arc<[u8]>,
     pub(super) speckle: Vec<ClassSpeckle>,
 }
 
@@ -24,7 +25,7 @@ impl Truth {
         size: [usize; 2],
         bmode: Vec<u8>,
         segmentation: Vec<u8>,
-        mask: Vec<u8>,
+        mask: Arc<[u8]>,
         range_db: f64,
     ) -> Result<Self, QualityError> {
         let speckle = speckle(&bmode, &segmentation, size, range_db)?;

@@ -37,6 +37,6 @@ fn a_probe_may_be_anywhere() {
         let frame = frame(&mut renderer, &pose);
         let air = scene.background as u8 + 1;
         assert!(frame.bmode.iter().all(|&g| g == 0), "{what}");
-        assert!(frame.segmentation.iter().zip(&frame.mask).all(|(&s, &m)| m == 0 || s == air), "{what}");
+        assert!(frame.segmentation.iter().zip(&*frame.mask).all(|(&s, &m)| m == 0 || s == air), "{what}");
     }
 }

@@ -132,7 +132,7 @@ const DAMAGES: [Damages; 4] = [
         ("profiles of another power", "profiles", "sqrt(kernel_power /", "(kernel_power /"),
         ("the plane before an obstacle", "visibility", "(1.0 - followed) * last", "last"),
         ("sign of the phase", "march", "phasor(-params", "phasor(params"),
-        ("an echo overwrites its sample", "echo", "+= amplitude", "= amplitude"),
+        ("an echo overwrites its sample", "echo", "+= echoed", "= echoed"),
         (
             "the beam is off by a scanline",
             "lateral",
@@ -158,7 +158,7 @@ const DAMAGES: [Damages; 4] = [
         ("scatterers of all depths within the same reach", "profiles", "reaches[plane].x", "reaches[0].x"),
         ("beams not interpolated", "visibility", "node - f32(low)", "0.0"),
         ("phase of the sample, not of its scatterer", "march", "(place.range_mm + ahead_mm)", "(place.range_mm)"),
-        ("echoes a sample too deep", "echo", "u32(sample)]", "min(u32(sample) + 1u, params.samples - 1u)]"),
+        ("echoes a sample too deep", "echo", "u32(sample);", "min(u32(sample) + 1u, params.samples - 1u);"),
         (
             "weights of a kernel and two profiles not made up for",
             "lateral",

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 use serde::Serialize;
@@ -126,7 +127,7 @@ impl Replay {
             tracing::warn!("{} holds {left} frames of an earlier replay that this one does not replace", out.display());
         }
         let mut video = Video::create(&out.join("video"), settings.image.width, settings.image.height, self.rate)?;
-        let (mut table, mut overflowed, mut hash, mut mask) = (TimeTable::default(), 0, Sha256::new(), Vec::new());
+        let (mut table, mut overflowed, mut hash, mut mask) = (TimeTable::default(), 0, Sha256::new(), Arc::default());
         let started = Instant::now();
         self.render(
             backend,

@@ -16,13 +16,10 @@ use crate::settings::Effect;
 #[derive(Debug)]
 pub(super) struct DeviceConfiguration {
     pub(super) buffers: Buffers,
-    path_passes: Vec<Pass>,
-    /// Index in `path_passes`, and batch, of each dispatch before `image_passes`.
-    path_order: Vec<(usize, u32)>,
-    pub(super) image_passes: Vec<Pass>,
-    /// Batch of `image_passes`: the last, whose paths are in memory.
-    pub(super) last_batch: u32,
-    /// Last of `image_passes` for frames without maps.
+    passes: Vec<Pass>,
+    /// Index in `passes`, and batch, of each dispatch of a frame with maps.
+    order: Vec<(usize, u32)>,
+    /// The last of `passes` for frames without maps.
     scan_convert_image: Pass,
     pub(super) slots: [Arc<Slot>; FRAMES_IN_FLIGHT],
 }
@@ -47,12 +44,16 @@ impl DeviceConfiguration {
         let mut pass = |name, groups, constants: Constants<'_>| {
             Pass::new(gpu, pipelines, (scene, &buffers), name, groups, constants)
         };
-        let path_groups = [params.paths(batches.layers_per_batch).div_ceil(64), 1, 1];
+        let paths = params.paths(batches.layers_per_batch);
         let samples_by = |run: u32| [params.row_samples.div_ceil(64 * run), params.scanlines, 1];
         let pixels = [params.sector_words.div_ceil(128), 1, 1];
         let flag = |on: bool| f64::from(u8::from(on));
         let keep = [("KEEP_LINES", flag(settings.lines))];
+        let (apart, rays_apart) = (gpu.lanes_apart(paths), gpu.lanes_apart(params.map_rays));
+        let spread = |threads: u32, apart: u32, group: u32| [(threads * apart).div_ceil(group), 1, 1];
+        let locate = [("LANES_APART", f64::from(apart))];
         let trace = [
+            locate[0],
             ("MOVING", flag(inputs.media.moving && on.has(Effect::Motion))),
             ("REFRACTION", flag(on.has(Effect::Refraction))),
             ("INTERFACE_ECHOES", flag(on.has(Effect::InterfaceEchoes))),
@@ -65,10 +66,12 @@ impl DeviceConfiguration {
         let lateral = [aperture[0], ("STEERED", flag(steered))];
         let lines = [params.scanlines.div_ceil(16), 1, 1];
         let cells = tables.aperture.as_ref().map_or(0, |tables| tables.sampling.cells as u32);
-        let traced = vec![pass("locate", path_groups, &[])?, pass("trace", path_groups, &trace)?];
+        let traced =
+            vec![pass("locate", spread(paths, apart, 64), &locate)?, pass("trace", spread(paths, apart, 64), &trace)?];
         let seen = match &tables.aperture {
             Some(tables) => vec![
-                pass("transmission", [tables.planes as u32, 1, 1], &[])?,
+                pass("transmission", [tables.planes as u32, cells.div_ceil(64), 1], &[("ROWS", 0.0)])?,
+                pass("transmission", [tables.planes as u32, 1, 1], &[("ROWS", 1.0)])?,
                 pass("propagate", [tables.modes.len() as u32, 1, 1], &[])?,
                 pass(
                     "beams",
@@ -90,23 +93,31 @@ impl DeviceConfiguration {
             returned.push(pass("march", samples_by(8), &march)?);
         }
         if on.has(Effect::InterfaceEchoes) {
-            returned.push(pass("echo", lines, &aperture)?);
+            returned.push(pass("echo", [params.scanlines, 1, 1], &aperture)?);
         }
-        let path_order = path_order([traced.len(), seen.len(), returned.len()], batches.batches);
-        let path_passes: Vec<Pass> = traced.into_iter().chain(seen).chain(returned).collect();
+        let mut order = path_order([traced.len(), seen.len(), returned.len()], batches.batches);
+        let mut passes: Vec<Pass> = traced.into_iter().chain(seen).chain(returned).collect();
+        // Maps need no paths: each of their passes runs beside one that leaves most of a GPU idle.
+        let map_passes = [
+            pass("section", spread(params.map_rays, rays_apart, 32), &[("LANES_APART", f64::from(rays_apart))])?,
+            pass("percentile", [1, 1, 1], &[])?,
+        ];
+        for (map_pass, place) in map_passes.into_iter().zip([2, 4]) {
+            order.insert(place.min(order.len()), (passes.len(), 0));
+            passes.push(map_pass);
+        }
+        // The paths of the last batch are in memory.
+        let last_batch = batches.batches - 1;
         let mut image_passes = vec![pass("lateral", samples_by(4), &lateral)?];
         if params.receives() {
             image_passes.push(pass("receive", samples_by(2), &[])?);
         }
-        image_passes.extend([
-            pass("detect", samples_by(8), &keep)?,
-            pass("section", [params.map_rays.div_ceil(32), 1, 1], &[])?,
-            pass("percentile", [1, 1, 1], &[])?,
-            pass("scan_convert", pixels, &[("MAPS", 1.0)])?,
-        ]);
+        image_passes.push(pass("detect", samples_by(8), &keep)?);
+        image_passes.push(pass("scan_convert", pixels, &[("MAPS", 1.0)])?);
+        order.extend((passes.len()..passes.len() + image_passes.len()).map(|pass| (pass, last_batch)));
+        passes.extend(image_passes);
         let scan_convert_image = pass("scan_convert", pixels, &[("MAPS", 0.0)])?;
 
-        let of_paths = path_order.iter().map(|&(pass, _)| &path_passes[pass]);
         let shape = Shape {
             width: params.image.width,
             height: params.image.height,
@@ -114,27 +125,21 @@ impl DeviceConfiguration {
             lines: if settings.lines { params.scanlines } else { 0 },
             samples: params.samples,
             row_samples: params.row_samples,
-            passes: of_paths.chain(&image_passes).map(|pass| pass.name).collect(),
+            passes: order.iter().map(|&(pass, _)| passes[pass].name).collect(),
         };
         let slots = match previous {
             Some(previous) if *previous.slots[0].shape() == shape => previous.slots.clone(),
             _ => [Arc::new(Slot::new(gpu, &shape)?), Arc::new(Slot::new(gpu, &shape)?)],
         };
-        let last_batch = batches.batches - 1;
-        Ok(Self { buffers, path_passes, path_order, image_passes, last_batch, scan_convert_image, slots })
+        Ok(Self { buffers, passes, order, scan_convert_image, slots })
     }
 
-    /// Passes of the paths and their batches, in order.
-    pub(super) fn path_passes(&self) -> impl Iterator<Item = (&Pass, u32)> {
-        self.path_order.iter().map(|&(pass, batch)| (&self.path_passes[pass], batch))
-    }
-
-    /// Passes of a frame after the path passes, in order.
-    pub(super) fn image_passes(&self, contents: Contents) -> impl Iterator<Item = &Pass> {
-        let taken = self.image_passes.iter().filter(move |pass| takes(contents, pass.name));
-        taken.map(move |pass| {
+    /// Passes of a frame and their batches, in order.
+    pub(super) fn passes(&self, contents: Contents) -> impl Iterator<Item = (&Pass, u32)> {
+        let all = self.order.iter().map(|&(pass, batch)| (&self.passes[pass], batch));
+        all.filter(move |(pass, _)| takes(contents, pass.name)).map(move |(pass, batch)| {
             let image_alone = !contents.maps && pass.name == self.scan_convert_image.name;
-            if image_alone { &self.scan_convert_image } else { pass }
+            (if image_alone { &self.scan_convert_image } else { pass }, batch)
         })
     }
 }

@@ -12,6 +12,11 @@ pub(super) const UNIFORM: wgpu::BufferUsages = wgpu::BufferUsages::UNIFORM.union
 /// Prefixes of the names of GPU nodes in `/dev` and `/dev/dri`.
 const DEVICE_NODES: [&str; 7] = ["renderD", "nvidia", "nvhost", "nvmap", "mali", "kgsl", "dxg"];
 
+/// Threads among which searches of a frame are spread.
+const SPREAD_THREADS: u32 = 1 << 17;
+/// Most threads for each that searches: the widest group of lanes.
+const LANES_APART_MAX: u32 = 32;
+
 /// A device and its queue.
 #[derive(Debug, Clone)]
 pub(in crate::render) struct Gpu {
@@ -157,6 +162,17 @@ impl Gpu {
     /// Driver and its version.
     pub(in crate::render) fn driver(&self) -> String {
         format!("{} {} ({:?})", self.info.driver, self.info.driver_info, self.info.backend)
+    }
+
+    /// Threads to start for each of `threads` that search the scene, a power of two. Lanes of one group wait for each
+    /// other's searches, and few threads leave most of a GPU idle; software runs no idle lanes for nothing.
+    pub(super) fn lanes_apart(&self, threads: u32) -> u32 {
+        if self.is_software() && std::env::var("X_TARGET").is_err() {
+            return 1;
+        }
+        let t = std::env::var("X_TARGET").ok().and_then(|t| t.parse().ok()).unwrap_or(SPREAD_THREADS);
+        let fits = (t / threads.max(1)).clamp(1, LANES_APART_MAX);
+        1 << fits.ilog2()
     }
 
     /// Whether the adapter is software on the CPU.

@@ -10,7 +10,7 @@ use crate::render::frame::{Contents, Frame, unpad};
 /// Staging memory of one frame in flight.
 #[derive(Debug)]
 pub(crate) struct Slot {
-    /// [B-mode | segmentation | attenuation | percentile, overflows | lines | timestamps], one buffer.
+    /// [B-mode | segmentation | attenuation | percentile, overflows, those of maps | lines | timestamps], one buffer.
     staging: wgpu::Buffer,
     layout: Layout,
     queries: Option<Queries>,
@@ -82,7 +82,7 @@ impl Layout {
         6 * self.pixels
     }
     fn lines(&self) -> u64 {
-        self.scalars() + 32
+        self.scalars() + 48
     }
     fn times(&self) -> u64 {
         self.lines() + self.lines
@@ -150,6 +150,7 @@ impl Slot {
             encoder.copy_buffer_to_buffer(&buffers.percentile, 0, &self.staging, l.scalars(), Some(16));
         }
         encoder.copy_buffer_to_buffer(&buffers.overflows, 0, &self.staging, l.scalars() + 16, Some(16));
+        encoder.copy_buffer_to_buffer(&buffers.map_overflows, 0, &self.staging, l.scalars() + 32, Some(16));
         if l.lines > 0 {
             encoder.copy_buffer_to_buffer(&buffers.lines, 0, &self.staging, l.lines(), Some(l.lines));
         }
@@ -184,7 +185,7 @@ impl Slot {
             if contents.image {
                 unpad(&mut frame.bmode, at(0, l.pixels), width, stride);
             }
-            let scalars: &[u32] = bytemuck::cast_slice(at(l.scalars(), 32));
+            let scalars: &[u32] = bytemuck::cast_slice(at(l.scalars(), 48));
             frame.segmentation.clear();
             frame.attenuation.clear();
             frame.attenuation_p98 = 0.0;
@@ -194,7 +195,7 @@ impl Slot {
                 unpad(&mut frame.attenuation, levels, width, stride);
                 frame.attenuation_p98 = (-f32::from_bits(scalars[0])).exp();
             }
-            frame.overflows = scalars[4];
+            frame.overflows = scalars[4].saturating_add(scalars[8]);
             frame.lines.clear();
             if l.lines > 0 {
                 let lines: &[[f32; 2]] = bytemuck::cast_slice(at(l.lines(), l.lines));

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 use std::sync::{Arc, mpsc};
+use std::time::Instant;
 
 use super::buffers::{PARAMS_STRIDE, SceneBuffers};
 use super::configuration::DeviceConfiguration;
@@ -14,7 +15,7 @@ use crate::anatomy::Bvh;
 use crate::anatomy::bvh::{Changed, PackedTriangle};
 use crate::render::configuration::FrameInputs;
 use crate::render::error::{BackendError, RenderError};
-use crate::render::frame::{Contents, FRAMES_IN_FLIGHT, Frame};
+use crate::render::frame::{Contents, DeviceTimes, FRAMES_IN_FLIGHT, Frame};
 use crate::render::maker::FrameMaker;
 use crate::render::snapshot::PassBuffers;
 use crate::settings::Effect;
@@ -25,6 +26,7 @@ struct InFlight {
     slot: Arc<Slot>,
     contents: Contents,
     submission: wgpu::SubmissionIndex,
+    times: DeviceTimes,
 }
 
 /// Makes frames by the shaders of a device.
@@ -93,12 +95,13 @@ impl DeviceRenderer {
         self.gpu.queue.write_buffer(&self.active.buffers.params, 0, &self.uniforms);
     }
 
-    /// Begins the commands of a frame: uploads uniforms, clears the counter, and the baseband if no `march` writes it.
+    /// Begins the commands of a frame: uploads uniforms, clears the counters, and the baseband if no `march` writes it.
     fn begin(&mut self, inputs: FrameInputs<'_>) -> wgpu::CommandEncoder {
         self.upload_uniforms(inputs);
         let label = wgpu::CommandEncoderDescriptor { label: Some("frame") };
         let mut encoder = self.gpu.device.create_command_encoder(&label);
         encoder.clear_buffer(&self.active.buffers.overflows, 0, None);
+        encoder.clear_buffer(&self.active.buffers.map_overflows, 0, None);
         if !inputs.configuration.effects.has(Effect::Scatterers) {
             encoder.clear_buffer(&self.active.buffers.baseband, 0, None);
         }
@@ -108,6 +111,7 @@ impl DeviceRenderer {
     /// Waits for a submission and copies its frame out of its slot.
     fn read_back(&mut self, in_flight: &InFlight, frame: &mut Frame) -> Result<(), BackendError> {
         let lost = |reason: String| BackendError::Lost { reason };
+        let started = Instant::now();
         let result = loop {
             match self.mapped.try_recv() {
                 Ok(result) => break result,
@@ -121,8 +125,17 @@ impl DeviceRenderer {
         };
         result.map_err(|e| lost(e.to_string()))?;
         self.gpu.check()?;
-        in_flight.slot.read(frame, in_flight.contents)
+        let wait_ms = ms_since(started);
+        let started = Instant::now();
+        in_flight.slot.read(frame, in_flight.contents)?;
+        frame.times.device = Some(DeviceTimes { wait_ms, copy_ms: ms_since(started), ..in_flight.times });
+        Ok(())
     }
+}
+
+/// Time since an instant, ms.
+fn ms_since(started: Instant) -> f64 {
+    started.elapsed().as_secs_f64() * 1e3
 }
 
 impl FrameMaker for DeviceRenderer {
@@ -157,6 +170,7 @@ impl FrameMaker for DeviceRenderer {
     }
 
     fn submit(&mut self, inputs: FrameInputs<'_>, contents: Contents) -> Result<(), BackendError> {
+        let started = Instant::now();
         let mut encoder = self.begin(inputs);
         let slot = self.active.slots[self.next_slot].clone();
         let mut index = 0;
@@ -168,15 +182,15 @@ impl FrameMaker for DeviceRenderer {
             pass.record(&mut compute, batch);
             index += 1;
         };
-        // Maps alone need no paths.
-        if contents.image {
-            self.active.path_passes().for_each(|(pass, batch)| record(pass, batch));
-        }
-        self.active.image_passes(contents).for_each(|pass| record(pass, self.active.last_batch));
+        self.active.passes(contents).for_each(|(pass, batch)| record(pass, batch));
         slot.record(&mut encoder, &self.active.buffers, contents);
-        let submission = self.gpu.queue.submit([encoder.finish()]);
+        let commands = encoder.finish();
+        let record_ms = ms_since(started);
+        let started = Instant::now();
+        let submission = self.gpu.queue.submit([commands]);
         slot.map(&self.map_done);
-        self.in_flight.push_back(InFlight { slot, contents, submission });
+        let times = DeviceTimes { record_ms, submit_ms: ms_since(started), ..DeviceTimes::default() };
+        self.in_flight.push_back(InFlight { slot, contents, submission, times });
         self.next_slot = (self.next_slot + 1) % FRAMES_IN_FLIGHT;
         Ok(())
     }

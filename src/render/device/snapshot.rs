@@ -6,7 +6,7 @@ use super::configuration::DeviceConfiguration;
 use super::gpu::Gpu;
 use super::passes::Pass;
 use crate::render::error::BackendError;
-use crate::render::frame::unpad;
+use crate::render::frame::{Contents, unpad};
 use crate::render::params::Params;
 use crate::render::snapshot::PassBuffers;
 
@@ -30,7 +30,7 @@ fn read<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<T>, BackendError
 }
 
 /// An image in a buffer, without the padding of its rows.
-fn image<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, params: &Params) -> Result<Vec<T>, BackendError> {
+fn image<T: Pod + Send + Sync>(gpu: &Gpu, buffer: &wgpu::Buffer, params: &Params) -> Result<Vec<T>, BackendError> {
     let mut rows = Vec::new();
     unpad(&mut rows, &read(gpu, buffer)?, params.image.width as usize, 4 * params.row_words as usize);
     Ok(rows)
@@ -47,7 +47,7 @@ pub(super) fn pass_buffers(
     params: &Params,
 ) -> Result<PassBuffers, BackendError> {
     let buffers = &active.buffers;
-    let passes = || active.path_passes().chain(active.image_passes.iter().map(|pass| (pass, active.last_batch)));
+    let passes = || active.passes(Contents { image: true, maps: true });
     // Echoes are added in place, so the scatterers' baseband is read before `echo`.
     let scatters = passes().take_while(|(pass, _)| !["echo", "lateral"].contains(&pass.name)).count();
     let record = |encoder: &mut wgpu::CommandEncoder, (pass, batch): (&Pass, u32)| {
@@ -67,6 +67,7 @@ pub(super) fn pass_buffers(
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     passes().skip(focuses).for_each(|pass| record(&mut encoder, pass));
     gpu.queue.submit([encoder.finish()]);
+    let first = |counts: Vec<u32>| counts.first().copied().unwrap_or_default();
     Ok(PassBuffers {
         scattered,
         starts_inside: read(gpu, &buffers.starts_inside)?,
@@ -88,7 +89,7 @@ pub(super) fn pass_buffers(
         bmode: image(gpu, &buffers.bmode, params)?,
         segmentation: image(gpu, &buffers.segmentation, params)?,
         attenuation: image(gpu, &buffers.attenuation, params)?,
-        overflows: read(gpu, &buffers.overflows)?.first().copied().unwrap_or_default(),
+        overflows: first(read(gpu, &buffers.overflows)?) + first(read(gpu, &buffers.map_overflows)?),
         mask: read(gpu, &buffers.aperture.mask)?,
         row_np: read(gpu, &buffers.aperture.row_np)?,
         fields: read(gpu, &buffers.aperture.fields)?,

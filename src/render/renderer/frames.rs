@@ -198,8 +198,7 @@ impl Renderer {
         if let Some(compounding) = self.compounding.as_mut().filter(|_| generation == self.generation) {
             compounding.add(angle, place, Rules::of(&self.active.settings.look), &mut frame.bmode);
         }
-        frame.mask.clear();
-        frame.mask.extend_from_slice(&mask);
+        frame.mask = mask;
         frame.scan = Some(scan);
         frame.contact = contact;
         frame.times.total_ms = started.elapsed().as_secs_f64() * 1e3;
