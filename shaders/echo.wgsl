@@ -14,6 +14,9 @@
 // Whether the aperture's gain replaces the loss of paths that have not reflected.
 override APERTURE: bool = false;
 
+// Threads that add, each at its own samples.
+override ADDERS: u32 = 64u;
+
 const THREADS: u32 = 64u;
 const NO_SAMPLE: u32 = 0xffffffffu;
 
@@ -137,9 +140,9 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
                 }
             }
             workgroupBarrier();
-            for (var i = 0u; i < min(total - turn, THREADS); i++) {
+            for (var i = 0u; i < select(0u, min(total - turn, THREADS), thread < ADDERS); i++) {
                 let sample = samples[i];
-                if sample % THREADS == thread && sample != NO_SAMPLE {
+                if sample % ADDERS == thread && sample != NO_SAMPLE {
                     baseband[line * params.row_samples + sample] += echoed[i];
                 }
             }

@@ -1,6 +1,7 @@
 //! A station's live session: generators, operating point, tracker, recording and sinks, from the station file.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use thiserror::Error;
 use tokio::sync::mpsc;
@@ -90,6 +91,7 @@ impl LiveStation {
         generate: bool,
     ) -> Result<Self, LiveError> {
         let aperture = station.settings.effects.of(Effect::Aperture);
+        let factory = factory.answering_within(Duration::from_secs_f64(station.pipeline.device_hang_ms * 1e-3));
         let mut renderer = factory.build_renderer(&station.probe, &station.settings)?;
         let mut messages = Vec::new();
         let mut generators = if generate { generators(station, &mut messages)? } else { Vec::new() };

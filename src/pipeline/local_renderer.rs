@@ -1,6 +1,7 @@
 //! Renderer on this machine, for the pipeline.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use super::parts::{FrameRenderer, ImageShape, RenderFault, RendererFactory};
 use crate::anatomy::{Bvh, Scene};
@@ -22,6 +23,13 @@ impl LocalRendererFactory {
     /// Fails if no BVH can be built for the scene.
     pub fn new(backend: Backend, scene: Arc<Scene>) -> Result<Self, RenderError> {
         Ok(Self { backend, bvh: Arc::new(Bvh::build(&scene)?), scene })
+    }
+
+    /// The same factory; a GPU that takes longer than `wait` for a frame counts as lost. Software may take any time.
+    #[must_use]
+    pub fn answering_within(self, wait: Duration) -> Self {
+        let software = self.backend.is_software();
+        Self { backend: if software { self.backend } else { self.backend.answering_within(wait) }, ..self }
     }
 
     /// A renderer on the open backend.

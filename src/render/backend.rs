@@ -1,6 +1,7 @@
 //! Rendering backends and their choice.
 
 use std::fmt;
+use std::time::Duration;
 
 use thiserror::Error;
 
@@ -74,7 +75,16 @@ impl Backend {
     pub fn reopen(&self) -> Result<Self, BackendError> {
         match &self.0 {
             Kind::Host => Ok(self.clone()),
-            Kind::Device(gpu) => Ok(Self(Kind::Device(Box::new(Gpu::open(gpu.is_software())?)))),
+            Kind::Device(gpu) => Ok(Self(Kind::Device(Box::new(gpu.reopen()?)))),
+        }
+    }
+
+    /// The same backend; its device counts as lost if a frame takes longer than `wait`. Without it, a GPU has a minute, and
+    /// software any time. The host is not concerned.
+    pub fn answering_within(self, wait: Duration) -> Self {
+        match self.0 {
+            Kind::Host => self,
+            Kind::Device(gpu) => Self(Kind::Device(Box::new(gpu.answering_within(wait)))),
         }
     }
 

@@ -70,6 +70,16 @@ pub enum BackendError {
         /// Message of wgpu.
         reason: String,
     },
+    /// A frame was not done in time.
+    #[error(
+        "{adapter} did not answer within {wait_s} s and counts as lost; if its frames take that long, raise `pipeline.device_hang_ms` or lower the rays and layers"
+    )]
+    Hung {
+        /// Adapter.
+        adapter: String,
+        /// Longest wait, s.
+        wait_s: f64,
+    },
     /// The device was lost or a map failed.
     #[error("the GPU stopped answering: {reason}")]
     Lost {

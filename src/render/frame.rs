@@ -2,8 +2,6 @@
 
 use std::sync::Arc;
 
-use bytemuck::Pod;
-use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::transducer::{Contact, ScanGeometry};
@@ -116,18 +114,12 @@ pub struct Frame {
     pub times: FrameTimes,
 }
 
-/// Rows that one task copies.
-const ROWS_OF_A_TASK: usize = 128;
-
-/// Copies rows of `width` out of rows of `stride`, on all threads: one alone reads memory slower than a device fills it.
-pub(super) fn unpad<T: Pod + Send + Sync>(into: &mut Vec<T>, from: &[T], width: usize, stride: usize) {
-    into.resize(from.len() / stride * width, T::zeroed());
-    let tasks = into.par_chunks_mut(ROWS_OF_A_TASK * width).zip(from.par_chunks(ROWS_OF_A_TASK * stride));
-    tasks.for_each(|(into, from)| {
-        for (into, from) in into.chunks_exact_mut(width).zip(from.chunks_exact(stride)) {
-            into.copy_from_slice(&from[..width]);
-        }
-    });
+/// Copies rows of `width` out of rows of `stride`. One thread does it: waking others takes longer than the copy.
+pub(super) fn unpad<T: Copy>(into: &mut Vec<T>, from: &[T], width: usize, stride: usize) {
+    into.clear();
+    for row in from.chunks_exact(stride) {
+        into.extend_from_slice(&row[..width]);
+    }
 }
 
 /// Logs a warning of frames in which crossings did not fit the buffers.

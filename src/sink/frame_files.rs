@@ -133,7 +133,7 @@ mod tests {
         assert_eq!(written.len(), 7);
         assert!(written.iter().all(|p| p.is_file()));
         assert_eq!(image::load_from_memory(&read("segmentation.png")).unwrap().into_bytes(), frame.segmentation);
-        assert_eq!(image::load_from_memory(&read("mask.png")).unwrap().into_bytes(), frame.mask);
+        assert_eq!(image::load_from_memory(&read("mask.png")).unwrap().into_bytes(), *frame.mask);
         let names: BTreeMap<usize, String> = serde_json::from_slice(&read("tissues.json")).unwrap();
         assert_eq!(names, [(0, "outside".into()), (1, "blood".into()), (2, "liver".into())].into());
         let attenuation = read("attenuation.npy");

@@ -89,7 +89,7 @@ pub(super) mod tests {
             image: vec![number as u8; 8],
             segmentation: vec![1; 8],
             attenuation: vec![0.5; 8],
-            mask: vec![255; 8],
+            mask: [255; 8].into(),
             ..PresentedFrame::default()
         }
     }

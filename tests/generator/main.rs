@@ -263,7 +263,7 @@ fn a_model_in_beam_coordinates_translates_pictures() {
     let assert_shows = |frame: &Frame, out: &[u8]| {
         let far = out.iter().zip(&frame.bmode).filter(|(found, level)| found.abs_diff(**level) > 2).count();
         assert!(far < out.len() / 200, "{far} pixels");
-        assert!(out.iter().zip(&frame.mask).all(|(level, inside)| *inside > 0 || *level == 0));
+        assert!(out.iter().zip(&*frame.mask).all(|(level, inside)| *inside > 0 || *level == 0));
     };
     let frame = picture(150.0);
     let mut out = Vec::new();
@@ -762,7 +762,7 @@ fn a_pipeline_runs_generators_by_index() {
         bmode: maps.image.clone(),
         segmentation: maps.segmentation.clone(),
         attenuation: maps.attenuation.clone(),
-        mask: maps.mask.clone(),
+        mask: maps.mask.clone().into(),
         ..Frame::default()
     };
     let mut outputs = [const { Vec::new() }; 2];

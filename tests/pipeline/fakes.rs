@@ -82,12 +82,15 @@ impl FrameRenderer for Device {
             return Err(RenderFault::Lost(format!("device lost at frame {number}")));
         }
         (frame.width, frame.height) = (SHAPE.width, SHAPE.height);
-        for map in [&mut frame.bmode, &mut frame.segmentation, &mut frame.mask] {
+        for map in [&mut frame.bmode, &mut frame.segmentation] {
             map.clear();
             map.resize(PIXELS, 1 + self.gain_db as u8);
         }
         // Scene time in tenths of a second.
-        frame.mask.fill((10.0 * time_s) as u8);
+        let tenths = (10.0 * time_s) as u8;
+        if frame.mask.len() != PIXELS || frame.mask[0] != tenths {
+            frame.mask = std::iter::repeat_n(tenths, PIXELS).collect();
+        }
         frame.attenuation.clear();
         frame.attenuation.resize(PIXELS, pose.position_mm.x as f32);
         if !maps {

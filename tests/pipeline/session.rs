@@ -83,6 +83,7 @@ impl Session {
                 deadline_ms: 100.0,
                 choice,
                 hang_ms: 2000.0,
+                device_hang_ms: 2000.0,
                 finish_ms: 10_000.0,
             },
             limits: Limits { duration: Some(10 * SECOND), frames: None },

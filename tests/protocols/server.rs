@@ -46,7 +46,7 @@ fn frame(number: u64, width: u32, height: u32) -> PresentedFrame {
         image,
         segmentation: vec![0; pixels],
         attenuation: vec![0.0; pixels],
-        mask: vec![255; pixels],
+        mask: vec![255; pixels].into(),
         generator: None,
         point: None,
         notice: None,

@@ -93,7 +93,9 @@ impl DeviceConfiguration {
             returned.push(pass("march", samples_by(8), &march)?);
         }
         if on.has(Effect::InterfaceEchoes) {
-            returned.push(pass("echo", [params.scanlines, 1, 1], &aperture)?);
+            // Software takes the turns of all threads one after another.
+            let echo = [aperture[0], ("ADDERS", if gpu.is_software() { 1.0 } else { 64.0 })];
+            returned.push(pass("echo", [params.scanlines, 1, 1], &echo)?);
         }
         let mut order = path_order([traced.len(), seen.len(), returned.len()], batches.batches);
         let mut passes: Vec<Pass> = traced.into_iter().chain(seen).chain(returned).collect();

@@ -1,6 +1,7 @@
 //! The graphics device.
 
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
 use crate::render::error::BackendError;
 
@@ -12,10 +13,13 @@ pub(super) const UNIFORM: wgpu::BufferUsages = wgpu::BufferUsages::UNIFORM.union
 /// Prefixes of the names of GPU nodes in `/dev` and `/dev/dri`.
 const DEVICE_NODES: [&str; 7] = ["renderD", "nvidia", "nvhost", "nvmap", "mali", "kgsl", "dxg"];
 
-/// Threads among which searches of a frame are spread.
+/// Threads among which searches of a frame are spread: more slow 32 × 3 rays × layers on an H200, fewer slow 1 × 1.
 const SPREAD_THREADS: u32 = 1 << 17;
 /// Most threads for each that searches: the widest group of lanes.
 const LANES_APART_MAX: u32 = 32;
+
+/// Longest wait for a frame of a GPU; software may take any time.
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A device and its queue.
 #[derive(Debug, Clone)]
@@ -24,6 +28,8 @@ pub(in crate::render) struct Gpu {
     pub(super) queue: wgpu::Queue,
     info: wgpu::AdapterInfo,
     pub(super) timestamps: bool,
+    /// Longest wait for a frame.
+    patience: Option<Duration>,
     /// The first error that the device reported outside of any call.
     fault: Arc<Mutex<Option<String>>>,
 }
@@ -79,8 +85,48 @@ impl Gpu {
         device.on_uncaptured_error(Arc::new(move |error| {
             reported.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error.to_string());
         }));
+        let reported = fault.clone();
+        device.set_device_lost_callback(move |reason, message| {
+            // A device that is dropped is lost, too; nobody asks it then.
+            let message = if message.is_empty() { format!("{reason:?}") } else { message };
+            reported.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(message);
+        });
         let timestamps = features.contains(wgpu::Features::TIMESTAMP_QUERY);
-        Ok(Self { device, queue, info, timestamps, fault })
+        let patience = (info.device_type != wgpu::DeviceType::Cpu).then_some(PATIENCE);
+        Ok(Self { device, queue, info, timestamps, patience, fault })
+    }
+
+    /// The same device; it counts as hanging if a frame takes longer than `wait`.
+    pub(in crate::render) fn answering_within(self, wait: Duration) -> Self {
+        Self { patience: Some(wait), ..self }
+    }
+
+    /// Opens a device of the same kind again.
+    ///
+    /// # Errors
+    /// As [`Gpu::open`].
+    pub(in crate::render) fn reopen(&self) -> Result<Self, BackendError> {
+        Ok(Self { patience: self.patience, ..Self::open(self.is_software())? })
+    }
+
+    /// Waits until a submission is done.
+    ///
+    /// # Errors
+    /// A device that is lost, or that does not answer in time: it counts as lost then.
+    pub(super) fn wait(&self, submission: wgpu::SubmissionIndex) -> Result<(), BackendError> {
+        let wait = wgpu::PollType::Wait { submission_index: Some(submission), timeout: self.patience };
+        match self.device.poll(wait) {
+            Ok(_) => Ok(()),
+            Err(wgpu::PollError::Timeout) => {
+                // Dropping the last handle would wait for the hanging work without end.
+                std::mem::forget((self.device.clone(), self.queue.clone()));
+                let wait_s = self.patience.unwrap_or_default().as_secs_f64();
+                let error = BackendError::Hung { adapter: self.adapter_name(), wait_s };
+                self.fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error.to_string());
+                Err(error)
+            }
+            Err(error) => Err(BackendError::Lost { reason: error.to_string() }),
+        }
     }
 
     /// Checks that the device has reported no error since it was opened: after one, its results can't be trusted.
@@ -167,12 +213,10 @@ impl Gpu {
     /// Threads to start for each of `threads` that search the scene, a power of two. Lanes of one group wait for each
     /// other's searches, and few threads leave most of a GPU idle; software runs no idle lanes for nothing.
     pub(super) fn lanes_apart(&self, threads: u32) -> u32 {
-        if self.is_software() && std::env::var("X_TARGET").is_err() {
+        if self.is_software() {
             return 1;
         }
-        let t = std::env::var("X_TARGET").ok().and_then(|t| t.parse().ok()).unwrap_or(SPREAD_THREADS);
-        let fits = (t / threads.max(1)).clamp(1, LANES_APART_MAX);
-        1 << fits.ilog2()
+        1 << (SPREAD_THREADS / threads.max(1)).clamp(1, LANES_APART_MAX).ilog2()
     }
 
     /// Whether the adapter is software on the CPU.

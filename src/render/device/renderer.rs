@@ -117,9 +117,7 @@ impl DeviceRenderer {
                 Ok(result) => break result,
                 Err(_) => {
                     // Waits for this frame only: the next one may still run.
-                    let submission_index = Some(in_flight.submission.clone());
-                    let wait = wgpu::PollType::Wait { submission_index, timeout: None };
-                    self.gpu.device.poll(wait).map_err(|e| lost(e.to_string()))?;
+                    self.gpu.wait(in_flight.submission.clone())?;
                 }
             };
         };

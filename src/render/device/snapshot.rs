@@ -20,17 +20,16 @@ fn read<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<T>, BackendError
     });
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, Some(buffer.size()));
-    let submission_index = Some(gpu.queue.submit([encoder.finish()]));
+    let submission = gpu.queue.submit([encoder.finish()]);
     // `get_mapped_range` reports a failed map.
     copy.slice(..).map_async(wgpu::MapMode::Read, |_| {});
-    let wait = wgpu::PollType::Wait { submission_index, timeout: None };
-    gpu.device.poll(wait).map_err(|e| BackendError::Lost { reason: e.to_string() })?;
+    gpu.wait(submission)?;
     let view = copy.slice(..).get_mapped_range().map_err(|e| BackendError::Lost { reason: e.to_string() })?;
     Ok(bytemuck::pod_collect_to_vec(&view[..]))
 }
 
 /// An image in a buffer, without the padding of its rows.
-fn image<T: Pod + Send + Sync>(gpu: &Gpu, buffer: &wgpu::Buffer, params: &Params) -> Result<Vec<T>, BackendError> {
+fn image<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, params: &Params) -> Result<Vec<T>, BackendError> {
     let mut rows = Vec::new();
     unpad(&mut rows, &read(gpu, buffer)?, params.image.width as usize, 4 * params.row_words as usize);
     Ok(rows)

@@ -15,6 +15,7 @@ fn sheet<'a>(title: &str, sector: &'a Sector, tissues: &'a TissueTable, panel_wi
 
 fn frame(sector: &Sector, probe: &Probe) -> Frame {
     let mut frame = Frame { width: sector.width, height: sector.height, ..Frame::default() };
+    let mut mask = Vec::new();
     for row in 0..sector.height {
         for column in 0..sector.width {
             let polar = Sector::polar(probe, sector.pixel_centre_mm(column, row));
@@ -22,9 +23,10 @@ fn frame(sector: &Sector, probe: &Probe) -> Frame {
             frame.bmode.push(depth.map_or(0, |d| (d * 1.6) as u8));
             frame.segmentation.push(depth.map_or(0, |d| if d < 70.0 { 1 } else { 3 }));
             frame.attenuation.push(depth.map_or(0.0, |d| (-d as f32 / 100.0).exp()));
-            frame.mask.push(if depth.is_some() { 255 } else { 0 });
+            mask.push(if depth.is_some() { 255 } else { 0 });
         }
     }
+    frame.mask = mask.into();
     frame
 }
 

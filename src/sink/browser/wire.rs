@@ -174,7 +174,7 @@ mod tests {
             image: (0..12).collect(),
             segmentation: (12..24).collect(),
             attenuation: vec![0.0, 0.5, 1.0, 2.0, -1.0, f32::NAN, 0.1, 0.2, 0.3, 0.4, 0.6, 0.7],
-            mask: vec![255, 0, 255, 0, 255, 0, 255, 255, 255, 255, 255, 255],
+            mask: [255, 0, 255, 0, 255, 0, 255, 255, 255, 255, 255, 255].into(),
             generator: Some("MSA".into()),
             point: Some(PointText { name: "1x3 + MSA".into(), reason: "it fits".into() }.into()),
             notice: Some("no generator µ".into()),

@@ -143,7 +143,7 @@ mod tests {
             width: 2,
             height: 2,
             image: vec![number as u8; 4],
-            mask: vec![255; 4],
+            mask: [255; 4].into(),
             generator: Some("MS".into()),
             point: None,
             ..PresentedFrame::default()
