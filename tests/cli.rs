@@ -774,6 +774,30 @@ fn a_tradeoff_of_black_images_can_be_resumed() {
 }
 
 #[test]
+fn bench_times_each_kind_of_frame() {
+    let dir = tempfile::tempdir().unwrap();
+    let json = dir.path().join("bench.json");
+    let output =
+        insonify(&["bench", "configs/sphere.toml", "--frames", "2", "--backend", "host", "--json", text(&json)]);
+    succeeded(&output);
+    let printed = String::from_utf8(output.stdout).unwrap();
+    for word in ["LQ, moving", "HQ", "256x4096", "trace", "whole frame", "frames/s", "bench.json"] {
+        assert!(printed.contains(word), "{word}: {printed}");
+    }
+    let report: Value = serde_json::from_slice(&std::fs::read(&json).unwrap()).unwrap();
+    let kinds = report["kinds"].as_array().unwrap();
+    assert_eq!((kinds.len(), &report["frames"]), (6, &Value::from(2)));
+    for kind in kinds {
+        let stages = kind["stages"].as_array().unwrap();
+        let whole = stages.iter().find(|stage| stage["stage"] == "whole frame").unwrap();
+        assert!(whole["p50_ms"].as_f64().unwrap() > 0.0 && whole["count"] == 2, "{kind}");
+        assert_eq!(stages.iter().any(|stage| stage["stage"] == "section"), kind["maps"] == true, "{kind}");
+    }
+    refused(&insonify(&["bench", "configs/sphere.toml", "--frames", "0"]), &["--frames", "1..=100000"]);
+    refused(&insonify(&["bench", "configs/sphere.toml", "--replay", "no.mcap"]), &["no.mcap"]);
+}
+
+#[test]
 fn a_selftest_passes_and_leaves_its_reports() {
     let dir = tempfile::tempdir().unwrap();
     let (json, html) = (dir.path().join("selftest.json"), dir.path().join("selftest.html"));

@@ -124,6 +124,7 @@ fn no_command_writes_a_file_that_it_reads() {
         vec!["import", &points, "--force", "--out", &points],
         vec!["exam", station, "--force", "--out", &scene],
         vec!["qa", &qa, "--out", dir],
+        vec!["bench", station, "--json", station],
         vec!["view", station, "--out", &scene],
         vec!["view", &scene, "--out", &scene],
         vec!["dataset", &header, "--frames", "4", "--out", dir],

@@ -1,6 +1,7 @@
 //! One file per subcommand, each a few calls into the library.
 
 mod backend;
+mod bench;
 mod calibrate;
 mod dataset;
 mod demo;
@@ -102,6 +103,7 @@ enum Command {
     Score(score::Args),
     Qa(qa::Args),
     Selftest(selftest::Args),
+    Bench(bench::Args),
     Calibrate(calibrate::Args),
     Dataset(dataset::Args),
     Generator(generator::Args),
@@ -134,6 +136,7 @@ impl Cli {
             Command::Score(args) => score::run(args),
             Command::Qa(args) => qa::run(args),
             Command::Selftest(args) => selftest::run(args),
+            Command::Bench(args) => bench::run(args),
             Command::Calibrate(args) => calibrate::run(args),
             Command::Dataset(args) => dataset::run(args),
             Command::Generator(args) => generator::run(args),

@@ -3,6 +3,7 @@
 pub mod comparison_sheet;
 pub mod contact_sheet;
 pub mod exam;
+pub mod frame_bench;
 pub mod scene_view;
 pub mod selftest;
 pub mod time_table;

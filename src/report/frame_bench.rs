@@ -1,0 +1,128 @@
+//! Frame times of a station: qualities, with and without maps, motion, and throughput.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use serde::Serialize;
+
+use super::TimeTable;
+use super::time_table::StageTime;
+use crate::anatomy::{Bvh, Scene};
+use crate::pose::Pose;
+use crate::render::{Backend, FRAMES_IN_FLIGHT, Frame, Quality, RenderError, RenderSettings, Renderer};
+use crate::settings::ImageSettings;
+use crate::station::Station;
+use crate::transducer::Probe;
+
+/// Frames before the measured ones: a device raises its clock meanwhile.
+const WARM_UP: usize = 10;
+
+/// Time between two frames in the scene, s.
+const FRAME_S: f64 = 0.05;
+
+/// Frames of one kind.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Workload {
+    /// Name in tables.
+    pub name: &'static str,
+    /// Probe.
+    pub probe: Probe,
+    /// Settings.
+    pub settings: RenderSettings,
+    /// Whether the scene moves from frame to frame.
+    pub moves: bool,
+    /// Whether the next frame is submitted before the last is received.
+    pub overlapped: bool,
+}
+
+impl Workload {
+    /// Kinds that a station is measured with. The last but one has the shape that NVIDIA's raysim states its time for:
+    /// 256 scanlines of 4096 samples, one ray each, an image of 500 × 500, no maps.
+    pub fn of(station: &Station) -> Vec<Self> {
+        let settings = |quality, maps| RenderSettings { quality, maps, ..station.settings };
+        let image = ImageSettings { width: 500, height: 500, ..station.settings.image };
+        let raysim = RenderSettings { image, ..settings(Quality::LQ, false) };
+        let kind = |name, settings| Self { name, probe: station.probe, settings, moves: false, overlapped: false };
+        vec![
+            kind("LQ", settings(Quality::LQ, true)),
+            kind("LQ without maps", settings(Quality::LQ, false)),
+            Self { moves: true, ..kind("LQ, moving", settings(Quality::LQ, true)) },
+            kind("HQ", settings(Quality::HQ, true)),
+            Self {
+                probe: Probe { scanlines: 256, samples: 4096, ..station.probe },
+                ..kind("256 x 4096, 500 x 500", raysim)
+            },
+            Self { overlapped: true, ..kind("LQ, two in flight", settings(Quality::LQ, true)) },
+        ]
+    }
+}
+
+/// Measured times of a workload.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Measured {
+    /// Name of the workload.
+    pub name: &'static str,
+    /// Rays × layers.
+    pub quality: String,
+    /// Scanlines, and samples of each.
+    pub lines: [u32; 2],
+    /// Image, pixels: width, height.
+    pub image: [u32; 2],
+    /// Whether segmentation and attenuation are made.
+    pub maps: bool,
+    /// Frames a second, one after another.
+    pub frames_per_s: f64,
+    /// Percentiles of each pass and of whole frames.
+    pub stages: Vec<StageTime>,
+}
+
+/// Measures `frames` frames over `poses` in turn, after a warm-up. `progress` is called after each frame.
+///
+/// # Errors
+/// As [`Renderer::with_bvh`] and [`Renderer::render`].
+pub fn measure(
+    backend: &Backend,
+    scene: &Scene,
+    bvh: &Arc<Bvh>,
+    workload: &Workload,
+    poses: &[Pose],
+    frames: usize,
+    mut progress: impl FnMut(),
+) -> Result<Measured, RenderError> {
+    let Workload { name, probe, settings, .. } = *workload;
+    let mut renderer = Renderer::with_bvh(backend, scene, bvh.clone(), &probe, &settings)?;
+    let mut frame = Frame::default();
+    let mut table = TimeTable::default();
+    let ahead = if workload.overlapped { FRAMES_IN_FLIGHT - 1 } else { 0 };
+    let mut started = Instant::now();
+    for (number, pose) in poses.iter().cycle().take(WARM_UP + frames + ahead).enumerate() {
+        if number == WARM_UP + ahead {
+            started = Instant::now();
+        }
+        if workload.moves {
+            renderer.set_time_s(number as f64 * FRAME_S);
+        }
+        renderer.submit(pose)?;
+        if number < ahead {
+            continue;
+        }
+        renderer.receive(&mut frame)?;
+        if number >= WARM_UP + ahead {
+            table.push(&frame.times);
+            progress();
+        }
+    }
+    let frames_per_s = frames as f64 / started.elapsed().as_secs_f64().max(1e-9);
+    while renderer.frames_in_flight() > 0 {
+        renderer.receive(&mut frame)?;
+    }
+    Ok(Measured {
+        name,
+        quality: format!("{}x{}", settings.quality.rays, settings.quality.layers),
+        lines: [probe.scanlines, probe.samples],
+        image: [settings.image.width, settings.image.height],
+        maps: settings.maps,
+        frames_per_s,
+        stages: table.stages(),
+    })
+}
