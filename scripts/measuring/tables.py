@@ -207,7 +207,42 @@ def live_error(data):
 
 
 # Table: its data file and its renderer.
+def whole_frame(row):
+    return next(stage for stage in row["stages"] if stage["stage"] == "whole frame")
+
+
+def gpu(data):
+    rows = []
+    for row in data["rows"]:
+        paths = " × ".join(row["quality"].split("x"))
+        shape = [" × ".join(map(str, row[key])) for key in ("lines", "image")]
+        whole = whole_frame(row)
+        cells = [row["name"], paths, *shape, "yes" if row["maps"] else "no"]
+        rows.append([*cells, number(whole["p50_ms"], 2), number(whole["p95_ms"], 2), number(row["frames_per_s"], 0)])
+    head = ["frames", "rays × layers", "samples", "image", "maps", "p50, ms:", "p95, ms:", "frames/s:"]
+    return table(head, rows) + "\n\n" + caption(data, ": 674 k triangles, 200 frames of each kind")
+
+
+def gpu_passes(data):
+    rows = data["rows"][:4]
+    stages = [{stage["stage"]: stage["p50_ms"] for stage in row["stages"]} for row in rows]
+    names = list(dict.fromkeys(name for found in stages for name in found))
+    cells = [[name, *(number(found.get(name), 2) for found in stages)] for name in names]
+    return table(["median, ms", *(f"{row['name']}:" for row in rows)], cells) + "\n\n" + caption(data)
+
+
+def gpu_host(data):
+    names = [name for name in data["host"][0]["whole_ms"] if name in ("LQ", "LQ without maps", "HQ")]
+    cells = [[str(row["threads"]), *(number(row["whole_ms"][name]) for name in names)] for row in data["host"]]
+    processor = data["machine"]["processor"].rsplit(", ", 1)[-1]
+    made = f"*`insonify bench --backend host`: medians, ms. {processor}, {data['machine']['cores']} cores, commit `{data['commit']}`, {data['date']}.*"
+    return table(["threads", *(f"{name}:" for name in names)], cells) + "\n\n" + made
+
+
 TABLES = {
+    "gpu": ("gpu", gpu),
+    "gpu_passes": ("gpu", gpu_passes),
+    "gpu_host": ("gpu", gpu_host),
     "passes": ("passes", passes),
     "demo": ("demo", demo),
     "tradeoff": ("tradeoff", tradeoff),

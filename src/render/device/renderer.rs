@@ -20,6 +20,9 @@ use crate::render::maker::FrameMaker;
 use crate::render::snapshot::PassBuffers;
 use crate::settings::Effect;
 
+/// Unit of memory for uploads, bytes.
+const UPLOAD_CHUNK: u64 = 8 << 20;
+
 /// A frame that was submitted and not received.
 #[derive(Debug)]
 struct InFlight {
@@ -40,6 +43,8 @@ struct DeviceRenderer {
     next_slot: usize,
     mapped: mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
     map_done: mpsc::SyncSender<Result<(), wgpu::BufferAsyncError>>,
+    /// Mapped memory through which what moved is uploaded, used again and again: fresh memory takes longer than the copy.
+    uploads: wgpu::util::StagingBelt,
     /// Memory of the uniforms of all batches.
     uniforms: Vec<u8>,
 }
@@ -79,6 +84,7 @@ impl DeviceRenderer {
             next_slot: 0,
             mapped,
             map_done,
+            uploads: wgpu::util::StagingBelt::new(gpu.device.clone(), UPLOAD_CHUNK),
             uniforms: Vec::new(),
         })
     }
@@ -152,9 +158,14 @@ impl FrameMaker for DeviceRenderer {
     }
 
     fn move_scene(&mut self, bvh: &Bvh, changed: &Changed) {
-        // Writes are in order with submissions: a frame in flight keeps the data that it was submitted with.
-        let write = |buffer: &wgpu::Buffer, first: usize, size: usize, bytes: &[u8]| {
-            self.gpu.queue.write_buffer(buffer, (first * size) as u64, bytes);
+        // Copies are in order with submissions: a frame in flight keeps the data that it was submitted with.
+        let label = wgpu::CommandEncoderDescriptor { label: Some("motion") };
+        let mut encoder = self.gpu.device.create_command_encoder(&label);
+        let mut write = |buffer: &wgpu::Buffer, first: usize, size: usize, bytes: &[u8]| {
+            if let Some(length) = wgpu::BufferSize::new(bytes.len() as u64) {
+                let mut staged = self.uploads.write_buffer(&mut encoder, buffer, (first * size) as u64, length);
+                staged.slice(..).copy_from_slice(bytes);
+            }
         };
         let (nodes, triangles) = (changed.nodes.clone(), changed.triangles.clone());
         let moved = bytemuck::cast_slice(&bvh.nodes[nodes.clone()]);
@@ -165,6 +176,9 @@ impl FrameMaker for DeviceRenderer {
             let moved = bytemuck::cast_slice(&bvh.displacements()[triangles]);
             write(&self.scene.displacements, first, size_of::<[f32; 4]>(), moved);
         }
+        self.uploads.finish();
+        self.gpu.queue.submit([encoder.finish()]);
+        self.uploads.recall();
     }
 
     fn submit(&mut self, inputs: FrameInputs<'_>, contents: Contents) -> Result<(), BackendError> {
