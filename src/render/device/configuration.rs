@@ -120,19 +120,8 @@ impl DeviceConfiguration {
         passes.extend(image_passes);
         let scan_convert_image = pass("scan_convert", pixels, &[("MAPS", 0.0)])?;
 
-        let shape = Shape {
-            width: params.image.width,
-            height: params.image.height,
-            row_words: params.row_words,
-            lines: if settings.lines { params.scanlines } else { 0 },
-            samples: params.samples,
-            row_samples: params.row_samples,
-            passes: order.iter().map(|&(pass, _)| passes[pass].name).collect(),
-        };
-        let slots = match previous {
-            Some(previous) if *previous.slots[0].shape() == shape => previous.slots.clone(),
-            _ => [Arc::new(Slot::new(gpu, &shape)?), Arc::new(Slot::new(gpu, &shape)?)],
-        };
+        let names = order.iter().map(|&(pass, _)| passes[pass].name).collect();
+        let slots = slots(gpu, Shape::of(params, settings.lines, names), previous)?;
         Ok(Self { buffers, passes, order, scan_convert_image, slots })
     }
 
@@ -143,6 +132,18 @@ impl DeviceConfiguration {
             let image_alone = !contents.maps && pass.name == self.scan_convert_image.name;
             (if image_alone { &self.scan_convert_image } else { pass }, batch)
         })
+    }
+}
+
+/// Slots of a shape: those of `previous` if they have it.
+fn slots(
+    gpu: &Gpu,
+    shape: Shape,
+    previous: Option<&DeviceConfiguration>,
+) -> Result<[Arc<Slot>; FRAMES_IN_FLIGHT], BackendError> {
+    match previous {
+        Some(previous) if *previous.slots[0].shape() == shape => Ok(previous.slots.clone()),
+        _ => Ok([Arc::new(Slot::new(gpu, &shape)?), Arc::new(Slot::new(gpu, &shape)?)]),
     }
 }
 

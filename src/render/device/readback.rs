@@ -6,6 +6,7 @@ use super::buffers::Buffers;
 use super::gpu::Gpu;
 use crate::render::error::BackendError;
 use crate::render::frame::{Contents, Frame, unpad};
+use crate::render::params::Params;
 
 /// Staging memory of one frame in flight.
 #[derive(Debug)]
@@ -32,6 +33,21 @@ pub(crate) struct Shape {
     pub(crate) row_samples: u32,
     /// Passes of a frame with maps, in their order.
     pub(crate) passes: Vec<&'static str>,
+}
+
+impl Shape {
+    /// Sizes of a configuration; `passes` of a frame with maps, in their order.
+    pub(super) fn of(params: &Params, lines: bool, passes: Vec<&'static str>) -> Self {
+        Self {
+            width: params.image.width,
+            height: params.image.height,
+            row_words: params.row_words,
+            lines: if lines { params.scanlines } else { 0 },
+            samples: params.samples,
+            row_samples: params.row_samples,
+            passes,
+        }
+    }
 }
 
 /// Passes that a frame without maps leaves out.
