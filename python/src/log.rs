@@ -25,7 +25,7 @@ impl Visit for Message {
 impl Subscriber for ToPython {
     fn enabled(&self, metadata: &Metadata<'_>) -> bool {
         // Other crates speak of their own insides.
-        *metadata.level() <= Level::INFO && metadata.target().starts_with("insonify")
+        *metadata.level() <= Level::INFO && metadata.target().contains("insonify")
     }
 
     fn new_span(&self, _: &Attributes<'_>) -> Id {

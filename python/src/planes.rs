@@ -3,8 +3,9 @@
 use insonify::anatomy::Skin;
 use insonify::anatomy::planes::StandardPlanes;
 use insonify::exam::offset::Offset;
+use insonify::exam::score::{HOLD_S, is_on_skin};
 use insonify::settings::ContactSettings;
-use insonify::transducer::{Contact, Probe, touch};
+use insonify::transducer::{Probe, touch};
 use pyo3::prelude::*;
 
 use crate::errors::{Failure, Kind};
@@ -37,9 +38,15 @@ impl Planes {
     }
 
     /// Contact of the probe with the skin: the coupled part of its face, 0..=1, and the depth of its centre below the skin,
-    /// mm, none if the skin is far away.
-    fn touch(&self, pose: [f64; 7]) -> PyResult<(f64, Option<f64>)> {
-        let (_, Contact { part, press_mm, .. }) = touch(&self.skin, &self.probe, &pose_of(pose)?, &self.contact);
-        Ok((part, press_mm))
+    /// mm, none if the skin is far away; and whether a score counts it as on the skin.
+    fn touch(&self, pose: [f64; 7]) -> PyResult<(f64, Option<f64>, bool)> {
+        let (_, contact) = touch(&self.skin, &self.probe, &pose_of(pose)?, &self.contact);
+        Ok((contact.part, contact.press_mm, is_on_skin(&contact)))
+    }
+
+    /// Time for which a plane must be held to be found, s.
+    #[classattr]
+    fn hold_s() -> f64 {
+        HOLD_S
     }
 }

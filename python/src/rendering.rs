@@ -130,9 +130,8 @@ impl Rendering {
         }
         self.warned = Some((*probe, seedless));
         let plan = EffectPlan::new(&self.loaded.scene, probe, settings);
-        for warning in plan.warnings().chain(plan.notices()) {
-            tracing::warn!("{warning}");
-        }
+        plan.warnings().for_each(|warning| tracing::warn!("{warning}"));
+        plan.notices().for_each(|notice| tracing::info!("{notice}"));
     }
 }
 

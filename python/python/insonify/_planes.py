@@ -79,6 +79,8 @@ class Touch:
     """Part of the face that is coupled to the body, 0 to 1."""
     press_mm: float | None
     """Depth of the face's centre below the skin; negative for a gap; None if the skin is more than 30 mm away."""
+    on_skin: bool
+    """Whether a score counts the probe as on the skin."""
 
 
 class StandardPlane:
@@ -118,6 +120,9 @@ class StandardPlane:
 
 class StandardPlanes(Mapping[str, StandardPlane]):
     """Standard planes of a station's scene by name, in the order of an examination."""
+
+    HOLD_S: float = _insonify.Planes.hold_s
+    """Time for which a plane must be held to be found, s."""
 
     def __init__(self, core: _insonify.Planes) -> None:
         """Planes of the extension module."""

@@ -41,10 +41,10 @@ def station_keys() -> tuple[Key, ...]:
 
 @cache
 def _tables() -> dict[str, list[str]]:
-    """Tables that have a key, for each key that is not a tissue's."""
+    """Tables that have a key, for each key that is neither a tissue's nor an effect."""
     tables: dict[str, list[str]] = {}
     for key in station_keys():
-        if not key.table.startswith("tissues."):
+        if key.table != "effects" and not key.table.startswith("tissues."):
             tables.setdefault(key.key, []).append(key.table)
     return tables
 
