@@ -89,7 +89,7 @@ class Frame:
         """Pixels of a tissue [height, width]."""
         if name not in self.tissues:
             raise InputError(f"the station has no tissue `{name}`; its tissues are {', '.join(self.tissues)}")
-        return self.segmentation == self.tissues.index(name)
+        return np.equal(self.segmentation, self.tissues.index(name))
 
     def png(self) -> bytes:
         """The picture as a PNG file of grey levels."""

@@ -100,10 +100,10 @@ def _surface(given: SurfaceLike, place: int) -> tuple[str, str, int, NDArray[np.
     if not 3 <= len(parts) <= 5:
         raise SceneError(f"surface {place} has {len(parts)} parts; it must be (vertices_mm, faces, tissue, priority)")
     vertices, faces, tissue = parts[:3]
-    priority = parts[3] if len(parts) > 3 else 0
+    priority: Any = parts[3] if len(parts) > 3 else 0
     if not isinstance(tissue, str):
         raise SceneError(f"the tissue of surface {place} is {tissue!r}; it must be a name")
-    if not isinstance(priority, (int, np.integer)) or not -(2**31) <= priority < 2**31:
+    if not isinstance(priority, (int, np.integer)) or not -(2**31) <= int(priority) < 2**31:
         raise SceneError(f"the priority of surface {place} is {priority!r}; it must be a whole number")
     name = parts[4] if len(parts) > 4 and parts[4] else f"{tissue}_{place}"
     return name, tissue, int(priority), _vertices(vertices, name), _triangles(faces, name)

@@ -8,7 +8,7 @@ import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias, Union
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from ._pose import Pose, PoseLike, as_pose
 from ._scene import Scene
 from ._settings import nested, plain
 
-Quality: TypeAlias = Union[str, tuple[int, int]]
+Quality: TypeAlias = str | tuple[int, int]
 """A preset (fast, balanced, accurate, reference), rays x layers as `8x3`, or both numbers."""
 
 # Frames that render_many makes ahead of its caller.
@@ -254,7 +254,7 @@ class Station:
         for table, values in self.settings.items():
             if not isinstance(values, dict):
                 continue
-            keys: dict[str, Any] = values
+            keys = cast("dict[str, Any]", values)
             cells = ", ".join(f"{html.escape(key)} = {html.escape(json.dumps(value))}" for key, value in keys.items())
             rows.append(f"<tr><th style='text-align:left'>{table}</th><td style='text-align:left'>{cells}</td></tr>")
         return f"<p>{html.escape(repr(self))}</p><table>{''.join(rows)}</table>"
@@ -291,6 +291,6 @@ def _quality(quality: Quality | None) -> str | None:
 def _seed(seed: int | None) -> int | None:
     if seed is None:
         return None
-    if not isinstance(seed, (int, np.integer)) or not 0 <= seed < 2**32:
+    if not isinstance(seed, (int, np.integer)) or not 0 <= int(seed) < 2**32:
         raise InputError(f"seed is {seed!r}; it must be a whole number in 0..=4294967295")
     return int(seed)

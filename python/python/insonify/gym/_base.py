@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -51,7 +51,7 @@ class Steps:
 class ProbeEnv(gymnasium.Env[Observation, Action]):
     """A probe over a station's scene. Observations are pictures [height, width, channels]."""
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 10}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}
 
     def __init__(
         self, station: Station, actions: int, steps: Steps, quality: Quality, maps: bool, weights: RewardWeights,
@@ -123,7 +123,7 @@ class ProbeEnv(gymnasium.Env[Observation, Action]):
         self._error = error
         return self._observe(), reward, found, False, self._info(measures)
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """The last picture, grey levels as colours [height, width, 3]."""
         if self.render_mode is None or self._frame is None:
             return None
