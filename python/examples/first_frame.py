@@ -13,7 +13,7 @@ def main(directory: Path) -> None:
     frame = station.render(head.pose, quality="balanced")
     directory.mkdir(parents=True, exist_ok=True)
     print(frame, frame.save_png(directory / "head.png"))
-    for name in ("brain", "skull"):
+    for name in ("brain", "calvaria_fetal"):
         if name in frame.tissues:
             square_mm = float(frame.tissue(name).sum()) * frame.mm_per_pixel**2
             print(f"{name}: {square_mm / 100:.1f} cm2")

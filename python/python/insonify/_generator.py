@@ -61,9 +61,12 @@ class Generator:
             tissues = list(station.tissue_names[1:])
             self._core = _insonify.Generator(self._path, tissues, threads, precision)
         except GeneratorError as error:
-            if found:
+            if not found:
+                text = "generators need ONNX Runtime: pip install 'insonify[generator]'"
+            elif "cannot be used as ONNX Runtime's library" in str(error):
+                text = "pip install --upgrade 'insonify[generator]', with Python 3.11 or later"
+            else:
                 raise
-            text = "generators need ONNX Runtime: pip install 'insonify[generator]'"
             raise GeneratorError(f"{text} ({error})") from None
 
     @property
