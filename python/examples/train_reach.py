@@ -8,13 +8,15 @@ import time
 from typing import Any
 
 import gymnasium
-import insonify.gym  # registers the environments  # pyright: ignore[reportUnusedImport]
+import insonify.gym
 import numpy as np
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.env_util import make_vec_env
 
 EPISODES = 30
+
+gymnasium.register_envs(insonify.gym)
 
 
 class Clock(BaseCallback):

@@ -6,8 +6,10 @@ import time
 
 import gymnasium
 import insonify
-import insonify.gym  # registers the environments  # pyright: ignore[reportUnusedImport]
+import insonify.gym
 import numpy as np
+
+gymnasium.register_envs(insonify.gym)
 
 
 def resident_mb() -> float:

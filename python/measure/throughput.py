@@ -37,7 +37,9 @@ def main(rust: str, frames: int) -> None:
         for _ in range(TURNS):
             command = [rust, str(station.path), quality, str(frames)]
             own = float(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
-            rates.append((own, python_rate(station, quality, frames, False), python_rate(station, quality, frames, True)))
+            rates.append(
+                (own, python_rate(station, quality, frames, False), python_rate(station, quality, frames, True))
+            )
         own, python, lines = (statistics.median(rate[part] for rate in rates) for part in range(3))
         print(f"| {name}, {quality} | {own:.1f} | {python:.1f} | {python / own:.2f} | {lines / own:.2f} |", flush=True)
 

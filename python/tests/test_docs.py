@@ -21,7 +21,10 @@ DOCUMENTS = [HERE / "README.md", ROOT / "README.md", ROOT / "docs" / "python.md"
 
 def modules() -> list[str]:
     found = pkgutil.walk_packages(insonify.__path__, "insonify.")
-    return ["insonify", *(module.name for module in found if "_insonify" not in module.name and "__main__" not in module.name)]
+    return [
+        "insonify",
+        *(module.name for module in found if "_insonify" not in module.name and "__main__" not in module.name),
+    ]
 
 
 @pytest.mark.parametrize("name", modules())
@@ -46,7 +49,9 @@ def test_the_python_of_documents_runs(document: Path, tmp_path: Path) -> None:
         pytest.importorskip(package)
     script = tmp_path / "document.py"
     # Processes that are spawned import the script again.
-    script.write_text("if __name__ == '__main__':\n" + "".join(f"    {line}\n" for line in "\n".join(blocks).splitlines()))
+    script.write_text(
+        "if __name__ == '__main__':\n" + "".join(f"    {line}\n" for line in "\n".join(blocks).splitlines())
+    )
     said = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False, cwd=tmp_path)
     assert said.returncode == 0, said.stderr
 

@@ -90,7 +90,13 @@ def test_other_threads_run_while_a_frame_is_made() -> None:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of Unix")
-@pytest.mark.parametrize("work", ["for frame in station.render_many(itertools.repeat(pose)): pass", "while True: station.render(pose, quality='64x3')"])
+@pytest.mark.parametrize(
+    "work",
+    [
+        "for frame in station.render_many(itertools.repeat(pose)): pass",
+        "while True: station.render(pose, quality='64x3')",
+    ],
+)
 def test_ctrl_c_ends_rendering_at_once(work: str) -> None:
     script = f"""
 import itertools, insonify

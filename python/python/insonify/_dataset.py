@@ -139,6 +139,18 @@ def make_dataset(
     lows = [lq] if isinstance(lq, str) else list(lq)
     angles = (lq_angles, hq_angles)
     made, kept, manifest = _insonify.make_dataset(
-        files, directory, frames, seed, phantoms, frames_per_exam, test_share, lows, hq, angles, shard, backend, progress
+        files,
+        directory,
+        frames,
+        seed,
+        phantoms,
+        frames_per_exam,
+        test_share,
+        lows,
+        hq,
+        angles,
+        shard,
+        backend,
+        progress,
     )
     return Made(made, kept, Path(manifest))

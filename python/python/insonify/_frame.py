@@ -24,7 +24,9 @@ class Frame:
     Arrays own the renderer's memory, without copies. Rows run from the probe into the body.
     """
 
-    def __init__(self, still: _insonify.Still, pose: Pose, seed: int | None, time_s: float, tissues: tuple[str, ...]) -> None:
+    def __init__(
+        self, still: _insonify.Still, pose: Pose, seed: int | None, time_s: float, tissues: tuple[str, ...]
+    ) -> None:
         self.bmode: NDArray[np.uint8] = still.bmode
         """Grey levels [height, width]; 0 outside the sector."""
         self.mask: NDArray[np.uint8] = still.mask

@@ -48,9 +48,7 @@ def use_onnxruntime() -> bool:
 class Generator:
     """A trained model in ONNX's format, checked by its parity pair when it is loaded."""
 
-    def __init__(
-        self, model: StrPath, /, *, station: Station, threads: int = 0, precision: str = "auto"
-    ) -> None:
+    def __init__(self, model: StrPath, /, *, station: Station, threads: int = 0, precision: str = "auto") -> None:
         """Loads a model file, or one that comes with the package by its name (`model_names`).
 
         `station` says which tissues its frames have. `threads` of a run; 0 takes one for each processor.

@@ -50,7 +50,13 @@ class Station:
     """
 
     def __init__(
-        self, source: StrPath = "obstetric", /, *, scene: Scene | None = None, backend: str | None = None, **settings: Any
+        self,
+        source: StrPath = "obstetric",
+        /,
+        *,
+        scene: Scene | None = None,
+        backend: str | None = None,
+        **settings: Any,
     ) -> None:
         """Reads a station file, or a station that comes with the package by its name (`station_names`).
 

@@ -51,7 +51,9 @@ def dataset(
     """
     several = [stations] if isinstance(stations, str) or not isinstance(stations, Sequence) else stations
     files = [str(station_file(station).resolve()) for station in several]
-    shards = ray.data.from_items([{"shard": f"{number}/{parts}"} for number in range(1, parts + 1)], override_num_blocks=parts)
+    shards = ray.data.from_items(
+        [{"shard": f"{number}/{parts}"} for number in range(1, parts + 1)], override_num_blocks=parts
+    )
     return shards.flat_map(
         _Renderer,
         fn_constructor_args=(files, str(Path(directory).resolve()), options),

@@ -34,7 +34,9 @@ def _revolved(
     polar = np.linspace(0, np.pi, rings + 1)[1:-1]
     turn = np.linspace(0, 2 * np.pi, around, endpoint=False)
     ring = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    points = [np.concatenate([radius * width(p) * ring, np.full((around, 1), half_length * height(p))], 1) for p in polar]
+    points = [
+        np.concatenate([radius * width(p) * ring, np.full((around, 1), half_length * height(p))], 1) for p in polar
+    ]
     poles = [[0, 0, half_length], [0, 0, -half_length]]
     vertices = np.concatenate([*points, np.array(poles)]) @ axes + centre
     first, last = len(vertices) - 2, len(vertices) - 1
