@@ -126,7 +126,8 @@ impl Still {
         };
         Ok(Self {
             bmode: lent(py, frame.bmode, rows)?,
-            mask: lent(py, frame.mask, rows)?,
+            // Frames share their mask, and a caller may write into its own.
+            mask: lent(py, frame.mask.to_vec(), rows)?,
             segmentation: map(frame.segmentation)?,
             attenuation,
             lines,

@@ -21,7 +21,7 @@ _State = dict[str, Any]
 class Frame:
     """A frame: its picture, its maps, and how it was made.
 
-    Arrays own the renderer's memory, without copies. Rows run from the probe into the body.
+    Arrays own the renderer's memory; only the mask, which frames share, is copied. Rows run from the probe into the body.
     """
 
     def __init__(
