@@ -7,7 +7,24 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__: list[str]
+__all__ = [
+    "Dataset",
+    "Generator",
+    "Planes",
+    "Record",
+    "SceneArrays",
+    "Station",
+    "Still",
+    "Stream",
+    "__version__",
+    "builtin_tissues_json",
+    "checked_pose",
+    "inverse_pose",
+    "make_dataset",
+    "png",
+    "pose_product",
+    "station_keys",
+]
 __version__: str
 
 _Components = tuple[float, float, float, float, float, float, float]
