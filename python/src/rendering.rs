@@ -1,6 +1,7 @@
 //! Renderers of stations.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
+use std::time::{Duration, Instant};
 
 use insonify::chooser::{StillFrame, render_still_with};
 use insonify::render::{Backend, BackendChoice, EffectPlan, FrameQuality, RenderSettings, Renderer};
@@ -12,6 +13,9 @@ use crate::frame::Wish;
 use crate::scene::{Loaded, SceneKey};
 use crate::station::Described;
 use crate::work::on_pool;
+
+/// Longest wait of a forked process for another thread's frame.
+const FORK_PATIENCE: Duration = Duration::from_secs(20);
 
 /// A renderer with its scene, kept from frame to frame.
 pub(crate) struct Rendering {
@@ -42,16 +46,24 @@ fn open(choice: BackendChoice) -> Result<Backend, Failure> {
 }
 
 impl Rendering {
-    /// Locks a slot. In a forked process another thread of the parent may hold the lock, and nobody would ever open it.
+    /// Locks a slot. In a forked process a thread of the parent may hold the lock, and would never open it.
     fn lock(slot: &Slot) -> Result<MutexGuard<'_, Option<Self>>, Failure> {
-        match slot.try_lock() {
-            Ok(guard) => Ok(guard),
-            Err(TryLockError::Poisoned(poisoned)) => Ok(poisoned.into_inner()),
-            Err(TryLockError::WouldBlock) if crate::process::is_forked() => Err(Failure::new(
-                Kind::Render,
-                "the station may have been rendering when this process was forked; make a new one here, or start processes by `spawn`",
-            )),
-            Err(TryLockError::WouldBlock) => Ok(slot.lock().unwrap_or_else(PoisonError::into_inner)),
+        if !crate::process::is_forked() {
+            return Ok(slot.lock().unwrap_or_else(PoisonError::into_inner));
+        }
+        let started = Instant::now();
+        loop {
+            match slot.try_lock() {
+                Ok(guard) => return Ok(guard),
+                Err(TryLockError::Poisoned(poisoned)) => return Ok(poisoned.into_inner()),
+                Err(TryLockError::WouldBlock) if started.elapsed() < FORK_PATIENCE => {
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+                Err(TryLockError::WouldBlock) => {
+                    let text = "the station was rendering when this process was forked; make a new one here, or start processes by `spawn`";
+                    return Err(Failure::new(Kind::Render, text));
+                }
+            }
         }
     }
 
