@@ -5,7 +5,7 @@ export PATH := $(HOME)/.cargo/bin:$(PATH)
 # Extra arguments, as in: make demo ARGS="--out DIR"
 ARGS ?=
 
-.PHONY: help demo live test test-browser test-window test-training train bench soak hard setup clean
+.PHONY: help demo live test test-browser test-window test-training train bench soak hard wheel test-python setup clean
 
 help:
 	@echo 'make demo   the whole chain live on a recorded exam, in the browser, then its frames, contact sheet, video, times'
@@ -18,6 +18,8 @@ help:
 	@echo 'make hard   a million random frames worth of rays without a value that is not finite; goes on where it was stopped'
 	@echo 'make train  train every generator of the tables from nothing; says how long; goes on where it was stopped'
 	@echo 'make test-training  the tests of the training package (training/)'
+	@echo 'make wheel  the Python package with the program inside, target/wheels/insonify-*.whl; scripts/wheel --help'
+	@echo 'make test-python  installs that wheel into a bare environment and runs its tests; ARGS=--all for torch and ray, too'
 	@echo 'make setup  what the others do first; scripts/setup --help says more'
 	@echo 'make clean  remove what was built and rendered'
 
@@ -59,6 +61,12 @@ test-training:
 
 hard: setup
 	$(CARGO) run --release --example hard -- $(ARGS)
+
+wheel: setup
+	scripts/wheel $(ARGS)
+
+test-python:
+	scripts/test-python $(ARGS)
 
 setup:
 	@scripts/setup

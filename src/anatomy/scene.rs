@@ -138,6 +138,18 @@ pub enum SceneError {
         /// File.
         path: PathBuf,
     },
+    /// A triangle of a vertex that its surface lacks.
+    #[error("triangle {triangle} of surface `{surface}` names vertex {index}; the surface has {vertices} vertices")]
+    BadIndex {
+        /// Surface.
+        surface: String,
+        /// Index of the triangle.
+        triangle: usize,
+        /// Vertex that it names.
+        index: u32,
+        /// Number of vertices.
+        vertices: usize,
+    },
     /// A vertex that is not finite or too far away.
     #[error(
         "vertex {vertex} of surface `{surface}` of {path} is {value:?} mm; coordinates must be finite and within ±1e5 mm"

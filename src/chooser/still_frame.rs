@@ -30,16 +30,33 @@ pub fn render_still(
     backend: &Backend,
     scene: &Scene,
     station: &Station,
+    settings: RenderSettings,
+    at: (Pose, f64),
+    frame_budget_ms: Option<f64>,
+) -> Result<StillFrame, ChooserError> {
+    let mut renderer = Renderer::new(backend, scene, &station.probe, &settings)?;
+    render_still_with(&mut renderer, backend, station, settings, at, frame_budget_ms)
+}
+
+/// As [`render_still`], with a renderer of the station's scene on `backend`, for stills that follow each other. It is switched to the
+/// station's probe and `settings`.
+///
+/// # Errors
+/// As [`render_still`].
+pub fn render_still_with(
+    renderer: &mut Renderer,
+    backend: &Backend,
+    station: &Station,
     mut settings: RenderSettings,
     (pose, time_s): (Pose, f64),
     frame_budget_ms: Option<f64>,
 ) -> Result<StillFrame, ChooserError> {
     let probe = &station.probe;
-    let mut renderer = Renderer::new(backend, scene, probe, &settings)?;
+    renderer.reconfigure(probe, &settings)?;
     renderer.set_time_s(time_s);
     let mut chosen = None;
     if let Some(budget_ms) = frame_budget_ms {
-        let found = choose_still(&mut renderer, &scene_name(station), probe, &settings, &[pose], budget_ms)?;
+        let found = choose_still(renderer, &scene_name(station), probe, &settings, &[pose], budget_ms)?;
         settings.quality = Quality { rays: found.quality.rays, layers: found.quality.layers, ..settings.quality };
         chosen = Some(found);
     }

@@ -1,7 +1,8 @@
 //! Conventions of valid glTF files.
 
-use insonify::anatomy::import::{FindingKind, load_with_findings};
+use insonify::anatomy::import::{FindingKind, load_with_findings, mesh_of_arrays};
 use insonify::anatomy::{Mesh, Scene, TissueTable};
+use insonify::glam::Vec3;
 use serde_json::json;
 
 use crate::builder::*;
@@ -218,4 +219,29 @@ fn mended_and_skipped_content_is_reported() {
     let (scene, findings) = lines.load().unwrap();
     assert_eq!((scene.surfaces.len(), findings[0].kind), (1, FindingKind::NotTriangles));
     assert_eq!(findings[0].surface, "organ/1");
+}
+
+#[test]
+fn arrays_are_mended_as_files_are() {
+    let mesh = Builder::tetrahedron().load_mesh();
+    let reversed: Vec<[u32; 3]> = mesh.triangles.iter().map(|&[a, b, c]| [b, a, c]).chain([[0, 0, 1]]).collect();
+    let (mended, findings) = mesh_of_arrays("organ", mesh.vertices_mm.clone(), reversed).unwrap();
+    assert_tetrahedron(&mended);
+    let kinds: Vec<_> = findings.iter().map(|f| f.kind).collect();
+    assert_eq!(kinds, [FindingKind::Degenerate { triangles: 1 }, FindingKind::InsideOut]);
+    assert_eq!(findings[0].surface, "organ");
+
+    let refused = |vertices: Vec<Vec3>, triangles: &[[u32; 3]]| {
+        mesh_of_arrays("organ", vertices, triangles.to_vec()).unwrap_err().to_string()
+    };
+    let beyond = refused(mesh.vertices_mm.clone(), &[[0, 1, 2], [1, 4, 2]]);
+    assert_eq!(beyond, "triangle 1 of surface `organ` names vertex 4; the surface has 4 vertices");
+    for wrong in [f32::NAN, f32::INFINITY, -2e5] {
+        let mut vertices = mesh.vertices_mm.clone();
+        vertices[2].y = wrong;
+        let said = refused(vertices.clone(), &mesh.triangles);
+        assert!(said.starts_with("vertex 2 of surface `organ` of the arrays"), "{said}");
+        // A vertex of no triangle doesn't matter.
+        assert!(mesh_of_arrays("organ", vertices, vec![[0, 1, 3]]).is_ok());
+    }
 }

@@ -24,6 +24,7 @@ mod surface;
 mod walk;
 
 pub use document::files_of;
+pub use surface::mesh_of_arrays;
 
 use std::fmt;
 use std::path::{Path, PathBuf};

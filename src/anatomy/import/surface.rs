@@ -1,6 +1,7 @@
 //! Conversion of a glTF primitive to a mesh.
 
 use std::collections::HashMap;
+use std::path::Path;
 
 use glam::Vec3;
 use gltf::Semantic;
@@ -9,7 +10,7 @@ use gltf::mesh::Mode;
 
 use super::document::File;
 use super::walk::Part;
-use super::{FindingKind, accessor, extensions};
+use super::{Finding, FindingKind, accessor, extensions};
 use crate::anatomy::{Mesh, SceneError};
 use crate::pose::POSITION_LIMIT_MM;
 
@@ -38,35 +39,28 @@ pub(super) fn raw(file: &File, part: &Part<'_>) -> Result<RawMesh, SceneError> {
 
 /// Mesh of `part` in the scene frame, mm: equal vertices merged, zero-area triangles dropped, facing outward if closed.
 pub(super) fn mesh(file: &File, part: &Part<'_>) -> Result<(Mesh, Vec<FindingKind>), SceneError> {
-    let raw = raw(file, part)?;
-    if let Some(vertex) = raw.bad_vertices().next() {
-        let (path, surface) = (file.path.clone(), part.name.clone());
-        let value = raw.vertices_mm[vertex].to_array();
-        return Err(SceneError::BadVertex { path, surface, vertex, value });
+    raw(file, part)?.mended(&file.path, &part.name)
+}
+
+/// Mesh of `surface` from arrays, mended as one from a file: equal vertices merged, zero-area triangles dropped, facing outward if
+/// closed. It may be empty, as a finding says.
+///
+/// # Errors
+/// A triangle that names a vertex beyond the last, or a vertex in use that is not finite or beyond ±1e5 mm.
+pub fn mesh_of_arrays(
+    surface: &str,
+    vertices_mm: Vec<Vec3>,
+    triangles: Vec<[u32; 3]>,
+) -> Result<(Mesh, Vec<Finding>), SceneError> {
+    let vertices = vertices_mm.len();
+    let is_beyond = |index: &u32| *index as usize >= vertices;
+    let beyond = triangles.iter().enumerate().find_map(|(at, t)| t.iter().copied().find(is_beyond).map(|i| (at, i)));
+    if let Some((triangle, index)) = beyond {
+        return Err(SceneError::BadIndex { surface: surface.to_owned(), triangle, index, vertices });
     }
-    let mut findings = Vec::new();
-    if raw.left_over > 0 {
-        findings.push(FindingKind::LeftOver { indices: raw.left_over });
-    }
-    let mut mesh = raw.welded();
-    let total = mesh.triangles.len();
-    let fillers = mesh.drop_flat();
-    if mesh.triangles.is_empty() {
-        findings.push(FindingKind::Empty);
-        return Ok((mesh, findings));
-    }
-    if mesh.triangles.len() < total {
-        findings.push(FindingKind::Degenerate { triangles: total - mesh.triangles.len() });
-    }
-    match unpaired_edges(&mut mesh, &fillers) {
-        0 if mesh.signed_volume_mm3() < 0.0 => {
-            mesh.flip();
-            findings.push(FindingKind::InsideOut);
-        }
-        0 => {}
-        edges => findings.push(FindingKind::Open { edges }),
-    }
-    Ok((mesh, findings))
+    let raw = RawMesh { vertices_mm, triangles, left_over: 0 };
+    let (mesh, kinds) = raw.mended(Path::new("the arrays"), surface)?;
+    Ok((mesh, kinds.into_iter().map(|kind| Finding { surface: surface.to_owned(), kind }).collect()))
 }
 
 /// Number of unpaired edges with or without the `fillers` of T-junctions, whichever is lower.
@@ -83,6 +77,38 @@ fn unpaired_edges(mesh: &mut Mesh, fillers: &[[u32; 3]]) -> usize {
 }
 
 impl RawMesh {
+    /// Usable mesh, and what was mended. Errors name `path` and `surface`.
+    fn mended(&self, path: &Path, surface: &str) -> Result<(Mesh, Vec<FindingKind>), SceneError> {
+        if let Some(vertex) = self.bad_vertices().next() {
+            let (path, surface) = (path.to_owned(), surface.to_owned());
+            let value = self.vertices_mm[vertex].to_array();
+            return Err(SceneError::BadVertex { path, surface, vertex, value });
+        }
+        let mut findings = Vec::new();
+        if self.left_over > 0 {
+            findings.push(FindingKind::LeftOver { indices: self.left_over });
+        }
+        let mut mesh = self.welded();
+        let total = mesh.triangles.len();
+        let fillers = mesh.drop_flat();
+        if mesh.triangles.is_empty() {
+            findings.push(FindingKind::Empty);
+            return Ok((mesh, findings));
+        }
+        if mesh.triangles.len() < total {
+            findings.push(FindingKind::Degenerate { triangles: total - mesh.triangles.len() });
+        }
+        match unpaired_edges(&mut mesh, &fillers) {
+            0 if mesh.signed_volume_mm3() < 0.0 => {
+                mesh.flip();
+                findings.push(FindingKind::InsideOut);
+            }
+            0 => {}
+            edges => findings.push(FindingKind::Open { edges }),
+        }
+        Ok((mesh, findings))
+    }
+
     /// Whether each vertex belongs to a triangle: primitives often use parts of one shared buffer.
     fn used(&self) -> Vec<bool> {
         let mut used = vec![false; self.vertices_mm.len()];

@@ -19,7 +19,7 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use serde::Serialize;
 
-pub use track::Track;
+pub use track::{Track, is_on_skin};
 use track::{best_second, length_s, path_mm, stretches};
 
 use super::measure::{Measured, measure};

@@ -7,7 +7,7 @@ use super::{HOLD_S, Reference};
 use crate::anatomy::planes::StandardPlane;
 use crate::exam::offset::Offset;
 use crate::pose::TimedPose;
-use crate::transducer::touch;
+use crate::transducer::{Contact, touch};
 
 /// Longest time between two poses of one hold, s; a longer one is a gap.
 const GAP_S: f64 = 0.25;
@@ -36,15 +36,24 @@ pub struct Track {
     pub offsets: Vec<Vec<Offset>>,
 }
 
+/// Part of the face on the skin, 0..=1: none of a face that is too deep.
+fn part_on_skin(contact: &Contact) -> f64 {
+    let too_deep = contact.press_mm.is_some_and(|mm| mm > PRESS_MOST_MM);
+    if too_deep { 0.0 } else { contact.part }
+}
+
+/// Whether the probe counts as on the skin.
+pub fn is_on_skin(contact: &Contact) -> bool {
+    part_on_skin(contact) >= CONTACT_MIN
+}
+
 impl Track {
     /// Positions, contact and offsets at each pose.
     pub(super) fn of(poses: &[TimedPose], reference: &Reference<'_>) -> Self {
         let start_ns = poses.first().map_or(0, |p| p.host_time_ns);
         let part = |(index, p): (usize, &TimedPose)| {
             let Some(skin) = reference.skin else { return 1.0 };
-            let (_, contact) = touch(skin, &reference.probe_at(index), &p.pose, reference.contact);
-            let too_deep = contact.press_mm.is_some_and(|mm| mm > PRESS_MOST_MM);
-            if too_deep { 0.0 } else { contact.part }
+            part_on_skin(&touch(skin, &reference.probe_at(index), &p.pose, reference.contact).1)
         };
         let face: Vec<f64> = poses.iter().enumerate().map(part).collect();
         // A plane without a view has no deviation; loading rejects such planes.

@@ -1,0 +1,144 @@
+//! Frames and what is asked of them.
+
+use insonify::chooser::StillFrame;
+use insonify::pose::Pose;
+use insonify::render::{FrameQuality, Quality};
+use insonify::settings::ProbeKind;
+use insonify::sink::FrameRecord;
+use num_complex::Complex32;
+use numpy::{Element, PyArray1, PyArrayMethods};
+use pyo3::prelude::*;
+
+use crate::errors::{Failure, Kind};
+use crate::station::Described;
+
+/// Seven numbers of a pose, as a tuple of Python.
+pub(crate) type Components = (f64, f64, f64, f64, f64, f64, f64);
+
+pub(crate) fn components(pose: &Pose) -> Components {
+    let [x, y, z, qw, qx, qy, qz] = pose.components();
+    (x, y, z, qw, qx, qy, qz)
+}
+
+/// A pose of seven numbers, checked.
+pub(crate) fn pose_of(components: [f64; 7]) -> Result<Pose, Failure> {
+    Ok(Pose::from_components(components)?)
+}
+
+/// A quality of words, checked.
+pub(crate) fn quality_of(text: &str) -> Result<FrameQuality, Failure> {
+    text.parse().map_err(|error| Failure::new(Kind::Input, format!("quality is `{text}`: {error}")))
+}
+
+/// What is asked of a frame.
+pub(crate) struct Wish {
+    pub(crate) pose: Pose,
+    pub(crate) quality: Option<FrameQuality>,
+    pub(crate) seed: Option<u32>,
+    pub(crate) time_s: f64,
+    maps: bool,
+    lines: bool,
+}
+
+impl Wish {
+    pub(crate) fn new(
+        pose: [f64; 7],
+        quality: Option<&str>,
+        seed: Option<u32>,
+        time_s: f64,
+        maps: bool,
+        lines: bool,
+    ) -> Result<Self, Failure> {
+        if !(0.0..=1e6).contains(&time_s) {
+            let text = format!("time_s is {time_s}; it must be a number of seconds from 0 to 1000000");
+            return Err(Failure::new(Kind::Input, text));
+        }
+        let quality = quality.map(quality_of).transpose()?;
+        Ok(Self { pose: pose_of(pose)?, quality, seed, time_s, maps, lines })
+    }
+
+    /// Settings of the frame, as `insonify render` takes them.
+    pub(crate) fn settings(&self, described: &Described) -> insonify::render::RenderSettings {
+        let mut settings = described.station.settings;
+        settings.lines = self.lines;
+        settings.maps = self.maps;
+        let seed = self.seed.unwrap_or(settings.quality.seed);
+        settings.quality = match self.quality {
+            Some(quality) => quality.with_seed(seed),
+            None => Quality { seed, ..settings.quality },
+        };
+        settings
+    }
+}
+
+/// A frame whose arrays NumPy owns.
+#[pyclass(frozen, get_all, module = "insonify._insonify")]
+pub(crate) struct Still {
+    bmode: Py<PyAny>,
+    mask: Py<PyAny>,
+    segmentation: Option<Py<PyAny>>,
+    attenuation: Option<Py<PyAny>>,
+    lines: Option<Py<PyAny>>,
+    mm_per_pixel: f64,
+    corner_mm: (f64, f64),
+    /// Kind of the probe, its radius or width in mm, its field of view in degrees, and the depth in mm.
+    face: (&'static str, f64, f64, f64),
+    attenuation_p98: f32,
+    overflows: u32,
+    total_ms: f64,
+    chosen: Option<String>,
+    record: Py<Record>,
+}
+
+/// Inputs and times of a frame, as `frame.json` has them.
+#[pyclass(frozen, module = "insonify._insonify")]
+pub(crate) struct Record(FrameRecord);
+
+#[pymethods]
+impl Record {
+    /// The record as JSON.
+    fn json(&self) -> PyResult<String> {
+        Ok(serde_json::to_string(&self.0).map_err(|error| Failure::of(Kind::Internal, &error))?)
+    }
+}
+
+/// An array of two dimensions that owns `values`.
+fn lent<T: Element>(py: Python<'_>, values: Vec<T>, rows: usize) -> PyResult<Py<PyAny>> {
+    let columns = values.len().checked_div(rows).unwrap_or(0);
+    Ok(PyArray1::from_vec(py, values).reshape([rows, columns])?.into_any().unbind())
+}
+
+impl Still {
+    pub(crate) fn new(py: Python<'_>, StillFrame { frame, record, chosen }: StillFrame) -> PyResult<Self> {
+        let rows = frame.height as usize;
+        let map = |levels: Vec<u8>| (!levels.is_empty()).then(|| lent(py, levels, rows)).transpose();
+        let attenuation = (!frame.attenuation.is_empty()).then(|| lent(py, frame.attenuation, rows)).transpose()?;
+        let lines = if frame.lines.is_empty() {
+            None
+        } else {
+            let complex: Vec<Complex32> = bytemuck::cast_vec(frame.lines);
+            Some(lent(py, complex, record.probe.scanlines as usize)?)
+        };
+        let (kind, size_mm, fov_deg) = match record.probe.kind {
+            ProbeKind::Convex { radius_mm, fov_deg } => ("convex", radius_mm, fov_deg),
+            ProbeKind::Linear { width_mm } => ("linear", width_mm, 0.0),
+            ProbeKind::Phased { fov_deg } => ("phased", 0.0, fov_deg),
+        };
+        Ok(Self {
+            bmode: lent(py, frame.bmode, rows)?,
+            // Frames share their mask, and a caller may write into its own.
+            mask: lent(py, frame.mask.to_vec(), rows)?,
+            segmentation: map(frame.segmentation)?,
+            attenuation,
+            lines,
+            mm_per_pixel: record.image.pixel_mm,
+            corner_mm: record.image.corner_mm.into(),
+            face: (kind, size_mm, fov_deg, record.probe.depth_mm),
+            attenuation_p98: frame.attenuation_p98,
+            overflows: frame.overflows,
+            total_ms: frame.times.total_ms,
+            chosen: chosen.map(|chosen| chosen.to_string()),
+            record: Py::new(py, Record(record))?,
+        })
+    }
+}

@@ -1,0 +1,52 @@
+//! Standard planes, and how far an image is from one.
+
+use insonify::anatomy::Skin;
+use insonify::anatomy::planes::StandardPlanes;
+use insonify::exam::offset::Offset;
+use insonify::exam::score::{HOLD_S, is_on_skin};
+use insonify::settings::ContactSettings;
+use insonify::transducer::{Probe, touch};
+use pyo3::prelude::*;
+
+use crate::errors::{Failure, Kind};
+use crate::frame::pose_of;
+
+/// Standard planes of a station's scene, with its skin.
+#[pyclass(frozen, module = "insonify._insonify")]
+pub(crate) struct Planes {
+    pub(crate) planes: StandardPlanes,
+    pub(crate) skin: Skin,
+    pub(crate) probe: Probe,
+    pub(crate) contact: ContactSettings,
+}
+
+#[pymethods]
+impl Planes {
+    /// The planes as JSON, as the file beside a scene has them.
+    fn json(&self) -> PyResult<String> {
+        Ok(serde_json::to_string(&self.planes).map_err(|error| Failure::of(Kind::Internal, &error))?)
+    }
+
+    /// Index of the nearest view of a plane, and the image's offset from it as JSON.
+    fn offset(&self, plane: &str, pose: [f64; 7]) -> PyResult<(usize, String)> {
+        let pose = pose_of(pose)?;
+        let chosen = self.planes.chosen(&[plane]).map_err(|error| Failure::of(Kind::Input, &error))?;
+        let nearest = chosen.first().and_then(|plane| Offset::nearest(plane, &self.probe, &pose));
+        let no_view = || Failure::new(Kind::Input, format!("the plane {plane} has no view"));
+        let (view, offset) = nearest.ok_or_else(no_view)?;
+        Ok((view, serde_json::to_string(&offset).map_err(|error| Failure::of(Kind::Internal, &error))?))
+    }
+
+    /// Contact of the probe with the skin: the coupled part of its face, 0..=1, and the depth of its centre below the skin,
+    /// mm, none if the skin is far away; and whether a score counts it as on the skin.
+    fn touch(&self, pose: [f64; 7]) -> PyResult<(f64, Option<f64>, bool)> {
+        let (_, contact) = touch(&self.skin, &self.probe, &pose_of(pose)?, &self.contact);
+        Ok((contact.part, contact.press_mm, is_on_skin(&contact)))
+    }
+
+    /// Time for which a plane must be held to be found, s.
+    #[classattr]
+    fn hold_s() -> f64 {
+        HOLD_S
+    }
+}

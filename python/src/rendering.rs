@@ -1,0 +1,161 @@
+//! Renderers of stations.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
+use std::time::{Duration, Instant};
+
+use insonify::chooser::{StillFrame, render_still_with};
+use insonify::render::{Backend, BackendChoice, EffectPlan, FrameQuality, RenderSettings, Renderer};
+use insonify::tradeoff::PlanTable;
+use insonify::transducer::Probe;
+
+use crate::errors::{Failure, Kind};
+use crate::frame::Wish;
+use crate::scene::{Loaded, SceneKey};
+use crate::station::Described;
+use crate::work::on_pool;
+
+/// Longest wait of a forked process for another thread's frame.
+const FORK_PATIENCE: Duration = Duration::from_secs(20);
+
+/// A renderer with its scene, kept from frame to frame.
+pub(crate) struct Rendering {
+    loaded: Arc<Loaded>,
+    choice: BackendChoice,
+    pub(crate) backend: Backend,
+    renderer: Renderer,
+    /// Process that made it.
+    process: u32,
+    /// Probe and settings whose warnings were logged.
+    warned: Option<(Probe, RenderSettings)>,
+}
+
+/// A place for a renderer that threads share.
+pub(crate) type Slot = Mutex<Option<Rendering>>;
+
+/// Backends of this process, one for each choice.
+fn open(choice: BackendChoice) -> Result<Backend, Failure> {
+    static OPEN: Mutex<Vec<(u32, BackendChoice, Backend)>> = Mutex::new(Vec::new());
+    let process = std::process::id();
+    let mut open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some((_, _, backend)) = open.iter().find(|(by, known, _)| (*by, *known) == (process, choice)) {
+        return Ok(backend.clone());
+    }
+    let backend = Backend::open(choice)?;
+    open.push((process, choice, backend.clone()));
+    Ok(backend)
+}
+
+impl Rendering {
+    /// Locks a slot. In a forked process a thread of the parent may hold the lock, and would never open it.
+    fn lock(slot: &Slot) -> Result<MutexGuard<'_, Option<Self>>, Failure> {
+        if !crate::process::is_forked() {
+            return Ok(slot.lock().unwrap_or_else(PoisonError::into_inner));
+        }
+        let started = Instant::now();
+        loop {
+            match slot.try_lock() {
+                Ok(guard) => return Ok(guard),
+                Err(TryLockError::Poisoned(poisoned)) => return Ok(poisoned.into_inner()),
+                Err(TryLockError::WouldBlock) if started.elapsed() < FORK_PATIENCE => {
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+                Err(TryLockError::WouldBlock) => {
+                    let text = "the station was rendering when this process was forked; make a new one here, or start processes by `spawn`";
+                    return Err(Failure::new(Kind::Render, text));
+                }
+            }
+        }
+    }
+
+    /// Runs `work` with a renderer of the described scene, which is made if missing.
+    pub(crate) fn with<T: Send>(
+        slot: &Slot,
+        described: &Described,
+        settings: &RenderSettings,
+        work: impl FnOnce(&mut Self) -> Result<T, Failure> + Send,
+    ) -> Result<T, Failure> {
+        let choice = match described.backend {
+            Some(choice) => choice,
+            None => BackendChoice::from_environment()?.unwrap_or(described.station.backend),
+        };
+        let key = SceneKey::of(&described.station, described.arrays.clone());
+        let mut guard = Self::lock(slot)?;
+        let mut kept = guard.take().filter(|kept| kept.choice == choice && kept.loaded.key.same_scene(&key));
+        if let Some(lost) = kept.take_if(|kept| kept.process != std::process::id() && !kept.backend.on_host()) {
+            // Its driver's threads don't exist here: to close it would wait for ever.
+            std::mem::forget(lost);
+            let text =
+                "a graphics device can't be used after a fork; start processes by `spawn`, or render on the host";
+            return Err(Failure::new(Kind::Backend, text));
+        }
+        let rendering = match kept {
+            Some(kept) => kept,
+            None => Self::new(key.load()?, choice, &described.station.probe, settings)?,
+        };
+        let rendering = guard.insert(rendering);
+        on_pool(|| work(rendering))
+    }
+
+    fn new(
+        loaded: Arc<Loaded>,
+        choice: BackendChoice,
+        probe: &Probe,
+        settings: &RenderSettings,
+    ) -> Result<Self, Failure> {
+        let backend = open(choice)?;
+        let renderer =
+            on_pool(|| Ok(Renderer::with_bvh(&backend, &loaded.scene, loaded.bvh.clone(), probe, settings)?))?;
+        Ok(Self { loaded, choice, backend, renderer, process: std::process::id(), warned: None })
+    }
+
+    /// Renders a frame as `insonify render` does. A quality that a budget chose goes to `chosen`, and is kept if it is there.
+    pub(crate) fn still(
+        slot: &Slot,
+        described: &Described,
+        wish: &Wish,
+        chosen: &mut Option<FrameQuality>,
+    ) -> Result<StillFrame, Failure> {
+        let mut settings = wish.settings(described);
+        let mut budget_ms = described.station.frame_budget_ms.filter(|_| wish.quality.is_none());
+        if let Some(quality) = chosen.filter(|_| budget_ms.is_some()) {
+            settings.quality = quality.with_seed(settings.quality.seed);
+            budget_ms = None;
+        }
+        let still = Self::with(slot, described, &settings, |rendering| {
+            rendering.warn(&described.station.probe, &settings);
+            let Self { renderer, backend, .. } = rendering;
+            let at = (wish.pose, wish.time_s);
+            Ok(render_still_with(renderer, backend, &described.station, settings, at, budget_ms)?)
+        })?;
+        if let Some(found) = &still.chosen {
+            *chosen = Some(found.quality);
+        }
+        Ok(still)
+    }
+
+    /// Logs what the plan warns of, once for each kind of frame.
+    fn warn(&mut self, probe: &Probe, settings: &RenderSettings) {
+        let mut seedless = *settings;
+        seedless.quality.seed = 0;
+        if self.warned == Some((*probe, seedless)) {
+            return;
+        }
+        self.warned = Some((*probe, seedless));
+        let plan = EffectPlan::new(&self.loaded.scene, probe, settings);
+        plan.warnings().for_each(|warning| tracing::warn!("{warning}"));
+        plan.notices().for_each(|notice| tracing::info!("{notice}"));
+    }
+}
+
+/// Decisions of the effect plan as JSON, and as a table.
+pub(crate) fn plan(described: &Described, quality: Option<FrameQuality>) -> Result<(String, String), Failure> {
+    let station = &described.station;
+    let mut settings = station.settings;
+    if let Some(quality) = quality {
+        settings.quality = quality.with_seed(settings.quality.seed);
+    }
+    let loaded = SceneKey::of(station, described.arrays.clone()).load()?;
+    let plan = on_pool(|| Ok(EffectPlan::new(&loaded.scene, &station.probe, &settings)))?;
+    let json = serde_json::to_string(plan.decisions()).map_err(|error| Failure::of(Kind::Internal, &error))?;
+    Ok((json, PlanTable { plan: &plan, measured: None }.to_string()))
+}

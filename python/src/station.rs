@@ -1,0 +1,310 @@
+//! Stations: their file, their settings, and their frames.
+
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use insonify::render::BackendChoice;
+use insonify::settings::SettingsGroup;
+use insonify::station::{PlaneScene, keys};
+use numpy::PyReadonlyArray2;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use serde_json::json;
+use toml::{Table, Value};
+
+use crate::convert::{merge, to_python};
+use crate::errors::{Failure, Kind};
+use crate::frame::{Components, Still, Wish, components, pose_of};
+use crate::planes::Planes;
+use crate::rendering::Rendering;
+use crate::scene::{SceneArrays, Surfaces};
+use crate::stream::Stream;
+use crate::work::{interruptibly, on_pool};
+
+/// A station as its file and later changes describe it.
+#[derive(Clone)]
+pub(crate) struct Described {
+    table: Table,
+    /// Directory at which relative paths start.
+    directory: PathBuf,
+    path: Option<PathBuf>,
+    pub(crate) arrays: Option<Arc<Surfaces>>,
+    /// Place of rendering, whatever the file or the environment says.
+    pub(crate) backend: Option<BackendChoice>,
+    pub(crate) station: insonify::Station,
+}
+
+impl Described {
+    fn new(
+        mut table: Table,
+        directory: PathBuf,
+        path: Option<PathBuf>,
+        arrays: Option<Arc<Surfaces>>,
+        backend: Option<BackendChoice>,
+    ) -> Result<Self, Failure> {
+        if let Some(arrays) = &arrays {
+            // The parser wants a file; this name is shown, and never read.
+            let scene = table.entry("scene").or_insert_with(|| Value::Table(Table::new()));
+            if let Value::Table(scene) = scene {
+                scene.insert("path".into(), "a scene of arrays".into());
+                scene.insert("background".into(), arrays.background.clone().into());
+            }
+        }
+        let text = toml::to_string(&table).map_err(|error| Failure::of(Kind::Station, &error))?;
+        let mut station = insonify::Station::parse(&text, &directory)?;
+        if let Some(path) = &path {
+            station.path = path.clone();
+        }
+        Ok(Self { table, directory, path, arrays, backend, station })
+    }
+}
+
+/// What threads share of a station.
+pub(crate) struct Inner {
+    described: Mutex<Described>,
+    pub(crate) rendering: Mutex<Option<Rendering>>,
+}
+
+impl Inner {
+    pub(crate) fn described(&self) -> Described {
+        self.described.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+/// A station.
+#[pyclass(frozen, module = "insonify._insonify")]
+pub(crate) struct Station(Arc<Inner>);
+
+impl Station {
+    fn of(described: Described) -> Self {
+        Self(Arc::new(Inner { described: Mutex::new(described), rendering: Mutex::new(None) }))
+    }
+}
+
+#[pymethods]
+impl Station {
+    /// Reads a station file.
+    #[staticmethod]
+    fn load(path: PathBuf) -> PyResult<Self> {
+        // It says what is wrong with the file, and logs old names of keys.
+        insonify::Station::load(&path).map_err(Failure::from)?;
+        let io = |error| Failure::of(Kind::Station, &error);
+        let text = std::fs::read_to_string(&path).map_err(io)?;
+        let table: Table = text.parse().map_err(|error: toml::de::Error| Failure::of(Kind::Station, &error))?;
+        let path = std::path::absolute(&path).map_err(|error| Failure::of(Kind::Station, &error))?;
+        let directory = path.parent().map(PathBuf::from).unwrap_or_default();
+        Ok(Self::of(Described::new(table, directory, Some(path), None, None)?))
+    }
+
+    /// A station of a dict of tables; relative paths start at `directory`.
+    #[staticmethod]
+    #[pyo3(signature = (tables, directory, path=None, arrays=None, backend=None))]
+    fn from_tables(
+        tables: &Bound<'_, PyDict>,
+        directory: PathBuf,
+        path: Option<PathBuf>,
+        arrays: Option<&SceneArrays>,
+        backend: Option<&str>,
+    ) -> PyResult<Self> {
+        let mut table = Table::new();
+        merge(&mut table, tables)?;
+        let arrays = arrays.map(|arrays| arrays.0.clone());
+        Ok(Self::of(Described::new(table, directory, path, arrays, backend_of(backend)?)?))
+    }
+
+    /// The tables, with the changes so far.
+    fn tables<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        to_python(py, &Value::Table(self.0.described().table))
+    }
+
+    #[getter]
+    fn directory(&self) -> PathBuf {
+        self.0.described().directory
+    }
+
+    #[getter]
+    fn path(&self) -> Option<PathBuf> {
+        self.0.described().path
+    }
+
+    #[getter]
+    fn arrays(&self) -> Option<SceneArrays> {
+        self.0.described().arrays.map(SceneArrays)
+    }
+
+    #[getter]
+    fn backend(&self) -> Option<String> {
+        self.0.described().backend.map(|choice| choice.to_string())
+    }
+
+    /// Changes settings; after an error nothing has changed.
+    fn set(&self, tables: &Bound<'_, PyDict>) -> PyResult<()> {
+        let Described { mut table, directory, path, arrays, backend, .. } = self.0.described();
+        merge(&mut table, tables)?;
+        let next = Described::new(table, directory, path, arrays, backend)?;
+        *self.0.described.lock().unwrap_or_else(PoisonError::into_inner) = next;
+        Ok(())
+    }
+
+    /// Name of the device or processor that makes the frames, once there was a frame.
+    #[getter]
+    fn adapter(&self, py: Python<'_>) -> Option<String> {
+        py.detach(|| {
+            let rendering = self.0.rendering.lock().unwrap_or_else(PoisonError::into_inner);
+            rendering.as_ref().map(|rendering| rendering.backend.to_string())
+        })
+    }
+
+    /// Settings in force, as JSON.
+    fn settings_json(&self) -> String {
+        let station = self.0.described().station;
+        let settings = station.settings;
+        json!({
+            "probe": station.probe,
+            "image": settings.image,
+            "quality": settings.quality,
+            "frame_budget_ms": station.frame_budget_ms,
+            "look": settings.look,
+            "contact": settings.contact,
+            "receiver": settings.receiver,
+            "background": station.background,
+        })
+        .to_string()
+    }
+
+    /// Names of the tissues, in the order of their numbers from 1.
+    fn tissue_names(&self) -> Vec<String> {
+        self.0.described().station.tissues.names().to_vec()
+    }
+
+    /// Properties of every tissue, by name.
+    fn tissues<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let all = PyDict::new(py);
+        let table = self.0.described().station.tissues;
+        for (name, tissue) in table.names().iter().zip(table.tissues()) {
+            let properties = PyDict::new(py);
+            let mut tissue = tissue.clone();
+            for setting in insonify::anatomy::Tissue::settings() {
+                if let Some(stored) = tissue.stored_mut(setting.key) {
+                    properties.set_item(setting.key, stored.get(0))?;
+                }
+            }
+            all.set_item(name, properties)?;
+        }
+        Ok(all)
+    }
+
+    /// Pose of the station's `[pose]`.
+    #[getter]
+    fn pose(&self) -> Option<Components> {
+        self.0.described().station.default_pose.map(|pose| components(&pose))
+    }
+
+    /// Renders a frame.
+    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn render(
+        &self,
+        py: Python<'_>,
+        pose: [f64; 7],
+        quality: Option<&str>,
+        seed: Option<u32>,
+        time_s: f64,
+        maps: bool,
+        lines: bool,
+    ) -> PyResult<Still> {
+        let wish = Wish::new(pose, quality, seed, time_s, maps, lines)?;
+        let (inner, described) = (self.0.clone(), self.0.described());
+        let still = interruptibly(py, move || Rendering::still(&inner.rendering, &described, &wish, &mut None))?;
+        Still::new(py, still)
+    }
+
+    /// Frames of poses that are pushed, made on a thread of its own.
+    fn stream(&self) -> PyResult<Stream> {
+        Stream::start(self.0.clone())
+    }
+
+    /// Loads the scene and makes the renderer, without a frame.
+    fn prepare(&self, py: Python<'_>) -> PyResult<()> {
+        let (inner, described) = (self.0.clone(), self.0.described());
+        interruptibly(py, move || {
+            let settings = described.station.settings;
+            Rendering::with(&inner.rendering, &described, &settings, |_| Ok(()))
+        })
+    }
+
+    /// Decisions of the effect plan as JSON, and as a table.
+    fn plan(&self, py: Python<'_>, quality: Option<&str>) -> PyResult<(String, String)> {
+        let quality = quality.map(crate::frame::quality_of).transpose()?;
+        let described = self.0.described();
+        interruptibly(py, move || crate::rendering::plan(&described, quality))
+    }
+
+    /// The standard planes of the scene.
+    fn planes(&self, py: Python<'_>) -> PyResult<Planes> {
+        let Described { station, arrays, .. } = self.0.described();
+        if arrays.is_some() {
+            return Err(Failure::new(Kind::Scene, "a scene of arrays has no standard planes").into());
+        }
+        interruptibly(py, move || {
+            let PlaneScene { planes, skin } = on_pool(|| Ok(PlaneScene::open(&station)?))?;
+            Ok(Planes { planes, skin, probe: station.probe, contact: station.settings.contact })
+        })
+    }
+}
+
+fn backend_of(name: Option<&str>) -> Result<Option<BackendChoice>, Failure> {
+    let choice = name.map(str::parse).transpose();
+    choice.map_err(|error: insonify::settings::UnknownBackend| Failure::new(Kind::Input, format!("backend: {error}")))
+}
+
+/// Keys of station files: table, key, unit, default, accepted values, meaning.
+#[pyfunction]
+pub(crate) fn station_keys() -> Vec<(&'static str, &'static str, &'static str, String, String, String)> {
+    let row = |doc: &'static insonify::station::KeyDoc| {
+        (doc.table, doc.key, doc.unit, doc.default.to_string(), doc.range.to_string(), doc.meaning.to_string())
+    };
+    keys().iter().map(row).collect()
+}
+
+/// Checks a pose: x, y, z, qw, qx, qy, qz with its quaternion normalised.
+#[pyfunction]
+pub(crate) fn checked_pose(pose: [f64; 7]) -> PyResult<Components> {
+    Ok(components(&pose_of(pose)?))
+}
+
+/// The pose `b_from_a` of an `a_from_b`.
+#[pyfunction]
+pub(crate) fn inverse_pose(pose: [f64; 7]) -> PyResult<Components> {
+    Ok(components(&pose_of(pose)?.inverse()))
+}
+
+/// The pose `a_from_c` of `a_from_b` and `b_from_c`.
+#[pyfunction]
+pub(crate) fn pose_product(a_from_b: [f64; 7], b_from_c: [f64; 7]) -> PyResult<Components> {
+    let product = pose_of(a_from_b)? * pose_of(b_from_c)?;
+    // The product may lie beyond the limits.
+    Ok(components(&pose_of(product.components())?))
+}
+
+/// Built-in tissues with ranges and sources, as JSON.
+#[pyfunction]
+pub(crate) fn builtin_tissues_json() -> PyResult<String> {
+    let tissues = insonify::anatomy::builtin::sourced_tissues().map_err(Failure::from)?;
+    Ok(serde_json::to_string(&tissues).map_err(|error| Failure::of(Kind::Internal, &error))?)
+}
+
+/// A grey image as PNG.
+#[pyfunction]
+pub(crate) fn png(grey: PyReadonlyArray2<'_, u8>) -> PyResult<Vec<u8>> {
+    use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+
+    let [height, width] = *grey.as_array().shape() else {
+        return Err(Failure::new(Kind::Input, "a picture must be an array [height, width]").into());
+    };
+    let pixels = grey.as_array().iter().copied().collect::<Vec<u8>>();
+    let mut png = Vec::new();
+    PngEncoder::new(&mut png)
+        .write_image(&pixels, width as u32, height as u32, ExtendedColorType::L8)
+        .map_err(|error| Failure::of(Kind::Input, &error))?;
+    Ok(png)
+}

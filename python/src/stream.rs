@@ -1,0 +1,97 @@
+//! Frames of many poses: a thread renders ahead of the caller.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, Receiver, Sender};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use insonify::chooser::StillFrame;
+use pyo3::prelude::*;
+
+use crate::errors::{Failure, Kind};
+use crate::frame::{Still, Wish};
+use crate::rendering::Rendering;
+use crate::station::Inner;
+use crate::work::wait;
+
+/// Poses on their way to a thread, and frames on their way back. Settings are those of its beginning.
+#[pyclass(frozen, module = "insonify._insonify")]
+pub(crate) struct Stream {
+    wishes: Mutex<Option<Sender<Wish>>>,
+    frames: Mutex<Receiver<Result<StillFrame, Failure>>>,
+    closed: Arc<AtomicBool>,
+    process: u32,
+}
+
+impl Stream {
+    pub(crate) fn start(inner: Arc<Inner>) -> PyResult<Self> {
+        let (wishes, asked) = mpsc::channel::<Wish>();
+        let (made, frames) = mpsc::channel();
+        let closed = Arc::new(AtomicBool::new(false));
+        let (described, stop) = (inner.described(), closed.clone());
+        let thread = std::thread::Builder::new().name("insonify-ahead".into()).spawn(move || {
+            // A budget chooses a quality for the first frame, and all others have it, too.
+            let mut chosen = None;
+            for wish in asked {
+                if stop.load(Ordering::Relaxed) {
+                    break;
+                }
+                let still = Rendering::still(&inner.rendering, &described, &wish, &mut chosen);
+                if made.send(still).is_err() {
+                    break;
+                }
+            }
+        });
+        thread.map_err(|e| Failure::new(Kind::Internal, format!("no thread can be started: {e}")))?;
+        let process = std::process::id();
+        Ok(Self { wishes: Mutex::new(Some(wishes)), frames: Mutex::new(frames), closed, process })
+    }
+
+    fn check(&self) -> Result<(), Failure> {
+        if self.process == std::process::id() {
+            return Ok(());
+        }
+        Err(Failure::new(
+            Kind::Render,
+            "this process was forked from the one that renders these frames; call render_many here",
+        ))
+    }
+}
+
+#[pymethods]
+impl Stream {
+    /// Asks for a frame; returns at once.
+    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn push(
+        &self,
+        pose: [f64; 7],
+        quality: Option<&str>,
+        seed: Option<u32>,
+        time_s: f64,
+        maps: bool,
+        lines: bool,
+    ) -> PyResult<()> {
+        self.check()?;
+        let wish = Wish::new(pose, quality, seed, time_s, maps, lines)?;
+        let wishes = self.wishes.lock().unwrap_or_else(PoisonError::into_inner);
+        let sent = wishes.as_ref().is_some_and(|wishes| wishes.send(wish).is_ok());
+        if sent { Ok(()) } else { Err(Failure::new(Kind::Render, "the stream is closed").into()) }
+    }
+
+    /// Waits for the next frame, in the order of the poses.
+    fn next(&self, py: Python<'_>) -> PyResult<Still> {
+        self.check()?;
+        Still::new(py, wait(py, &self.frames)??)
+    }
+
+    /// Ends the thread after the frame that it is making.
+    fn close(&self) {
+        self.closed.store(true, Ordering::Relaxed);
+        self.wishes.lock().unwrap_or_else(PoisonError::into_inner).take();
+    }
+}
+
+impl Drop for Stream {
+    fn drop(&mut self) {
+        self.close();
+    }
+}
