@@ -31,8 +31,8 @@ live: setup
 
 test:
 	@scripts/setup --test
-	$(CARGO) fmt --check
-	$(CARGO) clippy --release --all-targets -- -D warnings
+	$(CARGO) fmt --all --check
+	$(CARGO) clippy --release --all-targets -p insonify -p insonify-python -- -D warnings
 	CARGO='$(CARGO)' scripts/test
 	RUSTDOCFLAGS='-D warnings' $(CARGO) doc --release --no-deps
 

@@ -9,7 +9,7 @@ from insonify.gym import reach_scene
 
 
 def main(frames: int) -> float:
-    """Frames per second of a sweep along y."""
+    """Volume of the cyst, ml, from a sweep along y."""
     station = insonify.Station.from_dict(
         {"probe": {"kind": "linear", "width_mm": 60, "depth_mm": 80}, "image": {"gain_db": 30}}, scene=reach_scene()
     )
@@ -20,7 +20,8 @@ def main(frames: int) -> float:
     for frame in station.render_many(sweep, quality="4x3"):
         cyst_mm2.append(float(frame.tissue("amniotic_fluid").sum()) * frame.mm_per_pixel**2)
     rate = frames / (time.monotonic() - started)
-    volume_ml = float(np.trapezoid(cyst_mm2, dx=30 / (frames - 1))) / 1000
+    areas_mm2 = np.array(cyst_mm2)
+    volume_ml = float((areas_mm2[1:] + areas_mm2[:-1]).sum()) / 2 * 30 / (frames - 1) / 1000
     print(f"{rate:.0f} frames a second; the cyst has {volume_ml:.2f} ml, a ball of 10 mm 4.19 ml")
     return volume_ml
 

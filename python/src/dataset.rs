@@ -1,5 +1,6 @@
 //! Data sets: reading them, and making them.
 
+use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
@@ -83,7 +84,7 @@ impl Dataset {
 /// Message of the thread that makes a data set.
 enum Message {
     Tuples(usize, usize),
-    Ended(Result<Made, Failure>),
+    Ended(Result<(Made, Range<usize>), Failure>),
 }
 
 /// Ends the work of a thread that nobody waits for any more.
@@ -107,7 +108,7 @@ pub(crate) fn make_dataset(
     shard: &str,
     backend: Option<&str>,
     progress: Option<Bound<'_, PyAny>>,
-) -> PyResult<(usize, usize, PathBuf)> {
+) -> PyResult<(usize, usize, PathBuf, usize, usize)> {
     let pair = |text: &str| quality_of(text).map(|quality| [quality.rays, quality.layers]);
     let lq = lq.iter().map(|text| pair(text)).collect::<Result<Vec<_>, _>>()?;
     let hq = pair(hq)?;
@@ -149,7 +150,8 @@ pub(crate) fn make_dataset(
         };
         let made = on_pool(|| {
             let backend = Backend::open(choice)?;
-            Ok(Maker::new(recipe)?.make(&directory, &backend, &report)?)
+            let maker = Maker::new(recipe)?;
+            Ok((maker.make(&directory, &backend, &report)?, maker.tuples()))
         });
         let _ = sender.send(Message::Ended(made));
     });
@@ -165,6 +167,6 @@ pub(crate) fn make_dataset(
             }
         }
     };
-    let made = followed().inspect_err(|_| cancelled.store(true, Ordering::Relaxed))?;
-    Ok((made.made, made.kept, made.manifest))
+    let (made, tuples) = followed().inspect_err(|_| cancelled.store(true, Ordering::Relaxed))?;
+    Ok((made.made, made.kept, made.manifest, tuples.start, tuples.end))
 }

@@ -59,6 +59,10 @@ impl Failure {
         Self { kind, text: text.into() }
     }
 
+    pub(crate) fn kind(&self) -> Kind {
+        self.kind
+    }
+
     /// Failure of an error. A file that does not exist has its own class, whatever looked for it.
     pub(crate) fn of(kind: Kind, error: &(dyn Error + 'static)) -> Self {
         let chain = || std::iter::successors(Some(error), |&e| e.source());

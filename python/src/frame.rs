@@ -31,7 +31,7 @@ pub(crate) fn quality_of(text: &str) -> Result<FrameQuality, Failure> {
 }
 
 /// What is asked of a frame.
-pub(crate) struct Wish {
+pub(crate) struct FrameRequest {
     pub(crate) pose: Pose,
     pub(crate) quality: Option<FrameQuality>,
     pub(crate) seed: Option<u32>,
@@ -40,7 +40,7 @@ pub(crate) struct Wish {
     lines: bool,
 }
 
-impl Wish {
+impl FrameRequest {
     pub(crate) fn new(
         pose: [f64; 7],
         quality: Option<&str>,
@@ -103,7 +103,7 @@ impl Record {
 }
 
 /// An array of two dimensions that owns `values`.
-fn lent<T: Element>(py: Python<'_>, values: Vec<T>, rows: usize) -> PyResult<Py<PyAny>> {
+fn owned_array<T: Element>(py: Python<'_>, values: Vec<T>, rows: usize) -> PyResult<Py<PyAny>> {
     let columns = values.len().checked_div(rows).unwrap_or(0);
     Ok(PyArray1::from_vec(py, values).reshape([rows, columns])?.into_any().unbind())
 }
@@ -111,13 +111,14 @@ fn lent<T: Element>(py: Python<'_>, values: Vec<T>, rows: usize) -> PyResult<Py<
 impl Still {
     pub(crate) fn new(py: Python<'_>, StillFrame { frame, record, chosen }: StillFrame) -> PyResult<Self> {
         let rows = frame.height as usize;
-        let map = |levels: Vec<u8>| (!levels.is_empty()).then(|| lent(py, levels, rows)).transpose();
-        let attenuation = (!frame.attenuation.is_empty()).then(|| lent(py, frame.attenuation, rows)).transpose()?;
+        let map = |levels: Vec<u8>| (!levels.is_empty()).then(|| owned_array(py, levels, rows)).transpose();
+        let attenuation =
+            (!frame.attenuation.is_empty()).then(|| owned_array(py, frame.attenuation, rows)).transpose()?;
         let lines = if frame.lines.is_empty() {
             None
         } else {
             let complex: Vec<Complex32> = bytemuck::cast_vec(frame.lines);
-            Some(lent(py, complex, record.probe.scanlines as usize)?)
+            Some(owned_array(py, complex, record.probe.scanlines as usize)?)
         };
         let (kind, size_mm, fov_deg) = match record.probe.kind {
             ProbeKind::Convex { radius_mm, fov_deg } => ("convex", radius_mm, fov_deg),
@@ -125,9 +126,9 @@ impl Still {
             ProbeKind::Phased { fov_deg } => ("phased", 0.0, fov_deg),
         };
         Ok(Self {
-            bmode: lent(py, frame.bmode, rows)?,
+            bmode: owned_array(py, frame.bmode, rows)?,
             // Frames share their mask, and a caller may write into its own.
-            mask: lent(py, frame.mask.to_vec(), rows)?,
+            mask: owned_array(py, frame.mask.to_vec(), rows)?,
             segmentation: map(frame.segmentation)?,
             attenuation,
             lines,

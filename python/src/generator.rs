@@ -54,7 +54,7 @@ impl Generator {
         let generator = interruptibly(py, move || {
             let runtime = Runtime::get()?;
             let options = LoadOptions { threads, precision, tissues: &tissues, ..LoadOptions::default() };
-            Ok(insonify::generator::Generator::load(&path, runtime, &options)?)
+            on_pool(|| Ok(insonify::generator::Generator::load(&path, runtime, &options)?))
         })?;
         Ok(Self { generator: Arc::new(Mutex::new(generator)), process: std::process::id() })
     }
@@ -91,13 +91,18 @@ impl Generator {
         let [height, width] = [bmode.as_array().nrows(), bmode.as_array().ncols()];
         let contiguous = |_| Failure::new(Kind::Input, "a frame's maps must be C-ordered arrays [height, width]");
         let scan = geometry(face, [height, width], mm_per_pixel, corner_mm)?;
+        // Another thread may write the arrays while the generator runs.
+        let image = bmode.as_slice().map_err(contiguous)?.to_vec();
+        let segmentation = segmentation.as_slice().map_err(contiguous)?.to_vec();
+        let attenuation = attenuation.as_slice().map_err(contiguous)?.to_vec();
+        let mask = mask.as_slice().map_err(contiguous)?.to_vec();
         let input = Input {
             width: width as u32,
             height: height as u32,
-            image: bmode.as_slice().map_err(contiguous)?,
-            segmentation: segmentation.as_slice().map_err(contiguous)?,
-            attenuation: attenuation.as_slice().map_err(contiguous)?,
-            mask: mask.as_slice().map_err(contiguous)?,
+            image: &image,
+            segmentation: &segmentation,
+            attenuation: &attenuation,
+            mask: &mask,
             scan: Some(scan),
         };
         let levels = py.detach(|| {

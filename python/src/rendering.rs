@@ -9,13 +9,13 @@ use insonify::tradeoff::PlanTable;
 use insonify::transducer::Probe;
 
 use crate::errors::{Failure, Kind};
-use crate::frame::Wish;
+use crate::frame::FrameRequest;
 use crate::scene::{Loaded, SceneKey};
 use crate::station::Described;
 use crate::work::on_pool;
 
 /// Longest wait of a forked process for another thread's frame.
-const FORK_PATIENCE: Duration = Duration::from_secs(20);
+const FORK_LOCK_TIMEOUT: Duration = Duration::from_secs(20);
 
 /// A renderer with its scene, kept from frame to frame.
 pub(crate) struct Rendering {
@@ -32,13 +32,23 @@ pub(crate) struct Rendering {
 /// A place for a renderer that threads share.
 pub(crate) type Slot = Mutex<Option<Rendering>>;
 
-/// Backends of this process, one for each choice.
+/// Backends, one for each process and choice.
+static OPEN: Mutex<Vec<(u32, BackendChoice, Backend)>> = Mutex::new(Vec::new());
+
+fn after_fork() -> Failure {
+    let text = "a graphics device can't be used after a fork; start processes by `spawn`, or render on the host";
+    Failure::new(Kind::Backend, text)
+}
+
+/// Opens a backend, or shares the one of this process.
 fn open(choice: BackendChoice) -> Result<Backend, Failure> {
-    static OPEN: Mutex<Vec<(u32, BackendChoice, Backend)>> = Mutex::new(Vec::new());
     let process = std::process::id();
     let mut open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some((_, _, backend)) = open.iter().find(|(by, known, _)| (*by, *known) == (process, choice)) {
         return Ok(backend.clone());
+    }
+    if choice != BackendChoice::Host && open.iter().any(|(by, _, backend)| *by != process && !backend.on_host()) {
+        return Err(after_fork());
     }
     let backend = Backend::open(choice)?;
     open.push((process, choice, backend.clone()));
@@ -47,7 +57,7 @@ fn open(choice: BackendChoice) -> Result<Backend, Failure> {
 
 impl Rendering {
     /// Locks a slot. In a forked process a thread of the parent may hold the lock, and would never open it.
-    fn lock(slot: &Slot) -> Result<MutexGuard<'_, Option<Self>>, Failure> {
+    pub(crate) fn lock(slot: &Slot) -> Result<MutexGuard<'_, Option<Self>>, Failure> {
         if !crate::process::is_forked() {
             return Ok(slot.lock().unwrap_or_else(PoisonError::into_inner));
         }
@@ -56,7 +66,7 @@ impl Rendering {
             match slot.try_lock() {
                 Ok(guard) => return Ok(guard),
                 Err(TryLockError::Poisoned(poisoned)) => return Ok(poisoned.into_inner()),
-                Err(TryLockError::WouldBlock) if started.elapsed() < FORK_PATIENCE => {
+                Err(TryLockError::WouldBlock) if started.elapsed() < FORK_LOCK_TIMEOUT => {
                     std::thread::sleep(Duration::from_millis(1));
                 }
                 Err(TryLockError::WouldBlock) => {
@@ -80,20 +90,29 @@ impl Rendering {
         };
         let key = SceneKey::of(&described.station, described.arrays.clone());
         let mut guard = Self::lock(slot)?;
-        let mut kept = guard.take().filter(|kept| kept.choice == choice && kept.loaded.key.same_scene(&key));
+        let mut kept = guard.take();
         if let Some(lost) = kept.take_if(|kept| kept.process != std::process::id() && !kept.backend.on_host()) {
             // Its driver's threads don't exist here: to close it would wait for ever.
             std::mem::forget(lost);
-            let text =
-                "a graphics device can't be used after a fork; start processes by `spawn`, or render on the host";
-            return Err(Failure::new(Kind::Backend, text));
+            return Err(after_fork());
         }
-        let rendering = match kept {
+        let rendering = match kept.filter(|kept| kept.choice == choice && kept.loaded.key.same_scene(&key)) {
             Some(kept) => kept,
             None => Self::new(key.load()?, choice, &described.station.probe, settings)?,
         };
         let rendering = guard.insert(rendering);
-        on_pool(|| work(rendering))
+        let done = on_pool(|| work(rendering));
+        if let Err(failure) = &done
+            && matches!(failure.kind(), Kind::Internal | Kind::Backend)
+        {
+            // What failed half-way, or lost its device, makes no further frame.
+            *guard = None;
+            let mine = std::process::id();
+            OPEN.lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .retain(|(by, known, _)| (*by, *known) != (mine, choice));
+        }
+        done
     }
 
     fn new(
@@ -112,11 +131,11 @@ impl Rendering {
     pub(crate) fn still(
         slot: &Slot,
         described: &Described,
-        wish: &Wish,
+        request: &FrameRequest,
         chosen: &mut Option<FrameQuality>,
     ) -> Result<StillFrame, Failure> {
-        let mut settings = wish.settings(described);
-        let mut budget_ms = described.station.frame_budget_ms.filter(|_| wish.quality.is_none());
+        let mut settings = request.settings(described);
+        let mut budget_ms = described.station.frame_budget_ms.filter(|_| request.quality.is_none());
         if let Some(quality) = chosen.filter(|_| budget_ms.is_some()) {
             settings.quality = quality.with_seed(settings.quality.seed);
             budget_ms = None;
@@ -124,7 +143,7 @@ impl Rendering {
         let still = Self::with(slot, described, &settings, |rendering| {
             rendering.warn(&described.station.probe, &settings);
             let Self { renderer, backend, .. } = rendering;
-            let at = (wish.pose, wish.time_s);
+            let at = (request.pose, request.time_s);
             Ok(render_still_with(renderer, backend, &described.station, settings, at, budget_ms)?)
         })?;
         if let Some(found) = &still.chosen {

@@ -13,7 +13,7 @@ use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
 
 use crate::errors::{Failure, Kind};
-use crate::work::on_pool;
+use crate::work::{interruptibly, on_pool};
 
 /// Surfaces of a scene, mended as those of a file, and the tissue outside of them.
 pub(crate) struct Surfaces {
@@ -31,8 +31,11 @@ type Given<'py> = (String, String, i32, PyReadonlyArray2<'py, f32>, PyReadonlyAr
 #[pymethods]
 impl SceneArrays {
     #[new]
-    fn new(surfaces: Vec<Given<'_>>, background: String) -> PyResult<Self> {
-        let surfaces = surfaces.into_iter().map(surface).collect::<Result<_, _>>()?;
+    fn new(py: Python<'_>, surfaces: Vec<Given<'_>>, background: String) -> PyResult<Self> {
+        let copied = surfaces.into_iter().map(Copied::of).collect::<Result<Vec<_>, _>>()?;
+        let mend = || copied.into_iter().map(Copied::mended).collect::<Result<Vec<_>, _>>();
+        // A forked process has threads in this crate's own pool only.
+        let surfaces = interruptibly(py, move || on_pool(mend))?;
         Ok(Self(Arc::new(Surfaces { surfaces, background })))
     }
 
@@ -55,19 +58,37 @@ impl SceneArrays {
     }
 }
 
-fn surface((name, tissue, priority, vertices, triangles): Given<'_>) -> Result<LabelledSurface, Failure> {
-    let wrong =
-        |what: &str| Failure::new(Kind::Scene, format!("surface `{name}`: {what} must be a C-ordered array [n, 3]"));
-    let corners = vertices.as_slice().map_err(|_| wrong("vertices"))?.as_chunks::<3>();
-    let corners = if corners.1.is_empty() { corners.0 } else { return Err(wrong("vertices")) };
-    let indices = triangles.as_slice().map_err(|_| wrong("triangles"))?.as_chunks::<3>();
-    let indices = if indices.1.is_empty() { indices.0 } else { return Err(wrong("triangles")) };
-    let vertices_mm = corners.iter().map(|&corner| Vec3::from_array(corner)).collect();
-    let (mesh, findings) = mesh_of_arrays(&name, vertices_mm, indices.to_vec())?;
-    for finding in findings {
-        tracing::warn!("{finding}");
+/// A surface in memory of its own.
+struct Copied {
+    name: String,
+    tissue: String,
+    priority: i32,
+    vertices_mm: Vec<Vec3>,
+    triangles: Vec<[u32; 3]>,
+}
+
+impl Copied {
+    fn of((name, tissue, priority, vertices, triangles): Given<'_>) -> Result<Self, Failure> {
+        let wrong = |what: &str| {
+            Failure::new(Kind::Scene, format!("surface `{name}`: {what} must be a C-ordered array [n, 3]"))
+        };
+        let corners = vertices.as_slice().map_err(|_| wrong("vertices"))?.as_chunks::<3>();
+        let corners = if corners.1.is_empty() { corners.0 } else { return Err(wrong("vertices")) };
+        let indices = triangles.as_slice().map_err(|_| wrong("triangles"))?.as_chunks::<3>();
+        let indices = if indices.1.is_empty() { indices.0 } else { return Err(wrong("triangles")) };
+        let vertices_mm = corners.iter().map(|&corner| Vec3::from_array(corner)).collect();
+        let triangles = indices.to_vec();
+        Ok(Self { name, tissue, priority, vertices_mm, triangles })
     }
-    Ok(LabelledSurface { name, tissue, priority, mesh })
+
+    fn mended(self) -> Result<LabelledSurface, Failure> {
+        let Self { name, tissue, priority, vertices_mm, triangles } = self;
+        let (mesh, findings) = mesh_of_arrays(&name, vertices_mm, triangles)?;
+        for finding in findings {
+            tracing::warn!("{finding}");
+        }
+        Ok(LabelledSurface { name, tissue, priority, mesh })
+    }
 }
 
 impl Surfaces {
@@ -117,8 +138,10 @@ impl SceneKey {
             (Some(a), Some(b)) => Arc::ptr_eq(a, b),
             _ => false,
         };
-        let parts = |key: &Self| (key.station.background.clone(), key.station.motion, key.stamp);
-        same_arrays && parts(self) == parts(other) && self.station.tissues == other.station.tissues
+        let parts = |key: &Self| (key.station.background.clone(), key.station.motion);
+        // A file that is gone changes no scene that is in use.
+        let same_file = self.stamp == other.stamp || other.stamp.is_none();
+        same_arrays && same_file && parts(self) == parts(other) && self.station.tissues == other.station.tissues
     }
 
     /// The scene: one in use by any station of this process, else loaded anew.

@@ -14,7 +14,7 @@ use toml::{Table, Value};
 
 use crate::convert::{merge, to_python};
 use crate::errors::{Failure, Kind};
-use crate::frame::{Components, Still, Wish, components, pose_of};
+use crate::frame::{Components, FrameRequest, Still, components, pose_of};
 use crate::planes::Planes;
 use crate::rendering::Rendering;
 use crate::scene::{SceneArrays, Surfaces};
@@ -140,6 +140,10 @@ impl Station {
     /// Changes settings; after an error nothing has changed.
     fn set(&self, tables: &Bound<'_, PyDict>) -> PyResult<()> {
         let Described { mut table, directory, path, arrays, backend, .. } = self.0.described();
+        if arrays.is_some() && (tables.contains("scene")?) {
+            let text = "the station's scene is made of arrays: make a station with another scene";
+            return Err(Failure::new(Kind::Station, text).into());
+        }
         merge(&mut table, tables)?;
         let next = Described::new(table, directory, path, arrays, backend)?;
         *self.0.described.lock().unwrap_or_else(PoisonError::into_inner) = next;
@@ -148,10 +152,11 @@ impl Station {
 
     /// Name of the device or processor that makes the frames, once there was a frame.
     #[getter]
-    fn adapter(&self, py: Python<'_>) -> Option<String> {
-        py.detach(|| {
-            let rendering = self.0.rendering.lock().unwrap_or_else(PoisonError::into_inner);
-            rendering.as_ref().map(|rendering| rendering.backend.to_string())
+    fn adapter(&self, py: Python<'_>) -> PyResult<Option<String>> {
+        let inner = self.0.clone();
+        interruptibly(py, move || {
+            let rendering = Rendering::lock(&inner.rendering)?;
+            Ok(rendering.as_ref().map(|rendering| rendering.backend.to_string()))
         })
     }
 
@@ -212,9 +217,9 @@ impl Station {
         maps: bool,
         lines: bool,
     ) -> PyResult<Still> {
-        let wish = Wish::new(pose, quality, seed, time_s, maps, lines)?;
+        let request = FrameRequest::new(pose, quality, seed, time_s, maps, lines)?;
         let (inner, described) = (self.0.clone(), self.0.described());
-        let still = interruptibly(py, move || Rendering::still(&inner.rendering, &described, &wish, &mut None))?;
+        let still = interruptibly(py, move || Rendering::still(&inner.rendering, &described, &request, &mut None))?;
         Still::new(py, still)
     }
 

@@ -8,7 +8,7 @@ use insonify::chooser::StillFrame;
 use pyo3::prelude::*;
 
 use crate::errors::{Failure, Kind};
-use crate::frame::{Still, Wish};
+use crate::frame::{FrameRequest, Still};
 use crate::rendering::Rendering;
 use crate::station::Inner;
 use crate::work::wait;
@@ -16,7 +16,7 @@ use crate::work::wait;
 /// Poses on their way to a thread, and frames on their way back. Settings are those of its beginning.
 #[pyclass(frozen, module = "insonify._insonify")]
 pub(crate) struct Stream {
-    wishes: Mutex<Option<Sender<Wish>>>,
+    requests: Mutex<Option<Sender<FrameRequest>>>,
     frames: Mutex<Receiver<Result<StillFrame, Failure>>>,
     closed: Arc<AtomicBool>,
     process: u32,
@@ -24,18 +24,18 @@ pub(crate) struct Stream {
 
 impl Stream {
     pub(crate) fn start(inner: Arc<Inner>) -> PyResult<Self> {
-        let (wishes, asked) = mpsc::channel::<Wish>();
+        let (requests, asked) = mpsc::channel::<FrameRequest>();
         let (made, frames) = mpsc::channel();
         let closed = Arc::new(AtomicBool::new(false));
         let (described, stop) = (inner.described(), closed.clone());
         let thread = std::thread::Builder::new().name("insonify-ahead".into()).spawn(move || {
             // A budget chooses a quality for the first frame, and all others have it, too.
             let mut chosen = None;
-            for wish in asked {
+            for request in asked {
                 if stop.load(Ordering::Relaxed) {
                     break;
                 }
-                let still = Rendering::still(&inner.rendering, &described, &wish, &mut chosen);
+                let still = Rendering::still(&inner.rendering, &described, &request, &mut chosen);
                 if made.send(still).is_err() {
                     break;
                 }
@@ -43,7 +43,7 @@ impl Stream {
         });
         thread.map_err(|e| Failure::new(Kind::Internal, format!("no thread can be started: {e}")))?;
         let process = std::process::id();
-        Ok(Self { wishes: Mutex::new(Some(wishes)), frames: Mutex::new(frames), closed, process })
+        Ok(Self { requests: Mutex::new(Some(requests)), frames: Mutex::new(frames), closed, process })
     }
 
     fn check(&self) -> Result<(), Failure> {
@@ -71,9 +71,9 @@ impl Stream {
         lines: bool,
     ) -> PyResult<()> {
         self.check()?;
-        let wish = Wish::new(pose, quality, seed, time_s, maps, lines)?;
-        let wishes = self.wishes.lock().unwrap_or_else(PoisonError::into_inner);
-        let sent = wishes.as_ref().is_some_and(|wishes| wishes.send(wish).is_ok());
+        let request = FrameRequest::new(pose, quality, seed, time_s, maps, lines)?;
+        let requests = self.requests.lock().unwrap_or_else(PoisonError::into_inner);
+        let sent = requests.as_ref().is_some_and(|requests| requests.send(request).is_ok());
         if sent { Ok(()) } else { Err(Failure::new(Kind::Render, "the stream is closed").into()) }
     }
 
@@ -86,7 +86,7 @@ impl Stream {
     /// Ends the thread after the frame that it is making.
     fn close(&self) {
         self.closed.store(true, Ordering::Relaxed);
-        self.wishes.lock().unwrap_or_else(PoisonError::into_inner).take();
+        self.requests.lock().unwrap_or_else(PoisonError::into_inner).take();
     }
 }
 

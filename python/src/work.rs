@@ -11,7 +11,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use crate::errors::{Failure, Kind};
 
 /// Time between two looks for Ctrl-C.
-const PATIENCE: Duration = Duration::from_millis(50);
+const SIGNAL_POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// Threads of this process. A process that was forked has none of its parent's, so it gets a pool of its own.
 fn pool() -> Result<Arc<ThreadPool>, Failure> {
@@ -58,7 +58,8 @@ pub(crate) fn interruptibly<T: Send + 'static>(
 /// Waits for a message without the interpreter's lock, and looks for signals meanwhile.
 pub(crate) fn wait<T: Send>(py: Python<'_>, receiver: &Mutex<mpsc::Receiver<T>>) -> PyResult<T> {
     loop {
-        let received = py.detach(|| receiver.lock().unwrap_or_else(PoisonError::into_inner).recv_timeout(PATIENCE));
+        let received =
+            py.detach(|| receiver.lock().unwrap_or_else(PoisonError::into_inner).recv_timeout(SIGNAL_POLL_INTERVAL));
         match received {
             Ok(message) => return Ok(message),
             Err(RecvTimeoutError::Timeout) => py.check_signals()?,

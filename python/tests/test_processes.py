@@ -37,6 +37,32 @@ def test_processes_render_what_their_parent_renders(small: insonify.Station, met
         assert pool.starmap_async(rendered, jobs).get(timeout=120) == expected
 
 
+def fine_ball() -> insonify.Station:
+    """A station of arrays with 7,200 triangles: its surface is repaired by several threads."""
+    rows = np.linspace(0, np.pi, 62)[1:-1]
+    turn = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+    ring = np.stack([np.cos(turn), np.sin(turn), np.zeros(60)], axis=1)
+    corners = [20 * np.sin(row) * ring + [0, 0, 60 + 20 * np.cos(row)] for row in rows]
+    vertices = np.concatenate([*corners, [[0, 0, 80], [0, 0, 40]]])
+    faces: list[list[int]] = []
+    for n in range(60):
+        m, last = (n + 1) % 60, 59 * 60
+        faces += [[3600, n, m], [3601, last + m, last + n]]
+        for row in range(0, 59 * 60, 60):
+            faces += [[row + n, row + 60 + n, row + 60 + m], [row + n, row + 60 + m, row + m]]
+    scene = insonify.Scene([(vertices, faces, "liver", 1)], background="water")
+    return insonify.Station.from_dict({"image": {"width": 160, "height": 120}}, scene=scene)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+@pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork:DeprecationWarning")
+def test_scenes_of_arrays_cross_a_fork() -> None:
+    station = fine_ball()
+    expected = rendered(station, 1)
+    with multiprocessing.get_context("fork").Pool(2) as pool:
+        assert pool.starmap_async(rendered, [(station, 1)] * 2).get(timeout=120) == [expected] * 2
+
+
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
 @pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork:DeprecationWarning")
 def test_a_fork_amid_frames_has_a_clear_error_or_goes_on() -> None:

@@ -11,6 +11,10 @@ import insonify
 import numpy as np
 import pytest
 from conftest import SMALL, Program
+from insonify._data import data_directory
+
+
+SMALL_IMAGE = {"width": 160, "height": 120}
 
 
 def test_settings_are_those_of_station_files(small: insonify.Station) -> None:
@@ -71,6 +75,8 @@ def test_missing_files_are_missing_files(tmp_path: Path) -> None:
     for exception in (FileNotFoundError, insonify.StationError.__mro__[1], ValueError):
         with pytest.raises(exception, match="nothing.toml"):
             insonify.Station(tmp_path / "nothing.toml")
+    with pytest.raises(insonify.MissingFileError, match="no station of the package is called obstetrics.*obstetric,"):
+        insonify.Station("obstetrics")
     broken = tmp_path / "broken.glb"
     broken.write_bytes(b"glTF\x02\x00\x00\x00 and no more")
     station = insonify.Station.from_dict({"scene": {"path": broken}})
@@ -78,6 +84,39 @@ def test_missing_files_are_missing_files(tmp_path: Path) -> None:
         station.render((0, 0, 0, 1, 0, 0, 0))
     with pytest.raises(insonify.InputError, match="no pose of its own"):
         station.render()
+
+
+def test_a_scene_of_arrays_takes_the_place_of_the_table() -> None:
+    ball = np.array([[x, y, z] for x in (-9, 9) for y in (-9, 9) for z in (50, 68)])
+    faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]]
+    faces += [[2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+    scene = insonify.Scene([(ball, faces, "liver", 1)], background="water")
+    station = insonify.Station.from_dict({"scene": {"phantom": "obstetric"}, "image": SMALL_IMAGE}, scene=scene)
+    assert "liver" in station.render((0, 0, 0, 1, 0, 0, 0)).tissues
+    with pytest.raises(insonify.StationError, match="made of arrays"):
+        station.set(scene={"phantom": "obstetric"})
+    with pytest.raises(insonify.InputError, match="frames is -1"):
+        insonify.make_dataset("sphere", "nowhere", frames=-1)
+
+
+def test_a_folder_of_a_stations_name_is_no_station_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "sphere").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert insonify.Station("sphere", **SMALL).render().bmode.any()
+
+
+def test_a_scene_in_use_outlives_its_file(tmp_path: Path) -> None:
+    copied = tmp_path / "scene.glb"
+    copied.write_bytes((data_directory() / "assets/scenes/sphere.glb").read_bytes())
+    tables = {"scene": {"path": copied, "background": "liver"}, "image": {"width": 160, "height": 120}}
+    station = insonify.Station.from_dict(tables)
+    pose = (0, 0, 0, 1, 0, 0, 0)
+    before = station.render(pose).bmode
+    copied.unlink()
+    assert np.array_equal(station.render(pose).bmode, before)
+    copied.write_bytes(b"no scene")
+    with pytest.raises(insonify.SceneError):
+        station.render(pose)
 
 
 def test_wrong_frames_are_refused(small: insonify.Station) -> None:

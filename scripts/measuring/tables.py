@@ -235,7 +235,7 @@ def gpu_host(data):
     names = [name for name in data["host"][0]["whole_ms"] if name in ("LQ", "LQ without maps", "HQ")]
     cells = [[str(row["threads"]), *(number(row["whole_ms"][name]) for name in names)] for row in data["host"]]
     processor = data["machine"]["processor"].rsplit(", ", 1)[-1]
-    made = f"*`insonify bench --backend host`: medians, ms. {processor}, {data['machine']['cores']} cores, commit `{data['commit']}`, {data['date']}.*"
+    made = f"*`insonify bench configs/obstetric.toml --backend host`: medians, ms. {processor}, {data['machine']['cores']} cores, commit `{data['commit']}`, {data['date']}.*"
     return table(["threads", *(f"{name}:" for name in names)], cells) + "\n\n" + made
 
 

@@ -7,6 +7,10 @@ pub(super) const SECOND: Duration = Duration::from_secs(1);
 pub(super) const SHAPE: ImageShape = ImageShape { width: 8, height: 4, pixel_mm: 0.5 };
 pub(super) const PIXELS: usize = 32;
 
+/// Masks that show a number: shared, as a renderer's are.
+static MASKS: LazyLock<Vec<Arc<[u8]>>> =
+    LazyLock::new(|| (0..=255).map(|tenths| std::iter::repeat_n(tenths, PIXELS).collect()).collect());
+
 pub(super) fn clock() -> Arc<dyn Clock> {
     Arc::new(SimulatedClock::new())
 }
@@ -87,10 +91,7 @@ impl FrameRenderer for Device {
             map.resize(PIXELS, 1 + self.gain_db as u8);
         }
         // Scene time in tenths of a second.
-        let tenths = (10.0 * time_s) as u8;
-        if frame.mask.len() != PIXELS || frame.mask[0] != tenths {
-            frame.mask = std::iter::repeat_n(tenths, PIXELS).collect();
-        }
+        frame.mask = MASKS[usize::from((10.0 * time_s) as u8)].clone();
         frame.attenuation.clear();
         frame.attenuation.resize(PIXELS, pose.position_mm.x as f32);
         if !maps {

@@ -28,7 +28,7 @@ use std::collections::VecDeque;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError, RwLock, mpsc};
+use std::sync::{Arc, LazyLock, Mutex, PoisonError, RwLock, mpsc};
 use std::time::Duration;
 
 use glam::{DQuat, DVec3};

@@ -32,11 +32,16 @@ def station_names() -> list[str]:
 def station_file(source: StrPath) -> Path:
     """Path of a station: a file, or the name of a station that comes with the package."""
     path = Path(source)
-    if path.exists():
+    # A folder may have a station's name.
+    if path.is_file():
         return path
     shipped = data_directory()
     candidates = [shipped / path, shipped / "configs" / f"{path}.toml"] if not path.is_absolute() else []
-    return next((candidate for candidate in candidates if candidate.is_file()), path)
+    found = next((candidate for candidate in candidates if candidate.is_file()), None)
+    if found is None and not path.suffix and len(path.parts) == 1:
+        names = ", ".join(station_names())
+        raise MissingFileError(f"no station of the package is called {path}, and no file; they are {names}")
+    return found or path
 
 
 def model_names() -> list[str]:
@@ -47,7 +52,7 @@ def model_names() -> list[str]:
 def model_file(source: StrPath) -> Path:
     """Path of a model: a file, or the name of a generator that comes with the package."""
     path = Path(source)
-    if path.exists():
+    if path.is_file():
         return path
     shipped = data_directory() / "assets" / "generators" / path / f"{path}.onnx"
     return shipped if shipped.is_file() else path

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from . import _insonify
 from ._data import StrPath, station_file
+from ._errors import InputError
 
 Split = Literal["train", "test"]
 
@@ -110,6 +111,8 @@ class Made(NamedTuple):
     """Tuples that were there."""
     manifest: Path
     """Manifest of the shard."""
+    indices: range
+    """Numbers of the shard's tuples in the plan, whoever rendered them."""
 
 
 def make_dataset(
@@ -138,7 +141,10 @@ def make_dataset(
     files: list[StrPath] = [station_file(station) for station in several]
     lows = [lq] if isinstance(lq, str) else list(lq)
     angles = (lq_angles, hq_angles)
-    made, kept, manifest = _insonify.make_dataset(
+    for name, number in (("frames", frames), ("seed", seed), ("frames_per_exam", frames_per_exam)):
+        if number < 0:
+            raise InputError(f"{name} is {number}; it must be a whole number from 0")
+    made, kept, manifest, first, end = _insonify.make_dataset(
         files,
         directory,
         frames,
@@ -153,4 +159,4 @@ def make_dataset(
         backend,
         progress,
     )
-    return Made(made, kept, Path(manifest))
+    return Made(made, kept, Path(manifest), range(first, end))

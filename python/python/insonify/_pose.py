@@ -86,7 +86,10 @@ class Pose:
     @classmethod
     def from_rotation(cls, position_mm: Sequence[SupportsFloat] | NDArray[Any], rotation: Rotation) -> Pose:
         """Pose of a position in mm and a rotation of SciPy, which turns probe axes into scene axes."""
-        x, y, z, w = np.asarray(rotation.as_quat(), dtype=np.float64).tolist()
+        quaternion = np.asarray(rotation.as_quat(), dtype=np.float64)
+        if quaternion.shape != (4,):
+            raise PoseError(f"the rotation has the shape {quaternion.shape[:-1]}; it must be a single rotation")
+        x, y, z, w = quaternion.tolist()
         return cls(position_mm, (w, x, y, z))
 
     def rotation(self) -> Rotation:

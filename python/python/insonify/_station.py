@@ -95,7 +95,8 @@ class Station:
         24.0
         """
         base = Path(os.getcwd() if directory is None else directory).absolute()
-        return cls._of(_core(plain(dict(tables)), base, None, scene, backend), scene)
+        own = {name: table for name, table in tables.items() if scene is None or name != "scene"}
+        return cls._of(_core(plain(own), base, None, scene, backend), scene)
 
     @classmethod
     def obstetric(cls, **settings: Any) -> Station:

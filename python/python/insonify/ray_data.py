@@ -6,7 +6,6 @@ where it was. Tuples are those of `insonify dataset`, bit for bit.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -25,12 +24,11 @@ class _Renderer:
 
     def __call__(self, part: dict[str, Any]) -> list[dict[str, Any]]:
         made = make_dataset(self._stations, self._directory, shard=part["shard"], **self._options)
-        indices = {json.loads(line)["index"] for line in made.manifest.read_text().splitlines()}
         data = Dataset(self._directory)
         rows: list[dict[str, Any]] = []
         for place in range(len(data)):
             row = data.row(place)
-            if row["index"] in indices:
+            if row["index"] in made.indices:
                 pose = [*row["pose"]["position_mm"], *row["pose"]["quaternion"]]
                 rows.append({"index": row["index"], "split": row["split"], "pose": pose, **data.tuple(place)})
         return rows

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._errors import InputError
 from .._pose import Pose
 from .._scene import Scene
 from .._station import Quality, Station
@@ -94,6 +95,8 @@ class ReachEnv(ProbeEnv):
         render_mode: str | None = None,
     ) -> None:
         """`size` is the picture's height and width."""
+        if not 0 < near_mm <= 10:
+            raise InputError(f"near_mm is {near_mm}; it must be above 0 and at most 10")
         station = _shared().copy(width=size[1], height=size[0], scanlines=48, samples=384)
         super().__init__(station, 2, Steps(step_mm, 0.0), quality, maps, weights or RewardWeights(), render_mode)
         self._near_mm = near_mm
