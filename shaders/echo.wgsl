@@ -20,10 +20,10 @@ override ADDERS: u32 = 64u;
 const THREADS: u32 = 64u;
 const NO_SAMPLE: u32 = 0xffffffffu;
 
-// Of each path in turn: number of echoes up to its last one, and range of its first reflection.
+// For each path of a turn: number of echoes up to and with its own, and range of its first reflection.
 var<workgroup> ends: array<u32, THREADS>;
 var<workgroup> reflections_mm: array<f32, THREADS>;
-// Of each echo in turn: its sample, and what is added there.
+// For each echo of a turn: its sample, and the value added there.
 var<workgroup> samples: array<u32, THREADS>;
 var<workgroup> echoed: array<vec2<f32>, THREADS>;
 
@@ -65,7 +65,7 @@ fn interface_gain(line: u32, path: u32, arrived: u32) -> f32 {
     return gain_at(line, place) - 2.0 * (interval.shared_np + interval.row_np * lost);
 }
 
-// The place of the echo at the start of a segment, times `weight`, among those of this turn.
+// Stores the sample and the value of the echo at the start of a segment, times `weight`, for this turn.
 fn take(thread: u32, line: u32, path: u32, segment: u32, weight: f32) {
     let echo = echoes[path * SEGMENTS + segment];
     let sample = echo.y / params.sample_spacing_mm;

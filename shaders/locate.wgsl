@@ -13,7 +13,7 @@
 
 const CROSSINGS: u32 = CROSSINGS_BEHIND;
 
-// Threads for each one that works: lanes of a group wait for each other's searches.
+// Threads started for each one that searches, so that fewer lanes of a group wait for each other.
 override LANES_APART: u32 = 1u;
 
 @compute @workgroup_size(64)

@@ -91,7 +91,7 @@ fn place_interface(first: u32, end: u32) -> u32 {
     return chosen;
 }
 
-// Threads for each one that works: lanes of a group wait for each other's searches.
+// Threads started for each one that searches, so that fewer lanes of a group wait for each other.
 override LANES_APART: u32 = 1u;
 
 @compute @workgroup_size(64)

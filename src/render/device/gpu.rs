@@ -210,8 +210,8 @@ impl Gpu {
         format!("{} {} ({:?})", self.info.driver, self.info.driver_info, self.info.backend)
     }
 
-    /// Threads to start for each of `threads` that search the scene, a power of two. Lanes of one group wait for each
-    /// other's searches, and few threads leave most of a GPU idle; software runs no idle lanes for nothing.
+    /// Threads to start for each of `threads` that search the scene: a power of two, 1 in software. Lanes of one group wait
+    /// for each other's searches, so idle lanes between them save time on a GPU.
     pub(super) fn lanes_apart(&self, threads: u32) -> u32 {
         if self.is_software() {
             return 1;
