@@ -13,6 +13,8 @@ use bytes::BytesMut;
 use insonify::anatomy::{TissueTable, import};
 use insonify::pose::Reading;
 use insonify::recording::{RecordingReader, poses_of};
+use insonify::segmentation::mesh_files;
+use insonify::segmentation::volume::{PatientAxes, ReadOptions, decode_nifti, decode_nrrd};
 use insonify::settings::SettingsGroup as _;
 use insonify::station::Station;
 use insonify::tracker::driver::Driver;
@@ -32,12 +34,14 @@ pub struct Target {
 }
 
 /// All fuzz targets.
-pub const TARGETS: [Target; 5] = [
+pub const TARGETS: [Target; 7] = [
     Target { name: "decoders", body: decoders, seeds: decoder_seeds },
     Target { name: "ndi_driver", body: ndi_driver, seeds: ndi_driver_seeds },
     Target { name: "recording", body: recording, seeds: recording_seeds },
     Target { name: "glb", body: glb, seeds: glb_seeds },
     Target { name: "station", body: station, seeds: station_seeds },
+    Target { name: "mesh", body: mesh, seeds: mesh_seeds },
+    Target { name: "volume", body: volume, seeds: volume_seeds },
 ];
 
 /// Hashes the kind of a message: its first letters, without numbers.
@@ -375,4 +379,94 @@ fn station_seeds() -> Vec<Vec<u8>> {
         b"[scene]\npath = 'a.glb'\n[probe]\nkind = 'linear'\nwidth_mm = 38\n".to_vec(),
         b"scene.phantom = 'obstetric'\n[tissues.liver]\nspeed_m_s = 1600\n[openigtlink]\nscene_axes = 'LPS'\n".to_vec(),
     ]
+}
+
+/// First byte: format and options. Then a file; the header of an NRRD ends at its first empty line.
+pub fn volume(data: &[u8]) -> u64 {
+    let [choice, file @ ..] = data else { return 0 };
+    let options = ReadOptions { assume_axes: (choice & 2 != 0).then_some(PatientAxes::Ras) };
+    let read = if choice & 1 == 0 {
+        decode_nifti(file, None, options)
+    } else {
+        let end = file.windows(2).position(|pair| pair == b"\n\n").map_or(file.len(), |at| at + 2);
+        decode_nrrd(&file[..end], &file[end..], options)
+    };
+    let mut hasher = DefaultHasher::new();
+    choice.hash(&mut hasher);
+    match read.and_then(|raw| raw.into_labels(Path::new("a"))) {
+        Ok(map) => {
+            let voxels: usize = map.size.iter().product();
+            assert!(map.layers.iter().all(|layer| layer.len() == voxels), "a layer has another size");
+            assert!(map.lps_from_voxel.is_finite(), "an affine that is not finite");
+            assert!(map.segments.iter().all(|s| s.layer < map.layers.len() && s.value > 0), "a segment of no layer");
+            (map.layers.len().min(3), map.segments.len().min(4)).hash(&mut hasher);
+        }
+        Err(fault) => kind(&fault.to_string(), &mut hasher),
+    }
+    hasher.finish()
+}
+
+fn volume_seeds() -> Vec<Vec<u8>> {
+    let mut nifti = vec![0u8; 352];
+    nifti[..4].copy_from_slice(&348i32.to_le_bytes());
+    for (n, size) in [3i16, 2, 2, 2, 1, 1, 1, 1].into_iter().enumerate() {
+        nifti[40 + 2 * n..42 + 2 * n].copy_from_slice(&size.to_le_bytes());
+    }
+    nifti[70..74].copy_from_slice(&[2, 0, 8, 0]);
+    for n in 0..4 {
+        nifti[76 + 4 * n..80 + 4 * n].copy_from_slice(&1f32.to_le_bytes());
+    }
+    nifti[108..112].copy_from_slice(&352f32.to_le_bytes());
+    nifti[123] = 2;
+    nifti[254] = 1;
+    for row in 0..3 {
+        nifti[280 + 20 * row..284 + 20 * row].copy_from_slice(&1.5f32.to_le_bytes());
+    }
+    nifti[344..348].copy_from_slice(b"n+1\0");
+    nifti.extend([0, 1, 2, 3, 0, 1, 2, 3]);
+    let nrrd = b"NRRD0004\ntype: uint8\ndimension: 3\nspace: left-posterior-superior\nsizes: 2 2 2\n\
+        space directions: (1,0,0) (0,1,0) (0,0,1)\nkinds: domain domain domain\nencoding: raw\n\
+        space origin: (0,0,0)\nSegment0_ID:=a\nSegment0_LabelValue:=1\nSegment0_Layer:=0\nSegment0_Name:=liver\n\n\
+        \x00\x01\x02\x03\x00\x01\x02\x03";
+    let with = |choice: u8, file: &[u8]| [&[choice], file].concat();
+    vec![with(0, &nifti), with(2, &nifti), with(1, nrrd), with(3, nrrd)]
+}
+
+/// First byte: extension of the name. Then a mesh file.
+pub fn mesh(data: &[u8]) -> u64 {
+    let [choice, file @ ..] = data else { return 0 };
+    let extensions = mesh_files::EXTENSIONS;
+    let name = format!("a.{}", extensions[usize::from(*choice) % extensions.len()]);
+    let mut hasher = DefaultHasher::new();
+    choice.hash(&mut hasher);
+    match mesh_files::decode(file, Path::new(&name)) {
+        Ok(read) => {
+            for mesh in &read.meshes {
+                let count = mesh.vertices.len();
+                assert!(!mesh.triangles.is_empty(), "a mesh without triangles");
+                assert!(mesh.triangles.iter().flatten().all(|&i| (i as usize) < count), "a vertex beyond the last");
+                assert!(mesh.vertices.iter().all(|v| v.is_finite()), "a vertex that is not finite");
+            }
+            (read.meshes.len().min(3), read.hints.axes.is_some()).hash(&mut hasher);
+        }
+        Err(error) => kind(&error.to_string(), &mut hasher),
+    }
+    hasher.finish()
+}
+
+fn mesh_seeds() -> Vec<Vec<u8>> {
+    let with = |choice: u8, file: &[u8]| [&[choice], file].concat();
+    let facet = [[0f32, 0.0, 1.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let facet: Vec<u8> = facet.iter().flatten().flat_map(|v| v.to_le_bytes()).chain([0, 0]).collect();
+    let stl = [&[32u8; 80][..], &1u32.to_le_bytes(), &facet].concat();
+    let obj = b"# a\no box\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 4 3\nf -4/1 -3/2/1 -2//1\n";
+    let ply = b"ply\nformat ascii 1.0\ncomment SPACE=RAS\nelement vertex 3\nproperty float x\nproperty float y\n\
+        property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+    let vtk = b"# vtk DataFile Version 4.2\na\nASCII\nDATASET POLYDATA\nPOINTS 3 float\n0 0 0 1 0 0 0 1 0\n\
+        POLYGONS 1 4\n3 0 1 2\n";
+    let vtp = b"<VTKFile type=\"PolyData\" byte_order=\"LittleEndian\"><PolyData><Piece NumberOfPoints=\"3\" NumberOfPolys=\"1\">\
+        <Points><DataArray type=\"Float32\" NumberOfComponents=\"3\" format=\"ascii\">0 0 0 1 0 0 0 1 0</DataArray></Points>\
+        <Polys><DataArray type=\"Int32\" Name=\"connectivity\" format=\"ascii\">0 1 2</DataArray>\
+        <DataArray type=\"Int32\" Name=\"offsets\" format=\"ascii\">3</DataArray></Polys></Piece></PolyData></VTKFile>";
+    vec![with(0, &stl), with(1, obj), with(2, ply), with(3, vtk), with(4, vtp)]
 }

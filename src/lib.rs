@@ -56,6 +56,7 @@
 //! | [`render`] | renderers of the host, of devices (feature `gpu`) and of tests |
 //! | [`transducer`] | probes and their sectors |
 //! | [`phantom`] | the obstetric phantom: an individual from its parameters |
+//! | [`segmentation`] | scenes from label maps and meshes of patients |
 //! | [`anatomy`] | scenes, tissues, solids, motion |
 //! | [`recording`] | recordings and interchange; feature `recordings` |
 //! | [`tracker`] | decoders; sessions: features `live`, `serial`, `hid` |
@@ -110,6 +111,8 @@ pub mod render;
 pub mod transducer;
 
 pub mod phantom;
+
+pub mod segmentation;
 
 pub mod anatomy;
 

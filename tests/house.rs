@@ -13,7 +13,7 @@ use std::fs;
 use std::path::Path;
 
 /// Modules from the highest to the lowest. Those of one line do not import each other.
-const ORDER: [&[&str]; 20] = [
+const ORDER: [&[&str]; 21] = [
     &["pipeline"],
     &["chooser"],
     &["evaluation"],
@@ -27,6 +27,7 @@ const ORDER: [&[&str]; 20] = [
     &["render"],
     &["transducer"],
     &["phantom"],
+    &["segmentation"],
     &["anatomy"],
     &["recording"],
     &["tracker"],

@@ -7,7 +7,7 @@ use std::path::Path;
 use glam::{DQuat, DVec3, Vec3};
 use insonify::anatomy::doctor::aberration::{Aberration, Aperture, Caster, summary};
 use insonify::anatomy::planes::View;
-use insonify::anatomy::{Motion, Scene, Surface, Tissue, TissueTable, analytic};
+use insonify::anatomy::{Axes, Motion, Scene, Surface, Tissue, TissueTable, analytic};
 use insonify::exam::sweep::{KEY_FRAMES, RATE_HZ, SEED, sweep};
 use insonify::phantom::{self, Organ, Parameters, Wall, landmarks, organs, parts};
 use insonify::pose::Pose;
@@ -46,7 +46,7 @@ fn scene(parameters: &Parameters) -> Scene {
     let (border, others): (Vec<&str>, Vec<&str>) = names.into_iter().partition(|&name| name == "muscle_border_fat");
     let all = [parts(parameters, &border, BORDER_CELL_MM), parts(parameters, &others, CELL_MM)].concat();
     let surfaces = all.into_iter().map(surface).collect();
-    let mut scene = Scene { tissues, background: gel, surfaces, motion: Motion::default() };
+    let mut scene = Scene { tissues, background: gel, surfaces, motion: Motion::default(), axes: Axes::default() };
     scene.sort_by_priority();
     scene
 }

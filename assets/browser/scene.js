@@ -171,7 +171,8 @@ export class Scene3d {
 
   /** Right, up and forward of the view; it rides on the probe while it follows. */
   basis(pose) {
-    let [back, up] = this.scene.axes === "anatomical" ? [AXES[2], AXES[1]] : [AXES[1], [0, 0, -1]];
+    const views = { anatomical: [AXES[2], AXES[1]], lps: [[0, -1, 0], AXES[2]] };
+    let [back, up] = views[this.scene.axes] ?? [AXES[1], [0, 0, -1]];
     if (byId("scene_follow").checked && pose) [back, up] = [pose.columns[1], pose.columns[2].map((v) => -v)];
     const [a, e] = [this.azimuth, this.elevation].map((degrees) => (degrees * Math.PI) / 180);
     const side = cross(up, back);

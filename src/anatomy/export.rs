@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 use thiserror::Error;
 
-use super::{Mesh, Motion};
+use super::{Axes, Mesh, Motion};
 
 /// A surface with the name of its tissue.
 #[derive(Debug, Clone, PartialEq)]
@@ -72,13 +72,46 @@ pub fn write_glb(surfaces: &[LabelledSurface], path: &Path) -> Result<(), Export
 /// # Errors
 /// As [`write_glb`].
 pub fn write_moving_glb(surfaces: &[LabelledSurface], motion: &Motion, path: &Path) -> Result<(), ExportError> {
+    write_scene_glb(surfaces, &SceneExtras { motion: motion.clone(), ..SceneExtras::default() }, path)
+}
+
+/// Extras of a glTF scene.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct SceneExtras {
+    /// Motion of the surfaces (`extras.motion`).
+    pub motion: Motion,
+    /// Meaning of the axes (`extras.axes`).
+    pub axes: Axes,
+    /// What the scene was made from (`extras.source`).
+    pub source: Option<String>,
+}
+
+/// As [`write_glb`], with `extras` of the glTF scene.
+///
+/// # Errors
+/// As [`write_glb`].
+pub fn write_scene_glb(surfaces: &[LabelledSurface], extras: &SceneExtras, path: &Path) -> Result<(), ExportError> {
+    let mut values = serde_json::Map::new();
+    if !extras.motion.is_empty() {
+        values.insert("motion".to_owned(), json!(extras.motion));
+    }
+    if extras.axes != Axes::default() {
+        values.insert("axes".to_owned(), json!(extras.axes.name()));
+    }
+    if let Some(source) = &extras.source {
+        values.insert("source".to_owned(), json!(source));
+    }
+    write_with_extras(surfaces, (!values.is_empty()).then_some(Value::Object(values)), path)
+}
+
+fn write_with_extras(surfaces: &[LabelledSurface], extras: Option<Value>, path: &Path) -> Result<(), ExportError> {
     let io = |source| ExportError::Io { path: path.to_owned(), source };
     let mut binary = Vec::new();
     let mut document = Document::default();
     for surface in surfaces {
         document.add(surface, &mut binary);
     }
-    let mut text = serde_json::to_vec(&document.finish(motion, binary.len()))
+    let mut text = serde_json::to_vec(&document.finish(extras, binary.len()))
         .map_err(|source| ExportError::Json { path: path.to_owned(), source })?;
     text.resize(text.len().next_multiple_of(4), b' ');
 
@@ -159,12 +192,12 @@ impl Document {
         binary.resize(binary.len().next_multiple_of(4), 0);
     }
 
-    fn finish(self, motion: &Motion, bytes: usize) -> Value {
+    fn finish(self, extras: Option<Value>, bytes: usize) -> Value {
         let materials: Vec<Value> = self.materials.iter().map(|name| material(name)).collect();
         let roots: Vec<usize> = (0..self.nodes.len()).collect();
-        let scene = match motion.is_empty() {
-            true => json!({ "nodes": roots }),
-            false => json!({ "nodes": roots, "extras": { "motion": motion } }),
+        let scene = match extras {
+            None => json!({ "nodes": roots }),
+            Some(extras) => json!({ "nodes": roots, "extras": extras }),
         };
         json!({
             "asset": { "version": "2.0", "generator": concat!("insonify ", env!("CARGO_PKG_VERSION")) },

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use super::motion::Motion;
-use super::{Mesh, TissueTable};
+use super::{Axes, Mesh, TissueTable};
 use crate::suggest::did_you_mean;
 
 /// Largest number of surfaces in a scene: a path has one bit for each.
@@ -35,6 +35,8 @@ pub struct Scene {
     pub surfaces: Vec<Surface>,
     /// Motion of the surfaces.
     pub motion: Motion,
+    /// Meaning of the axes.
+    pub axes: Axes,
 }
 
 /// Errors in reading a scene.
@@ -87,6 +89,14 @@ pub enum SceneError {
         path: PathBuf,
         /// Fault and correct form.
         reason: String,
+    },
+    /// Unknown axes of the scene.
+    #[error("`extras.axes` of the scene of {path} is {value}; it must be `depth`, `anatomical` or `lps`")]
+    BadAxes {
+        /// File.
+        path: PathBuf,
+        /// JSON found.
+        value: String,
     },
     /// A surface with an unknown tissue.
     #[error("surface `{surface}` of {path} names the unknown tissue `{tissue}`{suggestion}")]
@@ -173,7 +183,7 @@ impl Scene {
     /// `tissues` lacks the background.
     pub fn new(tissues: TissueTable, background: &str) -> Result<Self, SceneError> {
         let background = tissue_of(&tissues, "the background", background)?;
-        Ok(Self { tissues, background, surfaces: Vec::new(), motion: Motion::default() })
+        Ok(Self { tissues, background, surfaces: Vec::new(), motion: Motion::default(), axes: Axes::default() })
     }
 
     /// Adds a closed surface filled with `tissue`, after those of the same or a lower priority.

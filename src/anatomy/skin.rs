@@ -60,7 +60,7 @@ impl Skin {
     ///
     /// # Errors
     /// No triangle.
-    pub(crate) fn of_triangles(corners: impl IntoIterator<Item = [Vec3; 3]>) -> Result<Self, BvhError> {
+    pub fn of_triangles(corners: impl IntoIterator<Item = [Vec3; 3]>) -> Result<Self, BvhError> {
         let triangle = |[a, b, c]: [Vec3; 3]| Triangle { v0: a.into(), v1: b.into(), v2: c.into() };
         let triangles: Vec<Triangle> = corners.into_iter().map(triangle).collect();
         if triangles.is_empty() {

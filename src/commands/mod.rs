@@ -33,6 +33,7 @@ mod replay;
 mod replay_args;
 mod run;
 mod runtime_args;
+mod scene;
 mod score;
 mod selftest;
 mod session;
@@ -97,6 +98,7 @@ enum Command {
     Import(import::Args),
     Export(export::Args),
     Phantom(phantom::Args),
+    Scene(scene::Args),
     Plan(plan::Args),
     Planes(planes::Args),
     Exam(exam::Args),
@@ -130,6 +132,7 @@ impl Cli {
             Command::Import(args) => import::run(args),
             Command::Export(args) => export::run(args),
             Command::Phantom(args) => phantom::run(args),
+            Command::Scene(args) => scene::run(args),
             Command::Plan(args) => plan::run(args),
             Command::Planes(args) => planes::run(args),
             Command::Exam(args) => exam::run(args),

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use anyhow::anyhow;
 use clap::Parser;
-use insonify::anatomy::{Axes, Scene, TissueTable, import};
+use insonify::anatomy::{Scene, TissueTable, import};
 use insonify::files::Outputs;
 use insonify::pose::Pose;
 use insonify::render::{Frame, Renderer};
@@ -114,7 +114,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let probe = station.as_ref().map_or_else(Probe::default, |station| station.probe);
     let image = if args.bmode { Some(bmode(args, &scene, station.as_ref(), pose)?) } else { None };
     let fan = pose.map(|scene_from_probe| Fan { scene_from_probe, probe, image });
-    let axes = station.as_ref().map_or(Axes::Depth, Station::axes);
+    let axes = station.as_ref().map_or(scene.axes, |station| station.axes(&scene));
 
     let fallback = if fan.is_some() { Direction::Fan } else { Direction::Front };
     let turned = Orbit { azimuth_deg: 30.0, elevation_deg: 20.0 };

@@ -11,6 +11,7 @@ pub mod measure;
 pub mod offset;
 pub mod score;
 pub mod session;
+pub mod slide;
 pub mod sweep;
 
 use std::path::Path;

@@ -15,6 +15,8 @@ pub enum FileKind {
     Planes,
     /// glTF scene, or one of its buffers.
     Scene,
+    /// Mesh of another program.
+    Mesh,
     /// Manifest of a generator.
     Manifest,
     /// ONNX model.
@@ -49,6 +51,7 @@ impl FileKind {
             Self::Calibration => ("a calibration", MIB),
             Self::Planes => ("a file of standard planes", 16 * MIB),
             Self::Scene => ("a scene", 2 * GIB),
+            Self::Mesh => ("a mesh", 2 * GIB),
             Self::Manifest => ("a manifest", MIB),
             Self::Model => ("a model", 2 * GIB),
             Self::Array => ("an array", 256 * MIB),

@@ -5,6 +5,7 @@ pub mod contact_sheet;
 pub mod exam;
 pub mod frame_bench;
 pub mod scene_view;
+pub mod segmentation;
 pub mod selftest;
 pub mod time_table;
 

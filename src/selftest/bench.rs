@@ -74,6 +74,7 @@ impl Bench {
             background: 0,
             surfaces: self.surfaces,
             motion: Default::default(),
+            axes: Default::default(),
         };
         scene.sort_by_priority();
         Ok(scene)

@@ -35,6 +35,20 @@ pub fn write_rgb(path: &Path, width: u32, height: u32, rgb: &[u8]) -> Result<(),
     encode(path, width, height, rgb, ExtendedColorType::Rgb8, Effort::Small)
 }
 
+/// An 8-bit colour image, `rgb` [height × width × 3], as the bytes of a file.
+///
+/// # Errors
+/// `rgb` does not have that size.
+pub fn rgb_bytes(width: u32, height: u32, rgb: &[u8]) -> Result<Vec<u8>, SinkError> {
+    let path = Path::new("a picture");
+    check_shape(path, [height as usize, 3 * width as usize], rgb.len())?;
+    let mut bytes = Vec::new();
+    let encoder = PngEncoder::new_with_quality(&mut bytes, CompressionType::Default, FilterType::Adaptive);
+    let encoded = encoder.write_image(rgb, width, height, ExtendedColorType::Rgb8);
+    encoded.map_err(|source| SinkError::Image { path: path.to_owned(), source })?;
+    Ok(bytes)
+}
+
 fn encode(
     path: &Path,
     width: u32,

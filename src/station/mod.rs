@@ -141,11 +141,11 @@ impl Station {
         }
     }
 
-    /// Meaning of the scene's axes.
-    pub fn axes(&self) -> Axes {
+    /// Meaning of the axes of `scene`, the station's.
+    pub fn axes(&self, scene: &Scene) -> Axes {
         match self.scene {
             SceneSource::ObstetricPhantom(_) => Axes::Anatomical,
-            SceneSource::File(_) => Axes::Depth,
+            SceneSource::File(_) => scene.axes,
         }
     }
 

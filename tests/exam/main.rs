@@ -10,7 +10,7 @@ use std::sync::OnceLock;
 
 use glam::{DQuat, DVec3};
 use insonify::anatomy::planes::{StandardPlane, StandardPlanes, View};
-use insonify::anatomy::{Mesh, Motion, Scene, Skin, Surface, TissueTable, analytic};
+use insonify::anatomy::{Axes, Mesh, Motion, Scene, Skin, Surface, TissueTable, analytic};
 use insonify::exam::hand::Skill;
 use insonify::exam::score::{Reference, Score, score};
 use insonify::exam::session::{Session, Settings, TRUTH_EVENT, make};
@@ -93,7 +93,9 @@ fn a_long_session_stays_on_a_small_body() {
     let mesh = analytic::sphere(glam::Vec3::new(0.0, 0.0, 32.0), 32.0, 4);
     let surfaces = vec![Surface { name: "ball".into(), tissue: 0, priority: 0, mesh }];
     let tissues = TissueTable::builtin().unwrap();
-    let skin = Skin::of_scene(&Scene { tissues, background: 0, surfaces, motion: Motion::default() }).unwrap();
+    let skin =
+        Skin::of_scene(&Scene { tissues, background: 0, surfaces, motion: Motion::default(), axes: Axes::default() })
+            .unwrap();
     let planes = serde_json::json!({ "version": 1, "planes": [{
         "name": "ball", "title": "middle of the ball",
         "tolerances": { "angle_deg": 10, "distance_mm": 3, "centring_mm": 20, "depth_mm": [10, 100] },

@@ -202,7 +202,7 @@ mod tests {
 
     use super::*;
     use crate::anatomy::analytic::{cuboid, sphere};
-    use crate::anatomy::{Mesh, Motion, Surface, TissueTable};
+    use crate::anatomy::{Axes, Mesh, Motion, Surface, TissueTable};
 
     const APERTURE: Aperture = Aperture { width_mm: 30.0, face_radius_mm: None, depth_mm: 60.0 };
 
@@ -216,7 +216,7 @@ mod tests {
         };
         let surfaces = (0..).zip(parts).map(surface).collect();
         let background = tissues.index_of("gel").unwrap();
-        Scene { surfaces, background, motion: Motion::default(), tissues }
+        Scene { surfaces, background, motion: Motion::default(), axes: Axes::default(), tissues }
     }
 
     fn slab(from_mm: f32, to_mm: f32) -> Mesh {

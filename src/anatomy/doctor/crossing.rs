@@ -21,40 +21,29 @@ const TOUCH_MM: f32 = 1.0;
 const RING: usize = 3;
 
 /// Crossings in a surface.
-pub(super) struct Crossings {
+pub(crate) struct Crossings {
     /// Number of crossing pairs from overlapping parts, or from distant places of one part.
-    pub(super) overlaps: usize,
+    pub(crate) overlaps: usize,
     /// Number of crossing pairs of near neighbours, and of shallow ones: creases left by decimation.
-    pub(super) folds: usize,
+    pub(crate) folds: usize,
     /// Extent of all overlaps (of all folds if there are none), and one of them.
-    pub(super) places: Vec<Place>,
+    pub(crate) places: Vec<Place>,
 }
 
 /// A crossing of two triangles.
-struct Pair {
-    triangles: [u32; 2],
-    point: Vec3,
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Pair {
+    pub(crate) triangles: [u32; 2],
+    pub(crate) point: Vec3,
     /// Depth by which one triangle penetrates the other, mm.
-    depth_mm: f64,
+    pub(crate) depth_mm: f64,
 }
 
-/// Finds pairs of triangles that cross by more than the tracer resolves. `part_of` holds each triangle's part, if
+/// Counts pairs of triangles that cross by more than the tracer resolves. `part_of` holds each triangle's part, if
 /// known.
-pub(super) fn find(tree: &Tree<'_>, part_of: &[u32]) -> Crossings {
+pub(crate) fn find(tree: &Tree<'_>, part_of: &[u32]) -> Crossings {
     let mesh = tree.mesh;
-    let found: Vec<Pair> = (0..mesh.triangles.len() as u32)
-        .into_par_iter()
-        .with_min_len(256)
-        .flat_map_iter(|t| {
-            let mut pairs = Vec::new();
-            tree.near(mesh.corners_of(t), |u| {
-                if let Some((point, depth_mm)) = (u > t).then(|| cross(mesh, t, u)).flatten() {
-                    pairs.push(Pair { triangles: [t, u], point: point.as_vec3(), depth_mm });
-                }
-            });
-            pairs
-        })
-        .collect();
+    let found = pairs(tree);
     let neighbours = if found.is_empty() { Vec::new() } else { triangles_at_vertices(mesh) };
     let part = |t: u32| part_of.get(t as usize);
     let parts_of = |pair: &Pair| {
@@ -82,6 +71,24 @@ pub(super) fn find(tree: &Tree<'_>, part_of: &[u32]) -> Crossings {
     Crossings { overlaps: overlaps.len(), folds: folds.len(), places }
 }
 
+/// Pairs of triangles that cross by more than the tracer resolves.
+pub(crate) fn pairs(tree: &Tree<'_>) -> Vec<Pair> {
+    let mesh = tree.mesh;
+    (0..mesh.triangles.len() as u32)
+        .into_par_iter()
+        .with_min_len(256)
+        .flat_map_iter(|t| {
+            let mut pairs = Vec::new();
+            tree.near(mesh.corners_of(t), |u| {
+                if let Some((point, depth_mm)) = (u > t).then(|| cross(mesh, t, u)).flatten() {
+                    pairs.push(Pair { triangles: [t, u], point: point.as_vec3(), depth_mm });
+                }
+            });
+            pairs
+        })
+        .collect()
+}
+
 /// Triangles at each vertex.
 fn triangles_at_vertices(mesh: &Mesh) -> Vec<Vec<u32>> {
     let mut at = vec![Vec::new(); mesh.vertices_mm.len()];
@@ -99,7 +106,7 @@ fn are_near(mesh: &Mesh, at_vertex: &[Vec<u32>], first: u32, second: u32) -> boo
 }
 
 /// Place and depth of the crossing of two triangles, if any.
-fn cross(mesh: &Mesh, first: u32, second: u32) -> Option<(DVec3, f64)> {
+pub(crate) fn cross(mesh: &Mesh, first: u32, second: u32) -> Option<(DVec3, f64)> {
     let [a, b] = [first, second].map(|t| mesh.triangles[t as usize]);
     // Triangles with a common edge touch only there.
     if a.iter().filter(|i| b.contains(i)).count() > 1 {

@@ -137,7 +137,7 @@ pub struct Place {
 }
 
 impl Place {
-    pub(super) fn of(points: impl IntoIterator<Item = Vec3>) -> Self {
+    pub(crate) fn of(points: impl IntoIterator<Item = Vec3>) -> Self {
         let bounds = Bounds::of(points).filter(|bounds| bounds.min.is_finite());
         let Bounds { min, max } = bounds.unwrap_or(Bounds::around(Vec3::ZERO, Vec3::ZERO));
         Self { at_mm: (0.5 * (min + max)).to_array(), size_mm: (max - min).length() }

@@ -10,14 +10,14 @@
 //! surface without an inside (an open one, for example) hides and overlaps nothing.
 
 pub mod aberration;
-mod crossing;
+pub(crate) mod crossing;
 mod edges;
 mod finding;
 mod nesting;
 mod probes;
 mod split;
 mod surface_check;
-mod tree;
+pub(crate) mod tree;
 
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -138,6 +138,29 @@ pub fn examine(
     findings.sort_by_key(|f| f.severity);
     let bounds_mm = bounds.map(|b| [b.min.to_array(), b.max.to_array()]);
     Ok(Report { surfaces, triangles, bounds_mm, findings })
+}
+
+/// Findings about a mesh alone, for tests of its repair.
+#[cfg(test)]
+pub(crate) fn findings(mesh: &super::Mesh) -> Vec<Finding> {
+    let raw = super::import::RawMesh {
+        vertices_mm: mesh.vertices_mm.clone(),
+        triangles: mesh.triangles.clone(),
+        left_over: 0,
+    };
+    let raw = super::import::RawSurface {
+        name: "a surface".into(),
+        node: 0,
+        tissue: Some("water".into()),
+        priority: 0,
+        mesh: Ok(raw),
+    };
+    let mut check = SurfaceCheck::new(raw, &TissueTable::builtin().unwrap_or_default());
+    let mesh = std::mem::take(&mut check.mesh);
+    if let Some(tree) = Tree::new(&mesh) {
+        check.check_with(&tree);
+    }
+    check.findings
 }
 
 /// Bounds of the scene, mm. A few vertices out of range are strays; if most are, the unit is wrong.

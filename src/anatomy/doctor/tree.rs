@@ -19,23 +19,23 @@ const DIRECTIONS: [DVec3; 3] =
 
 /// Crossing of a line and a triangle.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Crossing {
+pub(crate) struct Crossing {
     /// Distance along the line, mm.
-    pub(super) t_mm: f64,
+    pub(crate) t_mm: f64,
     /// Whether the line leaves through the triangle's outer side.
-    pub(super) leaves: bool,
-    pub(super) triangle: u32,
+    pub(crate) leaves: bool,
+    pub(crate) triangle: u32,
 }
 
 /// BVH over a mesh's triangles.
-pub(super) struct Tree<'m> {
+pub(crate) struct Tree<'m> {
     bvh: Bvh2,
-    pub(super) mesh: &'m Mesh,
+    pub(crate) mesh: &'m Mesh,
 }
 
 impl<'m> Tree<'m> {
     /// Builds the tree; `None` for an empty mesh.
-    pub(super) fn new(mesh: &'m Mesh) -> Option<Self> {
+    pub(crate) fn new(mesh: &'m Mesh) -> Option<Self> {
         let triangles: Vec<Triangle> =
             mesh.corners_mm().map(|[a, b, c]| Triangle { v0: a.into(), v1: b.into(), v2: c.into() }).collect();
         let config = BvhBuildParams::fast_build();
@@ -44,7 +44,7 @@ impl<'m> Tree<'m> {
     }
 
     /// Calls `each` for all triangles whose boxes intersect that of `corners`.
-    pub(super) fn near(&self, corners: [Vec3; 3], mut each: impl FnMut(u32)) {
+    pub(crate) fn near(&self, corners: [Vec3; 3], mut each: impl FnMut(u32)) {
         let points = corners.map(Into::into);
         self.bvh.aabb_traverse(Aabb::from_points(&points), |bvh, node| {
             let node = bvh.nodes[node as usize];
@@ -55,7 +55,7 @@ impl<'m> Tree<'m> {
     }
 
     /// Calls `each` for every crossing ahead of `from_mm` along the unit `direction`, in any order.
-    pub(super) fn crossings(&self, from_mm: DVec3, direction: DVec3, mut each: impl FnMut(Crossing)) {
+    pub(crate) fn crossings(&self, from_mm: DVec3, direction: DVec3, mut each: impl FnMut(Crossing)) {
         // A zero component would give NaNs in the slab test.
         let slanted = |v: f64| if v.abs() < 1e-6 { 1e-6 } else { v as f32 };
         let [x, y, z] = direction.to_array().map(slanted);
@@ -70,7 +70,7 @@ impl<'m> Tree<'m> {
     }
 
     /// Winding number of the surface about `point_mm`, with only the triangles that `counts` accepts.
-    pub(super) fn winding(&self, point_mm: DVec3, counts: impl Fn(u32) -> bool) -> i32 {
+    pub(crate) fn winding(&self, point_mm: DVec3, counts: impl Fn(u32) -> bool) -> i32 {
         let along = |direction: DVec3| {
             let mut winding = 0;
             self.crossings(point_mm, direction.normalize(), |crossing| {
@@ -85,7 +85,7 @@ impl<'m> Tree<'m> {
     }
 
     /// Whether `point_mm` is inside the surface.
-    pub(super) fn holds(&self, point_mm: DVec3) -> bool {
+    pub(crate) fn holds(&self, point_mm: DVec3) -> bool {
         self.winding(point_mm, |_| true) != 0
     }
 }

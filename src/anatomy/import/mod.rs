@@ -10,6 +10,7 @@
 //!   mesh's extras apply to its nodes only, not to their children.
 //! - Positions are in metres, as glTF prescribes, and are converted to mm of the scene frame.
 //! - A surface should be closed. Usable defects are reported as [`Finding`]s.
+//! - Axes: `extras.axes` of the glTF scene: `depth` (the default), `anatomical` or `lps` ([`Axes`](super::Axes)).
 //! - Motion: `extras.motion` of the glTF scene ([`crate::anatomy::Motion`]). glTF's own animations, skins and morph
 //!   targets are not applied.
 //!
@@ -19,7 +20,7 @@
 mod accessor;
 mod document;
 mod extensions;
-mod movement;
+mod scene_extras;
 mod surface;
 mod walk;
 
@@ -33,6 +34,7 @@ use rayon::prelude::*;
 
 pub(crate) use surface::{RawMesh, is_usable};
 
+use super::export::SceneExtras;
 use super::scene::SURFACES_MAX;
 use super::{Scene, SceneError, TissueTable};
 use crate::suggest::did_you_mean;
@@ -151,8 +153,9 @@ pub fn load_with_findings(
     if surfaces.is_empty() {
         return Err(SceneError::Empty { path: path.to_owned() });
     }
-    let motion = movement::motion(&file, surfaces.iter().map(|s| s.name.as_str()))?;
-    let mut scene = Scene { tissues: tissues.clone(), background, surfaces, motion };
+    let motion = scene_extras::motion(&file, surfaces.iter().map(|s| s.name.as_str()))?;
+    let axes = scene_extras::axes(&file)?;
+    let mut scene = Scene { tissues: tissues.clone(), background, surfaces, motion, axes };
     scene.sort_by_priority();
     Ok((scene, findings))
 }
@@ -164,6 +167,8 @@ pub(crate) struct RawScene {
     pub(crate) findings: Vec<Finding>,
     /// Errors for which [`load`] refuses the file, except those of its surfaces.
     pub(crate) problems: Vec<SceneError>,
+    /// Motion and axes; those of a scene without extras where they are wrong.
+    pub(crate) extras: SceneExtras,
 }
 
 /// A surface as written.
@@ -182,15 +187,21 @@ pub(crate) fn read_raw(path: &Path) -> Result<RawScene, SceneError> {
     let file = document::File::read(path)?;
     let (mut findings, mut problems) = (Vec::new(), Vec::new());
     let parts = walk::parts(&file, &mut findings, &mut problems);
-    if let Err(problem) = movement::motion(&file, parts.iter().map(|part| part.name.as_str())) {
-        problems.push(problem);
-    }
+    let motion = scene_extras::motion(&file, parts.iter().map(|part| part.name.as_str()));
+    let axes = scene_extras::axes(&file);
+    let source = scene_extras::source(&file);
+    let mut of = |problem: SceneError| problems.push(problem);
+    let extras = SceneExtras {
+        motion: motion.map_err(&mut of).unwrap_or_default(),
+        axes: axes.map_err(&mut of).unwrap_or_default(),
+        source,
+    };
     let read = |part: walk::Part<'_>| {
         let mesh = surface::raw(&file, &part);
         RawSurface { name: part.name, node: part.node, tissue: part.tissue, priority: part.priority, mesh }
     };
     let surfaces = parts.into_par_iter().map(read).collect();
-    Ok(RawScene { surfaces, findings, problems })
+    Ok(RawScene { surfaces, findings, problems, extras })
 }
 
 /// Index in `tissues` of the tissue that a file calls `name`.

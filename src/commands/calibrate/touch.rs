@@ -13,6 +13,7 @@ use insonify::pose::csv::{self, Named};
 use insonify::pose::landmark::{StillSettings, Touched, touch};
 use insonify::pose::registration::PointPair;
 use insonify::recording::spawn;
+use insonify::segmentation::skin_points;
 use insonify::station::{SceneSource, Station};
 use insonify::tracker::pose_tap;
 use tokio_util::sync::CancellationToken;
@@ -33,7 +34,7 @@ pub(super) struct TouchArgs {
     #[arg(long, value_name = "STATION")]
     pub(super) tracker: Option<PathBuf>,
 
-    /// Points of the scene to touch: lines `x,y,z,name`, mm [default: those of the station's phantom]
+    /// Points of the scene to touch: lines `x,y,z,name`, mm [default: those of the station's phantom, or SCENE.points.csv]
     #[arg(long, value_name = "FILE", requires = "tracker")]
     points: Option<PathBuf>,
 
@@ -91,9 +92,14 @@ fn points(args: &TouchArgs, station: &Station) -> Result<Vec<Named<DVec3>>, Fail
     }
     match &station.scene {
         SceneSource::ObstetricPhantom(options) => Ok(phantom::fiducials(&options.parameters)),
+        SceneSource::File(scene) if skin_points::file_beside(scene).is_file() => {
+            let path = skin_points::file_beside(scene);
+            csv::points(&input::text(&path, FileKind::Table, "the points")?).input_of(&path)
+        }
         SceneSource::File(scene) => Err(Failure::Input(anyhow!(
-            "nobody knows landmarks of {}: give --points FILE with lines `x,y,z,name` (mm in the scene)",
-            scene.display()
+            "no landmarks of {} are known: give --points FILE with lines `x,y,z,name` (mm in the scene), or write them to {}",
+            scene.display(),
+            skin_points::file_beside(scene).display()
         ))),
     }
 }

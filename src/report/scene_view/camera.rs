@@ -144,6 +144,12 @@ impl Camera {
             (Axes::Anatomical, Direction::Right) => (-x, y),
             (Axes::Anatomical, Direction::Top) => (y, z),
             (Axes::Anatomical, Direction::Bottom) => (-y, z),
+            (Axes::Patient, Direction::Front) => (-y, z),
+            (Axes::Patient, Direction::Back) => (y, z),
+            (Axes::Patient, Direction::Left) => (x, z),
+            (Axes::Patient, Direction::Right) => (-x, z),
+            (Axes::Patient, Direction::Top) => (z, -y),
+            (Axes::Patient, Direction::Bottom) => (-z, -y),
             (Axes::Depth, Direction::Front) => (y, -z),
             (Axes::Depth, Direction::Back) => (-y, -z),
             (Axes::Depth, Direction::Left) => (x, -z),
@@ -227,7 +233,7 @@ mod tests {
         assert!(below.1 > row, "depth goes down");
         assert!(Camera::new(Direction::Probe, Orbit::default(), Axes::Depth, None).is_none());
         for direction in Direction::NAMED.map(|(_, direction)| direction) {
-            for axes in [Axes::Depth, Axes::Anatomical] {
+            for axes in [Axes::Depth, Axes::Anatomical, Axes::Patient] {
                 let orbit = Orbit { azimuth_deg: 33.0, elevation_deg: -71.0 };
                 let c = Camera::new(direction, orbit, axes, Some(Pose::IDENTITY)).unwrap();
                 assert!((c.right.cross(c.up) + c.forward).length() < 1e-9, "{direction:?}");

@@ -101,7 +101,7 @@ impl SceneView {
         let last = if self.scenery.fan.is_some() { Direction::Fan } else { Direction::Back };
         let titles = match self.axes {
             Axes::Depth => ["front", "from +x", "from above", "onto the fan"],
-            Axes::Anatomical => ["anterior", "left", "cranial", "onto the fan"],
+            Axes::Anatomical | Axes::Patient => ["anterior", "left", "cranial", "onto the fan"],
         };
         let panels = [Direction::Front, Direction::Left, Direction::Top, last];
         let mut canvas = annotate::canvas(width, height);

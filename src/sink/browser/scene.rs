@@ -74,10 +74,7 @@ impl ScenePacket {
             entries.push(entry);
         }
         let header = Header {
-            axes: match axes {
-                Axes::Depth => "depth",
-                Axes::Anatomical => "anatomical",
-            },
+            axes: axes.name(),
             probe: ProbeEntry { face_radius_mm: probe.face_radius_mm(), half_extent: probe.half_extent() },
             triangles_of_scene: scene.triangle_count(),
             surfaces: entries,

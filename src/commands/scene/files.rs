@@ -1,0 +1,187 @@
+//! Files of a patient: scene, station, planes, recording, report.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::anyhow;
+use glam::DVec3;
+use insonify::anatomy::doctor::Severity;
+use insonify::anatomy::export::{LabelledSurface, SceneExtras, write_scene_glb};
+use insonify::anatomy::{Axes, Motion, Skin, TissueTable, import, planes};
+use insonify::exam::slide;
+use insonify::files::Outputs;
+use insonify::names::counted;
+use insonify::pose::csv::Named;
+use insonify::report::segmentation as page;
+use insonify::segmentation::from_labels::{Facts, Made};
+use insonify::segmentation::grid::CutPlane;
+use insonify::segmentation::skin_points;
+use insonify::segmentation::start::Start;
+use insonify::segmentation::station_text::station_text;
+use insonify::segmentation::summary::{Row, Summary};
+use insonify::sink::{write_json, write_text};
+use insonify::station::{Examination, SceneFile};
+
+use super::super::backend::BackendArgs;
+use super::super::progress::Progress;
+use super::super::{Classify, Failure, input, output};
+use super::pictures;
+
+/// Length of the slide over the first view, s, and its reach to either side, mm.
+const SLIDE_S: f64 = 20.0;
+const SLIDE_MM: f64 = 60.0;
+
+/// Options of all scenes of patients.
+#[derive(Debug, clap::Args)]
+pub(super) struct OutputArgs {
+    /// Scene to write (.glb); a station file (.toml), standard planes (.planes.json) and points of the skin (.points.csv) go beside it
+    #[arg(long, value_name = "FILE")]
+    pub(super) out: PathBuf,
+
+    /// Replace files that are there
+    #[arg(long)]
+    pub(super) force: bool,
+
+    /// Segment that the station's first view looks at [default: the window that is seen best]
+    #[arg(long, value_name = "NAME")]
+    pub(super) look_at: Option<String>,
+
+    /// Recording to write of a probe that slides over the first view (.mcap)
+    #[arg(long, value_name = "FILE")]
+    pub(super) probe_path: Option<PathBuf>,
+
+    /// Page to write: pictures, volumes, what was done and what is missing (.html)
+    #[arg(long, value_name = "FILE", value_parser = input::html)]
+    pub(super) report: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub(super) backend: BackendArgs,
+
+    /// Print what was made as JSON
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+/// What a scene was made of.
+pub(super) struct Source {
+    /// Segmentation, or the first of its files.
+    pub(super) path: PathBuf,
+    /// Surfaces, ascending in priority.
+    pub(super) surfaces: Vec<Made>,
+    /// Sides on which the scan ends within the body.
+    pub(super) cuts: Vec<CutPlane>,
+    pub(super) facts: Option<Facts>,
+    pub(super) unmapped: Vec<String>,
+    pub(super) repairs: Vec<String>,
+    pub(super) remarks: Vec<String>,
+}
+
+impl OutputArgs {
+    fn station_file(&self) -> PathBuf {
+        self.out.with_extension("toml")
+    }
+
+    fn points_file(&self) -> PathBuf {
+        skin_points::file_beside(&self.out)
+    }
+
+    /// Checks the outputs against each other and against `inputs`.
+    pub(super) fn check(&self, inputs: &[&Path]) -> Result<(), Failure> {
+        if self.out.extension().is_none_or(|extension| extension != "glb") {
+            return Err(Failure::Input(anyhow!("--out is {}; a scene's name ends in .glb", self.out.display())));
+        }
+        let mut outputs = Outputs::beside(inputs)
+            .file("--out", &self.out, self.force)?
+            .file("--out", &self.station_file(), self.force)?
+            .file("--out", &self.points_file(), self.force)?
+            .file("--out", &planes::file_beside(&self.out), self.force)?;
+        for (option, path) in [("--probe-path", &self.probe_path), ("--report", &self.report)] {
+            if let Some(path) = path {
+                outputs = outputs.file(option, path, self.force)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Finds where to begin, writes all files, and prints what was made.
+    pub(super) fn finish(&self, source: Source, progress: Progress) -> Result<(), Failure> {
+        let tissues = TissueTable::builtin().other()?;
+        let Source { path, surfaces, cuts, facts, unmapped, repairs, mut remarks } = source;
+        let start = Start::of(&surfaces, cuts, &tissues, self.look_at.as_deref()).input()?;
+        let slide = match &self.probe_path {
+            Some(_) => {
+                let corners: Vec<_> = surfaces.iter().flat_map(|s| s.mesh.corners_mm()).collect();
+                let skin = Skin::of_triangles(corners).other()?;
+                Some(slide::slide(&start.view, &skin, SLIDE_MM, SLIDE_S)?)
+            }
+            None => None,
+        };
+        let rows: Vec<Row> = surfaces.iter().map(Row::from).collect();
+        let labelled: Vec<LabelledSurface> = surfaces.into_iter().map(labelled).collect();
+        output::make_parent(&self.out)?;
+        let source = path.file_name().map(|name| name.to_string_lossy().into_owned());
+        let extras = SceneExtras { motion: Motion::default(), axes: Axes::Patient, source };
+        write_scene_glb(&labelled, &extras, &self.out)?;
+        drop(labelled);
+        let mut files = vec![self.out.clone(), self.station_file()];
+        let scene_name = self.out.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        let what = format!("A patient's scene, made from {}: first view of {}.", path.display(), start.target);
+        let pose = start.view.pose.unwrap_or_default();
+        write_text(&self.station_file(), &station_text(&scene_name, &what, &start.probe, &pose))?;
+        write_text(&self.points_file(), &points_text(&start.points))?;
+        files.push(self.points_file());
+        let planes_file = planes::file_beside(&self.out);
+        if start.planes.planes.is_empty() {
+            // Planes of an earlier scene would name surfaces that are gone.
+            let _ = std::fs::remove_file(&planes_file);
+        } else {
+            write_json(&planes_file, &start.planes)?;
+            files.push(planes_file);
+        }
+        if let (Some(path), Some(session)) = (&self.probe_path, &slide) {
+            output::make_parent(path)?;
+            session.write(path, &scene_name)?;
+            files.push(path.clone());
+        }
+        if let Some(facts) = &facts {
+            remarks.extend(facts.remarks());
+        }
+        remarks.extend(self.findings(&tissues)?);
+        let windows = start.windows.clone();
+        let source = path;
+        let scene = self.out.clone();
+        let mut summary = Summary { scene, source, surfaces: rows, facts, unmapped, repairs, windows, remarks, files };
+        if let Some(path) = &self.report {
+            progress.set(98, 100);
+            let scene = import::load(&self.out, &tissues, tissues.index_of("gel").unwrap_or_default())?;
+            let pictures = pictures::of(&scene, &start, &self.out, &self.backend)?;
+            output::make_parent(path)?;
+            page::write(path, &summary, &pictures.scene, &pictures.bmode)?;
+            summary.files.push(path.clone());
+        }
+        drop(progress);
+        if self.json { output::json(&summary) } else { output::text(&summary) }
+    }
+
+    /// What the doctor says about the scene, a line for each error and warning.
+    fn findings(&self, tissues: &TissueTable) -> Result<Vec<String>, Failure> {
+        let file = SceneFile::Given(self.out.clone());
+        let found = Examination::of(file.path(), None, None, tissues, &|_, _| ())?;
+        let worse = found.report.findings.iter().filter(|f| f.severity != Severity::Note);
+        let lines: Vec<String> = worse.map(|finding| format!("doctor: {finding}")).collect();
+        if lines.is_empty() {
+            return Ok(Vec::new());
+        }
+        let count = format!("the doctor has {} about the scene", counted(lines.len(), "finding"));
+        Ok(std::iter::once(count).chain(lines).collect())
+    }
+}
+
+fn points_text(points: &[Named<DVec3>]) -> String {
+    let line = |p: &Named<DVec3>| format!("{:.2},{:.2},{:.2},{}\n", p.value.x, p.value.y, p.value.z, p.name);
+    let head = "# points of the skin, mm in the scene: x left, y posterior, z superior\nx,y,z,name\n".to_owned();
+    points.iter().fold(head, |text, point| text + &line(point))
+}
+
+fn labelled(made: Made) -> LabelledSurface {
+    LabelledSurface { name: made.name, tissue: made.tissue, priority: made.priority, mesh: made.mesh }
+}

@@ -1,0 +1,137 @@
+//! `insonify scene from-labels`: a scene from a label map.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::anyhow;
+use clap::Parser;
+use insonify::segmentation::classes::ClassTable;
+use insonify::segmentation::from_labels::{Options, make};
+use insonify::segmentation::gather::gather;
+use insonify::segmentation::volume::{PatientAxes, ReadOptions, read_image, read_labels};
+
+use super::super::progress::Progress;
+use super::super::{Classify, Failure};
+use super::files::{OutputArgs, Source};
+
+/// Make a scene of closed surfaces from a label map of a CT or MR: NIfTI, or NRRD as 3D Slicer writes it.
+///
+/// Names of segments come from the file, else numbers are looked up in the table of --names. All labels are meshed on one
+/// grid: neighbours share their border. What is inside the body and has no label becomes soft tissue, beneath fat and
+/// skin; surfaces are closed where the scan ends. Vessels and hollow organs get walls, stomach and bowel their gas.
+///
+/// Beside the scene go a station file with a probe on the skin, and standard planes for `exam` and `score` where the
+/// labels have what they need.
+#[derive(Debug, Parser)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Args {
+    /// Label map (.nii, .nii.gz, .nrrd, .nhdr, .seg.nrrd)
+    labels: PathBuf,
+
+    /// Table of names and numbers: total-v2, total-v1, total-mr (TotalSegmentator), body, tissue-types, or a file (.toml)
+    #[arg(long, value_name = "TABLE", default_value = "total-v2")]
+    names: String,
+
+    /// Meaning of a name or number: NAME=TISSUE, NAME=CLASS or NAME=ignore
+    #[arg(long = "map", value_name = "NAME=MEANING")]
+    maps: Vec<String>,
+
+    /// Leave out segments whose names mean nothing, instead of refusing the file
+    #[arg(long)]
+    leave_out_unknown: bool,
+
+    /// Label map whose every label is body: its outline is the skin (TotalSegmentator's task body)
+    #[arg(long, value_name = "FILE")]
+    body: Option<PathBuf>,
+
+    /// Image that was segmented (CT or MR): gives the body's outline, and from a CT the fat
+    #[arg(long, value_name = "FILE")]
+    image: Option<PathBuf>,
+
+    /// Axes of files that don't state theirs: lps, ras or las
+    #[arg(long, value_name = "AXES", value_parser = axes)]
+    assume_axes: Option<PatientAxes>,
+
+    /// Thickness of the skin, mm, 0..=10; 0 for none
+    #[arg(long, value_name = "MM", default_value_t = Options::default().skin_mm, value_parser = skin, allow_negative_numbers = true)]
+    skin_mm: f64,
+
+    /// Thickness of the fat beneath it, mm, 0..=100, where neither labels nor a CT tell it
+    #[arg(long, value_name = "MM", default_value_t = Options::default().fat_mm, value_parser = fat, allow_negative_numbers = true)]
+    fat_mm: f64,
+
+    /// Number of triangles, about, 10000..=5000000
+    #[arg(long, value_name = "N", default_value_t = Options::default().triangles, value_parser = triangles)]
+    triangles: usize,
+
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+const AFTER_HELP: &str = "\
+Examples:
+  insonify scene from-labels segmentation.nii.gz --out patient.glb --report patient.html
+  insonify scene from-labels total.nii.gz --body body.nii.gz --image ct.nii.gz --look-at liver --out patient.glb
+  insonify scene from-labels Segmentation.seg.nrrd --map tumour=cyst --map grid=ignore --out patient.glb";
+
+fn axes(text: &str) -> Result<PatientAxes, String> {
+    PatientAxes::named(text).ok_or_else(|| format!("expected one of {}", PatientAxes::NAMES.join(", ")))
+}
+
+fn within(text: &str, most: f64) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|mm| (0.0..=most).contains(mm));
+    value.ok_or_else(|| format!("expected mm, 0..={most}"))
+}
+
+pub(super) fn skin(text: &str) -> Result<f64, String> {
+    within(text, 10.0)
+}
+
+pub(super) fn fat(text: &str) -> Result<f64, String> {
+    within(text, 100.0)
+}
+
+fn triangles(text: &str) -> Result<usize, String> {
+    let value = text.parse().ok().filter(|n| (10_000..=5_000_000).contains(n));
+    value.ok_or_else(|| "expected a number, 10000..=5000000".to_owned())
+}
+
+/// Table called `names`, or in that file.
+fn table(names: &str, maps: &[String]) -> Result<ClassTable, Failure> {
+    let is_file = names.ends_with(".toml");
+    let mut table = if is_file { ClassTable::load(Path::new(names)) } else { ClassTable::builtin(names) }.input()?;
+    for map in maps {
+        table.add(map).map_err(|e| Failure::Input(anyhow!("--map: {e}")))?;
+    }
+    Ok(table)
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let inputs: Vec<&Path> = [Some(&args.labels), args.body.as_ref(), args.image.as_ref()]
+        .into_iter()
+        .flatten()
+        .map(PathBuf::as_path)
+        .collect();
+    args.output.check(&inputs)?;
+    let table = table(&args.names, &args.maps)?;
+    let options = ReadOptions { assume_axes: args.assume_axes };
+    let progress = Progress::new("scene", 100);
+    progress.set(0, 100);
+    let labels = read_labels(&args.labels, options).input()?;
+    let body = args.body.as_ref().map(|path| read_labels(path, options)).transpose().input()?;
+    let image = args.image.as_ref().map(|path| read_image(path, options)).transpose().input()?;
+    progress.set(5, 100);
+    let (inputs, unmapped) = gather(labels, &table, body, image, args.leave_out_unknown).input()?;
+    let options = Options { skin_mm: args.skin_mm, fat_mm: args.fat_mm, triangles: args.triangles };
+    let outcome = make(inputs, &options, &|_, share| progress.set(5 + (90.0 * share) as usize, 100));
+    let source = Source {
+        path: args.labels.clone(),
+        surfaces: outcome.surfaces,
+        cuts: outcome.cuts,
+        facts: Some(outcome.facts),
+        unmapped: unmapped.iter().map(ToString::to_string).collect(),
+        repairs: Vec::new(),
+        remarks: Vec::new(),
+    };
+    args.output.finish(source, progress)
+}

@@ -1,0 +1,87 @@
+//! Pictures of a patient's scene for its page.
+
+use std::path::Path;
+
+use insonify::anatomy::{Axes, Scene};
+use insonify::pose::Pose;
+use insonify::render::{Frame, Renderer};
+use insonify::report::scene_view::{
+    BmodeImage, Cut, Direction, Fan, Orbit, PictureSettings, SceneView, Selection, ViewError,
+};
+use insonify::report::segmentation::Plate;
+use insonify::segmentation::start::Start;
+use insonify::segmentation::station_text::{ProbeChoice, station_text};
+use insonify::sink::png;
+use insonify::station::Station;
+
+use super::super::backend::BackendArgs;
+use super::super::{Classify, Failure};
+
+/// Most B-mode views.
+const VIEWS_MAX: usize = 4;
+/// Surfaces that hide what is within.
+const OUTER: [&str; 3] = ["skin", "fat", "soft_tissue"];
+const SIZE: [u32; 2] = [900, 700];
+
+/// Pictures of a page.
+pub(super) struct Pictures {
+    pub(super) scene: Vec<Plate>,
+    pub(super) bmode: Vec<Plate>,
+}
+
+/// Views of the scene from the front, from the left and onto the fan, and B-mode frames of its windows.
+pub(super) fn of(scene: &Scene, start: &Start, file: &Path, backend: &BackendArgs) -> Result<Pictures, Failure> {
+    let scene_name = file.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let directory = file.parent().unwrap_or(Path::new("."));
+    let station_of =
+        |probe: &ProbeChoice, pose: &Pose| Station::parse(&station_text(&scene_name, "a view", probe, pose), directory);
+    let first_pose = start.view.pose.unwrap_or_default();
+    let first = station_of(&start.probe, &first_pose)?;
+    let backend = backend.open(first.backend)?;
+
+    let mut views = vec![(format!("{}: the station's first view", start.target), first_pose, start.probe)];
+    for plane in &start.planes.planes {
+        for view in plane.views.iter().filter(|view| view.pose != start.view.pose) {
+            let Some(pose) = view.pose else { continue };
+            let outline = view.outlines.first();
+            let mesh = scene.surfaces.iter().find(|s| Some(&s.name) == outline).map(|s| &s.mesh);
+            views.push((plane.title.clone(), pose, mesh.map_or(start.probe, |m| ProbeChoice::for_target(&pose, m))));
+        }
+    }
+    let mut bmode = Vec::new();
+    let mut image = None;
+    for (caption, pose, probe) in views.into_iter().take(VIEWS_MAX) {
+        let station = station_of(&probe, &pose)?;
+        let mut renderer = Renderer::new(&backend, scene, &station.probe, &station.settings)?;
+        let mut frame = Frame::default();
+        renderer.render(&pose, &mut frame)?;
+        let sector = *renderer.sector();
+        let rgb: Vec<u8> = frame.bmode.iter().flat_map(|&grey| [grey; 3]).collect();
+        bmode.push(plate(caption, sector.width, sector.height, &rgb)?);
+        image.get_or_insert(BmodeImage { sector, grey: frame.bmode });
+    }
+
+    let all = Selection::all(scene);
+    let hidden: Vec<String> =
+        OUTER.iter().filter(|name| scene.surfaces.iter().any(|s| s.name == **name)).map(|s| (*s).to_owned()).collect();
+    let inner = Selection::of(scene, &[], &hidden).unwrap_or_else(|_: ViewError| all.clone());
+    let fan = Fan { scene_from_probe: first_pose, probe: first.probe, image };
+    let pictures = [
+        ("from the front, without skin and fat", Direction::Front, &inner, None),
+        ("from the left, without skin and fat", Direction::Left, &inner, None),
+        ("from the front", Direction::Front, &all, None),
+        ("cut at the first view", Direction::Fan, &all, Some(Cut::Fan)),
+    ];
+    let mut plates = Vec::new();
+    for (caption, from, selection, cut) in pictures {
+        let view = SceneView::new(scene, selection, Some(fan.clone()), Axes::Patient);
+        let [width, height] = SIZE;
+        let picture = view.picture(&PictureSettings { width, height, from, orbit: Orbit::default(), cut }).other()?;
+        plates.push(plate(caption.to_owned(), picture.width, picture.height, &picture.rgb)?);
+    }
+    Ok(Pictures { scene: plates, bmode })
+}
+
+fn plate(caption: String, width: u32, height: u32, rgb: &[u8]) -> Result<Plate, Failure> {
+    Ok(Plate { caption, png: png::rgb_bytes(width, height, rgb).other()? })
+}

@@ -1,0 +1,85 @@
+//! `insonify scene repair`: mends the surfaces of a scene.
+
+use std::path::PathBuf;
+
+use anyhow::anyhow;
+use clap::Parser;
+use insonify::anatomy::export::write_scene_glb;
+use insonify::files::Outputs;
+use insonify::names::counted;
+use insonify::segmentation::repair::{RepairSettings, SurfaceRepair};
+use insonify::segmentation::repair_scene::repair_scene;
+use serde::Serialize;
+
+use super::super::progress::Progress;
+use super::super::{Failure, output};
+
+/// Options of a repair.
+#[derive(Debug, clap::Args)]
+pub(super) struct RepairArgs {
+    /// Farthest that a repair may move a vertex, mm, 0..=10
+    #[arg(long, value_name = "MM", default_value_t = RepairSettings::default().max_move_mm, value_parser = farthest, allow_negative_numbers = true)]
+    pub(super) max_move_mm: f64,
+}
+
+fn farthest(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|mm| (0.0..=10.0).contains(mm));
+    value.ok_or_else(|| "expected mm, 0..=10".to_owned())
+}
+
+/// Mend the surfaces of a scene, and say what was done to each.
+///
+/// Open surfaces are closed (flat caps at cuts, fans over holes), inward ones turned, doubled sheets and crumbs removed,
+/// folds smoothed. What cannot be mended is named with its place; `insonify doctor` tells the rest.
+#[derive(Debug, Parser)]
+#[command(after_help = "Example:\n  insonify scene repair scene.glb --out mended.glb")]
+pub(crate) struct Args {
+    /// Scene (.glb, .gltf)
+    scene: PathBuf,
+
+    /// Scene to write (.glb)
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+
+    /// Replace FILE if it is there
+    #[arg(long)]
+    force: bool,
+
+    #[command(flatten)]
+    repair: RepairArgs,
+
+    /// Print what was done as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Report<'a> {
+    path: &'a PathBuf,
+    surfaces: &'a [SurfaceRepair],
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    Outputs::beside([&args.scene]).file("--out", &args.out, args.force)?;
+    let progress = Progress::new("repair", 0);
+    let settings = RepairSettings { max_move_mm: args.repair.max_move_mm, ..RepairSettings::default() };
+    let (surfaces, reports, extras) = repair_scene(&args.scene, &settings, &|done, all| progress.set(done, all))?;
+    drop(progress);
+    if surfaces.is_empty() {
+        return Err(Failure::Input(anyhow!("{}: no surface encloses a volume", args.scene.display())));
+    }
+    output::make_parent(&args.out)?;
+    write_scene_glb(&surfaces, &extras, &args.out)?;
+    if args.json {
+        return output::json(&Report { path: &args.out, surfaces: &reports });
+    }
+    for report in &reports {
+        output::line(report)?;
+    }
+    let left = reports.iter().filter(|report| !report.is_mended()).count();
+    if left > 0 {
+        output::line(format!("{} not wholly mended", counted(left, "surface")))?;
+    }
+    output::line(args.out.display())
+}

@@ -1,0 +1,151 @@
+//! Connected parts of a mask, and crumbs of labels.
+
+use std::collections::HashMap;
+
+use rayon::prelude::*;
+
+/// Neighbours of a voxel across its faces.
+fn each_neighbour(index: usize, size: [usize; 3], mut visit: impl FnMut(usize)) {
+    let strides = [1, size[0], size[0] * size[1]];
+    for axis in 0..3 {
+        let at = index / strides[axis] % size[axis];
+        if at > 0 {
+            visit(index - strides[axis]);
+        }
+        if at + 1 < size[axis] {
+            visit(index + strides[axis]);
+        }
+    }
+}
+
+/// Keeps the largest part of `mask` whose voxels touch by faces.
+pub(crate) fn largest_component(mask: &mut [bool], size: [usize; 3]) {
+    let mut part_of = vec![0u32; mask.len()];
+    let (mut parts, mut largest, mut most) = (0, 0, 0);
+    let mut stack = Vec::new();
+    for start in 0..mask.len() {
+        if !mask[start] || part_of[start] != 0 {
+            continue;
+        }
+        parts += 1;
+        let mut count = 0usize;
+        part_of[start] = parts;
+        stack.push(start);
+        while let Some(index) = stack.pop() {
+            count += 1;
+            each_neighbour(index, size, |next| {
+                if mask[next] && part_of[next] == 0 {
+                    part_of[next] = parts;
+                    stack.push(next);
+                }
+            });
+        }
+        if count > most {
+            (largest, most) = (parts, count);
+        }
+    }
+    mask.par_iter_mut().zip(&part_of).for_each(|(inside, part)| *inside = *inside && *part == largest);
+}
+
+/// Gives each part of fewer than `voxels_min` voxels, of a label or of none, to the label that it touches most. A label
+/// keeps its last part. Returns the number of parts that went, by label.
+pub fn without_crumbs(labels: &mut [u16], size: [usize; 3], voxels_min: usize) -> HashMap<u16, usize> {
+    let mut totals: HashMap<u16, usize> = HashMap::new();
+    for &label in labels.iter() {
+        *totals.entry(label).or_default() += 1;
+    }
+    let shared: &[u16] = labels;
+    // A crumb is found from its first voxel.
+    let crumbs: Vec<Vec<usize>> = (0..labels.len())
+        .into_par_iter()
+        .filter_map(|start| {
+            let label = shared[start];
+            // Most voxels have a neighbour of their label before them.
+            let mut first = true;
+            each_neighbour(start, size, |next| first &= !(next < start && shared[next] == label));
+            first.then(|| crumb(shared, size, start, voxels_min)).flatten()
+        })
+        .collect();
+    let mut gone = HashMap::new();
+    for crumb in crumbs {
+        let label = labels[crumb[0]];
+        if totals.get(&label).is_none_or(|&total| total == crumb.len()) {
+            continue;
+        }
+        let mut touches: Vec<(u16, usize)> = Vec::new();
+        for &index in &crumb {
+            each_neighbour(index, size, |next| {
+                let other = labels[next];
+                if other != label {
+                    match touches.iter_mut().find(|(known, _)| *known == other) {
+                        Some((_, count)) => *count += 1,
+                        None => touches.push((other, 1)),
+                    }
+                }
+            });
+        }
+        let Some(&(most, _)) = touches.iter().max_by_key(|(other, count)| (*count, *other)) else { continue };
+        for &index in &crumb {
+            labels[index] = most;
+        }
+        *totals.entry(label).or_default() -= crumb.len();
+        *totals.entry(most).or_default() += crumb.len();
+        *gone.entry(label).or_default() += 1;
+    }
+    gone
+}
+
+/// Voxels of the part at `start`, if it has fewer than `voxels_min` and `start` is its first.
+fn crumb(labels: &[u16], size: [usize; 3], start: usize, voxels_min: usize) -> Option<Vec<usize>> {
+    let mut found = vec![start];
+    let mut next = 0;
+    while next < found.len() {
+        let index = found[next];
+        next += 1;
+        let mut earlier = false;
+        each_neighbour(index, size, |other| {
+            if labels[other] == labels[start] && !found.contains(&other) {
+                earlier |= other < start;
+                found.push(other);
+            }
+        });
+        if earlier || found.len() >= voxels_min {
+            return None;
+        }
+    }
+    Some(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn crumbs_go_to_what_they_touch_most_and_a_labels_last_part_stays() {
+        let size = [12, 6, 6];
+        let mut labels = vec![0u16; 432];
+        let at = |x: usize, y: usize, z: usize| (z * 6 + y) * 12 + x;
+        for z in 1..5 {
+            for y in 1..5 {
+                for x in 1..7 {
+                    labels[at(x, y, z)] = 1;
+                }
+            }
+        }
+        labels[at(3, 3, 3)] = 2; // within 1
+        labels[at(9, 3, 3)] = 2; // alone: two parts of one voxel, the last one stays
+        labels[at(2, 2, 2)] = 0; // a hole
+        labels[at(11, 5, 5)] = 3;
+        let gone = without_crumbs(&mut labels, size, 8);
+        assert_eq!((labels[at(3, 3, 3)], labels[at(9, 3, 3)], labels[at(2, 2, 2)]), (1, 2, 1));
+        assert_eq!((labels[at(11, 5, 5)], labels[at(1, 1, 1)], labels[0]), (3, 1, 0));
+        assert_eq!(gone, HashMap::from([(2, 1), (0, 1)]));
+    }
+
+    #[test]
+    fn the_largest_part_stays() {
+        let mut mask = [true, true, false, true, true, true, false, true];
+        largest_component(&mut mask, [8, 1, 1]);
+        assert_eq!(mask, [false, false, false, true, true, true, false, false]);
+    }
+}

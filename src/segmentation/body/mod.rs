@@ -1,0 +1,13 @@
+//! What a segmentation doesn't label: the body's outline, its skin, the fat beneath it, gas.
+
+mod components;
+mod distance;
+mod gas;
+mod outline;
+
+pub(crate) use components::largest_component;
+pub use components::without_crumbs;
+pub use distance::distances_mm;
+pub use gas::gas_of;
+pub(crate) use outline::hull_margin_mm;
+pub use outline::{OutlineSource, from_image, from_labels, from_mask};

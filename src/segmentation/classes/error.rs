@@ -1,0 +1,64 @@
+//! Errors of class tables.
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+/// A table or mapping that can't be used.
+#[derive(Debug, Error)]
+pub enum ClassError {
+    /// No built-in table of this name.
+    #[error("no table of classes is called `{name}`{nearest}; there are {known}")]
+    UnknownTable {
+        /// Name.
+        name: String,
+        /// Suggestion, or empty.
+        nearest: String,
+        /// All names.
+        known: String,
+    },
+    /// A file that can't be read.
+    #[error("{}: can't be read: {error}", path.display())]
+    Read {
+        /// File.
+        path: PathBuf,
+        /// Cause.
+        error: std::io::Error,
+    },
+    /// A file that isn't a table of classes.
+    #[error("{table}: {error}")]
+    Parse {
+        /// File, or name of a built-in table.
+        table: String,
+        /// Place and cause.
+        error: Box<toml::de::Error>,
+    },
+    /// A class with a wrong value.
+    #[error("{table}: class `{class}`: {reason}")]
+    Class {
+        /// File, or name of a built-in table.
+        table: String,
+        /// Class.
+        class: String,
+        /// Fault.
+        reason: String,
+    },
+    /// A mapping that isn't `name=tissue`.
+    #[error(
+        "`{mapping}` must be NAME=TISSUE, NAME=CLASS or NAME=ignore, as in `Segment_1=liver`; NAME may be a number"
+    )]
+    Mapping {
+        /// Mapping.
+        mapping: String,
+    },
+    /// A mapping to nothing known.
+    #[error("`{mapping}`: `{target}` is neither a class nor a tissue{nearest}")]
+    Target {
+        /// Mapping.
+        mapping: String,
+        /// Its right side.
+        target: String,
+        /// Suggestion, or empty.
+        nearest: String,
+    },
+}

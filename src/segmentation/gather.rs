@@ -1,0 +1,165 @@
+//! From label maps and their classes to the labels on one grid that a scene is made from.
+
+use std::path::PathBuf;
+
+use glam::DVec3;
+use rayon::prelude::*;
+use thiserror::Error;
+
+use super::classes::{ClassTable, MappedSegment, Role, Unmapped};
+use super::from_labels::{Inputs, Organ};
+use super::grid::Grid;
+use super::volume::{Image, LabelMap};
+
+/// Value of an image beyond its field, HU.
+const AIR_HU: f32 = -1024.0;
+
+/// Label maps that cannot become a scene.
+#[derive(Debug, Error)]
+pub enum GatherError {
+    /// Segments that mean no tissue.
+    #[error(
+        "{path}: {}; give them a meaning with --map NAME=TISSUE (or =CLASS, or =ignore), or leave them out with \
+         --leave-out-unknown",
+        names.join("; ")
+    )]
+    Unmapped {
+        /// Label map.
+        path: PathBuf,
+        /// Each with its number, its voxels and the nearest known names.
+        names: Vec<String>,
+    },
+    /// No organ.
+    #[error(
+        "{path} has no segment that becomes an organ: {found}; --names chooses the table of names, --map adds to it"
+    )]
+    Nothing {
+        /// Label map.
+        path: PathBuf,
+        /// What was found instead.
+        found: String,
+    },
+    /// A file without a body.
+    #[error("{path}, given as --body, labels nothing but background")]
+    NoBody {
+        /// Label map.
+        path: PathBuf,
+    },
+}
+
+/// Grid of a volume.
+fn grid_of(size: [usize; 3], lps_from_voxel: glam::DAffine3) -> Grid {
+    Grid { size, lps_from_voxel }
+}
+
+/// Inputs of a scene from a label map, and segments that were left out. `body` is a label map whose every label is body;
+/// `image` is what was segmented. Both may have grids of their own.
+///
+/// # Errors
+/// Segments without a meaning unless `leave_out_unknown`; no organ at all; a body without a voxel.
+pub fn gather(
+    labels: LabelMap,
+    table: &ClassTable,
+    body: Option<LabelMap>,
+    image: Option<Image>,
+    leave_out_unknown: bool,
+) -> Result<(Inputs, Vec<Unmapped>), GatherError> {
+    let labels = labels.canonical();
+    let (mapped, unmapped) = table.map(&labels);
+    if !unmapped.is_empty() && !leave_out_unknown {
+        let names = unmapped.iter().map(ToString::to_string).collect();
+        return Err(GatherError::Unmapped { path: labels.path, names });
+    }
+    let organs: Vec<&MappedSegment> = mapped.iter().filter(|m| m.class.role == Role::Organ).collect();
+    if organs.is_empty() {
+        let found = match mapped.len() {
+            0 => "it has no voxel of a known label".to_owned(),
+            _ => format!("its labels are {}", mapped.iter().map(|m| m.name.as_str()).collect::<Vec<_>>().join(", ")),
+        };
+        return Err(GatherError::Nothing { path: labels.path, found });
+    }
+    let grid = grid_of(labels.size, labels.lps_from_voxel);
+    let mask = |role: Role| -> Option<Vec<bool>> {
+        let of: Vec<&MappedSegment> = mapped.iter().filter(|m| m.class.role == role).collect();
+        let holds = |i: usize| of.iter().any(|m| labels.layers[m.layer][i] == m.value);
+        (!of.is_empty()).then(|| (0..grid.len()).into_par_iter().map(holds).collect())
+    };
+    let fat = mask(Role::Fat);
+    let body = match body {
+        Some(map) => Some(body_on(map, &grid)?),
+        None => union(mask(Role::Body), mask(Role::Skin)),
+    };
+    let merged = merged(&labels, &organs, &grid);
+    let image = image.map(|image| image_on(&image.canonical(), &grid));
+    let inputs = Inputs { labels: merged, organs: organs_of(&organs), body, fat, image, grid };
+    Ok((inputs, unmapped))
+}
+
+fn union(a: Option<Vec<bool>>, b: Option<Vec<bool>>) -> Option<Vec<bool>> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(a.into_iter().zip(b).map(|(a, b)| a || b).collect()),
+        (a, b) => a.or(b),
+    }
+}
+
+/// Label of each voxel: 1 + index of its organ; where segments of several layers overlap, that of the highest priority.
+fn merged(map: &LabelMap, organs: &[&MappedSegment], grid: &Grid) -> Vec<u16> {
+    // Organ of each value, layer by layer.
+    let mut organ_of = vec![vec![0u16; 1 << 16]; map.layers.len()];
+    for (number, organ) in (1..).zip(organs) {
+        organ_of[organ.layer][usize::from(organ.value)] = number;
+    }
+    let priority = |organ: u16| organs.get(usize::from(organ).wrapping_sub(1)).and_then(|o| o.class.priority);
+    let label = |i: usize| {
+        let found = map.layers.iter().zip(&organ_of).map(|(layer, organ_of)| organ_of[usize::from(layer[i])]);
+        found.filter(|&organ| organ != 0).max_by_key(|&organ| priority(organ)).unwrap_or(0)
+    };
+    (0..grid.len()).into_par_iter().map(label).collect()
+}
+
+/// Organs with distinct names: those of their classes, numbered where several segments share one.
+fn organs_of(mapped: &[&MappedSegment]) -> Vec<Organ> {
+    let mut names: Vec<String> = Vec::new();
+    let organ = |m: &&MappedSegment| {
+        let base = m.class.name.clone();
+        let name = (1..).map(|n| if n == 1 { base.clone() } else { format!("{base}_{n}") });
+        let name = name.into_iter().find(|name| !names.contains(name)).unwrap_or(base);
+        names.push(name.clone());
+        Organ {
+            name,
+            tissue: m.class.tissue.clone().unwrap_or_default(),
+            priority: m.class.priority.unwrap_or(50),
+            wall: m.class.wall.as_ref().map(|w| (w.tissue.clone(), w.mm)),
+            gas: m.class.gas.as_ref().map(|g| (g.tissue.clone(), g.share)),
+        }
+    };
+    mapped.iter().map(organ).collect()
+}
+
+/// Index, in a grid of `size`, of the voxel nearest to a voxel of another grid.
+fn nearest(from: &Grid, to: &Grid) -> impl Fn(usize) -> Option<usize> + Sync + use<> {
+    let to_from = to.lps_from_voxel.inverse() * from.lps_from_voxel;
+    let (from, size) = (from.clone(), to.size);
+    move |i: usize| {
+        let p = to_from.transform_point3(DVec3::from_array(from.at(i).map(|v| v as f64))).round();
+        let within = (0..3).all(|n| (0.0..size[n] as f64).contains(&p[n]));
+        within.then(|| (p.z as usize * size[1] + p.y as usize) * size[0] + p.x as usize)
+    }
+}
+
+/// Voxels of `grid` that a label map of the body labels.
+fn body_on(map: LabelMap, grid: &Grid) -> Result<Vec<bool>, GatherError> {
+    let map = map.canonical();
+    if map.layers.iter().all(|layer| layer.par_iter().all(|&l| l == 0)) {
+        return Err(GatherError::NoBody { path: map.path });
+    }
+    let index = nearest(grid, &grid_of(map.size, map.lps_from_voxel));
+    let inside = |i: usize| index(i).is_some_and(|i| map.layers.iter().any(|layer| layer[i] != 0));
+    Ok((0..grid.len()).into_par_iter().map(inside).collect())
+}
+
+/// Values of an image on `grid`.
+fn image_on(image: &Image, grid: &Grid) -> Vec<f32> {
+    let index = nearest(grid, &grid_of(image.size, image.lps_from_voxel));
+    (0..grid.len()).into_par_iter().map(|i| index(i).map_or(AIR_HU, |i| image.values[i])).collect()
+}

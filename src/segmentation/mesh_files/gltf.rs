@@ -1,0 +1,49 @@
+//! glTF files, by the scene's reader.
+
+use std::path::Path;
+
+use glam::DVec3;
+
+use super::Parsed;
+use super::draft::Draft;
+use super::error::MeshFileError;
+use super::frame::{MeshAxes, Unit};
+use crate::anatomy::Axes;
+use crate::anatomy::import::read_raw;
+
+/// Length of a metre of the file in the scene reader's unit, mm.
+const METRE_MM: f64 = 1000.0;
+
+/// Meshes of the scene, one for each node: its primitives are joined. Positions are in metres, y up.
+pub(super) fn read(path: &Path) -> Result<Parsed, MeshFileError> {
+    let scene = read_raw(path)?;
+    if let Some(problem) = scene.problems.into_iter().next() {
+        return Err(problem.into());
+    }
+    let mut parsed = Parsed::default();
+    // insonify's own scenes of patients say how they lie.
+    let (axes, said) = match scene.extras.axes {
+        Axes::Patient => (MeshAxes::Lps, "extras.axes: lps"),
+        _ => (MeshAxes::YUp, "glTF is in metres, y up"),
+    };
+    parsed.hints.axes = Some(axes);
+    parsed.hints.unit = Some(Unit::M);
+    parsed.hints.said = Some(said.to_owned());
+    let mut node = None;
+    for surface in scene.surfaces {
+        let mesh = surface.mesh?;
+        if node != Some(surface.node) {
+            // The reader numbers the primitives of a node.
+            let name = surface.name.strip_suffix("/0").unwrap_or(&surface.name);
+            parsed.drafts.push(Draft::named(name));
+            node = Some(surface.node);
+        }
+        let first = parsed.vertices.len() as u32;
+        parsed.vertices.extend(mesh.vertices_mm.iter().map(|v| v.as_dvec3() / METRE_MM));
+        if let Some(draft) = parsed.drafts.last_mut() {
+            draft.triangles.extend(mesh.triangles.iter().map(|t| t.map(|vertex| vertex + first)));
+        }
+    }
+    parsed.vertices.iter_mut().for_each(|v| *v += DVec3::ZERO);
+    Ok(parsed)
+}

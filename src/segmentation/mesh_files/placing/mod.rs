@@ -1,0 +1,234 @@
+//! Unit and axes of meshes: what they are, and guesses of them.
+//!
+//! Guesses go by what the file says, then by the names of organs: their sizes tell the unit, their places the axes. A
+//! guess that is not certain should be confirmed by the user.
+
+mod places;
+
+use std::fmt;
+
+use glam::DVec3;
+
+pub use super::frame::{MeshAxes, Unit};
+use super::{FileHints, NamedMesh};
+pub use places::guess_axes;
+
+/// A guess, and why.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Guess<T> {
+    /// The most likely value.
+    pub value: T,
+    /// Reason, as a clause.
+    pub reason: String,
+    /// Whether nothing speaks for another value.
+    pub certain: bool,
+}
+
+impl<T: fmt::Display> fmt::Display for Guess<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}{}: {}", self.value, if self.certain { "" } else { " (not certain)" }, self.reason)
+    }
+}
+
+/// Longest side of organs in adults, mm, with room for cuts and small or large patients; by a word of their names.
+const LENGTHS_MM: [(&str, f64, f64); 24] = [
+    ("liver", 110.0, 330.0),
+    ("kidney", 70.0, 180.0),
+    ("spleen", 60.0, 220.0),
+    ("heart", 75.0, 200.0),
+    ("bladder", 35.0, 200.0),
+    ("gallbladder", 25.0, 140.0),
+    ("stomach", 80.0, 350.0),
+    ("pancreas", 70.0, 260.0),
+    ("aorta", 90.0, 600.0),
+    ("lung", 130.0, 380.0),
+    ("rib", 50.0, 400.0),
+    ("vertebra", 25.0, 130.0),
+    ("vertebrae", 25.0, 130.0),
+    ("spine", 150.0, 800.0),
+    ("sternum", 80.0, 260.0),
+    ("femur", 150.0, 560.0),
+    ("hip", 120.0, 320.0),
+    ("brain", 110.0, 220.0),
+    ("prostate", 22.0, 100.0),
+    ("uterus", 40.0, 180.0),
+    ("thyroid", 25.0, 110.0),
+    ("colon", 150.0, 600.0),
+    ("skin", 150.0, 2100.0),
+    ("body", 150.0, 2100.0),
+];
+
+/// Guesses the unit of meshes, from what the file says, the sizes of organs, or the size of all.
+pub fn guess_unit(hints: &FileHints, meshes: &[NamedMesh]) -> Guess<Unit> {
+    let said = hints.said.clone().unwrap_or_default();
+    if let Some(value) = hints.unit {
+        return Guess { value, reason: format!("the file says `{said}`"), certain: true };
+    }
+    if hints.axes.is_some() {
+        return Guess { value: Unit::Mm, reason: format!("files with `{said}` are in mm"), certain: true };
+    }
+    by_organs(meshes).unwrap_or_else(|| by_size(meshes))
+}
+
+/// Unit in which most organs have their usual size; `None` if no name is known, or no unit fits.
+fn by_organs(meshes: &[NamedMesh]) -> Option<Guess<Unit>> {
+    let known: Vec<(&NamedMesh, f64, f64, f64)> = meshes
+        .iter()
+        .filter_map(|mesh| {
+            let words = words(&mesh.name);
+            let (_, least, most) = LENGTHS_MM.iter().find(|(word, _, _)| words.iter().any(|w| w == word))?;
+            Some((mesh, longest_side([mesh])?, *least, *most))
+        })
+        .collect();
+    let fits =
+        |unit: Unit| known.iter().filter(move |(_, side, least, most)| (*least..=*most).contains(&(side * unit.mm())));
+    let mut votes = Unit::ALL.map(|unit| (fits(unit).count(), unit));
+    votes.sort_by_key(|(count, _)| std::cmp::Reverse(*count));
+    let [(best, value), (second, other), _] = votes;
+    let (mesh, side, ..) = fits(value).next()?;
+    let reason = if best == second {
+        format!("`{}` is {side:.3} long, which is usual in {value}, and possible in {other}", mesh.name)
+    } else if known.len() == 1 {
+        format!("`{}` is {side:.3} long, which is usual in {value}", mesh.name)
+    } else {
+        format!(
+            "{best} of {} known organs have their usual size in {value}; `{}` is {side:.3} long",
+            known.len(),
+            mesh.name
+        )
+    };
+    Some(Guess { value, reason, certain: 2 * second < best && 3 * best >= 2 * known.len() })
+}
+
+/// Unit by the size of all meshes.
+fn by_size(meshes: &[NamedMesh]) -> Guess<Unit> {
+    let size = longest_side(meshes).unwrap_or(0.0);
+    let many = meshes.len() > 2;
+    let (value, certain, why) = match size {
+        ..0.05 => (Unit::M, false, "too small for a body in any unit"),
+        ..1.0 => (Unit::M, true, "the size of organs or a body in m"),
+        ..2.5 => (Unit::M, many, "the size of a body in m; in cm, that of a piece of a vessel"),
+        ..60.0 if many => (Unit::Cm, false, "the size of a body in cm; in mm, that of something small"),
+        ..60.0 => (Unit::Mm, false, "the size of something small in mm; in cm, that of organs or a body"),
+        ..2500.0 => (Unit::Mm, true, "the size of organs or a body in mm"),
+        _ => (Unit::Mm, false, "too large for a body in any unit"),
+    };
+    Guess { value, reason: format!("all together are {size:.3} long, {why}"), certain }
+}
+
+/// Longest side of the bounds of some meshes, in the file's unit.
+fn longest_side<'m>(meshes: impl IntoIterator<Item = &'m NamedMesh>) -> Option<f64> {
+    let points = meshes.into_iter().flat_map(|mesh| &mesh.vertices);
+    let (min, max) = points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), p| (min.min(*p), max.max(*p)));
+    min.is_finite().then(|| (max - min).max_element())
+}
+
+/// Words of a name, in lower case; a plural `s` is dropped where that gives a known organ.
+fn words(name: &str) -> Vec<String> {
+    let lower = name.to_lowercase();
+    let split = lower.split(|c: char| !c.is_alphabetic()).filter(|word| !word.is_empty());
+    split
+        .map(|word| {
+            let single = word.strip_suffix('s').unwrap_or(word);
+            if LENGTHS_MM.iter().any(|(known, _, _)| *known == single) { single } else { word }.to_owned()
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::places::{CRANIAL, LEFT, POSTERIOR};
+    use super::*;
+
+    /// A mesh of two corners of a cube with sides of `size` about a centre.
+    fn organ(name: &str, centre: [f64; 3], size: f64) -> NamedMesh {
+        let centre = DVec3::from_array(centre);
+        let half = DVec3::splat(0.5 * size);
+        NamedMesh { name: name.to_owned(), vertices: vec![centre - half, centre + half], triangles: vec![] }
+    }
+
+    /// Organs of an adult, LPS, mm.
+    fn abdomen() -> Vec<NamedMesh> {
+        vec![
+            organ("liver", [-50.0, 0.0, 100.0], 200.0),
+            organ("spleen", [90.0, 40.0, 110.0], 110.0),
+            organ("kidney_left", [60.0, 60.0, 40.0], 110.0),
+            organ("kidney_right", [-60.0, 60.0, 30.0], 110.0),
+            organ("vertebrae_L1", [0.0, 90.0, 40.0], 80.0),
+            organ("lung_upper_lobe_left", [70.0, 20.0, 280.0], 200.0),
+        ]
+    }
+
+    fn placed(axes: MeshAxes, unit: Unit) -> Vec<NamedMesh> {
+        let file_from_lps = axes.lps_from_file().transpose();
+        let mut meshes = abdomen();
+        for vertex in meshes.iter_mut().flat_map(|mesh| &mut mesh.vertices) {
+            *vertex = file_from_lps * *vertex / unit.mm();
+        }
+        meshes
+    }
+
+    #[test]
+    fn axes_are_rotations_and_their_names_are_unique() {
+        for axes in MeshAxes::ALL {
+            assert!((axes.lps_from_file().determinant() - 1.0).abs() < 1e-12);
+            assert_eq!(MeshAxes::named(axes.name()), Some(axes));
+        }
+        let up = MeshAxes::YUp.lps_from_file();
+        assert_eq!((up * DVec3::Y, up * DVec3::Z, up * DVec3::X), (CRANIAL, -POSTERIOR, LEFT));
+        assert_eq!(MeshAxes::Ras.lps_from_file() * DVec3::Y, -POSTERIOR);
+    }
+
+    #[test]
+    fn organs_tell_unit_and_axes() {
+        let hints = FileHints::default();
+        for axes in MeshAxes::ALL {
+            for unit in Unit::ALL {
+                let meshes = placed(axes, unit);
+                let found = guess_unit(&hints, &meshes);
+                assert_eq!((found.value, found.certain), (unit, true), "{found}");
+                let found = guess_axes(&hints, &meshes);
+                assert_eq!((found.value, found.certain), (axes, true), "{found}");
+                assert!(found.reason.contains("`kidney_left` is to the left of `kidney_right`"), "{found}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_the_file_says_goes_before_what_organs_tell() {
+        let meshes = placed(MeshAxes::Lps, Unit::M);
+        let said = Some("3D Slicer output. SPACE=RAS".to_owned());
+        let hints = FileHints { axes: Some(MeshAxes::Ras), unit: None, said };
+        let (unit, axes) = (guess_unit(&hints, &meshes), guess_axes(&hints, &meshes));
+        assert_eq!((unit.value, axes.value), (Unit::Mm, MeshAxes::Ras));
+        assert_eq!(axes.to_string(), "ras: the file says `3D Slicer output. SPACE=RAS`");
+    }
+
+    #[test]
+    fn toss_ups_are_not_certain() {
+        let hints = FileHints::default();
+        let thing = |size: f64| vec![organ("thing", [0.0; 3], size)];
+        let found: Vec<_> = [0.2, 12.0, 300.0, 9000.0].iter().map(|size| guess_unit(&hints, &thing(*size))).collect();
+        let values: Vec<_> = found.iter().map(|guess| (guess.value, guess.certain)).collect();
+        assert_eq!(values, [(Unit::M, true), (Unit::Mm, false), (Unit::Mm, true), (Unit::Mm, false)]);
+        let axes = guess_axes(&hints, &thing(300.0));
+        assert_eq!((axes.value, axes.certain), (MeshAxes::Lps, false));
+        // Left and right alone do not tell y up from LPS.
+        let kidneys = [organ("Left Kidney", [60.0, 0.0, 0.0], 100.0), organ("Right Kidney", [-60.0, 0.0, 0.0], 100.0)];
+        let axes = guess_axes(&hints, &kidneys);
+        assert!(!axes.certain && axes.reason.contains("fits"), "{axes}");
+        // A mirrored patient contradicts.
+        let mut mirrored = placed(MeshAxes::Lps, Unit::Mm);
+        mirrored.iter_mut().flat_map(|mesh| &mut mesh.vertices).for_each(|v| v.x = -v.x);
+        assert!(!guess_axes(&hints, &mirrored).certain);
+    }
+
+    #[test]
+    fn an_organ_alone_tells_the_unit() {
+        let found = guess_unit(&FileHints::default(), &[organ("Kidneys.001", [0.0; 3], 11.0)]);
+        assert_eq!((found.value, found.certain), (Unit::Cm, true));
+        assert_eq!(found.reason, "`Kidneys.001` is 11.000 long, which is usual in cm");
+        let aorta = guess_unit(&FileHints::default(), &[organ("gallbladder", [0.0; 3], 70.0)]);
+        assert_eq!((aorta.value, aorta.certain), (Unit::Mm, true), "{aorta}");
+    }
+}

@@ -1,0 +1,186 @@
+//! Reading of bytes, numbers and words.
+
+use super::error::Fault;
+
+/// Order of the bytes of a number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Order {
+    Little,
+    Big,
+}
+
+/// Type of a number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Number {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    I64,
+    U64,
+    F32,
+    F64,
+}
+
+impl Number {
+    /// Size in bytes.
+    pub(super) fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::I64 | Self::U64 | Self::F64 => 8,
+        }
+    }
+
+    /// Value of the first bytes, which must suffice; 0 otherwise. Integers beyond 2^53 are rounded.
+    pub(super) fn read(self, bytes: &[u8], order: Order) -> f64 {
+        macro_rules! value {
+            ($type:ty) => {{
+                let array = bytes.first_chunk().copied().unwrap_or_default();
+                let value = match order {
+                    Order::Little => <$type>::from_le_bytes(array),
+                    Order::Big => <$type>::from_be_bytes(array),
+                };
+                value as f64
+            }};
+        }
+        match self {
+            Self::I8 => value!(i8),
+            Self::U8 => value!(u8),
+            Self::I16 => value!(i16),
+            Self::U16 => value!(u16),
+            Self::I32 => value!(i32),
+            Self::U32 => value!(u32),
+            Self::I64 => value!(i64),
+            Self::U64 => value!(u64),
+            Self::F32 => value!(f32),
+            Self::F64 => value!(f64),
+        }
+    }
+}
+
+/// A position in a file's bytes.
+#[derive(Debug, Clone)]
+pub(super) struct Scanner<'b> {
+    pub(super) bytes: &'b [u8],
+    pub(super) at: usize,
+}
+
+impl<'b> Scanner<'b> {
+    pub(super) fn new(bytes: &'b [u8]) -> Self {
+        Self { bytes, at: 0 }
+    }
+
+    /// Number of the present line, from 1.
+    pub(super) fn line_number(&self) -> usize {
+        1 + self.bytes[..self.at.min(self.bytes.len())].iter().filter(|b| **b == b'\n').count()
+    }
+
+    /// A fault in the present line.
+    pub(super) fn fault(&self, reason: impl Into<String>) -> Fault {
+        Fault::line(self.line_number(), reason)
+    }
+
+    /// The next line without its end; `None` at the end of the file.
+    pub(super) fn line(&mut self) -> Option<&'b [u8]> {
+        let rest = self.bytes.get(self.at..).filter(|rest| !rest.is_empty())?;
+        let end = rest.iter().position(|b| *b == b'\n');
+        self.at += end.map_or(rest.len(), |end| end + 1);
+        let line = &rest[..end.unwrap_or(rest.len())];
+        Some(line.strip_suffix(b"\r").unwrap_or(line))
+    }
+
+    /// The next word; `None` at the end of the file.
+    pub(super) fn word(&mut self) -> Option<&'b [u8]> {
+        let rest = self.bytes.get(self.at..)?;
+        let start = rest.iter().position(|b| !b.is_ascii_whitespace())?;
+        let end = rest[start..].iter().position(u8::is_ascii_whitespace).map_or(rest.len(), |end| start + end);
+        self.at += end;
+        Some(&rest[start..end])
+    }
+
+    /// The next word, without taking it.
+    pub(super) fn peek(&self) -> Option<&'b [u8]> {
+        self.clone().word()
+    }
+
+    /// The next word as a finite number.
+    pub(super) fn number(&mut self, what: &str) -> Result<f64, Fault> {
+        match self.word() {
+            None => Err(self.fault(format!("the file ends where {what} should be: it is truncated"))),
+            Some(word) => finite(word)
+                .ok_or_else(|| self.fault(format!("`{}` is not a number; there should be {what}", text(word)))),
+        }
+    }
+
+    /// The next word as an index or a count.
+    pub(super) fn count(&mut self, what: &str) -> Result<usize, Fault> {
+        match self.word() {
+            None => Err(self.fault(format!("the file ends where {what} should be: it is truncated"))),
+            Some(word) => str::from_utf8(word)
+                .ok()
+                .and_then(|word| word.parse().ok())
+                .ok_or_else(|| self.fault(format!("`{}` is not a count; there should be {what}", text(word)))),
+        }
+    }
+
+    /// The next `length` bytes.
+    pub(super) fn take(&mut self, length: usize, what: &str) -> Result<&'b [u8], Fault> {
+        let end = self.at.checked_add(length).filter(|end| *end <= self.bytes.len());
+        let Some(end) = end else {
+            let left = self.bytes.len() - self.at.min(self.bytes.len());
+            return Err(Fault::byte(self.at, format!("truncated: {what} take {length} bytes, {left} are left")));
+        };
+        let taken = &self.bytes[self.at..end];
+        self.at = end;
+        Ok(taken)
+    }
+
+    /// The next `count` numbers of one type.
+    pub(super) fn numbers(
+        &mut self,
+        count: usize,
+        number: Number,
+        order: Order,
+        what: &str,
+    ) -> Result<Vec<f64>, Fault> {
+        let bytes = self.take(count.saturating_mul(number.size()), what)?;
+        Ok(bytes.chunks_exact(number.size()).map(|value| number.read(value, order)).collect())
+    }
+}
+
+/// A word as a finite number.
+pub(super) fn finite(word: &[u8]) -> Option<f64> {
+    str::from_utf8(word).ok()?.parse().ok().filter(|value: &f64| value.is_finite())
+}
+
+/// Text of a word in a message: at most 40 characters.
+pub(super) fn text(word: &[u8]) -> String {
+    String::from_utf8_lossy(word).chars().take(40).collect()
+}
+
+/// A number as an index below `length`.
+pub(super) fn index(value: f64, length: usize) -> Option<u32> {
+    (value >= 0.0 && value.fract() == 0.0 && value < length as f64 && value < f64::from(u32::MAX))
+        .then_some(value as u32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_lines_and_numbers_are_read_in_order() {
+        let mut scanner = Scanner::new(b"one 2\r\nthree\n\x01\x02\x03");
+        assert_eq!((scanner.word(), scanner.count("two").unwrap()), (Some(&b"one"[..]), 2));
+        assert_eq!((scanner.line(), scanner.line()), (Some(&b""[..]), Some(&b"three"[..])));
+        assert_eq!(scanner.numbers(1, Number::U16, Order::Big, "numbers").unwrap(), [258.0]);
+        let fault = scanner.take(2, "numbers").unwrap_err();
+        assert_eq!(fault.reason, "truncated: numbers take 2 bytes, 1 are left");
+        assert!(index(3.0, 3).is_none() && index(-1.0, 3).is_none() && index(0.5, 3).is_none());
+        assert!(finite(b"nan").is_none() && finite(b"-1e3") == Some(-1000.0));
+    }
+}

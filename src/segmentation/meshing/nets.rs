@@ -1,0 +1,203 @@
+//! Surface nets of several labels (Gibson 1998): a vertex in each cell of eight voxels that holds several labels, a quad
+//! about each pair of neighbouring voxels that differ.
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::{BORDER, NONE};
+
+/// Index of no vertex.
+pub(super) const NO_VERTEX: u32 = u32::MAX;
+
+/// Quadrilateral between two labels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Quad {
+    /// Vertices in order: counter-clockwise seen from the second side.
+    pub corners: [u32; 4],
+    /// Label behind the face, and label that the face looks into.
+    pub sides: [u16; 2],
+}
+
+/// Net of quads between labels, in cells of the grid.
+///
+/// The cell (a, b, c) lies between the voxels (a−1, b−1, c−1) and (a, b, c); its centre has the voxel index (a−½, b−½,
+/// c−½).
+#[derive(Debug, Clone, Default)]
+pub struct Net {
+    /// Number of voxels along each axis.
+    pub size: [usize; 3],
+    /// Cell of each vertex.
+    pub cells: Vec<[u16; 3]>,
+    /// Position of each vertex about its cell's centre, voxels.
+    pub offsets: Vec<Vec3>,
+    /// Vertices beyond the six faces of each cell, −x, +x, −y … +z; [`NO_VERTEX`] where labels don't differ at the face.
+    pub(super) neighbours: Vec<[u32; 6]>,
+    /// Bit n: at face n more than two surfaces meet, or a surface meets the grid's border.
+    pub(super) junctions: Vec<u8>,
+    /// Faces of all surfaces.
+    pub quads: Vec<Quad>,
+}
+
+/// Voxels, with a border.
+struct Voxels<'a> {
+    labels: &'a [u16],
+    size: [usize; 3],
+}
+
+impl Voxels<'_> {
+    /// Label of a voxel counted from 1; 0 and size + 1 are the border.
+    fn label(&self, [a, b, c]: [usize; 3]) -> u16 {
+        let [nx, ny, nz] = self.size;
+        let within = (1..=nx).contains(&a) && (1..=ny).contains(&b) && (1..=nz).contains(&c);
+        if within { self.labels[((c - 1) * ny + b - 1) * nx + a - 1] } else { BORDER }
+    }
+
+    /// The eight labels of a cell; bit 0 of the index is x.
+    fn of_cell(&self, [a, b, c]: [usize; 3]) -> [u16; 8] {
+        std::array::from_fn(|n| self.label([a + (n & 1), b + (n >> 1 & 1), c + (n >> 2)]))
+    }
+}
+
+/// Label, with the border as none.
+fn inner(label: u16) -> u16 {
+    if label == BORDER { NONE } else { label }
+}
+
+/// Corners of the cell's faces −x, +x, −y, +y, −z, +z, in order around.
+const FACES: [[usize; 4]; 6] = [[0, 2, 6, 4], [1, 3, 7, 5], [0, 1, 5, 4], [2, 3, 7, 6], [0, 1, 3, 2], [4, 5, 7, 6]];
+
+/// A layer of cells with equal c.
+struct Layer {
+    /// Positions in the layer of the cells that have a vertex, ascending.
+    places: Vec<u32>,
+}
+
+impl Net {
+    /// Net of `labels`, x fastest. Label 0 is outside; no label may be [`BORDER`].
+    pub fn of(labels: &[u16], size: [usize; 3]) -> Self {
+        let voxels = Voxels { labels, size };
+        let [width, height, depth] = size.map(|n| n + 1);
+        let layers: Vec<Layer> = (0..depth).into_par_iter().map(|c| Layer::of(&voxels, c)).collect();
+        let mut starts = vec![0u32];
+        for layer in &layers {
+            starts.push(starts[starts.len() - 1] + layer.places.len() as u32);
+        }
+        // Vertices of a layer by place.
+        let map = |c: usize| {
+            let mut vertices = vec![NO_VERTEX; width * height];
+            for (vertex, &place) in (starts[c]..).zip(&layers[c].places) {
+                vertices[place as usize] = vertex;
+            }
+            vertices
+        };
+        let parts: Vec<Part> = (0..depth)
+            .into_par_iter()
+            .map(|c| {
+                let empty = || vec![NO_VERTEX; width * height];
+                let below = if c > 0 { map(c - 1) } else { empty() };
+                let above = if c + 1 < depth { map(c + 1) } else { empty() };
+                layers[c].part(&voxels, c, &[below, map(c), above])
+            })
+            .collect();
+        let mut net = Self { size, ..Self::default() };
+        for part in parts {
+            net.cells.extend(part.cells);
+            net.neighbours.extend(part.neighbours);
+            net.junctions.extend(part.junctions);
+            net.quads.extend(part.quads);
+        }
+        net.offsets = vec![Vec3::ZERO; net.cells.len()];
+        net
+    }
+
+    /// Position of a vertex, voxel index.
+    pub fn position(&self, vertex: usize) -> Vec3 {
+        Vec3::from(self.cells[vertex].map(f32::from)) - 0.5 + self.offsets[vertex]
+    }
+
+    /// Axes along which a vertex lies on the grid's border, as bits: 1, 2, 4 at the low ends, 8, 16, 32 at the high ones.
+    pub(super) fn border(&self, vertex: usize) -> u8 {
+        let cell = self.cells[vertex];
+        (0..3).fold(0, |bits, axis| {
+            let low = if cell[axis] == 0 { 1 << axis } else { 0 };
+            let high = if usize::from(cell[axis]) == self.size[axis] { 8 << axis } else { 0 };
+            bits | low | high
+        })
+    }
+}
+
+struct Part {
+    cells: Vec<[u16; 3]>,
+    neighbours: Vec<[u32; 6]>,
+    junctions: Vec<u8>,
+    quads: Vec<Quad>,
+}
+
+impl Layer {
+    fn of(voxels: &Voxels, c: usize) -> Self {
+        let [width, height, _] = voxels.size.map(|n| n + 1);
+        let mut places = Vec::new();
+        for b in 0..height {
+            for a in 0..width {
+                let corners = voxels.of_cell([a, b, c]);
+                let first = inner(corners[0]);
+                if corners.iter().any(|&label| inner(label) != first) {
+                    places.push((b * width + a) as u32);
+                }
+            }
+        }
+        Self { places }
+    }
+
+    /// Vertices of the layer, and the quads about pairs of voxels that end at it. `vertices` are those of the layers
+    /// below, at and above.
+    fn part(&self, voxels: &Voxels, c: usize, vertices: &[Vec<u32>; 3]) -> Part {
+        let [width, height, _] = voxels.size.map(|n| n + 1);
+        let mut part = Part { cells: Vec::new(), neighbours: Vec::new(), junctions: Vec::new(), quads: Vec::new() };
+        let at = |layer: usize, a: usize, b: usize| vertices[layer][b * width + a];
+        for &place in &self.places {
+            let (a, b) = (place as usize % width, place as usize / width);
+            let corners = voxels.of_cell([a, b, c]);
+            let mut neighbours = [NO_VERTEX; 6];
+            let mut junctions = 0u8;
+            for (n, face) in FACES.iter().enumerate() {
+                let labels = face.map(|i| corners[i]);
+                let differs = labels.iter().any(|&l| inner(l) != inner(labels[0]));
+                if !differs {
+                    continue;
+                }
+                neighbours[n] = match n {
+                    0 if a > 0 => at(1, a - 1, b),
+                    1 if a + 1 < width => at(1, a + 1, b),
+                    2 if b > 0 => at(1, a, b - 1),
+                    3 if b + 1 < height => at(1, a, b + 1),
+                    4 => at(0, a, b),
+                    5 => at(2, a, b),
+                    _ => NO_VERTEX,
+                };
+                let changes = (0..4).filter(|&i| labels[i] != labels[(i + 1) % 4]).count();
+                junctions |= u8::from(changes > 2) << n;
+            }
+            part.cells.push([a as u16, b as u16, c as u16]);
+            part.neighbours.push(neighbours);
+            part.junctions.push(junctions);
+            // The voxel at the cell's near corner, with its three neighbours in the cell.
+            let near = corners[0];
+            let mut quad = |far: u16, around: [u32; 4]| {
+                if inner(near) != inner(far) {
+                    part.quads.push(Quad { corners: around, sides: [near, far] });
+                }
+            };
+            if b > 0 && c > 0 {
+                quad(corners[1], [at(0, a, b - 1), at(0, a, b), at(1, a, b), at(1, a, b - 1)]);
+            }
+            if a > 0 && c > 0 {
+                quad(corners[2], [at(0, a - 1, b), at(1, a - 1, b), at(1, a, b), at(0, a, b)]);
+            }
+            if a > 0 && b > 0 {
+                quad(corners[4], [at(1, a - 1, b - 1), at(1, a, b - 1), at(1, a, b), at(1, a - 1, b)]);
+            }
+        }
+        part
+    }
+}

@@ -1,0 +1,22 @@
+//! Segmentations of patients: label maps and surfaces become scenes of closed surfaces.
+//!
+//! Patient frame: LPS as in DICOM, x left, y posterior, z superior, mm.
+
+pub mod body;
+pub mod classes;
+pub mod from_labels;
+pub mod from_meshes;
+pub mod gather;
+pub mod grid;
+pub mod mesh_files;
+pub mod meshing;
+pub mod repair;
+pub mod repair_scene;
+pub mod shape;
+pub mod skin_points;
+pub mod start;
+pub mod station_text;
+pub mod summary;
+pub mod volume;
+pub mod voxels;
+pub mod windows;

@@ -1,0 +1,61 @@
+//! Loops of open edges.
+
+use std::collections::{BTreeMap, HashMap};
+
+use super::edges;
+
+/// Simple loops of open edges, each in the direction of the triangles that would close it.
+///
+/// Open edges that form no loop, because the winding is not consistent there, are left out.
+pub(super) fn loops(triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
+    let mut next = BTreeMap::<u32, Vec<u32>>::new();
+    for [from, to] in edges::open(triangles) {
+        next.entry(to).or_default().push(from);
+    }
+    // The lowest is taken first, from the end.
+    next.values_mut().for_each(|list| list.sort_unstable_by(|a, b| b.cmp(a)));
+    let starts: Vec<u32> = next.keys().copied().collect();
+    let mut found = Vec::new();
+    for start in starts {
+        let mut path = vec![start];
+        let mut place = HashMap::from([(start, 0)]);
+        while let Some(to) = path.last().and_then(|at| next.get_mut(at)?.pop()) {
+            match place.get(&to).copied() {
+                Some(first) => {
+                    let found_loop = path[first..].to_vec();
+                    path[first + 1..].iter().for_each(|vertex| _ = place.remove(vertex));
+                    path.truncate(first + 1);
+                    if found_loop.len() > 2 {
+                        found.push(found_loop);
+                    }
+                }
+                None => {
+                    place.insert(to, path.len());
+                    path.push(to);
+                }
+            }
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::loops;
+
+    #[test]
+    fn two_holes_that_share_a_corner_are_two_loops() {
+        // A fan of six triangles about vertex 0, of which two opposite ones are missing.
+        let fan = [[0, 1, 2], [0, 2, 3], [0, 4, 5], [0, 5, 6]];
+        let found = loops(&fan);
+        assert_eq!(found.iter().map(Vec::len).sum::<usize>(), 8);
+        // A strip whose rim passes through vertex 0 twice: two loops, none with a vertex twice.
+        assert_eq!(found.len(), 2);
+        for found_loop in found {
+            let mut sorted = found_loop.clone();
+            sorted.sort_unstable();
+            sorted.dedup();
+            assert_eq!(sorted.len(), found_loop.len());
+        }
+    }
+}

@@ -1,0 +1,289 @@
+//! Planes along which a surface was cut.
+
+use glam::DVec3;
+
+/// Smallest sine of the angle of two planes that meet at an edge of a cut.
+const SINE_MIN: f64 = 0.2;
+
+/// Largest sine of the angle of the opposite faces of a box, and their least distance as a part of a loop's size.
+const PARALLEL_SINE: f64 = 1e-3;
+const APART_PART: f64 = 0.05;
+
+/// Most planes of one loop: those of a box.
+const PLANES_MAX: usize = 6;
+
+/// Fewest edges of a bent loop on one of its planes, and the smallest part of its length.
+const EDGES_MIN: usize = 3;
+const PLANE_PART: f64 = 0.03;
+
+/// Most known planes that a loop is compared with.
+pub(super) const PLANES_REUSED: usize = 256;
+
+/// Most arcs of a bent loop.
+const ARCS_MAX: usize = 100;
+
+/// Fewest edges of a loop with notches, and the largest part of its length in them.
+const NOTCHED_EDGES_MIN: usize = 12;
+const NOTCHED_PART: f64 = 0.3;
+
+/// Number of places along a loop where planes are sought.
+const STARTS: usize = 48;
+
+/// A plane: points `p` with `normal · p = offset_mm`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Plane {
+    pub(super) normal: DVec3,
+    pub(super) offset_mm: f64,
+}
+
+impl Plane {
+    /// Plane through three points far apart; `None` if all lie within `within_mm` of a line.
+    pub(super) fn through(points: &[DVec3], within_mm: f64) -> Option<Self> {
+        let first = *points.first()?;
+        let farthest = |from: &dyn Fn(DVec3) -> f64| {
+            points.iter().copied().max_by(|a, b| from(*a).total_cmp(&from(*b))).unwrap_or(first)
+        };
+        let a = farthest(&|p| p.distance(first));
+        let b = farthest(&|p| p.distance(a));
+        let along = (b - a).try_normalize()?;
+        let height = |p: DVec3| (p - a).reject_from_normalized(along).length();
+        let c = farthest(&height);
+        if height(c) <= 4.0 * within_mm {
+            return None;
+        }
+        let normal = (b - a).cross(c - a).try_normalize()?;
+        Some(Self { normal, offset_mm: normal.dot(a) })
+    }
+
+    /// Distance of a point from the plane, mm.
+    pub(super) fn distance_mm(&self, point: DVec3) -> f64 {
+        (self.normal.dot(point) - self.offset_mm).abs()
+    }
+
+    /// Whether all points are within a distance of the plane.
+    pub(super) fn holds(&self, points: &[DVec3], within_mm: f64) -> bool {
+        points.iter().all(|point| self.distance_mm(*point) <= within_mm)
+    }
+}
+
+/// Point of three planes.
+pub(super) fn corner([a, b, c]: [Plane; 3]) -> Option<DVec3> {
+    let volume = a.normal.dot(b.normal.cross(c.normal));
+    if volume.abs() < SINE_MIN * SINE_MIN {
+        return None;
+    }
+    let (bc, ca, ab) = (b.normal.cross(c.normal), c.normal.cross(a.normal), a.normal.cross(b.normal));
+    Some((bc * a.offset_mm + ca * b.offset_mm + ab * c.offset_mm) / volume)
+}
+
+/// Planes that hold most edges of a loop.
+struct Cover {
+    /// Number of candidates that were known before; they come first.
+    known: usize,
+    candidates: Vec<Plane>,
+    /// Edges that each candidate holds.
+    covers: Vec<Vec<bool>>,
+    /// The candidates that were chosen, best first.
+    chosen: Vec<usize>,
+    /// Edges that none of them holds.
+    left: Vec<bool>,
+}
+
+/// Chooses the planes that hold most edges, up to six: of the `known` ones, and of those of runs of the loop.
+fn cover(points: &[DVec3], known: &[Plane], within_mm: f64) -> Cover {
+    let count = points.len();
+    let next = |i: usize| (i + 1) % count;
+    let on = |plane: &Plane| -> Vec<bool> {
+        let near: Vec<bool> = points.iter().map(|p| plane.distance_mm(*p) <= within_mm).collect();
+        (0..count).map(|i| near[i] && near[next(i)]).collect()
+    };
+    // Those of the largest rims come first.
+    let known = &known[..known.len().min(PLANES_REUSED)];
+    let mut candidates = known.to_vec();
+    candidates.extend(windows(points, within_mm));
+    let mut covers: Vec<Vec<bool>> = candidates.iter().map(on).collect();
+    let total: f64 = (0..count).map(|i| points[i].distance(points[next(i)])).sum();
+    let (mut chosen, mut left) = (Vec::new(), vec![true; count]);
+    while left.contains(&true) && chosen.len() < PLANES_MAX {
+        let gain = |c: usize| covers[c].iter().zip(&left).filter(|(on, left)| **on && **left).count();
+        // Opposite faces of a box are far apart; planes that nearly coincide are one.
+        let fits = |c: &usize| {
+            chosen.iter().all(|other: &usize| {
+                meet(&candidates[*c], &candidates[*other]) || are_apart(&candidates[*c], &candidates[*other], points)
+            })
+        };
+        // The first of the best.
+        let best = (0..candidates.len()).filter(fits).max_by_key(|&c| (gain(c), std::cmp::Reverse(c)));
+        let length = |c: usize| -> f64 {
+            let gained = (0..count).filter(|&i| covers[c][i] && left[i]);
+            gained.map(|i| points[i].distance(points[next(i)])).sum()
+        };
+        let is_enough = |c: &usize| *c < known.len() || (gain(*c) >= EDGES_MIN && length(*c) >= PLANE_PART * total);
+        let is_enough = |c: &usize| gain(*c) > 0 && is_enough(c);
+        let Some(best) = best.filter(is_enough) else { break };
+        // A plane through all of its points is better than one through a short run.
+        if best >= known.len() {
+            let held: Vec<DVec3> =
+                (0..count).filter(|&i| covers[best][i]).flat_map(|i| [points[i], points[next(i)]]).collect();
+            if let Some(plane) = Plane::through(&held, within_mm).filter(|plane| plane.holds(&held, within_mm)) {
+                candidates[best] = plane;
+                covers[best] = on(&plane);
+            }
+        }
+        covers[best].iter().zip(&mut left).filter(|(on, _)| **on).for_each(|(_, left)| *left = false);
+        chosen.push(best);
+    }
+    Cover { known: known.len(), candidates, covers, chosen, left }
+}
+
+/// Planes that together hold every edge of a loop that is not planar, such as one round the edge of a box: the plane
+/// of each edge, as an index. `None` if there are no such planes.
+///
+/// `known` are planes that other loops lie in, preferred to others; new ones are appended to it.
+pub(super) fn of_edges(points: &[DVec3], known: &mut Vec<Plane>, within_mm: f64) -> Option<Vec<usize>> {
+    let count = points.len();
+    if count < 2 * EDGES_MIN {
+        return None;
+    }
+    let Cover { known: before, candidates, covers, chosen, left } = cover(points, known, within_mm);
+    if left.contains(&true) {
+        return None;
+    }
+    let assigned = assign(&chosen, &covers, count)?;
+    let arcs = (0..count).filter(|&i| assigned[i] != assigned[(i + 1) % count]).count();
+    if !(2..=ARCS_MAX).contains(&arcs) {
+        return None;
+    }
+    // New planes become known.
+    let mut index: Vec<usize> = (0..candidates.len()).collect();
+    for &c in chosen.iter().filter(|c| **c >= before) {
+        index[c] = known.len();
+        known.push(candidates[c]);
+    }
+    Some(assigned.into_iter().map(|c| index[c]).collect())
+}
+
+/// A short run in which a loop leaves the planes that hold most of it.
+pub(super) struct Notch {
+    /// First and last corner of the run, both in a plane.
+    pub(super) start: usize,
+    pub(super) end: usize,
+    /// Point where the planes of both meet, beside the run; `None` if that is one plane.
+    pub(super) via: Option<DVec3>,
+}
+
+/// Notches of a loop, as at triangles missing beside a cut, or at an edge across the edge of a box.
+pub(super) fn notches(points: &[DVec3], known: &[Plane], within_mm: f64) -> Vec<Notch> {
+    let count = points.len();
+    if count < NOTCHED_EDGES_MIN {
+        return Vec::new();
+    }
+    let Cover { candidates, covers, chosen, left, .. } = cover(points, known, within_mm);
+    let length = |i: usize| points[i].distance(points[(i + 1) % count]);
+    let total: f64 = (0..count).map(length).sum();
+    let off: f64 = (0..count).filter(|&i| left[i]).map(length).sum();
+    if off > NOTCHED_PART * total {
+        return Vec::new();
+    }
+    let starts = (0..count).filter(|&i| left[i] && !left[(i + count - 1) % count]);
+    let end = |start: usize| (start..start + count).map(|i| i % count).find(|&i| !left[i]);
+    let notch = |start: usize| {
+        let end = end(start)?;
+        let before = (start + count - 1) % count;
+        let covers = &covers;
+        let holds = |edge: usize| chosen.iter().copied().filter(move |&c| covers[c][edge]);
+        if holds(before).any(|c| covers[c][end]) {
+            return Some(Notch { start, end, via: None });
+        }
+        let (p, q) = (candidates[holds(before).next()?], candidates[holds(end).next()?]);
+        let middle = 0.5 * (points[start] + points[end]);
+        let via = nearest_of_both(&p, &q, middle)?;
+        let near = 2.0 * points[start].distance(points[end]);
+        (via.distance(middle) <= near).then_some(Notch { start, end, via: Some(via) })
+    };
+    starts.map(notch).collect::<Option<Vec<Notch>>>().unwrap_or_default()
+}
+
+/// Point nearest to another one on the line of two planes.
+fn nearest_of_both(p: &Plane, q: &Plane, point: DVec3) -> Option<DVec3> {
+    if !meet(p, q) {
+        return None;
+    }
+    let cosine = p.normal.dot(q.normal);
+    let (to_p, to_q) = (p.offset_mm - p.normal.dot(point), q.offset_mm - q.normal.dot(point));
+    let scale = 1.0 / (1.0 - cosine * cosine);
+    Some(point + scale * ((to_p - cosine * to_q) * p.normal + (to_q - cosine * to_p) * q.normal))
+}
+
+/// Whether two planes are parallel, and apart by a part of the size of some points.
+fn are_apart(p: &Plane, q: &Plane, points: &[DVec3]) -> bool {
+    let sine = p.normal.cross(q.normal).length();
+    let offset = p.normal.dot(q.normal).signum() * q.offset_mm;
+    let size = points.iter().map(|point| point.distance(points[0])).fold(0.0, f64::max);
+    sine < PARALLEL_SINE && (p.offset_mm - offset).abs() > APART_PART * size
+}
+
+/// Whether two planes meet at a clear angle.
+pub(super) fn meet(p: &Plane, q: &Plane) -> bool {
+    p.normal.cross(q.normal).length() >= SINE_MIN
+}
+
+/// Plane of each edge: where several hold it, that of the edge before.
+fn assign(chosen: &[usize], covers: &[Vec<bool>], count: usize) -> Option<Vec<usize>> {
+    let holding = |i: usize| chosen.iter().copied().filter(move |&c| covers[c][i]);
+    let first = (0..count).find(|&i| holding(i).count() == 1)?;
+    let mut assigned = vec![usize::MAX; count];
+    let mut present = holding(first).next()?;
+    for i in (0..count).map(|step| (first + step) % count) {
+        if !covers[present][i] {
+            present = holding(i).next()?;
+        }
+        assigned[i] = present;
+    }
+    Some(assigned)
+}
+
+/// Planes of runs of a loop.
+fn windows(points: &[DVec3], within_mm: f64) -> Vec<Plane> {
+    let count = points.len();
+    let step = count.div_ceil(STARTS).max(1);
+    let mut found: Vec<Plane> = Vec::new();
+    for length in [count / 2, count / 3, count / 4, count / 6, count / 10].into_iter().filter(|l| *l > EDGES_MIN) {
+        for start in (0..count).step_by(step) {
+            let run: Vec<DVec3> = (0..length).map(|i| points[(start + i) % count]).collect();
+            if let Some(plane) = Plane::through(&run, within_mm).filter(|plane| plane.holds(&run, within_mm)) {
+                found.push(plane);
+            }
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn three_planes_meet_in_a_corner() {
+        let plane = |normal: DVec3, offset_mm| Plane { normal, offset_mm };
+        let planes = [plane(DVec3::X, 1.0), plane(DVec3::Y, 2.0), plane(DVec3::Z, 3.0)];
+        assert!(corner(planes).unwrap().distance(DVec3::new(1.0, 2.0, 3.0)) < 1e-12);
+        assert!(corner([planes[0], planes[0], planes[1]]).is_none());
+    }
+
+    #[test]
+    fn a_loop_round_an_edge_has_two_planes_and_a_wavy_one_none() {
+        let arc = |i: usize| std::f64::consts::PI * i as f64 / 20.0;
+        let bent: Vec<DVec3> = (0..20)
+            .map(|i| DVec3::new(arc(i).cos(), arc(i).sin(), 0.0))
+            .chain((0..20).map(|i| DVec3::new(-arc(i).cos(), 0.0, arc(i).sin())))
+            .collect();
+        let mut known = Vec::new();
+        let planes = of_edges(&bent, &mut known, 1e-6).unwrap();
+        assert_eq!(known.len(), 2);
+        assert!((0..20).all(|i| planes[i] == planes[0] && planes[20 + i] == planes[20]));
+        let wavy: Vec<DVec3> =
+            (0..40).map(|i| DVec3::new(arc(i).cos(), arc(i).sin(), (3.0 * arc(i)).sin() * 0.3)).collect();
+        assert!(of_edges(&wavy, &mut Vec::new(), 1e-6).is_none());
+    }
+}

@@ -1,0 +1,79 @@
+//! Label maps and images of patients, from NIfTI and NRRD files.
+//!
+//! Positions are in LPS, mm: x to the patient's left, y posterior, z superior. Voxels are stored with i fastest, and
+//! whole indices are voxel centres.
+
+mod canonical;
+mod fault;
+#[cfg(test)]
+mod fixtures;
+mod geometry;
+mod nifti;
+mod nrrd;
+mod raw;
+mod read;
+mod resample;
+mod samples;
+mod source;
+
+use std::path::PathBuf;
+
+use glam::DAffine3;
+
+pub use fault::{VolumeError, VolumeFault};
+pub use geometry::PatientAxes;
+pub use nifti::decode_nifti;
+pub use nrrd::decode_nrrd;
+pub use raw::RawVolume;
+pub use read::{read_image, read_labels};
+pub use resample::OUTSIDE;
+
+/// Choices of the reader.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct ReadOptions {
+    /// Axes of files that don't state theirs. Files that do are read by their own.
+    pub assume_axes: Option<PatientAxes>,
+}
+
+/// A segmentation.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LabelMap {
+    /// File.
+    pub path: PathBuf,
+    /// Voxels along i, j and k.
+    pub size: [usize; 3],
+    /// Voxel index to patient position (LPS), mm.
+    pub lps_from_voxel: DAffine3,
+    /// Labels of each layer, i fastest; 0 is background. Segments of different layers may overlap.
+    pub layers: Vec<Vec<u16>>,
+    /// Segments: those the file names, in its order, then other labels in the voxels, ascending.
+    pub segments: Vec<Segment>,
+}
+
+/// A region of a label map.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Segment {
+    /// Index of its layer.
+    pub layer: usize,
+    /// Its label there, at least 1.
+    pub value: u16,
+    /// Name in the file.
+    pub name: Option<String>,
+    /// Colour in the file, sRGB.
+    pub colour: Option<[u8; 3]>,
+    /// Meanings of its coded terms, as in `Kidney, Right`.
+    pub terminology: Option<String>,
+}
+
+/// A scalar image, such as a CT.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Image {
+    /// File.
+    pub path: PathBuf,
+    /// Voxels along i, j and k.
+    pub size: [usize; 3],
+    /// Voxel index to patient position (LPS), mm.
+    pub lps_from_voxel: DAffine3,
+    /// Scaled values, i fastest; HU for a CT.
+    pub values: Vec<f32>,
+}

@@ -1,0 +1,188 @@
+//! NIfTI-1 and NIfTI-2 files.
+//!
+//! The crate `nifti` parses NIfTI-1 headers. It reads no NIfTI-2, its reader of extensions allocates lengths that it
+//! hasn't verified, and its qform panics on some headers, so those parts are here.
+
+mod header;
+mod names;
+
+use glam::{DAffine3, DMat3, DQuat, DVec3};
+
+use self::header::Header;
+pub(super) use self::{header::version, names::byte};
+use super::geometry::{PatientAxes, lps_mm};
+use super::raw::{Layers, RawVolume};
+use super::samples::{SampleType, Samples};
+use super::source::{MAX_BYTES, Source, voxel_count, within};
+use super::{ReadOptions, VolumeFault};
+
+/// Most bytes of extensions.
+const MAX_EXTENSION_BYTES: u64 = 64 << 20;
+
+/// Volume in `bytes`, those of a `.nii` file (decompressed), or of a `.hdr` file whose voxels are in `voxels`.
+///
+/// # Errors
+/// A header that can't be used, or missing bytes.
+pub fn decode_nifti(bytes: &[u8], voxels: Option<&[u8]>, options: ReadOptions) -> Result<RawVolume, VolumeFault> {
+    let mut source = Source::plain(bytes, bytes.len() as u64);
+    read_nifti(&mut source, voxels.map(|voxels| Source::plain(voxels, voxels.len() as u64)), options)
+}
+
+/// Volume whose header is at the start of `source`, and its voxels there too, or in `voxels`.
+pub(super) fn read_nifti(
+    source: &mut Source<'_>,
+    voxels: Option<Source<'_>>,
+    options: ReadOptions,
+) -> Result<RawVolume, VolumeFault> {
+    let mut bytes = source.take(header::BYTES_1 as u64, "the NIfTI header")?;
+    let header = match version(&bytes) {
+        Some((2, big_endian)) => {
+            bytes.extend(source.take((header::BYTES_2 - header::BYTES_1) as u64, "the NIfTI-2 header")?);
+            header::parse_2(&bytes, big_endian)?
+        }
+        Some(_) => header::parse_1(&bytes)?,
+        None => return Err(VolumeFault::Header("sizeof_hdr is neither 348 (NIfTI-1) nor 540 (NIfTI-2)".to_owned())),
+    };
+    let size = volume_size(&header.sizes)?;
+    let kind = sample_type(header.datatype)?;
+    let lps_from_voxel = placement(&header, options)?;
+    let count = voxel_count(&size)?;
+    let expected = count as u64 * kind.bytes();
+    within(expected, MAX_BYTES, "the size of the voxels in bytes")?;
+    let offset = voxel_offset(&header)?;
+    let (extensions, data) = match voxels {
+        Some(mut voxels) => {
+            let extensions = source.rest(MAX_EXTENSION_BYTES, "the size of the header's extensions in bytes")?;
+            voxels.skip(offset, "the space before the voxels")?;
+            (extensions, voxels.take(expected, "the voxels")?)
+        }
+        None if header.single => {
+            let extensions = source.take(offset - header.bytes, "the header's extensions")?;
+            let data = source.take(expected, "the voxels")?;
+            // Reading on verifies the checksum of gzip data. Bytes after the voxels are ignored, as by nibabel.
+            source.has_more()?;
+            (extensions, data)
+        }
+        None => {
+            let what = "a NIfTI header without its .img file".to_owned();
+            return Err(VolumeFault::Unsupported { what, remedy: "give the two files the same name in one folder" });
+        }
+    };
+    let [slope, intercept] = header.scale;
+    let intercept = if intercept.is_finite() { intercept } else { 0.0 };
+    let scaled = slope.is_finite() && slope != 0.0 && [slope, intercept] != [1.0, 0.0];
+    Ok(RawVolume {
+        size: size.map(|size| size as usize),
+        lps_from_voxel,
+        samples: Samples {
+            kind,
+            big_endian: header.big_endian,
+            bytes: data,
+            scale: scaled.then_some([slope, intercept]),
+        },
+        layers: Layers::ONE,
+        segments: names::segments(&extensions, header.big_endian)?,
+    })
+}
+
+/// Sizes of the three axes of space; further axes must have size 1.
+fn volume_size(sizes: &[u64]) -> Result<[u64; 3], VolumeFault> {
+    let size = |axis: usize| sizes.get(axis).copied().unwrap_or(1);
+    if sizes.iter().skip(3).any(|size| *size > 1) {
+        let what = format!("a volume of {} axes (sizes {sizes:?})", sizes.len());
+        return Err(VolumeFault::Unsupported { what, remedy: "save one of its 3-D volumes as a file of its own" });
+    }
+    Ok([size(0), size(1), size(2)])
+}
+
+fn sample_type(code: i64) -> Result<SampleType, VolumeFault> {
+    Ok(match code {
+        2 => SampleType::U8,
+        4 => SampleType::I16,
+        8 => SampleType::I32,
+        16 => SampleType::F32,
+        64 => SampleType::F64,
+        256 => SampleType::I8,
+        512 => SampleType::U16,
+        768 => SampleType::U32,
+        1024 => SampleType::I64,
+        1280 => SampleType::U64,
+        _ => {
+            let what = match code {
+                1 => "single bits (datatype 1)".to_owned(),
+                32 | 1792 | 2048 => format!("complex numbers (datatype {code})"),
+                128 | 2304 => format!("colours (datatype {code})"),
+                1536 => "128-bit numbers (datatype 1536)".to_owned(),
+                _ => return Err(VolumeFault::Header(format!("datatype is {code}, which NIfTI doesn't define"))),
+            };
+            return Err(VolumeFault::Unsupported { what, remedy: "save the volume as integers, or as 32-bit floats" });
+        }
+    })
+}
+
+/// Offset of the voxels in their file; at least that of the end of the header, the flags of extensions included, if
+/// they are in one file.
+fn voxel_offset(header: &Header) -> Result<u64, VolumeFault> {
+    let least = if header.single { header.bytes + 4 } else { 0 };
+    let offset = header.voxel_offset;
+    // Some writers leave 0.
+    if header.single && offset == 0.0 {
+        return Ok(least);
+    }
+    if !(least as f64..=MAX_EXTENSION_BYTES as f64).contains(&offset) || offset.fract() != 0.0 {
+        let reason = format!("vox_offset is {offset}; it must be a whole number from {least} to {MAX_EXTENSION_BYTES}");
+        return Err(VolumeFault::Header(reason));
+    }
+    Ok(offset as u64)
+}
+
+/// LPS position of voxels: the sform if there is one, else the qform, else the assumed axes.
+fn placement(header: &Header, options: ReadOptions) -> Result<DAffine3, VolumeFault> {
+    let unit = unit(header.units)?;
+    let [qfac, spacing @ ..] = header.pixdim;
+    let spacing = DVec3::from(spacing);
+    if header.sform_code > 0 {
+        let [x, y, z] = header.rows;
+        let column = |n: usize| DVec3::new(x[n], y[n], z[n]);
+        let matrix = DMat3::from_cols(column(0), column(1), column(2));
+        return lps_mm(DAffine3::from_mat3_translation(matrix, column(3)), PatientAxes::Ras, unit);
+    }
+    if spacing.cmplt(DVec3::ZERO).any() {
+        return Err(VolumeFault::Header(format!("pixdim has negative distances: {}", spacing)));
+    }
+    if header.qform_code > 0 {
+        let scale = spacing * DVec3::new(1.0, 1.0, if qfac < 0.0 { -1.0 } else { 1.0 });
+        let matrix = DMat3::from_quat(unit_quaternion(header.quaternion)) * DMat3::from_diagonal(scale);
+        let affine = DAffine3::from_mat3_translation(matrix, header.offset.into());
+        return lps_mm(affine, PatientAxes::Ras, unit);
+    }
+    match options.assume_axes {
+        Some(axes) => lps_mm(DAffine3::from_scale(spacing), axes, unit),
+        None => Err(VolumeFault::NoAxes { found: "both qform_code and sform_code are 0" }),
+    }
+}
+
+/// The unit quaternion whose last components are b, c and d, as nifti1.h defines it.
+fn unit_quaternion([b, c, d]: [f64; 3]) -> DQuat {
+    let rest = 1.0 - (b * b + c * c + d * d);
+    if rest < 1e-7 {
+        // Half a turn: rounding may have made b, c, d too long.
+        let length = (b * b + c * c + d * d).sqrt();
+        return DQuat::from_xyzw(b / length, c / length, d / length, 0.0);
+    }
+    DQuat::from_xyzw(b, c, d, rest.sqrt())
+}
+
+/// Name of the header's unit of length, and that unit in mm. Unknown units are taken as mm.
+fn unit(code: i64) -> Result<(&'static str, f64), VolumeFault> {
+    match code & 7 {
+        0 => Ok(("none stated, mm assumed", 1.0)),
+        1 => Ok(("metres", 1000.0)),
+        2 => Ok(("mm", 1.0)),
+        3 => Ok(("microns", 0.001)),
+        other => Err(VolumeFault::Header(format!("the unit of length has code {other}; NIfTI defines 0 to 3"))),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,126 @@
+//! Decoded volumes before their values are taken as labels or as an image.
+
+use std::path::{Path, PathBuf};
+
+use glam::DAffine3;
+
+use super::samples::{BadLabel, Samples};
+use super::{Image, LabelMap, Segment, VolumeFault};
+
+/// A decoded file: placement, stored values, named segments.
+#[derive(Debug, Clone)]
+pub struct RawVolume {
+    /// Voxels along i, j and k.
+    pub(super) size: [usize; 3],
+    /// Voxel index to patient position, mm.
+    pub(super) lps_from_voxel: DAffine3,
+    /// Values of all layers.
+    pub(super) samples: Samples,
+    /// Layers and their place among the axes.
+    pub(super) layers: Layers,
+    /// Segments that the file names.
+    pub(super) segments: Vec<Segment>,
+}
+
+/// Layers of a volume, which an axis of its own counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Layers {
+    /// Number of layers.
+    pub count: usize,
+    /// Values of one layer that lie together: the product of the sizes of faster axes.
+    pub inner: usize,
+}
+
+impl Layers {
+    /// The only layer.
+    pub(super) const ONE: Self = Self { count: 1, inner: 1 };
+}
+
+impl RawVolume {
+    /// Label map of these voxels. Labels in the voxels that the file doesn't name become segments without a name.
+    ///
+    /// # Errors
+    /// Values that aren't whole numbers from 0 to 65535, and segments in layers that aren't there.
+    pub fn into_labels(self, path: &Path) -> Result<LabelMap, VolumeFault> {
+        let Self { size, lps_from_voxel, samples, layers, mut segments } = self;
+        let labels = samples.labels().map_err(|(index, bad)| refused(index, bad, size, layers))?;
+        drop(samples);
+        let layers = split(labels, layers);
+        if let Some(segment) = segments.iter().find(|segment| segment.layer >= layers.len()) {
+            let name = segment.name.as_deref().unwrap_or("without name");
+            let reason = format!("segment `{name}` is in layer {}, and the file has {}", segment.layer, layers.len());
+            return Err(VolumeFault::Header(reason));
+        }
+        for (layer, labels) in layers.iter().enumerate() {
+            for value in present(labels) {
+                if !segments.iter().any(|segment| segment.layer == layer && segment.value == value) {
+                    segments.push(Segment { layer, value, name: None, colour: None, terminology: None });
+                }
+            }
+        }
+        Ok(LabelMap { path: path.to_owned(), size, lps_from_voxel, layers, segments })
+    }
+
+    /// Image of these voxels.
+    ///
+    /// # Errors
+    /// More than one layer.
+    pub fn into_image(self, path: &Path) -> Result<Image, VolumeFault> {
+        if self.layers.count != 1 {
+            let what = format!("an image of {} values per voxel", self.layers.count);
+            return Err(VolumeFault::Unsupported { what, remedy: "save one of them as a volume of three axes" });
+        }
+        let values = self.samples.values();
+        Ok(Image { path: PathBuf::from(path), size: self.size, lps_from_voxel: self.lps_from_voxel, values })
+    }
+}
+
+/// Non-zero values that occur, ascending.
+fn present(labels: &[u16]) -> impl Iterator<Item = u16> {
+    let mut seen = vec![false; 1 << 16];
+    for label in labels {
+        seen[usize::from(*label)] = true;
+    }
+    (1..=u16::MAX).filter(move |value| seen[usize::from(*value)])
+}
+
+fn split(labels: Vec<u16>, Layers { count, inner }: Layers) -> Vec<Vec<u16>> {
+    if count == 1 {
+        return vec![labels];
+    }
+    let of_layer = |layer| labels.chunks(inner).skip(layer).step_by(count).flatten().copied().collect();
+    (0..count).map(of_layer).collect()
+}
+
+fn refused(index: usize, bad: BadLabel, size: [usize; 3], Layers { count, inner }: Layers) -> VolumeFault {
+    let index = index / (inner * count) * inner + index % inner;
+    let voxel = [index % size[0], index / size[0] % size[1], index / size[0] / size[1]];
+    match bad {
+        BadLabel::Image(value) => VolumeFault::NotLabels { voxel, value },
+        BadLabel::Range(value) => VolumeFault::LabelRange { voxel, value },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn layers_come_apart_wherever_their_axis_is() {
+        let first = split(vec![1, 10, 2, 20, 3, 30, 4, 40], Layers { count: 2, inner: 1 });
+        assert_eq!(first, [[1, 2, 3, 4], [10, 20, 30, 40]]);
+        let last = split(vec![1, 2, 3, 4, 10, 20, 30, 40], Layers { count: 2, inner: 4 });
+        assert_eq!(last, first);
+        let middle = split(vec![1, 2, 10, 20, 3, 4, 30, 40], Layers { count: 2, inner: 2 });
+        assert_eq!(middle, first);
+    }
+
+    #[test]
+    fn a_refused_value_is_placed_by_its_voxel() {
+        let bad = || BadLabel::Range("-1".into());
+        let fault = refused(2 * 5 + 1, bad(), [2, 2, 2], Layers { count: 2, inner: 1 });
+        assert!(matches!(fault, VolumeFault::LabelRange { voxel: [1, 0, 1], .. }), "{fault}");
+        let fault = refused(8 + 5, bad(), [2, 2, 2], Layers { count: 2, inner: 8 });
+        assert!(matches!(fault, VolumeFault::LabelRange { voxel: [1, 0, 1], .. }), "{fault}");
+    }
+}
