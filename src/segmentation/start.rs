@@ -16,6 +16,9 @@ use crate::suggest::did_you_mean;
 /// Impedances that ultrasound passes, MRayl: between gas and bone.
 const PASSED_MRAYL: std::ops::RangeInclusive<f64> = 0.5..=2.6;
 
+/// Free depth below the centre of the deepest window, mm.
+const BELOW_MM: f64 = 25.0;
+
 /// A scene that no probe can be put on.
 #[derive(Debug, Error)]
 pub enum StartError {
@@ -92,7 +95,11 @@ impl Start {
         let pose = view.pose.ok_or_else(|| no_skin(&target))?;
         let empty = Mesh::default();
         let mesh = segments.iter().find(|made| name(made) == target).map_or(&empty, |made| &made.mesh);
-        let probe = ProbeChoice::for_target(&pose, mesh);
+        let mut probe = ProbeChoice::for_target(&pose, mesh);
+        if probe.is_convex {
+            let deepest_mm = rows.iter().map(|row| row.depth_mm).fold(0.0, f64::max);
+            probe = ProbeChoice::of_depth(probe.depth_mm.max(deepest_mm + BELOW_MM));
+        }
         let points = skin_points(surfaces, &sight);
         Ok(Self { planes, windows: rows, target, view, place, probe, points })
     }

@@ -6,7 +6,7 @@ use crate::anatomy::Mesh;
 use crate::pose::Pose;
 
 /// Depths of image, mm: least and greatest.
-const DEPTHS_MM: [f64; 2] = [40.0, 200.0];
+const DEPTHS_MM: [f64; 2] = [40.0, 220.0];
 /// Free depth below the organ, mm.
 const BELOW_MM: f64 = 15.0;
 /// Image depth below which a linear probe is chosen, mm.
@@ -31,7 +31,12 @@ impl ProbeChoice {
         let probe_from_scene = pose.inverse();
         let depth = |v: &glam::Vec3| probe_from_scene.transform_point(v.as_dvec3()).z;
         let deepest_mm = target.vertices_mm.iter().map(depth).fold(0.0, f64::max);
-        let depth_mm = ((deepest_mm + BELOW_MM) / 10.0).ceil().mul_add(10.0, 0.0).clamp(DEPTHS_MM[0], DEPTHS_MM[1]);
+        Self::of_depth(deepest_mm + BELOW_MM)
+    }
+
+    /// Probe for an image of about `depth_mm`.
+    pub fn of_depth(depth_mm: f64) -> Self {
+        let depth_mm = (10.0 * (depth_mm / 10.0).ceil()).clamp(DEPTHS_MM[0], DEPTHS_MM[1]);
         let is_convex = depth_mm > LINEAR_MM;
         let frequency_mhz = match depth_mm {
             d if d <= LINEAR_MM => 9.0,

@@ -158,3 +158,39 @@ fn meshes_become_a_scene_and_toss_ups_are_asked_about() {
     refused(&run(&[&format!("{labels}=liver"), "--force"]), &["labels.nii", "from-labels"]);
     assert!(!out.exists());
 }
+
+/// A body with liver, kidneys, aorta and bladder.
+fn abdomen() -> Volume {
+    let affine =
+        DAffine3::from_translation(DVec3::new(-130.0, -90.0, -150.0)) * DAffine3::from_scale(DVec3::splat(3.0));
+    Volume::of([87, 64, 100], affine, |p| {
+        let within = |x: f64, y: f64, z: f64, a: f64, b: f64, c: f64| {
+            ((p - DVec3::new(x, y, z)) / DVec3::new(a, b, c)).length() < 1.0
+        };
+        match () {
+            () if within(-60.0, 40.0, 10.0, 26.0, 24.0, 54.0) => 2,
+            () if within(60.0, 40.0, 20.0, 26.0, 24.0, 54.0) => 3,
+            () if within(-55.0, -15.0, 70.0, 62.0, 55.0, 60.0) => 5,
+            () if (p - DVec3::new(6.0, 34.0, p.z)).length() < 11.0 && p.z > -90.0 => 52,
+            () if within(0.0, -30.0, -105.0, 36.0, 28.0, 30.0) => 21,
+            () => 0,
+        }
+    })
+}
+
+#[test]
+fn exams_find_the_windows_of_a_patient() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let labels = written(folder.path(), "labels.nii", &abdomen().nifti());
+    succeeded(&from_labels(&labels, &folder.path().join("p.glb"), &["--triangles", "60000"]));
+    let listed = succeeded(&insonify(&["planes", &at("p.toml")]));
+    for plane in ["liver", "right_kidney", "left_kidney", "aorta", "bladder", "RKL", "LKL"] {
+        assert!(listed.contains(plane), "{plane}: {listed}");
+    }
+    succeeded(&insonify(&["exam", &at("p.toml"), "--seed", "3", "--out", &at("exam.mcap")]));
+    let score = succeeded(&insonify(&["score", &at("exam.mcap"), &at("p.toml"), "--json"]));
+    let score: serde_json::Value = serde_json::from_str(&score).unwrap();
+    let found = score["planes"].as_array().unwrap().iter().filter(|p| p["found"] == true).count();
+    assert_eq!(found, 5, "{score:#}");
+}

@@ -20,6 +20,8 @@ pub enum OutlineSource {
 
 /// Lowest density of a body, HU: above air and foam, below lung at its border.
 const BODY_HU: f32 = -250.0;
+/// Distance over which a slice takes labels of others into its hull, mm.
+const REACH_MM: f64 = 60.0;
 /// Width of what is cut off a body in an image, mm: the table, blankets, lines.
 const OPENING_MM: f64 = 6.0;
 
@@ -47,28 +49,50 @@ pub fn from_image(values: &[f32], grid: &Grid) -> Vec<bool> {
     body
 }
 
-/// Hull of the labels, slice by slice, grown by `margin_mm` on all sides.
+/// Hull of the labels, slice by slice, grown by `margin_mm` on all sides. A slice's hull holds the labels of slices up to
+/// 60 mm away, so that the body has no gaps between organs.
 pub fn from_labels(labels: &[u16], grid: &Grid, margin_mm: f64) -> Vec<bool> {
-    let [nx, ny, _] = grid.size;
+    let [nx, ny, nz] = grid.size;
+    let reach = (REACH_MM / grid.voxel_mm().z).round() as usize;
+    let ends: Vec<Vec<Option<[usize; 2]>>> = labels.par_chunks(nx * ny).map(|slice| row_ends(slice, nx)).collect();
+    let is_labelled = |slice: &[Option<[usize; 2]>]| slice.iter().any(Option::is_some);
+    let first = ends.iter().position(|slice| is_labelled(slice)).unwrap_or(0);
+    let last = ends.iter().rposition(|slice| is_labelled(slice)).unwrap_or(0);
     let mut hull = vec![false; labels.len()];
-    hull.par_chunks_mut(nx * ny).zip(labels.par_chunks(nx * ny)).for_each(|(slice, labels)| {
-        fill_hull(slice, labels, nx);
+    hull.par_chunks_mut(nx * ny).enumerate().for_each(|(k, slice)| {
+        if !(first..=last).contains(&k) {
+            return;
+        }
+        let mut rows = vec![None; ny];
+        for near in &ends[k.saturating_sub(reach)..(k + reach + 1).min(nz)] {
+            for (row, other) in rows.iter_mut().zip(near) {
+                *row = joined(*row, *other);
+            }
+        }
+        fill_hull(slice, &rows, nx);
     });
     let to_hull = distances_mm(&hull, grid.size, grid.voxel_mm());
     to_hull.par_iter().map(|&d| f64::from(d) <= margin_mm).collect()
 }
 
-/// Sets the voxels of a slice within the convex hull of its labels.
-fn fill_hull(slice: &mut [bool], labels: &[u16], nx: usize) {
-    // Ends of the labels in each row: only they can be corners.
+/// First and last label in each row of a slice: only they can be corners of its hull.
+fn row_ends(slice: &[u16], nx: usize) -> Vec<Option<[usize; 2]>> {
+    let ends = |row: &[u16]| Some([row.iter().position(|&l| l != 0)?, row.iter().rposition(|&l| l != 0)?]);
+    slice.chunks(nx).map(ends).collect()
+}
+
+fn joined(a: Option<[usize; 2]>, b: Option<[usize; 2]>) -> Option<[usize; 2]> {
+    match (a, b) {
+        (Some([a, b]), Some([c, d])) => Some([a.min(c), b.max(d)]),
+        (a, b) => a.or(b),
+    }
+}
+
+/// Sets the voxels of a slice within the convex hull of what lies between the ends of its rows.
+fn fill_hull(slice: &mut [bool], rows: &[Option<[usize; 2]>], nx: usize) {
     let mut points: Vec<(i64, i64)> = Vec::new();
-    for (y, row) in (0..).zip(labels.chunks(nx)) {
-        if let Some(first) = row.iter().position(|&l| l != 0) {
-            points.push((first as i64, y));
-        }
-        if let Some(last) = row.iter().rposition(|&l| l != 0) {
-            points.push((last as i64, y));
-        }
+    for (y, ends) in (0..).zip(rows) {
+        points.extend(ends.iter().flatten().map(|&x| (x as i64, y)));
     }
     if points.is_empty() {
         return;

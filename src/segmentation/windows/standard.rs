@@ -93,6 +93,10 @@ fn placed(wish: Wish, sight: &Sight) -> Option<(View, Place)> {
     view.to_probe = place.to_probe;
     view.normal = view.to_probe.cross(view.lateral);
     view.pose = view.pose_on(sight.skin(), PRESS_MM);
+    // A landmark beside the plane would keep it from being found.
+    let (centre_mm, normal) = (view.centre_mm, view.normal);
+    let off_mm = |mark: &PlaneLandmark| (mark.position_mm - centre_mm).dot(normal).abs();
+    view.landmarks.retain(|mark| mark.within_mm.is_none_or(|within_mm| off_mm(mark) < 0.7 * within_mm));
     Some((view, place))
 }
 
@@ -166,12 +170,16 @@ fn liver(organs: &Organs) -> Option<Window> {
 /// Long axis of the right kidney from the flank, with Morison's pouch between it and the liver.
 fn right_kidney(organs: &Organs) -> Option<Window> {
     let kidney = organs.of(&["kidney_right"])?;
-    let mut wish = kidney_wish(kidney, RIGHT)?;
+    let mut wish = kidney_wish(kidney, RIGHT, "RKL")?;
     if let Some(liver) = organs.of(&["liver"]) {
         wish.view.outlines.push(liver.name.clone());
         let (pouch_mm, gap_mm) = between(&kidney.mesh, &liver.mesh)?;
         if gap_mm < 40.0 {
-            wish.view.landmarks.push(mark("Morison's pouch", pouch_mm, 15.0));
+            // The plane is turned about the kidney's axis towards the pouch.
+            let view = &mut wish.view;
+            let aside = (pouch_mm - view.centre_mm).reject_from(view.lateral).normalize_or_zero();
+            view.to_probe = (view.to_probe + 0.7 * aside).reject_from(view.lateral).normalize_or(view.to_probe);
+            view.landmarks.push(mark("Morison's pouch", pouch_mm, 15.0));
         }
     }
     let plane = plane("right_kidney", "right kidney and Morison's pouch", ABDOMEN_GUIDE, 15.0, 10.0);
@@ -181,14 +189,14 @@ fn right_kidney(organs: &Organs) -> Option<Window> {
 /// Long axis of the left kidney from the flank.
 fn left_kidney(organs: &Organs) -> Option<Window> {
     let kidney = organs.of(&["kidney_left"])?;
-    let mut wish = kidney_wish(kidney, LEFT)?;
+    let mut wish = kidney_wish(kidney, LEFT, "LKL")?;
     if let Some(spleen) = organs.of(&["spleen"]) {
         wish.view.outlines.push(spleen.name.clone());
     }
     Some((plane("left_kidney", "left kidney", ABDOMEN_GUIDE, 15.0, 10.0), vec![wish]))
 }
 
-fn kidney_wish(kidney: &Made, side: DVec3) -> Option<Wish> {
+fn kidney_wish(kidney: &Made, side: DVec3, caliper_name: &str) -> Option<Wish> {
     let shape = Shape::of(&kidney.mesh)?;
     let axis = shape.long_axis(FEET);
     let mut view = view("", shape.centre_mm, axis, side + 0.35 * FRONT);
@@ -197,7 +205,7 @@ fn kidney_wish(kidney: &Made, side: DVec3) -> Option<Wish> {
     // The axis may have been turned.
     let poles = if axis == shape.axes[0] { [low, high] } else { [-high, -low] }.map(|x| shape.centre_mm + axis * x);
     view.landmarks = vec![mark("upper pole", poles[0], 12.0), mark("lower pole", poles[1], 12.0)];
-    let line = caliper("KL", "kidney length", poles, &kidney.name, 12.0);
+    let line = caliper(caliper_name, "kidney length", poles, &kidney.name, 12.0);
     view.calipers = vec![Caliper { true_mm: Some(shape.length_mm()), ..line }];
     Some(Wish { view, radius_mm: 0.4 * shape.length_mm(), cone_deg: 50.0 })
 }
