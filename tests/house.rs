@@ -33,7 +33,7 @@ const ORDER: [&[&str]; 20] = [
     &["pose"],
     &["acoustics", "look"],
     &["settings"],
-    &["files", "statistics", "random", "suggest", "names", "simd"],
+    &["files", "statistics", "random", "suggest", "names", "simd", "lanes"],
 ];
 
 type Module = Vec<String>;

@@ -2,14 +2,18 @@
 
 use std::fmt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::maker::megabytes;
 use super::plan::{Moment, Source};
-use super::stations::{has_planes, with_phantom};
+use super::scenes::{Scenes, TupleScene};
+use super::stations::{has_planes, station_of, with_phantom};
 use super::step::{Progress, Step};
 use super::store::Store;
 use super::tuple_renderer::TupleRenderer;
 use super::{DatasetError, Exam, ExamRow, Maker, PoseRow, RollingRow, Row, SettingsRow};
+use crate::anatomy::Scene;
+use crate::lanes::in_order;
 use crate::render::Backend;
 use crate::station::{PlaneScene, SceneSource, Station};
 
@@ -79,26 +83,38 @@ impl Job<'_> {
         self.total() - self.store.done()
     }
 
-    /// Renders the missing tuples. A run that was stopped goes on where it was.
+    /// Renders the missing tuples, several at once. A run that was stopped goes on where it was.
     ///
     /// # Errors
     /// Tuples of this directory that this machine renders differently, checked on one; a scene that cannot be loaded or
-    /// rendered; a station with neither standard planes nor a pose; files that cannot be written.
+    /// rendered; a station with neither standard planes nor a pose; files that cannot be written. The tuples before one that
+    /// fails are kept.
     pub fn render(&mut self, backend: &Backend, progress: &Progress<'_>) -> Result<(), DatasetError> {
         let total = self.total();
         if self.missing() == 0 {
             return Ok(());
         }
-        let mut renderer = TupleRenderer::new(backend, self.maker.header.classes.clone(), progress);
-        self.check_machine(&mut renderer)?;
+        let mut lanes = TupleRenderer::lanes(backend);
+        let mut scenes = Scenes::new(self.maker.header.classes.clone(), progress);
+        self.check_machine(&mut scenes, lanes.first_mut())?;
         progress(Step::Tuples { done: self.store.done(), total });
-        for exam in self.maker.exams() {
-            if exam.tuples.clone().all(|index| self.store.has(index)) {
-                continue;
-            }
-            self.render_exam(&mut renderer, exam, &mut |done| progress(Step::Tuples { done, total }))?;
-        }
-        Ok(())
+        let (maker, directory, store) = (self.maker, &self.directory, &mut self.store);
+        let missing = maker.exams().iter().map(|exam| (exam, store.missing(exam.tuples.clone())));
+        let missing: Vec<(&Exam, Vec<usize>)> = missing.filter(|(_, tuples)| !tuples.is_empty()).collect();
+        let planned = missing.iter().flat_map(|(exam, tuples)| match planned(maker, &mut scenes, exam, tuples) {
+            Ok(tuples) => tuples.into_iter().map(Ok).collect(),
+            Err(error) => vec![Err(error)],
+        });
+        let write = |renderer: &mut TupleRenderer<'_>, Planned { scene, row }: Planned| {
+            let target = maker.targets.as_ref().map(|targets| targets.of(&row)).transpose()?;
+            let tuple = renderer.write(&scene, &row, target, &directory.join(&row.file))?;
+            Ok((row, tuple))
+        };
+        in_order(&mut lanes, planned, write, |_, (row, tuple)| {
+            store.keep(row, tuple)?;
+            progress(Step::Tuples { done: store.done(), total });
+            Ok(())
+        })
     }
 
     /// Numbers of tuples, and the manifest.
@@ -115,79 +131,78 @@ impl Job<'_> {
     }
 
     /// Refuses to continue a data set that this machine renders differently, checked on one tuple.
-    fn check_machine(&self, renderer: &mut TupleRenderer<'_>) -> Result<(), DatasetError> {
-        let Some(row) = &self.store.last else { return Ok(()) };
-        if renderer.agrees(&self.directory, &self.maker.header, row)? {
+    fn check_machine(
+        &self,
+        scenes: &mut Scenes<'_>,
+        renderer: Option<&mut TupleRenderer<'_>>,
+    ) -> Result<(), DatasetError> {
+        let (Some(row), Some(renderer)) = (&self.store.last, renderer) else { return Ok(()) };
+        let scene = scenes.of(&station_of(&self.directory, &self.maker.header, row)?)?;
+        if renderer.agrees(&scene, row)? {
             return Ok(());
         }
         Err(DatasetError::OtherMachine { directory: self.directory.clone(), index: row.index })
     }
-
-    /// Renders the missing tuples of an exam; reports the finished tuples of the shard.
-    fn render_exam(
-        &mut self,
-        renderer: &mut TupleRenderer<'_>,
-        exam: &Exam,
-        done: &mut dyn FnMut(usize),
-    ) -> Result<(), DatasetError> {
-        let Maker { recipe, header, targets, .. } = self.maker;
-        let Some(station) = recipe.stations.get(exam.station) else { return Ok(()) };
-        let station = with_phantom(station, exam);
-        let frames_before = header.look.lq_angles - 1;
-        let moments = moments(renderer, exam, &station, frames_before)?;
-        let phantom = match &station.scene {
-            SceneSource::ObstetricPhantom(options) => Some(*options),
-            SceneSource::File(_) => None,
-        };
-        let settings = SettingsRow::draw(exam.seed, &station.probe, &station.settings);
-        let about_planes = has_planes(&station);
-        for Moment { index, time_s, pose, seed, frame_rate_hz, before } in moments {
-            if self.store.has(index) {
-                continue;
-            }
-            let mut row = Row {
-                index,
-                split: exam.split,
-                station: header.stations.get(exam.station).map(|s| s.file.clone()).unwrap_or_default(),
-                phantom,
-                exam: ExamRow {
-                    number: exam.number,
-                    seed: exam.seed,
-                    skill: about_planes.then(|| exam.skill.name().to_owned()),
-                },
-                time_s,
-                pose: (&pose).into(),
-                rolling: (frames_before > 0)
-                    .then(|| RollingRow { frame_rate_hz, poses: before.iter().map(PoseRow::from).collect() }),
-                settings,
-                seed,
-                lq: header.lq_of(index),
-                hq: header.hq,
-                look: header.look,
-                size: [station.settings.image.width, station.settings.image.height],
-                file: format!("tuples/{index:07}.npy"),
-                mask: String::new(),
-                sha256: String::new(),
-            };
-            let target = targets.as_ref().map(|targets| targets.of(&row)).transpose()?;
-            let tuple = renderer.tuple(&station, &row, target)?;
-            self.store.keep(&mut row, &tuple)?;
-            done(self.store.done());
-        }
-        Ok(())
-    }
 }
 
-/// Key frames of an exam over `station`.
-fn moments(
-    renderer: &mut TupleRenderer<'_>,
+/// A tuple to be rendered.
+struct Planned {
+    scene: Arc<TupleScene>,
+    row: Row,
+}
+
+/// The tuples of an exam with these indices.
+fn planned(
+    maker: &Maker,
+    scenes: &mut Scenes<'_>,
     exam: &Exam,
-    station: &Station,
-    frames_before: u32,
-) -> Result<Vec<Moment>, DatasetError> {
+    tuples: &[usize],
+) -> Result<Vec<Planned>, DatasetError> {
+    let Maker { recipe, header, .. } = maker;
+    let Some(station) = recipe.stations.get(exam.station) else { return Ok(Vec::new()) };
+    let station = with_phantom(station, exam);
+    let frames_before = header.look.lq_angles - 1;
+    let scene = scenes.of(&station)?;
+    let phantom = match &station.scene {
+        SceneSource::ObstetricPhantom(options) => Some(*options),
+        SceneSource::File(_) => None,
+    };
+    let settings = SettingsRow::draw(exam.seed, &station.probe, &station.settings);
+    let about_planes = has_planes(&station);
+    let row = |Moment { index, time_s, pose, seed, frame_rate_hz, before }: Moment| Row {
+        index,
+        split: exam.split,
+        station: header.stations.get(exam.station).map(|s| s.file.clone()).unwrap_or_default(),
+        phantom,
+        exam: ExamRow {
+            number: exam.number,
+            seed: exam.seed,
+            skill: about_planes.then(|| exam.skill.name().to_owned()),
+        },
+        time_s,
+        pose: (&pose).into(),
+        rolling: (frames_before > 0)
+            .then(|| RollingRow { frame_rate_hz, poses: before.iter().map(PoseRow::from).collect() }),
+        settings,
+        seed,
+        lq: header.lq_of(index),
+        hq: header.hq,
+        look: header.look,
+        size: [station.settings.image.width, station.settings.image.height],
+        file: format!("tuples/{index:07}.npy"),
+        mask: String::new(),
+        sha256: String::new(),
+    };
+    let moments = moments(&scene.scene, exam, &station, frames_before)?.into_iter();
+    let moments = moments.filter(|moment| tuples.contains(&moment.index));
+    Ok(moments.map(|moment| Planned { scene: scene.clone(), row: row(moment) }).collect())
+}
+
+/// Key frames of an exam over `station`, whose scene is `scene`.
+fn moments(scene: &Scene, exam: &Exam, station: &Station, frames_before: u32) -> Result<Vec<Moment>, DatasetError> {
     if has_planes(station) {
         let scene = match station.scene_file() {
-            Some(_) => PlaneScene::of(station, renderer.scene(station)?)?,
+            Some(_) => PlaneScene::of(station, scene)?,
             None => PlaneScene::open(station)?,
         };
         return Ok(exam.moments(&Source::Planes(&scene.planes, &scene.skin), frames_before)?);

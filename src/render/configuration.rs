@@ -1,5 +1,7 @@
 //! State of a renderer for one probe and one set of settings, on any backend.
 
+use std::sync::Arc;
+
 use super::batch_plan::BatchPlan;
 use super::constants::MOVES;
 use super::error::RenderError;
@@ -63,7 +65,7 @@ pub(super) struct FrameInputs<'a> {
 }
 
 /// Tables and uniforms of one probe and one set of settings.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Configuration {
     pub(super) probe: Probe,
     /// Requested settings; for frames the plan may reduce them.
@@ -71,7 +73,7 @@ pub(super) struct Configuration {
     /// Effects that frames simulate.
     pub(super) effects: EffectPlan,
     pub(super) params: Params,
-    pub(super) tables: Tables,
+    pub(super) tables: Arc<Tables>,
     pub(super) batches: BatchPlan,
 }
 
@@ -97,7 +99,7 @@ impl Configuration {
         };
         let params = Params::new(media.outside, probe, &planned, &tables, effects.effects());
         let batches = BatchPlan::new(probe.scanlines, planned.quality.rays, planned.quality.layers);
-        Ok(Self { probe: *probe, settings: *settings, effects, params, tables, batches })
+        Ok(Self { probe: *probe, settings: *settings, effects, params, tables: Arc::new(tables), batches })
     }
 
     /// Warns of a sector without pixels, and of clipped kernels that `previous` did not have.

@@ -21,6 +21,7 @@ mod frame;
 mod frame_quality;
 mod hooks;
 mod host;
+mod kept;
 mod kernels;
 mod lateral_beam;
 mod maker;

@@ -1,6 +1,7 @@
 //! Frames in the host's memory.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 use std::time::Instant;
 
 use rayon::prelude::*;
@@ -33,6 +34,7 @@ use crate::anatomy::bvh::Changed;
 use crate::render::configuration::{Configuration, FrameInputs};
 use crate::render::error::{BackendError, RenderError};
 use crate::render::frame::{Contents, Frame, FrameTimes, unpad};
+use crate::render::kept::Kept;
 use crate::render::maker::FrameMaker;
 use crate::render::params::Params;
 use crate::render::snapshot::PassBuffers;
@@ -45,12 +47,15 @@ const DECODED_TOGETHER: usize = 512;
 /// Makes frames by the host's processors, each within `submit`.
 #[derive(Debug)]
 pub(in crate::render) struct HostRenderer {
-    nodes: Vec<WideNode>,
+    /// Shared by makers until the scene moves.
+    nodes: Arc<Vec<WideNode>>,
     trace: TraceConstants,
     image: ImageConstants,
     follow: Follow,
     waves: Waves,
     buffers: Buffers,
+    /// Buffers of the other configurations, by number; none of the active one.
+    kept: Kept<Buffers>,
     /// Frames that were made and not received.
     made: VecDeque<Frame>,
     /// Memory of received frames.
@@ -90,11 +95,11 @@ impl HostRenderer {
         trace: TraceConstants,
         image: ImageConstants,
     ) -> Result<Self, BackendError> {
-        let nodes = bvh.nodes.par_iter().map(WideNode::decode).collect();
+        let nodes = Arc::new(bvh.nodes.par_iter().map(WideNode::decode).collect());
         let buffers = Buffers::new(configuration)?;
         let (made, spare) = (VecDeque::new(), Vec::new());
         let waves = Waves::new(waves());
-        Ok(Self { nodes, trace, image, follow: fastest(), waves, buffers, made, spare })
+        Ok(Self { nodes, trace, image, follow: fastest(), waves, buffers, kept: Kept::default(), made, spare })
     }
 
     /// Makes a frame that holds `contents`; `kept` takes what later passes overwrite.
@@ -311,13 +316,18 @@ impl FrameMaker for HostRenderer {
         Ok(())
     }
 
+    fn select(&mut self, number: usize, inputs: FrameInputs<'_>) -> Result<(), RenderError> {
+        self.kept.swap(number, &mut self.buffers, || Ok(Buffers::new(inputs.configuration)?))
+    }
+
     fn take_cold(&mut self) -> bool {
         false
     }
 
     fn move_scene(&mut self, bvh: &Bvh, changed: &Changed) {
         let moved = &bvh.nodes[changed.nodes.clone()];
-        let nodes = self.nodes[changed.nodes.clone()].par_iter_mut().zip(moved).with_min_len(DECODED_TOGETHER);
+        let nodes = Arc::make_mut(&mut self.nodes);
+        let nodes = nodes[changed.nodes.clone()].par_iter_mut().zip(moved).with_min_len(DECODED_TOGETHER);
         nodes.for_each(|(node, words)| *node = WideNode::decode(words));
     }
 

@@ -16,6 +16,7 @@ use super::constants::TISSUES_MAX;
 use super::error::RenderError;
 use super::frame::{FRAMES_IN_FLIGHT, Frame};
 use super::hooks::TestHooks;
+use super::kept::Kept;
 use super::maker::FrameMaker;
 use super::plan::EffectPlan;
 use crate::anatomy::scene::SURFACES_MAX;
@@ -29,8 +30,10 @@ use frames::InFlight;
 #[derive(Debug)]
 pub struct Renderer {
     bvh: Arc<Bvh>,
-    media: Media,
+    media: Arc<Media>,
     active: Configuration,
+    /// Configurations beside the active one.
+    kept: Kept<Configuration>,
     /// Skin that the face touches, at rest; none before the effect `contact` is first simulated.
     skin: Option<Skin>,
     maker: Box<dyn FrameMaker>,
@@ -43,6 +46,8 @@ pub struct Renderer {
     motion_ms: f64,
     /// Pictures of all angles; none without compounding.
     compounding: Option<Compounding>,
+    /// The same of the other configurations.
+    kept_pictures: Kept<Option<Compounding>>,
     /// Order of the angles of live frames.
     order: AngleOrder,
     /// Changes of settings so far: pictures before and after are not averaged.
@@ -106,7 +111,7 @@ impl Renderer {
         probe.validate()?;
         settings.validate()?;
         check_scene(scene, &bvh)?;
-        let media = Media::new(scene, &bvh);
+        let media = Arc::new(Media::new(scene, &bvh));
         let active = Configuration::new(&media, probe, settings, None)?;
         let inputs = FrameInputs { bvh: &bvh, media: &media, configuration: &active, angle: 0 };
         let mut maker = backend.maker(inputs, hooks)?;
@@ -117,6 +122,7 @@ impl Renderer {
             bvh,
             media,
             active,
+            kept: Kept::default(),
             skin: None,
             maker,
             on_host: backend.on_host(),
@@ -124,6 +130,7 @@ impl Renderer {
             time_s: 0.0,
             motion_ms: 0.0,
             compounding: None,
+            kept_pictures: Kept::default(),
             order: AngleOrder::default(),
             generation: 0,
             in_flight,
@@ -163,15 +170,48 @@ impl Renderer {
         let next = Configuration::new(&self.media, probe, settings, Some(&self.active))?;
         self.maker.configure(FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &next, angle: 0 })?;
         next.warn(Some(&self.active));
-        let rests = self.active.effects.has(Effect::Motion) && !next.effects.has(Effect::Motion);
+        let moved = self.active.effects.has(Effect::Motion);
         self.active = next;
         self.prepare_skin()?;
         self.prepare_compounding();
-        if rests && self.bvh.moves() {
-            self.move_to(0.0);
-        }
+        self.rest(moved);
         // With frames in flight the ring has no room: the next frame compiles what is new.
         if self.maker.take_cold() && self.in_flight.is_empty() { self.warm_up(&[settings.maps]) } else { Ok(()) }
+    }
+
+    /// Makes the configuration with a number the active one; 0 is the first. A new number begins with the probe and the settings of the
+    /// one before. [`Renderer::reconfigure`] and all others concern the active one: each keeps its own tables and buffers, so that
+    /// changing between them costs nothing. They share the scene and its time.
+    ///
+    /// Frames in flight stay as they were submitted, but are not part of compounded pictures any more.
+    ///
+    /// # Errors
+    /// Too little memory for a new one, or a device that fails; nothing has changed then.
+    pub(crate) fn select(&mut self, number: usize) -> Result<(), RenderError> {
+        if number == self.kept.active() {
+            return Ok(());
+        }
+        let next = self.kept.get(number).unwrap_or(&self.active);
+        let inputs = FrameInputs { bvh: &self.bvh, media: &self.media, configuration: next, angle: 0 };
+        self.maker.select(number, inputs)?;
+        let (new, moved) = (self.active.clone(), self.active.effects.has(Effect::Motion));
+        let is_new = self.kept.get(number).is_none();
+        self.kept.swap(number, &mut self.active, || Ok::<_, RenderError>(new))?;
+        self.kept_pictures.swap(number, &mut self.compounding, || Ok::<_, RenderError>(None))?;
+        if is_new {
+            self.prepare_compounding();
+        } else {
+            self.restart_compounding();
+        }
+        self.rest(moved);
+        Ok(())
+    }
+
+    /// Brings the scene to rest if it `moved`, and does not with the active configuration.
+    fn rest(&mut self, moved: bool) {
+        if moved && !self.active.effects.has(Effect::Motion) && self.bvh.moves() {
+            self.move_to(0.0);
+        }
     }
 
     /// Makes the skin that the face touches, if its effect is simulated for the first time.
