@@ -10,11 +10,11 @@ use super::scenes::{Scenes, TupleScene};
 use super::stations::{has_planes, station_of, with_phantom};
 use super::step::{Progress, Step};
 use super::store::Store;
-use super::tuple_renderer::TupleRenderer;
+use super::tuple_renderer::{TupleRenderer, tables_of};
 use super::{DatasetError, Exam, ExamRow, Maker, PoseRow, RollingRow, Row, SettingsRow};
 use crate::anatomy::Scene;
 use crate::lanes::in_order;
-use crate::render::Backend;
+use crate::render::{Backend, SharedTables};
 use crate::station::{PlaneScene, SceneSource, Station};
 
 /// Tuples of a shard in a directory. The directory is locked against other runs of the shard while this value lives.
@@ -101,13 +101,19 @@ impl Job<'_> {
         let (maker, directory, store) = (self.maker, &self.directory, &mut self.store);
         let missing = maker.exams().iter().map(|exam| (exam, store.missing(exam.tuples.clone())));
         let missing: Vec<(&Exam, Vec<usize>)> = missing.filter(|(_, tuples)| !tuples.is_empty()).collect();
-        let planned = missing.iter().flat_map(|(exam, tuples)| match planned(maker, &mut scenes, exam, tuples) {
+        let mut tables = Vec::new();
+        let mut planned = |(exam, tuples): &(&Exam, Vec<usize>)| {
+            let planned = planned(maker, &mut scenes, exam, tuples, &tables)?;
+            tables = planned.first().map(|planned| planned.tables.clone()).unwrap_or_default();
+            Ok(planned)
+        };
+        let planned = missing.iter().flat_map(|exam| match planned(exam) {
             Ok(tuples) => tuples.into_iter().map(Ok).collect(),
             Err(error) => vec![Err(error)],
         });
-        let write = |renderer: &mut TupleRenderer<'_>, Planned { scene, row }: Planned| {
+        let write = |renderer: &mut TupleRenderer<'_>, Planned { scene, tables, row }: Planned| {
             let target = maker.targets.as_ref().map(|targets| targets.of(&row)).transpose()?;
-            let tuple = renderer.write(&scene, &row, target, &directory.join(&row.file))?;
+            let tuple = renderer.write(&scene, tables, &row, target, &directory.join(&row.file))?;
             Ok((row, tuple))
         };
         in_order(&mut lanes, planned, write, |_, (row, tuple)| {
@@ -148,15 +154,17 @@ impl Job<'_> {
 /// A tuple to be rendered.
 struct Planned {
     scene: Arc<TupleScene>,
+    tables: Vec<SharedTables>,
     row: Row,
 }
 
-/// The tuples of an exam with these indices.
+/// The tuples of an exam with these indices; `known` tables are those of the exam before.
 fn planned(
     maker: &Maker,
     scenes: &mut Scenes<'_>,
     exam: &Exam,
     tuples: &[usize],
+    known: &[SharedTables],
 ) -> Result<Vec<Planned>, DatasetError> {
     let Maker { recipe, header, .. } = maker;
     let Some(station) = recipe.stations.get(exam.station) else { return Ok(Vec::new()) };
@@ -194,8 +202,10 @@ fn planned(
         sha256: String::new(),
     };
     let moments = moments(&scene.scene, exam, &station, frames_before)?.into_iter();
-    let moments = moments.filter(|moment| tuples.contains(&moment.index));
-    Ok(moments.map(|moment| Planned { scene: scene.clone(), row: row(moment) }).collect())
+    let rows: Vec<Row> = moments.filter(|moment| tuples.contains(&moment.index)).map(row).collect();
+    // All tuples of an exam have the same settings.
+    let tables = rows.first().map(|row| tables_of(&scene, row, known)).transpose()?.unwrap_or_default();
+    Ok(rows.into_iter().map(|row| Planned { scene: scene.clone(), tables: tables.clone(), row }).collect())
 }
 
 /// Key frames of an exam over `station`, whose scene is `scene`.

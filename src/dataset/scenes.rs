@@ -8,7 +8,7 @@ use super::step::{Progress, Step};
 use crate::anatomy::Scene;
 use crate::anatomy::bvh::Bvh;
 use crate::phantom;
-use crate::render::RenderError;
+use crate::render::{RenderError, TableMaker};
 use crate::station::Station;
 
 /// A station's scene, ready to be rendered.
@@ -19,6 +19,7 @@ pub(crate) struct TupleScene {
     pub(super) scene: Scene,
     /// At rest.
     pub(super) bvh: Arc<Bvh>,
+    pub(super) tables: TableMaker,
     /// Class of each number of the frames.
     pub(super) class_of: Vec<u8>,
 }
@@ -49,6 +50,7 @@ impl<'a> Scenes<'a> {
         let scene = station.load_scene(&step)?;
         let class_of = class_of(&self.classes, scene.tissues.names())?;
         let bvh = Arc::new(Bvh::build(&scene).map_err(RenderError::from)?);
-        Ok(self.last.insert(Arc::new(TupleScene { station: station.clone(), scene, bvh, class_of })).clone())
+        let tables = TableMaker::new(&scene, &bvh);
+        Ok(self.last.insert(Arc::new(TupleScene { station: station.clone(), scene, bvh, tables, class_of })).clone())
     }
 }

@@ -9,9 +9,11 @@ use super::stations::sha256;
 use super::{DatasetError, RollingRow, Row};
 use crate::lanes::lane_count;
 use crate::pose::Pose;
-use crate::render::{Backend, Frame, Quality, RenderSettings, Renderer};
+use crate::render::{Backend, Frame, Quality, RenderSettings, Renderer, SharedTables};
 use crate::sink::npy::{bytes_of_u8, header_of_u8};
 use crate::sink::{SinkError, check_shape, write_bytes};
+use crate::station::Station;
+use crate::transducer::Probe;
 
 /// Numbers of a renderer's configurations.
 const LOW: usize = 0;
@@ -38,6 +40,8 @@ pub(super) struct RenderedTuple {
 pub(crate) struct TupleRenderer<'a> {
     backend: &'a Backend,
     kept: Option<(Arc<TupleScene>, Renderer)>,
+    /// Tables made before for the tuples.
+    tables: Vec<SharedTables>,
     frames: [Frame; 2],
     levels: Levels,
     /// File of the last mask.
@@ -49,7 +53,8 @@ pub(crate) struct TupleRenderer<'a> {
 impl<'a> TupleRenderer<'a> {
     pub(crate) fn new(backend: &'a Backend) -> Self {
         let frames = Default::default();
-        Self { backend, kept: None, frames, levels: Levels::new(), mask: None, bytes: Vec::new() }
+        let tables = Vec::new();
+        Self { backend, kept: None, tables, frames, levels: Levels::new(), mask: None, bytes: Vec::new() }
     }
 
     /// A renderer for each lane of a backend. A device has two: while it makes frames of one, the other's are encoded.
@@ -60,17 +65,7 @@ impl<'a> TupleRenderer<'a> {
 
     /// The renderer, with low (0) or high (1) quality, and the settings of `row`.
     fn renderer(&mut self, quality: usize, scene: &Arc<TupleScene>, row: &Row) -> Result<&mut Renderer, DatasetError> {
-        let station = &scene.station;
-        let (probe, settings) = row.settings.apply(&station.probe, &station.settings);
-        let [rays, layers] = [row.lq, row.hq][quality];
-        // Both qualities have the same maps; the second frame needs none.
-        let maps = settings.maps && quality == LOW;
-        let settings = RenderSettings {
-            quality: Quality { rays, layers, seed: row.seed },
-            look: row.look.of(quality),
-            maps,
-            ..settings
-        };
+        let (probe, settings) = configured(&scene.station, row, quality);
         // Another scene's renderer is dropped before the next is made.
         let kept = self.kept.take_if(|(of, _)| Arc::ptr_eq(of, scene));
         self.kept = None;
@@ -78,12 +73,12 @@ impl<'a> TupleRenderer<'a> {
             Some(kept) => kept,
             None => {
                 let (tree, frames_of) = (scene.bvh.clone(), &scene.scene);
-                (scene.clone(), Renderer::with_bvh(self.backend, frames_of, tree, &probe, &settings)?)
+                (scene.clone(), Renderer::with_tables(self.backend, frames_of, tree, &probe, &settings, &self.tables)?)
             }
         };
         let (_, renderer) = self.kept.insert(kept);
         renderer.select(quality)?;
-        renderer.reconfigure(&probe, &settings)?;
+        renderer.reconfigure_with(&probe, &settings, &self.tables)?;
         Ok(renderer)
     }
 
@@ -139,14 +134,16 @@ impl<'a> TupleRenderer<'a> {
         Ok(self.tuple(scene, row, None)?.sha256 == row.sha256)
     }
 
-    /// Renders the tuple of `row` and writes its array to `path`.
+    /// Renders the tuple of `row` and writes its array to `path`. `tables` are those of [`tables_of`].
     pub(super) fn write(
         &mut self,
         scene: &Arc<TupleScene>,
+        tables: Vec<SharedTables>,
         row: &Row,
         high_quality: Option<Vec<u8>>,
         path: &Path,
     ) -> Result<RenderedTuple, DatasetError> {
+        self.tables = tables;
         let tuple = self.tuple(scene, row, high_quality)?;
         write_bytes(path, &self.bytes)?;
         Ok(tuple)
@@ -197,6 +194,34 @@ impl<'a> TupleRenderer<'a> {
         let file = MaskFile { file: format!("masks/{width}x{height}_{}.npy", &sha256(&bytes)[..16]), bytes };
         Ok(self.mask.insert((mask.clone(), file)).1.clone())
     }
+}
+
+/// Probe and settings of the frame of low (0) or high (1) quality of `row`.
+fn configured(station: &Station, row: &Row, quality: usize) -> (Probe, RenderSettings) {
+    let (probe, settings) = row.settings.apply(&station.probe, &station.settings);
+    let [rays, layers] = [row.lq, row.hq][quality];
+    // Both qualities have the same maps; the second frame needs none.
+    let maps = settings.maps && quality == LOW;
+    let quality_of = Quality { rays, layers, seed: row.seed };
+    (probe, RenderSettings { quality: quality_of, look: row.look.of(quality), maps, ..settings })
+}
+
+/// Tables of both frames of `row`, for all lanes; what `known` ones hold already is not computed again.
+///
+/// # Errors
+/// Settings outside their ranges.
+pub(super) fn tables_of(
+    scene: &TupleScene,
+    row: &Row,
+    known: &[SharedTables],
+) -> Result<Vec<SharedTables>, DatasetError> {
+    let mut made: Vec<SharedTables> = Vec::new();
+    for quality in [LOW, HIGH] {
+        let (probe, settings) = configured(&scene.station, row, quality);
+        let known: Vec<SharedTables> = made.iter().chain(known).cloned().collect();
+        made.push(scene.tables.make(&probe, &settings, &known)?);
+    }
+    Ok(made)
 }
 
 /// Times and poses of the frames of `row` in a live session.

@@ -78,7 +78,8 @@ pub(super) struct Configuration {
 }
 
 impl Configuration {
-    /// Checks the values and makes the tables. Where only the look differs from `before`, its tables are taken over.
+    /// Checks the values and makes the tables. Where only the look differs from `before`, its tables are taken over; else what it and
+    /// `known` tables hold already.
     ///
     /// # Errors
     /// A value outside its range.
@@ -87,6 +88,7 @@ impl Configuration {
         probe: &Probe,
         settings: &RenderSettings,
         before: Option<&Self>,
+        known: &[Arc<Tables>],
     ) -> Result<Self, RenderError> {
         probe.validate()?;
         settings.validate()?;
@@ -95,7 +97,10 @@ impl Configuration {
         let with_its_look = |before: &&Self| RenderSettings { look: before.settings.look, ..*settings };
         let tables = match before.filter(|before| before.has_tables_of(media, probe, &with_its_look(before))) {
             Some(before) => before.tables.with_angles(probe, &planned),
-            None => Tables::new(&media.tissues, probe, &planned, effects.effects()),
+            None => {
+                let known = before.map(|before| &before.tables).into_iter().chain(known).map(AsRef::as_ref);
+                Tables::new(&media.tissues, probe, &planned, effects.effects(), known)
+            }
         };
         let params = Params::new(media.outside, probe, &planned, &tables, effects.effects());
         let batches = BatchPlan::new(probe.scanlines, planned.quality.rays, planned.quality.layers);

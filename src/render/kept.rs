@@ -31,29 +31,23 @@ impl<T> Kept<T> {
         self.others.iter().flatten()
     }
 
-    /// Puts the value with `number` into `active`, and keeps what was there. A number without a value gets a `new` one.
-    ///
-    /// # Errors
-    /// That of `new`; nothing has changed then.
-    pub(super) fn swap<E>(
-        &mut self,
-        number: usize,
-        active: &mut T,
-        new: impl FnOnce() -> Result<T, E>,
-    ) -> Result<(), E> {
+    /// Whether there is a value with a number.
+    pub(super) fn has(&self, number: usize) -> bool {
+        number == self.active || self.get(number).is_some()
+    }
+
+    /// Puts the value with `number` into `active`, and keeps what was there. A number without a value gets the `new` one; without that,
+    /// nothing changes.
+    pub(super) fn swap(&mut self, number: usize, active: &mut T, new: Option<T>) {
+        let Some(value) = self.others.get_mut(number).and_then(Option::take).or(new) else { return };
         if number == self.active {
-            return Ok(());
+            return;
         }
         if self.others.len() <= number {
             self.others.resize_with(number + 1, || None);
         }
-        let value = match self.others[number].take() {
-            Some(value) => value,
-            None => new()?,
-        };
         self.others[self.active] = Some(std::mem::replace(active, value));
         self.active = number;
-        Ok(())
     }
 }
 
@@ -65,23 +59,20 @@ mod tests {
     fn values_come_back_by_their_number() {
         let (mut kept, mut active) = (Kept::default(), "a");
         let mut select = |number, new| {
-            kept.swap(number, &mut active, || Ok::<_, ()>(new)).unwrap();
+            kept.swap(number, &mut active, Some(new));
             active
         };
-        assert_eq!(
-            [select(0, "x"), select(2, "c"), select(0, "x"), select(2, "x"), select(1, "b")],
-            ["a", "c", "a", "c", "b"]
-        );
+        let seen = [select(0, "x"), select(2, "c"), select(0, "x"), select(2, "x"), select(1, "b")];
+        assert_eq!(seen, ["a", "c", "a", "c", "b"]);
         assert_eq!((kept.active(), kept.get(2), kept.get(1)), (1, Some(&"c"), None));
+        assert!(kept.has(0) && kept.has(1) && !kept.has(3));
         assert_eq!(kept.others().collect::<Vec<_>>(), [&"a", &"c"]);
     }
 
     #[test]
-    fn a_value_that_cannot_be_made_changes_nothing() {
+    fn a_number_without_a_value_changes_nothing() {
         let (mut kept, mut active) = (Kept::default(), 1);
-        assert_eq!(kept.swap(3, &mut active, || Err("none left")), Err("none left"));
+        kept.swap(3, &mut active, None);
         assert_eq!((active, kept.active()), (1, 0));
-        assert_eq!(kept.swap(3, &mut active, || Ok::<_, ()>(4)), Ok(()));
-        assert_eq!(active, 4);
     }
 }

@@ -30,6 +30,7 @@ pub mod plan;
 mod preset;
 mod receiver;
 mod renderer;
+mod shared_tables;
 mod sheet_cells;
 mod sheets;
 mod snapshot;
@@ -51,6 +52,7 @@ pub use host::{ImageConstants, TraceConstants};
 pub use plan::{Decision, EffectPlan};
 pub use preset::{NoQuality, Preset, UnknownPreset};
 pub use renderer::Renderer;
+pub(crate) use shared_tables::{SharedTables, TableMaker};
 pub use snapshot::Snapshot;
 
 pub use crate::settings::{Choice, Effect, EffectChoices, EffectSet, ImageSettings, Quality, RenderSettings};

@@ -159,13 +159,16 @@ impl FrameMaker for DeviceRenderer {
 
     fn select(&mut self, number: usize, inputs: FrameInputs<'_>) -> Result<(), RenderError> {
         let Self { gpu, scene, pipelines, kept, active, .. } = self;
-        kept.swap(number, active, || {
+        let mut new = || {
             // Buffers are not shared: tables of one configuration may change without the other's.
             let new = DeviceConfiguration::new(gpu, scene, pipelines, inputs, None)?;
             let bends = inputs.configuration.effects.effects().has(Effect::Refraction);
             new.buffers.fill(gpu, scene, &inputs.configuration.tables, bends, None);
-            Ok(new)
-        })
+            Ok::<_, RenderError>(new)
+        };
+        let new = if kept.has(number) { None } else { Some(new()?) };
+        kept.swap(number, active, new);
+        Ok(())
     }
 
     fn take_cold(&mut self) -> bool {

@@ -96,7 +96,7 @@ impl HostRenderer {
         image: ImageConstants,
     ) -> Result<Self, BackendError> {
         let nodes = Arc::new(bvh.nodes.par_iter().map(WideNode::decode).collect());
-        let buffers = Buffers::new(configuration)?;
+        let buffers = Buffers::new(configuration, &[])?;
         let (made, spare) = (VecDeque::new(), Vec::new());
         let waves = Waves::new(waves());
         Ok(Self { nodes, trace, image, follow: fastest(), waves, buffers, kept: Kept::default(), made, spare })
@@ -161,13 +161,13 @@ impl HostRenderer {
         });
         let steered = steered.get(inputs.angle).and_then(Option::as_ref);
         if let (Some(steered), None) = (steered, maps) {
-            scan_convert(params, steered, &b.polar, None, into);
+            scan_convert(params, &steered.layout, &b.polar, None, into);
         } else {
             // Maps are straight, whatever the angle.
-            scan_convert(params, layout, &b.polar, maps, into);
+            scan_convert(params, &layout.layout, &b.polar, maps, into);
             if let Some(steered) = steered {
                 let image = Image { bmode: &mut frame.bmode, segmentation: &mut [], attenuation: &mut [] };
-                scan_convert(params, steered, &b.polar, None, image);
+                scan_convert(params, &steered.layout, &b.polar, None, image);
             }
         }
         if !image {
@@ -312,12 +312,20 @@ impl HostRenderer {
 
 impl FrameMaker for HostRenderer {
     fn configure(&mut self, inputs: FrameInputs<'_>) -> Result<(), RenderError> {
-        self.buffers = Buffers::new(inputs.configuration)?;
+        let known: Vec<&Buffers> = self.kept.others().chain([&self.buffers]).collect();
+        let mut next = Buffers::new(inputs.configuration, &known)?;
+        next.take_over(&mut self.buffers);
+        self.buffers = next;
         Ok(())
     }
 
     fn select(&mut self, number: usize, inputs: FrameInputs<'_>) -> Result<(), RenderError> {
-        self.kept.swap(number, &mut self.buffers, || Ok(Buffers::new(inputs.configuration)?))
+        let new = match self.kept.has(number) {
+            true => None,
+            false => Some(Buffers::new(inputs.configuration, &[&self.buffers])?),
+        };
+        self.kept.swap(number, &mut self.buffers, new);
+        Ok(())
     }
 
     fn take_cold(&mut self) -> bool {

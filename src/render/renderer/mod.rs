@@ -19,6 +19,8 @@ use super::hooks::TestHooks;
 use super::kept::Kept;
 use super::maker::FrameMaker;
 use super::plan::EffectPlan;
+use super::shared_tables::SharedTables;
+use super::tables::Tables;
 use crate::anatomy::scene::SURFACES_MAX;
 use crate::anatomy::{Bvh, Scene, Skin};
 use crate::pose::Pose;
@@ -80,7 +82,22 @@ impl Renderer {
         probe: &Probe,
         settings: &RenderSettings,
     ) -> Result<Self, RenderError> {
-        Self::build(backend, scene, bvh.into(), probe, settings, &TestHooks::default())
+        Self::build(backend, scene, bvh.into(), probe, settings, &TestHooks::default(), &[])
+    }
+
+    /// As [`Renderer::with_bvh`]; what `known` tables hold already is not computed again.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub(crate) fn with_tables(
+        backend: &Backend,
+        scene: &Scene,
+        bvh: Arc<Bvh>,
+        probe: &Probe,
+        settings: &RenderSettings,
+        known: &[SharedTables],
+    ) -> Result<Self, RenderError> {
+        Self::build(backend, scene, bvh, probe, settings, &TestHooks::default(), known)
     }
 
     /// As [`Renderer::with_bvh`], with passes changed by a test. Shaders apply to a device, constants to the host.
@@ -96,7 +113,7 @@ impl Renderer {
         settings: &RenderSettings,
         hooks: &TestHooks,
     ) -> Result<Self, RenderError> {
-        Self::build(backend, scene, bvh.into(), probe, settings, hooks)
+        Self::build(backend, scene, bvh.into(), probe, settings, hooks, &[])
     }
 
     fn build(
@@ -106,13 +123,15 @@ impl Renderer {
         probe: &Probe,
         settings: &RenderSettings,
         hooks: &TestHooks,
+        known: &[SharedTables],
     ) -> Result<Self, RenderError> {
         // A value outside its range is reported before any fault of the scene.
         probe.validate()?;
         settings.validate()?;
         check_scene(scene, &bvh)?;
         let media = Arc::new(Media::new(scene, &bvh));
-        let active = Configuration::new(&media, probe, settings, None)?;
+        let known: Vec<Arc<Tables>> = known.iter().map(SharedTables::tables).collect();
+        let active = Configuration::new(&media, probe, settings, None, &known)?;
         let inputs = FrameInputs { bvh: &bvh, media: &media, configuration: &active, angle: 0 };
         let mut maker = backend.maker(inputs, hooks)?;
         active.warn(None);
@@ -155,6 +174,19 @@ impl Renderer {
     /// A value outside its range, or too little memory: the renderer is then unchanged. A device that fails in the
     /// warm-up.
     pub fn reconfigure(&mut self, probe: &Probe, settings: &RenderSettings) -> Result<(), RenderError> {
+        self.reconfigure_with(probe, settings, &[])
+    }
+
+    /// As [`Renderer::reconfigure`]; what `known` tables hold already is not computed again.
+    ///
+    /// # Errors
+    /// As [`Renderer::reconfigure`].
+    pub(crate) fn reconfigure_with(
+        &mut self,
+        probe: &Probe,
+        settings: &RenderSettings,
+        known: &[SharedTables],
+    ) -> Result<(), RenderError> {
         probe.validate()?;
         settings.validate()?;
         if self.active.has_tables_of(&self.media, probe, settings) {
@@ -167,7 +199,9 @@ impl Renderer {
             }
             return Ok(());
         }
-        let next = Configuration::new(&self.media, probe, settings, Some(&self.active))?;
+        let kept = self.kept.others().map(|kept| kept.tables.clone());
+        let known: Vec<Arc<Tables>> = kept.chain(known.iter().map(SharedTables::tables)).collect();
+        let next = Configuration::new(&self.media, probe, settings, Some(&self.active), &known)?;
         self.maker.configure(FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &next, angle: 0 })?;
         next.warn(Some(&self.active));
         let moved = self.active.effects.has(Effect::Motion);
@@ -194,10 +228,10 @@ impl Renderer {
         let next = self.kept.get(number).unwrap_or(&self.active);
         let inputs = FrameInputs { bvh: &self.bvh, media: &self.media, configuration: next, angle: 0 };
         self.maker.select(number, inputs)?;
-        let (new, moved) = (self.active.clone(), self.active.effects.has(Effect::Motion));
-        let is_new = self.kept.get(number).is_none();
-        self.kept.swap(number, &mut self.active, || Ok::<_, RenderError>(new))?;
-        self.kept_pictures.swap(number, &mut self.compounding, || Ok::<_, RenderError>(None))?;
+        let (is_new, moved) = (!self.kept.has(number), self.active.effects.has(Effect::Motion));
+        let new = is_new.then(|| self.active.clone());
+        self.kept.swap(number, &mut self.active, new);
+        self.kept_pictures.swap(number, &mut self.compounding, is_new.then_some(None));
         if is_new {
             self.prepare_compounding();
         } else {
