@@ -12,10 +12,9 @@ use super::step::{Progress, Step};
 use super::store::Store;
 use super::tuple_renderer::{TupleRenderer, tables_of};
 use super::{DatasetError, Exam, ExamRow, Maker, PoseRow, RollingRow, Row, SettingsRow};
-use crate::anatomy::Scene;
 use crate::lanes::in_order;
 use crate::render::{Backend, SharedTables};
-use crate::station::{PlaneScene, SceneSource, Station};
+use crate::station::{PlaneScene, SceneSource};
 
 /// Tuples of a shard in a directory. The directory is locked against other runs of the shard while this value lives.
 #[derive(Debug)]
@@ -101,9 +100,9 @@ impl Job<'_> {
         let (maker, directory, store) = (self.maker, &self.directory, &mut self.store);
         let missing = maker.exams().iter().map(|exam| (exam, store.missing(exam.tuples.clone())));
         let missing: Vec<(&Exam, Vec<usize>)> = missing.filter(|(_, tuples)| !tuples.is_empty()).collect();
-        let mut tables = Vec::new();
+        let (mut tables, mut planes) = (Vec::new(), None);
         let mut planned = |(exam, tuples): &(&Exam, Vec<usize>)| {
-            let planned = planned(maker, &mut scenes, exam, tuples, &tables)?;
+            let planned = planned(maker, &mut scenes, &mut planes, (exam, tuples), &tables)?;
             tables = planned.first().map(|planned| planned.tables.clone()).unwrap_or_default();
             Ok(planned)
         };
@@ -151,6 +150,9 @@ impl Job<'_> {
     }
 }
 
+/// Standard planes of a scene.
+type Planes = (Arc<TupleScene>, PlaneScene);
+
 /// A tuple to be rendered.
 struct Planned {
     scene: Arc<TupleScene>,
@@ -162,8 +164,8 @@ struct Planned {
 fn planned(
     maker: &Maker,
     scenes: &mut Scenes<'_>,
-    exam: &Exam,
-    tuples: &[usize],
+    planes: &mut Option<Planes>,
+    (exam, tuples): (&Exam, &[usize]),
     known: &[SharedTables],
 ) -> Result<Vec<Planned>, DatasetError> {
     let Maker { recipe, header, .. } = maker;
@@ -201,21 +203,29 @@ fn planned(
         mask: String::new(),
         sha256: String::new(),
     };
-    let moments = moments(&scene.scene, exam, &station, frames_before)?.into_iter();
+    let moments = moments(&scene, planes, exam, frames_before)?.into_iter();
     let rows: Vec<Row> = moments.filter(|moment| tuples.contains(&moment.index)).map(row).collect();
     // All tuples of an exam have the same settings.
     let tables = rows.first().map(|row| tables_of(&scene, row, known)).transpose()?.unwrap_or_default();
     Ok(rows.into_iter().map(|row| Planned { scene: scene.clone(), tables: tables.clone(), row }).collect())
 }
 
-/// Key frames of an exam over `station`, whose scene is `scene`.
-fn moments(scene: &Scene, exam: &Exam, station: &Station, frames_before: u32) -> Result<Vec<Moment>, DatasetError> {
+/// Key frames of an exam over `scene`. `planes` keeps the planes of the last scene.
+fn moments(
+    scene: &Arc<TupleScene>,
+    planes: &mut Option<Planes>,
+    exam: &Exam,
+    frames_before: u32,
+) -> Result<Vec<Moment>, DatasetError> {
+    let station = &scene.station;
     if has_planes(station) {
-        let scene = match station.scene_file() {
-            Some(_) => PlaneScene::of(station, scene)?,
-            None => PlaneScene::open(station)?,
-        };
-        return Ok(exam.moments(&Source::Planes(&scene.planes, &scene.skin), frames_before)?);
+        let of_scene = planes.take_if(|(of, _)| Arc::ptr_eq(of, scene));
+        let (_, planes) = planes.insert(match (of_scene, station.scene_file()) {
+            (Some(kept), _) => kept,
+            (None, Some(_)) => (scene.clone(), PlaneScene::of(station, &scene.scene)?),
+            (None, None) => (scene.clone(), PlaneScene::open(station)?),
+        });
+        return Ok(exam.moments(&Source::Planes(&planes.planes, &planes.skin), frames_before)?);
     }
     let no_pose = || DatasetError::NoPose { station: station.path.clone() };
     Ok(exam.moments(&Source::About(station.default_pose.ok_or_else(no_pose)?), frames_before)?)

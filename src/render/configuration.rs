@@ -96,15 +96,15 @@ impl Configuration {
         let planned = effects.settings(settings);
         let with_its_look = |before: &&Self| RenderSettings { look: before.settings.look, ..*settings };
         let tables = match before.filter(|before| before.has_tables_of(media, probe, &with_its_look(before))) {
-            Some(before) => before.tables.with_angles(probe, &planned),
+            Some(before) => Arc::new(before.tables.with_angles(probe, &planned)),
             None => {
-                let known = before.map(|before| &before.tables).into_iter().chain(known).map(AsRef::as_ref);
+                let known = before.map(|before| &before.tables).into_iter().chain(known);
                 Tables::new(&media.tissues, probe, &planned, effects.effects(), known)
             }
         };
         let params = Params::new(media.outside, probe, &planned, &tables, effects.effects());
         let batches = BatchPlan::new(probe.scanlines, planned.quality.rays, planned.quality.layers);
-        Ok(Self { probe: *probe, settings: *settings, effects, params, tables: Arc::new(tables), batches })
+        Ok(Self { probe: *probe, settings: *settings, effects, params, tables, batches })
     }
 
     /// Warns of a sector without pixels, and of clipped kernels that `previous` did not have.

@@ -25,6 +25,13 @@ pub(super) trait FrameMaker: Debug + Send {
     /// As [`FrameMaker::configure`].
     fn select(&mut self, number: usize, inputs: FrameInputs<'_>) -> Result<(), RenderError>;
 
+    /// A maker of the same scene with buffers of its own, which makes frames at the same time; none for a device, which has frames in
+    /// flight.
+    ///
+    /// # Errors
+    /// Too little memory.
+    fn beside(&self, inputs: FrameInputs<'_>) -> Result<Option<Box<dyn FrameMaker>>, RenderError>;
+
     /// Whether passes were compiled since the last call: the next frame takes longer.
     fn take_cold(&mut self) -> bool;
 

@@ -51,7 +51,7 @@ pub use host::processor_name;
 pub use host::{ImageConstants, TraceConstants};
 pub use plan::{Decision, EffectPlan};
 pub use preset::{NoQuality, Preset, UnknownPreset};
-pub use renderer::Renderer;
+pub use renderer::{Job, Renderer};
 pub(crate) use shared_tables::{SharedTables, TableMaker};
 pub use snapshot::Snapshot;
 

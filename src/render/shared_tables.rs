@@ -14,6 +14,10 @@ use crate::transducer::Probe;
 pub(crate) struct SharedTables(Arc<Tables>);
 
 impl SharedTables {
+    pub(super) fn of(tables: &Arc<Tables>) -> Self {
+        Self(tables.clone())
+    }
+
     pub(super) fn tables(&self) -> Arc<Tables> {
         self.0.clone()
     }

@@ -17,7 +17,7 @@ use super::texture::PackedTexture;
 use crate::acoustics::decibel::NEPER_PER_DB;
 use crate::acoustics::{ASSUMED_SPEED_M_S, wavelength_mm};
 use crate::anatomy::Tissue;
-use crate::settings::{Effect, EffectSet, LookSettings, RenderSettings};
+use crate::settings::{Effect, EffectSet, LookSettings, Quality, RenderSettings};
 use crate::transducer::{Probe, Sector};
 
 /// Words of four pixels across a tile of the image.
@@ -135,6 +135,12 @@ struct MadeFor {
 }
 
 impl MadeFor {
+    fn new(probe: &Probe, settings: &RenderSettings, effects: EffectSet) -> Self {
+        // Tables know no seed.
+        let settings = RenderSettings { quality: Quality { seed: 0, ..settings.quality }, ..*settings };
+        Self { probe: *probe, settings, effects }
+    }
+
     /// Whether scanlines and pixels of both lie in the same places: pictures don't know where the beam is focused.
     fn has_pixels_of(&self, other: &Self) -> bool {
         let image = |made: &Self| (made.settings.image.width, made.settings.image.height);
@@ -169,19 +175,28 @@ impl Tables {
     /// These tables with the angles of other settings.
     pub(crate) fn with_angles(&self, probe: &Probe, settings: &RenderSettings) -> Self {
         let angles = angles(probe, &settings.look, &self.pixels, &self.angles);
-        let made_for = MadeFor { settings: *settings, ..self.made_for };
+        let made_for = MadeFor::new(probe, settings, self.made_for.effects);
         Self { elevations: elevations_of(probe, settings, &angles), angles, made_for, ..self.clone() }
     }
 
-    /// Tables of a probe and settings. What `known` tables hold already is taken over.
+    /// Tables of a probe and settings: one of the `known` ones, or new ones that take over what those hold already.
     pub(crate) fn new<'a>(
         tissues: &[Tissue],
         probe: &Probe,
         settings: &RenderSettings,
         effects: EffectSet,
-        known: impl Iterator<Item = &'a Self> + Clone,
-    ) -> Self {
-        let made_for = MadeFor { probe: *probe, settings: *settings, effects };
+        known: impl Iterator<Item = &'a Arc<Self>> + Clone,
+    ) -> Arc<Self> {
+        let made_for = MadeFor::new(probe, settings, effects);
+        let packed = |(i, tissue)| PackedTissue::new(i, tissue, probe, effects);
+        let packed_tissues: Vec<PackedTissue> = tissues.iter().enumerate().map(packed).collect();
+        let textures = if effects.has(Effect::Texture) { textures(tissues) } else { Vec::new() };
+        let same = |known: &&Arc<Self>| {
+            known.made_for == made_for && known.tissues == packed_tissues && known.textures == textures
+        };
+        if let Some(known) = known.clone().find(same) {
+            return known.clone();
+        }
         let sector = Sector::fit(probe, settings.image.width, settings.image.height);
         let map_step_mm = sector.pixel_mm.min(probe.depth_mm / MAP_STEPS_MIN);
         let map_ray_count = map_ray_count(probe, map_step_mm);
@@ -215,7 +230,7 @@ impl Tables {
         let near = effects.has(Effect::Contact) || effects.has(Effect::Clutter);
         let near_field = beams.and_then(|known| known.near_field.clone()).filter(|_| near);
         let new_near = || near.then(|| NearField::new(probe, &kernels.pulse));
-        Self {
+        Arc::new(Self {
             near_field: near_field.or_else(new_near),
             rays: rays(probe, settings.quality.rays),
             map_rays: fan(probe, map_ray_count),
@@ -224,8 +239,8 @@ impl Tables {
             map_step_mm,
             face_spacing_mm: probe.line_spacing_mm(0.0),
             elevations: elevations_of(probe, settings, &angles),
-            tissues: tissues.iter().enumerate().map(|(i, t)| PackedTissue::new(i, t, probe, effects)).collect(),
-            textures: if effects.has(Effect::Texture) { textures(tissues) } else { Vec::new() },
+            tissues: packed_tissues,
+            textures,
             kernels,
             aperture,
             sheets,
@@ -235,7 +250,7 @@ impl Tables {
             mask,
             sector,
             made_for,
-        }
+        })
     }
 }
 

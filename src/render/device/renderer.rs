@@ -171,6 +171,10 @@ impl FrameMaker for DeviceRenderer {
         Ok(())
     }
 
+    fn beside(&self, _: FrameInputs<'_>) -> Result<Option<Box<dyn FrameMaker>>, RenderError> {
+        Ok(None)
+    }
+
     fn take_cold(&mut self) -> bool {
         self.pipelines.take_cold()
     }

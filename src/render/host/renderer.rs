@@ -328,6 +328,21 @@ impl FrameMaker for HostRenderer {
         Ok(())
     }
 
+    fn beside(&self, inputs: FrameInputs<'_>) -> Result<Option<Box<dyn FrameMaker>>, RenderError> {
+        let Self { ref nodes, trace, image, follow, ref waves, .. } = *self;
+        Ok(Some(Box::new(Self {
+            nodes: nodes.clone(),
+            trace,
+            image,
+            follow,
+            waves: *waves,
+            buffers: Buffers::new(inputs.configuration, &[&self.buffers])?,
+            kept: Kept::default(),
+            made: VecDeque::new(),
+            spare: Vec::new(),
+        })))
+    }
+
     fn take_cold(&mut self) -> bool {
         false
     }

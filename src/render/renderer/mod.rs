@@ -1,6 +1,7 @@
 //! Frames from poses: one interface for all backends; up to two frames are in flight.
 
 mod frames;
+mod many;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -27,6 +28,7 @@ use crate::pose::Pose;
 use crate::settings::{Effect, RenderSettings, SettingsGroup as _};
 use crate::transducer::{Probe, Sector};
 use frames::InFlight;
+pub use many::Job;
 
 /// Renders frames of one scene.
 #[derive(Debug)]
@@ -37,7 +39,7 @@ pub struct Renderer {
     /// Configurations beside the active one.
     kept: Kept<Configuration>,
     /// Skin that the face touches, at rest; none before the effect `contact` is first simulated.
-    skin: Option<Skin>,
+    skin: Option<Arc<Skin>>,
     maker: Box<dyn FrameMaker>,
     on_host: bool,
     /// Whether the next frames carry their image.
@@ -55,6 +57,8 @@ pub struct Renderer {
     /// Changes of settings so far: pictures before and after are not averaged.
     generation: u64,
     in_flight: VecDeque<InFlight>,
+    /// Renderers that make frames at the same time, kept for the next ones.
+    beside: Vec<Self>,
 }
 
 impl Renderer {
@@ -153,6 +157,7 @@ impl Renderer {
             order: AngleOrder::default(),
             generation: 0,
             in_flight,
+            beside: Vec::new(),
         };
         renderer.prepare_compounding();
         renderer.prepare_skin()?;
@@ -255,7 +260,7 @@ impl Renderer {
         }
         let touched = |surface: u32| self.media.touched.get(surface as usize).copied().unwrap_or(false);
         let triangles = self.bvh.triangles.iter().filter(|triangle| touched(triangle.surface));
-        self.skin = Some(Skin::of_triangles(triangles.map(|triangle| self.bvh.corners_mm(triangle)))?);
+        self.skin = Some(Arc::new(Skin::of_triangles(triangles.map(|triangle| self.bvh.corners_mm(triangle)))?));
         Ok(())
     }
 
