@@ -134,6 +134,8 @@ pub mod statistics;
 
 pub mod random;
 
+mod lanes;
+
 mod suggest;
 
 pub mod names;

@@ -111,6 +111,35 @@ fn a_data_set_matches_its_rows_and_renders_again() {
 }
 
 #[test]
+fn the_number_of_lanes_changes_no_byte() {
+    let (dir, station, _) = station_and_output();
+    // Two stations, so that the scene changes between sessions.
+    let other = dir.path().join("other.toml");
+    std::fs::write(&other, STATION.replace("samples = 256", "samples = 320")).unwrap();
+    let files = |threads: &str, more: &[&str]| {
+        let out = dir.path().join(format!("{threads}{}", more.concat()));
+        let usual =
+            ["dataset", text(&station), text(&other), "--frames", "10", "--frames-per-exam", "2", "--hq", "4x1"];
+        let all = [&usual[..], more, &["--backend", "host", "--out", text(&out)]].concat();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_insonify"));
+        made(&command.args(all).env("RAYON_NUM_THREADS", threads).output().unwrap());
+        let folders = [out.join("tuples"), out.join("masks"), out];
+        let paths =
+            folders.iter().flat_map(|folder| std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()));
+        let files = paths.filter(|path| path.is_file());
+        let named = files.map(|path| (path.file_name().unwrap().to_owned(), std::fs::read(&path).unwrap()));
+        named.collect::<BTreeMap<_, _>>()
+    };
+    for more in [&["--lq", "1x1,2x1"][..], &["--angles", "3", "--lq-angles", "3"]] {
+        let one = files("1", more);
+        assert_eq!(one.len(), 10 + 1 + 2, "{:?}", one.keys());
+        for threads in ["2", "5"] {
+            assert!(files(threads, more) == one, "{threads} threads, {more:?}");
+        }
+    }
+}
+
+#[test]
 fn a_program_makes_the_tuples_of_the_command() {
     let (dir, station, out) = station_and_output();
     made(&make(&station, &out, &["--backend", "host"]));

@@ -34,7 +34,7 @@ const ORDER: [&[&str]; 21] = [
     &["pose"],
     &["acoustics", "look"],
     &["settings"],
-    &["files", "statistics", "random", "suggest", "names", "simd"],
+    &["files", "statistics", "random", "suggest", "names", "simd", "lanes"],
 ];
 
 type Module = Vec<String>;

@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::{Duration, Instant};
 
-use insonify::chooser::{StillFrame, render_still_with};
+use insonify::chooser::{StillFrame, StillJob, render_still_with, render_stills_with};
 use insonify::render::{Backend, BackendChoice, EffectPlan, FrameQuality, RenderSettings, Renderer};
 use insonify::tradeoff::PlanTable;
 use insonify::transducer::Probe;
@@ -150,6 +150,35 @@ impl Rendering {
             *chosen = Some(found.quality);
         }
         Ok(still)
+    }
+
+    /// Number of frames that are rendered at once.
+    pub(crate) fn at_once() -> usize {
+        on_pool(|| Ok(rayon::current_num_threads())).unwrap_or(1)
+    }
+
+    /// Renders frames as [`Rendering::still`] does, several at once. `each` receives them in order.
+    pub(crate) fn stills(
+        slot: &Slot,
+        described: &Described,
+        requests: &[FrameRequest],
+        chosen: Option<FrameQuality>,
+        mut each: impl FnMut(StillFrame) -> Result<(), Failure> + Send,
+    ) -> Result<(), Failure> {
+        let job = |request: &FrameRequest| {
+            let mut settings = request.settings(described);
+            if let Some(quality) = chosen.filter(|_| request.quality.is_none()) {
+                settings.quality = quality.with_seed(settings.quality.seed);
+            }
+            StillJob { settings, at: (request.pose, request.time_s) }
+        };
+        let jobs: Vec<StillJob> = requests.iter().map(job).collect();
+        let Some(first) = jobs.first() else { return Ok(()) };
+        Self::with(slot, described, &first.settings, |rendering| {
+            jobs.iter().for_each(|job| rendering.warn(&described.station.probe, &job.settings));
+            let Self { renderer, backend, .. } = rendering;
+            render_stills_with(renderer, backend, &described.station, &jobs, |_, still| each(still))
+        })
     }
 
     /// Logs what the plan warns of, once for each kind of frame.

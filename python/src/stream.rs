@@ -31,12 +31,25 @@ impl Stream {
         let thread = std::thread::Builder::new().name("insonify-ahead".into()).spawn(move || {
             // A budget chooses a quality for the first frame, and all others have it, too.
             let mut chosen = None;
-            for request in asked {
+            let at_once = Rendering::at_once();
+            // Whatever was asked for meanwhile is rendered at once; nobody waits for more requests.
+            while let Ok(first) = asked.recv() {
+                // The first frame chooses the quality of all.
+                let single = chosen.is_none() && described.station.frame_budget_ms.is_some();
+                let room = if single { 0 } else { at_once - 1 };
+                let requests: Vec<FrameRequest> = std::iter::once(first).chain(asked.try_iter().take(room)).collect();
                 if stop.load(Ordering::Relaxed) {
                     break;
                 }
-                let still = Rendering::still(&inner.rendering, &described, &request, &mut chosen);
-                if made.send(still).is_err() {
+                let closed = || Failure::new(Kind::Render, "the stream is closed");
+                let send = |still| made.send(Ok(still)).map_err(|_| closed());
+                let rendered = match requests.as_slice() {
+                    [only] => Rendering::still(&inner.rendering, &described, only, &mut chosen).and_then(send),
+                    all => Rendering::stills(&inner.rendering, &described, all, chosen, send),
+                };
+                // The first frame that fails is the last.
+                if let Err(failure) = rendered {
+                    let _ = made.send(Err(failure));
                     break;
                 }
             }

@@ -23,5 +23,5 @@ pub use error_table::{ErrorTable, ErrorTableError, ExpectedErrors, GeneratorKey,
 pub use front::{ANGLES, ErrorSettings, ErrorStep, RAYS_LAYERS, measure_errors};
 pub use starting_point::{StartingPoint, choose, scene_name};
 pub use still::{StillQuality, choose_still};
-pub use still_frame::{StillFrame, render_still, render_still_with};
+pub use still_frame::{StillFrame, StillJob, render_still, render_still_with, render_stills_with};
 pub use translation::{Translation, TranslationReport};

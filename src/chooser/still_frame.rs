@@ -4,6 +4,7 @@ use super::error::ChooserError;
 use super::starting_point::scene_name;
 use super::still::{StillQuality, choose_still};
 use crate::anatomy::Scene;
+use crate::lanes::{in_order, lane_count};
 use crate::look::{Look, Shape};
 use crate::pose::Pose;
 use crate::render::{Backend, Frame, Quality, RenderSettings, Renderer};
@@ -72,4 +73,33 @@ pub fn render_still_with(
     let mut record = FrameRecord::new(&frame, &pose, probe, &settings, plan, sector, backend.into());
     record.chosen = chosen.as_ref().map(StillQuality::to_string);
     Ok(StillFrame { frame, record, chosen })
+}
+
+/// A still of many.
+#[derive(Debug, Clone)]
+pub struct StillJob {
+    /// Settings of the frame.
+    pub settings: RenderSettings,
+    /// Pose, and time of the scene, s.
+    pub at: (Pose, f64),
+}
+
+/// As [`render_still_with`] for each of `jobs`, several at once on the host. `each` receives the frames in order. `renderer` is kept at
+/// any one of the jobs' settings and times.
+///
+/// # Errors
+/// The first frame that can't be rendered, after those before it, or an error of `each`.
+pub fn render_stills_with<E: From<ChooserError> + Send>(
+    renderer: &mut Renderer,
+    backend: &Backend,
+    station: &Station,
+    jobs: &[StillJob],
+    mut each: impl FnMut(usize, StillFrame) -> Result<(), E>,
+) -> Result<(), E> {
+    let render = |lane: &mut &mut Renderer, job: &StillJob| {
+        Ok(render_still_with(lane, backend, station, job.settings, job.at, None)?)
+    };
+    let count = lane_count().min(jobs.len());
+    let done = renderer.with_lanes(count, |lanes| in_order(lanes, jobs.iter().map(Ok), render, &mut each));
+    done.map_err(ChooserError::from)?
 }

@@ -2,16 +2,19 @@
 
 use std::fmt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::maker::megabytes;
 use super::plan::{Moment, Source};
-use super::stations::{has_planes, with_phantom};
+use super::scenes::{Scenes, TupleScene};
+use super::stations::{has_planes, station_of, with_phantom};
 use super::step::{Progress, Step};
 use super::store::Store;
-use super::tuple_renderer::TupleRenderer;
+use super::tuple_renderer::{TupleRenderer, tables_of};
 use super::{DatasetError, Exam, ExamRow, Maker, PoseRow, RollingRow, Row, SettingsRow};
-use crate::render::Backend;
-use crate::station::{PlaneScene, SceneSource, Station};
+use crate::lanes::in_order;
+use crate::render::{Backend, SharedTables};
+use crate::station::{PlaneScene, SceneSource};
 
 /// Tuples of a shard in a directory. The directory is locked against other runs of the shard while this value lives.
 #[derive(Debug)]
@@ -79,26 +82,44 @@ impl Job<'_> {
         self.total() - self.store.done()
     }
 
-    /// Renders the missing tuples. A run that was stopped goes on where it was.
+    /// Renders the missing tuples, several at once. A run that was stopped goes on where it was.
     ///
     /// # Errors
     /// Tuples of this directory that this machine renders differently, checked on one; a scene that cannot be loaded or
-    /// rendered; a station with neither standard planes nor a pose; files that cannot be written.
+    /// rendered; a station with neither standard planes nor a pose; files that cannot be written. The tuples before one that
+    /// fails are kept.
     pub fn render(&mut self, backend: &Backend, progress: &Progress<'_>) -> Result<(), DatasetError> {
         let total = self.total();
         if self.missing() == 0 {
             return Ok(());
         }
-        let mut renderer = TupleRenderer::new(backend, self.maker.header.classes.clone(), progress);
-        self.check_machine(&mut renderer)?;
+        let mut lanes = TupleRenderer::lanes(backend);
+        let mut scenes = Scenes::new(self.maker.header.classes.clone(), progress);
+        self.check_machine(&mut scenes, lanes.first_mut())?;
         progress(Step::Tuples { done: self.store.done(), total });
-        for exam in self.maker.exams() {
-            if exam.tuples.clone().all(|index| self.store.has(index)) {
-                continue;
-            }
-            self.render_exam(&mut renderer, exam, &mut |done| progress(Step::Tuples { done, total }))?;
-        }
-        Ok(())
+        let (maker, directory, store) = (self.maker, &self.directory, &mut self.store);
+        let missing = maker.exams().iter().map(|exam| (exam, store.missing(exam.tuples.clone())));
+        let missing: Vec<(&Exam, Vec<usize>)> = missing.filter(|(_, tuples)| !tuples.is_empty()).collect();
+        let (mut tables, mut planes) = (Vec::new(), None);
+        let mut planned = |(exam, tuples): &(&Exam, Vec<usize>)| {
+            let planned = planned(maker, &mut scenes, &mut planes, (exam, tuples), &tables)?;
+            tables = planned.first().map(|planned| planned.tables.clone()).unwrap_or_default();
+            Ok(planned)
+        };
+        let planned = missing.iter().flat_map(|exam| match planned(exam) {
+            Ok(tuples) => tuples.into_iter().map(Ok).collect(),
+            Err(error) => vec![Err(error)],
+        });
+        let write = |renderer: &mut TupleRenderer<'_>, Planned { scene, tables, row }: Planned| {
+            let target = maker.targets.as_ref().map(|targets| targets.of(&row)).transpose()?;
+            let tuple = renderer.write(&scene, tables, &row, target, &directory.join(&row.file))?;
+            Ok((row, tuple))
+        };
+        in_order(&mut lanes, planned, write, |_, (row, tuple)| {
+            store.keep(row, tuple)?;
+            progress(Step::Tuples { done: store.done(), total });
+            Ok(())
+        })
     }
 
     /// Numbers of tuples, and the manifest.
@@ -115,82 +136,96 @@ impl Job<'_> {
     }
 
     /// Refuses to continue a data set that this machine renders differently, checked on one tuple.
-    fn check_machine(&self, renderer: &mut TupleRenderer<'_>) -> Result<(), DatasetError> {
-        let Some(row) = &self.store.last else { return Ok(()) };
-        if renderer.agrees(&self.directory, &self.maker.header, row)? {
+    fn check_machine(
+        &self,
+        scenes: &mut Scenes<'_>,
+        renderer: Option<&mut TupleRenderer<'_>>,
+    ) -> Result<(), DatasetError> {
+        let (Some(row), Some(renderer)) = (&self.store.last, renderer) else { return Ok(()) };
+        let scene = scenes.of(&station_of(&self.directory, &self.maker.header, row)?)?;
+        if renderer.agrees(&scene, row)? {
             return Ok(());
         }
         Err(DatasetError::OtherMachine { directory: self.directory.clone(), index: row.index })
     }
-
-    /// Renders the missing tuples of an exam; reports the finished tuples of the shard.
-    fn render_exam(
-        &mut self,
-        renderer: &mut TupleRenderer<'_>,
-        exam: &Exam,
-        done: &mut dyn FnMut(usize),
-    ) -> Result<(), DatasetError> {
-        let Maker { recipe, header, targets, .. } = self.maker;
-        let Some(station) = recipe.stations.get(exam.station) else { return Ok(()) };
-        let station = with_phantom(station, exam);
-        let frames_before = header.look.lq_angles - 1;
-        let moments = moments(renderer, exam, &station, frames_before)?;
-        let phantom = match &station.scene {
-            SceneSource::ObstetricPhantom(options) => Some(*options),
-            SceneSource::File(_) => None,
-        };
-        let settings = SettingsRow::draw(exam.seed, &station.probe, &station.settings);
-        let about_planes = has_planes(&station);
-        for Moment { index, time_s, pose, seed, frame_rate_hz, before } in moments {
-            if self.store.has(index) {
-                continue;
-            }
-            let mut row = Row {
-                index,
-                split: exam.split,
-                station: header.stations.get(exam.station).map(|s| s.file.clone()).unwrap_or_default(),
-                phantom,
-                exam: ExamRow {
-                    number: exam.number,
-                    seed: exam.seed,
-                    skill: about_planes.then(|| exam.skill.name().to_owned()),
-                },
-                time_s,
-                pose: (&pose).into(),
-                rolling: (frames_before > 0)
-                    .then(|| RollingRow { frame_rate_hz, poses: before.iter().map(PoseRow::from).collect() }),
-                settings,
-                seed,
-                lq: header.lq_of(index),
-                hq: header.hq,
-                look: header.look,
-                size: [station.settings.image.width, station.settings.image.height],
-                file: format!("tuples/{index:07}.npy"),
-                mask: String::new(),
-                sha256: String::new(),
-            };
-            let target = targets.as_ref().map(|targets| targets.of(&row)).transpose()?;
-            let tuple = renderer.tuple(&station, &row, target)?;
-            self.store.keep(&mut row, &tuple)?;
-            done(self.store.done());
-        }
-        Ok(())
-    }
 }
 
-/// Key frames of an exam over `station`.
+/// Standard planes of a scene.
+type Planes = (Arc<TupleScene>, PlaneScene);
+
+/// A tuple to be rendered.
+struct Planned {
+    scene: Arc<TupleScene>,
+    tables: Vec<SharedTables>,
+    row: Row,
+}
+
+/// The tuples of an exam with these indices; `known` tables are those of the exam before.
+fn planned(
+    maker: &Maker,
+    scenes: &mut Scenes<'_>,
+    planes: &mut Option<Planes>,
+    (exam, tuples): (&Exam, &[usize]),
+    known: &[SharedTables],
+) -> Result<Vec<Planned>, DatasetError> {
+    let Maker { recipe, header, .. } = maker;
+    let Some(station) = recipe.stations.get(exam.station) else { return Ok(Vec::new()) };
+    let station = with_phantom(station, exam);
+    let frames_before = header.look.lq_angles - 1;
+    let scene = scenes.of(&station)?;
+    let phantom = match &station.scene {
+        SceneSource::ObstetricPhantom(options) => Some(*options),
+        SceneSource::File(_) => None,
+    };
+    let settings = SettingsRow::draw(exam.seed, &station.probe, &station.settings);
+    let about_planes = has_planes(&station);
+    let row = |Moment { index, time_s, pose, seed, frame_rate_hz, before }: Moment| Row {
+        index,
+        split: exam.split,
+        station: header.stations.get(exam.station).map(|s| s.file.clone()).unwrap_or_default(),
+        phantom,
+        exam: ExamRow {
+            number: exam.number,
+            seed: exam.seed,
+            skill: about_planes.then(|| exam.skill.name().to_owned()),
+        },
+        time_s,
+        pose: (&pose).into(),
+        rolling: (frames_before > 0)
+            .then(|| RollingRow { frame_rate_hz, poses: before.iter().map(PoseRow::from).collect() }),
+        settings,
+        seed,
+        lq: header.lq_of(index),
+        hq: header.hq,
+        look: header.look,
+        size: [station.settings.image.width, station.settings.image.height],
+        file: format!("tuples/{index:07}.npy"),
+        mask: String::new(),
+        sha256: String::new(),
+    };
+    let moments = moments(&scene, planes, exam, frames_before)?.into_iter();
+    let rows: Vec<Row> = moments.filter(|moment| tuples.contains(&moment.index)).map(row).collect();
+    // All tuples of an exam have the same settings.
+    let tables = rows.first().map(|row| tables_of(&scene, row, known)).transpose()?.unwrap_or_default();
+    Ok(rows.into_iter().map(|row| Planned { scene: scene.clone(), tables: tables.clone(), row }).collect())
+}
+
+/// Key frames of an exam over `scene`. `planes` keeps the planes of the last scene.
 fn moments(
-    renderer: &mut TupleRenderer<'_>,
+    scene: &Arc<TupleScene>,
+    planes: &mut Option<Planes>,
     exam: &Exam,
-    station: &Station,
     frames_before: u32,
 ) -> Result<Vec<Moment>, DatasetError> {
+    let station = &scene.station;
     if has_planes(station) {
-        let scene = match station.scene_file() {
-            Some(_) => PlaneScene::of(station, renderer.scene(station)?)?,
-            None => PlaneScene::open(station)?,
-        };
-        return Ok(exam.moments(&Source::Planes(&scene.planes, &scene.skin), frames_before)?);
+        let of_scene = planes.take_if(|(of, _)| Arc::ptr_eq(of, scene));
+        let (_, planes) = planes.insert(match (of_scene, station.scene_file()) {
+            (Some(kept), _) => kept,
+            (None, Some(_)) => (scene.clone(), PlaneScene::of(station, &scene.scene)?),
+            (None, None) => (scene.clone(), PlaneScene::open(station)?),
+        });
+        return Ok(exam.moments(&Source::Planes(&planes.planes, &planes.skin), frames_before)?);
     }
     let no_pose = || DatasetError::NoPose { station: station.path.clone() };
     Ok(exam.moments(&Source::About(station.default_pose.ok_or_else(no_pose)?), frames_before)?)

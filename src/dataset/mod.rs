@@ -26,11 +26,13 @@
 
 mod error;
 mod job;
+mod levels;
 mod maker;
 mod plan;
 mod read;
 mod recipe;
 mod row;
+mod scenes;
 mod stations;
 mod step;
 mod store;
@@ -46,6 +48,7 @@ pub use plan::{Exam, Moment, Plan, Shard, Source, Wishes};
 pub use read::{Dataset, Tuple, manifests, read_rows};
 pub use recipe::Recipe;
 pub use row::{CompoundingRow, ExamRow, Header, PoseRow, RollingRow, Row, ScanRow, SettingsRow, Split, StationRow};
+pub(crate) use scenes::{Scenes, TupleScene};
 pub use step::{Progress, Step};
 pub(crate) use tuple_renderer::TupleRenderer;
 pub use variation::parameters;

@@ -6,7 +6,7 @@ use std::io::Write;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use super::stations::{read_station, sha256};
+use super::stations::read_station;
 use super::tuple_renderer::RenderedTuple;
 use super::{Dataset, DatasetError, HEADER_FILE, Header, Row, Shard, Split, manifests, read_rows};
 use crate::sink::{SinkError, create_dir, write_bytes, write_json, write_text};
@@ -109,26 +109,25 @@ impl Store {
         }
     }
 
-    /// Writes a tuple, its mask and then its row. Fills in the row's checksums and names.
-    pub(super) fn keep(&mut self, row: &mut Row, tuple: &RenderedTuple) -> Result<(), DatasetError> {
-        let [width, height] = tuple.size;
-        row.size = tuple.size;
-        row.mask = format!("masks/{width}x{height}_{}.npy", &sha256(&tuple.mask)[..16]);
-        row.sha256 = sha256(&tuple.bytes);
-        if self.masks.insert(row.mask.clone()) {
-            write_bytes(&self.directory.join(&row.mask), &tuple.mask)?;
+    /// Writes the mask and then the row of a tuple whose array is written. Fills in the row's checksums and names.
+    pub(super) fn keep(&mut self, row: Row, tuple: RenderedTuple) -> Result<(), DatasetError> {
+        let RenderedTuple { sha256, mask, size } = tuple;
+        if !self.masks.contains(&mask.file) {
+            write_bytes(&self.directory.join(&mask.file), &mask.bytes)?;
+            self.masks.insert(mask.file.clone());
         }
-        write_bytes(&self.directory.join(&row.file), &tuple.bytes)?;
-        let mut line = serde_json::to_vec(row).map_err(|source| SinkError::Json { path: self.path.clone(), source })?;
+        let row = Row { size, mask: mask.file, sha256, ..row };
+        let mut line =
+            serde_json::to_vec(&row).map_err(|source| SinkError::Json { path: self.path.clone(), source })?;
         line.push(b'\n');
         self.manifest.write_all(&line).map_err(SinkError::io(&self.path))?;
-        self.count(row);
+        self.count(&row);
         Ok(())
     }
 
-    /// Whether any shard has rendered a tuple.
-    pub(super) fn has(&self, index: usize) -> bool {
-        self.done.contains(&index)
+    /// Those of some tuples that no shard has rendered.
+    pub(super) fn missing(&self, tuples: Range<usize>) -> Vec<usize> {
+        tuples.filter(|index| !self.done.contains(index)).collect()
     }
 
     /// Number of finished tuples of this shard.

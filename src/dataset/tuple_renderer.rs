@@ -1,164 +1,227 @@
 //! Renders tuples from their rows.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::stations::{class_of, sha256, station_of};
-use super::step::{Progress, Step};
-use super::{ATTENUATION_POWER, DatasetError, Header, RollingRow, Row};
-use crate::anatomy::Scene;
-use crate::anatomy::bvh::Bvh;
-use crate::phantom;
+use super::levels::{Levels, extend_by_classes};
+use super::scenes::TupleScene;
+use super::stations::sha256;
+use super::{DatasetError, RollingRow, Row};
+use crate::lanes::lane_count;
 use crate::pose::Pose;
-use crate::render::{Backend, Frame, Quality, RenderError, RenderSettings, Renderer};
-use crate::sink::npy::bytes_of_u8;
+use crate::render::{Backend, Frame, Quality, RenderSettings, Renderer, SharedTables};
+use crate::sink::npy::{bytes_of_u8, header_of_u8};
+use crate::sink::{SinkError, check_shape, write_bytes};
 use crate::station::Station;
+use crate::transducer::Probe;
 
-/// A rendered tuple.
+/// Numbers of a renderer's configurations.
+const LOW: usize = 0;
+const HIGH: usize = 1;
+
+/// A mask's file.
+#[derive(Debug, Clone)]
+pub(super) struct MaskFile {
+    /// Path below the data set's directory, named after the content.
+    pub(super) file: String,
+    pub(super) bytes: Arc<[u8]>,
+}
+
+/// Checksum, mask and size of a rendered tuple.
+#[derive(Debug, Clone)]
 pub(super) struct RenderedTuple {
-    /// Bytes of its file.
-    pub(super) bytes: Vec<u8>,
-    /// Bytes of its mask's file.
-    pub(super) mask: Vec<u8>,
+    pub(super) sha256: String,
+    pub(super) mask: MaskFile,
     /// Width, height.
     pub(super) size: [u32; 2],
 }
 
-/// A scene and its renderers, each made when first needed.
-struct SceneRenderers {
-    /// Station of the scene.
-    station: Station,
-    scene: Scene,
-    bvh: Option<Arc<Bvh>>,
-    /// Renderers of low and of high quality.
-    renderers: [Option<Renderer>; 2],
-    /// Class of each number of the frames.
-    class_of: Vec<u8>,
-}
-
-/// Renders tuples. Keeps the last scene: rows of one scene follow each other.
+/// Renders the tuples of a lane. Keeps the renderer of the last scene.
 pub(crate) struct TupleRenderer<'a> {
     backend: &'a Backend,
-    progress: &'a Progress<'a>,
-    classes: Vec<String>,
-    scene: Option<SceneRenderers>,
+    kept: Option<(Arc<TupleScene>, Renderer)>,
+    /// Tables made before for the tuples.
+    tables: Vec<SharedTables>,
     frames: [Frame; 2],
-    planes: [Vec<u8>; 2],
+    levels: Levels,
+    /// File of the last mask.
+    mask: Option<(Arc<[u8]>, MaskFile)>,
+    /// Bytes of the last tuple's file.
+    bytes: Vec<u8>,
 }
 
 impl<'a> TupleRenderer<'a> {
-    /// A renderer of tuples with these classes. `progress` receives the steps in building a phantom.
-    pub(crate) fn new(backend: &'a Backend, classes: Vec<String>, progress: &'a Progress<'a>) -> Self {
-        Self { backend, progress, classes, scene: None, frames: Default::default(), planes: Default::default() }
+    pub(crate) fn new(backend: &'a Backend) -> Self {
+        let frames = Default::default();
+        let tables = Vec::new();
+        Self { backend, kept: None, tables, frames, levels: Levels::new(), mask: None, bytes: Vec::new() }
     }
 
-    /// The scene of `station`.
-    pub(super) fn scene(&mut self, station: &Station) -> Result<&Scene, DatasetError> {
-        Ok(&self.prepared(station)?.scene)
+    /// A renderer for each lane of a backend. A device has two: while it makes frames of one, the other's are encoded.
+    pub(crate) fn lanes(backend: &'a Backend) -> Vec<Self> {
+        let lanes = if backend.on_host() { lane_count() } else { lane_count().min(2) };
+        (0..lanes).map(|_| Self::new(backend)).collect()
     }
 
-    fn prepared(&mut self, station: &Station) -> Result<&mut SceneRenderers, DatasetError> {
-        // The last scene is dropped before another is built: memory may not hold both.
-        let set = match self.scene.take().filter(|set| set.station == *station) {
-            Some(set) => set,
+    /// The renderer, with low (0) or high (1) quality, and the settings of `row`.
+    fn renderer(&mut self, quality: usize, scene: &Arc<TupleScene>, row: &Row) -> Result<&mut Renderer, DatasetError> {
+        let (probe, settings) = configured(&scene.station, row, quality);
+        // Another scene's renderer is dropped before the next is made.
+        let kept = self.kept.take_if(|(of, _)| Arc::ptr_eq(of, scene));
+        self.kept = None;
+        let kept = match kept {
+            Some(kept) => kept,
             None => {
-                let step = |p: phantom::Progress| (self.progress)(Step::Phantom { done: p.done, total: p.total });
-                let scene = station.load_scene(&step)?;
-                let class_of = class_of(&self.classes, scene.tissues.names())?;
-                SceneRenderers { station: station.clone(), scene, bvh: None, renderers: [None, None], class_of }
+                let (tree, frames_of) = (scene.bvh.clone(), &scene.scene);
+                (scene.clone(), Renderer::with_tables(self.backend, frames_of, tree, &probe, &settings, &self.tables)?)
             }
         };
-        Ok(self.scene.insert(set))
-    }
-
-    /// The renderer of low (0) or high (1) quality, with the settings and the time of `row`.
-    fn renderer(&mut self, quality: usize, station: &Station, row: &Row) -> Result<&mut Renderer, DatasetError> {
-        let backend = self.backend;
-        let (probe, settings) = row.settings.apply(&station.probe, &station.settings);
-        let [rays, layers] = [row.lq, row.hq][quality];
-        // Both qualities have the same maps; the second frame needs none.
-        let maps = settings.maps && quality == 0;
-        let settings = RenderSettings {
-            quality: Quality { rays, layers, seed: row.seed },
-            look: row.look.of(quality),
-            maps,
-            ..settings
-        };
-        let set = self.prepared(station)?;
-        let renderer = match &mut set.renderers[quality] {
-            Some(renderer) => renderer,
-            empty => {
-                let bvh = match &set.bvh {
-                    Some(bvh) => bvh.clone(),
-                    None => Arc::new(Bvh::build(&set.scene).map_err(RenderError::from)?),
-                };
-                set.bvh = Some(bvh.clone());
-                empty.insert(Renderer::with_bvh(backend, &set.scene, bvh, &probe, &settings)?)
-            }
-        };
-        renderer.reconfigure(&probe, &settings)?;
-        renderer.set_time_s(row.time_s);
+        let (_, renderer) = self.kept.insert(kept);
+        renderer.select(quality)?;
+        renderer.reconfigure_with(&probe, &settings, &self.tables)?;
         Ok(renderer)
     }
 
-    /// Renders the high quality of `row` with `seed`, over `station`, that of the row ([`Dataset::station`](super::Dataset::station)).
-    /// Returns grey levels.
+    /// Renders the high quality of `row` with `seed`. Returns grey levels.
     ///
     /// # Errors
-    /// A scene that cannot be loaded, has a tissue without a class, or cannot be rendered.
-    pub(crate) fn high_quality(&mut self, station: &Station, row: &Row, seed: u32) -> Result<&[u8], DatasetError> {
-        self.render(1, station, &Row { seed, ..row.clone() })?;
-        Ok(&self.frames[1].bmode)
+    /// A scene that cannot be rendered.
+    pub(crate) fn high_quality(
+        &mut self,
+        scene: &Arc<TupleScene>,
+        row: &Row,
+        seed: u32,
+    ) -> Result<&[u8], DatasetError> {
+        self.render(HIGH, scene, &Row { seed, ..row.clone() })?;
+        Ok(&self.frames[HIGH].bmode)
     }
 
     /// Renders the frame of low (0) or high (1) quality of `row`.
-    fn render(&mut self, quality: usize, station: &Station, row: &Row) -> Result<(), DatasetError> {
+    fn render(&mut self, quality: usize, scene: &Arc<TupleScene>, row: &Row) -> Result<(), DatasetError> {
         let mut frame = std::mem::take(&mut self.frames[quality]);
-        let renderer = self.renderer(quality, station, row)?;
-        match row.rolling.as_ref().filter(|_| quality == 0) {
+        let renderer = self.renderer(quality, scene, row)?;
+        match row.rolling.as_ref().filter(|_| quality == LOW) {
             Some(rolling) => renderer.render_live(way(row, rolling), &mut frame)?,
-            None => renderer.render(&Pose::from(&row.pose), &mut frame)?,
+            None => {
+                renderer.set_time_s(row.time_s);
+                renderer.render(&Pose::from(&row.pose), &mut frame)?;
+            }
         }
         self.frames[quality] = frame;
         Ok(())
     }
 
-    /// Whether rendering reproduces the tuple of `row` of the data set in `directory`, bit for bit.
-    pub(super) fn agrees(&mut self, directory: &Path, header: &Header, row: &Row) -> Result<bool, DatasetError> {
-        let station = station_of(directory, header, row)?;
-        Ok(sha256(&self.tuple(&station, row, None)?.bytes) == row.sha256)
+    /// Renders both frames of `row`, of one angle each: a device has both in flight.
+    fn render_both(&mut self, scene: &Arc<TupleScene>, row: &Row) -> Result<(), DatasetError> {
+        let [mut low, mut high] = std::mem::take(&mut self.frames);
+        self.renderer(LOW, scene, row)?;
+        let renderer = self.renderer(HIGH, scene, row)?;
+        let pose = Pose::from(&row.pose);
+        renderer.select(LOW)?;
+        renderer.set_time_s(row.time_s);
+        renderer.submit(&pose)?;
+        renderer.select(HIGH)?;
+        renderer.set_time_s(row.time_s);
+        renderer.submit(&pose)?;
+        renderer.receive(&mut low)?;
+        renderer.receive(&mut high)?;
+        self.frames = [low, high];
+        Ok(())
+    }
+
+    /// Whether rendering reproduces the tuple of `row`, bit for bit.
+    pub(super) fn agrees(&mut self, scene: &Arc<TupleScene>, row: &Row) -> Result<bool, DatasetError> {
+        Ok(self.tuple(scene, row, None)?.sha256 == row.sha256)
+    }
+
+    /// Renders the tuple of `row` and writes its array to `path`. `tables` are those of [`tables_of`].
+    pub(super) fn write(
+        &mut self,
+        scene: &Arc<TupleScene>,
+        tables: Vec<SharedTables>,
+        row: &Row,
+        high_quality: Option<Vec<u8>>,
+        path: &Path,
+    ) -> Result<RenderedTuple, DatasetError> {
+        self.tables = tables;
+        let tuple = self.tuple(scene, row, high_quality)?;
+        write_bytes(path, &self.bytes)?;
+        Ok(tuple)
     }
 
     /// Renders the tuple of `row`; none of its files need exist. A high quality that is there already is taken over.
-    pub(super) fn tuple(
+    fn tuple(
         &mut self,
-        station: &Station,
+        scene: &Arc<TupleScene>,
         row: &Row,
         high_quality: Option<Vec<u8>>,
     ) -> Result<RenderedTuple, DatasetError> {
-        self.render(0, station, row)?;
         match high_quality {
-            Some(image) => self.frames[1].bmode = image,
-            None => self.render(1, station, row)?,
+            Some(image) => {
+                self.render(LOW, scene, row)?;
+                self.frames[HIGH].bmode = image;
+            }
+            None if row.rolling.is_none() && [LOW, HIGH].iter().all(|&q| row.look.of(q).angles == 1) => {
+                self.render_both(scene, row)?;
+            }
+            None => {
+                self.render(LOW, scene, row)?;
+                self.render(HIGH, scene, row)?;
+            }
         }
-        let class_of = self.prepared(station)?.class_of.clone();
-        let [lq, hq] = &self.frames;
-        let [segmentation, attenuation] = &mut self.planes;
-        let class = |&number: &u8| class_of.get(usize::from(number)).copied();
-        segmentation.clear();
-        for number in &lq.segmentation {
-            segmentation.push(class(number).ok_or(DatasetError::Number { number: *number })?);
+        let [low, high] = &self.frames;
+        let (path, shape) = (PathBuf::from(&row.file), [low.height as usize, low.width as usize]);
+        for plane in [low.bmode.len(), high.bmode.len(), low.segmentation.len(), low.attenuation.len()] {
+            check_shape(&path, shape, plane)?;
         }
-        attenuation.clear();
-        attenuation.extend(lq.attenuation.iter().map(|a| (a.powf(ATTENUATION_POWER) * 255.0).round() as u8));
-        let shape = [lq.height as usize, lq.width as usize];
-        let path = Path::new(&row.file);
-        Ok(RenderedTuple {
-            bytes: bytes_of_u8(path, shape, &[&lq.bmode, &hq.bmode, segmentation, attenuation])?,
-            mask: bytes_of_u8(path, shape, &[&lq.mask])?,
-            size: [lq.width, lq.height],
-        })
+        self.bytes.clear();
+        header_of_u8(&path, shape, 4, &mut self.bytes)?;
+        self.bytes.extend_from_slice(&low.bmode);
+        self.bytes.extend_from_slice(&high.bmode);
+        extend_by_classes(&mut self.bytes, &low.segmentation, &scene.class_of)?;
+        self.levels.extend(&mut self.bytes, &low.attenuation);
+        let (mask, size) = (low.mask.clone(), [low.width, low.height]);
+        Ok(RenderedTuple { sha256: sha256(&self.bytes), mask: self.mask_file(&path, shape, &mask)?, size })
     }
+
+    /// File of a mask. Frames of one configuration share theirs.
+    fn mask_file(&mut self, path: &Path, shape: [usize; 2], mask: &Arc<[u8]>) -> Result<MaskFile, SinkError> {
+        if let Some((_, file)) = self.mask.as_ref().filter(|(of, _)| Arc::ptr_eq(of, mask)) {
+            return Ok(file.clone());
+        }
+        let bytes: Arc<[u8]> = bytes_of_u8(path, shape, &[mask])?.into();
+        let [height, width] = shape;
+        let file = MaskFile { file: format!("masks/{width}x{height}_{}.npy", &sha256(&bytes)[..16]), bytes };
+        Ok(self.mask.insert((mask.clone(), file)).1.clone())
+    }
+}
+
+/// Probe and settings of the frame of low (0) or high (1) quality of `row`.
+fn configured(station: &Station, row: &Row, quality: usize) -> (Probe, RenderSettings) {
+    let (probe, settings) = row.settings.apply(&station.probe, &station.settings);
+    let [rays, layers] = [row.lq, row.hq][quality];
+    // Both qualities have the same maps; the second frame needs none.
+    let maps = settings.maps && quality == LOW;
+    let quality_of = Quality { rays, layers, seed: row.seed };
+    (probe, RenderSettings { quality: quality_of, look: row.look.of(quality), maps, ..settings })
+}
+
+/// Tables of both frames of `row`, for all lanes; what `known` ones hold already is not computed again.
+///
+/// # Errors
+/// Settings outside their ranges.
+pub(super) fn tables_of(
+    scene: &TupleScene,
+    row: &Row,
+    known: &[SharedTables],
+) -> Result<Vec<SharedTables>, DatasetError> {
+    let mut made: Vec<SharedTables> = Vec::new();
+    for quality in [LOW, HIGH] {
+        let (probe, settings) = configured(&scene.station, row, quality);
+        let known: Vec<SharedTables> = made.iter().chain(known).cloned().collect();
+        made.push(scene.tables.make(&probe, &settings, &known)?);
+    }
+    Ok(made)
 }
 
 /// Times and poses of the frames of `row` in a live session.

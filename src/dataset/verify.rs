@@ -1,11 +1,14 @@
 //! Comparison of a data set with what this machine renders from its rows.
 
+use super::scenes::{Scenes, TupleScene};
 use super::step::{Progress, Step};
 use super::tuple_renderer::TupleRenderer;
-use super::{Dataset, DatasetError};
+use super::{Dataset, DatasetError, Row};
+use crate::lanes::in_order;
 use crate::render::Backend;
 use crate::statistics::evenly;
 use serde::Serialize;
+use std::sync::Arc;
 
 /// Result of a comparison.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -26,15 +29,22 @@ impl Dataset {
         if total == 0 {
             return Err(DatasetError::Empty { directory: self.directory.clone() });
         }
-        let mut renderer = TupleRenderer::new(backend, self.header.classes.clone(), progress);
-        let mut differ = Vec::new();
-        for (done, index) in evenly(total, self.rows.len()).enumerate() {
-            progress(Step::Tuples { done, total });
+        let mut lanes = TupleRenderer::lanes(backend);
+        let mut scenes = Scenes::new(self.header.classes.clone(), progress);
+        let rows = evenly(total, self.rows.len()).map(|index| {
             let row = &self.rows[index];
-            if !renderer.agrees(&self.directory, &self.header, row)? {
-                differ.push(row.index);
-            }
-        }
+            Ok((scenes.of(&self.station(row)?)?, row))
+        });
+        let compare = |renderer: &mut TupleRenderer<'_>, (scene, row): (Arc<TupleScene>, &Row)| {
+            Ok((row.index, renderer.agrees(&scene, row)?))
+        };
+        let mut differ = Vec::new();
+        progress(Step::Tuples { done: 0, total });
+        in_order(&mut lanes, rows, compare, |done, (index, agrees)| {
+            differ.extend((!agrees).then_some(index));
+            progress(Step::Tuples { done: done + 1, total });
+            Ok::<_, DatasetError>(())
+        })?;
         Ok(Verified { tuples: total, differ })
     }
 }

@@ -5,13 +5,14 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use super::again::Renders;
+use super::again::{AgainJob, Jobs, Lane, Rendered};
 use super::judge::{Judged, Row, RowReport, Vectors};
 use super::models::{Extractor, generate};
 use super::scan::Scan;
 use super::{Again, EvaluationError, Models, sheets};
 use crate::dataset::{Dataset, Progress, Row as TupleRow, Split, Step, Tuple};
 use crate::generator::Generator;
+use crate::lanes::in_order;
 use crate::quality::regions::is_bone;
 use crate::quality::{CROP_COUNT, CROP_INSIDE, CROP_SIDE, crop_places};
 use crate::statistics::evenly;
@@ -82,6 +83,17 @@ struct Geometry<'a> {
     notes: Vec<String>,
 }
 
+/// Results of the tuples so far.
+struct Tally<'a> {
+    rows: Vec<Row>,
+    /// Features of the high quality, by extractor.
+    target: Vec<Vectors>,
+    geometry: Geometry<'a>,
+    without_crops: usize,
+    /// Stations whose tuple, rendered with its own seed, differs from the data set.
+    foreign: Vec<String>,
+}
+
 impl Geometry<'_> {
     /// Scanlines of a row's pictures; none if its station can't be read.
     fn of(&mut self, row: &TupleRow) -> Option<&Scan> {
@@ -127,36 +139,63 @@ impl<'a> Evaluation<'a> {
     /// # Errors
     /// A tuple that cannot be read or rendered, a model that cannot be run on it, or a picture that cannot be written.
     pub fn run(mut self, again: Option<Again<'_>>, progress: &Progress<'_>) -> Result<DatasetReport, EvaluationError> {
-        let count = self.extractors.len();
-        let mut rows = self.rows(again.as_ref());
-        let mut renders = again.map(|again| Renders::new(&again, self.dataset, progress)).transpose()?;
-        let mut target = vec![Vectors::default(); count];
-        let mut geometry = Geometry { dataset: self.dataset, known: HashMap::new(), notes: Vec::new() };
-        let total = self.chosen.len();
-        let mut image = Vec::new();
-        let mut without_crops = 0;
-        for (done, row) in self.chosen.iter().enumerate() {
-            progress(Step::Tuples { done, total });
-            let tuple = self.dataset.tuple(row)?;
-            let judged = judged(&self.settings, row, &tuple, &mut geometry)?;
-            without_crops += usize::from(judged.places.len() < self.settings.crops);
-            judged.features(&tuple.hq, &mut self.extractors, &mut target)?;
-            rows[0].add(&judged, &tuple.lq, &mut self.extractors)?;
-            let attenuation = tuple.attenuation_map();
-            let scan = geometry.of(row).map(|scan| scan.geometry);
-            for ((_, generator), row) in self.generators.iter_mut().zip(&mut rows[1..]) {
-                generate(generator, &tuple, &attenuation, scan, &mut image)?;
-                row.add(&judged, &image, &mut self.extractors)?;
-            }
-            if let Some(renders) = &mut renders {
-                let of_table = &mut rows[1 + self.generators.len()..];
-                for (image, of_table) in renders.render(row, &tuple.hq)?.iter().zip(of_table) {
-                    of_table.add(&judged, image, &mut self.extractors)?;
-                }
+        let geometry = Geometry { dataset: self.dataset, known: HashMap::new(), notes: Vec::new() };
+        let target = vec![Vectors::default(); self.extractors.len()];
+        let rows = self.rows(again.as_ref());
+        let mut tally = Tally { rows, target, geometry, without_crops: 0, foreign: Vec::new() };
+        let (chosen, total) = (self.chosen.clone(), self.chosen.len());
+        progress(Step::Tuples { done: 0, total });
+        if let Some(again) = again {
+            let mut jobs = Jobs::new(self.dataset, progress);
+            let render = |lane: &mut Lane<'_>, job: AgainJob<'_>| Ok(lane.render(&job)?);
+            in_order(&mut again.lanes()?, chosen.iter().map(|row| Ok(jobs.of(row)?)), render, |done, rendered| {
+                self.judge(chosen[done], Some(&rendered), &mut tally)?;
+                progress(Step::Tuples { done: done + 1, total });
+                Ok::<_, EvaluationError>(())
+            })?;
+        } else {
+            for (done, row) in chosen.iter().enumerate() {
+                self.judge(row, None, &mut tally)?;
+                progress(Step::Tuples { done: done + 1, total });
             }
         }
+        self.report(tally)
+    }
+
+    /// Adds a tuple to the rows of the report.
+    fn judge(
+        &mut self,
+        row: &TupleRow,
+        again: Option<&Rendered>,
+        tally: &mut Tally<'_>,
+    ) -> Result<(), EvaluationError> {
+        let Tally { rows, target, geometry, without_crops, foreign } = tally;
+        let tuple = self.dataset.tuple(row)?;
+        let judged = judged(&self.settings, row, &tuple, geometry)?;
+        *without_crops += usize::from(judged.places.len() < self.settings.crops);
+        judged.features(&tuple.hq, &mut self.extractors, target)?;
+        rows[0].add(&judged, &tuple.lq, &mut self.extractors)?;
+        let attenuation = tuple.attenuation_map();
+        let scan = geometry.of(row).map(|scan| scan.geometry);
+        let mut image = Vec::new();
+        for ((_, generator), row) in self.generators.iter_mut().zip(&mut rows[1..]) {
+            generate(generator, &tuple, &attenuation, scan, &mut image)?;
+            row.add(&judged, &image, &mut self.extractors)?;
+        }
+        let Some(again) = again else { return Ok(()) };
+        if !again.is_of_this_machine(row, &tuple.hq)? {
+            foreign.push(row.station.clone());
+        }
+        let of_table = &mut rows[1 + self.generators.len()..];
+        for (image, of_table) in again.images.iter().zip(of_table) {
+            of_table.add(&judged, image, &mut self.extractors)?;
+        }
+        Ok(())
+    }
+
+    fn report(&mut self, tally: Tally<'_>) -> Result<DatasetReport, EvaluationError> {
+        let Tally { rows, target, geometry, without_crops, foreign } = tally;
         let mut notes = geometry.notes;
-        let foreign = renders.map(|renders| renders.foreign).unwrap_or_default();
         notes.extend(self.notes(without_crops, &foreign, &target));
         let classes = &self.dataset.header.classes;
         let reports = rows.into_iter().map(|row| row.report(classes, &target, &self.extractors));
@@ -166,7 +205,7 @@ impl<'a> Evaluation<'a> {
         Ok(DatasetReport {
             dataset: self.dataset.directory.clone(),
             split: split_name(split).to_owned(),
-            tuples: total,
+            tuples: self.chosen.len(),
             crop_side,
             crops_per_tuple: crops,
             crop_inside: CROP_INSIDE,

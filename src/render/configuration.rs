@@ -1,5 +1,7 @@
 //! State of a renderer for one probe and one set of settings, on any backend.
 
+use std::sync::Arc;
+
 use super::batch_plan::BatchPlan;
 use super::constants::MOVES;
 use super::error::RenderError;
@@ -63,7 +65,7 @@ pub(super) struct FrameInputs<'a> {
 }
 
 /// Tables and uniforms of one probe and one set of settings.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Configuration {
     pub(super) probe: Probe,
     /// Requested settings; for frames the plan may reduce them.
@@ -71,12 +73,13 @@ pub(super) struct Configuration {
     /// Effects that frames simulate.
     pub(super) effects: EffectPlan,
     pub(super) params: Params,
-    pub(super) tables: Tables,
+    pub(super) tables: Arc<Tables>,
     pub(super) batches: BatchPlan,
 }
 
 impl Configuration {
-    /// Checks the values and makes the tables. Where only the look differs from `before`, its tables are taken over.
+    /// Checks the values and makes the tables. Where only the look differs from `before`, its tables are taken over; else what it and
+    /// `known` tables hold already.
     ///
     /// # Errors
     /// A value outside its range.
@@ -85,6 +88,7 @@ impl Configuration {
         probe: &Probe,
         settings: &RenderSettings,
         before: Option<&Self>,
+        known: &[Arc<Tables>],
     ) -> Result<Self, RenderError> {
         probe.validate()?;
         settings.validate()?;
@@ -92,8 +96,11 @@ impl Configuration {
         let planned = effects.settings(settings);
         let with_its_look = |before: &&Self| RenderSettings { look: before.settings.look, ..*settings };
         let tables = match before.filter(|before| before.has_tables_of(media, probe, &with_its_look(before))) {
-            Some(before) => before.tables.with_angles(probe, &planned),
-            None => Tables::new(&media.tissues, probe, &planned, effects.effects()),
+            Some(before) => Arc::new(before.tables.with_angles(probe, &planned)),
+            None => {
+                let known = before.map(|before| &before.tables).into_iter().chain(known);
+                Tables::new(&media.tissues, probe, &planned, effects.effects(), known)
+            }
         };
         let params = Params::new(media.outside, probe, &planned, &tables, effects.effects());
         let batches = BatchPlan::new(probe.scanlines, planned.quality.rays, planned.quality.layers);

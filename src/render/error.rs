@@ -112,6 +112,14 @@ pub enum RenderError {
     /// `receive` with the ring empty.
     #[error("no frame is in flight; submit a pose before receiving")]
     RingEmpty,
+    /// A frame of many.
+    #[error("frame {number}: {source}")]
+    Job {
+        /// Number of the job, from 0.
+        number: usize,
+        /// Cause.
+        source: Box<Self>,
+    },
     /// A snapshot of a frame with several batches of layers.
     #[error("a snapshot holds one batch of layers, these settings need {batches}: lower the rays or layers")]
     Batches {

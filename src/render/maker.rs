@@ -17,6 +17,21 @@ pub(super) trait FrameMaker: Debug + Send {
     /// Too little memory, or a device that fails or is too small; nothing has changed then.
     fn configure(&mut self, inputs: FrameInputs<'_>) -> Result<(), RenderError>;
 
+    /// Makes the configuration with a number the active one: its buffers and passes are kept, those of the active one, too. A new number
+    /// gets buffers and passes of `inputs`. Numbers are given from 0 on; the first configuration has 0. Frames in flight stay as they
+    /// were submitted.
+    ///
+    /// # Errors
+    /// As [`FrameMaker::configure`].
+    fn select(&mut self, number: usize, inputs: FrameInputs<'_>) -> Result<(), RenderError>;
+
+    /// A maker of the same scene with buffers of its own, which makes frames at the same time; none for a device, which has frames in
+    /// flight.
+    ///
+    /// # Errors
+    /// Too little memory.
+    fn beside(&self, inputs: FrameInputs<'_>) -> Result<Option<Box<dyn FrameMaker>>, RenderError>;
+
     /// Whether passes were compiled since the last call: the next frame takes longer.
     fn take_cold(&mut self) -> bool;
 

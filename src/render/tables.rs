@@ -17,7 +17,7 @@ use super::texture::PackedTexture;
 use crate::acoustics::decibel::NEPER_PER_DB;
 use crate::acoustics::{ASSUMED_SPEED_M_S, wavelength_mm};
 use crate::anatomy::Tissue;
-use crate::settings::{Effect, EffectSet, LookSettings, RenderSettings};
+use crate::settings::{Effect, EffectSet, LookSettings, Quality, RenderSettings};
 use crate::transducer::{Probe, Sector};
 
 /// Words of four pixels across a tile of the image.
@@ -115,14 +115,50 @@ pub(crate) struct Tables {
     /// Clutter and reverberation; none without either effect.
     pub(crate) near_field: Option<NearField>,
     /// Packed place of each pixel [height × 4·row_words].
-    pub(crate) pixels: Vec<u32>,
+    pub(crate) pixels: Arc<[u32]>,
     /// Image indices of the words of four pixels that overlap the sector, tile by tile.
-    pub(crate) sector_words: Vec<u32>,
+    pub(crate) sector_words: Arc<[u32]>,
     /// Angles of a compounded picture in their order; one without steering, with no places of its own, if there is none.
     pub(crate) angles: Vec<SteeredAngle>,
     /// 255 inside the sector [height × width].
     pub(crate) mask: Arc<[u8]>,
     pub(crate) sector: Sector,
+    made_for: MadeFor,
+}
+
+/// Probe, settings and effects of tables.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct MadeFor {
+    probe: Probe,
+    settings: RenderSettings,
+    effects: EffectSet,
+}
+
+impl MadeFor {
+    fn new(probe: &Probe, settings: &RenderSettings, effects: EffectSet) -> Self {
+        // Tables know no seed.
+        let settings = RenderSettings { quality: Quality { seed: 0, ..settings.quality }, ..*settings };
+        Self { probe: *probe, settings, effects }
+    }
+
+    /// Whether scanlines and pixels of both lie in the same places: pictures don't know where the beam is focused.
+    fn has_pixels_of(&self, other: &Self) -> bool {
+        let image = |made: &Self| (made.settings.image.width, made.settings.image.height);
+        let probe = |made: &Self| Probe { focus_mm: 0.0, ..made.probe };
+        image(self) == image(other) && probe(self) == probe(other)
+    }
+
+    /// Whether all of `effects` are simulated by both or by none.
+    fn agree_on(&self, other: &Self, effects: &[Effect]) -> bool {
+        effects.iter().all(|&effect| self.effects.has(effect) == other.effects.has(effect))
+    }
+
+    /// Whether beams and pulses of both are the same.
+    fn has_beams_of(&self, other: &Self) -> bool {
+        let taps = |made: &Self| (made.settings.beam_taps_max, made.settings.pulse_taps_max);
+        let shape = [Effect::Aperture, Effect::ElevationalSpeckle];
+        self.probe == other.probe && taps(self) == taps(other) && self.agree_on(other, &shape)
+    }
 }
 
 impl Tables {
@@ -138,29 +174,64 @@ impl Tables {
 
     /// These tables with the angles of other settings.
     pub(crate) fn with_angles(&self, probe: &Probe, settings: &RenderSettings) -> Self {
-        let angles = angles(probe, &settings.look, &self.pixels);
-        Self { elevations: elevations_of(probe, settings, &angles), angles, ..self.clone() }
+        let angles = angles(probe, &settings.look, &self.pixels, &self.angles);
+        let made_for = MadeFor::new(probe, settings, self.made_for.effects);
+        Self { elevations: elevations_of(probe, settings, &angles), angles, made_for, ..self.clone() }
     }
 
-    pub(crate) fn new(tissues: &[Tissue], probe: &Probe, settings: &RenderSettings, effects: EffectSet) -> Self {
+    /// Tables of a probe and settings: one of the `known` ones, or new ones that take over what those hold already.
+    pub(crate) fn new<'a>(
+        tissues: &[Tissue],
+        probe: &Probe,
+        settings: &RenderSettings,
+        effects: EffectSet,
+        known: impl Iterator<Item = &'a Arc<Self>> + Clone,
+    ) -> Arc<Self> {
+        let made_for = MadeFor::new(probe, settings, effects);
+        let packed = |(i, tissue)| PackedTissue::new(i, tissue, probe, effects);
+        let packed_tissues: Vec<PackedTissue> = tissues.iter().enumerate().map(packed).collect();
+        let textures = if effects.has(Effect::Texture) { textures(tissues) } else { Vec::new() };
+        let same = |known: &&Arc<Self>| {
+            known.made_for == made_for && known.tissues == packed_tissues && known.textures == textures
+        };
+        if let Some(known) = known.clone().find(same) {
+            return known.clone();
+        }
         let sector = Sector::fit(probe, settings.image.width, settings.image.height);
         let map_step_mm = sector.pixel_mm.min(probe.depth_mm / MAP_STEPS_MIN);
         let map_ray_count = map_ray_count(probe, map_step_mm);
-        let (pixels, mask) = pixels(probe, &sector);
-        let angles = angles(probe, &settings.look, &pixels);
-        let inside = |word: &[u32]| word.iter().any(|&pixel| pixel != OUTSIDE);
-        let mut sector_words: Vec<u32> =
-            (0u32..).zip(pixels.chunks_exact(4)).filter(|(_, w)| inside(w)).map(|(i, _)| i).collect();
-        let row_words = settings.image.width.div_ceil(4);
-        // Tile by tile: pixels near each other read the same part of the scanlines and of the maps.
-        sector_words.par_sort_unstable_by_key(|&i| (i / row_words / TILE_ROWS, i % row_words / TILE_WORDS, i));
-        let sheets = effects.has(Effect::ElevationalSpeckle).then(|| Sheets::new(probe));
-        let aperture = if effects.has(Effect::Aperture) { ApertureTables::new(probe, settings.quality) } else { None };
-        let reach = aperture.as_ref().map_or(0, ApertureTables::reach_lines);
-        let kernels = Kernels::new(probe, settings, sheets.as_ref(), reach);
+        let placed = known.clone().find(|known| known.made_for.has_pixels_of(&made_for));
+        let (pixels, sector_words, mask) = match placed {
+            Some(known) => (known.pixels.clone(), known.sector_words.clone(), known.mask.clone()),
+            None => {
+                let (pixels, mask) = pixels(probe, &sector);
+                let words = sector_words(&pixels, settings.image.width);
+                (pixels.into(), words, mask.into())
+            }
+        };
+        let steered = known.clone().filter(|known| known.made_for.has_pixels_of(&made_for));
+        let steered: Vec<SteeredAngle> = steered.flat_map(|known| known.angles.iter().cloned()).collect();
+        let angles = angles(probe, &settings.look, &pixels, &steered);
+        let beams = known.clone().find(|known| known.made_for.has_beams_of(&made_for));
+        let (sheets, aperture, kernels) = match beams {
+            Some(known) => {
+                let aperture = known.aperture.as_ref().map(|aperture| aperture.with_rays(probe, settings.quality.rays));
+                (known.sheets.clone(), aperture, known.kernels.clone())
+            }
+            None => {
+                let sheets = effects.has(Effect::ElevationalSpeckle).then(|| Sheets::new(probe));
+                let aperture = effects.has(Effect::Aperture).then(|| ApertureTables::new(probe, settings.quality));
+                let aperture = aperture.flatten();
+                let reach = aperture.as_ref().map_or(0, ApertureTables::reach_lines);
+                let kernels = Kernels::new(probe, settings, sheets.as_ref(), reach);
+                (sheets, aperture, kernels)
+            }
+        };
         let near = effects.has(Effect::Contact) || effects.has(Effect::Clutter);
-        Self {
-            near_field: near.then(|| NearField::new(probe, &kernels.pulse)),
+        let near_field = beams.and_then(|known| known.near_field.clone()).filter(|_| near);
+        let new_near = || near.then(|| NearField::new(probe, &kernels.pulse));
+        Arc::new(Self {
+            near_field: near_field.or_else(new_near),
             rays: rays(probe, settings.quality.rays),
             map_rays: fan(probe, map_ray_count),
             map_ray_count,
@@ -168,18 +239,29 @@ impl Tables {
             map_step_mm,
             face_spacing_mm: probe.line_spacing_mm(0.0),
             elevations: elevations_of(probe, settings, &angles),
-            tissues: tissues.iter().enumerate().map(|(i, t)| PackedTissue::new(i, t, probe, effects)).collect(),
-            textures: if effects.has(Effect::Texture) { textures(tissues) } else { Vec::new() },
+            tissues: packed_tissues,
+            textures,
             kernels,
             aperture,
             sheets,
             pixels,
             sector_words,
             angles,
-            mask: mask.into(),
+            mask,
             sector,
-        }
+            made_for,
+        })
     }
+}
+
+/// Indices of the words of four pixels with one inside the sector. Tile by tile: pixels near each other read the same part of the
+/// scanlines and of the maps.
+fn sector_words(pixels: &[u32], width: u32) -> Arc<[u32]> {
+    let inside = |word: &[u32]| word.iter().any(|&pixel| pixel != OUTSIDE);
+    let mut words: Vec<u32> = (0u32..).zip(pixels.chunks_exact(4)).filter(|(_, w)| inside(w)).map(|(i, _)| i).collect();
+    let row_words = width.div_ceil(4);
+    words.par_sort_unstable_by_key(|&i| (i / row_words / TILE_ROWS, i % row_words / TILE_WORDS, i));
+    words.into()
 }
 
 /// Texture of each tissue; zeros for uniform ones.
@@ -236,10 +318,14 @@ fn elevations_of(probe: &Probe, settings: &RenderSettings, angles: &[SteeredAngl
     elevations(probe, settings.quality.rays, settings.quality.layers, angles.len() as u32)
 }
 
-/// Angles of a compounded picture. The steered ones show the sector as far as their scanlines lead.
-fn angles(probe: &Probe, look: &LookSettings, pixels: &[u32]) -> Vec<SteeredAngle> {
+/// Angles of a compounded picture; those that are `known` for the same pixels are taken over. The steered ones show the sector as
+/// far as their scanlines lead.
+fn angles(probe: &Probe, look: &LookSettings, pixels: &[u32], known: &[SteeredAngle]) -> Vec<SteeredAngle> {
     let angles = look.angles_of(probe.kind);
     let of_angle = |steer_rad: f64| {
+        if let Some(known) = known.iter().find(|known| known.steer_rad == steer_rad) {
+            return known.clone();
+        }
         let steered = || {
             let steering = Steering::new(probe, steer_rad);
             pixels.par_iter().map(|&straight| steering.place(straight)).collect()

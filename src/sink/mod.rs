@@ -36,6 +36,7 @@ mod live_kind;
 pub(crate) mod pool;
 
 pub use error::SinkError;
+pub(crate) use error::check_shape;
 pub use file::{create_dir, remove, write_json, write_text};
 pub(crate) use file::{write_bytes, write_with};
 pub use frame_directory::{FrameDirectory, FrameFileError};

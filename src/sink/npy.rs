@@ -32,14 +32,22 @@ pub(crate) fn write_complex64(path: &Path, shape: [usize; 2], values: &[[f32; 2]
 /// A plane does not fill `shape`, rows and columns; `path` only names it in the error.
 pub(crate) fn bytes_of_u8(path: &Path, shape: [usize; 2], planes: &[&[u8]]) -> Result<Vec<u8>, SinkError> {
     planes.iter().try_for_each(|plane| check_shape(path, shape, plane.len()))?;
-    let [rows, columns] = shape.map(|n| n as u64);
     let mut bytes = Vec::with_capacity(planes.iter().map(|plane| plane.len()).sum::<usize>() + 256);
-    match planes.len() {
-        1 => header(path, &[rows, columns], "|u1", &mut bytes)?,
-        count => header(path, &[count as u64, rows, columns], "|u1", &mut bytes)?,
-    }
+    header_of_u8(path, shape, planes.len(), &mut bytes)?;
     planes.iter().for_each(|plane| bytes.extend_from_slice(plane));
     Ok(bytes)
+}
+
+/// Header of a `uint8` array: [planes × rows × columns], or [rows × columns] for a single plane.
+///
+/// # Errors
+/// None with memory to write to; `path` only names it in the error.
+pub(crate) fn header_of_u8(path: &Path, shape: [usize; 2], planes: usize, into: &mut Vec<u8>) -> Result<(), SinkError> {
+    let [rows, columns] = shape.map(|n| n as u64);
+    match planes {
+        1 => header(path, &[rows, columns], "|u1", into),
+        count => header(path, &[count as u64, rows, columns], "|u1", into),
+    }
 }
 
 fn write(path: &Path, shape: [usize; 2], kind: &str, bytes: &[u8]) -> Result<(), SinkError> {

@@ -10,7 +10,7 @@ use crate::anatomy::Scene;
 use crate::generator::{Channel, Generator, Input, Manifest, load_generators};
 use crate::pose::Pose;
 use crate::quality::level_difference;
-use crate::render::{Frame, FrameQuality, Quality, RenderSettings, Renderer};
+use crate::render::{Frame, FrameQuality, Job, Quality, RenderSettings, Renderer};
 use crate::settings::ReceiverSettings;
 use crate::station::{Station, Track};
 use crate::transducer::Probe;
@@ -140,6 +140,18 @@ impl Bench {
         self.renderer.set_image(true);
         self.renderer.render(pose, &mut self.frame)?;
         Ok(&self.frame)
+    }
+
+    /// Renders frames at `poses` with the seed of the settings, several at once; `each` receives them in order.
+    pub(super) fn render_many(
+        &mut self,
+        poses: &[Pose],
+        mut each: impl FnMut(&Frame) -> Result<(), TradeoffError>,
+    ) -> Result<(), TradeoffError> {
+        self.renderer.set_image(true);
+        let seed = self.renderer.settings().quality.seed;
+        let jobs = poses.iter().map(|&pose| Job { pose, time_s: 0.0, seed });
+        self.renderer.render_many(jobs, |_, frame| each(frame))
     }
 
     /// Measures a point.

@@ -214,7 +214,12 @@ impl Reference {
 fn truths(bench: &mut Bench, poses: &[Pose], quality: (u32, u32), seed: u32) -> Result<Vec<Truth>, TradeoffError> {
     configure(bench, quality, seed)?;
     let range_db = bench.settings().image.dynamic_range_db;
-    poses.iter().map(|pose| Ok(Truth::of(bench.render(pose)?, range_db)?)).collect()
+    let mut truths = Vec::new();
+    bench.render_many(poses, |frame| {
+        truths.push(Truth::of(frame, range_db)?);
+        Ok(())
+    })?;
+    Ok(truths)
 }
 
 /// Sets every effect, so that omitting a relevant one shows as an error.

@@ -175,6 +175,12 @@ impl RenderStage {
         self.keep_point();
         self.reopen();
         let missed = self.pace.missed();
+        let frozen = self.parts.controls.live.frozen;
+        let scene_time = self.poses.scene_time(self.parts.clock.now(), frozen);
+        // Moved corners are refitted first, so that the pose is as late as it can be.
+        if let Device::Ready(renderer) = &mut self.device {
+            renderer.set_time_s(scene_time.as_secs_f64());
+        }
         let info = self.sample();
         count(&self.parts.metrics.produced);
         let now = info.timeline.submitted;
@@ -182,7 +188,6 @@ impl RenderStage {
         {
             points.moves(now.as_secs_f64(), speed);
         }
-        let scene_time = self.poses.scene_time(now, info.settings.frozen);
         let generator = self.generator.filter(|_| info.settings.generator);
         let maps = self.parts.maps_wanted(generator);
         match (&mut self.device, info.pose()) {
@@ -190,7 +195,6 @@ impl RenderStage {
                 let _span = tracing::debug_span!("submit", frame = info.number, submitted_ms = ms(now)).entered();
                 self.begun = now;
                 renderer.set_maps(maps);
-                renderer.set_time_s(scene_time.as_secs_f64());
                 match renderer.submit(&pose) {
                     Ok(()) => {
                         let expected = self.pace.submitted(now);

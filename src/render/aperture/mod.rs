@@ -104,6 +104,12 @@ impl ApertureTables {
         })
     }
 
+    /// These tables with another number of rays of a scanline.
+    pub(crate) fn with_rays(&self, probe: &Probe, rays: u32) -> Self {
+        let cell_rays = Grid::new(probe).map_or_else(Vec::new, |grid| grid.cell_rays(probe, rays));
+        Self { cell_rays, ..self.clone() }
+    }
+
     /// Turns of a wave per mm of delay.
     pub(crate) fn turns_per_mm(&self) -> f32 {
         self.wave_number * (1.0 / std::f32::consts::TAU)

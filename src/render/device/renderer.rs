@@ -16,6 +16,7 @@ use crate::anatomy::bvh::{Changed, PackedTriangle};
 use crate::render::configuration::FrameInputs;
 use crate::render::error::{BackendError, RenderError};
 use crate::render::frame::{Contents, DeviceTimes, FRAMES_IN_FLIGHT, Frame};
+use crate::render::kept::Kept;
 use crate::render::maker::FrameMaker;
 use crate::render::snapshot::PassBuffers;
 use crate::settings::Effect;
@@ -39,6 +40,8 @@ struct DeviceRenderer {
     scene: SceneBuffers,
     pipelines: Pipelines,
     active: DeviceConfiguration,
+    /// The other configurations.
+    kept: Kept<DeviceConfiguration>,
     in_flight: VecDeque<InFlight>,
     next_slot: usize,
     mapped: mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
@@ -80,6 +83,7 @@ impl DeviceRenderer {
             scene,
             pipelines,
             active,
+            kept: Kept::default(),
             in_flight: VecDeque::with_capacity(FRAMES_IN_FLIGHT),
             next_slot: 0,
             mapped,
@@ -151,6 +155,24 @@ impl FrameMaker for DeviceRenderer {
         next.buffers.fill(&self.gpu, &self.scene, tables, bends, previous.map(|p| &p.buffers));
         self.active = next;
         Ok(())
+    }
+
+    fn select(&mut self, number: usize, inputs: FrameInputs<'_>) -> Result<(), RenderError> {
+        let Self { gpu, scene, pipelines, kept, active, .. } = self;
+        let mut new = || {
+            // Buffers are not shared: tables of one configuration may change without the other's.
+            let new = DeviceConfiguration::new(gpu, scene, pipelines, inputs, None)?;
+            let bends = inputs.configuration.effects.effects().has(Effect::Refraction);
+            new.buffers.fill(gpu, scene, &inputs.configuration.tables, bends, None);
+            Ok::<_, RenderError>(new)
+        };
+        let new = if kept.has(number) { None } else { Some(new()?) };
+        kept.swap(number, active, new);
+        Ok(())
+    }
+
+    fn beside(&self, _: FrameInputs<'_>) -> Result<Option<Box<dyn FrameMaker>>, RenderError> {
+        Ok(None)
     }
 
     fn take_cold(&mut self) -> bool {

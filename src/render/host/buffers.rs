@@ -1,5 +1,7 @@
 //! Memory of the host's passes for one configuration.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use super::detect::DepthGain;
@@ -13,6 +15,7 @@ use crate::render::configuration::Configuration;
 use crate::render::constants::{DEPTH_BLOCK, ENTRIES, SEGMENTS, STARTS, TISSUES_MAX};
 use crate::render::error::BackendError;
 use crate::render::snapshot::PassBuffers;
+use crate::settings::EffectSet;
 
 /// Outputs of the passes, and their inputs beside the tables.
 #[derive(Debug)]
@@ -25,11 +28,19 @@ pub(super) struct Buffers {
     /// Powers of the scatterers between batches; empty if there is one.
     pub(super) kept_powers: Vec<[f32; 3]>,
     pub(super) gain: DepthGain,
-    pub(super) layout: Layout,
+    pub(super) layout: PlacedLayout,
     /// Layouts of the angles; none of an angle without steering.
-    pub(super) steered: Vec<Option<Layout>>,
+    pub(super) steered: Vec<Option<PlacedLayout>>,
     /// One-way attenuation of each tissue, nepers/mm.
     pub(super) rates_np_mm: [f32; TISSUES_MAX as usize + 1],
+    effects: EffectSet,
+}
+
+/// A layout with the places of the pixels that it was made of.
+#[derive(Debug, Clone)]
+pub(super) struct PlacedLayout {
+    pixels: Arc<[u32]>,
+    pub(super) layout: Arc<Layout>,
 }
 
 /// Memory of the aperture's passes beside their outputs.
@@ -69,12 +80,12 @@ fn zeros<T: bytemuck::Zeroable>(what: &'static str, count: u64) -> Result<Vec<T>
 }
 
 impl Buffers {
-    /// Buffers of a configuration.
+    /// Buffers of a configuration. Layouts of `known` buffers of the same pixels are taken over.
     ///
     /// # Errors
     /// Too little memory.
-    pub(super) fn new(configuration: &Configuration) -> Result<Self, BackendError> {
-        let Configuration { params, tables, batches, settings, .. } = configuration;
+    pub(super) fn new(configuration: &Configuration, known: &[&Self]) -> Result<Self, BackendError> {
+        let Configuration { params, tables, batches, settings, effects, .. } = configuration;
         let paths = u64::from(params.paths(batches.layers_per_batch));
         let samples = u64::from(params.scanlines) * u64::from(params.row_samples);
         let map_rays = u64::from(params.map_rays);
@@ -120,7 +131,14 @@ impl Buffers {
             None => passes,
         };
         let (width, height) = (params.image.width, params.image.height);
-        let layout = |pixels: &[u32]| Layout::new(width, height, pixels, &tables.sector_words);
+        let layouts = known.iter().flat_map(|known| known.steered.iter().flatten().chain([&known.layout]));
+        let layout = |pixels: &Arc<[u32]>| {
+            let same = |known: &&PlacedLayout| Arc::ptr_eq(&known.pixels, pixels);
+            layouts.clone().find(same).cloned().unwrap_or_else(|| PlacedLayout {
+                pixels: pixels.clone(),
+                layout: Arc::new(Layout::new(width, height, pixels, &tables.sector_words)),
+            })
+        };
         Ok(Self {
             passes,
             aperture: tables.aperture.as_ref().map(ApertureBuffers::new),
@@ -130,7 +148,40 @@ impl Buffers {
             layout: layout(&tables.pixels),
             steered: tables.angles.par_iter().map(|l| (!l.pixels.is_empty()).then(|| layout(&l.pixels))).collect(),
             rates_np_mm: [0.0; TISSUES_MAX as usize + 1],
+            effects: effects.effects(),
         })
+    }
+
+    /// Takes over memory of `previous` buffers of the same sizes and effects: pages that were written before are ready.
+    pub(super) fn take_over(&mut self, previous: &mut Self) {
+        fn swap<T>(new: &mut Vec<T>, old: &mut Vec<T>) {
+            if new.len() == old.len() {
+                std::mem::swap(new, old);
+            }
+        }
+        if self.effects != previous.effects {
+            return;
+        }
+        let (new, old) = (&mut self.passes, &mut previous.passes);
+        swap(&mut new.segments, &mut old.segments);
+        swap(&mut new.starts_inside, &mut old.starts_inside);
+        swap(&mut new.couplings, &mut old.couplings);
+        swap(&mut new.starts, &mut old.starts);
+        swap(&mut new.echoes, &mut old.echoes);
+        swap(&mut new.hints, &mut old.hints);
+        swap(&mut new.segment_counts, &mut old.segment_counts);
+        swap(&mut new.baseband, &mut old.baseband);
+        swap(&mut new.reflected, &mut old.reflected);
+        swap(&mut new.focused, &mut old.focused);
+        swap(&mut new.polar, &mut old.polar);
+        swap(&mut new.lines, &mut old.lines);
+        swap(&mut new.entries, &mut old.entries);
+        swap(&mut new.entry_counts, &mut old.entry_counts);
+        swap(&mut new.raster, &mut old.raster);
+        swap(&mut new.fields, &mut old.fields);
+        swap(&mut new.amplitudes, &mut old.amplitudes);
+        swap(&mut new.profiles, &mut old.profiles);
+        swap(&mut self.kept_powers, &mut previous.kept_powers);
     }
 }
 

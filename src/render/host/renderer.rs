@@ -1,6 +1,7 @@
 //! Frames in the host's memory.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 use std::time::Instant;
 
 use rayon::prelude::*;
@@ -33,6 +34,7 @@ use crate::anatomy::bvh::Changed;
 use crate::render::configuration::{Configuration, FrameInputs};
 use crate::render::error::{BackendError, RenderError};
 use crate::render::frame::{Contents, Frame, FrameTimes, unpad};
+use crate::render::kept::Kept;
 use crate::render::maker::FrameMaker;
 use crate::render::params::Params;
 use crate::render::snapshot::PassBuffers;
@@ -45,12 +47,15 @@ const DECODED_TOGETHER: usize = 512;
 /// Makes frames by the host's processors, each within `submit`.
 #[derive(Debug)]
 pub(in crate::render) struct HostRenderer {
-    nodes: Vec<WideNode>,
+    /// Shared by makers until the scene moves.
+    nodes: Arc<Vec<WideNode>>,
     trace: TraceConstants,
     image: ImageConstants,
     follow: Follow,
     waves: Waves,
     buffers: Buffers,
+    /// Buffers of the other configurations, by number; none of the active one.
+    kept: Kept<Buffers>,
     /// Frames that were made and not received.
     made: VecDeque<Frame>,
     /// Memory of received frames.
@@ -90,11 +95,11 @@ impl HostRenderer {
         trace: TraceConstants,
         image: ImageConstants,
     ) -> Result<Self, BackendError> {
-        let nodes = bvh.nodes.par_iter().map(WideNode::decode).collect();
-        let buffers = Buffers::new(configuration)?;
+        let nodes = Arc::new(bvh.nodes.par_iter().map(WideNode::decode).collect());
+        let buffers = Buffers::new(configuration, &[])?;
         let (made, spare) = (VecDeque::new(), Vec::new());
         let waves = Waves::new(waves());
-        Ok(Self { nodes, trace, image, follow: fastest(), waves, buffers, made, spare })
+        Ok(Self { nodes, trace, image, follow: fastest(), waves, buffers, kept: Kept::default(), made, spare })
     }
 
     /// Makes a frame that holds `contents`; `kept` takes what later passes overwrite.
@@ -156,13 +161,13 @@ impl HostRenderer {
         });
         let steered = steered.get(inputs.angle).and_then(Option::as_ref);
         if let (Some(steered), None) = (steered, maps) {
-            scan_convert(params, steered, &b.polar, None, into);
+            scan_convert(params, &steered.layout, &b.polar, None, into);
         } else {
             // Maps are straight, whatever the angle.
-            scan_convert(params, layout, &b.polar, maps, into);
+            scan_convert(params, &layout.layout, &b.polar, maps, into);
             if let Some(steered) = steered {
                 let image = Image { bmode: &mut frame.bmode, segmentation: &mut [], attenuation: &mut [] };
-                scan_convert(params, steered, &b.polar, None, image);
+                scan_convert(params, &steered.layout, &b.polar, None, image);
             }
         }
         if !image {
@@ -307,8 +312,35 @@ impl HostRenderer {
 
 impl FrameMaker for HostRenderer {
     fn configure(&mut self, inputs: FrameInputs<'_>) -> Result<(), RenderError> {
-        self.buffers = Buffers::new(inputs.configuration)?;
+        let known: Vec<&Buffers> = self.kept.others().chain([&self.buffers]).collect();
+        let mut next = Buffers::new(inputs.configuration, &known)?;
+        next.take_over(&mut self.buffers);
+        self.buffers = next;
         Ok(())
+    }
+
+    fn select(&mut self, number: usize, inputs: FrameInputs<'_>) -> Result<(), RenderError> {
+        let new = match self.kept.has(number) {
+            true => None,
+            false => Some(Buffers::new(inputs.configuration, &[&self.buffers])?),
+        };
+        self.kept.swap(number, &mut self.buffers, new);
+        Ok(())
+    }
+
+    fn beside(&self, inputs: FrameInputs<'_>) -> Result<Option<Box<dyn FrameMaker>>, RenderError> {
+        let Self { ref nodes, trace, image, follow, ref waves, .. } = *self;
+        Ok(Some(Box::new(Self {
+            nodes: nodes.clone(),
+            trace,
+            image,
+            follow,
+            waves: *waves,
+            buffers: Buffers::new(inputs.configuration, &[&self.buffers])?,
+            kept: Kept::default(),
+            made: VecDeque::new(),
+            spare: Vec::new(),
+        })))
     }
 
     fn take_cold(&mut self) -> bool {
@@ -317,7 +349,8 @@ impl FrameMaker for HostRenderer {
 
     fn move_scene(&mut self, bvh: &Bvh, changed: &Changed) {
         let moved = &bvh.nodes[changed.nodes.clone()];
-        let nodes = self.nodes[changed.nodes.clone()].par_iter_mut().zip(moved).with_min_len(DECODED_TOGETHER);
+        let nodes = Arc::make_mut(&mut self.nodes);
+        let nodes = nodes[changed.nodes.clone()].par_iter_mut().zip(moved).with_min_len(DECODED_TOGETHER);
         nodes.for_each(|(node, words)| *node = WideNode::decode(words));
     }
 

@@ -1,6 +1,7 @@
 //! Frames from poses: one interface for all backends; up to two frames are in flight.
 
 mod frames;
+mod many;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -16,23 +17,29 @@ use super::constants::TISSUES_MAX;
 use super::error::RenderError;
 use super::frame::{FRAMES_IN_FLIGHT, Frame};
 use super::hooks::TestHooks;
+use super::kept::Kept;
 use super::maker::FrameMaker;
 use super::plan::EffectPlan;
+use super::shared_tables::SharedTables;
+use super::tables::Tables;
 use crate::anatomy::scene::SURFACES_MAX;
 use crate::anatomy::{Bvh, Scene, Skin};
 use crate::pose::Pose;
 use crate::settings::{Effect, RenderSettings, SettingsGroup as _};
 use crate::transducer::{Probe, Sector};
 use frames::InFlight;
+pub use many::Job;
 
 /// Renders frames of one scene.
 #[derive(Debug)]
 pub struct Renderer {
     bvh: Arc<Bvh>,
-    media: Media,
+    media: Arc<Media>,
     active: Configuration,
+    /// Configurations beside the active one.
+    kept: Kept<Configuration>,
     /// Skin that the face touches, at rest; none before the effect `contact` is first simulated.
-    skin: Option<Skin>,
+    skin: Option<Arc<Skin>>,
     maker: Box<dyn FrameMaker>,
     on_host: bool,
     /// Whether the next frames carry their image.
@@ -43,11 +50,15 @@ pub struct Renderer {
     motion_ms: f64,
     /// Pictures of all angles; none without compounding.
     compounding: Option<Compounding>,
+    /// The same of the other configurations.
+    kept_pictures: Kept<Option<Compounding>>,
     /// Order of the angles of live frames.
     order: AngleOrder,
     /// Changes of settings so far: pictures before and after are not averaged.
     generation: u64,
     in_flight: VecDeque<InFlight>,
+    /// Renderers that make frames at the same time, kept for the next ones.
+    beside: Vec<Self>,
 }
 
 impl Renderer {
@@ -75,7 +86,22 @@ impl Renderer {
         probe: &Probe,
         settings: &RenderSettings,
     ) -> Result<Self, RenderError> {
-        Self::build(backend, scene, bvh.into(), probe, settings, &TestHooks::default())
+        Self::build(backend, scene, bvh.into(), probe, settings, &TestHooks::default(), &[])
+    }
+
+    /// As [`Renderer::with_bvh`]; what `known` tables hold already is not computed again.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub(crate) fn with_tables(
+        backend: &Backend,
+        scene: &Scene,
+        bvh: Arc<Bvh>,
+        probe: &Probe,
+        settings: &RenderSettings,
+        known: &[SharedTables],
+    ) -> Result<Self, RenderError> {
+        Self::build(backend, scene, bvh, probe, settings, &TestHooks::default(), known)
     }
 
     /// As [`Renderer::with_bvh`], with passes changed by a test. Shaders apply to a device, constants to the host.
@@ -91,7 +117,7 @@ impl Renderer {
         settings: &RenderSettings,
         hooks: &TestHooks,
     ) -> Result<Self, RenderError> {
-        Self::build(backend, scene, bvh.into(), probe, settings, hooks)
+        Self::build(backend, scene, bvh.into(), probe, settings, hooks, &[])
     }
 
     fn build(
@@ -101,13 +127,15 @@ impl Renderer {
         probe: &Probe,
         settings: &RenderSettings,
         hooks: &TestHooks,
+        known: &[SharedTables],
     ) -> Result<Self, RenderError> {
         // A value outside its range is reported before any fault of the scene.
         probe.validate()?;
         settings.validate()?;
         check_scene(scene, &bvh)?;
-        let media = Media::new(scene, &bvh);
-        let active = Configuration::new(&media, probe, settings, None)?;
+        let media = Arc::new(Media::new(scene, &bvh));
+        let known: Vec<Arc<Tables>> = known.iter().map(SharedTables::tables).collect();
+        let active = Configuration::new(&media, probe, settings, None, &known)?;
         let inputs = FrameInputs { bvh: &bvh, media: &media, configuration: &active, angle: 0 };
         let mut maker = backend.maker(inputs, hooks)?;
         active.warn(None);
@@ -117,6 +145,7 @@ impl Renderer {
             bvh,
             media,
             active,
+            kept: Kept::default(),
             skin: None,
             maker,
             on_host: backend.on_host(),
@@ -124,9 +153,11 @@ impl Renderer {
             time_s: 0.0,
             motion_ms: 0.0,
             compounding: None,
+            kept_pictures: Kept::default(),
             order: AngleOrder::default(),
             generation: 0,
             in_flight,
+            beside: Vec::new(),
         };
         renderer.prepare_compounding();
         renderer.prepare_skin()?;
@@ -148,6 +179,19 @@ impl Renderer {
     /// A value outside its range, or too little memory: the renderer is then unchanged. A device that fails in the
     /// warm-up.
     pub fn reconfigure(&mut self, probe: &Probe, settings: &RenderSettings) -> Result<(), RenderError> {
+        self.reconfigure_with(probe, settings, &[])
+    }
+
+    /// As [`Renderer::reconfigure`]; what `known` tables hold already is not computed again.
+    ///
+    /// # Errors
+    /// As [`Renderer::reconfigure`].
+    pub(crate) fn reconfigure_with(
+        &mut self,
+        probe: &Probe,
+        settings: &RenderSettings,
+        known: &[SharedTables],
+    ) -> Result<(), RenderError> {
         probe.validate()?;
         settings.validate()?;
         if self.active.has_tables_of(&self.media, probe, settings) {
@@ -160,18 +204,53 @@ impl Renderer {
             }
             return Ok(());
         }
-        let next = Configuration::new(&self.media, probe, settings, Some(&self.active))?;
+        let kept = self.kept.others().map(|kept| kept.tables.clone());
+        let known: Vec<Arc<Tables>> = kept.chain(known.iter().map(SharedTables::tables)).collect();
+        let next = Configuration::new(&self.media, probe, settings, Some(&self.active), &known)?;
         self.maker.configure(FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &next, angle: 0 })?;
         next.warn(Some(&self.active));
-        let rests = self.active.effects.has(Effect::Motion) && !next.effects.has(Effect::Motion);
+        let moved = self.active.effects.has(Effect::Motion);
         self.active = next;
         self.prepare_skin()?;
         self.prepare_compounding();
-        if rests && self.bvh.moves() {
-            self.move_to(0.0);
-        }
+        self.rest(moved);
         // With frames in flight the ring has no room: the next frame compiles what is new.
         if self.maker.take_cold() && self.in_flight.is_empty() { self.warm_up(&[settings.maps]) } else { Ok(()) }
+    }
+
+    /// Makes the configuration with a number the active one; 0 is the first. A new number begins with the probe and the settings of the
+    /// one before. [`Renderer::reconfigure`] and all others concern the active one: each keeps its own tables and buffers, so that
+    /// changing between them costs nothing. They share the scene and its time.
+    ///
+    /// Frames in flight stay as they were submitted, but are not part of compounded pictures any more.
+    ///
+    /// # Errors
+    /// Too little memory for a new one, or a device that fails; nothing has changed then.
+    pub(crate) fn select(&mut self, number: usize) -> Result<(), RenderError> {
+        if number == self.kept.active() {
+            return Ok(());
+        }
+        let next = self.kept.get(number).unwrap_or(&self.active);
+        let inputs = FrameInputs { bvh: &self.bvh, media: &self.media, configuration: next, angle: 0 };
+        self.maker.select(number, inputs)?;
+        let (is_new, moved) = (!self.kept.has(number), self.active.effects.has(Effect::Motion));
+        let new = is_new.then(|| self.active.clone());
+        self.kept.swap(number, &mut self.active, new);
+        self.kept_pictures.swap(number, &mut self.compounding, is_new.then_some(None));
+        if is_new {
+            self.prepare_compounding();
+        } else {
+            self.restart_compounding();
+        }
+        self.rest(moved);
+        Ok(())
+    }
+
+    /// Brings the scene to rest if it `moved`, and does not with the active configuration.
+    fn rest(&mut self, moved: bool) {
+        if moved && !self.active.effects.has(Effect::Motion) && self.bvh.moves() {
+            self.move_to(0.0);
+        }
     }
 
     /// Makes the skin that the face touches, if its effect is simulated for the first time.
@@ -181,7 +260,7 @@ impl Renderer {
         }
         let touched = |surface: u32| self.media.touched.get(surface as usize).copied().unwrap_or(false);
         let triangles = self.bvh.triangles.iter().filter(|triangle| touched(triangle.surface));
-        self.skin = Some(Skin::of_triangles(triangles.map(|triangle| self.bvh.corners_mm(triangle)))?);
+        self.skin = Some(Arc::new(Skin::of_triangles(triangles.map(|triangle| self.bvh.corners_mm(triangle)))?));
         Ok(())
     }
 

@@ -1,0 +1,56 @@
+//! Scenes of the tuples, shared by the renderers of several lanes.
+
+use std::sync::Arc;
+
+use super::DatasetError;
+use super::stations::class_of;
+use super::step::{Progress, Step};
+use crate::anatomy::Scene;
+use crate::anatomy::bvh::Bvh;
+use crate::phantom;
+use crate::render::{RenderError, TableMaker};
+use crate::station::Station;
+
+/// A station's scene, ready to be rendered.
+#[derive(Debug)]
+pub(crate) struct TupleScene {
+    /// Station with the phantom of its tuples.
+    pub(super) station: Station,
+    pub(super) scene: Scene,
+    /// At rest.
+    pub(super) bvh: Arc<Bvh>,
+    pub(super) tables: TableMaker,
+    /// Class of each number of the frames.
+    pub(super) class_of: Vec<u8>,
+}
+
+/// Loads scenes, and keeps the last: tuples of one scene follow each other.
+pub(crate) struct Scenes<'a> {
+    progress: &'a Progress<'a>,
+    classes: Vec<String>,
+    last: Option<Arc<TupleScene>>,
+}
+
+impl<'a> Scenes<'a> {
+    /// Scenes of a data set with these classes. `progress` receives the steps in building a phantom.
+    pub(crate) fn new(classes: Vec<String>, progress: &'a Progress<'a>) -> Self {
+        Self { progress, classes, last: None }
+    }
+
+    /// The scene of `station`. While it is loaded, lanes may still hold the one before.
+    ///
+    /// # Errors
+    /// A scene that cannot be loaded, that has no triangles, or that has a tissue without a class.
+    pub(crate) fn of(&mut self, station: &Station) -> Result<Arc<TupleScene>, DatasetError> {
+        if let Some(last) = self.last.take_if(|last| last.station == *station) {
+            return Ok(self.last.insert(last).clone());
+        }
+        self.last = None;
+        let step = |p: phantom::Progress| (self.progress)(Step::Phantom { done: p.done, total: p.total });
+        let scene = station.load_scene(&step)?;
+        let class_of = class_of(&self.classes, scene.tissues.names())?;
+        let bvh = Arc::new(Bvh::build(&scene).map_err(RenderError::from)?);
+        let tables = TableMaker::new(&scene, &bvh);
+        Ok(self.last.insert(Arc::new(TupleScene { station: station.clone(), scene, bvh, tables, class_of })).clone())
+    }
+}
