@@ -6,8 +6,9 @@ use glam::{DAffine3, DMat3, DVec3};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::body::{self, OutlineSource, distances_mm, gas_of, without_crumbs};
+use super::body::{self, Gas, OutlineSource, distances_mm, gas_of, without_crumbs};
 use super::grid::{CutPlane, Grid};
+pub use super::inputs::{Inputs, Organ};
 use super::meshing::{Complex, NONE, Net, Part, make_well_composed};
 use crate::anatomy::Mesh;
 
@@ -20,38 +21,6 @@ const FAT_SHARE: f64 = 0.10;
 const ERROR_VOXELS: f64 = 0.35;
 /// Farthest that a surface moves to restore a label's volume, in voxels.
 const VOLUME_VOXELS: f64 = 0.4;
-
-/// A segment and what it becomes.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Organ {
-    /// Name of its surface.
-    pub name: String,
-    /// Tissue that fills it.
-    pub tissue: String,
-    /// Order among organs: the highest one wins where segments overlap.
-    pub priority: i32,
-    /// Wall just within its surface: tissue and thickness, mm.
-    pub wall: Option<(String, f64)>,
-    /// Gas in its lumen: tissue and share of the lumen, 0..=1.
-    pub gas: Option<(String, f64)>,
-}
-
-/// What a scene is made from. All arrays are in the order of the grid, x fastest.
-#[derive(Debug, Clone)]
-pub struct Inputs {
-    /// Grid, its axes nearest to the patient's left, back and head.
-    pub grid: Grid,
-    /// Label of each voxel: 0, or 1 + index of its organ.
-    pub labels: Vec<u16>,
-    /// Organs.
-    pub organs: Vec<Organ>,
-    /// Voxels of the body, where a label map says so.
-    pub body: Option<Vec<bool>>,
-    /// Voxels of subcutaneous fat, where a label map says so.
-    pub fat: Option<Vec<bool>>,
-    /// Image that was segmented: HU for CT.
-    pub image: Option<Vec<f32>>,
-}
 
 /// How a scene is made.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -116,8 +85,7 @@ pub struct Facts {
 /// Makes the surfaces. `progress` receives the name of the step and the share that is done, 0..=1.
 pub fn make(mut inputs: Inputs, options: &Options, progress: &(dyn Fn(&'static str, f64) + Sync)) -> Outcome {
     progress("cleaning the labels", 0.0);
-    let before = inputs.clone_margin(options);
-    inputs = before;
+    inputs = inputs.with_margin(options.skin_mm, options.fat_mm);
     let counts = count(&inputs.labels);
     let crumbs = without_crumbs(&mut inputs.labels, inputs.grid.size, CRUMB_VOXELS);
     let priorities: Vec<i32> = inputs.organs.iter().map(|o| o.priority).collect();
@@ -214,67 +182,12 @@ fn soft_tissue(inputs: &Inputs, body: &[bool], options: &Options) -> Vec<bool> {
 
 /// Fat in a CT image that reaches the skin: −200 to −20 HU, connected to the first 4 mm.
 fn fat_of_image(inputs: &Inputs, depth_mm: &[f32]) -> Option<Vec<bool>> {
-    let image = inputs.image.as_ref()?;
-    let least = image.par_iter().copied().reduce(|| f32::INFINITY, f32::min);
-    if least > -500.0 {
-        return None;
-    }
+    let image = inputs.ct()?;
     let is_fat = |i: usize| depth_mm[i] > 0.0 && (-200.0..-20.0).contains(&image[i]) && inputs.labels[i] == NONE;
     let mut fat: Vec<bool> =
         (0..image.len()).into_par_iter().map(|i| is_fat(i) || (depth_mm[i] > 0.0 && depth_mm[i] < 4.0)).collect();
     body::largest_component(&mut fat, inputs.grid.size);
     Some(fat)
-}
-
-impl Inputs {
-    /// The inputs on a grid cut to the body, with free voxels beside it, except where the scan itself ends there.
-    fn clone_margin(self, options: &Options) -> Self {
-        let grid = &self.grid;
-        let inside =
-            |i: usize| self.labels[i] != NONE || self.body.as_ref().is_some_and(|b| b[i]) || self.image.is_some();
-        let bounds = (0..grid.len()).into_par_iter().filter(|&i| inside(i)).map(|i| (grid.at(i), grid.at(i)));
-        let Some((low, high)) = bounds.reduce_with(|a, b| {
-            (std::array::from_fn(|n| a.0[n].min(b.0[n])), std::array::from_fn(|n| a.1[n].max(b.1[n])))
-        }) else {
-            return self;
-        };
-        let guessed = self.body.is_none() && self.image.is_none();
-        let margin_mm = if guessed { body::hull_margin_mm(options.skin_mm, options.fat_mm) } else { 0.0 };
-        let voxel_mm = grid.voxel_mm();
-        let margin = |axis: usize| (margin_mm / voxel_mm[axis]).ceil() as usize + 2;
-        // Index in the old grid of the first voxel, and the number of voxels, of the new one.
-        let first: [i64; 3] = std::array::from_fn(|n| if low[n] == 0 { 0 } else { low[n] as i64 - margin(n) as i64 });
-        let last: [i64; 3] = std::array::from_fn(|n| {
-            if high[n] + 1 == grid.size[n] { high[n] as i64 } else { (high[n] + margin(n)) as i64 }
-        });
-        let size: [usize; 3] = std::array::from_fn(|n| (last[n] - first[n] + 1).max(1) as usize);
-        let shift = DVec3::from_array(first.map(|v| v as f64));
-        let lps_from_voxel = grid.lps_from_voxel * DAffine3::from_translation(shift);
-        let new = Grid { size, lps_from_voxel };
-        let old_index = |i: usize| {
-            let at = new.at(i);
-            let old: [i64; 3] = std::array::from_fn(|n| at[n] as i64 + first[n]);
-            let within = (0..3).all(|n| (0..grid.size[n] as i64).contains(&old[n]));
-            within.then(|| (old[2] as usize * grid.size[1] + old[1] as usize) * grid.size[0] + old[0] as usize)
-        };
-        fn moved<T: Copy + Send + Sync>(
-            of: &[T],
-            none: T,
-            count: usize,
-            index: impl Fn(usize) -> Option<usize> + Sync,
-        ) -> Vec<T> {
-            (0..count).into_par_iter().map(|i| index(i).map_or(none, |i| of[i])).collect()
-        }
-        let count = new.len();
-        Self {
-            labels: moved(&self.labels, NONE, count, old_index),
-            body: self.body.as_ref().map(|b| moved(b, false, count, old_index)),
-            fat: self.fat.as_ref().map(|b| moved(b, false, count, old_index)),
-            image: self.image.as_ref().map(|b| moved(b, -1024.0, count, old_index)),
-            organs: self.organs,
-            grid: new,
-        }
-    }
 }
 
 struct Builder<'a> {
@@ -385,11 +298,12 @@ impl Builder<'_> {
     fn gas(&mut self, inputs: &Inputs, share: f64) {
         let mut labels = vec![NONE; inputs.labels.len()];
         for (label, organ) in (1..).zip(&inputs.organs) {
-            let Some((_, gas)) = &organ.gas else { continue };
+            let Some((_, share)) = &organ.gas else { continue };
+            let gas = inputs.ct().map_or(Gas::Share(*share), Gas::Seen);
             let wall_mm = organ.wall.as_ref().map_or(0.0, |(_, mm)| *mm);
             // A voxel more than the wall: the wall's inner side is smoother than the gas.
             let within_mm = wall_mm + 0.5 * self.grid.voxel_mm().min_element();
-            for i in gas_of(&inputs.labels, self.grid, label, within_mm, *gas) {
+            for i in gas_of(&inputs.labels, self.grid, label, within_mm, gas) {
                 labels[i] = label;
             }
         }

@@ -7,12 +7,10 @@ use rayon::prelude::*;
 use thiserror::Error;
 
 use super::classes::{ClassTable, MappedSegment, Role, Unmapped};
-use super::from_labels::{Inputs, Organ};
-use super::grid::Grid;
-use super::volume::{Image, LabelMap};
 
-/// Value of an image beyond its field, HU.
-const AIR_HU: f32 = -1024.0;
+use super::grid::Grid;
+use super::inputs::{Inputs, Organ};
+use super::volume::{Image, LabelMap};
 
 /// Label maps that cannot become a scene.
 #[derive(Debug, Error)]
@@ -158,8 +156,9 @@ fn body_on(map: LabelMap, grid: &Grid) -> Result<Vec<bool>, GatherError> {
     Ok((0..grid.len()).into_par_iter().map(inside).collect())
 }
 
-/// Values of an image on `grid`.
+/// Values of an image on `grid`; beyond its field its lowest value.
 fn image_on(image: &Image, grid: &Grid) -> Vec<f32> {
+    let least = image.values.par_iter().copied().reduce(|| f32::INFINITY, f32::min);
     let index = nearest(grid, &grid_of(image.size, image.lps_from_voxel));
-    (0..grid.len()).into_par_iter().map(|i| index(i).map_or(AIR_HU, |i| image.values[i])).collect()
+    (0..grid.len()).into_par_iter().map(|i| index(i).map_or(least, |i| image.values[i])).collect()
 }

@@ -5,9 +5,20 @@ use rayon::prelude::*;
 use super::distances_mm;
 use crate::segmentation::grid::Grid;
 
-/// Voxels of `label` that hold gas: at least `wall_mm` below the organ's surface, the most anterior `share` (0..=1) of
-/// those. Slices of equal k fill on their own, as loops of bowel do.
-pub fn gas_of(labels: &[u16], grid: &Grid, label: u16, wall_mm: f64, share: f64) -> Vec<usize> {
+/// Density below which a CT shows gas, HU.
+const GAS_HU: f32 = -400.0;
+
+/// Where an organ has its gas.
+#[derive(Debug, Clone, Copy)]
+pub enum Gas<'a> {
+    /// Where a CT shows it: HU of each voxel.
+    Seen(&'a [f32]),
+    /// In the most anterior share of the lumen, 0..=1. Slices of equal k fill on their own, as loops of bowel do.
+    Share(f64),
+}
+
+/// Voxels of `label` that hold gas, at least `wall_mm` below the organ's surface.
+pub fn gas_of(labels: &[u16], grid: &Grid, label: u16, wall_mm: f64, gas: Gas) -> Vec<usize> {
     let Some((low, high)) = bounds(labels, grid, label) else { return Vec::new() };
     let size: [usize; 3] = std::array::from_fn(|axis| high[axis] - low[axis] + 3);
     // A box around the organ, one voxel wider on each side; beyond the grid its nearest voxels go on.
@@ -26,6 +37,13 @@ pub fn gas_of(labels: &[u16], grid: &Grid, label: u16, wall_mm: f64, share: f64)
         .into_par_iter()
         .flat_map_iter(|z| {
             let mut lumen: Vec<usize> = (z * layer..(z + 1) * layer).filter(|&i| inner(i)).collect();
+            let share = match gas {
+                Gas::Seen(hu) => {
+                    lumen.retain(|&i| hu[index(place(i))] < GAS_HU);
+                    1.0
+                }
+                Gas::Share(share) => share,
+            };
             // Rows ascend to the back: the first ones are the most anterior.
             let keep = (share.clamp(0.0, 1.0) * lumen.len() as f64).round() as usize;
             let row = |i: usize| i / size[0];
@@ -63,7 +81,7 @@ mod tests {
             (x - 15.0).powi(2) + (y - 15.0).powi(2) < 100.0
         };
         let labels: Vec<u16> = (0..grid.len()).map(|i| if inside(i) { 7 } else { 0 }).collect();
-        let gas = gas_of(&labels, &grid, 7, 3.0, 0.3);
+        let gas = gas_of(&labels, &grid, 7, 3.0, Gas::Share(0.3));
         let lumen = (0..grid.len())
             .filter(|&i| {
                 let [x, y, _] = grid.at(i).map(|v| v as f64);
@@ -74,6 +92,10 @@ mod tests {
         assert!((0.18..0.36).contains(&share), "{share}");
         let level = gas.iter().map(|&i| grid.at(i)[1]).max().unwrap();
         assert!(gas.iter().all(|&i| labels[i] == 7) && level < 15, "{level}");
-        assert!(gas_of(&labels, &grid, 3, 3.0, 0.3).is_empty());
+        assert!(gas_of(&labels, &grid, 3, 3.0, Gas::Share(0.3)).is_empty());
+        // A CT with gas in the left half.
+        let hu: Vec<f32> = (0..grid.len()).map(|i| if grid.at(i)[0] > 15 { -900.0 } else { 30.0 }).collect();
+        let seen = gas_of(&labels, &grid, 7, 3.0, Gas::Seen(&hu));
+        assert!(seen.len() > 1000 && seen.iter().all(|&i| labels[i] == 7 && grid.at(i)[0] > 15));
     }
 }

@@ -8,6 +8,6 @@ mod outline;
 pub(crate) use components::largest_component;
 pub use components::without_crumbs;
 pub use distance::distances_mm;
-pub use gas::gas_of;
+pub use gas::{Gas, gas_of};
 pub(crate) use outline::hull_margin_mm;
 pub use outline::{OutlineSource, from_image, from_labels, from_mask};

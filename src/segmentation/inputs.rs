@@ -1,0 +1,105 @@
+//! What a scene is made from: labels on a grid, organs, and what is known of the body.
+
+use glam::{DAffine3, DVec3};
+use rayon::prelude::*;
+
+use super::body::hull_margin_mm;
+use super::grid::Grid;
+use super::meshing::NONE;
+
+/// A segment and what it becomes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Organ {
+    /// Name of its surface.
+    pub name: String,
+    /// Tissue that fills it.
+    pub tissue: String,
+    /// Order among organs: the highest one wins where segments overlap.
+    pub priority: i32,
+    /// Wall just within its surface: tissue and thickness, mm.
+    pub wall: Option<(String, f64)>,
+    /// Gas in its lumen: tissue and share of the lumen, 0..=1.
+    pub gas: Option<(String, f64)>,
+}
+
+/// What a scene is made from. All arrays are in the order of the grid, x fastest.
+#[derive(Debug, Clone)]
+pub struct Inputs {
+    /// Grid, its axes nearest to the patient's left, back and head.
+    pub grid: Grid,
+    /// Label of each voxel: 0, or 1 + index of its organ.
+    pub labels: Vec<u16>,
+    /// Organs.
+    pub organs: Vec<Organ>,
+    /// Voxels of the body, where a label map says so.
+    pub body: Option<Vec<bool>>,
+    /// Voxels of subcutaneous fat, where a label map says so.
+    pub fat: Option<Vec<bool>>,
+    /// Image that was segmented: HU for CT.
+    pub image: Option<Vec<f32>>,
+}
+
+/// Lowest value of an image.
+fn least(image: &[f32]) -> f32 {
+    image.par_iter().copied().reduce(|| f32::INFINITY, f32::min)
+}
+
+/// Density that only a CT reaches, HU: air. Images of MR are not negative.
+const AIR_HU: f32 = -500.0;
+
+impl Inputs {
+    /// The image, if it is a CT.
+    pub(super) fn ct(&self) -> Option<&[f32]> {
+        let image = self.image.as_deref()?;
+        (least(image) < AIR_HU).then_some(image)
+    }
+
+    /// The inputs on a grid cut to the body, with free voxels beside it, except where the scan itself ends there.
+    pub(super) fn with_margin(self, skin_mm: f64, fat_mm: f64) -> Self {
+        let grid = &self.grid;
+        let inside =
+            |i: usize| self.labels[i] != NONE || self.body.as_ref().is_some_and(|b| b[i]) || self.image.is_some();
+        let bounds = (0..grid.len()).into_par_iter().filter(|&i| inside(i)).map(|i| (grid.at(i), grid.at(i)));
+        let Some((low, high)) = bounds.reduce_with(|a, b| {
+            (std::array::from_fn(|n| a.0[n].min(b.0[n])), std::array::from_fn(|n| a.1[n].max(b.1[n])))
+        }) else {
+            return self;
+        };
+        let guessed = self.body.is_none() && self.image.is_none();
+        let margin_mm = if guessed { hull_margin_mm(skin_mm, fat_mm) } else { 0.0 };
+        let voxel_mm = grid.voxel_mm();
+        let margin = |axis: usize| (margin_mm / voxel_mm[axis]).ceil() as usize + 2;
+        // Index in the old grid of the first voxel, and the number of voxels, of the new one.
+        let first: [i64; 3] = std::array::from_fn(|n| if low[n] == 0 { 0 } else { low[n] as i64 - margin(n) as i64 });
+        let last: [i64; 3] = std::array::from_fn(|n| {
+            if high[n] + 1 == grid.size[n] { high[n] as i64 } else { (high[n] + margin(n)) as i64 }
+        });
+        let size: [usize; 3] = std::array::from_fn(|n| (last[n] - first[n] + 1).max(1) as usize);
+        let shift = DVec3::from_array(first.map(|v| v as f64));
+        let lps_from_voxel = grid.lps_from_voxel * DAffine3::from_translation(shift);
+        let new = Grid { size, lps_from_voxel };
+        let old_index = |i: usize| {
+            let at = new.at(i);
+            let old: [i64; 3] = std::array::from_fn(|n| at[n] as i64 + first[n]);
+            let within = (0..3).all(|n| (0..grid.size[n] as i64).contains(&old[n]));
+            within.then(|| (old[2] as usize * grid.size[1] + old[1] as usize) * grid.size[0] + old[0] as usize)
+        };
+        fn moved<T: Copy + Send + Sync>(
+            of: &[T],
+            none: T,
+            count: usize,
+            index: impl Fn(usize) -> Option<usize> + Sync,
+        ) -> Vec<T> {
+            (0..count).into_par_iter().map(|i| index(i).map_or(none, |i| of[i])).collect()
+        }
+        let count = new.len();
+        Self {
+            labels: moved(&self.labels, NONE, count, old_index),
+            body: self.body.as_ref().map(|b| moved(b, false, count, old_index)),
+            fat: self.fat.as_ref().map(|b| moved(b, false, count, old_index)),
+            image: self.image.as_ref().map(|image| moved(image, least(image), count, old_index)),
+            organs: self.organs,
+            grid: new,
+        }
+    }
+}
