@@ -9,7 +9,7 @@ use crate::anatomy::planes::View;
 use crate::pose::Pose;
 
 /// Depth of the face in the skin, mm.
-const PRESS_MM: f64 = 2.5;
+const PRESS_MM: f64 = 4.0;
 /// Largest step of the contact between looks for the slide's ends, mm: a longer one is another side of the body.
 const STEP_MM: f64 = 2.0;
 const JUMP_MM: f64 = 12.0;

@@ -67,7 +67,7 @@ pub struct Outcome {
     pub facts: Facts,
 }
 
-/// What was done on the way.
+/// Processing facts for the report.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Facts {
     /// Origin of the body's outline.
@@ -86,8 +86,8 @@ pub struct Facts {
 pub fn make(mut inputs: Inputs, options: &Options, progress: &(dyn Fn(&'static str, f64) + Sync)) -> Outcome {
     progress("cleaning the labels", 0.0);
     inputs = inputs.with_margin(options.skin_mm, options.fat_mm);
-    let counts = count(&inputs.labels);
     let crumbs = without_crumbs(&mut inputs.labels, inputs.grid.size, CRUMB_VOXELS);
+    let counts = count(&inputs.labels);
     let priorities: Vec<i32> = inputs.organs.iter().map(|o| o.priority).collect();
     // Ranks are distinct: equal priorities in the order of the labels.
     let rank = |label: u16| match priorities.get(usize::from(label).wrapping_sub(1)) {
@@ -103,7 +103,8 @@ pub fn make(mut inputs: Inputs, options: &Options, progress: &(dyn Fn(&'static s
 
     let mut builder = Builder { grid: &inputs.grid, surfaces: Vec::new() };
     progress("meshing the body", 0.2);
-    builder.body(body_mask, soft, options);
+    let has_fat = options.fat_mm > 0.0 || inputs.fat.is_some() || inputs.ct().is_some();
+    builder.body(body_mask, soft, has_fat, options);
     progress("meshing the organs", 0.3);
     builder.organs(&inputs, &counts, options, progress);
     progress("done", 1.0);
@@ -135,7 +136,7 @@ fn outline(inputs: &Inputs, options: &Options) -> (OutlineSource, Vec<bool>) {
     };
     // What is labelled is in the body.
     mask.par_iter_mut().zip(&inputs.labels).for_each(|(inside, label)| *inside |= *label != NONE);
-    (source, body::from_mask(mask, grid))
+    (source, body::from_mask(mask, grid, |i| inputs.labels[i] != NONE))
 }
 
 /// Sides of the grid that the body reaches: low and high along each axis.
@@ -177,7 +178,7 @@ fn soft_tissue(inputs: &Inputs, body: &[bool], options: &Options) -> Vec<bool> {
         body[i] && (below || inputs.labels[i] != NONE)
     };
     let soft: Vec<bool> = (0..body.len()).into_par_iter().map(soft).collect();
-    body::from_mask(soft, grid)
+    body::from_mask(soft, grid, |i| inputs.labels[i] != NONE)
 }
 
 /// Fat in a CT image that reaches the skin: −200 to −20 HU, connected to the first 4 mm.
@@ -186,8 +187,15 @@ fn fat_of_image(inputs: &Inputs, depth_mm: &[f32]) -> Option<Vec<bool>> {
     let is_fat = |i: usize| depth_mm[i] > 0.0 && (-200.0..-20.0).contains(&image[i]) && inputs.labels[i] == NONE;
     let mut fat: Vec<bool> =
         (0..image.len()).into_par_iter().map(|i| is_fat(i) || (depth_mm[i] > 0.0 && depth_mm[i] < 4.0)).collect();
-    body::largest_component(&mut fat, inputs.grid.size);
+    body::large_components(&mut fat, inputs.grid.size, |_| false);
     Some(fat)
+}
+
+/// Priority of a label's outer surface: distinct for all organs, with room for the surfaces within.
+fn priority_of(organs: &[Organ], label: u16) -> i32 {
+    let rank = |label: u16| (organs.get(usize::from(label).wrapping_sub(1)).map_or(0, |o| o.priority), label);
+    let below = (1..=organs.len() as u16).filter(|&other| rank(other) < rank(label)).count();
+    100 + 3 * below as i32
 }
 
 struct Builder<'a> {
@@ -239,7 +247,7 @@ impl Builder<'_> {
         complex.parts().remove(&1)
     }
 
-    fn body(&mut self, body: Vec<bool>, soft: Vec<bool>, options: &Options) {
+    fn body(&mut self, body: Vec<bool>, soft: Vec<bool>, has_fat: bool, options: &Options) {
         let share = |share: f64| (share * options.triangles as f64) as usize;
         if let Some(part) = self.mask_part(&body, share(BODY_SHARE)) {
             let voxels = body.iter().filter(|&&b| b).count();
@@ -249,7 +257,9 @@ impl Builder<'_> {
             } else {
                 part
             };
-            self.add("fat", "fat", 1, &inner, None);
+            if has_fat {
+                self.add("fat", "fat", 1, &inner, None);
+            }
             let voxel_mm3 = self.grid.voxel_mm3();
             if let Some(first) = self.surfaces.first_mut() {
                 first.voxels_mm3 = Some(voxels as f64 * voxel_mm3);
@@ -282,7 +292,7 @@ impl Builder<'_> {
         for (label, part) in complex.parts() {
             let Some(organ) = organ_of(label) else { continue };
             let from = Some((organ.name.as_str(), counts.get(&label).copied()));
-            let priority = 10 * organ.priority;
+            let priority = priority_of(&inputs.organs, label);
             match &organ.wall {
                 Some((tissue, mm)) => {
                     self.add(&format!("{}_wall", organ.name), tissue, priority, &part, from);
@@ -320,7 +330,7 @@ impl Builder<'_> {
             let Some(organ) = inputs.organs.get(usize::from(label).wrapping_sub(1)) else { continue };
             if let Some((tissue, _)) = &organ.gas {
                 let from = Some((organ.name.as_str(), None));
-                self.add(&format!("{}_gas", organ.name), tissue, 10 * organ.priority + 2, &part, from);
+                self.add(&format!("{}_gas", organ.name), tissue, priority_of(&inputs.organs, label) + 2, &part, from);
             }
         }
     }

@@ -4,7 +4,7 @@ use super::classes::{Class, Role};
 use super::from_labels::{Inputs, Made, Options, make};
 use super::meshing::Part;
 use super::summary::remark_of_outline;
-use super::voxels::voxels_within;
+use super::voxels::{inside_of, voxels_within};
 use crate::anatomy::Mesh;
 
 /// Side of the voxels in which a body is drawn around the meshes, mm.
@@ -21,29 +21,31 @@ pub struct OrganMesh {
     pub mesh: Mesh,
 }
 
+/// Layers that a body makes itself.
+const LAYERS: [&str; 4] = ["fat", "soft_tissue", "subcutaneous_fat", "torso_fat"];
+
 /// Surfaces of a scene, ascending in priority, and remarks on them. Organs get the walls of their classes. A mesh of the
 /// body or skin is filled with skin, fat and soft tissue; without one a body is drawn around all meshes.
 pub fn surfaces(organs: Vec<OrganMesh>, options: &Options) -> (Vec<Made>, Vec<String>) {
-    let mut made = Vec::new();
-    let mut remarks = Vec::new();
-    let (bodies, organs): (Vec<_>, Vec<_>) =
+    let (bodies, mut organs): (Vec<_>, Vec<_>) =
         organs.into_iter().partition(|o| matches!(o.class.role, Role::Body | Role::Skin));
-    if bodies.is_empty() {
-        made.extend(body_around(&organs, options));
-        remarks.push(remark_of_outline().to_owned());
+    let mut remarks = Vec::new();
+    if !bodies.is_empty() {
+        organs.retain(|organ| !LAYERS.contains(&organ.class.name.as_str()));
     }
-    for body in bodies {
-        let part = part(&body.mesh);
-        let layers = [("skin", "skin", 0.0), ("fat", "fat", options.skin_mm)];
-        let soft = ("soft_tissue", "soft_tissue_maternal", options.skin_mm + options.fat_mm);
-        for (priority, (name, tissue, depth_mm)) in (0..).zip(layers.into_iter().chain([soft])) {
-            if priority == 0 && options.skin_mm == 0.0 {
-                continue;
+    let mut made = layers(&bodies, &organs, options);
+    if let [body] = &bodies[..] {
+        // The mesh itself is finer than its voxels.
+        let outer = part(&body.mesh);
+        for (name, depth_mm) in [("skin", 0.0), ("fat", options.skin_mm)] {
+            if let Some(layer) = made.iter_mut().find(|made| made.name == name) {
+                let exact = if depth_mm > 0.0 { outer.inward(depth_mm) } else { outer.clone() };
+                layer.mesh = exact.mesh(&glam::DAffine3::IDENTITY);
+                layer.voxels_mm3 = layer.voxels_mm3.map(|_| outer.volume_mm3());
             }
-            let layer = if depth_mm > 0.0 { part.inward(depth_mm) } else { part.clone() };
-            let voxels_mm3 = (depth_mm == 0.0).then(|| part.volume_mm3());
-            made.push(of_part(name, tissue, priority, &layer, None, voxels_mm3));
         }
+    } else if bodies.is_empty() {
+        remarks.push(remark_of_outline().to_owned());
     }
     for OrganMesh { name, class, mesh } in organs {
         let priority = 10 * class.priority.unwrap_or(50);
@@ -86,12 +88,17 @@ fn of_part(
     }
 }
 
-/// Skin, fat and soft tissue around the organs.
-fn body_around(organs: &[OrganMesh], options: &Options) -> Vec<Made> {
-    let meshes: Vec<&Mesh> = organs.iter().map(|o| &o.mesh).collect();
+/// Skin, fat and soft tissue of the bodies, or around the organs.
+fn layers(bodies: &[OrganMesh], organs: &[OrganMesh], options: &Options) -> Vec<Made> {
+    let meshes: Vec<&Mesh> = bodies.iter().chain(organs).map(|o| &o.mesh).collect();
     // Free voxels on all sides: the organs end within the body.
-    let Some((grid, inside)) = voxels_within(&meshes, VOXEL_MM, 2) else { return Vec::new() };
-    let labels = inside.iter().map(|&inside| u16::from(inside)).collect();
-    let inputs = Inputs { grid, labels, organs: Vec::new(), body: None, fat: None, image: None };
+    let Some((grid, _)) = voxels_within(&meshes, VOXEL_MM, 2) else { return Vec::new() };
+    let within = |of: &[OrganMesh]| {
+        let meshes: Vec<&Mesh> = of.iter().map(|o| &o.mesh).collect();
+        inside_of(&meshes, &grid)
+    };
+    let labels = within(organs).into_iter().map(u16::from).collect();
+    let body = (!bodies.is_empty()).then(|| within(bodies));
+    let inputs = Inputs { grid: grid.clone(), labels, organs: Vec::new(), body, fat: None, image: None };
     make(inputs, options, &|_, _| ()).surfaces
 }

@@ -1,16 +1,29 @@
 //! From label maps and their classes to the labels on one grid that a scene is made from.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use rayon::prelude::*;
 use thiserror::Error;
 
 use super::classes::{ClassTable, MappedSegment, Role, Unmapped};
-
 use super::grid::Grid;
 use super::inputs::{Inputs, Organ};
 use super::volume::{Image, LabelMap};
+
+/// Most unknown segments that a message lists.
+const LISTED_MAX: usize = 5;
+/// More unknown segments than this are likely an image's values.
+const IMAGE_VALUES: usize = 20;
+
+/// The first of `names`, and how many more there are.
+fn listed(names: &[String]) -> String {
+    let first = names.iter().take(LISTED_MAX).cloned().collect::<Vec<_>>().join("; ");
+    match names.len().saturating_sub(LISTED_MAX) {
+        0 => first,
+        more => format!("{first}; and {more} more"),
+    }
+}
 
 /// Label maps that cannot become a scene.
 #[derive(Debug, Error)]
@@ -18,8 +31,9 @@ pub enum GatherError {
     /// Segments that mean no tissue.
     #[error(
         "{path}: {}; give them a meaning with --map NAME=TISSUE (or =CLASS, or =ignore), or leave them out with \
-         --leave-out-unknown",
-        names.join("; ")
+         --leave-out-unknown{}",
+        listed(names),
+        if names.len() > IMAGE_VALUES { "; with so many values it may be an image: that goes to --image" } else { "" }
     )]
     Unmapped {
         /// Label map.
@@ -37,6 +51,20 @@ pub enum GatherError {
         /// What was found instead.
         found: String,
     },
+    /// A body or an image of another scan.
+    #[error(
+        "{path}, given as {option}, holds only {percent:.0} % of the labelled voxels of {labels}: is it of the same scan?"
+    )]
+    OtherScan {
+        /// Body or image.
+        path: PathBuf,
+        /// Option that it was given as.
+        option: &'static str,
+        /// Label map.
+        labels: PathBuf,
+        /// Share, %.
+        percent: f64,
+    },
     /// A file without a body.
     #[error("{path}, given as --body, labels nothing but background")]
     NoBody {
@@ -44,6 +72,9 @@ pub enum GatherError {
         path: PathBuf,
     },
 }
+
+/// Least share of the labelled voxels that a body or an image must hold, %.
+const COVERED_PERCENT: f64 = 80.0;
 
 /// Grid of a volume.
 fn grid_of(size: [usize; 3], lps_from_voxel: glam::DAffine3) -> Grid {
@@ -83,12 +114,33 @@ pub fn gather(
         (!of.is_empty()).then(|| (0..grid.len()).into_par_iter().map(holds).collect())
     };
     let fat = mask(Role::Fat);
+    let merged = merged(&labels, &organs, &grid);
+    let covered = |inside: &(dyn Fn(usize) -> bool + Sync), option: &'static str, path: &Path| {
+        let labelled = merged.par_iter().enumerate().filter(|(_, label)| **label != 0);
+        let (count, held) =
+            labelled.map(|(i, _)| (1usize, usize::from(inside(i)))).reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+        let percent = 100.0 * held as f64 / count.max(1) as f64;
+        let (path, labels) = (path.to_owned(), labels.path.clone());
+        if percent < COVERED_PERCENT { Err(GatherError::OtherScan { path, option, labels, percent }) } else { Ok(()) }
+    };
     let body = match body {
-        Some(map) => Some(body_on(map, &grid)?),
+        Some(map) => {
+            let path = map.path.clone();
+            let body = body_on(map, &grid)?;
+            covered(&|i| body[i], "--body", &path)?;
+            Some(body)
+        }
         None => union(mask(Role::Body), mask(Role::Skin)),
     };
-    let merged = merged(&labels, &organs, &grid);
-    let image = image.map(|image| image_on(&image.canonical(), &grid));
+    let image = match image {
+        Some(image) => {
+            let image = image.canonical();
+            let index = nearest(&grid, &grid_of(image.size, image.lps_from_voxel));
+            covered(&|i| index(i).is_some(), "--image", &image.path)?;
+            Some(image_on(&image, &grid))
+        }
+        None => None,
+    };
     let inputs = Inputs { labels: merged, organs: organs_of(&organs), body, fat, image, grid };
     Ok((inputs, unmapped))
 }

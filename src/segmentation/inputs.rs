@@ -1,4 +1,4 @@
-//! What a scene is made from: labels on a grid, organs, and what is known of the body.
+//! Inputs of a scene: labels on a grid, organs, and what is known of the body.
 
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
@@ -7,7 +7,7 @@ use super::body::hull_margin_mm;
 use super::grid::Grid;
 use super::meshing::NONE;
 
-/// A segment and what it becomes.
+/// Segment, and the tissue, wall and gas of its surfaces.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Organ {
     /// Name of its surface.
@@ -22,7 +22,7 @@ pub struct Organ {
     pub gas: Option<(String, f64)>,
 }
 
-/// What a scene is made from. All arrays are in the order of the grid, x fastest.
+/// Inputs of a scene. All arrays are in the order of the grid, x fastest.
 #[derive(Debug, Clone)]
 pub struct Inputs {
     /// Grid, its axes nearest to the patient's left, back and head.
@@ -70,9 +70,12 @@ impl Inputs {
         let voxel_mm = grid.voxel_mm();
         let margin = |axis: usize| (margin_mm / voxel_mm[axis]).ceil() as usize + 2;
         // Index in the old grid of the first voxel, and the number of voxels, of the new one.
-        let first: [i64; 3] = std::array::from_fn(|n| if low[n] == 0 { 0 } else { low[n] as i64 - margin(n) as i64 });
+        // A guessed body goes on at the sides, where a map is often cut to its organs.
+        let ends = |n: usize, at_border: bool| at_border && !(guessed && n < 2);
+        let first: [i64; 3] =
+            std::array::from_fn(|n| if ends(n, low[n] == 0) { 0 } else { low[n] as i64 - margin(n) as i64 });
         let last: [i64; 3] = std::array::from_fn(|n| {
-            if high[n] + 1 == grid.size[n] { high[n] as i64 } else { (high[n] + margin(n)) as i64 }
+            if ends(n, high[n] + 1 == grid.size[n]) { high[n] as i64 } else { (high[n] + margin(n)) as i64 }
         });
         let size: [usize; 3] = std::array::from_fn(|n| (last[n] - first[n] + 1).max(1) as usize);
         let shift = DVec3::from_array(first.map(|v| v as f64));

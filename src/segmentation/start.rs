@@ -32,8 +32,14 @@ pub enum StartError {
         /// All names.
         known: String,
     },
+    /// Nothing to look at.
+    #[error("no segment becomes an organ: there is nothing to look at")]
+    Nothing,
     /// No line from the organ to skin.
-    #[error("--look-at {name}: no line from it meets skin; the scan ends before the skin on all sides")]
+    #[error(
+        "no line from `{name}` meets skin: the scan ends within the body around it; use a scan of a larger part, or give \
+         the body's outline"
+    )]
     NoSkin {
         /// Name of the organ.
         name: String,
@@ -85,7 +91,10 @@ impl Start {
             let suggestion = did_you_mean(target, known.iter().map(String::as_str));
             return Err(StartError::Unknown { name: target.to_owned(), suggestion, known: known.join(", ") });
         }
-        let sight = Sight::new(surfaces, cuts, is_hard).ok_or_else(|| no_skin("the scene"))?;
+        if segments.is_empty() {
+            return Err(StartError::Nothing);
+        }
+        let sight = Sight::new(surfaces, cuts, is_hard).ok_or(StartError::Nothing)?;
         let (planes, rows) = windows(surfaces, &sight);
         let target = match target {
             Some(target) => target.to_owned(),

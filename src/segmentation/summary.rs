@@ -1,4 +1,4 @@
-//! What became of a segmentation: a table for people and for JSON.
+//! Summary of a scene made from a segmentation, as a table and as JSON.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -44,7 +44,7 @@ impl From<&Made> for Row {
     }
 }
 
-/// What became of a segmentation.
+/// Summary of a scene made from a segmentation.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
     /// Scene file.
@@ -96,11 +96,11 @@ impl Facts {
             remarks.push(format!("the scan ends within the body at: {}; surfaces are closed there", cut.join(", ")));
         }
         if self.crumbs > 0 {
-            let crumbs = counted(self.crumbs, "part");
-            remarks.push(format!("{crumbs} of fewer than 8 voxels became what surrounds them"));
+            let crumbs = counted(self.crumbs, "fragment");
+            remarks.push(format!("{crumbs} of fewer than 8 voxels became part of what is around"));
         }
         if !self.empty.is_empty() {
-            remarks.push(format!("without a voxel: {}", self.empty.join(", ")));
+            remarks.push(format!("segments without a surface: {}", self.empty.join(", ")));
         }
         remarks
     }
@@ -116,8 +116,11 @@ impl fmt::Display for Summary {
         let surfaces = counted(self.surfaces.len(), "surface");
         writeln!(f, "{surfaces}, {} triangles", thousands(self.triangles()))?;
         for WindowRow { name, title, depth_mm, hidden } in &self.windows {
-            let hidden =
-                if *hidden > 0.0 { format!(", {:.0} % behind bone or gas", 100.0 * hidden) } else { String::new() };
+            let hidden = if *hidden > 0.0 {
+                format!(", {:.0} % shadowed by bone or gas", 100.0 * hidden)
+            } else {
+                String::new()
+            };
             writeln!(f, "window {name}: {title}, {depth_mm:.0} mm deep{hidden}")?;
         }
         for line in self.repairs.iter().chain(&self.remarks) {

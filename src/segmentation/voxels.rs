@@ -9,19 +9,31 @@ use crate::anatomy::{Bounds, Mesh};
 /// Offset of the lines along which voxels are decided, in voxels: off the corners and edges of most meshes.
 const ASIDE: [f64; 2] = [0.017_31, 0.023_77];
 
+/// Most voxels of a grid.
+const VOXELS_MAX: f64 = 5e8;
+
 /// Grid of voxels of `voxel_mm` around `meshes`, LPS, with `margin` voxels beside them on each side; and the voxels that
-/// any of the meshes encloses. `None` without a vertex.
+/// any of the meshes encloses. `None` without a vertex, or for more than 500 million voxels.
 pub fn voxels_within(meshes: &[&Mesh], voxel_mm: f64, margin: usize) -> Option<(Grid, Vec<bool>)> {
     let bounds = meshes.iter().filter_map(|mesh| mesh.bounds_mm()).reduce(|a, b| Bounds::with(a.with(b.min), b.max))?;
     let low = bounds.min.as_dvec3() - voxel_mm * margin as f64;
     let span = (bounds.max - bounds.min).as_dvec3() / voxel_mm;
     let size: [usize; 3] = std::array::from_fn(|n| span[n].ceil() as usize + 2 * margin + 1);
+    if size.iter().map(|&n| n as f64).product::<f64>() > VOXELS_MAX {
+        return None;
+    }
     let grid =
         Grid { size, lps_from_voxel: DAffine3::from_translation(low) * DAffine3::from_scale(DVec3::splat(voxel_mm)) };
+    let inside = inside_of(meshes, &grid);
+    Some((grid, inside))
+}
+
+/// Voxels of `grid` that any of `meshes` encloses.
+pub fn inside_of(meshes: &[&Mesh], grid: &Grid) -> Vec<bool> {
     let mut inside = vec![false; grid.len()];
     for mesh in meshes {
-        let columns = crossings(mesh, &grid);
-        let layer = size[0] * size[1];
+        let columns = crossings(mesh, grid);
+        let layer = grid.size[0] * grid.size[1];
         inside.par_chunks_mut(layer).enumerate().for_each(|(z, slice)| {
             let height = z as f64;
             for (voxel, column) in slice.iter_mut().zip(&columns) {
@@ -30,7 +42,7 @@ pub fn voxels_within(meshes: &[&Mesh], voxel_mm: f64, margin: usize) -> Option<(
             }
         });
     }
-    Some((grid, inside))
+    inside
 }
 
 /// Crossings of the line through each column of voxels: height in voxels, and 1 where the line leaves the mesh upward,

@@ -148,8 +148,9 @@ fn meshes_become_a_scene_and_toss_ups_are_asked_about() {
     let small = stl(DVec3::ZERO, DVec3::splat(12.0), false);
     let small = written(folder.path(), "thing.stl", small.as_bytes());
     let thing = format!("{small}=muscle");
-    refused(&run(&[&thing, "--force"]), &["toss-up", "--units"]);
+    refused(&run(&[&thing, "--force"]), &["cannot be told", "--units"]);
     refused(&run(&[&thing, "--units", "cm", "--force"]), &["axes", "--axes"]);
+    refused(&run(&[&thing, "--units", "m", "--axes", "lps", "--force"]), &["12000 mm long", "--units"]);
     refused(&run(&[&small, "--force"]), &["thing.stl", "FILE=MEANING"]);
     let cut = written(folder.path(), "cut.stl", &[&[7u8; 80][..], &9u32.to_le_bytes(), &[0; 120]].concat());
     refused(&run(&[&format!("{cut}=liver"), "--force"]), &["cut.stl"]);
@@ -193,4 +194,26 @@ fn exams_find_the_windows_of_a_patient() {
     let score: serde_json::Value = serde_json::from_str(&score).unwrap();
     let found = score["planes"].as_array().unwrap().iter().filter(|p| p["found"] == true).count();
     assert_eq!(found, 5, "{score:#}");
+}
+
+#[test]
+fn small_organs_and_names_left_out_make_scenes() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("p.glb");
+    // A stump of the aorta alone, on a map that it touches on all sides.
+    let stump = Volume::of([9, 9, 9], DAffine3::from_scale(DVec3::splat(2.0)), |_| 52);
+    let stump = written(folder.path(), "stump.nii", &stump.nifti());
+    succeeded(&from_labels(&stump, &out, &["--force"]));
+    let labels = written(folder.path(), "labels.nii", &abdomen().nifti());
+    let printed = succeeded(&from_labels(&labels, &out, &["--map", "liver=ignore", "--force", "--json"]));
+    assert!(!printed.contains("\"liver\"") && printed.contains("\"aorta\""), "{printed}");
+    // Another scan's body.
+    let affine = DAffine3::from_translation(DVec3::splat(3000.0)) * DAffine3::from_scale(DVec3::splat(3.0));
+    let body = written(folder.path(), "body.nii", &Volume::of([20, 20, 20], affine, |_| 1).nifti());
+    std::fs::remove_file(&out).unwrap();
+    refused(&from_labels(&labels, &out, &["--body", &body, "--force"]), &["--body", "0 %", "same scan"]);
+    // A page that cannot be written leaves no scene.
+    let blocked = folder.path().join("stump.nii/page.html").display().to_string();
+    let failed = from_labels(&labels, &out, &["--report", &blocked, "--force"]);
+    assert!(!failed.status.success() && !out.exists());
 }

@@ -123,7 +123,7 @@ fn an_oblique_grid_gives_the_same_organs() {
     let outcome = made(&oblique.nrrd(), "a.nrrd", 120_000);
     check(&outcome, &oblique, "oblique");
     let straight = made(&volume(DQuat::IDENTITY).nifti(), "a.nii", 120_000);
-    for organ in organs(&straight).iter().filter(|o| o.name != "heart") {
+    for organ in organs(&straight).iter().filter(|o| o.name != "muscle") {
         let twin = organs(&outcome).into_iter().find(|o| o.name == organ.name).unwrap();
         let (a, b) = (Shape::of(&organ.mesh).unwrap(), Shape::of(&twin.mesh).unwrap());
         let away = a.centre_mm.distance(b.centre_mm);

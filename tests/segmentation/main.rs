@@ -7,6 +7,7 @@ mod commands;
 mod files;
 mod frames;
 mod labels;
+mod meshes;
 mod shapes;
 mod slicer;
 

@@ -10,7 +10,7 @@ pub(crate) const VOXEL_MM: f64 = 1.5;
 pub(crate) const SIZE: [usize; 3] = [84, 76, 72];
 
 /// What each label means, for `--map`.
-pub(crate) const MAPS: [&str; 6] = ["1=liver", "2=gallstone", "3=spleen", "4=kidney", "5=blood", "6=heart"];
+pub(crate) const MAPS: [&str; 6] = ["1=liver", "2=gallstone", "3=spleen", "4=kidney", "5=blood", "6=muscle"];
 
 /// Grid whose centre is at `CENTRE`.
 pub(crate) const CENTRE: DVec3 = DVec3::new(12.0, -40.0, 310.0);

@@ -37,7 +37,7 @@ pub(super) struct OutputArgs {
     #[arg(long, value_name = "FILE")]
     pub(super) out: PathBuf,
 
-    /// Replace files that are there
+    /// Overwrite existing files
     #[arg(long)]
     pub(super) force: bool,
 
@@ -49,19 +49,19 @@ pub(super) struct OutputArgs {
     #[arg(long, value_name = "FILE")]
     pub(super) probe_path: Option<PathBuf>,
 
-    /// Page to write: pictures, volumes, what was done and what is missing (.html)
+    /// Page to write: pictures, volumes, repairs and missing anatomy (.html)
     #[arg(long, value_name = "FILE", value_parser = input::html)]
     pub(super) report: Option<PathBuf>,
 
     #[command(flatten)]
     pub(super) backend: BackendArgs,
 
-    /// Print what was made as JSON
+    /// Print the summary as JSON
     #[arg(long)]
     pub(super) json: bool,
 }
 
-/// What a scene was made of.
+/// Surfaces and provenance of a scene.
 pub(super) struct Source {
     /// Segmentation, or the first of its files.
     pub(super) path: PathBuf,
@@ -89,6 +89,12 @@ impl OutputArgs {
         if self.out.extension().is_none_or(|extension| extension != "glb") {
             return Err(Failure::Input(anyhow!("--out is {}; a scene's name ends in .glb", self.out.display())));
         }
+        if let Some(path) = self.probe_path.as_ref().filter(|path| path.extension().is_none_or(|e| e != "mcap")) {
+            return Err(Failure::Input(anyhow!(
+                "--probe-path is {}; a recording's name ends in .mcap",
+                path.display()
+            )));
+        }
         let mut outputs = Outputs::beside(inputs)
             .file("--out", &self.out, self.force)?
             .file("--out", &self.station_file(), self.force)?
@@ -102,8 +108,18 @@ impl OutputArgs {
         Ok(())
     }
 
-    /// Finds where to begin, writes all files, and prints what was made.
+    /// Places the first view, writes all files and prints the summary. On an error no file of this run remains.
     pub(super) fn finish(&self, source: Source, progress: Progress) -> Result<(), Failure> {
+        let mut files = Vec::new();
+        let summary = self.write(source, progress, &mut files).inspect_err(|_| {
+            // The error is what matters; a file that cannot be removed stays.
+            files.iter().for_each(|file| drop(std::fs::remove_file(file)));
+        })?;
+        if self.json { output::json(&summary) } else { output::text(&summary) }
+    }
+
+    /// Writes all files; `files` receives those that were begun.
+    fn write(&self, source: Source, progress: Progress, files: &mut Vec<PathBuf>) -> Result<Summary, Failure> {
         let tissues = TissueTable::builtin().other()?;
         let Source { path, surfaces, cuts, facts, unmapped, repairs, mut remarks } = source;
         let start = Start::of(&surfaces, cuts, &tissues, self.look_at.as_deref()).input()?;
@@ -117,12 +133,15 @@ impl OutputArgs {
         };
         let rows: Vec<Row> = surfaces.iter().map(Row::from).collect();
         let labelled: Vec<LabelledSurface> = surfaces.into_iter().map(labelled).collect();
-        output::make_parent(&self.out)?;
+        for path in [Some(&self.out), self.probe_path.as_ref(), self.report.as_ref()].into_iter().flatten() {
+            output::make_parent(path)?;
+        }
+        files.push(self.out.clone());
         let source = path.file_name().map(|name| name.to_string_lossy().into_owned());
         let extras = SceneExtras { motion: Motion::default(), axes: Axes::Patient, source };
         write_scene_glb(&labelled, &extras, &self.out)?;
         drop(labelled);
-        let mut files = vec![self.out.clone(), self.station_file()];
+        files.push(self.station_file());
         let scene_name = self.out.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         let what = format!("A patient's scene, made from {}: first view of {}.", path.display(), start.target);
         let pose = start.view.pose.unwrap_or_default();
@@ -138,9 +157,11 @@ impl OutputArgs {
             files.push(planes_file);
         }
         if let (Some(path), Some(session)) = (&self.probe_path, &slide) {
-            output::make_parent(path)?;
-            session.write(path, &scene_name)?;
             files.push(path.clone());
+            session.write(path, &scene_name)?;
+        }
+        if start.planes.planes.is_empty() {
+            remarks.push("no standard plane: none of liver, kidneys, aorta, bladder and heart is seen".to_owned());
         }
         if let Some(facts) = &facts {
             remarks.extend(facts.remarks());
@@ -149,20 +170,21 @@ impl OutputArgs {
         let windows = start.windows.clone();
         let source = path;
         let scene = self.out.clone();
-        let mut summary = Summary { scene, source, surfaces: rows, facts, unmapped, repairs, windows, remarks, files };
+        let mut summary =
+            Summary { scene, source, surfaces: rows, facts, unmapped, repairs, windows, remarks, files: files.clone() };
         if let Some(path) = &self.report {
             progress.set(98, 100);
             let scene = import::load(&self.out, &tissues, tissues.index_of("gel").unwrap_or_default())?;
             let pictures = pictures::of(&scene, &start, &self.out, &self.backend)?;
-            output::make_parent(path)?;
+            files.push(path.clone());
             page::write(path, &summary, &pictures.scene, &pictures.bmode)?;
             summary.files.push(path.clone());
         }
         drop(progress);
-        if self.json { output::json(&summary) } else { output::text(&summary) }
+        Ok(summary)
     }
 
-    /// What the doctor says about the scene, a line for each error and warning.
+    /// Errors and warnings of the doctor, one line each.
     fn findings(&self, tissues: &TissueTable) -> Result<Vec<String>, Failure> {
         let file = SceneFile::Given(self.out.clone());
         let found = Examination::of(file.path(), None, None, tissues, &|_, _| ())?;

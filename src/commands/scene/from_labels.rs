@@ -35,7 +35,7 @@ pub(crate) struct Args {
     #[arg(long = "map", value_name = "NAME=MEANING")]
     maps: Vec<String>,
 
-    /// Leave out segments whose names mean nothing, instead of refusing the file
+    /// Leave out segments with unknown names, instead of refusing the file
     #[arg(long)]
     leave_out_unknown: bool,
 
@@ -55,7 +55,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "MM", default_value_t = Options::default().skin_mm, value_parser = skin, allow_negative_numbers = true)]
     skin_mm: f64,
 
-    /// Thickness of the fat beneath it, mm, 0..=100, where neither labels nor a CT tell it
+    /// Thickness of the fat beneath it, mm, 0..=100, used if neither labels nor a CT show the fat
     #[arg(long, value_name = "MM", default_value_t = Options::default().fat_mm, value_parser = fat, allow_negative_numbers = true)]
     fat_mm: f64,
 

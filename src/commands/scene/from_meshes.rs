@@ -7,11 +7,12 @@ use clap::Parser;
 use glam::DVec3;
 use insonify::anatomy::Mesh;
 use insonify::segmentation::classes::{Class, ClassTable, Role};
-use insonify::segmentation::from_labels::Options;
+use insonify::segmentation::from_labels::{Made, Options};
 use insonify::segmentation::from_meshes::{OrganMesh, surfaces};
+use insonify::segmentation::grid::CutPlane;
 use insonify::segmentation::mesh_files::placing::{Guess, MeshAxes, Unit, guess_axes, guess_unit};
 use insonify::segmentation::mesh_files::{FileHints, NamedMesh, read_meshes};
-use insonify::segmentation::repair::{RepairSettings, SurfaceRepair, repair};
+use insonify::segmentation::repair::{ActionKind, RepairSettings, SurfaceRepair, repair};
 
 use super::super::progress::Progress;
 use super::super::{Classify, Failure};
@@ -21,8 +22,8 @@ use super::repair::RepairArgs;
 /// Make a scene from meshes of organs: STL, OBJ, PLY, VTK polydata (.vtk, .vtp) and glTF.
 ///
 /// MEANING is a tissue (`insonify tissues`) or the name of an organ; without it the names of the meshes in the file are
-/// organs' names. Unit and axes are what the file says, else they are guessed from sizes and places of organs, and asked
-/// for where that is a toss-up. Surfaces are repaired: holes closed, faces turned outward, doubled sheets removed.
+/// organs' names. Unit and axes are what the file says, else they are guessed from sizes and places of organs; if
+/// the guess is not certain, the command asks for `--units` or `--axes`. Surfaces are repaired: holes closed, faces turned outward, doubled sheets removed.
 ///
 /// A mesh called body or skin is filled with skin, fat and soft tissue; without one a body is drawn around all organs.
 #[derive(Debug, Parser)]
@@ -105,6 +106,13 @@ fn read(args: &Args) -> Result<(Vec<Given>, FileHints, Vec<PathBuf>), Failure> {
                 "{path} is in {b}, another file in {a}: export them in the same axes, or give --axes if one of them is wrong"
             )));
         }
+        if args.units.is_none() && !files.is_empty() && hints.unit != file.hints.unit {
+            let path = path.display();
+            return Err(Failure::Input(anyhow!(
+                "{path} and the files before it don't state the same unit: export them alike, or give --units"
+            )));
+        }
+        hints.of_format |= file.hints.of_format;
         hints.axes = hints.axes.or(file.hints.axes);
         hints.unit = hints.unit.or(file.hints.unit);
         hints.said = hints.said.or(file.hints.said);
@@ -127,7 +135,7 @@ fn class_of(table: &ClassTable, mesh: &str, meaning: Option<&str>, alone: bool) 
         None => table.named(mesh).cloned().ok_or_else(|| {
             let near = table.nearest(mesh);
             let near = if near.is_empty() { String::new() } else { format!(" (did you mean {}?)", near.join(", ")) };
-            format!("`{mesh}` is no known organ{near}: say what it is by FILE=MEANING, a tissue or an organ")
+            format!("`{mesh}` is no known organ{near}: give its tissue or organ as FILE=MEANING")
         }),
     }
 }
@@ -144,14 +152,61 @@ fn decided<T: Copy + std::fmt::Display>(
         return Ok(value);
     }
     if !guess.certain {
-        return Err(Failure::Input(anyhow!("the {what} of the meshes is a toss-up: {guess}; say so by {option}")));
+        return Err(Failure::Input(anyhow!(
+            "the {what} of the meshes cannot be told for certain (most likely {guess}); give {option}"
+        )));
     }
     remarks.push(format!("{what} of the meshes: {guess}"));
     Ok(guess.value)
 }
 
+/// Sizes of bodies and of their smallest parts, mm.
+const SIZES_MM: std::ops::RangeInclusive<f64> = 5.0..=2500.0;
+
+/// Refuses meshes that are no body's in `unit`.
+fn check_size(given: &[Given], unit: Unit) -> Result<(), Failure> {
+    let points = given.iter().flat_map(|g| &g.mesh.vertices);
+    let (low, high) = points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), &p| (a.min(p), b.max(p)));
+    let size_mm = (high - low).max_element() * unit.mm();
+    if SIZES_MM.contains(&size_mm) {
+        return Ok(());
+    }
+    let fits = Unit::ALL.into_iter().find(|other| SIZES_MM.contains(&(size_mm * other.mm() / unit.mm())));
+    let remedy = fits.map_or_else(|| "correct the files".to_owned(), |other| format!("try --units {other}"));
+    Err(Failure::Input(anyhow!(
+        "all meshes together are {size_mm:.0} mm long in {unit}; bodies and their parts have 5 to 2500 mm: {remedy}"
+    )))
+}
+
+/// Sides of all surfaces, along the patient's axes, at which the scan seems to end: a flat cap lies there.
+fn cuts(reports: &[SurfaceRepair], surfaces: &[Made]) -> Vec<CutPlane> {
+    let given = surfaces.iter().filter(|s| s.segment.is_some() || s.name == "skin");
+    let bounds = given.filter_map(|s| s.mesh.bounds_mm());
+    let Some(bounds) = bounds.reduce(|a, b| a.with(b.min).with(b.max)) else { return Vec::new() };
+    let caps: Vec<DVec3> = reports
+        .iter()
+        .flat_map(|report| &report.actions)
+        .filter(|action| matches!(action.kind, ActionKind::PlanarCap | ActionKind::BentCap))
+        .flat_map(|action| &action.places)
+        .map(|place| DVec3::from_array(place.at_mm.map(f64::from)))
+        .collect();
+    let mut cuts = Vec::new();
+    for axis in 0..3 {
+        for side in [bounds.min, bounds.max] {
+            let side = f64::from(side[axis]);
+            if caps.iter().any(|cap| (cap[axis] - side).abs() < 1.0) {
+                let normal = DVec3::from_array(std::array::from_fn(|n| if n == axis { 1.0 } else { 0.0 }));
+                cuts.push(CutPlane { point_mm: normal * side, normal });
+            }
+        }
+    }
+    cuts
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    // Existing outputs are refused before files are read, inputs among the outputs after.
+    args.output.check(&[])?;
     let (mut given, hints, files) = read(args)?;
     let paths: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
     args.output.check(&paths)?;
@@ -164,10 +219,12 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let axes = decided(args.axes, &guess_axes(&hints, &named), "axes", "--axes", &mut remarks)?;
     drop(named);
 
+    check_size(&given, unit)?;
     let progress = Progress::new("scene", 100);
     let lps_from_file = axes.lps_from_file() * unit.mm();
     let settings = RepairSettings { max_move_mm: args.repair.max_move_mm, ..RepairSettings::default() };
-    let (mut organs, mut repairs, count) = (Vec::new(), Vec::new(), given.len());
+    let (mut organs, mut repairs, mut reports) = (Vec::new(), Vec::new(), Vec::new());
+    let count = given.len();
     for (done, Given { class, mesh }) in given.into_iter().enumerate() {
         progress.set(80 * done / count.max(1), 100);
         let name = distinct(&class.name, &organs);
@@ -179,6 +236,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             if !report.was_sound() {
                 repairs.push(report.to_string());
             }
+            reports.push(report);
         }
         if mesh.triangles.is_empty() {
             return Err(Failure::Input(anyhow!("`{name}` encloses no volume: export it again as a closed surface")));
@@ -190,7 +248,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let (surfaces, more) = surfaces(organs, &options);
     remarks.extend(more);
     let path = files.into_iter().next().unwrap_or_default();
-    let source = Source { path, surfaces, cuts: Vec::new(), facts: None, unmapped: Vec::new(), repairs, remarks };
+    let cuts = cuts(&reports, &surfaces);
+    let source = Source { path, surfaces, cuts, facts: None, unmapped: Vec::new(), repairs, remarks };
     args.output.finish(source, progress)
 }
 

@@ -27,10 +27,10 @@ fn farthest(text: &str) -> Result<f64, String> {
     value.ok_or_else(|| "expected mm, 0..=10".to_owned())
 }
 
-/// Mend the surfaces of a scene, and say what was done to each.
+/// Repair the surfaces of a scene, and report the changes to each.
 ///
 /// Open surfaces are closed (flat caps at cuts, fans over holes), inward ones turned, doubled sheets and crumbs removed,
-/// folds smoothed. What cannot be mended is named with its place; `insonify doctor` tells the rest.
+/// folds smoothed. What cannot be mended is named with its place; `insonify doctor` checks everything else.
 #[derive(Debug, Parser)]
 #[command(after_help = "Example:\n  insonify scene repair scene.glb --out mended.glb")]
 pub(crate) struct Args {
@@ -41,14 +41,14 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
 
-    /// Replace FILE if it is there
+    /// Overwrite FILE
     #[arg(long)]
     force: bool,
 
     #[command(flatten)]
     repair: RepairArgs,
 
-    /// Print what was done as JSON
+    /// Print the report as JSON
     #[arg(long)]
     json: bool,
 }
@@ -61,6 +61,9 @@ struct Report<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    if args.out.extension().is_none_or(|extension| extension != "glb") {
+        return Err(Failure::Input(anyhow!("--out is {}; a scene's name ends in .glb", args.out.display())));
+    }
     Outputs::beside([&args.scene]).file("--out", &args.out, args.force)?;
     let progress = Progress::new("repair", 0);
     let settings = RepairSettings { max_move_mm: args.repair.max_move_mm, ..RepairSettings::default() };

@@ -1,4 +1,4 @@
-//! What became of a segmentation, as a page to look at: one HTML file with its pictures.
+//! Summary of a scene made from a segmentation, as a page: one HTML file with its pictures.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -73,13 +73,13 @@ fn page(summary: &Summary, scene: &[Plate], bmode: &[Plate]) -> String {
         thousands(summary.triangles()),
         ml * 1e-3,
     );
-    list(&mut out, "Good to know", "", &summary.remarks);
+    list(&mut out, "Notes", "", &summary.remarks);
     list(&mut out, "Left out: no known name", "bad", &summary.unmapped);
     plates(&mut out, "The scene", scene);
     plates(&mut out, "B-mode", bmode);
     if !summary.windows.is_empty() {
         out.push_str(
-            "<h2>Windows</h2>\n<table><thead><tr><th>name<th>view<th>depth, mm<th>behind bone or gas</tr></thead><tbody>\n",
+            "<h2>Windows</h2>\n<table><thead><tr><th>name<th>view<th>depth, mm<th>shadowed by bone or gas</tr></thead><tbody>\n",
         );
         for window in &summary.windows {
             let _ = writeln!(

@@ -18,21 +18,26 @@ fn each_neighbour(index: usize, size: [usize; 3], mut visit: impl FnMut(usize)) 
     }
 }
 
-/// Keeps the largest part of `mask` whose voxels touch by faces.
-pub(crate) fn largest_component(mask: &mut [bool], size: [usize; 3]) {
+/// Least size of a part that is kept beside the largest, as a share of it: a leg, or an arm beside the trunk.
+const PART_SHARE: f64 = 0.01;
+
+/// Keeps the large parts of `mask` whose voxels touch by faces, and those with a voxel that `holds`.
+pub(crate) fn large_components(mask: &mut [bool], size: [usize; 3], holds: impl Fn(usize) -> bool) {
     let mut part_of = vec![0u32; mask.len()];
-    let (mut parts, mut largest, mut most) = (0, 0, 0);
+    // Voxels of each part, and whether it is kept whatever its size; from 1 on.
+    let mut found = vec![(0usize, false)];
     let mut stack = Vec::new();
     for start in 0..mask.len() {
         if !mask[start] || part_of[start] != 0 {
             continue;
         }
-        parts += 1;
-        let mut count = 0usize;
+        let parts = found.len() as u32;
+        let (mut count, mut held) = (0usize, false);
         part_of[start] = parts;
         stack.push(start);
         while let Some(index) = stack.pop() {
             count += 1;
+            held |= holds(index);
             each_neighbour(index, size, |next| {
                 if mask[next] && part_of[next] == 0 {
                     part_of[next] = parts;
@@ -40,11 +45,11 @@ pub(crate) fn largest_component(mask: &mut [bool], size: [usize; 3]) {
                 }
             });
         }
-        if count > most {
-            (largest, most) = (parts, count);
-        }
+        found.push((count, held));
     }
-    mask.par_iter_mut().zip(&part_of).for_each(|(inside, part)| *inside = *inside && *part == largest);
+    let most = found.iter().map(|(count, _)| *count).max().unwrap_or(0) as f64;
+    let kept: Vec<bool> = found.iter().map(|&(count, held)| held || count as f64 >= PART_SHARE * most).collect();
+    mask.par_iter_mut().zip(&part_of).for_each(|(inside, part)| *inside = *inside && kept[*part as usize]);
 }
 
 /// Gives each part of fewer than `voxels_min` voxels, of a label or of none, to the label that it touches most. A label
@@ -143,9 +148,15 @@ mod tests {
     }
 
     #[test]
-    fn the_largest_part_stays() {
-        let mut mask = [true, true, false, true, true, true, false, true];
-        largest_component(&mut mask, [8, 1, 1]);
-        assert_eq!(mask, [false, false, false, true, true, true, false, false]);
+    fn large_parts_stay_and_those_that_hold_something() {
+        let mut mask = vec![true; 1000];
+        (mask[500], mask[997], mask[998]) = (false, false, true);
+        (mask[3], mask[5]) = (false, false);
+        let mut other = mask.clone();
+        large_components(&mut mask, [1000, 1, 1], |_| false);
+        let kept = |mask: &[bool]| [1, 4, 300, 700, 998].map(|i: usize| mask[i]);
+        assert_eq!(kept(&mask), [false, false, true, true, false]);
+        large_components(&mut other, [1000, 1, 1], |i| i == 4);
+        assert_eq!(kept(&other), [false, true, true, true, false]);
     }
 }

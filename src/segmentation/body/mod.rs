@@ -5,7 +5,7 @@ mod distance;
 mod gas;
 mod outline;
 
-pub(crate) use components::largest_component;
+pub(crate) use components::large_components;
 pub use components::without_crumbs;
 pub use distance::distances_mm;
 pub use gas::{Gas, gas_of};

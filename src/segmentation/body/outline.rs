@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::{distances_mm, largest_component};
+use super::{distances_mm, large_components};
 use crate::segmentation::grid::Grid;
 
 /// Where the outline of the body comes from.
@@ -25,15 +25,15 @@ const REACH_MM: f64 = 60.0;
 /// Width of what is cut off a body in an image, mm: the table, blankets, lines.
 const OPENING_MM: f64 = 6.0;
 
-/// Body of a mask: its largest part, without holes.
-pub fn from_mask(mut mask: Vec<bool>, grid: &Grid) -> Vec<bool> {
-    largest_component(&mut mask, grid.size);
+/// Body of a mask: its large parts and those with a voxel that `holds`, without holes.
+pub fn from_mask(mut mask: Vec<bool>, grid: &Grid, holds: impl Fn(usize) -> bool) -> Vec<bool> {
+    large_components(&mut mask, grid.size, holds);
     fill_slices(&mut mask, grid.size);
     mask
 }
 
 /// Body in an image: what is denser than foam, or for images other than CT brighter than Otsu's threshold; opened,
-/// largest part, holes filled slice by slice. `values` are in the order of the grid.
+/// large parts, holes filled slice by slice. `values` are in the order of the grid.
 pub fn from_image(values: &[f32], grid: &Grid) -> Vec<bool> {
     let least = values.par_iter().copied().reduce(|| f32::INFINITY, f32::min);
     let threshold = if least < -500.0 { BODY_HU } else { otsu(values) };
@@ -42,7 +42,7 @@ pub fn from_image(values: &[f32], grid: &Grid) -> Vec<bool> {
     let radius_mm = (0.5 * OPENING_MM) as f32;
     let to_outside = distances_mm(&outside, grid.size, grid.voxel_mm());
     let mut core: Vec<bool> = to_outside.par_iter().map(|&d| d > radius_mm).collect();
-    largest_component(&mut core, grid.size);
+    large_components(&mut core, grid.size, |_| false);
     let to_core = distances_mm(&core, grid.size, grid.voxel_mm());
     let mut body: Vec<bool> = to_core.par_iter().zip(&mask).map(|(&d, &m)| m && d <= radius_mm + 0.5).collect();
     fill_slices(&mut body, grid.size);

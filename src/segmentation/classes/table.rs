@@ -137,7 +137,13 @@ impl ClassTable {
         let index = self.classes.len();
         match value {
             Some(value) => drop(self.by_added_value.insert(value, index)),
-            None => drop(self.by_key.insert(key(name), index)),
+            None => {
+                // Whatever led to the class of that name, numbers too, leads to the new one.
+                if let Some(old) = self.by_key.insert(key(name), index) {
+                    let all = self.by_key.values_mut().chain(self.by_value.values_mut());
+                    all.filter(|i| **i == old).for_each(|i| *i = index);
+                }
+            }
         }
         self.classes.push(class);
         Ok(())

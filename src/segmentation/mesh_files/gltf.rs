@@ -26,6 +26,7 @@ pub(super) fn read(path: &Path) -> Result<Parsed, MeshFileError> {
         Axes::Patient => (MeshAxes::Lps, "extras.axes: lps"),
         _ => (MeshAxes::YUp, "glTF is in metres, y up"),
     };
+    parsed.hints.of_format = axes == MeshAxes::YUp;
     parsed.hints.axes = Some(axes);
     parsed.hints.unit = Some(Unit::M);
     parsed.hints.said = Some(said.to_owned());

@@ -11,13 +11,16 @@ pub struct FileHints {
     pub unit: Option<Unit>,
     /// Text of the file that says so.
     pub said: Option<String>,
+    /// Whether axes and unit are those of the format, which not every program keeps to; sizes and places of organs count
+    /// more.
+    pub of_format: bool,
 }
 
 /// Words that introduce a unit.
 const UNIT_KEYS: [&str; 4] = ["file units", "units", "unit", "length unit"];
 
 impl FileHints {
-    /// Takes what a comment, a header or a field says, unless something said so before.
+    /// Reads axes and unit from a comment, a header or a field; the first statement counts.
     pub(super) fn take(&mut self, text: &str) {
         let upper = text.to_uppercase();
         let axes = [("SPACE=LPS", MeshAxes::Lps), ("SPACE=RAS", MeshAxes::Ras)];

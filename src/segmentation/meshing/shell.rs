@@ -1,4 +1,4 @@
-//! A surface within a surface, at a given depth: the lumen within a vessel's wall, the fat within the skin.
+//! Inward offset of a surface: the lumen within a vessel's wall, the fat within the skin.
 
 use std::time::Duration;
 

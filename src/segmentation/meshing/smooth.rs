@@ -1,7 +1,7 @@
 //! Smoothing of a net: staircases go, volumes and thin parts stay.
 //!
 //! Vertices move to the mean of their neighbours, on junctions of several surfaces along the junction only, and never
-//! leave their cells (Gibson 1998). Averaging shrinks what is round. What a surface lost on average around a vertex is
+//! leave their cells (Gibson 1998). Averaging shrinks curved surfaces. What a surface lost on average around a vertex is
 //! given back along its normal, so thin tubes keep their diameter.
 
 use glam::Vec3;

@@ -124,8 +124,9 @@ pub(super) fn parts(mesh: &Mesh) -> (Vec<Part>, Vec<u32>) {
 
 /// Turns parts over so that they face outward; those that lie within an odd number of others face inward, as cavities.
 pub(super) fn face_outward(work: &mut Work) {
+    drop_doubled(work);
     let (parts, part_of) = parts(&work.mesh);
-    let depths = depths(&work.mesh, &parts, &part_of);
+    let depths: Vec<usize> = holders(&work.mesh, &parts, &part_of).iter().map(Vec::len).collect();
     let (mut turned, mut cavities) = (Vec::new(), Vec::new());
     for (index, (part, depth)) in parts.iter().zip(&depths).enumerate() {
         let is_cavity = depth % 2 == 1;
@@ -153,10 +154,35 @@ pub(super) fn face_outward(work: &mut Work) {
     work.log(ActionKind::Cavity, cavities.len(), cavities_at);
 }
 
-/// Number of other parts that hold each part, by its sampled corners.
-fn depths(mesh: &Mesh, parts: &[Part], part_of: &[u32]) -> Vec<usize> {
+/// Least volume of a part over that of the part around it at which both are one surface drawn twice.
+const DOUBLED_SHARE: f64 = 0.9;
+
+/// Removes parts just within another that faces the same way: a surface that was exported twice, a little apart. A
+/// cavity faces the other way.
+fn drop_doubled(work: &mut Work) {
+    let (parts, part_of) = parts(&work.mesh);
+    let holders = holders(&work.mesh, &parts, &part_of);
+    let is_doubled = |(index, around): (usize, &Vec<usize>)| {
+        let volume = parts[index].volume_mm3;
+        around.iter().any(|&other| {
+            let share = volume / parts[other].volume_mm3;
+            (DOUBLED_SHARE..1.0).contains(&share)
+        })
+    };
+    let gone: Vec<bool> = holders.iter().enumerate().map(is_doubled).collect();
+    let places: Vec<_> = (0..parts.len()).filter(|&i| gone[i]).map(|i| place(parts[i].bounds.corners())).collect();
+    if places.is_empty() {
+        return;
+    }
+    let keep: Vec<bool> = part_of.iter().map(|&index| !gone[index as usize]).collect();
+    work.retain(&keep);
+    work.log(ActionKind::Doubled, places.len(), places);
+}
+
+/// Other parts that hold each part, by its sampled corners.
+fn holders(mesh: &Mesh, parts: &[Part], part_of: &[u32]) -> Vec<Vec<usize>> {
     let tree = if parts.len() > 1 { Tree::new(mesh) } else { None };
-    let Some(tree) = tree else { return vec![0; parts.len()] };
+    let Some(tree) = tree else { return vec![Vec::new(); parts.len()] };
     let depth = |(index, part): (usize, &Part)| {
         let could_hold = |other: usize| other != index && !parts[other].open && parts[other].bounds.holds(part.bounds);
         let around = (0..parts.len()).filter(|&other| could_hold(other));
@@ -167,7 +193,7 @@ fn depths(mesh: &Mesh, parts: &[Part], part_of: &[u32]) -> Vec<usize> {
                 // Corners where the parts touch may be on either side.
                 10 * held >= 9 * part.corners.len()
             })
-            .count()
+            .collect()
     };
     parts.iter().enumerate().map(depth).collect()
 }

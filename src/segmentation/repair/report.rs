@@ -43,6 +43,8 @@ kinds! {
         Separated = "edge|edges", "at which parts touched separated";
         /// Triangles that faced the other way than their neighbours, turned over.
         Turned = "triangle|triangles", "that faced the other way than their neighbours turned over";
+        /// Parts just within another one that faces the same way, removed: a surface drawn twice.
+        Doubled = "part|parts", "just within another removed: the surface was there twice";
         /// Parts that faced inward, turned over.
         TurnedPart = "part|parts", "that faced inward turned over";
         /// Parts inside other parts that faced outward, turned over to be cavities.

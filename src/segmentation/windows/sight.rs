@@ -1,4 +1,4 @@
-//! What a probe on the skin sees of a point: skin, bone and gas between them.
+//! Lines of sight from the skin to a target, and bone and gas on them.
 
 use glam::DVec3;
 
@@ -10,6 +10,8 @@ use crate::segmentation::grid::CutPlane;
 const CUT_MM: f64 = 6.0;
 /// Places across the target that are looked at.
 const ACROSS: [f64; 5] = [-0.8, -0.4, 0.0, 0.4, 0.8];
+/// Places on the probe's face that are looked from, mm.
+const FACE_MM: [f64; 3] = [-18.0, 0.0, 18.0];
 /// Distance below the skin and above the target that does not count, mm.
 const ENDS_MM: f64 = 1.0;
 
@@ -45,15 +47,17 @@ impl Sight {
     /// Share of the points between `centre_mm` ± `half_width_mm` that bone or gas hides from `contact_mm`, 0..=1.
     pub fn hidden(&self, contact_mm: DVec3, centre_mm: DVec3, half_width_mm: DVec3) -> f64 {
         let Some(hard) = &self.hard else { return 0.0 };
-        let is_hidden = |&&share: &&f64| {
+        let along_face = half_width_mm.normalize_or_zero();
+        let is_hidden = |&(share, aside_mm): &(f64, f64)| {
             let point = centre_mm + half_width_mm * share;
-            let way = contact_mm - point;
+            let way = contact_mm + along_face * aside_mm - point;
             let length_mm = way.length();
             let along = way / length_mm.max(1e-9);
             // The last surface on the line from the point outward: beyond the contact there is none.
             let hit = hard.exit(point, along);
             hit.is_some_and(|hit| (ENDS_MM..length_mm - ENDS_MM).contains(&hit.distance(point)))
         };
-        ACROSS.iter().filter(is_hidden).count() as f64 / ACROSS.len() as f64
+        let lines = || ACROSS.iter().flat_map(|&share| FACE_MM.iter().map(move |&aside_mm| (share, aside_mm)));
+        lines().filter(is_hidden).count() as f64 / lines().count() as f64
     }
 }

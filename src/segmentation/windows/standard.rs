@@ -221,7 +221,9 @@ fn aorta(organs: &Organs) -> Option<Window> {
         0 => f64::from(bounds.min.z) + 0.3 * f64::from(bounds.max.z - bounds.min.z),
         n => kidneys.iter().map(|k| k.centre_mm.z).sum::<f64>() / n as f64,
     };
-    let level = level.clamp(f64::from(bounds.min.z) + 10.0, f64::from(bounds.max.z) - 10.0);
+    let [low, high] = [bounds.min.z, bounds.max.z].map(f64::from);
+    let inset = 10.0_f64.min(0.5 * (high - low));
+    let level = level.max(low + inset).min(high - inset);
     let at = |z: f64| {
         let near = aorta.mesh.vertices_mm.iter().filter(|v| (f64::from(v.z) - z).abs() < 6.0);
         let (sum, count) = near.fold((DVec3::ZERO, 0.0), |(sum, n), v| (sum + v.as_dvec3(), n + 1.0));

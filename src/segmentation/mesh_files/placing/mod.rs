@@ -61,6 +61,11 @@ const LENGTHS_MM: [(&str, f64, f64); 24] = [
 /// Guesses the unit of meshes, from what the file says, the sizes of organs, or the size of all.
 pub fn guess_unit(hints: &FileHints, meshes: &[NamedMesh]) -> Guess<Unit> {
     let said = hints.said.clone().unwrap_or_default();
+    if hints.of_format
+        && let Some(guess) = by_organs(meshes).filter(|guess| guess.certain)
+    {
+        return guess;
+    }
     if let Some(value) = hints.unit {
         return Guess { value, reason: format!("the file says `{said}`"), certain: true };
     }
@@ -198,7 +203,7 @@ mod tests {
     fn what_the_file_says_goes_before_what_organs_tell() {
         let meshes = placed(MeshAxes::Lps, Unit::M);
         let said = Some("3D Slicer output. SPACE=RAS".to_owned());
-        let hints = FileHints { axes: Some(MeshAxes::Ras), unit: None, said };
+        let hints = FileHints { axes: Some(MeshAxes::Ras), said, ..FileHints::default() };
         let (unit, axes) = (guess_unit(&hints, &meshes), guess_axes(&hints, &meshes));
         assert_eq!((unit.value, axes.value), (Unit::Mm, MeshAxes::Ras));
         assert_eq!(axes.to_string(), "ras: the file says `3D Slicer output. SPACE=RAS`");

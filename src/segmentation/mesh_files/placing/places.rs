@@ -37,6 +37,12 @@ const ALONG: f64 = 0.35;
 
 /// Guesses the axes of meshes, from what the file says, or the places of organs to each other.
 pub fn guess_axes(hints: &FileHints, meshes: &[NamedMesh]) -> Guess<MeshAxes> {
+    if hints.of_format {
+        let guess = guess_axes(&FileHints::default(), meshes);
+        if guess.certain {
+            return guess;
+        }
+    }
     if let Some(value) = hints.axes {
         let said = hints.said.clone().unwrap_or_default();
         return Guess { value, reason: format!("the file says `{said}`"), certain: true };
@@ -51,7 +57,7 @@ pub fn guess_axes(hints: &FileHints, meshes: &[NamedMesh]) -> Guess<MeshAxes> {
     let [((best, against), value), ((second, _), other), _] = ranks;
     let mut supports = evidence.iter().filter(|e| e.sign(value) > 0);
     let Some(first) = supports.next() else {
-        let reason = "neither the file nor the names of its meshes tell; most programs write LPS".to_owned();
+        let reason = "neither the file nor its mesh names indicate the axes; most programs write LPS".to_owned();
         return Guess { value: MeshAxes::Lps, reason, certain: false };
     };
     let mut reason = first.to_string();

@@ -1,0 +1,43 @@
+//! Bodies of meshes, and surfaces that were exported twice.
+
+use glam::Vec3;
+use insonify::anatomy::{Mesh, analytic};
+use insonify::segmentation::classes::ClassTable;
+use insonify::segmentation::from_labels::Options;
+use insonify::segmentation::from_meshes::{OrganMesh, surfaces};
+use insonify::segmentation::repair::{ActionKind, RepairSettings, repair};
+
+fn ball(radius: f32) -> Mesh {
+    analytic::sphere(Vec3::new(30.0, -20.0, 400.0), radius, 5)
+}
+
+#[test]
+fn a_body_of_a_mesh_has_skin_and_fat_of_their_thickness() {
+    let table = ClassTable::builtin("total-v2").unwrap();
+    let organ = |name: &str, mesh: Mesh| OrganMesh {
+        name: name.to_owned(),
+        class: table.named(name).unwrap().clone(),
+        mesh,
+    };
+    let options = Options { skin_mm: 2.0, fat_mm: 12.0, ..Options::default() };
+    let (made, _) = surfaces(vec![organ("body", ball(100.0)), organ("liver", ball(40.0))], &options);
+    let radius = |name: &str| {
+        let volume = made.iter().find(|s| s.name == name).unwrap().mesh.signed_volume_mm3();
+        (volume * 0.75 / std::f64::consts::PI).cbrt()
+    };
+    for (name, expected) in [("skin", 100.0), ("fat", 98.0), ("soft_tissue", 86.0), ("liver", 40.0)] {
+        assert!((radius(name) - expected).abs() < 1.0, "{name}: {} mm", radius(name));
+    }
+}
+
+#[test]
+fn a_surface_that_is_there_twice_becomes_one_and_a_wall_keeps_its_cavity() {
+    let exact = f64::from(60.0f32).powi(3) * 4.0 / 3.0 * std::f64::consts::PI;
+    let twice = analytic::joined([ball(60.0), ball(59.7)]);
+    let (mesh, report) = repair("liver", twice, &RepairSettings::default());
+    assert_eq!(report.count(ActionKind::Doubled), 1, "{report}");
+    assert!((mesh.signed_volume_mm3() / exact - 1.0).abs() < 0.01);
+    let (mesh, report) = repair("bladder", analytic::joined([ball(60.0), ball(50.0)]), &RepairSettings::default());
+    assert_eq!((report.count(ActionKind::Doubled), report.count(ActionKind::Cavity)), (0, 1), "{report}");
+    assert!((mesh.signed_volume_mm3() / exact - (1.0 - (50.0f64 / 60.0).powi(3))).abs() < 0.01);
+}
