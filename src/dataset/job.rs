@@ -172,7 +172,13 @@ fn planned(
     let Some(station) = recipe.stations.get(exam.station) else { return Ok(Vec::new()) };
     let station = with_phantom(station, exam);
     let frames_before = header.look.lq_angles - 1;
-    let scene = scenes.of(&station)?;
+    let open = planes.as_ref().is_none_or(|(of, _)| of.station != station) && station.scene_file().is_none();
+    // The phantom's planes need no mesh.
+    let (scene, opened) = rayon::join(|| scenes.of(&station), || open.then(|| PlaneScene::open(&station)).transpose());
+    let scene = scene?;
+    if let Some(opened) = opened? {
+        *planes = Some((scene.clone(), opened));
+    }
     let phantom = match &station.scene {
         SceneSource::ObstetricPhantom(options) => Some(*options),
         SceneSource::File(_) => None,

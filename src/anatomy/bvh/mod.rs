@@ -15,6 +15,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 use obvhs::cwbvh::{CwBvh, builder::build_cwbvh_from_tris};
 use obvhs::{BvhBuildParams, triangle::Triangle};
+use rayon::prelude::*;
 use thiserror::Error;
 
 use super::motion::Drift;
@@ -115,7 +116,7 @@ impl Bvh {
 
         let groups = moving::groups(scene);
         let trees: Vec<(CwBvh, &[u32])> = groups
-            .iter()
+            .par_iter()
             .map(|group| {
                 let of_group: Vec<Triangle> = group.triangles.iter().map(|&i| triangles[i as usize]).collect();
                 let build = BvhBuildParams::medium_build();

@@ -34,7 +34,12 @@ pub(super) struct Buffers {
     /// One-way attenuation of each tissue, nepers/mm.
     pub(super) rates_np_mm: [f32; TISSUES_MAX as usize + 1],
     effects: EffectSet,
+    /// Outputs that are still to be taken over.
+    kept: Vec<TakeOver>,
 }
+
+/// Moves an output from the second to the first.
+type TakeOver = fn(&mut PassBuffers, &mut PassBuffers);
 
 /// A layout with the places of the pixels that it was made of.
 #[derive(Debug, Clone)]
@@ -80,52 +85,76 @@ fn zeros<T: bytemuck::Zeroable>(what: &'static str, count: u64) -> Result<Vec<T>
 }
 
 impl Buffers {
-    /// Buffers of a configuration. Layouts of `known` buffers of the same pixels are taken over.
+    /// Buffers of a configuration. Layouts of `known` buffers of the same pixels are taken over, and memory of `reused` ones by
+    /// [`Buffers::take_over`].
     ///
     /// # Errors
     /// Too little memory.
-    pub(super) fn new(configuration: &Configuration, known: &[&Self]) -> Result<Self, BackendError> {
+    pub(super) fn new(
+        configuration: &Configuration,
+        known: &[&Self],
+        reused: Option<&Self>,
+    ) -> Result<Self, BackendError> {
         let Configuration { params, tables, batches, settings, effects, .. } = configuration;
         let paths = u64::from(params.paths(batches.layers_per_batch));
         let samples = u64::from(params.scanlines) * u64::from(params.row_samples);
         let map_rays = u64::from(params.map_rays);
+        // Memory of the same size and effects is taken over later, and not written now.
+        let reused = reused.filter(|reused| reused.effects == effects.effects());
+        let mut kept: Vec<TakeOver> = Vec::new();
+        macro_rules! fresh {
+            ($field:ident, $what:expr, $count:expr) => {
+                if reused.is_some_and(|reused| reused.passes.$field.len() as u64 == $count) {
+                    kept.push(|new, old| std::mem::swap(&mut new.$field, &mut old.$field));
+                    Vec::new()
+                } else {
+                    zeros($what, $count)?
+                }
+            };
+        }
         let passes = PassBuffers {
-            segments: zeros("segments", paths * u64::from(SEGMENTS))?,
-            starts_inside: zeros("start membership", paths)?,
-            couplings: zeros("couplings", paths)?,
-            starts: zeros("segment starts", paths * u64::from(STARTS))?,
-            echoes: zeros("interface echoes", paths * u64::from(SEGMENTS))?,
-            hints: zeros("segment hints", paths * u64::from(params.hint_words))?,
-            segment_counts: zeros("segment counts", paths)?,
-            baseband: zeros("baseband", samples)?,
-            reflected: zeros("reflected amplitudes", samples / u64::from(DEPTH_BLOCK))?,
-            focused: zeros("focused baseband", samples)?,
-            polar: zeros("polar image", samples)?,
-            lines: zeros("lines", if settings.lines { samples } else { 0 })?,
-            entries: zeros("section", map_rays * u64::from(ENTRIES))?,
-            entry_counts: zeros("section counts", map_rays)?,
-            raster: zeros("map raster", map_rays * u64::from(params.map_depths))?,
+            segments: fresh!(segments, "segments", paths * u64::from(SEGMENTS)),
+            starts_inside: fresh!(starts_inside, "start membership", paths),
+            couplings: fresh!(couplings, "couplings", paths),
+            starts: fresh!(starts, "segment starts", paths * u64::from(STARTS)),
+            echoes: fresh!(echoes, "interface echoes", paths * u64::from(SEGMENTS)),
+            hints: fresh!(hints, "segment hints", paths * u64::from(params.hint_words)),
+            segment_counts: fresh!(segment_counts, "segment counts", paths),
+            baseband: fresh!(baseband, "baseband", samples),
+            reflected: fresh!(reflected, "reflected amplitudes", samples / u64::from(DEPTH_BLOCK)),
+            focused: fresh!(focused, "focused baseband", samples),
+            polar: fresh!(polar, "polar image", samples),
+            lines: fresh!(lines, "lines", if settings.lines { samples } else { 0 }),
+            entries: fresh!(entries, "section", map_rays * u64::from(ENTRIES)),
+            entry_counts: fresh!(entry_counts, "section counts", map_rays),
+            raster: fresh!(raster, "map raster", map_rays * u64::from(params.map_depths)),
             ..PassBuffers::default()
         };
         let planes = tables.aperture.as_ref().map_or(0, |aperture| aperture.planes as u64);
         let lines_planes = u64::from(params.scanlines) * planes;
         let passes = match &tables.aperture {
             Some(aperture) => PassBuffers {
-                mask: zeros("transmission", (aperture.planes * aperture.sampling.cells) as u64)?,
-                row_np: zeros("row losses", aperture.planes as u64)?,
-                fields: zeros(
+                mask: fresh!(mask, "transmission", (aperture.planes * aperture.sampling.cells) as u64),
+                row_np: fresh!(row_np, "row losses", aperture.planes as u64),
+                fields: fresh!(
+                    fields,
                     "mode fields",
-                    (aperture.modes.len() * aperture.planes * 2 * aperture.sampling.cells) as u64,
-                )?,
-                amplitudes: zeros(
+                    (aperture.modes.len() * aperture.planes * 2 * aperture.sampling.cells) as u64
+                ),
+                amplitudes: fresh!(
+                    amplitudes,
                     "beam amplitudes",
-                    (aperture.planes * aperture.sampling.beams * aperture.sampling.cells) as u64,
-                )?,
-                beam_powers: zeros("beam powers", (aperture.planes * aperture.sampling.cells) as u64)?,
-                profiles: zeros("profiles", lines_planes * u64::from(2 * params.lateral_half + 1))?,
-                blends: zeros("profile blends", lines_planes)?,
-                line_gains: zeros("line gains", u64::from(params.scanlines) * (aperture.planes as u64 + 1))?,
-                block_gains: zeros("block gains", samples / u64::from(DEPTH_BLOCK))?,
+                    (aperture.planes * aperture.sampling.beams * aperture.sampling.cells) as u64
+                ),
+                beam_powers: fresh!(beam_powers, "beam powers", (aperture.planes * aperture.sampling.cells) as u64),
+                profiles: fresh!(profiles, "profiles", lines_planes * u64::from(2 * params.lateral_half + 1)),
+                blends: fresh!(blends, "profile blends", lines_planes),
+                line_gains: fresh!(
+                    line_gains,
+                    "line gains",
+                    u64::from(params.scanlines) * (aperture.planes as u64 + 1)
+                ),
+                block_gains: fresh!(block_gains, "block gains", samples / u64::from(DEPTH_BLOCK)),
                 ..passes
             },
             None => passes,
@@ -149,39 +178,15 @@ impl Buffers {
             steered: tables.angles.par_iter().map(|l| (!l.pixels.is_empty()).then(|| layout(&l.pixels))).collect(),
             rates_np_mm: [0.0; TISSUES_MAX as usize + 1],
             effects: effects.effects(),
+            kept,
         })
     }
 
-    /// Takes over memory of `previous` buffers of the same sizes and effects: pages that were written before are ready.
-    pub(super) fn take_over(&mut self, previous: &mut Self) {
-        fn swap<T>(new: &mut Vec<T>, old: &mut Vec<T>) {
-            if new.len() == old.len() {
-                std::mem::swap(new, old);
-            }
+    /// Takes over memory of the buffers that it was made to reuse: pages that were written before are ready.
+    pub(super) fn take_over(&mut self, reused: &mut Self) {
+        for take_over in std::mem::take(&mut self.kept) {
+            take_over(&mut self.passes, &mut reused.passes);
         }
-        if self.effects != previous.effects {
-            return;
-        }
-        let (new, old) = (&mut self.passes, &mut previous.passes);
-        swap(&mut new.segments, &mut old.segments);
-        swap(&mut new.starts_inside, &mut old.starts_inside);
-        swap(&mut new.couplings, &mut old.couplings);
-        swap(&mut new.starts, &mut old.starts);
-        swap(&mut new.echoes, &mut old.echoes);
-        swap(&mut new.hints, &mut old.hints);
-        swap(&mut new.segment_counts, &mut old.segment_counts);
-        swap(&mut new.baseband, &mut old.baseband);
-        swap(&mut new.reflected, &mut old.reflected);
-        swap(&mut new.focused, &mut old.focused);
-        swap(&mut new.polar, &mut old.polar);
-        swap(&mut new.lines, &mut old.lines);
-        swap(&mut new.entries, &mut old.entries);
-        swap(&mut new.entry_counts, &mut old.entry_counts);
-        swap(&mut new.raster, &mut old.raster);
-        swap(&mut new.fields, &mut old.fields);
-        swap(&mut new.amplitudes, &mut old.amplitudes);
-        swap(&mut new.profiles, &mut old.profiles);
-        swap(&mut self.kept_powers, &mut previous.kept_powers);
     }
 }
 

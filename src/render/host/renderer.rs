@@ -96,7 +96,7 @@ impl HostRenderer {
         image: ImageConstants,
     ) -> Result<Self, BackendError> {
         let nodes = Arc::new(bvh.nodes.par_iter().map(WideNode::decode).collect());
-        let buffers = Buffers::new(configuration, &[])?;
+        let buffers = Buffers::new(configuration, &[], None)?;
         let (made, spare) = (VecDeque::new(), Vec::new());
         let waves = Waves::new(waves());
         Ok(Self { nodes, trace, image, follow: fastest(), waves, buffers, kept: Kept::default(), made, spare })
@@ -313,7 +313,7 @@ impl HostRenderer {
 impl FrameMaker for HostRenderer {
     fn configure(&mut self, inputs: FrameInputs<'_>) -> Result<(), RenderError> {
         let known: Vec<&Buffers> = self.kept.others().chain([&self.buffers]).collect();
-        let mut next = Buffers::new(inputs.configuration, &known)?;
+        let mut next = Buffers::new(inputs.configuration, &known, Some(&self.buffers))?;
         next.take_over(&mut self.buffers);
         self.buffers = next;
         Ok(())
@@ -322,7 +322,7 @@ impl FrameMaker for HostRenderer {
     fn select(&mut self, number: usize, inputs: FrameInputs<'_>) -> Result<(), RenderError> {
         let new = match self.kept.has(number) {
             true => None,
-            false => Some(Buffers::new(inputs.configuration, &[&self.buffers])?),
+            false => Some(Buffers::new(inputs.configuration, &[&self.buffers], None)?),
         };
         self.kept.swap(number, &mut self.buffers, new);
         Ok(())
@@ -336,7 +336,7 @@ impl FrameMaker for HostRenderer {
             image,
             follow,
             waves: *waves,
-            buffers: Buffers::new(inputs.configuration, &[&self.buffers])?,
+            buffers: Buffers::new(inputs.configuration, &[&self.buffers], None)?,
             kept: Kept::default(),
             made: VecDeque::new(),
             spare: Vec::new(),

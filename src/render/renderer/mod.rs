@@ -161,7 +161,9 @@ impl Renderer {
         };
         renderer.prepare_compounding();
         renderer.prepare_skin()?;
-        renderer.warm_up(&[true, false])?;
+        // Where tables were made ahead nobody waits for the first frame, and the host compiles nothing.
+        let warm: &[bool] = if renderer.on_host && !known.is_empty() { &[] } else { &[true, false] };
+        renderer.warm_up(warm)?;
         Ok(renderer)
     }
 
