@@ -1,6 +1,6 @@
 //! From labels on a grid to the closed surfaces of a scene.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 use glam::{DAffine3, DMat3, DVec3};
 use rayon::prelude::*;
@@ -19,6 +19,8 @@ const BODY_SHARE: f64 = 0.06;
 const FAT_SHARE: f64 = 0.10;
 /// Largest error of decimation, in voxels.
 const ERROR_VOXELS: f64 = 0.35;
+/// Thickness from which a wall is drawn in voxels, in voxels.
+const THICK_VOXELS: f64 = 2.0;
 /// Farthest that a surface moves to restore a label's volume, in voxels.
 const VOLUME_VOXELS: f64 = 0.4;
 
@@ -166,9 +168,9 @@ fn cut_planes(cut: &[bool; 6], grid: &Grid) -> Vec<CutPlane> {
 fn soft_tissue(inputs: &Inputs, body: &[bool], options: &Options) -> Vec<bool> {
     let grid = &inputs.grid;
     let outside: Vec<bool> = body.par_iter().map(|&b| !b).collect();
-    let half_mm = 0.5 * grid.voxel_mm().min_element();
+    let border_mm = body::BORDER_VOXELS * grid.voxel_mm().min_element();
     let depth_mm = distances_mm(&outside, grid.size, grid.voxel_mm());
-    let deeper = |i: usize, mm: f64| f64::from(depth_mm[i]) - half_mm > mm;
+    let deeper = |i: usize, mm: f64| f64::from(depth_mm[i]) - border_mm > mm;
     let fat = inputs.fat.clone().or_else(|| fat_of_image(inputs, &depth_mm));
     let soft = |i: usize| {
         let below = match &fat {
@@ -289,6 +291,13 @@ impl Builder<'_> {
         progress("simplifying the organs", 0.5);
         self.simplify(&mut complex, wanted, counts, &|done| progress("simplifying the organs", 0.5 + 0.35 * done));
         progress("walls and gas", 0.85);
+        let step_mm = self.grid.voxel_mm().min_element();
+        // A thick wall is drawn in voxels, a thin one by moving its surface.
+        let is_thick = |mm: f64| mm >= THICK_VOXELS * step_mm;
+        let mut lumens = self.inner_parts(inputs, share, |label, organ| match &organ.wall {
+            Some((_, mm)) if is_thick(*mm) => gas_of(&inputs.labels, self.grid, label, *mm, Gas::Share(1.0)),
+            _ => Vec::new(),
+        });
         for (label, part) in complex.parts() {
             let Some(organ) = organ_of(label) else { continue };
             let from = Some((organ.name.as_str(), counts.get(&label).copied()));
@@ -296,7 +305,7 @@ impl Builder<'_> {
             match &organ.wall {
                 Some((tissue, mm)) => {
                     self.add(&format!("{}_wall", organ.name), tissue, priority, &part, from);
-                    let inner = part.inward(*mm);
+                    let inner = lumens.remove(&label).unwrap_or_else(|| part.inward(*mm));
                     self.add(&organ.name, &organ.tissue, priority + 1, &inner, Some((&organ.name, None)));
                 }
                 None => self.add(&organ.name, &organ.tissue, priority, &part, from),
@@ -305,15 +314,17 @@ impl Builder<'_> {
         self.gas(inputs, share);
     }
 
-    fn gas(&mut self, inputs: &Inputs, share: f64) {
+    /// Surfaces within organs: of the voxels that `voxels_of` gives for a label and its organ. `share` is the share of
+    /// triangles that stays.
+    fn inner_parts(
+        &self,
+        inputs: &Inputs,
+        share: f64,
+        voxels_of: impl Fn(u16, &Organ) -> Vec<usize>,
+    ) -> BTreeMap<u16, Part> {
         let mut labels = vec![NONE; inputs.labels.len()];
         for (label, organ) in (1..).zip(&inputs.organs) {
-            let Some((_, share)) = &organ.gas else { continue };
-            let gas = inputs.ct().map_or(Gas::Share(*share), Gas::Seen);
-            let wall_mm = organ.wall.as_ref().map_or(0.0, |(_, mm)| *mm);
-            // A voxel more than the wall: the wall's inner side is smoother than the gas.
-            let within_mm = wall_mm + 0.5 * self.grid.voxel_mm().min_element();
-            for i in gas_of(&inputs.labels, self.grid, label, within_mm, gas) {
+            for i in voxels_of(label, organ) {
                 labels[i] = label;
             }
         }
@@ -321,12 +332,24 @@ impl Builder<'_> {
         make_well_composed(&mut labels, self.grid.size, &|label| u64::from(label));
         let counts = count(&labels);
         if counts.is_empty() {
-            return;
+            return BTreeMap::new();
         }
         let mut complex = self.complex(&labels);
         let wanted = (share * complex.triangles.len() as f64) as usize;
         self.simplify(&mut complex, wanted, &counts, &|_| ());
-        for (label, part) in complex.parts() {
+        complex.parts()
+    }
+
+    fn gas(&mut self, inputs: &Inputs, share: f64) {
+        let parts = self.inner_parts(inputs, share, |label, organ| {
+            let Some((_, share)) = &organ.gas else { return Vec::new() };
+            let gas = inputs.ct().map_or(Gas::Share(*share), Gas::Seen);
+            let wall_mm = organ.wall.as_ref().map_or(0.0, |(_, mm)| *mm);
+            // A voxel more than the wall: the wall's inner side is smoother than the gas.
+            let within_mm = wall_mm + 0.5 * self.grid.voxel_mm().min_element();
+            gas_of(&inputs.labels, self.grid, label, within_mm, gas)
+        });
+        for (label, part) in parts {
             let Some(organ) = inputs.organs.get(usize::from(label).wrapping_sub(1)) else { continue };
             if let Some((tissue, _)) = &organ.gas {
                 let from = Some((organ.name.as_str(), None));

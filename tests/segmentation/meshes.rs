@@ -14,11 +14,8 @@ fn ball(radius: f32) -> Mesh {
 #[test]
 fn a_body_of_a_mesh_has_skin_and_fat_of_their_thickness() {
     let table = ClassTable::builtin("total-v2").unwrap();
-    let organ = |name: &str, mesh: Mesh| OrganMesh {
-        name: name.to_owned(),
-        class: table.named(name).unwrap().clone(),
-        mesh,
-    };
+    let organ =
+        |name: &str, mesh: Mesh| OrganMesh { name: name.to_owned(), class: table.named(name).unwrap().clone(), mesh };
     let options = Options { skin_mm: 2.0, fat_mm: 12.0, ..Options::default() };
     let (made, _) = surfaces(vec![organ("body", ball(100.0)), organ("liver", ball(40.0))], &options);
     let radius = |name: &str| {

@@ -3,6 +3,9 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
+/// Mean distance between a curved border and the nearest voxel centre outside of it, in voxels.
+pub(crate) const BORDER_VOXELS: f64 = 0.33;
+
 /// Distance of each voxel's centre to the nearest voxel centre of `set`, mm; infinite without one. x is fastest.
 pub fn distances_mm(set: &[bool], size: [usize; 3], voxel_mm: DVec3) -> Vec<f32> {
     let [nx, ny, nz] = size;

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::distances_mm;
+use super::{BORDER_VOXELS, distances_mm};
 use crate::segmentation::grid::Grid;
 
 /// Density below which a CT shows gas, HU.
@@ -30,8 +30,8 @@ pub fn gas_of(labels: &[u16], grid: &Grid, label: u16, wall_mm: f64, gas: Gas) -
     let count: usize = size.iter().product();
     let outside: Vec<bool> = (0..count).into_par_iter().map(|i| labels[index(place(i))] != label).collect();
     let depth_mm = distances_mm(&outside, size, grid.voxel_mm());
-    let half_mm = 0.5 * grid.voxel_mm().min_element();
-    let inner = |i: usize| f64::from(depth_mm[i]) - half_mm > wall_mm;
+    let border_mm = BORDER_VOXELS * grid.voxel_mm().min_element();
+    let inner = |i: usize| f64::from(depth_mm[i]) - border_mm > wall_mm;
     let layer = size[0] * size[1];
     let mut found: Vec<usize> = (0..size[2])
         .into_par_iter()

@@ -7,6 +7,7 @@ mod outline;
 
 pub(crate) use components::large_components;
 pub use components::without_crumbs;
+pub(crate) use distance::BORDER_VOXELS;
 pub use distance::distances_mm;
 pub use gas::{Gas, gas_of};
 pub(crate) use outline::hull_margin_mm;
