@@ -32,7 +32,8 @@ pub struct Complex {
 }
 
 impl Complex {
-    /// Triangles of a net whose voxels are `voxel_mm` apart. Quads are cut along their shorter diagonal.
+    /// Triangles of a net whose voxels are `voxel_mm` apart. Quads are cut so that the thinner half is
+    /// as large as can be.
     pub fn of(net: &Net, voxel_mm: DVec3) -> Self {
         let count = net.cells.len();
         let vertices_mm: Vec<DVec3> = (0..count).map(|v| net.position(v).as_dvec3() * voxel_mm).collect();
@@ -40,11 +41,13 @@ impl Complex {
         for quad in &net.quads {
             let [a, b, c, d] = quad.corners;
             let at = |v: u32| vertices_mm[v as usize];
-            let halves = if at(a).distance_squared(at(c)) <= at(b).distance_squared(at(d)) {
-                [[a, b, c], [a, c, d]]
-            } else {
-                [[a, b, d], [b, c, d]]
+            let ways = [[[a, b, c], [a, c, d]], [[a, b, d], [b, c, d]]];
+            // Of a corner between two others one way makes a triangle without area.
+            let thinnest = |halves: [[u32; 3]; 2]| {
+                let cross = halves.map(|[a, b, c]| (at(b) - at(a)).cross(at(c) - at(a)).length_squared());
+                cross[0].min(cross[1])
             };
+            let halves = if thinnest(ways[0]) >= thinnest(ways[1]) { ways[0] } else { ways[1] };
             triangles.extend(halves.map(|corners| Triangle { corners, sides: quad.sides }));
         }
         let kinds = (0..count).map(|v| net.kind(v)).collect();

@@ -387,22 +387,14 @@ mod random {
 }
 
 #[test]
-#[ignore = "takes seconds; run with --release"]
-fn a_million_triangles_are_repaired_within_seconds() {
-    let mut mesh = unwelded(&cut(&sphere(100.0, 8), DVec3::X, 40.0));
+fn many_triangles_with_holes_and_turned_faces_are_repaired() {
+    let mut mesh = unwelded(&cut(&sphere(100.0, 7), DVec3::X, 40.0));
     let mut numbers = Numbers(1);
     mesh.triangles.retain(|_| numbers.next() > 0.002);
     mesh.triangles.iter_mut().filter(|_| numbers.next() < 0.5).for_each(|t| t.swap(0, 1));
-    println!("{} triangles", mesh.triangles.len());
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    let start = std::time::Instant::now();
-    let (mesh, report) = pool.install(|| repair("s", mesh, &RepairSettings::default()));
-    let seconds = start.elapsed().as_secs_f64();
-    println!("{seconds:.1} s {report}");
-    assert!(report.is_mended() && mesh.unpaired_edges() == 0);
+    assert!(mesh.triangles.len() > 100_000);
+    let (mesh, report) = repair("s", mesh, &RepairSettings::default());
+    assert!(report.is_mended() && mesh.unpaired_edges() == 0, "{report}");
     let tree = Tree::new(&mesh).unwrap();
-    let start = std::time::Instant::now();
-    let pairs = crate::anatomy::doctor::crossing::pairs(&tree).len();
-    println!("crossings {pairs}: {:.1} s", start.elapsed().as_secs_f64());
-    assert!(seconds < 20.0);
+    assert_eq!(crate::anatomy::doctor::crossing::pairs(&tree).len(), 0);
 }
