@@ -341,9 +341,10 @@ impl Builder<'_> {
     }
 
     fn gas(&mut self, inputs: &Inputs, share: f64) {
+        let ct = inputs.ct();
         let parts = self.inner_parts(inputs, share, |label, organ| {
             let Some((_, share)) = &organ.gas else { return Vec::new() };
-            let gas = inputs.ct().map_or(Gas::Share(*share), Gas::Seen);
+            let gas = ct.map_or(Gas::Share(*share), Gas::Seen);
             let wall_mm = organ.wall.as_ref().map_or(0.0, |(_, mm)| *mm);
             // A voxel more than the wall: the wall's inner side is smoother than the gas.
             let within_mm = wall_mm + 0.5 * self.grid.voxel_mm().min_element();
