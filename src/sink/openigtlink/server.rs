@@ -42,7 +42,21 @@ pub(super) struct Encoded {
     pub(super) bytes: BytesMut,
 }
 
-pub(super) type Latest = Option<Arc<Encoded>>;
+/// The newest frame, for all clients.
+#[derive(Default)]
+pub(super) struct Latest {
+    /// `None` before the first frame, and if none could be encoded.
+    pub(super) frame: Option<Arc<Encoded>>,
+    /// Number of the frame after it.
+    pub(super) next: u64,
+}
+
+impl Latest {
+    /// Number of the first frame that a client is due that connects now.
+    fn first_due(&self) -> u64 {
+        self.frame.as_ref().map_or(self.next, |frame| frame.number)
+    }
+}
 
 /// Listens; accepted connections inherit the buffer's size.
 pub(super) fn listen(address: SocketAddr) -> std::io::Result<TcpListener> {
@@ -82,13 +96,14 @@ impl Server {
             let mut frames = self.latest.subscribe();
             // A client that connects during a freeze gets the frozen frame.
             frames.mark_changed();
+            let due = frames.borrow().first_due();
             // Counted last: a client that is counted gets the next frame.
             self.counters.accepted.fetch_add(1, Ordering::Relaxed);
             self.counters.connected.fetch_add(1, Ordering::Relaxed);
             tracing::info!("OpenIGTLink client {client} is connected");
             let (counters, cancel) = (Arc::clone(&self.counters), self.cancel.clone());
             tokio::spawn(async move {
-                serve(stream, client, frames, &counters, &cancel).await;
+                serve(stream, client, (frames, due), &counters, &cancel).await;
                 counters.connected.fetch_sub(1, Ordering::Relaxed);
                 drop(place);
             });
@@ -100,7 +115,7 @@ impl Server {
 async fn serve(
     stream: TcpStream,
     client: SocketAddr,
-    frames: watch::Receiver<Latest>,
+    (frames, due): (watch::Receiver<Latest>, u64),
     counters: &Counters,
     cancel: &CancellationToken,
 ) {
@@ -110,7 +125,7 @@ async fn serve(
     let left = tokio::select! {
         () = cancel.cancelled() => "the server ends",
         () = discard(reader) => "it has left",
-        left = feed(writer, frames, counters) => left,
+        left = feed(writer, frames, due, counters) => left,
     };
     tracing::info!("OpenIGTLink client {client} is disconnected: {left}");
 }
@@ -121,17 +136,17 @@ async fn discard(mut reader: OwnedReadHalf) {
     while reader.read(&mut bytes).await.is_ok_and(|length| length > 0) {}
 }
 
-/// Sends a client every newest frame. Returns why it ended.
-async fn feed(mut writer: OwnedWriteHalf, mut frames: watch::Receiver<Latest>, counters: &Counters) -> &'static str {
-    let mut last: Option<u64> = None;
-    let mut counted = |number: u64| {
-        let passed_over = last.map_or(0, |last| number.saturating_sub(last + 1));
-        counters.dropped.fetch_add(passed_over, Ordering::Relaxed);
-        last = Some(number);
-    };
+/// Sends a client every newest frame from number `due` on. Returns why it ended.
+async fn feed(
+    mut writer: OwnedWriteHalf,
+    mut frames: watch::Receiver<Latest>,
+    mut due: u64,
+    counters: &Counters,
+) -> &'static str {
     while frames.changed().await.is_ok() {
-        let Some(frame) = frames.borrow_and_update().clone() else { continue };
-        counted(frame.number);
+        let Some(frame) = frames.borrow_and_update().frame.clone() else { continue };
+        counters.dropped.fetch_add(frame.number.saturating_sub(due), Ordering::Relaxed);
+        due = frame.number + 1;
         // Counted first: who has received the frame finds it counted.
         counters.sent.fetch_add(1, Ordering::Relaxed);
         let mut rest = &frame.bytes[..];
@@ -141,13 +156,46 @@ async fn feed(mut writer: OwnedWriteHalf, mut frames: watch::Receiver<Latest>, c
                 Ok(_) => return "it has left",
                 Err(_) => {
                     counters.stalled.fetch_add(1, Ordering::Relaxed);
-                    // Counts the frames that came meanwhile, including the newest.
-                    let newest = frames.borrow().as_ref().map(|newest| newest.number);
-                    counted(newest.map_or(frame.number + 1, |number| number + 1));
+                    // Frames that came meanwhile, including the newest.
+                    counters.dropped.fetch_add(frames.borrow().next.saturating_sub(due), Ordering::Relaxed);
                     return "it read nothing for too long";
                 }
             }
         }
     }
     "the server ends"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Publishes a frame of one byte.
+    fn publish(latest: &watch::Sender<Latest>, number: u64) {
+        let frame = Some(Arc::new(Encoded { number, bytes: BytesMut::from(&[number as u8][..]) }));
+        latest.send_replace(Latest { frame, next: number + 1 });
+    }
+
+    #[tokio::test]
+    async fn frames_before_a_client_s_task_has_begun_count_as_dropped() {
+        for newest_at_connection in [None, Some(4)] {
+            let (latest, mut frames) = watch::channel(Latest { frame: None, next: 4 });
+            if let Some(number) = newest_at_connection {
+                publish(&latest, number);
+            }
+            frames.mark_changed();
+            let due = frames.borrow().first_due();
+            for number in 5..8 {
+                publish(&latest, number);
+            }
+            drop(latest);
+            let listener = listen("127.0.0.1:0".parse().unwrap()).unwrap();
+            let _client = TcpStream::connect(listener.local_addr().unwrap()).await.unwrap();
+            let (_, writer) = listener.accept().await.unwrap().0.into_split();
+            let counters = Counters::default();
+            feed(writer, frames, due, &counters).await;
+            let counts = [&counters.sent, &counters.dropped].map(|counter| counter.load(Ordering::Relaxed));
+            assert_eq!(counts, [1, 3], "connected at {newest_at_connection:?}");
+        }
+    }
 }

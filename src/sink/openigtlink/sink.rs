@@ -51,7 +51,7 @@ impl OpenIgtLink {
             listen(address).map_err(refused)?
         };
         let address = listener.local_addr().map_err(refused)?;
-        let (latest, _) = watch::channel(None);
+        let (latest, _) = watch::channel(Latest::default());
         let (latest, counters) = (Arc::new(latest), Arc::new(Counters::default()));
         let cancel = CancellationToken::new();
         let server = Server {
@@ -97,7 +97,7 @@ impl LiveSink for OpenIgtLink {
         check_shape(Path::new("an OpenIGTLink image"), shape, frame.image.len())?;
         if self.latest.receiver_count() == 0 {
             // The next client must not get an old frame.
-            self.latest.send_replace(None);
+            self.latest.send_modify(|latest| latest.frame = None);
             return Ok(());
         }
         let Self { settings, probe, pool, number, .. } = self;
@@ -107,7 +107,7 @@ impl LiveSink for OpenIgtLink {
             encode(settings, probe, frame, &mut encoded.bytes);
         });
         *number += 1;
-        self.latest.send_replace(filled.map(|(encoded, ())| encoded));
+        self.latest.send_replace(Latest { frame: filled.map(|(encoded, ())| encoded), next: *number });
         Ok(())
     }
 
