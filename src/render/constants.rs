@@ -2,6 +2,7 @@
 #![cfg_attr(not(feature = "gpu"), allow(dead_code, reason = "shaders take all of them"))]
 
 pub(crate) use crate::acoustics::HARD_SPEED;
+use crate::anatomy::{bvh, motion};
 use crate::settings::{BEAM_TAPS_MAX, PULSE_TAPS_MAX};
 
 /// Samples that share one lateral kernel, one scatterer gain and one gain of the aperture.
@@ -181,3 +182,14 @@ pub(crate) const KRONECKER: [u32; 16] = [
     2654435769, 1779033703, 3144134277, 2773480763, 1359893119, 2600822925, 1541459225, 2965313109, 1654270251,
     2438529371, 2394180231, 3197872217, 1203062813, 2644725351, 1830299339, 2336478295,
 ];
+
+/// Constants of displacement fields: see `anatomy::motion::shape`.
+pub(crate) const FADE: f64 = motion::FADE as f64;
+pub(crate) const OUTER_WALL: f64 = motion::OUTER_WALL as f64;
+pub(crate) const ATRIA: f64 = motion::ATRIA as f64;
+/// Greatest number of displacement fields.
+pub(crate) const FIELDS_MAX: u32 = motion::FIELDS_MAX as u32;
+/// Tolerance of a triangle's edges, relative to its longest edge, per mm of distance.
+pub(crate) const EDGE_TOLERANCE_PER_MM: f64 = bvh::EDGE_TOLERANCE_PER_MM as f64;
+/// Threads of a group that moves a part of the scene.
+pub(crate) const MOTION_GROUP: u32 = 128;

@@ -7,7 +7,6 @@ use super::error::{BackendError, RenderError};
 use super::frame::{Contents, Frame};
 use super::snapshot::PassBuffers;
 use crate::anatomy::Bvh;
-use crate::anatomy::bvh::Changed;
 
 /// Makes the frames of one scene.
 pub(super) trait FrameMaker: Debug + Send {
@@ -35,8 +34,9 @@ pub(super) trait FrameMaker: Debug + Send {
     /// Whether passes were compiled since the last call: the next frame takes longer.
     fn take_cold(&mut self) -> bool;
 
-    /// Updates the nodes and triangles that moved, for the next frames.
-    fn move_scene(&mut self, bvh: &Bvh, changed: &Changed);
+    /// Moves the scene to `time_s` for the frames that are submitted from now on. A device leaves the triangles and nodes of `bvh` at
+    /// rest, and moves its own.
+    fn move_scene(&mut self, bvh: &mut Bvh, time_s: f64);
 
     /// Starts a frame at the pose of the uniforms.
     ///

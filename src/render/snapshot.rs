@@ -1,6 +1,6 @@
 //! Inputs and outputs of every pass of a frame, to compare passes with their twins.
 
-use glam::{DVec2, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 
 use super::configuration::FrameInputs;
 use super::constants::{
@@ -8,9 +8,10 @@ use super::constants::{
 };
 use super::frame::unpad;
 use super::twin::{
-    Aperture, BlockGain, Boundary, Inputs, Launched, Membership, Path, Profile, RasterPoint, Run, Sections, Segment,
-    Transmission,
+    Aperture, BlockGain, Boundary, Inputs, Launched, Membership, Motion, Node, Path, Profile, RasterPoint, Run,
+    Sections, Segment, Transmission,
 };
+use crate::anatomy::bvh::Moved;
 
 /// Outputs of every pass of one frame, in the layouts of the shaders; images without their padding.
 #[derive(Debug, Clone, Default)]
@@ -56,6 +57,8 @@ pub(super) struct PassBuffers {
     pub(super) segmentation: Vec<u8>,
     pub(super) attenuation: Vec<f32>,
     pub(super) overflows: u32,
+    /// The moved scene of a device, which moves its own.
+    pub(super) moved: Option<Moved>,
 }
 
 /// Inputs and outputs of every pass of one frame, as typed values in f64.
@@ -63,6 +66,10 @@ pub(super) struct PassBuffers {
 pub struct Snapshot {
     /// Inputs of the passes, except outputs of other passes.
     pub inputs: Inputs,
+    /// `displace`: displacement of each moving vertex from rest, mm; empty without motion.
+    pub displaced_mm: Vec<DVec3>,
+    /// `refit`: nodes of the tree; empty without motion.
+    pub nodes: Vec<Node>,
     /// `locate`: surfaces that each path starts inside, and its coupling `[paths]`.
     pub launches: Vec<Launched>,
     /// `trace`: paths `[paths]`.
@@ -120,7 +127,13 @@ impl Snapshot {
     /// The outputs of a frame as values.
     pub(super) fn new(buffers: PassBuffers, FrameInputs { bvh, media, configuration, angle }: FrameInputs<'_>) -> Self {
         let (params, tables) = (&configuration.params, &configuration.tables);
-        let inputs = Inputs::new(params, tables, &media.surface_words, bvh, configuration.effects.effects(), angle);
+        let moved = buffers.moved.as_ref().cloned().or_else(|| bvh.moved());
+        let triangles = moved
+            .as_ref()
+            .map_or((&bvh.triangles[..], bvh.displacements()), |m| (&m.triangles[..], &m.displacements[..]));
+        let motion = bvh.motion_tables().zip(moved.as_ref()).map(|(tables, moved)| Motion::new(&tables, moved));
+        let effects = configuration.effects.effects();
+        let inputs = Inputs { motion, ..Inputs::new(params, tables, &media.surface_words, triangles, effects, angle) };
         let complex = |padded: &[[f32; 2]]| {
             let mut rows = Vec::new();
             unpad(&mut rows, padded, params.samples as usize, params.row_samples as usize);
@@ -137,6 +150,8 @@ impl Snapshot {
         let raster = buffers.raster[..inputs.map_rays.len() * inputs.map_depths].iter().map(point);
         let sections = Sections { runs: runs.take(inputs.map_rays.len()).collect(), raster: raster.collect() };
         Self {
+            displaced_mm: moved.iter().flat_map(|moved| &moved.vertices).map(place).collect(),
+            nodes: moved.iter().flat_map(|moved| &moved.nodes).map(Node::decode).collect(),
             launches: launches_from(&buffers),
             paths: (0..inputs.paths()).map(|path| path_from(&buffers, path)).collect(),
             hints: buffers.hints.iter().flat_map(|word| word.to_le_bytes()).collect(),
@@ -166,6 +181,10 @@ impl Snapshot {
             inputs,
         }
     }
+}
+
+fn place(&[x, y, z, _]: &[f32; 4]) -> DVec3 {
+    Vec3::new(x, y, z).as_dvec3()
 }
 
 /// A size of the aperture's tables; 0 without the effect.

@@ -8,7 +8,8 @@ use insonify::pose::Pose;
 use insonify::render::{Choice, Effect, Frame, ShaderSet};
 use insonify::transducer::ProbeKind;
 
-use crate::compare::{PASSES, compare};
+use crate::compare::{MOTION_PASSES, PASSES, compare};
+use crate::reconfigure::untimed;
 use crate::scenes::{Case, RENDERED, nested, part, probe, scene, settings};
 
 /// A time of full systole, during a movement of the limb.
@@ -37,9 +38,27 @@ pub(crate) fn beating() -> Case {
     case
 }
 
+/// The same with breathing fat around.
+fn breathing() -> Case {
+    let mut case = beating();
+    let names = case.scene.surfaces.iter().map(|surface| surface.name.clone());
+    let surfaces = names.filter(|name| !["kidney", "cyst", "bone"].contains(&name.as_str())).collect();
+    let shape = Shape::Breath {
+        centre_mm: Vec3::new(0.0, 0.0, 40.0),
+        axis: Vec3::X,
+        half_length_mm: 60.0,
+        radius_mm: 50.0,
+        widen: 0.05,
+        shift_mm: 6.0,
+    };
+    let rhythm = Rhythm::Breath { breaths_per_min: 60.0, bout_s: 1.0, pause_s: 0.0, seed: 0 };
+    case.scene.motion.fields.push(Field { name: "breath".into(), surfaces, shape, rhythm });
+    case
+}
+
 #[test]
 fn every_pass_is_its_twin_while_the_scene_moves() {
-    let case = beating();
+    let case = breathing();
     let mut renderer = case.renderer(&ShaderSet::default());
     for time_s in [TIME_S, 0.97, 0.05] {
         renderer.set_time_s(time_s);
@@ -49,12 +68,57 @@ fn every_pass_is_its_twin_while_the_scene_moves() {
         let wrong: Vec<_> = PASSES.iter().filter_map(|pass| compare(pass, &snapshot).err()).collect();
         assert!(wrong.is_empty(), "at {time_s} s: {wrong:#?}");
     }
+    // The host moves its triangles and trees itself.
+    let mut renderer = case.host_renderer();
+    renderer.set_time_s(TIME_S);
+    let snapshot = renderer.snapshot(&case.pose).unwrap();
+    let wrong: Vec<_> = MOTION_PASSES.iter().filter_map(|pass| compare(pass, &snapshot).err()).collect();
+    assert!(wrong.is_empty(), "on the host: {wrong:#?}");
     let mut damaged = ShaderSet::default();
     assert!(damaged.replace("trace", "vec3<f32>(0.0), displacements[chosen].xyz", "vec3<f32>(0.0), vec3<f32>(0.0)"));
     let mut renderer = case.renderer(&damaged);
     renderer.set_time_s(TIME_S);
     let snapshot = renderer.snapshot(&case.pose).unwrap();
     assert!(compare("trace", &snapshot).is_err(), "speckle that stays behind is not caught");
+}
+
+#[test]
+fn damaged_motion_is_caught() {
+    let case = breathing();
+    let damages = [
+        ("displace", "ATRIA * field.amounts.y", "0.0 * field.amounts.y", 0.97),
+        ("displace", "field.axis * (field.form.z * inside)", "0.0 * field.axis", TIME_S),
+        ("displace", "2.0 * half_sine", "half_sine", TIME_S),
+        ("assemble", "let edge2 = c - a;", "let edge2 = c - b;", TIME_S),
+        ("assemble", "* (1.0 / 3.0)", "* 0.5", TIME_S),
+        ("refit", "let high = ceil(", "let high = floor(", TIME_S),
+        ("refit", "all.high, max(a, max(b, c))", "all.high, max(a, b)", TIME_S),
+    ];
+    for (pass, from, to, time_s) in damages {
+        let mut shaders = ShaderSet::default();
+        assert!(shaders.replace(pass, from, to), "{pass} has no `{from}` to damage");
+        let compared = [ShaderSet::default(), shaders].map(|shaders| {
+            let mut renderer = case.renderer(&shaders);
+            renderer.set_time_s(time_s);
+            compare(pass, &renderer.snapshot(&case.pose).unwrap()).is_ok()
+        });
+        assert_eq!(compared, [true, false], "{pass} with `{to}`");
+    }
+}
+
+#[test]
+fn motion_does_not_depend_on_the_way() {
+    let case = breathing();
+    let mut frames = [Frame::default(), Frame::default()];
+    for (frame, way) in frames.iter_mut().zip([&[TIME_S][..], &[0.3, 0.97, TIME_S]]) {
+        let mut renderer = case.renderer(&ShaderSet::default());
+        for &time_s in way {
+            renderer.set_time_s(time_s);
+            renderer.render(&case.pose, frame).unwrap();
+        }
+    }
+    let [direct, on_a_way] = frames.map(untimed);
+    assert!(direct == on_a_way);
 }
 
 #[test]
@@ -68,8 +132,13 @@ fn a_moved_scene_is_cut_as_one_that_was_built_there() {
         let displaced = case.scene.displaced(time_s);
         let there = Case { scene: Scene { motion: Motion::default(), ..displaced }, ..beating() };
         there.renderer(&ShaderSet::default()).render(&case.pose, &mut fresh).unwrap();
-        assert!(frame.segmentation == fresh.segmentation, "at {time_s} s");
-        assert!(frame.attenuation == fresh.attenuation, "at {time_s} s");
+        // The device rounds its corners otherwise: an edge may lie in the pixel beside.
+        let other = |i: &usize| {
+            frame.segmentation[*i] != fresh.segmentation[*i]
+                || (frame.attenuation[*i] - fresh.attenuation[*i]).abs() > 1.0e-3
+        };
+        let others = (0..frame.segmentation.len()).filter(other).count();
+        assert!(others <= frame.segmentation.len() / 2000, "{others} pixels differ at {time_s} s");
     }
     // Back at rest, the frame is the one rendered without motion.
     renderer.set_time_s(0.0);

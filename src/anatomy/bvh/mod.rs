@@ -5,6 +5,7 @@
 //! `[min_x 0..7, max_x 0..7]`, the same for y, the same for z.
 
 mod balanced;
+mod motion_tables;
 mod moving;
 mod refit;
 
@@ -20,6 +21,7 @@ use thiserror::Error;
 
 use super::motion::Drift;
 use super::{Bounds, Scene};
+pub(crate) use motion_tables::{MotionTables, Moved};
 use moving::Moving;
 
 /// Entries of the traversal stack in the shaders; a node pushes at most one.
@@ -183,7 +185,34 @@ impl Bvh {
             let (nodes, triangles) = (&mut self.nodes, &mut self.triangles);
             rayon::scope(|_| moving.set_time_s(time_s, self.centre_mm, nodes, triangles));
         }
+        self.set_drift(time_s);
+    }
+
+    /// Moves the whole scene to its drift at `time_s`, and leaves triangles and trees as they are.
+    pub(crate) fn set_drift(&mut self, time_s: f64) {
         self.drift_mm = self.drift.map_or(DVec3::ZERO, |drift| drift.at(time_s));
+    }
+
+    /// Amounts of each field at `time_s`; empty for scenes without moving parts.
+    pub(crate) fn amounts_at(&self, time_s: f64) -> Vec<[f32; 2]> {
+        let fields = self.moving.iter().flat_map(|moving| &moving.motion.fields);
+        fields.map(|field| field.amounts(time_s)).collect()
+    }
+
+    /// Tables of what moves; none for scenes without moving parts.
+    pub(crate) fn motion_tables(&self) -> Option<MotionTables> {
+        self.moving.as_ref().map(|moving| MotionTables::new(moving, self.centre_mm, &self.nodes))
+    }
+
+    /// What moved by the last change of time; none for scenes without moving parts.
+    pub(crate) fn moved(&self) -> Option<Moved> {
+        self.moving.as_ref().map(|moving| Moved {
+            amounts: moving.amounts.clone(),
+            vertices: moving.vertices.iter().map(|v| (v.now - v.rest).extend(0.0).to_array()).collect(),
+            triangles: self.triangles.clone(),
+            displacements: moving.displacements.clone(),
+            nodes: self.nodes.clone(),
+        })
     }
 
     /// Drift of the whole scene under the probe, mm. Equivalent to moving the probe by minus the drift in an

@@ -26,42 +26,42 @@ pub(super) struct Group {
 
 /// A moving vertex.
 #[derive(Debug, Clone, Copy)]
-struct Vertex {
+pub(super) struct Vertex {
     /// Rest position, scene frame, mm.
     rest_mm: Vec3,
     /// Bit set of the fields that move it.
-    fields: u32,
+    pub(super) fields: u32,
     /// Rest position and present position relative to the tree's centre, mm.
-    rest: Vec3,
-    now: Vec3,
+    pub(super) rest: Vec3,
+    pub(super) now: Vec3,
 }
 
 /// Tree of a group.
 #[derive(Debug, Clone)]
-struct Tree {
-    fields: u32,
+pub(super) struct Tree {
+    pub(super) fields: u32,
     /// Its nodes but for the root.
     nodes: Range<usize>,
-    triangles: Range<usize>,
+    pub(super) triangles: Range<usize>,
     vertices: Range<usize>,
     /// Its nodes, the lowest level first. Nodes of a level have children in lower ones only.
-    levels: Vec<Vec<u32>>,
+    pub(super) levels: Vec<Vec<u32>>,
 }
 
 /// State for moving and refitting the trees without allocation.
 #[derive(Debug, Clone)]
 pub(super) struct Moving {
-    motion: Motion,
+    pub(super) motion: Motion,
     /// Present amounts of each field.
-    amounts: Vec<[f32; 2]>,
-    trees: Vec<Tree>,
-    vertices: Vec<Vertex>,
+    pub(super) amounts: Vec<[f32; 2]>,
+    pub(super) trees: Vec<Tree>,
+    pub(super) vertices: Vec<Vertex>,
     /// Vertices of each moving triangle, in leaf order.
-    corners: Vec<[u32; 3]>,
+    pub(super) corners: Vec<[u32; 3]>,
     /// Displacement of each triangle from its rest position, mm; all triangles.
     pub(super) displacements: Vec<[f32; 4]>,
     /// First moving triangle.
-    first_triangle: usize,
+    pub(super) first_triangle: usize,
     /// Exact boxes of all nodes.
     extents: Vec<Bounds>,
     /// Nodes of one level, fitted.

@@ -34,18 +34,18 @@ pub(super) fn fit(mut words: [u32; 20], triangles: &[PackedTriangle], extents: &
     (words, extent)
 }
 
+/// Box that contains the boxes of a node's children.
+pub(super) fn held(words: &[u32; 20]) -> Bounds {
+    let node: &CwBvhNode = bytemuck::cast_ref(words);
+    (0..8).filter(|&slot| !node.is_child_empty(slot)).fold(Bounds::EMPTY, |extent, slot| {
+        let child = node.child_aabb(slot);
+        extent.hull(Bounds { min: child.min.into(), max: child.max.into() })
+    })
+}
+
 /// Writes the root that joins `trees` trees; their roots are the nodes after it.
 pub(super) fn fit_root(nodes: &mut [[u32; 20]], trees: usize) {
-    let roots: Vec<Bounds> = nodes[1..=trees]
-        .iter()
-        .map(|words| {
-            let node: &CwBvhNode = bytemuck::cast_ref(words);
-            (0..8).filter(|&slot| !node.is_child_empty(slot)).fold(Bounds::EMPTY, |extent, slot| {
-                let child = node.child_aabb(slot);
-                extent.hull(Bounds { min: child.min.into(), max: child.max.into() })
-            })
-        })
-        .collect();
+    let roots: Vec<Bounds> = nodes[1..=trees].iter().map(held).collect();
     let mut children = [Bounds::EMPTY; 8];
     children[..trees].copy_from_slice(&roots);
     quantise(bytemuck::cast_mut(&mut nodes[0]), &children);

@@ -13,6 +13,7 @@ use thiserror::Error;
 
 pub use rhythm::Rhythm;
 pub use shape::Shape;
+pub(crate) use shape::{ATRIA, FADE, OUTER_WALL};
 
 /// Largest number of fields: with the static tree, their trees are the children of one node with eight slots.
 pub const FIELDS_MAX: usize = 7;

@@ -4,11 +4,11 @@ use glam::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// Width of the margin over which a field fades out, as a fraction of its radius.
-const FADE: f32 = 0.6;
+pub(crate) const FADE: f32 = 0.6;
 /// Movement of the heart's outer wall relative to its chambers: the muscle keeps its volume.
-const OUTER_WALL: f32 = 0.45;
+pub(crate) const OUTER_WALL: f32 = 0.45;
 /// Contraction of the atria relative to the ventricles.
-const ATRIA: f32 = 0.6;
+pub(crate) const ATRIA: f32 = 0.6;
 
 /// A displacement field, scene frame, mm.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

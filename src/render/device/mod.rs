@@ -4,6 +4,7 @@ mod aperture_buffers;
 mod buffers;
 mod configuration;
 mod gpu;
+mod motion;
 mod passes;
 mod readback;
 mod renderer;

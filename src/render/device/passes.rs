@@ -139,18 +139,30 @@ impl Pass {
         groups: [u32; 3],
         constants: Constants<'_>,
     ) -> Result<Self, BackendError> {
+        let (scene, buffers) = buffers;
+        let bound = buffers.of_pass(scene, name);
+        Self::bound(gpu, pipelines, (&buffers.params, size_of::<Params>()), name, groups, constants, &bound)
+    }
+
+    /// A pass with the buffers `bound` to it after its parameters, a part of a buffer of this size in bytes.
+    ///
+    /// # Errors
+    /// More workgroups than the device takes, or a shader that it refuses.
+    pub(super) fn bound(
+        gpu: &Gpu,
+        pipelines: &mut Pipelines,
+        (params, size): (&wgpu::Buffer, usize),
+        name: &'static str,
+        groups: [u32; 3],
+        constants: Constants<'_>,
+        bound: &[(&wgpu::Buffer, Binding)],
+    ) -> Result<Self, BackendError> {
         let offered = gpu.device.limits().max_compute_workgroups_per_dimension;
         for needed in groups {
             gpu.check_limit(name, needed.into(), "workgroups a dispatch", offered.into())?;
         }
-        let (scene, buffers) = buffers;
-        let bound = buffers.of_pass(scene, name);
-        let compiled = pipelines.get(gpu, name, constants, &bound)?;
-        let params = wgpu::BufferBinding {
-            buffer: &buffers.params,
-            offset: 0,
-            size: wgpu::BufferSize::new(size_of::<Params>() as u64),
-        };
+        let compiled = pipelines.get(gpu, name, constants, bound)?;
+        let params = wgpu::BufferBinding { buffer: params, offset: 0, size: wgpu::BufferSize::new(size as u64) };
         let bound = bound.iter().map(|(buffer, _)| buffer.as_entire_binding());
         let entries: Vec<_> = std::iter::once(wgpu::BindingResource::Buffer(params))
             .chain(bound)
@@ -165,8 +177,13 @@ impl Pass {
 
     /// Records the pass with the uniforms of `batch`.
     pub(crate) fn record(&self, encoder: &mut wgpu::ComputePass<'_>, batch: u32) {
+        self.record_at(encoder, batch * PARAMS_STRIDE as u32);
+    }
+
+    /// Records the pass with the parameters at an offset, bytes.
+    pub(super) fn record_at(&self, encoder: &mut wgpu::ComputePass<'_>, offset: u32) {
         encoder.set_pipeline(&self.compiled.pipeline);
-        encoder.set_bind_group(0, &self.bindings, &[batch * PARAMS_STRIDE as u32]);
+        encoder.set_bind_group(0, &self.bindings, &[offset]);
         encoder.dispatch_workgroups(self.groups[0], self.groups[1], self.groups[2]);
     }
 }

@@ -4,6 +4,7 @@ use std::sync::mpsc;
 
 use super::buffers::Buffers;
 use super::gpu::Gpu;
+use super::motion::MOTION_PASSES;
 use crate::render::error::BackendError;
 use crate::render::frame::{Contents, Frame, unpad};
 use crate::render::params::Params;
@@ -73,6 +74,14 @@ pub(super) fn takes(contents: Contents, pass: &str) -> bool {
     (contents.maps || !MAP_PASSES.contains(&pass)) && (contents.image || !IMAGE_PASSES.contains(&pass))
 }
 
+/// What the passes of a frame in flight make.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Recorded {
+    pub(super) contents: Contents,
+    /// Whether they move the scene first.
+    pub(super) moved: bool,
+}
+
 #[derive(Debug)]
 struct Queries {
     set: wgpu::QuerySet,
@@ -110,8 +119,8 @@ impl Layout {
 
 impl Slot {
     pub(crate) fn new(gpu: &Gpu, shape: &Shape) -> Result<Self, BackendError> {
-        let count = 2 * shape.passes.len() as u32;
-        let queries = if gpu.timestamps && count > 0 {
+        let count = 2 * (MOTION_PASSES.len() + shape.passes.len()) as u32;
+        let queries = if gpu.timestamps {
             let usage = wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC;
             Some(Queries {
                 set: gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
@@ -140,9 +149,10 @@ impl Slot {
         &self.shape
     }
 
-    /// Passes of a frame.
-    fn passes(&self, contents: Contents) -> impl Iterator<Item = &'static str> {
-        self.shape.passes.iter().copied().filter(move |name| takes(contents, name))
+    /// Passes of a frame, in their order.
+    fn passes(&self, recorded: Recorded) -> impl Iterator<Item = &'static str> {
+        let motion = MOTION_PASSES.into_iter().filter(move |_| recorded.moved);
+        motion.chain(self.shape.passes.iter().copied().filter(move |name| takes(recorded.contents, name)))
     }
 
     /// Timestamps around the pass that is recorded as the `index`-th.
@@ -155,8 +165,8 @@ impl Slot {
     }
 
     /// Records the copies from the working buffers.
-    pub(crate) fn record(&self, encoder: &mut wgpu::CommandEncoder, buffers: &Buffers, contents: Contents) {
-        let l = &self.layout;
+    pub(crate) fn record(&self, encoder: &mut wgpu::CommandEncoder, buffers: &Buffers, recorded: Recorded) {
+        let (l, contents) = (&self.layout, recorded.contents);
         if contents.image {
             encoder.copy_buffer_to_buffer(&buffers.bmode, 0, &self.staging, 0, Some(l.pixels));
         }
@@ -171,7 +181,7 @@ impl Slot {
             encoder.copy_buffer_to_buffer(&buffers.lines, 0, &self.staging, l.lines(), Some(l.lines));
         }
         if let Some(queries) = &self.queries {
-            let count = 2 * self.passes(contents).count() as u32;
+            let count = 2 * self.passes(recorded).count() as u32;
             encoder.resolve_query_set(&queries.set, 0..count, &queries.resolved, 0);
             encoder.copy_buffer_to_buffer(&queries.resolved, 0, &self.staging, l.times(), Some(u64::from(count) * 8));
         }
@@ -187,7 +197,8 @@ impl Slot {
     }
 
     /// Copies the mapped frame out and gives the memory back.
-    pub(crate) fn read(&self, frame: &mut Frame, contents: Contents) -> Result<(), BackendError> {
+    pub(crate) fn read(&self, frame: &mut Frame, recorded: Recorded) -> Result<(), BackendError> {
+        let contents = recorded.contents;
         let lost = |e: wgpu::MapRangeError| BackendError::Lost { reason: e.to_string() };
         {
             let view = self.staging.slice(..).get_mapped_range().map_err(lost)?;
@@ -220,7 +231,7 @@ impl Slot {
             frame.times.passes.clear();
             if let Some(queries) = &self.queries {
                 let ticks: &[u64] = bytemuck::cast_slice(at(l.times(), l.queries * 8));
-                for (name, pair) in self.passes(contents).zip(ticks.chunks_exact(2)) {
+                for (name, pair) in self.passes(recorded).zip(ticks.chunks_exact(2)) {
                     frame.times.add(name, pair[1].saturating_sub(pair[0]) as f64 * queries.period_ns * 1e-6);
                 }
             }

@@ -7,12 +7,12 @@ use std::time::Instant;
 use super::buffers::{PARAMS_STRIDE, SceneBuffers};
 use super::configuration::DeviceConfiguration;
 use super::gpu::Gpu;
-use super::passes::{Pass, Pipelines};
-use super::readback::Slot;
+use super::motion::Motion;
+use super::passes::Pipelines;
+use super::readback::{Recorded, Slot};
 use super::shaders::ShaderSet;
 use super::snapshot;
 use crate::anatomy::Bvh;
-use crate::anatomy::bvh::{Changed, PackedTriangle};
 use crate::render::configuration::FrameInputs;
 use crate::render::error::{BackendError, RenderError};
 use crate::render::frame::{Contents, DeviceTimes, FRAMES_IN_FLIGHT, Frame};
@@ -21,14 +21,11 @@ use crate::render::maker::FrameMaker;
 use crate::render::snapshot::PassBuffers;
 use crate::settings::Effect;
 
-/// Unit of memory for uploads, bytes.
-const UPLOAD_CHUNK: u64 = 8 << 20;
-
 /// A frame that was submitted and not received.
 #[derive(Debug)]
 struct InFlight {
     slot: Arc<Slot>,
-    contents: Contents,
+    recorded: Recorded,
     submission: wgpu::SubmissionIndex,
     times: DeviceTimes,
 }
@@ -38,6 +35,8 @@ struct InFlight {
 struct DeviceRenderer {
     gpu: Gpu,
     scene: SceneBuffers,
+    /// Motion of the scene; none if no part of it moves.
+    motion: Option<Motion>,
     pipelines: Pipelines,
     active: DeviceConfiguration,
     /// The other configurations.
@@ -46,8 +45,6 @@ struct DeviceRenderer {
     next_slot: usize,
     mapped: mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
     map_done: mpsc::SyncSender<Result<(), wgpu::BufferAsyncError>>,
-    /// Mapped memory through which what moved is uploaded, used again and again: fresh memory takes longer than the copy.
-    uploads: wgpu::util::StagingBelt,
     /// Memory of the uniforms of all batches.
     uniforms: Vec<u8>,
 }
@@ -74,6 +71,8 @@ impl DeviceRenderer {
     fn new(gpu: &Gpu, inputs: FrameInputs<'_>, shaders: &ShaderSet) -> Result<Self, BackendError> {
         let scene = SceneBuffers::new(gpu, &inputs.media.surface_words, inputs.bvh)?;
         let mut pipelines = Pipelines::new(shaders);
+        let tables = inputs.bvh.motion_tables();
+        let motion = tables.map(|tables| Motion::new(gpu, &scene, &mut pipelines, &tables)).transpose()?;
         let active = DeviceConfiguration::new(gpu, &scene, &mut pipelines, inputs, None)?;
         let bends = inputs.configuration.effects.effects().has(Effect::Refraction);
         active.buffers.fill(gpu, &scene, &inputs.configuration.tables, bends, None);
@@ -81,6 +80,7 @@ impl DeviceRenderer {
         Ok(Self {
             gpu: gpu.clone(),
             scene,
+            motion,
             pipelines,
             active,
             kept: Kept::default(),
@@ -88,7 +88,6 @@ impl DeviceRenderer {
             next_slot: 0,
             mapped,
             map_done,
-            uploads: wgpu::util::StagingBelt::new(gpu.device.clone(), UPLOAD_CHUNK),
             uniforms: Vec::new(),
         })
     }
@@ -135,7 +134,7 @@ impl DeviceRenderer {
         self.gpu.check()?;
         let wait_ms = ms_since(started);
         let started = Instant::now();
-        in_flight.slot.read(frame, in_flight.contents)?;
+        in_flight.slot.read(frame, in_flight.recorded)?;
         frame.times.device = Some(DeviceTimes { wait_ms, copy_ms: ms_since(started), ..in_flight.times });
         Ok(())
     }
@@ -179,28 +178,11 @@ impl FrameMaker for DeviceRenderer {
         self.pipelines.take_cold()
     }
 
-    fn move_scene(&mut self, bvh: &Bvh, changed: &Changed) {
-        // Copies are in order with submissions: a frame in flight keeps the data that it was submitted with.
-        let label = wgpu::CommandEncoderDescriptor { label: Some("motion") };
-        let mut encoder = self.gpu.device.create_command_encoder(&label);
-        let mut write = |buffer: &wgpu::Buffer, first: usize, size: usize, bytes: &[u8]| {
-            if let Some(length) = wgpu::BufferSize::new(bytes.len() as u64) {
-                let mut staged = self.uploads.write_buffer(&mut encoder, buffer, (first * size) as u64, length);
-                staged.slice(..).copy_from_slice(bytes);
-            }
-        };
-        let (nodes, triangles) = (changed.nodes.clone(), changed.triangles.clone());
-        let moved = bytemuck::cast_slice(&bvh.nodes[nodes.clone()]);
-        write(&self.scene.nodes, nodes.start, size_of::<[u32; 20]>(), moved);
-        if !triangles.is_empty() {
-            let (first, moved) = (triangles.start, bytemuck::cast_slice(&bvh.triangles[triangles.clone()]));
-            write(&self.scene.triangles, first, size_of::<PackedTriangle>(), moved);
-            let moved = bytemuck::cast_slice(&bvh.displacements()[triangles]);
-            write(&self.scene.displacements, first, size_of::<[f32; 4]>(), moved);
+    fn move_scene(&mut self, bvh: &mut Bvh, time_s: f64) {
+        bvh.set_drift(time_s);
+        if let Some(motion) = &mut self.motion {
+            motion.set_amounts(bvh.amounts_at(time_s));
         }
-        self.uploads.finish();
-        self.gpu.queue.submit([encoder.finish()]);
-        self.uploads.recall();
     }
 
     fn submit(&mut self, inputs: FrameInputs<'_>, contents: Contents) -> Result<(), BackendError> {
@@ -208,23 +190,25 @@ impl FrameMaker for DeviceRenderer {
         let mut encoder = self.begin(inputs);
         let slot = self.active.slots[self.next_slot].clone();
         let mut index = 0;
-        let mut record = |pass: &Pass, batch: u32| {
-            let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-                label: Some(pass.name),
-                timestamp_writes: slot.timestamps(index),
-            });
-            pass.record(&mut compute, batch);
+        let mut run = |name, record: &dyn Fn(&mut wgpu::ComputePass<'_>)| {
+            let timestamp_writes = slot.timestamps(index);
+            let descriptor = wgpu::ComputePassDescriptor { label: Some(name), timestamp_writes };
+            record(&mut encoder.begin_compute_pass(&descriptor));
             index += 1;
         };
-        self.active.passes(contents).for_each(|(pass, batch)| record(pass, batch));
-        slot.record(&mut encoder, &self.active.buffers, contents);
+        let moved = self.motion.as_mut().is_some_and(|motion| motion.run(&self.gpu, &mut run));
+        for (pass, batch) in self.active.passes(contents) {
+            run(pass.name, &|compute| pass.record(compute, batch));
+        }
+        let recorded = Recorded { contents, moved };
+        slot.record(&mut encoder, &self.active.buffers, recorded);
         let commands = encoder.finish();
         let record_ms = ms_since(started);
         let started = Instant::now();
         let submission = self.gpu.queue.submit([commands]);
         slot.map(&self.map_done);
         let times = DeviceTimes { record_ms, submit_ms: ms_since(started), ..DeviceTimes::default() };
-        self.in_flight.push_back(InFlight { slot, contents, submission, times });
+        self.in_flight.push_back(InFlight { slot, recorded, submission, times });
         self.next_slot = (self.next_slot + 1) % FRAMES_IN_FLIGHT;
         Ok(())
     }
@@ -237,7 +221,17 @@ impl FrameMaker for DeviceRenderer {
     }
 
     fn pass_buffers(&mut self, inputs: FrameInputs<'_>) -> Result<PassBuffers, BackendError> {
-        let encoder = self.begin(inputs);
-        snapshot::pass_buffers(&self.gpu, encoder, &self.active, &inputs.configuration.params)
+        let mut encoder = self.begin(inputs);
+        if let Some(motion) = &mut self.motion {
+            motion.run(&self.gpu, |name, record| {
+                let descriptor = wgpu::ComputePassDescriptor { label: Some(name), timestamp_writes: None };
+                record(&mut encoder.begin_compute_pass(&descriptor));
+            });
+        }
+        let mut buffers = snapshot::pass_buffers(&self.gpu, encoder, &self.active, &inputs.configuration.params)?;
+        if let Some(motion) = &self.motion {
+            buffers.moved = Some(snapshot::moved(&self.gpu, &self.scene, motion)?);
+        }
+        Ok(buffers)
     }
 }

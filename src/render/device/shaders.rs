@@ -1,6 +1,7 @@
 //! WGSL sources: one file per pass, preceded by the shared constants and its imports.
 #![cfg_attr(not(feature = "test-hooks"), allow(unreachable_pub, reason = "public in tests"))]
 
+use super::motion::MOTION_PASSES;
 use crate::anatomy::bvh::STACK_DEPTH_MAX;
 use crate::render::aperture::MODE_NONE;
 use crate::render::constants as shared;
@@ -26,8 +27,24 @@ macro_rules! pass {
     };
 }
 
+/// A pass that moves the scene, without the parameters of a frame.
+macro_rules! motion_pass {
+    ($name:literal) => {
+        (
+            $name,
+            concat!(
+                include_str!("../../../shaders/shared/motion.wgsl"),
+                include_str!(concat!("../../../shaders/", $name, ".wgsl"))
+            ),
+        )
+    };
+}
+
 /// Name and source of each pass.
-pub(super) const PASSES: [(&str, &str); 15] = [
+pub(super) const PASSES: [(&str, &str); 18] = [
+    motion_pass!("displace"),
+    motion_pass!("assemble"),
+    motion_pass!("refit"),
     pass!("locate", "bvh", "surfaces", "collect", "launch"),
     pass!("trace", "tissue", "hash", "lattice", "interface", "bvh", "surfaces", "nearest", "collect", "launch"),
     pass!("transmission", "aperture", "loss", "phasor", "launch"),
@@ -68,23 +85,22 @@ mod literal {
     }
 }
 
-/// Constants before every pass, and the functions that read the settings of the image.
+/// Constants before every pass.
 fn preamble() -> String {
     let declarations = declarations! {
         u32: SEGMENTS ENTRIES STARTS DEPTH_BLOCK HINT_BLOCK TISSUES_MAX BLOCK_QUADS PULSE_QUADS
             CROSSINGS_OF_A_PATH CROSSINGS_BEHIND CROSSINGS_OF_A_MAP_RAY PLACES_MAX PERCENTILE_STEPS FIRST_TISSUE TAG
-            TAG_DENSITY DIVERTED CELLS_MAX BEAM_CELLS_OF_A_GROUP LATERAL_HALF_MAX TISSUE_MASK MOVES WHOLE ACROSS_BITS OUTSIDE SHEETS SHEET_FAMILIES SCATTERER_STRIDE
+            TAG_DENSITY DIVERTED CELLS_MAX FIELDS_MAX MOTION_GROUP BEAM_CELLS_OF_A_GROUP LATERAL_HALF_MAX TISSUE_MASK MOVES WHOLE ACROSS_BITS OUTSIDE SHEETS SHEET_FAMILIES SCATTERER_STRIDE
             TEXTURE_SHIFT TEXTURE_MASK TEXTURE_SAMPLES;
         i32: PULSE_PAD SURFACE_SALT;
         f32: TOUCH_MM FAST_MEDIA BEYOND_MM CELL_MM OFF_THE_GRID_MM CELLS_OF_A_BEAM DEVIATE_SCALE REFLECTION_FOLLOWED LN_GIVEN_UP LN_SILENT
             LN_SPECKLE_SILENT LN_SCALE UNSCALED DIFFUSE DIFFUSE_HALF_ROUGHNESS2 APERTURE_HALF_ANGLE
             APERTURE_HALF_ANGLE_MIN APERTURE_HALF_ANGLE_MAX FACET_COS_MIN DB_A_DOUBLING ONE_WAY BRIGHTEST_PART
             CONTRAST_MIN_NP_MM TRACKED_NP EVEN_NP SPREAD_NP VISIBLE_MIN VISIBLE_MAX_NP NEIGHBOUR_GAIN_MAX
-            TRANSMISSION_MIN DELAY_MIN HARD_SPEED UNLIKE PROFILE_CUT DENSITY_ONE LEAST_POWER GAP_NP_MM GAP_MAX_MM LN_UNCOUPLED REFLECTED_MAX PROJECTION_MIN COUPLED_MIN VISIBLE_MIN_NP;
+            TRANSMISSION_MIN DELAY_MIN HARD_SPEED UNLIKE PROFILE_CUT DENSITY_ONE LEAST_POWER GAP_NP_MM GAP_MAX_MM LN_UNCOUPLED REFLECTED_MAX PROJECTION_MIN COUPLED_MIN VISIBLE_MIN_NP FADE OUTER_WALL ATRIA EDGE_TOLERANCE_PER_MM;
     };
-    let readers = wgsl_readers("image_", "params.image", ImageSettings::settings());
     format!(
-        "{declarations};\nconst IMAGE_QUADS: u32 = {IMAGE_QUADS}u;\nconst STACK_DEPTH: u32 = {STACK_DEPTH_MAX}u;\nconst MODE_NONE: i32 = {MODE_NONE};\nconst HINT_SHIFT: u32 = {}u;\nconst BLOCK_SHIFT: u32 = {}u;\nconst KRONECKER = array<u32, 16>({});\nconst WAVES: u32 = {WAVES}u;\nconst WAVE_VARIANCE: f32 = {WAVE_VARIANCE:?};\nconst SEPTUM_WIDTH: f32 = {SEPTUM_WIDTH:?};\nconst TEXTURE_WAVES = array<vec4<f32>, WAVES>({});\n{readers}",
+        "{declarations};\nconst IMAGE_QUADS: u32 = {IMAGE_QUADS}u;\nconst STACK_DEPTH: u32 = {STACK_DEPTH_MAX}u;\nconst MODE_NONE: i32 = {MODE_NONE};\nconst HINT_SHIFT: u32 = {}u;\nconst BLOCK_SHIFT: u32 = {}u;\nconst KRONECKER = array<u32, 16>({});\nconst WAVES: u32 = {WAVES}u;\nconst WAVE_VARIANCE: f32 = {WAVE_VARIANCE:?};\nconst SEPTUM_WIDTH: f32 = {SEPTUM_WIDTH:?};\nconst TEXTURE_WAVES = array<vec4<f32>, WAVES>({});\n",
         shared::HINT_BLOCK.trailing_zeros(),
         shared::DEPTH_BLOCK.trailing_zeros(),
         shared::KRONECKER.map(literal::u32).join(", "),
@@ -95,7 +111,13 @@ fn preamble() -> String {
 impl Default for ShaderSet {
     fn default() -> Self {
         let preamble = preamble();
-        Self { sources: PASSES.map(|(name, body)| (name, format!("{preamble}{body}"))).to_vec(), bounds_checks: false }
+        // Functions that read the settings of the image, which passes that move the scene don't have.
+        let readers = wgsl_readers("image_", "params.image", ImageSettings::settings());
+        let source = |(name, body)| {
+            let readers = if MOTION_PASSES.contains(&name) { "" } else { &readers };
+            (name, format!("{preamble}{readers}{body}"))
+        };
+        Self { sources: PASSES.map(source).to_vec(), bounds_checks: false }
     }
 }
 

@@ -2,9 +2,12 @@
 
 use bytemuck::Pod;
 
+use super::buffers::SceneBuffers;
 use super::configuration::DeviceConfiguration;
 use super::gpu::Gpu;
+use super::motion::Motion;
 use super::passes::Pass;
+use crate::anatomy::bvh::Moved;
 use crate::render::error::BackendError;
 use crate::render::frame::{Contents, unpad};
 use crate::render::params::Params;
@@ -33,6 +36,20 @@ fn image<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, params: &Params) -> Result<Ve
     let mut rows = Vec::new();
     unpad(&mut rows, &read(gpu, buffer)?, params.image.width as usize, 4 * params.row_words as usize);
     Ok(rows)
+}
+
+/// What the device has moved.
+///
+/// # Errors
+/// A device that fails.
+pub(super) fn moved(gpu: &Gpu, scene: &SceneBuffers, motion: &Motion) -> Result<Moved, BackendError> {
+    Ok(Moved {
+        amounts: motion.amounts(),
+        vertices: read(gpu, &motion.moved)?,
+        triangles: read(gpu, &scene.triangles)?,
+        displacements: read(gpu, &scene.displacements)?,
+        nodes: read(gpu, &scene.nodes)?,
+    })
 }
 
 /// Runs every pass after the commands of `encoder`, and reads back their outputs.
@@ -100,5 +117,6 @@ pub(super) fn pass_buffers(
         line_gains: read(gpu, &buffers.aperture.line_gains)?,
         block_gains: read(gpu, &buffers.aperture.block_gains)?,
         reflected: read(gpu, &buffers.aperture.reflected)?,
+        moved: None,
     })
 }

@@ -30,7 +30,6 @@ use super::traverse::Tree;
 use super::tree::WideNode;
 use super::visibility::{self, Gains, visibility};
 use crate::anatomy::Bvh;
-use crate::anatomy::bvh::Changed;
 use crate::render::configuration::{Configuration, FrameInputs};
 use crate::render::error::{BackendError, RenderError};
 use crate::render::frame::{Contents, Frame, FrameTimes, unpad};
@@ -347,11 +346,14 @@ impl FrameMaker for HostRenderer {
         false
     }
 
-    fn move_scene(&mut self, bvh: &Bvh, changed: &Changed) {
-        let moved = &bvh.nodes[changed.nodes.clone()];
-        let nodes = Arc::make_mut(&mut self.nodes);
-        let nodes = nodes[changed.nodes.clone()].par_iter_mut().zip(moved).with_min_len(DECODED_TOGETHER);
-        nodes.for_each(|(node, words)| *node = WideNode::decode(words));
+    fn move_scene(&mut self, bvh: &mut Bvh, time_s: f64) {
+        bvh.set_time_s(time_s);
+        for changed in bvh.changed() {
+            let moved = &bvh.nodes[changed.nodes.clone()];
+            let nodes = Arc::make_mut(&mut self.nodes);
+            let nodes = nodes[changed.nodes.clone()].par_iter_mut().zip(moved).with_min_len(DECODED_TOGETHER);
+            nodes.for_each(|(node, words)| *node = WideNode::decode(words));
+        }
     }
 
     fn submit(&mut self, inputs: FrameInputs<'_>, contents: Contents) -> Result<(), BackendError> {

@@ -342,11 +342,7 @@ impl Renderer {
     /// Moves the scene to `time_s`, even if the plan has no motion.
     fn move_to(&mut self, time_s: f64) {
         // Renderers may share one tree until it moves; then each has its own copy.
-        let bvh = Arc::make_mut(&mut self.bvh);
-        bvh.set_time_s(time_s);
-        for changed in bvh.changed() {
-            self.maker.move_scene(bvh, changed);
-        }
+        self.maker.move_scene(Arc::make_mut(&mut self.bvh), time_s);
     }
 
     /// Active settings.

@@ -4,7 +4,8 @@ use glam::{DMat3, DVec2, DVec3, Vec3, Vec4};
 
 use super::aperture::Aperture;
 use super::medium::Medium;
-use crate::anatomy::Bvh;
+use super::motion::Motion;
+use crate::anatomy::bvh::PackedTriangle;
 use crate::render::constants::{DEPTH_BLOCK, MOVES, PROJECTION_MIN, PULSE_PAD, TISSUE_MASK};
 use crate::render::params::Params;
 use crate::render::tables::{Tables, unpack_place};
@@ -121,6 +122,8 @@ pub struct Inputs {
     pub guides: usize,
     /// Triangles of the scene.
     pub triangles: Vec<Triangle>,
+    /// What moves; none in a scene without moving parts.
+    pub motion: Option<Motion>,
     /// Index of each surface's tissue.
     pub surface_tissue: Vec<usize>,
     /// Whether each surface moves.
@@ -186,7 +189,7 @@ impl Inputs {
         params: &Params,
         tables: &Tables,
         surface_words: &[u32],
-        bvh: &Bvh,
+        (triangles, displacements): (&[PackedTriangle], &[[f32; 4]]),
         effects: EffectSet,
         angle: usize,
     ) -> Self {
@@ -201,8 +204,8 @@ impl Inputs {
         line_rays.iter_mut().for_each(|ray: &mut Ray| ray.direction = steer * ray.direction);
         let axes = line_rays.split_off((params.scanlines * params.rays) as usize);
         let elevation = |e: &[f32; 4]| Elevation { offset_mm: e[0].into(), slope: e[1].into(), stretch: e[2].into() };
-        let displaced = bvh.displacements().iter().copied().chain(std::iter::repeat([0.0; 4]));
-        let triangles = bvh.triangles.iter().zip(displaced).map(|(t, displacement)| Triangle {
+        let displaced = displacements.iter().copied().chain(std::iter::repeat([0.0; 4]));
+        let triangles = triangles.iter().zip(displaced).map(|(t, displacement)| Triangle {
             corner_mm: Vec3::from(t.corner).as_dvec3(),
             edge1_mm: Vec3::from(t.edge1).as_dvec3(),
             edge2_mm: Vec3::from(t.edge2).as_dvec3(),
@@ -259,6 +262,7 @@ impl Inputs {
             elevations: params.elevations_of(&tables.elevations).iter().map(elevation).collect(),
             guides: params.guides as usize,
             triangles: triangles.collect(),
+            motion: None,
             surface_tissue: surface_words.iter().map(|&w| (w & TISSUE_MASK) as usize).collect(),
             surface_moves: surface_words.iter().map(|&w| w & MOVES != 0).collect(),
             media: tables.tissues.iter().map(Medium::from).collect(),

@@ -5,13 +5,16 @@
 //! then the guides. Samples are `[scanlines × samples]`, without the device's padding.
 //!
 //! ```text
+//! displace → assemble → refit ┐
 //! locate → trace → transmission → propagate → beams → profiles → visibility → march → echo → lateral → receive → detect ┐
 //!                                                                                       section → percentile ┴→ scan_convert
 //! ```
 
 mod aperture;
+mod assemble;
 mod beams;
 mod detect;
+mod displace;
 mod echo;
 pub mod hash;
 mod inputs;
@@ -20,10 +23,12 @@ pub mod lattice;
 mod locate;
 mod march;
 mod medium;
+mod motion;
 mod percentile;
 mod profiles;
 mod propagate;
 mod receive;
+mod refit;
 mod scan_convert;
 mod section;
 mod segment;
@@ -35,18 +40,22 @@ mod transmission;
 mod visibility;
 
 pub use aperture::Aperture;
+pub use assemble::assemble;
 pub use beams::{amplitudes, powers};
 pub use detect::{Detected, detect};
+pub use displace::displace;
 pub use echo::echo;
 pub use inputs::{Elevation, Inputs, Ray, SheetFamily, Triangle};
 pub use lateral::lateral;
 pub use locate::{Launched, locate};
 pub use march::{march, reflected};
 pub use medium::Medium;
+pub use motion::{Below, Child, Motion, Node, Vertex};
 pub use percentile::percentile;
 pub use profiles::{Profile, profiles};
 pub use propagate::propagate;
 pub use receive::receive;
+pub use refit::refit;
 pub use scan_convert::{Maps, scan_convert};
 pub use section::{RasterPoint, Run, Sections, section};
 pub use segment::{Path, Segment, segment_at};

@@ -1,0 +1,35 @@
+//! Boxes of a tree about moved triangles.
+
+use glam::DVec3;
+
+use super::inputs::Triangle;
+use super::motion::{Below, Node};
+
+/// Smallest boxes of the children of each node below the first: minimum and maximum corners, mm.
+pub fn refit(nodes: &[Node], triangles: &[Triangle]) -> Vec<Vec<[DVec3; 2]>> {
+    let mut boxes = vec![Vec::new(); nodes.len()];
+    fit(nodes, triangles, 0, &mut boxes);
+    boxes
+}
+
+/// Boxes of the children of a node and all below it; returns its own.
+fn fit(nodes: &[Node], triangles: &[Triangle], node: usize, boxes: &mut [Vec<[DVec3; 2]>]) -> [DVec3; 2] {
+    let of_children: Vec<[DVec3; 2]> = nodes[node]
+        .children
+        .iter()
+        .map(|child| match &child.below {
+            Below::Node(below) => fit(nodes, triangles, *below, boxes),
+            Below::Leaf(held) => hull(triangles[held.clone()].iter().flat_map(|t| {
+                let a = t.corner_mm;
+                [a, a + t.edge1_mm, a + t.edge2_mm].map(|corner| [corner, corner])
+            })),
+        })
+        .collect();
+    let whole = hull(of_children.iter().copied());
+    boxes[node] = of_children;
+    whole
+}
+
+fn hull(boxes: impl Iterator<Item = [DVec3; 2]>) -> [DVec3; 2] {
+    boxes.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], [l, h]| [low.min(l), high.max(h)])
+}
