@@ -8,6 +8,8 @@ use glam::DVec2;
 use insonify::render::Snapshot;
 use insonify::render::twin::{self, Path, Segment};
 
+use crate::compare_motion as motion;
+
 pub(crate) const PASSES: [&str; 18] = [
     "displace",
     "assemble",
@@ -29,9 +31,6 @@ pub(crate) const PASSES: [&str; 18] = [
     "scan_convert",
 ];
 
-/// Passes that move the scene.
-pub(crate) const MOTION_PASSES: [&str; 3] = ["displace", "assemble", "refit"];
-
 /// One rounding of f32, relative.
 const ROUNDING: f64 = 1.0 / 16_777_216.0;
 
@@ -48,7 +47,7 @@ pub(crate) struct Mismatch {
 }
 
 /// Errors of one output, relative to its tolerance.
-struct Tally {
+pub(crate) struct Tally {
     pass: &'static str,
     what: &'static str,
     allowed: f64,
@@ -60,12 +59,12 @@ struct Tally {
 
 impl Tally {
     /// Accepts up to `allowed` (a fraction) of outliers.
-    fn new(pass: &'static str, what: &'static str, allowed: f64) -> Self {
+    pub(crate) fn new(pass: &'static str, what: &'static str, allowed: f64) -> Self {
         Self { pass, what, allowed, count: 0, outliers: 0, first: 0, worst: 0.0 }
     }
 
     /// Adds an error relative to its tolerance; above 1, or NaN, is an outlier.
-    fn add(&mut self, error: f64) {
+    pub(crate) fn add(&mut self, error: f64) {
         if error <= 1.0 {
             self.worst = self.worst.max(error);
         } else {
@@ -75,7 +74,7 @@ impl Tally {
         self.count += 1;
     }
 
-    fn finish(self) -> Result<(), Mismatch> {
+    pub(crate) fn finish(self) -> Result<(), Mismatch> {
         let Self { pass, what, allowed, count, outliers, first, worst } = self;
         println!("{pass:12} {what:24} {outliers:4} outliers of {count:6}, others within {worst:.3} of the tolerance");
         // A single tie is allowed, however few values there are.
@@ -90,9 +89,9 @@ impl Tally {
 /// Compares one pass with its twin.
 pub(crate) fn compare(pass: &str, s: &Snapshot) -> Result<(), Mismatch> {
     match pass {
-        "displace" => displace(s),
-        "assemble" => assemble(s),
-        "refit" => refit(s),
+        "displace" => motion::displace(s),
+        "assemble" => motion::assemble(s),
+        "refit" => motion::refit(s),
         "locate" => locate(s),
         "trace" => trace(s).and_then(|()| hints(s)),
         "transmission" => transmission(s),
@@ -110,61 +109,6 @@ pub(crate) fn compare(pass: &str, s: &Snapshot) -> Result<(), Mismatch> {
         "scan_convert" => scan_convert(s),
         _ => panic!("no pass is called {pass}"),
     }
-}
-
-fn displace(s: &Snapshot) -> Result<(), Mismatch> {
-    let Some(motion) = &s.inputs.motion else { return Ok(()) };
-    let mut tally = Tally::new("displace", "vertices", 0.0);
-    for (found, twin) in s.displaced_mm.iter().zip(twin::displace(motion)) {
-        // Coordinates reach 300 mm: a few roundings of 2·10⁻⁵ mm.
-        tally.add((*found - twin).length() / 1.0e-4);
-    }
-    tally.finish()
-}
-
-fn assemble(s: &Snapshot) -> Result<(), Mismatch> {
-    let Some(motion) = &s.inputs.motion else { return Ok(()) };
-    let twins = twin::assemble(motion, &s.displaced_mm, &s.inputs.triangles);
-    let mut tally = Tally::new("assemble", "triangles", 0.0);
-    for (found, twin) in s.inputs.triangles[motion.first_triangle..].iter().zip(&twins) {
-        let places = [
-            found.corner_mm - twin.corner_mm,
-            found.edge1_mm - twin.edge1_mm,
-            found.edge2_mm - twin.edge2_mm,
-            found.displacement_mm - twin.displacement_mm,
-        ];
-        let place = places.map(|error| error.length() / 1.0e-4).into_iter().fold(0.0, f64::max);
-        tally.add(place.max((found.tolerance - twin.tolerance).abs() / (1.0e-3 * twin.tolerance + 1.0e-10)));
-    }
-    tally.finish()
-}
-
-/// Boxes hold what they should, and are at most a step larger.
-fn refit(s: &Snapshot) -> Result<(), Mismatch> {
-    let Some(motion) = &s.inputs.motion else { return Ok(()) };
-    let twins = twin::refit(&s.nodes, &s.inputs.triangles);
-    let mut tally = Tally::new("refit", "boxes", 0.0);
-    let rounding_mm = 1.0e-4;
-    for &node in &motion.refitted {
-        let slack_mm = s.nodes[node].step_mm + rounding_mm;
-        for (found, [low_mm, high_mm]) in s.nodes[node].children.iter().zip(&twins[node]) {
-            for outside_mm in [*low_mm - found.low_mm, found.high_mm - *high_mm] {
-                tally.add(
-                    outside_mm
-                        .cmplt(slack_mm)
-                        .all()
-                        .then_some(-outside_mm.min_element() / rounding_mm)
-                        .map_or(f64::NAN, |e| e.max(0.0)),
-                );
-            }
-        }
-    }
-    // The root joins trees whose boxes it knows, and those of parts at rest.
-    for (found, [low_mm, high_mm]) in s.nodes[0].children.iter().zip(&twins[0]) {
-        let outside_mm = (found.low_mm - *low_mm).max_element().max((*high_mm - found.high_mm).max_element());
-        tally.add(outside_mm.max(0.0) / rounding_mm);
-    }
-    tally.finish()
 }
 
 fn locate(s: &Snapshot) -> Result<(), Mismatch> {

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod compare;
+mod compare_motion;
 mod hang;
 mod host;
 mod image_on_host;

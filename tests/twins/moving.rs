@@ -8,7 +8,8 @@ use insonify::pose::Pose;
 use insonify::render::{Choice, Effect, Frame, ShaderSet};
 use insonify::transducer::ProbeKind;
 
-use crate::compare::{MOTION_PASSES, PASSES, compare};
+use crate::compare::{PASSES, compare};
+use crate::compare_motion::MOTION_PASSES;
 use crate::reconfigure::untimed;
 use crate::scenes::{Case, RENDERED, nested, part, probe, scene, settings};
 

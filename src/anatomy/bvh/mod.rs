@@ -194,6 +194,7 @@ impl Bvh {
     }
 
     /// Amounts of each field at `time_s`; empty for scenes without moving parts.
+    #[cfg(feature = "gpu")]
     pub(crate) fn amounts_at(&self, time_s: f64) -> Vec<[f32; 2]> {
         let fields = self.moving.iter().flat_map(|moving| &moving.motion.fields);
         fields.map(|field| field.amounts(time_s)).collect()

@@ -1,4 +1,5 @@
 //! What moves, as tables for a device that moves it by itself.
+#![cfg_attr(not(feature = "gpu"), allow(dead_code, reason = "twins take some of them"))]
 
 use std::ops::Range;
 

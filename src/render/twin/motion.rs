@@ -48,8 +48,9 @@ pub struct Node {
 /// A child of a node.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Child {
-    /// Corners of its box, mm.
+    /// Minimum corner of its box, mm.
     pub low_mm: DVec3,
+    /// Maximum corner of its box, mm.
     pub high_mm: DVec3,
     /// What the box holds.
     pub below: Below,
