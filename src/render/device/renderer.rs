@@ -74,6 +74,7 @@ impl DeviceRenderer {
     fn new(gpu: &Gpu, inputs: FrameInputs<'_>, shaders: &ShaderSet) -> Result<Self, BackendError> {
         let scene = SceneBuffers::new(gpu, &inputs.media.surface_words, inputs.bvh)?;
         let mut pipelines = Pipelines::new(shaders);
+        gpu.choose_trace(&scene, &mut pipelines, inputs);
         let active = DeviceConfiguration::new(gpu, &scene, &mut pipelines, inputs, None)?;
         let bends = inputs.configuration.effects.effects().has(Effect::Refraction);
         active.buffers.fill(gpu, &scene, &inputs.configuration.tables, bends, None);
