@@ -1,6 +1,7 @@
 // Paths through the scene: refraction, reflection, attenuation and the echoes of interfaces.
 // In: ray table, BVH, start membership. Out: for each path up to SEGMENTS straight segments, each with the echo of the
-// interface that it begins at. One thread per path: rays fastest, then scanlines, then layers; then the guides.
+// interface that it begins at. One thread per path, or a few lanes (path_by_lanes.wgsl): rays fastest, then scanlines, then
+// layers; then the guides.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -91,16 +92,8 @@ fn place_interface(first: u32, end: u32) -> u32 {
     return chosen;
 }
 
-// Threads started for each one that searches, so that fewer lanes of a group wait for each other.
-override LANES_APART: u32 = 1u;
-
-@compute @workgroup_size(64)
-fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+fn trace_path(path: u32) {
     let line_rays = params.scanlines * params.rays;
-    let path = id.x / LANES_APART;
-    if id.x % LANES_APART != 0u {
-        return;
-    }
     if path >= line_rays * params.layer_count + params.guides {
         return;
     }
@@ -172,15 +165,17 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let step = direction * path_per_range;
         // The loss of a fast body is spread up to where what is seen past it begins.
         let fall = tissue.attenuation_np_mm * seen_path_per_range;
-        starts[path * STARTS + count] = range_mm;
-        segments[3u * at] = vec4<f32>(origin - carried_mm - step * range_mm, ln_amplitude + ln_scatter + fall * range_mm);
-        segments[3u * at + 1u] = vec4<f32>(step, fall);
-        segments[3u * at + 2u] = vec4<f32>(
-            tissue.scatterer_mean,
-            tissue.scatterer_deviation,
-            bitcast<f32>(TAG | select(0u, DIVERTED, is_diverted) | tissue.scatterers),
-            ln_passed + fall * select(range_mm, 0.0, is_diverted));
-        echoes[at] = vec2<f32>(echo, echo_range_mm);
+        if is_writer() {
+            starts[path * STARTS + count] = range_mm;
+            segments[3u * at] = vec4<f32>(origin - carried_mm - step * range_mm, ln_amplitude + ln_scatter + fall * range_mm);
+            segments[3u * at + 1u] = vec4<f32>(step, fall);
+            segments[3u * at + 2u] = vec4<f32>(
+                tissue.scatterer_mean,
+                tissue.scatterer_deviation,
+                bitcast<f32>(TAG | select(0u, DIVERTED, is_diverted) | tissue.scatterers),
+                ln_passed + fall * select(range_mm, 0.0, is_diverted));
+            echoes[at] = vec2<f32>(echo, echo_range_mm);
+        }
         count++;
         if !open {
             break;
@@ -352,6 +347,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             ln_amplitude = 2.0 * LN_SILENT;
         }
         bounce++;
+    }
+    if !is_writer() {
+        return;
     }
     segment_counts[path] = count;
     starts[path * STARTS + count] = BEYOND_MM;

@@ -1,12 +1,5 @@
 // The nearest crossing of a ray.
 
-const NO_KEY: u32 = 0xffffffffu;
-
-// Triangle in leaf order, and its facing in the lowest bit: 1 if the ray enters.
-var<private> nearest_key: u32;
-// Whether other crossings may lie within TOUCH_MM of it.
-var<private> nearest_crowded: bool;
-
 // Distance to the nearest crossing in (t_min, t_max], mm, or −1.
 fn nearest(origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: f32) -> f32 {
     let reciprocal = safe_reciprocal(direction);

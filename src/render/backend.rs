@@ -11,6 +11,7 @@ use super::error::{BackendError, RenderError};
 use super::hooks::TestHooks;
 use super::host::{self, HostRenderer};
 use super::maker::FrameMaker;
+use super::trace_by::TraceBy;
 pub use crate::settings::{BackendChoice, UnknownBackend};
 
 /// Environment variable that names a backend.
@@ -48,17 +49,23 @@ impl Backend {
     /// Opens the backend of a choice.
     ///
     /// Devices are preferred in the order discrete, integrated, software; `WGPU_BACKEND` restricts the interfaces.
+    /// `INSONIFY_TRACE` sets the way of `trace`.
     ///
     /// # Errors
     /// `Device` without a driver, with one that refuses a device, or in a build without the feature `gpu`. `Auto` falls
-    /// back to the host, with a warning if a driver fails.
+    /// back to the host, with a warning if a driver fails. An unknown way of `trace`, or one that the device lacks.
     pub fn open(choice: BackendChoice) -> Result<Self, BackendError> {
+        let trace = TraceBy::from_environment().map_err(BackendError::Trace)?;
+        let opened = |gpu: Gpu| match trace {
+            Some(by) => Ok(Self(Kind::Device(Box::new(gpu.tracing_by(by)?)))),
+            None => Ok(Self(Kind::Device(Box::new(gpu)))),
+        };
         match choice {
             BackendChoice::Host => Ok(Self(Kind::Host)),
-            BackendChoice::Device => Ok(Self(Kind::Device(Box::new(Gpu::open(true)?)))),
+            BackendChoice::Device => opened(Gpu::open(true)?),
             BackendChoice::Auto if !Gpu::may_exist() => Ok(Self(Kind::Host)),
             BackendChoice::Auto => match Gpu::open(false) {
-                Ok(gpu) => Ok(Self(Kind::Device(Box::new(gpu)))),
+                Ok(gpu) => opened(gpu),
                 Err(BackendError::NoAdapter { .. }) => Ok(Self(Kind::Host)),
                 Err(error) => {
                     tracing::warn!("frames are made on the host: {error}");
@@ -85,6 +92,34 @@ impl Backend {
         match self.0 {
             Kind::Host => self,
             Kind::Device(gpu) => Self(Kind::Device(Box::new(gpu.answering_within(wait)))),
+        }
+    }
+
+    /// The same backend; its device traces in the given way, whatever `INSONIFY_TRACE` says. The host is not concerned.
+    ///
+    /// # Errors
+    /// Lanes, on a device that can't trace by them.
+    pub fn tracing_by(self, by: TraceBy) -> Result<Self, BackendError> {
+        Ok(match self.0 {
+            Kind::Host => self,
+            Kind::Device(gpu) => Self(Kind::Device(Box::new(gpu.tracing_by(by)?))),
+        })
+    }
+
+    /// Whether a device can trace by lanes; false for the host.
+    pub fn has_trace_by_lanes(&self) -> bool {
+        match &self.0 {
+            Kind::Host => false,
+            Kind::Device(gpu) => gpu.has_trace_by_lanes(),
+        }
+    }
+
+    /// Way of `trace` on the device: `path`, `lanes`, or both by the number of paths. None for the host, and before the first
+    /// renderer, which may measure both ways.
+    pub fn trace(&self) -> Option<String> {
+        match &self.0 {
+            Kind::Host => None,
+            Kind::Device(gpu) => gpu.trace(),
         }
     }
 
@@ -128,7 +163,8 @@ impl Backend {
 
 impl fmt::Display for Backend {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} ({})", self.name(), self.driver())
+        write!(f, "{} ({})", self.name(), self.driver())?;
+        self.trace().map_or(Ok(()), |by| write!(f, ", trace by {by}"))
     }
 }
 

@@ -3,6 +3,7 @@
 use thiserror::Error;
 
 use super::frame::FRAMES_IN_FLIGHT;
+use super::trace_by::UnknownTrace;
 use crate::anatomy::BvhError;
 use crate::settings::SettingsError;
 
@@ -30,6 +31,17 @@ pub enum BackendError {
         /// Adapter.
         adapter: String,
         /// Message of wgpu.
+        reason: String,
+    },
+    /// An unknown way of `trace`.
+    #[error(transparent)]
+    Trace(UnknownTrace),
+    /// The device can't trace by lanes, which was asked for.
+    #[error("{adapter} can't trace by lanes: {reason}; unset INSONIFY_TRACE, or set it to `path`")]
+    NoLanes {
+        /// Adapter.
+        adapter: String,
+        /// What it lacks.
         reason: String,
     },
     /// The device can't hold what the settings need.

@@ -36,6 +36,9 @@ mod sheets;
 mod snapshot;
 mod tables;
 mod texture;
+mod trace_by;
+#[cfg(feature = "gpu")]
+mod trace_cache;
 pub mod twin;
 
 pub use backend::{Backend, BackendChoice, UnknownBackend, UnknownBackendVariable};
@@ -54,5 +57,6 @@ pub use preset::{NoQuality, Preset, UnknownPreset};
 pub use renderer::{Job, Renderer};
 pub(crate) use shared_tables::{SharedTables, TableMaker};
 pub use snapshot::Snapshot;
+pub use trace_by::{TraceBy, UnknownTrace};
 
 pub use crate::settings::{Choice, Effect, EffectChoices, EffectSet, ImageSettings, Quality, RenderSettings};

@@ -6,6 +6,7 @@ use std::time::Duration;
 use super::configuration::FrameInputs;
 use super::error::BackendError;
 use super::maker::FrameMaker;
+use super::trace_by::TraceBy;
 
 /// A graphics device. No value of it exists.
 #[derive(Debug, Clone)]
@@ -30,6 +31,18 @@ impl Gpu {
     }
 
     pub(super) fn answering_within(self, _: Duration) -> Self {
+        match self.0 {}
+    }
+
+    pub(super) fn has_trace_by_lanes(&self) -> bool {
+        match self.0 {}
+    }
+
+    pub(super) fn tracing_by(self, _: TraceBy) -> Result<Self, BackendError> {
+        match self.0 {}
+    }
+
+    pub(super) fn trace(&self) -> Option<String> {
         match self.0 {}
     }
 

@@ -10,6 +10,7 @@ mod image_on_host;
 mod moving;
 mod reconfigure;
 mod scenes;
+mod trace_by;
 
 use compare::{PASSES, compare};
 use insonify::render::{Choice, Effect, Frame, ShaderSet, twin};

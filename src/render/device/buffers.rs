@@ -2,7 +2,7 @@
 
 use super::aperture_buffers::ApertureBuffers;
 use super::gpu::{Gpu, UNIFORM};
-use super::shaders::PASSES;
+use super::shaders::{PASSES, TRACE, TRACE_BY_LANES};
 use crate::anatomy::Bvh;
 use crate::render::batch_plan::BatchPlan;
 use crate::render::constants::{BLOCK_QUADS, ENTRIES, PULSE_QUADS, SEGMENTS, STARTS, TISSUES_MAX};
@@ -224,7 +224,7 @@ impl Buffers {
                 (&self.overflows, write),
                 (&self.couplings, write),
             ],
-            "trace" => vec![
+            TRACE | TRACE_BY_LANES => vec![
                 (&scene.nodes, read),
                 (&scene.triangles, read),
                 (&scene.surface_tissue, read),

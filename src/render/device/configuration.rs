@@ -6,6 +6,7 @@ use super::buffers::{Buffers, SceneBuffers};
 use super::gpu::Gpu;
 use super::passes::{Constants, Pass, Pipelines};
 use super::readback::{Shape, Slot, takes};
+use super::trace_dispatch::TraceDispatch;
 use crate::render::configuration::{Configuration, FrameInputs};
 use crate::render::constants::BEAM_CELLS_OF_A_GROUP;
 use crate::render::error::BackendError;
@@ -52,22 +53,16 @@ impl DeviceConfiguration {
         let (apart, rays_apart) = (gpu.lanes_apart(paths), gpu.lanes_apart(params.map_rays));
         let spread = |threads: u32, apart: u32, group: u32| [(threads * apart).div_ceil(group), 1, 1];
         let locate = [("LANES_APART", f64::from(apart))];
-        let trace = [
-            locate[0],
-            ("MOVING", flag(inputs.media.moving && on.has(Effect::Motion))),
-            ("REFRACTION", flag(on.has(Effect::Refraction))),
-            ("INTERFACE_ECHOES", flag(on.has(Effect::InterfaceEchoes))),
-            ("ROUGHNESS", flag(on.has(Effect::Roughness))),
-            ("REFLECTIONS", flag(on.has(Effect::Reflections))),
-            ("APERTURE", flag(on.has(Effect::Aperture))),
-        ];
+        let trace = TraceDispatch::new(gpu, inputs, gpu.trace_by(paths), paths, 1);
         let aperture = [("APERTURE", flag(on.has(Effect::Aperture)))];
         let steered = tables.angles.iter().any(|angle| angle.steer_rad != 0.0);
         let lateral = [aperture[0], ("STEERED", flag(steered))];
         let lines = [params.scanlines.div_ceil(16), 1, 1];
         let cells = tables.aperture.as_ref().map_or(0, |tables| tables.sampling.cells as u32);
-        let traced =
-            vec![pass("locate", spread(paths, apart, 64), &locate)?, pass("trace", spread(paths, apart, 64), &trace)?];
+        let traced = vec![
+            pass("locate", spread(paths, apart, 64), &locate)?,
+            pass(trace.source, trace.groups, &trace.constants)?,
+        ];
         let seen = match &tables.aperture {
             Some(tables) => vec![
                 pass("transmission", [tables.planes as u32, cells.div_ceil(64), 1], &[("ROWS", 0.0)])?,
@@ -123,6 +118,11 @@ impl DeviceConfiguration {
         let names = order.iter().map(|&(pass, _)| passes[pass].name).collect();
         let slots = slots(gpu, Shape::of(params, settings.lines, names), previous)?;
         Ok(Self { buffers, passes, order, scan_convert_image, slots })
+    }
+
+    /// The pass before `trace`.
+    pub(super) fn locate(&self) -> &Pass {
+        &self.passes[0]
     }
 
     /// Passes of a frame and their batches, in order.

@@ -3,6 +3,8 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
+use super::shaders::PATH_LANES;
+use super::trace_choice::Decision;
 use crate::render::error::BackendError;
 
 /// Uses of buffers that passes read and write, and of small tables.
@@ -30,6 +32,7 @@ pub(in crate::render) struct Gpu {
     pub(super) timestamps: bool,
     /// Longest wait for a frame.
     patience: Option<Duration>,
+    pub(super) trace: Decision,
     /// The first error that the device reported outside of any call.
     fault: Arc<Mutex<Option<String>>>,
 }
@@ -71,7 +74,7 @@ impl Gpu {
             return Err(BackendError::NoAdapter { reason: format!("backends tried: {backends:?}") });
         };
         let info = adapter.get_info();
-        let features = wgpu::Features::TIMESTAMP_QUERY & adapter.features();
+        let features = (wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::SUBGROUP) & adapter.features();
         let request = adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("insonify"),
             required_features: features,
@@ -93,7 +96,7 @@ impl Gpu {
         });
         let timestamps = features.contains(wgpu::Features::TIMESTAMP_QUERY);
         let patience = (info.device_type != wgpu::DeviceType::Cpu).then_some(PATIENCE);
-        Ok(Self { device, queue, info, timestamps, patience, fault })
+        Ok(Self { device, queue, info, timestamps, patience, trace: Decision::default(), fault })
     }
 
     /// The same device; it counts as hanging if a frame takes longer than `wait`.
@@ -106,7 +109,7 @@ impl Gpu {
     /// # Errors
     /// As [`Gpu::open`].
     pub(in crate::render) fn reopen(&self) -> Result<Self, BackendError> {
-        Ok(Self { patience: self.patience, ..Self::open(self.is_software())? })
+        Ok(Self { patience: self.patience, trace: self.trace.clone(), ..Self::open(self.is_software())? })
     }
 
     /// Waits until a submission is done.
@@ -217,6 +220,16 @@ impl Gpu {
             return 1;
         }
         1 << (SPREAD_THREADS / threads.max(1)).clamp(1, LANES_APART_MAX).ilog2()
+    }
+
+    /// As [`Gpu::lanes_apart`], for `paths` of [`PATH_LANES`] lanes each.
+    pub(super) fn paths_apart(&self, paths: u32) -> u32 {
+        self.lanes_apart(paths.saturating_mul(PATH_LANES)).min(LANES_APART_MAX / PATH_LANES)
+    }
+
+    /// Least and greatest number of lanes in a subgroup.
+    pub(super) fn subgroup_sizes(&self) -> [u32; 2] {
+        [self.info.subgroup_min_size, self.info.subgroup_max_size]
     }
 
     /// Whether the adapter is software on the CPU.

@@ -10,6 +10,8 @@ mod readback;
 mod renderer;
 mod shaders;
 mod snapshot;
+mod trace_choice;
+mod trace_dispatch;
 
 pub(super) use gpu::Gpu;
 #[cfg_attr(not(feature = "test-hooks"), allow(unreachable_pub, reason = "public in tests"))]

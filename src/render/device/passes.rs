@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::buffers::{Binding, Buffers, PARAMS_STRIDE, SceneBuffers};
 use super::gpu::Gpu;
-use super::shaders::ShaderSet;
+use super::shaders::{ShaderSet, TRACE, TRACE_BY_LANES};
 use crate::render::error::BackendError;
 use crate::render::params::Params;
 
@@ -172,6 +172,7 @@ impl Pass {
         let layout = &compiled.layout;
         let descriptor = wgpu::BindGroupDescriptor { label: Some(name), layout, entries: &entries };
         let bindings = gpu.validated(name, || gpu.device.create_bind_group(&descriptor))?;
+        let name = if name == TRACE_BY_LANES { TRACE } else { name };
         Ok(Self { name, compiled, bindings, groups })
     }
 

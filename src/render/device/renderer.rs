@@ -73,6 +73,7 @@ impl DeviceRenderer {
         let mut pipelines = Pipelines::new(shaders);
         let tables = inputs.bvh.motion_tables();
         let motion = tables.map(|tables| Motion::new(gpu, &scene, &mut pipelines, &tables)).transpose()?;
+        gpu.choose_trace(&scene, &mut pipelines, inputs);
         let active = DeviceConfiguration::new(gpu, &scene, &mut pipelines, inputs, None)?;
         let bends = inputs.configuration.effects.effects().has(Effect::Refraction);
         active.buffers.fill(gpu, &scene, &inputs.configuration.tables, bends, None);

@@ -18,11 +18,12 @@ pub struct ShaderSet {
 }
 
 macro_rules! pass {
-    ($name:literal $(, $shared:literal)*) => {
+    ($name:literal $(, $shared:literal)*) => { pass!($name of $name $(, $shared)*) };
+    ($name:literal of $file:literal $(, $shared:literal)*) => {
         ($name, concat!(
             include_str!("../../../shaders/shared/params.wgsl"),
             $(include_str!(concat!("../../../shaders/shared/", $shared, ".wgsl")),)*
-            include_str!(concat!("../../../shaders/", $name, ".wgsl")),
+            include_str!(concat!("../../../shaders/", $file, ".wgsl")),
         ))
     };
 }
@@ -40,13 +41,37 @@ macro_rules! motion_pass {
     };
 }
 
-/// Name and source of each pass.
-pub(super) const PASSES: [(&str, &str); 18] = [
+/// Sources of the pass `trace`: a path by one thread, and by a few lanes, which need [`wgpu::Features::SUBGROUP`].
+pub(super) const TRACE: &str = "trace";
+pub(super) const TRACE_BY_LANES: &str = "trace_by_lanes";
+/// Lanes of a path in [`TRACE_BY_LANES`]: `PATH_LANES` of the shader.
+pub(super) const PATH_LANES: u32 = 8;
+
+/// Name and source of each pass; `trace` has two.
+pub(super) const PASSES: [(&str, &str); 19] = [
     motion_pass!("displace"),
     motion_pass!("assemble"),
     motion_pass!("refit"),
-    pass!("locate", "bvh", "surfaces", "collect", "launch"),
-    pass!("trace", "tissue", "hash", "lattice", "interface", "bvh", "surfaces", "nearest", "collect", "launch"),
+    pass!("locate", "bvh", "surfaces", "crossings", "collect", "launch"),
+    pass!(
+        "trace",
+        "tissue",
+        "hash",
+        "lattice",
+        "interface",
+        "bvh",
+        "surfaces",
+        "crossings",
+        "nearest_found",
+        "nearest",
+        "collect",
+        "launch",
+        "path_alone"
+    ),
+    pass!(
+        "trace_by_lanes" of "trace", "tissue", "hash", "lattice", "interface", "bvh", "surfaces", "crossings", "nearest_found",
+        "nearest_by_lanes", "collect_by_lanes", "launch", "path_by_lanes"
+    ),
     pass!("transmission", "aperture", "loss", "phasor", "launch"),
     pass!("propagate", "aperture", "phasor"),
     pass!("beams", "aperture", "phasor"),
@@ -57,7 +82,7 @@ pub(super) const PASSES: [(&str, &str); 18] = [
     pass!("lateral", "aperture", "phasor"),
     pass!("receive", "hash", "lattice", "loss"),
     pass!("detect"),
-    pass!("section", "tissue", "bvh", "surfaces", "collect"),
+    pass!("section", "tissue", "bvh", "surfaces", "crossings", "collect"),
     pass!("percentile"),
     pass!("scan_convert", "tissue"),
 ];
@@ -127,15 +152,15 @@ impl ShaderSet {
         self.sources.iter().find(|(n, _)| *n == name).map_or("", |(_, source)| source)
     }
 
-    /// Replaces `from` by `to` in the pass `name`; false if it doesn't occur.
+    /// Replaces `from` by `to` in the sources of the pass `name`; false if it doesn't occur.
     #[cfg(feature = "test-hooks")]
     pub fn replace(&mut self, name: &str, from: &str, to: &str) -> bool {
-        match self.sources.iter_mut().find(|(n, source)| *n == name && source.contains(from)) {
-            Some((_, source)) => {
-                *source = source.replace(from, to);
-                true
-            }
-            None => false,
+        let is_of = |source: &str| source == name || (name == TRACE && source == TRACE_BY_LANES);
+        let mut occurs = false;
+        for (_, source) in self.sources.iter_mut().filter(|(source, text)| is_of(source) && text.contains(from)) {
+            *source = source.replace(from, to);
+            occurs = true;
         }
+        occurs
     }
 }

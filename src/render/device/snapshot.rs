@@ -14,7 +14,7 @@ use crate::render::params::Params;
 use crate::render::snapshot::PassBuffers;
 
 /// Contents of a buffer after all earlier submissions.
-fn read<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<T>, BackendError> {
+pub(super) fn read<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<T>, BackendError> {
     let copy = gpu.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some("snapshot"),
         size: buffer.size(),

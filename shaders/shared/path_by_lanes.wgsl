@@ -1,0 +1,111 @@
+// A path by PATH_LANES neighbouring lanes of a subgroup. All of them hold the same state, and take the same branches; only
+// the searches of the tree are shared. Lanes of another path may be elsewhere.
+
+// Lanes of a path: 4 or 8.
+const PATH_LANES: u32 = 8u;
+// Paths for which lanes are started for each one that searches.
+override LANES_APART: u32 = 1u;
+
+// The lane's number in its path, and that of the path's first lane in the subgroup.
+var<private> own_lane: u32;
+var<private> first_lane: u32;
+
+// Whether this thread writes the outputs of its path.
+fn is_writer() -> bool {
+    return own_lane == 0u;
+}
+
+// Lanes of the path for which `value` holds, one bit each.
+fn vote(value: bool) -> u32 {
+    let words = subgroupBallot(value);
+    let low = select(words.x, words.y, (first_lane & 32u) != 0u);
+    let high = select(words.z, words.w, (first_lane & 32u) != 0u);
+    let word = select(low, high, (first_lane & 64u) != 0u);
+    return (word >> (first_lane & 31u)) & ((1u << PATH_LANES) - 1u);
+}
+
+fn or_of_lanes(value: u32) -> u32 {
+    var all = value | subgroupShuffleXor(value, 1u);
+    all |= subgroupShuffleXor(all, 2u);
+    if PATH_LANES > 4u {
+        all |= subgroupShuffleXor(all, 4u);
+    }
+    return all;
+}
+
+fn least_of_lanes(value: f32) -> f32 {
+    var least = min(value, subgroupShuffleXor(value, 1u));
+    least = min(least, subgroupShuffleXor(least, 2u));
+    if PATH_LANES > 4u {
+        least = min(least, subgroupShuffleXor(least, 4u));
+    }
+    return least;
+}
+
+// The triangle of a leaf group that this lane tests in a round.
+struct Share {
+    offset: u32,
+    // Whether there is one; without, `offset` is another lane's.
+    is_some: bool,
+    // Triangles of the next rounds.
+    rest: u32,
+}
+
+// Shares out triangles from the highest bit of `triangles` down; at least one is set.
+fn share_triangles(triangles: u32) -> Share {
+    var rest = triangles;
+    var own = 0u;
+    for (var lane = 0u; lane < PATH_LANES; lane++) {
+        own = select(own, rest, lane == own_lane);
+        rest &= ~select(0u, 1u << (firstLeadingBit(rest) & 31u), rest != 0u);
+    }
+    return Share(firstLeadingBit(select(triangles, own, own != 0u)), own != 0u, rest);
+}
+
+// `intersect_node` by the lanes of a path: each tests the child of its number.
+fn intersect_node_by_lanes(
+    index: u32, origin: vec3<f32>, reciprocal: vec3<f32>, octant: u32, t_min: f32, t_max: f32,
+) -> NodeHits {
+    let n0 = nodes[5u * index];
+    let n1 = nodes[5u * index + 1u];
+    let n2 = nodes[5u * index + 2u];
+    let n3 = nodes[5u * index + 3u];
+    let n4 = nodes[5u * index + 4u];
+    let exponents = vec3<u32>(n0.w, n0.w >> 8u, n0.w >> 16u) & vec3<u32>(255u);
+    let scale = bitcast<vec3<f32>>(exponents << vec3<u32>(23u)) * reciprocal;
+    let base = (bitcast<vec3<f32>>(n0.xyz) - origin) * reciprocal;
+    let back = reciprocal < vec3<f32>(0.0);
+    let slack = 1.0e-3 + 1.0e-6 * max(abs(t_min), abs(t_max));
+    let first = t_min - slack;
+    let last = t_max + slack;
+    let low_x = select(n2.xy, n2.zw, back.x);
+    let high_x = select(n2.zw, n2.xy, back.x);
+    let low_y = select(n3.xy, n3.zw, back.y);
+    let high_y = select(n3.zw, n3.xy, back.y);
+    let low_z = select(n4.xy, n4.zw, back.z);
+    let high_z = select(n4.zw, n4.xy, back.z);
+    var children = 0u;
+    for (var child = own_lane; child < 8u; child += PATH_LANES) {
+        let half = child >= 4u;
+        let meta4 = select(n1.z, n1.w, half);
+        let inner = (meta4 & (meta4 << 1u)) & 0x10101010u;
+        let bit_index = (meta4 ^ (octant & ((inner >> 4u) * 0xffu))) & 0x1f1f1f1fu;
+        children |= child_mask(
+            8u * (child & 3u), (meta4 >> 5u) & 0x07070707u, bit_index, scale, base,
+            select(low_x.x, low_x.y, half), select(high_x.x, high_x.y, half),
+            select(low_y.x, low_y.y, half), select(high_y.x, high_y.y, half),
+            select(low_z.x, low_z.y, half), select(high_z.x, high_z.y, half), first, last);
+    }
+    return NodeHits(or_of_lanes(children), n1.x, n1.y, n0.w >> 24u);
+}
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(subgroup_invocation_id) lane: u32) {
+    own_lane = lane % PATH_LANES;
+    first_lane = lane - own_lane;
+    let group = id.x / PATH_LANES;
+    if group % LANES_APART != 0u {
+        return;
+    }
+    trace_path(group / LANES_APART);
+}
