@@ -4,6 +4,8 @@ mod aperture_buffers;
 mod buffers;
 mod configuration;
 mod gpu;
+#[cfg(feature = "test-hooks")]
+mod hang;
 mod passes;
 mod readback;
 mod renderer;
@@ -11,5 +13,7 @@ mod shaders;
 mod snapshot;
 
 pub(super) use gpu::Gpu;
+#[cfg(feature = "test-hooks")]
+pub use hang::InjectedHang;
 #[cfg_attr(not(feature = "test-hooks"), allow(unreachable_pub, reason = "public in tests"))]
 pub use shaders::ShaderSet;
