@@ -9,11 +9,12 @@ use super::load_options::LoadOptions;
 use super::manifest::{Affine, BeamGrid, Manifest};
 use super::maps::{self, ClassMap, Geometry};
 use super::parity::{self, ParityReport};
+use super::place::place_of;
 use super::precision::Stored;
 use super::session::{RunFailure, Session, check_hash};
 use super::{GeneratorError, Input, Precision, Provider, Runtime, Terminator};
 use crate::files::{self, FileKind};
-use crate::render::Frame;
+use crate::render::{Frame, Place};
 use crate::transducer::{Probe, ScanGeometry};
 
 /// One generator, ready to run. It keeps its tensors: runs of one size allocate nothing.
@@ -176,6 +177,11 @@ impl Generator {
     /// Execution provider.
     pub fn provider(&self) -> Provider {
         self.provider
+    }
+
+    /// Where its runs are computed.
+    pub fn place(&self) -> Place {
+        place_of(self.provider)
     }
 
     /// Precision that was chosen: never [`Precision::Auto`].

@@ -23,6 +23,7 @@ mod load_options;
 mod manifest;
 mod maps;
 mod parity;
+mod place;
 mod precision;
 mod run_times;
 #[cfg(feature = "generator")]
@@ -49,6 +50,7 @@ pub use manifest::{
     Quantised, SegmentationManifest, Training, Variant, generator_files,
 };
 pub use parity::ParityReport;
+pub(crate) use place::place_of;
 pub use run_times::RunTimes;
 pub use runtime::Runtime;
 pub use session::Terminator;

@@ -7,6 +7,7 @@ use std::time::Duration;
 use super::clock::{Clock, Signal, lock, smoothed};
 use super::parts::{FrameGenerators, Terminator};
 use super::summary::GeneratorSummary;
+use crate::render::Place;
 
 /// A run that continues this long after its termination was requested is given up.
 const GIVE_UP: Duration = Duration::from_secs(1);
@@ -120,8 +121,8 @@ pub(super) struct GeneratorLink {
     pub(super) state: Mutex<GeneratorState>,
     terminator: Option<Terminator>,
     hang: Duration,
-    /// Whether the generator runs on the CPU, which may also render frames.
-    on_processors: bool,
+    /// Where the generator runs; frames may be rendered there, too.
+    place: Place,
     /// Notified after each frame that the generator translated or skipped.
     done: Signal,
     /// Whether each generator reads the frames' maps.
@@ -134,7 +135,7 @@ impl GeneratorLink {
             state: Mutex::default(),
             terminator: generators.terminator(),
             hang,
-            on_processors: generators.on_processors(),
+            place: generators.place(),
             done: Signal::default(),
             reads_maps: (0..generators.count()).map(|generator| generators.reads_maps(generator)).collect(),
         }
@@ -155,11 +156,16 @@ impl GeneratorLink {
         lock(&self.state).given = Some(number);
     }
 
-    /// Waits for the generator to finish its queued work, `until` at the latest. Waits only if the generator runs on
-    /// the processors, and is predicted to finish by then or was passed over too often. Returns whether it waited.
+    /// Whether the generator takes turns with a renderer at `place`.
+    pub(super) fn takes_turns_with(&self, place: Place) -> bool {
+        self.place.shares_with(place)
+    }
+
+    /// Waits for the generator to finish its queued work, `until` at the latest. Waits only if the generator is predicted
+    /// to finish by then or was passed over too often. Returns whether it waited.
     pub(super) fn wait_for_turn(&self, clock: &dyn Clock, until: Duration) -> bool {
         let (seen, now) = (self.done.generation(), clock.now());
-        let waits = self.on_processors && now < until && lock(&self.state).takes_a_turn(now, until);
+        let waits = now < until && lock(&self.state).takes_a_turn(now, until);
         if waits {
             clock.wait(&self.done, seen, until);
         }

@@ -4,19 +4,21 @@ use std::sync::Arc;
 
 use super::parts::{FrameGenerators, GenerateError, Terminator};
 use crate::generator::{Generator, GeneratorError, Input, Provider};
-use crate::render::Frame;
+use crate::render::{Frame, Place};
 
 /// Loaded generators, by index.
 pub struct Generators {
     generators: Vec<Generator>,
     provider: Provider,
+    place: Place,
 }
 
 impl Generators {
     /// The generators; none if there is none.
     pub fn new(generators: Vec<Generator>) -> Option<Self> {
-        let provider = generators.first()?.provider();
-        Some(Self { generators, provider })
+        let first = generators.first()?;
+        let (provider, place) = (first.provider(), first.place());
+        Some(Self { generators, provider, place })
     }
 }
 
@@ -29,8 +31,8 @@ impl FrameGenerators for Generators {
         self.generators.get(generator).map_or("none", |generator| &generator.manifest().name)
     }
 
-    fn on_processors(&self) -> bool {
-        self.provider == Provider::Cpu
+    fn place(&self) -> Place {
+        self.place
     }
 
     fn reads_maps(&self, generator: usize) -> bool {

@@ -6,7 +6,7 @@ use std::time::Duration;
 use super::parts::{FrameRenderer, ImageShape, RenderFault, RendererFactory};
 use crate::anatomy::{Bvh, Scene};
 use crate::pose::Pose;
-use crate::render::{Backend, BackendError, Frame, RenderError, RenderSettings, Renderer};
+use crate::render::{Backend, BackendError, Frame, Place, RenderError, RenderSettings, Renderer};
 use crate::transducer::Probe;
 
 /// Factory of renderers for one scene on one backend. Reopens the backend after a loss.
@@ -69,8 +69,12 @@ impl FrameRenderer for Renderer {
         Renderer::reconfigure(self, probe, &settings).map_err(fault)
     }
 
-    fn on_processors(&self) -> bool {
+    fn renders_in_submit(&self) -> bool {
         self.on_host()
+    }
+
+    fn place(&self) -> Place {
+        Renderer::place(self)
     }
 
     fn set_time_s(&mut self, time_s: f64) {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use thiserror::Error;
 
 use crate::pose::{Estimate, Pose};
-use crate::render::{Frame, RenderSettings};
+use crate::render::{Frame, Place, RenderSettings};
 use crate::transducer::Probe;
 
 /// Source of probe poses.
@@ -69,9 +69,14 @@ pub trait FrameRenderer: Send {
     /// The device fails, or refuses the settings; the previous settings then remain.
     fn reconfigure(&mut self, probe: &Probe, settings: &RenderSettings) -> Result<(), RenderFault>;
 
-    /// Whether it renders on the CPU, synchronously within `submit`. A generator on the CPU then takes turns with it.
-    fn on_processors(&self) -> bool {
+    /// Whether it renders synchronously, within `submit`.
+    fn renders_in_submit(&self) -> bool {
         false
+    }
+
+    /// Where it renders. A generator at the same place takes turns with it.
+    fn place(&self) -> Place {
+        Place::UNKNOWN_GPU
     }
 
     /// Requests segmentation and attenuation for frames submitted from now on. Maps not requested may be empty.
@@ -111,9 +116,9 @@ pub trait FrameGenerators: Send {
     /// Name of a generator.
     fn name(&self, generator: usize) -> &str;
 
-    /// Whether it runs on the CPU instead of a separate device.
-    fn on_processors(&self) -> bool {
-        false
+    /// Where it runs. It takes turns with a renderer at the same place.
+    fn place(&self) -> Place {
+        Place::UNKNOWN_GPU
     }
 
     /// Whether a generator reads segmentation or attenuation.

@@ -11,6 +11,7 @@ use super::error::{BackendError, RenderError};
 use super::hooks::TestHooks;
 use super::host::{self, HostRenderer};
 use super::maker::FrameMaker;
+use super::place::Place;
 use super::trace_by::TraceBy;
 pub use crate::settings::{BackendChoice, UnknownBackend};
 
@@ -123,6 +124,22 @@ impl Backend {
         }
     }
 
+    /// The same backend, and a hang of about `duration` that a test can inject into its device. A device that is opened again
+    /// has none.
+    ///
+    /// # Errors
+    /// The host, which has no device; a device that fails.
+    #[cfg(all(feature = "test-hooks", feature = "gpu"))]
+    pub fn with_hang(self, duration: Duration) -> Result<(Self, super::InjectedHang), BackendError> {
+        match self.0 {
+            Kind::Host => Err(BackendError::NoAdapter { reason: "the host has no device that could hang".to_owned() }),
+            Kind::Device(gpu) => {
+                let (gpu, hang) = gpu.with_hang(duration)?;
+                Ok((Self(Kind::Device(Box::new(gpu))), hang))
+            }
+        }
+    }
+
     /// Whether frames are made by the host renderer.
     pub fn on_host(&self) -> bool {
         matches!(self.0, Kind::Host)
@@ -133,6 +150,14 @@ impl Backend {
         match &self.0 {
             Kind::Host => true,
             Kind::Device(gpu) => gpu.is_software(),
+        }
+    }
+
+    /// Where frames are computed.
+    pub fn place(&self) -> Place {
+        match &self.0 {
+            Kind::Host => Place::Processors,
+            Kind::Device(gpu) => gpu.place(),
         }
     }
 

@@ -26,6 +26,7 @@ mod kernels;
 mod lateral_beam;
 mod maker;
 mod params;
+mod place;
 pub mod plan;
 mod preset;
 mod receiver;
@@ -42,6 +43,8 @@ mod trace_cache;
 pub mod twin;
 
 pub use backend::{Backend, BackendChoice, UnknownBackend, UnknownBackendVariable};
+#[cfg(all(feature = "test-hooks", feature = "gpu"))]
+pub use device::InjectedHang;
 #[cfg(feature = "test-hooks")]
 pub use device::ShaderSet;
 pub use error::{BackendError, RenderError};
@@ -52,6 +55,8 @@ pub use hooks::TestHooks;
 pub use host::processor_name;
 #[cfg(feature = "test-hooks")]
 pub use host::{ImageConstants, TraceConstants};
+pub(crate) use place::NVIDIA;
+pub use place::{PciAddress, Place};
 pub use plan::{Decision, EffectPlan};
 pub use preset::{NoQuality, Preset, UnknownPreset};
 pub use renderer::{Job, Renderer};

@@ -6,6 +6,7 @@ use std::time::Duration;
 use super::configuration::FrameInputs;
 use super::error::BackendError;
 use super::maker::FrameMaker;
+use super::place::Place;
 use super::trace_by::TraceBy;
 
 /// A graphics device. No value of it exists.
@@ -55,6 +56,10 @@ impl Gpu {
     }
 
     pub(super) fn driver(&self) -> String {
+        match self.0 {}
+    }
+
+    pub(super) fn place(&self) -> Place {
         match self.0 {}
     }
 

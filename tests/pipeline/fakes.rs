@@ -38,6 +38,14 @@ impl Processors {
     }
 }
 
+/// A GPU at a place of its own. Frames of the fakes are rendered at place 1, generators run at place 2.
+pub(super) fn gpu(bus: u8) -> Place {
+    Place::Gpu { vendor: None, address: PciAddress::parse(&format!("0000:{bus:02x}:00.0")) }
+}
+
+/// Times at which a device is at work, from the start to the end of each frame.
+pub(super) type Busy = Arc<Mutex<Vec<(Duration, Duration)>>>;
+
 /// A device that takes `service` per frame, one after another, and fails at frames chosen by `faults`.
 pub(super) struct Device {
     pub(super) clock: Arc<dyn Clock>,
@@ -55,6 +63,9 @@ pub(super) struct Device {
     pub(super) gain_db: f64,
     /// Processors that make the frames, in `submit`, if any.
     pub(super) processors: Option<Arc<Processors>>,
+    /// Place without processors.
+    pub(super) place: Place,
+    pub(super) busy: Busy,
 }
 
 impl FrameRenderer for Device {
@@ -62,15 +73,21 @@ impl FrameRenderer for Device {
         SHAPE
     }
 
-    fn on_processors(&self) -> bool {
+    fn renders_in_submit(&self) -> bool {
         self.processors.is_some()
+    }
+
+    fn place(&self) -> Place {
+        if self.processors.is_some() { Place::Processors } else { self.place }
     }
 
     fn submit(&mut self, pose: &Pose) -> Result<(), RenderFault> {
         assert!(self.in_flight.len() < 2, "two in flight at most");
         let quality = FrameQuality::new(self.quality.rays, self.quality.layers);
         let extra = (self.extra)(self.clock.now(), quality);
-        self.free = self.free.max(self.clock.now()) + self.service + extra;
+        let begins = self.free.max(self.clock.now());
+        self.free = begins + self.service + extra;
+        self.busy.lock().unwrap().push((begins, self.free));
         if let Some(processors) = &self.processors {
             processors.work(&self.clock, self.service + extra);
         }
@@ -175,7 +192,7 @@ pub(super) fn resting(now: Duration) -> Estimate {
 pub(super) struct Translate<F> {
     pub(super) work: F,
     pub(super) terminator: Option<Terminator>,
-    pub(super) on_processors: bool,
+    pub(super) place: Place,
 }
 
 impl<F: FnMut(&Frame, &mut Vec<u8>) -> Result<(), GenerateError> + Send> FrameGenerators for Translate<F> {
@@ -183,8 +200,8 @@ impl<F: FnMut(&Frame, &mut Vec<u8>) -> Result<(), GenerateError> + Send> FrameGe
         "fake"
     }
 
-    fn on_processors(&self) -> bool {
-        self.on_processors
+    fn place(&self) -> Place {
+        self.place
     }
 
     fn generate(&mut self, _: usize, frame: &Frame, out: &mut Vec<u8>) -> Result<(), GenerateError> {
@@ -210,7 +227,7 @@ pub(super) fn with_generator() -> PointController {
 pub(super) fn translate(
     work: impl FnMut(&Frame, &mut Vec<u8>) -> Result<(), GenerateError> + Send + 'static,
 ) -> Box<dyn FrameGenerators> {
-    Box::new(Translate { work, terminator: None, on_processors: false })
+    Box::new(Translate { work, terminator: None, place: gpu(2) })
 }
 
 /// A generator that takes `time` per run and paints 200.

@@ -16,6 +16,8 @@ mod memory;
 mod processors;
 mod program;
 mod quality;
+#[cfg(feature = "gpu")]
+mod real_hang;
 mod session;
 #[cfg(unix)]
 mod signals;
@@ -38,7 +40,7 @@ use insonify::pipeline::{
     PoseSource, RenderFault, RendererFactory, SimulatedClock, Stop, Summary, SystemClock, Terminator,
 };
 use insonify::pose::{BySpeed, Estimate, Pose, Speed, TrackingState};
-use insonify::render::{Choice, Frame, FrameQuality, Quality, RenderSettings};
+use insonify::render::{Choice, Frame, FrameQuality, PciAddress, Place, Quality, RenderSettings};
 use insonify::settings::{Assignment, ChoiceSettings, Control, LiveSettings, PipelineSettings};
 use insonify::sink::live::{FrameSource, LiveSink, MapsWanted, PresentedFrame};
 use insonify::sink::{FrameLog, SinkError};

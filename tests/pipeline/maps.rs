@@ -99,6 +99,10 @@ fn a_generator_of_the_image_alone_makes_nobody_render_maps() {
             "of the image"
         }
 
+        fn place(&self) -> Place {
+            gpu(2)
+        }
+
         fn reads_maps(&self, _: usize) -> bool {
             false
         }

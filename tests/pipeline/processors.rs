@@ -1,4 +1,4 @@
-//! Frames and generated pictures on the same processors.
+//! Frames and generated pictures on the same processors, or on the same GPU.
 
 use super::*;
 
@@ -16,7 +16,7 @@ fn on_shared_processors(
         out.resize(frame.bmode.len(), 200);
         Ok(())
     };
-    let generators: Box<dyn FrameGenerators> = Box::new(Translate { work, terminator: None, on_processors: true });
+    let generators: Box<dyn FrameGenerators> = Box::new(Translate { work, terminator: None, place: Place::Processors });
     let session = Session::new(&clock, moving);
     let session = Session {
         generators: Some(generators),
@@ -69,4 +69,58 @@ fn a_frame_that_is_made_where_it_is_submitted_is_not_held_back() {
     let summary = Session { service: 70 * MS, processors, sinks: vec![logger(&log)], ..session }.run();
     assert!((summary.frames_per_s - 1.0 / 0.07).abs() < 0.1, "{}", summary.frames_per_s);
     assert!(seen(&log).iter().all(|frame| frame.age == 70 * MS));
+}
+
+/// Runs a session at 20 frames/s in which rendering takes `service` on the fakes' GPU, and generator runs take `run` at `place`.
+/// The last is the time for which a frame and a run were at work at once.
+fn with_runs_at(place: Place, service: Duration, run: Duration) -> (Summary, Vec<Seen>, Duration) {
+    let (clock, log, frames_busy, runs_busy) = (clock(), Log::default(), Busy::default(), Busy::default());
+    let (clock_of_run, busy) = (clock.clone(), runs_busy.clone());
+    let work = move |frame: &Frame, out: &mut Vec<u8>| {
+        let begins = clock_of_run.now();
+        clock_of_run.sleep_until(begins + run);
+        busy.lock().unwrap().push((begins, begins + run));
+        out.resize(frame.bmode.len(), 200);
+        Ok(())
+    };
+    let generators: Option<Box<dyn FrameGenerators>> = Some(Box::new(Translate { work, terminator: None, place }));
+    let session = Session::new(&clock, moving);
+    let summary =
+        Session { generators, service, busy: frames_busy.clone(), sinks: vec![logger(&log)], ..session }.run();
+    let runs = std::mem::take(&mut *runs_busy.lock().unwrap());
+    let frames = std::mem::take(&mut *frames_busy.lock().unwrap());
+    // The first run is of unknown duration.
+    let pairs = runs[1..].iter().flat_map(|run| frames.iter().map(move |frame| (run, frame)));
+    let both = pairs.map(|(run, frame)| run.1.min(frame.1).saturating_sub(run.0.max(frame.0))).sum();
+    (summary, seen(&log), both)
+}
+
+#[test]
+fn frames_and_generated_pictures_take_turns_on_the_same_gpu() {
+    let _guard = beside_others();
+    // GPUs of which nothing tells them apart count as one.
+    for place in [gpu(1), Place::UNKNOWN_GPU] {
+        let (summary, frames, both) = with_runs_at(place, 25 * MS, 20 * MS);
+        assert_eq!((both, summary.missed_ticks, summary.presented), (Duration::ZERO, 0, 200), "{place:?}");
+        assert!(frames[8..].iter().all(|frame| frame.source == FrameSource::Generated), "{place:?}");
+        // Both take longer than a period.
+        let (summary, frames, both) = with_runs_at(place, 30 * MS, 30 * MS);
+        assert_eq!(both, Duration::ZERO, "{place:?}");
+        assert!((summary.frames_per_s - 1.0 / 0.06).abs() < 0.2, "{}", summary.frames_per_s);
+        assert!(frames[8..].iter().all(|frame| frame.source == FrameSource::Generated && frame.age == 60 * MS));
+        // Frames alone take longer, so that two would be in flight.
+        let (_, _, both) = with_runs_at(place, 70 * MS, 20 * MS);
+        assert_eq!(both, Duration::ZERO, "{place:?}");
+    }
+}
+
+#[test]
+fn another_gpu_or_the_processors_generate_while_the_next_frame_is_rendered() {
+    let _guard = beside_others();
+    for place in [gpu(2), Place::Processors] {
+        let (summary, frames, both) = with_runs_at(place, 40 * MS, 30 * MS);
+        assert_eq!((summary.missed_ticks, summary.presented), (0, 200), "{place:?}");
+        assert!(both > SECOND, "{both:?} at {place:?}");
+        assert!(frames[8..].iter().all(|frame| frame.source == FrameSource::Generated && frame.age == 70 * MS));
+    }
 }

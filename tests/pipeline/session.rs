@@ -63,6 +63,8 @@ pub(super) struct Session {
     pub(super) faults: Arc<dyn Fn(u64) -> bool + Send + Sync>,
     pub(super) build_failures: u32,
     pub(super) processors: Option<Arc<Processors>>,
+    pub(super) place: Place,
+    pub(super) busy: Busy,
     pub(super) generators: Option<Box<dyn FrameGenerators>>,
     pub(super) sinks: Vec<Box<dyn LiveSink>>,
     pub(super) log: Option<FrameLog>,
@@ -94,6 +96,8 @@ impl Session {
             faults: Arc::new(|_| false),
             build_failures: 0,
             processors: None,
+            place: gpu(1),
+            busy: Busy::default(),
             generators: None,
             sinks: Vec::new(),
             log: None,
@@ -111,7 +115,7 @@ impl Session {
     pub(super) fn run_watched(self, watch: impl FnMut(&insonify::pipeline::Status)) -> Summary {
         let (received, clock, service, faults) =
             (Arc::<AtomicU64>::default(), self.clock.clone(), self.service, self.faults);
-        let (extra, processors) = (self.extra, self.processors);
+        let (extra, processors, place, busy) = (self.extra, self.processors, self.place, self.busy);
         let mut render = RenderSettings::default();
         if let Some(points) = &self.points {
             render = points.point().quality.apply(&render, Choice::Auto);
@@ -128,6 +132,8 @@ impl Session {
             faults: faults.clone(),
             gain_db: 0.0,
             processors: processors.clone(),
+            place,
+            busy: busy.clone(),
             time_s: 0.0,
         };
         let parts = Parts {

@@ -146,6 +146,8 @@ impl RenderStage {
                 {
                     self.receive();
                 }
+                // The generator's turn comes after it.
+                Some(_) if self.takes_turns() => self.receive(),
                 _ if self.parts.clock.now() < submit_at => {
                     self.parts.stop.wait(submit_at);
                 }
@@ -156,16 +158,26 @@ impl RenderStage {
         self.end();
     }
 
-    /// Waits for a generator that also runs on the CPU; returns whether it waited. In parallel, both would take twice
-    /// as long, and the generated picture would miss its frame. Slower generators get a turn only occasionally: the
-    /// frame rate stays at two thirds or more.
+    /// Whether a generator is at work where frames are rendered. In parallel, both would take twice as long, and the
+    /// generated picture would miss its frame.
+    fn takes_turns(&self) -> bool {
+        let Device::Ready(renderer) = &self.device else { return false };
+        let is_on = self.generator.is_some() && self.parts.controls.live.generator;
+        is_on && self.parts.generator.as_ref().is_some_and(|link| link.takes_turns_with(renderer.place()))
+    }
+
+    /// Waits for a generator that runs where frames are rendered; returns whether it waited. Slower generators get a turn
+    /// only occasionally: the frame rate stays at two thirds or more.
     fn gives_way(&self, submit_at: Duration) -> bool {
         let RenderParts { clock, period, generator, .. } = &self.parts;
         // Due one period after the last frame: if both take longer than a period, frames fall behind the ticks.
         let due = submit_at.max(self.begun.saturating_add(*period));
         let until = due.saturating_add((*period / 2).min(TURN));
-        let on_processors = matches!(&self.device, Device::Ready(renderer) if renderer.on_processors());
-        on_processors && generator.as_ref().is_some_and(|link| link.wait_for_turn(&**clock, until))
+        let shares = match (&self.device, generator) {
+            (Device::Ready(renderer), Some(link)) => link.takes_turns_with(renderer.place()),
+            _ => false,
+        };
+        shares && generator.as_ref().is_some_and(|link| link.wait_for_turn(&**clock, until))
     }
 
     /// Begins a frame.
@@ -198,7 +210,7 @@ impl RenderStage {
                 match renderer.submit(&pose) {
                     Ok(()) => {
                         let expected = self.pace.submitted(now);
-                        let done = renderer.on_processors();
+                        let done = renderer.renders_in_submit();
                         self.in_flight.push_back(InFlight {
                             info,
                             maps,

@@ -6,6 +6,7 @@ use std::time::Duration;
 use super::shaders::PATH_LANES;
 use super::trace_choice::Decision;
 use crate::render::error::BackendError;
+use crate::render::place::{PciAddress, Place};
 
 /// Uses of buffers that passes read and write, and of small tables.
 const STORAGE: wgpu::BufferUsages =
@@ -22,6 +23,8 @@ const LANES_APART_MAX: u32 = 32;
 
 /// Longest wait for a frame of a GPU; software may take any time.
 const PATIENCE: Duration = Duration::from_secs(60);
+/// A frame whose passes have never run may take this many times as long: the driver may compile them.
+const COLD: u32 = 10;
 
 /// A device and its queue.
 #[derive(Debug, Clone)]
@@ -35,6 +38,9 @@ pub(in crate::render) struct Gpu {
     pub(super) trace: Decision,
     /// The first error that the device reported outside of any call.
     fault: Arc<Mutex<Option<String>>>,
+    /// Hang of a test; none after the device was opened again.
+    #[cfg(feature = "test-hooks")]
+    pub(super) hang: Option<super::InjectedHang>,
 }
 
 impl Gpu {
@@ -96,12 +102,32 @@ impl Gpu {
         });
         let timestamps = features.contains(wgpu::Features::TIMESTAMP_QUERY);
         let patience = (info.device_type != wgpu::DeviceType::Cpu).then_some(PATIENCE);
-        Ok(Self { device, queue, info, timestamps, patience, trace: Decision::default(), fault })
+        Ok(Self {
+            device,
+            queue,
+            info,
+            timestamps,
+            patience,
+            trace: Decision::default(),
+            fault,
+            #[cfg(feature = "test-hooks")]
+            hang: None,
+        })
     }
 
     /// The same device; it counts as hanging if a frame takes longer than `wait`.
     pub(in crate::render) fn answering_within(self, wait: Duration) -> Self {
         Self { patience: Some(wait), ..self }
+    }
+
+    /// The same device; it hangs for about `duration` when the test asks for it.
+    ///
+    /// # Errors
+    /// A device that fails.
+    #[cfg(feature = "test-hooks")]
+    pub(in crate::render) fn with_hang(self, duration: Duration) -> Result<(Self, super::InjectedHang), BackendError> {
+        let hang = super::InjectedHang::new(&self, duration)?;
+        Ok((Self { hang: Some(hang.clone()), ..self }, hang))
     }
 
     /// Opens a device of the same kind again.
@@ -112,18 +138,19 @@ impl Gpu {
         Ok(Self { patience: self.patience, trace: self.trace.clone(), ..Self::open(self.is_software())? })
     }
 
-    /// Waits until a submission is done.
+    /// Waits until a submission is done. If passes of it were never run before, it is `cold`.
     ///
     /// # Errors
     /// A device that is lost, or that does not answer in time: it counts as lost then.
-    pub(super) fn wait(&self, submission: wgpu::SubmissionIndex) -> Result<(), BackendError> {
-        let wait = wgpu::PollType::Wait { submission_index: Some(submission), timeout: self.patience };
+    pub(super) fn wait(&self, submission: wgpu::SubmissionIndex, cold: bool) -> Result<(), BackendError> {
+        let patience = self.patience.map(|patience| if cold { COLD * patience } else { patience });
+        let wait = wgpu::PollType::Wait { submission_index: Some(submission), timeout: patience };
         match self.device.poll(wait) {
             Ok(_) => Ok(()),
             Err(wgpu::PollError::Timeout) => {
                 // Dropping the last handle would wait for the hanging work without end.
                 std::mem::forget((self.device.clone(), self.queue.clone()));
-                let wait_s = self.patience.unwrap_or_default().as_secs_f64();
+                let wait_s = patience.unwrap_or_default().as_secs_f64();
                 let error = BackendError::Hung { adapter: self.adapter_name(), wait_s };
                 self.fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error.to_string());
                 Err(error)
@@ -230,6 +257,15 @@ impl Gpu {
     /// Least and greatest number of lanes in a subgroup.
     pub(super) fn subgroup_sizes(&self) -> [u32; 2] {
         [self.info.subgroup_min_size, self.info.subgroup_max_size]
+    }
+
+    /// Where it computes.
+    pub(in crate::render) fn place(&self) -> Place {
+        if self.is_software() {
+            return Place::Processors;
+        }
+        let vendor = Some(self.info.vendor).filter(|vendor| *vendor != 0);
+        Place::Gpu { vendor, address: PciAddress::parse(&self.info.device_pci_bus_id) }
     }
 
     /// Whether the adapter is software on the CPU.

@@ -4,6 +4,8 @@ mod aperture_buffers;
 mod buffers;
 mod configuration;
 mod gpu;
+#[cfg(feature = "test-hooks")]
+mod hang;
 mod motion;
 mod passes;
 mod readback;
@@ -14,5 +16,7 @@ mod trace_choice;
 mod trace_dispatch;
 
 pub(super) use gpu::Gpu;
+#[cfg(feature = "test-hooks")]
+pub use hang::InjectedHang;
 #[cfg_attr(not(feature = "test-hooks"), allow(unreachable_pub, reason = "public in tests"))]
 pub use shaders::ShaderSet;

@@ -34,6 +34,11 @@ impl Pipelines {
         Self { shaders: shaders.clone(), compiled: Vec::new(), warm: 0 }
     }
 
+    /// Number of passes compiled so far.
+    pub(crate) fn count(&self) -> usize {
+        self.compiled.len()
+    }
+
     /// Whether some were compiled since the last call.
     pub(crate) fn take_cold(&mut self) -> bool {
         let cold = self.warm < self.compiled.len();

@@ -28,6 +28,8 @@ struct InFlight {
     recorded: Recorded,
     submission: wgpu::SubmissionIndex,
     times: DeviceTimes,
+    /// Passes compiled at its submission.
+    compiled: usize,
 }
 
 /// Makes frames by the shaders of a device.
@@ -47,6 +49,8 @@ struct DeviceRenderer {
     map_done: mpsc::SyncSender<Result<(), wgpu::BufferAsyncError>>,
     /// Memory of the uniforms of all batches.
     uniforms: Vec<u8>,
+    /// Passes compiled at the submission of the last frame that was received.
+    warm: usize,
 }
 
 impl Gpu {
@@ -90,6 +94,7 @@ impl DeviceRenderer {
             mapped,
             map_done,
             uniforms: Vec::new(),
+            warm: 0,
         })
     }
 
@@ -127,12 +132,13 @@ impl DeviceRenderer {
                 Ok(result) => break result,
                 Err(_) => {
                     // Waits for this frame only: the next one may still run.
-                    self.gpu.wait(in_flight.submission.clone())?;
+                    self.gpu.wait(in_flight.submission.clone(), in_flight.compiled > self.warm)?;
                 }
             };
         };
         result.map_err(|e| lost(e.to_string()))?;
         self.gpu.check()?;
+        self.warm = in_flight.compiled.max(self.warm);
         let wait_ms = ms_since(started);
         let started = Instant::now();
         in_flight.slot.read(frame, in_flight.recorded)?;
@@ -206,10 +212,15 @@ impl FrameMaker for DeviceRenderer {
         let commands = encoder.finish();
         let record_ms = ms_since(started);
         let started = Instant::now();
+        #[cfg(feature = "test-hooks")]
+        if let Some(hang) = &self.gpu.hang {
+            hang.submit_if_due();
+        }
         let submission = self.gpu.queue.submit([commands]);
         slot.map(&self.map_done);
         let times = DeviceTimes { record_ms, submit_ms: ms_since(started), ..DeviceTimes::default() };
-        self.in_flight.push_back(InFlight { slot, recorded, submission, times });
+        let compiled = self.pipelines.count();
+        self.in_flight.push_back(InFlight { slot, recorded, submission, times, compiled });
         self.next_slot = (self.next_slot + 1) % FRAMES_IN_FLIGHT;
         Ok(())
     }

@@ -26,7 +26,7 @@ pub(super) fn read<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<T>, B
     let submission = gpu.queue.submit([encoder.finish()]);
     // `get_mapped_range` reports a failed map.
     copy.slice(..).map_async(wgpu::MapMode::Read, |_| {});
-    gpu.wait(submission)?;
+    gpu.wait(submission, true)?;
     let view = copy.slice(..).get_mapped_range().map_err(|e| BackendError::Lost { reason: e.to_string() })?;
     Ok(bytemuck::pod_collect_to_vec(&view[..]))
 }

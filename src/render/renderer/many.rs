@@ -162,6 +162,7 @@ impl Renderer {
             skin: self.skin.clone(),
             maker,
             on_host: self.on_host,
+            place: self.place,
             image: self.image,
             time_s: self.time_s,
             motion_ms: 0.0,

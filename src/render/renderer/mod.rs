@@ -19,6 +19,7 @@ use super::frame::{FRAMES_IN_FLIGHT, Frame};
 use super::hooks::TestHooks;
 use super::kept::Kept;
 use super::maker::FrameMaker;
+use super::place::Place;
 use super::plan::EffectPlan;
 use super::shared_tables::SharedTables;
 use super::tables::Tables;
@@ -42,6 +43,7 @@ pub struct Renderer {
     skin: Option<Arc<Skin>>,
     maker: Box<dyn FrameMaker>,
     on_host: bool,
+    place: Place,
     /// Whether the next frames carry their image.
     image: bool,
     /// Time of the scene, s.
@@ -149,6 +151,7 @@ impl Renderer {
             skin: None,
             maker,
             on_host: backend.on_host(),
+            place: backend.place(),
             image: true,
             time_s: 0.0,
             motion_ms: 0.0,
@@ -363,6 +366,11 @@ impl Renderer {
     /// Whether the host's processors make the frames, within [`Renderer::submit`].
     pub fn on_host(&self) -> bool {
         self.on_host
+    }
+
+    /// Where its frames are computed.
+    pub fn place(&self) -> Place {
+        self.place
     }
 
     /// Number of frames that were submitted and not received.

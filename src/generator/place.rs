@@ -1,0 +1,60 @@
+//! Where a provider computes.
+
+use std::path::Path;
+
+use super::Provider;
+use crate::render::{NVIDIA, PciAddress, Place};
+
+/// Folder in which NVIDIA's driver for Linux lists its GPUs, one entry each, by their addresses.
+const NVIDIA_GPUS: &str = "/proc/driver/nvidia/gpus";
+
+/// Where the models of `provider` run. CUDA takes its first GPU; which one that is is known only where there is one.
+pub(crate) fn place_of(provider: Provider) -> Place {
+    match provider {
+        Provider::Cpu => Place::Processors,
+        Provider::Cuda | Provider::TensorRt => {
+            Place::Gpu { vendor: Some(NVIDIA), address: only_gpu(Path::new(NVIDIA_GPUS)) }
+        }
+    }
+}
+
+/// Address of the only GPU that `folder` lists; `None` if there are several or none.
+fn only_gpu(folder: &Path) -> Option<PciAddress> {
+    let mut entries = std::fs::read_dir(folder).ok()?.flatten();
+    let only = entries.next()?;
+    if entries.next().is_some() {
+        return None;
+    }
+    PciAddress::parse(&only.file_name().to_string_lossy())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_address_of_a_single_gpu_is_known() {
+        let folder = tempfile::tempdir().unwrap();
+        assert_eq!(only_gpu(&folder.path().join("missing")), None);
+        assert_eq!(only_gpu(folder.path()), None);
+        std::fs::create_dir(folder.path().join("0000:1a:00.0")).unwrap();
+        assert_eq!(only_gpu(folder.path()), PciAddress::parse("0000:1a:00.0"));
+        std::fs::create_dir(folder.path().join("0000:1b:00.0")).unwrap();
+        assert_eq!(only_gpu(folder.path()), None);
+    }
+
+    #[test]
+    fn models_on_the_processors_share_them_with_frames_made_there() {
+        let of_amd = Place::Gpu { vendor: Some(0x1002), address: None };
+        for (provider, [processors, gpu, amd]) in [
+            (Provider::Cpu, [true, false, false]),
+            (Provider::Cuda, [false, true, false]),
+            (Provider::TensorRt, [false, true, false]),
+        ] {
+            let place = place_of(provider);
+            assert_eq!(place.shares_with(Place::Processors), processors, "{provider}");
+            assert_eq!(place.shares_with(Place::UNKNOWN_GPU), gpu, "{provider}");
+            assert_eq!(place.shares_with(of_amd), amd, "{provider}");
+        }
+    }
+}

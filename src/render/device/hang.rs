@@ -1,0 +1,147 @@
+//! Work that keeps a device busy, injected by tests of devices that do not answer.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use super::gpu::Gpu;
+use crate::render::error::BackendError;
+
+/// Each invocation counts within what software Vulkan lets a loop do (65,536 turns).
+const SHADER: &str = "
+@group(0) @binding(0) var<storage, read_write> kept: array<u32>;
+@compute @workgroup_size(1)
+fn main(@builtin(workgroup_id) group: vec3<u32>) {
+    var x = 65535u * group.y + group.x + 1u;
+    for (var turn = 0u; turn < 60000u; turn++) {
+        x ^= x << 13u;
+        x ^= x >> 17u;
+        x ^= x << 5u;
+    }
+    if (x == 0u) { kept[0] = 1u; }
+}";
+
+/// Most workgroups of a dispatch in a dimension.
+const GROUPS_MAX: u64 = 65_535;
+/// Least time of the dispatch from which the whole is reckoned.
+const TRIAL: Duration = Duration::from_millis(100);
+
+/// A dispatch of about a given duration, which goes before a frame of the device when it is asked for. Clones share it.
+#[derive(Debug, Clone)]
+pub struct InjectedHang(Arc<Shared>);
+
+#[derive(Debug)]
+struct Shared {
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    pipeline: wgpu::ComputePipeline,
+    bindings: wgpu::BindGroup,
+    /// Workgroups of the whole dispatch.
+    groups: u64,
+    is_due: AtomicBool,
+    submission: Mutex<Option<wgpu::SubmissionIndex>>,
+}
+
+impl InjectedHang {
+    /// A dispatch of about `duration`, by the time that smaller ones take now.
+    ///
+    /// # Errors
+    /// The device refuses the shader or the buffer, or fails.
+    pub(super) fn new(gpu: &Gpu, duration: Duration) -> Result<Self, BackendError> {
+        let device = gpu.device.clone();
+        let kept = gpu.storage("injected hang", 16)?;
+        let pipeline = gpu.validated("injected hang", || {
+            let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some("injected hang"),
+                source: wgpu::ShaderSource::Wgsl(SHADER.into()),
+            });
+            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some("injected hang"),
+                layout: None,
+                module: &module,
+                entry_point: Some("main"),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                cache: None,
+            })
+        })?;
+        let bindings = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("injected hang"),
+            layout: &pipeline.get_bind_group_layout(0),
+            entries: &[wgpu::BindGroupEntry { binding: 0, resource: kept.as_entire_binding() }],
+        });
+        let mut shared = Shared {
+            device,
+            queue: gpu.queue.clone(),
+            pipeline,
+            bindings,
+            groups: 1,
+            is_due: AtomicBool::new(false),
+            submission: Mutex::default(),
+        };
+        // The first dispatch compiles.
+        shared.time(gpu, 1)?;
+        let mut groups = 64;
+        let took = loop {
+            let took = shared.time(gpu, groups)?;
+            if took >= TRIAL {
+                break took;
+            }
+            groups *= 2;
+        };
+        let whole = groups as f64 * duration.as_secs_f64() / took.as_secs_f64();
+        shared.groups = (whole.ceil() as u64).clamp(1, GROUPS_MAX * GROUPS_MAX);
+        Ok(Self(Arc::new(shared)))
+    }
+
+    /// Puts the dispatch before the next frame that is submitted to the device.
+    pub fn inject(&self) {
+        self.0.is_due.store(true, Ordering::Release);
+    }
+
+    /// Whether the dispatch was submitted.
+    pub fn has_begun(&self) -> bool {
+        self.submission().is_some()
+    }
+
+    /// Whether the device is at work on the dispatch.
+    pub fn lasts(&self) -> bool {
+        self.submission().is_some_and(|submission| {
+            let wait = wgpu::PollType::Wait { submission_index: Some(submission), timeout: Some(Duration::ZERO) };
+            matches!(self.0.device.poll(wait), Err(wgpu::PollError::Timeout))
+        })
+    }
+
+    /// Submits the dispatch if it was asked for.
+    pub(super) fn submit_if_due(&self) {
+        if self.0.is_due.swap(false, Ordering::AcqRel) {
+            let submission = self.0.submit(self.0.groups);
+            *self.0.submission.lock().unwrap_or_else(PoisonError::into_inner) = Some(submission);
+        }
+    }
+
+    fn submission(&self) -> Option<wgpu::SubmissionIndex> {
+        self.0.submission.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+impl Shared {
+    /// Submits a dispatch of at least that many workgroups.
+    fn submit(&self, groups: u64) -> wgpu::SubmissionIndex {
+        let (x, y) = (groups.min(GROUPS_MAX), groups.div_ceil(GROUPS_MAX));
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_pipeline(&self.pipeline);
+            pass.set_bind_group(0, &self.bindings, &[]);
+            pass.dispatch_workgroups(x as u32, y as u32, 1);
+        }
+        self.queue.submit([encoder.finish()])
+    }
+
+    /// Time of a dispatch.
+    fn time(&self, gpu: &Gpu, groups: u64) -> Result<Duration, BackendError> {
+        let started = Instant::now();
+        gpu.wait(self.submit(groups), true)?;
+        Ok(started.elapsed())
+    }
+}
