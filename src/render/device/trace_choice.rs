@@ -130,7 +130,7 @@ fn measure(
             pass.record(&mut encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()), 0);
         }
         let started = Instant::now();
-        gpu.wait(gpu.queue.submit([encoder.finish()]))?;
+        gpu.wait(gpu.queue.submit([encoder.finish()]), true)?;
         Ok(started.elapsed().as_secs_f64() * 1e3 / f64::from(times))
     };
     let mut sums_ms = [0.0; 4];
