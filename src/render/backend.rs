@@ -107,6 +107,16 @@ impl Backend {
         })
     }
 
+    /// The same backend; where a device makes many frames ([`Renderer::render_many`](super::Renderer::render_many)) that differ in pose
+    /// and seed alone, a dispatch makes up to `frames` of them, 1 to 8. By default a GPU takes as many as fill it, software one, and
+    /// the host is not concerned.
+    pub fn with_frames_at_once(self, frames: u32) -> Self {
+        match self.0 {
+            Kind::Host => self,
+            Kind::Device(gpu) => Self(Kind::Device(Box::new(gpu.with_frames_at_once(frames)))),
+        }
+    }
+
     /// Whether a device can trace by lanes; false for the host.
     pub fn has_trace_by_lanes(&self) -> bool {
         match &self.0 {

@@ -5,6 +5,7 @@ use std::fmt::Debug;
 use super::configuration::FrameInputs;
 use super::error::{BackendError, RenderError};
 use super::frame::{Contents, Frame};
+use super::params::Params;
 use super::snapshot::PassBuffers;
 use crate::anatomy::Bvh;
 
@@ -43,6 +44,20 @@ pub(super) trait FrameMaker: Debug + Send {
     /// # Errors
     /// A device that fails.
     fn submit(&mut self, inputs: FrameInputs<'_>, contents: Contents) -> Result<(), BackendError>;
+
+    /// Frames that [`FrameMaker::submit_several`] makes best at once; 1 if it takes none.
+    fn at_once(&mut self, _: FrameInputs<'_>) -> usize {
+        1
+    }
+
+    /// Starts a frame for each of `params`, up to [`FrameMaker::at_once`], twice as many in flight. They differ from those of `inputs` in
+    /// the pose and in seeds.
+    ///
+    /// # Errors
+    /// A device that fails, or a maker that takes one at a time.
+    fn submit_several(&mut self, _: FrameInputs<'_>, _: &[Params], _: Contents) -> Result<(), BackendError> {
+        Err(BackendError::NoAdapter { reason: "frames are made one at a time".to_owned() })
+    }
 
     /// Waits for the oldest frame in flight and copies all of it into `frame`, except its mask and total time.
     ///

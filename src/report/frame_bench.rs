@@ -6,10 +6,10 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::TimeTable;
-use super::time_table::StageTime;
+use super::time_table::{StageTime, WHOLE_FRAME};
 use crate::anatomy::{Bvh, Scene};
 use crate::pose::Pose;
-use crate::render::{Backend, FRAMES_IN_FLIGHT, Frame, Quality, RenderError, RenderSettings, Renderer};
+use crate::render::{Backend, FRAMES_IN_FLIGHT, Frame, Job, Quality, RenderError, RenderSettings, Renderer};
 use crate::settings::ImageSettings;
 use crate::station::Station;
 use crate::transducer::Probe;
@@ -31,18 +31,29 @@ pub struct Workload {
     pub settings: RenderSettings,
     /// Whether the scene moves from frame to frame.
     pub moves: bool,
-    /// Whether the next frame is submitted before the last is received.
-    pub overlapped: bool,
+    /// How frames follow each other.
+    pub flow: Flow,
+}
+
+/// How frames follow each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Flow {
+    /// Each is received before the next is submitted.
+    Single,
+    /// The next is submitted before the last is received.
+    Overlapped,
+    /// By [`Renderer::render_many`].
+    Many,
 }
 
 impl Workload {
-    /// Kinds that a station is measured with. The last but one has the shape that NVIDIA's raysim states its time for:
+    /// Kinds that a station is measured with. The fifth has the shape that NVIDIA's raysim states its time for:
     /// 256 scanlines of 4096 samples, one ray each, an image of 500 × 500, no maps.
     pub fn of(station: &Station) -> Vec<Self> {
         let settings = |quality, maps| RenderSettings { quality, maps, ..station.settings };
         let image = ImageSettings { width: 500, height: 500, ..station.settings.image };
         let raysim = RenderSettings { image, ..settings(Quality::LQ, false) };
-        let kind = |name, settings| Self { name, probe: station.probe, settings, moves: false, overlapped: false };
+        let kind = |name, settings| Self { name, probe: station.probe, settings, moves: false, flow: Flow::Single };
         vec![
             kind("LQ", settings(Quality::LQ, true)),
             kind("LQ without maps", settings(Quality::LQ, false)),
@@ -52,7 +63,8 @@ impl Workload {
                 probe: Probe { scanlines: 256, samples: 4096, ..station.probe },
                 ..kind("256 x 4096, 500 x 500", raysim)
             },
-            Self { overlapped: true, ..kind("LQ, two in flight", settings(Quality::LQ, true)) },
+            Self { flow: Flow::Overlapped, ..kind("LQ, two in flight", settings(Quality::LQ, true)) },
+            Self { flow: Flow::Many, ..kind("LQ without maps, many", settings(Quality::LQ, false)) },
         ]
     }
 }
@@ -91,15 +103,47 @@ pub fn measure(
 ) -> Result<Measured, RenderError> {
     let Workload { name, probe, settings, .. } = *workload;
     let mut renderer = Renderer::with_bvh(backend, scene, bvh.clone(), &probe, &settings)?;
-    let mut frame = Frame::default();
     let mut table = TimeTable::default();
-    let ahead = if workload.overlapped { FRAMES_IN_FLIGHT - 1 } else { 0 };
+    let mut measured = |frame: &Frame| {
+        table.push(&frame.times);
+        progress();
+    };
+    let frames_per_s = match workload.flow {
+        Flow::Many => many(&mut renderer, poses, frames, &mut measured)?,
+        flow => {
+            let ahead = if flow == Flow::Overlapped { FRAMES_IN_FLIGHT - 1 } else { 0 };
+            in_turn(&mut renderer, (poses, workload.moves), frames, ahead, &mut measured)?
+        }
+    };
+    let mut stages = table.stages();
+    // Frames of one dispatch share the times of its passes.
+    stages.retain(|stage| workload.flow != Flow::Many || stage.stage == WHOLE_FRAME);
+    Ok(Measured {
+        name,
+        quality: format!("{}x{}", settings.quality.rays, settings.quality.layers),
+        lines: [probe.scanlines, probe.samples],
+        image: [settings.image.width, settings.image.height],
+        maps: settings.maps,
+        frames_per_s,
+        stages,
+    })
+}
+
+/// Renders frames one after another, `ahead` of them submitted before. Returns frames a second.
+fn in_turn(
+    renderer: &mut Renderer,
+    (poses, moves): (&[Pose], bool),
+    frames: usize,
+    ahead: usize,
+    measured: &mut impl FnMut(&Frame),
+) -> Result<f64, RenderError> {
+    let mut frame = Frame::default();
     let mut started = Instant::now();
     for (number, pose) in poses.iter().cycle().take(WARM_UP + frames + ahead).enumerate() {
         if number == WARM_UP + ahead {
             started = Instant::now();
         }
-        if workload.moves {
+        if moves {
             renderer.set_time_s(number as f64 * FRAME_S);
         }
         renderer.submit(pose)?;
@@ -108,21 +152,33 @@ pub fn measure(
         }
         renderer.receive(&mut frame)?;
         if number >= WARM_UP + ahead {
-            table.push(&frame.times);
-            progress();
+            measured(&frame);
         }
     }
     let frames_per_s = frames as f64 / started.elapsed().as_secs_f64().max(1e-9);
     while renderer.frames_in_flight() > 0 {
         renderer.receive(&mut frame)?;
     }
-    Ok(Measured {
-        name,
-        quality: format!("{}x{}", settings.quality.rays, settings.quality.layers),
-        lines: [probe.scanlines, probe.samples],
-        image: [settings.image.width, settings.image.height],
-        maps: settings.maps,
-        frames_per_s,
-        stages: table.stages(),
-    })
+    Ok(frames_per_s)
+}
+
+/// Renders frames by [`Renderer::render_many`]. Returns frames a second.
+fn many(
+    renderer: &mut Renderer,
+    poses: &[Pose],
+    frames: usize,
+    measured: &mut impl FnMut(&Frame),
+) -> Result<f64, RenderError> {
+    let seed = renderer.settings().quality.seed;
+    let jobs = poses.iter().cycle().map(|&pose| Job { pose, time_s: 0.0, seed });
+    let mut started = Instant::now();
+    renderer.render_many(jobs.take(WARM_UP + frames), |number, frame| {
+        if number >= WARM_UP {
+            measured(frame);
+        } else {
+            started = Instant::now();
+        }
+        Ok::<_, RenderError>(())
+    })?;
+    Ok(frames as f64 / started.elapsed().as_secs_f64().max(1e-9))
 }

@@ -7,6 +7,7 @@ mod compare_motion;
 mod hang;
 mod host;
 mod image_on_host;
+mod many;
 mod moving;
 mod reconfigure;
 mod scenes;

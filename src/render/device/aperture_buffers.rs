@@ -32,12 +32,13 @@ pub(crate) struct ApertureBuffers {
 }
 
 impl ApertureBuffers {
-    /// Makes the buffers, and reuses those of `previous` that have the right size.
+    /// Makes the buffers for `frames` frames, and reuses those of `previous` that have the right size.
     pub(super) fn new(
         gpu: &Gpu,
         tables: &Tables,
         params: &Params,
         previous: Option<&Self>,
+        frames: u32,
     ) -> Result<Self, BackendError> {
         type Of = fn(&ApertureBuffers) -> &wgpu::Buffer;
         let taken = |of: Of, size: u64| previous.map(of).filter(|b| b.size() == size).cloned();
@@ -51,6 +52,7 @@ impl ApertureBuffers {
             Some(buffer) => Ok(buffer),
             None => gpu.storage(label, size),
         };
+        let part = |label: &'static str, size: u64, of: Of| work(label, size.max(16) * u64::from(frames), of);
         let shape = size_of::<ApertureShape>() as u64;
         Ok(Self {
             shape: match taken(|b| &b.shape, shape) {
@@ -65,18 +67,18 @@ impl ApertureBuffers {
             beam_parts: work("beam parts", 8 * (planes + 1) * modes, |b| &b.beam_parts)?,
             reaches: work("beam reach", 8 * planes, |b| &b.reaches)?,
             unobstructed: work("unobstructed beams", 4 * planes * offsets, |b| &b.unobstructed)?,
-            mask: work("transmission", 8 * planes * cells, |b| &b.mask)?,
-            row_np: work("row losses", 4 * planes, |b| &b.row_np)?,
-            fields: work("mode fields", 8 * modes * planes * cells, |b| &b.fields)?,
-            amplitudes: work("beam amplitudes", 4 * planes * beams * cells, |b| &b.amplitudes)?,
-            beam_powers: work("beam powers", 4 * planes * cells, |b| &b.beam_powers)?,
-            profiles: work("profiles", 4 * planes * lines * u64::from(2 * params.lateral_half + 1), |b| &b.profiles)?,
-            blends: work("profile blends", 12 * planes * lines, |b| &b.blends)?,
-            line_gains: work("line gains", if aperture.is_some() { 16 * lines * (planes + 1) } else { 0 }, |b| {
+            mask: part("transmission", 8 * planes * cells, |b| &b.mask)?,
+            row_np: part("row losses", 4 * planes, |b| &b.row_np)?,
+            fields: part("mode fields", 8 * modes * planes * cells, |b| &b.fields)?,
+            amplitudes: part("beam amplitudes", 4 * planes * beams * cells, |b| &b.amplitudes)?,
+            beam_powers: part("beam powers", 4 * planes * cells, |b| &b.beam_powers)?,
+            profiles: part("profiles", 4 * planes * lines * u64::from(2 * params.lateral_half + 1), |b| &b.profiles)?,
+            blends: part("profile blends", 12 * planes * lines, |b| &b.blends)?,
+            line_gains: part("line gains", if aperture.is_some() { 16 * lines * (planes + 1) } else { 0 }, |b| {
                 &b.line_gains
             })?,
-            block_gains: work("block gains", if aperture.is_some() { 8 * blocks } else { 0 }, |b| &b.block_gains)?,
-            reflected: work("reflected amplitudes", if aperture.is_some() { 4 * blocks } else { 0 }, |b| &b.reflected)?,
+            block_gains: part("block gains", if aperture.is_some() { 8 * blocks } else { 0 }, |b| &b.block_gains)?,
+            reflected: part("reflected amplitudes", if aperture.is_some() { 4 * blocks } else { 0 }, |b| &b.reflected)?,
         })
     }
 

@@ -44,6 +44,8 @@ impl SceneBuffers {
 /// Buffers of a configuration. Cloning shares the memory.
 #[derive(Debug, Clone)]
 pub(crate) struct Buffers {
+    /// Frames that a dispatch makes; what passes write has a part for each.
+    pub(super) frames: u32,
     pub(crate) params: wgpu::Buffer,
     rays: wgpu::Buffer,
     map_rays: wgpu::Buffer,
@@ -83,7 +85,7 @@ pub(crate) struct Buffers {
 }
 
 impl Buffers {
-    /// Makes the buffers, and reuses those of `previous` that have the right size. They keep their contents until
+    /// Makes the buffers for `frames` frames, and reuses those of `previous` that have the right size. They keep their contents until
     /// [`Buffers::fill`], so a configuration that fails leaves `previous` intact.
     pub(crate) fn new(
         gpu: &Gpu,
@@ -92,6 +94,7 @@ impl Buffers {
         plan: &BatchPlan,
         keep_lines: bool,
         previous: Option<&Self>,
+        frames: u32,
     ) -> Result<Self, BackendError> {
         let paths = u64::from(params.paths(plan.layers_per_batch));
         let samples = u64::from(params.scanlines) * u64::from(params.row_samples);
@@ -104,6 +107,8 @@ impl Buffers {
             Some(buffer) => Ok(buffer),
             None => gpu.storage(label, size),
         };
+        // What passes write: a part for each frame.
+        let part = |label: &'static str, size: u64, of: Of| work(label, size.max(16) * u64::from(frames), of);
         let filled = |label, bytes: &[[f32; 4]], of: Of| work(label, size_of_val(bytes) as u64, of);
         // Small tables are uniforms: software devices read those several times faster.
         let uniform = |label: &'static str, size: u64, of: Of| match taken(of, size) {
@@ -111,7 +116,8 @@ impl Buffers {
             None => gpu.buffer(label, size, UNIFORM),
         };
         Ok(Self {
-            params: uniform("params", PARAMS_STRIDE * u64::from(plan.batches), |b| &b.params)?,
+            frames,
+            params: uniform("params", PARAMS_STRIDE * u64::from(plan.batches * frames), |b| &b.params)?,
             rays: work("rays", 16 * (tables.rays.len() + tables.elevations.len()) as u64, |b| &b.rays)?,
             map_rays: filled("map rays", &tables.map_rays, |b| &b.map_rays)?,
             tissues: uniform("tissues", 48 * u64::from(TISSUES_MAX), |b| &b.tissues)?,
@@ -129,31 +135,31 @@ impl Buffers {
             // The straight angle has no places of its own.
             pixels: work("pixels", sector_pixels * tables.angles.len() as u64, |b| &b.pixels)?,
             sector_words: work("sector words", sector_pixels / 4, |b| &b.sector_words)?,
-            starts_inside: work("start membership", paths * 32, |b| &b.starts_inside)?,
-            couplings: work("couplings", paths * 4, |b| &b.couplings)?,
+            starts_inside: part("start membership", paths * 32, |b| &b.starts_inside)?,
+            couplings: part("couplings", paths * 4, |b| &b.couplings)?,
             near_field: filled("near field", near_field, |b| &b.near_field)?,
-            overflows: work("overflows", 16, |b| &b.overflows)?,
-            map_overflows: work("overflows of maps", 16, |b| &b.map_overflows)?,
-            starts: work("segment starts", paths * u64::from(STARTS) * 4, |b| &b.starts)?,
-            segments: work("segments", paths * u64::from(SEGMENTS) * 48, |b| &b.segments)?,
-            echoes: work("interface echoes", paths * u64::from(SEGMENTS) * 8, |b| &b.echoes)?,
-            hints: work("segment hints", paths * u64::from(params.hint_words) * 4, |b| &b.hints)?,
-            raster: work("map raster", u64::from(params.map_rays) * u64::from(params.map_depths) * 4, |b| &b.raster)?,
-            segment_counts: work("segment counts", paths * 4, |b| &b.segment_counts)?,
-            baseband: work("baseband", samples * 8, |b| &b.baseband)?,
-            focused: work("focused baseband", samples * 8, |b| &b.focused)?,
-            polar: work("polar image", samples * 4, |b| &b.polar)?,
-            lines: work("lines", if keep_lines { samples * 8 } else { 16 }, |b| &b.lines)?,
-            aperture: ApertureBuffers::new(gpu, tables, params, previous.map(|b| &b.aperture))?,
-            kept_powers: work("scatterer powers", if plan.batches > 1 { samples * 16 } else { 16 }, |b| {
+            overflows: part("overflows", 16, |b| &b.overflows)?,
+            map_overflows: part("overflows of maps", 16, |b| &b.map_overflows)?,
+            starts: part("segment starts", paths * u64::from(STARTS) * 4, |b| &b.starts)?,
+            segments: part("segments", paths * u64::from(SEGMENTS) * 48, |b| &b.segments)?,
+            echoes: part("interface echoes", paths * u64::from(SEGMENTS) * 8, |b| &b.echoes)?,
+            hints: part("segment hints", paths * u64::from(params.hint_words) * 4, |b| &b.hints)?,
+            raster: part("map raster", u64::from(params.map_rays) * u64::from(params.map_depths) * 4, |b| &b.raster)?,
+            segment_counts: part("segment counts", paths * 4, |b| &b.segment_counts)?,
+            baseband: part("baseband", samples * 8, |b| &b.baseband)?,
+            focused: part("focused baseband", samples * 8, |b| &b.focused)?,
+            polar: part("polar image", samples * 4, |b| &b.polar)?,
+            lines: part("lines", if keep_lines { samples * 8 } else { 16 }, |b| &b.lines)?,
+            aperture: ApertureBuffers::new(gpu, tables, params, previous.map(|b| &b.aperture), frames)?,
+            kept_powers: part("scatterer powers", if plan.batches > 1 { samples * 16 } else { 16 }, |b| {
                 &b.kept_powers
             })?,
-            entries: work("section", u64::from(params.map_rays) * u64::from(ENTRIES) * 16, |b| &b.entries)?,
-            entry_counts: work("section counts", u64::from(params.map_rays) * 4, |b| &b.entry_counts)?,
-            percentile: work("percentile", 16, |b| &b.percentile)?,
-            bmode: work("B-mode", pixels, |b| &b.bmode)?,
-            segmentation: work("segmentation", pixels, |b| &b.segmentation)?,
-            attenuation: work("attenuation", pixels * 4, |b| &b.attenuation)?,
+            entries: part("section", u64::from(params.map_rays) * u64::from(ENTRIES) * 16, |b| &b.entries)?,
+            entry_counts: part("section counts", u64::from(params.map_rays) * 4, |b| &b.entry_counts)?,
+            percentile: part("percentile", 16, |b| &b.percentile)?,
+            bmode: part("B-mode", pixels, |b| &b.bmode)?,
+            segmentation: part("segmentation", pixels, |b| &b.segmentation)?,
+            attenuation: part("attenuation", pixels * 4, |b| &b.attenuation)?,
         })
     }
 
@@ -209,6 +215,24 @@ impl Buffers {
     fn written<'a>(&'a self, scene: &'a SceneBuffers) -> impl Iterator<Item = &'a wgpu::Buffer> {
         let bound = PASSES.into_iter().flat_map(|(name, _)| self.of_pass(scene, name));
         bound.filter(|(_, binding)| *binding == Binding::Write).map(|(buffer, _)| buffer)
+    }
+
+    /// Size of all buffers that passes write, bytes.
+    pub(super) fn written_bytes(&self, scene: &SceneBuffers) -> u64 {
+        let mut known: Vec<&wgpu::Buffer> = Vec::new();
+        for buffer in self.written(scene) {
+            if !known.contains(&buffer) {
+                known.push(buffer);
+            }
+        }
+        known.iter().map(|buffer| buffer.size()).sum()
+    }
+
+    /// Numbers of a pass's bindings to buffers that frames have parts of.
+    pub(super) fn parts_of_pass(&self, scene: &SceneBuffers, name: &str) -> Vec<u32> {
+        let written: Vec<&wgpu::Buffer> = self.written(scene).collect();
+        let bound = self.of_pass(scene, name);
+        bound.iter().zip(1..).filter(|((buffer, _), _)| written.contains(buffer)).map(|(_, binding)| binding).collect()
     }
 
     /// Buffers that a pass binds after its parameters, in the order of its bindings.

@@ -22,11 +22,11 @@ pub(super) struct DeviceConfiguration {
     order: Vec<(usize, u32)>,
     /// The last of `passes` for frames without maps.
     scan_convert_image: Pass,
-    pub(super) slots: [Arc<Slot>; FRAMES_IN_FLIGHT],
+    pub(super) slots: Vec<Arc<Slot>>,
 }
 
 impl DeviceConfiguration {
-    /// Makes whatever differs from `previous`, and shares the rest with it. `previous` is unchanged until
+    /// A configuration whose dispatches make `frames` frames. Makes whatever differs from `previous`, and shares the rest with it. `previous` is unchanged until
     /// [`Buffers::fill`].
     ///
     /// # Errors
@@ -37,10 +37,11 @@ impl DeviceConfiguration {
         pipelines: &mut Pipelines,
         inputs: FrameInputs<'_>,
         previous: Option<&Self>,
+        frames: u32,
     ) -> Result<Self, BackendError> {
         let Configuration { settings, effects, params, tables, batches, .. } = inputs.configuration;
         let on = effects.effects();
-        let buffers = Buffers::new(gpu, tables, params, batches, settings.lines, previous.map(|p| &p.buffers))?;
+        let buffers = Buffers::new(gpu, tables, params, batches, settings.lines, previous.map(|p| &p.buffers), frames)?;
 
         let mut pass = |name, groups, constants: Constants<'_>| {
             Pass::new(gpu, pipelines, (scene, &buffers), name, groups, constants)
@@ -116,7 +117,7 @@ impl DeviceConfiguration {
         let scan_convert_image = pass("scan_convert", pixels, &[("MAPS", 0.0)])?;
 
         let names = order.iter().map(|&(pass, _)| passes[pass].name).collect();
-        let slots = slots(gpu, Shape::of(params, settings.lines, names), previous)?;
+        let slots = slots(gpu, &Shape::of(params, settings.lines, names), previous, frames)?;
         Ok(Self { buffers, passes, order, scan_convert_image, slots })
     }
 
@@ -138,12 +139,16 @@ impl DeviceConfiguration {
 /// Slots of a shape: those of `previous` if they have it.
 fn slots(
     gpu: &Gpu,
-    shape: Shape,
+    shape: &Shape,
     previous: Option<&DeviceConfiguration>,
-) -> Result<[Arc<Slot>; FRAMES_IN_FLIGHT], BackendError> {
+    frames: u32,
+) -> Result<Vec<Arc<Slot>>, BackendError> {
+    let count = FRAMES_IN_FLIGHT * frames as usize;
     match previous {
-        Some(previous) if *previous.slots[0].shape() == shape => Ok(previous.slots.clone()),
-        _ => Ok([Arc::new(Slot::new(gpu, &shape)?), Arc::new(Slot::new(gpu, &shape)?)]),
+        Some(previous) if previous.slots.len() == count && previous.slots[0].shape() == shape => {
+            Ok(previous.slots.clone())
+        }
+        _ => (0..count).map(|_| Slot::new(gpu, shape).map(Arc::new)).collect(),
     }
 }
 

@@ -21,6 +21,13 @@ const SPREAD_THREADS: u32 = 1 << 17;
 /// Most threads for each that searches: the widest group of lanes.
 const LANES_APART_MAX: u32 = 32;
 
+/// Paths that fill a GPU: more frames at once gain nothing from there on.
+const FILLING_PATHS: u32 = 1 << 13;
+/// Most frames at once.
+pub(super) const FRAMES_AT_ONCE_MAX: u32 = 8;
+/// Most memory of what the passes of several frames write, bytes.
+const FRAMES_BYTES_MAX: u64 = 1 << 30;
+
 /// Longest wait for a frame of a GPU; software may take any time.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// A frame whose passes have never run may take this many times as long: the driver may compile them.
@@ -36,6 +43,8 @@ pub(in crate::render) struct Gpu {
     /// Longest wait for a frame.
     patience: Option<Duration>,
     pub(super) trace: Decision,
+    /// Frames at once, if they were given.
+    at_once: Option<u32>,
     /// The first error that the device reported outside of any call.
     fault: Arc<Mutex<Option<String>>>,
     /// Hang of a test; none after the device was opened again.
@@ -109,6 +118,7 @@ impl Gpu {
             timestamps,
             patience,
             trace: Decision::default(),
+            at_once: None,
             fault,
             #[cfg(feature = "test-hooks")]
             hang: None,
@@ -130,12 +140,31 @@ impl Gpu {
         Ok((Self { hang: Some(hang.clone()), ..self }, hang))
     }
 
+    /// The same device; a dispatch makes up to `frames` frames of many, whatever fills it.
+    pub(in crate::render) fn with_frames_at_once(self, frames: u32) -> Self {
+        Self { at_once: Some(frames), ..self }
+    }
+
+    /// Frames of many that a dispatch makes, a power of two up to [`FRAMES_AT_ONCE_MAX`]: as many as fill the device, each with
+    /// `paths`, and with `bytes` that its passes write. Software has no room for more than one.
+    pub(super) fn frames_at_once(&self, paths: u32, bytes: u64) -> u32 {
+        let filling = if self.is_software() { 1 } else { FILLING_PATHS / paths.max(1) };
+        let in_memory = (FRAMES_BYTES_MAX / bytes.max(1)).min(u64::from(FRAMES_AT_ONCE_MAX)) as u32;
+        let frames = self.at_once.unwrap_or_else(|| filling.min(in_memory));
+        1 << frames.clamp(1, FRAMES_AT_ONCE_MAX).ilog2()
+    }
+
     /// Opens a device of the same kind again.
     ///
     /// # Errors
     /// As [`Gpu::open`].
     pub(in crate::render) fn reopen(&self) -> Result<Self, BackendError> {
-        Ok(Self { patience: self.patience, trace: self.trace.clone(), ..Self::open(self.is_software())? })
+        Ok(Self {
+            patience: self.patience,
+            trace: self.trace.clone(),
+            at_once: self.at_once,
+            ..Self::open(self.is_software())?
+        })
     }
 
     /// Waits until a submission is done. If passes of it were never run before, it is `cold`.

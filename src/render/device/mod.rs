@@ -10,6 +10,7 @@ mod motion;
 mod passes;
 mod readback;
 mod renderer;
+mod several;
 mod shaders;
 mod snapshot;
 mod trace_choice;

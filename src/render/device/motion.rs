@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 
 use super::buffers::{Binding, SceneBuffers};
 use super::gpu::{Gpu, UNIFORM};
-use super::passes::{Pass, Pipelines};
+use super::passes::{Pass, Pipelines, Shader};
 use crate::anatomy::bvh::MotionTables;
 use crate::anatomy::motion::Shape;
 use crate::render::constants::{FIELDS_MAX, MOTION_GROUP};
@@ -108,7 +108,8 @@ impl Motion {
         let refit = [motion, (&order, read), (&scene.triangles, read), (&extents, write), (&scene.nodes, write)];
         let mut pass = |name, step: usize, bound: &[_]| {
             let groups = [steps[step].1.div_ceil(MOTION_GROUP), 1, 1];
-            Pass::bound(gpu, pipelines, (&step_buffer, size_of::<Step>()), name, groups, &[], bound)
+            let shader = Shader { name, constants: &[], frames: 1, parts: Vec::new() };
+            Pass::bound(gpu, pipelines, (&step_buffer, size_of::<Step>()), &shader, groups, bound)
         };
         let [first, second, third] = MOTION_PASSES;
         Ok(Self {

@@ -1,9 +1,11 @@
 //! Compiled passes, cached by their specialisation, and their bindings.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::buffers::{Binding, Buffers, PARAMS_STRIDE, SceneBuffers};
 use super::gpu::Gpu;
+use super::several::source_of_frames;
 use super::shaders::{ShaderSet, TRACE, TRACE_BY_LANES};
 use crate::render::error::BackendError;
 use crate::render::params::Params;
@@ -11,11 +13,23 @@ use crate::render::params::Params;
 /// Overrides that specialise a shader, and their values.
 pub(crate) type Constants<'a> = &'a [(&'static str, f64)];
 
+/// A shader, and what specialises it.
+#[derive(Debug, Clone)]
+pub(super) struct Shader<'a> {
+    pub(super) name: &'static str,
+    pub(super) constants: Constants<'a>,
+    /// Frames that a dispatch makes.
+    pub(super) frames: u32,
+    /// Bindings of buffers that frames have parts of.
+    pub(super) parts: Vec<u32>,
+}
+
 /// A compiled pass.
 #[derive(Debug)]
 struct Compiled {
     name: &'static str,
     constants: Vec<(&'static str, f64)>,
+    frames: u32,
     layout: wgpu::BindGroupLayout,
     pipeline: wgpu::ComputePipeline,
 }
@@ -46,18 +60,19 @@ impl Pipelines {
         cold
     }
 
-    /// The pass `name`, compiled if it wasn't yet; `bound` lists its buffers after the parameters.
+    /// The pass of a shader, compiled if it wasn't yet; `bound` lists its buffers after the parameters.
     fn get(
         &mut self,
         gpu: &Gpu,
-        name: &'static str,
-        constants: Constants<'_>,
+        shader: &Shader<'_>,
         bound: &[(&wgpu::Buffer, Binding)],
     ) -> Result<Arc<Compiled>, BackendError> {
-        if let Some(known) = self.compiled.iter().find(|c| c.name == name && c.constants == constants) {
+        let Shader { name, constants, frames, .. } = *shader;
+        let is_it = |c: &&Arc<Compiled>| c.name == name && c.constants == constants && c.frames == frames;
+        if let Some(known) = self.compiled.iter().find(is_it) {
             return Ok(known.clone());
         }
-        let compiled = gpu.validated(name, || compile(&gpu.device, &self.shaders, name, constants, bound))?;
+        let compiled = gpu.validated(name, || compile(&gpu.device, &self.shaders, shader, bound))?;
         let compiled = Arc::new(compiled);
         self.compiled.push(compiled.clone());
         Ok(compiled)
@@ -67,14 +82,15 @@ impl Pipelines {
 fn compile(
     device: &wgpu::Device,
     shaders: &ShaderSet,
-    name: &'static str,
-    constants: Constants<'_>,
+    shader: &Shader<'_>,
     bound: &[(&wgpu::Buffer, Binding)],
 ) -> Compiled {
-    let descriptor = wgpu::ShaderModuleDescriptor {
-        label: Some(name),
-        source: wgpu::ShaderSource::Wgsl(shaders.source(name).into()),
+    let Shader { name, constants, frames, .. } = *shader;
+    let source: Cow<'_, str> = match shaders.source(name) {
+        source if frames > 1 => source_of_frames(source, &shader.parts, frames).into(),
+        source => source.into(),
     };
+    let descriptor = wgpu::ShaderModuleDescriptor { label: Some(name), source: wgpu::ShaderSource::Wgsl(source) };
     let checks = wgpu::ShaderRuntimeChecks {
         bounds_checks: shaders.bounds_checks,
         force_loop_bounding: false,
@@ -123,7 +139,7 @@ fn compile(
         compilation_options: wgpu::PipelineCompilationOptions { constants, zero_initialize_workgroup_memory: true },
         cache: None,
     });
-    Compiled { name, constants: constants.to_vec(), layout, pipeline }
+    Compiled { name, constants: constants.to_vec(), frames, layout, pipeline }
 }
 
 /// A compiled pass with its bindings in one configuration.
@@ -133,6 +149,7 @@ pub(crate) struct Pass {
     compiled: Arc<Compiled>,
     bindings: wgpu::BindGroup,
     groups: [u32; 3],
+    frames: u32,
 }
 
 impl Pass {
@@ -146,7 +163,11 @@ impl Pass {
     ) -> Result<Self, BackendError> {
         let (scene, buffers) = buffers;
         let bound = buffers.of_pass(scene, name);
-        Self::bound(gpu, pipelines, (&buffers.params, size_of::<Params>()), name, groups, constants, &bound)
+        let frames = buffers.frames;
+        let parts = if frames > 1 { buffers.parts_of_pass(scene, name) } else { Vec::new() };
+        let shader = Shader { name, constants, frames, parts };
+        let size = size_of::<Params>() * frames as usize;
+        Self::bound(gpu, pipelines, (&buffers.params, size), &shader, groups, &bound)
     }
 
     /// A pass with the buffers `bound` to it after its parameters, a part of a buffer of this size in bytes.
@@ -157,16 +178,16 @@ impl Pass {
         gpu: &Gpu,
         pipelines: &mut Pipelines,
         (params, size): (&wgpu::Buffer, usize),
-        name: &'static str,
+        shader: &Shader<'_>,
         groups: [u32; 3],
-        constants: Constants<'_>,
         bound: &[(&wgpu::Buffer, Binding)],
     ) -> Result<Self, BackendError> {
+        let name = shader.name;
         let offered = gpu.device.limits().max_compute_workgroups_per_dimension;
         for needed in groups {
             gpu.check_limit(name, needed.into(), "workgroups a dispatch", offered.into())?;
         }
-        let compiled = pipelines.get(gpu, name, constants, bound)?;
+        let compiled = pipelines.get(gpu, shader, bound)?;
         let params = wgpu::BufferBinding { buffer: params, offset: 0, size: wgpu::BufferSize::new(size as u64) };
         let bound = bound.iter().map(|(buffer, _)| buffer.as_entire_binding());
         let entries: Vec<_> = std::iter::once(wgpu::BindingResource::Buffer(params))
@@ -178,18 +199,28 @@ impl Pass {
         let descriptor = wgpu::BindGroupDescriptor { label: Some(name), layout, entries: &entries };
         let bindings = gpu.validated(name, || gpu.device.create_bind_group(&descriptor))?;
         let name = if name == TRACE_BY_LANES { TRACE } else { name };
-        Ok(Self { name, compiled, bindings, groups })
+        Ok(Self { name, compiled, bindings, groups, frames: shader.frames })
     }
 
     /// Records the pass with the uniforms of `batch`.
     pub(crate) fn record(&self, encoder: &mut wgpu::ComputePass<'_>, batch: u32) {
-        self.record_at(encoder, batch * PARAMS_STRIDE as u32);
+        self.record_at(encoder, batch * self.frames * PARAMS_STRIDE as u32);
+    }
+
+    /// Records the pass for the first `frames` of the frames that it makes at once.
+    pub(super) fn record_frames(&self, encoder: &mut wgpu::ComputePass<'_>, frames: u32) {
+        let [x, y, _] = self.groups;
+        self.dispatch(encoder, 0, [x, y, frames]);
     }
 
     /// Records the pass with the parameters at an offset, bytes.
     pub(super) fn record_at(&self, encoder: &mut wgpu::ComputePass<'_>, offset: u32) {
+        self.dispatch(encoder, offset, self.groups);
+    }
+
+    fn dispatch(&self, encoder: &mut wgpu::ComputePass<'_>, offset: u32, [x, y, z]: [u32; 3]) {
         encoder.set_pipeline(&self.compiled.pipeline);
         encoder.set_bind_group(0, &self.bindings, &[offset]);
-        encoder.dispatch_workgroups(self.groups[0], self.groups[1], self.groups[2]);
+        encoder.dispatch_workgroups(x, y, z);
     }
 }

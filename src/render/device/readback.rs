@@ -80,6 +80,8 @@ pub(super) struct Recorded {
     pub(super) contents: Contents,
     /// Whether they move the scene first.
     pub(super) moved: bool,
+    /// Whether they are timed: those of several frames are with the first.
+    pub(super) timed: bool,
 }
 
 #[derive(Debug)]
@@ -164,23 +166,27 @@ impl Slot {
         })
     }
 
-    /// Records the copies from the working buffers.
-    pub(crate) fn record(&self, encoder: &mut wgpu::CommandEncoder, buffers: &Buffers, recorded: Recorded) {
+    /// Records the copies from the working buffers, of their part for the `frame`-th frame.
+    pub(crate) fn record(&self, encoder: &mut wgpu::CommandEncoder, buffers: &Buffers, frame: u32, recorded: Recorded) {
         let (l, contents) = (&self.layout, recorded.contents);
+        let mut copy = |buffer: &wgpu::Buffer, to: u64, size: u64| {
+            let part = buffer.size() / u64::from(buffers.frames) * u64::from(frame);
+            encoder.copy_buffer_to_buffer(buffer, part, &self.staging, to, Some(size));
+        };
         if contents.image {
-            encoder.copy_buffer_to_buffer(&buffers.bmode, 0, &self.staging, 0, Some(l.pixels));
+            copy(&buffers.bmode, 0, l.pixels);
         }
         if contents.maps {
-            encoder.copy_buffer_to_buffer(&buffers.segmentation, 0, &self.staging, l.segmentation(), Some(l.pixels));
-            encoder.copy_buffer_to_buffer(&buffers.attenuation, 0, &self.staging, l.attenuation(), Some(4 * l.pixels));
-            encoder.copy_buffer_to_buffer(&buffers.percentile, 0, &self.staging, l.scalars(), Some(16));
+            copy(&buffers.segmentation, l.segmentation(), l.pixels);
+            copy(&buffers.attenuation, l.attenuation(), 4 * l.pixels);
+            copy(&buffers.percentile, l.scalars(), 16);
         }
-        encoder.copy_buffer_to_buffer(&buffers.overflows, 0, &self.staging, l.scalars() + 16, Some(16));
-        encoder.copy_buffer_to_buffer(&buffers.map_overflows, 0, &self.staging, l.scalars() + 32, Some(16));
+        copy(&buffers.overflows, l.scalars() + 16, 16);
+        copy(&buffers.map_overflows, l.scalars() + 32, 16);
         if l.lines > 0 {
-            encoder.copy_buffer_to_buffer(&buffers.lines, 0, &self.staging, l.lines(), Some(l.lines));
+            copy(&buffers.lines, l.lines(), l.lines);
         }
-        if let Some(queries) = &self.queries {
+        if let Some(queries) = self.queries.as_ref().filter(|_| recorded.timed) {
             let count = 2 * self.passes(recorded).count() as u32;
             encoder.resolve_query_set(&queries.set, 0..count, &queries.resolved, 0);
             encoder.copy_buffer_to_buffer(&queries.resolved, 0, &self.staging, l.times(), Some(u64::from(count) * 8));
@@ -229,7 +235,7 @@ impl Slot {
                 unpad(&mut frame.lines, lines, self.shape.samples as usize, self.shape.row_samples as usize);
             }
             frame.times.passes.clear();
-            if let Some(queries) = &self.queries {
+            if let Some(queries) = self.queries.as_ref().filter(|_| recorded.timed) {
                 let ticks: &[u64] = bytemuck::cast_slice(at(l.times(), l.queries * 8));
                 for (name, pair) in self.passes(recorded).zip(ticks.chunks_exact(2)) {
                     frame.times.add(name, pair[1].saturating_sub(pair[0]) as f64 * queries.period_ns * 1e-6);

@@ -6,20 +6,24 @@ use std::time::Instant;
 
 use super::buffers::{PARAMS_STRIDE, SceneBuffers};
 use super::configuration::DeviceConfiguration;
-use super::gpu::Gpu;
+use super::gpu::{FRAMES_AT_ONCE_MAX, Gpu};
 use super::motion::Motion;
 use super::passes::Pipelines;
 use super::readback::{Recorded, Slot};
 use super::shaders::ShaderSet;
 use super::snapshot;
 use crate::anatomy::Bvh;
-use crate::render::configuration::FrameInputs;
+use crate::render::configuration::{Configuration, FrameInputs};
 use crate::render::error::{BackendError, RenderError};
 use crate::render::frame::{Contents, DeviceTimes, FRAMES_IN_FLIGHT, Frame};
 use crate::render::kept::Kept;
 use crate::render::maker::FrameMaker;
+use crate::render::params::Params;
 use crate::render::snapshot::PassBuffers;
 use crate::settings::Effect;
+
+/// Most slots of a configuration. The number of slots of any divides it, so that frames take them in turn.
+const SLOTS_MAX: usize = FRAMES_IN_FLIGHT * FRAMES_AT_ONCE_MAX as usize;
 
 /// A frame that was submitted and not received.
 #[derive(Debug)]
@@ -41,6 +45,10 @@ struct DeviceRenderer {
     motion: Option<Motion>,
     pipelines: Pipelines,
     active: DeviceConfiguration,
+    /// The active configuration for several frames at once; none before it is needed.
+    several: Option<DeviceConfiguration>,
+    /// Whether several frames at once are known not to be worth it, or to find no memory.
+    alone: bool,
     /// The other configurations.
     kept: Kept<DeviceConfiguration>,
     in_flight: VecDeque<InFlight>,
@@ -78,18 +86,20 @@ impl DeviceRenderer {
         let tables = inputs.bvh.motion_tables();
         let motion = tables.map(|tables| Motion::new(gpu, &scene, &mut pipelines, &tables)).transpose()?;
         gpu.choose_trace(&scene, &mut pipelines, inputs);
-        let active = DeviceConfiguration::new(gpu, &scene, &mut pipelines, inputs, None)?;
+        let active = DeviceConfiguration::new(gpu, &scene, &mut pipelines, inputs, None, 1)?;
         let bends = inputs.configuration.effects.effects().has(Effect::Refraction);
         active.buffers.fill(gpu, &scene, &inputs.configuration.tables, bends, None);
-        let (map_done, mapped) = mpsc::sync_channel(FRAMES_IN_FLIGHT);
+        let (map_done, mapped) = mpsc::sync_channel(SLOTS_MAX);
         Ok(Self {
             gpu: gpu.clone(),
             scene,
             motion,
             pipelines,
             active,
+            several: None,
+            alone: false,
             kept: Kept::default(),
-            in_flight: VecDeque::with_capacity(FRAMES_IN_FLIGHT),
+            in_flight: VecDeque::with_capacity(SLOTS_MAX),
             next_slot: 0,
             mapped,
             map_done,
@@ -98,29 +108,78 @@ impl DeviceRenderer {
         })
     }
 
-    /// Uploads the uniforms of every batch.
-    fn upload_uniforms(&mut self, inputs: FrameInputs<'_>) {
-        let batches = &inputs.configuration.batches;
-        self.uniforms.clear();
-        for batch in 0..batches.batches {
-            let params = batches.params(batch, &inputs.configuration.params);
-            self.uniforms.resize((u64::from(batch) * PARAMS_STRIDE) as usize, 0);
-            self.uniforms.extend_from_slice(bytemuck::bytes_of(&params));
+    /// The configuration that makes several frames at once; made if there is none. None if one frame fills the device, or
+    /// memory is short.
+    fn several(&mut self, inputs: FrameInputs<'_>) -> Option<&DeviceConfiguration> {
+        let Configuration { params, batches, .. } = inputs.configuration;
+        if self.several.is_none() && !self.alone && batches.batches == 1 {
+            let (gpu, scene, pipelines) = (&self.gpu, &self.scene, &mut self.pipelines);
+            let paths = params.paths(batches.layers_per_batch);
+            let mut frames = gpu.frames_at_once(paths, self.active.buffers.written_bytes(scene));
+            while frames > 1 && self.several.is_none() {
+                // Tables are shared with the active configuration.
+                match DeviceConfiguration::new(gpu, scene, pipelines, inputs, Some(&self.active), frames) {
+                    Ok(several) => self.several = Some(several),
+                    Err(error) => tracing::debug!("{frames} frames at once: {error}"),
+                }
+                frames /= 2;
+            }
+            self.alone = self.several.is_none();
         }
-        self.gpu.queue.write_buffer(&self.active.buffers.params, 0, &self.uniforms);
+        self.several.as_ref()
     }
 
-    /// Begins the commands of a frame: uploads uniforms, clears the counters, and the baseband if no `march` writes it.
-    fn begin(&mut self, inputs: FrameInputs<'_>) -> wgpu::CommandEncoder {
-        self.upload_uniforms(inputs);
-        let label = wgpu::CommandEncoderDescriptor { label: Some("frame") };
-        let mut encoder = self.gpu.device.create_command_encoder(&label);
-        encoder.clear_buffer(&self.active.buffers.overflows, 0, None);
-        encoder.clear_buffer(&self.active.buffers.map_overflows, 0, None);
-        if !inputs.configuration.effects.has(Effect::Scatterers) {
-            encoder.clear_buffer(&self.active.buffers.baseband, 0, None);
+    /// Starts a frame for each of `params`, by the active configuration or by the one for several frames.
+    fn submit_to(
+        &mut self,
+        several: bool,
+        inputs: FrameInputs<'_>,
+        params: &[Params],
+        contents: Contents,
+    ) -> Result<(), BackendError> {
+        let started = Instant::now();
+        let device = if several { self.several.as_ref().unwrap_or(&self.active) } else { &self.active };
+        upload_uniforms(&self.gpu, &mut self.uniforms, device, inputs, params);
+        let mut encoder = begin(&self.gpu, device, inputs);
+        let slot = |frame: usize| &device.slots[(self.next_slot + frame) % device.slots.len()];
+        let mut index = 0;
+        let mut run = |name, record: &dyn Fn(&mut wgpu::ComputePass<'_>)| {
+            let timestamp_writes = slot(0).timestamps(index);
+            let descriptor = wgpu::ComputePassDescriptor { label: Some(name), timestamp_writes };
+            record(&mut encoder.begin_compute_pass(&descriptor));
+            index += 1;
+        };
+        let moved = self.motion.as_mut().is_some_and(|motion| motion.run(&self.gpu, &mut run));
+        let frames = params.len() as u32;
+        for (pass, batch) in device.passes(contents) {
+            run(pass.name, &|compute| {
+                if several { pass.record_frames(compute, frames) } else { pass.record(compute, batch) }
+            });
         }
-        encoder
+        let recorded = |frame: u32| Recorded { contents, moved, timed: frame == 0 };
+        for (frame, at) in (0..params.len()).zip(0u32..) {
+            slot(frame).record(&mut encoder, &device.buffers, at, recorded(at));
+        }
+        let commands = encoder.finish();
+        let record_ms = ms_since(started);
+        let started = Instant::now();
+        #[cfg(feature = "test-hooks")]
+        if let Some(hang) = &self.gpu.hang {
+            hang.submit_if_due();
+        }
+        let submission = self.gpu.queue.submit([commands]);
+        let compiled = self.pipelines.count();
+        let submit_ms = ms_since(started);
+        for (frame, at) in (0..params.len()).zip(0u32..) {
+            let slot = slot(frame).clone();
+            slot.map(&self.map_done);
+            let first = DeviceTimes { record_ms, submit_ms, ..DeviceTimes::default() };
+            let times = if frame == 0 { first } else { DeviceTimes::default() };
+            let submission = submission.clone();
+            self.in_flight.push_back(InFlight { slot, recorded: recorded(at), submission, times, compiled });
+        }
+        self.next_slot = (self.next_slot + params.len()) % SLOTS_MAX;
+        Ok(())
     }
 
     /// Waits for a submission and copies its frame out of its slot.
@@ -147,6 +206,38 @@ impl DeviceRenderer {
     }
 }
 
+/// Uploads the uniforms of every batch, each for all frames.
+fn upload_uniforms(
+    gpu: &Gpu,
+    memory: &mut Vec<u8>,
+    device: &DeviceConfiguration,
+    inputs: FrameInputs<'_>,
+    params: &[Params],
+) {
+    let batches = &inputs.configuration.batches;
+    let stride = PARAMS_STRIDE as usize * device.buffers.frames as usize;
+    memory.clear();
+    for batch in 0..batches.batches {
+        memory.resize(batch as usize * stride, 0);
+        for params in params {
+            memory.extend_from_slice(bytemuck::bytes_of(&batches.params(batch, params)));
+        }
+    }
+    gpu.queue.write_buffer(&device.buffers.params, 0, memory);
+}
+
+/// Begins the commands of a frame: clears the counters, and the baseband if no `march` writes it.
+fn begin(gpu: &Gpu, device: &DeviceConfiguration, inputs: FrameInputs<'_>) -> wgpu::CommandEncoder {
+    let label = wgpu::CommandEncoderDescriptor { label: Some("frame") };
+    let mut encoder = gpu.device.create_command_encoder(&label);
+    encoder.clear_buffer(&device.buffers.overflows, 0, None);
+    encoder.clear_buffer(&device.buffers.map_overflows, 0, None);
+    if !inputs.configuration.effects.has(Effect::Scatterers) {
+        encoder.clear_buffer(&device.buffers.baseband, 0, None);
+    }
+    encoder
+}
+
 /// Time since an instant, ms.
 fn ms_since(started: Instant) -> f64 {
     started.elapsed().as_secs_f64() * 1e3
@@ -155,11 +246,12 @@ fn ms_since(started: Instant) -> f64 {
 impl FrameMaker for DeviceRenderer {
     fn configure(&mut self, inputs: FrameInputs<'_>) -> Result<(), RenderError> {
         let previous = Some(&self.active);
-        let next = DeviceConfiguration::new(&self.gpu, &self.scene, &mut self.pipelines, inputs, previous)?;
+        let next = DeviceConfiguration::new(&self.gpu, &self.scene, &mut self.pipelines, inputs, previous, 1)?;
         let bends = inputs.configuration.effects.effects().has(Effect::Refraction);
         let tables = &inputs.configuration.tables;
         next.buffers.fill(&self.gpu, &self.scene, tables, bends, previous.map(|p| &p.buffers));
         self.active = next;
+        (self.several, self.alone) = (None, false);
         Ok(())
     }
 
@@ -167,13 +259,14 @@ impl FrameMaker for DeviceRenderer {
         let Self { gpu, scene, pipelines, kept, active, .. } = self;
         let mut new = || {
             // Buffers are not shared: tables of one configuration may change without the other's.
-            let new = DeviceConfiguration::new(gpu, scene, pipelines, inputs, None)?;
+            let new = DeviceConfiguration::new(gpu, scene, pipelines, inputs, None, 1)?;
             let bends = inputs.configuration.effects.effects().has(Effect::Refraction);
             new.buffers.fill(gpu, scene, &inputs.configuration.tables, bends, None);
             Ok::<_, RenderError>(new)
         };
         let new = if kept.has(number) { None } else { Some(new()?) };
         kept.swap(number, active, new);
+        (self.several, self.alone) = (None, false);
         Ok(())
     }
 
@@ -192,37 +285,21 @@ impl FrameMaker for DeviceRenderer {
         }
     }
 
+    fn at_once(&mut self, inputs: FrameInputs<'_>) -> usize {
+        self.several(inputs).map_or(1, |several| several.buffers.frames as usize)
+    }
+
     fn submit(&mut self, inputs: FrameInputs<'_>, contents: Contents) -> Result<(), BackendError> {
-        let started = Instant::now();
-        let mut encoder = self.begin(inputs);
-        let slot = self.active.slots[self.next_slot].clone();
-        let mut index = 0;
-        let mut run = |name, record: &dyn Fn(&mut wgpu::ComputePass<'_>)| {
-            let timestamp_writes = slot.timestamps(index);
-            let descriptor = wgpu::ComputePassDescriptor { label: Some(name), timestamp_writes };
-            record(&mut encoder.begin_compute_pass(&descriptor));
-            index += 1;
-        };
-        let moved = self.motion.as_mut().is_some_and(|motion| motion.run(&self.gpu, &mut run));
-        for (pass, batch) in self.active.passes(contents) {
-            run(pass.name, &|compute| pass.record(compute, batch));
-        }
-        let recorded = Recorded { contents, moved };
-        slot.record(&mut encoder, &self.active.buffers, recorded);
-        let commands = encoder.finish();
-        let record_ms = ms_since(started);
-        let started = Instant::now();
-        #[cfg(feature = "test-hooks")]
-        if let Some(hang) = &self.gpu.hang {
-            hang.submit_if_due();
-        }
-        let submission = self.gpu.queue.submit([commands]);
-        slot.map(&self.map_done);
-        let times = DeviceTimes { record_ms, submit_ms: ms_since(started), ..DeviceTimes::default() };
-        let compiled = self.pipelines.count();
-        self.in_flight.push_back(InFlight { slot, recorded, submission, times, compiled });
-        self.next_slot = (self.next_slot + 1) % FRAMES_IN_FLIGHT;
-        Ok(())
+        self.submit_to(false, inputs, &[inputs.configuration.params], contents)
+    }
+
+    fn submit_several(
+        &mut self,
+        inputs: FrameInputs<'_>,
+        params: &[Params],
+        contents: Contents,
+    ) -> Result<(), BackendError> {
+        self.submit_to(true, inputs, params, contents)
     }
 
     fn receive(&mut self, frame: &mut Frame) -> Result<(), BackendError> {
@@ -233,7 +310,8 @@ impl FrameMaker for DeviceRenderer {
     }
 
     fn pass_buffers(&mut self, inputs: FrameInputs<'_>) -> Result<PassBuffers, BackendError> {
-        let mut encoder = self.begin(inputs);
+        upload_uniforms(&self.gpu, &mut self.uniforms, &self.active, inputs, &[inputs.configuration.params]);
+        let mut encoder = begin(&self.gpu, &self.active, inputs);
         if let Some(motion) = &mut self.motion {
             motion.run(&self.gpu, |name, record| {
                 let descriptor = wgpu::ComputePassDescriptor { label: Some(name), timestamp_writes: None };

@@ -109,7 +109,7 @@ fn measure(
     inputs: FrameInputs<'_>,
 ) -> Result<Option<TraceTimes>, BackendError> {
     let configuration = inputs.configuration;
-    let device = DeviceConfiguration::new(gpu, scene, pipelines, inputs, None)?;
+    let device = DeviceConfiguration::new(gpu, scene, pipelines, inputs, None, 1)?;
     let bends = configuration.effects.effects().has(Effect::Refraction);
     device.buffers.fill(gpu, scene, &configuration.tables, bends, None);
     let paths = configuration.params.paths(configuration.batches.layers_per_batch);

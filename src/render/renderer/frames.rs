@@ -33,7 +33,7 @@ pub(super) struct InFlight {
 
 /// A probe in the scene.
 #[derive(Debug)]
-struct Placed {
+pub(super) struct Placed {
     pose: Pose,
     contact: Option<Contact>,
     place: Place,
@@ -120,7 +120,7 @@ impl Renderer {
     }
 
     /// Places the probe on the skin, if it is within the tolerance and contact is simulated.
-    fn touch(&self, pose: &Pose) -> Placed {
+    pub(super) fn touch(&self, pose: &Pose) -> Placed {
         let active = &self.active;
         let skin = self.skin.as_ref().filter(|_| active.effects.has(Effect::Contact));
         // The whole scene drifts, its skin included.
@@ -136,7 +136,7 @@ impl Renderer {
     }
 
     /// Sets the pose and steers the scanlines.
-    fn aim(&mut self, placed: &Placed, angle: usize) {
+    pub(super) fn aim(&mut self, placed: &Placed, angle: usize) {
         let active = &mut self.active;
         active.params.set_pose(&placed.pose, &self.bvh, &active.probe);
         active.params.set_angle(&active.tables, angle);
@@ -167,24 +167,34 @@ impl Renderer {
             return Err(RenderError::RingFull);
         }
         let started = Instant::now();
-        let generation = self.generation;
         self.aim(placed, angle);
-        let settings = &self.active.settings;
-        let maps = settings.maps || settings.effects.of(Effect::Maps) == Choice::On;
-        let contents = Contents { image: self.image || !maps || settings.lines, maps };
+        let contents = self.contents();
         let inputs = FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &self.active, angle };
         self.maker.submit(inputs, contents)?;
-        self.in_flight.push_back(InFlight {
+        let waiting = self.waiting(placed, angle, started);
+        self.in_flight.push_back(waiting);
+        Ok(())
+    }
+
+    /// Parts of the next frame.
+    pub(super) fn contents(&self) -> Contents {
+        let settings = &self.active.settings;
+        let maps = settings.maps || settings.effects.of(Effect::Maps) == Choice::On;
+        Contents { image: self.image || !maps || settings.lines, maps }
+    }
+
+    /// What is known of a frame before it is received.
+    pub(super) fn waiting(&mut self, placed: &Placed, angle: usize, started: Instant) -> InFlight {
+        InFlight {
             mask: self.active.tables.mask.clone(),
             scan: ScanGeometry::new(&self.active.probe, self.active.tables.sector),
             contact: placed.contact,
             angle,
             place: placed.place,
-            generation,
+            generation: self.generation,
             motion_ms: std::mem::take(&mut self.motion_ms),
             started,
-        });
-        Ok(())
+        }
     }
 
     /// Waits for the oldest frame in flight and copies it into `frame`.

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
 
 use super::Renderer;
 use crate::lanes::{in_order, lane_count};
@@ -30,7 +31,8 @@ impl Renderer {
     /// receives the frames in the order of the jobs, with their numbers; it may take a frame's memory.
     ///
     /// The host renders several frames at once, as many as it has threads, up to eight. Each has its share of the threads, buffers and,
-    /// if the scene moves, a copy of the tree, which are kept for the next call. A device has two frames in flight. Jobs are taken only a
+    /// if the scene moves, a copy of the tree, which are kept for the next call. A device has two frames in flight, or, where a frame is too small to fill it,
+    /// makes several at once that are of one time and follow each other. Jobs are taken only a
     /// few ahead. Afterwards time and settings are as before.
     ///
     /// # Errors
@@ -81,7 +83,7 @@ impl Renderer {
         })?
     }
 
-    /// [`Renderer::render_many`] with two frames in flight.
+    /// [`Renderer::render_many`] by a device: two frames in flight, or twice as many as it makes at once.
     fn render_in_flight<E: From<RenderError>>(
         &mut self,
         jobs: impl IntoIterator<Item = Job>,
@@ -94,17 +96,61 @@ impl Renderer {
             renderer.receive(&mut frame).map_err(|source| named(number, source))?;
             each(number, &mut frame)
         };
-        for (number, job) in jobs.into_iter().enumerate() {
-            if submitted.len() == FRAMES_IN_FLIGHT {
+        let at_once = self.frames_at_once();
+        let mut jobs = jobs.into_iter().peekable();
+        let (mut group, mut first) = (Vec::with_capacity(at_once), 0);
+        while let Some(job) = jobs.next() {
+            group.push(job);
+            // Frames of one group are of one scene.
+            while group.len() < at_once
+                && let Some(next) = jobs.next_if(|next| next.time_s == job.time_s)
+            {
+                group.push(next);
+            }
+            while submitted.len() + group.len() > FRAMES_IN_FLIGHT * at_once {
                 receive(self, &mut submitted)?;
             }
-            let started = self.prepare(&job).and_then(|()| self.submit(&job.pose));
-            started.map_err(|source| named(number, source))?;
-            submitted.push_back(number);
+            self.submit_group(&group, at_once).map_err(|(at, source)| named(first + at, source))?;
+            submitted.extend(first..first + group.len());
+            first += group.len();
+            group.clear();
         }
         while !submitted.is_empty() {
             receive(self, &mut submitted)?;
         }
+        Ok(())
+    }
+
+    /// Frames of one scene that a device makes best at once.
+    fn frames_at_once(&mut self) -> usize {
+        let inputs = FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &self.active, angle: 0 };
+        self.maker.at_once(inputs).max(1)
+    }
+
+    /// Starts the frames of `jobs`, all of one time.
+    ///
+    /// # Errors
+    /// The error, and the place of its job among them.
+    fn submit_group(&mut self, jobs: &[Job], at_once: usize) -> Result<(), (usize, RenderError)> {
+        if at_once == 1 {
+            let mut numbered = jobs.iter().enumerate();
+            return numbered.try_for_each(|(at, job)| {
+                self.prepare(job).and_then(|()| self.submit(&job.pose)).map_err(|source| (at, source))
+            });
+        }
+        let started = Instant::now();
+        let angle = self.active.tables.angles.len().saturating_sub(1);
+        let (mut params, mut waiting) = (Vec::with_capacity(jobs.len()), Vec::with_capacity(jobs.len()));
+        for (at, job) in jobs.iter().enumerate() {
+            self.prepare(job).map_err(|source| (at, source))?;
+            let placed = self.touch(&job.pose);
+            self.aim(&placed, angle);
+            params.push(self.active.params);
+            waiting.push(self.waiting(&placed, angle, started));
+        }
+        let inputs = FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &self.active, angle };
+        self.maker.submit_several(inputs, &params, self.contents()).map_err(|source| (0, source.into()))?;
+        self.in_flight.extend(waiting);
         Ok(())
     }
 

@@ -1,0 +1,68 @@
+//! Several frames of one dispatch are those that are made one by one.
+
+use glam::DVec3;
+use insonify::pose::Pose;
+use insonify::render::{
+    Backend, BackendChoice, Choice, Effect, Frame, Job, Quality, RenderError, RenderSettings, TestHooks,
+};
+
+use crate::moving::beating;
+use crate::reconfigure::untimed;
+use crate::scenes::{Case, cases, nested};
+
+/// Jobs around the pose of a case: three of a time, then the next.
+fn jobs(case: &Case, count: u32) -> Vec<Job> {
+    let job = |i: u32| Job {
+        pose: Pose { position_mm: case.pose.position_mm + DVec3::X * 0.7 * f64::from(i), ..case.pose },
+        time_s: 0.2 * f64::from(i / 3),
+        seed: 40 + i / 2,
+    };
+    (0..count).map(job).collect()
+}
+
+/// Frames of `jobs`, with up to `at_once` of them by a dispatch.
+fn rendered(case: &Case, at_once: u32, jobs: &[Job]) -> Vec<Frame> {
+    let backend = Backend::open(BackendChoice::Device).unwrap().with_frames_at_once(at_once);
+    let mut renderer = case.renderer_on(&backend, &TestHooks::default());
+    let mut frames = Vec::new();
+    for _ in 0..2 {
+        frames.clear();
+        let each = |number, frame: &mut Frame| {
+            assert_eq!(number, frames.len());
+            // The passes of a dispatch are timed with its first frame.
+            assert_eq!(frame.times.passes.is_empty(), at_once > 1 && number % 3 > 0, "{}: frame {number}", case.name);
+            frames.push(untimed(frame.clone()));
+            Ok::<_, RenderError>(())
+        };
+        renderer.render_many(jobs.iter().copied(), each).unwrap();
+    }
+    // One frame at a time is as before.
+    let mut alone = Frame::default();
+    renderer.set_time_s(jobs[0].time_s);
+    let settings = RenderSettings { quality: Quality { seed: jobs[0].seed, ..case.settings.quality }, ..case.settings };
+    renderer.reconfigure(&case.probe, &settings).unwrap();
+    renderer.render(&jobs[0].pose, &mut alone).unwrap();
+    assert!(untimed(alone) == frames[0], "{}", case.name);
+    frames
+}
+
+#[test]
+fn frames_of_one_dispatch_are_those_made_alone() {
+    let mut all = cases();
+    all.push(beating());
+    // Without scatterers nothing writes the whole baseband.
+    let mut bare = nested();
+    bare.settings.effects = bare.settings.effects.with(Effect::Scatterers, Choice::Off);
+    all.push(bare);
+    let mut without_maps = nested();
+    (without_maps.settings.maps, without_maps.settings.lines) = (false, true);
+    all.push(without_maps);
+    for case in all {
+        let jobs = jobs(&case, 8);
+        let alone = rendered(&case, 1, &jobs);
+        assert!(alone[0] != alone[1] && alone[2] != alone[3], "{}", case.name);
+        let together = rendered(&case, 4, &jobs);
+        let other: Vec<usize> = (0..jobs.len()).filter(|&i| alone[i] != together[i]).collect();
+        assert!(other.is_empty() && together.len() == jobs.len(), "{}: frames {other:?} differ", case.name);
+    }
+}
