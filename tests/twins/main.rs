@@ -226,6 +226,7 @@ const DAMAGES: [Damages; 4] = [
             "(f32(block << BLOCK_SHIFT) + 0.5)",
             "(f32((block + 1u) << BLOCK_SHIFT) + 0.5)",
         ),
+        ("attenuation in eight bits", "scan_convert", "ROOT_STEPS * root + 0.5", "257.0 * floor(255.0 * root + 0.5)"),
     ],
 ];
 

@@ -153,7 +153,7 @@ impl Buffers {
             percentile: work("percentile", 16, |b| &b.percentile)?,
             bmode: work("B-mode", pixels, |b| &b.bmode)?,
             segmentation: work("segmentation", pixels, |b| &b.segmentation)?,
-            attenuation: work("attenuation", pixels * 4, |b| &b.attenuation)?,
+            attenuation: work("attenuation", pixels * 2, |b| &b.attenuation)?,
         })
     }
 

@@ -2,6 +2,7 @@
 
 use std::sync::mpsc;
 
+use super::attenuation::unpad_levels;
 use super::buffers::Buffers;
 use super::gpu::Gpu;
 use crate::render::error::BackendError;
@@ -95,7 +96,7 @@ impl Layout {
         2 * self.pixels
     }
     fn scalars(&self) -> u64 {
-        6 * self.pixels
+        4 * self.pixels
     }
     fn lines(&self) -> u64 {
         self.scalars() + 48
@@ -111,7 +112,7 @@ impl Layout {
 impl Slot {
     pub(crate) fn new(gpu: &Gpu, shape: &Shape) -> Result<Self, BackendError> {
         let count = 2 * shape.passes.len() as u32;
-        let queries = if gpu.timestamps && count > 0 {
+        let queries = if gpu.timestamps && (1..=wgpu::QUERY_SET_MAX_QUERIES).contains(&count) {
             let usage = wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC;
             Some(Queries {
                 set: gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
@@ -162,7 +163,7 @@ impl Slot {
         }
         if contents.maps {
             encoder.copy_buffer_to_buffer(&buffers.segmentation, 0, &self.staging, l.segmentation(), Some(l.pixels));
-            encoder.copy_buffer_to_buffer(&buffers.attenuation, 0, &self.staging, l.attenuation(), Some(4 * l.pixels));
+            encoder.copy_buffer_to_buffer(&buffers.attenuation, 0, &self.staging, l.attenuation(), Some(2 * l.pixels));
             encoder.copy_buffer_to_buffer(&buffers.percentile, 0, &self.staging, l.scalars(), Some(16));
         }
         encoder.copy_buffer_to_buffer(&buffers.overflows, 0, &self.staging, l.scalars() + 16, Some(16));
@@ -207,8 +208,8 @@ impl Slot {
             frame.attenuation_p98 = 0.0;
             if contents.maps {
                 unpad(&mut frame.segmentation, at(l.segmentation(), l.pixels), width, stride);
-                let levels: &[f32] = bytemuck::cast_slice(at(l.attenuation(), 4 * l.pixels));
-                unpad(&mut frame.attenuation, levels, width, stride);
+                let roots: &[u16] = bytemuck::cast_slice(at(l.attenuation(), 2 * l.pixels));
+                unpad_levels(&mut frame.attenuation, roots, width, stride);
                 frame.attenuation_p98 = (-f32::from_bits(scalars[0])).exp();
             }
             frame.overflows = scalars[4].saturating_add(scalars[8]);

@@ -14,6 +14,8 @@ pub struct ShaderSet {
     sources: Vec<(&'static str, String)>,
     /// Whether the device checks every index; for tests.
     pub bounds_checks: bool,
+    /// Largest buffer of segments, bytes, instead of the device's choice; for tests.
+    pub segment_bytes_max: Option<u64>,
 }
 
 macro_rules! pass {
@@ -80,7 +82,7 @@ fn preamble() -> String {
             LN_SPECKLE_SILENT LN_SCALE UNSCALED DIFFUSE DIFFUSE_HALF_ROUGHNESS2 APERTURE_HALF_ANGLE
             APERTURE_HALF_ANGLE_MIN APERTURE_HALF_ANGLE_MAX FACET_COS_MIN DB_A_DOUBLING ONE_WAY BRIGHTEST_PART
             CONTRAST_MIN_NP_MM TRACKED_NP EVEN_NP SPREAD_NP VISIBLE_MIN VISIBLE_MAX_NP NEIGHBOUR_GAIN_MAX
-            TRANSMISSION_MIN DELAY_MIN HARD_SPEED UNLIKE PROFILE_CUT DENSITY_ONE LEAST_POWER GAP_NP_MM GAP_MAX_MM LN_UNCOUPLED REFLECTED_MAX PROJECTION_MIN COUPLED_MIN VISIBLE_MIN_NP;
+            TRANSMISSION_MIN DELAY_MIN HARD_SPEED UNLIKE PROFILE_CUT DENSITY_ONE LEAST_POWER GAP_NP_MM GAP_MAX_MM LN_UNCOUPLED REFLECTED_MAX PROJECTION_MIN COUPLED_MIN VISIBLE_MIN_NP ROOT_STEPS;
     };
     let readers = wgsl_readers("image_", "params.image", ImageSettings::settings());
     format!(
@@ -95,7 +97,11 @@ fn preamble() -> String {
 impl Default for ShaderSet {
     fn default() -> Self {
         let preamble = preamble();
-        Self { sources: PASSES.map(|(name, body)| (name, format!("{preamble}{body}"))).to_vec(), bounds_checks: false }
+        Self {
+            sources: PASSES.map(|(name, body)| (name, format!("{preamble}{body}"))).to_vec(),
+            bounds_checks: false,
+            segment_bytes_max: None,
+        }
     }
 }
 
