@@ -102,9 +102,10 @@ impl DeviceConfiguration {
         // Maps need no paths: each of their passes runs beside one that leaves most of a GPU idle.
         let map_passes = [
             pass("section", spread(params.map_rays, rays_apart, 32), &[("LANES_APART", f64::from(rays_apart))])?,
+            pass("section", [params.map_depths.div_ceil(32), params.map_rays, 1], &[("RASTER", 1.0)])?,
             pass("percentile", [1, 1, 1], &[])?,
         ];
-        for (map_pass, place) in map_passes.into_iter().zip([2, 4]) {
+        for (map_pass, place) in map_passes.into_iter().zip([2, 4, 5]) {
             order.insert(place.min(order.len()), (passes.len(), 0));
             passes.push(map_pass);
         }
