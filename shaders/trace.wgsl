@@ -96,18 +96,18 @@ override LANES_APART: u32 = 1u;
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    let line_rays = params.scanlines * params.rays;
+    let of_layer = params.line_count * params.rays;
     let path = id.x / LANES_APART;
     if id.x % LANES_APART != 0u {
         return;
     }
-    if path >= line_rays * params.layer_count + params.guides {
+    if path >= of_layer * params.layer_count + params.guides {
         return;
     }
     let guide = is_guide(path);
-    let line_ray = path % line_rays;
+    let line_ray = params.line_first * params.rays + path % of_layer;
     // Guides are the same in all batches.
-    let layer = select(params.layer_first + path / line_rays, 0u, guide);
+    let layer = select(params.layer_first + path / of_layer, 0u, guide);
     // Over rays and layers, echoes in phase add in amplitude, others in power.
     // A guide's echoes stand for those of diverted paths, in their place.
     let weight_in_phase = select(1.0 / f32(params.rays * params.layers), 1.0, guide);

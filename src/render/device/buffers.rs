@@ -93,7 +93,7 @@ impl Buffers {
         keep_lines: bool,
         previous: Option<&Self>,
     ) -> Result<Self, BackendError> {
-        let paths = u64::from(params.paths(plan.layers_per_batch));
+        let paths = u64::from(plan.params(0, params).paths());
         let samples = u64::from(params.scanlines) * u64::from(params.row_samples);
         let pixels = u64::from(params.row_words * 4) * u64::from(params.image.height);
         let sector_pixels = tables.sector_words.len() as u64 * 16;
@@ -144,7 +144,7 @@ impl Buffers {
             focused: work("focused baseband", samples * 8, |b| &b.focused)?,
             polar: work("polar image", samples * 4, |b| &b.polar)?,
             lines: work("lines", if keep_lines { samples * 8 } else { 16 }, |b| &b.lines)?,
-            aperture: ApertureBuffers::new(gpu, tables, params, previous.map(|b| &b.aperture))?,
+            aperture: ApertureBuffers::new(gpu, tables, params, plan, previous.map(|b| &b.aperture))?,
             kept_powers: work("scatterer powers", if plan.batches > 1 { samples * 16 } else { 16 }, |b| {
                 &b.kept_powers
             })?,
@@ -270,6 +270,7 @@ impl Buffers {
                 (&self.aperture.mask, write),
                 (&self.aperture.row_np, write),
                 (&self.rays, read),
+                (&self.aperture.partial_sums, write),
             ],
             "propagate" => vec![
                 (&self.aperture.shape, uniform),

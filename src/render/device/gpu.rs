@@ -3,6 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
+use crate::render::batch_plan::SEGMENT_BYTES_LEAST;
 use crate::render::error::BackendError;
 
 /// Uses of buffers that passes read and write, and of small tables.
@@ -217,6 +218,17 @@ impl Gpu {
             return 1;
         }
         1 << (SPREAD_THREADS / threads.max(1)).clamp(1, LANES_APART_MAX).ilog2()
+    }
+
+    /// Largest buffer of segments, bytes: a share of the memory of the smallest devices of the kind.
+    pub(super) fn segment_bytes_max(&self) -> u64 {
+        let share = match self.info.device_type {
+            wgpu::DeviceType::DiscreteGpu => 1 << 30,
+            wgpu::DeviceType::Cpu => SEGMENT_BYTES_LEAST,
+            _ => 1 << 28,
+        };
+        let limits = self.device.limits();
+        share.min(limits.max_storage_buffer_binding_size).min(limits.max_buffer_size)
     }
 
     /// Whether the adapter is software on the CPU.

@@ -95,7 +95,7 @@ impl DeviceRenderer {
 
     /// Uploads the uniforms of every batch.
     fn upload_uniforms(&mut self, inputs: FrameInputs<'_>) {
-        let batches = &inputs.configuration.batches;
+        let batches = self.active.batches;
         self.uniforms.clear();
         for batch in 0..batches.batches {
             let params = batches.params(batch, &inputs.configuration.params);
@@ -236,8 +236,11 @@ impl FrameMaker for DeviceRenderer {
         }
     }
 
-    fn pass_buffers(&mut self, inputs: FrameInputs<'_>) -> Result<PassBuffers, BackendError> {
+    fn pass_buffers(&mut self, inputs: FrameInputs<'_>) -> Result<PassBuffers, RenderError> {
+        if let batches @ 2.. = self.active.batches.batches {
+            return Err(RenderError::Batches { batches });
+        }
         let encoder = self.begin(inputs);
-        snapshot::pass_buffers(&self.gpu, encoder, &self.active, &inputs.configuration.params)
+        Ok(snapshot::pass_buffers(&self.gpu, encoder, &self.active, &inputs.configuration.params)?)
     }
 }
