@@ -84,14 +84,18 @@ fn count_of(path: u32) -> u32 {
     return max(segment_counts[path], 1u) - 1u;
 }
 
-// The `ordinal`-th path of a scanline: rays fastest, then layers.
+// The `ordinal`-th path of a scanline in this batch: rays fastest, then layers.
 fn path_of(line: u32, ordinal: u32) -> u32 {
-    return (ordinal / params.rays * params.scanlines + line) * params.rays + ordinal % params.rays;
+    let of_batch = ordinal / params.rays * params.line_count + line - params.line_first;
+    return of_batch * params.rays + ordinal % params.rays;
 }
 
 @compute @workgroup_size(64)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
-    let line = group.x;
+    if group.x >= params.line_count {
+        return;
+    }
+    let line = params.line_first + group.x;
     let weight = 1.0 / f32(params.rays * params.layers);
     let paths = params.rays * params.layer_count;
     for (var first = 0u; first < paths; first += THREADS) {

@@ -22,7 +22,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x % LANES_APART != 0u {
         return;
     }
-    if path >= params.scanlines * params.rays * params.layer_count + params.guides {
+    if path >= params.line_count * params.rays * params.layer_count + params.guides {
         return;
     }
     let ray = launch(path);

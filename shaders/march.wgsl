@@ -108,9 +108,9 @@ fn range_of(sample: u32) -> f32 {
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    let line = id.y;
+    let line = params.line_first + id.y;
     let first = id.x * RUN;
-    if first >= params.row_samples {
+    if first >= params.row_samples || id.y >= params.line_count {
         return;
     }
     path = 0xffffffffu;
@@ -134,13 +134,25 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     path = 0xffffffffu;
     var power: array<vec3<f32>, RUN>;
     var by_reflections = 0.0;
+    let block = first >> BLOCK_SHIFT;
+    let of_block = line * (params.row_samples >> BLOCK_SHIFT) + block;
+    let begins_block = first % DEPTH_BLOCK == 0u;
+    // The sums of earlier dispatches go on, as if their layers were in this one.
+    if !begins {
+        for (var i = 0u; i < RUN; i++) {
+            power[i] = powers[out + i].xyz;
+        }
+        if APERTURE && begins_block {
+            by_reflections = reflected[of_block];
+        }
+    }
     let weight = 1.0 / f32(params.rays * params.layers);
     for (var layer = 0u; layer < params.layer_count; layer++) {
         for (var ray = 0u; ray < params.rays; ray++) {
             for (var pair = 0u; pair < RUN / 2u; pair++) {
                 let i = 2u * pair;
                 let range_mm = range_of(first + i);
-                seek((layer * params.scanlines + line) * params.rays + ray, first + i, range_mm);
+                seek((layer * params.line_count + id.y) * params.rays + ray, first + i, range_mm);
                 let here = weight * scatterer_power();
                 if APERTURE && (bitcast<u32>(s2.z) & DIVERTED) == 0u {
                     power[i] += seen[i] * here;
@@ -159,11 +171,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             }
         }
     }
-    let block = first >> BLOCK_SHIFT;
-    if APERTURE && first % DEPTH_BLOCK == 0u {
-        let at = line * (params.row_samples >> BLOCK_SHIFT) + block;
-        by_reflections += select(reflected[at], 0.0, begins);
-        reflected[at] = select(by_reflections, reflected_over_seen(by_reflections, seen[0] * (guided[0].x + guided[0].y)), ends);
+    if APERTURE && begins_block {
+        reflected[of_block] = select(by_reflections, reflected_over_seen(by_reflections, seen[0] * (guided[0].x + guided[0].y)), ends);
     }
     let gain = UNSCALED * scatterer_gain[block >> 2u][block & 3u];
     var textured: array<f32, RUN / TEXTURE_SAMPLES>;
@@ -184,21 +193,16 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     // Samples restart once more.
     path = 0xffffffffu;
     for (var i = 0u; i < RUN; i += 2u) {
-        var sums = array<vec3<f32>, 2>(power[i], power[i + 1u]);
-        if !begins {
-            sums[0] += powers[out + i].xyz;
-            sums[1] += powers[out + i + 1u].xyz;
-        }
         var echoed = vec4<f32>(0.0);
         if ends {
             let range_mm = range_of(first + i);
             seek(guide, first + i, range_mm);
             let here = gain * textured[i / TEXTURE_SAMPLES];
             echoed = vec4<f32>(
-                echo_at(range_mm, sums[0], here, reach), echo_at(range_of(first + i + 1u), sums[1], here, reach));
+                echo_at(range_mm, power[i], here, reach), echo_at(range_of(first + i + 1u), power[i + 1u], here, reach));
         } else {
-            powers[out + i] = vec4<f32>(sums[0], 0.0);
-            powers[out + i + 1u] = vec4<f32>(sums[1], 0.0);
+            powers[out + i] = vec4<f32>(power[i], 0.0);
+            powers[out + i + 1u] = vec4<f32>(power[i + 1u], 0.0);
         }
         // `baseband` already holds the echoes of earlier dispatches.
         let at = (out + i) >> 1u;

@@ -1,5 +1,6 @@
 // From scanlines to pixels: B-mode and, with MAPS, segmentation and attenuation in one pass. A thread makes one word:
 // four pixels of a row. Words outside the sector have no thread and stay zero.
+// The attenuation leaves as 16 bits a pixel, those of its square root: dark levels keep more digits.
 
 @group(0) @binding(0) var<uniform> params: Params;
 // For each word that overlaps the sector, four pixel centres as fractions of the sector's width (lowest ACROSS_BITS
@@ -11,7 +12,7 @@
 @group(0) @binding(5) var<uniform> tissues: array<Tissue, TISSUES_MAX>;
 @group(0) @binding(6) var<storage, read_write> bmode: array<u32>;
 @group(0) @binding(7) var<storage, read_write> segmentation: array<u32>;
-@group(0) @binding(8) var<storage, read_write> attenuation: array<vec4<f32>>;
+@group(0) @binding(8) var<storage, read_write> attenuation: array<vec2<u32>>;
 // Index of each of those words in the image.
 @group(0) @binding(9) var<storage, read> words: array<u32>;
 
@@ -24,7 +25,8 @@ const DEPTH_SCALE: f32 = 1.0 / f32((1u << (32u - ACROSS_BITS)) - 2u);
 struct Pixel {
     grey: u32,
     tissue: u32,
-    level: f32,
+    // Square root of the attenuation, in steps of 1 / ROOT_STEPS.
+    root: u32,
 }
 
 // One-way Σμ and tissue of a map ray at a depth.
@@ -94,7 +96,7 @@ fn convert(place: u32, map_place: u32, percentile_np: f32) -> Pixel {
     let grey = u32(i32(255.0 * mix(mix(a.x, a.y, along), mix(b.x, b.y, along), fract(line)) + 0.5));
     let inside = place != OUTSIDE;
     if !MAPS {
-        return Pixel(select(0u, grey, inside), 0u, 0.0);
+        return Pixel(select(0u, grey, inside), 0u, 0u);
     }
 
     let map_at = unpacked(map_place);
@@ -109,8 +111,9 @@ fn convert(place: u32, map_place: u32, percentile_np: f32) -> Pixel {
     let sum = max(mix(one.sum_np, next.sum_np, part), 0.0);
     let tissue = select(one.tissue, next.tissue, part >= 0.5);
     let ln_level = percentile_np - sum;
-    let level = select(0.0, exp(clamp(ln_level, LN_SILENT, 0.0)), ln_level > LN_SILENT);
-    return Pixel(select(0u, grey, inside), select(0u, tissue + FIRST_TISSUE, mapped), select(0.0, level, mapped));
+    let root = exp(0.5 * clamp(ln_level, LN_SILENT, 0.0));
+    let steps = select(0u, u32(i32(ROOT_STEPS * root + 0.5)), mapped && ln_level > LN_SILENT);
+    return Pixel(select(0u, grey, inside), select(0u, tissue + FIRST_TISSUE, mapped), steps);
 }
 
 @compute @workgroup_size(128)
@@ -129,7 +132,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let p3 = convert(places.w, straight.w, p);
     bmode[word] = p0.grey | p1.grey << 8u | p2.grey << 16u | p3.grey << 24u;
     if MAPS {
-        attenuation[word] = vec4<f32>(p0.level, p1.level, p2.level, p3.level);
+        attenuation[word] = vec2<u32>(p0.root | p1.root << 16u, p2.root | p3.root << 16u);
         segmentation[word] = p0.tissue | p1.tissue << 8u | p2.tissue << 16u | p3.tissue << 24u;
     }
 }

@@ -19,15 +19,38 @@ const CROSSINGS: u32 = CROSSINGS_OF_A_MAP_RAY;
 // Threads started for each one that searches, so that fewer lanes of a group wait for each other.
 override LANES_APART: u32 = 1u;
 
-@compute @workgroup_size(32)
-fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    let ray = id.x / LANES_APART;
-    if id.x % LANES_APART != 0u {
-        return;
+// The second dispatch of a frame: the raster from the runs, a thread a ray and depth.
+override RASTER: bool = false;
+
+// Number of a ray's runs that end at or before a depth.
+fn runs_before(ray: u32, at_mm: f32) -> u32 {
+    var low = 0u;
+    var high = entry_counts[ray] - 1u;
+    while low < high {
+        let middle = (low + high) >> 1u;
+        if entries[ray * ENTRIES + middle + 1u].x <= at_mm {
+            low = middle + 1u;
+        } else {
+            high = middle;
+        }
     }
-    if ray >= params.map_rays {
-        return;
+    return low;
+}
+
+fn raster_word(ray: u32, depth: u32) -> u32 {
+    let at_mm = f32(depth) * params.map_step_mm;
+    let run = runs_before(ray, at_mm);
+    let entry = entries[ray * ENTRIES + run];
+    var end = 2.0 * params.depth_mm + 1.0;
+    if run + 1u < entry_counts[ray] {
+        end = entries[ray * ENTRIES + run + 1u].x;
     }
+    let sum = entry.y + entry.z * (at_mm - entry.x);
+    let whole = select(0u, WHOLE, at_mm + params.map_step_mm < end);
+    return (bitcast<u32>(max(sum, 0.0)) << 1u & 0xfffffe00u) | whole | (bitcast<u32>(entry.w) & TISSUE_MASK);
+}
+
+fn cut(ray: u32) {
     let origin = scene_from_probe_point(map_rays[2u * ray].xyz);
     let direction = normalize(scene_from_probe_vector(map_rays[2u * ray + 1u].xyz));
     collect(origin, direction, -params.reach_mm, params.depth_mm);
@@ -69,27 +92,21 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
     }
     entry_counts[ray] = count;
-
-    var depth = 0u;
-    for (var run = 0u; run < count; run++) {
-        let entry = entries[ray * ENTRIES + run];
-        var end = 2.0 * params.depth_mm + 1.0;
-        if run + 1u < count {
-            end = entries[ray * ENTRIES + run + 1u].x;
-        }
-        let id = bitcast<u32>(entry.w) & TISSUE_MASK;
-        loop {
-            let at_mm = f32(depth) * params.map_step_mm;
-            if at_mm >= end || depth >= params.map_depths {
-                break;
-            }
-            let sum = entry.y + entry.z * (at_mm - entry.x);
-            let whole = select(0u, WHOLE, at_mm + params.map_step_mm < end);
-            raster[ray * params.map_depths + depth] = (bitcast<u32>(max(sum, 0.0)) << 1u & 0xfffffe00u) | whole | id;
-            depth++;
-        }
-    }
     if lost > 0u {
         atomicAdd(&overflows[0], lost);
+    }
+}
+
+@compute @workgroup_size(32)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if RASTER {
+        if id.x < params.map_depths {
+            raster[id.y * params.map_depths + id.x] = raster_word(id.y, id.x);
+        }
+        return;
+    }
+    let ray = id.x / LANES_APART;
+    if id.x % LANES_APART == 0u && ray < params.map_rays {
+        cut(ray);
     }
 }

@@ -93,14 +93,14 @@ fn place_interface(first: u32, end: u32) -> u32 {
 }
 
 fn trace_path(path: u32) {
-    let line_rays = params.scanlines * params.rays;
-    if path >= line_rays * params.layer_count + params.guides {
+    let of_layer = params.line_count * params.rays;
+    if path >= of_layer * params.layer_count + params.guides {
         return;
     }
     let guide = is_guide(path);
-    let line_ray = path % line_rays;
+    let line_ray = params.line_first * params.rays + path % of_layer;
     // Guides are the same in all batches.
-    let layer = select(params.layer_first + path / line_rays, 0u, guide);
+    let layer = select(params.layer_first + path / of_layer, 0u, guide);
     // Over rays and layers, echoes in phase add in amplitude, others in power.
     // A guide's echoes stand for those of diverted paths, in their place.
     let weight_in_phase = select(1.0 / f32(params.rays * params.layers), 1.0, guide);

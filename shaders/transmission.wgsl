@@ -14,6 +14,8 @@
 @group(0) @binding(5) var<storage, read_write> transmissions: array<vec2<f32>>;
 @group(0) @binding(6) var<storage, read_write> row_np: array<f32>;
 @group(0) @binding(7) var<storage, read> rays: array<vec4<f32>>;
+// Between batches of scanlines of one layer: sums over the rays of each cell.
+@group(0) @binding(8) var<storage, read_write> partial_sums: array<vec2<f32>>;
 
 // The second dispatch of a frame: what each row has in common.
 override ROWS: bool = false;
@@ -83,36 +85,64 @@ fn path_delay(path: u32, guide: u32, at: u32, from_mm: f32, to_mm: f32) -> f32 {
     return own.x + delay_between(guide, 1.0, segment_from(guide, 0u, own.y), own.y, to_mm, true).x;
 }
 
-// Means of a cell over the layers of this batch: of the fourth power of the transmission, and of the delay in mm.
-fn means(cell: u32, from_mm: f32, to_mm: f32) -> vec2<f32> {
+// Sums of a cell over its rays in one layer: of the transmission, of the delay in mm, and of the weights. `before` holds the first
+// two over the scanlines before this batch's.
+fn ray_sums(cell: u32, layer: u32, from_mm: f32, to_mm: f32, before: vec2<f32>) -> vec3<f32> {
     let of_cell = cell_rays[cell];
     let parts = unpack2x16unorm(of_cell.w);
-    var power = 0.0;
-    var late_mm = 0.0;
+    let here = params.line_count * params.rays;
+    var sum = before.x;
+    var late = before.y;
+    var total = 0.0;
+    for (var ray = 0u; ray < of_cell.z; ray++) {
+        let line_ray = of_cell.x + ray * of_cell.y;
+        let weight = select(1.0, parts.x, ray == 0u) * select(1.0, parts.y, ray + 1u == of_cell.z);
+        total += weight;
+        let of_batch = line_ray - params.line_first * params.rays;
+        // Scanlines before the batch's wrap to great numbers.
+        if of_batch >= here {
+            continue;
+        }
+        let path = layer * here + of_batch;
+        let guide = guide_of(line_ray / params.rays);
+        let first = own_segment(path, 0u, from_mm);
+        let last = own_segment(path, first, to_mm);
+        let lost = path_loss(path, guide, last, to_mm) - path_loss(path, guide, first, from_mm);
+        sum += weight * exp(-clamp(lost, 0.0, 80.0));
+        if aperture.turns_per_mm > 0.0 {
+            late += weight * path_delay(path, guide, first, from_mm, to_mm);
+        }
+    }
+    return vec3<f32>(sum, late, total);
+}
+
+// Adds the layers of this batch to the means of a cell.
+fn add_layers(plane: u32, cell: u32) {
+    let from_mm = f32(plane) * aperture.plane_mm;
+    let to_mm = f32(plane + 1u) * aperture.plane_mm;
+    let at = plane * aperture.cells + cell;
+    let lines_end = params.line_first + params.line_count == params.scanlines;
+    var means = vec2<f32>(0.0);
+    if params.layer_first > 0u {
+        means = transmissions[at];
+    }
     for (var layer = 0u; layer < params.layer_count; layer++) {
-        var sum = 0.0;
-        var late = 0.0;
-        var total = 0.0;
-        for (var ray = 0u; ray < of_cell.z; ray++) {
-            let line_ray = of_cell.x + ray * of_cell.y;
-            let path = layer * params.scanlines * params.rays + line_ray;
-            let guide = guide_of(line_ray / params.rays);
-            let first = own_segment(path, 0u, from_mm);
-            let last = own_segment(path, first, to_mm);
-            let lost = path_loss(path, guide, last, to_mm) - path_loss(path, guide, first, from_mm);
-            let weight = select(1.0, parts.x, ray == 0u) * select(1.0, parts.y, ray + 1u == of_cell.z);
-            sum += weight * exp(-clamp(lost, 0.0, 80.0));
-            if aperture.turns_per_mm > 0.0 {
-                late += weight * path_delay(path, guide, first, from_mm, to_mm);
-            }
-            total += weight;
+        var before = vec2<f32>(0.0);
+        if params.line_first > 0u {
+            before = partial_sums[at];
+        }
+        let sums = ray_sums(cell, layer, from_mm, to_mm, before);
+        if !lines_end {
+            partial_sums[at] = sums.xy;
+            return;
         }
         // Powers of layers add, on both ways.
-        let mean = sum / total;
-        power += (mean * mean) * (mean * mean) / f32(params.layers);
-        late_mm += late / (total * f32(params.layers));
+        let mean = sums.x / sums.z;
+        means.x += (mean * mean) * (mean * mean) / f32(params.layers);
+        means.y += sums.y / (sums.z * f32(params.layers));
     }
-    return vec2<f32>(power, late_mm);
+    let ends = params.layer_first + params.layer_count == params.layers;
+    transmissions[at] = vec2<f32>(select(means.x, sqrt(sqrt(means.x)), ends), means.y);
 }
 
 // Divides a row by its greatest transmission, and turns delays into phases.
@@ -150,9 +180,5 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     if cell >= aperture.cells {
         return;
     }
-    let at = plane * aperture.cells + cell;
-    let value = means(cell, f32(plane) * aperture.plane_mm, f32(plane + 1u) * aperture.plane_mm);
-    let sum = value + select(transmissions[at], vec2<f32>(0.0), params.layer_first == 0u);
-    let ends = params.layer_first + params.layer_count == params.layers;
-    transmissions[at] = vec2<f32>(select(sum.x, sqrt(sqrt(sum.x)), ends), sum.y);
+    add_layers(plane, cell);
 }

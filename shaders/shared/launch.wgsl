@@ -12,20 +12,21 @@ struct Launch {
 fn elevation_of(path: u32) -> vec3<f32> {
     let line_rays = params.scanlines * params.rays;
     let angle = params.angle_words / max(params.sector_words, 1u);
-    let layer = angle * params.layers + params.layer_first + path / line_rays;
+    let layer = angle * params.layers + params.layer_first + path / (params.line_count * params.rays);
     let across = layer * params.rays + path % params.rays;
     let at = 2u * (line_rays + params.scanlines) + select(across, 0u, is_guide(path));
     return select(rays[at].xyz, vec3<f32>(0.0, 0.0, 1.0), is_guide(path));
 }
 
 fn is_guide(path: u32) -> bool {
-    return path >= params.scanlines * params.rays * params.layer_count;
+    return path >= params.line_count * params.rays * params.layer_count;
 }
 
 fn launch(path: u32) -> Launch {
-    let line_rays = params.scanlines * params.rays;
+    let of_layer = params.line_count * params.rays;
     // The axes follow the rays in their table.
-    let ray = 2u * select(path % line_rays, path - line_rays * params.layer_count + line_rays, is_guide(path));
+    let axis = path - of_layer * params.layer_count + params.scanlines * params.rays;
+    let ray = 2u * select(params.line_first * params.rays + path % of_layer, axis, is_guide(path));
     let elevation = elevation_of(path);
     let origin = rays[ray].xyz + vec3<f32>(0.0, elevation.x, 0.0);
     let straight = rays[ray + 1u].xyz;

@@ -21,5 +21,5 @@ fn segment_from(path: u32, first: u32, range_mm: f32) -> u32 {
 
 // The path of a scanline that passes every interface: its guide, or its only path.
 fn guide_of(line: u32) -> u32 {
-    return select(params.layer_count * params.scanlines * params.rays, 0u, params.guides == 0u) + line;
+    return select(params.layer_count * params.line_count * params.rays, 0u, params.guides == 0u) + line;
 }

@@ -24,8 +24,11 @@ struct Params {
     scanlines: u32,
     samples: u32,
     rays: u32,
+    // Layers and scanlines of this dispatch.
     layer_first: u32,
     layer_count: u32,
+    line_first: u32,
+    line_count: u32,
     seed: u32,
     lateral_half: u32,
     axial_half: u32,
@@ -52,7 +55,7 @@ struct Params {
     sector_words: u32,
     // Most reflections of a path.
     reflections_max: u32,
-    // Elevational layers of the frame; this dispatch has layer_count of them.
+    // Elevational layers of the frame.
     layers: u32,
     // Guide paths, which place the scatterers: one per scanline; 0 if a scanline has only one path.
     guides: u32,

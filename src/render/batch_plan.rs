@@ -1,30 +1,127 @@
-//! Split of a frame's layers into batches whose segments fit into one buffer.
+//! Split of a frame's paths into batches whose segments fit into one buffer.
 
 use super::constants::SEGMENTS;
 use super::params::Params;
 
-/// Largest buffer of segments, bytes: within the 128 MiB that every device binds.
-const SEGMENT_BYTES_MAX: u64 = 96 << 20;
+/// Least size of a buffer of segments, bytes: within the 128 MiB that every device binds.
+pub(crate) const SEGMENT_BYTES_LEAST: u64 = 96 << 20;
 
-/// Split of a frame's layers.
+/// Split of a frame's paths: by layers, and of a layer that is too large by scanlines. Every batch also holds the guides.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct BatchPlan {
-    pub(crate) layers_per_batch: u32,
+    layers_per_batch: u32,
+    lines_per_batch: u32,
+    /// Batches of the same layers.
+    parts: u32,
     pub(crate) batches: u32,
 }
 
+/// Memory of the segments of a path, bytes.
+const PATH_BYTES: u64 = SEGMENTS as u64 * 48;
+
 impl BatchPlan {
-    /// Plan of a frame of `scanlines` × `rays` × `layers` paths.
-    pub(crate) fn new(scanlines: u32, rays: u32, layers: u32) -> Self {
-        let bytes = |paths: u32| u64::from(scanlines) * u64::from(paths) * u64::from(SEGMENTS) * 48;
-        // Every batch also holds the guides.
-        let fits = ((SEGMENT_BYTES_MAX - bytes(1)) / bytes(rays)).clamp(1, u64::from(layers)) as u32;
-        Self { layers_per_batch: fits, batches: layers.div_ceil(fits) }
+    /// Split of a frame into whole layers: as many as fit into the least buffer, or one.
+    pub(crate) fn by_layers(whole: &Params) -> Self {
+        let of_layer = u64::from(whole.scanlines) * u64::from(whole.rays) * PATH_BYTES;
+        let guides = u64::from(whole.scanlines) * PATH_BYTES;
+        let fits = SEGMENT_BYTES_LEAST.saturating_sub(guides) / of_layer.max(1);
+        let layers_per_batch = fits.clamp(1, u64::from(whole.layers.max(1))) as u32;
+        let batches = whole.layers.div_ceil(layers_per_batch);
+        Self { layers_per_batch, lines_per_batch: whole.scanlines, parts: 1, batches }
     }
 
-    /// Uniforms of one batch; `whole` are the frame's.
+    /// Split of a frame into batches whose segments take up to `bytes_max`, or hold one scanline of one layer.
+    #[cfg_attr(not(feature = "gpu"), allow(dead_code, reason = "the host takes whole layers"))]
+    pub(crate) fn within(bytes_max: u64, whole: &Params) -> Self {
+        let of_line = u64::from(whole.rays) * PATH_BYTES;
+        let guides = u64::from(whole.scanlines) * PATH_BYTES;
+        let lines = bytes_max.saturating_sub(guides) / of_line.max(1);
+        let layers = lines / u64::from(whole.scanlines.max(1));
+        if layers >= 1 || whole.single() {
+            let layers_per_batch = layers.clamp(1, u64::from(whole.layers.max(1))) as u32;
+            let batches = whole.layers.div_ceil(layers_per_batch);
+            return Self { layers_per_batch, lines_per_batch: whole.scanlines, parts: 1, batches };
+        }
+        let parts = whole.scanlines.div_ceil(lines.max(1) as u32);
+        let lines_per_batch = whole.scanlines.div_ceil(parts);
+        let parts = whole.scanlines.div_ceil(lines_per_batch);
+        Self { layers_per_batch: 1, lines_per_batch, parts, batches: whole.layers * parts }
+    }
+
+    /// Uniforms of one batch; `whole` are the frame's. The first batch has the most paths.
     pub(crate) fn params(&self, batch: u32, whole: &Params) -> Params {
-        let layer_first = batch * self.layers_per_batch;
-        Params { layer_first, layer_count: self.layers_per_batch.min(whole.layer_count - layer_first), ..*whole }
+        let (layer_first, line_first) =
+            (batch / self.parts * self.layers_per_batch, batch % self.parts * self.lines_per_batch);
+        Params {
+            layer_first,
+            layer_count: self.layers_per_batch.min(whole.layers - layer_first),
+            line_first,
+            line_count: self.lines_per_batch.min(whole.scanlines - line_first),
+            ..*whole
+        }
+    }
+
+    /// Whether a layer is in several batches.
+    #[cfg_attr(not(feature = "gpu"), allow(dead_code, reason = "the host takes whole layers"))]
+    pub(crate) fn splits_layers(&self) -> bool {
+        self.parts > 1
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn whole(scanlines: u32, rays: u32, layers: u32) -> Params {
+        let (layer_count, line_count) = (layers, scanlines);
+        Params { scanlines, rays, layers, layer_count, line_count, guides: scanlines, ..bytemuck::Zeroable::zeroed() }
+    }
+
+    /// Checks that batches hold each scanline of each layer once, in order, within `bytes_max`; returns their number.
+    fn checked(plan: BatchPlan, bytes_max: u64, whole: &Params) -> u32 {
+        let mut taken = Vec::new();
+        for batch in 0..plan.batches {
+            let params = plan.params(batch, whole);
+            assert!(u64::from(params.paths()) * PATH_BYTES <= bytes_max, "{plan:?}");
+            assert!(params.paths() <= plan.params(0, whole).paths(), "{plan:?}");
+            for layer in params.layer_first..params.layer_first + params.layer_count {
+                let lines = params.line_first..params.line_first + params.line_count;
+                taken.extend(lines.map(|line| (layer, line)));
+            }
+        }
+        let all = (0..whole.layers).flat_map(|layer| (0..whole.scanlines).map(move |line| (layer, line)));
+        assert!(taken.iter().copied().eq(all), "{plan:?}");
+        plan.batches
+    }
+
+    #[test]
+    fn batches_hold_every_scanline_of_every_layer_once() {
+        let least = SEGMENT_BYTES_LEAST;
+        for (lines, rays, layers, bytes_max, batches) in [
+            (256, 32, 3, least, 1),
+            (256, 128, 3, least, 3),
+            (256, 128, 3, 1 << 30, 1),
+            (1024, 256, 1, least, 6),
+            (1024, 256, 3, least, 18),
+            (1024, 256, 3, 1 << 30, 2),
+            (33, 7, 3, 900 * PATH_BYTES, 1),
+            (33, 7, 3, 100 * PATH_BYTES, 12),
+            (33, 7, 3, 40 * PATH_BYTES, 99),
+        ] {
+            let whole = whole(lines, rays, layers);
+            assert_eq!(checked(BatchPlan::within(bytes_max, &whole), bytes_max, &whole), batches, "{lines} {rays}");
+        }
+    }
+
+    #[test]
+    fn the_host_and_the_least_buffer_agree_where_layers_fit() {
+        for (lines, rays, layers) in [(256, 1, 1), (256, 32, 3), (256, 128, 3), (33, 200, 10)] {
+            let whole = whole(lines, rays, layers);
+            let plan = BatchPlan::by_layers(&whole);
+            assert_eq!(BatchPlan::within(SEGMENT_BYTES_LEAST, &whole), plan);
+            checked(plan, SEGMENT_BYTES_LEAST, &whole);
+        }
+        // A layer is not split.
+        assert_eq!(BatchPlan::by_layers(&whole(1024, 256, 2)).batches, 2);
     }
 }

@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use super::batch_plan::BatchPlan;
 use super::constants::MOVES;
 use super::error::RenderError;
 use super::kernels::ClippedKernel;
@@ -74,7 +73,6 @@ pub(super) struct Configuration {
     pub(super) effects: EffectPlan,
     pub(super) params: Params,
     pub(super) tables: Arc<Tables>,
-    pub(super) batches: BatchPlan,
 }
 
 impl Configuration {
@@ -103,8 +101,7 @@ impl Configuration {
             }
         };
         let params = Params::new(media.outside, probe, &planned, &tables, effects.effects());
-        let batches = BatchPlan::new(probe.scanlines, planned.quality.rays, planned.quality.layers);
-        Ok(Self { probe: *probe, settings: *settings, effects, params, tables, batches })
+        Ok(Self { probe: *probe, settings: *settings, effects, params, tables })
     }
 
     /// Warns of a sector without pixels, and of clipped kernels that `previous` did not have.

@@ -144,6 +144,8 @@ pub(crate) const PERCENTILE_STEPS: u32 = 30;
 pub(crate) const CONTRAST_MIN_NP_MM: f64 = 1.0e-3;
 /// Number of the first tissue in the segmentation; 0 is outside the sector.
 pub(crate) const FIRST_TISSUE: u32 = 1;
+/// Steps of the attenuation's square root as it leaves a device, 16 bits.
+pub(crate) const ROOT_STEPS: f64 = 65_535.0;
 
 pub(crate) use crate::transducer::contact::{GAP_MAX_MM, GAP_NP_MM};
 /// ln of the least coupling that is computed.

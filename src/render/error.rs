@@ -132,8 +132,8 @@ pub enum RenderError {
         /// Cause.
         source: Box<Self>,
     },
-    /// A snapshot of a frame with several batches of layers.
-    #[error("a snapshot holds one batch of layers, these settings need {batches}: lower the rays or layers")]
+    /// A snapshot of a frame with several batches of paths.
+    #[error("a snapshot holds one batch of paths, these settings need {batches}: lower the rays or layers")]
     Batches {
         /// Batches needed.
         batches: u32,

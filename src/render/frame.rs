@@ -95,6 +95,7 @@ pub struct Frame {
     /// [`RenderSettings::maps`](super::RenderSettings::maps).
     pub segmentation: Vec<u8>,
     /// One-way attenuation e^(−Σμ) over its 98th percentile, clipped to 0..=1 [height × width]; 0 outside the sector.
+    /// A device sends 16 bits of its square root: values are off by up to 1.6·10⁻⁵ × that root, 0 and 1 are exact.
     /// Empty without [`RenderSettings::maps`](super::RenderSettings::maps).
     pub attenuation: Vec<f32>,
     /// The 98th percentile that `attenuation` was divided by; 0 without maps.
@@ -117,6 +118,10 @@ pub struct Frame {
 /// Copies rows of `width` out of rows of `stride`. One thread does it: waking others takes longer than the copy.
 pub(super) fn unpad<T: Copy>(into: &mut Vec<T>, from: &[T], width: usize, stride: usize) {
     into.clear();
+    if width == stride {
+        into.extend_from_slice(from);
+        return;
+    }
     for row in from.chunks_exact(stride) {
         into.extend_from_slice(&row[..width]);
     }

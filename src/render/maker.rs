@@ -68,6 +68,6 @@ pub(super) trait FrameMaker: Debug + Send {
     /// Makes a frame with its maps, and returns the outputs of every pass.
     ///
     /// # Errors
-    /// A device that fails.
-    fn pass_buffers(&mut self, inputs: FrameInputs<'_>) -> Result<PassBuffers, BackendError>;
+    /// A frame of several batches, or a device that fails.
+    fn pass_buffers(&mut self, inputs: FrameInputs<'_>) -> Result<PassBuffers, RenderError>;
 }

@@ -85,6 +85,8 @@ pub(crate) struct Params {
     pub(crate) rays: u32,
     pub(crate) layer_first: u32,
     pub(crate) layer_count: u32,
+    pub(crate) line_first: u32,
+    pub(crate) line_count: u32,
     pub(crate) seed: u32,
     pub(crate) lateral_half: u32,
     pub(crate) axial_half: u32,
@@ -129,6 +131,7 @@ pub(crate) struct Params {
     pub(crate) steer_shift_mm: f32,
     /// Angle between neighbouring scanlines of a phased array, turns; 0 for other arrays.
     pub(crate) line_turns: f32,
+    pub(crate) padding: [u32; 2],
     pub(crate) sheets: [SheetFamily; SHEET_FAMILIES as usize],
     /// Every setting of `[image]`.
     pub(crate) image: ImageUniforms,
@@ -144,7 +147,7 @@ fn line_turns(probe: &Probe) -> f32 {
 }
 
 impl Params {
-    /// Uniforms of a frame with the effects `on`, without its pose and its batch of layers.
+    /// Uniforms of a frame with the effects `on`, without its pose and its batch of paths.
     pub(crate) fn new(
         outside: Outside,
         probe: &Probe,
@@ -173,6 +176,8 @@ impl Params {
             rays: settings.quality.rays,
             layer_first: 0,
             layer_count: settings.quality.layers,
+            line_first: 0,
+            line_count: probe.scanlines,
             seed: settings.quality.seed,
             lateral_half: tables.kernels.lateral_half,
             axial_half: tables.kernels.axial_half,
@@ -207,6 +212,7 @@ impl Params {
             angle_words: 0,
             steer_shift_mm: 0.0,
             line_turns: line_turns(probe),
+            padding: [0; 2],
             sheets: bytemuck::Zeroable::zeroed(),
             image: image.into(),
             tail: [0; TAIL],
@@ -271,9 +277,9 @@ impl Params {
         (weight * (CELLS_OF_A_BEAM as f32 * weight).min(1.0)).sqrt()
     }
 
-    /// Number of paths that carry echoes in a batch of `layers`.
-    pub(crate) fn sounding_paths(&self, layers: u32) -> u32 {
-        self.scanlines * self.rays * layers
+    /// Number of paths of this batch that carry echoes.
+    fn sounding_paths(&self) -> u32 {
+        self.line_count * self.rays * self.layer_count
     }
 
     /// Whether each scanline has one path, besides a guide.
@@ -283,12 +289,12 @@ impl Params {
 
     /// Index of the guide of a scanline in this batch: its only path if there are no guides.
     pub(crate) fn guide_of(&self, line: u32) -> u32 {
-        if self.guides == 0 { line } else { self.sounding_paths(self.layer_count) + line }
+        if self.guides == 0 { line } else { self.sounding_paths() + line }
     }
 
-    /// Number of paths in a batch of `layers`: those that carry echoes, then the guides.
-    pub(crate) fn paths(&self, layers: u32) -> u32 {
-        self.sounding_paths(layers) + self.guides
+    /// Number of paths of this batch: those that carry echoes, then the guides.
+    pub(crate) fn paths(&self) -> u32 {
+        self.sounding_paths() + self.guides
     }
 
     /// Centre of the probe's face, scene, mm.

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
+mod batches;
 mod compare;
 mod compare_motion;
 mod hang;
@@ -229,6 +230,8 @@ const DAMAGES: [Damages; 4] = [
             "(f32(block << BLOCK_SHIFT) + 0.5)",
             "(f32((block + 1u) << BLOCK_SHIFT) + 0.5)",
         ),
+        ("attenuation in eight bits", "scan_convert", "ROOT_STEPS * root + 0.5", "257.0 * floor(255.0 * root + 0.5)"),
+        ("the run before", "section", "entries[ray * ENTRIES + run];", "entries[ray * ENTRIES + max(run, 1u) - 1u];"),
     ],
 ];
 

@@ -2,6 +2,7 @@
 
 use super::gpu::{Gpu, UNIFORM};
 use crate::render::aperture::{ApertureShape, CellRays, MODE_NONE};
+use crate::render::batch_plan::BatchPlan;
 use crate::render::constants::DEPTH_BLOCK;
 use crate::render::error::BackendError;
 use crate::render::params::Params;
@@ -21,6 +22,8 @@ pub(crate) struct ApertureBuffers {
     pub(super) unobstructed: wgpu::Buffer,
     pub(crate) mask: wgpu::Buffer,
     pub(crate) row_np: wgpu::Buffer,
+    /// Of `transmission` between batches of one layer.
+    pub(super) partial_sums: wgpu::Buffer,
     pub(crate) fields: wgpu::Buffer,
     pub(crate) amplitudes: wgpu::Buffer,
     pub(crate) beam_powers: wgpu::Buffer,
@@ -37,6 +40,7 @@ impl ApertureBuffers {
         gpu: &Gpu,
         tables: &Tables,
         params: &Params,
+        plan: &BatchPlan,
         previous: Option<&Self>,
         frames: u32,
     ) -> Result<Self, BackendError> {
@@ -68,6 +72,9 @@ impl ApertureBuffers {
             reaches: work("beam reach", 8 * planes, |b| &b.reaches)?,
             unobstructed: work("unobstructed beams", 4 * planes * offsets, |b| &b.unobstructed)?,
             mask: part("transmission", 8 * planes * cells, |b| &b.mask)?,
+            partial_sums: part("partial sums", if plan.splits_layers() { 8 * planes * cells } else { 0 }, |b| {
+                &b.partial_sums
+            })?,
             row_np: part("row losses", 4 * planes, |b| &b.row_np)?,
             fields: part("mode fields", 8 * modes * planes * cells, |b| &b.fields)?,
             amplitudes: part("beam amplitudes", 4 * planes * beams * cells, |b| &b.amplitudes)?,

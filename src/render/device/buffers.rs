@@ -96,7 +96,7 @@ impl Buffers {
         previous: Option<&Self>,
         frames: u32,
     ) -> Result<Self, BackendError> {
-        let paths = u64::from(params.paths(plan.layers_per_batch));
+        let paths = u64::from(plan.params(0, params).paths());
         let samples = u64::from(params.scanlines) * u64::from(params.row_samples);
         let pixels = u64::from(params.row_words * 4) * u64::from(params.image.height);
         let sector_pixels = tables.sector_words.len() as u64 * 16;
@@ -150,7 +150,7 @@ impl Buffers {
             focused: part("focused baseband", samples * 8, |b| &b.focused)?,
             polar: part("polar image", samples * 4, |b| &b.polar)?,
             lines: part("lines", if keep_lines { samples * 8 } else { 16 }, |b| &b.lines)?,
-            aperture: ApertureBuffers::new(gpu, tables, params, previous.map(|b| &b.aperture), frames)?,
+            aperture: ApertureBuffers::new(gpu, tables, params, plan, previous.map(|b| &b.aperture), frames)?,
             kept_powers: part("scatterer powers", if plan.batches > 1 { samples * 16 } else { 16 }, |b| {
                 &b.kept_powers
             })?,
@@ -159,7 +159,7 @@ impl Buffers {
             percentile: part("percentile", 16, |b| &b.percentile)?,
             bmode: part("B-mode", pixels, |b| &b.bmode)?,
             segmentation: part("segmentation", pixels, |b| &b.segmentation)?,
-            attenuation: part("attenuation", pixels * 4, |b| &b.attenuation)?,
+            attenuation: part("attenuation", pixels * 2, |b| &b.attenuation)?,
         })
     }
 
@@ -294,6 +294,7 @@ impl Buffers {
                 (&self.aperture.mask, write),
                 (&self.aperture.row_np, write),
                 (&self.rays, read),
+                (&self.aperture.partial_sums, write),
             ],
             "propagate" => vec![
                 (&self.aperture.shape, uniform),

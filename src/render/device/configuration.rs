@@ -7,6 +7,7 @@ use super::gpu::Gpu;
 use super::passes::{Constants, Pass, Pipelines};
 use super::readback::{Shape, Slot, takes};
 use super::trace_dispatch::TraceDispatch;
+use crate::render::batch_plan::{BatchPlan, SEGMENT_BYTES_LEAST};
 use crate::render::configuration::{Configuration, FrameInputs};
 use crate::render::constants::BEAM_CELLS_OF_A_GROUP;
 use crate::render::error::BackendError;
@@ -16,6 +17,7 @@ use crate::settings::Effect;
 /// Buffers and passes of one configuration.
 #[derive(Debug)]
 pub(super) struct DeviceConfiguration {
+    pub(super) batches: BatchPlan,
     pub(super) buffers: Buffers,
     passes: Vec<Pass>,
     /// Index in `passes`, and batch, of each dispatch of a frame with maps.
@@ -39,14 +41,25 @@ impl DeviceConfiguration {
         previous: Option<&Self>,
         frames: u32,
     ) -> Result<Self, BackendError> {
-        let Configuration { settings, effects, params, tables, batches, .. } = inputs.configuration;
+        let Configuration { settings, effects, params, tables, .. } = inputs.configuration;
         let on = effects.effects();
-        let buffers = Buffers::new(gpu, tables, params, batches, settings.lines, previous.map(|p| &p.buffers), frames)?;
+        let bytes_max = pipelines.segment_bytes_max(gpu);
+        let made = |bytes_max: u64| {
+            let batches = BatchPlan::within(bytes_max, params);
+            let buffers =
+                Buffers::new(gpu, tables, params, &batches, settings.lines, previous.map(|p| &p.buffers), frames)?;
+            Ok((batches, buffers))
+        };
+        let (batches, buffers) = match made(bytes_max) {
+            Err(BackendError::Memory { .. }) if bytes_max > SEGMENT_BYTES_LEAST => made(SEGMENT_BYTES_LEAST)?,
+            made => made?,
+        };
+        let largest = batches.params(0, params);
 
         let mut pass = |name, groups, constants: Constants<'_>| {
             Pass::new(gpu, pipelines, (scene, &buffers), name, groups, constants)
         };
-        let paths = params.paths(batches.layers_per_batch);
+        let paths = largest.paths();
         let samples_by = |run: u32| [params.row_samples.div_ceil(64 * run), params.scanlines, 1];
         let pixels = [params.sector_words.div_ceil(128), 1, 1];
         let flag = |on: bool| f64::from(u8::from(on));
@@ -86,21 +99,22 @@ impl DeviceConfiguration {
                 ("ELEVATIONAL_SPECKLE", flag(on.has(Effect::ElevationalSpeckle))),
                 ("TEXTURE", flag(on.has(Effect::Texture))),
             ];
-            returned.push(pass("march", samples_by(8), &march)?);
+            returned.push(pass("march", [samples_by(8)[0], largest.line_count, 1], &march)?);
         }
         if on.has(Effect::InterfaceEchoes) {
             // Software takes the turns of all threads one after another.
             let echo = [aperture[0], ("ADDERS", if gpu.is_software() { 1.0 } else { 64.0 })];
-            returned.push(pass("echo", [params.scanlines, 1, 1], &echo)?);
+            returned.push(pass("echo", [largest.line_count, 1, 1], &echo)?);
         }
         let mut order = path_order([traced.len(), seen.len(), returned.len()], batches.batches);
         let mut passes: Vec<Pass> = traced.into_iter().chain(seen).chain(returned).collect();
         // Maps need no paths: each of their passes runs beside one that leaves most of a GPU idle.
         let map_passes = [
             pass("section", spread(params.map_rays, rays_apart, 32), &[("LANES_APART", f64::from(rays_apart))])?,
+            pass("section", [params.map_depths.div_ceil(32), params.map_rays, 1], &[("RASTER", 1.0)])?,
             pass("percentile", [1, 1, 1], &[])?,
         ];
-        for (map_pass, place) in map_passes.into_iter().zip([2, 4]) {
+        for (map_pass, place) in map_passes.into_iter().zip([2, 4, 5]) {
             order.insert(place.min(order.len()), (passes.len(), 0));
             passes.push(map_pass);
         }
@@ -118,7 +132,7 @@ impl DeviceConfiguration {
 
         let names = order.iter().map(|&(pass, _)| passes[pass].name).collect();
         let slots = slots(gpu, &Shape::of(params, settings.lines, names), previous, frames)?;
-        Ok(Self { buffers, passes, order, scan_convert_image, slots })
+        Ok(Self { batches, buffers, passes, order, scan_convert_image, slots })
     }
 
     /// The pass before `trace`.

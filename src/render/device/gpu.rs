@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use super::shaders::PATH_LANES;
 use super::trace_choice::Decision;
+use crate::render::batch_plan::SEGMENT_BYTES_LEAST;
 use crate::render::error::BackendError;
 use crate::render::place::{PciAddress, Place};
 
@@ -295,6 +296,17 @@ impl Gpu {
         }
         let vendor = Some(self.info.vendor).filter(|vendor| *vendor != 0);
         Place::Gpu { vendor, address: PciAddress::parse(&self.info.device_pci_bus_id) }
+    }
+
+    /// Largest buffer of segments, bytes: a share of the memory of the smallest devices of the kind.
+    pub(super) fn segment_bytes_max(&self) -> u64 {
+        let share = match self.info.device_type {
+            wgpu::DeviceType::DiscreteGpu => 1 << 30,
+            wgpu::DeviceType::Cpu => SEGMENT_BYTES_LEAST,
+            _ => 1 << 28,
+        };
+        let limits = self.device.limits();
+        share.min(limits.max_storage_buffer_binding_size).min(limits.max_buffer_size)
     }
 
     /// Whether the adapter is software on the CPU.

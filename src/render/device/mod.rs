@@ -1,6 +1,7 @@
 //! Every pass on a graphics device, by wgpu. No other module names a type of wgpu.
 
 mod aperture_buffers;
+mod attenuation;
 mod buffers;
 mod configuration;
 mod gpu;

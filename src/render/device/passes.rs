@@ -53,6 +53,11 @@ impl Pipelines {
         self.compiled.len()
     }
 
+    /// Largest buffer of segments, bytes.
+    pub(crate) fn segment_bytes_max(&self, gpu: &Gpu) -> u64 {
+        self.shaders.segment_bytes_max.unwrap_or_else(|| gpu.segment_bytes_max())
+    }
+
     /// Whether some were compiled since the last call.
     pub(crate) fn take_cold(&mut self) -> bool {
         let cold = self.warm < self.compiled.len();

@@ -2,6 +2,7 @@
 
 use std::sync::mpsc;
 
+use super::attenuation::unpad_levels;
 use super::buffers::Buffers;
 use super::gpu::Gpu;
 use super::motion::MOTION_PASSES;
@@ -106,7 +107,7 @@ impl Layout {
         2 * self.pixels
     }
     fn scalars(&self) -> u64 {
-        6 * self.pixels
+        4 * self.pixels
     }
     fn lines(&self) -> u64 {
         self.scalars() + 48
@@ -122,7 +123,7 @@ impl Layout {
 impl Slot {
     pub(crate) fn new(gpu: &Gpu, shape: &Shape) -> Result<Self, BackendError> {
         let count = 2 * (MOTION_PASSES.len() + shape.passes.len()) as u32;
-        let queries = if gpu.timestamps {
+        let queries = if gpu.timestamps && count <= wgpu::QUERY_SET_MAX_QUERIES {
             let usage = wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC;
             Some(Queries {
                 set: gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
@@ -178,7 +179,7 @@ impl Slot {
         }
         if contents.maps {
             copy(&buffers.segmentation, l.segmentation(), l.pixels);
-            copy(&buffers.attenuation, l.attenuation(), 4 * l.pixels);
+            copy(&buffers.attenuation, l.attenuation(), 2 * l.pixels);
             copy(&buffers.percentile, l.scalars(), 16);
         }
         copy(&buffers.overflows, l.scalars() + 16, 16);
@@ -224,8 +225,8 @@ impl Slot {
             frame.attenuation_p98 = 0.0;
             if contents.maps {
                 unpad(&mut frame.segmentation, at(l.segmentation(), l.pixels), width, stride);
-                let levels: &[f32] = bytemuck::cast_slice(at(l.attenuation(), 4 * l.pixels));
-                unpad(&mut frame.attenuation, levels, width, stride);
+                let roots: &[u16] = bytemuck::cast_slice(at(l.attenuation(), 2 * l.pixels));
+                unpad_levels(&mut frame.attenuation, roots, width, stride);
                 frame.attenuation_p98 = (-f32::from_bits(scalars[0])).exp();
             }
             frame.overflows = scalars[4].saturating_add(scalars[8]);

@@ -13,7 +13,7 @@ use super::readback::{Recorded, Slot};
 use super::shaders::ShaderSet;
 use super::snapshot;
 use crate::anatomy::Bvh;
-use crate::render::configuration::{Configuration, FrameInputs};
+use crate::render::configuration::FrameInputs;
 use crate::render::error::{BackendError, RenderError};
 use crate::render::frame::{Contents, DeviceTimes, FRAMES_IN_FLIGHT, Frame};
 use crate::render::kept::Kept;
@@ -111,10 +111,10 @@ impl DeviceRenderer {
     /// The configuration that makes several frames at once; made if there is none. None if one frame fills the device, or
     /// memory is short.
     fn several(&mut self, inputs: FrameInputs<'_>) -> Option<&DeviceConfiguration> {
-        let Configuration { params, batches, .. } = inputs.configuration;
+        let batches = self.active.batches;
         if self.several.is_none() && !self.alone && batches.batches == 1 {
             let (gpu, scene, pipelines) = (&self.gpu, &self.scene, &mut self.pipelines);
-            let paths = params.paths(batches.layers_per_batch);
+            let paths = batches.params(0, &inputs.configuration.params).paths();
             let mut frames = gpu.frames_at_once(paths, self.active.buffers.written_bytes(scene));
             while frames > 1 && self.several.is_none() {
                 // Tables are shared with the active configuration.
@@ -139,7 +139,7 @@ impl DeviceRenderer {
     ) -> Result<(), BackendError> {
         let started = Instant::now();
         let device = if several { self.several.as_ref().unwrap_or(&self.active) } else { &self.active };
-        upload_uniforms(&self.gpu, &mut self.uniforms, device, inputs, params);
+        upload_uniforms(&self.gpu, &mut self.uniforms, device, params);
         let mut encoder = begin(&self.gpu, device, inputs);
         let slot = |frame: usize| &device.slots[(self.next_slot + frame) % device.slots.len()];
         let mut index = 0;
@@ -207,14 +207,8 @@ impl DeviceRenderer {
 }
 
 /// Uploads the uniforms of every batch, each for all frames.
-fn upload_uniforms(
-    gpu: &Gpu,
-    memory: &mut Vec<u8>,
-    device: &DeviceConfiguration,
-    inputs: FrameInputs<'_>,
-    params: &[Params],
-) {
-    let batches = &inputs.configuration.batches;
+fn upload_uniforms(gpu: &Gpu, memory: &mut Vec<u8>, device: &DeviceConfiguration, params: &[Params]) {
+    let batches = device.batches;
     let stride = PARAMS_STRIDE as usize * device.buffers.frames as usize;
     memory.clear();
     for batch in 0..batches.batches {
@@ -309,8 +303,11 @@ impl FrameMaker for DeviceRenderer {
         }
     }
 
-    fn pass_buffers(&mut self, inputs: FrameInputs<'_>) -> Result<PassBuffers, BackendError> {
-        upload_uniforms(&self.gpu, &mut self.uniforms, &self.active, inputs, &[inputs.configuration.params]);
+    fn pass_buffers(&mut self, inputs: FrameInputs<'_>) -> Result<PassBuffers, RenderError> {
+        if let batches @ 2.. = self.active.batches.batches {
+            return Err(RenderError::Batches { batches });
+        }
+        upload_uniforms(&self.gpu, &mut self.uniforms, &self.active, &[inputs.configuration.params]);
         let mut encoder = begin(&self.gpu, &self.active, inputs);
         if let Some(motion) = &mut self.motion {
             motion.run(&self.gpu, |name, record| {

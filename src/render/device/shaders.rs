@@ -15,6 +15,8 @@ pub struct ShaderSet {
     sources: Vec<(&'static str, String)>,
     /// Whether the device checks every index; for tests.
     pub bounds_checks: bool,
+    /// Largest buffer of segments, bytes, instead of the device's choice; for tests.
+    pub segment_bytes_max: Option<u64>,
 }
 
 macro_rules! pass {
@@ -122,7 +124,7 @@ fn preamble() -> String {
             LN_SPECKLE_SILENT LN_SCALE UNSCALED DIFFUSE DIFFUSE_HALF_ROUGHNESS2 APERTURE_HALF_ANGLE
             APERTURE_HALF_ANGLE_MIN APERTURE_HALF_ANGLE_MAX FACET_COS_MIN DB_A_DOUBLING ONE_WAY BRIGHTEST_PART
             CONTRAST_MIN_NP_MM TRACKED_NP EVEN_NP SPREAD_NP VISIBLE_MIN VISIBLE_MAX_NP NEIGHBOUR_GAIN_MAX
-            TRANSMISSION_MIN DELAY_MIN HARD_SPEED UNLIKE PROFILE_CUT DENSITY_ONE LEAST_POWER GAP_NP_MM GAP_MAX_MM LN_UNCOUPLED REFLECTED_MAX PROJECTION_MIN COUPLED_MIN VISIBLE_MIN_NP FADE OUTER_WALL ATRIA EDGE_TOLERANCE_PER_MM;
+            TRANSMISSION_MIN DELAY_MIN HARD_SPEED UNLIKE PROFILE_CUT DENSITY_ONE LEAST_POWER GAP_NP_MM GAP_MAX_MM LN_UNCOUPLED REFLECTED_MAX PROJECTION_MIN COUPLED_MIN VISIBLE_MIN_NP FADE OUTER_WALL ATRIA EDGE_TOLERANCE_PER_MM ROOT_STEPS;
     };
     format!(
         "{declarations};\nconst IMAGE_QUADS: u32 = {IMAGE_QUADS}u;\nconst STACK_DEPTH: u32 = {STACK_DEPTH_MAX}u;\nconst MODE_NONE: i32 = {MODE_NONE};\nconst HINT_SHIFT: u32 = {}u;\nconst BLOCK_SHIFT: u32 = {}u;\nconst KRONECKER = array<u32, 16>({});\nconst WAVES: u32 = {WAVES}u;\nconst WAVE_VARIANCE: f32 = {WAVE_VARIANCE:?};\nconst SEPTUM_WIDTH: f32 = {SEPTUM_WIDTH:?};\nconst TEXTURE_WAVES = array<vec4<f32>, WAVES>({});\n",
@@ -142,7 +144,7 @@ impl Default for ShaderSet {
             let readers = if MOTION_PASSES.contains(&name) { "" } else { &readers };
             (name, format!("{preamble}{readers}{body}"))
         };
-        Self { sources: PASSES.map(source).to_vec(), bounds_checks: false }
+        Self { sources: PASSES.map(source).to_vec(), bounds_checks: false, segment_bytes_max: None }
     }
 }
 

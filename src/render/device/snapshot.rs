@@ -2,6 +2,7 @@
 
 use bytemuck::Pod;
 
+use super::attenuation::level;
 use super::buffers::SceneBuffers;
 use super::configuration::DeviceConfiguration;
 use super::gpu::Gpu;
@@ -104,7 +105,7 @@ pub(super) fn pass_buffers(
         percentile_np: read(gpu, &buffers.percentile)?.first().copied().unwrap_or_default(),
         bmode: image(gpu, &buffers.bmode, params)?,
         segmentation: image(gpu, &buffers.segmentation, params)?,
-        attenuation: image(gpu, &buffers.attenuation, params)?,
+        attenuation: image(gpu, &buffers.attenuation, params)?.into_iter().map(level).collect(),
         overflows: first(read(gpu, &buffers.overflows)?) + first(read(gpu, &buffers.map_overflows)?),
         mask: read(gpu, &buffers.aperture.mask)?,
         row_np: read(gpu, &buffers.aperture.row_np)?,

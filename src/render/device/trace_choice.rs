@@ -112,7 +112,7 @@ fn measure(
     let device = DeviceConfiguration::new(gpu, scene, pipelines, inputs, None, 1)?;
     let bends = configuration.effects.effects().has(Effect::Refraction);
     device.buffers.fill(gpu, scene, &configuration.tables, bends, None);
-    let paths = configuration.params.paths(configuration.batches.layers_per_batch);
+    let paths = device.batches.params(0, &configuration.params).paths();
     let mut passes = Vec::new();
     for measured in MEASURED_PATHS {
         for by in [TraceBy::Path, TraceBy::Lanes] {
@@ -137,7 +137,7 @@ fn measure(
     let mut began = None;
     for (axis, lateral) in [(DVec3::Z, DVec3::X), (DVec3::X, DVec3::Y), (DVec3::Y, DVec3::Z)] {
         let from_mm = inputs.bvh.centre_mm - 0.5 * configuration.probe.depth_mm * axis;
-        let mut params = configuration.batches.params(0, &configuration.params);
+        let mut params = device.batches.params(0, &configuration.params);
         params.set_pose(&Pose::looking(from_mm, axis, lateral), inputs.bvh, &configuration.probe);
         gpu.queue.write_buffer(&device.buffers.params, 0, bytemuck::bytes_of(&params));
         // Compiles, too.

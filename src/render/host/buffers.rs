@@ -11,6 +11,7 @@ use super::propagate::Propagation;
 use super::scan_convert::Layout;
 use super::transmission::CellMeans;
 use crate::render::aperture::{ApertureTables, MODE_LANES};
+use crate::render::batch_plan::BatchPlan;
 use crate::render::configuration::Configuration;
 use crate::render::constants::{DEPTH_BLOCK, ENTRIES, SEGMENTS, STARTS, TISSUES_MAX};
 use crate::render::error::BackendError;
@@ -25,6 +26,8 @@ pub(super) struct Buffers {
     pub(super) aperture: Option<ApertureBuffers>,
     /// Amplitudes that `lateral` compares [blocks × 2 × scanlines]; empty without the aperture.
     pub(super) loudness: Vec<f32>,
+    /// Split of the layers.
+    pub(super) batches: BatchPlan,
     /// Powers of the scatterers between batches; empty if there is one.
     pub(super) kept_powers: Vec<[f32; 3]>,
     pub(super) gain: DepthGain,
@@ -95,8 +98,9 @@ impl Buffers {
         known: &[&Self],
         reused: Option<&Self>,
     ) -> Result<Self, BackendError> {
-        let Configuration { params, tables, batches, settings, effects, .. } = configuration;
-        let paths = u64::from(params.paths(batches.layers_per_batch));
+        let Configuration { params, tables, settings, effects, .. } = configuration;
+        let batches = BatchPlan::by_layers(params);
+        let paths = u64::from(batches.params(0, params).paths());
         let samples = u64::from(params.scanlines) * u64::from(params.row_samples);
         let map_rays = u64::from(params.map_rays);
         // Memory of the same size and effects is taken over later, and not written now.
@@ -172,6 +176,7 @@ impl Buffers {
             passes,
             aperture: tables.aperture.as_ref().map(ApertureBuffers::new),
             loudness: zeros("loudness", if planes > 0 { 2 * samples / u64::from(DEPTH_BLOCK) } else { 0 })?,
+            batches,
             kept_powers: zeros("scatterer powers", if batches.batches > 1 { samples } else { 0 })?,
             gain: DepthGain::default(),
             layout: layout(&tables.pixels),

@@ -117,7 +117,7 @@ impl HostRenderer {
         if image {
             frame.overflows = self.follow_paths(inputs, &mut laps, kept.as_deref_mut().map(|kept| &mut kept.scattered));
             let (kernels, constants) = (&tables.kernels, self.image);
-            let Buffers { passes: b, gain, loudness, .. } = &mut self.buffers;
+            let Buffers { passes: b, gain, loudness, batches, .. } = &mut self.buffers;
             let (gains, weights, blends) = (&b.block_gains[..], &b.profiles[..], &b.blends[..]);
             let beam = LateralBeam { constants, kernels, gains, reflected: &b.reflected, weights, blends };
             lateral(params, beam, &b.baseband, loudness, &mut b.focused);
@@ -126,7 +126,6 @@ impl HostRenderer {
                 kept.focused.clone_from(&b.focused);
             }
             if params.receives() {
-                let batches = inputs.configuration.batches;
                 let last = batches.params(batches.batches - 1, params);
                 let paths = Paths { starts: &b.starts, segments: &b.segments, hints: &b.hints };
                 let near = tables.near_field.as_ref().map_or(&[][..], |near| &near.values);
@@ -185,7 +184,7 @@ impl HostRenderer {
     ) -> u32 {
         let FrameInputs { configuration, .. } = inputs;
         let (tables, effects) = (&configuration.tables, configuration.effects.effects());
-        let batches = configuration.batches;
+        let batches = self.buffers.batches;
         let mut lost = 0;
         if !effects.has(Effect::Scatterers) {
             self.buffers.passes.baseband.fill([0.0; 2]);
@@ -251,7 +250,7 @@ impl HostRenderer {
             constants: self.trace,
         };
         // The last batch may have fewer layers.
-        let paths = params.paths(params.layer_count) as usize;
+        let paths = params.paths() as usize;
         let lost = trace(&scene, self.follow, path_outputs(&mut self.buffers.passes, paths));
         laps.note("trace");
         lost
@@ -373,7 +372,10 @@ impl FrameMaker for HostRenderer {
         Ok(())
     }
 
-    fn pass_buffers(&mut self, inputs: FrameInputs<'_>) -> Result<PassBuffers, BackendError> {
+    fn pass_buffers(&mut self, inputs: FrameInputs<'_>) -> Result<PassBuffers, RenderError> {
+        if let batches @ 2.. = self.buffers.batches.batches {
+            return Err(RenderError::Batches { batches });
+        }
         let (mut frame, mut kept) = (Frame::default(), Intermediate::default());
         self.render(inputs, Contents { image: true, maps: true }, &mut frame, Some(&mut kept));
         let Intermediate { scattered, focused } = kept;

@@ -220,7 +220,7 @@ impl Renderer {
     /// Slow: for tests and study.
     ///
     /// # Errors
-    /// Frames in flight, settings whose layers don't fit in one batch, or a device that fails.
+    /// Frames in flight, settings whose paths don't fit in one batch, or a device that fails.
     pub fn snapshot(&mut self, pose: &Pose) -> Result<Snapshot, RenderError> {
         self.snapshot_of_angle(pose, self.active.tables.angles.len().saturating_sub(1))
     }
@@ -232,10 +232,6 @@ impl Renderer {
     pub fn snapshot_of_angle(&mut self, pose: &Pose, angle: usize) -> Result<Snapshot, RenderError> {
         if self.frames_in_flight() > 0 {
             return Err(RenderError::RingFull);
-        }
-        let batches = self.active.batches.batches;
-        if batches != 1 {
-            return Err(RenderError::Batches { batches });
         }
         self.aim(&self.touch(pose), angle);
         let inputs = FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &self.active, angle };
