@@ -1,11 +1,11 @@
 //! The graphics device.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
 use super::shaders::PATH_LANES;
-use super::trace_choice::Decision;
 use crate::render::error::BackendError;
+use crate::render::trace_times::TraceChoice;
 
 /// Uses of buffers that passes read and write, and of small tables.
 const STORAGE: wgpu::BufferUsages =
@@ -32,7 +32,8 @@ pub(in crate::render) struct Gpu {
     pub(super) timestamps: bool,
     /// Longest wait for a frame.
     patience: Option<Duration>,
-    pub(super) trace: Decision,
+    /// Way of `trace` that was given or measured, shared by clones.
+    pub(super) trace: Arc<OnceLock<TraceChoice>>,
     /// The first error that the device reported outside of any call.
     fault: Arc<Mutex<Option<String>>>,
 }
@@ -96,7 +97,7 @@ impl Gpu {
         });
         let timestamps = features.contains(wgpu::Features::TIMESTAMP_QUERY);
         let patience = (info.device_type != wgpu::DeviceType::Cpu).then_some(PATIENCE);
-        Ok(Self { device, queue, info, timestamps, patience, trace: Decision::default(), fault })
+        Ok(Self { device, queue, info, timestamps, patience, trace: Arc::default(), fault })
     }
 
     /// The same device; it counts as hanging if a frame takes longer than `wait`.

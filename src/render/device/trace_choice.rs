@@ -16,8 +16,9 @@ use crate::files::cache_directory;
 use crate::pose::Pose;
 use crate::render::configuration::FrameInputs;
 use crate::render::error::BackendError;
-use crate::render::trace_by::{TraceBy, TraceChoice, TraceTimes};
+use crate::render::trace_by::TraceBy;
 use crate::render::trace_cache;
+use crate::render::trace_times::{TraceChoice, TraceTimes};
 use crate::settings::Effect;
 
 /// No round of measurements begins later, s.
@@ -30,9 +31,6 @@ const DISPATCHES: u32 = 2;
 const MEASURED_PATHS: [u32; 2] = [256, 24_832];
 /// Part of the paths whose number of segments must be the same.
 const ALIKE: f64 = 0.99;
-
-/// The way of a device that was given or measured, shared by its clones.
-pub(super) type Decision = Arc<OnceLock<TraceChoice>>;
 
 /// Reason why lanes of a device can't share a path, if there is one: `sizes` are those of its subgroups.
 fn unfit(has_subgroups: bool, sizes: [u32; 2]) -> Option<String> {
