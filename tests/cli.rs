@@ -248,6 +248,52 @@ fn without_a_driver_frames_are_made_on_the_host() {
 }
 
 #[test]
+fn an_unknown_way_of_trace_is_refused() {
+    let dir = directory();
+    let station = station(&dir, SMALL);
+    let mut command = program::program(&[
+        "render",
+        text(&station),
+        ORIGIN[0],
+        ORIGIN[1],
+        "--backend",
+        "host",
+        "--out",
+        text(&dir.path().join("out")),
+    ]);
+    let output = command.env("INSONIFY_TRACE", "gpu").output().unwrap();
+    refused(&output, &["INSONIFY_TRACE: `gpu` is no way of trace; they are path, lanes"]);
+}
+
+#[test]
+#[ignore = "needs a graphics device or software Vulkan; `make test` runs it where there is one"]
+fn a_device_traces_as_the_environment_says() {
+    let dir = directory();
+    let station = station(&dir, SMALL);
+    let bmode = |way: &str, said: &str| {
+        let out = dir.path().join(format!("out-{way}"));
+        let mut command = program::program(&[
+            "render",
+            text(&station),
+            ORIGIN[0],
+            ORIGIN[1],
+            "--backend",
+            "device",
+            "--out",
+            text(&out),
+        ]);
+        succeeded(&command.env("INSONIFY_TRACE", way).output().unwrap());
+        let record: Value = serde_json::from_slice(&std::fs::read(out.join("frame.json")).unwrap()).unwrap();
+        let software = record["adapter"]["name"].as_str().unwrap().contains("llvmpipe");
+        assert!(!software || record["adapter"]["trace"] == said, "{}", record["adapter"]);
+        std::fs::read(out.join("bmode.png")).unwrap()
+    };
+    // Software Vulkan traces by path, unless it is told otherwise.
+    let [lanes, path, chosen] = [bmode("lanes", "lanes"), bmode("path", "path"), bmode("", "path")];
+    assert!(chosen == path || chosen == lanes);
+}
+
+#[test]
 fn the_record_says_what_a_budget_chose() {
     let dir = directory();
     let record = |add: &str, options: &[&str]| {

@@ -17,7 +17,7 @@ use insonify::anatomy::export::write_moving_glb;
 use insonify::anatomy::{Bvh, Scene};
 use insonify::phantom::{PhantomOptions, build, movement};
 use insonify::pose::Pose;
-use insonify::render::{Backend, BackendChoice, Choice, Effect, Frame, RenderSettings, Renderer};
+use insonify::render::{Backend, BackendChoice, Choice, Effect, Frame, RenderSettings, Renderer, TraceBy};
 use insonify::station::Station;
 use sha2::{Digest, Sha256};
 
@@ -209,4 +209,17 @@ fn frames_of_the_device_equal_the_committed_ones_bit_for_bit() {
         eprintln!("{device}: the sums are those of {driver}; compared are two runs");
         check(&found, &sums("device", &device), &device.to_string());
     }
+}
+
+#[test]
+#[ignore = "needs a graphics device or software Vulkan; `make test` runs it where there is one"]
+fn frames_traced_by_lanes_equal_the_committed_ones_bit_for_bit() {
+    let device = Backend::open(BackendChoice::Device).unwrap();
+    let (committed, driver) = committed();
+    if !device.has_trace_by_lanes() || device.driver() != driver {
+        eprintln!("{device}: the sums are those of {driver}; nothing is compared");
+        return;
+    }
+    let lanes = device.tracing_by(TraceBy::Lanes).unwrap();
+    check(&sums("device", &lanes), &committed, &lanes.to_string());
 }

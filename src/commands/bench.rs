@@ -10,7 +10,7 @@ use insonify::files::Outputs;
 use insonify::pose::Pose;
 use insonify::recording;
 use insonify::render::RenderError;
-use insonify::report::frame_bench::{Measured, Workload, measure};
+use insonify::report::frame_bench::{Measured, TraceTime, Workload, measure, measure_trace};
 use insonify::report::time_table::WHOLE_FRAME;
 use insonify::sink::frame_record::AdapterRecord;
 use insonify::sink::write_json;
@@ -24,11 +24,14 @@ use super::{Failure, input, output, session};
 /// Kinds whose passes are shown: one frame after another, in the station's shape.
 const PASSES_OF: usize = 4;
 
+/// Kinds for which both ways of `trace` are measured.
+const TRACED: [&str; 2] = ["LQ", "HQ"];
+
 /// Poses of a recording that are measured.
 const POSES: usize = 12;
 
 /// Measure a station's frames on this machine: low and high quality, with and without maps, with motion, in the shape that
-/// NVIDIA's raysim states its time for, and with two frames in flight.
+/// NVIDIA's raysim states its time for, and with two frames in flight. A device that can trace by lanes is measured both ways.
 ///
 /// A frame's time is from its pose until all of it is in memory. On a GPU, maps are made beside paths, so that the passes'
 /// sum exceeds the frame. Nothing else should run meanwhile.
@@ -69,6 +72,8 @@ struct Report<'a> {
     triangles: usize,
     frames: u32,
     kinds: &'a [Measured],
+    /// Both ways of `trace`, where the device has them.
+    trace: &'a [TraceTime],
 }
 
 /// A line for each kind: what it is, its times and its rate.
@@ -113,6 +118,20 @@ fn passes(kinds: &[Measured]) -> String {
     text + "\n"
 }
 
+/// Both ways of `trace`: a line for each kind and way.
+fn traces(times: &[TraceTime]) -> String {
+    if times.is_empty() {
+        return String::new();
+    }
+    let mut text = format!("\n{:<26} {:>16} {:>16}\n", "median, ms", "trace", "whole frame");
+    let ms = |ms: Option<f64>| ms.map_or("-".to_owned(), |ms| format!("{ms:.2}"));
+    for time in times {
+        let name = format!("{}, by {}", time.name, time.by);
+        text += &format!("{name:<26} {:>16} {:>16}\n", ms(time.trace_ms), ms(time.whole_ms));
+    }
+    text
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::load(&args.station)?;
@@ -143,14 +162,19 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         })?);
     }
     drop(progress);
+    let mut trace = Vec::new();
+    for workload in workloads.iter().filter(|workload| TRACED.contains(&workload.name)) {
+        trace.extend(measure_trace(&backend, &scene, &bvh, workload, &poses, frames)?);
+    }
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let (version, adapter) = (env!("CARGO_PKG_VERSION"), AdapterRecord::from(&backend));
     if let Some(path) = &args.json {
         let (triangles, frames) = (scene.triangle_count(), args.frames);
-        write_json(path, &Report { version, adapter, threads, triangles, frames, kinds: &kinds })?;
+        write_json(path, &Report { version, adapter, threads, triangles, frames, kinds: &kinds, trace: &trace })?;
     }
     output::line(format_args!("{backend}, {threads} threads, {} triangles", scene.triangle_count()))?;
     output::text(overview(&kinds))?;
     output::text(passes(&kinds[..PASSES_OF]))?;
+    output::text(traces(&trace))?;
     args.json.iter().try_for_each(|path| output::line(path.display()))
 }

@@ -40,6 +40,8 @@ mod texture;
 mod trace_by;
 #[cfg(feature = "gpu")]
 mod trace_cache;
+#[cfg(feature = "gpu")]
+mod trace_times;
 pub mod twin;
 
 pub use backend::{Backend, BackendChoice, UnknownBackend, UnknownBackendVariable};

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 
-use super::trace_by::TraceTimes;
+use super::trace_times::TraceTimes;
 use crate::files::{self, FileKind};
 
 /// What was measured where.

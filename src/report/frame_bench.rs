@@ -9,7 +9,7 @@ use super::TimeTable;
 use super::time_table::{StageTime, WHOLE_FRAME};
 use crate::anatomy::{Bvh, Scene};
 use crate::pose::Pose;
-use crate::render::{Backend, FRAMES_IN_FLIGHT, Frame, Job, Quality, RenderError, RenderSettings, Renderer};
+use crate::render::{Backend, FRAMES_IN_FLIGHT, Frame, Job, Quality, RenderError, RenderSettings, Renderer, TraceBy};
 use crate::settings::ImageSettings;
 use crate::station::Station;
 use crate::transducer::Probe;
@@ -86,6 +86,19 @@ pub struct Measured {
     pub frames_per_s: f64,
     /// Percentiles of each pass and of whole frames.
     pub stages: Vec<StageTime>,
+}
+
+/// Measured times of one way of the pass `trace`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TraceTime {
+    /// Name of the workload.
+    pub name: &'static str,
+    /// `path` or `lanes`.
+    pub by: &'static str,
+    /// Median of the pass, ms; none on a device without timestamps.
+    pub trace_ms: Option<f64>,
+    /// Median of whole frames, ms.
+    pub whole_ms: Option<f64>,
 }
 
 /// Measures `frames` frames over `poses` in turn, after a warm-up. `progress` is called after each frame.
@@ -181,4 +194,25 @@ fn many(
         Ok::<_, RenderError>(())
     })?;
     Ok(frames as f64 / started.elapsed().as_secs_f64().max(1e-9))
+}
+
+/// Measures both ways of `trace` with a workload, each as [`measure`]; nothing on the host, and on devices without lanes.
+///
+/// # Errors
+/// As [`measure`].
+pub fn measure_trace(
+    backend: &Backend,
+    scene: &Scene,
+    bvh: &Arc<Bvh>,
+    workload: &Workload,
+    poses: &[Pose],
+    frames: usize,
+) -> Result<Vec<TraceTime>, RenderError> {
+    let ways = if backend.has_trace_by_lanes() { &TraceBy::ALL[..] } else { &[] };
+    let time = |&by: &TraceBy| {
+        let found = measure(&backend.clone().tracing_by(by)?, scene, bvh, workload, poses, frames, || {})?;
+        let p50_ms = |name| found.stages.iter().find(|stage| stage.stage == name).map(|stage| stage.p50_ms);
+        Ok(TraceTime { name: workload.name, by: by.name(), trace_ms: p50_ms("trace"), whole_ms: p50_ms(WHOLE_FRAME) })
+    };
+    ways.iter().map(time).collect()
 }

@@ -100,6 +100,9 @@ pub struct Report {
     pub device: String,
     /// Its driver.
     pub driver: String,
+    /// Way of `trace` on a device: by path, by lanes, or both by the number of paths.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub trace: Option<String>,
     /// True if frames are rendered on a CPU, by the host or a software device.
     pub software: bool,
     /// Start of the test: ISO 8601, UTC.
@@ -211,6 +214,7 @@ fn checked(
         version: env!("CARGO_PKG_VERSION"),
         device: backend.name(),
         driver: backend.driver(),
+        trace: backend.trace(),
         software: backend.is_software(),
         date: date::utc(date),
         duration_s: started.elapsed().as_secs_f64(),

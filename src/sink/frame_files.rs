@@ -117,7 +117,7 @@ mod tests {
     /// The record of `frame` at `pose`, of a probe of 2 × 5 samples.
     fn record(frame: &Frame, pose: [f64; 7]) -> FrameRecord {
         let probe = Probe { scanlines: 2, samples: 5, ..Probe::default() };
-        let adapter = AdapterRecord { name: "llvmpipe".into(), driver: "Mesa".into() };
+        let adapter = AdapterRecord { name: "llvmpipe".into(), driver: "Mesa".into(), trace: None };
         let (pose, sector) = (Pose::from_components(pose).unwrap(), Sector::fit(&probe, 4, 3));
         FrameRecord::new(frame, &pose, &probe, &settings(), &plan(&probe), &sector, adapter)
     }

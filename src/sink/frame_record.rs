@@ -84,11 +84,14 @@ pub struct AdapterRecord {
     pub name: String,
     /// Its driver.
     pub driver: String,
+    /// Way of `trace` on a device: by path, by lanes, or both by the number of paths.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub trace: Option<String>,
 }
 
 impl From<&Backend> for AdapterRecord {
     fn from(backend: &Backend) -> Self {
-        Self { name: backend.name(), driver: backend.driver() }
+        Self { name: backend.name(), driver: backend.driver(), trace: backend.trace() }
     }
 }
 

@@ -1,13 +1,13 @@
 //! The graphics device.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
 use super::shaders::PATH_LANES;
-use super::trace_choice::Decision;
 use crate::render::batch_plan::SEGMENT_BYTES_LEAST;
 use crate::render::error::BackendError;
 use crate::render::place::{PciAddress, Place};
+use crate::render::trace_times::TraceChoice;
 
 /// Uses of buffers that passes read and write, and of small tables.
 const STORAGE: wgpu::BufferUsages =
@@ -43,7 +43,8 @@ pub(in crate::render) struct Gpu {
     pub(super) timestamps: bool,
     /// Longest wait for a frame.
     patience: Option<Duration>,
-    pub(super) trace: Decision,
+    /// Way of `trace` that was given or measured, shared by clones.
+    pub(super) trace: Arc<OnceLock<TraceChoice>>,
     /// Frames at once, if they were given.
     at_once: Option<u32>,
     /// The first error that the device reported outside of any call.
@@ -118,7 +119,7 @@ impl Gpu {
             info,
             timestamps,
             patience,
-            trace: Decision::default(),
+            trace: Arc::default(),
             at_once: None,
             fault,
             #[cfg(feature = "test-hooks")]

@@ -108,6 +108,7 @@ mod tests {
             version: "0.0.0",
             device: "GPU & co".to_owned(),
             driver: "driver".to_owned(),
+            trace: None,
             software: true,
             date: "2026-01-01T00:00:00Z".to_owned(),
             duration_s: 1.25,
