@@ -19,8 +19,11 @@ const CROSSINGS: u32 = CROSSINGS_OF_A_MAP_RAY;
 // Threads started for each one that searches, so that fewer lanes of a group wait for each other.
 override LANES_APART: u32 = 1u;
 
-// The second dispatch of a frame: the raster from the runs, a thread a ray and depth.
+// The second dispatch of a frame: the raster from the runs, a thread for DEPTHS depths of a ray.
 override RASTER: bool = false;
+override DEPTHS: u32 = 1u;
+
+const THREADS: u32 = 32u;
 
 // Number of a ray's runs that end at or before a depth.
 fn runs_before(ray: u32, at_mm: f32) -> u32 {
@@ -37,17 +40,35 @@ fn runs_before(ray: u32, at_mm: f32) -> u32 {
     return low;
 }
 
-fn raster_word(ray: u32, depth: u32) -> u32 {
-    let at_mm = f32(depth) * params.map_step_mm;
-    let run = runs_before(ray, at_mm);
-    let entry = entries[ray * ENTRIES + run];
-    var end = 2.0 * params.depth_mm + 1.0;
-    if run + 1u < entry_counts[ray] {
-        end = entries[ray * ENTRIES + run + 1u].x;
+fn rasterise(index: u32) {
+    let parts = (params.map_depths + DEPTHS - 1u) / DEPTHS;
+    let ray = index / parts;
+    if ray >= params.map_rays {
+        return;
     }
-    let sum = entry.y + entry.z * (at_mm - entry.x);
-    let whole = select(0u, WHOLE, at_mm + params.map_step_mm < end);
-    return (bitcast<u32>(max(sum, 0.0)) << 1u & 0xfffffe00u) | whole | (bitcast<u32>(entry.w) & TISSUE_MASK);
+    var depth = index % parts * DEPTHS;
+    let limit = min(depth + DEPTHS, params.map_depths);
+    var run = runs_before(ray, f32(depth) * params.map_step_mm);
+    while depth < limit {
+        let entry = entries[ray * ENTRIES + run];
+        // The last run has no end.
+        var end = 2.0 * params.depth_mm + 1.0;
+        if run + 1u < entry_counts[ray] {
+            end = entries[ray * ENTRIES + run + 1u].x;
+        }
+        let id = bitcast<u32>(entry.w) & TISSUE_MASK;
+        loop {
+            let at_mm = f32(depth) * params.map_step_mm;
+            if at_mm >= end || depth >= limit {
+                break;
+            }
+            let sum = entry.y + entry.z * (at_mm - entry.x);
+            let whole = select(0u, WHOLE, at_mm + params.map_step_mm < end);
+            raster[ray * params.map_depths + depth] = (bitcast<u32>(max(sum, 0.0)) << 1u & 0xfffffe00u) | whole | id;
+            depth++;
+        }
+        run++;
+    }
 }
 
 fn cut(ray: u32) {
@@ -98,11 +119,9 @@ fn cut(ray: u32) {
 }
 
 @compute @workgroup_size(32)
-fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     if RASTER {
-        if id.x < params.map_depths {
-            raster[id.y * params.map_depths + id.x] = raster_word(id.y, id.x);
-        }
+        rasterise(id.y * groups.x * THREADS + id.x);
         return;
     }
     let ray = id.x / LANES_APART;

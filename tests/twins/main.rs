@@ -231,7 +231,7 @@ const DAMAGES: [Damages; 4] = [
             "(f32((block + 1u) << BLOCK_SHIFT) + 0.5)",
         ),
         ("attenuation in eight bits", "scan_convert", "ROOT_STEPS * root + 0.5", "257.0 * floor(255.0 * root + 0.5)"),
-        ("the run before", "section", "entries[ray * ENTRIES + run];", "entries[ray * ENTRIES + max(run, 1u) - 1u];"),
+        ("a run late", "section", "return low;", "return min(low + 1u, entry_counts[ray] - 1u);"),
     ],
 ];
 

@@ -12,6 +12,7 @@ use crate::render::configuration::{Configuration, FrameInputs};
 use crate::render::constants::BEAM_CELLS_OF_A_GROUP;
 use crate::render::error::BackendError;
 use crate::render::frame::{Contents, FRAMES_IN_FLIGHT};
+use crate::render::params::Params;
 use crate::settings::Effect;
 
 /// Buffers and passes of one configuration.
@@ -43,17 +44,7 @@ impl DeviceConfiguration {
     ) -> Result<Self, BackendError> {
         let Configuration { settings, effects, params, tables, .. } = inputs.configuration;
         let on = effects.effects();
-        let bytes_max = pipelines.segment_bytes_max(gpu);
-        let made = |bytes_max: u64| {
-            let batches = BatchPlan::within(bytes_max, params);
-            let buffers =
-                Buffers::new(gpu, tables, params, &batches, settings.lines, previous.map(|p| &p.buffers), frames)?;
-            Ok((batches, buffers))
-        };
-        let (batches, buffers) = match made(bytes_max) {
-            Err(BackendError::Memory { .. }) if bytes_max > SEGMENT_BYTES_LEAST => made(SEGMENT_BYTES_LEAST)?,
-            made => made?,
-        };
+        let (batches, buffers) = planned(gpu, pipelines.segment_bytes_max(gpu), inputs.configuration, previous, frames)?;
         let largest = batches.params(0, params);
 
         let mut pass = |name, groups, constants: Constants<'_>| {
@@ -64,8 +55,8 @@ impl DeviceConfiguration {
         let pixels = [params.sector_words.div_ceil(128), 1, 1];
         let flag = |on: bool| f64::from(u8::from(on));
         let keep = [("KEEP_LINES", flag(settings.lines))];
-        let (apart, rays_apart) = (gpu.lanes_apart(paths), gpu.lanes_apart(params.map_rays));
-        let spread = |threads: u32, apart: u32, group: u32| [(threads * apart).div_ceil(group), 1, 1];
+        let apart = gpu.lanes_apart(paths);
+        let traced_groups = [(paths * apart).div_ceil(64), 1, 1];
         let locate = [("LANES_APART", f64::from(apart))];
         let trace = TraceDispatch::new(gpu, inputs, gpu.trace_by(paths), paths, 1);
         let aperture = [("APERTURE", flag(on.has(Effect::Aperture)))];
@@ -73,10 +64,8 @@ impl DeviceConfiguration {
         let lateral = [aperture[0], ("STEERED", flag(steered))];
         let lines = [params.scanlines.div_ceil(16), 1, 1];
         let cells = tables.aperture.as_ref().map_or(0, |tables| tables.sampling.cells as u32);
-        let traced = vec![
-            pass("locate", spread(paths, apart, 64), &locate)?,
-            pass(trace.source, trace.groups, &trace.constants)?,
-        ];
+        let traced =
+            vec![pass("locate", traced_groups, &locate)?, pass(trace.source, trace.groups, &trace.constants)?];
         let seen = match &tables.aperture {
             Some(tables) => vec![
                 pass("transmission", [tables.planes as u32, cells.div_ceil(64), 1], &[("ROWS", 0.0)])?,
@@ -109,11 +98,8 @@ impl DeviceConfiguration {
         let mut order = path_order([traced.len(), seen.len(), returned.len()], batches.batches);
         let mut passes: Vec<Pass> = traced.into_iter().chain(seen).chain(returned).collect();
         // Maps need no paths: each of their passes runs beside one that leaves most of a GPU idle.
-        let map_passes = [
-            pass("section", spread(params.map_rays, rays_apart, 32), &[("LANES_APART", f64::from(rays_apart))])?,
-            pass("section", [params.map_depths.div_ceil(32), params.map_rays, 1], &[("RASTER", 1.0)])?,
-            pass("percentile", [1, 1, 1], &[])?,
-        ];
+        let [cut, raster] = section_passes(gpu, params, &mut pass)?;
+        let map_passes = [cut, raster, pass("percentile", [1, 1, 1], &[])?];
         for (map_pass, place) in map_passes.into_iter().zip([2, 4, 5]) {
             order.insert(place.min(order.len()), (passes.len(), 0));
             passes.push(map_pass);
@@ -148,6 +134,46 @@ impl DeviceConfiguration {
             (if image_alone { &self.scan_convert_image } else { pass }, batch)
         })
     }
+}
+
+/// Batches of a configuration and its buffers: few large batches, or more of the least size if memory is short.
+fn planned(
+    gpu: &Gpu,
+    segment_bytes_max: u64,
+    Configuration { settings, params, tables, .. }: &Configuration,
+    previous: Option<&DeviceConfiguration>,
+    frames: u32,
+) -> Result<(BatchPlan, Buffers), BackendError> {
+    let made = |bytes_max: u64| {
+        let batches = BatchPlan::within(bytes_max, params);
+        let previous = previous.map(|p| &p.buffers);
+        let buffers = Buffers::new(gpu, tables, params, &batches, settings.lines, previous, frames)?;
+        Ok((batches, buffers))
+    };
+    match made(segment_bytes_max) {
+        Err(BackendError::Memory { .. }) if segment_bytes_max > SEGMENT_BYTES_LEAST => made(SEGMENT_BYTES_LEAST),
+        made => made,
+    }
+}
+
+/// Both dispatches of `section`: the runs of each map ray, and their raster.
+fn section_passes(
+    gpu: &Gpu,
+    params: &Params,
+    pass: &mut impl FnMut(&'static str, [u32; 3], Constants<'_>) -> Result<Pass, BackendError>,
+) -> Result<[Pass; 2], BackendError> {
+    const THREADS: u32 = 32;
+    /// Workgroups in a row that every device dispatches.
+    const ROW: u32 = 1 << 15;
+    let apart = gpu.lanes_apart(params.map_rays);
+    // Neighbouring threads of a GPU write neighbouring words. Software searches long for each.
+    let depths = if gpu.is_software() { 64 } else { 1 };
+    let groups = (params.map_rays * params.map_depths.div_ceil(depths)).div_ceil(THREADS);
+    let rows = [groups.min(ROW), groups.div_ceil(ROW), 1];
+    Ok([
+        pass("section", [(params.map_rays * apart).div_ceil(THREADS), 1, 1], &[("LANES_APART", f64::from(apart))])?,
+        pass("section", rows, &[("RASTER", 1.0), ("DEPTHS", f64::from(depths))])?,
+    ])
 }
 
 /// Slots of a shape: those of `previous` if they have it.

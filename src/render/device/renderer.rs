@@ -119,7 +119,7 @@ impl DeviceRenderer {
             while frames > 1 && self.several.is_none() {
                 // Tables are shared with the active configuration.
                 match DeviceConfiguration::new(gpu, scene, pipelines, inputs, Some(&self.active), frames) {
-                    Ok(several) => self.several = Some(several),
+                    Ok(several) => self.several = Some(several).filter(|several| several.batches.batches == 1),
                     Err(error) => tracing::debug!("{frames} frames at once: {error}"),
                 }
                 frames /= 2;
