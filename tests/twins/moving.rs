@@ -8,6 +8,7 @@ use insonify::pose::Pose;
 use insonify::render::{Choice, Effect, Frame, ShaderSet};
 use insonify::transducer::ProbeKind;
 
+use crate::across::assert_alike;
 use crate::compare::{PASSES, compare};
 use crate::scenes::{Case, RENDERED, nested, part, probe, scene, settings};
 
@@ -68,15 +69,15 @@ fn a_moved_scene_is_cut_as_one_that_was_built_there() {
         let displaced = case.scene.displaced(time_s);
         let there = Case { scene: Scene { motion: Motion::default(), ..displaced }, ..beating() };
         there.renderer(&ShaderSet::default()).render(&case.pose, &mut fresh).unwrap();
-        assert!(frame.segmentation == fresh.segmentation, "at {time_s} s");
-        assert!(frame.attenuation == fresh.attenuation, "at {time_s} s");
+        // Speckle moves with the tissue, and is not that of a scene that was built there. The maps are.
+        let maps = |frame: &Frame| Frame { bmode: Vec::new(), lines: Vec::new(), ..frame.clone() };
+        assert_alike(&maps(&frame), &maps(&fresh), &format!("at {time_s} s"));
     }
-    // Back at rest, the frame is the one rendered without motion.
+    // Back at rest, the frame is the one rendered without motion, by other pipelines.
     renderer.set_time_s(0.0);
     renderer.render(&case.pose, &mut frame).unwrap();
     let rest = RENDERED.iter().find(|r| r.name == case.name).unwrap();
-    assert!(frame.bmode == rest.frame.bmode && frame.segmentation == rest.frame.segmentation);
-    assert!(frame.lines == rest.frame.lines);
+    assert_alike(&frame, &rest.frame, "at rest");
 }
 
 #[test]

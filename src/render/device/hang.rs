@@ -39,6 +39,7 @@ struct Shared {
     /// Workgroups of the whole dispatch.
     groups: u64,
     is_due: AtomicBool,
+    has_begun: AtomicBool,
     submission: Mutex<Option<wgpu::SubmissionIndex>>,
 }
 
@@ -76,6 +77,7 @@ impl InjectedHang {
             bindings,
             groups: 1,
             is_due: AtomicBool::new(false),
+            has_begun: AtomicBool::new(false),
             submission: Mutex::default(),
         };
         // The first dispatch compiles.
@@ -98,22 +100,23 @@ impl InjectedHang {
         self.0.is_due.store(true, Ordering::Release);
     }
 
-    /// Whether the dispatch was submitted.
+    /// Whether the device was given the dispatch.
     pub fn has_begun(&self) -> bool {
-        self.submission().is_some()
+        self.0.has_begun.load(Ordering::Acquire)
     }
 
     /// Whether the device is at work on the dispatch.
     pub fn lasts(&self) -> bool {
-        self.submission().is_some_and(|submission| {
-            let wait = wgpu::PollType::Wait { submission_index: Some(submission), timeout: Some(Duration::ZERO) };
-            matches!(self.0.device.poll(wait), Err(wgpu::PollError::Timeout))
-        })
+        // Software Vulkan works within the submission.
+        let Some(submission) = self.submission() else { return self.has_begun() };
+        let wait = wgpu::PollType::Wait { submission_index: Some(submission), timeout: Some(Duration::ZERO) };
+        matches!(self.0.device.poll(wait), Err(wgpu::PollError::Timeout))
     }
 
     /// Submits the dispatch if it was asked for.
     pub(super) fn submit_if_due(&self) {
         if self.0.is_due.swap(false, Ordering::AcqRel) {
+            self.0.has_begun.store(true, Ordering::Release);
             let submission = self.0.submit(self.0.groups);
             *self.0.submission.lock().unwrap_or_else(PoisonError::into_inner) = Some(submission);
         }

@@ -11,6 +11,7 @@ mod readback;
 mod renderer;
 mod shaders;
 mod snapshot;
+mod submitter;
 
 pub(super) use gpu::Gpu;
 #[cfg(feature = "test-hooks")]

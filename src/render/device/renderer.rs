@@ -205,11 +205,14 @@ impl FrameMaker for DeviceRenderer {
             write(&self.scene.displacements, first, size_of::<[f32; 4]>(), moved);
         }
         self.uploads.finish();
-        self.gpu.queue.submit([encoder.finish()]);
-        self.uploads.recall();
+        // A device that does not take it is found lost by the frame that follows, and none of its buffers may be touched.
+        if self.gpu.submit(encoder.finish(), false, || ()).is_ok() {
+            self.uploads.recall();
+        }
     }
 
     fn submit(&mut self, inputs: FrameInputs<'_>, contents: Contents) -> Result<(), BackendError> {
+        self.gpu.check()?;
         let started = Instant::now();
         let mut encoder = self.begin(inputs);
         let slot = self.active.slots[self.next_slot].clone();
@@ -227,14 +230,10 @@ impl FrameMaker for DeviceRenderer {
         let commands = encoder.finish();
         let record_ms = ms_since(started);
         let started = Instant::now();
-        #[cfg(feature = "test-hooks")]
-        if let Some(hang) = &self.gpu.hang {
-            hang.submit_if_due();
-        }
-        let submission = self.gpu.queue.submit([commands]);
-        slot.map(&self.map_done);
-        let times = DeviceTimes { record_ms, submit_ms: ms_since(started), ..DeviceTimes::default() };
         let compiled = self.pipelines.count();
+        let (mapped_slot, map_done) = (slot.clone(), self.map_done.clone());
+        let submission = self.gpu.submit(commands, compiled > self.warm, move || mapped_slot.map(&map_done))?;
+        let times = DeviceTimes { record_ms, submit_ms: ms_since(started), ..DeviceTimes::default() };
         self.in_flight.push_back(InFlight { slot, contents, submission, times, compiled });
         self.next_slot = (self.next_slot + 1) % FRAMES_IN_FLIGHT;
         Ok(())
