@@ -9,13 +9,16 @@ Nothing here is trained. Expected outputs come from ONNX's reference evaluator, 
 """
 
 import hashlib
-from dataclasses import dataclass, field
+import tomllib
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 from onnx.reference import ReferenceEvaluator
+
+from insonify_training.bytes import convert
 
 ROOT = Path(__file__).resolve().parent.parent
 TESTS = ROOT / "tests/data/generators"
@@ -87,6 +90,8 @@ class Generator:
     # Added to one expected level, so that the pair is wrong.
     parity_error: float = 0.0
     tolerance: float = 0.01
+    # Whether its tensors are of bytes, and the graph does the mappings.
+    of_bytes: bool = False
 
     @property
     def variant(self):
@@ -321,12 +326,12 @@ def levels(generator, planes):
 def write(generator, directory):
     directory.mkdir(parents=True, exist_ok=True)
     stem = directory / generator.name
-    model = generator.model.SerializeToString(deterministic=True)
-    stem.with_suffix(".onnx").write_bytes(model)
     planes = parity_planes() if generator.parity is None else generator.parity
     parity_input = "speckle.npy" if generator.parity is None else f"{generator.name}.parity_input.npy"
     expected = levels(generator, planes)
     assert np.isfinite(expected).all(), generator.name
+    if generator.of_bytes:
+        expected = np.rint(expected)
     if generator.parity_error:
         expected[20, 17] += generator.parity_error
     np.save(directory / parity_input, planes)
@@ -338,7 +343,7 @@ name = "{generator.name}"
 description = "{generator.description}"
 kind = "fixed-filter"
 variant = "{generator.variant}"
-sha256 = "{hashlib.sha256(model).hexdigest()}"
+sha256 = "SUM"
 padding_multiple = {generator.multiple}
 
 [input]
@@ -366,7 +371,10 @@ input = "{parity_input}"
 output = "{generator.name}.parity_output.npy"
 tolerance = {generator.tolerance}
 """
-    stem.with_suffix(".toml").write_text(text)
+    made = convert(generator.model, tomllib.loads(text)) if generator.of_bytes else generator.model
+    model = made.SerializeToString(deterministic=True)
+    stem.with_suffix(".onnx").write_bytes(model)
+    stem.with_suffix(".toml").write_text(text.replace("SUM", hashlib.sha256(model).hexdigest()))
 
 
 def main():
@@ -395,6 +403,12 @@ def main():
         Generator("slow", "Test: the image, slowly.", slow(), m, tolerance=0.05),
         Generator("wrong_parity", "Test: the identity with a parity pair that is wrong at one pixel.", identity(),
                   signed, output=SIGNED_OUTPUT, parity_error=3.0),
+    ]
+    of_bytes = ("identity_beam", "weighted_maps", "class_levels")
+    generators += [
+        replace(one, name=f"{one.name}_bytes", description=f"{one.description[:-1]}, with tensors of bytes.", tolerance=1.0, of_bytes=True)
+        for one in generators
+        if one.name in of_bytes
     ]
     for generator in generators:
         write(generator, TESTS)

@@ -10,7 +10,7 @@ pub(super) struct RuntimeArgs {
     #[arg(long, value_name = "NAME", default_value_t)]
     pub(super) provider: Provider,
 
-    /// Precision of generators: int8 where it is quicker and the model has it (auto), float32 or int8
+    /// Precision of generators: int8 or float16 where it is quicker and available (auto), float32, int8, or on a GPU float16
     #[arg(long, value_name = "NAME", default_value_t)]
     pub(super) precision: Precision,
 

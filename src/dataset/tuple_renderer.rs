@@ -129,7 +129,7 @@ impl<'a> TupleRenderer<'a> {
         Ok(())
     }
 
-    /// Whether rendering reproduces the tuple of `row`, bit for bit.
+    /// Whether rendering on this device reproduces the tuple of `row`, bit for bit.
     pub(super) fn agrees(&mut self, scene: &Arc<TupleScene>, row: &Row) -> Result<bool, DatasetError> {
         Ok(self.tuple(scene, row, None)?.sha256 == row.sha256)
     }

@@ -107,6 +107,14 @@ pub enum GeneratorError {
         /// Precision asked for.
         precision: Precision,
     },
+    /// The processor computes no float16.
+    #[error(
+        "{path} cannot run in float16 on the processor; use auto, float32 or int8, or the provider cuda or tensorrt"
+    )]
+    NoFloat16 {
+        /// Model.
+        path: PathBuf,
+    },
     /// The model's tensors differ from the manifest's.
     #[error("{path} does not fit its manifest: {reason}")]
     Signature {

@@ -5,13 +5,14 @@ use std::time::{Duration, Instant};
 
 use super::Channel;
 use super::beam_sampling::BeamSampling;
-use super::load_options::LoadOptions;
+use super::load_options::{Execution, LoadOptions};
 use super::manifest::{Affine, BeamGrid, Manifest};
 use super::maps::{self, ClassMap, Geometry};
 use super::parity::{self, ParityReport};
 use super::place::place_of;
 use super::precision::Stored;
 use super::session::{RunFailure, Session, check_hash};
+use super::tensor_values::Values;
 use super::{GeneratorError, Input, Precision, Provider, Runtime, Terminator};
 use crate::files::{self, FileKind};
 use crate::render::{Frame, Place};
@@ -28,6 +29,8 @@ pub struct Generator {
     precision: Precision,
     /// Tables of a model in beam coordinates, of the last geometry.
     sampling: Option<BeamSampling>,
+    /// Levels of a model that gives bytes on its grid.
+    grid_levels: Vec<f32>,
 }
 
 impl std::fmt::Debug for Generator {
@@ -49,8 +52,12 @@ impl Generator {
         let manifest = Manifest::load(&Manifest::path_of(path))?;
         let stored = Stored::choose(path, &manifest, options)?;
         let may_give_way = options.precision == Precision::Auto && stored.precision != Precision::Float32;
+        let precision = stored.precision;
         match Self::open(path, manifest.clone(), stored, runtime, options) {
-            Err(error) if may_give_way => tracing::warn!("int8 is refused, float32 runs instead: {error}"),
+            // Without its provider float32 doesn't run either.
+            Err(error) if may_give_way && !matches!(error, GeneratorError::Provider { .. }) => {
+                tracing::warn!("{precision} is refused, float32 runs instead: {error}");
+            }
             loaded => return loaded,
         }
         let stored = Stored::as_trained(path, &manifest);
@@ -75,7 +82,9 @@ impl Generator {
             0 => std::thread::available_parallelism().map_or(1, usize::from),
             n => n as usize,
         };
-        let session = Session::new(runtime, &stored.path, &model, &manifest, options.provider, threads)?;
+        let execution =
+            Execution { provider: options.provider, precision: stored.precision, threads, sha256: &stored.sha256 };
+        let session = Session::new(runtime, &stored.path, &model, &manifest, execution)?;
         let parity = ParityReport { difference: 0.0, row: 0, column: 0, tolerance: stored.parity.tolerance };
         let mut generator = Self {
             path: path.to_owned(),
@@ -86,6 +95,7 @@ impl Generator {
             provider: options.provider,
             precision: stored.precision,
             sampling: None,
+            grid_levels: Vec::new(),
         };
         let found = generator.levels(&pair.input())?;
         generator.parity = parity::compare(&stored.path, &pair, &found, stored.parity.tolerance)?;
@@ -128,10 +138,19 @@ impl Generator {
             ..*input
         };
         let on_grid = sampling.resample(&taken);
+        let mut levels = std::mem::take(&mut self.grid_levels);
         let done = self.infer(&on_grid).map(|(values, geometry)| {
+            let (values, affine) = match values {
+                Values::Floats(values) => (values, affine),
+                Values::Bytes(values) => {
+                    levels.clear();
+                    levels.extend(values.iter().map(|level| f32::from(*level)));
+                    (&*levels, Affine::new(1.0 / 255.0, 0.0))
+                }
+            };
             sampling.picture(values, [geometry.first(), geometry.padded_width], affine, input.mask, out);
         });
-        self.sampling = Some(sampling);
+        (self.sampling, self.grid_levels) = (Some(sampling), levels);
         done
     }
 
@@ -210,7 +229,7 @@ impl Generator {
     }
 
     /// The model's output, finite throughout the field of view.
-    fn infer(&mut self, input: &Input) -> Result<(&[f32], Geometry), GeneratorError> {
+    fn infer(&mut self, input: &Input) -> Result<(Values<'_>, Geometry), GeneratorError> {
         input.check(&self.manifest)?;
         let name = &self.manifest.name;
         let failed = |failure| match failure {

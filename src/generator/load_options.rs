@@ -1,4 +1,4 @@
-//! Options for loading a model.
+//! Options for loading and running a model.
 
 use super::{Precision, Provider};
 
@@ -13,4 +13,17 @@ pub struct LoadOptions<'a> {
     pub precision: Precision,
     /// Names of the station's tissues in the order of their numbers, from number 1.
     pub tissues: &'a [String],
+}
+
+/// How ONNX Runtime is to run a model.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Execution<'a> {
+    /// Provider.
+    pub(super) provider: Provider,
+    /// Precision that was chosen.
+    pub(super) precision: Precision,
+    /// Threads of one run, at least one.
+    pub(super) threads: usize,
+    /// Sum of the model's file, 64 hexadecimal digits.
+    pub(super) sha256: &'a str,
 }

@@ -6,6 +6,7 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::manifest::{Affine, Encoding, Manifest, SegmentationManifest};
+use super::tensor_values::{Element, Planes, Values};
 use super::{Channel, GeneratorError, Input};
 
 /// Rows per parallel task. The runtime's threads are idle meanwhile.
@@ -93,59 +94,65 @@ impl ClassMap {
     }
 }
 
-/// Fills the input tensor [channels × padded height × padded width] from the maps of a frame. Padding has the values
-/// outside the sector, as in training: level, mask and attenuation 0, class `outside`.
+/// Fills the input tensor from the maps of a frame. Padding has the values outside the sector, as in training: level, mask and
+/// attenuation 0, class `outside`.
 pub(super) fn fill(
     manifest: &Manifest,
     classes: Option<&ClassMap>,
     input: &Input,
     geometry: &Geometry,
-    tensor: &mut [f32],
+    tensor: Planes<'_>,
+) -> Result<(), GeneratorError> {
+    match tensor {
+        Planes::Floats(tensor) => fill_with(manifest, classes, input, geometry, tensor),
+        Planes::Bytes(tensor) => fill_with(manifest, classes, input, geometry, tensor),
+    }
+}
+
+fn fill_with<E: Element>(
+    manifest: &Manifest,
+    classes: Option<&ClassMap>,
+    input: &Input,
+    geometry: &Geometry,
+    tensor: &mut [E],
 ) -> Result<(), GeneratorError> {
     let mut planes = tensor.chunks_exact_mut(geometry.padded_pixels());
     for &channel in &manifest.input.channels {
         let affine = manifest.affine(channel).unwrap_or(Affine::new(1.0, 0.0));
-        let Affine { scale, offset, power } = affine;
         match (channel, &manifest.segmentation, classes) {
             (Channel::Segmentation, Some(segmentation), Some(classes)) => {
                 let greatest = input.segmentation.iter().copied().max().unwrap_or(0);
                 if usize::from(greatest) > classes.greatest {
                     return Err(GeneratorError::TissueNumber { number: greatest, greatest: classes.greatest });
                 }
-                let count = segmentation.classes.len();
+                let mut channel = |of: &dyn Fn(u8) -> u8| {
+                    let values = classes.class.map(|class| E::of_class(of(class), affine));
+                    let outside = E::of_class(of(classes.outside), affine);
+                    plane(planes.next(), geometry, input.segmentation, outside, |n| values[usize::from(n)]);
+                };
                 match segmentation.encoding {
-                    Encoding::Map => {
-                        let values = classes.class.map(|class| f32::from(class) * scale + offset);
-                        let outside = f32::from(classes.outside) * scale + offset;
-                        plane(planes.next(), geometry, input.segmentation, outside, |n| values[usize::from(n)]);
-                    }
-                    Encoding::Classes => {
-                        for wanted in 0..count {
-                            let value = |on: bool| f32::from(u8::from(on)) * scale + offset;
-                            let values = classes.class.map(|class| value(usize::from(class) == wanted));
-                            let outside = value(usize::from(classes.outside) == wanted);
-                            plane(planes.next(), geometry, input.segmentation, outside, |n| values[usize::from(n)]);
-                        }
-                    }
+                    Encoding::Map => channel(&|class| class),
+                    Encoding::Classes => (0..segmentation.classes.len())
+                        .for_each(|wanted| channel(&|class| u8::from(usize::from(class) == wanted))),
                 }
             }
             (Channel::Attenuation, ..) => {
                 let (plane_of, values) = (planes.next(), input.attenuation);
+                let outside = E::of_attenuation(0.0, affine);
                 let root = |a: f32| a.max(0.0).sqrt();
-                match power {
-                    0.25 => plane(plane_of, geometry, values, offset, |a| root(root(a)) * scale + offset),
-                    0.5 => plane(plane_of, geometry, values, offset, |a| root(a) * scale + offset),
-                    _ => plane(plane_of, geometry, values, offset, |a| a * scale + offset),
+                match affine.power {
+                    0.25 => plane(plane_of, geometry, values, outside, |a| E::of_attenuation(root(root(a)), affine)),
+                    0.5 => plane(plane_of, geometry, values, outside, |a| E::of_attenuation(root(a), affine)),
+                    _ => plane(plane_of, geometry, values, outside, |a| E::of_attenuation(a, affine)),
                 }
             }
             (Channel::Mask, ..) => {
-                let [outside, inside] = [offset, scale + offset];
+                let [outside, inside] = [false, true].map(|inside| E::of_mask(inside, affine));
                 plane(planes.next(), geometry, input.mask, outside, |m| if m > 0 { inside } else { outside });
             }
             // `Generator` makes a class map for every segmentation that the manifest names.
             (Channel::Image | Channel::Segmentation, ..) => {
-                let scale = scale / 255.0;
-                plane(planes.next(), geometry, input.image, offset, |x| f32::from(x) * scale + offset);
+                plane(planes.next(), geometry, input.image, E::of_level(0, affine), |x| E::of_level(x, affine));
             }
         }
     }
@@ -153,12 +160,12 @@ pub(super) fn fill(
 }
 
 /// Fills one channel, with `outside` around the field of view.
-fn plane<T: Copy + Sync>(
-    plane: Option<&mut [f32]>,
+fn plane<T: Copy + Sync, E: Element>(
+    plane: Option<&mut [E]>,
     geometry: &Geometry,
     source: &[T],
-    outside: f32,
-    value: impl Fn(T) -> f32 + Sync,
+    outside: E,
+    value: impl Fn(T) -> E + Sync,
 ) {
     let Some(plane) = plane else { return };
     let Geometry { width, padded_width, .. } = *geometry;
@@ -180,19 +187,20 @@ fn plane<T: Copy + Sync>(
 }
 
 /// Padded rows of the field of view, and its columns in each.
-fn padded_rows<'a>(output: &'a [f32], geometry: &Geometry) -> (&'a [f32], Range<usize>) {
+fn padded_rows<'a, T>(output: &'a [T], geometry: &Geometry) -> (&'a [T], Range<usize>) {
     let left = geometry.left();
     (&output[geometry.above()..geometry.above() + geometry.within()], left..left + geometry.width)
 }
 
 /// Rows of the output within the field of view.
-fn rows<'a>(output: &'a [f32], geometry: &Geometry) -> impl Iterator<Item = &'a [f32]> {
+fn rows<'a, T>(output: &'a [T], geometry: &Geometry) -> impl Iterator<Item = &'a [T]> {
     let (rows, columns) = padded_rows(output, geometry);
     rows.chunks_exact(geometry.padded_width).map(move |row| &row[columns.clone()])
 }
 
-/// Row and column of the first value that is not finite, and the number of such values. None if all are finite.
-pub(super) fn not_finite(output: &[f32], geometry: &Geometry) -> Option<(usize, usize, usize)> {
+/// Row and column of the first value that is not finite, and the number of such values. None if all are finite, as bytes are.
+pub(super) fn not_finite(output: Values<'_>, geometry: &Geometry) -> Option<(usize, usize, usize)> {
+    let Values::Floats(output) = output else { return None };
     // Tests the exponent, without a branch: only broken models give such values.
     const EXPONENT: u32 = 0x7f80_0000;
     let broken = |row: &[f32]| row.iter().fold(false, |any, v| any | (v.to_bits() & EXPONENT == EXPONENT));
@@ -206,9 +214,26 @@ pub(super) fn not_finite(output: &[f32], geometry: &Geometry) -> Option<(usize, 
 }
 
 /// Grey levels, rounded, 0 outside the mask.
-pub(super) fn quantise(output: &[f32], affine: Affine, mask: &[u8], geometry: &Geometry, out: &mut Vec<u8>) {
-    out.resize(geometry.pixels(), 0);
+pub(super) fn quantise(output: Values<'_>, affine: Affine, mask: &[u8], geometry: &Geometry, out: &mut Vec<u8>) {
     let (scale, offset) = (affine.scale * 255.0, affine.offset * 255.0);
+    match output {
+        // Adding 2^23 rounds to a whole number in the lowest bits; a cast would cost a branch.
+        Values::Floats(output) => masked(output, mask, geometry, out, |value| {
+            ((value * scale + offset).clamp(0.0, 255.0) + 8_388_608.0).to_bits() as u8
+        }),
+        Values::Bytes(output) => masked(output, mask, geometry, out, |level| level),
+    }
+}
+
+/// The level of each pixel of the field of view, 0 outside the mask.
+fn masked<T: Copy + Sync>(
+    output: &[T],
+    mask: &[u8],
+    geometry: &Geometry,
+    out: &mut Vec<u8>,
+    level_of: impl Fn(T) -> u8 + Sync,
+) {
+    out.resize(geometry.pixels(), 0);
     let Geometry { width, padded_width, .. } = *geometry;
     let masks = mask.par_chunks(BAND * width);
     let (padded, columns) = padded_rows(output, geometry);
@@ -217,19 +242,23 @@ pub(super) fn quantise(output: &[f32], affine: Affine, mask: &[u8], geometry: &G
         let targets = targets.chunks_exact_mut(width).zip(masks.chunks_exact(width));
         for (values, (target, mask)) in values.chunks_exact(padded_width).zip(targets) {
             for ((level, &value), &inside) in target.iter_mut().zip(&values[columns.clone()]).zip(mask) {
-                // Adding 2^23 rounds to a whole number in the lowest bits; a cast would cost a branch.
-                let rounded = ((value * scale + offset).clamp(0.0, 255.0) + 8_388_608.0).to_bits() as u8;
+                let rounded = level_of(value);
                 *level = if inside > 0 { rounded } else { 0 };
             }
         }
     });
 }
 
-/// Grey levels before rounding, clipped to 0..=255, 0 outside the mask.
-pub(super) fn levels(output: &[f32], affine: Affine, mask: &[u8], geometry: &Geometry) -> Vec<f32> {
-    let level = |v: &f32| ((v * affine.scale + affine.offset) * 255.0).clamp(0.0, 255.0);
-    let values = rows(output, geometry).flatten();
-    values.zip(mask).map(|(v, &inside)| if inside > 0 { level(v) } else { 0.0 }).collect()
+/// Grey levels, clipped to 0..=255, 0 outside the mask; before rounding, but for a model that rounds.
+pub(super) fn levels(output: Values<'_>, affine: Affine, mask: &[u8], geometry: &Geometry) -> Vec<f32> {
+    let level = |v: f32| ((v * affine.scale + affine.offset) * 255.0).clamp(0.0, 255.0);
+    let inside = |(level, inside): (f32, &u8)| if *inside > 0 { level } else { 0.0 };
+    match output {
+        Values::Floats(output) => rows(output, geometry).flatten().map(|v| level(*v)).zip(mask).map(inside).collect(),
+        Values::Bytes(output) => {
+            rows(output, geometry).flatten().map(|v| f32::from(*v)).zip(mask).map(inside).collect()
+        }
+    }
 }
 
 #[cfg(test)]
@@ -260,7 +289,7 @@ mod tests {
                     scan: None,
                 };
                 let mut tensor = vec![f32::NAN; manifest.tensor_channels() * 16];
-                fill(&manifest, Some(&classes), &input, &Geometry::new(3, 2, 4), &mut tensor).unwrap();
+                fill(&manifest, Some(&classes), &input, &Geometry::new(3, 2, 4), Planes::Floats(&mut tensor)).unwrap();
                 for plane in tensor.chunks_exact(16) {
                     assert!(plane.iter().all(|v| *v == plane[0]), "{encoding}: {plane:?}");
                 }
@@ -280,16 +309,16 @@ mod tests {
         assert_eq!(tensor, [9., 9., 9., 9.,  9., 1., 9., 9.,  9., 2., 9., 9.,  9., 9., 9., 9.]);
         let mut levels_out = Vec::new();
         let unit = Affine::new(1.0 / 255.0, 0.0);
-        quantise(&tensor, unit, &[255, 255], &geometry, &mut levels_out);
+        quantise(Values::Floats(&tensor), unit, &[255, 255], &geometry, &mut levels_out);
         assert_eq!(levels_out, [1, 2]);
-        assert_eq!(levels(&tensor, unit, &[255, 0], &geometry), [1.0, 0.0]);
+        assert_eq!(levels(Values::Floats(&tensor), unit, &[255, 0], &geometry), [1.0, 0.0]);
         // Broken values beside the field of view are not shown, and are no error.
         let mut broken = tensor.clone();
         broken[4] = f32::NAN;
         broken[0] = f32::INFINITY;
-        assert_eq!(not_finite(&broken, &geometry), None);
+        assert_eq!(not_finite(Values::Floats(&broken), &geometry), None);
         broken[9] = f32::NAN;
-        assert_eq!(not_finite(&broken, &geometry), Some((1, 0, 1)));
+        assert_eq!(not_finite(Values::Floats(&broken), &geometry), Some((1, 0, 1)));
     }
 
     #[test]
@@ -312,7 +341,7 @@ mod tests {
             };
             let classes = ClassMap::identity(manifest.segmentation.as_ref().unwrap());
             let mut tensor = [0.0; 16];
-            fill(&manifest, Some(&classes), &input, &Geometry::new(4, 1, 1), &mut tensor).unwrap();
+            fill(&manifest, Some(&classes), &input, &Geometry::new(4, 1, 1), Planes::Floats(&mut tensor)).unwrap();
             for (got, expected) in tensor[4 * at..4 * at + 4].iter().zip(expected) {
                 assert!((got - (2.0 * expected + 1.0)).abs() < 1e-6, "{power}: {got} {expected}");
             }
@@ -325,8 +354,47 @@ mod tests {
         let output = [-0.1, 0.4 / 255.0, 0.6 / 255.0, 254.6 / 255.0, 7.0, 1.0];
         let mut out = vec![9; 20];
         let unit = Affine::new(1.0, 0.0);
-        quantise(&output, unit, &[255, 255, 255, 255, 255, 0], &geometry, &mut out);
+        quantise(Values::Floats(&output), unit, &[255, 255, 255, 255, 255, 0], &geometry, &mut out);
         assert_eq!(out, [0, 0, 1, 255, 255, 0]);
+    }
+
+    #[test]
+    fn bytes_are_filled_before_normalisation_and_read_as_levels() {
+        let text = include_str!("../../tests/data/generators/weighted_maps.toml");
+        let from = "attenuation = { scale = 1.0, offset = 0.0 }";
+        let manifest =
+            Manifest::parse(&text.replace(from, "attenuation = { scale = 2.0, offset = -1.0, power = 0.25 }"));
+        let manifest = manifest.unwrap();
+        let input = Input {
+            width: 2,
+            height: 1,
+            image: &[7, 200],
+            segmentation: &[3, 2],
+            attenuation: &[0.0625, 1.0],
+            mask: &[255, 0],
+            scan: None,
+        };
+        let classes = ClassMap::identity(manifest.segmentation.as_ref().unwrap());
+        let geometry = Geometry::new(2, 1, 4);
+        let mut tensor = vec![99_u8; 4 * 16];
+        fill(&manifest, Some(&classes), &input, &geometry, Planes::Bytes(&mut tensor)).unwrap();
+        let of = |channel: Channel| match channel {
+            Channel::Image => [7, 200],
+            Channel::Mask => [255, 0],
+            Channel::Segmentation => [3, 2],
+            Channel::Attenuation => [128, 255],
+        };
+        for (plane, &channel) in tensor.chunks_exact(16).zip(&manifest.input.channels) {
+            let mut expected = [0; 16];
+            expected[5..7].copy_from_slice(&of(channel));
+            assert_eq!(plane, expected, "{channel:?}: padding has the class `outside`, 0, as all else");
+        }
+        let mut out = Vec::new();
+        let affine = Affine::new(3.0, -9.0);
+        quantise(Values::Bytes(&tensor[..16]), affine, &[255, 0], &geometry, &mut out);
+        assert_eq!(out, [tensor[5], 0], "the graph has rounded already");
+        assert_eq!(levels(Values::Bytes(&tensor[..16]), affine, &[0, 255], &geometry), [0.0, f32::from(tensor[6])]);
+        assert_eq!(not_finite(Values::Bytes(&tensor[..16]), &geometry), None);
     }
 
     #[test]
@@ -335,11 +403,11 @@ mod tests {
         let mut output = vec![0.0; 16];
         output[3] = f32::NAN;
         output[15] = f32::INFINITY;
-        assert_eq!(not_finite(&output, &geometry), None);
+        assert_eq!(not_finite(Values::Floats(&output), &geometry), None);
         // The field of view has the second and the third row.
         output[10] = f32::NEG_INFINITY;
         output[9] = f32::NAN;
-        assert_eq!(not_finite(&output, &geometry), Some((1, 1, 2)));
+        assert_eq!(not_finite(Values::Floats(&output), &geometry), Some((1, 1, 2)));
     }
 
     proptest! {
@@ -348,7 +416,7 @@ mod tests {
             let there = f32::from(x) / 255.0 * scale + offset;
             let back = Affine::new(1.0 / scale, -offset / scale);
             let mut out = Vec::new();
-            quantise(&[there], back, &[255], &Geometry::new(1, 1, 1), &mut out);
+            quantise(Values::Floats(&[there]), back, &[255], &Geometry::new(1, 1, 1), &mut out);
             prop_assert_eq!(out[0], x);
         }
     }

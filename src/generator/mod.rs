@@ -25,6 +25,8 @@ mod maps;
 mod parity;
 mod place;
 mod precision;
+#[cfg(feature = "generator")]
+mod providers;
 mod run_times;
 #[cfg(feature = "generator")]
 mod runtime;
@@ -36,6 +38,9 @@ mod session;
 #[cfg(not(feature = "generator"))]
 #[path = "no_session.rs"]
 mod session;
+mod tensor_values;
+#[cfg(feature = "generator")]
+mod tensors;
 
 pub use crate::settings::{GeneratorSettings as Settings, Precision, Provider};
 pub use error::{GeneratorError, RuntimeError};

@@ -3,8 +3,10 @@
 use std::convert::Infallible;
 use std::path::Path;
 
+use super::load_options::Execution;
 use super::maps::Geometry;
-use super::{GeneratorError, Manifest, Provider, Runtime, RuntimeError};
+use super::tensor_values::{Planes, Values};
+use super::{GeneratorError, Manifest, Runtime, RuntimeError};
 
 /// Stops a run from another thread.
 #[derive(Debug, Clone)]
@@ -44,8 +46,7 @@ impl Session {
         _path: &Path,
         _model: &[u8],
         _manifest: &Manifest,
-        _provider: Provider,
-        _threads: usize,
+        _execution: Execution<'_>,
     ) -> Result<Self, GeneratorError> {
         runtime.none()
     }
@@ -54,11 +55,11 @@ impl Session {
         match self.0 {}
     }
 
-    pub(super) fn input(&mut self, _geometry: &Geometry) -> Result<&mut [f32], RunFailure> {
+    pub(super) fn input(&mut self, _geometry: &Geometry) -> Result<Planes<'_>, RunFailure> {
         match self.0 {}
     }
 
-    pub(super) fn run(&mut self) -> Result<&[f32], RunFailure> {
+    pub(super) fn run(&mut self) -> Result<Values<'_>, RunFailure> {
         match self.0 {}
     }
 }

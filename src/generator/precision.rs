@@ -6,6 +6,9 @@ use super::load_options::LoadOptions;
 use super::manifest::{Manifest, ParityManifest};
 use super::{GeneratorError, Precision, Provider};
 
+/// Least tolerance of the parity pair in float16, grey levels: significands of 11 bits round by up to half a level in a layer.
+const FLOAT16_TOLERANCE: f32 = 1.0;
+
 /// A model's file in one precision, and what it must give.
 #[derive(Debug)]
 pub(super) struct Stored {
@@ -16,14 +19,19 @@ pub(super) struct Stored {
 }
 
 impl Stored {
-    /// The model at `path` in the precision of the options: [`Precision::Auto`] takes int8 where it is quicker.
+    /// The model at `path` in the precision of the options: [`Precision::Auto`] takes int8 where it is quicker, and float16 on a
+    /// GPU.
     ///
     /// # Errors
-    /// A precision that the model does not have.
+    /// A precision that the model or the provider does not have.
     pub(super) fn choose(path: &Path, manifest: &Manifest, options: &LoadOptions) -> Result<Self, GeneratorError> {
         let wanted = match options.precision {
             Precision::Auto if options.provider == Provider::Cpu && multiplies_bytes() => Precision::Int8,
+            Precision::Auto if options.provider != Provider::Cpu => Precision::Float16,
             Precision::Auto => Precision::Float32,
+            Precision::Float16 if options.provider == Provider::Cpu => {
+                return Err(GeneratorError::NoFloat16 { path: path.to_owned() });
+            }
             named => named,
         };
         match manifest.quantised(wanted) {
@@ -40,8 +48,17 @@ impl Stored {
             None if options.precision == Precision::Int8 => {
                 Err(GeneratorError::NoPrecision { path: path.to_owned(), precision: options.precision })
             }
-            None => Ok(Self::as_trained(path, manifest)),
+            None => Ok(Self::as_trained(path, manifest).in_precision(wanted)),
         }
+    }
+
+    /// The same file, computed in that precision.
+    fn in_precision(mut self, precision: Precision) -> Self {
+        if precision == Precision::Float16 {
+            self.precision = precision;
+            self.parity.tolerance = self.parity.tolerance.max(FLOAT16_TOLERANCE);
+        }
+        self
     }
 
     /// The model in float32.
@@ -69,5 +86,38 @@ fn multiplies_bytes() -> bool {
     #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
     {
         false
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = include_str!("../../tests/data/generators/weighted_maps.toml");
+
+    #[test]
+    fn a_gpu_computes_in_float16_unless_another_precision_is_named() {
+        let manifest = Manifest::parse(TEXT).unwrap();
+        let path = Path::new("weighted_maps.onnx");
+        let chosen = |provider, precision| {
+            let options = LoadOptions { provider, precision, ..LoadOptions::default() };
+            Stored::choose(path, &manifest, &options)
+        };
+        let own = manifest.parity.tolerance;
+        assert!(own < FLOAT16_TOLERANCE);
+        for (provider, precision, expected, tolerance) in [
+            (Provider::Cpu, Precision::Auto, Precision::Float32, own),
+            (Provider::Cpu, Precision::Float32, Precision::Float32, own),
+            (Provider::Cuda, Precision::Auto, Precision::Float16, FLOAT16_TOLERANCE),
+            (Provider::TensorRt, Precision::Auto, Precision::Float16, FLOAT16_TOLERANCE),
+            (Provider::TensorRt, Precision::Float16, Precision::Float16, FLOAT16_TOLERANCE),
+            (Provider::TensorRt, Precision::Float32, Precision::Float32, own),
+        ] {
+            let stored = chosen(provider, precision).unwrap();
+            assert_eq!((stored.precision, stored.parity.tolerance), (expected, tolerance), "{provider} {precision}");
+            assert_eq!((&*stored.path, &stored.sha256), (path, &manifest.sha256), "the file is the same");
+        }
+        let error = chosen(Provider::Cpu, Precision::Float16).unwrap_err().to_string();
+        assert!(error.contains("weighted_maps.onnx") && error.contains("cuda"), "{error}");
     }
 }

@@ -4,14 +4,16 @@ use std::fmt;
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use ort::ep::{self, ExecutionProviderDispatch};
-use ort::memory::Allocator;
+use ort::session::RunOptions;
 use ort::session::builder::GraphOptimizationLevel;
-use ort::session::{IoBinding, RunOptions};
-use ort::value::{Outlet, Tensor, TensorElementType, ValueType};
+use ort::value::{Outlet, TensorElementType, ValueType};
 use sha2::{Digest, Sha256};
 
+use super::load_options::Execution;
 use super::maps::Geometry;
+use super::providers::dispatch;
+use super::tensor_values::{Planes, Values};
+use super::tensors::{Kind, Tensors};
 use super::{GeneratorError, Manifest, Provider, Runtime};
 use crate::files::hex;
 
@@ -84,24 +86,17 @@ impl From<ort::Error> for RunFailure {
     }
 }
 
-/// Tensors of one size.
-struct Tensors {
-    geometry: Geometry,
-    binding: IoBinding,
-    input: Tensor<f32>,
-    output: Tensor<f32>,
-}
-
 /// One model, ready to run.
 pub(super) struct Session {
     inner: ort::session::Session,
     input_name: String,
     output_name: String,
+    /// Types of the input's and the output's values.
+    kinds: [Kind; 2],
     channels: usize,
+    provider: Provider,
     tensors: Option<Tensors>,
     control: Arc<RunControl>,
-    /// Set for devices with their own memory: binding copies the input.
-    bind_each_run: bool,
 }
 
 impl Session {
@@ -110,13 +105,13 @@ impl Session {
         path: &Path,
         model: &[u8],
         manifest: &Manifest,
-        provider: Provider,
-        threads: usize,
+        execution: Execution<'_>,
     ) -> Result<Self, GeneratorError> {
+        let Execution { provider, precision, threads, sha256 } = execution;
         let refused = |e: ort::Error| GeneratorError::Model { path: path.to_owned(), reason: e.message().to_owned() };
         let builder = ort::session::Session::builder(runtime.environment()).map_err(refused)?;
         let builder = builder
-            .with_execution_providers(dispatch(provider))
+            .with_execution_providers(dispatch(provider, precision, sha256))
             .map_err(|e| GeneratorError::Provider { provider, reason: e.message().to_owned() })?;
         // Waiting threads that spin would take the processors from the renderer.
         let builder = builder.with_intra_threads(threads).map_err(|e| refused(e.into()))?;
@@ -124,17 +119,18 @@ impl Session {
         let builder = builder.with_optimization_level(GraphOptimizationLevel::All).map_err(|e| refused(e.into()))?;
         let mut builder = builder.with_flush_to_zero().map_err(|e| refused(e.into()))?;
         let inner = builder.commit_from_memory(model).map_err(refused)?;
-        check_signature(&inner, manifest)
+        let kinds = check_signature(&inner, manifest)
             .map_err(|reason| GeneratorError::Signature { path: path.to_owned(), reason })?;
         let options = RunOptions::new().map_err(refused)?;
         Ok(Self {
             inner,
             input_name: manifest.input.name.clone(),
             output_name: manifest.output.name.clone(),
+            kinds,
             channels: manifest.tensor_channels(),
+            provider,
             tensors: None,
             control: Arc::new(RunControl { options, state: Mutex::default() }),
-            bind_each_run: provider != Provider::Cpu,
         })
     }
 
@@ -142,38 +138,25 @@ impl Session {
         Terminator(self.control.clone())
     }
 
-    /// The input tensor [channels × padded height × padded width], for the caller to fill; reallocated only if the size
-    /// changed.
-    pub(super) fn input(&mut self, geometry: &Geometry) -> Result<&mut [f32], RunFailure> {
+    /// The input tensor, for the caller to fill; reallocated only if the size changed.
+    pub(super) fn input(&mut self, geometry: &Geometry) -> Result<Planes<'_>, RunFailure> {
         if self.tensors.as_ref().is_none_or(|t| t.geometry != *geometry) {
             self.tensors = None;
-            self.tensors = Some(self.make_tensors(geometry)?);
+            let [input, output] = self.kinds;
+            let names = [(&*self.input_name, input), (&*self.output_name, output)];
+            self.tensors = Some(Tensors::new(&self.inner, self.provider, geometry, self.channels, names)?);
         }
         match &mut self.tensors {
-            Some(tensors) => Ok(tensors.input.extract_tensor_mut().1),
+            Some(tensors) => Ok(tensors.planes()?),
             None => Err(RunFailure::Failed("no tensors".to_owned())),
         }
     }
 
-    fn make_tensors(&self, geometry: &Geometry) -> Result<Tensors, RunFailure> {
-        let allocator = Allocator::default();
-        let shape = |channels: usize| [1, channels, geometry.padded_height, geometry.padded_width];
-        let mut input = Tensor::<f32>::new(&allocator, shape(self.channels))?;
-        // Fresh memory is uninitialised.
-        input.extract_tensor_mut().1.fill(0.0);
-        let mut output = Tensor::<f32>::new(&allocator, shape(1))?;
-        output.extract_tensor_mut().1.fill(0.0);
-        let mut binding = self.inner.create_binding()?;
-        binding.bind_input(&*self.input_name, &input)?;
-        binding.bind_output(&*self.output_name, &mut output)?;
-        Ok(Tensors { geometry: *geometry, binding, input, output })
-    }
-
-    /// Runs the model on the filled input and returns the output [padded height × padded width].
-    pub(super) fn run(&mut self) -> Result<&[f32], RunFailure> {
+    /// Runs the model on the filled input and returns the output.
+    pub(super) fn run(&mut self) -> Result<Values<'_>, RunFailure> {
         let Some(tensors) = &mut self.tensors else { return Err(RunFailure::Failed("no input".to_owned())) };
-        if self.bind_each_run {
-            tensors.binding.bind_input(&*self.input_name, &tensors.input)?;
+        if self.provider != Provider::Cpu {
+            tensors.bind_input(&self.input_name)?;
         }
         {
             let mut state = self.control.lock();
@@ -187,20 +170,10 @@ impl Session {
             state.stopped
         };
         match result {
-            Ok(()) => Ok(tensors.output.extract_tensor().1),
+            Ok(()) => Ok(tensors.values()?),
             Err(_) if stopped => Err(RunFailure::Stopped),
             Err(e) => Err(e.into()),
         }
-    }
-}
-
-/// Providers to request from ONNX Runtime; empty for the CPU.
-fn dispatch(provider: Provider) -> Vec<ExecutionProviderDispatch> {
-    let cuda = || ep::CUDA::default().build().error_on_failure();
-    match provider {
-        Provider::Cpu => Vec::new(),
-        Provider::Cuda => vec![cuda()],
-        Provider::TensorRt => vec![ep::TensorRT::default().build().error_on_failure(), cuda()],
     }
 }
 
@@ -216,8 +189,9 @@ pub(super) fn check_hash(path: &Path, model: &[u8], expected: &str) -> Result<()
     Err(GeneratorError::Sha256 { path: path.to_owned(), expected: expected.to_owned(), found })
 }
 
-/// Checks the model's tensors against the manifest; the error is the difference.
-fn check_signature(session: &ort::session::Session, manifest: &Manifest) -> Result<(), String> {
+/// Checks the model's tensors against the manifest, and returns the types of the input's and the output's values; the error is
+/// the difference.
+fn check_signature(session: &ort::session::Session, manifest: &Manifest) -> Result<[Kind; 2], String> {
     let [input] = session.inputs() else {
         return Err(format!("it has {} inputs; a generator has one", session.inputs().len()));
     };
@@ -228,14 +202,15 @@ fn check_signature(session: &ort::session::Session, manifest: &Manifest) -> Resu
     if input.name() != manifest.input.name {
         return Err(format!("its input is `{}`; the manifest says `{}`", input.name(), manifest.input.name));
     }
-    check_tensor(input, manifest.tensor_channels())?;
-    check_tensor(output, 1)
+    Ok([check_tensor(input, manifest.tensor_channels())?, check_tensor(output, 1)?])
 }
 
-fn check_tensor(outlet: &Outlet, channels: usize) -> Result<(), String> {
+fn check_tensor(outlet: &Outlet, channels: usize) -> Result<Kind, String> {
     let name = outlet.name();
-    let ValueType::Tensor { ty: TensorElementType::Float32, shape, .. } = outlet.dtype() else {
-        return Err(format!("`{name}` is {}; it must be a tensor of float32", outlet.dtype()));
+    let (kind, shape) = match outlet.dtype() {
+        ValueType::Tensor { ty: TensorElementType::Float32, shape, .. } => (Kind::Floats, shape),
+        ValueType::Tensor { ty: TensorElementType::Uint8, shape, .. } => (Kind::Bytes, shape),
+        other => return Err(format!("`{name}` is {other}; it must be a tensor of float32 or uint8")),
     };
     let [batch, found, height, width] = shape[..] else {
         return Err(format!("`{name}` has {} dimensions; it must have 4", shape.len()));
@@ -250,5 +225,5 @@ fn check_tensor(outlet: &Outlet, channels: usize) -> Result<(), String> {
     if (height, width) != (-1, -1) {
         return Err(format!("`{name}` has a fixed size of {height} x {width}; export it with open height and width"));
     }
-    Ok(())
+    Ok(kind)
 }

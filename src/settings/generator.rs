@@ -24,8 +24,8 @@ settings! {
         /// Execution provider; one that is not available is an error.
         provider: Provider = Provider::Cpu, "", 0.0..=2.0, Everything;
 
-        /// Precision of the models: int8 where it is quicker and the model has it, or the one that is named.
-        precision: Precision = Precision::Auto, "", 0.0..=2.0, Everything;
+        /// Precision of the models: int8 or float16 where it is quicker and available (auto), or the one that is named.
+        precision: Precision = Precision::Auto, "", 0.0..=3.0, Everything;
     }
     plain {
         /// Models (`.onnx`, each with its manifest); with a fixed quality, in order of preference. Empty: raw frames.

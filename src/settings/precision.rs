@@ -11,16 +11,19 @@ use super::stored_word;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Precision {
-    /// int8 if the model has it, runs on the processor, and that has instructions for its sums of products; else float32.
+    /// On the processor int8, if the model has it and the processor has instructions for its sums of products; on a GPU
+    /// float16; else float32.
     #[default]
     Auto,
     /// The model as it was trained.
     Float32,
     /// Weights and values of 8 bits; an error if the model has none.
     Int8,
+    /// The model as it was trained, computed by a GPU with significands of 11 bits: float16 by TensorRT, TF32 by CUDA.
+    Float16,
 }
 
-crate::names::named!(Precision { Auto = "auto", Float32 = "float32", Int8 = "int8" });
+crate::names::named!(Precision { Auto = "auto", Float32 = "float32", Int8 = "int8", Float16 = "float16" });
 stored_word!(Precision);
 
 impl fmt::Display for Precision {

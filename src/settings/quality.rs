@@ -77,7 +77,7 @@ settings! {
         /// Whether frames carry the complex baseband lines.
         #[serde(skip)]
         lines: bool = false, Everything;
-        /// Whether frames carry segmentation and attenuation; without them the image is bit-identical and faster.
+        /// Whether frames carry segmentation and attenuation; without them frames are faster. The image is the same, on a GPU up to rounding.
         #[serde(skip)]
         maps: bool = true, Nothing;
         /// Choices for effects, which override the plan.

@@ -269,6 +269,11 @@ fn a_model_in_beam_coordinates_translates_pictures() {
     let mut out = Vec::new();
     generator.run(&Input::from(&frame), &mut out).unwrap();
     assert_shows(&frame, &out);
+    // The same model with tensors of bytes rounds on the grid, too.
+    let mut of_bytes = Vec::new();
+    load("identity_beam_bytes").run(&Input::from(&frame), &mut of_bytes).unwrap();
+    assert!(out.iter().zip(&of_bytes).all(|(floats, bytes)| floats.abs_diff(*bytes) <= 1));
+    assert_shows(&frame, &of_bytes);
     // Another depth of the same size needs other tables.
     let shallow = picture(75.0);
     generator.run(&Input::from(&shallow), &mut out).unwrap();
@@ -287,6 +292,29 @@ fn a_model_in_beam_coordinates_wants_the_scanlines() {
     let error = generator.run(&Input { scan, ..maps.input() }, &mut out).unwrap_err();
     assert_says(&error, &["130 x 71"]);
     assert!(out.is_empty());
+}
+
+#[test]
+fn a_model_with_tensors_of_bytes_gives_the_levels_of_the_one_with_floats() {
+    // Attenuation of 8 bits moves a level by one at most; image, mask and classes are bytes anyway.
+    for (name, allowed) in [("weighted_maps", 1), ("class_levels", 0)] {
+        let (mut floats, mut bytes) = (load(name), load(&format!("{name}_bytes")));
+        assert_eq!(bytes.parity().tolerance, 1.0);
+        for size in SIZES {
+            let maps = Maps::new(size);
+            let [mut expected, mut found] = [const { Vec::new() }; 2];
+            floats.run(&maps.input(), &mut expected).unwrap();
+            bytes.run(&maps.input(), &mut found).unwrap();
+            assert_eq!(found.len(), expected.len());
+            let far = found.iter().zip(&expected).filter(|(a, b)| a.abs_diff(**b) > allowed).count();
+            assert_eq!(far, 0, "{name} {size:?}");
+        }
+    }
+    // Unknown tissues and sums are checked as ever.
+    let segmentation = vec![4; 200];
+    let maps = Maps::new((20, 10));
+    let unknown = Input { segmentation: &segmentation, ..maps.input() };
+    assert_says(&load("weighted_maps_bytes").run(&unknown, &mut Vec::new()).unwrap_err(), &["number 4", "go to 3"]);
 }
 
 #[test]

@@ -25,7 +25,9 @@ struct Shown {
     pose: Option<Pose>,
     is_black: bool,
     notice: Option<String>,
-    /// Whether the hang had begun, and was not over.
+    /// Whether the hang had begun.
+    begun: bool,
+    /// Whether it had begun, and was not over.
     hangs: bool,
 }
 
@@ -62,6 +64,8 @@ impl Observer for Counting {
 /// Result of a session in which the device hung.
 struct Outcome {
     frames: Vec<Shown>,
+    /// Duration of the hang, s.
+    lasted_s: f64,
     summary: Summary,
     told: Arc<Told>,
     measurements: u64,
@@ -85,13 +89,14 @@ fn watching(hang: &InjectedHang, stop: &Stop, shown: &Arc<Mutex<Vec<Shown>>>) ->
             pose: frame.info.pose(),
             is_black,
             notice: frame.notice.clone(),
+            begun,
             hangs,
         });
         let pictures = shown.iter().filter(|frame| !frame.is_black).count();
         if pictures == BEFORE && !is_black {
             hang.inject();
         }
-        let given_up = shown.iter().any(|frame| frame.is_black && frame.number > BEFORE as u64);
+        let given_up = shown.iter().any(|frame| frame.is_black && frame.begun);
         after += usize::from(begun && !is_black && (given_up || !hangs));
         if after == AFTER {
             stop.request("enough pictures after the hang");
@@ -106,6 +111,12 @@ fn session_that_hangs(hang: Duration, limit: Option<Duration>) -> Outcome {
     let directory = tempfile::tempdir().unwrap();
     let tables = "[tracker]\ntransport = 'mock'\nschedule = 'move 600'\n[pipeline]\nframe_rate_hz = 20.0\n";
     let path = small_station(directory.path(), tables);
+    // A frame that takes little time, also where others take the processors.
+    let text = std::fs::read_to_string(&path).unwrap();
+    let text = text
+        .replace("scanlines = 32", "scanlines = 16")
+        .replace("width = 160\nheight = 120", "width = 80\nheight = 60");
+    std::fs::write(&path, text + "[effects]\naperture = 'off'\nelevational_speckle = 'off'\n").unwrap();
     let mut station = Station::load(Path::new(&path)).unwrap();
     let scene = Arc::new(station.load_scene_from(station.scene_file().unwrap()).unwrap());
     let device = Backend::open(BackendChoice::Device).unwrap();
@@ -146,12 +157,22 @@ fn session_that_hangs(hang: Duration, limit: Option<Duration>) -> Outcome {
         }
     }
     let frames = std::mem::take(&mut *shown.lock().unwrap());
-    Outcome { frames, summary, told, measurements: tracked.counters().measurements, recorded, read, read_poses }
+    let lasted_s = hang.lasted().unwrap().as_secs_f64();
+    Outcome {
+        frames,
+        lasted_s,
+        summary,
+        told,
+        measurements: tracked.counters().measurements,
+        recorded,
+        read,
+        read_poses,
+    }
 }
 
 /// Asserts that every sample of the tracker, and the pose of every frame, is in the recording.
 fn nothing_recorded_is_lost(outcome: &Outcome) {
-    let Outcome { frames, summary, told, measurements, recorded, read, read_poses } = outcome;
+    let Outcome { frames, summary, told, measurements, recorded, read, read_poses, .. } = outcome;
     all_counted(summary);
     assert!(summary.stuck.is_empty(), "{:?}", summary.stuck);
     assert!(recorded.failure.is_none(), "{:?}", recorded.failure);
@@ -186,16 +207,17 @@ fn gap_s(frames: &[Shown]) -> f64 {
 fn pictures_go_on_while_the_old_device_still_hangs_and_nothing_recorded_is_lost() {
     let outcome = session_that_hangs(12 * SECOND, Some(500 * MS));
     let Outcome { frames, summary, .. } = &outcome;
-    eprintln!("{:.2} s without a picture; devices lost: {}", gap_s(frames), summary.device_losses);
+    let (gap_s, lasted_s) = (gap_s(frames), outcome.lasted_s);
+    eprintln!("{gap_s:.2} s without a picture of a hang of {lasted_s:.2} s; devices lost: {}", summary.device_losses);
     assert!(summary.device_losses >= 1 && summary.device_rebuilt >= 1, "{summary:?}");
-    let first_black = frames.iter().position(|frame| frame.is_black && frame.number > BEFORE as u64).unwrap();
+    let first_black = frames.iter().position(|frame| frame.is_black && frame.begun).unwrap();
     let (before, after) = frames.split_at(first_black);
     assert!(before.iter().filter(|frame| !frame.is_black).count() >= BEFORE);
     let notice = |frame: &Shown| frame.notice.as_ref().is_some_and(|text| text.contains("did not answer within 0.5 s"));
     assert!(notice(&after[0]), "a black frame says why: {:?}", after[0]);
     assert!(after[0].pose.is_none() && after[0].hangs, "{:?}", after[0]);
     let on = after.iter().filter(|frame| !frame.is_black && frame.pose.is_some() && frame.hangs).count();
-    assert!(on >= 1, "a picture of the new device while the old one hangs: {after:?}");
+    assert!(on >= AFTER / 2, "pictures of the new device while the old one hangs: {on}: {after:?}");
     assert!(frames.windows(2).all(|pair| pair[1].number > pair[0].number && pair[1].presented > pair[0].presented));
     let said = |words: &str| {
         outcome.read.events.iter().any(|event| {
@@ -211,11 +233,12 @@ fn pictures_go_on_while_the_old_device_still_hangs_and_nothing_recorded_is_lost(
 fn without_a_limit_no_picture_comes_before_the_hang_is_over() {
     let outcome = session_that_hangs(3 * SECOND, None);
     let Outcome { frames, summary, .. } = &outcome;
-    eprintln!("{:.2} s without a picture", gap_s(frames));
+    let (gap_s, lasted_s) = (gap_s(frames), outcome.lasted_s);
+    eprintln!("{gap_s:.2} s without a picture of a hang of {lasted_s:.2} s");
     assert_eq!(summary.device_losses, 0, "software may take any time");
     // A frame that was done before the hang may be handed on after its begin.
     let hanging = frames.iter().filter(|frame| frame.hangs).count();
-    assert!(hanging <= 2, "{hanging} frames during the hang");
-    assert!(gap_s(frames) > 1.0, "the hang is seen: {:.2} s", gap_s(frames));
+    assert!(hanging <= 3, "{hanging} frames during the hang");
+    assert!(2.0 * gap_s > lasted_s, "{gap_s:.2} s of {lasted_s:.2} s");
     nothing_recorded_is_lost(&outcome);
 }

@@ -132,7 +132,7 @@ def make_dataset(
     backend: str | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> Made:
-    """Renders a data set of paired frames, as `insonify dataset` does, bit for bit.
+    """Renders a data set of paired frames, as `insonify dataset` does on the same device, bit for bit.
 
     `stations` are station files. A call that was stopped, by Ctrl-C, too, goes on where it was. `shard` as `3/8` makes a
     part; all parts may share a directory. `progress` is called with the numbers of tuples done and in all.

@@ -79,7 +79,7 @@ class Generator:
 
     @property
     def precision(self) -> str:
-        """Precision that was chosen: float32 or int8."""
+        """Precision that was chosen: float32, int8 or float16."""
         return self._core.precision
 
     def run(self, frame: Frame) -> NDArray[np.uint8]:

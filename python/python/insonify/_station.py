@@ -197,7 +197,7 @@ class Station:
         maps: bool = True,
         lines: bool = True,
     ) -> Frame:
-        """Renders a frame, as `insonify render` does, bit for bit.
+        """Renders a frame, as `insonify render` does on the same device, bit for bit.
 
         Without a pose, quality or seed the station's own is used. `maps` are segmentation and attenuation, `lines` the
         complex baseband.

@@ -1,7 +1,7 @@
 """Data sets by Ray Data; needs the extra `insonify[ray]`.
 
 Each worker renders parts of the plan into a directory that all of them see, and hands their tuples on. A run that was stopped goes on
-where it was. Tuples are those of `insonify dataset`, bit for bit.
+where it was. Tuples are those of `insonify dataset` on the same device, bit for bit.
 """
 
 from __future__ import annotations

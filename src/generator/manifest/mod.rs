@@ -125,7 +125,8 @@ impl Affine {
     }
 }
 
-/// The input tensor: float32 [1, channels, height, width].
+/// The input tensor [1, channels, height, width] of float32 or uint8. The graph of a model that takes uint8 does the mappings
+/// itself: it gets grey levels, the mask as 0 or 255, classes, and the attenuation after its power, times 255.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InputManifest {
@@ -183,7 +184,7 @@ pub enum Encoding {
     Classes,
 }
 
-/// The output tensor: float32 [1, 1, height, width].
+/// The output tensor [1, 1, height, width] of float32 or uint8. A model that gives uint8 gives rounded grey levels.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OutputManifest {

@@ -27,7 +27,12 @@ impl RenderStage {
         self.pace.begin_anew(self.parts.clock.now());
         // First present a black frame with the notice: building may take seconds.
         let wait = self.back_off().max(self.parts.period);
-        self.device = Device::Lost { again: self.parts.clock.now().saturating_add(wait) };
+        let lost = Device::Lost { again: self.parts.clock.now().saturating_add(wait) };
+        let given_up = std::mem::replace(&mut self.device, lost);
+        // A driver that is stuck may block whoever gives its memory back.
+        if let Err(error) = std::thread::Builder::new().name("lost renderer".to_owned()).spawn(move || drop(given_up)) {
+            tracing::warn!("the lost renderer has no thread to end on: {error}");
+        }
         self.parts.events.warn(format!("the renderer failed and is built anew: {fault}"));
     }
 

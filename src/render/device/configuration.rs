@@ -44,7 +44,8 @@ impl DeviceConfiguration {
     ) -> Result<Self, BackendError> {
         let Configuration { settings, effects, params, tables, .. } = inputs.configuration;
         let on = effects.effects();
-        let (batches, buffers) = planned(gpu, pipelines.segment_bytes_max(gpu), inputs.configuration, previous, frames)?;
+        let (batches, buffers) =
+            planned(gpu, pipelines.segment_bytes_max(gpu), inputs.configuration, previous, frames)?;
         let largest = batches.params(0, params);
 
         let mut pass = |name, groups, constants: Constants<'_>| {
@@ -64,8 +65,7 @@ impl DeviceConfiguration {
         let lateral = [aperture[0], ("STEERED", flag(steered))];
         let lines = [params.scanlines.div_ceil(16), 1, 1];
         let cells = tables.aperture.as_ref().map_or(0, |tables| tables.sampling.cells as u32);
-        let traced =
-            vec![pass("locate", traced_groups, &locate)?, pass(trace.source, trace.groups, &trace.constants)?];
+        let traced = vec![pass("locate", traced_groups, &locate)?, pass(trace.source, trace.groups, &trace.constants)?];
         let seen = match &tables.aperture {
             Some(tables) => vec![
                 pass("transmission", [tables.planes as u32, cells.div_ceil(64), 1], &[("ROWS", 0.0)])?,

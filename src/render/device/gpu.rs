@@ -4,6 +4,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
 use super::shaders::PATH_LANES;
+use super::submitter::{Missing, Submitter};
 use crate::render::batch_plan::SEGMENT_BYTES_LEAST;
 use crate::render::error::BackendError;
 use crate::render::place::{PciAddress, Place};
@@ -47,6 +48,7 @@ pub(in crate::render) struct Gpu {
     pub(super) trace: Arc<OnceLock<TraceChoice>>,
     /// Frames at once, if they were given.
     at_once: Option<u32>,
+    submitter: Submitter,
     /// The first error that the device reported outside of any call.
     fault: Arc<Mutex<Option<String>>>,
     /// Hang of a test; none after the device was opened again.
@@ -111,6 +113,8 @@ impl Gpu {
             let message = if message.is_empty() { format!("{reason:?}") } else { message };
             reported.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(message);
         });
+        let submitter = Submitter::start()
+            .map_err(|e| BackendError::NoDevice { adapter: info.name.clone(), reason: format!("no thread: {e}") })?;
         let timestamps = features.contains(wgpu::Features::TIMESTAMP_QUERY);
         let patience = (info.device_type != wgpu::DeviceType::Cpu).then_some(PATIENCE);
         Ok(Self {
@@ -121,6 +125,7 @@ impl Gpu {
             patience,
             trace: Arc::default(),
             at_once: None,
+            submitter,
             fault,
             #[cfg(feature = "test-hooks")]
             hang: None,
@@ -169,25 +174,61 @@ impl Gpu {
         })
     }
 
+    /// Submits commands, then does `after`. If passes of them were never run before, they are `cold`.
+    ///
+    /// # Errors
+    /// A device that does not take them in time: it counts as lost then.
+    pub(super) fn submit(
+        &self,
+        commands: wgpu::CommandBuffer,
+        cold: bool,
+        after: impl FnOnce() + Send + 'static,
+    ) -> Result<wgpu::SubmissionIndex, BackendError> {
+        let queue = self.queue.clone();
+        #[cfg(feature = "test-hooks")]
+        let hang = self.hang.clone();
+        let submit = move || {
+            #[cfg(feature = "test-hooks")]
+            if let Some(hang) = hang {
+                hang.submit_if_due();
+            }
+            let submission = queue.submit([commands]);
+            after();
+            submission
+        };
+        let Some(limit) = self.limit(cold) else { return Ok(submit()) };
+        self.submitter.run(limit, submit).map_err(|missing| match missing {
+            Missing::Late => self.give_up(limit),
+            Missing::Gone => BackendError::Lost { reason: "its thread panicked".to_owned() },
+        })
+    }
+
     /// Waits until a submission is done. If passes of it were never run before, it is `cold`.
     ///
     /// # Errors
     /// A device that is lost, or that does not answer in time: it counts as lost then.
     pub(super) fn wait(&self, submission: wgpu::SubmissionIndex, cold: bool) -> Result<(), BackendError> {
-        let patience = self.patience.map(|patience| if cold { COLD * patience } else { patience });
-        let wait = wgpu::PollType::Wait { submission_index: Some(submission), timeout: patience };
+        let timeout = self.limit(cold);
+        let wait = wgpu::PollType::Wait { submission_index: Some(submission), timeout };
         match self.device.poll(wait) {
             Ok(_) => Ok(()),
-            Err(wgpu::PollError::Timeout) => {
-                // Dropping the last handle would wait for the hanging work without end.
-                std::mem::forget((self.device.clone(), self.queue.clone()));
-                let wait_s = patience.unwrap_or_default().as_secs_f64();
-                let error = BackendError::Hung { adapter: self.adapter_name(), wait_s };
-                self.fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error.to_string());
-                Err(error)
-            }
+            Err(wgpu::PollError::Timeout) => Err(self.give_up(timeout.unwrap_or_default())),
             Err(error) => Err(BackendError::Lost { reason: error.to_string() }),
         }
+    }
+
+    /// Longest time of a submission and of a wait.
+    fn limit(&self, cold: bool) -> Option<Duration> {
+        self.patience.map(|patience| if cold { COLD * patience } else { patience })
+    }
+
+    /// Gives the device up, which did not answer within `limit`; returns the reason.
+    fn give_up(&self, limit: Duration) -> BackendError {
+        // Dropping the last handle would wait for the hanging work without end.
+        std::mem::forget((self.device.clone(), self.queue.clone()));
+        let error = BackendError::Hung { adapter: self.adapter_name(), wait_s: limit.as_secs_f64() };
+        self.fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error.to_string());
+        error
     }
 
     /// Checks that the device has reported no error since it was opened: after one, its results can't be trusted.

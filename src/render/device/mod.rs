@@ -14,6 +14,7 @@ mod renderer;
 mod several;
 mod shaders;
 mod snapshot;
+mod submitter;
 mod trace_choice;
 mod trace_dispatch;
 

@@ -137,6 +137,7 @@ impl DeviceRenderer {
         params: &[Params],
         contents: Contents,
     ) -> Result<(), BackendError> {
+        self.gpu.check()?;
         let started = Instant::now();
         let device = if several { self.several.as_ref().unwrap_or(&self.active) } else { &self.active };
         upload_uniforms(&self.gpu, &mut self.uniforms, device, params);
@@ -157,24 +158,21 @@ impl DeviceRenderer {
             });
         }
         let recorded = |frame: u32| Recorded { contents, moved, timed: frame == 0 };
-        for (frame, at) in (0..params.len()).zip(0u32..) {
-            slot(frame).record(&mut encoder, &device.buffers, at, recorded(at));
+        for at in 0..frames {
+            slot(at as usize).record(&mut encoder, &device.buffers, at, recorded(at));
         }
         let commands = encoder.finish();
         let record_ms = ms_since(started);
         let started = Instant::now();
-        #[cfg(feature = "test-hooks")]
-        if let Some(hang) = &self.gpu.hang {
-            hang.submit_if_due();
-        }
-        let submission = self.gpu.queue.submit([commands]);
         let compiled = self.pipelines.count();
+        let slots: Vec<Arc<Slot>> = (0..params.len()).map(|frame| slot(frame).clone()).collect();
+        let (mapped, map_done) = (slots.clone(), self.map_done.clone());
+        let map = move || mapped.iter().for_each(|slot| slot.map(&map_done));
+        let submission = self.gpu.submit(commands, compiled > self.warm, map)?;
         let submit_ms = ms_since(started);
-        for (frame, at) in (0..params.len()).zip(0u32..) {
-            let slot = slot(frame).clone();
-            slot.map(&self.map_done);
+        for (slot, at) in slots.into_iter().zip(0u32..) {
             let first = DeviceTimes { record_ms, submit_ms, ..DeviceTimes::default() };
-            let times = if frame == 0 { first } else { DeviceTimes::default() };
+            let times = if at == 0 { first } else { DeviceTimes::default() };
             let submission = submission.clone();
             self.in_flight.push_back(InFlight { slot, recorded: recorded(at), submission, times, compiled });
         }

@@ -97,7 +97,7 @@ class ProbeEnv(gymnasium.Env[Observation, Action]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begins an episode. Episodes of one seed and the same actions are the same, bit for bit."""
+        """Begins an episode. Episodes of one seed and the same actions are the same, bit for bit on one device."""
         super().reset(seed=seed)
         self._pose = self._start()
         self._path_mm = 0.0

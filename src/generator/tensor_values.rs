@@ -1,0 +1,69 @@
+//! Values of a model's tensors: float32, or bytes whose normalisation is part of the model's graph.
+
+use super::manifest::Affine;
+
+/// Input tensor [channels × padded height × padded width], to be filled.
+#[derive(Debug)]
+pub(super) enum Planes<'a> {
+    /// Values after the manifest's mappings.
+    Floats(&'a mut [f32]),
+    /// Values before them, of 8 bits.
+    Bytes(&'a mut [u8]),
+}
+
+/// Output tensor [padded height × padded width].
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Values<'a> {
+    /// Values before the manifest's mapping to grey levels.
+    Floats(&'a [f32]),
+    /// Grey levels.
+    Bytes(&'a [u8]),
+}
+
+/// Value of an input tensor, by what a pixel shows.
+pub(super) trait Element: Copy + Send + Sync {
+    /// A grey level.
+    fn of_level(level: u8, affine: Affine) -> Self;
+    /// A pixel of the mask.
+    fn of_mask(inside: bool, affine: Affine) -> Self;
+    /// Index of a class, or 0 and 1 in the channel of one class.
+    fn of_class(class: u8, affine: Affine) -> Self;
+    /// Attenuation after the mapping's power, 0..=1.
+    fn of_attenuation(part: f32, affine: Affine) -> Self;
+}
+
+impl Element for f32 {
+    fn of_level(level: u8, affine: Affine) -> Self {
+        Self::from(level) * (affine.scale / 255.0) + affine.offset
+    }
+
+    fn of_mask(inside: bool, affine: Affine) -> Self {
+        if inside { affine.scale + affine.offset } else { affine.offset }
+    }
+
+    fn of_class(class: u8, affine: Affine) -> Self {
+        Self::from(class) * affine.scale + affine.offset
+    }
+
+    fn of_attenuation(part: f32, affine: Affine) -> Self {
+        part * affine.scale + affine.offset
+    }
+}
+
+impl Element for u8 {
+    fn of_level(level: u8, _: Affine) -> Self {
+        level
+    }
+
+    fn of_mask(inside: bool, _: Affine) -> Self {
+        if inside { 255 } else { 0 }
+    }
+
+    fn of_class(class: u8, _: Affine) -> Self {
+        class
+    }
+
+    fn of_attenuation(part: f32, _: Affine) -> Self {
+        (part * 255.0).round() as Self
+    }
+}
