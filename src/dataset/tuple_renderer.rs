@@ -19,6 +19,9 @@ use crate::transducer::Probe;
 const LOW: usize = 0;
 const HIGH: usize = 1;
 
+/// Most lanes of a device: each takes the memory of a renderer there.
+const DEVICE_LANES_MAX: usize = 4;
+
 /// A mask's file.
 #[derive(Debug, Clone)]
 pub(super) struct MaskFile {
@@ -57,9 +60,9 @@ impl<'a> TupleRenderer<'a> {
         Self { backend, kept: None, tables, frames, levels: Levels::new(), mask: None, bytes: Vec::new() }
     }
 
-    /// A renderer for each lane of a backend. A device has two: while it makes frames of one, the other's are encoded.
+    /// A renderer for each lane of a backend. A device has up to four: a GPU makes a tuple in a fraction of the time of its encoding.
     pub(crate) fn lanes(backend: &'a Backend) -> Vec<Self> {
-        let lanes = if backend.on_host() { lane_count() } else { lane_count().min(2) };
+        let lanes = if backend.on_host() { lane_count() } else { lane_count().min(DEVICE_LANES_MAX) };
         (0..lanes).map(|_| Self::new(backend)).collect()
     }
 
