@@ -29,12 +29,12 @@ impl Kept {
         Ok(match kind {
             Kind::Floats => {
                 let mut tensor = Tensor::<f32>::new(allocator, shape)?;
-                tensor.try_extract_tensor_mut()?.1.fill(0.0);
+                tensor.try_extract_tensor_mut::<f32>()?.1.fill(0.0);
                 Self::Floats(tensor)
             }
             Kind::Bytes => {
                 let mut tensor = Tensor::<u8>::new(allocator, shape)?;
-                tensor.try_extract_tensor_mut()?.1.fill(0);
+                tensor.try_extract_tensor_mut::<u8>()?.1.fill(0);
                 Self::Bytes(tensor)
             }
         })
@@ -83,16 +83,16 @@ impl Tensors {
     /// The input, to be filled.
     pub(super) fn planes(&mut self) -> Result<Planes<'_>, ort::Error> {
         Ok(match &mut self.input {
-            Kept::Floats(tensor) => Planes::Floats(tensor.try_extract_tensor_mut()?.1),
-            Kept::Bytes(tensor) => Planes::Bytes(tensor.try_extract_tensor_mut()?.1),
+            Kept::Floats(tensor) => Planes::Floats(tensor.try_extract_tensor_mut::<f32>()?.1),
+            Kept::Bytes(tensor) => Planes::Bytes(tensor.try_extract_tensor_mut::<u8>()?.1),
         })
     }
 
     /// The output of the last run.
     pub(super) fn values(&self) -> Result<Values<'_>, ort::Error> {
         Ok(match &self.output {
-            Kept::Floats(tensor) => Values::Floats(tensor.try_extract_tensor()?.1),
-            Kept::Bytes(tensor) => Values::Bytes(tensor.try_extract_tensor()?.1),
+            Kept::Floats(tensor) => Values::Floats(tensor.try_extract_tensor::<f32>()?.1),
+            Kept::Bytes(tensor) => Values::Bytes(tensor.try_extract_tensor::<u8>()?.1),
         })
     }
 }

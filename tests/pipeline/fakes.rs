@@ -65,7 +65,8 @@ pub(super) struct Device {
     pub(super) processors: Option<Arc<Processors>>,
     /// Place without processors.
     pub(super) place: Place,
-    pub(super) busy: Busy,
+    /// Where its times are kept, if anywhere: the list grows.
+    pub(super) busy: Option<Busy>,
 }
 
 impl FrameRenderer for Device {
@@ -87,7 +88,9 @@ impl FrameRenderer for Device {
         let extra = (self.extra)(self.clock.now(), quality);
         let begins = self.free.max(self.clock.now());
         self.free = begins + self.service + extra;
-        self.busy.lock().unwrap().push((begins, self.free));
+        if let Some(busy) = &self.busy {
+            busy.lock().unwrap().push((begins, self.free));
+        }
         if let Some(processors) = &self.processors {
             processors.work(&self.clock, self.service + extra);
         }

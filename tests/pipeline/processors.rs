@@ -86,7 +86,7 @@ fn with_runs_at(place: Place, service: Duration, run: Duration) -> (Summary, Vec
     let generators: Option<Box<dyn FrameGenerators>> = Some(Box::new(Translate { work, terminator: None, place }));
     let session = Session::new(&clock, moving);
     let summary =
-        Session { generators, service, busy: frames_busy.clone(), sinks: vec![logger(&log)], ..session }.run();
+        Session { generators, service, busy: Some(frames_busy.clone()), sinks: vec![logger(&log)], ..session }.run();
     let runs = std::mem::take(&mut *runs_busy.lock().unwrap());
     let frames = std::mem::take(&mut *frames_busy.lock().unwrap());
     // The first run is of unknown duration.

@@ -143,7 +143,7 @@ impl Gpu {
     /// A device that fails.
     #[cfg(feature = "test-hooks")]
     pub(in crate::render) fn with_hang(self, duration: Duration) -> Result<(Self, super::InjectedHang), BackendError> {
-        let hang = super::InjectedHang::new(&self, duration)?;
+        let hang = super::InjectedHang::new(self.device.clone(), self.queue.clone(), duration)?;
         Ok((Self { hang: Some(hang.clone()), ..self }, hang))
     }
 

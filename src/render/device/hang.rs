@@ -4,7 +4,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-use super::gpu::Gpu;
 use crate::render::error::BackendError;
 
 /// Each invocation counts within what software Vulkan lets a loop do (65,536 turns).
@@ -25,6 +24,8 @@ fn main(@builtin(workgroup_id) group: vec3<u32>) {
 const GROUPS_MAX: u64 = 65_535;
 /// Least time of the dispatch from which the whole is reckoned.
 const TRIAL: Duration = Duration::from_millis(50);
+/// Longest time of such a dispatch.
+const TRIAL_MAX: Duration = Duration::from_secs(60);
 /// Number of times that a dispatch is timed.
 const TRIALS: u32 = 4;
 
@@ -51,10 +52,14 @@ impl InjectedHang {
     ///
     /// # Errors
     /// The device refuses the shader or the buffer, or fails.
-    pub(super) fn new(gpu: &Gpu, duration: Duration) -> Result<Self, BackendError> {
-        let device = gpu.device.clone();
-        let kept = gpu.storage("injected hang", 16)?;
-        let pipeline = gpu.validated("injected hang", || {
+    pub(super) fn new(device: wgpu::Device, queue: wgpu::Queue, duration: Duration) -> Result<Self, BackendError> {
+        let kept = device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("injected hang"),
+            size: 16,
+            usage: wgpu::BufferUsages::STORAGE,
+            mapped_at_creation: false,
+        });
+        let pipeline = {
             let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some("injected hang"),
                 source: wgpu::ShaderSource::Wgsl(SHADER.into()),
@@ -67,7 +72,7 @@ impl InjectedHang {
                 compilation_options: wgpu::PipelineCompilationOptions::default(),
                 cache: None,
             })
-        })?;
+        };
         let bindings = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("injected hang"),
             layout: &pipeline.get_bind_group_layout(0),
@@ -75,7 +80,7 @@ impl InjectedHang {
         });
         let mut shared = Shared {
             device,
-            queue: gpu.queue.clone(),
+            queue,
             pipeline,
             bindings,
             groups: 1,
@@ -84,13 +89,13 @@ impl InjectedHang {
             lasted: OnceLock::new(),
         };
         // The first dispatch compiles.
-        shared.time(gpu, 1)?;
+        shared.time(1)?;
         let mut groups = 64;
         let took = loop {
             // The least of several: others may use the processors, too.
-            let mut took = shared.time(gpu, groups)?;
+            let mut took = shared.time(groups)?;
             for _ in 1..TRIALS {
-                took = took.min(shared.time(gpu, groups)?);
+                took = took.min(shared.time(groups)?);
             }
             if took >= TRIAL {
                 break took;
@@ -153,9 +158,10 @@ impl Shared {
     }
 
     /// Time of a dispatch.
-    fn time(&self, gpu: &Gpu, groups: u64) -> Result<Duration, BackendError> {
+    fn time(&self, groups: u64) -> Result<Duration, BackendError> {
         let started = Instant::now();
-        gpu.wait(self.submit(groups), true)?;
+        let wait = wgpu::PollType::Wait { submission_index: Some(self.submit(groups)), timeout: Some(TRIAL_MAX) };
+        self.device.poll(wait).map_err(|error| BackendError::Lost { reason: error.to_string() })?;
         Ok(started.elapsed())
     }
 }
