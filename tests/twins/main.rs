@@ -165,7 +165,7 @@ const DAMAGES: [Damages; 4] = [
         ("scatterers of all depths within the same reach", "profiles", "reaches[plane].x", "reaches[0].x"),
         ("beams not interpolated", "visibility", "node - f32(low)", "0.0"),
         ("phase of the sample, not of its scatterer", "march", "(place.range_mm + ahead_mm)", "(place.range_mm)"),
-        ("echoes a sample too deep", "echo", "u32(sample);", "min(u32(sample) + 1u, params.samples - 1u);"),
+        ("echoes a sample too deep", "echo", "Echo(u32(sample),", "Echo(min(u32(sample) + 1u, params.samples - 1u),"),
         (
             "weights of a kernel and two profiles not made up for",
             "lateral",
@@ -241,8 +241,9 @@ const DAMAGES: [Damages; 4] = [
 fn a_damaged_pass_is_caught() {
     let case = nested();
     let mut missed = Vec::new();
-    for damages in DAMAGES {
+    for (group, damages) in DAMAGES.into_iter().enumerate() {
         let mut shaders = ShaderSet::default();
+        shaders.as_gpu = group % 2 == 1;
         for (what, pass, from, to) in damages {
             assert!(shaders.replace(pass, from, to), "{pass} has no `{from}` to damage ({what})");
         }
@@ -251,6 +252,17 @@ fn a_damaged_pass_is_caught() {
         missed.extend(passed.map(|(what, pass, ..)| format!("{pass}: {what}")));
     }
     assert!(missed.is_empty(), "not caught: {missed:#?}");
+}
+
+#[test]
+fn software_makes_the_same_as_by_the_passes_of_a_gpu() {
+    for case in [cases().swap_remove(0), nested(), lifted()] {
+        let rendered = RENDERED.iter().find(|r| r.name == case.name).unwrap();
+        let mut shaders = ShaderSet::default();
+        shaders.as_gpu = true;
+        let snapshot = case.renderer(&shaders).snapshot(&case.pose).unwrap();
+        assert!(snapshot == rendered.snapshot, "{}", case.name);
+    }
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use super::aperture_buffers::ApertureBuffers;
 use super::gpu::{Gpu, UNIFORM};
-use super::shaders::{PASSES, TRACE, TRACE_BY_LANES};
+use super::shaders::{ECHO, ECHO_BY_LINE, PASSES, TRACE, TRACE_BY_LANES};
 use crate::anatomy::Bvh;
 use crate::render::batch_plan::BatchPlan;
 use crate::render::constants::{BLOCK_QUADS, ENTRIES, PULSE_QUADS, SEGMENTS, STARTS, TISSUES_MAX};
@@ -277,7 +277,7 @@ impl Buffers {
                 (&self.textures, read),
                 (&self.aperture.reflected, write),
             ],
-            "echo" => vec![
+            ECHO | ECHO_BY_LINE => vec![
                 (&self.starts, read),
                 (&self.segments, read),
                 (&self.echoes, read),

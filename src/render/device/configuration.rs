@@ -6,6 +6,7 @@ use super::buffers::{Buffers, SceneBuffers};
 use super::gpu::Gpu;
 use super::passes::{Constants, Pass, Pipelines};
 use super::readback::{Shape, Slot, takes};
+use super::shaders::{ECHO, ECHO_BY_LINE};
 use super::trace_dispatch::TraceDispatch;
 use crate::render::batch_plan::{BatchPlan, SEGMENT_BYTES_LEAST};
 use crate::render::configuration::{Configuration, FrameInputs};
@@ -48,6 +49,7 @@ impl DeviceConfiguration {
             planned(gpu, pipelines.segment_bytes_max(gpu), inputs.configuration, previous, frames)?;
         let largest = batches.params(0, params);
 
+        let in_software = pipelines.in_software(gpu);
         let mut pass = |name, groups, constants: Constants<'_>| {
             Pass::new(gpu, pipelines, (scene, &buffers), name, groups, constants)
         };
@@ -91,14 +93,16 @@ impl DeviceConfiguration {
             returned.push(pass("march", [samples_by(8)[0], largest.line_count, 1], &march)?);
         }
         if on.has(Effect::InterfaceEchoes) {
-            // Software takes the turns of all threads one after another.
-            let echo = [aperture[0], ("ADDERS", if gpu.is_software() { 1.0 } else { 64.0 })];
-            returned.push(pass("echo", [largest.line_count, 1, 1], &echo)?);
+            let (echo, groups) = match in_software {
+                true => (ECHO_BY_LINE, largest.line_count.div_ceil(16)),
+                false => (ECHO, largest.line_count),
+            };
+            returned.push(pass(echo, [groups, 1, 1], &aperture)?);
         }
         let mut order = path_order([traced.len(), seen.len(), returned.len()], batches.batches);
         let mut passes: Vec<Pass> = traced.into_iter().chain(seen).chain(returned).collect();
         // Maps need no paths: each of their passes runs beside one that leaves most of a GPU idle.
-        let [cut, raster] = section_passes(gpu, params, &mut pass)?;
+        let [cut, raster] = section_passes((gpu, in_software), params, &mut pass)?;
         let map_passes = [cut, raster, pass("percentile", [1, 1, 1], &[])?];
         for (map_pass, place) in map_passes.into_iter().zip([2, 4, 5]) {
             order.insert(place.min(order.len()), (passes.len(), 0));
@@ -158,7 +162,7 @@ fn planned(
 
 /// Both dispatches of `section`: the runs of each map ray, and their raster.
 fn section_passes(
-    gpu: &Gpu,
+    (gpu, in_software): (&Gpu, bool),
     params: &Params,
     pass: &mut impl FnMut(&'static str, [u32; 3], Constants<'_>) -> Result<Pass, BackendError>,
 ) -> Result<[Pass; 2], BackendError> {
@@ -167,7 +171,7 @@ fn section_passes(
     const ROW: u32 = 1 << 15;
     let apart = gpu.lanes_apart(params.map_rays);
     // Neighbouring threads of a GPU write neighbouring words. Software searches long for each.
-    let depths = if gpu.is_software() { 64 } else { 1 };
+    let depths = if in_software { 64 } else { 1 };
     let groups = (params.map_rays * params.map_depths.div_ceil(depths)).div_ceil(THREADS);
     let rows = [groups.min(ROW), groups.div_ceil(ROW), 1];
     Ok([

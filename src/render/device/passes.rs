@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::buffers::{Binding, Buffers, PARAMS_STRIDE, SceneBuffers};
 use super::gpu::Gpu;
 use super::several::source_of_frames;
-use super::shaders::{ShaderSet, TRACE, TRACE_BY_LANES};
+use super::shaders::{ShaderSet, pass_of};
 use crate::render::error::BackendError;
 use crate::render::params::Params;
 
@@ -51,6 +51,11 @@ impl Pipelines {
     /// Number of passes compiled so far.
     pub(crate) fn count(&self) -> usize {
         self.compiled.len()
+    }
+
+    /// Whether passes are made for software.
+    pub(crate) fn in_software(&self, gpu: &Gpu) -> bool {
+        gpu.is_software() && !self.shaders.as_gpu
     }
 
     /// Largest buffer of segments, bytes.
@@ -203,8 +208,7 @@ impl Pass {
         let layout = &compiled.layout;
         let descriptor = wgpu::BindGroupDescriptor { label: Some(name), layout, entries: &entries };
         let bindings = gpu.validated(name, || gpu.device.create_bind_group(&descriptor))?;
-        let name = if name == TRACE_BY_LANES { TRACE } else { name };
-        Ok(Self { name, compiled, bindings, groups, frames: shader.frames })
+        Ok(Self { name: pass_of(name), compiled, bindings, groups, frames: shader.frames })
     }
 
     /// Records the pass with the uniforms of `batch`.

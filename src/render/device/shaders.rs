@@ -15,6 +15,8 @@ pub struct ShaderSet {
     sources: Vec<(&'static str, String)>,
     /// Whether the device checks every index; for tests.
     pub bounds_checks: bool,
+    /// Whether software runs `echo` and `section` as a GPU does; for tests.
+    pub as_gpu: bool,
     /// Largest buffer of segments, bytes, instead of the device's choice; for tests.
     pub segment_bytes_max: Option<u64>,
 }
@@ -49,8 +51,12 @@ pub(super) const TRACE_BY_LANES: &str = "trace_by_lanes";
 /// Lanes of a path in [`TRACE_BY_LANES`]: `PATH_LANES` of the shader.
 pub(super) const PATH_LANES: u32 = 8;
 
-/// Name and source of each pass; `trace` has two.
-pub(super) const PASSES: [(&str, &str); 19] = [
+/// Sources of the pass `echo`: a scanline by one workgroup, and by one thread, for software.
+pub(super) const ECHO: &str = "echo";
+pub(super) const ECHO_BY_LINE: &str = "echo_by_line";
+
+/// Name and source of each pass; `trace` and `echo` have two.
+pub(super) const PASSES: [(&str, &str); 20] = [
     motion_pass!("displace"),
     motion_pass!("assemble"),
     motion_pass!("refit"),
@@ -80,7 +86,8 @@ pub(super) const PASSES: [(&str, &str); 19] = [
     pass!("profiles", "aperture"),
     pass!("visibility", "aperture", "loss", "line_gain"),
     pass!("march", "hash", "lattice", "phasor", "speckle", "texture", "aperture", "loss", "line_gain"),
-    pass!("echo", "phasor", "aperture", "loss", "line_gain"),
+    pass!("echo", "phasor", "aperture", "loss", "line_gain", "interface_gain"),
+    pass!("echo_by_line", "phasor", "aperture", "loss", "line_gain", "interface_gain"),
     pass!("lateral", "aperture", "phasor"),
     pass!("receive", "hash", "lattice", "loss"),
     pass!("detect"),
@@ -88,6 +95,15 @@ pub(super) const PASSES: [(&str, &str); 19] = [
     pass!("percentile"),
     pass!("scan_convert", "tissue"),
 ];
+
+/// Name of the pass that a source is of.
+pub(super) fn pass_of(source: &str) -> &str {
+    match source {
+        TRACE_BY_LANES => TRACE,
+        ECHO_BY_LINE => ECHO,
+        source => source,
+    }
+}
 
 /// WGSL declarations of shared constants.
 macro_rules! declarations {
@@ -144,7 +160,7 @@ impl Default for ShaderSet {
             let readers = if MOTION_PASSES.contains(&name) { "" } else { &readers };
             (name, format!("{preamble}{readers}{body}"))
         };
-        Self { sources: PASSES.map(source).to_vec(), bounds_checks: false, segment_bytes_max: None }
+        Self { sources: PASSES.map(source).to_vec(), bounds_checks: false, as_gpu: false, segment_bytes_max: None }
     }
 }
 
@@ -157,7 +173,7 @@ impl ShaderSet {
     /// Replaces `from` by `to` in the sources of the pass `name`; false if it doesn't occur.
     #[cfg(feature = "test-hooks")]
     pub fn replace(&mut self, name: &str, from: &str, to: &str) -> bool {
-        let is_of = |source: &str| source == name || (name == TRACE && source == TRACE_BY_LANES);
+        let is_of = |source: &str| pass_of(source) == name;
         let mut occurs = false;
         for (_, source) in self.sources.iter_mut().filter(|(source, text)| is_of(source) && text.contains(from)) {
             *source = source.replace(from, to);

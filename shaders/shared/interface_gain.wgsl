@@ -1,0 +1,72 @@
+// The aperture's gain at interfaces, and the echo that comes from one.
+
+// Loss of a path at the start of an interval, from the segments up to `arrived`.
+fn loss_at_interval(path: u32, arrived: u32, interval: u32) -> f32 {
+    let range_mm = f32(interval) * aperture.plane_mm;
+    var at = arrived;
+    while at > 0u && starts[path * STARTS + at] > range_mm {
+        at--;
+    }
+    return loss_on(path, at, range_mm);
+}
+
+// How far a scanline lags behind its depth, by its own loss in an interval.
+fn lags(own_np: f32) -> f32 {
+    return TRACKED_NP / (max(own_np, 0.0) + TRACKED_NP);
+}
+
+// ln of the amplitude, two-way, that returns from the interface behind segment `arrived`: the aperture's gain before the
+// obstacles which the path has not crossed yet.
+fn interface_gain(line: u32, path: u32, arrived: u32) -> f32 {
+    let range_mm = starts[path * STARTS + arrived + 1u];
+    let index = interval_index(range_mm);
+    var interval = interval_at(line, index);
+    let begins_np = loss_at_interval(path, arrived, index);
+    if index > 0u {
+        let last = interval_at(line, index - 1u);
+        let lag = (f32(index) - interval.start) / lags(own_np(last));
+        let path_np = begins_np - loss_at_interval(path, arrived, index - 1u) - last.row_np;
+        interval.start = f32(index) - lags(path_np) * clamp(lag, 0.0, 1.0);
+    }
+    let part = range_mm / aperture.plane_mm - f32(index);
+    let rise_np = loss_on(path, arrived, range_mm) - begins_np;
+    let lost = lost_part(interval, part, rise_np + interval.begins_np);
+    // The plane of the interval is before what the path has not crossed.
+    let path_np = max(rise_np - interval.row_np * lost, 0.0);
+    let furthest = max(f32(index) + path_np / (path_np + TRACKED_NP), interval.start);
+    let place = min(place_within(interval, part, lost), furthest);
+    return gain_at(line, place) - 2.0 * (interval.shared_np + interval.row_np * lost);
+}
+
+// An echo: sample, and value added there; none beyond the samples, or without amplitude.
+struct Echo {
+    sample: u32,
+    value: vec2<f32>,
+}
+
+const NO_SAMPLE: u32 = 0xffffffffu;
+
+// The echo at the start of a segment, times `weight`.
+fn echo_of(line: u32, path: u32, segment: u32, weight: f32) -> Echo {
+    let echo = echoes[path * SEGMENTS + segment];
+    let sample = echo.y / params.sample_spacing_mm;
+    if echo.x == 0.0 || sample < 0.0 || sample >= f32(params.samples) {
+        return Echo(NO_SAMPLE, vec2<f32>(0.0));
+    }
+    var amplitude = weight * echo.x;
+    if APERTURE && !diverted(path, segment - 1u) {
+        amplitude *= exp(max(interface_gain(line, path, segment - 1u), -80.0));
+    }
+    return Echo(u32(sample), amplitude * phasor(-params.phase_turns_per_mm * echo.y));
+}
+
+// Echoes of a path: one for each segment but the first.
+fn count_of(path: u32) -> u32 {
+    return max(segment_counts[path], 1u) - 1u;
+}
+
+// The `ordinal`-th path of a scanline in this batch: rays fastest, then layers.
+fn path_of(line: u32, ordinal: u32) -> u32 {
+    let of_batch = ordinal / params.rays * params.line_count + line - params.line_first;
+    return of_batch * params.rays + ordinal % params.rays;
+}
