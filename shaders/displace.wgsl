@@ -47,11 +47,10 @@ fn swing(field: Field, q: vec3<f32>) -> vec3<f32> {
     // Only points distal of the joint rotate, with full weight from one radius on.
     let weight = (1.0 - smooth_step(1.0, 1.0 + FADE, aside))
         * smooth_step(0.0, 1.0, dot(q, limb) / (length_mm * min(field.radius_mm, length_mm)));
-    let half_rad = 0.5 * weight * field.amounts.x * field.angle_rad;
+    let half = phasor(0.5 * weight * field.amounts.x * field.turns);
     // Rodrigues' formula less the point itself.
     let across = cross(field.axis, q);
-    let half_sine = sin(half_rad);
-    return 2.0 * half_sine * (cos(half_rad) * across + half_sine * cross(field.axis, across));
+    return 2.0 * half.y * (half.x * across + half.y * cross(field.axis, across));
 }
 
 fn displacement(field: Field, rest: vec3<f32>) -> vec3<f32> {

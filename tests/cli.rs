@@ -827,12 +827,12 @@ fn bench_times_each_kind_of_frame() {
         insonify(&["bench", "configs/sphere.toml", "--frames", "2", "--backend", "host", "--json", text(&json)]);
     succeeded(&output);
     let printed = String::from_utf8(output.stdout).unwrap();
-    for word in ["LQ, moving", "HQ", "256x4096", "trace", "whole frame", "frames/s", "bench.json"] {
+    for word in ["LQ, moving", "HQ", "256x4096", "many", "trace", "whole frame", "frames/s", "bench.json"] {
         assert!(printed.contains(word), "{word}: {printed}");
     }
     let report: Value = serde_json::from_slice(&std::fs::read(&json).unwrap()).unwrap();
     let kinds = report["kinds"].as_array().unwrap();
-    assert_eq!((kinds.len(), &report["frames"]), (6, &Value::from(2)));
+    assert_eq!((kinds.len(), &report["frames"]), (7, &Value::from(2)));
     for kind in kinds {
         let stages = kind["stages"].as_array().unwrap();
         let whole = stages.iter().find(|stage| stage["stage"] == "whole frame").unwrap();

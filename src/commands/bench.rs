@@ -31,7 +31,7 @@ const TRACED: [&str; 2] = ["LQ", "HQ"];
 const POSES: usize = 12;
 
 /// Measure a station's frames on this machine: low and high quality, with and without maps, with motion, in the shape that
-/// NVIDIA's raysim states its time for, and with two frames in flight. A device that can trace by lanes is measured both ways.
+/// NVIDIA's raysim states its time for, with two frames in flight, and many. A device that can trace by lanes is measured both ways.
 ///
 /// A frame's time is from its pose until all of it is in memory. On a GPU, maps are made beside paths, so that the passes'
 /// sum exceeds the frame. Nothing else should run meanwhile.

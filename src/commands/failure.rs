@@ -115,6 +115,8 @@ classified! {
     BackendError {
         BackendError::NoAdapter { .. }
         | BackendError::NoDevice { .. }
+        | BackendError::Trace(_)
+        | BackendError::NoLanes { .. }
         | BackendError::Limit { .. }
         | BackendError::Memory { .. } => Input,
         _ => Other,

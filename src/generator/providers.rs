@@ -14,14 +14,20 @@ const DIGITS: usize = 16;
 
 /// Providers to request from ONNX Runtime for the model with that sum; empty for the CPU.
 pub(super) fn dispatch(provider: Provider, precision: Precision, sha256: &str) -> Vec<ExecutionProviderDispatch> {
+    dispatch_with(provider, precision, || Cache::open(&cache_directory().join(TENSORRT), sha256))
+}
+
+/// [`dispatch`] with the cache that `open` gives, which only TensorRT needs.
+fn dispatch_with(
+    provider: Provider,
+    precision: Precision,
+    open: impl FnOnce() -> Option<Cache>,
+) -> Vec<ExecutionProviderDispatch> {
     let cuda = || cuda(precision).build().error_on_failure();
     match provider {
         Provider::Cpu => Vec::new(),
         Provider::Cuda => vec![cuda()],
-        Provider::TensorRt => {
-            let cache = Cache::open(&cache_directory().join(TENSORRT), sha256);
-            vec![tensorrt(precision, cache.as_ref()).build().error_on_failure(), cuda()]
-        }
+        Provider::TensorRt => vec![tensorrt(precision, open().as_ref()).build().error_on_failure(), cuda()],
     }
 }
 
@@ -90,16 +96,16 @@ mod tests {
         let options = format!("{:?}", tensorrt(Precision::Float16, Some(&cache)));
         for (key, value) in [
             ("device_id", "0"),
-            ("trt_fp16_enable", "1"),
-            ("trt_engine_cache_enable", "1"),
+            ("trt_fp16_enable", "true"),
+            ("trt_engine_cache_enable", "true"),
             ("trt_engine_cache_path", engines.to_str().unwrap()),
-            ("trt_timing_cache_enable", "1"),
+            ("trt_timing_cache_enable", "true"),
             ("trt_timing_cache_path", folder.path().to_str().unwrap()),
         ] {
             assert!(has(&options, key, value), "{key} = {value}: {options}");
         }
         let options = format!("{:?}", tensorrt(Precision::Float32, None));
-        assert!(has(&options, "trt_fp16_enable", "0") && !options.contains("cache"), "{options}");
+        assert!(has(&options, "trt_fp16_enable", "false") && !options.contains("cache"), "{options}");
     }
 
     #[test]
@@ -119,7 +125,9 @@ mod tests {
 
     #[test]
     fn cuda_rounds_products_only_where_float16_may_run_and_takes_no_more_memory_than_it_needs() {
-        for (precision, tf32) in [(Precision::Float16, "1"), (Precision::Float32, "0"), (Precision::Int8, "0")] {
+        for (precision, tf32) in
+            [(Precision::Float16, "true"), (Precision::Float32, "false"), (Precision::Int8, "false")]
+        {
             let options = format!("{:?}", cuda(precision));
             assert!(has(&options, "use_tf32", tf32), "{options}");
             assert!(has(&options, "arena_extend_strategy", "kSameAsRequested"), "{options}");
@@ -129,9 +137,10 @@ mod tests {
     #[test]
     fn a_gpu_is_asked_for_by_its_provider_and_tensorrt_leaves_the_rest_to_cuda() {
         let names = |provider| -> Vec<_> {
-            dispatch(provider, Precision::Float32, "0").iter().map(ExecutionProviderDispatch::name).collect()
+            dispatch_with(provider, Precision::Float32, || None).iter().map(ExecutionProviderDispatch::name).collect()
         };
         assert!(names(Provider::Cpu).is_empty());
         assert_eq!(names(Provider::Cuda), ["CUDAExecutionProvider"]);
+        assert_eq!(names(Provider::TensorRt), ["TensorrtExecutionProvider", "CUDAExecutionProvider"]);
     }
 }

@@ -35,7 +35,7 @@ pub struct Workload {
     pub flow: Flow,
 }
 
-/// How frames follow each other.
+/// Order of submitting and receiving frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Flow {
     /// Each is received before the next is submitted.
@@ -184,13 +184,10 @@ fn many(
 ) -> Result<f64, RenderError> {
     let seed = renderer.settings().quality.seed;
     let jobs = poses.iter().cycle().map(|&pose| Job { pose, time_s: 0.0, seed });
-    let mut started = Instant::now();
-    renderer.render_many(jobs.take(WARM_UP + frames), |number, frame| {
-        if number >= WARM_UP {
-            measured(frame);
-        } else {
-            started = Instant::now();
-        }
+    renderer.render_many(jobs.clone().take(WARM_UP), |_, _| Ok::<_, RenderError>(()))?;
+    let started = Instant::now();
+    renderer.render_many(jobs.take(frames), |_, frame| {
+        measured(frame);
         Ok::<_, RenderError>(())
     })?;
     Ok(frames as f64 / started.elapsed().as_secs_f64().max(1e-9))

@@ -30,7 +30,7 @@ settings! {
         /// Duration of a generator run that counts as hanging.
         hang_ms: f64 = 5000.0, "ms", 10.0..=600_000.0, Everything;
 
-        /// Time in which a GPU must make a frame, ten times that for its first; a later one counts as lost and is opened again.
+        /// Time limit of submitting a frame to a GPU, and of waiting for it; beyond it the GPU counts as lost and is opened again.
         device_hang_ms: f64 = 2000.0, "ms", 100.0..=600_000.0, Everything;
 
         /// Time in which displays and files must take their last frame at the end; one that is later counts as stuck.

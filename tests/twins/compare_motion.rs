@@ -54,10 +54,15 @@ pub(crate) fn refit(s: &Snapshot) -> Result<(), Mismatch> {
             }
         }
     }
-    // The root joins trees whose boxes it knows, and those of parts at rest.
+    // The root joins boxes of trees, which are up to a step of theirs larger.
     for (found, [low_mm, high_mm]) in s.nodes[0].children.iter().zip(&twins[0]) {
-        let outside_mm = (found.low_mm - *low_mm).max_element().max((*high_mm - found.high_mm).max_element());
-        tally.add(outside_mm.max(0.0) / rounding_mm);
+        let twin::Below::Node(tree) = found.below else { panic!("the root holds triangles") };
+        let slack_mm = (s.nodes[0].step_mm + s.nodes[tree].step_mm).max_element() + rounding_mm;
+        for outside_mm in [*low_mm - found.low_mm, found.high_mm - *high_mm] {
+            let within =
+                (-rounding_mm..=slack_mm).contains(&outside_mm.min_element()) && outside_mm.max_element() <= slack_mm;
+            tally.add(if within { 0.0 } else { f64::NAN });
+        }
     }
     tally.finish()
 }

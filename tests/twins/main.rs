@@ -255,7 +255,7 @@ fn a_damaged_pass_is_caught() {
 }
 
 #[test]
-fn software_makes_the_same_as_by_the_passes_of_a_gpu() {
+fn software_makes_the_same_by_echo_and_section_of_a_gpu() {
     for case in [cases().swap_remove(0), nested(), lifted()] {
         let rendered = RENDERED.iter().find(|r| r.name == case.name).unwrap();
         let mut shaders = ShaderSet::default();

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use insonify::pose::Pose;
 use insonify::render::{
-    Backend, BackendChoice, Choice, Effect, Frame, Job, Quality, RenderError, RenderSettings, TestHooks,
+    Backend, BackendChoice, Choice, Effect, Frame, Job, Quality, RenderError, RenderSettings, TestHooks, TraceBy,
 };
 
 use crate::across::assert_alike;
@@ -21,18 +21,26 @@ fn jobs(case: &Case, count: u32) -> Vec<Job> {
     (0..count).map(job).collect()
 }
 
-/// Frames of `jobs`, with up to `at_once` of them by a dispatch.
-fn rendered(case: &Case, at_once: u32, jobs: &[Job]) -> Vec<Frame> {
-    let backend = Backend::open(BackendChoice::Device).unwrap().with_frames_at_once(at_once);
-    let mut renderer = case.renderer_on(&backend, &TestHooks::default());
+/// Frames of `jobs`, with up to `at_once` of them by a dispatch, and by the passes of a GPU if asked for.
+fn rendered(case: &Case, at_once: u32, as_gpu: bool, jobs: &[Job]) -> Vec<Frame> {
+    let mut backend = Backend::open(BackendChoice::Device).unwrap().with_frames_at_once(at_once);
+    if as_gpu && backend.has_trace_by_lanes() {
+        backend = backend.tracing_by(TraceBy::Lanes).unwrap();
+    }
+    let mut hooks = TestHooks::default();
+    hooks.shaders.as_gpu = as_gpu;
+    let mut renderer = case.renderer_on(&backend, &hooks);
     let mut frames = Vec::new();
+    let mut is_timed = false;
     // Twice: what makes several frames is kept.
     for _ in 0..at_once.min(2) {
         frames.clear();
         let each = |number, frame: &mut Frame| {
             assert_eq!(number, frames.len());
             // The passes of a dispatch are timed with its first frame.
-            assert_eq!(frame.times.passes.is_empty(), at_once > 1 && number % 3 > 0, "{}: frame {number}", case.name);
+            let has_times = !frame.times.passes.is_empty();
+            is_timed |= number == 0 && has_times;
+            assert_eq!(has_times, is_timed && (at_once == 1 || number % 3 == 0), "{}: frame {number}", case.name);
             frames.push(untimed(frame.clone()));
             Ok::<_, RenderError>(())
         };
@@ -61,13 +69,27 @@ fn frames_of_one_dispatch_are_those_made_alone() {
     all.push(without_maps);
     for case in all {
         let jobs = jobs(&case, 8);
-        let alone = rendered(&case, 1, &jobs);
+        let alone = rendered(&case, 1, false, &jobs);
         assert!(alone[0] != alone[1] && alone[2] != alone[3], "{}", case.name);
-        let together = rendered(&case, 4, &jobs);
+        let together = rendered(&case, 4, case.name == nested().name, &jobs);
         assert_eq!(together.len(), jobs.len());
         for (number, (together, alone)) in together.iter().zip(&alone).enumerate() {
             assert_alike(together, alone, &format!("{}, frame {number}", case.name));
             assert_eq!((together.scan, &together.mask, together.overflows), (alone.scan, &alone.mask, alone.overflows));
         }
     }
+}
+
+#[test]
+fn after_an_error_no_frame_of_many_is_left() {
+    let case = nested();
+    let backend = Backend::open(BackendChoice::Device).unwrap().with_frames_at_once(4);
+    let mut renderer = case.renderer_on(&backend, &TestHooks::default());
+    let (mut before, mut after) = (Frame::default(), Frame::default());
+    renderer.render(&case.pose, &mut before).unwrap();
+    let stop = |number, _: &mut Frame| if number == 1 { Err(RenderError::RingEmpty) } else { Ok(()) };
+    assert!(matches!(renderer.render_many(jobs(&case, 9), stop), Err(RenderError::RingEmpty)));
+    assert_eq!((renderer.frames_in_flight(), renderer.settings().quality), (0, case.settings.quality));
+    renderer.render(&case.pose, &mut after).unwrap();
+    assert!(untimed(before) == untimed(after));
 }

@@ -90,7 +90,7 @@ fn damaged_motion_is_caught() {
     let damages = [
         ("displace", "ATRIA * field.amounts.y", "0.0 * field.amounts.y", 0.97),
         ("displace", "field.axis * (field.form.z * inside)", "0.0 * field.axis", TIME_S),
-        ("displace", "2.0 * half_sine", "half_sine", TIME_S),
+        ("displace", "2.0 * half.y", "half.y", TIME_S),
         ("assemble", "let edge2 = c - a;", "let edge2 = c - b;", TIME_S),
         ("assemble", "* (1.0 / 3.0)", "* 0.5", TIME_S),
         ("refit", "let high = ceil(", "let high = floor(", TIME_S),

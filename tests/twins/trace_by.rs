@@ -13,6 +13,7 @@ use crate::scenes::{Case, DEVICE, RENDERED, cases, nested};
 static BY_LANES: LazyLock<Option<Backend>> = LazyLock::new(|| {
     let fit = DEVICE.has_trace_by_lanes();
     println!("{}: lanes of a subgroup {} share a path", *DEVICE, if fit { "can" } else { "can't" });
+    assert!(fit || !DEVICE.name().contains("llvmpipe"), "software Vulkan has subgroups of eight");
     fit.then(|| DEVICE.clone().tracing_by(TraceBy::Lanes).unwrap())
 });
 

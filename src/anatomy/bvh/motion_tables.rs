@@ -1,4 +1,4 @@
-//! What moves, as tables for a device that moves it by itself.
+//! Motion tables for a device.
 #![cfg_attr(not(feature = "gpu"), allow(dead_code, reason = "twins take some of them"))]
 
 use std::ops::Range;
@@ -27,7 +27,7 @@ pub(crate) struct MotionTables {
     pub(crate) nodes: Vec<[u32; 2]>,
     /// Range of each level in `nodes`. Nodes of a level have moving children in lower ones only.
     pub(crate) levels: Vec<Range<u32>>,
-    /// Minimum and maximum corners of all nodes `[x, y, z, 0]`; zero but for roots of trees.
+    /// Minimum and maximum corners of all nodes `[x, y, z, 0]`; zero except for roots of trees.
     pub(crate) extents: Vec<[[f32; 4]; 2]>,
 }
 
@@ -73,7 +73,7 @@ impl MotionTables {
     }
 }
 
-/// What moved, in the layouts of [`super::Bvh`] and [`MotionTables`].
+/// Moved parts of a scene, in the layouts of [`super::Bvh`] and [`MotionTables`].
 #[derive(Debug, Clone)]
 pub(crate) struct Moved {
     /// Amounts of each field.

@@ -40,7 +40,7 @@ pub(super) struct Vertex {
 #[derive(Debug, Clone)]
 pub(super) struct Tree {
     pub(super) fields: u32,
-    /// Its nodes but for the root.
+    /// Its nodes except the root.
     nodes: Range<usize>,
     pub(super) triangles: Range<usize>,
     vertices: Range<usize>,

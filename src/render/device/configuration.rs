@@ -58,10 +58,10 @@ impl DeviceConfiguration {
         let pixels = [params.sector_words.div_ceil(128), 1, 1];
         let flag = |on: bool| f64::from(u8::from(on));
         let keep = [("KEEP_LINES", flag(settings.lines))];
-        let apart = gpu.lanes_apart(paths);
+        let apart = gpu.lanes_apart(paths * frames);
         let traced_groups = [(paths * apart).div_ceil(64), 1, 1];
         let locate = [("LANES_APART", f64::from(apart))];
-        let trace = TraceDispatch::new(gpu, inputs, gpu.trace_by(paths), paths, 1);
+        let trace = TraceDispatch::new(gpu, inputs, gpu.trace_by(paths * frames), paths, frames);
         let aperture = [("APERTURE", flag(on.has(Effect::Aperture)))];
         let steered = tables.angles.iter().any(|angle| angle.steer_rad != 0.0);
         let lateral = [aperture[0], ("STEERED", flag(steered))];

@@ -166,12 +166,10 @@ impl Gpu {
     /// # Errors
     /// As [`Gpu::open`].
     pub(in crate::render) fn reopen(&self) -> Result<Self, BackendError> {
-        Ok(Self {
-            patience: self.patience,
-            trace: self.trace.clone(),
-            at_once: self.at_once,
-            ..Self::open(self.is_software())?
-        })
+        let opened = Self::open(self.is_software())?;
+        let is_same = (opened.adapter_name(), opened.driver()) == (self.adapter_name(), self.driver());
+        let trace = if is_same { &self.trace } else { &opened.trace }.clone();
+        Ok(Self { patience: self.patience, trace, at_once: self.at_once, ..opened })
     }
 
     /// Submits commands, then does `after`. If passes of them were never run before, they are `cold`.

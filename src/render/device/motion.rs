@@ -6,13 +6,12 @@ use glam::{DVec3, Vec3};
 use super::buffers::{Binding, SceneBuffers};
 use super::gpu::{Gpu, UNIFORM};
 use super::passes::{Pass, Pipelines, Shader};
+use super::shaders::MOTION_PASSES;
 use crate::anatomy::bvh::MotionTables;
 use crate::anatomy::motion::Shape;
 use crate::render::constants::{FIELDS_MAX, MOTION_GROUP};
 use crate::render::error::BackendError;
 
-/// Passes that move the scene, in their order.
-pub(super) const MOTION_PASSES: [&str; 3] = ["displace", "assemble", "refit"];
 /// Stride of the uniforms of steps, bytes: the largest alignment of any device.
 const STEP_STRIDE: u64 = 256;
 
@@ -25,7 +24,7 @@ struct Field {
     axis: [f32; 3],
     radius_mm: f32,
     form: [f32; 3],
-    angle_rad: f32,
+    turns: f32,
     amounts: [f32; 2],
     unused: [f32; 2],
 }
@@ -211,7 +210,7 @@ fn field_of(shape: &Shape, centre_mm: DVec3) -> Field {
             axis: axis.normalize_or(Vec3::X).to_array(),
             radius_mm,
             form: (end_mm - joint_mm).to_array(),
-            angle_rad: angle_deg.to_radians(),
+            turns: angle_deg / 360.0,
             ..Field::default()
         },
     }

@@ -5,7 +5,7 @@ use std::sync::mpsc;
 use super::attenuation::unpad_levels;
 use super::buffers::Buffers;
 use super::gpu::Gpu;
-use super::motion::MOTION_PASSES;
+use super::shaders::MOTION_PASSES;
 use crate::render::error::BackendError;
 use crate::render::frame::{Contents, Frame, unpad};
 use crate::render::params::Params;
@@ -75,7 +75,7 @@ pub(super) fn takes(contents: Contents, pass: &str) -> bool {
     (contents.maps || !MAP_PASSES.contains(&pass)) && (contents.image || !IMAGE_PASSES.contains(&pass))
 }
 
-/// What the passes of a frame in flight make.
+/// Contents of a frame in flight.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Recorded {
     pub(super) contents: Contents,

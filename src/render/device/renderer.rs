@@ -120,7 +120,10 @@ impl DeviceRenderer {
                 // Tables are shared with the active configuration.
                 match DeviceConfiguration::new(gpu, scene, pipelines, inputs, Some(&self.active), frames) {
                     Ok(several) => self.several = Some(several).filter(|several| several.batches.batches == 1),
-                    Err(error) => tracing::debug!("{frames} frames at once: {error}"),
+                    Err(error @ (BackendError::Memory { .. } | BackendError::Limit { .. })) => {
+                        tracing::debug!("{frames} frames at once: {error}");
+                    }
+                    Err(error) => tracing::warn!("frames are made one at a time: {error}"),
                 }
                 frames /= 2;
             }

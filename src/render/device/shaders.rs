@@ -1,7 +1,6 @@
 //! WGSL sources: one file per pass, preceded by the shared constants and its imports.
 #![cfg_attr(not(feature = "test-hooks"), allow(unreachable_pub, reason = "public in tests"))]
 
-use super::motion::MOTION_PASSES;
 use crate::anatomy::bvh::STACK_DEPTH_MAX;
 use crate::render::aperture::MODE_NONE;
 use crate::render::constants as shared;
@@ -38,6 +37,7 @@ macro_rules! motion_pass {
         (
             $name,
             concat!(
+                include_str!("../../../shaders/shared/phasor.wgsl"),
                 include_str!("../../../shaders/shared/motion.wgsl"),
                 include_str!(concat!("../../../shaders/", $name, ".wgsl"))
             ),
@@ -50,6 +50,9 @@ pub(super) const TRACE: &str = "trace";
 pub(super) const TRACE_BY_LANES: &str = "trace_by_lanes";
 /// Lanes of a path in [`TRACE_BY_LANES`]: `PATH_LANES` of the shader.
 pub(super) const PATH_LANES: u32 = 8;
+
+/// Passes that move the scene, in their order.
+pub(super) const MOTION_PASSES: [&str; 3] = ["displace", "assemble", "refit"];
 
 /// Sources of the pass `echo`: a scanline by one workgroup, and by one thread, for software.
 pub(super) const ECHO: &str = "echo";

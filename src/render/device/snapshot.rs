@@ -39,7 +39,7 @@ fn image<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, params: &Params) -> Result<Ve
     Ok(rows)
 }
 
-/// What the device has moved.
+/// Moved parts of the device's scene.
 ///
 /// # Errors
 /// A device that fails.

@@ -18,9 +18,13 @@ pub(super) struct TraceDispatch {
 }
 
 impl TraceDispatch {
-    /// The dispatch of the first `paths`, `copies` times over.
+    /// The dispatch of the first `paths`, `copies` times over: the same ones, or those of as many frames.
     pub(super) fn new(gpu: &Gpu, inputs: FrameInputs<'_>, by: TraceBy, paths: u32, copies: u32) -> Self {
         let all = paths.saturating_mul(copies);
+        // Lanes of very many paths are more than a dispatch takes.
+        let offered = u64::from(gpu.device.limits().max_compute_workgroups_per_dimension) * u64::from(GROUP);
+        let fits = u64::from(paths) * u64::from(PATH_LANES * gpu.paths_apart(all)) <= offered;
+        let by = if fits { by } else { TraceBy::Path };
         let (source, lanes, apart) = match by {
             TraceBy::Path => (TRACE, 1, gpu.lanes_apart(all)),
             TraceBy::Lanes => (TRACE_BY_LANES, PATH_LANES, gpu.paths_apart(all)),

@@ -153,7 +153,7 @@ impl Renderer {
     /// # Errors
     /// A full ring, or a device that fails.
     pub fn submit(&mut self, pose: &Pose) -> Result<(), RenderError> {
-        if self.in_flight.len() == FRAMES_IN_FLIGHT {
+        if self.in_flight.len() >= FRAMES_IN_FLIGHT {
             return Err(RenderError::RingFull);
         }
         let placed = self.touch(pose);
@@ -163,7 +163,7 @@ impl Renderer {
 
     /// Starts a frame of one angle.
     fn submit_angle(&mut self, placed: &Placed, angle: usize) -> Result<(), RenderError> {
-        if self.in_flight.len() == FRAMES_IN_FLIGHT {
+        if self.in_flight.len() >= FRAMES_IN_FLIGHT {
             return Err(RenderError::RingFull);
         }
         let started = Instant::now();

@@ -27,13 +27,12 @@ pub struct Job {
 }
 
 impl Renderer {
-    /// Renders `jobs`, each as [`Renderer::set_time_s`] and [`Renderer::render`] do with its seed: the same frame, bit for bit. `each`
-    /// receives the frames in the order of the jobs, with their numbers; it may take a frame's memory.
+    /// Renders `jobs`, each as [`Renderer::set_time_s`] and [`Renderer::render`] do with its seed: the same frame, bit for bit on the host and
+    /// in software; a GPU that makes several at once may round otherwise. `each` receives the frames in the order of the jobs, with their numbers; it may take a frame's memory.
     ///
     /// The host renders several frames at once, as many as it has threads, up to eight. Each has its share of the threads, buffers and,
-    /// if the scene moves, a copy of the tree, which are kept for the next call. A device has two frames in flight, or, where a frame is too small to fill it,
-    /// makes several at once that are of one time and follow each other. Jobs are taken only a
-    /// few ahead. Afterwards time and settings are as before.
+    /// if the scene moves, a copy of the tree, which are kept for the next call. A device has two frames in flight. Where one does not
+    /// fill it, it makes several at once that are of one time and follow each other. Jobs are taken only a few ahead. Afterwards time and settings are as before.
     ///
     /// # Errors
     /// Frames in flight, too little memory, a frame that cannot be rendered ([`RenderError::Job`] names it), or an error of `each`.
@@ -52,11 +51,18 @@ impl Renderer {
         } else {
             self.render_in_flight(jobs, each)
         };
+        // After an error, frames wait that nobody takes.
+        let mut unclaimed = Frame::default();
+        while !self.in_flight.is_empty() {
+            if self.receive(&mut unclaimed).is_err() {
+                self.in_flight.clear();
+            }
+        }
+        let restored = self.reconfigure(&probe, &settings);
+        self.set_time_s(time_s);
         // A device that was lost makes no frame to restore for.
         done?;
-        self.reconfigure(&probe, &settings)?;
-        self.set_time_s(time_s);
-        Ok(())
+        Ok(restored?)
     }
 
     /// [`Renderer::render_many`] by lanes.

@@ -32,7 +32,7 @@ pub struct Motion {
     pub corners: Vec<[usize; 3]>,
     /// Index of the first moving triangle.
     pub first_triangle: usize,
-    /// Indices of the refitted nodes but for the root, which joins the trees.
+    /// Indices of the refitted nodes except the root, which joins the trees.
     pub refitted: Vec<usize>,
 }
 
