@@ -15,7 +15,8 @@ pub struct LoadOptions<'a> {
     pub tissues: &'a [String],
 }
 
-/// How ONNX Runtime is to run a model.
+/// Execution of a model by ONNX Runtime.
+#[cfg_attr(not(feature = "generator"), allow(dead_code, reason = "sessions read it"))]
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Execution<'a> {
     /// Provider.

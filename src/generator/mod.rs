@@ -55,6 +55,7 @@ pub use manifest::{
     Quantised, SegmentationManifest, Training, Variant, generator_files,
 };
 pub use parity::ParityReport;
+#[cfg(feature = "live")]
 pub(crate) use place::place_of;
 pub use run_times::RunTimes;
 pub use runtime::Runtime;

@@ -3,6 +3,7 @@
 use super::manifest::Affine;
 
 /// Input tensor [channels × padded height × padded width], to be filled.
+#[cfg_attr(not(feature = "generator"), allow(dead_code, reason = "sessions make them"))]
 #[derive(Debug)]
 pub(super) enum Planes<'a> {
     /// Values after the manifest's mappings.
@@ -12,6 +13,7 @@ pub(super) enum Planes<'a> {
 }
 
 /// Output tensor [padded height × padded width].
+#[cfg_attr(not(feature = "generator"), allow(dead_code, reason = "sessions make them"))]
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Values<'a> {
     /// Values before the manifest's mapping to grey levels.

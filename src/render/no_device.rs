@@ -35,6 +35,10 @@ impl Gpu {
         match self.0 {}
     }
 
+    pub(super) fn with_frames_at_once(self, _: u32) -> Self {
+        match self.0 {}
+    }
+
     pub(super) fn has_trace_by_lanes(&self) -> bool {
         match self.0 {}
     }

@@ -88,7 +88,7 @@ fn layers_in_several_batches_are_one_frame_but_for_the_rounding_of_their_echoes(
 }
 
 #[test]
-#[ignore = "half a minute"]
+#[ignore = "takes half a minute on software Vulkan; `make test` runs it where there is a device"]
 fn the_largest_layer_renders_on_a_device_that_binds_little() {
     // Segments of 503 MB; software takes 96 MiB.
     let mut case = nested();
