@@ -1,5 +1,5 @@
-// Adds the interfaces' echoes to the baseband. One workgroup per scanline: its threads take an echo each, then each adds
-// those of its own samples, in the order of the paths. The float sums are reproducible without atomics.
+// Adds the interfaces' echoes to the baseband. The entry points take the echoes of a scanline in the order of its paths, so that the
+// float sums are reproducible without atomics: see shared/echo_by_group.wgsl and shared/echo_by_line.wgsl.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> starts: array<f32>;
@@ -14,79 +14,73 @@
 // Whether the aperture's gain replaces the loss of paths that have not reflected.
 override APERTURE: bool = false;
 
-const THREADS: u32 = 64u;
-
-// For each path of a turn: number of echoes up to and with its own, and range of its first reflection.
-var<workgroup> ends: array<u32, THREADS>;
-var<workgroup> reflections_mm: array<f32, THREADS>;
-// For each echo of a turn: its sample, and the value added there.
-var<workgroup> samples: array<u32, THREADS>;
-var<workgroup> echoed: array<vec2<f32>, THREADS>;
-
-@compute @workgroup_size(64)
-fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
-    if group.x >= params.line_count {
-        return;
+// Loss of a path at the start of an interval, from the segments up to `arrived`.
+fn loss_at_interval(path: u32, arrived: u32, interval: u32) -> f32 {
+    let range_mm = f32(interval) * aperture.plane_mm;
+    var at = arrived;
+    while at > 0u && starts[path * STARTS + at] > range_mm {
+        at--;
     }
-    let line = params.line_first + group.x;
-    let weight = 1.0 / f32(params.rays * params.layers);
-    let paths = params.rays * params.layer_count;
-    for (var first = 0u; first < paths; first += THREADS) {
-        // The echoes of a path, then those of the guide behind its first reflection: it stands for what the path missed.
-        var count = 0u;
-        var reflected_mm = BEYOND_MM;
-        if first + thread < paths {
-            let path = path_of(line, first + thread);
-            count = count_of(path);
-            for (var i = 1u; i <= count; i++) {
-                if diverted(path, i) {
-                    reflected_mm = min(reflected_mm, starts[path * STARTS + i]);
-                }
-            }
-            if APERTURE && params.guides > 0u && reflected_mm < BEYOND_MM {
-                count += count_of(guide_of(line));
-            }
-        }
-        ends[thread] = count;
-        reflections_mm[thread] = reflected_mm;
-        workgroupBarrier();
-        if thread == 0u {
-            for (var i = 1u; i < THREADS; i++) {
-                ends[i] += ends[i - 1u];
-            }
-        }
-        let total = workgroupUniformLoad(&ends[THREADS - 1u]);
-        for (var turn = 0u; turn < total; turn += THREADS) {
-            samples[thread] = NO_SAMPLE;
-            let index = turn + thread;
-            if index < total {
-                var slot = 0u;
-                for (var half = THREADS / 2u; half > 0u; half >>= 1u) {
-                    slot += select(0u, half, ends[slot + half - 1u] <= index);
-                }
-                let path = path_of(line, first + slot);
-                let segment = 1u + index - select(ends[max(slot, 1u) - 1u], 0u, slot == 0u);
-                let own = count_of(path);
-                var echo = Echo(NO_SAMPLE, vec2<f32>(0.0));
-                if segment <= own {
-                    echo = echo_of(line, path, segment, 1.0);
-                } else {
-                    let guide = guide_of(line);
-                    if starts[guide * STARTS + segment - own] > reflections_mm[slot] {
-                        echo = echo_of(line, guide, segment - own, weight);
-                    }
-                }
-                samples[thread] = echo.sample;
-                echoed[thread] = echo.value;
-            }
-            workgroupBarrier();
-            for (var i = 0u; i < min(total - turn, THREADS); i++) {
-                let sample = samples[i];
-                if sample % THREADS == thread && sample != NO_SAMPLE {
-                    baseband[line * params.row_samples + sample] += echoed[i];
-                }
-            }
-            workgroupBarrier();
-        }
+    return loss_on(path, at, range_mm);
+}
+
+// How far a scanline lags behind its depth, by its own loss in an interval.
+fn lags(own_np: f32) -> f32 {
+    return TRACKED_NP / (max(own_np, 0.0) + TRACKED_NP);
+}
+
+// ln of the amplitude, two-way, that returns from the interface behind segment `arrived`: the aperture's gain before the
+// obstacles which the path has not crossed yet.
+fn interface_gain(line: u32, path: u32, arrived: u32) -> f32 {
+    let range_mm = starts[path * STARTS + arrived + 1u];
+    let index = interval_index(range_mm);
+    var interval = interval_at(line, index);
+    let begins_np = loss_at_interval(path, arrived, index);
+    if index > 0u {
+        let last = interval_at(line, index - 1u);
+        let lag = (f32(index) - interval.start) / lags(own_np(last));
+        let path_np = begins_np - loss_at_interval(path, arrived, index - 1u) - last.row_np;
+        interval.start = f32(index) - lags(path_np) * clamp(lag, 0.0, 1.0);
     }
+    let part = range_mm / aperture.plane_mm - f32(index);
+    let rise_np = loss_on(path, arrived, range_mm) - begins_np;
+    let lost = lost_part(interval, part, rise_np + interval.begins_np);
+    // The plane of the interval is before what the path has not crossed.
+    let path_np = max(rise_np - interval.row_np * lost, 0.0);
+    let furthest = max(f32(index) + path_np / (path_np + TRACKED_NP), interval.start);
+    let place = min(place_within(interval, part, lost), furthest);
+    return gain_at(line, place) - 2.0 * (interval.shared_np + interval.row_np * lost);
+}
+
+// An echo: sample, and value added there; none beyond the samples, or without amplitude.
+struct Echo {
+    sample: u32,
+    value: vec2<f32>,
+}
+
+const NO_SAMPLE: u32 = 0xffffffffu;
+
+// The echo at the start of a segment, times `weight`.
+fn echo_of(line: u32, path: u32, segment: u32, weight: f32) -> Echo {
+    let echo = echoes[path * SEGMENTS + segment];
+    let sample = echo.y / params.sample_spacing_mm;
+    if echo.x == 0.0 || sample < 0.0 || sample >= f32(params.samples) {
+        return Echo(NO_SAMPLE, vec2<f32>(0.0));
+    }
+    var amplitude = weight * echo.x;
+    if APERTURE && !diverted(path, segment - 1u) {
+        amplitude *= exp(max(interface_gain(line, path, segment - 1u), -80.0));
+    }
+    return Echo(u32(sample), amplitude * phasor(-params.phase_turns_per_mm * echo.y));
+}
+
+// Echoes of a path: one for each segment but the first.
+fn count_of(path: u32) -> u32 {
+    return max(segment_counts[path], 1u) - 1u;
+}
+
+// The `ordinal`-th path of a scanline in this batch: rays fastest, then layers.
+fn path_of(line: u32, ordinal: u32) -> u32 {
+    let of_batch = ordinal / params.rays * params.line_count + line - params.line_first;
+    return of_batch * params.rays + ordinal % params.rays;
 }

@@ -81,9 +81,27 @@ struct NodeHits {
     inner: u32,
 }
 
-fn intersect_node(
-    index: u32, origin: vec3<f32>, reciprocal: vec3<f32>, octant: u32, t_min: f32, t_max: f32,
-) -> NodeHits {
+// Boxes of a node's children, sorted by the ray's direction. Vectors of words hold children 0 to 3, then 4 to 7.
+struct NodeBoxes {
+    // Distance along the ray per step of a box, and to the corner that steps count from.
+    scale: vec3<f32>,
+    base: vec3<f32>,
+    metas: vec2<u32>,
+    low_x: vec2<u32>,
+    high_x: vec2<u32>,
+    low_y: vec2<u32>,
+    high_y: vec2<u32>,
+    low_z: vec2<u32>,
+    high_z: vec2<u32>,
+    child_base: u32,
+    triangle_base: u32,
+    inner: u32,
+    // Limits of the ray with their slack, mm.
+    first: f32,
+    last: f32,
+}
+
+fn node_boxes(index: u32, origin: vec3<f32>, reciprocal: vec3<f32>, t_min: f32, t_max: f32) -> NodeBoxes {
     let n0 = nodes[5u * index];
     let n1 = nodes[5u * index + 1u];
     let n2 = nodes[5u * index + 2u];
@@ -103,7 +121,5 @@ fn intersect_node(
     let high_y = select(n3.zw, n3.xy, back.y);
     let low_z = select(n4.xy, n4.zw, back.z);
     let high_z = select(n4.zw, n4.xy, back.z);
-    let a = half_node_mask(n1.z, octant, scale, base, low_x.x, high_x.x, low_y.x, high_y.x, low_z.x, high_z.x, first, last);
-    let b = half_node_mask(n1.w, octant, scale, base, low_x.y, high_x.y, low_y.y, high_y.y, low_z.y, high_z.y, first, last);
-    return NodeHits(a | b, n1.x, n1.y, n0.w >> 24u);
+    return NodeBoxes(scale, base, n1.zw, low_x, high_x, low_y, high_y, low_z, high_z, n1.x, n1.y, n0.w >> 24u, first, last);
 }

@@ -1,5 +1,12 @@
 // The nearest crossing of a ray.
 
+const NO_KEY: u32 = 0xffffffffu;
+
+// Triangle in leaf order, and its facing in the lowest bit: 1 if the ray enters.
+var<private> nearest_key: u32;
+// Whether other crossings may lie within TOUCH_MM of it.
+var<private> nearest_crowded: bool;
+
 // Distance to the nearest crossing in (t_min, t_max], mm, or −1.
 fn nearest(origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: f32) -> f32 {
     let reciprocal = safe_reciprocal(direction);
@@ -26,19 +33,7 @@ fn nearest(origin: vec3<f32>, direction: vec3<f32>, t_min: f32, t_max: f32) -> f
             group = vec2<u32>(hits.child_base, (hits.children & 0xff000000u) | hits.inner);
             leaf = vec2<u32>(hits.triangle_base, hits.children & 0x00ffffffu);
         }
-        while leaf.y != 0u {
-            let offset = firstLeadingBit(leaf.y);
-            leaf.y &= ~(1u << offset);
-            let index = leaf.x + offset;
-            let hit = intersect_triangle(index, origin, direction);
-            // Selections only: software devices run both sides of a branch for every thread.
-            let first = nearest_key == NO_KEY;
-            let met = hit.facing != 0 && hit.t > t_min && hit.t <= select(best + TOUCH_MM, t_max, first);
-            nearest_crowded = select(nearest_crowded, !(first || hit.t < best - TOUCH_MM), met);
-            let nearer = met && (first || hit.t < best);
-            best = select(best, hit.t, nearer);
-            nearest_key = select(nearest_key, index << 1u | select(0u, 1u, hit.facing > 0), nearer);
-        }
+        best = nearest_of_leaf(leaf, origin, direction, t_min, t_max, best);
         if (group.y & 0xff000000u) == 0u {
             if depth == 0u {
                 break;

@@ -62,41 +62,24 @@ fn share_triangles(triangles: u32) -> Share {
     return Share(firstLeadingBit(select(triangles, own, own != 0u)), own != 0u, rest);
 }
 
-// `intersect_node` by the lanes of a path: each tests the child of its number.
-fn intersect_node_by_lanes(
+// A node by the lanes of a path: each tests the child of its number.
+fn intersect_node(
     index: u32, origin: vec3<f32>, reciprocal: vec3<f32>, octant: u32, t_min: f32, t_max: f32,
 ) -> NodeHits {
-    let n0 = nodes[5u * index];
-    let n1 = nodes[5u * index + 1u];
-    let n2 = nodes[5u * index + 2u];
-    let n3 = nodes[5u * index + 3u];
-    let n4 = nodes[5u * index + 4u];
-    let exponents = vec3<u32>(n0.w, n0.w >> 8u, n0.w >> 16u) & vec3<u32>(255u);
-    let scale = bitcast<vec3<f32>>(exponents << vec3<u32>(23u)) * reciprocal;
-    let base = (bitcast<vec3<f32>>(n0.xyz) - origin) * reciprocal;
-    let back = reciprocal < vec3<f32>(0.0);
-    let slack = 1.0e-3 + 1.0e-6 * max(abs(t_min), abs(t_max));
-    let first = t_min - slack;
-    let last = t_max + slack;
-    let low_x = select(n2.xy, n2.zw, back.x);
-    let high_x = select(n2.zw, n2.xy, back.x);
-    let low_y = select(n3.xy, n3.zw, back.y);
-    let high_y = select(n3.zw, n3.xy, back.y);
-    let low_z = select(n4.xy, n4.zw, back.z);
-    let high_z = select(n4.zw, n4.xy, back.z);
+    let n = node_boxes(index, origin, reciprocal, t_min, t_max);
     var children = 0u;
     for (var child = own_lane; child < 8u; child += PATH_LANES) {
         let half = child >= 4u;
-        let meta4 = select(n1.z, n1.w, half);
+        let meta4 = select(n.metas.x, n.metas.y, half);
         let inner = (meta4 & (meta4 << 1u)) & 0x10101010u;
         let bit_index = (meta4 ^ (octant & ((inner >> 4u) * 0xffu))) & 0x1f1f1f1fu;
         children |= child_mask(
-            8u * (child & 3u), (meta4 >> 5u) & 0x07070707u, bit_index, scale, base,
-            select(low_x.x, low_x.y, half), select(high_x.x, high_x.y, half),
-            select(low_y.x, low_y.y, half), select(high_y.x, high_y.y, half),
-            select(low_z.x, low_z.y, half), select(high_z.x, high_z.y, half), first, last);
+            8u * (child & 3u), (meta4 >> 5u) & 0x07070707u, bit_index, n.scale, n.base,
+            select(n.low_x.x, n.low_x.y, half), select(n.high_x.x, n.high_x.y, half),
+            select(n.low_y.x, n.low_y.y, half), select(n.high_y.x, n.high_y.y, half),
+            select(n.low_z.x, n.low_z.y, half), select(n.high_z.x, n.high_z.y, half), n.first, n.last);
     }
-    return NodeHits(or_of_lanes(children), n1.x, n1.y, n0.w >> 24u);
+    return NodeHits(or_of_lanes(children), n.child_base, n.triangle_base, n.inner);
 }
 
 @compute @workgroup_size(64)

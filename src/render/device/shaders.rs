@@ -63,7 +63,7 @@ pub(super) const PASSES: [(&str, &str); 20] = [
     motion_pass!("displace"),
     motion_pass!("assemble"),
     motion_pass!("refit"),
-    pass!("locate", "bvh", "surfaces", "crossings", "collect", "launch"),
+    pass!("locate", "bvh", "node_alone", "surfaces", "crossings", "collect", "collect_alone", "launch"),
     pass!(
         "trace",
         "tissue",
@@ -71,17 +71,19 @@ pub(super) const PASSES: [(&str, &str); 20] = [
         "lattice",
         "interface",
         "bvh",
+        "node_alone",
         "surfaces",
         "crossings",
-        "nearest_found",
         "nearest",
+        "nearest_alone",
         "collect",
+        "collect_alone",
         "launch",
         "path_alone"
     ),
     pass!(
-        "trace_by_lanes" of "trace", "tissue", "hash", "lattice", "interface", "bvh", "surfaces", "crossings", "nearest_found",
-        "nearest_by_lanes", "collect_by_lanes", "launch", "path_by_lanes"
+        "trace_by_lanes" of "trace", "tissue", "hash", "lattice", "interface", "bvh", "surfaces", "crossings", "nearest",
+        "nearest_by_lanes", "collect", "collect_by_lanes", "launch", "path_by_lanes"
     ),
     pass!("transmission", "aperture", "loss", "phasor", "launch"),
     pass!("propagate", "aperture", "phasor"),
@@ -89,12 +91,12 @@ pub(super) const PASSES: [(&str, &str); 20] = [
     pass!("profiles", "aperture"),
     pass!("visibility", "aperture", "loss", "line_gain"),
     pass!("march", "hash", "lattice", "phasor", "speckle", "texture", "aperture", "loss", "line_gain"),
-    pass!("echo", "phasor", "aperture", "loss", "line_gain", "interface_gain"),
-    pass!("echo_by_line", "phasor", "aperture", "loss", "line_gain", "interface_gain"),
+    pass!("echo", "phasor", "aperture", "loss", "line_gain", "echo_by_group"),
+    pass!("echo_by_line" of "echo", "phasor", "aperture", "loss", "line_gain", "echo_by_line"),
     pass!("lateral", "aperture", "phasor"),
     pass!("receive", "hash", "lattice", "loss"),
     pass!("detect"),
-    pass!("section", "tissue", "bvh", "surfaces", "crossings", "collect"),
+    pass!("section", "tissue", "bvh", "node_alone", "surfaces", "crossings", "collect", "collect_alone"),
     pass!("percentile"),
     pass!("scan_convert", "tissue"),
 ];

@@ -1,18 +1,4 @@
-// Adds the interfaces' echoes to the baseband, as echo.wgsl does; for software, where threads take turns. One thread per scanline
-// takes its paths in their order: the same sums.
-
-@group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read> starts: array<f32>;
-@group(0) @binding(2) var<storage, read> segments: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read> echoes: array<vec2<f32>>;
-@group(0) @binding(4) var<storage, read> segment_counts: array<u32>;
-// Read if APERTURE.
-@group(0) @binding(5) var<uniform> aperture: Aperture;
-@group(0) @binding(6) var<storage, read> line_gains: array<vec4<f32>>;
-@group(0) @binding(7) var<storage, read_write> baseband: array<vec2<f32>>;
-
-// Whether the aperture's gain replaces the loss of paths that have not reflected.
-override APERTURE: bool = false;
+// A scanline's echoes by one thread, for software, where threads take turns: the same sums.
 
 fn add(line: u32, path: u32, segment: u32, weight: f32) {
     let echo = echo_of(line, path, segment, weight);
