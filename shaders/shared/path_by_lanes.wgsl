@@ -1,8 +1,6 @@
 // A path by PATH_LANES neighbouring lanes of a subgroup. All of them hold the same state, and take the same branches; only
 // the searches of the tree are shared. Lanes of another path may be elsewhere.
 
-// Lanes of a path: 4 or 8.
-const PATH_LANES: u32 = 8u;
 // Paths for which lanes are started for each one that searches.
 override LANES_APART: u32 = 1u;
 

@@ -1,4 +1,4 @@
-//! Where a provider computes.
+//! Devices of the providers.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use crate::render::{NVIDIA, PciAddress, Place};
 /// Folder in which NVIDIA's driver for Linux lists its GPUs, one entry each, by their addresses.
 const NVIDIA_GPUS: &str = "/proc/driver/nvidia/gpus";
 
-/// Where the models of `provider` run. CUDA takes its first GPU; which one that is is known only where there is one.
+/// Device of the models of `provider`. CUDA takes its first GPU, whose address is known only if there is a single one.
 pub(crate) fn place_of(provider: Provider) -> Place {
     match provider {
         Provider::Cpu => Place::Processors,

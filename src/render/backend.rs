@@ -90,10 +90,7 @@ impl Backend {
     /// The same backend; its device counts as lost if a frame takes longer than `wait`. Without it, a GPU has a minute, and
     /// software any time. The host is not concerned.
     pub fn answering_within(self, wait: Duration) -> Self {
-        match self.0 {
-            Kind::Host => self,
-            Kind::Device(gpu) => Self(Kind::Device(Box::new(gpu.answering_within(wait)))),
-        }
+        self.with_device(|gpu| gpu.answering_within(wait))
     }
 
     /// The same backend; its device traces in the given way, whatever `INSONIFY_TRACE` says. The host is not concerned.
@@ -111,9 +108,14 @@ impl Backend {
     /// and seed alone, a dispatch makes up to `frames` of them, 1 to 8. By default a GPU takes as many as fill it, software one, and
     /// the host is not concerned.
     pub fn with_frames_at_once(self, frames: u32) -> Self {
+        self.with_device(|gpu| gpu.with_frames_at_once(frames))
+    }
+
+    /// The same backend with a changed device; the host has none.
+    fn with_device(self, change: impl FnOnce(Gpu) -> Gpu) -> Self {
         match self.0 {
             Kind::Host => self,
-            Kind::Device(gpu) => Self(Kind::Device(Box::new(gpu.with_frames_at_once(frames)))),
+            Kind::Device(gpu) => Self(Kind::Device(Box::new(change(*gpu)))),
         }
     }
 

@@ -193,5 +193,7 @@ pub(crate) const ATRIA: f64 = motion::ATRIA as f64;
 pub(crate) const FIELDS_MAX: u32 = motion::FIELDS_MAX as u32;
 /// Tolerance of a triangle's edges, relative to its longest edge, per mm of distance.
 pub(crate) const EDGE_TOLERANCE_PER_MM: f64 = bvh::EDGE_TOLERANCE_PER_MM as f64;
+/// Lanes of a subgroup that share a path where `trace` runs by lanes: 4 or 8.
+pub(crate) const PATH_LANES: u32 = 8;
 /// Threads of a group that moves a part of the scene.
 pub(crate) const MOTION_GROUP: u32 = 128;

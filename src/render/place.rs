@@ -1,9 +1,9 @@
-//! Where frames and generated pictures are computed, to tell whether two of them share a device.
+//! Devices of frames and of generated pictures, to decide whether two of them are the same.
 
 /// PCI vendor of NVIDIA, whose GPUs alone run CUDA.
 pub(crate) const NVIDIA: u32 = 0x10de;
 
-/// Where a stage computes.
+/// Device of a stage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
     /// The processors, for the host renderer and for software devices.

@@ -3,9 +3,9 @@
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
-use super::shaders::PATH_LANES;
 use super::submitter::{Missing, Submitter};
 use crate::render::batch_plan::SEGMENT_BYTES_LEAST;
+use crate::render::constants::PATH_LANES;
 use crate::render::error::BackendError;
 use crate::render::place::{PciAddress, Place};
 use crate::render::trace_times::TraceChoice;

@@ -48,8 +48,6 @@ macro_rules! motion_pass {
 /// Sources of the pass `trace`: a path by one thread, and by a few lanes, which need [`wgpu::Features::SUBGROUP`].
 pub(super) const TRACE: &str = "trace";
 pub(super) const TRACE_BY_LANES: &str = "trace_by_lanes";
-/// Lanes of a path in [`TRACE_BY_LANES`]: `PATH_LANES` of the shader.
-pub(super) const PATH_LANES: u32 = 8;
 
 /// Passes that move the scene, in their order.
 pub(super) const MOTION_PASSES: [&str; 3] = ["displace", "assemble", "refit"];
@@ -138,7 +136,7 @@ fn preamble() -> String {
     let declarations = declarations! {
         u32: SEGMENTS ENTRIES STARTS DEPTH_BLOCK HINT_BLOCK TISSUES_MAX BLOCK_QUADS PULSE_QUADS
             CROSSINGS_OF_A_PATH CROSSINGS_BEHIND CROSSINGS_OF_A_MAP_RAY PLACES_MAX PERCENTILE_STEPS FIRST_TISSUE TAG
-            TAG_DENSITY DIVERTED CELLS_MAX FIELDS_MAX MOTION_GROUP BEAM_CELLS_OF_A_GROUP LATERAL_HALF_MAX TISSUE_MASK MOVES WHOLE ACROSS_BITS OUTSIDE SHEETS SHEET_FAMILIES SCATTERER_STRIDE
+            TAG_DENSITY DIVERTED CELLS_MAX FIELDS_MAX MOTION_GROUP PATH_LANES BEAM_CELLS_OF_A_GROUP LATERAL_HALF_MAX TISSUE_MASK MOVES WHOLE ACROSS_BITS OUTSIDE SHEETS SHEET_FAMILIES SCATTERER_STRIDE
             TEXTURE_SHIFT TEXTURE_MASK TEXTURE_SAMPLES;
         i32: PULSE_PAD SURFACE_SALT;
         f32: TOUCH_MM FAST_MEDIA BEYOND_MM CELL_MM OFF_THE_GRID_MM CELLS_OF_A_BEAM DEVIATE_SCALE REFLECTION_FOLLOWED LN_GIVEN_UP LN_SILENT

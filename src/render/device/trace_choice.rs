@@ -9,19 +9,19 @@ use super::buffers::SceneBuffers;
 use super::configuration::DeviceConfiguration;
 use super::gpu::Gpu;
 use super::passes::{Pass, Pipelines};
-use super::shaders::PATH_LANES;
 use super::snapshot;
 use super::trace_dispatch::TraceDispatch;
 use crate::files::cache_directory;
 use crate::pose::Pose;
 use crate::render::configuration::FrameInputs;
+use crate::render::constants::PATH_LANES;
 use crate::render::error::BackendError;
 use crate::render::trace_by::TraceBy;
 use crate::render::trace_cache;
 use crate::render::trace_times::{TraceChoice, TraceTimes};
 use crate::settings::Effect;
 
-/// No round of measurements begins later, s.
+/// Time limit for the start of another round of measurements.
 const MEASURED_WITHIN: Duration = Duration::from_millis(200);
 /// Most rounds of measurements for a pose.
 const ROUNDS: usize = 3;

@@ -1,8 +1,9 @@
 //! The pass `trace` in both ways: source, workgroups and overrides.
 
 use super::gpu::Gpu;
-use super::shaders::{PATH_LANES, TRACE, TRACE_BY_LANES};
+use super::shaders::{TRACE, TRACE_BY_LANES};
 use crate::render::configuration::FrameInputs;
+use crate::render::constants::PATH_LANES;
 use crate::render::trace_by::TraceBy;
 use crate::settings::Effect;
 
