@@ -99,6 +99,17 @@ pub enum GeneratorError {
         /// Message of ONNX Runtime.
         reason: String,
     },
+    /// Weights lie in other files, which the manifest's hash doesn't cover.
+    #[error(
+        "{path} keeps its weights in {files}, and a generator is one file, so that its hash covers all of it; save it as \
+         one: `torch.onnx.export(..., external_data=False)`, or `onnx.save(onnx.load(path), path)` with the Python package onnx"
+    )]
+    ExternalWeights {
+        /// Model.
+        path: PathBuf,
+        /// Names of the other files.
+        files: String,
+    },
     /// The model is not there in the precision asked for.
     #[error("{path} has no `{precision}`: its manifest names no such [[precision]]; use auto or float32")]
     NoPrecision {

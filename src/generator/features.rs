@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use ort::session::Session;
 use ort::value::{Outlet, Tensor, TensorElementType, ValueType};
 
+use super::external_data::check_one_file;
 use super::{FeatureScale, GeneratorError, Runtime};
 use crate::files::{self, FileKind};
 use crate::quality::{CROP, FeatureExtractor, QualityError};
@@ -72,6 +73,7 @@ impl OnnxFeatures {
         scale: FeatureScale,
     ) -> Result<Self, GeneratorError> {
         let refused = |e: ort::Error| GeneratorError::Model { path: path.to_owned(), reason: e.message().to_owned() };
+        check_one_file(path, model)?;
         let mut builder = Session::builder(runtime.environment()).map_err(refused)?;
         let session = builder.commit_from_memory(model).map_err(refused)?;
         let (channels, crop) =

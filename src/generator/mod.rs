@@ -9,6 +9,8 @@
 
 mod beam_sampling;
 mod error;
+#[cfg(feature = "generator")]
+mod external_data;
 mod feature_scale;
 #[cfg(feature = "generator")]
 mod features;

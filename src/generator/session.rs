@@ -9,6 +9,7 @@ use ort::session::builder::GraphOptimizationLevel;
 use ort::value::{Outlet, TensorElementType, ValueType};
 use sha2::{Digest, Sha256};
 
+use super::external_data::check_one_file;
 use super::load_options::Execution;
 use super::maps::Geometry;
 use super::providers::dispatch;
@@ -108,6 +109,7 @@ impl Session {
         execution: Execution<'_>,
     ) -> Result<Self, GeneratorError> {
         let Execution { provider, precision, threads, sha256 } = execution;
+        check_one_file(path, model)?;
         let refused = |e: ort::Error| GeneratorError::Model { path: path.to_owned(), reason: e.message().to_owned() };
         let builder = ort::session::Session::builder(runtime.environment()).map_err(refused)?;
         let builder = builder

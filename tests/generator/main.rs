@@ -540,6 +540,17 @@ fn contradictory_files_are_refused() {
         format!("{}{hash}{}", &text[..start], &text[start + 64..])
     };
     refused(&garbage, &["ONNX Runtime cannot use", "identity.onnx"]);
+    // A tensor whose values lie in `w.data`: field 7 (graph), 5 (initializer), 13 (external_data), as other exporters write it.
+    let external = |text: &str, path: &Path| {
+        let entry = b"\x0a\x08location\x12\x06w.data";
+        let nested = [7u8, 5, 13]
+            .iter()
+            .rev()
+            .fold(entry.to_vec(), |content, number| [&[number << 3 | 2, content.len() as u8], &content[..]].concat());
+        let model = [std::fs::read(path).unwrap(), nested].concat();
+        with_model(text, path, &model)
+    };
+    refused(&external, &["identity.onnx keeps its weights in `w.data`", "external_data=False"]);
     let no_pair = |text: &str, path: &Path| {
         std::fs::remove_file(path.with_file_name("speckle.npy")).unwrap();
         text.to_owned()
