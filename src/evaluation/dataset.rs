@@ -9,7 +9,7 @@ use super::again::{AgainJob, Jobs, Lane, Rendered};
 use super::judge::{Judged, Row, RowReport, Vectors};
 use super::models::{Extractor, generate};
 use super::scan::Scan;
-use super::{Again, EvaluationError, Models, sheets};
+use super::{Again, EvaluationError, Models, sheets, trained_for};
 use crate::dataset::{Dataset, Progress, Row as TupleRow, Split, Step, Tuple};
 use crate::generator::Generator;
 use crate::lanes::in_order;
@@ -231,10 +231,12 @@ impl<'a> Evaluation<'a> {
         rows
     }
 
-    /// Notes on missing crops, on stations that this machine renders otherwise, and on covariances.
+    /// Notes on generators trained for other frames, missing crops, stations that this machine renders otherwise, and covariances.
     fn notes(&self, without_crops: usize, foreign: &[String], target: &[Vectors]) -> Vec<String> {
         let side = self.settings.crop_side;
-        let mut notes = Vec::new();
+        let trained = self.generators.iter().filter_map(|(name, g)| Some((name, g.manifest().training.as_ref()?)));
+        let mut notes: Vec<String> =
+            trained.flat_map(|(name, training)| trained_for::notes(name, training, &self.dataset.header)).collect();
         if without_crops > 0 {
             notes.push(format!(
                 "{without_crops} tuples are smaller than a crop of {side} x {side} and are in the full field of view only"

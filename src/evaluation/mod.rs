@@ -30,6 +30,7 @@ mod scan;
 mod sheets;
 mod steadiness;
 mod tables;
+mod trained_for;
 
 pub use again::Again;
 pub use dataset::{DatasetReport, Evaluation, Settings};
