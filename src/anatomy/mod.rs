@@ -12,6 +12,7 @@ pub(crate) mod groups;
 pub mod import;
 pub mod mesh;
 pub mod motion;
+pub mod organs;
 pub mod planes;
 pub(crate) mod ray;
 pub mod scene;

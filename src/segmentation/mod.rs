@@ -4,13 +4,17 @@
 
 pub mod body;
 pub mod classes;
+pub mod conventions;
 pub mod from_labels;
 pub mod from_meshes;
 pub mod gather;
 pub mod grid;
 pub mod inputs;
+pub mod mask_folder;
+pub mod measure;
 pub mod mesh_files;
 pub mod meshing;
+pub mod naming;
 pub mod repair;
 pub mod repair_scene;
 pub mod shape;

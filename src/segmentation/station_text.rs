@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::anatomy::Mesh;
+use crate::names::one_line;
 use crate::pose::Pose;
 
 /// Depths of image, mm: least and greatest.
@@ -64,6 +65,8 @@ pub fn station_text(scene: &str, what: &str, probe: &ProbeChoice, pose: &Pose) -
     let p = pose.position_mm;
     let q = pose.orientation;
     let scene = toml::Value::String(scene.to_owned());
+    // A comment has one line, whatever the names in it.
+    let what = one_line(what);
     // Writing to a string cannot fail.
     let _ = write!(
         out,
@@ -102,5 +105,10 @@ mod tests {
         let table: toml::Table = text.parse().unwrap();
         assert_eq!(table["scene"]["path"].as_str(), Some("a \"b\".glb"));
         assert_eq!(table["probe"]["depth_mm"].as_float(), Some(170.0));
+        // Names of files and organs may have any characters.
+        let text = station_text("a\n[b].glb", "li\nver = 3\r\u{1b}[31m\0\u{7f}\u{2028}", &deep, &pose);
+        let table: toml::Table = text.parse().unwrap();
+        assert_eq!(table["scene"]["path"].as_str(), Some("a\n[b].glb"));
+        assert!(text.starts_with("# li ver = 3 [31m") && !table.contains_key("ver"), "{text}");
     }
 }

@@ -161,7 +161,7 @@ fn meshes_become_a_scene_and_toss_ups_are_asked_about() {
 }
 
 /// A body with liver, kidneys, aorta and bladder.
-fn abdomen() -> Volume {
+pub(crate) fn abdomen() -> Volume {
     let affine =
         DAffine3::from_translation(DVec3::new(-130.0, -90.0, -150.0)) * DAffine3::from_scale(DVec3::splat(3.0));
     Volume::of([87, 64, 100], affine, |p| {
@@ -200,10 +200,10 @@ fn exams_find_the_windows_of_a_patient() {
 fn small_organs_and_names_left_out_make_scenes() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("p.glb");
-    // A stump of the aorta alone, on a map that it touches on all sides.
+    // A stump of the aorta alone, on a map that it touches on all sides; one number says nothing without a table.
     let stump = Volume::of([9, 9, 9], DAffine3::from_scale(DVec3::splat(2.0)), |_| 52);
     let stump = written(folder.path(), "stump.nii", &stump.nifti());
-    succeeded(&from_labels(&stump, &out, &["--force"]));
+    succeeded(&from_labels(&stump, &out, &["--names", "total-v2", "--force"]));
     let labels = written(folder.path(), "labels.nii", &abdomen().nifti());
     let printed = succeeded(&from_labels(&labels, &out, &["--map", "liver=ignore", "--force", "--json"]));
     assert!(!printed.contains("\"liver\"") && printed.contains("\"aorta\""), "{printed}");

@@ -8,6 +8,7 @@ mod files;
 mod frames;
 mod labels;
 mod meshes;
+mod naming;
 mod shapes;
 mod slicer;
 

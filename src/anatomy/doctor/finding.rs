@@ -114,6 +114,10 @@ defects! {
     Hidden = Warning, "raise its `priority` above that of what hides it, lower the other's, or delete it";
     /// More memory than some GPUs can bind.
     TooLarge = Warning, "reduce triangles (Blender: Decimate): below 2.6 million in all fit every GPU";
+    /// An organ of a patient whose volume few or no humans have.
+    UnusualVolume = Warning, "look whether it is that organ: `scene from-labels --names` chooses what numbers mean, `--map` what one means; whole scenes may have the wrong unit";
+    /// Organs of a patient that lie to each other as in few or no humans.
+    UnusualPosition = Warning, "look whether the names are right, and whether the segmentation is mirrored (3D Slicer shows both over the image)";
     /// The probe starts in bone or gas, where it sees nothing else.
     StartsInside = Warning, "move `[pose]` of the station file onto the skin";
     /// The image is empty at the start.

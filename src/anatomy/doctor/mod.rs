@@ -14,6 +14,7 @@ pub(crate) mod crossing;
 mod edges;
 mod finding;
 mod nesting;
+mod patient;
 mod probes;
 mod split;
 mod surface_check;
@@ -33,7 +34,7 @@ use tree::Tree;
 use super::bvh::PackedTriangle;
 use super::import::{FindingKind, read_raw};
 use super::scene::SURFACES_MAX;
-use super::{Bounds, SceneError, TissueTable};
+use super::{Axes, Bounds, SceneError, TissueTable};
 use crate::pose::Pose;
 
 /// Distance, mm, below which crossings coincide for the tracer.
@@ -102,6 +103,7 @@ pub fn examine(
         };
         Finding::new(defect, finding.to_string())
     }));
+    let axes = raw.extras.axes;
     let mut checks: Vec<SurfaceCheck> =
         raw.surfaces.into_par_iter().map(|surface| SurfaceCheck::new(surface, settings.tissues)).collect();
     split::find(&mut checks);
@@ -121,6 +123,10 @@ pub fn examine(
     among.into_iter().for_each(|(index, finding)| checks[index].report(finding));
 
     let bounds = bounds(&checks);
+    if axes == Axes::Patient {
+        let surfaces = checks.iter().zip(&meshes).filter(|(check, _)| check.closed);
+        findings.extend(patient::examine(surfaces.map(|(check, mesh)| (check.name.as_str(), mesh)), bounds));
+    }
     findings.extend(whole(&checks, bounds));
     findings.extend(unused(&checks, settings));
     if let Some((start, depth_mm)) = settings.start {
@@ -130,7 +136,14 @@ pub fn examine(
     let wrong_unit = findings.iter().any(|f| f.defect == Defect::WrongUnit);
     let of_surfaces = checks.into_iter().flat_map(|check| check.findings);
     // Findings that depend on sizes in mm are meaningless in another unit.
-    let by_size = [Defect::Sliver, Defect::ThinSheet, Defect::BadCoordinates, Defect::StartsFar];
+    let by_size = [
+        Defect::Sliver,
+        Defect::ThinSheet,
+        Defect::BadCoordinates,
+        Defect::StartsFar,
+        Defect::UnusualVolume,
+        Defect::UnusualPosition,
+    ];
     findings.extend(of_surfaces);
     findings
         .retain(|f| !wrong_unit || !by_size.contains(&f.defect) || f.what.contains("NaN") || f.what.contains("inf"));

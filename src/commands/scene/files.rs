@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 use glam::DVec3;
-use insonify::anatomy::doctor::Severity;
+use insonify::anatomy::doctor::{Defect, Severity};
 use insonify::anatomy::export::{LabelledSurface, SceneExtras, write_scene_glb};
 use insonify::anatomy::{Axes, Motion, Skin, TissueTable, import, planes};
 use insonify::exam::slide;
 use insonify::files::Outputs;
-use insonify::names::counted;
+use insonify::names::{counted, printable};
 use insonify::pose::csv::Named;
 use insonify::report::segmentation as page;
 use insonify::segmentation::from_labels::{Facts, Made};
@@ -121,7 +121,12 @@ impl OutputArgs {
     /// Writes all files; `files` receives those that were begun.
     fn write(&self, source: Source, progress: Progress, files: &mut Vec<PathBuf>) -> Result<Summary, Failure> {
         let tissues = TissueTable::builtin().other()?;
-        let Source { path, surfaces, cuts, facts, unmapped, repairs, mut remarks } = source;
+        let Source { path, mut surfaces, cuts, facts, unmapped, repairs, mut remarks } = source;
+        // Names of meshes and segments come from files.
+        for made in &mut surfaces {
+            made.name = printable(&made.name).into_owned();
+            made.segment = made.segment.take().map(|segment| printable(&segment).into_owned());
+        }
         let start = Start::of(&surfaces, cuts, &tissues, self.look_at.as_deref()).input()?;
         let slide = match &self.probe_path {
             Some(_) => {
@@ -189,12 +194,15 @@ impl OutputArgs {
         let file = SceneFile::Given(self.out.clone());
         let found = Examination::of(file.path(), None, None, tissues, &|_, _| ())?;
         let worse = found.report.findings.iter().filter(|f| f.severity != Severity::Note);
-        let lines: Vec<String> = worse.map(|finding| format!("doctor: {finding}")).collect();
-        if lines.is_empty() {
-            return Ok(Vec::new());
+        // Unusual organs are the patient's, or the labels' fault, not the scene's.
+        let (organs, scene): (Vec<_>, Vec<_>) =
+            worse.partition(|f| matches!(f.defect, Defect::UnusualVolume | Defect::UnusualPosition));
+        let mut lines: Vec<String> = organs.iter().map(|finding| format!("look again: {}", finding.what)).collect();
+        if !scene.is_empty() {
+            lines.push(format!("the doctor has {} about the scene", counted(scene.len(), "finding")));
+            lines.extend(scene.iter().map(|finding| format!("doctor: {finding}")));
         }
-        let count = format!("the doctor has {} about the scene", counted(lines.len(), "finding"));
-        Ok(std::iter::once(count).chain(lines).collect())
+        Ok(lines)
     }
 }
 

@@ -5,17 +5,24 @@ use std::path::{Path, PathBuf};
 use anyhow::anyhow;
 use clap::Parser;
 use insonify::segmentation::classes::ClassTable;
+use insonify::segmentation::conventions::plausibility;
 use insonify::segmentation::from_labels::{Options, make};
 use insonify::segmentation::gather::gather;
-use insonify::segmentation::volume::{PatientAxes, ReadOptions, read_image, read_labels};
+use insonify::segmentation::mask_folder::{MaskFolder, read_body_folder, read_mask_folder};
+use insonify::segmentation::measure::measure;
+use insonify::segmentation::naming::{NameTable, name_labels};
+use insonify::segmentation::volume::{LabelMap, PatientAxes, ReadOptions, read_image, read_labels};
 
 use super::super::progress::Progress;
 use super::super::{Classify, Failure};
 use super::files::{OutputArgs, Source};
 
-/// Make a scene of closed surfaces from a label map of a CT or MR: NIfTI, or NRRD as 3D Slicer writes it.
+/// Make a scene of closed surfaces from a label map of a CT or MR: NIfTI, or NRRD as 3D Slicer writes it; or from a folder of
+/// masks, one file per organ.
 ///
-/// Names of segments come from the file, else numbers are looked up in the table of --names. All labels are meshed on one
+/// Names of segments come from the file, else numbers are looked up in the table of --names. A mask without names, and the
+/// masks of a folder, are read by their files' names. The summary says which it was. Volumes and positions of organs are
+/// compared with those of humans: what is impossible is refused, what is unlikely is told. All labels are meshed on one
 /// grid: neighbours share their border. What is inside the body and has no label becomes soft tissue, beneath fat and
 /// skin; surfaces are closed where the scan ends. Vessels and hollow organs get walls, stomach and bowel their gas.
 ///
@@ -24,12 +31,13 @@ use super::files::{OutputArgs, Source};
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {
-    /// Label map (.nii, .nii.gz, .nrrd, .nhdr, .seg.nrrd)
+    /// Label map (.nii, .nii.gz, .nrrd, .nhdr, .seg.nrrd), or a folder of masks that are called as their organs
     labels: PathBuf,
 
-    /// Table of names and numbers: total-v2, total-v1, total-mr (TotalSegmentator), body, tissue-types, or a file (.toml)
-    #[arg(long, value_name = "TABLE", default_value = "total-v2")]
-    names: String,
+    /// Table of names and numbers: total-v2, total-v1, total-mr, body, tissue-types (TotalSegmentator), btcv, amos, flare22,
+    /// abdomenct-1k, word, chaos-mr, lits, kits, freesurfer, or a file (.toml) [default: total-v2]
+    #[arg(long, value_name = "TABLE")]
+    names: Option<String>,
 
     /// Meaning of a name or number: NAME=TISSUE, NAME=CLASS or NAME=ignore
     #[arg(long = "map", value_name = "NAME=MEANING")]
@@ -39,7 +47,12 @@ pub(crate) struct Args {
     #[arg(long)]
     leave_out_unknown: bool,
 
-    /// Label map whose every label is body: its outline is the skin (TotalSegmentator's task body)
+    /// Take organs whose volumes or sides no human has, instead of refusing them: situs inversus, animals, phantoms
+    #[arg(long)]
+    allow_implausible: bool,
+
+    /// Label map whose every label is body, or a folder with masks of body and skin: its outline is the skin
+    /// (TotalSegmentator's task body)
     #[arg(long, value_name = "FILE")]
     body: Option<PathBuf>,
 
@@ -70,6 +83,7 @@ pub(crate) struct Args {
 const AFTER_HELP: &str = "\
 Examples:
   insonify scene from-labels segmentation.nii.gz --out patient.glb --report patient.html
+  insonify scene from-labels segmentations/ --out patient.glb
   insonify scene from-labels total.nii.gz --body body.nii.gz --image ct.nii.gz --look-at liver --out patient.glb
   insonify scene from-labels Segmentation.seg.nrrd --map tumour=cyst --map grid=ignore --out patient.glb";
 
@@ -95,14 +109,48 @@ fn triangles(text: &str) -> Result<usize, String> {
     value.ok_or_else(|| "expected a number, 10000..=5000000".to_owned())
 }
 
-/// Table called `names`, or in that file.
-fn table(names: &str, maps: &[String]) -> Result<ClassTable, Failure> {
-    let is_file = names.ends_with(".toml");
-    let mut table = if is_file { ClassTable::load(Path::new(names)) } else { ClassTable::builtin(names) }.input()?;
+/// Names of a table that the user did not choose.
+const DEFAULT_NAMES: &str = "total-v2";
+
+/// Table called `names`, or in that file, with the user's mappings.
+fn table(names: Option<&str>, maps: &[String]) -> Result<NameTable, Failure> {
+    let called = names.unwrap_or(DEFAULT_NAMES);
+    let is_file = called.ends_with(".toml");
+    let mut table = if is_file { ClassTable::load(Path::new(called)) } else { ClassTable::builtin(called) }.input()?;
     for map in maps {
         table.add(map).map_err(|e| Failure::Input(anyhow!("--map: {e}")))?;
     }
-    Ok(table)
+    Ok(NameTable { table, called: called.to_owned(), is_chosen: names.is_some() })
+}
+
+/// Labels with names, files that were left out, and what to know about them.
+struct Read {
+    labels: LabelMap,
+    left_out: Vec<String>,
+    remarks: Vec<String>,
+}
+
+/// Reads the label map or folder, and compares it with what is possible for a human.
+fn read(args: &Args, names: &NameTable, options: ReadOptions, progress: &Progress) -> Result<Read, Failure> {
+    let (read, from, measures) = if args.labels.is_dir() {
+        let done = |done: usize, of: usize| progress.set(5 * done / of.max(1), 100);
+        let folder = read_mask_folder(&args.labels, &names.table, options, args.leave_out_unknown, &done).input()?;
+        let MaskFolder { labels, names, left_out, remarks } = folder;
+        let measures = measure(&labels);
+        (Read { labels, left_out, remarks }, names, measures)
+    } else {
+        let mut labels = read_labels(&args.labels, options).input()?;
+        let measures = measure(&labels);
+        let from = name_labels(&mut labels, &measures, names).input()?;
+        (Read { labels, left_out: Vec::new(), remarks: Vec::new() }, from, measures)
+    };
+    let Read { labels, left_out, remarks } = read;
+    let found = plausibility(&labels, &measures, names, &from);
+    if !args.allow_implausible {
+        found.check(&labels, names, &from).input()?;
+    }
+    let remarks = std::iter::once(from.to_string()).chain(remarks).chain(found.remarks(names, args.allow_implausible));
+    Ok(Read { labels, left_out, remarks: remarks.collect() })
 }
 
 /// Runs the command.
@@ -113,15 +161,20 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         .map(PathBuf::as_path)
         .collect();
     args.output.check(&inputs)?;
-    let table = table(&args.names, &args.maps)?;
+    let names = table(args.names.as_deref(), &args.maps)?;
     let options = ReadOptions { assume_axes: args.assume_axes };
     let progress = Progress::new("scene", 100);
     progress.set(0, 100);
-    let labels = read_labels(&args.labels, options).input()?;
-    let body = args.body.as_ref().map(|path| read_labels(path, options)).transpose().input()?;
+    let Read { labels, mut left_out, remarks } = read(args, &names, options, &progress)?;
+    let body = match &args.body {
+        Some(path) if path.is_dir() => Some(read_body_folder(path, &names.table, options, &|_, _| ()).input()?),
+        Some(path) => Some(read_labels(path, options).input()?),
+        None => None,
+    };
     let image = args.image.as_ref().map(|path| read_image(path, options)).transpose().input()?;
     progress.set(5, 100);
-    let (inputs, unmapped) = gather(labels, &table, body, image, args.leave_out_unknown).input()?;
+    let (inputs, unmapped) = gather(labels, &names.table, body, image, args.leave_out_unknown).input()?;
+    left_out.extend(unmapped.iter().map(ToString::to_string));
     let options = Options { skin_mm: args.skin_mm, fat_mm: args.fat_mm, triangles: args.triangles };
     let outcome = make(inputs, &options, &|_, share| progress.set(5 + (90.0 * share) as usize, 100));
     let source = Source {
@@ -129,9 +182,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         surfaces: outcome.surfaces,
         cuts: outcome.cuts,
         facts: Some(outcome.facts),
-        unmapped: unmapped.iter().map(ToString::to_string).collect(),
+        unmapped: left_out,
         repairs: Vec::new(),
-        remarks: Vec::new(),
+        remarks,
     };
     args.output.finish(source, progress)
 }

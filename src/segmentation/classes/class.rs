@@ -2,6 +2,8 @@
 
 use serde::Deserialize;
 
+use crate::names::{is_printable, printable};
+
 /// Use of a label.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -92,6 +94,21 @@ impl Class {
         }
     }
 
+    /// The class with the properties of the known class of its name, if it states none of its own.
+    pub(super) fn completed<'a>(self, known: impl Fn(&str) -> Option<&'a Self>) -> Self {
+        let states_none = self.tissue.is_none()
+            && self.priority.is_none()
+            && self.role == Role::Organ
+            && self.wall.is_none()
+            && self.gas.is_none()
+            && self.group.is_none()
+            && self.aliases.is_empty();
+        match known(&self.name).filter(|_| states_none) {
+            Some(known) => Self { value: self.value, ..known.clone() },
+            None => self,
+        }
+    }
+
     /// Tissues of the class, its wall and its gas, each with its key.
     pub(super) fn tissues(&self) -> impl Iterator<Item = (&'static str, &str)> {
         let own = self.tissue.as_deref().map(|tissue| ("tissue", tissue));
@@ -105,6 +122,10 @@ impl Class {
         let ignored = self.role == Role::Ignore;
         if self.name.trim().is_empty() {
             return Err("`name` is empty".to_owned());
+        }
+        if let Some(name) = std::iter::once(&self.name).chain(&self.aliases).find(|name| !is_printable(name)) {
+            let shown = printable(name);
+            return Err(format!("the name {name:?} has a line break or control character; write it as {shown:?}"));
         }
         if self.value == Some(0) {
             return Err("`value` is 0, which is the background".to_owned());

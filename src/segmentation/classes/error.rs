@@ -51,6 +51,12 @@ pub enum ClassError {
         /// Mapping.
         mapping: String,
     },
+    /// A mapping of a name that cannot be shown.
+    #[error("`{mapping}`: the name has a line break or control character; leave it out")]
+    Unprintable {
+        /// Mapping, without these characters.
+        mapping: String,
+    },
     /// A mapping to nothing known.
     #[error("`{mapping}`: `{target}` is neither a class nor a tissue{nearest}")]
     Target {

@@ -20,7 +20,7 @@ pub(super) fn key(name: &str) -> String {
 }
 
 /// Runs of letters and digits in lower case; an upper-case letter after a lower-case one starts a word.
-fn words(name: &str) -> Vec<String> {
+pub(super) fn words(name: &str) -> Vec<String> {
     let (mut words, mut word, mut after_lower) = (Vec::new(), String::new(), false);
     for c in name.chars() {
         if !c.is_alphanumeric() || (c.is_uppercase() && after_lower) {

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::{Class, ClassTable};
-use crate::names::counted;
+use crate::names::{counted, printable};
 use crate::segmentation::volume::{LabelMap, Segment};
 
 /// A segment with voxels, and its class.
@@ -70,7 +70,7 @@ impl ClassTable {
                 continue;
             }
             if let Some(class) = self.class_of(segment) {
-                let name = segment.name.clone().unwrap_or_else(|| class.name.clone());
+                let name = segment.name.as_deref().map_or(class.name.clone(), |name| printable(name).into_owned());
                 mapped.push(MappedSegment { segment: index, layer, value, name, colour, class: class.clone(), voxels });
                 continue;
             }
@@ -79,12 +79,14 @@ impl ClassTable {
                 (Some(terms), true) => self.nearest(terms),
                 _ => of_name,
             };
-            unmapped.push(Unmapped { name: segment.name.clone(), layer, value, voxels, nearest });
+            let name = segment.name.as_deref().map(|name| printable(name).into_owned());
+            unmapped.push(Unmapped { name, layer, value, voxels, nearest });
         }
         (mapped, unmapped)
     }
 
-    fn class_of(&self, segment: &Segment) -> Option<&Class> {
+    /// Class of a segment: that of its name, else that of its coded terms, else, without a name, that of its number.
+    pub fn class_of(&self, segment: &Segment) -> Option<&Class> {
         let by_text = |text: &Option<String>| text.as_deref().and_then(|text| self.named(text));
         let named = by_text(&segment.name).or_else(|| by_text(&segment.terminology));
         match &segment.name {

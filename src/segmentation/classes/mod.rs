@@ -1,15 +1,17 @@
 //! Tables of classes: which tissue the labels of a segmentation have.
 //!
-//! The built-in tables have the classes of TotalSegmentator by name and number. Names of all built-in tables are known
+//! The built-in tables have the classes of TotalSegmentator by name and number, and the numbers of other tools and data sets. Names of all built-in tables are known
 //! whichever table is chosen; numbers are those of the chosen one.
 
 mod class;
 mod error;
+mod file_name;
 mod key;
 mod map;
 mod table;
 
 pub use class::{Class, Gas, Role, Wall};
 pub use error::ClassError;
+pub use file_name::{OrganInName, common_words, organ_in_name, stem};
 pub use map::{MappedSegment, Unmapped};
 pub use table::ClassTable;

@@ -8,16 +8,42 @@ use serde::Deserialize;
 
 use super::key::key;
 use super::{Class, ClassError};
+use crate::names::{is_printable, printable};
 use crate::suggest::did_you_mean;
 
 /// Built-in tables by name. Of equal names in several tables, the first is found.
-const BUILTIN: [(&str, &str); 5] = [
+const BUILTIN: [(&str, &str); 14] = [
     ("total-v2", include_str!("../../../assets/labels/total-v2.toml")),
     ("total-v1", include_str!("../../../assets/labels/total-v1.toml")),
     ("total-mr", include_str!("../../../assets/labels/total-mr.toml")),
     ("tissue-types", include_str!("../../../assets/labels/tissue-types.toml")),
     ("body", include_str!("../../../assets/labels/body.toml")),
+    ("freesurfer", include_str!("../../../assets/labels/freesurfer.toml")),
+    ("btcv", include_str!("../../../assets/labels/btcv.toml")),
+    ("amos", include_str!("../../../assets/labels/amos.toml")),
+    ("flare22", include_str!("../../../assets/labels/flare22.toml")),
+    ("abdomenct-1k", include_str!("../../../assets/labels/abdomenct-1k.toml")),
+    ("word", include_str!("../../../assets/labels/word.toml")),
+    ("chaos-mr", include_str!("../../../assets/labels/chaos-mr.toml")),
+    ("lits", include_str!("../../../assets/labels/lits.toml")),
+    ("kits", include_str!("../../../assets/labels/kits.toml")),
 ];
+
+/// Number of the first tables whose classes state all their properties.
+const WHOLE: usize = 6;
+
+/// Classes of the whole tables by the keys of their names and aliases, for classes of other tables that state a name alone.
+static KNOWN: LazyLock<HashMap<String, Class>> = LazyLock::new(|| {
+    let mut known = HashMap::new();
+    for (_, text) in &BUILTIN[..WHOLE] {
+        for class in toml::from_str::<File>(text).map(|file| file.class).unwrap_or_default() {
+            for spelling in std::iter::once(&class.name).chain(&class.aliases) {
+                known.entry(key(spelling)).or_insert_with(|| class.clone());
+            }
+        }
+    }
+    known
+});
 
 /// Names of the built-in tissues.
 static TISSUES: LazyLock<Vec<String>> = LazyLock::new(|| {
@@ -61,6 +87,12 @@ impl ClassTable {
         Ok(table)
     }
 
+    /// The built-in table called `name` with its own numbers alone, for comparisons. `None` if no table has that name.
+    pub fn numbers_of(name: &str) -> Option<Self> {
+        let (_, text) = BUILTIN.iter().find(|(known, _)| *known == name)?;
+        Self::parse(name, text).ok()
+    }
+
     /// The table in the file at `path`, with the names of all built-in tables that it doesn't define. Numbers are the
     /// file's alone.
     ///
@@ -85,7 +117,7 @@ impl ClassTable {
     }
 
     /// The class that a mapping such as `7=liver` gave to the number `value`.
-    pub(super) fn numbered_by_user(&self, value: u16) -> Option<&Class> {
+    pub fn numbered_by_user(&self, value: u16) -> Option<&Class> {
         self.by_added_value.get(&value).map(|index| &self.classes[*index])
     }
 
@@ -118,6 +150,9 @@ impl ClassTable {
             return Err(ClassError::Mapping { mapping: mapping.to_owned() });
         };
         let value = name.parse::<u16>().ok();
+        if !is_printable(name) {
+            return Err(ClassError::Unprintable { mapping: printable(mapping).into_owned() });
+        }
         if key(name).is_empty() || target.is_empty() || value == Some(0) {
             return Err(ClassError::Mapping { mapping: mapping.to_owned() });
         }
@@ -154,6 +189,7 @@ impl ClassTable {
         let file = parsed.map_err(|error| ClassError::Parse { table: name.to_owned(), error: Box::new(error) })?;
         let mut table = Self::default();
         for class in file.class {
+            let class = class.completed(|name| KNOWN.get(&key(name)));
             let called = class.name.clone();
             let fault = |reason| ClassError::Class { table: name.to_owned(), class: called.clone(), reason };
             class.check().map_err(fault)?;

@@ -1,0 +1,54 @@
+//! Volumes and positions of a patient's organs.
+
+use glam::DVec3;
+
+use super::{Defect, Finding, Place};
+use crate::anatomy::organs::{Aspect, OrganFact, check_organs};
+use crate::anatomy::{Bounds, Mesh};
+
+/// Distance from the scene's bounds within which a scan cuts an organ, mm.
+const BORDER_MM: f32 = 1.5;
+
+/// Findings about the organs among closed surfaces of a scene in LPS, mm. An organ with a wall is as large as that.
+pub(super) fn examine<'a>(surfaces: impl Iterator<Item = (&'a str, &'a Mesh)>, scene: Option<Bounds>) -> Vec<Finding> {
+    let surfaces: Vec<(&str, &Mesh)> = surfaces.collect();
+    let named = |name: &str| surfaces.iter().find(|(other, _)| *other == name);
+    let facts: Vec<OrganFact> = surfaces
+        .iter()
+        .filter(|(name, _)| name.strip_suffix("_wall").is_none_or(|organ| named(organ).is_none()))
+        .filter_map(|&(name, mesh)| {
+            let outer = named(&format!("{name}_wall")).map_or(mesh, |(_, wall)| *wall);
+            fact(name, outer, scene)
+        })
+        .collect();
+    let finding = |found: crate::anatomy::organs::OrganFinding| {
+        let defect = match found.aspect {
+            Aspect::Volume | Aspect::Scale => Defect::UnusualVolume,
+            Aspect::Side | Aspect::Position => Defect::UnusualPosition,
+        };
+        let at = facts.iter().find(|fact| fact.name == found.organ);
+        let place = at.map(|fact| Place { at_mm: fact.centre_mm.as_vec3().to_array(), size_mm: 0.0 });
+        Finding::new(defect, found.what).at(place)
+    };
+    check_organs(&facts).into_iter().map(finding).collect()
+}
+
+fn fact(name: &str, mesh: &Mesh, scene: Option<Bounds>) -> Option<OrganFact> {
+    let about = mesh.vertices_mm.first()?.as_dvec3();
+    let (mut volume_mm3, mut moment) = (0.0, DVec3::ZERO);
+    for corners in mesh.corners_mm() {
+        let [a, b, c] = corners.map(|v| v.as_dvec3() - about);
+        let v = a.dot(b.cross(c)) / 6.0;
+        volume_mm3 += v;
+        moment += 0.25 * v * (a + b + c);
+    }
+    if volume_mm3 < 1e-3 {
+        return None;
+    }
+    let is_cut = match (mesh.bounds_mm(), scene) {
+        (Some(own), Some(all)) => ((own.min - all.min).abs().min((own.max - all.max).abs())).min_element() < BORDER_MM,
+        _ => false,
+    };
+    let centre_mm = about + moment / volume_mm3;
+    Some(OrganFact { name: name.to_owned(), volume_ml: volume_mm3 * 1e-3, centre_mm, is_cut })
+}

@@ -1,0 +1,27 @@
+//! Volume and position of an organ.
+
+use glam::DVec3;
+
+/// Volume and position of an organ.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OrganFact {
+    /// Name of its class, as in `kidney_left`.
+    pub name: String,
+    /// Volume, ml.
+    pub volume_ml: f64,
+    /// Centre of mass, LPS, mm.
+    pub centre_mm: DVec3,
+    /// Whether it reaches the border of the scan.
+    pub is_cut: bool,
+}
+
+/// Whether a name is meant by a pattern: equal, or with `*` at its end, the start of the name. Case counts no more than
+/// spaces and hyphens do.
+pub(super) fn matches(pattern: &str, name: &str) -> bool {
+    let name = name.replace([' ', '-'], "_").to_lowercase();
+    let pattern = pattern.to_lowercase();
+    match pattern.strip_suffix('*') {
+        Some(start) => name.starts_with(start),
+        None => name == pattern,
+    }
+}

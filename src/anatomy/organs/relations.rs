@@ -1,0 +1,218 @@
+//! Positions of organs to each other.
+
+use std::fmt;
+
+use glam::DVec3;
+
+use super::fact::{OrganFact, matches};
+
+/// Direction from one organ to another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Direction {
+    /// To the patient's left.
+    Left,
+    /// Behind.
+    Back,
+    /// Above.
+    Up,
+}
+
+impl Direction {
+    fn of(self, v: DVec3) -> f64 {
+        match self {
+            Self::Left => v.x,
+            Self::Back => v.y,
+            Self::Up => v.z,
+        }
+    }
+
+    /// Words for a position in this direction, and in the opposite one.
+    fn words(self) -> [&'static str; 2] {
+        match self {
+            Self::Left => ["to the left of", "to the right of"],
+            Self::Back => ["behind", "in front of"],
+            Self::Up => ["above", "below"],
+        }
+    }
+}
+
+/// Organs that are one in a relation: the name of several, and patterns of names.
+type Group = (&'static str, &'static [&'static str]);
+
+const SPINE: Group = ("the spine", &["vertebrae_*", "sacrum", "spinal_cord"]);
+const KIDNEYS: Group = ("the kidneys", &["kidney_left", "kidney_right", "kidney"]);
+const LUNGS: Group = ("the lungs", &["lung_*", "lung"]);
+const BACK: Group = ("the muscles of the back", &["autochthon_*"]);
+const BUTTOCKS: Group = ("the gluteal muscles", &["gluteus_maximus_*"]);
+const LEGS: Group = ("the hips and legs", &["hip_*", "femur_*"]);
+const HEAD: Group = ("the head", &["brain", "skull"]);
+const LIVER: Group = ("the liver", &["liver"]);
+const SPLEEN: Group = ("the spleen", &["spleen"]);
+const STOMACH: Group = ("the stomach", &["stomach"]);
+const GALLBLADDER: Group = ("the gallbladder", &["gallbladder"]);
+const PANCREAS: Group = ("the pancreas", &["pancreas"]);
+const HEART: Group = ("the heart", &["heart", "heart_ventricle_*", "heart_myocardium"]);
+const AORTA: Group = ("the aorta", &["aorta"]);
+const VENA_CAVA: Group = ("the vena cava", &["inferior_vena_cava"]);
+const BLADDER: Group = ("the bladder", &["urinary_bladder", "prostate"]);
+const STERNUM: Group = ("the sternum", &["sternum"]);
+const THYROID: Group = ("the thyroid", &["thyroid_gland"]);
+const LEFT_KIDNEY: Group = ("the left kidney", &["kidney_left"]);
+const RIGHT_KIDNEY: Group = ("the right kidney", &["kidney_right"]);
+const BODY: Group = ("the body", &["body", "body_trunc", "skin"]);
+
+/// Certain and likely evidence.
+const CERTAIN: u32 = 2;
+const LIKELY: u32 = 1;
+
+/// The first organ lies in the direction of the second, in nearly everybody. A smaller distance, mm, than that given tells
+/// nothing.
+const RELATIONS: [(Group, Direction, Group, f64, u32); 50] = [
+    (SPLEEN, Direction::Left, LIVER, 20.0, CERTAIN),
+    (SPLEEN, Direction::Left, GALLBLADDER, 15.0, CERTAIN),
+    (SPLEEN, Direction::Left, SPINE, 15.0, CERTAIN),
+    (SPLEEN, Direction::Left, RIGHT_KIDNEY, 20.0, CERTAIN),
+    (SPLEEN, Direction::Left, AORTA, 15.0, CERTAIN),
+    (STOMACH, Direction::Left, LIVER, 15.0, CERTAIN),
+    (STOMACH, Direction::Left, GALLBLADDER, 20.0, LIKELY),
+    (SPINE, Direction::Left, LIVER, 15.0, CERTAIN),
+    (SPINE, Direction::Left, GALLBLADDER, 15.0, LIKELY),
+    (AORTA, Direction::Left, LIVER, 15.0, CERTAIN),
+    (AORTA, Direction::Left, VENA_CAVA, 8.0, LIKELY),
+    (LEFT_KIDNEY, Direction::Left, LIVER, 20.0, CERTAIN),
+    (BODY, Direction::Left, LIVER, 10.0, LIKELY),
+    (HEART, Direction::Left, LIVER, 15.0, LIKELY),
+    (SPINE, Direction::Back, LIVER, 15.0, CERTAIN),
+    (SPINE, Direction::Back, STOMACH, 15.0, CERTAIN),
+    (SPINE, Direction::Back, HEART, 15.0, CERTAIN),
+    (SPINE, Direction::Back, BLADDER, 20.0, CERTAIN),
+    (SPINE, Direction::Back, STERNUM, 25.0, CERTAIN),
+    (SPINE, Direction::Back, PANCREAS, 10.0, CERTAIN),
+    (SPINE, Direction::Back, GALLBLADDER, 20.0, CERTAIN),
+    (SPINE, Direction::Back, AORTA, 8.0, LIKELY),
+    (SPINE, Direction::Back, BODY, 10.0, LIKELY),
+    (BACK, Direction::Back, LIVER, 15.0, CERTAIN),
+    (BACK, Direction::Back, AORTA, 15.0, CERTAIN),
+    (BACK, Direction::Back, KIDNEYS, 10.0, LIKELY),
+    (BUTTOCKS, Direction::Back, BLADDER, 15.0, CERTAIN),
+    (HEART, Direction::Back, STERNUM, 8.0, CERTAIN),
+    (KIDNEYS, Direction::Back, STOMACH, 20.0, LIKELY),
+    (KIDNEYS, Direction::Back, GALLBLADDER, 20.0, LIKELY),
+    (KIDNEYS, Direction::Back, LIVER, 15.0, LIKELY),
+    (LIVER, Direction::Up, BLADDER, 30.0, CERTAIN),
+    (SPLEEN, Direction::Up, BLADDER, 30.0, CERTAIN),
+    (STOMACH, Direction::Up, BLADDER, 20.0, CERTAIN),
+    (PANCREAS, Direction::Up, BLADDER, 30.0, CERTAIN),
+    (KIDNEYS, Direction::Up, BLADDER, 20.0, CERTAIN),
+    (HEART, Direction::Up, BLADDER, 30.0, CERTAIN),
+    (LUNGS, Direction::Up, BLADDER, 30.0, CERTAIN),
+    (LUNGS, Direction::Up, KIDNEYS, 20.0, CERTAIN),
+    (LUNGS, Direction::Up, LIVER, 20.0, LIKELY),
+    (HEART, Direction::Up, LIVER, 20.0, CERTAIN),
+    (HEART, Direction::Up, KIDNEYS, 20.0, CERTAIN),
+    (HEAD, Direction::Up, HEART, 40.0, CERTAIN),
+    (HEAD, Direction::Up, LUNGS, 40.0, CERTAIN),
+    (HEAD, Direction::Up, LIVER, 60.0, CERTAIN),
+    (HEAD, Direction::Up, SPINE, 20.0, CERTAIN),
+    (THYROID, Direction::Up, HEART, 30.0, CERTAIN),
+    (THYROID, Direction::Up, LIVER, 40.0, CERTAIN),
+    (LIVER, Direction::Up, LEGS, 30.0, CERTAIN),
+    (KIDNEYS, Direction::Up, LEGS, 30.0, CERTAIN),
+];
+
+/// Smallest distance of a left and a right organ from side to side that tells anything, mm.
+const PAIR_MM: f64 = 10.0;
+
+/// Order of vertebrae from the head down, and the smallest height between two that tells anything, mm.
+const VERTEBRAE: [(char, u32); 4] = [('c', 0), ('t', 7), ('l', 19), ('s', 24)];
+const VERTEBRAE_MM: f64 = 10.0;
+
+/// Two organs whose position to each other is known, and what was found.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Vote {
+    /// Direction in which the first should lie.
+    pub(super) direction: Direction,
+    /// Whether both have one name but for left and right.
+    pub(super) is_pair: bool,
+    /// Name of the first organ.
+    pub(super) first: String,
+    second: String,
+    /// Distance of the first from the second in that direction, mm.
+    found_mm: f64,
+    /// Strength of the evidence.
+    pub(super) weight: u32,
+}
+
+impl Vote {
+    /// Whether the organs lie as in nearly everybody.
+    pub(super) fn is_as_expected(&self) -> bool {
+        self.found_mm > 0.0
+    }
+}
+
+impl fmt::Display for Vote {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [along, against] = self.direction.words();
+        let words = if self.is_as_expected() { along } else { against };
+        write!(f, "{} lies {:.0} mm {words} {}", self.first, self.found_mm.abs(), self.second)
+    }
+}
+
+/// All relations between these organs that tell something.
+pub(super) fn votes(facts: &[OrganFact]) -> Vec<Vote> {
+    let mut votes: Vec<Vote> = RELATIONS.iter().filter_map(|relation| related(relation, facts)).collect();
+    votes.extend(pairs(facts));
+    votes.extend(vertebrae(facts));
+    votes
+}
+
+fn related(relation: &(Group, Direction, Group, f64, u32), facts: &[OrganFact]) -> Option<Vote> {
+    let (first, direction, second, least_mm, weight) = *relation;
+    let found_mm = direction.of(centre(first, facts)? - centre(second, facts)?);
+    let (first, second) = (first.0.to_owned(), second.0.to_owned());
+    let vote = Vote { direction, is_pair: false, first, second, found_mm, weight };
+    (found_mm.abs() >= least_mm).then_some(vote)
+}
+
+/// Centre of mass of a group's organs.
+fn centre((_, names): Group, facts: &[OrganFact]) -> Option<DVec3> {
+    let of = facts.iter().filter(|fact| names.iter().any(|pattern| matches(pattern, &fact.name)));
+    let sum = |(sum, ml): (DVec3, f64), fact: &OrganFact| (sum + fact.centre_mm * fact.volume_ml, ml + fact.volume_ml);
+    let (sum, ml) = of.fold((DVec3::ZERO, 0.0), sum);
+    (ml > 0.0).then(|| sum / ml)
+}
+
+/// Relations of organs whose names differ only in left and right.
+fn pairs(facts: &[OrganFact]) -> Vec<Vote> {
+    let mut votes = Vec::new();
+    for left in facts.iter().filter(|fact| fact.name.contains("left")) {
+        let other = left.name.replacen("left", "right", 1);
+        let Some(right) = facts.iter().find(|fact| fact.name == other) else { continue };
+        let found_mm = Direction::Left.of(left.centre_mm - right.centre_mm);
+        let is_vessel = ["artery", "vein", "vena"].iter().any(|word| left.name.contains(word));
+        let weight = if is_vessel { LIKELY } else { CERTAIN };
+        let (first, second) = (format!("`{}`", left.name), format!("`{other}`"));
+        if found_mm.abs() >= PAIR_MM {
+            votes.push(Vote { direction: Direction::Left, is_pair: true, first, second, found_mm, weight });
+        }
+    }
+    votes
+}
+
+/// Relation of the first and the last vertebra.
+fn vertebrae(facts: &[OrganFact]) -> Option<Vote> {
+    let rank = |fact: &OrganFact| {
+        let name = fact.name.to_lowercase();
+        let mut of = name.strip_prefix("vertebrae_")?.chars();
+        let (_, base) = *VERTEBRAE.iter().find(|(letter, _)| of.clone().next() == Some(*letter))?;
+        of.next();
+        Some(base + of.as_str().parse::<u32>().ok()?)
+    };
+    let ranked: Vec<(u32, &OrganFact)> = facts.iter().filter_map(|fact| Some((rank(fact)?, fact))).collect();
+    let (_, top) = ranked.iter().min_by_key(|(rank, _)| *rank)?;
+    let (_, bottom) = ranked.iter().max_by_key(|(rank, _)| *rank)?;
+    let found_mm = Direction::Up.of(top.centre_mm - bottom.centre_mm);
+    let (first, second) = (format!("`{}`", top.name), format!("`{}`", bottom.name));
+    let vote = Vote { direction: Direction::Up, is_pair: false, first, second, found_mm, weight: CERTAIN };
+    (found_mm.abs() >= VERTEBRAE_MM).then_some(vote)
+}

@@ -1,0 +1,76 @@
+//! Table of volumes, `assets/organs.toml`.
+
+use std::sync::LazyLock;
+
+use serde::Deserialize;
+
+use super::fact::matches;
+
+/// Volumes of an organ in humans.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Range {
+    /// Usual volumes, ml: least and most.
+    pub(super) usual_ml: [f64; 2],
+    /// Volume that no human exceeds, ml.
+    pub(super) most_ml: f64,
+    /// Whether most scans end within it.
+    pub(super) is_often_cut: bool,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    organ: Vec<Entry>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    names: Vec<String>,
+    usual_ml: [f64; 2],
+    most_ml: f64,
+    extent: Option<Extent>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Extent {
+    Cut,
+}
+
+/// Entries of the table; none if the built-in table is damaged, which a test excludes.
+static ENTRIES: LazyLock<Vec<(Vec<String>, Range)>> = LazyLock::new(|| {
+    let file = toml::from_str::<File>(include_str!("../../../assets/organs.toml"));
+    let entry = |entry: Entry| {
+        let Entry { names, usual_ml, most_ml, extent } = entry;
+        (names, Range { usual_ml, most_ml, is_often_cut: extent.is_some() })
+    };
+    file.map(|file| file.organ.into_iter().map(entry).collect()).unwrap_or_default()
+});
+
+/// Volumes of the organ called `name`, if the table has it.
+pub(super) fn range_of(name: &str) -> Option<&'static Range> {
+    let is_it = |(names, _): &&(Vec<String>, Range)| names.iter().any(|pattern| matches(pattern, name));
+    ENTRIES.iter().find(is_it).map(|(_, range)| range)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_is_whole_and_its_ranges_ascend() {
+        assert!(toml::from_str::<File>(include_str!("../../../assets/organs.toml")).is_ok());
+        assert!(ENTRIES.len() > 50);
+        for (names, Range { usual_ml: [least, usual], most_ml, .. }) in ENTRIES.iter() {
+            assert!(0.0 <= *least && least < usual && usual < most_ml, "{names:?}");
+            // The first entry that fits counts, so that no later one may be meant.
+            for name in names {
+                let name = name.replace('*', "1");
+                assert_eq!(ENTRIES.iter().filter(|(n, _)| n.iter().any(|p| matches(p, &name))).count(), 1, "{name}");
+            }
+        }
+        assert_eq!(range_of("Vertebrae L3").map(|range| range.most_ml), Some(300.0));
+        assert_eq!(range_of("gallstone"), None);
+    }
+}
