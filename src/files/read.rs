@@ -17,6 +17,8 @@ pub enum FileKind {
     Planes,
     /// glTF scene, or one of its buffers.
     Scene,
+    /// Label map or image of a patient.
+    Volume,
     /// Mesh of another program.
     Mesh,
     /// Manifest of a generator.
@@ -53,6 +55,7 @@ impl FileKind {
             Self::Calibration => ("a calibration", MIB),
             Self::Planes => ("a file of standard planes", 16 * MIB),
             Self::Scene => ("a scene", 2 * GIB),
+            Self::Volume => ("a volume", 4 * GIB),
             Self::Mesh => ("a mesh", 2 * GIB),
             Self::Manifest => ("a manifest", MIB),
             Self::Model => ("a model", 2 * GIB),
