@@ -7,7 +7,7 @@ use clap::Parser;
 use insonify::segmentation::classes::ClassTable;
 use insonify::segmentation::from_labels::{Options, make};
 use insonify::segmentation::gather::gather;
-use insonify::segmentation::volume::{PatientAxes, ReadOptions, read_image, read_labels};
+use insonify::segmentation::volume::{NiftiForm, PatientAxes, ReadOptions, read_image, read_labels};
 
 use super::super::progress::Progress;
 use super::super::{Classify, Failure};
@@ -47,6 +47,10 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     image: Option<PathBuf>,
 
+    /// Placement of NIfTI files whose sform and qform contradict each other: sform or qform
+    #[arg(long, value_name = "FORM", value_parser = form)]
+    prefer: Option<NiftiForm>,
+
     /// Axes of files that don't state theirs: lps, ras or las
     #[arg(long, value_name = "AXES", value_parser = axes)]
     assume_axes: Option<PatientAxes>,
@@ -75,6 +79,10 @@ Examples:
 
 fn axes(text: &str) -> Result<PatientAxes, String> {
     PatientAxes::named(text).ok_or_else(|| format!("expected one of {}", PatientAxes::NAMES.join(", ")))
+}
+
+fn form(text: &str) -> Result<NiftiForm, String> {
+    NiftiForm::named(text).ok_or_else(|| format!("expected one of {}", NiftiForm::NAMES.join(", ")))
 }
 
 fn within(text: &str, most: f64) -> Result<f64, String> {
@@ -114,7 +122,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         .collect();
     args.output.check(&inputs)?;
     let table = table(&args.names, &args.maps)?;
-    let options = ReadOptions { assume_axes: args.assume_axes };
+    let options = ReadOptions { assume_axes: args.assume_axes, prefer: args.prefer };
     let progress = Progress::new("scene", 100);
     progress.set(0, 100);
     let labels = read_labels(&args.labels, options).input()?;
