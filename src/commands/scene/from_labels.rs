@@ -7,7 +7,7 @@ use clap::Parser;
 use insonify::segmentation::classes::ClassTable;
 use insonify::segmentation::from_labels::{Options, make};
 use insonify::segmentation::gather::gather;
-use insonify::segmentation::volume::{NiftiForm, PatientAxes, ReadOptions, read_image, read_labels};
+use insonify::segmentation::volume::{Modality, NiftiForm, PatientAxes, ReadOptions, read_image, read_labels};
 
 use super::super::progress::Progress;
 use super::super::{Classify, Failure};
@@ -47,6 +47,10 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     image: Option<PathBuf>,
 
+    /// Kind of that image, where its values don't tell: ct (in HU) or mr
+    #[arg(long, value_name = "KIND", value_parser = modality, requires = "image")]
+    image_type: Option<Modality>,
+
     /// Placement of NIfTI files whose sform and qform contradict each other: sform or qform
     #[arg(long, value_name = "FORM", value_parser = form)]
     prefer: Option<NiftiForm>,
@@ -79,6 +83,10 @@ Examples:
 
 fn axes(text: &str) -> Result<PatientAxes, String> {
     PatientAxes::named(text).ok_or_else(|| format!("expected one of {}", PatientAxes::NAMES.join(", ")))
+}
+
+fn modality(text: &str) -> Result<Modality, String> {
+    Modality::named(text).ok_or_else(|| format!("expected one of {}", Modality::NAMES.join(", ")))
 }
 
 fn form(text: &str) -> Result<NiftiForm, String> {
@@ -127,10 +135,14 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     progress.set(0, 100);
     let labels = read_labels(&args.labels, options).input()?;
     let body = args.body.as_ref().map(|path| read_labels(path, options)).transpose().input()?;
-    let image = args.image.as_ref().map(|path| read_image(path, options)).transpose().input()?;
+    let mut image = args.image.as_ref().map(|path| read_image(path, options)).transpose().input()?;
+    if let Some(image) = &mut image {
+        image.stated = args.image_type;
+    }
     progress.set(5, 100);
-    let (inputs, unmapped) = gather(labels, &table, body, image, args.leave_out_unknown).input()?;
+    let (mut inputs, unmapped) = gather(labels, &table, body, image, args.leave_out_unknown).input()?;
     let options = Options { skin_mm: args.skin_mm, fat_mm: args.fat_mm, triangles: args.triangles };
+    let remarks = std::mem::take(&mut inputs.remarks);
     let outcome = make(inputs, &options, &|_, share| progress.set(5 + (90.0 * share) as usize, 100));
     let source = Source {
         path: args.labels.clone(),
@@ -139,7 +151,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         facts: Some(outcome.facts),
         unmapped: unmapped.iter().map(ToString::to_string).collect(),
         repairs: Vec::new(),
-        remarks: Vec::new(),
+        remarks,
     };
     args.output.finish(source, progress)
 }
