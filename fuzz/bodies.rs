@@ -14,7 +14,7 @@ use insonify::anatomy::{TissueTable, import};
 use insonify::pose::Reading;
 use insonify::recording::{RecordingReader, poses_of};
 use insonify::segmentation::mesh_files;
-use insonify::segmentation::volume::{PatientAxes, ReadOptions, decode_nifti, decode_nrrd};
+use insonify::segmentation::volume::{NiftiForm, PatientAxes, ReadOptions, decode_nifti, decode_nrrd};
 use insonify::settings::SettingsGroup as _;
 use insonify::station::Station;
 use insonify::tracker::driver::Driver;
@@ -384,7 +384,8 @@ fn station_seeds() -> Vec<Vec<u8>> {
 /// First byte: format and options. Then a file; the header of an NRRD ends at its first empty line.
 pub fn volume(data: &[u8]) -> u64 {
     let [choice, file @ ..] = data else { return 0 };
-    let options = ReadOptions { assume_axes: (choice & 2 != 0).then_some(PatientAxes::Ras) };
+    let prefer = (choice & 4 != 0).then_some(NiftiForm::Qform);
+    let options = ReadOptions { assume_axes: (choice & 2 != 0).then_some(PatientAxes::Ras), prefer };
     let read = if choice & 1 == 0 {
         decode_nifti(file, None, options)
     } else {

@@ -1,9 +1,6 @@
 //! Reading a data set back.
 
-use std::io::BufReader;
 use std::path::{Path, PathBuf};
-
-use npyz::NpyFile;
 
 use super::{ATTENUATION_POWER, DatasetError, FORMAT, HEADER_FILE, Header, PLANES, Row, Split};
 use crate::files::{self, FileKind};
@@ -156,7 +153,8 @@ pub fn read_rows(path: &Path) -> Result<(Vec<Row>, u64), DatasetError> {
 
 fn read(path: &Path, shape: &[usize]) -> Result<Vec<u8>, DatasetError> {
     let failed = |source| DatasetError::Io { path: path.to_owned(), source };
-    let npy = NpyFile::new(BufReader::new(files::open(path, FileKind::Array).map_err(failed)?)).map_err(failed)?;
+    let bytes = files::read(path, FileKind::Array).map_err(failed)?;
+    let npy = files::npy(&bytes).map_err(failed)?;
     let found: Vec<usize> = npy.shape().iter().map(|&n| n as usize).collect();
     if found != shape || npy.order() != npyz::Order::C {
         let reason = format!("is an array {found:?}; its row says {shape:?}");

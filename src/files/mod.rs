@@ -3,14 +3,22 @@
 mod cache;
 mod grey;
 mod hex;
+mod inside;
+mod memory;
+mod npy;
 mod outputs;
 mod part;
 mod read;
+mod stand_in;
 
 pub use cache::cache_directory;
 pub use grey::GreyError;
 pub(crate) use grey::read_grey;
 pub use hex::hex;
+pub use inside::inside;
+pub use memory::{NoMemory, memory_for};
+pub use npy::npy;
 pub use outputs::{OutputError, Outputs};
 pub use part::{PartError, PartFile};
 pub use read::{FileKind, open, read, read_text};
+pub use stand_in::{STAND_IN_BYTES, stand_in};

@@ -86,7 +86,7 @@ pub(super) fn read(manifest_path: &Path, parity: &ParityManifest) -> Result<Pair
 fn read_npy(path: &Path) -> Result<(Vec<u64>, Vec<f32>), GeneratorError> {
     let io = GeneratorError::io(path);
     let bytes = files::read(path, FileKind::Array).map_err(&io)?;
-    let file = npyz::NpyFile::new(&bytes[..]).map_err(&io)?;
+    let file = files::npy(&bytes).map_err(&io)?;
     let shape = file.shape().to_vec();
     if file.order() != npyz::Order::C {
         return Err(io(std::io::Error::new(std::io::ErrorKind::InvalidData, "the array must be in C order")));

@@ -130,7 +130,7 @@ fn outline(inputs: &Inputs, options: &Options) -> (OutlineSource, Vec<bool>) {
     let grid = &inputs.grid;
     let (source, mut mask) = match (&inputs.body, &inputs.image) {
         (Some(body), _) => (OutlineSource::Label, body.clone()),
-        (None, Some(image)) => (OutlineSource::Image, body::from_image(image, grid)),
+        (None, Some(image)) => (OutlineSource::Image, body::from_image(image, grid, inputs.is_ct)),
         (None, None) => {
             let margin_mm = body::hull_margin_mm(options.skin_mm, options.fat_mm);
             (OutlineSource::Labels, body::from_labels(&inputs.labels, grid, margin_mm))

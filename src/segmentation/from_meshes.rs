@@ -99,6 +99,15 @@ fn layers(bodies: &[OrganMesh], organs: &[OrganMesh], options: &Options) -> Vec<
     };
     let labels = within(organs).into_iter().map(u16::from).collect();
     let body = (!bodies.is_empty()).then(|| within(bodies));
-    let inputs = Inputs { grid: grid.clone(), labels, organs: Vec::new(), body, fat: None, image: None };
+    let inputs = Inputs {
+        grid: grid.clone(),
+        labels,
+        organs: Vec::new(),
+        body,
+        fat: None,
+        image: None,
+        is_ct: false,
+        remarks: Vec::new(),
+    };
     make(inputs, options, &|_, _| ()).surfaces
 }

@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::DVec3;
 use rayon::prelude::*;
 use thiserror::Error;
 
 use super::classes::{ClassTable, MappedSegment, Role, Unmapped};
 use super::grid::Grid;
+use super::image::{self, ImageError};
 use super::inputs::{Inputs, Organ};
 use super::volume::{Image, LabelMap};
 
@@ -53,7 +53,8 @@ pub enum GatherError {
     },
     /// A body or an image of another scan.
     #[error(
-        "{path}, given as {option}, holds only {percent:.0} % of the labelled voxels of {labels}: is it of the same scan?"
+        "{path}, given as {option}, holds only {percent:.0} % of the labelled voxels of {labels}: is it of the same \
+         scan?{hint}"
     )]
     OtherScan {
         /// Body or image.
@@ -64,7 +65,12 @@ pub enum GatherError {
         labels: PathBuf,
         /// Share, %.
         percent: f64,
+        /// Change of its affine that would help, as a sentence after a space, or empty.
+        hint: String,
     },
+    /// An image that doesn't fit, or isn't what it seems.
+    #[error(transparent)]
+    Image(#[from] ImageError),
     /// A file without a body.
     #[error("{path}, given as --body, labels nothing but background")]
     NoBody {
@@ -94,6 +100,7 @@ pub fn gather(
     leave_out_unknown: bool,
 ) -> Result<(Inputs, Vec<Unmapped>), GatherError> {
     let labels = labels.canonical();
+    let mut remarks = remarks_of(&labels.path, &labels.remarks);
     let (mapped, unmapped) = table.map(&labels);
     if !unmapped.is_empty() && !leave_out_unknown {
         let names = unmapped.iter().map(ToString::to_string).collect();
@@ -115,19 +122,25 @@ pub fn gather(
     };
     let fat = mask(Role::Fat);
     let merged = merged(&labels, &organs, &grid);
-    let covered = |inside: &(dyn Fn(usize) -> bool + Sync), option: &'static str, path: &Path| {
+    let organs_found = organs_of(&organs);
+    let covered = |inside: &(dyn Fn(usize) -> bool + Sync), option: &'static str, path: &Path, volume: &Grid| {
         let labelled = merged.par_iter().enumerate().filter(|(_, label)| **label != 0);
         let (count, held) =
             labelled.map(|(i, _)| (1usize, usize::from(inside(i)))).reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
         let percent = 100.0 * held as f64 / count.max(1) as f64;
+        if percent >= COVERED_PERCENT {
+            return Ok(());
+        }
+        let hint = image::turned_hint(&merged, &grid, volume, COVERED_PERCENT);
         let (path, labels) = (path.to_owned(), labels.path.clone());
-        if percent < COVERED_PERCENT { Err(GatherError::OtherScan { path, option, labels, percent }) } else { Ok(()) }
+        Err(GatherError::OtherScan { path, option, labels, percent, hint })
     };
     let body = match body {
         Some(map) => {
-            let path = map.path.clone();
+            let (path, volume) = (map.path.clone(), grid_of(map.size, map.lps_from_voxel));
+            remarks.extend(remarks_of(&path, &map.remarks));
             let body = body_on(map, &grid)?;
-            covered(&|i| body[i], "--body", &path)?;
+            covered(&|i| body[i], "--body", &path, &volume)?;
             Some(body)
         }
         None => union(mask(Role::Body), mask(Role::Skin)),
@@ -135,14 +148,26 @@ pub fn gather(
     let image = match image {
         Some(image) => {
             let image = image.canonical();
-            let index = nearest(&grid, &grid_of(image.size, image.lps_from_voxel));
-            covered(&|i| index(i).is_some(), "--image", &image.path)?;
-            Some(image_on(&image, &grid))
+            let volume = grid_of(image.size, image.lps_from_voxel);
+            let index = image::nearest(&grid, &volume);
+            covered(&|i| index(i).is_some(), "--image", &image.path, &volume)?;
+            remarks.extend(remarks_of(&image.path, &image.remarks));
+            let checked = image::checked(&image, &grid, &merged, &organs_found)?;
+            remarks.extend(checked.remarks.iter().cloned());
+            Some(checked)
         }
         None => None,
     };
-    let inputs = Inputs { labels: merged, organs: organs_of(&organs), body, fat, image, grid };
+    let is_ct = image.as_ref().is_some_and(|checked| checked.is_ct);
+    let image = image.map(|checked| checked.values);
+    let inputs = Inputs { labels: merged, organs: organs_found, body, fat, image, is_ct, remarks, grid };
     Ok((inputs, unmapped))
+}
+
+/// Remarks on a file, with its name.
+fn remarks_of(path: &Path, remarks: &[String]) -> Vec<String> {
+    let name = path.file_name().unwrap_or(path.as_os_str()).display();
+    remarks.iter().map(|remark| format!("{name}: {remark}")).collect()
 }
 
 fn union(a: Option<Vec<bool>>, b: Option<Vec<bool>>) -> Option<Vec<bool>> {
@@ -186,31 +211,13 @@ fn organs_of(mapped: &[&MappedSegment]) -> Vec<Organ> {
     mapped.iter().map(organ).collect()
 }
 
-/// Index, in a grid of `size`, of the voxel nearest to a voxel of another grid.
-fn nearest(from: &Grid, to: &Grid) -> impl Fn(usize) -> Option<usize> + Sync + use<> {
-    let to_from = to.lps_from_voxel.inverse() * from.lps_from_voxel;
-    let (from, size) = (from.clone(), to.size);
-    move |i: usize| {
-        let p = to_from.transform_point3(DVec3::from_array(from.at(i).map(|v| v as f64))).round();
-        let within = (0..3).all(|n| (0.0..size[n] as f64).contains(&p[n]));
-        within.then(|| (p.z as usize * size[1] + p.y as usize) * size[0] + p.x as usize)
-    }
-}
-
 /// Voxels of `grid` that a label map of the body labels.
 fn body_on(map: LabelMap, grid: &Grid) -> Result<Vec<bool>, GatherError> {
     let map = map.canonical();
     if map.layers.iter().all(|layer| layer.par_iter().all(|&l| l == 0)) {
         return Err(GatherError::NoBody { path: map.path });
     }
-    let index = nearest(grid, &grid_of(map.size, map.lps_from_voxel));
+    let index = image::nearest(grid, &grid_of(map.size, map.lps_from_voxel));
     let inside = |i: usize| index(i).is_some_and(|i| map.layers.iter().any(|layer| layer[i] != 0));
     Ok((0..grid.len()).into_par_iter().map(inside).collect())
-}
-
-/// Values of an image on `grid`; beyond its field its lowest value.
-fn image_on(image: &Image, grid: &Grid) -> Vec<f32> {
-    let least = image.values.par_iter().copied().reduce(|| f32::INFINITY, f32::min);
-    let index = nearest(grid, &grid_of(image.size, image.lps_from_voxel));
-    (0..grid.len()).into_par_iter().map(|i| index(i).map_or(least, |i| image.values[i])).collect()
 }

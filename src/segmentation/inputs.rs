@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::body::hull_margin_mm;
 use super::grid::Grid;
 use super::meshing::NONE;
+use super::volume::OUTSIDE;
 
 /// Segment, and the tissue, wall and gas of its surfaces.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,6 +38,10 @@ pub struct Inputs {
     pub fat: Option<Vec<bool>>,
     /// Image that was segmented: HU for CT.
     pub image: Option<Vec<f32>>,
+    /// Whether the image is a CT.
+    pub is_ct: bool,
+    /// What was assumed or chosen in reading the files, one sentence each.
+    pub remarks: Vec<String>,
 }
 
 /// Lowest value of an image.
@@ -44,14 +49,10 @@ fn least(image: &[f32]) -> f32 {
     image.par_iter().copied().reduce(|| f32::INFINITY, f32::min)
 }
 
-/// Density that only a CT reaches, HU: air. Images of MR are not negative.
-const AIR_HU: f32 = -500.0;
-
 impl Inputs {
     /// The image, if it is a CT.
     pub(super) fn ct(&self) -> Option<&[f32]> {
-        let image = self.image.as_deref()?;
-        (least(image) < AIR_HU).then_some(image)
+        self.image.as_deref().filter(|_| self.is_ct)
     }
 
     /// The inputs on a grid cut to the body, with free voxels beside it, except where the scan itself ends there.
@@ -100,7 +101,12 @@ impl Inputs {
             labels: moved(&self.labels, NONE, count, old_index),
             body: self.body.as_ref().map(|b| moved(b, false, count, old_index)),
             fat: self.fat.as_ref().map(|b| moved(b, false, count, old_index)),
-            image: self.image.as_ref().map(|image| moved(image, least(image), count, old_index)),
+            image: self.image.as_ref().map(|image| {
+                let beyond = if self.is_ct { OUTSIDE } else { least(image) };
+                moved(image, beyond, count, old_index)
+            }),
+            is_ct: self.is_ct,
+            remarks: self.remarks,
             organs: self.organs,
             grid: new,
         }

@@ -9,6 +9,7 @@ pub mod from_labels;
 pub mod from_meshes;
 pub mod gather;
 pub mod grid;
+pub mod image;
 pub mod inputs;
 pub mod mask_folder;
 pub mod measure;

@@ -166,7 +166,7 @@ fn names(path: &Path) -> Result<Vec<String>> {
 fn floats(path: &Path, shape: [u32; 2]) -> Result<Vec<f32>> {
     let failed = |source| FrameFileError::Read { path: path.to_owned(), source };
     let bytes = bytes(path, FileKind::Array)?;
-    let file = npyz::NpyFile::new(&bytes[..]).map_err(failed)?;
+    let file = files::npy(&bytes).map_err(failed)?;
     let shape = shape.map(u64::from);
     if file.shape() != shape {
         return Err(refused(path, format!("has the shape {:?}; the image's is {shape:?}", file.shape())));

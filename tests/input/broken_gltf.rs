@@ -51,7 +51,7 @@ fn unreadable_buffers_are_refused() {
     let b = Builder::tetrahedron();
     let message = |uri| message("a.gltf", &b.json(uri));
     assert!(message(Some("none.bin")).starts_with("cannot read none.bin, a buffer of the scene a.gltf: No such file"));
-    assert!(message(Some("/dev/zero")).contains("not a regular file"));
+    assert!(message(Some("/dev/zero")).contains("leads out of the folder"));
     assert!(message(Some("a.gltf")).len() > 10);
     assert!(message(Some("https://example.org/a.bin")).contains("only relative files and data: URIs are read"));
     assert!(message(Some("data:;base64,AAAA")).contains("buffer 0 should hold 72 bytes, it holds 3"));

@@ -7,6 +7,7 @@ mod builder;
 mod doctor;
 mod exporters;
 mod gltf_files;
+mod hostile_gltf;
 #[path = "../../examples/make_scenes/scenes/mod.rs"]
 #[allow(dead_code, reason = "other tests use the rest")]
 mod made_scenes;

@@ -3,9 +3,12 @@
 // clippy.toml allows these in test functions only, not in their helpers.
 #![allow(clippy::unwrap_used)]
 
+#[cfg(unix)]
+mod bombs;
 mod commands;
 mod files;
 mod frames;
+mod images;
 mod labels;
 mod meshes;
 mod naming;

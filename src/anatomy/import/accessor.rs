@@ -7,6 +7,13 @@ use gltf::buffer::View;
 /// Most elements of an accessor without data (all zero except its sparse ones).
 const UNBACKED_MAX: usize = 1 << 24;
 
+/// Elements of `accessor`; 0 where [`check`] refuses it for more than there can be.
+pub(super) fn elements(accessor: &Accessor<'_>, buffers: &[Vec<u8>]) -> u64 {
+    let held = |view: View<'_>| buffers.get(view.buffer().index()).map_or(0, Vec::len);
+    let most = accessor.view().map_or(UNBACKED_MAX, held);
+    if accessor.count() > most { 0 } else { accessor.count() as u64 }
+}
+
 /// Checks that `accessor` has elements of the given shape, all within `buffers`.
 pub(super) fn check(
     accessor: &Accessor<'_>,

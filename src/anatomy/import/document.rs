@@ -1,5 +1,6 @@
 //! A glTF file and its buffers.
 
+use std::io;
 use std::path::{Path, PathBuf};
 use std::str::Utf8Error;
 
@@ -79,9 +80,11 @@ fn validate(document: Document) -> Result<Document, String> {
     Document::from_json(root).map_err(|e| e.to_string())
 }
 
-/// File of a buffer of the scene at `path`.
-fn buffer_file(path: &Path, uri: &str) -> Result<PathBuf, Utf8Error> {
-    Ok(path.parent().unwrap_or(Path::new("")).join(&*percent_decode_str(uri).decode_utf8()?))
+/// File of a buffer of the scene at `path`, in its folder.
+fn buffer_file(path: &Path, uri: &str) -> io::Result<PathBuf> {
+    let not_text = |e: Utf8Error| io::Error::new(io::ErrorKind::InvalidData, format!("its name is not UTF-8: {e}"));
+    let name = percent_decode_str(uri).decode_utf8().map_err(not_text)?;
+    files::inside(path.parent().unwrap_or(Path::new("")), &name)
 }
 
 /// Files of the scene at `path`: its own and, of a `.gltf`, those of its buffers as far as it can be read.
@@ -115,13 +118,8 @@ fn read_buffer(path: &Path, buffer: &buffer::Buffer<'_>, blob: &mut Option<Vec<u
             return Err(format(format!("buffer {index} is at `{uri}`; only relative files and data: URIs are read")));
         }
         buffer::Source::Uri(uri) => {
-            let file = buffer_file(path, uri);
-            let file = file.map_err(|e| format(format!("buffer {index}: its uri `{uri}` is not UTF-8: {e}")))?;
-            files::read(&file, FileKind::Scene).map_err(|source| SceneError::Buffer {
-                path: path.to_owned(),
-                buffer: file,
-                source,
-            })?
+            let bytes = buffer_file(path, uri).and_then(|file| files::read(&file, FileKind::Scene));
+            bytes.map_err(|source| SceneError::Buffer { path: path.to_owned(), buffer: uri.into(), source })?
         }
     };
     if bytes.len() < buffer.length() {

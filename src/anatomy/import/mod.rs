@@ -140,6 +140,7 @@ pub fn load_with_findings(
     if parts.len() > SURFACES_MAX {
         return Err(SceneError::TooManySurfaces { path: path.to_owned(), count: parts.len() });
     }
+    surface::check_memory(&file, &parts)?;
     let tissue_of = parts.iter().map(|part| tissue_index(part, tissues, path)).collect::<Result<Vec<_>, _>>()?;
     let meshes: Vec<_> = parts.par_iter().map(|part| surface::mesh(&file, part)).collect();
     let mut surfaces = Vec::with_capacity(parts.len());
@@ -187,6 +188,7 @@ pub(crate) fn read_raw(path: &Path) -> Result<RawScene, SceneError> {
     let file = document::File::read(path)?;
     let (mut findings, mut problems) = (Vec::new(), Vec::new());
     let parts = walk::parts(&file, &mut findings, &mut problems);
+    surface::check_memory(&file, &parts)?;
     let motion = scene_extras::motion(&file, parts.iter().map(|part| part.name.as_str()));
     let axes = scene_extras::axes(&file);
     let source = scene_extras::source(&file);

@@ -12,6 +12,7 @@ use super::document::File;
 use super::walk::Part;
 use super::{Finding, FindingKind, accessor, extensions};
 use crate::anatomy::{Mesh, SceneError};
+use crate::files::memory_for;
 use crate::pose::POSITION_LIMIT_MM;
 
 /// A primitive as written.
@@ -35,6 +36,22 @@ pub(super) fn raw(file: &File, part: &Part<'_>) -> Result<RawMesh, SceneError> {
     }
     let vertices_mm = positions.into_iter().map(|position| part.scene_mm(position)).collect();
     Ok(RawMesh { vertices_mm, triangles, left_over })
+}
+
+/// Checks that there is memory for all parts at once. Several may share one accessor, so a small file can hold many.
+pub(super) fn check_memory(file: &File, parts: &[Part<'_>]) -> Result<(), SceneError> {
+    /// Bytes that a vertex takes while it is read and welded, and an index.
+    const VERTEX_BYTES: u64 = 64;
+    const INDEX_BYTES: u64 = 16;
+    let bytes = parts.iter().map(|part| {
+        let of = |accessor: Option<gltf::Accessor<'_>>| accessor.map_or(0, |a| accessor::elements(&a, &file.buffers));
+        let (vertices, indices) = (of(part.primitive.get(&Semantic::Positions)), of(part.primitive.indices()));
+        let indices = if part.primitive.indices().is_some() { indices } else { vertices };
+        VERTEX_BYTES.saturating_mul(vertices).saturating_add(INDEX_BYTES.saturating_mul(indices))
+    });
+    let needed = bytes.fold(0u64, u64::saturating_add);
+    memory_for(needed)
+        .map_err(|none| file.format_error(format!("{none}: its {} surfaces are too large; decimate them", parts.len())))
 }
 
 /// Mesh of `part` in the scene frame, mm: equal vertices merged, zero-area triangles dropped, facing outward if closed.

@@ -11,7 +11,7 @@ use insonify::segmentation::gather::gather;
 use insonify::segmentation::mask_folder::{MaskFolder, read_body_folder, read_mask_folder};
 use insonify::segmentation::measure::measure;
 use insonify::segmentation::naming::{NameTable, name_labels};
-use insonify::segmentation::volume::{LabelMap, PatientAxes, ReadOptions, read_image, read_labels};
+use insonify::segmentation::volume::{LabelMap, Modality, NiftiForm, PatientAxes, ReadOptions, read_image, read_labels};
 
 use super::super::progress::Progress;
 use super::super::{Classify, Failure};
@@ -60,6 +60,14 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     image: Option<PathBuf>,
 
+    /// Kind of that image, where its values don't tell: ct (in HU) or mr
+    #[arg(long, value_name = "KIND", value_parser = modality, requires = "image")]
+    image_type: Option<Modality>,
+
+    /// Placement of NIfTI files whose sform and qform contradict each other: sform or qform
+    #[arg(long, value_name = "FORM", value_parser = form)]
+    prefer: Option<NiftiForm>,
+
     /// Axes of files that don't state theirs: lps, ras or las
     #[arg(long, value_name = "AXES", value_parser = axes)]
     assume_axes: Option<PatientAxes>,
@@ -89,6 +97,14 @@ Examples:
 
 fn axes(text: &str) -> Result<PatientAxes, String> {
     PatientAxes::named(text).ok_or_else(|| format!("expected one of {}", PatientAxes::NAMES.join(", ")))
+}
+
+fn modality(text: &str) -> Result<Modality, String> {
+    Modality::named(text).ok_or_else(|| format!("expected one of {}", Modality::NAMES.join(", ")))
+}
+
+fn form(text: &str) -> Result<NiftiForm, String> {
+    NiftiForm::named(text).ok_or_else(|| format!("expected one of {}", NiftiForm::NAMES.join(", ")))
 }
 
 fn within(text: &str, most: f64) -> Result<f64, String> {
@@ -162,20 +178,24 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         .collect();
     args.output.check(&inputs)?;
     let names = table(args.names.as_deref(), &args.maps)?;
-    let options = ReadOptions { assume_axes: args.assume_axes };
+    let options = ReadOptions { assume_axes: args.assume_axes, prefer: args.prefer };
     let progress = Progress::new("scene", 100);
     progress.set(0, 100);
-    let Read { labels, mut left_out, remarks } = read(args, &names, options, &progress)?;
+    let Read { labels, mut left_out, mut remarks } = read(args, &names, options, &progress)?;
     let body = match &args.body {
         Some(path) if path.is_dir() => Some(read_body_folder(path, &names.table, options, &|_, _| ()).input()?),
         Some(path) => Some(read_labels(path, options).input()?),
         None => None,
     };
-    let image = args.image.as_ref().map(|path| read_image(path, options)).transpose().input()?;
+    let mut image = args.image.as_ref().map(|path| read_image(path, options)).transpose().input()?;
+    if let Some(image) = &mut image {
+        image.stated = args.image_type;
+    }
     progress.set(5, 100);
-    let (inputs, unmapped) = gather(labels, &names.table, body, image, args.leave_out_unknown).input()?;
+    let (mut inputs, unmapped) = gather(labels, &names.table, body, image, args.leave_out_unknown).input()?;
     left_out.extend(unmapped.iter().map(ToString::to_string));
     let options = Options { skin_mm: args.skin_mm, fat_mm: args.fat_mm, triangles: args.triangles };
+    remarks.append(&mut inputs.remarks);
     let outcome = make(inputs, &options, &|_, share| progress.set(5 + (90.0 * share) as usize, 100));
     let source = Source {
         path: args.labels.clone(),

@@ -19,8 +19,8 @@ pub(crate) const IMAGES_MAX: u32 = 1_000_000;
 /// Largest image, bytes.
 pub(crate) const IMAGE_BYTES_MAX: u64 = 256 << 20;
 
-/// Longest header, bytes.
-const HEAD_BYTES_MAX: u64 = 2 << 30;
+/// Longest header, bytes: 500,000 images of 500 bytes. Each of its fields is in memory.
+const HEAD_BYTES_MAX: u64 = 256 << 20;
 
 const FRAME_PREFIX: &str = "Seq_Frame";
 

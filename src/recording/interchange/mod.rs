@@ -121,6 +121,11 @@ pub fn read_rows(path: &Path, transform: &str) -> Result<Vec<TrackedRow>, Interc
             let failed = |source| InterchangeError::Read { path: path.to_owned(), source };
             csv::read(BufReader::new(files::open(path, FileKind::Table).map_err(failed)?), path)
         }
+        Some("nrrd" | "nhdr") => Err(InterchangeError::file(
+            path,
+            "sequences are read from MetaImage, not from NRRD; convert it to .igs.mha with PLUS's EditSequenceFile, or \
+             open it in 3D Slicer and save the sequence as .mha",
+        )),
         _ => Err(InterchangeError::file(path, "it is neither .mha, .mhd nor .csv")),
     }
 }

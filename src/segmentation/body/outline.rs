@@ -32,11 +32,10 @@ pub fn from_mask(mut mask: Vec<bool>, grid: &Grid, holds: impl Fn(usize) -> bool
     mask
 }
 
-/// Body in an image: what is denser than foam, or for images other than CT brighter than Otsu's threshold; opened,
+/// Body in an image: what is denser than foam in a CT, in other images what is brighter than Otsu's threshold; opened,
 /// large parts, holes filled slice by slice. `values` are in the order of the grid.
-pub fn from_image(values: &[f32], grid: &Grid) -> Vec<bool> {
-    let least = values.par_iter().copied().reduce(|| f32::INFINITY, f32::min);
-    let threshold = if least < -500.0 { BODY_HU } else { otsu(values) };
+pub fn from_image(values: &[f32], grid: &Grid, is_ct: bool) -> Vec<bool> {
+    let threshold = if is_ct { BODY_HU } else { otsu(values) };
     let mask: Vec<bool> = values.par_iter().map(|&v| v > threshold).collect();
     let outside: Vec<bool> = mask.par_iter().map(|&m| !m).collect();
     let radius_mm = (0.5 * OPENING_MM) as f32;
@@ -230,7 +229,7 @@ mod tests {
             }
         };
         let values: Vec<f32> = (0..grid.len()).map(|i| value(i) as f32).collect();
-        let body = from_image(&values, &grid);
+        let body = from_image(&values, &grid, true);
         let disc = (0..grid.len()).filter(|&i| {
             let [x, y, _] = grid.at(i).map(|v| v as f64);
             ((x - 30.0).powi(2) + (y - 22.0).powi(2)).sqrt() < 18.0

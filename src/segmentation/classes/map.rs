@@ -119,7 +119,14 @@ mod tests {
 
     fn map(segments: Vec<Segment>, labels: Vec<u16>) -> LabelMap {
         let size = [labels.len(), 1, 1];
-        LabelMap { path: "a.nii".into(), size, lps_from_voxel: DAffine3::IDENTITY, layers: vec![labels], segments }
+        LabelMap {
+            path: "a.nii".into(),
+            size,
+            lps_from_voxel: DAffine3::IDENTITY,
+            layers: vec![labels],
+            segments,
+            remarks: Vec::new(),
+        }
     }
 
     fn names(mapped: &[MappedSegment]) -> Vec<(&str, &str, u64)> {

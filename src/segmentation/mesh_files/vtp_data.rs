@@ -8,12 +8,13 @@ use flate2::read::ZlibDecoder;
 use roxmltree::Node;
 
 use super::scanner::{Number, Order};
+use crate::files::memory_for;
 
-/// Most values of one array: 2 GiB of them as 32-bit numbers.
-const VALUES_MAX: usize = 1 << 29;
+/// Most values of one array: 33 million points, or the corners of as many triangles.
+const VALUES_MAX: usize = 100_000_000;
 
-/// Largest size of one array, bytes.
-const BYTES_MAX: usize = 8 * VALUES_MAX;
+/// Memory that a value takes as a number and then as part of a vertex or triangle, bytes.
+const VALUE_BYTES: usize = 20;
 
 /// How a file encodes all of its data.
 pub(super) struct Format {
@@ -36,6 +37,13 @@ impl<'a> Encoding<'a> {
         match self {
             Self::Raw(bytes) => Some(Self::Raw(bytes.get(offset..)?)),
             Self::Base64(text) => Some(Self::Base64(text.get(offset..)?)),
+        }
+    }
+
+    /// Number of bytes or characters.
+    fn len(self) -> usize {
+        match self {
+            Self::Raw(bytes) | Self::Base64(bytes) => bytes.len(),
         }
     }
 
@@ -96,11 +104,18 @@ impl Format {
     /// Values of an array.
     pub(super) fn values(&self, data: Encoding<'_>, number: Option<Number>) -> Result<Vec<f64>, String> {
         let number = number.ok_or("it is of an unknown type of numbers")?;
-        let bytes = if self.compressed { self.compressed(data)? } else { self.plain(data)? };
-        if bytes.len() / number.size() > VALUES_MAX {
-            return Err(format!("it has more than {VALUES_MAX} values"));
-        }
+        let bytes = if self.compressed { self.compressed(data, number)? } else { self.plain(data, number)? };
         Ok(bytes.chunks_exact(number.size()).map(|value| number.read(value, self.order)).collect())
+    }
+
+    /// Refuses data of `bytes` bytes for which there is no room, before they are there.
+    fn check_size(bytes: usize, number: Number) -> Result<(), String> {
+        let values = bytes / number.size();
+        if values > VALUES_MAX {
+            return Err(format!("it has {values} values, and at most {VALUES_MAX} are read: decimate the mesh"));
+        }
+        let needed = bytes.saturating_add(values.saturating_mul(VALUE_BYTES)) as u64;
+        memory_for(needed).map_err(|none| format!("{none}: decimate the mesh"))
     }
 
     fn lengths(&self, bytes: &[u8]) -> Vec<usize> {
@@ -108,7 +123,7 @@ impl Format {
     }
 
     /// Data after their length; both are encoded as one.
-    fn plain(&self, data: Encoding<'_>) -> Result<Vec<u8>, String> {
+    fn plain(&self, data: Encoding<'_>, number: Number) -> Result<Vec<u8>, String> {
         let size = self.length.size();
         let length = match data {
             Encoding::Raw(_) => self.lengths(&data.take(size)?.0)[0],
@@ -119,13 +134,14 @@ impl Format {
                 *self.lengths(bytes.get(..size).ok_or("truncated: it has no length")?).first().unwrap_or(&0)
             }
         };
+        Self::check_size(length.min(data.len()), number)?;
         let (mut bytes, _) = data.take(size.saturating_add(length))?;
         bytes.drain(..size);
         Ok(bytes)
     }
 
     /// Blocks of zlib data after the number and sizes of the blocks.
-    fn compressed(&self, data: Encoding<'_>) -> Result<Vec<u8>, String> {
+    fn compressed(&self, data: Encoding<'_>, number: Number) -> Result<Vec<u8>, String> {
         let size = self.length.size();
         let first = match data {
             Encoding::Raw(bytes) => bytes.get(..size).map(<[u8]>::to_vec),
@@ -140,14 +156,12 @@ impl Format {
         };
         let total = packed.iter().fold(0usize, |sum, size| sum.saturating_add(*size));
         let (bytes, _) = rest.take(total)?;
+        let expected = |i: usize| if i + 1 == packed.len() && *last > 0 { *last } else { *block };
+        Self::check_size((0..packed.len()).map(expected).fold(0, usize::saturating_add), number)?;
         let mut unpacked = Vec::new();
         let mut at = 0;
         for (i, size) in packed.iter().enumerate() {
-            let expected = if i + 1 == packed.len() && *last > 0 { *last } else { *block };
-            let before = unpacked.len();
-            if before.saturating_add(expected) > BYTES_MAX {
-                return Err(format!("it has more than {BYTES_MAX} bytes"));
-            }
+            let (expected, before) = (expected(i), unpacked.len());
             let decoder = ZlibDecoder::new(&bytes[at..at + size]);
             // A small file may claim a large block.
             let read = decoder.take(expected as u64).read_to_end(&mut unpacked);
@@ -175,5 +189,18 @@ mod tests {
         let packed = Format { compressed: true, ..format };
         assert!(packed.values(Encoding::Raw(&[255; 64]), Some(Number::U8)).is_err());
         assert!(packed.values(Encoding::Base64(b"////////"), Some(Number::U8)).is_err());
+    }
+
+    #[test]
+    fn a_bomb_is_refused_by_its_promise() {
+        let format = Format { order: Order::Little, length: Number::U32, compressed: true };
+        // 1000 blocks of 1 MiB each, in 5 bytes each: far more than 100 million values.
+        let head = [1000u32, 1 << 20, 0].into_iter().chain([5; 1000]);
+        let mut bytes: Vec<u8> = head.flat_map(u32::to_le_bytes).collect();
+        bytes.extend([0; 5000]);
+        let fault = format.values(Encoding::Raw(&bytes), Some(Number::U8)).unwrap_err();
+        assert!(fault.contains("1048576000 values") && fault.contains("decimate"), "{fault}");
+        let fault = format.values(Encoding::Raw(&bytes), Some(Number::F64)).unwrap_err();
+        assert!(fault.contains("131072000 values"), "{fault}");
     }
 }

@@ -98,7 +98,14 @@ mod tests {
     const PERMUTATIONS: [[usize; 3]; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
 
     fn map(size: [usize; 3], lps_from_voxel: DAffine3, labels: Vec<u16>) -> LabelMap {
-        LabelMap { path: "a.nii".into(), size, lps_from_voxel, layers: vec![labels], segments: Vec::new() }
+        LabelMap {
+            path: "a.nii".into(),
+            size,
+            lps_from_voxel,
+            layers: vec![labels],
+            segments: Vec::new(),
+            remarks: Vec::new(),
+        }
     }
 
     /// A copy of `whole` whose axis `new` is `axes[new]` of the original, reversed where `reversed` says so.

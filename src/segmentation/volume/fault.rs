@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+use crate::files::NoMemory;
+
 /// A volume file that can't be used, and why.
 #[derive(Debug, Error)]
 #[error("{}: {fault}", path.display())]
@@ -77,6 +79,9 @@ pub enum VolumeFault {
         /// Limit.
         limit: u64,
     },
+    /// More voxels than there is memory for.
+    #[error("{0}: crop the volume, or resample it to larger voxels")]
+    Memory(#[from] NoMemory),
     /// A file that doesn't state its orientation.
     #[error(
         "the file doesn't state where its axes point ({found}); if you know, pass `--assume-axes lps` (x to the \
@@ -85,6 +90,15 @@ pub enum VolumeFault {
     NoAxes {
         /// What was found instead.
         found: &'static str,
+    },
+    /// A sform and a qform that say different things.
+    #[error(
+        "its sform and qform contradict each other: {what}; if you know which one is right, pass `--prefer sform` (which \
+         nibabel reads) or `--prefer qform`, else write the file anew with the program that made it"
+    )]
+    Forms {
+        /// What they disagree about.
+        what: String,
     },
     /// Voxels of impossible size or shape.
     #[error(

@@ -20,6 +20,8 @@ use std::path::PathBuf;
 
 use glam::DAffine3;
 
+use crate::names::named;
+
 pub use fault::{VolumeError, VolumeFault};
 pub use geometry::PatientAxes;
 pub use nifti::decode_nifti;
@@ -33,7 +35,31 @@ pub use resample::OUTSIDE;
 pub struct ReadOptions {
     /// Axes of files that don't state theirs. Files that do are read by their own.
     pub assume_axes: Option<PatientAxes>,
+    /// Placement of NIfTI files whose sform and qform contradict each other. Without it they are refused.
+    pub prefer: Option<NiftiForm>,
 }
+
+/// Kind of an image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Modality {
+    /// CT in HU.
+    Ct,
+    /// MR, or another image in which the body is bright.
+    Mr,
+}
+
+named!(Modality { Ct = "ct", Mr = "mr" });
+
+/// One of the two placements that a NIfTI file may have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NiftiForm {
+    /// Affine of method 3.
+    Sform,
+    /// Quaternion and distances of method 2.
+    Qform,
+}
+
+named!(NiftiForm { Sform = "sform", Qform = "qform" });
 
 /// A segmentation.
 #[derive(Debug, Clone, PartialEq)]
@@ -48,6 +74,8 @@ pub struct LabelMap {
     pub layers: Vec<Vec<u16>>,
     /// Segments: those the file names, in its order, then other labels in the voxels, ascending.
     pub segments: Vec<Segment>,
+    /// What was assumed or chosen in reading, one sentence each.
+    pub remarks: Vec<String>,
 }
 
 /// A region of a label map.
@@ -76,4 +104,8 @@ pub struct Image {
     pub lps_from_voxel: DAffine3,
     /// Scaled values, i fastest; HU for a CT.
     pub values: Vec<f32>,
+    /// Kind, where the user states it; else its values tell.
+    pub stated: Option<Modality>,
+    /// What was assumed or chosen in reading, one sentence each.
+    pub remarks: Vec<String>,
 }

@@ -20,6 +20,8 @@ pub struct RawVolume {
     pub(super) layers: Layers,
     /// Segments that the file names.
     pub(super) segments: Vec<Segment>,
+    /// What was assumed or chosen in reading.
+    pub(super) remarks: Vec<String>,
 }
 
 /// Layers of a volume, which an axis of its own counts.
@@ -42,7 +44,7 @@ impl RawVolume {
     /// # Errors
     /// Values that aren't whole numbers from 0 to 65535, and segments in layers that aren't there.
     pub fn into_labels(self, path: &Path) -> Result<LabelMap, VolumeFault> {
-        let Self { size, lps_from_voxel, samples, layers, mut segments } = self;
+        let Self { size, lps_from_voxel, samples, layers, mut segments, remarks } = self;
         let labels = samples.labels().map_err(|(index, bad)| refused(index, bad, size, layers))?;
         drop(samples);
         let layers = split(labels, layers);
@@ -58,7 +60,7 @@ impl RawVolume {
                 }
             }
         }
-        Ok(LabelMap { path: path.to_owned(), size, lps_from_voxel, layers, segments })
+        Ok(LabelMap { path: path.to_owned(), size, lps_from_voxel, layers, segments, remarks })
     }
 
     /// Image of these voxels.
@@ -70,8 +72,9 @@ impl RawVolume {
             let what = format!("an image of {} values per voxel", self.layers.count);
             return Err(VolumeFault::Unsupported { what, remedy: "save one of them as a volume of three axes" });
         }
-        let values = self.samples.values();
-        Ok(Image { path: PathBuf::from(path), size: self.size, lps_from_voxel: self.lps_from_voxel, values })
+        let Self { size, lps_from_voxel, samples, remarks, .. } = self;
+        let values = samples.values();
+        Ok(Image { path: PathBuf::from(path), size, lps_from_voxel, values, stated: None, remarks })
     }
 }
 

@@ -1,12 +1,12 @@
 //! Reading of volume files by path.
 
-use std::fs::File;
-use std::io::{BufReader, Read as _};
+use std::io::{BufReader, Read as _, Seek as _};
 use std::path::{Path, PathBuf};
 
 use super::raw::RawVolume;
 use super::source::{Source, file_length, in_data_file};
 use super::{Image, LabelMap, ReadOptions, VolumeError, VolumeFault, nifti, nrrd};
+use crate::files::{self, FileKind};
 
 /// Bytes that tell the formats apart.
 const START_BYTES: u64 = 352;
@@ -50,7 +50,7 @@ fn read(path: &Path, options: ReadOptions) -> Result<RawVolume, VolumeFault> {
             remedy: "decompress it with gunzip (NRRD compresses its voxels inside the file)",
         }),
         Format::Nrrd => {
-            let file = File::open(&header)?;
+            let file = files::open(&header, FileKind::Volume)?;
             let length = file.metadata()?.len();
             nrrd::read_nrrd(BufReader::new(file), length, header.parent().unwrap_or(Path::new("")), options)
         }
@@ -69,8 +69,10 @@ fn read(path: &Path, options: ReadOptions) -> Result<RawVolume, VolumeFault> {
 fn open(path: &Path) -> Result<(Source<'static>, bool), VolumeFault> {
     let length = file_length(path)?;
     let mut magic = Vec::new();
-    File::open(path)?.take(2).read_to_end(&mut magic)?;
-    let file = BufReader::new(File::open(path)?);
+    let mut file = files::open(path, FileKind::Volume)?;
+    file.by_ref().take(2).read_to_end(&mut magic)?;
+    file.rewind()?;
+    let file = BufReader::new(file);
     let compressed = magic == [0x1f, 0x8b];
     Ok((if compressed { Source::gzip(file) } else { Source::plain(file, length) }, compressed))
 }

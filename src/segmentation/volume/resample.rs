@@ -65,12 +65,12 @@ mod tests {
         );
         let size = [4, 3, 2];
         let values = (0..24).map(|n| (n % 4) as f32 + 10.0 * (n / 4 % 3) as f32 + 100.0 * (n / 12) as f32).collect();
-        Image { path: "ct.nii".into(), size, lps_from_voxel: affine, values }
+        Image { path: "ct.nii".into(), size, lps_from_voxel: affine, values, stated: None, remarks: Vec::new() }
     }
 
     fn map(lps_from_voxel: DAffine3, size: [usize; 3]) -> LabelMap {
         let layers = vec![vec![0; size.iter().product()]];
-        LabelMap { path: "seg.nii".into(), size, lps_from_voxel, layers, segments: Vec::new() }
+        LabelMap { path: "seg.nii".into(), size, lps_from_voxel, layers, segments: Vec::new(), remarks: Vec::new() }
     }
 
     #[test]

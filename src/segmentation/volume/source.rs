@@ -1,9 +1,10 @@
-//! Bounded reads: nothing is allocated before its bytes are known to exist, or have arrived.
+//! Bounded reads: nothing is allocated before there is known to be memory for it.
 
 use std::io::Read;
 use std::path::Path;
 
 use super::VolumeFault;
+use crate::files::{NoMemory, memory_for};
 
 /// Most voxels of a volume.
 pub(super) const MAX_VOXELS: u64 = 1 << 30;
@@ -11,8 +12,8 @@ pub(super) const MAX_VOXELS: u64 = 1 << 30;
 /// Most bytes of a file, and of its decompressed voxels.
 pub(super) const MAX_BYTES: u64 = 4 << 30;
 
-/// First allocation for data of unverified length, bytes.
-const FIRST_BYTES: u64 = 1 << 20;
+/// Bytes of memory that a voxel takes while its stored value becomes a label or a value, in addition to the stored one.
+const DECODED_BYTES: u64 = 4;
 
 /// A stream of bytes, with the bytes left in it if they are known.
 pub(super) struct Source<'a> {
@@ -40,8 +41,9 @@ impl<'a> Source<'a> {
         if let Some(found) = self.left.filter(|left| *left < expected) {
             return Err(VolumeFault::Truncated { part, expected, found });
         }
-        let first = if self.left.is_some() { expected } else { expected.min(FIRST_BYTES) };
-        let mut bytes = Vec::with_capacity(usize::try_from(first).unwrap_or(0));
+        let mut bytes = Vec::new();
+        let length = usize::try_from(expected).unwrap_or(usize::MAX);
+        bytes.try_reserve_exact(length).map_err(|_| NoMemory { bytes: expected })?;
         let read = (&mut self.stream).take(expected).read_to_end(&mut bytes);
         let found = bytes.len() as u64;
         match read {
@@ -135,6 +137,14 @@ pub(super) fn voxel_count(sizes: &[u64]) -> Result<usize, VolumeFault> {
     usize::try_from(count).map_err(|_| too_large(count, MAX_VOXELS, "the number of voxels"))
 }
 
+/// Checks that there is memory for `count` voxels of `stored` bytes each.
+///
+/// # Errors
+/// A volume that this process can't hold.
+pub(super) fn room_for(count: u64, stored: u64) -> Result<(), VolumeFault> {
+    Ok(memory_for(count.saturating_mul(stored + DECODED_BYTES))?)
+}
+
 /// Refuses `found` over `limit`.
 pub(super) fn within(found: u64, limit: u64, what: &'static str) -> Result<(), VolumeFault> {
     if found > limit { Err(too_large(found, limit, what)) } else { Ok(()) }
@@ -182,10 +192,17 @@ mod tests {
     }
 
     #[test]
+    fn data_beyond_the_memory_is_refused_before_it_is_read() {
+        let fault = Source::gzip(&gzipped(&[7; 1000])[..]).take(1 << 60, "the data").unwrap_err();
+        assert!(matches!(fault, VolumeFault::Memory(_)) && fault.to_string().contains("crop the volume"), "{fault}");
+        assert!(room_for(1 << 50, 8).is_err() && room_for(1 << 10, 8).is_ok());
+    }
+
+    #[test]
     fn a_short_or_cut_gzip_stream_is_truncated() {
         let whole = gzipped(&[7; 1000]);
         for (bytes, found) in [(&whole[..], 1000), (&whole[..12], 0)] {
-            let fault = Source::gzip(bytes).take(1 << 40, "the data").unwrap_err();
+            let fault = Source::gzip(bytes).take(1 << 20, "the data").unwrap_err();
             assert!(matches!(fault, VolumeFault::Truncated { found: f, .. } if f >= found), "{fault}");
         }
     }

@@ -5,15 +5,13 @@
 
 mod header;
 mod names;
-
-use glam::{DAffine3, DMat3, DQuat, DVec3};
+mod placement;
 
 use self::header::Header;
 pub(super) use self::{header::version, names::byte};
-use super::geometry::{PatientAxes, lps_mm};
 use super::raw::{Layers, RawVolume};
 use super::samples::{SampleType, Samples};
-use super::source::{MAX_BYTES, Source, voxel_count, within};
+use super::source::{MAX_BYTES, Source, room_for, voxel_count, within};
 use super::{ReadOptions, VolumeFault};
 
 /// Most bytes of extensions.
@@ -45,10 +43,11 @@ pub(super) fn read_nifti(
     };
     let size = volume_size(&header.sizes)?;
     let kind = sample_type(header.datatype)?;
-    let lps_from_voxel = placement(&header, options)?;
+    let (lps_from_voxel, remarks) = placement::placement(&header, size, options)?;
     let count = voxel_count(&size)?;
     let expected = count as u64 * kind.bytes();
     within(expected, MAX_BYTES, "the size of the voxels in bytes")?;
+    room_for(count as u64, kind.bytes())?;
     let offset = voxel_offset(&header)?;
     let (extensions, data) = match voxels {
         Some(mut voxels) => {
@@ -82,6 +81,7 @@ pub(super) fn read_nifti(
         },
         layers: Layers::ONE,
         segments: names::segments(&extensions, header.big_endian)?,
+        remarks,
     })
 }
 
@@ -134,54 +134,6 @@ fn voxel_offset(header: &Header) -> Result<u64, VolumeFault> {
         return Err(VolumeFault::Header(reason));
     }
     Ok(offset as u64)
-}
-
-/// LPS position of voxels: the sform if there is one, else the qform, else the assumed axes.
-fn placement(header: &Header, options: ReadOptions) -> Result<DAffine3, VolumeFault> {
-    let unit = unit(header.units)?;
-    let [qfac, spacing @ ..] = header.pixdim;
-    let spacing = DVec3::from(spacing);
-    if header.sform_code > 0 {
-        let [x, y, z] = header.rows;
-        let column = |n: usize| DVec3::new(x[n], y[n], z[n]);
-        let matrix = DMat3::from_cols(column(0), column(1), column(2));
-        return lps_mm(DAffine3::from_mat3_translation(matrix, column(3)), PatientAxes::Ras, unit);
-    }
-    if spacing.cmplt(DVec3::ZERO).any() {
-        return Err(VolumeFault::Header(format!("pixdim has negative distances: {}", spacing)));
-    }
-    if header.qform_code > 0 {
-        let scale = spacing * DVec3::new(1.0, 1.0, if qfac < 0.0 { -1.0 } else { 1.0 });
-        let matrix = DMat3::from_quat(unit_quaternion(header.quaternion)) * DMat3::from_diagonal(scale);
-        let affine = DAffine3::from_mat3_translation(matrix, header.offset.into());
-        return lps_mm(affine, PatientAxes::Ras, unit);
-    }
-    match options.assume_axes {
-        Some(axes) => lps_mm(DAffine3::from_scale(spacing), axes, unit),
-        None => Err(VolumeFault::NoAxes { found: "both qform_code and sform_code are 0" }),
-    }
-}
-
-/// The unit quaternion whose last components are b, c and d, as nifti1.h defines it.
-fn unit_quaternion([b, c, d]: [f64; 3]) -> DQuat {
-    let rest = 1.0 - (b * b + c * c + d * d);
-    if rest < 1e-7 {
-        // Half a turn: rounding may have made b, c, d too long.
-        let length = (b * b + c * c + d * d).sqrt();
-        return DQuat::from_xyzw(b / length, c / length, d / length, 0.0);
-    }
-    DQuat::from_xyzw(b, c, d, rest.sqrt())
-}
-
-/// Name of the header's unit of length, and that unit in mm. Unknown units are taken as mm.
-fn unit(code: i64) -> Result<(&'static str, f64), VolumeFault> {
-    match code & 7 {
-        0 => Ok(("none stated, mm assumed", 1.0)),
-        1 => Ok(("metres", 1000.0)),
-        2 => Ok(("mm", 1.0)),
-        3 => Ok(("microns", 0.001)),
-        other => Err(VolumeFault::Header(format!("the unit of length has code {other}; NIfTI defines 0 to 3"))),
-    }
 }
 
 #[cfg(test)]

@@ -4,7 +4,9 @@ use glam::DVec3;
 use proptest::prelude::*;
 
 use super::super::fixtures::{Nifti, SIZE, gzipped, labels};
-use super::super::{LabelMap, Segment, read_image, read_labels};
+use super::super::{LabelMap, NiftiForm, PatientAxes, Segment, read_image, read_labels};
+use glam::{DAffine3, DMat3};
+
 use super::*;
 
 fn decode(file: &Nifti) -> Result<RawVolume, VolumeFault> {
@@ -107,11 +109,16 @@ fn a_file_without_axes_needs_them_assumed() {
     let error = refusal(&file);
     assert!(error.contains("qform_code and sform_code are 0") && error.contains("--assume-axes lps"), "{error}");
     for (axes, sign) in [(PatientAxes::Lps, 1.0), (PatientAxes::Ras, -1.0)] {
-        let raw = decode_nifti(&file.bytes(), None, ReadOptions { assume_axes: Some(axes) }).unwrap();
+        let raw = decode_nifti(&file.bytes(), None, ReadOptions { assume_axes: Some(axes), ..ReadOptions::default() })
+            .unwrap();
         let expected = placed([[2.0 * sign, 0.0, 0.0], [0.0, 3.0 * sign, 0.0], [0.0, 0.0, 4.0]], [0.0; 3]);
         assert_eq!(raw.lps_from_voxel, expected);
     }
-    let stated = decode_nifti(&Nifti::default().bytes(), None, ReadOptions { assume_axes: Some(PatientAxes::Lps) });
+    let stated = decode_nifti(
+        &Nifti::default().bytes(),
+        None,
+        ReadOptions { assume_axes: Some(PatientAxes::Lps), ..ReadOptions::default() },
+    );
     assert_eq!(stated.unwrap().lps_from_voxel, map(&Nifti::default()).lps_from_voxel);
 }
 
@@ -235,7 +242,117 @@ fn names_of_a_caret_extension_become_segments() {
     }
 }
 
+/// The default test volume with a qform as well; `qfac` is its handedness.
+fn with_qform(qform: [f64; 6], qfac: f64) -> Nifti {
+    Nifti { qform: Some(qform), pixdim: [qfac, 2.0, 3.0, 4.0], ..Nifti::default() }
+}
+
+/// The qform that says what the sform of the default test volume says.
+const SAME: [f64; 6] = [0.0, 0.0, 0.0, -10.0, -20.0, 30.0];
+
+fn preferring(file: &Nifti, prefer: Option<NiftiForm>) -> Result<RawVolume, VolumeFault> {
+    decode_nifti(&file.bytes(), None, ReadOptions { prefer, ..ReadOptions::default() })
+}
+
+#[test]
+fn forms_that_agree_are_silent() {
+    for (qform, qfac) in [(SAME, 1.0), ([0.001, 0.0, 0.0, -10.3, -20.2, 30.1], 1.0)] {
+        let map = map(&with_qform(qform, qfac));
+        assert_eq!((map.remarks, map.lps_from_voxel), (Vec::new(), self::map(&Nifti::default()).lps_from_voxel));
+    }
+}
+
+#[test]
+fn forms_of_opposite_sides_are_refused_unless_one_is_preferred() {
+    // Half a turn about y and a reversed third axis: x alone is mirrored.
+    let mirrored = with_qform([0.0, 1.0, 0.0, -4.0, -20.0, 30.0], -1.0);
+    for version in [1, 2] {
+        let error = refusal(&Nifti { version, ..mirrored.clone() });
+        for says in [
+            "axis i runs to the patient's right by the sform (code 1, scanner)",
+            "to the patient's left by the qform",
+            "mirror image",
+            "--prefer sform",
+        ] {
+            assert!(error.contains(says), "{error}");
+        }
+    }
+    for (prefer, x) in [(NiftiForm::Sform, -2.0), (NiftiForm::Qform, 2.0)] {
+        let map = preferring(&mirrored, Some(prefer)).unwrap().into_labels(Path::new("a.nii")).unwrap();
+        assert_eq!(map.lps_from_voxel.matrix3.x_axis.x, x);
+        assert!(map.remarks[0].contains("contradict") && map.remarks[0].contains(prefer.name()), "{:?}", map.remarks);
+    }
+    // Half a turn about z: LPS and RAS taken for each other.
+    let turned = with_qform([0.0, 0.0, 1.0, 10.0, 20.0, 30.0], 1.0);
+    let error = refusal(&turned);
+    assert!(error.contains("contradict each other") && !error.contains("mirror image"), "{error}");
+    let quarter = with_qform([0.0, 0.0, 0.5_f64.sqrt(), -10.0, -20.0, 30.0], 1.0);
+    assert!(refusal(&quarter).contains("runs to the "));
+}
+
+#[test]
+fn forms_with_voxels_of_other_sizes_are_refused() {
+    let file = Nifti { qform: Some(SAME), pixdim: [1.0, 1.0, 1.0, 1.0], ..Nifti::default() };
+    let error = refusal(&file);
+    assert!(error.contains("voxels have 2.000 × 3.000 × 4.000 mm by the sform"), "{error}");
+    assert!(error.contains("1.000 × 1.000 × 1.000 mm by pixdim"), "{error}");
+    let alone = map(&Nifti { pixdim: [1.0, 1.0, 1.0, 1.0], ..Nifti::default() });
+    assert!(alone.remarks[0].contains("by pixdim: the sform was taken"), "{:?}", alone.remarks);
+}
+
+#[test]
+fn forms_that_are_apart_are_remarked_with_both_positions() {
+    let map = map(&with_qform([0.0, 0.0, 0.0, 110.0, -20.0, 30.0], 1.0));
+    assert_eq!(map.lps_from_voxel, self::map(&Nifti::default()).lps_from_voxel);
+    assert_eq!(
+        map.remarks,
+        [
+            "its sform (code 1, scanner) and qform (code 1, scanner) place it up to 120 mm apart, its centre at (7, 17, 32) and \
+          at (-113, 17, 32) mm (LPS): the sform was taken"
+        ]
+    );
+    let preferred = preferring(&with_qform([0.0, 0.0, 0.0, 110.0, -20.0, 30.0], 1.0), Some(NiftiForm::Qform)).unwrap();
+    assert_eq!(preferred.into_image(Path::new("a.nii")).unwrap().lps_from_voxel.translation.x, -110.0);
+}
+
+#[test]
+fn a_form_that_cannot_be_used_is_left_out_and_said() {
+    let broken = Nifti { qform: Some(SAME), pixdim: [1.0, -2.0, 3.0, 4.0], ..Nifti::default() };
+    let read = map(&broken);
+    assert!(read.remarks[0].contains("qform can't be used (header: pixdim has negative"), "{:?}", read.remarks);
+    assert!(preferring(&broken, Some(NiftiForm::Qform)).is_err());
+    let flat = Some([[0.0; 4]; 3]);
+    let file = Nifti { sform: flat, ..with_qform(SAME, 1.0) };
+    assert!(preferring(&file, None).is_err());
+    assert!(preferring(&file, Some(NiftiForm::Qform)).is_ok());
+}
+
 proptest! {
+    /// No two forms are silently different: a voxel's positions are near each other, or the difference is said.
+    #[test]
+    fn any_difference_of_the_forms_is_said(
+        rotation in [-1.0_f64..1.0, -1.0..1.0, -1.0..1.0],
+        small in any::<bool>(),
+        origin in [-300.0_f64..300.0, -300.0..300.0, -300.0..300.0],
+        at_home in any::<bool>(),
+        reversed in any::<bool>(),
+    ) {
+        let scale = if small { 0.01 } else { 0.57 };
+        let [b, c, d] = rotation.map(|part| part * scale);
+        let [x, y, z] = if at_home { [-10.0, -20.0, 30.0] } else { origin };
+        let file = with_qform([b, c, d, x, y, z], if reversed { -1.0 } else { 1.0 });
+        let as_qform = Nifti { sform: None, ..file.clone() };
+        let corner = DVec3::new(3.0, 2.0, 1.0);
+        let place = |file: &Nifti| {
+            let image = decode(file).and_then(|raw| raw.into_image(Path::new("a.nii")));
+            image.map(|image| (image.lps_from_voxel.transform_point3(corner), image.remarks))
+        };
+        let (by_qform, _) = place(&as_qform).unwrap();
+        if let Ok((by_sform, remarks)) = place(&file) {
+            prop_assert!(by_sform.distance(by_qform) <= 4.0 + 1e-6 || !remarks.is_empty());
+        }
+    }
+
     #[test]
     fn arbitrary_bytes_do_not_panic(bytes in prop::collection::vec(any::<u8>(), 0..800), version in 0..3) {
         let mut bytes = bytes;
@@ -244,7 +361,7 @@ proptest! {
             bytes[..4].copy_from_slice(&length.to_le_bytes());
             bytes[4..12].copy_from_slice(b"n+2\0\r\n\x1a\n");
         }
-        let _ = decode_nifti(&bytes, None, ReadOptions { assume_axes: Some(PatientAxes::Ras) });
+        let _ = decode_nifti(&bytes, None, ReadOptions { assume_axes: Some(PatientAxes::Ras), ..ReadOptions::default() });
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Headers of NRRD files: fields, key/value pairs, and their values.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::io::BufRead;
 
@@ -17,6 +18,8 @@ pub(super) struct Header {
     fields: HashMap<String, String>,
     /// Key/value pairs, in order.
     pub pairs: Vec<(String, String)>,
+    /// What was assumed in reading.
+    pub remarks: Vec<String>,
 }
 
 /// Bytes of a header, its blank line included, or all bytes if there is none.
@@ -40,17 +43,25 @@ impl Header {
     /// Fields and pairs of a header.
     ///
     /// # Errors
-    /// A first line that isn't `NRRD000` and a version, text that isn't UTF-8, or a line that is neither a comment, a
-    /// field nor a pair.
+    /// A first line that isn't `NRRD000` and a version, a line that is neither a comment, a field nor a pair, or a field
+    /// that stands there twice with different values.
     pub(super) fn parse(bytes: &[u8]) -> Result<Self, VolumeFault> {
-        let text = std::str::from_utf8(bytes)
-            .map_err(|error| VolumeFault::Header(format!("byte {} isn't UTF-8", error.valid_up_to())))?;
+        let mut remarks = Vec::new();
+        let text = match std::str::from_utf8(bytes) {
+            Ok(text) => Cow::Borrowed(text),
+            // Segments' names of older programs. In Latin-1 each byte is a character.
+            Err(error) => {
+                let byte = error.valid_up_to();
+                remarks.push(format!("its header isn't UTF-8 (byte {byte}): names were read as Latin-1"));
+                Cow::Owned(bytes.iter().copied().map(char::from).collect())
+            }
+        };
         let mut lines = text.lines().enumerate();
         let magic = lines.next().map_or("", |(_, line)| line);
         if !matches!(magic.trim_end(), "NRRD0001" | "NRRD0002" | "NRRD0003" | "NRRD0004" | "NRRD0005") {
             return Err(VolumeFault::Header(format!("the first line is `{magic}`; it must be NRRD0001 to NRRD0005")));
         }
-        let mut header = Self::default();
+        let mut header = Self { remarks, ..Self::default() };
         for (index, line) in lines {
             if line.starts_with('#') {
                 continue;
@@ -62,9 +73,9 @@ impl Header {
                 (field, Some(pair)) if field.is_none_or(|field| pair < field) => {
                     header.pairs.push((unescaped(&line[..pair]), unescaped(&line[pair + 2..])));
                 }
-                (Some(field), _) => header.set(&line[..field], &line[field + 2..]),
+                (Some(field), _) => header.set(&line[..field], &line[field + 2..])?,
                 // A field without a value.
-                _ if line.ends_with(':') => header.set(&line[..line.len() - 1], ""),
+                _ if line.ends_with(':') => header.set(&line[..line.len() - 1], "")?,
                 _ => {
                     let reason = format!("line {} is `{line}`, neither `field: value` nor `key:=value`", index + 1);
                     return Err(VolumeFault::Header(reason));
@@ -74,8 +85,14 @@ impl Header {
         Ok(header)
     }
 
-    fn set(&mut self, field: &str, value: &str) {
-        self.fields.insert(field.to_ascii_lowercase().replace(' ', ""), value.trim().to_owned());
+    fn set(&mut self, field: &str, value: &str) -> Result<(), VolumeFault> {
+        let value = value.trim();
+        match self.fields.insert(field.to_ascii_lowercase().replace(' ', ""), value.to_owned()) {
+            Some(earlier) if earlier != value => Err(VolumeFault::Header(format!(
+                "the field `{field}` stands there twice, as `{earlier}` and as `{value}`; delete the wrong one"
+            ))),
+            _ => Ok(()),
+        }
     }
 
     /// Value of the field called `name`.
@@ -90,19 +107,25 @@ impl Header {
 
     /// A field's value as one number.
     pub(super) fn number<T: std::str::FromStr>(&self, name: &str) -> Result<Option<T>, VolumeFault> {
-        let number = |value: &str| value.parse().map_err(|_| bad(name, value));
+        let number = |value: &str| value.parse().map_err(|_| bad(name, value, "a number"));
         self.field(name).map(number).transpose()
     }
 
     /// A field's value as numbers with spaces between them.
     pub(super) fn numbers<T: std::str::FromStr>(&self, name: &str) -> Result<Option<Vec<T>>, VolumeFault> {
-        let numbers = |value: &str| value.split_whitespace().map(|n| n.parse().map_err(|_| bad(name, value))).collect();
+        let numbers = |value: &str| {
+            value
+                .split_whitespace()
+                .map(|n| n.parse().map_err(|_| bad(name, value, "numbers with spaces between them")))
+                .collect()
+        };
         self.field(name).map(numbers).transpose()
     }
 
-    /// A field's value as vectors of three, or `none`.
+    /// A field's value as vectors of three, or `none`, which some programs write as a vector of NaN.
     pub(super) fn vectors(&self, name: &str) -> Result<Option<Vec<Option<DVec3>>>, VolumeFault> {
-        self.field(name).map(|value| vectors(value).ok_or_else(|| bad(name, value))).transpose()
+        let expected = "vectors of three numbers, as (1,0,0), or `none` for an axis that isn't one of space";
+        self.field(name).map(|value| vectors(value).ok_or_else(|| bad(name, value, expected))).transpose()
     }
 
     /// A field's value as words, each perhaps in quotes.
@@ -111,8 +134,8 @@ impl Header {
     }
 }
 
-fn bad(name: &str, value: &str) -> VolumeFault {
-    VolumeFault::Header(format!("`{name}: {value}` can't be read"))
+fn bad(name: &str, value: &str, expected: &str) -> VolumeFault {
+    VolumeFault::Header(format!("`{name}: {value}` can't be read; it must be {expected}"))
 }
 
 fn vectors(mut text: &str) -> Option<Vec<Option<DVec3>>> {
@@ -128,8 +151,9 @@ fn vectors(mut text: &str) -> Option<Vec<Option<DVec3>>> {
         }
         let (inside, rest) = text.strip_prefix('(')?.split_once(')')?;
         let numbers: Option<Vec<f64>> = inside.split(',').map(|number| number.trim().parse().ok()).collect();
-        let numbers: [f64; 3] = numbers?.try_into().ok()?;
-        (text, _) = (rest, vectors.push(Some(numbers.into())));
+        let vector = DVec3::from(<[f64; 3]>::try_from(numbers?).ok()?);
+        let is_none = vector.to_array().iter().all(|number| number.is_nan());
+        (text, _) = (rest, vectors.push((!is_none).then_some(vector)));
     }
 }
 

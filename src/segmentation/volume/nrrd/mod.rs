@@ -4,7 +4,6 @@ mod header;
 mod segments;
 mod values;
 
-use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 
@@ -16,6 +15,7 @@ use super::raw::{Layers, RawVolume};
 
 use super::source::{Source, file_length, in_data_file, voxel_count};
 use super::{ReadOptions, VolumeFault};
+use crate::files::{self, FileKind, inside};
 
 /// Volume of a header, up to its blank line, and of the bytes of its data, after the header or in a file of its own.
 ///
@@ -44,9 +44,22 @@ pub(super) fn read_nrrd(
             remedy: "open the file in 3D Slicer and save it as one .nrrd file",
         });
     }
-    let path = folder.join(name);
-    let data = || plan.read(Source::plain(BufReader::new(File::open(&path)?), file_length(&path)?));
-    data().map_err(|fault| in_data_file(&path, fault))
+    let data = || {
+        let path = inside(folder, name)?;
+        let length = file_length(&path)?;
+        plan.read(Source::plain(BufReader::new(files::open(&path, FileKind::Volume)?), length))
+    };
+    data().map_err(|fault| in_data_file(&folder.join(name), unquoted(fault)))
+}
+
+/// The fault without content of the data file: a header may name any file.
+fn unquoted(fault: VolumeFault) -> VolumeFault {
+    match fault {
+        VolumeFault::Text { index, kind, .. } => {
+            VolumeFault::Header(format!("value {index} of the text data is not a number of type {kind}"))
+        }
+        fault => fault,
+    }
 }
 
 /// How to read the data, and what it means.
@@ -92,6 +105,7 @@ impl<'a> Plan<'a> {
             samples: values::read(self.header, self.count as u64, source)?,
             layers: self.layers,
             segments: segments::segments(&self.header.pairs)?,
+            remarks: self.header.remarks.clone(),
         })
     }
 }

@@ -128,7 +128,10 @@ fn files_without_patient_axes_need_them_assumed() {
         let error = refusal(text, &bytes());
         assert!(error.contains("doesn't state where its axes point") && error.contains("--assume-axes"), "{error}");
     }
-    let assume = |text: &str| decode_with(text, &bytes(), ReadOptions { assume_axes: Some(PatientAxes::Ras) }).unwrap();
+    let assume = |text: &str| {
+        decode_with(text, &bytes(), ReadOptions { assume_axes: Some(PatientAxes::Ras), ..ReadOptions::default() })
+            .unwrap()
+    };
     assert_eq!(assume(&spacings).lps_from_voxel, DAffine3::from_scale(DVec3::new(-2.0, -3.0, 4.0)));
     assert_eq!(assume(&scanner).lps_from_voxel.translation, DVec3::new(-10.0, -20.0, 30.0));
     assert!(refusal(&header("uchar", "raw", "space: up\n"), &bytes()).contains("`space: up`"));
@@ -183,6 +186,101 @@ fn detached_data_is_found_beside_the_header() {
 }
 
 #[test]
+fn a_data_file_out_of_the_folder_is_refused_and_nothing_of_it_is_quoted() {
+    let folder = tempfile::tempdir().unwrap();
+    let secret = folder.path().join("secret");
+    std::fs::write(&secret, "hunter2 hunter3").unwrap();
+    let own = folder.path().join("own");
+    std::fs::create_dir(&own).unwrap();
+    let read = |name: &str, encoding: &str| {
+        let path = own.join("a.nhdr");
+        std::fs::write(&path, header("uchar", encoding, &format!("{PLACED}data file: {name}\n"))).unwrap();
+        read_labels(&path, ReadOptions::default()).unwrap_err().to_string()
+    };
+    let absolute = secret.to_str().unwrap();
+    for encoding in ["text", "raw", "gzip"] {
+        for name in ["../secret", absolute, "./../secret"] {
+            let error = read(name, encoding);
+            assert!(error.contains("leads out of the folder; copy the file into it"), "{error}");
+            assert!(!error.contains("hunter"), "{error}");
+        }
+    }
+    // What lies in the folder may be a link's target elsewhere, or anything else: it is not quoted, either.
+    std::fs::write(own.join("notes"), "hunter2").unwrap();
+    let error = read("notes", "text");
+    assert!(error.contains("value 0 of the text data is not a number") && !error.contains("hunter"), "{error}");
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink(&secret, own.join("link")).unwrap();
+        assert!(read("link", "text").contains("a link leads out of the folder"));
+        nix::unistd::mkfifo(&own.join("pipe"), nix::sys::stat::Mode::S_IRWXU).unwrap();
+        // Opening it would wait for ever.
+        assert!(read("pipe", "raw").contains("pipe: not a file"));
+        assert!(read("/dev/zero", "raw").contains("leads out of the folder"));
+    }
+}
+
+#[test]
+fn a_volume_beyond_the_memory_is_refused_by_its_header() {
+    let sizes =
+        |text: &str| text.replace("sizes: 4 3 2", "sizes: 1024 1024 1024").replace("type: uchar", "type: float");
+    let text = sizes(&header("uchar", "gzip", &format!("{PLACED}endian: little\n")));
+    // 4 GiB of voxels and their labels, from a few bytes.
+    let error = refusal(&text, &gzipped(&[0; 1000]));
+    let is_short = error.contains("truncated: the voxels: 4294967296 bytes expected, 1000 found");
+    assert!(is_short || error.contains("it needs about 8.6 GB of memory"), "{error}");
+}
+
+#[test]
+fn stand_ins_and_pointers_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, content, says) in [
+        ("a.nrrd", "version https://git-lfs.github.com/spec/v1\noid sha256:1\nsize 9\n", "git lfs pull"),
+        ("a.nii.gz", "<!DOCTYPE html>\n<html>", "web page (HTML)"),
+    ] {
+        let path = folder.path().join(name);
+        std::fs::write(&path, content).unwrap();
+        for error in [
+            read_labels(&path, ReadOptions::default()).map(|_| ()).unwrap_err(),
+            read_image(&path, ReadOptions::default()).map(|_| ()).unwrap_err(),
+        ] {
+            assert!(error.to_string().contains(says), "{error}");
+        }
+    }
+}
+
+#[test]
+fn vectors_of_nan_are_axes_that_are_not_of_space() {
+    let data: Vec<u8> = bytes().into_iter().flat_map(|label| [label, 1]).collect();
+    let text = "NRRD0005\ntype: uchar\ndimension: 4\nspace: LPS\nsizes: 2 4 3 2\n\
+                space directions: (nan,NaN,nan) (2,0,0) (0,3,0) (0,0,4)\nkinds: list domain domain domain\nencoding: raw\n\
+                space origin: (10,20,30)\n\n";
+    let map = decode(text, &data).unwrap();
+    assert_eq!(map.layers, [labels(), vec![1; 24]]);
+    let some = text.replace("(nan,NaN,nan)", "(nan,0,1)").replace("sizes: 2", "sizes: 1").replace("list", "domain");
+    assert!(decode(&some, &bytes()).is_err());
+}
+
+#[test]
+fn a_header_in_latin_1_is_read_and_said() {
+    let mut text =
+        header("uchar", "raw", &format!("{PLACED}Segment0_Name:=Leber X\nSegment0_LabelValue:=5\n")).into_bytes();
+    let at = text.windows(7).position(|part| part == b"Leber X").unwrap() + 6;
+    text[at] = 0xf6;
+    let map = decode_nrrd(&text, &bytes(), ReadOptions::default()).unwrap().into_labels(Path::new("a")).unwrap();
+    assert_eq!(map.segments[0].name.as_deref(), Some("Leber ö"));
+    assert_eq!(map.remarks, [format!("its header isn't UTF-8 (byte {at}): names were read as Latin-1")]);
+}
+
+#[test]
+fn a_field_that_stands_twice_is_refused_where_its_values_differ() {
+    let twice = header("uchar", "raw", &format!("{PLACED}sizes: 2 3 4\n"));
+    assert!(refusal(&twice, &bytes()).contains("`sizes` stands there twice, as `4 3 2` and as `2 3 4`"));
+    let same = header("uchar", "raw", &format!("{PLACED}sizes: 4 3 2\n"));
+    assert_eq!(decode(&same, &bytes()).unwrap(), expected());
+}
+
+#[test]
 fn missing_and_surplus_bytes_are_refused_with_the_expected_count() {
     let text = header("uchar", "raw", PLACED);
     assert!(refusal(&text, &bytes()[..23]).contains("the voxels: 24 bytes expected, 23 found"));
@@ -200,6 +298,7 @@ fn missing_and_surplus_bytes_are_refused_with_the_expected_count() {
 fn wrong_headers_are_refused_by_field() {
     let usual = header("uchar", "raw", PLACED);
     for (from, to, says) in [
+        ("(0,0,4)", "(0,0,4", "it must be vectors of three numbers, as (1,0,0)"),
         ("type: uchar", "type: quaternion", "`type: quaternion`"),
         ("type: uchar\n", "", "the field `type` is missing"),
         ("type: uchar", "type: short", "`endian` is missing"),
@@ -245,7 +344,7 @@ fn slicerios_example_is_read() {
 proptest! {
     #[test]
     fn arbitrary_headers_do_not_panic(text in "NRRD0004\n([a-z ]{0,12}(: |:=)[0-9a-z(), .-]{0,20}\n){0,8}", data in any::<[u8; 32]>()) {
-        let _ = decode_with(&text, &data, ReadOptions { assume_axes: Some(PatientAxes::Ras) });
+        let _ = decode_with(&text, &data, ReadOptions { assume_axes: Some(PatientAxes::Ras), ..ReadOptions::default() });
     }
 
     #[test]

@@ -2,8 +2,9 @@
 
 use super::super::VolumeFault;
 use super::super::samples::{SampleType, Samples};
-use super::super::source::{MAX_BYTES, Source, within};
+use super::super::source::{MAX_BYTES, Source, room_for, within};
 use super::header::Header;
+use crate::files::memory_for;
 
 /// `count` values, from the start of the data.
 ///
@@ -13,6 +14,7 @@ pub(super) fn read(header: &Header, count: u64, mut source: Source<'_>) -> Resul
     let kind = sample_type(header.required("type")?)?;
     let expected = count * kind.bytes();
     within(expected, MAX_BYTES, "the size of the voxels in bytes")?;
+    room_for(count, kind.bytes())?;
     let line_skip: u64 = header.number("line skip")?.unwrap_or(0);
     let byte_skip: i64 = header.number("byte skip")?.unwrap_or(0);
     if byte_skip < -1 {
@@ -41,6 +43,8 @@ pub(super) fn read(header: &Header, count: u64, mut source: Source<'_>) -> Resul
         }
         _ if is_text => {
             source.skip(byte_skip.max(0).unsigned_abs(), "the bytes to skip")?;
+            // Text and numbers are in memory together.
+            memory_for(source.left().unwrap_or(0).saturating_add(count.saturating_mul(8)))?;
             let text = source.rest(MAX_BYTES, "the size of the text data in bytes")?;
             return text_values(&text, count, kind);
         }

@@ -1,0 +1,54 @@
+//! Errors of images that are given with a label map.
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+/// An image that is refused.
+#[derive(Debug, Error)]
+pub enum ImageError {
+    /// A CT whose values aren't HU.
+    #[error(
+        "{path}, given as --image, looks like a CT that isn't in HU: {seen}. {remedy}; or leave --image out and give the \
+         body's outline with --body, or pass --image-type mr if it is an MR"
+    )]
+    NotHu {
+        /// Image.
+        path: PathBuf,
+        /// Values of air, fat, organs and bone.
+        seen: String,
+        /// What to do, as a sentence without its end.
+        remedy: String,
+    },
+    /// Organs where the image has air.
+    #[error(
+        "{path}, given as --image, doesn't fit the labels: {percent:.0} % of the soft tissue lies in {what} ({seen}). {hint}"
+    )]
+    InAir {
+        /// Image.
+        path: PathBuf,
+        /// Share of the soft tissue, %.
+        percent: f64,
+        /// What is there.
+        what: &'static str,
+        /// Values of air and of the organs.
+        seen: String,
+        /// Likely cause and way out.
+        hint: String,
+    },
+    /// An image that fits the labels better as its mirror image.
+    #[error(
+        "{path}, given as --image, fits the labels better when mirrored {direction}: organs then explain {mirrored:.0} % \
+         of its variance, not {percent:.0} %. Mirror its voxels and keep its affine, or give the image that was segmented"
+    )]
+    Mirrored {
+        /// Image.
+        path: PathBuf,
+        /// Direction, as `left to right`.
+        direction: String,
+        /// Explained variance as it is, %.
+        percent: f64,
+        /// Explained variance of the mirror image, %.
+        mirrored: f64,
+    },
+}

@@ -1,0 +1,203 @@
+//! Whether an image is a CT in HU, a CT that isn't, or none.
+
+use super::error::ImageError;
+use super::levels::{Levels, quantile, share_within, sorted};
+use crate::segmentation::body::{distances_mm, from_mask};
+use crate::segmentation::grid::Grid;
+use crate::segmentation::volume::{Image, Modality};
+
+/// Value that only an image in HU reaches: air. Images of MR are not negative, or only a little.
+const AIR_HU: f32 = -500.0;
+/// Air in HU.
+const AIR_RANGE_HU: std::ops::Range<f32> = -1100.0..-900.0;
+/// Difference of soft tissue and air in HU, with and without contrast agent.
+const AIR_TO_SOFT_HU: std::ops::Range<f32> = 950.0..1250.0;
+/// Difference of soft tissue and fat in HU, with and without contrast agent.
+const FAT_TO_SOFT_HU: std::ops::Range<f32> = 60.0..400.0;
+/// Soft tissue in HU, with and without contrast agent.
+const SOFT_HU: std::ops::Range<f32> = -50.0..300.0;
+/// More than soft tissue has with contrast agent, HU.
+const SOFT_HU_MAX: f32 = 400.0;
+/// Fat in HU.
+const FAT_HU: std::ops::Range<f32> = -150.0..-50.0;
+/// Highest lower end of a window in which fat can be told from air, HU.
+const WINDOW_HU: f32 = -125.0;
+/// Depths of the fat under the skin, mm.
+const FAT_DEPTH_MM: std::ops::Range<f32> = 4.0..12.0;
+
+/// What an image was taken for, with the reason as a sentence.
+pub(super) enum Judgement {
+    /// A CT in HU.
+    Hu(String),
+    /// A CT in HU whose values below `low` became `low`.
+    Window { low: f32, reason: String },
+    /// An MR, or anything else whose bright voxels are the body.
+    Other(String),
+}
+
+/// Judges an image by its values. `fat_ring` gives the median under the skin, the body being all values above a limit.
+pub(super) fn judge(
+    image: &Image,
+    levels: &Levels,
+    fat_ring: &dyn Fn(f32) -> Option<f32>,
+) -> Result<Judgement, ImageError> {
+    match image.stated {
+        Some(Modality::Ct) => {
+            return Ok(Judgement::Hu(format!(
+                "the image was taken as a CT in HU, as --image-type says: {}",
+                seen(levels, levels.least(), None)
+            )));
+        }
+        Some(Modality::Mr) => return Ok(Judgement::Other(other("as --image-type says", levels, None))),
+        None => {}
+    }
+    let refused = |air: f32, fat: Option<f32>, remedy: String| {
+        Err(ImageError::NotHu { path: image.path.clone(), seen: seen(levels, air, fat), remedy })
+    };
+    let soft = levels.soft_median();
+    if let Some(soft) = soft {
+        let air = levels.air(soft - 0.3 * (soft - levels.least()).max(1.0));
+        let offset = air + 1000.0;
+        if AIR_TO_SOFT_HU.contains(&(soft - air)) && offset.abs() > 150.0 && is_denser(levels, air, soft) {
+            let fat = fat_ring(air + 0.5 * (soft - air));
+            if fat.is_none_or(|fat| FAT_TO_SOFT_HU.contains(&(soft - fat))) {
+                let remedy = format!(
+                    "It is shifted by about {offset:.0} HU, as without its rescale intercept: subtract that (1024 for most \
+                     scanners), or convert the series anew with dcm2niix"
+                );
+                return refused(air, fat, remedy);
+            }
+        }
+    }
+    let least = levels.least();
+    if least < AIR_HU {
+        // Beyond a scanner's field there may be less than air.
+        let has_air = share_within(&levels.all, AIR_RANGE_HU.start, AIR_RANGE_HU.end) > 0.02;
+        let air = if has_air { -1000.0 } else { levels.air(soft.unwrap_or(0.0).min(0.0)) };
+        let scaled = soft.is_some_and(|soft| {
+            soft > SOFT_HU_MAX || (is_denser(levels, air, soft) && !AIR_TO_SOFT_HU.contains(&(soft - air)))
+        });
+        if scaled || (air < AIR_RANGE_HU.start && !has_air) {
+            let remedy =
+                "Air has -1000 HU and soft tissue up to 300: it was rescaled. Give the CT as dcm2niix or 3D Slicer \
+                          writes it"
+                    .to_owned();
+            return refused(air, None, remedy);
+        }
+        return Ok(Judgement::Hu(format!("the image was taken as a CT in HU: {}", seen(levels, air, None))));
+    }
+    if is_hu_scale(levels) {
+        return window(levels, &refused);
+    }
+    let Some(soft) = soft else {
+        return Ok(Judgement::Other(other("it has no values as low as air in HU", levels, None)));
+    };
+    let air = levels.air(soft - 0.3 * (soft - least).max(f32::MIN_POSITIVE));
+    let fat = fat_ring(air + 0.1 * (soft - air));
+    // A window that ends above the fat leaves muscle under the skin; then bone is far brighter than organs.
+    let darker = fat.is_none_or(|fat| fat < soft - 0.05 * (soft - air));
+    let far = levels.bone.as_ref().is_some_and(|bone| quantile(bone, 0.5) - air > 1.5 * (soft - air));
+    if is_denser(levels, air, soft) && (darker || far) {
+        let remedy =
+            "Air, fat, organs and bone follow each other as in a CT: it was rescaled or clipped. Give the CT as \
+                      dcm2niix or 3D Slicer writes it, before any normalization"
+                .to_owned();
+        return refused(air, fat, remedy);
+    }
+    Ok(Judgement::Other(other(why_other(levels, fat, soft), levels, fat)))
+}
+
+/// A CT in HU without air: its field lies within the body, or its values are clipped.
+fn window(
+    levels: &Levels,
+    refused: &dyn Fn(f32, Option<f32>, String) -> Result<Judgement, ImageError>,
+) -> Result<Judgement, ImageError> {
+    let (low, high) = (levels.least(), levels.most());
+    if !levels.clipped_low(0.005) {
+        let seen = seen(levels, low, None);
+        return Ok(Judgement::Hu(format!("the image was taken as a CT in HU whose field holds no air: {seen}")));
+    }
+    if low > WINDOW_HU {
+        let remedy = format!(
+            "It is clipped to {low:.0} to {high:.0} HU, where fat can't be told from air. Give the CT as it was before, or \
+             clip it at -200 HU or below"
+        );
+        return refused(low, None, remedy);
+    }
+    let reason = format!(
+        "the image was taken as a CT clipped to {low:.0} to {high:.0} HU: what has {low:.0} is taken as air, and fat is still \
+         seen"
+    );
+    Ok(Judgement::Window { low, reason })
+}
+
+/// Whether values that don't reach air are HU: negative fat, organs and bone where they are in a CT.
+fn is_hu_scale(levels: &Levels) -> bool {
+    let (low, high) = (levels.least(), levels.most());
+    let negative = (AIR_HU..=-20.0).contains(&low) && high >= 60.0;
+    let soft = levels.soft_median().is_none_or(|soft| SOFT_HU.contains(&soft));
+    // A window may end below the fat, but then many voxels are at its end.
+    let fat = share_within(&levels.all, FAT_HU.start.max(low + 1.0), FAT_HU.end) > 0.01 || levels.clipped_low(0.02);
+    let bone = match (&levels.bone, levels.soft_median()) {
+        (Some(bone), Some(soft)) => quantile(bone, 0.9) > (soft + 50.0).min(0.9 * high),
+        _ => true,
+    };
+    negative && soft && fat && bone
+}
+
+/// Whether bone is denser than soft tissue throughout, as in a CT: the cortex of a bone is dark in an MR. True of images
+/// without labelled bone only if soft tissue is one level, far above the lungs.
+fn is_denser(levels: &Levels, air: f32, soft: f32) -> bool {
+    let relative = |value: f32| (value - air) / (soft - air).max(f32::MIN_POSITIVE);
+    match (&levels.bone, &levels.soft) {
+        (Some(bone), _) => {
+            let at = |share| relative(quantile(bone, share));
+            at(0.1) > 0.9 && at(0.5) > 1.03 && at(0.9) > 1.1
+        }
+        (None, Some(values)) => {
+            // Without contrast agent all organs lie within 60 HU, 6 % of the way from air.
+            let spread = relative(quantile(values, 0.9)) - relative(quantile(values, 0.1));
+            spread < 0.15 && AIR_TO_SOFT_HU.contains(&(soft - air))
+        }
+        (None, None) => false,
+    }
+}
+
+/// Median of unlabelled voxels 4 to 12 mm below the surface of all values above `limit`.
+pub(super) fn fat_ring(values: &[f32], grid: &Grid, labels: &[u16], limit: f32) -> Option<f32> {
+    let body = from_mask(values.iter().map(|value| *value > limit).collect(), grid, |_| false);
+    let outside: Vec<bool> = body.iter().map(|inside| !inside).collect();
+    let depth_mm = distances_mm(&outside, grid.size, grid.voxel_mm());
+    let ring = (0..values.len()).filter(|&i| labels[i] == 0 && FAT_DEPTH_MM.contains(&depth_mm[i]));
+    let sorted = sorted(ring.map(|i| values[i]));
+    (!sorted.is_empty()).then(|| quantile(&sorted, 0.5))
+}
+
+fn why_other(levels: &Levels, fat: Option<f32>, soft: f32) -> &'static str {
+    match (fat, &levels.bone) {
+        (Some(fat), _) if fat > soft => "fat under the skin is brighter than organs",
+        (_, Some(bone)) if quantile(bone, 0.1) < 0.9 * soft => "bone has dark parts",
+        _ => "its values are neither HU nor in the order of a CT",
+    }
+}
+
+/// Sentence on an image that is no CT.
+fn other(why: &str, levels: &Levels, fat: Option<f32>) -> String {
+    let seen = seen(levels, levels.least(), fat);
+    format!("the image was taken as an MR, {why} ({seen}): its fat isn't used")
+}
+
+/// Values of air, fat, organs and bone.
+fn seen(levels: &Levels, air: f32, fat: Option<f32>) -> String {
+    let number = |value: f32| if value.abs() < 10.0 { format!("{value:.2}") } else { format!("{value:.0}") };
+    let median = |values: &Option<Vec<f32>>| values.as_ref().map(|values| quantile(values, 0.5));
+    let named = [
+        ("air", Some(air)),
+        ("lungs", median(&levels.lungs)),
+        ("fat", fat),
+        ("soft tissue", median(&levels.soft)),
+        ("bone", median(&levels.bone)),
+    ];
+    let known = named.into_iter().filter_map(|(name, value)| Some(format!("{name} {}", number(value?))));
+    known.collect::<Vec<_>>().join(", ")
+}

@@ -1,0 +1,173 @@
+//! Values of an image at labelled voxels, and in its background.
+
+use glam::DVec3;
+
+use super::grid_of;
+use crate::segmentation::grid::Grid;
+use crate::segmentation::inputs::Organ;
+use crate::segmentation::volume::Image;
+
+/// Most labelled voxels that are looked at.
+const LABELLED_MAX: usize = 400_000;
+
+/// Most voxels of the image that are looked at.
+const IMAGE_MAX: usize = 1_000_000;
+
+/// Fewest voxels whose median is used.
+const LEAST_VOXELS: usize = 50;
+
+/// Classes of organs whose density is known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Matter {
+    /// Bone.
+    Bone,
+    /// Lungs and airways.
+    Gas,
+    /// Soft tissue and fluids.
+    Soft,
+    /// Anything else: bowel, whose gas may be anywhere, and fat.
+    Other,
+}
+
+impl Matter {
+    fn of(organ: &Organ) -> Self {
+        match organ.tissue.as_str() {
+            tissue if tissue.starts_with("bone") => Self::Bone,
+            "air" | "lung_aerated" => Self::Gas,
+            "fat" | "gallstone" => Self::Other,
+            _ if organ.gas.is_some() => Self::Other,
+            _ => Self::Soft,
+        }
+    }
+}
+
+/// A labelled voxel.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Labelled {
+    /// Index of its organ.
+    pub(super) organ: u16,
+    pub(super) matter: Matter,
+    /// Voxel of the image.
+    pub(super) at: [usize; 3],
+}
+
+/// Labelled voxels, evenly over the labels.
+pub(super) struct Sample {
+    pub(super) voxels: Vec<Labelled>,
+    pub(super) organs: usize,
+}
+
+impl Sample {
+    /// Labelled voxels within the image.
+    pub(super) fn of(image: &Image, grid: &Grid, labels: &[u16], organs: &[Organ]) -> Self {
+        let matters: Vec<Matter> = organs.iter().map(Matter::of).collect();
+        let count = labels.iter().filter(|label| **label != 0).count();
+        let step = count.div_ceil(LABELLED_MAX).max(1);
+        let image_from_grid = grid_of(image).lps_from_voxel.inverse() * grid.lps_from_voxel;
+        let place = |i: usize| -> Option<[usize; 3]> {
+            let p = image_from_grid.transform_point3(DVec3::from_array(grid.at(i).map(|v| v as f64))).round();
+            let within = (0..3).all(|n| (0.0..image.size[n] as f64).contains(&p[n]));
+            within.then(|| p.to_array().map(|v| v as usize))
+        };
+        let labelled = labels.iter().enumerate().filter(|(_, label)| **label != 0).step_by(step);
+        let voxels = labelled.filter_map(|(i, label)| {
+            let organ = label - 1;
+            Some(Labelled { organ, matter: *matters.get(usize::from(organ))?, at: place(i)? })
+        });
+        Self { voxels: voxels.collect(), organs: organs.len() }
+    }
+
+    /// Values at voxels of `matter`, ascending; none of too few.
+    pub(super) fn values(&self, image: &Image, matter: Matter) -> Option<Vec<f32>> {
+        let of = self.voxels.iter().filter(|v| v.matter == matter).map(|v| value(image, v.at));
+        let sorted = sorted(of);
+        (sorted.len() >= LEAST_VOXELS).then_some(sorted)
+    }
+}
+
+/// Value of a voxel.
+pub(super) fn value(image: &Image, [i, j, k]: [usize; 3]) -> f32 {
+    image.values[(k * image.size[1] + j) * image.size[0] + i]
+}
+
+/// Finite values, ascending.
+pub(super) fn sorted(values: impl Iterator<Item = f32>) -> Vec<f32> {
+    let mut sorted: Vec<f32> = values.filter(|value| value.is_finite()).collect();
+    sorted.sort_unstable_by(f32::total_cmp);
+    sorted
+}
+
+/// Value below which a share of ascending values lies.
+pub(super) fn quantile(sorted: &[f32], share: f64) -> f32 {
+    let at = (share * sorted.len().saturating_sub(1) as f64).round() as usize;
+    sorted.get(at).copied().unwrap_or(f32::NAN)
+}
+
+/// Share of ascending values within `from..to`.
+pub(super) fn share_within(sorted: &[f32], from: f32, to: f32) -> f64 {
+    let below = |limit: f32| sorted.partition_point(|value| *value < limit);
+    (below(to).saturating_sub(below(from))) as f64 / sorted.len().max(1) as f64
+}
+
+/// What is known of an image's values.
+pub(super) struct Levels {
+    /// Values all over the image, ascending.
+    pub(super) all: Vec<f32>,
+    /// Values of soft tissue, bone and lungs, ascending, where enough is labelled.
+    pub(super) soft: Option<Vec<f32>>,
+    pub(super) bone: Option<Vec<f32>>,
+    pub(super) lungs: Option<Vec<f32>>,
+}
+
+impl Levels {
+    pub(super) fn of(image: &Image, sample: &Sample) -> Self {
+        let step = image.values.len().div_ceil(IMAGE_MAX).max(1);
+        Self {
+            all: sorted(image.values.iter().copied().step_by(step)),
+            soft: sample.values(image, Matter::Soft),
+            bone: sample.values(image, Matter::Bone),
+            lungs: sample.values(image, Matter::Gas),
+        }
+    }
+
+    pub(super) fn least(&self) -> f32 {
+        self.all.first().copied().unwrap_or(0.0)
+    }
+
+    pub(super) fn most(&self) -> f32 {
+        self.all.last().copied().unwrap_or(0.0)
+    }
+
+    /// Median of the soft tissue.
+    pub(super) fn soft_median(&self) -> Option<f32> {
+        self.soft.as_ref().map(|soft| quantile(soft, 0.5))
+    }
+
+    /// Most frequent value below `limit`, to a hundredth of the range up to it: air, in a CT and in an MR.
+    pub(super) fn air(&self, limit: f32) -> f32 {
+        const BINS: usize = 100;
+        let least = self.least();
+        let below = &self.all[..self.all.partition_point(|value| *value < limit)];
+        let width = (limit - least) / BINS as f32;
+        if below.is_empty() || width <= 0.0 {
+            return least;
+        }
+        let mut counts = [0usize; BINS];
+        for value in below {
+            counts[(((value - least) / width) as usize).min(BINS - 1)] += 1;
+        }
+        let fullest = (0..BINS).max_by_key(|bin| (counts[*bin], BINS - bin)).unwrap_or(0);
+        let (from, to) = (least + fullest as f32 * width, least + (fullest + 1) as f32 * width);
+        let start = below.partition_point(|value| *value < from);
+        let end = below.partition_point(|value| *value < to).max(start + 1).min(below.len());
+        quantile(&below[start..end], 0.5)
+    }
+
+    /// Whether many voxels have the lowest value: more than a share, and far more than have one near it.
+    pub(super) fn clipped_low(&self, share: f64) -> bool {
+        let (least, most) = (self.least(), self.most());
+        let step = (most - least) * 1e-3;
+        let at_end = share_within(&self.all, least, least + step);
+        at_end > share && at_end > 3.0 * share_within(&self.all, least + step, least + 5.0 * step)
+    }
+}

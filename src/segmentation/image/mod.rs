@@ -1,0 +1,110 @@
+//! Checks of the image that was segmented: whether it is a CT in HU, and whether it fits the labels.
+//!
+//! [`checked`] compares what the labels say (soft tissue, bone, lungs) with the values at their voxels. Its result is on
+//! the labels' grid.
+
+mod error;
+mod fit;
+mod judge;
+mod levels;
+mod window;
+
+pub use error::ImageError;
+
+use glam::{DAffine3, DMat3, DVec3};
+use rayon::prelude::*;
+
+use super::grid::Grid;
+use super::inputs::Organ;
+use super::volume::{Image, OUTSIDE};
+use judge::Judgement;
+use levels::{Levels, Sample};
+
+/// An image on the grid of the labels, and what it was taken for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Checked {
+    /// Values in the order of the grid: HU if it is a CT.
+    pub values: Vec<f32>,
+    /// True for a CT.
+    pub is_ct: bool,
+    /// What it was taken for and why, and what to know about its fit; one sentence each.
+    pub remarks: Vec<String>,
+}
+
+/// The image on `grid`, whose `labels` are 0 or 1 + the index of their organ. `image` must be canonical.
+///
+/// # Errors
+/// A CT whose values aren't HU, unless they are clipped below the fat, and an image that doesn't fit the labels: organs in
+/// air, or a mirror image that fits better.
+pub fn checked(image: &Image, grid: &Grid, labels: &[u16], organs: &[Organ]) -> Result<Checked, ImageError> {
+    let sample = Sample::of(image, grid, labels, organs);
+    let levels = Levels::of(image, &sample);
+    let mut values = on_grid(image, grid);
+    let judgement = judge::judge(image, &levels, &|low| judge::fat_ring(&values, grid, labels, low))?;
+    let fit = fit::check(image, &sample, &levels, &judgement)?;
+    let (is_ct, reason) = match judgement {
+        Judgement::Hu(reason) => (true, reason),
+        Judgement::Window { low, reason } => {
+            window::restore_air(&mut values, grid, low);
+            (true, reason)
+        }
+        Judgement::Other(reason) => (false, reason),
+    };
+    let remarks = std::iter::once(reason).chain(fit).collect();
+    if is_ct {
+        let index = nearest(grid, &grid_of(image));
+        values.par_iter_mut().enumerate().filter(|(i, _)| index(*i).is_none()).for_each(|(_, value)| *value = OUTSIDE);
+    }
+    Ok(Checked { values, is_ct, remarks })
+}
+
+/// Grid of an image.
+fn grid_of(image: &Image) -> Grid {
+    Grid { size: image.size, lps_from_voxel: image.lps_from_voxel }
+}
+
+/// Index, in the grid `to`, of the voxel nearest to a voxel of the grid `from`.
+pub(super) fn nearest(from: &Grid, to: &Grid) -> impl Fn(usize) -> Option<usize> + Sync + use<> {
+    let to_from = to.lps_from_voxel.inverse() * from.lps_from_voxel;
+    let (from, size) = (from.clone(), to.size);
+    move |i: usize| {
+        let p = to_from.transform_point3(DVec3::from_array(from.at(i).map(|v| v as f64))).round();
+        let within = (0..3).all(|n| (0.0..size[n] as f64).contains(&p[n]));
+        within.then(|| (p.z as usize * size[1] + p.y as usize) * size[0] + p.x as usize)
+    }
+}
+
+/// Values of an image on `grid`; beyond its field its lowest value.
+fn on_grid(image: &Image, grid: &Grid) -> Vec<f32> {
+    let least = image.values.par_iter().copied().reduce(|| f32::INFINITY, f32::min);
+    let index = nearest(grid, &grid_of(image));
+    (0..grid.len()).into_par_iter().map(|i| index(i).map_or(least, |i| image.values[i])).collect()
+}
+
+/// Advice on a volume that would hold at least `least_percent` of the voxels that are not 0 if signs of its affine were
+/// changed; empty where no change helps.
+pub(super) fn turned_hint(labels: &[u16], grid: &Grid, volume: &Grid, least_percent: f64) -> String {
+    let changes = [
+        (DVec3::new(-1.0, -1.0, 1.0), "x and y"),
+        (DVec3::new(-1.0, 1.0, 1.0), "x"),
+        (DVec3::new(1.0, -1.0, 1.0), "y"),
+        (DVec3::new(1.0, 1.0, -1.0), "z"),
+    ];
+    for (signs, which) in changes {
+        let turned = DAffine3::from_mat3(DMat3::from_diagonal(signs)) * volume.lps_from_voxel;
+        let index = nearest(grid, &Grid { size: volume.size, lps_from_voxel: turned });
+        let labelled = labels.par_iter().enumerate().filter(|(_, label)| **label != 0);
+        let held = labelled.map(|(i, _)| (1usize, usize::from(index(i).is_some())));
+        let (count, held) = held.reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+        let percent = 100.0 * held as f64 / count.max(1) as f64;
+        if percent >= least_percent {
+            return format!(
+                " With {which} of its affine negated it would hold {percent:.0} %: were LPS and RAS taken for each other?"
+            );
+        }
+    }
+    String::new()
+}
+
+#[cfg(test)]
+mod tests;
