@@ -6,6 +6,7 @@ mod hex;
 mod outputs;
 mod part;
 mod read;
+mod stand_in;
 
 pub use cache::cache_directory;
 pub use grey::GreyError;
@@ -14,3 +15,4 @@ pub use hex::hex;
 pub use outputs::{OutputError, Outputs};
 pub use part::{PartError, PartFile};
 pub use read::{FileKind, open, read, read_text};
+pub use stand_in::{STAND_IN_BYTES, stand_in};

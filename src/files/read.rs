@@ -4,6 +4,8 @@ use std::fs::File;
 use std::io::{self, ErrorKind, Read};
 use std::path::Path;
 
+use super::stand_in::refuse_stand_in;
+
 /// Kinds of files that are read, each with its largest size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FileKind {
@@ -68,9 +70,11 @@ impl FileKind {
 }
 
 /// Opens a regular file that is not larger than its kind allows. Pipes and devices are refused: they might never end.
+/// Pointers of Git LFS and web pages are refused, too ([`stand_in`](super::stand_in)).
 ///
 /// # Errors
-/// The file cannot be opened, is not a regular file, or is too large; the error gives its size and the limit.
+/// The file cannot be opened, is not a regular file, holds a stand-in, or is too large; the error gives its size and the
+/// limit.
 pub fn open(path: &Path, kind: FileKind) -> io::Result<File> {
     // Checked before opening: opening a pipe waits for its other end.
     let found = std::fs::metadata(path)?;
@@ -83,7 +87,9 @@ pub fn open(path: &Path, kind: FileKind) -> io::Result<File> {
     if found.len() > kind.limit().1 {
         return Err(too_large(kind, &format!("it has {} bytes", found.len())));
     }
-    File::open(path)
+    let mut file = File::open(path)?;
+    refuse_stand_in(&mut file)?;
+    Ok(file)
 }
 
 /// Reads a regular file that is not larger than its kind allows.
@@ -137,6 +143,18 @@ mod tests {
         assert!(open(dir.path(), FileKind::Scene).is_err_and(|e| e.kind() == ErrorKind::IsADirectory));
         std::fs::write(&path, b"ab\xff").unwrap();
         assert!(read_text(&path, FileKind::Station).unwrap_err().to_string().ends_with("byte 2"));
+    }
+
+    #[test]
+    fn a_pointer_of_git_lfs_is_refused_whatever_its_kind() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("model.onnx");
+        std::fs::write(&path, "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n").unwrap();
+        for kind in [FileKind::Model, FileKind::Scene, FileKind::Station, FileKind::Recording] {
+            assert!(read(&path, kind).unwrap_err().to_string().contains("git lfs pull"));
+        }
+        std::fs::write(&path, "as it is").unwrap();
+        assert_eq!(read_text(&path, FileKind::Model).unwrap(), "as it is");
     }
 
     #[cfg(unix)]
