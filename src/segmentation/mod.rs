@@ -9,6 +9,7 @@ pub mod from_meshes;
 pub mod gather;
 pub mod grid;
 pub mod inputs;
+pub mod meanings;
 pub mod mesh_files;
 pub mod meshing;
 pub mod repair;

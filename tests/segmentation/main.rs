@@ -7,6 +7,7 @@ mod commands;
 mod files;
 mod frames;
 mod labels;
+mod mesh_meanings;
 mod meshes;
 mod shapes;
 mod slicer;
