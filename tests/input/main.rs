@@ -11,5 +11,9 @@ mod gltf_files;
 #[allow(dead_code, reason = "other tests use the rest")]
 mod made_scenes;
 mod moving_scenes;
+#[path = "../program/mod.rs"]
+#[allow(dead_code, reason = "other tests use the rest")]
+mod program;
+mod scene_size;
 mod scenes;
 mod station_files;
