@@ -41,6 +41,29 @@ impl Mesh {
         keys.chunk_by(|a, b| a >> 1 == b >> 1).map(|edge| balance(edge).unsigned_abs() as usize).sum()
     }
 
+    /// Number of the piece of each triangle, from 0, and the number of pieces. Triangles that share a vertex are of one.
+    pub fn pieces(&self) -> (Vec<u32>, usize) {
+        let mut parent: Vec<u32> = (0..self.vertices_mm.len() as u32).collect();
+        for &[a, b, c] in &self.triangles {
+            let a = root(&mut parent, a);
+            for vertex in [b, c] {
+                let other = root(&mut parent, vertex);
+                parent[other as usize] = a;
+            }
+        }
+        let mut number_of = vec![u32::MAX; parent.len()];
+        let mut count = 0;
+        let mut piece = |triangle: &[u32; 3]| {
+            let number = &mut number_of[root(&mut parent, triangle[0]) as usize];
+            if *number == u32::MAX {
+                (*number, count) = (count, count + 1);
+            }
+            *number
+        };
+        let pieces = self.triangles.iter().map(&mut piece).collect();
+        (pieces, count as usize)
+    }
+
     /// Reverses the winding of every triangle.
     pub fn flip(&mut self) {
         for triangle in &mut self.triangles {
@@ -52,4 +75,14 @@ impl Mesh {
     pub fn bounds_mm(&self) -> Option<Bounds> {
         Bounds::of(self.vertices_mm.iter().copied())
     }
+}
+
+/// Root of a node in a forest of `parent`s, whose paths are halved on the way.
+pub(crate) fn root(parent: &mut [u32], mut node: u32) -> u32 {
+    while parent[node as usize] != node {
+        let above = parent[parent[node as usize] as usize];
+        parent[node as usize] = above;
+        node = above;
+    }
+    node
 }

@@ -148,6 +148,23 @@ pub enum SceneError {
         /// File.
         path: PathBuf,
     },
+    /// A scene of another unit, larger than a body: an image shows none of it.
+    #[error(
+        "{path}: {what}, and no surface is thinner than {thinnest_mm:.0} mm, so an image {depth_mm:.0} mm deep shows \
+         nothing: {remedy}"
+    )]
+    WrongUnit {
+        /// File.
+        path: PathBuf,
+        /// Size found, and the likely factor.
+        what: String,
+        /// Smallest extent of any surface along an axis, mm.
+        thinnest_mm: f32,
+        /// Depth of the image, mm.
+        depth_mm: f64,
+        /// Advice for the modelling program.
+        remedy: &'static str,
+    },
     /// A triangle of a vertex that its surface lacks.
     #[error("triangle {triangle} of surface `{surface}` names vertex {index}; the surface has {vertices} vertices")]
     BadIndex {

@@ -5,7 +5,7 @@ use super::from_labels::{Inputs, Made, Options, make};
 use super::meshing::Part;
 use super::summary::remark_of_outline;
 use super::voxels::{inside_of, voxels_within};
-use crate::anatomy::Mesh;
+use crate::anatomy::{Bounds, Mesh};
 
 /// Side of the voxels in which a body is drawn around the meshes, mm.
 const VOXEL_MM: f64 = 2.5;
@@ -63,6 +63,61 @@ pub fn surfaces(organs: Vec<OrganMesh>, options: &Options) -> (Vec<Made>, Vec<St
     }
     made.sort_by_key(|made| made.priority);
     (made, remarks)
+}
+
+/// Share of an organ's volume from which a separate piece of it is told.
+const PIECE: f64 = 0.15;
+
+/// Remarks on organs that are there more than once, and on those of several separate pieces.
+pub fn remarks_on_organs(organs: &[OrganMesh]) -> Vec<String> {
+    let mut remarks = Vec::new();
+    let extents: Vec<_> = organs.iter().map(|o| (o.mesh.bounds_mm(), o.mesh.signed_volume_mm3())).collect();
+    for (index, organ) in organs.iter().enumerate() {
+        for (other, extent) in organs[..index].iter().zip(&extents) {
+            if other.class.tissue == organ.class.tissue && is_same_place(extent, &extents[index]) {
+                let (a, b) = (&other.name, &organ.name);
+                remarks.push(format!("`{a}` and `{b}` have the same size and place: one mesh may be there twice"));
+            }
+        }
+        let numbered = organ.name.strip_prefix(&organ.class.name).is_some_and(|rest| rest.starts_with('_'));
+        if numbered {
+            let (name, own) = (&organ.class.name, &organ.name);
+            remarks.push(format!("`{name}` is given more than once: this one is called `{own}`"));
+        }
+        let pieces = pieces_ml(&organ.mesh);
+        if pieces.len() > 1 {
+            let volumes: Vec<String> = pieces.iter().take(4).map(|ml| format!("{ml:.1}")).collect();
+            remarks.push(format!(
+                "`{}` has {} separate pieces ({} ml): if they are different organs, export a file for each",
+                organ.name,
+                pieces.len(),
+                volumes.join(", ")
+            ));
+        }
+    }
+    remarks
+}
+
+/// Whether two meshes have nearly the same bounds and volume.
+fn is_same_place((p, v): &(Option<Bounds>, f64), (q, w): &(Option<Bounds>, f64)) -> bool {
+    let (Some(p), Some(q)) = (p, q) else { return false };
+    let near_mm = 0.02 * p.size().max_element();
+    let far_mm = (p.min - q.min).abs().max((p.max - q.max).abs()).max_element();
+    far_mm < near_mm && (v - w).abs() < 0.05 * v.abs()
+}
+
+/// Volumes of the larger pieces of a mesh, ml, largest first. Pieces share no vertex.
+fn pieces_ml(mesh: &Mesh) -> Vec<f64> {
+    let (piece_of, count) = mesh.pieces();
+    let mut volumes = vec![0.0; count];
+    for (corners, piece) in mesh.corners_mm().zip(piece_of) {
+        let [a, b, c] = corners.map(|v| v.as_dvec3());
+        volumes[piece as usize] += a.dot(b.cross(c)) / 6.0;
+    }
+    let whole = mesh.signed_volume_mm3();
+    let mut large: Vec<f64> = volumes.into_iter().filter(|v| *v > PIECE * whole).map(|v| v * 1e-3).collect();
+    large.sort_by(|a, b| b.total_cmp(a));
+    large
 }
 
 fn part(mesh: &Mesh) -> Part {

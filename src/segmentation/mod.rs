@@ -12,6 +12,7 @@ pub mod grid;
 pub mod image;
 pub mod inputs;
 pub mod mask_folder;
+pub mod meanings;
 pub mod measure;
 pub mod mesh_files;
 pub mod meshing;

@@ -28,8 +28,9 @@ mod values;
 
 use std::path::{Path, PathBuf};
 
+use crate::anatomy::doctor::{WrongSize, wrong_size};
 use crate::anatomy::planes::{self, StandardPlanes};
-use crate::anatomy::{Axes, Motion, Scene, TissueTable, import};
+use crate::anatomy::{Axes, Motion, Scene, SceneError, TissueTable, import};
 use crate::files::{self, FileKind};
 use crate::generator::generator_files;
 use crate::phantom::{self, PhantomOptions};
@@ -219,13 +220,27 @@ impl Station {
     /// Reads the surfaces of the glTF file at `path`, with this station's tissues and background.
     ///
     /// # Errors
-    /// An error of [`import::load`], or `tissues` lacks the background tissue.
+    /// An error of [`import::load`]; a scene of another unit, of which an image shows nothing; or `tissues` lacks the
+    /// background tissue. Another size that is no body's is logged as a warning.
     pub fn load_scene_from(&self, path: &Path) -> Result<Scene, StationError> {
         let background = parse::tissue_index(&self.tissues, &self.background)?;
         let mut scene = import::load(path, &self.tissues, background)?;
+        self.check_size(&scene, path)?;
         if !self.motion {
             scene.motion = Motion::default();
         }
         Ok(scene)
+    }
+
+    /// Refuses a scene that is larger than a body in all its parts, and warns of other sizes that the doctor calls an error.
+    fn check_size(&self, scene: &Scene, path: &Path) -> Result<(), SceneError> {
+        let Some(WrongSize { finding, thinnest_mm }) = wrong_size(scene) else { return Ok(()) };
+        let depth_mm = self.probe.depth_mm;
+        if f64::from(thinnest_mm) > depth_mm {
+            let (path, what, remedy) = (path.to_owned(), finding.what, finding.remedy);
+            return Err(SceneError::WrongUnit { path, what, thinnest_mm, depth_mm, remedy });
+        }
+        tracing::warn!(scene = %path.display(), "{}: {}", finding.what, finding.remedy);
+        Ok(())
     }
 }

@@ -12,5 +12,9 @@ mod hostile_gltf;
 #[allow(dead_code, reason = "other tests use the rest")]
 mod made_scenes;
 mod moving_scenes;
+#[path = "../program/mod.rs"]
+#[allow(dead_code, reason = "other tests use the rest")]
+mod program;
+mod scene_size;
 mod scenes;
 mod station_files;

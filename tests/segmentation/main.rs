@@ -10,6 +10,7 @@ mod files;
 mod frames;
 mod images;
 mod labels;
+mod mesh_meanings;
 mod meshes;
 mod naming;
 mod shapes;

@@ -16,6 +16,7 @@ mod finding;
 mod nesting;
 mod patient;
 mod probes;
+mod size;
 mod split;
 mod surface_check;
 pub(crate) mod tree;
@@ -28,6 +29,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 pub use finding::{Defect, Finding, PLACES_MAX, Place, Severity};
+pub use size::{WrongSize, wrong_size};
 use surface_check::SurfaceCheck;
 use tree::Tree;
 
@@ -39,9 +41,6 @@ use crate::pose::Pose;
 
 /// Distance, mm, below which crossings coincide for the tracer.
 const RESOLUTION_MM: f64 = 1.0e-3;
-
-/// Range of scene diagonals, mm: from a wire to a whole body.
-const SIZE_MM: [f32; 2] = [5.0, 3000.0];
 
 /// Size of a storage buffer that every GPU can bind, bytes.
 const BUFFER_BYTES: usize = 128 << 20;
@@ -202,22 +201,14 @@ fn whole(checks: &[SurfaceCheck], bounds: Option<Bounds>) -> Vec<Finding> {
             format!("{triangles} triangles take {needed} MiB in one buffer; not every GPU binds more than {bound}");
         findings.push(Finding::new(Defect::TooLarge, what));
     }
-    let Some(Bounds { min: low, max: high }) = bounds else { return findings };
-    let (size, [least, most]) = ((high.as_dvec3() - low.as_dvec3()).length() as f32, SIZE_MM);
-    let place = Place { at_mm: (0.5 * low + 0.5 * high).to_array(), size_mm: size };
-    let would_fit = |factor: f32| (least..=most).contains(&(size * factor));
-    if size > most {
-        let factor = if would_fit(1e-3) { ": 1000 times too large, if it was drawn in mm" } else { "" };
-        let across = if size < 1e6 { format!("{:.1} m", size * 1e-3) } else { format!("{:.1} km", size * 1e-6) };
-        let what = format!("the scene is {across} across{factor}");
-        findings.push(Finding::new(Defect::WrongUnit, what).at([place]));
-    } else if size > 0.0 && size < least {
-        let factor = if would_fit(1e3) { ": 1000 times too small, if it was drawn in m and scaled to mm" } else { "" };
-        findings.push(Finding::new(Defect::WrongUnit, format!("the scene is {size} mm across{factor}")).at([place]));
-    } else if Vec3::from(place.at_mm).length() > (10.0 * size).max(2000.0) {
-        let what =
-            format!("the scene, {size:.0} mm across, is {:.0} mm from the origin", Vec3::from(place.at_mm).length());
-        findings.push(Finding::new(Defect::FarFromOrigin, what).at([place]));
+    let Some(bounds) = bounds else { return findings };
+    let at = Vec3::from(0.5 * bounds.min + 0.5 * bounds.max);
+    let size = size::diagonal_mm(bounds);
+    if let Some(finding) = size::wrong_unit(bounds) {
+        findings.push(finding);
+    } else if at.length() > (10.0 * size).max(2000.0) {
+        let what = format!("the scene, {size:.0} mm across, is {:.0} mm from the origin", at.length());
+        findings.push(Finding::new(Defect::FarFromOrigin, what).at([Place { at_mm: at.to_array(), size_mm: size }]));
     }
     findings
 }

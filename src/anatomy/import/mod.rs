@@ -64,6 +64,13 @@ pub enum FindingKind {
         /// Number of edges.
         edges: usize,
     },
+    /// Closed parts that face inward and lie in no other part, so they are no cavities.
+    Inward {
+        /// Number of such parts.
+        parts: usize,
+        /// Number of all parts.
+        of: usize,
+    },
     /// Points or lines, skipped.
     NotTriangles,
     /// Surplus indices at the end of a triangle list, dropped.
@@ -91,8 +98,17 @@ impl fmt::Display for Finding {
             }
             FindingKind::InsideOut => write!(f, "surface `{name}` faced inward: turned over"),
             FindingKind::Open { edges } => {
-                write!(f, "surface `{name}` is not closed or not wound consistently: {edges} unpaired edges")
+                write!(
+                    f,
+                    "surface `{name}` is not closed or not wound consistently: {edges} unpaired edges; it is simulated \
+                     wrongly (`insonify doctor` says where)"
+                )
             }
+            FindingKind::Inward { parts, of } => write!(
+                f,
+                "{parts} of the {of} parts of surface `{name}` face inward: they are simulated wrongly (`insonify doctor` \
+                 says where)"
+            ),
             FindingKind::NotTriangles => write!(f, "primitive `{name}` holds points or lines: left out"),
             FindingKind::LeftOver { indices } => {
                 write!(f, "surface `{name}`: the last {indices} indices make no whole triangle: dropped")

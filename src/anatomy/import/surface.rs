@@ -11,7 +11,7 @@ use gltf::mesh::Mode;
 use super::document::File;
 use super::walk::Part;
 use super::{Finding, FindingKind, accessor, extensions};
-use crate::anatomy::{Mesh, SceneError};
+use crate::anatomy::{Bounds, Mesh, SceneError};
 use crate::files::memory_for;
 use crate::pose::POSITION_LIMIT_MM;
 
@@ -93,6 +93,34 @@ fn unpaired_edges(mesh: &mut Mesh, fillers: &[[u32; 3]]) -> usize {
     without.min(with)
 }
 
+/// Smallest share of a surface's volume that a part must have to be told.
+const CRUMB: f64 = 1e-4;
+
+/// Most parts of a surface that are compared with each other.
+const PARTS_MAX: usize = 1000;
+
+/// Parts of a closed mesh that face inward and lie in the bounds of no other part. Cavities lie in their part.
+fn inward_parts(mesh: &Mesh) -> Option<FindingKind> {
+    let (part_of, of) = mesh.pieces();
+    if !(2..=PARTS_MAX).contains(&of) {
+        return None;
+    }
+    let mut parts = vec![(Bounds::EMPTY, 0.0); of];
+    for (corners, part) in mesh.corners_mm().zip(part_of) {
+        let (bounds, volume) = &mut parts[part as usize];
+        *bounds = corners.into_iter().fold(*bounds, Bounds::with);
+        let [a, b, c] = corners.map(|v| v.as_dvec3());
+        *volume += a.dot(b.cross(c)) / 6.0;
+    }
+    let whole = mesh.signed_volume_mm3();
+    let outward: Vec<Bounds> = parts.iter().filter(|(_, v)| *v > 0.0).map(|(bounds, _)| *bounds).collect();
+    let is_inward = |(bounds, volume): &&(Bounds, f64)| {
+        *volume < -CRUMB * whole && !outward.iter().any(|other| other.holds(*bounds))
+    };
+    let parts = parts.iter().filter(is_inward).count();
+    (parts > 0).then_some(FindingKind::Inward { parts, of })
+}
+
 impl RawMesh {
     /// Usable mesh, and what was mended. Errors name `path` and `surface`.
     fn mended(&self, path: &Path, surface: &str) -> Result<(Mesh, Vec<FindingKind>), SceneError> {
@@ -116,11 +144,13 @@ impl RawMesh {
             findings.push(FindingKind::Degenerate { triangles: total - mesh.triangles.len() });
         }
         match unpaired_edges(&mut mesh, &fillers) {
-            0 if mesh.signed_volume_mm3() < 0.0 => {
-                mesh.flip();
-                findings.push(FindingKind::InsideOut);
+            0 => {
+                if mesh.signed_volume_mm3() < 0.0 {
+                    mesh.flip();
+                    findings.push(FindingKind::InsideOut);
+                }
+                findings.extend(inward_parts(&mesh));
             }
-            0 => {}
             edges => findings.push(FindingKind::Open { edges }),
         }
         Ok((mesh, findings))

@@ -4,13 +4,16 @@ use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 use clap::Parser;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use insonify::anatomy::Mesh;
-use insonify::segmentation::classes::{Class, ClassTable, Role};
+use insonify::segmentation::classes::{ClassTable, Role};
 use insonify::segmentation::from_labels::{Made, Options};
-use insonify::segmentation::from_meshes::{OrganMesh, surfaces};
+use insonify::segmentation::from_meshes::{OrganMesh, remarks_on_organs, surfaces};
 use insonify::segmentation::grid::CutPlane;
-use insonify::segmentation::mesh_files::placing::{Guess, MeshAxes, Unit, guess_axes, guess_unit};
+use insonify::segmentation::meanings::{Assignment, Meant, meanings};
+use insonify::segmentation::mesh_files::placing::{
+    Guess, MeshAxes, Unit, contradiction, guess_axes, guess_unit, organ_sizes,
+};
 use insonify::segmentation::mesh_files::{FileHints, NamedMesh, read_meshes};
 use insonify::segmentation::repair::{ActionKind, RepairSettings, SurfaceRepair, repair};
 
@@ -21,25 +24,33 @@ use super::repair::RepairArgs;
 
 /// Make a scene from meshes of organs: STL, OBJ, PLY, VTK polydata (.vtk, .vtp) and glTF.
 ///
-/// MEANING is a tissue (`insonify tissues`) or the name of an organ; without it the names of the meshes in the file are
-/// organs' names. Unit and axes are what the file says, else they are guessed from sizes and places of organs; if
-/// the guess is not certain, the command asks for `--units` or `--axes`. Surfaces are repaired: holes closed, faces turned outward, doubled sheets removed.
+/// MEANING is a tissue (`insonify tissues`), the name of an organ, or `ignore`; without it the names of the meshes in the
+/// file are organs' names. A file of several meshes needs a meaning for each: FILE#NAME=MEANING, where NAME is that of an
+/// object, group, solid or material; FILE#*=MEANING is for all that no other argument names.
+///
+/// Unit and axes are what the file says, else they are guessed from sizes and places of organs; if the guess is not
+/// certain, the command asks for `--units` or `--axes`. Surfaces are repaired: holes closed, faces turned outward,
+/// doubled sheets removed.
 ///
 /// A mesh called body or skin is filled with skin, fat and soft tissue; without one a body is drawn around all organs.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {
-    /// Meshes: FILE=MEANING, or FILE alone where its meshes have names of organs
-    #[arg(required = true, value_name = "FILE[=MEANING]")]
+    /// Meshes: FILE=MEANING; FILE#NAME=MEANING for one of several; FILE alone where its meshes have names of organs
+    #[arg(required = true, value_name = "FILE[#NAME][=MEANING]")]
     meshes: Vec<String>,
 
-    /// Unit of the files: mm, cm or m
+    /// Unit of the files: mm, cm, m or in (inches)
     #[arg(long, value_name = "UNIT", value_parser = unit)]
     units: Option<Unit>,
 
     /// Axes of the files: lps (x left, y back, z up), ras (x right, y front, z up) or y-up (x left, y up, z front)
     #[arg(long, value_name = "AXES", value_parser = axes)]
     axes: Option<MeshAxes>,
+
+    /// Move all meshes together so that their centre is the origin; needed beyond 100 m from it
+    #[arg(long)]
+    to_origin: bool,
 
     /// Thickness of the skin, mm, 0..=10; 0 for none
     #[arg(long, value_name = "MM", default_value_t = Options::default().skin_mm, value_parser = super::from_labels::skin, allow_negative_numbers = true)]
@@ -62,7 +73,8 @@ pub(crate) struct Args {
 
 const AFTER_HELP: &str = "\
 Examples:
-  insonify scene from-meshes liver.stl=liver ribs.obj=bone_adult kidney.ply=kidney_right --out patient.glb
+  insonify scene from-meshes liver.stl=liver ribs.obj#*=bone_adult kidney.ply=kidney_right --out patient.glb
+  insonify scene from-meshes abdomen.obj#grp0=liver abdomen.obj#grp1=kidney_right --out patient.glb
   insonify scene from-meshes Segmentation.obj --units mm --axes ras --out patient.glb
   insonify scene from-meshes torso.stl=body liver.stl=liver --out patient.glb --report patient.html";
 
@@ -74,70 +86,72 @@ fn axes(text: &str) -> Result<MeshAxes, String> {
     MeshAxes::named(text).ok_or_else(|| format!("expected one of {}", MeshAxes::NAMES.join(", ")))
 }
 
-/// A mesh of a file, and what it is.
-struct Given {
-    class: Class,
-    mesh: NamedMesh,
+/// Content of all files.
+#[derive(Default)]
+struct Read {
+    meshes: Vec<Meant>,
+    /// What the files say.
+    hints: FileHints,
+    files: Vec<PathBuf>,
+    /// Files that don't state their axes.
+    silent: Vec<PathBuf>,
 }
 
-/// Meshes of all files with their meanings, what the files say, and the files.
-fn read(args: &Args) -> Result<(Vec<Given>, FileHints, Vec<PathBuf>), Failure> {
+impl Read {
+    /// Remarks on files that are taken as the others say.
+    fn remarks(&self, args: &Args) -> Vec<String> {
+        let Some(axes) = self.hints.axes.filter(|_| args.axes.is_none()) else { return Vec::new() };
+        let remark = |path: &PathBuf| format!("{} states no axes: taken in {axes}, as the others", path.display());
+        self.silent.iter().map(remark).collect()
+    }
+}
+
+/// Meshes of all files with their meanings, and what the files say.
+fn read(args: &Args) -> Result<Read, Failure> {
     let table = ClassTable::builtin("total-v2").input()?;
-    let (mut given, mut hints, mut files) = (Vec::new(), FileHints::default(), Vec::new());
-    for word in &args.meshes {
-        // A file's own name may hold a `=`.
-        let (path, meaning) = match word.rsplit_once('=') {
-            Some((path, meaning)) if !Path::new(word).exists() => (PathBuf::from(path), Some(meaning)),
-            _ => (PathBuf::from(word), None),
-        };
-        let file = read_meshes(&path).input()?;
-        let count = file.meshes.len();
-        for mesh in file.meshes {
-            let class = class_of(&table, &mesh.name, meaning, count == 1)
-                .map_err(|why| Failure::Input(anyhow!("{}: {why}", path.display())))?;
-            given.push(Given { class, mesh });
+    let mut all = Read::default();
+    let parse = |word: &String| Assignment::parse(word, |path| path.is_file());
+    let assignments = args.meshes.iter().map(parse).collect::<Result<Vec<_>, _>>().input()?;
+    for Assignment { file: path, .. } in &assignments {
+        if all.files.contains(path) {
+            continue;
         }
-        if let (Some(a), Some(b)) = (hints.axes, file.hints.axes)
-            && a != b
-            && args.axes.is_none()
-        {
-            let path = path.display();
-            return Err(Failure::Input(anyhow!(
-                "{path} is in {b}, another file in {a}: export them in the same axes, or give --axes if one of them is wrong"
-            )));
+        let file = read_meshes(path).input()?;
+        let own: Vec<Assignment> = assignments.iter().filter(|other| other.file == *path).cloned().collect();
+        all.meshes.extend(meanings(&table, path, file.meshes, &own).input()?);
+        if file.hints.axes.is_none() {
+            all.silent.push(path.clone());
         }
-        if args.units.is_none() && !files.is_empty() && hints.unit != file.hints.unit {
-            let path = path.display();
-            return Err(Failure::Input(anyhow!(
-                "{path} and the files before it don't state the same unit: export them alike, or give --units"
-            )));
-        }
-        hints.of_format |= file.hints.of_format;
-        hints.axes = hints.axes.or(file.hints.axes);
-        hints.unit = hints.unit.or(file.hints.unit);
-        hints.said = hints.said.or(file.hints.said);
-        files.push(path);
+        join(args, &mut all.hints, file.hints, path, all.files.is_empty())?;
+        all.files.push(path.clone());
     }
-    Ok((given, hints, files))
+    Ok(all)
 }
 
-/// Class that a mesh has by its given meaning, else by its own name.
-fn class_of(table: &ClassTable, mesh: &str, meaning: Option<&str>, alone: bool) -> Result<Class, String> {
-    let mut table = table.clone();
-    match meaning {
-        Some(meaning) => {
-            // A tissue: the mesh's name stays. An organ: its name, where the file holds that alone.
-            let known = table.named(meaning).cloned();
-            table.add(&format!("{mesh}={meaning}")).map_err(|e| e.to_string())?;
-            let class = known.filter(|_| alone).or_else(|| table.named(mesh).cloned());
-            class.ok_or_else(|| format!("`{mesh}` has no meaning"))
-        }
-        None => table.named(mesh).cloned().ok_or_else(|| {
-            let near = table.nearest(mesh);
-            let near = if near.is_empty() { String::new() } else { format!(" (did you mean {}?)", near.join(", ")) };
-            format!("`{mesh}` is no known organ{near}: give its tissue or organ as FILE=MEANING")
-        }),
+/// Joins what several files say. Files that differ are refused unless an option decides.
+fn join(args: &Args, all: &mut FileHints, of: FileHints, path: &Path, is_first: bool) -> Result<(), Failure> {
+    let path = path.display();
+    if let (Some(a), Some(b)) = (all.axes, of.axes)
+        && a != b
+        && args.axes.is_none()
+    {
+        return Err(Failure::Input(anyhow!(
+            "{path} is in {b}, another file in {a}: export them in the same axes, or give --axes if one of them is wrong"
+        )));
     }
+    if args.units.is_none() && !is_first && all.unit != of.unit {
+        return Err(Failure::Input(anyhow!(
+            "{path} and the files before it don't state the same unit: export them alike, or give --units"
+        )));
+    }
+    all.of_format |= of.of_format;
+    all.axes = all.axes.or(of.axes);
+    all.unit = all.unit.or(of.unit);
+    all.said = all.said.take().or(of.said);
+    let of_file = |clause: String| format!("{path}: {clause}");
+    all.unclear_axes = all.unclear_axes.take().or(of.unclear_axes.map(of_file));
+    all.unclear_unit = all.unclear_unit.take().or(of.unclear_unit.map(of_file));
+    Ok(())
 }
 
 /// The value given, else a certain guess; an error asks for `option`.
@@ -153,7 +167,8 @@ fn decided<T: Copy + std::fmt::Display>(
     }
     if !guess.certain {
         return Err(Failure::Input(anyhow!(
-            "the {what} of the meshes cannot be told for certain (most likely {guess}); give {option}"
+            "the {what} of the meshes cannot be told for certain (most likely {guess}); give {option} {}",
+            guess.value
         )));
     }
     remarks.push(format!("{what} of the meshes: {guess}"));
@@ -163,19 +178,91 @@ fn decided<T: Copy + std::fmt::Display>(
 /// Sizes of bodies and of their smallest parts, mm.
 const SIZES_MM: std::ops::RangeInclusive<f64> = 5.0..=2500.0;
 
-/// Refuses meshes that are no body's in `unit`.
-fn check_size(given: &[Given], unit: Unit) -> Result<(), Failure> {
-    let points = given.iter().flat_map(|g| &g.mesh.vertices);
-    let (low, high) = points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), &p| (a.min(p), b.max(p)));
+/// Ratio to an organ's usual size beyond which it is in another unit; the second where the unit is given, since a mesh
+/// may be a fragment.
+const OTHER_UNIT: f64 = 5.0;
+const OTHER_UNIT_GIVEN: f64 = 30.0;
+
+/// Bounds of all meshes, in their unit.
+fn bounds(meshes: &[NamedMesh]) -> (DVec3, DVec3) {
+    let points = meshes.iter().flat_map(|mesh| &mesh.vertices);
+    points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), &p| (a.min(p), b.max(p)))
+}
+
+/// Refuses meshes that are no body's in `unit`; organs of unusual size become remarks.
+fn check_size(meshes: &[NamedMesh], unit: Unit, given: bool, remarks: &mut Vec<String>) -> Result<(), Failure> {
+    let (low, high) = bounds(meshes);
     let size_mm = (high - low).max_element() * unit.mm();
-    if SIZES_MM.contains(&size_mm) {
-        return Ok(());
+    if !SIZES_MM.contains(&size_mm) {
+        let longest = |mesh: &NamedMesh| {
+            let (low, high) = bounds(std::slice::from_ref(mesh));
+            (high - low).max_element() * unit.mm()
+        };
+        let fits = Unit::ALL.into_iter().find(|other| SIZES_MM.contains(&(size_mm * other.mm() / unit.mm())));
+        let apart = meshes.len() > 1 && meshes.iter().all(|mesh| longest(mesh) < *SIZES_MM.end() / 2.0);
+        let remedy = match fits {
+            _ if apart && size_mm > *SIZES_MM.end() => {
+                "each alone has the size of an organ, but they lie far apart: export all in the same frame".to_owned()
+            }
+            Some(other) => format!("try --units {other}"),
+            None => "correct the files".to_owned(),
+        };
+        return Err(Failure::Input(anyhow!(
+            "all meshes together are {size_mm:.0} mm long in {unit}; bodies and their parts have 5 to 2500 mm: {remedy}"
+        )));
     }
-    let fits = Unit::ALL.into_iter().find(|other| SIZES_MM.contains(&(size_mm * other.mm() / unit.mm())));
-    let remedy = fits.map_or_else(|| "correct the files".to_owned(), |other| format!("try --units {other}"));
-    Err(Failure::Input(anyhow!(
-        "all meshes together are {size_mm:.0} mm long in {unit}; bodies and their parts have 5 to 2500 mm: {remedy}"
-    )))
+    let organs = organ_sizes(meshes, unit);
+    let has_usual = organs.iter().any(|organ| organ.ratio == 1.0);
+    let (limit, remedy) = match given {
+        false => (OTHER_UNIT, format!("export all files in one unit, or give --units {unit} if it is a fragment")),
+        true => (OTHER_UNIT_GIVEN, "export all files in one unit".to_owned()),
+    };
+    for organ in organs.into_iter().filter(|organ| organ.ratio > 1.0) {
+        if organ.ratio > limit && has_usual {
+            let others = "others have their usual size";
+            return Err(Failure::Input(anyhow!(
+                "{organ}, and {others}: it may be in another unit than {unit}; {remedy}"
+            )));
+        }
+        remarks.push(format!("unusual size: {organ}"));
+    }
+    Ok(())
+}
+
+/// Largest coordinate of a scene, mm.
+const FARTHEST_MM: f64 = 1e5;
+
+/// Shift in `unit` that moves all meshes to the origin if that is wanted. Meshes beyond the reach of a scene are refused.
+fn shift(args: &Args, meshes: &[NamedMesh], unit: Unit, remarks: &mut Vec<String>) -> Result<DVec3, Failure> {
+    let (low, high) = bounds(meshes);
+    let centre = 0.5 * (low + high);
+    if args.to_origin {
+        let [x, y, z] = (centre * unit.mm()).to_array();
+        remarks.push(format!(
+            "all meshes are moved by ({:.1}, {:.1}, {:.1}) mm of the file's axes, to the origin",
+            -x, -y, -z
+        ));
+        return Ok(-centre);
+    }
+    let farthest_mm = low.abs().max(high.abs()).max_element() * unit.mm();
+    if farthest_mm >= FARTHEST_MM {
+        return Err(Failure::Input(anyhow!(
+            "the meshes lie up to {:.1} m from the origin; a scene reaches 100 m: give --to-origin, or move them in the \
+             modelling program",
+            farthest_mm * 1e-3
+        )));
+    }
+    Ok(DVec3::ZERO)
+}
+
+/// Refuses axes of a file that places of organs contradict; given ones make a remark.
+fn check_axes(args: &Args, meshes: &[NamedMesh], axes: MeshAxes, remarks: &mut Vec<String>) -> Result<(), Failure> {
+    let Some((other, text)) = contradiction(axes, meshes) else { return Ok(()) };
+    if args.axes.is_none() {
+        return Err(Failure::Input(anyhow!("{text}: give --axes {other}, or --axes {axes} if the file is right")));
+    }
+    remarks.push(format!("the axes may be wrong: {text}"));
+    Ok(())
 }
 
 /// Sides of all surfaces, along the patient's axes, at which the scan seems to end: a flat cap lies there.
@@ -207,28 +294,56 @@ fn cuts(reports: &[SurfaceRepair], surfaces: &[Made]) -> Vec<CutPlane> {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     // Existing outputs are refused before files are read, inputs among the outputs after.
     args.output.check(&[])?;
-    let (mut given, hints, files) = read(args)?;
+    let read = read(args)?;
+    let mut remarks = read.remarks(args);
+    let Read { meshes: mut given, hints, files, .. } = read;
     let paths: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
     args.output.check(&paths)?;
     given.retain(|given| given.class.role != Role::Ignore);
+    if given.is_empty() {
+        return Err(Failure::Input(anyhow!("all meshes are ignored: there is nothing to make a scene of")));
+    }
     // Names of organs tell sizes and places.
     let named: Vec<NamedMesh> =
         given.iter().map(|g| NamedMesh { name: g.class.name.clone(), ..g.mesh.clone() }).collect();
-    let mut remarks = Vec::new();
     let unit = decided(args.units, &guess_unit(&hints, &named), "unit", "--units", &mut remarks)?;
     let axes = decided(args.axes, &guess_axes(&hints, &named), "axes", "--axes", &mut remarks)?;
+    check_size(&named, unit, args.units.is_some(), &mut remarks)?;
+    check_axes(args, &named, axes, &mut remarks)?;
+    let shift = shift(args, &named, unit, &mut remarks)?;
     drop(named);
 
-    check_size(&given, unit)?;
     let progress = Progress::new("scene", 100);
     let lps_from_file = axes.lps_from_file() * unit.mm();
+    let (organs, repairs, reports) = repaired(args, given, &progress, |v| (lps_from_file * (v + shift)).as_vec3())?;
+    remarks.extend(remarks_on_organs(&organs));
+    progress.set(80, 100);
+    let options = Options { skin_mm: args.skin_mm, fat_mm: args.fat_mm, ..Options::default() };
+    let (surfaces, more) = surfaces(organs, &options);
+    remarks.extend(more);
+    let path = files.into_iter().next().unwrap_or_default();
+    let cuts = cuts(&reports, &surfaces);
+    let source = Source { path, surfaces, cuts, facts: None, unmapped: Vec::new(), repairs, remarks };
+    args.output.finish(source, progress)
+}
+
+/// Organs of meshes, repaired, with a line for each repair and the reports.
+type Repaired = (Vec<OrganMesh>, Vec<String>, Vec<SurfaceRepair>);
+
+/// Repairs all meshes, placed in the scene by `scene_mm`.
+fn repaired(
+    args: &Args,
+    given: Vec<Meant>,
+    progress: &Progress,
+    scene_mm: impl Fn(DVec3) -> Vec3,
+) -> Result<Repaired, Failure> {
     let settings = RepairSettings { max_move_mm: args.repair.max_move_mm, ..RepairSettings::default() };
     let (mut organs, mut repairs, mut reports) = (Vec::new(), Vec::new(), Vec::new());
     let count = given.len();
-    for (done, Given { class, mesh }) in given.into_iter().enumerate() {
+    for (done, Meant { class, mesh }) in given.into_iter().enumerate() {
         progress.set(80 * done / count.max(1), 100);
         let name = distinct(&class.name, &organs);
-        let vertices_mm = mesh.vertices.iter().map(|&v: &DVec3| (lps_from_file * v).as_vec3()).collect();
+        let vertices_mm = mesh.vertices.iter().map(|&v| scene_mm(v)).collect();
         let mut mesh = Mesh { vertices_mm, triangles: mesh.triangles };
         if !args.no_repair {
             let report: SurfaceRepair;
@@ -243,14 +358,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         }
         organs.push(OrganMesh { name, class, mesh });
     }
-    progress.set(80, 100);
-    let options = Options { skin_mm: args.skin_mm, fat_mm: args.fat_mm, ..Options::default() };
-    let (surfaces, more) = surfaces(organs, &options);
-    remarks.extend(more);
-    let path = files.into_iter().next().unwrap_or_default();
-    let cuts = cuts(&reports, &surfaces);
-    let source = Source { path, surfaces, cuts, facts: None, unmapped: Vec::new(), repairs, remarks };
-    args.output.finish(source, progress)
+    Ok((organs, repairs, reports))
 }
 
 /// `name`, numbered where an organ has it already.

@@ -24,18 +24,24 @@ impl Cells {
         Ok(())
     }
 
-    /// Adds cells of which each is its count of corners and these.
-    pub(super) fn add_counted(self, values: &[f64], vertices: &[DVec3], draft: &mut Draft) -> Result<(), String> {
-        let mut rest = values;
+    /// Adds `cells` cells of which each is its count of corners and these.
+    pub(super) fn add_counted(
+        self,
+        cells: usize,
+        values: &[f64],
+        vertices: &[DVec3],
+        draft: &mut Draft,
+    ) -> Result<(), String> {
+        let (mut rest, mut added) = (values, 0);
         while let [count, after @ ..] = rest {
             let count = index(*count, after.len() + 1).map(|count| count as usize);
             let Some((corners, next)) = count.and_then(|count| after.split_at_checked(count)) else {
                 return Err("the last cell has fewer corners than it says".to_owned());
             };
             self.add(corners, vertices, draft)?;
-            rest = next;
+            (rest, added) = (next, added + 1);
         }
-        Ok(())
+        if added == cells { Ok(()) } else { Err(format!("the list has {added} cells, and {cells} are promised")) }
     }
 
     /// Adds cells that end at `ends` of the list of all `corners`.

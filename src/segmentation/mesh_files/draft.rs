@@ -4,12 +4,17 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use super::NamedMesh;
+use super::{MeshPart, NamedMesh};
+use crate::names::printable;
 
-/// Triangles of one mesh of a file, over vertices that it may share with others.
+/// Triangles of one mesh of a file, or of a part of it, over vertices that it may share with others.
 #[derive(Debug, Default)]
 pub(super) struct Draft {
     pub(super) name: Option<String>,
+    /// Name of the part, such as a material; may be empty.
+    pub(super) part: Option<String>,
+    /// Number of the mesh that this is a part of; a mesh of its own without one.
+    pub(super) whole: Option<usize>,
     pub(super) triangles: Vec<[u32; 3]>,
 }
 
@@ -17,7 +22,12 @@ impl Draft {
     /// A draft without triangles.
     pub(super) fn named(name: impl Into<String>) -> Self {
         let name = name.into();
-        Self { name: (!name.is_empty()).then_some(name), triangles: Vec::new() }
+        Self { name: (!name.is_empty()).then_some(name), ..Self::default() }
+    }
+
+    /// This draft with other triangles.
+    pub(super) fn with(self, triangles: Vec<[u32; 3]>) -> Self {
+        Self { triangles, ..self }
     }
 
     /// Adds a polygon, divided into triangles. Fewer than three corners add nothing.
@@ -38,18 +48,49 @@ impl Draft {
         let turned = |(i, w): (usize, &[u32])| if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] };
         self.triangles.extend(corners.windows(3).enumerate().map(turned));
     }
+}
 
-    /// The mesh with its own vertices, each position once.
-    pub(super) fn finish(self, vertices: &[DVec3], otherwise: &str) -> NamedMesh {
-        let mut index_at = HashMap::new();
-        let mut own = Vec::new();
-        let mut index_of = vec![u32::MAX; vertices.len()];
+/// Drafts with triangles, those of one mesh together, in the order of their first ones.
+pub(super) fn by_mesh(drafts: Vec<Draft>) -> Vec<Vec<Draft>> {
+    let mut meshes: Vec<Vec<Draft>> = Vec::new();
+    let mut index_of: HashMap<usize, usize> = HashMap::new();
+    for draft in drafts.into_iter().filter(|draft| !draft.triangles.is_empty()) {
+        let known = draft.whole.and_then(|whole| index_of.get(&whole).copied());
+        if let Some(index) = known {
+            meshes[index].push(draft);
+            continue;
+        }
+        index_of.extend(draft.whole.map(|whole| (whole, meshes.len())));
+        meshes.push(vec![draft]);
+    }
+    meshes
+}
+
+/// Makes meshes of drafts over the vertices of a file.
+pub(super) struct Finisher<'v> {
+    vertices: &'v [DVec3],
+    /// Number of the mesh that last used each vertex, and the vertex's index there.
+    known: Vec<[u32; 2]>,
+    /// Number of the present mesh, from 1.
+    mesh: u32,
+}
+
+impl<'v> Finisher<'v> {
+    pub(super) fn new(vertices: &'v [DVec3]) -> Self {
+        Self { vertices, known: vec![[0; 2]; vertices.len()], mesh: 0 }
+    }
+
+    /// Mesh of drafts, its parts, with its own vertices, each position once. It is called `otherwise` without a name.
+    pub(super) fn finish(&mut self, mut drafts: Vec<Draft>, otherwise: &str) -> NamedMesh {
+        self.mesh += 1;
+        let (mut index_at, mut own) = (HashMap::new(), Vec::new());
         let mut index = |vertex: u32| {
-            let known = &mut index_of[vertex as usize];
-            if *known == u32::MAX {
-                let at = vertices[vertex as usize];
+            let [mesh, known] = &mut self.known[vertex as usize];
+            if *mesh != self.mesh {
+                let at = self.vertices[vertex as usize];
                 // Adding zero turns −0 into 0.
                 let key = (at + DVec3::ZERO).to_array().map(f64::to_bits);
+                *mesh = self.mesh;
                 *known = *index_at.entry(key).or_insert_with(|| {
                     own.push(at);
                     own.len() as u32 - 1
@@ -57,8 +98,30 @@ impl Draft {
             }
             *known
         };
-        let triangles = self.triangles.iter().map(|t| t.map(&mut index)).collect();
-        NamedMesh { name: self.name.unwrap_or_else(|| otherwise.to_owned()), vertices: own, triangles }
+        // Names go into messages, tables and station files, so they fit on one line.
+        let name = {
+            let names = drafts.iter().filter_map(|draft| draft.name.as_deref()).chain([otherwise]);
+            let mut names = names.map(|name| printable(name).into_owned());
+            names.find(|name| !name.is_empty()).unwrap_or_else(|| "mesh".to_owned())
+        };
+        drafts.iter_mut().filter_map(|draft| draft.part.as_mut()).for_each(|part| *part = printable(part).into_owned());
+        let mut order: HashMap<Option<String>, usize> = HashMap::new();
+        for draft in &drafts {
+            let count = order.len();
+            order.entry(draft.part.clone()).or_insert(count);
+        }
+        drafts.sort_by_key(|draft| order.get(&draft.part).copied());
+        let (mut triangles, mut parts) = (Vec::new(), Vec::<MeshPart>::new());
+        for draft in drafts {
+            let first = triangles.len();
+            triangles.extend(draft.triangles.iter().map(|t| t.map(&mut index)));
+            match (draft.part, parts.last_mut()) {
+                (Some(name), Some(part)) if part.name == name => part.triangles.end = triangles.len(),
+                (Some(name), _) => parts.push(MeshPart { name, triangles: first..triangles.len() }),
+                (None, _) => {}
+            }
+        }
+        NamedMesh { name, vertices: own, triangles, parts }
     }
 }
 
@@ -115,8 +178,8 @@ mod tests {
     #[test]
     fn equal_positions_become_one_vertex_and_unused_ones_go() {
         let vertices = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z, DVec3::X, -DVec3::ZERO];
-        let draft = Draft { name: None, triangles: vec![[0, 1, 2], [5, 2, 4]] };
-        let mesh = draft.finish(&vertices, "stem");
+        let draft = Draft::default().with(vec![[0, 1, 2], [5, 2, 4]]);
+        let mesh = Finisher::new(&vertices).finish(vec![draft], "stem");
         assert_eq!((mesh.vertices.len(), mesh.name.as_str()), (3, "stem"));
         assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 1]]);
     }

@@ -15,9 +15,11 @@ pub enum Unit {
     Cm,
     /// Metres.
     M,
+    /// Inches.
+    In,
 }
 
-named!(Unit { Mm = "mm", Cm = "cm", M = "m" });
+named!(Unit { Mm = "mm", Cm = "cm", M = "m", In = "in" });
 
 impl Unit {
     /// Length of the unit, mm.
@@ -26,6 +28,7 @@ impl Unit {
             Self::Mm => 1.0,
             Self::Cm => 10.0,
             Self::M => 1000.0,
+            Self::In => 25.4,
         }
     }
 }

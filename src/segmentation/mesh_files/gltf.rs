@@ -1,5 +1,6 @@
 //! glTF files, by the scene's reader.
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use glam::DVec3;
@@ -14,7 +15,8 @@ use crate::anatomy::import::read_raw;
 /// Length of a metre of the file in the scene reader's unit, mm.
 const METRE_MM: f64 = 1000.0;
 
-/// Meshes of the scene, one for each node: its primitives are joined. Positions are in metres, y up.
+/// Meshes of the scene, one for each node. Its primitives are the mesh's parts, named by their tissue or material.
+/// Positions are in metres, y up.
 pub(super) fn read(path: &Path) -> Result<Parsed, MeshFileError> {
     let scene = read_raw(path)?;
     if let Some(problem) = scene.problems.into_iter().next() {
@@ -30,20 +32,17 @@ pub(super) fn read(path: &Path) -> Result<Parsed, MeshFileError> {
     parsed.hints.axes = Some(axes);
     parsed.hints.unit = Some(Unit::M);
     parsed.hints.said = Some(said.to_owned());
-    let mut node = None;
+    let mut name_of = HashMap::new();
     for surface in scene.surfaces {
         let mesh = surface.mesh?;
-        if node != Some(surface.node) {
-            // The reader numbers the primitives of a node.
-            let name = surface.name.strip_suffix("/0").unwrap_or(&surface.name);
-            parsed.drafts.push(Draft::named(name));
-            node = Some(surface.node);
-        }
+        // The reader numbers the primitives of a node.
+        let name = || surface.name.strip_suffix("/0").unwrap_or(&surface.name).to_owned();
+        let name: &String = name_of.entry(surface.node).or_insert_with(name);
         let first = parsed.vertices.len() as u32;
         parsed.vertices.extend(mesh.vertices_mm.iter().map(|v| v.as_dvec3() / METRE_MM));
-        if let Some(draft) = parsed.drafts.last_mut() {
-            draft.triangles.extend(mesh.triangles.iter().map(|t| t.map(|vertex| vertex + first)));
-        }
+        let triangles = mesh.triangles.iter().map(|t| t.map(|vertex| vertex + first)).collect();
+        let (part, whole) = (Some(surface.tissue.unwrap_or_default()), Some(surface.node));
+        parsed.drafts.push(Draft { part, whole, ..Draft::named(name).with(triangles) });
     }
     parsed.vertices.iter_mut().for_each(|v| *v += DVec3::ZERO);
     Ok(parsed)

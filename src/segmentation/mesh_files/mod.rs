@@ -13,6 +13,8 @@ mod obj;
 pub mod placing;
 mod ply;
 mod scanner;
+#[cfg(test)]
+mod silent;
 mod stl;
 #[cfg(test)]
 mod tests;
@@ -20,7 +22,8 @@ mod vtk;
 mod vtp;
 mod vtp_data;
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
+use std::ops::Range;
 use std::path::Path;
 
 use glam::DVec3;
@@ -28,12 +31,13 @@ use glam::DVec3;
 pub use error::{MeshFileError, Position};
 pub use hints::FileHints;
 
+use crate::anatomy::mesh::root;
 use crate::files::{self, FileKind};
-use draft::Draft;
+use draft::{Draft, Finisher};
 use error::Fault;
 
 /// A mesh of a file.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct NamedMesh {
     /// Name of the object, group or solid, else of the file without its extension; unique in the file.
     pub name: String,
@@ -41,6 +45,51 @@ pub struct NamedMesh {
     pub vertices: Vec<DVec3>,
     /// Vertex indices, each below `vertices.len()`.
     pub triangles: Vec<[u32; 3]>,
+    /// Parts that the file tells apart: groups of an object, or materials. They hold all triangles, or there are none.
+    pub parts: Vec<MeshPart>,
+}
+
+/// Part of a mesh: a group of an object, or a material.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct MeshPart {
+    /// Name; empty for triangles without a group or material.
+    pub name: String,
+    /// Range of the mesh's triangles.
+    pub triangles: Range<usize>,
+}
+
+impl NamedMesh {
+    /// Whether its parts share a vertex, one with the other, so that all are one surface.
+    pub fn is_one_surface(&self) -> bool {
+        let mut part_of = vec![u32::MAX; self.vertices.len()];
+        // Parts that share a vertex have one root.
+        let mut parent: Vec<u32> = (0..self.parts.len() as u32).collect();
+        for (number, part) in (0..).zip(&self.parts) {
+            for &vertex in self.triangles[part.triangles.clone()].iter().flatten() {
+                let other = std::mem::replace(&mut part_of[vertex as usize], number);
+                if other != u32::MAX && other != number {
+                    let (a, b) = (root(&mut parent, other), root(&mut parent, number));
+                    parent[a as usize] = b;
+                }
+            }
+        }
+        let roots: HashSet<u32> = (0..self.parts.len() as u32).map(|part| root(&mut parent, part)).collect();
+        roots.len() < 2
+    }
+
+    /// Meshes of its parts, each with its own vertices, called as `name` says; the mesh itself if it has no parts.
+    #[must_use]
+    pub fn split(self, name: impl Fn(&MeshPart) -> String) -> Vec<Self> {
+        if self.parts.is_empty() {
+            return vec![self];
+        }
+        let mut finisher = Finisher::new(&self.vertices);
+        let part = |part: &MeshPart| {
+            let draft = Draft::named(name(part)).with(self.triangles[part.triangles.clone()].to_vec());
+            finisher.finish(vec![draft], &self.name)
+        };
+        self.parts.iter().map(part).collect()
+    }
 }
 
 /// Content of a mesh file.
@@ -90,8 +139,13 @@ pub fn read_meshes(path: &Path) -> Result<MeshFile, MeshFileError> {
 /// Bytes that are no mesh file, are damaged, or have no triangles.
 pub fn decode(bytes: &[u8], path: &Path) -> Result<MeshFile, MeshFileError> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
-    let parse = format(bytes, &extension).ok_or_else(|| MeshFileError::Unknown { path: path.to_owned() })?;
     let fault = |Fault { at, reason }| MeshFileError::Format { path: path.to_owned(), at, reason };
+    if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
+        return Err(fault(Fault::byte(0, "the text is UTF-16: save it as UTF-8")));
+    }
+    // A byte order mark of UTF-8 is no part of the first line.
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let parse = format(bytes, &extension).ok_or_else(|| MeshFileError::Unknown { path: path.to_owned() })?;
     finish(path, parse(bytes).map_err(fault)?)
 }
 
@@ -144,8 +198,9 @@ fn picture(bytes: &[u8], path: &Path) -> Option<&'static str> {
 fn finish(path: &Path, parsed: Parsed) -> Result<MeshFile, MeshFileError> {
     let Parsed { vertices, drafts, others, hints } = parsed;
     let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or("mesh");
-    let with_faces = drafts.into_iter().filter(|draft| !draft.triangles.is_empty());
-    let mut meshes: Vec<NamedMesh> = with_faces.map(|draft| draft.finish(&vertices, stem)).collect();
+    let mut finisher = Finisher::new(&vertices);
+    let mut meshes: Vec<NamedMesh> =
+        draft::by_mesh(drafts).into_iter().map(|drafts| finisher.finish(drafts, stem)).collect();
     if meshes.is_empty() {
         let found = match (others, vertices.len()) {
             (0, 0) => String::new(),
@@ -167,12 +222,19 @@ fn finish(path: &Path, parsed: Parsed) -> Result<MeshFile, MeshFileError> {
 /// Appends numbers to names that occur more than once.
 fn make_unique(meshes: &mut [NamedMesh]) {
     let mut taken: HashSet<String> = HashSet::new();
+    let mut next: HashMap<String, usize> = HashMap::new();
     for mesh in meshes {
-        if !taken.insert(mesh.name.clone()) {
-            let numbered = |n: usize| format!("{}_{n}", mesh.name);
-            let free = (2..).map(numbered).find(|name| !taken.contains(name));
-            mesh.name = free.unwrap_or_default();
-            taken.insert(mesh.name.clone());
+        if taken.insert(mesh.name.clone()) {
+            continue;
         }
+        let number = next.entry(mesh.name.clone()).or_insert(2);
+        let name = loop {
+            let name = format!("{}_{number}", mesh.name);
+            *number += 1;
+            if taken.insert(name.clone()) {
+                break name;
+            }
+        };
+        mesh.name = name;
     }
 }

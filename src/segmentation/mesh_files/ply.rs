@@ -5,7 +5,8 @@ use glam::DVec3;
 use super::Parsed;
 use super::draft::Draft;
 use super::error::Fault;
-use super::scanner::{Number, Order, Scanner, index, text};
+use super::scanner::{Number, Order, Scanner, finite, index, not_a_number, text};
+use crate::names::counted;
 
 /// An element of the header.
 struct Element {
@@ -40,16 +41,29 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, Fault> {
             _ => {
                 parsed.others += if element.name == "edge" { element.count } else { 0 };
                 let count = if element.properties.is_empty() { 0 } else { element.count };
-                for _ in 0..count {
-                    for property in &element.properties {
-                        values(&mut scanner, data, property)?;
-                    }
+                for number in 0..count {
+                    record(&mut scanner, data, element, number, |_, _| Ok(()))?;
                 }
             }
         }
     }
+    check_rest(&scanner, data)?;
     parsed.drafts.push(draft);
     Ok(parsed)
+}
+
+/// Refuses data after the last element, except padding: a count of the header is too low.
+fn check_rest(scanner: &Scanner<'_>, data: Data) -> Result<(), Fault> {
+    let rest = scanner.bytes.get(scanner.at..).unwrap_or_default();
+    if rest.iter().all(|b| *b == 0 || b.is_ascii_whitespace()) {
+        return Ok(());
+    }
+    let left = counted(rest.len(), "byte");
+    let reason = format!("{left} follow the last element: a count of the header is too low; export the mesh again");
+    Err(match data {
+        Data::Text => scanner.fault(reason),
+        Data::Binary(_) => Fault::byte(scanner.at, reason),
+    })
 }
 
 fn header(scanner: &mut Scanner<'_>, parsed: &mut Parsed) -> Result<(Data, Vec<Element>), Fault> {
@@ -114,22 +128,67 @@ fn number(name: &str) -> Option<Number> {
     })
 }
 
-/// Values of one property.
-fn values(scanner: &mut Scanner<'_>, data: Data, property: &Property) -> Result<Vec<f64>, Fault> {
-    let what = property.name.as_str();
-    match data {
-        Data::Text => {
-            let count = if property.length.is_some() { scanner.count(what)? } else { 1 };
-            (0..count).map(|_| scanner.number(what)).collect()
-        }
-        Data::Binary(order) => {
-            let count = match property.length {
-                Some(length) => scanner.numbers(1, length, order, what)?[0].max(0.0) as usize,
-                None => 1,
-            };
-            scanner.numbers(count, property.value, order, what)
-        }
+/// Reads one element, a line of a text; `take` receives the number of each property and its values.
+fn record(
+    scanner: &mut Scanner<'_>,
+    data: Data,
+    element: &Element,
+    number: usize,
+    mut take: impl FnMut(usize, &[f64]) -> Result<(), String>,
+) -> Result<(), Fault> {
+    let Data::Binary(order) = data else { return text_record(scanner, element, number, take) };
+    for (place, property) in element.properties.iter().enumerate() {
+        let (at, what) = (scanner.at, property.name.as_str());
+        let count = match property.length {
+            Some(length) => {
+                let count = scanner.numbers(1, length, order, what)?[0];
+                let wrong = || Fault::byte(at, format!("the list `{what}` has a length of {count}"));
+                if count >= 0.0 { Ok(count as usize) } else { Err(wrong()) }?
+            }
+            None => 1,
+        };
+        let values = scanner.numbers(count, property.value, order, what)?;
+        take(place, &values).map_err(|reason| Fault::byte(at, reason))?;
     }
+    Ok(())
+}
+
+fn text_record(
+    scanner: &mut Scanner<'_>,
+    element: &Element,
+    number: usize,
+    mut take: impl FnMut(usize, &[f64]) -> Result<(), String>,
+) -> Result<(), Fault> {
+    let (line, here) = loop {
+        let here = scanner.clone();
+        match scanner.line() {
+            None => {
+                let (name, count) = (&element.name, element.count);
+                return Err(here.fault(format!("truncated: the file ends before {name} {number} of {count}")));
+            }
+            Some(line) if !line.trim_ascii().is_empty() => break (line, here),
+            Some(_) => {}
+        }
+    };
+    let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+    for (place, property) in element.properties.iter().enumerate() {
+        let what = property.name.as_str();
+        let mut next = || {
+            let word = words.next().ok_or_else(|| here.fault(format!("truncated: the line ends before `{what}`")))?;
+            finite(word).ok_or_else(|| here.fault(format!("{}; there should be `{what}`", not_a_number(word))))
+        };
+        let count = if property.length.is_some() { next()? } else { 1.0 };
+        if count < 0.0 || count.fract() != 0.0 {
+            return Err(here.fault(format!("the list `{what}` has a length of {count}")));
+        }
+        let values = (0..count as usize).map(|_| next()).collect::<Result<Vec<f64>, Fault>>()?;
+        take(place, &values).map_err(|reason| here.fault(reason))?;
+    }
+    if words.next().is_some() {
+        let reason = format!("the line has more values than the header's properties of `{}`", element.name);
+        return Err(here.fault(format!("{reason}; export the mesh again")));
+    }
+    Ok(())
 }
 
 fn vertices(scanner: &mut Scanner<'_>, data: Data, element: &Element, parsed: &mut Parsed) -> Result<(), Fault> {
@@ -139,7 +198,7 @@ fn vertices(scanner: &mut Scanner<'_>, data: Data, element: &Element, parsed: &m
     };
     let is_plain = element.properties.iter().all(|property| property.length.is_none());
     let size: usize = element.properties.iter().map(|property| property.value.size()).sum();
-    for _ in 0..element.count {
+    for number in 0..element.count {
         if let (Data::Binary(order), true) = (data, is_plain) {
             let bytes = scanner.take(size, "the properties of a vertex")?;
             let at = |place: usize| {
@@ -150,12 +209,12 @@ fn vertices(scanner: &mut Scanner<'_>, data: Data, element: &Element, parsed: &m
             continue;
         }
         let mut at = DVec3::ZERO;
-        for (place, property) in element.properties.iter().enumerate() {
-            let found = values(scanner, data, property)?;
-            if let (Some(axis), [value, ..]) = ([x, y, z].iter().position(|p| *p == place), &found[..]) {
+        record(scanner, data, element, number, |place, found| {
+            if let (Some(axis), [value, ..]) = ([x, y, z].iter().position(|p| *p == place), found) {
                 at[axis] = *value;
             }
-        }
+            Ok(())
+        })?;
         parsed.vertices.push(at);
     }
     Ok(())
@@ -168,34 +227,28 @@ fn faces(
     vertices: &[DVec3],
     draft: &mut Draft,
 ) -> Result<(), Fault> {
-    let is_list = |property: &&Property| {
+    let is_list = |property: &Property| {
         ["vertex_indices", "vertex_index"].contains(&property.name.as_str()) && property.length.is_some()
     };
-    if element.count > 0 && !element.properties.iter().any(|property| is_list(&property)) {
+    if element.count > 0 && !element.properties.iter().any(is_list) {
         return Err(scanner.fault(format!("the element `{}` has no list `vertex_indices`", element.name)));
     }
+    let is_strip = element.name == "tristrips";
     for face in 0..element.count {
-        for property in &element.properties {
-            let start = scanner.clone();
-            let found = values(scanner, data, property)?;
-            if !is_list(&property) {
-                continue;
+        record(scanner, data, element, face, |place, found| {
+            if !is_list(&element.properties[place]) {
+                return Ok(());
             }
-            let is_strip = element.name == "tristrips";
             // -1 ends a strip.
             for part in found.split(|value| is_strip && *value == -1.0) {
-                let wrong = |value: f64| {
-                    let reason = format!("face {face} names vertex {value} of {}, counted from 0", vertices.len());
-                    match data {
-                        Data::Text => start.fault(reason),
-                        Data::Binary(_) => Fault::byte(start.at, reason),
-                    }
-                };
+                let wrong =
+                    |value: f64| format!("face {face} names vertex {value} of {}, counted from 0", vertices.len());
                 let corners = part.iter().map(|value| index(*value, vertices.len()).ok_or_else(|| wrong(*value)));
                 let corners = corners.collect::<Result<Vec<u32>, _>>()?;
                 if is_strip { draft.strip(&corners) } else { draft.polygon(&corners, vertices) }
             }
-        }
+            Ok(())
+        })?;
     }
     Ok(())
 }

@@ -67,16 +67,25 @@ impl Number {
 pub(super) struct Scanner<'b> {
     pub(super) bytes: &'b [u8],
     pub(super) at: usize,
+    /// Byte that ends a line. It is a carriage return in files whose first line ends in that alone.
+    line_end: u8,
 }
 
 impl<'b> Scanner<'b> {
     pub(super) fn new(bytes: &'b [u8]) -> Self {
-        Self { bytes, at: 0 }
+        Self::from(bytes, 0)
+    }
+
+    /// A scanner that starts at a byte.
+    pub(super) fn from(bytes: &'b [u8], at: usize) -> Self {
+        let first = bytes.iter().position(|b| matches!(b, b'\n' | b'\r'));
+        let is_bare = first.is_some_and(|end| bytes[end] == b'\r' && bytes.get(end + 1) != Some(&b'\n'));
+        Self { bytes, at, line_end: if is_bare { b'\r' } else { b'\n' } }
     }
 
     /// Number of the present line, from 1.
     pub(super) fn line_number(&self) -> usize {
-        1 + self.bytes[..self.at.min(self.bytes.len())].iter().filter(|b| **b == b'\n').count()
+        1 + self.bytes[..self.at.min(self.bytes.len())].iter().filter(|b| **b == self.line_end).count()
     }
 
     /// A fault in the present line.
@@ -87,7 +96,7 @@ impl<'b> Scanner<'b> {
     /// The next line without its end; `None` at the end of the file.
     pub(super) fn line(&mut self) -> Option<&'b [u8]> {
         let rest = self.bytes.get(self.at..).filter(|rest| !rest.is_empty())?;
-        let end = rest.iter().position(|b| *b == b'\n');
+        let end = rest.iter().position(|b| *b == self.line_end);
         self.at += end.map_or(rest.len(), |end| end + 1);
         let line = &rest[..end.unwrap_or(rest.len())];
         Some(line.strip_suffix(b"\r").unwrap_or(line))
@@ -111,8 +120,9 @@ impl<'b> Scanner<'b> {
     pub(super) fn number(&mut self, what: &str) -> Result<f64, Fault> {
         match self.word() {
             None => Err(self.fault(format!("the file ends where {what} should be: it is truncated"))),
-            Some(word) => finite(word)
-                .ok_or_else(|| self.fault(format!("`{}` is not a number; there should be {what}", text(word)))),
+            Some(word) => {
+                finite(word).ok_or_else(|| self.fault(format!("{}; there should be {what}", not_a_number(word))))
+            }
         }
     }
 
@@ -152,6 +162,39 @@ impl<'b> Scanner<'b> {
     }
 }
 
+/// Lines of a text with their numbers, from 1. A line ends in a line feed, a carriage return, or both.
+pub(super) fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, &[u8])> {
+    let mut rest = Some(bytes);
+    let line = move || {
+        let text = rest?;
+        let end = text.iter().position(|b| matches!(b, b'\n' | b'\r'));
+        let Some(end) = end else {
+            rest = None;
+            return Some(text);
+        };
+        let size = if text[end..].starts_with(b"\r\n") { 2 } else { 1 };
+        rest = Some(&text[end + size..]);
+        Some(&text[..end])
+    };
+    (1..).zip(std::iter::from_fn(line))
+}
+
+/// Message about a word that is not a finite number.
+pub(super) fn not_a_number(word: &[u8]) -> String {
+    not_a("number", word)
+}
+
+/// Message about a word that is not a finite number, which `what` calls otherwise. Decimal commas are named.
+pub(super) fn not_a(what: &str, word: &[u8]) -> String {
+    let with_point: Vec<u8> = word.iter().map(|b| if *b == b',' { b'.' } else { *b }).collect();
+    let has_comma = word.iter().filter(|b| **b == b',').count() == 1 && !word.ends_with(b",");
+    if has_comma && finite(&with_point).is_some() {
+        let word = text(word);
+        return format!("`{word}` has a decimal comma; export the mesh with decimal points (English number format)");
+    }
+    format!("`{}` is not a {what}", text(word))
+}
+
 /// A word as a finite number.
 pub(super) fn finite(word: &[u8]) -> Option<f64> {
     str::from_utf8(word).ok()?.parse().ok().filter(|value: &f64| value.is_finite())
@@ -182,5 +225,22 @@ mod tests {
         assert_eq!(fault.reason, "truncated: numbers take 2 bytes, 1 are left");
         assert!(index(3.0, 3).is_none() && index(-1.0, 3).is_none() && index(0.5, 3).is_none());
         assert!(finite(b"nan").is_none() && finite(b"-1e3") == Some(-1000.0));
+    }
+
+    #[test]
+    fn lines_end_in_any_of_the_three_ways() {
+        let all: Vec<_> = lines(b"a\nb\r\nc\rd\r\re").collect();
+        let expected: [(usize, &[u8]); 6] = [(1, b"a"), (2, b"b"), (3, b"c"), (4, b"d"), (5, b""), (6, b"e")];
+        assert_eq!(all, expected);
+        let mut bare = Scanner::new(b"ply\rend\r\n1");
+        assert_eq!((bare.line(), bare.line(), bare.line_number()), (Some(&b"ply"[..]), Some(&b"end"[..]), 3));
+        assert_eq!(bare.bytes[bare.at..], *b"\n1", "data of a binary file may begin with a line feed");
+    }
+
+    #[test]
+    fn decimal_commas_are_named() {
+        assert!(not_a_number(b"1,5").contains("decimal comma"));
+        assert_eq!(not_a_number(b"1,5,2"), "`1,5,2` is not a number");
+        assert_eq!(not_a_number(b"5,"), "`5,` is not a number");
     }
 }

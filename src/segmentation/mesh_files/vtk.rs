@@ -131,7 +131,7 @@ impl Reader<'_> {
             kind.map_or(Ok(()), |kind| kind.add_by_ends(ends.get(1..).unwrap_or_default(), &corners, &vertices, draft))
         } else {
             let values = self.numbers(size, Number::I32, what)?;
-            kind.map_or(Ok(()), |kind| kind.add_counted(&values, &vertices, draft))
+            kind.map_or(Ok(()), |kind| kind.add_counted(first, &values, &vertices, draft))
         };
         self.parsed.vertices = vertices;
         std::mem::swap(draft, &mut self.draft);

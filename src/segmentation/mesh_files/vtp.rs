@@ -7,6 +7,7 @@ use super::Parsed;
 use super::cells::Cells;
 use super::draft::Draft;
 use super::error::{Fault, Position};
+use super::scanner::{finite, not_a_number};
 use super::vtk::not_polydata;
 use super::vtp_data::{Encoding, Format};
 
@@ -39,11 +40,14 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, Fault> {
             parsed.hints.take(&format!("{}={}", array.attribute("Name").unwrap_or_default(), text.trim_matches('\0')));
         }
     }
-    let mut draft = Draft::default();
-    for piece in root.descendants().filter(|n| n.has_tag_name("Piece")) {
-        reader.piece(&piece, &mut parsed, &mut draft)?;
+    let pieces: Vec<_> = root.descendants().filter(|n| n.has_tag_name("Piece")).collect();
+    for (number, piece) in pieces.iter().enumerate() {
+        // Several pieces are parts of one mesh.
+        let part = (pieces.len() > 1).then(|| format!("piece {number}"));
+        let mut draft = Draft { part, whole: Some(0), ..Draft::default() };
+        reader.piece(piece, &mut parsed, &mut draft)?;
+        parsed.drafts.push(draft);
     }
-    parsed.drafts.push(draft);
     Ok(parsed)
 }
 
@@ -70,12 +74,18 @@ impl Reader<'_> {
         let first = parsed.vertices.len();
         parsed.vertices.extend(values.as_chunks::<3>().0.iter().map(|at| DVec3::from_array(*at)));
         for (name, kind) in [("Polys", Cells::Polygons), ("Strips", Cells::Strips)] {
+            let promised =
+                piece.attribute(format!("NumberOf{name}").as_str()).map(|_| count(&format!("NumberOf{name}")));
             let Some(cells) = child(name) else { continue };
             let array = |name: &str| {
                 let found = cells.children().find(|n| n.attribute("Name") == Some(name));
                 found.map_or(Ok(Vec::new()), |n| self.array(&n))
             };
             let (corners, ends) = (array("connectivity")?, array("offsets")?);
+            if let Some(promised) = promised.filter(|promised| *promised != ends.len()) {
+                let reason = format!("{} cells in `{name}`, and {promised} are promised", ends.len());
+                return Err(Fault::line(line(&cells), reason));
+            }
             let mut own = Draft::default();
             kind.add_by_ends(&ends, &corners, &parsed.vertices[first..], &mut own)
                 .map_err(|reason| Fault::line(line(&cells), reason))?;
@@ -93,8 +103,8 @@ impl Reader<'_> {
         let number = Format::number(array.attribute("type").unwrap_or_default());
         match array.attribute("format").unwrap_or("ascii") {
             "ascii" => {
-                let value = |word: &str| word.parse().ok().filter(|v: &f64| v.is_finite());
-                let parsed = |word: &str| value(word).ok_or_else(|| in_array(format!("`{word}` is not a number")));
+                let parsed =
+                    |word: &str| finite(word.as_bytes()).ok_or_else(|| in_array(not_a_number(word.as_bytes())));
                 text.split_whitespace().map(parsed).collect()
             }
             "binary" => {

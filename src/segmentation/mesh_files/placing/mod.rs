@@ -11,7 +11,7 @@ use glam::DVec3;
 
 pub use super::frame::{MeshAxes, Unit};
 use super::{FileHints, NamedMesh};
-pub use places::guess_axes;
+pub use places::{contradiction, guess_axes};
 
 /// A guess, and why.
 #[derive(Debug, Clone, PartialEq)]
@@ -61,6 +61,10 @@ const LENGTHS_MM: [(&str, f64, f64); 24] = [
 /// Guesses the unit of meshes, from what the file says, the sizes of organs, or the size of all.
 pub fn guess_unit(hints: &FileHints, meshes: &[NamedMesh]) -> Guess<Unit> {
     let said = hints.said.clone().unwrap_or_default();
+    if let Some(reason) = hints.unclear_unit.clone() {
+        let likely = by_organs(meshes).unwrap_or_else(|| by_size(meshes)).value;
+        return Guess { value: hints.unit.unwrap_or(likely), reason, certain: false };
+    }
     if hints.of_format
         && let Some(guess) = by_organs(meshes).filter(|guess| guess.certain)
     {
@@ -89,9 +93,11 @@ fn by_organs(meshes: &[NamedMesh]) -> Option<Guess<Unit>> {
         |unit: Unit| known.iter().filter(move |(_, side, least, most)| (*least..=*most).contains(&(side * unit.mm())));
     let mut votes = Unit::ALL.map(|unit| (fits(unit).count(), unit));
     votes.sort_by_key(|(count, _)| std::cmp::Reverse(*count));
-    let [(best, value), (second, other), _] = votes;
+    let [(best, value), (second, other), ..] = votes;
     let (mesh, side, ..) = fits(value).next()?;
-    let reason = if best == second {
+    let reason = if value == Unit::In {
+        format!("`{}` is {side:.3} long, which is usual in inches; in cm, that of a small child", mesh.name)
+    } else if best == second {
         format!("`{}` is {side:.3} long, which is usual in {value}, and possible in {other}", mesh.name)
     } else if known.len() == 1 {
         format!("`{}` is {side:.3} long, which is usual in {value}", mesh.name)
@@ -102,7 +108,49 @@ fn by_organs(meshes: &[NamedMesh]) -> Option<Guess<Unit>> {
             mesh.name
         )
     };
-    Some(Guess { value, reason, certain: 2 * second < best && 3 * best >= 2 * known.len() })
+    // A child in cm has the numbers of an adult in inches.
+    let certain = value != Unit::In && 2 * second < best && 3 * best >= 2 * known.len();
+    Some(Guess { value, reason, certain })
+}
+
+/// Words that may accompany the name of a whole organ.
+const QUALIFIERS: [&str; 12] = ["left", "right", "l", "r", "lt", "rt", "t", "c", "s", "urinary", "structure", "of"];
+
+/// Sizes in `unit` of the meshes that are called as a whole organ, not as a lobe or a lesion of it.
+pub fn organ_sizes<'m>(meshes: &'m [NamedMesh], unit: Unit) -> Vec<OrganSize<'m>> {
+    let of = |mesh: &'m NamedMesh| {
+        let name = mesh.name.as_str();
+        let words = words(name);
+        let (organ, least, most) = LENGTHS_MM.iter().find(|(word, _, _)| words.iter().any(|w| w == word))?;
+        if !words.iter().all(|word| word == organ || QUALIFIERS.contains(&word.as_str())) {
+            return None;
+        }
+        let length_mm = longest_side([mesh])? * unit.mm();
+        let ratio = (least / length_mm).max(length_mm / most).max(1.0);
+        Some(OrganSize { name, length_mm, usual_mm: [*least, *most], ratio })
+    };
+    meshes.iter().filter_map(of).collect()
+}
+
+/// Size of an organ.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OrganSize<'m> {
+    /// Name of the mesh.
+    pub name: &'m str,
+    /// Longest side, mm.
+    pub length_mm: f64,
+    /// Least and greatest usual length, mm.
+    pub usual_mm: [f64; 2],
+    /// Ratio to the nearest usual length: 1 within these, above 1 for smaller and larger organs.
+    pub ratio: f64,
+}
+
+impl fmt::Display for OrganSize<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { name, length_mm, usual_mm: [least, most], .. } = self;
+        let digits = usize::from(*length_mm < 10.0);
+        write!(f, "`{name}` is {length_mm:.digits$} mm long; {least} to {most} mm are usual")
+    }
 }
 
 /// Unit by the size of all meshes.
@@ -115,6 +163,7 @@ fn by_size(meshes: &[NamedMesh]) -> Guess<Unit> {
         ..2.5 => (Unit::M, many, "the size of a body in m; in cm, that of a piece of a vessel"),
         ..60.0 if many => (Unit::Cm, false, "the size of a body in cm; in mm, that of something small"),
         ..60.0 => (Unit::Mm, false, "the size of something small in mm; in cm, that of organs or a body"),
+        ..210.0 if many => (Unit::Mm, false, "the size of some organs in mm; in cm, that of a body"),
         ..2500.0 => (Unit::Mm, true, "the size of organs or a body in mm"),
         _ => (Unit::Mm, false, "too large for a body in any unit"),
     };
@@ -149,7 +198,8 @@ mod tests {
     fn organ(name: &str, centre: [f64; 3], size: f64) -> NamedMesh {
         let centre = DVec3::from_array(centre);
         let half = DVec3::splat(0.5 * size);
-        NamedMesh { name: name.to_owned(), vertices: vec![centre - half, centre + half], triangles: vec![] }
+        let vertices = vec![centre - half, centre + half];
+        NamedMesh { name: name.to_owned(), vertices, ..NamedMesh::default() }
     }
 
     /// Organs of an adult, LPS, mm.
@@ -188,7 +238,7 @@ mod tests {
     fn organs_tell_unit_and_axes() {
         let hints = FileHints::default();
         for axes in MeshAxes::ALL {
-            for unit in Unit::ALL {
+            for unit in [Unit::Mm, Unit::Cm, Unit::M] {
                 let meshes = placed(axes, unit);
                 let found = guess_unit(&hints, &meshes);
                 assert_eq!((found.value, found.certain), (unit, true), "{found}");
@@ -226,6 +276,42 @@ mod tests {
         let mut mirrored = placed(MeshAxes::Lps, Unit::Mm);
         mirrored.iter_mut().flat_map(|mesh| &mut mesh.vertices).for_each(|v| v.x = -v.x);
         assert!(!guess_axes(&hints, &mirrored).certain);
+    }
+
+    #[test]
+    fn inches_are_found_and_asked_about() {
+        let found = guess_unit(&FileHints::default(), &placed(MeshAxes::Lps, Unit::In));
+        assert_eq!((found.value, found.certain), (Unit::In, false));
+        assert!(found.reason.contains("inches; in cm, that of a small child"), "{found}");
+        let hints = FileHints { unit: Some(Unit::In), ..FileHints::default() };
+        assert!(guess_unit(&hints, &placed(MeshAxes::Lps, Unit::In)).certain);
+    }
+
+    #[test]
+    fn statements_that_are_unclear_and_bodies_in_cm_are_asked_about() {
+        let unclear_unit = Some("the file says `units: mm` and `units: cm`".to_owned());
+        let hints = FileHints { unit: Some(Unit::Mm), unclear_unit, ..FileHints::default() };
+        let found = guess_unit(&hints, &placed(MeshAxes::Lps, Unit::Mm));
+        assert_eq!((found.value, found.certain), (Unit::Mm, false), "{found}");
+        let unclear_axes = Some("the file says `SPACE=LAS`, which is not read".to_owned());
+        let hints = FileHints { unclear_axes, ..FileHints::default() };
+        let found = guess_axes(&hints, &placed(MeshAxes::Ras, Unit::Mm));
+        assert_eq!((found.value, found.certain), (MeshAxes::Ras, false), "{found}");
+        let thing = |at: f64| organ("thing", [0.0, 0.0, at], 20.0);
+        let found = guess_unit(&FileHints::default(), &[thing(0.0), thing(60.0), thing(150.0)]);
+        assert_eq!((found.value, found.certain), (Unit::Mm, false), "{found}");
+    }
+
+    #[test]
+    fn a_file_in_another_unit_has_organs_of_unusual_size() {
+        let mut meshes = placed(MeshAxes::Lps, Unit::Mm);
+        meshes[2].vertices.iter_mut().for_each(|v| *v /= 1000.0);
+        meshes.push(organ("liver_tumour", [0.0; 3], 5.0));
+        let found: Vec<_> = organ_sizes(&meshes, Unit::Mm).into_iter().filter(|organ| organ.ratio > 1.0).collect();
+        assert_eq!(found.len(), 1);
+        assert!(
+            found[0].ratio > 100.0 && found[0].to_string().starts_with("`kidney_left` is 0.1 mm long; 70 to 180 mm")
+        );
     }
 
     #[test]

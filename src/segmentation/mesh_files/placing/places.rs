@@ -5,6 +5,7 @@ use std::fmt;
 use glam::DVec3;
 
 use super::{Guess, MeshAxes, words};
+use crate::names::counted;
 use crate::segmentation::mesh_files::{FileHints, NamedMesh};
 
 /// Directions in LPS.
@@ -35,8 +36,28 @@ const PLACES: [(&str, DVec3, &str); 16] = [
 /// Smallest cosine of the angle to the expected direction; below its negative, the place contradicts.
 const ALONG: f64 = 0.35;
 
+/// Places of organs that contradict `axes`, if most do and other axes fit all; as a clause with these axes.
+pub fn contradiction(axes: MeshAxes, meshes: &[NamedMesh]) -> Option<(MeshAxes, String)> {
+    let evidence = evidence(meshes);
+    let count = |axes: MeshAxes, sign: i64| evidence.iter().filter(|e| e.sign(axes) == sign).count();
+    let against = evidence.iter().find(|e| e.sign(axes) < 0)?;
+    if count(axes, -1) <= count(axes, 1) {
+        return None;
+    }
+    let fits = |other: &MeshAxes| count(*other, -1) == 0 && count(*other, 1) >= count(axes, -1);
+    let other = MeshAxes::ALL.into_iter().find(fits)?;
+    let places = counted(count(axes, -1), "place");
+    let text =
+        format!("in a body {against}; with {axes} it is the other way round ({places} contradict), {other} fits");
+    Some((other, text))
+}
+
 /// Guesses the axes of meshes, from what the file says, or the places of organs to each other.
 pub fn guess_axes(hints: &FileHints, meshes: &[NamedMesh]) -> Guess<MeshAxes> {
+    if let Some(reason) = hints.unclear_axes.clone() {
+        let likely = guess_axes(&FileHints::default(), meshes).value;
+        return Guess { value: likely, reason, certain: false };
+    }
     if hints.of_format {
         let guess = guess_axes(&FileHints::default(), meshes);
         if guess.certain {

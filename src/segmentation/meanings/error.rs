@@ -1,0 +1,105 @@
+//! Errors in the meanings of meshes.
+
+use std::path::PathBuf;
+
+/// Meshes whose meaning cannot be told.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum MeaningError {
+    /// A mesh that is named without a meaning.
+    #[error("`{word}` names a mesh without its meaning: write FILE#NAME=MEANING, as in {word}=liver")]
+    NoMeaning {
+        /// Argument.
+        word: String,
+    },
+    /// An assignment without a name or a meaning.
+    #[error("`{word}` must be FILE, FILE=MEANING or FILE#NAME=MEANING")]
+    Empty {
+        /// Argument.
+        word: String,
+    },
+    /// Neither an organ nor a tissue.
+    #[error("`{word}`: `{target}` is neither an organ nor a tissue{nearest}")]
+    Target {
+        /// Argument.
+        word: String,
+        /// Meaning.
+        target: String,
+        /// Suggestion, or empty.
+        nearest: String,
+    },
+    /// A name that no mesh has.
+    #[error("{file} has no mesh `{name}`{nearest}; it has {known}")]
+    UnknownMesh {
+        /// File.
+        file: PathBuf,
+        /// Name asked for.
+        name: String,
+        /// Suggestion, or empty.
+        nearest: String,
+        /// Names of its meshes and parts.
+        known: String,
+    },
+    /// A name that several parts have.
+    #[error("`{name}` of {file} is a part of several meshes: write {candidates}")]
+    Ambiguous {
+        /// File.
+        file: PathBuf,
+        /// Name asked for.
+        name: String,
+        /// Names that are not ambiguous.
+        candidates: String,
+    },
+    /// Two meanings of one mesh.
+    #[error("{file} gets two meanings for `{name}`: give one")]
+    Twice {
+        /// File.
+        file: PathBuf,
+        /// Mesh, or the file's name.
+        name: String,
+    },
+    /// One meaning for a file of several meshes.
+    #[error(
+        "{file} holds {count} meshes ({known}), and {meaning} is given for the file: give each its own as in \
+         {file}#{first}={meaning}, or {file}#*={meaning} if all are {meaning}"
+    )]
+    Several {
+        /// File.
+        file: PathBuf,
+        /// Number of meshes and parts.
+        count: usize,
+        /// Their names.
+        known: String,
+        /// First name.
+        first: String,
+        /// Meaning.
+        meaning: String,
+    },
+    /// A file whose one mesh is no known organ.
+    #[error("{file}: `{name}` is no known organ{nearest}: give its tissue or organ as FILE=MEANING")]
+    Unknown {
+        /// File.
+        file: PathBuf,
+        /// Name of the mesh.
+        name: String,
+        /// Suggestion, or empty.
+        nearest: String,
+    },
+    /// Meshes of a file of several that are no known organs.
+    #[error(
+        "{file}: {names} {verb} known organ{nearest}: give each its organ, tissue or `ignore` as FILE#NAME=MEANING, as \
+         in {file}#{first}=liver, or {file}#*=MEANING for all, or export a file for each organ"
+    )]
+    UnknownOfSeveral {
+        /// File.
+        file: PathBuf,
+        /// Names of the meshes.
+        names: String,
+        /// Verb for one or several names.
+        verb: &'static str,
+        /// First name.
+        first: String,
+        /// Suggestion, or empty.
+        nearest: String,
+    },
+}
