@@ -6,6 +6,7 @@ mod hex;
 mod outputs;
 mod part;
 mod read;
+mod toml_reason;
 
 pub use cache::cache_directory;
 pub use grey::GreyError;
@@ -14,3 +15,4 @@ pub use hex::hex;
 pub use outputs::{OutputError, Outputs};
 pub use part::{PartError, PartFile};
 pub use read::{FileKind, open, read, read_text};
+pub use toml_reason::{backslashes, toml_reason};
