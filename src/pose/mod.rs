@@ -24,6 +24,7 @@ pub mod mix_up;
 pub mod one_euro;
 pub mod pivot;
 pub mod prediction;
+pub mod probe_mount;
 pub mod rates;
 pub mod registration;
 pub mod ring;

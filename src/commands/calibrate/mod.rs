@@ -1,8 +1,10 @@
 //! `insonify calibrate`: transforms between scene, tracker, sensor and probe.
 
+mod guided;
 mod landmarks;
 mod pivot;
 mod poses;
+mod probe;
 mod touch;
 
 use std::path::{Path, PathBuf};
@@ -30,6 +32,7 @@ pub(crate) struct Args {
 const AFTER_HELP: &str = "\
 Example:
   insonify calibrate pivot pivoting.mcap --out station.calibration.toml
+  insonify calibrate probe --tracker station.toml            centre and axes of the probe, step by step
   insonify calibrate landmarks belly.csv --out station.calibration.toml
   insonify calibrate landmarks --tracker station.toml        touch the scene's landmarks one by one
 and in the station file:
@@ -40,6 +43,7 @@ and in the station file:
 enum What {
     Landmarks(landmarks::Args),
     Pivot(pivot::Args),
+    Probe(probe::Args),
 }
 
 /// Options that every calibration has.
@@ -63,6 +67,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     match &args.what {
         What::Landmarks(args) => landmarks::run(args),
         What::Pivot(args) => pivot::run(args),
+        What::Probe(args) => probe::run(args),
     }
 }
 
