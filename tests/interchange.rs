@@ -202,6 +202,19 @@ fn a_table_is_parsed() {
     assert_eq!((rows[2].pose, rows[2].time_s, rows[2].place.line), (None, 0.04, 6));
     let turned = "qz,qy,qx,qw,z_mm,y_mm,x_mm,time_s\r\n0,0,0,1,80.25,-2,1.5,7\r\n";
     assert_eq!(table(turned).unwrap()[0].pose, rows[0].pose);
+    // Units, separators and words of other programs.
+    let metres = "Time [ms];pos_z (m);y_cm;x_in;q0;qx;qy;qz\n7000;0.08025;-0.2;0.05905511811023622;1;0;0;0\n";
+    let found = table(metres).unwrap()[0].clone();
+    assert!(found.pose.unwrap().position_mm.distance(rows[0].pose.unwrap().position_mm) < 1e-9 && found.time_s == 7.0);
+    assert_eq!(table(&TABLE.replace(',', "\t")).unwrap()[0].pose, rows[0].pose);
+}
+
+#[test]
+fn rows_of_a_lost_tracker_have_no_pose() {
+    let text = "time_s,x_mm,y_mm,z_mm,qw,qx,qy,qz\n0,1.5,2.5,3.5,1,0,0,0\n0.1,nan,nan,NaN,nan,nan,nan,nan\n0.2,,,,,,,\n\
+                0.3,0,0,0,0,0,0,0\n0.4,1.6,2.5,3.5,1,0,0,0\n";
+    let poses: Vec<bool> = table(text).unwrap().iter().map(|row| row.pose.is_some()).collect();
+    assert_eq!(poses, [true, false, false, false, true]);
 }
 
 #[test]
@@ -209,14 +222,24 @@ fn every_mistake_of_a_table_is_named() {
     let swap = |from: &str, to: &str| TABLE.replacen(from, to, 1);
     let cases = [
         ("", "poses.csv: it has no head line; the columns are time_s, x_mm"),
-        (&swap("x_mm", "x"), "line 2 (byte 25): unknown column `x`"),
+        (&swap("x_mm", "x"), "line 2 (byte 25): column `x` is not read: it has no unit; name it x_mm, x_cm, x_m"),
+        (&swap("time_s", "time"), "column `time` is not read: it has no unit; name it time_s or time_ms"),
+        (&swap("x_mm", "u"), "line 2 (byte 25): unknown column `u`"),
+        (&swap("qw,qx,qy,qz", "q0,q1,q2,q3"), "column `q1` is not read: whether the scalar part"),
+        (
+            &TABLE.replace(',', ";").replacen("1.5", "1,5", 1),
+            "`x_mm` is `1,5`; it must be a decimal number with a decimal point instead of the decimal comma: 1.5",
+        ),
         (&swap("x_mm", "xmm"), "(did you mean `x_mm`?)"),
         (&swap("y_mm", "x_mm"), "column `x_mm` is there twice"),
         (&swap("time_s,", ""), "column `time_s` is missing"),
         (&swap("1.6,-2", "1.6"), "line 5 (byte 111): 9 fields; the head has 10"),
-        (&swap("1.6", "1,6"), "11 fields; the head has 10"),
+        (&swap("1.6", "1,6"), "11 fields; the head has 10: are its numbers written with decimal commas?"),
         (&swap("1.6", "left"), "`x_mm` is `left`; it must be a decimal number"),
-        (&swap("1.6", "NaN"), "`x_mm` is `NaN`"),
+        (
+            &swap("1.6", "NaN"),
+            "`x_mm` is `NaN`, but other numbers of the pose are there; in a row without a pose all seven",
+        ),
         (&swap("0.02", ""), "`time_s` is ``; it must be a decimal number"),
         (&swap("0.5,", "0.6,"), "it must be 1 within"),
         (&swap("ok,", "fine,"), "`status` is `fine`; it must be ok, invalid or empty"),
@@ -291,6 +314,7 @@ fn imports_become_recordings() {
     let none = file("none.csv", b"time_s,x_mm,y_mm,z_mm,qw,qx,qy,qz\n");
     assert!(refused(&["import", text(&none), "--out", text(&out), "--force"]).contains("it has no rows"));
     assert!(refused(&["import", "poses.xlsx", "--out", "x.mcap"]).contains("is neither .mha, .mhd nor .csv"));
+    assert!(refused(&["import", "a.igs.nrrd", "--out", "x.mcap"]).contains("save it as .igs.mha"));
     assert_eq!(poses(&out).unwrap().0.len(), 2, "a refused import leaves what was there");
 }
 

@@ -1,5 +1,7 @@
 //! Orientation of a scene's axes.
 
+use glam::DVec3;
+
 /// Meaning of a scene's axes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Axes {
@@ -27,6 +29,15 @@ impl Axes {
         [Self::Depth, Self::Anatomical, Self::Patient].into_iter().find(|axes| axes.name() == name)
     }
 
+    /// The point `lps` (x left, y posterior, z superior) in a scene with these axes. A scene whose axes are not the
+    /// patient's keeps it.
+    pub fn from_lps(self, lps: DVec3) -> DVec3 {
+        match self {
+            Self::Depth | Self::Patient => lps,
+            Self::Anatomical => DVec3::new(lps.x, lps.z, -lps.y),
+        }
+    }
+
     /// Names of +x, +y and +z.
     pub fn labels(self) -> [&'static str; 3] {
         match self {
@@ -34,5 +45,18 @@ impl Axes {
             Self::Anatomical => ["L", "cranial", "anterior"],
             Self::Patient => ["L", "posterior", "cranial"],
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_of_the_patient_are_turned_into_the_axes_of_the_scene() {
+        let lps = DVec3::new(1.0, 2.0, 3.0);
+        assert_eq!(Axes::Patient.from_lps(lps), lps);
+        // Left, cranial, anterior.
+        assert_eq!(Axes::Anatomical.from_lps(lps), DVec3::new(1.0, 3.0, -2.0));
     }
 }

@@ -14,10 +14,10 @@ use super::progress::Progress;
 use super::session;
 use super::{Classify, Failure, input, output};
 
-/// Say what is wrong with a scene, where, and what to do about it in the modelling program.
+/// Say what is wrong with a scene or a station, where, and what to do about it in the modelling program.
 ///
 /// A scene alone is examined with the built-in tissues; a station file also tells its own tissues and where the probe
-/// starts. At a pose, the station's or `--pose`, it tells how the tissue before the probe aberrates. Findings are errors (refused, or simulated wrongly), warnings (mended while loading, or wrong in places) and
+/// starts, and its tracker and calibration are examined, too: files and ports that are not there, values that can hardly be. At a pose, the station's or `--pose`, it tells how the tissue before the probe aberrates. Findings are errors (refused, or simulated wrongly), warnings (mended while loading, or wrong in places) and
 /// notes. Exit code 1 where there is an error, 0 without one, 2 where the file cannot be read at all.
 #[derive(Debug, Parser)]
 #[command(after_help = "Examples:\n  \
@@ -56,8 +56,12 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     } else {
         output::text(&found)?
     };
-    match found.report.count(Severity::Error) {
+    match found.count(Severity::Error) {
         0 => Ok(()),
-        errors => Err(Failure::Other(anyhow!("{} has {}", path.display(), counted(errors, "error")))),
+        errors => {
+            // An error of the station's is not in the scene.
+            let path = if found.setup.is_empty() { path } else { &args.scene };
+            Err(Failure::Other(anyhow!("{} has {}", path.display(), counted(errors, "error"))))
+        }
     }
 }

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::{Failure, output};
 
-/// Make a recording of a PLUS sequence (.mha, .igs.mha) or of a table (.csv).
+/// Make a recording of a PLUS sequence (.mha, .igs.mha) or of a table (.csv, .tsv).
 ///
 /// Poses are taken as scene_from_probe: the sequence's tracker frame becomes the scene's.
 #[derive(Debug, Parser)]
@@ -42,6 +42,8 @@ Columns of a table, in any order, named in its first line:
   qw, qx, qy, qz       unit quaternion that turns probe axes into the scene's
   status               optional: ok or empty, or invalid for a row without a pose
   event                optional: name of something that happened then
+Other units are time_ms, x_cm, x_m, x_in. Fields are separated by commas, semicolons or tabs; numbers have a decimal
+point. A row whose pose is empty, NaN or zero throughout has none. A column of another name is refused.
 
 Examples:
   insonify import sweep.igs.mha --out sweep.mcap

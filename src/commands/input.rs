@@ -1,6 +1,6 @@
 //! Reading of arguments and of the files that they name.
 
-use std::io::Read;
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -22,7 +22,13 @@ pub(crate) fn starts_with(path: &Path, magic: &[u8], what: &str) -> Result<bool,
 
 /// Reads the text of the file at `path`; `what` names it in errors.
 pub(crate) fn text(path: &Path, kind: FileKind, what: &str) -> Result<String, Failure> {
-    files::read_text(path, kind).with_context(|| cannot_read(path, what)).input()
+    let advised = |error: std::io::Error| match (error.kind(), kind) {
+        (ErrorKind::InvalidData, FileKind::Table) => {
+            std::io::Error::new(ErrorKind::InvalidData, format!("{error}; save the table as UTF-8 (Excel: CSV UTF-8)"))
+        }
+        _ => error,
+    };
+    files::read_text(path, kind).map_err(advised).with_context(|| cannot_read(path, what)).input()
 }
 
 fn cannot_read(path: &Path, what: &str) -> String {

@@ -10,6 +10,7 @@ mod outputs;
 mod part;
 mod read;
 mod stand_in;
+mod toml_reason;
 
 pub use cache::cache_directory;
 pub use grey::GreyError;
@@ -22,3 +23,4 @@ pub use outputs::{OutputError, Outputs};
 pub use part::{PartError, PartFile};
 pub use read::{FileKind, open, read, read_text};
 pub use stand_in::{STAND_IN_BYTES, stand_in};
+pub use toml_reason::{backslashes, toml_reason};

@@ -11,7 +11,7 @@
 //! quaternion = [1.0, 0.0, 0.0, 0.0]  # turns tracker axes into scene axes
 //! rms_mm = 0.6                       # RMS residual of the fit, for information
 //!
-//! [sensor_from_probe]                # how the sensor is mounted on the probe
+//! [sensor_from_probe]                # from `insonify calibrate probe`
 //! position_mm = [0.0, 0.0, 42.0]     # the centre of the probe's face in the sensor's frame
 //! quaternion = [1.0, 0.0, 0.0, 0.0]  # turns probe axes into sensor axes
 //!
@@ -42,6 +42,14 @@ pub enum CalibrationError {
         path: PathBuf,
         /// Cause.
         source: std::io::Error,
+    },
+    /// The file that a station names is not there.
+    #[error(
+        "cannot read the calibration file {path}: there is no such file. `[calibration] path` of the station names it; `insonify calibrate landmarks --tracker STATION.toml` (the tracker in the scene) and `insonify calibrate probe --tracker STATION.toml` (the sensor on the probe) write it; without the key, the tracker's frame is the scene's"
+    )]
+    Missing {
+        /// File.
+        path: PathBuf,
     },
     /// The content of the file is invalid.
     #[error("calibration file {path}: {source}")]
@@ -124,8 +132,10 @@ impl Calibration {
     /// # Errors
     /// The file cannot be read, or an error of [`parse`](Self::parse). Each error names the file.
     pub fn load(path: &Path) -> Result<Self, CalibrationError> {
-        let text = files::read_text(path, FileKind::Calibration)
-            .map_err(|source| CalibrationError::Read { path: path.to_owned(), source })?;
+        let text = files::read_text(path, FileKind::Calibration).map_err(|source| match source.kind() {
+            std::io::ErrorKind::NotFound => CalibrationError::Missing { path: path.to_owned() },
+            _ => CalibrationError::Read { path: path.to_owned(), source },
+        })?;
         Self::parse(&text)
             .map_err(|source| CalibrationError::InFile { path: path.to_owned(), source: Box::new(source) })
     }
@@ -151,7 +161,7 @@ impl Calibration {
     /// The text is not TOML, has another version, an unknown key or a value of the wrong type. A transform is not a
     /// pose, or the stylus tip is out of range.
     pub fn parse(text: &str) -> Result<Self, CalibrationError> {
-        let syntax = |e: toml::de::Error| CalibrationError::Syntax { reason: e.to_string().trim().to_owned() };
+        let syntax = |e: toml::de::Error| CalibrationError::Syntax { reason: files::toml_reason(text, &e) };
         // The version is checked first: files of another version must not be reported as faulty.
         let Version { version } = toml::from_str(text).map_err(syntax)?;
         if version != i64::from(CALIBRATION_VERSION) {
@@ -337,7 +347,11 @@ mod tests {
             assert!(found.contains(part), "{found}");
         }
         let found = Calibration::load(Path::new("/no/such.toml")).unwrap_err().to_string();
-        assert!(found.starts_with("cannot read the calibration file /no/such.toml"), "{found}");
+        assert!(found.starts_with("cannot read the calibration file /no/such.toml: there is no such file"), "{found}");
+        assert!(
+            found.contains("`[calibration] path`") && found.contains("`insonify calibrate landmarks --tracker"),
+            "{found}"
+        );
     }
 
     #[test]

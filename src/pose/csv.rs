@@ -1,25 +1,29 @@
-//! Points and poses as lines of comma-separated numbers.
+//! Points, landmarks and poses of text files: tables, and 3D Slicer's markups.
 //!
-//! Empty lines, lines that begin with `#` and a first line of column names are skipped. Errors name the line.
+//! [`table`](super::table) says which columns are read. Without a line of column names the columns are those of
+//! [`points`], [`pairs`] and [`poses`], in that order. Errors name the line.
+
+use std::rc::Rc;
 
 use glam::DVec3;
 use thiserror::Error;
 
 use super::registration::PointPair;
+use super::table::{
+    Column, Frame, Headless, Layout, Meaning, PoseField, Position, Reader, System, TableFault, markups, quote,
+};
 use super::{Pose, PoseError};
 
 /// Errors in point and pose lists.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum CsvError {
-    /// A malformed line.
-    #[error("line {line}: expected {expected}, found `{found}`")]
+    /// A malformed line, or a fault of the columns.
+    #[error("line {line}: {source}")]
     Line {
         /// Line, from 1.
         line: usize,
-        /// Expected content.
-        expected: &'static str,
-        /// The line's first 80 characters.
-        found: String,
+        /// Fault.
+        source: TableFault,
     },
     /// Numbers that are not a pose.
     #[error("line {line}: {source}")]
@@ -35,6 +39,12 @@ pub enum CsvError {
         /// Expected content.
         expected: &'static str,
     },
+    /// A list of 3D Slicer that is not read.
+    #[error("{reason}")]
+    Markups {
+        /// Fault and way out.
+        reason: String,
+    },
 }
 
 /// A value with a name.
@@ -46,119 +56,268 @@ pub struct Named<T> {
     pub value: T,
 }
 
-const POINT: &str = "`x,y,z` and perhaps `,name` (mm)";
-const PAIR: &str = "`x,y,z,tx,ty,tz` and perhaps `,name` (mm; first the scene's point, then the tracker's)";
-const POSE: &str = "`x,y,z,qw,qx,qy,qz` (mm and a unit quaternion)";
-
-/// Parses points from lines `x,y,z[,name]`, mm.
-///
-/// # Errors
-/// A malformed line, or no point at all.
-pub fn points(text: &str) -> Result<Vec<Named<DVec3>>, CsvError> {
-    named(text, POINT, DVec3::from_array)
+/// Values of a file, and how it was read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Listed<T> {
+    /// The values.
+    pub values: Vec<T>,
+    /// Whether points are in LPS (x left, y posterior, z superior) because the file gives them along the patient's axes.
+    pub in_lps: bool,
+    /// What a user should know about the reading, a sentence each.
+    pub notes: Vec<String>,
 }
 
-/// Parses landmarks from lines `x,y,z,tx,ty,tz[,name]`: the point in the scene, and as the tracker measures it, mm.
+const POINT: Headless = Headless {
+    names: &["x", "y", "z", "name"],
+    expected: "`x,y,z` and perhaps `,name` (mm); a line of column names tells other columns apart",
+};
+const PAIR: Headless = Headless {
+    names: &["x", "y", "z", "tx", "ty", "tz", "name"],
+    expected: "`x,y,z,tx,ty,tz` and perhaps `,name` (mm; first the scene's point, then the tracker's); a line of column names tells other columns apart",
+};
+const POSE: Headless = Headless {
+    names: &["x", "y", "z", "qw", "qx", "qy", "qz"],
+    expected: "`x,y,z,qw,qx,qy,qz` (mm and a unit quaternion); a line of column names tells other columns apart",
+};
+
+const POINT_COLUMNS: &str = "x,y,z (mm, or with a unit as x_m), or r,a,s or l,p,s of the patient's axes, and name";
+const PAIR_COLUMNS: &str =
+    "x,y,z of the scene (mm, or with a unit as x_m; or r,a,s or l,p,s), tx,ty,tz of the tracker (or tx_m), and name";
+const POSE_COLUMNS: &str = "x,y,z (mm, or with a unit as x_m), qw,qx,qy,qz, and optionally time and status";
+
+/// Parses points of the scene: a table, or a list of 3D Slicer (`.fcsv`, `.mrk.json`, exported `.csv`), mm.
 ///
 /// # Errors
-/// A malformed line, or no pair at all.
-pub fn pairs(text: &str) -> Result<Vec<Named<PointPair>>, CsvError> {
-    named(text, PAIR, |[x, y, z, tx, ty, tz]: [f64; 6]| PointPair {
-        scene_mm: DVec3::new(x, y, z),
-        tracker_mm: DVec3::new(tx, ty, tz),
-    })
+/// A malformed line, a column that is not read, or no point at all.
+pub fn points(text: &str) -> Result<Listed<Named<DVec3>>, CsvError> {
+    if is_json(text) {
+        return of_markups(text);
+    }
+    let check = |layout: &Layout, columns: &[Column]| {
+        only_points(layout, columns)?;
+        let reason = "a list of points has those of the scene only; `calibrate landmarks PAIRS` takes both";
+        layout.refuse(columns, |m| matches!(m, Meaning::Length { frame: Frame::Tracker, .. }), reason)?;
+        layout.own.as_ref().map(drop).ok_or_else(|| missing("x", POINT_COLUMNS))
+    };
+    let mut list = List::new(text, POINT, POINT_COLUMNS, &check);
+    while let Some((line, layout, row)) = list.next_row()? {
+        let Some(position) = &layout.own else { continue };
+        let name = list.name(&layout, &row);
+        if list.is_left_out(&layout, &row) {
+            list.left_out.push(name);
+            continue;
+        }
+        let value = position.point(&row).map_err(|source| CsvError::Line { line, source })?;
+        list.values.push(Named { name, value });
+    }
+    let system = list.system()?;
+    list.values.iter_mut().for_each(|point| point.value = system.map_or(point.value, |s| s.to_lps(point.value)));
+    list.finish(system)
 }
 
-/// Parses poses from lines `x,y,z,qw,qx,qy,qz`, mm and a unit quaternion.
+/// Parses landmarks from a table: the point in the scene, and as the tracker measures it, mm.
 ///
 /// # Errors
-/// A malformed line, or no pose at all.
-pub fn poses(text: &str) -> Result<Vec<Pose>, CsvError> {
-    parsed(text, POSE, |line, content| match content.parse::<Pose>() {
-        Err(PoseError::Syntax { .. }) => Ok(None),
-        Err(source) => Err(CsvError::Pose { line, source }),
-        Ok(pose) => Ok(Some(pose)),
-    })
+/// A malformed line, a column that is not read, or no pair at all.
+pub fn pairs(text: &str) -> Result<Listed<Named<PointPair>>, CsvError> {
+    if is_json(text) {
+        let reason = "3D Slicer's markups hold points of one frame; `calibrate landmarks --tracker STATION --points` touches \
+                      them, and a table `x,y,z,tx,ty,tz,name` pairs them with the tracker's";
+        return Err(CsvError::Markups { reason: reason.to_owned() });
+    }
+    let check = |layout: &Layout, columns: &[Column]| {
+        only_points(layout, columns)?;
+        layout.own.as_ref().ok_or_else(|| missing("x", PAIR_COLUMNS))?;
+        layout.tracker.as_ref().map(drop).ok_or_else(|| missing("tx", PAIR_COLUMNS))
+    };
+    let mut list = List::new(text, PAIR, PAIR_COLUMNS, &check);
+    while let Some((line, layout, row)) = list.next_row()? {
+        let (Some(scene), Some(tracker)) = (&layout.own, &layout.tracker) else { continue };
+        let name = list.name(&layout, &row);
+        if list.is_left_out(&layout, &row) {
+            list.left_out.push(name);
+            continue;
+        }
+        let pair = scene.point(&row).and_then(|scene_mm| Ok(PointPair { scene_mm, tracker_mm: tracker.point(&row)? }));
+        list.values.push(Named { name, value: pair.map_err(|source| CsvError::Line { line, source })? });
+    }
+    let system = list.system()?;
+    let turned = |point: DVec3| system.map_or(point, |system| system.to_lps(point));
+    list.values.iter_mut().for_each(|pair| pair.value.scene_mm = turned(pair.value.scene_mm));
+    list.finish(system)
 }
 
-/// Parses values of `N` numbers each, with their optional names.
-fn named<const N: usize, T>(
-    text: &str,
+/// Refuses columns that don't belong to points.
+fn only_points(layout: &Layout, columns: &[Column]) -> Result<(), TableFault> {
+    let is_other = |m| matches!(m, Meaning::Quaternion(_) | Meaning::Status | Meaning::Event | Meaning::Time { .. });
+    layout.refuse(columns, is_other, "it doesn't belong to points")
+}
+
+/// Parses poses from a table, mm and a unit quaternion. Rows without a pose are left out: their numbers are all empty,
+/// NaN or zero, or their `status` is `invalid`.
+///
+/// # Errors
+/// A malformed line, a column that is not read, or no pose at all.
+pub fn poses(text: &str) -> Result<Listed<Pose>, CsvError> {
+    let check = |layout: &Layout, columns: &[Column]| pose_position(layout, columns, POSE_COLUMNS).map(drop);
+    let mut list = List::new(text, POSE, POSE_COLUMNS, &check);
+    let mut absent = 0;
+    while let Some((line, layout, row)) = list.next_row()? {
+        let at = |source| CsvError::Line { line, source };
+        let Some(position) = layout.own.as_ref().or(layout.tracker.as_ref()) else { continue };
+        if !layout.has_pose(&row).map_err(at)? {
+            absent += 1;
+            continue;
+        }
+        match layout.pose(position, &row).map_err(at)? {
+            Ok(PoseField::Pose(pose)) => list.values.push(pose),
+            Ok(PoseField::Absent) => absent += 1,
+            Err(source) => return Err(CsvError::Pose { line, source }),
+        }
+    }
+    let mut found = list.finish(None)?;
+    if absent > 0 {
+        found.notes.push(format!("{absent} rows without a pose (empty, NaN, zero or `status` invalid) were left out"));
+    }
+    Ok(found)
+}
+
+/// Columns of the position of a table of poses, which also has a quaternion.
+///
+/// # Errors
+/// A column is missing, or doesn't belong to poses.
+pub(crate) fn pose_position<'a>(
+    layout: &'a Layout,
+    columns: &[Column],
+    known: &'static str,
+) -> Result<&'a Position, TableFault> {
+    let of_patient = |m| matches!(m, Meaning::Length { frame: Frame::Patient, .. });
+    layout.refuse(
+        columns,
+        of_patient,
+        "poses are in the tracker's or the scene's axes, not along the patient's; name its columns x_mm, y_mm and z_mm",
+    )?;
+    layout.refuse(columns, |m| m == Meaning::Defined, "it belongs to points; `status` says which rows have a pose")?;
+    if let (Some(own), Some(tracker)) = (&layout.own, &layout.tracker) {
+        let reason = format!("the table has {}, too; a pose has one position", own.names());
+        return Err(TableFault::Refused { name: quote(&tracker.names()), reason });
+    }
+    if layout.quaternion.is_none() {
+        return Err(missing("qw", known));
+    }
+    layout.own.as_ref().or(layout.tracker.as_ref()).ok_or_else(|| missing("x_mm", known))
+}
+
+/// Check of a table's columns.
+type Check<'a> = &'a dyn Fn(&Layout, &[Column]) -> Result<(), TableFault>;
+
+/// Rows of a text and the values made of them.
+struct List<'a, T> {
+    lines: std::iter::Enumerate<std::str::Lines<'a>>,
+    reader: Reader,
+    known: &'static str,
     expected: &'static str,
-    value: impl Fn([f64; N]) -> T,
-) -> Result<Vec<Named<T>>, CsvError> {
-    let mut number = 0;
-    parsed(text, expected, |_, content| {
-        number += 1;
-        let fields: Vec<_> = content.splitn(N + 1, ',').map(str::trim).collect();
-        let Some((numbers, name)) = fields.split_at_checked(N) else { return Ok(None) };
-        let numbers: Option<Vec<f64>> = numbers.iter().map(|field| field.parse().ok()).collect();
-        let name = name.first().map(|n| n.trim_matches('"').trim()).filter(|n| !n.is_empty());
-        let name = name.map_or_else(|| number.to_string(), str::to_owned);
-        Ok(numbers.and_then(|n| n.try_into().ok()).map(|numbers| Named { name, value: value(numbers) }))
-    })
+    check: Check<'a>,
+    layout: Option<Rc<Layout>>,
+    /// Number of rows so far.
+    rows: usize,
+    values: Vec<T>,
+    /// Names of rows without a position.
+    left_out: Vec<String>,
 }
 
-/// Calls `parse` with the number and content of each data line; `None` from it means a malformed line.
-fn parsed<T>(
-    text: &str,
-    expected: &'static str,
-    mut parse: impl FnMut(usize, &str) -> Result<Option<T>, CsvError>,
-) -> Result<Vec<T>, CsvError> {
-    let malformed = |line, content: &str| CsvError::Line { line, expected, found: content.chars().take(80).collect() };
-    let values: Result<Vec<T>, _> =
-        data_lines(text).map(|(line, content)| parse(line, content)?.ok_or_else(|| malformed(line, content))).collect();
-    values.and_then(|values| if values.is_empty() { Err(CsvError::Empty { expected }) } else { Ok(values) })
+impl<'a, T> List<'a, T> {
+    fn new(text: &'a str, headless: Headless, known: &'static str, check: Check<'a>) -> Self {
+        let (lines, expected) = (text.lines().enumerate(), headless.expected);
+        let reader = Reader::new(Some(headless));
+        Self { lines, reader, known, expected, check, layout: None, rows: 0, values: Vec::new(), left_out: Vec::new() }
+    }
+
+    /// The next row with its line from 1 and the layout of the columns.
+    fn next_row(&mut self) -> Result<Option<(usize, Rc<Layout>, Vec<String>)>, CsvError> {
+        for (index, text) in self.lines.by_ref() {
+            let at = |source| CsvError::Line { line: index + 1, source };
+            let row = self.reader.line(text).map_err(at)?;
+            let columns = self.reader.columns();
+            if self.layout.is_none() && !columns.is_empty() {
+                let layout = Layout::of(columns, self.known).map_err(at)?;
+                (self.check)(&layout, columns).map_err(at)?;
+                self.layout = Some(Rc::new(layout));
+            }
+            if let (Some(row), Some(layout)) = (row, &self.layout) {
+                self.rows += 1;
+                return Ok(Some((index + 1, layout.clone(), row)));
+            }
+        }
+        Ok(None)
+    }
+
+    fn name(&self, layout: &Layout, row: &[String]) -> String {
+        layout.name(row).map_or_else(|| self.rows.to_string(), str::to_owned)
+    }
+
+    /// Coordinate system of the points by a comment; none where the columns say their axes themselves.
+    fn system(&self) -> Result<Option<System>, CsvError> {
+        let own = self.layout.as_ref().and_then(|layout| layout.own.as_ref());
+        if own.is_some_and(|position| position.frame == Frame::Patient) {
+            return Ok(None);
+        }
+        self.reader.system().map_err(|source| CsvError::Line { line: 1, source })
+    }
+
+    /// Whether a row of points has no position, by its column `defined` or the status that 3D Slicer adds behind the
+    /// named columns: 2 is a defined position.
+    fn is_left_out(&self, layout: &Layout, row: &[String]) -> bool {
+        let status = row.get(self.reader.columns().len());
+        layout.is_undefined(row) || status.is_some_and(|status| ["0", "1", "3"].contains(&status.as_str()))
+    }
+
+    /// The values, if there are any; `system` is that of a list of 3D Slicer.
+    fn finish(self, system: Option<System>) -> Result<Listed<T>, CsvError> {
+        if self.values.is_empty() {
+            return Err(CsvError::Empty { expected: self.expected });
+        }
+        let mut notes = Vec::new();
+        let own = self.layout.as_ref().and_then(|layout| layout.own.as_ref());
+        if let Some(position) = own.filter(|position| position.frame == Frame::Patient) {
+            let (names, turned) = (position.names(), position.turned());
+            notes.push(format!("its columns {names} are the patient's axes; the points are taken in LPS: {turned}"));
+        }
+        if system == Some(System::Ras) {
+            notes.push("its coordinate system is RAS; the points are taken in LPS: x = −x, y = −y".to_owned());
+        }
+        if !self.left_out.is_empty() {
+            notes.push(format!("points without a position were left out: {}", self.left_out.join(", ")));
+        }
+        let in_lps = system.is_some() || own.is_some_and(|position| position.frame == Frame::Patient);
+        Ok(Listed { values: self.values, in_lps, notes })
+    }
 }
 
-/// Data lines with their numbers from 1.
-fn data_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
-    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-    let lines = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()));
-    let mut is_first = true;
-    lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#')).filter(move |(_, line)| {
-        let is_head =
-            std::mem::take(&mut is_first) && line.split(',').all(|field| field.trim().parse::<f64>().is_err());
-        !is_head
-    })
+fn missing(name: &str, known: &'static str) -> TableFault {
+    TableFault::Missing { name: name.to_owned(), known }
+}
+
+fn is_json(text: &str) -> bool {
+    text.trim_start_matches('\u{feff}').trim_start().starts_with('{')
+}
+
+fn of_markups(text: &str) -> Result<Listed<Named<DVec3>>, CsvError> {
+    let text = text.trim_start_matches('\u{feff}');
+    let (mut values, mut left_out) = (Vec::new(), Vec::new());
+    for (name, position) in markups(text).map_err(|reason| CsvError::Markups { reason })? {
+        match position {
+            Some(value) => values.push(Named { name, value }),
+            None => left_out.push(name),
+        }
+    }
+    if values.is_empty() {
+        return Err(CsvError::Markups { reason: "none of its control points has a position".to_owned() });
+    }
+    let note = || format!("points without a position were left out: {}", left_out.join(", "));
+    let notes = if left_out.is_empty() { Vec::new() } else { vec![note()] };
+    Ok(Listed { values, in_lps: true, notes })
 }
 
 #[cfg(test)]
-mod tests {
-    use proptest::prelude::*;
-
-    use super::*;
-
-    #[test]
-    fn pairs_have_names_or_numbers() {
-        let text = "\u{feff}x,y,z,tx,ty,tz,name\r\n# belly\r\n1,2,3,4,5,6,\"navel\"\r\n\r\n-1.5, 2e1, 3,4,5,6\r\n7,8,9,1,2,3,left, upper\r\n";
-        let found = pairs(text).unwrap();
-        let names: Vec<_> = found.iter().map(|p| p.name.as_str()).collect();
-        assert_eq!(names, ["navel", "2", "left, upper"]);
-        assert_eq!(found[1].value.scene_mm, DVec3::new(-1.5, 20.0, 3.0));
-        assert_eq!(found[0].value.tracker_mm, DVec3::new(4.0, 5.0, 6.0));
-    }
-
-    #[test]
-    fn malformed_lines_are_named() {
-        let error = |text| pairs(text).unwrap_err().to_string();
-        assert_eq!(error("1,2,3,4,5,6\n1,2,3\n"), format!("line 2: expected {PAIR}, found `1,2,3`"));
-        assert!(error("1,2,3,4,5,six").starts_with("line 1: expected `x,y,z,tx,ty,tz`"));
-        assert!(error("x,y\nx,y\n").starts_with("line 2"), "one line of names only");
-        assert!(error("# nothing\n\n").starts_with("there is no line with `x,y,z,tx,ty,tz`"));
-        let error = |text| poses(text).unwrap_err().to_string();
-        assert!(error("x,y,z,qw,qx,qy,qz\n1,2,3,2,0,0,0").starts_with("line 2: the pose's quaternion"));
-        assert!(error("1,2,3").starts_with("line 1: expected `x,y,z,qw,qx,qy,qz`"));
-        assert!(error("nan,2,3,1,0,0,0").contains("component `x` is NaN"));
-        assert_eq!(poses("1,2,3,1,0,0,0\n").unwrap()[0].position_mm, DVec3::new(1.0, 2.0, 3.0));
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
-
-        #[test]
-        fn no_text_panics(text in "([0-9.,-]{0,20}|\n|,|name|#|é|\"|nan|inf| ){0,30}") {
-            let _ = (pairs(&text), poses(&text));
-        }
-    }
-}
+mod tests;

@@ -7,6 +7,7 @@ use serde::Serialize;
 use thiserror::Error;
 
 use super::csv::Named;
+use super::mix_up::MixUp;
 use super::registration::{PointPair, RegistrationError, register};
 use super::{Fitted, Pose};
 
@@ -43,9 +44,17 @@ pub enum LandmarkFitError {
     /// No fit.
     #[error(transparent)]
     Registration(#[from] RegistrationError),
+    /// No fit, with a likely explanation.
+    #[error("{source}; {likely}")]
+    MixedUp {
+        /// Fault.
+        source: RegistrationError,
+        /// Explanation.
+        likely: String,
+    },
     /// A fit whose residual is too large.
     #[error(
-        "the landmarks fit with an RMS residual of {rms_mm:.2} mm, more than --max-rms {max_rms_mm}; the worst is `{worst}`, off by {worst_mm:.2} mm\n{table}"
+        "the landmarks fit with an RMS residual of {rms_mm:.2} mm, more than --max-rms {max_rms_mm}; the worst is `{worst}`, off by {worst_mm:.2} mm{likely}\n{table}"
     )]
     TooFar {
         /// RMS residual, mm.
@@ -56,6 +65,8 @@ pub enum LandmarkFitError {
         worst: String,
         /// That residual, mm.
         worst_mm: f64,
+        /// Likely explanation, ready to print, or empty.
+        likely: String,
         /// All landmarks.
         table: String,
     },
@@ -68,7 +79,10 @@ impl LandmarkFit {
     /// Those of [`register`], or the residual.
     pub fn of(pairs: &[Named<PointPair>], max_rms_mm: f64) -> Result<Self, LandmarkFitError> {
         let points: Vec<PointPair> = pairs.iter().map(|p| p.value).collect();
-        let found = register(&points)?;
+        let found = register(&points).map_err(|source| match (&source, MixUp::of(&points)) {
+            (RegistrationError::TooFew { .. } | RegistrationError::Coordinate { .. }, _) | (_, None) => source.into(),
+            (_, Some(mix_up)) => LandmarkFitError::MixedUp { source, likely: mix_up.describe(pairs) },
+        })?;
         let row = |(pair, &residual_mm): (&Named<PointPair>, &f64)| {
             let PointPair { scene_mm, tracker_mm } = pair.value;
             Row { name: pair.name.clone(), scene_mm, tracker_mm, residual_mm }
@@ -83,7 +97,8 @@ impl LandmarkFit {
             None => Ok(fit),
             Some(Row { name, residual_mm, .. }) => {
                 let (worst, worst_mm, table) = (name.clone(), *residual_mm, fit.table());
-                Err(LandmarkFitError::TooFar { rms_mm, max_rms_mm, worst, worst_mm, table })
+                let likely = MixUp::of(&points).map_or_else(String::new, |m| format!("; {}", m.describe(pairs)));
+                Err(LandmarkFitError::TooFar { rms_mm, max_rms_mm, worst, worst_mm, likely, table })
             }
         }
     }
@@ -102,6 +117,27 @@ impl LandmarkFit {
         }
         text
     }
+}
+
+/// Fewest landmarks whose residuals say something.
+const RESIDUALS_FROM: usize = 4;
+
+/// How landmarks fit that were taken so far, for people: residuals from the fourth on, and what was likely mixed up.
+pub fn fit_so_far(pairs: &[Named<PointPair>]) -> Vec<String> {
+    let points: Vec<PointPair> = pairs.iter().map(|pair| pair.value).collect();
+    let mut lines = Vec::new();
+    if points.len() >= RESIDUALS_FROM {
+        match register(&points) {
+            Ok(found) => {
+                let each = pairs.iter().zip(&found.residuals_mm).map(|(pair, mm)| format!("{} {mm:.1}", pair.name));
+                let each = each.collect::<Vec<_>>().join(", ");
+                lines.push(format!("residuals {each} mm; RMS {:.2} mm", found.rms_mm));
+            }
+            Err(reason) => lines.push(reason.to_string()),
+        }
+    }
+    lines.extend(MixUp::of(&points).map(|mix_up| mix_up.describe(pairs)));
+    lines
 }
 
 impl fmt::Display for LandmarkFit {

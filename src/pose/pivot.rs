@@ -44,6 +44,16 @@ pub struct Pivot {
     pub poses: usize,
 }
 
+/// Distance of a tip from its sensor, mm, below which positions are likely in metres.
+const METRES_BELOW_MM: f64 = 1.0;
+
+impl Pivot {
+    /// Whether the positions were likely in metres: the tip is then a fraction of a millimetre from the sensor.
+    pub fn looks_like_metres(&self) -> bool {
+        self.tip_mm.length() < METRES_BELOW_MM
+    }
+}
+
 impl fmt::Display for Pivot {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { tip_mm: tip, pivot_mm: pivot, rms_mm, max_mm, tip_error_mm, condition, turn_deg, poses } = self;
@@ -96,13 +106,12 @@ pub fn calibrate(tracker_from_sensor: &[Pose]) -> Result<Pivot, PivotError> {
         return Err(PivotError::TooLittleTurn { turn_deg });
     }
     let n = poses.len() as f64;
-    let rotation = |p: &Pose| -> Matrix3<f64> { DMat3::from_quat(p.orientation).to_cols_array_2d().into() };
     let translation = |p: &Pose| Vector3::from(p.position_mm.to_array());
-    let mean_r = poses.iter().map(rotation).sum::<Matrix3<f64>>() / n;
+    let mean_r = poses.iter().map(rotation_matrix).sum::<Matrix3<f64>>() / n;
     let mean_t = poses.iter().map(translation).sum::<Vector3<f64>>() / n;
     let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
     for pose in poses {
-        let r = rotation(pose) - mean_r;
+        let r = rotation_matrix(pose) - mean_r;
         normal += r.transpose() * r;
         right -= r.transpose() * (translation(pose) - mean_t);
     }
@@ -132,8 +141,13 @@ pub fn calibrate(tracker_from_sensor: &[Pose]) -> Result<Pivot, PivotError> {
     })
 }
 
+/// Rotation of a pose as a matrix.
+pub(super) fn rotation_matrix(pose: &Pose) -> Matrix3<f64> {
+    DMat3::from_quat(pose.orientation).to_cols_array_2d().into()
+}
+
 /// Rotation from the pose farthest from the first to the pose farthest from that, rad: at least half of the maximum.
-fn widest_turn(poses: &[Pose]) -> f64 {
+pub(super) fn widest_turn(poses: &[Pose]) -> f64 {
     let farthest = |from: &Pose| {
         let angles = poses.iter().map(|p| (angle_between(from.orientation, p.orientation), p));
         angles.max_by(|a, b| a.0.total_cmp(&b.0))

@@ -161,6 +161,26 @@ pub fn register(pairs: &[PointPair]) -> Result<Registration, RegistrationError> 
     Ok(Registration { scene_from_tracker, rms_mm, residuals_mm: pairs.iter().map(residual).collect(), coplanar })
 }
 
+/// RMS residual of the best rigid fit, mm, whatever the landmarks are like; `None` if there is none.
+pub(crate) fn rms_of_fit(pairs: &[PointPair]) -> Option<f64> {
+    if pairs.is_empty() {
+        return None;
+    }
+    let n = pairs.len() as f64;
+    let scene_mean = pairs.iter().map(|p| p.scene_mm).sum::<DVec3>() / n;
+    let tracker_mean = pairs.iter().map(|p| p.tracker_mm).sum::<DVec3>() / n;
+    let centred = || pairs.iter().map(|p| (vector(p.scene_mm - scene_mean), vector(p.tracker_mm - tracker_mean)));
+    let covariance = centred().fold(Matrix3::<f64>::zeros(), |sum, (s, t)| sum + s * t.transpose());
+    if !covariance.iter().all(|value| value.is_finite()) {
+        return None;
+    }
+    let svd = covariance.try_svd(true, true, 5.0 * f64::EPSILON, SVD_STEPS)?;
+    let (u, v_t) = svd.u.zip(svd.v_t)?;
+    let sign = (u * v_t).determinant().signum();
+    let rotation = u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t;
+    Some((centred().map(|(s, t)| (s - rotation * t).norm_squared()).sum::<f64>() / n).sqrt())
+}
+
 fn vector(v: DVec3) -> Vector3<f64> {
     Vector3::new(v.x, v.y, v.z)
 }

@@ -1,4 +1,4 @@
-//! What is wrong with a scene, and how it aberrates before a probe.
+//! What is wrong with a scene and its station, and how the scene aberrates before a probe.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -6,11 +6,14 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::Station;
+use super::setup_check::{SetupFinding, check_setup};
 use crate::anatomy::doctor::aberration::Summary;
 use crate::anatomy::doctor::{Report, Settings, Severity, examine};
 use crate::anatomy::{SceneError, TissueTable, import};
 use crate::names::counted;
 use crate::pose::Pose;
+use crate::tracker::Transport;
+use crate::tracker::devices::Devices;
 use crate::transducer::{Probe, aberration};
 
 /// Findings about a scene. [`Display`](fmt::Display) lists them with their remedies.
@@ -21,6 +24,8 @@ pub struct Examination {
     /// Findings.
     #[serde(flatten)]
     pub report: Report,
+    /// Findings about the station's tracker and calibration; empty without a station.
+    pub setup: Vec<SetupFinding>,
     /// Aberration by depth; empty without a pose, and where the scene has errors.
     pub aberration: Vec<Summary>,
 }
@@ -52,22 +57,32 @@ impl Examination {
             Some(pose) => aberration(&import::load(path, tissues, background.unwrap_or_default())?, &probe, &pose),
             None => Vec::new(),
         };
-        Ok(Self { path: path.to_owned(), report, aberration })
+        let listed =
+            |station: &Station| matches!(station.tracker.transport, Transport::Serial { .. } | Transport::Hid { .. });
+        let devices = station.filter(|station| listed(station)).and_then(|_| Devices::list().ok());
+        let setup = station.map_or_else(Vec::new, |station| check_setup(station, report.bounds_mm, devices.as_ref()));
+        Ok(Self { path: path.to_owned(), report, setup, aberration })
+    }
+
+    /// Number of findings of one severity, about the scene and the station.
+    pub fn count(&self, severity: Severity) -> usize {
+        self.report.count(severity) + self.setup.iter().filter(|finding| finding.severity == severity).count()
     }
 }
 
 impl fmt::Display for Examination {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { report, aberration, .. } = self;
+        let Self { report, setup, aberration, .. } = self;
         let of = format!("{}, {}", counted(report.surfaces, "surface"), counted(report.triangles, "triangle"));
-        if report.findings.is_empty() {
+        if report.findings.is_empty() && setup.is_empty() {
             writeln!(f, "nothing is wrong: {of}")?;
         } else {
             for finding in &report.findings {
                 writeln!(f, "{:8} {finding}\n         {}", finding.severity.to_string(), finding.remedy)?;
             }
+            setup.iter().try_for_each(|finding| writeln!(f, "{finding}"))?;
             let names = [(Severity::Error, "error"), (Severity::Warning, "warning"), (Severity::Note, "note")];
-            let [errors, warnings, notes] = names.map(|(severity, name)| counted(report.count(severity), name));
+            let [errors, warnings, notes] = names.map(|(severity, name)| counted(self.count(severity), name));
             writeln!(f, "\n{errors}, {warnings}, {notes} in {of}")?;
         }
         aberration.iter().try_for_each(|summary| writeln!(f, "{summary}"))

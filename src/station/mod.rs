@@ -21,6 +21,7 @@ mod quality;
 mod renamed;
 mod scene;
 mod scene_file;
+mod setup_check;
 #[cfg(test)]
 mod tests;
 mod tracker_table;
@@ -50,6 +51,7 @@ pub use plane_scene::PlaneScene;
 pub use poses::{Poses, Track};
 pub use renamed::RenamedKey;
 pub use scene_file::SceneFile;
+pub use setup_check::{SetupFinding, check_setup};
 
 /// Source of a station's surfaces.
 #[derive(Debug, Clone, PartialEq)]

@@ -11,6 +11,7 @@ use super::renamed::rename;
 use super::values::{Values, optional, section, take, wrong_type};
 use super::{Station, StationError, calibration};
 use crate::anatomy::{Tissue, TissueTable};
+use crate::files;
 use crate::generator;
 use crate::pose::Pose;
 use crate::settings::{
@@ -20,7 +21,7 @@ use crate::suggest::did_you_mean;
 
 pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     let mut root: Table =
-        text.parse().map_err(|e: toml::de::Error| StationError::Syntax { reason: e.to_string().trim().to_owned() })?;
+        text.parse().map_err(|e: toml::de::Error| StationError::Syntax { reason: files::toml_reason(text, &e) })?;
     let renamed_keys = rename(&mut root)?;
     let tables = tables();
     if let Some(table) = root.keys().find(|key| !tables.contains(&key.as_str())) {

@@ -17,3 +17,21 @@ pub(super) fn assert_refused<const N: usize>(table: &str, lines: &[(&str, [&str;
         assert!(words.iter().all(|word| error.contains(word)), "{line}: {error}");
     }
 }
+
+#[test]
+fn paths_with_backslashes_in_double_quotes_are_refused_with_the_way_out() {
+    for (tables, words) in [
+        ("[calibration]\npath = \"C:\\Users\\me\\c.toml\"", ["path = 'C:\\Users\\me\\c.toml'", "forward slashes"]),
+        // Valid escapes of TOML, and no path.
+        (
+            "[calibration]\npath = \"C:\\temp\\new.toml\"",
+            ["`calibration.path`: it holds a control character", "C:/temp/new.toml"],
+        ),
+        ("[generator]\nmodels = [\"D:\\new\\best.onnx\"]", ["`generator.models`", "single quotes"]),
+        ("[tracker]\ntransport = \"recording\"\nrecording = \"\\rec.mcap\"", ["`tracker.recording`", "single quotes"]),
+    ] {
+        let error = parse(tables).unwrap_err().to_string();
+        assert!(words.iter().all(|word| error.contains(word)), "{tables}: {error}");
+    }
+    assert!(parse("[calibration]\npath = 'C:\\temp\\c.toml'").is_ok());
+}

@@ -7,6 +7,7 @@ use toml::{Table, Value};
 use super::StationError;
 use super::accepts::{Accepts, LISTEN_ADDRESS};
 use super::keys::{KeyDoc, of_table};
+use crate::files::backslashes;
 use crate::pose::{Pose, PoseError};
 use crate::settings::{Kind, SettingsGroup};
 use crate::suggest::did_you_mean;
@@ -163,6 +164,17 @@ fn shown(value: &Value) -> String {
     if value.is_table() || text.chars().count() > 60 { format!("a {}", value.type_str()) } else { text }
 }
 
+/// Refuses a path with control characters: `"C:\temp"` in double quotes holds a tab.
+fn check_path(key: &str, what: &str, text: &str) -> Result<(), StationError> {
+    if !what.starts_with("a path") || !text.contains(char::is_control) {
+        return Ok(());
+    }
+    let written: String = text.chars().flat_map(char::escape_default).collect();
+    let short = key.rsplit('.').next().unwrap_or(key);
+    let reason = format!("it holds a control character; {}", backslashes(short, &written));
+    Err(StationError::Text { key: key.to_owned(), reason })
+}
+
 fn check_value(table: &str, doc: &KeyDoc, value: &Value) -> Result<(), StationError> {
     let key = || format!("{table}.{}", doc.key);
     let wrong = || wrong_type(key(), value, doc.range);
@@ -188,10 +200,16 @@ fn check_value(table: &str, doc: &KeyDoc, value: &Value) -> Result<(), StationEr
             suggestion = unknown.map_or_else(String::new, |word| did_you_mean(word, words.iter().copied()));
             unknown.is_none()
         }
-        Accepts::Text(_) => !value.as_str().ok_or_else(wrong)?.is_empty(),
-        Accepts::Texts(_) => {
+        Accepts::Text(what) => {
+            let text = value.as_str().ok_or_else(wrong)?;
+            check_path(&key(), what, text)?;
+            !text.is_empty()
+        }
+        Accepts::Texts(what) => {
             let texts = value.as_array().ok_or_else(wrong)?.iter().map(Value::as_str);
-            texts.collect::<Option<Vec<_>>>().ok_or_else(wrong)?.iter().all(|text| !text.is_empty())
+            let texts = texts.collect::<Option<Vec<_>>>().ok_or_else(wrong)?;
+            texts.iter().try_for_each(|text| check_path(&key(), what, text))?;
+            texts.iter().all(|text| !text.is_empty())
         }
         Accepts::Bool => value.is_bool(),
         Accepts::Table => value.is_table(),

@@ -3,6 +3,7 @@
 // clippy counts helpers as outside of tests; a failing helper fails its test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod columns;
 mod estimator;
 #[path = "../program/mod.rs"]
 mod program;

@@ -238,3 +238,51 @@ fn an_early_end_of_input_is_named() {
         "{said}"
     );
 }
+
+#[test]
+fn exchanged_touches_are_named_before_the_end_and_taken_again() {
+    let (dir, tracker) = (tempfile::tempdir().unwrap(), Tracker::start());
+    let mut asked = Asked::start(dir.path(), &tracker, &["--json"]);
+    let points = phantom::fiducials(&Default::default());
+    for (n, at) in [0, 1, 2, 4, 3].into_iter().enumerate() {
+        asked.take(&tracker, &points[n], points[at].value, n);
+        if n == 3 {
+            asked.until("residuals BELLY_TOP");
+        }
+    }
+    let said = asked.until("touched in each other's turn");
+    assert!(said.contains("`LEFT_FLANK` and `RIGHT_FLANK`"), "{said}");
+    for n in [3, 4] {
+        asked.answer(&format!("again {}", points[n].name));
+        asked.take(&tracker, &points[n], points[n].value, n);
+    }
+    for n in [5, 6] {
+        asked.take(&tracker, &points[n], points[n].value, n);
+    }
+    // After the last one a touch can still be taken back.
+    asked.until("7 landmarks are taken: Enter finishes");
+    asked.answer("back");
+    asked.take(&tracker, &points[6], points[6].value, 6);
+    asked.until("Enter finishes");
+    asked.answer("");
+    let (code, report, said) = asked.end();
+    assert_eq!(code, Some(0), "{said}");
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    assert!(report["rms_mm"].as_f64().unwrap() < 0.01, "{report}");
+}
+
+#[test]
+fn points_of_3d_slicer_are_touched_in_the_axes_of_the_scene() {
+    let (dir, tracker) = (tempfile::tempdir().unwrap(), Tracker::start());
+    let points = dir.path().join("points.fcsv");
+    let list = "# Markups fiducial file version = 5.6\n# CoordinateSystem = RAS\n\
+                # columns = id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label,desc,associatedNodeID\n\
+                1,-10.5,20,30,0,0,0,1,1,1,0,XIPHOID,,,2,0\n2,40,20,30,0,0,0,1,1,1,0,RIGHT,,,2,0\n";
+    std::fs::write(&points, list).unwrap();
+    let mut asked = Asked::start(dir.path(), &tracker, &["--points", points.to_str().unwrap()]);
+    // The phantom's y is cranial, its z anterior.
+    let said = asked.until("1 of 2: touch XIPHOID with");
+    assert!(said.contains("(at 10.50, 30.00, 20.00 mm in the scene)"), "{said}");
+    asked.answer("quit");
+    assert_eq!(asked.end().0, Some(2));
+}

@@ -177,6 +177,14 @@ pub fn load_with_findings(
     Ok((scene, findings))
 }
 
+/// Axes of the scene in the `.glb` or `.gltf` file at `path`, without its surfaces.
+///
+/// # Errors
+/// The file cannot be read, is not valid glTF, or its axes are unknown.
+pub fn axes(path: &Path) -> Result<super::Axes, SceneError> {
+    scene_extras::axes(&document::File::read(path)?)
+}
+
 /// A file's content as written, for the [doctor](super::doctor).
 pub(crate) struct RawScene {
     pub(crate) surfaces: Vec<RawSurface>,

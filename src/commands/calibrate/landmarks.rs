@@ -14,14 +14,16 @@ use super::{OutputArgs, write};
 
 /// Fit where the tracker is in the scene to landmarks known in both.
 ///
-/// PAIRS has a line `x,y,z,tx,ty,tz` for each landmark, and its name behind a further comma if it has one: the point in
-/// the scene, and the same point as the tracker measures it (of a stylus: its tip), in mm. Empty lines, lines that
-/// begin with `#`, and a first line of column names are passed over. Three landmarks are needed, six or more are better,
-/// well around the field and not in one plane.
+/// PAIRS is a table with a line for each landmark: x,y,z in the scene, tx,ty,tz as the tracker measures the same point (of
+/// a stylus: its tip), and its name. A line of column names may order them otherwise, name a unit (x_m, tx_cm; mm without
+/// one), or give the scene's points along the patient's axes (r,a,s or l,p,s; they are taken in LPS). Fields are separated
+/// by commas, semicolons or tabs; numbers have a decimal point. Three landmarks are needed, six or more are better, well
+/// around the field and not in one plane.
 ///
 /// With --tracker they are touched instead, one after the other, with a stylus or the probe's face: each line of the
-/// input (Enter) takes the landmark that is asked for, once the tip is held still. The result goes into the calibration
-/// file that the station names, unless --out names another.
+/// input (Enter) takes the landmark that is asked for, once the tip is held still. `back` takes the last one again, `again
+/// NAME` any other. From the fourth on the residuals are shown, and landmarks that were likely mixed up are named. The
+/// result goes into the calibration file that the station names, unless --out names another.
 #[derive(Debug, Parser)]
 pub(crate) struct Args {
     /// Landmarks (CSV)
@@ -45,8 +47,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if let Some(out) = &args.output.out {
         Outputs::beside([path]).replaced("--out", out)?;
     }
-    let pairs = csv::pairs(&input::text(path, FileKind::Table, "the landmarks")?).input_of(path)?;
-    fit(&pairs, path, &args.output)
+    let found = csv::pairs(&input::text(path, FileKind::Table, "the landmarks")?).input_of(path)?;
+    found.notes.iter().for_each(|note| tracing::warn!("{}: {note}", path.display()));
+    fit(&found.values, path, &args.output)
 }
 
 /// Fits landmarks; `source` names them in errors.

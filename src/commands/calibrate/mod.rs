@@ -1,18 +1,24 @@
 //! `insonify calibrate`: transforms between scene, tracker, sensor and probe.
 
+mod guided;
 mod landmarks;
 mod pivot;
+mod poses;
+mod probe;
 mod touch;
 
 use std::path::{Path, PathBuf};
 
+use anyhow::anyhow;
 use clap::{Parser, Subcommand};
+use insonify::files::Outputs;
 use insonify::pose::Calibration;
 use insonify::sink::write_text;
+use insonify::station::Station;
 
-use super::Failure;
+use super::{Classify, Failure};
 
-/// Find where the tracker is in the scene, or where a stylus' tip or a probe's face is at its sensor.
+/// Find where the tracker is in the scene, and how a stylus or a probe is at its sensor.
 ///
 /// With --out the result goes into a calibration file that a station names in `[calibration] path`; what else the file
 /// holds stays as it is.
@@ -26,6 +32,7 @@ pub(crate) struct Args {
 const AFTER_HELP: &str = "\
 Example:
   insonify calibrate pivot pivoting.mcap --out station.calibration.toml
+  insonify calibrate probe --tracker station.toml            centre and axes of the probe, step by step
   insonify calibrate landmarks belly.csv --out station.calibration.toml
   insonify calibrate landmarks --tracker station.toml        touch the scene's landmarks one by one
 and in the station file:
@@ -36,6 +43,7 @@ and in the station file:
 enum What {
     Landmarks(landmarks::Args),
     Pivot(pivot::Args),
+    Probe(probe::Args),
 }
 
 /// Options that every calibration has.
@@ -59,11 +67,29 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     match &args.what {
         What::Landmarks(args) => landmarks::run(args),
         What::Pivot(args) => pivot::run(args),
+        What::Probe(args) => probe::run(args),
     }
 }
 
 fn positive(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|mm: &f64| *mm > 0.0).ok_or_else(|| "expected a number above 0, in mm".to_owned())
+}
+
+/// Calibration file for a result: `out`, else the station's. None of the station's other files, nor of `others`, is it.
+fn calibration_file<'a>(
+    station: &Station,
+    out: Option<&Path>,
+    others: impl IntoIterator<Item = &'a PathBuf>,
+) -> Result<PathBuf, Failure> {
+    let out = out.or(station.calibration.path.as_deref()).ok_or_else(|| {
+        let path = station.path.display();
+        anyhow!("{path} names no calibration file: give `[calibration] path` there, or --out FILE")
+    });
+    let out = out.input()?.to_owned();
+    // The calibration itself is read and changed.
+    let read = station.files().into_iter().filter(|path| station.calibration.path.as_ref() != Some(path));
+    Outputs::beside(read).and(others).replaced("--out", &out)?;
+    Ok(out)
 }
 
 /// Applies `change` to the calibration file at `path`, which is created if missing.

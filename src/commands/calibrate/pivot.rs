@@ -1,25 +1,23 @@
 //! `insonify calibrate pivot`: fits a stylus' tip to poses of pivoting about it.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::anyhow;
 use clap::{Parser, ValueEnum};
-use insonify::files::{FileKind, Outputs};
+use insonify::files::Outputs;
 use insonify::pose::pivot::{Pivot, calibrate};
-use insonify::pose::{Calibration, Fitted, Pose, csv};
-use insonify::recording;
+use insonify::pose::{Calibration, Fitted, Pose};
 
-use super::super::{Classify, Failure, input, output};
-use super::{OutputArgs, write};
-
-/// First bytes of a recording.
-const MCAP_MAGIC: &[u8] = b"\x89MCAP";
+use super::super::{Classify, Failure, output};
+use super::{OutputArgs, poses, write};
 
 /// Find the tip of a stylus, or the centre of a probe's face, in the frame of its sensor.
 ///
 /// Rest the tip in a dimple and tilt the stylus to all sides while the tracker is recorded. POSES is that recording
-/// (.mcap), or lines `x,y,z,qw,qx,qy,qz` of the sensor's poses in the tracker's frame (mm, unit quaternion). With
-/// --of probe the probe was turned about the centre of its face.
+/// (.mcap), or a table of the sensor's poses in the tracker's frame with the columns x,y,z,qw,qx,qy,qz in any order (mm, or
+/// with a unit as x_m; unit quaternion). Without a line of column names they are in this order. Rows that are empty, NaN or
+/// zero, or whose `status` is invalid, are left out. With --of probe the probe was turned about the centre of its face; its
+/// axes come from `insonify calibrate probe`.
 #[derive(Debug, Parser)]
 pub(crate) struct Args {
     /// Poses of the pivoting sensor (MCAP recording or CSV)
@@ -46,8 +44,14 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if let Some(out) = &args.output.out {
         Outputs::beside([&args.poses]).replaced("--out", out)?;
     }
-    let poses = read(&args.poses)?;
-    let found = calibrate(&poses).input_of(&args.poses)?;
+    let found = calibrate(&poses::read(&args.poses)?).input_of(&args.poses)?;
+    if found.looks_like_metres() {
+        tracing::warn!(
+            "{}: the tip lies {:.3} mm from the sensor: are the positions in metres? Columns named x_m,y_m,z_m say so",
+            args.poses.display(),
+            found.tip_mm.length()
+        );
+    }
     let Pivot { rms_mm, max_mm, .. } = found;
     if rms_mm > args.output.max_rms {
         let (path, limit) = (args.poses.display(), args.output.max_rms);
@@ -72,20 +76,13 @@ fn set(calibration: &mut Calibration, of: Of, found: &Pivot) {
         Of::Probe => {
             let orientation = calibration.sensor_from_probe.map(|f| f.value.orientation);
             if orientation.is_none() {
-                tracing::warn!("a pivot doesn't show how the probe is turned: its axes are taken to be the sensor's");
+                tracing::warn!(
+                    "a pivot doesn't show how the probe is turned: its axes are taken to be the sensor's; `insonify calibrate probe` finds them"
+                );
             }
             let orientation = orientation.unwrap_or(Pose::IDENTITY.orientation);
             let value = Pose { position_mm: found.tip_mm, orientation };
             calibration.sensor_from_probe = Some(Fitted { value, rms_mm });
         }
     }
-}
-
-fn read(path: &Path) -> Result<Vec<Pose>, Failure> {
-    if input::starts_with(path, MCAP_MAGIC, "the poses")? {
-        let (poses, summary) = recording::poses(path)?;
-        summary.warn_of_damage(path);
-        return Ok(poses.into_iter().map(|p| p.pose).collect());
-    }
-    csv::poses(&input::text(path, FileKind::Table, "the poses")?).input_of(path)
 }

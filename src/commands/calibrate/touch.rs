@@ -6,12 +6,13 @@ use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use glam::DVec3;
-use insonify::files::{FileKind, Outputs};
+use insonify::anatomy::{Axes, import};
+use insonify::files::FileKind;
 use insonify::phantom;
-use insonify::pose::Calibration;
 use insonify::pose::csv::{self, Named};
 use insonify::pose::landmark::{StillSettings, Touched, touch};
 use insonify::pose::registration::PointPair;
+use insonify::pose::{Calibration, fit_so_far};
 use insonify::recording::spawn;
 use insonify::segmentation::skin_points;
 use insonify::station::{SceneSource, Station};
@@ -19,7 +20,7 @@ use insonify::tracker::pose_tap;
 use tokio_util::sync::CancellationToken;
 
 use super::super::{Classify, Failure, input, tracker_args};
-use super::positive;
+use super::{calibration_file, positive};
 
 /// Time without a pose after which the tracker counts as lost.
 const SILENCE: Duration = Duration::from_secs(2);
@@ -34,7 +35,7 @@ pub(super) struct TouchArgs {
     #[arg(long, value_name = "STATION")]
     pub(super) tracker: Option<PathBuf>,
 
-    /// Points of the scene to touch: lines `x,y,z,name`, mm [default: those of the station's phantom, or SCENE.points.csv]
+    /// Points of the scene to touch: a table x,y,z,name (mm), or 3D Slicer's markups (.fcsv, .mrk.json) [default: those of the station's phantom, or SCENE.points.csv]
     #[arg(long, value_name = "FILE", requires = "tracker")]
     points: Option<PathBuf>,
 
@@ -60,14 +61,7 @@ pub(super) fn run(
     let station = Station::load(path)?;
     let mut settings = tracker_args::of_station(&station)?;
     settings.device.sensor = args.sensor.or(settings.device.sensor);
-    let out = out.or(station.calibration.path.as_deref()).ok_or_else(|| {
-        let path = path.display();
-        anyhow!("{path} names no calibration file: give `[calibration] path` there, or --out FILE")
-    });
-    let out = out.input()?.to_owned();
-    // The calibration itself is read and changed.
-    let read = station.files().into_iter().filter(|path| station.calibration.path.as_ref() != Some(path));
-    Outputs::beside(read).and(&args.points).replaced("--out", &out)?;
+    let out = calibration_file(&station, out, &args.points)?;
     let points = points(args, &station)?;
     let (tip_mm, tip) = tip(&station, &out)?;
     let samples = usize::from(args.samples);
@@ -88,20 +82,40 @@ pub(super) fn run(
 /// The points to touch.
 fn points(args: &TouchArgs, station: &Station) -> Result<Vec<Named<DVec3>>, Failure> {
     if let Some(path) = &args.points {
-        return csv::points(&input::text(path, FileKind::Table, "the points")?).input_of(path);
+        return read(path, station);
     }
     match &station.scene {
         SceneSource::ObstetricPhantom(options) => Ok(phantom::fiducials(&options.parameters)),
         SceneSource::File(scene) if skin_points::file_beside(scene).is_file() => {
-            let path = skin_points::file_beside(scene);
-            csv::points(&input::text(&path, FileKind::Table, "the points")?).input_of(&path)
+            read(&skin_points::file_beside(scene), station)
         }
         SceneSource::File(scene) => Err(Failure::Input(anyhow!(
-            "no landmarks of {} are known: give --points FILE with lines `x,y,z,name` (mm in the scene), or write them to {}",
+            "no landmarks of {} are known: give --points FILE, a table x,y,z,name (mm in the scene) or 3D Slicer's markups (.fcsv, .mrk.json), or write them to {}",
             scene.display(),
             skin_points::file_beside(scene).display()
         ))),
     }
+}
+
+/// Reads points in the scene's axes.
+fn read(path: &Path, station: &Station) -> Result<Vec<Named<DVec3>>, Failure> {
+    let found = csv::points(&input::text(path, FileKind::Table, "the points")?).input_of(path)?;
+    found.notes.iter().for_each(|note| tracing::warn!("{}: {note}", path.display()));
+    if !found.in_lps {
+        return Ok(found.values);
+    }
+    let axes = match &station.scene {
+        SceneSource::ObstetricPhantom(_) => Axes::Anatomical,
+        SceneSource::File(scene) => import::axes(scene)?,
+    };
+    if axes == Axes::Depth {
+        tracing::warn!(
+            "{}: its points are in LPS, and the scene doesn't say how its patient lies (`extras.axes`): its x, y and z are taken as left, posterior and superior",
+            path.display()
+        );
+    }
+    let in_scene = |point: Named<DVec3>| Named { value: axes.from_lps(point.value), ..point };
+    Ok(found.values.into_iter().map(in_scene).collect())
 }
 
 /// Point of contact in the frame of its sensor, mm, and its name.
@@ -122,37 +136,109 @@ fn tip(station: &Station, file: &Path) -> Result<(DVec3, &'static str), Failure>
     Ok((DVec3::ZERO, "the sensor"))
 }
 
-/// Asks for each landmark in turn; a line of `input` answers.
+/// Answer about a landmark.
+#[derive(Debug, Clone, PartialEq)]
+enum Answer {
+    Open,
+    Skipped,
+    Taken(PointPair),
+}
+
+/// Landmarks and their answers.
+struct Session<'a> {
+    points: &'a [Named<DVec3>],
+    answers: Vec<Answer>,
+    /// Indices in the order of their answers.
+    order: Vec<usize>,
+}
+
+impl<'a> Session<'a> {
+    fn new(points: &'a [Named<DVec3>]) -> Self {
+        Self { points, answers: vec![Answer::Open; points.len()], order: Vec::new() }
+    }
+
+    fn answer(&mut self, index: usize, answer: Answer) {
+        self.answers[index] = answer;
+        self.order.push(index);
+    }
+
+    /// Opens the last answered landmark.
+    fn back(&mut self) {
+        if let Some(index) = self.order.pop() {
+            self.answers[index] = Answer::Open;
+        }
+    }
+
+    /// Opens the landmark with this name or number; an error names those there are.
+    fn again(&mut self, which: &str) -> Result<(), String> {
+        let by_name = self.points.iter().position(|point| point.name.eq_ignore_ascii_case(which));
+        let by_number = which.parse().ok().filter(|number| (1..=self.points.len()).contains(number));
+        let Some(index) = by_name.or(by_number.map(|number: usize| number - 1)) else {
+            let names = self.points.iter().map(|point| point.name.as_str()).collect::<Vec<_>>().join(", ");
+            return Err(format!("`{which}` is none of the landmarks {names}"));
+        };
+        self.answers[index] = Answer::Open;
+        self.order.retain(|answered| *answered != index);
+        Ok(())
+    }
+
+    fn next(&self) -> Option<usize> {
+        self.answers.iter().position(|answer| *answer == Answer::Open)
+    }
+
+    /// The landmarks taken, in the order of the points.
+    fn taken(&self) -> Vec<Named<PointPair>> {
+        let named = |(point, answer): (&Named<DVec3>, &Answer)| match answer {
+            Answer::Taken(value) => Some(Named { name: point.name.clone(), value: *value }),
+            _ => None,
+        };
+        self.points.iter().zip(&self.answers).filter_map(named).collect()
+    }
+}
+
+/// Asks for each landmark in turn; a line of `input` answers. After the last one, Enter or the end of the input finishes.
 fn ask(
     points: &[Named<DVec3>],
     tip: &str,
     input: &mut impl BufRead,
     mut take: impl FnMut(&Named<DVec3>) -> Result<Touched, String>,
 ) -> Result<Vec<Named<PointPair>>, Failure> {
-    // Per point; `None` if skipped.
-    let mut taken: Vec<Option<Named<PointPair>>> = Vec::with_capacity(points.len());
+    let mut session = Session::new(points);
     eprintln!(
-        "Enter takes a landmark; `skip` leaves it out, `back` takes the one before again, `quit` ends without a result"
+        "Enter takes a landmark; `skip` leaves it out, `back` takes the last one again, `again NAME` any other, `quit` ends without a result"
     );
     let mut trouble = String::new();
-    while let Some(point) = points.get(taken.len()) {
-        let number = taken.len() + 1;
-        eprintln!("{number} of {}: touch {} with {tip}, hold it still and press Enter", points.len(), point.name);
+    loop {
+        let (next, count) = (session.next(), session.taken().len());
+        match next {
+            Some(index) => {
+                let (number, all, Named { name, value }) = (index + 1, points.len(), &points[index]);
+                let [x, y, z] = value.to_array();
+                eprintln!(
+                    "{number} of {all}: touch {name} with {tip}, hold it still and press Enter (at {x:.2}, {y:.2}, {z:.2} mm in the scene)"
+                );
+            }
+            None => eprintln!("{count} landmarks are taken: Enter finishes; `back` or `again NAME` takes one again"),
+        }
         let mut line = String::new();
-        let count = || taken.iter().flatten().count();
         if input.read_line(&mut line).context("cannot read the input").other()? == 0 {
-            let (name, count, all) = (&point.name, count(), points.len());
+            let Some(index) = next else { return Ok(session.taken()) };
+            let (name, all) = (&points[index].name, points.len());
             return Err(Failure::Input(anyhow!(
                 "the input ended before `{name}` was taken, with {count} of {all} landmarks; nothing was written{trouble}"
             )));
         }
-        match line.trim() {
-            "" => match take(point) {
+        let line = line.trim();
+        let again = line.strip_prefix("again").or(line.strip_prefix("a ")).map(str::trim);
+        match (line, next, again) {
+            ("", None, _) => return Ok(session.taken()),
+            ("", Some(index), _) => match take(&points[index]) {
                 Ok(Touched { tracker_mm, rms_mm }) => {
                     let [x, y, z] = tracker_mm.to_array();
-                    eprintln!("   {} at {x:.2}, {y:.2}, {z:.2} mm, spread {rms_mm:.3} mm RMS", point.name);
-                    let pair = PointPair { scene_mm: point.value, tracker_mm };
-                    taken.push(Some(Named { name: point.name.clone(), value: pair }));
+                    let name = &points[index].name;
+                    eprintln!("   {name} at {x:.2}, {y:.2}, {z:.2} mm, spread {rms_mm:.3} mm RMS");
+                    session.answer(index, Answer::Taken(PointPair { scene_mm: points[index].value, tracker_mm }));
+                    fit_so_far(&session.taken()).iter().for_each(|line| eprintln!("   {line}"));
                     trouble.clear();
                 }
                 Err(reason) => {
@@ -160,16 +246,15 @@ fn ask(
                     trouble = format!("; {reason}");
                 }
             },
-            "s" | "skip" => taken.push(None),
-            "b" | "back" => drop(taken.pop()),
-            "q" | "quit" => {
-                let count = count();
+            ("s" | "skip", Some(index), _) => session.answer(index, Answer::Skipped),
+            ("b" | "back" | "u" | "undo", ..) => session.back(),
+            ("q" | "quit", ..) => {
                 return Err(Failure::Input(anyhow!("ended with {count} landmarks taken; nothing was written")));
             }
-            other => eprintln!("   `{other}` is none of Enter, skip, back and quit"),
+            (_, _, Some(which)) => session.again(which).unwrap_or_else(|reason| eprintln!("   {reason}")),
+            _ => eprintln!("   `{line}` is none of Enter, skip, back, again NAME and quit"),
         }
     }
-    Ok(taken.into_iter().flatten().collect())
 }
 
 #[cfg(test)]
@@ -206,6 +291,13 @@ mod tests {
             (vec!["A".into(), "B".into(), "C".into()], vec!["A".into(), "B".into(), "C".into()])
         );
         assert_eq!(asked("\nskip\n\n", |_| true).0.unwrap(), ["A", "C"]);
+        // After the last one, any can still be taken again, by name or number.
+        for line in ["back", "undo", "again c", "again 3"] {
+            let (taken, tried) = asked(&format!("\n\n\n{line}\n\n\n"), |_| true);
+            assert_eq!((taken.unwrap().len(), tried.join("")), (3, "ABCC".to_owned()), "{line}");
+        }
+        let (taken, tried) = asked("\n\nagain A\nagain none\n\n\n", |_| true);
+        assert_eq!((taken.unwrap(), tried.join("")), (vec!["A".into(), "B".into(), "C".into()], "ABAC".to_owned()));
         // A landmark with a moving tip is requested again.
         let (taken, tried) = asked("\n\n\n\n", |attempt| attempt != 2);
         assert_eq!((taken.unwrap().len(), tried.join("")), (3, "ABBC".to_owned()));

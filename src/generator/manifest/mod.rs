@@ -276,7 +276,7 @@ impl Manifest {
 
     /// A checked manifest from its text; the error says what is wrong.
     pub(super) fn parse(text: &str) -> Result<Self, String> {
-        let manifest: Self = toml::from_str(text).map_err(|e| e.to_string().trim().to_owned())?;
+        let manifest: Self = toml::from_str(text).map_err(|e| files::toml_reason(text, &e))?;
         manifest.check()?;
         Ok(manifest)
     }

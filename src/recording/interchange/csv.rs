@@ -1,4 +1,4 @@
-//! Pose tables: comma-separated values with a header line.
+//! Pose tables with a line of column names.
 //!
 //! | column | content |
 //! |---|---|
@@ -8,106 +8,105 @@
 //! | `status` | optional: `ok` or empty, or `invalid` for a row without a pose, whose numbers are ignored |
 //! | `event` | optional: name of an event at that time |
 //!
-//! Columns may be in any order. Numbers have a decimal point. Empty lines and `#` comments are skipped; quotes are not
-//! supported.
+//! [`table`](crate::pose::table) says how lines, names and units are read. Here each length and time needs its unit, of
+//! which there are others: `x_m`, `time_ms`. A row whose pose is empty, NaN or zero throughout has none: trackers write it
+//! while they don't see their tool.
 
 use std::io::BufRead;
 use std::path::Path;
 
-use super::{InterchangeError, Lines, Place, TrackedRow, finite, quote};
+use super::{InterchangeError, Lines, Place, TrackedRow};
 use crate::pose::Pose;
-use crate::suggest::did_you_mean;
+use crate::pose::csv::pose_position;
+use crate::pose::table::{Column, Layout, PoseField, Position, Reader, TableFault, number, quote};
 
-const TIME: &str = "time_s";
-const POSE: [&str; 7] = ["x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz"];
-const OPTIONAL: [&str; 2] = ["status", "event"];
+const KNOWN: &str =
+    "time_s, x_mm, y_mm, z_mm, qw, qx, qy, qz, and optionally status, event (other units: x_cm, x_m, time_ms)";
 
 /// Reads the rows of a table; errors name it `path`.
 ///
 /// # Errors
-/// A missing, unknown or repeated column; a row with the wrong number of fields; a field that is not a number; numbers
-/// that are not a pose.
+/// A missing, unknown, ambiguous or repeated column, or one without its unit; a row with the wrong number of fields; a
+/// field that is not a number; numbers that are not a pose.
 pub fn read(source: impl BufRead, path: &Path) -> Result<Vec<TrackedRow>, InterchangeError> {
     let mut lines = Lines::new(source, path);
+    let mut reader = Reader::new(None);
     let mut columns: Option<Columns> = None;
     let mut rows = Vec::new();
     while let Some((place, line)) = lines.next_line()? {
-        let line = line.strip_prefix('\u{feff}').filter(|_| place.line == 1).unwrap_or(line);
-        if line.trim().is_empty() || line.starts_with('#') {
-            continue;
+        let failed = |fault: TableFault| place.error(path, fault.to_string());
+        let row = reader.line(line).map_err(failed)?;
+        if columns.is_none() && !reader.columns().is_empty() {
+            columns = Some(Columns::of(reader.columns()).map_err(failed)?);
         }
-        let row = match &columns {
-            None => {
-                columns = Some(Columns::of(line).map_err(|reason| place.error(path, reason))?);
-                continue;
-            }
-            Some(columns) => columns.row(line, place),
-        };
-        rows.push(row.map_err(|reason| place.error(path, reason))?);
+        if let (Some(row), Some(columns)) = (row, &columns) {
+            rows.push(columns.row(&row, place).map_err(|reason| place.error(path, reason))?);
+        }
     }
     if columns.is_none() {
-        return Err(InterchangeError::file(path, format!("it has no head line; the columns are {}", known())));
+        return Err(InterchangeError::file(path, format!("it has no head line; the columns are {KNOWN}")));
     }
     Ok(rows)
 }
 
-/// Index of each column.
+/// Columns of a table.
 struct Columns {
-    count: usize,
-    time: usize,
-    pose: [usize; 7],
-    status: Option<usize>,
-    event: Option<usize>,
+    layout: Layout,
+    position: Position,
+    /// Index, name and seconds per unit.
+    time: (usize, String, f64),
 }
 
 impl Columns {
-    fn of(head: &str) -> Result<Self, String> {
-        let names: Vec<_> = head.split(',').map(str::trim).collect();
-        let all = || [TIME].into_iter().chain(POSE).chain(OPTIONAL);
-        for (i, name) in names.iter().enumerate() {
-            if !all().any(|known| known == *name) {
-                let suggestion = did_you_mean(name, all());
-                return Err(format!("unknown column {}{suggestion}; the columns are {}", quote(name), known()));
-            }
-            if names[..i].contains(name) {
-                return Err(format!("column `{name}` is there twice"));
-            }
+    fn of(columns: &[Column]) -> Result<Self, TableFault> {
+        let layout = Layout::of(columns, KNOWN)?;
+        let without_unit = |name: &str, names: &str| TableFault::Refused {
+            name: quote(name),
+            reason: format!("it has no unit; name it {names}"),
+        };
+        let (at, name, unit_s) =
+            layout.time.clone().ok_or_else(|| TableFault::Missing { name: "time_s".to_owned(), known: KNOWN })?;
+        let position = pose_position(&layout, columns, KNOWN)?.clone();
+        if let Some(name) = &position.without_unit {
+            return Err(without_unit(name, &["mm", "cm", "m"].map(|unit| format!("{name}_{unit}")).join(", ")));
         }
-        let find = |name: &str| names.iter().position(|found| *found == name);
-        let need =
-            |name: &str| find(name).ok_or_else(|| format!("column `{name}` is missing; the columns are {}", known()));
-        let mut pose = [0; 7];
-        for (slot, name) in pose.iter_mut().zip(POSE) {
-            *slot = need(name)?;
-        }
-        Ok(Self { count: names.len(), time: need(TIME)?, pose, status: find("status"), event: find("event") })
+        let unit_s = unit_s.ok_or_else(|| without_unit(&name, "time_s or time_ms"))?;
+        Ok(Self { time: (at, name, unit_s), layout, position })
     }
 
-    fn row(&self, line: &str, place: Place) -> Result<TrackedRow, String> {
-        let fields: Vec<_> = line.split(',').map(str::trim).collect();
-        if fields.len() != self.count {
-            return Err(format!("{} fields; the head has {}", fields.len(), self.count));
-        }
-        let number = |name: &str, at: usize| {
-            finite(fields[at]).ok_or_else(|| format!("`{name}` is {}; it must be a decimal number", quote(fields[at])))
-        };
-        let time_s = number(TIME, self.time)?;
-        let pose = match self.status.map_or("", |at| fields[at]) {
-            "" | "ok" | "OK" => {
-                let mut components = [0.0; 7];
-                for ((component, name), at) in components.iter_mut().zip(POSE).zip(self.pose) {
-                    *component = number(name, at)?;
-                }
-                Some(Pose::from_components(components).map_err(|error| error.to_string())?)
-            }
-            "invalid" | "INVALID" => None,
-            other => return Err(format!("`status` is {}; it must be ok, invalid or empty", quote(other))),
-        };
-        let event = self.event.map(|at| fields[at]).filter(|name| !name.is_empty()).map(str::to_owned);
+    fn row(&self, row: &[String], place: Place) -> Result<TrackedRow, String> {
+        let fault = |fault: TableFault| fault.to_string();
+        let (at, name, unit_s) = &self.time;
+        let time_s = unit_s * finite(name, row.get(*at).map_or("", String::as_str)).map_err(fault)?;
+        let pose = if self.layout.has_pose(row).map_err(fault)? { self.pose(row)? } else { None };
+        let event = self.layout.event.and_then(|at| row.get(at)).filter(|name| !name.is_empty()).cloned();
         Ok(TrackedRow { time_s, pose, event, place })
+    }
+
+    fn pose(&self, row: &[String]) -> Result<Option<Pose>, String> {
+        let fault = match self.layout.pose(&self.position, row) {
+            Ok(Ok(PoseField::Pose(pose))) => return Ok(Some(pose)),
+            Ok(Ok(PoseField::Absent)) => return Ok(None),
+            Ok(Err(error)) => error.to_string(),
+            Err(fault) => fault.to_string(),
+        };
+        Err(self.layout.absent(&self.position, row).map_or(fault, |(name, field)| part(name, field)))
     }
 }
 
-fn known() -> String {
-    format!("{TIME}, {}, and optionally {}", POSE.join(", "), OPTIONAL.join(", "))
+/// Error for a pose of which only a part is there.
+fn part(name: &str, field: &str) -> String {
+    let found = quote(field);
+    format!(
+        "`{name}` is {found}, but other numbers of the pose are there; in a row without a pose all seven are empty or NaN, or `status` is invalid"
+    )
+}
+
+/// Parses the finite number in a field of the column `name`.
+fn finite(name: &str, field: &str) -> Result<f64, TableFault> {
+    let found = number(name, field)?;
+    if found.is_finite() {
+        return Ok(found);
+    }
+    Err(TableFault::Number { column: name.to_owned(), found: quote(field), hint: String::new() })
 }

@@ -109,7 +109,7 @@ pub struct TrackedRow {
     pub place: Place,
 }
 
-/// Reads the rows of a PLUS sequence (.mha, .mhd), of which `transform` is taken, or of a table (.csv).
+/// Reads the rows of a PLUS sequence (.mha, .mhd), of which `transform` is taken, or of a table (.csv, .tsv).
 ///
 /// # Errors
 /// A file of another kind, or one that can't be read.
@@ -117,14 +117,22 @@ pub fn read_rows(path: &Path, transform: &str) -> Result<Vec<TrackedRow>, Interc
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     match extension.as_deref() {
         Some("mha" | "mhd") => tracked(Sequence::open(path)?.head(), transform, path),
-        Some("csv") => {
+        Some("csv" | "tsv") => {
             let failed = |source| InterchangeError::Read { path: path.to_owned(), source };
             csv::read(BufReader::new(files::open(path, FileKind::Table).map_err(failed)?), path)
         }
         Some("nrrd" | "nhdr") => Err(InterchangeError::file(
             path,
-            "sequences are read from MetaImage, not from NRRD; convert it to .igs.mha with PLUS's EditSequenceFile, or \
-             open it in 3D Slicer and save the sequence as .mha",
+            "sequences in NRRD aren't read; save it as .igs.mha, by PLUS's EditSequenceFile or 3D Slicer's Sequences module",
+        )),
+        Some("mcap") => Err(InterchangeError::file(path, "it is a recording already; `insonify inspect` reads it")),
+        Some("fcsv" | "json") => Err(InterchangeError::file(
+            path,
+            "markups hold points, not poses; `insonify calibrate landmarks --tracker STATION --points` takes them",
+        )),
+        Some("xlsx" | "xls" | "ods") => Err(InterchangeError::file(
+            path,
+            "it is neither .mha, .mhd nor .csv; save the sheet as CSV in UTF-8, with decimal points",
         )),
         _ => Err(InterchangeError::file(path, "it is neither .mha, .mhd nor .csv")),
     }

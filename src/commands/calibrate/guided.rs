@@ -1,0 +1,197 @@
+//! Steps of a probe's calibration, recorded one after the other with a live tracker.
+
+use std::io::BufRead;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, anyhow};
+use insonify::pose::Pose;
+use insonify::pose::pivot::calibrate;
+use insonify::pose::probe_mount::{MountError, MountSteps, ProbeMount, mount};
+use insonify::recording::spawn;
+use insonify::station::Station;
+use insonify::tracker::pose_tap;
+use tokio_util::sync::CancellationToken;
+
+use super::super::{Classify, Failure, tracker_args};
+use super::calibration_file;
+
+/// Time without a pose after which the tracker counts as lost.
+const SILENCE: Duration = Duration::from_secs(2);
+
+/// What to do in each step, and for how many seconds.
+const STEPS: [(&str, u64); 4] = [
+    ("rest the middle of the probe's face in the dimple, press Enter, and tilt the probe slowly to all sides", 15),
+    ("rest the end of the face at the marker in the same dimple, press Enter, and tilt the probe a little", 5),
+    ("rest the other end of the face in the same dimple, press Enter, and tilt the probe a little", 5),
+    (
+        "hold the probe upright with its face in the dimple, press Enter, and turn it about its own long axis, a quarter turn each way; `skip` takes the beam from the arc of a convex face",
+        10,
+    ),
+];
+
+/// Recorded poses of each step.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct Steps {
+    /// Tilting about the middle of the face.
+    pub(super) pivot: Vec<Pose>,
+    /// The end at the marker.
+    pub(super) marker_end: Option<Vec<Pose>>,
+    /// The other end.
+    pub(super) other_end: Option<Vec<Pose>>,
+    /// Slide.
+    pub(super) slide: Option<Vec<Pose>>,
+    /// Turn about the probe's axis.
+    pub(super) spin: Option<Vec<Pose>>,
+}
+
+/// Check of a mounting.
+type Check<'a> = &'a dyn Fn(&ProbeMount) -> Result<(), String>;
+
+/// Records the steps. Returns the mounting and the calibration file for it: `out`, else the station's.
+pub(super) fn run(
+    path: &Path,
+    sensor: Option<u16>,
+    out: Option<&Path>,
+    check: Check<'_>,
+) -> Result<(ProbeMount, PathBuf), Failure> {
+    let station = Station::load(path)?;
+    let mut settings = tracker_args::of_station(&station)?;
+    settings.device.sensor = sensor.or(settings.device.sensor);
+    let out = calibration_file(&station, out, std::iter::empty())?;
+    let (tap, stream) = pose_tap();
+    let cancel = CancellationToken::new();
+    let session = spawn(&settings, Box::new(tap), cancel.clone())?;
+    let found = ask(&mut std::io::stdin().lock(), check, |seconds| {
+        let end = Instant::now() + Duration::from_secs(seconds);
+        let poses: Vec<Pose> = stream.poses(SILENCE).take_while(|_| Instant::now() < end).collect();
+        if poses.is_empty() { Err(format!("no pose came; {stream}")) } else { Ok(poses) }
+    });
+    cancel.cancel();
+    session.join();
+    Ok((found?, out))
+}
+
+/// Asks for each step in turn; a line of `input` answers, and `record` takes poses for some seconds.
+fn ask(
+    input: &mut impl BufRead,
+    check: Check<'_>,
+    mut record: impl FnMut(u64) -> Result<Vec<Pose>, String>,
+) -> Result<ProbeMount, Failure> {
+    eprintln!("Enter takes a step, `back` takes the one before again, `quit` ends without a result");
+    // `None` for a skipped step.
+    let mut taken: Vec<Option<Vec<Pose>>> = Vec::new();
+    let mut trouble = String::new();
+    loop {
+        let step = taken.len();
+        let Some((what, seconds)) = STEPS.get(step) else {
+            match finished(&taken, check) {
+                Ok(found) => return Ok(found),
+                Err(reason) => {
+                    eprintln!("   {reason}");
+                    trouble = format!("; {reason}");
+                    taken.pop();
+                }
+            }
+            continue;
+        };
+        eprintln!("{} of {}: {what} ({seconds} s)", step + 1, STEPS.len());
+        let mut line = String::new();
+        if input.read_line(&mut line).context("cannot read the input").other()? == 0 {
+            let step = step + 1;
+            return Err(Failure::Input(anyhow!("the input ended before step {step}; nothing was written{trouble}")));
+        }
+        match line.trim() {
+            "" => match record(*seconds).and_then(|poses| accepted(step, poses)) {
+                Ok(poses) => {
+                    eprintln!("   {} poses", poses.len());
+                    taken.push(Some(poses));
+                    trouble.clear();
+                }
+                Err(reason) => {
+                    eprintln!("   {reason}; once more");
+                    trouble = format!("; {reason}");
+                }
+            },
+            "s" | "skip" if step + 1 == STEPS.len() => taken.push(None),
+            "b" | "back" | "u" | "undo" => drop(taken.pop()),
+            "q" | "quit" => return Err(Failure::Input(anyhow!("ended at step {}; nothing was written", step + 1))),
+            other => eprintln!("   `{other}` is none of Enter, back and quit; only the last step can be skipped"),
+        }
+    }
+}
+
+/// The poses of a step if it succeeded; only the pivot is judged alone.
+fn accepted(step: usize, poses: Vec<Pose>) -> Result<Vec<Pose>, String> {
+    if step > 0 {
+        return Ok(poses);
+    }
+    calibrate(&poses).map(|_| poses).map_err(|error| error.to_string())
+}
+
+/// The mounting of all steps.
+fn finished(taken: &[Option<Vec<Pose>>], check: Check<'_>) -> Result<ProbeMount, String> {
+    let of = |step: usize| taken.get(step).and_then(Option::as_deref);
+    let steps = MountSteps {
+        pivot: of(0).unwrap_or_default(),
+        ends: of(1).zip(of(2)).map(<[_; 2]>::from),
+        slide: None,
+        spin: of(3),
+    };
+    let found = mount(&steps).map_err(|error: MountError| error.to_string())?;
+    check(&found).map(|()| found)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+    use glam::{DQuat, DVec3};
+
+    use super::*;
+
+    /// Sensor poses of a convex probe, sensor 90 mm behind its face and turned by 90° about the beam, in each step.
+    fn poses(rests: DVec3, tilt: f64, spin: f64) -> Vec<Pose> {
+        let sensor_from_probe = Pose { position_mm: DVec3::Z * 90.0, orientation: DQuat::from_rotation_z(FRAC_PI_2) };
+        let pose = |i: u32| {
+            let part = f64::from(i) / 200.0;
+            let axis = DVec3::new((5.0 * TAU * part).cos(), (5.0 * TAU * part).sin(), 0.0);
+            let lean = DQuat::from_axis_angle(axis, tilt * (0.3 + 0.7 * part)) * DQuat::from_rotation_x(PI);
+            let orientation = lean * DQuat::from_rotation_z(spin * (TAU * part).sin());
+            Pose { position_mm: -(orientation * rests), orientation } * sensor_from_probe.inverse()
+        };
+        (0..200).map(pose).collect()
+    }
+
+    fn asked(input: &str, mut script: Vec<Result<Vec<Pose>, String>>) -> Result<ProbeMount, String> {
+        script.reverse();
+        let record = |_| script.pop().unwrap_or_else(|| Err("nothing".to_owned()));
+        ask(&mut input.as_bytes(), &|_| Ok(()), record).map_err(|failure| match failure {
+            Failure::Input(error) => error.to_string(),
+            other => panic!("{other:?}"),
+        })
+    }
+
+    #[test]
+    fn steps_are_taken_in_turn_again_and_skipped() {
+        let [pivot, spin] = [poses(DVec3::ZERO, 0.6, 0.3), poses(DVec3::ZERO, 0.0, 1.5)];
+        let [marker, other] = [-28.0, 28.0].map(|x| poses(DVec3::new(x, 0.0, -8.0), 0.1, 0.0));
+        let all = || [pivot.clone(), marker.clone(), other.clone(), spin.clone()].map(Ok).to_vec();
+        let turn =
+            |found: &ProbeMount| found.sensor_from_probe.orientation.angle_between(DQuat::from_rotation_z(FRAC_PI_2));
+        let found = asked("\n\n\n\n", all()).unwrap();
+        assert!(turn(&found) < 1e-6 && (found.position_mm.z - 90.0).abs() < 1e-6, "{found:?}");
+        assert!(turn(&asked("\n\n\nskip\n", all()).unwrap()) < 1e-6);
+        // A pivot without tilting is asked for again, and a step can be taken back.
+        let mut script = all();
+        script.insert(0, Ok(spin.clone()));
+        script.insert(2, Ok(other.clone()));
+        assert!(turn(&asked("\n\n\nback\n\n\n\n", script).unwrap()) < 1e-6);
+        let error = asked("\n\nskip\n", all()).unwrap_err();
+        assert_eq!(error, "the input ended before step 3; nothing was written");
+        let error =
+            asked("\n\n\n\n", [pivot.clone(), marker.clone(), marker.clone(), spin].map(Ok).to_vec()).unwrap_err();
+        assert!(error.contains("step 4; nothing was written; the ends of the face lie 0.0 mm apart"), "{error}");
+        assert!(asked("\nq\n", all()).unwrap_err().starts_with("ended at step 2"));
+    }
+}

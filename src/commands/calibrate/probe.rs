@@ -1,0 +1,118 @@
+//! `insonify calibrate probe`: fits the mounting of a sensor on a probe.
+
+use std::path::{Path, PathBuf};
+
+use clap::Parser;
+use insonify::files::Outputs;
+use insonify::pose::probe_mount::{MountSteps, ProbeMount, mount};
+use insonify::pose::{Fitted, Pose};
+
+use super::super::{Classify, Failure, output};
+use super::guided::{self, Steps};
+use super::{OutputArgs, poses, write};
+
+/// Find the centre of a probe's face and the probe's axes in the frame of its sensor.
+///
+/// Needs a dimple that stays where it is, as one drilled into a plate, and up to four recordings (.mcap) or tables of the
+/// sensor's poses (columns x,y,z,qw,qx,qy,qz, as `calibrate pivot` takes them):
+///
+/// PIVOT: the middle of the face rests in the dimple, the probe is tilted to all sides. --marker-end, --other-end: the
+/// ends of the face rest in the same dimple, one after the other. --spin: the probe is held upright and turned about its
+/// own long axis, a quarter turn each way or more. A convex face whose arc is at least 4 mm high needs no --spin; with it
+/// the beam is more certain. In place of the ends, --slide takes a straight slide sideways along a ruler, the marker's
+/// side ahead.
+///
+/// With --tracker they are recorded one after the other from the station's tracker, as the program asks for them. The
+/// result goes into the calibration file that the station names, unless --out names another.
+#[derive(Debug, Parser)]
+pub(crate) struct Args {
+    /// Poses of tilting the probe about the middle of its face
+    #[arg(required_unless_present = "tracker", conflicts_with = "tracker")]
+    pivot: Option<PathBuf>,
+
+    /// Poses with the end of the face at the marker in the dimple
+    #[arg(long, value_name = "POSES", requires = "other_end")]
+    marker_end: Option<PathBuf>,
+
+    /// Poses with the other end of the face in the dimple
+    #[arg(long, value_name = "POSES", requires = "marker_end")]
+    other_end: Option<PathBuf>,
+
+    /// Poses of a straight slide sideways, the marker's side ahead
+    #[arg(long, value_name = "POSES")]
+    slide: Option<PathBuf>,
+
+    /// Poses of turning the upright probe about its own long axis
+    #[arg(long, value_name = "POSES")]
+    spin: Option<PathBuf>,
+
+    /// Record the steps with the tracker of this station (TOML)
+    #[arg(long, value_name = "STATION", conflicts_with_all = ["marker_end", "other_end", "slide", "spin"])]
+    tracker: Option<PathBuf>,
+
+    /// Sensor of the probe [default: the station's]
+    #[arg(long, requires = "tracker")]
+    sensor: Option<u16>,
+
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    if let Some(station) = &args.tracker {
+        let check = |found: &ProbeMount| limit(found, args.output.max_rms);
+        let (found, out) = guided::run(station, args.sensor, args.output.out.as_deref(), &check)?;
+        return report(&found, Some(&out), args.output.json);
+    }
+    let pivot = args.pivot.as_deref().unwrap_or(Path::new(""));
+    let further = [&args.marker_end, &args.other_end, &args.slide, &args.spin];
+    if let Some(out) = &args.output.out {
+        let all = further.iter().filter_map(|path| path.as_deref());
+        Outputs::beside(all.chain([pivot])).replaced("--out", out)?;
+    }
+    let read = |path: &Option<PathBuf>| path.as_deref().map(poses::read).transpose();
+    let steps = Steps {
+        pivot: poses::read(pivot)?,
+        marker_end: read(&args.marker_end)?,
+        other_end: read(&args.other_end)?,
+        slide: read(&args.slide)?,
+        spin: read(&args.spin)?,
+    };
+    let found = steps.mount().input_of(pivot)?;
+    limit(&found, args.output.max_rms).map_err(|reason| anyhow::anyhow!("{}: {reason}", pivot.display())).input()?;
+    report(&found, args.output.out.as_deref(), args.output.json)
+}
+
+/// Refuses a centre whose residual is above `max_rms` mm.
+fn limit(found: &ProbeMount, max_rms: f64) -> Result<(), String> {
+    let rms_mm = found.pivot.rms_mm;
+    if rms_mm <= max_rms {
+        return Ok(());
+    }
+    Err(format!(
+        "the middle of the face moved by {rms_mm:.2} mm RMS about the dimple, more than --max-rms {max_rms}; did it slip, or does the recording hold more than the tilting?"
+    ))
+}
+
+/// Writes and prints the mounting.
+fn report(found: &ProbeMount, out: Option<&Path>, json: bool) -> Result<(), Failure> {
+    if let Some(out) = out {
+        let value: Pose = found.sensor_from_probe;
+        let fitted = Fitted { value, rms_mm: Some(found.pivot.rms_mm) };
+        write(out, |calibration| calibration.sensor_from_probe = Some(fitted))?;
+    }
+    if json {
+        return output::json(found);
+    }
+    output::text(found)?;
+    out.map_or(Ok(()), |out| output::line(out.display()))
+}
+
+impl Steps {
+    /// The mounting by the steps.
+    pub(super) fn mount(&self) -> Result<ProbeMount, insonify::pose::probe_mount::MountError> {
+        let ends = self.marker_end.as_deref().zip(self.other_end.as_deref()).map(|(marker, other)| [marker, other]);
+        mount(&MountSteps { pivot: &self.pivot, ends, slide: self.slide.as_deref(), spin: self.spin.as_deref() })
+    }
+}

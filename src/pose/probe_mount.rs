@@ -1,0 +1,378 @@
+//! Mounting of a sensor on a probe: the centre of the probe's face and the probe's axes in the sensor's frame.
+//!
+//! - The **centre** of the face comes from a [`pivot`](super::pivot) about it in a dimple.
+//! - The **lateral axis** comes from the two ends of the face, each rested in the same dimple: R⁻¹·(pivot − t) is the
+//!   point of the probe that is in the dimple. Or it comes from a straight slide with the marker's side ahead.
+//! - The **beam** comes from a turn of the upright probe about its own long axis a: R·a is one direction b throughout, so
+//!   a is the eigenvector of Σ(R − R̄)ᵀ(R − R̄) with the smallest eigenvalue. Without a turn the arc of a convex face
+//!   gives it: the centre lies ahead of the middle between the ends.
+//!
+//! The lateral axis is the more certain one; the beam is made perpendicular to it. The probe's marker is at the first
+//! scanline, so the lateral axis points away from it.
+
+use std::fmt;
+
+use glam::{DMat3, DQuat, DVec3};
+use nalgebra::Matrix3;
+use serde::Serialize;
+use thiserror::Error;
+
+use super::Pose;
+use super::pivot::{Pivot, PivotError, calibrate, rotation_matrix, widest_turn};
+use super::transform::angle_between;
+
+/// Largest accepted RMS distance of an end of the face from its mean, mm.
+const END_RMS_MM: f64 = 3.0;
+
+/// Accepted distances between the ends of the face, mm.
+const WIDTH_MM: [f64; 2] = [5.0, 150.0];
+
+/// Largest accepted distance of the face's centre from the plane midway between its ends, in widths.
+const OFF_CENTRE: f64 = 0.2;
+
+/// Least height of the arc of a face from which its beam is taken, mm.
+const ARC_MM: f64 = 4.0;
+
+/// Least turn of the upright probe about its axis, degrees.
+const SPIN_DEG: f64 = 60.0;
+
+/// Largest accepted RMS deviation of the axis while the probe is turned about it, degrees.
+const WOBBLE_DEG: f64 = 8.0;
+
+/// Least distance of the face's centre from the sensor along the beam that tells the beam's sense, mm.
+const SENSE_MM: f64 = 5.0;
+
+/// Largest accepted deviation of the angle between beam and lateral axis from 90°, degrees.
+const SQUARE_DEG: f64 = 10.0;
+
+/// Least path of a slide, mm.
+const SLIDE_MM: f64 = 30.0;
+
+/// Largest accepted RMS deviation of a slide from a line, as a fraction of its path.
+const SLIDE_STRAIGHT: f64 = 0.05;
+
+/// Largest accepted turn during a slide, degrees.
+const SLIDE_TURN_DEG: f64 = 15.0;
+
+/// Poses `tracker_from_sensor` of the steps of the calibration.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct MountSteps<'a> {
+    /// The probe tilted to all sides about the centre of its face, which rests in a dimple.
+    pub pivot: &'a [Pose],
+    /// The end of the face at the marker, and the other end, rested in the same dimple.
+    pub ends: Option<[&'a [Pose]; 2]>,
+    /// The probe slid straight, sideways, the marker's side ahead.
+    pub slide: Option<&'a [Pose]>,
+    /// The upright probe turned about its own long axis.
+    pub spin: Option<&'a [Pose]>,
+}
+
+/// Source of the beam's direction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum BeamSource {
+    /// The turn about the probe's axis.
+    Spin,
+    /// The arc of the convex face.
+    Arc,
+}
+
+/// A calibrated mounting.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ProbeMount {
+    /// Mounting of the sensor on the probe.
+    #[serde(skip)]
+    pub sensor_from_probe: Pose,
+    /// The centre of the face in the frame of the sensor, mm.
+    pub position_mm: DVec3,
+    /// Turns probe axes into sensor axes, `[qw, qx, qy, qz]`.
+    pub quaternion: [f64; 4],
+    /// Fit of the centre.
+    pub pivot: Pivot,
+    /// Distance between the ends of the face, mm; `None` without them.
+    pub width_mm: Option<f64>,
+    /// Height of the face's arc, mm; `None` without its ends.
+    pub arc_mm: Option<f64>,
+    /// Scatter of the lateral axis, degrees: that of its points over their distance.
+    pub lateral_scatter_deg: f64,
+    /// Source of the beam's direction.
+    pub beam_from: BeamSource,
+    /// Scatter of the beam, degrees.
+    pub beam_scatter_deg: f64,
+    /// Deviation of the angle between the measured axes from 90°, degrees.
+    pub square_deg: f64,
+}
+
+impl fmt::Display for ProbeMount {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (c, [w, x, y, z]) = (self.position_mm, self.quaternion);
+        let Pivot { rms_mm, tip_error_mm, .. } = self.pivot;
+        writeln!(f, "centre of the face in the sensor's frame  [{:.3}, {:.3}, {:.3}] mm", c.x, c.y, c.z)?;
+        writeln!(f, "  residual RMS {rms_mm:.3} mm, standard error {tip_error_mm:.3} mm")?;
+        writeln!(f, "turn of the probe's axes                  [{w:.6}, {x:.6}, {y:.6}, {z:.6}]")?;
+        if let (Some(width), Some(arc)) = (self.width_mm, self.arc_mm) {
+            writeln!(f, "  face {width:.1} mm wide, its arc {arc:.1} mm high")?;
+        }
+        let from = match self.beam_from {
+            BeamSource::Spin => "the turn about the probe's axis",
+            BeamSource::Arc => "the arc of the face",
+        };
+        writeln!(f, "  lateral axis certain to {:.2}°", self.lateral_scatter_deg)?;
+        writeln!(f, "  beam from {from}, certain to {:.2}°", self.beam_scatter_deg)?;
+        writeln!(f, "  measured axes {:.1}° off a right angle", self.square_deg)
+    }
+}
+
+/// Reason for a failed calibration of a mounting.
+#[derive(Debug, Error, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum MountError {
+    /// No centre.
+    #[error("the pivot about the centre of the face: {0}")]
+    Pivot(#[from] PivotError),
+    /// A step without poses.
+    #[error("{step}: there are no poses")]
+    Empty {
+        /// The step.
+        step: &'static str,
+    },
+    /// Nothing gives the lateral axis.
+    #[error("the lateral axis is unknown: give both ends of the face (--marker-end, --other-end) or a --slide")]
+    NoLateral,
+    /// Nothing gives the beam.
+    #[error("the beam's direction is unknown: give a --spin, the upright probe turned about its own long axis{why}")]
+    NoBeam {
+        /// Why the ends don't give it, or empty.
+        why: String,
+    },
+    /// An end that was not in the dimple.
+    #[error(
+        "{step}: the end of the face moved by {rms_mm:.1} mm RMS from its mean, at most {END_RMS_MM}; rest it in the dimple of the pivot, and leave dimple and tracker where they are between the steps"
+    )]
+    EndMoved {
+        /// The step.
+        step: &'static str,
+        /// RMS distance, mm.
+        rms_mm: f64,
+    },
+    /// Ends at an impossible distance.
+    #[error(
+        "the ends of the face lie {width_mm:.1} mm apart; {} to {} mm are possible: was each end rested in the dimple of the pivot, and is the unit of the poses mm?", WIDTH_MM[0], WIDTH_MM[1]
+    )]
+    Width {
+        /// Distance, mm.
+        width_mm: f64,
+    },
+    /// A centre that is not in the middle.
+    #[error(
+        "the centre of the face lies {off_mm:.1} mm from the middle between its ends ({width_mm:.1} mm apart): were centre and ends mixed up?"
+    )]
+    OffCentre {
+        /// Distance along the lateral axis, mm.
+        off_mm: f64,
+        /// Distance between the ends, mm.
+        width_mm: f64,
+    },
+    /// Too little turn.
+    #[error("the turn about the probe's axis: {turn_deg:.0}° only; turn it by at least {SPIN_DEG}°")]
+    LittleTurn {
+        /// Largest rotation, degrees.
+        turn_deg: f64,
+    },
+    /// An axis that moved.
+    #[error(
+        "the turn about the probe's axis: the axis moved by {wobble_deg:.1}° RMS, at most {WOBBLE_DEG}; keep the probe upright while it turns"
+    )]
+    Wobble {
+        /// RMS deviation, degrees.
+        wobble_deg: f64,
+    },
+    /// A beam that may point either way.
+    #[error(
+        "the beam may point either way: the sensor is level with the face ({along_mm:.1} mm along the probe's axis); rest both ends of a convex face in the dimple, or mount the sensor higher"
+    )]
+    Sense {
+        /// Distance along the axis, mm.
+        along_mm: f64,
+    },
+    /// A slide that gives no direction.
+    #[error(
+        "the slide: {path_mm:.0} mm long, off a line by {off_mm:.1} mm RMS, turned by {turn_deg:.0}°; slide along a ruler by at least {SLIDE_MM} mm without turning the probe"
+    )]
+    Slide {
+        /// Path, mm.
+        path_mm: f64,
+        /// RMS distance from its line, mm.
+        off_mm: f64,
+        /// Largest turn, degrees.
+        turn_deg: f64,
+    },
+    /// Axes that are not perpendicular.
+    #[error(
+        "the measured lateral axis and the beam are {square_deg:.1}° off a right angle, at most {SQUARE_DEG}: was the probe upright while it turned, and slid sideways?"
+    )]
+    NotSquare {
+        /// Deviation, degrees.
+        square_deg: f64,
+    },
+}
+
+/// A direction in the sensor's frame and its scatter, degrees.
+type Direction = (DVec3, f64);
+
+/// Centre of the face and ends, in the sensor's frame.
+struct Face {
+    /// From the marker's end to the other.
+    across_mm: DVec3,
+    /// From the middle between the ends to the centre, without its part along the face.
+    arc_mm: DVec3,
+    /// RMS distance of the ends from their means, mm.
+    rms_mm: f64,
+}
+
+/// Finds the mounting of a sensor on a probe.
+///
+/// # Errors
+/// A pivot that gives no centre, a step that fails, or steps that leave an axis unknown or contradict each other.
+pub fn mount(steps: &MountSteps<'_>) -> Result<ProbeMount, MountError> {
+    let pivot = calibrate(steps.pivot)?;
+    let face = steps.ends.map(|ends| face(ends, &pivot)).transpose()?;
+    let slide = steps.slide.map(|poses| slide(poses, pivot.tip_mm)).transpose()?;
+    let by_ends = face.as_ref().map(|face| (face.across_mm.normalize_or_zero(), degrees(face.rms_mm, face.across_mm)));
+    let (lateral, lateral_scatter_deg) = by_ends.or(slide).ok_or(MountError::NoLateral)?;
+    let arc = face.as_ref().filter(|face| face.arc_mm.length() >= ARC_MM);
+    let by_arc = arc.map(|face| (face.arc_mm.normalize_or_zero(), degrees(face.rms_mm.max(pivot.rms_mm), face.arc_mm)));
+    let spin = steps.spin.map(|poses| spin(poses, pivot.tip_mm, by_arc)).transpose()?;
+    let (beam_from, (beam, beam_scatter_deg)) = match (spin, by_arc) {
+        (Some(spin), _) => (BeamSource::Spin, spin),
+        (None, Some(arc)) => (BeamSource::Arc, arc),
+        (None, None) => {
+            let flat = |face: &Face| {
+                format!("; the arc of the face is {:.1} mm high, too flat to tell it", face.arc_mm.length())
+            };
+            return Err(MountError::NoBeam { why: face.as_ref().map_or_else(String::new, flat) });
+        }
+    };
+    let square_deg = lateral.dot(beam).clamp(-1.0, 1.0).asin().to_degrees().abs();
+    if square_deg > SQUARE_DEG {
+        return Err(MountError::NotSquare { square_deg });
+    }
+    let z = (beam - lateral * beam.dot(lateral)).normalize_or(DVec3::Z);
+    let orientation = DQuat::from_mat3(&DMat3::from_cols(lateral, z.cross(lateral), z)).normalize();
+    let DQuat { x, y, z, w } = orientation;
+    Ok(ProbeMount {
+        sensor_from_probe: Pose { position_mm: pivot.tip_mm, orientation },
+        position_mm: pivot.tip_mm,
+        quaternion: [w, x, y, z],
+        pivot,
+        width_mm: face.as_ref().map(|face| face.across_mm.length()),
+        arc_mm: face.as_ref().map(|face| face.arc_mm.length()),
+        lateral_scatter_deg,
+        beam_from,
+        beam_scatter_deg,
+        square_deg,
+    })
+}
+
+/// Angle under which `rms_mm` appears over a distance, degrees.
+fn degrees(rms_mm: f64, over_mm: DVec3) -> f64 {
+    rms_mm.atan2(over_mm.length()).to_degrees()
+}
+
+/// The face by its two ends.
+fn face(ends: [&[Pose]; 2], pivot: &Pivot) -> Result<Face, MountError> {
+    let [first, second] = ends;
+    let (marker, marker_rms) = end(first, pivot.pivot_mm, "the end of the face at the marker")?;
+    let (other, other_rms) = end(second, pivot.pivot_mm, "the other end of the face")?;
+    let across_mm = other - marker;
+    let width_mm = across_mm.length();
+    if !(WIDTH_MM[0]..=WIDTH_MM[1]).contains(&width_mm) {
+        return Err(MountError::Width { width_mm });
+    }
+    let lateral = across_mm / width_mm;
+    let from_middle = pivot.tip_mm - 0.5 * (marker + other);
+    let off_mm = from_middle.dot(lateral).abs();
+    if off_mm > OFF_CENTRE * width_mm {
+        return Err(MountError::OffCentre { off_mm, width_mm });
+    }
+    let arc_mm = from_middle - lateral * from_middle.dot(lateral);
+    Ok(Face { across_mm, arc_mm, rms_mm: marker_rms.max(other_rms) })
+}
+
+/// Mean of the point of the probe that is at `dimple_mm`, in the sensor's frame, and its RMS distance from that, mm.
+fn end(poses: &[Pose], dimple_mm: DVec3, step: &'static str) -> Result<(DVec3, f64), MountError> {
+    if poses.is_empty() {
+        return Err(MountError::Empty { step });
+    }
+    let points: Vec<DVec3> = poses.iter().map(|pose| pose.inverse().transform_point(dimple_mm)).collect();
+    let n = points.len() as f64;
+    let mean = points.iter().sum::<DVec3>() / n;
+    let rms_mm = (points.iter().map(|point| point.distance_squared(mean)).sum::<f64>() / n).sqrt();
+    if rms_mm > END_RMS_MM {
+        return Err(MountError::EndMoved { step, rms_mm });
+    }
+    Ok((mean, rms_mm))
+}
+
+/// The beam by a turn about it. Its sense is that of the arc, else from the sensor to the face.
+fn spin(poses: &[Pose], centre_mm: DVec3, arc: Option<Direction>) -> Result<Direction, MountError> {
+    if poses.is_empty() {
+        return Err(MountError::Empty { step: "the turn about the probe's axis" });
+    }
+    let turn_deg = widest_turn(poses).to_degrees();
+    if turn_deg < SPIN_DEG {
+        return Err(MountError::LittleTurn { turn_deg });
+    }
+    let n = poses.len() as f64;
+    let mean = poses.iter().map(rotation_matrix).sum::<Matrix3<f64>>() / n;
+    let scatter = poses.iter().fold(Matrix3::zeros(), |sum, pose| {
+        let r = rotation_matrix(pose) - mean;
+        sum + r.transpose() * r
+    });
+    let eigen = (scatter / n).symmetric_eigen();
+    let least = eigen.eigenvalues.imin();
+    let wobble_deg = eigen.eigenvalues[least].max(0.0).sqrt().to_degrees();
+    if wobble_deg > WOBBLE_DEG {
+        return Err(MountError::Wobble { wobble_deg });
+    }
+    let axis = DVec3::from_array(eigen.eigenvectors.column(least).into_owned().into());
+    let along_mm = axis.dot(centre_mm);
+    let sense = match arc {
+        Some((arc, _)) => axis.dot(arc),
+        None if along_mm.abs() < SENSE_MM => return Err(MountError::Sense { along_mm: along_mm.abs() }),
+        None => along_mm,
+    };
+    Ok((axis * sense.signum(), wobble_deg))
+}
+
+/// The lateral axis by a slide with the marker's side ahead.
+fn slide(poses: &[Pose], centre_mm: DVec3) -> Result<Direction, MountError> {
+    let (Some(first), Some(last)) = (poses.first(), poses.last()) else {
+        return Err(MountError::Empty { step: "the slide" });
+    };
+    let points: Vec<DVec3> = poses.iter().map(|pose| pose.transform_point(centre_mm)).collect();
+    let n = points.len() as f64;
+    let mean = points.iter().sum::<DVec3>() / n;
+    let spread = points.iter().fold(Matrix3::<f64>::zeros(), |sum, point| {
+        let d = nalgebra::Vector3::from((*point - mean).to_array());
+        sum + d * d.transpose()
+    });
+    let eigen = spread.symmetric_eigen();
+    let axis = DVec3::from_array(eigen.eigenvectors.column(eigen.eigenvalues.imax()).into_owned().into());
+    let net = last.transform_point(centre_mm) - first.transform_point(centre_mm);
+    let ahead = axis * axis.dot(net).signum();
+    let off = |point: &DVec3| (*point - mean - ahead * ahead.dot(*point - mean)).length_squared();
+    let off_mm = (points.iter().map(off).sum::<f64>() / n).sqrt();
+    let path_mm = net.dot(ahead);
+    let turn_deg = poses.iter().map(|pose| angle_between(first.orientation, pose.orientation)).fold(0.0, f64::max);
+    let turn_deg = turn_deg.to_degrees();
+    if path_mm < SLIDE_MM || off_mm > SLIDE_STRAIGHT * path_mm || turn_deg > SLIDE_TURN_DEG {
+        return Err(MountError::Slide { path_mm, off_mm, turn_deg });
+    }
+    let in_sensor = poses.iter().map(|pose| pose.orientation.conjugate() * ahead).sum::<DVec3>() / n;
+    // The lateral axis points away from the marker.
+    Ok((-in_sensor.normalize_or_zero(), off_mm.atan2(path_mm).to_degrees().max(0.5 * turn_deg)))
+}
+
+#[cfg(test)]
+mod tests;

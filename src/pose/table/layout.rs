@@ -1,0 +1,276 @@
+//! Columns of a table by their meaning.
+
+use glam::{DQuat, DVec3};
+
+use super::{Column, Frame, Meaning, TableFault, is_absent, number, quote};
+use crate::pose::{Pose, PoseError};
+use crate::suggest::did_you_mean;
+
+/// Names that are suggested for unknown ones.
+const SUGGESTED: [&str; 24] = [
+    "x_mm", "y_mm", "z_mm", "x", "y", "z", "tx", "ty", "tz", "qw", "qx", "qy", "qz", "r", "a", "s", "l", "p", "name",
+    "label", "time_s", "status", "event", "defined",
+];
+
+/// Columns of one position.
+#[cfg_attr(not(feature = "recordings"), allow(dead_code, reason = "imports read it"))]
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Position {
+    /// Frame of the coordinates.
+    pub(crate) frame: Frame,
+    /// Index and name of the column of each axis, and millimetres per unit, negative for a reversed axis.
+    axes: [(usize, String, f64); 3],
+    /// A column whose name has no unit.
+    pub(crate) without_unit: Option<String>,
+}
+
+/// Indices of a table's columns.
+#[cfg_attr(not(feature = "recordings"), allow(dead_code, reason = "imports read it"))]
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct Layout {
+    /// Position in the table's own frame or along the patient's axes.
+    pub(crate) own: Option<Position>,
+    /// Position in the tracker's frame.
+    pub(crate) tracker: Option<Position>,
+    /// Components w, x, y, z, with their names.
+    pub(crate) quaternion: Option<[(usize, String); 4]>,
+    /// Time, its name, and seconds per unit if the name has one.
+    pub(crate) time: Option<(usize, String, Option<f64>)>,
+    /// Name.
+    pub(crate) name: Option<usize>,
+    /// Status.
+    pub(crate) status: Option<usize>,
+    /// Event.
+    pub(crate) event: Option<usize>,
+    /// Whether there is a position.
+    pub(crate) defined: Option<usize>,
+}
+
+/// A row's pose.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum PoseField {
+    /// All of its numbers.
+    Pose(Pose),
+    /// None: all are empty, NaN or zero, as trackers write them that don't see their tool.
+    Absent,
+}
+
+impl Layout {
+    /// Columns by their meaning; `known` lists those of this kind of table.
+    ///
+    /// # Errors
+    /// A column that is unknown, ambiguous or there twice, or a position or quaternion that is incomplete.
+    pub(crate) fn of(columns: &[Column], known: &'static str) -> Result<Self, TableFault> {
+        let mut found = Self::default();
+        for (index, Column { name, meaning }) in columns.iter().enumerate() {
+            if let Some(other) = columns[..index].iter().find(|other| is_same(other.meaning, *meaning)) {
+                let other = if other.name == *name {
+                    String::new()
+                } else {
+                    format!(": {} means the same", quote(&other.name))
+                };
+                return Err(TableFault::Twice { name: quote(name), other });
+            }
+            match *meaning {
+                Meaning::Unknown => {
+                    let suggestion = did_you_mean(name, SUGGESTED);
+                    return Err(TableFault::Unknown { name: quote(name), suggestion, known });
+                }
+                Meaning::Ambiguous(reason) => return Err(refused(name, reason)),
+                Meaning::Time { unit_s } => found.time = Some((index, name.clone(), unit_s)),
+                Meaning::Name => found.name = Some(index),
+                Meaning::Status => found.status = Some(index),
+                Meaning::Event => found.event = Some(index),
+                Meaning::Defined => found.defined = Some(index),
+                Meaning::Length { .. } | Meaning::Quaternion(_) | Meaning::Unused => {}
+            }
+        }
+        let [own, patient, tracker] = [Frame::Own, Frame::Patient, Frame::Tracker]
+            .map(|frame| position(columns, frame, known))
+            .into_iter()
+            .collect::<Result<Vec<_>, _>>()?
+            .try_into()
+            .unwrap_or_default();
+        if let (Some(own), Some(patient)) = (&own, &patient) {
+            let reason = format!("the table has {}, too; give the points in one frame", quote(&own.axes[0].1));
+            return Err(refused(&patient.axes[0].1, &reason));
+        }
+        (found.own, found.tracker) = (own.or(patient), tracker);
+        found.quaternion = quaternion(columns, known)?;
+        Ok(found)
+    }
+
+    /// Refuses columns that this kind of table has not, for `reason`.
+    pub(crate) fn refuse(
+        &self,
+        columns: &[Column],
+        which: impl Fn(Meaning) -> bool,
+        reason: &str,
+    ) -> Result<(), TableFault> {
+        columns.iter().find(|column| which(column.meaning)).map_or(Ok(()), |column| Err(refused(&column.name, reason)))
+    }
+
+    /// Whether a row has no position by its column `defined`.
+    pub(crate) fn is_undefined(&self, row: &[String]) -> bool {
+        let field = self.defined.and_then(|at| row.get(at)).map(|field| field.to_ascii_lowercase());
+        field.is_some_and(|field| ["0", "false", "no", "undefined"].contains(&field.as_str()))
+    }
+
+    /// Name of a row; none if the field is empty.
+    pub(crate) fn name<'a>(&self, row: &'a [String]) -> Option<&'a str> {
+        self.name.and_then(|at| row.get(at)).map(String::as_str).filter(|name| !name.is_empty())
+    }
+
+    /// Whether a row has a pose by its column `status`.
+    ///
+    /// # Errors
+    /// A status that is not known.
+    pub(crate) fn has_pose(&self, row: &[String]) -> Result<bool, TableFault> {
+        match self.status.map_or("", |at| field(row, at)) {
+            "" | "ok" | "OK" => Ok(true),
+            "invalid" | "INVALID" => Ok(false),
+            other => Err(TableFault::Status { found: quote(other) }),
+        }
+    }
+
+    /// Position and quaternion of a row, with the position in mm.
+    ///
+    /// # Errors
+    /// A field that is not a number.
+    pub(crate) fn numbers(&self, position: &Position, row: &[String]) -> Result<[f64; 7], TableFault> {
+        let [x, y, z] = position.point(row)?.to_array();
+        let mut all = [x, y, z, 1.0, 0.0, 0.0, 0.0];
+        for (component, (at, name)) in all[3..].iter_mut().zip(self.quaternion.iter().flatten()) {
+            *component = number(name, field(row, *at))?;
+        }
+        Ok(all)
+    }
+
+    /// Name and content of a field of the pose that is empty or NaN; none if there is none.
+    #[cfg_attr(not(feature = "recordings"), allow(dead_code, reason = "imports read it"))]
+    pub(crate) fn absent<'a>(&'a self, position: &'a Position, row: &'a [String]) -> Option<(&'a str, &'a str)> {
+        let axes = position.axes.iter().map(|(at, name, _)| (*at, name));
+        let mut all = axes.chain(self.quaternion.iter().flatten().map(|(at, name)| (*at, name)));
+        all.find_map(|(at, name)| Some((name.as_str(), field(row, at))).filter(|(_, field)| is_absent(field)))
+    }
+
+    /// Pose of a row; a part of its numbers may not be absent.
+    ///
+    /// # Errors
+    /// A field that is not a number, which the inner result doesn't have; numbers that are not a pose, which it has.
+    pub(crate) fn pose(&self, position: &Position, row: &[String]) -> Result<Result<PoseField, PoseError>, TableFault> {
+        let at = position.axes.iter().map(|(at, ..)| *at);
+        let mut at = at.chain(self.quaternion.iter().flatten().map(|(at, _)| *at));
+        if at.all(|at| is_absent(field(row, at))) {
+            return Ok(Ok(PoseField::Absent));
+        }
+        let numbers = self.numbers(position, row)?;
+        if numbers.iter().all(|number| *number == 0.0) {
+            return Ok(Ok(PoseField::Absent));
+        }
+        let [x, y, z, qw, qx, qy, qz] = numbers;
+        Ok(Pose::new(DVec3::new(x, y, z), DQuat::from_xyzw(qx, qy, qz, qw)).map(PoseField::Pose))
+    }
+}
+
+impl Position {
+    /// Point of a row, mm; of patient's axes in LPS.
+    ///
+    /// # Errors
+    /// A field that is not a number.
+    pub(crate) fn point(&self, row: &[String]) -> Result<DVec3, TableFault> {
+        let mut point = DVec3::ZERO;
+        for (axis, (at, name, unit_mm)) in self.axes.iter().enumerate() {
+            point[axis] = unit_mm * number(name, field(row, *at))?;
+        }
+        Ok(point)
+    }
+
+    /// Names of the columns, joined by commas.
+    pub(crate) fn names(&self) -> String {
+        self.axes.each_ref().map(|(_, name, _)| name.as_str()).join(",")
+    }
+
+    /// Description of axes that are reversed or swapped into LPS, as `x = −r, y = −a, z = s`.
+    pub(crate) fn turned(&self) -> String {
+        let each = self
+            .axes
+            .iter()
+            .zip(["x", "y", "z"])
+            .map(|((_, name, unit), axis)| format!("{axis} = {}{name}", if *unit < 0.0 { "−" } else { "" }));
+        each.collect::<Vec<_>>().join(", ")
+    }
+}
+
+fn field(row: &[String], at: usize) -> &str {
+    row.get(at).map_or("", String::as_str)
+}
+
+fn refused(name: &str, reason: &str) -> TableFault {
+    TableFault::Refused { name: quote(name), reason: reason.to_owned() }
+}
+
+/// Whether two columns hold the same quantity.
+fn is_same(a: Meaning, b: Meaning) -> bool {
+    match (a, b) {
+        (Meaning::Unused | Meaning::Unknown | Meaning::Ambiguous(_), _) => false,
+        (Meaning::Length { frame, axis, .. }, Meaning::Length { frame: other, axis: its, .. }) => {
+            (frame, axis) == (other, its)
+        }
+        (Meaning::Time { .. }, Meaning::Time { .. }) => true,
+        (a, b) => a == b,
+    }
+}
+
+/// The three columns of a position; none if the table has none of them.
+fn position(columns: &[Column], wanted: Frame, known: &'static str) -> Result<Option<Position>, TableFault> {
+    let mut axes: [Option<(usize, String, f64)>; 3] = [None, None, None];
+    let (mut any_mm, mut without_unit) = (false, None);
+    for (index, Column { name, meaning }) in columns.iter().enumerate() {
+        if let Meaning::Length { frame, axis, sign, unit_mm } = *meaning
+            && frame == wanted
+        {
+            any_mm |= unit_mm == Some(1.0);
+            if unit_mm.is_none() && without_unit.is_none() {
+                without_unit = Some(name.clone());
+            }
+            axes[axis] = Some((index, name.clone(), sign * unit_mm.unwrap_or(1.0)));
+        }
+    }
+    if axes.iter().all(Option::is_none) {
+        return Ok(None);
+    }
+    let names = match wanted {
+        Frame::Own => ["x", "y", "z"],
+        Frame::Patient => ["l", "p", "s"],
+        Frame::Tracker => ["tx", "ty", "tz"],
+    };
+    let unit = if any_mm { "_mm" } else { "" };
+    let missing = |axis: usize| TableFault::Missing { name: format!("{}{unit}", names[axis]), known };
+    let [x, y, z] = axes;
+    let axes = [x.ok_or_else(|| missing(0))?, y.ok_or_else(|| missing(1))?, z.ok_or_else(|| missing(2))?];
+    Ok(Some(Position { frame: wanted, axes, without_unit }))
+}
+
+/// The four columns of a quaternion; none if the table has none of them.
+fn quaternion(columns: &[Column], known: &'static str) -> Result<Option<[(usize, String); 4]>, TableFault> {
+    let of = |component| {
+        let at = columns.iter().position(|column| column.meaning == Meaning::Quaternion(component))?;
+        Some((at, columns[at].name.clone()))
+    };
+    let found = [0, 1, 2, 3].map(of);
+    if found.iter().all(Option::is_none) {
+        return Ok(None);
+    }
+    let missing = |component: usize| {
+        let name = ["qw", "qx", "qy", "qz"][component].to_owned();
+        TableFault::Missing { name, known }
+    };
+    let [w, x, y, z] = found;
+    Ok(Some([
+        w.ok_or_else(|| missing(0))?,
+        x.ok_or_else(|| missing(1))?,
+        y.ok_or_else(|| missing(2))?,
+        z.ok_or_else(|| missing(3))?,
+    ]))
+}
