@@ -164,7 +164,7 @@ mod tests {
                     ..FrameTimeline::default()
                 },
                 settings: LiveSettings { frozen: true, ..LiveSettings::default() },
-                contact: Some(Contact { part: 0.75, press_mm: Some(1.5), shift_mm: 0.0 }),
+                contact: Some(Contact { part: 0.75, press_mm: Some(1.5), shift_mm: 0.0, misplaced: None }),
                 ..FrameInfo::default()
             },
             source: FrameSource::HeldGenerated,
