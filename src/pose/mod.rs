@@ -39,7 +39,7 @@ mod transform;
 
 pub use calibration::{Calibration, CalibrationError, CalibrationSource, Fitted};
 pub use counters::Counters;
-pub use estimator::{Estimate, Estimator};
+pub use estimator::{Estimate, Estimator, Jump};
 pub use history::{TimedPose, interpolate};
 pub use landmark_fit::{LandmarkFit, LandmarkFitError};
 pub use reading::{Measurement, Reading};
