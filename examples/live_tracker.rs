@@ -15,7 +15,7 @@ use insonify::sink::live::{LiveSink, PresentedFrame};
 use insonify::tracker::host_time_ns;
 use insonify::{Pose, Station};
 
-/// Prints each frame's place and age.
+/// Prints each frame's place and latency.
 struct Printer;
 
 impl LiveSink for Printer {
@@ -24,8 +24,9 @@ impl LiveSink for Printer {
     }
 
     fn present(&mut self, frame: &PresentedFrame) -> Result<(), SinkError> {
-        let (x_mm, age_ms) = (frame.info.pose().map(|pose| pose.position_mm.x), frame.latency().as_millis());
-        println!("frame {}: x = {:.1} mm, {age_ms} ms old", frame.number, x_mm.unwrap_or(f64::NAN));
+        let x_mm = frame.info.pose().map_or(f64::NAN, |pose| pose.position_mm.x);
+        let latency = frame.info.pose_to_present().map_or("no new pose".to_owned(), |time| format!("{time:.1?}"));
+        println!("frame {}: x = {x_mm:.1} mm, {latency}", frame.number);
         Ok(())
     }
 }

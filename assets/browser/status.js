@@ -4,6 +4,8 @@ import { SOURCES } from "./wire.js";
 
 const byId = (id) => document.getElementById(id);
 const HISTORY = 240;
+/** Latencies of so many ms are in the figures: the last frame's, and the percentile's. */
+const [LAST_MS, RECENT_MS] = [2000, 10000];
 
 /** Texts over the picture, worst first. */
 const BANNERS = {
@@ -30,6 +32,7 @@ function badge(element, text, kind) {
 
 export class Status {
   constructor() {
+    /** Latencies of recent frames with a new pose, and when they arrived. */
     this.latencies = [];
     this.arrivals = [];
     this.noticeTimer = 0;
@@ -52,10 +55,7 @@ export class Status {
   frame(frame, now) {
     this.arrivals.push(now);
     while (this.arrivals.length && this.arrivals[0] < now - 1000) this.arrivals.shift();
-    if (!frame.settings.frozen) {
-      this.latencies.push(frame.latencyMs);
-      if (this.latencies.length > HISTORY) this.latencies.shift();
-    }
+    if (frame.latencyMs !== null) this.latencies.push({ time: now, ms: frame.latencyMs });
   }
 
   /** Says what is known about the picture that is shown. */
@@ -63,7 +63,7 @@ export class Status {
     const kinds = ["", "good", "warn"];
     badge(byId("source"), SOURCES[frame.source] ?? "?", kinds[frame.source] ?? "");
     badge(byId("tracking"), ...TRACKING[frame.tracking]);
-    contact(frame.contact);
+    contact(frame.contact, frame.misplaced);
     byId("generator_name").textContent = frame.generator;
     byId("point").hidden = !frame.point;
     byId("point_name").textContent = frame.point;
@@ -81,16 +81,19 @@ export class Status {
   figures(now) {
     const recent = this.arrivals.filter((time) => time > now - 1000);
     byId("rate").textContent = recent.length ? String(recent.length) : "–";
+    while (this.latencies.length && this.latencies[0].time < now - RECENT_MS) this.latencies.shift();
     const last = this.latencies.at(-1);
-    byId("latency").textContent = last === undefined ? "–" : `${last.toFixed(0)} ms`;
-    const sorted = [...this.latencies].sort((a, b) => a - b);
-    const p95 = sorted[Math.min(sorted.length - 1, Math.floor(0.95 * sorted.length))];
+    byId("latency").textContent = last && last.time > now - LAST_MS ? `${last.ms.toFixed(0)} ms` : "–";
+    const sorted = this.latencies.map(({ ms }) => ms).sort((a, b) => a - b);
+    // Nearest rank, as in the station's summary.
+    const p95 = sorted[Math.ceil(0.95 * sorted.length) - 1];
     byId("latency_p95").textContent = p95 === undefined ? "–" : `${p95.toFixed(0)} ms`;
     this.sparkline();
   }
 
   sparkline() {
-    const { context, latencies } = this;
+    const { context } = this;
+    const latencies = this.latencies.slice(-HISTORY).map(({ ms }) => ms);
     const { width, height } = context.canvas;
     context.clearRect(0, 0, width, height);
     // At least 100 ms high, so that a calm curve looks calm.
@@ -139,13 +142,14 @@ export class Status {
   }
 }
 
-/** The part of the face in contact; hidden in scenes where everything is coupled. */
-function contact(contact) {
+/** The part of the face in contact, or that no hand can hold the probe there; hidden in scenes where everything is coupled. */
+function contact(contact, misplaced) {
   const element = byId("contact");
   element.hidden = !contact;
   if (!contact) return;
   const percent = Math.round(100 * contact.part);
-  if (percent === 0) badge(element, "NO CONTACT", "warn strong");
+  if (misplaced) badge(element, misplaced === "deep" ? "DEEP IN THE BODY" : "LOOKS OUT OF THE BODY", "bad strong");
+  else if (percent === 0) badge(element, "NO CONTACT", "warn strong");
   else badge(element, `CONTACT ${percent} %`, percent < 90 ? "warn" : "good");
 }
 

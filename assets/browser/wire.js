@@ -36,7 +36,9 @@ export function decode(buffer, settings) {
     faceRow: f64(32),
     tracking: TRACKING[view.getUint8(40)] ?? "lost",
     pose: flags & 1 ? numbers(48, 7) : null,
-    latencyMs: presented - (flags & 2 ? firstByte : sampled),
+    // Held, repeated and frozen poses have no latency: their age is not the station's.
+    latencyMs: flags & 16 ? presented - (flags & 2 ? firstByte : sampled) : null,
+    misplaced: flags & 32 ? "deep" : flags & 64 ? "looks_out" : null,
     times: { firstByte, sampled, submitted, rendered, inferenceStart, inferenceEnd, presented },
     contact: flags & 8 ? { part: f64(160), pressMm: f64(168) } : null,
     settings: settingsOf(settings, numbers(FIXED_BYTES, values)),

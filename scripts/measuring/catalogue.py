@@ -224,6 +224,21 @@ def live_error_steps(tree, program, folder):
     ]
 
 
+# Second pose of the moves: one that a second datagram must confirm, and one within the reach of a hand.
+MOVES = {"jump": "0,30,80,0,1,0,0", "reach": "0,-20,79,0,1,0,0"}
+
+
+def latency_steps(_, program, folder):
+    return [
+        Step(
+            name,
+            [sys.executable, "scripts/latency", "--to", to, "--program", program, "--out", folder / name, "--json", folder / f"{name}.json"],
+            lambda _, __, name=name: read(folder / f"{name}.json"),
+        )
+        for name, to in MOVES.items()
+    ]
+
+
 FIGURES = {
     figure.name: figure
     for figure in [
@@ -237,6 +252,8 @@ FIGURES = {
         Figure("generators", "a picture of 1386 x 1000 by each shipped generator", "insonify generator MODEL", generators_steps, one_row_each),
         Figure("live", "live sessions of four rates", "scripts/soak --station STATION --minutes 1.5", live_steps, one_row_each),
         Figure("live_error", "error of live pictures", "scripts/live-error STATION", live_error_steps, one_row_each),
+        Figure("latency", "a move of the probe until its picture is at the page, from outside", "scripts/latency --to POSE",
+               latency_steps, one_row_each),
         Figure("live_page", "a live session with its page on the same cores", "scripts/soak --station STATION --page --minutes 3",
                soak_steps("--page", "--minutes", "3"), one_row_each),
         Figure("live_load", "a live session under a load that comes and goes",

@@ -215,6 +215,25 @@ def session(data):
     return table(head, [cells]) + "\n\n" + caption(data, text)
 
 
+MOVES = {"jump": "beyond a hand's reach", "reach": "within it"}
+
+
+def latency(data):
+    times = lambda values, *keys: [number(values and values[f"{key}_ms"], 0) for key in keys]  # noqa: E731
+    rows = []
+    for row in data["rows"]:
+        stated = row["all_frames"]["motion_to_present"] if row["name"] == "reach" else row["stated_jump_to_present"]
+        cells = [f"{number(row['distance_mm'], 0)} mm, {MOVES[row['name']]}", *times(row["outside"], "p50", "p95", "max")]
+        rows.append([*cells, *times(stated, "p50", "p95"), *times(row["all_frames"]["pose_to_present"], "p50", "p95")])
+    head = ["move", "outside, ms: p50:", "p95:", "max:", "stated with its waits: p50:", "p95:", "pose to present: p50:", "p95:"]
+    first = data["rows"][0]
+    text = f": `configs/live.toml` at {first['rate_hz']:g} Hz and {first['poses_hz']:g} poses/s, {first['moves']} moves a row"
+    loads = [row["busy_before_percent"] for row in data["rows"] if row["busy_before_percent"] is not None]
+    if loads:
+        text += f"; before each row other programs took {' and '.join(number(load, 0) for load in loads)} % of the processors"
+    return table(head, rows) + "\n\n" + caption(data, text)
+
+
 STATIONS = {"fixed": "1 × 1 with a generator for single angles", "live": "`configs/live.toml`"}
 
 
@@ -277,6 +296,7 @@ TABLES = {
     "live_page": ("live_page", session),
     "live_load": ("live_load", session),
     "live_error": ("live_error", live_error),
+    "latency": ("latency", latency),
 }
 
 

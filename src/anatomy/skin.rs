@@ -17,6 +17,9 @@ use crate::pose::Pose;
 /// Search length, mm; exceeds any distance from inside a body to its skin.
 const REACH_MM: u32 = 400;
 
+/// Search length for the skin around a point, mm: beyond the height of any body.
+const BODY_MM: f32 = 3000.0;
+
 /// Search length in front of a probe's face, mm: more than the thickest gel, the gap that couples, and the largest
 /// tolerance together.
 const PROBE_MM: f64 = 30.0;
@@ -73,7 +76,17 @@ impl Skin {
     /// Exit point of the line from `from_mm` inside the body along the unit `direction`; for a mesh, the last surface
     /// hit. `None` if the line hits no skin within 400 mm, or starts outside a solid.
     pub fn exit(&self, from_mm: DVec3, direction: DVec3) -> Option<DVec3> {
-        let t = match &self.0 {
+        Some(from_mm + direction * self.exit_mm(from_mm, direction, REACH_MM as f32)?)
+    }
+
+    /// Distance of the exit, mm: as [`Skin::exit`], however tall the body.
+    pub fn way_out_mm(&self, from_mm: DVec3, direction: DVec3) -> Option<f64> {
+        self.exit_mm(from_mm, direction, BODY_MM)
+    }
+
+    /// Distance of the exit within `reach_mm`, mm; a solid reaches 400 mm.
+    fn exit_mm(&self, from_mm: DVec3, direction: DVec3, reach_mm: f32) -> Option<f64> {
+        match &self.0 {
             Outside::Solid(skin) => exit_solid(skin, from_mm, direction),
             Outside::Mesh { tree, triangles } => {
                 let mut last = f32::NEG_INFINITY;
@@ -81,7 +94,7 @@ impl Skin {
                     // The tree drops rays parallel to an axis; the offsets tilt them.
                     let along = (direction + aside_mm * 1e-3).as_vec3a();
                     let origin = (from_mm + aside_mm).as_vec3a();
-                    tree.ray_traverse_anyhit(Ray::new(origin, along, 0.0, REACH_MM as f32), |ray, hit| {
+                    tree.ray_traverse_anyhit(Ray::new(origin, along, 0.0, reach_mm), |ray, hit| {
                         let index = tree.primitive_indices.get(hit).map(|&i| i as usize);
                         if let Some(t) = index.and_then(|i| distance_mm(triangles.get(i)?, ray)) {
                             last = last.max(t);
@@ -90,8 +103,7 @@ impl Skin {
                 }
                 last.is_finite().then_some(f64::from(last))
             }
-        }?;
-        Some(from_mm + direction * t)
+        }
     }
 
     /// Depth of the probe face's centre below the skin along its axis, mm. Negative for a gap; `None` if the probe is

@@ -35,8 +35,9 @@ fn status(status: &Status) -> String {
         None => format!("{:5.1} frames/s", status.frames_per_s),
     };
     let frozen = if status.frozen { "  frozen" } else { "" };
+    let placed = status.misplaced.map_or_else(String::new, |misplaced| format!("  ({})", misplaced.fault));
     format!(
-        "{:7.1} s  {rate}  latency {latency}  pose {}  {}{frozen}  {} presented, {} dropped",
+        "{:7.1} s  {rate}  latency {latency}  pose {}{placed}  {}{frozen}  {} presented, {} dropped",
         status.elapsed_s,
         status.tracking.name(),
         status.source.name(),
@@ -72,6 +73,7 @@ mod tests {
             tracking: TrackingState::Good,
             source: FrameSource::Raw,
             frozen: false,
+            misplaced: None,
             dropped: 0,
             notice: None,
         };

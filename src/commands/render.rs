@@ -102,6 +102,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let StillFrame { frame, record, chosen } =
         render_still(&backend, &scene, &station, settings, (pose, args.time), budget_ms)?;
     chosen.iter().for_each(quality::say_chosen);
+    if let Some(misplaced) = record.contact.and_then(|contact| contact.misplaced) {
+        tracing::warn!("pose: {misplaced}");
+    }
     let files = FrameFiles { frame: &frame, tissues: &scene.tissues, record: &record }.write(&args.out)?;
     if args.json {
         return output::json(&Report { record: &record, files });

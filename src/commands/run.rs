@@ -89,6 +89,13 @@ pub(crate) struct Args {
 }
 
 const AFTER_HELP: &str = "\
+Latencies of the summary end when a picture is handed to the displays. They begin with the first byte here of
+  pose to present     the newest measurement when the frame's pose was taken
+  motion to present   every measurement: also its wait for the next tick
+  jump to present     a measurement out of a hand's reach: also the wait for the second one, which confirms it
+They leave out the tracker before that byte, the lag of the filter, and what follows the handover: network, browser,
+screen. Held poses count in none. docs/metrics.md explains the fields of --metrics.
+
 Files, by sink:
   png     png/000000.png ... and png/index.jsonl with each frame's times, pose and state
   video   video.mp4 (H.264)

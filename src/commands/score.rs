@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::Parser;
 use insonify::anatomy::Mesh;
-use insonify::exam::score::{self, Reference, Score};
+use insonify::exam::score::{self, MisplacedTime, Reference, Score};
 use insonify::files::Outputs;
 use insonify::pipeline::replay::RecordedExam;
 use insonify::recording::RecordingReport;
@@ -58,6 +58,8 @@ struct Report<'a> {
     poses: &'static str,
     #[serde(flatten)]
     score: &'a Score,
+    /// Time with the probe where no hand can hold it.
+    misplaced: Option<MisplacedTime>,
 }
 
 /// Runs the command.
@@ -86,13 +88,23 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     for refused in &score.calipers_refused {
         tracing::warn!("{}: {refused}", args.recording.display());
     }
+    let misplaced = MisplacedTime::of(&exam.poses, &reference);
+    if let Some(misplaced) = &misplaced {
+        tracing::warn!("{}: {misplaced}", args.recording.display());
+    }
     if let Some(out) = &args.out {
         let title = args.recording.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
         exam_report::write(out, &title, &score, &track, &reference)?;
     }
     if args.json {
         let recording = RecordingReport::new(&args.recording, &exam.summary);
-        return output::json(&Report { recording, station: &args.station, poses: exam.source, score: &score });
+        return output::json(&Report {
+            recording,
+            station: &args.station,
+            poses: exam.source,
+            score: &score,
+            misplaced,
+        });
     }
     output::text(&score)?;
     args.out.as_ref().map_or(Ok(()), |out| output::line(format!("\n{}", out.display())))

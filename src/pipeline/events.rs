@@ -28,11 +28,13 @@ pub(super) struct Events {
     clock: Arc<dyn Clock>,
     observer: Option<Arc<dyn Observer>>,
     notice: Arc<Mutex<Option<(String, Duration)>>>,
+    /// Fault that is shown until it ends, when there is no other notice.
+    lasting: Arc<Mutex<Option<String>>>,
 }
 
 impl Events {
     pub(super) fn new(clock: &Arc<dyn Clock>, observer: Option<Arc<dyn Observer>>) -> Self {
-        Self { clock: clock.clone(), observer, notice: Arc::default() }
+        Self { clock: clock.clone(), observer, notice: Arc::default(), lasting: Arc::default() }
     }
 
     /// Reports a fault: logs it, shows it on the frames for 5 s, and records it.
@@ -40,6 +42,19 @@ impl Events {
         tracing::warn!("{text}");
         self.record(&text);
         *lock(&self.notice) = Some((text, self.clock.now().saturating_add(NOTICE_TIME)));
+    }
+
+    /// Reports a fault: logs it, records it, and shows it on the frames until [`Self::end_lasting`]. Newer notices hide it for
+    /// their 5 s.
+    pub(super) fn warn_while_it_lasts(&self, text: String) {
+        tracing::warn!("{text}");
+        self.record(&text);
+        *lock(&self.lasting) = Some(text);
+    }
+
+    /// Ends a fault that lasted.
+    pub(super) fn end_lasting(&self) {
+        *lock(&self.lasting) = None;
     }
 
     /// Reports a regular event: logs and records it.
@@ -72,9 +87,10 @@ impl Events {
         if current.as_ref().is_some_and(|(_, until)| self.clock.now() >= *until) {
             *current = None;
         }
-        match (&*current, notice) {
-            (Some((text, _)), Some(notice)) => notice.clone_from(text),
-            (current, notice) => *notice = current.as_ref().map(|(text, _)| text.clone()),
+        let lasting = lock(&self.lasting);
+        match (current.as_ref().map(|(text, _)| text).or(lasting.as_ref()), notice) {
+            (Some(text), Some(notice)) => notice.clone_from(text),
+            (text, notice) => *notice = text.cloned(),
         }
     }
 }

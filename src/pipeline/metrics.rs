@@ -9,13 +9,16 @@ use serde::Serialize;
 
 use super::clock::{lock, ms, smoothed};
 use super::histogram::Histogram;
+use super::summary::MisplacedSummary;
 use crate::chooser::PointSummary;
 use crate::pose::TrackingState;
 use crate::sink::live::{FrameInfo, FrameSource, PresentedFrame};
 use crate::statistics::upper_median;
+use crate::transducer::Misplacement;
 
-/// Recent frames in the live figures.
+/// Recent frames in the live figures: most of them, and the time before the last one in which they were presented.
 const RECENT: usize = 64;
+const RECENT_TIME: Duration = Duration::from_secs(3);
 
 /// Shortest time without a frame that is unusual, and intervals of recent frames that it lasts at least.
 const SILENCE: (Duration, f64) = (Duration::from_secs(2), 3.0);
@@ -44,6 +47,8 @@ pub struct Status {
     pub source: FrameSource,
     /// Whether the picture is frozen.
     pub frozen: bool,
+    /// Impossible placement of the probe that has lasted for seconds.
+    pub misplaced: Option<Misplacement>,
     /// Frames begun but not presented.
     pub dropped: u64,
     /// Recent fault.
@@ -83,17 +88,21 @@ pub(super) struct Shown {
     pub(super) presented: u64,
     pub(super) by_source: [u64; 3],
     pub(super) by_tracking: [u64; 5],
+    pub(super) misplaced: MisplacedSummary,
     pub(super) pose_to_present: Histogram,
+    pub(super) motion_to_present: Histogram,
+    pub(super) jump_to_present: Histogram,
     pub(super) sample_to_present: Histogram,
     pub(super) render: Histogram,
     pub(super) inference: Histogram,
     pub(super) first: Option<Duration>,
     pub(super) last: Duration,
-    last_first_byte: Option<Duration>,
     recent: Recent,
     tracking: TrackingState,
     source: FrameSource,
     frozen: bool,
+    /// Placement of the last frame.
+    placed: Option<Misplacement>,
 }
 
 /// Presentation time and pose-to-present latency of recent frames.
@@ -110,10 +119,21 @@ impl Recent {
         self.frames.push_back((presented, latency));
     }
 
+    /// Frames of the time before the last one, newest first; at least the last interval.
+    fn latest(&self) -> impl Iterator<Item = &(Duration, Option<Duration>)> {
+        let from = self.frames.back().map_or(Duration::ZERO, |(last, _)| last.saturating_sub(RECENT_TIME));
+        self.frames
+            .iter()
+            .rev()
+            .enumerate()
+            .take_while(move |(nth, (time, _))| *nth < 2 || *time >= from)
+            .map(|(_, f)| f)
+    }
+
     fn frames_per_s(&self) -> f64 {
-        match (self.frames.front(), self.frames.back()) {
+        match (self.latest().last(), self.frames.back()) {
             (Some((first, _)), Some((last, _))) if last > first => {
-                (self.frames.len() - 1) as f64 / (*last - *first).as_secs_f64()
+                self.latest().skip(1).count() as f64 / (*last - *first).as_secs_f64()
             }
             _ => 0.0,
         }
@@ -121,7 +141,7 @@ impl Recent {
 
     fn median_ms(&self) -> Option<f64> {
         let mut latencies = [Duration::ZERO; RECENT];
-        let known = self.frames.iter().filter_map(|(_, latency)| *latency);
+        let known = self.latest().filter_map(|(_, latency)| *latency);
         let count = latencies.iter_mut().zip(known).map(|(slot, latency)| *slot = latency).count();
         let latencies = latencies.get_mut(..count)?;
         latencies.sort_unstable();
@@ -145,17 +165,10 @@ impl Metrics {
         let mut shown = lock(&self.shown);
         let FrameInfo { estimate, timeline: times, settings, .. } = &frame.info;
         let total = times.presented.saturating_sub(times.sampled);
-        // Held poses and frozen pictures are no measure of latency.
-        let fresh = times.first_byte != shown.last_first_byte && estimate.state == TrackingState::Good;
-        let latency = match times.first_byte {
-            _ if settings.frozen || estimate.scene_from_probe.is_none() => None,
-            Some(first_byte) => fresh.then(|| times.presented.saturating_sub(first_byte)),
-            None => Some(total),
-        };
-        shown.last_first_byte = times.first_byte;
-        if let Some(latency) = latency {
-            shown.pose_to_present.push(latency);
-        }
+        let latency = frame.info.pose_to_present();
+        latency.into_iter().for_each(|time| shown.pose_to_present.push(time));
+        frame.info.motion_to_present().for_each(|time| shown.motion_to_present.push(time));
+        frame.info.jump_to_present().into_iter().for_each(|time| shown.jump_to_present.push(time));
         if estimate.scene_from_probe.is_some() {
             shown.sample_to_present.push(total);
             shown.render.push(times.rendered.saturating_sub(times.submitted));
@@ -167,10 +180,12 @@ impl Metrics {
         }
         shown.by_source[frame.source as usize] += 1;
         shown.by_tracking[estimate.state as usize] += 1;
+        shown.misplaced.count(frame.info.misplaced);
         shown.recent.push(times.presented, latency);
         shown.first.get_or_insert(times.presented);
         shown.last = times.presented;
         (shown.tracking, shown.source, shown.frozen) = (estimate.state, frame.source, settings.frozen);
+        shown.placed = frame.info.misplaced;
         shown.presented += 1;
         shown.presented
     }
@@ -209,6 +224,7 @@ impl Metrics {
                 tracking: shown.tracking,
                 source: shown.source,
                 frozen: shown.frozen,
+                misplaced: shown.placed,
                 dropped,
                 notice,
             }
@@ -250,6 +266,21 @@ mod tests {
         (0..20).for_each(|i| presented_at(&slow, 5000 * i));
         let status = |ms| slow.status(Duration::from_millis(ms), 0, None).silent_s;
         assert_eq!((status(99_000), status(115_000)), (None, Some(20.0)));
+    }
+
+    #[test]
+    fn the_rate_is_that_of_the_last_seconds() {
+        let metrics = Metrics::default();
+        (0..20).for_each(|i| presented_at(&metrics, 50 * i));
+        // A pause of 30 s, and on at the same rate.
+        (0..80).for_each(|i| presented_at(&metrics, 31_000 + 50 * i));
+        let rate = metrics.status(Duration::from_millis(34_960), 0, None).frames_per_s;
+        assert!((rate - 20.0).abs() < 1e-6, "{rate}");
+        let soon = Metrics::default();
+        (0..20).for_each(|i| presented_at(&soon, 50 * i));
+        (0..11).for_each(|i| presented_at(&soon, 31_000 + 50 * i));
+        let rate = soon.status(Duration::from_millis(31_510), 0, None).frames_per_s;
+        assert!((rate - 20.0).abs() < 1e-6, "the pause is over: {rate}");
     }
 
     #[cfg(target_os = "linux")]

@@ -7,6 +7,7 @@ use tracing::field::Empty;
 use super::clock::{Clock, NEVER, Signal, ms};
 use super::deadline::DeadlineChooser;
 use super::events::Events;
+use super::freshness::Freshness;
 use super::generate_stage::Generated;
 use super::generator_link::GeneratorLink;
 use super::metrics::{Metrics, count};
@@ -51,6 +52,7 @@ impl Presenter {
             chooser: DeadlineChooser::new(self.choice),
             held: None,
             look: Look::default(),
+            freshness: Freshness::default(),
             pool: Pool::new(FRAMES),
         };
         while let Some(rendered) = self.next(&mut state) {
@@ -173,7 +175,8 @@ impl Presenter {
             let presented = self.clock.now();
             span.record("presented_ms", ms(presented));
             let timeline = FrameTimeline { inference, presented, ..timeline };
-            frame.info = FrameInfo { timeline, ..rendered.info };
+            let new = state.freshness.next(&rendered.info, &*self.clock);
+            frame.info = FrameInfo { timeline, new, ..rendered.info };
         });
         let Some((frame, ())) = filled else { return count(&self.metrics.frames_held) };
         self.metrics.presented(&frame);
@@ -203,6 +206,7 @@ struct State {
     /// The last generated picture.
     held: Option<Arc<Generated>>,
     look: Look,
+    freshness: Freshness,
     pool: Pool<PresentedFrame>,
 }
 

@@ -18,7 +18,8 @@ pub struct Stop {
 #[derive(Debug, Default)]
 struct Inner {
     requested: AtomicBool,
-    reason: Mutex<Option<String>>,
+    /// Time and reason of the first request.
+    first: Mutex<Option<(Duration, String)>>,
     signal: Signal,
 }
 
@@ -30,7 +31,7 @@ impl Stop {
 
     /// Requests the end of the session; the first reason is kept.
     pub fn request(&self, reason: &str) {
-        lock(&self.inner.reason).get_or_insert_with(|| reason.to_owned());
+        lock(&self.inner.first).get_or_insert_with(|| (self.clock.now(), reason.to_owned()));
         self.inner.requested.store(true, Ordering::Release);
         self.clock.notify(&self.inner.signal);
     }
@@ -42,7 +43,12 @@ impl Stop {
 
     /// Reason of the request; none before one.
     pub fn reason(&self) -> Option<String> {
-        lock(&self.inner.reason).clone()
+        lock(&self.inner.first).as_ref().map(|(_, reason)| reason.clone())
+    }
+
+    /// Time of the request; none before one.
+    pub fn requested_at(&self) -> Option<Duration> {
+        lock(&self.inner.first).as_ref().map(|(time, _)| *time)
     }
 
     /// Waits for the request, `until` at the latest. Returns whether a stop was requested.

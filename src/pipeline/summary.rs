@@ -9,6 +9,7 @@ use serde::Serialize;
 use super::histogram::Percentiles;
 use crate::chooser::PointSummary;
 use crate::sink::SinkError;
+use crate::transducer::placement::{Fault, Misplacement};
 
 /// Summary of one sink.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
@@ -52,20 +53,51 @@ pub struct GeneratorSummary {
     pub stuck: bool,
 }
 
+/// Presented frames whose probe was where no hand can hold it, for seconds.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct MisplacedSummary {
+    /// Frames with the face deep in the body.
+    pub deep: u64,
+    /// Frames of a probe that looks out of the body.
+    pub looks_out: u64,
+    /// The latest one, with its likely cause.
+    pub latest: Option<Misplacement>,
+}
+
+impl MisplacedSummary {
+    /// Counts a frame.
+    pub(super) fn count(&mut self, misplaced: Option<Misplacement>) {
+        match misplaced.map(|found| found.fault) {
+            Some(Fault::Deep { .. }) => self.deep += 1,
+            Some(Fault::LooksOut) => self.looks_out += 1,
+            None => {}
+        }
+        self.latest = misplaced.or(self.latest);
+    }
+}
+
 /// Summary of a session.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
-    /// Duration of the session, s.
+    /// Duration of the session, from the start of its stages to the request to end, s.
     pub elapsed_s: f64,
+    /// Start of the stages on the clock of the frames' times, ms.
+    pub start_ms: f64,
+    /// Presentation of the first frame, s since the start; none without a frame.
+    pub first_frame_s: Option<f64>,
+    /// Presentation of the last frame, s since the start; none without a frame.
+    pub last_frame_s: Option<f64>,
     /// Frames begun: `presented` + the sum of `drops`.
     pub produced: u64,
     /// Frames handed to the sinks.
     pub presented: u64,
     /// Frames begun but not presented, by cause.
     pub drops: BTreeMap<&'static str, u64>,
+    /// Ticks of the frame rate: `produced` + `missed_ticks`.
+    pub ticks: u64,
     /// Ticks without a frame: the device was slower than the frame rate.
     pub missed_ticks: u64,
-    /// Presented frames per second, from the first to the last.
+    /// Presented frames per second, from `first_frame_s` to `last_frame_s`.
     pub frames_per_s: f64,
     /// Fraction of presented frames with a generated picture, their own or a held one.
     pub generated_ratio: f64,
@@ -73,8 +105,15 @@ pub struct Summary {
     pub by_source: [u64; 3],
     /// Presented frames by the state of their pose: good, held, stuck, stale, lost.
     pub by_tracking: [u64; 5],
-    /// Time from the first byte of a new pose (without a tracker: from sampling) to the frame's handover to the sinks.
+    /// Presented frames whose probe was where no hand can hold it.
+    pub misplaced: MisplacedSummary,
+    /// Time from the first byte of the newest measurement (without a tracker: from sampling) to the frame's handover to the
+    /// sinks. Frames with a held or repeated pose are left out.
     pub pose_to_present: Option<Percentiles>,
+    /// The same time of every measurement, with its wait for the tick and for the confirmation of a jump.
+    pub motion_to_present: Option<Percentiles>,
+    /// The same time of the measurements that showed a jump first, which a second one had to confirm.
+    pub jump_to_present: Option<Percentiles>,
     /// Time from sampling of the pose to handover to the sinks.
     pub sample_to_present: Option<Percentiles>,
     /// Time from submission to the frame in memory.

@@ -2,31 +2,41 @@
 
 use std::fmt;
 
-use super::{Percentiles, Summary};
+use super::{MisplacedSummary, Percentiles, Summary};
 
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let s = self;
-        writeln!(
-            f,
-            "session            {:.1} s, {} frames at {:.1} a second",
-            s.elapsed_s, s.presented, s.frames_per_s
-        )?;
+        write!(f, "session            {:.1} s, {} frames", s.elapsed_s, s.presented)?;
+        if let (Some(first_s), Some(last_s), 2..) = (s.first_frame_s, s.last_frame_s, s.presented) {
+            write!(f, ": {:.1} a second from {first_s:.1} s to {last_s:.1} s", s.frames_per_s)?;
+        }
+        writeln!(f)?;
         let [generated, held, raw] = s.by_source;
         let ratio = 100.0 * s.generated_ratio;
         writeln!(f, "pictures           {ratio:.1} % generated ({generated} own, {held} held), {raw} raw")?;
         let [good, held, stuck, stale, lost] = s.by_tracking;
         writeln!(f, "poses              {good} good, {held} held, {stuck} stuck, {stale} stale, {lost} lost")?;
+        if let Some(latest) = &s.misplaced.latest {
+            let MisplacedSummary { deep, looks_out, .. } = s.misplaced;
+            writeln!(f, "placement          {deep} frames deep in the body, {looks_out} looking out of it: {latest}")?;
+        }
         writeln!(f, "\nms                       p50      p95      p99      max")?;
         row(f, "pose to present", s.pose_to_present)?;
+        row(f, "motion to present", s.motion_to_present)?;
+        row(f, "jump to present", s.jump_to_present)?;
         row(f, "sample to present", s.sample_to_present)?;
         row(f, "render", s.render)?;
         row(f, "inference", s.inference)?;
+        writeln!(
+            f,
+            "to present: until the displays have it; without tracker before the first byte, filter, display; no held poses"
+        )?;
         writeln!(f, "\ndrops              of {} frames begun", s.produced)?;
         for (cause, count) in &s.drops {
             writeln!(f, "  {count:>8}  {cause}")?;
         }
-        writeln!(f, "  {:>8}  ticks without a frame", s.missed_ticks)?;
+        writeln!(f, "  {:>8}  ticks without a frame, of {}", s.missed_ticks, s.ticks)?;
         if let Some(p) = &s.points {
             let (begun, ended, lowered, raised) = (&p.begun, &p.ended, p.lowered, p.raised);
             write!(

@@ -32,10 +32,23 @@ pub struct Estimate {
     pub state: TrackingState,
     /// Arrival of the first byte of the newest measurement, ns since 1970 (UTC); none without a tracker.
     pub first_byte_ns: Option<u64>,
+    /// Measurements that became poses, up to the newest one.
+    pub measurements: u64,
+    /// Latest displacement that a second measurement had to confirm; none before one.
+    pub jump: Option<Jump>,
     /// Prediction beyond the newest measurement, ms.
     pub predicted_ms: f64,
     /// Speed of the probe at the newest measurement; none while it does not tell of now.
     pub speed: Option<Speed>,
+}
+
+/// A displacement beyond the reach of a hand, confirmed by a second measurement.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Jump {
+    /// Number among the jumps of the session, from 1.
+    pub number: u64,
+    /// Arrival of the first byte of the measurement that was held back until the next one confirmed it, ns since 1970 (UTC).
+    pub first_byte_ns: u64,
 }
 
 /// Turns the measurements of one sensor into poses.
@@ -58,6 +71,9 @@ pub struct Estimator {
     motion: Option<Motion>,
     /// Regressed and raw time of the latest measurement, ns.
     newest: Option<(u64, u64)>,
+    /// Raw time of the latest spike, ns.
+    spike_ns: u64,
+    jump: Option<Jump>,
     /// `now` of the last sample, ns.
     last_now_ns: Option<u64>,
 }
@@ -78,6 +94,8 @@ impl Estimator {
             counters: Counters::default(),
             motion: None,
             newest: None,
+            spike_ns: 0,
+            jump: None,
             last_now_ns: None,
             settings,
         }
@@ -136,7 +154,15 @@ impl Estimator {
         );
         // Time since the last used measurement, s; `None` for the first and after a clock jump.
         let dt_s = self.newest.map(|(last_ns, _)| time_ns.saturating_sub(last_ns) as f64 * 1e-9);
-        let Some(motion) = self.motion_of(&measurement.reading, time_ns, dt_s) else { return };
+        let Counters { spikes, jumps, .. } = self.counters;
+        let motion = self.motion_of(&measurement.reading, time_ns, dt_s);
+        if self.counters.spikes > spikes {
+            self.spike_ns = measurement.host_time_ns;
+        }
+        if self.counters.jumps > jumps {
+            self.jump = Some(Jump { number: self.counters.jumps, first_byte_ns: self.spike_ns });
+        }
+        let Some(motion) = motion else { return };
         self.counters.used += 1;
         self.motion = Some(motion);
         self.newest = Some((time_ns, measurement.host_time_ns));
@@ -169,6 +195,8 @@ impl Estimator {
             scene_from_probe: None,
             state,
             first_byte_ns: self.newest.map(|(_, raw_ns)| raw_ns),
+            measurements: self.counters.used,
+            jump: self.jump,
             predicted_ms: 0.0,
             speed: None,
         };
@@ -228,6 +256,8 @@ impl Estimator {
         let back_ns = last_ns.saturating_sub(now_ns);
         if back_ns > NOW_JITTER_NS {
             self.counters.clock_jumps += 1;
+            self.jump =
+                self.jump.map(|jump| Jump { first_byte_ns: jump.first_byte_ns.saturating_sub(back_ns), ..jump });
             self.clock.set_back(back_ns);
             self.tracking.set_back(back_ns);
             self.history.set_back(back_ns);

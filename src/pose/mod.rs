@@ -42,7 +42,7 @@ mod transform;
 
 pub use calibration::{Calibration, CalibrationError, CalibrationSource, Fitted};
 pub use counters::Counters;
-pub use estimator::{Estimate, Estimator};
+pub use estimator::{Estimate, Estimator, Jump};
 pub use history::{TimedPose, interpolate};
 pub use landmark_fit::{LandmarkFit, LandmarkFitError, fit_so_far};
 pub use reading::{Measurement, Reading};

@@ -33,7 +33,7 @@ impl FrameFiles<'_> {
     /// | `tissues.json` | number → name; 0 is `outside` |
     /// | `attenuation.npy` | float32 [height, width], 0..=1 |
     /// | `mask.png` | 255 inside the sector |
-    /// | `lines.npy` | complex64 [scanlines, samples], baseband; only if the frame carries its lines |
+    /// | `lines.npy` | complex64 [scanlines, samples], baseband, placed by `lines` of `frame.json`; only if the frame carries its lines |
     /// | `frame.json` | the record; written last, so that its presence marks a complete directory |
     ///
     /// A frame rendered without maps has no `segmentation.png`, `tissues.json` and `attenuation.npy`.

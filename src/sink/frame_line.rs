@@ -23,6 +23,12 @@ pub(crate) struct FrameLine<'a> {
     pub pose: Option<[f64; 7]>,
     /// Contact of the face with the skin; none if everything is coupled.
     pub contact: Option<Contact>,
+    /// Measurements that no earlier frame showed.
+    pub new_measurements: u64,
+    /// From the first byte of the newest measurement to `presented_ms`; none for a held or repeated pose.
+    pub pose_to_present_ms: Option<f64>,
+    /// The same from the measurement that first showed a jump; none without a new jump.
+    pub jump_to_present_ms: Option<f64>,
     /// First byte of the record that the pose comes from.
     pub first_byte_ms: Option<f64>,
     /// Pose sampled.
@@ -58,6 +64,9 @@ impl<'a> FrameLine<'a> {
             tracking: frame.info.estimate.state.name(),
             pose: frame.info.pose().map(|pose| pose.components()),
             contact: frame.info.contact,
+            new_measurements: frame.info.new.count,
+            pose_to_present_ms: frame.info.pose_to_present().map(ms),
+            jump_to_present_ms: frame.info.jump_to_present().map(ms),
             first_byte_ms: times.first_byte.map(ms),
             sampled_ms: ms(times.sampled),
             submitted_ms: ms(times.submitted),

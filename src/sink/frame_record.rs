@@ -33,6 +33,9 @@ pub struct FrameRecord {
     pub receiver: ReceiverSettings,
     /// Probe.
     pub probe: Probe,
+    /// Place of the samples of lines.npy; none in a frame without its lines.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lines: Option<LinesRecord>,
     /// Contact of the face with the skin; none if everything is coupled.
     pub contact: Option<Contact>,
     /// The 98th percentile that the attenuation map was divided by.
@@ -75,6 +78,65 @@ pub struct ImageRecord {
     /// Settings of the image.
     #[serde(flatten)]
     pub settings: ImageSettings,
+}
+
+/// Where the samples of lines.npy [scanlines, samples] lie, in the probe frame. Sample j of scanline i is centred at
+/// `origin(i)` + (`first_depth_mm` + j · `depth_step_mm`) · `direction(i)`.
+///
+/// A curved face has `direction` = (sin a, 0, cos a) and `origin` = R (sin a, 0, cos a − 1), with the angle a of the scanline and
+/// the radius R of the face, 0 for a phased array. A flat one has `direction` = (0, 0, 1) and `origin` = (x, 0, 0).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct LinesRecord {
+    /// Depth of sample 0 below the face along its scanline, mm.
+    pub first_depth_mm: f64,
+    /// Depth between two samples, mm at 1540 m/s.
+    pub depth_step_mm: f64,
+    /// Place of scanline 0, and the step to the next.
+    #[serde(flatten)]
+    pub lateral: Lateral,
+    /// Turns of phase of an echo per mm of its depth: at depth z it carries e^(−i2π·turns·z).
+    pub phase_turns_per_mm: f64,
+}
+
+/// Place of scanlines across the face.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Lateral {
+    /// Convex and phased.
+    Angle {
+        /// Angle of scanline 0 from the probe's axis, positive towards +x, degrees.
+        first_angle_deg: f64,
+        /// Angle between two scanlines, degrees.
+        angle_step_deg: f64,
+        /// Radius of the face, mm.
+        face_radius_mm: f64,
+    },
+    /// Linear.
+    Position {
+        /// Probe-frame x of scanline 0, mm.
+        first_x_mm: f64,
+        /// Distance between two scanlines, mm.
+        x_step_mm: f64,
+    },
+}
+
+impl LinesRecord {
+    /// The samples of `probe`.
+    pub fn new(probe: &Probe) -> Self {
+        let lines = f64::from(probe.scanlines);
+        let [first, second] = [0.5, 1.5].map(|line| probe.lateral_coordinate(line / lines));
+        let lateral = match probe.face_radius_mm() {
+            Some(face_radius_mm) => Lateral::Angle {
+                first_angle_deg: first.to_degrees(),
+                angle_step_deg: (second - first).to_degrees(),
+                face_radius_mm,
+            },
+            None => Lateral::Position { first_x_mm: first, x_step_mm: second - first },
+        };
+        let depth_step_mm = probe.sample_spacing_mm();
+        let phase_turns_per_mm = probe.phase_turns_per_mm();
+        Self { first_depth_mm: 0.5 * depth_step_mm, depth_step_mm, lateral, phase_turns_per_mm }
+    }
 }
 
 /// The device.
@@ -121,6 +183,7 @@ impl FrameRecord {
             coupling: settings.contact,
             receiver: settings.receiver,
             probe: *probe,
+            lines: (!frame.lines.is_empty()).then(|| LinesRecord::new(probe)),
             contact: frame.contact,
             attenuation_p98: frame.attenuation_p98,
             overflows: frame.overflows,
@@ -157,5 +220,45 @@ impl SimulatedRecord {
     fn new(settings: &RenderSettings, plan: &EffectPlan) -> Self {
         let Quality { rays, layers, .. } = plan.settings(settings).quality;
         Self { rays, layers, effects: plan.effects().iter().collect() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::settings::ProbeKind;
+
+    #[test]
+    fn samples_lie_where_the_record_says() {
+        for kind in [
+            ProbeKind::Convex { radius_mm: 40.0, fov_deg: 70.0 },
+            ProbeKind::Linear { width_mm: 38.0 },
+            ProbeKind::Phased { fov_deg: 90.0 },
+        ] {
+            let probe = Probe { kind, scanlines: 64, samples: 500, depth_mm: 80.0, ..Probe::default() };
+            // As another program reads it.
+            let record = serde_json::to_value(LinesRecord::new(&probe)).unwrap();
+            let number = |key: &str| record[key].as_f64().unwrap();
+            for (line, sample) in [(0_u32, 0_u32), (5, 17), (63, 499)] {
+                let depth_mm = number("first_depth_mm") + f64::from(sample) * number("depth_step_mm");
+                let place = match kind {
+                    ProbeKind::Linear { .. } => {
+                        DVec3::new(number("first_x_mm") + f64::from(line) * number("x_step_mm"), 0.0, depth_mm)
+                    }
+                    _ => {
+                        let angle = number("first_angle_deg") + f64::from(line) * number("angle_step_deg");
+                        let (sin, cos) = angle.to_radians().sin_cos();
+                        let radius = number("face_radius_mm");
+                        DVec3::new((radius + depth_mm) * sin, 0.0, (radius + depth_mm) * cos - radius)
+                    }
+                };
+                let fraction = (f64::from(line) + 0.5) / 64.0;
+                let (origin, direction) = probe.ray(probe.lateral_coordinate(fraction));
+                let expected = origin + (f64::from(sample) + 0.5) * 80.0 / 500.0 * direction;
+                assert!(place.distance(expected) < 1e-9, "{kind:?}, {line}, {sample}: {place} {expected}");
+            }
+        }
     }
 }

@@ -6,9 +6,9 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::pose::{Estimate, Pose};
+use crate::pose::{Estimate, Pose, TrackingState};
 use crate::settings::LiveSettings;
-use crate::transducer::Contact;
+use crate::transducer::{Contact, Misplacement};
 
 use super::SinkError;
 
@@ -47,6 +47,17 @@ pub struct FrameTimeline {
     pub presented: Duration,
 }
 
+/// Measurements that a presented frame is the first to show.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct NewMeasurements {
+    /// Their number; 0 without a tracker.
+    pub count: u64,
+    /// Sampling of the presented frame before: all of them arrived later.
+    pub after: Duration,
+    /// First byte of the measurement that was held back until a second one confirmed a jump; none without a new jump.
+    pub jump: Option<Duration>,
+}
+
 /// Data of a frame besides its pixels; each stage completes its part.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct FrameInfo {
@@ -56,16 +67,56 @@ pub struct FrameInfo {
     pub estimate: Estimate,
     /// Times at which it passed each stage so far.
     pub timeline: FrameTimeline,
+    /// Measurements that no earlier frame showed; the presenter completes it.
+    pub new: NewMeasurements,
     /// Settings that it is rendered with.
     pub settings: LiveSettings,
     /// Contact of the face with the skin; none if everything is coupled, and without a picture.
     pub contact: Option<Contact>,
+    /// Impossible placement of the probe that has lasted for seconds.
+    pub misplaced: Option<Misplacement>,
 }
 
 impl FrameInfo {
     /// `scene_from_probe` of the picture; none before the first pose.
     pub fn pose(&self) -> Option<Pose> {
         self.estimate.scene_from_probe
+    }
+
+    /// Time from the first byte of the newest measurement to the handover to the sinks; without a tracker, from the
+    /// sampling of the pose. None without a new measurement, and for held, stuck, stale and frozen poses: their age is no
+    /// latency.
+    pub fn pose_to_present(&self) -> Option<Duration> {
+        let FrameTimeline { first_byte, sampled, presented, .. } = self.timeline;
+        let is_new = first_byte.is_none() || (self.new.count > 0 && self.estimate.state == TrackingState::Good);
+        let from = first_byte.unwrap_or(sampled);
+        (is_new && self.is_live()).then(|| presented.saturating_sub(from))
+    }
+
+    /// The same time of each measurement that the frame is the first to show: it includes the wait for the tick and, after
+    /// a jump, for its confirmation. Measurements count as evenly spaced since the last frame's sampling; at most 64 are
+    /// given. Empty without a tracker.
+    pub fn motion_to_present(&self) -> impl Iterator<Item = Duration> + use<> {
+        const MOST: u64 = 64;
+        let Self { new, timeline: FrameTimeline { presented, .. }, .. } = *self;
+        let first_byte = self.timeline.first_byte.filter(|_| self.pose_to_present().is_some());
+        let count = u32::try_from(new.count.min(MOST)).unwrap_or(0);
+        let even = first_byte.into_iter().flat_map(move |newest| {
+            let step = newest.saturating_sub(new.after) / count.max(1);
+            (0..count).map(move |nth| presented.saturating_sub(newest.saturating_sub(step * nth)))
+        });
+        even.chain(self.jump_to_present().filter(|_| first_byte.is_some()))
+    }
+
+    /// Time from the first byte of the measurement that first showed a jump to the handover to the sinks: it includes the
+    /// wait for the measurement that confirmed it, and for the tick. None in frames without a new jump.
+    pub fn jump_to_present(&self) -> Option<Duration> {
+        self.new.jump.filter(|_| self.is_live()).map(|from| self.timeline.presented.saturating_sub(from))
+    }
+
+    /// Whether the picture is of the sampled pose.
+    fn is_live(&self) -> bool {
+        !self.settings.frozen && self.estimate.scene_from_probe.is_some()
     }
 }
 
@@ -116,13 +167,6 @@ impl PresentedFrame {
         let width = (self.width as usize).max(1);
         let column = self.mask.iter().skip(width / 2).step_by(width);
         column.zip(0_u32..).find(|(mask, _)| **mask > 0).map_or(0.0, |(_, row)| row.into())
-    }
-
-    /// Latency from the tracker's first byte to the sinks. Without a tracker, it counts from the sampling of the pose.
-    pub fn latency(&self) -> Duration {
-        let timeline = &self.info.timeline;
-        let from = timeline.first_byte.unwrap_or(timeline.sampled);
-        timeline.presented.saturating_sub(from)
     }
 }
 

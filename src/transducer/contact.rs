@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::Probe;
+use super::placement::{Misplacement, misplacement};
 use crate::anatomy::Skin;
 use crate::pose::Pose;
 use crate::settings::ContactSettings;
@@ -26,6 +27,9 @@ pub struct Contact {
     pub press_mm: Option<f64>,
     /// Distance by which the pose was moved along the probe's axis, mm into the body: the tolerance at work.
     pub shift_mm: f64,
+    /// Impossible placement of the probe, as tracked; none for one that a hand can reach.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub misplaced: Option<Misplacement>,
 }
 
 impl Contact {
@@ -47,7 +51,7 @@ pub fn touch(skin: &Skin, probe: &Probe, pose: &Pose, contact: &ContactSettings)
     let placed = Pose { position_mm: pose.position_mm + shift_mm * into_body, ..*pose };
     let places = (0..PLACES).map(|i| (f64::from(i) + 0.5) / f64::from(PLACES));
     let coupled: f64 = places.map(|fraction| coupling_at(skin, probe, &placed, fraction, contact.gel_mm)).sum();
-    (placed, Contact { part: coupled / f64::from(PLACES), press_mm, shift_mm })
+    (placed, Contact { part: coupled / f64::from(PLACES), press_mm, shift_mm, misplaced: misplacement(skin, pose) })
 }
 
 /// Coupling of a place on the face, at a fraction of its width: amplitude, out and back.

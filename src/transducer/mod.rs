@@ -3,6 +3,7 @@
 mod aberration;
 pub(crate) mod contact;
 mod housing;
+pub mod placement;
 mod probe;
 mod scan_geometry;
 mod sector;
@@ -10,6 +11,7 @@ mod sector;
 pub use aberration::aberration;
 pub use contact::{Contact, touch};
 pub(crate) use housing::housing;
+pub use placement::{Misplacement, misplacement};
 pub use scan_geometry::ScanGeometry;
 pub use sector::Sector;
 

@@ -19,6 +19,9 @@ pub(super) fn pose(x: f64) -> Pose {
     Pose { position_mm: DVec3::X * x, orientation: DQuat::IDENTITY }
 }
 
+/// Contact of a probe's face at a time.
+pub(super) type Touch = dyn Fn(Duration) -> Option<Contact> + Send + Sync;
+
 pub(super) type Extra = dyn Fn(Duration, FrameQuality) -> Duration + Send + Sync;
 
 /// Processors shared by frames and generated images if there is no other device.
@@ -67,6 +70,8 @@ pub(super) struct Device {
     pub(super) place: Place,
     /// Where its times are kept, if anywhere: the list grows.
     pub(super) busy: Option<Busy>,
+    /// Contact of the face over time.
+    pub(super) contact: Arc<Touch>,
 }
 
 impl FrameRenderer for Device {
@@ -106,6 +111,7 @@ impl FrameRenderer for Device {
             return Err(RenderFault::Lost(format!("device lost at frame {number}")));
         }
         (frame.width, frame.height) = (SHAPE.width, SHAPE.height);
+        frame.contact = (self.contact)(done);
         for map in [&mut frame.bmode, &mut frame.segmentation] {
             map.clear();
             map.resize(PIXELS, 1 + self.gain_db as u8);
@@ -178,8 +184,7 @@ pub(super) fn tracked(now: Duration, x: f64) -> Estimate {
         scene_from_probe: Some(pose(x)),
         state: TrackingState::Good,
         first_byte_ns: Some((START_NS + now.as_nanos() as u64).saturating_sub(5_000_000)),
-        predicted_ms: 0.0,
-        speed: None,
+        ..Estimate::default()
     }
 }
 

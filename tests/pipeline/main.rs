@@ -7,12 +7,15 @@ mod controls;
 mod device;
 mod ending;
 mod fakes;
+mod fields;
 mod frame_log;
 mod frames;
 mod generators;
 mod hangs;
+mod latency;
 mod maps;
 mod memory;
+mod misplaced;
 mod processors;
 mod program;
 mod quality;
@@ -44,7 +47,7 @@ use insonify::render::{Choice, Frame, FrameQuality, PciAddress, Place, Quality, 
 use insonify::settings::{Assignment, ChoiceSettings, Control, LiveSettings, PipelineSettings};
 use insonify::sink::live::{FrameSource, LiveSink, MapsWanted, PresentedFrame};
 use insonify::sink::{FrameLog, SinkError};
-use insonify::transducer::Probe;
+use insonify::transducer::{Contact, Probe};
 use serde_json::Value;
 
 use self::fakes::*;

@@ -65,6 +65,7 @@ pub(super) struct Session {
     pub(super) processors: Option<Arc<Processors>>,
     pub(super) place: Place,
     pub(super) busy: Option<Busy>,
+    pub(super) contact: Arc<Touch>,
     pub(super) generators: Option<Box<dyn FrameGenerators>>,
     pub(super) sinks: Vec<Box<dyn LiveSink>>,
     pub(super) log: Option<FrameLog>,
@@ -98,6 +99,7 @@ impl Session {
             processors: None,
             place: gpu(1),
             busy: None,
+            contact: Arc::new(|_| None),
             generators: None,
             sinks: Vec::new(),
             log: None,
@@ -116,6 +118,7 @@ impl Session {
         let (received, clock, service, faults) =
             (Arc::<AtomicU64>::default(), self.clock.clone(), self.service, self.faults);
         let (extra, processors, place, busy) = (self.extra, self.processors, self.place, self.busy);
+        let contact = self.contact;
         let mut render = RenderSettings::default();
         if let Some(points) = &self.points {
             render = points.point().quality.apply(&render, Choice::Auto);
@@ -134,6 +137,7 @@ impl Session {
             processors: processors.clone(),
             place,
             busy: busy.clone(),
+            contact: contact.clone(),
             time_s: 0.0,
         };
         let parts = Parts {
@@ -165,6 +169,7 @@ impl Session {
 pub(super) fn all_counted(summary: &Summary) {
     let drops: u64 = summary.drops.values().sum();
     assert_eq!(summary.produced, summary.presented + drops, "{:?}", summary.drops);
+    assert_eq!(summary.ticks, summary.produced + summary.missed_ticks);
     assert_eq!(summary.by_source.iter().sum::<u64>(), summary.presented);
     assert_eq!(summary.by_tracking.iter().sum::<u64>(), summary.presented);
     for sink in &summary.sinks {

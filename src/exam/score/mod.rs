@@ -11,6 +11,7 @@
 //! steady hold. Angle and distance score fully up to a quarter of the tolerance, and 0 at the tolerance. A hold scores
 //! fully up to 0.5 mm RMS, and 0 from 3 mm. The weights are assumed.
 
+mod misplaced;
 mod table;
 mod track;
 
@@ -19,6 +20,7 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use serde::Serialize;
 
+pub use misplaced::MisplacedTime;
 pub use track::{Track, is_on_skin};
 use track::{best_second, length_s, path_mm, stretches};
 

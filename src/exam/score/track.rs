@@ -7,13 +7,11 @@ use super::{HOLD_S, Reference};
 use crate::anatomy::planes::StandardPlane;
 use crate::exam::offset::Offset;
 use crate::pose::TimedPose;
+use crate::transducer::placement::DEPTH_MAX_MM;
 use crate::transducer::{Contact, touch};
 
 /// Longest time between two poses of one hold, s; a longer one is a gap.
 const GAP_S: f64 = 0.25;
-
-/// Largest depth of the face below the skin, mm (assumed); a deeper face counts as without contact.
-const PRESS_MOST_MM: f64 = 25.0;
 
 /// Part of the face from which on the probe counts as on the skin (assumed).
 const CONTACT_MIN: f64 = 0.5;
@@ -38,7 +36,7 @@ pub struct Track {
 
 /// Part of the face on the skin, 0..=1: none of a face that is too deep.
 fn part_on_skin(contact: &Contact) -> f64 {
-    let too_deep = contact.press_mm.is_some_and(|mm| mm > PRESS_MOST_MM);
+    let too_deep = contact.press_mm.is_some_and(|mm| mm > DEPTH_MAX_MM);
     if too_deep { 0.0 } else { contact.part }
 }
 

@@ -1,6 +1,7 @@
 //! Render stage: samples the pose as late as possible, renders, and hands frames to the next stages.
 
 mod device;
+mod placement;
 mod pose;
 mod settings;
 mod trial;
@@ -13,6 +14,7 @@ use std::time::Duration;
 use tracing::field::Empty;
 
 use self::device::Device;
+use self::placement::{PlacementChange, PlacementWatch};
 use self::pose::PoseSampler;
 use self::trial::Trial;
 use super::clock::{Clock, ms};
@@ -104,6 +106,7 @@ pub(super) struct RenderStage {
     point: Option<Arc<PointText>>,
     /// Whether the face was coupled in the last frame that knew it.
     coupled: Option<bool>,
+    placement: PlacementWatch,
     /// Trial of a watcher's settings.
     trial: Option<Trial>,
 }
@@ -128,6 +131,7 @@ impl RenderStage {
             },
             point: parts.points.as_ref().map(|points| Arc::new(points.text())),
             coupled: None,
+            placement: PlacementWatch::default(),
             trial: None,
             parts,
         }
@@ -236,8 +240,12 @@ impl RenderStage {
                 self.without_picture(info);
             }
         }
-        let missed = self.pace.missed() - missed;
-        self.parts.metrics.missed_ticks.fetch_add(missed, Ordering::Relaxed);
+        self.count_missed(missed);
+    }
+
+    /// Counts the ticks missed since there were `before`.
+    fn count_missed(&self, before: u64) {
+        self.parts.metrics.missed_ticks.fetch_add(self.pace.missed() - before, Ordering::Relaxed);
     }
 
     /// Samples the pose of the next frame.
@@ -255,7 +263,7 @@ impl RenderStage {
         span.record("sampled_ms", ms(now));
         first_byte.map(|time| span.record("first_byte_ms", ms(time)));
         let timeline = FrameTimeline { first_byte, sampled: now, submitted: now, ..FrameTimeline::default() };
-        FrameInfo { number, estimate, timeline, settings, contact: None }
+        FrameInfo { number, estimate, timeline, settings, ..FrameInfo::default() }
     }
 
     /// Waits for the oldest frame in flight and hands it to the next stages.
@@ -271,9 +279,15 @@ impl RenderStage {
             rendered_ms = Empty
         )
         .entered();
+        let mut placement = None;
         let filled = self.pool.fill(|rendered| {
             let received = renderer.receive(rendered.frame.get_mut().unwrap_or_else(PoisonError::into_inner));
             describe(rendered, info, maps, &self.parts, self.shape);
+            if received.is_ok() {
+                let FrameInfo { timeline, contact, .. } = &rendered.info;
+                placement = self.placement.update(timeline.rendered, contact.as_ref());
+                rendered.info.misplaced = self.placement.told();
+            }
             (rendered.generator, rendered.point) = (generator, point);
             received
         });
@@ -299,6 +313,7 @@ impl RenderStage {
         match rendered {
             Some(rendered) => {
                 self.report_contact(rendered.info.contact);
+                placement.into_iter().for_each(|change| self.report_placement(change));
                 self.hand_on(rendered);
             }
             None => count(&self.parts.metrics.frames_held),
@@ -315,6 +330,18 @@ impl RenderStage {
             true => format!("contact: {:.0} % of the face", 100.0 * contact.part),
             false => "contact: none".to_owned(),
         });
+    }
+
+    /// Reports that the probe is where no hand can hold it, or is right again. The former stays on the frames.
+    fn report_placement(&self, change: PlacementChange) {
+        let events = &self.parts.events;
+        match change {
+            PlacementChange::Wrong(misplaced) => events.warn_while_it_lasts(format!("pose: {misplaced}")),
+            PlacementChange::Right => {
+                events.end_lasting();
+                events.info("pose: the probe is where a hand can hold it");
+            }
+        }
     }
 
     /// Hands on a black frame without a pose.
@@ -344,6 +371,9 @@ impl RenderStage {
 
     /// Waits for the frames in flight and closes the slots of the next stages.
     fn end(mut self) {
+        let missed = self.pace.missed();
+        self.pace.ended(self.parts.stop.requested_at().unwrap_or_else(|| self.parts.clock.now()));
+        self.count_missed(missed);
         if let Device::Ready(renderer) = &mut self.device {
             for _ in self.in_flight.drain(..) {
                 // Finish frames in flight before dropping the renderer; faults no longer matter.

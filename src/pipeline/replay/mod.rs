@@ -63,6 +63,9 @@ pub struct Stretch {
     pub settings: RenderSettings,
 }
 
+/// Time with the probe where no hand can hold it that is told, s.
+const MISPLACED_S: f64 = 2.0;
+
 /// A recorded session, ready to be rendered.
 #[derive(Debug)]
 pub struct Replay {
@@ -180,6 +183,7 @@ impl Replay {
         let Stretch { probe, settings, .. } = self.first()?;
         let mut renderer = Renderer::new(backend, scene, probe, settings)?;
         let mut look = Look::default();
+        let (mut misplaced, mut count) = (None, 0_u32);
         for Stretch { frames, probe, settings } in &self.stretches {
             let from = frames.start - self.frames.start;
             renderer.reconfigure(probe, settings)?;
@@ -192,8 +196,14 @@ impl Replay {
             renderer.render_each(poses, before, |i, frame| {
                 let shape = Shape::new(frame.width, pixel_mm, &frame.mask, &settings.image, angles);
                 look.apply(&settings.look, shape, &mut frame.bmode);
+                let found = frame.contact.and_then(|contact| contact.misplaced);
+                count += u32::from(found.is_some());
+                misplaced = misplaced.or(found);
                 each(from + i, frame)
             })?;
+        }
+        if let Some(misplaced) = misplaced.filter(|_| f64::from(count) >= MISPLACED_S * self.rate.fps()) {
+            tracing::warn!("{}: in {count} of {} frames {misplaced}", self.path.display(), self.frames.len());
         }
         Ok(())
     }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::{Pipeline, Stages, drops};
-use crate::pipeline::clock::{Clock, lock};
+use crate::pipeline::clock::{Clock, lock, ms};
 use crate::pipeline::metrics::{counted, memory_bytes};
 use crate::pipeline::shutdown::{Joined, Part, Thread};
 use crate::pipeline::sink_stage::SinkStage;
@@ -25,8 +25,10 @@ impl Pipeline {
         let reason = self.stop.reason().unwrap_or_default();
         tracing::info!("the session ends: {reason}");
         let mut stuck = Vec::new();
+        // No frame is begun after the request. The parts take their own time to end.
+        let ended_at = self.stop.requested_at().unwrap_or_else(|| self.clock.now());
+        let elapsed_s = ended_at.saturating_sub(self.started_at).as_secs_f64();
         end_parts(&self.clock, &mut self.before, &mut stuck);
-        let elapsed_s = self.clock.now().as_secs_f64();
         let Stages { render, generate, presenter, sinks } = self.stages;
         // `join` notes a panic or a hang in `stuck`.
         let _ = join(&self.clock, render, &mut stuck);
@@ -69,20 +71,28 @@ impl Pipeline {
                 let known = shown.presented + drops.values().sum::<u64>();
                 drops.insert("left in a stuck stage", counted(&metrics.produced).saturating_sub(known));
             }
+            let since_start_s = |time: Duration| time.saturating_sub(self.started_at).as_secs_f64();
             let span_s = shown.first.map_or(0.0, |first| (shown.last - first).as_secs_f64());
             let intervals = shown.presented.saturating_sub(1) as f64;
             let generated = shown.by_source[0] + shown.by_source[1];
             Summary {
                 elapsed_s,
+                start_ms: ms(self.started_at),
+                first_frame_s: shown.first.map(since_start_s),
+                last_frame_s: shown.first.map(|_| since_start_s(shown.last)),
                 produced: counted(&metrics.produced),
                 presented: shown.presented,
                 drops,
+                ticks: counted(&metrics.produced) + counted(&metrics.missed_ticks),
                 missed_ticks: counted(&metrics.missed_ticks),
                 frames_per_s: if span_s > 0.0 { intervals / span_s } else { 0.0 },
                 generated_ratio: if shown.presented > 0 { generated as f64 / shown.presented as f64 } else { 0.0 },
                 by_source: shown.by_source,
                 by_tracking: shown.by_tracking,
+                misplaced: shown.misplaced,
                 pose_to_present: shown.pose_to_present.percentiles(),
+                motion_to_present: shown.motion_to_present.percentiles(),
+                jump_to_present: shown.jump_to_present.percentiles(),
                 sample_to_present: shown.sample_to_present.percentiles(),
                 render: shown.render.percentiles(),
                 inference: shown.inference.percentiles(),

@@ -161,6 +161,8 @@ pub struct Pipeline {
     stages: Stages,
     before: Vec<Box<dyn Part>>,
     after: Vec<Box<dyn Part>>,
+    /// Start of the stages.
+    started_at: Duration,
     duration: Option<Duration>,
     finish: Duration,
 }
@@ -278,6 +280,7 @@ impl Pipeline {
         let render = render.map_err(refused("renderer"))?;
 
         Ok(Self {
+            started_at,
             duration: limits.duration.map(|duration| started_at.saturating_add(duration)),
             finish: seconds(settings.finish_ms),
             stages: Stages { render, generate, presenter, sinks },
@@ -297,11 +300,10 @@ impl Pipeline {
     fn status(&self) -> Status {
         let mut notice = None;
         self.events.notice_into(&mut notice);
-        self.metrics.status(
-            self.clock.now(),
-            drops(&self.metrics, &self.to_presenter).iter().map(|(_, count)| count).sum(),
-            notice,
-        )
+        let now = self.clock.now();
+        let dropped = drops(&self.metrics, &self.to_presenter).iter().map(|(_, count)| count).sum();
+        let elapsed_s = now.saturating_sub(self.started_at).as_secs_f64();
+        Status { elapsed_s, ..self.metrics.status(now, dropped, notice) }
     }
 }
 

@@ -13,7 +13,7 @@
 //! | 24 | f64 | side of a pixel, mm |
 //! | 32 | f64 | row of the middle of the probe's face, pixels |
 //! | 40 | u8 | tracking: 0 good, 1 held, 2 stuck, 3 stale, 4 lost |
-//! | 41 | u8 | flags: 1 pose known, 2 first byte known, 4 generator ran, 8 contact known |
+//! | 41 | u8 | flags: 1 pose known, 2 first byte known, 4 generator ran, 8 contact known, 16 new pose, 32 probe too deep, 64 looks out |
 //! | 42 | u16 × 2 | bytes of the first text and of the notice |
 //! | 46 | u16 | number n of values of live settings |
 //! | 48 | f64 × 7 | `scene_from_probe`: x, y, z in mm, qw, qx, qy, qz |
@@ -32,6 +32,7 @@ use super::super::SinkError;
 use super::super::error::check_shape;
 use super::super::live::{FrameSource, PresentedFrame};
 use crate::settings::{Setting, live_settings};
+use crate::transducer::placement::Fault;
 
 /// Bytes before the values of live settings.
 const FIXED_BYTES: usize = 176;
@@ -101,11 +102,15 @@ fn header(frame: &PresentedFrame, map: Map, texts: [u16; 2], out: &mut Vec<u8>) 
         FrameSource::HeldGenerated => 2,
     };
     let tracking = frame.info.estimate.state as u8;
+    let fault = frame.info.misplaced.map(|misplaced| misplaced.fault);
     let flags = [
         frame.info.pose().is_some(),
         times.first_byte.is_some(),
         times.inference.is_some(),
         frame.info.contact.is_some(),
+        frame.info.pose_to_present().is_some(),
+        matches!(fault, Some(Fault::Deep { .. })),
+        matches!(fault, Some(Fault::LooksOut)),
     ];
     let contact = frame.info.contact.map_or([0.0, f64::NAN], |c| [c.part, c.press_mm.unwrap_or(f64::NAN)]);
     let flags = flags.iter().enumerate().fold(0, |byte, (bit, &set)| byte | u8::from(set) << bit);
@@ -145,7 +150,7 @@ mod tests {
     use crate::pose::{Estimate, Pose, TrackingState};
     use crate::settings::LiveSettings;
     use crate::sink::live::{FrameInfo, FrameTimeline, PointText};
-    use crate::transducer::Contact;
+    use crate::transducer::{Contact, Misplacement};
 
     fn frame() -> PresentedFrame {
         let seconds = Duration::from_secs_f64;
@@ -164,7 +169,7 @@ mod tests {
                     ..FrameTimeline::default()
                 },
                 settings: LiveSettings { frozen: true, ..LiveSettings::default() },
-                contact: Some(Contact { part: 0.75, press_mm: Some(1.5), shift_mm: 0.0 }),
+                contact: Some(Contact { part: 0.75, press_mm: Some(1.5), shift_mm: 0.0, misplaced: None }),
                 ..FrameInfo::default()
             },
             source: FrameSource::HeldGenerated,
@@ -201,6 +206,25 @@ mod tests {
         assert_eq!((0..values.len()).map(|i| f64_at(&out, 176 + 8 * i)).collect::<Vec<_>>(), values);
         assert_eq!(&out[header..header + 12], &frame().image[..]);
         assert_eq!(&out[header + 12..], "MSA\n1x3 + MSA\nit fitsno generator µ".as_bytes());
+    }
+
+    #[test]
+    fn flags_tell_a_new_pose_and_a_misplaced_probe() {
+        let flags = |change: &dyn Fn(&mut FrameInfo)| {
+            let mut frame = frame();
+            change(&mut frame.info);
+            let mut out = Vec::new();
+            encode(&frame, Map::Image, &mut out);
+            out[41] & !0b1111
+        };
+        assert_eq!(flags(&|_| ()), 0, "a stuck pose in a frozen picture is not new");
+        let measured = |info: &mut FrameInfo| {
+            (info.settings.frozen, info.estimate.state, info.new.count) = (false, TrackingState::Good, 1);
+        };
+        assert_eq!(flags(&measured), 16);
+        let wrong = |info: &mut FrameInfo, fault| info.misplaced = Some(Misplacement { fault, likely: None });
+        assert_eq!(flags(&|info| wrong(info, Fault::Deep { depth_mm: 80.0 })), 32);
+        assert_eq!(flags(&|info| wrong(info, Fault::LooksOut)), 64);
     }
 
     #[test]

@@ -69,7 +69,7 @@ fn run(slot: &WindowSlot, settings: &Settings, controls: mpsc::Sender<Control>) 
         wanted_at: None,
         arrivals: 0,
         frames_per_s: 0,
-        latency_ms: 0,
+        latency_ms: None,
         counted_at: Instant::now(),
         newest_at: Instant::now(),
         help: false,
@@ -100,7 +100,7 @@ struct App {
     wanted_at: Option<Instant>,
     arrivals: usize,
     frames_per_s: usize,
-    latency_ms: u64,
+    latency_ms: Option<u64>,
     counted_at: Instant,
     newest_at: Instant,
     help: bool,
@@ -292,7 +292,7 @@ impl ApplicationHandler<Wake> for App {
             self.frames_per_s = (self.arrivals as f64 / seconds).round() as usize;
             (self.arrivals, self.counted_at) = (0, Instant::now());
         }
-        self.latency_ms = self.shown.as_ref().map_or(0, |shown| shown.latency.as_millis() as u64);
+        self.latency_ms = self.shown.as_ref().and_then(|shown| shown.latency).map(|time| time.as_millis() as u64);
         if let Some((window, _)) = &self.window {
             window.request_redraw();
         }

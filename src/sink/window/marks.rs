@@ -97,7 +97,8 @@ pub(super) fn banner(shown: Option<&Shown>, silent: bool) -> Option<Banner> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Figures {
     pub(super) frames_per_s: usize,
-    pub(super) latency_ms: u64,
+    /// Latency of the newest frame; none for a held pose.
+    pub(super) latency_ms: Option<u64>,
     pub(super) help: bool,
     pub(super) banner: Option<Banner>,
 }
@@ -186,7 +187,8 @@ fn badges(canvas: &mut Canvas, shown: &Shown, figures: &Figures) {
         canvas.text(x, 12, text, Text::Small, colour);
         x += Text::Small.width(text) + 22;
     }
-    let text = format!("{} frames/s   {} ms", figures.frames_per_s, figures.latency_ms);
+    let latency = figures.latency_ms.map_or_else(|| "-".to_owned(), |ms| format!("{ms} ms"));
+    let text = format!("{} frames/s   {latency}", figures.frames_per_s);
     let x = canvas.size().0.saturating_sub(Text::Small.width(&text) + 14);
     canvas.text(x, 12, &text, Text::Small, INK);
 }
@@ -283,7 +285,7 @@ mod tests {
     #[test]
     fn a_banner_is_drawn_over_the_middle_and_goes_again() {
         let mut canvas = Canvas::new(1280, 800, [0; 3]);
-        let figures = Figures { frames_per_s: 24, latency_ms: 40, help: false, banner: Some(Banner::Stale) };
+        let figures = Figures { frames_per_s: 24, latency_ms: Some(40), help: false, banner: Some(Banner::Stale) };
         draw(&mut canvas, Some(&good()), &figures);
         let at = |canvas: &Canvas, x: usize, y: usize| {
             <[u8; 3]>::try_from(&canvas.as_rgb()[3 * (y * 1280 + x)..][..3]).unwrap()
@@ -299,7 +301,7 @@ mod tests {
 
     #[test]
     fn odd_sizes_and_settings_do_no_harm() {
-        let figures = Figures { frames_per_s: 0, latency_ms: 0, help: true, banner: Some(Banner::Lost) };
+        let figures = Figures { frames_per_s: 0, latency_ms: None, help: true, banner: Some(Banner::Lost) };
         for size in [(1, 1), (60, 40), (300, 90)] {
             let mut canvas = Canvas::new(size.0, size.1, [0; 3]);
             let mut deep = LiveSettings::default();

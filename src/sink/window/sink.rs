@@ -25,7 +25,7 @@ pub(super) struct Shown {
     pub(super) image: Vec<u8>,
     pub(super) source: FrameSource,
     pub(super) info: FrameInfo,
-    pub(super) latency: Duration,
+    pub(super) latency: Option<Duration>,
     pub(super) generator: String,
     pub(super) notice: String,
 }
@@ -35,7 +35,7 @@ impl Shown {
         (self.width, self.height) = (frame.width, frame.height);
         (self.pixel_mm, self.face_row) = (frame.pixel_mm, frame.face_row());
         self.image.clone_from(&frame.image);
-        (self.source, self.info, self.latency) = (frame.source, frame.info, frame.latency());
+        (self.source, self.info, self.latency) = (frame.source, frame.info, frame.info.pose_to_present());
         for (to, from) in [(&mut self.generator, &frame.generator), (&mut self.notice, &frame.notice)] {
             to.clear();
             to.push_str(from.as_deref().unwrap_or(""));

@@ -1,0 +1,101 @@
+//! Time of a session during which the probe was where no hand can hold it.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use super::Reference;
+use super::track::{length_s, stretches};
+use crate::pose::TimedPose;
+use crate::transducer::{Misplacement, misplacement};
+
+/// Shortest time of a placement that counts, s: a probe may be turned in the air for a moment.
+const LASTS_S: f64 = 2.0;
+
+/// Time with the probe deep in the body, or looking out of it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct MisplacedTime {
+    /// Duration, s.
+    pub time_s: f64,
+    /// Start of the first such time, s from the start.
+    pub from_s: f64,
+    /// The placement then, with its likely cause.
+    #[serde(flatten)]
+    pub first: Misplacement,
+}
+
+impl MisplacedTime {
+    /// Of `scene_from_probe` over time, ascending; `None` for a session that a hand can have made, or without skin.
+    pub fn of(poses: &[TimedPose], reference: &Reference<'_>) -> Option<Self> {
+        let skin = reference.skin?;
+        let start_ns = poses.first()?.host_time_ns;
+        let time_s: Vec<f64> = poses.iter().map(|p| (p.host_time_ns - start_ns) as f64 * 1e-9).collect();
+        let found: Vec<_> = poses.iter().map(|p| misplacement(skin, &p.pose)).collect();
+        let held = stretches(&time_s, |i| found.get(i).is_some_and(Option::is_some));
+        let long = held.iter().filter(|stretch| length_s(&time_s, stretch) >= LASTS_S);
+        let &(first, _) = long.clone().next()?;
+        Some(Self {
+            time_s: long.map(|stretch| length_s(&time_s, stretch)).sum(),
+            from_s: *time_s.get(first)?,
+            first: (*found.get(first)?)?,
+        })
+    }
+}
+
+impl fmt::Display for MisplacedTime {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "for {:.1} s, from {:.1} s on, {}", self.time_s, self.from_s, self.first)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use glam::{DVec3, Vec3};
+
+    use super::*;
+    use crate::anatomy::{Skin, analytic};
+    use crate::pose::Pose;
+    use crate::settings::ContactSettings;
+    use crate::transducer::Probe;
+    use crate::transducer::placement::{Cause, Fault};
+
+    /// Time of a session at 20 poses a second on a ball of 100 mm, whose poses are in metres while `wrong` holds.
+    fn misplaced(wrong: impl Fn(f64) -> bool) -> Option<MisplacedTime> {
+        let ball = analytic::sphere(Vec3::ZERO, 100.0, 5);
+        let skin = Skin::of_triangles(ball.corners_mm().collect::<Vec<_>>()).unwrap();
+        let poses: Vec<TimedPose> = (0..200)
+            .map(|i| {
+                let scale = if wrong(0.05 * f64::from(i)) { 1e-3 } else { 1.0 };
+                let pose = Pose::looking(DVec3::Z * 98.0 * scale, DVec3::NEG_Z, DVec3::X);
+                TimedPose { host_time_ns: 7_000_000_000 + 50_000_000 * i as u64, device_time_us: 0, pose }
+            })
+            .collect();
+        let reference = Reference {
+            planes: Vec::new(),
+            skin: Some(&skin),
+            surfaces: &BTreeMap::new(),
+            contact: &ContactSettings::default(),
+            probe: &Probe::default(),
+            depths_mm: &[],
+        };
+        MisplacedTime::of(&poses, &reference)
+    }
+
+    #[test]
+    fn a_session_in_metres_is_told_with_its_cause() {
+        let found = misplaced(|_| true).unwrap();
+        assert!((found.time_s - 9.95).abs() < 1e-9 && found.from_s == 0.0);
+        assert!(matches!(found.first, Misplacement { fault: Fault::Deep { .. }, likely: Some(Cause::Metres) }));
+        assert!(found.to_string().contains("times 1000"), "{found}");
+    }
+
+    #[test]
+    fn moments_are_no_fault() {
+        assert_eq!(misplaced(|_| false), None);
+        assert_eq!(misplaced(|t| t % 2.0 < 1.5), None);
+        let found = misplaced(|t| t > 3.0).unwrap();
+        assert!((found.from_s - 3.05).abs() < 1e-9, "{found:?}");
+    }
+}

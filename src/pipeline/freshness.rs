@@ -1,0 +1,41 @@
+//! Measurements that each presented frame is the first to show.
+
+use std::time::Duration;
+
+use super::clock::Clock;
+use crate::pose::{Estimate, TrackingState};
+use crate::sink::live::{FrameInfo, NewMeasurements};
+
+/// The measurements that the presented frames showed so far.
+#[derive(Debug, Default)]
+pub(super) struct Freshness {
+    /// Sampling of the last presented frame.
+    sampled: Duration,
+    /// First byte of its newest measurement.
+    first_byte: Option<Duration>,
+    measurements: u64,
+    jumps: u64,
+}
+
+impl Freshness {
+    /// New measurements of the next presented frame. Those of frames that were dropped count as its own.
+    pub(super) fn next(&mut self, info: &FrameInfo, clock: &dyn Clock) -> NewMeasurements {
+        let Estimate { measurements, jump, state, .. } = info.estimate;
+        // Without a renderer the frame is black: what it does not show, a later one does.
+        if info.pose().is_none() && state != TrackingState::Lost {
+            return NewMeasurements::default();
+        }
+        let first_byte = info.timeline.first_byte;
+        let is_new = first_byte.is_some() && first_byte != self.first_byte;
+        let count = if is_new { measurements.saturating_sub(self.measurements).max(1) } else { 0 };
+        let jump = jump.filter(|jump| jump.number > self.jumps);
+        let new = NewMeasurements {
+            count,
+            after: self.sampled,
+            jump: jump.map(|jump| clock.since_start(jump.first_byte_ns)),
+        };
+        self.jumps = jump.map_or(self.jumps, |jump| jump.number);
+        (self.sampled, self.first_byte, self.measurements) = (info.timeline.sampled, first_byte, measurements);
+        new
+    }
+}

@@ -1,0 +1,68 @@
+//! A probe where no hand can hold it: told on the frames, in the status, the summary and the recording.
+
+use insonify::transducer::Misplacement;
+use insonify::transducer::placement::{Cause, Fault};
+
+use super::program::insonify;
+use super::*;
+
+const DEEP: Misplacement = Misplacement { fault: Fault::Deep { depth_mm: 83.4 }, likely: Some(Cause::Metres) };
+
+fn contact(misplaced: Option<Misplacement>) -> Contact {
+    Contact { part: 1.0, press_mm: Some(83.4), shift_mm: 0.0, misplaced }
+}
+
+#[test]
+fn a_probe_deep_in_the_body_for_seconds_is_told_everywhere_until_it_is_right() {
+    let _guard = beside_others();
+    let (clock, log) = (clock(), Log::default());
+    let heard = Arc::<Heard>::default();
+    // From 1 s to 6 s, and for a moment at 8 s.
+    let wrong = |now: Duration| (SECOND..6 * SECOND).contains(&now) || (8 * SECOND..9 * SECOND).contains(&now);
+    let touch: Arc<Touch> = Arc::new(move |now| Some(contact(wrong(now).then_some(DEEP))));
+    let mut told = Vec::new();
+    let observer = Some(heard.clone() as Arc<dyn Observer>);
+    let session = Session { contact: touch, observer, sinks: vec![logger(&log)], ..Session::new(&clock, moving) };
+    let summary = session.run_watched(|status| told.push((status.elapsed_s, status.misplaced)));
+
+    let noticed: Vec<f64> = seen(&log)
+        .iter()
+        .filter(|frame| frame.notice.as_deref().is_some_and(|notice| notice.contains("83 mm deep in the body")))
+        .map(|frame| frame.presented.as_secs_f64())
+        .collect();
+    let (first, last) = (noticed[0], noticed[noticed.len() - 1]);
+    assert!((3.0..3.2).contains(&first) && (6.9..7.1).contains(&last), "{first} {last}");
+    assert!(noticed.len() > 70, "it stays on the frames: {}", noticed.len());
+    let frames = summary.misplaced.deep as f64 / 20.0;
+    assert!((frames - 4.0).abs() < 0.3, "{frames} s");
+    assert_eq!((summary.misplaced.looks_out, summary.misplaced.latest), (0, Some(DEEP)));
+    let text = summary.to_string();
+    assert!(text.contains("frames deep in the body") && text.contains("times 1000"), "{text}");
+    assert!(told.iter().all(|(at, found)| found.is_some() == (3.1..7.01).contains(at)), "{told:?}");
+    let events: Vec<String> = heard.0.lock().unwrap().events.iter().map(|(_, text)| text.clone()).collect();
+    let of_poses: Vec<&String> = events.iter().filter(|text| text.starts_with("pose:")).collect();
+    assert_eq!(of_poses.len(), 2, "{events:?}");
+    assert!(of_poses[0].contains("positions in metres") && of_poses[1].contains("can hold it"), "{events:?}");
+}
+
+#[test]
+fn a_still_from_within_the_body_is_warned_of() {
+    let _guard = beside_others();
+    let directory = tempfile::tempdir().unwrap();
+    let render = |pose: &str| {
+        let out = directory.path().join("frame");
+        let arguments = ["render", "configs/gallbladder_stones.toml", "--quality", "1x1", "--pose", pose, "--out"];
+        let output = insonify(&arguments).arg(&out).output().unwrap();
+        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+        let record: Value = serde_json::from_slice(&std::fs::read(out.join("frame.json")).unwrap()).unwrap();
+        (String::from_utf8(output.stderr).unwrap(), record["contact"]["misplaced"].clone())
+    };
+    let (said, recorded) = render("0,0,45,1,0,0,0");
+    assert!(said.contains("deep in the body") && said.contains("calibrate landmarks"), "{said}");
+    assert_eq!(recorded["fault"], "deep");
+    let (said, recorded) = render("0,0,6,0,1,0,0");
+    assert!(said.contains("looks out of the body"), "{said}");
+    assert_eq!(recorded["fault"], "looks_out");
+    let (said, recorded) = render("0,0,6,1,0,0,0");
+    assert!(!said.contains("pose:") && recorded.is_null(), "{said}");
+}
