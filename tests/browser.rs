@@ -282,6 +282,91 @@ async fn foreign_pages_and_rebound_host_names_are_refused() {
 }
 
 #[tokio::test]
+async fn the_page_answers_behind_a_forwarded_port() {
+    let (sink, _controls) = serve(&any_port());
+    let address = sink.local_address();
+    // As through `ssh -L 9000:localhost:8790`.
+    for host in ["localhost:9000", "127.0.0.1:9000", "[::1]:9000"] {
+        let page = http(address, "/", &format!("host: {host}\r\n"));
+        assert!(page.starts_with("HTTP/1.1 200 "), "{host}: {page}");
+        connect_with(address, &[("host", host), ("origin", &format!("http://{host}"))]).await.unwrap();
+    }
+    // A page of another server on the same computer.
+    let neighbour = [("host", "localhost:9000"), ("origin", "http://localhost:3000")];
+    assert_eq!(refusal(connect_with(address, &neighbour).await), 403);
+    // As through `docker run -p 9000:8790`.
+    let (sink, _controls) = serve(&Settings { address: [0, 0, 0, 0].into(), token: Some(TOKEN.into()), ..any_port() });
+    let address = SocketAddr::from(([127, 0, 0, 1], sink.local_address().port()));
+    for host in ["192.168.0.7:9000", "localhost:9000"] {
+        let answer = http(address, &format!("/?token={TOKEN}"), &format!("host: {host}\r\n"));
+        assert!(
+            answer.starts_with("HTTP/1.1 303 ") && answer.contains("set-cookie: insonify_9000="),
+            "{host}: {answer}"
+        );
+    }
+}
+
+/// Value of `origins` in an answer, as a station file.
+fn advised(answer: &str) -> String {
+    let line = answer.lines().find(|line| line.starts_with("origins = ")).unwrap_or_else(|| panic!("{answer}"));
+    format!("[scene]\nphantom = \"obstetric\"\n[browser]\nport = 0\ntoken = \"{TOKEN}\"\n{line}\n")
+}
+
+/// Settings of the page in a station file.
+fn settings_of(station: &str) -> Settings {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("station.toml");
+    std::fs::write(&path, station).unwrap();
+    insonify::Station::load(&path).unwrap().browser.unwrap()
+}
+
+#[tokio::test]
+async fn a_refusal_names_the_line_that_admits_the_page() {
+    let (sink, _controls) = serve(&any_port());
+    let address = sink.local_address();
+    // A proxy that passes its own name on.
+    let proxied = "host: station.local:9000\r\nx-forwarded-proto: https\r\n";
+    let answer = http(address, "/", proxied);
+    assert!(answer.starts_with("HTTP/1.1 421 ") && answer.contains("content-type: text/plain"), "{answer}");
+    let settings = settings_of(&advised(&answer));
+    assert_eq!(settings.origins[0].to_string(), "https://station.local:9000");
+    let (admitting, _controls) = serve(&settings);
+    assert_eq!(admitting.origin_addresses(), [format!("https://station.local:9000/?token={TOKEN}")]);
+    let answer = http(admitting.local_address(), &format!("/?token={TOKEN}"), proxied);
+    let cookie =
+        answer.lines().find_map(|line| line.strip_prefix("set-cookie: ")).unwrap_or_else(|| panic!("{answer}"));
+    let cookie = cookie.split(';').next().unwrap();
+    let with = |origin| [("host", "station.local:9000"), ("origin", origin), ("cookie", cookie)];
+    connect_with(admitting.local_address(), &with("https://station.local:9000")).await.unwrap();
+    assert_eq!(refusal(connect_with(admitting.local_address(), &with("https://evil.example")).await), 403);
+
+    // A proxy that calls the station by its address: the page loads, the stream is refused, and the page asks why.
+    let own = format!("host: {address}\r\n");
+    let mut stream = TcpStream::connect(address).unwrap();
+    stream.set_read_timeout(Some(LIMIT)).unwrap();
+    write!(stream, "POST /stream HTTP/1.1\r\n{own}origin: https://proxy.local\r\nconnection: close\r\n\r\n").unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    assert!(answer.starts_with("HTTP/1.1 403 "), "{answer}");
+    assert_eq!(settings_of(&advised(&answer)).origins[0].to_string(), "https://proxy.local");
+}
+
+#[tokio::test]
+async fn a_refusal_repeats_nothing_that_needs_escaping() {
+    let (sink, _controls) = serve(&any_port());
+    let address = sink.local_address();
+    let long = "a".repeat(4000);
+    for host in ["\"]\\evil", "<script>", "a\u{7}b", "\u{202e}a", &long, "a b", "%22.example"] {
+        let answer = http(address, "/", &format!("host: {host}\r\n"));
+        let status = answer.split(' ').nth(1).unwrap_or_default();
+        assert!(status == "421" || status == "400", "{answer}");
+        assert!(!answer.contains(host) && !answer.contains("origins = "), "{host}: {answer}");
+    }
+    let answer = http(address, "/scene", &format!("host: {address}\r\norigin: https://a\"]<b>\r\n"));
+    assert!(answer.starts_with("HTTP/1.1 403 ") && !answer.contains("<b>"), "{answer}");
+}
+
+#[tokio::test]
 async fn the_page_and_its_headers_are_served() {
     let (sink, _controls) = serve(&any_port());
     let address = sink.local_address();

@@ -1,5 +1,6 @@
 // The page of a live station: frames in, controls out.
 
+import { letGo, letGoAfterPointer } from "./accessibility.js";
 import { Connection } from "./connection.js";
 import { download, fileName } from "./clip.js";
 import { Console } from "./console.js";
@@ -8,7 +9,6 @@ import { fillHelp, listen } from "./keys.js";
 import { Picture } from "./picture.js";
 import { Scene3d } from "./scene.js";
 import { legend, Status } from "./status.js";
-import { fileSize } from "./view.js";
 import { MAP } from "./wire.js";
 
 const byId = (id) => document.getElementById(id);
@@ -175,6 +175,7 @@ function layOut() {
 function watch() {
   if (!connection.isOpen) {
     status.run("OFFLINE");
+    status.unknown();
     status.banner("disconnected", closedReason);
     return;
   }
@@ -182,6 +183,7 @@ function watch() {
   for (const name of OVERLAYS) byId(name).disabled = tools.cine.isShown;
   const silent = performance.now() - shownAt > SILENCE_MS;
   status.run(!shown ? "WAITING" : tools.cine.isShown ? "CINE" : frozen ? "FROZEN" : silent ? "STALLED" : "LIVE");
+  if (!frozen && silent && shown) status.unknown();
   if (!frozen && silent) status.banner("silent");
   else if (shown && ["lost", "stale", "stuck"].includes(shown.tracking)) status.banner(shown.tracking);
   else status.banner(null);
@@ -202,7 +204,7 @@ function toggleOverlay(name) {
 function save() {
   if (!shown) return;
   const canvas = document.createElement("canvas");
-  const [width, height] = fileSize(shown.width, shown.height);
+  const [width, height] = tools.fileSize(shown);
   Object.assign(canvas, { width, height });
   const context = canvas.getContext("2d");
   context.fillStyle = "#000";
@@ -320,7 +322,11 @@ stage.addEventListener(
 
 for (const name of OVERLAYS) {
   const opacity = byId(`${name}_opacity`);
-  byId(name).addEventListener("change", () => toggleOverlay(name));
+  letGoAfterPointer(opacity);
+  byId(name).addEventListener("change", (event) => {
+    letGo(event.currentTarget);
+    toggleOverlay(name);
+  });
   opacity.addEventListener("input", () => {
     show(opacity, Number(opacity.value));
     redraw();
@@ -328,7 +334,7 @@ for (const name of OVERLAYS) {
   show(opacity, Number(opacity.value));
 }
 const unfocused = (action) => (event) => {
-  event.currentTarget.blur();
+  letGo(event.currentTarget);
   action();
 };
 byId("scene_toggle").addEventListener("click", unfocused(() => scene.toggle()));

@@ -10,6 +10,8 @@ export class Connection {
     this.on = on;
     this.socket = null;
     this.attempts = 0;
+    /** Why the station refuses the stream, if it said so. */
+    this.refusal = "";
     this.maps = {};
     /** The station's live settings, as its first message names them. */
     this.settings = [];
@@ -26,6 +28,7 @@ export class Connection {
     socket.binaryType = "arraybuffer";
     socket.onopen = () => {
       this.attempts = 0;
+      this.refusal = "";
       this.maps = {};
       this.on.open();
     };
@@ -35,18 +38,23 @@ export class Connection {
   }
 
   retry(reason) {
-    this.on.closed(reason);
+    this.on.closed(reason || this.refusal);
     const wait = RETRY_MS[Math.min(this.attempts, RETRY_MS.length - 1)];
     this.attempts += 1;
     setTimeout(() => this.connect(), wait);
-    // A socket that is refused doesn't say why; the page does.
-    if (this.attempts === 3) {
-      fetch("/", { cache: "no-store" }).then(
-        (answer) => {
-          if (answer.status === 401) this.on.closed("the station has a new token: open the address that it prints");
-        },
-        () => {},
-      );
+    // A socket that is refused doesn't say why; a request does.
+    if (this.attempts % 3 === 0) this.ask();
+  }
+
+  /** Asks why the stream is refused. */
+  async ask() {
+    try {
+      const answer = await fetch("/stream", { method: "POST", cache: "no-store" });
+      if (answer.status === 401) this.refusal = "the station has a new token: open the address that it prints";
+      else this.refusal = answer.status === 403 || answer.status === 421 ? (await answer.text()).trim() : "";
+      if (this.refusal && !this.isOpen) this.on.closed(this.refusal);
+    } catch {
+      this.refusal = "";
     }
   }
 

@@ -4,6 +4,7 @@ import { Annotations } from "./annotations.js";
 import { Calipers, measure, TOOLS } from "./calipers.js";
 import { Cine } from "./cine.js";
 import { Clip, download, fileName } from "./clip.js";
+import { letGo, letGoAfterPointer, spoken } from "./accessibility.js";
 import { drawMarks, FONT } from "./marks.js";
 import { drawPicture, fileSize, fromStage, toStage, View } from "./view.js";
 
@@ -38,6 +39,7 @@ export class Console {
       this.calipers.move(this.pointAt(event));
       this.page.redraw();
     });
+    letGoAfterPointer(byId("cine_place"));
     byId("cine_place").addEventListener("input", (event) => this.goTo(Number(event.target.value)));
     byId("note").addEventListener("keydown", (event) => {
       if (event.key === "Enter") this.endNote(true);
@@ -62,22 +64,25 @@ export class Console {
     };
     for (const [id, action] of Object.entries(buttons)) {
       byId(id).addEventListener("click", (event) => {
-        event.currentTarget.blur();
+        letGo(event.currentTarget);
         action();
+        // The keyboard goes on at the picture.
+        if (["caliper", "annotate"].includes(id) && (this.calipers.tool || this.annotating)) stage.focus({ preventScroll: true });
       });
     }
     // A switch that keeps the focus would take the space bar from freezing.
-    byId("clip_overlays").addEventListener("change", (event) => event.currentTarget.blur());
+    byId("clip_overlays").addEventListener("change", (event) => letGo(event.currentTarget));
   }
 
   rect(width = this.stage.clientWidth, height = this.stage.clientHeight) {
     const frame = this.page.shown();
+    this.view.captions = this.page.captions(frame.settings);
     return this.view.fit(frame.width, frame.height, width, height);
   }
 
   /** Draws everything over the picture. */
   drawOver(context, rect, frame) {
-    drawMarks(context, frame, rect, this.page.captions(frame.settings), this.page.greys(frame.settings));
+    drawMarks(context, frame, rect, this.page.greys(frame.settings));
     this.annotations.draw(context, frame, rect, FONT);
     this.calipers.draw(context, frame, rect, FONT);
   }
@@ -253,6 +258,8 @@ export class Console {
     const index = at ?? kept.length - 1;
     const before = (kept.at(-1).time - kept[index].time) / 1000;
     byId("cine_time").textContent = `−${before.toFixed(1)} s  ${index + 1}/${kept.length}`;
+    const valueText = `picture ${index + 1} of ${kept.length}, ${spoken(before.toFixed(1), "s")} before the last`;
+    byId("cine_place").setAttribute("aria-valuetext", valueText);
     this.stage.dataset.cine = String(index);
     this.stage.dataset.kept = String(kept.length);
   }
@@ -279,9 +286,15 @@ export class Console {
     }
   }
 
+  /** Size of a file of a frame's picture. */
+  fileSize({ width, height, settings }) {
+    return fileSize(width, height, this.page.captions(settings));
+  }
+
   /** Draws the picture at its own size, and what lies over it if `over`, into a canvas of `fileSize`. Returns its place. */
   compose(context, over) {
     const frame = this.page.shown();
+    this.view.captions = this.page.captions(frame.settings);
     const rect = this.view.inFile(frame.width, frame.height);
     drawPicture(context, this.page.picture.canvas, rect);
     if (over) this.drawOver(context, rect, frame);
@@ -298,7 +311,7 @@ export class Console {
     if (!frame) return;
     const { clip } = this;
     try {
-      this.clip = clip ? null : new Clip(...fileSize(frame.width, frame.height));
+      this.clip = clip ? null : new Clip(...this.fileSize(frame));
       byId("record").setAttribute("aria-pressed", String(Boolean(this.clip)));
       if (clip) this.saveClip(await clip.end(), clip);
       else this.recordFrame();
@@ -332,8 +345,7 @@ export class Console {
     this.saving = true;
     let clip = null;
     try {
-      const { width, height } = kept[0].frame;
-      clip = new Clip(...fileSize(width, height));
+      clip = new Clip(...this.fileSize(kept[0].frame));
       let due = performance.now();
       for (const [i, picture] of kept.entries()) {
         const bitmap = await Cine.pixels(picture);

@@ -1,5 +1,7 @@
 // Sliders, switches and buttons: they show the settings of the newest frame, unless a hand is on them.
 
+import { letGo, letGoAfterPointer, spoken } from "./accessibility.js";
+
 const byId = (id) => document.getElementById(id);
 /** A control that was moved keeps its own value for so long: frames made before lag behind. */
 const HOLD_MS = 900;
@@ -21,7 +23,7 @@ export class Controls {
     byId("generator").addEventListener("change", () => this.toggle("generator"));
     byId("harmonics").addEventListener("change", () => this.toggle("harmonics"));
     // A switch that keeps the focus would take the space bar from freezing.
-    for (const id of ["generator", "harmonics"]) byId(id).addEventListener("change", (event) => event.currentTarget.blur());
+    for (const id of ["generator", "harmonics"]) byId(id).addEventListener("change", (event) => letGo(event.currentTarget));
   }
 
   /** Builds sliders and buttons by the station's first message. */
@@ -49,6 +51,7 @@ export class Controls {
     if (key) {
       const hint = document.createElement("kbd");
       hint.textContent = key.toUpperCase();
+      hint.ariaHidden = "true";
       button.append(" ", hint);
     }
     button.dataset.preset = name;
@@ -79,21 +82,23 @@ export class Controls {
     const input = document.createElement("input");
     const [min, max, step] = [slider.min, slider.max, slider.step];
     Object.assign(input, { type: "range", min, max, step, value: 0, id: idOf(setting, index) });
-    Object.assign(input.dataset, count > 1 ? {} : { unit, scale, digits, words: words.join(" ") });
+    // Of several, the unit is spoken only.
+    Object.assign(input.dataset, count > 1 ? { spokenUnit: unit } : { unit, scale, digits, words: words.join(" ") });
+    input.setAttribute("aria-label", count > 1 ? `${label} ${index + 1} of ${count}` : label);
     input.addEventListener("input", () => this.moved(setting, index, Number(input.value)));
-    input.addEventListener("change", () => input.blur());
+    letGoAfterPointer(input);
     const row = document.createElement("label");
+    const value = Object.assign(document.createElement("span"), { className: "value", ariaHidden: "true" });
     if (count > 1) {
-      input.setAttribute("aria-label", `${label} ${index + 1} of ${count}`);
       input.addEventListener("dblclick", () => this.set(setting, index, 0));
-      row.append(document.createElement("span"), input, document.createElement("output"));
+      row.append(Object.assign(document.createElement("span"), { className: "depth" }), input, value);
     } else {
       row.className = "slider";
       const name = document.createElement("span");
       name.append(`${label} `);
       const hint = this.hint(key);
       if (hint) name.append(Object.assign(document.createElement("kbd"), { textContent: hint }));
-      row.append(name, document.createElement("output"), this.stepButton(setting, -1), input, this.stepButton(setting, 1));
+      row.append(name, value, this.stepButton(setting, -1), input, this.stepButton(setting, 1));
     }
     return row;
   }
@@ -123,10 +128,10 @@ export class Controls {
     return this.settings.find((setting) => setting.key === key);
   }
 
-  /** Runs an action of a button, which must not take the space bar afterwards. */
+  /** Runs an action of a button, which must not take the space bar from a pointer's user afterwards. */
   fromButton(event, action) {
     action();
-    event.currentTarget.blur();
+    letGo(event.currentTarget);
   }
 
   hold(name) {
@@ -215,9 +220,11 @@ export class Controls {
   /** Writes the depths of sliders that are spread over the image beside them. */
   showDepths(setting) {
     for (let index = 0; index < setting.count; index++) {
-      const label = byId(idOf(setting, index)).previousElementSibling;
+      const input = byId(idOf(setting, index));
       const text = ((this.values.depth_mm / 10 / (setting.count - 1)) * index).toFixed(1);
-      if (label.textContent !== text) label.textContent = text;
+      if (input.dataset.depthCm === text) continue;
+      input.dataset.depthCm = input.previousElementSibling.textContent = text;
+      show(input, Number(input.value));
     }
   }
 
@@ -262,14 +269,17 @@ const idOf = ({ key, count }, index) => (count > 1 ? `${key}_${index}` : key);
 /** A value as text, with its unit. */
 const shownText = (value, { unit, scale, digits, words }) => words[value] ?? `${(value * scale).toFixed(digits)} ${unit}`;
 
-/** Writes a slider's value beside it. */
+/** Writes a slider's value beside it, and in words for screen readers. */
 export function show(input, value) {
-  const { unit = "", scale = "1", digits = "0", words = "" } = input.dataset;
-  const output = input.parentElement.querySelector("output");
+  const { unit = "", spokenUnit = unit, scale = "1", digits = "0", words = "", depthCm } = input.dataset;
+  const output = input.parentElement.querySelector(".value");
   const number = (value * Number(scale)).toFixed(Number(digits));
   const word = words.split(" ")[value];
   const text = word ? word : unit ? `${number} ${unit}` : value > 0 ? `+${number}` : number;
   if (output.textContent !== text) output.textContent = text;
+  const said = word ? word.replaceAll("_", " ") : spoken(number, spokenUnit);
+  const valueText = depthCm ? `${said} at ${spoken(depthCm, "cm")}` : said;
+  if (input.getAttribute("aria-valuetext") !== valueText) input.setAttribute("aria-valuetext", valueText);
   const filled = (Number(input.value) - Number(input.min)) / (Number(input.max) - Number(input.min));
   input.style.setProperty("--filled", `${(100 * filled).toFixed(1)}%`);
 }

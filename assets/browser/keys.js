@@ -1,24 +1,42 @@
 // Keyboard shortcuts, as the station's first message names them.
 
+const ARROWS = ["ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "Home", "End", "PageUp", "PageDown"];
+
+/** Name of a pressed key in the station's list. */
+export function nameOf({ key, code, shiftKey }) {
+  // The digit row of a French or Czech keyboard gives digits with Shift only.
+  const digit = /^Digit(\d)$/.exec(code ?? "");
+  if (digit && !shiftKey) return digit[1];
+  // A Greek or Cyrillic letter: the Latin one on the same key.
+  const letter = /^Key([A-Z])$/.exec(code ?? "");
+  if (letter && key.length === 1 && key > "\x7f") return letter[1].toLowerCase();
+  return key.toLowerCase();
+}
+
+/** Whether a key acts on what has the focus. */
+function isTaken(focused, key) {
+  if (!focused) return false;
+  if (focused.matches("input[type=text], textarea, select")) return true;
+  if (focused.matches("input[type=range]")) return ARROWS.includes(key);
+  return focused.matches("button, summary, a, input[type=checkbox]") && [" ", "Enter"].includes(key);
+}
+
 /**
- * Calls `run(action)` for a key of `shortcuts()`, unless it belongs to what has the focus. `first(key)` may take a key
- * before.
+ * Calls `run(action)` for a key of `shortcuts()`, unless it belongs to what has the focus. `first(key, shift)` may take a
+ * key before.
  */
 export function listen(shortcuts, run, first) {
   document.addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
-    const dialogOpen = document.querySelector("dialog[open]") !== null;
-    if (document.activeElement?.matches("input[type=text]")) return;
-    if (!dialogOpen && !document.activeElement?.matches("input[type=range]") && first(event.key, event.shiftKey)) {
+    if (event.defaultPrevented || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (isTaken(document.activeElement, event.key)) return;
+    const isDialogOpen = document.querySelector("dialog[open]") !== null;
+    if (!isDialogOpen && first(event.key, event.shiftKey)) {
       event.preventDefault();
       return;
     }
-    const shortcut = shortcuts().find(({ keys }) => keys.some((key) => key.toLowerCase() === event.key.toLowerCase()));
-    if (!shortcut || (dialogOpen && shortcut.action !== "help")) return;
-    const focused = document.activeElement;
-    const arrows = event.key.startsWith("Arrow") || ["Home", "End", "PageUp", "PageDown"].includes(event.key);
-    if (focused?.matches("input[type=range]") && arrows) return;
-    if (focused?.matches("button, input[type=checkbox]") && event.key === " ") return;
+    const name = nameOf(event);
+    const shortcut = shortcuts().find(({ keys }) => keys.some((key) => key.toLowerCase() === name));
+    if (!shortcut || (isDialogOpen && shortcut.action !== "help")) return;
     event.preventDefault();
     run(shortcut.action);
   });

@@ -1,12 +1,13 @@
 // What a scanner draws beside its picture: depth scale, focus, orientation, grey map, settings.
 
-import { toStage } from "./view.js";
+import { FONT, LINE, toStage } from "./view.js";
+
+export { FONT };
 
 const INK = "#d6dde3";
 const FAINT = "#7d8893";
 const ACCENT = "#4fd1c5";
 const FOCUS = "#f5c542";
-export const FONT = '"Inter", "Segoe UI", "Helvetica Neue", "DejaVu Sans", system-ui, sans-serif';
 
 /** Cm between numbered ticks, so that they keep their distance. */
 export function tickStepCm(depthCm, heightPx) {
@@ -15,14 +16,14 @@ export function tickStepCm(depthCm, heightPx) {
 }
 
 /** Draws all marks of `frame`, its picture at `rect`. `greys` is the grey map's table, or null. */
-export function drawMarks(context, frame, rect, captions, greys) {
+export function drawMarks(context, frame, rect, greys) {
   context.save();
   context.font = `${12 * rect.marks}px ${FONT}`;
   context.textBaseline = "middle";
   depthScale(context, frame, rect);
   orientation(context, frame, rect);
   greyBar(context, frame, rect, greys);
-  caption(context, captions, rect);
+  caption(context, rect);
   context.restore();
 }
 
@@ -115,8 +116,8 @@ function greyBar(context, frame, rect, greys) {
   context.fillText("dB", x + 5 * size, y + height + 25 * size);
 }
 
-function caption(context, parts, rect) {
+function caption(context, { caption, middle, y, height, marks }) {
   context.fillStyle = FAINT;
   context.textAlign = "center";
-  context.fillText(parts.join("   ·   "), rect.x + rect.width / 2, rect.y + rect.height + 16 * rect.marks, rect.width);
+  caption.forEach((line, i) => context.fillText(line, middle, y + height + (16 + LINE * i) * marks));
 }

@@ -1,6 +1,8 @@
 // The 3-D view: the scene with the live probe and its fan beside the picture.
 
+import { letGo, letGoAfterPointer, spoken } from "./accessibility.js";
 import { SceneGl } from "./scene_gl.js";
+import { SceneLayers } from "./scene_layers.js";
 
 const byId = (id) => document.getElementById(id);
 const add = (a, b, k = 1) => a.map((v, i) => v + k * b[i]);
@@ -9,12 +11,16 @@ const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a
 /** Rest after a live frame of the view, in durations of its drawing: the picture comes first where WebGL runs on the CPU. */
 const REST = 3;
 const AXES = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+/** Turn by an arrow key, degrees; way by one with Shift, parts of the view's height; zoom by plus and minus. */
+const KEY_TURN_DEG = 5;
+const KEY_WAY = 0.05;
+const KEY_ZOOM = 1.2;
 
 /** Reads what `/scene` answers; src/sink/browser/scene.rs has the layout. */
 export function decodeScene(buffer) {
   const view = new DataView(buffer);
   if (buffer.byteLength < 12 || view.getUint32(0) !== 0x494e5356) throw new Error("not a scene of insonify");
-  if (view.getUint32(4, true) !== 1) throw new Error("the page is of another version than the station: reload it");
+  if (view.getUint32(4, true) !== 2) throw new Error("the page is of another version than the station: reload it");
   const length = view.getUint32(8, true);
   const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 12, length)));
   let at = 12 + length;
@@ -46,13 +52,16 @@ export class Scene3d {
     this.gl = undefined;
     this.scene = null;
     this.frame = null;
-    this.azimuth = 35;
-    this.elevation = 20;
-    this.zoom = 1;
-    this.pan = [0, 0];
+    this.startOver();
+    this.layers = new SceneLayers(() => this.redraw());
     this.queued = false;
     this.resting = null;
     this.listen();
+  }
+
+  /** The view as it is at first. */
+  startOver() {
+    [this.azimuth, this.elevation, this.zoom, this.pan] = [35, 20, 1, [0, 0]];
   }
 
   get isOpen() {
@@ -100,35 +109,12 @@ export class Scene3d {
     this.centre = add(low, high).map((v) => v / 2);
     this.reach = undefined;
     this.radius = Math.max(Math.hypot(...add(high, low, -1)) / 2, 1);
-    this.looks = scene.surfaces.map((surface, i) => ({
-      colour: surface.colour.map((v) => v / 255), opacity: surface.opacity, shown: true, probe: i >= bodies.length,
+    this.surfaces = scene.surfaces.map(({ colour, layer, part, tissue }, i) => ({
+      colour: colour.map((v) => v / 255), layer, part, tissue, probe: i >= bodies.length,
     }));
     this.panel.dataset.surfaces = String(bodies.length);
-    this.list(bodies);
+    this.layers.load(scene.layers, bodies);
     this.redraw();
-  }
-
-  /** A switch a tissue. */
-  list(bodies) {
-    const list = byId("scene_tissues");
-    list.replaceChildren();
-    for (const tissue of [...new Set(bodies.map((s) => s.tissue))].sort()) {
-      const label = document.createElement("label");
-      const box = document.createElement("input");
-      const swatch = document.createElement("i");
-      box.type = "checkbox";
-      box.checked = true;
-      box.dataset.tissue = tissue;
-      const [r, g, b] = bodies.find((s) => s.tissue === tissue).colour;
-      swatch.style.background = `rgb(${r} ${g} ${b})`;
-      label.append(box, swatch, tissue.replaceAll("_", " "));
-      box.addEventListener("change", () => {
-        box.blur();
-        bodies.forEach((s, i) => { if (s.tissue === tissue) this.looks[i].shown = box.checked; });
-        this.redraw();
-      });
-      list.append(label);
-    }
   }
 
   /** The newest frame: where the probe is and what it sees. */
@@ -202,7 +188,8 @@ export class Scene3d {
       this.gl.setImage(this.frame);
     }
     const placed = pose && { shift: pose.shift, turn: pose.columns.flat() };
-    this.gl.draw({ right, up, forward, target, half: [x, y, far] }, this.looks, placed, this.cut(pose, forward), byId("scene_image").checked);
+    const looks = this.surfaces.map((surface) => ({ ...surface, opacity: this.layers.opacity(surface) }));
+    this.gl.draw({ right, up, forward, target, half: [x, y, far] }, looks, placed, this.cut(pose, forward), byId("scene_image").checked);
     this.panel.dataset.drawn = String(Number(this.panel.dataset.drawn ?? 0) + 1);
   }
 
@@ -221,10 +208,46 @@ export class Scene3d {
       normal = AXES[axis];
       offset = this.centre[axis] + (this.radius * Number(slider.value)) / 100;
       slider.previousElementSibling.textContent = `${offset.toFixed(0)} mm`;
+      slider.setAttribute("aria-valuetext", spoken(offset.toFixed(0), "mm"));
     }
     if (!normal) return null;
     const sign = dot(normal, forward) > 0 ? -1 : 1;
     return [...normal.map((v) => sign * v), sign * offset];
+  }
+
+  /** Turns the view, degrees to the right and down. */
+  turn(right, down) {
+    this.azimuth = (this.azimuth - right) % 360;
+    this.elevation = Math.min(Math.max(this.elevation + down, -89), 89);
+    this.panel.dataset.azimuth = this.azimuth.toFixed(1);
+    this.redraw();
+  }
+
+  /** Moves the scene, parts of the view's height to the right and down. */
+  move(right, down) {
+    const scale = (2 * (this.radius ?? 1)) / this.zoom;
+    this.pan = [this.pan[0] - right * scale, this.pan[1] + down * scale];
+    this.redraw();
+  }
+
+  magnify(by) {
+    this.zoom = Math.min(Math.max(this.zoom * by, 0.2), 30);
+    this.redraw();
+  }
+
+  /** A key while the view has the focus. */
+  pressed(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
+    if (way && event.shiftKey) this.move(KEY_WAY * way[0], KEY_WAY * way[1]);
+    else if (way) this.turn(KEY_TURN_DEG * way[0], KEY_TURN_DEG * way[1]);
+    else if (event.key === "+") this.magnify(KEY_ZOOM);
+    else if (event.key === "-") this.magnify(1 / KEY_ZOOM);
+    else if (event.key === "Home") {
+      this.startOver();
+      this.redraw();
+    } else return;
+    event.preventDefault();
   }
 
   listen() {
@@ -237,34 +260,28 @@ export class Scene3d {
     this.canvas.addEventListener("pointermove", (event) => {
       if (!last || !this.scene) return;
       const [dx, dy] = [event.clientX - last.clientX, event.clientY - last.clientY];
-      if (event.shiftKey || event.buttons & 6) {
-        const scale = (2 * this.radius) / this.zoom / Math.max(this.canvas.clientHeight, 1);
-        this.pan = [this.pan[0] - dx * scale, this.pan[1] + dy * scale];
-      } else {
-        this.azimuth = (this.azimuth - 0.5 * dx) % 360;
-        this.elevation = Math.min(Math.max(this.elevation + 0.5 * dy, -89), 89);
-      }
+      const height = Math.max(this.canvas.clientHeight, 1);
+      if (event.shiftKey || event.buttons & 6) this.move(dx / height, dy / height);
+      else this.turn(0.5 * dx, 0.5 * dy);
       last = event;
-      this.panel.dataset.azimuth = this.azimuth.toFixed(1);
-      this.redraw();
     });
+    this.canvas.addEventListener("keydown", (event) => this.pressed(event));
     this.canvas.addEventListener("contextmenu", (event) => event.preventDefault());
     this.canvas.addEventListener("wheel", (event) => {
       event.preventDefault();
-      this.zoom = Math.min(Math.max(this.zoom * Math.exp(-0.0015 * event.deltaY), 0.2), 30);
-      this.redraw();
+      this.magnify(Math.exp(-0.0015 * event.deltaY));
     }, { passive: false });
     this.canvas.addEventListener("dblclick", () => {
-      [this.azimuth, this.elevation, this.zoom, this.pan] = [35, 20, 1, [0, 0]];
+      this.startOver();
       this.redraw();
     });
     for (const id of ["scene_cut", "scene_cut_place", "scene_follow", "scene_image"]) {
       byId(id).addEventListener("input", (event) => {
-        // The keys belong to the page again.
-        if (event.target.type !== "range") event.target.blur();
+        if (event.target.type !== "range") letGo(event.target);
         this.redraw();
       });
     }
+    letGoAfterPointer(byId("scene_cut_place"));
     new ResizeObserver(() => this.redraw()).observe(this.canvas);
   }
 }

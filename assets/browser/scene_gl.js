@@ -53,7 +53,9 @@ out vec4 shown;
 void main() { shown = vec4(1.0, 0.8, 0.35, 1.0); }`;
 
 /** Opacity from which a surface hides what is behind it. */
-const SOLID = 0.6;
+const SOLID = 0.95;
+/** Opacity from which a surface hides its own back. */
+const GLASS = 0.3;
 const FAN_STEPS = 64;
 
 function program(gl, fragment) {
@@ -183,8 +185,18 @@ export class SceneGl {
     };
   }
 
+  /** Notes the depth of what `draw` draws, so that only its front is drawn afterwards. */
+  front(draw) {
+    const { gl } = this;
+    gl.colorMask(false, false, false, false);
+    gl.depthMask(true);
+    draw();
+    gl.depthMask(false);
+    gl.colorMask(true, true, true, true);
+  }
+
   /**
-   * `camera`: { right, up, forward, target, half: [x, y, z] }, `looks`: [{ colour, opacity, shown, probe }] a surface,
+   * `camera`: { right, up, forward, target, half: [x, y, z] }, `looks`: [{ colour, opacity, probe }] a surface,
    * `pose`: { turn (columns), shift } or null, `cut`: [x, y, z, offset] or null.
    */
   draw(camera, looks, pose, cut, withImage) {
@@ -217,7 +229,7 @@ export class SceneGl {
       gl.bindVertexArray(this.parts[index].array);
       gl.drawElements(gl.TRIANGLES, this.parts[index].count, gl.UNSIGNED_INT, 0);
     };
-    const shown = looks.map((look, index) => ({ ...look, index })).filter((l) => l.shown && (!l.probe || pose));
+    const shown = looks.map((look, index) => ({ ...look, index })).filter((l) => l.opacity > 0.004 && (!l.probe || pose));
     gl.depthMask(true);
     shown.filter((l) => l.opacity >= SOLID).forEach((l) => part(l.index, 1));
     if (pose) {
@@ -231,7 +243,10 @@ export class SceneGl {
     }
     // Seen through: the most transparent hold the others, and come last.
     gl.depthMask(false);
-    shown.filter((l) => l.opacity < SOLID).sort((a, b) => b.opacity - a.opacity).forEach((l) => part(l.index, l.opacity));
+    for (const { index, opacity } of shown.filter((l) => l.opacity < SOLID).sort((a, b) => b.opacity - a.opacity)) {
+      if (opacity >= GLASS) this.front(() => part(index, opacity));
+      part(index, opacity);
+    }
     if (pose) {
       gl.disable(gl.DEPTH_TEST);
       gl.bindVertexArray(this.fanArray);

@@ -1,5 +1,6 @@
 // Badges, banner, figures and the curve of latencies.
 
+import { Announcer } from "./accessibility.js";
 import { SOURCES } from "./wire.js";
 
 const byId = (id) => document.getElementById(id);
@@ -15,6 +16,9 @@ const BANNERS = {
   stale: ["STALE", "the picture no longer follows the probe"],
   stuck: ["STUCK", "the sensor repeats one reading"],
 };
+
+/** Announcements of states without a banner. */
+const RUNS = { LIVE: "live", FROZEN: "frozen", CINE: "cine loop", WAITING: "waiting for the first picture" };
 
 const TRACKING = {
   good: ["TRACKING", "good"],
@@ -36,6 +40,9 @@ export class Status {
     this.latencies = [];
     this.arrivals = [];
     this.noticeTimer = 0;
+    /** State of the run, of the banner and of the contact, as announced last. */
+    this.announced = { run: "", banner: null, contact: "contact" };
+    this.announcer = new Announcer(byId("announcer"));
     this.context = byId("sparkline").getContext("2d");
   }
 
@@ -44,11 +51,23 @@ export class Status {
     const element = byId("banner");
     element.hidden = !state;
     document.body.dataset.state = state ?? "live";
+    const said = state && `${BANNERS[state][0].toLowerCase()}: ${detail || BANNERS[state][1]}`;
+    if (said !== this.announced.banner) this.announcer.say(said);
+    this.announced.banner = said;
     if (!state) return;
     const [title, text] = BANNERS[state];
     element.className = state;
     element.querySelector("strong").textContent = title;
     element.querySelector("span").textContent = detail || text;
+  }
+
+  /** Nothing is known about the station now: no badge stays lit. */
+  unknown() {
+    for (const id of ["source", "tracking"]) badge(byId(id), "–", "");
+    byId("contact").hidden = true;
+    this.latencies = [];
+    this.arrivals = [];
+    byId("dropped").textContent = "–";
   }
 
   /** Takes the newest frame. */
@@ -63,7 +82,7 @@ export class Status {
     const kinds = ["", "good", "warn"];
     badge(byId("source"), SOURCES[frame.source] ?? "?", kinds[frame.source] ?? "");
     badge(byId("tracking"), ...TRACKING[frame.tracking]);
-    contact(frame.contact, frame.misplaced);
+    this.contact(frame.contact, frame.misplaced);
     byId("generator_name").textContent = frame.generator;
     byId("point").hidden = !frame.point;
     byId("point_name").textContent = frame.point;
@@ -75,6 +94,8 @@ export class Status {
   run(state) {
     const kinds = { LIVE: "good", FROZEN: "frozen", CINE: "frozen", WAITING: "warn", STALLED: "bad strong", OFFLINE: "bad strong" };
     badge(byId("run"), state, kinds[state]);
+    if (state !== this.announced.run) this.announcer.say(RUNS[state]);
+    this.announced.run = state;
   }
 
   /** Figures that needn't change with every frame. */
@@ -132,25 +153,32 @@ export class Status {
   write(text, kind) {
     const element = byId("notice");
     element.hidden = !text;
-    if (element.textContent !== text) element.textContent = text;
+    if (element.textContent !== text) {
+      element.textContent = text;
+      this.announcer.say(text);
+    }
     element.className = kind;
+  }
+
+  /** The part of the face in contact, or that no hand can hold the probe there; hidden in scenes where everything is coupled. */
+  contact(contact, misplaced) {
+    const element = byId("contact");
+    element.hidden = !contact;
+    if (!contact) return;
+    const percent = Math.round(100 * contact.part);
+    const warning = { deep: "DEEP IN THE BODY", outward: "LOOKS OUT OF THE BODY" }[misplaced];
+    if (warning) badge(element, warning, "bad strong");
+    else if (percent === 0) badge(element, "NO CONTACT", "warn strong");
+    else badge(element, `CONTACT ${percent} %`, percent < 90 ? "warn" : "good");
+    const said = warning?.toLowerCase() ?? (percent > 0 ? "contact" : "no contact");
+    if (said !== this.announced.contact) this.announcer.say(said);
+    this.announced.contact = said;
   }
 
   stats({ dropped, clients }) {
     byId("dropped").textContent = String(dropped);
     byId("dropped").parentElement.title = `Frames that this page was too slow for; pages watching: ${clients}`;
   }
-}
-
-/** The part of the face in contact, or that no hand can hold the probe there; hidden in scenes where everything is coupled. */
-function contact(contact, misplaced) {
-  const element = byId("contact");
-  element.hidden = !contact;
-  if (!contact) return;
-  const percent = Math.round(100 * contact.part);
-  if (misplaced) badge(element, misplaced === "deep" ? "DEEP IN THE BODY" : "LOOKS OUT OF THE BODY", "bad strong");
-  else if (percent === 0) badge(element, "NO CONTACT", "warn strong");
-  else badge(element, `CONTACT ${percent} %`, percent < 90 ? "warn" : "good");
 }
 
 /** Position, and the orientation as turns about x, then y, then z of the scene. */

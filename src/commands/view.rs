@@ -10,7 +10,7 @@ use insonify::files::Outputs;
 use insonify::pose::Pose;
 use insonify::render::{Frame, Renderer};
 use insonify::report::scene_view::{
-    BmodeImage, Cut, Direction, Fan, Orbit, PIXELS_MAX, PictureSettings, SceneView, Selection, ViewError,
+    BmodeImage, Cut, Direction, Fan, Opacity, Orbit, PIXELS_MAX, PictureSettings, SceneView, Selection, ViewError,
 };
 use insonify::sink::png;
 use insonify::station::Station;
@@ -22,7 +22,8 @@ use super::{Classify, Failure, input, output, session};
 
 /// Picture a scene with the probe's fan in it, as a PNG: shaded surfaces in the colours of their tissues.
 ///
-/// Needs no GPU, except for --bmode. Large surfaces are seen through.
+/// Needs no GPU, except for --bmode. What encloses the organs or the fetus is transparent, or hidden except in sections:
+/// fat, soft tissue, and around a fetus muscle. --opacity shows it.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {
@@ -48,13 +49,17 @@ pub(crate) struct Args {
     #[arg(long, value_name = "AZ,EL", allow_hyphen_values = true)]
     orbit: Option<Orbit>,
 
-    /// Leave out surfaces, by their names or their tissues'
+    /// Leave out surfaces, by their names, their tissues' or their layers'
     #[arg(long, value_name = "NAME", num_args = 1..)]
     hide: Vec<String>,
 
-    /// Show these alone, by their names or their tissues'
+    /// Show these alone, by their names, their tissues' or their layers'
     #[arg(long, value_name = "NAME", num_args = 1..)]
     only: Vec<String>,
+
+    /// Opacity of surfaces, by their names, their tissues' or their layers', percent: skin, fat, muscle, soft_tissue, bones, organs, vessels, uterus, placenta, fetus, fetal_organs, fetal_bones
+    #[arg(long, value_name = "NAME=PERCENT", num_args = 1..)]
+    opacity: Vec<Opacity>,
 
     /// Take away what lies before a plane: fan, or x=MM, y=MM, z=MM
     #[arg(long, value_name = "PLANE", allow_hyphen_values = true)]
@@ -80,7 +85,8 @@ pub(crate) struct Args {
 const AFTER_HELP: &str = "\
 Examples:
   insonify view configs/gallbladder_stones.toml --cut fan --bmode
-  insonify view configs/obstetric.toml --hide skin fat muscle --orbit 40,10 --out out/fetus.png
+  insonify view configs/obstetric.toml --only fetus fetal_bones --orbit 40,10 --out out/fetus.png
+  insonify view configs/obstetric.toml --opacity muscle=30 uterus=5
   insonify view scene.glb --pose 0,0,0,1,0,0,0 --sheet";
 
 #[derive(Serialize)]
@@ -110,6 +116,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let read = station.as_ref().map_or_else(|| import::files_of(&args.scene), Station::files);
     Outputs::beside(read).replaced("--out", &args.out)?;
     let selection = Selection::of(&scene, &args.only, &args.hide).input()?;
+    let selection = selection.with_opacities(&scene, &args.opacity).input()?;
     let pose = args.pose.or(station.as_ref().and_then(|station| station.default_pose));
     let probe = station.as_ref().map_or_else(Probe::default, |station| station.probe);
     let image = if args.bmode { Some(bmode(args, &scene, station.as_ref(), pose)?) } else { None };

@@ -176,6 +176,7 @@ impl LiveStation {
         let scene = scene_info(station, scene);
         let sink = crate::sink::browser::BrowserSink::new(&settings, self.control.clone(), &scene)?;
         self.messages.push(format!("page: {}", sink.address()));
+        self.messages.extend(sink.origin_addresses().iter().map(|address| format!("page: {address}")));
         Ok(Box::new(sink))
     }
 

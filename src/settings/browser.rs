@@ -2,7 +2,7 @@
 
 use std::net::{IpAddr, Ipv4Addr};
 
-use super::settings;
+use super::{Origin, settings};
 
 /// Fewest characters of a configured token.
 pub const TOKEN_CHARS_MIN: usize = 16;
@@ -23,8 +23,10 @@ settings! {
         /// Token to demand, at least [`TOKEN_CHARS_MIN`] characters of A-Z, a-z, 0-9, `-` and `_`; none: a random one for
         /// each session where the address is not loopback.
         token: Option<String> = None, Everything;
-        /// Name under which browsers reach the station, beside its addresses.
+        /// Name under which browsers reach the station, in addition to its addresses.
         host_name: Option<String> = None, Everything;
+        /// Further addresses of the page: of an HTTPS proxy, or under other names.
+        origins: Vec<Origin> = Vec::new(), Everything;
     }
 }
 

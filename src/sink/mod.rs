@@ -31,6 +31,7 @@ mod frame_directory;
 mod frame_rate;
 #[cfg(feature = "video")]
 mod growing_mp4;
+pub(crate) mod layers;
 mod live_kind;
 #[cfg(feature = "live")]
 pub(crate) mod pool;

@@ -78,3 +78,6 @@ pub(super) const AXES: &str = "three letters of R or L, A or P, S or I, right-ha
 pub(super) const TOKEN: &str = "16 or more of A-Z a-z 0-9 - _";
 /// Network name of a station.
 pub(super) const HOST_NAME: &str = "a name without port, as \"station.local\"";
+/// Address of the page without its path.
+pub(super) const ORIGIN: &str =
+    "http:// or https://, a name or address, and its port, without path, as \"https://station.local:9000\",";

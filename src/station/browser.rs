@@ -1,8 +1,9 @@
 //! `[browser]`: the server of the browser page.
 
 use super::StationError;
-use super::accepts::{HOST_NAME, TOKEN};
+use super::accepts::{HOST_NAME, ORIGIN, TOKEN};
 use super::values::Values;
+use crate::settings::Origin;
 use crate::sink::browser::Settings;
 
 /// Settings from the table `[browser]`. Refuses an invalid address, token or name.
@@ -24,6 +25,10 @@ pub(super) fn settings(values: &Values) -> Result<Settings, StationError> {
         }
         settings.host_name = Some(text.to_owned());
     }
+    for text in values.texts("origins").unwrap_or_default() {
+        let origin: Origin = text.parse().map_err(|_| values.wrong_text("origins", text, ORIGIN))?;
+        settings.origins.push(origin);
+    }
     Ok(settings)
 }
 
@@ -40,12 +45,14 @@ mod tests {
 
     #[test]
     fn every_key_is_read() {
-        let text = "[browser]\naddress = \"0.0.0.0\"\nport = 0\ntoken = \"0123456789abcdef\"\nhost_name = \"a.local\"\nclients_max = 2";
+        let text = "[browser]\naddress = \"0.0.0.0\"\nport = 0\ntoken = \"0123456789abcdef\"\nhost_name = \"a.local\"\norigins = [\"https://A.local:9000/\", \"http://b\"]\nclients_max = 2";
         let settings = parse(text).unwrap().browser.unwrap();
         assert!(settings.address.is_unspecified());
         assert_eq!((settings.port, settings.clients_max), (0, 2));
         assert_eq!(settings.token.as_deref(), Some("0123456789abcdef"));
         assert_eq!(settings.host_name.as_deref(), Some("a.local"));
+        let origins: Vec<_> = settings.origins.iter().map(ToString::to_string).collect();
+        assert_eq!(origins, ["https://a.local:9000", "http://b"]);
     }
 
     #[test]
@@ -55,6 +62,10 @@ mod tests {
             ("port = 65536", ["browser.port"]),
             ("token = \"short secret\"", ["browser.token"]),
             ("host_name = \"http://a\"", ["browser.host_name"]),
+            ("origins = \"https://a\"", ["browser.origins"]),
+            ("origins = [\"https://a/page\"]", ["https://a/page"]),
+            ("origins = [\"a.local:9000\"]", ["a.local:9000"]),
+            ("origins = [\"https://*.local\"]", ["browser.origins"]),
             ("clients_max = 0", ["browser.clients_max"]),
             ("adress = \"::1\"", ["address"]),
         ];

@@ -6,7 +6,7 @@ use std::borrow::Cow;
 use std::fmt;
 use std::sync::LazyLock;
 
-use super::accepts::{AXES, Accepts, HOST_NAME, LISTEN_ADDRESS, TOKEN};
+use super::accepts::{AXES, Accepts, HOST_NAME, LISTEN_ADDRESS, ORIGIN, TOKEN};
 use crate::anatomy::Tissue;
 use crate::render::Preset;
 use crate::settings::{
@@ -121,7 +121,8 @@ const OPENIGTLINK: &[KeyDoc] = &[
 const BROWSER: &[KeyDoc] = &[
     doc("browser", "address", "", "\"127.0.0.1\"", Accepts::Text(LISTEN_ADDRESS), "where the page is served; beyond loopback a token is demanded"),
     doc("browser", "token", "", "none on loopback, else random", Accepts::Text(TOKEN), "token that pages must show; a random one is new at every start"),
-    doc("browser", "host_name", "", "none", Accepts::Text(HOST_NAME), "name under which browsers reach the station, beside its addresses"),
+    doc("browser", "host_name", "", "none", Accepts::Text(HOST_NAME), "name under which browsers reach the station, at any port, in addition to its addresses"),
+    doc("browser", "origins", "", "[]", Accepts::Texts(ORIGIN), "further addresses of the page: of an HTTPS proxy, or under other names"),
 ];
 
 #[rustfmt::skip]

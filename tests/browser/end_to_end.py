@@ -9,6 +9,7 @@ Exit code 77: no chromium or chromedriver was found, nothing was tested.
 import argparse
 import json
 import pathlib
+import re
 import struct
 import subprocess
 import sys
@@ -99,7 +100,7 @@ def sliders_change_the_picture(page):
     before = page.script(LOOK)["mean"]
     page.script(SLIDE, "gain_db", 20)
     page.wait("a brighter picture", lambda: page.script(LOOK)["mean"] > before + 10)
-    page.wait("the gain in the frame's settings", lambda: text(page, "label:has(#gain_db) output") == "20 dB")
+    page.wait("the gain in the frame's settings", lambda: text(page, "label:has(#gain_db) .value") == "20 dB")
     page.script(SLIDE, "gain_db", 0)
     page.wait("the picture as before", lambda: abs(page.script(LOOK)["mean"] - before) < 5)
 
@@ -112,7 +113,7 @@ def sliders_change_the_picture(page):
     for _ in range(3):
         page.press("\ue00f")  # Page Down
     page.wait("a deeper picture", lambda: float(page.script("return stage.dataset.pixelMm")) > 1.1 * pixel)
-    page.wait("the depth", lambda: text(page, "label:has(#depth_mm) output") == "18.0 cm")
+    page.wait("the depth", lambda: text(page, "label:has(#depth_mm) .value") == "18.0 cm")
     page.script(SLIDE, "depth_mm", 150)
     page.wait("the depth as before", lambda: float(page.script("return stage.dataset.pixelMm")) == pixel)
 
@@ -249,7 +250,7 @@ def looks_are_chosen(page):
     page.wait("the look", lambda: page.script(pressed) == "true")
     page.wait("another picture", lambda: page.script(LOOK)["hash"] != before)
     page.press("7")
-    page.wait("the lines as they are", lambda: text(page, "label:has(#grey_map) output") == "linear")
+    page.wait("the lines as they are", lambda: text(page, "label:has(#grey_map) .value") == "linear")
 
 
 def overlays_show_tissues(page):
@@ -278,6 +279,35 @@ return { hash, lit, amber, grey, drawn: Number(document.getElementById("scene").
 """
 
 
+def the_layers_are_faded(page, before):
+    """The view has the hash `before`, and has it again afterwards."""
+    layer = "#scene_layer_list input[type={}]"
+    page.click("#scene_layers summary")
+    page.click(layer.format("checkbox"))
+    page.wait("a layer less", lambda: page.script(LOOK_3D)["hash"] != before)
+    page.click(layer.format("checkbox"))
+    page.wait("the layer again", lambda: page.script(LOOK_3D)["hash"] == before)
+    opacity = page.script("return Number(document.querySelector(arguments[0]).value)", layer.format("range"))
+    slide = """
+const slider = document.querySelector(arguments[0]);
+slider.value = arguments[1];
+slider.dispatchEvent(new Event("input"));"""
+    page.script(slide, layer.format("range"), 100 if opacity < 50 else 5)
+    page.wait("another opacity", lambda: page.script(LOOK_3D)["hash"] != before)
+    page.script(slide, layer.format("range"), opacity)
+    page.wait("the opacity as before", lambda: page.script(LOOK_3D)["hash"] == before)
+    # Keys turn the view that has the focus.
+    page.script("document.getElementById('scene_canvas').focus()")
+    gain = page.script("return gain_db.value")
+    page.press("\ue014")  # right
+    page.wait("another side", lambda: page.script("return scene.dataset.azimuth") == "30.0")
+    page.press("\ue012")
+    page.wait("the side as before", lambda: page.script(LOOK_3D)["hash"] == before)
+    assert page.script("return gain_db.value") == gain
+    page.script("document.activeElement.blur()")
+    page.click("#scene_layers summary")
+
+
 def the_scene_is_shown_beside_the_picture(page):
     assert not visible(page, "#scene")
     page.press("v")
@@ -299,6 +329,7 @@ def the_scene_is_shown_beside_the_picture(page):
     page.click("#scene_tissues input")
     page.wait("the tissue again", lambda: page.script(LOOK_3D)["hash"] == before)
     page.click("#scene_list summary")
+    the_layers_are_faded(page, before)
     page.drag("#scene_canvas", 300, 300, 80, 30)
     page.wait("another side", lambda: page.script("return scene.dataset.azimuth") == "-5.0")
     before = page.script(LOOK_3D)["hash"]
@@ -313,10 +344,172 @@ def the_scene_is_shown_beside_the_picture(page):
     page.wait("the picture alone", lambda: not visible(page, "#scene"))
 
 
+# Inputs without a name, and sliders without a value in words.
+INPUTS = """
+const inputs = [...document.querySelectorAll("input, select, button, summary, [tabindex='0']")];
+inputs.forEach((input, i) => { input.dataset.tested = String(i); });
+return inputs.map(({ id, type, dataset }) => [dataset.tested, id, type ?? ""]);
+"""
+SPOKEN = re.compile(r"(minus )?\d+(\.\d+)? [a-z]+|linear|contrast|in the middle|[a-z ]+")
+
+
+def screen_readers_are_told(page):
+    """Names and roles are the browser's own, computed for assistive technology."""
+    page.press("v")
+    page.wait("the layers", lambda: page.script("return document.querySelectorAll('#scene_layer_list input').length") > 0)
+    page.click("#scene_layers summary")
+    page.press(" ")
+    page.wait("the loop's bar", lambda: visible(page, "#cine"))
+    names = {}
+    for number, name, kind in page.script(INPUTS):
+        selector = f"[data-tested='{number}']"
+        if not visible(page, selector):
+            continue
+        label, role = page.computed(selector, "label"), page.computed(selector, "role")
+        assert label and role not in ("generic", "none"), (name, label, role)
+        assert not re.search(r"\d", label) or "of" in label or name in ("", "scene_canvas"), (name, label)
+        if kind == "range":
+            value = page.script("return document.querySelector(arguments[0]).getAttribute('aria-valuetext')", selector)
+            assert value and SPOKEN.match(value) and not re.search(r"dB|cm|mm|%|·|\+", value), (name, value)
+            assert label not in names, f"two sliders are called {label}"
+            names[label] = value
+    assert names["Depth"] == "15.0 centimetres" and names["Gain"] == "0 decibels", names
+    assert names["TGC slider 8 of 8"] == "0 decibels at 15.0 centimetres", names
+    assert names["Opacity of liver" if "Opacity of liver" in names else "Opacity of amniotic fluid"].endswith(" percent"), names
+    # The shortcut isn't read as a part of the name.
+    assert page.computed("#freeze", "label") == "Unfreeze" and page.computed("#segmentation", "label") == "Tissues"
+    live = "return [...document.querySelectorAll('[aria-live], [role=status], [role=alert], [role=log], output')].map((e) => e.id)"
+    assert page.script(live) == ["announcer"], page.script(live)
+    page.wait("an announcement", lambda: "frozen" in text(page, "#announcer"))
+    page.press(" ")
+    page.wait("another announcement", lambda: "live" in text(page, "#announcer"))
+    page.click("#scene_layers summary")
+    page.press("v")
+
+
+def keys_act_on_what_has_the_focus(page):
+    value = "return Number(document.getElementById(arguments[0]).value)"
+    focused = "return document.activeElement.id"
+    page.script("document.getElementById('tgc_sliders_db_0').focus()")
+    page.press("\ue004")  # Tab, as a keyboard's user comes to it
+    assert page.script(focused) == "tgc_sliders_db_1"
+    gain = page.script(value, "gain_db")
+    for _ in range(3):
+        page.press("\ue013")  # up
+    assert page.script(value, "tgc_sliders_db_1") == 3 and page.script(focused) == "tgc_sliders_db_1"
+    assert page.script(value, "gain_db") == gain, "the picture's gain stays"
+    page.wait("the value in words", lambda: page.script("return document.activeElement.ariaValueText").startswith("3 decibels"))
+    # Of a scanner's console, other keys work from everywhere.
+    page.press("t")
+    page.wait("the slider", lambda: page.script(value, "tgc_sliders_db_1") == 0)
+    # A pointer leaves the arrows to the picture.
+    page.script("document.activeElement.blur()")
+    page.click("#tgc_sliders_db_3")
+    page.press("t")
+    page.press("\ue013")
+    page.wait("gain", lambda: page.script(value, "gain_db") == gain + 1)
+    page.press("\ue015")
+    # A button that has the focus keeps it, and takes Enter.
+    page.script("document.getElementById('save').focus()")
+    page.press("\ue004")
+    assert page.script(focused) == "annotate"
+    page.press("\ue007")
+    page.wait("the tool", lambda: page.script("return annotate.getAttribute('aria-pressed')") == "true")
+    assert page.script(focused) == "stage"
+    page.press("\ue00c")  # Escape
+    page.script("document.activeElement.blur()")
+
+
+# What a French keyboard sends for a key of the digit row, and a Russian one for a letter.
+OTHER_KEYBOARD = """
+const event = new KeyboardEvent("keydown", { key: arguments[0], code: arguments[1], bubbles: true, cancelable: true });
+return !document.body.dispatchEvent(event);
+"""
+
+
+def other_keyboards_work(page):
+    chosen = "return document.querySelector('#quality [aria-pressed=true]')?.dataset.rays"
+    for key, code, rays in [("é", "Digit2", "4"), ("&", "Digit1", "1"), ("ě", "Digit2", "4"), ("1", "Numpad1", "1")]:
+        assert page.script(OTHER_KEYBOARD, key, code), (key, code)
+        page.wait(f"the quality of {code}", lambda rays=rays: page.script(chosen) == rays)
+    # "-" and "_" lie on 6 and 8 of AZERTY.
+    assert page.script(OTHER_KEYBOARD, "è", "Digit7")
+    page.wait("the raw look", lambda: page.script("return document.querySelector('[data-preset=raw]').ariaPressed") == "true")
+    harmonics = page.script("return harmonics.checked")
+    assert page.script(OTHER_KEYBOARD, "т", "KeyN")
+    page.wait("harmonics", lambda: page.script("return harmonics.checked") != harmonics)
+    assert page.script(OTHER_KEYBOARD, "т", "KeyN")
+    page.wait("as before", lambda: page.script("return harmonics.checked") == harmonics)
+
+
+# Elements of the page that are wider than it, or outside, except in lists that scroll.
+OUTSIDE = """
+const width = document.documentElement.clientWidth;
+const outside = [...document.body.querySelectorAll("*")].filter((element) => {
+  const box = element.getBoundingClientRect();
+  return element.checkVisibility() && !element.closest(".unseen") && box.width > 0 && (box.left < -0.5 || box.right > width + 0.5);
+});
+return [document.documentElement.scrollWidth, width, outside.map(({ tagName, id, className }) => `${tagName} ${id} ${className}`)];
+"""
+# Texts that are drawn on the stage: [text, left, right].
+DRAWN = """
+const drawn = [];
+const fillText = CanvasRenderingContext2D.prototype.fillText;
+CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
+  const box = this.measureText(text);
+  if (this.canvas.id === "marks") drawn.push([text, x - box.actualBoundingBoxLeft, x + box.actualBoundingBoxRight]);
+  return fillText.call(this, text, x, y);
+};
+window.dispatchEvent(new Event("test"));
+window.drawn_texts = drawn;
+"""
+
+
+def a_phone_shows_all_of_it(page, station):
+    page.size(390, 844)
+    page.script(DRAWN)
+    drawn = page.wait("the caption", lambda: page.script("return drawn_texts.filter(([text]) => text.includes('Gain')).slice(-1)[0]"))
+    texts = page.script("return drawn_texts.slice(-40)")
+    width = page.script("return document.documentElement.clientWidth")
+    assert width == 390, width
+    assert all(left >= -0.5 and right <= width + 0.5 for _, left, right in texts), texts
+    lines = {line for line, _, _ in texts if "·" in line}
+    assert len(lines) >= 2 and drawn[0] in lines, lines
+    station.say("tracking lost")
+    page.wait("the banner", lambda: visible(page, "#banner"))
+    station.say("notice a text of the station that is longer than the screen of a phone is wide, and must not leave it")
+    page.wait("the notice", lambda: visible(page, "#notice"))
+    page.press("v")
+    page.wait("the 3-D view", lambda: visible(page, "#scene"))
+    scroll, width, outside = page.script(OUTSIDE)
+    assert scroll <= width and not outside, (scroll, width, outside)
+    station.say("tracking good")
+    station.say("notice ")
+    page.press("?")
+    page.wait("the help", lambda: visible(page, "#shortcuts"))
+    scroll, width, outside = page.script(OUTSIDE)
+    assert scroll <= width and not outside, (scroll, width, outside)
+    page.press("\ue00c")
+    page.press("v")
+    page.press(" ")
+    page.wait("the loop's bar", lambda: visible(page, "#cine"))
+    scroll, width, outside = page.script(OUTSIDE)
+    assert scroll <= width and not outside, (scroll, width, outside)
+    page.press(" ")
+    page.wait("frames again", lambda: text(page, "#run") == "LIVE")
+    page.size(1600, 950)
+
+
 def states_are_unmistakable(page, station):
+    # Fractions of the picture's middle that a banner may not cover.
+    covered = """
+const [a, b] = ["picture", "banner"].map((id) => document.getElementById(id).getBoundingClientRect());
+return b.bottom > a.top + 0.15 * a.height && b.top < a.bottom - 0.15 * a.height;"""
     for state, title in [("stuck", "STUCK"), ("stale", "STALE"), ("lost", "TRACKING LOST")]:
         station.say(f"tracking {state}")
         page.wait(title, lambda title=title: visible(page, "#banner") and title in text(page, "#banner"))
+        assert not page.script(covered), state
+        page.wait("its announcement", lambda title=title: title.lower() in text(page, "#announcer"))
     station.say("tracking good")
     page.wait("no banner", lambda: not visible(page, "#banner"))
     station.say("source held")
@@ -347,11 +540,16 @@ def comes_back_after_a_restart(page, station, program):
     station.end()
     page.wait("the banner", lambda: visible(page, "#banner") and "NO CONNECTION" in text(page, "#banner"))
     assert text(page, "#run") == "OFFLINE"
+    lit = "return [...document.querySelectorAll('.badge')].filter((b) => b.checkVisibility() && b.className !== 'badge').map((b) => b.id)"
+    assert page.script(lit) == ["run"], page.script(lit)
+    assert text(page, "#tracking") == "–" and text(page, "#source") == "–"
+    page.wait("no figures", lambda: text(page, "#rate") == "–" and text(page, "#latency") == "–")
     old = page.script(LOOK)["hash"]
     station = Station(program, port)
     page.wait("frames of the new server", lambda: text(page, "#run") == "LIVE" and page.script(LOOK)["hash"] != old, 40)
     page.wait("the overlay, asked for again", lambda: page.script(LOOK)["coloured"] > 10_000)
     page.wait("no banner", lambda: not visible(page, "#banner"))
+    assert text(page, "#tracking") == "TRACKING"
     return station
 
 
@@ -378,6 +576,10 @@ def main():
             ("looks are chosen", lambda: looks_are_chosen(page)),
             ("overlays show tissues", lambda: overlays_show_tissues(page)),
             ("the scene is shown beside the picture", lambda: the_scene_is_shown_beside_the_picture(page)),
+            ("screen readers are told", lambda: screen_readers_are_told(page)),
+            ("keys act on what has the focus", lambda: keys_act_on_what_has_the_focus(page)),
+            ("other keyboards work", lambda: other_keyboards_work(page)),
+            ("a phone shows all of it", lambda: a_phone_shows_all_of_it(page, station)),
             ("states are unmistakable", lambda: states_are_unmistakable(page, station)),
             ("the picture is saved", lambda: pages_are_saved(page, pathlib.Path(downloads.name))),
         ]

@@ -94,6 +94,15 @@ class Browser:
         steps = [move(x, y), {"type": "pointerDown", "button": 0}, move(x + dx, y + dy), {"type": "pointerUp", "button": 0}]
         self.post("/actions", {"actions": [{"type": "pointer", "id": "mouse", "parameters": {"pointerType": "mouse"}, "actions": steps}]})
 
+    def computed(self, selector, what):
+        """The role or label that the browser gives an element for assistive technology."""
+        return self.call("GET", f"{self.session}/element/{self.element(selector)}/computed{what}")
+
+    def size(self, width, height):
+        """Sets the size of the page itself; windows may have a least one."""
+        metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        self.post("/goog/cdp/execute", {"cmd": "Emulation.setDeviceMetricsOverride", "params": metrics})
+
     def press(self, key):
         steps = [{"type": "keyDown", "value": key}, {"type": "keyUp", "value": key}]
         self.post("/actions", {"actions": [{"type": "key", "id": "keyboard", "actions": steps}]})

@@ -1,6 +1,6 @@
 //! Pictures of a scene with the probe and its fan in it, made on the CPU: no driver is needed.
 //!
-//! Surfaces are shaded in the colours of their tissues. Larger surfaces are more transparent, so that inner ones show.
+//! Surfaces are shaded in the colours of their tissues. What encloses others is transparent or hidden, by layers.
 //! A cut removes everything in front of a plane and shows the tissues in the plane. The projection is parallel: one
 //! scale holds everywhere.
 
@@ -20,13 +20,13 @@ pub(super) use fan::border_mm;
 pub use fan::{BmodeImage, Fan};
 pub use paint::{PIXELS_MAX, PictureSettings, SceneView};
 pub use panel::Picture;
-pub use selection::Selection;
+pub use selection::{Opacity, Selection};
 
 /// Errors of scene pictures.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum ViewError {
-    /// No surface and no tissue of the scene has this name.
-    #[error("no surface or tissue of the scene is called `{name}`{suggestion}")]
+    /// No surface, tissue or layer of the scene has this name.
+    #[error("no surface, tissue or layer of the scene is called `{name}`{suggestion}")]
     UnknownName {
         /// Name asked for.
         name: String,
@@ -36,6 +36,12 @@ pub enum ViewError {
     /// Everything is hidden.
     #[error("nothing is left to show: every surface is hidden")]
     NothingLeft,
+    /// Not an opacity.
+    #[error("`{text}` is no opacity; it is NAME=PERCENT with 0..=100, for example fat=30")]
+    Opacity {
+        /// Text found.
+        text: String,
+    },
     /// Not a direction.
     #[error("`{text}` is no direction; it is one of {}{suggestion}", Direction::names().join(", "))]
     Direction {

@@ -9,7 +9,6 @@ use super::panel::{Panel, Picture};
 use super::shading::{Appearance, BEAD, GROUND, HOUSING, Plane, Sample, Scenery, colour_of};
 use super::{Cut, Direction, Fan, Orbit, Selection, ViewError, annotate};
 use crate::anatomy::{Axes, Mesh, Scene};
-use crate::sink::colour::opacities;
 use crate::transducer::housing;
 
 /// Most pixels of a picture: each takes some 70 bytes while it is painted.
@@ -46,9 +45,10 @@ impl SceneView {
     pub fn new(scene: &Scene, selection: &Selection, fan: Option<Fan>, axes: Axes) -> Self {
         let shown: Vec<usize> = (0..scene.surfaces.len()).filter(|&i| selection.shown.get(i) == Some(&true)).collect();
         let meshes: Vec<&Mesh> = shown.iter().filter_map(|&i| scene.surfaces.get(i)).map(|s| &s.mesh).collect();
+        let opacities = selection.opacities(scene, &shown);
         let mut appearances = Vec::new();
         let mut corners_mm = Vec::new();
-        for (&index, opacity) in shown.iter().zip(opacities(&meshes)) {
+        for (&index, opacity) in shown.iter().zip(opacities) {
             let Some(surface) = scene.surfaces.get(index) else { continue };
             let name = scene.tissues.names().get(surface.tissue).map_or("", String::as_str);
             appearances.push(Appearance { colour: colour_of(name), opacity, tissue: Some(surface.tissue) });

@@ -22,6 +22,7 @@ const BEFORE_MM: f32 = 0.02;
 /// Appearance of a surface.
 pub(super) struct Appearance {
     pub(super) colour: Vec3,
+    /// Opacity, 0..=1; 0 hides the surface except in sections.
     pub(super) opacity: f32,
     /// Its tissue; none for the probe.
     pub(super) tissue: Option<usize>,
@@ -116,6 +117,10 @@ impl Scenery {
                 }
             } else if let Some(hit) = next.next() {
                 let Some(appearance) = self.appearances.get(hit.surface as usize) else { continue };
+                // A hidden layer shows in sections only.
+                if appearance.opacity <= 0.0 {
+                    continue;
+                }
                 let facing = hit.cosine.abs().min(1.0);
                 let opacity = appearance.opacity + (1.0 - appearance.opacity) * 0.6 * (1.0 - facing).powi(3);
                 if !add(shade(appearance.colour, hit, camera), opacity, appearance.tissue, 1000 + hit.surface) {

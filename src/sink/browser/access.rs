@@ -1,50 +1,76 @@
 //! Access control of the page by token, `Host` and `Origin`.
 //!
-//! A foreign page in the same browser reaches the port, too. Its requests carry its own `Origin`, or, after it has made its
-//! name point here (DNS rebinding), its own name as `Host`; both are refused. Numeric addresses can't be rebound.
+//! A foreign page in the same browser reaches the port, too. It is told apart by two headers, which browsers set and pages
+//! can't change.
+//!
+//! - `Host` is the name in the page's address. DNS rebinding makes a foreign name point here, and that name is refused.
+//!   Accepted are numeric addresses, `localhost`, `browser.host_name`, and the hosts in `browser.origins`. A numeric address
+//!   can't be rebound, and browsers resolve `localhost` themselves. A server on loopback accepts loopback addresses only.
+//!   The port is free: behind `ssh -L` or a container's mapping the browser knows another port than the server. A foreign
+//!   page gains nothing by it, because its own address would have to lead here.
+//! - `Origin` is the address of the page that makes the request. Accepted are `http://` with exactly the request's `Host`,
+//!   port included, and the entries of `browser.origins`. Another server on this computer, at another port of `localhost`,
+//!   is a foreign page. Behind an HTTPS proxy the scheme differs, so its origin must be listed.
 
 use std::net::{IpAddr, SocketAddr};
 
 use axum::http::HeaderMap;
 use axum::http::header::{COOKIE, HOST, ORIGIN};
-use axum::http::uri::Authority;
 use base64::Engine as _;
 use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 use sha2::{Digest, Sha256};
 
 use super::Settings;
+use crate::settings::Origin;
+
+/// Header in which proxies say the scheme of the browser's request.
+const FORWARDED_PROTO: &str = "x-forwarded-proto";
 
 /// Values that requests are checked against.
 #[derive(Debug)]
 pub(super) struct Access {
     local: SocketAddr,
     host_name: Option<String>,
+    origins: Vec<Origin>,
     token: Option<String>,
 }
 
 impl Access {
-    /// Rules for a server that listens at `local`.
+    /// Rules for a server that listens at `local`. Without a configured token, a random one is demanded if the page can be
+    /// reached beyond loopback: by the address of the server, or by one of the origins.
     ///
     /// # Errors
     /// The operating system gives no random bytes.
     pub(super) fn new(settings: &Settings, local: SocketAddr) -> Result<Self, getrandom::Error> {
+        let origins = settings.origins.clone();
+        let is_private = local.ip().is_loopback() && origins.iter().all(|origin| is_loopback(origin.host()));
         let token = match &settings.token {
             Some(token) => Some(token.clone()),
-            None if local.ip().is_loopback() => None,
+            None if is_private => None,
             None => Some(random_token()?),
         };
-        Ok(Self { local, host_name: settings.host_name.as_ref().map(|name| name.to_ascii_lowercase()), token })
+        let host_name = settings.host_name.as_ref().map(|name| name.to_ascii_lowercase());
+        Ok(Self { local, host_name, origins, token })
     }
 
-    /// The address to open, with the token.
+    /// Address to open, with the token.
     pub(super) fn url(&self) -> String {
         let host = match &self.host_name {
             Some(name) => format!("{name}:{}", self.local.port()),
             None => SocketAddr::new(reachable(self.local.ip()), self.local.port()).to_string(),
         };
+        self.with_token(&format!("http://{host}"))
+    }
+
+    /// Addresses to open at the configured origins, with the token.
+    pub(super) fn origin_urls(&self) -> Vec<String> {
+        self.origins.iter().map(|origin| self.with_token(&origin.to_string())).collect()
+    }
+
+    fn with_token(&self, origin: &str) -> String {
         match &self.token {
-            Some(token) => format!("http://{host}/?token={token}"),
-            None => format!("http://{host}/"),
+            Some(token) => format!("{origin}/?token={token}"),
+            None => format!("{origin}/"),
         }
     }
 
@@ -55,23 +81,48 @@ impl Access {
 
     /// Whether the request's `Host` is a name or address of this server.
     pub(super) fn accepts_host(&self, headers: &HeaderMap) -> bool {
-        let Some(authority) = host(headers) else { return false };
-        if authority.port_u16().unwrap_or(80) != self.local.port() || authority.as_str().contains('@') {
-            return false;
+        // The scheme is unknown. Without a port, the default of either may be meant.
+        [false, true]
+            .into_iter()
+            .any(|is_https| host(headers, is_https).is_some_and(|host| self.is_own(&host) || self.is_listed(&host)))
+    }
+
+    /// Whether the request comes from a page of this server, or from no page at all. Its `Host` is accepted already.
+    pub(super) fn accepts_origin(&self, headers: &HeaderMap) -> bool {
+        if !headers.contains_key(ORIGIN) {
+            return true;
         }
-        let name = authority.host().to_ascii_lowercase();
-        let digits = name.trim_start_matches('[').trim_end_matches(']');
-        match digits.parse::<IpAddr>() {
-            Ok(ip) => ip.is_loopback() || !self.local.ip().is_loopback(),
-            Err(_) => name == "localhost" || self.host_name.as_deref() == Some(&name),
+        let Some(origin) = origin(headers) else { return false };
+        let is_same = host(headers, false).is_some_and(|host| host == origin && self.is_own(&host));
+        is_same || self.is_listed(&origin)
+    }
+
+    /// Whether an origin's host is a name or address of this server itself.
+    fn is_own(&self, origin: &Origin) -> bool {
+        let name = origin.host();
+        match address(name) {
+            Some(ip) => ip.is_loopback() || !self.local.ip().is_loopback(),
+            None => name == "localhost" || self.host_name.as_deref() == Some(name),
         }
     }
 
-    /// Whether the request comes from a page of this server, or from no page at all.
-    pub(super) fn accepts_origin(&self, headers: &HeaderMap) -> bool {
-        let Some(origin) = headers.get(ORIGIN) else { return true };
-        let Some(authority) = host(headers) else { return false };
-        origin.to_str().ok().and_then(|o| o.strip_prefix("http://")) == Some(authority.as_str())
+    fn is_listed(&self, origin: &Origin) -> bool {
+        self.origins.contains(origin)
+    }
+
+    /// Entry of `browser.origins` that would admit a request with this `Host`; `None` for an invalid one. The scheme is a
+    /// guess where no header tells it.
+    pub(super) fn origin_of_host(&self, headers: &HeaderMap) -> Option<Origin> {
+        let forwarded =
+            headers.get(FORWARDED_PROTO).is_some_and(|proto| proto.as_bytes().eq_ignore_ascii_case(b"https"));
+        let secure = host(headers, true);
+        let is_https = forwarded || secure.as_ref().is_some_and(|host| origin(headers).as_ref() == Some(host));
+        if is_https { secure } else { host(headers, false) }
+    }
+
+    /// Entry of `browser.origins` that would admit the request's page; `None` for an invalid one.
+    pub(super) fn origin_of_page(&self, headers: &HeaderMap) -> Option<Origin> {
+        origin(headers)
     }
 
     /// Whether `given` is the token; the comparison takes constant time.
@@ -83,31 +134,50 @@ impl Access {
 
     /// Whether the request carries the token in this server's cookie.
     pub(super) fn accepts_cookie(&self, headers: &HeaderMap) -> bool {
-        let name = self.cookie_name();
+        let name = cookie_name(headers);
         let cookies = headers.get_all(COOKIE).iter().filter_map(|value| value.to_str().ok());
         let mut pairs = cookies.flat_map(|value| value.split(';')).filter_map(|pair| pair.trim().split_once('='));
         pairs.any(|(key, value)| key == name && self.accepts_token(value))
     }
 
-    /// `Set-Cookie` value that stores the token for later requests.
-    pub(super) fn cookie(&self) -> Option<String> {
+    /// `Set-Cookie` value that stores the token for later requests to the same `Host`.
+    pub(super) fn cookie(&self, headers: &HeaderMap) -> Option<String> {
         let token = self.token.as_ref()?;
-        Some(format!("{}={token}; Path=/; HttpOnly; SameSite=Strict", self.cookie_name()))
-    }
-
-    /// Name of the cookie, with the port: browsers share cookies between the ports of a host.
-    fn cookie_name(&self) -> String {
-        format!("insonify_{}", self.local.port())
+        let is_https = host(headers, true).is_some_and(|host| self.is_listed(&host));
+        let secure = if is_https { "; Secure" } else { "" };
+        Some(format!("{}={token}; Path=/; HttpOnly; SameSite=Strict{secure}", cookie_name(headers)))
     }
 }
 
-fn host(headers: &HeaderMap) -> Option<Authority> {
+/// Name of the cookie, with the port of the page's address: browsers share cookies between the ports of a host, and several
+/// stations may be forwarded to ports of one computer.
+fn cookie_name(headers: &HeaderMap) -> String {
+    format!("insonify_{}", host(headers, false).map_or(80, |host| host.port()))
+}
+
+/// The request's `Host` as an origin; `None` if it is missing, repeated or invalid.
+fn host(headers: &HeaderMap, is_https: bool) -> Option<Origin> {
     let mut hosts = headers.get_all(HOST).iter();
     let first = hosts.next()?;
     if hosts.next().is_some() {
         return None;
     }
-    first.to_str().ok()?.parse().ok()
+    Origin::new(is_https, first.to_str().ok()?)
+}
+
+/// The request's `Origin`; `None` if it is missing, `null` or invalid.
+fn origin(headers: &HeaderMap) -> Option<Origin> {
+    headers.get(ORIGIN)?.to_str().ok()?.parse().ok()
+}
+
+/// The address that a host's name is.
+fn address(host: &str) -> Option<IpAddr> {
+    host.trim_start_matches('[').trim_end_matches(']').parse().ok()
+}
+
+/// Whether a host is this computer itself.
+fn is_loopback(host: &str) -> bool {
+    host == "localhost" || address(host).is_some_and(|ip| ip.is_loopback())
 }
 
 fn random_token() -> Result<String, getrandom::Error> {
@@ -149,10 +219,14 @@ mod tests {
         for host in ["127.0.0.1:8790", "localhost:8790", "LOCALHOST:8790", "[::1]:8790"] {
             assert!(access.accepts_host(&headers(&[("host", host)])), "{host}");
         }
+        // A forwarded port differs from the server's.
+        for host in ["127.0.0.1", "127.0.0.1:80", "localhost:9000", "[::1]:9000"] {
+            assert!(access.accepts_host(&headers(&[("host", host)])), "{host}");
+        }
         let wrong =
-            ["evil.example:8790", "127.0.0.1", "127.0.0.1:80", "192.168.0.7:8790", "localhost.evil.example:8790"];
-        for host in wrong.into_iter().chain(["", "a@127.0.0.1:8790", "127.0.0.1.evil.example:8790", "localhost.:8790"])
-        {
+            ["evil.example:8790", "192.168.0.7:8790", "0.0.0.0:8790", "localhost.evil.example:8790", "", "null"];
+        let odd = ["a@127.0.0.1:8790", "127.0.0.1.evil.example:8790", "localhost.:8790", "127.0.0.1:8790/", "::1:8790"];
+        for host in wrong.into_iter().chain(odd) {
             assert!(!access.accepts_host(&headers(&[("host", host)])), "{host}");
         }
         assert!(!access.accepts_host(&headers(&[])));
@@ -167,7 +241,12 @@ mod tests {
         for host in ["192.168.0.7", "192.168.0.7:80", "station.LOCAL", "localhost", "[fe80::1]:80"] {
             assert!(access.accepts_host(&headers(&[("host", host)])), "{host}");
         }
-        assert!(!access.accepts_host(&headers(&[("host", "evil.example")])));
+        for host in ["192.168.0.7:9000", "station.local:9000"] {
+            assert!(access.accepts_host(&headers(&[("host", host)])), "{host}");
+        }
+        for host in ["evil.example", "station.local.evil.example", "other.local:80"] {
+            assert!(!access.accepts_host(&headers(&[("host", host)])), "{host}");
+        }
         assert!(access.demands_token());
     }
 
@@ -185,6 +264,72 @@ mod tests {
     }
 
     #[test]
+    fn a_page_behind_a_forwarded_port_is_its_own_and_its_neighbours_are_foreign() {
+        let access = access("127.0.0.1:8790", Settings::default());
+        let accepts = |host, origin| {
+            let headers = headers(&[("host", host), ("origin", origin)]);
+            access.accepts_host(&headers) && access.accepts_origin(&headers)
+        };
+        assert!(accepts("localhost:9000", "http://localhost:9000"));
+        assert!(accepts("127.0.0.1:9000", "http://127.0.0.1:9000"));
+        assert!(accepts("[::1]:9000", "http://[::1]:9000"));
+        for (host, origin) in [
+            ("localhost:9000", "http://localhost:3000"),
+            ("localhost:9000", "http://127.0.0.1:9000"),
+            ("localhost:9000", "https://localhost:9000"),
+            ("localhost:9000", "http://evil.example:9000"),
+            ("localhost:9000", "null"),
+            ("evil.example:9000", "http://evil.example:9000"),
+            ("127.0.0.1:8790", "http://localhost:9000"),
+        ] {
+            assert!(!accepts(host, origin), "{host} {origin}");
+        }
+    }
+
+    #[test]
+    fn listed_origins_are_accepted_exactly() {
+        let origins = ["https://station.local:9000", "https://proxy.local"].map(|origin| origin.parse().unwrap());
+        let access = access("127.0.0.1:8790", Settings { origins: origins.into(), ..Settings::default() });
+        let accepts = |host, origin| {
+            let headers = headers(&[("host", host), ("origin", origin)]);
+            access.accepts_host(&headers) && access.accepts_origin(&headers)
+        };
+        assert!(accepts("station.local:9000", "https://station.local:9000"));
+        assert!(accepts("STATION.local:9000", "https://station.local:9000"));
+        assert!(accepts("proxy.local", "https://proxy.local"));
+        // A proxy may send its own name for this server.
+        assert!(accepts("127.0.0.1:8790", "https://station.local:9000"));
+        for (host, origin) in [
+            ("station.local:9000", "http://station.local:9000"),
+            ("station.local:9001", "https://station.local:9001"),
+            ("proxy.local", "http://proxy.local"),
+            ("proxy.local:80", "https://proxy.local"),
+            ("evil.example", "https://station.local:9000"),
+            ("127.0.0.1:8790", "https://station.local"),
+        ] {
+            assert!(!accepts(host, origin), "{host} {origin}");
+        }
+        assert!(access.demands_token(), "the page can be reached beyond loopback");
+        let urls = access.origin_urls();
+        assert!(urls[0].starts_with("https://station.local:9000/?token="), "{urls:?}");
+        let cookie = |host| access.cookie(&headers(&[("host", host)])).unwrap();
+        assert!(cookie("proxy.local").ends_with("; Secure") && !cookie("127.0.0.1:8790").contains("Secure"));
+        let loopback = ["http://localhost:9000".parse().unwrap()];
+        let settings = Settings { origins: loopback.into(), ..Settings::default() };
+        let with_loopback = Access::new(&settings, "127.0.0.1:8790".parse().unwrap()).unwrap();
+        assert!(!with_loopback.demands_token());
+    }
+
+    #[test]
+    fn stations_behind_ports_of_one_computer_keep_their_own_cookies() {
+        let access = access("192.168.0.7:8790", Settings::default());
+        let at = |port: &str| headers(&[("host", &format!("localhost:{port}"))]);
+        let cookie = access.cookie(&at("9000")).unwrap();
+        assert!(cookie.starts_with("insonify_9000="), "{cookie}");
+        assert_ne!(access.cookie(&at("9001")).unwrap(), cookie);
+    }
+
+    #[test]
     fn tokens_are_random_and_checked_whole() {
         let [one, other] = [0, 1].map(|_| access("192.168.0.7:8790", Settings::default()));
         let token = one.token.clone().unwrap();
@@ -195,11 +340,12 @@ mod tests {
             assert!(!one.accepts_token(wrong), "{wrong}");
         }
         assert!(one.url().ends_with(&format!("/?token={token}")));
-        let cookie = one.cookie().unwrap();
+        let at_one = [("host", "192.168.0.7:8790")];
+        let cookie = one.cookie(&headers(&at_one)).unwrap();
         assert!(cookie.contains("HttpOnly") && cookie.contains("SameSite=Strict"));
         let pair = cookie.split(';').next().unwrap();
-        assert!(one.accepts_cookie(&headers(&[("cookie", &format!("other=1; {pair}"))])));
-        assert!(!one.accepts_cookie(&headers(&[("cookie", "insonify_8790=")])));
-        assert!(!other.accepts_cookie(&headers(&[("cookie", pair)])));
+        assert!(one.accepts_cookie(&headers(&[at_one[0], ("cookie", &format!("other=1; {pair}"))])));
+        assert!(!one.accepts_cookie(&headers(&[at_one[0], ("cookie", "insonify_8790=")])));
+        assert!(!other.accepts_cookie(&headers(&[at_one[0], ("cookie", pair)])));
     }
 }

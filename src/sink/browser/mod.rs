@@ -18,6 +18,8 @@ mod connections;
 #[cfg(feature = "browser")]
 mod messages;
 #[cfg(feature = "browser")]
+mod refusal;
+#[cfg(feature = "browser")]
 mod server;
 #[cfg(feature = "browser")]
 mod shared;

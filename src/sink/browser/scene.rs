@@ -1,8 +1,9 @@
 //! The scene's surfaces for the page's 3-D view, as one answer over HTTP at `/scene`.
 //!
-//! Little-endian: `INSV`, u32 version 1, u32 length of the JSON that follows (padded with spaces to a multiple of 4),
+//! Little-endian: `INSV`, u32 version 2, u32 length of the JSON that follows (padded with spaces to a multiple of 4),
 //! then, for each of the JSON's `surfaces`, its vertices (f32 × 3, mm) and its triangles (u32 × 3). The last two
-//! surfaces are the probe's housing and the bead on the image's left, in the probe frame.
+//! surfaces are the probe's housing and the bead on the image's left, in the probe frame. Each other surface belongs to one of
+//! the JSON's `layers`.
 
 use std::sync::Arc;
 
@@ -11,12 +12,13 @@ use serde::Serialize;
 use crate::anatomy::{Axes, Mesh, Scene, decimate};
 use crate::pose::Pose;
 use crate::sink::colour::{self, Rgb};
+use crate::sink::layers::{Layer, Layers};
 use crate::transducer::{Probe, housing};
 
 /// Most triangles of a packet; larger scenes are decimated.
 pub(crate) const TRIANGLES_MAX: usize = 150_000;
 
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Surfaces and probe, encoded once.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -28,6 +30,7 @@ struct Header<'a> {
     probe: ProbeEntry,
     /// Triangles before decimation.
     triangles_of_scene: usize,
+    layers: Vec<Layer>,
     surfaces: Vec<Entry<'a>>,
 }
 
@@ -44,7 +47,10 @@ struct Entry<'a> {
     name: &'a str,
     tissue: &'a str,
     colour: Rgb,
-    opacity: f32,
+    /// Index of the layer; null for the probe.
+    layer: Option<usize>,
+    /// Opacity relative to the layer's; of the probe, itself.
+    part: f32,
     vertices: usize,
     triangles: usize,
 }
@@ -55,15 +61,19 @@ impl ScenePacket {
         let meshes: Vec<&Mesh> = scene.surfaces.iter().map(|s| &s.mesh).collect();
         let (fewer, _) = decimate::cluster_to(&meshes, TRIANGLES_MAX);
         let housing = housing(probe, &Pose::IDENTITY);
+        let whole: Vec<_> = scene.surfaces.iter().zip(meshes.iter().copied()).collect();
+        let layers = Layers::of(scene, &whole);
         let mut surfaces = Vec::new();
-        for ((surface, mesh), opacity) in scene.surfaces.iter().zip(&fewer).zip(colour::opacities(&meshes)) {
+        for ((surface, mesh), member) in scene.surfaces.iter().zip(&fewer).zip(&layers.members) {
             let tissue = scene.tissues.names().get(surface.tissue).map_or("", String::as_str);
             let (name, colour) = (surface.name.as_str(), colour::tissue(tissue));
-            surfaces.push((Entry { name, tissue, colour, opacity, vertices: 0, triangles: 0 }, mesh));
+            let (layer, part) = (Some(member.layer), member.part);
+            surfaces.push((Entry { name, tissue, colour, layer, part, vertices: 0, triangles: 0 }, mesh));
         }
         let parts = [("probe", [158, 168, 184]), ("bead", [255, 158, 26])];
         for ((name, colour), mesh) in parts.into_iter().zip(&housing) {
-            surfaces.push((Entry { name, tissue: "", colour, opacity: 1.0, vertices: 0, triangles: 0 }, mesh));
+            surfaces
+                .push((Entry { name, tissue: "", colour, layer: None, part: 1.0, vertices: 0, triangles: 0 }, mesh));
         }
         let mut body = Vec::new();
         let mut entries = Vec::new();
@@ -77,6 +87,7 @@ impl ScenePacket {
             axes: axes.name(),
             probe: ProbeEntry { face_radius_mm: probe.face_radius_mm(), half_extent: probe.half_extent() },
             triangles_of_scene: scene.triangle_count(),
+            layers: layers.layers,
             surfaces: entries,
         };
         // Numbers and strings always serialise; an empty header is refused by the page.
@@ -113,11 +124,13 @@ mod tests {
         let scene = analytic::scene(analytic::cyst(), &table, "liver").unwrap();
         let packet = ScenePacket::new(&scene, &Probe::default(), Axes::Depth);
         let bytes = packet.bytes();
-        assert_eq!(&bytes[..8], b"INSV\x01\0\0\0");
+        assert_eq!(&bytes[..8], b"INSV\x02\0\0\0");
         let length = u32::from_le_bytes(bytes[8..12].try_into().unwrap()) as usize;
         let header: serde_json::Value = serde_json::from_slice(&bytes[12..12 + length]).unwrap();
         let surfaces = header["surfaces"].as_array().unwrap();
         assert_eq!((surfaces.len(), &surfaces[0]["tissue"]), (3, &"amniotic_fluid".into()));
+        assert_eq!((&header["layers"][0]["name"], &surfaces[0]["layer"]), (&"amniotic_fluid".into(), &0.into()));
+        assert!(surfaces[1]["layer"].is_null());
         let size = |s: &serde_json::Value| 12 * (s["vertices"].as_u64().unwrap() + s["triangles"].as_u64().unwrap());
         assert_eq!(bytes.len() as u64, 12 + length as u64 + surfaces.iter().map(size).sum::<u64>());
     }

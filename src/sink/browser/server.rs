@@ -3,6 +3,7 @@
 use std::io;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use axum::Router;
@@ -22,6 +23,7 @@ use hyper_util::service::TowerToHyperService;
 use super::access::Access;
 use super::assets::{ASSETS, Asset};
 use super::client;
+use super::refusal;
 use super::shared::Shared;
 
 /// Largest message accepted from a page, bytes; real ones are far smaller.
@@ -87,7 +89,7 @@ pub(super) async fn serve(listener: TcpListener, shared: Arc<Shared>) -> io::Res
 }
 
 fn router(shared: &Arc<Shared>) -> Router {
-    let mut router = Router::new().route("/stream", get(stream)).route("/scene", get(scene));
+    let mut router = Router::new().route("/stream", get(stream).post(why)).route("/scene", get(scene));
     for asset in ASSETS {
         router = router.route(asset.path, get(async || file(asset)));
     }
@@ -101,7 +103,7 @@ fn file(asset: &'static Asset) -> Response {
 /// The surfaces of the 3-D view, for the station's own page only.
 async fn scene(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
     if !shared.access.accepts_origin(&headers) {
-        return (StatusCode::FORBIDDEN, "only the station's own page may read the scene\n").into_response();
+        return (StatusCode::FORBIDDEN, refusal::of_page(&shared.access, &headers)).into_response();
     }
     match &shared.surfaces {
         Some(packet) => ([(CONTENT_TYPE, "application/octet-stream")], packet.shared()).into_response(),
@@ -134,9 +136,7 @@ async fn guard(State(shared): State<Arc<Shared>>, request: Request, next: Next) 
 fn instead(access: &Access, request: &Request) -> Option<Response> {
     let headers = request.headers();
     if !access.accepts_host(headers) {
-        let text =
-            "this station is not known by that name: open the address that it prints, or set browser.host_name\n";
-        return Some((StatusCode::MISDIRECTED_REQUEST, text).into_response());
+        return Some((StatusCode::MISDIRECTED_REQUEST, refusal::of_host(access, headers)).into_response());
     }
     if !access.demands_token() || access.accepts_cookie(headers) {
         return None;
@@ -144,16 +144,24 @@ fn instead(access: &Access, request: &Request) -> Option<Response> {
     let query = request.uri().query().unwrap_or("");
     let given = query.split('&').find_map(|pair| pair.strip_prefix("token="));
     if !given.is_some_and(|token| access.accepts_token(token)) {
-        let text = "this station demands a token: open the address that it prints when it starts\n";
-        return Some((StatusCode::UNAUTHORIZED, text).into_response());
+        return Some((StatusCode::UNAUTHORIZED, refusal::TOKEN).into_response());
     }
     if request.uri().path() != "/" {
         return None;
     }
     // Redirects, to remove the token from address bar and history.
-    let cookie = access.cookie().and_then(|cookie| HeaderValue::from_str(&cookie).ok())?;
+    let cookie = access.cookie(headers).and_then(|cookie| HeaderValue::from_str(&cookie).ok())?;
     let headers = [(SET_COOKIE, cookie), (LOCATION, HeaderValue::from_static("/"))];
     Some((StatusCode::SEE_OTHER, headers).into_response())
+}
+
+/// Why the stream is refused to a page, for the page itself: a browser hides the answer to a WebSocket. Posted, so that the
+/// request carries its `Origin`.
+async fn why(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
+    if shared.access.accepts_origin(&headers) {
+        return StatusCode::NO_CONTENT.into_response();
+    }
+    (StatusCode::FORBIDDEN, refusal::of_page(&shared.access, &headers)).into_response()
 }
 
 async fn stream(
@@ -163,8 +171,13 @@ async fn stream(
     upgrade: WebSocketUpgrade,
 ) -> Response {
     if !shared.access.accepts_origin(&headers) {
-        tracing::warn!("a page of {:?} tried to read the stream", headers.get("origin"));
-        return (StatusCode::FORBIDDEN, "only the station's own page may read the stream\n").into_response();
+        let reason = refusal::of_page(&shared.access, &headers);
+        // A page tries again every two seconds.
+        if !shared.has_warned_of_page.swap(true, Ordering::Relaxed) {
+            let line = reason.split_whitespace().collect::<Vec<_>>().join(" ");
+            tracing::warn!("{address} is refused the page's stream: {line}");
+        }
+        return (StatusCode::FORBIDDEN, reason).into_response();
     }
     let upgrade = upgrade.max_message_size(MESSAGE_BYTES_MAX).max_frame_size(MESSAGE_BYTES_MAX);
     match shared.enter(address) {

@@ -97,6 +97,8 @@ pub(super) struct Shared {
     /// Number of the next page.
     pub(super) next_client: AtomicU64,
     pub(super) client_left: Notify,
+    /// Whether the terminal has told that a page was refused.
+    pub(super) has_warned_of_page: AtomicBool,
 }
 
 impl Shared {
@@ -122,6 +124,7 @@ impl Shared {
             clients_max,
             next_client: AtomicU64::new(1),
             client_left: Notify::new(),
+            has_warned_of_page: AtomicBool::default(),
         }
     }
 

@@ -88,6 +88,11 @@ impl BrowserSink {
         &self.url
     }
 
+    /// The addresses to open at the configured origins, with the token where one is demanded.
+    pub fn origin_addresses(&self) -> Vec<String> {
+        self.shared.access.origin_urls()
+    }
+
     /// Address that it listens at.
     pub fn local_address(&self) -> SocketAddr {
         self.local

@@ -1,0 +1,61 @@
+// Access for keyboards and screen readers: focus, spoken values, the one live region.
+
+/** Units as words: one, several. */
+const UNITS = {
+  dB: ["decibel", "decibels"],
+  "dB/cm": ["decibel per centimetre", "decibels per centimetre"],
+  mm: ["millimetre", "millimetres"],
+  cm: ["centimetre", "centimetres"],
+  MHz: ["megahertz", "megahertz"],
+  s: ["second", "seconds"],
+  deg: ["degree", "degrees"],
+  "%": ["percent", "percent"],
+};
+/** Least time between two announcements, ms: a reader finishes one first. */
+const PAUSE_MS = 1200;
+/** Most messages in an announcement; older ones are dropped. */
+const MESSAGES_MAX = 3;
+
+/** A number with its unit, as it is spoken. */
+export function spoken(number, unit) {
+  const [one, several] = UNITS[unit] ?? [unit, unit];
+  const text = String(number).replace("−", "-");
+  const words = text.startsWith("-") ? `minus ${text.slice(1)}` : text;
+  return `${words} ${Number(text) === 1 ? one : several}`.trim();
+}
+
+/**
+ * Gives the keys back to the page after a pointer has used a control. Who came by the keyboard stays there: browsers show
+ * the focus to them alone.
+ */
+export function letGo(element) {
+  if (!element.matches(":focus-visible")) element.blur();
+}
+
+/** Lets go of a slider after a pointer has used it, moved or not. */
+export function letGoAfterPointer(slider) {
+  for (const type of ["change", "click"]) slider.addEventListener(type, () => letGo(slider));
+}
+
+/** The page's live region. */
+export class Announcer {
+  constructor(element) {
+    this.element = element;
+    this.waiting = [];
+    this.timer = 0;
+  }
+
+  say(text) {
+    if (!text || this.waiting.at(-1) === text) return;
+    this.waiting = [...this.waiting, text].slice(-MESSAGES_MAX);
+    if (!this.timer) this.next();
+  }
+
+  next() {
+    this.timer = 0;
+    if (this.waiting.length === 0) return;
+    this.element.textContent = this.waiting.join(". ");
+    this.waiting = [];
+    this.timer = setTimeout(() => this.next(), PAUSE_MS);
+  }
+}

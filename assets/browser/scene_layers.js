@@ -1,0 +1,85 @@
+// Layers and tissues of the 3-D view: which surfaces are shown, and how opaque.
+
+import { letGo, letGoAfterPointer } from "./accessibility.js";
+import { show } from "./controls.js";
+
+const byId = (id) => document.getElementById(id);
+const named = (name) => name.replaceAll("_", " ");
+
+/** A check box with a text, and a swatch if there is a colour. */
+function switchOf(text, isChecked, colour, changed) {
+  const label = document.createElement("label");
+  const box = Object.assign(document.createElement("input"), { type: "checkbox", checked: isChecked });
+  box.addEventListener("change", () => {
+    letGo(box);
+    changed(box.checked);
+  });
+  label.append(box);
+  if (colour) {
+    const swatch = document.createElement("i");
+    swatch.style.background = `rgb(${colour.join(" ")})`;
+    label.append(swatch);
+  }
+  label.append(text);
+  return { label, box };
+}
+
+export class SceneLayers {
+  /** `changed()` is called after a change of what is shown. */
+  constructor(changed) {
+    this.changed = changed;
+    this.layers = [];
+    this.hidden = new Set();
+  }
+
+  /** Builds the lists for a scene of `layers` and `bodies`, its surfaces without the probe. */
+  load(layers, bodies) {
+    this.layers = layers.map(({ name, opacity, is_shown }) => ({ name, opacity, isShown: is_shown }));
+    this.hidden.clear();
+    byId("scene_layer_list").replaceChildren(...this.layers.map((layer) => this.layerRow(layer)));
+    const tissues = [...new Set(bodies.map(({ tissue }) => tissue))].sort();
+    byId("scene_tissues").replaceChildren(...tissues.map((tissue) => {
+      const { colour } = bodies.find((surface) => surface.tissue === tissue);
+      const { label, box } = switchOf(named(tissue), true, colour, (isShown) => {
+        if (isShown) this.hidden.delete(tissue);
+        else this.hidden.add(tissue);
+        this.changed();
+      });
+      box.dataset.tissue = tissue;
+      return label;
+    }));
+  }
+
+  layerRow(layer) {
+    const row = document.createElement("div");
+    const { label, box } = switchOf(named(layer.name), layer.isShown, null, (isShown) => {
+      layer.isShown = isShown;
+      this.changed();
+    });
+    box.dataset.layer = layer.name;
+    const slider = Object.assign(document.createElement("input"), { type: "range", min: 0, max: 100, step: 1 });
+    slider.value = Math.round(100 * layer.opacity);
+    slider.dataset.unit = "%";
+    slider.dataset.layer = layer.name;
+    slider.setAttribute("aria-label", `Opacity of ${named(layer.name)}`);
+    const value = Object.assign(document.createElement("span"), { className: "value", ariaHidden: "true" });
+    row.append(label, slider, value);
+    slider.addEventListener("input", () => {
+      layer.opacity = Number(slider.value) / 100;
+      layer.isShown = box.checked = true;
+      show(slider, Number(slider.value));
+      this.changed();
+    });
+    letGoAfterPointer(slider);
+    show(slider, Number(slider.value));
+    return row;
+  }
+
+  /** Opacity of a surface, 0..1; 0 for a hidden one. */
+  opacity({ layer, part, tissue }) {
+    const entry = this.layers[layer];
+    // The probe is in no layer.
+    if (!entry) return part;
+    return entry.isShown && !this.hidden.has(tissue) ? entry.opacity * part : 0;
+  }
+}
