@@ -31,6 +31,7 @@ pub(super) const ASSETS: &[Asset] = &[
     asset!("/calipers.js", "calipers.js", SCRIPT),
     asset!("/cine.js", "cine.js", SCRIPT),
     asset!("/clip.js", "clip.js", SCRIPT),
+    asset!("/clip_duration.js", "clip_duration.js", SCRIPT),
     asset!("/connection.js", "connection.js", SCRIPT),
     asset!("/console.js", "console.js", SCRIPT),
     asset!("/controls.js", "controls.js", SCRIPT),
