@@ -344,6 +344,9 @@ impl RenderStage {
 
     /// Waits for the frames in flight and closes the slots of the next stages.
     fn end(mut self) {
+        // Marks that were set since the last tick belong in the recording.
+        let events = &self.parts.events;
+        self.parts.controls.apply_waiting(|_| (), |control| events.marks(control));
         if let Device::Ready(renderer) = &mut self.device {
             for _ in self.in_flight.drain(..) {
                 // Finish frames in flight before dropping the renderer; faults no longer matter.

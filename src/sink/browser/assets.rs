@@ -36,6 +36,8 @@ pub(super) const ASSETS: &[Asset] = &[
     asset!("/console.js", "console.js", SCRIPT),
     asset!("/controls.js", "controls.js", SCRIPT),
     asset!("/keys.js", "keys.js", SCRIPT),
+    asset!("/mark_list.js", "mark_list.js", SCRIPT),
+    asset!("/marking.js", "marking.js", SCRIPT),
     asset!("/marks.js", "marks.js", SCRIPT),
     asset!("/picture.js", "picture.js", SCRIPT),
     asset!("/scene.js", "scene.js", SCRIPT),
