@@ -212,8 +212,8 @@ function save() {
   context.fillStyle = "#000";
   context.fillRect(0, 0, canvas.width, canvas.height);
   const rect = tools.compose(context, true);
-  const state = tools.cine.isShown ? "cine" : document.body.dataset.state;
-  context.fillStyle = state === "live" ? "#7d8893" : "#ff6b5e";
+  const state = tools.cine.isShown ? "cine" : shown.settings.frozen ? "frozen" : document.body.dataset.state;
+  context.fillStyle = ["live", "frozen"].includes(state) ? "#7d8893" : "#ff6b5e";
   context.font = "13px sans-serif";
   context.textAlign = "left";
   const date = new Date(performance.timeOrigin + shownTime);

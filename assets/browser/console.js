@@ -367,9 +367,11 @@ export class Console {
 
   /** Keeps a live picture that was just drawn, with the tissues or attenuation that are mixed in. */
   keep(frame) {
-    // The first frozen picture is the loop's last one.
-    if (!frame.settings.frozen || !this.keptFrozen) this.cine.keep(this.page.picture.canvas, frame, performance.now());
-    this.keptFrozen = Boolean(frame.settings.frozen);
+    const frozen = Boolean(frame.settings.frozen);
+    // One frozen picture is the loop's last one: that of the marks.
+    const keeps = !frozen || !this.keptFrozen;
+    const kept = keeps && this.cine.keep(this.page.picture.canvas, frame, performance.now());
+    this.keptFrozen = frozen && (this.keptFrozen || kept);
     this.stage.dataset.kept = String(this.cine.kept.length);
   }
 

@@ -50,8 +50,8 @@ export class MarkList {
     const fitting = this.measures.filter(({ kind }) => kind === caliper.tool);
     if (fitting.length === 0) return null;
     const names = document.createElement("select");
-    names.append(new Option("unnamed", ""), ...fitting.map(({ name, title }) => new Option(`${name}: ${title}`, name)));
-    // While it is closed, only the short name is shown.
+    const option = ({ name, title }) => Object.assign(new Option(name, name), { title });
+    names.append(new Option("unnamed", ""), ...fitting.map(option));
     names.addEventListener("change", () => {
       this.on.name(caliper, names.value);
       names.blur();
@@ -72,5 +72,6 @@ export class MarkList {
     if (!names) return;
     names.setAttribute("aria-label", `Measurement ${index + 1} is`);
     if (names.value !== mark.name) names.value = mark.name;
+    names.title = this.measures.find(({ name }) => name === mark.name)?.title ?? "Name of the measurement";
   }
 }

@@ -207,6 +207,7 @@ def marks_belong_to_their_picture_and_are_recorded(page, station):
     # A moving picture is frozen for a measurement.
     page.press("c")
     page.wait("a frozen picture", lambda: text(page, "#run") == "FROZEN")
+    page.wait("the loop's bar, which takes room", lambda: visible(page, "#cine"))
     width, height = page.script("const b = picture.getBoundingClientRect(); return [b.width, b.height]")
     pixel_mm = float(page.script("return stage.dataset.pixelMm"))
     mm = page.script("return picture.width") * pixel_mm / width
@@ -423,6 +424,7 @@ def pages_are_saved(page, downloads):
     record = page.wait("the measurements", lambda: next(downloads.glob("insonify_*.json"), None))
     saved = json.loads(page.wait("their text", record.read_text))
     assert saved["pixel_mm"] > 0
+    assert saved["state"] == "frozen", saved["state"]
     (measured,) = saved["measurements"]
     (x1, z1), (x2, z2) = measured["points_mm"]
     assert abs(measured["length_mm"] - (x2 - x1)) < 1e-6 and z1 == z2, measured
