@@ -39,7 +39,8 @@ export class Calipers {
   /** Sets the next point, a pixel of a frame; the last one completes the caliper, which is returned. */
   point(at, frame) {
     const point = toMm(frame, at);
-    if (!this.pending) {
+    // A caliper that was begun on another picture is dropped.
+    if (this.pending?.picture.key !== frame.picture.key) {
       this.pending = { tool: this.tool, name: "", picture: frame.picture, points: [point, point] };
       return null;
     }
@@ -63,7 +64,8 @@ export class Calipers {
 
   /** Moves the point that is not set yet. */
   move(at, frame) {
-    if (this.pending) this.pending.points[this.pending.points.length - 1] = toMm(frame, at);
+    if (this.pending?.picture.key !== frame.picture.key) return;
+    this.pending.points[this.pending.points.length - 1] = toMm(frame, at);
   }
 
   /** The point nearest to a pixel of a frame within `reach` pixels: { caliper, index }, or null. */

@@ -1,11 +1,12 @@
 // The console's own tools on the page: calipers, texts, body mark, inversion, cine loop, clips.
 
 import { Annotations } from "./annotations.js";
-import { Calipers, CALIPERS_MAX, drag, measure, pairs, recordedPoints, TOOLS } from "./calipers.js";
+import { Calipers, CALIPERS_MAX, measure, pairs, recordedPoints, TOOLS } from "./calipers.js";
 import { Cine } from "./cine.js";
 import { Clip, download, fileName } from "./clip.js";
+import { Dragging } from "./dragging.js";
 import { MarkList } from "./mark_list.js";
-import { Outbox, toMm } from "./marking.js";
+import { Outbox } from "./marking.js";
 import { drawMarks, FONT } from "./marks.js";
 import { drawPicture, fileSize, fromStage, toStage, View } from "./view.js";
 
@@ -14,9 +15,6 @@ const byId = (id) => document.getElementById(id);
 const CROSS_STEP = 2;
 /** Longest time for which a clip of the loop stands still, ms: the station was frozen meanwhile. */
 const STILL_MAX_MS = 1000;
-/** Distance within which a cross is grabbed, and way from which on it is dragged, CSS pixels. */
-const GRAB_PX = 14;
-const DRAG_PX = 3;
 
 export class Console {
   /** `page`: { picture, shown(), shownDate(), captions(settings), greys(settings), say(text, bad), redraw(), showKept(kept, bitmap), isOpen(), send(message), freeze() }. */
@@ -35,8 +33,6 @@ export class Console {
     this.frozen = false;
     /** The frozen picture: all its frames are one; null while the picture moves. */
     this.picture = null;
-    /** The mark that a pointer drags: { mark, move(at), from, before, moved }. */
-    this.dragged = null;
     /** Place of the cross that arrow keys move; null without one. */
     this.cross = null;
     this.stage = byId("stage");
@@ -46,10 +42,13 @@ export class Console {
   bind() {
     const { stage } = this;
     stage.addEventListener("click", (event) => this.clicked(event));
-    stage.addEventListener("pointerdown", (event) => this.grab(event));
-    stage.addEventListener("pointermove", (event) => this.pointed(event));
-    stage.addEventListener("pointerup", () => this.release(true));
-    stage.addEventListener("pointercancel", () => this.release(false));
+    stage.addEventListener("pointermove", (event) => {
+      this.cross = null;
+      if (!this.calipers.pending) return;
+      this.calipers.move(this.pointAt(event), this.page.shown());
+      this.page.redraw();
+    });
+    this.dragging = new Dragging(this);
     byId("cine_place").addEventListener("input", (event) => this.goTo(Number(event.target.value)));
     byId("note").addEventListener("keydown", (event) => {
       if (event.key === "Enter") this.endNote(true);
@@ -151,67 +150,13 @@ export class Console {
 
   clicked(event) {
     if (!this.page.shown() || event.target.closest("#cine, #note")) return;
-    // The click that ends a drag.
-    if (this.dragged) {
-      this.dragged = null;
-      return;
-    }
-    this.set(this.pointAt(event));
-  }
-
-  /** The mark under a pointer, as `dragged` has it; null without one. */
-  under(event) {
-    const frame = this.page.shown();
-    if (!frame || this.calipers.pending || event.target.closest("#cine, #note")) return null;
-    const [at, reach] = [this.pointAt(event), GRAB_PX / this.rect().scale];
-    const near = this.calipers.near(at, frame, reach);
-    if (near) {
-      const { caliper, index } = near;
-      return { mark: caliper, before: [...caliper.points], move: (to) => drag(caliper, index, toMm(frame, to)) };
-    }
-    const text = this.annotations.near(at, frame, reach);
-    return text && { mark: text, before: text.at, move: (to) => Object.assign(text, { at: toMm(frame, to) }) };
-  }
-
-  /** Takes hold of the mark under a pointer. */
-  grab(event) {
-    this.dragged = null;
-    const found = event.button === 0 ? this.under(event) : null;
-    if (!found) return;
-    this.dragged = { ...found, from: { x: event.clientX, y: event.clientY }, moved: false };
-    this.stage.setPointerCapture(event.pointerId);
-  }
-
-  pointed(event) {
-    this.cross = null;
-    const held = this.dragged;
-    if (held && event.buttons & 1) {
-      held.moved ||= Math.hypot(event.clientX - held.from.x, event.clientY - held.from.y) > DRAG_PX;
-      if (held.moved) held.move(this.pointAt(event));
-    } else if (this.calipers.pending) {
-      this.calipers.move(this.pointAt(event), this.page.shown());
-    } else {
-      this.stage.classList.toggle("grabbing", Boolean(this.under(event)));
-      return;
-    }
-    this.page.redraw();
-  }
-
-  /** Lets the dragged mark go; without `keep` it goes back. */
-  release(keep) {
-    const held = this.dragged;
-    if (!held) return;
-    // Without a way it is a click.
-    if (!held.moved || !keep) this.dragged = null;
-    if (!held.moved) return;
-    if (keep) this.changed(held.mark);
-    else Object.assign(held.mark, held.mark.tool ? { points: held.before } : { at: held.before });
-    this.page.redraw();
+    if (!this.dragging.tookClick()) this.set(this.pointAt(event));
   }
 
   /** Whether marks can be set: on a picture that stands still. A moving one is frozen first. */
   standsStill() {
-    if (this.frozen || this.cine.isShown) return true;
+    // Without the station nothing moves.
+    if (this.frozen || this.cine.isShown || !this.page.isOpen()) return true;
     this.page.freeze();
     this.page.say("the picture is frozen for the marks: they belong to it");
     return false;

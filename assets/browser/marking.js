@@ -62,7 +62,10 @@ export class Outbox {
   }
 
   send(picture, message) {
-    if (picture.session !== this.session) return;
+    if (picture.session !== this.session) {
+      this.link.say("the picture is of an earlier session: the change is not recorded", true);
+      return;
+    }
     if (this.link.isOpen()) {
       this.link.send(message);
       return;

@@ -136,3 +136,36 @@ fn or_dash(value: Option<f64>, digits: usize, unit: &str) -> String {
 fn percent(percent: Option<f64>) -> String {
     percent.map_or_else(|| "–".to_owned(), |e| format!("{e:+.1} %"))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recording::MeasureKind;
+
+    #[test]
+    fn each_cell_names_its_column_and_texts_of_the_session_are_escaped() {
+        let caliper = CaliperScore {
+            time_s: 3.0,
+            picture_s: 2.5,
+            plane: Some("head".into()),
+            name: "<b>BPD".into(),
+            kind: MeasureKind::Distance,
+            measured_mm: Some(55.0),
+            angle_deg: None,
+            area_mm2: None,
+            axes_mm: None,
+            true_mm: Some(50.0),
+            error_mm: Some(5.0),
+            error_percent: Some(10.0),
+            note: String::new(),
+        };
+        let angle = CaliperScore { measured_mm: None, angle_deg: Some(33.0), error_mm: None, ..caliper.clone() };
+        let html = calipers(&[caliper, angle]);
+        assert_eq!(html.matches("<td").count(), html.matches("<td data-name=\"").count());
+        for part in ["&lt;b&gt;BPD", "data-name=\"error\">+5.0 mm, +10.0 %", "33.0°", "data-name=\"shows\">head"] {
+            assert!(html.contains(part), "{part}: {html}");
+        }
+        let text = TextScore { picture_s: 1.0, plane: None, text: "<script>".into(), turn_deg: None };
+        assert!(texts(&[text]).contains("&lt;script&gt;") && calipers(&[]).is_empty() && texts(&[]).is_empty());
+    }
+}

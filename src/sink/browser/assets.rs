@@ -35,6 +35,7 @@ pub(super) const ASSETS: &[Asset] = &[
     asset!("/connection.js", "connection.js", SCRIPT),
     asset!("/console.js", "console.js", SCRIPT),
     asset!("/controls.js", "controls.js", SCRIPT),
+    asset!("/dragging.js", "dragging.js", SCRIPT),
     asset!("/keys.js", "keys.js", SCRIPT),
     asset!("/mark_list.js", "mark_list.js", SCRIPT),
     asset!("/marking.js", "marking.js", SCRIPT),
