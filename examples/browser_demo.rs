@@ -1,7 +1,7 @@
 //! Probe sweep rendered in the browser, and optionally in a window, without tracker or pipeline: `cargo run --release
 //! --example browser_demo -- configs/sphere.toml [--port N] [--width PIXELS] [--window yes]`.
 //!
-//! Prints the page's address. Lines on the standard input set the rest: `tracking good|held|stale|lost`, `source
+//! Prints the page's address, then the marks that a page sets. Lines on the standard input set the rest: `tracking good|held|stale|lost`, `source
 //! generated|held|raw`, `notice TEXT`, `quit`.
 
 use std::io::BufRead as _;
@@ -15,9 +15,10 @@ use insonify::anatomy::Axes;
 use insonify::anatomy::Scene;
 use insonify::phantom;
 use insonify::pose::{Pose, TrackingState};
+use insonify::recording::{Event, mark_event, removal_event};
 use insonify::render::{Backend, BackendChoice, Frame, Renderer};
 use insonify::settings::{Control, LiveSettings};
-use insonify::sink::browser::{BrowserSink, SceneInfo, ScenePacket, Settings};
+use insonify::sink::browser::{BrowserSink, MeasureInfo, SceneInfo, ScenePacket, Settings};
 use insonify::sink::live::{FrameSource, FrameTimeline, LiveSink, PresentedFrame};
 use insonify::sink::window::{WindowSink, run_on_main_thread};
 use insonify::station::{SceneSource, Station};
@@ -49,7 +50,11 @@ fn main() -> anyhow::Result<()> {
     };
     let surfaces = ScenePacket::new(&scene, &station.probe, axes);
     let (sender, controls) = tokio::sync::mpsc::channel(64);
-    let browser = BrowserSink::new(&settings, sender.clone(), &SceneInfo { tissues, surfaces: Some(surfaces) })?;
+    let browser = BrowserSink::new(
+        &settings,
+        sender.clone(),
+        &SceneInfo { tissues, surfaces: Some(surfaces), measures: measures() },
+    )?;
     println!("address {}", browser.address());
     let mut sinks: Vec<Box<dyn LiveSink>> = vec![Box::new(browser)];
 
@@ -97,9 +102,9 @@ fn present(
         if changed {
             demo.rebuild()?;
         }
-        // A frozen picture is presented once more, marked as frozen, and then no more.
+        // A frozen picture is presented once more, marked as frozen, and then only with other settings.
         let frozen = demo.shown.info.settings.frozen;
-        if frozen && demo.live.frozen {
+        if frozen && demo.live.frozen && !changed {
             std::thread::sleep(Duration::from_millis(20));
             continue;
         }
@@ -123,6 +128,21 @@ fn load_scene(station: &Station) -> anyhow::Result<Scene> {
         }
     };
     Ok(station.load_scene_from(&path)?)
+}
+
+/// Prints a mark of the page as a recording would have it.
+fn report(event: &Event) {
+    println!("{} {}", event.name, event.value.clone().unwrap_or_default());
+}
+
+/// Measures by which the page names its measurements.
+fn measures() -> Vec<MeasureInfo> {
+    let measure = |name: &str, title: &str, kind| MeasureInfo { name: name.to_owned(), title: title.to_owned(), kind };
+    vec![
+        measure("BPD", "biparietal diameter", "distance"),
+        measure("FL", "femur length", "distance"),
+        measure("HC", "head circumference", "ellipse"),
+    ]
 }
 
 struct Demo {
@@ -150,8 +170,11 @@ impl Demo {
     /// Applies a control. Returns whether the renderer must be reconfigured.
     fn follow(&mut self, control: &Control) -> bool {
         let before = self.live;
-        if let Control::Set(assignments) = control {
-            self.live = before.with(assignments).unwrap_or(before);
+        match control {
+            Control::Set(assignments) => self.live = before.with(assignments).unwrap_or(before),
+            Control::Mark(mark) => report(&mark_event(0, 0, mark)),
+            Control::Unmark(ids) => ids.iter().for_each(|id| report(&removal_event(0, id))),
+            Control::Quit => {}
         }
         !before.same_picture(&self.live)
     }

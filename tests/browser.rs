@@ -12,7 +12,7 @@ use std::time::Duration;
 use futures_util::{SinkExt as _, StreamExt as _};
 use insonify::anatomy::Axes;
 use insonify::anatomy::{TissueTable, analytic};
-use insonify::settings::{Assignment, Control};
+use insonify::settings::{Assignment, Control, MarkContent};
 use insonify::sink::browser::wire::header_bytes;
 use insonify::sink::browser::{BrowserSink, SceneInfo, ScenePacket, Settings};
 use insonify::sink::live::{FrameInfo, FrameSource, LiveSink as _, PresentedFrame};
@@ -64,7 +64,8 @@ fn surfaces() -> ScenePacket {
 
 fn serve(settings: &Settings) -> (BrowserSink, mpsc::Receiver<Control>) {
     let (sender, receiver) = mpsc::channel(4);
-    let scene = SceneInfo { tissues: vec!["blood".into(), "liver".into()], surfaces: Some(surfaces()) };
+    let scene =
+        SceneInfo { tissues: vec!["blood".into(), "liver".into()], surfaces: Some(surfaces()), ..SceneInfo::default() };
     (BrowserSink::new(settings, sender, &scene).unwrap(), receiver)
 }
 
@@ -459,6 +460,37 @@ async fn mistakes_are_answered_and_the_page_stays_connected() {
     drop(controls);
     send(&mut page, &freeze).await;
     assert!(text(&mut page, "error").await["message"].as_str().unwrap().contains("no controls"));
+}
+
+#[tokio::test]
+async fn marks_reach_the_session_cleaned_and_wrong_ones_are_refused_with_the_reason() {
+    let (sink, mut controls) = serve(&any_port());
+    let mut page = connect(sink.local_address()).await;
+    let mark = |content: Value| json!({"type": "mark", "id": "p-1", "frame": 12, "sampled_ms": 400.5, "pose": null, "content": content});
+    let line = |x: f64| json!({"kind": "distance", "measure": "BPD\u{1b}", "points_mm": [[x, 40.0], [0.0, 40.0]]});
+    send(&mut page, &mark(line(90.0))).await;
+    let Some(Control::Mark(read)) = controls.recv().await else { panic!() };
+    let content = MarkContent::Distance { measure: "BPD".into(), points_mm: [[90.0, 40.0], [0.0, 40.0]] };
+    assert_eq!((read.frame, read.sampled_ms, &read.content), (12, 400.5, &content));
+    send(&mut page, &json!({"type": "unmark", "ids": ["p-1"]})).await;
+    assert_eq!(controls.recv().await, Some(Control::Unmark(vec!["p-1".into()])));
+    for (message, part) in [
+        (mark(line(2e4)), "points_mm"),
+        (mark(json!({"kind": "text", "text": "x".repeat(61), "at_mm": [0, 1]})), "61 characters"),
+        (mark(json!({"kind": "ellipse", "measure": "HC", "points_mm": [[0, 1], [1, 1]]})), "4"),
+        (json!({"type": "unmark", "ids": ["p 1"]}), "letters, digits"),
+        (json!({"type": "unmark", "ids": vec!["a"; 65]}), "65 marks"),
+    ] {
+        send(&mut page, &message).await;
+        let error = text(&mut page, "error").await;
+        assert!(error["message"].as_str().unwrap().contains(part), "{message}: {error}");
+    }
+    // The channel has a capacity of four; nobody reads it.
+    for _ in 0..5 {
+        send(&mut page, &mark(line(1.0))).await;
+    }
+    let error = text(&mut page, "error").await;
+    assert_eq!(error["message"], "the mark is not recorded: the station is busy; try again");
 }
 
 #[tokio::test]

@@ -1,6 +1,6 @@
 // Texts on the picture, and the body mark that says where the probe lies.
 
-import { label, scaleOf } from "./calipers.js";
+import { label, toMm, toPixel } from "./marking.js";
 import { toStage } from "./view.js";
 
 const INK = "#f1f5f8";
@@ -37,24 +37,34 @@ const BODY_MARKS = {
 
 export class Annotations {
   constructor() {
-    /** Texts at pixels of the picture. */
+    /** Texts on their pictures: { id, picture, at, text }; `at` is mm of the probe frame. */
     this.texts = [];
     this.mark = "none";
     /** Turn of the probe on the body mark, degrees. */
     this.turn = 0;
   }
 
+  /** Writes a text at a pixel of a frame; returns it, or null without a character. */
   add(at, text, frame) {
-    if (text.trim()) this.texts.push({ at, text: text.trim().slice(0, 60), scale: scaleOf(frame) });
+    const written = text.trim().slice(0, 60);
+    if (!written) return null;
+    const added = { picture: frame.picture, at: toMm(frame, at), text: written };
+    this.texts.push(added);
+    return added;
   }
 
-  /** Texts that were written at the frame's scale. */
+  /** Texts of the frame's picture. */
   on(frame) {
-    return this.texts.filter(({ scale }) => scale === scaleOf(frame));
+    return this.texts.filter(({ picture }) => picture.key === frame.picture.key);
   }
 
-  clear() {
-    this.texts = [];
+  /** The text whose beginning lies at a pixel of a frame, or null. `reach` is the size of a mark in pixels. */
+  near(at, frame, reach) {
+    const isAt = (text) => {
+      const { x, y } = toPixel(frame, text.at);
+      return at.x >= x - reach && at.x <= x + 3 * reach && Math.abs(at.y - y) <= reach;
+    };
+    return this.on(frame).find(isAt) ?? null;
   }
 
   /** The next body mark. */
@@ -69,7 +79,7 @@ export class Annotations {
 
   draw(context, frame, rect, font) {
     for (const { at, text } of this.on(frame)) {
-      const place = toStage(rect, at);
+      const place = toStage(rect, toPixel(frame, at));
       context.fillStyle = INK;
       label(context, text, place.x, place.y, rect.marks, font);
     }
@@ -101,7 +111,7 @@ export class Annotations {
   /** What is written beside a saved picture. */
   values(frame) {
     return {
-      texts: this.on(frame).map(({ at, text }) => ({ x: at.x, y: at.y, text })),
+      texts: this.on(frame).map(({ at, text }) => ({ ...toPixel(frame, at), at_mm: [at.x, at.z], text })),
       body_mark: this.mark === "none" ? null : { name: this.mark, turn_deg: this.turn },
     };
   }

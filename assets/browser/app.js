@@ -52,6 +52,7 @@ const connection = new Connection({
       greyMaps = message.grey_maps;
       picture.setColours(tissues, message.attenuation_colours);
       controls.build(message);
+      tools.begin(message);
       shortcuts = message.keys;
       fillHelp(byId("shortcuts").querySelector("tbody"), shortcuts);
       byId("version").textContent = `insonify ${message.version}`;
@@ -85,6 +86,9 @@ const tools = new Console({
   say: (text, bad) => status.say(text, bad),
   redraw: layOut,
   showKept,
+  isOpen: () => connection.isOpen,
+  send: (message) => connection.send(message),
+  freeze: () => connection.send({ type: "set", assignments: [{ key: "frozen", value: 1 }] }),
 });
 
 function present() {
@@ -97,7 +101,7 @@ function present() {
   status.frame(frame, shownAt);
   status.notice(frame.notice);
   connection.send({ type: "drawn", number: frame.number });
-  tools.follow(frame.settings.frozen);
+  tools.follow(frame);
   document.body.dataset.frame = String(frame.number);
   // While the cine loop is gone through, the station's frozen picture stays behind it.
   if (!tools.cine.isShown) {
@@ -210,8 +214,8 @@ function save() {
   context.fillStyle = "#000";
   context.fillRect(0, 0, canvas.width, canvas.height);
   const rect = tools.compose(context, true);
-  const state = tools.cine.isShown ? "cine" : document.body.dataset.state;
-  context.fillStyle = state === "live" ? "#7d8893" : "#ff6b5e";
+  const state = tools.cine.isShown ? "cine" : shown.settings.frozen ? "frozen" : document.body.dataset.state;
+  context.fillStyle = ["live", "frozen"].includes(state) ? "#7d8893" : "#ff6b5e";
   context.font = "13px sans-serif";
   context.textAlign = "left";
   const date = new Date(performance.timeOrigin + shownTime);
@@ -258,6 +262,7 @@ const pageActions = {
   attenuation: click("attenuation"),
   caliper: () => tools.nextTool(),
   caliper_clear: () => tools.clear(),
+  mark_undo: () => tools.undo(),
   put_away: () => tools.putAway(),
   annotate: () => tools.annotate(),
   body_mark: () => tools.nextBodyMark(),

@@ -1,9 +1,13 @@
-// Calipers: distances, ellipses and angles, measured in the picture's own scale.
+// Calipers: distances, ellipses and angles. Each belongs to one picture; its points are mm of the probe frame.
 
+import { label, toMm, toPixel } from "./marking.js";
 import { toStage } from "./view.js";
 
-const COLOURS = ["#ffd54a", "#6ee7ff", "#ff9ecb", "#a7f070", "#ffb27a", "#c9a7ff"];
-const CALIPERS_MAX = 6;
+export const COLOURS = ["#ffd54a", "#6ee7ff", "#ff9ecb", "#a7f070", "#ffb27a", "#c9a7ff"];
+/** Most calipers on one picture. */
+export const CALIPERS_MAX = 12;
+/** Most calipers of all pictures; the oldest are forgotten here, not in the recording. */
+const KEPT_MAX = 1000;
 
 /** Tools in the order of their key, and the points that each takes. */
 export const TOOLS = {
@@ -14,6 +18,7 @@ export const TOOLS = {
 
 export class Calipers {
   constructor() {
+    /** { id, picture, tool, name, points }. */
     this.all = [];
     this.pending = null;
     /** Name of the tool in the hand, or null. */
@@ -31,96 +36,139 @@ export class Calipers {
     this.pending = null;
   }
 
-  clear() {
-    this.all = [];
-    this.pending = null;
-  }
-
-  /** Sets the next point on a frame; the last one completes the caliper, which is returned. */
+  /** Sets the next point, a pixel of a frame; the last one completes the caliper, which is returned. */
   point(at, frame) {
-    if (!this.pending) {
-      this.pending = { tool: this.tool, scale: scaleOf(frame), points: [at, at] };
+    const point = toMm(frame, at);
+    // A caliper that was begun on another picture is dropped.
+    if (this.pending?.picture.key !== frame.picture.key) {
+      this.pending = { tool: this.tool, name: "", picture: frame.picture, points: [point, point] };
       return null;
     }
     // A finger sets a point without having moved to it.
-    this.move(at);
+    this.move(at, frame);
     const done = this.pending;
     if (done.points.length < TOOLS[this.tool].points) {
-      done.points.push(at);
+      done.points.push(point);
       return null;
     }
-    this.all = [...this.all, done].slice(-CALIPERS_MAX);
+    settle(done);
+    this.all = [...this.all, done].slice(-KEPT_MAX);
     this.pending = null;
     return done;
   }
 
-  /** Calipers that were set at the frame's scale; on another one they lie elsewhere. */
+  /** Calipers of the frame's picture. */
   on(frame) {
-    return this.all.filter(({ scale }) => scale === scaleOf(frame));
+    return this.all.filter(({ picture }) => picture.key === frame.picture.key);
   }
 
   /** Moves the point that is not set yet. */
-  move(at) {
-    if (this.pending) this.pending.points[this.pending.points.length - 1] = at;
+  move(at, frame) {
+    if (this.pending?.picture.key !== frame.picture.key) return;
+    this.pending.points[this.pending.points.length - 1] = toMm(frame, at);
+  }
+
+  /** The point nearest to a pixel of a frame within `reach` pixels: { caliper, index }, or null. */
+  near(at, frame, reach) {
+    const all = this.on(frame).flatMap((caliper) => caliper.points.map((point, index) => ({ caliper, index, point })));
+    const far = ({ point }) => between(toPixel(frame, point), at);
+    const [nearest] = all.filter((one) => far(one) <= reach).sort((a, b) => far(a) - far(b));
+    return nearest ? { caliper: nearest.caliper, index: nearest.index } : null;
   }
 
   draw(context, frame, rect, font) {
-    const shown = this.pending?.scale === scaleOf(frame) ? [...this.on(frame), this.pending] : this.on(frame);
+    const on = this.on(frame);
+    const shown = this.pending?.picture.key === frame.picture.key ? [...on, this.pending] : on;
     shown.forEach((caliper, i) => draw(context, frame, rect, caliper, i, font));
   }
 
-  /** Every measurement by name and value. */
+  /** Every measurement by name, points and value. */
   values(frame) {
-    return this.on(frame).map((caliper, i) => ({ number: i + 1, tool: caliper.tool, ...measure(frame, caliper) }));
+    return this.on(frame).map((caliper, i) => ({
+      number: i + 1,
+      tool: caliper.tool,
+      name: caliper.name || null,
+      points_mm: pairs(recordedPoints(caliper)),
+      points_px: caliper.points.map((point) => toPixel(frame, point)).map(({ x, y }) => [x, y]),
+      ...measure(caliper),
+    }));
   }
 }
 
-/** What places on a picture depend on: its size and the side of a pixel. */
-export const scaleOf = (frame) => `${frame.width} ${frame.height} ${frame.pixelMm}`;
-
-const between = (a, b) => Math.hypot(b.x - a.x, b.y - a.y);
+const between = (a, b) => Math.hypot(b.x - a.x, (b.y ?? b.z) - (a.y ?? a.z));
+export const pairs = (points) => points.map(({ x, z }) => [x, z]);
 
 /** Half axes of an ellipse: the first two points are the ends of one axis, the third lies at the end of the other. */
 function axes([a, b, c]) {
-  const centre = { x: (a.x + b.x) / 2, y: (a.y + b.y) / 2 };
+  const centre = { x: (a.x + b.x) / 2, z: (a.z + b.z) / 2 };
   const major = between(a, b) / 2;
-  const turn = Math.atan2(b.y - a.y, b.x - a.x);
+  const turn = Math.atan2(b.z - a.z, b.x - a.x);
   const third = c ?? centre;
-  const minor = Math.abs(-Math.sin(turn) * (third.x - centre.x) + Math.cos(turn) * (third.y - centre.y));
+  const minor = -Math.sin(turn) * (third.x - centre.x) + Math.cos(turn) * (third.z - centre.z);
   return { centre, major, minor, turn };
 }
 
+/** Point of the second axis of an ellipse, `far` from its centre. */
+const aside = ({ centre, turn }, far) => ({ x: centre.x - Math.sin(turn) * far, z: centre.z + Math.cos(turn) * far });
+
+/** Puts the third point of an ellipse at the end of its axis. */
+function settle(caliper) {
+  if (caliper.tool !== "ellipse") return;
+  const found = axes(caliper.points);
+  caliper.points[2] = aside(found, found.minor);
+}
+
+/** Moves a point of a finished caliper. An ellipse whose first axis is moved keeps the length of its second. */
+export function drag(caliper, index, point) {
+  const { minor } = caliper.tool === "ellipse" ? axes(caliper.points) : {};
+  caliper.points[index] = point;
+  if (caliper.tool === "ellipse" && index < 2) caliper.points[2] = aside(axes(caliper.points), minor);
+  settle(caliper);
+}
+
+/** Points as a recording has them: an ellipse by the ends of both axes. */
+export function recordedPoints({ tool, points }) {
+  if (tool !== "ellipse") return points;
+  const found = axes(points);
+  return [points[0], points[1], aside(found, found.minor), aside(found, -found.minor)];
+}
+
 /** Measured values, with their units in their names. */
-export function measure(frame, { tool, points }) {
-  const mm = frame.pixelMm;
+export function measure({ tool, points }) {
   if (tool === "ellipse") {
-    const { major, minor } = axes(points);
-    const [a, b] = [major * mm, minor * mm];
-    // Ramanujan's first approximation of the circumference.
-    const circumference = Math.PI * (3 * (a + b) - Math.sqrt((3 * a + b) * (a + 3 * b)));
+    const { major: a, minor } = axes(points);
+    const b = Math.abs(minor);
+    // Ramanujan's second approximation of the circumference, as the station computes it.
+    const h = a + b > 0 ? ((a - b) / (a + b)) ** 2 : 0;
+    const circumference = Math.PI * (a + b) * (1 + (3 * h) / (10 + Math.sqrt(4 - 3 * h)));
     return { circumference_mm: circumference, area_mm2: Math.PI * a * b, axes_mm: [2 * a, 2 * b] };
   }
   if (tool === "angle") {
     // The second point is the corner.
     const [a, corner, b] = points.length > 2 ? points : [points[0], points[1], points[1]];
-    const one = Math.atan2(a.y - corner.y, a.x - corner.x);
-    const other = Math.atan2(b.y - corner.y, b.x - corner.x);
+    const one = Math.atan2(a.z - corner.z, a.x - corner.x);
+    const other = Math.atan2(b.z - corner.z, b.x - corner.x);
     const turn = Math.abs(one - other);
     return { angle_deg: ((turn > Math.PI ? 2 * Math.PI - turn : turn) * 180) / Math.PI };
   }
-  return { length_mm: between(points[0], points[1]) * mm };
+  return { length_mm: between(points[0], points[1]) };
 }
 
-function caption(frame, caliper) {
-  const found = measure(frame, caliper);
-  if (caliper.tool === "ellipse") return `C ${found.circumference_mm.toFixed(1)} mm  A ${(found.area_mm2 / 100).toFixed(2)} cm²`;
-  if (caliper.tool === "angle") return `${found.angle_deg.toFixed(1)}°`;
-  return `${found.length_mm.toFixed(1)} mm`;
+/** Name and value in words. */
+export function caption(caliper) {
+  const found = measure(caliper);
+  const name = caliper.name ? `${caliper.name} ` : "";
+  if (caliper.tool === "ellipse") {
+    return `${name || "C "}${found.circumference_mm.toFixed(1)} mm  A ${(found.area_mm2 / 100).toFixed(2)} cm²`;
+  }
+  if (caliper.tool === "angle") return `${name}${found.angle_deg.toFixed(1)}°`;
+  return `${name}${found.length_mm.toFixed(1)} mm`;
 }
 
 function draw(context, frame, rect, caliper, index, font) {
   const size = rect.marks;
-  const places = caliper.points.map((point) => toStage(rect, point));
+  const stage = (point) => toStage(rect, toPixel(frame, point));
+  const places = caliper.points.map(stage);
   context.strokeStyle = context.fillStyle = COLOURS[index % COLOURS.length];
   context.lineWidth = 1.5 * size;
   for (const { x, y } of places) {
@@ -134,25 +182,15 @@ function draw(context, frame, rect, caliper, index, font) {
   context.setLineDash([3 * size, 5 * size]);
   context.beginPath();
   if (caliper.tool === "ellipse" && places.length > 2) {
-    const { centre, major, minor, turn } = axes(places);
-    context.ellipse(centre.x, centre.y, major, minor, turn, 0, 2 * Math.PI);
+    const found = axes(caliper.points);
+    const [centre, tip, side] = [found.centre, caliper.points[1], aside(found, found.minor)].map(stage);
+    const turn = Math.atan2(tip.y - centre.y, tip.x - centre.x);
+    context.ellipse(centre.x, centre.y, between(centre, tip), between(centre, side), turn, 0, 2 * Math.PI);
   } else {
     places.forEach(({ x, y }, i) => (i ? context.lineTo(x, y) : context.moveTo(x, y)));
   }
   context.stroke();
   context.setLineDash([]);
   const last = places.reduce((right, place) => (place.x > right.x ? place : right));
-  label(context, `${index + 1}:  ${caption(frame, caliper)}`, last.x + 13 * size, last.y, size, font);
-}
-
-/** A text on a dark ground, in the current colour. */
-export function label(context, text, x, y, size, font) {
-  const colour = context.fillStyle;
-  context.font = `600 ${13 * size}px ${font}`;
-  context.textAlign = "left";
-  context.textBaseline = "middle";
-  context.fillStyle = "rgb(5 8 10 / 75%)";
-  context.fillRect(x - 5 * size, y - 11 * size, context.measureText(text).width + 10 * size, 22 * size);
-  context.fillStyle = colour;
-  context.fillText(text, x, y);
+  label(context, `${index + 1}:  ${caption(caliper)}`, last.x + 13 * size, last.y, size, font, rect.x + rect.width + 44 * size);
 }

@@ -20,10 +20,9 @@ export class Cine {
     return this.at !== null;
   }
 
-  /** Keeps a picture that was just drawn on `canvas`. */
+  /** Keeps a picture that was just drawn on `canvas`. Returns whether it does: a page that is slow keeps fewer pictures. */
   keep(canvas, frame, time) {
-    // A page that is slow keeps fewer pictures.
-    if (this.encoding) return;
+    if (this.encoding) return false;
     this.encoding = true;
     const { data, ...meta } = frame;
     canvas.toBlob(
@@ -39,6 +38,7 @@ export class Cine {
       "image/jpeg",
       QUALITY,
     );
+    return true;
   }
 
   /** Goes to a picture; returns it, or null if none is kept. */

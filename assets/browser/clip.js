@@ -1,6 +1,9 @@
-// Clips: what is on the screen, as a video that browsers play.
+// Clips: what is on the screen, as a video with its duration.
 
-const TYPES = ["video/webm;codecs=vp9", "video/webm;codecs=vp8", "video/webm", "video/mp4"];
+import { withDuration } from "./clip_duration.js";
+
+/** MP4 plays everywhere, WebM in browsers. */
+const TYPES = ["video/mp4;codecs=avc1.640028", "video/mp4;codecs=avc1.42E01E", "video/webm;codecs=vp9", "video/webm;codecs=vp8", "video/webm", "video/mp4"];
 const BITS_PER_SECOND = 12_000_000;
 
 /** A recording of a canvas. Each call of `show(draw)` adds what `draw(context)` draws. */
@@ -17,6 +20,8 @@ export class Clip {
     this.recorder = new MediaRecorder(this.stream, { mimeType: type, videoBitsPerSecond: BITS_PER_SECOND });
     this.parts = [];
     this.frames = 0;
+    /** When the first frame was shown, ms since the page began. */
+    this.begun = 0;
     this.recorder.onerror = ({ error }) => {
       this.error = error ?? new Error("the browser stopped the recording");
     };
@@ -29,11 +34,14 @@ export class Clip {
     this.context.fillRect(0, 0, this.canvas.width, this.canvas.height);
     draw(this.context, this.canvas);
     this.stream.getVideoTracks()[0].requestFrame();
+    if (this.frames === 0) this.begun = performance.now();
     this.frames += 1;
   }
 
   /** Ends the recording; resolves with the file's content, or rejects with what went wrong. */
   async end() {
+    // The last frame is shown until here.
+    const seconds = (performance.now() - this.begun) / 1000;
     try {
       if (this.recorder.state !== "inactive") {
         await new Promise((resolve) => {
@@ -43,7 +51,7 @@ export class Clip {
       }
       if (this.error) throw this.error;
       if (this.frames === 0) throw new Error("the clip is empty: nothing was shown meanwhile");
-      return new Blob(this.parts, { type: this.type.split(";")[0] });
+      return await withDuration(new Blob(this.parts, { type: this.type.split(";")[0] }), seconds);
     } finally {
       this.stream.getTracks().forEach((track) => track.stop());
     }

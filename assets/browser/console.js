@@ -1,10 +1,13 @@
 // The console's own tools on the page: calipers, texts, body mark, inversion, cine loop, clips.
 
 import { Annotations } from "./annotations.js";
-import { Calipers, measure, TOOLS } from "./calipers.js";
+import { Calipers, CALIPERS_MAX, measure, pairs, recordedPoints, TOOLS } from "./calipers.js";
 import { Cine } from "./cine.js";
 import { Clip, download, fileName } from "./clip.js";
 import { letGo, letGoAfterPointer, spoken } from "./accessibility.js";
+import { Dragging } from "./dragging.js";
+import { MarkList } from "./mark_list.js";
+import { Outbox } from "./marking.js";
 import { drawMarks, FONT } from "./marks.js";
 import { drawPicture, fileSize, fromStage, toStage, View } from "./view.js";
 
@@ -15,15 +18,22 @@ const CROSS_STEP = 2;
 const STILL_MAX_MS = 1000;
 
 export class Console {
-  /** `page`: { picture, shown(), shownDate(), captions(settings), greys(settings), say(text, bad), redraw(), showKept(kept, bitmap) }. */
+  /** `page`: { picture, shown(), shownDate(), captions(settings), greys(settings), say(text, bad), redraw(), showKept(kept, bitmap), isOpen(), send(message), freeze() }. */
   constructor(page) {
     this.page = page;
     this.view = new View();
     this.calipers = new Calipers();
     this.annotations = new Annotations();
     this.cine = new Cine();
+    this.outbox = new Outbox(page);
+    this.list = new MarkList(byId("mark_list"), {
+      name: (caliper, name) => this.changed(Object.assign(caliper, { name })),
+      remove: (mark) => this.remove([mark]),
+    });
     this.clip = null;
     this.frozen = false;
+    /** The frozen picture: all its frames are one; null while the picture moves. */
+    this.picture = null;
     /** Place of the cross that arrow keys move; null without one. */
     this.cross = null;
     this.stage = byId("stage");
@@ -36,10 +46,11 @@ export class Console {
     stage.addEventListener("pointermove", (event) => {
       this.cross = null;
       if (!this.calipers.pending) return;
-      this.calipers.move(this.pointAt(event));
+      this.calipers.move(this.pointAt(event), this.page.shown());
       this.page.redraw();
     });
     letGoAfterPointer(byId("cine_place"));
+    this.dragging = new Dragging(this);
     byId("cine_place").addEventListener("input", (event) => this.goTo(Number(event.target.value)));
     byId("note").addEventListener("keydown", (event) => {
       if (event.key === "Enter") this.endNote(true);
@@ -87,8 +98,13 @@ export class Console {
     this.calipers.draw(context, frame, rect, FONT);
   }
 
-  /** Draws the cross of the arrow keys. */
+  /** Draws the cross of the arrow keys, and lists the marks. */
   drawCross(context, rect) {
+    const frame = this.page.shown();
+    const marked = [this.calipers.on(frame), this.annotations.on(frame)];
+    this.list.show(...marked);
+    // A finger drags marks; it scrolls where there are none.
+    this.stage.classList.toggle("marked", marked.flat().length > 0);
     if (!this.cross) return;
     const { x, y } = toStage(rect, this.cross);
     const size = 14 * rect.marks;
@@ -124,7 +140,7 @@ export class Console {
       x: Math.min(Math.max(from.x + (this.view.flipX ? -x : x), 0), frame.width),
       y: Math.min(Math.max(from.y + (this.view.flipY ? -y : y), 0), frame.height),
     };
-    this.calipers.move(this.cross);
+    this.calipers.move(this.cross, frame);
     this.page.redraw();
     return true;
   }
@@ -139,29 +155,81 @@ export class Console {
 
   clicked(event) {
     if (!this.page.shown() || event.target.closest("#cine, #note")) return;
-    this.set(this.pointAt(event));
+    if (!this.dragging.tookClick()) this.set(this.pointAt(event));
+  }
+
+  /** Whether marks can be set: on a picture that stands still. A moving one is frozen first. */
+  standsStill() {
+    // Without the station nothing moves.
+    if (this.frozen || this.cine.isShown || !this.page.isOpen()) return true;
+    this.page.freeze();
+    this.page.say("the picture is frozen for the marks: they belong to it");
+    return false;
   }
 
   /** Sets a point of the tool in the hand. */
   set(at) {
+    const frame = this.page.shown();
+    if (!(this.annotating || this.calipers.tool) || !this.standsStill()) return;
     if (this.annotating) {
       this.beginNote(at);
       return;
     }
-    if (!this.calipers.tool) return;
-    const done = this.calipers.point(at, this.page.shown());
-    if (done) {
-      const found = measure(this.page.shown(), done);
+    if (!this.calipers.pending && this.calipers.on(frame).length >= CALIPERS_MAX) {
+      this.page.say(`a picture has at most ${CALIPERS_MAX} measurements: remove one first`, true);
+      return;
+    }
+    const done = this.calipers.point(at, frame);
+    if (done) this.changed(done);
+    this.page.redraw();
+  }
+
+  /** Tells the station the state of a caliper or a text. */
+  changed(mark) {
+    mark.id ??= this.outbox.newId();
+    if (mark.tool) {
+      const found = measure(mark);
       if (found.length_mm !== undefined) this.stage.dataset.lengthMm = found.length_mm.toFixed(2);
       this.stage.dataset.measured = JSON.stringify(found);
+      const points_mm = pairs(recordedPoints(mark));
+      this.outbox.set(mark.id, mark.picture, { kind: mark.tool, measure: mark.name, points_mm });
+    } else {
+      this.outbox.set(mark.id, mark.picture, { kind: "text", text: mark.text, at_mm: [mark.at.x, mark.at.z] });
     }
     this.page.redraw();
+  }
+
+  /** Removes calipers and texts. */
+  remove(marks) {
+    this.outbox.remove(marks);
+    this.calipers.all = this.calipers.all.filter((caliper) => !marks.includes(caliper));
+    this.annotations.texts = this.annotations.texts.filter((text) => !marks.includes(text));
+    this.page.redraw();
+  }
+
+  /** Marks on the shown picture, in the order in which they were set. */
+  marksShown() {
+    const frame = this.page.shown();
+    return frame ? [...this.calipers.on(frame), ...this.annotations.on(frame)] : [];
+  }
+
+  /** Takes back the point that was set last, else removes the last mark of the picture. */
+  undo() {
+    if (this.calipers.pending) {
+      this.calipers.pending = null;
+      this.page.redraw();
+      return;
+    }
+    const number = ({ id }) => Number(id?.split("-")[1] ?? 0);
+    const last = this.marksShown().sort((a, b) => number(a) - number(b)).at(-1);
+    if (last) this.remove([last]);
   }
 
   nextTool() {
     this.stage.classList.remove("annotating");
     this.calipers.next();
     this.showTool();
+    if (this.calipers.tool) this.standsStill();
   }
 
   putAway() {
@@ -181,16 +249,17 @@ export class Console {
     this.page.redraw();
   }
 
+  /** Removes what is marked on the shown picture. */
   clear() {
-    this.calipers.clear();
-    this.annotations.clear();
-    this.page.redraw();
+    this.calipers.pending = null;
+    this.remove(this.marksShown());
   }
 
   annotate() {
     this.calipers.pick(null);
     this.stage.classList.toggle("annotating");
     this.showTool();
+    if (this.annotating) this.standsStill();
   }
 
   beginNote(at) {
@@ -199,7 +268,9 @@ export class Console {
     note.hidden = false;
     note.value = "";
     Object.assign(note.style, { left: `${place.x}px`, top: `${place.y}px` });
+    // It belongs to the picture on which it was begun.
     this.noteAt = at;
+    this.noteOn = this.page.shown();
     note.focus();
   }
 
@@ -207,18 +278,35 @@ export class Console {
     const note = byId("note");
     if (note.hidden) return;
     note.hidden = true;
-    if (keep) this.annotations.add(this.noteAt, note.value, this.page.shown());
+    const text = keep && this.noteOn ? this.annotations.add(this.noteAt, note.value, this.noteOn) : null;
+    if (text) this.changed(text);
     this.page.redraw();
   }
 
   nextBodyMark() {
     this.annotations.nextMark();
-    this.page.redraw();
+    this.tellBodyMark();
   }
 
   turnBodyMark(degrees) {
     this.annotations.turnMark(degrees);
+    this.tellBodyMark();
+  }
+
+  /** Tells the station the body mark. It stays while the picture moves; each picture has its own in the recording. */
+  tellBodyMark() {
+    const { mark, turn } = this.annotations;
+    const picture = this.page.shown()?.picture;
     this.page.redraw();
+    if (!picture) return;
+    if (this.bodyMark?.picture.key !== picture.key) this.bodyMark = null;
+    if (mark !== "none") {
+      this.bodyMark ??= { id: this.outbox.newId(), picture };
+      this.outbox.set(this.bodyMark.id, picture, { kind: "body_mark", name: mark, turn_deg: turn });
+    } else if (this.bodyMark) {
+      this.outbox.remove([this.bodyMark]);
+      this.bodyMark = null;
+    }
   }
 
   invert(axis) {
@@ -229,16 +317,32 @@ export class Console {
 
   /** Keeps a live picture that was just drawn, with the tissues or attenuation that are mixed in. */
   keep(frame) {
-    // The first frozen picture is the loop's last one.
-    if (!frame.settings.frozen || !this.keptFrozen) this.cine.keep(this.page.picture.canvas, frame, performance.now());
-    this.keptFrozen = Boolean(frame.settings.frozen);
+    const frozen = Boolean(frame.settings.frozen);
+    // One frozen picture is the loop's last one: that of the marks.
+    const keeps = !frozen || !this.keptFrozen;
+    const kept = keeps && this.cine.keep(this.page.picture.canvas, frame, performance.now());
+    this.keptFrozen = frozen && (this.keptFrozen || kept);
     this.stage.dataset.kept = String(this.cine.kept.length);
   }
 
-  /** Shows or hides the bar of the cine loop. */
-  follow(frozen) {
+  /** The station's first message. */
+  begin({ session, measures }) {
+    this.outbox.begin(session);
+    this.list.offer(measures);
+  }
+
+  /** Says which picture a new frame is, and shows or hides the bar of the cine loop. */
+  follow(frame) {
     const bar = byId("cine");
-    this.frozen = Boolean(frozen);
+    const frozen = Boolean(frame.settings.frozen);
+    const { session } = this.outbox;
+    const { number, pose } = frame;
+    const own = { key: `${session} ${number}`, session, number, pose, sampledMs: frame.times.sampled };
+    this.picture = frozen ? (this.picture ?? own) : null;
+    frame.picture = this.picture ?? own;
+    // A tool goes with the picture that it measured.
+    if (this.frozen && !frozen) this.putAway();
+    this.frozen = frozen;
     if (!frozen) this.cine.live();
     const available = Boolean(frozen) && this.cine.kept.length > 1;
     if (bar.hidden === available) {

@@ -166,7 +166,7 @@ export class Status {
     element.hidden = !contact;
     if (!contact) return;
     const percent = Math.round(100 * contact.part);
-    const warning = { deep: "DEEP IN THE BODY", outward: "LOOKS OUT OF THE BODY" }[misplaced];
+    const warning = { deep: "DEEP IN THE BODY", looks_out: "LOOKS OUT OF THE BODY" }[misplaced];
     if (warning) badge(element, warning, "bad strong");
     else if (percent === 0) badge(element, "NO CONTACT", "warn strong");
     else badge(element, `CONTACT ${percent} %`, percent < 90 ? "warn" : "good");

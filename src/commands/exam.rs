@@ -17,8 +17,8 @@ use super::{Failure, output};
 /// Record sessions of a simulated hand that looks for standard planes, as raw tracker bytes.
 ///
 /// For each plane the hand travels there, searches by tilting, rocking, rotating and sliding, holds the plane, places its
-/// calipers, and leaves; it trembles, drifts, and changes its pressure. Events `truth.plane` in the recording say what it
-/// meant to do. The same station, planes, seed, duration and skill give the same file, byte for byte.
+/// calipers, and leaves; it trembles, drifts, and changes its pressure. The recording names its planes, by which `insonify
+/// score` scores it; events `truth.plane` say what the hand meant to do. Poses are those that the station's calibrated tracker would measure. The same station, planes, seed, duration and skill give the same file, byte for byte.
 ///
 /// Without a station: the short sweep over the phantom that the demo plays; its key views are events.
 #[derive(Debug, Parser)]
@@ -89,7 +89,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         return Err(Failure::Input(anyhow!("--duration is {duration_s}; it must be above 0 and at most 3600 s")));
     }
     let (shuffle, skills) = (args.shuffle, args.skill);
-    let batch = Batch { scene: scene_name(&station), skin: &scene.skin, planes, shuffle, duration_s, skills };
+    let (scene_name, skin, calibration) = (scene_name(&station), &scene.skin, station.pose_settings()?.calibration);
+    let batch = Batch { scene: scene_name, skin, planes, shuffle, duration_s, skills, calibration };
     let Some(count) = args.sessions else {
         output::make_parent(&args.out)?;
         let written = batch.write(args.seed, &args.out)?;

@@ -3,12 +3,15 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use anyhow::anyhow;
 use clap::Parser;
 use insonify::anatomy::Mesh;
+use insonify::anatomy::planes::{StandardPlane, StandardPlanes};
+use insonify::exam::planes_of;
 use insonify::exam::score::{self, MisplacedTime, Reference, Score};
 use insonify::files::Outputs;
 use insonify::pipeline::replay::RecordedExam;
-use insonify::recording::RecordingReport;
+use insonify::recording::{Event, RecordingReport};
 use insonify::report::exam as exam_report;
 use insonify::settings::{Choice, Effect};
 use insonify::station::{PlaneScene, Station};
@@ -20,16 +23,17 @@ use super::{Failure, input, output, session};
 /// Compare a recorded session with the standard planes of the station's scene.
 ///
 /// For each plane: whether it was found (within its tolerances for a second, the probe on the skin), when, how far off the
-/// best second was, how steady it was held, and what would be measured there against the truth. Caliper events of the
-/// session are compared with the truth, too. What counts is what was on the screen: depth and freeze as they were set in
+/// best second was, how steady it was held, and what would be measured there against the truth. Scored are the planes that
+/// the recording names (as those of `insonify exam` do), else all of the scene. Measurements of the session, made on the
+/// page, are compared with the truth, too; its texts and body marks are listed. What counts is what was on the screen: depth and freeze as they were set in
 /// the session. Planes are those of the scene at rest: that a mother's breath moves them is not taken out.
 #[derive(Debug, Parser)]
 #[command(after_help = "Examples:\n  \
                         insonify score session.mcap configs/obstetric.toml --out session.html\n  \
                         insonify score session.mcap configs/obstetric.toml --planes head,abdomen --json\n\n\
-                        A caliper is the event {\"name\": \"caliper\", \"value\": {\"measure\": \"BPD\", \
+                        A caliper of another program is the event {\"name\": \"caliper\", \"value\": {\"measure\": \"BPD\", \
                         \"points_mm\": [[x, z], [x, z]]}} in the recording: mm right of the image's middle line and mm \
-                        below the centre of the probe's face; four points are an ellipse.")]
+                        below the centre of the probe's face; three points are an angle (its corner second), four an ellipse.")]
 pub(crate) struct Args {
     /// Recording (.mcap)
     recording: PathBuf,
@@ -37,7 +41,7 @@ pub(crate) struct Args {
     /// Station file (TOML) whose scene has standard planes
     station: PathBuf,
 
-    /// Planes that count [default: all of the scene]
+    /// Planes that count, or `all` of the scene [default: those that the recording names, else all of the scene]
     #[arg(long, value_name = "A,B,...", value_delimiter = ',')]
     planes: Vec<String>,
 
@@ -56,6 +60,8 @@ struct Report<'a> {
     station: &'a PathBuf,
     /// Source of the poses: `session`, or `tracker` with the station's calibration.
     poses: &'static str,
+    /// Source of the scored planes: `option`, `recording` or `scene`.
+    planes_from: &'static str,
     #[serde(flatten)]
     score: &'a Score,
     /// Time with the probe where no hand can hold it.
@@ -75,8 +81,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let names = planes.surfaces();
     let named = scene.surfaces.into_iter().filter(|surface| names.contains(&surface.name.as_str()));
     let surfaces: BTreeMap<String, Mesh> = named.map(|surface| (surface.name, surface.mesh)).collect();
+    let subject = Subject::of(args, &exam.summary.events, &planes)?;
     let reference = Reference {
-        planes: planes.chosen(&args.planes)?,
+        planes: subject.planes.clone(),
+        scene_planes: planes.planes.iter().collect(),
         // A station that simulates no contact shows the whole picture wherever the probe is.
         skin: (station.settings.effects.of(Effect::Contact) != Choice::Off).then_some(&skin),
         surfaces: &surfaces,
@@ -94,18 +102,61 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     if let Some(out) = &args.out {
         let title = args.recording.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-        exam_report::write(out, &title, &score, &track, &reference)?;
+        exam_report::write(out, &title, &subject.note, &score, &track, &reference)?;
     }
     if args.json {
         let recording = RecordingReport::new(&args.recording, &exam.summary);
-        return output::json(&Report {
-            recording,
-            station: &args.station,
-            poses: exam.source,
-            score: &score,
-            misplaced,
-        });
+        let (station, planes_from) = (&args.station, subject.from);
+        let poses = exam.source;
+        return output::json(&Report { recording, station, poses, planes_from, score: &score, misplaced });
     }
     output::text(&score)?;
+    output::line(format!("\n{}", subject.note))?;
     args.out.as_ref().map_or(Ok(()), |out| output::line(format!("\n{}", out.display())))
+}
+
+/// Planes that count.
+struct Subject<'a> {
+    planes: Vec<&'a StandardPlane>,
+    /// Source of their names: `option`, `recording` or `scene`.
+    from: &'static str,
+    /// Sentence about that source.
+    note: String,
+}
+
+impl<'a> Subject<'a> {
+    /// Planes of the option, else of the recording's `events`, else all of the scene.
+    fn of(args: &Args, events: &[Event], scene: &'a StandardPlanes) -> Result<Self, Failure> {
+        const ALL: &str = "all";
+        let all = scene.planes.len();
+        if args.planes.iter().map(String::as_str).eq([ALL]) {
+            let note = format!("Scored: all {all} planes of the scene, as --planes asks.");
+            return Ok(Self { planes: scene.planes.iter().collect(), from: "option", note });
+        }
+        if !args.planes.is_empty() {
+            let planes = scene.chosen(&args.planes)?;
+            let note = format!("Scored: {} of the scene's {all} planes, as --planes asks.", planes.len());
+            return Ok(Self { planes, from: "option", note });
+        }
+        let recording = args.recording.display();
+        let names =
+            planes_of(events).map_err(|e| Failure::Input(anyhow!("{recording}: {e}; --planes says which count")))?;
+        if names.is_empty() {
+            let note = format!(
+                "Scored: all {all} planes of the scene, since the recording names none; --planes says which count."
+            );
+            return Ok(Self { planes: scene.planes.iter().collect(), from: "scene", note });
+        }
+        let planes = scene.chosen(&names).map_err(|e| {
+            Failure::Input(anyhow!(
+                "{recording} is about the planes {}: {e}; --planes says which count",
+                names.join(", ")
+            ))
+        })?;
+        let note = format!(
+            "Scored: the planes of the recording's exam ({}). The scene has {all}; --planes all scores them all.",
+            names.join(", ")
+        );
+        Ok(Self { planes, from: "recording", note })
+    }
 }

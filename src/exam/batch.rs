@@ -13,6 +13,7 @@ use super::session::{self, RATE_HZ, Settings, TRUTH_EVENT};
 use super::{ExamError, START_TIME_NS, sweep};
 use crate::anatomy::Skin;
 use crate::anatomy::planes::StandardPlane;
+use crate::pose::Calibration;
 
 /// Skill of the hands: one, or each in turn by the seed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -92,6 +93,8 @@ pub struct Batch<'a> {
     pub duration_s: f64,
     /// Skill of the hands.
     pub skills: Skills,
+    /// Calibration of the station that reads the recordings: their poses are those that its tracker would measure.
+    pub calibration: Calibration,
 }
 
 impl Batch<'_> {
@@ -105,7 +108,10 @@ impl Batch<'_> {
         if self.shuffle {
             session::shuffle(&mut planes, seed);
         }
-        let made = session::make(&planes, self.skin, &Settings { seed, duration_s: self.duration_s, skill })?;
+        let mut made = session::make(&planes, self.skin, &Settings { seed, duration_s: self.duration_s, skill })?;
+        if self.calibration != Calibration::default() {
+            made.poses.iter_mut().for_each(|timed| timed.pose = self.calibration.tracker_from_sensor(timed.pose));
+        }
         made.write(path, &self.scene)?;
         let holds = made.events.iter().filter(|event| event.name == TRUTH_EVENT);
         let key_frames = holds.filter_map(|event| {

@@ -12,6 +12,7 @@ pub mod offset;
 pub mod score;
 pub mod session;
 pub mod slide;
+mod subject;
 pub mod sweep;
 
 use std::path::Path;
@@ -20,6 +21,7 @@ use glam::{DQuat, DVec3};
 use thiserror::Error;
 
 pub use batch::{Batch, KeyFrame, Skills, WrittenExam, write_sweep};
+pub use subject::{SubjectError, planes_of};
 
 use crate::pose::{Pose, TimedPose};
 use crate::recording::{Event, RecordingError, RecordingInfo, RecordingWriter};

@@ -6,7 +6,8 @@
 //! the current image.
 //!
 //! The recording's `truth.plane` events give the hand's intention: `{"plane": "head", "phase": "search" | "hold" |
-//! "leave"}`, and `{"phase": "survey"}`. Calipers are placed at the end of each hold.
+//! "leave"}`, and `{"phase": "survey"}`. Calipers are placed at the end of each hold. The event [`EXAM_EVENT`] names the
+//! planes.
 
 use std::path::Path;
 
@@ -20,7 +21,7 @@ use crate::anatomy::planes::{Caliper, StandardPlane, View};
 use crate::pose::freehand::{Tremor, Waypoint, minimum_jerk, view_at};
 use crate::pose::{Pose, TimedPose, rotation_vector};
 use crate::random::SplitMix64;
-use crate::recording::{CaliperEvent, Event};
+use crate::recording::{CaliperEvent, EXAM_EVENT, Event};
 
 /// Pose rate, Hz.
 pub const RATE_HZ: u32 = 60;
@@ -91,6 +92,8 @@ pub fn make(planes: &[&StandardPlane], skin: &Skin, settings: &Settings) -> Resu
         return Err(ExamError::TooShort { duration_s, planes, least_s });
     }
     let mut plan = Plan::new(hand, settings.seed, skin);
+    let names: Vec<&str> = planes.iter().map(|plane| plane.name.as_str()).collect();
+    plan.phases.push((0.0, Event::new(0, EXAM_EVENT).with(json!(names))));
     let mut bases = Vec::with_capacity(planes.len());
     for (number, plane) in (1..).zip(planes) {
         let pick = (plan.random.unit() * plane.views.len() as f64) as usize;

@@ -37,16 +37,20 @@ impl Controls {
         Self { receiver, live }
     }
 
-    /// Applies the queued controls. Calls `refuse` with a message for each value out of range.
-    pub(super) fn apply_waiting(&mut self, mut refuse: impl FnMut(String)) -> Changes {
+    /// Applies the queued controls. Calls `refuse` with a message for each value out of range, and `note` for each mark that is
+    /// set or removed.
+    pub(super) fn apply_waiting(&mut self, mut refuse: impl FnMut(String), mut note: impl FnMut(&Control)) -> Changes {
         let mut changes = Changes::default();
         let before = self.live;
         // At most one queue length: a flood of controls must not delay a frame.
         for _ in 0..CONTROLS_WAITING {
             let Ok(control) = self.receiver.try_recv() else { break };
             let Control::Set(assignments) = &control else {
-                changes.quit = true;
                 changes.applied += 1;
+                match control {
+                    Control::Quit => changes.quit = true,
+                    control => note(&control),
+                }
                 continue;
             };
             match self.live.with(assignments) {
@@ -80,7 +84,7 @@ mod tests {
         }
         let mut all = Controls::new(receiver, LiveSettings::default());
         let mut refused = Vec::new();
-        let changes = all.apply_waiting(|text| refused.push(text));
+        let changes = all.apply_waiting(|text| refused.push(text), |_| ());
         (all, changes, refused)
     }
 
@@ -98,6 +102,17 @@ mod tests {
             assert_eq!(changes, Changes { picture, any: true, quality, quit: false, applied: 1, refused: 0 });
         }
         assert_eq!(apply(&[Control::Quit]).1, Changes { quit: true, applied: 1, ..Changes::default() });
+    }
+
+    #[test]
+    fn marks_change_no_setting_and_are_noted_in_order() {
+        let (sender, receiver) = mpsc::channel(CONTROLS_WAITING);
+        let sent = [Control::Unmark(vec!["a".into()]), Control::Unmark(vec!["b".into()])];
+        sent.iter().for_each(|control| sender.try_send(control.clone()).unwrap());
+        let mut all = Controls::new(receiver, LiveSettings::default());
+        let mut noted = Vec::new();
+        let changes = all.apply_waiting(|text| panic!("{text}"), |control| noted.push(control.clone()));
+        assert_eq!((changes, &noted[..]), (Changes { applied: 2, ..Changes::default() }, &sent[..]));
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::clock::{Clock, lock};
 use crate::pose::Estimate;
-use crate::settings::LiveSettings;
+use crate::settings::{Control, LiveSettings};
 
 /// Time for which a notice stays on the frames.
 const NOTICE_TIME: Duration = Duration::from_secs(5);
@@ -20,6 +20,9 @@ pub trait Observer: Send + Sync {
 
     /// The settings from `unix_ns` on.
     fn settings(&self, unix_ns: u64, settings: &LiveSettings);
+
+    /// A watcher set or removed marks ([`Control::Mark`], [`Control::Unmark`]) in a session that began at `start_unix_ns`.
+    fn marks(&self, _unix_ns: u64, _start_unix_ns: u64, _control: &Control) {}
 }
 
 /// Destination of a session's events; clones share it.
@@ -78,6 +81,12 @@ impl Events {
     pub(super) fn settings(&self, settings: &LiveSettings) {
         if let Some(observer) = &self.observer {
             observer.settings(self.clock.unix_ns(), settings);
+        }
+    }
+
+    pub(super) fn marks(&self, control: &Control) {
+        if let Some(observer) = &self.observer {
+            observer.marks(self.clock.unix_ns(), self.clock.start_unix_ns(), control);
         }
     }
 

@@ -214,7 +214,33 @@ fn video(_: &Station, _: &Path) -> Result<Box<dyn LiveSink>, LiveError> {
 pub fn scene_info(station: &Station, scene: &Scene) -> crate::sink::browser::SceneInfo {
     use crate::sink::browser::{SceneInfo, ScenePacket};
     let surfaces = ScenePacket::new(scene, &station.probe, station.axes(scene));
-    SceneInfo { tissues: station.tissues.names().to_vec(), surfaces: Some(surfaces) }
+    SceneInfo { tissues: station.tissues.names().to_vec(), surfaces: Some(surfaces), measures: measures(station) }
+}
+
+/// Measures of the station's standard planes, each once; none for a scene without planes.
+#[cfg(feature = "browser")]
+fn measures(station: &Station) -> Vec<crate::sink::browser::MeasureInfo> {
+    use crate::anatomy::planes::{CaliperKind, PlanesError};
+    use crate::sink::browser::MeasureInfo;
+    let planes = match station.standard_planes() {
+        Ok(planes) => planes.planes,
+        Err(crate::station::StationError::Planes(PlanesError::None { .. })) => Vec::new(),
+        Err(error) => {
+            tracing::warn!("measurements can't be named after the standard planes: {error}");
+            Vec::new()
+        }
+    };
+    let mut measures: Vec<MeasureInfo> = Vec::new();
+    for caliper in planes.into_iter().flat_map(|plane| plane.views).flat_map(|view| view.calipers) {
+        let kind = match caliper.kind {
+            CaliperKind::Line => "distance",
+            CaliperKind::Ellipse => "ellipse",
+        };
+        if measures.iter().all(|known| known.name != caliper.name) {
+            measures.push(MeasureInfo { name: caliper.name, title: caliper.title, kind });
+        }
+    }
+    measures
 }
 
 /// The station's generators; none without models, without ONNX Runtime, or if every model is refused.

@@ -13,9 +13,9 @@ use crate::files::{self, FileKind};
 use crate::pose::Estimate;
 use crate::recording::{
     Event, QueueLimits, Recorded, Recorder, RecorderError, RecorderHandle, RecordingError, RecordingInfo,
-    RecordingWriter, SessionPose, SessionSettings,
+    RecordingWriter, SessionPose, SessionSettings, mark_event, removal_event,
 };
-use crate::settings::LiveSettings;
+use crate::settings::{Control, LiveSettings};
 use crate::sink::{SinkError, create_dir};
 use crate::station::Station;
 use crate::tracker::Protocol;
@@ -39,6 +39,14 @@ impl Observer for RecordingObserver {
 
     fn settings(&self, unix_ns: u64, settings: &LiveSettings) {
         self.0.event(Event::new(unix_ns, SETTINGS_EVENT).with(settings.to_json()));
+    }
+
+    fn marks(&self, unix_ns: u64, start_unix_ns: u64, control: &Control) {
+        match control {
+            Control::Mark(mark) => self.0.event(mark_event(unix_ns, start_unix_ns, mark)),
+            Control::Unmark(ids) => ids.iter().for_each(|id| self.0.event(removal_event(unix_ns, id))),
+            Control::Set(_) | Control::Quit => {}
+        }
     }
 }
 

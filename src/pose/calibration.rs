@@ -127,6 +127,12 @@ impl Calibration {
         value(self.scene_from_tracker) * tracker_from_sensor * value(self.sensor_from_probe)
     }
 
+    /// Measured `tracker_from_sensor` for which [`scene_from_probe`](Self::scene_from_probe) is this.
+    pub fn tracker_from_sensor(&self, scene_from_probe: Pose) -> Pose {
+        let inverse = |fitted: Option<Fitted<Pose>>| fitted.map_or(Pose::IDENTITY, |f| f.value.inverse());
+        inverse(self.scene_from_tracker) * scene_from_probe * inverse(self.sensor_from_probe)
+    }
+
     /// Reads the calibration file at `path`.
     ///
     /// # Errors

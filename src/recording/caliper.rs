@@ -1,51 +1,88 @@
 //! Caliper measurements, as events of a recording.
 //!
 //! A caliper is the event [`CALIPER_EVENT`] with the value `{"measure": "BPD", "points_mm": [[x, z], [x, z]]}`. Two
-//! image points give a length. Four give an ellipse: the ends of its first axis, then of its second. Points are (x, z)
-//! in the probe frame, mm: x to the right from the image's middle line, z down from the centre of the probe's face.
-//! `measure` is the name of a standard plane's caliper, or free text.
+//! image points give a length. Three give an angle: end, corner, end. Four give an ellipse: the ends of its first axis,
+//! then of its second. Points are (x, z) in the probe frame, mm: x to the right from the image's middle line, z down from
+//! the centre of the probe's face. `measure` is the name of a standard plane's caliper, or free text.
+//!
+//! Calipers of a live page also say which frame they belong to ([`Marks`](super::Marks)).
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::Event;
+use super::marked::Marked;
+use crate::settings::mark::{COORDINATE_LIMIT_MM, NAME_CHARS_MAX, clean};
 
 /// Name of the event.
 pub const CALIPER_EVENT: &str = "caliper";
 
-/// Largest accepted coordinate, mm.
-const COORDINATE_LIMIT_MM: f64 = 1e4;
+/// Correct form of the event's value.
+const FORM: &str = r#"a caliper is {"measure": "BPD", "points_mm": [[x, z], [x, z]]}"#;
+
+/// Most characters of a measure's name that is read; longer ones are cut.
+const READ_CHARS_MAX: usize = 4 * NAME_CHARS_MAX;
 
 /// A measurement in the image.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CaliperEvent {
-    /// Name of the measure, for example `BPD`.
+    /// Name of the measure, for example `BPD`; may be empty.
     pub measure: String,
-    /// Two or four points (x, z) of the probe frame, mm.
+    /// Two, three or four points (x, z) of the probe frame, mm.
     pub points_mm: Vec<[f64; 2]>,
 }
 
+/// Kind of a measurement in the image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MeasureKind {
+    /// Distance between two points.
+    Distance,
+    /// Angle at a corner.
+    Angle,
+    /// Ellipse with circumference and area.
+    Ellipse,
+}
+
+impl MeasureKind {
+    /// Name in files and messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Distance => "distance",
+            Self::Angle => "angle",
+            Self::Ellipse => "ellipse",
+        }
+    }
+}
+
 impl CaliperEvent {
-    /// Caliper measurement of `event`; `None` for other events.
+    /// Measurement and marked frame of `event`; `None` for other events.
     ///
     /// # Errors
     /// A caliper event with a malformed value; the text gives the fault and the correct form.
-    pub(crate) fn from_event(event: &Event) -> Option<Result<Self, String>> {
+    pub(super) fn marked(event: &Event) -> Option<Result<(Self, Marked), String>> {
         (event.name == CALIPER_EVENT).then(|| {
-            let value = event.value.clone().unwrap_or_default();
-            let caliper: Self = serde_json::from_value(value)
-                .map_err(|e| format!("a caliper is {{\"measure\": \"BPD\", \"points_mm\": [[x, z], [x, z]]}}: {e}"))?;
-            let count = caliper.points_mm.len();
-            if count != 2 && count != 4 {
-                return Err(format!("a caliper has 2 points, or 4 for an ellipse; this one has {count}"));
-            }
-            if let Some(x) =
-                caliper.points_mm.iter().flatten().find(|x| !x.is_finite() || x.abs() > COORDINATE_LIMIT_MM)
-            {
-                return Err(format!("a caliper's point is {x}; coordinates reach ±{COORDINATE_LIMIT_MM} mm"));
-            }
-            Ok(caliper)
+            let mut value = event.value.clone().unwrap_or_default();
+            let marked = Marked::take(&mut value, &["kind", "value", "unit", "area_mm2"])?;
+            let read: Value = serde_json::from_value(value).map_err(|e| format!("{FORM}: {e}"))?;
+            let measure = clean(&read.measure).chars().take(READ_CHARS_MAX).collect();
+            let caliper = Self { measure, points_mm: read.points_mm };
+            caliper.check()?;
+            Ok((caliper, marked))
         })
+    }
+
+    fn check(&self) -> Result<(), String> {
+        let count = self.points_mm.len();
+        if !(2..=4).contains(&count) {
+            return Err(format!(
+                "a caliper has 2 points, 3 for an angle or 4 for an ellipse; this one has {count}. {FORM}"
+            ));
+        }
+        let beyond = self.points_mm.iter().flatten().find(|x| !x.is_finite() || x.abs() > COORDINATE_LIMIT_MM);
+        match beyond {
+            Some(x) => Err(format!("a caliper's point is {x}; coordinates reach ±{COORDINATE_LIMIT_MM} mm")),
+            None => Ok(()),
+        }
     }
 
     /// Event of this measurement at `host_time_ns`.
@@ -54,15 +91,61 @@ impl CaliperEvent {
         Event::new(host_time_ns, CALIPER_EVENT).with(value)
     }
 
-    /// Length of the line, or circumference of the ellipse (Ramanujan's second approximation), mm.
-    pub(crate) fn length_mm(&self) -> f64 {
-        let lengths: Vec<f64> =
-            self.points_mm.chunks_exact(2).map(|p| (p[1][0] - p[0][0]).hypot(p[1][1] - p[0][1])).collect();
-        match lengths[..] {
-            [a, b] => ellipse_circumference_mm(0.5 * a, 0.5 * b),
-            _ => lengths.iter().sum(),
+    /// Kind of the measurement, by the number of its points.
+    pub fn kind(&self) -> MeasureKind {
+        match self.points_mm.len() {
+            2 => MeasureKind::Distance,
+            3 => MeasureKind::Angle,
+            _ => MeasureKind::Ellipse,
         }
     }
+
+    /// Length of the line, or circumference of the ellipse (Ramanujan's second approximation), mm; `None` for an angle.
+    pub fn length_mm(&self) -> Option<f64> {
+        match (self.kind(), &self.points_mm[..]) {
+            (MeasureKind::Distance, [a, b]) => Some(distance(*a, *b)),
+            _ => self.axes_mm().map(|[a, b]| ellipse_circumference_mm(0.5 * a, 0.5 * b)),
+        }
+    }
+
+    /// Axes of the ellipse, mm.
+    pub fn axes_mm(&self) -> Option<[f64; 2]> {
+        let [a, b, c, d] = self.points_mm[..] else { return None };
+        Some([distance(a, b), distance(c, d)])
+    }
+
+    /// Area of the ellipse, mm².
+    pub fn area_mm2(&self) -> Option<f64> {
+        self.axes_mm().map(|[a, b]| 0.25 * std::f64::consts::PI * a * b)
+    }
+
+    /// Angle at the corner, degrees, 0..=180.
+    pub fn angle_deg(&self) -> Option<f64> {
+        let [a, corner, b] = self.points_mm[..] else { return None };
+        let direction = |p: [f64; 2]| (p[1] - corner[1]).atan2(p[0] - corner[0]).to_degrees();
+        let turn = (direction(a) - direction(b)).abs();
+        Some(if turn > 180.0 { 360.0 - turn } else { turn })
+    }
+
+    /// Value with its unit: a length or circumference in mm, or an angle in degrees.
+    pub fn value(&self) -> (f64, &'static str) {
+        match self.length_mm() {
+            Some(mm) => (mm, "mm"),
+            None => (self.angle_deg().unwrap_or_default(), "deg"),
+        }
+    }
+}
+
+/// Value of the event.
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Value {
+    measure: String,
+    points_mm: Vec<[f64; 2]>,
+}
+
+fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (b[0] - a[0]).hypot(b[1] - a[1])
 }
 
 /// Circumference of an ellipse with these semi-axes, mm, by Ramanujan's second approximation; its error is below 4e-4
@@ -80,27 +163,33 @@ pub(crate) fn ellipse_circumference_mm(a_mm: f64, b_mm: f64) -> f64 {
 mod tests {
     use super::*;
 
+    fn read(event: &Event) -> Option<Result<CaliperEvent, String>> {
+        CaliperEvent::marked(event).map(|read| read.map(|(caliper, _)| caliper))
+    }
+
     #[test]
     fn a_caliper_is_written_read_and_measured() {
         let line = CaliperEvent { measure: "FL".into(), points_mm: vec![[-12.0, 60.0], [12.0, 67.0]] };
-        let event = line.event(7);
-        assert_eq!(CaliperEvent::from_event(&event), Some(Ok(line.clone())));
-        assert!((line.length_mm() - 25.0).abs() < 1e-12);
+        assert_eq!(read(&line.event(7)), Some(Ok(line.clone())));
+        assert!((line.length_mm().unwrap() - 25.0).abs() < 1e-12 && line.value().1 == "mm");
         let circle = [[-10.0, 0.0], [10.0, 0.0], [0.0, -10.0], [0.0, 10.0]];
         let circle = CaliperEvent { measure: "AC".into(), points_mm: circle.to_vec() };
-        assert!((circle.length_mm() - 20.0 * std::f64::consts::PI).abs() < 1e-9);
+        assert!((circle.length_mm().unwrap() - 20.0 * std::f64::consts::PI).abs() < 1e-9);
+        assert!((circle.area_mm2().unwrap() - 100.0 * std::f64::consts::PI).abs() < 1e-9);
+        let corner = CaliperEvent { measure: String::new(), points_mm: vec![[-5.0, 1.0], [0.0, 1.0], [0.0, 9.0]] };
+        assert_eq!((corner.length_mm(), corner.kind()), (None, MeasureKind::Angle));
+        assert!((corner.angle_deg().unwrap() - 90.0).abs() < 1e-9);
         // The circumference of a flat ellipse is twice its axis.
         assert!((ellipse_circumference_mm(10.0, 0.0) / 40.0 - 1.0).abs() < 5e-4);
-        assert_eq!(CaliperEvent::from_event(&Event::new(7, "gain")), None);
+        assert_eq!(read(&Event::new(7, "gain")), None);
     }
 
     #[test]
     fn malformed_calipers_are_reported() {
-        let error = |value: serde_json::Value| {
-            CaliperEvent::from_event(&Event::new(0, CALIPER_EVENT).with(value)).unwrap().unwrap_err()
-        };
+        let error = |value: serde_json::Value| read(&Event::new(0, CALIPER_EVENT).with(value)).unwrap().unwrap_err();
         assert!(error(serde_json::json!(null)).contains("\"points_mm\""));
         assert!(error(serde_json::json!({"measure": "FL", "points_mm": [[1, 2]]})).contains("has 1"));
+        assert!(error(serde_json::json!({"measure": "FL", "points_mm": [[1, 2], [3, 4]], "m": 1})).contains("`m`"));
         let far = serde_json::json!({"measure": "FL", "points_mm": [[1e9, 2], [0, 0]]});
         assert!(error(far).contains("1000000000"));
     }

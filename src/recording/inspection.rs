@@ -5,8 +5,9 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::{Event, RecordingReport, RecordingSummary, SessionSettings, Timing};
+use super::{Event, MarkReport, Marks, RecordingReport, RecordingSummary, SessionSettings, Timing};
 use crate::pose::TimedPose;
+use crate::settings::mark::clean;
 
 /// Content of a recording. [`Display`](fmt::Display) formats it as a text table.
 #[derive(Debug, Clone, Serialize)]
@@ -24,6 +25,10 @@ pub struct Inspection<'a> {
     timing: Option<Timing>,
     damage: &'a [String],
     events: &'a [Event],
+    /// Marks on pictures in their last state.
+    marks: Vec<MarkReport>,
+    /// Events of marks that could not be read.
+    marks_refused: Vec<String>,
     settings: Option<&'a SessionSettings>,
     #[serde(skip)]
     summary: &'a RecordingSummary,
@@ -32,6 +37,7 @@ pub struct Inspection<'a> {
 impl<'a> Inspection<'a> {
     /// Content of the recording at `path`, as [`read_all`](super::read_all) gives it.
     pub fn new(path: &Path, poses: &[TimedPose], summary: &'a RecordingSummary) -> Self {
+        let (start_ns, marks) = (summary.info.start_time_ns, Marks::of(&summary.events));
         Self {
             recording: RecordingReport::new(path, summary),
             protocol: summary.info.protocol.name(),
@@ -45,6 +51,8 @@ impl<'a> Inspection<'a> {
             timing: Timing::of(poses),
             damage: &summary.damage.damaged_first,
             events: &summary.events,
+            marks: marks.all.iter().map(|mark| MarkReport::new(mark, start_ns)).collect(),
+            marks_refused: marks.refused.into_iter().map(|(_, reason)| reason).collect(),
             settings: summary.settings.as_ref(),
             summary,
         }
@@ -76,11 +84,16 @@ impl fmt::Display for Inspection<'_> {
             let (path, bytes) = (or_none(station_path), station.len());
             writeln!(f, "station    {path} ({bytes} bytes; --station prints it)")?;
         }
+        if !self.marks.is_empty() || !self.marks_refused.is_empty() {
+            writeln!(f, "marks      {}", self.marks.len())?;
+        }
+        self.marks.iter().try_for_each(|mark| writeln!(f, "  {mark}"))?;
+        self.marks_refused.iter().try_for_each(|reason| writeln!(f, "  not read: {reason}"))?;
         writeln!(f, "events     {}", self.events.len())?;
         for event in self.events {
             let seconds = (i128::from(event.host_time_ns) - i128::from(self.start_time_ns)) as f64 * 1e-9;
             let value = event.value.as_ref().map_or_else(String::new, |value| format!(" = {value}"));
-            writeln!(f, "  {seconds:9.3} s  {}{value}", event.name)?;
+            writeln!(f, "  {seconds:9.3} s  {}{value}", clean(&event.name))?;
         }
         Ok(())
     }

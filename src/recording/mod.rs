@@ -8,8 +8,9 @@
 //! | [`EVENT_TOPIC`] | `json` | `{"name": "...", "value": ...}`: a marked moment, for example a key frame, or a changed control; `value` is optional |
 //! | [`POSE_TOPIC`] | `json`, schema `foxglove.PoseInFrame` | `scene_from_probe` as the session used it, and its `state`; **metres**, as viewers expect; frame `scene` |
 //!
-//! Caliper measurements are also events ([`CaliperEvent`]). Events whose names begin with `truth.` describe a
-//! generated session, for training; reports on a session ignore them.
+//! Marks on pictures (measurements, texts, body marks) are also events ([`Marks`]). [`EXAM_EVENT`] names the planes that
+//! a session is about. Events whose names begin with `truth.` describe a generated session, for training; reports on a
+//! session take nothing from them except the planes of a recording without that event.
 //!
 //! Metadata of the raw channel: `protocol` (a name of [`Protocol`]), `device`, `scene` (frame of the poses),
 //! `start_time_ns`, `format_version`, and `sensor` if one of several was selected.
@@ -38,6 +39,9 @@ mod in_order;
 #[cfg(feature = "recordings")]
 mod inspection;
 pub mod interchange;
+mod mark_report;
+mod marked;
+mod marks;
 #[cfg(feature = "recordings")]
 mod part;
 #[cfg(feature = "live")]
@@ -65,13 +69,18 @@ mod writer;
 mod writer;
 
 pub(crate) use caliper::ellipse_circumference_mm;
-pub use caliper::{CALIPER_EVENT, CaliperEvent};
+pub use caliper::{CALIPER_EVENT, CaliperEvent, MeasureKind};
 #[cfg(feature = "live")]
 pub use capture::Capture;
 #[cfg(feature = "recordings")]
 pub use decoded::{DecodedRecording, Item};
 #[cfg(feature = "recordings")]
 pub use inspection::Inspection;
+pub use mark_report::MarkReport;
+pub use marked::MarkedFrame;
+pub use marks::{
+    BODY_MARK_EVENT, Marks, REMOVAL_EVENT, RecordedContent, RecordedMark, TEXT_EVENT, mark_event, removal_event,
+};
 #[cfg(feature = "recordings")]
 pub use part::part_path;
 #[cfg(feature = "live")]
@@ -165,6 +174,9 @@ impl Event {
         self
     }
 }
+
+/// Name of the event with the planes that a session is about, as a list of their names.
+pub const EXAM_EVENT: &str = "exam.planes";
 
 /// Name of the event for a lost tracker port.
 pub const DISCONNECTED_EVENT: &str = "tracker-disconnected";

@@ -2,13 +2,17 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{LiveSettings, Setting, SettingsError, SettingsGroup as _, live_settings};
+use super::{LiveSettings, Mark, Setting, SettingsError, SettingsGroup as _, live_settings};
 
 /// A request of a watcher.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Control {
     /// Changes settings, all at once.
     Set(Vec<Assignment>),
+    /// Puts a mark on a picture, or replaces the one with its identifier. The mark is checked already.
+    Mark(Box<Mark>),
+    /// Removes marks by their identifiers.
+    Unmark(Vec<String>),
     /// Ends the session.
     Quit,
 }
@@ -62,7 +66,7 @@ impl Control {
     pub fn check(&self) -> Result<(), SettingsError> {
         match self {
             Self::Set(assignments) => assignments.iter().try_for_each(|assignment| assignment.check().map(|_| ())),
-            Self::Quit => Ok(()),
+            Self::Mark(_) | Self::Unmark(_) | Self::Quit => Ok(()),
         }
     }
 }

@@ -125,7 +125,8 @@ pub fn hot_keys() -> &'static [HotKey] {
             key(&["s"], "S", "tissues", Action::Page("segmentation")),
             key(&["a"], "A", "attenuation", Action::Page("attenuation")),
             key(&["c"], "C", "measure: distance, ellipse, angle", Action::Page("caliper")),
-            key(&["delete", "backspace"], "Del", "remove measurements and texts", Action::Page("caliper_clear")),
+            key(&["delete"], "Del", "remove measurements and texts", Action::Page("caliper_clear")),
+            key(&["backspace"], "Backspace", "remove the last measurement or text", Action::Page("mark_undo")),
             key(&["escape"], "Esc", "put the tool away", Action::Page("put_away")),
             key(&["x"], "X", "write a text on the picture", Action::Page("annotate")),
             key(&["b"], "B", "next body mark", Action::Page("body_mark")),
@@ -238,7 +239,7 @@ mod tests {
         }
         assert_eq!(hot_key(Display::Window, "x"), None);
         assert_eq!((hot_key(Display::Window, "s"), hot_key(Display::Page, "q")), (None, None));
-        assert_eq!(hot_key(Display::Page, "Backspace"), Some(Action::Page("caliper_clear")));
+        assert_eq!(hot_key(Display::Page, "Backspace"), Some(Action::Page("mark_undo")));
     }
 
     #[test]

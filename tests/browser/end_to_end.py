@@ -14,6 +14,7 @@ import struct
 import subprocess
 import sys
 import tempfile
+import threading
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 import webdriver  # noqa: E402
@@ -62,7 +63,15 @@ class Station:
         first = self.process.stdout.readline().split()
         assert first[:1] == ["address"], f"the demo did not start: {first}"
         self.address = first[1]
+        # Marks of the page, as a recording would have them: event and value.
+        self.marks = []
+        threading.Thread(target=self.listen, daemon=True).start()
         self.port = int(self.address.rsplit(":", 1)[1].strip("/"))
+
+    def listen(self):
+        for line in self.process.stdout:
+            name, value = line.split(" ", 1)
+            self.marks.append((name, json.loads(value)))
 
     def say(self, line):
         self.process.stdin.write(line + "\n")
@@ -76,7 +85,6 @@ class Station:
         finally:
             self.process.kill()
             self.process.stdin.close()
-            self.process.stdout.close()
 
 
 def text(page, selector):
@@ -191,6 +199,67 @@ picture.dispatchEvent(new MouseEvent("click", at));"""
     assert page.script("return caliper.getAttribute('aria-pressed')") == "false"
 
 
+def rows(page):
+    return page.script("return [...document.querySelectorAll('#mark_list li span')].map((row) => row.textContent)")
+
+
+def marks_belong_to_their_picture_and_are_recorded(page, station):
+    station.marks.clear()
+    # A moving picture is frozen for a measurement.
+    page.press("c")
+    page.wait("a frozen picture", lambda: text(page, "#run") == "FROZEN")
+    page.wait("the loop's bar, which takes room", lambda: visible(page, "#cine"))
+    width, height = page.script("const b = picture.getBoundingClientRect(); return [b.width, b.height]")
+    pixel_mm = float(page.script("return stage.dataset.pixelMm"))
+    mm = page.script("return picture.width") * pixel_mm / width
+    ends = [(int(0.4 * width), int(0.4 * height)), (int(0.6 * width), int(0.4 * height))]
+    for x, y in ends:
+        page.click_at("#picture", x, y)
+    page.wait("a row", lambda: len(rows(page)) == 1)
+    length = lambda: float(page.script("return stage.dataset.lengthMm"))  # noqa: E731
+    before = length()
+    # The cross is dragged; no third point is set by it.
+    page.drag("#picture", *ends[1], 50, 0)
+    page.wait("a longer distance", lambda: abs(length() - before - 50 * mm) < 0.5)
+    assert page.script("return document.querySelectorAll('#mark_list li').length") == 1
+    page.script("const s = document.querySelector('#mark_list select'); s.value = 'BPD'; s.dispatchEvent(new Event('change'))")
+    page.press("\ue00c")  # Escape
+    page.press("x")
+    page.click_at("#picture", int(0.5 * width), int(0.7 * height))
+    page.script("note.value = 'four chambers'")
+    page.press("\ue007")  # Enter
+    page.press("\ue00c")
+    page.press("b")
+    page.wait("their events", lambda: len(station.marks) == 5)
+    set_first, dragged, named, written, turned = station.marks
+    assert [name for name, _ in station.marks] == ["caliper", "caliper", "caliper", "text", "body-mark"], station.marks
+    assert set_first[1]["id"] == dragged[1]["id"] == named[1]["id"] and written[1]["text"] == "four chambers"
+    assert named[1]["measure"] == "BPD" and abs(named[1]["value"] - length()) < 0.01 and named[1]["unit"] == "mm", named
+    (x1, z1), (x2, z2) = named[1]["points_mm"]
+    assert abs(x2 - x1 - length()) < 0.1 and abs(z1 - z2) < 0.1 and 20 < z1 < 120 and x1 < 0 < x2, named
+    assert len(named[1]["pose"]) == 7 and turned[1]["name"] == "abdomen"
+    frames = {value["frame"] for _, value in station.marks}
+    assert len(frames) == 1, frames
+    # Deeper, the marks stay on the anatomy.
+    page.script(SLIDE, "depth_mm", 170)
+    page.wait("another depth", lambda: float(page.script("return stage.dataset.pixelMm")) != pixel_mm)
+    assert len(rows(page)) == 2 and abs(length() - named[1]["value"]) < 0.01
+    page.script(SLIDE, "depth_mm", 150)
+    page.wait("the depth as before", lambda: float(page.script("return stage.dataset.pixelMm")) == pixel_mm)
+    # One of them is removed.
+    page.click("#mark_list li:nth-child(2) button")
+    page.wait("its removal", lambda: station.marks[-1] == ("mark-removed", {"id": written[1]["id"]}))
+    assert len(rows(page)) == 1
+    # The picture moves again: its marks are hidden, and seen again in the cine loop.
+    page.press(" ")
+    page.wait("a moving picture without marks", lambda: text(page, "#run") == "LIVE" and rows(page) == [])
+    page.wait("some pictures", lambda: page.script("return Number(stage.dataset.kept)") > 3, 30)
+    page.press("b")
+    page.press("b")
+    page.press("b")
+    assert page.script("return caliper.getAttribute('aria-pressed')") == "false", "the tool is put away"
+
+
 def the_cine_loop_is_gone_through(page):
     page.wait("kept pictures", lambda: page.script("return Number(stage.dataset.kept)") > 8, 30)
     page.press("l")
@@ -228,6 +297,12 @@ def the_cine_loop_is_gone_through(page):
     page.press("l")
     clip = page.wait("the clip", lambda: page.script("return stage.dataset.clip"), 60).split()
     assert clip[0].endswith((".webm", ".mp4")) and int(clip[1]) == kept and int(clip[2]) > 1000, clip
+    # A browser without MP4 makes WebM.
+    page.script("const has = MediaRecorder.isTypeSupported; MediaRecorder.isTypeSupported = (type) => type.includes('webm') && has.call(MediaRecorder, type)")
+    page.script("delete stage.dataset.clip")
+    page.press("l")
+    clip = page.wait("the WebM", lambda: page.script("return stage.dataset.clip"), 60).split()
+    assert clip[0].endswith(".webm") and int(clip[1]) == kept, clip
     page.press(" ")
     page.wait("frames again", lambda: text(page, "#run") == "LIVE" and not visible(page, "#cine"))
 
@@ -520,11 +595,33 @@ return b.bottom > a.top + 0.15 * a.height && b.top < a.bottom - 0.15 * a.height;
     station.say("source raw")
 
 
+def clips_have_a_duration(page, downloads):
+    """Opens the saved clips; leaves the station's page."""
+    clips = sorted(downloads.glob("insonify_*.webm")) + sorted(downloads.glob("insonify_*.mp4"))
+    assert any(clip.suffix == ".webm" for clip in clips), clips
+    for clip in clips:
+        page.open(clip.as_uri())
+        seconds = page.wait("its length", lambda: page.script("return String(document.querySelector('video')?.duration)") not in ("undefined", "NaN")
+                            and page.script("return String(document.querySelector('video').duration)"))
+        assert seconds != "Infinity" and 0 < float(seconds) < 60, (clip, seconds)
+
+
 def pages_are_saved(page, downloads):
+    page.press("c")
+    page.wait("a frozen picture", lambda: text(page, "#run") == "FROZEN")
+    page.press("\ue007")  # Enter
+    for _ in range(20):
+        page.press("\ue014")  # right
+    page.press("\ue007")
     page.press("p")
     record = page.wait("the measurements", lambda: next(downloads.glob("insonify_*.json"), None))
     saved = json.loads(page.wait("their text", record.read_text))
     assert saved["pixel_mm"] > 0
+    assert saved["state"] == "frozen", saved["state"]
+    (measured,) = saved["measurements"]
+    (x1, z1), (x2, z2) = measured["points_mm"]
+    assert abs(measured["length_mm"] - (x2 - x1)) < 1e-6 and z1 == z2, measured
+    assert measured["points_px"][1][0] - measured["points_px"][0][0] == 40, measured
     size = page.script("return [picture.width, picture.height]")
     assert [saved["picture"]["width_px"], saved["picture"]["height_px"]] == size, (saved["picture"], size)
     file = page.wait("the file", lambda: next(downloads.glob("insonify_*.png"), None))
@@ -532,6 +629,8 @@ def pages_are_saved(page, downloads):
     assert content[:8] == b"\x89PNG\r\n\x1a\n"
     width, height = struct.unpack(">II", content[16:24])
     assert (width, height) == (480 + 108, 346 + 74), (width, height)
+    page.press(" ")
+    page.wait("frames again", lambda: text(page, "#run") == "LIVE")
 
 
 def comes_back_after_a_restart(page, station, program):
@@ -571,6 +670,7 @@ def main():
             ("frames arrive and change", lambda: frames_arrive_and_change(page)),
             ("sliders change the picture", lambda: sliders_change_the_picture(page)),
             ("freeze freezes", lambda: freeze_freezes(page)),
+            ("marks belong to their picture and are recorded", lambda: marks_belong_to_their_picture_and_are_recorded(page, station)),
             ("the cine loop is gone through", lambda: the_cine_loop_is_gone_through(page)),
             ("the picture is inverted", lambda: the_picture_is_inverted(page)),
             ("looks are chosen", lambda: looks_are_chosen(page)),
@@ -593,6 +693,8 @@ def main():
         if arguments.screenshot:
             page.screenshot(arguments.screenshot)
             print(f"ok  screenshot in {arguments.screenshot}")
+        clips_have_a_duration(page, pathlib.Path(downloads.name))
+        print("ok  clips have a duration")
         return 0
     except Exception:
         if page:

@@ -3,6 +3,8 @@
 // clippy.toml allows these in test functions only, not in their helpers.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod documented;
+mod marks;
 mod sessions;
 
 use std::collections::BTreeMap;
@@ -57,6 +59,7 @@ fn scored(poses: &[TimedPose], events: &[Event], names: &[&str]) -> Score {
         events,
         &Reference {
             planes: planes(names),
+            scene_planes: planes(&[]),
             skin: Some(skin),
             surfaces,
             contact: &ContactSettings::default(),
@@ -117,6 +120,7 @@ fn an_image_too_shallow_for_a_plane_does_not_show_it() {
     let found = |depths_mm: &[f64]| {
         let reference = Reference {
             planes: planes(&["head"]),
+            scene_planes: planes(&[]),
             skin: Some(skin),
             surfaces,
             contact: &ContactSettings::default(),

@@ -35,6 +35,35 @@ fn freezing_stops_the_picture_while_sliders_still_act() {
     assert!(frames.len() < 125 && summary.stuck.is_empty(), "and it ends when a watcher asks for it");
 }
 
+#[test]
+fn marks_are_noted_in_order_up_to_the_end() {
+    let _guard = beside_others();
+    let clock = clock();
+    let (sender, controls) = tokio::sync::mpsc::channel(16);
+    let removal = |id: &str| Control::Unmark(vec![id.to_owned()]);
+    let viewer = sink("viewer", move |frame| {
+        let send = |control| sender.try_send(control).unwrap();
+        match frame.number {
+            40 => send(removal("a")),
+            // A mark just behind the request for the session's end.
+            60 => [Control::Quit, removal("c")].into_iter().for_each(send),
+            _ => {}
+        }
+        Ok(())
+    });
+    let heard = Arc::new(Heard::default());
+    let session = Session {
+        controls,
+        sinks: vec![viewer],
+        observer: Some(heard.clone() as Arc<dyn Observer>),
+        ..Session::new(&clock, moving)
+    };
+    let summary = session.run();
+    let marks = heard.0.lock().unwrap().marks.clone();
+    assert_eq!(marks.iter().map(|(_, control)| control.clone()).collect::<Vec<_>>(), [removal("a"), removal("c")]);
+    assert!(marks[0].0 > 0 && marks[0].0 < marks[1].0 && summary.stuck.is_empty(), "{marks:?}");
+}
+
 /// A watcher's request for `rays` and three layers.
 fn quality(rays: u32) -> Control {
     Control::Set(vec![Assignment::new("rays", rays.into()), Assignment::new("layers", 3.0)])

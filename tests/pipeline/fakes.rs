@@ -286,6 +286,8 @@ pub(super) struct Counted {
     pub(super) events: Vec<(u64, String)>,
     pub(super) poses: u64,
     pub(super) settings: u64,
+    /// Time, ns, and control of each change of marks.
+    pub(super) marks: Vec<(u64, Control)>,
 }
 
 #[derive(Default)]
@@ -302,5 +304,9 @@ impl Observer for Heard {
 
     fn settings(&self, _: u64, _: &LiveSettings) {
         self.0.lock().unwrap().settings += 1;
+    }
+
+    fn marks(&self, unix_ns: u64, start_unix_ns: u64, control: &Control) {
+        self.0.lock().unwrap().marks.push((unix_ns - start_unix_ns, control.clone()));
     }
 }

@@ -136,7 +136,7 @@ const AGAIN: Duration = Duration::from_millis(200);
 
 /// The first message that a page gets of `frame`.
 fn page_header(frame: &PresentedFrame) -> Vec<u8> {
-    let scene = SceneInfo { tissues: vec![], surfaces: None };
+    let scene = SceneInfo::default();
     let (sender, _controls) = tokio::sync::mpsc::channel(1);
     let mut page = BrowserSink::new(&PageSettings { port: 0, ..PageSettings::default() }, sender, &scene).unwrap();
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();

@@ -11,7 +11,9 @@ use insonify::segmentation::gather::gather;
 use insonify::segmentation::mask_folder::{MaskFolder, read_body_folder, read_mask_folder};
 use insonify::segmentation::measure::measure;
 use insonify::segmentation::naming::{NameTable, name_labels};
-use insonify::segmentation::volume::{LabelMap, Modality, NiftiForm, PatientAxes, ReadOptions, read_image, read_labels};
+use insonify::segmentation::volume::{
+    LabelMap, Modality, NiftiForm, PatientAxes, ReadOptions, read_image, read_labels,
+};
 
 use super::super::progress::Progress;
 use super::super::{Classify, Failure};

@@ -11,6 +11,7 @@
 //! steady hold. Angle and distance score fully up to a quarter of the tolerance, and 0 at the tolerance. A hold scores
 //! fully up to 0.5 mm RMS, and 0 from 3 mm. The weights are assumed.
 
+mod marks;
 mod misplaced;
 mod table;
 mod track;
@@ -20,6 +21,8 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use serde::Serialize;
 
+use marks::MarkScores;
+pub use marks::{CaliperScore, TextScore};
 pub use misplaced::MisplacedTime;
 pub use track::{Track, is_on_skin};
 use track::{best_second, length_s, path_mm, stretches};
@@ -30,7 +33,7 @@ use crate::acoustics::pulse::FWHM_PER_SIGMA;
 use crate::anatomy::planes::{Caliper, CaliperKind, StandardPlane, View};
 use crate::anatomy::{Mesh, Skin};
 use crate::pose::{Pose, TimedPose, angle_between};
-use crate::recording::{CaliperEvent, Event};
+use crate::recording::Event;
 use crate::settings::ContactSettings;
 use crate::transducer::{Probe, Sector};
 
@@ -41,6 +44,8 @@ pub const HOLD_S: f64 = 1.0;
 pub struct Reference<'a> {
     /// Scored planes.
     pub planes: Vec<&'a StandardPlane>,
+    /// All planes of the scene: the session's measurements are compared with their calipers.
+    pub scene_planes: Vec<&'a StandardPlane>,
     /// Skin touched by the probe; without it, contact is assumed.
     pub skin: Option<&'a Skin>,
     /// Surfaces named by the calipers; calipers of missing surfaces are not measured.
@@ -80,9 +85,11 @@ pub struct Score {
     pub face_contact: f64,
     /// Scores of the planes.
     pub planes: Vec<PlaneScore>,
-    /// Calipers placed in the session itself.
+    /// Measurements placed in the session itself, in their last state.
     pub calipers: Vec<CaliperScore>,
-    /// Caliper events that could not be read, with the reason.
+    /// Texts and body marks of the session, in their last state.
+    pub texts: Vec<TextScore>,
+    /// Events of marks that could not be read, with the reason.
     pub calipers_refused: Vec<String>,
 }
 
@@ -149,22 +156,7 @@ pub struct Measure {
     pub measured: Option<Measured>,
 }
 
-/// A caliper placed in the session itself.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct CaliperScore {
-    /// Time, s from the start.
-    pub time_s: f64,
-    /// Name of the caliper.
-    pub name: String,
-    /// Measured length, mm.
-    pub measured_mm: f64,
-    /// True length, mm; `None` if no plane has this caliper.
-    pub true_mm: Option<f64>,
-    /// Relative error, measured over true minus one, percent.
-    pub error_percent: Option<f64>,
-}
-
-/// Compares `scene_from_probe` over time, ascending, with the reference. `events` may include calipers.
+/// Compares `scene_from_probe` over time, ascending, with the reference. `events` may include marks.
 ///
 /// Also returns the deviations at each pose.
 pub fn score(poses: &[TimedPose], events: &[Event], reference: &Reference<'_>) -> (Score, Track) {
@@ -176,7 +168,7 @@ pub fn score(poses: &[TimedPose], events: &[Event], reference: &Reference<'_>) -
         .zip(&track.offsets)
         .map(|(plane, offsets)| plane_score(plane, offsets, poses, &track, &path, reference))
         .collect();
-    let (calipers, calipers_refused) = calipers(poses, events, reference);
+    let MarkScores { calipers, texts, refused } = marks::marks(poses, events, reference);
     let duration_s = track.time_s.last().copied().unwrap_or(0.0);
     let path_mm = path.last().copied().unwrap_or(0.0);
     let mean = |sum: f64, count: usize| if count > 0 { sum / count as f64 } else { 0.0 };
@@ -192,7 +184,8 @@ pub fn score(poses: &[TimedPose], events: &[Event], reference: &Reference<'_>) -
         face_contact: mean(touching.iter().sum(), touching.len()),
         planes,
         calipers,
-        calipers_refused,
+        texts,
+        calipers_refused: refused,
     };
     (score, track)
 }
@@ -334,29 +327,4 @@ pub(crate) fn truth_mm(caliper: &Caliper, view: &View, reference: &Reference<'_>
 
 fn error_percent(measured_mm: Option<f64>, true_mm: Option<f64>) -> Option<f64> {
     Some(100.0 * (measured_mm? / true_mm? - 1.0))
-}
-
-/// The session's own calipers, and the reasons for refused ones.
-fn calipers(poses: &[TimedPose], events: &[Event], reference: &Reference<'_>) -> (Vec<CaliperScore>, Vec<String>) {
-    let start_ns = poses.first().map_or(0, |p| p.host_time_ns);
-    let views = || reference.planes.iter().flat_map(|plane| &plane.views);
-    let truth = |name: &str| {
-        let known = views().flat_map(|view| view.calipers.iter().map(move |caliper| (caliper, view)));
-        let (caliper, view) = known.into_iter().find(|(caliper, _)| caliper.name.eq_ignore_ascii_case(name))?;
-        truth_mm(caliper, view, reference)
-    };
-    let (mut scores, mut refused) = (Vec::new(), Vec::new());
-    for event in events {
-        let time_s = (i128::from(event.host_time_ns) - i128::from(start_ns)) as f64 * 1e-9;
-        match CaliperEvent::from_event(event) {
-            Some(Ok(caliper)) => {
-                let (measured_mm, true_mm) = (caliper.length_mm(), truth(&caliper.measure));
-                let error_percent = error_percent(Some(measured_mm), true_mm);
-                scores.push(CaliperScore { time_s, name: caliper.measure, measured_mm, true_mm, error_percent });
-            }
-            Some(Err(reason)) => refused.push(format!("{time_s:.2} s: {reason}")),
-            None => {}
-        }
-    }
-    (scores, refused)
 }

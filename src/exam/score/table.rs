@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{HOLD_S, PlaneScore, Score};
+use super::{CaliperScore, HOLD_S, PlaneScore, Score, TextScore};
 
 impl fmt::Display for Score {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -33,12 +33,44 @@ impl fmt::Display for Score {
         if !calipers.is_empty() {
             writeln!(f, "\nwhat the session measured:")?;
         }
-        for c in calipers {
-            let line = measure_line(&c.name, Some(c.measured_mm), c.true_mm, c.error_percent);
-            writeln!(f, "{line}  at {:.1} s", c.time_s)?;
+        calipers.iter().try_for_each(|c| writeln!(f, "{}", caliper_line(c)))?;
+        if !self.texts.is_empty() {
+            writeln!(f, "\nwhat the session wrote:")?;
         }
-        Ok(())
+        self.texts.iter().try_for_each(|text| writeln!(f, "{}", text_line(text)))
     }
+}
+
+/// A measurement of the session: value, truth, error, picture.
+fn caliper_line(c: &CaliperScore) -> String {
+    let name = if c.name.is_empty() { c.kind.name() } else { c.name.as_str() };
+    let measured = match (c.measured_mm, c.angle_deg) {
+        (Some(mm), _) => format!("{mm:.1} mm"),
+        (None, angle_deg) => format!("{:.1}°", angle_deg.unwrap_or_default()),
+    };
+    let mut line = format!("{name:8} {measured:>10}");
+    if let Some(area_mm2) = c.area_mm2 {
+        line += &format!(", area {:.2} cm²", 0.01 * area_mm2);
+    }
+    if let (Some(true_mm), Some(error_mm), Some(percent)) = (c.true_mm, c.error_mm, c.error_percent) {
+        line += &format!(", truly {true_mm:.1} mm: {error_mm:+.1} mm, {percent:+.1} %");
+    }
+    line += &picture(c.picture_s, c.plane.as_deref());
+    if c.note.is_empty() { line } else { format!("{line}; {}", c.note) }
+}
+
+fn text_line(text: &TextScore) -> String {
+    let written = match text.turn_deg {
+        Some(turn_deg) => format!("body mark {}, probe turned by {turn_deg:.0}°", text.text),
+        None => format!("\"{}\"", text.text),
+    };
+    written + &picture(text.picture_s, text.plane.as_deref())
+}
+
+/// The picture that a mark is on.
+fn picture(picture_s: f64, plane: Option<&str>) -> String {
+    let shown = plane.map_or_else(String::new, |plane| format!(", which shows the plane {plane}"));
+    format!("; picture at {picture_s:.1} s{shown}")
 }
 
 fn plane_line(plane: &PlaneScore) -> String {

@@ -374,6 +374,9 @@ impl RenderStage {
         let missed = self.pace.missed();
         self.pace.ended(self.parts.stop.requested_at().unwrap_or_else(|| self.parts.clock.now()));
         self.count_missed(missed);
+        // Marks that were set since the last tick belong in the recording.
+        let events = &self.parts.events;
+        self.parts.controls.apply_waiting(|_| (), |control| events.marks(control));
         if let Device::Ready(renderer) = &mut self.device {
             for _ in self.in_flight.drain(..) {
                 // Finish frames in flight before dropping the renderer; faults no longer matter.

@@ -15,7 +15,7 @@ impl RenderStage {
     pub(super) fn apply_controls(&mut self) {
         let events = &self.parts.events;
         let before = self.parts.controls.live;
-        let changes = self.parts.controls.apply_waiting(|text| events.warn(text));
+        let changes = self.parts.controls.apply_waiting(|text| events.warn(text), |control| events.marks(control));
         let metrics = self.parts.metrics.clone();
         metrics.controls.fetch_add(changes.applied, Ordering::Relaxed);
         metrics.refused.fetch_add(changes.refused, Ordering::Relaxed);

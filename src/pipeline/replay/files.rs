@@ -12,7 +12,7 @@ use sha2::{Digest, Sha256};
 use super::{Pace, Replay, ReplayError, Stretch};
 use crate::anatomy::Scene;
 use crate::files::hex;
-use crate::recording::{RecordingReport, RecordingSummary};
+use crate::recording::{MarkReport, Marks, RecordingReport, RecordingSummary};
 use crate::render::{Backend, warn_of_overflows};
 use crate::report::TimeTable;
 use crate::report::time_table::{SideBySide, StageTime};
@@ -51,6 +51,9 @@ pub struct WrittenReplay<'a> {
     frames_sha256: String,
     times: Vec<StageTime>,
     video: PathBuf,
+    /// Marks of the recorded session on these frames.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    marks: Vec<FrameMark>,
     /// Time and pose of each frame; may be emptied before printing.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub frames: Vec<FrameEntry>,
@@ -79,6 +82,15 @@ impl From<&Stretch> for PartEntry {
         let RenderSettings { look, image, .. } = settings;
         Self { first: frames.start, frames: frames.len(), probe, quality: settings, look, image }
     }
+}
+
+/// A mark on a frame.
+#[derive(Debug, Serialize)]
+struct FrameMark {
+    /// Index of the frame nearest to the marked picture.
+    index: usize,
+    #[serde(flatten)]
+    mark: MarkReport,
 }
 
 /// Time and pose of a frame.
@@ -179,12 +191,24 @@ impl Replay {
             frames_sha256: hex(&hash.finalize()),
             times: table.stages(),
             video,
+            marks: self.marks(),
             frames: (start..end).map(|index| self.entry(index)).collect(),
             table,
             summary: &self.summary,
         };
         write_json(&out.join("replay.json"), &written)?;
         Ok(written)
+    }
+
+    /// Marks on the requested frames, in the order in which they were set.
+    fn marks(&self) -> Vec<FrameMark> {
+        let start_ns = self.summary.info.start_time_ns;
+        let marks = Marks::of(&self.summary.events).all;
+        let on_frames = marks.iter().map(|mark| {
+            let index = self.timeline.nearest(mark.picture_time_ns());
+            FrameMark { index, mark: MarkReport::new(mark, start_ns) }
+        });
+        on_frames.filter(|mark| self.frames.contains(&mark.index)).collect()
     }
 
     fn entry(&self, index: usize) -> FrameEntry {

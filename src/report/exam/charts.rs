@@ -15,10 +15,11 @@ const POINTS_MAX: usize = 900;
 /// Largest deviation drawn, in tolerances; larger ones are clamped to it.
 const TOP: f64 = 4.0;
 
-const WIDTH: f64 = 1000.0;
-const HEIGHT: f64 = 150.0;
-const LEFT: f64 = 34.0;
-const BOTTOM: f64 = 18.0;
+/// Size and margins, in units of the picture; texts have 12 to 22 of them (style.css).
+const WIDTH: f64 = 720.0;
+const HEIGHT: f64 = 170.0;
+const LEFT: f64 = 28.0;
+const BOTTOM: f64 = 26.0;
 
 /// Deviations in angle and distance over time, in tolerances. Within the band, the plane is found.
 pub(super) fn deviations(plane: &StandardPlane, offsets: &[Offset], track: &Track, result: &PlaneScore) -> String {
@@ -32,7 +33,7 @@ pub(super) fn deviations(plane: &StandardPlane, offsets: &[Offset], track: &Trac
          <span class=\"key\" style=\"background:var(--d)\"></span>distance (1 = {} mm)\
          <span class=\"key\" style=\"background:var(--off);height:10px\"></span>off the skin\
          <span class=\"key\" style=\"background:var(--good)\"></span>best second</figcaption>\
-         <svg viewBox=\"0 0 {WIDTH} {HEIGHT}\">",
+         <svg class=\"chart\" viewBox=\"0 0 {WIDTH} {HEIGHT}\">",
         t.angle_deg, t.distance_mm
     );
     for (from, to) in off_skin(track) {
@@ -58,12 +59,12 @@ pub(super) fn deviations(plane: &StandardPlane, offsets: &[Offset], track: &Trac
              <text x=\"{1}\" y=\"{2:.1}\" text-anchor=\"end\">{value}</text>",
             y(value),
             LEFT - 6.0,
-            y(value) + if value == TOP { 10.0 } else { 4.0 }
+            y(value) + if value == TOP { 14.0 } else { 5.0 }
         );
     }
-    for i in 0..=6 {
-        let t = end_s * f64::from(i) / 6.0;
-        let anchor = if i == 6 { "end" } else { "middle" };
+    for i in 0..=4 {
+        let t = end_s * f64::from(i) / 4.0;
+        let anchor = if i == 4 { "end" } else { "middle" };
         let _ = write!(out, "<text x=\"{:.1}\" y=\"{}\" text-anchor=\"{anchor}\">{t:.0} s</text>", x(t), HEIGHT - 4.0);
     }
     if let Some(best_s) = result.best_s {
@@ -127,11 +128,7 @@ fn way(track: &Track, marks: &[(String, DVec3)], caption: &str, (i, j): (usize, 
         (low - pad, high - low + 2.0 * pad)
     };
     let ((x, width), (y, height)) = (range(|p| p.0), range(|p| p.1));
-    let mut out = format!(
-        "<figure><svg viewBox=\"{x:.1} {y:.1} {width:.1} {height:.1}\" style=\"max-height:420px\">\
-         <style>.small{{font-size:{:.1}px}}</style>",
-        width / 36.0
-    );
+    let mut out = format!("<figure><svg viewBox=\"{x:.1} {y:.1} {width:.1} {height:.1}\" style=\"max-height:420px\">");
     let step = points.len().div_ceil(POINTS_MAX).max(1);
     let thin: Vec<_> = points.iter().copied().step_by(step).collect();
     // Pieces of one colour each, from the start's blue to the end's orange.
@@ -147,8 +144,9 @@ fn way(track: &Track, marks: &[(String, DVec3)], caption: &str, (i, j): (usize, 
         let _ = write!(
             out,
             "<circle class=\"mark\" cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"{:.1}\"/>\
-             <text class=\"small\" x=\"{:.1}\" y=\"{py:.1}\">{}</text>",
+             <text style=\"font-size:{:.1}px\" x=\"{:.1}\" y=\"{py:.1}\">{}</text>",
             width / 150.0,
+            width / 30.0,
             px + width / 80.0,
             escape(name)
         );

@@ -25,6 +25,8 @@ const SEND_TIMEOUT: Duration = Duration::from_secs(10);
 const SILENCE_TIMEOUT: Duration = Duration::from_secs(30);
 const PING_PERIOD: Duration = Duration::from_secs(10);
 const STATS_PERIOD: Duration = Duration::from_secs(1);
+/// Most changes of marks by one page: more than a session of measuring, less than a recording can hold.
+const MARKS_MAX: u64 = 10_000;
 /// Most answers that wait to be sent; beyond that, the page's messages are not read.
 const ANSWERS: usize = 16;
 
@@ -89,6 +91,14 @@ async fn read(
                 Ok(()) => continue,
                 Err(mistake) => Heard::Mistake(mistake),
             },
+            Ok(Request::Mark(mark)) => match note(shared, client, Control::Mark(mark)) {
+                Ok(()) => continue,
+                Err(mistake) => Heard::Mistake(mistake),
+            },
+            Ok(Request::Unmark { ids }) => match note(shared, client, Control::Unmark(ids)) {
+                Ok(()) => continue,
+                Err(mistake) => Heard::Mistake(mistake),
+            },
             Err(mistake) => Heard::Mistake(mistake),
         };
         if heard.send(told).await.is_err() {
@@ -103,12 +113,24 @@ async fn read(
 /// The page doesn't offer a value, or the session takes none now; as text for the page.
 fn set(shared: &Shared, assignments: Vec<Assignment>) -> Result<(), String> {
     shared.check_offered(&assignments).map_err(|refused| format!("not set: {refused}"))?;
-    shared.controls.try_send(Control::Set(assignments)).map_err(|unsent| {
-        let text = match unsent {
-            TrySendError::Full(_) => "the station is busy; try again",
-            TrySendError::Closed(_) => "the station takes no controls any more",
-        };
-        text.to_owned()
+    pass_on(shared, Control::Set(assignments)).map_err(str::to_owned)
+}
+
+/// Passes a page's marks to the session, for its recording.
+///
+/// # Errors
+/// The page has changed too many marks, or the session takes none now; as text for the page.
+fn note(shared: &Shared, client: &Client, control: Control) -> Result<(), String> {
+    if client.marks.fetch_add(1, Ordering::Relaxed) >= MARKS_MAX {
+        return Err(format!("not recorded: this page has changed {MARKS_MAX} marks; load it again"));
+    }
+    pass_on(shared, control).map_err(|reason| format!("the mark is not recorded: {reason}"))
+}
+
+fn pass_on(shared: &Shared, control: Control) -> Result<(), &'static str> {
+    shared.controls.try_send(control).map_err(|unsent| match unsent {
+        TrySendError::Full(_) => "the station is busy; try again",
+        TrySendError::Closed(_) => "the station takes no controls any more",
     })
 }
 

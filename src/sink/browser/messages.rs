@@ -2,11 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::SceneInfo;
+use super::{MeasureInfo, SceneInfo};
 use crate::look::grey_table;
 use crate::settings::{
-    Assignment, Display, GreyMap, HotKey, Kind, LiveControl, Preset, QUALITY_POINTS, QualityPointKey, Setting, Slider,
-    exams, hot_keys, live_settings, looks,
+    Assignment, Display, GreyMap, HotKey, Kind, LiveControl, Mark, Preset, QUALITY_POINTS, QualityPointKey, Setting,
+    Slider, exams, hot_keys, live_settings, looks, mark,
 };
 use crate::sink::colour;
 
@@ -31,6 +31,13 @@ pub(super) enum Request {
         /// Number of the frame.
         number: u64,
     },
+    /// A mark on a picture was set or changed.
+    Mark(Box<Mark>),
+    /// Marks were removed.
+    Unmark {
+        /// Their identifiers.
+        ids: Vec<String>,
+    },
 }
 
 /// Reads a message.
@@ -39,10 +46,18 @@ pub(super) enum Request {
 /// Description of the fault, for the page to show.
 pub(super) fn read(text: &str) -> Result<Request, String> {
     let message = serde_json::from_str(text).map_err(|e| format!("not a message of this page: {e}"))?;
-    if let Request::Set { assignments } = &message {
-        assignments.iter().try_for_each(|assignment| assignment.check().map(|_| ())).map_err(|e| e.to_string())?;
+    match message {
+        Request::Set { assignments } => {
+            assignments.iter().try_for_each(|assignment| assignment.check().map(|_| ())).map_err(|e| e.to_string())?;
+            Ok(Request::Set { assignments })
+        }
+        Request::Mark(mark) => Ok(Request::Mark(Box::new(mark.checked().map_err(|e| e.to_string())?))),
+        Request::Unmark { ids } => {
+            mark::check_removed(&ids).map_err(|e| e.to_string())?;
+            Ok(Request::Unmark { ids })
+        }
+        message => Ok(message),
     }
-    Ok(message)
 }
 
 /// Messages to a page.
@@ -52,6 +67,8 @@ pub(super) enum ToPage<'a> {
     /// The first message.
     Hello {
         version: &'static str,
+        /// The session, for pages that connect again.
+        session: String,
         /// Tissues of the segmentation's numbers.
         tissues: Vec<TissueEntry<'a>>,
         /// Colours of attenuation 0..=255.
@@ -67,6 +84,8 @@ pub(super) enum ToPage<'a> {
         qualities: &'static [QualityPointKey],
         /// Keys of the page.
         keys: Vec<&'static HotKey>,
+        /// Measures of the scene's standard planes.
+        measures: &'a [MeasureInfo],
     },
     /// Every second.
     Stats { sent: u64, dropped: u64, clients: usize },
@@ -124,6 +143,7 @@ impl SettingEntry {
 pub(super) fn hello(scene: &SceneInfo) -> ToPage<'_> {
     ToPage::Hello {
         version: env!("CARGO_PKG_VERSION"),
+        session: format!("{:x}", crate::tracker::host_time_ns()),
         tissues: (1..)
             .zip(&scene.tissues)
             .map(|(number, name)| TissueEntry { number, name, colour: colour::tissue(name) })
@@ -135,6 +155,7 @@ pub(super) fn hello(scene: &SceneInfo) -> ToPage<'_> {
         exams: exams(),
         qualities: &QUALITY_POINTS,
         keys: hot_keys().iter().filter(|hot| hot.works_on(Display::Page)).collect(),
+        measures: &scene.measures,
     }
 }
 
@@ -148,6 +169,11 @@ pub(super) fn write(message: &ToPage<'_>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::MarkContent;
+
+    fn mark(content: &str) -> String {
+        format!(r#"{{"type":"mark","id":"a-1","frame":7,"sampled_ms":3.5,"pose":null,"content":{content}}}"#)
+    }
 
     #[test]
     fn messages_of_a_page_are_read() {
@@ -156,6 +182,11 @@ mod tests {
         let assignments = vec![Assignment::new("gain_db", -3.5), slider];
         assert_eq!(read(set), Ok(Request::Set { assignments }));
         assert_eq!(read(r#"{"type":"drawn","number":5}"#), Ok(Request::Drawn { number: 5 }));
+        let Ok(Request::Mark(mark)) = read(&mark(r#"{"kind":"text","text":" a\u001b b","at_mm":[1,2]}"#)) else {
+            panic!()
+        };
+        assert_eq!(mark.content, MarkContent::Text { text: "a b".into(), at_mm: [1.0, 2.0] });
+        assert_eq!(read(r#"{"type":"unmark","ids":["a-1"]}"#), Ok(Request::Unmark { ids: vec!["a-1".into()] }));
     }
 
     #[test]
@@ -175,6 +206,11 @@ mod tests {
             (set(r#""key":"tgc_sliders_db","index":-1,"value":0"#), "-1"),
             (set(r#""key":"tgc_sliders_db","index":8,"value":0"#), "0..=7"),
             (r#"{"type":"quit"}"#.to_owned(), "quit"),
+            (mark(r#"{"kind":"distance","measure":"","points_mm":[[1,2]]}"#), "2"),
+            (mark(r#"{"kind":"distance","measure":"","points_mm":[[1,2],[3,1e9]]}"#), "points_mm"),
+            (mark(r#"{"kind":"text","text":"\n","at_mm":[1,2]}"#), "empty"),
+            (mark(r#"{"kind":"arrow"}"#), "arrow"),
+            (r#"{"type":"unmark","ids":["a b"]}"#.to_owned(), "a b"),
         ];
         for (text, part) in cases {
             let error = read(&text).unwrap_err();
@@ -184,7 +220,7 @@ mod tests {
 
     #[test]
     fn a_page_gets_every_live_control_and_key() {
-        let scene = SceneInfo { tissues: Vec::new(), surfaces: None };
+        let scene = SceneInfo::default();
         let hello: serde_json::Value = serde_json::from_str(&write(&hello(&scene))).unwrap();
         let settings = hello["settings"].as_array().unwrap();
         assert_eq!(settings.len(), live_settings().count());
@@ -199,13 +235,13 @@ mod tests {
         let app = include_str!("../../../assets/browser/app.js");
         let keys = hello["keys"].as_array().unwrap();
         let of_page: Vec<_> = keys.iter().filter_map(|key| key["action"]["page"].as_str()).collect();
-        assert_eq!(of_page.len(), 14);
+        assert_eq!(of_page.len(), 15);
         assert!(of_page.iter().all(|name| app.contains(&format!("{name}:")) || app.contains(&format!("  {name},"))));
     }
 
     #[test]
     fn the_first_message_names_the_tissues_by_number() {
-        let scene = SceneInfo { tissues: vec!["blood".into(), "a\"b".into()], surfaces: None };
+        let scene = SceneInfo { tissues: vec!["blood".into(), "a\"b".into()], ..SceneInfo::default() };
         let hello: serde_json::Value = serde_json::from_str(&write(&hello(&scene))).unwrap();
         assert_eq!(hello["type"], "hello");
         assert_eq!(hello["tissues"][1]["name"], "a\"b");

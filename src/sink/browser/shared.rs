@@ -64,6 +64,8 @@ pub(super) struct Client {
     pub(super) attenuation: AtomicBool,
     pub(super) sent: AtomicU64,
     pub(super) dropped: AtomicU64,
+    /// Changes of marks.
+    pub(super) marks: AtomicU64,
 }
 
 impl Client {
@@ -168,6 +170,7 @@ impl Shared {
             attenuation: AtomicBool::default(),
             sent: AtomicU64::default(),
             dropped: AtomicU64::default(),
+            marks: AtomicU64::default(),
         });
         clients.insert(client.id, client.clone());
         Some(ClientSlot { shared: self.clone(), client })

@@ -1,0 +1,76 @@
+// What calipers and texts share: places on a picture in mm of the probe frame, labels, and messages to the station.
+
+/** (x, z) of the probe frame, mm, at a pixel of a frame. */
+export const toMm = (frame, { x, y }) => ({
+  x: (x - frame.width / 2) * frame.pixelMm,
+  z: (y - frame.faceRow) * frame.pixelMm,
+});
+
+/** The pixel of a frame at a point of the probe frame. */
+export const toPixel = (frame, { x, z }) => ({ x: x / frame.pixelMm + frame.width / 2, y: z / frame.pixelMm + frame.faceRow });
+
+/** A text on a dark ground, in the current colour. It is moved to the left where it would end right of `end`. */
+export function label(context, text, x, y, size, font, end = Infinity) {
+  const colour = context.fillStyle;
+  context.font = `600 ${13 * size}px ${font}`;
+  context.textAlign = "left";
+  context.textBaseline = "middle";
+  const width = context.measureText(text).width;
+  const left = Math.min(x, end - width - 5 * size);
+  context.fillStyle = "rgb(5 8 10 / 75%)";
+  context.fillRect(left - 5 * size, y - 11 * size, width + 10 * size, 22 * size);
+  context.fillStyle = colour;
+  context.fillText(text, left, y);
+}
+
+/** Names marks, and tells the station of them, in the order in which they change. */
+export class Outbox {
+  /** `link`: { isOpen(), send(message), say(text, bad) }. */
+  constructor(link) {
+    this.link = link;
+    this.page = [...crypto.getRandomValues(new Uint8Array(5))].map((byte) => byte.toString(36).padStart(2, "0")).join("");
+    this.count = 0;
+    /** The station's session; marks of an earlier one are not sent. */
+    this.session = "";
+    this.waiting = [];
+  }
+
+  /** The station's first message. What waited for the same session is sent. */
+  begin(session) {
+    if (this.session === session) this.waiting.forEach((message) => this.link.send(message));
+    this.session = session;
+    this.waiting = [];
+  }
+
+  newId() {
+    this.count += 1;
+    return `${this.page}-${this.count}`;
+  }
+
+  /** Sends the state of a mark on a picture. */
+  set(id, picture, content) {
+    const { number: frame, sampledMs: sampled_ms, pose } = picture;
+    this.send(picture, { type: "mark", id, frame, sampled_ms, pose, content });
+  }
+
+  remove(marks) {
+    const own = marks.filter(({ id, picture }) => id && picture.session === this.session);
+    // The station takes so many at once.
+    for (let i = 0; i < own.length; i += 64) {
+      this.send(own[i].picture, { type: "unmark", ids: own.slice(i, i + 64).map(({ id }) => id) });
+    }
+  }
+
+  send(picture, message) {
+    if (picture.session !== this.session) {
+      this.link.say("the picture is of an earlier session: the change is not recorded", true);
+      return;
+    }
+    if (this.link.isOpen()) {
+      this.link.send(message);
+      return;
+    }
+    this.waiting = [...this.waiting, message].slice(-200);
+    this.link.say("not connected: the mark is recorded if the station comes back", true);
+  }
+}

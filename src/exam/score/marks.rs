@@ -1,0 +1,152 @@
+//! Marks of the session itself: its measurements against the truth, its texts and body marks.
+
+use serde::Serialize;
+
+use super::{Reference, error_percent, truth_mm};
+use crate::anatomy::planes::{Caliper, CaliperKind, View};
+use crate::exam::offset::Offset;
+use crate::pose::{Pose, TimedPose};
+use crate::recording::{CaliperEvent, Event, Marks, MeasureKind, RecordedContent, RecordedMark};
+
+/// A measurement placed in the session itself.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CaliperScore {
+    /// Time of its last change, s from the start.
+    pub time_s: f64,
+    /// Time of the measured picture, s from the start.
+    pub picture_s: f64,
+    /// Plane that the picture showed; `None` if it showed none within its tolerances.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plane: Option<String>,
+    /// Name of the measure; empty if it was given none.
+    pub name: String,
+    /// Kind.
+    pub kind: MeasureKind,
+    /// Measured length or circumference, mm; `None` for an angle.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub measured_mm: Option<f64>,
+    /// Measured angle, degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub angle_deg: Option<f64>,
+    /// Area of an ellipse, mm².
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub area_mm2: Option<f64>,
+    /// Axes of an ellipse, mm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub axes_mm: Option<[f64; 2]>,
+    /// True length, mm; `None` if no plane has this measure.
+    pub true_mm: Option<f64>,
+    /// Error, measured minus true, mm.
+    pub error_mm: Option<f64>,
+    /// Relative error, measured over true minus one, percent.
+    pub error_percent: Option<f64>,
+    /// Reason why a named measure is not compared; empty if it is.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub note: String,
+}
+
+/// A text or a body mark of the session.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TextScore {
+    /// Time of its picture, s from the start.
+    pub picture_s: f64,
+    /// Plane that the picture showed; `None` if it showed none within its tolerances.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plane: Option<String>,
+    /// Text, or name of the body mark.
+    pub text: String,
+    /// Turn of the probe on a body mark, degrees; `None` for a text.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub turn_deg: Option<f64>,
+}
+
+/// Marks of a session, scored.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct MarkScores {
+    pub(super) calipers: Vec<CaliperScore>,
+    pub(super) texts: Vec<TextScore>,
+    pub(super) refused: Vec<String>,
+}
+
+/// Scores the marks in `events`.
+pub(super) fn marks(poses: &[TimedPose], events: &[Event], reference: &Reference<'_>) -> MarkScores {
+    let start_ns = poses.first().map_or(0, |p| p.host_time_ns);
+    let seconds = |time_ns: u64| (i128::from(time_ns) - i128::from(start_ns)) as f64 * 1e-9;
+    let read = Marks::of(events);
+    let mut scores = MarkScores::default();
+    for mark in &read.all {
+        let (time_s, picture_s) = (seconds(mark.host_time_ns), seconds(mark.picture_time_ns()));
+        let plane = plane_shown(poses, mark, reference);
+        match &mark.content {
+            RecordedContent::Caliper(caliper) => {
+                scores.calipers.push(caliper_score(caliper, [time_s, picture_s], plane, reference));
+            }
+            RecordedContent::Text { text, .. } => {
+                scores.texts.push(TextScore { picture_s, plane, text: text.clone(), turn_deg: None });
+            }
+            RecordedContent::BodyMark { name, turn_deg } => {
+                scores.texts.push(TextScore { picture_s, plane, text: name.clone(), turn_deg: Some(*turn_deg) });
+            }
+        }
+    }
+    scores.refused = read.refused.iter().map(|(ns, reason)| format!("{:.2} s: {reason}", seconds(*ns))).collect();
+    scores
+}
+
+/// Name of the plane on the picture of `mark`, within its tolerances.
+fn plane_shown(poses: &[TimedPose], mark: &RecordedMark, reference: &Reference<'_>) -> Option<String> {
+    let time_ns = mark.picture_time_ns();
+    let index = poses.partition_point(|p| p.host_time_ns <= time_ns).checked_sub(1)?;
+    let own: Option<Pose> = mark.frame.and_then(|frame| frame.pose);
+    let pose = own.or_else(|| Some(poses.get(index)?.pose))?;
+    let probe = reference.probe_at(index);
+    let shown = reference.scene_planes.iter().filter_map(|plane| {
+        let (_, offset) = Offset::nearest(plane, &probe, &pose)?;
+        offset.is_within().then_some((offset.cost, plane))
+    });
+    shown.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, plane)| plane.name.clone())
+}
+
+fn caliper_score(
+    caliper: &CaliperEvent,
+    [time_s, picture_s]: [f64; 2],
+    plane: Option<String>,
+    reference: &Reference<'_>,
+) -> CaliperScore {
+    let measured_mm = caliper.length_mm();
+    let known = find(&caliper.measure, reference);
+    let expected = known.map(|(known, _)| match known.kind {
+        CaliperKind::Line => MeasureKind::Distance,
+        CaliperKind::Ellipse => MeasureKind::Ellipse,
+    });
+    let true_mm = known.filter(|_| expected == Some(caliper.kind())).and_then(|(c, view)| truth_mm(c, view, reference));
+    let note = match expected {
+        Some(expected) if expected != caliper.kind() => {
+            format!("{} is measured with the tool {}", caliper.measure, expected.name())
+        }
+        Some(_) if true_mm.is_none() => "its true size is not known".to_owned(),
+        _ => String::new(),
+    };
+    CaliperScore {
+        time_s,
+        picture_s,
+        plane,
+        name: caliper.measure.clone(),
+        kind: caliper.kind(),
+        measured_mm,
+        angle_deg: caliper.angle_deg(),
+        area_mm2: caliper.area_mm2(),
+        axes_mm: caliper.axes_mm(),
+        true_mm,
+        error_mm: measured_mm.zip(true_mm).map(|(measured, truth)| measured - truth),
+        error_percent: error_percent(measured_mm, true_mm),
+        note,
+    }
+}
+
+/// Caliper of this name, in any case, and its view.
+fn find<'a>(name: &str, reference: &Reference<'a>) -> Option<(&'a Caliper, &'a View)> {
+    let views = reference.scene_planes.iter().flat_map(|plane| &plane.views);
+    let mut known = views.flat_map(|view| view.calipers.iter().map(move |caliper| (caliper, view)));
+    known.find(|(caliper, _)| caliper.name.eq_ignore_ascii_case(name))
+}
