@@ -320,11 +320,15 @@ struct Merged {
     priorities: Vec<i32>,
     empty: usize,
     shared_voxels: usize,
+    /// Remarks of the reader, each once.
+    read: Vec<String>,
 }
 
 impl Merged {
     fn add(&mut self, mask: Mask, map: LabelMap) -> Result<(), MaskFolderError> {
-        let map = map.canonical();
+        let mut map = map.canonical();
+        map.remarks.retain(|remark| !self.read.contains(remark));
+        self.read.append(&mut map.remarks);
         let values: Vec<u16> = {
             let mut values: Vec<u16> = map.segments.iter().map(|segment| segment.value).collect();
             values.retain(|value| map.layers.iter().any(|layer| layer.par_iter().any(|label| label == value)));
@@ -417,7 +421,14 @@ impl Merged {
     fn labels(self, folder: &Path) -> Option<LabelMap> {
         let Placed { size, lps_from_voxel, .. } = self.grid.filter(|_| !self.segments.is_empty())?;
         let layers = self.layers.into_iter().map(|(_, layer)| layer).collect();
-        Some(LabelMap { path: folder.to_owned(), size, lps_from_voxel, layers, segments: self.segments })
+        Some(LabelMap {
+            path: folder.to_owned(),
+            size,
+            lps_from_voxel,
+            layers,
+            segments: self.segments,
+            remarks: self.read,
+        })
     }
 }
 

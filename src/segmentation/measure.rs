@@ -114,7 +114,14 @@ mod tests {
         }
         labels[at(6, 3, 9)] = 40_000;
         let lps_from_voxel = DAffine3::from_translation(DVec3::X * 10.0) * DAffine3::from_scale(DVec3::splat(2.0));
-        let map = LabelMap { path: "a.nii".into(), size, lps_from_voxel, layers: vec![labels], segments: Vec::new() };
+        let map = LabelMap {
+            path: "a.nii".into(),
+            size,
+            lps_from_voxel,
+            layers: vec![labels],
+            segments: Vec::new(),
+            remarks: Vec::new(),
+        };
         let measures = measure(&map);
         assert_eq!(measures.keys().copied().collect::<Vec<_>>(), [(0, 5), (0, 40_000)]);
         let tube = measures[&(0, 5)];

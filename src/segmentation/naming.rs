@@ -286,6 +286,7 @@ mod tests {
             lps_from_voxel: DAffine3::IDENTITY,
             layers: vec![labels.to_vec()],
             segments,
+            remarks: Vec::new(),
         }
     }
 

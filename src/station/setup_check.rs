@@ -258,7 +258,9 @@ mod tests {
         std::fs::write(dir.join("bad.toml"), "version = 1\nmine = 2\n").unwrap();
         says("[calibration]\npath = \"bad.toml\"\n", Severity::Error, "unknown field `mine`");
         let at = |position: [f64; 3]| Pose { position_mm: position.into(), ..Pose::IDENTITY };
-        let fitted = |value| Some(Fitted { value, rms_mm: Some(6.5) });
+        fn fitted<T>(value: T) -> Option<Fitted<T>> {
+            Some(Fitted { value, rms_mm: Some(6.5) })
+        }
         let wrong = Calibration {
             scene_from_tracker: fitted(at([0.0, 9000.0, 0.0])),
             sensor_from_probe: fitted(at([0.0, 0.0, 0.09])),

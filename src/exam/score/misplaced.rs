@@ -65,15 +65,16 @@ mod tests {
     fn misplaced(wrong: impl Fn(f64) -> bool) -> Option<MisplacedTime> {
         let ball = analytic::sphere(Vec3::ZERO, 100.0, 5);
         let skin = Skin::of_triangles(ball.corners_mm().collect::<Vec<_>>()).unwrap();
-        let poses: Vec<TimedPose> = (0..200)
+        let poses: Vec<TimedPose> = (0..200_u32)
             .map(|i| {
                 let scale = if wrong(0.05 * f64::from(i)) { 1e-3 } else { 1.0 };
                 let pose = Pose::looking(DVec3::Z * 98.0 * scale, DVec3::NEG_Z, DVec3::X);
-                TimedPose { host_time_ns: 7_000_000_000 + 50_000_000 * i as u64, device_time_us: 0, pose }
+                TimedPose { host_time_ns: 7_000_000_000 + 50_000_000 * u64::from(i), device_time_us: 0, pose }
             })
             .collect();
         let reference = Reference {
             planes: Vec::new(),
+            scene_planes: Vec::new(),
             skin: Some(&skin),
             surfaces: &BTreeMap::new(),
             contact: &ContactSettings::default(),

@@ -71,7 +71,14 @@ const ADULT: [(&str, f64, [f64; 3]); 61] = [
 type Measures = BTreeMap<(usize, u16), Measure>;
 
 fn label_map(segments: Vec<Segment>) -> LabelMap {
-    LabelMap { path: "a.nii".into(), size: [1; 3], lps_from_voxel: DAffine3::IDENTITY, layers: Vec::new(), segments }
+    LabelMap {
+        path: "a.nii".into(),
+        size: [1; 3],
+        lps_from_voxel: DAffine3::IDENTITY,
+        layers: Vec::new(),
+        segments,
+        remarks: Vec::new(),
+    }
 }
 
 /// The adult's organs that a table has, as numbers of that table, without names; places multiplied by `by`.
