@@ -25,7 +25,7 @@ const LIKELIER_SHARE: f64 = 0.5;
 const FITS_EACH: f64 = 0.35;
 
 /// Difference of strains that tells nothing between two tables.
-const ALIKE: f64 = 1.2;
+const ALIKE: f64 = 0.3;
 
 /// Tables of layers of the whole body, and the volume from which a label may be one, ml.
 const BODY_TABLES: [&str; 2] = ["body", "tissue-types"];
@@ -214,7 +214,7 @@ impl Plausibility {
         }
         if is_impossible(Aspect::Volume) || is_impossible(Aspect::Scale) {
             let m = labels.lps_from_voxel.matrix3;
-            let [a, b, c] = [m.x_axis, m.y_axis, m.z_axis].map(|axis| (axis.length() * 1e3).round() * 1e-3);
+            let [a, b, c] = [m.x_axis, m.y_axis, m.z_axis].map(|axis| (axis.length() * 1e3).round() / 1e3);
             hints += &format!(" The file's voxels are {a} × {b} × {c} mm: is that their size?");
         }
         if from.has_numbers() {

@@ -11,7 +11,7 @@ use super::program::{insonify, refused, stderr, succeeded};
 
 fn from_labels(labels: &str, out: &Path, more: &[&str]) -> Output {
     let out = out.display().to_string();
-    insonify(&[&["scene", "from-labels", labels, "--out", &out, "--triangles", "10000", "--force"], more].concat())
+    insonify(&[&["scene", "from-labels", labels, "--out", &out, "--triangles", "20000", "--force"], more].concat())
 }
 
 /// The abdomen with other numbers: that of each label by `number_of`.

@@ -190,7 +190,7 @@ impl ClassTable {
         let mut table = Self::default();
         for class in file.class {
             let class = class.completed(|name| KNOWN.get(&key(name)));
-            let called = class.name.clone();
+            let called = printable(&class.name).into_owned();
             let fault = |reason| ClassError::Class { table: name.to_owned(), class: called.clone(), reason };
             class.check().map_err(fault)?;
             for (key, tissue) in class.tissues() {
