@@ -18,7 +18,7 @@ const REMARKED_SHARE: f64 = 0.03;
 const BACKGROUND: f32 = 0.03;
 /// How much better a mirror image must fit, and how much stronger its edges must be at borders than within organs, to be
 /// the right one.
-const BETTER: f64 = 1.3;
+const BETTER: f64 = 1.15;
 const ABOVE_INNER: f64 = 1.25;
 /// Least difference of neighbours within organs, relative to the largest one that counts: an image without noise has none.
 const NOISE: f64 = 0.02;
