@@ -11,6 +11,8 @@ use super::stand_in::refuse_stand_in;
 pub enum FileKind {
     /// Station file.
     Station,
+    /// Names of labels.
+    Names,
     /// Calibration of tracker, sensor and probe.
     Calibration,
     /// Standard planes of a scene.
@@ -52,6 +54,7 @@ impl FileKind {
         const GIB: u64 = 1 << 30;
         match self {
             Self::Station => ("a station file", MIB),
+            Self::Names => ("a table of names", MIB),
             Self::Calibration => ("a calibration", MIB),
             Self::Planes => ("a file of standard planes", 16 * MIB),
             Self::Scene => ("a scene", 2 * GIB),

@@ -10,6 +10,7 @@ use super::grid::Grid;
 use super::image::{self, ImageError};
 use super::inputs::{Inputs, Organ};
 use super::volume::{Image, LabelMap};
+use crate::files::{NoMemory, memory_for};
 
 /// Most unknown segments that a message lists.
 const LISTED_MAX: usize = 5;
@@ -67,6 +68,14 @@ pub enum GatherError {
         percent: f64,
         /// Change of its affine that would help, as a sentence after a space, or empty.
         hint: String,
+    },
+    /// A volume that is too large to be worked on.
+    #[error("{path}: {none}: crop the volume, or resample it to larger voxels")]
+    Memory {
+        /// Label map or image.
+        path: PathBuf,
+        /// Memory that is missing.
+        none: NoMemory,
     },
     /// An image that doesn't fit, or isn't what it seems.
     #[error(transparent)]
@@ -147,6 +156,9 @@ pub fn gather(
     };
     let image = match image {
         Some(image) => {
+            // Its values in another order, and on the labels' grid.
+            let bytes = 4 * (image.values.len() + grid.len()) as u64;
+            memory_for(bytes).map_err(|none| GatherError::Memory { path: image.path.clone(), none })?;
             let image = image.canonical();
             let volume = grid_of(image.size, image.lps_from_voxel);
             let index = image::nearest(&grid, &volume);
@@ -161,6 +173,8 @@ pub fn gather(
     let is_ct = image.as_ref().is_some_and(|checked| checked.is_ct);
     let image = image.map(|checked| checked.values);
     let inputs = Inputs { labels: merged, organs: organs_found, body, fat, image, is_ct, remarks, grid };
+    let path = labels.path.clone();
+    memory_for(inputs.working_bytes()).map_err(|none| GatherError::Memory { path, none })?;
     Ok((inputs, unmapped))
 }
 

@@ -44,6 +44,9 @@ pub struct Inputs {
     pub remarks: Vec<String>,
 }
 
+/// Memory that a voxel takes while a scene is made, bytes: labels, masks, distances and surfaces.
+const WORKING_BYTES: u64 = 28;
+
 /// Lowest value of an image.
 fn least(image: &[f32]) -> f32 {
     image.par_iter().copied().reduce(|| f32::INFINITY, f32::min)
@@ -55,17 +58,28 @@ impl Inputs {
         self.image.as_deref().filter(|_| self.is_ct)
     }
 
-    /// The inputs on a grid cut to the body, with free voxels beside it, except where the scan itself ends there.
-    pub(super) fn with_margin(self, skin_mm: f64, fat_mm: f64) -> Self {
+    /// Lowest and highest indices of voxels that are labelled, or may be in the body.
+    fn bounds(&self) -> Option<([usize; 3], [usize; 3])> {
         let grid = &self.grid;
         let inside =
             |i: usize| self.labels[i] != NONE || self.body.as_ref().is_some_and(|b| b[i]) || self.image.is_some();
         let bounds = (0..grid.len()).into_par_iter().filter(|&i| inside(i)).map(|i| (grid.at(i), grid.at(i)));
-        let Some((low, high)) = bounds.reduce_with(|a, b| {
+        bounds.reduce_with(|a, b| {
             (std::array::from_fn(|n| a.0[n].min(b.0[n])), std::array::from_fn(|n| a.1[n].max(b.1[n])))
-        }) else {
-            return self;
-        };
+        })
+    }
+
+    /// Memory that a scene of these inputs takes while it is made, about, bytes.
+    pub(super) fn working_bytes(&self) -> u64 {
+        let Some((low, high)) = self.bounds() else { return 0 };
+        let voxels: usize = (0..3).map(|n| high[n] - low[n] + 1).product();
+        (voxels as u64).saturating_mul(WORKING_BYTES)
+    }
+
+    /// The inputs on a grid cut to the body, with free voxels beside it, except where the scan itself ends there.
+    pub(super) fn with_margin(self, skin_mm: f64, fat_mm: f64) -> Self {
+        let grid = &self.grid;
+        let Some((low, high)) = self.bounds() else { return self };
         let guessed = self.body.is_none() && self.image.is_none();
         let margin_mm = if guessed { hull_margin_mm(skin_mm, fat_mm) } else { 0.0 };
         let voxel_mm = grid.voxel_mm();

@@ -8,6 +8,7 @@ use serde::Deserialize;
 
 use super::key::key;
 use super::{Class, ClassError};
+use crate::files::{self, FileKind};
 use crate::names::{is_printable, printable};
 use crate::suggest::did_you_mean;
 
@@ -99,7 +100,7 @@ impl ClassTable {
     /// # Errors
     /// A file that can't be read, an unknown key, a wrong value, an unknown tissue, or a name or number given twice.
     pub fn load(path: &Path) -> Result<Self, ClassError> {
-        let read = std::fs::read_to_string(path);
+        let read = files::read_text(path, FileKind::Names);
         let text = read.map_err(|error| ClassError::Read { path: path.to_owned(), error })?;
         let mut table = Self::parse(&path.display().to_string(), &text)?;
         table.add_builtin_names()?;

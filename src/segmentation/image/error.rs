@@ -38,17 +38,15 @@ pub enum ImageError {
     },
     /// An image that fits the labels better as its mirror image.
     #[error(
-        "{path}, given as --image, fits the labels better when mirrored {direction}: organs then explain {mirrored:.0} % \
-         of its variance, not {percent:.0} %. Mirror its voxels and keep its affine, or give the image that was segmented"
+        "{path}, given as --image, fits the labels better when mirrored {direction}: borders of organs then stand out \
+         {times:.1} times as much. Mirror its voxels and keep its affine, or give the image that was segmented"
     )]
     Mirrored {
         /// Image.
         path: PathBuf,
         /// Direction, as `left to right`.
         direction: String,
-        /// Explained variance as it is, %.
-        percent: f64,
-        /// Explained variance of the mirror image, %.
-        mirrored: f64,
+        /// Strength of edges at organs' borders against edges within, in the mirror image relative to the image.
+        times: f64,
     },
 }

@@ -1,5 +1,7 @@
 //! Whether an image fits the labels: no organs in air, and no mirror image that fits better.
 
+use rayon::prelude::*;
+
 use super::error::ImageError;
 use super::judge::Judgement;
 use super::levels::{Levels, Matter, Sample, quantile, value};
@@ -14,10 +16,14 @@ const REFUSED_SHARE_MR: f64 = 0.5;
 const REMARKED_SHARE: f64 = 0.03;
 /// Brightness below which an image other than a CT shows background, relative to its brightest parts.
 const BACKGROUND: f32 = 0.03;
-/// Least share of the variance that organs explain in a mirror image that is taken for the right one, and by how much it
-/// must be better.
-const EXPLAINED: f64 = 0.5;
-const BETTER: f64 = 0.15;
+/// How much better a mirror image must fit, and how much stronger its edges must be at borders than within organs, to be
+/// the right one.
+const BETTER: f64 = 1.15;
+const ABOVE_INNER: f64 = 1.25;
+/// Least difference of neighbours within organs, relative to the largest one that counts: an image without noise has none.
+const NOISE: f64 = 0.02;
+/// Largest difference of neighbours that counts as an edge, relative to the range of values.
+const EDGE: f32 = 0.1;
 /// Lowest density of the dense parts of bone, HU.
 const CORTEX_HU: f32 = 150.0;
 
@@ -28,8 +34,11 @@ struct Fit {
     mirrored: [bool; 3],
     /// Share of the soft tissue in air.
     in_air: f64,
-    /// Share of the variance at labelled voxels that lies between organs, not within them.
-    explained: f64,
+    /// Mean difference of neighbours at labels' borders, each organ counted alike, and within organs.
+    edges: f64,
+    inner: f64,
+    /// Edges at borders relative to those within organs.
+    quality: f64,
 }
 
 /// Remarks on the fit of an image.
@@ -51,15 +60,16 @@ pub(super) fn check(
             least + BACKGROUND * (bright - least)
         }
     };
-    let range = (quantile(&levels.all, 0.005), quantile(&levels.all, 0.995));
+    let range = quantile(&levels.all, 0.995) - quantile(&levels.all, 0.005);
     let fits: Vec<Fit> = (0..8usize)
-        .map(|bits| Fit::of(image, sample, std::array::from_fn(|axis| bits >> axis & 1 == 1), limit, range))
+        .into_par_iter()
+        .map(|bits| Fit::of(image, sample, std::array::from_fn(|axis| bits >> axis & 1 == 1), limit, EDGE * range))
         .collect();
     let Some((own, mirrored)) = fits.split_first() else { return Ok(Vec::new()) };
     let better = mirrored.iter().filter(|fit| {
-        fit.explained > EXPLAINED && fit.explained > own.explained + BETTER && fit.in_air <= own.in_air + 0.01
+        fit.quality > BETTER * own.quality && fit.edges > ABOVE_INNER * fit.inner && fit.in_air <= own.in_air + 0.01
     });
-    let best = better.max_by(|a, b| a.explained.total_cmp(&b.explained));
+    let best = better.max_by(|a, b| a.quality.total_cmp(&b.quality));
     let percent = 100.0 * own.in_air;
     if own.in_air > if is_ct { REFUSED_SHARE } else { REFUSED_SHARE_MR } {
         let hint = match best {
@@ -81,8 +91,7 @@ pub(super) fn check(
         return Err(ImageError::Mirrored {
             path: image.path.clone(),
             direction: fit.direction(),
-            percent: 100.0 * own.explained,
-            mirrored: 100.0 * fit.explained,
+            times: fit.quality / own.quality.max(f64::MIN_POSITIVE),
         });
     }
     let mut remarks = Vec::new();
@@ -102,33 +111,33 @@ pub(super) fn check(
 }
 
 impl Fit {
-    fn of(image: &Image, sample: &Sample, mirrored: [bool; 3], limit: f32, range: (f32, f32)) -> Self {
-        // Number, sum and sum of squares of each organ.
-        let mut of_organs = vec![(0.0_f64, 0.0_f64, 0.0_f64); sample.organs];
+    fn of(image: &Image, sample: &Sample, mirrored: [bool; 3], limit: f32, largest: f32) -> Self {
+        let found = |at: [usize; 3]| {
+            let turned = |axis: usize| if mirrored[axis] { image.size[axis] - 1 - at[axis] } else { at[axis] };
+            value(image, std::array::from_fn(turned))
+        };
         let (mut soft, mut in_air) = (0usize, 0usize);
-        for voxel in &sample.voxels {
-            let at = std::array::from_fn(|axis| {
-                let at = voxel.at[axis];
-                if mirrored[axis] { image.size[axis] - 1 - at } else { at }
-            });
-            let found = value(image, at);
-            if !found.is_finite() {
-                continue;
-            }
-            if voxel.matter == Matter::Soft {
-                soft += 1;
-                in_air += usize::from(found < limit);
-            }
-            let clamped = f64::from(found.clamp(range.0, range.1.max(range.0)));
-            let (count, sum, squares) = &mut of_organs[usize::from(voxel.organ)];
-            (*count, *sum, *squares) = (*count + 1.0, *sum + clamped, *squares + clamped * clamped);
+        for voxel in sample.voxels.iter().filter(|voxel| voxel.matter == Matter::Soft) {
+            soft += 1;
+            in_air += usize::from(found(voxel.at) < limit);
         }
-        let total = of_organs.iter().fold((0.0, 0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1, a.2 + b.2));
-        let variation = |(count, sum, squares): (f64, f64, f64)| squares - sum * sum / f64::max(count, 1.0);
-        let within: f64 = of_organs.iter().copied().map(variation).sum();
-        let all = variation(total);
-        let explained = if all > 1e-6 * total.2.max(f64::MIN_POSITIVE) { 1.0 - within / all } else { 0.0 };
-        Self { mirrored, in_air: in_air as f64 / soft.max(1) as f64, explained }
+        // Number of pairs and their sum, at the border of each organ and within all.
+        let mut borders = vec![(0.0_f64, 0.0_f64); sample.organs];
+        let mut inner = (0.0, 0.0);
+        for pair in &sample.pairs {
+            let [a, b] = pair.ends.map(found);
+            let difference = f64::from((a - b).abs().min(largest));
+            if difference.is_finite() {
+                let sum = if pair.at_border { &mut borders[usize::from(pair.organ)] } else { &mut inner };
+                *sum = (sum.0 + 1.0, sum.1 + difference);
+            }
+        }
+        let mean = |(count, sum): (f64, f64)| sum / f64::max(count, 1.0);
+        let known: Vec<f64> = borders.into_iter().filter(|border| border.0 > 0.0).map(mean).collect();
+        let edges = known.iter().sum::<f64>() / known.len().max(1) as f64;
+        let inner = mean(inner);
+        let quality = edges / (inner + NOISE * f64::from(largest)).max(f64::MIN_POSITIVE);
+        Self { mirrored, in_air: in_air as f64 / soft.max(1) as f64, edges, inner, quality }
     }
 
     /// Directions of the mirrored axes.

@@ -61,6 +61,7 @@ pub(super) fn judge(
         if AIR_TO_SOFT_HU.contains(&(soft - air)) && offset.abs() > 150.0 && is_denser(levels, air, soft) {
             let fat = fat_ring(air + 0.5 * (soft - air));
             if fat.is_none_or(|fat| FAT_TO_SOFT_HU.contains(&(soft - fat))) {
+                let offset = (offset / 10.0).round() * 10.0;
                 let remedy = format!(
                     "It is shifted by about {offset:.0} HU, as without its rescale intercept: subtract that (1024 for most \
                      scanners), or convert the series anew with dcm2niix"
@@ -131,18 +132,26 @@ fn window(
     Ok(Judgement::Window { low, reason })
 }
 
-/// Whether values that don't reach air are HU: negative fat, organs and bone where they are in a CT.
+/// Whether values that don't reach air are HU: fat is negative, and bone is as far above organs as it is in a CT.
 fn is_hu_scale(levels: &Levels) -> bool {
     let (low, high) = (levels.least(), levels.most());
-    let negative = (AIR_HU..=-20.0).contains(&low) && high >= 60.0;
-    let soft = levels.soft_median().is_none_or(|soft| SOFT_HU.contains(&soft));
-    // A window may end below the fat, but then many voxels are at its end.
-    let fat = share_within(&levels.all, FAT_HU.start.max(low + 1.0), FAT_HU.end) > 0.01 || levels.clipped_low(0.02);
-    let bone = match (&levels.bone, levels.soft_median()) {
-        (Some(bone), Some(soft)) => quantile(bone, 0.9) > (soft + 50.0).min(0.9 * high),
-        _ => true,
-    };
-    negative && soft && fat && bone
+    let soft = levels.soft_median();
+    if !(AIR_HU..=-20.0).contains(&low) || high < 60.0 || soft.is_some_and(|soft| !SOFT_HU.contains(&soft)) {
+        return false;
+    }
+    // A window that ends above the fat; what is refused for that has many voxels at its end.
+    if low > WINDOW_HU && levels.clipped_low(0.02) {
+        return true;
+    }
+    let has_fat = share_within(&levels.all, FAT_HU.start.max(low + 1.0), FAT_HU.end) > 0.01;
+    let Some(soft) = soft else { return has_fat };
+    // From fat, or from a window's end, to organs it is about as far as from organs to bone. From air it is farther.
+    let below = soft - levels.air(soft - 0.3 * (soft - low));
+    has_fat
+        && match &levels.bone {
+            Some(bone) => quantile(bone, 0.95) - soft > 0.7 * below,
+            None => (100.0..400.0).contains(&below),
+        }
 }
 
 /// Whether bone is denser than soft tissue throughout, as in a CT: the cortex of a bone is dark in an MR. True of images

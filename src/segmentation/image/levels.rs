@@ -8,7 +8,7 @@ use crate::segmentation::inputs::Organ;
 use crate::segmentation::volume::Image;
 
 /// Most labelled voxels that are looked at.
-const LABELLED_MAX: usize = 400_000;
+const LABELLED_MAX: usize = 200_000;
 
 /// Most voxels of the image that are looked at.
 const IMAGE_MAX: usize = 1_000_000;
@@ -44,16 +44,25 @@ impl Matter {
 /// A labelled voxel.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Labelled {
-    /// Index of its organ.
-    pub(super) organ: u16,
     pub(super) matter: Matter,
     /// Voxel of the image.
     pub(super) at: [usize; 3],
 }
 
-/// Labelled voxels, evenly over the labels.
+/// Two neighbouring voxels of the image, the first one labelled.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pair {
+    /// Index of the first one's organ.
+    pub(super) organ: u16,
+    /// Whether the border of the label lies between them.
+    pub(super) at_border: bool,
+    pub(super) ends: [[usize; 3]; 2],
+}
+
+/// Labelled voxels, evenly over the labels, and their neighbours.
 pub(super) struct Sample {
     pub(super) voxels: Vec<Labelled>,
+    pub(super) pairs: Vec<Pair>,
     pub(super) organs: usize,
 }
 
@@ -70,11 +79,22 @@ impl Sample {
             within.then(|| p.to_array().map(|v| v as usize))
         };
         let labelled = labels.iter().enumerate().filter(|(_, label)| **label != 0).step_by(step);
-        let voxels = labelled.filter_map(|(i, label)| {
+        let (mut voxels, mut pairs) = (Vec::new(), Vec::new());
+        for (i, label) in labelled {
             let organ = label - 1;
-            Some(Labelled { organ, matter: *matters.get(usize::from(organ))?, at: place(i)? })
-        });
-        Self { voxels: voxels.collect(), organs: organs.len() }
+            let (Some(matter), Some(at)) = (matters.get(usize::from(organ)), place(i)) else { continue };
+            voxels.push(Labelled { matter: *matter, at });
+            let index = grid.at(i);
+            for (axis, stride) in grid.strides().into_iter().enumerate() {
+                let before = (index[axis] > 0).then(|| i - stride);
+                let after = (index[axis] + 1 < grid.size[axis]).then(|| i + stride);
+                for neighbour in [before, after].into_iter().flatten() {
+                    let Some(other) = place(neighbour) else { continue };
+                    pairs.push(Pair { organ, at_border: labels[neighbour] != *label, ends: [at, other] });
+                }
+            }
+        }
+        Self { voxels, pairs, organs: organs.len() }
     }
 
     /// Values at voxels of `matter`, ascending; none of too few.
