@@ -189,8 +189,8 @@ mod tests {
         assert!(turn(&asked("\n\n\nback\n\n\n\n", script).unwrap()) < 1e-6);
         let error = asked("\n\nskip\n", all()).unwrap_err();
         assert_eq!(error, "the input ended before step 3; nothing was written");
-        let error =
-            asked("\n\n\n\n", [pivot.clone(), marker.clone(), marker.clone(), spin].map(Ok).to_vec()).unwrap_err();
+        let error = asked("\n\n\n\n", [pivot.clone(), marker.clone(), marker.clone(), spin.clone()].map(Ok).to_vec())
+            .unwrap_err();
         assert!(error.contains("step 4; nothing was written; the ends of the face lie 0.0 mm apart"), "{error}");
         assert!(asked("\nq\n", all()).unwrap_err().starts_with("ended at step 2"));
     }
