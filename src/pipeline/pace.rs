@@ -154,8 +154,8 @@ mod tests {
     #[test]
     fn a_device_a_little_too_slow_misses_few_ticks() {
         // 55 ms for ticks of 50 ms: a tick in eleven.
-        let (submissions, _, missed) = run(MS * 50, MS * 55, 220);
-        assert_eq!(missed, submissions.len() as u64 / 10 - 1);
+        let (_, _, missed) = run(MS * 50, MS * 55, 220);
+        assert!((20..=23).contains(&missed), "of 242 ticks: {missed}");
     }
 
     #[test]
