@@ -9,6 +9,7 @@ const UNITS = {
   MHz: ["megahertz", "megahertz"],
   s: ["second", "seconds"],
   deg: ["degree", "degrees"],
+  angles: ["angle", "angles"],
   "%": ["percent", "percent"],
 };
 /** Least time between two announcements, ms: a reader finishes one first. */

@@ -30,6 +30,9 @@ export class SceneLayers {
     this.changed = changed;
     this.layers = [];
     this.hidden = new Set();
+    for (const summary of byId("scene_lists").querySelectorAll("summary")) {
+      summary.addEventListener("click", () => letGo(summary));
+    }
   }
 
   /** Builds the lists for a scene of `layers` and `bodies`, its surfaces without the probe. */

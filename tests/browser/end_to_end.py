@@ -442,8 +442,8 @@ def screen_readers_are_told(page):
             continue
         label, role = page.computed(selector, "label"), page.computed(selector, "role")
         assert label and role not in ("generic", "none"), (name, label, role)
-        assert not re.search(r"\d", label) or "of" in label or name in ("", "scene_canvas"), (name, label)
         if kind == "range":
+            assert not re.search(r"\d", label) or re.search(r" \d of 8$", label), (name, label)
             value = page.script("return document.querySelector(arguments[0]).getAttribute('aria-valuetext')", selector)
             assert value and SPOKEN.match(value) and not re.search(r"dB|cm|mm|%|·|\+", value), (name, value)
             assert label not in names, f"two sliders are called {label}"
@@ -535,13 +535,13 @@ CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
   if (this.canvas.id === "marks") drawn.push([text, x - box.actualBoundingBoxLeft, x + box.actualBoundingBoxRight]);
   return fillText.call(this, text, x, y);
 };
-window.dispatchEvent(new Event("test"));
 window.drawn_texts = drawn;
 """
 
 
 def a_phone_shows_all_of_it(page, station):
     page.size(390, 844)
+    page.wait("the narrow page", lambda: page.script("return stage.clientWidth") == 390)
     page.script(DRAWN)
     drawn = page.wait("the caption", lambda: page.script("return drawn_texts.filter(([text]) => text.includes('Gain')).slice(-1)[0]"))
     texts = page.script("return drawn_texts.slice(-40)")
@@ -560,7 +560,7 @@ def a_phone_shows_all_of_it(page, station):
     assert scroll <= width and not outside, (scroll, width, outside)
     station.say("tracking good")
     station.say("notice ")
-    page.press("?")
+    page.press("h")
     page.wait("the help", lambda: visible(page, "#shortcuts"))
     scroll, width, outside = page.script(OUTSIDE)
     assert scroll <= width and not outside, (scroll, width, outside)
@@ -628,7 +628,8 @@ def pages_are_saved(page, downloads):
     content = page.wait("its bytes", lambda: file.read_bytes())
     assert content[:8] == b"\x89PNG\r\n\x1a\n"
     width, height = struct.unpack(">II", content[16:24])
-    assert (width, height) == (480 + 108, 346 + 74), (width, height)
+    # The caption takes two lines at this width.
+    assert (width, height) == (480 + 108, 346 + 74 + 16), (width, height)
     page.press(" ")
     page.wait("frames again", lambda: text(page, "#run") == "LIVE")
 
@@ -639,7 +640,7 @@ def comes_back_after_a_restart(page, station, program):
     station.end()
     page.wait("the banner", lambda: visible(page, "#banner") and "NO CONNECTION" in text(page, "#banner"))
     assert text(page, "#run") == "OFFLINE"
-    lit = "return [...document.querySelectorAll('.badge')].filter((b) => b.checkVisibility() && b.className !== 'badge').map((b) => b.id)"
+    lit = "return [...document.querySelectorAll('.badge')].filter((b) => b.checkVisibility() && b.classList.length > 1).map((b) => b.id)"
     assert page.script(lit) == ["run"], page.script(lit)
     assert text(page, "#tracking") == "–" and text(page, "#source") == "–"
     page.wait("no figures", lambda: text(page, "#rate") == "–" and text(page, "#latency") == "–")
