@@ -3,10 +3,14 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
+use insonify::anatomy::analytic::cuboid;
+use insonify::anatomy::export::{LabelledSurface, write_glb};
+use insonify::sink::write_json;
+use serde_json::{Value, json};
+
 const STATION: &str = r#"
 [scene]
-phantom = "obstetric"
-phantom_scale = 0.05
+path = "scene.glb"
 
 [probe]
 scanlines = 32
@@ -33,11 +37,37 @@ position_mm = [3.0, -8.0, 140.0]
 quaternion = [0.0, 1.0, 0.0, 0.0]
 "#;
 
+/// A block with planes of the phantom's names: meshing the phantom takes minutes.
+fn scene(dir: &Path) {
+    let mesh = cuboid(glam::Vec3::new(-44.0, -80.0, 10.0), glam::Vec3::new(44.0, 80.0, 90.0));
+    let surface = LabelledSurface { name: "block".into(), tissue: "liver".into(), priority: 1, mesh };
+    write_glb(&[surface], &dir.join("scene.glb")).unwrap();
+    let plane = |name: &str, y: f64, measure: &str| {
+        json!({
+            "name": name, "title": name,
+            "tolerances": { "angle_deg": 10, "distance_mm": 5, "centring_mm": 20, "depth_mm": [20, 60] },
+            "views": [{
+                "centre_mm": [0, y, 50], "normal": [0, 1, 0], "lateral": [1, 0, 0], "to_probe": [0, 0, -1],
+                "calipers": [{
+                    "name": measure, "title": "width", "kind": "line", "points_mm": [[-44, y, 50], [44, y, 50]],
+                    "surface": "block", "reach_mm": 5
+                }]
+            }]
+        })
+    };
+    let planes = [
+        plane("head", -40.0, "BPD"),
+        plane("abdomen", 0.0, "AD"),
+        plane("femur", 40.0, "FL"),
+        plane("spine", 60.0, "SL"),
+    ];
+    write_json(&dir.join("scene.planes.json"), &json!({ "version": 1, "planes": planes })).unwrap();
+}
+
 fn insonify(dir: &Path, line: &str) -> Output {
-    let cache = std::env::var_os("INSONIFY_CACHE").unwrap_or_else(|| dir.join("cache").into());
     let words: Vec<&str> = line.split_whitespace().take_while(|word| !word.starts_with('#')).skip(1).collect();
     let mut program = Command::new(env!("CARGO_BIN_EXE_insonify"));
-    program.args(&words).current_dir(dir).env("INSONIFY_CACHE", cache).output().unwrap()
+    program.args(&words).current_dir(dir).output().unwrap()
 }
 
 fn printed(output: &Output) -> String {
@@ -54,6 +84,7 @@ fn lines(document: &str, start: &str) -> Vec<String> {
 #[test]
 fn the_documented_sequence_gives_the_expert_full_points() {
     let dir = tempfile::tempdir().unwrap();
+    scene(dir.path());
     std::fs::write(dir.path().join("station.toml"), STATION).unwrap();
     std::fs::write(dir.path().join("calibration.toml"), CALIBRATION).unwrap();
     let exam = lines("docs/station.md", "insonify exam station.toml");
@@ -69,11 +100,11 @@ fn the_documented_sequence_gives_the_expert_full_points() {
     // What counts can be said otherwise.
     let json = |more: &str| {
         let line = format!("insonify score exam.mcap station.toml --json {more}");
-        serde_json::from_str::<serde_json::Value>(&printed(&insonify(dir.path(), &line))).unwrap()
+        serde_json::from_str::<Value>(&printed(&insonify(dir.path(), &line))).unwrap()
     };
     let all = json("--planes all");
-    assert_eq!((all["planes"].as_array().unwrap().len(), &all["planes_from"]), (7, &"option".into()));
-    assert!(all["points"].as_f64().unwrap() < 50.0, "{all}");
+    assert_eq!((all["planes"].as_array().unwrap().len(), &all["planes_from"]), (4, &"option".into()));
+    assert!((all["points"].as_f64().unwrap() - 75.0).abs() < 1.0, "{all}");
     let own = json("");
     let names: Vec<_> = own["planes"].as_array().unwrap().iter().map(|plane| plane["name"].clone()).collect();
     assert_eq!(
@@ -81,5 +112,5 @@ fn the_documented_sequence_gives_the_expert_full_points() {
         (vec!["head".into(), "abdomen".into(), "femur".into()], &"recording".into())
     );
     let measured: Vec<_> = own["calipers"].as_array().unwrap().iter().map(|c| c["plane"].clone()).collect();
-    assert_eq!(measured, ["head", "head", "abdomen", "femur"], "the picture of each measurement");
+    assert_eq!(measured, ["head", "abdomen", "femur"], "the picture of each measurement");
 }
