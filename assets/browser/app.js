@@ -171,6 +171,12 @@ function layOut() {
   redrawMarks();
 }
 
+/** What the station says of its tracker; undefined if it says nothing. */
+function trackerFault(frame) {
+  const about = "tracker: ";
+  return frame?.notice.startsWith(about) ? frame.notice.slice(about.length) : undefined;
+}
+
 /** Says what the picture is worth now. */
 function watch() {
   if (!connection.isOpen) {
@@ -183,7 +189,7 @@ function watch() {
   const silent = performance.now() - shownAt > SILENCE_MS;
   status.run(!shown ? "WAITING" : tools.cine.isShown ? "CINE" : frozen ? "FROZEN" : silent ? "STALLED" : "LIVE");
   if (!frozen && silent) status.banner("silent");
-  else if (shown && ["lost", "stale", "stuck"].includes(shown.tracking)) status.banner(shown.tracking);
+  else if (shown && ["lost", "stale", "stuck"].includes(shown.tracking)) status.banner(shown.tracking, trackerFault(newest));
   else status.banner(null);
 }
 

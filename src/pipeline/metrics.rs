@@ -46,6 +46,8 @@ pub struct Status {
     pub frozen: bool,
     /// Frames begun but not presented.
     pub dropped: u64,
+    /// Damaged pieces of the tracker's stream.
+    pub damaged: u64,
     /// Recent fault.
     pub notice: Option<String>,
 }
@@ -210,6 +212,7 @@ impl Metrics {
                 source: shown.source,
                 frozen: shown.frozen,
                 dropped,
+                damaged: 0,
                 notice,
             }
         })

@@ -41,6 +41,7 @@ mod sources;
 mod summary;
 mod summary_table;
 mod tracked;
+mod tracker_watch;
 
 pub use clock::{Clock, NEVER, Signal, SystemClock};
 pub use events::Observer;
@@ -63,3 +64,4 @@ pub use simulated::SimulatedClock;
 pub use sources::StandingPose;
 pub use summary::{GeneratorSummary, SinkSummary, Summary};
 pub use tracked::{TrackedPoses, TrackerPart};
+pub use tracker_watch::{TrackerSummary, TrackerWatch};

@@ -24,6 +24,7 @@ use super::shutdown::{Part, Stop, Thread, spawn};
 use super::sink_stage::SinkStage;
 use super::slot::Slot;
 use super::summary::Summary;
+use super::tracker_watch::TrackerWatch;
 use crate::chooser::PointController;
 use crate::render::{RenderError, RenderSettings, Renderer};
 use crate::settings::{Choice, Control, Effect, LiveSettings, PipelineSettings};
@@ -87,6 +88,8 @@ pub struct Parts {
     pub controls: mpsc::Receiver<Control>,
     /// Observer of events, poses and settings, for a recording.
     pub observer: Option<Arc<dyn Observer>>,
+    /// State of the tracker, which is shown and summarised; none without one.
+    pub tracker: Option<TrackerWatch>,
     /// Parts that end before all stages: the tracker.
     pub before: Vec<Box<dyn Part>>,
     /// Parts that end after all sinks: the recorder.
@@ -134,6 +137,7 @@ impl Parts {
             log: None,
             controls,
             observer: None,
+            tracker: None,
             before: Vec::new(),
             after: Vec::new(),
         };
@@ -159,6 +163,7 @@ pub struct Pipeline {
     to_generator: Option<Arc<Slot<Arc<Rendered>>>>,
     generator: Option<Arc<GeneratorLink>>,
     stages: Stages,
+    tracker: Option<TrackerWatch>,
     before: Vec<Box<dyn Part>>,
     after: Vec<Box<dyn Part>>,
     duration: Option<Duration>,
@@ -182,6 +187,9 @@ impl Pipeline {
         loop {
             let next = pipeline.clock.now().saturating_add(STATUS_PERIOD).min(until);
             let stopped = pipeline.stop.wait(next);
+            if let Some(text) = pipeline.tracker.as_ref().and_then(TrackerWatch::notice) {
+                pipeline.events.show(text);
+            }
             watch(&pipeline.status());
             if stopped || pipeline.clock.now() >= until {
                 break;
@@ -281,6 +289,7 @@ impl Pipeline {
             duration: limits.duration.map(|duration| started_at.saturating_add(duration)),
             finish: seconds(settings.finish_ms),
             stages: Stages { render, generate, presenter, sinks },
+            tracker: parts.tracker,
             before: parts.before,
             after: parts.after,
             clock,
@@ -297,11 +306,9 @@ impl Pipeline {
     fn status(&self) -> Status {
         let mut notice = None;
         self.events.notice_into(&mut notice);
-        self.metrics.status(
-            self.clock.now(),
-            drops(&self.metrics, &self.to_presenter).iter().map(|(_, count)| count).sum(),
-            notice,
-        )
+        let dropped = drops(&self.metrics, &self.to_presenter).iter().map(|(_, count)| count).sum();
+        let damaged = self.tracker.as_ref().map_or(0, |tracker| tracker.totals().damaged);
+        Status { damaged, ..self.metrics.status(self.clock.now(), dropped, notice) }
     }
 }
 
