@@ -15,7 +15,7 @@ use insonify::recording::{
     RecordingSummary, RecordingWriter, SessionPose, SessionSettings, part_path, poses, poses_of,
 };
 use insonify::tracker::ascii_line::{self, LINE_LIMIT};
-use insonify::tracker::{DecodeError, Protocol, Record};
+use insonify::tracker::{DecodeError, ProbeSensor, Protocol, Record};
 use proptest::prelude::*;
 
 const START_NS: u64 = 1_790_000_000_000_000_000;
@@ -239,7 +239,7 @@ fn the_metadata_is_checked() {
             [("protocol", "asci"), good[1], good[2]],
             "unknown tracker protocol `asci`; known: ascii-line",
         ),
-        ("/tracker/raw", [good[0], good[1], ("format_version", "2")], "`format_version` is `2`; it must be in 1..=1"),
+        ("/tracker/raw", [good[0], good[1], ("format_version", "3")], "`format_version` is `3`; it must be in 1..=2"),
         ("/tracker/raw", [good[0], ("x", ""), good[2]], "`start_time_ns` is missing; it must be ns since 1970"),
     ];
     for (topic, metadata, message) in cases {
@@ -289,10 +289,10 @@ fn session(path: &Path, info: &RecordingInfo) {
 fn a_session_returns_its_poses_settings_and_values() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("session.mcap");
-    session(&path, &RecordingInfo { sensor: Some(0), ..info() });
+    session(&path, &RecordingInfo { sensor: Some(ProbeSensor::Number(0)), ..info() });
     let (found, summary) = poses(&path).unwrap();
     assert!(summary.is_clean(), "{summary}");
-    assert_eq!((found.len(), summary.session_poses, summary.info.sensor), (150, 150, Some(0)));
+    assert_eq!((found.len(), summary.session_poses, summary.info.sensor), (150, 150, Some(ProbeSensor::Number(0))));
     assert_eq!(summary.settings, Some(settings()));
     let values: Vec<_> = summary.events.iter().map(|e| (e.name.as_str(), e.value.clone().unwrap())).collect();
     assert_eq!(values, [("gain_db", serde_json::json!(-3.5)), ("frozen", serde_json::json!(true))]);

@@ -175,6 +175,12 @@ function layOut() {
   redrawMarks();
 }
 
+/** What the station says of its tracker; undefined if it says nothing. */
+function trackerFault(frame) {
+  const about = "tracker: ";
+  return frame?.notice.startsWith(about) ? frame.notice.slice(about.length) : undefined;
+}
+
 /** Says what the picture is worth now. */
 function watch() {
   if (!connection.isOpen) {
@@ -189,7 +195,7 @@ function watch() {
   status.run(!shown ? "WAITING" : tools.cine.isShown ? "CINE" : frozen ? "FROZEN" : silent ? "STALLED" : "LIVE");
   if (!frozen && silent && shown) status.unknown();
   if (!frozen && silent) status.banner("silent");
-  else if (shown && ["lost", "stale", "stuck"].includes(shown.tracking)) status.banner(shown.tracking);
+  else if (shown && ["lost", "stale", "stuck"].includes(shown.tracking)) status.banner(shown.tracking, trackerFault(newest));
   else status.banner(null);
 }
 

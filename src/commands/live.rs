@@ -36,8 +36,9 @@ fn status(status: &Status) -> String {
     };
     let frozen = if status.frozen { "  frozen" } else { "" };
     let placed = status.misplaced.map_or_else(String::new, |misplaced| format!("  ({})", misplaced.fault));
+    let damaged = if status.damaged > 0 { format!("  tracker: {} damaged", status.damaged) } else { String::new() };
     format!(
-        "{:7.1} s  {rate}  latency {latency}  pose {}{placed}  {}{frozen}  {} presented, {} dropped",
+        "{:7.1} s  {rate}  latency {latency}  pose {}{placed}  {}{frozen}  {} presented, {} dropped{damaged}",
         status.elapsed_s,
         status.tracking.name(),
         status.source.name(),
@@ -75,10 +76,14 @@ mod tests {
             frozen: false,
             misplaced: None,
             dropped: 0,
+            damaged: 0,
             notice: None,
         };
         assert!(status(&now).contains("14.1 frames/s"), "{}", status(&now));
         (now.frames_per_s, now.silent_s) = (0.0, Some(30.4));
+        assert!(!status(&now).contains("damaged"));
+        now.damaged = 7;
+        assert!(status(&now).ends_with("tracker: 7 damaged"), "{}", status(&now));
         assert!(status(&now).contains("no frame for 30 s") && !status(&now).contains("frames/s"), "{}", status(&now));
     }
 }

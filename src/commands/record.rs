@@ -9,12 +9,12 @@ use insonify::files::Outputs;
 use insonify::pipeline::{StopSignals, start_recorder};
 use insonify::recording::{Capture, Event, Recorded, stream_of};
 use insonify::station::Station;
-use insonify::tracker::{Report as TrackerReport, Settings, Transport, host_time_ns};
+use insonify::tracker::{Report as TrackerReport, SensorReport, Settings, Transport, host_time_ns};
 use serde::Serialize;
 use tokio::runtime::Runtime;
 
 use super::status_line::StatusLine;
-use super::tracker_args::TrackerArgs;
+use super::tracker_args::{ASCII_LINE_HELP, TrackerArgs};
 use super::{Classify, Failure, input, output, terminal};
 
 /// Period of the recording's status checks.
@@ -30,11 +30,7 @@ const TOLD: usize = 4;
 /// it can be replayed without it. While it runs its file is called FILE.part; after a kill that holds all but the last
 /// second.
 #[derive(Debug, Parser)]
-#[command(after_help = "Examples:\n  \
-                  insonify record station.toml --out session.mcap              the station's own [tracker]\n  \
-                  insonify record station.toml --port 0403:6001 --protocol liberty --out session.mcap\n  \
-                  insonify record station.toml --address 192.168.1.20:4000 --protocol ascii-line --out session.mcap\n  \
-                  cat log.bin | insonify record station.toml --stdin --protocol ascii-line --out session.mcap")]
+#[command(after_help = format!("{EXAMPLES}\n\n{ASCII_LINE_HELP}"))]
 pub(crate) struct Args {
     /// Station file (TOML); `insonify station-keys` lists its keys
     station: PathBuf,
@@ -63,6 +59,14 @@ pub(crate) struct Args {
     json: bool,
 }
 
+const EXAMPLES: &str = "\
+Examples:
+  insonify record station.toml --out session.mcap              the station's own [tracker]
+  insonify record station.toml --port 0403:6001 --protocol liberty --out session.mcap
+  insonify record station.toml --address 192.168.1.20:4000 --protocol ascii-line --out session.mcap
+  insonify record station.toml --tool ProbeToTracker --out session.mcap    one of several OpenIGTLink tools
+  cat log.bin | insonify record station.toml --stdin --protocol ascii-line --out session.mcap";
+
 #[derive(Serialize)]
 struct Report<'a> {
     path: &'a Path,
@@ -70,6 +74,20 @@ struct Report<'a> {
     bytes: u64,
     records: u64,
     events: u64,
+    damaged: u64,
+    other_senders: u64,
+    sensors: &'a [SensorReport],
+}
+
+/// Totals of the stream that was recorded.
+#[derive(Default)]
+struct Totals {
+    records: u64,
+    damaged: u64,
+    other_senders: u64,
+    sensors: Vec<SensorReport>,
+    undecided: bool,
+    cause: Option<String>,
 }
 
 /// Runs the command.
@@ -82,8 +100,13 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         None => {
             let Settings { protocol: own, device, .. } = &station.tracker;
             let protocol = args.tracker.protocol.unwrap_or(*own);
-            // The station's sensor number holds only for its own protocol.
-            (protocol, args.tracker.sensor.or(device.sensor.filter(|_| protocol == *own)))
+            let mut settings = Settings { protocol, ..Settings::default() };
+            // The station's choice of the probe holds only for its own protocol.
+            if protocol == *own {
+                settings.device = device.clone();
+            }
+            args.tracker.choose_probe(&mut settings)?;
+            settings.stream(None)
         }
     };
     let from = tracker.as_ref().map_or_else(|| "stdin".to_owned(), Settings::to_string);
@@ -92,23 +115,24 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         let _inside = runtime.enter();
         StopSignals::new().other()?
     };
-    let recorder = start_recorder(&args.out, &station, (protocol, sensor), &from, "", host_time_ns())?;
+    let stream = (protocol, sensor);
+    let recorder = start_recorder(&args.out, &station, stream.clone(), &from, "", host_time_ns())?;
     let capture = match &tracker {
         Some(tracker) => Capture::of_tracker(tracker, recorder.handle())?,
-        None => Capture::of_stream(std::io::stdin(), protocol, recorder.handle()).other()?,
+        None => Capture::of_stream(std::io::stdin(), stream, recorder.handle()).other()?,
     };
     terminal::say(&format!("recording {from} to {}; Ctrl-C ends it", args.out.display()));
-    let (reason, records) = wait(&runtime, signals, args.duration, capture);
+    let (reason, totals) = wait(&runtime, signals, args.duration, capture);
     terminal::say(&reason);
     recorder.handle().event(Event::new(host_time_ns(), "end").with(reason));
-    finish(args, recorder.finish(), records)
+    finish(args, recorder.finish(), &totals)
 }
 
 /// The tracker to record.
 fn tracker(args: &Args, station: &Station) -> Result<Settings, Failure> {
     let chosen = args.tracker.over(station.tracker.clone())?;
     let mut settings = chosen.unwrap_or_else(|| station.tracker.clone());
-    settings.device.sensor = args.tracker.sensor.or(settings.device.sensor);
+    args.tracker.choose_probe(&mut settings)?;
     match &mut settings.transport {
         Transport::None => {
             let path = args.station.display();
@@ -125,35 +149,50 @@ fn tracker(args: &Args, station: &Station) -> Result<Settings, Failure> {
     }
 }
 
-fn finish(args: &Args, recorded: Recorded, records: u64) -> Result<(), Failure> {
+fn finish(args: &Args, recorded: Recorded, totals: &Totals) -> Result<(), Failure> {
     if let Some(failure) = recorded.failure {
         return Err(Failure::Other(anyhow!("{failure}; what was written before can be replayed")));
     }
     let Recorded { messages, bytes, events, .. } = recorded;
+    let Totals { records, damaged, other_senders, ref sensors, undecided, .. } = *totals;
+    let cause = totals.cause.as_ref().map_or_else(String::new, |cause| format!(": {cause}"));
     if bytes == 0 {
-        tracing::warn!("the tracker sent nothing");
+        tracing::warn!("the tracker sent nothing{cause}");
+    } else if undecided {
+        let path = args.out.display();
+        tracing::warn!(
+            "several sensors were heard and none was chosen as the probe; `insonify inspect {path}` lists them"
+        );
+    } else if records == 0 && sensors.is_empty() {
+        tracing::warn!("no record was found in these bytes{cause}");
     } else if records == 0 {
-        tracing::warn!("no record was found in these bytes; is it another protocol?");
+        tracing::warn!("the chosen probe was not heard; `insonify inspect {}` lists the others", args.out.display());
     }
     if args.json {
-        return output::json(&Report { path: &args.out, messages, bytes, records, events });
+        let path = &args.out;
+        return output::json(&Report { path, messages, bytes, records, events, damaged, other_senders, sensors });
     }
-    output::line(format!("{records} records, {bytes} bytes in {messages} messages"))?;
+    output::line(format!("{records} records, {bytes} bytes in {messages} messages; {damaged} damaged pieces"))?;
+    if other_senders > 0 {
+        output::line(format!("{other_senders} datagrams of other senders left out"))?;
+    }
     output::line(args.out.display())
 }
 
-/// Prints the status until the recording ends. Returns the reason for the end and the number of records.
+/// Prints the status until the recording ends. Returns the reason for the end, and totals.
 fn wait(
     runtime: &Runtime,
     mut signals: StopSignals,
     duration: Option<Duration>,
     mut capture: Capture,
-) -> (String, u64) {
+) -> (String, Totals) {
     let started = Instant::now();
     let mut line = StatusLine::new();
-    let mut records = 0;
-    let mut show = |report: &TrackerReport, bytes: u64| {
-        records += report.records;
+    let mut totals = Totals::default();
+    let mut show = |report: TrackerReport, bytes: u64| {
+        totals.records += report.records;
+        totals.damaged = report.decode_errors;
+        let records = totals.records;
         report.news(TOLD).for_each(|news| terminal::say(&format!("tracker: {news}")));
         let elapsed_s = started.elapsed().as_secs_f64();
         line.set(elapsed_s, || {
@@ -163,6 +202,7 @@ fn wait(
                 "{elapsed_s:7.1} s  {state:<12} {records} records  {bytes} bytes  {rate} Hz  lost {missing}  damaged {damaged}"
             )
         });
+        totals.sensors = report.sensors;
     };
     let reason = runtime.block_on(async {
         loop {
@@ -172,7 +212,7 @@ fn wait(
                 () = tokio::time::sleep(left) => None,
             };
             let over = capture.over();
-            show(&capture.report(), capture.bytes());
+            show(capture.report(), capture.bytes());
             let done = duration.is_some_and(|duration| started.elapsed() >= duration);
             let done = done.then(|| "the duration was over".to_owned());
             if let Some(reason) = over.or(asked).or(done) {
@@ -181,7 +221,13 @@ fn wait(
         }
     });
     let bytes = capture.bytes();
-    show(&capture.end(), bytes);
+    let (report, summary) = capture.end();
+    show(report, bytes);
     drop(line);
-    (reason, records)
+    totals.undecided = totals.records == 0 && totals.sensors.len() > 1;
+    if let Some(summary) = summary {
+        (totals.other_senders, totals.undecided, totals.cause) =
+            (summary.other_sender, summary.undecided, summary.cause);
+    }
+    (reason, totals)
 }

@@ -3,12 +3,16 @@
 use anyhow::anyhow;
 use clap::Args;
 use insonify::station::Station;
-use insonify::tracker::{BAUD_RANGE, Choice, PortName, Protocol, Settings, Transport};
+use insonify::tracker::{BAUD_RANGE, Choice, ChoiceError, PortName, Protocol, Settings, Transport};
 
 use super::{Classify, Failure};
 
 fn baud_help() -> String {
     format!("Speed of the serial port, {BAUD_RANGE:?} baud [default: the protocol's usual one]")
+}
+
+fn protocol_help() -> String {
+    format!("Protocol of the tracker: {}", Protocol::NAMES.join(", "))
 }
 
 /// Options of a tracker and its transport.
@@ -22,17 +26,27 @@ pub(crate) struct TrackerArgs {
     #[arg(long, requires = "protocol")]
     pub(crate) address: Option<String>,
 
-    /// Protocol of the tracker: ascii-line, fastrak-ascii, fastrak-binary, liberty, patriot ...
-    #[arg(long)]
+    #[arg(long, help = protocol_help())]
     pub(crate) protocol: Option<Protocol>,
 
     #[arg(long, requires = "port", value_parser = clap::value_parser!(u32).range(BAUD_RANGE), help = baud_help())]
     pub(crate) baud: Option<u32>,
 
-    /// Station, port handle or tool that counts [default: the first that reports]
-    #[arg(long)]
+    /// Station or port handle that is the probe [default: 1 of Polhemus devices, else the only one that reports]
+    #[arg(long, value_name = "N")]
     pub(crate) sensor: Option<u16>,
+
+    /// Tool that is the probe, by its OpenIGTLink name, as ProbeToTracker [default: the only one that reports]
+    #[arg(long, value_name = "NAME", conflicts_with = "sensor")]
+    pub(crate) tool: Option<String>,
 }
+
+/// Format of `ascii-line`, for help.
+pub(crate) const ASCII_LINE_HELP: &str = "\
+Lines of one's own firmware (ascii-line), nine numbers and a checksum each:
+  P,seq,t_us,x,y,z,qw,qx,qy,qz*HH     as in P,7,1000,1.5,-2,80.25,1,0,0,0*0F
+  seq counts lines; t_us is the board's clock in microseconds; x,y,z in mm; a unit quaternion, w first;
+  HH: xor of all characters between P and *, two hexadecimal digits. docs/trackers.md has code that writes them";
 
 /// The tracker of a station.
 pub(crate) fn of_station(station: &Station) -> Result<Settings, Failure> {
@@ -44,11 +58,31 @@ pub(crate) fn of_station(station: &Station) -> Result<Settings, Failure> {
 }
 
 impl TrackerArgs {
+    /// Makes the probe chosen here, if any, that of `settings`.
+    ///
+    /// # Errors
+    /// A name for a protocol that has numbers.
+    pub(crate) fn choose_probe(&self, settings: &mut Settings) -> Result<(), Failure> {
+        if let Some(sensor) = self.sensor {
+            (settings.device.sensor, settings.device.tool) = (Some(sensor), None);
+        }
+        if let Some(tool) = &self.tool {
+            (settings.device.sensor, settings.device.tool) = (None, Some(tool.clone()));
+            let is_recording = matches!(settings.transport, Transport::Recording { .. });
+            if !settings.protocol.has_names() && !is_recording {
+                let protocol = settings.protocol.name();
+                return Err(ChoiceError::NoNames { protocol }).input();
+            }
+        }
+        Ok(())
+    }
+
     /// The chosen tracker, with the device settings of `base`; `None` without a protocol.
     pub(crate) fn over(&self, base: Settings) -> Result<Option<Settings>, Failure> {
         let Some(protocol) = self.protocol else { return Ok(None) };
         let (port, address) = (self.port.clone(), self.address.clone());
-        let choice = Choice { protocol, port, address, baud: self.baud, sensor: self.sensor };
+        let tool = self.tool.clone();
+        let choice = Choice { protocol, port, address, baud: self.baud, sensor: self.sensor, tool };
         choice.over(base).map(Some).input()
     }
 }

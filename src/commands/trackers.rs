@@ -8,21 +8,25 @@ use clap::Parser;
 use insonify::recording::spawn;
 use insonify::station::Station;
 use insonify::tracker::devices::{self, Devices};
-use insonify::tracker::{Monitor, Report, ReportLine, SessionState, Settings};
+use insonify::tracker::{
+    Monitor, Report, ReportLine, SensorName, SessionState, SessionSummary, Settings, TrackerEvent,
+};
 use tokio_util::sync::CancellationToken;
 
-use super::tracker_args::{self, TrackerArgs};
+use super::tracker_args::{self, ASCII_LINE_HELP, TrackerArgs};
 use super::{Classify, Failure, output};
 
 /// List serial ports and HID devices, or print what a tracker says.
 ///
 /// With a station file or --port or --address, live poses are printed until Ctrl-C: the rate of the records, the jitter
 /// and the longest of the times between them, records lost and damaged, and the last pose in the tracker's own frame.
+/// Where several sensors or tools are heard, each has a line with its rate, whether it is valid, and its position; --sensor
+/// or --tool names the probe. Without a record of the probe the exit code is 1.
 #[derive(Debug, Parser)]
-#[command(after_help = AFTER_HELP)]
+#[command(after_help = format!("{EXAMPLES}\n\n{ASCII_LINE_HELP}"))]
 pub(crate) struct Args {
     /// Station file (TOML) with a [tracker]
-    #[arg(conflicts_with_all = ["port", "address", "protocol", "baud", "sensor"])]
+    #[arg(conflicts_with_all = ["port", "address", "protocol", "baud"])]
     station: Option<PathBuf>,
 
     #[command(flatten)]
@@ -37,11 +41,13 @@ pub(crate) struct Args {
     json: bool,
 }
 
-const AFTER_HELP: &str = "\
+const EXAMPLES: &str = "\
 Examples:
   insonify trackers                                          what is plugged in
   insonify trackers --port 0403:6001 --protocol liberty      poses of a LIBERTY behind an FTDI adapter
   insonify trackers --address 192.168.1.5:5000 --protocol ascii-line --seconds 5
+  insonify trackers --address 192.168.1.5:18944 --protocol openigtlink --tool ProbeToTracker
+  insonify trackers --address 0.0.0.0:4242 --protocol opentrack            datagrams of a phone or another PC
   insonify trackers configs/station.toml                     poses of a station's tracker";
 
 /// Time between two lines.
@@ -61,7 +67,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 
 fn settings(args: &Args) -> Result<Option<Settings>, Failure> {
     if let Some(path) = &args.station {
-        return Ok(Some(tracker_args::of_station(&Station::load(path)?)?));
+        let mut settings = tracker_args::of_station(&Station::load(path)?)?;
+        args.tracker.choose_probe(&mut settings)?;
+        return Ok(Some(settings));
     }
     args.tracker.over(Settings::default())
 }
@@ -105,13 +113,39 @@ fn watch(settings: &Settings, seconds: f64, json: bool) -> Result<(), Failure> {
     cancel.cancel();
     let total = session.join();
     result?;
+    // Damage of the last second is told when the session ends.
+    monitor.report().news(usize::MAX).for_each(|news| eprintln!("tracker: {news}"));
     if !json {
+        let other_senders = match total.other_sender {
+            0 => String::new(),
+            count => format!(", {count} datagrams of other senders"),
+        };
         output::line(format!(
-            "{} records in {} bytes; {} damaged pieces, {} of other sensors, {} connections, {} silences",
+            "{} records in {} bytes; {} damaged pieces, {} of other sensors{other_senders}, {} connections, {} silences",
             total.records, total.bytes, total.decode_errors, total.other_sensor, total.connections, total.silences
         ))?;
     }
-    Ok(())
+    verdict(settings, &total)
+}
+
+/// Fails if no record of the probe was received, or none of several sensors was chosen.
+fn verdict(settings: &Settings, total: &SessionSummary) -> Result<(), Failure> {
+    let heard: Vec<String> = total.heard.iter().map(SensorName::to_string).collect();
+    let heard = heard.join(", ");
+    if total.undecided {
+        let event = TrackerEvent::Undecided { heard: total.heard.clone() };
+        return Err(Failure::Other(anyhow!("{settings}: {event}")));
+    }
+    if total.records > 0 {
+        return Ok(());
+    }
+    let why = match (&total.cause, total.connections) {
+        (Some(cause), _) => cause.clone(),
+        (None, 0) => "it could not be opened".to_owned(),
+        (None, _) if !heard.is_empty() => format!("only others are heard: {heard}"),
+        (None, _) => format!("{} bytes arrived, {} damaged pieces", total.bytes, total.decode_errors),
+    };
+    Err(Failure::Other(anyhow!("no record of the probe from {settings}: {why}")))
 }
 
 fn print(report: &Report, time: Duration, json: bool) -> Result<(), Failure> {

@@ -44,6 +44,11 @@ impl Events {
     pub(super) fn warn(&self, text: String) {
         tracing::warn!("{text}");
         self.record(&text);
+        self.show(text);
+    }
+
+    /// Shows a text on the frames for 5 s, without logging and recording it.
+    pub(super) fn show(&self, text: String) {
         *lock(&self.notice) = Some((text, self.clock.now().saturating_add(NOTICE_TIME)));
     }
 

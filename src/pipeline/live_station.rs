@@ -25,7 +25,7 @@ use crate::sink::openigtlink::OpenIgtLink;
 use crate::sink::{FrameRate, LiveVideo};
 use crate::sink::{LiveSinkKind, NullSink, PngSequence, SinkError};
 use crate::station::Station;
-use crate::tracker::{self, Protocol, TrackerError};
+use crate::tracker::{self, ProbeSensor, Protocol, TrackerError};
 
 /// Reason why a station's session cannot begin.
 #[derive(Debug, Error)]
@@ -110,7 +110,7 @@ impl LiveStation {
         })
     }
 
-    /// Records the session to `path`: the bytes of a tracker of this protocol and sensor, poses, settings and events.
+    /// Records the session to `path`: the bytes of a tracker of this protocol and choice of the probe, poses, settings and events.
     /// `adapter` names the rendering device. The slot holds the result after the session. Call it before [`Self::track`].
     ///
     /// # Errors
@@ -119,7 +119,7 @@ impl LiveStation {
         &mut self,
         path: &Path,
         station: &Station,
-        stream: (Protocol, Option<u16>),
+        stream: (Protocol, Option<ProbeSensor>),
         adapter: &str,
     ) -> Result<RecordedSlot, LiveError> {
         let began_ns = self.parts.clock.start_unix_ns();
@@ -137,6 +137,7 @@ impl LiveStation {
     /// As [`TrackedPoses::track`].
     pub fn track(&mut self, poses: &TrackedPoses, tracker: &tracker::Settings) -> Result<(), LiveError> {
         let part = poses.track(tracker, self.recording.clone(), self.parts.stop.clone())?;
+        self.parts.tracker = Some(poses.watch());
         self.parts.before.push(Box::new(part));
         Ok(())
     }

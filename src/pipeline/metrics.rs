@@ -51,6 +51,8 @@ pub struct Status {
     pub misplaced: Option<Misplacement>,
     /// Frames begun but not presented.
     pub dropped: u64,
+    /// Damaged pieces of the tracker's stream.
+    pub damaged: u64,
     /// Recent fault.
     pub notice: Option<String>,
 }
@@ -226,6 +228,7 @@ impl Metrics {
                 frozen: shown.frozen,
                 misplaced: shown.placed,
                 dropped,
+                damaged: 0,
                 notice,
             }
         })

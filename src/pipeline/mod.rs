@@ -42,6 +42,7 @@ mod sources;
 mod summary;
 mod summary_table;
 mod tracked;
+mod tracker_watch;
 
 pub use clock::{Clock, NEVER, Signal, SystemClock};
 pub use events::Observer;
@@ -64,3 +65,4 @@ pub use simulated::SimulatedClock;
 pub use sources::StandingPose;
 pub use summary::{GeneratorSummary, MisplacedSummary, SinkSummary, Summary};
 pub use tracked::{TrackedPoses, TrackerPart};
+pub use tracker_watch::{TrackerSummary, TrackerWatch};

@@ -18,7 +18,7 @@ use crate::recording::{
 use crate::settings::{Control, LiveSettings};
 use crate::sink::{SinkError, create_dir};
 use crate::station::Station;
-use crate::tracker::Protocol;
+use crate::tracker::{ProbeSensor, Protocol};
 
 /// Name of events that record settings.
 pub(super) const SETTINGS_EVENT: &str = "settings";
@@ -91,7 +91,7 @@ pub enum RecordError {
 }
 
 /// Starts recording a session of `station` to `path`, with the text of its file. In a replay, scene time is 0 at
-/// `start_time_ns`. The pair is the protocol of the tracker's bytes and the sensor used; `device` names the tracker, and
+/// `start_time_ns`. The pair is the protocol of the tracker's bytes and the choice of the probe; `device` names the tracker, and
 /// `adapter` the rendering device.
 ///
 /// # Errors
@@ -99,7 +99,7 @@ pub enum RecordError {
 pub fn start_recorder(
     path: &Path,
     station: &Station,
-    (protocol, sensor): (Protocol, Option<u16>),
+    (protocol, sensor): (Protocol, Option<ProbeSensor>),
     device: &str,
     adapter: &str,
     start_time_ns: u64,

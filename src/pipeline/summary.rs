@@ -7,6 +7,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::histogram::Percentiles;
+use super::tracker_watch::TrackerSummary;
 use crate::chooser::PointSummary;
 use crate::sink::SinkError;
 use crate::transducer::placement::{Fault, Misplacement};
@@ -128,6 +129,8 @@ pub struct Summary {
     pub controls: u64,
     /// Controls refused because a value was out of range.
     pub controls_refused: u64,
+    /// Totals of the tracker; none without one.
+    pub tracker: Option<TrackerSummary>,
     /// Operating points; none if the quality was fixed.
     pub points: Option<PointSummary>,
     /// Summary of the generator; none without one.

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{MisplacedSummary, Percentiles, Summary};
+use super::{MisplacedSummary, Percentiles, Summary, TrackerSummary};
 
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -20,6 +20,9 @@ impl fmt::Display for Summary {
         if let Some(latest) = &s.misplaced.latest {
             let MisplacedSummary { deep, looks_out, .. } = s.misplaced;
             writeln!(f, "placement          {deep} frames deep in the body, {looks_out} looking out of it: {latest}")?;
+        }
+        if let Some(tracker) = &s.tracker {
+            tracker_row(f, tracker)?;
         }
         writeln!(f, "\nms                       p50      p95      p99      max")?;
         row(f, "pose to present", s.pose_to_present)?;
@@ -73,6 +76,22 @@ impl fmt::Display for Summary {
             None => write!(f, "memory             unknown"),
         }
     }
+}
+
+/// The tracker's line, and its last fault.
+fn tracker_row(f: &mut fmt::Formatter<'_>, tracker: &TrackerSummary) -> fmt::Result {
+    let TrackerSummary { records, damaged, other_sensors, other_senders, interruptions, last_fault } = tracker;
+    write!(f, "tracker            {records} records, {damaged} damaged pieces")?;
+    let counted = [
+        (other_sensors, "records of other sensors"),
+        (other_senders, "datagrams of other senders"),
+        (interruptions, "interruptions"),
+    ];
+    for (count, what) in counted.into_iter().filter(|(count, _)| **count > 0) {
+        write!(f, ", {count} {what}")?;
+    }
+    writeln!(f)?;
+    last_fault.as_ref().map_or(Ok(()), |fault| writeln!(f, "  the last fault   {fault}"))
 }
 
 fn row(f: &mut fmt::Formatter<'_>, name: &str, percentiles: Option<Percentiles>) -> fmt::Result {

@@ -8,19 +8,27 @@ use super::clock::lock;
 use super::parts::PoseSource;
 use super::replayed::at_rest;
 use super::shutdown::{Part, Stop};
+use super::tracker_watch::TrackerWatch;
 use crate::pose::{Counters, Estimate, Estimator, Measurement};
 use crate::recording::{self, RecorderHandle, spawn, stream_of};
 use crate::station::{Station, StationError};
-use crate::tracker::{Listener, Protocol, Record, SessionHandle, Settings, TrackerError, TrackerEvent, Transport};
+use crate::tracker::{
+    Listener, Protocol, Record, SensorName, SessionHandle, Settings, TrackerError, TrackerEvent, Transport,
+};
 
 /// Poses of a live tracker; clones share the estimator.
 #[derive(Clone)]
-pub struct TrackedPoses(Arc<Mutex<Estimator>>);
+pub struct TrackedPoses(Arc<Mutex<Estimator>>, TrackerWatch);
 
 impl TrackedPoses {
     /// Poses from `estimator`, which [`Self::track`] or [`Self::push`] feeds.
     pub fn new(estimator: Estimator) -> Self {
-        Self(Arc::new(Mutex::new(estimator)))
+        Self(Arc::new(Mutex::new(estimator)), TrackerWatch::default())
+    }
+
+    /// State of the tracker that [`Self::track`] starts.
+    pub fn watch(&self) -> TrackerWatch {
+        self.1.clone()
     }
 
     /// Poses by the filter and calibration of a station; `None` without a tracker.
@@ -54,7 +62,7 @@ impl TrackedPoses {
     ) -> Result<TrackerPart, TrackerError> {
         let cancel = CancellationToken::new();
         let rates = stream_of(settings)?.0 == Protocol::SpaceMouse;
-        let listener = TrackerListener { estimator: self.0.clone(), recorder, stop, rates };
+        let listener = TrackerListener { estimator: self.0.clone(), watch: self.watch(), recorder, stop, rates };
         let session = spawn(settings, Box::new(listener), cancel.clone())?;
         Ok(TrackerPart { session, cancel })
     }
@@ -89,6 +97,7 @@ impl Part for TrackerPart {
 /// Listener on the tracker's thread.
 struct TrackerListener {
     estimator: Arc<Mutex<Estimator>>,
+    watch: TrackerWatch,
     recorder: Option<RecorderHandle>,
     stop: Stop,
     /// Whether the device sends rates; it sends nothing while at rest.
@@ -102,12 +111,20 @@ impl Listener for TrackerListener {
         }
     }
 
+    fn heard(&mut self, _: u64, _: &SensorName, _: &Record) {
+        self.watch.heard();
+    }
+
     fn record(&mut self, host_time_ns: u64, record: &Record) {
+        self.watch.record();
         let Record { sequence, device_time_us, reading, .. } = *record;
         lock(&self.estimator).push(&Measurement { host_time_ns, device_time_us, sequence, reading });
     }
 
     fn event(&mut self, host_time_ns: u64, event: &TrackerEvent) {
+        if self.watch.event(event) {
+            tracing::warn!("tracker: {event}");
+        }
         match event {
             TrackerEvent::Connected { .. } => {
                 tracing::info!("tracker: {event}");
@@ -115,14 +132,12 @@ impl Listener for TrackerListener {
                     lock(&self.estimator).push(&at_rest(host_time_ns));
                 }
             }
-            TrackerEvent::Disconnected { .. } => {
-                tracing::warn!("tracker: {event}");
-                lock(&self.estimator).disconnected();
-            }
+            TrackerEvent::Disconnected { .. } => lock(&self.estimator).disconnected(),
             TrackerEvent::Ended => self.stop.request("the recording is over"),
             // The session counts the error; its bytes are in the recording.
             TrackerEvent::DecodeError(error) => tracing::debug!("tracker: {error}"),
-            _ => tracing::warn!("tracker: {event}"),
+            TrackerEvent::OnlyTool { .. } => tracing::info!("tracker: {event}"),
+            _ => {}
         }
         if let Some(recorder) = &self.recorder
             && let Some(event) = recording::event_of(host_time_ns, event)

@@ -11,9 +11,10 @@ use tokio::sync::oneshot::{self, error::TryRecvError};
 use tokio_util::sync::CancellationToken;
 
 use super::{RecorderHandle, event_of, spawn};
+use crate::tracker::selection::{Selection, Verdict};
 use crate::tracker::{
-    Listener, Monitor, Protocol, Record, Report, SessionHandle, Settings, TrackerError, TrackerEvent, Transport,
-    host_time_ns,
+    Listener, Monitor, ProbeSensor, Protocol, Record, Report, SensorName, SessionHandle, SessionSummary, Settings,
+    TrackerError, TrackerEvent, Transport, host_time_ns,
 };
 
 /// Longest time that a stream or a played recording waits for a slow disk. A live tracker never waits.
@@ -47,13 +48,13 @@ impl Capture {
         Ok(Self { tap, source: Source::Tracker(session, cancel) })
     }
 
-    /// Reads bytes of `protocol` from `stream` on a thread of its own, which is abandoned if the stream never ends.
+    /// Reads bytes of `protocol` from `stream`, of which `sensor` is the probe, on a thread of its own, which is abandoned if the stream never ends.
     ///
     /// # Errors
     /// The thread can't be started.
     pub fn of_stream(
         stream: impl Read + Send + 'static,
-        protocol: Protocol,
+        (protocol, sensor): (Protocol, Option<ProbeSensor>),
         recorder: RecorderHandle,
     ) -> io::Result<Self> {
         let tap = Tap::new(recorder, PATIENCE);
@@ -61,7 +62,7 @@ impl Capture {
         let reads = tap.clone();
         let read = move || {
             // The receiver is gone if the recording ended for another reason.
-            let _ = end.send(reads.read(stream, protocol));
+            let _ = end.send(reads.read(stream, protocol, Selection::new(sensor)));
         };
         thread::Builder::new().name("tracker".to_owned()).spawn(read)?;
         Ok(Self { tap, source: Source::Stream(ended) })
@@ -92,13 +93,16 @@ impl Capture {
         }
     }
 
-    /// Ends a tracker's session. Returns the last statistics.
-    pub fn end(self) -> Report {
-        if let Source::Tracker(session, cancel) = self.source {
-            cancel.cancel();
-            session.join();
-        }
-        self.tap.monitor.report()
+    /// Ends a tracker's session. Returns the last statistics, and the totals of a session.
+    pub fn end(self) -> (Report, Option<SessionSummary>) {
+        let summary = match self.source {
+            Source::Tracker(session, cancel) => {
+                cancel.cancel();
+                Some(session.join())
+            }
+            Source::Stream(_) => None,
+        };
+        (self.tap.monitor.report(), summary)
     }
 }
 
@@ -117,8 +121,25 @@ impl Tap {
         Self { recorder, monitor: Monitor::default(), bytes: Arc::default(), patience }
     }
 
+    /// Takes a record of any sensor.
+    fn take(&mut self, now_ns: u64, mut record: Record, name: Option<&str>, selection: &mut Selection) {
+        let before = selection.heard().len();
+        let (verdict, at) = selection.judge(&mut record, name);
+        if let Some(sensor) = at.and_then(|at| selection.heard().get(at)) {
+            self.heard(now_ns, sensor, &record);
+        }
+        let is_new = selection.heard().len() > before;
+        match verdict {
+            Verdict::Probe => self.record(now_ns, &record),
+            Verdict::Undecided if is_new => {
+                self.event(now_ns, &TrackerEvent::Undecided { heard: selection.heard().to_vec() });
+            }
+            Verdict::Undecided | Verdict::Other => {}
+        }
+    }
+
     /// Reads a stream to its end and returns the reason for that.
-    fn read(mut self, mut stream: impl Read, protocol: Protocol) -> String {
+    fn read(mut self, mut stream: impl Read, protocol: Protocol, mut selection: Selection) -> String {
         let (mut piece, mut decoder, mut buffer) = ([0; PIECE], protocol.decoder(), BytesMut::new());
         loop {
             match stream.read(&mut piece) {
@@ -129,7 +150,9 @@ impl Tap {
                     buffer.extend_from_slice(&piece[..read]);
                     loop {
                         match decoder.decode(&mut buffer) {
-                            Ok(Some(record)) => self.record(now_ns, &record),
+                            Ok(Some(record)) => {
+                                self.take(now_ns, record, decoder.name_of(record.sensor), &mut selection)
+                            }
                             Ok(None) => break,
                             Err(error) => self.event(now_ns, &TrackerEvent::DecodeError(error)),
                         }
@@ -146,6 +169,10 @@ impl Listener for Tap {
     fn bytes(&mut self, host_time_ns: u64, bytes: &[u8]) {
         self.bytes.fetch_add(bytes.len() as u64, Ordering::Relaxed);
         self.recorder.raw_within(host_time_ns, bytes, self.patience);
+    }
+
+    fn heard(&mut self, host_time_ns: u64, sensor: &SensorName, record: &Record) {
+        self.monitor.heard(host_time_ns, sensor, record);
     }
 
     fn record(&mut self, host_time_ns: u64, record: &Record) {

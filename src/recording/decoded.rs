@@ -6,7 +6,8 @@ use std::io::Read;
 use super::{Entry, Event, RecordingError, RecordingReader, RecordingSummary, SessionPose};
 use crate::pose::{Measurement, Reading};
 use crate::tracker::arrival::StampedBuffer;
-use crate::tracker::{AxisMap, Decoder, Record, Settings, counter_step};
+use crate::tracker::selection::{Selection, Verdict};
+use crate::tracker::{AxisMap, Decoder, ProbeSensor, Record, Settings, Transport, counter_step};
 
 /// Item of a recording.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,6 +27,7 @@ pub struct DecodedRecording<R> {
     reader: RecordingReader<R>,
     decoder: Decoder,
     axis_map: AxisMap,
+    selection: Selection,
     buffer: StampedBuffer,
     items: VecDeque<Item>,
     sequence: Option<u32>,
@@ -40,14 +42,29 @@ impl<R: Read> DecodedRecording<R> {
     }
 
     /// Decodes the recording of `reader` with the puck range and axis map of `settings`, as a live session does.
-    /// Protocol and sensor are the recording's.
+    /// Protocol and sensor are the recording's. Where it chose none, the one that `settings` choose for its protocol is
+    /// taken.
     pub(crate) fn with_settings(reader: RecordingReader<R>, settings: &Settings) -> Self {
         let decoder = reader.info().protocol.decoder_of(&settings.device);
         let axis_map = settings.axis_map;
         let info = reader.info().clone();
-        let summary = RecordingSummary { sensor: info.sensor, info, ..RecordingSummary::default() };
+        let is_for_these =
+            settings.protocol == info.protocol || matches!(settings.transport, Transport::Recording { .. });
+        let wanted = match &info.sensor {
+            Some(ProbeSensor::Only) => {
+                let is_possible = |probe: &ProbeSensor| match probe {
+                    ProbeSensor::Tool(_) => info.protocol.has_names(),
+                    _ => true,
+                };
+                let given = settings.device.probe().filter(|probe| is_for_these && is_possible(probe));
+                Some(given.unwrap_or(ProbeSensor::Only))
+            }
+            chosen => chosen.clone(),
+        };
+        let selection = Selection::new(wanted);
+        let summary = RecordingSummary { info, ..RecordingSummary::default() };
         let (buffer, items) = (StampedBuffer::default(), VecDeque::new());
-        Self { reader, decoder, axis_map, buffer, items, sequence: None, summary, ended: false }
+        Self { reader, decoder, axis_map, selection, buffer, items, sequence: None, summary, ended: false }
     }
 
     /// Next item; `None` at the end of the readable part.
@@ -81,6 +98,8 @@ impl<R: Read> DecodedRecording<R> {
     pub fn finish(mut self) -> RecordingSummary {
         self.summary.damage = self.reader.damage().clone();
         self.summary.settings = self.reader.settings().cloned();
+        self.summary.sensor = self.selection.used().cloned();
+        self.summary.undecided = self.selection.is_undecided();
         self.summary
     }
 
@@ -98,9 +117,14 @@ impl<R: Read> DecodedRecording<R> {
         }
     }
 
-    fn record(&mut self, host_time_ns: u64, record: Record) {
+    fn record(&mut self, host_time_ns: u64, mut record: Record) {
         self.summary.records += 1;
-        if *self.summary.sensor.get_or_insert(record.sensor) != record.sensor {
+        let name = self.decoder.name_of(record.sensor);
+        let (verdict, at) = self.selection.judge(&mut record, name);
+        if let Some(sensor) = at.and_then(|at| self.selection.heard().get(at)) {
+            self.summary.heard(sensor, host_time_ns, record.reading != Reading::OutOfView);
+        }
+        if verdict != Verdict::Probe {
             self.summary.other_sensors += 1;
             return;
         }

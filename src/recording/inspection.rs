@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::{Event, MarkReport, Marks, RecordingReport, RecordingSummary, SessionSettings, Timing};
+use super::{Event, MarkReport, Marks, RecordedSensor, RecordingReport, RecordingSummary, SessionSettings, Timing};
 use crate::pose::TimedPose;
 use crate::settings::mark::clean;
 
@@ -17,12 +17,15 @@ pub struct Inspection<'a> {
     protocol: &'static str,
     start_time_ns: u64,
     sensor: Option<u16>,
+    /// Name of the tool that is the probe.
+    tool: Option<&'a str>,
+    sensors: &'a [RecordedSensor],
     messages: u64,
     bytes: u64,
     poses: usize,
     without_pose: u64,
     session_poses: u64,
-    timing: Option<Timing>,
+    timing: Option<&'a Timing>,
     damage: &'a [String],
     events: &'a [Event],
     /// Marks on pictures in their last state.
@@ -42,13 +45,15 @@ impl<'a> Inspection<'a> {
             recording: RecordingReport::new(path, summary),
             protocol: summary.info.protocol.name(),
             start_time_ns: summary.info.start_time_ns,
-            sensor: summary.sensor,
+            sensor: summary.sensor.as_ref().map(|sensor| sensor.number),
+            tool: summary.sensor.as_ref().and_then(|sensor| sensor.name.as_deref()),
+            sensors: &summary.sensors,
             messages: summary.messages,
             bytes: summary.bytes,
             poses: poses.len(),
             without_pose: summary.without_pose,
             session_poses: summary.session_poses,
-            timing: Timing::of(poses),
+            timing: summary.timing.as_ref(),
             damage: &summary.damage.damaged_first,
             events: &summary.events,
             marks: marks.all.iter().map(|mark| MarkReport::new(mark, start_ns)).collect(),
@@ -69,12 +74,19 @@ impl fmt::Display for Inspection<'_> {
         writeln!(f, "protocol   {}", self.protocol)?;
         writeln!(f, "device     {}", or_none(self.recording.device))?;
         writeln!(f, "scene      {}", or_none(self.recording.scene))?;
-        if let Some(sensor) = self.sensor {
-            writeln!(f, "sensor     {sensor}")?;
+        if let Some(sensor) = &self.summary.sensor {
+            match &sensor.name {
+                Some(name) => writeln!(f, "tool       {}", name.escape_debug())?,
+                None => writeln!(f, "sensor     {}", sensor.number)?,
+            }
+        }
+        if self.sensors.len() > 1 {
+            self.sensors.iter().try_for_each(|sensor| writeln!(f, "heard      {sensor}"))?;
         }
         writeln!(f, "poses      {}, and {} that the session used", self.poses, self.session_poses)?;
-        if let Some(Timing { rate_hz, p50_ms, p95_ms, max_ms, jitter_ms, gap_count, gaps }) = &self.timing {
-            writeln!(f, "rate       {rate_hz:.2} poses a second")?;
+        if let Some(Timing { rate_hz, p50_ms, p95_ms, max_ms, jitter_ms, gap_count, gaps }) = self.timing {
+            let what = if self.poses > 0 { "poses" } else { "records" };
+            writeln!(f, "rate       {rate_hz:.2} {what} a second")?;
             write!(f, "interval   p50 {p50_ms:.2} ms, p95 {p95_ms:.2} ms, max {max_ms:.2} ms; ")?;
             writeln!(f, "jitter {jitter_ms:.3} ms\ngaps       {gap_count} of more than 250 ms")?;
             gaps.iter().try_for_each(|gap| writeln!(f, "           at {:.2} s for {:.2} s", gap.at_s, gap.length_s))?;

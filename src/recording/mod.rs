@@ -13,7 +13,11 @@
 //! session take nothing from them except the planes of a recording without that event.
 //!
 //! Metadata of the raw channel: `protocol` (a name of [`Protocol`]), `device`, `scene` (frame of the poses),
-//! `start_time_ns`, `format_version`, and `sensor` if one of several was selected.
+//! `start_time_ns`, `format_version`, and the choice of the probe among several sensors: `sensor` (a number), `tool` (a
+//! name; `format_version` is 2 then), or `probe` = `only` if none was chosen. With none of these, the first sensor received
+//! is the probe.
+//!
+//! The bytes are those of one sender: datagrams of a second one are left out, and an event names it.
 //!
 //! A live session adds a metadata record [`SETTINGS_NAME`] (version, seed, adapter, station_path) and the text of its
 //! station file as the attachment [`STATION_NAME`]; see [`SessionSettings`].
@@ -25,7 +29,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use crate::pose::{Pose, TrackingState};
-use crate::tracker::{Protocol, TrackerEvent, UnknownProtocol};
+use crate::tracker::{ProbeSensor, Protocol, TrackerEvent, UnknownProtocol};
 
 #[cfg(feature = "recordings")]
 mod attached;
@@ -97,7 +101,7 @@ pub use recorder::{QueueLimits, Recorded, Recorder, RecorderError, RecorderHandl
 #[cfg(feature = "recordings")]
 pub use report::RecordingReport;
 #[cfg(feature = "recordings")]
-pub use summary::RecordingSummary;
+pub use summary::{RecordedSensor, RecordingSummary};
 pub use timing::{GAP_NS, Timing};
 pub use writer::RecordingWriter;
 
@@ -116,8 +120,12 @@ pub const SETTINGS_NAME: &str = "insonify.settings";
 /// Name of the attachment with the text of the station file.
 pub const STATION_NAME: &str = "station.toml";
 
-/// Version of this format; readers refuse later ones.
-pub const FORMAT_VERSION: u32 = 1;
+/// Latest version of this format; readers refuse later ones. Version 2 names a tool as the probe.
+pub const FORMAT_VERSION: u32 = 2;
+
+/// Value of the metadata `probe` if no sensor was chosen.
+#[cfg(feature = "recordings")]
+const ONLY: &str = "only";
 
 /// Description of a recording.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -130,8 +138,8 @@ pub struct RecordingInfo {
     pub scene: String,
     /// Start of the recording, ns since 1970 (UTC). For a live session, time 0 of its clock and of the scene's motion.
     pub start_time_ns: u64,
-    /// Selected sensor of a device with several; `None` takes the first received.
-    pub sensor: Option<u16>,
+    /// Choice of the probe among several sensors; `None` takes the first received, as earlier builds did.
+    pub sensor: Option<ProbeSensor>,
 }
 
 /// Settings of a session. Together with the tracker's bytes and the events, they determine its frames.
@@ -181,10 +189,10 @@ pub const EXAM_EVENT: &str = "exam.planes";
 /// Name of the event for a lost tracker port.
 pub const DISCONNECTED_EVENT: &str = "tracker-disconnected";
 
-/// Event to record for a tracker event; `None` for decode errors, whose bytes are in the recording.
+/// Event to record for a tracker event; `None` for damaged bytes, which are in the recording.
 pub fn event_of(host_time_ns: u64, event: &TrackerEvent) -> Option<Event> {
     let name = match event {
-        TrackerEvent::DecodeError(_) => return None,
+        TrackerEvent::DecodeError(_) | TrackerEvent::Damaged(_) => return None,
         TrackerEvent::Disconnected { .. } => DISCONNECTED_EVENT,
         _ => "tracker",
     };

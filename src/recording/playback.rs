@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 
 use tokio_util::sync::CancellationToken;
 
-use super::{Entry, RecordingError, RecordingReader};
+use super::{Entry, RecordingError, RecordingInfo, RecordingReader};
 use crate::tracker::{
-    self, Listener, Playback, PlaybackError, Protocol, SessionHandle, Settings, TrackerError, Transport,
+    self, Listener, Playback, PlaybackError, ProbeSensor, Protocol, SessionHandle, Settings, TrackerError, Transport,
 };
 
 /// Starts the session of a station's tracker, or of the recording in its place.
@@ -28,15 +28,15 @@ pub fn spawn(
     }
 }
 
-/// Protocol and selected sensor of a tracker's bytes: the station's, or those of a recording. `None` takes the first
+/// Protocol of a tracker's bytes and choice of the probe: the station's, or those of a recording. `None` takes the first
 /// sensor received.
 ///
 /// # Errors
 /// The recording can't be read.
-pub fn stream_of(settings: &Settings) -> Result<(Protocol, Option<u16>), RecordingError> {
+pub fn stream_of(settings: &Settings) -> Result<(Protocol, Option<ProbeSensor>), RecordingError> {
     let Transport::Recording { path, .. } = &settings.transport else { return Ok(settings.stream(None)) };
-    let reader = RecordingReader::open(path)?;
-    Ok(settings.stream(Some((reader.info().protocol, reader.info().sensor))))
+    let RecordingInfo { protocol, sensor, .. } = RecordingReader::open(path)?.info().clone();
+    Ok(settings.stream(Some((protocol, sensor))))
 }
 
 impl From<RecordingError> for TrackerError {
@@ -81,8 +81,8 @@ impl Playback for RecordingPlayback {
         self.reader.info().protocol
     }
 
-    fn sensor(&self) -> Option<u16> {
-        self.reader.info().sensor
+    fn sensor(&self) -> Option<ProbeSensor> {
+        self.reader.info().sensor.clone()
     }
 
     fn next_message(&mut self) -> Result<Option<(u64, Vec<u8>)>, PlaybackError> {

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use super::in_order::keep_in_order;
-use super::{DecodedRecording, Item, RecordingError, RecordingReader, RecordingSummary, SessionPose};
+use super::{DecodedRecording, Item, RecordingError, RecordingReader, RecordingSummary, SessionPose, Timing};
 use crate::pose::{Measurement, Reading, TimedPose};
 use crate::tracker::{DecodeError, Settings};
 
@@ -59,19 +59,24 @@ pub fn measurements(path: &Path, settings: &Settings) -> Result<(Vec<Measurement
 /// Removes items with implausible times; stores their number and the duration of the others in `summary`.
 fn order<T>(items: &mut Vec<T>, summary: &mut RecordingSummary, time_ns: impl Fn(&T) -> u64) {
     summary.time_reversals = keep_in_order(items, &time_ns);
-    if let (Some(first), Some(last)) = (items.first(), items.last()) {
-        summary.duration = Duration::from_nanos(time_ns(last) - time_ns(first));
-    }
+    span(items.iter().map(time_ns), summary);
+}
+
+/// Stores the time from the first to the last of ascending times.
+fn span(mut times_ns: impl DoubleEndedIterator<Item = u64>, summary: &mut RecordingSummary) {
+    let Some(first) = times_ns.next() else { return };
+    summary.duration = Duration::from_nanos(times_ns.next_back().unwrap_or(first) - first);
 }
 
 fn no_pose(path: &Path, summary: &RecordingSummary) -> RecordingError {
     let damage = summary.damage.truncated.clone().or_else(|| summary.damage.damaged_first.first().cloned());
-    let reason =
-        damage.or_else(|| summary.decode_errors_first.first().map(DecodeError::to_string)).unwrap_or_else(|| {
-            match summary.records {
-                0 => "it has no message of tracker bytes".to_owned(),
-                n => format!("none of its {n} records has one"),
-            }
+    let reason = summary
+        .advice()
+        .or(damage)
+        .or_else(|| summary.decode_errors_first.first().map(DecodeError::to_string))
+        .unwrap_or_else(|| match summary.records {
+            0 => "it has no message of tracker bytes".to_owned(),
+            n => format!("none of its {n} records has one"),
         });
     RecordingError::NoPose { path: path.to_owned(), reason }
 }
@@ -92,10 +97,11 @@ pub(crate) fn read_both<R: Read>(
     reader: RecordingReader<R>,
 ) -> Result<(Vec<TimedPose>, Vec<SessionPose>, RecordingSummary), RecordingError> {
     let mut decoded = DecodedRecording::new(reader);
-    let (mut poses, mut used) = (Vec::new(), Vec::new());
+    let (mut poses, mut used, mut times_ns) = (Vec::new(), Vec::new(), Vec::new());
     while let Some(item) = decoded.next_item()? {
         match item {
             Item::Measurement(m) => {
+                times_ns.push(m.host_time_ns);
                 if let Reading::Pose(pose) = m.reading {
                     let device_time_us = m.device_time_us.unwrap_or(m.host_time_ns / 1000);
                     poses.push(TimedPose { host_time_ns: m.host_time_ns, device_time_us, pose });
@@ -107,6 +113,10 @@ pub(crate) fn read_both<R: Read>(
     }
     let mut summary = decoded.finish();
     order(&mut poses, &mut summary, |pose| pose.host_time_ns);
+    // Rates of a puck and orientations are no poses, but the recording lasts as long as they come.
+    keep_in_order(&mut times_ns, |time_ns| *time_ns);
+    span(times_ns.iter().copied(), &mut summary);
+    summary.timing = if poses.is_empty() { Timing::of_times(&times_ns) } else { Timing::of(&poses) };
     used.sort_by_key(|pose| pose.host_time_ns);
     Ok((poses, used, summary))
 }

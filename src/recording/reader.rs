@@ -10,10 +10,11 @@ use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{MAGIC, McapError};
 
 use super::{
-    EVENT_TOPIC, Entry, Event, FORMAT_VERSION, POSE_TOPIC, Protocol, RAW_TOPIC, RecordingError, RecordingInfo,
+    EVENT_TOPIC, Entry, Event, FORMAT_VERSION, ONLY, POSE_TOPIC, Protocol, RAW_TOPIC, RecordingError, RecordingInfo,
     SessionSettings, attached, part_path, pose_json,
 };
 use crate::files::{self, FileKind};
+use crate::tracker::ProbeSensor;
 
 /// Longest accepted MCAP record, bytes. A larger value means a damaged length.
 const RECORD_LIMIT: usize = 64 << 20;
@@ -376,7 +377,15 @@ fn parse_info(path: &Path, metadata: &BTreeMap<String, String>) -> Result<Record
     let protocol = text("protocol").ok_or_else(|| wrong("protocol", "the name of a tracker protocol"))?;
     let protocol: Protocol =
         protocol.parse().map_err(|source| RecordingError::Protocol { path: path.to_owned(), source })?;
-    let sensor = text("sensor").map(|v| v.parse().map_err(|_| wrong("sensor", "in 0..=65535"))).transpose()?;
+    let number = text("sensor").map(|v| v.parse().map_err(|_| wrong("sensor", "in 0..=65535"))).transpose()?;
+    let sensor = match (number, text("tool"), text("probe")) {
+        (Some(number), ..) => Some(ProbeSensor::Number(number)),
+        (None, Some(tool), _) if protocol.has_names() => Some(ProbeSensor::Tool(tool.to_owned())),
+        (None, Some(_), _) => return Err(wrong("tool", "absent: sensors of this protocol have numbers")),
+        (None, None, Some(ONLY)) => Some(ProbeSensor::Only),
+        (None, None, Some(_)) => return Err(wrong("probe", "`only`")),
+        (None, None, None) => None,
+    };
     let start_time_ns = text("start_time_ns").and_then(|v| v.parse().ok());
     Ok(RecordingInfo {
         protocol,

@@ -4,8 +4,10 @@ use std::fmt;
 use std::path::Path;
 use std::time::Duration;
 
-use super::{Damage, Event, RecordingInfo, SessionSettings};
-use crate::tracker::DecodeError;
+use serde::Serialize;
+
+use super::{Damage, Event, RecordingInfo, SessionSettings, Timing};
+use crate::tracker::{DecodeError, SensorName};
 
 /// Largest number of described decode errors; all are counted.
 const DESCRIBED: usize = 8;
@@ -31,10 +33,14 @@ pub struct RecordingSummary {
     pub sequence_reversals: u64,
     /// Records without a pose: the sensor was out of view, or the device measures no position.
     pub without_pose: u64,
-    /// Records of sensors other than the selected one.
+    /// Records of sensors other than the probe's, and of several of which none was chosen.
     pub other_sensors: u64,
-    /// Selected sensor; `None` before any record.
-    pub sensor: Option<u16>,
+    /// Sensor that is the probe; `None` before any record, and if none of several was chosen.
+    pub sensor: Option<SensorName>,
+    /// Whether several sensors were received and none was chosen.
+    pub undecided: bool,
+    /// Sensors received, in order.
+    pub sensors: Vec<RecordedSensor>,
     /// Poses dropped because their host time decreases or is implausible.
     pub time_reversals: u64,
     /// Events.
@@ -45,8 +51,42 @@ pub struct RecordingSummary {
     pub settings: Option<SessionSettings>,
     /// Unreadable parts of the file.
     pub damage: Damage,
-    /// Time from the first pose to the last.
+    /// Time from the first record of the probe to the last.
     pub duration: Duration,
+    /// Regularity of the poses; of the records if none is a pose.
+    pub timing: Option<Timing>,
+}
+
+/// Sensor received in a recording.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RecordedSensor {
+    /// Number of the station, port handle or tool.
+    pub sensor: u16,
+    /// Name of the tool, if the protocol has names.
+    pub name: Option<String>,
+    /// Records.
+    pub records: u64,
+    /// Records that hold a measurement.
+    pub valid: u64,
+    /// Times of the first and the last record, ns since 1970 (UTC).
+    #[serde(skip)]
+    span_ns: (u64, u64),
+}
+
+impl RecordedSensor {
+    /// Mean record rate, Hz; `None` for fewer than two records.
+    pub fn rate_hz(&self) -> Option<f64> {
+        let (first, last) = self.span_ns;
+        (last > first).then(|| (self.records - 1) as f64 / ((last - first) as f64 * 1e-9))
+    }
+}
+
+impl fmt::Display for RecordedSensor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = SensorName { number: self.sensor, name: self.name.clone() };
+        write!(f, "{name}: {} records, {} valid", self.records, self.valid)?;
+        self.rate_hz().map_or(Ok(()), |rate| write!(f, ", {rate:.1} a second"))
+    }
 }
 
 impl RecordingSummary {
@@ -58,10 +98,45 @@ impl RecordingSummary {
         }
     }
 
+    /// Counts a record of any sensor.
+    pub(super) fn heard(&mut self, name: &SensorName, host_time_ns: u64, is_valid: bool) {
+        let known = self.sensors.iter_mut().find(|known| known.sensor == name.number && known.name == name.name);
+        match known {
+            Some(known) => {
+                known.records += 1;
+                known.valid += u64::from(is_valid);
+                known.span_ns.1 = known.span_ns.1.max(host_time_ns);
+            }
+            None => {
+                let SensorName { number: sensor, name } = name.clone();
+                let span_ns = (host_time_ns, host_time_ns);
+                let first = RecordedSensor { sensor, name, records: 1, valid: u64::from(is_valid), span_ns };
+                self.sensors.push(first);
+            }
+        }
+    }
+
+    /// Advice on how to choose the probe of a recording that holds several sensors; `None` if one was chosen.
+    pub fn advice(&self) -> Option<String> {
+        if !self.undecided {
+            return None;
+        }
+        let list: Vec<String> = self.sensors.iter().map(RecordedSensor::to_string).collect();
+        let key = match self.sensors.first().and_then(|sensor| sensor.name.as_deref()) {
+            Some(name) => format!("tool = \"{}\"", name.escape_debug()),
+            None => format!("sensor = {}", self.sensors.first().map_or(0, |sensor| sensor.sensor)),
+        };
+        let list = list.join("; ");
+        Some(format!(
+            "it holds several sensors, and none was chosen as the probe ({list}): choose one by a station with `[tracker] \
+             transport = \"recording\"`, its path and `{key}`, and `insonify record` it anew"
+        ))
+    }
+
     /// Whether everything in the file was used.
     pub fn is_clean(&self) -> bool {
         let lost = self.decode_errors + self.missing_records + self.sequence_reversals + self.time_reversals;
-        lost == 0 && self.damage == Damage::default()
+        lost == 0 && !self.undecided && self.damage == Damage::default()
     }
 
     /// Logs a warning unless everything in the file at `path` was used.
@@ -85,7 +160,14 @@ impl fmt::Display for RecordingSummary {
             (self.missing_records, "records missing by the tracker's counter"),
             (self.sequence_reversals, "records whose counter does not rise"),
             (self.without_pose, "records without a pose"),
-            (self.other_sensors, "records of other sensors"),
+            (
+                self.other_sensors,
+                if self.undecided {
+                    "records of several sensors, of which none was chosen"
+                } else {
+                    "records of other sensors"
+                },
+            ),
             (self.time_reversals, "poses left out since their time does not fit among the others"),
         ];
         for (count, what) in counted {
@@ -97,6 +179,6 @@ impl fmt::Display for RecordingSummary {
         for example in examples.chain(self.decode_errors_first.iter().map(DecodeError::to_string)) {
             write!(f, "\n  {example}")?;
         }
-        Ok(())
+        self.advice().map_or(Ok(()), |advice| write!(f, "\n{advice}"))
     }
 }

@@ -42,10 +42,16 @@ pub struct Timing {
 impl Timing {
     /// Timing of poses in ascending host time; `None` for fewer than two.
     pub fn of(poses: &[TimedPose]) -> Option<Self> {
-        let first = poses.first()?.host_time_ns;
+        let times_ns: Vec<u64> = poses.iter().map(|pose| pose.host_time_ns).collect();
+        Self::of_times(&times_ns)
+    }
+
+    /// Timing of records with these ascending host times, ns; `None` for fewer than two.
+    pub fn of_times(times_ns: &[u64]) -> Option<Self> {
+        let first = *times_ns.first()?;
         let (mut intervals, mut gaps, mut gap_count, mut max_ns) = (Vec::new(), Vec::new(), 0, 0);
-        for pair in poses.windows(2) {
-            let interval = pair[1].host_time_ns.saturating_sub(pair[0].host_time_ns);
+        for pair in times_ns.windows(2) {
+            let interval = pair[1].saturating_sub(pair[0]);
             max_ns = interval.max(max_ns);
             if interval <= GAP_NS {
                 intervals.push(interval as f64 * 1e-6);
@@ -53,11 +59,11 @@ impl Timing {
             }
             gap_count += 1;
             if gaps.len() < LISTED {
-                let at_s = pair[0].host_time_ns.saturating_sub(first) as f64 * 1e-9;
+                let at_s = pair[0].saturating_sub(first) as f64 * 1e-9;
                 gaps.push(Gap { at_s, length_s: interval as f64 * 1e-9 });
             }
         }
-        if poses.len() < 2 {
+        if times_ns.len() < 2 {
             return None;
         }
         let (mean, jitter_ms) = mean_and_deviation(&intervals).unwrap_or_default();

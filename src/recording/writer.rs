@@ -9,9 +9,10 @@ use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 
 use super::{
-    EVENT_TOPIC, Event, FORMAT_VERSION, POSE_TOPIC, RAW_TOPIC, RecordingError, RecordingInfo, SessionPose,
+    EVENT_TOPIC, Event, FORMAT_VERSION, ONLY, POSE_TOPIC, RAW_TOPIC, RecordingError, RecordingInfo, SessionPose,
     SessionSettings, attached, part, part_path, pose_json,
 };
+use crate::tracker::ProbeSensor;
 
 /// Longest duration of a chunk, ns: a killed recording loses at most this.
 const CHUNK_NS: u64 = 1_000_000_000;
@@ -60,9 +61,16 @@ impl RecordingWriter {
             ("device".to_owned(), info.device.clone()),
             ("scene".to_owned(), info.scene.clone()),
             ("start_time_ns".to_owned(), info.start_time_ns.to_string()),
-            ("format_version".to_owned(), FORMAT_VERSION.to_string()),
+            ("format_version".to_owned(), format_version(info).to_string()),
         ]);
-        metadata.extend(info.sensor.map(|sensor| ("sensor".to_owned(), sensor.to_string())));
+        metadata.extend(info.sensor.as_ref().map(|sensor| {
+            let (key, value) = match sensor {
+                ProbeSensor::Only => ("probe", ONLY.to_owned()),
+                ProbeSensor::Number(number) => ("sensor", number.to_string()),
+                ProbeSensor::Tool(tool) => ("tool", tool.clone()),
+            };
+            (key.to_owned(), value)
+        }));
         let mut channel = |topic, encoding, metadata: &BTreeMap<_, _>| {
             mcap.add_channel(0, topic, encoding, metadata).map_err(|error| fail(&part, error))
         };
@@ -177,6 +185,11 @@ impl RecordingWriter {
         drop(mcap);
         std::fs::remove_file(&part).map_err(|error| fail(&part, error))
     }
+}
+
+/// Earliest version of the format that holds what `info` says.
+fn format_version(info: &RecordingInfo) -> u32 {
+    if matches!(info.sensor, Some(ProbeSensor::Tool(_))) { FORMAT_VERSION } else { 1 }
 }
 
 /// Error with all its causes: MCAP's errors give the system's reason only as a cause.

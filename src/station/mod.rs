@@ -179,7 +179,7 @@ impl Station {
     pub fn play(&mut self, path: &Path) {
         let (path, speed) = (path.to_owned(), tracker::Speed::Factor(1.0));
         self.tracker.transport = tracker::Transport::Recording { path, speed, repeat: false };
-        self.tracker.device.sensor = None;
+        (self.tracker.device.sensor, self.tracker.device.tool) = (None, None);
     }
 
     /// Files that the station is read from, its own first. Some of them may be missing.

@@ -14,12 +14,13 @@ use crate::tracker::ndi::USUAL_BAUD;
 use crate::tracker::{Protocol, Settings, Speed, Transport, mock};
 
 /// Keys restricted to some transports, and these transports.
-const TRANSPORTS_OF: [(&[&str], &[&str]); 10] = [
+const TRANSPORTS_OF: [(&[&str], &[&str]); 11] = [
     (&["protocol"], &["serial", "tcp", "udp", "hid", "mock"]),
     (&["port"], &["serial", "hid"]),
     (&["baud"], &["serial"]),
     (&["address"], &["tcp", "udp"]),
     (&["sensor"], &["serial", "tcp", "udp", "hid", "recording"]),
+    (&["tool"], &["serial", "tcp", "recording"]),
     (&["silence_ms"], &["serial", "tcp", "udp", "hid", "mock", "recording"]),
     (&["reset_delay_ms", "hemisphere", "ndi_reply", "ndi_roms", "ndi_out_of_volume"], &["serial", "tcp"]),
     (&["puck_range", "axis_map"], &["hid", "recording"]),
@@ -51,9 +52,20 @@ pub(super) fn settings(values: &Values, default_pose: Option<Pose>, dir: &Path) 
         let reason = format!("trackers that speak `{}` aren't reached by transport `{name}`", protocol.name());
         return Err(StationError::Text { key: "tracker.protocol".to_owned(), reason });
     }
+    if !protocol.has_names() && name != "recording" {
+        let reason = format!(
+            "`tracker.protocol` is \"{}\", whose sensors have numbers: `tracker.sensor` chooses one",
+            protocol.name()
+        );
+        values.refuse(&["tool"], &reason)?;
+    }
+    if values.text("tool").is_some() {
+        values.refuse(&["sensor"], "`tracker.tool` chooses the probe by its name")?;
+    }
     let (given, usual): (TrackerSettings, _) = (values.group(), DeviceOptions::default());
     let mut device = DeviceOptions {
         sensor: values.integer("sensor").and_then(|sensor| u16::try_from(sensor).ok()),
+        tool: values.text("tool").map(str::to_owned),
         silence: milliseconds(given.silence_ms),
         reset_delay: milliseconds(given.reset_delay_ms),
         hemisphere: values.numbers("hemisphere").unwrap_or(usual.hemisphere),
@@ -158,7 +170,7 @@ mod tests {
     use super::*;
     use crate::settings::ReplyFormat;
     use crate::station::tests::{assert_refused, parse};
-    use crate::tracker::PortName;
+    use crate::tracker::{PortName, ProbeSensor};
 
     fn read(table: &str) -> Result<Settings, StationError> {
         Ok(parse(&format!("[pose]\nposition_mm = [1, 2, 3]\n{table}"))?.tracker)
@@ -210,6 +222,17 @@ mod tests {
     }
 
     #[test]
+    fn the_probe_is_chosen_by_name_or_by_number() {
+        let probe = |table: &str| read(&format!("[tracker]\n{table}")).unwrap().device.probe();
+        let igtl = "transport = \"tcp\"\naddress = \"h:18944\"\nprotocol = \"openigtlink\"\n";
+        let tool = Some(ProbeSensor::Tool("ProbeToTracker".into()));
+        assert_eq!(probe(&format!("{igtl}tool = \"ProbeToTracker\"")), tool);
+        assert_eq!(probe("transport = \"recording\"\nrecording = \"a.mcap\"\ntool = \"ProbeToTracker\""), tool);
+        // Stations of earlier builds chose by number.
+        assert_eq!((probe(&format!("{igtl}sensor = 1")), probe(igtl)), (Some(ProbeSensor::Number(1)), None));
+    }
+
+    #[test]
     fn options_of_ndi_devices_and_pucks_are_read() {
         let ndi = |rest: &str| {
             read(&format!("[tracker]\ntransport = \"tcp\"\naddress = \"h:8765\"\nprotocol = \"ndi\"\n{rest}"))
@@ -243,6 +266,14 @@ mod tests {
             (
                 "transport = \"tcp\"\naddress = \"h:1\"\nprotocol = \"liberty\"\nndi_reply = \"TX\"",
                 "`tracker.ndi_reply` does not apply: `tracker.protocol` is \"liberty\"; it is for ndi",
+            ),
+            (
+                "transport = \"serial\"\nport = \"/dev/x\"\nprotocol = \"liberty\"\ntool = \"Probe\"",
+                "`tracker.tool` does not apply: `tracker.protocol` is \"liberty\", whose sensors have numbers",
+            ),
+            (
+                "transport = \"tcp\"\naddress = \"h:1\"\nprotocol = \"openigtlink\"\ntool = \"Probe\"\nsensor = 1",
+                "`tracker.sensor` does not apply: `tracker.tool` chooses the probe by its name",
             ),
             ("transport = \"mock\"\npuck_range = 350", "`tracker.puck_range` does not apply"),
             ("transport = \"recording\"\nrecording = \"a\"\nspeed = 0\nrepeat = \"yes\"", "it would never rest"),

@@ -17,6 +17,7 @@ use glam::{DQuat, EulerRot};
 use thiserror::Error;
 
 use super::decoder::{Offset, StreamDecoder};
+use super::framing::{next_head, noise};
 use super::{DecodeError, Record};
 use crate::pose::Reading;
 
@@ -27,6 +28,10 @@ pub(crate) const LENGTH: usize = 19;
 pub(crate) const ANGLE_LIMIT_DEG: f64 = 180.0;
 
 const START: u8 = 0xAA;
+
+/// Bytes that start a frame.
+const HEAD: usize = 2;
+
 const DEG_PER_STEP: f64 = 0.01;
 
 /// Order of pitch and roll on the wire, after the yaw.
@@ -73,14 +78,12 @@ pub struct Decoder {
     offset: Offset,
     /// Index of the last frame, extended to 32 bits.
     sequence: Option<u32>,
-    /// Whether an error was returned and no frame found since.
-    lost: bool,
 }
 
 impl Decoder {
     /// A decoder at the start of a stream.
     pub fn new(order: AngleOrder) -> Self {
-        Self { order, offset: Offset::default(), sequence: None, lost: false }
+        Self { order, offset: Offset::default(), sequence: None }
     }
 
     fn frame(&mut self, bytes: &[u8]) -> Result<Record, Reason> {
@@ -111,25 +114,25 @@ impl Decoder {
 }
 
 impl StreamDecoder for Decoder {
-    /// One error covers everything skipped until the next frame. After `Ok(None)` the buffer holds less than a frame.
+    /// Each damaged frame gives an error, and each 64 bytes of noise. After `Ok(None)` the buffer holds less than that.
     fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
-        loop {
-            let (length, reason) = match start(buffer) {
-                0 if buffer.len() < LENGTH => return Ok(None),
-                0 => match self.frame(buffer) {
-                    Ok(record) => {
-                        self.offset.take(buffer, LENGTH);
-                        self.lost = false;
-                        return Ok(Some(record));
-                    }
-                    // A frame that lost a byte contains the start of the next one.
-                    Err(reason) => (1, reason),
-                },
-                length => (length, Reason::Noise { byte: buffer[0] }),
+        let Some(&byte) = buffer.first() else { return Ok(None) };
+        if !may_start(buffer) {
+            return match noise(buffer, HEAD, may_start) {
+                Some(length) => Err(self.offset.reject(buffer, length, Reason::Noise { byte })),
+                None => Ok(None),
             };
-            let error = self.offset.reject(buffer, length, reason);
-            if !std::mem::replace(&mut self.lost, true) {
-                return Err(error);
+        }
+        let Some(frame) = buffer.get(..LENGTH) else { return Ok(None) };
+        match self.frame(frame) {
+            Ok(record) => {
+                self.offset.take(buffer, LENGTH);
+                Ok(Some(record))
+            }
+            Err(reason) => {
+                // A frame that lost a byte contains the start of the next one.
+                let length = next_head(frame, may_start);
+                Err(self.offset.reject(buffer, length, reason))
             }
         }
     }
@@ -144,10 +147,9 @@ fn extended_counter(last: Option<u32>, index: u8) -> u32 {
     last.map_or(u32::from(index), |last| last.wrapping_add(u32::from(index.wrapping_sub(last as u8))))
 }
 
-/// Number of bytes before the next possible frame; also 0 for an empty buffer.
-fn start(buffer: &[u8]) -> usize {
-    let may_start = |at: &usize| buffer[*at] == START && buffer.get(at + 1).is_none_or(|&next| next == START);
-    (0..buffer.len()).find(may_start).unwrap_or(buffer.len())
+/// Whether `bytes` may be the start of a frame.
+fn may_start(bytes: &[u8]) -> bool {
+    bytes.first() == Some(&START) && bytes.get(1).is_none_or(|&next| next == START)
 }
 
 #[cfg(test)]

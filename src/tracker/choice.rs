@@ -18,8 +18,10 @@ pub struct Choice {
     pub address: Option<String>,
     /// Speed of a serial port, baud; `None`: the protocol's usual one.
     pub baud: Option<u32>,
-    /// Sensor; `None`: the first that reports.
+    /// Number of the probe's sensor; `None`: the only one that reports.
     pub sensor: Option<u16>,
+    /// Name of the probe's tool.
+    pub tool: Option<String>,
 }
 
 /// Reason why a choice is no tracker.
@@ -34,6 +36,12 @@ pub enum ChoiceError {
         /// Address given.
         address: String,
     },
+    /// A tool by name, in a protocol that has numbers.
+    #[error("--tool: `{protocol}` has no named tools; give the number of the probe's sensor by --sensor")]
+    NoNames {
+        /// Name of the protocol.
+        protocol: &'static str,
+    },
     /// A speed that the device does not support.
     #[error("--baud: {0}")]
     Device(#[from] ndi::OptionsError),
@@ -43,13 +51,20 @@ impl Choice {
     /// Settings of the chosen tracker, with the device settings of `base`.
     ///
     /// # Errors
-    /// Neither port nor address where one is needed, an address that is none, or a speed that the device does not support.
+    /// Neither port nor address where one is needed, an address that is none, a tool's name where there are numbers, or a
+    /// speed that the device does not support.
     pub fn over(&self, base: Settings) -> Result<Settings, ChoiceError> {
         let protocol = self.protocol;
         // Sensor numbers of another protocol or of a recording do not apply.
         let same = base.protocol == protocol && !matches!(base.transport, Transport::Recording { .. });
         let mut settings = Settings { protocol, ..base };
+        if self.tool.is_some() && !protocol.has_names() {
+            return Err(ChoiceError::NoNames { protocol: protocol.name() });
+        }
         settings.device.sensor = self.sensor.or(settings.device.sensor.filter(|_| same));
+        // A number given here precedes the station's name.
+        let own = settings.device.tool.filter(|_| same && self.sensor.is_none());
+        settings.device.tool = self.tool.clone().or(own);
         settings.transport = self.transport()?;
         let is_serial = matches!(settings.transport, Transport::Serial { .. });
         settings.device.ndi.baud = is_serial.then(|| self.baud.unwrap_or(USUAL_BAUD));
@@ -88,7 +103,7 @@ mod tests {
     use super::*;
 
     fn args(protocol: Protocol) -> Choice {
-        Choice { port: None, address: None, protocol, baud: None, sensor: None }
+        Choice { port: None, address: None, protocol, baud: None, sensor: None, tool: None }
     }
 
     fn serial(protocol: Protocol, baud: Option<u32>) -> Choice {
@@ -120,5 +135,7 @@ mod tests {
         assert_eq!(sensor(serial(Protocol::Liberty, None)), Some(2));
         assert_eq!(sensor(serial(Protocol::AsciiLine, None)), None);
         assert_eq!(sensor(Choice { sensor: Some(3), ..serial(Protocol::AsciiLine, None) }), Some(3));
+        let named = Choice { tool: Some("Probe".into()), ..serial(Protocol::Liberty, None) };
+        assert!(named.over(base.clone()).unwrap_err().to_string().contains("give the number"));
     }
 }

@@ -19,6 +19,16 @@ pub trait StreamDecoder: Send {
     /// Position in the stream.
     fn offset(&mut self) -> &mut Offset;
 
+    /// Name of the sensor with this number; `None` if the protocol has numbers only.
+    fn name_of(&self, _sensor: u16) -> Option<&str> {
+        None
+    }
+
+    /// Types of the skipped messages, which hold no pose; `None` if there were none.
+    fn skipped(&self) -> Option<String> {
+        None
+    }
+
     /// Ends the stream.
     ///
     /// # Errors

@@ -2,14 +2,17 @@
 
 use std::time::Duration;
 
-use super::ndi;
+use super::{ProbeSensor, ndi};
 use crate::settings::TrackerSettings;
 
 /// Device options of a station file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DeviceOptions {
-    /// Sensor to use. `None` takes the first one received, or the device's first if the protocol needs a number.
+    /// Number of the probe's sensor. `None` takes the only one received, or the device's first if the protocol needs a
+    /// number.
     pub sensor: Option<u16>,
+    /// Name of the probe's tool (OpenIGTLink); it precedes `sensor`.
+    pub tool: Option<String>,
     /// Axis [x, y, z] of the source that points to the half space of the sensor (Polhemus).
     pub hemisphere: [f64; 3],
     /// Start-up time of a device after a reset.
@@ -27,11 +30,20 @@ impl Default for DeviceOptions {
         let settings = TrackerSettings::default();
         Self {
             sensor: None,
+            tool: None,
             hemisphere: [0.0, 0.0, 1.0],
             reset_delay: Duration::from_secs_f64(settings.reset_delay_ms / 1000.0),
             silence: Duration::from_secs_f64(settings.silence_ms / 1000.0),
             ndi: ndi::Options::default(),
             puck_range: settings.puck_range,
         }
+    }
+}
+
+impl DeviceOptions {
+    /// Chosen sensor, if any.
+    pub fn probe(&self) -> Option<ProbeSensor> {
+        let tool = self.tool.clone().map(ProbeSensor::Tool);
+        tool.or(self.sensor.map(ProbeSensor::Number))
     }
 }

@@ -39,6 +39,16 @@ pub trait Driver: Send {
     /// and the next call continues after them.
     fn decode(&mut self, now: Duration, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError>;
 
+    /// Name of the sensor with this number, like [`StreamDecoder::name_of`](super::StreamDecoder::name_of).
+    fn name_of(&self, _sensor: u16) -> Option<&str> {
+        None
+    }
+
+    /// Types of skipped messages, like [`StreamDecoder::skipped`](super::StreamDecoder::skipped).
+    fn skipped(&self) -> Option<String> {
+        None
+    }
+
     /// Ends a message (on transports that have messages) or the stream.
     ///
     /// # Errors

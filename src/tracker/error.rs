@@ -18,6 +18,16 @@ pub enum TrackerError {
         /// Name of the transport.
         transport: &'static str,
     },
+    /// A tool by name, in a protocol that has numbers.
+    #[error(
+        "`{protocol}` has no named tools, so the probe can't be `{tool}`: give its number, `[tracker] sensor` or `--sensor`"
+    )]
+    NoNames {
+        /// Tool.
+        tool: String,
+        /// Name of the protocol.
+        protocol: &'static str,
+    },
     /// The transport is not included in this build.
     #[error("this insonify was built without the feature `{feature}`, which the transport needs")]
     NotBuilt {

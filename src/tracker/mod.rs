@@ -28,13 +28,16 @@ mod axis_map;
 pub mod bno08x;
 mod choice;
 mod clock;
+mod damage;
 mod decoder;
 mod device_options;
 pub mod devices;
 pub mod driver;
 mod error;
+mod event;
 pub mod fastrak;
 mod framing;
+mod irregularity;
 pub mod liberty;
 mod listener;
 pub mod mock;
@@ -47,6 +50,9 @@ mod playback;
 pub mod polhemus;
 mod pose_tap;
 mod report_line;
+#[cfg(feature = "recordings")]
+pub(crate) mod selection;
+mod sensor;
 #[cfg(feature = "live")]
 mod session;
 mod settings;
@@ -57,15 +63,19 @@ mod transport;
 pub use axis_map::{AxisMap, AxisMapError};
 pub use choice::{Choice, ChoiceError};
 pub use clock::host_time_ns;
+pub use damage::Damage;
 pub use decoder::{Offset, StreamDecoder};
 pub use device_options::DeviceOptions;
 pub use error::TrackerError;
-pub use listener::{Listener, TrackerEvent};
-pub use monitor::{Monitor, Report, SessionState};
+pub use event::TrackerEvent;
+pub use irregularity::Irregularity;
+pub use listener::Listener;
+pub use monitor::{Monitor, Report, SensorReport, SessionState};
 pub use passive::Passive;
 pub use playback::{Playback, PlaybackError};
 pub use pose_tap::{PoseStream, PoseTap, Poses, pose_tap};
 pub use report_line::ReportLine;
+pub use sensor::{ProbeSensor, SensorName};
 #[cfg(feature = "live")]
 pub use session::{SessionHandle, SessionSummary, play, spawn};
 pub use settings::{BAUD_RANGE, PortName, PortNameError, Settings, Speed, Transport};
@@ -73,7 +83,8 @@ pub use settings::{BAUD_RANGE, PortName, PortNameError, Settings, Speed, Transpo
 /// One measurement of a tracker.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Record {
-    /// Station, port handle or tool of the device; 0 if the protocol has only one.
+    /// Station, port handle or tool of the device; 0 if the protocol has only one. Named tools are numbered in the order
+    /// in which they are heard.
     pub sensor: u16,
     /// Counter of the device, if it has one; wraps at 2³².
     pub sequence: Option<u32>,
@@ -194,6 +205,23 @@ impl Protocol {
         }
     }
 
+    /// Whether its sensors have names.
+    pub fn has_names(self) -> bool {
+        match self {
+            Self::OpenIgtLink => true,
+            Self::AsciiLine
+            | Self::FastrakAscii
+            | Self::FastrakBinary
+            | Self::Liberty
+            | Self::Patriot
+            | Self::Ndi
+            | Self::SpaceMouse
+            | Self::Bno08x
+            | Self::Bno08xRollFirst
+            | Self::OpenTrack => false,
+        }
+    }
+
     /// Factory speed of the serial port, baud.
     pub(crate) fn usual_baud(self) -> u32 {
         match self {
@@ -250,6 +278,11 @@ impl DecodeError {
             Fault::Ndi(reason) => reason.is_report(),
             _ => false,
         }
+    }
+
+    /// Whether it is an error of the device or a missing answer, not damaged bytes.
+    pub fn is_of_device(&self) -> bool {
+        self.is_report() || matches!(self.fault, Fault::Ndi(ndi::Reason::NoReply { .. }))
     }
 }
 

@@ -2,9 +2,11 @@
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
 
-use super::{Listener, Record, TrackerEvent, counter_step};
+use serde::Serialize;
+
+use super::{Listener, Record, SensorName, TrackerEvent, counter_step};
+use crate::pose::Reading;
 
 /// Capacity of the queue of unreported events; the oldest are dropped and counted.
 const EVENT_CAPACITY: usize = 32;
@@ -54,6 +56,8 @@ pub struct Report {
     pub decode_errors: u64,
     /// Latest record.
     pub last: Option<Record>,
+    /// Sensors heard, in order, also those that are left out.
+    pub sensors: Vec<SensorReport>,
     /// Events since the last report, as text.
     pub events: Vec<String>,
     /// Events dropped since the last report.
@@ -69,6 +73,25 @@ impl Report {
     }
 }
 
+/// Statistics of one sensor since the last report.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SensorReport {
+    /// Number of the station, port handle or tool.
+    pub sensor: u16,
+    /// Name of the tool, if the protocol has names.
+    pub name: Option<String>,
+    /// Records.
+    pub records: u64,
+    /// Record rate, Hz; `None` for fewer than two records.
+    pub rate_hz: Option<f64>,
+    /// Whether the last record holds a measurement: the sensor is in view, and the tracker calls it valid.
+    pub is_valid: bool,
+    /// Last position, mm.
+    pub position_mm: Option<[f64; 3]>,
+    /// Whether it is the probe.
+    pub is_probe: bool,
+}
+
 /// Collects the statistics of one session. Clones share them.
 #[derive(Debug, Clone, Default)]
 pub struct Monitor(Arc<Mutex<Figures>>);
@@ -82,6 +105,37 @@ struct Figures {
     /// Intervals since the last report: count, sum (s) and sum of squares (s²).
     intervals: (u32, f64, f64),
     longest_s: f64,
+    sensors: Vec<SensorFigures>,
+}
+
+#[derive(Debug)]
+struct SensorFigures {
+    name: SensorName,
+    records: u64,
+    last_ns: Option<u64>,
+    /// Number and sum (s) of intervals since the last report.
+    intervals: (u32, f64),
+    reading: Reading,
+}
+
+impl SensorFigures {
+    /// Statistics since the last report, which begin anew.
+    fn report(&mut self, probe: Option<u16>) -> SensorReport {
+        let (count, sum) = std::mem::take(&mut self.intervals);
+        let position_mm = match self.reading {
+            Reading::Pose(pose) => Some(pose.position_mm.to_array()),
+            _ => None,
+        };
+        SensorReport {
+            sensor: self.name.number,
+            name: self.name.name.clone(),
+            records: std::mem::take(&mut self.records),
+            rate_hz: (sum > 0.0).then(|| f64::from(count) / sum),
+            is_valid: self.reading != Reading::OutOfView,
+            position_mm,
+            is_probe: probe == Some(self.name.number),
+        }
+    }
 }
 
 impl Monitor {
@@ -98,6 +152,8 @@ impl Monitor {
             report.longest_ms = Some(longest_s * 1e3);
         }
         report.events = figures.events.drain(..).collect();
+        let probe = report.last.filter(|_| report.records > 0).map(|record| record.sensor);
+        report.sensors = figures.sensors.iter_mut().map(|sensor| sensor.report(probe)).collect();
         (figures.report.records, figures.report.events_dropped) = (0, 0);
         report
     }
@@ -110,6 +166,23 @@ impl Monitor {
 
 impl Listener for Monitor {
     fn bytes(&mut self, _: u64, _: &[u8]) {}
+
+    fn heard(&mut self, host_time_ns: u64, sensor: &SensorName, record: &Record) {
+        let mut figures = self.figures();
+        let at = figures.sensors.iter().position(|known| known.name == *sensor);
+        let at = at.unwrap_or_else(|| {
+            let (name, reading) = (sensor.clone(), record.reading);
+            figures.sensors.push(SensorFigures { name, records: 0, last_ns: None, intervals: (0, 0.0), reading });
+            figures.sensors.len() - 1
+        });
+        let Some(known) = figures.sensors.get_mut(at) else { return };
+        if let Some(last_ns) = known.last_ns.replace(host_time_ns) {
+            let (count, sum) = known.intervals;
+            known.intervals = (count + 1, sum + host_time_ns.saturating_sub(last_ns) as f64 * 1e-9);
+        }
+        known.records += 1;
+        known.reading = record.reading;
+    }
 
     fn record(&mut self, host_time_ns: u64, record: &Record) {
         let mut figures = self.figures();
@@ -137,36 +210,30 @@ impl Listener for Monitor {
             TrackerEvent::Disconnected { .. } => report.state = SessionState::Disconnected,
             TrackerEvent::Silent { .. } => report.state = SessionState::Silent,
             TrackerEvent::Ended => report.state = SessionState::Ended,
-            TrackerEvent::DecodeError(_) => report.decode_errors += 1,
-            TrackerEvent::OtherSensor { .. } => {}
+            // Told by `Damaged`, not one by one.
+            TrackerEvent::DecodeError(_) => {
+                report.decode_errors += 1;
+                return;
+            }
+            TrackerEvent::Damaged(_)
+            | TrackerEvent::OtherSensor { .. }
+            | TrackerEvent::OnlyTool { .. }
+            | TrackerEvent::Undecided { .. }
+            | TrackerEvent::ProbeMissing { .. }
+            | TrackerEvent::OtherSender { .. }
+            | TrackerEvent::SenderChanged { .. }
+            | TrackerEvent::Irregular(_) => {}
         }
         if matches!(event, TrackerEvent::Disconnected { .. } | TrackerEvent::Ended) {
             // The interruption is not jitter of the device.
             (figures.last_ns, figures.sequence) = (None, None);
+            figures.sensors.iter_mut().for_each(|sensor| sensor.last_ns = None);
         }
         if figures.events.len() == EVENT_CAPACITY {
             figures.events.pop_front();
             figures.report.events_dropped += 1;
         }
         figures.events.push_back(event.to_string());
-    }
-}
-
-impl std::fmt::Display for TrackerEvent {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let seconds = |time: &Duration| time.as_secs_f64();
-        match self {
-            Self::Connected { port } => write!(f, "connected to {port}"),
-            Self::Disconnected { reason, retry } => write!(f, "{reason}; trying again in {:.2} s", seconds(retry)),
-            Self::Silent { for_, attempt } => {
-                write!(f, "no record for {:.1} s (attempt {attempt} to wake the tracker)", seconds(for_))
-            }
-            Self::DecodeError(error) => write!(f, "{error}"),
-            Self::OtherSensor { sensor, used } => {
-                write!(f, "sensor {sensor} also sends records, which are ignored; sensor {used} is the probe")
-            }
-            Self::Ended => write!(f, "the recording is at its end"),
-        }
     }
 }
 

@@ -54,6 +54,14 @@ impl Driver for Passive {
         Ok(record)
     }
 
+    fn name_of(&self, sensor: u16) -> Option<&str> {
+        self.decoder.name_of(sensor)
+    }
+
+    fn skipped(&self) -> Option<String> {
+        self.decoder.skipped()
+    }
+
     fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError> {
         self.decoder.finish(buffer)
     }

@@ -1,6 +1,6 @@
 //! Recorded bytes that a session plays in place of a device.
 
-use super::Protocol;
+use super::{ProbeSensor, Protocol};
 
 /// Failure to read recorded bytes.
 pub type PlaybackError = Box<dyn std::error::Error + Send + Sync>;
@@ -13,8 +13,8 @@ pub trait Playback: Send {
     /// Protocol of the bytes.
     fn protocol(&self) -> Protocol;
 
-    /// Sensor that was selected, if one of several was.
-    fn sensor(&self) -> Option<u16>;
+    /// Choice of the probe; `None` takes the first sensor received, as recordings of earlier builds do.
+    fn sensor(&self) -> Option<ProbeSensor>;
 
     /// Next message: arrival of its first byte, ns since 1970 (UTC), and its bytes, at least one. `None` at the end.
     ///

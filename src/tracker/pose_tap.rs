@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Duration;
 
-use super::{Listener, Monitor, Record, Report, TrackerEvent};
+use super::{Listener, Monitor, Record, Report, SensorName, TrackerEvent};
 use crate::pose::{Pose, Reading};
 
 /// Capacity of the queue of poses; further ones are dropped.
@@ -57,6 +57,10 @@ impl fmt::Display for PoseStream {
 impl Listener for PoseTap {
     fn bytes(&mut self, host_time_ns: u64, bytes: &[u8]) {
         self.monitor.bytes(host_time_ns, bytes);
+    }
+
+    fn heard(&mut self, host_time_ns: u64, sensor: &SensorName, record: &Record) {
+        self.monitor.heard(host_time_ns, sensor, record);
     }
 
     fn record(&mut self, host_time_ns: u64, record: &Record) {

@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::Report;
+use super::{Report, SensorReport};
 use crate::pose::Reading;
 
 /// A report as one line.
@@ -26,6 +26,8 @@ pub struct ReportLine<'a> {
     quaternion: Option<[f64; 4]>,
     /// Along x, y, z, then about them, −1..=1.
     rates: Option<[f64; 6]>,
+    /// Sensors heard, also those that are left out.
+    sensors: &'a [SensorReport],
     events: &'a [String],
 }
 
@@ -59,6 +61,7 @@ impl<'a> ReportLine<'a> {
             position_mm,
             quaternion,
             rates,
+            sensors: &report.sensors,
             events: &report.events,
         }
     }
@@ -70,6 +73,9 @@ impl fmt::Display for ReportLine<'_> {
         let [rate, jitter, longest] = [self.rate_hz, self.jitter_ms, self.longest_ms].map(number);
         write!(f, "{:>7.1} s  {:<12} {rate:>6} Hz  jitter {jitter:>5} ms  ", self.time_s, self.state)?;
         write!(f, "longest {longest:>6} ms  lost {}  damaged {}", self.missing, self.decode_errors)?;
+        if self.reversals > 0 {
+            write!(f, "  back {}", self.reversals)?;
+        }
         let readings = [
             ("mm", self.position_mm.as_ref().map(|v| &v[..]), 2),
             ("q", self.quaternion.as_ref().map(|v| &v[..]), 4),
@@ -83,6 +89,26 @@ impl fmt::Display for ReportLine<'_> {
             write!(f, "  {name} ")?;
             values.iter().try_for_each(|v| write!(f, "{v:9.digits$}"))?;
         }
-        Ok(())
+        // One sensor is in the line; several are listed, so that the probe can be recognised by its motion.
+        let several = self.sensors.iter().filter(|_| self.sensors.len() > 1);
+        several.into_iter().try_for_each(|sensor| write!(f, "\n{sensor}"))
+    }
+}
+
+impl fmt::Display for SensorReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let number = || format!("sensor {}", self.sensor);
+        let name = self.name.as_ref().map_or_else(number, |name| name.escape_debug().to_string());
+        let probe = if self.is_probe { "probe" } else { "" };
+        let rate = self.rate_hz.map_or_else(|| "-".to_owned(), |rate| format!("{rate:.1}"));
+        let state = match (self.records, self.is_valid) {
+            (0, _) => "silent",
+            (_, true) => "valid",
+            (_, false) => "not valid",
+        };
+        write!(f, "           {probe:<5}  {name:<22} {rate:>6} Hz  {state:<9}")?;
+        let Some(position_mm) = self.position_mm.filter(|_| self.records > 0) else { return Ok(()) };
+        write!(f, "  mm ")?;
+        position_mm.iter().try_for_each(|v| write!(f, "{v:9.2}"))
     }
 }

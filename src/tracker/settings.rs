@@ -7,7 +7,7 @@ use std::str::FromStr;
 
 use thiserror::Error;
 
-use super::{AxisMap, DeviceOptions, Protocol, mock};
+use super::{AxisMap, DeviceOptions, ProbeSensor, Protocol, mock};
 
 /// A station's tracker; by default there is none.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -23,11 +23,14 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Protocol and selected sensor of the bytes: those of these settings, or `recorded` ones. `None` takes the first
-    /// sensor received.
-    pub fn stream(&self, recorded: Option<(Protocol, Option<u16>)>) -> (Protocol, Option<u16>) {
-        let (protocol, sensor) = recorded.unwrap_or((self.protocol, self.protocol.first_sensor()));
-        (protocol, self.device.sensor.or(sensor))
+    /// Protocol of the bytes and choice of the probe: those of these settings, or `recorded` ones. `None` takes the
+    /// first sensor received, as recordings of earlier builds do.
+    pub fn stream(&self, recorded: Option<(Protocol, Option<ProbeSensor>)>) -> (Protocol, Option<ProbeSensor>) {
+        let (protocol, sensor) = recorded.unwrap_or_else(|| {
+            let usual = self.protocol.first_sensor().map_or(ProbeSensor::Only, ProbeSensor::Number);
+            (self.protocol, Some(usual))
+        });
+        (protocol, self.device.probe().or(sensor))
     }
 }
 
@@ -101,11 +104,22 @@ pub enum Speed {
 /// Range of the speed of a serial port, baud.
 pub const BAUD_RANGE: std::ops::RangeInclusive<i64> = 300..=4_000_000;
 
-/// Protocols whose messages are HID reports.
-const HID: &[&str] = &["spacemouse"];
-
-/// Protocols that arrive as datagrams.
-const DATAGRAMS: &[&str] = &["opentrack", "ascii-line"];
+/// Names of the transports that can carry `protocol`, from a device.
+fn carriers(protocol: Protocol) -> &'static [&'static str] {
+    match protocol {
+        Protocol::AsciiLine => &["serial", "tcp", "udp", "mock"],
+        Protocol::FastrakAscii
+        | Protocol::FastrakBinary
+        | Protocol::Liberty
+        | Protocol::Patriot
+        | Protocol::Ndi
+        | Protocol::Bno08x
+        | Protocol::Bno08xRollFirst
+        | Protocol::OpenIgtLink => &["serial", "tcp"],
+        Protocol::SpaceMouse => &["hid"],
+        Protocol::OpenTrack => &["udp"],
+    }
+}
 
 impl Transport {
     /// Name in station files.
@@ -124,18 +138,14 @@ impl Transport {
     /// Whether devices with `protocol` are silent at rest, like pucks.
     #[cfg(feature = "live")]
     pub(super) fn may_rest(protocol: Protocol) -> bool {
-        HID.contains(&protocol.name())
+        carriers(protocol) == ["hid"]
     }
 
     /// Whether this transport can carry `protocol`.
     pub fn carries(&self, protocol: Protocol) -> bool {
-        let name = protocol.name();
         match self {
             Self::None | Self::Recording { .. } => true,
-            Self::Hid { .. } => HID.contains(&name),
-            Self::Udp { .. } => DATAGRAMS.contains(&name),
-            Self::Mock(_) => protocol == Protocol::AsciiLine,
-            Self::Serial { .. } | Self::Tcp { .. } => !HID.contains(&name) && name != "opentrack",
+            _ => carriers(protocol).contains(&self.name()),
         }
     }
 }
@@ -242,5 +252,11 @@ mod tests {
         assert!(!Transport::Hid { device: None }.carries(Protocol::Liberty));
         let udp = Transport::Udp { address: SocketAddr::from(([127, 0, 0, 1], 4242)) };
         assert!(udp.carries(Protocol::AsciiLine) && !udp.carries(Protocol::FastrakBinary));
+        assert!(udp.carries(Protocol::OpenTrack) && !serial.carries(Protocol::OpenTrack));
+        // Each protocol has a device's transport, and a recording holds any.
+        let recording = Transport::Recording { path: "a".into(), speed: Speed::AtOnce, repeat: false };
+        for protocol in Protocol::ALL {
+            assert!(!carriers(protocol).is_empty() && recording.carries(protocol), "{protocol:?}");
+        }
     }
 }

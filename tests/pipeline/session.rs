@@ -155,6 +155,7 @@ impl Session {
             log: self.log,
             controls: self.controls,
             observer: self.observer,
+            tracker: None,
             before: self.before,
             after: self.after,
         };

@@ -287,3 +287,113 @@ proptest! {
         prop_assert!(decoder.decode(&mut buffer).unwrap().is_some());
     }
 }
+
+/// Body of a version 2 message: content and metadata.
+fn with_metadata(content: &[u8], entries: &[(&str, &str)]) -> Vec<u8> {
+    let mut header = (entries.len() as u16).to_be_bytes().to_vec();
+    let mut text = Vec::new();
+    for (key, value) in entries {
+        header.extend((key.len() as u16).to_be_bytes());
+        header.extend([0, 3]);
+        header.extend((value.len() as u32).to_be_bytes());
+        text.extend([key.as_bytes(), value.as_bytes()].concat());
+    }
+    let mut body = vec![0, 12];
+    body.extend((header.len() as u16).to_be_bytes());
+    body.extend((text.len() as u32).to_be_bytes());
+    body.extend([0; 4]);
+    [&body[..], content, &header, &text].concat()
+}
+
+/// A version 2 message with this body.
+fn version_2(kind: &str, device: &str, body: &[u8]) -> Vec<u8> {
+    let mut bytes = message(1, kind, device, 7, body);
+    bytes[..2].copy_from_slice(&[0, 2]);
+    bytes
+}
+
+#[test]
+fn openigtlink_transforms_that_are_called_invalid_are_no_poses() {
+    let identity = matrix(DMat3::IDENTITY, DVec3::ZERO);
+    let readings = |kind: &str, content: &[u8], entries: &[(&str, &str)]| {
+        let bytes = version_2(kind, "ProbeToTracker", &with_metadata(content, entries));
+        let (records, errors) = decode(Protocol::OpenIgtLink.decoder(), &[&bytes]);
+        assert_eq!(errors, [""; 0]);
+        records.into_iter().map(|record| record.reading).collect::<Vec<_>>()
+    };
+    for invalid in [
+        &[("TransformValid", "False"), ("TransformStatus", "INVALID")][..],
+        &[("TransformStatus", "OUT_OF_VIEW")],
+        &[("FrameNumber", "12"), ("TransformValid", "false")],
+        &[("ProbeToTrackerTransformStatus", "MISSING")],
+    ] {
+        assert_eq!(readings("TRANSFORM", &identity, invalid), [Reading::OutOfView], "{invalid:?}");
+    }
+    for valid in
+        [&[][..], &[("TransformStatus", "OK"), ("TransformValid", "True")], &[("StylusTransformStatus", "INVALID")]]
+    {
+        assert_eq!(readings("TRANSFORM", &identity, valid), [Reading::Pose(Pose::IDENTITY)], "{valid:?}");
+    }
+    // What an invalid transform holds does not matter, and each tool of a message has its own status.
+    assert_eq!(readings("TRANSFORM", &[0; 48], &[("TransformStatus", "INVALID")]), [Reading::OutOfView]);
+    let tools = [tool("Stylus", &identity), tool("Probe", &identity)].concat();
+    let found = readings("TDATA", &tools, &[("StylusTransformStatus", "INVALID")]);
+    assert_eq!(found, [Reading::OutOfView, Reading::Pose(Pose::IDENTITY)]);
+    // Metadata that do not add up say nothing about validity: refused.
+    let mut broken = with_metadata(&identity, &[("TransformStatus", "INVALID")]);
+    broken[12 + 48 + 3] ^= 1;
+    let (records, errors) = decode(Protocol::OpenIgtLink.decoder(), &[&version_2("TRANSFORM", "Probe", &broken)]);
+    assert!(records.is_empty() && errors[0].contains("the metadata's header"), "{errors:?}");
+}
+
+#[test]
+fn openigtlink_without_checksums_is_taken_and_each_wrong_one_is_counted() {
+    let one =
+        |n: u32| message(1, "TRANSFORM", "Probe", n, &matrix(DMat3::IDENTITY, DVec3::new(f64::from(n), 0.0, 0.0)));
+    let with_crc = |n: u32, crc: [u8; 8]| {
+        let mut bytes = one(n);
+        bytes[50..58].copy_from_slice(&crc);
+        bytes
+    };
+    let unchecked: Vec<u8> = (0..50).flat_map(|n| with_crc(n, [0; 8])).collect();
+    let (records, errors) = decode(Protocol::OpenIgtLink.decoder(), &[&unchecked]);
+    assert_eq!((records.len(), errors.len()), (50, 0), "{errors:?}");
+    let wrong: Vec<u8> = (0..50).flat_map(|n| with_crc(n, [1; 8])).collect();
+    let (records, errors) = decode(Protocol::OpenIgtLink.decoder(), &[&wrong]);
+    assert_eq!((records.len(), errors.len()), (0, 50), "{errors:?}");
+}
+
+#[test]
+fn each_damaged_frame_is_counted_however_many_follow_each_other() {
+    // Before, one error covered everything up to the next good frame.
+    let bad: Vec<u8> = (0..60_u32)
+        .flat_map(|n| {
+            let mut frame = Stream::Bno08x.record(n);
+            frame[18] ^= 0x55;
+            frame
+        })
+        .collect();
+    let (records, errors) = decode(Protocol::Bno08x.decoder(), &[&bad]);
+    assert!(records.is_empty() && (60..=70).contains(&errors.len()), "{}", errors.len());
+    // Noise counts by its length.
+    let noise: Vec<u8> = (0..6400_u32).map(|i| 1 + (i.wrapping_mul(2_654_435_761) >> 25) as u8 % 100).collect();
+    for protocol in [Protocol::Bno08x, Protocol::OpenIgtLink, Protocol::Ndi] {
+        let (_, errors) = decode(protocol.decoder(), &[&noise]);
+        assert!(errors.len() >= 25, "{protocol:?}: {} errors in 6400 bytes", errors.len());
+    }
+}
+
+#[test]
+fn names_of_openigtlink_tools_are_known_by_number() {
+    let identity = matrix(DMat3::IDENTITY, DVec3::ZERO);
+    let stream = [
+        message(1, "TRANSFORM", "StylusToTracker", 1, &identity),
+        message(1, "IMAGE", "Image", 1, &[0; 100]),
+        message(1, "TRANSFORM", "ProbeToTracker", 1, &identity),
+    ];
+    let mut decoder = Protocol::OpenIgtLink.decoder();
+    let mut buffer = BytesMut::from(&stream.concat()[..]);
+    while decoder.decode(&mut buffer).unwrap().is_some() {}
+    assert_eq!((decoder.name_of(1), decoder.name_of(2)), (Some("ProbeToTracker"), None));
+    assert_eq!(decoder.skipped().as_deref(), Some("IMAGE"));
+}

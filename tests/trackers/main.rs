@@ -8,6 +8,9 @@ mod command;
 mod landmarks;
 #[allow(dead_code)]
 mod listener;
+#[allow(dead_code)]
+#[path = "../protocols/messages.rs"]
+mod messages;
 #[cfg(all(target_os = "linux", feature = "serial"))]
 mod ndi;
 #[allow(dead_code)]
@@ -19,3 +22,5 @@ mod polhemus;
 mod ports;
 mod properties;
 mod sockets;
+#[cfg(all(feature = "serial", feature = "hid"))]
+mod told;

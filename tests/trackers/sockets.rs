@@ -74,3 +74,33 @@ fn datagrams_are_independent() {
     assert_eq!(found, [0, 2, 3, 4]);
     assert!(live.listener.nth_event(1, decode_error).to_string().contains("ends after 20 bytes"));
 }
+
+#[test]
+fn a_second_sender_is_left_out_and_named() {
+    let live = Live::start(&settings(Transport::Udp { address: SocketAddr::from(([127, 0, 0, 1], 0)) }));
+    let TrackerEvent::Connected { port } = live.listener.nth_event(1, connected) else { panic!() };
+    let [first, second] = [0, 1].map(|_| {
+        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+        socket.connect(port.strip_prefix("UDP ").unwrap()).unwrap();
+        socket
+    });
+    for n in 0..20 {
+        first.send(line(2 * n).as_bytes()).unwrap();
+        second.send(line(1000 + n).as_bytes()).unwrap();
+        // In order: each is received before the next is sent.
+        live.listener.wait("a record", |heard| (heard.records.len() == n as usize + 1).then_some(()));
+    }
+    let TrackerEvent::OtherSender { other, used, .. } =
+        live.listener.nth_event(1, |event| matches!(event, TrackerEvent::OtherSender { .. }))
+    else {
+        panic!()
+    };
+    assert_eq!((used, other), (first.local_addr().unwrap(), second.local_addr().unwrap()));
+    live.listener.wait("its records alone", |heard| {
+        assert!(heard.records.iter().all(|(_, record)| record.sequence < Some(1000)));
+        // What is left out is not recorded either.
+        let text = String::from_utf8_lossy(&heard.bytes);
+        assert!(!text.contains("P,1000,") && text.contains("P,38,"), "{text}");
+        Some(())
+    });
+}

@@ -43,6 +43,10 @@ pub(super) struct TouchArgs {
     #[arg(long, requires = "tracker")]
     sensor: Option<u16>,
 
+    /// Tool that is the stylus, by its OpenIGTLink name [default: the station's]
+    #[arg(long, value_name = "NAME", requires = "tracker", conflicts_with = "sensor")]
+    tool: Option<String>,
+
     /// Poses that are averaged, 2..=10000
     #[arg(long, value_name = "N", default_value_t = 60, requires = "tracker", value_parser = clap::value_parser!(u16).range(2..=10_000))]
     samples: u16,
@@ -60,7 +64,9 @@ pub(super) fn run(
 ) -> Result<(Vec<Named<PointPair>>, PathBuf), Failure> {
     let station = Station::load(path)?;
     let mut settings = tracker_args::of_station(&station)?;
-    settings.device.sensor = args.sensor.or(settings.device.sensor);
+    if args.sensor.is_some() || args.tool.is_some() {
+        (settings.device.sensor, settings.device.tool) = (args.sensor, args.tool.clone());
+    }
     let out = calibration_file(&station, out, &args.points)?;
     let points = points(args, &station)?;
     let (tip_mm, tip) = tip(&station, &out)?;

@@ -10,6 +10,7 @@ use crate::pipeline::metrics::{counted, memory_bytes};
 use crate::pipeline::shutdown::{Joined, Part, Thread};
 use crate::pipeline::sink_stage::SinkStage;
 use crate::pipeline::summary::{GeneratorSummary, SinkSummary, Summary};
+use crate::pipeline::tracker_watch::TrackerWatch;
 use crate::sink::FrameLog;
 use crate::sink::frame_log::LogEnd;
 
@@ -101,6 +102,7 @@ impl Pipeline {
                 controls: counted(&metrics.controls),
                 controls_refused: counted(&metrics.refused),
                 points: metrics.points(),
+                tracker: self.tracker.as_ref().map(TrackerWatch::totals),
                 generator,
                 sinks,
                 stuck,

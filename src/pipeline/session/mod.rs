@@ -24,6 +24,7 @@ use super::shutdown::{Part, Stop, Thread, spawn};
 use super::sink_stage::SinkStage;
 use super::slot::Slot;
 use super::summary::Summary;
+use super::tracker_watch::TrackerWatch;
 use crate::chooser::PointController;
 use crate::render::{RenderError, RenderSettings, Renderer};
 use crate::settings::{Choice, Control, Effect, LiveSettings, PipelineSettings};
@@ -87,6 +88,8 @@ pub struct Parts {
     pub controls: mpsc::Receiver<Control>,
     /// Observer of events, poses and settings, for a recording.
     pub observer: Option<Arc<dyn Observer>>,
+    /// State of the tracker, which is shown and summarised; none without one.
+    pub tracker: Option<TrackerWatch>,
     /// Parts that end before all stages: the tracker.
     pub before: Vec<Box<dyn Part>>,
     /// Parts that end after all sinks: the recorder.
@@ -134,6 +137,7 @@ impl Parts {
             log: None,
             controls,
             observer: None,
+            tracker: None,
             before: Vec::new(),
             after: Vec::new(),
         };
@@ -159,6 +163,7 @@ pub struct Pipeline {
     to_generator: Option<Arc<Slot<Arc<Rendered>>>>,
     generator: Option<Arc<GeneratorLink>>,
     stages: Stages,
+    tracker: Option<TrackerWatch>,
     before: Vec<Box<dyn Part>>,
     after: Vec<Box<dyn Part>>,
     /// Start of the stages.
@@ -184,6 +189,9 @@ impl Pipeline {
         loop {
             let next = pipeline.clock.now().saturating_add(STATUS_PERIOD).min(until);
             let stopped = pipeline.stop.wait(next);
+            if let Some(text) = pipeline.tracker.as_ref().and_then(TrackerWatch::notice) {
+                pipeline.events.show(text);
+            }
             watch(&pipeline.status());
             if stopped || pipeline.clock.now() >= until {
                 break;
@@ -284,6 +292,7 @@ impl Pipeline {
             duration: limits.duration.map(|duration| started_at.saturating_add(duration)),
             finish: seconds(settings.finish_ms),
             stages: Stages { render, generate, presenter, sinks },
+            tracker: parts.tracker,
             before: parts.before,
             after: parts.after,
             clock,
@@ -302,8 +311,9 @@ impl Pipeline {
         self.events.notice_into(&mut notice);
         let now = self.clock.now();
         let dropped = drops(&self.metrics, &self.to_presenter).iter().map(|(_, count)| count).sum();
+        let damaged = self.tracker.as_ref().map_or(0, |tracker| tracker.totals().damaged);
         let elapsed_s = now.saturating_sub(self.started_at).as_secs_f64();
-        Status { elapsed_s, ..self.metrics.status(now, dropped, notice) }
+        Status { elapsed_s, damaged, ..self.metrics.status(now, dropped, notice) }
     }
 }
 

@@ -6,7 +6,7 @@ use bytes::BytesMut;
 
 use super::reply::{self, Port};
 use super::{Reason, TEXT_LIMIT, crc16};
-use crate::tracker::framing::quote;
+use crate::tracker::framing::{NOISE_LIMIT, quote};
 use crate::tracker::{DecodeError, Offset, Record};
 
 /// First bytes of a binary reply.
@@ -39,8 +39,8 @@ pub(super) struct Framer {
     item_offset: u64,
     /// Items already parsed from the front of the buffer, each with its number of bytes.
     pending: VecDeque<(usize, Result<Item, Reason>)>,
-    /// Whether an error was returned and no reply found since.
-    lost: bool,
+    /// Stream offset of the last error if no reply was found since. It covers 64 bytes.
+    lost: Option<u64>,
     /// Bytes left in the buffer.
     left: usize,
     /// Bytes at the front of the buffer to be discarded.
@@ -104,13 +104,15 @@ impl Framer {
                 }
                 Front::Wrong(length, reason, aligned) => {
                     let error = self.reject(buffer, length, reason);
-                    if !std::mem::replace(&mut self.lost, !aligned) {
+                    let told = self.lost.filter(|from| error.offset - from < NOISE_LIMIT as u64);
+                    self.lost = (!aligned).then_some(told.unwrap_or(error.offset));
+                    if told.is_none() {
                         break Err(error);
                     }
                     continue;
                 }
             }
-            self.lost = false;
+            self.lost = None;
         };
         self.left = buffer.len();
         item

@@ -10,8 +10,10 @@
 //! | `POSITION` | 3 f32 mm, then nothing, or f32 qx qy qz, or f32 qx qy qz qw |
 //! | `TDATA` | for each tool: char\[20\] name, u8 type, u8 0, 12 f32 as in a `TRANSFORM`; tools out of view are omitted |
 //!
-//! A record's `sensor` is the number of its device or tool: 0 for the first name received, 1 for the next. Its device
-//! time is the message's time stamp, if it has one.
+//! A record's `sensor` is the number of its device or tool: 0 for the first name received, 1 for the next; the decoder
+//! knows their names. Its device time is the message's time stamp, if it has one. A transform whose metadata say that it
+//! is invalid gives [`Reading::OutOfView`](crate::pose::Reading::OutOfView). A CRC of 0 means that the sender computes
+//! none, as PLUS and 3D Slicer do by default.
 //!
 //! Source: protocol documents of OpenIGTLink v1 to v3.
 
@@ -21,6 +23,7 @@ use crate::pose::PoseError;
 
 mod decoder;
 pub mod message;
+mod metadata;
 
 pub use decoder::{Decoder, NAMES_LIMIT};
 
@@ -63,6 +66,14 @@ pub enum Reason {
         parts: u64,
         /// Size of the body, bytes.
         body: u64,
+    },
+    /// Metadata whose lengths do not add up.
+    #[error("the {header} bytes of the metadata's header do not describe its {text} bytes of keys and values")]
+    Metadata {
+        /// Length of the header, bytes.
+        header: usize,
+        /// Length of keys and values, bytes.
+        text: usize,
     },
     /// Numbers that are not a pose.
     #[error("`{name}`: {source}")]

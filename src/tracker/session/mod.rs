@@ -16,12 +16,17 @@ use crate::tracker::passive::Passive;
 use crate::tracker::playback::Playback;
 use crate::tracker::settings::{Settings, Transport};
 use crate::tracker::transport::{Port, Received};
-use crate::tracker::{AxisMap, DecodeError, Listener, Protocol, Record, TrackerError, TrackerEvent};
+use crate::tracker::{DecodeError, Listener, ProbeSensor, Protocol, SensorName, TrackerError, TrackerEvent};
 
+mod advice;
+mod damage_watch;
+mod intake;
+mod regularity;
 mod silence;
 #[cfg(test)]
 mod tests;
 
+use intake::Intake;
 use silence::SilenceWatch;
 
 /// First and longest pause before a port is reopened; it doubles in between.
@@ -37,7 +42,7 @@ const STOP_TIMEOUT: Duration = Duration::from_millis(200);
 const REST_LIMIT: Duration = Duration::from_secs(3600);
 
 /// Totals of a session.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct SessionSummary {
     /// Bytes received.
     pub bytes: u64,
@@ -45,12 +50,20 @@ pub struct SessionSummary {
     pub records: u64,
     /// Decode errors, and errors reported by the device.
     pub decode_errors: u64,
-    /// Ignored records of other sensors.
+    /// Records of other sensors, and of several of which none was chosen.
     pub other_sensor: u64,
+    /// Datagrams of other senders.
+    pub other_sender: u64,
     /// Number of times the port was opened.
     pub connections: u64,
     /// Number of silences beyond the limit.
     pub silences: u64,
+    /// Sensors heard, in order.
+    pub heard: Vec<SensorName>,
+    /// Whether several sensors were heard and none was chosen.
+    pub undecided: bool,
+    /// Likely cause and remedy if there was no record.
+    pub cause: Option<String>,
 }
 
 /// Handle of a running session.
@@ -124,21 +137,15 @@ enum ConnectionEnd {
 struct Session {
     port: Port,
     driver: Box<dyn Driver>,
-    listener: Box<dyn Listener>,
+    intake: Intake,
     cancel: CancellationToken,
-    axis_map: AxisMap,
     silence: SilenceWatch,
-    /// Selected sensor: the station's, or the first one received.
-    sensor: Option<u16>,
-    /// Bit set of ignored sensors already reported on this connection.
-    reported: u64,
     /// Time 0 of the driver; `started_ns` is the host's clock at that time.
     started: Instant,
     started_ns: u64,
     /// Bytes not decoded yet.
     buffer: StampedBuffer,
     retry: Duration,
-    summary: SessionSummary,
 }
 
 impl Session {
@@ -158,9 +165,13 @@ impl Session {
             Port::Playback(port) => Some((port.source().protocol(), port.source().sensor())),
             _ => None,
         };
+        let is_recorded = recorded.is_some();
         let (protocol, sensor) = settings.stream(recorded);
+        if let (Some(ProbeSensor::Tool(tool)), false) = (&sensor, protocol.has_names()) {
+            return Err(TrackerError::NoNames { tool: tool.clone(), protocol: protocol.name() });
+        }
         // A recorded device receives no commands.
-        let driver: Box<dyn Driver> = if recorded.is_some() {
+        let driver: Box<dyn Driver> = if is_recorded {
             Box::new(Passive::new(protocol, &settings.device))
         } else {
             let mut device = settings.device.clone();
@@ -172,17 +183,13 @@ impl Session {
         Ok(Self {
             port,
             driver,
-            listener,
+            intake: Intake::new(settings, (protocol, sensor), listener),
             cancel,
-            axis_map: settings.axis_map,
             silence: SilenceWatch::new(Transport::may_rest(protocol)),
-            sensor,
-            reported: 0,
             started: Instant::now(),
             started_ns: host_time_ns(),
             buffer: StampedBuffer::default(),
             retry: RETRY[0],
-            summary: SessionSummary::default(),
         })
     }
 
@@ -203,6 +210,7 @@ impl Session {
                 let _ = timeout(STOP_TIMEOUT, self.port.send(&bytes)).await;
             }
             self.port.close();
+            self.intake.tell(self.now(), self.host_now(), true);
             let reason = match end {
                 ConnectionEnd::Cancelled => break,
                 ConnectionEnd::Ended => {
@@ -224,7 +232,7 @@ impl Session {
                 () = sleep(retry) => {}
             }
         }
-        self.summary
+        self.intake.finish(self.driver.skipped())
     }
 
     /// Opens the port and receives until it is lost.
@@ -233,10 +241,9 @@ impl Session {
             Ok(port) => port,
             Err(error) => return ConnectionEnd::Lost(error.to_string()),
         };
-        self.summary.connections += 1;
-        self.reported = 0;
-        self.event(TrackerEvent::Connected { port });
-        self.silence.opened(self.now());
+        let now = self.now();
+        self.intake.opened(now, self.host_now(), port);
+        self.silence.opened(now);
         self.restart();
         let end = self.listen().await.unwrap_or_else(|error| ConnectionEnd::Lost(error.to_string()));
         self.finish();
@@ -253,6 +260,7 @@ impl Session {
         self.finish();
         let now = self.now();
         self.silence.restarted(now);
+        self.intake.restarted();
         self.driver.start(now, self.silence.attempt());
     }
 
@@ -275,25 +283,34 @@ impl Session {
             // The driver reports a timed-out request even if no byte arrived.
             self.decode();
             let silent_at = self.silent_at();
-            let wake_at = self.driver.wake_at().map_or(silent_at, |at| at.min(silent_at));
-            let wake_at = wake_at.min(self.now() + REST_LIMIT);
+            let wakes = [self.driver.wake_at(), self.intake.due_at()];
+            let wake_at = wakes.into_iter().flatten().fold(silent_at, Duration::min).min(self.now() + REST_LIMIT);
             piece.clear();
             tokio::select! {
                 // Received bytes take precedence over the clock: after a suspend, no device counts as silent.
                 biased;
                 received = self.port.receive(&mut piece) => match received? {
                     Received::Bytes { time_ns } => self.take(&piece, time_ns),
+                    Received::FromNewSender { before, now } => {
+                        self.event(TrackerEvent::SenderChanged { from: before, to: now });
+                        self.take(&piece, None);
+                    }
+                    Received::FromOtherSender { other, used } => {
+                        self.intake.other_sender(self.now(), self.host_now(), other, used);
+                    }
                     Received::Restarted => self.restart(),
                     Received::Ended => return Ok(ConnectionEnd::Ended),
                 },
                 () = sleep_until(self.started + wake_at) => {}
             }
             let now = self.now();
+            self.intake.tell(now, self.host_now(), false);
             // Queried again: a record that just arrived has moved the deadline.
             if now >= self.silent_at() {
                 let for_ = self.silence.silent(now);
-                self.summary.silences += 1;
-                self.event(TrackerEvent::Silent { for_, attempt: self.silence.attempt() });
+                self.intake.summary.silences += 1;
+                let cause = self.intake.cause_of_silence(self.driver.skipped());
+                self.event(TrackerEvent::Silent { for_, attempt: self.silence.attempt(), cause });
                 if self.port.reopening_may_wake() {
                     if self.silence.attempt() > 1 {
                         return Ok(ConnectionEnd::Lost(format!("nothing received for {:.1} s", for_.as_secs_f64())));
@@ -319,8 +336,7 @@ impl Session {
 
     fn take(&mut self, piece: &[u8], time_ns: Option<u64>) {
         let time_ns = time_ns.unwrap_or_else(|| self.host_now());
-        self.summary.bytes += piece.len() as u64;
-        self.listener.bytes(time_ns, piece);
+        self.intake.bytes(time_ns, piece);
         self.buffer.push(piece, time_ns);
         self.decode();
         if self.port.has_messages() {
@@ -336,7 +352,8 @@ impl Session {
             match self.driver.decode(now, &mut self.buffer.bytes) {
                 Ok(Some(record)) => {
                     self.answered(now);
-                    self.record(first_byte_ns, record);
+                    let name = self.driver.name_of(record.sensor);
+                    self.intake.record(now, first_byte_ns, record, name);
                 }
                 Ok(None) => break,
                 Err(error) => {
@@ -350,8 +367,8 @@ impl Session {
     }
 
     fn decode_error(&mut self, host_time_ns: u64, error: DecodeError) {
-        self.summary.decode_errors += 1;
-        self.listener.event(host_time_ns, &TrackerEvent::DecodeError(error));
+        let now = self.now();
+        self.intake.fault(now, host_time_ns, error);
     }
 
     fn answered(&mut self, now: Duration) {
@@ -359,24 +376,9 @@ impl Session {
         self.retry = RETRY[0];
     }
 
-    fn record(&mut self, host_time_ns: u64, record: Record) {
-        let used = *self.sensor.get_or_insert(record.sensor);
-        if record.sensor == used {
-            self.summary.records += 1;
-            self.listener.record(host_time_ns, &self.axis_map.apply(record));
-            return;
-        }
-        self.summary.other_sensor += 1;
-        let bit = 1 << (record.sensor & 63);
-        if self.reported & bit == 0 {
-            self.reported |= bit;
-            self.listener.event(host_time_ns, &TrackerEvent::OtherSensor { sensor: record.sensor, used });
-        }
-    }
-
     fn event(&mut self, event: TrackerEvent) {
         let now = self.host_now();
-        self.listener.event(now, &event);
+        self.intake.event(now, &event);
     }
 
     /// Current time on the driver's clock.

@@ -1,6 +1,7 @@
 //! Transports of a tracker's bytes.
 
 use std::io;
+use std::net::SocketAddr;
 
 use bytes::BytesMut;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
@@ -16,6 +17,7 @@ mod mock;
 #[cfg(test)]
 pub(super) mod pipe;
 mod playback;
+mod sender;
 #[cfg(feature = "serial")]
 mod serial;
 mod tcp;
@@ -31,6 +33,20 @@ pub(super) enum Received {
     Bytes {
         /// Arrival of the first byte, ns since 1970 (UTC); `None` for the current time.
         time_ns: Option<u64>,
+    },
+    /// A datagram was appended, the first one of a sender that takes another's place.
+    FromNewSender {
+        /// Sender until now.
+        before: SocketAddr,
+        /// Sender from now on.
+        now: SocketAddr,
+    },
+    /// A datagram was appended that is another sender's, and must be left out.
+    FromOtherSender {
+        /// Its sender.
+        other: SocketAddr,
+        /// Sender in use.
+        used: SocketAddr,
     },
     /// The stream starts over.
     Restarted,

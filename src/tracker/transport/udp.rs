@@ -5,18 +5,23 @@ use std::net::SocketAddr;
 
 use bytes::BytesMut;
 use tokio::net::UdpSocket;
+use tokio::time::Instant;
 
+use super::sender::{Sender, SenderLock};
 use super::{Received, not_open};
 
 /// Listening socket.
 pub(in crate::tracker) struct UdpPort {
     address: SocketAddr,
     socket: Option<UdpSocket>,
+    /// Time 0 of `senders`.
+    opened: Option<Instant>,
+    senders: SenderLock,
 }
 
 impl UdpPort {
     pub(super) fn new(address: SocketAddr) -> Self {
-        Self { address, socket: None }
+        Self { address, socket: None, opened: None, senders: SenderLock::default() }
     }
 
     pub(super) async fn open(&mut self) -> io::Result<String> {
@@ -25,14 +30,20 @@ impl UdpPort {
         let socket = UdpSocket::bind(self.address).await.map_err(fail)?;
         let address = socket.local_addr()?;
         self.socket = Some(socket);
+        (self.opened, self.senders) = (Some(Instant::now()), SenderLock::default());
         Ok(format!("UDP {address}"))
     }
 
     /// Receives one datagram.
     pub(super) async fn receive(&mut self, piece: &mut BytesMut) -> io::Result<Received> {
         let socket = self.socket.as_ref().ok_or_else(not_open)?;
-        socket.recv_buf(piece).await?;
-        Ok(Received::Bytes { time_ns: None })
+        let (_, from) = socket.recv_buf_from(piece).await?;
+        let now = self.opened.map(|opened| opened.elapsed()).unwrap_or_default();
+        Ok(match self.senders.judge(from, now) {
+            Sender::Used => Received::Bytes { time_ns: None },
+            Sender::Changed { from: before } => Received::FromNewSender { before, now: from },
+            Sender::Other { used } => Received::FromOtherSender { other: from, used },
+        })
     }
 
     pub(super) fn close(&mut self) {

@@ -5,6 +5,7 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt, DuplexStream};
 use super::*;
 use crate::pose::Reading;
 use crate::tracker::transport::pipe::PipePort;
+use crate::tracker::{DecodeError, Record};
 
 #[path = "../../../../tests/trackers/polhemus.rs"]
 #[allow(clippy::unwrap_used, clippy::panic, missing_docs, unreachable_pub, dead_code)]
@@ -12,7 +13,9 @@ mod polhemus;
 use polhemus::{Kind, Polhemus};
 
 /// Port to a simulated device; `play` runs the device's side of one connection.
-fn pipe<F: Future<Output = ()> + Send + 'static>(mut play: impl FnMut(DuplexStream) -> F + Send + 'static) -> Port {
+pub(super) fn pipe<F: Future<Output = ()> + Send + 'static>(
+    mut play: impl FnMut(DuplexStream) -> F + Send + 'static,
+) -> Port {
     Port::Pipe(PipePort::new(Box::new(move || {
         let (host, far) = tokio::io::duplex(4096);
         tokio::spawn(play(far));
@@ -125,8 +128,9 @@ async fn another_sensor_is_ignored_and_reported_once() {
     let calls = calls.lock().unwrap();
     assert_eq!((summary.records, summary.other_sensor), (3, 3));
     // Then the port is lost within a record.
-    assert_eq!(names(&calls), ["connected", "other sensor", "other sensor", "decode error", "disconnected"]);
-    assert_eq!(calls.events[1].1, TrackerEvent::OtherSensor { sensor: 2, used: 1 });
+    assert_eq!(names(&calls), ["connected", "other sensor", "other sensor", "decode error", "damaged", "disconnected"]);
+    let [sensor, used] = [2, 1].map(|number| SensorName { number, name: None });
+    assert_eq!(calls.events[1].1, TrackerEvent::OtherSensor { sensor, used: Some(used) });
     let text = format!("{:?}", calls.events[3].1);
     assert!(text.contains("Incomplete { length: 9 }"), "{text}");
 }

@@ -7,10 +7,11 @@ use tokio_util::sync::CancellationToken;
 
 use super::*;
 use crate::recording::{self, RecordingPlayback};
-use crate::tracker::{PlaybackError, Protocol, Speed, mock};
+use crate::tracker::{PlaybackError, Protocol, Record, Speed, mock};
 
 mod devices;
 mod recordings;
+mod tools;
 
 /// Calls received by a listener.
 #[derive(Debug, Default)]
@@ -83,7 +84,14 @@ fn name(event: &TrackerEvent) -> &'static str {
         TrackerEvent::Disconnected { .. } => "disconnected",
         TrackerEvent::Silent { .. } => "silent",
         TrackerEvent::DecodeError(_) => "decode error",
+        TrackerEvent::Damaged(_) => "damaged",
         TrackerEvent::OtherSensor { .. } => "other sensor",
+        TrackerEvent::OnlyTool { .. } => "only tool",
+        TrackerEvent::Undecided { .. } => "undecided",
+        TrackerEvent::ProbeMissing { .. } => "probe missing",
+        TrackerEvent::OtherSender { .. } => "other sender",
+        TrackerEvent::SenderChanged { .. } => "sender changed",
+        TrackerEvent::Irregular(_) => "irregular",
         TrackerEvent::Ended => "ended",
     }
 }
@@ -108,7 +116,8 @@ async fn a_silent_mock_is_reported_and_recovers() {
     // A limit of 2 s, then twice as much: the second silence would be reported at 0.99 + 2 + 4 s.
     assert_eq!(names(&calls), ["connected", "silent", "silent"]);
     let silent: Vec<_> = calls.events[1..].iter().map(|(_, event)| event.clone()).collect();
-    let expected = [(2, 1), (6, 2)].map(|(s, attempt)| TrackerEvent::Silent { for_: Duration::from_secs(s), attempt });
+    let silence = |(s, attempt)| TrackerEvent::Silent { for_: Duration::from_secs(s), attempt, cause: None };
+    let expected = [(2, 1), (6, 2)].map(silence);
     assert_eq!(silent, expected);
     assert_eq!(calls.records.len(), 150);
     let gap = calls.records[100].1.sequence.unwrap() - calls.records[99].1.sequence.unwrap();
@@ -159,7 +168,7 @@ impl Playback for Nothing {
         Protocol::AsciiLine
     }
 
-    fn sensor(&self) -> Option<u16> {
+    fn sensor(&self) -> Option<ProbeSensor> {
         None
     }
 

@@ -81,12 +81,15 @@ fn the_selected_sensor_is_the_stations_or_the_streams() {
     let (dir, mut settings) = recording(1);
     assert_eq!(stream_of(&settings).unwrap(), (Protocol::AsciiLine, None));
     let path = dir.path().join("b.mcap");
-    let info = RecordingInfo { protocol: Protocol::Liberty, sensor: Some(2), ..RecordingInfo::default() };
+    let number = |number| Some(ProbeSensor::Number(number));
+    let info = RecordingInfo { protocol: Protocol::Liberty, sensor: number(2), ..RecordingInfo::default() };
     RecordingWriter::create(&path, &info).unwrap().finish().unwrap();
     settings.transport = Transport::Recording { path, speed: Speed::AtOnce, repeat: false };
-    assert_eq!(stream_of(&settings).unwrap(), (Protocol::Liberty, Some(2)));
+    assert_eq!(stream_of(&settings).unwrap(), (Protocol::Liberty, number(2)));
     settings.device.sensor = Some(3);
-    assert_eq!(stream_of(&settings).unwrap(), (Protocol::Liberty, Some(3)));
+    assert_eq!(stream_of(&settings).unwrap(), (Protocol::Liberty, number(3)));
     let live = Settings { protocol: Protocol::Liberty, ..Settings::default() };
-    assert_eq!(stream_of(&live).unwrap(), (Protocol::Liberty, Some(1)));
+    assert_eq!(stream_of(&live).unwrap(), (Protocol::Liberty, number(1)));
+    let live = Settings { protocol: Protocol::OpenIgtLink, ..Settings::default() };
+    assert_eq!(stream_of(&live).unwrap(), (Protocol::OpenIgtLink, Some(ProbeSensor::Only)));
 }

@@ -1,0 +1,64 @@
+//! Signs that a stream is not one device with a steady clock.
+
+use std::fmt;
+
+/// Something in a stream that does not fit one device with a steady clock.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Irregularity {
+    /// Counter or clock began anew.
+    Restarted {
+        /// Step back of the device's clock, s; `None` without a clock.
+        back_s: Option<f64>,
+    },
+    /// The device's clock leapt ahead.
+    Leapt {
+        /// Step beyond the time that passed, s.
+        ahead_s: f64,
+    },
+    /// Counter or clock go back again and again.
+    Interleaved {
+        /// Steps back.
+        times: u32,
+        /// Duration, s.
+        seconds: f64,
+    },
+    /// The device's clock stands still while its counter rises.
+    ClockStands,
+    /// Many positions are farther from the ones before than a hand moves.
+    Alternating {
+        /// Such positions.
+        far: u32,
+        /// All positions.
+        of: u32,
+        /// Largest distance, mm.
+        distance_mm: f64,
+    },
+}
+
+impl fmt::Display for Irregularity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Restarted { back_s: Some(back_s) } => {
+                write!(f, "the tracker's clock went back by {back_s:.1} s: it was restarted, or its clock was set")
+            }
+            Self::Restarted { back_s: None } => write!(f, "the tracker's counter began anew: it was restarted"),
+            Self::Leapt { ahead_s } => {
+                write!(f, "the tracker's clock jumped ahead by {ahead_s:.1} s: was it set while the session runs?")
+            }
+            Self::Interleaved { times, seconds } => write!(
+                f,
+                "the tracker's counter or clock went back {times} times in {seconds:.1} s: two devices or sensors share this \
+                 stream, or the device restarts again and again; give each device a port of its own"
+            ),
+            Self::ClockStands => {
+                write!(f, "the tracker's clock stands still while its counter rises; arrival times are used instead")
+            }
+            Self::Alternating { far, of, distance_mm } => write!(
+                f,
+                "{far} of {of} positions are farther from the ones before (up to {distance_mm:.0} mm) than a hand moves: two \
+                 sensors share this stream, or something disturbs the tracker"
+            ),
+        }
+    }
+}
