@@ -211,6 +211,9 @@ pub(crate) fn pose_position<'a>(
 /// Check of a table's columns.
 type Check<'a> = &'a dyn Fn(&Layout, &[Column]) -> Result<(), TableFault>;
 
+/// Line of a row from 1, layout of its columns, and its fields.
+type Row = (usize, Rc<Layout>, Vec<String>);
+
 /// Rows of a text and the values made of them.
 struct List<'a, T> {
     lines: std::iter::Enumerate<std::str::Lines<'a>>,
@@ -234,7 +237,7 @@ impl<'a, T> List<'a, T> {
     }
 
     /// The next row with its line from 1 and the layout of the columns.
-    fn next_row(&mut self) -> Result<Option<(usize, Rc<Layout>, Vec<String>)>, CsvError> {
+    fn next_row(&mut self) -> Result<Option<Row>, CsvError> {
         for (index, text) in self.lines.by_ref() {
             let at = |source| CsvError::Line { line: index + 1, source };
             let row = self.reader.line(text).map_err(at)?;
