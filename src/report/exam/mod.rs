@@ -34,8 +34,8 @@ fn page(title: &str, note: &str, score: &Score, track: &Track, reference: &Refer
     let mut out = head(&title, STYLE) + &format!("<h1>{title}</h1>\n");
     let _ = writeln!(
         out,
-        "<p class=\"lead\"><b>{:.0}</b> of 100 points · <b>{} of {}</b> planes found · {:.1} s · {:.0} mm of way at {:.0} \
-         mm/s · {:.0} % of the time on the skin, with {:.0} % of the face</p>\n<p class=\"note\">{}</p>",
+        "<p class=\"lead\"><b>{:.0}</b> of 100 points · <b>{} of {}</b> planes found · {:.1}&nbsp;s · {:.0}&nbsp;mm of way at {:.0}&nbsp;mm/s · \
+         {:.0}&nbsp;% of the time on the skin, with {:.0}&nbsp;% of the face</p>\n<p class=\"note\">{}</p>",
         score.points,
         score.found,
         score.planes.len(),
@@ -44,7 +44,8 @@ fn page(title: &str, note: &str, score: &Score, track: &Track, reference: &Refer
         score.mean_speed_mm_s,
         100.0 * score.contact,
         100.0 * score.face_contact,
-        escape(note)
+        // No option is cut at the end of a line.
+        escape(note).replace("--planes", "<code>--planes</code>")
     );
     let planes = || score.planes.iter().zip(&reference.planes).zip(&track.offsets);
     out.push_str(&tables::planes(score));
