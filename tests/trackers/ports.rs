@@ -285,7 +285,7 @@ fn a_silent_line_is_reported_and_reopened() {
     live.listener.more_records(20);
     terminal.order(Order::Mute(true));
     let silent = |event: &TrackerEvent| matches!(event, TrackerEvent::Silent { .. });
-    let TrackerEvent::Silent { for_, attempt } = live.listener.nth_event(1, silent) else { panic!() };
+    let TrackerEvent::Silent { for_, attempt, .. } = live.listener.nth_event(1, silent) else { panic!() };
     assert!(for_ >= Duration::from_millis(60) && attempt == 1);
     terminal.order(Order::Mute(false));
     live.listener.more_records(20);
