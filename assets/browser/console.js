@@ -293,15 +293,21 @@ export class Console {
     this.tellBodyMark();
   }
 
-  /** Tells the station the body mark. It stays while the picture moves; each picture has its own in the recording. */
+  /**
+   * Tells the station the body mark. It stays while the picture moves; each frozen picture has its own in the recording, and a
+   * moving one the last that was chosen.
+   */
   tellBodyMark() {
     const { mark, turn } = this.annotations;
     const picture = this.page.shown()?.picture;
     this.page.redraw();
     if (!picture) return;
-    if (this.bodyMark?.picture.key !== picture.key) this.bodyMark = null;
+    const isLive = !this.frozen;
+    const told = this.bodyMark?.picture;
+    const stays = told && (told.key === picture.key || (isLive && this.bodyMark.isLive && told.session === picture.session));
+    if (!stays) this.bodyMark = null;
     if (mark !== "none") {
-      this.bodyMark ??= { id: this.outbox.newId(), picture };
+      this.bodyMark = { id: this.bodyMark?.id ?? this.outbox.newId(), picture, isLive };
       this.outbox.set(this.bodyMark.id, picture, { kind: "body_mark", name: mark, turn_deg: turn });
     } else if (this.bodyMark) {
       this.outbox.remove([this.bodyMark]);

@@ -1,5 +1,6 @@
 // The list of what is marked on the shown picture: values, names, removal of one.
 
+import { letGo } from "./accessibility.js";
 import { caption, COLOURS } from "./calipers.js";
 
 export class MarkList {
@@ -54,7 +55,7 @@ export class MarkList {
     names.append(new Option("unnamed", ""), ...fitting.map(option));
     names.addEventListener("change", () => {
       this.on.name(caliper, names.value);
-      names.blur();
+      letGo(names);
     });
     names.addEventListener("keydown", (event) => {
       if (event.key === "Escape") names.blur();

@@ -23,6 +23,9 @@ export function label(context, text, x, y, size, font, end = Infinity) {
   context.fillText(text, left, y);
 }
 
+/** Changes that wait for the station: it takes 64 in a burst. */
+const WAITING_MAX = 60;
+
 /** Names marks, and tells the station of them, in the order in which they change. */
 export class Outbox {
   /** `link`: { isOpen(), send(message), say(text, bad) }. */
@@ -38,6 +41,9 @@ export class Outbox {
   /** The station's first message. What waited for the same session is sent. */
   begin(session) {
     if (this.session === session) this.waiting.forEach((message) => this.link.send(message));
+    else if (this.waiting.length > 0) {
+      this.link.say(`the station was started again: ${this.waiting.length} changes of marks are not recorded`, true);
+    }
     this.session = session;
     this.waiting = [];
   }
@@ -70,7 +76,11 @@ export class Outbox {
       this.link.send(message);
       return;
     }
-    this.waiting = [...this.waiting, message].slice(-200);
+    if (this.waiting.length >= WAITING_MAX) {
+      this.link.say("not connected, and many marks wait: this change is not recorded", true);
+      return;
+    }
+    this.waiting.push(message);
     this.link.say("not connected: the mark is recorded if the station comes back", true);
   }
 }

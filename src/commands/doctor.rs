@@ -16,9 +16,12 @@ use super::{Classify, Failure, input, output};
 
 /// Say what is wrong with a scene or a station, where, and what to do about it in the modelling program.
 ///
-/// A scene alone is examined with the built-in tissues; a station file also tells its own tissues and where the probe
-/// starts, and its tracker and calibration are examined, too: files and ports that are not there, values that can hardly be. At a pose, the station's or `--pose`, it tells how the tissue before the probe aberrates. Findings are errors (refused, or simulated wrongly), warnings (mended while loading, or wrong in places) and
-/// notes. Exit code 1 where there is an error, 0 without one, 2 where the file cannot be read at all.
+/// A scene alone is examined with the built-in tissues. A station file also tells its own tissues and where the probe
+/// starts. Its tracker and calibration are examined, too: files and ports that are not there, values that can hardly be.
+/// At a pose, the station's or `--pose`, it tells how the tissue before the probe aberrates.
+///
+/// Findings are errors (refused, or simulated wrongly), warnings (mended while loading, or wrong in places) and notes.
+/// Exit code 1 where there is an error, 0 without one, 2 where the file cannot be read at all.
 #[derive(Debug, Parser)]
 #[command(after_help = "Examples:\n  \
                         insonify doctor belly.glb\n  \

@@ -9,7 +9,7 @@ use insonify::files::Outputs;
 use insonify::pipeline::{StopSignals, start_recorder};
 use insonify::recording::{Capture, Event, Recorded, stream_of};
 use insonify::station::Station;
-use insonify::tracker::{Report as TrackerReport, SensorReport, Settings, Transport, host_time_ns};
+use insonify::tracker::{ProbeSensor, Report as TrackerReport, SensorReport, Settings, Transport, host_time_ns};
 use serde::Serialize;
 use tokio::runtime::Runtime;
 
@@ -115,6 +115,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         let _inside = runtime.enter();
         StopSignals::new().other()?
     };
+    let is_only = matches!(sensor, Some(ProbeSensor::Only));
     let stream = (protocol, sensor);
     let recorder = start_recorder(&args.out, &station, stream.clone(), &from, "", host_time_ns())?;
     let capture = match &tracker {
@@ -122,7 +123,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         None => Capture::of_stream(std::io::stdin(), stream, recorder.handle()).other()?,
     };
     terminal::say(&format!("recording {from} to {}; Ctrl-C ends it", args.out.display()));
-    let (reason, totals) = wait(&runtime, signals, args.duration, capture);
+    let (reason, totals) = wait(&runtime, signals, args.duration, capture, is_only);
     terminal::say(&reason);
     recorder.handle().event(Event::new(host_time_ns(), "end").with(reason));
     finish(args, recorder.finish(), &totals)
@@ -179,12 +180,14 @@ fn finish(args: &Args, recorded: Recorded, totals: &Totals) -> Result<(), Failur
     output::line(args.out.display())
 }
 
-/// Prints the status until the recording ends. Returns the reason for the end, and totals.
+/// Prints the status until the recording ends. Returns the reason for the end, and totals. `is_only` says that the probe is
+/// the only sensor heard.
 fn wait(
     runtime: &Runtime,
     mut signals: StopSignals,
     duration: Option<Duration>,
     mut capture: Capture,
+    is_only: bool,
 ) -> (String, Totals) {
     let started = Instant::now();
     let mut line = StatusLine::new();
@@ -224,7 +227,7 @@ fn wait(
     let (report, summary) = capture.end();
     show(report, bytes);
     drop(line);
-    totals.undecided = totals.records == 0 && totals.sensors.len() > 1;
+    totals.undecided = is_only && totals.sensors.len() > 1;
     if let Some(summary) = summary {
         (totals.other_senders, totals.undecided, totals.cause) =
             (summary.other_sender, summary.undecided, summary.cause);

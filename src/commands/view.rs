@@ -23,7 +23,7 @@ use super::{Classify, Failure, input, output, session};
 /// Picture a scene with the probe's fan in it, as a PNG: shaded surfaces in the colours of their tissues.
 ///
 /// Needs no GPU, except for --bmode. What encloses the organs or the fetus is transparent, or hidden except in sections:
-/// fat, soft tissue, and around a fetus muscle. --opacity shows it.
+/// fat, soft tissue, and in scenes with a fetus also muscle. --opacity shows it.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {

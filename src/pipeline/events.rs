@@ -52,6 +52,14 @@ impl Events {
         *lock(&self.notice) = Some((text, self.clock.now().saturating_add(NOTICE_TIME)));
     }
 
+    /// Shows a text as [`Self::show`] does, unless another notice still has its 5 s.
+    pub(super) fn show_if_free(&self, text: String) {
+        let (mut notice, now) = (lock(&self.notice), self.clock.now());
+        if notice.as_ref().is_none_or(|(shown, until)| now >= *until || *shown == text) {
+            *notice = Some((text, now.saturating_add(NOTICE_TIME)));
+        }
+    }
+
     /// Reports a fault: logs it, records it, and shows it on the frames until [`Self::end_lasting`]. Newer notices hide it for
     /// their 5 s.
     pub(super) fn warn_while_it_lasts(&self, text: String) {
@@ -106,5 +114,35 @@ impl Events {
             (Some(text), Some(notice)) => notice.clone_from(text),
             (text, notice) => *notice = text.cloned(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::clock::Signal;
+    use super::super::simulated::SimulatedClock;
+    use super::*;
+
+    #[test]
+    fn a_repeated_text_leaves_newer_notices_their_time() {
+        let clock: Arc<dyn Clock> = Arc::new(SimulatedClock::new());
+        let (events, signal) = (Events::new(&clock, None), Signal::default());
+        let shown_at = |s: u64| {
+            clock.wait(&signal, signal.generation(), Duration::from_secs(s));
+            let mut notice = None;
+            events.notice_into(&mut notice);
+            notice
+        };
+        events.show_if_free("silent".to_owned());
+        assert_eq!(shown_at(4).as_deref(), Some("silent"));
+        // The same text again stays for another 5 s.
+        events.show_if_free("silent".to_owned());
+        assert_eq!(shown_at(8).as_deref(), Some("silent"));
+        events.show("saved".to_owned());
+        events.show_if_free("silent".to_owned());
+        assert_eq!(shown_at(12).as_deref(), Some("saved"));
+        assert_eq!(shown_at(13), None);
+        events.show_if_free("silent".to_owned());
+        assert_eq!(shown_at(14).as_deref(), Some("silent"));
     }
 }

@@ -29,6 +29,15 @@ pub struct TrackerSummary {
     pub last_fault: Option<String>,
 }
 
+/// Text to show about a tracker.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum TrackerNotice {
+    /// News, told once.
+    News(String),
+    /// Trouble that lasts, told again and again.
+    Trouble(String),
+}
+
 /// State of a tracker that its listener updates and the session shows. Clones share it.
 #[derive(Debug, Clone, Default)]
 pub struct TrackerWatch(Arc<Shared>);
@@ -101,10 +110,10 @@ impl TrackerWatch {
     }
 
     /// The latest news, else the trouble that lasts.
-    pub(super) fn notice(&self) -> Option<String> {
+    pub(super) fn notice(&self) -> Option<TrackerNotice> {
         let mut state = lock(&self.0.state);
         let news = state.news.drain(..).next_back();
-        news.or_else(|| state.trouble.clone())
+        news.map(TrackerNotice::News).or_else(|| state.trouble.clone().map(TrackerNotice::Trouble))
     }
 
     /// Totals so far.
@@ -125,8 +134,9 @@ mod tests {
         assert!(!watch.event(&TrackerEvent::Connected { port: "x".into() }));
         let silent = TrackerEvent::Silent { for_: Duration::from_secs(2), attempt: 1, cause: Some("why".into()) };
         assert!(watch.event(&silent));
-        let texts = [watch.notice(), watch.notice()];
-        assert!(texts.iter().flatten().all(|text| text.starts_with("tracker: no record") && text.ends_with(": why")));
+        let Some(TrackerNotice::News(text)) = watch.notice() else { panic!() };
+        assert!(text.starts_with("tracker: no record") && text.ends_with(": why"), "{text}");
+        assert_eq!(watch.notice(), Some(TrackerNotice::Trouble(text)));
         (watch.heard(), watch.record());
         assert_eq!(watch.notice(), None);
         (watch.heard(), watch.heard());

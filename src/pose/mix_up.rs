@@ -3,8 +3,8 @@
 use super::csv::Named;
 use super::registration::{PointPair, rms_of_fit};
 
-/// Fewest landmarks of which an exchange can be told.
-const EXCHANGE_FROM: usize = 4;
+/// Fewest landmarks of which an exchange can be told. With four, the exchange of two others fits as well.
+const EXCHANGE_FROM: usize = 5;
 
 /// Fewest landmarks of which a single wrong one can be told: the others must still be overdetermined.
 const SINGLE_FROM: usize = 5;
@@ -212,12 +212,13 @@ mod tests {
     }
 
     #[test]
-    fn four_landmarks_show_an_exchange_and_two_a_double_touch() {
-        let mut pairs = touched(4, &[[0.2, -0.3, 0.1]; 7]);
+    fn five_landmarks_show_an_exchange_and_two_a_double_touch() {
+        let mut pairs = touched(5, &[[0.2, -0.3, 0.1]; 7]);
         assert_eq!(MixUp::of(&pairs), None);
         exchange(&mut pairs, 0, 3);
+        assert_eq!(MixUp::of(&pairs[..4]), None, "four don't tell which two");
         let Some(found @ MixUp::Exchanged { .. }) = MixUp::of(&pairs) else { panic!("{:?}", MixUp::of(&pairs)) };
-        let names = ["TOP", "UPPER", "LOWER", "LEFT"].map(|name| Named { name: name.to_owned(), value: () });
+        let names = ["TOP", "UPPER", "LOWER", "LEFT", "RIGHT"].map(|name| Named { name: name.to_owned(), value: () });
         assert!(found.describe(&names).contains("`TOP` and `LEFT`"), "{}", found.describe(&names));
         let mut pairs = touched(2, &[[0.0; 3]; 7]);
         assert_eq!(MixUp::of(&pairs), None);

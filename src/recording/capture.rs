@@ -48,7 +48,8 @@ impl Capture {
         Ok(Self { tap, source: Source::Tracker(session, cancel) })
     }
 
-    /// Reads bytes of `protocol` from `stream`, of which `sensor` is the probe, on a thread of its own, which is abandoned if the stream never ends.
+    /// Reads bytes of `protocol` from `stream` on a thread of its own. `sensor` is the probe. The thread is abandoned if the
+    /// stream never ends.
     ///
     /// # Errors
     /// The thread can't be started.

@@ -20,12 +20,16 @@ const UNKNOWN_STRAIN: f64 = 5.0;
 const UNTOLD_STRAIN: f64 = 0.5;
 
 /// Another table is likelier if its strain is smaller by this, at most this share, and at most 1 and this for each label.
-const LIKELIER_BY: f64 = 2.0;
+const LIKELIER_BY: f64 = 1.0;
 const LIKELIER_SHARE: f64 = 0.5;
 const FITS_EACH: f64 = 0.35;
 
-/// Difference of strains that tells nothing between two tables.
-const ALIKE: f64 = 0.3;
+/// Difference of strains that tells nothing between two tables: a class of unknown volume is no evidence.
+const ALIKE: f64 = UNTOLD_STRAIN;
+
+/// Labels that are too few to tell tables apart, and by how much more strain another table still fits them as well.
+const FEW_LABELS: usize = 3;
+const AS_LIKELY_BY: f64 = 1.0;
 
 /// Tables of layers of the whole body, and the volume from which a label may be one, ml.
 const BODY_TABLES: [&str; 2] = ["body", "tissue-types"];
@@ -40,6 +44,8 @@ pub struct Plausibility {
     pub unknown: Vec<u16>,
     /// Names of built-in tables that fit the numbers better, the best first.
     pub likelier: Vec<&'static str>,
+    /// Names of built-in tables that give these few numbers other meanings and fit about as well, the best first.
+    pub as_likely: Vec<&'static str>,
 }
 
 /// Labels that no human has.
@@ -82,24 +88,42 @@ pub fn plausibility(
         }
     }
     let findings = check_organs(&facts.0);
-    let likelier = if from.has_numbers() { likelier(names, &numbered) } else { Vec::new() };
-    Plausibility { findings, unknown, likelier }
+    let others = if from.has_numbers() { OtherTables::of(names, &numbered) } else { OtherTables::default() };
+    Plausibility { findings, unknown, likelier: others.likelier, as_likely: others.as_likely }
 }
 
-/// Tables that fit numbers better than the one used, the best first.
-fn likelier(names: &NameTable, numbered: &[(u16, &Measure)]) -> Vec<&'static str> {
-    let used = strain(&names.table, numbered).unwrap_or(f64::INFINITY);
-    let most = (LIKELIER_SHARE * used).min(1.0 + FITS_EACH * numbered.len() as f64).min(used - LIKELIER_BY);
-    let largest_ml = numbered.iter().map(|(_, measure)| measure.volume_ml).fold(0.0, f64::max);
-    let candidates = ClassTable::builtin_names()
-        .filter(|name| *name != names.called && (largest_ml > BODY_ML || !BODY_TABLES.contains(name)));
-    let mut fitting: Vec<(f64, &'static str)> = candidates
-        .filter_map(|name| Some((strain(&ClassTable::numbers_of(name)?, numbered)?, name)))
-        .filter(|(other, _)| *other <= most)
-        .collect();
-    fitting.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let best = fitting.first().map_or(0.0, |(best, _)| *best);
-    fitting.into_iter().take_while(|(other, _)| *other <= best + ALIKE).map(|(_, name)| name).collect()
+/// Tables that fit numbers better than the one used, and tables that fit about as well, each the best first.
+#[derive(Default)]
+struct OtherTables {
+    likelier: Vec<&'static str>,
+    as_likely: Vec<&'static str>,
+}
+
+impl OtherTables {
+    fn of(names: &NameTable, numbered: &[(u16, &Measure)]) -> Self {
+        let used = strain(&names.table, numbered).unwrap_or(f64::INFINITY);
+        let most = (LIKELIER_SHARE * used).min(1.0 + FITS_EACH * numbered.len() as f64).min(used - LIKELIER_BY);
+        let largest_ml = numbered.iter().map(|(_, measure)| measure.volume_ml).fold(0.0, f64::max);
+        let candidates = ClassTable::builtin_names()
+            .filter(|name| *name != names.called && (largest_ml > BODY_ML || !BODY_TABLES.contains(name)));
+        let mut strained: Vec<(f64, &'static str, ClassTable)> = candidates
+            .filter_map(|name| Some((name, ClassTable::numbers_of(name)?)))
+            .filter_map(|(name, table)| Some((strain(&table, numbered)?, name, table)))
+            .collect();
+        strained.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let best = strained.first().map_or(0.0, |(best, ..)| *best);
+        let fitting = strained.iter().filter(|(other, ..)| best <= most && *other <= best + ALIKE);
+        let likelier: Vec<&'static str> = fitting.map(|(_, name, _)| *name).collect();
+        if names.is_chosen || numbered.len() > FEW_LABELS || !used.is_finite() || !likelier.is_empty() {
+            return Self { likelier, as_likely: Vec::new() };
+        }
+        let name_by = |table: &ClassTable, value: u16| table.numbered(value).map(|class| class.name.clone());
+        let differs = |table: &ClassTable| {
+            numbered.iter().any(|(value, _)| name_by(table, *value) != name_by(&names.table, *value))
+        };
+        let alike = strained.iter().filter(|(other, _, table)| *other <= used + AS_LIKELY_BY && differs(table));
+        Self { likelier, as_likely: alike.map(|(_, name, _)| *name).collect() }
+    }
 }
 
 /// Organs, each name once.
@@ -176,6 +200,10 @@ impl Plausibility {
                 self.likelier.join(" or "),
                 names.called
             ));
+        }
+        if !self.as_likely.is_empty() {
+            let tables = self.as_likely.join(" or ");
+            remarks.push(format!("the numbers fit --names {tables} as well: --names says which"));
         }
         remarks
     }

@@ -493,6 +493,9 @@ def keys_act_on_what_has_the_focus(page):
     assert page.script(focused) == "stage"
     page.press("\ue00c")  # Escape
     page.script("document.activeElement.blur()")
+    # A text freezes the picture.
+    page.press(" ")
+    page.wait("frames again", lambda: text(page, "#run") == "LIVE")
 
 
 # What a French keyboard sends for a key of the digit row, and a Russian one for a letter.

@@ -38,7 +38,7 @@ fn every_command_refuses_a_scene_that_is_52_m_across() {
     ] {
         refused(
             &insonify(arguments),
-            &["52.0 m across", "1000 times too large", "160 mm deep shows nothing", "Unit Scale"],
+            &["52.0 m across", "1000 times too large", "150 mm deep shows nothing", "Unit Scale"],
         );
     }
     let error = Station::load(station.as_ref()).unwrap().load_scene(&|_| ()).unwrap_err().to_string();

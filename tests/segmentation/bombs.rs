@@ -105,12 +105,15 @@ fn polydata_beyond_the_memory_is_refused() {
 #[test]
 fn surfaces_that_share_one_accessor_are_counted_as_often_as_they_use_it() {
     let folder = tempfile::tempdir().unwrap();
-    let count = 1 << 24;
+    let (count, bytes) = (2_000_000, 24_000_000);
+    written(folder.path(), "x.bin", &vec![0; bytes]);
     let nodes: Vec<String> = (0..200).map(|n| format!("{{\"mesh\":0,\"name\":\"liver.{n:03}\"}}")).collect();
     let roots: Vec<String> = (0..200).map(|n| n.to_string()).collect();
     let gltf = format!(
         "{{\"asset\":{{\"version\":\"2.0\"}},\"scenes\":[{{\"nodes\":[{}]}}],\"nodes\":[{}],\"meshes\":[{{\"primitives\":[{{\
-         \"attributes\":{{\"POSITION\":0}}}}]}}],\"accessors\":[{{\"componentType\":5126,\"count\":{count},\
+         \"attributes\":{{\"POSITION\":0}}}}]}}],\"buffers\":[{{\"uri\":\"x.bin\",\"byteLength\":{bytes}}}],\
+         \"bufferViews\":[{{\"buffer\":0,\"byteLength\":{bytes}}}],\
+         \"accessors\":[{{\"bufferView\":0,\"componentType\":5126,\"count\":{count},\
          \"type\":\"VEC3\",\"min\":[0,0,0],\"max\":[0,0,0]}}]}}",
         roots.join(","),
         nodes.join(",")

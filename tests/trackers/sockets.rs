@@ -104,3 +104,20 @@ fn a_second_sender_is_left_out_and_named() {
         Some(())
     });
 }
+
+#[test]
+fn a_sender_with_a_new_port_for_each_datagram_is_one_sender() {
+    let live = Live::start(&settings(Transport::Udp { address: SocketAddr::from(([127, 0, 0, 1], 0)) }));
+    let TrackerEvent::Connected { port } = live.listener.nth_event(1, connected) else { panic!() };
+    // All stay open, so that no port comes twice.
+    let sockets = [(); 10].map(|()| UdpSocket::bind("127.0.0.1:0").unwrap());
+    for (n, socket) in (0..).zip(&sockets) {
+        socket.send_to(line(n).as_bytes(), port.strip_prefix("UDP ").unwrap()).unwrap();
+    }
+    live.listener.wait("all but the second and third", |heard| (heard.records.len() == 8).then_some(()));
+    live.listener.wait("no second sender", |heard| {
+        let is_other = |event: &TrackerEvent| matches!(event, TrackerEvent::OtherSender { .. });
+        assert!(!heard.events.iter().any(is_other), "{:?}", heard.events);
+        Some(())
+    });
+}

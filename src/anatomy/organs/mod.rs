@@ -98,7 +98,7 @@ fn volume(fact: &OrganFact) -> Option<OrganFinding> {
     let range = range_of(&fact.name)?;
     let Range { usual_ml: [least, usual], most_ml, is_often_cut } = *range;
     let found = fact.volume_ml;
-    let (certainty, bound) = if found > most_ml {
+    let (certainty, bound) = if let Some(most_ml) = most_ml.filter(|&most_ml| found > most_ml) {
         (Certainty::Impossible, format!("no human's has more than {}", ml(most_ml)))
     } else if found > usual {
         (Certainty::Unlikely, format!("more than {} is unusual", ml(usual)))
@@ -116,8 +116,12 @@ fn volume(fact: &OrganFact) -> Option<OrganFinding> {
     Some(OrganFinding { certainty, aspect: Aspect::Volume, organ: fact.name.clone(), what, strain })
 }
 
-/// A finding if all whole organs, two at least, are many times too small.
+/// A finding if all whole organs, two at least, are many times too small, and no organ, cut or whole, has a usual size.
 fn scale(facts: &[OrganFact]) -> Option<OrganFinding> {
+    let is_usual = |least: f64, found: f64| least > 0.0 && found >= least;
+    if facts.iter().any(|fact| range_of(&fact.name).is_some_and(|r| is_usual(r.usual_ml[0], fact.volume_ml))) {
+        return None;
+    }
     let whole = facts.iter().filter(|fact| !fact.is_cut).filter_map(|fact| Some((fact, range_of(&fact.name)?)));
     let known: Vec<_> = whole.filter(|(_, range)| !range.is_often_cut && range.usual_ml[0] >= TELLING_ML).collect();
     let is_tiny = |(fact, range): &(&OrganFact, &Range)| fact.volume_ml < OTHER_UNIT_SHARE * range.usual_ml[0];

@@ -82,6 +82,10 @@ fn volumes_are_impossible_unlikely_or_usual() {
     // The scan cuts it.
     let cut = OrganFact { is_cut: true, ..fact("liver", 5.0, [0.0; 3]) };
     assert_eq!(check_organs(&[cut]), []);
+    // Volumes of bones are assumed: a large one is told, not refused.
+    let blob = check_organs(&[fact("vertebrae_L3", 364.0, [0.0, 75.0, -90.0])]);
+    let told: Vec<_> = blob.iter().map(|finding| (finding.certainty, finding.what.as_str())).collect();
+    assert_eq!(told, [(Certainty::Unlikely, "`vertebrae_L3` has 364 ml: more than 150 ml is unusual")]);
 }
 
 #[test]
@@ -91,6 +95,15 @@ fn organs_of_a_mouse_are_not_a_human() {
     assert!(found.len() == 1 && found[0].contains("far too small for a human: `liver` has 1.5 ml"), "{found:?}");
     let child = adult().into_iter().map(|f| OrganFact { volume_ml: f.volume_ml * 0.25, ..f }).collect::<Vec<_>>();
     assert_eq!(said(&child, Certainty::Impossible), [""; 0]);
+}
+
+#[test]
+fn crumbs_next_to_a_cut_bone_of_usual_size_do_not_tell_the_unit() {
+    let femur = OrganFact { is_cut: true, ..fact("femur_left", 400.0, [110.0, 20.0, -320.0]) };
+    let crumbs = [fact("liver", 0.5, [0.0; 3]), fact("spleen", 0.3, [20.0, 0.0, 0.0])];
+    assert_eq!(said(&[&crumbs[..], &[femur]].concat(), Certainty::Impossible), [""; 0]);
+    let found = said(&crumbs, Certainty::Impossible);
+    assert!(found.len() == 1 && found[0].contains("far too small"), "{found:?}");
 }
 
 #[test]

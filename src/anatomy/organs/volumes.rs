@@ -11,8 +11,8 @@ use super::fact::matches;
 pub(super) struct Range {
     /// Usual volumes, ml: least and most.
     pub(super) usual_ml: [f64; 2],
-    /// Volume that no human exceeds, ml.
-    pub(super) most_ml: f64,
+    /// Volume that no human exceeds, ml; none where only usual volumes are known.
+    pub(super) most_ml: Option<f64>,
     /// Whether most scans end within it.
     pub(super) is_often_cut: bool,
 }
@@ -28,7 +28,7 @@ struct File {
 struct Entry {
     names: Vec<String>,
     usual_ml: [f64; 2],
-    most_ml: f64,
+    most_ml: Option<f64>,
     extent: Option<Extent>,
 }
 
@@ -63,14 +63,15 @@ mod tests {
         assert!(toml::from_str::<File>(include_str!("../../../assets/organs.toml")).is_ok());
         assert!(ENTRIES.len() > 50);
         for (names, Range { usual_ml: [least, usual], most_ml, .. }) in ENTRIES.iter() {
-            assert!(0.0 <= *least && least < usual && usual < most_ml, "{names:?}");
+            assert!(0.0 <= *least && least < usual && most_ml.is_none_or(|most| *usual < most), "{names:?}");
             // The first entry that fits counts, so that no later one may be meant.
             for name in names {
                 let name = name.replace('*', "1");
                 assert_eq!(ENTRIES.iter().filter(|(n, _)| n.iter().any(|p| matches(p, &name))).count(), 1, "{name}");
             }
         }
-        assert_eq!(range_of("Vertebrae L3").map(|range| range.most_ml), Some(300.0));
+        assert_eq!(range_of("Vertebrae L3").map(|range| (range.usual_ml[1], range.most_ml)), Some((150.0, None)));
+        assert_eq!(range_of("liver").and_then(|range| range.most_ml), Some(16000.0));
         assert_eq!(range_of("gallstone"), None);
     }
 }

@@ -48,16 +48,19 @@ pub(super) struct Steps {
 /// Check of a mounting.
 type Check<'a> = &'a dyn Fn(&ProbeMount) -> Result<(), String>;
 
-/// Records the steps. Returns the mounting and the calibration file for it: `out`, else the station's.
+/// Records the steps of a sensor or tool, else of the station's. Returns the mounting and the calibration file for it:
+/// `out`, else the station's.
 pub(super) fn run(
     path: &Path,
-    sensor: Option<u16>,
+    (sensor, tool): (Option<u16>, Option<&str>),
     out: Option<&Path>,
     check: Check<'_>,
 ) -> Result<(ProbeMount, PathBuf), Failure> {
     let station = Station::load(path)?;
     let mut settings = tracker_args::of_station(&station)?;
-    settings.device.sensor = sensor.or(settings.device.sensor);
+    if sensor.is_some() || tool.is_some() {
+        (settings.device.sensor, settings.device.tool) = (sensor, tool.map(str::to_owned));
+    }
     let out = calibration_file(&station, out, std::iter::empty())?;
     let (tap, stream) = pose_tap();
     let cancel = CancellationToken::new();

@@ -22,8 +22,8 @@ use super::{OutputArgs, write};
 ///
 /// With --tracker they are touched instead, one after the other, with a stylus or the probe's face: each line of the
 /// input (Enter) takes the landmark that is asked for, once the tip is held still. `back` takes the last one again, `again
-/// NAME` any other. From the fourth on the residuals are shown, and landmarks that were likely mixed up are named. The
-/// result goes into the calibration file that the station names, unless --out names another.
+/// NAME` any other. From the fourth on the residuals are shown; from the fifth on landmarks that were likely mixed up are
+/// named. The result goes into the calibration file that the station names, unless --out names another.
 #[derive(Debug, Parser)]
 pub(crate) struct Args {
     /// Landmarks (CSV)

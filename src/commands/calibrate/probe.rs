@@ -54,6 +54,10 @@ pub(crate) struct Args {
     #[arg(long, requires = "tracker")]
     sensor: Option<u16>,
 
+    /// Tool that is the probe, by its OpenIGTLink name [default: the station's]
+    #[arg(long, value_name = "NAME", requires = "tracker", conflicts_with = "sensor")]
+    tool: Option<String>,
+
     #[command(flatten)]
     output: OutputArgs,
 }
@@ -62,7 +66,8 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if let Some(station) = &args.tracker {
         let check = |found: &ProbeMount| limit(found, args.output.max_rms);
-        let (found, out) = guided::run(station, args.sensor, args.output.out.as_deref(), &check)?;
+        let chosen = (args.sensor, args.tool.as_deref());
+        let (found, out) = guided::run(station, chosen, args.output.out.as_deref(), &check)?;
         return report(&found, Some(&out), args.output.json);
     }
     let pivot = args.pivot.as_deref().unwrap_or(Path::new(""));

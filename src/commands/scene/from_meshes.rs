@@ -73,7 +73,7 @@ pub(crate) struct Args {
 
 const AFTER_HELP: &str = "\
 Examples:
-  insonify scene from-meshes liver.stl=liver ribs.obj#*=bone_adult kidney.ply=kidney_right --out patient.glb
+  insonify scene from-meshes liver.stl=liver 'ribs.obj#*=bone_adult' kidney.ply=kidney_right --out patient.glb
   insonify scene from-meshes abdomen.obj#grp0=liver abdomen.obj#grp1=kidney_right --out patient.glb
   insonify scene from-meshes Segmentation.obj --units mm --axes ras --out patient.glb
   insonify scene from-meshes torso.stl=body liver.stl=liver --out patient.glb --report patient.html";

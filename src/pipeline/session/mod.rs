@@ -24,7 +24,7 @@ use super::shutdown::{Part, Stop, Thread, spawn};
 use super::sink_stage::SinkStage;
 use super::slot::Slot;
 use super::summary::Summary;
-use super::tracker_watch::TrackerWatch;
+use super::tracker_watch::{TrackerNotice, TrackerWatch};
 use crate::chooser::PointController;
 use crate::render::{RenderError, RenderSettings, Renderer};
 use crate::settings::{Choice, Control, Effect, LiveSettings, PipelineSettings};
@@ -189,8 +189,10 @@ impl Pipeline {
         loop {
             let next = pipeline.clock.now().saturating_add(STATUS_PERIOD).min(until);
             let stopped = pipeline.stop.wait(next);
-            if let Some(text) = pipeline.tracker.as_ref().and_then(TrackerWatch::notice) {
-                pipeline.events.show(text);
+            match pipeline.tracker.as_ref().and_then(TrackerWatch::notice) {
+                Some(TrackerNotice::News(text)) => pipeline.events.show(text),
+                Some(TrackerNotice::Trouble(text)) => pipeline.events.show_if_free(text),
+                None => {}
             }
             watch(&pipeline.status());
             if stopped || pipeline.clock.now() >= until {
@@ -215,7 +217,6 @@ impl Pipeline {
             }
         };
         let started_at = clock.now();
-        let seconds = |ms: f64| Duration::from_secs_f64((ms * 1e-3).max(0.0));
 
         let map_readers = parts.sinks.iter().filter_map(|sink| sink.maps_wanted()).collect();
         let mut sinks = Vec::new();
@@ -230,7 +231,7 @@ impl Pipeline {
         let has_generator = generators.is_some();
         let (mut to_generator, mut generator, mut generate) = (None, None, None);
         if let Some(generators) = generators {
-            let link = Arc::new(GeneratorLink::new(&*generators, seconds(settings.hang_ms)));
+            let link = Arc::new(GeneratorLink::new(&*generators, milliseconds(settings.hang_ms)));
             let slot = Arc::new(Slot::new("generator", &clock));
             let stage = GenerateStage {
                 clock: clock.clone(),
@@ -281,16 +282,15 @@ impl Pipeline {
             generator: generator.clone(),
             map_readers,
             period: Duration::from_secs_f64(1.0 / settings.frame_rate_hz.clamp(0.1, 1000.0)),
-            deadline_after: seconds(settings.deadline_ms),
+            deadline_after: milliseconds(settings.deadline_ms),
         };
-        let (poses, renderer) = (parts.poses, parts.renderer);
-        let render = spawn(&clock, "renderer", move || RenderStage::new(render, poses, renderer).run());
+        let render = spawn(&clock, "renderer", move || RenderStage::new(render, parts.poses, parts.renderer).run());
         let render = render.map_err(refused("renderer"))?;
 
         Ok(Self {
             started_at,
             duration: limits.duration.map(|duration| started_at.saturating_add(duration)),
-            finish: seconds(settings.finish_ms),
+            finish: milliseconds(settings.finish_ms),
             stages: Stages { render, generate, presenter, sinks },
             tracker: parts.tracker,
             before: parts.before,
@@ -315,6 +315,10 @@ impl Pipeline {
         let elapsed_s = now.saturating_sub(self.started_at).as_secs_f64();
         Status { elapsed_s, damaged, ..self.metrics.status(now, dropped, notice) }
     }
+}
+
+fn milliseconds(ms: f64) -> Duration {
+    Duration::from_secs_f64((ms * 1e-3).max(0.0))
 }
 
 /// Frames begun but not presented, by cause.

@@ -32,6 +32,7 @@ fn columns_mean_what_their_names_say() {
         "r,a,s,tx,ty,tz\n-1,-2,3,40,50,60",
         "s,a,r,tx,ty,tz\n3,-2,-1,40,50,60",
         "# r a s tx ty tz\n-1,-2,3,40,50,60",
+        "# Touched on a phantom by me today\n1,2,3,40,50,60,A",
         "# tx,ty,tz,r_m,a_m,s_m\n40,50,60,-0.001,-0.002,0.003",
     ] {
         let (a, b) = first_pair(text);

@@ -244,11 +244,12 @@ impl Reader {
             self.padding = fields.len() - last;
             return Ok(true);
         }
-        // Some programs write the names as a comment.
+        // Some programs write the names as a comment; prose also holds words that could be names.
         if let (Some(comment), Some(separator)) = (&self.comment, self.separator) {
             let by_separator: Vec<Column> = split::split(comment, separator)?.iter().map(|n| Column::of(n)).collect();
             let by_space: Vec<Column> = comment.split_whitespace().map(Column::of).collect();
-            let is_head = |names: &[Column]| names.len() == fields.len() && names.iter().any(Column::is_known);
+            let known = |names: &[Column]| names.iter().filter(|name| name.is_known()).count();
+            let is_head = |names: &[Column]| names.len() == fields.len() && 2 * known(names) >= names.len();
             if let Some(names) = [by_separator, by_space].into_iter().find(|names| is_head(names)) {
                 self.columns = names;
                 return Ok(false);

@@ -58,8 +58,8 @@ impl fmt::Display for Unmapped {
 impl ClassTable {
     /// Classes of the segments that have voxels, in the order of the map's segments, and segments without a class.
     ///
-    /// Segments of ignored classes are among the mapped ones. A segment's class is that of its name, else that of its coded terms. The number counts for segments without a
-    /// name, and where a mapping such as `7=liver` names it.
+    /// Segments of ignored classes are among the mapped ones. A segment's class is that of its name, else that of its
+    /// coded terms. The number counts for segments without a name, and where a mapping such as `7=liver` names it.
     pub fn map(&self, map: &LabelMap) -> (Vec<MappedSegment>, Vec<Unmapped>) {
         let counts: Vec<Vec<u64>> = map.layers.iter().map(|layer| histogram(layer)).collect();
         let (mut mapped, mut unmapped) = (Vec::new(), Vec::new());

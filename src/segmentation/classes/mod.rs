@@ -1,7 +1,7 @@
 //! Tables of classes: which tissue the labels of a segmentation have.
 //!
-//! The built-in tables have the classes of TotalSegmentator by name and number, and the numbers of other tools and data sets. Names of all built-in tables are known
-//! whichever table is chosen; numbers are those of the chosen one.
+//! The built-in tables have the classes of TotalSegmentator by name and number, and the numbers of other tools and data
+//! sets. Names of all built-in tables are always known. Numbers are those of the chosen table.
 
 mod class;
 mod error;

@@ -152,6 +152,48 @@ fn a_chosen_table_is_doubted_and_used() {
     assert!(remarks.len() == 1 && remarks[0].starts_with("the numbers fit --names lits"), "{remarks:?}");
 }
 
+/// Labels 1, 2 and so on without names, with their volumes and centres.
+fn numbers(measured: &[(f64, [f64; 3])]) -> (LabelMap, Measures) {
+    let (mut segments, mut measures) = (Vec::new(), Measures::new());
+    for (value, (volume_ml, centre)) in (1..).zip(measured) {
+        segments.push(Segment { layer: 0, value, name: None, colour: None, terminology: None });
+        let centre_mm = DVec3::from_array(*centre);
+        measures.insert((0, value), Measure { voxels: 1000, volume_ml: *volume_ml, centre_mm, is_cut: false });
+    }
+    (label_map(segments), measures)
+}
+
+#[test]
+fn a_liver_and_its_large_tumour_are_refused_as_spleen_and_kidney() {
+    let (labels, measures) = numbers(&[(1400.0, [-60.0, 0.0, 0.0]), (60.0, [-80.0, 10.0, 20.0])]);
+    let (default, from) = names("total-v2", false);
+    let found = plausibility(&labels, &measures, &default, &from);
+    assert!(found.likelier.contains(&"lits") && found.as_likely.is_empty(), "{found:?}");
+    let error = found.check(&labels, &default, &from).unwrap_err().to_string();
+    assert!(error.contains("lits"), "{error}");
+}
+
+#[test]
+fn few_numbers_that_other_tables_fit_as_well_are_told_unless_the_table_was_chosen() {
+    // Both kidneys and a tumour of the right one, or a spleen and a right kidney.
+    let (labels, measures) = numbers(&[(310.0, [4.0, 60.0, -55.0]), (40.0, [-70.0, 55.0, -40.0])]);
+    let (default, from) = names("total-v2", false);
+    let found = plausibility(&labels, &measures, &default, &from);
+    assert!(found.check(&labels, &default, &from).is_ok(), "{found:?}");
+    // Tables that give the numbers the same meanings are no choice.
+    let same = found.as_likely.iter().any(|name| ["total-v1", "btcv", "amos"].contains(name));
+    assert!(found.as_likely.contains(&"kits") && !same, "{found:?}");
+    let told = format!("the numbers fit --names {} as well: --names says which", found.as_likely.join(" or "));
+    assert_eq!(found.remarks(&default, false), [told]);
+    let (chosen, from) = names("total-v2", true);
+    assert_eq!(plausibility(&labels, &measures, &chosen, &from).remarks(&chosen, false), [""; 0]);
+    // Four labels tell the table.
+    let part = ["spleen", "kidney_right", "kidney_left", "liver"];
+    let (labels, measures) = numbered("total-v2", DVec3::ONE, |name| part.contains(&name));
+    let (default, from) = names("total-v2", false);
+    assert_eq!(plausibility(&labels, &measures, &default, &from).remarks(&default, false), [""; 0]);
+}
+
 #[test]
 fn a_mirrored_map_is_refused_with_its_axes_and_can_be_allowed() {
     let (mut labels, measures) = numbered("total-v2", DVec3::new(-1.0, 1.0, 1.0), |_| true);

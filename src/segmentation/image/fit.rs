@@ -20,6 +20,8 @@ const BACKGROUND: f32 = 0.03;
 /// the right one.
 const BETTER: f64 = 1.15;
 const ABOVE_INNER: f64 = 1.25;
+/// Fewest organs that tell a mirror image: one or two may fit better by chance.
+const TELLING_ORGANS: usize = 3;
 /// Least difference of neighbours within organs, relative to the largest one that counts: an image without noise has none.
 const NOISE: f64 = 0.02;
 /// Largest difference of neighbours that counts as an edge, relative to the range of values.
@@ -39,6 +41,8 @@ struct Fit {
     inner: f64,
     /// Edges at borders relative to those within organs.
     quality: f64,
+    /// Number of organs whose borders lie within the image.
+    organs: usize,
 }
 
 /// Remarks on the fit of an image.
@@ -87,7 +91,7 @@ pub(super) fn check(
         let seen = format!("median {soft:.0}{unit}");
         return Err(ImageError::InAir { path: image.path.clone(), percent, what, seen, hint });
     }
-    if let Some(fit) = best {
+    if let Some(fit) = best.filter(|_| own.organs >= TELLING_ORGANS) {
         return Err(ImageError::Mirrored {
             path: image.path.clone(),
             direction: fit.direction(),
@@ -95,6 +99,9 @@ pub(super) fn check(
         });
     }
     let mut remarks = Vec::new();
+    if let Some(fit) = best {
+        remarks.push(format!("the image would fit better mirrored {}: check its axes", fit.direction()));
+    }
     if is_ct && own.in_air > REMARKED_SHARE {
         remarks.push(format!(
             "{percent:.0} % of the labelled soft tissue lies in the CT's air: is the image of the same scan?"
@@ -137,7 +144,8 @@ impl Fit {
         let edges = known.iter().sum::<f64>() / known.len().max(1) as f64;
         let inner = mean(inner);
         let quality = edges / (inner + NOISE * f64::from(largest)).max(f64::MIN_POSITIVE);
-        Self { mirrored, in_air: in_air as f64 / soft.max(1) as f64, edges, inner, quality }
+        let in_air = in_air as f64 / soft.max(1) as f64;
+        Self { mirrored, in_air, edges, inner, quality, organs: known.len() }
     }
 
     /// Directions of the mirrored axes.

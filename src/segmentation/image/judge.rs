@@ -41,7 +41,11 @@ pub(super) fn judge(
     levels: &Levels,
     fat_ring: &dyn Fn(f32) -> Option<f32>,
 ) -> Result<Judgement, ImageError> {
+    let refused = |air: f32, fat: Option<f32>, remedy: String| -> Result<Judgement, ImageError> {
+        Err(ImageError::NotHu { path: image.path.clone(), seen: seen(levels, air, fat), remedy })
+    };
     match image.stated {
+        Some(Modality::Ct) if levels.least() >= AIR_HU && levels.clipped_low(0.005) => return window(levels, &refused),
         Some(Modality::Ct) => {
             return Ok(Judgement::Hu(format!(
                 "the image was taken as a CT in HU, as --image-type says: {}",
@@ -51,9 +55,6 @@ pub(super) fn judge(
         Some(Modality::Mr) => return Ok(Judgement::Other(other("as --image-type says", levels, None))),
         None => {}
     }
-    let refused = |air: f32, fat: Option<f32>, remedy: String| {
-        Err(ImageError::NotHu { path: image.path.clone(), seen: seen(levels, air, fat), remedy })
-    };
     let soft = levels.soft_median();
     if let Some(soft) = soft {
         let air = levels.air(soft - 0.3 * (soft - levels.least()).max(1.0));
@@ -74,6 +75,10 @@ pub(super) fn judge(
     if least < AIR_HU {
         // Beyond a scanner's field there may be less than air.
         let has_air = share_within(&levels.all, AIR_RANGE_HU.start, AIR_RANGE_HU.end) > 0.02;
+        if !has_air && is_padded(levels) {
+            let seen = seen(levels, None::<f32>, None);
+            return Ok(Judgement::Hu(format!("the image was taken as a CT in HU, padded with {least:.0}: {seen}")));
+        }
         let air = if has_air { -1000.0 } else { levels.air(soft.unwrap_or(0.0).min(0.0)) };
         let scaled = soft.is_some_and(|soft| {
             soft > SOFT_HU_MAX || (is_denser(levels, air, soft) && !AIR_TO_SOFT_HU.contains(&(soft - air)))
@@ -149,9 +154,25 @@ fn is_hu_scale(levels: &Levels) -> bool {
     let below = soft - levels.air(soft - 0.3 * (soft - low));
     has_fat
         && match &levels.bone {
-            Some(bone) => quantile(bone, 0.95) - soft > 0.7 * below,
+            // With contrast agent a window may end not far above the organs: bone then has its highest value.
+            Some(bone) => {
+                let dense = quantile(bone, 0.95);
+                dense - soft > 0.7 * below || dense >= high - 1.0
+            }
             None => (100.0..400.0).contains(&below),
         }
+}
+
+/// Whether soft tissue and fat are in HU, and all values below air are one: padding of the region that wasn't scanned.
+/// A rescaled CT has more values there, as its air has noise.
+fn is_padded(levels: &Levels) -> bool {
+    let least = levels.least();
+    let padding = share_within(&levels.all, least, least + 1.0);
+    let between = share_within(&levels.all, least + 1.0, AIR_RANGE_HU.start);
+    levels.soft_median().is_some_and(|soft| SOFT_HU.contains(&soft))
+        && share_within(&levels.all, FAT_HU.start, FAT_HU.end) > 0.01
+        && least < AIR_RANGE_HU.start
+        && between < 0.1 * padding
 }
 
 /// Whether bone is denser than soft tissue throughout, as in a CT: the cortex of a bone is dark in an MR. True of images
@@ -197,11 +218,11 @@ fn other(why: &str, levels: &Levels, fat: Option<f32>) -> String {
 }
 
 /// Values of air, fat, organs and bone.
-fn seen(levels: &Levels, air: f32, fat: Option<f32>) -> String {
+fn seen(levels: &Levels, air: impl Into<Option<f32>>, fat: Option<f32>) -> String {
     let number = |value: f32| if value.abs() < 10.0 { format!("{value:.2}") } else { format!("{value:.0}") };
     let median = |values: &Option<Vec<f32>>| values.as_ref().map(|values| quantile(values, 0.5));
     let named = [
-        ("air", Some(air)),
+        ("air", air.into()),
         ("lungs", median(&levels.lungs)),
         ("fat", fat),
         ("soft tissue", median(&levels.soft)),

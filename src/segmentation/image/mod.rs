@@ -35,7 +35,7 @@ pub struct Checked {
 ///
 /// # Errors
 /// A CT whose values aren't HU, unless they are clipped below the fat, and an image that doesn't fit the labels: organs in
-/// air, or a mirror image that fits better.
+/// air, or a mirror image that fits three or more organs better.
 pub fn checked(image: &Image, grid: &Grid, labels: &[u16], organs: &[Organ]) -> Result<Checked, ImageError> {
     let sample = Sample::of(image, grid, labels, organs);
     let levels = Levels::of(image, &sample);

@@ -199,6 +199,13 @@ fn a_ct_in_hu_is_a_ct_with_or_without_air_padding_and_contrast_agent() {
     let contrast =
         image(|is| if is == Is::Kidney { 230.0 } else { hu(is) + if is == Is::Liver { 60.0 } else { 0.0 } }, 18.0);
     accepted(&contrast, true, "a CT in HU");
+    // Padded without air.
+    for padding in [-3024.0, -2000.0] {
+        let grid = grid();
+        let values = ct().values.into_iter().enumerate();
+        let values = values.map(|(i, v)| if trunk(grid.at(i)).0 == Is::Air { padding } else { v }).collect();
+        accepted(&Image { values, ..ct() }, true, &format!("padded with {padding:.0}: lungs -830, soft tissue "));
+    }
     // Cropped to the organs, without air: no value is as low as air.
     let grid = grid();
     let values = ct().values.into_iter().enumerate();
@@ -222,6 +229,9 @@ fn a_window_that_holds_the_fat_keeps_it_and_says_so() {
         assert!(share(&body, Is::Fat) > 0.97 && share(&body, Is::Air) < 0.02, "{low}: {}", share(&body, Is::Fat));
         assert!(differs * 200 < whole.iter().filter(|&&b| b).count(), "{low}: {differs} voxels differ");
     }
+    // With contrast agent, bone at the upper end is not as far above the organs as they are above the lower end.
+    let contrast = |is| if matches!(is, Is::Liver | Is::Spleen | Is::Kidney) { 110.0 } else { hu(is) };
+    accepted(&mapped(image(contrast, 18.0), |hu| hu.clamp(-160.0, 240.0)), true, "clipped to -160 to 240 HU");
 }
 
 #[test]
@@ -232,6 +242,8 @@ fn a_ct_that_is_not_in_hu_is_refused_with_its_likely_cause() {
     );
     refused(&mapped(ct(), |hu| hu - 1024.0), &["shifted by about -10"]);
     refused(&mapped(ct(), |hu| hu * 4.0), &["isn't in HU", "rescaled"]);
+    // Fat stays fat, and much air has the lowest value: no padding.
+    refused(&mapped(ct(), |hu| hu.max(-1000.0) * 1.4), &["isn't in HU", "rescaled"]);
     for (low, high, to) in
         [(-1000.0, 1000.0, 255.0), (-1000.0, 1000.0, 1.0), (-160.0, 240.0, 255.0), (-160.0, 240.0, 1.0)]
     {
@@ -270,6 +282,13 @@ fn what_the_user_states_overrides_the_values() {
     accepted(&as_mr, false, "as --image-type says");
     let as_ct = Image { stated: Some(Modality::Ct), ..ct() };
     accepted(&as_ct, true, "as --image-type says");
+    // A clipped CT stays one, or everything would be body.
+    let window = Image { stated: Some(Modality::Ct), ..mapped(ct(), |hu| hu.clamp(-160.0, 240.0)) };
+    let checked = accepted(&window, true, "clipped to -160 to 240 HU");
+    let body = crate::segmentation::body::from_image(&checked.values, &grid(), true);
+    assert!(share(&body, Is::Fat) > 0.97 && share(&body, Is::Air) < 0.02, "{}", share(&body, Is::Air));
+    let narrow = Image { stated: Some(Modality::Ct), ..mapped(ct(), |hu| hu.clamp(-50.0, 350.0)) };
+    refused(&narrow, &["clipped to -50 to 350 HU", "fat can't be told from air"]);
 }
 
 #[test]
@@ -282,6 +301,23 @@ fn a_mirrored_image_is_refused_with_its_direction() {
             assert!(fits, "{says}: {found:?}");
         }
     }
+}
+
+#[test]
+fn a_mirror_image_that_fits_one_or_two_organs_better_is_a_remark() {
+    let contrast = |is| hu(is) + if matches!(is, Is::Liver | Is::Spleen | Is::Kidney) { 100.0 } else { 0.0 };
+    let turned = mirrored(&image(contrast, 18.0), 0);
+    let found = |most: u16| {
+        let labels: Vec<u16> = labels().into_iter().map(|label| if label > most { 0 } else { label }).collect();
+        checked(&turned, &grid(), &labels, &organs()).map(|checked| checked.remarks)
+    };
+    for organs in [1, 2] {
+        let remarks = found(organs).unwrap();
+        let says = "the image would fit better mirrored left to right: check its axes";
+        assert!(remarks.len() == 2 && remarks[1] == says, "{organs}: {remarks:?}");
+    }
+    let error = found(3).unwrap_err();
+    assert!(matches!(&error, ImageError::Mirrored { direction, .. } if direction == "left to right"), "{error}");
 }
 
 #[test]

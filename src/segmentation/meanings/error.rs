@@ -87,7 +87,7 @@ pub enum MeaningError {
     },
     /// Meshes of a file of several that are no known organs.
     #[error(
-        "{file}: {names} {verb} known organ{nearest}: give each its organ, tissue or `ignore` as FILE#NAME=MEANING, as \
+        "{file}: {names} {verb}{nearest}: give each its organ, tissue or `ignore` as FILE#NAME=MEANING, as \
          in {file}#{first}=liver, or {file}#*=MEANING for all, or export a file for each organ"
     )]
     UnknownOfSeveral {

@@ -106,7 +106,7 @@ pub fn meanings(
             return Err(MeaningError::Unknown { file, name: first, nearest });
         }
         let names: Vec<String> = reader.unknown.iter().map(|(name, _)| format!("`{name}`")).collect();
-        let verb = if names.len() == 1 { "is no" } else { "are no" };
+        let verb = if names.len() == 1 { "is no known organ" } else { "are no known organs" };
         return Err(MeaningError::UnknownOfSeveral { file, names: listed(&names), verb, first, nearest });
     }
     Ok(meant)

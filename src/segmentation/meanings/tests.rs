@@ -78,7 +78,7 @@ fn arguments_name_a_file_a_mesh_and_a_meaning() {
 #[test]
 fn a_file_of_several_meshes_needs_a_meaning_for_each() {
     let meshes = [mesh("grp0", &["mtl0"], true), mesh("grp1", &["mtl1"], true)];
-    is_refused(&meshes, &["a.obj"], &["`grp0`, `grp1` are no known organ", "a.obj#grp0=liver", "a.obj#*=MEANING"]);
+    is_refused(&meshes, &["a.obj"], &["`grp0`, `grp1` are no known organs", "a.obj#grp0=liver", "a.obj#*=MEANING"]);
     is_refused(&meshes, &["a.obj=liver"], &["2 meshes (`grp0`, `grp1`)", "a.obj#grp0=liver", "a.obj#*=liver"]);
     let both = ["a.obj#grp0=liver", "a.obj#mtl1=kidney_right"];
     is_meant(&meshes, &both, &[("grp0", "liver"), ("grp1", "kidney_right")]);
@@ -121,7 +121,7 @@ fn unknown_materials_divide_only_what_is_apart() {
     is_meant(&one, &["a.obj=liver"], &[("thing", "liver")]);
     is_refused(&one, &["a.obj"], &["`thing` is no known organ", "FILE=MEANING"]);
     is_refused(&apart, &["a.obj=liver"], &["2 meshes (`mtl0`, `mtl1`)"]);
-    is_refused(&apart, &["a.obj"], &["`mtl0`, `mtl1` are no known organ", "a.obj#mtl0="]);
+    is_refused(&apart, &["a.obj"], &["`mtl0`, `mtl1` are no known organs", "a.obj#mtl0="]);
     is_meant(&apart, &["a.obj#*=liver"], &[("thing", "thing")]);
     is_meant(&apart, &["a.obj#mtl0=liver", "a.obj#*=spleen"], &[("mtl0", "liver"), ("mtl1", "mtl1")]);
     // An object that is called as an organ is that organ, whatever its colours are called.

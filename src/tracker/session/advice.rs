@@ -7,8 +7,9 @@ use bytes::BytesMut;
 use crate::tracker::settings::{Settings, Transport};
 use crate::tracker::{Protocol, framing};
 
-/// Most recent bytes that a diagnosis looks at.
-const SAMPLE_LIMIT: usize = 4096;
+/// Most recent bytes that a diagnosis looks at. Half of it is a multiple of opentrack's datagram of 48 bytes, so the
+/// oldest bytes are forgotten by whole datagrams.
+const SAMPLE_LIMIT: usize = 96 * 48;
 
 /// Records of another protocol in the sample that prove it.
 const PROOF: usize = 3;
@@ -130,13 +131,17 @@ impl Advisor {
         counted.rev().max_by_key(|(records, _)| *records).map(|(_, other)| other)
     }
 
-    /// Likely cause of a silence since the port was opened; `None` if there is nothing to advise. `skipped` names
-    /// messages that hold no pose.
-    pub(super) fn of_silence(&self, bytes: u64, skipped: Option<String>) -> Option<String> {
+    /// Likely cause of a silence since the port was opened; `None` if there is nothing to advise. `damaged` pieces were
+    /// found, and `skipped` names messages that hold no pose.
+    pub(super) fn of_silence(&self, bytes: u64, damaged: u64, skipped: Option<String>) -> Option<String> {
         if let Some(skipped) = skipped {
-            return Some(format!(
-                "only messages without a pose arrive ({skipped}); the server must send transforms, too"
-            ));
+            return Some(match damaged {
+                0 => format!("only messages without a pose arrive ({skipped}); the server must send transforms, too"),
+                _ => format!(
+                    "no whole transform arrives: {damaged} pieces are damaged, other messages hold no pose ({skipped}); \
+                     does the server write transforms with the right lengths and check sums?"
+                ),
+            });
         }
         if bytes > 0 {
             return matches!(self.transport, Transport::Serial { .. } | Transport::Tcp { .. } | Transport::Udp { .. })
@@ -233,6 +238,14 @@ mod tests {
     }
 
     #[test]
+    fn datagrams_are_recognised_after_the_oldest_were_forgotten() {
+        let datagram: Vec<u8> = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0_f64].iter().flat_map(|v| v.to_le_bytes()).collect();
+        let udp = Transport::Udp { address: "127.0.0.1:4242".parse().unwrap() };
+        let said = advisor(Protocol::AsciiLine, udp, &datagram.repeat(100)).of_damage(100, 0).unwrap();
+        assert!(said.contains("are `opentrack`, not `ascii-line`"), "{said}");
+    }
+
+    #[test]
     fn random_bytes_on_a_line_suggest_its_speed() {
         let said = advisor(Protocol::AsciiLine, serial(), &noise(3000)).of_damage(40, 0).unwrap();
         assert!(said.contains("57600 baud is not the device's speed") && said.contains("--baud"), "{said}");
@@ -261,16 +274,20 @@ mod tests {
     fn silence_names_the_address_and_its_likely_causes() {
         let udp = |address: &str| {
             let transport = Transport::Udp { address: address.parse().unwrap() };
-            advisor(Protocol::OpenTrack, transport, b"").of_silence(0, None).unwrap()
+            advisor(Protocol::OpenTrack, transport, b"").of_silence(0, 0, None).unwrap()
         };
         let said = udp("127.0.0.1:4242");
         assert!(said.contains("UDP 127.0.0.1:4242") && said.contains("--address 0.0.0.0:4242"), "{said}");
         let said = udp("0.0.0.0:4243");
         assert!(said.contains("firewall") && said.contains("not 127.0.0.1") && said.contains("port 4243"), "{said}");
         let tcp = Transport::Tcp { address: "h:18944".into() };
-        let said = advisor(Protocol::OpenIgtLink, tcp, b"").of_silence(900, Some("IMAGE, STATUS".into())).unwrap();
-        assert!(said.contains("without a pose arrive (IMAGE, STATUS)"), "{said}");
-        let said = advisor(Protocol::Liberty, serial(), b"").of_silence(0, None).unwrap();
+        let advisor_of_igt = advisor(Protocol::OpenIgtLink, tcp, b"");
+        let said = advisor_of_igt.of_silence(900, 0, Some("IMAGE, STATUS".into())).unwrap();
+        assert!(said.contains("only messages without a pose arrive (IMAGE, STATUS)"), "{said}");
+        // Transforms arrive, too, with wrong check sums.
+        let said = advisor_of_igt.of_silence(900, 7, Some("STATUS".into())).unwrap();
+        assert!(!said.contains("only messages") && said.contains("7 pieces are damaged"), "{said}");
+        let said = advisor(Protocol::Liberty, serial(), b"").of_silence(0, 0, None).unwrap();
         assert!(said.contains("answers no command at 57600 baud"), "{said}");
     }
 }

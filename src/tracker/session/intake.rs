@@ -14,6 +14,10 @@ use crate::tracker::{AxisMap, DecodeError, Listener, ProbeSensor, Protocol, Reco
 /// Shortest time between two reports of another sender.
 const SENDER_PERIOD: Duration = Duration::from_secs(5);
 
+/// Datagrams of other senders from which a second sender is told. The first two may be of one sender with a new port for
+/// each datagram, which its third one shows.
+const SENDER_FROM: u64 = 3;
+
 /// Receiver of everything that a session decodes.
 pub(super) struct Intake {
     listener: Box<dyn Listener>,
@@ -147,6 +151,9 @@ impl Intake {
     /// Takes a datagram of another sender, which is left out.
     pub(super) fn other_sender(&mut self, now: Duration, host_ns: u64, other: SocketAddr, used: SocketAddr) {
         self.summary.other_sender += 1;
+        if self.summary.other_sender < SENDER_FROM {
+            return;
+        }
         let is_due = self.sender_told.is_none_or(|at| now.saturating_sub(at) >= SENDER_PERIOD);
         if is_due {
             self.sender_told = Some(now);
@@ -183,7 +190,7 @@ impl Intake {
     /// Likely cause of the silence of a port that gave no record since it was opened.
     pub(super) fn cause_of_silence(&self, skipped: Option<String>) -> Option<String> {
         let (bytes, records) = self.connection;
-        if records == 0 { self.advisor.of_silence(bytes, skipped) } else { None }
+        if records == 0 { self.advisor.of_silence(bytes, self.summary.decode_errors, skipped) } else { None }
     }
 
     /// Totals, with the cause if there was no record.
