@@ -1,7 +1,7 @@
 //! Scenes from patients: label maps and meshes, by the library and by the command.
 
 // clippy.toml allows these in test functions only, not in their helpers.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 #[cfg(unix)]
 mod bombs;

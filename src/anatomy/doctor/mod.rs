@@ -24,7 +24,7 @@ pub(crate) mod tree;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -202,7 +202,7 @@ fn whole(checks: &[SurfaceCheck], bounds: Option<Bounds>) -> Vec<Finding> {
         findings.push(Finding::new(Defect::TooLarge, what));
     }
     let Some(bounds) = bounds else { return findings };
-    let at = Vec3::from(0.5 * bounds.min + 0.5 * bounds.max);
+    let at = 0.5 * bounds.min + 0.5 * bounds.max;
     let size = size::diagonal_mm(bounds);
     if let Some(finding) = size::wrong_unit(bounds) {
         findings.push(finding);

@@ -102,6 +102,7 @@ async fn a_replay_takes_the_same_records_as_the_session() {
         calls.bytes.iter().for_each(|(time, bytes)| writer.raw(*time, bytes).unwrap());
         writer.finish().unwrap();
         let live: Vec<_> = calls.records.iter().map(|(time, record)| (*time, record.reading)).collect();
+        drop(calls);
         assert!(live.len() > 40);
 
         let mut decoded = DecodedRecording::new(RecordingReader::open(&path).unwrap());
