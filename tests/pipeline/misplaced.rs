@@ -1,5 +1,8 @@
 //! A probe where no hand can hold it: told on the frames, in the status, the summary and the recording.
 
+use glam::Vec3;
+use insonify::anatomy::analytic::cuboid;
+use insonify::anatomy::export::{LabelledSurface, write_glb};
 use insonify::transducer::Misplacement;
 use insonify::transducer::placement::{Cause, Fault};
 
@@ -49,16 +52,23 @@ fn a_probe_deep_in_the_body_for_seconds_is_told_everywhere_until_it_is_right() {
 fn a_still_from_within_the_body_is_warned_of() {
     let _guard = beside_others();
     let directory = tempfile::tempdir().unwrap();
+    let mesh = cuboid(Vec3::new(-150.0, -150.0, 0.0), Vec3::new(150.0, 150.0, 200.0));
+    let body = LabelledSurface { name: "body".into(), tissue: "skin".into(), priority: 1, mesh };
+    write_glb(&[body], &directory.path().join("scene.glb")).unwrap();
+    let station = directory.path().join("station.toml");
+    let tables =
+        "[scene]\npath = 'scene.glb'\n[image]\nwidth = 160\nheight = 120\n[probe]\nscanlines = 32\nsamples = 256\n";
+    std::fs::write(&station, tables).unwrap();
     let render = |pose: &str| {
         let out = directory.path().join("frame");
-        let arguments = ["render", "configs/gallbladder_stones.toml", "--quality", "1x1", "--pose", pose, "--out"];
+        let arguments = ["render", station.to_str().unwrap(), "--quality", "1x1", "--pose", pose, "--out"];
         let output = insonify(&arguments).arg(&out).output().unwrap();
         assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
         let record: Value = serde_json::from_slice(&std::fs::read(out.join("frame.json")).unwrap()).unwrap();
         (String::from_utf8(output.stderr).unwrap(), record["contact"]["misplaced"].clone())
     };
-    let (said, recorded) = render("0,0,45,1,0,0,0");
-    assert!(said.contains("deep in the body") && said.contains("calibrate landmarks"), "{said}");
+    let (said, recorded) = render("0,0,100,1,0,0,0");
+    assert!(said.contains("100 mm deep in the body") && said.contains("calibrate landmarks"), "{said}");
     assert_eq!(recorded["fault"], "deep");
     let (said, recorded) = render("0,0,6,0,1,0,0");
     assert!(said.contains("looks out of the body"), "{said}");
