@@ -1,6 +1,6 @@
 //! Tables of points and poses as text, of this and other programs.
 //!
-//! A [`Reader`] takes the lines of a table one by one. Fields are separated by commas, semicolons or tabs, as the first
+//! A `Reader` takes the lines of a table one by one. Fields are separated by commas, semicolons or tabs, as the first
 //! line has them; a field in quotes may hold the separator. Empty lines and lines that begin with `#` are passed over.
 //! Numbers have a decimal point; a decimal comma is refused.
 //!
