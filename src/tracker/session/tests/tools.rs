@@ -93,16 +93,18 @@ fn a_name_for_a_protocol_with_numbers_is_refused() {
 async fn a_replay_takes_the_same_records_as_the_session() {
     for tool in [None, Some("ProbeToTracker")] {
         let (_, calls) = heard(tool, 3).await;
-        let calls = calls.lock().unwrap();
+        let (bytes, live) = {
+            let calls = calls.lock().unwrap();
+            let live: Vec<_> = calls.records.iter().map(|(time, record)| (*time, record.reading)).collect();
+            (calls.bytes.clone(), live)
+        };
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.mcap");
         let (protocol, sensor) = stream_of(&igtl(tool)).unwrap();
         let info = RecordingInfo { protocol, sensor, ..RecordingInfo::default() };
         let mut writer = RecordingWriter::create(&path, &info).unwrap();
-        calls.bytes.iter().for_each(|(time, bytes)| writer.raw(*time, bytes).unwrap());
+        bytes.iter().for_each(|(time, bytes)| writer.raw(*time, bytes).unwrap());
         writer.finish().unwrap();
-        let live: Vec<_> = calls.records.iter().map(|(time, record)| (*time, record.reading)).collect();
-        drop(calls);
         assert!(live.len() > 40);
 
         let mut decoded = DecodedRecording::new(RecordingReader::open(&path).unwrap());
