@@ -454,7 +454,8 @@ def screen_readers_are_told(page):
     assert names["TGC slider 8 of 8"] == "0 decibels at 15.0 centimetres", names
     assert names["Opacity of liver" if "Opacity of liver" in names else "Opacity of amniotic fluid"].endswith(" percent"), names
     # The shortcut isn't read as a part of the name.
-    assert page.computed("#freeze", "label") == "Unfreeze" and page.computed("#segmentation", "label") == "Tissues"
+    names = [page.computed(f"#{control}", "label").strip() for control in ("freeze", "segmentation")]
+    assert names == ["Unfreeze", "Tissues"], names
     live = "return [...document.querySelectorAll('[aria-live], [role=status], [role=alert], [role=log], output')].map((e) => e.id)"
     assert page.script(live) == ["announcer"], page.script(live)
     page.wait("an announcement", lambda: "frozen" in text(page, "#announcer"))
