@@ -18,7 +18,7 @@ pub(super) struct Freshness {
 }
 
 impl Freshness {
-    /// New measurements of the next presented frame. Those of frames that were dropped count as its own.
+    /// New measurements of the next presented frame. It also counts measurements of frames dropped before it.
     pub(super) fn next(&mut self, info: &FrameInfo, clock: &dyn Clock) -> NewMeasurements {
         let Estimate { measurements, jump, state, .. } = info.estimate;
         // Without a renderer the frame is black: what it does not show, a later one does.

@@ -1,4 +1,4 @@
-//! What is possible for a human: volumes of organs, and their positions to each other.
+//! Plausibility of human organs: their volumes and relative positions.
 //!
 //! [`check_organs`] compares the organs of a patient with `assets/organs.toml` and with a list of relations such as "the
 //! spleen lies to the left of the liver". A finding is impossible or unlikely. Children and disease give unlikely
@@ -14,7 +14,7 @@ pub use fact::OrganFact;
 use relations::{Direction, Vote, votes};
 use volumes::{Range, range_of};
 
-/// How far a finding is from what is usual.
+/// Severity of a finding: impossible in a human, or unusual.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Certainty {
     /// No human has it.
@@ -39,7 +39,7 @@ pub enum Aspect {
 /// An organ that differs from what is usual.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OrganFinding {
-    /// How far it is from what is usual.
+    /// Severity.
     pub certainty: Certainty,
     /// Property.
     pub aspect: Aspect,

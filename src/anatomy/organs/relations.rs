@@ -132,7 +132,7 @@ const VERTEBRAE_MM: f64 = 10.0;
 pub(super) struct Vote {
     /// Direction in which the first should lie.
     pub(super) direction: Direction,
-    /// Whether both have one name but for left and right.
+    /// Whether the names differ only in left and right.
     pub(super) is_pair: bool,
     /// Name of the first organ.
     pub(super) first: String,

@@ -29,7 +29,7 @@ pub enum ImageError {
         path: PathBuf,
         /// Share of the soft tissue, %.
         percent: f64,
-        /// What is there.
+        /// Description of the values found.
         what: &'static str,
         /// Values of air and of the organs.
         seen: String,

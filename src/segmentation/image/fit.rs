@@ -16,8 +16,8 @@ const REFUSED_SHARE_MR: f64 = 0.5;
 const REMARKED_SHARE: f64 = 0.03;
 /// Brightness below which an image other than a CT shows background, relative to its brightest parts.
 const BACKGROUND: f32 = 0.03;
-/// How much better a mirror image must fit, and how much stronger its edges must be at borders than within organs, to be
-/// the right one.
+/// Ratio from which a mirror image counts as the right one: of its fit to that of the image as given, and of its edges at
+/// organs' borders to those within organs.
 const BETTER: f64 = 1.15;
 const ABOVE_INNER: f64 = 1.25;
 /// Fewest organs that tell a mirror image: one or two may fit better by chance.

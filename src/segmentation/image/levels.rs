@@ -129,7 +129,7 @@ pub(super) fn share_within(sorted: &[f32], from: f32, to: f32) -> f64 {
     (below(to).saturating_sub(below(from))) as f64 / sorted.len().max(1) as f64
 }
 
-/// What is known of an image's values.
+/// Distributions of an image's values.
 pub(super) struct Levels {
     /// Values all over the image, ascending.
     pub(super) all: Vec<f32>,
