@@ -10,7 +10,6 @@ use insonify::glam::{DQuat, DVec3};
 use insonify::pipeline::{Limits, LocalRendererFactory, Parts, Pipeline, Summary, TrackedPoses};
 use insonify::pose::{Estimator, Measurement, Reading, Settings};
 use insonify::render::{Backend, BackendChoice};
-use insonify::sink::SinkError;
 use insonify::sink::live::{LiveSink, PresentedFrame};
 use insonify::tracker::host_time_ns;
 use insonify::{Pose, Station};
@@ -23,7 +22,7 @@ impl LiveSink for Printer {
         "printer"
     }
 
-    fn present(&mut self, frame: &PresentedFrame) -> Result<(), SinkError> {
+    fn present(&mut self, frame: &PresentedFrame) -> Result<(), insonify::sink::SinkError> {
         let x_mm = frame.info.pose().map_or(f64::NAN, |pose| pose.position_mm.x);
         let latency = frame.info.pose_to_present().map_or("no new pose".to_owned(), |time| format!("{time:.1?}"));
         println!("frame {}: x = {x_mm:.1} mm, {latency}", frame.number);
