@@ -41,7 +41,8 @@ impl Mesh {
         keys.chunk_by(|a, b| a >> 1 == b >> 1).map(|edge| balance(edge).unsigned_abs() as usize).sum()
     }
 
-    /// Number of the piece of each triangle, from 0, and the number of pieces. Triangles that share a vertex are of one.
+    /// Index of the piece that each triangle belongs to, and the number of pieces. Triangles that share a vertex belong to one
+    /// piece.
     pub fn pieces(&self) -> (Vec<u32>, usize) {
         let mut parent: Vec<u32> = (0..self.vertices_mm.len() as u32).collect();
         for &[a, b, c] in &self.triangles {
@@ -77,7 +78,7 @@ impl Mesh {
     }
 }
 
-/// Root of a node in a forest of `parent`s, whose paths are halved on the way.
+/// Root of a node in a forest, which `parent` gives as the parent of each node. Paths are halved on the way.
 pub(crate) fn root(parent: &mut [u32], mut node: u32) -> u32 {
     while parent[node as usize] != node {
         let above = parent[parent[node as usize] as usize];

@@ -79,12 +79,12 @@ impl Skin {
         Some(from_mm + direction * self.exit_mm(from_mm, direction, REACH_MM as f32)?)
     }
 
-    /// Distance of the exit, mm: as [`Skin::exit`], however tall the body.
+    /// Distance to the exit point of [`Skin::exit`], mm. A mesh is searched up to 3 m, a solid up to 400 mm.
     pub fn way_out_mm(&self, from_mm: DVec3, direction: DVec3) -> Option<f64> {
         self.exit_mm(from_mm, direction, BODY_MM)
     }
 
-    /// Distance of the exit within `reach_mm`, mm; a solid reaches 400 mm.
+    /// Distance to the exit point, mm. A mesh is searched up to `reach_mm`, a solid up to 400 mm.
     fn exit_mm(&self, from_mm: DVec3, direction: DVec3, reach_mm: f32) -> Option<f64> {
         match &self.0 {
             Outside::Solid(skin) => exit_solid(skin, from_mm, direction),

@@ -58,7 +58,7 @@ pub(crate) fn of_station(station: &Station) -> Result<Settings, Failure> {
 }
 
 impl TrackerArgs {
-    /// Makes the probe chosen here, if any, that of `settings`.
+    /// Applies `--sensor` or `--tool`, if one is given, to `settings`.
     ///
     /// # Errors
     /// A name for a protocol that has numbers.

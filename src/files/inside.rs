@@ -3,11 +3,11 @@
 use std::io::{self, ErrorKind};
 use std::path::{Component, Path, PathBuf};
 
-/// File called `name`, which stands in a file of `folder`. It must lie in that folder or below: an absolute path, `..` and
-/// a link that leads out are refused, so that a file from elsewhere can't have others of this machine read.
+/// Path of the file `name`, which another file in `folder` names. It must lie in that folder or below: an absolute path,
+/// `..` and a link that leads out are refused. So a file from elsewhere can't make this program read other files.
 ///
 /// # Errors
-/// A name or a link that leads out of the folder. A file that isn't there is none.
+/// A name or a link that leads out of the folder. A file that doesn't exist is no error here.
 pub fn inside(folder: &Path, name: &str) -> io::Result<PathBuf> {
     let refused = |how: &str| {
         let reason = format!("{how} leads out of the folder; copy the file into it, and name it without a path");

@@ -79,7 +79,7 @@ fn visit(bytes: &[u8], message: Message, depth: usize, files: &mut Vec<String>) 
     }
 }
 
-/// Length-delimited fields of a protocol buffer's message; ends at the first byte that is none.
+/// Length-delimited fields of a protocol buffer's message, up to its end or to the first byte that begins no field.
 struct Fields<'a> {
     rest: &'a [u8],
 }

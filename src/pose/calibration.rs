@@ -127,7 +127,7 @@ impl Calibration {
         value(self.scene_from_tracker) * tracker_from_sensor * value(self.sensor_from_probe)
     }
 
-    /// Measured `tracker_from_sensor` for which [`scene_from_probe`](Self::scene_from_probe) is this.
+    /// Pose `tracker_from_sensor` that the tracker measures at this pose; undoes [`scene_from_probe`](Self::scene_from_probe).
     pub fn tracker_from_sensor(&self, scene_from_probe: Pose) -> Pose {
         let inverse = |fitted: Option<Fitted<Pose>>| fitted.map_or(Pose::IDENTITY, |f| f.value.inverse());
         inverse(self.scene_from_tracker) * scene_from_probe * inverse(self.sensor_from_probe)

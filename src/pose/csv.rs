@@ -182,7 +182,7 @@ pub fn poses(text: &str) -> Result<Listed<Pose>, CsvError> {
     Ok(found)
 }
 
-/// Columns of the position of a table of poses, which also has a quaternion.
+/// Columns of the position in a table of poses. The table must also have a quaternion.
 ///
 /// # Errors
 /// A column is missing, or doesn't belong to poses.

@@ -32,7 +32,7 @@ pub struct Estimate {
     pub state: TrackingState,
     /// Arrival of the first byte of the newest measurement, ns since 1970 (UTC); none without a tracker.
     pub first_byte_ns: Option<u64>,
-    /// Measurements that became poses, up to the newest one.
+    /// Number of measurements that became poses, up to the newest one.
     pub measurements: u64,
     /// Latest displacement that a second measurement had to confirm; none before one.
     pub jump: Option<Jump>,

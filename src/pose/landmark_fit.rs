@@ -122,7 +122,7 @@ impl LandmarkFit {
 /// Fewest landmarks whose residuals say something.
 const RESIDUALS_FROM: usize = 4;
 
-/// How landmarks fit that were taken so far, for people: residuals from the fourth on, and what was likely mixed up.
+/// Lines of text about the fit of the landmarks taken so far: residuals from the fourth on, and a likely mix-up.
 pub fn fit_so_far(pairs: &[Named<PointPair>]) -> Vec<String> {
     let points: Vec<PointPair> = pairs.iter().map(|pair| pair.value).collect();
     let mut lines = Vec::new();

@@ -3,10 +3,10 @@
 use super::csv::Named;
 use super::registration::{PointPair, rms_of_fit};
 
-/// Fewest landmarks of which an exchange can be told. With four, the exchange of two others fits as well.
+/// Fewest landmarks among which an exchange can be found. Among four, an exchange of the other two fits as well.
 const EXCHANGE_FROM: usize = 5;
 
-/// Fewest landmarks of which a single wrong one can be told: the others must still be overdetermined.
+/// Fewest landmarks among which a single wrong one can be found: without it, there must be more than a fit needs.
 const SINGLE_FROM: usize = 5;
 
 /// An explanation must lower the RMS residual below this fraction, and by this many mm.
@@ -15,10 +15,10 @@ const EXPLAINS: (f64, f64) = (0.4, 2.0);
 /// Further explanations are named, too, if their RMS residual is within this factor and mm of the best one.
 const AS_GOOD: (f64, f64) = (1.5, 1.0);
 
-/// Landmarks farther apart than this in the scene, mm, have not the same position ...
+/// Least distance of two landmarks in the scene, mm, at which a touch of one can't be meant for the other.
 const APART_MM: f64 = 15.0;
 
-/// ... and were touched at one position if they are closer than this to the tracker.
+/// Distance of two touches, mm as the tracker measures it, below which they were at one position.
 const TOGETHER_MM: f64 = 4.0;
 
 /// Likely explanation of landmarks that don't fit.

@@ -39,7 +39,7 @@ const SPIN_DEG: f64 = 60.0;
 /// Largest accepted RMS deviation of the axis while the probe is turned about it, degrees.
 const WOBBLE_DEG: f64 = 8.0;
 
-/// Least distance of the face's centre from the sensor along the beam that tells the beam's sense, mm.
+/// Distance of the face's centre from the sensor along the beam, mm, below which the beam's sense is unknown.
 const SENSE_MM: f64 = 5.0;
 
 /// Largest accepted deviation of the angle between beam and lateral axis from 90°, degrees.
@@ -93,7 +93,7 @@ pub struct ProbeMount {
     pub width_mm: Option<f64>,
     /// Height of the face's arc, mm; `None` without its ends.
     pub arc_mm: Option<f64>,
-    /// Scatter of the lateral axis, degrees: that of its points over their distance.
+    /// Scatter of the lateral axis, degrees: the scatter of the measured points, seen over their distance.
     pub lateral_scatter_deg: f64,
     /// Source of the beam's direction.
     pub beam_from: BeamSource,
@@ -274,12 +274,12 @@ pub fn mount(steps: &MountSteps<'_>) -> Result<ProbeMount, MountError> {
     })
 }
 
-/// Angle under which `rms_mm` appears over a distance, degrees.
+/// Angle by which a direction over a distance is uncertain if its ends are by `rms_mm`, degrees.
 fn degrees(rms_mm: f64, over_mm: DVec3) -> f64 {
     rms_mm.atan2(over_mm.length()).to_degrees()
 }
 
-/// The face by its two ends.
+/// Width and arc of the face from its two ends, each rested in the dimple of the pivot.
 fn face(ends: [&[Pose]; 2], pivot: &Pivot) -> Result<Face, MountError> {
     let [first, second] = ends;
     let (marker, marker_rms) = end(first, pivot.pivot_mm, "the end of the face at the marker")?;
@@ -299,7 +299,7 @@ fn face(ends: [&[Pose]; 2], pivot: &Pivot) -> Result<Face, MountError> {
     Ok(Face { across_mm, arc_mm, rms_mm: marker_rms.max(other_rms) })
 }
 
-/// Mean of the point of the probe that is at `dimple_mm`, in the sensor's frame, and its RMS distance from that, mm.
+/// The point of the probe that rests at `dimple_mm`: its mean in the sensor's frame, and its RMS distance from the mean, mm.
 fn end(poses: &[Pose], dimple_mm: DVec3, step: &'static str) -> Result<(DVec3, f64), MountError> {
     if poses.is_empty() {
         return Err(MountError::Empty { step });
@@ -314,7 +314,7 @@ fn end(poses: &[Pose], dimple_mm: DVec3, step: &'static str) -> Result<(DVec3, f
     Ok((mean, rms_mm))
 }
 
-/// The beam by a turn about it. Its sense is that of the arc, else from the sensor to the face.
+/// Direction of the beam, about which the probe was turned. Its sense is that of the arc, else from the sensor to the face.
 fn spin(poses: &[Pose], centre_mm: DVec3, arc: Option<Direction>) -> Result<Direction, MountError> {
     if poses.is_empty() {
         return Err(MountError::Empty { step: "the turn about the probe's axis" });
@@ -345,7 +345,7 @@ fn spin(poses: &[Pose], centre_mm: DVec3, arc: Option<Direction>) -> Result<Dire
     Ok((axis * sense.signum(), wobble_deg))
 }
 
-/// The lateral axis by a slide with the marker's side ahead.
+/// Direction of the lateral axis from a slide with the marker's side ahead.
 fn slide(poses: &[Pose], centre_mm: DVec3) -> Result<Direction, MountError> {
     let (Some(first), Some(last)) = (poses.first(), poses.last()) else {
         return Err(MountError::Empty { step: "the slide" });

@@ -161,7 +161,7 @@ pub fn register(pairs: &[PointPair]) -> Result<Registration, RegistrationError> 
     Ok(Registration { scene_from_tracker, rms_mm, residuals_mm: pairs.iter().map(residual).collect(), coplanar })
 }
 
-/// RMS residual of the best rigid fit, mm, whatever the landmarks are like; `None` if there is none.
+/// RMS residual of the best rigid fit, mm, without the checks of [`register`]; `None` if there is no fit.
 pub(crate) fn rms_of_fit(pairs: &[PointPair]) -> Option<f64> {
     if pairs.is_empty() {
         return None;

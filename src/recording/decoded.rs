@@ -42,8 +42,8 @@ impl<R: Read> DecodedRecording<R> {
     }
 
     /// Decodes the recording of `reader` with the puck range and axis map of `settings`, as a live session does.
-    /// Protocol and sensor are the recording's. Where it chose none, the one that `settings` choose for its protocol is
-    /// taken.
+    /// Protocol and sensor are the recording's. If it was made while none of several sensors was chosen, the sensor that
+    /// `settings` choose for its protocol is taken.
     pub(crate) fn with_settings(reader: RecordingReader<R>, settings: &Settings) -> Self {
         let decoder = reader.info().protocol.decoder_of(&settings.device);
         let axis_map = settings.axis_map;

@@ -1,10 +1,10 @@
-//! Marks for people and as JSON.
+//! Report of a mark, as a line of text and as JSON.
 
 use serde::Serialize;
 
 use super::marks::{RecordedContent, RecordedMark};
 
-/// A mark for people and as JSON.
+/// Properties of a mark, for a line of text and for JSON.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MarkReport {
     /// Time of its last change, s from the start.

@@ -1,4 +1,7 @@
 //! Comparison of labels with what is possible for a human, under the table that was used and under all others.
+//!
+//! The strain of a table is the sum of the evidence against it: numbers that it lacks, and organs of unusual volume or
+//! position.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -15,23 +18,25 @@ use crate::anatomy::organs::{Aspect, Certainty, OrganFact, OrganFinding, check_o
 /// Findings that a message lists at most.
 const LISTED_MAX: usize = 4;
 
-/// Strain of a number that a table doesn't have, and of one whose class tells neither volume nor position.
+/// Strain of a number that a table lacks, and of a number whose class has no known volume.
 const UNKNOWN_STRAIN: f64 = 5.0;
 const UNTOLD_STRAIN: f64 = 0.5;
 
-/// Another table is likelier if its strain is smaller by this, at most this share, and at most 1 and this for each label.
+/// Conditions for another table to be likelier: its strain is less than that of the table used by `LIKELIER_BY` at least, is at
+/// most `LIKELIER_SHARE` of it, and at most 1 plus `FITS_EACH` for each label.
 const LIKELIER_BY: f64 = 1.0;
 const LIKELIER_SHARE: f64 = 0.5;
 const FITS_EACH: f64 = 0.35;
 
-/// Difference of strains that tells nothing between two tables: a class of unknown volume is no evidence.
+/// Largest difference of the strains of two tables that decides nothing: a class of unknown volume is no evidence.
 const ALIKE: f64 = UNTOLD_STRAIN;
 
-/// Labels that are too few to tell tables apart, and by how much more strain another table still fits them as well.
+/// Up to this number of labels, tables can't be told apart for certain. Another table then fits as well if its strain is larger
+/// by at most `AS_LIKELY_BY`.
 const FEW_LABELS: usize = 3;
 const AS_LIKELY_BY: f64 = 1.0;
 
-/// Tables of layers of the whole body, and the volume from which a label may be one, ml.
+/// Tables whose classes are layers of the whole body, and the least volume of such a layer, ml.
 const BODY_TABLES: [&str; 2] = ["body", "tissue-types"];
 const BODY_ML: f64 = 3000.0;
 
@@ -92,7 +97,7 @@ pub fn plausibility(
     Plausibility { findings, unknown, likelier: others.likelier, as_likely: others.as_likely }
 }
 
-/// Tables that fit numbers better than the one used, and tables that fit about as well, each the best first.
+/// Tables that fit the numbers better than the one used, and tables that fit about as well; in both lists the best comes first.
 #[derive(Default)]
 struct OtherTables {
     likelier: Vec<&'static str>,
@@ -126,7 +131,7 @@ impl OtherTables {
     }
 }
 
-/// Organs, each name once.
+/// Facts about organs. Labels of one name are one organ.
 #[derive(Default)]
 struct Facts(Vec<OrganFact>);
 
@@ -147,7 +152,7 @@ impl Facts {
     }
 }
 
-/// Evidence against these numbers being those of `table`; `None` if they are impossible.
+/// Strain of `table` for these numbers; `None` if its organs would be impossible.
 fn strain(table: &ClassTable, numbered: &[(u16, &Measure)]) -> Option<f64> {
     let (mut facts, mut strain) = (Facts::default(), 0.0);
     for (value, measure) in numbered {

@@ -100,7 +100,8 @@ fn grid_of(size: [usize; 3], lps_from_voxel: glam::DAffine3) -> Grid {
 /// `image` is what was segmented. Both may have grids of their own.
 ///
 /// # Errors
-/// Segments without a meaning unless `leave_out_unknown`; no organ at all; a body without a voxel.
+/// Segments without a meaning unless `leave_out_unknown`; no organ at all; a body without a voxel; a body or an image of another
+/// scan; an image that is refused ([`ImageError`]); more voxels than there is memory for.
 pub fn gather(
     labels: LabelMap,
     table: &ClassTable,

@@ -237,7 +237,7 @@ fn listed(names: &[String]) -> String {
     }
 }
 
-/// Words that all names share, if a name is only known without them.
+/// Words that all names share and that were left out; empty if all names are known with them.
 fn left_out_words(stems: &[String], common: [usize; 2], table: &ClassTable) -> String {
     let is_known = |stem: &String| matches!(organ_in_name(stem, table, Some([0, 0])), OrganInName::Is(_));
     let [start, end] = common;

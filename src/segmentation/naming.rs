@@ -188,7 +188,8 @@ fn place(path: &Path) -> &'static str {
     }
 }
 
-/// Decides by what the labels of a map are named. A lone label without a name gets that of the file, if that is an organ's.
+/// Decides how the labels of a map get their names. A lone label without a name is called as the file, if that is the name
+/// of an organ.
 ///
 /// # Errors
 /// One label without a name in a file that is called as no organ; contradictions of the file's name.

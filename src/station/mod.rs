@@ -223,7 +223,7 @@ impl Station {
     ///
     /// # Errors
     /// An error of [`import::load`]; a scene of another unit, of which an image shows nothing; or `tissues` lacks the
-    /// background tissue. Another size that is no body's is logged as a warning.
+    /// background tissue. Any other size that no body has is logged as a warning.
     pub fn load_scene_from(&self, path: &Path) -> Result<Scene, StationError> {
         let background = parse::tissue_index(&self.tissues, &self.background)?;
         let mut scene = import::load(path, &self.tissues, background)?;

@@ -1,4 +1,4 @@
-//! What is wrong with a station's tracker and calibration, before a session starts.
+//! Faults of a station's tracker and calibration that are found without a session.
 
 use std::fmt;
 use std::path::Path;
@@ -79,7 +79,7 @@ fn needs_calibration(station: &Station) -> bool {
     live && !matches!(station.tracker.protocol, Protocol::Bno08x | Protocol::Bno08xRollFirst)
 }
 
-/// Parts of a calibration that a live tracker needs and that are not there.
+/// Findings about parts of a calibration that a live tracker needs and that are missing.
 fn incomplete(station: &Station, calibration: &Calibration) -> Vec<SetupFinding> {
     if !needs_calibration(station) {
         return Vec::new();
@@ -102,7 +102,7 @@ fn incomplete(station: &Station, calibration: &Calibration) -> Vec<SetupFinding>
     findings
 }
 
-/// Calibrated values that can hardly be.
+/// Findings about calibrated values that can hardly be right.
 fn implausible(calibration: &Calibration, bounds_mm: Option<[[f32; 3]; 2]>) -> Vec<SetupFinding> {
     let mut findings = Vec::new();
     let mut warn = |what: String, remedy: &str| findings.push(finding(Severity::Warning, what, remedy));
@@ -152,7 +152,7 @@ fn implausible(calibration: &Calibration, bounds_mm: Option<[[f32; 3]; 2]>) -> V
     findings
 }
 
-/// Message about a distance from a sensor that can hardly be.
+/// Message about a distance from a sensor that can hardly be right; `None` for a plausible one.
 fn off_mount(what: &str, position_mm: DVec3) -> Option<String> {
     let away_mm = position_mm.length();
     let [least, most] = MOUNT_MM;

@@ -1,4 +1,4 @@
-//! Damaged pieces of a stream, as they are told.
+//! Report of a stream's damaged pieces.
 
 use std::fmt;
 use std::time::Duration;

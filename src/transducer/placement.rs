@@ -1,7 +1,7 @@
 //! Probes where no hand can hold one: deep in the body, or looking out of it.
 //!
-//! Such poses come from a tracker's unit, its order of the quaternion, or a missing calibration. The picture looks like one
-//! of a coupled probe, so they are told.
+//! Such poses come from a wrong unit, a wrong order of the quaternion's components, or a missing calibration. The picture
+//! looks like that of a coupled probe, so the user is told.
 
 use std::fmt;
 
@@ -17,7 +17,8 @@ pub const DEPTH_MAX_MM: f64 = 25.0;
 /// Distance before the face, mm, at which a probe that looks into the body has body before it.
 const AHEAD_MM: f64 = 15.0;
 
-/// Directions, of six, in which there is skin around a point in the body: a scan of a body may be open on one side.
+/// Of the six directions from a point in the body, the number in which there must be skin. A scanned body may be open on
+/// one side.
 const ENCLOSED: usize = 5;
 
 /// Impossible placement of a probe.
@@ -105,8 +106,8 @@ fn fault(skin: &Skin, pose: &Pose) -> Option<Fault> {
     }
 }
 
-/// Distance of a point in the body from the nearest skin along the axes of `pose`, mm. `None` outside: there is skin in too few
-/// directions.
+/// Distance of a point in the body from the nearest skin along the axes of `pose`, mm. `None` for a point outside, from
+/// which there is skin in too few directions.
 fn depth_mm(skin: &Skin, pose: &Pose, from_mm: DVec3) -> Option<f64> {
     let axes = [DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_X, DVec3::NEG_Y, DVec3::NEG_Z];
     let ways = axes.into_iter().filter_map(|axis| skin.way_out_mm(from_mm, pose.orientation * axis));

@@ -6,10 +6,11 @@ use super::{Defect, Finding, Place};
 use crate::anatomy::organs::{Aspect, OrganFact, check_organs};
 use crate::anatomy::{Bounds, Mesh};
 
-/// Distance from the scene's bounds within which a scan cuts an organ, mm.
+/// Distance to the scene's bounds below which an organ counts as cut by the scan, mm.
 const BORDER_MM: f32 = 1.5;
 
-/// Findings about the organs among closed surfaces of a scene in LPS, mm. An organ with a wall is as large as that.
+/// Findings about the organs among closed surfaces of a scene in LPS, mm. Where an organ has a wall, the wall's surface is
+/// measured.
 pub(super) fn examine<'a>(surfaces: impl Iterator<Item = (&'a str, &'a Mesh)>, scene: Option<Bounds>) -> Vec<Finding> {
     let surfaces: Vec<(&str, &Mesh)> = surfaces.collect();
     let named = |name: &str| surfaces.iter().find(|(other, _)| *other == name);

@@ -1,4 +1,4 @@
-//! Sizes that no body has.
+//! Sizes of scenes that no body has.
 
 use super::finding::{Defect, Finding, Place};
 use crate::anatomy::{Bounds, Scene};
@@ -11,7 +11,7 @@ pub(super) fn diagonal_mm(bounds: Bounds) -> f32 {
     (bounds.max.as_dvec3() - bounds.min.as_dvec3()).length() as f32
 }
 
-/// Finding about the size of a scene that is no body's.
+/// Finding about a scene whose size no body has.
 pub(super) fn wrong_unit(bounds: Bounds) -> Option<Finding> {
     let (size, [least, most]) = (diagonal_mm(bounds), SIZE_MM);
     let would_fit = |factor: f32| (least..=most).contains(&(size * factor));
@@ -29,10 +29,10 @@ pub(super) fn wrong_unit(bounds: Bounds) -> Option<Finding> {
     Some(Finding::new(Defect::WrongUnit, what).at([place]))
 }
 
-/// Size of a loaded scene that is no body's.
+/// A loaded scene whose size no body has.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WrongSize {
-    /// Finding as of [`examine`](super::examine).
+    /// The finding that [`examine`](super::examine) would report.
     pub finding: Finding,
     /// Smallest extent of any surface along an axis, mm.
     pub thinnest_mm: f32,

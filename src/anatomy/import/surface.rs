@@ -93,13 +93,13 @@ fn unpaired_edges(mesh: &mut Mesh, fillers: &[[u32; 3]]) -> usize {
     without.min(with)
 }
 
-/// Smallest share of a surface's volume that a part must have to be told.
+/// Share of a surface's volume below which a part isn't mentioned.
 const CRUMB: f64 = 1e-4;
 
-/// Most parts of a surface that are compared with each other.
+/// Surfaces of more parts aren't checked: each part is compared with all others.
 const PARTS_MAX: usize = 1000;
 
-/// Parts of a closed mesh that face inward and lie in the bounds of no other part. Cavities lie in their part.
+/// Finding about parts of a closed mesh that face inward and lie in the bounds of no other part. A cavity lies in another part.
 fn inward_parts(mesh: &Mesh) -> Option<FindingKind> {
     let (part_of, of) = mesh.pieces();
     if !(2..=PARTS_MAX).contains(&of) {

@@ -15,8 +15,8 @@ pub struct OrganFact {
     pub is_cut: bool,
 }
 
-/// Whether a name is meant by a pattern: equal, or with `*` at its end, the start of the name. Case counts no more than
-/// spaces and hyphens do.
+/// Whether a name fits a pattern. A pattern is a whole name, or the start of names if it ends in `*`. Case is ignored; spaces
+/// and hyphens count as underscores.
 pub(super) fn matches(pattern: &str, name: &str) -> bool {
     let name = name.replace([' ', '-'], "_").to_lowercase();
     let pattern = pattern.to_lowercase();

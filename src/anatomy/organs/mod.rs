@@ -54,16 +54,16 @@ pub struct OrganFinding {
 /// Strain of an impossible volume.
 const IMPOSSIBLE_STRAIN: f64 = 8.0;
 
-/// Organs of less than this share of their usual lower end are fragments, whose positions mean nothing.
+/// Share of its least usual volume below which an organ is a fragment. The position of a fragment means nothing.
 const FRAGMENT_SHARE: f64 = 0.1;
 
 /// Volume below which an organ without a known range is a fragment, ml.
 const FRAGMENT_ML: f64 = 0.2;
 
-/// Share of the usual lower end below which volumes tell another unit of length, if all organs are so small.
+/// If all organs have less than this share of their least usual volume, the unit of length is wrong.
 const OTHER_UNIT_SHARE: f64 = 0.05;
 
-/// Usual lower end from which an organ tells the unit, ml: hollow organs may be empty.
+/// Least usual volume that an organ must have to tell the unit, ml: hollow organs may be empty.
 const TELLING_ML: f64 = 10.0;
 
 /// Findings about the organs of one patient, impossible ones first.
@@ -116,7 +116,7 @@ fn volume(fact: &OrganFact) -> Option<OrganFinding> {
     Some(OrganFinding { certainty, aspect: Aspect::Volume, organ: fact.name.clone(), what, strain })
 }
 
-/// A finding if all whole organs, two at least, are many times too small, and no organ, cut or whole, has a usual size.
+/// A finding if there are two whole organs or more, all are many times too small, and no other organ has a usual size.
 fn scale(facts: &[OrganFact]) -> Option<OrganFinding> {
     let is_usual = |least: f64, found: f64| least > 0.0 && found >= least;
     if facts.iter().any(|fact| range_of(&fact.name).is_some_and(|r| is_usual(r.usual_ml[0], fact.volume_ml))) {
@@ -142,8 +142,8 @@ fn scale(facts: &[OrganFact]) -> Option<OrganFinding> {
     })
 }
 
-/// Findings about positions. Relations of one direction that mostly contradict tell a reversed axis; single ones are
-/// unlikely.
+/// Findings about positions. If most relations along one axis are contradicted, that axis is reversed, which is impossible.
+/// A single contradicted relation is unlikely.
 fn positions(votes: &[Vote]) -> Vec<OrganFinding> {
     let mut findings = Vec::new();
     let mut groups: BTreeMap<(Direction, bool), Vec<&Vote>> = BTreeMap::new();

@@ -26,7 +26,7 @@ impl Direction {
         }
     }
 
-    /// Words for a position in this direction, and in the opposite one.
+    /// Words for a position in this direction, then for one in the opposite direction.
     fn words(self) -> [&'static str; 2] {
         match self {
             Self::Left => ["to the left of", "to the right of"],
@@ -36,7 +36,7 @@ impl Direction {
     }
 }
 
-/// Organs that are one in a relation: the name of several, and patterns of names.
+/// Organs that count as one in a relation: their common name in messages, and patterns of their names.
 type Group = (&'static str, &'static [&'static str]);
 
 const SPINE: Group = ("the spine", &["vertebrae_*", "sacrum", "spinal_cord"]);
@@ -61,12 +61,12 @@ const LEFT_KIDNEY: Group = ("the left kidney", &["kidney_left"]);
 const RIGHT_KIDNEY: Group = ("the right kidney", &["kidney_right"]);
 const BODY: Group = ("the body", &["body", "body_trunc", "skin"]);
 
-/// Certain and likely evidence.
+/// Weights of certain and of likely evidence.
 const CERTAIN: u32 = 2;
 const LIKELY: u32 = 1;
 
-/// The first organ lies in the direction of the second, in nearly everybody. A smaller distance, mm, than that given tells
-/// nothing.
+/// Seen from the second organ, the first one lies in this direction, in nearly everybody. Then follow the least distance that
+/// tells anything, mm, and the weight.
 const RELATIONS: [(Group, Direction, Group, f64, u32); 50] = [
     (SPLEEN, Direction::Left, LIVER, 20.0, CERTAIN),
     (SPLEEN, Direction::Left, GALLBLADDER, 15.0, CERTAIN),
@@ -120,10 +120,10 @@ const RELATIONS: [(Group, Direction, Group, f64, u32); 50] = [
     (KIDNEYS, Direction::Up, LEGS, 30.0, CERTAIN),
 ];
 
-/// Smallest distance of a left and a right organ from side to side that tells anything, mm.
+/// Least distance along the left-right axis of a left and a right organ that tells anything, mm.
 const PAIR_MM: f64 = 10.0;
 
-/// Order of vertebrae from the head down, and the smallest height between two that tells anything, mm.
+/// Letters of vertebrae, each with the number of vertebrae above, and the least difference of heights that tells anything, mm.
 const VERTEBRAE: [(char, u32); 4] = [('c', 0), ('t', 7), ('l', 19), ('s', 24)];
 const VERTEBRAE_MM: f64 = 10.0;
 

@@ -132,7 +132,7 @@ fn accepted(step: usize, poses: Vec<Pose>) -> Result<Vec<Pose>, String> {
     calibrate(&poses).map(|_| poses).map_err(|error| error.to_string())
 }
 
-/// The mounting of all steps.
+/// Mounting that all steps together give.
 fn finished(taken: &[Option<Vec<Pose>>], check: Check<'_>) -> Result<ProbeMount, String> {
     let of = |step: usize| taken.get(step).and_then(Option::as_deref);
     let steps = MountSteps {

@@ -75,7 +75,7 @@ fn positive(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|mm: &f64| *mm > 0.0).ok_or_else(|| "expected a number above 0, in mm".to_owned())
 }
 
-/// Calibration file for a result: `out`, else the station's. None of the station's other files, nor of `others`, is it.
+/// Calibration file for a result: `out`, else the station's. It may be none of the station's other files, and none of `others`.
 fn calibration_file<'a>(
     station: &Station,
     out: Option<&Path>,

@@ -178,8 +178,8 @@ fn decided<T: Copy + std::fmt::Display>(
 /// Sizes of bodies and of their smallest parts, mm.
 const SIZES_MM: std::ops::RangeInclusive<f64> = 5.0..=2500.0;
 
-/// Ratio to an organ's usual size beyond which it is in another unit; the second where the unit is given, since a mesh
-/// may be a fragment.
+/// An organ whose size differs from the usual one by more than this ratio is in another unit. Where the user gives the unit, the
+/// second ratio counts, since a mesh may be a fragment.
 const OTHER_UNIT: f64 = 5.0;
 const OTHER_UNIT_GIVEN: f64 = 30.0;
 

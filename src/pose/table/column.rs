@@ -165,7 +165,7 @@ fn without_unit(key: &str) -> Option<Meaning> {
         "status" => Meaning::Status,
         "event" => Meaning::Event,
         "defined" => Meaning::Defined,
-        // NDI's name of the scalar part. With q1 to q3, which are refused, it may be either.
+        // NDI names the scalar part q0. Beside q1 to q3 it might be x as well, but those are refused.
         "q0" => Meaning::Quaternion(0),
         "q1" | "q2" | "q3" | "q4" | "w" => Meaning::Ambiguous(QUATERNION_ORDER),
         "roll" | "pitch" | "yaw" | "heading" | "azimuth" | "elevation" | "az" | "el" | "ro" | "rx" | "ry" | "rz"

@@ -146,7 +146,7 @@ impl Layout {
         Ok(all)
     }
 
-    /// Name and content of a field of the pose that is empty or NaN; none if there is none.
+    /// The first field of the pose that is empty or NaN: its column's name, and its content.
     #[cfg_attr(not(feature = "recordings"), allow(dead_code, reason = "imports read it"))]
     pub(crate) fn absent<'a>(&'a self, position: &'a Position, row: &'a [String]) -> Option<(&'a str, &'a str)> {
         let axes = position.axes.iter().map(|(at, name, _)| (*at, name));
@@ -154,10 +154,10 @@ impl Layout {
         all.find_map(|(at, name)| Some((name.as_str(), field(row, at))).filter(|(_, field)| is_absent(field)))
     }
 
-    /// Pose of a row; a part of its numbers may not be absent.
+    /// Pose of a row. A row has none if all of its numbers are absent, or all are 0; a part of them may not be absent.
     ///
     /// # Errors
-    /// A field that is not a number, which the inner result doesn't have; numbers that are not a pose, which it has.
+    /// The outer result fails for a field that is not a number, the inner one for numbers that are not a pose.
     pub(crate) fn pose(&self, position: &Position, row: &[String]) -> Result<Result<PoseField, PoseError>, TableFault> {
         let at = position.axes.iter().map(|(at, ..)| *at);
         let mut at = at.chain(self.quaternion.iter().flatten().map(|(at, _)| *at));
@@ -191,7 +191,7 @@ impl Position {
         self.axes.each_ref().map(|(_, name, _)| name.as_str()).join(",")
     }
 
-    /// Description of axes that are reversed or swapped into LPS, as `x = −r, y = −a, z = s`.
+    /// Each axis of LPS in terms of the table's columns, as `x = −r, y = −a, z = s`.
     pub(crate) fn turned(&self) -> String {
         let each = self
             .axes

@@ -277,7 +277,7 @@ impl Reader {
             let name = fields.split_off(columns - 1).join(", ");
             fields.push(name);
         }
-        // The numbers of a table without names must not hold more of them than it has.
+        // Without column names, a number in the place of the name means that the line holds too many numbers.
         let is_too_numeric =
             self.is_headless && name_is_last && fields.last().is_some_and(|name| split::looks_numeric(name));
         if (self.is_fcsv && fields.len() > columns) || (fields.len() == columns && !is_too_numeric) {

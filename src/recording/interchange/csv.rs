@@ -8,9 +8,9 @@
 //! | `status` | optional: `ok` or empty, or `invalid` for a row without a pose, whose numbers are ignored |
 //! | `event` | optional: name of an event at that time |
 //!
-//! [`table`](crate::pose::table) says how lines, names and units are read. Here each length and time needs its unit, of
-//! which there are others: `x_m`, `time_ms`. A row whose pose is empty, NaN or zero throughout has none: trackers write it
-//! while they don't see their tool.
+//! [`table`](crate::pose::table) says how lines, names and units are read. Here the name of each length and time needs a
+//! unit; `x_m` and `time_ms` are read as well. A row has no pose if all numbers of it are empty, NaN or zero: trackers
+//! write that while they don't see their tool.
 
 use std::io::BufRead;
 use std::path::Path;

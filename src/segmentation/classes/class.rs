@@ -94,7 +94,7 @@ impl Class {
         }
     }
 
-    /// The class with the properties of the known class of its name, if it states none of its own.
+    /// This class. If it states a name and number alone, it gets the properties of the known class of that name.
     pub(super) fn completed<'a>(self, known: impl Fn(&str) -> Option<&'a Self>) -> Self {
         let states_none = self.tissue.is_none()
             && self.priority.is_none()

@@ -62,7 +62,7 @@ const MEANING: [&str; 24] = [
 /// What the name of a file says about its organ.
 #[derive(Debug, Clone, PartialEq)]
 pub enum OrganInName {
-    /// Name of the organ's class; all other words say nothing about organs.
+    /// Name of the organ's class. All other words of the file's name say nothing about organs.
     Is(String),
     /// Names of classes that it may mean.
     Maybe(Vec<String>),
@@ -78,7 +78,8 @@ pub fn stem(path: &Path) -> String {
     suffix.map_or(name.clone(), |suffix| name[..name.len() - suffix.len()].to_owned())
 }
 
-/// Words at the start and at the end that all of these names have; none that may belong to an organ's name.
+/// Numbers of words that all names share at their start and at their end. Words that change what an organ's name means are not
+/// counted.
 pub fn common_words(stems: &[String]) -> [usize; 2] {
     let all: Vec<Vec<String>> = stems.iter().map(|stem| words(stem)).collect();
     let [first, _, ..] = &all[..] else { return [0, 0] };
@@ -95,8 +96,8 @@ pub fn common_words(stems: &[String]) -> [usize; 2] {
     if at_start + at_end < shortest { [at_start, at_end] } else { [0, 0] }
 }
 
-/// What the file name `stem` says about the organ in the file. `common` counts words at its start and end that all files of
-/// its folder have; a lone file has none.
+/// What the file name `stem` says about the organ in the file. `common` is the number of words at its start and at its end that all
+/// files of its folder share; `None` for a lone file.
 pub fn organ_in_name(stem: &str, table: &ClassTable, common: Option<[usize; 2]>) -> OrganInName {
     let words = words(stem);
     if let (Some(class), Some(_)) = (table.named(stem), common) {

@@ -30,10 +30,10 @@ const BUILTIN: [(&str, &str); 14] = [
     ("kits", include_str!("../../../assets/labels/kits.toml")),
 ];
 
-/// Number of the first tables whose classes state all their properties.
+/// Number of whole tables, which come first: their classes state all their properties.
 const WHOLE: usize = 6;
 
-/// Classes of the whole tables by the keys of their names and aliases, for classes of other tables that state a name alone.
+/// Classes of the whole tables, by the keys of their names and aliases. Classes of other tables state a name and number alone.
 static KNOWN: LazyLock<HashMap<String, Class>> = LazyLock::new(|| {
     let mut known = HashMap::new();
     for (_, text) in &BUILTIN[..WHOLE] {

@@ -9,20 +9,21 @@ use crate::segmentation::volume::Image;
 
 /// Value between soft tissue and aerated lung, HU.
 const AIR_HU: f32 = -300.0;
-/// Share of the soft tissue in air from which a CT is refused, in the background from which another image is, and in air
-/// from which a remark is made.
+/// Shares of the soft tissue that lie in air: a CT is refused from the first on, and remarked on from the last on. The middle one is
+/// the share in the dark background from which an MR is refused.
 const REFUSED_SHARE: f64 = 0.2;
 const REFUSED_SHARE_MR: f64 = 0.5;
 const REMARKED_SHARE: f64 = 0.03;
 /// Brightness below which an image other than a CT shows background, relative to its brightest parts.
 const BACKGROUND: f32 = 0.03;
-/// Ratio from which a mirror image counts as the right one: of its fit to that of the image as given, and of its edges at
-/// organs' borders to those within organs.
+/// Ratios from which a mirror image counts as the right one: its fit to the fit of the image as given, and its edges at organs'
+/// borders to its edges within organs.
 const BETTER: f64 = 1.15;
 const ABOVE_INNER: f64 = 1.25;
 /// Fewest organs that tell a mirror image: one or two may fit better by chance.
 const TELLING_ORGANS: usize = 3;
-/// Least difference of neighbours within organs, relative to the largest one that counts: an image without noise has none.
+/// Difference of neighbours within organs that is added to the measured one, relative to the largest that counts: an image without
+/// noise has none.
 const NOISE: f64 = 0.02;
 /// Largest difference of neighbours that counts as an edge, relative to the range of values.
 const EDGE: f32 = 0.1;

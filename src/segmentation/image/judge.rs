@@ -20,7 +20,7 @@ const SOFT_HU: std::ops::Range<f32> = -50.0..300.0;
 const SOFT_HU_MAX: f32 = 400.0;
 /// Fat in HU.
 const FAT_HU: std::ops::Range<f32> = -150.0..-50.0;
-/// Highest lower end of a window in which fat can be told from air, HU.
+/// A window that begins above this value can't tell fat from air, HU.
 const WINDOW_HU: f32 = -125.0;
 /// Depths of the fat under the skin, mm.
 const FAT_DEPTH_MM: std::ops::Range<f32> = 4.0..12.0;
@@ -100,7 +100,7 @@ pub(super) fn judge(
     };
     let air = levels.air(soft - 0.3 * (soft - least).max(f32::MIN_POSITIVE));
     let fat = fat_ring(air + 0.1 * (soft - air));
-    // A window that ends above the fat leaves muscle under the skin; then bone is far brighter than organs.
+    // A window that begins above the fat leaves muscle under the skin. Then bone is far brighter than organs.
     let darker = fat.is_none_or(|fat| fat < soft - 0.05 * (soft - air));
     let far = levels.bone.as_ref().is_some_and(|bone| quantile(bone, 0.5) - air > 1.5 * (soft - air));
     if is_denser(levels, air, soft) && (darker || far) {
@@ -144,7 +144,7 @@ fn is_hu_scale(levels: &Levels) -> bool {
     if !(AIR_HU..=-20.0).contains(&low) || high < 60.0 || soft.is_some_and(|soft| !SOFT_HU.contains(&soft)) {
         return false;
     }
-    // A window that ends above the fat; what is refused for that has many voxels at its end.
+    // A window that begins above the fat: many voxels have its lowest value. `window` refuses it.
     if low > WINDOW_HU && levels.clipped_low(0.02) {
         return true;
     }
@@ -163,8 +163,8 @@ fn is_hu_scale(levels: &Levels) -> bool {
         }
 }
 
-/// Whether soft tissue and fat are in HU, and all values below air are one: padding of the region that wasn't scanned.
-/// A rescaled CT has more values there, as its air has noise.
+/// Whether soft tissue and fat are in HU, and nearly all voxels below air have one value: the region that wasn't scanned was
+/// padded. A rescaled CT has more values there, as its air has noise.
 fn is_padded(levels: &Levels) -> bool {
     let least = levels.least();
     let padding = share_within(&levels.all, least, least + 1.0);
@@ -175,8 +175,8 @@ fn is_padded(levels: &Levels) -> bool {
         && between < 0.1 * padding
 }
 
-/// Whether bone is denser than soft tissue throughout, as in a CT: the cortex of a bone is dark in an MR. True of images
-/// without labelled bone only if soft tissue is one level, far above the lungs.
+/// Whether all of bone is denser than soft tissue, as in a CT: in an MR the cortex of a bone is dark. Without labelled bone,
+/// whether all soft tissue has about one value, as far above air as in HU.
 fn is_denser(levels: &Levels, air: f32, soft: f32) -> bool {
     let relative = |value: f32| (value - air) / (soft - air).max(f32::MIN_POSITIVE);
     match (&levels.bone, &levels.soft) {

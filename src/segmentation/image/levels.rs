@@ -163,7 +163,7 @@ impl Levels {
         self.soft.as_ref().map(|soft| quantile(soft, 0.5))
     }
 
-    /// Most frequent value below `limit`, to a hundredth of the range up to it: air, in a CT and in an MR.
+    /// Most frequent value below `limit`, which is air in a CT and in an MR. It is found among 100 bins below the limit.
     pub(super) fn air(&self, limit: f32) -> f32 {
         const BINS: usize = 100;
         let least = self.least();
@@ -183,7 +183,7 @@ impl Levels {
         quantile(&below[start..end], 0.5)
     }
 
-    /// Whether many voxels have the lowest value: more than a share, and far more than have one near it.
+    /// Whether many voxels have the lowest value: more than `share` of all, and three times as many as have values just above.
     pub(super) fn clipped_low(&self, share: f64) -> bool {
         let (least, most) = (self.least(), self.most());
         let step = (most - least) * 1e-3;

@@ -27,7 +27,7 @@ pub struct Checked {
     pub values: Vec<f32>,
     /// True for a CT.
     pub is_ct: bool,
-    /// What it was taken for and why, and what to know about its fit; one sentence each.
+    /// What the image was taken for and why, and what is odd about its fit; one sentence each.
     pub remarks: Vec<String>,
 }
 
@@ -81,8 +81,8 @@ fn on_grid(image: &Image, grid: &Grid) -> Vec<f32> {
     (0..grid.len()).into_par_iter().map(|i| index(i).map_or(least, |i| image.values[i])).collect()
 }
 
-/// Advice on a volume that would hold at least `least_percent` of the voxels that are not 0 if signs of its affine were
-/// changed; empty where no change helps.
+/// Advice on a volume at the wrong place: which signs of its affine to change, so that it holds at least `least_percent` of the
+/// labelled voxels. Empty where no change helps.
 pub(super) fn turned_hint(labels: &[u16], grid: &Grid, volume: &Grid, least_percent: f64) -> String {
     let changes = [
         (DVec3::new(-1.0, -1.0, 1.0), "x and y"),

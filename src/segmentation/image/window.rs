@@ -7,7 +7,7 @@ use crate::segmentation::grid::Grid;
 /// Radiodensity of air, HU.
 const AIR_HU: f32 = -1000.0;
 
-/// Largest difference from the lower end that is rounding, HU.
+/// Values this close to the lower end count as the lower end, HU: rounding.
 const ROUNDING_HU: f32 = 1.0;
 
 /// Gives air its own value where values are `low`, the lower end of their window. A voxel is air if most of its

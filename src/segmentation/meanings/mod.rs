@@ -120,15 +120,15 @@ struct Meanings<'a> {
     is_several: bool,
     /// Names of the meshes.
     names: Vec<String>,
-    /// Meanings of meshes (without a part) and parts.
+    /// Assignments to whole meshes, by their index alone, and to parts, by the indices of mesh and part.
     of_target: BTreeMap<(usize, Option<usize>), &'a Assignment>,
     /// Meaning of the file.
     of_file: Option<&'a Assignment>,
     /// Meaning of all meshes without another.
     of_rest: Option<&'a Assignment>,
-    /// Number of meshes with a part of each name.
+    /// Names of parts, each with the number of parts that have it.
     parts_called: BTreeMap<String, usize>,
-    /// Meshes and parts without a meaning: names in messages, and own names.
+    /// Meshes and parts without a meaning: the name for messages, and the name in the file.
     unknown: Vec<(String, String)>,
 }
 
@@ -175,7 +175,7 @@ impl<'a> Meanings<'a> {
         }
     }
 
-    /// Mesh and part called `name`.
+    /// Indices of the mesh, and of its part, that are called `name`.
     fn target(&self, name: &str, meshes: &[NamedMesh]) -> Result<(usize, Option<usize>), MeaningError> {
         if let Some(index) = meshes.iter().position(|mesh| mesh.name == name) {
             return Ok((index, None));
@@ -298,8 +298,8 @@ impl<'a> Meanings<'a> {
         MeaningError::Several { file: self.file.to_owned(), count, known: listed(&names), first, meaning }
     }
 
-    /// Class that an assignment gives to the mesh `name`. An organ's own name is kept if the mesh `is_alone` of its
-    /// meaning, else the mesh's.
+    /// Class that an assignment gives to the mesh `name`. The class is called as the organ if the assignment is for this mesh
+    /// alone, else as the mesh, so that several meshes of one meaning keep different names.
     fn class(&self, assignment: &Assignment, name: &str, is_alone: bool) -> Result<Class, MeaningError> {
         let meaning = assignment.meaning.as_deref().unwrap_or_default();
         if let Some(class) = self.table.named(meaning) {

@@ -24,7 +24,7 @@ impl Cells {
         Ok(())
     }
 
-    /// Adds `cells` cells of which each is its count of corners and these.
+    /// Adds `cells` cells. In `values`, each cell is its number of corners, then its corners.
     pub(super) fn add_counted(
         self,
         cells: usize,

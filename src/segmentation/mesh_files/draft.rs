@@ -13,7 +13,7 @@ pub(super) struct Draft {
     pub(super) name: Option<String>,
     /// Name of the part, such as a material; may be empty.
     pub(super) part: Option<String>,
-    /// Number of the mesh that this is a part of; a mesh of its own without one.
+    /// Number of the mesh that this is a part of. Without a number it is a mesh of its own.
     pub(super) whole: Option<usize>,
     pub(super) triangles: Vec<[u32; 3]>,
 }
@@ -80,7 +80,8 @@ impl<'v> Finisher<'v> {
         Self { vertices, known: vec![[0; 2]; vertices.len()], mesh: 0 }
     }
 
-    /// Mesh of drafts, its parts, with its own vertices, each position once. It is called `otherwise` without a name.
+    /// Mesh whose parts are these drafts, with vertices of its own, each position once. It is called `otherwise` if no draft has a
+    /// name.
     pub(super) fn finish(&mut self, mut drafts: Vec<Draft>, otherwise: &str) -> NamedMesh {
         self.mesh += 1;
         let (mut index_at, mut own) = (HashMap::new(), Vec::new());

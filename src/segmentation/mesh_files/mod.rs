@@ -45,7 +45,8 @@ pub struct NamedMesh {
     pub vertices: Vec<DVec3>,
     /// Vertex indices, each below `vertices.len()`.
     pub triangles: Vec<[u32; 3]>,
-    /// Parts that the file tells apart: groups of an object, or materials. They hold all triangles, or there are none.
+    /// Parts that the file tells apart: groups of an object, or materials. Together they hold all triangles. A mesh may
+    /// have no parts.
     pub parts: Vec<MeshPart>,
 }
 
@@ -59,10 +60,10 @@ pub struct MeshPart {
 }
 
 impl NamedMesh {
-    /// Whether its parts share a vertex, one with the other, so that all are one surface.
+    /// Whether all parts hang together by shared vertices, so that they are one surface.
     pub fn is_one_surface(&self) -> bool {
         let mut part_of = vec![u32::MAX; self.vertices.len()];
-        // Parts that share a vertex have one root.
+        // Union of sets: parts that share a vertex have one root.
         let mut parent: Vec<u32> = (0..self.parts.len() as u32).collect();
         for (number, part) in (0..).zip(&self.parts) {
             for &vertex in self.triangles[part.triangles.clone()].iter().flatten() {

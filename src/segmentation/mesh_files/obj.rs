@@ -227,7 +227,7 @@ impl Reader {
     }
 }
 
-/// Number of the object that each object belongs to: objects of one name that share a vertex are one.
+/// For each object the number of the object that it continues, else its own: objects of one name that share a vertex are one.
 fn joined_objects(objects: &[String], faces: &[(Key, Draft)]) -> Vec<usize> {
     let mut same: Vec<usize> = (0..=objects.len()).collect();
     let mut by_name: HashMap<&str, Vec<usize>> = HashMap::new();

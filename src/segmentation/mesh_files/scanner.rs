@@ -184,7 +184,8 @@ pub(super) fn not_a_number(word: &[u8]) -> String {
     not_a("number", word)
 }
 
-/// Message about a word that is not a finite number, which `what` calls otherwise. Decimal commas are named.
+/// Message about a word that should be a finite number. `what` says which, such as `coordinate of a vertex`. A decimal comma is
+/// named.
 pub(super) fn not_a(what: &str, word: &[u8]) -> String {
     let with_point: Vec<u8> = word.iter().map(|b| if *b == b',' { b'.' } else { *b }).collect();
     let has_comma = word.iter().filter(|b| **b == b',').count() == 1 && !word.ends_with(b",");

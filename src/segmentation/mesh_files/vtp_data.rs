@@ -108,7 +108,7 @@ impl Format {
         Ok(bytes.chunks_exact(number.size()).map(|value| number.read(value, self.order)).collect())
     }
 
-    /// Refuses data of `bytes` bytes for which there is no room, before they are there.
+    /// Refuses an array of `bytes` bytes for which there is no memory, before it is read.
     fn check_size(bytes: usize, number: Number) -> Result<(), String> {
         let values = bytes / number.size();
         if values > VALUES_MAX {

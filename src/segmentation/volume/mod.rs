@@ -104,7 +104,7 @@ pub struct Image {
     pub lps_from_voxel: DAffine3,
     /// Scaled values, i fastest; HU for a CT.
     pub values: Vec<f32>,
-    /// Kind, where the user states it; else its values tell.
+    /// Kind that the user states. Without it, the values tell the kind.
     pub stated: Option<Modality>,
     /// What was assumed or chosen in reading, one sentence each.
     pub remarks: Vec<String>,

@@ -1,4 +1,4 @@
-//! Bounded reads: nothing is allocated before there is known to be memory for it.
+//! Bounded reads: nothing is allocated before it is known that there is memory for it.
 
 use std::io::Read;
 use std::path::Path;
@@ -12,7 +12,7 @@ pub(super) const MAX_VOXELS: u64 = 1 << 30;
 /// Most bytes of a file, and of its decompressed voxels.
 pub(super) const MAX_BYTES: u64 = 4 << 30;
 
-/// Bytes of memory that a voxel takes while its stored value becomes a label or a value, in addition to the stored one.
+/// Memory of a voxel's label or value while it is decoded, bytes. The stored value is in memory, too.
 const DECODED_BYTES: u64 = 4;
 
 /// A stream of bytes, with the bytes left in it if they are known.

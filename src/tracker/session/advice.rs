@@ -11,16 +11,16 @@ use crate::tracker::{Protocol, framing};
 /// oldest bytes are forgotten by whole datagrams.
 const SAMPLE_LIMIT: usize = 96 * 48;
 
-/// Records of another protocol in the sample that prove it.
+/// Number of records of another protocol in the sample that prove that protocol.
 const PROOF: usize = 3;
 
-/// Share of damaged pieces from which a stream with records is told a remedy.
+/// Share of damaged pieces from which a remedy is named, if the stream also holds records.
 const NOTABLE: f64 = 0.02;
 
 /// Flag byte of an SHTP frame over UART.
 const SHTP_FLAG: u8 = 0x7E;
 
-/// Speeds that a wrong one is most often confused with.
+/// Usual speeds of serial devices, for advice about a wrong one.
 const USUAL_BAUDS: &str = "9600, 19200, 38400, 57600, 115200";
 
 /// Keeps recent bytes of a stream and diagnoses them.

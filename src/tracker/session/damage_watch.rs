@@ -38,7 +38,7 @@ impl DamageWatch {
         } else {
             self.damaged += 1;
         }
-        // Damage is the example rather than a report that goes with it.
+        // A damaged piece is a better example than a report of the device about it.
         if self.damaged == 0 || !error.is_of_device() {
             self.example = Some(error.clone());
         }
@@ -73,7 +73,7 @@ impl DamageWatch {
         damage
     }
 
-    /// Begins a new span of time if nothing is to be reported: the counts of a report are of its last seconds.
+    /// Begins a new span of time if there is nothing to report, so that a report counts the records of its last seconds only.
     pub(super) fn refresh(&mut self, now: Duration) {
         if self.example.is_none() && now.saturating_sub(self.since) >= REPORT_PERIOD {
             (self.records, self.since) = (0, now);

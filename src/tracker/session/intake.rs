@@ -14,8 +14,8 @@ use crate::tracker::{AxisMap, DecodeError, Listener, ProbeSensor, Protocol, Reco
 /// Shortest time between two reports of another sender.
 const SENDER_PERIOD: Duration = Duration::from_secs(5);
 
-/// Datagrams of other senders from which a second sender is told. The first two may be of one sender with a new port for
-/// each datagram, which its third one shows.
+/// Number of other senders' datagrams from which a second sender is reported. The first two may be of a sender that uses a
+/// new port for each datagram; its third one shows that.
 const SENDER_FROM: u64 = 3;
 
 /// Receiver of everything that a session decodes.
@@ -28,7 +28,7 @@ pub(super) struct Intake {
     damage: DamageWatch,
     regularity: Regularity,
     advisor: Advisor,
-    /// Time without a record of the probe, while others are heard, that is told.
+    /// Time without a record of the probe after which its absence is reported, if others are heard.
     patience: Duration,
     /// Time of the probe's last record, or of opening the port.
     probe_at: Duration,

@@ -14,13 +14,13 @@ const REPORT_PERIOD_NS: u64 = 5_000_000_000;
 /// Smallest number of records that is judged.
 const LEAST_RECORDS: u32 = 20;
 
-/// Steps back of the counter within one window that are no single restart.
+/// Fewest restarts of the counter within one window that are told as interleaved devices.
 const SEVERAL: u32 = 3;
 
-/// Share of records out of order, or of positions out of reach, that is no single fault.
+/// Share of records out of order, or of positions out of reach, from which the stream is not one device's.
 const SHARE: f64 = 0.2;
 
-/// Leap of the device's clock against this computer's that is told, µs.
+/// Leap of the device's clock ahead of this computer's, µs, above which it is reported.
 const LEAP_US: u64 = 500_000;
 
 /// Number of kinds of irregularity.

@@ -6,7 +6,8 @@ use std::time::Duration;
 /// Silence of the sender in use after which another one takes its place.
 const TAKEOVER: Duration = Duration::from_secs(2);
 
-/// Ports of one address, without a datagram of the sender in use, that prove a sender with a new port for each datagram.
+/// Number of new ports of the same address that prove a sender with a new port for each datagram, if the sender in use sends
+/// none in between.
 const CHANGING_PORTS: usize = 3;
 
 /// Verdict on a datagram.

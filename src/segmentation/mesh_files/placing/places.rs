@@ -13,7 +13,7 @@ pub(super) const LEFT: DVec3 = DVec3::X;
 pub(super) const POSTERIOR: DVec3 = DVec3::Y;
 pub(super) const CRANIAL: DVec3 = DVec3::Z;
 
-/// The first organ lies in a direction of the second, in nearly everybody.
+/// Seen from the second organ, the first one lies in this direction, in nearly everybody.
 const PLACES: [(&str, DVec3, &str); 16] = [
     ("spleen", LEFT, "liver"),
     ("stomach", LEFT, "liver"),
@@ -36,7 +36,7 @@ const PLACES: [(&str, DVec3, &str); 16] = [
 /// Smallest cosine of the angle to the expected direction; below its negative, the place contradicts.
 const ALONG: f64 = 0.35;
 
-/// Places of organs that contradict `axes`, if most do and other axes fit all; as a clause with these axes.
+/// Other axes that fit the places of all organs, where most places contradict `axes`, with the contradiction as a clause.
 pub fn contradiction(axes: MeshAxes, meshes: &[NamedMesh]) -> Option<(MeshAxes, String)> {
     let evidence = evidence(meshes);
     let count = |axes: MeshAxes, sign: i64| evidence.iter().filter(|e| e.sign(axes) == sign).count();

@@ -6,10 +6,10 @@ use super::super::geometry::{PatientAxes, lps_mm};
 use super::super::{NiftiForm, ReadOptions, VolumeFault};
 use super::header::Header;
 
-/// Largest angle between the axes of sform and qform that only makes a remark, degrees.
+/// Angle between an axis of the sform and that of the qform above which the forms contradict each other, degrees.
 const TURN_DEGREES: f64 = 30.0;
 
-/// Largest ratio of the voxels' volumes that is rounding.
+/// Ratio of the voxels' volumes, or of their edges, above which it is no rounding.
 const VOLUME_RATIO: f64 = 1.1;
 
 /// Largest distance between the two positions of a corner that is rounding, mm and voxels.
@@ -194,7 +194,7 @@ fn direction(lps: DVec3) -> &'static str {
     sides[axis][usize::from(lps[axis] < 0.0)]
 }
 
-/// Remark on distances of voxels in `pixdim` that aren't those of the only form.
+/// Remark where `pixdim` has other distances of voxels than the sform, and there is no qform.
 fn other_spacing(header: &Header, sform: &DAffine3, unit_mm: f64) -> Vec<String> {
     let [_, spacing @ ..] = header.pixdim;
     let columns = [0, 1, 2].map(|n| sform.matrix3.col(n).length());
