@@ -1,8 +1,8 @@
 //! Probe sweep rendered in the browser, and optionally in a window, without tracker or pipeline: `cargo run --release
 //! --example browser_demo -- configs/sphere.toml [--port N] [--width PIXELS] [--window yes]`.
 //!
-//! Prints the page's address, then the marks that a page sets. Lines on the standard input set the rest: `tracking good|held|stale|lost`, `source
-//! generated|held|raw`, `notice TEXT`, `quit`.
+//! Prints the page's address, then the marks that a page sets. Lines on the standard input set the rest: `tracking
+//! good|held|stuck|stale|lost`, `source generated|held|raw`, `notice TEXT`, `quit`.
 
 use std::io::BufRead as _;
 use std::path::{Path, PathBuf};

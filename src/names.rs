@@ -1,4 +1,4 @@
-//! Names: of the variants of fieldless enums, those that files bring along; and counts in words.
+//! Names: of the variants of fieldless enums, those that files bring along; counts and lists in words.
 
 use std::borrow::Cow;
 
@@ -37,6 +37,15 @@ pub fn thousands(n: usize) -> String {
 /// A count with its noun, as `1 error` or `3 errors`.
 pub fn counted(n: usize, name: &str) -> String {
     format!("{} {name}{}", thousands(n), if n == 1 { "" } else { "s" })
+}
+
+/// The first `most` of `words`, then how many more there are, with `separator` between them.
+pub fn listed(words: &[String], most: usize, separator: &str) -> String {
+    let mut shown = words[..words.len().min(most)].to_vec();
+    if words.len() > most {
+        shown.push(format!("and {} more", words.len() - most));
+    }
+    shown.join(separator)
 }
 
 /// Most characters of a name that a file brings along.
@@ -87,6 +96,13 @@ mod tests {
     fn thousands_are_apart() {
         assert_eq!([0, 999, 1000, 675_012, 1_234_567].map(thousands), ["0", "999", "1,000", "675,012", "1,234,567"]);
         assert_eq!([1, 2000].map(|n| counted(n, "error")), ["1 error", "2,000 errors"]);
+    }
+
+    #[test]
+    fn long_lists_are_cut_and_say_so() {
+        let words = ["a", "b", "c"].map(str::to_owned);
+        assert_eq!([1, 2, 3].map(|most| listed(&words, most, "; ")), ["a; and 2 more", "a; b; and 1 more", "a; b; c"]);
+        assert_eq!(listed(&[], 3, ", "), "");
     }
 
     #[test]

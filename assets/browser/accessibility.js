@@ -26,8 +26,8 @@ export function spoken(number, unit) {
 }
 
 /**
- * Gives the keys back to the page after a pointer has used a control. Who came by the keyboard stays there: browsers show
- * the focus to them alone.
+ * Gives the keys back to the page after a pointer has used a control. A control that was reached by keyboard keeps the focus:
+ * only there do browsers show it (`:focus-visible`).
  */
 export function letGo(element) {
   if (!element.matches(":focus-visible")) element.blur();

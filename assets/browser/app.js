@@ -88,7 +88,7 @@ const tools = new Console({
   showKept,
   isOpen: () => connection.isOpen,
   send: (message) => connection.send(message),
-  freeze: () => connection.send({ type: "set", assignments: [{ key: "frozen", value: 1 }] }),
+  freeze: () => controls.freeze(),
 });
 
 function present() {

@@ -84,14 +84,17 @@ export class Calipers {
 
   /** Every measurement by name, points and value. */
   values(frame) {
-    return this.on(frame).map((caliper, i) => ({
-      number: i + 1,
-      tool: caliper.tool,
-      name: caliper.name || null,
-      points_mm: pairs(recordedPoints(caliper)),
-      points_px: caliper.points.map((point) => toPixel(frame, point)).map(({ x, y }) => [x, y]),
-      ...measure(caliper),
-    }));
+    return this.on(frame).map((caliper, i) => {
+      const points = recordedPoints(caliper);
+      return {
+        number: i + 1,
+        tool: caliper.tool,
+        name: caliper.name || null,
+        points_mm: pairs(points),
+        points_px: points.map((point) => toPixel(frame, point)).map(({ x, y }) => [x, y]),
+        ...measure(caliper),
+      };
+    });
   }
 }
 

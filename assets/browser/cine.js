@@ -28,9 +28,11 @@ export class Cine {
     canvas.toBlob(
       (blob) => {
         this.encoding = false;
-        if (!blob || this.isShown) return;
+        if (!blob) return;
         this.kept.push({ time, frame: meta, blob });
         this.bytes += blob.size;
+        // A loop that is gone through keeps its beginning, and so the places of its pictures.
+        if (this.isShown) return;
         while (this.kept.length > 1 && (this.kept[0].time < time - KEPT_MS || this.bytes > BYTES_MAX)) {
           this.bytes -= this.kept.shift().blob.size;
         }

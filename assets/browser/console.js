@@ -17,8 +17,17 @@ const CROSS_STEP = 2;
 /** Longest time for which a clip of the loop stands still, ms: the station was frozen meanwhile. */
 const STILL_MAX_MS = 1000;
 
+/**
+ * Whether two frozen frames show one picture. Another watcher may let the picture move and freeze it again while this page
+ * gets no frame.
+ */
+const isSame = (a, b) => a.session === b.session && String(a.pose) === String(b.pose);
+
 export class Console {
-  /** `page`: { picture, shown(), shownDate(), captions(settings), greys(settings), say(text, bad), redraw(), showKept(kept, bitmap), isOpen(), send(message), freeze() }. */
+  /**
+   * `page`: { picture, shown(), shownDate(), captions(settings), greys(settings), say(text, bad), redraw(),
+   * showKept(kept, bitmap), isOpen(), send(message), freeze() }.
+   */
   constructor(page) {
     this.page = page;
     this.view = new View();
@@ -32,7 +41,7 @@ export class Console {
     });
     this.clip = null;
     this.frozen = false;
-    /** The frozen picture: all its frames are one; null while the picture moves. */
+    /** The frozen picture, one for all frames that show it; null while the picture moves. */
     this.picture = null;
     /** Place of the cross that arrow keys move; null without one. */
     this.cross = null;
@@ -213,7 +222,7 @@ export class Console {
     return frame ? [...this.calipers.on(frame), ...this.annotations.on(frame)] : [];
   }
 
-  /** Takes back the point that was set last, else removes the last mark of the picture. */
+  /** Drops a measurement that is not complete, else removes the last mark of the picture. */
   undo() {
     if (this.calipers.pending) {
       this.calipers.pending = null;
@@ -324,7 +333,7 @@ export class Console {
   /** Keeps a live picture that was just drawn, with the tissues or attenuation that are mixed in. */
   keep(frame) {
     const frozen = Boolean(frame.settings.frozen);
-    // One frozen picture is the loop's last one: that of the marks.
+    // A frozen picture is kept once, as the last of the loop: it is the one that has the marks.
     const keeps = !frozen || !this.keptFrozen;
     const kept = keeps && this.cine.keep(this.page.picture.canvas, frame, performance.now());
     this.keptFrozen = frozen && (this.keptFrozen || kept);
@@ -344,7 +353,9 @@ export class Console {
     const { session } = this.outbox;
     const { number, pose } = frame;
     const own = { key: `${session} ${number}`, session, number, pose, sampledMs: frame.times.sampled };
-    this.picture = frozen ? (this.picture ?? own) : null;
+    const stays = this.picture && isSame(this.picture, own);
+    if (!stays) this.keptFrozen = false;
+    this.picture = frozen ? (stays ? this.picture : own) : null;
     frame.picture = this.picture ?? own;
     // A tool goes with the picture that it measured.
     if (this.frozen && !frozen) this.putAway();

@@ -76,13 +76,13 @@ export class Controls {
     if (this.values) this.showButtons();
   }
 
-  /** A slider with its name and value. Each of several settings is named by its depth. */
+  /** A slider with its name and value. A setting of several values has a slider for each, numbered, with its depth beside it. */
   row(setting, index) {
     const { key, count, slider, label, unit, scale, digits, words } = setting;
     const input = document.createElement("input");
     const [min, max, step] = [slider.min, slider.max, slider.step];
     Object.assign(input, { type: "range", min, max, step, value: 0, id: idOf(setting, index) });
-    // Of several, the unit is spoken only.
+    // Sliders of several values have no room for the unit: it is only spoken.
     Object.assign(input.dataset, count > 1 ? { spokenUnit: unit } : { unit, scale, digits, words: words.join(" ") });
     input.setAttribute("aria-label", count > 1 ? `${label} ${index + 1} of ${count}` : label);
     input.addEventListener("input", () => this.moved(setting, index, Number(input.value)));
@@ -189,6 +189,11 @@ export class Controls {
   toggle(key) {
     if (!this.values) return;
     this.setAll({ [key]: this.values[key] ? 0 : 1 });
+  }
+
+  /** Freezes the picture; one that is frozen stays so. */
+  freeze() {
+    if (this.values) this.setAll({ frozen: 1 });
   }
 
   quality(rays, layers) {

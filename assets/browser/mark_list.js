@@ -14,7 +14,7 @@ export class MarkList {
     this.measures = [];
   }
 
-  /** Measures by which measurements can be named. */
+  /** Takes the measures that a measurement can be named after. */
   offer(measures) {
     this.measures = measures;
     this.rows.clear();

@@ -42,7 +42,8 @@ export class Outbox {
   begin(session) {
     if (this.session === session) this.waiting.forEach((message) => this.link.send(message));
     else if (this.waiting.length > 0) {
-      this.link.say(`the station was started again: ${this.waiting.length} changes of marks are not recorded`, true);
+      const lost = `${this.waiting.length} changes of marks are not recorded`;
+      this.link.say(`the station was started again: ${lost}; measure again on a new picture`, true);
     }
     this.session = session;
     this.waiting = [];
@@ -69,7 +70,7 @@ export class Outbox {
 
   send(picture, message) {
     if (picture.session !== this.session) {
-      this.link.say("the picture is of an earlier session: the change is not recorded", true);
+      this.link.say("the picture is of an earlier session: the change is not recorded; freeze a new picture", true);
       return;
     }
     if (this.link.isOpen()) {

@@ -30,6 +30,8 @@ export class SceneLayers {
     this.changed = changed;
     this.layers = [];
     this.hidden = new Set();
+    /** { tissue, layers, label, box }: tissues with the layers of their surfaces. */
+    this.tissues = [];
     for (const summary of byId("scene_lists").querySelectorAll("summary")) {
       summary.addEventListener("click", () => letGo(summary));
     }
@@ -41,25 +43,46 @@ export class SceneLayers {
     this.hidden.clear();
     byId("scene_layer_list").replaceChildren(...this.layers.map((layer) => this.layerRow(layer)));
     const tissues = [...new Set(bodies.map(({ tissue }) => tissue))].sort();
-    byId("scene_tissues").replaceChildren(...tissues.map((tissue) => {
-      const { colour } = bodies.find((surface) => surface.tissue === tissue);
-      const { label, box } = switchOf(named(tissue), true, colour, (isShown) => {
-        if (isShown) this.hidden.delete(tissue);
-        else this.hidden.add(tissue);
-        this.changed();
-      });
-      box.dataset.tissue = tissue;
-      return label;
-    }));
+    this.tissues = tissues.map((tissue) => {
+      const own = bodies.filter((surface) => surface.tissue === tissue);
+      const entry = { tissue, layers: [...new Set(own.map(({ layer }) => this.layers[layer]))] };
+      const made = switchOf(named(tissue), true, own[0].colour, (isShown) => this.showTissue(entry, isShown));
+      made.box.dataset.tissue = tissue;
+      return Object.assign(entry, made);
+    });
+    byId("scene_tissues").replaceChildren(...this.tissues.map(({ label }) => label));
+    this.showBoxes();
+  }
+
+  /** Shows or hides a tissue. One whose layers are hidden is shown with them. */
+  showTissue({ tissue, layers }, isShown) {
+    if (isShown) {
+      this.hidden.delete(tissue);
+      if (!layers.some((layer) => layer.isShown)) layers.forEach((layer) => Object.assign(layer, { isShown: true }));
+    } else {
+      this.hidden.add(tissue);
+    }
+    this.showBoxes();
+    this.changed();
+  }
+
+  /** Checks the boxes of what is shown. */
+  showBoxes() {
+    for (const { isShown, box } of this.layers) box.checked = isShown;
+    for (const { tissue, layers, box } of this.tissues) {
+      box.checked = !this.hidden.has(tissue) && layers.some((layer) => layer.isShown);
+    }
   }
 
   layerRow(layer) {
     const row = document.createElement("div");
     const { label, box } = switchOf(named(layer.name), layer.isShown, null, (isShown) => {
       layer.isShown = isShown;
+      this.showBoxes();
       this.changed();
     });
     box.dataset.layer = layer.name;
+    layer.box = box;
     const slider = Object.assign(document.createElement("input"), { type: "range", min: 0, max: 100, step: 1 });
     slider.value = Math.round(100 * layer.opacity);
     slider.dataset.unit = "%";
@@ -69,8 +92,9 @@ export class SceneLayers {
     row.append(label, slider, value);
     slider.addEventListener("input", () => {
       layer.opacity = Number(slider.value) / 100;
-      layer.isShown = box.checked = true;
+      layer.isShown = true;
       show(slider, Number(slider.value));
+      this.showBoxes();
       this.changed();
     });
     letGoAfterPointer(slider);

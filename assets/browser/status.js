@@ -5,7 +5,7 @@ import { SOURCES } from "./wire.js";
 
 const byId = (id) => document.getElementById(id);
 const HISTORY = 240;
-/** Latencies of so many ms are in the figures: the last frame's, and the percentile's. */
+/** Greatest age of a latency in the figures, ms: in that of the last frame, and in the percentile. */
 const [LAST_MS, RECENT_MS] = [2000, 10000];
 
 /** Texts over the picture, worst first. */

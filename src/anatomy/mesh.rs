@@ -4,6 +4,7 @@ use glam::Vec3;
 use rayon::slice::ParallelSliceMut;
 
 use super::Bounds;
+use super::groups::Groups;
 
 /// Triangles over shared vertices. A sound mesh is closed, and its triangles are counter-clockwise seen from outside.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -41,28 +42,23 @@ impl Mesh {
         keys.chunk_by(|a, b| a >> 1 == b >> 1).map(|edge| balance(edge).unsigned_abs() as usize).sum()
     }
 
-    /// Index of the piece that each triangle belongs to, and the number of pieces. Triangles that share a vertex belong to one
-    /// piece.
+    /// Index of the piece that each triangle belongs to, in the order of the pieces' first triangles, and the number of pieces.
+    /// Triangles that share a vertex belong to one piece.
     pub fn pieces(&self) -> (Vec<u32>, usize) {
-        let mut parent: Vec<u32> = (0..self.vertices_mm.len() as u32).collect();
-        for &[a, b, c] in &self.triangles {
-            let a = root(&mut parent, a);
-            for vertex in [b, c] {
-                let other = root(&mut parent, vertex);
-                parent[other as usize] = a;
+        let mut groups = Groups::new(self.triangles.len());
+        let mut first_of = vec![u32::MAX; self.vertices_mm.len()];
+        for (number, triangle) in (0..).zip(&self.triangles) {
+            for &vertex in triangle {
+                let first = &mut first_of[vertex as usize];
+                match *first {
+                    u32::MAX => *first = number,
+                    first => groups.join(first, number),
+                }
             }
         }
-        let mut number_of = vec![u32::MAX; parent.len()];
-        let mut count = 0;
-        let mut piece = |triangle: &[u32; 3]| {
-            let number = &mut number_of[root(&mut parent, triangle[0]) as usize];
-            if *number == u32::MAX {
-                (*number, count) = (count, count + 1);
-            }
-            *number
-        };
-        let pieces = self.triangles.iter().map(&mut piece).collect();
-        (pieces, count as usize)
+        let pieces = groups.numbered();
+        let count = pieces.iter().max().map_or(0, |last| *last as usize + 1);
+        (pieces, count)
     }
 
     /// Reverses the winding of every triangle.
@@ -78,12 +74,15 @@ impl Mesh {
     }
 }
 
-/// Root of a node in a forest, which `parent` gives as the parent of each node. Paths are halved on the way.
-pub(crate) fn root(parent: &mut [u32], mut node: u32) -> u32 {
-    while parent[node as usize] != node {
-        let above = parent[parent[node as usize] as usize];
-        parent[node as usize] = above;
-        node = above;
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pieces_are_numbered_in_the_order_of_their_first_triangles() {
+        let triangles = vec![[3, 4, 5], [0, 1, 2], [6, 7, 8], [5, 9, 10], [10, 2, 11]];
+        let mesh = Mesh { vertices_mm: vec![Vec3::ZERO; 13], triangles };
+        assert_eq!(mesh.pieces(), (vec![0, 0, 1, 0, 0], 2));
+        assert_eq!(Mesh::default().pieces(), (Vec::new(), 0));
     }
-    node
 }

@@ -98,11 +98,11 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let (protocol, sensor) = match &tracker {
         Some(tracker) => stream_of(tracker)?,
         None => {
-            let Settings { protocol: own, device, .. } = &station.tracker;
+            let Settings { protocol: own, device, transport, .. } = &station.tracker;
             let protocol = args.tracker.protocol.unwrap_or(*own);
             let mut settings = Settings { protocol, ..Settings::default() };
-            // The station's choice of the probe holds only for its own protocol.
-            if protocol == *own {
+            // The station's choice of the probe holds only for its own protocol, which a recording keeps for itself.
+            if protocol == *own && !matches!(transport, Transport::Recording { .. }) {
                 settings.device = device.clone();
             }
             args.tracker.choose_probe(&mut settings)?;
@@ -133,21 +133,18 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 fn tracker(args: &Args, station: &Station) -> Result<Settings, Failure> {
     let chosen = args.tracker.over(station.tracker.clone())?;
     let mut settings = chosen.unwrap_or_else(|| station.tracker.clone());
-    args.tracker.choose_probe(&mut settings)?;
-    match &mut settings.transport {
-        Transport::None => {
-            let path = args.station.display();
-            Err(Failure::Input(anyhow!(
-                "{path} has no [tracker] with a `transport`: give --protocol with --port or --address, or --stdin"
-            )))
-        }
-        // A repeating recording would never end.
-        Transport::Recording { repeat, .. } => {
-            *repeat = false;
-            Ok(settings)
-        }
-        _ => Ok(settings),
+    if settings.transport == Transport::None {
+        let path = args.station.display();
+        return Err(Failure::Input(anyhow!(
+            "{path} has no [tracker] with a `transport`: give --protocol with --port or --address, or --stdin"
+        )));
     }
+    args.tracker.choose_probe(&mut settings)?;
+    // A repeating recording would never end.
+    if let Transport::Recording { repeat, .. } = &mut settings.transport {
+        *repeat = false;
+    }
+    Ok(settings)
 }
 
 fn finish(args: &Args, recorded: Recorded, totals: &Totals) -> Result<(), Failure> {
@@ -205,7 +202,6 @@ fn wait(
                 "{elapsed_s:7.1} s  {state:<12} {records} records  {bytes} bytes  {rate} Hz  lost {missing}  damaged {damaged}"
             )
         });
-        totals.sensors = report.sensors;
     };
     let reason = runtime.block_on(async {
         loop {
@@ -224,9 +220,10 @@ fn wait(
         }
     });
     let bytes = capture.bytes();
-    let (report, summary) = capture.end();
+    let (report, sensors, summary) = capture.end();
     show(report, bytes);
     drop(line);
+    totals.sensors = sensors;
     totals.undecided = is_only && totals.sensors.len() > 1;
     if let Some(summary) = summary {
         (totals.other_senders, totals.undecided, totals.cause) =

@@ -25,8 +25,9 @@ use super::{Failure, input, output, session};
 /// For each plane: whether it was found (within its tolerances for a second, the probe on the skin), when, how far off the
 /// best second was, how steady it was held, and what would be measured there against the truth. Scored are the planes that
 /// the recording names (as those of `insonify exam` do), else all of the scene. Measurements of the session, made on the
-/// page, are compared with the truth, too; its texts and body marks are listed. What counts is what was on the screen: depth and freeze as they were set in
-/// the session. Planes are those of the scene at rest: that a mother's breath moves them is not taken out.
+/// page, are compared with the truth, too; its texts and body marks are listed. What counts is what was on the screen:
+/// depth and freeze as they were set in the session. Planes are those of the scene at rest: that a mother's breath moves
+/// them is not taken out.
 #[derive(Debug, Parser)]
 #[command(after_help = "Examples:\n  \
                         insonify score session.mcap configs/obstetric.toml --out session.html\n  \
@@ -96,7 +97,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     for refused in &score.calipers_refused {
         tracing::warn!("{}: {refused}", args.recording.display());
     }
-    let misplaced = MisplacedTime::of(&exam.poses, &reference);
+    let misplaced = MisplacedTime::of(&track);
     if let Some(misplaced) = &misplaced {
         tracing::warn!("{}: {misplaced}", args.recording.display());
     }
@@ -128,6 +129,7 @@ impl<'a> Subject<'a> {
     /// Planes of the option, else of the recording's `events`, else all of the scene.
     fn of(args: &Args, events: &[Event], scene: &'a StandardPlanes) -> Result<Self, Failure> {
         const ALL: &str = "all";
+        const CHOOSE: &str = "choose them with --planes head,abdomen, or --planes all";
         let all = scene.planes.len();
         if args.planes.iter().map(String::as_str).eq([ALL]) {
             let note = format!("Scored: all {all} planes of the scene, as --planes asks.");
@@ -139,19 +141,13 @@ impl<'a> Subject<'a> {
             return Ok(Self { planes, from: "option", note });
         }
         let recording = args.recording.display();
-        let names =
-            planes_of(events).map_err(|e| Failure::Input(anyhow!("{recording}: {e}; --planes says which count")))?;
+        let names = planes_of(events).map_err(|e| Failure::Input(anyhow!("{recording}: {e}; {CHOOSE}")))?;
         if names.is_empty() {
-            let note = format!(
-                "Scored: all {all} planes of the scene, since the recording names none; --planes says which count."
-            );
+            let note = format!("Scored: all {all} planes of the scene, since the recording names none; {CHOOSE}.");
             return Ok(Self { planes: scene.planes.iter().collect(), from: "scene", note });
         }
         let planes = scene.chosen(&names).map_err(|e| {
-            Failure::Input(anyhow!(
-                "{recording} is about the planes {}: {e}; --planes says which count",
-                names.join(", ")
-            ))
+            Failure::Input(anyhow!("{recording} is about the planes {}: {e}; {CHOOSE}", names.join(", ")))
         })?;
         let note = format!(
             "Scored: the planes of the recording's exam ({}). The scene has {all}; --planes all scores them all.",

@@ -3,7 +3,7 @@
 use anyhow::anyhow;
 use clap::Args;
 use insonify::station::Station;
-use insonify::tracker::{BAUD_RANGE, Choice, ChoiceError, PortName, Protocol, Settings, Transport};
+use insonify::tracker::{BAUD_RANGE, Choice, PortName, Protocol, Settings, Transport};
 
 use super::{Classify, Failure};
 
@@ -61,20 +61,10 @@ impl TrackerArgs {
     /// Applies `--sensor` or `--tool`, if one is given, to `settings`.
     ///
     /// # Errors
-    /// A name for a protocol that has numbers.
+    /// A name for a protocol that has numbers, or a number for one that has names.
     pub(crate) fn choose_probe(&self, settings: &mut Settings) -> Result<(), Failure> {
-        if let Some(sensor) = self.sensor {
-            (settings.device.sensor, settings.device.tool) = (Some(sensor), None);
-        }
-        if let Some(tool) = &self.tool {
-            (settings.device.sensor, settings.device.tool) = (None, Some(tool.clone()));
-            let is_recording = matches!(settings.transport, Transport::Recording { .. });
-            if !settings.protocol.has_names() && !is_recording {
-                let protocol = settings.protocol.name();
-                return Err(ChoiceError::NoNames { protocol }).input();
-            }
-        }
-        Ok(())
+        settings.device.choose(self.sensor, self.tool.clone());
+        settings.check_probe().input()
     }
 
     /// The chosen tracker, with the device settings of `base`; `None` without a protocol.

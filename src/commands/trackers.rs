@@ -130,8 +130,6 @@ fn watch(settings: &Settings, seconds: f64, json: bool) -> Result<(), Failure> {
 
 /// Fails if no record of the probe was received, or none of several sensors was chosen.
 fn verdict(settings: &Settings, total: &SessionSummary) -> Result<(), Failure> {
-    let heard: Vec<String> = total.heard.iter().map(SensorName::to_string).collect();
-    let heard = heard.join(", ");
     if total.undecided {
         let event = TrackerEvent::Undecided { heard: total.heard.clone() };
         return Err(Failure::Other(anyhow!("{settings}: {event}")));
@@ -142,7 +140,9 @@ fn verdict(settings: &Settings, total: &SessionSummary) -> Result<(), Failure> {
     let why = match (&total.cause, total.connections) {
         (Some(cause), _) => cause.clone(),
         (None, 0) => "it could not be opened".to_owned(),
-        (None, _) if !heard.is_empty() => format!("only others are heard: {heard}"),
+        (None, _) if !total.heard.is_empty() => {
+            format!("only others are heard: {}", SensorName::listed(&total.heard))
+        }
         (None, _) => format!("{} bytes arrived, {} damaged pieces", total.bytes, total.decode_errors),
     };
     Err(Failure::Other(anyhow!("no record of the probe from {settings}: {why}")))

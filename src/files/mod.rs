@@ -22,5 +22,4 @@ pub use npy::npy;
 pub use outputs::{OutputError, Outputs};
 pub use part::{PartError, PartFile};
 pub use read::{FileKind, open, read, read_text};
-pub use stand_in::{STAND_IN_BYTES, stand_in};
 pub use toml_reason::{backslashes, toml_reason};

@@ -76,7 +76,7 @@ impl FileKind {
 }
 
 /// Opens a regular file that is not larger than its kind allows. Pipes and devices are refused: they might never end.
-/// Pointers of Git LFS and web pages are refused, too ([`stand_in`](super::stand_in)).
+/// Pointers of Git LFS and git-annex, web pages and servers' error messages are refused, too.
 ///
 /// # Errors
 /// The file cannot be opened, is not a regular file, holds a stand-in, or is too large; the error gives its size and the

@@ -3,12 +3,12 @@
 use std::io::{self, ErrorKind, Read, Seek};
 
 /// Bytes at the start of a file that [`stand_in`] looks at.
-pub const STAND_IN_BYTES: usize = 512;
+const STAND_IN_BYTES: usize = 512;
 
 /// Cause and remedy if a file's first bytes are those of a stand-in: a pointer of Git LFS or git-annex, or a web page that
 /// was saved instead of the file. The phrase follows the file's name: "it is a Git LFS pointer...". No file of a kind
 /// that this program reads starts so.
-pub fn stand_in(start: &[u8]) -> Option<&'static str> {
+fn stand_in(start: &[u8]) -> Option<&'static str> {
     let start = &start[..start.len().min(STAND_IN_BYTES)];
     let start = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start).trim_ascii_start();
     let opens = |word: &str| start.get(..word.len()).is_some_and(|s| s.eq_ignore_ascii_case(word.as_bytes()));

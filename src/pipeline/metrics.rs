@@ -16,7 +16,7 @@ use crate::sink::live::{FrameInfo, FrameSource, PresentedFrame};
 use crate::statistics::upper_median;
 use crate::transducer::Misplacement;
 
-/// Recent frames in the live figures: most of them, and the time before the last one in which they were presented.
+/// Frames in the live figures: at most so many, presented at most so long before the last one.
 const RECENT: usize = 64;
 const RECENT_TIME: Duration = Duration::from_secs(3);
 
@@ -212,13 +212,20 @@ impl Metrics {
         look(&lock(&self.shown))
     }
 
-    pub(super) fn status(&self, now: Duration, dropped: u64, notice: Option<String>) -> Status {
+    /// Status at `now` of a session whose stages started at `started_at`.
+    pub(super) fn status(
+        &self,
+        [started_at, now]: [Duration; 2],
+        dropped: u64,
+        damaged: u64,
+        notice: Option<String>,
+    ) -> Status {
         self.shown(|shown| {
-            let (rate, since) = (shown.recent.frames_per_s(), now.saturating_sub(shown.last));
+            let (rate, since) = (shown.recent.frames_per_s(), now.saturating_sub(shown.last.max(started_at)));
             let is_silent = since > SILENCE.0 && since.as_secs_f64() * rate > SILENCE.1;
             let silent_s = (is_silent || (shown.presented < 2 && since > SILENCE.0)).then_some(since.as_secs_f64());
             Status {
-                elapsed_s: now.as_secs_f64(),
+                elapsed_s: now.saturating_sub(started_at).as_secs_f64(),
                 presented: shown.presented,
                 frames_per_s: if silent_s.is_some() { 0.0 } else { rate },
                 silent_s,
@@ -228,7 +235,7 @@ impl Metrics {
                 frozen: shown.frozen,
                 misplaced: shown.placed,
                 dropped,
-                damaged: 0,
+                damaged,
                 notice,
             }
         })
@@ -253,11 +260,16 @@ mod tests {
         metrics.presented(&frame);
     }
 
+    /// Status at a time of a session that started with its clock.
+    fn status(metrics: &Metrics, ms: u64) -> Status {
+        metrics.status([Duration::ZERO, Duration::from_millis(ms)], 0, 0, None)
+    }
+
     #[test]
     fn the_status_says_that_no_frame_comes() {
         let metrics = Metrics::default();
-        let at = |ms| {
-            let status = metrics.status(Duration::from_millis(ms), 0, None);
+        let at = |ms: u64| {
+            let status = status(&metrics, ms);
             (status.frames_per_s.round(), status.silent_s)
         };
         assert_eq!((at(1000), at(2500)), ((0.0, None), (0.0, Some(2.5))));
@@ -267,8 +279,19 @@ mod tests {
         // At a slow rate the pauses are usual.
         let slow = Metrics::default();
         (0..20).for_each(|i| presented_at(&slow, 5000 * i));
-        let status = |ms| slow.status(Duration::from_millis(ms), 0, None).silent_s;
-        assert_eq!((status(99_000), status(115_000)), (None, Some(20.0)));
+        let silent_s = |ms| status(&slow, ms).silent_s;
+        assert_eq!((silent_s(99_000), silent_s(115_000)), (None, Some(20.0)));
+    }
+
+    #[test]
+    fn the_time_before_the_stages_start_is_no_silence() {
+        let metrics = Metrics::default();
+        // Opening sinks took eight seconds.
+        let at = |ms: u64| {
+            let status = metrics.status([8000, 8000 + ms].map(Duration::from_millis), 0, 3, None);
+            (status.elapsed_s, status.silent_s, status.damaged)
+        };
+        assert_eq!((at(300), at(2500)), ((0.3, None, 3), (2.5, Some(2.5), 3)));
     }
 
     #[test]
@@ -277,12 +300,12 @@ mod tests {
         (0..20).for_each(|i| presented_at(&metrics, 50 * i));
         // A pause of 30 s, and on at the same rate.
         (0..80).for_each(|i| presented_at(&metrics, 31_000 + 50 * i));
-        let rate = metrics.status(Duration::from_millis(34_960), 0, None).frames_per_s;
+        let rate = status(&metrics, 34_960).frames_per_s;
         assert!((rate - 20.0).abs() < 1e-6, "{rate}");
         let soon = Metrics::default();
         (0..20).for_each(|i| presented_at(&soon, 50 * i));
         (0..11).for_each(|i| presented_at(&soon, 31_000 + 50 * i));
-        let rate = soon.status(Duration::from_millis(31_510), 0, None).frames_per_s;
+        let rate = status(&soon, 31_510).frames_per_s;
         assert!((rate - 20.0).abs() < 1e-6, "the pause is over: {rate}");
     }
 

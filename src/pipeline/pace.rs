@@ -54,7 +54,7 @@ impl Pace {
         }
     }
 
-    /// Leaves out the ticks of the whole periods in `time` after the one that is due.
+    /// Skips as many ticks as `time` has whole periods, and counts them as missed.
     fn miss(&mut self, time: Duration) {
         let ticks = time.as_nanos() / self.period.as_nanos().max(1);
         self.missed += u64::try_from(ticks).unwrap_or(u64::MAX);

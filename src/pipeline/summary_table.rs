@@ -33,7 +33,8 @@ impl fmt::Display for Summary {
         row(f, "inference", s.inference)?;
         writeln!(
             f,
-            "to present: until the displays have it; without tracker before the first byte, filter, display; no held poses"
+            "\"to present\" ends when the displays have the picture. Left out: the tracker before its first byte here,\n\
+             the lag of the filter, network and screen. Held poses are not counted."
         )?;
         writeln!(f, "\ndrops              of {} frames begun", s.produced)?;
         for (cause, count) in &s.drops {

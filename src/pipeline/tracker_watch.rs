@@ -1,16 +1,11 @@
 //! What a session tells of its tracker while it runs: counts, news, and trouble that lasts.
 
-use std::collections::VecDeque;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
 use serde::Serialize;
 
 use super::clock::lock;
 use crate::tracker::TrackerEvent;
-
-/// Most news that wait to be shown; the oldest are dropped, since the log has them all.
-const NEWS_LIMIT: usize = 4;
 
 /// Totals of a session's tracker.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
@@ -19,7 +14,7 @@ pub struct TrackerSummary {
     pub records: u64,
     /// Pieces of the stream that are no record, and errors that the device reports.
     pub damaged: u64,
-    /// Records of other sensors, and of several of which none was chosen.
+    /// Records of sensors that are not the probe. While several are heard and none is chosen, all records count here.
     pub other_sensors: u64,
     /// Datagrams of other senders, as last reported.
     pub other_senders: u64,
@@ -40,43 +35,42 @@ pub(super) enum TrackerNotice {
 
 /// State of a tracker that its listener updates and the session shows. Clones share it.
 #[derive(Debug, Clone, Default)]
-pub struct TrackerWatch(Arc<Shared>);
-
-#[derive(Debug, Default)]
-struct Shared {
-    state: Mutex<State>,
-    /// Whether there is trouble that the next record ends.
-    troubled: AtomicBool,
-}
+pub struct TrackerWatch(Arc<Mutex<State>>);
 
 #[derive(Debug, Default)]
 struct State {
     totals: TrackerSummary,
-    news: VecDeque<String>,
-    trouble: Option<String>,
+    /// News that are not shown yet: the latest ones, since the log has them all.
+    news: Option<String>,
+    trouble: Option<Trouble>,
+}
+
+/// Trouble that lasts until the next record.
+#[derive(Debug)]
+struct Trouble {
+    text: String,
+    /// Whether it is a lost connection: the next one ends it, too, since a device at rest may send no record.
+    is_lost_connection: bool,
 }
 
 impl TrackerWatch {
     /// Counts a record of any sensor.
     pub(super) fn heard(&self) {
-        lock(&self.0.state).totals.other_sensors += 1;
+        lock(&self.0).totals.other_sensors += 1;
     }
 
     /// Counts a record of the probe, which was also counted as heard, and ends trouble.
     pub(super) fn record(&self) {
-        let mut state = lock(&self.0.state);
+        let mut state = lock(&self.0);
         state.totals.records += 1;
         state.totals.other_sensors = state.totals.other_sensors.saturating_sub(1);
-        if self.0.troubled.swap(false, Ordering::Relaxed) {
-            state.trouble = None;
-        }
+        state.trouble = None;
     }
 
     /// Takes an event. Returns whether it is a fault that the user must see.
     pub(super) fn event(&self, event: &TrackerEvent) -> bool {
-        let mut state = lock(&self.0.state);
-        let totals = &mut state.totals;
-        // Trouble lasts until the next record.
+        let mut state = lock(&self.0);
+        let State { totals, news, trouble } = &mut *state;
         let lasts = match event {
             TrackerEvent::DecodeError(_) => {
                 totals.damaged += 1;
@@ -93,32 +87,35 @@ impl TrackerWatch {
                 false
             }
             TrackerEvent::OtherSensor { .. } | TrackerEvent::SenderChanged { .. } | TrackerEvent::Irregular(_) => false,
-            // Connected, ended, or a choice that is only noted.
+            TrackerEvent::Connected { .. } => {
+                if trouble.as_ref().is_some_and(|trouble| trouble.is_lost_connection) {
+                    *trouble = None;
+                }
+                return false;
+            }
+            // Ended, or a choice that is only noted.
             _ => return false,
         };
         let text = format!("tracker: {event}");
         totals.last_fault = Some(event.to_string());
         if lasts {
-            state.trouble = Some(text.clone());
-            self.0.troubled.store(true, Ordering::Relaxed);
+            let is_lost_connection = matches!(event, TrackerEvent::Disconnected { .. });
+            *trouble = Some(Trouble { text: text.clone(), is_lost_connection });
         }
-        if state.news.len() == NEWS_LIMIT {
-            state.news.pop_front();
-        }
-        state.news.push_back(text);
+        *news = Some(text);
         true
     }
 
     /// The latest news, else the trouble that lasts.
     pub(super) fn notice(&self) -> Option<TrackerNotice> {
-        let mut state = lock(&self.0.state);
-        let news = state.news.drain(..).next_back();
-        news.map(TrackerNotice::News).or_else(|| state.trouble.clone().map(TrackerNotice::Trouble))
+        let mut state = lock(&self.0);
+        let news = state.news.take().map(TrackerNotice::News);
+        news.or_else(|| state.trouble.as_ref().map(|trouble| TrackerNotice::Trouble(trouble.text.clone())))
     }
 
     /// Totals so far.
     pub fn totals(&self) -> TrackerSummary {
-        lock(&self.0.state).totals.clone()
+        lock(&self.0).totals.clone()
     }
 }
 
@@ -148,5 +145,34 @@ mod tests {
         let TrackerSummary { records, other_sensors, interruptions, last_fault, .. } = watch.totals();
         assert_eq!((records, other_sensors, interruptions), (1, 2, 1));
         assert!(last_fault.unwrap().contains("10.0.0.2:5"));
+    }
+
+    #[test]
+    fn a_new_connection_ends_a_lost_one_and_no_other_trouble() {
+        let watch = TrackerWatch::default();
+        let connected = TrackerEvent::Connected { port: "x".into() };
+        let lost = TrackerEvent::Disconnected { reason: "the cable is out".into(), retry: Duration::from_secs(1) };
+        let is_troubled = || {
+            let _news = watch.notice();
+            watch.notice().is_some()
+        };
+        assert!(watch.event(&lost) && is_troubled());
+        // A device at rest sends no record.
+        assert!(!watch.event(&connected) && !is_troubled());
+        // A restarted device that says nothing is as silent as before.
+        assert!(watch.event(&TrackerEvent::Silent { for_: Duration::from_secs(2), attempt: 2, cause: None }));
+        assert!(!watch.event(&connected) && is_troubled());
+        assert_eq!(watch.totals().interruptions, 2);
+    }
+
+    #[test]
+    fn only_the_latest_news_are_shown() {
+        let watch = TrackerWatch::default();
+        let [from, to] = [1, 2].map(|host| ([10, 0, 0, host], 5).into());
+        assert!(watch.event(&TrackerEvent::SenderChanged { from: to, to: from }));
+        assert!(watch.event(&TrackerEvent::SenderChanged { from, to }));
+        let Some(TrackerNotice::News(text)) = watch.notice() else { panic!() };
+        assert!(text.ends_with("datagrams of 10.0.0.2:5 are used from now on"), "{text}");
+        assert_eq!(watch.notice(), None);
     }
 }

@@ -8,16 +8,16 @@ use std::rc::Rc;
 use glam::DVec3;
 use thiserror::Error;
 
+use super::Pose;
 use super::registration::PointPair;
 use super::table::{
-    Column, Frame, Headless, Layout, Meaning, PoseField, Position, Reader, System, TableFault, markups, quote,
+    Column, Frame, Headless, Layout, Meaning, Position, Reader, System, TableFault, markups, quote, refuse,
 };
-use super::{Pose, PoseError};
 
 /// Errors in point and pose lists.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum CsvError {
-    /// A malformed line, or a fault of the columns.
+    /// A malformed line, a fault of the columns, or numbers that are not a pose.
     #[error("line {line}: {source}")]
     Line {
         /// Line, from 1.
@@ -25,19 +25,19 @@ pub enum CsvError {
         /// Fault.
         source: TableFault,
     },
-    /// Numbers that are not a pose.
-    #[error("line {line}: {source}")]
-    Pose {
-        /// Line, from 1.
-        line: usize,
-        /// Fault of the pose.
-        source: PoseError,
-    },
     /// No line contains numbers.
     #[error("there is no line with {expected}")]
     Empty {
         /// Expected content.
         expected: &'static str,
+    },
+    /// Rows of which none has a value.
+    #[error("none of its {rows} rows has {what}")]
+    Absent {
+        /// Number of rows.
+        rows: usize,
+        /// What they lack, and how a row says so.
+        what: &'static str,
     },
     /// A list of 3D Slicer that is not read.
     #[error("{reason}")]
@@ -85,6 +85,11 @@ const PAIR_COLUMNS: &str =
     "x,y,z of the scene (mm, or with a unit as x_m; or r,a,s or l,p,s), tx,ty,tz of the tracker (or tx_m), and name";
 const POSE_COLUMNS: &str = "x,y,z (mm, or with a unit as x_m), qw,qx,qy,qz, and optionally time and status";
 
+/// What a row of points lacks.
+const NO_POSITION: &str = "a position: all are undefined, by the column `defined` or by 3D Slicer's status";
+/// What a row of poses lacks.
+const NO_POSE: &str = "a pose: all are empty, NaN or zero, or their `status` is invalid";
+
 /// Parses points of the scene: a table, or a list of 3D Slicer (`.fcsv`, `.mrk.json`, exported `.csv`), mm.
 ///
 /// # Errors
@@ -94,9 +99,9 @@ pub fn points(text: &str) -> Result<Listed<Named<DVec3>>, CsvError> {
         return of_markups(text);
     }
     let check = |layout: &Layout, columns: &[Column]| {
-        only_points(layout, columns)?;
+        only_points(columns)?;
         let reason = "a list of points has those of the scene only; `calibrate landmarks PAIRS` takes both";
-        layout.refuse(columns, |m| matches!(m, Meaning::Length { frame: Frame::Tracker, .. }), reason)?;
+        refuse(columns, |m| matches!(m, Meaning::Length { frame: Frame::Tracker, .. }), reason)?;
         layout.own.as_ref().map(drop).ok_or_else(|| missing("x", POINT_COLUMNS))
     };
     let mut list = List::new(text, POINT, POINT_COLUMNS, &check);
@@ -112,7 +117,7 @@ pub fn points(text: &str) -> Result<Listed<Named<DVec3>>, CsvError> {
     }
     let system = list.system()?;
     list.values.iter_mut().for_each(|point| point.value = system.map_or(point.value, |s| s.to_lps(point.value)));
-    list.finish(system)
+    list.finish(system, NO_POSITION)
 }
 
 /// Parses landmarks from a table: the point in the scene, and as the tracker measures it, mm.
@@ -126,7 +131,7 @@ pub fn pairs(text: &str) -> Result<Listed<Named<PointPair>>, CsvError> {
         return Err(CsvError::Markups { reason: reason.to_owned() });
     }
     let check = |layout: &Layout, columns: &[Column]| {
-        only_points(layout, columns)?;
+        only_points(columns)?;
         layout.own.as_ref().ok_or_else(|| missing("x", PAIR_COLUMNS))?;
         layout.tracker.as_ref().map(drop).ok_or_else(|| missing("tx", PAIR_COLUMNS))
     };
@@ -144,13 +149,13 @@ pub fn pairs(text: &str) -> Result<Listed<Named<PointPair>>, CsvError> {
     let system = list.system()?;
     let turned = |point: DVec3| system.map_or(point, |system| system.to_lps(point));
     list.values.iter_mut().for_each(|pair| pair.value.scene_mm = turned(pair.value.scene_mm));
-    list.finish(system)
+    list.finish(system, NO_POSITION)
 }
 
 /// Refuses columns that don't belong to points.
-fn only_points(layout: &Layout, columns: &[Column]) -> Result<(), TableFault> {
+fn only_points(columns: &[Column]) -> Result<(), TableFault> {
     let is_other = |m| matches!(m, Meaning::Quaternion(_) | Meaning::Status | Meaning::Event | Meaning::Time { .. });
-    layout.refuse(columns, is_other, "it doesn't belong to points")
+    refuse(columns, is_other, "it doesn't belong to points")
 }
 
 /// Parses poses from a table, mm and a unit quaternion. Rows without a pose are left out: their numbers are all empty,
@@ -159,23 +164,22 @@ fn only_points(layout: &Layout, columns: &[Column]) -> Result<(), TableFault> {
 /// # Errors
 /// A malformed line, a column that is not read, or no pose at all.
 pub fn poses(text: &str) -> Result<Listed<Pose>, CsvError> {
+    if is_json(text) {
+        let reason = "3D Slicer's markups hold points, not poses; give a recording of `insonify record`, or a table \
+                      `x,y,z,qw,qx,qy,qz`";
+        return Err(CsvError::Markups { reason: reason.to_owned() });
+    }
     let check = |layout: &Layout, columns: &[Column]| pose_position(layout, columns, POSE_COLUMNS).map(drop);
     let mut list = List::new(text, POSE, POSE_COLUMNS, &check);
     let mut absent = 0;
     while let Some((line, layout, row)) = list.next_row()? {
-        let at = |source| CsvError::Line { line, source };
         let Some(position) = layout.own.as_ref().or(layout.tracker.as_ref()) else { continue };
-        if !layout.has_pose(&row).map_err(at)? {
-            absent += 1;
-            continue;
-        }
-        match layout.pose(position, &row).map_err(at)? {
-            Ok(PoseField::Pose(pose)) => list.values.push(pose),
-            Ok(PoseField::Absent) => absent += 1,
-            Err(source) => return Err(CsvError::Pose { line, source }),
+        match layout.pose(position, &row).map_err(|source| CsvError::Line { line, source })? {
+            Some(pose) => list.values.push(pose),
+            None => absent += 1,
         }
     }
-    let mut found = list.finish(None)?;
+    let mut found = list.finish(None, NO_POSE)?;
     if absent > 0 {
         found.notes.push(format!("{absent} rows without a pose (empty, NaN, zero or `status` invalid) were left out"));
     }
@@ -192,12 +196,12 @@ pub(crate) fn pose_position<'a>(
     known: &'static str,
 ) -> Result<&'a Position, TableFault> {
     let of_patient = |m| matches!(m, Meaning::Length { frame: Frame::Patient, .. });
-    layout.refuse(
+    refuse(
         columns,
         of_patient,
         "poses are in the tracker's or the scene's axes, not along the patient's; name its columns x_mm, y_mm and z_mm",
     )?;
-    layout.refuse(columns, |m| m == Meaning::Defined, "it belongs to points; `status` says which rows have a pose")?;
+    refuse(columns, |m| m == Meaning::Defined, "it belongs to points; `status` says which rows have a pose")?;
     if let (Some(own), Some(tracker)) = (&layout.own, &layout.tracker) {
         let reason = format!("the table has {}, too; a pose has one position", own.names());
         return Err(TableFault::Refused { name: quote(&tracker.names()), reason });
@@ -275,10 +279,13 @@ impl<'a, T> List<'a, T> {
         layout.is_undefined(row) || status.is_some_and(|status| ["0", "1", "3"].contains(&status.as_str()))
     }
 
-    /// The values, if there are any; `system` is that of a list of 3D Slicer.
-    fn finish(self, system: Option<System>) -> Result<Listed<T>, CsvError> {
+    /// The values, if there are any; `system` is that of a list of 3D Slicer, `what` is what rows without a value lack.
+    fn finish(self, system: Option<System>, what: &'static str) -> Result<Listed<T>, CsvError> {
         if self.values.is_empty() {
-            return Err(CsvError::Empty { expected: self.expected });
+            return Err(match self.rows {
+                0 => CsvError::Empty { expected: self.expected },
+                rows => CsvError::Absent { rows, what },
+            });
         }
         let mut notes = Vec::new();
         let own = self.layout.as_ref().and_then(|layout| layout.own.as_ref());
@@ -289,9 +296,7 @@ impl<'a, T> List<'a, T> {
         if system == Some(System::Ras) {
             notes.push("its coordinate system is RAS; the points are taken in LPS: x = −x, y = −y".to_owned());
         }
-        if !self.left_out.is_empty() {
-            notes.push(format!("points without a position were left out: {}", self.left_out.join(", ")));
-        }
+        notes.extend(left_out_note(&self.left_out));
         let in_lps = system.is_some() || own.is_some_and(|position| position.frame == Frame::Patient);
         Ok(Listed { values: self.values, in_lps, notes })
     }
@@ -317,9 +322,12 @@ fn of_markups(text: &str) -> Result<Listed<Named<DVec3>>, CsvError> {
     if values.is_empty() {
         return Err(CsvError::Markups { reason: "none of its control points has a position".to_owned() });
     }
-    let note = || format!("points without a position were left out: {}", left_out.join(", "));
-    let notes = if left_out.is_empty() { Vec::new() } else { vec![note()] };
-    Ok(Listed { values, in_lps: true, notes })
+    Ok(Listed { values, in_lps: true, notes: left_out_note(&left_out).into_iter().collect() })
+}
+
+/// Note about points without a position, if there are any.
+fn left_out_note(names: &[String]) -> Option<String> {
+    (!names.is_empty()).then(|| format!("points without a position were left out: {}", names.join(", ")))
 }
 
 #[cfg(test)]

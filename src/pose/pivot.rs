@@ -45,7 +45,7 @@ pub struct Pivot {
 }
 
 /// Distance of a tip from its sensor, mm, below which positions are likely in metres.
-const METRES_BELOW_MM: f64 = 1.0;
+pub(crate) const METRES_BELOW_MM: f64 = 1.0;
 
 impl Pivot {
     /// Whether the positions were likely in metres: the tip is then a fraction of a millimetre from the sensor.

@@ -15,11 +15,20 @@ use std::fmt;
 use glam::{DMat3, DQuat, DVec3};
 use nalgebra::Matrix3;
 use serde::Serialize;
-use thiserror::Error;
 
 use super::Pose;
-use super::pivot::{Pivot, PivotError, calibrate, rotation_matrix, widest_turn};
+use super::pivot::{Pivot, calibrate, rotation_matrix, widest_turn};
 use super::transform::angle_between;
+
+mod error;
+#[cfg(test)]
+mod tests;
+
+pub use error::MountError;
+
+/// Names of the steps with the ends of the face, for errors.
+const MARKER_END: &str = "the end of the face at the marker";
+const OTHER_END: &str = "the other end of the face";
 
 /// Largest accepted RMS distance of an end of the face from its mean, mm.
 const END_RMS_MM: f64 = 3.0;
@@ -39,8 +48,12 @@ const SPIN_DEG: f64 = 60.0;
 /// Largest accepted RMS deviation of the axis while the probe is turned about it, degrees.
 const WOBBLE_DEG: f64 = 8.0;
 
-/// Distance of the face's centre from the sensor along the beam, mm, below which the beam's sense is unknown.
-const SENSE_MM: f64 = 5.0;
+/// Least cosine of the angle between the axis of the turn and the arc of the face: the probe's long axis, not another.
+const LONG_AXIS: f64 = 0.7;
+
+/// Least distance of the face's centre from the sensor along the axis of the turn, mm and as a part of their distance,
+/// that gives the sense of a beam without an arc.
+const SENSE: (f64, f64) = (5.0, 0.5);
 
 /// Largest accepted deviation of the angle between beam and lateral axis from 90°, degrees.
 const SQUARE_DEG: f64 = 10.0;
@@ -53,6 +66,9 @@ const SLIDE_STRAIGHT: f64 = 0.05;
 
 /// Largest accepted turn during a slide, degrees.
 const SLIDE_TURN_DEG: f64 = 15.0;
+
+/// Largest accepted angle between the lateral axes of the ends and of a slide, degrees.
+const LATERAL_DEG: f64 = 25.0;
 
 /// Poses `tracker_from_sensor` of the steps of the calibration.
 #[derive(Debug, Clone, Copy, Default)]
@@ -123,100 +139,6 @@ impl fmt::Display for ProbeMount {
     }
 }
 
-/// Reason for a failed calibration of a mounting.
-#[derive(Debug, Error, Clone, PartialEq)]
-#[non_exhaustive]
-pub enum MountError {
-    /// No centre.
-    #[error("the pivot about the centre of the face: {0}")]
-    Pivot(#[from] PivotError),
-    /// A step without poses.
-    #[error("{step}: there are no poses")]
-    Empty {
-        /// The step.
-        step: &'static str,
-    },
-    /// Nothing gives the lateral axis.
-    #[error("the lateral axis is unknown: give both ends of the face (--marker-end, --other-end) or a --slide")]
-    NoLateral,
-    /// Nothing gives the beam.
-    #[error("the beam's direction is unknown: give a --spin, the upright probe turned about its own long axis{why}")]
-    NoBeam {
-        /// Why the ends don't give it, or empty.
-        why: String,
-    },
-    /// An end that was not in the dimple.
-    #[error(
-        "{step}: the end of the face moved by {rms_mm:.1} mm RMS from its mean, at most {END_RMS_MM}; rest it in the dimple of the pivot, and leave dimple and tracker where they are between the steps"
-    )]
-    EndMoved {
-        /// The step.
-        step: &'static str,
-        /// RMS distance, mm.
-        rms_mm: f64,
-    },
-    /// Ends at an impossible distance.
-    #[error(
-        "the ends of the face lie {width_mm:.1} mm apart; {} to {} mm are possible: was each end rested in the dimple of the pivot, and is the unit of the poses mm?", WIDTH_MM[0], WIDTH_MM[1]
-    )]
-    Width {
-        /// Distance, mm.
-        width_mm: f64,
-    },
-    /// A centre that is not in the middle.
-    #[error(
-        "the centre of the face lies {off_mm:.1} mm from the middle between its ends ({width_mm:.1} mm apart): were centre and ends mixed up?"
-    )]
-    OffCentre {
-        /// Distance along the lateral axis, mm.
-        off_mm: f64,
-        /// Distance between the ends, mm.
-        width_mm: f64,
-    },
-    /// Too little turn.
-    #[error("the turn about the probe's axis: {turn_deg:.0}° only; turn it by at least {SPIN_DEG}°")]
-    LittleTurn {
-        /// Largest rotation, degrees.
-        turn_deg: f64,
-    },
-    /// An axis that moved.
-    #[error(
-        "the turn about the probe's axis: the axis moved by {wobble_deg:.1}° RMS, at most {WOBBLE_DEG}; keep the probe upright while it turns"
-    )]
-    Wobble {
-        /// RMS deviation, degrees.
-        wobble_deg: f64,
-    },
-    /// A beam that may point either way.
-    #[error(
-        "the beam may point either way: the sensor is level with the face ({along_mm:.1} mm along the probe's axis); rest both ends of a convex face in the dimple, or mount the sensor higher"
-    )]
-    Sense {
-        /// Distance along the axis, mm.
-        along_mm: f64,
-    },
-    /// A slide that gives no direction.
-    #[error(
-        "the slide: {path_mm:.0} mm long, off a line by {off_mm:.1} mm RMS, turned by {turn_deg:.0}°; slide along a ruler by at least {SLIDE_MM} mm without turning the probe"
-    )]
-    Slide {
-        /// Path, mm.
-        path_mm: f64,
-        /// RMS distance from its line, mm.
-        off_mm: f64,
-        /// Largest turn, degrees.
-        turn_deg: f64,
-    },
-    /// Axes that are not perpendicular.
-    #[error(
-        "the measured lateral axis and the beam are {square_deg:.1}° off a right angle, at most {SQUARE_DEG}: was the probe upright while it turned, and slid sideways?"
-    )]
-    NotSquare {
-        /// Deviation, degrees.
-        square_deg: f64,
-    },
-}
-
 /// A direction in the sensor's frame and its scatter, degrees.
 type Direction = (DVec3, f64);
 
@@ -239,6 +161,12 @@ pub fn mount(steps: &MountSteps<'_>) -> Result<ProbeMount, MountError> {
     let face = steps.ends.map(|ends| face(ends, &pivot)).transpose()?;
     let slide = steps.slide.map(|poses| slide(poses, pivot.tip_mm)).transpose()?;
     let by_ends = face.as_ref().map(|face| (face.across_mm.normalize_or_zero(), degrees(face.rms_mm, face.across_mm)));
+    if let (Some((ends, _)), Some((slide, _))) = (by_ends, slide) {
+        let off_deg = angle_deg(ends, slide);
+        if off_deg > LATERAL_DEG {
+            return Err(MountError::EndsAndSlide { off_deg });
+        }
+    }
     let (lateral, lateral_scatter_deg) = by_ends.or(slide).ok_or(MountError::NoLateral)?;
     let arc = face.as_ref().filter(|face| face.arc_mm.length() >= ARC_MM);
     let by_arc = arc.map(|face| (face.arc_mm.normalize_or_zero(), degrees(face.rms_mm.max(pivot.rms_mm), face.arc_mm)));
@@ -274,6 +202,23 @@ pub fn mount(steps: &MountSteps<'_>) -> Result<ProbeMount, MountError> {
     })
 }
 
+/// Checks ends of the face that were rested in the dimple of `pivot`: the end at the marker, and the other one if it was
+/// recorded.
+///
+/// # Errors
+/// An end that was not in the dimple, ends at an impossible distance, or a centre that is not in the middle.
+pub fn check_ends(pivot: &Pivot, marker: &[Pose], other: Option<&[Pose]>) -> Result<(), MountError> {
+    match other {
+        Some(other) => face([marker, other], pivot).map(drop),
+        None => end(marker, pivot.pivot_mm, MARKER_END).map(drop),
+    }
+}
+
+/// Angle between two directions of length 1, degrees.
+fn angle_deg(a: DVec3, b: DVec3) -> f64 {
+    a.dot(b).clamp(-1.0, 1.0).acos().to_degrees()
+}
+
 /// Angle by which a direction over a distance is uncertain if its ends are by `rms_mm`, degrees.
 fn degrees(rms_mm: f64, over_mm: DVec3) -> f64 {
     rms_mm.atan2(over_mm.length()).to_degrees()
@@ -282,8 +227,8 @@ fn degrees(rms_mm: f64, over_mm: DVec3) -> f64 {
 /// Width and arc of the face from its two ends, each rested in the dimple of the pivot.
 fn face(ends: [&[Pose]; 2], pivot: &Pivot) -> Result<Face, MountError> {
     let [first, second] = ends;
-    let (marker, marker_rms) = end(first, pivot.pivot_mm, "the end of the face at the marker")?;
-    let (other, other_rms) = end(second, pivot.pivot_mm, "the other end of the face")?;
+    let (marker, marker_rms) = end(first, pivot.pivot_mm, MARKER_END)?;
+    let (other, other_rms) = end(second, pivot.pivot_mm, OTHER_END)?;
     let across_mm = other - marker;
     let width_mm = across_mm.length();
     if !(WIDTH_MM[0]..=WIDTH_MM[1]).contains(&width_mm) {
@@ -336,10 +281,17 @@ fn spin(poses: &[Pose], centre_mm: DVec3, arc: Option<Direction>) -> Result<Dire
         return Err(MountError::Wobble { wobble_deg });
     }
     let axis = DVec3::from_array(eigen.eigenvectors.column(least).into_owned().into());
-    let along_mm = axis.dot(centre_mm);
+    let (along_mm, away_mm) = (axis.dot(centre_mm), centre_mm.length());
+    let (sense_mm, part) = SENSE;
     let sense = match arc {
+        Some((arc, _)) if axis.dot(arc).abs() < LONG_AXIS => {
+            let off_deg = angle_deg(axis * axis.dot(arc).signum(), arc);
+            return Err(MountError::OtherAxis { off_deg });
+        }
         Some((arc, _)) => axis.dot(arc),
-        None if along_mm.abs() < SENSE_MM => return Err(MountError::Sense { along_mm: along_mm.abs() }),
+        None if along_mm.abs() < sense_mm.max(part * away_mm) => {
+            return Err(MountError::Sense { along_mm: along_mm.abs(), away_mm });
+        }
         None => along_mm,
     };
     Ok((axis * sense.signum(), wobble_deg))
@@ -373,6 +325,3 @@ fn slide(poses: &[Pose], centre_mm: DVec3) -> Result<Direction, MountError> {
     // The lateral axis points away from the marker.
     Ok((-in_sensor.normalize_or_zero(), off_mm.atan2(path_mm).to_degrees().max(0.5 * turn_deg)))
 }
-
-#[cfg(test)]
-mod tests;

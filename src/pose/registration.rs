@@ -125,14 +125,9 @@ pub fn register(pairs: &[PointPair]) -> Result<Registration, RegistrationError> 
         return Err(RegistrationError::TooFew { found: pairs.len() });
     }
     pairs.iter().enumerate().try_for_each(|(i, pair)| check(i + 1, pair))?;
-    let n = pairs.len() as f64;
-    let scene_mean = pairs.iter().map(|p| p.scene_mm).sum::<DVec3>() / n;
-    let tracker_mean = pairs.iter().map(|p| p.tracker_mm).sum::<DVec3>() / n;
-    let centred = || pairs.iter().map(|p| (vector(p.scene_mm - scene_mean), vector(p.tracker_mm - tracker_mean)));
-
-    let zero = Matrix3::<f64>::zeros();
-    let scene_spread = centred().fold(zero, |sum, (s, _)| sum + s * s.transpose()) / n;
-    let tracker_spread = centred().fold(zero, |sum, (_, t)| sum + t * t.transpose()) / n;
+    let centred = Centred::of(pairs);
+    let scene_spread = centred.mean(|s, _| s * s.transpose());
+    let tracker_spread = centred.mean(|_, t| t * t.transpose());
     let scene_extent = extent("scene", &scene_spread)?;
     let tracker_extent = extent("tracker", &tracker_spread)?;
     let ratio = (tracker_spread.trace() / scene_spread.trace()).sqrt();
@@ -140,22 +135,15 @@ pub fn register(pairs: &[PointPair]) -> Result<Registration, RegistrationError> 
         return Err(RegistrationError::Scale { ratio });
     }
 
-    let covariance = centred().fold(zero, |sum, (s, t)| sum + s * t.transpose()) / n;
-    let svd = covariance.try_svd(true, true, 5.0 * f64::EPSILON, SVD_STEPS).ok_or(RegistrationError::Unsolved)?;
-    let (u, v_t) = svd.u.zip(svd.v_t).ok_or(RegistrationError::Unsolved)?;
-    // The last singular value is the smallest; its axis is reversed if the best fit is a mirror image.
-    let handedness = (u * v_t).determinant().signum();
-    let orthogonal = |sign: f64| u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t;
-    let rms_of = |r: Matrix3<f64>| (centred().map(|(s, t)| (s - r * t).norm_squared()).sum::<f64>() / n).sqrt();
-    let rotation = orthogonal(handedness);
-    let (rms_mm, mirrored_rms_mm) = (rms_of(rotation), rms_of(orthogonal(-handedness)));
+    let [rotation, mirrored] = centred.rotations().ok_or(RegistrationError::Unsolved)?;
+    let (rms_mm, mirrored_rms_mm) = (centred.rms_mm(rotation), centred.rms_mm(mirrored));
     if rms_mm > MIRRORED.0 * mirrored_rms_mm && rms_mm - mirrored_rms_mm > MIRRORED.1 {
         return Err(RegistrationError::Mirrored { rms_mm, mirrored_rms_mm });
     }
 
     let columns: [[f64; 3]; 3] = rotation.into();
     let orientation = DQuat::from_mat3(&DMat3::from_cols_array_2d(&columns)).normalize();
-    let scene_from_tracker = Pose { position_mm: scene_mean - orientation * tracker_mean, orientation };
+    let scene_from_tracker = Pose { position_mm: centred.scene_mean - orientation * centred.tracker_mean, orientation };
     let residual = |p: &PointPair| p.scene_mm.distance(scene_from_tracker.transform_point(p.tracker_mm));
     let coplanar = [scene_extent, tracker_extent].iter().any(|e| e[2] < COPLANAR * e[0]);
     Ok(Registration { scene_from_tracker, rms_mm, residuals_mm: pairs.iter().map(residual).collect(), coplanar })
@@ -166,19 +154,54 @@ pub(crate) fn rms_of_fit(pairs: &[PointPair]) -> Option<f64> {
     if pairs.is_empty() {
         return None;
     }
-    let n = pairs.len() as f64;
-    let scene_mean = pairs.iter().map(|p| p.scene_mm).sum::<DVec3>() / n;
-    let tracker_mean = pairs.iter().map(|p| p.tracker_mm).sum::<DVec3>() / n;
-    let centred = || pairs.iter().map(|p| (vector(p.scene_mm - scene_mean), vector(p.tracker_mm - tracker_mean)));
-    let covariance = centred().fold(Matrix3::<f64>::zeros(), |sum, (s, t)| sum + s * t.transpose());
-    if !covariance.iter().all(|value| value.is_finite()) {
-        return None;
+    let centred = Centred::of(pairs);
+    let [rotation, _] = centred.rotations()?;
+    Some(centred.rms_mm(rotation))
+}
+
+/// Landmarks about their centroids.
+struct Centred {
+    scene_mean: DVec3,
+    tracker_mean: DVec3,
+    /// In scene and tracker, mm.
+    points: Vec<(Vector3<f64>, Vector3<f64>)>,
+}
+
+impl Centred {
+    /// Landmarks of `pairs`, of which there is at least one.
+    fn of(pairs: &[PointPair]) -> Self {
+        let n = pairs.len() as f64;
+        let scene_mean = pairs.iter().map(|p| p.scene_mm).sum::<DVec3>() / n;
+        let tracker_mean = pairs.iter().map(|p| p.tracker_mm).sum::<DVec3>() / n;
+        let centred = |p: &PointPair| (vector(p.scene_mm - scene_mean), vector(p.tracker_mm - tracker_mean));
+        Self { scene_mean, tracker_mean, points: pairs.iter().map(centred).collect() }
     }
-    let svd = covariance.try_svd(true, true, 5.0 * f64::EPSILON, SVD_STEPS)?;
-    let (u, v_t) = svd.u.zip(svd.v_t)?;
-    let sign = (u * v_t).determinant().signum();
-    let rotation = u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t;
-    Some((centred().map(|(s, t)| (s - rotation * t).norm_squared()).sum::<f64>() / n).sqrt())
+
+    /// Mean of a product over the landmarks, in scene and tracker.
+    fn mean(&self, product: impl Fn(Vector3<f64>, Vector3<f64>) -> Matrix3<f64>) -> Matrix3<f64> {
+        let sum = self.points.iter().fold(Matrix3::<f64>::zeros(), |sum, &(s, t)| sum + product(s, t));
+        sum / self.points.len() as f64
+    }
+
+    /// Best rotation of the tracker's points into the scene, and best mirror image; `None` if there is no fit.
+    fn rotations(&self) -> Option<[Matrix3<f64>; 2]> {
+        let covariance = self.mean(|s, t| s * t.transpose());
+        if !covariance.iter().all(|value| value.is_finite()) {
+            return None;
+        }
+        let svd = covariance.try_svd(true, true, 5.0 * f64::EPSILON, SVD_STEPS)?;
+        let (u, v_t) = svd.u.zip(svd.v_t)?;
+        // The last singular value is the smallest; its axis is reversed if the best fit is a mirror image.
+        let handedness = (u * v_t).determinant().signum();
+        let orthogonal = |sign: f64| u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t;
+        Some([orthogonal(handedness), orthogonal(-handedness)])
+    }
+
+    /// RMS distance of the scene's points from the tracker's ones after `rotation`, mm.
+    fn rms_mm(&self, rotation: Matrix3<f64>) -> f64 {
+        let squares: f64 = self.points.iter().map(|&(s, t)| (s - rotation * t).norm_squared()).sum();
+        (squares / self.points.len() as f64).sqrt()
+    }
 }
 
 fn vector(v: DVec3) -> Vector3<f64> {

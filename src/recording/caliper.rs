@@ -11,6 +11,7 @@ use serde::Serialize;
 
 use super::Event;
 use super::marked::Marked;
+use crate::settings::MarkContent;
 use crate::settings::mark::{COORDINATE_LIMIT_MM, NAME_CHARS_MAX, clean};
 
 /// Name of the event.
@@ -55,6 +56,28 @@ impl MeasureKind {
 }
 
 impl CaliperEvent {
+    /// Measurement of a mark; `None` for a text or a body mark.
+    pub fn of(content: &MarkContent) -> Option<Self> {
+        let measure = match content {
+            MarkContent::Distance { measure, .. }
+            | MarkContent::Angle { measure, .. }
+            | MarkContent::Ellipse { measure, .. } => measure.clone(),
+            MarkContent::Text { .. } | MarkContent::BodyMark { .. } => return None,
+        };
+        Some(Self { measure, points_mm: content.points_mm().to_vec() })
+    }
+
+    /// The measurement as content of a mark; `None` unless it has 2 to 4 points.
+    pub(super) fn content(self) -> Option<MarkContent> {
+        let Self { measure, points_mm } = self;
+        match points_mm[..] {
+            [a, b] => Some(MarkContent::Distance { measure, points_mm: [a, b] }),
+            [a, b, c] => Some(MarkContent::Angle { measure, points_mm: [a, b, c] }),
+            [a, b, c, d] => Some(MarkContent::Ellipse { measure, points_mm: [a, b, c, d] }),
+            _ => None,
+        }
+    }
+
     /// Measurement and marked frame of `event`; `None` for other events.
     ///
     /// # Errors

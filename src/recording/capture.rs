@@ -13,8 +13,8 @@ use tokio_util::sync::CancellationToken;
 use super::{RecorderHandle, event_of, spawn};
 use crate::tracker::selection::{Selection, Verdict};
 use crate::tracker::{
-    Listener, Monitor, ProbeSensor, Protocol, Record, Report, SensorName, SessionHandle, SessionSummary, Settings,
-    TrackerError, TrackerEvent, Transport, host_time_ns,
+    Listener, Monitor, ProbeSensor, Protocol, Record, Report, SensorName, SensorReport, SessionHandle, SessionSummary,
+    Settings, TrackerError, TrackerEvent, Transport, host_time_ns,
 };
 
 /// Longest time that a stream or a played recording waits for a slow disk. A live tracker never waits.
@@ -94,8 +94,9 @@ impl Capture {
         }
     }
 
-    /// Ends a tracker's session. Returns the last statistics, and the totals of a session.
-    pub fn end(self) -> (Report, Option<SessionSummary>) {
+    /// Ends a tracker's session. Returns the last statistics, those of each sensor since the start, and the totals of a
+    /// session.
+    pub fn end(self) -> (Report, Vec<SensorReport>, Option<SessionSummary>) {
         let summary = match self.source {
             Source::Tracker(session, cancel) => {
                 cancel.cancel();
@@ -103,7 +104,7 @@ impl Capture {
             }
             Source::Stream(_) => None,
         };
-        (self.tap.monitor.report(), summary)
+        (self.tap.monitor.report(), self.tap.monitor.totals(), summary)
     }
 }
 

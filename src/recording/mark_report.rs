@@ -2,7 +2,9 @@
 
 use serde::Serialize;
 
-use super::marks::{RecordedContent, RecordedMark};
+use super::caliper::CaliperEvent;
+use super::marks::RecordedMark;
+use crate::settings::MarkContent;
 
 /// Properties of a mark, for a line of text and for JSON.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -43,7 +45,7 @@ impl MarkReport {
             time_s: seconds(mark.host_time_ns),
             picture_s: seconds(mark.picture_time_ns()),
             frame: mark.frame.map(|frame| frame.number),
-            kind: "",
+            kind: mark.content.kind(),
             text: String::new(),
             value: None,
             unit: None,
@@ -51,20 +53,17 @@ impl MarkReport {
             points_mm: Vec::new(),
             turn_deg: None,
         };
+        if let Some(caliper) = CaliperEvent::of(&mark.content) {
+            let ((value, unit), area_mm2) = (caliper.value(), caliper.area_mm2());
+            let CaliperEvent { measure: text, points_mm } = caliper;
+            return Self { text, points_mm, value: Some(value), unit: Some(unit), area_mm2, ..report };
+        }
         match &mark.content {
-            RecordedContent::Caliper(caliper) => {
-                let (value, unit) = caliper.value();
-                let (kind, text, points_mm) =
-                    (caliper.kind().name(), caliper.measure.clone(), caliper.points_mm.clone());
-                let (value, unit, area_mm2) = (Some(value), Some(unit), caliper.area_mm2());
-                Self { kind, text, points_mm, value, unit, area_mm2, ..report }
+            MarkContent::Text { text, at_mm } => Self { text: text.clone(), points_mm: vec![*at_mm], ..report },
+            MarkContent::BodyMark { name, turn_deg } => {
+                Self { text: name.clone(), turn_deg: Some(*turn_deg), ..report }
             }
-            RecordedContent::Text { text, at_mm } => {
-                Self { kind: "text", text: text.clone(), points_mm: vec![*at_mm], ..report }
-            }
-            RecordedContent::BodyMark { name, turn_deg } => {
-                Self { kind: "body_mark", text: name.clone(), turn_deg: Some(*turn_deg), ..report }
-            }
+            _ => report,
         }
     }
 }
@@ -92,25 +91,24 @@ impl std::fmt::Display for MarkReport {
 
 #[cfg(test)]
 mod tests {
-    use super::super::CaliperEvent;
     use super::*;
 
     #[test]
     fn a_line_says_when_what_and_how_much() {
-        let line = |content: RecordedContent| {
+        let line = |content: MarkContent| {
             let mark = RecordedMark { id: None, host_time_ns: 1_500_000_000, frame: None, content };
             MarkReport::new(&mark, 1_000_000_000).to_string()
         };
         let caliper = |measure: &str, points_mm: &[[f64; 2]]| {
-            RecordedContent::Caliper(CaliperEvent { measure: measure.into(), points_mm: points_mm.to_vec() })
+            CaliperEvent { measure: measure.into(), points_mm: points_mm.to_vec() }.content().unwrap()
         };
         assert_eq!(line(caliper("BPD", &[[0.0, 1.0], [90.0, 1.0]])), "    0.500 s  BPD 90.0 mm");
         assert_eq!(line(caliper("", &[[0.0, 1.0], [0.0, 0.0], [1.0, 0.0]])), "    0.500 s  angle 90.0°");
         let circle = [[-10.0, 0.0], [10.0, 0.0], [0.0, -10.0], [0.0, 10.0]];
         assert_eq!(line(caliper("AC", &circle)), "    0.500 s  AC 62.8 mm, 3.14 cm²");
-        let text = RecordedContent::Text { text: "four chambers".into(), at_mm: [0.0; 2] };
+        let text = MarkContent::Text { text: "four chambers".into(), at_mm: [0.0; 2] };
         assert_eq!(line(text), "    0.500 s  text \"four chambers\"");
-        let turned = RecordedContent::BodyMark { name: "abdomen".into(), turn_deg: 30.0 };
+        let turned = MarkContent::BodyMark { name: "abdomen".into(), turn_deg: 30.0 };
         assert_eq!(line(turned), "    0.500 s  body mark abdomen, probe turned by 30°");
     }
 }

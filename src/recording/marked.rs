@@ -44,7 +44,16 @@ impl Marked {
             check_id(id).map_err(|e| e.to_string())?;
         }
         let pose = pose.map(Pose::from_components).transpose().map_err(|e| format!("the pose of a mark: {e}"))?;
-        let frame = frame.zip(frame_time_ns).map(|(number, time_ns)| MarkedFrame { number, time_ns, pose });
+        let alone = |given: &str, missing: &str| {
+            format!("the frame of a mark: `{given}` is given without {missing}; a marked frame has both")
+        };
+        let frame = match (frame, frame_time_ns) {
+            (Some(number), Some(time_ns)) => Some(MarkedFrame { number, time_ns, pose }),
+            (Some(_), None) => return Err(alone("frame", "`frame_time_ns`")),
+            (None, Some(_)) => return Err(alone("frame_time_ns", "`frame`")),
+            (None, None) if pose.is_some() => return Err(alone("pose", "`frame` and `frame_time_ns`")),
+            (None, None) => None,
+        };
         Ok(Self { id, frame })
     }
 }

@@ -27,27 +27,6 @@ pub const BODY_MARK_EVENT: &str = "body-mark";
 /// Name of the event that removes a mark.
 pub const REMOVAL_EVENT: &str = "mark-removed";
 
-/// Content of a recorded mark.
-#[derive(Debug, Clone, PartialEq)]
-pub enum RecordedContent {
-    /// Measurement.
-    Caliper(CaliperEvent),
-    /// Text.
-    Text {
-        /// Text.
-        text: String,
-        /// Position of its left end, (x, z) of the probe frame, mm.
-        at_mm: [f64; 2],
-    },
-    /// Outline of a body with the probe on it.
-    BodyMark {
-        /// Name of the outline.
-        name: String,
-        /// Turn of the probe, degrees.
-        turn_deg: f64,
-    },
-}
-
 /// A mark in its last state.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordedMark {
@@ -57,8 +36,8 @@ pub struct RecordedMark {
     pub host_time_ns: u64,
     /// The marked frame; `None` if the event names none.
     pub frame: Option<MarkedFrame>,
-    /// Content.
-    pub content: RecordedContent,
+    /// Content. The name of a measurement may be longer than a page lets it be.
+    pub content: MarkContent,
 }
 
 impl RecordedMark {
@@ -116,32 +95,30 @@ impl Marks {
     fn remove(&mut self, event: &Event) {
         let id = event.value.as_ref().and_then(|value| value.get("id")).and_then(Value::as_str);
         let found = id.and_then(|id| self.all.iter().position(|mark| mark.id.as_deref() == Some(id)));
-        match (found, id) {
+        let reason = match (found, id) {
             (Some(at), _) => {
                 self.all.remove(at);
                 self.removed += 1;
+                return;
             }
-            (None, id) => {
-                let id = id.map_or_else(|| "no mark".to_owned(), |id| format!("the mark `{}`", id.escape_debug()));
-                let reason = format!("`{REMOVAL_EVENT}` names {id}, which the recording lacks");
-                self.refused.push((event.host_time_ns, reason));
+            (None, Some(id)) => {
+                format!("`{REMOVAL_EVENT}` names the mark `{}`, which the recording lacks", id.escape_debug())
             }
-        }
+            (None, None) => format!("`{REMOVAL_EVENT}` needs the `id` of a mark"),
+        };
+        self.refused.push((event.host_time_ns, reason));
     }
 
     /// Measurements with the other properties of their marks.
-    pub fn calipers(&self) -> impl Iterator<Item = (&RecordedMark, &CaliperEvent)> {
-        self.all.iter().filter_map(|mark| match &mark.content {
-            RecordedContent::Caliper(caliper) => Some((mark, caliper)),
-            _ => None,
-        })
+    pub fn calipers(&self) -> impl Iterator<Item = (&RecordedMark, CaliperEvent)> {
+        self.all.iter().filter_map(|mark| Some((mark, CaliperEvent::of(&mark.content)?)))
     }
 }
 
 /// Content of `event`; `None` for events that set no mark.
-fn content(event: &Event) -> Option<Result<(RecordedContent, Marked), String>> {
+fn content(event: &Event) -> Option<Result<(MarkContent, Marked), String>> {
     if let Some(read) = CaliperEvent::marked(event) {
-        return Some(read.map(|(caliper, marked)| (RecordedContent::Caliper(caliper), marked)));
+        return read.map(|(caliper, marked)| Some((caliper.content()?, marked))).transpose();
     }
     let (kind, form) = match event.name.as_str() {
         TEXT_EVENT => ("text", r#"a text is {"text": "...", "at_mm": [x, z]}"#),
@@ -155,12 +132,7 @@ fn content(event: &Event) -> Option<Result<(RecordedContent, Marked), String>> {
             table.insert("kind".to_owned(), kind.into());
         }
         let content: MarkContent = serde_json::from_value(value).map_err(|e| format!("{form}: {e}"))?;
-        let content = match content.checked().map_err(|e| e.to_string())? {
-            MarkContent::Text { text, at_mm } => RecordedContent::Text { text, at_mm },
-            MarkContent::BodyMark { name, turn_deg } => RecordedContent::BodyMark { name, turn_deg },
-            other => return Err(format!("{form}; this is a {}", other.kind())),
-        };
-        Ok((content, marked))
+        Ok((content.checked().map_err(|e| e.to_string())?, marked))
     };
     Some(read())
 }
@@ -249,20 +221,32 @@ mod tests {
         assert_eq!(Marks::of(&[plain.event(1), plain.event(2)]).all.len(), 2);
         let unknown = Marks::of(&[removal_event(8, "z")]);
         assert!(unknown.refused[0].1.contains("`z`"), "{unknown:?}");
+        // The name of a measurement is cut, not refused.
+        let long = CaliperEvent { measure: "x".repeat(200), points_mm: vec![[0.0, 1.0], [5.0, 1.0]] };
+        assert_eq!(Marks::of(&[long.event(1)]).calipers().next().unwrap().1.measure.len(), 96);
     }
 
     #[test]
     fn malformed_marks_are_refused_and_control_characters_dropped() {
         let read = |name: &str, value: Value| Marks::of(&[Event::new(1, name).with(value)]);
         let text = read(TEXT_EVENT, json!({"text": "a\u{1b}[2Jb", "at_mm": [0, 1]}));
-        assert_eq!(text.all[0].content, RecordedContent::Text { text: "a [2Jb".into(), at_mm: [0.0, 1.0] });
+        assert_eq!(text.all[0].content, MarkContent::Text { text: "a [2Jb".into(), at_mm: [0.0, 1.0] });
         for (name, value, part) in [
             (TEXT_EVENT, json!({"text": "a"}), "at_mm"),
             (TEXT_EVENT, json!("a"), "a text is"),
-            (TEXT_EVENT, json!({"text": "a", "at_mm": [0, 1e9]}), "points_mm"),
+            (TEXT_EVENT, json!({"text": "a", "at_mm": [0, 1e9]}), "`at_mm`"),
             (BODY_MARK_EVENT, json!({"name": "x", "turn_deg": 1000}), "turn_deg"),
             (CALIPER_EVENT, json!({"measure": "FL", "points_mm": [[0, 1], [1, 1]], "id": ""}), "id"),
             (CALIPER_EVENT, json!({"measure": "FL", "points_mm": [[0, 1], [1, 1]], "pose": [0, 0]}), "frame of a mark"),
+            // Half of a frame would be dropped in silence.
+            (TEXT_EVENT, json!({"text": "a", "at_mm": [0, 1], "frame": 7}), "given without `frame_time_ns`"),
+            (TEXT_EVENT, json!({"text": "a", "at_mm": [0, 1], "frame_time_ns": 7}), "given without `frame`"),
+            (
+                TEXT_EVENT,
+                json!({"text": "a", "at_mm": [0, 1], "pose": [0, 0, 0, 1, 0, 0, 0]}),
+                "`pose` is given without",
+            ),
+            (REMOVAL_EVENT, json!({}), "`mark-removed` needs the `id` of a mark"),
         ] {
             let marks = read(name, value);
             assert!(marks.all.is_empty() && marks.refused[0].1.contains(part), "{name} {part}: {:?}", marks.refused);

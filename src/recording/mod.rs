@@ -82,9 +82,7 @@ pub use decoded::{DecodedRecording, Item};
 pub use inspection::Inspection;
 pub use mark_report::MarkReport;
 pub use marked::MarkedFrame;
-pub use marks::{
-    BODY_MARK_EVENT, Marks, REMOVAL_EVENT, RecordedContent, RecordedMark, TEXT_EVENT, mark_event, removal_event,
-};
+pub use marks::{BODY_MARK_EVENT, Marks, REMOVAL_EVENT, RecordedMark, TEXT_EVENT, mark_event, removal_event};
 #[cfg(feature = "recordings")]
 pub use part::part_path;
 #[cfg(feature = "live")]

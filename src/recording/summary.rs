@@ -74,6 +74,11 @@ pub struct RecordedSensor {
 }
 
 impl RecordedSensor {
+    /// Name or number for messages.
+    fn name(&self) -> SensorName {
+        SensorName { number: self.sensor, name: self.name.clone() }
+    }
+
     /// Mean record rate, Hz; `None` for fewer than two records.
     pub fn rate_hz(&self) -> Option<f64> {
         let (first, last) = self.span_ns;
@@ -83,8 +88,7 @@ impl RecordedSensor {
 
 impl fmt::Display for RecordedSensor {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = SensorName { number: self.sensor, name: self.name.clone() };
-        write!(f, "{name}: {} records, {} valid", self.records, self.valid)?;
+        write!(f, "{}: {} records, {} valid", self.name(), self.records, self.valid)?;
         self.rate_hz().map_or(Ok(()), |rate| write!(f, ", {rate:.1} a second"))
     }
 }
@@ -118,14 +122,8 @@ impl RecordingSummary {
 
     /// Advice on how to choose the probe of a recording that holds several sensors; `None` if one was chosen.
     pub fn advice(&self) -> Option<String> {
-        if !self.undecided {
-            return None;
-        }
+        let key = self.sensors.first().filter(|_| self.undecided)?.name().key();
         let list: Vec<String> = self.sensors.iter().map(RecordedSensor::to_string).collect();
-        let key = match self.sensors.first().and_then(|sensor| sensor.name.as_deref()) {
-            Some(name) => format!("tool = \"{}\"", name.escape_debug()),
-            None => format!("sensor = {}", self.sensors.first().map_or(0, |sensor| sensor.sensor)),
-        };
         let list = list.join("; ");
         Some(format!(
             "it holds several sensors, and none was chosen as the probe ({list}): choose one by a station with `[tracker] \

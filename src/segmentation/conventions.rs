@@ -14,6 +14,7 @@ use super::measure::Measure;
 use super::naming::{NameTable, NamesFrom};
 use super::volume::LabelMap;
 use crate::anatomy::organs::{Aspect, Certainty, OrganFact, OrganFinding, check_organs};
+use crate::names::listed;
 
 /// Findings that a message lists at most.
 const LISTED_MAX: usize = 4;
@@ -53,16 +54,18 @@ pub struct Plausibility {
     pub as_likely: Vec<&'static str>,
 }
 
-/// Labels that no human has.
+/// Labels that no human has, or numbers that another table fits better.
 #[derive(Debug, Error)]
 #[error(
-    "{path}: read by {names}, the labels are not those of a human: {findings}.{hints} --allow-implausible makes the scene all the same"
+    "{path}: read by {names}, the labels {verdict}: {findings}.{hints} --allow-implausible makes the scene all the same"
 )]
 pub struct ImplausibleError {
     /// Label map.
     pub path: PathBuf,
     /// Origin of the names.
     pub names: String,
+    /// What the labels are, after "the labels".
+    pub verdict: &'static str,
     /// The first findings.
     pub findings: String,
     /// Likely causes and ways out, each with a space before it.
@@ -140,7 +143,7 @@ impl Facts {
         if matches!(class.role, Role::Ignore) {
             return;
         }
-        let new = measure.fact(&class.name);
+        let new = measure.fact(class.organ_name());
         match self.0.iter_mut().find(|fact| fact.name == new.name) {
             Some(fact) => {
                 let ml = fact.volume_ml + new.volume_ml;
@@ -171,7 +174,7 @@ fn strain(table: &ClassTable, numbered: &[(u16, &Measure)]) -> Option<f64> {
 
 /// Whether volumes of the class are known.
 fn is_told(class: &Class) -> bool {
-    crate::anatomy::organs::is_known(&class.name)
+    crate::anatomy::organs::is_known(class.organ_name())
 }
 
 impl Plausibility {
@@ -187,6 +190,7 @@ impl Plausibility {
         Err(ImplausibleError {
             path: labels.path.clone(),
             names: from.short(),
+            verdict: if is_impossible { "are not those of a human" } else { "are unlikely" },
             findings: self.listed(&names.called),
             hints: self.hints(labels, from),
         })
@@ -220,12 +224,7 @@ impl Plausibility {
             let more = if self.unknown.len() > LISTED_MAX { " and more" } else { "" };
             words.push(format!("{table} has no {}{more}", numbers.join(", ")));
         }
-        let more = words.len().saturating_sub(LISTED_MAX);
-        words.truncate(LISTED_MAX);
-        if more > 0 {
-            words.push(format!("and {more} more"));
-        }
-        words.join("; ")
+        listed(&words, LISTED_MAX, "; ")
     }
 
     fn hints(&self, labels: &LabelMap, from: &NamesFrom) -> String {

@@ -323,7 +323,7 @@ impl Builder<'_> {
         voxels_of: impl Fn(u16, &Organ) -> Vec<usize>,
     ) -> BTreeMap<u16, Part> {
         let mut labels = vec![NONE; inputs.labels.len()];
-        for (label, organ) in (1..).zip(&inputs.organs) {
+        for (label, organ) in (1..=u16::MAX).zip(&inputs.organs) {
             for i in voxels_of(label, organ) {
                 labels[i] = label;
             }

@@ -31,7 +31,11 @@ pub fn surfaces(organs: Vec<OrganMesh>, options: &Options) -> (Vec<Made>, Vec<St
         organs.into_iter().partition(|o| matches!(o.class.role, Role::Body | Role::Skin));
     let mut remarks = Vec::new();
     if !bodies.is_empty() {
-        organs.retain(|organ| !LAYERS.contains(&organ.class.name.as_str()));
+        let is_layer = |organ: &OrganMesh| LAYERS.contains(&organ.class.name.as_str());
+        for OrganMesh { name, .. } in organs.iter().filter(|organ| is_layer(organ)) {
+            remarks.push(format!("`{name}` is left out: the body makes its own layers"));
+        }
+        organs.retain(|organ| !is_layer(organ));
     }
     let mut made = layers(&bodies, &organs, options);
     if let [body] = &bodies[..] {

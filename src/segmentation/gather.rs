@@ -1,5 +1,6 @@
 //! From label maps and their classes to the labels on one grid that a scene is made from.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -9,22 +10,16 @@ use super::classes::{ClassTable, MappedSegment, Role, Unmapped};
 use super::grid::Grid;
 use super::image::{self, ImageError};
 use super::inputs::{Inputs, Organ};
+use super::measure::Measure;
 use super::volume::{Image, LabelMap};
+use crate::anatomy::scene::SURFACES_MAX;
 use crate::files::{NoMemory, memory_for};
+use crate::names::listed;
 
 /// Most unknown segments that a message lists.
 const LISTED_MAX: usize = 5;
 /// More unknown segments than this are likely an image's values.
 const IMAGE_VALUES: usize = 20;
-
-/// The first of `names`, and how many more there are.
-fn listed(names: &[String]) -> String {
-    let first = names.iter().take(LISTED_MAX).cloned().collect::<Vec<_>>().join("; ");
-    match names.len().saturating_sub(LISTED_MAX) {
-        0 => first,
-        more => format!("{first}; and {more} more"),
-    }
-}
 
 /// Label maps that cannot become a scene.
 #[derive(Debug, Error)]
@@ -33,7 +28,7 @@ pub enum GatherError {
     #[error(
         "{path}: {}; give them a meaning with --map NAME=TISSUE (or =CLASS, or =ignore), or leave them out with \
          --leave-out-unknown{}",
-        listed(names),
+        listed(names, LISTED_MAX, "; "),
         if names.len() > IMAGE_VALUES { "; with so many values it may be an image: that goes to --image" } else { "" }
     )]
     Unmapped {
@@ -51,6 +46,19 @@ pub enum GatherError {
         path: PathBuf,
         /// What was found instead.
         found: String,
+    },
+    /// More organs than a scene has surfaces.
+    #[error(
+        "{path} has {found} organs, and a scene has at most {limit} surfaces: leave some out with --map NAME=ignore, or join \
+         labels of one tissue"
+    )]
+    TooMany {
+        /// Label map.
+        path: PathBuf,
+        /// Segments that are organs.
+        found: usize,
+        /// Limit.
+        limit: usize,
     },
     /// A body or an image of another scan.
     #[error(
@@ -91,19 +99,15 @@ pub enum GatherError {
 /// Least share of the labelled voxels that a body or an image must hold, %.
 const COVERED_PERCENT: f64 = 80.0;
 
-/// Grid of a volume.
-fn grid_of(size: [usize; 3], lps_from_voxel: glam::DAffine3) -> Grid {
-    Grid { size, lps_from_voxel }
-}
-
-/// Inputs of a scene from a label map, and segments that were left out. `body` is a label map whose every label is body;
-/// `image` is what was segmented. Both may have grids of their own.
+/// Inputs of a scene from a label map with its measures, and segments that were left out. `body` is a label map whose every label
+/// is body; `image` is what was segmented. Both may have grids of their own.
 ///
 /// # Errors
-/// Segments without a meaning unless `leave_out_unknown`; no organ at all; a body without a voxel; a body or an image of another
-/// scan; an image that is refused ([`ImageError`]); more voxels than there is memory for.
+/// Segments without a meaning unless `leave_out_unknown`; no organ at all, or more than a scene has surfaces; a body without a
+/// voxel; a body or an image of another scan; an image that is refused ([`ImageError`]); more voxels than there is memory for.
 pub fn gather(
     labels: LabelMap,
+    measures: &BTreeMap<(usize, u16), Measure>,
     table: &ClassTable,
     body: Option<LabelMap>,
     image: Option<Image>,
@@ -111,7 +115,7 @@ pub fn gather(
 ) -> Result<(Inputs, Vec<Unmapped>), GatherError> {
     let labels = labels.canonical();
     let mut remarks = remarks_of(&labels.path, &labels.remarks);
-    let (mapped, unmapped) = table.map(&labels);
+    let (mapped, unmapped) = table.map(&labels, measures);
     if !unmapped.is_empty() && !leave_out_unknown {
         let names = unmapped.iter().map(ToString::to_string).collect();
         return Err(GatherError::Unmapped { path: labels.path, names });
@@ -124,7 +128,10 @@ pub fn gather(
         };
         return Err(GatherError::Nothing { path: labels.path, found });
     }
-    let grid = grid_of(labels.size, labels.lps_from_voxel);
+    if organs.len() > SURFACES_MAX {
+        return Err(GatherError::TooMany { path: labels.path, found: organs.len(), limit: SURFACES_MAX });
+    }
+    let grid = labels.grid();
     let mask = |role: Role| -> Option<Vec<bool>> {
         let of: Vec<&MappedSegment> = mapped.iter().filter(|m| m.class.role == role).collect();
         let holds = |i: usize| of.iter().any(|m| labels.layers[m.layer][i] == m.value);
@@ -147,7 +154,7 @@ pub fn gather(
     };
     let body = match body {
         Some(map) => {
-            let (path, volume) = (map.path.clone(), grid_of(map.size, map.lps_from_voxel));
+            let (path, volume) = (map.path.clone(), map.grid());
             remarks.extend(remarks_of(&path, &map.remarks));
             let body = body_on(map, &grid)?;
             covered(&|i| body[i], "--body", &path, &volume)?;
@@ -161,7 +168,7 @@ pub fn gather(
             let bytes = 4 * (image.values.len() + grid.len()) as u64;
             memory_for(bytes).map_err(|none| GatherError::Memory { path: image.path.clone(), none })?;
             let image = image.canonical();
-            let volume = grid_of(image.size, image.lps_from_voxel);
+            let volume = image.grid();
             let index = image::nearest(&grid, &volume);
             covered(&|i| index(i).is_some(), "--image", &image.path, &volume)?;
             remarks.extend(remarks_of(&image.path, &image.remarks));
@@ -196,7 +203,7 @@ fn union(a: Option<Vec<bool>>, b: Option<Vec<bool>>) -> Option<Vec<bool>> {
 fn merged(map: &LabelMap, organs: &[&MappedSegment], grid: &Grid) -> Vec<u16> {
     // Organ of each value, layer by layer.
     let mut organ_of = vec![vec![0u16; 1 << 16]; map.layers.len()];
-    for (number, organ) in (1..).zip(organs) {
+    for (number, organ) in (1..=u16::MAX).zip(organs) {
         organ_of[organ.layer][usize::from(organ.value)] = number;
     }
     let priority = |organ: u16| organs.get(usize::from(organ).wrapping_sub(1)).and_then(|o| o.class.priority);
@@ -232,7 +239,37 @@ fn body_on(map: LabelMap, grid: &Grid) -> Result<Vec<bool>, GatherError> {
     if map.layers.iter().all(|layer| layer.par_iter().all(|&l| l == 0)) {
         return Err(GatherError::NoBody { path: map.path });
     }
-    let index = image::nearest(grid, &grid_of(map.size, map.lps_from_voxel));
+    let index = image::nearest(grid, &map.grid());
     let inside = |i: usize| index(i).is_some_and(|i| map.layers.iter().any(|layer| layer[i] != 0));
     Ok((0..grid.len()).into_par_iter().map(inside).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DAffine3;
+
+    use super::super::measure::measure;
+    use super::super::volume::Segment;
+    use super::*;
+
+    #[test]
+    fn more_organs_than_a_scene_has_surfaces_are_refused() {
+        let of = |count: u16| {
+            let name = || Some("liver".to_owned());
+            let segment = |value: u16| Segment { layer: 0, value, name: name(), colour: None, terminology: None };
+            let labels = LabelMap {
+                path: "a.nrrd".into(),
+                size: [usize::from(count), 1, 1],
+                lps_from_voxel: DAffine3::IDENTITY,
+                layers: vec![(1..=count).collect()],
+                segments: (1..=count).map(segment).collect(),
+                remarks: Vec::new(),
+            };
+            let measures = measure(&labels);
+            gather(labels, &measures, &ClassTable::builtin("total-v2").unwrap(), None, None, false)
+        };
+        assert_eq!(of(256).unwrap().0.organs.len(), 256);
+        let error = of(257).unwrap_err().to_string();
+        assert!(error.contains("a.nrrd has 257 organs, and a scene has at most 256 surfaces"), "{error}");
+    }
 }

@@ -48,7 +48,7 @@ pub struct Inputs {
 const WORKING_BYTES: u64 = 28;
 
 /// Lowest value of an image.
-fn least(image: &[f32]) -> f32 {
+pub(super) fn least(image: &[f32]) -> f32 {
     image.par_iter().copied().reduce(|| f32::INFINITY, f32::min)
 }
 

@@ -4,123 +4,31 @@
 //! where masks overlap, the class of higher priority keeps the voxel, and of equal priorities the file that comes first by
 //! name. Body, skin and subcutaneous fat have layers of their own.
 
+mod error;
+#[cfg(test)]
+mod tests;
+
 use std::fs::File;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
-use thiserror::Error;
 
-use super::classes::{Class, ClassTable, OrganInName, Role, common_words, organ_in_name, stem};
+pub use error::MaskFolderError;
+
+use super::classes::{
+    Class, ClassTable, CommonWords, OrganInName, Role, VOLUME_SUFFIXES, common_words, organ_in_name, stem,
+};
 use super::naming::NamesFrom;
-use super::volume::{LabelMap, ReadOptions, Segment, VolumeError, read_labels};
-use crate::names::{counted, printable};
-
-/// Suffixes of volume files.
-const VOLUMES: [&str; 7] = [".nii", ".nii.gz", ".nrrd", ".nhdr", ".hdr", ".hdr.gz", ".seg.nrrd"];
+use super::volume::{LabelMap, ReadOptions, Segment, read_labels};
+use crate::names::{counted, listed, printable};
 
 /// Farthest that the corners of two grids lie apart, in voxels, for the grids to be one.
 const SAME_GRID_VOXELS: f64 = 0.05;
 
 /// Files that a message lists at most.
 const LISTED_MAX: usize = 6;
-
-/// A folder of masks that can't be read as one label map.
-#[derive(Debug, Error)]
-pub enum MaskFolderError {
-    /// The operating system's refusal.
-    #[error("{path}: can't be read: {error}")]
-    Read {
-        /// Folder.
-        path: PathBuf,
-        /// Cause.
-        error: std::io::Error,
-    },
-    /// No volume file.
-    #[error(
-        "{path} has no masks: {found}. A folder is read if it holds one NIfTI or NRRD file per organ, as TotalSegmentator \
-             writes it (its option --ml writes one file for all organs){remedy}"
-    )]
-    NoMasks {
-        /// Folder.
-        path: PathBuf,
-        /// What was found instead.
-        found: String,
-        /// Way out, with a semicolon before it, or empty.
-        remedy: String,
-    },
-    /// Files whose names are no organ's.
-    #[error(
-        "{path}: {names}; give them a meaning with --map NAME=TISSUE (or =CLASS, or =ignore), or leave them out with \
-         --leave-out-unknown; a file of several organs is given alone"
-    )]
-    Unknown {
-        /// Folder.
-        path: PathBuf,
-        /// Names with the nearest known ones.
-        names: String,
-    },
-    /// Two files of one organ.
-    #[error(
-        "{path}: `{first}` and `{second}` are both `{organ}`: move one of them away, or leave it out with --map {stem}=ignore"
-    )]
-    Twice {
-        /// Folder.
-        path: PathBuf,
-        /// First file.
-        first: String,
-        /// Second file.
-        second: String,
-        /// Name of the second file without its suffix.
-        stem: String,
-        /// Class of both.
-        organ: String,
-    },
-    /// A file that can't be read as a label map.
-    #[error(transparent)]
-    Volume(#[from] VolumeError),
-    /// A file with several labels.
-    #[error(
-        "{path} has the labels {values}, and the files of a folder have one organ each: give that file alone, or move it away"
-    )]
-    SeveralLabels {
-        /// File.
-        path: PathBuf,
-        /// The first labels.
-        values: String,
-    },
-    /// A file on another grid.
-    #[error(
-        "{path} has {found}, and {first} has {expected}: the masks of a folder share one grid; resample that file to the others, or move it away"
-    )]
-    OtherGrid {
-        /// File.
-        path: PathBuf,
-        /// Its grid.
-        found: String,
-        /// File that was read first.
-        first: PathBuf,
-        /// The grid of that file.
-        expected: String,
-    },
-    /// No mask of a body.
-    #[error("{path}, given as --body, has no mask that is called body or skin; it has {found}")]
-    NoBody {
-        /// Folder.
-        path: PathBuf,
-        /// Names of its masks.
-        found: String,
-    },
-    /// Masks without a voxel.
-    #[error("{path}: all {files} masks are empty")]
-    Empty {
-        /// Folder.
-        path: PathBuf,
-        /// Number of files.
-        files: usize,
-    },
-}
 
 /// A folder that became a label map.
 #[derive(Debug, Clone, PartialEq)]
@@ -144,8 +52,8 @@ struct Mask {
 /// Reads the masks of a folder. `progress` receives the number of files read and their total.
 ///
 /// # Errors
-/// A folder without masks; unknown names unless `leave_out_unknown`; files of several labels, on other grids, or that can't be
-/// read.
+/// A folder without masks; unknown names unless `leave_out_unknown`, and if no other is left; masks that are all ignored or empty;
+/// files of several labels, on other grids, or that can't be read.
 pub fn read_mask_folder(
     folder: &Path,
     table: &ClassTable,
@@ -158,7 +66,7 @@ pub fn read_mask_folder(
     let common = common_words(&stems);
     let (mut masks, mut unknown): (Vec<Mask>, Vec<String>) = (Vec::new(), Vec::new());
     for (path, stem) in files.iter().zip(&stems) {
-        match organ_in_name(stem, table, Some(common)) {
+        match organ_in_name(stem, table, Some(&common)) {
             OrganInName::Is(name) => {
                 let Some(class) = table.named(&name).cloned() else { continue };
                 let other = masks.iter().find(|mask| mask.class.name == class.name && class.role != Role::Ignore);
@@ -174,11 +82,17 @@ pub fn read_mask_folder(
         }
     }
     if !unknown.is_empty() && !leave_out_unknown {
-        return Err(MaskFolderError::Unknown { path: folder.to_owned(), names: listed(&unknown) });
+        return Err(no_meaning(folder, &unknown));
     }
-    let without = left_out_words(&stems, common, table);
+    let without = left_out_words(&stems, &common, table);
     masks.retain(|mask| mask.class.role != Role::Ignore);
     let count = masks.len();
+    if count == 0 {
+        return Err(match unknown.is_empty() {
+            true => MaskFolderError::Ignored { path: folder.to_owned(), files: files.len() },
+            false => no_meaning(folder, &unknown),
+        });
+    }
     let mut merged = Merged::default();
     for (done, mask) in masks.into_iter().enumerate() {
         progress(done, count);
@@ -192,7 +106,8 @@ pub fn read_mask_folder(
     Ok(MaskFolder { labels, names: NamesFrom::Folder { files: count, without }, left_out: unknown, remarks })
 }
 
-/// Reads the masks of a body in a folder, as TotalSegmentator's task `body` writes them, into one label map.
+/// Reads the masks of a body in a folder, as TotalSegmentator's task `body` writes them, into one label map. Its remarks name what was
+/// left out.
 ///
 /// # Errors
 /// As [`read_mask_folder`]; a folder without a mask of a body or skin.
@@ -202,7 +117,9 @@ pub fn read_body_folder(
     options: ReadOptions,
     progress: &dyn Fn(usize, usize),
 ) -> Result<LabelMap, MaskFolderError> {
-    let mut labels = read_mask_folder(folder, table, options, true, progress)?.labels;
+    let MaskFolder { mut labels, left_out, remarks, .. } = read_mask_folder(folder, table, options, true, progress)?;
+    labels.remarks.extend(remarks);
+    labels.remarks.extend(left_out.into_iter().map(|name| format!("left out: {name}")));
     let found = labels.segments.iter().filter_map(|segment| segment.name.clone()).collect::<Vec<_>>().join(", ");
     let is_body = |segment: &Segment| {
         let role = table.class_of(segment).map(|class| class.role);
@@ -229,27 +146,18 @@ fn unknown_name(stem: &str, near: Vec<String>) -> String {
     format!("the name of `{}` is no known class{near}", printable(stem))
 }
 
-fn listed(names: &[String]) -> String {
-    let first = names.iter().take(LISTED_MAX).cloned().collect::<Vec<_>>().join("; ");
-    match names.len().saturating_sub(LISTED_MAX) {
-        0 => first,
-        more => format!("{first}; and {more} more"),
-    }
+fn no_meaning(folder: &Path, names: &[String]) -> MaskFolderError {
+    MaskFolderError::Unknown { path: folder.to_owned(), names: listed(names, LISTED_MAX, "; ") }
 }
 
 /// Words that all names share and that were left out; empty if all names are known with them.
-fn left_out_words(stems: &[String], common: [usize; 2], table: &ClassTable) -> String {
-    let is_known = |stem: &String| matches!(organ_in_name(stem, table, Some([0, 0])), OrganInName::Is(_));
-    let [start, end] = common;
-    match stems.iter().find(|stem| !is_known(stem)) {
-        Some(stem) if start + end > 0 => {
-            let words: Vec<&str> = stem.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
-            let last = words.len().saturating_sub(end);
-            let shared = words.iter().take(start).chain(words.iter().skip(last));
-            printable(&shared.copied().collect::<Vec<_>>().join(" ")).into_owned()
-        }
-        _ => String::new(),
+fn left_out_words(stems: &[String], common: &CommonWords, table: &ClassTable) -> String {
+    let none = CommonWords::default();
+    if stems.iter().all(|stem| matches!(organ_in_name(stem, table, Some(&none)), OrganInName::Is(_))) {
+        return String::new();
     }
+    let shared: Vec<&str> = common.start.iter().chain(&common.end).map(String::as_str).collect();
+    printable(&shared.join(" ")).into_owned()
 }
 
 /// Volume files of a folder, by name.
@@ -266,7 +174,7 @@ fn volume_files(folder: &Path) -> Result<Vec<PathBuf>, MaskFolderError> {
         let metadata = std::fs::metadata(&path).map_err(fault)?;
         if metadata.is_dir() {
             folders.push(path);
-        } else if metadata.is_file() && VOLUMES.iter().any(|suffix| name.ends_with(suffix)) {
+        } else if metadata.is_file() && VOLUME_SUFFIXES.iter().any(|suffix| name.ends_with(suffix)) {
             volumes.push(path);
         } else {
             others += 1;
@@ -278,11 +186,10 @@ fn volume_files(folder: &Path) -> Result<Vec<PathBuf>, MaskFolderError> {
         return Ok(volumes);
     }
     folders.sort_unstable();
+    let is_volume =
+        |entry: std::fs::DirEntry| VOLUME_SUFFIXES.iter().any(|s| entry.file_name().to_string_lossy().ends_with(s));
     let within = folders.iter().find(|folder| {
-        std::fs::read_dir(folder).is_ok_and(|mut entries| {
-            entries
-                .any(|entry| entry.is_ok_and(|e| VOLUMES.iter().any(|s| e.file_name().to_string_lossy().ends_with(s))))
-        })
+        std::fs::read_dir(folder).is_ok_and(|mut entries| entries.any(|entry| entry.is_ok_and(is_volume)))
     });
     let (found, remedy) = match (within, has_dicom, others) {
         (Some(within), ..) => ("its files lie deeper".to_owned(), format!("; {} has some", within.display())),
@@ -431,6 +338,3 @@ impl Merged {
         })
     }
 }
-
-#[cfg(test)]
-mod tests;

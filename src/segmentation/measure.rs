@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::grid::Grid;
 use super::volume::LabelMap;
 use crate::anatomy::organs::OrganFact;
 
@@ -43,10 +42,10 @@ struct Sums {
 
 /// Measures of all labels with voxels, except 0, by layer and label.
 pub fn measure(map: &LabelMap) -> BTreeMap<(usize, u16), Measure> {
-    let grid = Grid { size: map.size, lps_from_voxel: map.lps_from_voxel };
+    let grid = map.grid();
     let mut measures = BTreeMap::new();
     for (layer, labels) in map.layers.iter().enumerate() {
-        for (label, sums) in (0..).zip(sums(labels, map.size)) {
+        for (label, sums) in (0..=u16::MAX).zip(sums(labels, map.size)) {
             if sums.voxels == 0 || label == 0 {
                 continue;
             }
@@ -112,7 +111,7 @@ mod tests {
         for z in 3..27 {
             labels[at(2, 3, z)] = 5;
         }
-        labels[at(6, 3, 9)] = 40_000;
+        labels[at(6, 3, 9)] = u16::MAX;
         let lps_from_voxel = DAffine3::from_translation(DVec3::X * 10.0) * DAffine3::from_scale(DVec3::splat(2.0));
         let map = LabelMap {
             path: "a.nii".into(),
@@ -123,9 +122,9 @@ mod tests {
             remarks: Vec::new(),
         };
         let measures = measure(&map);
-        assert_eq!(measures.keys().copied().collect::<Vec<_>>(), [(0, 5), (0, 40_000)]);
+        assert_eq!(measures.keys().copied().collect::<Vec<_>>(), [(0, 5), (0, u16::MAX)]);
         let tube = measures[&(0, 5)];
-        assert_eq!((tube.voxels, tube.is_cut, measures[&(0, 40_000)].is_cut), (24, false, true));
+        assert_eq!((tube.voxels, tube.is_cut, measures[&(0, u16::MAX)].is_cut), (24, false, true));
         assert!((tube.volume_ml - 24.0 * 8e-3).abs() < 1e-12);
         assert!(tube.centre_mm.distance(DVec3::new(14.0, 6.0, 29.0)) < 1e-9, "{}", tube.centre_mm);
     }

@@ -9,7 +9,7 @@ use thiserror::Error;
 use super::classes::{ClassTable, OrganInName, Role, organ_in_name, stem};
 use super::measure::Measure;
 use super::volume::LabelMap;
-use crate::names::printable;
+use crate::names::{listed, printable};
 
 /// Labels that a message lists at most.
 const LISTED_MAX: usize = 8;
@@ -41,6 +41,8 @@ pub enum NamesFrom {
         numbers: Vec<u16>,
         /// Name of the table.
         table: String,
+        /// Whether the user chose it.
+        is_chosen: bool,
     },
     /// Numbers of a table.
     Numbers {
@@ -72,9 +74,7 @@ impl NamesFrom {
     pub fn has_numbers(&self) -> bool {
         matches!(self, Self::Numbers { .. } | Self::Both { .. })
     }
-}
 
-impl NamesFrom {
     /// The origin alone, for the inside of a sentence.
     pub fn short(&self) -> String {
         match self {
@@ -91,12 +91,10 @@ impl fmt::Display for NamesFrom {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::File { place } => write!(f, "names from {place}"),
-            Self::Both { place, numbers, table } => {
-                let numbers = listed(numbers);
-                write!(
-                    f,
-                    "names from {place}; numbers without a name ({numbers}) by {table}, which is a guess: --map or --names chooses"
-                )
+            Self::Both { place, numbers, table, is_chosen } => {
+                let numbers = listed_values(numbers);
+                let how = if *is_chosen { "as --names says" } else { "which is a guess: --map or --names chooses" };
+                write!(f, "names from {place}; numbers without a name ({numbers}) by {table}, {how}")
             }
             Self::Numbers { table, is_chosen: true } => write!(f, "numbers by {table}, as --names says"),
             Self::Numbers { table, is_chosen: false } => {
@@ -170,12 +168,9 @@ pub enum NamingError {
     },
 }
 
-fn listed(values: &[u16]) -> String {
-    let mut words: Vec<String> = values.iter().take(LISTED_MAX).map(u16::to_string).collect();
-    if values.len() > LISTED_MAX {
-        words.push(format!("and {} more", values.len() - LISTED_MAX));
-    }
-    words.join(", ")
+fn listed_values(values: &[u16]) -> String {
+    let words: Vec<String> = values.iter().map(u16::to_string).collect();
+    listed(&words, LISTED_MAX, ", ")
 }
 
 /// Place that holds names in a file of this kind.
@@ -216,7 +211,7 @@ pub fn name_labels(
     if has_names {
         return Ok(match numbers.is_empty() {
             true => NamesFrom::File { place },
-            false => NamesFrom::Both { place, numbers, table: called.clone() },
+            false => NamesFrom::Both { place, numbers, table: called.clone(), is_chosen: *is_chosen },
         });
     }
     let by_table = NamesFrom::Numbers { table: called.clone(), is_chosen: *is_chosen };
@@ -252,7 +247,7 @@ pub fn name_labels(
                 && table.named(&organ).is_some_and(|class| class.role == Role::Organ) =>
         {
             let first = numbers.first().copied().unwrap_or(1);
-            Err(NamingError::SeveralLabels { path: path.clone(), organ, values: listed(&numbers), first })
+            Err(NamingError::SeveralLabels { path: path.clone(), organ, values: listed_values(&numbers), first })
         }
         _ => Ok(by_table),
     }
@@ -338,6 +333,8 @@ mod tests {
             from.to_string().contains("extension; numbers without a name (7) by total-v2, which is a guess"),
             "{from}"
         );
+        let from = named(&mut map("a.nii", &[1, 7], &[(1, "liver")]), true, &[]).unwrap();
+        assert!(from.to_string().ends_with("numbers without a name (7) by total-v2, as --names says"), "{from}");
         let error = named(&mut map("liver.nii", &[1, 2], &[]), false, &[]).unwrap_err().to_string();
         assert!(error.contains("several labels without names (1, 2)") && error.contains("--map 1=liver"), "{error}");
         assert!(named(&mut map("liver.nii", &[1, 2], &[]), true, &[]).is_ok());

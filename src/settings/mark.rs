@@ -138,7 +138,8 @@ impl MarkContent {
     /// # Errors
     /// A number or a text outside its limits.
     pub fn checked(mut self) -> Result<Self, MarkError> {
-        self.points_mm().iter().flatten().try_for_each(|&x| check("points_mm", x, COORDINATE_LIMIT_MM))?;
+        let key = if matches!(self, Self::Text { .. }) { "at_mm" } else { "points_mm" };
+        self.points_mm().iter().flatten().try_for_each(|&x| check(key, x, COORDINATE_LIMIT_MM))?;
         if let Self::BodyMark { turn_deg, .. } = self {
             check("turn_deg", turn_deg, 360.0)?;
         }
@@ -254,6 +255,8 @@ mod tests {
         for x in [1.1e4, f64::NAN, f64::INFINITY] {
             assert!(matches!(mark(line("", x)).checked(), Err(MarkError::Number { key: "points_mm", .. })), "{x}");
         }
+        let far = MarkContent::Text { text: "a".into(), at_mm: [0.0, 2e4] };
+        assert!(matches!(mark(far).checked(), Err(MarkError::Number { key: "at_mm", .. })));
         assert!(matches!(mark(line(&"x".repeat(25), 0.0)).checked(), Err(MarkError::Long { key: "measure", .. })));
         let turned = MarkContent::BodyMark { name: "abdomen".into(), turn_deg: 361.0 };
         assert!(matches!(mark(turned).checked(), Err(MarkError::Number { key: "turn_deg", .. })));

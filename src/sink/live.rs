@@ -52,7 +52,7 @@ pub struct FrameTimeline {
 pub struct NewMeasurements {
     /// Their number; 0 without a tracker.
     pub count: u64,
-    /// Sampling of the presented frame before: all of them arrived later.
+    /// Time at which the previous presented frame was sampled; all these measurements arrived later.
     pub after: Duration,
     /// First byte of the measurement that was held back until a second one confirmed a jump; none without a new jump.
     pub jump: Option<Duration>,

@@ -98,7 +98,7 @@ const TRACKER: &[KeyDoc] = &[
     doc("tracker", "port", "", "required for serial; for hid the first SpaceMouse", Accepts::Text("a path, or vendor:product or vendor:product:serial,"), "serial port or HID device; `insonify trackers` lists them"),
     doc("tracker", "baud", "baud", "115200", integer(*BAUD_RANGE.start(), *BAUD_RANGE.end()), "speed of the serial port; an NDI device is met at 9600 and switched to it"),
     doc("tracker", "address", "", "required for tcp; for udp \"127.0.0.1:4242\"", Accepts::Text("host:port"), "server to connect to (tcp), or address to listen at (udp)"),
-    doc("tracker", "sensor", "", "none: 1 of Polhemus devices, else the only one heard", integer(0, 65_535), "station or port handle that is the probe; of several that are heard, none is chosen by itself"),
+    doc("tracker", "sensor", "", "none: 1 of Polhemus devices, else the only one heard", integer(0, 65_535), "station or port handle that is the probe (openigtlink: `tool`); of several that are heard, none is chosen by itself"),
     doc("tracker", "tool", "", "none: the only one heard", Accepts::Text("the name of a tool"), "tool that is the probe, by its OpenIGTLink name, as in \"ProbeToTracker\"; `insonify trackers` lists the names"),
     doc("tracker", "hemisphere", "", "[0, 0, 1]", Accepts::Numbers { count: 3, limit: 1.0 }, "axis of a Polhemus source that points to where the sensor moves"),
     doc("tracker", "ndi_roms", "", "[]", Accepts::Texts("a path"), "definitions (.rom) of wireless NDI tools, relative to the station file; their handles are asked for in this order"),

@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::Station;
 use crate::anatomy::doctor::Severity;
+use crate::pose::pivot::METRES_BELOW_MM;
 use crate::pose::{Calibration, CalibrationError, Fitted, Pose, angle_between};
 use crate::tracker::devices::{Devices, SerialDevice};
 use crate::tracker::{PortName, Protocol, Transport};
@@ -16,7 +17,10 @@ use crate::tracker::{PortName, Protocol, Transport};
 const TRACKER_MM: f64 = 4000.0;
 
 /// Plausible distances of a probe's face or a stylus' tip from its sensor, mm.
-const MOUNT_MM: [f64; 2] = [1.0, 500.0];
+const MOUNT_MM: [f64; 2] = [METRES_BELOW_MM, 500.0];
+
+/// Distance of a tracker's origin from the scene's, mm, below which it is likely in metres.
+const ORIGIN_MM: f64 = 10.0;
 
 /// Residual of a fit above which it is doubtful, mm.
 const RMS_MM: f64 = 5.0;
@@ -116,6 +120,15 @@ fn implausible(calibration: &Calibration, bounds_mm: Option<[[f32; 3]; 2]>) -> V
             warn(
                 format!("[scene_from_tracker] puts the tracker {:.1} m from the middle of the scene", 1e-3 * away_mm),
                 "trackers reach 3 m at most: touch the landmarks again, with the unit of the tracker's points",
+            );
+        }
+        let origin_mm = value.position_mm.length();
+        if origin_mm > 0.0 && origin_mm < ORIGIN_MM {
+            warn(
+                format!(
+                    "[scene_from_tracker] puts the tracker {origin_mm:.3} mm from the scene's origin: is it in metres?"
+                ),
+                "`position_mm` is in mm; `insonify calibrate landmarks` writes it",
             );
         }
         if let Some(rms) = residual(rms_mm) {
@@ -220,10 +233,8 @@ fn tracker(station: &Station, devices: Option<&Devices>) -> Vec<SetupFinding> {
 
 /// Whether a port is on this machine.
 fn is_there(port: &PortName, ports: &[SerialDevice]) -> bool {
-    match port {
-        PortName::Path(path) => Path::new(path).exists() || ports.iter().any(|device| device.path == *path),
-        usb => ports.iter().filter_map(|p| p.usb.as_ref()).any(|u| usb.is(u.vendor, u.product, u.serial.as_deref())),
-    }
+    let exists = matches!(port, PortName::Path(path) if Path::new(path).exists());
+    exists || ports.iter().any(|device| device.is(port))
 }
 
 #[cfg(test)]
@@ -276,6 +287,10 @@ mod tests {
         ] {
             says("[calibration]\npath = \"wrong.toml\"\n", Severity::Warning, part);
         }
+        let metres = Calibration { scene_from_tracker: fitted(at([0.3, 0.1, 1.2])), ..Calibration::default() };
+        std::fs::write(dir.join("metres.toml"), metres.to_toml()).unwrap();
+        let part = "[scene_from_tracker] puts the tracker 1.241 mm from the scene's origin: is it in metres?";
+        says("[calibration]\npath = \"metres.toml\"\n", Severity::Warning, part);
         let far = Some([[-100.0, 8000.0, -100.0], [100.0, 8400.0, 100.0]]);
         let all = found(dir, "[calibration]\npath = \"wrong.toml\"\n", far);
         assert!(!all.iter().any(|f| f.what.contains("from the middle")), "{all:#?}");

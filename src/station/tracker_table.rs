@@ -62,6 +62,10 @@ pub(super) fn settings(values: &Values, default_pose: Option<Pose>, dir: &Path) 
     if values.text("tool").is_some() {
         values.refuse(&["sensor"], "`tracker.tool` chooses the probe by its name")?;
     }
+    if protocol.has_names() && name != "recording" {
+        let reason = format!("`{}` numbers its tools by arrival; name the probe by `tool`", protocol.name());
+        values.refuse(&["sensor"], &reason)?;
+    }
     let (given, usual): (TrackerSettings, _) = (values.group(), DeviceOptions::default());
     let mut device = DeviceOptions {
         sensor: values.integer("sensor").and_then(|sensor| u16::try_from(sensor).ok()),
@@ -227,9 +231,10 @@ mod tests {
         let igtl = "transport = \"tcp\"\naddress = \"h:18944\"\nprotocol = \"openigtlink\"\n";
         let tool = Some(ProbeSensor::Tool("ProbeToTracker".into()));
         assert_eq!(probe(&format!("{igtl}tool = \"ProbeToTracker\"")), tool);
-        assert_eq!(probe("transport = \"recording\"\nrecording = \"a.mcap\"\ntool = \"ProbeToTracker\""), tool);
-        // Stations of earlier builds chose by number.
-        assert_eq!((probe(&format!("{igtl}sensor = 1")), probe(igtl)), (Some(ProbeSensor::Number(1)), None));
+        assert_eq!(probe(igtl), None);
+        let recording = "transport = \"recording\"\nrecording = \"a.mcap\"\n";
+        assert_eq!(probe(&format!("{recording}tool = \"ProbeToTracker\"")), tool);
+        assert_eq!(probe(&format!("{recording}sensor = 1")), Some(ProbeSensor::Number(1)));
     }
 
     #[test]
@@ -274,6 +279,11 @@ mod tests {
             (
                 "transport = \"tcp\"\naddress = \"h:1\"\nprotocol = \"openigtlink\"\ntool = \"Probe\"\nsensor = 1",
                 "`tracker.sensor` does not apply: `tracker.tool` chooses the probe by its name",
+            ),
+            // A number would be the order in which the tools happen to come into view.
+            (
+                "transport = \"tcp\"\naddress = \"h:1\"\nprotocol = \"openigtlink\"\nsensor = 0",
+                "`tracker.sensor` does not apply: `openigtlink` numbers its tools by arrival; name the probe by `tool`",
             ),
             ("transport = \"mock\"\npuck_range = 350", "`tracker.puck_range` does not apply"),
             ("transport = \"recording\"\nrecording = \"a\"\nspeed = 0\nrepeat = \"yes\"", "it would never rest"),

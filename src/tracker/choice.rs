@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use thiserror::Error;
 
 use super::ndi::{self, USUAL_BAUD};
-use super::{PortName, Protocol, Settings, Transport};
+use super::{PortName, ProbeSensor, Protocol, Settings, Transport};
 
 /// Protocol of a tracker, and where it is; the transport follows from both.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,6 +42,12 @@ pub enum ChoiceError {
         /// Name of the protocol.
         protocol: &'static str,
     },
+    /// A sensor by number, in a protocol that has names.
+    #[error("--sensor: `{protocol}` numbers its tools by arrival; name the probe by --tool")]
+    NoNumbers {
+        /// Name of the protocol.
+        protocol: &'static str,
+    },
     /// A speed that the device does not support.
     #[error("--baud: {0}")]
     Device(#[from] ndi::OptionsError),
@@ -51,21 +57,19 @@ impl Choice {
     /// Settings of the chosen tracker, with the device settings of `base`.
     ///
     /// # Errors
-    /// Neither port nor address where one is needed, an address that is none, a tool's name where there are numbers, or a
+    /// Neither port nor address where one is needed, an address that is none, an error of [`Settings::check_probe`], or a
     /// speed that the device does not support.
     pub fn over(&self, base: Settings) -> Result<Settings, ChoiceError> {
         let protocol = self.protocol;
-        // Sensor numbers of another protocol or of a recording do not apply.
+        // The probe of another protocol or of a recording does not apply.
         let same = base.protocol == protocol && !matches!(base.transport, Transport::Recording { .. });
         let mut settings = Settings { protocol, ..base };
-        if self.tool.is_some() && !protocol.has_names() {
-            return Err(ChoiceError::NoNames { protocol: protocol.name() });
+        if !same {
+            (settings.device.sensor, settings.device.tool) = (None, None);
         }
-        settings.device.sensor = self.sensor.or(settings.device.sensor.filter(|_| same));
-        // A number given here precedes the station's name.
-        let own = settings.device.tool.filter(|_| same && self.sensor.is_none());
-        settings.device.tool = self.tool.clone().or(own);
+        settings.device.choose(self.sensor, self.tool.clone());
         settings.transport = self.transport()?;
+        settings.check_probe()?;
         let is_serial = matches!(settings.transport, Transport::Serial { .. });
         settings.device.ndi.baud = is_serial.then(|| self.baud.unwrap_or(USUAL_BAUD));
         if protocol == Protocol::Ndi {
@@ -98,8 +102,26 @@ impl Choice {
     }
 }
 
+impl Settings {
+    /// Checks that the probe is chosen by name where tools have names, and by number elsewhere. A recording holds what was
+    /// heard in one order, so each way selects the same sensor at every replay.
+    ///
+    /// # Errors
+    /// A tool's name where there are numbers, or a number where there are names.
+    pub fn check_probe(&self) -> Result<(), ChoiceError> {
+        let protocol = self.protocol.name();
+        match (self.device.probe(), self.protocol.has_names()) {
+            _ if matches!(self.transport, Transport::Recording { .. }) => Ok(()),
+            (Some(ProbeSensor::Tool(_)), false) => Err(ChoiceError::NoNames { protocol }),
+            (Some(ProbeSensor::Number(_)), true) => Err(ChoiceError::NoNumbers { protocol }),
+            _ => Ok(()),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use super::super::Speed;
     use super::*;
 
     fn args(protocol: Protocol) -> Choice {
@@ -137,5 +159,21 @@ mod tests {
         assert_eq!(sensor(Choice { sensor: Some(3), ..serial(Protocol::AsciiLine, None) }), Some(3));
         let named = Choice { tool: Some("Probe".into()), ..serial(Protocol::Liberty, None) };
         assert!(named.over(base.clone()).unwrap_err().to_string().contains("give the number"));
+    }
+
+    #[test]
+    fn tools_that_have_names_are_not_chosen_by_number() {
+        let igtl = Choice { address: Some("h:18944".into()), ..args(Protocol::OpenIgtLink) };
+        let numbered = Choice { sensor: Some(0), ..igtl.clone() };
+        let refused = numbered.over(Settings::default()).unwrap_err().to_string();
+        assert_eq!(refused, "--sensor: `openigtlink` numbers its tools by arrival; name the probe by --tool");
+        let named = Choice { tool: Some("ProbeToTracker".into()), ..igtl.clone() };
+        let mut found = named.over(Settings::default()).unwrap();
+        assert_eq!(found.device.probe(), Some(ProbeSensor::Tool("ProbeToTracker".into())));
+        assert_eq!(igtl.over(found.clone()).unwrap().device, found.device, "the station's own choice stays");
+        found.device.choose(Some(1), None);
+        assert!(matches!(found.check_probe(), Err(ChoiceError::NoNumbers { .. })));
+        found.transport = Transport::Recording { path: "a.mcap".into(), speed: Speed::AtOnce, repeat: false };
+        assert!(found.check_probe().is_ok());
     }
 }

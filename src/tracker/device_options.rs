@@ -46,4 +46,11 @@ impl DeviceOptions {
         let tool = self.tool.clone().map(ProbeSensor::Tool);
         tool.or(self.sensor.map(ProbeSensor::Number))
     }
+
+    /// Chooses the probe's sensor by number or name, in place of the choice so far. Without either that stays.
+    pub fn choose(&mut self, sensor: Option<u16>, tool: Option<String>) {
+        if sensor.is_some() || tool.is_some() {
+            (self.sensor, self.tool) = (sensor, tool);
+        }
+    }
 }

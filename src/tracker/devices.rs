@@ -43,6 +43,16 @@ pub struct SerialDevice {
     pub latency_timer_ms: Option<u32>,
 }
 
+impl SerialDevice {
+    /// Whether it is the port that `name` names: by its path, its stable path, or its USB identity.
+    pub fn is(&self, name: &PortName) -> bool {
+        match name {
+            PortName::Path(path) => self.path == *path || self.by_id.as_deref() == Some(path.as_str()),
+            usb => self.usb.as_ref().is_some_and(|own| usb.is(own.vendor, own.product, own.serial.as_deref())),
+        }
+    }
+}
+
 /// A HID device.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct HidDevice {
@@ -151,11 +161,7 @@ pub(crate) fn serial_ports() -> io::Result<Vec<SerialDevice>> {
 /// Hint of [`latency_hint`] for a tracker's own port, if that is a serial one of this machine.
 pub fn hint_of(tracker: &Settings) -> Option<String> {
     let Transport::Serial { port, .. } = &tracker.transport else { return None };
-    let used = |device: &SerialDevice| match port {
-        PortName::Path(path) => device.path == *path || device.by_id.as_deref() == Some(path),
-        usb => device.usb.as_ref().is_some_and(|u| usb.is(u.vendor, u.product, u.serial.as_deref())),
-    };
-    Devices::list().ok()?.serial.iter().find(|device| used(device)).and_then(latency_hint)
+    Devices::list().ok()?.serial.iter().find(|device| device.is(port)).and_then(latency_hint)
 }
 
 /// Current path of a port.
@@ -164,9 +170,7 @@ pub(super) fn serial_path(name: &PortName) -> io::Result<String> {
     if let PortName::Path(path) = name {
         return Ok(path.clone());
     }
-    let is_it =
-        |port: &SerialDevice| port.usb.as_ref().is_some_and(|u| name.is(u.vendor, u.product, u.serial.as_deref()));
-    let port = serial_ports()?.into_iter().find(is_it);
+    let port = serial_ports()?.into_iter().find(|port| port.is(name));
     port.map(|port| port.path).ok_or_else(|| missing("serial port", name))
 }
 
@@ -274,6 +278,19 @@ mod tests {
         assert!(!is_space_mouse(0x256f, 0xc635, 1, 6), "its keyboard");
         assert!(!is_space_mouse(0x256f, 0xc650, 1, 8));
         assert!(!is_space_mouse(0x1234, 0xc635, 1, 8));
+    }
+
+    #[test]
+    fn a_port_is_found_by_either_path_and_by_its_identity() {
+        let usb = UsbIdentity { vendor: 0x403, product: 0x6001, serial: Some("A5".into()), name: None };
+        let by_id = Some("/dev/serial/by-id/usb-FTDI-port0".to_owned());
+        let port = SerialDevice { path: "/dev/ttyUSB0".into(), by_id, usb: Some(usb), latency_timer_ms: None };
+        for right in ["/dev/ttyUSB0", "/dev/serial/by-id/usb-FTDI-port0", "0403:6001", "0403:6001:A5"] {
+            assert!(port.is(&right.parse::<PortName>().unwrap()), "{right}");
+        }
+        for wrong in ["/dev/ttyUSB1", "0403:6002", "0403:6001:A6"] {
+            assert!(!port.is(&wrong.parse::<PortName>().unwrap()), "{wrong}");
+        }
     }
 
     #[test]

@@ -28,6 +28,16 @@ pub enum TrackerError {
         /// Name of the protocol.
         protocol: &'static str,
     },
+    /// A sensor by number, in a protocol that has names.
+    #[error(
+        "`{protocol}` numbers its tools by arrival, so the probe can't be sensor {number}: give its name, `[tracker] tool` or `--tool`"
+    )]
+    NoNumbers {
+        /// Number.
+        number: u16,
+        /// Name of the protocol.
+        protocol: &'static str,
+    },
     /// The transport is not included in this build.
     #[error("this insonify was built without the feature `{feature}`, which the transport needs")]
     NotBuilt {

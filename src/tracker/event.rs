@@ -7,7 +7,7 @@ use std::time::Duration;
 use super::DecodeError;
 use super::damage::Damage;
 use super::irregularity::Irregularity;
-use super::sensor::{ProbeSensor, SensorName, how_to_choose, listed};
+use super::sensor::{ProbeSensor, SensorName, how_to_choose};
 
 /// Event of a session.
 #[derive(Debug, Clone, PartialEq)]
@@ -108,11 +108,11 @@ impl fmt::Display for TrackerEvent {
                 write!(f, "{tool} is the only one heard so far and is taken as the probe; to be sure, {how}")
             }
             Self::Undecided { heard } => {
-                let (list, how) = (listed(heard), how_to_choose(heard));
+                let (list, how) = (SensorName::listed(heard), how_to_choose(heard));
                 write!(f, "several sensors are heard and none is chosen, so no pose is used: {list}; {how}")
             }
             Self::ProbeMissing { wanted, for_, heard } => {
-                let list = listed(heard);
+                let list = SensorName::listed(heard);
                 write!(f, "the probe ({wanted}) is not heard for {:.1} s; heard are {list}", seconds(for_))?;
                 let near = heard.iter().filter_map(|sensor| sensor.name.as_deref()).find(|name| match wanted {
                     ProbeSensor::Tool(tool) => tool.trim().eq_ignore_ascii_case(name),

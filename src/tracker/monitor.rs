@@ -73,7 +73,7 @@ impl Report {
     }
 }
 
-/// Statistics of one sensor since the last report.
+/// Statistics of one sensor, since the last report or of a whole session.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SensorReport {
     /// Number of the station, port handle or tool.
@@ -88,7 +88,7 @@ pub struct SensorReport {
     pub is_valid: bool,
     /// Last position, mm.
     pub position_mm: Option<[f64; 3]>,
-    /// Whether it is the probe.
+    /// Whether it is the probe; of a whole session: whether it was at any time.
     pub is_probe: bool,
 }
 
@@ -108,20 +108,50 @@ struct Figures {
     sensors: Vec<SensorFigures>,
 }
 
+/// Records and the intervals between them.
+#[derive(Debug, Clone, Copy, Default)]
+struct Count {
+    records: u64,
+    intervals: u64,
+    /// Sum of the intervals, s.
+    seconds: f64,
+}
+
 #[derive(Debug)]
 struct SensorFigures {
     name: SensorName,
-    records: u64,
     last_ns: Option<u64>,
-    /// Number and sum (s) of intervals since the last report.
-    intervals: (u32, f64),
     reading: Reading,
+    /// Since the last report.
+    recent: Count,
+    /// Since the start.
+    total: Count,
+    /// Whether any record of it was the probe's.
+    was_probe: bool,
 }
 
 impl SensorFigures {
-    /// Statistics since the last report, which begin anew.
-    fn report(&mut self, probe: Option<u16>) -> SensorReport {
-        let (count, sum) = std::mem::take(&mut self.intervals);
+    fn new(name: SensorName, reading: Reading) -> Self {
+        let (recent, total) = (Count::default(), Count::default());
+        Self { name, last_ns: None, reading, recent, total, was_probe: false }
+    }
+
+    fn push(&mut self, host_time_ns: u64, reading: Reading) {
+        let last_ns = self.last_ns.replace(host_time_ns);
+        let interval_s = last_ns.map(|last_ns| host_time_ns.saturating_sub(last_ns) as f64 * 1e-9);
+        for count in [&mut self.recent, &mut self.total] {
+            count.records += 1;
+            if let Some(seconds) = interval_s {
+                count.intervals += 1;
+                count.seconds += seconds;
+            }
+        }
+        self.reading = reading;
+    }
+
+    /// Statistics by `count`, and the last reading.
+    fn report(&self, count: Count, is_probe: bool) -> SensorReport {
+        let Count { records, intervals, seconds } = count;
         let position_mm = match self.reading {
             Reading::Pose(pose) => Some(pose.position_mm.to_array()),
             _ => None,
@@ -129,11 +159,11 @@ impl SensorFigures {
         SensorReport {
             sensor: self.name.number,
             name: self.name.name.clone(),
-            records: std::mem::take(&mut self.records),
-            rate_hz: (sum > 0.0).then(|| f64::from(count) / sum),
+            records,
+            rate_hz: (seconds > 0.0).then(|| intervals as f64 / seconds),
             is_valid: self.reading != Reading::OutOfView,
             position_mm,
-            is_probe: probe == Some(self.name.number),
+            is_probe,
         }
     }
 }
@@ -153,9 +183,19 @@ impl Monitor {
         }
         report.events = figures.events.drain(..).collect();
         let probe = report.last.filter(|_| report.records > 0).map(|record| record.sensor);
-        report.sensors = figures.sensors.iter_mut().map(|sensor| sensor.report(probe)).collect();
+        let recent = |sensor: &mut SensorFigures| {
+            let count = std::mem::take(&mut sensor.recent);
+            sensor.report(count, probe == Some(sensor.name.number))
+        };
+        report.sensors = figures.sensors.iter_mut().map(recent).collect();
         (figures.report.records, figures.report.events_dropped) = (0, 0);
         report
+    }
+
+    /// Statistics of each sensor since the start.
+    pub fn totals(&self) -> Vec<SensorReport> {
+        let figures = self.figures();
+        figures.sensors.iter().map(|sensor| sensor.report(sensor.total, sensor.was_probe)).collect()
     }
 
     fn figures(&self) -> MutexGuard<'_, Figures> {
@@ -171,17 +211,12 @@ impl Listener for Monitor {
         let mut figures = self.figures();
         let at = figures.sensors.iter().position(|known| known.name == *sensor);
         let at = at.unwrap_or_else(|| {
-            let (name, reading) = (sensor.clone(), record.reading);
-            figures.sensors.push(SensorFigures { name, records: 0, last_ns: None, intervals: (0, 0.0), reading });
+            figures.sensors.push(SensorFigures::new(sensor.clone(), record.reading));
             figures.sensors.len() - 1
         });
-        let Some(known) = figures.sensors.get_mut(at) else { return };
-        if let Some(last_ns) = known.last_ns.replace(host_time_ns) {
-            let (count, sum) = known.intervals;
-            known.intervals = (count + 1, sum + host_time_ns.saturating_sub(last_ns) as f64 * 1e-9);
+        if let Some(known) = figures.sensors.get_mut(at) {
+            known.push(host_time_ns, record.reading);
         }
-        known.records += 1;
-        known.reading = record.reading;
     }
 
     fn record(&mut self, host_time_ns: u64, record: &Record) {
@@ -191,6 +226,9 @@ impl Listener for Monitor {
             let (count, sum, squares) = figures.intervals;
             figures.intervals = (count + 1, sum + seconds, squares + seconds * seconds);
             figures.longest_s = figures.longest_s.max(seconds);
+        }
+        if let Some(probe) = figures.sensors.iter_mut().find(|sensor| sensor.name.number == record.sensor) {
+            probe.was_probe = true;
         }
         let last = std::mem::replace(&mut figures.sequence, record.sequence);
         let report = &mut figures.report;
@@ -270,5 +308,32 @@ mod tests {
         }
         let report = monitor.report();
         assert_eq!((report.events.len(), report.events_dropped, report.state), (32, 8, SessionState::Ended));
+    }
+
+    #[test]
+    fn totals_of_each_sensor_go_on_over_the_reports() {
+        let mut monitor = Monitor::default();
+        let [stylus, probe] = [0, 1].map(|number| SensorName { number, name: None });
+        for n in 0..100_u32 {
+            let time_ns = u64::from(n) * 10_000_000;
+            monitor.heard(time_ns, &stylus, &record(n));
+            // The probe comes into view for a while.
+            if (40..60).contains(&n) {
+                let of_probe = Record { sensor: 1, ..record(n) };
+                monitor.heard(time_ns, &probe, &of_probe);
+                monitor.record(time_ns, &of_probe);
+            }
+            if n % 25 == 24 {
+                let sensors = monitor.report().sensors;
+                assert_eq!(sensors[0].records, 25, "a report counts from the last one");
+            }
+        }
+        assert!(!monitor.report().sensors[1].is_probe);
+        let totals = monitor.totals();
+        let [stylus, probe] = &totals[..] else { panic!("{totals:?}") };
+        assert_eq!((stylus.records, stylus.is_probe, probe.records, probe.is_probe), (100, false, 20, true));
+        for rate_hz in [stylus.rate_hz, probe.rate_hz] {
+            assert!((rate_hz.unwrap() - 100.0).abs() < 1e-6, "{rate_hz:?}");
+        }
     }
 }

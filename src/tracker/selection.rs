@@ -1,13 +1,11 @@
 //! Selection of the probe's records in a stream of several sensors. Live sessions and replays use the same rules.
 
 use super::Record;
+use super::openigtlink::NAME_LENGTH;
 use super::sensor::{ProbeSensor, SensorName};
 
 /// Largest number of distinguished sensors. Records of further ones are left out.
 pub(crate) const HEARD_LIMIT: usize = 64;
-
-/// Length of a tool's name on the wire, bytes. Longer names are cut there by their senders.
-const NAME_LENGTH: usize = 20;
 
 /// Decides which records are the probe's.
 #[derive(Debug, Clone)]

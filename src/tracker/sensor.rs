@@ -21,6 +21,22 @@ impl fmt::Display for SensorName {
     }
 }
 
+impl SensorName {
+    /// List of sensors for messages: tools by name, others by number.
+    pub fn listed(heard: &[Self]) -> String {
+        let all: Vec<String> = heard.iter().map(Self::to_string).collect();
+        all.join(", ")
+    }
+
+    /// Key of `[tracker]` that chooses this sensor, with its value.
+    pub(crate) fn key(&self) -> String {
+        match &self.name {
+            Some(name) => format!("tool = \"{}\"", name.escape_debug()),
+            None => format!("sensor = {}", self.number),
+        }
+    }
+}
+
 /// Sensor of a stream that is the probe.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ProbeSensor {
@@ -42,24 +58,28 @@ impl fmt::Display for ProbeSensor {
     }
 }
 
-/// List of sensors for messages: tools by name, others by number.
-pub(crate) fn listed(heard: &[SensorName]) -> String {
-    let all: Vec<String> = heard.iter().map(SensorName::to_string).collect();
-    all.join(", ")
-}
-
 /// Advice that names the keys and options that choose the probe among `heard`.
 pub(crate) fn how_to_choose(heard: &[SensorName]) -> String {
-    match heard.first() {
-        Some(SensorName { name: Some(name), .. }) => {
-            let name = name.escape_debug();
-            format!("name the probe, as in `[tracker] tool = \"{name}\"` of the station file or `--tool {name}`")
-        }
-        Some(SensorName { number, .. }) => {
-            format!(
-                "give the probe's number, as in `[tracker] sensor = {number}` of the station file or `--sensor {number}`"
-            )
-        }
-        None => "name the probe by `[tracker] tool` or `sensor`".to_owned(),
+    let Some(first) = heard.first() else { return "name the probe by `[tracker] tool` or `sensor`".to_owned() };
+    let (what, option) = match &first.name {
+        Some(name) => ("name the probe", format!("--tool {}", name.escape_debug())),
+        None => ("give the probe's number", format!("--sensor {}", first.number)),
+    };
+    format!("{what}, as in `[tracker] {}` of the station file or `{option}`", first.key())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sensors_are_listed_and_chosen_by_the_name_or_number_that_they_have() {
+        let named = SensorName { number: 0, name: Some("Probe".into()) };
+        let numbered = SensorName { number: 3, name: None };
+        assert_eq!(SensorName::listed(&[named.clone(), numbered.clone()]), "tool `Probe`, sensor 3");
+        let how = how_to_choose(&[named]);
+        assert_eq!(how, "name the probe, as in `[tracker] tool = \"Probe\"` of the station file or `--tool Probe`");
+        let how = how_to_choose(&[numbered]);
+        assert_eq!(how, "give the probe's number, as in `[tracker] sensor = 3` of the station file or `--sensor 3`");
     }
 }

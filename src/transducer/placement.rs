@@ -4,6 +4,7 @@
 //! looks like that of a coupled probe, so the user is told.
 
 use std::fmt;
+use std::time::Duration;
 
 use glam::{DQuat, DVec3};
 use serde::Serialize;
@@ -13,6 +14,9 @@ use crate::pose::Pose;
 
 /// Largest depth of the face below the skin, mm (assumed): a hand presses by less.
 pub const DEPTH_MAX_MM: f64 = 25.0;
+
+/// Shortest time of a misplacement that is told: a probe may be turned in the air for a moment.
+pub const MISPLACED_FOR: Duration = Duration::from_secs(2);
 
 /// Distance before the face, mm, at which a probe that looks into the body has body before it.
 const AHEAD_MM: f64 = 15.0;

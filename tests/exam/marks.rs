@@ -1,8 +1,7 @@
 //! Marks that a trainee sets on the page, in the score.
 
 use insonify::recording::{
-    CALIPER_EVENT, CaliperEvent, MarkedFrame, Marks, MeasureKind, RecordingInfo, RecordingWriter, mark_event,
-    removal_event,
+    CALIPER_EVENT, MarkedFrame, Marks, MeasureKind, RecordingInfo, RecordingWriter, mark_event, removal_event,
 };
 use insonify::settings::{Mark, MarkContent};
 use serde_json::json;
@@ -46,7 +45,8 @@ fn measurements_of_the_page_are_compared_with_the_truth_of_the_phantom() {
         set(1, &mark("a-2", 0.5, Some(pose), circle)),
         set(1, &mark("a-3", 0.5, Some(pose), corner)),
         set(1, &mark("a-4", 0.5, Some(pose), wrong_tool)),
-        set(1, &mark("a-5", 0.5, Some(pose), line(&bpd, "no such"))),
+        set(1, &mark("a-5", 0.5, Some(pose), line(&bpd, "BPD"))),
+        set(1, &mark("a-8", 0.5, Some(pose), line(&bpd, "no such"))),
         set(2, &mark("a-6", 0.5, Some(pose), text)),
         set(2, &mark("a-7", 0.5, Some(pose), turned)),
         // The first one's cross is dragged to its place, the fifth one is removed.
@@ -54,8 +54,8 @@ fn measurements_of_the_page_are_compared_with_the_truth_of_the_phantom() {
         removal_event(START_TIME_NS + 3 * SECOND_NS, "a-5"),
     ];
     let score = scored(&poses, &events, &["abdomen"]);
-    assert_eq!((score.calipers.len(), score.texts.len(), &score.calipers_refused[..]), (4, 2, &[][..]));
-    let [first, circle, corner, other] = &score.calipers[..] else { panic!() };
+    assert_eq!((score.calipers.len(), score.texts.len(), &score.calipers_refused[..]), (5, 2, &[][..]));
+    let [first, circle, corner, other, unknown] = &score.calipers[..] else { panic!() };
     assert_eq!((first.name.as_str(), first.kind, first.plane.as_deref()), ("BPD", MeasureKind::Distance, Some("head")));
     assert!((first.time_s - 3.0).abs() < 0.01 && (first.picture_s - 0.5).abs() < 0.01, "{first:?}");
     assert!(first.error_mm.unwrap().abs() < 1.0 && first.error_percent.unwrap().abs() < 1.5, "{first:?}");
@@ -66,6 +66,8 @@ fn measurements_of_the_page_are_compared_with_the_truth_of_the_phantom() {
     );
     assert!((corner.angle_deg.unwrap() - 90.0).abs() < 1e-9 && corner.measured_mm.is_none());
     assert!(other.true_mm.is_none() && other.note.contains("ellipse"), "{other:?}");
+    assert_eq!((unknown.true_mm, corner.note.as_str()), (None, ""));
+    assert_eq!(unknown.note, "no standard plane of the scene has the measure no such");
     assert_eq!((score.texts[0].text.as_str(), score.texts[1].turn_deg), ("falx", Some(45.0)));
     let text = score.to_string();
     for part in ["BPD", "truly", "angle         90.0°", "\"falx\"", "body mark pregnant", "shows the plane head"] {
@@ -74,6 +76,19 @@ fn measurements_of_the_page_are_compared_with_the_truth_of_the_phantom() {
     // Measured off the plane, nothing is said to be shown.
     let off = turned_picture(&bpd);
     assert_eq!(scored(&still(perfect("spine"), 1.5), &[off], &["head"]).calipers[0].plane, None);
+}
+
+#[test]
+fn a_picture_before_the_first_pose_shows_the_plane_of_its_own_pose() {
+    let pose = perfect("head");
+    let bpd = ends("head", "BPD", &pose);
+    let late: Vec<TimedPose> = still(pose, 3.0).split_off(60);
+    let plane = |own: Option<Pose>| {
+        let event = mark_event(START_TIME_NS + 2 * SECOND_NS, START_TIME_NS, &mark("a-1", 0.5, own, line(&bpd, "BPD")));
+        scored(&late, &[event], &["head"]).calipers[0].plane.clone()
+    };
+    assert_eq!(plane(Some(pose)).as_deref(), Some("head"));
+    assert_eq!(plane(None), None, "its pose is not known");
 }
 
 /// A BPD on a picture far from the head's plane.
@@ -101,6 +116,6 @@ fn marks_survive_a_recording_and_those_of_other_programs_are_read_as_before() {
     let frames: Vec<Option<MarkedFrame>> = marks.all.iter().map(|mark| mark.frame).collect();
     assert!(frames[1].is_none() && frames[0].unwrap().time_ns == START_TIME_NS + SECOND_NS / 2);
     assert!(frames[0].unwrap().pose.unwrap().position_mm.distance(pose.position_mm) < 1e-9);
-    let lengths: Vec<_> = marks.calipers().map(|(_, caliper): (_, &CaliperEvent)| caliper.length_mm()).collect();
+    let lengths: Vec<_> = marks.calipers().map(|(_, caliper)| caliper.length_mm()).collect();
     assert_eq!(lengths, [Some(90.0), Some(40.0)]);
 }

@@ -49,6 +49,24 @@ fn a_probe_deep_in_the_body_for_seconds_is_told_everywhere_until_it_is_right() {
 }
 
 #[test]
+fn what_is_told_of_a_probe_ends_when_its_tracking_is_lost() {
+    let _guard = beside_others();
+    let (clock, log) = (clock(), Log::default());
+    let touch: Arc<Touch> = Arc::new(|_| Some(contact(Some(DEEP))));
+    let poses = |now: Duration| if now < 3 * SECOND { moving(now) } else { Estimate::default() };
+    Session { contact: touch, sinks: vec![logger(&log)], ..Session::new(&clock, poses) }.run();
+    let frames = seen(&log);
+    let noticed = |from: Duration, to: Duration, text: &str| {
+        let within = frames.iter().filter(|frame| (from..to).contains(&frame.presented));
+        within.filter(|frame| frame.notice.as_deref().is_some_and(|notice| notice.contains(text))).count()
+    };
+    assert!(noticed(2 * SECOND, 3 * SECOND, "83 mm deep in the body") > 15);
+    // For five seconds the loss itself is told.
+    assert!(noticed(3 * SECOND, 8 * SECOND, "tracking lost") > 90);
+    assert_eq!(noticed(4 * SECOND, 10 * SECOND, "83 mm deep in the body"), 0);
+}
+
+#[test]
 fn a_still_from_within_the_body_is_warned_of() {
     let _guard = beside_others();
     let directory = tempfile::tempdir().unwrap();

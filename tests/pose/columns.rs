@@ -52,6 +52,38 @@ fn landmarks_along_the_patients_axes_are_taken_in_lps() {
     );
 }
 
+#[test]
+fn landmarks_along_the_patients_axes_are_turned_into_the_axes_of_a_stations_scene() {
+    let dir = tempfile::tempdir().unwrap();
+    let station = written(dir.path(), "station.toml", "[scene]\nphantom = 'obstetric'\n");
+    let rows = "0,-100,0,10,20,0,FRONT\n100,0,0,110,120,0,LEFT\n-100,0,0,-90,120,0,RIGHT\n0,-80,80,10,40,80,UP\n";
+    let fit = |head: &str, more: &[&str]| {
+        let path = written(dir.path(), "p.csv", &format!("{head}\n{rows}"));
+        let output = insonify(&[&["calibrate", "landmarks", path.to_str().unwrap(), "--json"], more].concat());
+        let report: Value = serde_json::from_str(&succeeded(&output)).unwrap();
+        let numbers = |key: &str| -> Vec<f64> {
+            report["scene_from_tracker"][key].as_array().unwrap().iter().map(|n| n.as_f64().unwrap()).collect()
+        };
+        let [position, turn] = [numbers("position_mm"), numbers("quaternion")];
+        let orientation = DQuat::from_xyzw(turn[1], turn[2], turn[3], turn[0]);
+        (Pose { position_mm: DVec3::from_slice(&position), orientation }, stderr(&output))
+    };
+    let for_lps = DVec3::new(-10.0, -120.0, 0.0);
+    for head in ["l,p,s,tx,ty,tz,name", "# CoordinateSystem = LPS\nx,y,z,tx,ty,tz,name"] {
+        let (found, said) = fit(head, &[]);
+        assert!(found.position_mm.distance(for_lps) < 1e-9, "{found:?}");
+        assert!(said.contains("the result is for a scene in LPS") && said.contains("--station"), "{said}");
+        // The phantom's x is left, its y cranial, its z anterior.
+        let (found, said) = fit(head, &["--station", station.to_str().unwrap()]);
+        assert!(found.position_mm.distance(DVec3::new(-10.0, 0.0, 120.0)) < 1e-9, "{found:?}");
+        assert!((found.orientation * DVec3::Z).distance(DVec3::Y) < 1e-9, "{found:?}");
+        assert!(!said.contains("the result is for a scene in LPS"), "{said}");
+    }
+    // The scene's own axes stay.
+    let (found, said) = fit("x,y,z,tx,ty,tz,name", &["--station", station.to_str().unwrap()]);
+    assert!(found.position_mm.distance(for_lps) < 1e-9 && said.is_empty(), "{found:?} {said}");
+}
+
 /// Poses of a sensor whose probe's point `rests` in a dimple, tilted and turned.
 fn poses(rests: DVec3, tilt: f64, spin: f64) -> Vec<Pose> {
     let pose = |i: u32| {
@@ -106,7 +138,7 @@ fn the_axes_of_a_probe_are_calibrated_from_four_tables() {
     let out = dir.path().join("cal.toml");
     let ends =
         ["calibrate", "probe", &pivot, "--marker-end", &marker, "--other-end", &other, "--out", out.to_str().unwrap()];
-    refused(&insonify(&ends), &["the beam's direction is unknown: give a --spin", "too flat"]);
+    refused(&insonify(&ends), &["the beam's direction is unknown", "(--spin)", "too flat"]);
     assert!(!out.exists());
     let text = succeeded(&insonify(&[&ends[..], &["--spin", &spin]].concat()));
     assert!(text.contains("face 56.0 mm wide") && text.contains("beam from the turn about the probe's axis"), "{text}");

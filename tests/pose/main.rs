@@ -282,7 +282,10 @@ fn wrong_landmarks_are_refused_with_the_reason() {
         ("0,0,0,0,0,0\n1,0,0,1,0,0\n", "2 landmarks are too few"),
         ("0,0,0,0,0,0\n9,0,0,9,0,0\n50,0,0,50,0,0\n", "lie on one line"),
         ("0,0,0,0,0,0\n1,0,0,1,0\n", "line 2: expected `x,y,z,tx,ty,tz`"),
-        ("0,0,0,0,0,0\n1,0,0,1,0,nan\n1,1,1,1,1,1", "`tz` of landmark 2 is NaN"),
+        (
+            "0,0,0,0,0,0\n1,0,0,1,0,nan\n1,1,1,1,1,1",
+            "line 2: `tz` is `nan`; it must be a decimal number that is finite",
+        ),
         ("", "there is no line with"),
     ] {
         std::fs::write(&path, text).unwrap();

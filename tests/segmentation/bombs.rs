@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Output;
 
-use super::program::refused;
+use super::program::{refused, stderr};
 
 /// The program with these arguments in 4 GB of memory.
 fn limited(arguments: &[&str]) -> Output {
@@ -62,6 +62,17 @@ fn volumes_beyond_the_memory_are_refused() {
 }
 
 #[test]
+fn layers_beyond_the_limit_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("x.glb").display().to_string();
+    let header = "NRRD0004\ntype: uchar\ndimension: 4\nspace: LPS\nsizes: 8000 1 1 1\nencoding: raw\n\
+                  space directions: none (1,0,0) (0,1,0) (0,0,1)\n\n";
+    let labels = written(folder.path(), "liver.nrrd", &[header.as_bytes(), &[1u8; 8000][..]].concat());
+    let found = limited(&["scene", "from-labels", &labels, "--out", &out]);
+    refused(&found, &["liver.nrrd", "it has 8000 layers; at most 512 are read"]);
+}
+
+#[test]
 fn polydata_beyond_the_memory_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("x.glb").display().to_string();
@@ -70,9 +81,11 @@ fn polydata_beyond_the_memory_is_refused() {
         let head = [blocks, 1 << 20, 0].into_iter().chain((0..blocks).map(|_| 4));
         head.flat_map(u32::to_le_bytes).chain((0..blocks * 4).map(|_| 0)).collect()
     };
-    for (blocks, says) in
-        [(1000, "values, and at most 100000000 are read: decimate the mesh"), (380, "decimate the mesh")]
-    {
+    for (blocks, says) in [
+        (1000, &["values, and at most 100000000 are read: decimate the mesh"][..]),
+        // It is refused for its memory, or would fit; then it isn't zlib data.
+        (380, &["of memory, more than there is: decimate the mesh", "is not zlib data"]),
+    ] {
         let head = format!(
             "<?xml version=\"1.0\"?>\n<VTKFile type=\"PolyData\" byte_order=\"LittleEndian\" \
              compressor=\"vtkZLibDataCompressor\"><PolyData><Piece NumberOfPoints=\"{}\" NumberOfPolys=\"1\"><Points>\
@@ -93,12 +106,9 @@ fn polydata_beyond_the_memory_is_refused() {
             "--out",
             &out,
         ]);
-        if blocks == 1000 {
-            refused(&found, &["x.vtp", says]);
-        } else {
-            // It would fit; then it isn't zlib data.
-            refused(&found, &["x.vtp"]);
-        }
+        refused(&found, &["x.vtp"]);
+        let message = stderr(&found);
+        assert!(says.iter().any(|says| message.contains(says)), "{blocks} blocks: {message}");
     }
 }
 

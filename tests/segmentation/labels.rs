@@ -6,14 +6,21 @@ use glam::{DQuat, DVec3};
 use insonify::anatomy::doctor::{self, Severity, examine};
 use insonify::anatomy::export::{LabelledSurface, write_glb};
 use insonify::anatomy::{Mesh, TissueTable};
-use insonify::segmentation::classes::ClassTable;
-use insonify::segmentation::from_labels::{Made, Options, Outcome, make};
+use insonify::segmentation::classes::{ClassTable, Unmapped};
+use insonify::segmentation::from_labels::{Inputs, Made, Options, Outcome, make};
 use insonify::segmentation::gather::gather;
+use insonify::segmentation::measure::measure;
 use insonify::segmentation::shape::Shape;
-use insonify::segmentation::volume::{ReadOptions, read_labels};
+use insonify::segmentation::volume::{LabelMap, ReadOptions, read_labels};
 
 use super::files::{Volume, written};
 use super::shapes::{MAPS, VOXEL_MM, volume};
+
+/// Inputs of a label map alone, and segments without a class.
+fn gathered(labels: LabelMap, table: &ClassTable) -> (Inputs, Vec<Unmapped>) {
+    let measures = measure(&labels);
+    gather(labels, &measures, table, None, None, false).unwrap()
+}
 
 /// Surfaces of a label map whose numbers mean what `MAPS` says.
 pub(crate) fn made(bytes: &[u8], name: &str, triangles: usize) -> Outcome {
@@ -22,7 +29,7 @@ pub(crate) fn made(bytes: &[u8], name: &str, triangles: usize) -> Outcome {
     let mut table = ClassTable::builtin("total-v2").unwrap();
     MAPS.iter().for_each(|map| table.add(map).unwrap());
     let labels = read_labels(path.as_ref(), ReadOptions::default()).unwrap();
-    let (inputs, unmapped) = gather(labels, &table, None, None, false).unwrap();
+    let (inputs, unmapped) = gathered(labels, &table);
     assert!(unmapped.is_empty());
     make(inputs, &Options { triangles, ..Options::default() }, &|_, _| ())
 }
@@ -166,7 +173,7 @@ fn walls_gas_and_layers_nest() {
     let path = written(folder.path(), "a.nii", &volume.nifti());
     let labels = read_labels(path.as_ref(), ReadOptions::default()).unwrap();
     let table = ClassTable::builtin("total-v2").unwrap();
-    let (inputs, _) = gather(labels, &table, None, None, false).unwrap();
+    let (inputs, _) = gathered(labels, &table);
     let outcome = make(inputs, &Options::default(), &|_, _| ());
     let names: Vec<&str> = outcome.surfaces.iter().map(|s| s.name.as_str()).collect();
     let expected = ["skin", "fat", "soft_tissue", "stomach_wall", "stomach", "stomach_gas", "aorta_wall", "aorta"];
@@ -186,7 +193,7 @@ fn walls_gas_and_layers_nest() {
     let mut table = ClassTable::builtin("total-v2").unwrap();
     table.add("6=heart").unwrap();
     let labels = read_labels(path.as_ref(), ReadOptions::default()).unwrap();
-    let (inputs, _) = gather(labels, &table, None, None, false).unwrap();
+    let (inputs, _) = gathered(labels, &table);
     let hearts = make(inputs, &Options::default(), &|_, _| ());
     let of = |name: &str| hearts.surfaces.iter().find(|s| s.name == name).unwrap().mesh.signed_volume_mm3();
     let ratio = of("heart") / of("heart_wall");

@@ -28,6 +28,19 @@ fn a_body_of_a_mesh_has_skin_and_fat_of_their_thickness() {
 }
 
 #[test]
+fn a_layer_that_the_body_makes_itself_is_left_out_and_said() {
+    let table = ClassTable::builtin("total-v2").unwrap();
+    let organ =
+        |name: &str, mesh: Mesh| OrganMesh { name: name.to_owned(), class: table.named(name).unwrap().clone(), mesh };
+    let organs = || vec![organ("liver", ball(40.0)), organ("subcutaneous_fat", ball(90.0))];
+    let (made, remarks) = surfaces([organs(), vec![organ("body", ball(100.0))]].concat(), &Options::default());
+    assert_eq!(remarks, ["`subcutaneous_fat` is left out: the body makes its own layers"]);
+    assert!(made.iter().all(|made| made.name != "subcutaneous_fat"));
+    let (made, remarks) = surfaces(organs(), &Options::default());
+    assert!(made.iter().any(|made| made.name == "subcutaneous_fat") && !remarks[0].contains("left out"), "{remarks:?}");
+}
+
+#[test]
 fn a_surface_that_is_there_twice_becomes_one_and_a_wall_keeps_its_cavity() {
     let exact = f64::from(60.0f32).powi(3) * 4.0 / 3.0 * std::f64::consts::PI;
     let twice = analytic::joined([ball(60.0), ball(59.7)]);

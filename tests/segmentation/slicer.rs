@@ -6,6 +6,7 @@ use glam::DVec3;
 use insonify::segmentation::classes::ClassTable;
 use insonify::segmentation::from_labels::{Options, make};
 use insonify::segmentation::gather::gather;
+use insonify::segmentation::measure::measure;
 use insonify::segmentation::shape::Shape;
 use insonify::segmentation::volume::{ReadOptions, read_labels};
 
@@ -15,7 +16,8 @@ fn seven_segments_keep_their_volumes_and_places() {
     let labels = read_labels(&path, ReadOptions::default()).unwrap().canonical();
     let mut table = ClassTable::builtin("total-v2").unwrap();
     table.add("tissue=soft_tissue").unwrap();
-    let (inputs, unmapped) = gather(labels, &table, None, None, false).unwrap();
+    let measures = measure(&labels);
+    let (inputs, unmapped) = gather(labels, &measures, &table, None, None, false).unwrap();
     assert!(unmapped.is_empty() && inputs.organs.len() == 7, "{:?}", inputs.organs);
     let grid = inputs.grid.clone();
     let voxel_mm = grid.voxel_mm().max_element();

@@ -34,8 +34,10 @@ fn touching(scene_mm: DVec3, n: usize) -> Pose {
 
 /// Behaviour of the simulated hand.
 #[derive(Clone, Copy)]
-enum Hand {
+pub(super) enum Hand {
     Still(Pose),
+    /// Moves the sensor through these poses, by their number.
+    Along(fn(u32) -> Pose),
     /// Slides continuously from there.
     Moving(Pose),
     /// The tracker sees nothing.
@@ -43,7 +45,7 @@ enum Hand {
 }
 
 /// A tracker behind TCP.
-struct Tracker {
+pub(super) struct Tracker {
     address: String,
     hand: Arc<Mutex<Hand>>,
     over: Arc<AtomicBool>,
@@ -51,7 +53,7 @@ struct Tracker {
 }
 
 impl Tracker {
-    fn start() -> Self {
+    pub(super) fn start() -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         listener.set_nonblocking(true).unwrap();
         let address = listener.local_addr().unwrap().to_string();
@@ -66,6 +68,7 @@ impl Tracker {
                 n += 1;
                 let pose = match *its_hand.lock().unwrap() {
                     Hand::Still(pose) => pose,
+                    Hand::Along(pose) => pose(n),
                     Hand::Moving(pose) => Pose { position_mm: pose.position_mm + DVec3::X * f64::from(n), ..pose },
                     Hand::Gone => continue,
                 };
@@ -75,7 +78,7 @@ impl Tracker {
         Self { address, hand, over, thread: Some(thread) }
     }
 
-    fn does(&self, hand: Hand) {
+    pub(super) fn does(&self, hand: Hand) {
         *self.hand.lock().unwrap() = hand;
     }
 }
@@ -89,8 +92,8 @@ impl Drop for Tracker {
     }
 }
 
-/// A station in `dir` with a known stylus, and the program that requests its landmarks.
-struct Asked {
+/// A station in `dir` with a known stylus, and the program that asks for its calibration.
+pub(super) struct Asked {
     child: Child,
     input: Option<ChildStdin>,
     said: BufReader<ChildStderr>,
@@ -98,6 +101,11 @@ struct Asked {
 
 impl Asked {
     fn start(dir: &Path, tracker: &Tracker, more: &[&str]) -> Self {
+        Self::calibrating(dir, tracker, &[&["landmarks", "--samples", "20"][..], more].concat())
+    }
+
+    /// Starts `insonify calibrate` with these arguments and the station.
+    pub(super) fn calibrating(dir: &Path, tracker: &Tracker, args: &[&str]) -> Self {
         let calibration = Calibration { stylus_tip_mm: Some(Fitted::known(TIP_MM)), ..Calibration::default() };
         std::fs::write(dir.join("cal.toml"), calibration.to_toml()).unwrap();
         let station = dir.join("station.toml");
@@ -108,8 +116,9 @@ impl Asked {
         );
         std::fs::write(&station, text).unwrap();
         let mut child = Command::new(env!("CARGO_BIN_EXE_insonify"))
-            .args(["calibrate", "landmarks", "--tracker", station.to_str().unwrap(), "--samples", "20"])
-            .args(more)
+            .arg("calibrate")
+            .args(args)
+            .args(["--tracker", station.to_str().unwrap()])
             .env_remove("RUST_LOG")
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -122,7 +131,7 @@ impl Asked {
 
     /// Reads up to a line that contains `part`.
     #[track_caller]
-    fn until(&mut self, part: &str) -> String {
+    pub(super) fn until(&mut self, part: &str) -> String {
         let mut all = String::new();
         loop {
             let mut line = String::new();
@@ -134,7 +143,7 @@ impl Asked {
         }
     }
 
-    fn answer(&mut self, line: &str) {
+    pub(super) fn answer(&mut self, line: &str) {
         writeln!(self.input.as_mut().unwrap(), "{line}").unwrap();
     }
 
@@ -155,7 +164,7 @@ impl Asked {
     }
 
     /// Closes the input; returns the exit code, stdout, and the remaining stderr.
-    fn end(mut self) -> (Option<i32>, String, String) {
+    pub(super) fn end(mut self) -> (Option<i32>, String, String) {
         drop(self.input.take());
         let mut said = String::new();
         while self.said.read_line(&mut said).unwrap() > 0 {}

@@ -20,6 +20,8 @@ mod ndi_device;
 mod polhemus;
 #[cfg(all(unix, feature = "serial"))]
 mod ports;
+#[cfg(unix)]
+mod probe;
 mod properties;
 mod sockets;
 #[cfg(all(feature = "serial", feature = "hid"))]

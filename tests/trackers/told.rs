@@ -2,6 +2,7 @@
 
 use std::io::Write;
 use std::net::{TcpListener, UdpSocket};
+use std::path::Path;
 use std::process::{Command, Output};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -72,6 +73,71 @@ fn tools_are_listed_and_one_is_named() {
     let (code, _, err) = watch("127.0.0.1:1", "liberty", &["--tool", "Probe"]);
     assert_eq!(code, Some(2));
     assert!(err.contains("`liberty` has no named tools"), "{err}");
+
+    let (code, _, err) = watch("127.0.0.1:1", "openigtlink", &["--sensor", "0"]);
+    assert_eq!(code, Some(2));
+    assert!(err.contains("`openigtlink` numbers its tools by arrival; name the probe by --tool"), "{err}");
+}
+
+/// A station in `dir` with a scene that is not there, and this `[tracker]`.
+fn station(dir: &Path, tracker: &str) -> String {
+    let path = dir.join("s.toml");
+    std::fs::write(&path, format!("[scene]\npath = \"none.glb\"\n[tracker]\n{tracker}")).unwrap();
+    path.display().to_string()
+}
+
+#[test]
+fn a_number_where_tools_have_names_is_refused_by_each_command() {
+    let dir = tempfile::tempdir().unwrap();
+    let tracker = "transport = \"tcp\"\nprotocol = \"openigtlink\"\naddress = \"127.0.0.1:1\"\n";
+    let calibration = "[calibration]\npath = \"c.toml\"";
+    let (own, out) = (station(dir.path(), &format!("{tracker}{calibration}")), dir.path().join("r.mcap"));
+    for args in [
+        &["trackers", &own, "--sensor", "0"][..],
+        &["record", &own, "--out", out.to_str().unwrap(), "--sensor", "0"],
+        &["record", &own, "--out", out.to_str().unwrap(), "--stdin", "--sensor", "0"],
+        &["calibrate", "probe", "--tracker", &own, "--sensor", "0"],
+    ] {
+        let (code, _, err) = texts(&insonify(args));
+        assert_eq!(code, Some(2), "{args:?}: {err}");
+        assert!(err.contains("`openigtlink` numbers its tools by arrival"), "{args:?}: {err}");
+    }
+    let numbered = station(dir.path(), &format!("{tracker}sensor = 0"));
+    let (code, _, err) = texts(&insonify(&["trackers", &numbered]));
+    assert_eq!(code, Some(2), "{err}");
+    assert!(err.contains("`tracker.sensor` does not apply: `openigtlink` numbers its tools by arrival"), "{err}");
+}
+
+#[test]
+fn a_tool_at_a_station_without_a_tracker_lacks_the_tracker() {
+    let dir = tempfile::tempdir().unwrap();
+    let (own, out) = (station(dir.path(), ""), dir.path().join("r.mcap"));
+    let (code, _, err) =
+        texts(&insonify(&["record", &own, "--out", out.to_str().unwrap(), "--tool", "ProbeToTracker"]));
+    assert_eq!(code, Some(2), "{err}");
+    assert!(err.contains("has no [tracker] with a `transport`: give --protocol"), "{err}");
+}
+
+#[test]
+fn the_report_of_a_recording_counts_each_tool_from_its_start() {
+    let dir = tempfile::tempdir().unwrap();
+    let address = server(two_tools);
+    let tracker =
+        format!("transport = \"tcp\"\nprotocol = \"openigtlink\"\naddress = \"{address}\"\ntool = \"ProbeToTracker\"");
+    let (own, out) = (station(dir.path(), &tracker), dir.path().join("r.mcap"));
+    let args = ["record", &own, "--out", out.to_str().unwrap(), "--duration", "1.5", "--json"];
+    let (code, text, err) = texts(&insonify(&args));
+    assert_eq!(code, Some(0), "{err}");
+    let report: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let of = |name: &str| {
+        let sensors = report["sensors"].as_array().unwrap();
+        sensors.iter().find(|sensor| sensor["name"] == name).unwrap().clone()
+    };
+    let (stylus, probe) = (of("StylusToTracker"), of("ProbeToTracker"));
+    assert_eq!(probe["records"], report["records"]);
+    assert!(stylus["records"].as_u64() >= probe["records"].as_u64(), "{report}");
+    assert!(stylus["is_probe"] == false && probe["is_probe"] == true, "{report}");
+    assert!(probe["rate_hz"].as_f64().is_some_and(|hz| hz > 5.0), "{report}");
 }
 
 #[test]

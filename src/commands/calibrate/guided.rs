@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
 use insonify::pose::Pose;
-use insonify::pose::pivot::calibrate;
-use insonify::pose::probe_mount::{MountError, MountSteps, ProbeMount, mount};
+use insonify::pose::pivot::{Pivot, calibrate};
+use insonify::pose::probe_mount::{MountError, MountSteps, ProbeMount, check_ends, mount};
 use insonify::recording::spawn;
 use insonify::station::Station;
 use insonify::tracker::pose_tap;
@@ -30,23 +30,8 @@ const STEPS: [(&str, u64); 4] = [
     ),
 ];
 
-/// Recorded poses of each step.
-#[derive(Debug, Default, PartialEq)]
-pub(super) struct Steps {
-    /// Tilting about the middle of the face.
-    pub(super) pivot: Vec<Pose>,
-    /// The end at the marker.
-    pub(super) marker_end: Option<Vec<Pose>>,
-    /// The other end.
-    pub(super) other_end: Option<Vec<Pose>>,
-    /// Slide.
-    pub(super) slide: Option<Vec<Pose>>,
-    /// Turn about the probe's axis.
-    pub(super) spin: Option<Vec<Pose>>,
-}
-
-/// Check of a mounting.
-type Check<'a> = &'a dyn Fn(&ProbeMount) -> Result<(), String>;
+/// Check of the pivot about the middle of the face.
+type Check<'a> = &'a dyn Fn(&Pivot) -> Result<(), String>;
 
 /// Records the steps of a sensor or tool, else of the station's. Returns the mounting and the calibration file for it:
 /// `out`, else the station's.
@@ -58,9 +43,7 @@ pub(super) fn run(
 ) -> Result<(ProbeMount, PathBuf), Failure> {
     let station = Station::load(path)?;
     let mut settings = tracker_args::of_station(&station)?;
-    if sensor.is_some() || tool.is_some() {
-        (settings.device.sensor, settings.device.tool) = (sensor, tool.map(str::to_owned));
-    }
+    settings.device.choose(sensor, tool.map(str::to_owned));
     let out = calibration_file(&station, out, std::iter::empty())?;
     let (tap, stream) = pose_tap();
     let cancel = CancellationToken::new();
@@ -88,10 +71,10 @@ fn ask(
     loop {
         let step = taken.len();
         let Some((what, seconds)) = STEPS.get(step) else {
-            match finished(&taken, check) {
+            match finished(&taken) {
                 Ok(found) => return Ok(found),
                 Err(reason) => {
-                    eprintln!("   {reason}");
+                    eprintln!("   {reason}; once more, or `back` for the step before");
                     trouble = format!("; {reason}");
                     taken.pop();
                 }
@@ -105,14 +88,15 @@ fn ask(
             return Err(Failure::Input(anyhow!("the input ended before step {step}; nothing was written{trouble}")));
         }
         match line.trim() {
-            "" => match record(*seconds).and_then(|poses| accepted(step, poses)) {
+            "" => match record(*seconds).and_then(|poses| accepted(&taken, poses, check)) {
                 Ok(poses) => {
                     eprintln!("   {} poses", poses.len());
                     taken.push(Some(poses));
                     trouble.clear();
                 }
                 Err(reason) => {
-                    eprintln!("   {reason}; once more");
+                    let back = if step > 0 { ", or `back` for the step before" } else { "" };
+                    eprintln!("   {reason}; once more{back}");
                     trouble = format!("; {reason}");
                 }
             },
@@ -124,16 +108,24 @@ fn ask(
     }
 }
 
-/// The poses of a step if it succeeded; only the pivot is judged alone.
-fn accepted(step: usize, poses: Vec<Pose>) -> Result<Vec<Pose>, String> {
-    if step > 0 {
-        return Ok(poses);
-    }
-    calibrate(&poses).map(|_| poses).map_err(|error| error.to_string())
+/// The poses of the step after those taken, if they fit these: a bad pivot and a bad end are recorded again at once.
+fn accepted(taken: &[Option<Vec<Pose>>], poses: Vec<Pose>, check: Check<'_>) -> Result<Vec<Pose>, String> {
+    let before = |step: usize| taken.get(step).and_then(Option::as_deref);
+    let pivot = calibrate(before(0).unwrap_or(&poses)).map_err(|error| error.to_string())?;
+    let ends = match (taken.len(), before(1)) {
+        (0, _) => {
+            check(&pivot)?;
+            Ok(())
+        }
+        (1, _) => check_ends(&pivot, &poses, None),
+        (2, Some(marker)) => check_ends(&pivot, marker, Some(&poses)),
+        _ => Ok(()),
+    };
+    ends.map(|()| poses).map_err(|error: MountError| error.to_string())
 }
 
 /// Mounting that all steps together give.
-fn finished(taken: &[Option<Vec<Pose>>], check: Check<'_>) -> Result<ProbeMount, String> {
+fn finished(taken: &[Option<Vec<Pose>>]) -> Result<ProbeMount, String> {
     let of = |step: usize| taken.get(step).and_then(Option::as_deref);
     let steps = MountSteps {
         pivot: of(0).unwrap_or_default(),
@@ -141,8 +133,7 @@ fn finished(taken: &[Option<Vec<Pose>>], check: Check<'_>) -> Result<ProbeMount,
         slide: None,
         spin: of(3),
     };
-    let found = mount(&steps).map_err(|error: MountError| error.to_string())?;
-    check(&found).map(|()| found)
+    mount(&steps).map_err(|error| error.to_string())
 }
 
 #[cfg(test)]
@@ -166,10 +157,12 @@ mod tests {
         (0..200).map(pose).collect()
     }
 
+    /// Answer to `input` by the poses of `script`; pivots by up to 5 mm RMS are accepted.
     fn asked(input: &str, mut script: Vec<Result<Vec<Pose>, String>>) -> Result<ProbeMount, String> {
         script.reverse();
         let record = |_| script.pop().unwrap_or_else(|| Err("nothing".to_owned()));
-        ask(&mut input.as_bytes(), &|_| Ok(()), record).map_err(|failure| match failure {
+        let check = |pivot: &Pivot| if pivot.rms_mm > 5.0 { Err("it slipped".to_owned()) } else { Ok(()) };
+        ask(&mut input.as_bytes(), &check, record).map_err(|failure| match failure {
             Failure::Input(error) => error.to_string(),
             other => panic!("{other:?}"),
         })
@@ -192,9 +185,33 @@ mod tests {
         assert!(turn(&asked("\n\n\nback\n\n\n\n", script).unwrap()) < 1e-6);
         let error = asked("\n\nskip\n", all()).unwrap_err();
         assert_eq!(error, "the input ended before step 3; nothing was written");
-        let error = asked("\n\n\n\n", [pivot.clone(), marker.clone(), marker.clone(), spin.clone()].map(Ok).to_vec())
-            .unwrap_err();
-        assert!(error.contains("step 4; nothing was written; the ends of the face lie 0.0 mm apart"), "{error}");
+        let error = asked("\n\n\n", [pivot.clone(), marker.clone(), marker.clone()].map(Ok).to_vec()).unwrap_err();
+        assert!(error.contains("step 3; nothing was written; the ends of the face lie 0.0 mm apart"), "{error}");
         assert!(asked("\nq\n", all()).unwrap_err().starts_with("ended at step 2"));
+    }
+
+    #[test]
+    fn a_step_that_slipped_is_asked_for_at_once() {
+        let slipped = |poses: &[Pose]| -> Vec<Pose> {
+            let shift_mm = |i: usize| DVec3::X * if i.is_multiple_of(2) { 8.0 } else { -8.0 };
+            let moved = |(i, pose): (usize, &Pose)| Pose { position_mm: pose.position_mm + shift_mm(i), ..*pose };
+            poses.iter().enumerate().map(moved).collect()
+        };
+        let pivot = poses(DVec3::ZERO, 0.6, 0.3);
+        let [marker, other] = [-28.0, 28.0].map(|x| poses(DVec3::new(x, 0.0, -8.0), 0.1, 0.0));
+        let script = [
+            (slipped(&pivot), "before step 1; nothing was written; it slipped"),
+            (pivot, ""),
+            (slipped(&marker), "before step 2; nothing was written; the end of the face at the marker: "),
+            (marker, ""),
+            (slipped(&other), "before step 3; nothing was written; the other end of the face: "),
+            (other, ""),
+        ];
+        let all = || script.iter().map(|(poses, _)| Ok(poses.clone())).collect::<Vec<_>>();
+        for (at, (_, expected)) in script.iter().enumerate() {
+            let error = asked(&"\n".repeat(at + 1), all()).unwrap_err();
+            assert!(error.contains(*expected), "{at}: {error}");
+        }
+        assert!(asked("\n\n\n\n\n\nskip\n", all()).is_ok());
     }
 }

@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 
 use clap::Parser;
 use insonify::files::Outputs;
+use insonify::pose::pivot::Pivot;
 use insonify::pose::probe_mount::{MountSteps, ProbeMount, mount};
 use insonify::pose::{Fitted, Pose};
 
 use super::super::{Classify, Failure, output};
-use super::guided::{self, Steps};
-use super::{OutputArgs, poses, write};
+use super::{OutputArgs, guided, poses, write};
 
 /// Find the centre of a probe's face and the probe's axes in the frame of its sensor.
 ///
@@ -20,7 +20,7 @@ use super::{OutputArgs, poses, write};
 /// ends of the face rest in the same dimple, one after the other. --spin: the probe is held upright and turned about its
 /// own long axis, a quarter turn each way or more. A convex face whose arc is at least 4 mm high needs no --spin; with it
 /// the beam is more certain. In place of the ends, --slide takes a straight slide sideways along a ruler, the marker's
-/// side ahead.
+/// side ahead; beside the ends it checks which one is at the marker.
 ///
 /// With --tracker they are recorded one after the other from the station's tracker, as the program asks for them. The
 /// result goes into the calibration file that the station names, unless --out names another.
@@ -65,7 +65,7 @@ pub(crate) struct Args {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if let Some(station) = &args.tracker {
-        let check = |found: &ProbeMount| limit(found, args.output.max_rms);
+        let check = |pivot: &Pivot| limit(pivot, args.output.max_rms);
         let chosen = (args.sensor, args.tool.as_deref());
         let (found, out) = guided::run(station, chosen, args.output.out.as_deref(), &check)?;
         return report(&found, Some(&out), args.output.json);
@@ -77,21 +77,23 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         Outputs::beside(all.chain([pivot])).replaced("--out", out)?;
     }
     let read = |path: &Option<PathBuf>| path.as_deref().map(poses::read).transpose();
-    let steps = Steps {
-        pivot: poses::read(pivot)?,
-        marker_end: read(&args.marker_end)?,
-        other_end: read(&args.other_end)?,
-        slide: read(&args.slide)?,
-        spin: read(&args.spin)?,
+    let tilted = poses::read(pivot)?;
+    let (marker, other) = (read(&args.marker_end)?, read(&args.other_end)?);
+    let (slide, spin) = (read(&args.slide)?, read(&args.spin)?);
+    let steps = MountSteps {
+        pivot: &tilted,
+        ends: marker.as_deref().zip(other.as_deref()).map(<[_; 2]>::from),
+        slide: slide.as_deref(),
+        spin: spin.as_deref(),
     };
-    let found = steps.mount().input_of(pivot)?;
-    limit(&found, args.output.max_rms).map_err(|reason| anyhow::anyhow!("{}: {reason}", pivot.display())).input()?;
+    let found = mount(&steps).input_of(pivot)?;
+    limit(&found.pivot, args.output.max_rms).map_err(|why| anyhow::anyhow!("{}: {why}", pivot.display())).input()?;
     report(&found, args.output.out.as_deref(), args.output.json)
 }
 
 /// Refuses a centre whose residual is above `max_rms` mm.
-fn limit(found: &ProbeMount, max_rms: f64) -> Result<(), String> {
-    let rms_mm = found.pivot.rms_mm;
+fn limit(pivot: &Pivot, max_rms: f64) -> Result<(), String> {
+    let rms_mm = pivot.rms_mm;
     if rms_mm <= max_rms {
         return Ok(());
     }
@@ -112,12 +114,4 @@ fn report(found: &ProbeMount, out: Option<&Path>, json: bool) -> Result<(), Fail
     }
     output::text(found)?;
     out.map_or(Ok(()), |out| output::line(out.display()))
-}
-
-impl Steps {
-    /// The mounting by the steps.
-    pub(super) fn mount(&self) -> Result<ProbeMount, insonify::pose::probe_mount::MountError> {
-        let ends = self.marker_end.as_deref().zip(self.other_end.as_deref()).map(|(marker, other)| [marker, other]);
-        mount(&MountSteps { pivot: &self.pivot, ends, slide: self.slide.as_deref(), spin: self.spin.as_deref() })
-    }
 }

@@ -64,9 +64,7 @@ pub(super) fn run(
 ) -> Result<(Vec<Named<PointPair>>, PathBuf), Failure> {
     let station = Station::load(path)?;
     let mut settings = tracker_args::of_station(&station)?;
-    if args.sensor.is_some() || args.tool.is_some() {
-        (settings.device.sensor, settings.device.tool) = (args.sensor, args.tool.clone());
-    }
+    settings.device.choose(args.sensor, args.tool.clone());
     let out = calibration_file(&station, out, &args.points)?;
     let points = points(args, &station)?;
     let (tip_mm, tip) = tip(&station, &out)?;
@@ -110,6 +108,13 @@ fn read(path: &Path, station: &Station) -> Result<Vec<Named<DVec3>>, Failure> {
     if !found.in_lps {
         return Ok(found.values);
     }
+    let axes = scene_axes(station, path)?;
+    let in_scene = |point: Named<DVec3>| Named { value: axes.from_lps(point.value), ..point };
+    Ok(found.values.into_iter().map(in_scene).collect())
+}
+
+/// Axes of the station's scene, for points in LPS of the file `path`.
+pub(super) fn scene_axes(station: &Station, path: &Path) -> Result<Axes, Failure> {
     let axes = match &station.scene {
         SceneSource::ObstetricPhantom(_) => Axes::Anatomical,
         SceneSource::File(scene) => import::axes(scene)?,
@@ -120,8 +125,7 @@ fn read(path: &Path, station: &Station) -> Result<Vec<Named<DVec3>>, Failure> {
             path.display()
         );
     }
-    let in_scene = |point: Named<DVec3>| Named { value: axes.from_lps(point.value), ..point };
-    Ok(found.values.into_iter().map(in_scene).collect())
+    Ok(axes)
 }
 
 /// Point of contact in the frame of its sensor, mm, and its name.

@@ -1,5 +1,6 @@
 //! `insonify scene from-labels`: a scene from a label map.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
@@ -9,7 +10,7 @@ use insonify::segmentation::conventions::plausibility;
 use insonify::segmentation::from_labels::{Options, make};
 use insonify::segmentation::gather::gather;
 use insonify::segmentation::mask_folder::{MaskFolder, read_body_folder, read_mask_folder};
-use insonify::segmentation::measure::measure;
+use insonify::segmentation::measure::{Measure, measure};
 use insonify::segmentation::naming::{NameTable, name_labels};
 use insonify::segmentation::volume::{
     LabelMap, Modality, NiftiForm, PatientAxes, ReadOptions, read_image, read_labels,
@@ -141,34 +142,35 @@ fn table(names: Option<&str>, maps: &[String]) -> Result<NameTable, Failure> {
     Ok(NameTable { table, called: called.to_owned(), is_chosen: names.is_some() })
 }
 
-/// Labels with names, files that were left out, and what to know about them.
+/// Labels with names, their measures by layer and label, files that were left out, and what to know about them.
 struct Read {
     labels: LabelMap,
+    measures: BTreeMap<(usize, u16), Measure>,
     left_out: Vec<String>,
     remarks: Vec<String>,
 }
 
 /// Reads the label map or folder, and compares it with what is possible for a human.
 fn read(args: &Args, names: &NameTable, options: ReadOptions, progress: &Progress) -> Result<Read, Failure> {
-    let (read, from, measures) = if args.labels.is_dir() {
+    let (read, from) = if args.labels.is_dir() {
         let done = |done: usize, of: usize| progress.set(5 * done / of.max(1), 100);
         let folder = read_mask_folder(&args.labels, &names.table, options, args.leave_out_unknown, &done).input()?;
         let MaskFolder { labels, names, left_out, remarks } = folder;
         let measures = measure(&labels);
-        (Read { labels, left_out, remarks }, names, measures)
+        (Read { labels, measures, left_out, remarks }, names)
     } else {
         let mut labels = read_labels(&args.labels, options).input()?;
         let measures = measure(&labels);
         let from = name_labels(&mut labels, &measures, names).input()?;
-        (Read { labels, left_out: Vec::new(), remarks: Vec::new() }, from, measures)
+        (Read { labels, measures, left_out: Vec::new(), remarks: Vec::new() }, from)
     };
-    let Read { labels, left_out, remarks } = read;
+    let Read { labels, measures, left_out, remarks } = read;
     let found = plausibility(&labels, &measures, names, &from);
     if !args.allow_implausible {
         found.check(&labels, names, &from).input()?;
     }
     let remarks = std::iter::once(from.to_string()).chain(remarks).chain(found.remarks(names, args.allow_implausible));
-    Ok(Read { labels, left_out, remarks: remarks.collect() })
+    Ok(Read { labels, measures, left_out, remarks: remarks.collect() })
 }
 
 /// Runs the command.
@@ -183,7 +185,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let options = ReadOptions { assume_axes: args.assume_axes, prefer: args.prefer };
     let progress = Progress::new("scene", 100);
     progress.set(0, 100);
-    let Read { labels, mut left_out, mut remarks } = read(args, &names, options, &progress)?;
+    let Read { labels, measures, mut left_out, mut remarks } = read(args, &names, options, &progress)?;
     let body = match &args.body {
         Some(path) if path.is_dir() => Some(read_body_folder(path, &names.table, options, &|_, _| ()).input()?),
         Some(path) => Some(read_labels(path, options).input()?),
@@ -194,7 +196,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         image.stated = args.image_type;
     }
     progress.set(5, 100);
-    let (mut inputs, unmapped) = gather(labels, &names.table, body, image, args.leave_out_unknown).input()?;
+    let gathered = gather(labels, &measures, &names.table, body, image, args.leave_out_unknown);
+    let (mut inputs, unmapped) = gathered.input()?;
     left_out.extend(unmapped.iter().map(ToString::to_string));
     let options = Options { skin_mm: args.skin_mm, fat_mm: args.fat_mm, triangles: args.triangles };
     remarks.append(&mut inputs.remarks);

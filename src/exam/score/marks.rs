@@ -6,7 +6,8 @@ use super::{Reference, error_percent, truth_mm};
 use crate::anatomy::planes::{Caliper, CaliperKind, View};
 use crate::exam::offset::Offset;
 use crate::pose::{Pose, TimedPose};
-use crate::recording::{CaliperEvent, Event, Marks, MeasureKind, RecordedContent, RecordedMark};
+use crate::recording::{CaliperEvent, Event, Marks, MeasureKind, RecordedMark};
+use crate::settings::MarkContent;
 
 /// A measurement placed in the session itself.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -77,17 +78,16 @@ pub(super) fn marks(poses: &[TimedPose], events: &[Event], reference: &Reference
     for mark in &read.all {
         let (time_s, picture_s) = (seconds(mark.host_time_ns), seconds(mark.picture_time_ns()));
         let plane = plane_shown(poses, mark, reference);
-        match &mark.content {
-            RecordedContent::Caliper(caliper) => {
-                scores.calipers.push(caliper_score(caliper, [time_s, picture_s], plane, reference));
-            }
-            RecordedContent::Text { text, .. } => {
-                scores.texts.push(TextScore { picture_s, plane, text: text.clone(), turn_deg: None });
-            }
-            RecordedContent::BodyMark { name, turn_deg } => {
-                scores.texts.push(TextScore { picture_s, plane, text: name.clone(), turn_deg: Some(*turn_deg) });
-            }
+        if let Some(caliper) = CaliperEvent::of(&mark.content) {
+            scores.calipers.push(caliper_score(&caliper, [time_s, picture_s], plane, reference));
+            continue;
         }
+        let (text, turn_deg) = match &mark.content {
+            MarkContent::Text { text, .. } => (text, None),
+            MarkContent::BodyMark { name, turn_deg } => (name, Some(*turn_deg)),
+            _ => continue,
+        };
+        scores.texts.push(TextScore { picture_s, plane, text: text.clone(), turn_deg });
     }
     scores.refused = read.refused.iter().map(|(ns, reason)| format!("{:.2} s: {reason}", seconds(*ns))).collect();
     scores
@@ -96,10 +96,11 @@ pub(super) fn marks(poses: &[TimedPose], events: &[Event], reference: &Reference
 /// Name of the plane on the picture of `mark`, within its tolerances.
 fn plane_shown(poses: &[TimedPose], mark: &RecordedMark, reference: &Reference<'_>) -> Option<String> {
     let time_ns = mark.picture_time_ns();
-    let index = poses.partition_point(|p| p.host_time_ns <= time_ns).checked_sub(1)?;
+    let index = poses.partition_point(|p| p.host_time_ns <= time_ns).checked_sub(1);
     let own: Option<Pose> = mark.frame.and_then(|frame| frame.pose);
-    let pose = own.or_else(|| Some(poses.get(index)?.pose))?;
-    let probe = reference.probe_at(index);
+    let pose = own.or_else(|| Some(poses.get(index?)?.pose))?;
+    // A picture before the first pose has the depth of that pose.
+    let probe = reference.probe_at(index.unwrap_or(0));
     let shown = reference.scene_planes.iter().filter_map(|plane| {
         let (_, offset) = Offset::nearest(plane, &probe, &pose)?;
         offset.is_within().then_some((offset.cost, plane))
@@ -125,6 +126,9 @@ fn caliper_score(
             format!("{} is measured with the tool {}", caliper.measure, expected.name())
         }
         Some(_) if true_mm.is_none() => "its true size is not known".to_owned(),
+        None if !caliper.measure.is_empty() => {
+            format!("no standard plane of the scene has the measure {}", caliper.measure)
+        }
         _ => String::new(),
     };
     CaliperScore {

@@ -4,13 +4,9 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::Reference;
-use super::track::{length_s, stretches};
-use crate::pose::TimedPose;
-use crate::transducer::{Misplacement, misplacement};
-
-/// Shortest time of a placement that counts, s: a probe may be turned in the air for a moment.
-const LASTS_S: f64 = 2.0;
+use super::track::{Track, length_s, stretches};
+use crate::transducer::Misplacement;
+use crate::transducer::placement::MISPLACED_FOR;
 
 /// Time with the probe deep in the body, or looking out of it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -25,19 +21,16 @@ pub struct MisplacedTime {
 }
 
 impl MisplacedTime {
-    /// Of `scene_from_probe` over time, ascending; `None` for a session that a hand can have made, or without skin.
-    pub fn of(poses: &[TimedPose], reference: &Reference<'_>) -> Option<Self> {
-        let skin = reference.skin?;
-        let start_ns = poses.first()?.host_time_ns;
-        let time_s: Vec<f64> = poses.iter().map(|p| (p.host_time_ns - start_ns) as f64 * 1e-9).collect();
-        let found: Vec<_> = poses.iter().map(|p| misplacement(skin, &p.pose)).collect();
-        let held = stretches(&time_s, |i| found.get(i).is_some_and(Option::is_some));
-        let long = held.iter().filter(|stretch| length_s(&time_s, stretch) >= LASTS_S);
+    /// Time of a session by its track. `None` if a hand can have made the session, or without skin.
+    pub fn of(track: &Track) -> Option<Self> {
+        let Track { time_s, misplaced, .. } = track;
+        let held = stretches(time_s, |i| misplaced.get(i).is_some_and(Option::is_some));
+        let long = held.iter().filter(|stretch| length_s(time_s, stretch) >= MISPLACED_FOR.as_secs_f64());
         let &(first, _) = long.clone().next()?;
         Some(Self {
-            time_s: long.map(|stretch| length_s(&time_s, stretch)).sum(),
+            time_s: long.map(|stretch| length_s(time_s, stretch)).sum(),
             from_s: *time_s.get(first)?,
-            first: (*found.get(first)?)?,
+            first: (*misplaced.get(first)?)?,
         })
     }
 }
@@ -54,9 +47,10 @@ mod tests {
 
     use glam::{DVec3, Vec3};
 
+    use super::super::Reference;
     use super::*;
     use crate::anatomy::{Skin, analytic};
-    use crate::pose::Pose;
+    use crate::pose::{Pose, TimedPose};
     use crate::settings::ContactSettings;
     use crate::transducer::Probe;
     use crate::transducer::placement::{Cause, Fault};
@@ -81,7 +75,7 @@ mod tests {
             probe: &Probe::default(),
             depths_mm: &[],
         };
-        MisplacedTime::of(&poses, &reference)
+        MisplacedTime::of(&Track::of(&poses, &reference))
     }
 
     #[test]

@@ -8,7 +8,7 @@ use crate::anatomy::planes::StandardPlane;
 use crate::exam::offset::Offset;
 use crate::pose::TimedPose;
 use crate::transducer::placement::DEPTH_MAX_MM;
-use crate::transducer::{Contact, touch};
+use crate::transducer::{Contact, Misplacement, touch};
 
 /// Longest time between two poses of one hold, s; a longer one is a gap.
 const GAP_S: f64 = 0.25;
@@ -30,6 +30,8 @@ pub struct Track {
     pub contact: Vec<bool>,
     /// Part of the face in contact, 0..=1.
     pub face: Vec<f64>,
+    /// Impossible placement of the probe; `None` for one that a hand can reach.
+    pub misplaced: Vec<Option<Misplacement>>,
     /// Deviation of each plane's nearest view, in the order of the reference.
     pub offsets: Vec<Vec<Offset>>,
 }
@@ -49,11 +51,12 @@ impl Track {
     /// Positions, contact and offsets at each pose.
     pub(super) fn of(poses: &[TimedPose], reference: &Reference<'_>) -> Self {
         let start_ns = poses.first().map_or(0, |p| p.host_time_ns);
-        let part = |(index, p): (usize, &TimedPose)| {
-            let Some(skin) = reference.skin else { return 1.0 };
-            part_on_skin(&touch(skin, &reference.probe_at(index), &p.pose, reference.contact).1)
+        let touched = |(index, p): (usize, &TimedPose)| {
+            let Some(skin) = reference.skin else { return (1.0, None) };
+            let contact = touch(skin, &reference.probe_at(index), &p.pose, reference.contact).1;
+            (part_on_skin(&contact), contact.misplaced)
         };
-        let face: Vec<f64> = poses.iter().enumerate().map(part).collect();
+        let (face, misplaced): (Vec<f64>, Vec<_>) = poses.iter().enumerate().map(touched).unzip();
         // A plane without a view has no deviation; loading rejects such planes.
         let offsets = |plane: &&StandardPlane| {
             let nearest = |(index, p): (usize, &TimedPose)| {
@@ -66,6 +69,7 @@ impl Track {
             position_mm: poses.iter().map(|p| p.pose.position_mm.to_array()).collect(),
             contact: face.iter().map(|&part| part >= CONTACT_MIN).collect(),
             face,
+            misplaced,
             offsets: reference.planes.iter().map(offsets).collect(),
         }
     }
@@ -154,7 +158,8 @@ mod tests {
         // 20 mm/s along x, with a transverse tremor of 10 Hz and 0.5 mm.
         let position_mm =
             time_s.iter().map(|t| [20.0 * t, 0.5 * (std::f64::consts::TAU * 10.0 * t).sin(), 0.0]).collect();
-        let track = Track { contact: vec![true; 600], face: vec![1.0; 600], offsets: Vec::new(), time_s, position_mm };
+        let (contact, face, misplaced) = (vec![true; 600], vec![1.0; 600], vec![None; 600]);
+        let track = Track { contact, face, misplaced, offsets: Vec::new(), time_s, position_mm };
         let way = *path_mm(&track).last().unwrap();
         assert!((way - 198.0).abs() < 2.0, "{way}");
     }

@@ -6,8 +6,6 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::*;
-use crate::anatomy::Mesh;
-use crate::anatomy::groups::Groups;
 use crate::anatomy::sdf::{bisect, sphere};
 use crate::phantom::meshing;
 use crate::phantom::parameters::{Lie, PlacentaSite};
@@ -127,7 +125,7 @@ fn the_cord_has_two_arteries_and_a_vein_that_do_not_meet() {
     let solid = |name: &str| organs.iter().find(|o| o.name == name).unwrap();
     let (vein, arteries, cord) = (solid("cord_vein"), solid("cord_arteries"), solid("cord"));
     let meshes = [vein, arteries].map(|o| meshing::mesh(&o.solid, 0.35));
-    assert_eq!(meshes.each_ref().map(bodies), [1, 2], "one vein and two arteries");
+    assert_eq!(meshes.each_ref().map(|mesh| mesh.pieces().1), [1, 2], "one vein and two arteries");
     // In tight bends they are nearer to each other than the walls are thick.
     let wall_mm = 0.1;
     let apart = meshes[0].vertices_mm.iter().map(|&v| arteries.solid.distance_mm(v)).fold(f32::MAX, f32::min);
@@ -135,16 +133,6 @@ fn the_cord_has_two_arteries_and_a_vein_that_do_not_meet() {
     for mesh in &meshes {
         assert!(mesh.vertices_mm.iter().all(|&v| cord.solid.distance_mm(v) < -wall_mm), "vessels lie in the jelly");
     }
-}
-
-/// Number of parts of a mesh that share no vertex.
-fn bodies(mesh: &Mesh) -> u32 {
-    let mut groups = Groups::new(mesh.vertices_mm.len());
-    for &[a, b, c] in &mesh.triangles {
-        groups.join(a, b);
-        groups.join(a, c);
-    }
-    groups.numbered().into_iter().max().map_or(0, |last| last + 1)
 }
 
 #[test]

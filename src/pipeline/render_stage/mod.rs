@@ -344,9 +344,12 @@ impl RenderStage {
         }
     }
 
-    /// Hands on a black frame without a pose.
+    /// Hands on a black frame without a pose. What was told of the probe's placement ends.
     fn without_picture(&mut self, mut info: FrameInfo) {
         info.estimate.scene_from_probe = None;
+        if self.placement.reset() {
+            self.parts.events.end_lasting();
+        }
         let filled = self.pool.fill(|rendered| {
             blacken(rendered.frame.get_mut().unwrap_or_else(PoisonError::into_inner), self.shape);
             describe(rendered, info, true, &self.parts, self.shape);

@@ -1,11 +1,10 @@
 //! Placement of the probe over time: one that no hand can reach is told once it has lasted.
 
+use std::mem::discriminant;
 use std::time::Duration;
 
+use crate::transducer::placement::MISPLACED_FOR;
 use crate::transducer::{Contact, Misplacement};
-
-/// Time for which a placement must last before it is told.
-const LASTS: Duration = Duration::from_secs(2);
 
 /// Time for which a placement must be right before it is taken back.
 const RIGHT: Duration = Duration::from_secs(1);
@@ -14,14 +13,14 @@ const RIGHT: Duration = Duration::from_secs(1);
 #[derive(Debug, Default)]
 pub(super) struct PlacementWatch {
     told: Option<Misplacement>,
-    /// Since when the frames say otherwise.
-    otherwise_since: Option<Duration>,
+    /// Since when the frames say otherwise, and whether they are wrong then: in another way, if one is told.
+    otherwise: Option<(Duration, bool)>,
 }
 
 /// Change of the placement that is told.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum PlacementChange {
-    /// It is impossible.
+    /// It is impossible, or is so in another way.
     Wrong(Misplacement),
     /// It is right again.
     Right,
@@ -31,23 +30,31 @@ impl PlacementWatch {
     /// Takes the contact of a frame rendered at `now`; none without a picture, or where everything is coupled.
     pub(super) fn update(&mut self, now: Duration, contact: Option<&Contact>) -> Option<PlacementChange> {
         let Some(Contact { misplaced, .. }) = contact else {
-            self.otherwise_since = None;
+            self.otherwise = None;
             return None;
         };
-        if misplaced.is_some() == self.told.is_some() {
-            self.otherwise_since = None;
-            if misplaced.is_some() {
-                self.told = *misplaced;
-            }
+        let kind = |placement: &Option<Misplacement>| placement.map(|placement| discriminant(&placement.fault));
+        if kind(misplaced) == kind(&self.told) {
+            (self.told, self.otherwise) = (*misplaced, None);
             return None;
         }
-        let since = *self.otherwise_since.get_or_insert(now);
-        let lasts = if misplaced.is_some() { LASTS } else { RIGHT };
+        let is_wrong = misplaced.is_some();
+        let since = match self.otherwise {
+            Some((since, was_wrong)) if was_wrong == is_wrong => since,
+            _ => now,
+        };
+        self.otherwise = Some((since, is_wrong));
+        let lasts = if is_wrong { MISPLACED_FOR } else { RIGHT };
         if now.saturating_sub(since) < lasts {
             return None;
         }
-        (self.told, self.otherwise_since) = (*misplaced, None);
+        (self.told, self.otherwise) = (*misplaced, None);
         Some(misplaced.map_or(PlacementChange::Right, PlacementChange::Wrong))
+    }
+
+    /// Forgets all frames so far. Returns whether a wrong placement was told.
+    pub(super) fn reset(&mut self) -> bool {
+        std::mem::take(self).told.is_some()
     }
 
     /// Placement to tell, as of the last frame; none for a right one.
@@ -62,6 +69,7 @@ mod tests {
     use crate::transducer::placement::Fault;
 
     const WRONG: Misplacement = Misplacement { fault: Fault::LooksOut, likely: None };
+    const DEEP: Misplacement = Misplacement { fault: Fault::Deep { depth_mm: 80.0 }, likely: None };
 
     fn contact(misplaced: Option<Misplacement>) -> Contact {
         Contact { part: 1.0, press_mm: Some(1.0), shift_mm: 0.0, misplaced }
@@ -69,9 +77,14 @@ mod tests {
 
     /// Changes of a probe that is wrong in these tenths of a second, and their times in tenths.
     fn changes(wrong: impl Fn(u32) -> bool) -> Vec<(u32, PlacementChange)> {
+        changes_of(|tenth| wrong(tenth).then_some(WRONG))
+    }
+
+    /// Changes of a probe with these placements in tenths of a second, and their times in tenths.
+    fn changes_of(placed: impl Fn(u32) -> Option<Misplacement>) -> Vec<(u32, PlacementChange)> {
         let mut watch = PlacementWatch::default();
         let frame = |tenth| {
-            let now = contact(wrong(tenth).then_some(WRONG));
+            let now = contact(placed(tenth));
             let change = watch.update(Duration::from_millis(100) * tenth, Some(&now));
             assert!(change.is_none_or(|c| (c == PlacementChange::Right) == watch.told().is_none()));
             change.map(|change| (tenth, change))
@@ -91,6 +104,36 @@ mod tests {
         assert_eq!(changes(|tenth| tenth % 10 != 0), [], "right ten times");
         let found = changes(|tenth| tenth < 30 || tenth % 5 != 0);
         assert_eq!(found, [(20, PlacementChange::Wrong(WRONG))], "wrong most of the time stays wrong");
+    }
+
+    #[test]
+    fn another_fault_is_told_after_two_seconds_of_it() {
+        let deep = PlacementChange::Wrong(DEEP);
+        let found = changes_of(|tenth| Some(if tenth < 40 { DEEP } else { WRONG }));
+        assert_eq!(found, [(20, deep), (60, PlacementChange::Wrong(WRONG))]);
+        let found = changes_of(|tenth| Some(if tenth < 40 || tenth % 20 < 5 { DEEP } else { WRONG }));
+        assert_eq!(found, [(20, deep)], "never two seconds in a row");
+        // The other fault is no part of the second in which the placement is right.
+        let found = changes_of(|tenth| match tenth {
+            0..40 => Some(DEEP),
+            40..55 => Some(WRONG),
+            _ => None,
+        });
+        assert_eq!(found, [(20, deep), (65, PlacementChange::Right)]);
+        // Before one is told, both count.
+        let found = changes_of(|tenth| Some(if tenth % 2 == 0 { WRONG } else { DEEP }));
+        assert_eq!(found, [(20, PlacementChange::Wrong(WRONG))]);
+    }
+
+    #[test]
+    fn a_watch_begins_anew_after_a_reset() {
+        let mut watch = PlacementWatch::default();
+        let deep = contact(Some(DEEP));
+        let mut at = |seconds| watch.update(Duration::from_secs(seconds), Some(&deep));
+        assert_eq!((at(0), at(2)), (None, Some(PlacementChange::Wrong(DEEP))));
+        assert!(watch.reset() && watch.told().is_none() && !watch.reset());
+        let mut at = |seconds| watch.update(Duration::from_secs(seconds), Some(&deep));
+        assert_eq!((at(3), at(4), at(5)), (None, None, Some(PlacementChange::Wrong(DEEP))));
     }
 
     #[test]

@@ -6,6 +6,7 @@ mod exam;
 mod files;
 mod frame_range;
 mod key_frames;
+mod misplaced;
 mod pace;
 mod sequence;
 mod timeline;
@@ -13,6 +14,7 @@ mod timeline;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use self::misplaced::MisplacedFrames;
 use super::replayed::{OtherSetting, ReplayedControls, ReplayedPoses};
 use crate::anatomy::Scene;
 use crate::chooser::{StillQuality, choose_still, scene_name};
@@ -62,9 +64,6 @@ pub struct Stretch {
     /// Settings of the renderer.
     pub settings: RenderSettings,
 }
-
-/// Time with the probe where no hand can hold it that is told, s.
-const MISPLACED_S: f64 = 2.0;
 
 /// A recorded session, ready to be rendered.
 #[derive(Debug)]
@@ -183,7 +182,7 @@ impl Replay {
         let Stretch { probe, settings, .. } = self.first()?;
         let mut renderer = Renderer::new(backend, scene, probe, settings)?;
         let mut look = Look::default();
-        let (mut misplaced, mut count) = (None, 0_u32);
+        let mut misplaced = MisplacedFrames::new(self.rate);
         for Stretch { frames, probe, settings } in &self.stretches {
             let from = frames.start - self.frames.start;
             renderer.reconfigure(probe, settings)?;
@@ -196,13 +195,11 @@ impl Replay {
             renderer.render_each(poses, before, |i, frame| {
                 let shape = Shape::new(frame.width, pixel_mm, &frame.mask, &settings.image, angles);
                 look.apply(&settings.look, shape, &mut frame.bmode);
-                let found = frame.contact.and_then(|contact| contact.misplaced);
-                count += u32::from(found.is_some());
-                misplaced = misplaced.or(found);
+                misplaced.push(frame.contact.and_then(|contact| contact.misplaced));
                 each(from + i, frame)
             })?;
         }
-        if let Some(misplaced) = misplaced.filter(|_| f64::from(count) >= MISPLACED_S * self.rate.fps()) {
+        if let Some((misplaced, count)) = misplaced.told() {
             tracing::warn!("{}: in {count} of {} frames {misplaced}", self.path.display(), self.frames.len());
         }
         Ok(())

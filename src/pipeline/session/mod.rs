@@ -309,11 +309,9 @@ impl Pipeline {
     fn status(&self) -> Status {
         let mut notice = None;
         self.events.notice_into(&mut notice);
-        let now = self.clock.now();
         let dropped = drops(&self.metrics, &self.to_presenter).iter().map(|(_, count)| count).sum();
         let damaged = self.tracker.as_ref().map_or(0, |tracker| tracker.totals().damaged);
-        let elapsed_s = now.saturating_sub(self.started_at).as_secs_f64();
-        Status { elapsed_s, damaged, ..self.metrics.status(now, dropped, notice) }
+        self.metrics.status([self.started_at, self.clock.now()], dropped, damaged, notice)
     }
 }
 

@@ -33,6 +33,7 @@ fn columns_mean_what_their_names_say() {
         "s,a,r,tx,ty,tz\n3,-2,-1,40,50,60",
         "# r a s tx ty tz\n-1,-2,3,40,50,60",
         "# Touched on a phantom by me today\n1,2,3,40,50,60,A",
+        "# \"belly\" landmarks\n1,2,3,40,50,60",
         "# tx,ty,tz,r_m,a_m,s_m\n40,50,60,-0.001,-0.002,0.003",
     ] {
         let (a, b) = first_pair(text);
@@ -97,6 +98,86 @@ fn lists_of_3d_slicer_are_read_in_their_coordinate_system() {
     let json = "{\"markups\": [{\"type\": \"Fiducial\", \"coordinateSystem\": \"RAS\", \"controlPoints\": [{\"label\": \"A\", \"position\": [-1, -2, 3]}]}]}";
     assert_eq!(points(json).unwrap().values, exported.values);
     assert!(pairs(json).unwrap_err().to_string().contains("--points"));
+    assert!(poses(json).unwrap_err().to_string().contains("hold points, not poses"));
+}
+
+/// Lines above the rows of a list of 3D Slicer.
+const VERSION: &str = "# Markups fiducial file version = 5.6\n";
+const LPS: &str = "# CoordinateSystem = LPS\n";
+const COLUMNS: &str = "# columns = id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label,desc,associatedNodeID\n";
+
+#[test]
+fn lists_of_3d_slicer_with_decimal_commas_are_refused() {
+    let error = |columns: &str, row: &str| points(&format!("{VERSION}{LPS}{columns}{row}\n")).unwrap_err().to_string();
+    for (columns, row, part) in [
+        (
+            COLUMNS,
+            "1,10,5,-98,25,3,5,0,0,0,1,1,1,0,XIPHOID,,,2,0",
+            "line 4: 19 fields; the head has 14: are its numbers",
+        ),
+        (COLUMNS, "1,10,5,-98,25,3,0,0,0,1,1,1,0,XIPHOID,,", "line 4: 16 fields; the head has 14: are its numbers"),
+        (COLUMNS, "1,10,5,-98,3,0,0,0,1,1,1,0,XIPHOID,,,2,0", "line 4: 17 fields; the head has 14: are its numbers"),
+        ("", "1,10,5,-98,25,3,5,0,0,0,1,1,1,0,XIPHOID,,,2,0", "line 3: 19 fields; the head has 14: are its numbers"),
+        ("", "10.5,-98.25,3.5,XIPHOID", "line 3: 4 fields; the head has 14: without a line `# columns`"),
+        ("# columns = x,y,z,label\n", "10,5,-98,2,2,A", "line 4: 6 fields; the head has 4: are its numbers"),
+    ] {
+        let error = error(columns, row);
+        assert!(error.contains(part), "`{part}` is not in: {error}");
+    }
+    let row = "1,10.5,-98.25,3.5,0,0,0,1,1,1,0,XIPHOID,,,2,0";
+    let xiphoid = Named { name: "XIPHOID".to_owned(), value: DVec3::new(10.5, -98.25, 3.5) };
+    for columns in [COLUMNS, ""] {
+        assert_eq!(points(&format!("{VERSION}{LPS}{columns}{row}\n")).unwrap().values, [xiphoid.clone()]);
+    }
+}
+
+#[test]
+fn joined_lists_of_3d_slicer_have_one_coordinate_system_and_the_same_columns() {
+    let first = format!("{VERSION}{LPS}{COLUMNS}1,1,2,3,0,0,0,1,1,1,0,A,,,2,0\n");
+    let joined = |system: &str, columns: &str| {
+        points(&format!("{first}{VERSION}{system}{columns}2,4,5,6,0,0,0,1,1,1,0,B,,,2,0\n"))
+    };
+    assert_eq!(joined("# CoordinateSystem = 1\n", COLUMNS).unwrap().values.len(), 2);
+    let error = joined("# CoordinateSystem = RAS\n", COLUMNS).unwrap_err().to_string();
+    assert!(error.starts_with("line 6: the coordinate system is RAS here and LPS above"), "{error}");
+    let error = joined(LPS, "# columns = id,y,x,z\n").unwrap_err().to_string();
+    assert!(error.starts_with("line 7: `# columns` differs from the columns above: `id,y,x,z`"), "{error}");
+}
+
+#[test]
+fn rows_without_any_value_are_counted() {
+    let pose = "x,y,z,qw,qx,qy,qz\nnan,nan,nan,nan,nan,nan,nan\n0,0,0,0,0,0,0\n";
+    assert!(
+        poses(pose).unwrap_err().to_string().starts_with("none of its 2 rows has a pose: all are empty, NaN or zero")
+    );
+    let list = "name,x,y,z,defined\nA,1,2,3,0\nB,1,2,3,0\nC,1,2,3,0\n";
+    assert!(points(list).unwrap_err().to_string().starts_with("none of its 3 rows has a position"));
+}
+
+#[test]
+fn coordinates_have_one_frame_each_and_all_or_no_units() {
+    let pair = |text: &str| pairs(text).unwrap_err().to_string();
+    let point = |text: &str| points(text).unwrap_err().to_string();
+    let pose = |text: &str| poses(text).unwrap_err().to_string();
+    for (error, part) in [
+        (
+            pair("x_m,y,z,tx,ty,tz\n1,2,3,4,5,6"),
+            "column `y` is not read: it has no unit, but `x_m` has one; give each of the three its unit",
+        ),
+        (pair("x,y,z,tx,ty,tz_cm\n1,2,3,4,5,6"), "column `tx` is not read: it has no unit, but `tz_cm` has one"),
+        (point("r,a,s_mm\n1,2,3"), "column `r` is not read: it has no unit, but `s_mm` has one"),
+        (pose("x_mm,y_mm,z,qw,qx,qy,qz\n1,2,3,1,0,0,0"), "column `z` is not read: it has no unit, but `x_mm` has one"),
+        (pair("sx,sy,sz,tx,ty,tz\n1,2,3,4,5,6"), "column `sx` is not read: it doesn't say whose axis it is; name the"),
+        (pair("px_m,py_m,pz_m,x,y,z\n1,2,3,4,5,6"), "column `px_m` is not read: it doesn't say whose axis it is"),
+        (point("i,x,y,z,name\n1,2,3,4,A"), "column `i` is not read: it is an axis of the patient"),
+        (pose("i,x,y,z,qw,qx,qy,qz\n1,2,3,4,1,0,0,0"), "name a row's number `id`"),
+    ] {
+        assert!(error.contains(part), "`{part}` is not in: {error}");
+    }
+    let (scene, tracker) = first_pair("x_m,y_mm,z_cm,tx,ty,tz\n0.001,2,0.3,4,5,6");
+    assert!(scene.distance(DVec3::new(1.0, 2.0, 3.0)) < 1e-12 && tracker == DVec3::new(4.0, 5.0, 6.0));
+    let with_id = points("id,x,y,z,name\n1,2,3,4,A").unwrap();
+    assert_eq!(with_id.values[0].value, DVec3::new(2.0, 3.0, 4.0));
 }
 
 #[test]
@@ -129,7 +210,14 @@ fn malformed_lines_and_columns_are_named_with_the_way_out() {
         (point("r,a\n1,2"), "column `s` is missing"),
         (pose("x,y,z,qw,qx,qy,qz\n1,2,3,2,0,0,0"), "line 2: the pose's quaternion"),
         (pose("1,2,3"), "line 1: expected `x,y,z,qw,qx,qy,qz`"),
-        (pose("nan,2,3,1,0,0,0"), "component `x` is NaN"),
+        (pose("nan,2,3,1,0,0,0"), "line 1: `x` is `nan`, but other numbers of the pose are there"),
+        (pose("x,y,z,qw,qx,qy,qz\n1,2,3,1,,0,0"), "line 2: `qx` is ``, but other numbers of the pose are there"),
+        (pose("inf,2,3,1,0,0,0"), "line 1: pose component `x` is inf"),
+        (point("x,y,z,name\n1,2,3,A\n4,nan,6,B\n"), "line 3: `y` is `nan`; it must be a decimal number that is finite"),
+        (pair("1,2,3,4,5,inf"), "line 1: `tz` is `inf`; it must be a decimal number that is finite"),
+        (pair("1 2 3 4 5 6\n"), "line 1: spaces separate the fields of `1 2 3 4 5 6`; separate fields by commas"),
+        (pose("x y z qw qx qy qz\n1 2 3 1 0 0 0\n"), "line 1: spaces separate the fields of `x y z qw"),
+        (pair("x,y,z,tx,ty,tz\n1 2 3 4 5 6"), "line 2: 1 fields; the head has 6: separate fields by commas"),
         (pose("x,y,z,q0,q1,q2,q3\n1,2,3,1,0,0,0"), "column `q1` is not read: whether the scalar part is the first"),
         (
             pose("x,y,z,roll_deg,pitch_deg,yaw_deg\n1,2,3,0,0,0"),

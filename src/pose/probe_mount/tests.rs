@@ -102,7 +102,7 @@ proptest! {
             prop_assert!((found.width_mm.unwrap() - 56.0).abs() < 1e-6 && (found.arc_mm.unwrap() - 8.0).abs() < 1e-6);
         } else {
             let refused = by_arc.unwrap_err().to_string();
-            prop_assert!(refused.contains("give a --spin") && refused.contains("too flat"), "{}", refused);
+            prop_assert!(refused.contains("(--spin)") && refused.contains("too flat"), "{}", refused);
         }
     }
 
@@ -144,7 +144,7 @@ fn steps_that_fail_are_refused_with_the_reason() {
     let refused = |steps: MountSteps<'_>| mount(&steps).unwrap_err().to_string();
     assert!(refused(MountSteps { pivot: &pivot[..5], ..all }).contains("5 poses are too few"));
     assert!(refused(MountSteps { ends: None, ..all }).contains("--marker-end, --other-end"));
-    assert!(refused(MountSteps { ends: None, slide: Some(&slid), spin: None, ..all }).contains("give a --spin"));
+    assert!(refused(MountSteps { ends: None, slide: Some(&slid), spin: None, ..all }).contains("(--spin)"));
     assert!(
         refused(MountSteps { ends: Some([&marker, &[]]), ..all }).contains("the other end of the face: there are no")
     );
@@ -155,10 +155,70 @@ fn steps_that_fail_are_refused_with_the_reason() {
     assert!(refused(MountSteps { spin: Some(&marker), ..all }).contains("turn it by at least 60°"));
     assert!(refused(MountSteps { spin: Some(&shaky), ..all }).contains("keep the probe upright"));
     assert!(refused(MountSteps { ends: None, slide: Some(&marker), ..all }).contains("slide along a ruler"));
-    // A probe that lay on its side: the turn is about its lateral axis.
-    let lying: Vec<Pose> = probe.poses(100, |part| Pose {
-        position_mm: DIMPLE,
-        orientation: DQuat::from_rotation_x(2.0 * part) * DQuat::from_rotation_z(0.0),
+    // Ends and slide of another probe contradict each other.
+    let crossed = probe.poses(200, |part| Pose {
+        position_mm: DIMPLE - DVec3::Y * 150.0 * part,
+        orientation: DQuat::from_rotation_x(TAU / 2.0),
     });
-    assert!(refused(MountSteps { spin: Some(&lying), ..all }).contains("off a right angle"));
+    assert!(refused(MountSteps { slide: Some(&crossed), ..all }).contains("lateral axes are 90° apart"));
+}
+
+#[test]
+fn exchanged_ends_are_told_by_a_slide() {
+    let mut probe = Probe::new(DQuat::from_rotation_y(0.7), 8.0, 0.0);
+    let (pivot, slid) = (probe.tilted(DVec3::ZERO, 0.6), probe.slid());
+    let [marker, other] = [-1.0, 1.0].map(|side| {
+        let end = probe.end(side);
+        probe.tilted(end, 0.1)
+    });
+    let steps = MountSteps { pivot: &pivot, ends: Some([&marker, &other]), slide: Some(&slid), spin: None };
+    assert!(probe.off_deg(&mount(&steps).unwrap()) < 1e-4);
+    let refused = mount(&MountSteps { ends: Some([&other, &marker]), ..steps }).unwrap_err().to_string();
+    assert!(refused.contains("axes are 180° apart") && refused.contains("were the ends exchanged"), "{refused}");
+}
+
+#[test]
+fn a_turn_about_another_axis_is_refused() {
+    for arc_mm in [8.0, 0.0] {
+        let mut probe = Probe::new(DQuat::from_rotation_y(0.7), arc_mm, 0.0);
+        let pivot = probe.tilted(DVec3::ZERO, 0.6);
+        let [marker, other] = [-1.0, 1.0].map(|side| {
+            let end = probe.end(side);
+            probe.tilted(end, 0.1)
+        });
+        let mut refused = |axis: DVec3| {
+            let spin = probe.poses(100, |part| Pose {
+                position_mm: DIMPLE,
+                orientation: DQuat::from_axis_angle(axis.normalize(), 2.0 * part),
+            });
+            let steps = MountSteps { pivot: &pivot, ends: Some([&marker, &other]), slide: None, spin: Some(&spin) };
+            mount(&steps).unwrap_err().to_string()
+        };
+        // A probe that lay on its side, narrow or flat, was turned about its lateral or elevational axis.
+        for axis in [DVec3::X, DVec3::Y] {
+            let said = refused(axis);
+            let expected =
+                if arc_mm > 0.0 { "another axis than its long one: 90° off" } else { "may point either way" };
+            assert!(said.contains(expected), "{axis}: {said}");
+        }
+        // It leant to one side.
+        assert!(refused(DVec3::new(0.35, 0.0, 0.94)).contains("off a right angle"));
+    }
+}
+
+#[test]
+fn ends_are_checked_as_they_come() {
+    let mut probe = Probe::new(DQuat::IDENTITY, 8.0, 0.0);
+    let pivot = calibrate(&probe.tilted(DVec3::ZERO, 0.6)).unwrap();
+    let ends = [probe.end(-1.0), probe.end(1.0), probe.end(0.2)].map(|end| probe.tilted(end, 0.1));
+    let [marker, other, near] = &ends;
+    assert_eq!(check_ends(&pivot, marker, None), Ok(()));
+    assert_eq!(check_ends(&pivot, marker, Some(other)), Ok(()));
+    let moved = check_ends(&pivot, &probe.slid(), None).unwrap_err();
+    assert!(
+        moved.to_string().starts_with("the end of the face at the marker: the end of the face moved by"),
+        "{moved}"
+    );
+    assert!(matches!(check_ends(&pivot, marker, Some(near)), Err(MountError::OffCentre { .. })));
+    assert!(matches!(check_ends(&pivot, marker, Some(marker)), Err(MountError::Width { .. })));
 }

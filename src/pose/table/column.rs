@@ -22,6 +22,8 @@ const QUATERNION_ORDER: &str =
 const ANGLES: &str =
     "the order and the axes of angles differ between programs; give the rotation as a quaternion in qw, qx, qy and qz";
 const MATRIX: &str = "rotation matrices aren't read; give the rotation as a quaternion in qw, qx, qy and qz";
+const FRAMES: &str =
+    "it doesn't say whose axis it is; name the scene's or a pose's coordinates x, y and z, the tracker's tx, ty and tz";
 const VOXELS: &str =
     "voxel indices need their image; give mm along the patient's axes as r,a,s or l,p,s, or the scene's x,y,z";
 
@@ -204,8 +206,12 @@ fn coordinate(key: &str) -> Option<Meaning> {
         }
     }
     let of = |prefixes: &[&str]| prefixes.iter().find_map(|prefix| key.strip_prefix(prefix).and_then(axis));
-    if let Some(axis) = of(&["", "position_", "pos_", "p", "p_", "scene_", "s"]) {
+    if let Some(axis) = of(&["", "position_", "pos_", "scene_"]) {
         return length(Frame::Own, axis, 1.0);
+    }
+    // Scene, sensor or stylus; position, point, patient, phantom or probe.
+    if of(&["s", "s_", "p", "p_"]).is_some() {
+        return Some(Meaning::Ambiguous(FRAMES));
     }
     of(&["t", "t_", "tracker_", "translation_", "trans_"]).and_then(|axis| length(Frame::Tracker, axis, 1.0))
 }
@@ -230,6 +236,7 @@ mod tests {
         assert_eq!(length("\"pose.position.y\""), (Frame::Own, 1, 1.0, None));
         assert_eq!(length("tx"), (Frame::Tracker, 0, 1.0, None));
         assert_eq!(length("Tracker z in"), (Frame::Tracker, 2, 1.0, Some(25.4)));
+        assert_eq!(length("Scene X [mm]"), (Frame::Own, 0, 1.0, Some(1.0)));
         assert_eq!(length("tz_m"), (Frame::Tracker, 2, 1.0, Some(1000.0)));
         for (name, axis, sign) in
             [("r", 0, -1.0), ("A", 1, -1.0), ("s", 2, 1.0), ("l", 0, 1.0), ("p", 1, 1.0), ("i", 2, -1.0)]
@@ -254,7 +261,7 @@ mod tests {
         assert_eq!(of("time_ms"), Meaning::Time { unit_s: Some(1e-3) });
         assert_eq!(of("t"), Meaning::Time { unit_s: None });
         assert_eq!((of("Label"), of("vis"), of("defined")), (Meaning::Name, Meaning::Unused, Meaning::Defined));
-        for name in ["q1", "w", "roll_deg", "Yaw", "az", "rx_rad", "m00", "k"] {
+        for name in ["q1", "w", "roll_deg", "Yaw", "az", "rx_rad", "m00", "k", "sx", "Sy [mm]", "s_z", "px", "p_y_m"] {
             assert!(matches!(of(name), Meaning::Ambiguous(_)), "{name}: {:?}", of(name));
         }
         for name in ["", "xmm", "x_px", "x_s", "time_mm", "liver", "é", "qq", "xy", "x_mm_mm"] {

@@ -1,9 +1,9 @@
 //! Columns of a table by their meaning.
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 
-use super::{Column, Frame, Meaning, TableFault, is_absent, number, quote};
-use crate::pose::{Pose, PoseError};
+use super::{Column, Frame, Meaning, TableFault, finite, is_absent, number, quote};
+use crate::pose::Pose;
 use crate::suggest::did_you_mean;
 
 /// Names that are suggested for unknown ones.
@@ -46,20 +46,15 @@ pub(crate) struct Layout {
     pub(crate) defined: Option<usize>,
 }
 
-/// A row's pose.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum PoseField {
-    /// All of its numbers.
-    Pose(Pose),
-    /// None: all are empty, NaN or zero, as trackers write them that don't see their tool.
-    Absent,
-}
+/// Parser of the number in a field of a column.
+type Parse = fn(&str, &str) -> Result<f64, TableFault>;
 
 impl Layout {
     /// Columns by their meaning; `known` lists those of this kind of table.
     ///
     /// # Errors
-    /// A column that is unknown, ambiguous or there twice, or a position or quaternion that is incomplete.
+    /// A column that is unknown, ambiguous or there twice; a position or quaternion that is incomplete; a position of which
+    /// only some columns have a unit.
     pub(crate) fn of(columns: &[Column], known: &'static str) -> Result<Self, TableFault> {
         let mut found = Self::default();
         for (index, Column { name, meaning }) in columns.iter().enumerate() {
@@ -85,12 +80,12 @@ impl Layout {
                 Meaning::Length { .. } | Meaning::Quaternion(_) | Meaning::Unused => {}
             }
         }
-        let [own, patient, tracker] = [Frame::Own, Frame::Patient, Frame::Tracker]
-            .map(|frame| position(columns, frame, known))
-            .into_iter()
-            .collect::<Result<Vec<_>, _>>()?
-            .try_into()
-            .unwrap_or_default();
+        let own = position(columns, Frame::Own, known)?;
+        let patient = position(columns, Frame::Patient, known).map_err(|fault| match (&fault, &own) {
+            (TableFault::Missing { .. }, Some(own)) => stray(columns, own),
+            _ => fault,
+        })?;
+        let tracker = position(columns, Frame::Tracker, known)?;
         if let (Some(own), Some(patient)) = (&own, &patient) {
             let reason = format!("the table has {}, too; give the points in one frame", quote(&own.axes[0].1));
             return Err(refused(&patient.axes[0].1, &reason));
@@ -98,16 +93,6 @@ impl Layout {
         (found.own, found.tracker) = (own.or(patient), tracker);
         found.quaternion = quaternion(columns, known)?;
         Ok(found)
-    }
-
-    /// Refuses columns that this kind of table has not, for `reason`.
-    pub(crate) fn refuse(
-        &self,
-        columns: &[Column],
-        which: impl Fn(Meaning) -> bool,
-        reason: &str,
-    ) -> Result<(), TableFault> {
-        columns.iter().find(|column| which(column.meaning)).map_or(Ok(()), |column| Err(refused(&column.name, reason)))
     }
 
     /// Whether a row has no position by its column `defined`.
@@ -122,10 +107,7 @@ impl Layout {
     }
 
     /// Whether a row has a pose by its column `status`.
-    ///
-    /// # Errors
-    /// A status that is not known.
-    pub(crate) fn has_pose(&self, row: &[String]) -> Result<bool, TableFault> {
+    fn has_pose(&self, row: &[String]) -> Result<bool, TableFault> {
         match self.status.map_or("", |at| field(row, at)) {
             "" | "ok" | "OK" => Ok(true),
             "invalid" | "INVALID" => Ok(false),
@@ -133,43 +115,34 @@ impl Layout {
         }
     }
 
-    /// Position and quaternion of a row, with the position in mm.
+    /// Pose of a row, mm. It has none if its `status` says so, or if all of its numbers are empty, NaN or 0: trackers write
+    /// that while they don't see their tool.
     ///
     /// # Errors
-    /// A field that is not a number.
-    pub(crate) fn numbers(&self, position: &Position, row: &[String]) -> Result<[f64; 7], TableFault> {
-        let [x, y, z] = position.point(row)?.to_array();
-        let mut all = [x, y, z, 1.0, 0.0, 0.0, 0.0];
-        for (component, (at, name)) in all[3..].iter_mut().zip(self.quaternion.iter().flatten()) {
+    /// A status that is not known, a field that is not a number, a pose of which only a part is there, or numbers that
+    /// are not a pose.
+    pub(crate) fn pose(&self, position: &Position, row: &[String]) -> Result<Option<Pose>, TableFault> {
+        if !self.has_pose(row)? {
+            return Ok(None);
+        }
+        let axes = position.axes.iter().map(|(at, name, _)| (name, field(row, *at)));
+        let turns = self.quaternion.iter().flatten().map(|(at, name)| (name, field(row, *at)));
+        let fields: Vec<(&String, &str)> = axes.chain(turns).collect();
+        if fields.iter().all(|(_, field)| is_absent(field)) {
+            return Ok(None);
+        }
+        if let Some((name, field)) = fields.iter().find(|(_, field)| is_absent(field)) {
+            return Err(TableFault::Part { column: (*name).clone(), found: quote(field) });
+        }
+        let [x, y, z] = position.coordinates(row, number)?.to_array();
+        let mut numbers = [x, y, z, 1.0, 0.0, 0.0, 0.0];
+        for (component, (at, name)) in numbers[3..].iter_mut().zip(self.quaternion.iter().flatten()) {
             *component = number(name, field(row, *at))?;
         }
-        Ok(all)
-    }
-
-    /// The first field of the pose that is empty or NaN: its column's name, and its content.
-    #[cfg_attr(not(feature = "recordings"), allow(dead_code, reason = "imports read it"))]
-    pub(crate) fn absent<'a>(&'a self, position: &'a Position, row: &'a [String]) -> Option<(&'a str, &'a str)> {
-        let axes = position.axes.iter().map(|(at, name, _)| (*at, name));
-        let mut all = axes.chain(self.quaternion.iter().flatten().map(|(at, name)| (*at, name)));
-        all.find_map(|(at, name)| Some((name.as_str(), field(row, at))).filter(|(_, field)| is_absent(field)))
-    }
-
-    /// Pose of a row. A row has none if all of its numbers are absent, or all are 0; a part of them may not be absent.
-    ///
-    /// # Errors
-    /// The outer result fails for a field that is not a number, the inner one for numbers that are not a pose.
-    pub(crate) fn pose(&self, position: &Position, row: &[String]) -> Result<Result<PoseField, PoseError>, TableFault> {
-        let at = position.axes.iter().map(|(at, ..)| *at);
-        let mut at = at.chain(self.quaternion.iter().flatten().map(|(at, _)| *at));
-        if at.all(|at| is_absent(field(row, at))) {
-            return Ok(Ok(PoseField::Absent));
-        }
-        let numbers = self.numbers(position, row)?;
         if numbers.iter().all(|number| *number == 0.0) {
-            return Ok(Ok(PoseField::Absent));
+            return Ok(None);
         }
-        let [x, y, z, qw, qx, qy, qz] = numbers;
-        Ok(Pose::new(DVec3::new(x, y, z), DQuat::from_xyzw(qx, qy, qz, qw)).map(PoseField::Pose))
+        Ok(Some(Pose::from_components(numbers)?))
     }
 }
 
@@ -177,11 +150,16 @@ impl Position {
     /// Point of a row, mm; of patient's axes in LPS.
     ///
     /// # Errors
-    /// A field that is not a number.
+    /// A field that is not a finite number.
     pub(crate) fn point(&self, row: &[String]) -> Result<DVec3, TableFault> {
+        self.coordinates(row, finite)
+    }
+
+    /// Coordinates of a row, mm. `parse` takes the name of a column and a field of it.
+    fn coordinates(&self, row: &[String], parse: Parse) -> Result<DVec3, TableFault> {
         let mut point = DVec3::ZERO;
         for (axis, (at, name, unit_mm)) in self.axes.iter().enumerate() {
-            point[axis] = unit_mm * number(name, field(row, *at))?;
+            point[axis] = unit_mm * parse(name, field(row, *at))?;
         }
         Ok(point)
     }
@@ -206,8 +184,27 @@ fn field(row: &[String], at: usize) -> &str {
     row.get(at).map_or("", String::as_str)
 }
 
+/// Refuses columns that this kind of table has not, for `reason`.
+///
+/// # Errors
+/// The first column whose meaning is one of `which`.
+pub(crate) fn refuse(columns: &[Column], which: impl Fn(Meaning) -> bool, reason: &str) -> Result<(), TableFault> {
+    columns.iter().find(|column| which(column.meaning)).map_or(Ok(()), |column| Err(refused(&column.name, reason)))
+}
+
 fn refused(name: &str, reason: &str) -> TableFault {
     TableFault::Refused { name: quote(name), reason: reason.to_owned() }
+}
+
+/// Fault of a column that is read as an axis of the patient, where not all three are there, beside the position `own`.
+fn stray(columns: &[Column], own: &Position) -> TableFault {
+    let of_patient = columns.iter().find(|c| matches!(c.meaning, Meaning::Length { frame: Frame::Patient, .. }));
+    let name = of_patient.map_or("", |column| column.name.as_str());
+    let reason = format!(
+        "it is an axis of the patient, as in r,a,s or l,p,s, but the table has {}, too, and not all three of them; name a row's number `id`, its name `name`, its time `time_s`",
+        quote(&own.axes[0].1)
+    );
+    refused(name, &reason)
 }
 
 /// Whether two columns hold the same quantity.
@@ -225,15 +222,15 @@ fn is_same(a: Meaning, b: Meaning) -> bool {
 /// The three columns of a position; none if the table has none of them.
 fn position(columns: &[Column], wanted: Frame, known: &'static str) -> Result<Option<Position>, TableFault> {
     let mut axes: [Option<(usize, String, f64)>; 3] = [None, None, None];
-    let (mut any_mm, mut without_unit) = (false, None);
+    let mut any_mm = false;
+    let (mut with_unit, mut without_unit): (Option<String>, Option<String>) = (None, None);
     for (index, Column { name, meaning }) in columns.iter().enumerate() {
         if let Meaning::Length { frame, axis, sign, unit_mm } = *meaning
             && frame == wanted
         {
             any_mm |= unit_mm == Some(1.0);
-            if unit_mm.is_none() && without_unit.is_none() {
-                without_unit = Some(name.clone());
-            }
+            let first = if unit_mm.is_some() { &mut with_unit } else { &mut without_unit };
+            first.get_or_insert_with(|| name.clone());
             axes[axis] = Some((index, name.clone(), sign * unit_mm.unwrap_or(1.0)));
         }
     }
@@ -249,6 +246,10 @@ fn position(columns: &[Column], wanted: Frame, known: &'static str) -> Result<Op
     let missing = |axis: usize| TableFault::Missing { name: format!("{}{unit}", names[axis]), known };
     let [x, y, z] = axes;
     let axes = [x.ok_or_else(|| missing(0))?, y.ok_or_else(|| missing(1))?, z.ok_or_else(|| missing(2))?];
+    if let (Some(with), Some(without)) = (&with_unit, &without_unit) {
+        let reason = format!("it has no unit, but {} has one; give each of the three its unit", quote(with));
+        return Err(refused(without, &reason));
+    }
     Ok(Some(Position { frame: wanted, axes, without_unit }))
 }
 

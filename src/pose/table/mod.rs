@@ -6,14 +6,15 @@
 //!
 //! | column | content |
 //! |---|---|
-//! | `x`, `y`, `z` | coordinates in the table's own frame; `scene_x`, `position.x` are the same |
+//! | `x`, `y`, `z` | coordinates in the table's own frame; `scene_x`, `pos_x`, `position.x` are the same |
 //! | `r`, `a`, `s`; `l`, `p`, `s` | coordinates along the patient's axes: right or left, anterior or posterior, superior |
 //! | `tx`, `ty`, `tz`, `tracker_x` | coordinates in the tracker's frame |
 //! | `qw`, `qx`, `qy`, `qz` | unit quaternion, in any order of the columns |
 //! | `time`, `name` or `label`, `status`, `event`, `defined` | as each reader says |
 //!
-//! A unit follows a name: `x_mm`, `x_cm`, `x_m`, `x_in`, `time_s`, `time_ms`; `X [m]` is the same as `x_m`. Columns may be
-//! in any order. A column whose name could mean several things, or that is not known, is refused by name.
+//! A unit follows a name: `x_mm`, `x_cm`, `x_m`, `x_in`, `time_s`, `time_ms`; `X [m]` is the same as `x_m`. Of the three
+//! coordinates of a position all or none have a unit. Columns may be in any order. A column whose name could mean several
+//! things, or that is not known, is refused by name.
 
 mod column;
 mod layout;
@@ -22,10 +23,12 @@ mod split;
 
 use thiserror::Error;
 
+use crate::pose::PoseError;
+
 pub(crate) use column::{Column, Frame, Meaning};
-pub(crate) use layout::{Layout, PoseField, Position};
+pub(crate) use layout::{Layout, Position, refuse};
 pub(crate) use slicer::{System, markups};
-pub(crate) use split::{is_absent, number, quote};
+pub(crate) use split::{finite, is_absent, number, quote};
 
 /// Faults of a table's line or columns.
 #[derive(Debug, Error, Clone, PartialEq)]
@@ -96,6 +99,25 @@ pub enum TableFault {
         /// Way out, or empty.
         hint: String,
     },
+    /// A pose of which only a part is there.
+    #[error(
+        "`{column}` is {found}, but other numbers of the pose are there; in a row without a pose all seven are empty or NaN, or `status` is invalid"
+    )]
+    Part {
+        /// The first column without a number.
+        column: String,
+        /// Text found, quoted.
+        found: String,
+    },
+    /// Numbers that are not a pose.
+    #[error(transparent)]
+    Pose(#[from] PoseError),
+    /// Fields that are separated by spaces.
+    #[error("spaces separate the fields of {found}; separate fields by commas, semicolons or tabs")]
+    Spaces {
+        /// The line's first characters, quoted.
+        found: String,
+    },
     /// A quote that is not closed, or text behind a closed one.
     #[error("a quote is not closed before the end of its field; double a quote that belongs to a name")]
     Quote,
@@ -112,6 +134,24 @@ pub enum TableFault {
     #[error("the coordinate system is {found}; LPS (or 1) and RAS (or 0) are read: save the markups in one of them")]
     System {
         /// Value found, quoted.
+        found: String,
+    },
+    /// Two coordinate systems of 3D Slicer in one list.
+    #[error(
+        "the coordinate system is {second} here and {first} above; a list has one for all points: put the points of each into a file of their own"
+    )]
+    TwoSystems {
+        /// The first.
+        first: &'static str,
+        /// The one that differs.
+        second: &'static str,
+    },
+    /// Two lines of column names of 3D Slicer in one list.
+    #[error(
+        "`# columns` differs from the columns above: {found}; put the points of each list into a file of their own"
+    )]
+    TwoHeads {
+        /// Its columns, quoted.
         found: String,
     },
     /// A list of 3D Slicer without coordinate system.
@@ -184,7 +224,8 @@ impl Reader {
     /// 3D Slicer may have more.
     ///
     /// # Errors
-    /// Two coordinate systems, a wrong number of fields, or a quote that is not closed.
+    /// Two coordinate systems or lists of columns, a wrong number of fields, fields that are separated by spaces, or a
+    /// quote that is not closed.
     pub(crate) fn line(&mut self, line: &str) -> Result<Option<Vec<String>>, TableFault> {
         let line = match std::mem::take(&mut self.is_first) {
             true => line.strip_prefix('\u{feff}').unwrap_or(line),
@@ -211,7 +252,7 @@ impl Reader {
         if fields.iter().all(String::is_empty) {
             return Ok(None);
         }
-        if self.columns.is_empty() && self.names(&fields)? {
+        if self.columns.is_empty() && self.names(&fields, line)? {
             return Ok(None);
         }
         self.row(fields, line).map(Some)
@@ -222,10 +263,18 @@ impl Reader {
         let setting = comment.split_once('=').map(|(key, value)| (key.trim().to_ascii_lowercase(), value.trim()));
         match setting.as_ref().map(|(key, value)| (key.as_str(), *value)) {
             Some(("coordinatesystem", value)) => {
-                self.system = Some(System::of(value).ok_or(TableFault::System { found: quote(value) })?);
+                let second = System::of(value).ok_or_else(|| TableFault::System { found: quote(value) })?;
+                let first = *self.system.get_or_insert(second);
+                if first != second {
+                    return Err(TableFault::TwoSystems { first: first.name(), second: second.name() });
+                }
             }
-            Some(("columns", names)) if self.columns.is_empty() => {
-                self.columns = split::split(names, ',')?.iter().map(|name| Column::of(name)).collect();
+            Some(("columns", names)) if self.columns.is_empty() || self.is_fcsv => {
+                let columns: Vec<Column> = split::split(names, ',')?.iter().map(|name| Column::of(name)).collect();
+                if !self.columns.is_empty() && self.columns != columns {
+                    return Err(TableFault::TwoHeads { found: quote_line(names) });
+                }
+                self.columns = columns;
                 self.separator = Some(',');
                 self.is_fcsv = true;
             }
@@ -236,7 +285,12 @@ impl Reader {
     }
 
     /// Sets the columns by the first line; whether that line was their names.
-    fn names(&mut self, fields: &[String]) -> Result<bool, TableFault> {
+    fn names(&mut self, fields: &[String], line: &str) -> Result<bool, TableFault> {
+        if let [field] = fields
+            && split::has_spaced_fields(field)
+        {
+            return Err(TableFault::Spaces { found: quote_line(line) });
+        }
         let is_head = !fields.iter().any(|field| split::looks_numeric(field));
         if is_head {
             let last = fields.iter().rposition(|name| !name.is_empty()).map_or(0, |at| at + 1);
@@ -246,7 +300,9 @@ impl Reader {
         }
         // Some programs write the names as a comment; prose also holds words that could be names.
         if let (Some(comment), Some(separator)) = (&self.comment, self.separator) {
-            let by_separator: Vec<Column> = split::split(comment, separator)?.iter().map(|n| Column::of(n)).collect();
+            // A comment whose quotes are not closed is prose.
+            let names = split::split(comment, separator).unwrap_or_default();
+            let by_separator: Vec<Column> = names.iter().map(|name| Column::of(name)).collect();
             let by_space: Vec<Column> = comment.split_whitespace().map(Column::of).collect();
             let known = |names: &[Column]| names.iter().filter(|name| name.is_known()).count();
             let is_head = |names: &[Column]| names.len() == fields.len() && 2 * known(names) >= names.len();
@@ -254,6 +310,10 @@ impl Reader {
                 self.columns = names;
                 return Ok(false);
             }
+        }
+        if self.is_fcsv {
+            self.columns = slicer::COLUMNS.map(Column::of).to_vec();
+            return Ok(false);
         }
         let headless = self.headless.ok_or(TableFault::NoHead)?;
         self.columns = headless.names.iter().map(|name| Column::of(name)).collect();
@@ -280,19 +340,28 @@ impl Reader {
         // Without column names, a number in the place of the name means that the line holds too many numbers.
         let is_too_numeric =
             self.is_headless && name_is_last && fields.last().is_some_and(|name| split::looks_numeric(name));
-        if (self.is_fcsv && fields.len() > columns) || (fields.len() == columns && !is_too_numeric) {
+        let has_status = self.is_fcsv && !self.is_headless && fields.get(columns..).is_some_and(slicer::is_status);
+        if has_status || (fields.len() == columns && !is_too_numeric) {
             return Ok(fields);
         }
         if let Some(Headless { expected, .. }) = self.headless.filter(|_| self.is_headless) {
             return Err(TableFault::Line { expected, found: quote_line(line) });
         }
-        let is_comma = self.separator == Some(',');
-        let hint = if is_comma && fields.len() > columns {
+        Err(TableFault::Fields { found: fields.len(), columns, hint: self.hint(&fields) })
+    }
+
+    /// Likely cause of a wrong number of fields, and the way out; ready to print, or empty.
+    fn hint(&self, fields: &[String]) -> &'static str {
+        let columns = self.columns.len();
+        if self.separator == Some(',') && fields.len() > columns {
             ": are its numbers written with decimal commas? Write decimal points (0.5 instead of 0,5), and put names that hold a comma in quotes"
+        } else if fields.len() == 1 && split::has_spaced_fields(&fields[0]) {
+            ": separate fields by commas, semicolons or tabs, not by spaces"
+        } else if self.is_fcsv {
+            ": without a line `# columns` above them, points of 3D Slicer (.fcsv) have id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label,desc,associatedNodeID"
         } else {
             ""
-        };
-        Err(TableFault::Fields { found: fields.len(), columns, hint })
+        }
     }
 }
 

@@ -3,10 +3,22 @@
 use glam::DVec3;
 use serde::Deserialize;
 
+use super::split::looks_numeric;
 use super::{TableFault, quote};
 
 /// Types of markups whose control points are points of the body.
 const TYPES: [&str; 5] = ["Fiducial", "Line", "Angle", "Curve", "ClosedCurve"];
+
+/// Columns of a list (.fcsv). 3D Slicer reads and writes them in this order, whatever the line `# columns` says.
+pub(super) const COLUMNS: [&str; 14] =
+    ["id", "x", "y", "z", "ow", "ox", "oy", "oz", "vis", "sel", "lock", "label", "desc", "associatedNodeID"];
+
+/// Whether `fields` are the two that 3D Slicer 5 writes behind the named columns of a list: the status of the position
+/// (0 undefined, 1 shown before it is placed, 2 defined, 3 missing) and a number.
+pub(super) fn is_status(fields: &[String]) -> bool {
+    let [status, number] = fields else { return false };
+    ["0", "1", "2", "3"].contains(&status.as_str()) && looks_numeric(number)
+}
 
 /// Coordinate system of markups.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,6 +36,14 @@ impl System {
             "LPS" | "1" => Some(Self::Lps),
             "RAS" | "0" => Some(Self::Ras),
             _ => None,
+        }
+    }
+
+    /// Its name.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Lps => "LPS",
+            Self::Ras => "RAS",
         }
     }
 

@@ -1,6 +1,6 @@
 //! Lines of a table: separators, quotes and numbers.
 
-use super::TableFault;
+use super::{Column, TableFault};
 
 /// Words of programs for a number that is not there.
 const NO_NUMBER: [&str; 11] =
@@ -63,6 +63,13 @@ pub(super) fn looks_numeric(field: &str) -> bool {
     field.parse::<f64>().is_ok() || (field.contains(|c: char| c.is_ascii_digit()) && field.chars().all(like))
 }
 
+/// Whether a field is several ones that spaces separate: at least three numbers or names of columns.
+pub(super) fn has_spaced_fields(field: &str) -> bool {
+    let words: Vec<&str> = field.split_whitespace().collect();
+    let known = words.iter().filter(|word| looks_numeric(word) || Column::of(word).is_known()).count();
+    known >= 3 && 2 * known >= words.len()
+}
+
 /// Whether a field says that there is no number: it is empty, NaN or a program's word for that.
 pub(crate) fn is_absent(field: &str) -> bool {
     let lower = field.trim().to_ascii_lowercase();
@@ -85,6 +92,16 @@ pub(crate) fn number(column: &str, field: &str) -> Result<f64, TableFault> {
         };
         TableFault::Number { column: column.to_owned(), found: quote(field), hint }
     })
+}
+
+/// Parses the finite number in a field of the column `column`.
+pub(crate) fn finite(column: &str, field: &str) -> Result<f64, TableFault> {
+    let found = number(column, field)?;
+    if found.is_finite() {
+        return Ok(found);
+    }
+    let hint = " that is finite".to_owned();
+    Err(TableFault::Number { column: column.to_owned(), found: quote(field), hint })
 }
 
 /// At most 32 characters of `text`, escaped and quoted, for an error message.
@@ -124,8 +141,14 @@ mod tests {
         assert!(message("1,234.5").contains("without separators of thousands"));
         assert!(message("12 mm").contains("belongs into the column's name"));
         assert_eq!(message("left"), "`x_mm` is `left`; it must be a decimal number");
+        assert!(number("x", "nan").unwrap().is_nan());
+        let refused = finite("x", "-inf").unwrap_err().to_string();
+        assert_eq!(refused, "`x` is `-inf`; it must be a decimal number that is finite");
+        assert_eq!((finite("x", "1e3"), finite("x", "nan").is_err()), (Ok(1000.0), true));
         assert!(["", " NaN", "-nan(ind)", "N/A"].into_iter().all(is_absent) && !is_absent("0"));
         assert!(["1", "-1,5", "nan", "1e3", ",5"].into_iter().all(looks_numeric));
+        assert!(["1 2 3", "x y z name", "1,5 2 3 left side"].into_iter().all(has_spaced_fields));
+        assert!(["x", "1 2", "landmarks of the belly"].into_iter().all(|field| !has_spaced_fields(field)));
         assert!(["", "x", "e", "q0", "1st", "-"].into_iter().all(|field| !looks_numeric(field)));
     }
 }

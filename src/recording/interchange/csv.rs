@@ -16,9 +16,8 @@ use std::io::BufRead;
 use std::path::Path;
 
 use super::{InterchangeError, Lines, Place, TrackedRow};
-use crate::pose::Pose;
 use crate::pose::csv::pose_position;
-use crate::pose::table::{Column, Layout, PoseField, Position, Reader, TableFault, number, quote};
+use crate::pose::table::{Column, Layout, Position, Reader, TableFault, finite, quote};
 
 const KNOWN: &str =
     "time_s, x_mm, y_mm, z_mm, qw, qx, qy, qz, and optionally status, event (other units: x_cm, x_m, time_ms)";
@@ -40,7 +39,7 @@ pub fn read(source: impl BufRead, path: &Path) -> Result<Vec<TrackedRow>, Interc
             columns = Some(Columns::of(reader.columns()).map_err(failed)?);
         }
         if let (Some(row), Some(columns)) = (row, &columns) {
-            rows.push(columns.row(&row, place).map_err(|reason| place.error(path, reason))?);
+            rows.push(columns.row(&row, place).map_err(failed)?);
         }
     }
     if columns.is_none() {
@@ -74,39 +73,11 @@ impl Columns {
         Ok(Self { time: (at, name, unit_s), layout, position })
     }
 
-    fn row(&self, row: &[String], place: Place) -> Result<TrackedRow, String> {
-        let fault = |fault: TableFault| fault.to_string();
+    fn row(&self, row: &[String], place: Place) -> Result<TrackedRow, TableFault> {
         let (at, name, unit_s) = &self.time;
-        let time_s = unit_s * finite(name, row.get(*at).map_or("", String::as_str)).map_err(fault)?;
-        let pose = if self.layout.has_pose(row).map_err(fault)? { self.pose(row)? } else { None };
+        let time_s = unit_s * finite(name, row.get(*at).map_or("", String::as_str))?;
+        let pose = self.layout.pose(&self.position, row)?;
         let event = self.layout.event.and_then(|at| row.get(at)).filter(|name| !name.is_empty()).cloned();
         Ok(TrackedRow { time_s, pose, event, place })
     }
-
-    fn pose(&self, row: &[String]) -> Result<Option<Pose>, String> {
-        let fault = match self.layout.pose(&self.position, row) {
-            Ok(Ok(PoseField::Pose(pose))) => return Ok(Some(pose)),
-            Ok(Ok(PoseField::Absent)) => return Ok(None),
-            Ok(Err(error)) => error.to_string(),
-            Err(fault) => fault.to_string(),
-        };
-        Err(self.layout.absent(&self.position, row).map_or(fault, |(name, field)| part(name, field)))
-    }
-}
-
-/// Error for a pose of which only a part is there.
-fn part(name: &str, field: &str) -> String {
-    let found = quote(field);
-    format!(
-        "`{name}` is {found}, but other numbers of the pose are there; in a row without a pose all seven are empty or NaN, or `status` is invalid"
-    )
-}
-
-/// Parses the finite number in a field of the column `name`.
-fn finite(name: &str, field: &str) -> Result<f64, TableFault> {
-    let found = number(name, field)?;
-    if found.is_finite() {
-        return Ok(found);
-    }
-    Err(TableFault::Number { column: name.to_owned(), found: quote(field), hint: String::new() })
 }

@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use super::html::{escape, head};
-use crate::exam::score::{Reference, Score, Track};
+use crate::exam::score::{MisplacedTime, Reference, Score, Track};
 use crate::sink::{SinkError, write_text};
 
 const STYLE: &str = include_str!("style.css");
@@ -47,6 +47,7 @@ fn page(title: &str, note: &str, score: &Score, track: &Track, reference: &Refer
         // No option is cut at the end of a line.
         escape(note).replace("--planes", "<code>--planes</code>")
     );
+    out.push_str(&faults(score, track));
     let planes = || score.planes.iter().zip(&reference.planes).zip(&track.offsets);
     out.push_str(&tables::planes(score));
     out.push_str(&tables::calipers(&score.calipers));
@@ -67,4 +68,59 @@ fn page(title: &str, note: &str, score: &Score, track: &Track, reference: &Refer
     }
     out.push_str("</body></html>\n");
     out
+}
+
+/// What the score leaves out or doubts: time with the probe where no hand can hold it, and marks that could not be read.
+fn faults(score: &Score, track: &Track) -> String {
+    let misplaced = MisplacedTime::of(track).map(|time| format!("Misplaced: {time}."));
+    let refused = score.calipers_refused.iter().map(|reason| format!("Left out at {reason}."));
+    misplaced.into_iter().chain(refused).fold(String::new(), |mut out, text| {
+        let _ = writeln!(out, "<p class=\"note\">{}</p>", escape(&text));
+        out
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::transducer::Misplacement;
+    use crate::transducer::placement::{Cause, Fault};
+
+    /// Track of three seconds, placed like this.
+    fn track(misplaced: Option<Misplacement>) -> Track {
+        Track {
+            time_s: (0..31).map(|i| 0.1 * f64::from(i)).collect(),
+            position_mm: vec![[0.0; 3]; 31],
+            contact: vec![true; 31],
+            face: vec![1.0; 31],
+            misplaced: vec![misplaced; 31],
+            offsets: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn the_page_tells_of_a_misplaced_probe_and_of_refused_marks() {
+        let score = |refused: &[&str]| Score {
+            points: 0.0,
+            found: 0,
+            duration_s: 3.0,
+            path_mm: 0.0,
+            mean_speed_mm_s: 0.0,
+            contact: 1.0,
+            face_contact: 1.0,
+            planes: Vec::new(),
+            calipers: Vec::new(),
+            texts: Vec::new(),
+            calipers_refused: refused.iter().map(|&reason| reason.to_owned()).collect(),
+        };
+        assert_eq!(faults(&score(&[]), &track(None)), "");
+        let deep = Misplacement { fault: Fault::Deep { depth_mm: 83.0 }, likely: Some(Cause::Metres) };
+        let html = faults(&score(&["2.00 s: the id <b>"]), &track(Some(deep)));
+        assert_eq!(html.matches("<p class=\"note\">").count(), 2, "{html}");
+        for part in
+            ["Misplaced: for 3.0 s, from 0.0 s on", "83 mm deep", "times 1000", "Left out at 2.00 s: the id &lt;b&gt;."]
+        {
+            assert!(html.contains(part), "{part}: {html}");
+        }
+    }
 }

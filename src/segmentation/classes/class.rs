@@ -65,6 +65,9 @@ pub struct Class {
     pub gas: Option<Gas>,
     /// Group in pictures.
     pub group: Option<String>,
+    /// Name of the class that a mapping of the user's gave to this name.
+    #[serde(skip)]
+    pub organ: Option<String>,
 }
 
 /// Priorities of classes.
@@ -91,6 +94,7 @@ impl Class {
             wall: None,
             gas: None,
             group: None,
+            organ: None,
         }
     }
 
@@ -107,6 +111,11 @@ impl Class {
             Some(known) => Self { value: self.value, ..known.clone() },
             None => self,
         }
+    }
+
+    /// Name of the organ that it stands for: a mapped name is its own, and the organ is that of the mapping.
+    pub fn organ_name(&self) -> &str {
+        self.organ.as_deref().unwrap_or(&self.name)
     }
 
     /// Tissues of the class, its wall and its gas, each with its key.

@@ -5,8 +5,11 @@ use std::path::Path;
 use super::ClassTable;
 use super::key::words;
 
-/// Suffixes of volume files, longest first.
-const SUFFIXES: [&str; 8] = [".seg.nrrd", ".nii.gz", ".hdr.gz", ".img.gz", ".nrrd", ".nhdr", ".nii", ".hdr"];
+/// Suffixes of the files that volumes are read from, longest first.
+pub const VOLUME_SUFFIXES: [&str; 7] = [".seg.nrrd", ".nii.gz", ".hdr.gz", ".nrrd", ".nhdr", ".nii", ".hdr"];
+
+/// Suffix of voxels beside their header.
+const VOXELS_SUFFIX: &str = ".img.gz";
 
 /// Words that say nothing about the organ.
 const NEUTRAL: [&str; 34] = [
@@ -53,10 +56,62 @@ const NUMBERED: [&str; 17] = [
 ];
 
 /// Words that change what an organ's name means: never left out as common to all files.
-const MEANING: [&str; 24] = [
-    "tumor", "tumors", "tumour", "tumours", "lesion", "lesions", "cancer", "cyst", "cysts", "vessel", "vessels",
-    "vein", "veins", "artery", "arteries", "wall", "fat", "stone", "stones", "segment", "lobe", "left", "right",
+const MEANING: [&str; 55] = [
+    "tumor",
+    "tumors",
+    "tumour",
+    "tumours",
+    "lesion",
+    "lesions",
+    "cancer",
+    "cyst",
+    "cysts",
+    "vessel",
+    "vessels",
+    "vein",
+    "veins",
+    "artery",
+    "arteries",
+    "wall",
+    "fat",
+    "stone",
+    "stones",
+    "segment",
+    "lobe",
+    "left",
+    "right",
     "abscess",
+    "metastasis",
+    "metastases",
+    "nodule",
+    "nodules",
+    "mass",
+    "masses",
+    "edema",
+    "oedema",
+    "hematoma",
+    "haematoma",
+    "necrosis",
+    "calcification",
+    "calcifications",
+    "thrombus",
+    "lumen",
+    "cortex",
+    "medulla",
+    "contour",
+    "edge",
+    "boundary",
+    "margin",
+    "gtv",
+    "ctv",
+    "ptv",
+    "upper",
+    "lower",
+    "middle",
+    "anterior",
+    "posterior",
+    "proximal",
+    "distal",
 ];
 
 /// What the name of a file says about its organ.
@@ -74,15 +129,24 @@ pub enum OrganInName {
 pub fn stem(path: &Path) -> String {
     let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let lower = name.to_ascii_lowercase();
-    let suffix = SUFFIXES.into_iter().find(|suffix| lower.ends_with(suffix) && lower.len() > suffix.len());
+    let mut suffixes = VOLUME_SUFFIXES.into_iter().chain([VOXELS_SUFFIX]);
+    let suffix = suffixes.find(|suffix| lower.ends_with(suffix) && lower.len() > suffix.len());
     suffix.map_or(name.clone(), |suffix| name[..name.len() - suffix.len()].to_owned())
 }
 
-/// Numbers of words that all names share at their start and at their end. Words that change what an organ's name means are not
-/// counted.
-pub fn common_words(stems: &[String]) -> [usize; 2] {
+/// Words that the names of all files of a folder share, in lower case.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct CommonWords {
+    /// Words at the start.
+    pub start: Vec<String>,
+    /// Words at the end.
+    pub end: Vec<String>,
+}
+
+/// Words that all names share at their start and at their end. Words that change what an organ's name means are not among them.
+pub fn common_words(stems: &[String]) -> CommonWords {
     let all: Vec<Vec<String>> = stems.iter().map(|stem| words(stem)).collect();
-    let [first, _, ..] = &all[..] else { return [0, 0] };
+    let [first, _, ..] = &all[..] else { return CommonWords::default() };
     let shortest = all.iter().map(Vec::len).min().unwrap_or(0);
     let may_go = |word: &String| !MEANING.contains(&word.as_str());
     let at_start = (0..shortest).take_while(|&n| may_go(&first[n]) && all.iter().all(|w| w[n] == first[n])).count();
@@ -93,18 +157,21 @@ pub fn common_words(stems: &[String]) -> [usize; 2] {
     };
     let at_end = (0..shortest).take_while(is_last).count();
     // Each name keeps a word.
-    if at_start + at_end < shortest { [at_start, at_end] } else { [0, 0] }
+    if at_start + at_end >= shortest {
+        return CommonWords::default();
+    }
+    CommonWords { start: first[..at_start].to_vec(), end: first[first.len() - at_end..].to_vec() }
 }
 
-/// What the file name `stem` says about the organ in the file. `common` is the number of words at its start and at its end that all
-/// files of its folder share; `None` for a lone file.
-pub fn organ_in_name(stem: &str, table: &ClassTable, common: Option<[usize; 2]>) -> OrganInName {
+/// What the file name `stem` says about the organ in the file. `common` are the words that all files of its folder share; `None` for
+/// a lone file.
+pub fn organ_in_name(stem: &str, table: &ClassTable, common: Option<&CommonWords>) -> OrganInName {
     let words = words(stem);
     if let (Some(class), Some(_)) = (table.named(stem), common) {
         return OrganInName::Is(class.name.clone());
     }
     let found = organ_in(&words, table);
-    match (found, common) {
+    match (found, common.map(|common| [common.start.len(), common.end.len()])) {
         (OrganInName::Is(name), _) => OrganInName::Is(name),
         (_, Some([start, end])) if start + end > 0 && start + end < words.len() => {
             organ_in(&words[start..words.len() - end], table)
@@ -133,8 +200,7 @@ fn organ_in(words: &[String], table: &ClassTable) -> OrganInName {
 
 /// Whether a word may name an organ: `T1` and `S1` also number patients and scans.
 fn is_telling(word: &str) -> bool {
-    word.chars().count() >= 2 && word.chars().all(char::is_alphabetic) && !word.is_ascii()
-        || word.len() >= 3 && word.chars().all(char::is_alphabetic)
+    word.len() >= 3 && word.chars().all(char::is_alphabetic)
 }
 
 fn is_neutral(word: &str) -> bool {
@@ -194,13 +260,24 @@ mod tests {
         let table = ClassTable::builtin("total-v2").unwrap();
         let of = |stems: &[&str]| -> Vec<OrganInName> {
             let stems: Vec<String> = stems.iter().map(|s| (*s).to_owned()).collect();
-            let common = Some(common_words(&stems));
-            stems.iter().map(|stem| organ_in_name(stem, &table, common)).collect()
+            let common = common_words(&stems);
+            stems.iter().map(|stem| organ_in_name(stem, &table, Some(&common))).collect()
         };
         let is = |name: &str| OrganInName::Is(name.to_owned());
         assert_eq!(of(&["smith_liver_new", "smith_spleen_new"]), [is("liver"), is("spleen")]);
         assert_eq!(of(&["kidney_left", "kidney_right"]), [is("kidney_left"), is("kidney_right")]);
         assert_eq!(of(&["L1", "L2"]), [is("vertebrae_L1"), is("vertebrae_L2")]);
-        assert!(!of(&["lesion_stomach", "lesion_spleen"]).iter().any(|found| matches!(found, OrganInName::Is(_))));
+        assert_eq!(of(&["caseLiver", "caseSpleen"]), [is("liver"), is("spleen")]);
+        for names in [
+            ["lesion_stomach", "lesion_spleen"],
+            ["spleen_metastasis", "pancreas_metastasis"],
+            ["liver_edge_case1", "spleen_edge_case1"],
+            ["upper_liver", "upper_spleen"],
+        ] {
+            assert!(!of(&names).iter().any(|found| matches!(found, OrganInName::Is(_))), "{names:?}");
+        }
+        let stems = ["Dr_SmithLiver_new", "Dr_SmithSpleen_new"].map(str::to_owned);
+        let owned = |words: &[&str]| words.iter().map(|word| (*word).to_owned()).collect::<Vec<_>>();
+        assert_eq!(common_words(&stems), CommonWords { start: owned(&["dr", "smith"]), end: owned(&["new"]) });
     }
 }

@@ -1,9 +1,11 @@
 //! Classes of the segments of a label map.
 
+use std::collections::BTreeMap;
 use std::fmt;
 
 use super::{Class, ClassTable};
 use crate::names::{counted, printable};
+use crate::segmentation::measure::Measure;
 use crate::segmentation::volume::{LabelMap, Segment};
 
 /// A segment with voxels, and its class.
@@ -56,19 +58,20 @@ impl fmt::Display for Unmapped {
 }
 
 impl ClassTable {
-    /// Classes of the segments that have voxels, in the order of the map's segments, and segments without a class.
+    /// Classes of the segments that have voxels, in the order of the map's segments, and segments without a class. `measures` are
+    /// those of the map.
     ///
     /// Segments of ignored classes are among the mapped ones. A segment's class is that of its name, else that of its
     /// coded terms. The number counts for segments without a name, and where a mapping such as `7=liver` names it.
-    pub fn map(&self, map: &LabelMap) -> (Vec<MappedSegment>, Vec<Unmapped>) {
-        let counts: Vec<Vec<u64>> = map.layers.iter().map(|layer| histogram(layer)).collect();
+    pub fn map(
+        &self,
+        map: &LabelMap,
+        measures: &BTreeMap<(usize, u16), Measure>,
+    ) -> (Vec<MappedSegment>, Vec<Unmapped>) {
         let (mut mapped, mut unmapped) = (Vec::new(), Vec::new());
         for (index, segment) in map.segments.iter().enumerate() {
             let &Segment { layer, value, colour, .. } = segment;
-            let voxels = counts.get(layer).map_or(0, |counts| counts[usize::from(value)]);
-            if voxels == 0 {
-                continue;
-            }
+            let Some(&Measure { voxels, .. }) = measures.get(&(layer, value)) else { continue };
             if let Some(class) = self.class_of(segment) {
                 let name = segment.name.as_deref().map_or(class.name.clone(), |name| printable(name).into_owned());
                 mapped.push(MappedSegment { segment: index, layer, value, name, colour, class: class.clone(), voxels });
@@ -96,21 +99,13 @@ impl ClassTable {
     }
 }
 
-/// Voxels of each label.
-fn histogram(labels: &[u16]) -> Vec<u64> {
-    let mut counts = vec![0; 1 << 16];
-    for label in labels {
-        counts[usize::from(*label)] += 1;
-    }
-    counts
-}
-
 #[cfg(test)]
 mod tests {
     use glam::DAffine3;
 
     use super::super::Role;
     use super::*;
+    use crate::segmentation::measure::measure;
 
     fn segment(value: u16, name: Option<&str>, terminology: Option<&str>) -> Segment {
         let owned = |text: Option<&str>| text.map(str::to_owned);
@@ -129,6 +124,11 @@ mod tests {
         }
     }
 
+    /// Classes of the segments of a map.
+    fn of_map(table: &ClassTable, map: &LabelMap) -> (Vec<MappedSegment>, Vec<Unmapped>) {
+        table.map(map, &measure(map))
+    }
+
     fn names(mapped: &[MappedSegment]) -> Vec<(&str, &str, u64)> {
         mapped.iter().map(|m| (m.name.as_str(), m.class.name.as_str(), m.voxels)).collect()
     }
@@ -144,7 +144,7 @@ mod tests {
             segment(900, None, None),
             segment(6, Some("stomach"), None),
         ];
-        let (mapped, unmapped) = table.map(&map(segments, vec![0, 1, 1, 2, 3, 5, 5, 5, 900]));
+        let (mapped, unmapped) = of_map(&table, &map(segments, vec![0, 1, 1, 2, 3, 5, 5, 5, 900]));
         let expected = [("Right Kidney", "kidney_right", 2), ("Segment_2", "kidney_left", 1), ("liver", "liver", 3)];
         assert_eq!(names(&mapped), expected);
         assert_eq!((mapped[1].segment, mapped[1].colour), (1, Some([1, 2, 3])));
@@ -156,7 +156,7 @@ mod tests {
     #[test]
     fn unknown_names_come_with_the_nearest_known_ones() {
         let table = ClassTable::builtin("total-v2").unwrap();
-        let (mapped, unmapped) = table.map(&map(vec![segment(4, Some("spleeen"), None)], vec![4; 1200]));
+        let (mapped, unmapped) = of_map(&table, &map(vec![segment(4, Some("spleeen"), None)], vec![4; 1200]));
         assert_eq!(mapped, []);
         let says = unmapped[0].to_string();
         assert!(
@@ -177,7 +177,7 @@ mod tests {
             segment(1, Some("liver"), None),
             segment(5, None, None),
         ];
-        let (mapped, unmapped) = table.map(&map(segments, vec![1, 3, 4, 5]));
+        let (mapped, unmapped) = of_map(&table, &map(segments, vec![1, 3, 4, 5]));
         assert_eq!(unmapped, []);
         let found: Vec<_> = mapped.iter().map(|m| (m.class.name.as_str(), m.class.tissue.as_deref())).collect();
         let tissue = Some;

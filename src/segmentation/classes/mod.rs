@@ -12,6 +12,6 @@ mod table;
 
 pub use class::{Class, Gas, Role, Wall};
 pub use error::ClassError;
-pub use file_name::{OrganInName, common_words, organ_in_name, stem};
+pub use file_name::{CommonWords, OrganInName, VOLUME_SUFFIXES, common_words, organ_in_name, stem};
 pub use map::{MappedSegment, Unmapped};
 pub use table::ClassTable;

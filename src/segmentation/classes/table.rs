@@ -162,7 +162,8 @@ impl ClassTable {
         } else if let Some(known) = self.named(target) {
             // A number is called as the class it gets; a name is kept.
             let name = if value.is_some() { &known.name } else { name };
-            Class { name: name.to_owned(), value: None, aliases: Vec::new(), ..known.clone() }
+            let organ = Some(known.organ_name().to_owned());
+            Class { name: name.to_owned(), value: None, aliases: Vec::new(), organ, ..known.clone() }
         } else if TISSUES.iter().any(|tissue| tissue == target) {
             Class::of_tissue(if value.is_some() { target } else { name }, target)
         } else {

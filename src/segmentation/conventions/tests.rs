@@ -171,6 +171,8 @@ fn a_liver_and_its_large_tumour_are_refused_as_spleen_and_kidney() {
     assert!(found.likelier.contains(&"lits") && found.as_likely.is_empty(), "{found:?}");
     let error = found.check(&labels, &default, &from).unwrap_err().to_string();
     assert!(error.contains("lits"), "{error}");
+    assert!(found.findings.iter().all(|finding| finding.certainty == Certainty::Unlikely), "{found:?}");
+    assert!(error.contains("the labels are unlikely: ") && !error.contains("not those of a human"), "{error}");
 }
 
 #[test]
@@ -204,8 +206,39 @@ fn a_mirrored_map_is_refused_with_its_axes_and_can_be_allowed() {
     for word in ["Mirrored?", "right (i), back (j) and head (k)", "left and right are exchanged", "situs inversus"] {
         assert!(error.contains(word), "{word}: {error}");
     }
+    assert!(error.contains("the labels are not those of a human: "), "{error}");
     let remarks = found.remarks(&default, true);
     assert!(remarks[0].starts_with("--allow-implausible: ") && remarks[0].contains("exchanged"), "{remarks:?}");
+}
+
+#[test]
+fn mapped_names_are_compared_as_the_organs_they_mean() {
+    let named = |value: u16, name: &str| Segment {
+        layer: 0,
+        value,
+        name: Some(name.to_owned()),
+        colour: None,
+        terminology: None,
+    };
+    let labels = label_map(vec![named(1, "Segment_1"), named(2, "Segment_2")]);
+    let (mut mapped, _) = names("total-v2", false);
+    mapped.table.add("Segment_1=liver").unwrap();
+    // A mapping of a mapped name is of the same organ.
+    mapped.table.add("mine=spleen").unwrap();
+    mapped.table.add("Segment_2=mine").unwrap();
+    let from = NamesFrom::File { place: "the file's segments" };
+    let found = |liver_ml: f64, by: f64| {
+        let at = |x: f64| DVec3::new(x * by, 0.0, 0.0);
+        let measure = |volume_ml: f64, x: f64| Measure { voxels: 1000, volume_ml, centre_mm: at(x), is_cut: false };
+        let measures = Measures::from([((0, 1), measure(liver_ml, -60.0)), ((0, 2), measure(200.0, 100.0))]);
+        let found = plausibility(&labels, &measures, &mapped, &from);
+        found.check(&labels, &mapped, &from).map_err(|error| error.to_string())
+    };
+    assert_eq!(found(1500.0, 1.0), Ok(()));
+    let error = found(1500.0, -1.0).unwrap_err();
+    assert!(error.contains("left and right are exchanged"), "{error}");
+    let error = found(200_000.0, 1.0).unwrap_err();
+    assert!(error.contains("`liver` has 200,000 ml: no human's has more than 16,000 ml"), "{error}");
 }
 
 #[test]

@@ -18,6 +18,9 @@ const FAT_TO_SOFT_HU: std::ops::Range<f32> = 60.0..400.0;
 const SOFT_HU: std::ops::Range<f32> = -50.0..300.0;
 /// More than soft tissue has with contrast agent, HU.
 const SOFT_HU_MAX: f32 = 400.0;
+/// More than the median of labelled soft tissue can be, HU, even of blood with contrast agent alone. Values that lack their
+/// rescale intercept are above.
+const STATED_SOFT_HU_MAX: f32 = 800.0;
 /// Fat in HU.
 const FAT_HU: std::ops::Range<f32> = -150.0..-50.0;
 /// A window that begins above this value can't tell fat from air, HU.
@@ -44,7 +47,15 @@ pub(super) fn judge(
     let refused = |air: f32, fat: Option<f32>, remedy: String| -> Result<Judgement, ImageError> {
         Err(ImageError::NotHu { path: image.path.clone(), seen: seen(levels, air, fat), remedy })
     };
+    let soft = levels.soft_median();
     match image.stated {
+        Some(Modality::Ct) if soft.is_some_and(|soft| !(AIR_HU..=STATED_SOFT_HU_MAX).contains(&soft)) => {
+            let remedy =
+                "--image-type ct doesn't convert values, and no soft tissue has such ones in HU: subtract the rescale \
+                          intercept (1024 for most scanners), or convert the series anew with dcm2niix"
+                    .to_owned();
+            return refused(levels.least(), None, remedy);
+        }
         Some(Modality::Ct) if levels.least() >= AIR_HU && levels.clipped_low(0.005) => return window(levels, &refused),
         Some(Modality::Ct) => {
             return Ok(Judgement::Hu(format!(
@@ -55,7 +66,6 @@ pub(super) fn judge(
         Some(Modality::Mr) => return Ok(Judgement::Other(other("as --image-type says", levels, None))),
         None => {}
     }
-    let soft = levels.soft_median();
     if let Some(soft) = soft {
         let air = levels.air(soft - 0.3 * (soft - levels.least()).max(1.0));
         let offset = air + 1000.0;

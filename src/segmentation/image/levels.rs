@@ -2,7 +2,6 @@
 
 use glam::DVec3;
 
-use super::grid_of;
 use crate::segmentation::grid::Grid;
 use crate::segmentation::inputs::Organ;
 use crate::segmentation::volume::Image;
@@ -72,7 +71,7 @@ impl Sample {
         let matters: Vec<Matter> = organs.iter().map(Matter::of).collect();
         let count = labels.iter().filter(|label| **label != 0).count();
         let step = count.div_ceil(LABELLED_MAX).max(1);
-        let image_from_grid = grid_of(image).lps_from_voxel.inverse() * grid.lps_from_voxel;
+        let image_from_grid = image.lps_from_voxel.inverse() * grid.lps_from_voxel;
         let place = |i: usize| -> Option<[usize; 3]> {
             let p = image_from_grid.transform_point3(DVec3::from_array(grid.at(i).map(|v| v as f64))).round();
             let within = (0..3).all(|n| (0.0..image.size[n] as f64).contains(&p[n]));

@@ -15,7 +15,7 @@ use glam::{DAffine3, DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::grid::Grid;
-use super::inputs::Organ;
+use super::inputs::{Organ, least};
 use super::volume::{Image, OUTSIDE};
 use judge::Judgement;
 use levels::{Levels, Sample};
@@ -52,15 +52,10 @@ pub fn checked(image: &Image, grid: &Grid, labels: &[u16], organs: &[Organ]) -> 
     };
     let remarks = std::iter::once(reason).chain(fit).collect();
     if is_ct {
-        let index = nearest(grid, &grid_of(image));
+        let index = nearest(grid, &image.grid());
         values.par_iter_mut().enumerate().filter(|(i, _)| index(*i).is_none()).for_each(|(_, value)| *value = OUTSIDE);
     }
     Ok(Checked { values, is_ct, remarks })
-}
-
-/// Grid of an image.
-fn grid_of(image: &Image) -> Grid {
-    Grid { size: image.size, lps_from_voxel: image.lps_from_voxel }
 }
 
 /// Index, in the grid `to`, of the voxel nearest to a voxel of the grid `from`.
@@ -76,8 +71,8 @@ pub(super) fn nearest(from: &Grid, to: &Grid) -> impl Fn(usize) -> Option<usize>
 
 /// Values of an image on `grid`; beyond its field its lowest value.
 fn on_grid(image: &Image, grid: &Grid) -> Vec<f32> {
-    let least = image.values.par_iter().copied().reduce(|| f32::INFINITY, f32::min);
-    let index = nearest(grid, &grid_of(image));
+    let least = least(&image.values);
+    let index = nearest(grid, &image.grid());
     (0..grid.len()).into_par_iter().map(|i| index(i).map_or(least, |i| image.values[i])).collect()
 }
 

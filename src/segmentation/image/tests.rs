@@ -280,14 +280,21 @@ fn what_the_user_states_overrides_the_values() {
     let shifted = mapped(ct(), |hu| hu + 1024.0);
     let as_mr = Image { stated: Some(Modality::Mr), ..shifted.clone() };
     accepted(&as_mr, false, "as --image-type says");
-    let as_ct = Image { stated: Some(Modality::Ct), ..ct() };
-    accepted(&as_ct, true, "as --image-type says");
+    let as_ct = |image: Image| Image { stated: Some(Modality::Ct), ..image };
+    accepted(&as_ct(ct()), true, "as --image-type says");
+    // Without the rescale intercept, or with it twice, all would be body or air.
+    for wrong in [shifted.clone(), mapped(shifted, |value| value.max(0.0)), mapped(ct(), |hu| hu - 1024.0)] {
+        refused(&as_ct(wrong), &["isn't in HU", "dcm2niix", "--image-type ct doesn't convert values"]);
+    }
+    // Much contrast agent.
+    let bright = |is| hu(is) + if matches!(is, Is::Liver | Is::Spleen | Is::Kidney) { 450.0 } else { 0.0 };
+    accepted(&as_ct(image(bright, 18.0)), true, "as --image-type says");
     // A clipped CT stays one, or everything would be body.
-    let window = Image { stated: Some(Modality::Ct), ..mapped(ct(), |hu| hu.clamp(-160.0, 240.0)) };
+    let window = as_ct(mapped(ct(), |hu| hu.clamp(-160.0, 240.0)));
     let checked = accepted(&window, true, "clipped to -160 to 240 HU");
     let body = crate::segmentation::body::from_image(&checked.values, &grid(), true);
     assert!(share(&body, Is::Fat) > 0.97 && share(&body, Is::Air) < 0.02, "{}", share(&body, Is::Air));
-    let narrow = Image { stated: Some(Modality::Ct), ..mapped(ct(), |hu| hu.clamp(-50.0, 350.0)) };
+    let narrow = as_ct(mapped(ct(), |hu| hu.clamp(-50.0, 350.0)));
     refused(&narrow, &["clipped to -50 to 350 HU", "fat can't be told from air"]);
 }
 
@@ -330,22 +337,12 @@ fn organs_in_air_are_refused() {
     };
     let shifted = Image { values: (0..grid.len()).map(value).collect(), ..ct() };
     refused(&shifted, &["doesn't fit the labels", "% of the soft tissue lies in air"]);
-    let dark = mapped(
-        image(
-            |is| {
-                if is == Is::Air {
-                    900.0
-                } else if is == Is::Fat {
-                    400.0
-                } else {
-                    1.0
-                }
-            },
-            0.0,
-        ),
-        |v| v,
-    );
-    refused(&dark, &["lies in the dark background"]);
+    let dark = |is| match is {
+        Is::Air => 900.0,
+        Is::Fat => 400.0,
+        _ => 1.0,
+    };
+    refused(&image(dark, 0.0), &["lies in the dark background"]);
 }
 
 #[test]

@@ -69,6 +69,8 @@ fn names_are_known_without_the_words_that_all_files_share() {
     let found = read(&files).unwrap();
     assert_eq!(found.names.to_string(), "names from the names of 2 files, without `smith`");
     assert_eq!(found.labels.segments[1].name.as_deref(), Some("spleen"));
+    let found = read(&[("smithLiver.nrrd", between(0, 9)), ("smithSpleen.nrrd", between(9, 20))]).unwrap();
+    assert_eq!(found.names.to_string(), "names from the names of 2 files, without `smith`");
 }
 
 #[test]
@@ -104,7 +106,21 @@ fn masks_that_do_not_fit_are_refused_by_name() {
     }
     // The same grid, rounded to 32 bits.
     assert!(read(&[liver(), ("spleen.nrrd", mask(SIZE, 1e-4, |_| 1))]).is_ok());
-    assert!(refusal(&[("liver.nrrd", between(0, 0))]).contains("all 1 masks are empty"));
+    assert!(refusal(&[("liver.nrrd", between(0, 0))]).contains("its one mask is empty"));
+    let empty = refusal(&[("liver.nrrd", between(0, 0)), ("spleen.nrrd", between(0, 0))]);
+    assert!(empty.contains("all 2 masks are empty"), "{empty}");
+}
+
+#[test]
+fn masks_that_are_all_left_out_are_refused_with_the_reason() {
+    let ignored = |files: &[(&str, Vec<u8>)], maps: &[&str]| read_with(files, maps, true).unwrap_err().to_string();
+    let liver = || ("liver.nrrd", between(0, 9));
+    let error = ignored(&[liver()], &["liver=ignore"]);
+    assert!(error.contains("its one mask is ignored"), "{error}");
+    let error = ignored(&[liver(), ("spleen.nrrd", between(9, 20))], &["liver=ignore", "spleen=ignore"]);
+    assert!(error.contains("all 2 masks are ignored"), "{error}");
+    let error = ignored(&[liver(), ("spleeen.nrrd", between(9, 20))], &["liver=ignore"]);
+    assert!(error.contains("`spleeen` is no known class (did you mean `spleen`"), "{error}");
 }
 
 #[test]
@@ -122,6 +138,15 @@ fn a_folder_without_masks_says_what_it_has() {
     let error =
         read_mask_folder(outer.path(), &table, ReadOptions::default(), false, &|_, _| ()).unwrap_err().to_string();
     assert!(error.contains("segmentations has some"), "{error}");
+}
+
+#[test]
+fn what_is_left_out_of_a_folder_with_a_body_is_said() {
+    let table = ClassTable::builtin("total-v2").unwrap();
+    let files = [("body.nrrd", between(5, 90)), ("skin.nrrd", between(0, 0)), ("spleeen.nrrd", between(0, 9))];
+    let body = read_body_folder(folder(&files).path(), &table, ReadOptions::default(), &|_, _| ()).unwrap();
+    let [empty, unknown] = &body.remarks[..] else { panic!("{:?}", body.remarks) };
+    assert!(empty == "1 mask without a voxel" && unknown.starts_with("left out: the name of `spleeen`"), "{unknown}");
 }
 
 #[test]

@@ -217,8 +217,16 @@ impl<'a> Meanings<'a> {
         }
         let has_meant_parts = self.of_target.keys().any(|(i, _)| *i == index);
         let own = self.table.named(&mesh.name);
-        let organs = self.organs_of_parts(&mesh);
+        let mut organs = self.organs_of_parts(&mesh);
         let is_apart = mesh.parts.len() > 1 && !mesh.is_one_surface();
+        // Of parts that lie apart, one that names another organ leaves the meaning of the others open.
+        if is_apart
+            && let Some(own) = own
+            && !organs.is_empty()
+            && organs.iter().all(|organ| organ.name != own.name)
+        {
+            organs.push(own);
+        }
         if let Some(assignment) = self.of_file.filter(|assignment| assignment.meaning.is_some()) {
             if self.is_several || has_meant_parts || organs.len() > 1 || (is_apart && own.is_none()) {
                 return Err(self.several(assignment, &mesh));

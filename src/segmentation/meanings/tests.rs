@@ -4,6 +4,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
+use super::super::classes::Role;
 use super::*;
 
 /// A mesh of a triangle for each part, apart from each other or touching.
@@ -94,8 +95,9 @@ fn a_file_of_several_meshes_needs_a_meaning_for_each() {
     // All others; a tissue keeps the meshes' names, and so does one organ for all.
     is_meant(&meshes, &["a.obj#*=bone_adult"], &[("grp0", "grp0"), ("grp1", "grp1")]);
     is_meant(&meshes, &["a.obj#*=liver", "a.obj#grp1=spleen"], &[("grp0", "grp0"), ("grp1", "spleen")]);
-    let ignored = meant(&meshes, &["a.obj#*=ignore"]).unwrap();
-    assert_eq!(ignored.len(), 2);
+    let table = ClassTable::builtin("total-v2").unwrap();
+    let ignored = meanings(&table, Path::new("a.obj"), meshes.to_vec(), &assignments(&["a.obj#*=ignore"])).unwrap();
+    assert!(ignored.len() == 2 && ignored.iter().all(|meant| meant.class.role == Role::Ignore), "{ignored:?}");
     // One known name does not speak for the others.
     let named = [mesh("Right Kidney", &[], true), mesh("liver", &[], true)];
     is_meant(&named, &["a.obj"], &[("Right Kidney", "kidney_right"), ("liver", "liver")]);
@@ -128,6 +130,13 @@ fn unknown_materials_divide_only_what_is_apart() {
     let bladder = [mesh("urinary_bladder", &["wall", "lumen"], false)];
     is_meant(&bladder, &["a.obj"], &[("urinary_bladder", "urinary_bladder")]);
     is_meant(&bladder, &["a.obj=spleen"], &[("urinary_bladder", "spleen")]);
+    // Unless one of its parts, apart from the others, is another organ.
+    let two = |touching| [mesh("liver", &["mat0", "gallbladder"], touching)];
+    is_refused(&two(false), &["a.obj"], &["`mat0` is no known organ", "a.obj#mat0="]);
+    is_refused(&two(false), &["a.obj=liver"], &["2 meshes (`mat0`, `gallbladder`)", "a.obj#mat0=liver"]);
+    let both = [("mat0", "liver"), ("gallbladder", "gallbladder")];
+    is_meant(&two(false), &["a.obj#mat0=liver"], &both);
+    is_meant(&two(true), &["a.obj"], &[("liver", "liver")]);
     // The material alone may name the organ.
     is_meant(&[mesh("Mesh.001", &["liver"], true)], &["a.obj"], &[("Mesh.001", "liver")]);
     is_refused(&[mesh("Mesh.001", &["liver", "other"], false)], &["a.obj"], &["`other` is no known organ"]);

@@ -44,7 +44,7 @@ impl Cells {
         if added == cells { Ok(()) } else { Err(format!("the list has {added} cells, and {cells} are promised")) }
     }
 
-    /// Adds cells that end at `ends` of the list of all `corners`.
+    /// Adds cells that end at `ends` of the list of all `corners`. The last one ends with the list.
     pub(super) fn add_by_ends(
         self,
         ends: &[f64],
@@ -60,6 +60,9 @@ impl Cells {
             };
             self.add(&corners[start..stop], vertices, draft)?;
             start = stop;
+        }
+        if start != corners.len() {
+            return Err(format!("the offsets end at {start} of {} corners", corners.len()));
         }
         Ok(())
     }

@@ -31,7 +31,7 @@ use glam::DVec3;
 pub use error::{MeshFileError, Position};
 pub use hints::FileHints;
 
-use crate::anatomy::mesh::root;
+use crate::anatomy::groups::Groups;
 use crate::files::{self, FileKind};
 use draft::{Draft, Finisher};
 use error::Fault;
@@ -63,19 +63,16 @@ impl NamedMesh {
     /// Whether all parts hang together by shared vertices, so that they are one surface.
     pub fn is_one_surface(&self) -> bool {
         let mut part_of = vec![u32::MAX; self.vertices.len()];
-        // Union of sets: parts that share a vertex have one root.
-        let mut parent: Vec<u32> = (0..self.parts.len() as u32).collect();
+        let mut groups = Groups::new(self.parts.len());
         for (number, part) in (0..).zip(&self.parts) {
             for &vertex in self.triangles[part.triangles.clone()].iter().flatten() {
                 let other = std::mem::replace(&mut part_of[vertex as usize], number);
-                if other != u32::MAX && other != number {
-                    let (a, b) = (root(&mut parent, other), root(&mut parent, number));
-                    parent[a as usize] = b;
+                if other != u32::MAX {
+                    groups.join(other, number);
                 }
             }
         }
-        let roots: HashSet<u32> = (0..self.parts.len() as u32).map(|part| root(&mut parent, part)).collect();
-        roots.len() < 2
+        groups.numbered().into_iter().all(|number| number == 0)
     }
 
     /// Meshes of its parts, each with its own vertices, called as `name` says; the mesh itself if it has no parts.

@@ -10,7 +10,7 @@ use super::error::Fault;
 use super::scanner::{finite, lines, not_a, text};
 
 /// Statements without polygons, which are skipped: normals, texture, materials, display, parameters of curves.
-const SKIPPED: [&str; 37] = [
+const SKIPPED: [&str; 34] = [
     "vt",
     "vn",
     "vp",
@@ -45,9 +45,6 @@ const SKIPPED: [&str; 37] = [
     "cdp",
     "cdc",
     "bsm",
-    "usemtl",
-    "g",
-    "o",
 ];
 
 /// Statements of free-form surfaces.

@@ -224,6 +224,19 @@ fn text_vtk_holds_as_many_cells_as_it_promises() {
 }
 
 #[test]
+fn offsets_of_vtk_lead_to_the_last_corner() {
+    let text = |offsets: &str| {
+        let count = offsets.split(' ').count();
+        format!(
+            "# vtk DataFile Version 5.1\nname\nASCII\nDATASET POLYDATA\nPOINTS 3 float\n0 0 0 1 0 0 0 1 0\n\
+             POLYGONS {count} 6\nOFFSETS vtktypeint64\n{offsets}\nCONNECTIVITY vtktypeint64\n0 1 2 2 1 0\n"
+        )
+    };
+    assert_eq!(read("a.vtk", text("0 3 6")).unwrap().meshes[0].triangles.len(), 2);
+    refused("a.vtk", text("0 3"), &["line 7", "the offsets end at 3 of 6 corners"]);
+}
+
+#[test]
 fn pieces_of_a_vtp_are_parts_with_as_many_cells_as_promised() {
     let piece = |x: f64| {
         format!(
@@ -242,5 +255,7 @@ fn pieces_of_a_vtp_are_parts_with_as_many_cells_as_promised() {
     assert_eq!(names(&read("a.vtp", file(&[piece(0.0)])).unwrap()), [("a", vec![])]);
     let more = piece(0.0).replace("NumberOfPolys=\"1\"", "NumberOfPolys=\"2\"");
     refused("a.vtp", file(&[more]), &["1 cells in `Polys`, and 2 are promised"]);
+    let longer = piece(0.0).replace("0 1 2</DataArray>", "0 1 2 2 1 0</DataArray>");
+    refused("a.vtp", file(&[longer]), &["line 1", "the offsets end at 3 of 6 corners"]);
     refused("a.vtp", file(&[piece(0.0).replace("0 1 0", "0 1,5 0")]), &["line 1", "decimal comma"]);
 }

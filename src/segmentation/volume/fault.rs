@@ -79,6 +79,16 @@ pub enum VolumeFault {
         /// Limit.
         limit: u64,
     },
+    /// A segmentation of very many layers.
+    #[error(
+        "it has {found} layers; at most {limit} are read: save fewer segments, or collapse the layers in 3D Slicer"
+    )]
+    Layers {
+        /// Layers found.
+        found: usize,
+        /// Limit.
+        limit: usize,
+    },
     /// More voxels than there is memory for.
     #[error("{0}: crop the volume, or resample it to larger voxels")]
     Memory(#[from] NoMemory),

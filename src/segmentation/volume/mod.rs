@@ -8,11 +8,11 @@ mod fault;
 #[cfg(test)]
 mod fixtures;
 mod geometry;
+mod label_names;
 mod nifti;
 mod nrrd;
 mod raw;
 mod read;
-mod resample;
 mod samples;
 mod source;
 
@@ -20,6 +20,7 @@ use std::path::PathBuf;
 
 use glam::DAffine3;
 
+use super::grid::Grid;
 use crate::names::named;
 
 pub use fault::{VolumeError, VolumeFault};
@@ -28,7 +29,9 @@ pub use nifti::decode_nifti;
 pub use nrrd::decode_nrrd;
 pub use raw::RawVolume;
 pub use read::{read_image, read_labels};
-pub use resample::OUTSIDE;
+
+/// Value of voxels outside an image: the radiodensity of air, HU.
+pub const OUTSIDE: f32 = -1024.0;
 
 /// Choices of the reader.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -108,4 +111,18 @@ pub struct Image {
     pub stated: Option<Modality>,
     /// What was assumed or chosen in reading, one sentence each.
     pub remarks: Vec<String>,
+}
+
+impl LabelMap {
+    /// Grid of the voxels.
+    pub fn grid(&self) -> Grid {
+        Grid { size: self.size, lps_from_voxel: self.lps_from_voxel }
+    }
+}
+
+impl Image {
+    /// Grid of the voxels.
+    pub fn grid(&self) -> Grid {
+        Grid { size: self.size, lps_from_voxel: self.lps_from_voxel }
+    }
 }

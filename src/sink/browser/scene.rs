@@ -49,7 +49,7 @@ struct Entry<'a> {
     colour: Rgb,
     /// Index of the layer; null for the probe.
     layer: Option<usize>,
-    /// Opacity relative to the layer's; of the probe, itself.
+    /// Opacity relative to the layer's. The probe is in no layer: its opacity.
     part: f32,
     vertices: usize,
     triangles: usize,

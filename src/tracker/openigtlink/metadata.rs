@@ -3,7 +3,7 @@
 //! PLUS sends tools that are out of view as identities with `TransformStatus` or `TransformValid`, unless
 //! `SendValidTransformsOnly` is set.
 
-use super::Reason;
+use super::{NAME_LENGTH, Reason};
 
 /// Length of an entry in the metadata's header: key length, encoding, value length.
 const ENTRY: usize = 8;
@@ -74,7 +74,9 @@ impl<'a> Metadata<'a> {
         self.entries().all(|(key, value)| {
             let (Ok(key), Ok(value)) = (std::str::from_utf8(key), std::str::from_utf8(value)) else { return true };
             let value = value.trim_matches(['\0', ' ']);
-            let is_of_tool = |suffix: &str| key.strip_suffix(suffix).is_some_and(|of| of.is_empty() || of == tool);
+            // A key holds the whole name, of which `tool` may be the first bytes.
+            let is_tool = |of: &str| of == tool || (tool.len() == NAME_LENGTH && of.starts_with(tool));
+            let is_of_tool = |suffix: &str| key.strip_suffix(suffix).is_some_and(|of| of.is_empty() || is_tool(of));
             if is_of_tool(VALID) {
                 return !["false", "0", "no"].iter().any(|no| value.eq_ignore_ascii_case(no));
             }
@@ -91,6 +93,10 @@ mod tests {
     use super::*;
 
     fn is_valid(entries: &[(&str, &str)]) -> bool {
+        is_valid_of("ProbeToTracker", entries)
+    }
+
+    fn is_valid_of(tool: &str, entries: &[(&str, &str)]) -> bool {
         let mut header = (entries.len() as u16).to_be_bytes().to_vec();
         let mut text = Vec::new();
         for (key, value) in entries {
@@ -99,7 +105,7 @@ mod tests {
             header.extend((value.len() as u32).to_be_bytes());
             text.extend([key.as_bytes(), value.as_bytes()].concat());
         }
-        Metadata::new(&header, &text).unwrap().is_valid("ProbeToTracker")
+        Metadata::new(&header, &text).unwrap().is_valid(tool)
     }
 
     #[test]
@@ -113,6 +119,19 @@ mod tests {
         // Of several tools of one message, each has its own key.
         assert!(!is_valid(&[("ProbeToTrackerTransformStatus", "INVALID")]));
         assert!(is_valid(&[("StylusToTrackerTransformStatus", "INVALID")]));
+    }
+
+    #[test]
+    fn keys_with_a_long_name_are_those_of_the_name_as_far_as_the_wire_holds_it() {
+        let long = "ProbeToTrackerOfPatient";
+        let is_valid_by = |name: &str| {
+            let key = format!("{name}TransformStatus");
+            is_valid_of(&long[..20], &[(key.as_str(), "INVALID")])
+        };
+        assert!(!is_valid_by(long) && !is_valid_by(&long[..20]) && !is_valid_by(""));
+        assert!(is_valid_by("ProbeToTracker") && is_valid_by("StylusToTrackerOfPatient"));
+        // A name that was not cut is compared whole.
+        assert!(is_valid(&[("ProbeToTrackerOfPatientTransformValid", "False")]));
     }
 
     #[test]

@@ -30,6 +30,9 @@ pub use decoder::{Decoder, NAMES_LIMIT};
 /// Default TCP port.
 pub(crate) const TCP_PORT: u16 = 18_944;
 
+/// Length of a device's or tool's name on the wire, bytes; longer names are cut there by their senders.
+pub(crate) const NAME_LENGTH: usize = 20;
+
 /// Fault of a message.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum Reason {

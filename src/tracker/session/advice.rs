@@ -104,6 +104,11 @@ impl Advisor {
                 "bytes arrive that are no protocol known here: most likely {baud} baud is not the device's speed. Set \
                  `[tracker] baud` or `--baud` to it (usual: {USUAL_BAUDS}), and check the protocol (`{own}`)"
             ),
+            Transport::Hid { .. } => {
+                let text =
+                    "this device is no SpaceMouse: correct `tracker.port` or `--port`; `insonify trackers` lists them";
+                text.to_owned()
+            }
             _ => format!(
                 "bytes arrive that are no protocol known here: is it the right address, and does the sender speak `{own}`?"
             ),
@@ -252,6 +257,13 @@ mod tests {
         let tcp = Transport::Tcp { address: "h:1".into() };
         let said = advisor(Protocol::AsciiLine, tcp, &noise(3000)).of_damage(40, 0).unwrap();
         assert!(!said.contains("baud") && said.contains("speak `ascii-line`"), "{said}");
+    }
+
+    #[test]
+    fn a_device_that_is_no_puck_is_named_by_its_key() {
+        let said =
+            advisor(Protocol::SpaceMouse, Transport::Hid { device: None }, &noise(300)).of_damage(40, 0).unwrap();
+        assert!(said.contains("no SpaceMouse: correct `tracker.port`") && !said.contains("address"), "{said}");
     }
 
     #[test]

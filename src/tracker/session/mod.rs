@@ -167,8 +167,15 @@ impl Session {
         };
         let is_recorded = recorded.is_some();
         let (protocol, sensor) = settings.stream(recorded);
-        if let (Some(ProbeSensor::Tool(tool)), false) = (&sensor, protocol.has_names()) {
-            return Err(TrackerError::NoNames { tool: tool.clone(), protocol: protocol.name() });
+        match &sensor {
+            Some(ProbeSensor::Tool(tool)) if !protocol.has_names() => {
+                return Err(TrackerError::NoNames { tool: tool.clone(), protocol: protocol.name() });
+            }
+            // A recording holds what was heard in one order.
+            Some(ProbeSensor::Number(number)) if protocol.has_names() && !is_recorded => {
+                return Err(TrackerError::NoNumbers { number: *number, protocol: protocol.name() });
+            }
+            _ => {}
         }
         // A recorded device receives no commands.
         let driver: Box<dyn Driver> = if is_recorded {

@@ -1,5 +1,6 @@
 //! Names and colours of labels in NIfTI extensions, as Caret and TotalSegmentator write them.
 
+use super::super::label_names::LabelNames;
 use super::super::{Segment, VolumeFault};
 
 /// Shortest extension: its length and code.
@@ -10,7 +11,7 @@ const HEAD_BYTES: usize = 8;
 /// Caret's extensions have code 30; TotalSegmentator writes code 0, so the content decides.
 ///
 /// # Errors
-/// A label table that isn't well-formed XML.
+/// A label table that isn't well-formed XML, or names a label twice.
 pub(super) fn segments(bytes: &[u8], big_endian: bool) -> Result<Vec<Segment>, VolumeFault> {
     let Some((&[flag, _, _, _], mut rest)) = bytes.split_first_chunk::<4>() else { return Ok(Vec::new()) };
     if flag == 0 {
@@ -45,13 +46,13 @@ fn label_table(text: &str) -> Result<Vec<Segment>, VolumeFault> {
     })?;
     let table = document.descendants().find(|node| node.has_tag_name("LabelTable"));
     let labels = table.into_iter().flat_map(|table| table.children()).filter(|node| node.has_tag_name("Label"));
-    let mut segments: Vec<Segment> = Vec::new();
+    let mut names = LabelNames::default();
     for label in labels {
         let Some(value) = label.attribute("Key").and_then(|key| key.trim().parse::<u16>().ok()) else { continue };
         // Text and CDATA may alternate.
         let name: String = label.children().filter_map(|part| part.text()).collect();
         let name = name.trim();
-        if value == 0 || name.is_empty() || segments.iter().any(|segment| segment.value == value) {
+        if value == 0 || name.is_empty() {
             continue;
         }
         let channel = |key| label.attribute(key).and_then(|share| share.trim().parse::<f64>().ok());
@@ -59,9 +60,9 @@ fn label_table(text: &str) -> Result<Vec<Segment>, VolumeFault> {
             [Some(red), Some(green), Some(blue)] => Some([red, green, blue].map(byte)),
             _ => None,
         };
-        segments.push(Segment { layer: 0, value, name: Some(name.to_owned()), colour, terminology: None });
+        names.add(Segment { layer: 0, value, name: Some(name.to_owned()), colour, terminology: None })?;
     }
-    Ok(segments)
+    Ok(names.segments())
 }
 
 /// A share of 1 in 255ths.
@@ -101,6 +102,14 @@ mod tests {
             let named: Vec<_> = found.iter().map(|s| (s.value, s.name.as_deref().unwrap(), s.colour)).collect();
             assert_eq!(named, [(5, "liver", Some([128, 255, 0])), (7, "A & B α", None)]);
         }
+    }
+
+    #[test]
+    fn two_names_of_one_label_are_refused() {
+        let twice = |name: &str| TABLE.replace("Key=\"7\">A &amp; B &#x3b1;", &format!("Key=\"5\">{name}"));
+        let error = read(&[extension(0, &twice("spleen"))]).unwrap_err().to_string();
+        assert!(error.contains("label 5 of layer 0 is called `liver` and `spleen`"), "{error}");
+        assert_eq!(read(&[extension(0, &twice("liver"))]).unwrap().len(), 1);
     }
 
     #[test]

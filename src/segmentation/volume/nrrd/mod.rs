@@ -12,10 +12,12 @@ use glam::{DAffine3, DMat3, DVec3};
 use self::header::{Header, header_bytes};
 use super::geometry::{PatientAxes, lps_mm};
 use super::raw::{Layers, RawVolume};
-
 use super::source::{Source, file_length, in_data_file, voxel_count};
 use super::{ReadOptions, VolumeFault};
 use crate::files::{self, FileKind, inside};
+
+/// Most layers of a segmentation: tables of each layer's labels are in memory.
+const LAYERS_MAX: usize = 512;
 
 /// Volume of a header, up to its blank line, and of the bytes of its data, after the header or in a file of its own.
 ///
@@ -94,6 +96,9 @@ impl<'a> Plan<'a> {
             count: sizes[axis] as usize,
             inner: sizes[..axis].iter().product::<u64>() as usize,
         });
+        if layers.count > LAYERS_MAX {
+            return Err(VolumeFault::Layers { found: layers.count, limit: LAYERS_MAX });
+        }
         let lps_from_voxel = placement(header, &spatial, dimension, options)?;
         Ok(Self { header, size: [x, y, z].map(|axis| sizes[axis] as usize), count, layers, lps_from_voxel })
     }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::super::label_names::LabelNames;
 use super::super::nifti::byte;
 use super::super::{Segment, VolumeFault};
 
@@ -28,7 +29,7 @@ impl Keys {
 /// Segments in the order of their numbers.
 ///
 /// # Errors
-/// A layer or label that isn't a number in its range.
+/// A layer or label that isn't a number in its range, or a label with two names.
 pub(super) fn segments(pairs: &[(String, String)]) -> Result<Vec<Segment>, VolumeFault> {
     let mut numbered: BTreeMap<usize, Keys> = BTreeMap::new();
     for (key, value) in pairs {
@@ -48,7 +49,11 @@ pub(super) fn segments(pairs: &[(String, String)]) -> Result<Vec<Segment>, Volum
             _ => {}
         }
     }
-    Ok(numbered.into_iter().map(|(number, keys)| keys.segment(number)).collect())
+    let mut names = LabelNames::default();
+    for (number, keys) in numbered {
+        names.add(keys.segment(number))?;
+    }
+    Ok(names.segments())
 }
 
 fn colour(value: &str) -> Option<[u8; 3]> {
@@ -114,6 +119,23 @@ mod tests {
         assert_eq!(found.iter().map(|s| (s.layer, s.value)).collect::<Vec<_>>(), [(0, 1), (1, 1)]);
         let labelled = segments(&pairs(&[("Segment3_LabelValue", "5")])).unwrap();
         assert_eq!((labelled[0].layer, labelled[0].value), (0, 5));
+    }
+
+    #[test]
+    fn two_names_of_one_label_are_refused() {
+        let named = |second: &str| {
+            segments(&pairs(&[
+                ("Segment0_Name", "liver"),
+                ("Segment0_LabelValue", "1"),
+                ("Segment0_Layer", "0"),
+                ("Segment1_Name", second),
+                ("Segment1_LabelValue", "1"),
+                ("Segment1_Layer", "0"),
+            ]))
+        };
+        let error = named("spleen").unwrap_err().to_string();
+        assert!(error.contains("label 1 of layer 0 is called `liver` and `spleen`"), "{error}");
+        assert_eq!(named("liver").unwrap().len(), 1);
     }
 
     #[test]

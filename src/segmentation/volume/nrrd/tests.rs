@@ -154,6 +154,10 @@ fn layers_of_a_list_axis_come_apart() {
     assert!(refusal(&third, &gzipped(&data)).contains("segment `all` is in layer 2, and the file has 2"));
     let colours = text.replace("kinds: list", "kinds: vector").replace("Segment0_", "x_");
     assert!(refusal(&colours, &gzipped(&data)).contains("axis 0 of kind vector"));
+    for (layers, says) in [(513, "it has 513 layers; at most 512 are read"), (512, "truncated")] {
+        let many = text.replace("sizes: 2 4", &format!("sizes: {layers} 4"));
+        assert!(refusal(&many, &gzipped(&data)).contains(says), "{layers}");
+    }
     let movie = text.replace("none (2,0,0)", "(2,0,0) (2,0,0)");
     assert!(refusal(&movie, &gzipped(&data)).contains("4 axes of space"));
 }

@@ -88,6 +88,15 @@ fn a_name_for_a_protocol_with_numbers_is_refused() {
     assert!(error.to_string().contains("`ascii-line` has no named tools, so the probe can't be `Probe`"), "{error}");
 }
 
+#[test]
+fn a_number_for_a_protocol_with_names_is_refused() {
+    let mut settings = igtl(None);
+    settings.device.sensor = Some(0);
+    let listener = Box::new(TrackerListener(Shared::default()));
+    let error = spawn(&settings, listener, CancellationToken::new()).unwrap_err();
+    assert!(error.to_string().contains("`openigtlink` numbers its tools by arrival"), "{error}");
+}
+
 /// Records the session's bytes and plays them again.
 #[tokio::test(start_paused = true)]
 async fn a_replay_takes_the_same_records_as_the_session() {

@@ -1,0 +1,118 @@
+//! Faults of the steps that calibrate a mounting.
+
+use thiserror::Error;
+
+use super::super::pivot::PivotError;
+use super::{END_RMS_MM, LATERAL_DEG, SLIDE_MM, SPIN_DEG, SQUARE_DEG, WIDTH_MM, WOBBLE_DEG};
+
+/// Reason for a failed calibration of a mounting.
+#[derive(Debug, Error, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum MountError {
+    /// No centre.
+    #[error("the pivot about the centre of the face: {0}")]
+    Pivot(#[from] PivotError),
+    /// A step without poses.
+    #[error("{step}: there are no poses")]
+    Empty {
+        /// The step.
+        step: &'static str,
+    },
+    /// Nothing gives the lateral axis.
+    #[error("the lateral axis is unknown: give both ends of the face (--marker-end, --other-end) or a --slide")]
+    NoLateral,
+    /// Nothing gives the beam.
+    #[error("the beam's direction is unknown: record the upright probe turned about its own long axis (--spin){why}")]
+    NoBeam {
+        /// Why the ends don't give it, or empty.
+        why: String,
+    },
+    /// An end that was not in the dimple.
+    #[error(
+        "{step}: the end of the face moved by {rms_mm:.1} mm RMS from its mean, at most {END_RMS_MM}; rest it in the dimple of the pivot, and leave dimple and tracker where they are between the steps"
+    )]
+    EndMoved {
+        /// The step.
+        step: &'static str,
+        /// RMS distance, mm.
+        rms_mm: f64,
+    },
+    /// Ends at an impossible distance.
+    #[error(
+        "the ends of the face lie {width_mm:.1} mm apart; {} to {} mm are possible: was each end rested in the dimple of the pivot, and is the unit of the poses mm?", WIDTH_MM[0], WIDTH_MM[1]
+    )]
+    Width {
+        /// Distance, mm.
+        width_mm: f64,
+    },
+    /// A centre that is not in the middle.
+    #[error(
+        "the centre of the face lies {off_mm:.1} mm from the middle between its ends ({width_mm:.1} mm apart): were centre and ends mixed up?"
+    )]
+    OffCentre {
+        /// Distance along the lateral axis, mm.
+        off_mm: f64,
+        /// Distance between the ends, mm.
+        width_mm: f64,
+    },
+    /// Too little turn.
+    #[error("the turn about the probe's axis: {turn_deg:.0}° only; turn it by at least {SPIN_DEG}°")]
+    LittleTurn {
+        /// Largest rotation, degrees.
+        turn_deg: f64,
+    },
+    /// An axis that moved.
+    #[error(
+        "the turn about the probe's axis: the axis moved by {wobble_deg:.1}° RMS, at most {WOBBLE_DEG}; keep the probe upright while it turns"
+    )]
+    Wobble {
+        /// RMS deviation, degrees.
+        wobble_deg: f64,
+    },
+    /// A turn about another axis.
+    #[error(
+        "the probe was turned about another axis than its long one: {off_deg:.0}° off the direction in which the arc of its face bulges; hold it upright and turn it about its own long axis"
+    )]
+    OtherAxis {
+        /// Angle between the axis of the turn and the arc, degrees.
+        off_deg: f64,
+    },
+    /// A beam that may point either way, or a turn about another axis.
+    #[error(
+        "the beam may point either way: the sensor is {away_mm:.1} mm from the centre of the face, but {along_mm:.1} mm along the axis of the turn; turn the upright probe about its own long axis, rest both ends of a convex face in the dimple, or mount the sensor higher"
+    )]
+    Sense {
+        /// Distance along the axis, mm.
+        along_mm: f64,
+        /// Distance in all, mm.
+        away_mm: f64,
+    },
+    /// Ends and a slide that contradict each other.
+    #[error(
+        "the ends of the face and the slide contradict each other: their lateral axes are {off_deg:.0}° apart, at most {LATERAL_DEG}; were the ends exchanged, or was the marker's side not ahead in the slide?"
+    )]
+    EndsAndSlide {
+        /// Angle between the two axes, degrees.
+        off_deg: f64,
+    },
+    /// A slide that gives no direction.
+    #[error(
+        "the slide: {path_mm:.0} mm long, off a line by {off_mm:.1} mm RMS, turned by {turn_deg:.0}°; slide along a ruler by at least {SLIDE_MM} mm without turning the probe"
+    )]
+    Slide {
+        /// Path, mm.
+        path_mm: f64,
+        /// RMS distance from its line, mm.
+        off_mm: f64,
+        /// Largest turn, degrees.
+        turn_deg: f64,
+    },
+    /// Axes that are not perpendicular.
+    #[error(
+        "the measured lateral axis and the beam are {square_deg:.1}° off a right angle, at most {SQUARE_DEG}: was the probe upright while it turned, and slid sideways?"
+    )]
+    NotSquare {
+        /// Deviation, degrees.
+        square_deg: f64,
+    },
+}

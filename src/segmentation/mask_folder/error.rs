@@ -1,0 +1,117 @@
+//! Errors of folders of masks.
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use super::super::volume::VolumeError;
+
+/// A folder of masks that can't be read as one label map.
+#[derive(Debug, Error)]
+pub enum MaskFolderError {
+    /// The operating system's refusal.
+    #[error("{path}: can't be read: {error}")]
+    Read {
+        /// Folder.
+        path: PathBuf,
+        /// Cause.
+        error: std::io::Error,
+    },
+    /// No volume file.
+    #[error(
+        "{path} has no masks: {found}. A folder is read if it holds one NIfTI or NRRD file per organ, as TotalSegmentator \
+         writes it (its option --ml writes one file for all organs){remedy}"
+    )]
+    NoMasks {
+        /// Folder.
+        path: PathBuf,
+        /// What was found instead.
+        found: String,
+        /// Way out, with a semicolon before it, or empty.
+        remedy: String,
+    },
+    /// Files whose names are no organ's.
+    #[error(
+        "{path}: {names}; give them a meaning with --map NAME=TISSUE (or =CLASS, or =ignore), or leave them out with \
+         --leave-out-unknown; a file of several organs is given alone"
+    )]
+    Unknown {
+        /// Folder.
+        path: PathBuf,
+        /// Names with the nearest known ones.
+        names: String,
+    },
+    /// Two files of one organ.
+    #[error(
+        "{path}: `{first}` and `{second}` are both `{organ}`: move one of them away, or leave it out with --map {stem}=ignore"
+    )]
+    Twice {
+        /// Folder.
+        path: PathBuf,
+        /// First file.
+        first: String,
+        /// Second file.
+        second: String,
+        /// Name of the second file without its suffix.
+        stem: String,
+        /// Class of both.
+        organ: String,
+    },
+    /// A file that can't be read as a label map.
+    #[error(transparent)]
+    Volume(#[from] VolumeError),
+    /// A file with several labels.
+    #[error(
+        "{path} has the labels {values}, and the files of a folder have one organ each: give that file alone, or move it away"
+    )]
+    SeveralLabels {
+        /// File.
+        path: PathBuf,
+        /// The first labels.
+        values: String,
+    },
+    /// A file on another grid.
+    #[error(
+        "{path} has {found}, and {first} has {expected}: the masks of a folder share one grid; resample that file to the others, or \
+         move it away"
+    )]
+    OtherGrid {
+        /// File.
+        path: PathBuf,
+        /// Its grid.
+        found: String,
+        /// File that was read first.
+        first: PathBuf,
+        /// The grid of that file.
+        expected: String,
+    },
+    /// No mask of a body.
+    #[error("{path}, given as --body, has no mask that is called body or skin; it has {found}")]
+    NoBody {
+        /// Folder.
+        path: PathBuf,
+        /// Names of its masks.
+        found: String,
+    },
+    /// Masks without a voxel.
+    #[error("{path}: {} empty", all_masks(*files))]
+    Empty {
+        /// Folder.
+        path: PathBuf,
+        /// Number of files.
+        files: usize,
+    },
+    /// Masks that are all left out of the scene.
+    #[error("{path}: {} ignored; give one a meaning with --map NAME=TISSUE (or =CLASS)", all_masks(*files))]
+    Ignored {
+        /// Folder.
+        path: PathBuf,
+        /// Number of files.
+        files: usize,
+    },
+}
+
+/// Subject and verb of a sentence on all masks of a folder.
+fn all_masks(files: usize) -> String {
+    if files == 1 { "its one mask is".to_owned() } else { format!("all {files} masks are") }
+}
