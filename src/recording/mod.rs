@@ -47,6 +47,8 @@ mod mark_report;
 mod marked;
 mod marks;
 #[cfg(feature = "recordings")]
+mod mcap_record;
+#[cfg(feature = "recordings")]
 mod part;
 #[cfg(feature = "live")]
 mod playback;

@@ -11,7 +11,7 @@ use mcap::{MAGIC, McapError};
 
 use super::{
     EVENT_TOPIC, Entry, Event, FORMAT_VERSION, ONLY, POSE_TOPIC, Protocol, RAW_TOPIC, RecordingError, RecordingInfo,
-    SessionSettings, attached, part_path, pose_json,
+    SessionSettings, attached, mcap_record, part_path, pose_json,
 };
 use crate::files::{self, FileKind};
 use crate::tracker::ProbeSensor;
@@ -217,10 +217,10 @@ impl<R: Read> McapFile<R> {
     }
 
     fn metadata(&mut self, offset: u64, data: &[u8]) {
-        let read = match mcap::parse_record(op::METADATA, data) {
+        let read = match mcap_record::parse(op::METADATA, data) {
             Ok(Record::Metadata(metadata)) => attached::read_metadata(&metadata, &mut self.settings),
             Ok(_) => Ok(()),
-            Err(error) => Err(error.to_string()),
+            Err(error) => Err(error),
         };
         if let Err(reason) = read {
             self.damaged(format!("the metadata at byte {offset}: {reason}"));
@@ -232,7 +232,7 @@ impl<R: Read> McapFile<R> {
         if opcode != op::CHANNEL && opcode != op::MESSAGE {
             return Ok(());
         }
-        match mcap::parse_record(opcode, data) {
+        match mcap_record::parse(opcode, data) {
             Ok(Record::Channel(channel)) => return self.channel(channel),
             Ok(Record::Message { header, data }) => self.message(offset, header, &data),
             Ok(_) => {}
@@ -330,7 +330,7 @@ enum ChunkError {
 /// Opcode and content of every record of a chunk, after checking its checksum.
 fn chunk(data: &[u8]) -> Result<Vec<(u8, Vec<u8>)>, ChunkError> {
     let damaged = |error: McapError| ChunkError::Damaged(error.to_string());
-    let header = match mcap::parse_record(op::CHUNK, data).map_err(damaged)? {
+    let header = match mcap_record::parse(op::CHUNK, data).map_err(ChunkError::Damaged)? {
         Record::Chunk { header, data: records } => {
             if !header.compression.is_empty() {
                 return Err(ChunkError::Compressed(header.compression));
