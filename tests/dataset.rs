@@ -9,9 +9,11 @@ use std::process::{Command, Output};
 use glam::Vec3;
 use insonify::anatomy::analytic::cuboid;
 use insonify::anatomy::export::{LabelledSurface, write_glb};
-use insonify::dataset::{Dataset, DatasetError, Maker, Recipe, Shard, Split, Step};
+use insonify::dataset::{Dataset, DatasetError, Maker, Recipe, Row, Shard, Split, Step};
+use insonify::files::hex;
 use insonify::render::{Backend, BackendChoice};
 use insonify::station::Station;
+use sha2::{Digest, Sha256};
 use tempfile::TempDir;
 
 const STATION: &str = "[scene]\npath = \"scene.glb\"\n[probe]\nscanlines = 32\nsamples = 256\n\
@@ -331,8 +333,9 @@ fn damaged_files_are_named() {
     let at = wrong.len() - 80 * 60 - 1;
     wrong[at] = 255;
     std::fs::write(&file, wrong).unwrap();
-    let error = data.tuple(&data.rows[0]).unwrap_err().to_string();
+    let error = data.tuple(&Row { sha256: String::new(), ..data.rows[0].clone() }).unwrap_err().to_string();
     assert!(error.contains("class 255"), "{error}");
+    assert!(matches!(data.tuple(&data.rows[0]), Err(DatasetError::Damaged { path }) if path == file));
 
     let manifest = out.join("manifest.jsonl");
     let rows = std::fs::read_to_string(&manifest).unwrap();
@@ -341,6 +344,54 @@ fn damaged_files_are_named() {
     std::fs::write(&manifest, rows.replacen("\"index\":1,", "", 1)).unwrap();
     let error = Dataset::open(&out).unwrap_err().to_string();
     assert!(error.contains("line 2") && error.contains("index"), "{error}");
+}
+
+#[test]
+fn stored_files_are_compared_and_lost_ones_are_made_again() {
+    let (_dir, station, out) = station_and_output();
+    made(&make(&station, &out, &[]));
+    let data = Dataset::open(&out).unwrap();
+    let [file, mask] = [&data.rows[1].file, &data.rows[1].mask].map(|name| out.join(name));
+    let [tuple, sector] = [&file, &mask].map(|path| std::fs::read(path).unwrap());
+    let manifest = std::fs::read_to_string(out.join("manifest.jsonl")).unwrap();
+    let verify = || insonify(&["dataset", "--verify", text(&out), "--tuples", "0", "--json"]);
+    let counts = |output: &Output| {
+        let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        (report["made"].as_u64(), report["kept"].as_u64())
+    };
+
+    // Another byte is seen by who reads the file, not by its length.
+    let mut changed = tuple.clone();
+    changed[200] ^= 1;
+    std::fs::write(&file, changed).unwrap();
+    let output = verify();
+    failed(&output, 1, &["files of 1 of 6 tuples", "0000001.npy is damaged"]);
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&report["differ"], &report["damaged"]), (&serde_json::json!([]), &serde_json::json!([1])));
+    let judge = ["evaluate", "--dataset", text(&out), "--split", "all", "--crops", "0"];
+    failed(&insonify(&judge), 2, &["0000001.npy is damaged", "Remove it"]);
+
+    // Lost and cut files are made again, without further rows.
+    std::fs::remove_file(&file).unwrap();
+    failed(&verify(), 1, &["cannot read", "0000001.npy"]);
+    let cut = out.join(&data.rows[4].file);
+    std::fs::write(&cut, &std::fs::read(&cut).unwrap()[..900]).unwrap();
+    let again = make(&station, &out, &["--json"]);
+    made(&again);
+    assert_eq!(counts(&again), (Some(2), Some(4)));
+    assert!(String::from_utf8_lossy(&again.stderr).contains("making 2 tuples again"));
+    assert!(std::fs::read(&file).unwrap() == tuple);
+    made(&verify());
+
+    // All tuples share the mask: one of them brings it back.
+    std::fs::remove_dir_all(out.join("masks")).unwrap();
+    failed(&verify(), 1, &["files of 6 of 6 tuples", "masks"]);
+    let again = make(&station, &out, &["--json"]);
+    made(&again);
+    assert_eq!(counts(&again), (Some(1), Some(5)));
+    assert!(std::fs::read(&mask).unwrap() == sector);
+    made(&verify());
+    assert_eq!(std::fs::read_to_string(out.join("manifest.jsonl")).unwrap(), manifest);
 }
 
 #[test]
@@ -368,11 +419,14 @@ fn random_noise_in_the_target_is_measured() {
     assert!(ssim[1] > 0.8 && ssim[1] < ssim[2] && ssim[2] < 1.0, "{ssim:?}");
 
     // A target that this program can't render is reported.
-    let row = Dataset::open(&out).unwrap().of(Split::Test).next().unwrap().file.clone();
-    let mut bytes = std::fs::read(out.join(&row)).unwrap();
+    let row = Dataset::open(&out).unwrap().of(Split::Test).next().unwrap().clone();
+    let mut bytes = std::fs::read(out.join(&row.file)).unwrap();
     let high = bytes.len() - 2 * 80 * 60 - 1;
     bytes[high - 80 * 30] ^= 1;
-    std::fs::write(out.join(&row), bytes).unwrap();
+    let manifest = out.join("manifest.jsonl");
+    let rows = std::fs::read_to_string(&manifest).unwrap();
+    std::fs::write(&manifest, rows.replace(&row.sha256, &hex(&Sha256::digest(&bytes)))).unwrap();
+    std::fs::write(out.join(&row.file), bytes).unwrap();
     assert!(String::from_utf8_lossy(&judge().2.stdout).contains("its own seed"));
     failed(&insonify(&["evaluate", "--dataset", text(&out), "--again", "0"]), 2, &["--again"]);
     failed(&insonify(&["evaluate", "--again", "2", "--steadiness", text(&station)]), 2, &["--dataset"]);

@@ -168,6 +168,20 @@ fn files_that_exist_are_replaced_by_force_alone() {
 }
 
 #[test]
+fn a_recording_does_not_replace_a_file_of_another_kind() {
+    let f = Fixture::new("");
+    let calibration = f.at("other.toml");
+    std::fs::write(&calibration, "version = 1\n").unwrap();
+    let before = f.files();
+    let run = ["run", &f.station, "--replay", &f.recording, "--frames", "2", "--sink", "null", "--force", "--record"];
+    let record = ["record", &f.station, "--stdin", "--protocol", "ascii-line", "--force", "--out"];
+    for arguments in [&run[..], &record[..]] {
+        refused(&insonify(&[arguments, &[calibration.as_str()]].concat()), &["other.toml", "it must end in .mcap"]);
+    }
+    assert!(f.files() == before);
+}
+
+#[test]
 fn a_folder_in_place_of_a_file_is_refused_at_the_start() {
     let f = Fixture::new("");
     let folder = f.at("folder");

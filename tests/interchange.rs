@@ -319,6 +319,9 @@ fn imports_become_recordings() {
     assert!(refused(&["import", text(&none), "--out", text(&out), "--force"]).contains("it has no rows"));
     assert!(refused(&["import", "poses.xlsx", "--out", "x.mcap"]).contains("is neither .mha, .mhd nor .csv"));
     assert!(refused(&["import", "a.igs.nrrd", "--out", "x.mcap"]).contains("save it as .igs.mha"));
+    let people = insonify(&["import", text(&sequence), "--out", text(&dir.path().join("people.mcap"))]);
+    let people = String::from_utf8_lossy(&people.stdout).into_owned();
+    assert!(people.contains("not in the recording: events, names of planes, measurements and texts"), "{people}");
     assert_eq!(poses(&out).unwrap().0.len(), 2, "a refused import leaves what was there");
 }
 
@@ -496,6 +499,26 @@ fn a_replay_repeats_the_recorded_session_and_each_part_can_be_left_out() {
 }
 
 #[test]
+fn imported_poses_are_not_calibrated_a_second_time() {
+    let (dir, station, _) = station();
+    let text_of = fs::read_to_string(&station).unwrap();
+    fs::write(&station, format!("{text_of}[calibration]\nsensor_from_probe_mm = [0, 0, 5]\n")).unwrap();
+    let [table, recording, out] = ["poses.csv", "imported.mcap", "out"].map(|name| dir.path().join(name));
+    let rows: String = (0..40).map(|i| format!("{:.2},7,0,1,1,0,0,0\n", 0.02 * f64::from(i))).collect();
+    fs::write(&table, format!("time_s,x_mm,y_mm,z_mm,qw,qx,qy,qz\n{rows}")).unwrap();
+    json(&["import", text(&table), "--out", text(&recording)]);
+    let replay = ["replay", text(&recording), text(&station), "--fps", "10", "--frames", "..2", "--out", text(&out)];
+    let output = insonify(&replay);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert_eq!(said.matches("the station's calibration is not applied to them").count(), 1, "{said}");
+    let file: Value = serde_json::from_slice(&fs::read(out.join("replay.json")).unwrap()).unwrap();
+    let position = &file["frames"][0]["pose"]["position_mm"];
+    let off_mm = |axis: usize, mm: f64| (position[axis].as_f64().unwrap() - mm).abs();
+    assert!(off_mm(0, 7.0) < 1e-3 && off_mm(2, 1.0) < 1e-3, "{position}");
+}
+
+#[test]
 fn an_exported_sequence_contains_the_replays_frames() {
     let (dir, station, recording) = station();
     let out = dir.path().join("replay");
@@ -511,6 +534,13 @@ fn an_exported_sequence_contains_the_replays_frames() {
         assert_eq!((&report["images"], &report["invalid"], &report["width"]), (&11.into(), &3.into(), &160.into()));
         assert_eq!(images(&fs::read(&file).unwrap()).unwrap(), frames(map), "{more:?}");
     }
+    let other = dir.path().join("sweep.nrrd");
+    let message = refused(&["export", text(&recording), text(&station), "--out", text(&other)]);
+    assert!(message.contains("must end in .igs.mha or .mha") && !other.exists(), "{message}");
+    let short = ["export", text(&recording), text(&station), "--force", "--frames", "..1", "--out"];
+    let people = insonify(&[&short[..], &[text(&dir.path().join("short.mha"))]].concat());
+    let people = String::from_utf8_lossy(&people.stdout).into_owned();
+    assert!(people.contains("left out: events, names of planes"), "{people}");
     // Imported as a recording again: the gap remains one.
     let back = dir.path().join("back.mcap");
     let report = json(&["import", text(&file), "--out", text(&back)]);
@@ -568,7 +598,13 @@ fn a_recording_is_inspected() {
     assert_eq!(report["events"][0]["value"], 6.0);
     let people = insonify(&["inspect", text(&recording)]);
     let people = String::from_utf8_lossy(&people.stdout).into_owned();
-    for part in ["43 records", "rate       60.00 poses a second", "gaps       1 of more", "1.000 s  gain_db = 6.0"] {
+    for part in [
+        "43 records",
+        "poses      43\n",
+        "rate       60.00 poses a second",
+        "gaps       1 of more",
+        "1.000 s  gain_db = 6.0",
+    ] {
         assert!(people.contains(part), "`{part}` is missing: {people}");
     }
     // The file left by a kill can be inspected, too, even before any pose.
@@ -578,7 +614,8 @@ fn a_recording_is_inspected() {
     let report = json(&["inspect", text(&cut)]);
     assert!(report["poses"] == 0 && report["truncated"].as_str().unwrap().contains("byte 600"), "{report}");
     assert!(refused(&["inspect", text(&dir.path().join("cut.mcap"))]).contains("was not finished"));
-    assert!(refused(&["inspect", text(&recording), "--station"]).contains("holds no station file"));
+    let message = refused(&["inspect", text(&recording), "--station"]);
+    assert!(message.contains("holds no station file; only recordings by `insonify run`"), "{message}");
 }
 
 #[test]

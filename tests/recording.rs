@@ -127,6 +127,8 @@ fn a_truncated_recording_is_used_up_to_its_end_and_reported() {
     let text = summary.to_string();
     assert!(text.contains(&format!("the file is not whole: it ends at byte {}", bytes.len() / 2)), "{text}");
     assert!(!summary.is_clean());
+    let end = format!("; what was read ends after {:.1} s", summary.duration.as_secs_f64());
+    assert!(text.contains(&end), "{text}");
 
     let (found, summary) = read_bytes(&bytes[..bytes.len() - 1]).unwrap();
     assert_eq!(found.len(), 300);

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use glam::{DVec3, Vec3};
+use glam::{DQuat, DVec3, Vec3};
 use obvhs::BvhBuildParams;
 use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh_from_tris;
@@ -27,12 +27,20 @@ const PROBE_MM: f64 = 30.0;
 /// Sideways offset of test rays, mm: a ray exactly along a box's border may miss the box; rays on both sides do not.
 const ASIDE_MM: DVec3 = DVec3::new(1.3e-3, 0.7e-3, 1.1e-3);
 
+/// Of the six directions from a point in the body, the number in which there must be skin. A scanned body may be open on
+/// one side.
+const ENCLOSED: usize = 5;
+
 /// Outer surface of a scene.
-pub struct Skin(Outside);
+pub struct Skin {
+    outside: Outside,
+    /// Outermost surfaces of the whole scene, where the skin does not surround it: a slab over other tissues.
+    body: Option<Box<Skin>>,
+}
 
 impl std::fmt::Debug for Skin {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let triangles = match &self.0 {
+        let triangles = match &self.outside {
             Outside::Solid(_) => None,
             Outside::Mesh { triangles, .. } => Some(triangles.len()),
         };
@@ -48,7 +56,7 @@ enum Outside {
 impl Skin {
     /// Surface of a solid.
     pub(crate) fn of_solid(solid: Solid) -> Self {
-        Self(Outside::Solid(solid))
+        Self { outside: Outside::Solid(solid), body: None }
     }
 
     /// Outermost surfaces of `scene`.
@@ -70,7 +78,35 @@ impl Skin {
             return Err(BvhError::Empty);
         }
         let tree = build_cwbvh_from_tris(&triangles, BvhBuildParams::medium_build(), &mut Duration::default());
-        Ok(Self(Outside::Mesh { tree, triangles }))
+        Ok(Self { outside: Outside::Mesh { tree, triangles }, body: None })
+    }
+
+    /// The same skin as a part of the scene with these triangles, which tell inside from outside where it does not surround
+    /// the scene's middle.
+    #[must_use]
+    pub(crate) fn within(mut self, all: impl IntoIterator<Item = [Vec3; 3]>) -> Self {
+        let all: Vec<[Vec3; 3]> = all.into_iter().collect();
+        let low = all.iter().flatten().fold(Vec3::INFINITY, |low, corner| low.min(*corner));
+        let high = all.iter().flatten().fold(Vec3::NEG_INFINITY, |high, corner| high.max(*corner));
+        let is_part = matches!(&self.outside, Outside::Mesh { triangles, .. } if triangles.len() < all.len());
+        if is_part && self.depth_mm((0.5 * (low + high)).as_dvec3(), DQuat::IDENTITY).is_none() {
+            self.body = Self::of_triangles(all).ok().map(Box::new);
+        }
+        self
+    }
+
+    /// Surface that tells inside from outside: the skin itself, or that of the whole scene.
+    pub(crate) fn body(&self) -> &Self {
+        self.body.as_deref().unwrap_or(self)
+    }
+
+    /// Distance of a point in the body from the nearest skin along these axes, mm. `None` for a point outside, from which
+    /// there is skin in too few directions.
+    pub(crate) fn depth_mm(&self, from_mm: DVec3, axes: DQuat) -> Option<f64> {
+        let ways = [DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_X, DVec3::NEG_Y, DVec3::NEG_Z];
+        let ways = ways.into_iter().filter_map(|axis| self.way_out_mm(from_mm, axes * axis));
+        let (count, least_mm) = ways.fold((0, f64::INFINITY), |(count, least), mm| (count + 1, mm.min(least)));
+        (count >= ENCLOSED).then_some(least_mm)
     }
 
     /// Exit point of the line from `from_mm` inside the body along the unit `direction`; for a mesh, the last surface
@@ -86,7 +122,7 @@ impl Skin {
 
     /// Distance to the exit point, mm. A mesh is searched up to `reach_mm`, a solid up to 400 mm.
     fn exit_mm(&self, from_mm: DVec3, direction: DVec3, reach_mm: f32) -> Option<f64> {
-        match &self.0 {
+        match &self.outside {
             Outside::Solid(skin) => exit_solid(skin, from_mm, direction),
             Outside::Mesh { tree, triangles } => {
                 let mut last = f32::NEG_INFINITY;
@@ -102,6 +138,17 @@ impl Skin {
                     });
                 }
                 last.is_finite().then_some(f64::from(last))
+            }
+        }
+    }
+
+    /// Distance of a point from the nearest skin, mm, inside and outside. All triangles of a mesh are visited: milliseconds.
+    pub fn distance_mm(&self, from_mm: DVec3) -> f64 {
+        match &self.outside {
+            Outside::Solid(skin) => f64::from(skin.distance_mm(from_mm.as_vec3())).abs(),
+            Outside::Mesh { triangles, .. } => {
+                let corners = |t: &Triangle| [t.v0, t.v1, t.v2].map(|corner| Vec3::from(corner).as_dvec3());
+                triangles.iter().map(|t| from_triangle_mm(corners(t), from_mm)).fold(f64::INFINITY, f64::min)
             }
         }
     }
@@ -122,6 +169,22 @@ fn distance_mm(triangle: &Triangle, ray: &Ray) -> Option<f32> {
     let corners = [triangle.v0, triangle.v1, triangle.v2].map(Vec3::from);
     let (t, _) = intersect(corners, MARGIN, ray.origin.as_dvec3(), ray.direction.as_dvec3())?;
     (f64::from(ray.tmin)..=f64::from(ray.tmax)).contains(&t).then_some(t as f32)
+}
+
+/// Distance of a point from a triangle, mm.
+fn from_triangle_mm([a, b, c]: [DVec3; 3], from_mm: DVec3) -> f64 {
+    let normal = (b - a).cross(c - a);
+    let edges = [(a, b), (b, c), (c, a)];
+    let is_above = edges.iter().all(|(from, to)| normal.cross(*to - *from).dot(from_mm - *from) >= 0.0);
+    if is_above && normal.length() > 0.0 {
+        return ((from_mm - a).dot(normal) / normal.length()).abs();
+    }
+    let from_edge = |(from, to): (DVec3, DVec3)| {
+        let along = to - from;
+        let part = ((from_mm - from).dot(along) / along.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        from_mm.distance(from + along * part)
+    };
+    edges.into_iter().map(from_edge).fold(f64::INFINITY, f64::min)
 }
 
 /// Distance to the exit from the solid: the first crossing, refined by bisection.
@@ -161,5 +224,26 @@ mod tests {
         assert!((skin.press_mm(&at(47.0)).unwrap() - 3.0).abs() < 0.1);
         assert!((skin.press_mm(&at(60.0)).unwrap() + 10.0).abs() < 0.1);
         assert_eq!(skin.press_mm(&at(90.0)), None);
+    }
+
+    #[test]
+    fn the_distance_is_that_of_the_nearest_place_on_the_skin() {
+        let mesh = analytic::cuboid(Vec3::ZERO, Vec3::splat(10.0));
+        let cube = Skin::of_triangles(mesh.corners_mm()).unwrap();
+        let ball = Skin::of_solid(crate::anatomy::sdf::sphere(Vec3::ZERO, 10.0));
+        for (from, expected) in [
+            ([4.0, 3.0, 12.0], 2.0),
+            ([4.0, 3.0, 9.0], 1.0),
+            ([13.0, 14.0, 5.0], 5.0),
+            ([12.0, 12.0, 11.0], 3.0),
+            ([-300.0, 5.0, 5.0], 300.0),
+        ] {
+            assert!((cube.distance_mm(DVec3::from(from)) - expected).abs() < 1e-4, "{from:?}");
+        }
+        assert!((ball.distance_mm(DVec3::X * 13.0) - 3.0).abs() < 1e-4);
+        assert!((ball.distance_mm(DVec3::X * 9.0) - 1.0).abs() < 1e-4);
+        // A triangle without an area, and one that is a point.
+        assert!((from_triangle_mm([DVec3::ZERO, DVec3::X, DVec3::X * 2.0], DVec3::Y) - 1.0).abs() < 1e-12);
+        assert!((from_triangle_mm([DVec3::ZERO; 3], DVec3::Y * 2.0) - 2.0).abs() < 1e-12);
     }
 }

@@ -5,8 +5,9 @@ use std::time::Instant;
 
 use anyhow::anyhow;
 use clap::Parser;
-use insonify::dataset::{Dataset, DatasetError, HEADER_FILE, Maker, Recipe, Shard};
+use insonify::dataset::{Dataset, DatasetError, HEADER_FILE, Maker, Recipe, Shard, Verified};
 use insonify::files::Outputs;
+use insonify::names::{counted, listed};
 use insonify::render::{BackendChoice, FrameQuality};
 use insonify::settings::{ANGLES_MAX, LookSettings, SettingsGroup};
 use insonify::station::Station;
@@ -21,7 +22,8 @@ use super::{Failure, output};
 ///
 /// Phantoms, sessions of simulated hands over them, and settings are drawn from the seed; key frames of a session lie far
 /// apart. No session, and no phantom, is in both training and test. Each tuple can be rendered again from its row in the
-/// manifest, bit for bit on the same device: --verify does so. A run that was stopped goes on where it was.
+/// manifest, bit for bit on the same device: --verify does so. A run that was stopped goes on where it was; tuples whose files
+/// are missing or cut short are made again.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {
@@ -82,7 +84,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR", conflicts_with = "verify")]
     hq_from: Option<PathBuf>,
 
-    /// Render tuples of an existing data set again, and compare them with what it holds
+    /// Render tuples of an existing data set again, and compare them and their files with the SHA-256 that it holds
     #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "shard"])]
     verify: Option<PathBuf>,
 
@@ -117,6 +119,9 @@ Examples:
   insonify dataset configs/obstetric.toml --hq 32x3 --angles 9 --out out/data
   insonify dataset configs/obstetric.toml --lq 1x3 --hq 32x3 --angles 9 --hq-from out/data --out out/data_1x3
   insonify dataset --verify out/data --tuples 10";
+
+/// Most faults of files that are told.
+const FAULTS_SHOWN: usize = 8;
 
 #[derive(Serialize)]
 struct Report<'a> {
@@ -167,6 +172,10 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
         return Ok(());
     }
     let mut job = maker.open(out)?;
+    if job.lost() > 0 {
+        let lost = counted(job.lost(), "tuple");
+        eprintln!("dataset: making {lost} again: files in {} are missing or cut short", out.display());
+    }
     let started = Instant::now();
     if job.missing() > 0 {
         let steps = Steps::new(Progress::new("dataset", job.total()));
@@ -215,19 +224,32 @@ fn verify(args: &Args, directory: &Path) -> Result<(), Failure> {
     let backend = args.backend.open(BackendChoice::Auto)?;
     let verified = data.verify(&backend, args.tuples, &|step| steps.set(step))?;
     drop(steps);
-    let (total, differ) = (verified.tuples, &verified.differ);
+    let Verified { tuples: total, differ, damaged, faults } = &verified;
     if args.json {
         output::json(&verified)?;
     } else {
-        output::line(format!("{} of {total} tuples are the same, bit for bit", total - differ.len()))?;
+        output::line(format!("{} of {total} tuples are the same, bit for bit", verified.same()))?;
     }
-    if differ.is_empty() {
+    let mut reasons = Vec::new();
+    if !differ.is_empty() {
+        reasons.push(format!(
+            "{} of {total} tuples differ from the data set ({differ:?}): another device, driver or version made them, or the manifest \
+             changed",
+            differ.len()
+        ));
+    }
+    if !damaged.is_empty() {
+        reasons.push(format!(
+            "files of {} of {total} tuples are missing or damaged ({}): remove the damaged ones, and run the command that made the data \
+             set again",
+            damaged.len(),
+            listed(faults, FAULTS_SHOWN, "; ")
+        ));
+    }
+    if reasons.is_empty() {
         return Ok(());
     }
-    Err(Failure::Other(anyhow!(
-        "{} of {total} tuples differ from the data set ({differ:?}): another device, driver or version made them, or a file changed",
-        differ.len()
-    )))
+    Err(Failure::Other(anyhow!("{}", reasons.join("; "))))
 }
 
 /// Parses `--span`.

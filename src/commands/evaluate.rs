@@ -32,7 +32,7 @@ use super::{Failure, output};
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {
-    /// Image, or folder of images (.png, 8-bit grey)
+    /// Image, or folder of images (.png, 8-bit grey); of a folder that `render` wrote, its maps are left out
     #[arg(value_name = "A", required_unless_present_any = ["dataset", "steadiness"], requires = "references")]
     images: Option<PathBuf>,
 

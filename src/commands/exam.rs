@@ -8,11 +8,10 @@ use insonify::exam::session::PLANE_S;
 use insonify::exam::{Batch, Skills, sweep, write_sweep};
 use insonify::files::Outputs;
 use insonify::sink::{create_dir, write_json};
-use insonify::station::{PlaneScene, Station};
+use insonify::station::{PlaneScene, SceneIdentity, Station};
 
 use super::progress::Progress;
-use super::session::scene_name;
-use super::{Failure, output};
+use super::{Failure, input, output};
 
 /// Record sessions of a simulated hand that looks for standard planes, as raw tracker bytes.
 ///
@@ -39,8 +38,8 @@ pub(crate) struct Args {
     #[arg(long, conflicts_with = "sessions")]
     force: bool,
 
-    /// Planes to look for, in this order [default: all of the scene]
-    #[arg(long, value_name = "A,B,...", value_delimiter = ',', requires = "station")]
+    /// Planes to look for, in this order, or `all` [default: all of the scene]
+    #[arg(long, value_name = "A,B,...", value_delimiter = ',', value_parser = input::plane, requires = "station")]
     planes: Vec<String>,
 
     /// Seed of every random choice, 0..=18446744073709551615
@@ -83,14 +82,15 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         None => inputs.file("--out", &args.out, args.force)?,
     };
     let scene = PlaneScene::open(&station)?;
-    let planes = scene.planes.chosen(&args.planes)?;
+    let planes = input::chosen(&args.planes, &scene.planes)?;
     let duration_s = args.duration.unwrap_or(PLANE_S * planes.len() as f64);
     if !(duration_s > 0.0 && duration_s <= 3600.0) {
         return Err(Failure::Input(anyhow!("--duration is {duration_s}; it must be above 0 and at most 3600 s")));
     }
     let (shuffle, skills) = (args.shuffle, args.skill);
-    let (scene_name, skin, calibration) = (scene_name(&station), &scene.skin, station.pose_settings()?.calibration);
-    let batch = Batch { scene: scene_name, skin, planes, shuffle, duration_s, skills, calibration };
+    let (skin, calibration) = (&scene.skin, station.pose_settings()?.calibration);
+    let scene = SceneIdentity::of(&station).with_depth(station.probe.depth_mm).to_string();
+    let batch = Batch { scene, skin, planes, shuffle, duration_s, skills, calibration };
     let Some(count) = args.sessions else {
         output::make_parent(&args.out)?;
         let written = batch.write(args.seed, &args.out)?;

@@ -1,7 +1,8 @@
 //! `insonify export`: renders a recording into a tracked sequence for other programs.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use anyhow::anyhow;
 use clap::Parser;
 use insonify::files::Outputs;
 use insonify::pipeline::replay::SequenceMap;
@@ -9,10 +10,12 @@ use insonify::pipeline::replay::SequenceMap;
 use super::backend::BackendArgs;
 use super::progress::Progress;
 use super::replay_args::{ReplayArgs, choose_quality};
-use super::{Failure, output, session};
+use super::{Failure, input, output, session};
 
 /// Render a recorded session into a tracked sequence (.igs.mha), as PLUS and 3D Slicer read it: images with the station's
 /// look, times, transforms.
+///
+/// Events, planes, measurements and texts of the recording have no place in a sequence.
 #[derive(Debug, Parser)]
 #[command(after_help = "Example:\n  \
                         insonify export assets/exams/obstetric_sweep.mcap configs/obstetric.toml --frames ..40 --out sweep.igs.mha")]
@@ -20,7 +23,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     replay: ReplayArgs,
 
-    /// Sequence to write (.igs.mha)
+    /// Sequence to write (.igs.mha or .mha)
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
 
@@ -59,6 +62,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut replay = args.replay.read()?;
     let inputs = Outputs::beside(replay.station.files()).and([&args.replay.recording]);
     inputs.file("--out", &args.out, args.force)?;
+    check_suffix(&args.out)?;
     replay.check_depth()?;
     let backend = args.backend.open(replay.station.backend)?;
     let scene = session::load_scene(&replay.station)?;
@@ -72,5 +76,37 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let show = |done| progress.set(done, total);
     let written = replay.write_sequence(&backend, &scene, &args.out, (map, args.compress), &show)?;
     drop(progress);
-    if args.json { output::json(&written) } else { output::text(&written) }
+    if args.json {
+        return output::json(&written);
+    }
+    output::text(&written)?;
+    if replay.summary.events.is_empty() {
+        return Ok(());
+    }
+    output::line(format!("left out: {}", input::NOT_IN_SEQUENCES))
+}
+
+/// Refuses names of files that are no MetaImage.
+fn check_suffix(out: &Path) -> Result<(), Failure> {
+    if out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("mha")) {
+        return Ok(());
+    }
+    let out = out.display();
+    Err(Failure::Input(anyhow!("--out is {out}; it must end in .igs.mha or .mha: MetaImage is what is written")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_names_of_meta_images_are_taken() {
+        for right in ["a.igs.mha", "b.mha", "C.MHA"] {
+            assert!(check_suffix(Path::new(right)).is_ok(), "{right}");
+        }
+        for wrong in ["x.csv", "exam.nrrd", "sweep.mhd", "sweep"] {
+            let Err(Failure::Input(error)) = check_suffix(Path::new(wrong)) else { panic!("{wrong} is taken") };
+            assert!(error.to_string().contains("must end in .igs.mha or .mha"), "{error}");
+        }
+    }
 }

@@ -1,17 +1,19 @@
 //! `insonify import`: converts tracked sequences of other programs into recordings.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Parser;
 use insonify::files::Outputs;
 use insonify::recording::interchange::{Imported, read_rows, write_recording};
 use serde::Serialize;
 
-use super::{Failure, output};
+use super::{Failure, input, output};
 
 /// Make a recording of a PLUS sequence (.mha, .igs.mha) or of a table (.csv, .tsv).
 ///
-/// Poses are taken as scene_from_probe: the sequence's tracker frame becomes the scene's.
+/// Poses are taken as scene_from_probe: the sequence's tracker frame becomes the scene's. Where the recording is played, a
+/// station's calibration is not applied to them. Neither file holds planes, measurements or texts of a session; a sequence
+/// holds no events either.
 #[derive(Debug, Parser)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Args {
@@ -70,5 +72,13 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if imported.without_pose > 0 {
         output::line(format!("{} rows without a pose became gaps", imported.without_pose))?;
     }
+    if is_sequence(&args.file) {
+        output::line(format!("not in the recording: {}", input::NOT_IN_SEQUENCES))?;
+    }
     output::line(args.out.display())
+}
+
+/// Whether `path` names a tracked sequence, and no table.
+fn is_sequence(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| ["mha", "mhd"].iter().any(|known| extension.eq_ignore_ascii_case(known)))
 }

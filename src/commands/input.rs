@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context, anyhow};
+use insonify::anatomy::planes::{StandardPlane, StandardPlanes};
 use insonify::files::{self, FileKind};
 use insonify::pose::Pose;
 use insonify::station::Station;
@@ -66,6 +67,50 @@ pub(crate) fn html(text: &str) -> Result<PathBuf, String> {
     }
 }
 
+/// What a recording has and a tracked sequence can't hold.
+pub(crate) const NOT_IN_SEQUENCES: &str =
+    "events, names of planes, measurements and texts, which a sequence (.mha) has no place for";
+
+/// Word of `--planes` for all planes of the scene.
+pub(crate) const ALL_PLANES: &str = "all";
+
+/// Parses the name of a plane in a list; blanks around it are not part of it.
+pub(crate) fn plane(text: &str) -> Result<String, String> {
+    match text.trim() {
+        "" => Err("a name is empty; give names of planes with commas between them, or `all`".into()),
+        name => Ok(name.to_owned()),
+    }
+}
+
+/// Planes of the scene called `names`; all of them for no name, or `all` alone.
+pub(crate) fn chosen<'a>(names: &[String], scene: &'a StandardPlanes) -> Result<Vec<&'a StandardPlane>, Failure> {
+    let has_all = names.iter().any(|name| name == ALL_PLANES);
+    match names.len() {
+        1 if has_all => Ok(scene.planes.iter().collect()),
+        _ if has_all => {
+            let names = names.join(",");
+            Err(Failure::Input(anyhow!("--planes {names}: `all` stands alone; give `all`, or names of planes")))
+        }
+        _ => Ok(scene.chosen(names)?),
+    }
+}
+
+/// Refuses swapped or foreign files where RECORDING and STATION are expected, by their names.
+pub(crate) fn expect_recording(recording: &Path, station: &Path) -> Result<(), Failure> {
+    let extension = |path: &Path| path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+    let (first, second) = (extension(recording), extension(station));
+    let (recording, station) = (recording.display(), station.display());
+    match (first.as_deref(), second.as_deref()) {
+        (Some("toml"), Some("mcap")) => Err(Failure::Input(anyhow!(
+            "{recording} is a station file and {station} a recording: give the recording first, then the station"
+        ))),
+        (Some("csv" | "tsv" | "mha" | "mhd"), _) => Err(Failure::Input(anyhow!(
+            "{recording} is not a recording (.mcap); `insonify import {recording} --out FILE.mcap` makes one of it"
+        ))),
+        _ => Ok(()),
+    }
+}
+
 /// Parses two whole numbers with an `x` between them.
 pub(crate) fn product(text: &str) -> Option<(u32, u32)> {
     let (first, second) = text.split_once('x')?;
@@ -82,5 +127,32 @@ mod tests {
         for wrong in ["0", "-1", "NaN", "inf", "1e9", "ten"] {
             assert!(seconds(wrong).is_err(), "{wrong}");
         }
+    }
+
+    #[test]
+    fn names_of_planes_have_no_blanks_around_them() {
+        assert_eq!(plane(" abdomen"), Ok("abdomen".to_owned()));
+        assert!(plane(" ").unwrap_err().contains("a name is empty"));
+    }
+
+    #[test]
+    fn all_planes_stand_alone() {
+        let scene = StandardPlanes { version: 1, planes: Vec::new() };
+        let chosen = |names: &[&str]| chosen(&names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>(), &scene);
+        assert!(chosen(&[]).is_ok() && chosen(&["all"]).is_ok());
+        let Err(Failure::Input(error)) = chosen(&["head", "all"]) else { panic!("a list with `all` is taken") };
+        assert!(error.to_string().contains("--planes head,all: `all` stands alone"), "{error}");
+    }
+
+    #[test]
+    fn swapped_and_foreign_files_are_told() {
+        let told = |recording: &str, station: &str| match expect_recording(Path::new(recording), Path::new(station)) {
+            Err(Failure::Input(error)) => error.to_string(),
+            _ => String::new(),
+        };
+        assert_eq!(told("exam.mcap", "station.toml"), "");
+        assert_eq!(told("station.toml", "station.toml"), "", "its content says what it is");
+        assert!(told("station.toml", "exam.mcap").contains("give the recording first"));
+        assert!(told("good.csv", "station.toml").contains("`insonify import good.csv --out FILE.mcap`"));
     }
 }

@@ -22,7 +22,8 @@ pub(crate) struct Args {
     #[arg(long)]
     json: bool,
 
-    /// Print the station file that the recording holds, and nothing else
+    /// Print the station file that the recording holds, and nothing else; only recordings by `insonify run` and
+    /// `insonify record` hold one
     #[arg(long, conflicts_with = "json")]
     station: bool,
 }
@@ -32,7 +33,12 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let (poses, summary) = read_all(RecordingReader::open(&args.recording)?)?;
     if args.station {
         let station = summary.settings.as_ref().map(|settings| settings.station.trim_end());
-        let none = || Failure::Input(anyhow::anyhow!("{} holds no station file", args.recording.display()));
+        let path = args.recording.display();
+        let none = || {
+            Failure::Input(anyhow::anyhow!(
+                "{path} holds no station file; only recordings by `insonify run` and `insonify record` do"
+            ))
+        };
         return output::line(station.filter(|text| !text.is_empty()).ok_or_else(none)?);
     }
     let inspection = Inspection::new(&args.recording, &poses, &summary);

@@ -1,8 +1,9 @@
 //! Text of live sessions: messages, status and unused measurements.
 
+use insonify::names::counted;
 use insonify::pipeline::{Limits, LiveStation, Parts, Pipeline, Status, Summary};
 use insonify::pose::Counters;
-use insonify::station::Station;
+use insonify::station::{SetupFinding, Station};
 
 use super::status_line::StatusLine;
 use super::{Classify, Failure, terminal};
@@ -10,6 +11,11 @@ use super::{Classify, Failure, terminal};
 /// Prints and forgets the sentences for the user.
 pub(crate) fn say(live: &mut LiveStation) {
     live.messages.drain(..).for_each(|message| eprintln!("{message}"));
+}
+
+/// Warns of a finding about the station's set-up.
+pub(crate) fn warn_of_setup(finding: &SetupFinding) {
+    tracing::warn!("{}: {}", finding.what, finding.remedy);
 }
 
 /// Runs a session and prints its status; `each` also receives every status.
@@ -49,11 +55,33 @@ fn status(status: &Status) -> String {
 
 /// Prints the counts of tracker measurements that were not used.
 pub(crate) fn say_left_out(counters: &Counters) {
-    let named = counters.named().filter(|(name, count)| *count > 0 && !["measurements", "used"].contains(name));
-    let list: Vec<String> = named.map(|(name, count)| format!("{name} {count}")).collect();
+    let named = counters.named().filter(|(_, count)| *count > 0);
+    let list: Vec<String> = named.filter_map(|(name, count)| left_out(name, count)).collect();
     if !list.is_empty() {
         terminal::say(&format!("tracker: {}", list.join(", ")));
     }
+}
+
+/// Words for a count of measurements that were not used; `None` for counts of all, and of the used ones.
+fn left_out(name: &str, count: u64) -> Option<String> {
+    let (what, which) = match name {
+        "measurements" | "used" => return None,
+        "invalid" => ("record", "with an impossible pose"),
+        "duplicates" => ("record", "received twice"),
+        "out_of_order" => ("record", "received out of order"),
+        "missing" => ("record", "missing by the device's counter"),
+        "device_restarts" => ("restart", "of the device"),
+        "clock_stalls" => ("record", "during which the device's clock stood still"),
+        "time_not_rising" => ("record", "without a later time than the one before"),
+        "time_outliers" => ("record", "whose time was off by more than 0.5 s"),
+        "clock_jumps" => ("jump", "of this machine's clock"),
+        "out_of_view" => ("report", "that the sensor is out of view"),
+        "spikes" => ("record", "farther away than a hand can move"),
+        "jumps" => ("jump", "of the probe that a second record confirmed"),
+        "stuck" => ("time", "at which the sensor got stuck"),
+        _ => ("count", name),
+    };
+    Some(format!("{} {which}", counted(usize::try_from(count).unwrap_or(usize::MAX), what)))
 }
 
 #[cfg(test)]
@@ -62,6 +90,17 @@ mod tests {
     use insonify::sink::live::FrameSource;
 
     use super::*;
+
+    #[test]
+    fn counts_of_measurements_are_words() {
+        assert_eq!(left_out("time_outliers", 64).unwrap(), "64 records whose time was off by more than 0.5 s");
+        assert_eq!(left_out("device_restarts", 1).unwrap(), "1 restart of the device");
+        for name in Counters::NAMES {
+            let words = left_out(name, 2);
+            assert_eq!(words.is_none(), ["measurements", "used"].contains(&name), "{name}");
+            assert!(words.is_none_or(|words| !words.contains('_') && !words.contains("counts")), "{name}");
+        }
+    }
 
     #[test]
     fn the_line_says_when_no_frame_came() {

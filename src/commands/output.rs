@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 use serde::Serialize;
 
 use super::{Classify, Failure};
@@ -34,6 +34,15 @@ pub(crate) fn make_parent(path: &Path) -> Result<(), Failure> {
     }
 }
 
+/// Refuses a recording of `option` whose name does not end in `.mcap`: it is likely another file's.
+pub(crate) fn recording(option: &str, path: &Path) -> Result<(), Failure> {
+    if path.extension().is_some_and(|suffix| suffix.eq_ignore_ascii_case("mcap")) {
+        return Ok(());
+    }
+    let path = path.display();
+    Err(Failure::Input(anyhow!("{option} is {path}, which is no name of a recording: it must end in .mcap")))
+}
+
 /// A duration in s, min or h.
 pub(crate) fn duration(seconds: f64) -> String {
     match seconds {
@@ -46,6 +55,18 @@ pub(crate) fn duration(seconds: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn recordings_end_in_mcap() {
+        for name in ["a.mcap", "out/b.MCAP", "c.toml.mcap"] {
+            assert!(recording("--out", Path::new(name)).is_ok(), "{name}");
+        }
+        for name in ["cal.toml", "mcap", "a.mcap.part", ".mcap"] {
+            let Err(Failure::Input(error)) = recording("--record", Path::new(name)) else { panic!("{name}") };
+            let text = error.to_string();
+            assert!(text.contains(&format!("--record is {name},")) && text.contains("end in .mcap"), "{text}");
+        }
+    }
 
     #[test]
     fn durations_have_a_unit_of_their_size() {

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Parser;
+use insonify::exam::score::HOLD_S;
 use insonify::station::{PlaneScene, Station};
 
 use super::{Failure, output};
@@ -36,5 +37,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if args.json {
         return output::json(&planes);
     }
-    output::text(&planes)
+    output::text(&planes)?;
+    output::line(format!(
+        "\na plane is found when all of that holds for {HOLD_S} s, with the probe on the skin; points: docs/commands.md"
+    ))
 }

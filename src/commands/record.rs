@@ -8,14 +8,14 @@ use clap::Parser;
 use insonify::files::Outputs;
 use insonify::pipeline::{StopSignals, start_recorder};
 use insonify::recording::{Capture, Event, Recorded, stream_of};
-use insonify::station::Station;
+use insonify::station::{Station, missing_calibration};
 use insonify::tracker::{ProbeSensor, Report as TrackerReport, SensorReport, Settings, Transport, host_time_ns};
 use serde::Serialize;
 use tokio::runtime::Runtime;
 
 use super::status_line::StatusLine;
 use super::tracker_args::{ASCII_LINE_HELP, TrackerArgs};
-use super::{Classify, Failure, input, output, terminal};
+use super::{Classify, Failure, input, live, output, terminal};
 
 /// Period of the recording's status checks.
 const POLL: Duration = Duration::from_millis(250);
@@ -29,6 +29,9 @@ const TOLD: usize = 4;
 /// is not there yet is waited for, and one that goes away is found again. The recording keeps the station file, so that
 /// it can be replayed without it. While it runs its file is called FILE.part; after a kill that holds all but the last
 /// second.
+///
+/// The exit code is 1 without a record of the probe: if the tracker sent nothing, if its bytes hold no record, and if several
+/// sensors were heard and none is chosen. The recording is kept.
 #[derive(Debug, Parser)]
 #[command(after_help = format!("{EXAMPLES}\n\n{ASCII_LINE_HELP}"))]
 pub(crate) struct Args {
@@ -94,6 +97,7 @@ struct Totals {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::load(&args.station)?;
     Outputs::beside(station.files()).file("--out", &args.out, args.force)?;
+    output::recording("--out", &args.out)?;
     let tracker = if args.stdin { None } else { Some(tracker(args, &station)?) };
     let (protocol, sensor) = match &tracker {
         Some(tracker) => stream_of(tracker)?,
@@ -122,6 +126,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         Some(tracker) => Capture::of_tracker(tracker, recorder.handle())?,
         None => Capture::of_stream(std::io::stdin(), stream, recorder.handle()).other()?,
     };
+    if let Some(tracker) = &tracker {
+        missing_calibration(tracker, &station.calibration).iter().for_each(live::warn_of_setup);
+    }
     terminal::say(&format!("recording {from} to {}; Ctrl-C ends it", args.out.display()));
     let (reason, totals) = wait(&runtime, signals, args.duration, capture, is_only);
     terminal::say(&reason);
@@ -152,29 +159,38 @@ fn finish(args: &Args, recorded: Recorded, totals: &Totals) -> Result<(), Failur
         return Err(Failure::Other(anyhow!("{failure}; what was written before can be replayed")));
     }
     let Recorded { messages, bytes, events, .. } = recorded;
-    let Totals { records, damaged, other_senders, ref sensors, undecided, .. } = *totals;
-    let cause = totals.cause.as_ref().map_or_else(String::new, |cause| format!(": {cause}"));
-    if bytes == 0 {
-        tracing::warn!("the tracker sent nothing{cause}");
-    } else if undecided {
-        let path = args.out.display();
-        tracing::warn!(
-            "several sensors were heard and none was chosen as the probe; `insonify inspect {path}` lists them"
-        );
-    } else if records == 0 && sensors.is_empty() {
-        tracing::warn!("no record was found in these bytes{cause}");
-    } else if records == 0 {
-        tracing::warn!("the chosen probe was not heard; `insonify inspect {}` lists the others", args.out.display());
-    }
+    let Totals { records, damaged, other_senders, ref sensors, .. } = *totals;
+    let useless = useless(bytes, totals, &args.out);
     if args.json {
         let path = &args.out;
-        return output::json(&Report { path, messages, bytes, records, events, damaged, other_senders, sensors });
+        output::json(&Report { path, messages, bytes, records, events, damaged, other_senders, sensors })?;
+        return useless.map_or(Ok(()), |why| Err(Failure::Other(anyhow!("{why}"))));
     }
     output::line(format!("{records} records, {bytes} bytes in {messages} messages; {damaged} damaged pieces"))?;
     if other_senders > 0 {
         output::line(format!("{other_senders} datagrams of other senders left out"))?;
     }
-    output::line(args.out.display())
+    output::line(args.out.display())?;
+    useless.map_or(Ok(()), |why| Err(Failure::Other(anyhow!("{why}"))))
+}
+
+/// Reason why a recording of so many bytes holds no pose of the probe; `None` if it holds one.
+fn useless(bytes: u64, totals: &Totals, path: &Path) -> Option<String> {
+    let cause = totals.cause.as_ref().map_or_else(String::new, |cause| format!(": {cause}"));
+    let path = path.display();
+    if bytes == 0 {
+        Some(format!("the tracker sent nothing{cause}"))
+    } else if totals.undecided {
+        Some(format!(
+            "several sensors were heard and none was chosen as the probe; `insonify inspect {path}` lists them"
+        ))
+    } else if totals.records > 0 {
+        None
+    } else if totals.sensors.is_empty() {
+        Some(format!("no record was found in these bytes{cause}"))
+    } else {
+        Some(format!("the chosen probe was not heard; `insonify inspect {path}` lists the others"))
+    }
 }
 
 /// Prints the status until the recording ends. Returns the reason for the end, and totals. `is_only` says that the probe is
@@ -230,4 +246,22 @@ fn wait(
             (summary.other_sender, summary.undecided, summary.cause);
     }
     (reason, totals)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_recording_without_a_record_of_the_probe_is_useless() {
+        let path = Path::new("r.mcap");
+        let heard = Totals { records: 3, ..Totals::default() };
+        assert_eq!(useless(90, &heard, path), None);
+        assert_eq!(useless(0, &Totals::default(), path).as_deref(), Some("the tracker sent nothing"));
+        let none = Totals { cause: Some("another baud".to_owned()), ..Totals::default() };
+        let why = useless(90, &none, path).unwrap();
+        assert_eq!(why, "no record was found in these bytes: another baud");
+        let undecided = Totals { undecided: true, ..heard };
+        assert!(useless(90, &undecided, path).unwrap().contains("`insonify inspect r.mcap` lists them"));
+    }
 }

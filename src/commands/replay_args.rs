@@ -9,11 +9,11 @@ use insonify::pipeline::OtherSetting;
 use insonify::pipeline::replay::{FrameRange, Replay, ReplayError, ReplayOptions, Stretch};
 use insonify::render::{Backend, FrameQuality};
 use insonify::sink::FrameRate;
-use insonify::station::Station;
+use insonify::station::{Station, other_scene};
 
 use super::effects::EffectArgs;
 use super::quality;
-use super::{Classify, Failure, session};
+use super::{Classify, Failure, input, session};
 
 /// Recording to replay, and the options for it.
 #[derive(Debug, Args)]
@@ -55,6 +55,7 @@ impl ReplayArgs {
     /// Reads station and recording, and says what may surprise.
     pub(crate) fn read(&self) -> Result<Replay, Failure> {
         let rate = FrameRate::new(self.fps)?;
+        input::expect_recording(&self.recording, &self.station)?;
         let mut station = Station::load(&self.station)?;
         self.effects.apply(&mut station.settings);
         let options = ReplayOptions {
@@ -73,6 +74,9 @@ impl ReplayArgs {
             eprintln!("the recorded session says its quality: quality.frame_budget_ms = {ms} chooses nothing");
         }
         warn_of_refused(&self.recording, &replay.refused);
+        if let Some(other) = other_scene(&replay.summary.info.scene, &replay.station) {
+            tracing::warn!("{}: {other}", self.recording.display());
+        }
         self.say_others(&replay);
         Ok(replay)
     }

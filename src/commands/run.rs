@@ -18,7 +18,7 @@ use insonify::sink::frame_record::AdapterRecord;
 #[cfg(feature = "window")]
 use insonify::sink::window::run_on_main_thread;
 use insonify::sink::{FrameLog, LiveSinkKind};
-use insonify::station::Station;
+use insonify::station::{Station, missing_calibration};
 use serde::Serialize;
 
 use super::backend::BackendArgs;
@@ -128,6 +128,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if args.record.is_some() && stream.is_none() {
         return Err(Failure::Input(anyhow!("--record keeps a tracker's bytes, and this session has no tracker")));
     }
+    if tracked.is_some() {
+        missing_calibration(&station.tracker, &station.calibration).iter().for_each(live::warn_of_setup);
+    }
     let backend = args.backend.open(station.backend)?;
     let scene = Arc::new(session::load_scene(&station)?);
     session::warn_of_effects(&scene, &station.probe, &station.settings);
@@ -158,7 +161,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             Some(Recorded { failure: Some(failure), .. }) => return Err(Failure::Other(anyhow!("{failure}"))),
             Some(done) => {
                 let path = path.display();
-                terminal::say(&format!("recorded {} bytes and {} poses in {path}", done.bytes, done.poses));
+                let (bytes, frames) = (done.bytes, done.poses);
+                terminal::say(&format!("recorded {bytes} bytes and the poses of {frames} frames in {path}"));
             }
             None => return Err(Failure::Other(anyhow!("{} was not finished in time", path.display()))),
         }
@@ -171,6 +175,7 @@ fn check_outputs(args: &Args, station: &Station) -> Result<(), Failure> {
     let mut outputs = Outputs::beside(station.files());
     if let Some(path) = &args.record {
         outputs = outputs.file("--record", path, args.force)?;
+        output::recording("--record", path)?;
     }
     if let Some(path) = &args.metrics {
         outputs = outputs.log("--metrics", path, args.force)?;

@@ -14,7 +14,7 @@ use insonify::pipeline::replay::RecordedExam;
 use insonify::recording::{Event, RecordingReport};
 use insonify::report::exam as exam_report;
 use insonify::settings::{Choice, Effect};
-use insonify::station::{PlaneScene, Station};
+use insonify::station::{PlaneScene, Station, other_scene};
 use serde::Serialize;
 
 use super::replay_args::warn_of_refused;
@@ -43,7 +43,7 @@ pub(crate) struct Args {
     station: PathBuf,
 
     /// Planes that count, or `all` of the scene [default: those that the recording names, else all of the scene]
-    #[arg(long, value_name = "A,B,...", value_delimiter = ',')]
+    #[arg(long, value_name = "A,B,...", value_delimiter = ',', value_parser = input::plane)]
     planes: Vec<String>,
 
     /// Also write a page to look at (.html), with pictures of how far off the probe was and where it went
@@ -67,16 +67,25 @@ struct Report<'a> {
     score: &'a Score,
     /// Time with the probe where no hand can hold it.
     misplaced: Option<MisplacedTime>,
+    /// How the station's scene differs from the one that the session was recorded on, if it does.
+    other_scene: Option<&'a str>,
+    /// Source of the tolerances.
+    tolerances: &'a str,
 }
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    input::expect_recording(&args.recording, &args.station)?;
     let station = Station::load(&args.station)?;
     if let Some(out) = &args.out {
         Outputs::beside(station.files()).and([&args.recording]).replaced("--out", out)?;
     }
     let exam = RecordedExam::read(&args.recording, &station)?;
     warn_of_refused(&args.recording, &exam.refused);
+    let other_scene = other_scene(&exam.summary.info.scene, &station);
+    if let Some(other) = &other_scene {
+        tracing::warn!("{}: {other}", args.recording.display());
+    }
     let scene = session::load_scene(&station)?;
     let PlaneScene { planes, skin } = PlaneScene::of(&station, &scene)?;
     let names = planes.surfaces();
@@ -103,17 +112,41 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     if let Some(out) = &args.out {
         let title = args.recording.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-        exam_report::write(out, &title, &subject.note, &score, &track, &reference)?;
+        let warnings = warnings(&exam, other_scene.as_deref());
+        let heading = exam_report::Heading { title: &title, note: &subject.note, warnings: &warnings };
+        exam_report::write(out, heading, &score, &track, &reference)?;
     }
+    let tolerances = reference.tolerances();
     if args.json {
         let recording = RecordingReport::new(&args.recording, &exam.summary);
         let (station, planes_from) = (&args.station, subject.from);
         let poses = exam.source;
-        return output::json(&Report { recording, station, poses, planes_from, score: &score, misplaced });
+        let (other_scene, tolerances, score) = (other_scene.as_deref(), tolerances.as_str(), &score);
+        return output::json(&Report {
+            recording,
+            station,
+            poses,
+            planes_from,
+            score,
+            misplaced,
+            other_scene,
+            tolerances,
+        });
     }
     output::text(&score)?;
-    output::line(format!("\n{}", subject.note))?;
+    output::line(format!("\n{}\n{tolerances}", subject.note))?;
     args.out.as_ref().map_or(Ok(()), |out| output::line(format!("\n{}", out.display())))
+}
+
+/// What may make the score wrong: another scene, damage of the recording, refused settings.
+fn warnings(exam: &RecordedExam, other_scene: Option<&str>) -> Vec<String> {
+    let mut warnings: Vec<String> = other_scene.map(str::to_owned).into_iter().collect();
+    if !exam.summary.is_clean() {
+        let summary = exam.summary.to_string().replace('\n', "; ");
+        warnings.push(format!("the recording is not complete, and what is left of it was scored: {summary}"));
+    }
+    warnings.extend_from_slice(&exam.refused);
+    warnings
 }
 
 /// Planes that count.
@@ -128,15 +161,14 @@ struct Subject<'a> {
 impl<'a> Subject<'a> {
     /// Planes of the option, else of the recording's `events`, else all of the scene.
     fn of(args: &Args, events: &[Event], scene: &'a StandardPlanes) -> Result<Self, Failure> {
-        const ALL: &str = "all";
         const CHOOSE: &str = "choose them with --planes head,abdomen, or --planes all";
         let all = scene.planes.len();
-        if args.planes.iter().map(String::as_str).eq([ALL]) {
+        if args.planes.iter().map(String::as_str).eq([input::ALL_PLANES]) {
             let note = format!("Scored: all {all} planes of the scene, as --planes asks.");
             return Ok(Self { planes: scene.planes.iter().collect(), from: "option", note });
         }
         if !args.planes.is_empty() {
-            let planes = scene.chosen(&args.planes)?;
+            let planes = input::chosen(&args.planes, scene)?;
             let note = format!("Scored: {} of the scene's {all} planes, as --planes asks.", planes.len());
             return Ok(Self { planes, from: "option", note });
         }

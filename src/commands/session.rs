@@ -2,7 +2,7 @@
 
 use insonify::anatomy::Scene;
 use insonify::render::{EffectPlan, RenderSettings};
-use insonify::station::{SceneFile, SceneSource, Station};
+use insonify::station::{SceneFile, Station};
 use insonify::transducer::Probe;
 
 use super::Failure;
@@ -17,14 +17,6 @@ pub(crate) fn load_scene(station: &Station) -> Result<Scene, Failure> {
 pub(crate) fn scene_file(station: &Station) -> Result<SceneFile, Failure> {
     let progress = Progress::new("phantom", 0);
     Ok(station.prepare_scene_file(&|p| progress.set(p.done, p.total))?)
-}
-
-/// Description of the scene.
-pub(crate) fn scene_name(station: &Station) -> String {
-    match &station.scene {
-        SceneSource::File(path) => path.display().to_string(),
-        SceneSource::ObstetricPhantom { .. } => "obstetric phantom".to_owned(),
-    }
 }
 
 /// Warns, one line each, of effects that are left out although the scene needs them, or that it shows only on request.

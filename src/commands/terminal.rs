@@ -35,7 +35,10 @@ pub(crate) fn start_log(verbose: u8) {
         || filter.parse_lossy(default),
         |wanted| filter.parse(&wanted).unwrap_or_else(|_| EnvFilter::new(default)),
     );
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(|| AboveBars).event_format(Line).init();
+    // Codes of colours are for terminals alone.
+    let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+    let log = tracing_subscriber::fmt().with_env_filter(filter).with_ansi(!plain && io::stderr().is_terminal());
+    log.with_writer(|| AboveBars).event_format(Line).init();
 }
 
 /// Stderr, above the bars.

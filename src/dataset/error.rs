@@ -59,6 +59,14 @@ pub enum DatasetError {
         /// Description of the fault.
         reason: String,
     },
+    /// An array that has changed since it was made.
+    #[error(
+        "{path} is damaged: its SHA-256 is another than when it was made. Remove it, and run the command that made the data set again"
+    )]
+    Damaged {
+        /// File.
+        path: PathBuf,
+    },
     /// A request that cannot be planned.
     #[error("{0}")]
     Plan(String),

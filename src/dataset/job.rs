@@ -1,5 +1,6 @@
 //! Making of a planned data set in a directory.
 
+use std::collections::HashMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -51,7 +52,7 @@ impl fmt::Display for Made {
 }
 
 impl Maker {
-    /// Opens or creates the data set in `directory`. Tuples that are there are kept.
+    /// Opens or creates the data set in `directory`. Tuples whose files are there with their sizes are kept.
     ///
     /// # Errors
     /// A directory that cannot be written, or that holds another data set; tuples that another run is writing.
@@ -82,6 +83,12 @@ impl Job<'_> {
         self.total() - self.store.done()
     }
 
+    /// Tuples of the shard whose files were there, and are missing or cut short now: [`Job::render`] makes them again. A mask that
+    /// several tuples share comes back with one of them.
+    pub fn lost(&self) -> usize {
+        self.store.lost.len()
+    }
+
     /// Renders the missing tuples, several at once. A run that was stopped goes on where it was.
     ///
     /// # Errors
@@ -100,6 +107,7 @@ impl Job<'_> {
         let (maker, directory, store) = (self.maker, &self.directory, &mut self.store);
         let missing = maker.exams().iter().map(|exam| (exam, store.missing(exam.tuples.clone())));
         let missing: Vec<(&Exam, Vec<usize>)> = missing.filter(|(_, tuples)| !tuples.is_empty()).collect();
+        let sums: HashMap<usize, String> = store.lost.values().map(|row| (row.index, row.sha256.clone())).collect();
         let (mut tables, mut planes) = (Vec::new(), None);
         let mut planned = |(exam, tuples): &(&Exam, Vec<usize>)| {
             let planned = planned(maker, &mut scenes, &mut planes, (exam, tuples), &tables)?;
@@ -112,7 +120,9 @@ impl Job<'_> {
         });
         let write = |renderer: &mut TupleRenderer<'_>, Planned { scene, tables, row }: Planned| {
             let target = maker.targets.as_ref().map(|targets| targets.of(&row)).transpose()?;
-            let tuple = renderer.write(&scene, tables, &row, target, &directory.join(&row.file))?;
+            // A tuple that is made again has its sum already.
+            let row = Row { sha256: sums.get(&row.index).cloned().unwrap_or_default(), ..row };
+            let tuple = renderer.write(&scene, tables, &row, target, directory)?;
             Ok((row, tuple))
         };
         in_order(&mut lanes, planned, write, |_, (row, tuple)| {

@@ -19,7 +19,7 @@
 //! let made = maker.make(Path::new("data"), &backend, &|step| println!("{step:?}"))?;
 //! println!("{} for training, {} for the test", made.train, made.test);
 //! let verified = Dataset::open(Path::new("data"))?.verify(&backend, 10, &|_| ())?;
-//! assert!(verified.differ.is_empty());
+//! assert_eq!(verified.same(), verified.tuples);
 //! # Ok(())
 //! # }
 //! ```

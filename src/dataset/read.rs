@@ -2,8 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use super::stations::sha256;
 use super::{ATTENUATION_POWER, DatasetError, FORMAT, HEADER_FILE, Header, PLANES, Row, Split};
 use crate::files::{self, FileKind};
+
+/// Digits of its SHA-256 in a mask's name.
+pub(super) const MASK_DIGITS: usize = 16;
 
 /// Header and rows of a data set; arrays are read on demand.
 #[derive(Debug, Clone, PartialEq)]
@@ -88,12 +92,12 @@ impl Dataset {
     /// Reads the arrays of `row`.
     ///
     /// # Errors
-    /// A file that cannot be read, whose type or shape isn't the row's, or with an unknown class.
+    /// A file that cannot be read, whose type or shape isn't the row's, that has changed since it was made, or with an unknown
+    /// class.
     pub fn tuple(&self, row: &Row) -> Result<Tuple, DatasetError> {
         let [width, height] = row.size.map(|n| n as usize);
         let path = self.directory.join(&row.file);
-        let all = read(&path, &[PLANES.len(), height, width])?;
-        let mask = read(&self.directory.join(&row.mask), &[height, width])?;
+        let (all, mask) = (self.planes(row)?, self.mask(row)?);
         let mut planes = all.chunks_exact((width * height).max(1)).map(<[u8]>::to_vec);
         let mut next = || planes.next().unwrap_or_default();
         let tuple =
@@ -107,6 +111,25 @@ impl Dataset {
             None => Ok(tuple),
         }
     }
+
+    /// Reads the planes of the tuple of `row`, one after the other.
+    pub(super) fn planes(&self, row: &Row) -> Result<Vec<u8>, DatasetError> {
+        let [width, height] = row.size.map(|n| n as usize);
+        read(&self.directory.join(&row.file), &[PLANES.len(), height, width], &row.sha256)
+    }
+
+    /// Reads the mask of `row`.
+    pub(super) fn mask(&self, row: &Row) -> Result<Vec<u8>, DatasetError> {
+        let [width, height] = row.size.map(|n| n as usize);
+        read(&self.directory.join(&row.mask), &[height, width], digits_of(&row.mask))
+    }
+}
+
+/// First digits of its SHA-256 in the name of a mask; empty if it has none.
+fn digits_of(mask: &str) -> &str {
+    let digits = mask.strip_suffix(".npy").and_then(|name| name.rsplit_once('_')).map_or("", |(_, digits)| digits);
+    let is_sum = digits.len() == MASK_DIGITS && digits.bytes().all(|digit| digit.is_ascii_hexdigit());
+    if is_sum { digits } else { "" }
 }
 
 /// Manifests of the data set in `directory`, sorted by name: one in total, or one per shard.
@@ -151,7 +174,8 @@ pub fn read_rows(path: &Path) -> Result<(Vec<Row>, u64), DatasetError> {
     Ok((rows, whole))
 }
 
-fn read(path: &Path, shape: &[usize]) -> Result<Vec<u8>, DatasetError> {
+/// Bytes of an array, which must have this shape, and a SHA-256 that starts with `digits`.
+fn read(path: &Path, shape: &[usize], digits: &str) -> Result<Vec<u8>, DatasetError> {
     let failed = |source| DatasetError::Io { path: path.to_owned(), source };
     let bytes = files::read(path, FileKind::Array).map_err(failed)?;
     let npy = files::npy(&bytes).map_err(failed)?;
@@ -160,6 +184,11 @@ fn read(path: &Path, shape: &[usize]) -> Result<Vec<u8>, DatasetError> {
         let reason = format!("is an array {found:?}; its row says {shape:?}");
         return Err(DatasetError::Array { path: path.to_owned(), reason });
     }
-    npy.into_vec::<u8>()
-        .map_err(|e| DatasetError::Array { path: path.to_owned(), reason: format!("is not of bytes: {e}") })
+    let values = npy
+        .into_vec::<u8>()
+        .map_err(|e| DatasetError::Array { path: path.to_owned(), reason: format!("is not of bytes: {e}") })?;
+    if !sha256(&bytes).starts_with(digits) {
+        return Err(DatasetError::Damaged { path: path.to_owned() });
+    }
+    Ok(values)
 }

@@ -1,14 +1,17 @@
 //! Files of a data set on disk.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::Write;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use rayon::prelude::*;
+
 use super::stations::read_station;
 use super::tuple_renderer::RenderedTuple;
-use super::{Dataset, DatasetError, HEADER_FILE, Header, Row, Shard, Split, manifests, read_rows};
+use super::{Dataset, DatasetError, HEADER_FILE, Header, PLANES, Row, Shard, Split, manifests, read_rows};
+use crate::sink::npy::header_of_u8;
 use crate::sink::{SinkError, create_dir, write_bytes, write_json, write_text};
 use crate::station::Station;
 
@@ -21,6 +24,8 @@ pub(super) struct Store {
     manifest: File,
     /// Tuples that any shard has rendered.
     done: HashSet<usize>,
+    /// Rows of this shard's tuples that were rendered, and are to be rendered again: files of theirs are missing or cut short.
+    pub(super) lost: HashMap<usize, Row>,
     /// Tuples of this shard.
     ours: Range<usize>,
     /// Last row of this shard, else a row of another.
@@ -83,22 +88,30 @@ impl Store {
             path,
             manifest,
             done: HashSet::new(),
+            lost: HashMap::new(),
             ours,
             last: None,
             masks: HashSet::new(),
             splits: (0, 0),
             bytes: 0,
         };
-        Dataset::open(directory)?.rows.iter().for_each(|row| store.count(row));
+        let rows = Dataset::open(directory)?.rows;
+        let own: Vec<&Row> = rows.iter().filter(|row| store.ours.contains(&row.index)).collect();
+        store.lost = lost(directory, &own);
+        rows.iter().for_each(|row| store.count(row));
         Ok(store)
     }
 
+    /// Counts a tuple with a row, unless it is lost.
     fn count(&mut self, row: &Row) {
-        self.done.insert(row.index);
         let ours = self.ours.contains(&row.index);
         if ours || self.last.is_none() {
             self.last = Some(row.clone());
         }
+        if self.lost.contains_key(&row.index) {
+            return;
+        }
+        self.done.insert(row.index);
         if !ours {
             return;
         }
@@ -109,7 +122,8 @@ impl Store {
         }
     }
 
-    /// Writes the mask and then the row of a tuple whose array is written. Fills in the row's checksums and names.
+    /// Writes the mask and then the row of a tuple whose array is written. Fills in the row's checksums and names. A tuple that
+    /// was lost has its row already.
     pub(super) fn keep(&mut self, row: Row, tuple: RenderedTuple) -> Result<(), DatasetError> {
         let RenderedTuple { sha256, mask, size } = tuple;
         if !self.masks.contains(&mask.file) {
@@ -117,12 +131,22 @@ impl Store {
             self.masks.insert(mask.file.clone());
         }
         let row = Row { size, mask: mask.file, sha256, ..row };
-        let mut line =
-            serde_json::to_vec(&row).map_err(|source| SinkError::Json { path: self.path.clone(), source })?;
-        line.push(b'\n');
-        self.manifest.write_all(&line).map_err(SinkError::io(&self.path))?;
+        match self.lost.remove(&row.index) {
+            Some(known) if known.mask != row.mask => {
+                return Err(DatasetError::OtherMachine { directory: self.directory.clone(), index: row.index });
+            }
+            Some(_) => {}
+            None => self.append(&row)?,
+        }
         self.count(&row);
         Ok(())
+    }
+
+    /// Appends a row to the manifest.
+    fn append(&mut self, row: &Row) -> Result<(), SinkError> {
+        let mut line = serde_json::to_vec(row).map_err(|source| SinkError::Json { path: self.path.clone(), source })?;
+        line.push(b'\n');
+        self.manifest.write_all(&line).map_err(SinkError::io(&self.path))
     }
 
     /// Those of some tuples that no shard has rendered.
@@ -134,6 +158,32 @@ impl Store {
     pub(super) fn done(&self) -> usize {
         self.splits.0 + self.splits.1
     }
+}
+
+/// Those of some rows whose tuples must be made again, as their arrays are missing or have another size. A lost mask comes back
+/// with the first tuple that has it.
+fn lost(directory: &Path, rows: &[&Row]) -> HashMap<usize, Row> {
+    let there: Vec<bool> = rows.par_iter().map(|row| is_there(directory, &row.file, row.size, PLANES.len())).collect();
+    let (mut lost, mut masks) = (HashMap::new(), HashSet::new());
+    for (row, there) in rows.iter().copied().zip(there) {
+        let mask_is_lost = masks.insert(row.mask.as_str()) && !is_there(directory, &row.mask, row.size, 1);
+        if !there || mask_is_lost {
+            lost.insert(row.index, row.clone());
+        }
+    }
+    lost
+}
+
+/// Whether a `uint8` array is in its file with its whole length. Its content is not read.
+fn is_there(directory: &Path, file: &str, size: [u32; 2], planes: usize) -> bool {
+    let (path, mut head) = (directory.join(file), Vec::new());
+    let [width, height] = size;
+    if header_of_u8(&path, [height as usize, width as usize], planes, &mut head).is_err() {
+        return false;
+    }
+    let values = (planes as u64).saturating_mul(u64::from(width) * u64::from(height));
+    let length = values.saturating_add(head.len() as u64);
+    std::fs::metadata(&path).is_ok_and(|found| found.is_file() && found.len() == length)
 }
 
 /// Number of shards in a manifest's name.

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::levels::{Levels, extend_by_classes};
+use super::read::MASK_DIGITS;
 use super::scenes::TupleScene;
 use super::stations::sha256;
 use super::{DatasetError, RollingRow, Row};
@@ -137,18 +138,22 @@ impl<'a> TupleRenderer<'a> {
         Ok(self.tuple(scene, row, None)?.sha256 == row.sha256)
     }
 
-    /// Renders the tuple of `row` and writes its array to `path`. `tables` are those of [`tables_of`].
+    /// Renders the tuple of `row` and writes its array below `directory`. `tables` are those of [`tables_of`]. A row that has its
+    /// checksum already is made again: another array than that is refused.
     pub(super) fn write(
         &mut self,
         scene: &Arc<TupleScene>,
         tables: Vec<SharedTables>,
         row: &Row,
         high_quality: Option<Vec<u8>>,
-        path: &Path,
+        directory: &Path,
     ) -> Result<RenderedTuple, DatasetError> {
         self.tables = tables;
         let tuple = self.tuple(scene, row, high_quality)?;
-        write_bytes(path, &self.bytes)?;
+        if !row.sha256.is_empty() && tuple.sha256 != row.sha256 {
+            return Err(DatasetError::OtherMachine { directory: directory.to_owned(), index: row.index });
+        }
+        write_bytes(&directory.join(&row.file), &self.bytes)?;
         Ok(tuple)
     }
 
@@ -194,7 +199,7 @@ impl<'a> TupleRenderer<'a> {
         }
         let bytes: Arc<[u8]> = bytes_of_u8(path, shape, &[mask])?.into();
         let [height, width] = shape;
-        let file = MaskFile { file: format!("masks/{width}x{height}_{}.npy", &sha256(&bytes)[..16]), bytes };
+        let file = MaskFile { file: format!("masks/{width}x{height}_{}.npy", &sha256(&bytes)[..MASK_DIGITS]), bytes };
         Ok(self.mask.insert((mask.clone(), file)).1.clone())
     }
 }

@@ -8,6 +8,7 @@ use crate::lanes::in_order;
 use crate::render::Backend;
 use crate::statistics::evenly;
 use serde::Serialize;
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// Result of a comparison.
@@ -15,12 +16,25 @@ use std::sync::Arc;
 pub struct Verified {
     /// Number of tuples rendered again.
     pub tuples: usize,
-    /// Indices of those that differ.
+    /// Indices of those that come out differently here than their rows say.
     pub differ: Vec<usize>,
+    /// Indices of those with files that are missing or damaged.
+    pub damaged: Vec<usize>,
+    /// Those files, each with what is wrong with it.
+    pub faults: Vec<String>,
+}
+
+impl Verified {
+    /// Number of tuples that come out here as they are in their files.
+    pub fn same(&self) -> usize {
+        let faulty: BTreeSet<&usize> = self.differ.iter().chain(&self.damaged).collect();
+        self.tuples.saturating_sub(faulty.len())
+    }
 }
 
 impl Dataset {
-    /// Renders `count` tuples again, spread evenly over the data set, and compares them bit for bit; 0 is all.
+    /// Renders `count` tuples again, spread evenly over the data set, and compares them bit for bit with their rows; 0 is all.
+    /// Their files are read and compared with the rows, too.
     ///
     /// # Errors
     /// A data set without tuples, or one whose stations or scenes cannot be loaded or rendered.
@@ -36,15 +50,28 @@ impl Dataset {
             Ok((scenes.of(&self.station(row)?)?, row))
         });
         let compare = |renderer: &mut TupleRenderer<'_>, (scene, row): (Arc<TupleScene>, &Row)| {
-            Ok((row.index, renderer.agrees(&scene, row)?))
+            Ok((row.index, renderer.agrees(&scene, row)?, self.faults(row)))
         };
-        let mut differ = Vec::new();
+        let (mut differ, mut damaged, mut faults) = (Vec::new(), Vec::new(), BTreeSet::new());
         progress(Step::Tuples { done: 0, total });
-        in_order(&mut lanes, rows, compare, |done, (index, agrees)| {
+        in_order(&mut lanes, rows, compare, |done, (index, agrees, found): (usize, bool, Vec<String>)| {
             differ.extend((!agrees).then_some(index));
+            damaged.extend((!found.is_empty()).then_some(index));
+            // Tuples share masks.
+            faults.extend(found);
             progress(Step::Tuples { done: done + 1, total });
             Ok::<_, DatasetError>(())
         })?;
-        Ok(Verified { tuples: total, differ })
+        Ok(Verified { tuples: total, differ, damaged, faults: faults.into_iter().collect() })
+    }
+
+    /// Faults of the files of `row`.
+    fn faults(&self, row: &Row) -> Vec<String> {
+        let failed = [self.planes(row).err(), self.mask(row).err()].into_iter().flatten();
+        let words = |error: DatasetError| match error {
+            DatasetError::Damaged { path } => format!("{} is damaged", path.display()),
+            other => other.to_string(),
+        };
+        failed.map(words).collect()
     }
 }

@@ -1,7 +1,7 @@
 //! Images and their references, as files.
 
 use std::collections::BTreeSet;
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -16,6 +16,10 @@ use crate::names::counted;
 use crate::quality::{Pair, Scores, Summary, frechet_distance_of};
 use crate::tradeoff::csv_field;
 
+/// Record of a frame's folder, as `render` writes it, and the images in there that show no echoes.
+const RECORD: &str = "frame.json";
+const MAPS: [&str; 2] = ["mask.png", "segmentation.png"];
+
 /// Scores of images.
 #[derive(Debug, Clone, Serialize)]
 pub struct ImagesReport {
@@ -27,6 +31,9 @@ pub struct ImagesReport {
     pub mask: Option<PathBuf>,
     /// Feature extractor.
     pub features: Option<PathBuf>,
+    /// Images of a rendered frame's folder that were not compared: its maps.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<String>,
     /// Means and percentiles.
     pub summary: Summary,
     /// Over all images, if there is an extractor.
@@ -71,7 +78,8 @@ impl Features {
 }
 
 /// Compares `images`, a grey PNG or a folder of such, with `references`: a file, or a folder with the same file names. Only
-/// pixels where `mask`, a file for all or a folder, isn't black count. `features` adds a Fréchet distance over all images.
+/// pixels where `mask`, a file for all or a folder, isn't black count. `features` adds a Fréchet distance over all images. Of
+/// folders of rendered frames the maps are left out.
 ///
 /// # Errors
 /// Files that cannot be read, images without a partner or of different sizes, or a feature extractor that cannot be loaded.
@@ -82,7 +90,7 @@ pub fn compare(
     features: Option<&FeatureModel>,
     progress: &dyn Fn(usize, usize),
 ) -> Result<ImagesReport, EvaluationError> {
-    let files = paired(images, references, mask)?;
+    let (files, left_out) = paired(images, references, mask)?;
     let mut network = features.map(Features::load).transpose()?;
     let mut scores = Vec::with_capacity(files.len());
     for (done, pair) in files.iter().enumerate() {
@@ -100,6 +108,7 @@ pub fn compare(
         references: references.to_owned(),
         mask: mask.map(Path::to_owned),
         features: features.map(|model| model.path.clone()),
+        left_out,
         summary,
         frechet_distance,
         scores,
@@ -138,24 +147,34 @@ impl fmt::Display for ImagesReport {
         if *without_pkl > 0 {
             write!(f, "; {without_pkl} without pKL, as no patch of 32 x 32 is half inside")?;
         }
-        writeln!(f)
+        writeln!(f)?;
+        match self.left_out.as_slice() {
+            [] => Ok(()),
+            names => writeln!(f, "left out, as maps of a rendered frame: {}", names.join(", ")),
+        }
     }
 }
 
-/// Pairs two images, or the images of two folders by their names.
-fn paired(images: &Path, references: &Path, mask: Option<&Path>) -> Result<Vec<Files>, EvaluationError> {
+/// Pairs two images, or the images of two folders by their names. Returns the names of maps that are left out, too.
+fn paired(images: &Path, references: &Path, mask: Option<&Path>) -> Result<(Vec<Files>, Vec<String>), EvaluationError> {
     if !images.is_dir() && !references.is_dir() {
         if let Some(path) = mask.filter(|mask| mask.is_dir()) {
             return Err(EvaluationError::MaskFolder { path: path.to_owned() });
         }
         let name = images.file_name().map_or_else(|| images.as_os_str().to_owned(), Into::into);
         let [image, reference] = [images, references].map(Path::to_owned);
-        return Ok(vec![Files { name, image, reference, mask: mask.map(Path::to_owned) }]);
+        return Ok((vec![Files { name, image, reference, mask: mask.map(Path::to_owned) }], Vec::new()));
     }
     if let Some(path) = [images, references].into_iter().find(|path| !path.is_dir()) {
         return Err(EvaluationError::NoFolder { path: path.to_owned() });
     }
-    let (names, others) = (names(images)?, names(references)?);
+    let (mut names, mut others) = (names(images)?, names(references)?);
+    let of_frame = [images, references].iter().any(|folder| folder.join(RECORD).is_file());
+    let maps = MAPS.into_iter().filter(|_| of_frame);
+    let left_out: Vec<String> = maps
+        .filter(|&map| [&mut names, &mut others].map(|names| names.remove(OsStr::new(map))).contains(&true))
+        .map(str::to_owned)
+        .collect();
     if names.is_empty() {
         return Err(EvaluationError::NoImages { folder: images.to_owned() });
     }
@@ -174,7 +193,7 @@ fn paired(images: &Path, references: &Path, mask: Option<&Path>) -> Result<Vec<F
         let mask = mask.map(|m| if m.is_dir() { m.join(&name) } else { m.to_owned() });
         Files { image: images.join(&name), reference: references.join(&name), mask, name }
     });
-    Ok(files.collect())
+    Ok((files.collect(), left_out))
 }
 
 fn names(folder: &Path) -> Result<BTreeSet<OsString>, EvaluationError> {
@@ -237,6 +256,14 @@ mod tests {
         assert_eq!(report.csv().lines().count(), 3);
         let error = compare("a", "b/1.png").unwrap_err();
         assert!(error.contains("1.png is no folder"), "{error}");
+        // Folders of rendered frames: their maps are no images.
+        ["a/mask.png", "b/mask.png", "b/segmentation.png"].iter().for_each(|name| write(name, 50, 255));
+        assert!(compare("a", "b").unwrap_err().contains("segmentation.png is only in"));
+        std::fs::write(dir.path().join("b/frame.json"), "{}").unwrap();
+        let report = compare("a", "b").unwrap();
+        assert_eq!((report.summary.images, report.summary.identical), (2, 1));
+        let text = report.to_string();
+        assert!(text.ends_with("left out, as maps of a rendered frame: mask.png, segmentation.png\n"), "{text}");
         std::fs::create_dir(dir.path().join("c")).unwrap();
         assert!(compare("c", "c").unwrap_err().contains("holds no .png"));
     }

@@ -78,6 +78,49 @@ impl Offset {
         offsets.enumerate().min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
     }
 
+    /// Conditions that the image fails, each with its value and limit; empty if the view is shown.
+    pub(crate) fn faults(&self, view: &View, tolerances: &Tolerances, probe: &Probe, pose: &Pose) -> Vec<String> {
+        // Away from the limit: 10.03 is more than 10.
+        let up = |value: f64| (10.0 * value).ceil() / 10.0;
+        let mut faults = Vec::new();
+        let mut beyond = |value: f64, limit: f64, what: &dyn Fn(f64) -> String| {
+            if value > limit {
+                faults.push(format!("{} (at most {limit})", what(up(value))));
+            }
+        };
+        beyond(self.angle_deg, tolerances.angle_deg, &|deg| format!("tilted off the plane by {deg:.1}°"));
+        beyond(self.distance_mm, tolerances.distance_mm, &|mm| format!("{mm:.1} mm beside the plane"));
+        if let Some(limit) = tolerances.in_plane_deg {
+            beyond(self.in_plane_deg, limit, &|deg| format!("turned in the picture by {deg:.1}°"));
+        }
+        beyond(self.centring_mm, tolerances.centring_mm, &|mm| format!("{mm:.1} mm off the picture's middle line"));
+        let [least, greatest] = tolerances.depth_mm;
+        if self.depth_mm < least || self.depth_mm > greatest {
+            faults.push(format!("{:.1} mm below the face ({least} to {greatest})", self.depth_mm));
+        }
+        let probe_from_scene = pose.inverse();
+        let in_sector = |p: DVec3| Sector::polar(probe, DVec2::new(p.x, p.z)).is_some();
+        let mut unseen = Vec::new();
+        if !in_sector(probe_from_scene.transform_point(view.centre_mm)) {
+            unseen.push("the plane's centre");
+        }
+        for landmark in &view.landmarks {
+            let p = probe_from_scene.transform_point(landmark.position_mm);
+            match landmark.within_mm.filter(|within_mm| p.y.abs() > *within_mm) {
+                _ if !in_sector(p) => unseen.push(&landmark.name),
+                Some(within_mm) => {
+                    let (off_mm, name) = (up(p.y.abs()), &landmark.name);
+                    faults.push(format!("{off_mm:.1} mm beside {name} (at most {within_mm})"));
+                }
+                None => {}
+            }
+        }
+        if !unseen.is_empty() {
+            faults.push(format!("not in the picture of {} mm depth: {}", probe.depth_mm, unseen.join(", ")));
+        }
+        faults
+    }
+
     /// True if the view is shown.
     pub(crate) fn is_within(&self) -> bool {
         self.cost <= 1.0

@@ -6,6 +6,7 @@ mod hex;
 mod inside;
 mod memory;
 mod npy;
+mod other_kind;
 mod outputs;
 mod part;
 mod read;

@@ -4,7 +4,8 @@ use std::fs::File;
 use std::io::{self, ErrorKind, Read};
 use std::path::Path;
 
-use super::stand_in::refuse_stand_in;
+use super::other_kind::refuse_other_kind;
+use super::stand_in::{refuse_stand_in, start_of};
 
 /// Kinds of files that are read, each with its largest size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,7 +50,7 @@ pub enum FileKind {
 
 impl FileKind {
     /// Name with its article, and largest size, bytes.
-    const fn limit(self) -> (&'static str, u64) {
+    pub(super) const fn limit(self) -> (&'static str, u64) {
         const MIB: u64 = 1 << 20;
         const GIB: u64 = 1 << 30;
         match self {
@@ -76,11 +77,12 @@ impl FileKind {
 }
 
 /// Opens a regular file that is not larger than its kind allows. Pipes and devices are refused: they might never end.
-/// Pointers of Git LFS and git-annex, web pages and servers' error messages are refused, too.
+/// Pointers of Git LFS and git-annex, web pages and servers' error messages are refused, too, as are scenes, recordings, volumes
+/// and meshes where text of this program is expected.
 ///
 /// # Errors
-/// The file cannot be opened, is not a regular file, holds a stand-in, or is too large; the error gives its size and the
-/// limit.
+/// The file cannot be opened, is not a regular file, holds a stand-in, is known to be of another kind, or is too large; the error
+/// gives its size and the limit.
 pub fn open(path: &Path, kind: FileKind) -> io::Result<File> {
     // Checked before opening: opening a pipe waits for its other end.
     let found = std::fs::metadata(path)?;
@@ -90,11 +92,13 @@ pub fn open(path: &Path, kind: FileKind) -> io::Result<File> {
     if !found.is_file() {
         return Err(io::Error::new(ErrorKind::InvalidInput, "it is not a regular file"));
     }
+    let mut file = File::open(path)?;
+    let start = start_of(&mut file)?;
+    refuse_stand_in(&start)?;
+    refuse_other_kind(&start, path, kind)?;
     if found.len() > kind.limit().1 {
         return Err(too_large(kind, &format!("it has {} bytes", found.len())));
     }
-    let mut file = File::open(path)?;
-    refuse_stand_in(&mut file)?;
     Ok(file)
 }
 
@@ -146,6 +150,9 @@ mod tests {
         sized(limit + 1);
         let error = read_text(&path, FileKind::Calibration).unwrap_err().to_string();
         assert_eq!(error, "it has 1048577 bytes; a calibration has at most 1048576");
+        std::fs::write(&path, [b"glTF".repeat(1 << 19), vec![0]].concat()).unwrap();
+        let error = read_text(&path, FileKind::Calibration).unwrap_err().to_string();
+        assert!(error.starts_with("it is a scene (glTF), not a calibration"), "{error}");
         assert!(open(dir.path(), FileKind::Scene).is_err_and(|e| e.kind() == ErrorKind::IsADirectory));
         std::fs::write(&path, b"ab\xff").unwrap();
         assert!(read_text(&path, FileKind::Station).unwrap_err().to_string().ends_with("byte 2"));

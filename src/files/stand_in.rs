@@ -27,15 +27,23 @@ fn stand_in(start: &[u8]) -> Option<&'static str> {
     }
 }
 
-/// Refuses a file whose start is a stand-in's, and returns to its start.
+/// First bytes of a file that tell its kind; the file is at its start again.
 ///
 /// # Errors
-/// A stand-in, with its remedy; a file that cannot be read.
-pub(super) fn refuse_stand_in(file: &mut (impl Read + Seek)) -> io::Result<()> {
+/// A file that cannot be read.
+pub(super) fn start_of(file: &mut (impl Read + Seek)) -> io::Result<Vec<u8>> {
     let mut start = Vec::with_capacity(STAND_IN_BYTES);
     file.by_ref().take(STAND_IN_BYTES as u64).read_to_end(&mut start)?;
     file.rewind()?;
-    stand_in(&start).map_or(Ok(()), |cause| Err(io::Error::new(ErrorKind::InvalidData, cause)))
+    Ok(start)
+}
+
+/// Refuses a file whose start is a stand-in's.
+///
+/// # Errors
+/// A stand-in, with its remedy.
+pub(super) fn refuse_stand_in(start: &[u8]) -> io::Result<()> {
+    stand_in(start).map_or(Ok(()), |cause| Err(io::Error::new(ErrorKind::InvalidData, cause)))
 }
 
 #[cfg(test)]

@@ -84,6 +84,10 @@ impl FrameRenderer for Renderer {
     fn set_maps(&mut self, wanted: bool) {
         Renderer::set_maps(self, wanted);
     }
+
+    fn skin_distance_mm(&self, pose: &Pose) -> Option<f64> {
+        Renderer::skin_distance_mm(self, pose)
+    }
 }
 
 /// Classifies an error: `Lost` if reopening the device may help, else `Refused`.

@@ -15,6 +15,7 @@ use crate::pose::TrackingState;
 use crate::sink::live::{FrameInfo, FrameSource, PresentedFrame};
 use crate::statistics::upper_median;
 use crate::transducer::Misplacement;
+use crate::transducer::placement::Untouched;
 
 /// Frames in the live figures: at most so many, presented at most so long before the last one.
 const RECENT: usize = 64;
@@ -205,6 +206,11 @@ impl Metrics {
     /// Operating points so far; none without a controller of operating points.
     pub(super) fn points(&self) -> Option<PointSummary> {
         lock(&self.points).clone()
+    }
+
+    /// Stores what is told of a probe that has never touched the skin; none once it has.
+    pub(super) fn set_untouched(&self, untouched: Option<Untouched>) {
+        lock(&self.shown).misplaced.untouched = untouched;
     }
 
     /// Calls `look` with the statistics of presented frames.

@@ -81,6 +81,11 @@ pub trait FrameRenderer: Send {
 
     /// Requests segmentation and attenuation for frames submitted from now on. Maps not requested may be empty.
     fn set_maps(&mut self, _wanted: bool) {}
+
+    /// Distance of the face's centre from the skin at a pose, mm; none without skin. Asked for once, when it is told.
+    fn skin_distance_mm(&self, _pose: &Pose) -> Option<f64> {
+        None
+    }
 }
 
 /// Builds a new renderer when the device is lost.

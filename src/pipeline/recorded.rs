@@ -17,7 +17,7 @@ use crate::recording::{
 };
 use crate::settings::{Control, LiveSettings};
 use crate::sink::{SinkError, create_dir};
-use crate::station::Station;
+use crate::station::{SceneIdentity, Station};
 use crate::tracker::{ProbeSensor, Protocol};
 
 /// Name of events that record settings.
@@ -109,14 +109,14 @@ pub fn start_recorder(
     if let Some(directory) = path.parent().filter(|directory| !directory.as_os_str().is_empty()) {
         create_dir(directory)?;
     }
-    let scene = station.path.display().to_string();
-    let info = RecordingInfo { protocol, device: device.to_owned(), scene: scene.clone(), start_time_ns, sensor };
+    let scene = SceneIdentity::of(station).to_string();
+    let info = RecordingInfo { protocol, device: device.to_owned(), scene, start_time_ns, sensor };
     let mut writer = RecordingWriter::create(path, &info)?;
     writer.settings(&SessionSettings {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         seed: station.settings.quality.seed,
         adapter: adapter.to_owned(),
-        station_path: scene,
+        station_path: station.path.display().to_string(),
         station: text,
     })?;
     Ok(Recorder::start(writer, QueueLimits::default())?)

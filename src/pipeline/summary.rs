@@ -10,7 +10,7 @@ use super::histogram::Percentiles;
 use super::tracker_watch::TrackerSummary;
 use crate::chooser::PointSummary;
 use crate::sink::SinkError;
-use crate::transducer::placement::{Fault, Misplacement};
+use crate::transducer::placement::{Fault, Misplacement, Untouched};
 
 /// Summary of one sink.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
@@ -63,6 +63,8 @@ pub struct MisplacedSummary {
     pub looks_out: u64,
     /// The latest one, with its likely cause.
     pub latest: Option<Misplacement>,
+    /// Good poses of a probe that has never touched the skin; none if it has, and before 20 s of them.
+    pub untouched: Option<Untouched>,
 }
 
 impl MisplacedSummary {

@@ -21,6 +21,9 @@ impl fmt::Display for Summary {
             let MisplacedSummary { deep, looks_out, .. } = s.misplaced;
             writeln!(f, "placement          {deep} frames deep in the body, {looks_out} looking out of it: {latest}")?;
         }
+        if let Some(untouched) = &s.misplaced.untouched {
+            writeln!(f, "contact            {untouched}")?;
+        }
         if let Some(tracker) = &s.tracker {
             tracker_row(f, tracker)?;
         }

@@ -10,7 +10,7 @@ use super::replayed::at_rest;
 use super::shutdown::{Part, Stop};
 use super::tracker_watch::TrackerWatch;
 use crate::pose::{Counters, Estimate, Estimator, Measurement};
-use crate::recording::{self, RecorderHandle, spawn, stream_of};
+use crate::recording::{self, RecorderHandle, RecordingReader, spawn, stream_of};
 use crate::station::{Station, StationError};
 use crate::tracker::{
     Listener, Protocol, Record, SensorName, SessionHandle, Settings, TrackerError, TrackerEvent, Transport,
@@ -37,7 +37,17 @@ impl TrackedPoses {
     /// The calibration can't be read.
     pub fn of_station(station: &Station) -> Result<Option<Self>, StationError> {
         let has_tracker = station.tracker.transport != Transport::None;
-        has_tracker.then(|| Ok(Self::new(Estimator::new(station.pose_settings()?)))).transpose()
+        if !has_tracker {
+            return Ok(None);
+        }
+        let mut settings = station.pose_settings()?;
+        // What can't be opened is reported by the session that plays it.
+        if let Some(path) = station.recording()
+            && let Ok(reader) = RecordingReader::open(path)
+        {
+            settings.calibration = reader.info().calibration(path, settings.calibration);
+        }
+        Ok(Some(Self::new(Estimator::new(settings))))
     }
 
     /// Takes a measurement of a tracker of one's own, as soon as it has arrived.

@@ -18,6 +18,9 @@ pub struct LandmarkFit {
     rms_mm: f64,
     /// Whether all landmarks are near one plane: a mirrored tracker axis then cannot be detected.
     pub coplanar: bool,
+    /// Likely mix-up of landmarks that are accepted all the same, in words.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub likely: Option<String>,
     landmarks: Vec<Row>,
     #[serde(skip)]
     pose: Pose,
@@ -91,13 +94,14 @@ impl LandmarkFit {
         let [x, y, z, qw, qx, qy, qz] = found.scene_from_tracker.components();
         let scene_from_tracker = Transform { position_mm: [x, y, z], quaternion: [qw, qx, qy, qz] };
         let (pose, rms_mm, coplanar) = (found.scene_from_tracker, found.rms_mm, found.coplanar);
-        let fit = Self { scene_from_tracker, rms_mm, coplanar, landmarks, pose };
+        let likely = MixUp::of(&points).map(|mix_up| mix_up.describe(pairs));
+        let fit = Self { scene_from_tracker, rms_mm, coplanar, likely, landmarks, pose };
         let worst = fit.landmarks.iter().max_by(|a, b| a.residual_mm.total_cmp(&b.residual_mm));
         match worst.filter(|_| rms_mm > max_rms_mm) {
             None => Ok(fit),
             Some(Row { name, residual_mm, .. }) => {
                 let (worst, worst_mm, table) = (name.clone(), *residual_mm, fit.table());
-                let likely = MixUp::of(&points).map_or_else(String::new, |m| format!("; {}", m.describe(pairs)));
+                let likely = fit.likely.as_ref().map_or_else(String::new, |likely| format!("; {likely}"));
                 Err(LandmarkFitError::TooFar { rms_mm, max_rms_mm, worst, worst_mm, likely, table })
             }
         }

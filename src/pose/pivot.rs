@@ -6,7 +6,7 @@
 
 use std::fmt;
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 use thiserror::Error;
@@ -47,11 +47,45 @@ pub struct Pivot {
 /// Distance of a tip from its sensor, mm, below which positions are likely in metres.
 pub(crate) const METRES_BELOW_MM: f64 = 1.0;
 
+/// Distance of a dimple from the tracker, mm, below which positions are likely in metres.
+const DIMPLE_BELOW_MM: f64 = 20.0;
+
 impl Pivot {
-    /// Whether the positions were likely in metres: the tip is then a fraction of a millimetre from the sensor.
+    /// Whether the positions were likely in metres: the tip is then a fraction of a millimetre from the sensor, and the
+    /// dimple a few millimetres from the tracker. A tool whose origin is its tip is far from the tracker.
     pub fn looks_like_metres(&self) -> bool {
-        self.tip_mm.length() < METRES_BELOW_MM
+        self.tip_mm.length() < METRES_BELOW_MM && self.pivot_mm.length() < DIMPLE_BELOW_MM
     }
+}
+
+/// A quaternion that was written in another way than it was read.
+type Rewrite = fn(DQuat) -> DQuat;
+
+/// Ways in which quaternions are misread, and what to do about each.
+const MISREADINGS: [(&str, Rewrite); 3] = [
+    ("read as x,y,z,w (the columns are qx,qy,qz,qw)", |q| DQuat::from_xyzw(q.w, q.x, q.y, q.z)),
+    ("read as w,x,y,z (the columns are qw,qx,qy,qz)", |q| DQuat::from_xyzw(q.y, q.z, q.w, q.x)),
+    ("with the opposite turn (conjugate: negate qx, qy and qz)", |q| q.conjugate()),
+];
+
+/// A misreading must lower the RMS residual below this fraction, and below this many mm.
+const MISREAD: (f64, f64) = (0.3, 3.0);
+
+/// Misreading of the quaternions by which a tip that seems to move rests, in words; `None` if none explains it.
+pub fn misreading(tracker_from_sensor: &[Pose]) -> Option<String> {
+    let rms_mm = |poses: &[Pose]| calibrate(poses).map_or(f64::INFINITY, |found| found.rms_mm);
+    let limit_mm = MISREAD.1.min(MISREAD.0 * rms_mm(tracker_from_sensor));
+    let tried = MISREADINGS.iter().map(|(what, rewrite)| {
+        let poses = tracker_from_sensor.iter().map(|p| Pose { orientation: rewrite(p.orientation), ..*p });
+        (what, rms_mm(&poses.collect::<Vec<_>>()))
+    });
+    let (what, rms_mm) = tried.min_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, rms_mm)| *rms_mm < limit_mm)?;
+    Some(format!("the quaternions were likely misread: {what}, the point rests within {rms_mm:.2} mm RMS"))
+}
+
+/// `fault` of poses, with a misreading of their quaternions that explains it.
+pub fn explained(fault: impl fmt::Display, tracker_from_sensor: &[Pose]) -> String {
+    misreading(tracker_from_sensor).map_or_else(|| fault.to_string(), |likely| format!("{fault}; {likely}"))
 }
 
 impl fmt::Display for Pivot {
@@ -160,7 +194,6 @@ pub(super) fn widest_turn(poses: &[Pose]) -> f64 {
 mod tests {
     use std::f64::consts::TAU;
 
-    use glam::DQuat;
     use proptest::prelude::*;
 
     use super::*;
@@ -196,6 +229,38 @@ mod tests {
         assert!(spun.to_string().contains("about nearly one axis"), "{spun}");
         let still = calibrate(&[circling(1, 0.6, 0.0)[0]; 50]).unwrap_err();
         assert!(matches!(still, PivotError::TooLittleTurn { .. }), "{still}");
+    }
+
+    #[test]
+    fn misread_quaternions_are_recognised_and_slips_are_not() {
+        let all = circling(200, 0.6, 0.5);
+        let written = |rewrite: Rewrite| -> Vec<Pose> {
+            all.iter().map(|p| Pose { orientation: rewrite(p.orientation), ..*p }).collect()
+        };
+        // Each misreading is undone by another one or by itself.
+        for (rewrite, words) in [
+            (MISREADINGS[1].1, "read as x,y,z,w (the columns are qx,qy,qz,qw), the point rests within 0.00 mm"),
+            (MISREADINGS[0].1, "read as w,x,y,z"),
+            (MISREADINGS[2].1, "with the opposite turn"),
+        ] {
+            let found = explained("it moved", &written(rewrite));
+            assert!(found.starts_with("it moved; ") && found.contains(words), "{found}");
+        }
+        let slipped =
+            |(i, p): (usize, &Pose)| Pose { position_mm: p.position_mm + DVec3::X * (i % 2 * 20) as f64, ..*p };
+        let slipped: Vec<Pose> = all.iter().enumerate().map(slipped).collect();
+        assert_eq!((misreading(&slipped), misreading(&all), misreading(&[])), (None, None, None));
+        assert_eq!(explained("it moved", &slipped), "it moved");
+    }
+
+    #[test]
+    fn metres_are_told_from_a_tool_whose_origin_is_its_tip() {
+        let metres = |p: Pose| Pose { position_mm: 1e-3 * p.position_mm, ..p };
+        let small = circling(200, 0.6, 0.5).into_iter().map(metres).collect::<Vec<_>>();
+        assert!(calibrate(&small).unwrap().looks_like_metres());
+        let at_tip = |p: Pose| Pose { position_mm: PIVOT, ..p };
+        let resting = circling(200, 0.6, 0.5).into_iter().map(at_tip).collect::<Vec<_>>();
+        assert!(!calibrate(&resting).unwrap().looks_like_metres());
     }
 
     proptest! {

@@ -3,6 +3,8 @@
 //! Least squares by singular values (Kabsch, Acta Cryst A 32:922, 1976; Arun, Huang & Blostein, IEEE PAMI 9:698, 1987;
 //! with the proper rotation of Umeyama, IEEE PAMI 13:376, 1991). Horn's quaternion method gives the same rotation.
 
+use std::ops::RangeInclusive;
+
 use glam::{DMat3, DQuat, DVec3};
 use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
@@ -20,6 +22,12 @@ const LEAST_EXTENT_MM: f64 = 5.0;
 
 /// Largest accepted ratio of distances between tracker and scene, either way.
 const SCALE_TOLERANCE: f64 = 1.25;
+
+/// Ratios of distances that a wrong unit explains, from 0.1 mm to 10 m.
+const UNIT_RATIOS: RangeInclusive<f64> = 1e-4..=1e4;
+
+/// Points have one shape if, brought to one size, they fit with an RMS residual below this fraction of their extent.
+const SAME_SHAPE: f64 = 0.1;
 
 /// A mirror image is reported if it fits better by this factor and by this many mm.
 const MIRRORED: (f64, f64) = (2.0, 1.0);
@@ -128,9 +136,16 @@ pub fn register(pairs: &[PointPair]) -> Result<Registration, RegistrationError> 
     let centred = Centred::of(pairs);
     let scene_spread = centred.mean(|s, _| s * s.transpose());
     let tracker_spread = centred.mean(|_, t| t * t.transpose());
-    let scene_extent = extent("scene", &scene_spread)?;
-    let tracker_extent = extent("tracker", &tracker_spread)?;
     let ratio = (tracker_spread.trace() / scene_spread.trace()).sqrt();
+    // Points in a wrong unit lie close together, too.
+    let named = |fault: RegistrationError| match fault {
+        RegistrationError::OnePoint { .. } if is_other_unit(pairs, ratio, scene_spread.trace().sqrt()) => {
+            RegistrationError::Scale { ratio }
+        }
+        fault => fault,
+    };
+    let scene_extent = extent("scene", &scene_spread).map_err(named)?;
+    let tracker_extent = extent("tracker", &tracker_spread).map_err(named)?;
     if !(1.0 / SCALE_TOLERANCE..=SCALE_TOLERANCE).contains(&ratio) {
         return Err(RegistrationError::Scale { ratio });
     }
@@ -147,6 +162,16 @@ pub fn register(pairs: &[PointPair]) -> Result<Registration, RegistrationError> 
     let residual = |p: &PointPair| p.scene_mm.distance(scene_from_tracker.transform_point(p.tracker_mm));
     let coplanar = [scene_extent, tracker_extent].iter().any(|e| e[2] < COPLANAR * e[0]);
     Ok(Registration { scene_from_tracker, rms_mm, residuals_mm: pairs.iter().map(residual).collect(), coplanar })
+}
+
+/// Whether the tracker's points have the shape of the scene's, whose RMS extent is given, at `ratio` times the distances.
+fn is_other_unit(pairs: &[PointPair], ratio: f64, scene_extent_mm: f64) -> bool {
+    if !UNIT_RATIOS.contains(&ratio) {
+        return false;
+    }
+    let scaled = |p: &PointPair| PointPair { tracker_mm: p.tracker_mm / ratio, ..*p };
+    let rms_mm = rms_of_fit(&pairs.iter().map(scaled).collect::<Vec<_>>());
+    rms_mm.is_some_and(|rms_mm| rms_mm < SAME_SHAPE * scene_extent_mm)
 }
 
 /// RMS residual of the best rigid fit, mm, without the checks of [`register`]; `None` if there is no fit.
@@ -324,8 +349,15 @@ mod tests {
         let line = pairs(|p| p).into_iter().map(|p| PointPair { scene_mm: DVec3::X * p.scene_mm.x, ..p });
         assert!(refusal(&line.collect::<Vec<_>>()).starts_with("the scene's landmarks lie on one line"));
         assert!(refusal(&pairs(|_| DVec3::ONE)).starts_with("the tracker's landmarks lie within 0.00 mm"));
-        let inches = refusal(&pairs(|p| p / 25.4));
-        assert!(inches.contains("lie within") || inches.contains("are 0.0394 times"), "{inches}");
+        // A wrong unit is named before the small spread that it makes, on either side.
+        assert!(refusal(&pairs(|p| p / 25.4)).contains("are 0.0394 times"));
+        let metres = refusal(&pairs(|p| 1e-3 * p));
+        assert!(metres.contains("are 0.0010 times") && metres.contains("m 0.001"), "{metres}");
+        let scene = pairs(|p| p).into_iter().map(|p| PointPair { scene_mm: 1e-3 * p.scene_mm, ..p });
+        assert!(refusal(&scene.collect::<Vec<_>>()).contains("are 1000.0000 times"));
+        // One place touched again and again is no unit.
+        let shaken = pairs(|p| DVec3::new(0.1 * (7.0 * p.x).sin(), 0.1 * (5.0 * p.y).cos(), 0.1 * (3.0 * p.z).sin()));
+        assert!(refusal(&shaken).starts_with("the tracker's landmarks lie within"), "{}", refusal(&shaken));
         assert!(refusal(&pairs(|p| p * 0.1)).contains("are 0.1000 times"));
         let mut nan = pairs(|p| p);
         nan[4].tracker_mm.y = f64::NAN;

@@ -83,7 +83,11 @@ impl fmt::Display for Inspection<'_> {
         if self.sensors.len() > 1 {
             self.sensors.iter().try_for_each(|sensor| writeln!(f, "heard      {sensor}"))?;
         }
-        writeln!(f, "poses      {}, and {} that the session used", self.poses, self.session_poses)?;
+        write!(f, "poses      {}", self.poses)?;
+        match self.session_poses {
+            0 => writeln!(f)?,
+            used => writeln!(f, ", and {used} that the session used")?,
+        }
         if let Some(Timing { rate_hz, p50_ms, p95_ms, max_ms, jitter_ms, gap_count, gaps }) = self.timing {
             let what = if self.poses > 0 { "poses" } else { "records" };
             writeln!(f, "rate       {rate_hz:.2} {what} a second")?;

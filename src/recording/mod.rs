@@ -15,7 +15,8 @@
 //! Metadata of the raw channel: `protocol` (a name of [`Protocol`]), `device`, `scene` (frame of the poses),
 //! `start_time_ns`, `format_version`, and the choice of the probe among several sensors: `sensor` (a number), `tool` (a
 //! name; `format_version` is 2 then), or `probe` = `only` if none was chosen. With none of these, the first sensor received
-//! is the probe.
+//! is the probe. A `device` that begins with `imported from` marks poses that are `scene_from_probe` already: no station's
+//! calibration applies to them.
 //!
 //! The bytes are those of one sender: datagrams of a second one are left out, and an event names it.
 //!
@@ -89,6 +90,7 @@ pub use marks::{BODY_MARK_EVENT, Marks, REMOVAL_EVENT, RecordedMark, TEXT_EVENT,
 pub use part::part_path;
 #[cfg(feature = "live")]
 pub use playback::{RecordingPlayback, spawn, stream_of};
+pub(crate) use poses::calibration_for;
 pub use poses::poses;
 #[cfg(feature = "recordings")]
 pub(crate) use poses::read_both;
@@ -123,6 +125,9 @@ pub const STATION_NAME: &str = "station.toml";
 /// Latest version of this format; readers refuse later ones. Version 2 names a tool as the probe.
 pub const FORMAT_VERSION: u32 = 2;
 
+/// Begin of the `device` of imported recordings: their poses are `scene_from_probe`, whatever a station's calibration.
+pub(crate) const IMPORTED: &str = "imported from ";
+
 /// Value of the metadata `probe` if no sensor was chosen.
 #[cfg(feature = "recordings")]
 const ONLY: &str = "only";
@@ -132,7 +137,7 @@ const ONLY: &str = "only";
 pub struct RecordingInfo {
     /// Wire format of the bytes.
     pub protocol: Protocol,
-    /// Name of the tracker, for information.
+    /// Name of the tracker, for information. One that begins with `imported from` marks poses that are in the scene.
     pub device: String,
     /// Scene that defines the frame of the poses, for information.
     pub scene: String,

@@ -5,8 +5,11 @@ use std::path::Path;
 use std::time::Duration;
 
 use super::in_order::keep_in_order;
-use super::{DecodedRecording, Item, RecordingError, RecordingReader, RecordingSummary, SessionPose, Timing};
-use crate::pose::{Measurement, Reading, TimedPose};
+use super::{
+    DecodedRecording, IMPORTED, Item, RecordingError, RecordingInfo, RecordingReader, RecordingSummary, SessionPose,
+    Timing,
+};
+use crate::pose::{Calibration, Measurement, Reading, TimedPose};
 use crate::tracker::{DecodeError, Settings};
 
 /// Poses of the recording at `path`, ascending in host time, decoded by the recording's protocol.
@@ -54,6 +57,34 @@ pub fn measurements(path: &Path, settings: &Settings) -> Result<(Vec<Measurement
         return Err(no_pose(path, &summary));
     }
     Ok((measurements, summary))
+}
+
+impl RecordingInfo {
+    /// Whether the poses are `scene_from_probe`: the recording was imported.
+    pub fn is_in_scene(&self) -> bool {
+        self.device.starts_with(IMPORTED)
+    }
+
+    /// Calibration that brings the poses of this recording, at `path`, into the scene: `of_station`, or none for poses that
+    /// are there already. Says so if it leaves one out.
+    pub(crate) fn calibration(&self, path: &Path, of_station: Calibration) -> Calibration {
+        if !self.is_in_scene() {
+            return of_station;
+        }
+        if of_station.scene_from_tracker.is_some() || of_station.sensor_from_probe.is_some() {
+            tracing::warn!(
+                "{}: it was {}, so its poses are the probe's in the scene: the station's calibration is not applied to them",
+                path.display(),
+                self.device
+            );
+        }
+        Calibration::default()
+    }
+}
+
+/// [`RecordingInfo::calibration`] of the recording at `path` with this summary.
+pub(crate) fn calibration_for(path: &Path, summary: &RecordingSummary, of_station: Calibration) -> Calibration {
+    summary.info.calibration(path, of_station)
 }
 
 /// Removes items with implausible times; stores their number and the duration of the others in `summary`.
@@ -123,9 +154,20 @@ pub(crate) fn read_both<R: Read>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::{RecordingInfo, RecordingWriter};
+    use super::super::RecordingWriter;
     use super::*;
+    use crate::pose::{Fitted, Pose};
     use crate::tracker::Protocol;
+
+    #[test]
+    fn a_stations_calibration_applies_to_recorded_poses_and_not_to_imported_ones() {
+        let sensor_from_probe = Some(Fitted::known(Pose::IDENTITY));
+        let of_station = Calibration { sensor_from_probe, ..Calibration::default() };
+        for (device, expected) in [("simulated hand", of_station), ("imported from a.csv", Calibration::default())] {
+            let info = RecordingInfo { device: device.to_owned(), ..RecordingInfo::default() };
+            assert_eq!(info.calibration(Path::new("a.mcap"), of_station), expected, "{device}");
+        }
+    }
 
     #[test]
     fn a_puck_has_the_range_and_the_axes_of_its_station() {

@@ -150,7 +150,7 @@ impl fmt::Display for RecordingSummary {
         let seconds = self.duration.as_secs_f64();
         write!(f, "{} records in {} messages over {seconds:.1} s", self.records, self.messages)?;
         if let Some(truncated) = &self.damage.truncated {
-            write!(f, "\nthe file is not whole: {truncated}")?;
+            write!(f, "\nthe file is not whole: {truncated}; what was read ends after {seconds:.1} s")?;
         }
         let counted = [
             (self.damage.damaged, "damaged parts of the file left out"),

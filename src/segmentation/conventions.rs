@@ -234,7 +234,8 @@ impl Plausibility {
         if !self.likelier.is_empty() {
             hints += &format!(" The numbers fit --names {}: try that.", self.likelier.join(" or "));
         }
-        if is_impossible(Aspect::Side) || is_impossible(Aspect::Position) {
+        // A table that fits explains organs above or below their places, not those on the wrong side.
+        if is_impossible(Aspect::Side) || (is_impossible(Aspect::Position) && self.likelier.is_empty()) {
             hints += &format!(
                 " Mirrored? The file's axes say that its voxels run to the patient's {}. Where that is wrong, save the \
                  segmentation again with the image's own axes; a patient with situs inversus is not wrong.",
@@ -249,7 +250,7 @@ impl Plausibility {
             let [a, b, c] = [m.x_axis, m.y_axis, m.z_axis].map(|axis| (axis.length() * 1e3).round() / 1e3);
             hints += &format!(" The file's voxels are {a} × {b} × {c} mm: is that their size?");
         }
-        if from.has_numbers() {
+        if from.has_numbers() && is_impossible(Aspect::Volume) {
             hints +=
                 " No built-in table fits these numbers: --map NUMBER=ORGAN or --names FILE.toml says what they mean.";
         }

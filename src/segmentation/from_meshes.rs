@@ -2,6 +2,7 @@
 
 use super::classes::{Class, Role};
 use super::from_labels::{Inputs, Made, Options, make};
+use super::grid::Grid;
 use super::meshing::Part;
 use super::summary::remark_of_outline;
 use super::voxels::{inside_of, voxels_within};
@@ -37,7 +38,8 @@ pub fn surfaces(organs: Vec<OrganMesh>, options: &Options) -> (Vec<Made>, Vec<St
         }
         organs.retain(|organ| !is_layer(organ));
     }
-    let mut made = layers(&bodies, &organs, options);
+    let (mut made, outside) = layers(&bodies, &organs, options);
+    remarks.extend(outside);
     if let [body] = &bodies[..] {
         // The mesh itself is finer than its voxels.
         let outer = part(&body.mesh);
@@ -147,17 +149,39 @@ fn of_part(
     }
 }
 
-/// Skin, fat and soft tissue of the bodies, or around the organs.
-fn layers(bodies: &[OrganMesh], organs: &[OrganMesh], options: &Options) -> Vec<Made> {
+/// Share of an organ's vertices outside the body from which it is told.
+const OUTSIDE: f64 = 0.1;
+
+/// A remark on organs that reach out of the body, a mask on `grid`.
+fn remark_outside(organs: &[OrganMesh], body: &[bool], grid: &Grid) -> Option<String> {
+    let voxel_from_lps = grid.lps_from_voxel.inverse();
+    let is_outside = |vertex: &&glam::Vec3| {
+        let at = voxel_from_lps.transform_point3(vertex.as_dvec3()).round();
+        let within = (0..3).all(|n| (0.0..grid.size[n] as f64).contains(&at[n]));
+        !within || !body[(at.z as usize * grid.size[1] + at.y as usize) * grid.size[0] + at.x as usize]
+    };
+    let named = organs.iter().filter_map(|organ| {
+        let vertices = &organ.mesh.vertices_mm;
+        let share = vertices.iter().filter(is_outside).count() as f64 / vertices.len().max(1) as f64;
+        (share > OUTSIDE).then(|| format!("`{}` with {:.0} % of its surface", organ.name, 100.0 * share))
+    });
+    let named: Vec<String> = named.collect();
+    let words = crate::names::listed(&named, 6, ", ");
+    (!named.is_empty()).then(|| format!("organs reach out of the body: {words}: are all meshes of one frame?"))
+}
+
+/// Skin, fat and soft tissue of the bodies, or around the organs; and a remark on organs that reach out of the bodies.
+fn layers(bodies: &[OrganMesh], organs: &[OrganMesh], options: &Options) -> (Vec<Made>, Option<String>) {
     let meshes: Vec<&Mesh> = bodies.iter().chain(organs).map(|o| &o.mesh).collect();
     // Free voxels on all sides: the organs end within the body.
-    let Some((grid, _)) = voxels_within(&meshes, VOXEL_MM, 2) else { return Vec::new() };
+    let Some((grid, _)) = voxels_within(&meshes, VOXEL_MM, 2) else { return (Vec::new(), None) };
     let within = |of: &[OrganMesh]| {
         let meshes: Vec<&Mesh> = of.iter().map(|o| &o.mesh).collect();
         inside_of(&meshes, &grid)
     };
     let labels = within(organs).into_iter().map(u16::from).collect();
     let body = (!bodies.is_empty()).then(|| within(bodies));
+    let outside = body.as_ref().and_then(|body| remark_outside(organs, body, &grid));
     let inputs = Inputs {
         grid: grid.clone(),
         labels,
@@ -168,5 +192,5 @@ fn layers(bodies: &[OrganMesh], organs: &[OrganMesh], options: &Options) -> Vec<
         is_ct: false,
         remarks: Vec::new(),
     };
-    make(inputs, options, &|_, _| ()).surfaces
+    (make(inputs, options, &|_, _| ()).surfaces, outside)
 }

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use thiserror::Error;
 
 use super::classes::{ClassTable, MappedSegment, Role, Unmapped};
+use super::cover::Labelled;
 use super::grid::Grid;
 use super::image::{self, ImageError};
 use super::inputs::{Inputs, Organ};
@@ -36,6 +37,12 @@ pub enum GatherError {
         path: PathBuf,
         /// Each with its number, its voxels and the nearest known names.
         names: Vec<String>,
+    },
+    /// A map of background alone.
+    #[error("{path}: all voxels are 0: it labels nothing. Give the file that the segmentation was written to")]
+    Empty {
+        /// Label map.
+        path: PathBuf,
     },
     /// No organ.
     #[error(
@@ -77,6 +84,30 @@ pub enum GatherError {
         /// Change of its affine that would help, as a sentence after a space, or empty.
         hint: String,
     },
+    /// A body that leaves organs outside.
+    #[error(
+        "{path}, given as --body, leaves most of an organ of {labels} outside: {organs} of the voxels; is it of the same scan? \
+         --allow-implausible makes them part of the body"
+    )]
+    OrganOutside {
+        /// Body.
+        path: PathBuf,
+        /// Label map.
+        labels: PathBuf,
+        /// Organs, each with the share outside.
+        organs: String,
+    },
+    /// A body without anything around the organs.
+    #[error(
+        "{path}, given as --body, holds only the organs that {labels} labels, no body around them: give the body's outline, as \
+         TotalSegmentator's task body writes it, or leave --body out; --allow-implausible takes it all the same"
+    )]
+    OnlyOrgans {
+        /// Body.
+        path: PathBuf,
+        /// Label map.
+        labels: PathBuf,
+    },
     /// A volume that is too large to be worked on.
     #[error("{path}: {none}: crop the volume, or resample it to larger voxels")]
     Memory {
@@ -96,15 +127,13 @@ pub enum GatherError {
     },
 }
 
-/// Least share of the labelled voxels that a body or an image must hold, %.
-const COVERED_PERCENT: f64 = 80.0;
-
 /// Inputs of a scene from a label map with its measures, and segments that were left out. `body` is a label map whose every label
 /// is body; `image` is what was segmented. Both may have grids of their own.
 ///
 /// # Errors
-/// Segments without a meaning unless `leave_out_unknown`; no organ at all, or more than a scene has surfaces; a body without a
-/// voxel; a body or an image of another scan; an image that is refused ([`ImageError`]); more voxels than there is memory for.
+/// No labelled voxel; segments without a meaning unless `leave_out_unknown`; no organ at all, or more than a scene has surfaces; a
+/// body without a voxel; unless `allow_implausible`, a body that leaves an organ outside or is the organs alone; a body or an image
+/// of another scan; an image that is refused ([`ImageError`]); more voxels than there is memory for.
 pub fn gather(
     labels: LabelMap,
     measures: &BTreeMap<(usize, u16), Measure>,
@@ -112,7 +141,11 @@ pub fn gather(
     body: Option<LabelMap>,
     image: Option<Image>,
     leave_out_unknown: bool,
+    allow_implausible: bool,
 ) -> Result<(Inputs, Vec<Unmapped>), GatherError> {
+    if measures.is_empty() {
+        return Err(GatherError::Empty { path: labels.path });
+    }
     let labels = labels.canonical();
     let mut remarks = remarks_of(&labels.path, &labels.remarks);
     let (mapped, unmapped) = table.map(&labels, measures);
@@ -140,24 +173,12 @@ pub fn gather(
     let fat = mask(Role::Fat);
     let merged = merged(&labels, &organs, &grid);
     let organs_found = organs_of(&organs);
-    let covered = |inside: &(dyn Fn(usize) -> bool + Sync), option: &'static str, path: &Path, volume: &Grid| {
-        let labelled = merged.par_iter().enumerate().filter(|(_, label)| **label != 0);
-        let (count, held) =
-            labelled.map(|(i, _)| (1usize, usize::from(inside(i)))).reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
-        let percent = 100.0 * held as f64 / count.max(1) as f64;
-        if percent >= COVERED_PERCENT {
-            return Ok(());
-        }
-        let hint = image::turned_hint(&merged, &grid, volume, COVERED_PERCENT);
-        let (path, labels) = (path.to_owned(), labels.path.clone());
-        Err(GatherError::OtherScan { path, option, labels, percent, hint })
-    };
+    let labelled = Labelled { path: &labels.path, labels: &merged, grid: &grid, organs: &organs_found };
     let body = match body {
         Some(map) => {
-            let (path, volume) = (map.path.clone(), map.grid());
-            remarks.extend(remarks_of(&path, &map.remarks));
-            let body = body_on(map, &grid)?;
-            covered(&|i| body[i], "--body", &path, &volume)?;
+            remarks.extend(remarks_of(&map.path, &map.remarks));
+            let (body, remark) = labelled.body(map, allow_implausible)?;
+            remarks.extend(remark);
             Some(body)
         }
         None => union(mask(Role::Body), mask(Role::Skin)),
@@ -170,7 +191,7 @@ pub fn gather(
             let image = image.canonical();
             let volume = image.grid();
             let index = image::nearest(&grid, &volume);
-            covered(&|i| index(i).is_some(), "--image", &image.path, &volume)?;
+            labelled.covered(&|i| index(i).is_some(), "--image", &image.path, &volume, &|_| true)?;
             remarks.extend(remarks_of(&image.path, &image.remarks));
             let checked = image::checked(&image, &grid, &merged, &organs_found)?;
             remarks.extend(checked.remarks.iter().cloned());
@@ -233,17 +254,6 @@ fn organs_of(mapped: &[&MappedSegment]) -> Vec<Organ> {
     mapped.iter().map(organ).collect()
 }
 
-/// Voxels of `grid` that a label map of the body labels.
-fn body_on(map: LabelMap, grid: &Grid) -> Result<Vec<bool>, GatherError> {
-    let map = map.canonical();
-    if map.layers.iter().all(|layer| layer.par_iter().all(|&l| l == 0)) {
-        return Err(GatherError::NoBody { path: map.path });
-    }
-    let index = image::nearest(grid, &map.grid());
-    let inside = |i: usize| index(i).is_some_and(|i| map.layers.iter().any(|layer| layer[i] != 0));
-    Ok((0..grid.len()).into_par_iter().map(inside).collect())
-}
-
 #[cfg(test)]
 mod tests {
     use glam::DAffine3;
@@ -251,6 +261,22 @@ mod tests {
     use super::super::measure::measure;
     use super::super::volume::Segment;
     use super::*;
+
+    #[test]
+    fn a_map_of_background_alone_is_refused_by_that() {
+        let labels = LabelMap {
+            path: "a.nrrd".into(),
+            size: [2, 1, 1],
+            lps_from_voxel: DAffine3::IDENTITY,
+            layers: vec![vec![0, 0]],
+            segments: Vec::new(),
+            remarks: Vec::new(),
+        };
+        let table = ClassTable::builtin("total-v2").unwrap();
+        let found = gather(labels, &BTreeMap::new(), &table, None, None, false, false);
+        let error = found.map(|_| ()).unwrap_err().to_string();
+        assert!(error.starts_with("a.nrrd: all voxels are 0"), "{error}");
+    }
 
     #[test]
     fn more_organs_than_a_scene_has_surfaces_are_refused() {
@@ -266,7 +292,7 @@ mod tests {
                 remarks: Vec::new(),
             };
             let measures = measure(&labels);
-            gather(labels, &measures, &ClassTable::builtin("total-v2").unwrap(), None, None, false)
+            gather(labels, &measures, &ClassTable::builtin("total-v2").unwrap(), None, None, false, false)
         };
         assert_eq!(of(256).unwrap().0.organs.len(), 256);
         let error = of(257).unwrap_err().to_string();

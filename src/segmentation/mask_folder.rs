@@ -321,8 +321,21 @@ impl Merged {
             remarks.push(format!(
                 "{voxels} in several masks: kept by the class of higher priority, or else by the first file by name"
             ));
+            remarks.extend(self.covered().into_iter().map(|name| {
+                format!("no voxel of `{}` is left: other masks hold them all, as a copy would", printable(name))
+            }));
         }
         remarks
+    }
+
+    /// Names of masks whose voxels others have all taken.
+    fn covered(&self) -> Vec<&str> {
+        let mut left = vec![false; self.segments.len() + 1];
+        for (_, layer) in &self.layers {
+            layer.iter().for_each(|label| left[usize::from(*label)] = true);
+        }
+        let is_covered = |segment: &&Segment| !left[usize::from(segment.value)];
+        self.segments.iter().filter(is_covered).filter_map(|segment| segment.name.as_deref()).collect()
     }
 
     fn labels(self, folder: &Path) -> Option<LabelMap> {

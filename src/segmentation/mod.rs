@@ -5,6 +5,7 @@
 pub mod body;
 pub mod classes;
 pub mod conventions;
+mod cover;
 pub mod from_labels;
 pub mod from_meshes;
 pub mod gather;

@@ -151,6 +151,19 @@ pub enum NamingError {
         /// Name of the table.
         table: String,
     },
+    /// A file that is called as one organ, and has a label without a name beside others.
+    #[error(
+        "{path} is called `{organ}`, but label {value} is one of several, and has no name: say what it is with --map {value}=ORGAN \
+         (or =ignore), or by which table it is numbered with --names"
+    )]
+    Beside {
+        /// Label map.
+        path: PathBuf,
+        /// Organ of the file's name.
+        organ: String,
+        /// Label.
+        value: u16,
+    },
     /// A file that is called as one organ, and has several labels without names.
     #[error(
         "{path} is called `{organ}`, but has several labels without names ({values}): say what each is with --map {first}={organ} \
@@ -219,6 +232,12 @@ pub fn name_labels(
     match (&unnamed[..], in_name) {
         ([], _) if present.is_empty() => Ok(by_table),
         ([], _) => Ok(NamesFrom::Maps),
+        (&[only], OrganInName::Is(organ))
+            if present.len() > 1 && table.named(&organ).is_some_and(|class| class.role == Role::Organ) =>
+        {
+            let value = labels.segments[only].value;
+            if *is_chosen { Ok(by_table) } else { Err(NamingError::Beside { path: path.clone(), organ, value }) }
+        }
         (&[only], OrganInName::Is(organ)) => {
             let value = labels.segments[only].value;
             if let Some(class) = table.numbered(value).filter(|class| *is_chosen && class.name != organ) {
@@ -338,5 +357,9 @@ mod tests {
         let error = named(&mut map("liver.nii", &[1, 2], &[]), false, &[]).unwrap_err().to_string();
         assert!(error.contains("several labels without names (1, 2)") && error.contains("--map 1=liver"), "{error}");
         assert!(named(&mut map("liver.nii", &[1, 2], &[]), true, &[]).is_ok());
+        let error = named(&mut map("liver_case.nii", &[1, 2], &[]), false, &["1=liver"]).unwrap_err().to_string();
+        assert!(error.contains("label 2 is one of several") && error.contains("--map 2=ORGAN"), "{error}");
+        let chosen = NamesFrom::Numbers { table: "total-v2".into(), is_chosen: true };
+        assert_eq!(named(&mut map("liver_case.nii", &[1, 2], &[]), true, &["1=liver"]), Ok(chosen));
     }
 }

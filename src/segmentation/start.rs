@@ -37,8 +37,8 @@ pub enum StartError {
     Nothing,
     /// No line from the organ to skin.
     #[error(
-        "no line from `{name}` meets skin: the scan ends within the body around it; use a scan of a larger part, or give \
-         the body's outline"
+        "no line from `{name}` meets skin: the scan ends within the body around it, or the body's outline is wrong, as that of an \
+         image whose values or kind were mistaken; use a scan of a larger part, or give the body's outline with --body"
     )]
     NoSkin {
         /// Name of the organ.

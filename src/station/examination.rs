@@ -28,6 +28,9 @@ pub struct Examination {
     pub setup: Vec<SetupFinding>,
     /// Aberration by depth; empty without a pose, and where the scene has errors.
     pub aberration: Vec<Summary>,
+    /// The station, where its tracker is behind a network address, which is not tried.
+    #[serde(skip)]
+    pub untried: Option<PathBuf>,
 }
 
 impl Examination {
@@ -61,7 +64,10 @@ impl Examination {
             |station: &Station| matches!(station.tracker.transport, Transport::Serial { .. } | Transport::Hid { .. });
         let devices = station.filter(|station| listed(station)).and_then(|_| Devices::list().ok());
         let setup = station.map_or_else(Vec::new, |station| check_setup(station, report.bounds_mm, devices.as_ref()));
-        Ok(Self { path: path.to_owned(), report, setup, aberration })
+        let is_remote =
+            |station: &Station| matches!(station.tracker.transport, Transport::Tcp { .. } | Transport::Udp { .. });
+        let untried = station.filter(|station| is_remote(station)).map(|station| station.path.clone());
+        Ok(Self { path: path.to_owned(), report, setup, aberration, untried })
     }
 
     /// Number of findings of one severity, about the scene and the station.
@@ -72,7 +78,7 @@ impl Examination {
 
 impl fmt::Display for Examination {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { report, setup, aberration, .. } = self;
+        let Self { report, setup, aberration, untried, .. } = self;
         let of = format!("{}, {}", counted(report.surfaces, "surface"), counted(report.triangles, "triangle"));
         if report.findings.is_empty() && setup.is_empty() {
             writeln!(f, "nothing is wrong: {of}")?;
@@ -85,6 +91,29 @@ impl fmt::Display for Examination {
             let [errors, warnings, notes] = names.map(|(severity, name)| counted(self.count(severity), name));
             writeln!(f, "\n{errors}, {warnings}, {notes} in {of}")?;
         }
-        aberration.iter().try_for_each(|summary| writeln!(f, "{summary}"))
+        aberration.iter().try_for_each(|summary| writeln!(f, "{summary}"))?;
+        let Some(station) = untried else { return Ok(()) };
+        writeln!(f, "the tracker was not tried: `insonify trackers {}` listens to it", station.display())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_line_tells_of_a_tracker_that_was_not_tried() {
+        let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/scenes/sphere.glb");
+        let builtin = TissueTable::builtin().unwrap();
+        let last_line = |tracker: &str| {
+            let text = format!("[scene]\npath = '{scene}'\nbackground = 'liver'\n[tracker]\n{tracker}");
+            let parsed = Station::parse(&text, Path::new("")).unwrap();
+            let station = Station { path: "s.toml".into(), ..parsed };
+            let found = Examination::of(Path::new(scene), Some(&station), None, &builtin, &|_, _| ()).unwrap();
+            found.to_string().lines().last().unwrap().to_owned()
+        };
+        let told = "the tracker was not tried: `insonify trackers s.toml` listens to it";
+        assert_eq!(last_line("transport = 'tcp'\nprotocol = 'ascii-line'\naddress = 'h:1'\n"), told);
+        assert!(last_line("transport = 'mock'\n").starts_with("nothing is wrong"));
     }
 }

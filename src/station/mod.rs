@@ -21,6 +21,7 @@ mod quality;
 mod renamed;
 mod scene;
 mod scene_file;
+mod scene_identity;
 mod setup_check;
 #[cfg(test)]
 mod tests;
@@ -30,8 +31,9 @@ mod values;
 use std::path::{Path, PathBuf};
 
 use crate::anatomy::doctor::{WrongSize, wrong_size};
+use crate::anatomy::import::{self, FindingKind};
 use crate::anatomy::planes::{self, StandardPlanes};
-use crate::anatomy::{Axes, Motion, Scene, SceneError, TissueTable, import};
+use crate::anatomy::{Axes, Motion, Scene, SceneError, TissueTable};
 use crate::files::{self, FileKind};
 use crate::generator::generator_files;
 use crate::phantom::{self, PhantomOptions};
@@ -51,7 +53,8 @@ pub use plane_scene::PlaneScene;
 pub use poses::{Poses, Track};
 pub use renamed::RenamedKey;
 pub use scene_file::SceneFile;
-pub use setup_check::{SetupFinding, check_setup};
+pub use scene_identity::{SceneIdentity, other_scene};
+pub use setup_check::{SetupFinding, check_setup, missing_calibration};
 
 /// Source of a station's surfaces.
 #[derive(Debug, Clone, PartialEq)]
@@ -222,11 +225,20 @@ impl Station {
     /// Reads the surfaces of the glTF file at `path`, with this station's tissues and background.
     ///
     /// # Errors
-    /// An error of [`import::load`]; a scene of another unit, of which an image shows nothing; or `tissues` lacks the
+    /// An error of [`import::load_with_findings`]; a scene of another unit, of which an image shows nothing; or `tissues` lacks the
     /// background tissue. Any other size that no body has is logged as a warning.
     pub fn load_scene_from(&self, path: &Path) -> Result<Scene, StationError> {
         let background = parse::tissue_index(&self.tissues, &self.background)?;
-        let mut scene = import::load(path, &self.tissues, background)?;
+        let (mut scene, findings) = import::load_with_findings(path, &self.tissues, background)?;
+        let is_generated = matches!(self.scene, SceneSource::ObstetricPhantom(_));
+        for finding in findings {
+            // No one can mend these in a generated scene, and they change no picture.
+            if is_generated && matches!(finding.kind, FindingKind::Degenerate { .. }) {
+                tracing::debug!(scene = %path.display(), "{finding}");
+            } else {
+                tracing::warn!(scene = %path.display(), "{finding}");
+            }
+        }
         self.check_size(&scene, path)?;
         if !self.motion {
             scene.motion = Motion::default();

@@ -58,7 +58,8 @@ impl Poses {
     /// A recording or a calibration that cannot be read, or a recording without a pose.
     pub fn of_recording(path: &Path, station: &Station) -> Result<Self, StationError> {
         let calibration = station.pose_settings()?.calibration;
-        let (timed, _) = recording::poses(path)?;
+        let (timed, summary) = recording::poses(path)?;
+        let calibration = recording::calibration_for(path, &summary, calibration);
         let in_scene = |timed: TimedPose| TimedPose { pose: calibration.scene_from_probe(timed.pose), ..timed };
         let all: Vec<TimedPose> = timed.into_iter().map(in_scene).collect();
         if all.is_empty() {

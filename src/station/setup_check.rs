@@ -9,9 +9,9 @@ use serde::Serialize;
 use super::Station;
 use crate::anatomy::doctor::Severity;
 use crate::pose::pivot::METRES_BELOW_MM;
-use crate::pose::{Calibration, CalibrationError, Fitted, Pose, angle_between};
+use crate::pose::{Calibration, CalibrationError, CalibrationSource, Fitted, Pose, angle_between};
 use crate::tracker::devices::{Devices, SerialDevice};
-use crate::tracker::{PortName, Protocol, Transport};
+use crate::tracker::{PortName, Protocol, Settings, Transport};
 
 /// Largest plausible distance of a tracker from the middle of its scene, mm: optical trackers reach 3 m.
 const TRACKER_MM: f64 = 4000.0;
@@ -53,12 +53,18 @@ pub fn check_setup(
     match station.calibration.load() {
         Err(error) => findings.push(unusable(&error)),
         Ok(calibration) => {
-            findings.extend(incomplete(station, &calibration));
+            findings.extend(incomplete(&station.tracker, &calibration));
             findings.extend(implausible(&calibration, bounds_mm));
         }
     }
     findings.sort_by_key(|finding| finding.severity);
     findings
+}
+
+/// Warnings about parts of a calibration that a live `tracker` needs and that are missing, for the start of a session. A
+/// file that can't be read is left to whoever uses it.
+pub fn missing_calibration(tracker: &Settings, calibration: &CalibrationSource) -> Vec<SetupFinding> {
+    calibration.load().map_or_else(|_| Vec::new(), |calibration| incomplete(tracker, &calibration))
 }
 
 fn finding(severity: Severity, what: impl Into<String>, remedy: impl Into<String>) -> SetupFinding {
@@ -77,15 +83,14 @@ fn unusable(error: &CalibrationError) -> SetupFinding {
 }
 
 /// Whether poses of the tracker count from its own origin, so that a calibration is needed.
-fn needs_calibration(station: &Station) -> bool {
-    let live =
-        matches!(station.tracker.transport, Transport::Serial { .. } | Transport::Tcp { .. } | Transport::Udp { .. });
-    live && !matches!(station.tracker.protocol, Protocol::Bno08x | Protocol::Bno08xRollFirst)
+fn needs_calibration(tracker: &Settings) -> bool {
+    let live = matches!(tracker.transport, Transport::Serial { .. } | Transport::Tcp { .. } | Transport::Udp { .. });
+    live && !matches!(tracker.protocol, Protocol::Bno08x | Protocol::Bno08xRollFirst)
 }
 
 /// Findings about parts of a calibration that a live tracker needs and that are missing.
-fn incomplete(station: &Station, calibration: &Calibration) -> Vec<SetupFinding> {
-    if !needs_calibration(station) {
+fn incomplete(tracker: &Settings, calibration: &Calibration) -> Vec<SetupFinding> {
+    if !needs_calibration(tracker) {
         return Vec::new();
     }
     let mut findings = Vec::new();
@@ -175,9 +180,36 @@ fn off_mount(what: &str, position_mm: DVec3) -> Option<String> {
     (away_mm > 0.0 && away_mm < least).then(|| format!("{what} {away_mm:.3} mm from its sensor: is it in metres?"))
 }
 
-/// Findings about the tracker's port and files.
+/// Finding about a number for a sensor whose tracker has only one, number 0.
+fn unheard_sensor(tracker: &Settings) -> Option<SetupFinding> {
+    let Settings { transport, protocol, device, .. } = tracker;
+    let has_one = match protocol {
+        Protocol::AsciiLine
+        | Protocol::SpaceMouse
+        | Protocol::Bno08x
+        | Protocol::Bno08xRollFirst
+        | Protocol::OpenTrack => true,
+        Protocol::FastrakAscii
+        | Protocol::FastrakBinary
+        | Protocol::Liberty
+        | Protocol::Patriot
+        | Protocol::Ndi
+        | Protocol::OpenIgtLink => false,
+    };
+    let number = device.sensor.filter(|number| *number != 0 && has_one)?;
+    // A recording has its own protocol.
+    (!matches!(transport, Transport::Recording { .. })).then(|| {
+        let what = format!(
+            "`tracker.sensor` is {number}, which is never heard: `{}` has one sensor, number 0",
+            protocol.name()
+        );
+        finding(Severity::Error, what, "remove the key `sensor`")
+    })
+}
+
+/// Findings about the tracker's port and files, and its sensor.
 fn tracker(station: &Station, devices: Option<&Devices>) -> Vec<SetupFinding> {
-    let mut findings = Vec::new();
+    let mut findings = Vec::from_iter(unheard_sensor(&station.tracker));
     match &station.tracker.transport {
         Transport::Serial { port, .. } => {
             let ports = devices.map_or(&[][..], |devices| &devices.serial);
@@ -262,6 +294,9 @@ mod tests {
         );
         says(live, Severity::Warning, "nothing says where the tracker is in the scene");
         says(live, Severity::Warning, "nothing says how the sensor is mounted");
+        let lines = "[tracker]\ntransport = \"tcp\"\nprotocol = \"ascii-line\"\naddress = \"h:1\"\n";
+        let part = "`tracker.sensor` is 2, which is never heard: `ascii-line` has one sensor, number 0";
+        says(&format!("{lines}sensor = 2\n"), Severity::Error, part);
         says("[tracker]\ntransport = \"hid\"\n", Severity::Warning, "a SpaceMouse is not plugged in");
         says("[tracker]\ntransport = \"udp\"\nprotocol = \"opentrack\"\n", Severity::Note, "from this machine only");
         says("[tracker]\ntransport = \"recording\"\nrecording = \"a.mcap\"\n", Severity::Error, "which is not there");
@@ -294,6 +329,37 @@ mod tests {
         let far = Some([[-100.0, 8000.0, -100.0], [100.0, 8400.0, 100.0]]);
         let all = found(dir, "[calibration]\npath = \"wrong.toml\"\n", far);
         assert!(!all.iter().any(|f| f.what.contains("from the middle")), "{all:#?}");
+    }
+
+    #[test]
+    fn a_session_warns_of_each_missing_part_of_a_real_trackers_calibration() {
+        let dir = tempfile::tempdir().unwrap();
+        let said = |tables: &str| {
+            let station = Station::parse(&format!("[scene]\nphantom = \"obstetric\"\n{tables}"), dir.path()).unwrap();
+            missing_calibration(&station.tracker, &station.calibration)
+        };
+        let live = "[tracker]\ntransport = \"tcp\"\nprotocol = \"ascii-line\"\naddress = \"h:1\"\n";
+        assert_eq!(said(live).len(), 2);
+        let mounted = "[calibration]\nsensor_from_probe_mm = [0, 0, 90]\n";
+        let found = said(&format!("{live}{mounted}"));
+        assert_eq!(found.len(), 1, "{found:?}");
+        assert!(found[0].what.starts_with("nothing says where the tracker is"), "{found:?}");
+        assert_eq!(said("[tracker]\ntransport = \"mock\"\n"), []);
+        assert_eq!(said("[tracker]\ntransport = \"recording\"\nrecording = \"a.mcap\"\n"), []);
+        // Nothing of a file that is still to be written: `record` may be its first step.
+        assert_eq!(said(&format!("{live}[calibration]\npath = \"none.toml\"\n")), []);
+    }
+
+    #[test]
+    fn numbers_of_sensors_that_may_be_heard_are_no_finding() {
+        let dir = tempfile::tempdir().unwrap();
+        for (protocol, sensor) in [("ascii-line", 0), ("fastrak-ascii", 2), ("liberty", 3)] {
+            let tracker = format!("[tracker]\ntransport = \"tcp\"\nprotocol = \"{protocol}\"\naddress = \"h:1\"\n");
+            let all = found(dir.path(), &format!("{tracker}sensor = {sensor}\n"), None);
+            assert!(!all.iter().any(|f| f.what.contains("tracker.sensor")), "{protocol}: {all:#?}");
+        }
+        let played = "[tracker]\ntransport = \"recording\"\nrecording = \"a.mcap\"\nsensor = 2\n";
+        assert!(!found(dir.path(), played, None).iter().any(|f| f.what.contains("tracker.sensor")));
     }
 
     #[test]

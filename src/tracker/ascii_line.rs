@@ -45,7 +45,9 @@ pub enum Reason {
         text: String,
     },
     /// Bytes damaged in transmission.
-    #[error("a line has the checksum {found:02X}, but its bytes give {computed:02X}")]
+    #[error(
+        "a line has the checksum {found:02X}, but its bytes give {computed:02X}; it is the xor of all characters between `P` and `*`, both left out"
+    )]
     ChecksumMismatch {
         /// Checksum on the line.
         found: u8,
@@ -53,7 +55,9 @@ pub enum Reason {
         computed: u8,
     },
     /// Too few or too many fields.
-    #[error("a line has {found} fields after `P`; there must be 9: seq,t_us,x,y,z,qw,qx,qy,qz")]
+    #[error(
+        "a line has {found} fields after `P`; there must be 9: seq,t_us,x,y,z,qw,qx,qy,qz (numbers have a decimal point, no comma)"
+    )]
     FieldCount {
         /// Fields found.
         found: usize,
@@ -125,6 +129,15 @@ impl StreamDecoder for Decoder {
             length => Err(self.offset.reject(buffer, length, Fault::Incomplete { length })),
         }
     }
+}
+
+/// Fault of the last whole line of `text` that begins as one of this format; `None` if there is none, or it is a record.
+#[cfg(feature = "live")]
+pub(super) fn fault_of_last(text: &[u8]) -> Option<Reason> {
+    let whole = &text[..text.iter().rposition(|&b| b == b'\n')?];
+    // The first line may be cut.
+    let lines = whole.split(|&b| b == b'\n').skip(1).map(|line| line.strip_suffix(b"\r").unwrap_or(line));
+    parse(lines.filter(|line| line.starts_with(b"P,")).last()?).err()
 }
 
 fn parse(line: &[u8]) -> Result<Record, Reason> {

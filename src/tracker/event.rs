@@ -7,7 +7,7 @@ use std::time::Duration;
 use super::DecodeError;
 use super::damage::Damage;
 use super::irregularity::Irregularity;
-use super::sensor::{ProbeSensor, SensorName, how_to_choose};
+use super::sensor::{ProbeSensor, SensorName, how_to_choose, meant};
 
 /// Event of a session.
 #[derive(Debug, Clone, PartialEq)]
@@ -114,11 +114,7 @@ impl fmt::Display for TrackerEvent {
             Self::ProbeMissing { wanted, for_, heard } => {
                 let list = SensorName::listed(heard);
                 write!(f, "the probe ({wanted}) is not heard for {:.1} s; heard are {list}", seconds(for_))?;
-                let near = heard.iter().filter_map(|sensor| sensor.name.as_deref()).find(|name| match wanted {
-                    ProbeSensor::Tool(tool) => tool.trim().eq_ignore_ascii_case(name),
-                    _ => false,
-                });
-                near.map_or(Ok(()), |name| write!(f, " (did you mean `{}`?)", name.escape_debug()))
+                meant(wanted, heard).map_or(Ok(()), |name| write!(f, " (did you mean `{}`?)", name.escape_debug()))
             }
             Self::OtherSender { other, used, left_out } => write!(
                 f,

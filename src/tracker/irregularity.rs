@@ -25,6 +25,8 @@ pub enum Irregularity {
     },
     /// The device's clock stands still while its counter rises.
     ClockStands,
+    /// The device's counter stands still.
+    CounterStands,
     /// Many positions are farther from the ones before than a hand moves.
     Alternating {
         /// Such positions.
@@ -53,6 +55,12 @@ impl fmt::Display for Irregularity {
             ),
             Self::ClockStands => {
                 write!(f, "the tracker's clock stands still while its counter rises; arrival times are used instead")
+            }
+            Self::CounterStands => {
+                write!(
+                    f,
+                    "the tracker's counter (`seq`) stands still: lost records can't be counted; it must rise by one a record"
+                )
             }
             Self::Alternating { far, of, distance_mm } => write!(
                 f,

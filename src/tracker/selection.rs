@@ -1,8 +1,7 @@
 //! Selection of the probe's records in a stream of several sensors. Live sessions and replays use the same rules.
 
 use super::Record;
-use super::openigtlink::NAME_LENGTH;
-use super::sensor::{ProbeSensor, SensorName};
+use super::sensor::{ProbeSensor, SensorName, is_tool};
 
 /// Largest number of distinguished sensors. Records of further ones are left out.
 pub(crate) const HEARD_LIMIT: usize = 64;
@@ -90,11 +89,6 @@ impl Selection {
     pub(crate) fn is_undecided(&self) -> bool {
         self.wanted == Some(ProbeSensor::Only) && self.heard.len() > 1
     }
-}
-
-/// Whether `name`, as received, is the tool that a user calls `tool`.
-fn is_tool(tool: &str, name: &str) -> bool {
-    tool == name || (tool.len() > NAME_LENGTH && tool.as_bytes().get(..NAME_LENGTH) == Some(name.as_bytes()))
 }
 
 #[cfg(test)]

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use super::openigtlink::NAME_LENGTH;
+
 /// A sensor of a stream: a station, a port handle, or a named tool.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SensorName {
@@ -58,6 +60,33 @@ impl fmt::Display for ProbeSensor {
     }
 }
 
+/// Whether `name`, as received, is the tool that a user calls `tool`.
+pub(super) fn is_tool(tool: &str, name: &str) -> bool {
+    tool == name || (tool.len() > NAME_LENGTH && tool.as_bytes().get(..NAME_LENGTH) == Some(name.as_bytes()))
+}
+
+/// Name among `heard` that was likely meant by `wanted`: one that differs only in what is easily mistyped, one that holds it
+/// or is held by it, or the only one. `None` if the tool itself is among them.
+pub(crate) fn meant<'a>(wanted: &ProbeSensor, heard: &'a [SensorName]) -> Option<&'a str> {
+    let ProbeSensor::Tool(tool) = wanted else { return None };
+    let plain = |name: &str| -> String {
+        let letters: String = name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect();
+        letters.replace('2', "to")
+    };
+    let names: Vec<&str> = heard.iter().filter_map(|sensor| sensor.name.as_deref()).collect();
+    if names.iter().any(|name| is_tool(tool, name)) {
+        return None;
+    }
+    let tool = plain(tool);
+    let only = |is_near: &dyn Fn(&str) -> bool| {
+        let mut near = names.iter().copied().filter(|name| is_near(&plain(name)));
+        near.next().filter(|_| near.next().is_none())
+    };
+    let same = only(&|name| name == tool);
+    let part = || only(&|name| !name.is_empty() && !tool.is_empty() && (name.contains(&tool) || tool.contains(name)));
+    same.or_else(part).or_else(|| only(&|_| true))
+}
+
 /// Advice that names the keys and options that choose the probe among `heard`.
 pub(crate) fn how_to_choose(heard: &[SensorName]) -> String {
     let Some(first) = heard.first() else { return "name the probe by `[tracker] tool` or `sensor`".to_owned() };
@@ -81,5 +110,27 @@ mod tests {
         assert_eq!(how, "name the probe, as in `[tracker] tool = \"Probe\"` of the station file or `--tool Probe`");
         let how = how_to_choose(&[numbered]);
         assert_eq!(how, "give the probe's number, as in `[tracker] sensor = 3` of the station file or `--sensor 3`");
+    }
+
+    #[test]
+    fn the_tool_that_was_meant_is_found() {
+        let heard = |names: &[&str]| -> Vec<SensorName> {
+            let named = |(n, name): (usize, &&str)| SensorName { number: n as u16, name: Some((*name).to_owned()) };
+            names.iter().enumerate().map(named).collect()
+        };
+        let all = heard(&["StylusToTracker", "ProbeToTracker", "ReferenceToTracker"]);
+        let one = heard(&["NeedleToReference"]);
+        for (wanted, heard, expected) in [
+            ("probetotracker", &all, Some("ProbeToTracker")),
+            ("Probe2Tracker", &all, Some("ProbeToTracker")),
+            ("Probe", &all, Some("ProbeToTracker")),
+            ("ProbeToTracker", &all, None),
+            ("Tracker", &all, None),
+            ("Table", &all, None),
+            ("Table", &one, Some("NeedleToReference")),
+        ] {
+            assert_eq!(meant(&ProbeSensor::Tool(wanted.to_owned()), heard), expected, "{wanted}");
+        }
+        assert_eq!(meant(&ProbeSensor::Number(3), &one), None);
     }
 }

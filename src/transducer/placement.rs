@@ -21,10 +21,6 @@ pub const MISPLACED_FOR: Duration = Duration::from_secs(2);
 /// Distance before the face, mm, at which a probe that looks into the body has body before it.
 const AHEAD_MM: f64 = 15.0;
 
-/// Of the six directions from a point in the body, the number in which there must be skin. A scanned body may be open on
-/// one side.
-const ENCLOSED: usize = 5;
-
 /// Impossible placement of a probe.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Misplacement {
@@ -64,6 +60,17 @@ pub enum Cause {
     MetresScalarLast,
 }
 
+/// Good poses of a probe that has never touched the skin.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Untouched {
+    /// Time of good poses, s.
+    pub good_s: f64,
+    /// Distance of the face's centre from the skin at their end, mm; none if nothing tells it.
+    pub away_mm: Option<f64>,
+    /// Diagonal of the box around all positions, mm.
+    pub extent_mm: f64,
+}
+
 impl Cause {
     const ALL: [Self; 5] =
         [Self::Metres, Self::Centimetres, Self::ScalarLast, Self::ScalarFirst, Self::MetresScalarLast];
@@ -99,24 +106,16 @@ fn fault(skin: &Skin, pose: &Pose) -> Option<Fault> {
     let face_mm = pose.position_mm;
     let into_body = pose.orientation * DVec3::Z;
     let handle_mm = face_mm - DEPTH_MAX_MM * into_body;
+    let body = skin.body();
     // Nearly all poses end here.
-    skin.way_out_mm(handle_mm, -into_body)?;
-    let depth_mm = |from_mm: DVec3| depth_mm(skin, pose, from_mm);
+    body.way_out_mm(handle_mm, -into_body)?;
+    let depth_mm = |from_mm: DVec3| body.depth_mm(from_mm, pose.orientation);
     depth_mm(handle_mm)?;
     match (depth_mm(face_mm), depth_mm(face_mm + AHEAD_MM * into_body)) {
         (_, None) => Some(Fault::LooksOut),
         (Some(depth_mm), Some(_)) if depth_mm > DEPTH_MAX_MM => Some(Fault::Deep { depth_mm }),
         _ => None,
     }
-}
-
-/// Distance of a point in the body from the nearest skin along the axes of `pose`, mm. `None` for a point outside, from
-/// which there is skin in too few directions.
-fn depth_mm(skin: &Skin, pose: &Pose, from_mm: DVec3) -> Option<f64> {
-    let axes = [DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_X, DVec3::NEG_Y, DVec3::NEG_Z];
-    let ways = axes.into_iter().filter_map(|axis| skin.way_out_mm(from_mm, pose.orientation * axis));
-    let (count, least_mm) = ways.fold((0, f64::INFINITY), |(count, least), mm| (count + 1, mm.min(least)));
-    (count >= ENCLOSED).then_some(least_mm)
 }
 
 impl fmt::Display for Fault {
@@ -151,6 +150,21 @@ impl fmt::Display for Misplacement {
                  unit, axes or order of the quaternion"
             ),
         }
+    }
+}
+
+impl fmt::Display for Untouched {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { good_s, away_mm, extent_mm } = self;
+        write!(f, "the probe has not touched the skin in {good_s:.0} s of good poses: it ")?;
+        if let Some(away_mm) = away_mm {
+            write!(f, "is {away_mm:.0} mm from it and ")?;
+        }
+        write!(
+            f,
+            "moved within {extent_mm:.1} mm; are positions in metres, is the quaternion's order x, y, z, w, or is a \
+             calibration missing?"
+        )
     }
 }
 
@@ -236,6 +250,26 @@ mod tests {
         let found = misplacement(&body(), &deep).unwrap();
         assert_eq!(found.likely, None);
         assert!(found.to_string().contains("calibrate landmarks"), "{found}");
+    }
+
+    #[test]
+    fn a_slab_of_skin_over_other_tissues_is_a_body_too() {
+        let slab = analytic::cuboid(Vec3::new(-140.0, -60.0, 0.0), Vec3::new(140.0, 60.0, 2.0));
+        let below = analytic::cuboid(Vec3::new(-140.0, -60.0, 1.6), Vec3::new(140.0, 60.0, 160.0));
+        let alone = || Skin::of_triangles(slab.corners_mm()).unwrap();
+        let skin = alone().within(slab.corners_mm().chain(below.corners_mm()));
+        let at = |z: f64, into: DVec3| Pose::looking(DVec3::Z * z, into, DVec3::X);
+        let fault = |pose: Pose| misplacement(&skin, &pose).map(|found| found.fault);
+        let deep = fault(at(60.0, DVec3::Z));
+        assert!(matches!(deep, Some(Fault::Deep { depth_mm }) if (59.0..61.0).contains(&depth_mm)), "{deep:?}");
+        assert_eq!(fault(at(6.0, DVec3::NEG_Z)), Some(Fault::LooksOut));
+        for pose in [at(1.0, DVec3::Z), at(12.0, DVec3::Z), at(-100.0, DVec3::Z), at(-100.0, DVec3::NEG_Z)] {
+            assert_eq!(fault(pose), None, "{pose:?}");
+        }
+        assert_eq!(misplacement(&alone(), &at(60.0, DVec3::Z)), None, "nothing says on which side the body is");
+        // A skin that surrounds the scene needs no other surfaces.
+        let whole = body().within([&slab; 3].into_iter().flat_map(|mesh| mesh.corners_mm()));
+        assert!(std::ptr::eq(whole.body(), &whole));
     }
 
     #[test]

@@ -8,7 +8,7 @@ use insonify::anatomy::export::{LabelledSurface, write_glb};
 use insonify::sink::write_json;
 use serde_json::{Value, json};
 
-const STATION: &str = r#"
+pub(super) const STATION: &str = r#"
 [scene]
 path = "scene.glb"
 
@@ -38,7 +38,7 @@ quaternion = [0.0, 1.0, 0.0, 0.0]
 "#;
 
 /// A block with planes of the phantom's names: meshing the phantom takes minutes.
-fn scene(dir: &Path) {
+pub(super) fn scene(dir: &Path) {
     let mesh = cuboid(glam::Vec3::new(-44.0, -80.0, 10.0), glam::Vec3::new(44.0, 80.0, 90.0));
     let surface = LabelledSurface { name: "block".into(), tissue: "liver".into(), priority: 1, mesh };
     write_glb(&[surface], &dir.join("scene.glb")).unwrap();
@@ -64,13 +64,13 @@ fn scene(dir: &Path) {
     write_json(&dir.join("scene.planes.json"), &json!({ "version": 1, "planes": planes })).unwrap();
 }
 
-fn insonify(dir: &Path, line: &str) -> Output {
+pub(super) fn insonify(dir: &Path, line: &str) -> Output {
     let words: Vec<&str> = line.split_whitespace().take_while(|word| !word.starts_with('#')).skip(1).collect();
     let mut program = Command::new(env!("CARGO_BIN_EXE_insonify"));
     program.args(&words).current_dir(dir).output().unwrap()
 }
 
-fn printed(output: &Output) -> String {
+pub(super) fn printed(output: &Output) -> String {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8_lossy(&output.stdout).into_owned()
 }

@@ -54,13 +54,15 @@ fn data_set(directory: &Path) {
     for (index, difference) in [10i16, -20].into_iter().enumerate() {
         let lq: Vec<u8> = hq.iter().map(|&level| (i16::from(level) + difference) as u8).collect();
         let planes = [&lq[..], &hq, &segmentation, &vec![0; width * height]].concat();
-        write_npy(&directory.join(format!("tuples/{index}.npy")), &[4, height, width], &planes);
+        let file = directory.join(format!("tuples/{index}.npy"));
+        write_npy(&file, &[4, height, width], &planes);
+        let sha256 = insonify::files::hex(&Sha256::digest(std::fs::read(&file).unwrap()));
         let row = json!({
             "index": index, "split": "test", "station": "stations/a.toml", "exam": {"number": index, "seed": 1},
             "time_s": 0.0, "pose": {"position_mm": [0.0, 0.0, 0.0], "quaternion": [1.0, 0.0, 0.0, 0.0]},
             "settings": {"gain_db": 24.0, "dynamic_range_db": 66.0, "focus_mm": 70.0}, "seed": 1,
             "lq": [1, 1], "hq": [32, 3], "size": [width, height], "file": format!("tuples/{index}.npy"),
-            "mask": "masks/a.npy", "sha256": "0".repeat(64),
+            "mask": "masks/a.npy", "sha256": sha256,
         });
         manifest += &format!("{row}\n");
     }

@@ -135,6 +135,10 @@ impl FrameRenderer for Device {
         self.maps = wanted;
     }
 
+    fn skin_distance_mm(&self, _: &Pose) -> Option<f64> {
+        Some(300.0)
+    }
+
     fn reconfigure(&mut self, _: &Probe, settings: &RenderSettings) -> Result<(), RenderFault> {
         assert!(self.in_flight.is_empty(), "configured with frames in flight");
         if settings.image.gain_db > 100.0 {

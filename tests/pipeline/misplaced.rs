@@ -49,6 +49,42 @@ fn a_probe_deep_in_the_body_for_seconds_is_told_everywhere_until_it_is_right() {
 }
 
 #[test]
+fn a_probe_that_never_touches_the_skin_is_told_once() {
+    let _guard = beside_others();
+    let run = |contact: Option<f64>, touches_at: Duration| {
+        let (clock, log, heard) = (clock(), Log::default(), Arc::<Heard>::default());
+        let touch: Arc<Touch> = Arc::new(move |now: Duration| {
+            let part = if now >= touches_at { 1.0 } else { contact? };
+            Some(Contact { part, press_mm: None, shift_mm: 0.0, misplaced: None })
+        });
+        let poses = |now: Duration| tracked(now, 0.3 * now.as_secs_f64().sin().abs());
+        let observer = Some(heard.clone() as Arc<dyn Observer>);
+        let limits = Limits { duration: Some(30 * SECOND), frames: None };
+        let sinks = vec![logger(&log)];
+        let summary = Session { contact: touch, observer, sinks, limits, ..Session::new(&clock, poses) }.run();
+        let noticed = |notice: &Option<String>| notice.as_deref().is_some_and(|text| text.contains("not touched"));
+        let times: Vec<f64> =
+            seen(&log).iter().filter(|f| noticed(&f.notice)).map(|f| f.presented.as_secs_f64()).collect();
+        let events = heard.0.lock().unwrap().events.iter().filter(|(_, text)| text.starts_with("pose:")).count();
+        (summary, times, events)
+    };
+    let never = 100 * SECOND;
+    let (summary, times, events) = run(Some(0.0), never);
+    assert_eq!(events, 1);
+    assert!((20.0..20.2).contains(&times[0]) && (24.8..25.2).contains(&times[times.len() - 1]), "{times:?}");
+    let text = summary.to_string();
+    assert!(text.contains("in 20 s of good poses: it is 300 mm from it and moved within 0.3 mm"), "{text}");
+    // A touch after that is in the summary's favour, one before it leaves nothing to tell.
+    let (summary, times, _) = run(Some(0.0), 27 * SECOND);
+    assert!(summary.misplaced.untouched.is_none() && !times.is_empty());
+    let (summary, times, events) = run(Some(0.0), 3 * SECOND);
+    assert!(summary.misplaced.untouched.is_none() && times.is_empty() && events == 0);
+    // A scene without skin.
+    let (summary, times, events) = run(None, never);
+    assert!(summary.misplaced.untouched.is_none() && times.is_empty() && events == 0);
+}
+
+#[test]
 fn what_is_told_of_a_probe_ends_when_its_tracking_is_lost() {
     let _guard = beside_others();
     let (clock, log) = (clock(), Log::default());
@@ -77,7 +113,10 @@ fn a_still_from_within_the_body_is_warned_of() {
     let tables =
         "[scene]\npath = 'scene.glb'\n[image]\nwidth = 160\nheight = 120\n[probe]\nscanlines = 32\nsamples = 256\n";
     std::fs::write(&station, tables).unwrap();
-    let render = |pose: &str| {
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/scenes/gallbladder_stones.glb");
+    let slab = directory.path().join("slab.toml");
+    std::fs::write(&slab, tables.replace("scene.glb", scene)).unwrap();
+    let render_in = |station: &Path, pose: &str| {
         let out = directory.path().join("frame");
         let arguments = ["render", station.to_str().unwrap(), "--quality", "1x1", "--pose", pose, "--out"];
         let output = insonify(&arguments).arg(&out).output().unwrap();
@@ -85,6 +124,7 @@ fn a_still_from_within_the_body_is_warned_of() {
         let record: Value = serde_json::from_slice(&std::fs::read(out.join("frame.json")).unwrap()).unwrap();
         (String::from_utf8(output.stderr).unwrap(), record["contact"]["misplaced"].clone())
     };
+    let render = |pose: &str| render_in(&station, pose);
     let (said, recorded) = render("0,0,100,1,0,0,0");
     assert!(said.contains("100 mm deep in the body") && said.contains("calibrate landmarks"), "{said}");
     assert_eq!(recorded["fault"], "deep");
@@ -93,4 +133,9 @@ fn a_still_from_within_the_body_is_warned_of() {
     assert_eq!(recorded["fault"], "looks_out");
     let (said, recorded) = render("0,0,6,1,0,0,0");
     assert!(!said.contains("pose:") && recorded.is_null(), "{said}");
+    // A skin that is a slab over the body.
+    let (said, recorded) = render_in(&slab, "0,0,60,1,0,0,0");
+    assert!(said.contains("deep in the body") && recorded["fault"] == "deep", "{said}");
+    assert_eq!(render_in(&slab, "0,0,6,0,1,0,0").1["fault"], "looks_out");
+    assert!(render_in(&slab, "0,0,1,1,0,0,0").1.is_null());
 }

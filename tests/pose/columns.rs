@@ -120,10 +120,28 @@ fn a_pivot_in_metres_with_the_scalar_last_gives_millimetres() {
     let tip: Vec<f64> = found["tip_mm"].as_array().unwrap().iter().map(|n| n.as_f64().unwrap()).collect();
     assert!(DVec3::new(tip[0], tip[1], tip[2]).distance(DVec3::new(10.0, -20.0, 90.0)) < 1e-6, "{tip:?}");
     // Metres that aren't named are noticed by the tip.
-    let path = table(dir.path(), "q.csv", "x,y,z,qx,qy,qz,qw", &all, true);
-    let output = insonify(&["calibrate", "pivot", path.to_str().unwrap()]);
-    succeeded(&output);
-    assert!(stderr(&output).contains("are the positions in metres? Columns named x_m,y_m,z_m"), "{}", stderr(&output));
+    let (path, out) = (table(dir.path(), "q.csv", "x,y,z,qx,qy,qz,qw", &all, true), dir.path().join("cal.toml"));
+    let output = insonify(&["calibrate", "pivot", path.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+    refused(&output, &["q.csv: ", "the positions are likely in metres", "columns x_m,y_m,z_m"]);
+    assert!(!out.exists(), "nothing is written");
+}
+
+#[test]
+fn quaternions_that_were_misread_are_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let pivot = |name: &str, head: &str, all: &[Pose]| {
+        let path = table(dir.path(), name, head, all, false);
+        insonify(&["calibrate", "pivot", path.to_str().unwrap()])
+    };
+    // The numbers are x,y,z,w.
+    let all = poses(DVec3::ZERO, 0.6, 0.3);
+    refused(&pivot("a.csv", "x,y,z,qw,qx,qy,qz", &all), &["read as x,y,z,w", "the columns are qx,qy,qz,qw"]);
+    let turned_back: Vec<Pose> = all.iter().map(|p| Pose { orientation: p.orientation.conjugate(), ..*p }).collect();
+    refused(&pivot("b.csv", "x,y,z,qx,qy,qz,qw", &turned_back), &["with the opposite turn", "conjugate"]);
+    let path = table(dir.path(), "c.csv", "x,y,z,qw,qx,qy,qz", &all, false);
+    let end = path.to_str().unwrap();
+    let probe = insonify(&["calibrate", "probe", end, "--marker-end", end, "--other-end", end]);
+    refused(&probe, &["c.csv: ", "the columns are qx,qy,qz,qw"]);
 }
 
 #[test]
@@ -164,6 +182,28 @@ fn exchanged_landmarks_are_named() {
         &insonify(&["calibrate", "landmarks", path.to_str().unwrap()]),
         &["`P2` and `P3`", "likely touched in each other's turn"],
     );
+}
+
+#[test]
+fn landmarks_without_arguments_name_both_ways() {
+    refused(&insonify(&["calibrate", "landmarks"]), &["give PAIRS", "--tracker STATION"]);
+}
+
+#[test]
+fn a_landmark_that_was_touched_elsewhere_is_named_though_the_fit_is_accepted() {
+    let dir = tempfile::tempdir().unwrap();
+    let points: [[i32; 3]; 7] =
+        [[0, 0, 80], [0, 90, 60], [0, -90, 55], [140, 0, 0], [-135, 0, 0], [90, -70, 60], [-85, -70, 60]];
+    let line = |(i, [x, y, z]): (usize, [i32; 3])| {
+        let off = if i == 3 { 9 } else { 0 };
+        format!("{x},{y},{z},{},{y},{},P{i}\n", x + 300, z + off)
+    };
+    let text: String = points.into_iter().enumerate().map(line).collect();
+    let path = written(dir.path(), "p.csv", &text);
+    let output = insonify(&["calibrate", "landmarks", path.to_str().unwrap()]);
+    succeeded(&output);
+    let said = stderr(&output);
+    assert!(said.contains("`P3` was likely touched elsewhere: without it, the RMS residual is 0.00 mm"), "{said}");
 }
 
 #[test]

@@ -19,7 +19,7 @@ use super::shapes::{MAPS, VOXEL_MM, volume};
 /// Inputs of a label map alone, and segments without a class.
 fn gathered(labels: LabelMap, table: &ClassTable) -> (Inputs, Vec<Unmapped>) {
     let measures = measure(&labels);
-    gather(labels, &measures, table, None, None, false).unwrap()
+    gather(labels, &measures, table, None, None, false, false).unwrap()
 }
 
 /// Surfaces of a label map whose numbers mean what `MAPS` says.

@@ -28,6 +28,19 @@ fn a_body_of_a_mesh_has_skin_and_fat_of_their_thickness() {
 }
 
 #[test]
+fn an_organ_that_reaches_out_of_the_body_is_told() {
+    let table = ClassTable::builtin("total-v2").unwrap();
+    let organ =
+        |name: &str, mesh: Mesh| OrganMesh { name: name.to_owned(), class: table.named(name).unwrap().clone(), mesh };
+    let moved = |mm: f32| analytic::sphere(Vec3::new(30.0 + mm, -20.0, 400.0), 20.0, 4);
+    let organs = |mm: f32| vec![organ("body", ball(60.0)), organ("liver", ball(30.0)), organ("spleen", moved(mm))];
+    let (_, remarks) = surfaces(organs(35.0), &Options::default());
+    assert_eq!(remarks, [""; 0]);
+    let (_, remarks) = surfaces(organs(60.0), &Options::default());
+    assert!(remarks.len() == 1 && remarks[0].starts_with("organs reach out of the body: `spleen` with "), "{remarks:?}");
+}
+
+#[test]
 fn a_layer_that_the_body_makes_itself_is_left_out_and_said() {
     let table = ClassTable::builtin("total-v2").unwrap();
     let organ =

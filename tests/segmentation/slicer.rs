@@ -17,7 +17,7 @@ fn seven_segments_keep_their_volumes_and_places() {
     let mut table = ClassTable::builtin("total-v2").unwrap();
     table.add("tissue=soft_tissue").unwrap();
     let measures = measure(&labels);
-    let (inputs, unmapped) = gather(labels, &measures, &table, None, None, false).unwrap();
+    let (inputs, unmapped) = gather(labels, &measures, &table, None, None, false, false).unwrap();
     assert!(unmapped.is_empty() && inputs.organs.len() == 7, "{:?}", inputs.organs);
     let grid = inputs.grid.clone();
     let voxel_mm = grid.voxel_mm().max_element();

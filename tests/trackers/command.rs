@@ -71,3 +71,16 @@ fn missing_and_wrong_arguments_are_explained() {
         assert!(text.contains(message), "{args:?}: {text}");
     }
 }
+
+#[test]
+fn why_an_address_could_not_be_opened_is_said_at_the_end() {
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    drop(listener);
+    let output = run(&["--address", &address, "--protocol", "ascii-line", "--seconds", "0.6"]);
+    let text = String::from_utf8_lossy(&output.stderr);
+    let last = text.rsplit("error: ").next().unwrap();
+    assert_eq!(output.status.code(), Some(1), "{text}");
+    let reason = last.split_once("it could not be opened: ").map(|(_, reason)| reason.trim());
+    assert!(reason.is_some_and(|reason| !reason.is_empty()), "{text}");
+}

@@ -11,7 +11,7 @@ mod volumes;
 use std::collections::BTreeMap;
 
 pub use fact::OrganFact;
-use relations::{Direction, Vote, votes};
+use relations::{Direction, Vote, medial_cysts, votes};
 use volumes::{Range, range_of};
 
 /// Severity of a finding: impossible in a human, or unusual.
@@ -54,14 +54,21 @@ pub struct OrganFinding {
 /// Strain of an impossible volume.
 const IMPOSSIBLE_STRAIN: f64 = 8.0;
 
+/// Strain of a cyst at an unusual place.
+const CYST_STRAIN: f64 = 1.5;
+
 /// Share of its least usual volume below which an organ is a fragment. The position of a fragment means nothing.
 const FRAGMENT_SHARE: f64 = 0.1;
 
 /// Volume below which an organ without a known range is a fragment, ml.
 const FRAGMENT_ML: f64 = 0.2;
 
-/// If all organs have less than this share of their least usual volume, the unit of length is wrong.
+/// If all organs have less than this share of their least usual volume, the unit of length is wrong. The second share counts from
+/// `SEVERAL` organs on that are most of all: no newborn and no disease makes so many that small.
 const OTHER_UNIT_SHARE: f64 = 0.05;
+const OTHER_UNIT_SHARE_OF_SEVERAL: f64 = 0.33;
+const SEVERAL: usize = 3;
+const MOST: f64 = 0.75;
 
 /// Least usual volume that an organ must have to tell the unit, ml: hollow organs may be empty.
 const TELLING_ML: f64 = 10.0;
@@ -72,6 +79,13 @@ pub fn check_organs(facts: &[OrganFact]) -> Vec<OrganFinding> {
     findings.extend(scale(facts));
     let whole: Vec<OrganFact> = facts.iter().filter(|fact| !is_fragment(fact)).cloned().collect();
     findings.extend(positions(&votes(&whole)));
+    findings.extend(medial_cysts(&whole).into_iter().map(|(organ, words)| OrganFinding {
+        certainty: Certainty::Unlikely,
+        aspect: Aspect::Position,
+        organ,
+        what: format!("{words}, which is unusual"),
+        strain: CYST_STRAIN,
+    }));
     findings.sort_by_key(|finding| finding.certainty);
     findings
 }
@@ -116,21 +130,30 @@ fn volume(fact: &OrganFact) -> Option<OrganFinding> {
     Some(OrganFinding { certainty, aspect: Aspect::Volume, organ: fact.name.clone(), what, strain })
 }
 
-/// A finding if there are two whole organs or more, all are many times too small, and no other organ has a usual size.
+/// A finding if there are two whole organs or more, all or most are many times too small, and no other organ has a usual size. Small
+/// organs such as the gallbladder tell nothing: a full one that is too small is as large as an empty one.
 fn scale(facts: &[OrganFact]) -> Option<OrganFinding> {
-    let is_usual = |least: f64, found: f64| least > 0.0 && found >= least;
-    if facts.iter().any(|fact| range_of(&fact.name).is_some_and(|r| is_usual(r.usual_ml[0], fact.volume_ml))) {
+    let is_usual = |fact: &OrganFact, range: &Range| {
+        let [least, _] = range.usual_ml;
+        fact.volume_ml >= least && (least >= TELLING_ML || (fact.is_cut && least > 0.0))
+    };
+    if facts.iter().any(|fact| range_of(&fact.name).is_some_and(|range| is_usual(fact, range))) {
         return None;
     }
     let whole = facts.iter().filter(|fact| !fact.is_cut).filter_map(|fact| Some((fact, range_of(&fact.name)?)));
     let known: Vec<_> = whole.filter(|(_, range)| !range.is_often_cut && range.usual_ml[0] >= TELLING_ML).collect();
-    let is_tiny = |(fact, range): &(&OrganFact, &Range)| fact.volume_ml < OTHER_UNIT_SHARE * range.usual_ml[0];
-    let [(first, range), _, ..] = known[..] else { return None };
-    known.iter().all(is_tiny).then(|| {
-        let (name, count) = (&first.name, known.len());
+    let below = |share: f64| -> Vec<(&OrganFact, &Range)> {
+        known.iter().filter(|(fact, range)| fact.volume_ml < share * range.usual_ml[0]).copied().collect()
+    };
+    let (count, small) = (known.len(), below(OTHER_UNIT_SHARE_OF_SEVERAL));
+    let is_most = small.len() >= SEVERAL && small.len() as f64 >= MOST * count as f64;
+    let [(first, range), ..] = small[..] else { return None };
+    (is_most || (count >= 2 && below(OTHER_UNIT_SHARE).len() == count)).then(|| {
+        let name = &first.name;
         let (found, usual) = (ml(first.volume_ml), ml(range.usual_ml[0]));
+        let of = if small.len() == count { "all".to_owned() } else { format!("{} of", small.len()) };
         let what = format!(
-            "all {count} whole organs are far too small for a human: `{name}` has {found} instead of {usual} or more"
+            "{of} {count} whole organs are far too small for a human: `{name}` has {found} instead of {usual} or more"
         );
         OrganFinding {
             certainty: Certainty::Impossible,

@@ -56,10 +56,14 @@ const AORTA: Group = ("the aorta", &["aorta"]);
 const VENA_CAVA: Group = ("the vena cava", &["inferior_vena_cava"]);
 const BLADDER: Group = ("the bladder", &["urinary_bladder", "prostate"]);
 const STERNUM: Group = ("the sternum", &["sternum"]);
+const TRACHEA: Group = ("the trachea", &["trachea"]);
 const THYROID: Group = ("the thyroid", &["thyroid_gland"]);
 const LEFT_KIDNEY: Group = ("the left kidney", &["kidney_left"]);
 const RIGHT_KIDNEY: Group = ("the right kidney", &["kidney_right"]);
 const BODY: Group = ("the body", &["body", "body_trunc", "skin"]);
+
+/// Groups whose common names are plurals.
+const PLURAL: [&str; 5] = [KIDNEYS.0, LUNGS.0, BACK.0, BUTTOCKS.0, LEGS.0];
 
 /// Weights of certain and of likely evidence.
 const CERTAIN: u32 = 2;
@@ -67,7 +71,7 @@ const LIKELY: u32 = 1;
 
 /// Seen from the second organ, the first one lies in this direction, in nearly everybody. Then follow the least distance that
 /// tells anything, mm, and the weight.
-const RELATIONS: [(Group, Direction, Group, f64, u32); 50] = [
+const RELATIONS: [(Group, Direction, Group, f64, u32); 53] = [
     (SPLEEN, Direction::Left, LIVER, 20.0, CERTAIN),
     (SPLEEN, Direction::Left, GALLBLADDER, 15.0, CERTAIN),
     (SPLEEN, Direction::Left, SPINE, 15.0, CERTAIN),
@@ -114,6 +118,9 @@ const RELATIONS: [(Group, Direction, Group, f64, u32); 50] = [
     (HEAD, Direction::Up, LUNGS, 40.0, CERTAIN),
     (HEAD, Direction::Up, LIVER, 60.0, CERTAIN),
     (HEAD, Direction::Up, SPINE, 20.0, CERTAIN),
+    (TRACHEA, Direction::Up, LIVER, 30.0, CERTAIN),
+    (TRACHEA, Direction::Up, SPLEEN, 30.0, CERTAIN),
+    (TRACHEA, Direction::Up, KIDNEYS, 30.0, CERTAIN),
     (THYROID, Direction::Up, HEART, 30.0, CERTAIN),
     (THYROID, Direction::Up, LIVER, 40.0, CERTAIN),
     (LIVER, Direction::Up, LEGS, 30.0, CERTAIN),
@@ -154,7 +161,8 @@ impl fmt::Display for Vote {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [along, against] = self.direction.words();
         let words = if self.is_as_expected() { along } else { against };
-        write!(f, "{} lies {:.0} mm {words} {}", self.first, self.found_mm.abs(), self.second)
+        let verb = if PLURAL.contains(&self.first.as_str()) { "lie" } else { "lies" };
+        write!(f, "{} {verb} {:.0} mm {words} {}", self.first, self.found_mm.abs(), self.second)
     }
 }
 
@@ -197,6 +205,21 @@ fn pairs(facts: &[OrganFact]) -> Vec<Vote> {
         }
     }
     votes
+}
+
+/// Distance from the centre of a kidney toward the middle of the body beyond which a cyst of it is unusual, mm.
+const CYST_MEDIAL_MM: f64 = 40.0;
+
+/// Cysts of a kidney that lie near the middle of the body, where vessels are: the name of each, and its position in words.
+pub(super) fn medial_cysts(facts: &[OrganFact]) -> Vec<(String, String)> {
+    let sides = [("kidney_cyst_left", LEFT_KIDNEY, 1.0, "right"), ("kidney_cyst_right", RIGHT_KIDNEY, -1.0, "left")];
+    let medial = |(cyst, kidney, sign, toward): (&str, Group, f64, &str)| {
+        let found = facts.iter().find(|fact| matches(cyst, &fact.name))?;
+        let medial_mm = sign * (centre(kidney, facts)?.x - found.centre_mm.x);
+        let words = format!("`{cyst}` lies {medial_mm:.0} mm to the {toward} of {}", kidney.0);
+        (medial_mm > CYST_MEDIAL_MM).then(|| (found.name.clone(), words))
+    };
+    sides.into_iter().filter_map(medial).collect()
 }
 
 /// Relation of the first and the last vertebra.

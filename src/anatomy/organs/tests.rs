@@ -107,6 +107,46 @@ fn crumbs_next_to_a_cut_bone_of_usual_size_do_not_tell_the_unit() {
 }
 
 #[test]
+fn several_organs_that_are_all_several_times_too_small_are_not_a_human() {
+    // Voxels of 3 mm that were read as 1 mm. The bladder was full.
+    let shrunk = |only: &dyn Fn(&str) -> bool| -> Vec<OrganFact> {
+        let kept = adult().into_iter().filter(|fact| only(&fact.name));
+        kept.map(|fact| OrganFact { volume_ml: fact.volume_ml / 27.0, ..fact }).collect()
+    };
+    let abdomen = |name: &str| !["heart", "lung_upper_lobe_left", "vertebrae_T12", "vertebrae_L3"].contains(&name);
+    let found = said(&shrunk(&abdomen), Certainty::Impossible);
+    assert!(found.len() == 1 && found[0].contains("whole organs are far too small"), "{found:?}");
+    // Two of them may be ill, and a small liver alone is one that is.
+    assert_eq!(said(&shrunk(&|name| ["liver", "spleen"].contains(&name)), Certainty::Impossible), [""; 0]);
+    let mut ill = adult();
+    ill[0].volume_ml = 60.0;
+    assert_eq!(said(&ill, Certainty::Impossible), [""; 0]);
+}
+
+#[test]
+fn a_trachea_in_the_pelvis_and_cysts_beside_the_spine_are_told() {
+    let mut facts: Vec<OrganFact> = adult().into_iter().take(6).collect();
+    facts.push(fact("trachea", 100.0, [0.0, -20.0, -260.0]));
+    let found = said(&facts, Certainty::Impossible);
+    assert!(found.len() == 1 && found[0].contains("the trachea lies 205 mm below the kidneys"), "{found:?}");
+    let mut facts = adult();
+    facts.push(fact("trachea", 40.0, [0.0, 30.0, 220.0]));
+    facts.push(fact("kidney_cyst_right", 20.0, [-80.0, 70.0, -70.0]));
+    assert_eq!(check_organs(&facts), []);
+    facts.push(fact("kidney_cyst_left", 100.0, [12.0, 48.0, 0.0]));
+    let told = said(&facts, Certainty::Unlikely);
+    assert_eq!(told, ["`kidney_cyst_left` lies 58 mm to the right of the left kidney, which is unusual"]);
+}
+
+#[test]
+fn plural_names_have_plural_verbs() {
+    let mut facts = adult();
+    facts.iter_mut().filter(|fact| fact.name.starts_with("kidney")).for_each(|fact| fact.centre_mm.y = -100.0);
+    let told = said(&facts, Certainty::Unlikely);
+    assert!(told.iter().any(|what| what.contains("the kidneys lie ")), "{told:?}");
+}
+
+#[test]
 fn fragments_tell_no_position() {
     let mut facts = adult();
     facts.push(fact("pancreas", 0.5, [0.0, 0.0, -300.0]));

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{Caliper, StandardPlanes};
+use super::{Caliper, PlaneLandmark, StandardPlane, StandardPlanes, Tolerances};
 
 impl fmt::Display for StandardPlanes {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -17,6 +17,61 @@ impl fmt::Display for StandardPlanes {
             writeln!(f, "{plane:12} {view:6} {angle_deg:>5.0}° {distance_mm:>6.0} mm {depth:>9}  {calipers}")?;
         }
         writeln!(f)?;
-        self.planes.iter().try_for_each(|p| writeln!(f, "{:12} {} ({})", p.name, p.title, p.source))
+        self.planes.iter().try_for_each(|p| writeln!(f, "{:12} {} ({})", p.name, p.title, p.source))?;
+        writeln!(f, "\nall that counts, at most, of each view:")?;
+        self.planes.iter().try_for_each(|plane| tolerances(f, plane))
+    }
+}
+
+/// All tolerances of a plane, and the landmarks that must be in the picture.
+fn tolerances(f: &mut fmt::Formatter<'_>, plane: &StandardPlane) -> fmt::Result {
+    let Tolerances { angle_deg, distance_mm, in_plane_deg, centring_mm, depth_mm: [least, greatest], source } =
+        &plane.tolerances;
+    write!(f, "{:12} tilt {angle_deg}°, {distance_mm} mm beside the plane, ", plane.name)?;
+    match in_plane_deg {
+        Some(deg) => write!(f, "turned in the picture by {deg}°, ")?,
+        None => write!(f, "turned in the picture by any angle, ")?,
+    }
+    writeln!(f, "centre {centring_mm} mm off the middle line and {least} to {greatest} mm below the face")?;
+    for view in plane.views.iter().filter(|view| !view.landmarks.is_empty()) {
+        let landmark = |mark: &PlaneLandmark| match mark.within_mm {
+            Some(within_mm) => format!("{} (within {within_mm} mm of the plane)", mark.name),
+            None => mark.name.clone(),
+        };
+        let landmarks = view.landmarks.iter().map(landmark).collect::<Vec<_>>().join(", ");
+        let name = if view.name.is_empty() { String::new() } else { format!("{}: ", view.name) };
+        writeln!(f, "{:12} {name}in the picture: {landmarks}", "")?;
+    }
+    if source.is_empty() { Ok(()) } else { writeln!(f, "{:12} {source}", "") }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    #[test]
+    fn all_tolerances_are_listed() {
+        let planes = serde_json::json!({ "version": 1, "planes": [{
+            "name": "middle", "title": "middle of the block",
+            "tolerances": {
+                "angle_deg": 10, "distance_mm": 5, "in_plane_deg": 30, "centring_mm": 25, "depth_mm": [20, 60],
+                "source": "assumed for a test"
+            },
+            "views": [{
+                "centre_mm": [0, 0, 50], "normal": [0, 1, 0], "lateral": [1, 0, 0], "to_probe": [0, 0, -1],
+                "landmarks": [{ "name": "vessel", "position_mm": [0, 0, 50], "within_mm": 3 }]
+            }]
+        }]});
+        let text = StandardPlanes::from_json(&planes.to_string(), Path::new("t.planes.json")).unwrap().to_string();
+        for part in [
+            "middle       tilt 10°, 5 mm beside the plane, turned in the picture by 30°, centre 25 mm off",
+            "20 to 60 mm below the face",
+            "in the picture: vessel (within 3 mm of the plane)",
+            "assumed for a test",
+        ] {
+            assert!(text.contains(part), "{part}: {text}");
+        }
     }
 }

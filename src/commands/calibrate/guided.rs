@@ -6,11 +6,12 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
 use insonify::pose::Pose;
-use insonify::pose::pivot::{Pivot, calibrate};
+use insonify::pose::pivot::{Pivot, calibrate, explained};
 use insonify::pose::probe_mount::{MountError, MountSteps, ProbeMount, check_ends, mount};
 use insonify::recording::spawn;
 use insonify::station::Station;
 use insonify::tracker::pose_tap;
+use insonify::transducer::{Probe, ProbeKind};
 use tokio_util::sync::CancellationToken;
 
 use super::super::{Classify, Failure, tracker_args};
@@ -29,6 +30,10 @@ const STEPS: [(&str, u64); 4] = [
         10,
     ),
 ];
+
+/// Largest unremarked differences of the measured face from the station's: of its width, as a part of it, and of the height
+/// of its arc, mm.
+const FACE: (f64, f64) = (0.15, 3.0);
 
 /// Check of the pivot about the middle of the face.
 type Check<'a> = &'a dyn Fn(&Pivot) -> Result<(), String>;
@@ -55,7 +60,28 @@ pub(super) fn run(
     });
     cancel.cancel();
     session.join();
-    Ok((found?, out))
+    let found = found?;
+    let face = found.width_mm.zip(found.arc_mm);
+    if let Some(said) = face.and_then(|face| other_face(face, &station.probe)) {
+        tracing::warn!("{said}");
+    }
+    Ok((found, out))
+}
+
+/// What is to be said about a measured width and arc of the face, mm, that are not those of the station's probe.
+fn other_face((width_mm, arc_mm): (f64, f64), probe: &Probe) -> Option<String> {
+    if matches!(probe.kind, ProbeKind::Phased { .. }) {
+        return None;
+    }
+    let on_face = |fraction: f64| probe.ray(probe.lateral_coordinate(fraction)).0;
+    let [first, middle, last] = [0.0, 0.5, 1.0].map(on_face);
+    let (its_width_mm, its_arc_mm) = (first.distance(last), middle.distance(0.5 * (first + last)));
+    let differs = (width_mm - its_width_mm).abs() > FACE.0 * its_width_mm || (arc_mm - its_arc_mm).abs() > FACE.1;
+    differs.then(|| {
+        format!(
+            "the measured face is {width_mm:.1} mm wide and its arc {arc_mm:.1} mm high; the station's probe has a face of {its_width_mm:.1} mm and an arc of {its_arc_mm:.1} mm: check [probe] of the station, or which ends were touched"
+        )
+    })
 }
 
 /// Asks for each step in turn; a line of `input` answers, and `record` takes poses for some seconds.
@@ -111,10 +137,11 @@ fn ask(
 /// The poses of the step after those taken, if they fit these: a bad pivot and a bad end are recorded again at once.
 fn accepted(taken: &[Option<Vec<Pose>>], poses: Vec<Pose>, check: Check<'_>) -> Result<Vec<Pose>, String> {
     let before = |step: usize| taken.get(step).and_then(Option::as_deref);
-    let pivot = calibrate(before(0).unwrap_or(&poses)).map_err(|error| error.to_string())?;
+    let tilted = before(0).unwrap_or(&poses);
+    let pivot = calibrate(tilted).map_err(|error| explained(error, tilted))?;
     let ends = match (taken.len(), before(1)) {
         (0, _) => {
-            check(&pivot)?;
+            check(&pivot).map_err(|reason| explained(reason, tilted))?;
             Ok(())
         }
         (1, _) => check_ends(&pivot, &poses, None),
@@ -188,6 +215,19 @@ mod tests {
         let error = asked("\n\n\n", [pivot.clone(), marker.clone(), marker.clone()].map(Ok).to_vec()).unwrap_err();
         assert!(error.contains("step 3; nothing was written; the ends of the face lie 0.0 mm apart"), "{error}");
         assert!(asked("\nq\n", all()).unwrap_err().starts_with("ended at step 2"));
+    }
+
+    #[test]
+    fn a_face_that_is_not_the_stations_is_named() {
+        let linear = Probe { kind: ProbeKind::Linear { width_mm: 30.0 }, ..Probe::default() };
+        assert_eq!(other_face((31.0, 0.4), &linear), None);
+        let said = other_face((45.9, 7.2), &linear).unwrap();
+        assert!(said.contains("45.9 mm wide") && said.contains("a face of 30.0 mm and an arc of 0.0 mm"), "{said}");
+        let convex = Probe { kind: ProbeKind::Convex { radius_mm: 50.0, fov_deg: 60.0 }, ..Probe::default() };
+        assert_eq!(other_face((50.0, 6.7), &convex), None);
+        assert!(other_face((50.0, 1.0), &convex).is_some());
+        let phased = Probe { kind: ProbeKind::Phased { fov_deg: 90.0 }, ..Probe::default() };
+        assert_eq!(other_face((20.0, 0.0), &phased), None);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::anyhow;
 use clap::Parser;
 use insonify::files::{FileKind, Outputs};
 use insonify::pose::LandmarkFit;
@@ -28,7 +29,7 @@ use super::{OutputArgs, calibration_file, write};
 #[derive(Debug, Parser)]
 pub(crate) struct Args {
     /// Landmarks (CSV)
-    #[arg(required_unless_present = "tracker", conflicts_with = "tracker")]
+    #[arg(conflicts_with = "tracker")]
     pairs: Option<PathBuf>,
 
     /// Station whose scene PAIRS is about (TOML): points along the patient's axes are turned into the scene's
@@ -48,7 +49,11 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         let (pairs, out) = touch::run(station, &args.touch, args.output.out.as_deref())?;
         return fit(&pairs, station, &OutputArgs { out: Some(out), ..args.output });
     }
-    let path = args.pairs.as_deref().unwrap_or(Path::new(""));
+    let Some(path) = args.pairs.as_deref() else {
+        return Err(Failure::Input(anyhow!(
+            "give PAIRS, a table of landmarks in scene and tracker, or --tracker STATION to touch them one after the other; --help has the details"
+        )));
+    };
     let station = args.station.as_deref().map(Station::load).transpose()?;
     match (&station, args.output.out.as_deref()) {
         (Some(station), Some(out)) => drop(calibration_file(station, Some(out), &args.pairs)?),
@@ -91,6 +96,9 @@ fn fit(pairs: &[Named<PointPair>], source: &Path, arguments: &OutputArgs) -> Res
         tracing::warn!(
             "the landmarks lie near one plane: a tracker with a mirrored axis would not be noticed; add one well outside of it"
         );
+    }
+    if let Some(likely) = &found.likely {
+        tracing::warn!("{likely}; touch what is named once more before the result is used");
     }
     if let Some(out) = &arguments.out {
         write(out, |calibration| calibration.scene_from_tracker = Some(found.fitted()))?;

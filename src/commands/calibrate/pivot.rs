@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::anyhow;
 use clap::{Parser, ValueEnum};
 use insonify::files::Outputs;
-use insonify::pose::pivot::{Pivot, calibrate};
+use insonify::pose::pivot::{Pivot, calibrate, explained};
 use insonify::pose::{Calibration, Fitted, Pose};
 
 use super::super::{Classify, Failure, output};
@@ -44,20 +44,21 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if let Some(out) = &args.output.out {
         Outputs::beside([&args.poses]).replaced("--out", out)?;
     }
-    let found = calibrate(&poses::read(&args.poses)?).input_of(&args.poses)?;
+    let poses = poses::read(&args.poses)?;
+    let found = calibrate(&poses).map_err(|fault| anyhow!(explained(fault, &poses))).input_of(&args.poses)?;
     if found.looks_like_metres() {
-        tracing::warn!(
-            "{}: the tip lies {:.3} mm from the sensor: are the positions in metres? Columns named x_m,y_m,z_m say so",
-            args.poses.display(),
-            found.tip_mm.length()
-        );
+        let (path, tip_mm) = (args.poses.display(), found.tip_mm.length());
+        return Err(Failure::Input(anyhow!(
+            "{path}: the tip lies {tip_mm:.3} mm from the sensor: the positions are likely in metres; a table says so by the columns x_m,y_m,z_m (or x_cm, x_in), a tracker must send mm"
+        )));
     }
     let Pivot { rms_mm, max_mm, .. } = found;
     if rms_mm > args.output.max_rms {
         let (path, limit) = (args.poses.display(), args.output.max_rms);
-        return Err(Failure::Input(anyhow!(
-            "{path}: the tip moved by {rms_mm:.2} mm RMS (at most {max_mm:.2} mm) about the pivot, more than --max-rms {limit}; did it slip, or does the recording hold more than the pivoting?"
-        )));
+        let fault = format!(
+            "the tip moved by {rms_mm:.2} mm RMS (at most {max_mm:.2} mm) about the pivot, more than --max-rms {limit}; did it slip, or does the recording hold more than the pivoting?"
+        );
+        return Err(Failure::Input(anyhow!("{path}: {}", explained(fault, &poses))));
     }
     if let Some(out) = &args.output.out {
         write(out, |calibration| set(calibration, args.of, &found))?;

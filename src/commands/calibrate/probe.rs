@@ -2,9 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::anyhow;
 use clap::Parser;
 use insonify::files::Outputs;
-use insonify::pose::pivot::Pivot;
+use insonify::pose::pivot::{Pivot, explained};
 use insonify::pose::probe_mount::{MountSteps, ProbeMount, mount};
 use insonify::pose::{Fitted, Pose};
 
@@ -86,8 +87,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         slide: slide.as_deref(),
         spin: spin.as_deref(),
     };
-    let found = mount(&steps).input_of(pivot)?;
-    limit(&found.pivot, args.output.max_rms).map_err(|why| anyhow::anyhow!("{}: {why}", pivot.display())).input()?;
+    let refused = |why: String| anyhow!("{}: {}", pivot.display(), explained(why, &tilted));
+    let found = mount(&steps).map_err(|fault| refused(fault.to_string())).input()?;
+    limit(&found.pivot, args.output.max_rms).map_err(refused).input()?;
     report(&found, args.output.out.as_deref(), args.output.json)
 }
 

@@ -25,6 +25,9 @@ use super::{calibration_file, positive};
 /// Time without a pose after which the tracker counts as lost.
 const SILENCE: Duration = Duration::from_secs(2);
 
+/// Least distance of two points to touch, mm.
+const APART_MM: f64 = 1.0;
+
 /// Most poses examined for a still tip, as a multiple of the poses needed.
 const PATIENCE: usize = 10;
 
@@ -67,6 +70,7 @@ pub(super) fn run(
     settings.device.choose(args.sensor, args.tool.clone());
     let out = calibration_file(&station, out, &args.points)?;
     let points = points(args, &station)?;
+    distinct(&points).map_err(|fault| anyhow!("the points to touch: {fault}")).input()?;
     let (tip_mm, tip) = tip(&station, &out)?;
     let samples = usize::from(args.samples);
     let still = StillSettings { samples, tolerance_mm: args.tolerance, poses_max: PATIENCE * samples };
@@ -99,6 +103,25 @@ fn points(args: &TouchArgs, station: &Station) -> Result<Vec<Named<DVec3>>, Fail
             skin_points::file_beside(scene).display()
         ))),
     }
+}
+
+/// Refuses points with one name, or at one place.
+fn distinct(points: &[Named<DVec3>]) -> Result<(), String> {
+    for (at, Named { name, value }) in points.iter().enumerate() {
+        for other in &points[at + 1..] {
+            if other.name.eq_ignore_ascii_case(name) {
+                return Err(format!("`{name}` is there twice; give each a name of its own"));
+            }
+            let apart_mm = value.distance(other.value);
+            if apart_mm < APART_MM {
+                let other = &other.name;
+                return Err(format!(
+                    "`{name}` and `{other}` lie {apart_mm:.2} mm apart in the scene; give each a place of its own, at least {APART_MM} mm away"
+                ));
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Reads points in the scene's axes.
@@ -311,6 +334,16 @@ mod tests {
         // A landmark with a moving tip is requested again.
         let (taken, tried) = asked("\n\n\n\n", |attempt| attempt != 2);
         assert_eq!((taken.unwrap().len(), tried.join("")), (3, "ABBC".to_owned()));
+    }
+
+    #[test]
+    fn points_of_one_name_or_place_are_refused() {
+        let mut all = points();
+        assert_eq!(distinct(&all), Ok(()));
+        all[2].name = "a".into();
+        assert!(distinct(&all).unwrap_err().contains("`A` is there twice"));
+        all[2] = Named { name: "C".into(), value: all[1].value + 0.3 * DVec3::Z };
+        assert!(distinct(&all).unwrap_err().starts_with("`B` and `C` lie 0.30 mm apart in the scene"));
     }
 
     #[test]

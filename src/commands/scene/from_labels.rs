@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 use clap::Parser;
-use insonify::segmentation::classes::ClassTable;
+use insonify::segmentation::classes::{ClassTable, Mappable, check_mappings, stem};
 use insonify::segmentation::conventions::plausibility;
 use insonify::segmentation::from_labels::{Options, make};
 use insonify::segmentation::gather::gather;
@@ -50,7 +50,8 @@ pub(crate) struct Args {
     #[arg(long)]
     leave_out_unknown: bool,
 
-    /// Take organs whose volumes or sides no human has, instead of refusing them: situs inversus, animals, phantoms
+    /// Take organs whose volumes or sides no human has, or that lie outside --body, instead of refusing them: situs inversus,
+    /// animals, phantoms
     #[arg(long)]
     allow_implausible: bool,
 
@@ -150,6 +151,19 @@ struct Read {
     remarks: Vec<String>,
 }
 
+/// Names of the files that name their labels: the masks of folders, and a label map, without their suffixes.
+fn stems(args: &Args) -> Vec<String> {
+    let mut stems = Vec::new();
+    for path in [Some(&args.labels), args.body.as_ref()].into_iter().flatten() {
+        match std::fs::read_dir(path) {
+            Ok(entries) => stems.extend(entries.flatten().map(|entry| stem(&entry.path()))),
+            Err(_) => stems.push(stem(path)),
+        }
+    }
+    stems.sort_unstable();
+    stems
+}
+
 /// Reads the label map or folder, and compares it with what is possible for a human.
 fn read(args: &Args, names: &NameTable, options: ReadOptions, progress: &Progress) -> Result<Read, Failure> {
     let (read, from) = if args.labels.is_dir() {
@@ -165,6 +179,12 @@ fn read(args: &Args, names: &NameTable, options: ReadOptions, progress: &Progres
         (Read { labels, measures, left_out: Vec::new(), remarks: Vec::new() }, from)
     };
     let Read { labels, measures, left_out, remarks } = read;
+    if !measures.is_empty() && !args.maps.is_empty() {
+        let stems = stems(args);
+        let has_numbers = !args.labels.is_dir();
+        let of = Mappable { path: &args.labels, labels: &labels, stems: &stems, has_numbers };
+        check_mappings(&args.maps, &table(args.names.as_deref(), &[])?.table, &of).input()?;
+    }
     let found = plausibility(&labels, &measures, names, &from);
     if !args.allow_implausible {
         found.check(&labels, names, &from).input()?;
@@ -196,7 +216,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         image.stated = args.image_type;
     }
     progress.set(5, 100);
-    let gathered = gather(labels, &measures, &names.table, body, image, args.leave_out_unknown);
+    let gathered = gather(labels, &measures, &names.table, body, image, args.leave_out_unknown, args.allow_implausible);
     let (mut inputs, unmapped) = gathered.input()?;
     left_out.extend(unmapped.iter().map(ToString::to_string));
     let options = Options { skin_mm: args.skin_mm, fat_mm: args.fat_mm, triangles: args.triangles };

@@ -20,6 +20,7 @@ use insonify::segmentation::repair::{ActionKind, RepairSettings, SurfaceRepair, 
 use super::super::progress::Progress;
 use super::super::{Classify, Failure};
 use super::files::{OutputArgs, Source};
+use super::places::check_places;
 use super::repair::RepairArgs;
 
 /// Make a scene from meshes of organs: STL, OBJ, PLY, VTK polydata (.vtk, .vtp) and glTF.
@@ -74,9 +75,9 @@ pub(crate) struct Args {
 const AFTER_HELP: &str = "\
 Examples:
   insonify scene from-meshes liver.stl=liver 'ribs.obj#*=bone_adult' kidney.ply=kidney_right --out patient.glb
-  insonify scene from-meshes abdomen.obj#grp0=liver abdomen.obj#grp1=kidney_right --out patient.glb
+  insonify scene from-meshes abdomen.obj#grp0=liver abdomen.obj#grp1=kidney_right --axes lps --out patient.glb
   insonify scene from-meshes Segmentation.obj --units mm --axes ras --out patient.glb
-  insonify scene from-meshes torso.stl=body liver.stl=liver --out patient.glb --report patient.html";
+  insonify scene from-meshes torso.stl=body liver.stl=liver --axes lps --out patient.glb --report patient.html";
 
 fn unit(text: &str) -> Result<Unit, String> {
     Unit::named(text).ok_or_else(|| format!("expected one of {}", Unit::NAMES.join(", ")))
@@ -310,6 +311,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let axes = decided(args.axes, &guess_axes(&hints, &named), "axes", "--axes", &mut remarks)?;
     check_size(&named, unit, args.units.is_some(), &mut remarks)?;
     check_axes(args, &named, axes, &mut remarks)?;
+    if args.axes.is_none() {
+        check_places(&named, axes, unit)?;
+    }
     let shift = shift(args, &named, unit, &mut remarks)?;
     drop(named);
 

@@ -9,12 +9,13 @@
 //!
 //! Points per plane, 0..=100: 0 if it was not found, else 50, plus 20 for the angle, 20 for the distance and 10 for a
 //! steady hold. Angle and distance score fully up to a quarter of the tolerance, and 0 at the tolerance. A hold scores
-//! fully up to 0.5 mm RMS, and 0 from 3 mm. The weights are assumed.
+//! fully up to 0.5 mm RMS, and 0 from 3 mm. The weights are assumed. `docs/commands.md` says the same ("Points").
 
 mod marks;
 mod misplaced;
 mod table;
 mod track;
+mod why_not;
 
 use std::collections::BTreeMap;
 
@@ -40,6 +41,14 @@ use crate::transducer::{Probe, Sector};
 /// Required hold of a plane, s.
 pub const HOLD_S: f64 = 1.0;
 
+/// What a mark is said to be on whose picture shows no plane within its tolerances.
+pub(crate) const NO_PLANE: &str = "no standard plane in this picture";
+
+/// Sentence on how points are made.
+pub(crate) const POINTS: &str = "Points of a plane that is found: 50, and up to 20 for the angle, 20 for the distance and 10 \
+     for a steady hold, in the best second; 0 if it isn't found. The session has the mean of its planes. The weights are \
+     assumed; docs/commands.md (Points) has the formula.";
+
 /// Reference data of a score.
 pub struct Reference<'a> {
     /// Scored planes.
@@ -59,6 +68,21 @@ pub struct Reference<'a> {
 }
 
 impl Reference<'_> {
+    /// Sentence on the source of the tolerances.
+    pub fn tolerances(&self) -> String {
+        let mut sources: Vec<&str> = Vec::new();
+        for plane in &self.planes {
+            let source = plane.tolerances.source.as_str();
+            if !source.is_empty() && !sources.contains(&source) {
+                sources.push(source);
+            }
+        }
+        if sources.is_empty() {
+            return "Tolerances are assumed, not published: see `insonify planes`.".to_owned();
+        }
+        format!("Tolerances: {}; see `insonify planes`.", sources.join("; "))
+    }
+
     /// Probe with its depth setting at pose `index`.
     pub fn probe_at(&self, index: usize) -> Probe {
         let depth_mm = self.depths_mm.get(index).copied().unwrap_or(self.probe.depth_mm);
@@ -69,8 +93,11 @@ impl Reference<'_> {
 /// Score of a session.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Score {
-    /// Mean of the planes' points, 0..=100.
-    pub points: f64,
+    /// Mean of the planes' points, 0..=100; `None` if nothing could be judged.
+    pub points: Option<f64>,
+    /// Reason why nothing could be judged.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub not_judged: Option<String>,
     /// Planes found.
     pub found: usize,
     /// Time from the first pose to the last, s.
@@ -107,7 +134,10 @@ pub struct PlaneScore {
     pub view_index: usize,
     /// True if it was found.
     pub found: bool,
-    /// Points, 0..=100.
+    /// Reason why it was not found.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub why_not: Option<String>,
+    /// Points, 0..=100; 0 if it was not found or not judged.
     pub points: f64,
     /// Start of the first hold, s from the start.
     pub find_s: Option<f64>,
@@ -174,8 +204,11 @@ pub fn score(poses: &[TimedPose], events: &[Event], reference: &Reference<'_>) -
     let mean = |sum: f64, count: usize| if count > 0 { sum / count as f64 } else { 0.0 };
     let touching: Vec<f64> =
         track.face.iter().zip(&track.contact).filter(|(_, contact)| **contact).map(|(part, _)| *part).collect();
+    let not_judged = why_not::not_judged(&track.time_s);
+    let points = mean(planes.iter().map(|p| p.points).sum(), planes.len());
     let score = Score {
-        points: mean(planes.iter().map(|p| p.points).sum(), planes.len()),
+        points: not_judged.is_none().then_some(points),
+        not_judged,
         found: planes.iter().filter(|p| p.found).count(),
         duration_s,
         path_mm,
@@ -215,7 +248,13 @@ fn plane_score(
         longest_hold_s: held.iter().map(|s| length_s(time_s, s)).fold(0.0, f64::max),
         ..PlaneScore::default()
     };
-    let Some((start, end)) = window else { return result };
+    let Some((start, end)) = window else {
+        return PlaneScore { why_not: Some(why_not::NO_SECOND.to_owned()), ..result };
+    };
+    let held_s = result.longest_hold_s;
+    let why_not =
+        (!result.found).then(|| why_not::why_not(plane, offsets, poses, track, (start, end), held_s, reference));
+    let result = PlaneScore { why_not, ..result };
     let Some(moment) = (start..=end).min_by(|&a, &b| cost[a].total_cmp(&cost[b])) else { return result };
     let pose = poses[moment].pose;
     let probe = reference.probe_at(moment);

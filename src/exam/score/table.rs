@@ -2,16 +2,21 @@
 
 use std::fmt;
 
-use super::{CaliperScore, HOLD_S, PlaneScore, Score, TextScore};
+use super::{CaliperScore, HOLD_S, NO_PLANE, PlaneScore, Score, TextScore};
 
 impl fmt::Display for Score {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { found, points, duration_s, path_mm, mean_speed_mm_s, planes, calipers, .. } = self;
         let (contact, face_contact) = (100.0 * self.contact, 100.0 * self.face_contact);
+        if let Some(why) = &self.not_judged {
+            writeln!(f, "not judged: {why}")?;
+        }
+        if let Some(points) = points {
+            write!(f, "{found} of {} planes found, {points:.0} of 100 points; ", planes.len())?;
+        }
         writeln!(
             f,
-            "{found} of {} planes found, {points:.0} of 100 points; {duration_s:.1} s, {path_mm:.0} mm of way at {mean_speed_mm_s:.0} mm/s, {contact:.0} % of the time on the skin, with {face_contact:.0} % of the face\n",
-            planes.len(),
+            "{duration_s:.1} s, {path_mm:.0} mm of way at {mean_speed_mm_s:.0} mm/s, {contact:.0} % of the time on the skin, with {face_contact:.0} % of the face\n"
         )?;
         writeln!(
             f,
@@ -23,6 +28,11 @@ impl fmt::Display for Score {
             f,
             "(angle, distance, steadiness and pressure in the best second; found: held within tolerance for {HOLD_S} s)"
         )?;
+        let missed = || planes.iter().filter_map(|plane| Some((plane, plane.why_not.as_ref()?)));
+        if self.not_judged.is_none() && missed().next().is_some() {
+            writeln!(f, "\nwhy planes were not found:")?;
+            missed().try_for_each(|(plane, why)| writeln!(f, "{:12} {why}", plane.name))?;
+        }
         if planes.iter().any(|plane| !plane.measures.is_empty()) {
             writeln!(f, "\nwhat would be measured at the best moment:")?;
         }
@@ -69,8 +79,10 @@ fn text_line(text: &TextScore) -> String {
 
 /// The picture that a mark is on.
 fn picture(picture_s: f64, plane: Option<&str>) -> String {
-    let shown = plane.map_or_else(String::new, |plane| format!(", which shows the plane {plane}"));
-    format!("; picture at {picture_s:.1} s{shown}")
+    match plane {
+        Some(plane) => format!("; picture at {picture_s:.1} s, which shows the plane {plane}"),
+        None => format!("; picture at {picture_s:.1} s: {NO_PLANE}"),
+    }
 }
 
 fn plane_line(plane: &PlaneScore) -> String {
@@ -78,16 +90,19 @@ fn plane_line(plane: &PlaneScore) -> String {
         value.map_or_else(|| "-".to_owned(), |v| format!("{v:.digits$}{unit}"))
     };
     let name = if plane.view.is_empty() { plane.name.clone() } else { format!("{} ({})", plane.name, plane.view) };
+    // Without a second that could be judged, neither a "no" nor a 0 was earned.
+    let judged = plane.best_s.map(|_| plane.points);
+    let not_found = if judged.is_some() { "no" } else { "-" };
     format!(
-        "{name:12} {:>9} {:>9} {:>8} {:>9} {:>9} {:>9} {:>9} {:>7.0}",
-        plane.find_s.map_or_else(|| "no".to_owned(), |s| format!("{s:.1} s")),
+        "{name:12} {:>9} {:>9} {:>8} {:>9} {:>9} {:>9} {:>9} {:>7}",
+        plane.find_s.map_or_else(|| not_found.to_owned(), |s| format!("{s:.1} s")),
         or_dash(plane.path_to_find_mm, " mm", 0),
         or_dash(Some(plane.longest_hold_s), " s", 1),
         or_dash(plane.best.map(|b| b.angle_deg), "°", 1),
         or_dash(plane.best.map(|b| b.distance_mm), " mm", 1),
         or_dash(plane.unsteady_mm, " mm", 2),
         or_dash(plane.press_mm, " mm", 1),
-        plane.points
+        or_dash(judged, "", 0)
     )
 }
 

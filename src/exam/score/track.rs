@@ -11,7 +11,7 @@ use crate::transducer::placement::DEPTH_MAX_MM;
 use crate::transducer::{Contact, Misplacement, touch};
 
 /// Longest time between two poses of one hold, s; a longer one is a gap.
-const GAP_S: f64 = 0.25;
+pub(super) const GAP_S: f64 = 0.25;
 
 /// Part of the face from which on the probe counts as on the skin (assumed).
 const CONTACT_MIN: f64 = 0.5;

@@ -3,8 +3,10 @@
 mod device;
 mod placement;
 mod pose;
+mod report;
 mod settings;
 mod trial;
+mod untouched;
 
 use std::collections::VecDeque;
 use std::sync::atomic::Ordering;
@@ -14,9 +16,10 @@ use std::time::Duration;
 use tracing::field::Empty;
 
 use self::device::Device;
-use self::placement::{PlacementChange, PlacementWatch};
+use self::placement::PlacementWatch;
 use self::pose::PoseSampler;
 use self::trial::Trial;
+use self::untouched::UntouchedWatch;
 use super::clock::{Clock, ms};
 use super::controls::Controls;
 use super::events::Events;
@@ -32,7 +35,6 @@ use crate::render::{FRAMES_IN_FLIGHT, Frame, FrameQuality};
 use crate::settings::Choice;
 use crate::sink::live::{FrameInfo, FrameTimeline, MapsWanted, PointText};
 use crate::sink::pool::Pool;
-use crate::transducer::Contact;
 
 /// Buffers for rendered frames: in the slots, the generator and the presenter, and one to fill.
 const FRAMES: usize = 8;
@@ -107,6 +109,7 @@ pub(super) struct RenderStage {
     /// Whether the face was coupled in the last frame that knew it.
     coupled: Option<bool>,
     placement: PlacementWatch,
+    untouched: UntouchedWatch,
     /// Trial of a watcher's settings.
     trial: Option<Trial>,
 }
@@ -132,6 +135,7 @@ impl RenderStage {
             point: parts.points.as_ref().map(|points| Arc::new(points.text())),
             coupled: None,
             placement: PlacementWatch::default(),
+            untouched: UntouchedWatch::default(),
             trial: None,
             parts,
         }
@@ -279,7 +283,7 @@ impl RenderStage {
             rendered_ms = Empty
         )
         .entered();
-        let mut placement = None;
+        let (mut placement, mut untouched) = (None, None);
         let filled = self.pool.fill(|rendered| {
             let received = renderer.receive(rendered.frame.get_mut().unwrap_or_else(PoisonError::into_inner));
             describe(rendered, info, maps, &self.parts, self.shape);
@@ -287,6 +291,7 @@ impl RenderStage {
                 let FrameInfo { timeline, contact, .. } = &rendered.info;
                 placement = self.placement.update(timeline.rendered, contact.as_ref());
                 rendered.info.misplaced = self.placement.told();
+                untouched = self.untouched.update(&rendered.info);
             }
             (rendered.generator, rendered.point) = (generator, point);
             received
@@ -314,33 +319,10 @@ impl RenderStage {
             Some(rendered) => {
                 self.report_contact(rendered.info.contact);
                 placement.into_iter().for_each(|change| self.report_placement(change));
+                untouched.into_iter().for_each(|change| self.report_untouched(change));
                 self.hand_on(rendered);
             }
             None => count(&self.parts.metrics.frames_held),
-        }
-    }
-
-    /// Reports that the probe has left the skin, or touches it.
-    fn report_contact(&mut self, contact: Option<Contact>) {
-        let Some(contact) = contact else { return };
-        if self.coupled.replace(contact.coupled()) == Some(contact.coupled()) {
-            return;
-        }
-        self.parts.events.info(&match contact.coupled() {
-            true => format!("contact: {:.0} % of the face", 100.0 * contact.part),
-            false => "contact: none".to_owned(),
-        });
-    }
-
-    /// Reports that the probe is where no hand can hold it, or is right again. The former stays on the frames.
-    fn report_placement(&self, change: PlacementChange) {
-        let events = &self.parts.events;
-        match change {
-            PlacementChange::Wrong(misplaced) => events.warn_while_it_lasts(format!("pose: {misplaced}")),
-            PlacementChange::Right => {
-                events.end_lasting();
-                events.info("pose: the probe is where a hand can hold it");
-            }
         }
     }
 

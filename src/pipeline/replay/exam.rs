@@ -5,7 +5,7 @@ use std::path::Path;
 use super::ReplayError;
 use crate::pipeline::replayed::ReplayedControls;
 use crate::pose::{TimedPose, TrackingState};
-use crate::recording::{RecordingReader, RecordingSummary, read_both};
+use crate::recording::{RecordingReader, RecordingSummary, calibration_for, read_both};
 use crate::settings::LiveSettings;
 use crate::station::Station;
 
@@ -34,7 +34,7 @@ impl RecordedExam {
         let (raw, used, summary) = read_both(RecordingReader::open(path)?)?;
         summary.warn_of_damage(path);
         let (mut poses, source): (Vec<TimedPose>, _) = if used.is_empty() {
-            let calibration = station.pose_settings()?.calibration;
+            let calibration = calibration_for(path, &summary, station.pose_settings()?.calibration);
             (raw.iter().map(|t| TimedPose { pose: calibration.scene_from_probe(t.pose), ..*t }).collect(), "tracker")
         } else {
             let shown = used.iter().filter(|p| p.state <= TrackingState::Stuck);

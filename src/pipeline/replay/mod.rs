@@ -218,7 +218,9 @@ fn timeline(
     let (measurements, summary) = recording::measurements(path, &station.tracker)?;
     let span = measurements.first().zip(measurements.last());
     let (first_ns, last_ns) = span.map_or((0, 0), |(first, last)| (first.host_time_ns, last.host_time_ns));
-    let estimator = Estimator::new(station.pose_settings()?);
+    let mut settings = station.pose_settings()?;
+    settings.calibration = recording::calibration_for(path, &summary, settings.calibration);
+    let estimator = Estimator::new(settings);
     let mut poses = ReplayedPoses::new(estimator, measurements, &summary.events);
     Ok((Timeline::replayed(&mut poses, first_ns, last_ns, options.rate)?, summary))
 }

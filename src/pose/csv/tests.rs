@@ -127,7 +127,7 @@ fn lists_of_3d_slicer_with_decimal_commas_are_refused() {
     let row = "1,10.5,-98.25,3.5,0,0,0,1,1,1,0,XIPHOID,,,2,0";
     let xiphoid = Named { name: "XIPHOID".to_owned(), value: DVec3::new(10.5, -98.25, 3.5) };
     for columns in [COLUMNS, ""] {
-        assert_eq!(points(&format!("{VERSION}{LPS}{columns}{row}\n")).unwrap().values, [xiphoid.clone()]);
+        assert_eq!(points(&format!("{VERSION}{LPS}{columns}{row}\n")).unwrap().values, std::slice::from_ref(&xiphoid));
     }
 }
 

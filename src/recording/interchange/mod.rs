@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use super::{Event, RecordingError, RecordingInfo, RecordingWriter};
+use super::{Event, IMPORTED, RecordingError, RecordingInfo, RecordingWriter};
 use crate::files::{self, FileKind};
 use crate::pose::Pose;
 use crate::tracker::{Protocol, ascii_line};
@@ -153,8 +153,9 @@ pub struct Imported {
 
 /// Writes rows as a recording of [`ascii_line`]s: positions are rounded to 0.1 µm, quaternions to 1e-8.
 ///
-/// `source` is stored as the recording's device. The host time of the first row is its own time if that counts from
-/// 1970, else 0. Counters are row numbers, so rows without a pose count as missing records.
+/// `source` is stored as the recording's device, which also says that no station's calibration applies to the poses. The
+/// host time of the first row is its own time if that counts from 1970, else 0. Counters are row numbers, so rows without a
+/// pose count as missing records.
 ///
 /// # Errors
 /// No row has a pose, times decrease or span more than thirty years, or the recording cannot be written.
@@ -181,7 +182,7 @@ pub fn write_recording(rows: &[TrackedRow], source: &Path, path: &Path) -> Resul
     let origin_s = if (UNIX_FROM_S..SPAN_LIMIT_S * 10.0).contains(&first.time_s) { first.time_s } else { 0.0 };
     let origin_ns = (origin_s * 1e9).round() as u64;
     let info = RecordingInfo {
-        device: format!("imported from {}", source.file_name().unwrap_or(source.as_os_str()).display()),
+        device: format!("{IMPORTED}{}", source.file_name().unwrap_or(source.as_os_str()).display()),
         protocol: Protocol::AsciiLine,
         start_time_ns: origin_ns,
         ..RecordingInfo::default()

@@ -265,8 +265,15 @@ impl Renderer {
         }
         let touched = |surface: u32| self.media.touched.get(surface as usize).copied().unwrap_or(false);
         let triangles = self.bvh.triangles.iter().filter(|triangle| touched(triangle.surface));
-        self.skin = Some(Arc::new(Skin::of_triangles(triangles.map(|triangle| self.bvh.corners_mm(triangle)))?));
+        let skin = Skin::of_triangles(triangles.map(|triangle| self.bvh.corners_mm(triangle)))?;
+        let all = self.bvh.triangles.iter().map(|triangle| self.bvh.corners_mm(triangle));
+        self.skin = Some(Arc::new(skin.within(all)));
         Ok(())
+    }
+
+    /// Distance of the face's centre from the skin at rest, mm; none if contact was never simulated.
+    pub(crate) fn skin_distance_mm(&self, pose: &Pose) -> Option<f64> {
+        self.skin.as_ref().map(|skin| skin.distance_mm(pose.position_mm))
     }
 
     /// Makes the memory of the angles of a compounded picture.

@@ -8,48 +8,57 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use super::html::{escape, head};
-use crate::exam::score::{MisplacedTime, Reference, Score, Track};
+use crate::exam::score::{MisplacedTime, POINTS, Reference, Score, Track};
 use crate::sink::{SinkError, write_text};
 
 const STYLE: &str = include_str!("style.css");
 
-/// Writes the page about `score` to `path`; `title` names the session, `note` says which planes count.
+/// What the page says of a session besides its score.
+#[derive(Debug, Clone, Copy)]
+pub struct Heading<'a> {
+    /// Name of the session.
+    pub title: &'a str,
+    /// Sentence on which planes count.
+    pub note: &'a str,
+    /// Sentences on what may make the score wrong: damage of the recording, another scene, refused settings.
+    pub warnings: &'a [String],
+}
+
+/// Writes the page about `score` to `path`.
 ///
 /// # Errors
 /// The file cannot be written.
 pub fn write(
     path: &Path,
-    title: &str,
-    note: &str,
+    heading: Heading<'_>,
     score: &Score,
     track: &Track,
     reference: &Reference<'_>,
 ) -> Result<(), SinkError> {
-    write_text(path, &page(title, note, score, track, reference))
+    write_text(path, &page(heading, score, track, reference))
 }
 
 /// The page. Writing to a string cannot fail.
-fn page(title: &str, note: &str, score: &Score, track: &Track, reference: &Reference<'_>) -> String {
-    let title = escape(title);
+fn page(heading: Heading<'_>, score: &Score, track: &Track, reference: &Reference<'_>) -> String {
+    let title = escape(heading.title);
     let mut out = head(&title, STYLE) + &format!("<h1>{title}</h1>\n");
     let _ = writeln!(
         out,
-        "<p class=\"lead\"><b>{:.0}</b> of 100 points · <b>{} of {}</b> planes found · {:.1}&nbsp;s · {:.0}&nbsp;mm of way at {:.0}&nbsp;mm/s · \
+        "<p class=\"lead\">{} · {:.1}&nbsp;s · {:.0}&nbsp;mm of way at {:.0}&nbsp;mm/s · \
          {:.0}&nbsp;% of the time on the skin, with {:.0}&nbsp;% of the face</p>\n<p class=\"note\">{}</p>",
-        score.points,
-        score.found,
-        score.planes.len(),
+        mark(score),
         score.duration_s,
         score.path_mm,
         score.mean_speed_mm_s,
         100.0 * score.contact,
         100.0 * score.face_contact,
         // No option is cut at the end of a line.
-        escape(note).replace("--planes", "<code>--planes</code>")
+        escape(heading.note).replace("--planes", "<code>--planes</code>")
     );
-    out.push_str(&faults(score, track));
+    out.push_str(&faults(heading.warnings, score, track));
     let planes = || score.planes.iter().zip(&reference.planes).zip(&track.offsets);
     out.push_str(&tables::planes(score));
+    let _ = writeln!(out, "<p class=\"note\">{POINTS} {}</p>", escape(&reference.tolerances()));
     out.push_str(&tables::calipers(&score.calipers));
     out.push_str(&tables::texts(&score.texts));
     out.push_str("<section><h2>Where the probe went</h2>\n<div class=\"row\">");
@@ -58,9 +67,13 @@ fn page(title: &str, note: &str, score: &Score, track: &Track, reference: &Refer
     for ((result, plane), offsets) in planes() {
         let found = match result.find_s {
             Some(s) => format!("<span class=\"good\">found at {s:.1} s</span>"),
+            None if result.best_s.is_none() => "<span class=\"bad\">not judged</span>".to_owned(),
             None => "<span class=\"bad\">not found</span>".to_owned(),
         };
         let _ = writeln!(out, "<section><h2>{} {found}</h2>", escape(&plane.title));
+        if let Some(why) = &result.why_not {
+            let _ = writeln!(out, "<p class=\"note\">Why not: {}.</p>", escape(why));
+        }
         out.push_str(&charts::deviations(plane, offsets, track, result));
         out.push_str(&section::pair(plane, result, reference));
         out.push_str(&tables::measures(&result.measures));
@@ -70,11 +83,24 @@ fn page(title: &str, note: &str, score: &Score, track: &Track, reference: &Refer
     out
 }
 
-/// What the score leaves out or doubts: time with the probe where no hand can hold it, and marks that could not be read.
-fn faults(score: &Score, track: &Track) -> String {
+/// Points and planes found, or that nothing was judged.
+fn mark(score: &Score) -> String {
+    match score.points {
+        Some(points) => {
+            format!("<b>{points:.0}</b> of 100 points · <b>{} of {}</b> planes found", score.found, score.planes.len())
+        }
+        None => "<b>not judged</b>".to_owned(),
+    }
+}
+
+/// What the score leaves out or doubts: that nothing could be judged, `warnings`, time with the probe where no hand can hold
+/// it, and marks that could not be read.
+fn faults(warnings: &[String], score: &Score, track: &Track) -> String {
+    let not_judged = score.not_judged.iter().map(|why| format!("Not judged: {why}."));
+    let warnings = warnings.iter().map(|warning| format!("Warning: {warning}."));
     let misplaced = MisplacedTime::of(track).map(|time| format!("Misplaced: {time}."));
     let refused = score.calipers_refused.iter().map(|reason| format!("Left out at {reason}."));
-    misplaced.into_iter().chain(refused).fold(String::new(), |mut out, text| {
+    not_judged.chain(warnings).chain(misplaced).chain(refused).fold(String::new(), |mut out, text| {
         let _ = writeln!(out, "<p class=\"note\">{}</p>", escape(&text));
         out
     })
@@ -101,7 +127,8 @@ mod tests {
     #[test]
     fn the_page_tells_of_a_misplaced_probe_and_of_refused_marks() {
         let score = |refused: &[&str]| Score {
-            points: 0.0,
+            points: Some(0.0),
+            not_judged: None,
             found: 0,
             duration_s: 3.0,
             path_mm: 0.0,
@@ -113,9 +140,15 @@ mod tests {
             texts: Vec::new(),
             calipers_refused: refused.iter().map(|&reason| reason.to_owned()).collect(),
         };
-        assert_eq!(faults(&score(&[]), &track(None)), "");
+        assert_eq!(faults(&[], &score(&[]), &track(None)), "");
+        assert!(mark(&score(&[])).starts_with("<b>0</b> of 100 points"));
+        let sparse = Score { points: None, not_judged: Some("only 3 poses".into()), ..score(&[]) };
+        assert_eq!(mark(&sparse), "<b>not judged</b>");
+        let html = faults(&["the file is <not> whole".to_owned()], &sparse, &track(None));
+        assert!(html.starts_with("<p class=\"note\">Not judged: only 3 poses.</p>\n"), "{html}");
+        assert!(html.contains("<p class=\"note\">Warning: the file is &lt;not&gt; whole.</p>"), "{html}");
         let deep = Misplacement { fault: Fault::Deep { depth_mm: 83.0 }, likely: Some(Cause::Metres) };
-        let html = faults(&score(&["2.00 s: the id <b>"]), &track(Some(deep)));
+        let html = faults(&[], &score(&["2.00 s: the id <b>"]), &track(Some(deep)));
         assert_eq!(html.matches("<p class=\"note\">").count(), 2, "{html}");
         for part in
             ["Misplaced: for 3.0 s, from 0.0 s on", "83 mm deep", "times 1000", "Left out at 2.00 s: the id &lt;b&gt;."]

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::exam::score::{CaliperScore, Measure, PlaneScore, Score, TextScore};
+use crate::exam::score::{CaliperScore, Measure, NO_PLANE, PlaneScore, Score, TextScore};
 use crate::report::html::escape;
 
 /// A table with the names of its columns.
@@ -47,16 +47,18 @@ pub(super) fn planes(score: &Score) -> String {
     for p in &score.planes {
         let PlaneScore { name, view, .. } = p;
         let view = if view.is_empty() { String::new() } else { format!(" ({view})") };
+        let judged = p.best_s.map(|_| p.points);
+        let not_found = if judged.is_some() { "no" } else { "–" };
         let cells = [
             escape(&(name.clone() + &view)),
-            p.find_s.map_or_else(|| "no".to_owned(), |s| format!("{s:.1} s")),
+            p.find_s.map_or_else(|| not_found.to_owned(), |s| format!("{s:.1} s")),
             or_dash(p.path_to_find_mm, 0, " mm"),
             format!("{:.1} s", p.longest_hold_s),
             or_dash(p.best.map(|b| b.angle_deg), 1, "°"),
             or_dash(p.best.map(|b| b.distance_mm), 1, " mm"),
             or_dash(p.unsteady_mm, 2, " mm"),
             or_dash(p.press_mm, 1, " mm"),
-            format!("{:.0}", p.points),
+            or_dash(judged, 0, ""),
         ];
         table.row(if p.found { "found" } else { "missed" }, cells);
     }
@@ -101,7 +103,7 @@ pub(super) fn calipers(calipers: &[CaliperScore]) -> String {
         let cells = [
             escape(if c.name.is_empty() { c.kind.name() } else { &c.name }),
             format!("{:.1} s", c.picture_s),
-            escape(c.plane.as_deref().unwrap_or("–")),
+            escape(c.plane.as_deref().unwrap_or(NO_PLANE)),
             measured + &area,
             or_dash(c.true_mm, 1, " mm"),
             error,
@@ -122,7 +124,7 @@ pub(super) fn texts(texts: &[TextScore]) -> String {
         let cells = [
             escape(&text.text) + &turned,
             format!("{:.1} s", text.picture_s),
-            escape(text.plane.as_deref().unwrap_or("–")),
+            escape(text.plane.as_deref().unwrap_or(NO_PLANE)),
         ];
         table.row("", cells);
     }
@@ -166,6 +168,8 @@ mod tests {
             assert!(html.contains(part), "{part}: {html}");
         }
         let text = TextScore { picture_s: 1.0, plane: None, text: "<script>".into(), turn_deg: None };
-        assert!(texts(&[text]).contains("&lt;script&gt;") && calipers(&[]).is_empty() && texts(&[]).is_empty());
+        let html = texts(&[text]);
+        assert!(html.contains("&lt;script&gt;") && html.contains("no standard plane in this picture"), "{html}");
+        assert!(calipers(&[]).is_empty() && texts(&[]).is_empty());
     }
 }

@@ -57,6 +57,18 @@ pub enum ClassError {
         /// Mapping, without these characters.
         mapping: String,
     },
+    /// A mapping of a name or number that is not there.
+    #[error("--map: {path} has no `{name}`{nearest}; it has {known}")]
+    Unused {
+        /// Name or number.
+        name: String,
+        /// File or folder.
+        path: PathBuf,
+        /// Suggestion, or empty.
+        nearest: String,
+        /// All names and numbers.
+        known: String,
+    },
     /// A mapping to nothing known.
     #[error("`{mapping}`: `{target}` is neither a class nor a tissue{nearest}")]
     Target {

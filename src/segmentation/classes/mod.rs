@@ -9,9 +9,11 @@ mod file_name;
 mod key;
 mod map;
 mod table;
+mod unused;
 
 pub use class::{Class, Gas, Role, Wall};
 pub use error::ClassError;
 pub use file_name::{CommonWords, OrganInName, VOLUME_SUFFIXES, common_words, organ_in_name, stem};
 pub use map::{MappedSegment, Unmapped};
 pub use table::ClassTable;
+pub use unused::{Mappable, check_mappings};

@@ -142,6 +142,20 @@ fn a_part_of_the_default_convention_is_taken() {
 }
 
 #[test]
+fn few_organs_of_the_table_for_mr_are_refused_by_its_name() {
+    let (default, from) = names("total-v2", false);
+    let parts: [&[&str]; 2] = [&["urinary_bladder", "aorta", "inferior_vena_cava"], &["urinary_bladder"]];
+    for more in parts {
+        let usual = ["spleen", "kidney_right", "kidney_left", "gallbladder", "liver"];
+        let (labels, measures) = numbered("total-mr", DVec3::ONE, |name| usual.contains(&name) || more.contains(&name));
+        let found = plausibility(&labels, &measures, &default, &from);
+        let error = found.check(&labels, &default, &from).unwrap_err().to_string();
+        assert_eq!(found.likelier.first(), Some(&"total-mr"), "{error}");
+        assert!(error.contains("--names total-mr") && !error.contains("Mirrored?"), "{error}");
+    }
+}
+
+#[test]
 fn a_chosen_table_is_doubted_and_used() {
     // A large spleen and a small kidney: unusual, and likelier a liver and its tumour.
     let (labels, measures) = numbered("lits", DVec3::ONE, |_| true);
@@ -207,6 +221,8 @@ fn a_mirrored_map_is_refused_with_its_axes_and_can_be_allowed() {
         assert!(error.contains(word), "{word}: {error}");
     }
     assert!(error.contains("the labels are not those of a human: "), "{error}");
+    // The numbers are right.
+    assert!(!error.contains("No built-in table"), "{error}");
     let remarks = found.remarks(&default, true);
     assert!(remarks[0].starts_with("--allow-implausible: ") && remarks[0].contains("exchanged"), "{remarks:?}");
 }

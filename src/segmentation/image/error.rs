@@ -7,6 +7,14 @@ use thiserror::Error;
 /// An image that is refused.
 #[derive(Debug, Error)]
 pub enum ImageError {
+    /// An image without content.
+    #[error("{path}, given as --image, has the value {value} in all voxels: give the CT or MR that was segmented")]
+    Constant {
+        /// Image.
+        path: PathBuf,
+        /// Value of all voxels.
+        value: f32,
+    },
     /// A CT whose values aren't HU.
     #[error(
         "{path}, given as --image, looks like a CT that isn't in HU: {seen}. {remedy}; or leave --image out and give the \

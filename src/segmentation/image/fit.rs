@@ -27,8 +27,9 @@ const TELLING_ORGANS: usize = 3;
 const NOISE: f64 = 0.02;
 /// Largest difference of neighbours that counts as an edge, relative to the range of values.
 const EDGE: f32 = 0.1;
-/// Lowest density of the dense parts of bone, HU.
+/// Lowest density of the dense parts of bone, and of its middle, HU. Marrow without minerals has about that of soft tissue.
 const CORTEX_HU: f32 = 150.0;
+const MARROW_HU: f32 = 70.0;
 
 /// How well an image fits the labels, perhaps mirrored.
 #[derive(Debug, Clone, Copy, Default)]
@@ -114,6 +115,11 @@ pub(super) fn check(
         let remark =
             format!("nine tenths of the labelled bone have less than {dense:.0} HU: is the image of the same scan?");
         remarks.push(remark);
+    } else if let Some(bone) = levels.bone.as_ref().map(|bone| quantile(bone, 0.5)).filter(|b| is_ct && *b < MARROW_HU)
+    {
+        remarks.push(format!(
+            "half of the labelled bone has less than {bone:.0} HU: is the image of the same scan, or shifted?"
+        ));
     }
     Ok(remarks)
 }

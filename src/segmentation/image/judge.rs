@@ -25,6 +25,8 @@ const STATED_SOFT_HU_MAX: f32 = 800.0;
 const FAT_HU: std::ops::Range<f32> = -150.0..-50.0;
 /// A window that begins above this value can't tell fat from air, HU.
 const WINDOW_HU: f32 = -125.0;
+/// Distance of fat above soft tissue, relative to that of soft tissue above air, from which an image is an MR.
+const BRIGHT_FAT: f32 = 0.5;
 /// Depths of the fat under the skin, mm.
 const FAT_DEPTH_MM: std::ops::Range<f32> = 4.0..12.0;
 
@@ -113,7 +115,9 @@ pub(super) fn judge(
     // A window that begins above the fat leaves muscle under the skin. Then bone is far brighter than organs.
     let darker = fat.is_none_or(|fat| fat < soft - 0.05 * (soft - air));
     let far = levels.bone.as_ref().is_some_and(|bone| quantile(bone, 0.5) - air > 1.5 * (soft - air));
-    if is_denser(levels, air, soft) && (darker || far) {
+    // Fat far brighter than organs is that of an MR.
+    let is_fat_bright = fat.is_some_and(|fat| fat > soft + BRIGHT_FAT * (soft - air));
+    if is_denser(levels, air, soft) && (darker || (far && !is_fat_bright)) {
         let remedy =
             "Air, fat, organs and bone follow each other as in a CT: it was rescaled or clipped. Give the CT as \
                       dcm2niix or 3D Slicer writes it, before any normalization"

@@ -34,9 +34,13 @@ pub struct Checked {
 /// The image on `grid`, whose `labels` are 0 or 1 + the index of their organ. `image` must be canonical.
 ///
 /// # Errors
-/// A CT whose values aren't HU, unless they are clipped below the fat, and an image that doesn't fit the labels: organs in
+/// An image of one value; a CT whose values aren't HU, unless they are clipped below the fat; an image that doesn't fit the labels: organs in
 /// air, or a mirror image that fits three or more organs better.
 pub fn checked(image: &Image, grid: &Grid, labels: &[u16], organs: &[Organ]) -> Result<Checked, ImageError> {
+    let (lowest, highest) = (least(&image.values), most(&image.values));
+    if lowest >= highest {
+        return Err(ImageError::Constant { path: image.path.clone(), value: lowest });
+    }
     let sample = Sample::of(image, grid, labels, organs);
     let levels = Levels::of(image, &sample);
     let mut values = on_grid(image, grid);
@@ -69,6 +73,11 @@ pub(super) fn nearest(from: &Grid, to: &Grid) -> impl Fn(usize) -> Option<usize>
     }
 }
 
+/// Highest value of an image.
+fn most(values: &[f32]) -> f32 {
+    values.par_iter().copied().reduce(|| f32::NEG_INFINITY, f32::max)
+}
+
 /// Values of an image on `grid`; beyond its field its lowest value.
 fn on_grid(image: &Image, grid: &Grid) -> Vec<f32> {
     let least = least(&image.values);
@@ -77,8 +86,14 @@ fn on_grid(image: &Image, grid: &Grid) -> Vec<f32> {
 }
 
 /// Advice on a volume at the wrong place: which signs of its affine to change, so that it holds at least `least_percent` of the
-/// labelled voxels. Empty where no change helps.
-pub(super) fn turned_hint(labels: &[u16], grid: &Grid, volume: &Grid, least_percent: f64) -> String {
+/// labelled voxels. `holds` says which voxels of the volume may hold them. Empty where no change helps.
+pub(super) fn turned_hint(
+    labels: &[u16],
+    grid: &Grid,
+    volume: &Grid,
+    holds: &(dyn Fn(usize) -> bool + Sync),
+    least_percent: f64,
+) -> String {
     let changes = [
         (DVec3::new(-1.0, -1.0, 1.0), "x and y"),
         (DVec3::new(-1.0, 1.0, 1.0), "x"),
@@ -89,7 +104,7 @@ pub(super) fn turned_hint(labels: &[u16], grid: &Grid, volume: &Grid, least_perc
         let turned = DAffine3::from_mat3(DMat3::from_diagonal(signs)) * volume.lps_from_voxel;
         let index = nearest(grid, &Grid { size: volume.size, lps_from_voxel: turned });
         let labelled = labels.par_iter().enumerate().filter(|(_, label)| **label != 0);
-        let held = labelled.map(|(i, _)| (1usize, usize::from(index(i).is_some())));
+        let held = labelled.map(|(i, _)| (1usize, usize::from(index(i).is_some_and(holds))));
         let (count, held) = held.reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
         let percent = 100.0 * held as f64 / count.max(1) as f64;
         if percent >= least_percent {

@@ -4,6 +4,8 @@ use proptest::prelude::*;
 use super::super::volume::Modality;
 use super::*;
 
+mod faults;
+
 const SIZE: [usize; 3] = [72, 56, 40];
 
 /// Distance of neighbouring voxels, mm.
@@ -349,10 +351,13 @@ fn organs_in_air_are_refused() {
 fn a_volume_whose_affine_has_other_signs_is_told_so() {
     let (grid, labels) = (grid(), labels());
     let turned = DAffine3::from_scale(DVec3::new(-1.0, -1.0, 1.0)) * grid.lps_from_voxel;
-    let hint = turned_hint(&labels, &grid, &Grid { size: SIZE, lps_from_voxel: turned }, 80.0);
+    let hint = turned_hint(&labels, &grid, &Grid { size: SIZE, lps_from_voxel: turned }, &|_| true, 80.0);
     assert!(hint.contains("With x and y of its affine negated it would hold 100 %"), "{hint}");
     let far = DAffine3::from_translation(DVec3::splat(5000.0)) * grid.lps_from_voxel;
-    assert_eq!(turned_hint(&labels, &grid, &Grid { size: SIZE, lps_from_voxel: far }, 80.0), "");
+    assert_eq!(turned_hint(&labels, &grid, &Grid { size: SIZE, lps_from_voxel: far }, &|_| true, 80.0), "");
+    // An inverted mask: its box is right, its voxels are not.
+    let inverted = |i: usize| labels[i] == 0;
+    assert_eq!(turned_hint(&labels, &grid, &Grid { size: SIZE, lps_from_voxel: turned }, &inverted, 80.0), "");
 }
 
 #[test]

@@ -64,6 +64,15 @@ fn masks_become_one_map_with_the_names_of_the_files() {
 }
 
 #[test]
+fn a_mask_of_which_others_hold_all_is_named() {
+    let files = [("liver.nrrd", between(0, 40)), ("spleen.nrrd", between(0, 40)), ("aorta.nrrd", between(50, 60))];
+    let remarks = read(&files).unwrap().remarks;
+    let [shared, covered] = &remarks[..] else { panic!("{remarks:?}") };
+    assert!(shared.starts_with("40 voxels in several masks"), "{shared}");
+    assert!(covered.starts_with("no voxel of `spleen` is left"), "{covered}");
+}
+
+#[test]
 fn names_are_known_without_the_words_that_all_files_share() {
     let files = [("smith_liver.nrrd", between(0, 9)), ("smith_spleen.nrrd", between(9, 20))];
     let found = read(&files).unwrap();

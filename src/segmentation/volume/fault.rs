@@ -95,7 +95,8 @@ pub enum VolumeFault {
     /// A file that doesn't state its orientation.
     #[error(
         "the file doesn't state where its axes point ({found}); if you know, pass `--assume-axes lps` (x to the \
-         patient's left, y posterior, z superior) or `--assume-axes ras` (x right, y anterior, z superior)"
+         patient's left, y posterior, z superior), `--assume-axes ras` (x right, y anterior, z superior) or `--assume-axes las` (x \
+         left, y anterior, z superior)"
     )]
     NoAxes {
         /// What was found instead.

@@ -5,7 +5,7 @@ use std::net::{IpAddr, SocketAddr, UdpSocket};
 use bytes::BytesMut;
 
 use crate::tracker::settings::{Settings, Transport};
-use crate::tracker::{Protocol, framing};
+use crate::tracker::{Protocol, ascii_line, framing};
 
 /// Most recent bytes that a diagnosis looks at. Half of it is a multiple of opentrack's datagram of 48 bytes, so the
 /// oldest bytes are forgotten by whole datagrams.
@@ -88,6 +88,13 @@ impl Advisor {
         if matches!(self.protocol, Protocol::Bno08x | Protocol::Bno08xRollFirst) && shtp >= 2 {
             return "the board speaks SHTP instead of UART-RVC: pull its pin PS0 high and PS1 low, then switch it off and on"
                 .to_owned();
+        }
+        if self.protocol == Protocol::AsciiLine
+            && let Some(fault) = ascii_line::fault_of_last(&self.sample)
+        {
+            return format!(
+                "the sender writes lines of `{own}` with a fault: {fault}; docs/trackers.md has the format"
+            );
         }
         let is_text = |byte: &&u8| matches!(**byte, b' '..=b'~' | b'\r' | b'\n' | b'\t');
         let text = self.sample.iter().filter(is_text).count();
@@ -219,7 +226,7 @@ fn own_address() -> String {
 mod tests {
     use super::*;
     use crate::pose::Pose;
-    use crate::tracker::{PortName, ascii_line};
+    use crate::tracker::PortName;
 
     fn advisor(protocol: Protocol, transport: Transport, bytes: &[u8]) -> Advisor {
         let mut advisor = Advisor::new(&Settings { transport, protocol, ..Settings::default() }, protocol);
@@ -273,6 +280,22 @@ mod tests {
         assert!(said.contains("SHTP instead of UART-RVC") && said.contains("PS0 high"), "{said}");
         let said = advisor(Protocol::Liberty, serial(), &b"x=1 y=2\r\n".repeat(20)).of_damage(40, 0).unwrap();
         assert!(said.contains("text that is not `liberty` (`x=1 y=2"), "{said}");
+    }
+
+    #[test]
+    fn a_fault_in_every_line_of_ones_own_firmware_is_named() {
+        let sealed = |body: &str, sum: u8| format!("P{body}*{:02X}\n", body.bytes().fold(sum, |sum, byte| sum ^ byte));
+        for (line, words) in [
+            ("P,7,1000,1.5,-2,80.25,1,0,0,0\n".to_owned(), "a line has no checksum"),
+            (sealed(",7,1000,1.5,-2,80.25,1,0,0,0", b'P'), "between `P` and `*`, both left out"),
+            (sealed(",7,1000,1,5,-2,0,80,25,1,0,0,0,0,0,0,0", 0), "a decimal point, no comma"),
+            (sealed(",7,1000,1.5,-2,80.25,1.01,0,0,0", 0), "has norm 1.010000"),
+        ] {
+            let advisor = advisor(Protocol::AsciiLine, serial(), line.repeat(20).as_bytes());
+            for said in [advisor.of_damage(20, 0), advisor.of_silence(600, 20, None)] {
+                assert!(said.as_ref().is_some_and(|said| said.contains(words)), "{words}: {said:?}");
+            }
+        }
     }
 
     #[test]

@@ -67,11 +67,19 @@ impl Intake {
     /// Takes the event that the port was opened.
     pub(super) fn opened(&mut self, now: Duration, host_ns: u64, port: String) {
         self.summary.connections += 1;
+        self.summary.cause = None;
         (self.reported, self.connection) = (0, (0, 0));
         self.advisor.forget();
         self.probe_at = now;
         self.missing_told = false;
         self.event(host_ns, &TrackerEvent::Connected { port });
+    }
+
+    /// Takes why the port was lost, or could not be opened.
+    pub(super) fn lost(&mut self, reason: &str) {
+        if self.summary.connections == 0 {
+            self.summary.cause = Some(format!("it could not be opened: {reason}"));
+        }
     }
 
     /// Takes the event that the device was started anew, so its counter and clock may begin anew.

@@ -62,7 +62,7 @@ pub struct SessionSummary {
     pub heard: Vec<SensorName>,
     /// Whether several sensors were heard and none was chosen.
     pub undecided: bool,
-    /// Likely cause and remedy if there was no record.
+    /// Likely cause and remedy if there was no record; why the port could not be opened, if it never was.
     pub cause: Option<String>,
 }
 
@@ -226,6 +226,7 @@ impl Session {
                 }
                 ConnectionEnd::Lost(reason) => reason,
             };
+            self.intake.lost(&reason);
             let retry = self.retry;
             self.event(TrackerEvent::Disconnected { reason, retry });
             if !self.port.may_recover() {

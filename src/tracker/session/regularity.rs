@@ -24,7 +24,7 @@ const SHARE: f64 = 0.2;
 const LEAP_US: u64 = 500_000;
 
 /// Number of kinds of irregularity.
-const KINDS: usize = 5;
+const KINDS: usize = 6;
 
 /// Number of the kind of `irregularity`, below [`KINDS`].
 fn kind(irregularity: &Irregularity) -> usize {
@@ -34,6 +34,7 @@ fn kind(irregularity: &Irregularity) -> usize {
         Irregularity::Interleaved { .. } => 2,
         Irregularity::ClockStands => 3,
         Irregularity::Alternating { .. } => 4,
+        Irregularity::CounterStands => 5,
     }
 }
 
@@ -45,8 +46,10 @@ pub(super) struct Regularity {
     last_pose: Option<Pose>,
     /// Arrival and device time of the last record, ns and µs.
     last: Option<(u64, Option<u64>)>,
+    /// Counter of the last record.
+    counter: Option<u32>,
     window: Window,
-    /// Time of the last report of each kind, ns.
+    /// Time of the last report of each kind, ns. A counter that stands still is reported once.
     reported_ns: [Option<u64>; KINDS],
 }
 
@@ -58,6 +61,8 @@ struct Window {
     restarts: u32,
     late: u32,
     stalls: u32,
+    /// Records with the counter of the one before.
+    same_counter: u32,
     poses: u32,
     far: u32,
     distance_mm: f64,
@@ -71,6 +76,7 @@ impl Default for Regularity {
             gate: JumpGate::new(max_speed_mm_s, max_speed_deg_s),
             last_pose: None,
             last: None,
+            counter: None,
             window: Window::default(),
             reported_ns: [None; KINDS],
         }
@@ -94,7 +100,8 @@ impl Regularity {
         });
         let found = lasting.flatten().or(sudden)?;
         let reported = self.reported_ns.get_mut(kind(&found))?;
-        if reported.is_some_and(|at| host_time_ns.saturating_sub(at) < REPORT_PERIOD_NS) {
+        let again = found != Irregularity::CounterStands;
+        if reported.is_some_and(|at| !again || host_time_ns.saturating_sub(at) < REPORT_PERIOD_NS) {
             return None;
         }
         *reported = Some(host_time_ns);
@@ -105,8 +112,10 @@ impl Regularity {
     fn count(&mut self, host_time_ns: u64, record: &Record) -> Option<Irregularity> {
         let Record { sequence, device_time_us, reading, .. } = *record;
         let last = self.last.replace((host_time_ns, device_time_us));
+        let counter = std::mem::replace(&mut self.counter, sequence);
         let window = &mut self.window;
         window.records += 1;
+        window.same_counter += u32::from(sequence.is_some() && sequence == counter);
         if let Reading::Pose(pose) = reading {
             window.poses += 1;
             if self.gate.push(pose, host_time_ns as f64 * 1e-9) != Gate::Passed {
@@ -147,7 +156,14 @@ impl Window {
             let Self { far, poses: of, distance_mm, .. } = *self;
             return Some(Irregularity::Alternating { far, of, distance_mm });
         }
-        (self.records >= LEAST_RECORDS && 2 * self.stalls > self.records).then_some(Irregularity::ClockStands)
+        if self.records < LEAST_RECORDS {
+            return None;
+        }
+        // The first record of a window may be the first of all.
+        if self.same_counter + 1 >= self.records {
+            return Some(Irregularity::CounterStands);
+        }
+        (2 * self.stalls > self.records).then_some(Irregularity::ClockStands)
     }
 }
 
@@ -209,5 +225,14 @@ mod tests {
         );
         let stands = told((0..300).map(|i| at(0.0, Some(i), Some(7))));
         assert_eq!(stands, [Irregularity::ClockStands]);
+    }
+
+    #[test]
+    fn a_counter_that_stands_still_is_told_once() {
+        let stands = told((0..1500).map(|i: u32| at(0.0, Some(0), Some(u64::from(i) * 20_000))));
+        assert_eq!(stands, [Irregularity::CounterStands]);
+        assert!(stands[0].to_string().contains("lost records can't be counted"));
+        // Some records that come twice are none.
+        assert_eq!(told((0..1500).map(|i: u32| at(0.0, Some(i / 2), Some(u64::from(i / 2) * 40_000)))), []);
     }
 }

@@ -166,9 +166,13 @@ fn placement(
         };
         return lps_mm(DAffine3::from_mat3_translation(DMat3::from_cols(x, y, z), origin), axes, unit);
     }
-    let found = "`spacings`, but no `space directions`";
+    let spacings: Option<Vec<f64>> = header.numbers("spacings")?;
+    let found = match &spacings {
+        Some(_) => "`spacings`, but no `space directions`",
+        None => "neither `space directions` nor `spacings`",
+    };
     let axes = options.assume_axes.ok_or(VolumeFault::NoAxes { found })?;
-    let spacings: Vec<f64> = header.numbers("spacings")?.unwrap_or_default();
+    let spacings = spacings.unwrap_or_default();
     if spacings.len() != dimension {
         let reason = format!("`spacings` has {} numbers and `dimension` is {dimension}", spacings.len());
         return Err(VolumeFault::Header(reason));

@@ -128,6 +128,10 @@ fn files_without_patient_axes_need_them_assumed() {
         let error = refusal(text, &bytes());
         assert!(error.contains("doesn't state where its axes point") && error.contains("--assume-axes"), "{error}");
     }
+    assert!(refusal(&spacings, &bytes()).contains("(`spacings`, but no `space directions`)"));
+    let neither = refusal(&header("uchar", "raw", ""), &bytes());
+    assert!(neither.contains("(neither `space directions` nor `spacings`)"), "{neither}");
+    assert!(neither.contains("--assume-axes las"), "{neither}");
     let assume = |text: &str| {
         decode_with(text, &bytes(), ReadOptions { assume_axes: Some(PatientAxes::Ras), ..ReadOptions::default() })
             .unwrap()

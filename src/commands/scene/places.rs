@@ -1,0 +1,37 @@
+//! Whether organs lie as in a human by the axes of their meshes.
+
+use anyhow::anyhow;
+use glam::DVec3;
+use insonify::anatomy::organs::{Aspect, Certainty, OrganFact, check_organs};
+use insonify::segmentation::mesh_files::NamedMesh;
+use insonify::segmentation::mesh_files::placing::{MeshAxes, Unit};
+
+use super::super::Failure;
+
+/// Refuses axes, stated by files or guessed, by which organs lie as in no human: meshes that were mirrored fit no axes.
+pub(super) fn check_places(meshes: &[NamedMesh], axes: MeshAxes, unit: Unit) -> Result<(), Failure> {
+    let facts: Vec<OrganFact> = meshes.iter().filter_map(|mesh| fact(mesh, axes, unit)).collect();
+    let is_exchanged = |aspect: Aspect| matches!(aspect, Aspect::Side | Aspect::Position);
+    let found = check_organs(&facts);
+    let wrong = found.iter().find(|f| f.certainty == Certainty::Impossible && is_exchanged(f.aspect));
+    let Some(wrong) = wrong else { return Ok(()) };
+    Err(Failure::Input(anyhow!(
+        "with {axes} {}: none of lps, ras and y-up fits for certain, as where meshes were mirrored; export them again without \
+         mirroring, or give --axes {axes} if they are right",
+        wrong.what
+    )))
+}
+
+/// An organ at the middle of its bounds, with about its volume.
+fn fact(mesh: &NamedMesh, axes: MeshAxes, unit: Unit) -> Option<OrganFact> {
+    let first = *mesh.vertices.first()?;
+    let (low, high) = mesh.vertices.iter().fold((first, first), |(low, high), v| (low.min(*v), high.max(*v)));
+    let size_mm: DVec3 = (high - low) * unit.mm();
+    Some(OrganFact {
+        name: mesh.name.clone(),
+        // Half of its box.
+        volume_ml: 0.5e-3 * size_mm.element_product(),
+        centre_mm: axes.lps_from_file() * (0.5 * (low + high) * unit.mm()),
+        is_cut: true,
+    })
+}

@@ -1,0 +1,52 @@
+//! Reports of the probe's contact and placement.
+
+use super::RenderStage;
+use super::device::Device;
+use super::placement::PlacementChange;
+use super::untouched::UntouchedChange;
+use crate::transducer::Contact;
+use crate::transducer::placement::Untouched;
+
+impl RenderStage {
+    /// Reports that the probe has left the skin, or touches it.
+    pub(super) fn report_contact(&mut self, contact: Option<Contact>) {
+        let Some(contact) = contact else { return };
+        if self.coupled.replace(contact.coupled()) == Some(contact.coupled()) {
+            return;
+        }
+        self.parts.events.info(&match contact.coupled() {
+            true => format!("contact: {:.0} % of the face", 100.0 * contact.part),
+            false => "contact: none".to_owned(),
+        });
+    }
+
+    /// Reports that the probe is where no hand can hold it, or is right again. The former stays on the frames.
+    pub(super) fn report_placement(&self, change: PlacementChange) {
+        let events = &self.parts.events;
+        match change {
+            PlacementChange::Wrong(misplaced) => events.warn_while_it_lasts(format!("pose: {misplaced}")),
+            PlacementChange::Right => {
+                events.end_lasting();
+                events.info("pose: the probe is where a hand can hold it");
+            }
+        }
+    }
+
+    /// Reports that the probe has never touched the skin, once; the summary keeps it until it does.
+    pub(super) fn report_untouched(&self, change: UntouchedChange) {
+        let untouched = match change {
+            UntouchedChange::Never { good, extent_mm, pose } => {
+                let away_mm = match &self.device {
+                    Device::Ready(renderer) => renderer.skin_distance_mm(&pose),
+                    Device::Lost { .. } => None,
+                };
+                Some(Untouched { good_s: good.as_secs_f64(), away_mm, extent_mm })
+            }
+            UntouchedChange::Touched => None,
+        };
+        if let Some(untouched) = untouched {
+            self.parts.events.warn(format!("pose: {untouched}"));
+        }
+        self.parts.metrics.set_untouched(untouched);
+    }
+}
