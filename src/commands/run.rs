@@ -1,5 +1,7 @@
 //! `insonify run`: a live session.
 
+use std::fs::File;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -8,7 +10,7 @@ use anyhow::{Context, anyhow};
 use clap::Parser;
 use insonify::files::Outputs;
 use insonify::pipeline::{
-    Limits, LiveStation, LocalRendererFactory, PoseSource, StandingPose, Summary, TrackedPoses, on_ctrl_c,
+    Limits, LiveStation, LocalRendererFactory, PoseSource, RecordedSlot, StandingPose, Summary, TrackedPoses, on_ctrl_c,
 };
 use insonify::pose::Pose;
 use insonify::recording::{Recorded, stream_of};
@@ -17,7 +19,7 @@ use insonify::settings::Control;
 use insonify::sink::frame_record::AdapterRecord;
 #[cfg(feature = "window")]
 use insonify::sink::window::run_on_main_thread;
-use insonify::sink::{FrameLog, LiveSinkKind};
+use insonify::sink::{FrameLog, LiveSinkKind, SinkError};
 use insonify::station::{Station, missing_calibration};
 use serde::Serialize;
 
@@ -105,7 +107,7 @@ Examples:
   insonify run configs/live.toml                             recorded tracker, generator, page
   insonify run configs/obstetric.toml --replay assets/exams/obstetric_sweep.mcap --sink video";
 
-/// Output of `--json`.
+/// Output of `--json`, and the summary of `--metrics`.
 #[derive(Serialize)]
 struct Report<'a> {
     version: &'static str,
@@ -142,6 +144,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     live.open_sinks(&sinks(args, &station), &station, &scene, &args.out)?;
     live::say(&mut live);
     live.parts.log = args.metrics.as_deref().map(FrameLog::create).transpose()?;
+    let log_end = args.metrics.as_deref().map(LogEnd::open).transpose()?;
     let recorded = match (&args.record, stream) {
         (Some(path), Some(stream)) => Some((path, live.record(path, &station, stream, &adapter.name)?)),
         _ => None,
@@ -151,23 +154,33 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     let limits = Limits { duration: args.duration, frames: args.frames };
     let summary = session(&station, limits, live)?;
-    report(args, &summary, adapter)?;
+    let report = Report { version: env!("CARGO_PKG_VERSION"), station: &args.station, adapter, summary: &summary };
+    let printed = print(args.json, &report);
+    // A file that can't be written costs nothing that can be said.
+    let logged = log_end.map_or(Ok(()), |end| end.write(&report));
+    printed?;
     if let Some(tracked) = &tracked {
         live::say_left_out(&tracked.counters());
     }
-    if let Some((path, slot)) = recorded {
-        let recorded = slot.lock().ok().and_then(|mut recorded| recorded.take());
-        match recorded {
-            Some(Recorded { failure: Some(failure), .. }) => return Err(Failure::Other(anyhow!("{failure}"))),
-            Some(done) => {
-                let path = path.display();
-                let (bytes, frames) = (done.bytes, done.poses);
-                terminal::say(&format!("recorded {bytes} bytes and the poses of {frames} frames in {path}"));
-            }
-            None => return Err(Failure::Other(anyhow!("{} was not finished in time", path.display()))),
+    let unrecorded = recorded.and_then(|(path, slot)| say_recorded(path, &slot));
+    let unlogged = logged.err().map(|error| error.to_string());
+    let failures: Vec<String> = [unrecorded, summary.failure(), unlogged].into_iter().flatten().collect();
+    if failures.is_empty() { Ok(()) } else { Err(Failure::Other(anyhow!("{}", failures.join("; ")))) }
+}
+
+/// Says what was recorded. Returns why the recording is not complete.
+fn say_recorded(path: &Path, slot: &RecordedSlot) -> Option<String> {
+    let path = path.display();
+    let recorded = slot.lock().ok().and_then(|mut recorded| recorded.take());
+    match recorded {
+        Some(Recorded { failure: Some(failure), .. }) => Some(failure.to_string()),
+        Some(done) => {
+            let (bytes, frames) = (done.bytes, done.poses);
+            terminal::say(&format!("recorded {bytes} bytes and the poses of {frames} frames in {path}"));
+            None
         }
+        None => Some(format!("{path} was not finished in time")),
     }
-    summary.failure().map_or(Ok(()), |failure| Err(Failure::Other(anyhow!("{failure}"))))
 }
 
 /// Refuses files that the session reads, and files that are there already.
@@ -241,14 +254,44 @@ fn session(station: &Station, limits: Limits, live: LiveStation) -> Result<Summa
     summary
 }
 
-/// Prints the summary, and appends it to the metrics file.
-fn report(args: &Args, summary: &Summary, adapter: AdapterRecord) -> Result<(), Failure> {
-    if let Some(path) = &args.metrics {
-        summary.append_to(path)?;
+/// Prints the summary.
+fn print(json: bool, report: &Report<'_>) -> Result<(), Failure> {
+    if json {
+        return output::json(report);
     }
-    if args.json {
-        return output::json(&Report { version: env!("CARGO_PKG_VERSION"), station: &args.station, adapter, summary });
+    output::line(format!("device             {} ({})", report.adapter.name, report.adapter.driver))?;
+    output::line(report.summary)
+}
+
+/// The log of `--metrics`, opened for its last line: a log that is renamed meanwhile gets it, too.
+struct LogEnd<'a> {
+    file: File,
+    path: &'a Path,
+}
+
+/// The last line of a log.
+#[derive(Serialize)]
+struct LastLine<'a> {
+    summary: &'a Report<'a>,
+}
+
+impl<'a> LogEnd<'a> {
+    /// Opens a log that is there.
+    fn open(path: &'a Path) -> Result<Self, SinkError> {
+        let file = File::options().append(true).open(path).map_err(SinkError::io(path))?;
+        Ok(Self { file, path })
     }
-    output::line(format!("device             {} ({})", adapter.name, adapter.driver))?;
-    output::line(summary)
+
+    /// Appends the summary, and warns if the log has another place now.
+    fn write(mut self, report: &Report<'_>) -> Result<(), SinkError> {
+        let path = self.path;
+        let json = |source| SinkError::Json { path: path.to_owned(), source };
+        let mut line = serde_json::to_vec(&LastLine { summary: report }).map_err(json)?;
+        line.push(b'\n');
+        self.file.write_all(&line).map_err(SinkError::io(path))?;
+        if !path.exists() {
+            tracing::warn!("{} was renamed or deleted while the session ran", path.display());
+        }
+        Ok(())
+    }
 }

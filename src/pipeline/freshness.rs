@@ -32,6 +32,7 @@ impl Freshness {
         let new = NewMeasurements {
             count,
             after: self.sampled,
+            before: self.first_byte,
             jump: jump.map(|jump| clock.since_start(jump.first_byte_ns)),
         };
         self.jumps = jump.map_or(self.jumps, |jump| jump.number);

@@ -38,7 +38,7 @@ pub struct Status {
     pub frames_per_s: f64,
     /// Time without a frame, s, if that is unusually long.
     pub silent_s: Option<f64>,
-    /// Median pose-to-present latency of recent frames, ms.
+    /// Median pose-to-present latency of the last 3 s, ms; none without new poses in them.
     pub latency_ms: Option<f64>,
     /// State of the shown pose.
     #[serde(skip)]
@@ -142,9 +142,11 @@ impl Recent {
         }
     }
 
-    fn median_ms(&self) -> Option<f64> {
+    /// Median latency of the frames of the time before `now`, ms.
+    fn median_ms(&self, now: Duration) -> Option<f64> {
+        let from = now.saturating_sub(RECENT_TIME);
         let mut latencies = [Duration::ZERO; RECENT];
-        let known = self.latest().filter_map(|(_, latency)| *latency);
+        let known = self.latest().filter(|(time, _)| *time >= from).filter_map(|(_, latency)| *latency);
         let count = latencies.iter_mut().zip(known).map(|(slot, latency)| *slot = latency).count();
         let latencies = latencies.get_mut(..count)?;
         latencies.sort_unstable();
@@ -235,7 +237,7 @@ impl Metrics {
                 presented: shown.presented,
                 frames_per_s: if silent_s.is_some() { 0.0 } else { rate },
                 silent_s,
-                latency_ms: shown.recent.median_ms(),
+                latency_ms: shown.recent.median_ms(now),
                 tracking: shown.tracking,
                 source: shown.source,
                 frozen: shown.frozen,
@@ -259,6 +261,7 @@ pub(crate) fn memory_bytes() -> Option<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pose::Pose;
 
     fn presented_at(metrics: &Metrics, ms: u64) {
         let mut frame = PresentedFrame::default();
@@ -287,6 +290,22 @@ mod tests {
         (0..20).for_each(|i| presented_at(&slow, 5000 * i));
         let silent_s = |ms| status(&slow, ms).silent_s;
         assert_eq!((silent_s(99_000), silent_s(115_000)), (None, Some(20.0)));
+    }
+
+    #[test]
+    fn the_latency_is_that_of_the_last_seconds() {
+        let metrics = Metrics::default();
+        let shown_at = |ms: u64| {
+            let mut frame = PresentedFrame::default();
+            frame.info.estimate.scene_from_probe = Some(Pose::IDENTITY);
+            frame.info.timeline.sampled = Duration::from_millis(ms - 70);
+            frame.info.timeline.presented = Duration::from_millis(ms);
+            metrics.presented(&frame);
+        };
+        (1..4).for_each(|i| shown_at(7000 * i));
+        let latency_ms = |ms| status(&metrics, ms).latency_ms;
+        assert_eq!((latency_ms(21_000), latency_ms(24_000)), (Some(70.0), Some(70.0)));
+        assert_eq!((latency_ms(24_001), latency_ms(27_000)), (None, None), "no frame came");
     }
 
     #[test]

@@ -1,15 +1,12 @@
 //! Summary of an ended session.
 
 use std::collections::BTreeMap;
-use std::io::Write;
-use std::path::Path;
 
 use serde::Serialize;
 
 use super::histogram::Percentiles;
 use super::tracker_watch::TrackerSummary;
 use crate::chooser::PointSummary;
-use crate::sink::SinkError;
 use crate::transducer::placement::{Fault, Misplacement, Untouched};
 
 /// Summary of one sink.
@@ -117,11 +114,11 @@ pub struct Summary {
     pub motion_to_present: Option<Percentiles>,
     /// The same time of the measurements that showed a jump first, which a second one had to confirm.
     pub jump_to_present: Option<Percentiles>,
-    /// Time from sampling of the pose to handover to the sinks.
+    /// Time from sampling of the pose to handover to the sinks, of all frames with a picture.
     pub sample_to_present: Option<Percentiles>,
-    /// Time from submission to the frame in memory.
+    /// Time from submission to the frame in memory, of all frames with a picture.
     pub render: Option<Percentiles>,
-    /// Duration of generator runs of presented frames.
+    /// Duration of generator runs whose picture came in time to be shown in its own frame.
     pub inference: Option<Percentiles>,
     /// Devices lost.
     pub device_losses: u64,
@@ -133,7 +130,7 @@ pub struct Summary {
     pub controls_refused: u64,
     /// Totals of the tracker; none without one.
     pub tracker: Option<TrackerSummary>,
-    /// Operating points; none if the quality was fixed.
+    /// Operating points; none if the quality was fixed and had no generator.
     pub points: Option<PointSummary>,
     /// Summary of the generator; none without one.
     pub generator: Option<GeneratorSummary>,
@@ -145,24 +142,7 @@ pub struct Summary {
     pub memory_bytes: Option<u64>,
 }
 
-/// The last line of a metrics file.
-#[derive(Serialize)]
-struct SummaryLine<'a> {
-    summary: &'a Summary,
-}
-
 impl Summary {
-    /// Appends the summary as a line of JSON to the log at `path`.
-    ///
-    /// # Errors
-    /// The file can't be written.
-    pub fn append_to(&self, path: &Path) -> Result<(), SinkError> {
-        let json = |source| SinkError::Json { path: path.to_owned(), source };
-        let line = serde_json::to_string(&SummaryLine { summary: self }).map_err(json)?;
-        let file = std::fs::OpenOptions::new().append(true).open(path);
-        file.and_then(|mut file| writeln!(file, "{line}")).map_err(SinkError::io(path))
-    }
-
     /// Errors of sinks, else parts that did not end in time; `None` if there are neither.
     pub fn failure(&self) -> Option<String> {
         let failed: Vec<&str> = self.sinks.iter().filter_map(|sink| sink.error.as_deref()).collect();

@@ -37,7 +37,7 @@ impl fmt::Display for Summary {
         writeln!(
             f,
             "\"to present\" ends when the displays have the picture. Left out: the tracker before its first byte here,\n\
-             the lag of the filter, network and screen. Held poses are not counted."
+             the lag of the filter, network and screen. Held poses count in sample to present, render and inference."
         )?;
         writeln!(f, "\ndrops              of {} frames begun", s.produced)?;
         for (cause, count) in &s.drops {

@@ -86,7 +86,7 @@ impl Labelled<'_> {
                 *outside += usize::from(!*inside);
             }
         }
-        let (count, outside) = organs.iter().fold((0, 0), |sum, organ| (sum.0 + organ.0, sum.1 + organ.1));
+        let (count, outside) = organs.iter().fold((0usize, 0usize), |sum, organ| (sum.0 + organ.0, sum.1 + organ.1));
         let percent_of = |part: usize, of: usize| 100.0 * part as f64 / of.max(1) as f64;
         let is_only_organs = ONLY_ORGANS.contains(&(voxels as f64 / count.max(1) as f64));
         let outside_percent = percent_of(outside, count);

@@ -54,6 +54,8 @@ pub struct NewMeasurements {
     pub count: u64,
     /// Time at which the previous presented frame was sampled; all these measurements arrived later.
     pub after: Duration,
+    /// First byte of the newest measurement before them; none if no frame showed one.
+    pub before: Option<Duration>,
     /// First byte of the measurement that was held back until a second one confirmed a jump; none without a new jump.
     pub jump: Option<Duration>,
 }
@@ -94,15 +96,21 @@ impl FrameInfo {
     }
 
     /// The same time of each measurement that the frame is the first to show: it includes the wait for the tick and, after
-    /// a jump, for its confirmation. Measurements count as evenly spaced since the last frame's sampling; at most 64 are
-    /// given. Empty without a tracker.
+    /// a jump, for its confirmation. Measurements count as evenly spaced since the newest one of the last frame or, after a
+    /// silence of the tracker, since that frame's sampling. Empty without a tracker.
     pub fn motion_to_present(&self) -> impl Iterator<Item = Duration> + use<> {
-        const MOST: u64 = 64;
         let Self { new, timeline: FrameTimeline { presented, .. }, .. } = *self;
         let first_byte = self.timeline.first_byte.filter(|_| self.pose_to_present().is_some());
-        let count = u32::try_from(new.count.min(MOST)).unwrap_or(0);
+        let count = u32::try_from(new.count).unwrap_or(u32::MAX);
         let even = first_byte.into_iter().flat_map(move |newest| {
-            let step = newest.saturating_sub(new.after) / count.max(1);
+            // None arrived before the last frame's sampling, whatever gap was before it.
+            let since_sampling = newest.saturating_sub(new.after);
+            let step = match new.before {
+                Some(before) => {
+                    (newest.saturating_sub(before) / count.max(1)).min(since_sampling / count.saturating_sub(1).max(1))
+                }
+                None => since_sampling / count.max(1),
+            };
             (0..count).map(move |nth| presented.saturating_sub(newest.saturating_sub(step * nth)))
         });
         even.chain(self.jump_to_present().filter(|_| first_byte.is_some()))
@@ -197,5 +205,40 @@ pub trait LiveSink: Send {
     /// Failure to finish the output.
     fn finish(self: Box<Self>) -> Result<(), SinkError> {
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: Duration = Duration::from_millis(1);
+
+    /// Times from each of `count` measurements to a frame presented at 1000 ms, ms.
+    fn motion_ms(count: u64, after: Duration, before: Option<Duration>, newest: Duration) -> Vec<f64> {
+        let estimate =
+            Estimate { scene_from_probe: Some(Pose::IDENTITY), state: TrackingState::Good, ..Estimate::default() };
+        let timeline = FrameTimeline { first_byte: Some(newest), presented: 1000 * MS, ..FrameTimeline::default() };
+        let new = NewMeasurements { count, after, before, jump: None };
+        let info = FrameInfo { estimate, timeline, new, ..FrameInfo::default() };
+        info.motion_to_present().map(|time| (1e3 * time.as_secs_f64()).round()).collect()
+    }
+
+    #[test]
+    fn measurements_are_spaced_since_the_one_before_them() {
+        // Every 10 ms; the last frame was sampled just before the next one came.
+        assert_eq!(motion_ms(3, 919 * MS, Some(910 * MS), 940 * MS), [60.0, 70.0, 80.0]);
+        assert_eq!(motion_ms(3, 910 * MS, Some(910 * MS), 940 * MS), [60.0, 70.0, 80.0]);
+        assert_eq!(motion_ms(1, 919 * MS, Some(910 * MS), 920 * MS), [80.0]);
+        // After a silence, and in the first frame, only the sampling is known.
+        assert_eq!(motion_ms(3, 920 * MS, Some(100 * MS), 940 * MS), [60.0, 70.0, 80.0]);
+        assert_eq!(motion_ms(2, 920 * MS, None, 940 * MS), [60.0, 70.0]);
+    }
+
+    #[test]
+    fn each_of_many_measurements_counts() {
+        let times = motion_ms(400, 100 * MS, Some(100 * MS), 500 * MS);
+        assert_eq!(times, (500_u32..900).map(f64::from).collect::<Vec<f64>>());
+        assert!(motion_ms(0, 100 * MS, Some(100 * MS), 500 * MS).is_empty());
     }
 }

@@ -121,6 +121,58 @@ fn ctrl_c_ends_the_program_in_order_and_a_truncated_file_is_never_left() {
     assert!(json_lines(&metrics).last().unwrap()["summary"].is_object());
 }
 
+#[cfg(unix)]
+#[test]
+fn a_log_that_is_renamed_meanwhile_is_whole() {
+    use std::io::{BufRead, BufReader};
+
+    let _guard = beside_others();
+    let dir = tempfile::tempdir().unwrap();
+    let station = small_station(dir.path(), "");
+    let (metrics, moved) = (dir.path().join("frames.jsonl"), dir.path().join("moved.jsonl"));
+    let mut child = insonify(&["run", &station, "--sink", "null", "--metrics", metrics.to_str().unwrap(), "--json"])
+        .env("RUST_LOG", "insonify=info")
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut said = BufReader::new(child.stderr.take().unwrap()).lines();
+    assert!(said.by_ref().any(|line| line.unwrap().contains("tracking")));
+    std::fs::rename(&metrics, &moved).unwrap();
+    let id = nix::unistd::Pid::from_raw(i32::try_from(child.id()).unwrap());
+    nix::sys::signal::kill(id, nix::sys::signal::Signal::SIGINT).unwrap();
+    let rest: Vec<String> = said.map(Result::unwrap).collect();
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{rest:?}");
+    assert!(rest.iter().any(|line| line.contains("was renamed or deleted")), "{rest:?}");
+    let printed: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let last = json_lines(&moved).pop().unwrap();
+    assert_eq!(last["summary"], printed, "with its version and station");
+    assert_eq!(printed["station"], station.as_str());
+    assert!(!metrics.exists());
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_log_that_cannot_be_written_costs_no_summary() {
+    let _guard = beside_others();
+    let dir = tempfile::tempdir().unwrap();
+    let station = small_station(dir.path(), "");
+    let arguments = ["run", &station, "--frames", "3", "--sink", "null", "--metrics", "/dev/full"];
+    for json in [false, true] {
+        let mut command = insonify(&arguments);
+        if json {
+            command.arg("--json");
+        }
+        let output = command.output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(said.contains("error: ") && said.contains("cannot write /dev/full"), "{said}");
+        let printed = String::from_utf8_lossy(&output.stdout);
+        assert!(printed.contains(if json { "\"presented\"" } else { "pose to present" }), "{printed}");
+    }
+}
+
 /// The complete chain of the program: a recorded tracker's bytes, estimator, generator, sink and recording.
 #[test]
 fn the_program_tracks_generates_and_records() {

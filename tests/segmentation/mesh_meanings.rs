@@ -170,7 +170,7 @@ fn mirrored_meshes_that_fit_no_axes_are_refused() {
     let folder = Folder::new();
     let mirrored = |low: DVec3, size: DVec3| (DVec3::new(-low.x - size.x, low.y, low.z), size);
     let left = (DVec3::new(40.0, 60.0, -90.0), KIDNEY.1);
-    let gallbladder = (DVec3::new(-60.0, -90.0, -20.0), DVec3::new(30.0, 30.0, 40.0));
+    let gallbladder = (DVec3::new(-60.0, -110.0, -20.0), DVec3::new(30.0, 30.0, 40.0));
     let [(a, b), (c, d), (e, f), (g, h)] = [LIVER, KIDNEY, left, gallbladder].map(|(low, size)| mirrored(low, size));
     let organs =
         [("o liver\n", a, b), ("o kidney_right\n", c, d), ("o kidney_left\n", e, f), ("o gallbladder\n", g, h)];

@@ -37,7 +37,8 @@ fn an_organ_that_reaches_out_of_the_body_is_told() {
     let (_, remarks) = surfaces(organs(35.0), &Options::default());
     assert_eq!(remarks, [""; 0]);
     let (_, remarks) = surfaces(organs(60.0), &Options::default());
-    assert!(remarks.len() == 1 && remarks[0].starts_with("organs reach out of the body: `spleen` with "), "{remarks:?}");
+    let says = "organs reach out of the body: `spleen` with ";
+    assert!(remarks.len() == 1 && remarks[0].starts_with(says), "{remarks:?}");
 }
 
 #[test]

@@ -85,6 +85,40 @@ fn a_folder_of_masks_becomes_the_scene_of_the_whole_map() {
 }
 
 #[test]
+fn mappings_that_match_nothing_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("p.glb");
+    let path = written(folder.path(), "labels.nii", &abdomen().nifti());
+    for name in ["999", "hepar"] {
+        let map = format!("{name}=liver");
+        refused(&from_labels(&path, &out, &["--map", &map]), &["--map", &format!("labels.nii has no `{name}`")]);
+    }
+    assert!(!out.exists());
+}
+
+#[test]
+fn a_body_that_leaves_an_organ_outside_is_told_or_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("p.glb");
+    let labels = abdomen();
+    let path = written(folder.path(), "labels.nii", &labels.nifti());
+    let trunk = |by: f64| {
+        Volume::of(labels.size, labels.lps_from_voxel, |p| {
+            u8::from(((p.x - by) / 129.0).powi(2) + (p.y / 89.0).powi(2) < 1.0)
+        })
+    };
+    let whole = written(folder.path(), "whole.nii", &trunk(0.0).nifti());
+    let printed = succeeded(&from_labels(&path, &out, &["--body", &whole]));
+    assert!(!printed.contains("outside the body"), "{printed}");
+    let beside = written(folder.path(), "beside.nii", &trunk(24.0).nifti());
+    let printed = succeeded(&from_labels(&path, &out, &["--body", &beside]));
+    assert!(printed.contains("% of the labelled voxels lie outside the body"), "{printed}");
+    std::fs::remove_file(&out).unwrap();
+    refused(&from_labels(&path, &out, &["--body", &path]), &["--body, holds only the organs"]);
+    assert!(!out.exists());
+}
+
+#[test]
 fn numbers_of_another_data_set_are_refused_with_its_name() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("p.glb");

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::{Defect, Finding, Place};
-use crate::anatomy::organs::{Aspect, OrganFact, check_organs};
+use crate::anatomy::organs::{Aspect, OrganFact, check_organs, is_known};
 use crate::anatomy::{Bounds, Mesh};
 
 /// Distance to the scene's bounds below which an organ counts as cut by the scan, mm.
@@ -31,7 +31,23 @@ pub(super) fn examine<'a>(surfaces: impl Iterator<Item = (&'a str, &'a Mesh)>, s
         let place = at.map(|fact| Place { at_mm: fact.centre_mm.as_vec3().to_array(), size_mm: 0.0 });
         Finding::new(defect, found.what).at(place)
     };
-    check_organs(&facts).into_iter().map(finding).collect()
+    let mut findings: Vec<Finding> = check_organs(&facts).into_iter().map(finding).collect();
+    findings.extend(outside(&facts, named("skin").and_then(|(_, skin)| skin.bounds_mm())));
+    findings
+}
+
+/// Findings about organs whose middle lies beyond the bounds of the skin.
+fn outside(facts: &[OrganFact], skin: Option<Bounds>) -> Vec<Finding> {
+    let Some(skin) = skin else { return Vec::new() };
+    let is_outside = |fact: &&OrganFact| {
+        let centre_mm = fact.centre_mm.as_vec3();
+        is_known(&fact.name) && (centre_mm.cmplt(skin.min).any() || centre_mm.cmpgt(skin.max).any())
+    };
+    let finding = |fact: &OrganFact| {
+        let place = Place { at_mm: fact.centre_mm.as_vec3().to_array(), size_mm: 0.0 };
+        Finding::new(Defect::UnusualPosition, format!("`{}` lies outside the skin", fact.name)).at([place])
+    };
+    facts.iter().filter(is_outside).map(finding).collect()
 }
 
 fn fact(name: &str, mesh: &Mesh, scene: Option<Bounds>) -> Option<OrganFact> {
@@ -52,4 +68,24 @@ fn fact(name: &str, mesh: &Mesh, scene: Option<Bounds>) -> Option<OrganFact> {
     };
     let centre_mm = about + moment / volume_mm3;
     Some(OrganFact { name: name.to_owned(), volume_ml: volume_mm3 * 1e-3, centre_mm, is_cut })
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::anatomy::analytic::sphere;
+
+    #[test]
+    fn an_organ_outside_the_skin_is_told() {
+        let (skin, spleen) = (sphere(Vec3::ZERO, 150.0, 4), |x: f32| sphere(Vec3::new(x, 0.0, 0.0), 35.0, 4));
+        let found = |x: f32| {
+            let spleen = spleen(x);
+            let findings = examine([("skin", &skin), ("spleen", &spleen)].into_iter(), skin.bounds_mm());
+            findings.into_iter().map(|finding| finding.what).collect::<Vec<_>>()
+        };
+        assert_eq!(found(90.0), [""; 0]);
+        assert_eq!(found(190.0), ["`spleen` lies outside the skin"]);
+    }
 }
