@@ -96,7 +96,7 @@ Latencies of the summary end when a picture is handed to the displays. They begi
   motion to present   every measurement: also its wait for the next tick
   jump to present     a measurement out of a hand's reach: also the wait for the second one, which confirms it
 They leave out the tracker before that byte, the lag of the filter, and what follows the handover: network, browser,
-screen. Held poses count in none. docs/metrics.md explains the fields of --metrics.
+screen. Held poses count in none but the last. docs/metrics.md explains the fields of --metrics.
 
 Files, by sink:
   png     png/000000.png ... and png/index.jsonl with each frame's times, pose and state

@@ -36,6 +36,7 @@ mod scenes;
 mod stations;
 mod step;
 mod store;
+mod sum;
 mod targets;
 mod tuple_renderer;
 mod variation;

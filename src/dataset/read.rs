@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::stations::sha256;
+use super::sum::sha256;
 use super::{ATTENUATION_POWER, DatasetError, FORMAT, HEADER_FILE, Header, PLANES, Row, Split};
 use crate::files::{self, FileKind};
 

@@ -2,17 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use sha2::{Digest, Sha256};
-
+use super::sum::sha256;
 use super::{Dataset, DatasetError, Exam, HEADER_FILE, Header, Row, ScanRow, StationRow};
 use crate::anatomy::planes::file_beside;
-use crate::files::{self, FileKind, hex};
+use crate::files::{self, FileKind};
 use crate::station::{SceneSource, Station};
-
-/// SHA-256 of `bytes`, as lower-case hexadecimal digits.
-pub(super) fn sha256(bytes: &[u8]) -> String {
-    hex(&Sha256::digest(bytes))
-}
 
 /// Contents of a station or scene file.
 pub(super) fn read(path: &Path, kind: FileKind) -> Result<Vec<u8>, DatasetError> {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::levels::{Levels, extend_by_classes};
 use super::read::MASK_DIGITS;
 use super::scenes::TupleScene;
-use super::stations::sha256;
+use super::sum::sha256;
 use super::{DatasetError, RollingRow, Row};
 use crate::lanes::lane_count;
 use crate::pose::Pose;

@@ -3,7 +3,7 @@
 use std::io::{self, ErrorKind};
 use std::path::Path;
 
-use super::FileKind;
+use super::kind::FileKind;
 
 /// Kind of a file with its article, and what to do with such a file.
 type Known = (&'static str, &'static str);

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::gather::GatherError;
+use super::gather_error::GatherError;
 use super::grid::Grid;
 use super::image;
 use super::inputs::Organ;

@@ -9,6 +9,7 @@ mod cover;
 pub mod from_labels;
 pub mod from_meshes;
 pub mod gather;
+mod gather_error;
 pub mod grid;
 pub mod image;
 pub mod inputs;
