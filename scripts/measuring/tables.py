@@ -216,7 +216,8 @@ def latency(data):
         rows.append([*cells, *times(stated, "p50", "p95"), *times(row["all_frames"]["pose_to_present"], "p50", "p95")])
     head = ["move", "outside, ms: p50:", "p95:", "max:", "stated with its waits: p50:", "p95:", "pose to present: p50:", "p95:"]
     first = data["rows"][0]
-    text = f": `configs/live.toml` at {first['rate_hz']:g} Hz and {first['poses_hz']:g} poses/s, {first['moves']} moves a row"
+    poses = " and ".join(dict.fromkeys(f"{row['poses_hz']:g}" for row in data["rows"]))
+    text = f": `configs/live.toml` at {first['rate_hz']:g} Hz and {poses} poses/s, {first['moves']} moves a row"
     loads = [row["busy_before_percent"] for row in data["rows"] if row["busy_before_percent"] is not None]
     if loads:
         text += f"; before each row other programs took {' and '.join(number(load, 0) for load in loads)} % of the processors"
