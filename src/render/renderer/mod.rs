@@ -272,6 +272,7 @@ impl Renderer {
     }
 
     /// Distance of the face's centre from the skin at rest, mm; none if contact was never simulated.
+    #[cfg(feature = "live")]
     pub(crate) fn skin_distance_mm(&self, pose: &Pose) -> Option<f64> {
         self.skin.as_ref().map(|skin| skin.distance_mm(pose.position_mm))
     }
