@@ -88,33 +88,37 @@ fn stations_and_flags_that_cannot_run_are_refused() {
     }
 }
 
+/// Runs a session with --json, does something after its first frame, and ends it by SIGINT. Returns the printed summary and the
+/// messages after the first frame.
 #[cfg(unix)]
-#[test]
-fn ctrl_c_ends_the_program_in_order_and_a_truncated_file_is_never_left() {
+fn interrupted(command: &mut std::process::Command, meanwhile: impl FnOnce()) -> (Value, Vec<String>) {
     use std::io::{BufRead, BufReader};
 
-    let _guard = beside_others();
-    let dir = tempfile::tempdir().unwrap();
-    let station = small_station(dir.path(), "");
-    let (out, metrics) = (dir.path().join("out"), dir.path().join("frames.jsonl"));
-    let arguments = ["run", &station, "--sink", "video", "--out", out.to_str().unwrap()];
-    let mut child = insonify(&[&arguments[..], &["--metrics", metrics.to_str().unwrap(), "--json"]].concat())
-        .env("PATH", "")
-        .env("RUST_LOG", "insonify=info")
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    command.env("RUST_LOG", "insonify=info").stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
     // "tracking" is logged at the first frame.
     let mut said = BufReader::new(child.stderr.take().unwrap()).lines();
     assert!(said.by_ref().any(|line| line.unwrap().contains("tracking")));
+    meanwhile();
     let id = nix::unistd::Pid::from_raw(i32::try_from(child.id()).unwrap());
     nix::sys::signal::kill(id, nix::sys::signal::Signal::SIGINT).unwrap();
     let rest: Vec<String> = said.map(Result::unwrap).collect();
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{rest:?}");
+    (serde_json::from_slice(&output.stdout).unwrap(), rest)
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_ends_the_program_in_order_and_a_truncated_file_is_never_left() {
+    let _guard = beside_others();
+    let dir = tempfile::tempdir().unwrap();
+    let station = small_station(dir.path(), "");
+    let (out, metrics) = (dir.path().join("out"), dir.path().join("frames.jsonl"));
+    let arguments = ["run", &station, "--sink", "video", "--out", out.to_str().unwrap()];
+    let mut command = insonify(&[&arguments[..], &["--metrics", metrics.to_str().unwrap(), "--json"]].concat());
+    let (summary, rest) = interrupted(command.env("PATH", ""), || {});
     assert!(rest.iter().any(|line| line.contains("Ctrl-C")), "{rest:?}");
-    let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(summary["stuck"], serde_json::json!([]));
     let names: Vec<_> = std::fs::read_dir(&out).into_iter().flatten().map(|f| f.unwrap().file_name()).collect();
     assert!(names.iter().all(|name| name == "video.mp4"), "{names:?}");
@@ -124,28 +128,13 @@ fn ctrl_c_ends_the_program_in_order_and_a_truncated_file_is_never_left() {
 #[cfg(unix)]
 #[test]
 fn a_log_that_is_renamed_meanwhile_is_whole() {
-    use std::io::{BufRead, BufReader};
-
     let _guard = beside_others();
     let dir = tempfile::tempdir().unwrap();
     let station = small_station(dir.path(), "");
     let (metrics, moved) = (dir.path().join("frames.jsonl"), dir.path().join("moved.jsonl"));
-    let mut child = insonify(&["run", &station, "--sink", "null", "--metrics", metrics.to_str().unwrap(), "--json"])
-        .env("RUST_LOG", "insonify=info")
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let mut said = BufReader::new(child.stderr.take().unwrap()).lines();
-    assert!(said.by_ref().any(|line| line.unwrap().contains("tracking")));
-    std::fs::rename(&metrics, &moved).unwrap();
-    let id = nix::unistd::Pid::from_raw(i32::try_from(child.id()).unwrap());
-    nix::sys::signal::kill(id, nix::sys::signal::Signal::SIGINT).unwrap();
-    let rest: Vec<String> = said.map(Result::unwrap).collect();
-    let output = child.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(0), "{rest:?}");
+    let arguments = ["run", &station, "--sink", "null", "--metrics", metrics.to_str().unwrap(), "--json"];
+    let (printed, rest) = interrupted(&mut insonify(&arguments), || std::fs::rename(&metrics, &moved).unwrap());
     assert!(rest.iter().any(|line| line.contains("was renamed or deleted")), "{rest:?}");
-    let printed: Value = serde_json::from_slice(&output.stdout).unwrap();
     let last = json_lines(&moved).pop().unwrap();
     assert_eq!(last["summary"], printed, "with its version and station");
     assert_eq!(printed["station"], station.as_str());
