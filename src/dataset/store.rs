@@ -160,8 +160,8 @@ impl Store {
     }
 }
 
-/// Those of some rows whose tuples must be made again, as their arrays are missing or have another size. A lost mask comes back
-/// with the first tuple that has it.
+/// Rows whose tuples must be made again: the array is missing or has another size. A lost mask is written again with the first
+/// tuple that uses it.
 fn lost(directory: &Path, rows: &[&Row]) -> HashMap<usize, Row> {
     let there: Vec<bool> = rows.par_iter().map(|row| is_there(directory, &row.file, row.size, PLANES.len())).collect();
     let (mut lost, mut masks) = (HashMap::new(), HashSet::new());

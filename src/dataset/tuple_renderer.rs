@@ -138,8 +138,8 @@ impl<'a> TupleRenderer<'a> {
         Ok(self.tuple(scene, row, None)?.sha256 == row.sha256)
     }
 
-    /// Renders the tuple of `row` and writes its array below `directory`. `tables` are those of [`tables_of`]. A row that has its
-    /// checksum already is made again: another array than that is refused.
+    /// Renders the tuple of `row` and writes its array below `directory`. `tables` come from [`tables_of`]. If the row has a
+    /// checksum already, an array with another checksum is refused.
     pub(super) fn write(
         &mut self,
         scene: &Arc<TupleScene>,

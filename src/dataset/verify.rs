@@ -20,7 +20,7 @@ pub struct Verified {
     pub differ: Vec<usize>,
     /// Indices of those with files that are missing or damaged.
     pub damaged: Vec<usize>,
-    /// Those files, each with what is wrong with it.
+    /// Missing and damaged files, each with what is wrong with it.
     pub faults: Vec<String>,
 }
 

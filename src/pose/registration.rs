@@ -193,7 +193,7 @@ struct Centred {
 }
 
 impl Centred {
-    /// Landmarks of `pairs`, of which there is at least one.
+    /// Landmarks of `pairs`, which must not be empty.
     fn of(pairs: &[PointPair]) -> Self {
         let n = pairs.len() as f64;
         let scene_mean = pairs.iter().map(|p| p.scene_mm).sum::<DVec3>() / n;

@@ -34,8 +34,8 @@ pub(super) struct Labelled<'a> {
 }
 
 impl Labelled<'_> {
-    /// Refuses a volume that holds too few of the labelled voxels: `inside` tells those of the labels' grid that it holds,
-    /// `holds` those of its own grid that hold something.
+    /// Refuses a volume that holds too few of the labelled voxels. `inside` tells whether it holds a voxel of the labels' grid,
+    /// `holds` whether a voxel of its own grid holds something.
     pub(super) fn covered(
         &self,
         inside: &(dyn Fn(usize) -> bool + Sync),
@@ -59,8 +59,8 @@ impl Labelled<'_> {
     /// Voxels of the labels' grid that a label map of the body labels, and a remark on organs that lie outside.
     ///
     /// # Errors
-    /// A map without a voxel, or of another scan; unless `is_allowed`, one that leaves an organ outside or has no voxels beside
-    /// the organs.
+    /// A map without a labelled voxel; a map of another scan. Unless `is_allowed`: a map that leaves an organ outside, or labels
+    /// the organs alone.
     pub(super) fn body(&self, map: LabelMap, is_allowed: bool) -> Result<(Vec<bool>, Option<String>), GatherError> {
         let map = map.canonical();
         if map.layers.iter().all(|layer| layer.par_iter().all(|&l| l == 0)) {

@@ -1,4 +1,4 @@
-//! Errors of what is gathered from label maps.
+//! Errors of gathering labels, body and image.
 
 use std::path::PathBuf;
 

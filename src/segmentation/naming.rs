@@ -151,7 +151,7 @@ pub enum NamingError {
         /// Name of the table.
         table: String,
     },
-    /// A file that is called as one organ, and has a label without a name beside others.
+    /// A file with one organ's name, several labels, and no name for one of them.
     #[error(
         "{path} is called `{organ}`, but label {value} is one of several, and has no name: say what it is with --map {value}=ORGAN \
          (or =ignore), or by which table it is numbered with --names"
@@ -164,7 +164,7 @@ pub enum NamingError {
         /// Label.
         value: u16,
     },
-    /// A file that is called as one organ, and has several labels without names.
+    /// A file with one organ's name and several labels without names.
     #[error(
         "{path} is called `{organ}`, but has several labels without names ({values}): say what each is with --map {first}={organ} \
          and so on, or by which table they are numbered with --names"

@@ -65,8 +65,8 @@ pub(super) fn is_tool(tool: &str, name: &str) -> bool {
     tool == name || (tool.len() > NAME_LENGTH && tool.as_bytes().get(..NAME_LENGTH) == Some(name.as_bytes()))
 }
 
-/// Name among `heard` that was likely meant by `wanted`: one that differs only in what is easily mistyped, one that holds it
-/// or is held by it, or the only one. `None` if the tool itself is among them.
+/// Name among `heard` that `wanted` likely means. It differs only by typing, contains `wanted`, is a part of it, or is the only
+/// name. `None` if `wanted` itself was heard.
 pub(crate) fn meant<'a>(wanted: &ProbeSensor, heard: &'a [SensorName]) -> Option<&'a str> {
     let ProbeSensor::Tool(tool) = wanted else { return None };
     let plain = |name: &str| -> String {

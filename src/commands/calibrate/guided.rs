@@ -68,7 +68,7 @@ pub(super) fn run(
     Ok((found, out))
 }
 
-/// What is to be said about a measured width and arc of the face, mm, that are not those of the station's probe.
+/// Warning that the measured width and arc of the face, mm, differ from the face of the station's probe.
 fn other_face((width_mm, arc_mm): (f64, f64), probe: &Probe) -> Option<String> {
     if matches!(probe.kind, ProbeKind::Phased { .. }) {
         return None;

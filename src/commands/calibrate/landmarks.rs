@@ -65,7 +65,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     fit(&in_scene(found, station.as_ref(), path)?, path, &args.output)
 }
 
-/// Landmarks in the axes of the station's scene, without a station in those of a scene in LPS; `path` is their file.
+/// Turns landmarks into the axes of the station's scene. Without a station they stay in LPS. `path` is their file.
 fn in_scene(
     found: Listed<Named<PointPair>>,
     station: Option<&Station>,

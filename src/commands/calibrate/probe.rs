@@ -21,7 +21,7 @@ use super::{OutputArgs, guided, poses, write};
 /// ends of the face rest in the same dimple, one after the other. --spin: the probe is held upright and turned about its
 /// own long axis, a quarter turn each way or more. A convex face whose arc is at least 4 mm high needs no --spin; with it
 /// the beam is more certain. In place of the ends, --slide takes a straight slide sideways along a ruler, the marker's
-/// side ahead; beside the ends it checks which one is at the marker.
+/// side ahead. Together with the ends, it checks which end is at the marker.
 ///
 /// With --tracker they are recorded one after the other from the station's tracker, as the program asks for them. The
 /// result goes into the calibration file that the station names, unless --out names another.

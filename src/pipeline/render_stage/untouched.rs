@@ -23,7 +23,7 @@ pub(super) struct UntouchedWatch {
     extent_mm: Option<[DVec3; 2]>,
 }
 
-/// Change of what is told.
+/// Event that the watch reports.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum UntouchedChange {
     /// The probe has not touched the skin in so long a time of good poses.

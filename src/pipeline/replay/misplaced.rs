@@ -4,7 +4,7 @@ use crate::sink::FrameRate;
 use crate::transducer::Misplacement;
 use crate::transducer::placement::MISPLACED_FOR;
 
-/// Misplaced frames of a replay, of which long runs are told.
+/// Misplaced frames of a replay. Only long runs of them are told.
 #[derive(Debug)]
 pub(super) struct MisplacedFrames {
     /// Frames of the shortest run that is told.

@@ -196,7 +196,7 @@ fn refused(name: &str, reason: &str) -> TableFault {
     TableFault::Refused { name: quote(name), reason: reason.to_owned() }
 }
 
-/// Fault of a column that is read as an axis of the patient, where not all three are there, beside the position `own`.
+/// Fault of a column that is named like one of the patient's axes. The other two axes are missing, and `own` is a whole position.
 fn stray(columns: &[Column], own: &Position) -> TableFault {
     let of_patient = columns.iter().find(|c| matches!(c.meaning, Meaning::Length { frame: Frame::Patient, .. }));
     let name = of_patient.map_or("", |column| column.name.as_str());

@@ -8,7 +8,7 @@ use super::key::words;
 /// Suffixes of the files that volumes are read from, longest first.
 pub const VOLUME_SUFFIXES: [&str; 7] = [".seg.nrrd", ".nii.gz", ".hdr.gz", ".nrrd", ".nhdr", ".nii", ".hdr"];
 
-/// Suffix of voxels beside their header.
+/// Suffix of a file of voxels whose header is a file of its own.
 const VOXELS_SUFFIX: &str = ".img.gz";
 
 /// Words that say nothing about the organ.

@@ -1,4 +1,4 @@
-//! Images that are no image, and signs of a CT that lies beside its labels.
+//! Tests of constant images, and of a CT that is shifted against its labels.
 
 use super::*;
 
