@@ -73,6 +73,12 @@
 //! Lengths are in mm, frequency in MHz, speed in m/s, attenuation in dB/cm/MHz and impedance in MRayl;
 //! the unit is in the name. Transforms are named `a_from_b`.
 
+pub use insonify_core::{acoustics, anatomy, files, names, pose, random, settings, statistics, transducer};
+pub use insonify_render as render;
+pub use insonify_render::look;
+pub use insonify_scenes::{phantom, segmentation};
+pub use insonify_tracking::{recording, tracker};
+
 pub use glam;
 
 pub use anatomy::Scene;
@@ -106,38 +112,4 @@ pub mod quality;
 
 pub mod exam;
 
-pub mod render;
-
-pub mod transducer;
-
-pub mod phantom;
-
-pub mod segmentation;
-
-pub mod anatomy;
-
-pub mod recording;
-
-pub mod tracker;
-
-pub mod pose;
-
-pub mod acoustics;
-
-pub mod look;
-
-pub mod settings;
-
-pub mod files;
-
-pub mod statistics;
-
-pub mod random;
-
-mod lanes;
-
-mod suggest;
-
-pub mod names;
-
-mod simd;
+pub(crate) use insonify_core::{lanes, simd, suggest};

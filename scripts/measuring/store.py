@@ -10,7 +10,7 @@ import shutil
 import subprocess
 
 # A figure is old if one of these has changed since.
-CODE = ["src", "shaders", "assets", "configs", "Cargo.lock"]
+CODE = ["src", "crates", "assets", "configs", "Cargo.lock"]
 # What a measuring depends on.
 INPUTS = [*CODE, "Cargo.toml", "scripts/soak", "scripts/live-error", "scripts/measuring"]
 

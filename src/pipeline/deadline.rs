@@ -9,12 +9,10 @@ use crate::sink::live::FrameSource;
 /// Upper limit of the number of consecutive ready frames required before generated pictures are shown again.
 const ROW_MAX: u32 = 256;
 
-impl ChoiceSettings {
-    /// Whether the picture made at `held` may be shown at `pose`.
-    pub fn near(&self, held: &Pose, pose: &Pose) -> bool {
-        held.position_mm.distance(pose.position_mm) <= self.hold_mm
-            && held.orientation.angle_between(pose.orientation).to_degrees() <= self.hold_deg
-    }
+/// Whether the picture made at `held` may be shown at `pose`.
+pub(super) fn near(settings: &ChoiceSettings, held: &Pose, pose: &Pose) -> bool {
+    held.position_mm.distance(pose.position_mm) <= settings.hold_mm
+        && held.orientation.angle_between(pose.orientation).to_degrees() <= settings.hold_deg
 }
 
 /// Chooses the picture of each frame. It has no clock: its owner reports which pictures were ready.
@@ -154,10 +152,10 @@ mod tests {
             orientation: DQuat::from_rotation_y(deg.to_radians()),
         };
         let origin = pose(0.0, 0.0);
-        assert!(SETTINGS.near(&origin, &pose(0.4, 0.4)));
-        assert!(!SETTINGS.near(&origin, &pose(0.6, 0.0)));
-        assert!(!SETTINGS.near(&origin, &pose(0.0, 0.6)));
+        assert!(near(&SETTINGS, &origin, &pose(0.4, 0.4)));
+        assert!(!near(&SETTINGS, &origin, &pose(0.6, 0.0)));
+        assert!(!near(&SETTINGS, &origin, &pose(0.0, 0.6)));
         let negated = Pose { orientation: -origin.orientation, ..origin };
-        assert!(SETTINGS.near(&origin, &negated), "q and -q are one rotation");
+        assert!(near(&SETTINGS, &origin, &negated), "q and -q are one rotation");
     }
 }

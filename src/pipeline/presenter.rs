@@ -5,7 +5,7 @@ use std::sync::{Arc, PoisonError};
 use tracing::field::Empty;
 
 use super::clock::{Clock, NEVER, Signal, ms};
-use super::deadline::DeadlineChooser;
+use super::deadline::{DeadlineChooser, near};
 use super::events::Events;
 use super::freshness::Freshness;
 use super::generate_stage::Generated;
@@ -129,7 +129,7 @@ impl Presenter {
         let near = state.held.as_ref().is_some_and(|held| {
             held.size == (rendered.shape.width, rendered.shape.height)
                 && held.info.settings.same_picture(&rendered.info.settings)
-                && held.info.pose().is_some_and(|at| self.choice.near(&at, &pose))
+                && held.info.pose().is_some_and(|at| near(&self.choice, &at, &pose))
         });
         state.chooser.choose(own, near)
     }

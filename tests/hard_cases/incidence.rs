@@ -21,7 +21,7 @@ const SHIPPED: [&str; 5] = [
     "let cos_transmitted = sqrt(max(1.0 - sin2_transmitted, 0.0));",
 ];
 
-/// cosθₜ of `shaders/shared/interface.wgsl`.
+/// cosθₜ of `crates/render/shaders/shared/interface.wgsl`.
 fn shipped(ratio: f32, cos: f32) -> f32 {
     let sin2 = ((1.0 - cos) * (1.0 + cos)).max(0.0);
     let sin2_transmitted = ratio * ratio * sin2;

@@ -16,7 +16,7 @@ const SHIPPED: [&str; 7] = [
     "return vec2<f32>(c, s) * (1.0 - 2.0 * abs(halves));",
 ];
 
-/// `phasor` of `shaders/shared/phasor.wgsl`.
+/// `phasor` of `crates/render/shaders/shared/phasor.wgsl`.
 #[allow(clippy::approx_constant, reason = "the shader's own digits")]
 fn shipped(turns: f32) -> [f32; 2] {
     let within = turns - turns.round_ties_even();

@@ -37,7 +37,7 @@ pub(crate) const SHIPPED: [&str; 13] = [
     "let t = t0 + dot(w2.xyz, q) * side / max(magnitude, 1.0e-30);",
 ];
 
-/// The same with the guards of `shaders/shared/bvh.wgsl`.
+/// The same with the guards of `crates/render/shaders/shared/bvh.wgsl`.
 pub(crate) fn shipped(origin: Vec3, direction: Vec3, corner: Vec3, edge1: Vec3, edge2: Vec3) -> Option<f32> {
     let longest = edge1.length().max(edge2.length()).max((edge2 - edge1).length());
     let to_corner = corner - origin;

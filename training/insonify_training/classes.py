@@ -1,7 +1,7 @@
 """Mapping from tissues to the classes that a generator sees.
 
 Tissues are identified by name, since their numbers differ between data sets and stations. Each tissue of
-``assets/tissues.toml`` is a class. Classes are ordered by appearance, so that intermediate values are meaningful.
+``crates/core/assets/tissues.toml`` is a class. Classes are ordered by appearance, so that intermediate values are meaningful.
 """
 
 import math
@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-TISSUES = Path(__file__).resolve().parents[2] / "assets/tissues.toml"
+TISSUES = Path(__file__).resolve().parents[2] / "crates/core/assets/tissues.toml"
 
 OUTSIDE = "outside"
 # Class of a tissue that is not in the table.

@@ -11,7 +11,7 @@ use winit::window::Window;
 use super::marks::Placement;
 use crate::sink::canvas::Canvas;
 
-/// Uniforms of the shader, as `Placement` in shaders/window.wgsl.
+/// Uniforms of the shader, as `Placement` in window.wgsl.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct Uniforms {
@@ -252,7 +252,7 @@ fn bind(
 fn pipeline(device: &wgpu::Device, format: wgpu::TextureFormat) -> wgpu::RenderPipeline {
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("window"),
-        source: wgpu::ShaderSource::Wgsl(include_str!("../../../shaders/window.wgsl").into()),
+        source: wgpu::ShaderSource::Wgsl(include_str!("window.wgsl").into()),
     });
     device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some("window"),

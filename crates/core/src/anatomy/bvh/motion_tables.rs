@@ -1,0 +1,88 @@
+//! Motion tables for a device.
+
+use std::ops::Range;
+
+use glam::DVec3;
+
+use super::moving::Moving;
+use super::{PackedTriangle, refit};
+use crate::anatomy::motion::Shape;
+
+/// Moving vertices, their triangles and the nodes above them. Positions are relative to the tree's centre, mm. A bit set of
+/// fields has bit i for the scene's i-th field.
+#[derive(Debug, Clone)]
+pub struct MotionTables {
+    /// Fields of the scene.
+    pub shapes: Vec<Shape>,
+    /// Origin of the positions in the scene, mm.
+    pub centre_mm: DVec3,
+    /// Rest position of each vertex as bits of floats, and the bit set of its fields.
+    pub vertices: Vec<[u32; 4]>,
+    /// Vertices of each moving triangle in leaf order, and the bit set of its tree's fields.
+    pub corners: Vec<[u32; 4]>,
+    /// Index of the first moving triangle; the others follow it.
+    pub first_triangle: u32,
+    /// Nodes to refit, the lowest level first, each with the bit set of its tree's fields. The root is the last.
+    pub nodes: Vec<[u32; 2]>,
+    /// Range of each level in `nodes`. Nodes of a level have moving children in lower ones only.
+    pub levels: Vec<Range<u32>>,
+    /// Minimum and maximum corners of all nodes `[x, y, z, 0]`; zero except for roots of trees.
+    pub extents: Vec<[[f32; 4]; 2]>,
+}
+
+impl MotionTables {
+    /// Tables of the trees in `nodes`; the first of them joins the others.
+    pub(super) fn new(moving: &Moving, centre_mm: DVec3, nodes: &[[u32; 20]]) -> Self {
+        let vertex = |v: &super::moving::Vertex| {
+            let [x, y, z] = v.rest.to_array().map(f32::to_bits);
+            [x, y, z, v.fields]
+        };
+        let fields_of = moving.trees.iter().flat_map(|tree| std::iter::repeat_n(tree.fields, tree.triangles.len()));
+        let corners = moving.corners.iter().zip(fields_of).map(|(&[a, b, c], fields)| [a, b, c, fields]);
+        let (mut order, mut levels) = (Vec::new(), Vec::new());
+        let mut close = |order: &Vec<[u32; 2]>| {
+            let start = levels.last().map_or(0, |level: &Range<u32>| level.end);
+            levels.push(start..order.len() as u32);
+        };
+        for height in 0..moving.trees.iter().map(|tree| tree.levels.len()).max().unwrap_or(0) {
+            for tree in &moving.trees {
+                let level = tree.levels.get(height).into_iter().flatten();
+                order.extend(level.map(|&node| [node, tree.fields]));
+            }
+            close(&order);
+        }
+        order.push([0, u32::MAX]);
+        close(&order);
+        let mut extents = vec![[[0.0; 4]; 2]; nodes.len()];
+        let trees = (nodes[0][3] >> 24).count_ones() as usize;
+        for root in 1..=trees {
+            let held = refit::held(&nodes[root]);
+            extents[root] = [held.min, held.max].map(|corner| corner.extend(0.0).to_array());
+        }
+        Self {
+            shapes: moving.motion.fields.iter().map(|field| field.shape).collect(),
+            centre_mm,
+            vertices: moving.vertices.iter().map(vertex).collect(),
+            corners: corners.collect(),
+            first_triangle: moving.first_triangle as u32,
+            nodes: order,
+            levels,
+            extents,
+        }
+    }
+}
+
+/// Moved parts of a scene, in the layouts of [`super::Bvh`] and [`MotionTables`].
+#[derive(Debug, Clone)]
+pub struct Moved {
+    /// Amounts of each field.
+    pub amounts: Vec<[f32; 2]>,
+    /// Displacement of each vertex `[x, y, z, 0]`, mm.
+    pub vertices: Vec<[f32; 4]>,
+    /// All triangles.
+    pub triangles: Vec<PackedTriangle>,
+    /// Displacement of each triangle from its rest position `[x, y, z, 0]`, mm.
+    pub displacements: Vec<[f32; 4]>,
+    /// All nodes.
+    pub nodes: Vec<[u32; 20]>,
+}

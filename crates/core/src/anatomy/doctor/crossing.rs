@@ -1,0 +1,146 @@
+//! Intersecting triangles of one surface.
+
+use std::collections::HashMap;
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::RESOLUTION_MM;
+use super::finding::Place;
+use super::tree::Tree;
+use crate::anatomy::Mesh;
+
+/// Shallowest crossing that counts, mm: about half a wavelength at 8 MHz.
+const SHALLOW_MM: f64 = 0.1;
+
+/// Largest extent, mm, of the crossings of parts that only touch. No crossing is deeper than its triangles are large,
+/// so finely meshed parts overlap in shallow crossings along a wide ring.
+const TOUCH_MM: f32 = 1.0;
+
+/// Smallest number of triangles crossed by the border of two overlapping solids; fewer are a fold.
+const RING: usize = 3;
+
+/// Crossings in a surface.
+pub struct Crossings {
+    /// Number of crossing pairs from overlapping parts, or from distant places of one part.
+    pub overlaps: usize,
+    /// Number of crossing pairs of near neighbours, and of shallow ones: creases left by decimation.
+    pub folds: usize,
+    /// Extent of all overlaps (of all folds if there are none), and one of them.
+    pub places: Vec<Place>,
+}
+
+/// A crossing of two triangles.
+#[derive(Debug, Clone, Copy)]
+pub struct Pair {
+    /// Indices of the two triangles.
+    pub triangles: [u32; 2],
+    /// A point of the crossing, mm.
+    pub point: Vec3,
+    /// Depth by which one triangle penetrates the other, mm.
+    pub depth_mm: f64,
+}
+
+/// Counts pairs of triangles that cross by more than the tracer resolves. `part_of` holds each triangle's part, if
+/// known.
+pub fn find(tree: &Tree<'_>, part_of: &[u32]) -> Crossings {
+    let mesh = tree.mesh;
+    let found = pairs(tree);
+    let neighbours = if found.is_empty() { Vec::new() } else { triangles_at_vertices(mesh) };
+    let part = |t: u32| part_of.get(t as usize);
+    let parts_of = |pair: &Pair| {
+        let [a, b] = pair.triangles.map(part);
+        [a.min(b), a.max(b)]
+    };
+    let mut rings: HashMap<_, Vec<Vec3>> = HashMap::new();
+    for pair in &found {
+        rings.entry(parts_of(pair)).or_default().push(pair.point);
+    }
+    let wide: HashMap<_, bool> =
+        rings.into_iter().map(|(parts, points)| (parts, Place::of(points).size_mm >= TOUCH_MM)).collect();
+    let is_fold = |pair: &&Pair| {
+        let ([t, u], parts) = (pair.triangles, parts_of(pair));
+        let is_shallow = pair.depth_mm < SHALLOW_MM;
+        if parts[0] == parts[1] { is_shallow || are_near(mesh, &neighbours, t, u) } else { is_shallow && !wide[&parts] }
+    };
+    let (mut folds, mut overlaps): (Vec<&Pair>, Vec<&Pair>) = found.iter().partition(is_fold);
+    if overlaps.len() < RING {
+        folds.append(&mut overlaps);
+    }
+    let shown = if overlaps.is_empty() { &folds } else { &overlaps };
+    let mut places = vec![Place::of(shown.iter().map(|pair| pair.point))];
+    places.extend(shown.first().filter(|_| shown.len() > 1).map(|pair| Place::of([pair.point])));
+    Crossings { overlaps: overlaps.len(), folds: folds.len(), places }
+}
+
+/// Pairs of triangles that cross by more than the tracer resolves.
+pub fn pairs(tree: &Tree<'_>) -> Vec<Pair> {
+    let mesh = tree.mesh;
+    (0..mesh.triangles.len() as u32)
+        .into_par_iter()
+        .with_min_len(256)
+        .flat_map_iter(|t| {
+            let mut pairs = Vec::new();
+            tree.near(mesh.corners_of(t), |u| {
+                if let Some((point, depth_mm)) = (u > t).then(|| cross(mesh, t, u)).flatten() {
+                    pairs.push(Pair { triangles: [t, u], point: point.as_vec3(), depth_mm });
+                }
+            });
+            pairs
+        })
+        .collect()
+}
+
+/// Triangles at each vertex.
+fn triangles_at_vertices(mesh: &Mesh) -> Vec<Vec<u32>> {
+    let mut at = vec![Vec::new(); mesh.vertices_mm.len()];
+    for (t, index) in mesh.triangles.iter().zip(0u32..) {
+        t.iter().for_each(|&vertex| at[vertex as usize].push(index));
+    }
+    at
+}
+
+/// True if a neighbour of the first triangle is a neighbour of the second.
+fn are_near(mesh: &Mesh, at_vertex: &[Vec<u32>], first: u32, second: u32) -> bool {
+    let second = mesh.triangles[second as usize];
+    let around = mesh.triangles[first as usize].into_iter().flat_map(|vertex| &at_vertex[vertex as usize]);
+    around.copied().any(|t| mesh.triangles[t as usize].iter().any(|vertex| second.contains(vertex)))
+}
+
+/// Place and depth of the crossing of two triangles, if any.
+pub fn cross(mesh: &Mesh, first: u32, second: u32) -> Option<(DVec3, f64)> {
+    let [a, b] = [first, second].map(|t| mesh.triangles[t as usize]);
+    // Triangles with a common edge touch only there.
+    if a.iter().filter(|i| b.contains(i)).count() > 1 {
+        return None;
+    }
+    let [at, bt] = [first, second].map(|t| mesh.corners_of(t).map(|v| v.as_dvec3()));
+    through(at, a, b, bt).or_else(|| through(bt, b, a, at))
+}
+
+/// Point at which an edge of a triangle passes through another triangle, and its depth. Edges from a shared corner are
+/// skipped: they start on the other triangle.
+fn through(corners: [DVec3; 3], indices: [u32; 3], other: [u32; 3], onto: [DVec3; 3]) -> Option<(DVec3, f64)> {
+    let normal = (onto[1] - onto[0]).cross(onto[2] - onto[0]).try_normalize()?;
+    let height = corners.map(|p| normal.dot(p - onto[0]));
+    (0..3).find_map(|i| {
+        let j = (i + 1) % 3;
+        if other.contains(&indices[i]) || other.contains(&indices[j]) {
+            return None;
+        }
+        let (low, high) = (height[i].min(height[j]), height[i].max(height[j]));
+        if low > -RESOLUTION_MM || high < RESOLUTION_MM {
+            return None;
+        }
+        let point = corners[i].lerp(corners[j], height[i] / (height[i] - height[j]));
+        is_within(point, onto, normal).then_some((point, high.min(-low)))
+    })
+}
+
+/// True if a point in a triangle's plane is inside it, farther from its edges than the tracer resolves.
+fn is_within(point: DVec3, corners: [DVec3; 3], normal: DVec3) -> bool {
+    (0..3).all(|i| {
+        let (from, to) = (corners[i], corners[(i + 1) % 3]);
+        (to - from).try_normalize().is_some_and(|along| normal.cross(along).dot(point - from) > RESOLUTION_MM)
+    })
+}

@@ -1,0 +1,249 @@
+//! Skin of a scene: its outer surface, where a probe touches.
+
+use std::time::Duration;
+
+use glam::{DQuat, DVec3, Vec3};
+use obvhs::BvhBuildParams;
+use obvhs::cwbvh::CwBvh;
+use obvhs::cwbvh::builder::build_cwbvh_from_tris;
+use obvhs::ray::Ray;
+use obvhs::triangle::Triangle;
+
+use super::ray::intersect;
+use super::sdf::Solid;
+use super::{BvhError, Scene};
+use crate::pose::Pose;
+
+/// Search length, mm; exceeds any distance from inside a body to its skin.
+const REACH_MM: u32 = 400;
+
+/// Search length for the skin around a point, mm: beyond the height of any body.
+const BODY_MM: f32 = 3000.0;
+
+/// Search length in front of a probe's face, mm: more than the thickest gel, the gap that couples, and the largest
+/// tolerance together.
+const PROBE_MM: f64 = 30.0;
+
+/// Sideways offset of test rays, mm: a ray exactly along a box's border may miss the box; rays on both sides do not.
+const ASIDE_MM: DVec3 = DVec3::new(1.3e-3, 0.7e-3, 1.1e-3);
+
+/// Of the six directions from a point in the body, the number in which there must be skin. A scanned body may be open on
+/// one side.
+const ENCLOSED: usize = 5;
+
+/// Outer surface of a scene.
+pub struct Skin {
+    outside: Outside,
+    /// Outermost surfaces of the whole scene, where the skin does not surround it: a slab over other tissues.
+    body: Option<Box<Skin>>,
+}
+
+impl std::fmt::Debug for Skin {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let triangles = match &self.outside {
+            Outside::Solid(_) => None,
+            Outside::Mesh { triangles, .. } => Some(triangles.len()),
+        };
+        f.debug_struct("Skin").field("triangles", &triangles).finish()
+    }
+}
+
+enum Outside {
+    Solid(Solid),
+    Mesh { tree: CwBvh, triangles: Vec<Triangle> },
+}
+
+impl Skin {
+    /// Surface of a solid.
+    pub fn of_solid(solid: Solid) -> Self {
+        Self { outside: Outside::Solid(solid), body: None }
+    }
+
+    /// Outermost surfaces of `scene`.
+    ///
+    /// # Errors
+    /// A scene without triangles.
+    pub fn of_scene(scene: &Scene) -> Result<Self, BvhError> {
+        Self::of_triangles(scene.surfaces.iter().flat_map(|surface| surface.mesh.corners_mm()))
+    }
+
+    /// Outermost of the triangles with these corners, mm.
+    ///
+    /// # Errors
+    /// No triangle.
+    pub fn of_triangles(corners: impl IntoIterator<Item = [Vec3; 3]>) -> Result<Self, BvhError> {
+        let triangle = |[a, b, c]: [Vec3; 3]| Triangle { v0: a.into(), v1: b.into(), v2: c.into() };
+        let triangles: Vec<Triangle> = corners.into_iter().map(triangle).collect();
+        if triangles.is_empty() {
+            return Err(BvhError::Empty);
+        }
+        let tree = build_cwbvh_from_tris(&triangles, BvhBuildParams::medium_build(), &mut Duration::default());
+        Ok(Self { outside: Outside::Mesh { tree, triangles }, body: None })
+    }
+
+    /// The same skin as a part of the scene with these triangles, which tell inside from outside where it does not surround
+    /// the scene's middle.
+    #[must_use]
+    pub fn within(mut self, all: impl IntoIterator<Item = [Vec3; 3]>) -> Self {
+        let all: Vec<[Vec3; 3]> = all.into_iter().collect();
+        let low = all.iter().flatten().fold(Vec3::INFINITY, |low, corner| low.min(*corner));
+        let high = all.iter().flatten().fold(Vec3::NEG_INFINITY, |high, corner| high.max(*corner));
+        let is_part = matches!(&self.outside, Outside::Mesh { triangles, .. } if triangles.len() < all.len());
+        if is_part && self.depth_mm((0.5 * (low + high)).as_dvec3(), DQuat::IDENTITY).is_none() {
+            self.body = Self::of_triangles(all).ok().map(Box::new);
+        }
+        self
+    }
+
+    /// Surface that tells inside from outside: the skin itself, or that of the whole scene.
+    pub(crate) fn body(&self) -> &Self {
+        self.body.as_deref().unwrap_or(self)
+    }
+
+    /// Distance of a point in the body from the nearest skin along these axes, mm. `None` for a point outside, from which
+    /// there is skin in too few directions.
+    pub(crate) fn depth_mm(&self, from_mm: DVec3, axes: DQuat) -> Option<f64> {
+        let ways = [DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_X, DVec3::NEG_Y, DVec3::NEG_Z];
+        let ways = ways.into_iter().filter_map(|axis| self.way_out_mm(from_mm, axes * axis));
+        let (count, least_mm) = ways.fold((0, f64::INFINITY), |(count, least), mm| (count + 1, mm.min(least)));
+        (count >= ENCLOSED).then_some(least_mm)
+    }
+
+    /// Exit point of the line from `from_mm` inside the body along the unit `direction`; for a mesh, the last surface
+    /// hit. `None` if the line hits no skin within 400 mm, or starts outside a solid.
+    pub fn exit(&self, from_mm: DVec3, direction: DVec3) -> Option<DVec3> {
+        Some(from_mm + direction * self.exit_mm(from_mm, direction, REACH_MM as f32)?)
+    }
+
+    /// Distance to the exit point of [`Skin::exit`], mm. A mesh is searched up to 3 m, a solid up to 400 mm.
+    pub fn way_out_mm(&self, from_mm: DVec3, direction: DVec3) -> Option<f64> {
+        self.exit_mm(from_mm, direction, BODY_MM)
+    }
+
+    /// Distance to the exit point, mm. A mesh is searched up to `reach_mm`, a solid up to 400 mm.
+    fn exit_mm(&self, from_mm: DVec3, direction: DVec3, reach_mm: f32) -> Option<f64> {
+        match &self.outside {
+            Outside::Solid(skin) => exit_solid(skin, from_mm, direction),
+            Outside::Mesh { tree, triangles } => {
+                let mut last = f32::NEG_INFINITY;
+                for aside_mm in [ASIDE_MM, -ASIDE_MM] {
+                    // The tree drops rays parallel to an axis; the offsets tilt them.
+                    let along = (direction + aside_mm * 1e-3).as_vec3a();
+                    let origin = (from_mm + aside_mm).as_vec3a();
+                    tree.ray_traverse_anyhit(Ray::new(origin, along, 0.0, reach_mm), |ray, hit| {
+                        let index = tree.primitive_indices.get(hit).map(|&i| i as usize);
+                        if let Some(t) = index.and_then(|i| distance_mm(triangles.get(i)?, ray)) {
+                            last = last.max(t);
+                        }
+                    });
+                }
+                last.is_finite().then_some(f64::from(last))
+            }
+        }
+    }
+
+    /// Distance of a point from the nearest skin, mm, inside and outside. All triangles of a mesh are visited: milliseconds.
+    pub fn distance_mm(&self, from_mm: DVec3) -> f64 {
+        match &self.outside {
+            Outside::Solid(skin) => f64::from(skin.distance_mm(from_mm.as_vec3())).abs(),
+            Outside::Mesh { triangles, .. } => {
+                let corners = |t: &Triangle| [t.v0, t.v1, t.v2].map(|corner| Vec3::from(corner).as_dvec3());
+                triangles.iter().map(|t| from_triangle_mm(corners(t), from_mm)).fold(f64::INFINITY, f64::min)
+            }
+        }
+    }
+
+    /// Depth of the probe face's centre below the skin along its axis, mm. Negative for a gap; `None` if the probe is
+    /// more than 30 mm away or points elsewhere.
+    pub fn press_mm(&self, pose: &Pose) -> Option<f64> {
+        let into_body = pose.orientation * DVec3::Z;
+        let deep = pose.position_mm + into_body * PROBE_MM;
+        Some(self.exit(deep, -into_body)?.distance(deep) - PROBE_MM)
+    }
+}
+
+/// Distance along `ray` to `triangle`.
+fn distance_mm(triangle: &Triangle, ray: &Ray) -> Option<f32> {
+    /// Enlargement of triangles, which makes a ray through a corner hit at least one of them.
+    const MARGIN: f64 = 1e-5;
+    let corners = [triangle.v0, triangle.v1, triangle.v2].map(Vec3::from);
+    let (t, _) = intersect(corners, MARGIN, ray.origin.as_dvec3(), ray.direction.as_dvec3())?;
+    (f64::from(ray.tmin)..=f64::from(ray.tmax)).contains(&t).then_some(t as f32)
+}
+
+/// Distance of a point from a triangle, mm.
+fn from_triangle_mm([a, b, c]: [DVec3; 3], from_mm: DVec3) -> f64 {
+    let normal = (b - a).cross(c - a);
+    let edges = [(a, b), (b, c), (c, a)];
+    let is_above = edges.iter().all(|(from, to)| normal.cross(*to - *from).dot(from_mm - *from) >= 0.0);
+    if is_above && normal.length() > 0.0 {
+        return ((from_mm - a).dot(normal) / normal.length()).abs();
+    }
+    let from_edge = |(from, to): (DVec3, DVec3)| {
+        let along = to - from;
+        let part = ((from_mm - from).dot(along) / along.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        from_mm.distance(from + along * part)
+    };
+    edges.into_iter().map(from_edge).fold(f64::INFINITY, f64::min)
+}
+
+/// Distance to the exit from the solid: the first crossing, refined by bisection.
+fn exit_solid(skin: &Solid, from: DVec3, direction: DVec3) -> Option<f64> {
+    let outside = |t: f64| skin.distance_mm((from + direction * t).as_vec3()) > 0.0;
+    let mut far = f64::from((1..REACH_MM).find(|&t| outside(f64::from(t)))?);
+    let mut near = far - 1.0;
+    for _ in 0..30 {
+        let middle = 0.5 * (near + far);
+        if outside(middle) { far = middle } else { near = middle }
+    }
+    (far > 1.0).then_some(far)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::anatomy::{TissueTable, analytic};
+
+    #[test]
+    fn the_exit_from_a_ball_of_triangles_is_its_outer_side() {
+        let ball = |radius: f32| {
+            let mesh = analytic::sphere(Vec3::new(5.0, 0.0, 0.0), radius, 5);
+            analytic::Part { name: "ball", tissue: "water", priority: 0, mesh }
+        };
+        let scene = analytic::scene(vec![ball(20.0), ball(50.0)], &TissueTable::builtin().unwrap(), "gel").unwrap();
+        let skin = Skin::of_scene(&scene).unwrap();
+        for direction in [DVec3::X, DVec3::Y, DVec3::new(0.6, 0.0, -0.8)] {
+            let exit = skin.exit(DVec3::new(5.0, 0.0, 0.0), direction).unwrap();
+            assert!((exit.distance(DVec3::new(5.0, 0.0, 0.0)) - 50.0).abs() < 0.1, "{exit}");
+        }
+        for (i, direction) in [DVec3::Z, -DVec3::Z, -DVec3::Y, -DVec3::X].into_iter().enumerate() {
+            assert!(skin.exit(DVec3::new(5.0, 0.0, 0.0), direction).is_some(), "direction {i}");
+        }
+        assert_eq!(skin.exit(DVec3::new(80.0, 0.0, 0.0), DVec3::X), None);
+        let at = |z: f64| Pose::looking(DVec3::new(5.0, 0.0, z), DVec3::NEG_Z, DVec3::X);
+        assert!((skin.press_mm(&at(47.0)).unwrap() - 3.0).abs() < 0.1);
+        assert!((skin.press_mm(&at(60.0)).unwrap() + 10.0).abs() < 0.1);
+        assert_eq!(skin.press_mm(&at(90.0)), None);
+    }
+
+    #[test]
+    fn the_distance_is_that_of_the_nearest_place_on_the_skin() {
+        let mesh = analytic::cuboid(Vec3::ZERO, Vec3::splat(10.0));
+        let cube = Skin::of_triangles(mesh.corners_mm()).unwrap();
+        let ball = Skin::of_solid(crate::anatomy::sdf::sphere(Vec3::ZERO, 10.0));
+        for (from, expected) in [
+            ([4.0, 3.0, 12.0], 2.0),
+            ([4.0, 3.0, 9.0], 1.0),
+            ([13.0, 14.0, 5.0], 5.0),
+            ([12.0, 12.0, 11.0], 3.0),
+            ([-300.0, 5.0, 5.0], 300.0),
+        ] {
+            assert!((cube.distance_mm(DVec3::from(from)) - expected).abs() < 1e-4, "{from:?}");
+        }
+        assert!((ball.distance_mm(DVec3::X * 13.0) - 3.0).abs() < 1e-4);
+        assert!((ball.distance_mm(DVec3::X * 9.0) - 1.0).abs() < 1e-4);
+        // A triangle without an area, and one that is a point.
+        assert!((from_triangle_mm([DVec3::ZERO, DVec3::X, DVec3::X * 2.0], DVec3::Y) - 1.0).abs() < 1e-12);
+        assert!((from_triangle_mm([DVec3::ZERO; 3], DVec3::Y * 2.0) - 2.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,52 @@
+//! Reading of grey images.
+
+use std::io::{self, BufReader};
+use std::path::{Path, PathBuf};
+
+use image::ImageReader;
+use thiserror::Error;
+
+use super::{FileKind, open};
+
+/// Error in reading a grey image.
+#[derive(Debug, Error)]
+pub enum GreyError {
+    /// Failed file access.
+    #[error("cannot read {path}: {source}")]
+    Io {
+        /// File.
+        path: PathBuf,
+        /// Cause.
+        source: io::Error,
+    },
+    /// A file that is no image, or damaged.
+    #[error("cannot read {path}: {source}")]
+    Image {
+        /// File.
+        path: PathBuf,
+        /// Cause.
+        source: image::ImageError,
+    },
+    /// An image with colours, or of another depth.
+    #[error("{path} is not an 8-bit grey image")]
+    Kind {
+        /// File.
+        path: PathBuf,
+    },
+}
+
+/// Pixels of an 8-bit grey image, row by row from the top, and its width and height.
+///
+/// # Errors
+/// A file that cannot be read, is no image, or is not an 8-bit grey one.
+pub fn read_grey(path: &Path) -> Result<(Vec<u8>, [u32; 2]), GreyError> {
+    let failed = |source| GreyError::Io { path: path.to_owned(), source };
+    let file = BufReader::new(open(path, FileKind::Image).map_err(failed)?);
+    let image = ImageReader::new(file).with_guessed_format().map_err(failed)?.decode();
+    let image = image.map_err(|source| GreyError::Image { path: path.to_owned(), source })?;
+    if image.color() != image::ColorType::L8 {
+        return Err(GreyError::Kind { path: path.to_owned() });
+    }
+    let size = [image.width(), image.height()];
+    Ok((image.into_bytes(), size))
+}

@@ -1,0 +1,28 @@
+//! Files at the edge of the program: reading within limits of size, files that are not complete yet, and the cache.
+
+mod cache;
+mod grey;
+mod hex;
+mod inside;
+mod kind;
+mod memory;
+mod npy;
+mod other_kind;
+mod outputs;
+mod part;
+mod read;
+mod stand_in;
+mod toml_reason;
+
+pub use cache::cache_directory;
+pub use grey::GreyError;
+pub use grey::read_grey;
+pub use hex::hex;
+pub use inside::inside;
+pub use kind::FileKind;
+pub use memory::{NoMemory, memory_for};
+pub use npy::npy;
+pub use outputs::{OutputError, Outputs};
+pub use part::{PartError, PartFile};
+pub use read::{open, read, read_text};
+pub use toml_reason::{backslashes, toml_reason};

@@ -1,0 +1,120 @@
+//! Partial file of output that is not finished yet.
+
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+/// Errors in partial files.
+#[derive(Debug, Error)]
+pub enum PartError {
+    /// Another process writes it.
+    #[error("{path} is being written by another process")]
+    Busy {
+        /// Partial file.
+        path: PathBuf,
+    },
+    /// The operating system refused.
+    #[error("cannot write {path}: {source}")]
+    Io {
+        /// Partial file.
+        path: PathBuf,
+        /// Cause.
+        source: io::Error,
+    },
+}
+
+/// Names of a file that is being written.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PartFile {
+    /// Name of the finished file.
+    pub path: PathBuf,
+    /// Name until then, in the same directory.
+    pub part: PathBuf,
+}
+
+impl PartFile {
+    /// `NAME.part`.
+    pub fn appended(path: &Path) -> Self {
+        let mut part = path.as_os_str().to_owned();
+        part.push(".part");
+        Self { path: path.to_owned(), part: part.into() }
+    }
+
+    /// `NAME.part.EXTENSION`, which programs open as they do the finished file.
+    pub fn playable(path: &Path) -> Self {
+        Self { path: path.to_owned(), part: with_word(path, "part") }
+    }
+
+    /// Creates the partial file, locked while it is open, in place of one that an interrupted process left.
+    ///
+    /// # Errors
+    /// Another process writes it, or the file cannot be created.
+    pub fn create(&self) -> Result<File, PartError> {
+        self.take_over(|left, part| {
+            drop(left);
+            std::fs::remove_file(part)
+        })
+    }
+
+    /// As [`create`](Self::create), but a partial file that is not empty is kept, as `STEM.recovered-1.EXTENSION` or the
+    /// next free number.
+    ///
+    /// # Errors
+    /// Another process writes it, or a file cannot be created or renamed.
+    pub fn create_keeping(&self) -> Result<File, PartError> {
+        self.take_over(|left, part| {
+            if left.metadata()?.len() == 0 {
+                return std::fs::remove_file(part);
+            }
+            let kept = self.recovered()?;
+            std::fs::rename(part, &kept)?;
+            tracing::warn!("{} was not finished; what was written is now {}", self.path.display(), kept.display());
+            Ok(())
+        })
+    }
+
+    fn take_over(&self, left_over: impl FnOnce(File, &Path) -> io::Result<()>) -> Result<File, PartError> {
+        let failed = |source: io::Error| PartError::Io { path: self.part.clone(), source };
+        match File::open(&self.part) {
+            Ok(left) => {
+                self.lock(&left)?;
+                left_over(left, &self.part).map_err(failed)?;
+            }
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+            Err(error) => return Err(failed(error)),
+        }
+        let file = OpenOptions::new().write(true).create_new(true).open(&self.part).map_err(failed)?;
+        self.lock(&file)?;
+        Ok(file)
+    }
+
+    /// Locks the file. The lock ends with the process, even if it is killed.
+    fn lock(&self, file: &File) -> Result<(), PartError> {
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) => Err(PartError::Busy { path: self.part.clone() }),
+            // Some network file systems don't support locks; writing without a lock is better than not at all.
+            Ok(()) | Err(TryLockError::Error(_)) => Ok(()),
+        }
+    }
+
+    /// Next free name for a recovered file.
+    fn recovered(&self) -> io::Result<PathBuf> {
+        for number in 1..u32::MAX {
+            let name = with_word(&self.path, &format!("recovered-{number}"));
+            if !name.try_exists()? {
+                return Ok(name);
+            }
+        }
+        Err(io::ErrorKind::AlreadyExists.into())
+    }
+}
+
+/// `STEM.WORD.EXTENSION`.
+fn with_word(path: &Path, word: &str) -> PathBuf {
+    match path.extension() {
+        Some(extension) => path.with_extension(format!("{word}.{}", extension.to_string_lossy())),
+        None => path.with_extension(word),
+    }
+}

@@ -1,0 +1,118 @@
+//! Names: of the variants of fieldless enums, those that files bring along; counts and lists in words.
+
+use std::borrow::Cow;
+
+/// Gives an enum `ALL`, `NAMES`, `name` and `named` from one table of variants and names.
+#[macro_export]
+macro_rules! named {
+    ($type:ident { $($variant:ident = $name:literal),+ $(,)? }) => {
+        impl $type {
+            /// All variants, in order.
+            pub const ALL: [Self; [$($name),+].len()] = [$(Self::$variant),+];
+
+            /// Names of all variants, in the same order.
+            pub const NAMES: &'static [&'static str] = &[$($name),+];
+
+            /// Name in files, on the command line and in messages.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $name),+
+                }
+            }
+
+            /// Variant with this name.
+            pub fn named(name: &str) -> Option<Self> {
+                Self::ALL.into_iter().find(|variant| variant.name() == name)
+            }
+        }
+    };
+}
+
+pub use named;
+
+/// A whole number with thousands separators.
+pub fn thousands(n: usize) -> String {
+    if n < 1000 { n.to_string() } else { format!("{},{:03}", thousands(n / 1000), n % 1000) }
+}
+
+/// A count with its noun, as `1 error` or `3 errors`.
+pub fn counted(n: usize, name: &str) -> String {
+    format!("{} {name}{}", thousands(n), if n == 1 { "" } else { "s" })
+}
+
+/// The first `most` of `words`, then how many more there are, with `separator` between them.
+pub fn listed(words: &[String], most: usize, separator: &str) -> String {
+    let mut shown = words[..words.len().min(most)].to_vec();
+    if words.len() > most {
+        shown.push(format!("and {} more", words.len() - most));
+    }
+    shown.join(separator)
+}
+
+/// Most characters of a name that a file brings along.
+const NAME_CHARS_MAX: usize = 200;
+
+/// Whether a character has no place in a name: line breaks, control characters (those of terminals too), marks of the
+/// writing direction, invisible ones.
+fn is_hidden(c: char) -> bool {
+    c.is_control()
+        || matches!(c, '\u{200b}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}')
+}
+
+/// Whether a name can be shown on one line as it is.
+pub fn is_printable(name: &str) -> bool {
+    !name.chars().any(is_hidden)
+}
+
+/// A text on one line: each run of line breaks, control characters and marks of the writing direction becomes a space.
+pub fn one_line(text: &str) -> Cow<'_, str> {
+    if is_printable(text) {
+        return Cow::Borrowed(text);
+    }
+    let mut shown = String::new();
+    for c in text.chars() {
+        match is_hidden(c) {
+            true if shown.ends_with(' ') => {}
+            true => shown.push(' '),
+            false => shown.push(c),
+        }
+    }
+    Cow::Owned(shown.trim().to_owned())
+}
+
+/// A name on one line, as [`one_line`], of at most 200 characters.
+pub fn printable(name: &str) -> Cow<'_, str> {
+    let line = one_line(name);
+    match line.char_indices().nth(NAME_CHARS_MAX) {
+        Some((end, _)) => Cow::Owned(line[..end].to_owned()),
+        None => line,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thousands_are_apart() {
+        assert_eq!([0, 999, 1000, 675_012, 1_234_567].map(thousands), ["0", "999", "1,000", "675,012", "1,234,567"]);
+        assert_eq!([1, 2000].map(|n| counted(n, "error")), ["1 error", "2,000 errors"]);
+    }
+
+    #[test]
+    fn long_lists_are_cut_and_say_so() {
+        let words = ["a", "b", "c"].map(str::to_owned);
+        assert_eq!([1, 2, 3].map(|most| listed(&words, most, "; ")), ["a; and 2 more", "a; b; and 1 more", "a; b; c"]);
+        assert_eq!(listed(&[], 3, ", "), "");
+    }
+
+    #[test]
+    fn names_from_files_fit_one_line_and_command_no_terminal() {
+        for name in ["liver", "Leber, re.", "肝臓", "a \"b\" <c>", ""] {
+            assert!(is_printable(name) && printable(name) == name, "{name}");
+        }
+        assert_eq!(printable("li\u{1b}[31mver\"}\r\n[x]\t"), "li [31mver\"} [x]");
+        assert_eq!(printable("a\u{202e}b\u{2028}c\u{0}"), "a b c");
+        assert_eq!(printable(&"x".repeat(5000)).len(), 200);
+    }
+}

@@ -1,0 +1,370 @@
+//! Tables of points and poses as text, of this and other programs.
+//!
+//! A `Reader` takes the lines of a table one by one. Fields are separated by commas, semicolons or tabs, as the first
+//! line has them; a field in quotes may hold the separator. Empty lines and lines that begin with `#` are passed over.
+//! Numbers have a decimal point; a decimal comma is refused.
+//!
+//! | column | content |
+//! |---|---|
+//! | `x`, `y`, `z` | coordinates in the table's own frame; `scene_x`, `pos_x`, `position.x` are the same |
+//! | `r`, `a`, `s`; `l`, `p`, `s` | coordinates along the patient's axes: right or left, anterior or posterior, superior |
+//! | `tx`, `ty`, `tz`, `tracker_x` | coordinates in the tracker's frame |
+//! | `qw`, `qx`, `qy`, `qz` | unit quaternion, in any order of the columns |
+//! | `time`, `name` or `label`, `status`, `event`, `defined` | as each reader says |
+//!
+//! A unit follows a name: `x_mm`, `x_cm`, `x_m`, `x_in`, `time_s`, `time_ms`; `X [m]` is the same as `x_m`. Of the three
+//! coordinates of a position all or none have a unit. Columns may be in any order. A column whose name could mean several
+//! things, or that is not known, is refused by name.
+
+mod column;
+mod layout;
+mod slicer;
+mod split;
+
+use thiserror::Error;
+
+use crate::pose::PoseError;
+
+pub use column::{Column, Frame, Meaning};
+pub use layout::{Layout, Position, refuse};
+pub(crate) use slicer::{System, markups};
+pub use split::{finite, is_absent, number, quote};
+
+/// Faults of a table's line or columns.
+#[derive(Debug, Error, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum TableFault {
+    /// A column whose name is not known.
+    #[error("unknown column {name}{suggestion}; the columns are {known}")]
+    Unknown {
+        /// Name, quoted.
+        name: String,
+        /// Nearest known name, ready to print, or empty.
+        suggestion: String,
+        /// Columns of this kind of table.
+        known: &'static str,
+    },
+    /// A column that could mean several things, or does not belong here.
+    #[error("column {name} is not read: {reason}")]
+    Refused {
+        /// Name, quoted.
+        name: String,
+        /// Reason and way out.
+        reason: String,
+    },
+    /// Two columns of one meaning.
+    #[error("column {name} is there twice{other}")]
+    Twice {
+        /// Name, quoted.
+        name: String,
+        /// The other name, if it differs, ready to print.
+        other: String,
+    },
+    /// A column that is needed.
+    #[error("column `{name}` is missing; the columns are {known}")]
+    Missing {
+        /// Name.
+        name: String,
+        /// Columns of this kind of table.
+        known: &'static str,
+    },
+    /// Numbers without column names above them.
+    #[error("the first line that is no comment must name the columns, as `time_s,x_mm,y_mm,z_mm,qw,qx,qy,qz`")]
+    NoHead,
+    /// A line with more or fewer fields than there are columns.
+    #[error("{found} fields; the head has {columns}{hint}")]
+    Fields {
+        /// Fields found.
+        found: usize,
+        /// Columns.
+        columns: usize,
+        /// Likely cause and way out, or empty.
+        hint: &'static str,
+    },
+    /// A malformed line of a table without column names.
+    #[error("expected {expected}, found {found}")]
+    Line {
+        /// Expected content.
+        expected: &'static str,
+        /// The line's first characters, quoted.
+        found: String,
+    },
+    /// A field that is not a number.
+    #[error("`{column}` is {found}; it must be a decimal number{hint}")]
+    Number {
+        /// Column.
+        column: String,
+        /// Text found, quoted.
+        found: String,
+        /// Way out, or empty.
+        hint: String,
+    },
+    /// A pose of which only a part is there.
+    #[error(
+        "`{column}` is {found}, but other numbers of the pose are there; in a row without a pose all seven are empty or NaN, or `status` is invalid"
+    )]
+    Part {
+        /// The first column without a number.
+        column: String,
+        /// Text found, quoted.
+        found: String,
+    },
+    /// Numbers that are not a pose.
+    #[error(transparent)]
+    Pose(#[from] PoseError),
+    /// Fields that are separated by spaces.
+    #[error("spaces separate the fields of {found}; separate fields by commas, semicolons or tabs")]
+    Spaces {
+        /// The line's first characters, quoted.
+        found: String,
+    },
+    /// A quote that is not closed, or text behind a closed one.
+    #[error("a quote is not closed before the end of its field; double a quote that belongs to a name")]
+    Quote,
+    /// Lines that end in a carriage return only.
+    #[error("the lines end in carriage returns only (old Mac text); save the table with line feeds")]
+    CarriageReturns,
+    /// A status that is not known.
+    #[error("`status` is {found}; it must be ok, invalid or empty")]
+    Status {
+        /// Text found, quoted.
+        found: String,
+    },
+    /// A coordinate system of 3D Slicer that is not read.
+    #[error("the coordinate system is {found}; LPS (or 1) and RAS (or 0) are read: save the markups in one of them")]
+    System {
+        /// Value found, quoted.
+        found: String,
+    },
+    /// Two coordinate systems of 3D Slicer in one list.
+    #[error(
+        "the coordinate system is {second} here and {first} above; a list has one for all points: put the points of each into a file of their own"
+    )]
+    TwoSystems {
+        /// The first.
+        first: &'static str,
+        /// The one that differs.
+        second: &'static str,
+    },
+    /// Two lines of column names of 3D Slicer in one list.
+    #[error(
+        "`# columns` differs from the columns above: {found}; put the points of each list into a file of their own"
+    )]
+    TwoHeads {
+        /// Its columns, quoted.
+        found: String,
+    },
+    /// A list of 3D Slicer without coordinate system.
+    #[error(
+        "it doesn't say its coordinate system: add a line `# CoordinateSystem = LPS` (or RAS) above the points, as 3D Slicer had it"
+    )]
+    NoSystem,
+}
+
+/// A table without a line of column names.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Headless {
+    /// Names of its columns, in order; the last may be missing.
+    pub(crate) names: &'static [&'static str],
+    /// Description for messages.
+    pub(crate) expected: &'static str,
+}
+
+/// Reader of a table's lines.
+#[derive(Debug)]
+pub struct Reader {
+    headless: Option<Headless>,
+    separator: Option<char>,
+    columns: Vec<Column>,
+    /// Number of empty columns that a spreadsheet added at the right.
+    padding: usize,
+    /// Whether the columns are those of a table without column names.
+    is_headless: bool,
+    /// The last comment before the first line, which may name the columns.
+    comment: Option<String>,
+    /// Whether the lines are a list of 3D Slicer (.fcsv).
+    is_fcsv: bool,
+    system: Option<System>,
+    is_first: bool,
+}
+
+impl Reader {
+    /// Reader of a table; without `headless` it needs a line of column names.
+    pub fn new(headless: Option<Headless>) -> Self {
+        Self {
+            headless,
+            separator: None,
+            columns: Vec::new(),
+            padding: 0,
+            is_headless: false,
+            comment: None,
+            is_fcsv: false,
+            system: None,
+            is_first: true,
+        }
+    }
+
+    /// Columns; empty before the first line that is no comment.
+    pub fn columns(&self) -> &[Column] {
+        &self.columns
+    }
+
+    /// Coordinate system of the points, if the lines are a list of 3D Slicer.
+    ///
+    /// # Errors
+    /// The list doesn't say it.
+    pub(crate) fn system(&self) -> Result<Option<System>, TableFault> {
+        if self.is_fcsv && self.system.is_none() {
+            return Err(TableFault::NoSystem);
+        }
+        Ok(self.system)
+    }
+
+    /// Takes a line without its line feed. Returns its fields if it is a row, as many as there are columns; a list of
+    /// 3D Slicer may have more.
+    ///
+    /// # Errors
+    /// Two coordinate systems or lists of columns, a wrong number of fields, fields that are separated by spaces, or a
+    /// quote that is not closed.
+    pub fn line(&mut self, line: &str) -> Result<Option<Vec<String>>, TableFault> {
+        let line = match std::mem::take(&mut self.is_first) {
+            true => line.strip_prefix('\u{feff}').unwrap_or(line),
+            false => line,
+        };
+        let line = line.trim_matches([' ', '\r']);
+        if line.contains('\r') {
+            return Err(TableFault::CarriageReturns);
+        }
+        if let Some(comment) = line.strip_prefix('#') {
+            self.comment(comment.trim())?;
+            return Ok(None);
+        }
+        // Excel's own line that names the separator.
+        if let (true, Some(separator)) = (self.columns.is_empty(), line.strip_prefix("sep=")) {
+            self.separator = separator.chars().next();
+            return Ok(None);
+        }
+        if line.trim().is_empty() {
+            return Ok(None);
+        }
+        let separator = *self.separator.get_or_insert_with(|| split::separator(line));
+        let fields = split::split(line, separator)?;
+        if fields.iter().all(String::is_empty) {
+            return Ok(None);
+        }
+        if self.columns.is_empty() && self.names(&fields, line)? {
+            return Ok(None);
+        }
+        self.row(fields, line).map(Some)
+    }
+
+    /// Notes what a comment says.
+    fn comment(&mut self, comment: &str) -> Result<(), TableFault> {
+        let setting = comment.split_once('=').map(|(key, value)| (key.trim().to_ascii_lowercase(), value.trim()));
+        match setting.as_ref().map(|(key, value)| (key.as_str(), *value)) {
+            Some(("coordinatesystem", value)) => {
+                let second = System::of(value).ok_or_else(|| TableFault::System { found: quote(value) })?;
+                let first = *self.system.get_or_insert(second);
+                if first != second {
+                    return Err(TableFault::TwoSystems { first: first.name(), second: second.name() });
+                }
+            }
+            Some(("columns", names)) if self.columns.is_empty() || self.is_fcsv => {
+                let columns: Vec<Column> = split::split(names, ',')?.iter().map(|name| Column::of(name)).collect();
+                if !self.columns.is_empty() && self.columns != columns {
+                    return Err(TableFault::TwoHeads { found: quote_line(names) });
+                }
+                self.columns = columns;
+                self.separator = Some(',');
+                self.is_fcsv = true;
+            }
+            Some(("markups fiducial file version", _)) => self.is_fcsv = true,
+            _ => self.comment = Some(comment.to_owned()),
+        }
+        Ok(())
+    }
+
+    /// Sets the columns by the first line; whether that line was their names.
+    fn names(&mut self, fields: &[String], line: &str) -> Result<bool, TableFault> {
+        if let [field] = fields
+            && split::has_spaced_fields(field)
+        {
+            return Err(TableFault::Spaces { found: quote_line(line) });
+        }
+        let is_head = !fields.iter().any(|field| split::looks_numeric(field));
+        if is_head {
+            let last = fields.iter().rposition(|name| !name.is_empty()).map_or(0, |at| at + 1);
+            self.columns = fields[..last].iter().map(|name| Column::of(name)).collect();
+            self.padding = fields.len() - last;
+            return Ok(true);
+        }
+        // Some programs write the names as a comment; prose also holds words that could be names.
+        if let (Some(comment), Some(separator)) = (&self.comment, self.separator) {
+            // A comment whose quotes are not closed is prose.
+            let names = split::split(comment, separator).unwrap_or_default();
+            let by_separator: Vec<Column> = names.iter().map(|name| Column::of(name)).collect();
+            let by_space: Vec<Column> = comment.split_whitespace().map(Column::of).collect();
+            let known = |names: &[Column]| names.iter().filter(|name| name.is_known()).count();
+            let is_head = |names: &[Column]| names.len() == fields.len() && 2 * known(names) >= names.len();
+            if let Some(names) = [by_separator, by_space].into_iter().find(|names| is_head(names)) {
+                self.columns = names;
+                return Ok(false);
+            }
+        }
+        if self.is_fcsv {
+            self.columns = slicer::COLUMNS.map(Column::of).to_vec();
+            return Ok(false);
+        }
+        let headless = self.headless.ok_or(TableFault::NoHead)?;
+        self.columns = headless.names.iter().map(|name| Column::of(name)).collect();
+        self.is_headless = true;
+        Ok(false)
+    }
+
+    /// Fields of a row, one a column.
+    fn row(&self, mut fields: Vec<String>, line: &str) -> Result<Vec<String>, TableFault> {
+        let columns = self.columns.len();
+        if fields.len() == columns + self.padding && fields[columns..].iter().all(String::is_empty) {
+            fields.truncate(columns);
+        }
+        let name_is_last = self.columns.last().is_some_and(|column| column.meaning == Meaning::Name);
+        if fields.len() + 1 == columns && name_is_last {
+            fields.push(String::new());
+        }
+        let is_text = |fields: &[String]| !fields.iter().any(|field| split::looks_numeric(field));
+        if fields.len() > columns && name_is_last && is_text(&fields[columns - 1..]) {
+            // A name that holds the separator, without quotes.
+            let name = fields.split_off(columns - 1).join(", ");
+            fields.push(name);
+        }
+        // Without column names, a number in the place of the name means that the line holds too many numbers.
+        let is_too_numeric =
+            self.is_headless && name_is_last && fields.last().is_some_and(|name| split::looks_numeric(name));
+        let has_status = self.is_fcsv && !self.is_headless && fields.get(columns..).is_some_and(slicer::is_status);
+        if has_status || (fields.len() == columns && !is_too_numeric) {
+            return Ok(fields);
+        }
+        if let Some(Headless { expected, .. }) = self.headless.filter(|_| self.is_headless) {
+            return Err(TableFault::Line { expected, found: quote_line(line) });
+        }
+        Err(TableFault::Fields { found: fields.len(), columns, hint: self.hint(&fields) })
+    }
+
+    /// Likely cause of a wrong number of fields, and the way out; ready to print, or empty.
+    fn hint(&self, fields: &[String]) -> &'static str {
+        let columns = self.columns.len();
+        if self.separator == Some(',') && fields.len() > columns {
+            ": are its numbers written with decimal commas? Write decimal points (0.5 instead of 0,5), and put names that hold a comma in quotes"
+        } else if fields.len() == 1 && split::has_spaced_fields(&fields[0]) {
+            ": separate fields by commas, semicolons or tabs, not by spaces"
+        } else if self.is_fcsv {
+            ": without a line `# columns` above them, points of 3D Slicer (.fcsv) have id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label,desc,associatedNodeID"
+        } else {
+            ""
+        }
+    }
+}
+
+fn quote_line(line: &str) -> String {
+    format!("`{}`", line.chars().take(80).collect::<String>().escape_debug())
+}

@@ -1,0 +1,38 @@
+//! Server of the browser page: address, token and number of pages.
+
+use std::net::{IpAddr, Ipv4Addr};
+
+use super::{Origin, settings};
+
+/// Fewest characters of a configured token.
+pub const TOKEN_CHARS_MIN: usize = 16;
+
+settings! {
+    /// The `[browser]` of a station.
+    #[derive(Debug, Clone, PartialEq, Eq)]
+    pub struct BrowserSettings in "browser" {
+        /// Its port; 0 takes any free one.
+        port: u16 = 8790, "", 0.0..=65_535.0, Everything;
+
+        /// Pages that may watch at a time.
+        clients_max: u32 = 8, "", 1.0..=64.0, Everything;
+    }
+    plain {
+        /// Address to listen at. Beyond loopback a token is demanded.
+        address: IpAddr = Ipv4Addr::LOCALHOST.into(), Everything;
+        /// Token to demand, at least [`TOKEN_CHARS_MIN`] characters of A-Z, a-z, 0-9, `-` and `_`; none: a random one for
+        /// each session where the address is not loopback.
+        token: Option<String> = None, Everything;
+        /// Name under which browsers reach the station, in addition to its addresses.
+        host_name: Option<String> = None, Everything;
+        /// Further addresses of the page: of an HTTPS proxy, or under other names.
+        origins: Vec<Origin> = Vec::new(), Everything;
+    }
+}
+
+impl BrowserSettings {
+    /// Whether `token` is long enough and has only characters that a URL allows.
+    pub fn accepts_token(token: &str) -> bool {
+        token.len() >= TOKEN_CHARS_MIN && token.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'-' || b == b'_')
+    }
+}

@@ -1,0 +1,98 @@
+//! Quality: number of paths, limits of their cost, and effects.
+
+use serde::Serialize;
+
+use super::live_control::hidden;
+use super::{ContactSettings, EffectChoices, ImageSettings, LookSettings, ReceiverSettings, settings};
+
+/// Greatest value of `quality.reflections_max`.
+pub(crate) const REFLECTIONS_MAX: u32 = 6;
+/// Most taps of the lateral kernel in its pass; odd.
+pub const BEAM_TAPS_MAX: u32 = 129;
+/// Most taps of the pulse in its pass; odd.
+pub const PULSE_TAPS_MAX: u32 = 257;
+
+settings! {
+    /// Number of paths, and their random seed.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+    pub struct Quality in "quality" {
+        /// Rays per scanline and layer.
+        rays: u32 = 1, "", 1.0..=256.0, Everything, hidden("Rays");
+
+        /// Elevational layers.
+        layers: u32 = 1, "", 1.0..=33.0, Everything, hidden("Layers");
+
+        /// Seed of every random choice.
+        seed: u32 = 0, "", 0.0..=4_294_967_295.0, Nothing;
+    }
+}
+
+impl Quality {
+    /// Low quality: 1 ray × 1 layer.
+    pub const LQ: Self = Self { rays: 1, layers: 1, seed: 0 };
+    /// High quality: 32 rays × 3 layers.
+    pub const HQ: Self = Self { rays: 32, layers: 3, seed: 0 };
+
+    /// Short name in captions and tables, whatever the seed: `LQ`, `HQ`, or both numbers as `8x1`.
+    pub fn name(&self) -> String {
+        match (Self { seed: 0, ..*self }) {
+            Self::LQ => "LQ".to_owned(),
+            Self::HQ => "HQ".to_owned(),
+            Self { rays, layers, .. } => format!("{rays}x{layers}"),
+        }
+    }
+}
+
+settings! {
+    /// All settings of a renderer except scene and probe. Serializes as the `[quality]` of a station.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+    pub struct RenderSettings in "quality" {
+        /// Most reflections of a path; at 0 no mirror image or reverberation forms.
+        reflections_max: u32 = REFLECTIONS_MAX, "", 0.0..=f64::from(REFLECTIONS_MAX), Nothing;
+
+        /// Most taps of the lateral beam, rounded down to an odd number; a wider beam is cut, with narrower speckle.
+        beam_taps_max: u32 = BEAM_TAPS_MAX, "", 3.0..=f64::from(BEAM_TAPS_MAX), Tables;
+
+        /// Most taps of the pulse, rounded down to an odd number; a longer pulse is cut, with shorter speckle.
+        pulse_taps_max: u32 = PULSE_TAPS_MAX, "", 3.0..=f64::from(PULSE_TAPS_MAX), Tables;
+    }
+    nested {
+        /// Image.
+        #[serde(skip)]
+        image: ImageSettings,
+        /// Paths.
+        #[serde(flatten)]
+        quality: Quality,
+        /// Contact with the skin.
+        #[serde(skip)]
+        contact: ContactSettings,
+        /// Additions of the receiver: noise, clutter, reverberation.
+        #[serde(skip)]
+        receiver: ReceiverSettings,
+        /// From lines to the display.
+        #[serde(skip)]
+        look: LookSettings,
+    }
+    plain {
+        /// Whether frames carry the complex baseband lines.
+        #[serde(skip)]
+        lines: bool = false, Everything;
+        /// Whether frames carry segmentation and attenuation; without them frames are faster. The image is the same, on a GPU up to rounding.
+        #[serde(skip)]
+        maps: bool = true, Nothing;
+        /// Choices for effects, which override the plan.
+        #[serde(skip)]
+        effects: EffectChoices = EffectChoices::default(), Everything;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn qualities_have_short_names() {
+        assert_eq!(Quality { seed: 1, ..Quality::HQ }.name(), "HQ");
+        assert_eq!(Quality { rays: 8, layers: 1, seed: 0 }.name(), "8x1");
+    }
+}

@@ -1,0 +1,60 @@
+//! Trackers: times, and the playback of recordings.
+
+use super::{settings, stored_word};
+
+/// Report value of a SpaceMouse at full deflection.
+pub const PUCK_RANGE: f64 = 350.0;
+
+/// Format of an NDI device's replies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum ReplyFormat {
+    /// `BX`: binary.
+    #[default]
+    Binary,
+    /// `TX`: text, the only format of older devices.
+    Text,
+}
+
+crate::names::named!(ReplyFormat { Binary = "BX", Text = "TX" });
+
+/// Whether a recording begins anew at its end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Repeat {
+    /// It ends the session.
+    #[default]
+    No,
+    /// It begins anew.
+    Yes,
+}
+
+crate::names::named!(Repeat { No = "no", Yes = "yes" });
+
+stored_word!(ReplyFormat);
+stored_word!(Repeat);
+
+settings! {
+    /// Settings of `[tracker]`, beside its transport.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct TrackerSettings in "tracker" {
+        /// Silence after which the tracker is started anew.
+        silence_ms: f64 = 2000.0, "ms", 10.0..=600_000.0, Everything;
+
+        /// Time that a Polhemus device takes to start after a reset.
+        reset_delay_ms: f64 = 20_000.0, "ms", 0.0..=120_000.0, Everything;
+
+        /// Whether an NDI tool outside of the characterised volume still gives poses.
+        ndi_out_of_volume: bool = true, "", 0.0..=1.0, Everything;
+
+        /// What an NDI device is asked for: binary replies, or text, the only ones that older devices know.
+        ndi_reply: ReplyFormat = ReplyFormat::Binary, "", 0.0..=1.0, Everything;
+
+        /// Report value of a SpaceMouse at full deflection; `[filter] puck_mm_s` and `puck_deg_s` are the speeds there.
+        puck_range: f64 = PUCK_RANGE, "", 1.0..=32_767.0, Everything;
+
+        /// Playback speed over the recorded one; 0: as fast as the session takes it.
+        speed: f64 = 1.0, "", 0.0..=1000.0, Everything;
+
+        /// Whether the recording begins anew at its end.
+        repeat: Repeat = Repeat::No, "", 0.0..=1.0, Everything;
+    }
+}

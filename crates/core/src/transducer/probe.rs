@@ -1,0 +1,131 @@
+//! Geometry of a probe: its scanlines, its beam and its sampling.
+
+use glam::DVec3;
+
+use crate::acoustics::beam::{Beam, Reception};
+use crate::acoustics::{self, pulse, slide};
+use crate::settings::{Probe, ProbeKind};
+
+impl Probe {
+    /// Depth between two samples, mm at 1540 m/s. Sample j is centred at depth (j + ½)·spacing.
+    pub fn sample_spacing_mm(&self) -> f64 {
+        self.depth_mm / f64::from(self.samples)
+    }
+
+    /// Radius of the face, mm: 0 for a phased array, `None` for a linear one.
+    pub fn face_radius_mm(&self) -> Option<f64> {
+        match self.kind {
+            ProbeKind::Convex { radius_mm, .. } => Some(radius_mm),
+            ProbeKind::Phased { .. } => Some(0.0),
+            ProbeKind::Linear { .. } => None,
+        }
+    }
+
+    /// Half the lateral extent of the sector: radians, or mm for a linear face.
+    pub fn half_extent(&self) -> f64 {
+        match self.kind {
+            ProbeKind::Convex { fov_deg, .. } | ProbeKind::Phased { fov_deg } => 0.5 * fov_deg.to_radians(),
+            ProbeKind::Linear { width_mm } => 0.5 * width_mm,
+        }
+    }
+
+    /// Lateral coordinate (radians, or mm for a linear face) at `fraction` (0..=1) of the sector's extent.
+    ///
+    /// Scanline i of n is at fraction (i + ½)/n.
+    pub fn lateral_coordinate(&self, fraction: f64) -> f64 {
+        (2.0 * fraction - 1.0) * self.half_extent()
+    }
+
+    /// Origin on the face (mm) and unit direction of the ray at a lateral coordinate, in the probe frame.
+    pub fn ray(&self, lateral: f64) -> (DVec3, DVec3) {
+        match self.face_radius_mm() {
+            Some(radius) => {
+                let (sin, cos) = lateral.sin_cos();
+                // radius·(cos − 1) without cancellation at small angles.
+                let sag = -2.0 * radius * (0.5 * lateral).sin().powi(2);
+                (DVec3::new(radius * sin, 0.0, sag), DVec3::new(sin, 0.0, cos))
+            }
+            None => (DVec3::new(lateral, 0.0, 0.0), DVec3::Z),
+        }
+    }
+
+    /// Lateral distance between neighbouring scanlines at `depth_mm`, mm.
+    pub fn line_spacing_mm(&self, depth_mm: f64) -> f64 {
+        let step = 2.0 * self.half_extent() / f64::from(self.scanlines);
+        self.face_radius_mm().map_or(step, |radius| step * (radius + depth_mm))
+    }
+
+    /// Standard deviation of the axial pulse-echo envelope, mm.
+    pub fn axial_sigma_mm(&self) -> f64 {
+        let fundamental_mm = pulse::axial_sigma_mm(self.frequency_mhz, self.fractional_bandwidth);
+        // The square of a Gaussian pulse is shorter by √2; half of the variance is that of reception.
+        if self.harmonics { 0.75_f64.sqrt() * fundamental_mm } else { fundamental_mm }
+    }
+
+    /// The beam across scanlines: a fixed transmit focus and a dynamic receive focus.
+    pub fn lateral_beam(&self) -> Beam {
+        Beam {
+            frequency_mhz: self.frequency_mhz,
+            fractional_bandwidth: self.fractional_bandwidth,
+            apodization: self.apodization,
+            aperture_mm: self.aperture_mm,
+            focus_mm: self.focus_mm,
+            reception: Reception::Dynamic,
+            harmonic: self.harmonics,
+        }
+    }
+
+    /// The beam across the slice: a lens, focused at one depth on both ways.
+    pub fn elevational_beam(&self) -> Beam {
+        Beam {
+            aperture_mm: self.elevational_height_mm,
+            focus_mm: self.elevational_focus_mm,
+            reception: Reception::Fixed,
+            ..self.lateral_beam()
+        }
+    }
+
+    /// Standard deviation of the Gaussian as wide as the two-way lateral beam at −6 dB, at `depth_mm`, mm.
+    ///
+    /// Sums over the aperture: about 0.1 ms.
+    pub fn lateral_sigma_mm(&self, depth_mm: f64) -> f64 {
+        self.lateral_beam().width_mm(depth_mm) / pulse::FWHM_PER_SIGMA
+    }
+
+    /// Standard deviation of the Gaussian as wide as the two-way elevational beam at −6 dB, at `depth_mm`, mm.
+    ///
+    /// Sums over the lens: about 0.1 ms.
+    pub fn elevational_sigma_mm(&self, depth_mm: f64) -> f64 {
+        self.elevational_beam().width_mm(depth_mm) / pulse::FWHM_PER_SIGMA
+    }
+
+    /// Lens across the slice.
+    pub fn elevational_lens(&self) -> slide::Lens {
+        slide::Lens {
+            frequency_mhz: self.frequency_mhz,
+            height_mm: self.elevational_height_mm,
+            focus_mm: self.elevational_focus_mm,
+        }
+    }
+
+    /// Frequency of reception, MHz.
+    pub(crate) fn returning_mhz(&self) -> f64 {
+        if self.harmonics { 2.0 * self.frequency_mhz } else { self.frequency_mhz }
+    }
+
+    /// Loss out and back of a tissue that loses `db_cm_mhz` at 1 MHz, rising with a power of the frequency; dB per mm.
+    ///
+    /// A harmonic is made on the way by the square of the transmitted pressure, which loses twice as much as the pressure
+    /// (quasi-linear plane waves: Hamilton and Blackstock, Nonlinear Acoustics, 1998, chapter 4).
+    pub fn two_way_loss_db_mm(&self, db_cm_mhz: f64, exponent: f64) -> f64 {
+        let at = |frequency_mhz| acoustics::attenuation::attenuation_db_mm(db_cm_mhz, exponent, frequency_mhz);
+        let out = if self.harmonics { 2.0 * at(self.frequency_mhz) } else { at(self.frequency_mhz) };
+        out + at(self.returning_mhz())
+    }
+
+    /// Turns of baseband phase per mm of depth: 2f/c₀ of the frequency of reception. An echo at depth z carries
+    /// e^(−i2π·turns·z).
+    pub fn phase_turns_per_mm(&self) -> f64 {
+        2.0 / acoustics::wavelength_mm(self.returning_mhz())
+    }
+}

@@ -1,0 +1,109 @@
+// Echo of the scatterers at a sample.
+
+// Scatterers of a sample as the paths see them.
+struct Strength {
+    // Mean and deviation of a scatterer's amplitude.
+    mean: f32,
+    deviation: f32,
+    // Part of the cells that hold one, in 1/131072.
+    density: f32,
+}
+
+// A sample's place on its guide.
+struct Place {
+    // Scene frame, relative to the tree's centre, mm.
+    here: vec3<f32>,
+    // Way per mm of range.
+    step: vec3<f32>,
+    range_mm: f32,
+}
+
+// Echo of the scatterer with the random words `bits`, `ahead_mm` of range beyond its sample.
+fn scatterer_echo(bits: vec3<u32>, ahead_mm: f32, place: Place, strength: Strength) -> vec2<f32> {
+    // The scatterer's own range sets the phase, whichever sample finds its cell.
+    let turn = phasor(-params.phase_turns_per_mm * (place.range_mm + ahead_mm));
+    let amplitude = vec2<f32>(strength.mean, 0.0) + strength.deviation * scatterer_deviate(bits.z);
+    return select(vec2<f32>(0.0), times(amplitude, turn), f32(i32(bits.x >> 15u)) < strength.density);
+}
+
+// Echo of the one scatterer of the sample's lattice cell.
+fn lattice_echo(place: Place, strength: Strength) -> vec2<f32> {
+    let cell = lattice_cell(place.here);
+    let bits = lattice_hash(cell);
+    let ahead = scatterer_position(cell, bits.y) - place.here;
+    let ahead_mm = dot(ahead, place.step) / max(dot(place.step, place.step), 1.0e-12);
+    return scatterer_echo(bits, ahead_mm, place, strength);
+}
+
+// Random words of a cell of a sheet: presence, place and amplitude of its scatterer.
+fn sheet_hash(cell: vec3<i32>) -> vec3<u32> {
+    return pcg3d(bitcast<vec3<u32>>(cell));
+}
+
+// Scatterer of a cell as a sample sees it.
+struct CellScatterer {
+    // Random words: presence, place and amplitude.
+    bits: vec3<u32>,
+    // Range beyond the sample, mm.
+    ahead_mm: f32,
+}
+
+// Place of a scatterer by its random word: twice ten bits.
+fn sheet_offset(bits: u32) -> vec2<f32> {
+    return (vec2<f32>(vec2<i32>(vec2<u32>(bits, bits >> 10u) & vec2<u32>(1023u))) + 0.5) * (1.0 / 1024.0);
+}
+
+// The cell's scatterer whose range is nearest to the sample's. Each lies in its own quarter; two lie in opposite quarters.
+// `corner` is the vector from the sample to the cell's corner, cells; `rate` the range per cell, mm.
+fn nearest_scatterer(scatterers: u32, bits: vec3<u32>, corner: vec2<f32>, rate: vec2<f32>) -> CellScatterer {
+    var nearest = 0u;
+    var ahead_mm = BEYOND_MM;
+    for (var quarter = 0u; quarter < scatterers; quarter++) {
+        let place = bits.y + quarter * (bits.x * SCATTERER_STRIDE);
+        let half = vec2<f32>(vec2<i32>(vec2<u32>(quarter ^ (quarter >> 1u), quarter) & vec2<u32>(1u))) * 0.5;
+        let along_mm = dot(corner + (half + 0.5 * sheet_offset(place)), rate);
+        if abs(along_mm) < abs(ahead_mm) {
+            nearest = quarter;
+            ahead_mm = along_mm;
+        }
+    }
+    let words = vec3<u32>(bits.x + nearest * bits.z, bits.y, bits.z + nearest * (bits.y * SCATTERER_STRIDE));
+    return CellScatterer(words, ahead_mm);
+}
+
+// Echo of the scatterers where the sample's elevational line meets sheets: see crates/render/src/sheets.rs.
+fn sheets_echo(place: Place, strength: Strength, per_reach_mm: f32) -> vec2<f32> {
+    let steps = 1.0 / max(dot(place.step, place.step), 1.0e-12);
+    var sum = vec2<f32>(0.0);
+    for (var k = 0u; k < params.sheet_families; k++) {
+        let family = params.sheets[k];
+        let per_cell = 1.0 / family.cell_mm;
+        let across = dot(family.normal.xyz, place.here) / params.sheet_spacing_mm;
+        let in_sheet = vec2<f32>(dot(family.first.xyz, place.here), dot(family.second.xyz, place.here)) * per_cell;
+        // Cells along the elevational line per sheet, and mm of range per cell.
+        let drift = vec2<f32>(family.first.w, family.second.w) * (params.sheet_spacing_mm * per_cell);
+        let rate = vec2<f32>(dot(family.first.xyz, place.step), dot(family.second.xyz, place.step)) * (steps * family.cell_mm);
+        let lowest = i32(floor(across - 0.5 * f32(SHEETS))) + 1;
+        var echo = vec2<f32>(0.0);
+        var squares = 0.0;
+        for (var i = 0; i < i32(SHEETS); i++) {
+            let sheet = lowest + i;
+            let off = f32(sheet) - across;
+            let y = off * (params.sheet_spacing_mm * family.normal.w) * per_reach_mm;
+            let bell = max(1.0 - y * y, 0.0);
+            let weight = bell * bell;
+            let met = in_sheet + off * drift;
+            let cell = vec2<i32>(floor(met));
+            let bits = sheet_hash(vec3<i32>(cell, sheet + i32(family.salt)));
+            let corner = vec2<f32>(cell) - met;
+            var scatterer = CellScatterer(bits, dot(corner + sheet_offset(bits.y), rate));
+            if family.cell_scatterers > 1u {
+                scatterer = nearest_scatterer(family.cell_scatterers, bits, corner, rate);
+            }
+            echo += weight * scatterer_echo(scatterer.bits, scatterer.ahead_mm, place, strength);
+            squares += weight * weight;
+        }
+        sum += family.share / sqrt(max(squares, 1.0e-12)) * echo;
+    }
+    return sum;
+}

@@ -1,0 +1,280 @@
+//! Sizes of the grid: cells along the face, planes in depth, modes.
+
+use insonify_core::acoustics::beam::RECEIVE_F_NUMBER_MIN;
+use insonify_core::acoustics::wavelength_mm;
+use insonify_core::transducer::Probe;
+use rustfft::num_complex::Complex64;
+
+use super::geometry::Face;
+use super::sampling::{CellRays, Sampling};
+use crate::constants::CELLS_MAX;
+
+/// Modes that are computed together.
+pub(crate) const MODE_LANES: usize = 8;
+/// Most beams of a period.
+pub(crate) const BEAMS_MAX: usize = 256;
+/// Fewest cells of a period.
+const CELLS_MIN: usize = 64;
+/// End of the binary logarithms of the numbers of periods that are tried.
+const PERIODS_LOG2_END: u32 = 8;
+/// Most offsets of a profile to one side, in cells: half a period.
+pub(crate) const OFFSETS_MAX: usize = BEAMS_MAX;
+/// Most modes: those of a period's cells, with two groups that are filled up.
+pub(crate) const MODES_MAX: usize = BEAM_CELLS_MAX * BEAMS_MAX + 2 * MODE_LANES;
+/// Most planes of a frame.
+pub(crate) const PLANES_MAX: usize = 128;
+
+/// Largest distance of planes, mm, unless the image is deeper than [`PLANES_MAX`] of them.
+const PLANE_MM: f64 = 3.33;
+/// Largest cell along the face, mm: flat and curved faces. Cells of a curved face widen with depth, and rays leave it at
+/// steep angles.
+const CELL_MM: [f64; 2] = [0.28125, 0.135];
+/// Largest distance of beams along the face, mm: flat and curved faces.
+const BEAM_MM: [f64; 2] = [0.5625, 0.45];
+/// Most cells per beam.
+const BEAM_CELLS_MAX: usize = 4;
+/// Space on either side of the array, mm.
+const MARGIN_MM: f64 = 3.0;
+/// Width over which the array's sensitivity falls at its ends, mm: a hard end would scatter the copies of beams.
+const FACE_EDGE_MM: f64 = 2.0;
+/// Sines beyond the aperture's steepest ray that belong to its beams.
+pub(super) const SLOPE_MARGIN: f64 = 0.06;
+/// Least and greatest distance from a scanline within which scatterers are summed, mm at the scatterers.
+const REACH_MM: [f64; 2] = [7.0, 13.0];
+/// Ratio of this distance to the depth of the image: beams that bend lead farther away at larger depths.
+const REACH_PER_DEPTH: f64 = 0.11;
+/// Spread from which every second mode does.
+const HALVING_SPREAD: f64 = 2.0;
+/// Most rays of a layer that are taken for one cell.
+const CELL_RAYS_MAX: u32 = 32;
+/// Least part of a ray's share of the face within a cell that counts.
+const CELL_PART_MIN: f64 = 1.0e-3;
+
+/// Sizes, in the terms of [`ApertureTables`](super::ApertureTables).
+#[derive(Debug, Clone)]
+pub(super) struct Grid {
+    pub(super) shape: Face,
+    /// Wave number, radians per mm.
+    pub(super) wave_number: f64,
+    /// Width of the array along the face.
+    pub(super) width_mm: f64,
+    /// Period of the modes along the face.
+    pub(super) period_mm: f64,
+    pub(super) sampling: Sampling,
+    pub(super) cell_mm: f64,
+    pub(super) planes: usize,
+    pub(super) plane_samples: u32,
+    pub(super) plane_mm: f64,
+    /// Distance from a beam's axis within which its scatterers are summed, mm at the scatterers.
+    pub(super) reach_mm: f64,
+    pub(super) modes: Vec<Option<i32>>,
+}
+
+impl Grid {
+    /// Sizes for a probe; none for a phased array or a face that is too wide.
+    pub(super) fn new(probe: &Probe) -> Option<Self> {
+        let radius_mm = probe.face_radius_mm().unwrap_or(f64::INFINITY);
+        if radius_mm <= 0.0 {
+            return None;
+        }
+        let (shape, curved) = (Face { radius_mm }, radius_mm.is_finite());
+        let width_mm = 2.0 * probe.half_extent() * if curved { radius_mm } else { 1.0 };
+        let wave_number = std::f64::consts::TAU / wavelength_mm(probe.frequency_mhz);
+
+        // The period is the distance of a beam from its copies, which must lie outside the aperture and the reach.
+        let reach_mm = (REACH_PER_DEPTH * probe.depth_mm).clamp(REACH_MM[0], REACH_MM[1]);
+        // A curved face spreads the copies with depth.
+        let period_min_mm = match curved {
+            true => (0.7 * probe.aperture_mm).max(2.0 * REACH_MM[0]),
+            false => (0.9 * probe.aperture_mm).max(2.0 * reach_mm),
+        };
+        // Powers of two: the fewest cells, then the shortest period.
+        let domain_mm = width_mm + 2.0 * MARGIN_MM;
+        let sizes = (0..PERIODS_LOG2_END).map(|log2| {
+            let periods = 1_usize << log2;
+            let period_mm = period_min_mm.max(domain_mm / periods as f64);
+            let cells = (period_mm / CELL_MM[usize::from(curved)] - 1e-9).ceil() as usize;
+            (periods, cells.next_power_of_two().max(CELLS_MIN), period_mm)
+        });
+        let (periods, period_cells, period_mm) =
+            sizes.min_by(|a, b| (a.0 * a.1).cmp(&(b.0 * b.1)).then(a.2.total_cmp(&b.2)))?;
+        let (cells, cell_mm) = (periods * period_cells, period_mm / period_cells as f64);
+        let fits = |node_cells: &usize| cell_mm * *node_cells as f64 <= BEAM_MM[usize::from(curved)];
+        let node_cells = [BEAM_CELLS_MAX, 2].into_iter().find(fits).unwrap_or(2);
+        let beams = period_cells / node_cells;
+        if cells > CELLS_MAX as usize || period_cells / 2 > OFFSETS_MAX || beams > BEAMS_MAX {
+            return None;
+        }
+
+        let (plane_samples, planes) = planes(probe);
+        let plane_mm = f64::from(plane_samples) * probe.sample_spacing_mm();
+        let depth_of = |plane: usize| (plane as f64 + 0.5) * plane_mm;
+        let halves_at = match curved {
+            false => planes,
+            true => (0..planes).find(|&p| shape.spread(depth_of(p)) >= HALVING_SPREAD).unwrap_or(planes),
+        };
+        let slopes = (0..planes).map(|p| shape.slope(0.5 * receive_mm(probe, depth_of(p)), depth_of(p)));
+        let steepest = slopes.fold(shape.slope(0.5 * probe.aperture_mm, probe.focus_mm), f64::max) + SLOPE_MARGIN;
+        let highest = (wave_number * period_mm * steepest / std::f64::consts::TAU) as usize;
+        let highest = highest.min((beams * node_cells - 1) / 2) as i32;
+        let (modes, lasting_modes) = ordered(highest, halves_at < planes);
+        Some(Self {
+            shape,
+            wave_number,
+            width_mm,
+            period_mm,
+            sampling: Sampling { cells, beams, node_cells, halves_at, modes: modes.len(), lasting_modes },
+            cell_mm,
+            planes,
+            plane_samples,
+            plane_mm,
+            reach_mm,
+            modes,
+        })
+    }
+
+    /// Depth of a plane, mm.
+    pub(super) fn depth_mm(&self, plane: usize) -> f64 {
+        (plane as f64 + 0.5) * self.plane_mm
+    }
+
+    /// Wave number along the face of a mode, radians per mm.
+    pub(super) fn mode_wave_number(&self, mode: i32) -> f64 {
+        std::f64::consts::TAU * f64::from(mode) / self.period_mm
+    }
+
+    /// Distance in cells within which a beam's scatterers are summed: at most half a period.
+    pub(super) fn reach_cells(&self, plane: usize) -> f64 {
+        let half_period = (0.5 * self.sampling.beams as f64 - 1.0) * self.sampling.node_cells_at(plane) as f64;
+        (self.reach_mm / self.shape.spread(self.depth_mm(plane)) / self.cell_mm).min(half_period)
+    }
+
+    /// Propagation of each spatial frequency from the plane before to each plane [planes × cells]; evanescent waves end.
+    pub(super) fn steps(&self) -> Vec<Complex64> {
+        let mut steps = Vec::with_capacity(self.planes * self.sampling.cells);
+        for plane in 0..self.planes {
+            let to = self.depth_mm(plane);
+            let from = if plane == 0 { 0.0 } else { self.depth_mm(plane - 1) };
+            for cell in 0..self.sampling.cells {
+                let cycles = if cell <= self.sampling.cells / 2 {
+                    cell as f64
+                } else {
+                    cell as f64 - self.sampling.cells as f64
+                };
+                let q = std::f64::consts::TAU * cycles / (self.sampling.cells as f64 * self.cell_mm);
+                steps.push(self.phase(q, from, to).map_or(Complex64::ZERO, |phase| Complex64::from_polar(1.0, phase)));
+            }
+        }
+        steps
+    }
+
+    /// ∫(√(k² − q²/ρ²) − k)dz between two depths; none for an evanescent wave. Four-point Gauss quadrature.
+    fn phase(&self, q: f64, from_mm: f64, to_mm: f64) -> Option<f64> {
+        const NODES: [(f64, f64); 2] =
+            [(0.339_981_043_584_856_3, 0.652_145_154_862_546_1), (0.861_136_311_594_052_6, 0.347_854_845_137_453_9)];
+        let (middle, half) = (0.5 * (from_mm + to_mm), 0.5 * (to_mm - from_mm));
+        let mut sum = 0.0;
+        for (node, weight) in NODES {
+            for at in [middle - half * node, middle + half * node] {
+                let across = q / self.shape.spread(at);
+                let along2 = self.wave_number * self.wave_number - across * across;
+                if along2 <= 0.0 {
+                    return None;
+                }
+                // √(k² − q²) − k without cancellation.
+                sum -= weight * across * across / (along2.sqrt() + self.wave_number);
+            }
+        }
+        Some(half * sum)
+    }
+
+    /// Sensitivity of the face at each cell: 1 within the array, 0 beyond it, smooth at its ends.
+    pub(super) fn face(&self) -> Vec<f64> {
+        let at = |cell: usize| {
+            let across = (cell as f64 - 0.5 * self.sampling.cells as f64) * self.cell_mm;
+            let inside = (0.5 * self.width_mm - across.abs()) / FACE_EDGE_MM + 0.5;
+            (std::f64::consts::FRAC_PI_2 * inside.clamp(0.0, 1.0)).sin().powi(2)
+        };
+        (0..self.sampling.cells).map(at).collect()
+    }
+
+    /// Place of a scanline, in cells.
+    pub(super) fn line_cell(&self, probe: &Probe, line: u32) -> f64 {
+        self.cell_of((f64::from(line) + 0.5) / f64::from(probe.scanlines))
+    }
+
+    /// Place of a fraction of the sector's width, in cells.
+    fn cell_of(&self, fraction: f64) -> f64 {
+        (fraction - 0.5) * self.width_mm / self.cell_mm + 0.5 * self.sampling.cells as f64
+    }
+
+    /// Rays of a layer that cross each cell. At most [`CELL_RAYS_MAX`], spread evenly.
+    pub(super) fn cell_rays(&self, probe: &Probe, rays_per_line: u32) -> Vec<CellRays> {
+        let all = f64::from(probe.scanlines * rays_per_line);
+        // Ray i stands for the face from i to i + 1.
+        let ray_of = |cell: f64| ((cell - 0.5 * self.sampling.cells as f64) * self.cell_mm / self.width_mm + 0.5) * all;
+        let of_cell = |cell: usize| {
+            let (from, to) = (ray_of(cell as f64 - 0.5).max(0.0), ray_of(cell as f64 + 0.5).min(all));
+            if to - from < CELL_PART_MIN {
+                return CellRays::single((0.5 * (from + to)).floor().clamp(0.0, all - 1.0) as u32);
+            }
+            // A ray of which the cell has next to nothing is left out.
+            let (first, end) = ((from + CELL_PART_MIN).floor().min(all - 1.0), (to - CELL_PART_MIN).ceil());
+            let crossing = (end - first).max(1.0) as u32;
+            if crossing == 1 {
+                return CellRays::single(first as u32);
+            }
+            if crossing <= CELL_RAYS_MAX {
+                let parts = [(first + 1.0 - from).min(1.0), (to - (end - 1.0)).min(1.0)];
+                return CellRays { first: first as u32, step: 1, count: crossing, parts: parts.map(CellRays::packed) };
+            }
+            let step = crossing.div_ceil(CELL_RAYS_MAX);
+            let count = crossing.div_ceil(step);
+            // Centred: what the steps leave over goes to both ends.
+            let first = first as u32 + (crossing - 1 - (count - 1) * step) / 2;
+            CellRays { first, step, count, ..CellRays::single(0) }
+        };
+        (0..self.sampling.cells).map(of_cell).collect()
+    }
+}
+
+/// Width of the receive aperture focused at a depth, mm.
+pub(super) fn receive_mm(probe: &Probe, depth_mm: f64) -> f64 {
+    probe.aperture_mm.min(depth_mm / RECEIVE_F_NUMBER_MIN)
+}
+
+/// Samples per interval between planes, and the number of intervals. An interval is a multiple or a fraction of 16
+/// samples.
+fn planes(probe: &Probe) -> (u32, usize) {
+    let apart_mm = PLANE_MM.max(probe.depth_mm / (PLANES_MAX as f64 - 1.0));
+    let samples = ((apart_mm / probe.sample_spacing_mm()) as u32).max(1);
+    let deep = probe.depth_mm / (PLANES_MAX as f64 - 1.0) > PLANE_MM;
+    let rounded = match samples {
+        // Rounded up where the number of planes is limited.
+        16.. if deep => samples.div_ceil(16) * 16,
+        16.. => samples / 16 * 16,
+        _ if deep => samples.next_power_of_two(),
+        _ => 1 << samples.ilog2(),
+    };
+    (rounded, probe.samples.div_ceil(rounded) as usize)
+}
+
+/// Numbers of the modes up to `highest`, even ones first, padded to whole groups, and the length of the even part. Without
+/// `halving` all are one part.
+fn ordered(highest: i32, halving: bool) -> (Vec<Option<i32>>, usize) {
+    let group = |stride: i32, first: i32| {
+        let numbers = (-highest..=highest).filter(|m| (m - first).rem_euclid(stride) == 0).map(Some);
+        let mut modes: Vec<_> = numbers.collect();
+        modes.resize(modes.len().next_multiple_of(MODE_LANES), None);
+        modes
+    };
+    if !halving {
+        let modes = group(1, 0);
+        let count = modes.len();
+        return (modes, count);
+    }
+    let mut modes = group(2, 0);
+    let lasting = modes.len();
+    modes.extend(group(2, 1));
+    (modes, lasting)
+}

@@ -1,0 +1,208 @@
+//! Rendering backends and their choice.
+
+use std::fmt;
+use std::time::Duration;
+
+pub use insonify_core::settings::{BackendChoice, UnknownBackend, UnknownBackendVariable};
+
+use super::configuration::FrameInputs;
+use super::device::Gpu;
+use super::error::{BackendError, RenderError};
+use super::hooks::TestHooks;
+use super::host::{self, HostRenderer};
+use super::maker::FrameMaker;
+use super::place::Place;
+use super::trace_by::TraceBy;
+
+/// An open backend. Cloning shares the device.
+#[derive(Debug, Clone)]
+pub struct Backend(Kind);
+
+#[derive(Debug, Clone)]
+enum Kind {
+    Host,
+    Device(Box<Gpu>),
+}
+
+impl Backend {
+    /// Opens the backend of a choice.
+    ///
+    /// Devices are preferred in the order discrete, integrated, software; `WGPU_BACKEND` restricts the interfaces.
+    /// `INSONIFY_TRACE` sets the way of `trace`.
+    ///
+    /// # Errors
+    /// `Device` without a driver, with one that refuses a device, or in a build without the feature `gpu`. `Auto` falls
+    /// back to the host, with a warning if a driver fails. An unknown way of `trace`, or one that the device lacks.
+    pub fn open(choice: BackendChoice) -> Result<Self, BackendError> {
+        let trace = TraceBy::from_environment().map_err(BackendError::Trace)?;
+        let opened = |gpu: Gpu| match trace {
+            Some(by) => Ok(Self(Kind::Device(Box::new(gpu.tracing_by(by)?)))),
+            None => Ok(Self(Kind::Device(Box::new(gpu)))),
+        };
+        match choice {
+            BackendChoice::Host => Ok(Self(Kind::Host)),
+            BackendChoice::Device => opened(Gpu::open(true)?),
+            BackendChoice::Auto if !Gpu::may_exist() => Ok(Self(Kind::Host)),
+            BackendChoice::Auto => match Gpu::open(false) {
+                Ok(gpu) => opened(gpu),
+                Err(BackendError::NoAdapter { .. }) => Ok(Self(Kind::Host)),
+                Err(error) => {
+                    tracing::warn!("frames are made on the host: {error}");
+                    Ok(Self(Kind::Host))
+                }
+            },
+        }
+    }
+
+    /// Opens the same kind of backend again, after its device was lost.
+    ///
+    /// # Errors
+    /// As [`Backend::open`].
+    pub fn reopen(&self) -> Result<Self, BackendError> {
+        match &self.0 {
+            Kind::Host => Ok(self.clone()),
+            Kind::Device(gpu) => Ok(Self(Kind::Device(Box::new(gpu.reopen()?)))),
+        }
+    }
+
+    /// The same backend; its device counts as lost if a frame takes longer than `wait`. Without it, a GPU has a minute, and
+    /// software any time. The host is not concerned.
+    pub fn answering_within(self, wait: Duration) -> Self {
+        self.with_device(|gpu| gpu.answering_within(wait))
+    }
+
+    /// The same backend; its device traces in the given way, whatever `INSONIFY_TRACE` says. The host is not concerned.
+    ///
+    /// # Errors
+    /// Lanes, on a device that can't trace by them.
+    pub fn tracing_by(self, by: TraceBy) -> Result<Self, BackendError> {
+        Ok(match self.0 {
+            Kind::Host => self,
+            Kind::Device(gpu) => Self(Kind::Device(Box::new(gpu.tracing_by(by)?))),
+        })
+    }
+
+    /// The same backend; where a device makes many frames ([`Renderer::render_many`](super::Renderer::render_many)) that differ in pose
+    /// and seed alone, a dispatch makes up to `frames` of them, 1 to 8. By default a GPU takes as many as fill it, software one, and
+    /// the host is not concerned.
+    pub fn with_frames_at_once(self, frames: u32) -> Self {
+        self.with_device(|gpu| gpu.with_frames_at_once(frames))
+    }
+
+    /// The same backend with a changed device; the host has none.
+    fn with_device(self, change: impl FnOnce(Gpu) -> Gpu) -> Self {
+        match self.0 {
+            Kind::Host => self,
+            Kind::Device(gpu) => Self(Kind::Device(Box::new(change(*gpu)))),
+        }
+    }
+
+    /// Whether a device can trace by lanes; false for the host.
+    pub fn has_trace_by_lanes(&self) -> bool {
+        match &self.0 {
+            Kind::Host => false,
+            Kind::Device(gpu) => gpu.has_trace_by_lanes(),
+        }
+    }
+
+    /// Way of `trace` on the device: `path`, `lanes`, or both by the number of paths. None for the host, and before the first
+    /// renderer, which may measure both ways.
+    pub fn trace(&self) -> Option<String> {
+        match &self.0 {
+            Kind::Host => None,
+            Kind::Device(gpu) => gpu.trace(),
+        }
+    }
+
+    /// The same backend, and a hang of about `duration` that a test can inject into its device. A device that is opened again
+    /// has none.
+    ///
+    /// # Errors
+    /// The host, which has no device; a device that fails.
+    #[cfg(all(feature = "test-hooks", feature = "gpu"))]
+    pub fn with_hang(self, duration: Duration) -> Result<(Self, super::InjectedHang), BackendError> {
+        match self.0 {
+            Kind::Host => Err(BackendError::NoAdapter { reason: "the host has no device that could hang".to_owned() }),
+            Kind::Device(gpu) => {
+                let (gpu, hang) = gpu.with_hang(duration)?;
+                Ok((Self(Kind::Device(Box::new(gpu))), hang))
+            }
+        }
+    }
+
+    /// Whether frames are made by the host renderer.
+    pub fn on_host(&self) -> bool {
+        matches!(self.0, Kind::Host)
+    }
+
+    /// Whether frames are made on the CPU: by the host renderer or by a software device.
+    pub fn is_software(&self) -> bool {
+        match &self.0 {
+            Kind::Host => true,
+            Kind::Device(gpu) => gpu.is_software(),
+        }
+    }
+
+    /// Where frames are computed.
+    pub fn place(&self) -> Place {
+        match &self.0 {
+            Kind::Host => Place::Processors,
+            Kind::Device(gpu) => gpu.place(),
+        }
+    }
+
+    /// Name of the adapter, or of the host's processor.
+    pub fn name(&self) -> String {
+        match &self.0 {
+            Kind::Host => host::processor_name(),
+            Kind::Device(gpu) => gpu.adapter_name(),
+        }
+    }
+
+    /// Driver and its version; for the host, threads and instruction set.
+    pub fn driver(&self) -> String {
+        match &self.0 {
+            Kind::Host => host::description(),
+            Kind::Device(gpu) => gpu.driver(),
+        }
+    }
+
+    /// Frame maker of this backend.
+    pub(super) fn maker(&self, inputs: FrameInputs<'_>, hooks: &TestHooks) -> Result<Box<dyn FrameMaker>, RenderError> {
+        Ok(match &self.0 {
+            Kind::Host => Box::new(HostRenderer::new(inputs, hooks.trace, hooks.image)?),
+            Kind::Device(gpu) => gpu.maker(inputs, &hooks.shaders)?,
+        })
+    }
+}
+
+impl fmt::Display for Backend {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} ({})", self.name(), self.driver())?;
+        self.trace().map_or(Ok(()), |by| write!(f, ", trace by {by}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn choices_are_read_and_written() {
+        for (word, choice) in ["auto", "host", "device"].into_iter().zip(BackendChoice::ALL) {
+            assert_eq!(word.parse(), Ok(choice));
+            assert_eq!(choice.to_string(), word);
+        }
+        let error = "gpu".parse::<BackendChoice>().unwrap_err().to_string();
+        assert_eq!(error, "`gpu` is no backend; they are auto, host, device");
+    }
+
+    #[test]
+    fn the_host_names_its_processor_and_how_it_uses_it() {
+        let host = Backend::open(BackendChoice::Host).unwrap();
+        assert!(host.on_host() && host.is_software() && !host.name().is_empty());
+        let driver = host.driver();
+        assert!(driver.starts_with("insonify host, ") && driver.contains("thread"), "{driver}");
+        assert!(host.reopen().unwrap().on_host());
+    }
+}

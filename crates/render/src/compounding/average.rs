@@ -1,0 +1,137 @@
+//! Weighted mean of the pictures of all angles at the present picture's pixels.
+
+use insonify_core::simd::{at_least, at_most, log2, nearest_bits, widened};
+
+use super::codes::{BLOCK, Codes, amplitude};
+use super::registration::Registration;
+use crate::angle_order::ACROSS_SIGMA_MM;
+
+/// Pixels of a row that are summed together.
+const SEGMENT: usize = 64 * BLOCK;
+/// Parts of a pixel to which displacements are rounded.
+const PARTS: i64 = 256;
+/// The weight (1 − y²/8σ²)⁸ is that of exp(−y²/σ²) near the slice, and 0 from √8 σ on.
+const PER_MM2: f32 = (1.0 / (8.0 * ACROSS_SIGMA_MM * ACROSS_SIGMA_MM)) as f32;
+/// Eighth root of the least weight: a picture from beside the slice shows where no other one does.
+const WEIGHT_ROOT_MIN: f32 = 0.2;
+const AMPLITUDE_MIN: f32 = 1.0e-30;
+
+/// An angle's picture in the present one.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Source {
+    pub(super) angle: usize,
+    pub(super) registration: Registration,
+}
+
+/// What rows of a picture are made of.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct View<'a> {
+    pub(super) angles: &'a [Codes],
+    pub(super) sources: &'a [Source],
+    /// Whether the straight angle, the last, has been made.
+    pub(super) straight: bool,
+    /// 255 inside the sector [height × width].
+    pub(super) mask: &'a [u8],
+    /// First column in the sector and the one after the last, of each row.
+    pub(super) spans: &'a [[usize; 2]],
+    pub(super) width: usize,
+    /// Grey levels per doubling of the amplitude.
+    pub(super) levels_per_octave: f32,
+}
+
+widened! {
+    /// Grey levels of a picture's rows from `first_row` on.
+    pub(super) fn average_rows(view: &View<'_>, first_row: usize, picture: &mut [u8]) = average_rows_body
+}
+
+// Plain loops: a closure would be compiled separately, without AVX2.
+#[inline(always)]
+fn average_rows_body(view: &View<'_>, first_row: usize, picture: &mut [u8]) {
+    for (i, line) in picture.chunks_exact_mut(view.width).enumerate() {
+        let row = first_row + i;
+        line.fill(0);
+        let (Some(&[begin, end]), Some(mask)) = (view.spans.get(row), view.mask.get(row * view.width..)) else {
+            return;
+        };
+        let mut column = begin / BLOCK * BLOCK;
+        while column < end {
+            let mut sums = [0.0; SEGMENT];
+            let mut weights = [0.0; SEGMENT];
+            let pixels = (end - column).min(SEGMENT);
+            let blocks = pixels.div_ceil(BLOCK);
+            for source in view.sources {
+                if let Some(codes) = view.angles.get(source.angle) {
+                    accumulate(codes, &source.registration, [column, row], blocks, &mut sums, &mut weights);
+                }
+            }
+            let straight = view.angles.last().map_or(&[][..], |codes| codes.from(column as i64, row as i64));
+            let inside = line[column..].iter_mut().zip(&mask[column..]).zip(straight);
+            for (((level, mask), straight), (sum, weight)) in inside.zip(sums.iter().zip(&weights)) {
+                // Where no angle shows the place, the last straight one does as it is.
+                let alone = if view.straight { amplitude(*straight) } else { 0.0 };
+                let mean = if *weight > 0.0 { sum / weight } else { alone };
+                let shown = 255.0 + view.levels_per_octave * log2(at_least(mean, AMPLITUDE_MIN));
+                *level = nearest_bits(at_most(at_least(shown, 0.0), 255.0)) as u8 & mask;
+            }
+            column += SEGMENT;
+        }
+    }
+}
+
+/// Adds an angle's picture to the sums of `blocks` blocks of pixels from a column and row on.
+#[inline(always)]
+fn accumulate(
+    codes: &Codes,
+    registration: &Registration,
+    [column, row]: [usize; 2],
+    blocks: usize,
+    sums: &mut [f32; SEGMENT],
+    weights: &mut [f32; SEGMENT],
+) {
+    let Registration { origin, per_column, per_row, across_mm } = registration;
+    let row_start = *origin + row as f64 * *per_row;
+    let row_across_mm = across_mm[0] + row as f64 * across_mm[2];
+    let across_step_mm = across_mm[1] as f32;
+    let (sums, weights) = (sums.as_chunks_mut::<BLOCK>().0, weights.as_chunks_mut::<BLOCK>().0);
+    for (block, (sums, weights)) in sums.iter_mut().zip(weights).enumerate().take(blocks) {
+        let first = (column + BLOCK * block) as f64;
+        // The displacement is that of the block's middle.
+        let middle = 0.5 * (BLOCK - 1) as f64;
+        let at = row_start + (first + middle) * *per_column;
+        let left = ((at.x - middle) * PARTS as f64 + 0.5).floor() as i64;
+        let top = (at.y * PARTS as f64 + 0.5).floor() as i64;
+        let (left, right_part) = (left.div_euclid(PARTS), left.rem_euclid(PARTS));
+        let (top, lower_part) = (top.div_euclid(PARTS), top.rem_euclid(PARTS));
+        let (right_part, lower_part) = (right_part as f32 / PARTS as f32, lower_part as f32 / PARTS as f32);
+        let Some(corners) = codes.corners(left, top) else { continue };
+        let parts = [
+            (1.0 - right_part) * (1.0 - lower_part),
+            right_part * (1.0 - lower_part),
+            (1.0 - right_part) * lower_part,
+            right_part * lower_part,
+        ];
+        let (mut sum, mut weight) = ([0.0; BLOCK], [0.0; BLOCK]);
+        for (corner, part) in corners.into_iter().zip(parts) {
+            if part == 0.0 {
+                continue;
+            }
+            for ((code, sum), weight) in corner.iter().zip(&mut sum).zip(&mut weight) {
+                // Outside its own sector an angle doesn't count.
+                let shown = if *code > 0 { part } else { 0.0 };
+                *sum += shown * amplitude(*code);
+                *weight += shown;
+            }
+        }
+        let mut y_mm = [0.0; BLOCK];
+        for (k, y_mm) in y_mm.iter_mut().enumerate() {
+            *y_mm = (row_across_mm + first * across_mm[1]) as f32 + k as f32 * across_step_mm;
+        }
+        for k in 0..BLOCK {
+            let near = at_least(1.0 - PER_MM2 * (y_mm[k] * y_mm[k]), WEIGHT_ROOT_MIN);
+            let fourth = (near * near) * (near * near);
+            let near = fourth * fourth;
+            sums[k] += near * sum[k];
+            weights[k] += near * weight[k];
+        }
+    }
+}

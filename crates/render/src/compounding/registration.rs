@@ -1,0 +1,54 @@
+//! Motion of the slice between an angle's picture and the present one.
+
+use glam::{DQuat, DVec2, DVec3};
+
+use insonify_core::pose::Pose;
+use insonify_core::transducer::Sector;
+
+/// Largest displacement at which an angle's picture is read, pixels.
+const FAR: f64 = 1.0e6;
+
+/// Where an angle's picture shows what the present picture's pixels show, and how far beside the slice.
+///
+/// Motion is rigid. Points are projected on the angle's slice along its normal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Registration {
+    /// Column and row in its picture of the present picture's first pixel; whole numbers are centres of pixels.
+    pub(super) origin: DVec2,
+    /// Its change by a column and by a row of the present picture.
+    pub(super) per_column: DVec2,
+    pub(super) per_row: DVec2,
+    /// Distance of the first pixel from the angle's slice, and its change by a column and by a row, mm.
+    pub(super) across_mm: [f64; 3],
+}
+
+impl Registration {
+    /// A probe at rest.
+    pub(super) const IDENTITY: Self =
+        Self { origin: DVec2::ZERO, per_column: DVec2::X, per_row: DVec2::Y, across_mm: [0.0; 3] };
+
+    /// From the present picture's pose to that at which an angle's was made; `None` if they are too far apart to overlap.
+    pub(super) fn new(sector: &Sector, made_at: &Pose, present: &Pose) -> Option<Self> {
+        if made_at == present {
+            return Some(Self::IDENTITY);
+        }
+        let angle_from_world: DQuat = made_at.orientation.inverse();
+        let frame_from_present = |point_mm: DVec3| {
+            angle_from_world * (present.position_mm - made_at.position_mm)
+                + angle_from_world * present.transform_vector(point_mm)
+        };
+        let first = sector.pixel_centre_mm(0, 0);
+        let first_mm = frame_from_present(DVec3::new(first.x, 0.0, first.y));
+        let step_mm = |axis: DVec3| angle_from_world * present.transform_vector(sector.pixel_mm * axis);
+        let (column_mm, row_mm) = (step_mm(DVec3::X), step_mm(DVec3::Z));
+        let of_slice = |v: DVec3| DVec2::new(v.x, v.z);
+        let found = Self {
+            origin: sector.pixel_from_probe(of_slice(first_mm)) - 0.5,
+            per_column: of_slice(column_mm) / sector.pixel_mm,
+            per_row: of_slice(row_mm) / sector.pixel_mm,
+            across_mm: [first_mm.y, column_mm.y, row_mm.y],
+        };
+        // NaN fails the comparison.
+        (found.origin.abs().max_element() < FAR).then_some(found)
+    }
+}

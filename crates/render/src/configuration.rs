@@ -1,0 +1,138 @@
+//! State of a renderer for one probe and one set of settings, on any backend.
+
+use std::sync::Arc;
+
+use insonify_core::anatomy::{Bvh, Scene, Tissue};
+use insonify_core::settings::Effect;
+use insonify_core::settings::RenderSettings;
+use insonify_core::settings::{Change, SettingsGroup as _};
+use insonify_core::transducer::Probe;
+
+use super::constants::MOVES;
+use super::error::RenderError;
+use super::kernels::ClippedKernel;
+use super::params::{Outside, Params};
+use super::plan::{AIR, EffectPlan, SKIN, SceneFacts};
+use super::tables::Tables;
+
+/// Tissues and surfaces of a scene, as tables need them.
+#[derive(Debug)]
+pub(super) struct Media {
+    tissues: Vec<Tissue>,
+    outside: Outside,
+    /// Tissue of each surface, with [`MOVES`] if it moves.
+    pub(super) surface_words: Vec<u32>,
+    /// Surfaces that a probe touches: the skin, else all.
+    pub(super) touched: Vec<bool>,
+    /// Whether any triangle moves.
+    pub(super) moving: bool,
+    /// Facts that decide the effect plan.
+    facts: SceneFacts,
+}
+
+impl Media {
+    pub(super) fn new(scene: &Scene, bvh: &Bvh) -> Self {
+        let skin = scene.tissues.index_of(SKIN);
+        let has_skin = scene.surfaces.iter().any(|s| Some(s.tissue) == skin && !s.mesh.triangles.is_empty());
+        let moves = |name: &str| if scene.motion.moves(name) { MOVES } else { 0 };
+        Self {
+            tissues: scene.tissues.tissues().to_vec(),
+            outside: Outside {
+                background: scene.background as u32,
+                air: scene.tissues.index_of(AIR).unwrap_or(scene.background) as u32,
+            },
+            surface_words: scene.surfaces.iter().map(|s| s.tissue as u32 | moves(&s.name)).collect(),
+            touched: scene.surfaces.iter().map(|s| !has_skin || Some(s.tissue) == skin).collect(),
+            moving: !bvh.displacements().is_empty(),
+            facts: SceneFacts::new(scene),
+        }
+    }
+
+    /// Effect plan of a probe and settings in this scene.
+    pub(super) fn plan(&self, probe: &Probe, settings: &RenderSettings) -> EffectPlan {
+        EffectPlan::of(&self.facts, probe, settings)
+    }
+}
+
+/// Inputs of a frame's passes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct FrameInputs<'a> {
+    pub(super) bvh: &'a Bvh,
+    pub(super) media: &'a Media,
+    pub(super) configuration: &'a Configuration,
+    /// Index of the steering angle.
+    pub(super) angle: usize,
+}
+
+/// Tables and uniforms of one probe and one set of settings.
+#[derive(Debug, Clone)]
+pub(super) struct Configuration {
+    pub(super) probe: Probe,
+    /// Requested settings; for frames the plan may reduce them.
+    pub(super) settings: RenderSettings,
+    /// Effects that frames simulate.
+    pub(super) effects: EffectPlan,
+    pub(super) params: Params,
+    pub(super) tables: Arc<Tables>,
+}
+
+impl Configuration {
+    /// Checks the values and makes the tables. Where only the look differs from `before`, its tables are taken over; else what it and
+    /// `known` tables hold already.
+    ///
+    /// # Errors
+    /// A value outside its range.
+    pub(super) fn new(
+        media: &Media,
+        probe: &Probe,
+        settings: &RenderSettings,
+        before: Option<&Self>,
+        known: &[Arc<Tables>],
+    ) -> Result<Self, RenderError> {
+        probe.validate()?;
+        settings.validate()?;
+        let effects = media.plan(probe, settings);
+        let planned = effects.settings(settings);
+        let with_its_look = |before: &&Self| RenderSettings { look: before.settings.look, ..*settings };
+        let tables = match before.filter(|before| before.has_tables_of(media, probe, &with_its_look(before))) {
+            Some(before) => Arc::new(before.tables.with_angles(probe, &planned)),
+            None => {
+                let known = before.map(|before| &before.tables).into_iter().chain(known);
+                Tables::new(&media.tissues, probe, &planned, effects.effects(), known)
+            }
+        };
+        let params = Params::new(media.outside, probe, &planned, &tables, effects.effects());
+        Ok(Self { probe: *probe, settings: *settings, effects, params, tables })
+    }
+
+    /// Warns of a sector without pixels, and of clipped kernels that `previous` did not have.
+    pub(super) fn warn(&self, previous: Option<&Self>) {
+        if self.tables.sector_words.is_empty() {
+            tracing::warn!(
+                "the sector is thinner than a pixel and the image stays black: widen it (probe.width_mm, probe.fov_deg) or take more pixels (image.width, image.height)"
+            );
+        }
+        let known = |clipped: &ClippedKernel| previous.is_some_and(|p| p.tables.kernels.clipped.contains(clipped));
+        for clipped in self.tables.kernels.clipped.iter().filter(|clipped| !known(clipped)) {
+            tracing::warn!("{clipped}");
+        }
+    }
+
+    /// Whether `probe` and `settings` need no other tables, buffers or passes: every changed setting is a uniform or a
+    /// choice per frame, and the plan is the same except for maps.
+    pub(super) fn has_tables_of(&self, media: &Media, probe: &Probe, settings: &RenderSettings) -> bool {
+        if self.probe.change_to(probe).max(self.settings.change_to(settings)) > Change::Nothing {
+            return false;
+        }
+        let apart_from_maps = |plan: &EffectPlan| plan.effects().without(Effect::Maps);
+        apart_from_maps(&media.plan(probe, settings)) == apart_from_maps(&self.effects)
+    }
+
+    /// Applies settings for which [`Configuration::has_tables_of`] holds.
+    pub(super) fn set_uniforms(&mut self, media: &Media, settings: &RenderSettings) {
+        self.settings = *settings;
+        self.effects = media.plan(&self.probe, settings);
+        let planned = self.effects.settings(settings);
+        self.params = Params::new(media.outside, &self.probe, &planned, &self.tables, self.effects.effects());
+    }
+}

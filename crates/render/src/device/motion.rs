@@ -1,0 +1,217 @@
+//! Motion of the scene on the device: only amounts are uploaded.
+
+use bytemuck::{Pod, Zeroable};
+use glam::{DVec3, Vec3};
+use insonify_core::anatomy::bvh::MotionTables;
+use insonify_core::anatomy::motion::Shape;
+
+use super::buffers::{Binding, SceneBuffers};
+use super::gpu::{Gpu, UNIFORM};
+use super::passes::{Pass, Pipelines, Shader};
+use super::shaders::MOTION_PASSES;
+use crate::constants::{FIELDS_MAX, MOTION_GROUP};
+use crate::error::BackendError;
+
+/// Stride of the uniforms of steps, bytes: the largest alignment of any device.
+const STEP_STRIDE: u64 = 256;
+
+/// A displacement field as the shaders read it.
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[repr(C)]
+struct Field {
+    place: [f32; 3],
+    kind: u32,
+    axis: [f32; 3],
+    radius_mm: f32,
+    form: [f32; 3],
+    turns: f32,
+    amounts: [f32; 2],
+    unused: [f32; 2],
+}
+
+/// Fields and their amounts.
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[repr(C)]
+struct Uniforms {
+    fields: [Field; FIELDS_MAX as usize],
+    changed: u32,
+    unused: [u32; 3],
+}
+
+/// Part of the tables that a dispatch works on.
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct Step {
+    first: u32,
+    count: u32,
+    unused: [u32; 2],
+}
+
+/// Buffers of what moves, and the passes that move it.
+#[derive(Debug)]
+pub(super) struct Motion {
+    uniforms: Uniforms,
+    uniform_buffer: wgpu::Buffer,
+    /// Amounts that the next frame is to have; none before the first motion.
+    wanted: Option<Vec<[f32; 2]>>,
+    /// Amounts that the device has; none before the first motion.
+    present: Option<Vec<[f32; 2]>>,
+    pub(super) moved: wgpu::Buffer,
+    displace: Pass,
+    assemble: Pass,
+    /// One for each level.
+    refit: Vec<Pass>,
+}
+
+impl Motion {
+    /// Buffers and passes of a scene at rest.
+    ///
+    /// # Errors
+    /// Sizes beyond the device's limits or memory, or a pass that it refuses.
+    pub(super) fn new(
+        gpu: &Gpu,
+        scene: &SceneBuffers,
+        pipelines: &mut Pipelines,
+        tables: &MotionTables,
+    ) -> Result<Self, BackendError> {
+        let filled = |label: &'static str, bytes: &[u8]| {
+            let buffer = gpu.storage(label, bytes.len() as u64)?;
+            gpu.queue.write_buffer(&buffer, 0, bytes);
+            Ok::<_, BackendError>(buffer)
+        };
+        let vertices = filled("moving vertices", bytemuck::cast_slice(&tables.vertices))?;
+        let corners = filled("corners of moving triangles", bytemuck::cast_slice(&tables.corners))?;
+        let order = filled("nodes to refit", bytemuck::cast_slice(&tables.nodes))?;
+        let extents = filled("boxes of nodes", bytemuck::cast_slice(&tables.extents))?;
+        let moved = gpu.storage("displaced vertices", 16 * tables.vertices.len() as u64)?;
+        let uniform_buffer = gpu.buffer("motion", size_of::<Uniforms>() as u64, UNIFORM)?;
+        let all = [(0, tables.vertices.len() as u32), (tables.first_triangle, tables.corners.len() as u32)];
+        let levels = tables.levels.iter().map(|level| (level.start, level.end - level.start));
+        let steps: Vec<(u32, u32)> = all.into_iter().chain(levels).collect();
+        let step_buffer = gpu.buffer("steps of motion", STEP_STRIDE * steps.len() as u64, UNIFORM)?;
+        for (&(first, count), at) in steps.iter().zip(0u64..) {
+            let step = Step { first, count, unused: [0; 2] };
+            gpu.queue.write_buffer(&step_buffer, at * STEP_STRIDE, bytemuck::bytes_of(&step));
+        }
+        let (read, write, uniform) = (Binding::Read, Binding::Write, Binding::Uniform);
+        let motion = (&uniform_buffer, uniform);
+        let displace = [motion, (&vertices, read), (&moved, write)];
+        let assemble = [
+            motion,
+            (&vertices, read),
+            (&moved, read),
+            (&corners, read),
+            (&scene.triangles, write),
+            (&scene.displacements, write),
+        ];
+        let refit = [motion, (&order, read), (&scene.triangles, read), (&extents, write), (&scene.nodes, write)];
+        let mut pass = |name, step: usize, bound: &[_]| {
+            let groups = [steps[step].1.div_ceil(MOTION_GROUP), 1, 1];
+            let shader = Shader { name, constants: &[], frames: 1, parts: Vec::new() };
+            Pass::bound(gpu, pipelines, (&step_buffer, size_of::<Step>()), &shader, groups, bound)
+        };
+        let [first, second, third] = MOTION_PASSES;
+        Ok(Self {
+            displace: pass(first, 0, &displace)?,
+            assemble: pass(second, 1, &assemble)?,
+            refit: (2..steps.len()).map(|step| pass(third, step, &refit)).collect::<Result<_, _>>()?,
+            uniforms: uniforms(tables),
+            uniform_buffer,
+            wanted: None,
+            present: None,
+            moved,
+        })
+    }
+
+    /// Sets the amounts of each field for the frames that are submitted from now on.
+    pub(super) fn set_amounts(&mut self, amounts: Vec<[f32; 2]>) {
+        self.wanted = Some(amounts);
+    }
+
+    /// Amounts of each field in the last frame.
+    pub(super) fn amounts(&self) -> Vec<[f32; 2]> {
+        self.uniforms.fields.iter().map(|field| field.amounts).collect()
+    }
+
+    /// Moves the scene for the next frame: uploads its amounts, and hands the dispatches of each of [`MOTION_PASSES`] to `run`. Returns
+    /// whether there are any.
+    pub(super) fn run(
+        &mut self,
+        gpu: &Gpu,
+        mut run: impl FnMut(&'static str, &dyn Fn(&mut wgpu::ComputePass<'_>)),
+    ) -> bool {
+        if !self.upload(gpu) {
+            return false;
+        }
+        let dispatches = [std::slice::from_ref(&self.displace), std::slice::from_ref(&self.assemble), &self.refit];
+        let mut step = 0;
+        for (name, dispatches) in MOTION_PASSES.into_iter().zip(dispatches) {
+            run(name, &|compute| {
+                for (dispatch, step) in dispatches.iter().zip(step..) {
+                    dispatch.record_at(compute, step * STEP_STRIDE as u32);
+                }
+            });
+            step += dispatches.len() as u32;
+        }
+        true
+    }
+
+    /// Uploads the amounts of the next frame. Returns whether any has changed.
+    fn upload(&mut self, gpu: &Gpu) -> bool {
+        let Some(wanted) = &self.wanted else { return false };
+        let changed = |i: usize| self.present.as_ref().is_none_or(|present| present[i] != wanted[i]);
+        self.uniforms.changed = (0..wanted.len()).filter(|&i| changed(i)).fold(0, |all, i| all | 1 << i);
+        if self.uniforms.changed == 0 {
+            return false;
+        }
+        for (field, amounts) in self.uniforms.fields.iter_mut().zip(wanted) {
+            field.amounts = *amounts;
+        }
+        gpu.queue.write_buffer(&self.uniform_buffer, 0, bytemuck::bytes_of(&self.uniforms));
+        match &mut self.present {
+            Some(present) => present.clone_from(wanted),
+            None => self.present = Some(wanted.clone()),
+        }
+        true
+    }
+}
+
+/// Fields as the shaders read them, at rest.
+fn uniforms(tables: &MotionTables) -> Uniforms {
+    let mut uniforms = Uniforms::default();
+    for (field, shape) in uniforms.fields.iter_mut().zip(&tables.shapes) {
+        *field = field_of(shape, tables.centre_mm);
+    }
+    uniforms
+}
+
+fn field_of(shape: &Shape, centre_mm: DVec3) -> Field {
+    let local = |place: Vec3| (place.as_dvec3() - centre_mm).as_vec3().to_array();
+    match *shape {
+        Shape::Beat { centre_mm, axis, radius_mm, squeeze, shorten } => Field {
+            place: local(centre_mm),
+            kind: 0,
+            axis: axis.normalize_or_zero().to_array(),
+            radius_mm,
+            form: [squeeze, shorten, 0.0],
+            ..Field::default()
+        },
+        Shape::Breath { centre_mm, axis, half_length_mm, radius_mm, widen, shift_mm } => Field {
+            place: local(centre_mm),
+            kind: 1,
+            axis: axis.normalize_or_zero().to_array(),
+            radius_mm,
+            form: [half_length_mm, widen, shift_mm],
+            ..Field::default()
+        },
+        Shape::Swing { joint_mm, end_mm, axis, radius_mm, angle_deg } => Field {
+            place: local(joint_mm),
+            kind: 2,
+            axis: axis.normalize_or(Vec3::X).to_array(),
+            radius_mm,
+            form: (end_mm - joint_mm).to_array(),
+            turns: angle_deg / 360.0,
+            ..Field::default()
+        },
+    }
+}

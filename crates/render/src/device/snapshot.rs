@@ -1,0 +1,123 @@
+//! Outputs of every pass, read back from the device.
+
+use bytemuck::Pod;
+use insonify_core::anatomy::bvh::Moved;
+
+use super::attenuation::level;
+use super::buffers::SceneBuffers;
+use super::configuration::DeviceConfiguration;
+use super::gpu::Gpu;
+use super::motion::Motion;
+use super::passes::Pass;
+use crate::error::BackendError;
+use crate::frame::{Contents, unpad};
+use crate::params::Params;
+use crate::snapshot::PassBuffers;
+
+/// Contents of a buffer after all earlier submissions.
+pub(super) fn read<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<T>, BackendError> {
+    let copy = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("snapshot"),
+        size: buffer.size(),
+        usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    });
+    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, Some(buffer.size()));
+    let submission = gpu.queue.submit([encoder.finish()]);
+    // `get_mapped_range` reports a failed map.
+    copy.slice(..).map_async(wgpu::MapMode::Read, |_| {});
+    gpu.wait(submission, true)?;
+    let view = copy.slice(..).get_mapped_range().map_err(|e| BackendError::Lost { reason: e.to_string() })?;
+    Ok(bytemuck::pod_collect_to_vec(&view[..]))
+}
+
+/// An image in a buffer, without the padding of its rows.
+fn image<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, params: &Params) -> Result<Vec<T>, BackendError> {
+    let mut rows = Vec::new();
+    unpad(&mut rows, &read(gpu, buffer)?, params.image.width as usize, 4 * params.row_words as usize);
+    Ok(rows)
+}
+
+/// Moved parts of the device's scene.
+///
+/// # Errors
+/// A device that fails.
+pub(super) fn moved(gpu: &Gpu, scene: &SceneBuffers, motion: &Motion) -> Result<Moved, BackendError> {
+    Ok(Moved {
+        amounts: motion.amounts(),
+        vertices: read(gpu, &motion.moved)?,
+        triangles: read(gpu, &scene.triangles)?,
+        displacements: read(gpu, &scene.displacements)?,
+        nodes: read(gpu, &scene.nodes)?,
+    })
+}
+
+/// Runs every pass after the commands of `encoder`, and reads back their outputs.
+///
+/// # Errors
+/// A device that fails.
+pub(super) fn pass_buffers(
+    gpu: &Gpu,
+    mut encoder: wgpu::CommandEncoder,
+    active: &DeviceConfiguration,
+    params: &Params,
+) -> Result<PassBuffers, BackendError> {
+    let buffers = &active.buffers;
+    let passes = || active.passes(Contents { image: true, maps: true });
+    // Echoes are added in place, so the scatterers' baseband is read before `echo`.
+    let scatters = passes().take_while(|(pass, _)| !["echo", "lateral"].contains(&pass.name)).count();
+    let record = |encoder: &mut wgpu::CommandEncoder, (pass, batch): (&Pass, u32)| {
+        let label = Some(pass.name);
+        let descriptor = wgpu::ComputePassDescriptor { label, timestamp_writes: None };
+        pass.record(&mut encoder.begin_compute_pass(&descriptor), batch);
+    };
+    passes().take(scatters).for_each(|pass| record(&mut encoder, pass));
+    gpu.queue.submit([encoder.finish()]);
+    let scattered = read(gpu, &buffers.baseband)?;
+    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    // The receiver adds in place, too.
+    let focuses = passes().take_while(|(pass, _)| !["receive", "detect"].contains(&pass.name)).count();
+    passes().take(focuses).skip(scatters).for_each(|pass| record(&mut encoder, pass));
+    gpu.queue.submit([encoder.finish()]);
+    let focused = read(gpu, &buffers.focused)?;
+    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    passes().skip(focuses).for_each(|pass| record(&mut encoder, pass));
+    gpu.queue.submit([encoder.finish()]);
+    let first = |counts: Vec<u32>| counts.first().copied().unwrap_or_default();
+    Ok(PassBuffers {
+        scattered,
+        starts_inside: read(gpu, &buffers.starts_inside)?,
+        starts: read(gpu, &buffers.starts)?,
+        segments: read(gpu, &buffers.segments)?,
+        echoes: read(gpu, &buffers.echoes)?,
+        segment_counts: read(gpu, &buffers.segment_counts)?,
+        hints: read(gpu, &buffers.hints)?,
+        baseband: read(gpu, &buffers.baseband)?,
+        focused,
+        received: read(gpu, &buffers.focused)?,
+        couplings: read(gpu, &buffers.couplings)?,
+        lines: read(gpu, &buffers.lines)?,
+        polar: read(gpu, &buffers.polar)?,
+        entries: read(gpu, &buffers.entries)?,
+        entry_counts: read(gpu, &buffers.entry_counts)?,
+        raster: read(gpu, &buffers.raster)?,
+        percentile_np: read(gpu, &buffers.percentile)?.first().copied().unwrap_or_default(),
+        bmode: image(gpu, &buffers.bmode, params)?,
+        segmentation: image(gpu, &buffers.segmentation, params)?,
+        attenuation: image(gpu, &buffers.attenuation, params)?.into_iter().map(level).collect(),
+        overflows: first(read(gpu, &buffers.overflows)?) + first(read(gpu, &buffers.map_overflows)?),
+        mask: read(gpu, &buffers.aperture.mask)?,
+        row_np: read(gpu, &buffers.aperture.row_np)?,
+        fields: read(gpu, &buffers.aperture.fields)?,
+        first_plane: 0,
+        amplitudes: read(gpu, &buffers.aperture.amplitudes)?,
+        beam_powers: read(gpu, &buffers.aperture.beam_powers)?,
+        profiles: read(gpu, &buffers.aperture.profiles)?,
+        blends: read(gpu, &buffers.aperture.blends)?,
+        line_gains: read(gpu, &buffers.aperture.line_gains)?,
+        block_gains: read(gpu, &buffers.aperture.block_gains)?,
+        reflected: read(gpu, &buffers.aperture.reflected)?,
+        moved: None,
+    })
+}

@@ -1,0 +1,118 @@
+//! The shared constants in single precision, and constants of the passes that a test may change.
+
+use crate::constants::{self as shared, BRIGHTEST_PART, FIRST_TISSUE, ONE_WAY, SCATTERER_STRIDE, SHEETS};
+
+pub(super) const TOUCH_MM: f32 = shared::TOUCH_MM as f32;
+pub(super) const LN_GIVEN_UP: f32 = shared::LN_GIVEN_UP as f32;
+pub(super) const LN_SILENT: f32 = shared::LN_SILENT as f32;
+pub(super) const LN_SPECKLE_SILENT: f32 = shared::LN_SPECKLE_SILENT as f32;
+pub(super) const LN_SCALE: f32 = shared::LN_SCALE as f32;
+pub(super) const UNSCALED: f32 = shared::UNSCALED as f32;
+pub(super) const DEVIATE_SCALE: f32 = shared::DEVIATE_SCALE as f32;
+pub(super) const DENSITY_ONE: f32 = shared::DENSITY_ONE as f32;
+pub(super) const LEAST_POWER: f32 = shared::LEAST_POWER as f32;
+pub(super) const BEYOND_MM: f32 = shared::BEYOND_MM as f32;
+pub(super) const DIFFUSE_HALF_ROUGHNESS2: f32 = shared::DIFFUSE_HALF_ROUGHNESS2 as f32;
+pub(super) const APERTURE_HALF_ANGLE: f32 = shared::APERTURE_HALF_ANGLE as f32;
+pub(super) const APERTURE_HALF_ANGLE_MIN: f32 = shared::APERTURE_HALF_ANGLE_MIN as f32;
+pub(super) const APERTURE_HALF_ANGLE_MAX: f32 = shared::APERTURE_HALF_ANGLE_MAX as f32;
+pub(super) const FACET_COS_MIN: f32 = shared::FACET_COS_MIN as f32;
+pub(super) const TRANSMISSION_MIN: f32 = shared::TRANSMISSION_MIN as f32;
+pub(super) const TRACKED_NP: f32 = shared::TRACKED_NP as f32;
+pub(super) const EVEN_NP: f32 = shared::EVEN_NP as f32;
+pub(super) const SPREAD_NP: f32 = shared::SPREAD_NP as f32;
+pub(super) const VISIBLE_MIN: f32 = shared::VISIBLE_MIN as f32;
+pub(super) const VISIBLE_MIN_NP: f32 = shared::VISIBLE_MIN_NP as f32;
+pub(super) const NEIGHBOUR_GAIN_MAX: f32 = shared::NEIGHBOUR_GAIN_MAX as f32;
+pub(super) const GAP_NP_MM: f32 = shared::GAP_NP_MM as f32;
+pub(super) const GAP_MAX_MM: f32 = shared::GAP_MAX_MM as f32;
+pub(super) const REFLECTED_MAX: f32 = shared::REFLECTED_MAX as f32;
+pub(super) const LN_UNCOUPLED: f32 = shared::LN_UNCOUPLED as f32;
+pub(super) const COUPLED_MIN: f32 = shared::COUPLED_MIN as f32;
+pub(super) const CONTRAST_MIN_NP_MM: f32 = shared::CONTRAST_MIN_NP_MM as f32;
+
+/// Defines a set of constants: fields that a test may change with the feature `test-hooks`, compile-time constants
+/// without it.
+macro_rules! changeable {
+    ($(#[$doc:meta])* $name:ident { $($(#[$field_doc:meta])* $field:ident: $kind:ty = $value:expr;)* }) => {
+        $(#[$doc])*
+        #[cfg(feature = "test-hooks")]
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub struct $name {
+            $($(#[$field_doc])* pub $field: $kind,)*
+        }
+
+        #[cfg(feature = "test-hooks")]
+        impl Default for $name {
+            fn default() -> Self {
+                Self { $($field: $value,)* }
+            }
+        }
+
+        $(#[$doc])*
+        #[cfg(not(feature = "test-hooks"))]
+        #[derive(Debug, Clone, Copy, Default)]
+        pub(in crate) struct $name;
+
+        impl $name {
+            $(
+                $(#[$field_doc])*
+                #[inline(always)]
+                pub(super) fn $field(self) -> $kind {
+                    #[cfg(feature = "test-hooks")]
+                    return self.$field;
+                    #[cfg(not(feature = "test-hooks"))]
+                    $value
+                }
+            )*
+        }
+    };
+}
+
+changeable! {
+    /// Constants of the host's `locate` and `trace`.
+    TraceConstants {
+        /// Fraction of the way back through the scene that is searched for surfaces that a path starts inside.
+        reach: f32 = 1.0;
+        /// Least returned fraction of the energy, within the aperture, for which a reflection is followed.
+        reflection_followed: f32 = shared::REFLECTION_FOLLOWED as f32;
+        /// Offset of the lattice that spreads echoes, mm.
+        off_the_grid_mm: f32 = shared::OFF_THE_GRID_MM as f32;
+        /// Fraction of the energy that a very rough surface returns diffusely at normal incidence.
+        diffuse: f32 = shared::DIFFUSE as f32;
+    }
+}
+
+changeable! {
+    /// Constants of the host's other passes.
+    ImageConstants {
+        /// `march`: factor that makes places and amplitudes of a cell's scatterers independent.
+        scatterer_stride: u32 = SCATTERER_STRIDE;
+        /// `march`: sheets of scatterers looked up to one side of a sample.
+        sheets_to_a_side: f32 = 0.5 * SHEETS as f32;
+        /// `echo`: the first segment that begins at an interface.
+        first_interface: usize = 1;
+        /// `transmission`: greatest loss of an interval, nepers.
+        loss_max_np: f32 = 80.0;
+        /// `propagate`: rows of cells whose transmissions differ by less hide nothing.
+        contrast_min: f32 = 1.0e-5;
+        /// `propagate`: rows of cells whose delays differ by less bend nothing, radians.
+        phase_min: f32 = 1.0e-3;
+        /// `beams`: least power of a beam without obstacles.
+        unobstructed_min: f32 = 1.0e-30;
+        /// `visibility`: most gain by diffraction at an edge, nepers of amplitude.
+        visible_max_np: f32 = shared::VISIBLE_MAX_NP as f32;
+        /// `lateral`: least weight of the beam that counts; smaller ones are denormal.
+        least_weight: f32 = f32::MIN_POSITIVE;
+        /// `receive`: factor of what is added.
+        added: f32 = 1.0;
+        /// `detect`: decibels of a doubling of power.
+        db_a_doubling: f32 = shared::DB_A_DOUBLING as f32;
+        /// `section`: one-way part of the two-way attenuation.
+        one_way: f32 = ONE_WAY as f32;
+        /// `percentile`: fraction of the sector's area that is brighter than the percentile.
+        brightest_part: f32 = BRIGHTEST_PART as f32;
+        /// `scan_convert`: number of the first tissue.
+        first_number: u32 = FIRST_TISSUE;
+    }
+}

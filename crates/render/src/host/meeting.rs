@@ -1,0 +1,120 @@
+//! A ray and a triangle: `shaders/shared/bvh.wgsl`.
+
+use glam::Vec3;
+
+use insonify_core::anatomy::bvh::{EDGE_TOLERANCE_PER_MM, PackedTriangle};
+use insonify_core::simd::{at_least, at_most};
+
+/// Greatest distance between a path and its first straight line, mm: see `candidates`.
+pub(super) const DRIFT_MM: f32 = 8.0e-3;
+
+/// A ray against a triangle's plane.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Meeting {
+    /// Distance along the ray of its point nearest to the first corner, and from there to the plane, times `magnitude`.
+    pub(super) t0: f32,
+    pub(super) rest: f32,
+    /// Barycentric coordinates of the second and third corner, times `magnitude`.
+    pub(super) u: f32,
+    pub(super) v: f32,
+    /// Cosine of the ray's angle with the normal, without its sign, times twice the triangle's area.
+    pub(super) magnitude: f32,
+    /// Whether the ray enters the surface.
+    pub(super) enters: bool,
+}
+
+impl Meeting {
+    /// Möller–Trumbore about the ray's point nearest to the first corner, which keeps f32 precise far from the ray's
+    /// origin.
+    #[inline(always)]
+    pub(super) fn new(triangle: &PackedTriangle, origin: Vec3, direction: Vec3) -> Self {
+        let (edge1, edge2) = (Vec3::from(triangle.edge1), Vec3::from(triangle.edge2));
+        let to_corner = Vec3::from(triangle.corner) - origin;
+        let t0 = to_corner.dot(direction);
+        let s = direction * t0 - to_corner;
+        let p = direction.cross(edge2);
+        let determinant = edge1.dot(p);
+        let side = if determinant >= 0.0 { 1.0 } else { -1.0 };
+        let q = s.cross(edge1);
+        Self {
+            t0,
+            rest: edge2.dot(q) * side,
+            u: s.dot(p) * side,
+            v: direction.dot(q) * side,
+            magnitude: determinant.abs(),
+            // edge1 × edge2 points outward, and the determinant is −direction · (edge1 × edge2).
+            enters: determinant > 0.0,
+        }
+    }
+
+    /// Distance to the plane, mm.
+    #[inline(always)]
+    pub(super) fn t(&self) -> f32 {
+        self.t0 + self.rest / at_least(self.magnitude, 1.0e-30)
+    }
+
+    /// Tolerance of a triangle's edges at this distance.
+    #[inline(always)]
+    pub(super) fn tolerance(&self, triangle: &PackedTriangle) -> f32 {
+        triangle.tolerance * (self.t0.abs() + 100.0)
+    }
+
+    /// Whether the ray passes within the edges, moved outward by a tolerance.
+    #[inline(always)]
+    pub(super) fn within(&self, tolerance: f32) -> bool {
+        (self.u >= -tolerance) & (self.v >= -tolerance) & (self.u + self.v <= self.magnitude + tolerance)
+    }
+}
+
+/// Intersects a ray with a triangle. Edges extend outward by a tolerance, so a shared edge is never missed. Returns the
+/// distance (mm), whether the ray hits the triangle, and whether it enters the surface.
+#[inline(always)]
+pub(super) fn intersection(triangle: &PackedTriangle, origin: Vec3, direction: Vec3) -> (f32, bool, bool) {
+    let meeting = Meeting::new(triangle, origin, direction);
+    let tolerance = meeting.tolerance(triangle);
+    let hit = (meeting.magnitude > 2.0 * tolerance) & meeting.within(tolerance);
+    (meeting.t(), hit, meeting.enters)
+}
+
+/// Distances between which rays within [`DRIFT_MM`] of a ray may hit a triangle, and whether any of them may.
+#[inline(always)]
+pub(super) fn possible_distances(triangle: &PackedTriangle, origin: Vec3, direction: Vec3) -> (f32, f32, bool) {
+    /// Distance at which the tolerance of an edge is two drifts: one of them along each edge.
+    const DRIFTED_MM: f32 = 2.0 * DRIFT_MM / EDGE_TOLERANCE_PER_MM;
+    let meeting = Meeting::new(triangle, origin, direction);
+    // A triangle that the ray grazes is possible, too: its magnitude does not count.
+    let hit = meeting.within(triangle.tolerance * (meeting.t0.abs() + (100.0 + DRIFTED_MM)));
+    let per_magnitude = 1.0 / at_least(meeting.magnitude, 1.0e-30);
+    let t = meeting.t0 + meeting.rest * per_magnitude;
+    // A drift moves the point of the plane by its length over the cosine. The triangle's normal has at most the length of
+    // the longest edge, squared.
+    let longest_mm = triangle.tolerance * (1.001 / EDGE_TOLERANCE_PER_MM);
+    let error_mm = DRIFT_MM * (1.0 + longest_mm * longest_mm * per_magnitude);
+    // A point within the tolerance of the edges lies within three of the longest edge. These bounds are numbers if the
+    // others are not.
+    let around_mm = 3.0 * longest_mm + DRIFT_MM;
+    (at_least(t - error_mm, meeting.t0 - around_mm), at_most(t + error_mm, meeting.t0 + around_mm), hit)
+}
+
+/// How a ray meets a triangle.
+pub(super) enum Hit {
+    Misses,
+    /// Within the tolerance of an edge.
+    AtEdge(f32),
+    /// Distance in mm, and whether it enters.
+    Inside(f32, bool),
+}
+
+/// [`intersection`] that tells where edges decide.
+#[inline(always)]
+pub(super) fn hit(triangle: &PackedTriangle, origin: Vec3, direction: Vec3) -> Hit {
+    let meeting = Meeting::new(triangle, origin, direction);
+    let tolerance = meeting.tolerance(triangle);
+    if !((meeting.magnitude > 2.0 * tolerance) & meeting.within(tolerance)) {
+        Hit::Misses
+    } else if meeting.within(-tolerance) {
+        Hit::Inside(meeting.t(), meeting.enters)
+    } else {
+        Hit::AtEdge(meeting.t())
+    }
+}

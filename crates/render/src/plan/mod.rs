@@ -1,0 +1,134 @@
+//! The effect plan: the effects that a scene calls for, with reasons, decided before anything is compiled.
+//!
+//! An effect is left out only if the change of a frame has a small bound in every pose of the probe: see [`Bound`].
+
+mod bound;
+mod contact;
+mod facts;
+mod loss;
+mod rules;
+mod speckle;
+
+use std::fmt;
+
+use serde::Serialize;
+
+pub use bound::{Bound, GREY_ALLOWED};
+pub(crate) use facts::{AIR, SKIN, SceneFacts};
+
+use insonify_core::anatomy::Scene;
+use insonify_core::settings::RenderSettings;
+use insonify_core::settings::{Choice, Effect, EffectSet};
+use insonify_core::transducer::Probe;
+use rules::{Rules, decided};
+
+/// Whether one effect is simulated, and why.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Decision {
+    /// The effect.
+    pub effect: Effect,
+    /// Whether it is simulated.
+    pub on: bool,
+    /// Whether the scene calls for it.
+    pub called_for: bool,
+    /// Choice in the station file.
+    pub choice: Choice,
+    /// Reason for `called_for`, with the numbers that decided it.
+    pub reason: String,
+    /// Largest error of a frame without it, in any pose.
+    pub bound: Bound,
+}
+
+impl Decision {
+    /// Notice for a user whose tissues have a texture that is shown only on request.
+    pub fn notice(&self) -> Option<String> {
+        let Self { effect, reason, .. } = self;
+        let waits = *effect == Effect::Texture && self.choice == Choice::Auto && self.bound == Bound::OnRequest;
+        waits.then(|| format!("{effect} is left out: {reason}; [effects] {effect} = \"on\" shows it"))
+    }
+
+    /// Warning for a user who switches off an effect that the scene calls for.
+    pub fn warning(&self) -> Option<String> {
+        let against = self.called_for && !self.on;
+        against.then(|| format!("{} is off though {} (bound without it: {})", self.effect, self.reason, self.bound))
+    }
+}
+
+/// Effects that a frame is rendered with.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(transparent)]
+pub struct EffectPlan {
+    decisions: Vec<Decision>,
+}
+
+impl EffectPlan {
+    /// The plan of a scene, a probe and settings.
+    pub fn new(scene: &Scene, probe: &Probe, settings: &RenderSettings) -> Self {
+        Self::of(&SceneFacts::new(scene), probe, settings)
+    }
+
+    pub(crate) fn of(facts: &SceneFacts, probe: &Probe, settings: &RenderSettings) -> Self {
+        // Air is a medium that paths may meet wherever contact is simulated.
+        let in_air = (settings.effects.of(Effect::Contact) == Choice::On && !facts.skin).then(|| facts.in_air());
+        let facts = in_air.as_ref().unwrap_or(facts);
+        let mut rules = Rules { facts, probe, settings, on: EffectSet::default() };
+        let decide = |effect| {
+            let found = rules.of(effect);
+            let possible = rules.possible(effect);
+            let (called_for, choice) = (possible && !found.bound.negligible(), settings.effects.of(effect));
+            let on = possible && decided(choice, called_for);
+            if on {
+                rules.on = rules.on.and(effect);
+            }
+            Decision { effect, on, called_for, choice, reason: found.reason, bound: found.bound }
+        };
+        Self { decisions: Effect::ALL.into_iter().map(decide).collect() }
+    }
+
+    /// The decisions, in the order of [`Effect::ALL`].
+    pub fn decisions(&self) -> &[Decision] {
+        &self.decisions
+    }
+
+    /// Whether `effect` is simulated.
+    pub fn has(&self, effect: Effect) -> bool {
+        self.decisions.iter().any(|d| d.effect == effect && d.on)
+    }
+
+    /// The effects that are simulated.
+    pub fn effects(&self) -> EffectSet {
+        self.decisions.iter().filter(|d| d.on).map(|d| d.effect).collect()
+    }
+
+    /// Notices of [`Decision::notice`].
+    pub fn notices(&self) -> impl Iterator<Item = String> {
+        self.decisions.iter().filter_map(Decision::notice)
+    }
+
+    /// Warnings about effects that are off against the plan, one line each.
+    pub fn warnings(&self) -> impl Iterator<Item = String> + '_ {
+        self.decisions.iter().filter_map(Decision::warning)
+    }
+
+    /// Settings of frames: one ray or one layer if more would not change the frame.
+    pub fn settings(&self, asked: &RenderSettings) -> RenderSettings {
+        let mut settings = *asked;
+        if !self.has(Effect::Rays) {
+            settings.quality.rays = 1;
+        }
+        if !self.has(Effect::Layers) {
+            settings.quality.layers = 1;
+        }
+        settings
+    }
+}
+
+impl fmt::Display for EffectPlan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for d in &self.decisions {
+            let forced = if d.choice == Choice::Auto { "" } else { " (by the station)" };
+            writeln!(f, "{:19} {:3}{forced} {}", d.effect, if d.on { "on" } else { "off" }, d.reason)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,356 @@
+//! Many frames of a scene, several at once.
+
+use std::collections::VecDeque;
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
+
+use insonify_core::lanes::{in_order, lane_count};
+use insonify_core::pose::Pose;
+use insonify_core::settings::{Quality, RenderSettings};
+
+use super::Renderer;
+use crate::angle_order::AngleOrder;
+use crate::configuration::FrameInputs;
+use crate::error::RenderError;
+use crate::frame::{FRAMES_IN_FLIGHT, Frame};
+use crate::kept::Kept;
+use crate::shared_tables::SharedTables;
+
+/// A frame of many.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Job {
+    /// Pose of the probe.
+    pub pose: Pose,
+    /// Time of the scene, s.
+    pub time_s: f64,
+    /// Seed of the frame's random choices.
+    pub seed: u32,
+}
+
+impl Renderer {
+    /// Renders `jobs`, each as [`Renderer::set_time_s`] and [`Renderer::render`] do with its seed: the same frame, bit for bit on the host and
+    /// in software; a GPU that makes several at once may round otherwise. `each` receives the frames in the order of the jobs, with their numbers; it may take a frame's memory.
+    ///
+    /// The host renders several frames at once, as many as it has threads, up to eight. Each has its share of the threads, buffers and,
+    /// if the scene moves, a copy of the tree, which are kept for the next call. A device has two frames in flight. Where one does not
+    /// fill it, it makes several at once that are of one time and follow each other. Jobs are taken only a few ahead. Afterwards time and settings are as before.
+    ///
+    /// # Errors
+    /// Frames in flight, too little memory, a frame that cannot be rendered ([`RenderError::Job`] names it), or an error of `each`.
+    /// Frames before it were handed to `each`.
+    pub fn render_many<E: From<RenderError> + Send>(
+        &mut self,
+        jobs: impl IntoIterator<Item = Job>,
+        each: impl FnMut(usize, &mut Frame) -> Result<(), E>,
+    ) -> Result<(), E> {
+        if self.frames_in_flight() > 0 {
+            return Err(RenderError::RingFull.into());
+        }
+        let (time_s, settings, probe) = (self.time_s, self.active.settings, self.active.probe);
+        let done = if self.on_host || self.compounding.is_some() {
+            self.render_at_once(jobs, each)
+        } else {
+            self.render_in_flight(jobs, each)
+        };
+        // After an error, frames wait that nobody takes.
+        let mut unclaimed = Frame::default();
+        while !self.in_flight.is_empty() {
+            if self.receive(&mut unclaimed).is_err() {
+                self.in_flight.clear();
+            }
+        }
+        let restored = self.reconfigure(&probe, &settings);
+        self.set_time_s(time_s);
+        // A device that was lost makes no frame to restore for.
+        done?;
+        Ok(restored?)
+    }
+
+    /// [`Renderer::render_many`] by lanes.
+    fn render_at_once<E: From<RenderError> + Send>(
+        &mut self,
+        jobs: impl IntoIterator<Item = Job>,
+        mut each: impl FnMut(usize, &mut Frame) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let spare = Mutex::new(Vec::new());
+        let spare = || spare.lock().unwrap_or_else(PoisonError::into_inner);
+        let render = |lane: &mut &mut Self, (number, job): (usize, Job)| {
+            let mut frame = spare().pop().unwrap_or_default();
+            let rendered = lane.prepare(&job).and_then(|()| lane.render(&job.pose, &mut frame));
+            rendered.map_err(|source| named(number, source))?;
+            Ok(frame)
+        };
+        let jobs = jobs.into_iter().enumerate().map(Ok);
+        self.with_lanes(lane_count(), |lanes| {
+            in_order(lanes, jobs, render, |number, mut frame| {
+                each(number, &mut frame)?;
+                spare().push(frame);
+                Ok(())
+            })
+        })?
+    }
+
+    /// [`Renderer::render_many`] by a device: two frames in flight, or twice as many as it makes at once.
+    fn render_in_flight<E: From<RenderError>>(
+        &mut self,
+        jobs: impl IntoIterator<Item = Job>,
+        mut each: impl FnMut(usize, &mut Frame) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let mut frame = Frame::default();
+        let mut submitted = VecDeque::new();
+        let mut receive = |renderer: &mut Self, submitted: &mut VecDeque<usize>| {
+            let Some(number) = submitted.pop_front() else { return Ok(()) };
+            renderer.receive(&mut frame).map_err(|source| named(number, source))?;
+            each(number, &mut frame)
+        };
+        let at_once = self.frames_at_once();
+        let mut jobs = jobs.into_iter().peekable();
+        let (mut group, mut first) = (Vec::with_capacity(at_once), 0);
+        while let Some(job) = jobs.next() {
+            group.push(job);
+            // Frames of one group are of one scene.
+            while group.len() < at_once
+                && let Some(next) = jobs.next_if(|next| next.time_s == job.time_s)
+            {
+                group.push(next);
+            }
+            while submitted.len() + group.len() > FRAMES_IN_FLIGHT * at_once {
+                receive(self, &mut submitted)?;
+            }
+            self.submit_group(&group, at_once).map_err(|(at, source)| named(first + at, source))?;
+            submitted.extend(first..first + group.len());
+            first += group.len();
+            group.clear();
+        }
+        while !submitted.is_empty() {
+            receive(self, &mut submitted)?;
+        }
+        Ok(())
+    }
+
+    /// Frames of one scene that a device makes best at once.
+    fn frames_at_once(&mut self) -> usize {
+        let inputs = FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &self.active, angle: 0 };
+        self.maker.at_once(inputs).max(1)
+    }
+
+    /// Starts the frames of `jobs`, all of one time.
+    ///
+    /// # Errors
+    /// The error, and the place of its job among them.
+    fn submit_group(&mut self, jobs: &[Job], at_once: usize) -> Result<(), (usize, RenderError)> {
+        if at_once == 1 {
+            let mut numbered = jobs.iter().enumerate();
+            return numbered.try_for_each(|(at, job)| {
+                self.prepare(job).and_then(|()| self.submit(&job.pose)).map_err(|source| (at, source))
+            });
+        }
+        let started = Instant::now();
+        let angle = self.active.tables.angles.len().saturating_sub(1);
+        let (mut params, mut waiting) = (Vec::with_capacity(jobs.len()), Vec::with_capacity(jobs.len()));
+        for (at, job) in jobs.iter().enumerate() {
+            self.prepare(job).map_err(|source| (at, source))?;
+            let placed = self.touch(&job.pose);
+            self.aim(&placed, angle);
+            params.push(self.active.params);
+            waiting.push(self.waiting(&placed, angle, started));
+        }
+        let inputs = FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &self.active, angle };
+        self.maker.submit_several(inputs, &params, self.contents()).map_err(|source| (0, source.into()))?;
+        self.in_flight.extend(waiting);
+        Ok(())
+    }
+
+    /// Sets the seed and the time of a job.
+    fn prepare(&mut self, job: &Job) -> Result<(), RenderError> {
+        let RenderSettings { quality, .. } = self.active.settings;
+        let probe = self.active.probe;
+        self.reconfigure(
+            &probe,
+            &RenderSettings { quality: Quality { seed: job.seed, ..quality }, ..self.active.settings },
+        )?;
+        self.set_time_s(job.time_s);
+        Ok(())
+    }
+
+    /// Runs `work` with this renderer and others beside it, `count` in all, of the same scene, probe and settings; with this one alone if
+    /// a device makes the frames.
+    ///
+    /// # Errors
+    /// Too little memory.
+    pub fn with_lanes<T>(&mut self, count: usize, work: impl FnOnce(&mut [&mut Self]) -> T) -> Result<T, RenderError> {
+        let mut beside = std::mem::take(&mut self.beside);
+        while beside.len() + 1 < count {
+            match self.new_beside()? {
+                Some(lane) => beside.push(lane),
+                None => break,
+            }
+        }
+        let (probe, settings) = (self.active.probe, self.active.settings);
+        let known = [SharedTables::of(&self.active.tables)];
+        let wanted = beside.iter_mut().take(count.saturating_sub(1));
+        wanted.into_iter().try_for_each(|lane| {
+            lane.image = self.image;
+            lane.reconfigure_with(&probe, &settings, &known)
+        })?;
+        let mut lanes: Vec<&mut Self> = std::iter::once(&mut *self).chain(&mut beside).take(count.max(1)).collect();
+        let done = work(&mut lanes);
+        self.beside = beside;
+        Ok(done)
+    }
+
+    /// Another renderer of the same scene, probe and settings, with buffers of its own; none on a device.
+    fn new_beside(&self) -> Result<Option<Self>, RenderError> {
+        let inputs = FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &self.active, angle: 0 };
+        let Some(maker) = self.maker.beside(inputs)? else { return Ok(None) };
+        let mut lane = Self {
+            bvh: self.bvh.clone(),
+            media: self.media.clone(),
+            active: self.active.clone(),
+            kept: Kept::default(),
+            skin: self.skin.clone(),
+            maker,
+            on_host: self.on_host,
+            place: self.place,
+            image: self.image,
+            time_s: self.time_s,
+            motion_ms: 0.0,
+            compounding: None,
+            kept_pictures: Kept::default(),
+            order: AngleOrder::default(),
+            generation: 0,
+            in_flight: VecDeque::with_capacity(FRAMES_IN_FLIGHT),
+            beside: Vec::new(),
+        };
+        lane.prepare_compounding();
+        Ok(Some(lane))
+    }
+}
+
+/// The error of a job.
+fn named(number: usize, source: RenderError) -> RenderError {
+    RenderError::Job { number, source: Box::new(source) }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DQuat, DVec3};
+    use insonify_core::anatomy::{TissueTable, analytic};
+    use insonify_core::settings::{LookSettings, RenderSettings};
+    use insonify_core::transducer::Probe;
+
+    use super::*;
+    use crate::{Backend, BackendChoice};
+
+    fn renderer(settings: &RenderSettings) -> (Renderer, Probe) {
+        let ball = analytic::Part {
+            name: "ball",
+            tissue: "liver",
+            priority: 0,
+            mesh: analytic::sphere(DVec3::new(0.0, 0.0, 60.0).as_vec3(), 30.0, 3),
+        };
+        let scene = analytic::scene(vec![ball], &TissueTable::builtin().unwrap(), "water").unwrap();
+        let probe = Probe { scanlines: 32, samples: 512, ..Probe::default() };
+        let backend = Backend::open(BackendChoice::Host).unwrap();
+        (Renderer::new(&backend, &scene, &probe, settings).unwrap(), probe)
+    }
+
+    fn settings() -> RenderSettings {
+        let mut settings = RenderSettings { maps: true, ..RenderSettings::default() };
+        (settings.image.width, settings.image.height) = (200, 150);
+        settings
+    }
+
+    fn jobs(count: u32) -> impl Iterator<Item = Job> {
+        (0..count).map(|i| Job {
+            pose: Pose { position_mm: DVec3::new(f64::from(i) - 3.0, 0.0, 0.0), orientation: DQuat::IDENTITY },
+            time_s: 0.1 * f64::from(i),
+            seed: i / 2,
+        })
+    }
+
+    /// A frame without its times.
+    fn timeless(frame: &Frame) -> Frame {
+        Frame { times: Default::default(), ..frame.clone() }
+    }
+
+    #[test]
+    fn frames_are_those_that_are_rendered_one_by_one() {
+        for angles in [1, 3] {
+            let settings = RenderSettings { look: LookSettings { angles, ..LookSettings::default() }, ..settings() };
+            let (mut many, probe) = renderer(&settings);
+            let (mut one, _) = renderer(&settings);
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
+            let mut seen = 0;
+            // Twice: lanes are kept. The focus changes between.
+            for focus_mm in [probe.focus_mm, 40.0] {
+                let probe = Probe { focus_mm, ..probe };
+                one.reconfigure(&probe, &settings).unwrap();
+                many.reconfigure(&probe, &settings).unwrap();
+                let mut expected = jobs(11).map(|job| {
+                    one.prepare(&job).unwrap();
+                    let mut frame = Frame::default();
+                    one.render(&job.pose, &mut frame).unwrap();
+                    frame
+                });
+                let each = |number, frame: &mut Frame| {
+                    assert_eq!(number, seen % 11);
+                    assert!(
+                        timeless(frame) == timeless(&expected.next().unwrap()),
+                        "frame {number} of {angles} angles"
+                    );
+                    seen += 1;
+                    Ok::<_, RenderError>(())
+                };
+                pool.install(|| many.render_many(jobs(11), each)).unwrap();
+            }
+            assert_eq!((seen, many.beside.len()), (22, 2));
+            assert_eq!((many.time_s, many.settings().quality.seed), (0.0, settings.quality.seed));
+        }
+    }
+
+    #[test]
+    fn a_frame_that_fails_is_named() {
+        let (mut renderer, _) = renderer(&settings());
+        let error = named(4, RenderError::RingEmpty);
+        assert!(error.to_string().starts_with("frame 4: no frame is in flight"), "{error}");
+        let stopped =
+            renderer.render_many(jobs(9), |number, _| if number == 2 { Err(error_of(number)) } else { Ok(()) });
+        assert!(matches!(stopped, Err(RenderError::Job { number: 2, .. })));
+    }
+
+    fn error_of(number: usize) -> RenderError {
+        named(number, RenderError::RingEmpty)
+    }
+
+    #[test]
+    fn configurations_keep_their_frames() {
+        let (mut both, probe) = renderer(&settings());
+        let high = RenderSettings { quality: Quality { rays: 4, layers: 3, seed: 9 }, maps: false, ..settings() };
+        let all: Vec<Job> = jobs(3).collect();
+        for focus_mm in [60.0, 90.0] {
+            let probe = Probe { focus_mm, ..probe };
+            for (number, settings) in [settings(), high].into_iter().enumerate() {
+                both.select(number).unwrap();
+                both.reconfigure(&probe, &settings).unwrap();
+            }
+            let (mut low_alone, _) = renderer(&settings());
+            let (mut high_alone, _) = renderer(&high);
+            low_alone.reconfigure(&probe, &settings()).unwrap();
+            high_alone.reconfigure(&probe, &high).unwrap();
+            for job in &all {
+                // Submitted together.
+                for number in [0, 1] {
+                    both.select(number).unwrap();
+                    both.submit(&job.pose).unwrap();
+                }
+                for alone in [&mut low_alone, &mut high_alone] {
+                    let (mut expected, mut found) = (Frame::default(), Frame::default());
+                    alone.render(&job.pose, &mut expected).unwrap();
+                    both.receive(&mut found).unwrap();
+                    assert!(timeless(&expected) == timeless(&found), "focus {focus_mm}");
+                }
+            }
+        }
+    }
+}

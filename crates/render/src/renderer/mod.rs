@@ -1,0 +1,411 @@
+//! Frames from poses: one interface for all backends; up to two frames are in flight.
+
+mod frames;
+mod many;
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::DVec3;
+use insonify_core::anatomy::scene::SURFACES_MAX;
+use insonify_core::anatomy::{Bvh, Scene, Skin};
+use insonify_core::pose::Pose;
+use insonify_core::settings::{Effect, RenderSettings, SettingsGroup as _};
+use insonify_core::transducer::{Probe, Sector};
+
+use super::angle_order::AngleOrder;
+use super::backend::Backend;
+use super::compounding::Compounding;
+use super::configuration::{Configuration, FrameInputs, Media};
+use super::constants::TISSUES_MAX;
+use super::error::RenderError;
+use super::frame::{FRAMES_IN_FLIGHT, Frame};
+use super::hooks::TestHooks;
+use super::kept::Kept;
+use super::maker::FrameMaker;
+use super::place::Place;
+use super::plan::EffectPlan;
+use super::shared_tables::SharedTables;
+use super::tables::Tables;
+use frames::InFlight;
+pub use many::Job;
+
+/// Renders frames of one scene.
+#[derive(Debug)]
+pub struct Renderer {
+    bvh: Arc<Bvh>,
+    media: Arc<Media>,
+    active: Configuration,
+    /// Configurations beside the active one.
+    kept: Kept<Configuration>,
+    /// Skin that the face touches, at rest; none before the effect `contact` is first simulated.
+    skin: Option<Arc<Skin>>,
+    maker: Box<dyn FrameMaker>,
+    on_host: bool,
+    place: Place,
+    /// Whether the next frames carry their image.
+    image: bool,
+    /// Time of the scene, s.
+    time_s: f64,
+    /// Duration of the scene's motion since the last submission, ms.
+    motion_ms: f64,
+    /// Pictures of all angles; none without compounding.
+    compounding: Option<Compounding>,
+    /// The same of the other configurations.
+    kept_pictures: Kept<Option<Compounding>>,
+    /// Order of the angles of live frames.
+    order: AngleOrder,
+    /// Changes of settings so far: pictures before and after are not averaged.
+    generation: u64,
+    in_flight: VecDeque<InFlight>,
+    /// Renderers that make frames at the same time, kept for the next ones.
+    beside: Vec<Self>,
+}
+
+impl Renderer {
+    /// Builds the BVH, the tables and the passes, and renders a first frame to warm them up.
+    ///
+    /// # Errors
+    /// A value outside its range, a scene without triangles, too little memory, or a device that fails or is too small.
+    pub fn new(
+        backend: &Backend,
+        scene: &Scene,
+        probe: &Probe,
+        settings: &RenderSettings,
+    ) -> Result<Self, RenderError> {
+        Self::with_bvh(backend, scene, Bvh::build(scene)?, probe, settings)
+    }
+
+    /// As [`Renderer::new`], with a BVH built before, which renderers may share.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub fn with_bvh(
+        backend: &Backend,
+        scene: &Scene,
+        bvh: impl Into<Arc<Bvh>>,
+        probe: &Probe,
+        settings: &RenderSettings,
+    ) -> Result<Self, RenderError> {
+        Self::build(backend, scene, bvh.into(), probe, settings, &TestHooks::default(), &[])
+    }
+
+    /// As [`Renderer::with_bvh`]; what `known` tables hold already is not computed again.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub fn with_tables(
+        backend: &Backend,
+        scene: &Scene,
+        bvh: Arc<Bvh>,
+        probe: &Probe,
+        settings: &RenderSettings,
+        known: &[SharedTables],
+    ) -> Result<Self, RenderError> {
+        Self::build(backend, scene, bvh, probe, settings, &TestHooks::default(), known)
+    }
+
+    /// As [`Renderer::with_bvh`], with passes changed by a test. Shaders apply to a device, constants to the host.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    #[cfg(feature = "test-hooks")]
+    pub fn with_hooks(
+        backend: &Backend,
+        scene: &Scene,
+        bvh: impl Into<Arc<Bvh>>,
+        probe: &Probe,
+        settings: &RenderSettings,
+        hooks: &TestHooks,
+    ) -> Result<Self, RenderError> {
+        Self::build(backend, scene, bvh.into(), probe, settings, hooks, &[])
+    }
+
+    fn build(
+        backend: &Backend,
+        scene: &Scene,
+        bvh: Arc<Bvh>,
+        probe: &Probe,
+        settings: &RenderSettings,
+        hooks: &TestHooks,
+        known: &[SharedTables],
+    ) -> Result<Self, RenderError> {
+        // A value outside its range is reported before any fault of the scene.
+        probe.validate()?;
+        settings.validate()?;
+        check_scene(scene, &bvh)?;
+        let media = Arc::new(Media::new(scene, &bvh));
+        let known: Vec<Arc<Tables>> = known.iter().map(SharedTables::tables).collect();
+        let active = Configuration::new(&media, probe, settings, None, &known)?;
+        let inputs = FrameInputs { bvh: &bvh, media: &media, configuration: &active, angle: 0 };
+        let mut maker = backend.maker(inputs, hooks)?;
+        active.warn(None);
+        maker.take_cold();
+        let in_flight = VecDeque::with_capacity(FRAMES_IN_FLIGHT);
+        let mut renderer = Self {
+            bvh,
+            media,
+            active,
+            kept: Kept::default(),
+            skin: None,
+            maker,
+            on_host: backend.on_host(),
+            place: backend.place(),
+            image: true,
+            time_s: 0.0,
+            motion_ms: 0.0,
+            compounding: None,
+            kept_pictures: Kept::default(),
+            order: AngleOrder::default(),
+            generation: 0,
+            in_flight,
+            beside: Vec::new(),
+        };
+        renderer.prepare_compounding();
+        renderer.prepare_skin()?;
+        // Where tables were made ahead nobody waits for the first frame, and the host compiles nothing.
+        let warm: &[bool] = if renderer.on_host && !known.is_empty() { &[] } else { &[true, false] };
+        renderer.warm_up(warm)?;
+        Ok(renderer)
+    }
+
+    /// Changes the probe and settings. The scene and compiled passes are kept:
+    ///
+    /// - gain, dynamic range, TGC, seed, reflections and maps apply to the next frame and cost nothing, as long as the
+    ///   plan has the same effects. A compounded picture then takes as many frames as it has angles to follow;
+    /// - all other settings rebuild the tables, and the buffers whose sizes change. A new pass (kept lines) is compiled
+    ///   and warmed up by an extra frame.
+    ///
+    /// Frames in flight stay as they were submitted and are received in their order, with their own size and maps.
+    /// While both are held, the memory of both is used.
+    ///
+    /// # Errors
+    /// A value outside its range, or too little memory: the renderer is then unchanged. A device that fails in the
+    /// warm-up.
+    pub fn reconfigure(&mut self, probe: &Probe, settings: &RenderSettings) -> Result<(), RenderError> {
+        self.reconfigure_with(probe, settings, &[])
+    }
+
+    /// As [`Renderer::reconfigure`]; what `known` tables hold already is not computed again.
+    ///
+    /// # Errors
+    /// As [`Renderer::reconfigure`].
+    pub fn reconfigure_with(
+        &mut self,
+        probe: &Probe,
+        settings: &RenderSettings,
+        known: &[SharedTables],
+    ) -> Result<(), RenderError> {
+        probe.validate()?;
+        settings.validate()?;
+        if self.active.has_tables_of(&self.media, probe, settings) {
+            let (before, after) = (self.active.settings, *settings);
+            self.active.set_uniforms(&self.media, settings);
+            // With another gain the angles so far age out, so that a slider doesn't bring back their speckle.
+            let range_db = |settings: &RenderSettings| settings.image.dynamic_range_db;
+            if (range_db(&before), before.quality.seed) != (range_db(&after), after.quality.seed) {
+                self.restart_compounding();
+            }
+            return Ok(());
+        }
+        let kept = self.kept.others().map(|kept| kept.tables.clone());
+        let known: Vec<Arc<Tables>> = kept.chain(known.iter().map(SharedTables::tables)).collect();
+        let next = Configuration::new(&self.media, probe, settings, Some(&self.active), &known)?;
+        self.maker.configure(FrameInputs { bvh: &self.bvh, media: &self.media, configuration: &next, angle: 0 })?;
+        next.warn(Some(&self.active));
+        let moved = self.active.effects.has(Effect::Motion);
+        self.active = next;
+        self.prepare_skin()?;
+        self.prepare_compounding();
+        self.rest(moved);
+        // With frames in flight the ring has no room: the next frame compiles what is new.
+        if self.maker.take_cold() && self.in_flight.is_empty() { self.warm_up(&[settings.maps]) } else { Ok(()) }
+    }
+
+    /// Makes the configuration with a number the active one; 0 is the first. A new number begins with the probe and the settings of the
+    /// one before. [`Renderer::reconfigure`] and all others concern the active one: each keeps its own tables and buffers, so that
+    /// changing between them costs nothing. They share the scene and its time.
+    ///
+    /// Frames in flight stay as they were submitted, but are not part of compounded pictures any more.
+    ///
+    /// # Errors
+    /// Too little memory for a new one, or a device that fails; nothing has changed then.
+    pub fn select(&mut self, number: usize) -> Result<(), RenderError> {
+        if number == self.kept.active() {
+            return Ok(());
+        }
+        let next = self.kept.get(number).unwrap_or(&self.active);
+        let inputs = FrameInputs { bvh: &self.bvh, media: &self.media, configuration: next, angle: 0 };
+        self.maker.select(number, inputs)?;
+        let (is_new, moved) = (!self.kept.has(number), self.active.effects.has(Effect::Motion));
+        let new = is_new.then(|| self.active.clone());
+        self.kept.swap(number, &mut self.active, new);
+        self.kept_pictures.swap(number, &mut self.compounding, is_new.then_some(None));
+        if is_new {
+            self.prepare_compounding();
+        } else {
+            self.restart_compounding();
+        }
+        self.rest(moved);
+        Ok(())
+    }
+
+    /// Brings the scene to rest if it `moved`, and does not with the active configuration.
+    fn rest(&mut self, moved: bool) {
+        if moved && !self.active.effects.has(Effect::Motion) && self.bvh.moves() {
+            self.move_to(0.0);
+        }
+    }
+
+    /// Makes the skin that the face touches, if its effect is simulated for the first time.
+    fn prepare_skin(&mut self) -> Result<(), RenderError> {
+        if self.skin.is_some() || !self.active.effects.has(Effect::Contact) {
+            return Ok(());
+        }
+        let touched = |surface: u32| self.media.touched.get(surface as usize).copied().unwrap_or(false);
+        let triangles = self.bvh.triangles.iter().filter(|triangle| touched(triangle.surface));
+        let skin = Skin::of_triangles(triangles.map(|triangle| self.bvh.corners_mm(triangle)))?;
+        let all = self.bvh.triangles.iter().map(|triangle| self.bvh.corners_mm(triangle));
+        self.skin = Some(Arc::new(skin.within(all)));
+        Ok(())
+    }
+
+    /// Distance of the face's centre from the skin at rest, mm; none if contact was never simulated.
+    pub fn skin_distance_mm(&self, pose: &Pose) -> Option<f64> {
+        self.skin.as_ref().map(|skin| skin.distance_mm(pose.position_mm))
+    }
+
+    /// Makes the memory of the angles of a compounded picture.
+    fn prepare_compounding(&mut self) {
+        let tables = &self.active.tables;
+        let range_db = self.active.settings.image.dynamic_range_db;
+        let several = tables.angles.len() > 1;
+        let new =
+            || Compounding::new(tables.sector, tables.mask.clone(), tables.covered(), tables.angles.len(), range_db);
+        self.compounding = several.then(new);
+        self.restart_compounding();
+    }
+
+    /// Begins a compounded picture anew with the next frame: the straight angle, which alone shows the whole sector.
+    pub fn restart_compounding(&mut self) {
+        self.generation += 1;
+        let angles = self.active.tables.angles.len();
+        self.order.restart(angles);
+        if let Some(compounding) = &mut self.compounding {
+            compounding.restart(self.active.settings.image.dynamic_range_db);
+        }
+    }
+
+    /// Renders one frame for each entry of `with_maps`. Drivers compile at the first dispatch, and memory is mapped at
+    /// the first write; neither may delay a user's first frame.
+    fn warm_up(&mut self, with_maps: &[bool]) -> Result<(), RenderError> {
+        let (maps, image) = (self.active.settings.maps, std::mem::replace(&mut self.image, true));
+        // Frames away from the scene, as that takes the least time.
+        let beside_mm = self.bvh.centre_mm + 2.0 * self.bvh.radius_mm * DVec3::Z;
+        let away = Pose { position_mm: beside_mm, orientation: glam::DQuat::IDENTITY };
+        let mut rendered = Ok(());
+        for &with in with_maps {
+            self.active.settings.maps = with;
+            let mut warmed = || {
+                self.submit(&away)?;
+                self.receive(&mut Frame::default())
+            };
+            rendered = rendered.and_then(|()| warmed());
+        }
+        (self.active.settings.maps, self.image) = (maps, image);
+        self.restart_compounding();
+        rendered
+    }
+
+    /// Sets whether the next frames carry segmentation and attenuation: as [`Renderer::reconfigure`] with
+    /// [`RenderSettings::maps`], but at no cost, so it may be called for each frame.
+    pub fn set_maps(&mut self, maps: bool) {
+        if maps != self.active.settings.maps {
+            self.active.settings.maps = maps;
+            self.active.effects = self.media.plan(&self.active.probe, &self.active.settings);
+        }
+    }
+
+    /// Sets whether the next frames carry their B-mode image. Without it [`Frame::bmode`] is empty and its passes are
+    /// skipped, for a generator that takes only maps. Frames without maps, and those with lines, always have it. Costs
+    /// nothing; frames in flight stay as they were submitted.
+    pub fn set_image(&mut self, image: bool) {
+        self.image = image;
+    }
+
+    /// Moves the scene to `time_s`, for the frames that are submitted from now on.
+    ///
+    /// Only corners and boxes that changed are updated; a scene that does not move costs nothing. A new renderer shows
+    /// time 0, with everything at rest.
+    ///
+    /// Each time has its own noise of the receiver.
+    pub fn set_time_s(&mut self, time_s: f64) {
+        self.time_s = time_s;
+        if self.bvh.moves() && self.active.effects.has(Effect::Motion) {
+            let started = Instant::now();
+            self.move_to(time_s);
+            self.motion_ms += started.elapsed().as_secs_f64() * 1e3;
+        }
+    }
+
+    /// Moves the scene to `time_s`, even if the plan has no motion.
+    fn move_to(&mut self, time_s: f64) {
+        // Renderers may share one tree until it moves; then each has its own copy.
+        self.maker.move_scene(Arc::make_mut(&mut self.bvh), time_s);
+    }
+
+    /// Active settings.
+    pub fn settings(&self) -> &RenderSettings {
+        &self.active.settings
+    }
+
+    /// Effects that frames simulate, and why.
+    pub fn plan(&self) -> &EffectPlan {
+        &self.active.effects
+    }
+
+    /// Active probe.
+    pub fn probe(&self) -> &Probe {
+        &self.active.probe
+    }
+
+    /// Whether the host's processors make the frames, within [`Renderer::submit`].
+    pub fn on_host(&self) -> bool {
+        self.on_host
+    }
+
+    /// Where its frames are computed.
+    pub fn place(&self) -> Place {
+        self.place
+    }
+
+    /// Number of frames that were submitted and not received.
+    pub fn frames_in_flight(&self) -> usize {
+        self.in_flight.len()
+    }
+
+    /// Place of the sector in the image.
+    pub fn sector(&self) -> &Sector {
+        &self.active.tables.sector
+    }
+}
+
+/// Checks every index that passes use unchecked.
+fn check_scene(scene: &Scene, bvh: &Bvh) -> Result<(), RenderError> {
+    let (surfaces, tissues) = (scene.surfaces.len(), scene.tissues.tissues().len());
+    let fail = |what: String| Err(RenderError::Scene { what });
+    if surfaces > SURFACES_MAX {
+        return fail(format!("{surfaces} surfaces; at most {SURFACES_MAX} are traced"));
+    }
+    if tissues > TISSUES_MAX as usize {
+        return fail(format!("{tissues} tissues; at most {TISSUES_MAX} are numbered"));
+    }
+    if let Some(index) = scene.surfaces.iter().map(|s| s.tissue).chain([scene.background]).find(|&i| i >= tissues) {
+        return fail(format!("tissue {index} of a table of {tissues}"));
+    }
+    match bvh.triangles.iter().find(|t| t.surface as usize >= surfaces) {
+        Some(triangle) => fail(format!("its BVH names surface {} of {surfaces}", triangle.surface)),
+        None => Ok(()),
+    }
+}

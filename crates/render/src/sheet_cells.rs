@@ -1,0 +1,84 @@
+//! Cells of the sheets of scatterers.
+
+use std::f64::consts::TAU;
+use std::sync::LazyLock;
+
+use glam::DVec2;
+use insonify_core::simd::pcg3d;
+use insonify_core::transducer::Probe;
+
+use super::constants::{CELL_MM, CELL_QUARTERS, SHEET_CELL_MAX_MM, SHEET_CELL_PER_SPACING};
+
+/// Distances at which the chance of the same scatterer is drawn, and the largest, sides of a cell.
+const STEPS: u32 = 24;
+const DISTANCE_MAX: f64 = 1.2;
+/// Random cells at each of them.
+const DRAWS: u32 = 20_000;
+
+/// Cells of the sheets.
+///
+/// A scanline sees the cells that it crosses. Where cells are narrower than scanlines are apart, the scanlines of another
+/// steering angle cross other cells, and frames of two angles are far less alike than waves make them. So the cells of probes that
+/// steer are as wide as scanlines are apart. To keep grains short along the scanline, a wide cell has several scatterers in
+/// its quarters, and a sample takes the one whose range is nearest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct SheetCells {
+    /// Side, mm.
+    pub(crate) side_mm: f64,
+    /// Scatterers of a cell, 1 to [`CELL_QUARTERS`].
+    pub(crate) scatterers: u32,
+}
+
+impl SheetCells {
+    pub(crate) fn new(probe: &Probe) -> Self {
+        let spacing_mm = probe.line_spacing_mm(probe.focus_mm.min(probe.depth_mm));
+        let wanted_mm = if probe.kind.steers() { SHEET_CELL_PER_SPACING * spacing_mm } else { CELL_MM };
+        let side_mm = wanted_mm.clamp(CELL_MM, SHEET_CELL_MAX_MM);
+        Self { side_mm, scatterers: ((side_mm / CELL_MM).round() as u32).clamp(1, CELL_QUARTERS) }
+    }
+
+    /// Chance that two points of a sheet lie in one cell, by their distance along both axes of the cells.
+    pub(crate) fn chance_of_same(self, distance_mm: [f64; 2]) -> f64 {
+        distance_mm.map(|mm| (1.0 - mm.abs() / self.side_mm).max(0.0)).iter().product()
+    }
+
+    /// Chance that two points of one cell take the same of its scatterers, by their distance on the sheet in the direction
+    /// of the range.
+    pub(crate) fn chance_of_same_nearest(self, distance_mm: f64) -> f64 {
+        static CHANCES: [LazyLock<Vec<f64>>; 3] =
+            [LazyLock::new(|| drawn(2)), LazyLock::new(|| drawn(3)), LazyLock::new(|| drawn(4))];
+        let Some(chances) = CHANCES.get((self.scatterers as usize).wrapping_sub(2)) else { return 1.0 };
+        let place = distance_mm.abs() / self.side_mm * f64::from(STEPS) / DISTANCE_MAX;
+        let of = |step: usize| chances.get(step).copied().unwrap_or(0.0);
+        of(place as usize) * (1.0 - place.fract()) + of(place as usize + 1) * place.fract()
+    }
+}
+
+/// [`SheetCells::chance_of_same_nearest`] at each distance for a number of scatterers.
+fn drawn(scatterers: u32) -> Vec<f64> {
+    (0..=STEPS).map(|step| drawn_at(scatterers, DISTANCE_MAX * f64::from(step) / f64::from(STEPS))).collect()
+}
+
+/// The chance at one distance, sides of a cell, by random cells, points and directions.
+fn drawn_at(scatterers: u32, distance: f64) -> f64 {
+    let [mut both, mut same] = [0u32; 2];
+    for draw in 0..DRAWS {
+        let random = |number: u32| pcg3d([draw, number, 0]).map(|bits| f64::from(bits) / 2f64.powi(32));
+        let [x, y, turn] = random(0);
+        let way = DVec2::from_angle(TAU * turn);
+        let points = [DVec2::new(x, y), DVec2::new(x, y) + distance * way];
+        if points[1].min_element() < 0.0 || points[1].max_element() > 1.0 {
+            continue;
+        }
+        let scatterer = |quarter: u32| {
+            let [x, y, _] = random(1 + quarter);
+            let corner = [(quarter ^ quarter >> 1) & 1, quarter & 1].map(f64::from);
+            0.5 * DVec2::new(corner[0] + x, corner[1] + y)
+        };
+        let off = |point: DVec2, quarter: u32| (scatterer(quarter) - point).dot(way).abs();
+        let nearest = |point: DVec2| (0..scatterers).min_by(|&a, &b| off(point, a).total_cmp(&off(point, b)));
+        both += 1;
+        same += u32::from(nearest(points[0]) == nearest(points[1]));
+    }
+    if both > 0 { f64::from(same) / f64::from(both) } else { 0.0 }
+}

@@ -1,0 +1,287 @@
+//! Inputs and outputs of every pass of a frame, to compare passes with their twins.
+
+use glam::{DVec2, DVec3, Vec3};
+use insonify_core::anatomy::bvh::Moved;
+
+use super::configuration::FrameInputs;
+use super::constants::{
+    DIVERTED, ENTRIES, HINT_BLOCK, SEGMENTS, STARTS, TAG_DENSITY, TEXTURE_MASK, TEXTURE_SHIFT, TISSUE_MASK,
+};
+use super::frame::unpad;
+use super::twin::{
+    Aperture, BlockGain, Boundary, Inputs, Launched, Membership, Motion, Node, Path, Profile, RasterPoint, Run,
+    Sections, Segment, Transmission,
+};
+
+/// Outputs of every pass of one frame, in the layouts of the shaders; images without their padding.
+#[derive(Debug, Clone, Default)]
+pub(super) struct PassBuffers {
+    pub(super) starts_inside: Vec<[u32; 8]>,
+    pub(super) couplings: Vec<f32>,
+    pub(super) starts: Vec<f32>,
+    pub(super) segments: Vec<[f32; 12]>,
+    pub(super) echoes: Vec<[f32; 2]>,
+    pub(super) segment_counts: Vec<u32>,
+    pub(super) hints: Vec<u32>,
+    /// `transmission`: mask [planes × cells] and the loss of each row's best cell.
+    pub(super) mask: Vec<[f32; 2]>,
+    pub(super) row_np: Vec<f32>,
+    /// `propagate`, and the first plane that it fills.
+    pub(super) fields: Vec<f32>,
+    pub(super) first_plane: u32,
+    /// `beams`: amplitudes [planes × beams × cells] from the first plane on, powers [planes × cells].
+    pub(super) amplitudes: Vec<f32>,
+    pub(super) beam_powers: Vec<f32>,
+    /// `profiles`: weights [planes × scanlines × taps], blends [planes × scanlines].
+    pub(super) profiles: Vec<f32>,
+    pub(super) blends: Vec<[f32; 3]>,
+    /// `visibility` [scanlines × (planes + 1)].
+    pub(super) line_gains: Vec<[f32; 4]>,
+    /// `visibility` [scanlines × blocks].
+    pub(super) block_gains: Vec<[f32; 2]>,
+    /// `march` [scanlines × blocks].
+    pub(super) reflected: Vec<f32>,
+    /// Baseband before the interfaces echo.
+    pub(super) scattered: Vec<[f32; 2]>,
+    pub(super) baseband: Vec<[f32; 2]>,
+    /// Focused baseband before `receive` adds to it.
+    pub(super) focused: Vec<[f32; 2]>,
+    pub(super) received: Vec<[f32; 2]>,
+    pub(super) lines: Vec<[f32; 2]>,
+    pub(super) polar: Vec<u32>,
+    pub(super) entries: Vec<[f32; 4]>,
+    pub(super) entry_counts: Vec<u32>,
+    pub(super) raster: Vec<u32>,
+    pub(super) percentile_np: f32,
+    pub(super) bmode: Vec<u8>,
+    pub(super) segmentation: Vec<u8>,
+    pub(super) attenuation: Vec<f32>,
+    pub(super) overflows: u32,
+    /// The moved scene of a device, which moves its own.
+    pub(super) moved: Option<Moved>,
+}
+
+/// Inputs and outputs of every pass of one frame, as typed values in f64.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Snapshot {
+    /// Inputs of the passes, except outputs of other passes.
+    pub inputs: Inputs,
+    /// `displace`: displacement of each moving vertex from rest, mm; empty without motion.
+    pub displaced_mm: Vec<DVec3>,
+    /// `refit`: nodes of the tree; empty without motion.
+    pub nodes: Vec<Node>,
+    /// `locate`: surfaces that each path starts inside, and its coupling `[paths]`.
+    pub launches: Vec<Launched>,
+    /// `trace`: paths `[paths]`.
+    pub paths: Vec<Path>,
+    /// `trace`: segment that holds the first sample of each block of `hint_block` [paths × blocks].
+    pub hints: Vec<u8>,
+    /// Samples that share a hint.
+    pub hint_block: usize,
+    /// `transmission`; empty without the aperture, as the next three.
+    pub transmission: Transmission,
+    /// `propagate`: field of each mode at each cell [modes × planes × cells], from `first_plane` on.
+    pub fields: Vec<DVec2>,
+    /// First plane of `fields`.
+    pub first_plane: usize,
+    /// `beams`: amplitude of each beam of a period at each cell [planes × beams × cells], from `first_plane` on.
+    pub amplitudes: Vec<f64>,
+    /// `beams`: echo power at each node [planes × cells], the first nodes of each row.
+    pub beam_powers: Vec<f64>,
+    /// `profiles` [planes × scanlines].
+    pub profiles: Vec<Profile>,
+    /// `visibility` [scanlines × (planes + 1)].
+    pub line_gains: Vec<Boundary>,
+    /// `visibility`: gain of each block and its place [scanlines × blocks].
+    pub block_gains: Vec<BlockGain>,
+    /// `march`: amplitude that came by reflections over the amplitude that the aperture sees, at the first sample of each
+    /// block [scanlines × blocks].
+    pub reflected: Vec<f64>,
+    /// `march`: baseband of the scatterers [scanlines × samples].
+    pub scattered: Vec<DVec2>,
+    /// `echo`: the same with the interfaces' echoes.
+    pub baseband: Vec<DVec2>,
+    /// `lateral`: baseband after the beam.
+    pub focused: Vec<DVec2>,
+    /// `receive`: the same with noise, clutter and reverberation.
+    pub received: Vec<DVec2>,
+    /// `detect`: baseband after the pulse; empty unless the settings ask for lines.
+    pub lines: Vec<DVec2>,
+    /// `detect`: grey levels [scanlines × samples].
+    pub grey: Vec<f64>,
+    /// `section`: media along the map rays.
+    pub sections: Sections,
+    /// `percentile`: Σμ of the attenuation's 98th percentile, nepers.
+    pub percentile_np: f64,
+    /// `scan_convert`: grey levels [height × width].
+    pub bmode: Vec<u8>,
+    /// `scan_convert`: tissue numbers [height × width].
+    pub segmentation: Vec<u8>,
+    /// `scan_convert`: attenuation over its percentile [height × width].
+    pub attenuation: Vec<f64>,
+    /// Number of crossings that found no room.
+    pub overflows: u32,
+}
+
+impl Snapshot {
+    /// The outputs of a frame as values.
+    pub(super) fn new(buffers: PassBuffers, FrameInputs { bvh, media, configuration, angle }: FrameInputs<'_>) -> Self {
+        let (params, tables) = (&configuration.params, &configuration.tables);
+        let moved = buffers.moved.as_ref().cloned().or_else(|| bvh.moved());
+        let triangles = moved
+            .as_ref()
+            .map_or((&bvh.triangles[..], bvh.displacements()), |m| (&m.triangles[..], &m.displacements[..]));
+        let motion = bvh.motion_tables().zip(moved.as_ref()).map(|(tables, moved)| Motion::new(&tables, moved));
+        let effects = configuration.effects.effects();
+        let inputs = Inputs { motion, ..Inputs::new(params, tables, &media.surface_words, triangles, effects, angle) };
+        let complex = |padded: &[[f32; 2]]| {
+            let mut rows = Vec::new();
+            unpad(&mut rows, padded, params.samples as usize, params.row_samples as usize);
+            rows.into_iter().map(|[re, im]| DVec2::new(re.into(), im.into())).collect()
+        };
+        let mut polar = Vec::new();
+        unpad(&mut polar, &buffers.polar, params.samples as usize, params.row_samples as usize);
+        let rays = buffers.entries.chunks_exact(ENTRIES as usize).zip(&buffers.entry_counts);
+        let runs = rays.map(|(runs, &count)| runs[..count as usize].iter().map(run_from).collect());
+        let point = |word: &u32| RasterPoint {
+            sum_np: f32::from_bits((word & 0xffff_fe00) >> 1).into(),
+            tissue: (word & 0xff) as usize,
+        };
+        let raster = buffers.raster[..inputs.map_rays.len() * inputs.map_depths].iter().map(point);
+        let sections = Sections { runs: runs.take(inputs.map_rays.len()).collect(), raster: raster.collect() };
+        Self {
+            displaced_mm: moved.iter().flat_map(|moved| &moved.vertices).map(place).collect(),
+            nodes: moved.iter().flat_map(|moved| &moved.nodes).map(Node::decode).collect(),
+            launches: launches_from(&buffers),
+            paths: (0..inputs.paths()).map(|path| path_from(&buffers, path)).collect(),
+            hints: buffers.hints.iter().flat_map(|word| word.to_le_bytes()).collect(),
+            hint_block: HINT_BLOCK as usize,
+            transmission: transmission_from(&buffers, &inputs),
+            fields: fields_from(&buffers, &inputs),
+            first_plane: buffers.first_plane as usize,
+            amplitudes: wide(&buffers.amplitudes, of_aperture(&inputs, |a| a.planes * a.beams * a.cells)),
+            profiles: profiles_from(&buffers, &inputs),
+            beam_powers: wide(&buffers.beam_powers, of_aperture(&inputs, |a| a.planes * a.cells)),
+            line_gains: line_gains_from(&buffers, &inputs),
+            block_gains: block_gains_from(&buffers, &inputs),
+            reflected: reflected_from(&buffers, &inputs),
+            scattered: complex(&buffers.scattered),
+            baseband: complex(&buffers.baseband),
+            focused: complex(&buffers.focused),
+            received: complex(&buffers.received),
+            // A device's buffer of lines is shorter if they are not wanted.
+            lines: if buffers.lines.len() >= buffers.focused.len() { complex(&buffers.lines) } else { Vec::new() },
+            grey: polar.into_iter().map(|word| f64::from(word & 0xffff) / 257.0).collect(),
+            sections,
+            percentile_np: buffers.percentile_np.into(),
+            bmode: buffers.bmode,
+            segmentation: buffers.segmentation,
+            attenuation: buffers.attenuation.into_iter().map(f64::from).collect(),
+            overflows: buffers.overflows,
+            inputs,
+        }
+    }
+}
+
+fn place(&[x, y, z, _]: &[f32; 4]) -> DVec3 {
+    Vec3::new(x, y, z).as_dvec3()
+}
+
+/// A size of the aperture's tables; 0 without the effect.
+fn of_aperture(inputs: &Inputs, size: impl Fn(&Aperture) -> usize) -> usize {
+    inputs.aperture.as_ref().map_or(0, size)
+}
+
+/// The first numbers of a buffer, which may be longer.
+fn wide(values: &[f32], count: usize) -> Vec<f64> {
+    values.iter().take(count).map(|&v| v.into()).collect()
+}
+
+fn transmission_from(buffers: &PassBuffers, inputs: &Inputs) -> Transmission {
+    Transmission {
+        mask: buffers.mask.iter().take(of_aperture(inputs, |a| a.planes * a.cells)).map(complex).collect(),
+        row_np: wide(&buffers.row_np, of_aperture(inputs, |a| a.planes)),
+    }
+}
+
+/// The fields with real and imaginary parts together.
+fn fields_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<DVec2> {
+    let rows = of_aperture(inputs, |a| a.modes.len() * a.planes);
+    let cells = of_aperture(inputs, |a| a.cells).max(1);
+    let row = |row: &[f32]| {
+        let (re, im) = row.split_at(cells);
+        re.iter().zip(im).map(|(&re, &im)| DVec2::new(re.into(), im.into())).collect::<Vec<_>>()
+    };
+    buffers.fields.chunks_exact(2 * cells).take(rows).flat_map(row).collect()
+}
+
+fn line_gains_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<Boundary> {
+    let boundary = |numbers: &[f32; 4]| {
+        let [place, loss_np, gain_np, shared_np] = numbers.map(f64::from);
+        Boundary { place, loss_np, gain_np, shared_np }
+    };
+    let count = of_aperture(inputs, |a| inputs.scanlines * (a.planes + 1));
+    buffers.line_gains.iter().take(count).map(boundary).collect()
+}
+
+fn block_gains_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<BlockGain> {
+    let count = of_aperture(inputs, |_| inputs.scanlines * inputs.blocks());
+    let gain = |&[gain, place]: &[f32; 2]| BlockGain { gain: gain.into(), place: place.into() };
+    buffers.block_gains.iter().take(count).map(gain).collect()
+}
+
+fn reflected_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<f64> {
+    let count = of_aperture(inputs, |_| inputs.scanlines * inputs.blocks());
+    buffers.reflected.iter().take(count).map(|&over_seen| over_seen.into()).collect()
+}
+
+/// Profiles with zeros beyond their ends, which the passes do not read.
+fn profiles_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<Profile> {
+    let taps = inputs.lateral_kernels[0].len();
+    let count = of_aperture(inputs, |a| inputs.scanlines * a.planes);
+    let profile = |(weights, &[kept, first, end]): (&[f32], &[f32; 3])| {
+        let within = |(tap, &weight): (usize, &f32)| {
+            if (first as usize..end as usize).contains(&tap) { weight.into() } else { 0.0 }
+        };
+        Profile { kept: kept.into(), weights: weights.iter().enumerate().map(within).collect() }
+    };
+    buffers.profiles.chunks_exact(taps).zip(&buffers.blends).take(count).map(profile).collect()
+}
+
+fn complex(&[re, im]: &[f32; 2]) -> DVec2 {
+    DVec2::new(re.into(), im.into())
+}
+
+fn launches_from(buffers: &PassBuffers) -> Vec<Launched> {
+    let starts = buffers.starts_inside.iter().zip(&buffers.couplings);
+    starts.map(|(&inside, &coupling)| Launched { inside: Membership(inside), coupling: coupling.into() }).collect()
+}
+
+fn path_from(buffers: &PassBuffers, path: usize) -> Path {
+    let segment = |i: usize| {
+        let slot = path * SEGMENTS as usize + i;
+        let [x, y, z, level, dx, dy, dz, fall, mean, deviation, density, passed] = buffers.segments[slot];
+        let [echo, echo_range_mm] = buffers.echoes[slot].map(f64::from);
+        Segment {
+            start_mm: buffers.starts[path * STARTS as usize + i].into(),
+            origin_mm: Vec3::new(x, y, z).as_dvec3(),
+            step: Vec3::new(dx, dy, dz).as_dvec3(),
+            ln_amplitude_at_zero: level.into(),
+            fall_np_mm: fall.into(),
+            scatterer_mean: mean.into(),
+            scatterer_deviation: deviation.into(),
+            scatterer_density: density.to_bits() & TAG_DENSITY,
+            texture: (density.to_bits() >> TEXTURE_SHIFT & TEXTURE_MASK) as usize,
+            diverted: density.to_bits() & DIVERTED != 0,
+            ln_passed_at_zero: passed.into(),
+            echo,
+            echo_range_mm,
+        }
+    };
+    Path { segments: (0..buffers.segment_counts[path] as usize).map(segment).collect() }
+}
+
+fn run_from(&[start_mm, sum_np, rate_np_mm, tag]: &[f32; 4]) -> Run {
+    let [start_mm, sum_np, rate_np_mm] = [start_mm, sum_np, rate_np_mm].map(f64::from);
+    Run { start_mm, sum_np, rate_np_mm, tissue: (tag.to_bits() & TISSUE_MASK) as usize }
+}

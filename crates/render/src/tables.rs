@@ -1,0 +1,438 @@
+//! Tables computed once, in f64, and uploaded: ray directions, beam kernels, the pulse, pixel positions, tissues.
+
+use std::sync::Arc;
+
+use bytemuck::{Pod, Zeroable};
+use glam::{DVec2, DVec3};
+use insonify_core::acoustics::decibel::NEPER_PER_DB;
+use insonify_core::acoustics::{ASSUMED_SPEED_M_S, wavelength_mm};
+use insonify_core::anatomy::Tissue;
+use insonify_core::settings::{Effect, EffectSet, LookSettings, Quality, RenderSettings};
+use insonify_core::transducer::{Probe, Sector};
+use rayon::prelude::*;
+
+use super::aperture::ApertureTables;
+use super::compounding::steering;
+use super::constants::{ACROSS_BITS, DENSITY_ONE, HARD_SPEED, OUTSIDE, TEXTURE_SHIFT, TILE_ROWS};
+use super::elevation::elevations;
+use super::kernels::Kernels;
+use super::receiver::NearField;
+use super::sheets::Sheets;
+use super::texture::PackedTexture;
+
+/// Words of four pixels across a tile of the image.
+const TILE_WORDS: u32 = 4;
+/// Least number of map steps over the depth, even with few pixels: at an oblique boundary, the error of Σμ is a
+/// fraction of the distance between map rays.
+const MAP_STEPS_MIN: f64 = 1000.0;
+
+/// `Tissue` of `shaders/shared/tissue.wgsl`.
+#[derive(Debug, Clone, Copy, Pod, Zeroable, PartialEq)]
+#[repr(C)]
+pub(crate) struct PackedTissue {
+    pub(crate) impedance_mrayl: f32,
+    pub(crate) speed_ratio: f32,
+    pub(crate) attenuation_np_mm: f32,
+    pub(crate) roughness: f32,
+    /// Density in 1/131072, with the number of the texture from bit [`TEXTURE_SHIFT`] on.
+    pub(crate) scatterers: u32,
+    pub(crate) scatterer_mean: f32,
+    pub(crate) scatterer_deviation: f32,
+    pub(crate) thickness_mm: f32,
+    pub(crate) coherence: f32,
+    pub(crate) bending: f32,
+    pub(crate) seen_speed_ratio: f32,
+    pub(crate) padding: u32,
+}
+
+impl PackedTissue {
+    /// A tissue with the simulated effects; an effect that is off has the value that makes it do nothing.
+    fn new(number: usize, tissue: &Tissue, probe: &Probe, effects: EffectSet) -> Self {
+        let of = |effect: Effect, value: f64, without: f64| if effects.has(effect) { value } else { without };
+        let thickness_mm = of(Effect::Thickness, tissue.thickness_mm, 0.0);
+        let exponent = of(Effect::FrequencyExponent, tissue.attenuation_exponent, 1.0);
+        let loss_db_cm_mhz = of(Effect::Attenuation, tissue.attenuation_db_cm_mhz, 0.0);
+        let loss_np_mm = probe.two_way_loss_db_mm(loss_db_cm_mhz, exponent) * NEPER_PER_DB;
+        let speed_ratio = tissue.speed_m_s / ASSUMED_SPEED_M_S;
+        let seen_ratio = if (speed_ratio - 1.0).abs() > HARD_SPEED { 1.0 } else { speed_ratio };
+        // The sinc of the phase over the thickness, replaced by the Gaussian of the same curvature: never negative.
+        let phase = std::f64::consts::TAU / wavelength_mm(probe.frequency_mhz) * thickness_mm;
+        let textured = effects.has(Effect::Texture) && PackedTexture::is_of(tissue);
+        let texture = if textured { (number as u32 + 1) << TEXTURE_SHIFT } else { 0 };
+        let density = (of(Effect::Scatterers, tissue.scatterer_density, 0.0) * DENSITY_ONE) as u32;
+        Self {
+            impedance_mrayl: tissue.impedance_mrayl() as f32,
+            speed_ratio: of(Effect::SpeedDisplacement, speed_ratio, 1.0) as f32,
+            attenuation_np_mm: loss_np_mm as f32,
+            roughness: of(Effect::Roughness, tissue.roughness, 0.0) as f32,
+            scatterers: density | texture,
+            scatterer_mean: tissue.scatterer_mean as f32,
+            scatterer_deviation: tissue.scatterer_deviation as f32,
+            thickness_mm: thickness_mm as f32,
+            coherence: (-phase * phase / 6.0).exp() as f32,
+            bending: of(Effect::Refraction, speed_ratio, 1.0) as f32,
+            seen_speed_ratio: of(Effect::SpeedDisplacement, seen_ratio, 1.0) as f32,
+            padding: 0,
+        }
+    }
+}
+
+/// A steering angle of a compounded picture, and where its scanlines lie.
+#[derive(Debug, Clone)]
+pub(crate) struct SteeredAngle {
+    /// Steering angle, radians.
+    pub(crate) steer_rad: f64,
+    /// Packed place of each pixel on its steered scanlines [height × 4·row_words]; empty without steering.
+    pub(crate) pixels: Arc<[u32]>,
+}
+
+/// Everything that doesn't change with the pose.
+#[derive(Debug, Clone)]
+pub(crate) struct Tables {
+    /// Origin and direction, two vectors each: every ray of every scanline, then every scanline's axis.
+    pub(crate) rays: Vec<[f32; 4]>,
+    /// Origin and direction of each map ray.
+    pub(crate) map_rays: Vec<[f32; 4]>,
+    pub(crate) map_ray_count: u32,
+    /// Number of depths per map ray, `map_step_mm` apart, from the face to beyond the deepest pixel.
+    pub(crate) map_depths: u32,
+    /// Spacing of those depths, and largest spacing of neighbouring map rays, mm.
+    pub(crate) map_step_mm: f64,
+    /// Distance of neighbouring scanlines at the face, mm.
+    pub(crate) face_spacing_mm: f64,
+    /// Paths of a scanline [angles × layers × rays], the straight angle first. Each has its elevational offset at the face (mm), its
+    /// slope, its length per mm of depth, and 0.
+    pub(crate) elevations: Vec<[f32; 4]>,
+    pub(crate) tissues: Vec<PackedTissue>,
+    /// Texture of each tissue; empty without the effect.
+    pub(crate) textures: Vec<PackedTexture>,
+    /// The point-spread function.
+    pub(crate) kernels: Kernels,
+    /// Tables of the aperture; none if its effect is off.
+    pub(crate) aperture: Option<ApertureTables>,
+    /// Sheets of scatterers; none without the effect.
+    pub(crate) sheets: Option<Sheets>,
+    /// Clutter and reverberation; none without either effect.
+    pub(crate) near_field: Option<NearField>,
+    /// Packed place of each pixel [height × 4·row_words].
+    pub(crate) pixels: Arc<[u32]>,
+    /// Image indices of the words of four pixels that overlap the sector, tile by tile.
+    pub(crate) sector_words: Arc<[u32]>,
+    /// Angles of a compounded picture in their order; one without steering, with no places of its own, if there is none.
+    pub(crate) angles: Vec<SteeredAngle>,
+    /// 255 inside the sector [height × width].
+    pub(crate) mask: Arc<[u8]>,
+    pub(crate) sector: Sector,
+    made_for: MadeFor,
+}
+
+/// Probe, settings and effects of tables.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct MadeFor {
+    probe: Probe,
+    settings: RenderSettings,
+    effects: EffectSet,
+}
+
+impl MadeFor {
+    fn new(probe: &Probe, settings: &RenderSettings, effects: EffectSet) -> Self {
+        // Tables know no seed.
+        let settings = RenderSettings { quality: Quality { seed: 0, ..settings.quality }, ..*settings };
+        Self { probe: *probe, settings, effects }
+    }
+
+    /// Whether scanlines and pixels of both lie in the same places: pictures don't know where the beam is focused.
+    fn has_pixels_of(&self, other: &Self) -> bool {
+        let image = |made: &Self| (made.settings.image.width, made.settings.image.height);
+        let probe = |made: &Self| Probe { focus_mm: 0.0, ..made.probe };
+        image(self) == image(other) && probe(self) == probe(other)
+    }
+
+    /// Whether all of `effects` are simulated by both or by none.
+    fn agree_on(&self, other: &Self, effects: &[Effect]) -> bool {
+        effects.iter().all(|&effect| self.effects.has(effect) == other.effects.has(effect))
+    }
+
+    /// Whether beams and pulses of both are the same.
+    fn has_beams_of(&self, other: &Self) -> bool {
+        let taps = |made: &Self| (made.settings.beam_taps_max, made.settings.pulse_taps_max);
+        let shape = [Effect::Aperture, Effect::ElevationalSpeckle];
+        self.probe == other.probe && taps(self) == taps(other) && self.agree_on(other, &shape)
+    }
+}
+
+impl Tables {
+    /// Angles that show each pixel, one bit each [height × width].
+    pub(crate) fn covered(&self) -> Vec<u16> {
+        let (width, stride) = (self.sector.width as usize, self.sector.width.div_ceil(4) as usize * 4);
+        let place = |angle: &SteeredAngle, i: usize| *angle.pixels.get(i).unwrap_or(&self.pixels[i]);
+        let bit = |(k, angle): (usize, &SteeredAngle), i: usize| u16::from(place(angle, i) != OUTSIDE) << k;
+        let at = |i: usize| i / width * stride + i % width;
+        let bits = |i: usize| self.angles.iter().enumerate().map(|angle| bit(angle, at(i))).sum();
+        (0..self.mask.len()).into_par_iter().map(bits).collect()
+    }
+
+    /// These tables with the angles of other settings.
+    pub(crate) fn with_angles(&self, probe: &Probe, settings: &RenderSettings) -> Self {
+        let angles = angles(probe, &settings.look, &self.pixels, &self.angles);
+        let made_for = MadeFor::new(probe, settings, self.made_for.effects);
+        Self { elevations: elevations_of(probe, settings, &angles), angles, made_for, ..self.clone() }
+    }
+
+    /// Tables of a probe and settings: one of the `known` ones, or new ones that take over what those hold already.
+    pub(crate) fn new<'a>(
+        tissues: &[Tissue],
+        probe: &Probe,
+        settings: &RenderSettings,
+        effects: EffectSet,
+        known: impl Iterator<Item = &'a Arc<Self>> + Clone,
+    ) -> Arc<Self> {
+        let made_for = MadeFor::new(probe, settings, effects);
+        let packed = |(i, tissue)| PackedTissue::new(i, tissue, probe, effects);
+        let packed_tissues: Vec<PackedTissue> = tissues.iter().enumerate().map(packed).collect();
+        let textures = if effects.has(Effect::Texture) { textures(tissues) } else { Vec::new() };
+        let same = |known: &&Arc<Self>| {
+            known.made_for == made_for && known.tissues == packed_tissues && known.textures == textures
+        };
+        if let Some(known) = known.clone().find(same) {
+            return known.clone();
+        }
+        let sector = Sector::fit(probe, settings.image.width, settings.image.height);
+        let map_step_mm = sector.pixel_mm.min(probe.depth_mm / MAP_STEPS_MIN);
+        let map_ray_count = map_ray_count(probe, map_step_mm);
+        let placed = known.clone().find(|known| known.made_for.has_pixels_of(&made_for));
+        let (pixels, sector_words, mask) = match placed {
+            Some(known) => (known.pixels.clone(), known.sector_words.clone(), known.mask.clone()),
+            None => {
+                let (pixels, mask) = pixels(probe, &sector);
+                let words = sector_words(&pixels, settings.image.width);
+                (pixels.into(), words, mask.into())
+            }
+        };
+        let steered = known.clone().filter(|known| known.made_for.has_pixels_of(&made_for));
+        let steered: Vec<SteeredAngle> = steered.flat_map(|known| known.angles.iter().cloned()).collect();
+        let angles = angles(probe, &settings.look, &pixels, &steered);
+        let beams = known.clone().find(|known| known.made_for.has_beams_of(&made_for));
+        let (sheets, aperture, kernels) = match beams {
+            Some(known) => {
+                let aperture = known.aperture.as_ref().map(|aperture| aperture.with_rays(probe, settings.quality.rays));
+                (known.sheets.clone(), aperture, known.kernels.clone())
+            }
+            None => {
+                let sheets = effects.has(Effect::ElevationalSpeckle).then(|| Sheets::new(probe));
+                let aperture = effects.has(Effect::Aperture).then(|| ApertureTables::new(probe, settings.quality));
+                let aperture = aperture.flatten();
+                let reach = aperture.as_ref().map_or(0, ApertureTables::reach_lines);
+                let kernels = Kernels::new(probe, settings, sheets.as_ref(), reach);
+                (sheets, aperture, kernels)
+            }
+        };
+        let near = effects.has(Effect::Contact) || effects.has(Effect::Clutter);
+        let near_field = beams.and_then(|known| known.near_field.clone()).filter(|_| near);
+        let new_near = || near.then(|| NearField::new(probe, &kernels.pulse));
+        Arc::new(Self {
+            near_field: near_field.or_else(new_near),
+            rays: rays(probe, settings.quality.rays),
+            map_rays: fan(probe, map_ray_count),
+            map_ray_count,
+            map_depths: (probe.depth_mm / map_step_mm).ceil() as u32 + 2,
+            map_step_mm,
+            face_spacing_mm: probe.line_spacing_mm(0.0),
+            elevations: elevations_of(probe, settings, &angles),
+            tissues: packed_tissues,
+            textures,
+            kernels,
+            aperture,
+            sheets,
+            pixels,
+            sector_words,
+            angles,
+            mask,
+            sector,
+            made_for,
+        })
+    }
+}
+
+/// Indices of the words of four pixels with one inside the sector. Tile by tile: pixels near each other read the same part of the
+/// scanlines and of the maps.
+fn sector_words(pixels: &[u32], width: u32) -> Arc<[u32]> {
+    let inside = |word: &[u32]| word.iter().any(|&pixel| pixel != OUTSIDE);
+    let mut words: Vec<u32> = (0u32..).zip(pixels.chunks_exact(4)).filter(|(_, w)| inside(w)).map(|(i, _)| i).collect();
+    let row_words = width.div_ceil(4);
+    words.par_sort_unstable_by_key(|&i| (i / row_words / TILE_ROWS, i % row_words / TILE_WORDS, i));
+    words.into()
+}
+
+/// Texture of each tissue; zeros for uniform ones.
+fn textures(tissues: &[Tissue]) -> Vec<PackedTexture> {
+    let texture = |(i, tissue)| PackedTexture::new(i, tissue).unwrap_or(bytemuck::Zeroable::zeroed());
+    tissues.iter().enumerate().map(texture).collect()
+}
+
+fn push_ray(into: &mut Vec<[f32; 4]>, (origin, direction): (DVec3, DVec3)) {
+    into.push(origin.as_vec3().extend(0.0).to_array());
+    into.push(direction.as_vec3().extend(0.0).to_array());
+}
+
+/// `count` rays spread evenly over the sector.
+fn fan(probe: &Probe, count: u32) -> Vec<[f32; 4]> {
+    let mut table = Vec::with_capacity(2 * count as usize);
+    for i in 0..count {
+        let fraction = (f64::from(i) + 0.5) / f64::from(count);
+        push_ray(&mut table, probe.ray(probe.lateral_coordinate(fraction)));
+    }
+    table
+}
+
+/// Rays of all scanlines, spread evenly over each one's share of the sector, then the scanlines' axes.
+fn rays(probe: &Probe, rays_per_line: u32) -> Vec<[f32; 4]> {
+    let mut table = fan(probe, probe.scanlines * rays_per_line);
+    table.extend(fan(probe, probe.scanlines));
+    table
+}
+
+/// Number of map rays: at most a step apart at the deepest arc, and at most 16,384.
+fn map_ray_count(probe: &Probe, map_step_mm: f64) -> u32 {
+    let arc_mm = probe.line_spacing_mm(probe.depth_mm) * f64::from(probe.scanlines);
+    ((arc_mm / map_step_mm).ceil() as u32).clamp(1, 16384)
+}
+
+/// Place of every pixel, rows padded to whole words, and the mask.
+fn pixels(probe: &Probe, sector: &Sector) -> (Vec<u32>, Vec<u8>) {
+    let stride = sector.width.div_ceil(4) * 4;
+    let place = |(column, row)| {
+        let inside = (column < sector.width).then(|| Sector::polar(probe, sector.pixel_centre_mm(column, row)));
+        packed(probe, inside.flatten())
+    };
+    let row = |row: u32| (0..stride).map(move |column| place((column, row)));
+    let places: Vec<u32> = (0..sector.height).into_par_iter().flat_map_iter(row).collect();
+    let rows = places.chunks_exact(stride as usize);
+    let inside = |&place: &u32| if place == OUTSIDE { 0 } else { 255 };
+    let mask = rows.flat_map(|row| row[..sector.width as usize].iter().map(inside)).collect();
+    (places, mask)
+}
+
+/// Places of the paths of all angles.
+fn elevations_of(probe: &Probe, settings: &RenderSettings, angles: &[SteeredAngle]) -> Vec<[f32; 4]> {
+    elevations(probe, settings.quality.rays, settings.quality.layers, angles.len() as u32)
+}
+
+/// Angles of a compounded picture; those that are `known` for the same pixels are taken over. The steered ones show the sector as
+/// far as their scanlines lead.
+fn angles(probe: &Probe, look: &LookSettings, pixels: &[u32], known: &[SteeredAngle]) -> Vec<SteeredAngle> {
+    let angles = look.angles_of(probe.kind);
+    let of_angle = |steer_rad: f64| {
+        if let Some(known) = known.iter().find(|known| known.steer_rad == steer_rad) {
+            return known.clone();
+        }
+        let steered = || {
+            let steering = Steering::new(probe, steer_rad);
+            pixels.par_iter().map(|&straight| steering.place(straight)).collect()
+        };
+        SteeredAngle { steer_rad, pixels: if steer_rad == 0.0 { Arc::default() } else { steered() } }
+    };
+    steering(angles, look.span_deg).into_iter().map(of_angle).collect()
+}
+
+/// From places on straight scanlines to those on steered ones: [`Sector::polar_steered`] by a table over the depth.
+struct Steering {
+    /// Shift across and depth, in parts of the sector, at equal steps of depth.
+    steps: Vec<[f64; 2]>,
+}
+
+impl Steering {
+    /// Steps over the depth; a place between two of them is interpolated.
+    const STEPS: u32 = 8192;
+
+    fn new(probe: &Probe, steer_rad: f64) -> Self {
+        let step = |step: u32| {
+            // The place of a point in the middle of the sector is that of any other point, but for a shift.
+            let depth_mm = f64::from(step) / f64::from(Self::STEPS) * probe.depth_mm;
+            let [across, depth_mm] = Sector::steered(probe, DVec2::new(0.0, depth_mm), steer_rad);
+            [across - 0.5, depth_mm / probe.depth_mm]
+        };
+        Self { steps: (0..=Self::STEPS).map(step).collect() }
+    }
+
+    fn place(&self, straight: u32) -> u32 {
+        let Some([across, depth]) = unpack_place(straight) else { return OUTSIDE };
+        let at = depth * f64::from(Self::STEPS);
+        let step = (at as usize).min(self.steps.len().saturating_sub(2));
+        let (Some(&[shift, near]), Some(&[next_shift, far])) = (self.steps.get(step), self.steps.get(step + 1)) else {
+            return OUTSIDE;
+        };
+        let part = at - step as f64;
+        let (across, depth) = (across + shift + part * (next_shift - shift), near + part * (far - near));
+        let inside = (0.0..1.0).contains(&across) && (0.0..1.0).contains(&depth);
+        if inside { pack_place(across, depth) } else { OUTSIDE }
+    }
+}
+
+/// A place as a word; all ones outside the sector.
+fn packed(probe: &Probe, polar: Option<(f64, f64)>) -> u32 {
+    polar.map_or(OUTSIDE, |(across, depth_mm)| pack_place(across, depth_mm / probe.depth_mm))
+}
+
+/// Fractions of the sector's width and depth in one word, rounded to within 1/65,532 and 1/262,140.
+fn pack_place(across: f64, depth: f64) -> u32 {
+    let (across_max, depth_max) = place_scales();
+    // A cast takes less time than `round`.
+    let across = (across.clamp(0.0, 1.0) * across_max + 0.5) as u32;
+    let depth = (depth.clamp(0.0, 1.0) * depth_max + 0.5) as u32;
+    across | depth << ACROSS_BITS
+}
+
+/// The fractions of a packed place; none outside the sector.
+pub(crate) fn unpack_place(word: u32) -> Option<[f64; 2]> {
+    let (across_max, depth_max) = place_scales();
+    let across = word & ((1 << ACROSS_BITS) - 1);
+    (word != OUTSIDE).then(|| [f64::from(across) / across_max, f64::from(word >> ACROSS_BITS) / depth_max])
+}
+
+/// Codes of a fraction of 1: one less than the bits hold, so no place equals [`OUTSIDE`].
+fn place_scales() -> (f64, f64) {
+    (f64::from((1u32 << ACROSS_BITS) - 2), f64::from((1u32 << (32 - ACROSS_BITS)) - 2))
+}
+
+#[cfg(test)]
+mod tests {
+    use insonify_core::transducer::ProbeKind;
+
+    use super::*;
+
+    #[test]
+    fn steered_places_are_those_of_the_geometry() {
+        for kind in [ProbeKind::Convex { radius_mm: 40.0, fov_deg: 70.0 }, ProbeKind::Linear { width_mm: 40.0 }] {
+            let probe = Probe { kind, ..Probe::default() };
+            let sector = Sector::fit(&probe, 300, 200);
+            let (pixels, _) = pixels(&probe, &sector);
+            let (mut shown, mut beyond) = (0, 0);
+            for steer_deg in [-15.0, 6.0, 15.0] {
+                let steering = Steering::new(&probe, f64::to_radians(steer_deg));
+                for (i, &straight) in pixels.iter().enumerate().filter(|(_, place)| **place != OUTSIDE) {
+                    let point_mm = sector.pixel_centre_mm(i as u32 % 300, i as u32 / 300);
+                    let found = unpack_place(steering.place(straight));
+                    let expected = Sector::polar_steered(&probe, point_mm, f64::to_radians(steer_deg));
+                    match (found, expected) {
+                        (Some([across, depth]), Some((fraction, depth_mm))) => {
+                            // Words hold a place to 1/65,532 and 1/262,140. Two are rounded, and depth moves across.
+                            assert!((across - fraction).abs() < 2.2 / 65_532.0, "{steer_deg}: {across} {fraction}");
+                            let off = (depth - depth_mm / probe.depth_mm).abs();
+                            assert!(off < 2.2 / 262_140.0, "{steer_deg}: {off}");
+                            shown += 1;
+                        }
+                        (None, None) => beyond += 1,
+                        _ => {
+                            let [across, depth_mm] = Sector::steered(&probe, point_mm, f64::to_radians(steer_deg));
+                            let borders =
+                                [across, across - 1.0, depth_mm / probe.depth_mm, depth_mm / probe.depth_mm - 1.0];
+                            assert!(borders.iter().any(|b| b.abs() < 1.0e-4), "{steer_deg}: {across} {depth_mm}");
+                        }
+                    }
+                }
+            }
+            assert!(shown > beyond && beyond > 100, "{shown} {beyond}");
+        }
+    }
+}

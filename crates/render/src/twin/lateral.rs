@@ -1,0 +1,106 @@
+//! The lateral point-spread function.
+
+use glam::DVec2;
+
+use super::inputs::Inputs;
+use super::profiles::Profile;
+use super::visibility::BlockGain;
+use crate::constants::NEIGHBOUR_GAIN_MAX;
+
+/// Baseband after the beam [scanlines × samples]: each sample is the weighted sum over neighbouring scanlines. Beyond the
+/// array, a beam with an aperture meets the mirror image of what is within, a quarter of a cycle later; without the aperture,
+/// the weights within are scaled to the sum of all. Each scanline sees its neighbours' scatterers with the gain of its own
+/// aperture. Echoes that came by reflections don't carry the gain: where both scanlines hold some, the weaker one's amplitude
+/// is the least that is compared.
+///
+/// `gains` and `reflected` are those of the blocks [scanlines × blocks], `profiles` those of the planes; all are empty
+/// without the aperture.
+pub fn lateral(
+    inputs: &Inputs,
+    gains: &[BlockGain],
+    reflected: &[f64],
+    profiles: &[Profile],
+    baseband: &[DVec2],
+) -> Vec<DVec2> {
+    let by_reflections = |at: usize| (gains[at].gain * reflected[at]).min(1.0);
+    let mut focused = Vec::with_capacity(baseband.len());
+    for line in 0..inputs.scanlines {
+        for block in 0..inputs.blocks() {
+            let gain_of = |line: usize| gains.get(line * inputs.blocks() + block);
+            let projection = inputs.projection(line);
+            let unwidened_power = inputs.lateral_kernels[block].iter().map(|w| w * w).sum::<f64>();
+            let kernel = &widened(&inputs.lateral_kernels[block], projection);
+            let weights = weights(inputs, kernel, line, gain_of(line).map_or(0.0, |gain| gain.place), profiles);
+            let half = kernel.len() / 2;
+            let within = |tap: usize| (line + tap).checked_sub(half).filter(|&l| l < inputs.scanlines);
+            let shown = |&(tap, _): &(usize, f64)| !gains.is_empty() || within(tap).is_some();
+            let taps: Vec<(usize, f64)> = weights.iter().copied().enumerate().filter(shown).collect();
+            let total: f64 = taps.iter().map(|(_, weight)| weight).sum();
+            let power: f64 = taps.iter().map(|(_, weight)| weight * weight).sum();
+            let whole: f64 = kernel.iter().map(|w| w * w).sum();
+            let scale = if gains.is_empty() {
+                // Level of speckle of the whole kernel, over that of the array's normal.
+                let level = (whole / unwidened_power).sqrt() / kernel.iter().sum::<f64>();
+                1.0 / (total * level)
+            } else {
+                (whole / power.max(0.5 * whole)).sqrt()
+            };
+            let first = block * inputs.depth_block;
+            for sample in first..(first + inputs.depth_block).min(inputs.samples) {
+                let at = |line: usize| line * inputs.blocks() + block;
+                let compared = |other: usize| {
+                    let own = gains[at(line)].gain.max(by_reflections(at(line)).min(by_reflections(at(other))));
+                    (own / gains[at(other)].gain.max(by_reflections(at(other)))).min(NEIGHBOUR_GAIN_MAX)
+                };
+                let seen = |&(tap, weight): &(usize, f64)| {
+                    let other = within(tap).unwrap_or_else(|| mirrored(line + tap, half, inputs.scanlines));
+                    let seen = if gains.is_empty() { 1.0 } else { compared(other) };
+                    let echo = steered(inputs, baseband, other, sample, tap as f64 - half as f64);
+                    weight * seen * if within(tap).is_some() { echo } else { echo.perp() }
+                };
+                focused.push(scale * taps.iter().map(seen).sum::<DVec2>());
+            }
+        }
+    }
+    focused
+}
+
+/// Mirror image of a place beyond the array's ends, `at` − `half`: no kernel reaches as far as the array is wide.
+fn mirrored(at: usize, half: usize, scanlines: usize) -> usize {
+    if at < half { half - at - 1 } else { 2 * scanlines - 1 - (at - half) }
+}
+
+/// A kernel as wide as a projection of the aperture makes it.
+fn widened(kernel: &[f64], projection: f64) -> Vec<f64> {
+    let half = kernel.len() / 2;
+    let weight = |tap: usize| {
+        let place = tap.abs_diff(half) as f64 * projection;
+        let at = |lines: f64| kernel.get(half + lines as usize).copied().unwrap_or(0.0);
+        at(place.floor()) * (1.0 - place.fract()) + at(place.floor() + 1.0) * place.fract()
+    };
+    (0..kernel.len()).map(weight).collect()
+}
+
+/// Weights of a scanline's neighbours at a place among the planes.
+fn weights(inputs: &Inputs, kernel: &[f64], line: usize, place: f64, profiles: &[Profile]) -> Vec<f64> {
+    let planes = profiles.len() / inputs.scanlines;
+    if planes == 0 {
+        return kernel.to_vec();
+    }
+    let place = place.clamp(0.0, (planes - 1) as f64);
+    let low = (place as usize).min(planes.saturating_sub(2));
+    let part = place - low as f64;
+    let [a, b] = [low, (low + 1).min(planes - 1)].map(|plane| &profiles[plane * inputs.scanlines + line]);
+    let mix = |a: f64, b: f64| (1.0 - part) * a + part * b;
+    let pairs = a.weights.iter().zip(&b.weights);
+    kernel.iter().zip(pairs).map(|(kernel, (&of_a, &of_b))| mix(a.kept, b.kept) * kernel + mix(of_a, of_b)).collect()
+}
+
+/// Sample of a neighbour that lies on a scanline's wavefront.
+fn steered(inputs: &Inputs, baseband: &[DVec2], other: usize, sample: usize, lines: f64) -> DVec2 {
+    let later_mm = lines * inputs.steer_shift_mm;
+    let shift = (later_mm / inputs.sample_spacing_mm + 0.5).floor() as isize;
+    let at = sample.checked_add_signed(-shift).filter(|&at| at < inputs.samples);
+    let value = at.map_or(DVec2::ZERO, |at| baseband[other * inputs.samples + at]);
+    value.rotate(DVec2::from_angle(-std::f64::consts::TAU * inputs.phase_turns_per_mm * later_mm))
+}

@@ -1,0 +1,45 @@
+//! Surfaces that each path starts inside, and the coupling of its part of the face.
+
+use insonify_core::transducer::contact;
+use rayon::prelude::*;
+
+use super::inputs::{Inputs, Ray};
+use super::surfaces::{Crossing, Membership, crossings, places};
+
+/// Start of a path.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Launched {
+    /// Surfaces that it starts inside.
+    pub inside: Membership,
+    /// Amplitude, one way, that the face passes into the body, 0..=1.
+    pub coupling: f64,
+}
+
+/// The start of each path `[paths]`.
+///
+/// The path's line is followed from outside the whole scene up to the face. Its crossings enter and leave the closed
+/// surfaces on the way. A start outside all surfaces is coupled if gel reaches the first surface ahead.
+pub fn locate(inputs: &Inputs) -> Vec<Launched> {
+    let starts = (0..inputs.paths()).into_par_iter().map(|path| launched(inputs, &inputs.launch(path)));
+    starts.collect()
+}
+
+fn launched(inputs: &Inputs, ray: &Ray) -> Launched {
+    let mut inside = Membership::default();
+    for place in places(&crossings(inputs, ray, -inputs.reach_mm, 0.0)) {
+        inside.cross(place);
+    }
+    let ahead = crossings(inputs, ray, 0.0, f64::INFINITY);
+    Launched { inside, coupling: coupling(inputs, ray, &inside, ahead.first()) }
+}
+
+/// Coupling of a ray that starts on the face inside the surfaces `inside`, with the first crossing ahead.
+pub(super) fn coupling(inputs: &Inputs, ray: &Ray, inside: &Membership, ahead: Option<&Crossing<'_>>) -> f64 {
+    let Some(film_mm) = inputs.film_mm else { return 1.0 };
+    if inside.highest().is_some() {
+        return 1.0;
+    }
+    // Depth of the skin below the apex of the face.
+    let skin_mm = ahead.map(|crossing| inputs.below_face_mm(ray.origin_mm + ray.direction * crossing.t_mm));
+    skin_mm.map_or(0.0, |skin_mm| contact::coupling(skin_mm - film_mm))
+}

@@ -1,0 +1,114 @@
+//! Scatterers along the paths: complex baseband before the point-spread function.
+
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+
+use super::inputs::Inputs;
+use super::segment::{Path, Segment, segment_at};
+use super::speckle::{self, Place, Strength};
+use super::texture::texture_level_np;
+use super::visibility::{Boundary, LineGain};
+use crate::constants::{LN_SPECKLE_SILENT, REFLECTED_MAX, TEXTURE_SAMPLES};
+
+/// Baseband of the scatterers, a·e^(−i2π·turns·range) each [scanlines × samples].
+///
+/// A sample takes the scatterers at its range on the scanline's guide, for all rays of the scanline: with scatterers
+/// per ray, speckle would not converge. The mean power of all rays sets their strength, and the mean density of the
+/// media, weighted by power, their presence. Fully developed speckle has the same statistics with few scatterers as with
+/// many.
+///
+/// With the aperture, its gain replaces the loss of paths that have not reflected, and the guide stands for those that
+/// have.
+pub fn march(inputs: &Inputs, paths: &[Path], gains: &[Boundary]) -> Vec<DVec2> {
+    let sample = |index: usize| sample_of(inputs, paths, gains, index / inputs.samples, index % inputs.samples);
+    (0..inputs.scanlines * inputs.samples).into_par_iter().map(sample).collect()
+}
+
+/// Amplitude that came by reflections over the amplitude that the aperture sees, at the first sample of each block
+/// [scanlines × blocks].
+pub fn reflected(inputs: &Inputs, paths: &[Path], gains: &[Boundary]) -> Vec<f64> {
+    let Some(aperture) = &inputs.aperture else { return Vec::new() };
+    let of_block = |line: usize, block: usize| {
+        let range_mm = inputs.range_mm(block * inputs.depth_block);
+        let segment_of = |path: usize| &paths[path].segments[segment_at(&paths[path], range_mm)];
+        let power_of = |path: usize| {
+            let segment = segment_of(path);
+            if segment.diverted { own_power(segment, range_mm) } else { DVec3::ZERO }
+        };
+        let power = paths_of(inputs, line).map(power_of).sum::<DVec3>() * inputs.path_weight();
+        let guide = segment_of(inputs.guide_of(line));
+        let ln_gain = LineGain::new(aperture, gains, line).at(range_mm, -0.5 * guide.ln_passed(range_mm));
+        let scatterers = scatterer_power(guide);
+        let seen = (scatterers.x + scatterers.y) * (2.0 * ln_gain.max(LN_SPECKLE_SILENT)).exp();
+        let over_seen = ((power.x + power.y) / seen).sqrt();
+        if power == DVec3::ZERO { 0.0 } else { over_seen.min(REFLECTED_MAX) }
+    };
+    (0..inputs.scanlines * inputs.blocks())
+        .into_par_iter()
+        .map(|at| of_block(at / inputs.blocks(), at % inputs.blocks()))
+        .collect()
+}
+
+/// Factor of the texture at a sample of a guide. Four samples share it: that between the second and the third.
+fn texture_gain(inputs: &Inputs, guide: &Path, sample: usize) -> f64 {
+    let samples = TEXTURE_SAMPLES as usize;
+    let first = sample / samples * samples;
+    let segment = &guide.segments[segment_at(guide, inputs.range_mm(first))];
+    let Some(texture) = segment.texture.checked_sub(1).map(|number| &inputs.textures[number]) else { return 1.0 };
+    let middle_mm = inputs.range_mm(first) + 0.5 * (samples - 1) as f64 * inputs.sample_spacing_mm;
+    texture_level_np(texture, segment.scatterer_mm(middle_mm)).exp()
+}
+
+/// Paths of a scanline.
+fn paths_of(inputs: &Inputs, line: usize) -> impl Iterator<Item = usize> {
+    let rays = inputs.rays_per_line;
+    let first = move |layer: usize| (layer * inputs.scanlines + line) * rays;
+    (0..inputs.layers).flat_map(move |layer| first(layer)..first(layer) + rays)
+}
+
+/// Power of a segment's scatterers at a range, with the segment's own loss; see [`scatterer_power`].
+fn own_power(segment: &Segment, range_mm: f64) -> DVec3 {
+    let ln_amplitude = segment.ln_amplitude(range_mm);
+    let loss = if ln_amplitude > LN_SPECKLE_SILENT { (2.0 * ln_amplitude).exp() } else { 0.0 };
+    loss * scatterer_power(segment)
+}
+
+/// Power of a segment's scatterers: of their mean, of their deviation, and of both times the density.
+fn scatterer_power(segment: &Segment) -> DVec3 {
+    let mean = segment.scatterer_mean.powi(2);
+    let deviation = segment.scatterer_deviation.powi(2);
+    let density = f64::from(segment.scatterer_density);
+    if density == 0.0 { DVec3::ZERO } else { DVec3::new(mean, deviation, (mean + deviation) * density) }
+}
+
+fn sample_of(inputs: &Inputs, paths: &[Path], gains: &[Boundary], line: usize, sample: usize) -> DVec2 {
+    let range_mm = inputs.range_mm(sample);
+    // Two samples share a segment: that of the first.
+    let segment_of = |path: usize| &paths[path].segments[segment_at(&paths[path], inputs.range_mm(sample & !1))];
+    let guide = segment_of(inputs.guide_of(line));
+    let gain = inputs.aperture.as_ref().map(|aperture| {
+        let ln_amplitude = LineGain::new(aperture, gains, line).at(range_mm, -0.5 * guide.ln_passed(range_mm));
+        (2.0 * ln_amplitude.max(LN_SPECKLE_SILENT)).exp()
+    });
+    let power_of = |path: usize| {
+        let segment = segment_of(path);
+        if let Some(gain) = gain.filter(|_| !segment.diverted) {
+            return gain * scatterer_power(segment);
+        }
+        own_power(segment, range_mm) + gain.map_or(DVec3::ZERO, |gain| gain * scatterer_power(guide))
+    };
+    let power = paths_of(inputs, line).map(power_of).sum::<DVec3>() * inputs.path_weight();
+    if power.x + power.y == 0.0 {
+        return DVec2::ZERO;
+    }
+    let strength = Strength { mean: power.x.sqrt(), deviation: power.y.sqrt(), density: power.z / (power.x + power.y) };
+    let place = Place { here_mm: guide.scatterer_mm(range_mm), step: guide.step, range_mm };
+    let block = sample / inputs.depth_block;
+    let texture = texture_gain(inputs, &paths[inputs.guide_of(line)], sample);
+    let echo = if inputs.sheets.is_empty() {
+        speckle::of_lattice(inputs, place, strength)
+    } else {
+        speckle::of_sheets(inputs, place, strength, inputs.sheets_per_reach_mm[block])
+    };
+    inputs.scatterer_gain[block] * texture * echo
+}

@@ -1,0 +1,205 @@
+//! Gain along each scanline: what the aperture sees of the scatterers at a depth, over a medium without loss.
+
+use super::aperture::Aperture;
+use super::inputs::Inputs;
+use super::segment::{Path, segment_at};
+use super::transmission::passed_np;
+use crate::constants::{EVEN_NP, SPREAD_NP, TRACKED_NP, VISIBLE_MAX_NP, VISIBLE_MIN, VISIBLE_MIN_NP};
+
+/// Numbers of a scanline at a boundary of the intervals.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Boundary {
+    /// Place among the planes.
+    pub place: f64,
+    /// Loss of the guide, one-way nepers.
+    pub loss_np: f64,
+    /// Gain at the plane before, nepers of amplitude, two-way.
+    pub gain_np: f64,
+    /// Loss that all scanlines share, one-way nepers.
+    pub shared_np: f64,
+}
+
+/// Gain of a block of samples, at its first one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BlockGain {
+    /// As amplitude, without the loss that all scanlines share.
+    pub gain: f64,
+    /// Place among the planes.
+    pub place: f64,
+}
+
+/// The gain of every block [scanlines × blocks].
+pub fn block_gains(inputs: &Inputs, aperture: &Aperture, paths: &[Path], boundaries: &[Boundary]) -> Vec<BlockGain> {
+    let of = |line: usize| {
+        let along = LineGain::new(aperture, boundaries, line);
+        let guide = &paths[inputs.guide_of(line)];
+        (0..inputs.blocks()).map(move |block| {
+            let range_mm = inputs.range_mm(block * inputs.depth_block);
+            along.without_shared(range_mm, passed_np(guide, range_mm))
+        })
+    };
+    (0..inputs.scanlines).flat_map(of).collect()
+}
+
+/// The gain along every scanline [scanlines × (planes + 1)], from the power of the beams and the losses of the rows.
+pub fn visibility(
+    inputs: &Inputs,
+    aperture: &Aperture,
+    paths: &[Path],
+    powers: &[f64],
+    row_np: &[f64],
+) -> Vec<Boundary> {
+    let line = |line: usize| {
+        let guide = &paths[inputs.guide_of(line)];
+        let boundaries = places(aperture, guide, row_np);
+        let gained = move |(number, boundary): (usize, Boundary)| match number.checked_sub(1) {
+            Some(plane) => Boundary { gain_np: gain(aperture, line, plane, powers), ..boundary },
+            None => boundary,
+        };
+        boundaries.into_iter().enumerate().map(gained).collect::<Vec<_>>()
+    };
+    (0..inputs.scanlines).flat_map(line).collect()
+}
+
+/// Places and losses of a scanline.
+fn places(aperture: &Aperture, guide: &Path, row_np: &[f64]) -> Vec<Boundary> {
+    let uncoupled_np = passed_np(guide, 0.0);
+    let gain_np = (-2.0 * uncoupled_np).max(VISIBLE_MIN_NP);
+    let start = Boundary { place: -0.5, loss_np: uncoupled_np, gain_np, shared_np: 0.0 };
+    let mut boundaries = vec![start];
+    let mut last = 0.5;
+    for (interval, &row_np) in row_np.iter().enumerate() {
+        let [from, to] = [interval, interval + 1].map(|boundary| boundary as f64 * aperture.plane_mm);
+        let before = boundaries[interval];
+        let rise = |at_mm: f64| passed_np(guide, at_mm) - before.loss_np;
+        let own_np = (rise(to) - row_np).max(0.0);
+        let followed = own_np / (own_np + TRACKED_NP);
+        let mean_np = mean_loss_np(guide, from, to) - before.loss_np - 0.5 * row_np;
+        let centre = (1.0 - mean_np / own_np.max(1.0e-6)).clamp(0.0, 1.0);
+        last += followed * (centre - last);
+        boundaries.push(Boundary {
+            place: (interval + 1) as f64 - (1.0 - followed) * last,
+            loss_np: passed_np(guide, to),
+            gain_np: 0.0,
+            shared_np: before.shared_np + row_np,
+        });
+    }
+    boundaries
+}
+
+/// Mean loss of a guide between two ranges, one-way nepers.
+fn mean_loss_np(guide: &Path, from: f64, to: f64) -> f64 {
+    let pieces = (segment_at(guide, from)..=segment_at(guide, to)).map(|at| {
+        let segment = &guide.segments[at];
+        let end = guide.segments.get(at + 1).map_or(to, |next| next.start_mm.min(to));
+        let start = segment.start_mm.max(from);
+        -0.5 * segment.ln_passed(0.5 * (start + end)) * (end - start)
+    });
+    pieces.sum::<f64>() / (to - from)
+}
+
+/// Gain of a scanline at a plane, interpolated between the beams.
+fn gain(aperture: &Aperture, line: usize, plane: usize, powers: &[f64]) -> f64 {
+    let nodes = aperture.nodes(plane);
+    let node = (aperture.line_cells[line] / aperture.node_cells[plane] as f64).clamp(0.0, nodes as f64 - 1.001);
+    let root = |node: usize| powers[plane * aperture.cells + node].max(VISIBLE_MIN).powf(0.25);
+    let part = node - node.floor();
+    (2.0 * (root(node as usize) * (1.0 - part) + root(node as usize + 1) * part).ln()).min(VISIBLE_MAX_NP)
+}
+
+/// The gain along one scanline.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LineGain<'a> {
+    aperture: &'a Aperture,
+    row: &'a [Boundary],
+}
+
+impl<'a> LineGain<'a> {
+    /// The gain along scanline `line` of all `boundaries`.
+    pub(super) fn new(aperture: &'a Aperture, boundaries: &'a [Boundary], line: usize) -> Self {
+        let count = aperture.planes + 1;
+        Self { aperture, row: &boundaries[line * count..][..count] }
+    }
+
+    /// ln of the amplitude, two-way, of scatterers at a range that the scanline reaches with a loss of `loss_np`.
+    pub(super) fn at(&self, range_mm: f64, loss_np: f64) -> f64 {
+        let interval = self.interval(range_mm);
+        let lost = self.lost(interval, range_mm, loss_np - self.row[interval].loss_np);
+        self.gain(self.place(interval, range_mm, lost, self.row[interval].place)) - self.shared(interval, lost)
+    }
+
+    /// [`LineGain::at`] without the loss that all scanlines share, and its place.
+    fn without_shared(&self, range_mm: f64, loss_np: f64) -> BlockGain {
+        let interval = self.interval(range_mm);
+        let lost = self.lost(interval, range_mm, loss_np - self.row[interval].loss_np);
+        let place = self.place(interval, range_mm, lost, self.row[interval].place);
+        BlockGain { gain: self.gain(place).exp(), place }
+    }
+
+    fn interval(&self, range_mm: f64) -> usize {
+        ((range_mm / self.aperture.plane_mm) as usize).min(self.aperture.planes - 1)
+    }
+
+    /// Loss of an interval that all scanlines share, and the scanline's own, one-way nepers.
+    fn losses(&self, interval: usize) -> (f64, f64) {
+        let [a, b] = [self.row[interval], self.row[interval + 1]];
+        let row_np = b.shared_np - a.shared_np;
+        (row_np, (b.loss_np - a.loss_np - row_np).max(0.0))
+    }
+
+    /// Part of an interval's depth before a range.
+    fn part(&self, interval: usize, range_mm: f64) -> f64 {
+        range_mm / self.aperture.plane_mm - interval as f64
+    }
+
+    /// Part of an interval's loss that has been lost at a range, where `rise_np` is lost since its start.
+    fn lost(&self, interval: usize, range_mm: f64, rise_np: f64) -> f64 {
+        let total_np = self.row[interval + 1].loss_np - self.row[interval].loss_np;
+        let lost_np = rise_np + EVEN_NP * self.part(interval, range_mm);
+        (lost_np / (total_np.max(0.0) + EVEN_NP)).clamp(0.0, 1.0)
+    }
+
+    /// Place among the planes at a range and a part of the interval's loss, from the place `start` on.
+    fn place(&self, interval: usize, range_mm: f64, lost: f64, start: f64) -> f64 {
+        let (_, own_np) = self.losses(interval);
+        let done = (own_np * lost + SPREAD_NP * self.part(interval, range_mm)) / (own_np + SPREAD_NP);
+        start + done * (self.row[interval + 1].place - start)
+    }
+
+    /// Loss that all scanlines share, two-way nepers, at a part of an interval's loss.
+    fn shared(&self, interval: usize, lost: f64) -> f64 {
+        2.0 * (self.row[interval].shared_np + self.losses(interval).0 * lost)
+    }
+
+    /// Gain at a place among the planes, −1 being the face.
+    fn gain(&self, place: f64) -> f64 {
+        let at = (place + 1.0).clamp(0.0, self.aperture.planes as f64);
+        let low = (at as usize).min(self.aperture.planes - 1);
+        let part = at - low as f64;
+        self.row[low].gain_np * (1.0 - part) + self.row[low + 1].gain_np * part
+    }
+
+    /// ln of the amplitude, two-way, that returns from the interface where segment `arrived` of a path ends: the gain
+    /// before the obstacles which that path has not crossed yet.
+    pub(super) fn at_interface(&self, path: &Path, arrived: usize) -> f64 {
+        let range_mm = path.segments[arrived + 1].start_mm;
+        // The path before its interface.
+        let loss_np = |range_mm: f64| -0.5 * path.segments[segment_at(path, range_mm).min(arrived)].ln_passed(range_mm);
+        let interval = self.interval(range_mm);
+        let begins_np = loss_np(interval as f64 * self.aperture.plane_mm);
+        let mut start = self.row[interval].place;
+        if let Some(before) = interval.checked_sub(1) {
+            let lags = |own_np: f64| TRACKED_NP / (own_np.max(0.0) + TRACKED_NP);
+            let (row_np, own_np) = self.losses(before);
+            let lag = (interval as f64 - start) / lags(own_np);
+            let rise_np = begins_np - loss_np(before as f64 * self.aperture.plane_mm) - row_np;
+            start = interval as f64 - lags(rise_np) * lag.clamp(0.0, 1.0);
+        }
+        let rise_np = -0.5 * path.segments[arrived].ln_passed(range_mm) - begins_np;
+        let lost = self.lost(interval, range_mm, rise_np);
+        // The plane of the interval is before what the path has not crossed.
+        let own_np = (rise_np - self.losses(interval).0 * lost).max(0.0);
+        let furthest = (interval as f64 + own_np / (own_np + TRACKED_NP)).max(start);
+        self.gain(self.place(interval, range_mm, lost, start).min(furthest)) - self.shared(interval, lost)
+    }
+}

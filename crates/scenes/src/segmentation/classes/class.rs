@@ -1,0 +1,160 @@
+//! Classes of a table: the anatomy that a label stands for, and its tissue.
+
+use serde::Deserialize;
+
+use insonify_core::names::{is_printable, printable};
+
+/// Use of a label.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Role {
+    /// An organ with a surface of its own.
+    #[default]
+    Organ,
+    /// The whole body or a part of it: its outline is the skin's surface.
+    Body,
+    /// The skin.
+    Skin,
+    /// The layer of fat under the skin.
+    Fat,
+    /// Not part of the scene.
+    Ignore,
+}
+
+/// A shell inside an organ's surface.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Wall {
+    /// Tissue of the shell.
+    pub tissue: String,
+    /// Thickness, mm.
+    pub mm: f64,
+}
+
+/// Gas in the upper part of a lumen.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Gas {
+    /// Tissue of the gas.
+    pub tissue: String,
+    /// Share of the lumen's volume, from 0 to 1.
+    pub share: f64,
+}
+
+/// What a label stands for.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Class {
+    /// Name.
+    pub name: String,
+    /// Number in label maps without names.
+    pub value: Option<u16>,
+    /// Tissue, that of the lumen for hollow organs; none for ignored classes alone.
+    pub tissue: Option<String>,
+    /// Which of overlapping surfaces is kept: the higher one. None for ignored classes alone.
+    pub priority: Option<i32>,
+    /// Use.
+    #[serde(default)]
+    pub role: Role,
+    /// Other names.
+    #[serde(default)]
+    pub aliases: Vec<String>,
+    /// Shell inside the surface.
+    pub wall: Option<Wall>,
+    /// Gas in the lumen.
+    pub gas: Option<Gas>,
+    /// Group in pictures.
+    pub group: Option<String>,
+    /// Name of the class that a mapping of the user's gave to this name.
+    #[serde(skip)]
+    pub organ: Option<String>,
+}
+
+/// Priorities of classes.
+const PRIORITIES: std::ops::RangeInclusive<i32> = 10..=99;
+
+/// Thicknesses of walls, mm.
+const WALLS_MM: std::ops::RangeInclusive<f64> = 0.1..=20.0;
+
+impl Class {
+    /// A class that isn't part of the scene.
+    pub(super) fn ignored(name: &str) -> Self {
+        Self { role: Role::Ignore, tissue: None, priority: None, ..Self::of_tissue(name, "") }
+    }
+
+    /// An organ of one tissue.
+    pub(super) fn of_tissue(name: &str, tissue: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            value: None,
+            tissue: Some(tissue.to_owned()),
+            priority: Some(50),
+            role: Role::Organ,
+            aliases: Vec::new(),
+            wall: None,
+            gas: None,
+            group: None,
+            organ: None,
+        }
+    }
+
+    /// This class. If it states a name and number alone, it gets the properties of the known class of that name.
+    pub(super) fn completed<'a>(self, known: impl Fn(&str) -> Option<&'a Self>) -> Self {
+        let states_none = self.tissue.is_none()
+            && self.priority.is_none()
+            && self.role == Role::Organ
+            && self.wall.is_none()
+            && self.gas.is_none()
+            && self.group.is_none()
+            && self.aliases.is_empty();
+        match known(&self.name).filter(|_| states_none) {
+            Some(known) => Self { value: self.value, ..known.clone() },
+            None => self,
+        }
+    }
+
+    /// Name of the organ that it stands for: a mapped name is its own, and the organ is that of the mapping.
+    pub fn organ_name(&self) -> &str {
+        self.organ.as_deref().unwrap_or(&self.name)
+    }
+
+    /// Tissues of the class, its wall and its gas, each with its key.
+    pub(super) fn tissues(&self) -> impl Iterator<Item = (&'static str, &str)> {
+        let own = self.tissue.as_deref().map(|tissue| ("tissue", tissue));
+        let wall = self.wall.as_ref().map(|wall| ("wall.tissue", wall.tissue.as_str()));
+        let gas = self.gas.as_ref().map(|gas| ("gas.tissue", gas.tissue.as_str()));
+        own.into_iter().chain(wall).chain(gas)
+    }
+
+    /// The first value that is missing or outside its range.
+    pub(super) fn check(&self) -> Result<(), String> {
+        let ignored = self.role == Role::Ignore;
+        if self.name.trim().is_empty() {
+            return Err("`name` is empty".to_owned());
+        }
+        if let Some(name) = std::iter::once(&self.name).chain(&self.aliases).find(|name| !is_printable(name)) {
+            let shown = printable(name);
+            return Err(format!("the name {name:?} has a line break or control character; write it as {shown:?}"));
+        }
+        if self.value == Some(0) {
+            return Err("`value` is 0, which is the background".to_owned());
+        }
+        if self.tissue.is_none() && !ignored {
+            return Err("`tissue` is missing; only classes with `role = \"ignore\"` have none".to_owned());
+        }
+        match self.priority {
+            None if !ignored => return Err("`priority` is missing; it must lie in 10..=99".to_owned()),
+            Some(priority) if !PRIORITIES.contains(&priority) => {
+                return Err(format!("`priority` is {priority}; it must lie in 10..=99"));
+            }
+            _ => {}
+        }
+        if let Some(wall) = self.wall.as_ref().filter(|wall| !WALLS_MM.contains(&wall.mm)) {
+            return Err(format!("`wall.mm` is {}; it must lie in 0.1..=20", wall.mm));
+        }
+        if let Some(gas) = self.gas.as_ref().filter(|gas| !(0.0..=1.0).contains(&gas.share)) {
+            return Err(format!("`gas.share` is {}; it must lie in 0..=1", gas.share));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,361 @@
+//! From labels on a grid to the closed surfaces of a scene.
+
+use std::collections::{BTreeMap, HashMap};
+
+use glam::{DAffine3, DMat3, DVec3};
+use insonify_core::anatomy::Mesh;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::body::{self, Gas, OutlineSource, distances_mm, gas_of, without_crumbs};
+use super::grid::{CutPlane, Grid};
+pub use super::inputs::{Inputs, Organ};
+use super::meshing::{Complex, NONE, Net, Part, make_well_composed};
+
+/// Parts of fewer voxels than this are crumbs.
+const CRUMB_VOXELS: usize = 8;
+/// Shares of the triangles: body's outline, inner border of the fat.
+const BODY_SHARE: f64 = 0.06;
+const FAT_SHARE: f64 = 0.10;
+/// Largest error of decimation, in voxels.
+const ERROR_VOXELS: f64 = 0.35;
+/// Thickness from which a wall is drawn in voxels, in voxels.
+const THICK_VOXELS: f64 = 2.0;
+/// Farthest that a surface moves to restore a label's volume, in voxels.
+const VOLUME_VOXELS: f64 = 0.4;
+
+/// How a scene is made.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Thickness of the skin, mm; 0 for none.
+    pub skin_mm: f64,
+    /// Thickness of the fat beneath it where neither labels nor an image tell it, mm.
+    pub fat_mm: f64,
+    /// Number of triangles, about.
+    pub triangles: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { skin_mm: 2.0, fat_mm: 12.0, triangles: 600_000 }
+    }
+}
+
+/// Surface of a scene, and where it comes from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Made {
+    /// Name of the surface.
+    pub name: String,
+    /// Tissue.
+    pub tissue: String,
+    /// Priority in the scene.
+    pub priority: i32,
+    /// Closed surface, LPS, mm.
+    pub mesh: Mesh,
+    /// Name of its segment; none for skin, fat and soft tissue.
+    pub segment: Option<String>,
+    /// Volume of the segment's voxels, mm³; none for walls' inner sides and for gas.
+    pub voxels_mm3: Option<f64>,
+}
+
+/// Surfaces of a scene and what was done.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    /// Surfaces, ascending in priority.
+    pub surfaces: Vec<Made>,
+    /// Sides on which the scan cuts the body.
+    pub cuts: Vec<CutPlane>,
+    /// Facts for the report.
+    pub facts: Facts,
+}
+
+/// Processing facts for the report.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Facts {
+    /// Origin of the body's outline.
+    pub outline: OutlineSource,
+    /// Sides on which the scan cuts the body: right, left, front, back, feet, head.
+    pub cut: [bool; 6],
+    /// Parts of fewer than eight voxels that were given to their neighbours.
+    pub crumbs: usize,
+    /// Voxels changed where a surface would have met itself in an edge.
+    pub untangled: usize,
+    /// Segments without a voxel after all.
+    pub empty: Vec<String>,
+}
+
+/// Makes the surfaces. `progress` receives the name of the step and the share that is done, 0..=1.
+pub fn make(mut inputs: Inputs, options: &Options, progress: &(dyn Fn(&'static str, f64) + Sync)) -> Outcome {
+    progress("cleaning the labels", 0.0);
+    inputs = inputs.with_margin(options.skin_mm, options.fat_mm);
+    let crumbs = without_crumbs(&mut inputs.labels, inputs.grid.size, CRUMB_VOXELS);
+    let counts = count(&inputs.labels);
+    let priorities: Vec<i32> = inputs.organs.iter().map(|o| o.priority).collect();
+    // Ranks are distinct: equal priorities in the order of the labels.
+    let rank = |label: u16| match priorities.get(usize::from(label).wrapping_sub(1)) {
+        Some(&priority) => (u64::from(priority.wrapping_sub(i32::MIN) as u32) << 16 | u64::from(label)) + 1,
+        None => 0,
+    };
+    let untangled = make_well_composed(&mut inputs.labels, inputs.grid.size, &rank);
+
+    progress("finding the body", 0.08);
+    let (outline, body_mask) = outline(&inputs, options);
+    let cut = cut_sides(&body_mask, &inputs.grid);
+    let soft = soft_tissue(&inputs, &body_mask, options);
+
+    let mut builder = Builder { grid: &inputs.grid, surfaces: Vec::new() };
+    progress("meshing the body", 0.2);
+    let has_fat = options.fat_mm > 0.0 || inputs.fat.is_some() || inputs.ct().is_some();
+    builder.body(body_mask, soft, has_fat, options);
+    progress("meshing the organs", 0.3);
+    builder.organs(&inputs, &counts, options, progress);
+    progress("done", 1.0);
+    let mut surfaces = builder.surfaces;
+    surfaces.retain(|s| !s.mesh.triangles.is_empty());
+    surfaces.sort_by_key(|s| s.priority);
+    let has = |organ: &&Organ| !surfaces.iter().any(|s| s.segment.as_deref() == Some(&organ.name));
+    let empty = inputs.organs.iter().filter(has).map(|o| o.name.clone()).collect();
+    let crumbs = crumbs.values().sum();
+    let cuts = cut_planes(&cut, &inputs.grid);
+    Outcome { surfaces, cuts, facts: Facts { outline, cut, crumbs, untangled, empty } }
+}
+
+fn count(labels: &[u16]) -> HashMap<u16, usize> {
+    let mut counts = vec![0usize; usize::from(u16::MAX) + 1];
+    labels.iter().for_each(|&l| counts[usize::from(l)] += 1);
+    (0..=u16::MAX).zip(counts).filter(|&(l, n)| l != NONE && n > 0).collect()
+}
+
+fn outline(inputs: &Inputs, options: &Options) -> (OutlineSource, Vec<bool>) {
+    let grid = &inputs.grid;
+    let (source, mut mask) = match (&inputs.body, &inputs.image) {
+        (Some(body), _) => (OutlineSource::Label, body.clone()),
+        (None, Some(image)) => (OutlineSource::Image, body::from_image(image, grid, inputs.is_ct)),
+        (None, None) => {
+            let margin_mm = body::hull_margin_mm(options.skin_mm, options.fat_mm);
+            (OutlineSource::Labels, body::from_labels(&inputs.labels, grid, margin_mm))
+        }
+    };
+    // What is labelled is in the body.
+    mask.par_iter_mut().zip(&inputs.labels).for_each(|(inside, label)| *inside |= *label != NONE);
+    (source, body::from_mask(mask, grid, |i| inputs.labels[i] != NONE))
+}
+
+/// Sides of the grid that the body reaches: low and high along each axis.
+fn cut_sides(body: &[bool], grid: &Grid) -> [bool; 6] {
+    let inside = body.par_iter().enumerate().filter(|(_, inside)| **inside);
+    let sides = inside.map(|(i, _)| {
+        let at = grid.at(i);
+        std::array::from_fn::<bool, 6, _>(|n| at[n / 2] == if n % 2 == 0 { 0 } else { grid.size[n / 2] - 1 })
+    });
+    sides.reduce(|| [false; 6], |a, b| std::array::from_fn(|n| a[n] | b[n]))
+}
+
+/// Planes of the sides of the grid that cut the body.
+fn cut_planes(cut: &[bool; 6], grid: &Grid) -> Vec<CutPlane> {
+    let matrix = grid.lps_from_voxel.matrix3;
+    let plane = |side: usize| {
+        let axis = side / 2;
+        let normal = matrix.col((axis + 1) % 3).cross(matrix.col((axis + 2) % 3)).normalize_or(DVec3::Z);
+        let mut voxel = DVec3::ZERO;
+        voxel[axis] = if side.is_multiple_of(2) { -0.5 } else { grid.size[axis] as f64 - 0.5 };
+        CutPlane { point_mm: grid.lps_from_voxel.transform_point3(voxel), normal }
+    };
+    (0..6).filter(|&side| cut[side]).map(plane).collect()
+}
+
+/// Voxels of the body that are neither skin nor the fat beneath it.
+fn soft_tissue(inputs: &Inputs, body: &[bool], options: &Options) -> Vec<bool> {
+    let grid = &inputs.grid;
+    let outside: Vec<bool> = body.par_iter().map(|&b| !b).collect();
+    let border_mm = body::BORDER_VOXELS * grid.voxel_mm().min_element();
+    let depth_mm = distances_mm(&outside, grid.size, grid.voxel_mm());
+    let deeper = |i: usize, mm: f64| f64::from(depth_mm[i]) - border_mm > mm;
+    let fat = inputs.fat.clone().or_else(|| fat_of_image(inputs, &depth_mm));
+    let soft = |i: usize| {
+        let below = match &fat {
+            Some(fat) => !fat[i] && deeper(i, options.skin_mm),
+            None => deeper(i, options.skin_mm + options.fat_mm),
+        };
+        body[i] && (below || inputs.labels[i] != NONE)
+    };
+    let soft: Vec<bool> = (0..body.len()).into_par_iter().map(soft).collect();
+    body::from_mask(soft, grid, |i| inputs.labels[i] != NONE)
+}
+
+/// Fat in a CT image that reaches the skin: −200 to −20 HU, connected to the first 4 mm.
+fn fat_of_image(inputs: &Inputs, depth_mm: &[f32]) -> Option<Vec<bool>> {
+    let image = inputs.ct()?;
+    let is_fat = |i: usize| depth_mm[i] > 0.0 && (-200.0..-20.0).contains(&image[i]) && inputs.labels[i] == NONE;
+    let mut fat: Vec<bool> =
+        (0..image.len()).into_par_iter().map(|i| is_fat(i) || (depth_mm[i] > 0.0 && depth_mm[i] < 4.0)).collect();
+    body::large_components(&mut fat, inputs.grid.size, |_| false);
+    Some(fat)
+}
+
+/// Priority of a label's outer surface: distinct for all organs, with room for the surfaces within.
+fn priority_of(organs: &[Organ], label: u16) -> i32 {
+    let rank = |label: u16| (organs.get(usize::from(label).wrapping_sub(1)).map_or(0, |o| o.priority), label);
+    let below = (1..=organs.len() as u16).filter(|&other| rank(other) < rank(label)).count();
+    100 + 3 * below as i32
+}
+
+struct Builder<'a> {
+    grid: &'a Grid,
+    surfaces: Vec<Made>,
+}
+
+impl Builder<'_> {
+    /// Patient position of a point whose coordinates are mm along the grid's axes.
+    fn lps_from_grid_mm(&self) -> DAffine3 {
+        let from_mm = DAffine3::from_mat3(DMat3::from_diagonal(self.grid.voxel_mm().recip()));
+        self.grid.lps_from_voxel * from_mm
+    }
+
+    fn add(&mut self, name: &str, tissue: &str, priority: i32, part: &Part, from: Option<(&str, Option<usize>)>) {
+        let mesh = part.mesh(&self.lps_from_grid_mm());
+        let voxel_mm3 = self.grid.voxel_mm3();
+        self.surfaces.push(Made {
+            name: name.to_owned(),
+            tissue: tissue.to_owned(),
+            priority,
+            mesh,
+            segment: from.map(|(segment, _)| segment.to_owned()),
+            voxels_mm3: from.and_then(|(_, count)| count).map(|count| count as f64 * voxel_mm3),
+        });
+    }
+
+    /// Smoothed surfaces of `labels`, without decimation.
+    fn complex(&self, labels: &[u16]) -> Complex {
+        let mut net = Net::of(labels, self.grid.size);
+        net.smooth();
+        Complex::of(&net, self.grid.voxel_mm())
+    }
+
+    /// Decimates to `triangles`, and gives labels the volumes of their `voxels`.
+    fn simplify(&self, complex: &mut Complex, triangles: usize, voxels: &HashMap<u16, usize>, done: &dyn Fn(f64)) {
+        let voxel_mm = self.grid.voxel_mm();
+        complex.decimate(triangles, ERROR_VOXELS * voxel_mm.min_element(), done);
+        let wanted_mm3 = voxels.iter().map(|(&label, &n)| (label, n as f64 * voxel_mm.element_product())).collect();
+        complex.restore_volumes(&wanted_mm3, VOLUME_VOXELS * voxel_mm.min_element());
+    }
+
+    /// Surface of a mask, of about `triangles` triangles.
+    fn mask_part(&self, mask: &[bool], triangles: usize) -> Option<Part> {
+        let mut labels: Vec<u16> = mask.par_iter().map(|&inside| u16::from(inside)).collect();
+        make_well_composed(&mut labels, self.grid.size, &|label| u64::from(label));
+        let mut complex = self.complex(&labels);
+        self.simplify(&mut complex, triangles, &count(&labels), &|_| ());
+        complex.parts().remove(&1)
+    }
+
+    fn body(&mut self, body: Vec<bool>, soft: Vec<bool>, has_fat: bool, options: &Options) {
+        let share = |share: f64| (share * options.triangles as f64) as usize;
+        if let Some(part) = self.mask_part(&body, share(BODY_SHARE)) {
+            let voxels = body.iter().filter(|&&b| b).count();
+            let inner = if options.skin_mm > 0.0 {
+                self.add("skin", "skin", 0, &part, None);
+                part.inward(options.skin_mm)
+            } else {
+                part
+            };
+            if has_fat {
+                self.add("fat", "fat", 1, &inner, None);
+            }
+            let voxel_mm3 = self.grid.voxel_mm3();
+            if let Some(first) = self.surfaces.first_mut() {
+                first.voxels_mm3 = Some(voxels as f64 * voxel_mm3);
+            }
+        }
+        drop(body);
+        if let Some(part) = self.mask_part(&soft, share(FAT_SHARE)) {
+            self.add("soft_tissue", "soft_tissue_maternal", 2, &part, None);
+        }
+    }
+
+    fn organs(
+        &mut self,
+        inputs: &Inputs,
+        counts: &HashMap<u16, usize>,
+        options: &Options,
+        progress: &(dyn Fn(&'static str, f64) + Sync),
+    ) {
+        let organ_of = |label: u16| inputs.organs.get(usize::from(label).wrapping_sub(1));
+        let mut complex = self.complex(&inputs.labels);
+        // Each triangle is in the surface of every label beside it, and again in the inner side of a wall.
+        let copies = |label: &u16| organ_of(*label).map_or(0, |o| 1 + usize::from(o.wall.is_some()));
+        let all: usize = complex.triangles.iter().flat_map(|t| &t.sides).map(copies).sum();
+        let budget = (1.0 - 2.0 * BODY_SHARE - FAT_SHARE) * options.triangles as f64;
+        let share = (budget / all.max(1) as f64).min(1.0);
+        let wanted = (share * complex.triangles.len() as f64) as usize;
+        progress("simplifying the organs", 0.5);
+        self.simplify(&mut complex, wanted, counts, &|done| progress("simplifying the organs", 0.5 + 0.35 * done));
+        progress("walls and gas", 0.85);
+        let step_mm = self.grid.voxel_mm().min_element();
+        // A thick wall is drawn in voxels, a thin one by moving its surface.
+        let is_thick = |mm: f64| mm >= THICK_VOXELS * step_mm;
+        let mut lumens = self.inner_parts(inputs, share, |label, organ| match &organ.wall {
+            Some((_, mm)) if is_thick(*mm) => gas_of(&inputs.labels, self.grid, label, *mm, Gas::Share(1.0)),
+            _ => Vec::new(),
+        });
+        for (label, part) in complex.parts() {
+            let Some(organ) = organ_of(label) else { continue };
+            let from = Some((organ.name.as_str(), counts.get(&label).copied()));
+            let priority = priority_of(&inputs.organs, label);
+            match &organ.wall {
+                Some((tissue, mm)) => {
+                    self.add(&format!("{}_wall", organ.name), tissue, priority, &part, from);
+                    let inner = lumens.remove(&label).unwrap_or_else(|| part.inward(*mm));
+                    self.add(&organ.name, &organ.tissue, priority + 1, &inner, Some((&organ.name, None)));
+                }
+                None => self.add(&organ.name, &organ.tissue, priority, &part, from),
+            }
+        }
+        self.gas(inputs, share);
+    }
+
+    /// Surfaces within organs: of the voxels that `voxels_of` gives for a label and its organ. `share` is the share of
+    /// triangles that stays.
+    fn inner_parts(
+        &self,
+        inputs: &Inputs,
+        share: f64,
+        voxels_of: impl Fn(u16, &Organ) -> Vec<usize>,
+    ) -> BTreeMap<u16, Part> {
+        let mut labels = vec![NONE; inputs.labels.len()];
+        for (label, organ) in (1..=u16::MAX).zip(&inputs.organs) {
+            for i in voxels_of(label, organ) {
+                labels[i] = label;
+            }
+        }
+        without_crumbs(&mut labels, self.grid.size, CRUMB_VOXELS);
+        make_well_composed(&mut labels, self.grid.size, &|label| u64::from(label));
+        let counts = count(&labels);
+        if counts.is_empty() {
+            return BTreeMap::new();
+        }
+        let mut complex = self.complex(&labels);
+        let wanted = (share * complex.triangles.len() as f64) as usize;
+        self.simplify(&mut complex, wanted, &counts, &|_| ());
+        complex.parts()
+    }
+
+    fn gas(&mut self, inputs: &Inputs, share: f64) {
+        let ct = inputs.ct();
+        let parts = self.inner_parts(inputs, share, |label, organ| {
+            let Some((_, share)) = &organ.gas else { return Vec::new() };
+            let gas = ct.map_or(Gas::Share(*share), Gas::Seen);
+            let wall_mm = organ.wall.as_ref().map_or(0.0, |(_, mm)| *mm);
+            // A voxel more than the wall: the wall's inner side is smoother than the gas.
+            let within_mm = wall_mm + 0.5 * self.grid.voxel_mm().min_element();
+            gas_of(&inputs.labels, self.grid, label, within_mm, gas)
+        });
+        for (label, part) in parts {
+            let Some(organ) = inputs.organs.get(usize::from(label).wrapping_sub(1)) else { continue };
+            if let Some((tissue, _)) = &organ.gas {
+                let from = Some((organ.name.as_str(), None));
+                self.add(&format!("{}_gas", organ.name), tissue, priority_of(&inputs.organs, label) + 2, &part, from);
+            }
+        }
+    }
+}

@@ -1,0 +1,119 @@
+//! Errors of gathering labels, body and image.
+
+use std::path::PathBuf;
+
+use insonify_core::files::NoMemory;
+use insonify_core::names::listed;
+use thiserror::Error;
+
+use super::image::ImageError;
+
+/// Most unknown segments that a message lists.
+const LISTED_MAX: usize = 5;
+/// More unknown segments than this are likely an image's values.
+const IMAGE_VALUES: usize = 20;
+
+/// Label maps that cannot become a scene.
+#[derive(Debug, Error)]
+pub enum GatherError {
+    /// Segments that mean no tissue.
+    #[error(
+        "{path}: {}; give them a meaning with --map NAME=TISSUE (or =CLASS, or =ignore), or leave them out with \
+         --leave-out-unknown{}",
+        listed(names, LISTED_MAX, "; "),
+        if names.len() > IMAGE_VALUES { "; with so many values it may be an image: that goes to --image" } else { "" }
+    )]
+    Unmapped {
+        /// Label map.
+        path: PathBuf,
+        /// Each with its number, its voxels and the nearest known names.
+        names: Vec<String>,
+    },
+    /// A map of background alone.
+    #[error("{path}: all voxels are 0: it labels nothing. Give the file that the segmentation was written to")]
+    Empty {
+        /// Label map.
+        path: PathBuf,
+    },
+    /// No organ.
+    #[error(
+        "{path} has no segment that becomes an organ: {found}; --names chooses the table of names, --map adds to it"
+    )]
+    Nothing {
+        /// Label map.
+        path: PathBuf,
+        /// What was found instead.
+        found: String,
+    },
+    /// More organs than a scene has surfaces.
+    #[error(
+        "{path} has {found} organs, and a scene has at most {limit} surfaces: leave some out with --map NAME=ignore, or join \
+         labels of one tissue"
+    )]
+    TooMany {
+        /// Label map.
+        path: PathBuf,
+        /// Segments that are organs.
+        found: usize,
+        /// Limit.
+        limit: usize,
+    },
+    /// A body or an image of another scan.
+    #[error(
+        "{path}, given as {option}, holds only {percent:.0} % of the labelled voxels of {labels}: is it of the same \
+         scan?{hint}"
+    )]
+    OtherScan {
+        /// Body or image.
+        path: PathBuf,
+        /// Option that it was given as.
+        option: &'static str,
+        /// Label map.
+        labels: PathBuf,
+        /// Share, %.
+        percent: f64,
+        /// Change of its affine that would help, as a sentence after a space, or empty.
+        hint: String,
+    },
+    /// A body that leaves organs outside.
+    #[error(
+        "{path}, given as --body, leaves most of an organ of {labels} outside: {organs} of the voxels; is it of the same scan? \
+         --allow-implausible makes them part of the body"
+    )]
+    OrganOutside {
+        /// Body.
+        path: PathBuf,
+        /// Label map.
+        labels: PathBuf,
+        /// Organs, each with the share outside.
+        organs: String,
+    },
+    /// A body without anything around the organs.
+    #[error(
+        "{path}, given as --body, holds only the organs that {labels} labels, no body around them: give the body's outline, as \
+         TotalSegmentator's task body writes it, or leave --body out; --allow-implausible takes it all the same"
+    )]
+    OnlyOrgans {
+        /// Body.
+        path: PathBuf,
+        /// Label map.
+        labels: PathBuf,
+    },
+    /// A volume that is too large to be worked on.
+    #[error("{path}: {none}: crop the volume, or resample it to larger voxels")]
+    Memory {
+        /// Label map or image.
+        path: PathBuf,
+        /// Memory that is missing.
+        none: NoMemory,
+    },
+    /// An image that doesn't fit, or isn't what it seems.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    /// A file without a body.
+    #[error("{path}, given as --body, labels nothing but background")]
+    NoBody {
+        /// Label map.
+        path: PathBuf,
+    },
+}

@@ -1,0 +1,104 @@
+//! Errors of mesh files.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use insonify_core::anatomy::SceneError;
+
+/// Place of a fault in a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Position {
+    /// Offset of a byte, from 0.
+    Byte(usize),
+    /// Number of a line, from 1.
+    Line(usize),
+}
+
+impl fmt::Display for Position {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Byte(byte) => write!(f, "byte {byte}"),
+            Self::Line(line) => write!(f, "line {line}"),
+        }
+    }
+}
+
+/// Error in reading a mesh file.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum MeshFileError {
+    /// The file cannot be read, or has more than 2 GiB.
+    #[error("cannot read the mesh file {path}: {source}")]
+    Io {
+        /// File.
+        path: PathBuf,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// A picture or a volume.
+    #[error("{path} is {kind}, not a mesh: `insonify scene from-labels` reads label maps (NIfTI, NRRD)")]
+    Picture {
+        /// File.
+        path: PathBuf,
+        /// Kind of the file.
+        kind: &'static str,
+    },
+    /// A format that is not read.
+    #[error("{path} is of an unknown format: export it as STL, OBJ, PLY, VTK polydata (.vtk, .vtp) or glTF (.glb)")]
+    Unknown {
+        /// File.
+        path: PathBuf,
+    },
+    /// A damaged file, or one of an unknown variant.
+    #[error("{path}, {at}: {reason}")]
+    Format {
+        /// File.
+        path: PathBuf,
+        /// Place of the fault.
+        at: Position,
+        /// Fault, and its remedy where there is one.
+        reason: String,
+    },
+    /// No triangle in the whole file.
+    #[error("{path} has no triangles{found}: export the surface as a mesh with faces")]
+    NoTriangles {
+        /// File.
+        path: PathBuf,
+        /// What it has instead, as text to append, or empty.
+        found: String,
+    },
+    /// A vertex that is not finite.
+    #[error("{path}: vertex {vertex} (from 0) of `{mesh}` is {value:?}; export the mesh again without it")]
+    NotFinite {
+        /// File.
+        path: PathBuf,
+        /// Name of the mesh.
+        mesh: String,
+        /// Index of the vertex.
+        vertex: usize,
+        /// Coordinates.
+        value: [f64; 3],
+    },
+    /// An error of a glTF file.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+}
+
+/// A fault at a place of the file.
+#[derive(Debug)]
+pub(super) struct Fault {
+    pub(super) at: Position,
+    pub(super) reason: String,
+}
+
+impl Fault {
+    /// A fault at a byte.
+    pub(super) fn byte(at: usize, reason: impl Into<String>) -> Self {
+        Self { at: Position::Byte(at), reason: reason.into() }
+    }
+
+    /// A fault in a line.
+    pub(super) fn line(at: usize, reason: impl Into<String>) -> Self {
+        Self { at: Position::Line(at), reason: reason.into() }
+    }
+}

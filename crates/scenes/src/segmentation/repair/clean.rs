@@ -1,0 +1,194 @@
+//! Removal of triangles without area, of copies and of triangles back to back.
+
+use std::collections::{BTreeMap, HashMap};
+
+use insonify_core::anatomy::groups::Groups;
+
+use super::edges::{self, of, undirected};
+use super::report::ActionKind;
+use super::work::Work;
+
+/// Height below which a triangle has no area, mm.
+const FLAT_MM: f64 = 1e-6;
+
+/// Most rounds in which flat triangles are flipped away.
+const ROUNDS: usize = 16;
+
+/// Rounds in which no edge may get four triangles.
+const PATIENT_ROUNDS: usize = 8;
+
+/// Removes triangles without area. One that lies on a longer edge is removed by dividing the triangle beyond it.
+pub(super) fn drop_degenerate(work: &mut Work) {
+    let total = work.mesh.triangles.len();
+    work.mesh.triangles.retain(|[a, b, c]| a != b && b != c && c != a);
+    let mut removed = total - work.mesh.triangles.len();
+    let mut places = Vec::new();
+    for round in 0..ROUNDS {
+        let flat: Vec<u32> = flat(work);
+        if flat.is_empty() {
+            break;
+        }
+        places.push(work.place_of(flat.iter().map(|&t| work.mesh.triangles[t as usize])));
+        removed += flip_away(work, &flat, round >= PATIENT_ROUNDS);
+    }
+    let left = flat(work);
+    removed += left.len();
+    let mut keep = vec![true; work.mesh.triangles.len()];
+    left.iter().for_each(|&t| keep[t as usize] = false);
+    work.retain(&keep);
+    work.log(ActionKind::Degenerate, removed, places);
+}
+
+/// Triangles lower than [`FLAT_MM`].
+fn flat(work: &Work) -> Vec<u32> {
+    let is_flat = |triangle: [u32; 3]| {
+        let [a, b, c] = work.corners(triangle);
+        let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+        let twice = (b - a).cross(c - a).length();
+        // The tracer's 32-bit corners may leave no area at all, whatever the height.
+        twice == 0.0 || twice < FLAT_MM * longest
+    };
+    (0u32..).zip(&work.mesh.triangles).filter(|(_, t)| is_flat(**t)).map(|(index, _)| index).collect()
+}
+
+/// Removes each flat triangle whose longest edge has another triangle, which is divided at the third corner. Returns
+/// the number of triangles removed. Edges of four triangles are avoided unless `forced`.
+fn flip_away(work: &mut Work, flat: &[u32], forced: bool) -> usize {
+    let edges = edges::sorted(&work.mesh.triangles);
+    let next = edges::neighbours(work.mesh.triangles.len(), &edges);
+    let exists = |edge: [u32; 2]| {
+        let key = undirected(edge);
+        edges.binary_search_by(|e| [e.low, e.high].cmp(&key)).is_ok()
+    };
+    let mut touched = vec![false; work.mesh.triangles.len()];
+    let mut keep = vec![true; work.mesh.triangles.len()];
+    let mut removed = 0;
+    for &t in flat {
+        let triangle = work.mesh.triangles[t as usize];
+        let length = |side: usize| {
+            let [from, to] = of(triangle)[side];
+            work.at(from).distance(work.at(to))
+        };
+        let side = (0..3).fold(0, |best, side| if length(side) > length(best) { side } else { best });
+        let [from, to] = of(triangle)[side];
+        let middle = triangle[(side + 2) % 3];
+        let beyond = next[t as usize][side];
+        if touched[t as usize] {
+            continue;
+        }
+        if beyond == edges::NONE {
+            keep[t as usize] = false;
+            removed += 1;
+            continue;
+        }
+        let other = work.mesh.triangles[beyond as usize];
+        let Some(apex) = other.iter().copied().find(|v| *v != from && *v != to) else { continue };
+        if touched[beyond as usize] {
+            continue;
+        }
+        if apex == middle {
+            // Both are flat, back to back.
+            for gone in [t, beyond] {
+                touched[gone as usize] = true;
+                keep[gone as usize] = false;
+            }
+            removed += 2;
+            continue;
+        }
+        if !forced && exists([middle, apex]) {
+            continue;
+        }
+        // Keeps the winding of the triangle beyond, whichever it is.
+        let divided = |gone: u32| other.map(|v| if v == gone { middle } else { v });
+        work.mesh.triangles[t as usize] = divided(from);
+        work.mesh.triangles[beyond as usize] = divided(to);
+        touched[t as usize] = true;
+        touched[beyond as usize] = true;
+        removed += 1;
+    }
+    work.retain(&keep);
+    removed
+}
+
+/// A triangle with its corners sorted, and whether that keeps its winding.
+fn keyed([a, b, c]: [u32; 3]) -> ([u32; 3], bool) {
+    let mut sorted = [a, b, c];
+    sorted.sort_unstable();
+    (sorted, [[a, b, c], [b, c, a], [c, a, b]].contains(&sorted))
+}
+
+/// Removes copies of triangles. Of triangles back to back, both are removed if they are a wall inside the surface or
+/// the surface `is_closed`, one if they are the only border there.
+pub(super) fn drop_copies(work: &mut Work, is_closed: bool) {
+    let mut keys: Vec<([u32; 3], u32, bool)> = (0u32..)
+        .zip(&work.mesh.triangles)
+        .map(|(index, t)| {
+            let (key, even) = keyed(*t);
+            (key, index, even)
+        })
+        .collect();
+    keys.sort_unstable();
+    let mut keep = vec![true; work.mesh.triangles.len()];
+    let (mut copies, mut backs) = (Vec::new(), Vec::new());
+    for group in keys.chunk_by(|a, b| a.0 == b.0).filter(|group| group.len() > 1) {
+        let even = group.iter().filter(|(_, _, even)| *even).count();
+        // The majority's winding; the first one's if there is none.
+        let kept = if 2 * even == group.len() { group[0] } else { majority(group, 2 * even > group.len()) };
+        for &(_, index, _) in group.iter().filter(|(_, index, _)| *index != kept.1) {
+            keep[index as usize] = false;
+            copies.push(index);
+        }
+        if 2 * even == group.len() {
+            backs.push(kept.1);
+        }
+    }
+    if copies.is_empty() {
+        return;
+    }
+    let walls = if is_closed { backs } else { inner_walls(work, &backs, &keep) };
+    let triangle = |index: &u32| work.mesh.triangles[*index as usize];
+    let (copies_at, walls_at) = (work.place_of(copies.iter().map(triangle)), work.place_of(walls.iter().map(triangle)));
+    walls.iter().for_each(|&index| keep[index as usize] = false);
+    work.retain(&keep);
+    work.log(ActionKind::Duplicate, copies.len() - walls.len(), [copies_at]);
+    work.log(ActionKind::InnerWall, 2 * walls.len(), [walls_at]);
+}
+
+fn majority(group: &[([u32; 3], u32, bool)], even: bool) -> ([u32; 3], u32, bool) {
+    group.iter().copied().find(|(_, _, is_even)| *is_even == even).unwrap_or(group[0])
+}
+
+/// Those of the doubled triangles `backs` that form walls inside the surface: most of their rim lies on edges that are
+/// closed without them.
+fn inner_walls(work: &Work, backs: &[u32], keep: &[bool]) -> Vec<u32> {
+    if backs.is_empty() {
+        return Vec::new();
+    }
+    let triangles: Vec<[u32; 3]> = backs.iter().map(|&index| work.mesh.triangles[index as usize]).collect();
+    let own = edges::sorted(&triangles);
+    let mut rest = HashMap::<[u32; 2], usize>::new();
+    let mut rim = BTreeMap::<[u32; 2], u32>::new();
+    let mut joined = Groups::new(triangles.len());
+    for group in edges::groups(&own) {
+        match group {
+            [edge] => _ = rim.insert([edge.low, edge.high], edge.triangle),
+            [first, others @ ..] => others.iter().for_each(|other| joined.join(first.triangle, other.triangle)),
+            [] => {}
+        }
+    }
+    let is_back: std::collections::HashSet<u32> = backs.iter().copied().collect();
+    let others =
+        (0u32..).zip(&work.mesh.triangles).filter(|(index, _)| keep[*index as usize] && !is_back.contains(index));
+    for edge in others.flat_map(|(_, t)| of(*t)).map(undirected).filter(|edge| rim.contains_key(edge)) {
+        *rest.entry(edge).or_default() += 1;
+    }
+    let sheet = joined.numbered();
+    // Per sheet: rim edges that are closed without it, and those that need it.
+    let mut votes = vec![[0usize; 2]; triangles.len()];
+    for (edge, triangle) in &rim {
+        let count = rest.get(edge).copied().unwrap_or(0);
+        votes[sheet[*triangle as usize] as usize][usize::from(count == 0 || count % 2 == 1)] += 1;
+    }
+    let is_wall = |at: usize| votes[sheet[at] as usize][0] > votes[sheet[at] as usize][1];
+    (0..backs.len()).filter(|at| is_wall(*at)).map(|at| backs[at]).collect()
+}

@@ -1,0 +1,87 @@
+//! Edges of a mesh: sorted edges, neighbours, components.
+
+use rayon::slice::ParallelSliceMut;
+
+use insonify_core::anatomy::groups::Groups;
+
+/// No triangle.
+pub(super) const NONE: u32 = u32::MAX;
+
+/// Directed edge of a triangle, with its vertices in order of index.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Edge {
+    pub(super) low: u32,
+    pub(super) high: u32,
+    pub(super) triangle: u32,
+    /// Place of the edge in its triangle: from corner `side` to the next one.
+    pub(super) side: u8,
+    /// True if it runs from the higher vertex to the lower.
+    pub(super) back: bool,
+}
+
+impl Edge {
+    /// Start and end, in the direction of the triangle.
+    pub(super) fn directed(self) -> [u32; 2] {
+        if self.back { [self.high, self.low] } else { [self.low, self.high] }
+    }
+}
+
+/// Edges of a triangle, in its direction.
+pub(super) fn of([a, b, c]: [u32; 3]) -> [[u32; 2]; 3] {
+    [[a, b], [b, c], [c, a]]
+}
+
+/// An edge without direction.
+pub(super) fn undirected([a, b]: [u32; 2]) -> [u32; 2] {
+    [a.min(b), a.max(b)]
+}
+
+/// All edges, sorted: those with equal vertices follow each other.
+pub(super) fn sorted(triangles: &[[u32; 3]]) -> Vec<Edge> {
+    let mut edges: Vec<Edge> = Vec::with_capacity(3 * triangles.len());
+    for (&triangle, index) in triangles.iter().zip(0u32..) {
+        edges.extend(of(triangle).into_iter().zip(0u8..).map(|([from, to], side)| Edge {
+            low: from.min(to),
+            high: from.max(to),
+            triangle: index,
+            side,
+            back: from > to,
+        }));
+    }
+    edges.par_sort_unstable_by_key(|e| ((u64::from(e.low) << 32) | u64::from(e.high), e.triangle, e.side));
+    edges
+}
+
+/// Groups of edges with equal vertices.
+pub(super) fn groups(edges: &[Edge]) -> impl Iterator<Item = &[Edge]> {
+    edges.chunk_by(|a, b| (a.low, a.high) == (b.low, b.high))
+}
+
+/// Edges with a single triangle, in its direction.
+pub(super) fn open(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
+    let edges = sorted(triangles);
+    groups(&edges).filter(|group| group.len() == 1).map(|group| group[0].directed()).collect()
+}
+
+/// Component of each triangle, connected over edges of exactly two triangles.
+pub(super) fn components(triangles: usize, edges: &[Edge]) -> Vec<u32> {
+    let mut joined = Groups::new(triangles);
+    for group in groups(edges) {
+        if let [a, b] = group {
+            joined.join(a.triangle, b.triangle);
+        }
+    }
+    joined.numbered()
+}
+
+/// Neighbours of each triangle over its three edges; [`NONE`] at an edge that does not have exactly two triangles.
+pub(super) fn neighbours(triangles: usize, edges: &[Edge]) -> Vec<[u32; 3]> {
+    let mut next = vec![[NONE; 3]; triangles];
+    for group in groups(edges) {
+        if let [a, b] = group {
+            next[a.triangle as usize][usize::from(a.side)] = b.triangle;
+            next[b.triangle as usize][usize::from(b.side)] = a.triangle;
+        }
+    }
+    next
+}

@@ -1,0 +1,149 @@
+//! Repair of surfaces: closed, facing outward, without doubled or crossing triangles.
+//!
+//! [`repair`] mends a surface in this order:
+//!
+//! 1. Vertices in one place are joined, also those of rims that are not quite in one place.
+//! 2. Triangles without area and copies of triangles are removed. Of two triangles back to back, both go if they are a
+//!    wall inside the surface, one if they are its only border.
+//! 3. At edges of more than two triangles, sheets are removed, and parts that touch are separated.
+//! 4. The winding is made consistent in each part.
+//! 5. Open rims are closed. Rims in a plane are capped, one within another as a ring; a rim round the edge or corner of
+//!    a box is capped along its planes. Other holes are filled with the least area.
+//! 6. Parts without thickness, and crumbs, are removed.
+//! 7. Parts are turned outward; those within an odd number of others are cavities.
+//! 8. Triangles that cross near neighbours are smoothed.
+//!
+//! Overlapping parts are reported, not united. The result depends only on the input, not on the number of threads.
+
+mod clean;
+mod close;
+mod corners;
+mod crowded;
+mod crumbs;
+mod edges;
+mod fill;
+mod folds;
+mod loops;
+mod orient;
+mod planes;
+mod polygon;
+mod report;
+#[cfg(test)]
+mod shapes;
+#[cfg(test)]
+mod tests;
+mod weld;
+mod work;
+
+pub use report::{Action, ActionKind, Remaining, RemainingKind, SurfaceRepair};
+
+use insonify_core::anatomy::Mesh;
+use work::{Work, place};
+
+/// Most passes of closing: filling a hole may make an edge of four triangles, which is divided again.
+const PASSES: usize = 3;
+
+/// Settings of a repair.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RepairSettings {
+    /// Distance within which vertices are joined, mm.
+    pub weld_mm: f64,
+    /// Distance within which rims are joined, mm; at most a quarter of a rim edge.
+    pub weld_rims_mm: f64,
+    /// Largest distance by which a vertex may be moved, mm.
+    pub max_move_mm: f64,
+    /// Size up to which a hole counts as small, mm. Larger ones that are not planar are reported as guesses.
+    pub small_hole_mm: f64,
+    /// Parts below this fraction of the largest part's volume are removed.
+    pub crumb_share: f64,
+}
+
+impl Default for RepairSettings {
+    fn default() -> Self {
+        Self { weld_mm: 1e-4, weld_rims_mm: 0.01, max_move_mm: 0.5, small_hole_mm: 10.0, crumb_share: 1e-4 }
+    }
+}
+
+/// Repairs a surface, in mm. Returns the mended mesh, empty if nothing encloses a volume, and the report.
+///
+/// A triangle that names a vertex beyond the last is treated as one with a vertex that is not finite.
+pub fn repair(name: &str, mesh: Mesh, settings: &RepairSettings) -> (Mesh, SurfaceRepair) {
+    let before = mesh.triangles.len();
+    let mut work = Work::new(mesh);
+    drop_not_finite(&mut work);
+    let within = |mm: f64| mm.clamp(0.0, settings.max_move_mm.max(0.0));
+    weld::weld(&mut work, within(settings.weld_mm), within(settings.weld_rims_mm));
+    clean::drop_degenerate(&mut work);
+    clean::drop_copies(&mut work, false);
+    for _ in 0..PASSES {
+        crowded::resolve(&mut work);
+        orient::make_consistent(&mut work);
+        if edges::open(&work.mesh.triangles).is_empty() {
+            break;
+        }
+        close::close(&mut work, settings);
+        clean::drop_degenerate(&mut work);
+        clean::drop_copies(&mut work, true);
+    }
+    crumbs::drop_crumbs(&mut work, settings.crumb_share);
+    orient::face_outward(&mut work);
+    crowded::move_apart(&mut work);
+    folds::resolve(&mut work, settings.max_move_mm);
+    close::check(&mut work);
+    crowded::check(&mut work);
+    orient::check(&mut work);
+    if work.mesh.triangles.is_empty() {
+        let all = work.mesh.vertices_mm.iter().copied();
+        work.leave(RemainingKind::Nothing, 1, [place(all)]);
+    }
+    work.compact();
+    finish(name, before, work)
+}
+
+fn finish(name: &str, before: usize, mut work: Work) -> (Mesh, SurfaceRepair) {
+    let report = SurfaceRepair {
+        surface: name.to_owned(),
+        triangles: [before, work.mesh.triangles.len()],
+        parts: orient::parts(&work.mesh).0.len(),
+        volume_mm3: work.mesh.signed_volume_mm3(),
+        actions: merged(std::mem::take(&mut work.actions)),
+        remaining: std::mem::take(&mut work.remaining),
+        largest_move_mm: work.largest_move_mm(),
+    };
+    (work.mesh, report)
+}
+
+/// Actions with those of one kind as one, in the order of their first.
+fn merged(actions: Vec<Action>) -> Vec<Action> {
+    let mut merged: Vec<Action> = Vec::new();
+    for action in actions {
+        match merged.iter_mut().find(|known| known.kind == action.kind) {
+            Some(known) => {
+                known.count += action.count;
+                known.places = work::largest(known.places.drain(..).chain(action.places));
+            }
+            None => merged.push(action),
+        }
+    }
+    merged
+}
+
+/// Removes triangles with vertices that are not finite or do not exist.
+fn drop_not_finite(work: &mut Work) {
+    let vertices = &work.mesh.vertices_mm;
+    let is_bad = |vertex: &u32| vertices.get(*vertex as usize).is_none_or(|v| !v.is_finite());
+    let mut bad: Vec<u32> = work.mesh.triangles.iter().flatten().copied().filter(is_bad).collect();
+    if bad.is_empty() {
+        // Vertices that no triangle uses may be anything.
+        work.compact();
+        return;
+    }
+    bad.sort_unstable();
+    bad.dedup();
+    let keep: Vec<bool> = work.mesh.triangles.iter().map(|t| !t.iter().any(is_bad)).collect();
+    let near = work.mesh.triangles.iter().zip(&keep).filter(|(_, keep)| !**keep).flat_map(|(t, _)| *t);
+    let near: Vec<_> = near.filter(|vertex| !is_bad(vertex)).map(|vertex| vertices[vertex as usize]).collect();
+    work.retain(&keep);
+    work.leave(RemainingKind::NotFinite, bad.len(), [place(near)]);
+    work.compact();
+}

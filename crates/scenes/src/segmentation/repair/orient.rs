@@ -1,0 +1,200 @@
+//! Winding of triangles: consistent in each part, and outward.
+
+use insonify_core::anatomy::doctor::tree::Tree;
+use insonify_core::anatomy::{Bounds, Mesh};
+
+use super::edges::{self, NONE, of};
+use super::report::{ActionKind, RemainingKind};
+use super::work::{Work, area, place, volume};
+
+/// Number of corners at which a part's surroundings are sampled.
+const CORNERS_SAMPLED: usize = 33;
+
+/// Makes the winding of each component consistent, with as little area turned over as possible. Returns the number of
+/// edges where that is impossible.
+pub(super) fn make_consistent(work: &mut Work) -> usize {
+    let edges = edges::sorted(&work.mesh.triangles);
+    let next = edges::neighbours(work.mesh.triangles.len(), &edges);
+    let count = work.mesh.triangles.len();
+    let mut turn: Vec<Option<bool>> = vec![None; count];
+    let mut conflicts = 0;
+    let mut turned = Vec::new();
+    let mut queue = Vec::new();
+    for seed in 0..count {
+        if turn[seed].is_some() {
+            continue;
+        }
+        turn[seed] = Some(false);
+        queue.clear();
+        queue.push(seed as u32);
+        let mut at = 0;
+        while let Some(&t) = queue.get(at) {
+            at += 1;
+            let own = turn[t as usize] == Some(true);
+            for (side, &other) in next[t as usize].iter().enumerate() {
+                if other == NONE {
+                    continue;
+                }
+                let [from, to] = of(work.mesh.triangles[t as usize])[side];
+                let runs_alike = of(work.mesh.triangles[other as usize]).contains(&[from, to]);
+                let wanted = own != runs_alike;
+                match turn[other as usize] {
+                    None => {
+                        turn[other as usize] = Some(wanted);
+                        queue.push(other);
+                    }
+                    Some(is) => conflicts += usize::from(is != wanted),
+                }
+            }
+        }
+        // Turning over the rest instead has the same effect.
+        let area_of = |want: bool| -> f64 {
+            let wanted = queue.iter().filter(|&&t| turn[t as usize] == Some(want));
+            wanted.map(|&t| area(work.corners(work.mesh.triangles[t as usize]))).sum()
+        };
+        if queue.iter().any(|&t| turn[t as usize] == Some(true)) {
+            let less = area_of(true) <= area_of(false);
+            turned.extend(queue.iter().copied().filter(|&t| turn[t as usize] == Some(less)));
+        }
+    }
+    let place = work.place_of(turned.iter().map(|&t| work.mesh.triangles[t as usize]));
+    turned.iter().for_each(|&t| work.mesh.triangles[t as usize].swap(1, 2));
+    work.log(ActionKind::Turned, turned.len(), [place]);
+    // Each is seen from both of its sides.
+    conflicts / 2
+}
+
+/// Reports edges between triangles that face opposite ways.
+pub(super) fn check(work: &mut Work) {
+    let edges = edges::sorted(&work.mesh.triangles);
+    let alike: Vec<[u32; 3]> = edges::groups(&edges)
+        .filter(|group| matches!(group, [a, b] if a.back == b.back))
+        .map(|group| work.mesh.triangles[group[0].triangle as usize])
+        .collect();
+    let place = work.place_of(alike.iter().copied());
+    work.leave(RemainingKind::OneSided, alike.len(), [place]);
+}
+
+/// A component of the surface, connected over edges.
+pub(super) struct Part {
+    pub(super) bounds: Bounds,
+    /// Some of its corners, spread evenly over its triangles.
+    corners: Vec<glam::Vec3>,
+    pub(super) triangles: usize,
+    pub(super) area_mm2: f64,
+    /// Signed volume, mm³: positive if it faces outward.
+    pub(super) volume_mm3: f64,
+    /// Whether it has an edge without a partner.
+    pub(super) open: bool,
+}
+
+/// Components of a mesh, and the component of each triangle.
+pub(super) fn parts(mesh: &Mesh) -> (Vec<Part>, Vec<u32>) {
+    let edges = edges::sorted(&mesh.triangles);
+    let part_of = edges::components(mesh.triangles.len(), &edges);
+    let mut counts = vec![0usize; part_of.iter().max().map_or(0, |&last| last as usize + 1)];
+    part_of.iter().for_each(|&index| counts[index as usize] += 1);
+    let new = |_: &usize| Part {
+        bounds: Bounds::EMPTY,
+        corners: Vec::new(),
+        triangles: 0,
+        area_mm2: 0.0,
+        volume_mm3: 0.0,
+        open: false,
+    };
+    let mut parts: Vec<Part> = counts.iter().map(new).collect();
+    let centre = mesh.vertices_mm.first().copied().unwrap_or_default().as_dvec3();
+    for (corners, &index) in mesh.corners_mm().zip(&part_of) {
+        let part = &mut parts[index as usize];
+        part.bounds = corners.into_iter().fold(part.bounds, Bounds::with);
+        if part.triangles.is_multiple_of(counts[index as usize].div_ceil(CORNERS_SAMPLED)) {
+            part.corners.push(corners[0]);
+        }
+        part.triangles += 1;
+        let corners = corners.map(|v| v.as_dvec3() - centre);
+        part.area_mm2 += area(corners);
+        part.volume_mm3 += volume(corners);
+    }
+    for group in edges::groups(&edges) {
+        if let [edge] = group {
+            parts[part_of[edge.triangle as usize] as usize].open = true;
+        }
+    }
+    (parts, part_of)
+}
+
+/// Turns parts over so that they face outward; those that lie within an odd number of others face inward, as cavities.
+pub(super) fn face_outward(work: &mut Work) {
+    drop_doubled(work);
+    let (parts, part_of) = parts(&work.mesh);
+    let depths: Vec<usize> = holders(&work.mesh, &parts, &part_of).iter().map(Vec::len).collect();
+    let (mut turned, mut cavities) = (Vec::new(), Vec::new());
+    for (index, (part, depth)) in parts.iter().zip(&depths).enumerate() {
+        let is_cavity = depth % 2 == 1;
+        match (part.volume_mm3 > 0.0, is_cavity) {
+            (true, true) => cavities.push(index),
+            (false, false) => turned.push(index),
+            _ => {}
+        }
+    }
+    // If every part is the wrong way round, cavities were cavities.
+    if turned.len() + cavities.len() == parts.len() {
+        turned.append(&mut cavities);
+        turned.sort_unstable();
+    }
+    let mut turns = vec![false; parts.len()];
+    turned.iter().chain(&cavities).for_each(|&index| turns[index] = true);
+    for (triangle, &index) in work.mesh.triangles.iter_mut().zip(&part_of) {
+        if turns[index as usize] {
+            triangle.swap(1, 2);
+        }
+    }
+    let at = |list: &[usize]| list.iter().map(|&index| place(parts[index].bounds.corners())).collect::<Vec<_>>();
+    let (turned_at, cavities_at) = (at(&turned), at(&cavities));
+    work.log(ActionKind::TurnedPart, turned.len(), turned_at);
+    work.log(ActionKind::Cavity, cavities.len(), cavities_at);
+}
+
+/// Least volume of a part over that of the part around it at which both are one surface drawn twice.
+const DOUBLED_SHARE: f64 = 0.9;
+
+/// Removes parts just within another that faces the same way: a surface that was exported twice, a little apart. A
+/// cavity faces the other way.
+fn drop_doubled(work: &mut Work) {
+    let (parts, part_of) = parts(&work.mesh);
+    let holders = holders(&work.mesh, &parts, &part_of);
+    let is_doubled = |(index, around): (usize, &Vec<usize>)| {
+        let volume = parts[index].volume_mm3;
+        around.iter().any(|&other| {
+            let share = volume / parts[other].volume_mm3;
+            (DOUBLED_SHARE..1.0).contains(&share)
+        })
+    };
+    let gone: Vec<bool> = holders.iter().enumerate().map(is_doubled).collect();
+    let places: Vec<_> = (0..parts.len()).filter(|&i| gone[i]).map(|i| place(parts[i].bounds.corners())).collect();
+    if places.is_empty() {
+        return;
+    }
+    let keep: Vec<bool> = part_of.iter().map(|&index| !gone[index as usize]).collect();
+    work.retain(&keep);
+    work.log(ActionKind::Doubled, places.len(), places);
+}
+
+/// Other parts that hold each part, by its sampled corners.
+fn holders(mesh: &Mesh, parts: &[Part], part_of: &[u32]) -> Vec<Vec<usize>> {
+    let tree = if parts.len() > 1 { Tree::new(mesh) } else { None };
+    let Some(tree) = tree else { return vec![Vec::new(); parts.len()] };
+    let depth = |(index, part): (usize, &Part)| {
+        let could_hold = |other: usize| other != index && !parts[other].open && parts[other].bounds.holds(part.bounds);
+        let around = (0..parts.len()).filter(|&other| could_hold(other));
+        around
+            .filter(|&other| {
+                let in_other = |t: u32| part_of[t as usize] as usize == other;
+                let held = part.corners.iter().filter(|c| tree.winding(c.as_dvec3(), in_other) != 0).count();
+                // Corners where the parts touch may be on either side.
+                10 * held >= 9 * part.corners.len()
+            })
+            .collect()
+    };
+    parts.iter().enumerate().map(depth).collect()
+}

@@ -1,0 +1,224 @@
+//! Report of a repair.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use insonify_core::anatomy::doctor::Place;
+use insonify_core::names::{counted, thousands};
+
+macro_rules! kinds {
+    ($(#[doc = $type_doc:literal])+ $type:ident { $($(#[doc = $doc:literal])+ $name:ident = $noun:literal, $rest:literal;)* }) => {
+        $(#[doc = $type_doc])+
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+        #[serde(rename_all = "snake_case")]
+        #[non_exhaustive]
+        pub enum $type {
+            $($(#[doc = $doc])+ $name,)*
+        }
+
+        impl $type {
+            /// Noun of what is counted, and what became of it.
+            fn words(self) -> (&'static str, &'static str) {
+                match self { $(Self::$name => ($noun, $rest),)* }
+            }
+        }
+    };
+}
+
+kinds! {
+    /// Kind of an action of the repair.
+    ActionKind {
+        /// Vertices in one place, or nearly so, joined.
+        Joined = "vertex|vertices", "joined with others in the same place";
+        /// Triangles without an area, removed.
+        Degenerate = "triangle|triangles", "without area removed";
+        /// Copies of triangles, removed.
+        Duplicate = "copy|copies of triangles", "removed";
+        /// Triangles back to back with another one, removed: both sides of a wall inside the surface.
+        InnerWall = "triangle|triangles", "of walls inside the surface removed";
+        /// Triangles that made edges of three or more, removed.
+        Sheet = "triangle|triangles", "of sheets that only touch the surface removed";
+        /// Edges at which parts touched, separated.
+        Separated = "edge|edges", "at which parts touched separated";
+        /// Triangles that faced the other way than their neighbours, turned over.
+        Turned = "triangle|triangles", "that faced the other way than their neighbours turned over";
+        /// Parts just within another one that faces the same way, removed: a surface drawn twice.
+        Doubled = "part|parts", "just within another removed: the surface was there twice";
+        /// Parts that faced inward, turned over.
+        TurnedPart = "part|parts", "that faced inward turned over";
+        /// Parts inside other parts that faced outward, turned over to be cavities.
+        Cavity = "part|parts", "inside other parts turned over: they are cavities now (to keep one as tissue, make it a surface of its own)";
+        /// Small or flat parts, removed.
+        Crumb = "crumb|crumbs", "removed";
+        /// Parts without thickness, removed.
+        Flat = "part|parts", "without thickness removed";
+        /// Cuts along planes, capped.
+        PlanarCap = "cut|cuts", "along a plane closed by a flat cap";
+        /// Cuts that bend round the edge or the corner of a box, capped along its planes.
+        BentCap = "cut|cuts", "round an edge of the scanned box closed along its planes";
+        /// Small holes, filled.
+        SmallHole = "small hole|small holes", "filled";
+        /// Large holes that are not planar, filled: the shape there is a guess.
+        Guess = "large hole|large holes", "filled: the shape there is a guess, check it";
+        /// Triangles that passed through their neighbours, smoothed.
+        Fold = "fold|folds", "smoothed";
+    }
+}
+
+kinds! {
+    /// Kind of a defect that remains.
+    RemainingKind {
+        /// Edges with one triangle.
+        Open = "edge|edges", "still open: fill the hole by hand";
+        /// Edges of three or more triangles.
+        Crowded = "edge|edges", "of three or more triangles: delete the inner faces by hand";
+        /// Edges between triangles that face opposite ways.
+        OneSided = "edge|edges", "where the surface has no two sides (as a Möbius strip): cut it there by hand";
+        /// Pairs of triangles of overlapping parts, or of distant places of one part.
+        Overlap = "pair|pairs of triangles", "pass through each other: unite the overlapping parts, or make them surfaces of their own";
+        /// Pairs of neighbouring triangles that pass through each other.
+        Fold = "pair|pairs of neighbouring triangles", "fold through each other: smooth the surface there";
+        /// Vertices that are not finite.
+        NotFinite = "vertex|vertices", "not finite: their triangles were removed";
+        /// Nothing is left of the surface.
+        Nothing = "surface|surfaces", "without any part that encloses a volume: leave it out, or export it again";
+    }
+}
+
+/// An action of the repair.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Action {
+    /// Kind of the action.
+    pub kind: ActionKind,
+    /// Number of things changed.
+    pub count: usize,
+    /// Places, largest first; at most [`PLACES_MAX`](insonify_core::anatomy::doctor::PLACES_MAX).
+    pub places: Vec<Place>,
+}
+
+/// A defect that the repair could not mend.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Remaining {
+    /// Kind of the defect.
+    pub kind: RemainingKind,
+    /// Number of defects.
+    pub count: usize,
+    /// Places, largest first; at most [`PLACES_MAX`](insonify_core::anatomy::doctor::PLACES_MAX).
+    pub places: Vec<Place>,
+}
+
+/// Report of the repair of a surface.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SurfaceRepair {
+    /// Name of the surface.
+    pub surface: String,
+    /// Number of triangles before and after.
+    pub triangles: [usize; 2],
+    /// Number of closed parts after the repair, cavities included.
+    pub parts: usize,
+    /// Enclosed volume after the repair, mm³.
+    pub volume_mm3: f64,
+    /// Actions, in order.
+    pub actions: Vec<Action>,
+    /// Defects that remain.
+    pub remaining: Vec<Remaining>,
+    /// Largest distance by which a vertex was moved, mm.
+    pub largest_move_mm: f32,
+}
+
+impl SurfaceRepair {
+    /// Number of things changed by one kind of action.
+    pub fn count(&self, kind: ActionKind) -> usize {
+        self.actions.iter().filter(|action| action.kind == kind).map(|action| action.count).sum()
+    }
+
+    /// Whether nothing had to be changed and nothing is wrong.
+    pub fn was_sound(&self) -> bool {
+        self.actions.is_empty() && self.remaining.is_empty()
+    }
+
+    /// Whether every defect was mended.
+    pub fn is_mended(&self) -> bool {
+        self.remaining.is_empty()
+    }
+}
+
+/// Writes a count with its noun, what became of it, and its places.
+fn line(
+    f: &mut fmt::Formatter<'_>,
+    count: usize,
+    (nouns, rest): (&'static str, &'static str),
+    places: &[Place],
+) -> fmt::Result {
+    let (one, many) = nouns.split_once('|').unwrap_or((nouns, nouns));
+    write!(f, "{} {} {rest}", thousands(count), if count == 1 { one } else { many })?;
+    for (i, place) in places.iter().enumerate() {
+        write!(f, "{}{place}", if i == 0 { "; at " } else { "; " })?;
+    }
+    Ok(())
+}
+
+impl fmt::Display for Action {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        line(f, self.count, self.kind.words(), &self.places)
+    }
+}
+
+impl fmt::Display for Remaining {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        line(f, self.count, self.kind.words(), &self.places)
+    }
+}
+
+impl fmt::Display for SurfaceRepair {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = &self.surface;
+        if self.was_sound() {
+            return write!(f, "`{name}`: sound, {}", counted(self.triangles[1], "triangle"));
+        }
+        write!(f, "`{name}`: {}, ", counted(self.triangles[1], "triangle"))?;
+        write!(f, "{}, {:.1} ml", counted(self.parts, "part"), self.volume_mm3 * 1e-3)?;
+        if self.largest_move_mm > 0.0 {
+            write!(f, "; nothing moved by more than {:.4} mm", self.largest_move_mm)?;
+        }
+        for action in &self.actions {
+            write!(f, "\n  mended: {action}")?;
+        }
+        for defect in &self.remaining {
+            write!(f, "\n  remains: {defect}")?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_report_reads_as_sentences_with_places() {
+        let place = Place { at_mm: [1.0, 2.0, 3.0], size_mm: 4.0 };
+        let report = SurfaceRepair {
+            surface: "liver".to_owned(),
+            triangles: [1000, 1024],
+            parts: 1,
+            volume_mm3: 1.5e6,
+            actions: vec![Action { kind: ActionKind::PlanarCap, count: 1, places: vec![place] }],
+            remaining: vec![Remaining { kind: RemainingKind::Fold, count: 2, places: vec![] }],
+            largest_move_mm: 0.01,
+        };
+        let text = report.to_string();
+        assert!(
+            text.starts_with("`liver`: 1,024 triangles, 1 part, 1500.0 ml; nothing moved by more than 0.0100 mm"),
+            "{text}"
+        );
+        assert!(
+            text.contains("mended: 1 cut along a plane closed by a flat cap; at (1.00, 2.00, 3.00) mm, 4.00 mm across"),
+            "{text}"
+        );
+        assert!(text.contains("remains: 2 pairs of neighbouring triangles fold through each other"), "{text}");
+        let json = serde_json::to_value(&report).unwrap();
+        assert_eq!(json["actions"][0]["kind"], "planar_cap");
+    }
+}

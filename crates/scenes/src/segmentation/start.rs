@@ -1,0 +1,126 @@
+//! Where to begin on a patient: windows, the first view, a probe for it.
+
+use glam::DVec3;
+use insonify_core::anatomy::planes::{StandardPlanes, View};
+use insonify_core::anatomy::{Mesh, TissueTable};
+use insonify_core::pose::csv::Named;
+use insonify_core::suggest::did_you_mean;
+use thiserror::Error;
+
+use super::from_labels::Made;
+use super::grid::CutPlane;
+use super::skin_points::skin_points;
+use super::station_text::ProbeChoice;
+use super::windows::{Place, Sight, WindowRow, look_at, windows};
+
+/// Impedances that ultrasound passes, MRayl: between gas and bone.
+const PASSED_MRAYL: std::ops::RangeInclusive<f64> = 0.5..=2.6;
+
+/// Free depth below the centre of the deepest window, mm.
+const BELOW_MM: f64 = 25.0;
+
+/// A scene that no probe can be put on.
+#[derive(Debug, Error)]
+pub enum StartError {
+    /// No surface of this name.
+    #[error("--look-at {name}: the scene has no segment of that name{suggestion}; it has {known}")]
+    Unknown {
+        /// Name asked for.
+        name: String,
+        /// Nearest known name, as text to append, or empty.
+        suggestion: String,
+        /// All names.
+        known: String,
+    },
+    /// Nothing to look at.
+    #[error("no segment becomes an organ: there is nothing to look at")]
+    Nothing,
+    /// No line from the organ to skin.
+    #[error(
+        "no line from `{name}` meets skin: the scan ends within the body around it, or the body's outline is wrong, as that of an \
+         image whose values or kind were mistaken; use a scan of a larger part, or give the body's outline with --body"
+    )]
+    NoSkin {
+        /// Name of the organ.
+        name: String,
+    },
+}
+
+/// Where to begin on a patient.
+#[derive(Debug, Clone)]
+pub struct Start {
+    /// Standard planes that the patient has windows for; may be empty.
+    pub planes: StandardPlanes,
+    /// How well each is seen.
+    pub windows: Vec<WindowRow>,
+    /// Name of the segment that the first view looks at.
+    pub target: String,
+    /// First view, with its pose.
+    pub view: View,
+    /// How well it is seen.
+    pub place: Place,
+    /// Probe that fits it.
+    pub probe: ProbeChoice,
+    /// Points of the skin to touch with a stylus.
+    pub points: Vec<Named<DVec3>>,
+}
+
+impl Start {
+    /// Windows and first view of `surfaces` whose scan ends at `cuts`. The view is of the segment `target`, else of the
+    /// best window, else of the largest segment.
+    ///
+    /// # Errors
+    /// No segment `target`; no skin that it can be seen from.
+    pub fn of(
+        surfaces: &[Made],
+        cuts: Vec<CutPlane>,
+        tissues: &TissueTable,
+        target: Option<&str>,
+    ) -> Result<Self, StartError> {
+        let is_hard = |made: &Made| {
+            let tissue = tissues.index_of(&made.tissue).and_then(|i| tissues.tissues().get(i));
+            tissue.is_some_and(|t| !PASSED_MRAYL.contains(&t.impedance_mrayl()))
+        };
+        let no_skin = |name: &str| StartError::NoSkin { name: name.to_owned() };
+        let segments: Vec<&Made> = surfaces.iter().filter(|s| s.segment.is_some() && s.voxels_mm3.is_some()).collect();
+        let name = |made: &Made| made.segment.clone().unwrap_or_default();
+        if let Some(target) = target
+            && !segments.iter().any(|made| made.segment.as_deref() == Some(target))
+        {
+            let known: Vec<String> = segments.iter().map(|made| name(made)).collect();
+            let suggestion = did_you_mean(target, known.iter().map(String::as_str));
+            return Err(StartError::Unknown { name: target.to_owned(), suggestion, known: known.join(", ") });
+        }
+        if segments.is_empty() {
+            return Err(StartError::Nothing);
+        }
+        let sight = Sight::new(surfaces, cuts, is_hard).ok_or(StartError::Nothing)?;
+        let (planes, rows) = windows(surfaces, &sight);
+        let target = match target {
+            Some(target) => target.to_owned(),
+            None => first_target(&planes, &rows, &segments),
+        };
+        let (view, place) = look_at(surfaces, &sight, &target).ok_or_else(|| no_skin(&target))?;
+        let pose = view.pose.ok_or_else(|| no_skin(&target))?;
+        let empty = Mesh::default();
+        let mesh = segments.iter().find(|made| name(made) == target).map_or(&empty, |made| &made.mesh);
+        let mut probe = ProbeChoice::for_target(&pose, mesh);
+        if probe.is_convex {
+            let deepest_mm = rows.iter().map(|row| row.depth_mm).fold(0.0, f64::max);
+            probe = ProbeChoice::of_depth(probe.depth_mm.max(deepest_mm + BELOW_MM));
+        }
+        let points = skin_points(surfaces, &sight);
+        Ok(Self { planes, windows: rows, target, view, place, probe, points })
+    }
+}
+
+/// Segment of the window that is seen best, else the largest segment.
+fn first_target(planes: &StandardPlanes, rows: &[WindowRow], segments: &[&Made]) -> String {
+    let best = rows.iter().min_by(|a, b| a.hidden.total_cmp(&b.hidden));
+    let plane = best.and_then(|row| planes.planes.iter().find(|plane| plane.name == row.name));
+    let outline = plane.and_then(|plane| plane.views.first()?.outlines.first().cloned());
+    let of_outline = outline.and_then(|name| segments.iter().find(|made| made.name == name)?.segment.clone());
+    let volume = |made: &&&Made| made.voxels_mm3.unwrap_or(0.0);
+    let largest = || segments.iter().max_by(|a, b| volume(a).total_cmp(&volume(b)))?.segment.clone();
+    of_outline.or_else(largest).unwrap_or_default()
+}

@@ -1,0 +1,137 @@
+//! Summary of a scene made from a segmentation, as a table and as JSON.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use insonify_core::names::{counted, thousands};
+use serde::Serialize;
+
+use super::body::OutlineSource;
+use super::from_labels::{Facts, Made};
+use super::windows::WindowRow;
+
+/// Names of the sides of [`Facts::cut`].
+const SIDES: [&str; 6] = ["right", "left", "front", "back", "feet", "head"];
+
+/// Surface of the scene.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Row {
+    /// Name of the surface.
+    pub name: String,
+    /// Tissue.
+    pub tissue: String,
+    /// Priority: where surfaces overlap, the highest is the medium.
+    pub priority: i32,
+    /// Triangles.
+    pub triangles: usize,
+    /// Volume within the surface, ml.
+    pub mesh_ml: f64,
+    /// Volume of its segment's voxels, ml; none for surfaces that are not a segment's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub voxels_ml: Option<f64>,
+}
+
+impl From<&Made> for Row {
+    fn from(made: &Made) -> Self {
+        Self {
+            name: made.name.clone(),
+            tissue: made.tissue.clone(),
+            priority: made.priority,
+            triangles: made.mesh.triangles.len(),
+            mesh_ml: made.mesh.signed_volume_mm3() * 1e-3,
+            voxels_ml: made.voxels_mm3.map(|v| v * 1e-3),
+        }
+    }
+}
+
+/// Summary of a scene made from a segmentation.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Summary {
+    /// Scene file.
+    pub scene: PathBuf,
+    /// Segmentation, or the first of its files.
+    pub source: PathBuf,
+    /// Surfaces, ascending in priority.
+    pub surfaces: Vec<Row>,
+    /// What was done on the way; none for scenes of meshes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub facts: Option<Facts>,
+    /// Names that mean no tissue, each with what is known of it.
+    pub unmapped: Vec<String>,
+    /// Repairs, one line each.
+    pub repairs: Vec<String>,
+    /// Windows on the patient.
+    pub windows: Vec<WindowRow>,
+    /// What to know about the scene.
+    pub remarks: Vec<String>,
+    /// Files written, the scene first.
+    pub files: Vec<PathBuf>,
+}
+
+impl Summary {
+    /// Number of triangles.
+    pub fn triangles(&self) -> usize {
+        self.surfaces.iter().map(|row| row.triangles).sum()
+    }
+}
+
+/// Remark on an outline that is drawn around the organs.
+pub(super) fn remark_of_outline() -> &'static str {
+    "the body's outline is a guess, a hull around all organs"
+}
+
+impl Facts {
+    /// What of the body is missing or guessed, a line each.
+    pub fn remarks(&self) -> Vec<String> {
+        let mut remarks = Vec::new();
+        match self.outline {
+            OutlineSource::Label => {}
+            OutlineSource::Image => remarks.push("the body's outline was found in the image".to_owned()),
+            OutlineSource::Labels => {
+                remarks.push(format!("{}: give --body or --image for the real one", remark_of_outline()))
+            }
+        }
+        let cut: Vec<&str> = SIDES.iter().zip(self.cut).filter_map(|(side, cut)| cut.then_some(*side)).collect();
+        if !cut.is_empty() {
+            remarks.push(format!("the scan ends within the body at: {}; surfaces are closed there", cut.join(", ")));
+        }
+        if self.crumbs > 0 {
+            let crumbs = counted(self.crumbs, "fragment");
+            remarks.push(format!("{crumbs} of fewer than 8 voxels became part of what is around"));
+        }
+        if !self.empty.is_empty() {
+            remarks.push(format!("segments without a surface: {}", self.empty.join(", ")));
+        }
+        remarks
+    }
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{:28} {:22} {:>9} {:>11} {:>11}", "surface", "tissue", "triangles", "voxels, ml", "mesh, ml")?;
+        for Row { name, tissue, triangles, mesh_ml, voxels_ml, .. } in &self.surfaces {
+            let voxels = voxels_ml.map_or_else(|| "-".to_owned(), |ml| format!("{ml:.1}"));
+            writeln!(f, "{name:28} {tissue:22} {:>9} {voxels:>11} {mesh_ml:>11.1}", thousands(*triangles))?;
+        }
+        let surfaces = counted(self.surfaces.len(), "surface");
+        writeln!(f, "{surfaces}, {} triangles", thousands(self.triangles()))?;
+        for WindowRow { name, title, depth_mm, hidden } in &self.windows {
+            let hidden = if *hidden > 0.0 {
+                format!(", {:.0} % shadowed by bone or gas", 100.0 * hidden)
+            } else {
+                String::new()
+            };
+            writeln!(f, "window {name}: {title}, {depth_mm:.0} mm deep{hidden}")?;
+        }
+        for line in self.repairs.iter().chain(&self.remarks) {
+            writeln!(f, "{line}")?;
+        }
+        for name in &self.unmapped {
+            writeln!(f, "left out: {name}")?;
+        }
+        for file in &self.files {
+            writeln!(f, "{}", file.display())?;
+        }
+        Ok(())
+    }
+}

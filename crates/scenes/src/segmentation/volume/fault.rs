@@ -1,0 +1,166 @@
+//! Errors of volume files.
+
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+use insonify_core::files::NoMemory;
+
+/// A volume file that can't be used, and why.
+#[derive(Debug, Error)]
+#[error("{}: {fault}", path.display())]
+pub struct VolumeError {
+    /// File.
+    pub path: PathBuf,
+    /// Fault in it.
+    pub fault: VolumeFault,
+}
+
+impl VolumeError {
+    pub(super) fn new(path: &Path, fault: VolumeFault) -> Self {
+        Self { path: path.to_owned(), fault }
+    }
+}
+
+/// Faults of volume files; `VolumeError` adds the path.
+#[derive(Debug, Error)]
+pub enum VolumeFault {
+    /// The operating system's refusal to read.
+    #[error("can't be read: {0}")]
+    Read(#[from] std::io::Error),
+    /// Damaged compressed data.
+    #[error("the gzip data is damaged: {0}")]
+    Gzip(std::io::Error),
+    /// A file of another format.
+    #[error(
+        "{found}; label maps and images are read from NIfTI (.nii, .nii.gz, .hdr with .img) and NRRD (.nrrd, .nhdr, \
+         .seg.nrrd) files{remedy}"
+    )]
+    Format {
+        /// What the content looks like.
+        found: &'static str,
+        /// Way out, from `; ` on, or empty.
+        remedy: &'static str,
+    },
+    /// A header that contradicts itself or its format.
+    #[error("header: {0}")]
+    Header(String),
+    /// A feature of the format that isn't read.
+    #[error("{what} can't be read; {remedy}")]
+    Unsupported {
+        /// Feature.
+        what: String,
+        /// What to do about it.
+        remedy: &'static str,
+    },
+    /// Missing bytes at the end.
+    #[error("truncated: {part}: {expected} bytes expected, {found} found")]
+    Truncated {
+        /// Part of the file.
+        part: &'static str,
+        /// Bytes that the header announces.
+        expected: u64,
+        /// Bytes found.
+        found: u64,
+    },
+    /// More data than the header announces.
+    #[error("the data is longer than the {expected} bytes that the header's sizes and type take; one of them is wrong")]
+    Surplus {
+        /// Bytes that the header announces.
+        expected: u64,
+    },
+    /// A size over a limit.
+    #[error("{what} is {found}; at most {limit} is read: crop the volume, or resample it to larger voxels")]
+    TooLarge {
+        /// Size that is over its limit.
+        what: &'static str,
+        /// Size found.
+        found: u64,
+        /// Limit.
+        limit: u64,
+    },
+    /// A segmentation of very many layers.
+    #[error(
+        "it has {found} layers; at most {limit} are read: save fewer segments, or collapse the layers in 3D Slicer"
+    )]
+    Layers {
+        /// Layers found.
+        found: usize,
+        /// Limit.
+        limit: usize,
+    },
+    /// More voxels than there is memory for.
+    #[error("{0}: crop the volume, or resample it to larger voxels")]
+    Memory(#[from] NoMemory),
+    /// A file that doesn't state its orientation.
+    #[error(
+        "the file doesn't state where its axes point ({found}); if you know, pass `--assume-axes lps` (x to the \
+         patient's left, y posterior, z superior), `--assume-axes ras` (x right, y anterior, z superior) or `--assume-axes las` (x \
+         left, y anterior, z superior)"
+    )]
+    NoAxes {
+        /// What was found instead.
+        found: &'static str,
+    },
+    /// A sform and a qform that say different things.
+    #[error(
+        "its sform and qform contradict each other: {what}; if you know which one is right, pass `--prefer sform` (which \
+         nibabel reads) or `--prefer qform`, else write the file anew with the program that made it"
+    )]
+    Forms {
+        /// What they disagree about.
+        what: String,
+    },
+    /// Voxels of impossible size or shape.
+    #[error(
+        "{what}; voxels of 0.01 mm to 50 mm are read, and a wrong unit of length in the header ({unit}) is the most \
+         likely cause"
+    )]
+    Degenerate {
+        /// Finding.
+        what: String,
+        /// Unit of length that the header states.
+        unit: &'static str,
+    },
+    /// Values that aren't labels.
+    #[error(
+        "looks like an image, not a label map: voxel {voxel:?} is {value}, and labels are whole numbers from 0 to \
+         65535; pass it with `--image`, or if it is a label map, round it to whole numbers and save it as an integer \
+         type"
+    )]
+    NotLabels {
+        /// Indices i, j, k of the voxel.
+        voxel: [usize; 3],
+        /// Its value.
+        value: f64,
+    },
+    /// A label outside the range.
+    #[error(
+        "voxel {voxel:?} has the label {value}; labels go from 0 to 65535: renumber them, or pass the file with \
+         `--image` if it is an image"
+    )]
+    LabelRange {
+        /// Indices i, j, k of the voxel.
+        voxel: [usize; 3],
+        /// Its value.
+        value: String,
+    },
+    /// A value in an ASCII-encoded file that isn't a number of the stated type.
+    #[error("value {index} of the text data is `{text}`, not a number of type {kind}")]
+    Text {
+        /// Index of the value in the file.
+        index: usize,
+        /// Text found.
+        text: String,
+        /// Type that the header states.
+        kind: &'static str,
+    },
+    /// A fault in the file that holds the voxels, named in the header.
+    #[error("data file {}: {fault}", path.display())]
+    DataFile {
+        /// Data file.
+        path: PathBuf,
+        /// Fault in it.
+        fault: Box<VolumeFault>,
+    },
+}

@@ -1,0 +1,63 @@
+//! Lines of sight from the skin to a target, and bone and gas on them.
+
+use glam::DVec3;
+use insonify_core::anatomy::Skin;
+
+use crate::segmentation::from_labels::Made;
+use crate::segmentation::grid::CutPlane;
+
+/// Distance from a cut within which skin is not skin, mm.
+const CUT_MM: f64 = 6.0;
+/// Places across the target that are looked at.
+const ACROSS: [f64; 5] = [-0.8, -0.4, 0.0, 0.4, 0.8];
+/// Places on the probe's face that are looked from, mm.
+const FACE_MM: [f64; 3] = [-18.0, 0.0, 18.0];
+/// Distance below the skin and above the target that does not count, mm.
+const ENDS_MM: f64 = 1.0;
+
+/// Skin of a patient, and what ultrasound does not pass.
+#[derive(Debug)]
+pub struct Sight {
+    skin: Skin,
+    hard: Option<Skin>,
+    cuts: Vec<CutPlane>,
+}
+
+impl Sight {
+    /// Sight through `surfaces`, which end at `cuts`; surfaces for which `is_hard` holds hide. `None` without triangles.
+    pub fn new(surfaces: &[Made], cuts: Vec<CutPlane>, is_hard: impl Fn(&Made) -> bool) -> Option<Self> {
+        let outer = surfaces.iter().flat_map(|s| s.mesh.corners_mm());
+        let skin = Skin::of_triangles(outer).ok()?;
+        let hard = Skin::of_triangles(surfaces.iter().filter(|s| is_hard(s)).flat_map(|s| s.mesh.corners_mm())).ok();
+        Some(Self { skin, hard, cuts })
+    }
+
+    /// The skin.
+    pub fn skin(&self) -> &Skin {
+        &self.skin
+    }
+
+    /// Point of the skin that the line from `from_mm` along `direction` leaves by; `None` where the scan ends there.
+    pub fn contact(&self, from_mm: DVec3, direction: DVec3) -> Option<DVec3> {
+        let contact_mm = self.skin.exit(from_mm, direction)?;
+        let at_cut = |cut: &CutPlane| (contact_mm - cut.point_mm).dot(cut.normal).abs() < CUT_MM;
+        (!self.cuts.iter().any(at_cut)).then_some(contact_mm)
+    }
+
+    /// Share of the points between `centre_mm` ± `half_width_mm` that bone or gas hides from `contact_mm`, 0..=1.
+    pub fn hidden(&self, contact_mm: DVec3, centre_mm: DVec3, half_width_mm: DVec3) -> f64 {
+        let Some(hard) = &self.hard else { return 0.0 };
+        let along_face = half_width_mm.normalize_or_zero();
+        let is_hidden = |&(share, aside_mm): &(f64, f64)| {
+            let point = centre_mm + half_width_mm * share;
+            let way = contact_mm + along_face * aside_mm - point;
+            let length_mm = way.length();
+            let along = way / length_mm.max(1e-9);
+            // The last surface on the line from the point outward: beyond the contact there is none.
+            let hit = hard.exit(point, along);
+            hit.is_some_and(|hit| (ENDS_MM..length_mm - ENDS_MM).contains(&hit.distance(point)))
+        };
+        let lines = || ACROSS.iter().flat_map(|&share| FACE_MM.iter().map(move |&aside_mm| (share, aside_mm)));
+        lines().filter(is_hidden).count() as f64 / lines().count() as f64
+    }
+}

@@ -1,0 +1,291 @@
+//! The windows: which organ, from where, in which plane.
+
+use glam::DVec3;
+use insonify_core::anatomy::Mesh;
+use insonify_core::anatomy::planes::{
+    Caliper, CaliperKind, PLANES_VERSION, PlaneLandmark, StandardPlane, StandardPlanes, Tolerances, View,
+};
+
+use super::{Place, Sight, WindowRow, best_place};
+use crate::segmentation::from_labels::Made;
+use crate::segmentation::shape::Shape;
+
+/// Patient directions.
+const LEFT: DVec3 = DVec3::X;
+const RIGHT: DVec3 = DVec3::NEG_X;
+const FRONT: DVec3 = DVec3::NEG_Y;
+const HEAD: DVec3 = DVec3::Z;
+const FEET: DVec3 = DVec3::NEG_Z;
+
+/// Depth of the face in the skin, mm.
+pub(crate) const PRESS_MM: f64 = 4.0;
+
+const ABDOMEN_GUIDE: &str = "AIUM Practice Parameter for the Performance of an Ultrasound Examination of the Abdomen \
+                             and/or Retroperitoneum (2017)";
+const HEART_GUIDE: &str = "ASE Guidelines for Performing a Comprehensive Transthoracic Echocardiographic Examination \
+                           in Adults (2019)";
+
+/// Organs of a patient by the names of their segments.
+struct Organs<'a>(&'a [Made]);
+
+impl<'a> Organs<'a> {
+    /// Outer surface of the first of `names` that is there.
+    fn of(&self, names: &[&str]) -> Option<&'a Made> {
+        names
+            .iter()
+            .find_map(|name| self.0.iter().find(|s| s.segment.as_deref() == Some(name) && s.voxels_mm3.is_some()))
+    }
+}
+
+/// A view to be placed: how large its target is, and how far from the usual direction the probe may be.
+struct Wish {
+    view: View,
+    radius_mm: f64,
+    cone_deg: f64,
+}
+
+/// Windows of a patient: those whose organs are there and whose skin is within reach, with poses, and how well each is
+/// seen.
+pub fn windows(surfaces: &[Made], sight: &Sight) -> (StandardPlanes, Vec<WindowRow>) {
+    let organs = Organs(surfaces);
+    let made = [liver, right_kidney, left_kidney, aorta, bladder, heart].map(|window| window(&organs));
+    let (mut planes, mut rows) = (Vec::new(), Vec::new());
+    for (mut plane, wishes) in made.into_iter().flatten() {
+        for (view, place) in wishes.into_iter().filter_map(|wish| placed(wish, sight)) {
+            rows.push(WindowRow::new(&plane.name, &plane.title, view.centre_mm, &place));
+            plane.views.push(view);
+        }
+        if !plane.views.is_empty() {
+            planes.push(plane);
+        }
+    }
+    (StandardPlanes { version: PLANES_VERSION, planes }, rows)
+}
+
+/// A view of the segment `name` and its place: that of its window, or else the best one from the front and the sides.
+/// `None` if there is no such segment, or no skin from which it is seen.
+pub fn look_at(surfaces: &[Made], sight: &Sight, name: &str) -> Option<(View, Place)> {
+    let organs = Organs(surfaces);
+    let window: Option<fn(&Organs) -> Option<Window>> = match name {
+        "liver" => Some(liver),
+        "kidney_right" => Some(right_kidney),
+        "kidney_left" => Some(left_kidney),
+        "aorta" => Some(aorta),
+        "urinary_bladder" => Some(bladder),
+        name if name.starts_with("heart") => Some(heart),
+        _ => None,
+    };
+    let wish = window.and_then(|window| window(&organs)).and_then(|(_, wishes)| wishes.into_iter().next());
+    let wish = wish.or_else(|| {
+        let shape = Shape::of(&organs.of(&[name])?.mesh)?;
+        let mut view = view("", shape.centre_mm, LEFT, FRONT);
+        view.outlines = vec![organs.of(&[name])?.name.clone()];
+        Some(Wish { view, radius_mm: 0.35 * shape.length_mm(), cone_deg: 100.0 })
+    })?;
+    placed(wish, sight)
+}
+
+/// The view with the probe where it sees most.
+fn placed(wish: Wish, sight: &Sight) -> Option<(View, Place)> {
+    let place = best_place(sight, &wish.view, wish.radius_mm, wish.cone_deg)?;
+    let mut view = wish.view;
+    view.lateral = view.lateral.reject_from(place.to_probe).normalize_or(place.to_probe.any_orthonormal_vector());
+    view.to_probe = place.to_probe;
+    view.normal = view.to_probe.cross(view.lateral);
+    view.pose = view.pose_on(sight.skin(), PRESS_MM);
+    // A landmark beside the plane would keep it from being found.
+    let (centre_mm, normal) = (view.centre_mm, view.normal);
+    let off_mm = |mark: &PlaneLandmark| (mark.position_mm - centre_mm).dot(normal).abs();
+    view.landmarks.retain(|mark| mark.within_mm.is_none_or(|within_mm| off_mm(mark) < 0.7 * within_mm));
+    Some((view, place))
+}
+
+type Window = (StandardPlane, Vec<Wish>);
+
+fn plane(name: &str, title: &str, source: &str, angle_deg: f64, distance_mm: f64) -> StandardPlane {
+    let tolerances = Tolerances {
+        angle_deg,
+        distance_mm,
+        in_plane_deg: Some(45.0),
+        centring_mm: 35.0,
+        depth_mm: [15.0, 220.0],
+        source: "assumed".to_owned(),
+    };
+    StandardPlane {
+        name: name.to_owned(),
+        title: title.to_owned(),
+        source: source.to_owned(),
+        tolerances,
+        views: Vec::new(),
+    }
+}
+
+fn view(name: &str, centre_mm: DVec3, lateral: DVec3, to_probe: DVec3) -> View {
+    let to_probe = to_probe.normalize_or(FRONT);
+    let lateral = lateral.reject_from(to_probe).normalize_or(to_probe.any_orthonormal_vector());
+    View {
+        name: name.to_owned(),
+        centre_mm,
+        normal: to_probe.cross(lateral),
+        lateral,
+        any_turn_about_lateral: false,
+        to_probe,
+        pose: None,
+        outlines: Vec::new(),
+        landmarks: Vec::new(),
+        calipers: Vec::new(),
+    }
+}
+
+fn mark(name: &str, position_mm: DVec3, within_mm: f64) -> PlaneLandmark {
+    PlaneLandmark { name: name.to_owned(), position_mm, within_mm: Some(within_mm) }
+}
+
+fn caliper(name: &str, title: &str, points_mm: [DVec3; 2], surface: &str, reach_mm: f64) -> Caliper {
+    Caliper {
+        name: name.to_owned(),
+        title: title.to_owned(),
+        kind: CaliperKind::Line,
+        points_mm: points_mm.into(),
+        surface: surface.to_owned(),
+        far_surface: None,
+        reach_mm,
+        true_mm: None,
+    }
+}
+
+/// Oblique under the right ribs, up into the right lobe.
+fn liver(organs: &Organs) -> Option<Window> {
+    let liver = organs.of(&["liver"])?;
+    let shape = Shape::of(&liver.mesh)?;
+    let mut view = view("", shape.centre_mm, LEFT, FRONT + 0.8 * FEET);
+    view.outlines = vec![liver.name.clone()];
+    if let Some(gallbladder) = organs.of(&["gallbladder"]) {
+        view.outlines.push(gallbladder.name.clone());
+    }
+    let plane = plane("liver", "subcostal view of the liver", ABDOMEN_GUIDE, 20.0, 20.0);
+    Some((plane, vec![Wish { view, radius_mm: 45.0, cone_deg: 45.0 }]))
+}
+
+/// Long axis of the right kidney from the flank, with Morison's pouch between it and the liver.
+fn right_kidney(organs: &Organs) -> Option<Window> {
+    let kidney = organs.of(&["kidney_right"])?;
+    let mut wish = kidney_wish(kidney, RIGHT, "RKL")?;
+    if let Some(liver) = organs.of(&["liver"]) {
+        wish.view.outlines.push(liver.name.clone());
+        let (pouch_mm, gap_mm) = between(&kidney.mesh, &liver.mesh)?;
+        if gap_mm < 40.0 {
+            // The plane is turned about the kidney's axis towards the pouch.
+            let view = &mut wish.view;
+            let aside = (pouch_mm - view.centre_mm).reject_from(view.lateral).normalize_or_zero();
+            view.to_probe = (view.to_probe + 0.7 * aside).reject_from(view.lateral).normalize_or(view.to_probe);
+            view.landmarks.push(mark("Morison's pouch", pouch_mm, 15.0));
+        }
+    }
+    let plane = plane("right_kidney", "right kidney and Morison's pouch", ABDOMEN_GUIDE, 15.0, 10.0);
+    Some((plane, vec![wish]))
+}
+
+/// Long axis of the left kidney from the flank.
+fn left_kidney(organs: &Organs) -> Option<Window> {
+    let kidney = organs.of(&["kidney_left"])?;
+    let mut wish = kidney_wish(kidney, LEFT, "LKL")?;
+    if let Some(spleen) = organs.of(&["spleen"]) {
+        wish.view.outlines.push(spleen.name.clone());
+    }
+    Some((plane("left_kidney", "left kidney", ABDOMEN_GUIDE, 15.0, 10.0), vec![wish]))
+}
+
+fn kidney_wish(kidney: &Made, side: DVec3, caliper_name: &str) -> Option<Wish> {
+    let shape = Shape::of(&kidney.mesh)?;
+    let axis = shape.long_axis(FEET);
+    let mut view = view("", shape.centre_mm, axis, side + 0.35 * FRONT);
+    view.outlines = vec![kidney.name.clone()];
+    let [low, high] = shape.extent_mm[0];
+    // The axis may have been turned.
+    let poles = if axis == shape.axes[0] { [low, high] } else { [-high, -low] }.map(|x| shape.centre_mm + axis * x);
+    view.landmarks = vec![mark("upper pole", poles[0], 12.0), mark("lower pole", poles[1], 12.0)];
+    let line = caliper(caliper_name, "kidney length", poles, &kidney.name, 12.0);
+    view.calipers = vec![Caliper { true_mm: Some(shape.length_mm()), ..line }];
+    Some(Wish { view, radius_mm: 0.4 * shape.length_mm(), cone_deg: 50.0 })
+}
+
+/// Long axis of the abdominal aorta from the front.
+fn aorta(organs: &Organs) -> Option<Window> {
+    let aorta = organs.of(&["aorta"])?;
+    // Below the kidneys' upper poles, or else in the lower third of what is there.
+    let bounds = aorta.mesh.bounds_mm()?;
+    let kidneys: Vec<Shape> =
+        ["kidney_left", "kidney_right"].iter().filter_map(|&k| Shape::of(&organs.of(&[k])?.mesh)).collect();
+    let level = match kidneys.len() {
+        0 => f64::from(bounds.min.z) + 0.3 * f64::from(bounds.max.z - bounds.min.z),
+        n => kidneys.iter().map(|k| k.centre_mm.z).sum::<f64>() / n as f64,
+    };
+    let [low, high] = [bounds.min.z, bounds.max.z].map(f64::from);
+    let inset = 10.0_f64.min(0.5 * (high - low));
+    let level = level.max(low + inset).min(high - inset);
+    let at = |z: f64| {
+        let near = aorta.mesh.vertices_mm.iter().filter(|v| (f64::from(v.z) - z).abs() < 6.0);
+        let (sum, count) = near.fold((DVec3::ZERO, 0.0), |(sum, n), v| (sum + v.as_dvec3(), n + 1.0));
+        (count > 2.0).then(|| sum / count)
+    };
+    let centre = at(level)?;
+    let (above, below) = (at(level + 25.0).unwrap_or(centre), at(level - 25.0).unwrap_or(centre));
+    let along = (below - above).normalize_or(FEET);
+    let mut view = view("", centre, along, FRONT);
+    view.outlines = vec![aorta.name.clone()];
+    view.landmarks = vec![mark("aorta above", above, 8.0), mark("aorta below", below, 8.0)];
+    let plane = plane("aorta", "abdominal aorta, long axis", ABDOMEN_GUIDE, 12.0, 8.0);
+    Some((plane, vec![Wish { view, radius_mm: 25.0, cone_deg: 35.0 }]))
+}
+
+/// Cross-section of the bladder from above the symphysis.
+fn bladder(organs: &Organs) -> Option<Window> {
+    let bladder = organs.of(&["urinary_bladder"])?;
+    let shape = Shape::of(&bladder.mesh)?;
+    let mut view = view("", shape.centre_mm, LEFT, FRONT + 0.4 * HEAD);
+    view.outlines = vec![bladder.name.clone()];
+    if let Some(prostate) = organs.of(&["prostate", "uterus"]) {
+        view.outlines.push(prostate.name.clone());
+    }
+    let plane = plane("bladder", "bladder, transverse", ABDOMEN_GUIDE, 20.0, 12.0);
+    Some((plane, vec![Wish { view, radius_mm: 0.3 * shape.length_mm(), cone_deg: 40.0 }]))
+}
+
+/// Parasternal long axis: between the ribs to the left of the sternum, in the plane of the left heart's axis.
+fn heart(organs: &Organs) -> Option<Window> {
+    let heart = organs.of(&["heart", "heart_myocardium", "heart_ventricle_left"])?;
+    let shape = Shape::of(&heart.mesh)?;
+    let chamber = |names: &[&str]| Some(Shape::of(&organs.of(names)?.mesh)?.centre_mm);
+    let base = chamber(&["heart_atrium_left", "atrial_appendage_left"]);
+    let apex = chamber(&["heart_ventricle_left"]);
+    // From the right shoulder to the left hip where no chamber tells.
+    let axis = match (base, apex) {
+        (Some(base), Some(apex)) => apex - base,
+        _ => LEFT + 0.6 * FRONT + 0.8 * FEET,
+    };
+    let centre = match (base, apex) {
+        (Some(base), Some(apex)) => 0.5 * (base + apex),
+        _ => shape.centre_mm,
+    };
+    // The apex is to the left in the image: the probe's lateral axis looks to the base.
+    let mut view = view("", centre, -axis, FRONT + 0.3 * LEFT);
+    view.outlines = vec![heart.name.clone()];
+    if let Some(left) = organs.of(&["heart_ventricle_left"]).filter(|left| left.name != heart.name) {
+        view.outlines.push(left.name.clone());
+    }
+    let plane = plane("heart", "parasternal long axis of the heart", HEART_GUIDE, 20.0, 12.0);
+    Some((plane, vec![Wish { view, radius_mm: 25.0, cone_deg: 40.0 }]))
+}
+
+/// Middle of the shortest line between the vertices of two meshes, and its length, mm; of up to some thousand of each.
+fn between(a: &Mesh, b: &Mesh) -> Option<(DVec3, f64)> {
+    let some = |mesh: &Mesh| -> Vec<DVec3> {
+        let step = mesh.vertices_mm.len() / 1500 + 1;
+        mesh.vertices_mm.iter().step_by(step).map(|v| v.as_dvec3()).collect()
+    };
+    let (a, b) = (some(a), some(b));
+    let pairs = a.iter().flat_map(|&p| b.iter().map(move |&q| (p.distance_squared(q), p, q)));
+    let (squared, p, q) = pairs.min_by(|x, y| x.0.total_cmp(&y.0))?;
+    Some((0.5 * (p + q), squared.sqrt()))
+}

@@ -1,0 +1,261 @@
+//! Tracked sequences of other programs, imported as recordings.
+//!
+//! [`meta_image`] reads the `.mha` sequences of [PLUS](https://plustoolkit.github.io) and SlicerIGSIO; [`csv`] reads
+//! tables. Their poses are taken as `scene_from_probe`: a sequence's tracker frame becomes the scene frame.
+
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use insonify_core::files::{self, FileKind};
+use insonify_core::pose::Pose;
+use thiserror::Error;
+
+use super::{Event, IMPORTED, RecordingError, RecordingInfo, RecordingWriter};
+use crate::tracker::{Protocol, ascii_line};
+
+pub mod csv;
+pub mod meta_image;
+mod sequence;
+mod tracking;
+
+pub use sequence::Sequence;
+pub use tracking::{tracked, transforms_of};
+
+/// Longest time from the first to the last pose, s: thirty years.
+const SPAN_LIMIT_S: f64 = 1e9;
+
+/// First time from which times are taken as s since 1970; smaller ones have an arbitrary origin.
+const UNIX_FROM_S: f64 = 1e8;
+
+/// Errors in imported sequences.
+#[derive(Debug, Error)]
+pub enum InterchangeError {
+    /// The file could not be read.
+    #[error("cannot read {path}: {source}")]
+    Read {
+        /// File.
+        path: PathBuf,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// A line is wrong.
+    #[error("{path}, line {line} (byte {byte}): {reason}")]
+    Line {
+        /// File.
+        path: PathBuf,
+        /// Line, from 1.
+        line: u64,
+        /// Offset of the line in the file, bytes.
+        byte: u64,
+        /// Fault and correct form.
+        reason: String,
+    },
+    /// The file as a whole is wrong.
+    #[error("{path}: {reason}")]
+    File {
+        /// File.
+        path: PathBuf,
+        /// Fault and correct form.
+        reason: String,
+    },
+    /// The pixels are wrong.
+    #[error("{path}, image {image}, at byte {byte} of the pixels: {reason}")]
+    Pixels {
+        /// File.
+        path: PathBuf,
+        /// Image, from 0.
+        image: usize,
+        /// Uncompressed bytes before the fault.
+        byte: u64,
+        /// Fault and correct form.
+        reason: String,
+    },
+    /// The recording could not be written.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+}
+
+impl InterchangeError {
+    fn file(path: &Path, reason: impl Into<String>) -> Self {
+        Self::File { path: path.to_owned(), reason: reason.into() }
+    }
+}
+
+/// Place in a text file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Place {
+    /// Line, from 1.
+    pub line: u64,
+    /// Offset of the line in the file, bytes.
+    pub byte: u64,
+}
+
+impl Place {
+    fn error(self, path: &Path, reason: impl Into<String>) -> InterchangeError {
+        InterchangeError::Line { path: path.to_owned(), line: self.line, byte: self.byte, reason: reason.into() }
+    }
+}
+
+/// One row of a sequence.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrackedRow {
+    /// Time, s from the sequence's origin.
+    pub time_s: f64,
+    /// `tracker_from_probe`; `None` if the tracker did not see the probe.
+    pub pose: Option<Pose>,
+    /// Event at that time.
+    pub event: Option<String>,
+    /// Place in the file.
+    pub place: Place,
+}
+
+/// Reads the rows of a PLUS sequence (.mha, .mhd), of which `transform` is taken, or of a table (.csv, .tsv).
+///
+/// # Errors
+/// A file of another kind, or one that can't be read.
+pub fn read_rows(path: &Path, transform: &str) -> Result<Vec<TrackedRow>, InterchangeError> {
+    let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+    match extension.as_deref() {
+        Some("mha" | "mhd") => tracked(Sequence::open(path)?.head(), transform, path),
+        Some("csv" | "tsv") => {
+            let failed = |source| InterchangeError::Read { path: path.to_owned(), source };
+            csv::read(BufReader::new(files::open(path, FileKind::Table).map_err(failed)?), path)
+        }
+        Some("nrrd" | "nhdr") => Err(InterchangeError::file(
+            path,
+            "sequences in NRRD aren't read; save it as .igs.mha, by PLUS's EditSequenceFile or 3D Slicer's Sequences module",
+        )),
+        Some("mcap") => Err(InterchangeError::file(path, "it is a recording already; `insonify inspect` reads it")),
+        Some("fcsv" | "json") => Err(InterchangeError::file(
+            path,
+            "markups hold points, not poses; `insonify calibrate landmarks --tracker STATION --points` takes them",
+        )),
+        Some("xlsx" | "xls" | "ods") => Err(InterchangeError::file(
+            path,
+            "it is neither .mha, .mhd nor .csv; save the sheet as CSV in UTF-8, with decimal points",
+        )),
+        _ => Err(InterchangeError::file(path, "it is neither .mha, .mhd nor .csv")),
+    }
+}
+
+/// Outcome of [`write_recording`].
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct Imported {
+    /// Poses in the recording.
+    pub poses: usize,
+    /// Rows without a pose, which became gaps.
+    pub without_pose: usize,
+    /// Events in the recording.
+    pub events: usize,
+    /// Time from the first row to the last, s.
+    pub duration_s: f64,
+}
+
+/// Writes rows as a recording of [`ascii_line`]s: positions are rounded to 0.1 µm, quaternions to 1e-8.
+///
+/// `source` is stored as the recording's device, which also says that no station's calibration applies to the poses. The
+/// host time of the first row is its own time if that counts from 1970, else 0. Counters are row numbers, so rows without a
+/// pose count as missing records.
+///
+/// # Errors
+/// No row has a pose, times decrease or span more than thirty years, or the recording cannot be written.
+pub fn write_recording(rows: &[TrackedRow], source: &Path, path: &Path) -> Result<Imported, InterchangeError> {
+    let (Some(first), Some(last)) = (rows.first(), rows.last()) else {
+        return Err(InterchangeError::file(source, "it has no rows"));
+    };
+    if rows.iter().all(|row| row.pose.is_none()) {
+        return Err(InterchangeError::file(source, format!("none of its {} rows has a pose", rows.len())));
+    }
+    let mut before_s = first.time_s;
+    for row in rows {
+        if row.time_s < before_s {
+            let reason =
+                format!("time {} s lies before {before_s} s of the row before; times must not fall", row.time_s);
+            return Err(row.place.error(source, reason));
+        }
+        if row.time_s - first.time_s > SPAN_LIMIT_S {
+            let reason = format!("time {} s is more than {SPAN_LIMIT_S} s after the first", row.time_s);
+            return Err(row.place.error(source, reason));
+        }
+        before_s = row.time_s;
+    }
+    let origin_s = if (UNIX_FROM_S..SPAN_LIMIT_S * 10.0).contains(&first.time_s) { first.time_s } else { 0.0 };
+    let origin_ns = (origin_s * 1e9).round() as u64;
+    let info = RecordingInfo {
+        device: format!("{IMPORTED}{}", source.file_name().unwrap_or(source.as_os_str()).display()),
+        protocol: Protocol::AsciiLine,
+        start_time_ns: origin_ns,
+        ..RecordingInfo::default()
+    };
+    let mut writer = RecordingWriter::create(path, &info)?;
+    let mut imported = Imported { poses: 0, without_pose: 0, events: 0, duration_s: last.time_s - first.time_s };
+    for (sequence, row) in (0_u32..).zip(rows) {
+        let since_ns = ((row.time_s - first.time_s) * 1e9).round() as u64;
+        if let Some(event) = &row.event {
+            writer.event(&Event::new(origin_ns + since_ns, event))?;
+            imported.events += 1;
+        }
+        match &row.pose {
+            Some(pose) => {
+                writer.raw(origin_ns + since_ns, ascii_line::encode(sequence, since_ns / 1000, pose).as_bytes())?;
+                imported.poses += 1;
+            }
+            None => imported.without_pose += 1,
+        }
+    }
+    writer.finish()?;
+    Ok(imported)
+}
+
+/// Reader of lines of bounded length that tracks their places.
+struct Lines<R> {
+    source: R,
+    path: PathBuf,
+    next: Place,
+    text: Vec<u8>,
+}
+
+impl<R: BufRead> Lines<R> {
+    /// Longest line, bytes.
+    const LIMIT: u64 = 1 << 16;
+
+    fn new(source: R, path: &Path) -> Self {
+        Self { source, path: path.to_owned(), next: Place { line: 1, byte: 0 }, text: Vec::new() }
+    }
+
+    /// Next line without its end, and its place; `None` at the end of the file.
+    fn next_line(&mut self) -> Result<Option<(Place, &str)>, InterchangeError> {
+        self.text.clear();
+        let read = self.source.by_ref().take(Self::LIMIT + 1).read_until(b'\n', &mut self.text);
+        let read = read.map_err(|source| InterchangeError::Read { path: self.path.clone(), source })? as u64;
+        if read == 0 {
+            return Ok(None);
+        }
+        let place = self.next;
+        self.next = Place { line: place.line + 1, byte: place.byte + read };
+        if read > Self::LIMIT {
+            return Err(place.error(&self.path, format!("it is longer than {} bytes", Self::LIMIT)));
+        }
+        let line = self.text.strip_suffix(b"\n").unwrap_or(&self.text);
+        let line = line.strip_suffix(b"\r").unwrap_or(line);
+        match std::str::from_utf8(line) {
+            Ok(text) => Ok(Some((place, text))),
+            Err(error) => {
+                let reason = format!("byte {} of the line is no UTF-8 text", error.valid_up_to());
+                Err(place.error(&self.path, reason))
+            }
+        }
+    }
+}
+
+/// At most 32 characters of `text`, escaped and quoted, for an error message.
+fn quote(text: &str) -> String {
+    let short: String = text.chars().take(32).collect();
+    let more = if short.len() < text.len() { "..." } else { "" };
+    format!("`{}{more}`", short.escape_debug())
+}
+
+/// Parses a finite number.
+fn finite(text: &str) -> Option<f64> {
+    text.trim().parse().ok().filter(|number: &f64| number.is_finite())
+}

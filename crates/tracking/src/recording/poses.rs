@@ -1,0 +1,194 @@
+//! Poses of a recording.
+
+use std::io::Read;
+use std::path::Path;
+use std::time::Duration;
+
+use insonify_core::pose::{Calibration, Measurement, Reading, TimedPose};
+
+use super::in_order::keep_in_order;
+use super::{
+    DecodedRecording, IMPORTED, Item, RecordingError, RecordingInfo, RecordingReader, RecordingSummary, SessionPose,
+    Timing,
+};
+use crate::tracker::{DecodeError, Settings};
+
+/// Poses of the recording at `path`, ascending in host time, decoded by the recording's protocol.
+///
+/// Several records of one message share its host time. The intact parts of a damaged recording are used; the summary
+/// reports the rest.
+///
+/// # Errors
+/// The file cannot be read, is not a recording, or holds no complete pose.
+pub fn poses(path: &Path) -> Result<(Vec<TimedPose>, RecordingSummary), RecordingError> {
+    poses_of(RecordingReader::open(path)?, path)
+}
+
+/// [`poses`] of an open recording; errors name it `path`.
+///
+/// # Errors
+/// The source cannot be read, or holds no complete pose.
+pub fn poses_of<R: Read>(
+    reader: RecordingReader<R>,
+    path: &Path,
+) -> Result<(Vec<TimedPose>, RecordingSummary), RecordingError> {
+    let (poses, summary) = read_all(reader)?;
+    if poses.is_empty() {
+        return Err(no_pose(path, &summary));
+    }
+    Ok((poses, summary))
+}
+
+/// All measurements of the recording at `path`, ascending in host time. They include rates and orientations, which need
+/// an estimator to become poses. A puck has the range and the axis map of `settings`.
+///
+/// # Errors
+/// The file cannot be read, is not a recording, or has no measurement with the sensor in view.
+pub fn measurements(path: &Path, settings: &Settings) -> Result<(Vec<Measurement>, RecordingSummary), RecordingError> {
+    let mut decoded = DecodedRecording::with_settings(RecordingReader::open(path)?, settings);
+    let mut measurements = Vec::new();
+    while let Some(item) = decoded.next_item()? {
+        if let Item::Measurement(measurement) = item {
+            measurements.push(measurement);
+        }
+    }
+    let mut summary = decoded.finish();
+    order(&mut measurements, &mut summary, |measurement| measurement.host_time_ns);
+    if measurements.iter().all(|measurement| measurement.reading == Reading::OutOfView) {
+        return Err(no_pose(path, &summary));
+    }
+    Ok((measurements, summary))
+}
+
+impl RecordingInfo {
+    /// Whether the poses are `scene_from_probe`: the recording was imported.
+    pub fn is_in_scene(&self) -> bool {
+        self.device.starts_with(IMPORTED)
+    }
+
+    /// Calibration that brings the poses of this recording, at `path`, into the scene: `of_station`, or none for poses that
+    /// are there already. Says so if it leaves one out.
+    pub fn calibration(&self, path: &Path, of_station: Calibration) -> Calibration {
+        if !self.is_in_scene() {
+            return of_station;
+        }
+        if of_station.scene_from_tracker.is_some() || of_station.sensor_from_probe.is_some() {
+            tracing::warn!(
+                "{}: it was {}, so its poses are the probe's in the scene: the station's calibration is not applied to them",
+                path.display(),
+                self.device
+            );
+        }
+        Calibration::default()
+    }
+}
+
+/// [`RecordingInfo::calibration`] of the recording at `path` with this summary.
+pub fn calibration_for(path: &Path, summary: &RecordingSummary, of_station: Calibration) -> Calibration {
+    summary.info.calibration(path, of_station)
+}
+
+/// Removes items with implausible times; stores their number and the duration of the others in `summary`.
+fn order<T>(items: &mut Vec<T>, summary: &mut RecordingSummary, time_ns: impl Fn(&T) -> u64) {
+    summary.time_reversals = keep_in_order(items, &time_ns);
+    span(items.iter().map(time_ns), summary);
+}
+
+/// Stores the time from the first to the last of ascending times.
+fn span(mut times_ns: impl DoubleEndedIterator<Item = u64>, summary: &mut RecordingSummary) {
+    let Some(first) = times_ns.next() else { return };
+    summary.duration = Duration::from_nanos(times_ns.next_back().unwrap_or(first) - first);
+}
+
+fn no_pose(path: &Path, summary: &RecordingSummary) -> RecordingError {
+    let damage = summary.damage.truncated.clone().or_else(|| summary.damage.damaged_first.first().cloned());
+    let reason = summary
+        .advice()
+        .or(damage)
+        .or_else(|| summary.decode_errors_first.first().map(DecodeError::to_string))
+        .unwrap_or_else(|| match summary.records {
+            0 => "it has no message of tracker bytes".to_owned(),
+            n => format!("none of its {n} records has one"),
+        });
+    RecordingError::NoPose { path: path.to_owned(), reason }
+}
+
+/// Like [`poses_of`], but the recording may have no poses.
+///
+/// # Errors
+/// The source cannot be read.
+pub fn read_all<R: Read>(reader: RecordingReader<R>) -> Result<(Vec<TimedPose>, RecordingSummary), RecordingError> {
+    read_both(reader).map(|(poses, _, summary)| (poses, summary))
+}
+
+/// Like [`read_all`], plus the poses used by the session, ascending in host time.
+///
+/// # Errors
+/// The source cannot be read.
+pub fn read_both<R: Read>(
+    reader: RecordingReader<R>,
+) -> Result<(Vec<TimedPose>, Vec<SessionPose>, RecordingSummary), RecordingError> {
+    let mut decoded = DecodedRecording::new(reader);
+    let (mut poses, mut used, mut times_ns) = (Vec::new(), Vec::new(), Vec::new());
+    while let Some(item) = decoded.next_item()? {
+        match item {
+            Item::Measurement(m) => {
+                times_ns.push(m.host_time_ns);
+                if let Reading::Pose(pose) = m.reading {
+                    let device_time_us = m.device_time_us.unwrap_or(m.host_time_ns / 1000);
+                    poses.push(TimedPose { host_time_ns: m.host_time_ns, device_time_us, pose });
+                }
+            }
+            Item::Pose(pose) => used.push(pose),
+            Item::Event(_) => {}
+        }
+    }
+    let mut summary = decoded.finish();
+    order(&mut poses, &mut summary, |pose| pose.host_time_ns);
+    // Rates of a puck and orientations are no poses, but the recording lasts as long as they come.
+    keep_in_order(&mut times_ns, |time_ns| *time_ns);
+    span(times_ns.iter().copied(), &mut summary);
+    summary.timing = if poses.is_empty() { Timing::of_times(&times_ns) } else { Timing::of(&poses) };
+    used.sort_by_key(|pose| pose.host_time_ns);
+    Ok((poses, used, summary))
+}
+
+#[cfg(test)]
+mod tests {
+    use insonify_core::pose::{Fitted, Pose};
+
+    use super::super::RecordingWriter;
+    use super::*;
+    use crate::tracker::Protocol;
+
+    #[test]
+    fn a_stations_calibration_applies_to_recorded_poses_and_not_to_imported_ones() {
+        let sensor_from_probe = Some(Fitted::known(Pose::IDENTITY));
+        let of_station = Calibration { sensor_from_probe, ..Calibration::default() };
+        for (device, expected) in [("simulated hand", of_station), ("imported from a.csv", Calibration::default())] {
+            let info = RecordingInfo { device: device.to_owned(), ..RecordingInfo::default() };
+            assert_eq!(info.calibration(Path::new("a.mcap"), of_station), expected, "{device}");
+        }
+    }
+
+    #[test]
+    fn a_puck_has_the_range_and_the_axes_of_its_station() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.mcap");
+        let info = RecordingInfo { protocol: Protocol::SpaceMouse, start_time_ns: 1, ..RecordingInfo::default() };
+        let mut writer = RecordingWriter::create(&path, &info).unwrap();
+        writer.raw(1, &[1, 10, 0, 20, 0, 30, 0, 0, 0, 0, 0, 0, 0]).unwrap();
+        writer.finish().unwrap();
+        let translation = |settings: &Settings| {
+            let (measurements, _) = measurements(&path, settings).unwrap();
+            let Reading::Rates { translation, .. } = measurements[0].reading else { panic!("{measurements:?}") };
+            translation
+        };
+        let usual = translation(&Settings::default());
+        assert!(usual.length() > 0.0);
+        let mut settings = Settings { axis_map: "y, x, -z, rx, ry, rz".parse().unwrap(), ..Settings::default() };
+        settings.device.puck_range *= 2.0;
+        let expected = glam::DVec3::new(usual.y, usual.x, -usual.z) / 2.0;
+        assert!(translation(&settings).distance(expected) < 1e-12, "{usual}, {}", translation(&settings));
+    }
+}

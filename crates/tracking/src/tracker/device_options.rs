@@ -1,0 +1,57 @@
+//! Options of a tracking device.
+
+use std::time::Duration;
+
+use insonify_core::settings::TrackerSettings;
+
+use super::{ProbeSensor, ndi};
+
+/// Device options of a station file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DeviceOptions {
+    /// Number of the probe's sensor. `None` takes the only one received, or the device's first if the protocol needs a
+    /// number.
+    pub sensor: Option<u16>,
+    /// Name of the probe's tool (OpenIGTLink); it precedes `sensor`.
+    pub tool: Option<String>,
+    /// Axis [x, y, z] of the source that points to the half space of the sensor (Polhemus).
+    pub hemisphere: [f64; 3],
+    /// Start-up time of a device after a reset.
+    pub reset_delay: Duration,
+    /// Longest accepted silence of a streaming device.
+    pub silence: Duration,
+    /// Options of NDI devices.
+    pub ndi: ndi::Options,
+    /// Report value of a puck at full deflection, at least 1 (SpaceMouse).
+    pub puck_range: f64,
+}
+
+impl Default for DeviceOptions {
+    fn default() -> Self {
+        let settings = TrackerSettings::default();
+        Self {
+            sensor: None,
+            tool: None,
+            hemisphere: [0.0, 0.0, 1.0],
+            reset_delay: Duration::from_secs_f64(settings.reset_delay_ms / 1000.0),
+            silence: Duration::from_secs_f64(settings.silence_ms / 1000.0),
+            ndi: ndi::Options::default(),
+            puck_range: settings.puck_range,
+        }
+    }
+}
+
+impl DeviceOptions {
+    /// Chosen sensor, if any.
+    pub fn probe(&self) -> Option<ProbeSensor> {
+        let tool = self.tool.clone().map(ProbeSensor::Tool);
+        tool.or(self.sensor.map(ProbeSensor::Number))
+    }
+
+    /// Chooses the probe's sensor by number or name, in place of the choice so far. Without either that stays.
+    pub fn choose(&mut self, sensor: Option<u16>, tool: Option<String>) {
+        if sensor.is_some() || tool.is_some() {
+            (self.sensor, self.tool) = (sensor, tool);
+        }
+    }
+}

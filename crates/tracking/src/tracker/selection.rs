@@ -1,0 +1,131 @@
+//! Selection of the probe's records in a stream of several sensors. Live sessions and replays use the same rules.
+
+use super::Record;
+use super::sensor::{ProbeSensor, SensorName, is_tool};
+
+/// Largest number of distinguished sensors. Records of further ones are left out.
+pub(crate) const HEARD_LIMIT: usize = 64;
+
+/// Decides which records are the probe's.
+#[derive(Debug, Clone)]
+pub(crate) struct Selection {
+    /// Choice; `None` takes the first sensor received, as recordings of earlier builds do.
+    wanted: Option<ProbeSensor>,
+    /// Sensors received so far.
+    heard: Vec<SensorName>,
+    /// Position in `heard` of the sensor used last.
+    used: Option<usize>,
+}
+
+/// Verdict on one record.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Verdict {
+    /// It is the probe's.
+    Probe,
+    /// It is another sensor's.
+    Other,
+    /// Several sensors are heard, and none was chosen.
+    Undecided,
+}
+
+impl Selection {
+    /// A selection before the first record.
+    pub(crate) fn new(wanted: Option<ProbeSensor>) -> Self {
+        Self { wanted, heard: Vec::new(), used: None }
+    }
+
+    /// Judges a record of the sensor `name`. Numbers named tools in the order of their first records.
+    ///
+    /// The second value is the sensor's position in [`heard`](Self::heard); `None` beyond the limit.
+    pub(crate) fn judge(&mut self, record: &mut Record, name: Option<&str>) -> (Verdict, Option<usize>) {
+        let is_known = |known: &SensorName| match (&known.name, name) {
+            (Some(known), Some(name)) => known == name,
+            (None, None) => known.number == record.sensor,
+            _ => false,
+        };
+        let at = match self.heard.iter().position(is_known) {
+            Some(at) => at,
+            None if self.heard.len() >= HEARD_LIMIT => return (Verdict::Other, None),
+            None => {
+                let number = if name.is_some() { self.heard.len() as u16 } else { record.sensor };
+                self.heard.push(SensorName { number, name: name.map(str::to_owned) });
+                self.heard.len() - 1
+            }
+        };
+        record.sensor = self.heard[at].number;
+        let verdict = match &self.wanted {
+            None if *self.used.get_or_insert(at) == at => Verdict::Probe,
+            Some(ProbeSensor::Only) if self.heard.len() == 1 => Verdict::Probe,
+            Some(ProbeSensor::Only) => Verdict::Undecided,
+            Some(ProbeSensor::Number(number)) if *number == record.sensor => Verdict::Probe,
+            Some(ProbeSensor::Tool(tool)) if name.is_some_and(|name| is_tool(tool, name)) => Verdict::Probe,
+            _ => Verdict::Other,
+        };
+        match verdict {
+            Verdict::Probe => self.used = Some(at),
+            Verdict::Undecided => self.used = None,
+            Verdict::Other => {}
+        }
+        (verdict, Some(at))
+    }
+
+    /// Sensors received so far, in order.
+    pub(crate) fn heard(&self) -> &[SensorName] {
+        &self.heard
+    }
+
+    /// The sensor that is the probe; `None` before its first record, and while none of several is chosen.
+    pub(crate) fn used(&self) -> Option<&SensorName> {
+        self.heard.get(self.used?)
+    }
+
+    /// The choice.
+    #[cfg(feature = "live")]
+    pub(crate) fn wanted(&self) -> Option<&ProbeSensor> {
+        self.wanted.as_ref()
+    }
+
+    /// Whether several sensors were heard and none was chosen.
+    pub(crate) fn is_undecided(&self) -> bool {
+        self.wanted == Some(ProbeSensor::Only) && self.heard.len() > 1
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use insonify_core::pose::Reading;
+
+    use super::*;
+
+    fn verdicts(wanted: Option<ProbeSensor>, stream: &[(u16, Option<&str>)]) -> Vec<Verdict> {
+        let mut selection = Selection::new(wanted);
+        stream.iter().map(|(n, name)| selection.judge(&mut Record::new(*n, Reading::OutOfView), *name).0).collect()
+    }
+
+    #[test]
+    fn nothing_is_chosen_by_order_of_arrival_among_several() {
+        use Verdict::{Other, Probe, Undecided};
+        let tools = [(0, Some("Stylus")), (0, Some("Stylus")), (1, Some("Probe")), (0, Some("Stylus"))];
+        assert_eq!(verdicts(Some(ProbeSensor::Only), &tools), [Probe, Probe, Undecided, Undecided]);
+        assert_eq!(verdicts(Some(ProbeSensor::Only), &[(3, None), (3, None), (7, None)]), [Probe, Probe, Undecided]);
+        assert_eq!(verdicts(Some(ProbeSensor::Tool("Probe".into())), &tools), [Other, Other, Probe, Other]);
+        assert_eq!(verdicts(Some(ProbeSensor::Number(7)), &[(3, None), (7, None)]), [Other, Probe]);
+        // Recordings of earlier builds hold no choice.
+        assert_eq!(verdicts(None, &tools), [Probe, Probe, Other, Probe]);
+    }
+
+    #[test]
+    fn a_reconnected_server_that_numbers_its_tools_anew_changes_nothing() {
+        use Verdict::{Other, Probe};
+        let stream = [(0, Some("Stylus")), (1, Some("Probe")), (0, Some("Probe")), (1, Some("Stylus"))];
+        assert_eq!(verdicts(Some(ProbeSensor::Number(1)), &stream), [Other, Probe, Probe, Other]);
+    }
+
+    #[test]
+    fn names_are_compared_as_far_as_the_wire_holds_them() {
+        let long = "ProbeToReferenceOfTheTable";
+        let found =
+            verdicts(Some(ProbeSensor::Tool(long.into())), &[(0, Some(&long[..20])), (1, Some("ProbeToReference"))]);
+        assert_eq!(found, [Verdict::Probe, Verdict::Other]);
+    }
+}

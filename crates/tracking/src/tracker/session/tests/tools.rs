@@ -1,0 +1,164 @@
+//! Sessions with several tools, and with damaged streams.
+
+use glam::{DMat3, DVec3};
+use tokio::io::AsyncWriteExt;
+
+use super::devices::pipe;
+use super::*;
+use crate::recording::{DecodedRecording, Item, RecordingInfo, RecordingReader, RecordingWriter, stream_of};
+use crate::tracker::openigtlink::message::put_transform;
+use crate::tracker::{Damage, ascii_line};
+
+/// Time between two messages of a tool.
+const PERIOD: Duration = Duration::from_millis(20);
+
+/// A transform of `name` at (x, 0, 0).
+fn transform(name: &str, x: f64) -> BytesMut {
+    let mut bytes = BytesMut::new();
+    put_transform(&mut bytes, name, 0, DMat3::IDENTITY, DVec3::X * x);
+    bytes
+}
+
+/// A server that sends the stylus alone for 1 s, then the stylus and the probe.
+fn server() -> Port {
+    pipe(|mut far| async move {
+        for n in 0..1000 {
+            far.write_all(&transform("StylusToTracker", -500.0)).await.unwrap();
+            if n > 50 {
+                far.write_all(&transform("ProbeToTracker", f64::from(n))).await.unwrap();
+            }
+            sleep(PERIOD).await;
+        }
+    })
+}
+
+fn igtl(tool: Option<&str>) -> Settings {
+    let mut settings = Settings { protocol: Protocol::OpenIgtLink, ..Settings::default() };
+    settings.device.tool = tool.map(str::to_owned);
+    settings
+}
+
+fn x_of(record: &Record) -> f64 {
+    let insonify_core::pose::Reading::Pose(pose) = record.reading else { panic!("{record:?}") };
+    pose.position_mm.x
+}
+
+async fn heard(tool: Option<&str>, seconds: u64) -> (SessionSummary, Shared) {
+    let (mut session, calls, cancel) = session(&igtl(tool));
+    session.port = server();
+    (run_for(session, cancel, Duration::from_secs(seconds)).await, calls)
+}
+
+#[tokio::test(start_paused = true)]
+async fn nothing_is_the_probe_once_a_second_tool_is_heard() {
+    let (summary, calls) = heard(None, 4).await;
+    let calls = calls.lock().unwrap();
+    assert_eq!(names(&calls), ["connected", "only tool", "undecided"]);
+    assert!((50..=52).contains(&calls.records.len()), "{}", calls.records.len());
+    assert!(summary.undecided && summary.other_sensor > 200, "{summary:?}");
+    let text = calls.events[2].1.to_string();
+    assert!(text.contains("tool `StylusToTracker`, tool `ProbeToTracker`") && text.contains("--tool"), "{text}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_named_tool_is_the_probe_whenever_it_comes() {
+    let (summary, calls) = heard(Some("ProbeToTracker"), 4).await;
+    let calls = calls.lock().unwrap();
+    assert_eq!(names(&calls), ["connected", "other sensor"]);
+    assert!(calls.records.len() > 140 && calls.records.iter().all(|(_, record)| x_of(record) > 0.0), "{summary:?}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_named_tool_that_is_not_heard_is_told_with_those_that_are() {
+    let (summary, calls) = heard(Some("probetotracker"), 4).await;
+    let calls = calls.lock().unwrap();
+    assert_eq!((summary.records, names(&calls)[1]), (0, "other sensor"));
+    let missing = calls.events.iter().find(|(_, event)| name(event) == "probe missing").unwrap();
+    let text = missing.1.to_string();
+    assert!(text.contains("`probetotracker`) is not heard for 2.0 s"), "{text}");
+    assert!(text.contains("did you mean `ProbeToTracker`?"), "{text}");
+}
+
+#[test]
+fn a_name_for_a_protocol_with_numbers_is_refused() {
+    let mut settings = mock("move 1");
+    settings.device.tool = Some("Probe".into());
+    let listener = Box::new(TrackerListener(Shared::default()));
+    let error = spawn(&settings, listener, CancellationToken::new()).unwrap_err();
+    assert!(error.to_string().contains("`ascii-line` has no named tools, so the probe can't be `Probe`"), "{error}");
+}
+
+#[test]
+fn a_number_for_a_protocol_with_names_is_refused() {
+    let mut settings = igtl(None);
+    settings.device.sensor = Some(0);
+    let listener = Box::new(TrackerListener(Shared::default()));
+    let error = spawn(&settings, listener, CancellationToken::new()).unwrap_err();
+    assert!(error.to_string().contains("`openigtlink` numbers its tools by arrival"), "{error}");
+}
+
+/// Records the session's bytes and plays them again.
+#[tokio::test(start_paused = true)]
+async fn a_replay_takes_the_same_records_as_the_session() {
+    for tool in [None, Some("ProbeToTracker")] {
+        let (_, calls) = heard(tool, 3).await;
+        let (bytes, live) = {
+            let calls = calls.lock().unwrap();
+            let live: Vec<_> = calls.records.iter().map(|(time, record)| (*time, record.reading)).collect();
+            (calls.bytes.clone(), live)
+        };
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.mcap");
+        let (protocol, sensor) = stream_of(&igtl(tool)).unwrap();
+        let info = RecordingInfo { protocol, sensor, ..RecordingInfo::default() };
+        let mut writer = RecordingWriter::create(&path, &info).unwrap();
+        bytes.iter().for_each(|(time, bytes)| writer.raw(*time, bytes).unwrap());
+        writer.finish().unwrap();
+        assert!(live.len() > 40);
+
+        let mut decoded = DecodedRecording::new(RecordingReader::open(&path).unwrap());
+        let mut found = Vec::new();
+        while let Some(item) = decoded.next_item().unwrap() {
+            let Item::Measurement(measurement) = item else { panic!("{item:?}") };
+            found.push((measurement.host_time_ns, measurement.reading));
+        }
+        assert_eq!(found, live, "{tool:?}");
+        let summary = decoded.finish();
+        assert_eq!((summary.sensors.len(), summary.undecided), (2, tool.is_none()));
+
+        let transport = Transport::Recording { path, speed: Speed::AtOnce, repeat: false };
+        let (session, calls, _) = session(&Settings { transport, ..Settings::default() });
+        session.run().await;
+        let calls = calls.lock().unwrap();
+        let played: Vec<_> = calls.records.iter().map(|(time, record)| (*time, record.reading)).collect();
+        assert_eq!(played, live, "{tool:?}");
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn damage_is_counted_each_and_told_seldom() {
+    let (mut session, calls, cancel) = session(&Settings::default());
+    session.port = pipe(|mut far| async move {
+        for n in 0..1000_u32 {
+            let line = ascii_line::encode(n, u64::from(n) * 10_000, &insonify_core::pose::Pose::IDENTITY);
+            // Every second one lost its last character but the line feed.
+            let line = if n.is_multiple_of(2) { line } else { format!("{}\n", &line[..line.len() - 2]) };
+            far.write_all(line.as_bytes()).await.unwrap();
+            sleep(Duration::from_millis(10)).await;
+        }
+        std::future::pending::<()>().await;
+    });
+    let summary = run_for(session, cancel, Duration::from_secs(11)).await;
+    assert_eq!((summary.records, summary.decode_errors), (500, 500));
+    let calls = calls.lock().unwrap();
+    let told: Vec<&Damage> = calls
+        .events
+        .iter()
+        .filter_map(|(_, event)| if let TrackerEvent::Damaged(damage) = event { Some(damage) } else { None })
+        .collect();
+    // After one second, then at most every five.
+    assert_eq!(told.len(), 3, "{told:?}");
+    assert_eq!(told.iter().map(|damage| damage.damaged).sum::<u64>(), 500);
+    let text = told[1].to_string();
+    assert!(text.contains("250 damaged pieces and 250 records in 5.0 s; the last: byte"), "{text}");
+}
