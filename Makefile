@@ -5,14 +5,15 @@ export PATH := $(HOME)/.cargo/bin:$(PATH)
 # Extra arguments, as in: make demo ARGS="--out DIR"
 ARGS ?=
 
-.PHONY: help demo live test test-browser test-window test-training train bench soak hard wheel test-python setup clean
+.PHONY: help demo live window test test-browser test-window test-training train bench soak hard wheel test-python setup clean
 
 help:
 	@echo 'make demo   the whole chain live on a recorded exam, in the browser, then its frames, contact sheet, video, times'
 	@echo 'make live   the same exam as a live station, again and again until Ctrl-C'
 	@echo 'make test   format, lints, all tests and documentation; what cannot run here is listed as ignored'
 	@echo 'make test-browser  the live page in a headless Chromium; ARGS="--screenshot FILE" keeps a picture of it'
-	@echo 'make test-window  the native window on a virtual screen (Xvfb, xdotool)'
+	@echo 'make window  the program with its native window, target/release/insonify: insonify run STATION --sink window'
+	@echo 'make test-window  that window on a virtual screen (Xvfb, xdotool)'
 	@echo 'make bench  measure frames, passes and set-up (criterion)'
 	@echo 'make soak   ten minutes of a live station on a bad day: memory, latency and drops; scripts/soak --help'
 	@echo 'make hard   a million random frames worth of rays without a value that is not finite; goes on where it was stopped'
@@ -31,19 +32,19 @@ live: setup
 
 test:
 	@scripts/setup --test
-	$(CARGO) fmt --all --check
-	$(CARGO) clippy --release --all-targets -p insonify -p insonify-python -- -D warnings
 	CARGO='$(CARGO)' scripts/test
-	RUSTDOCFLAGS='-D warnings' $(CARGO) doc --release --no-deps
 
 test-browser:
 	@scripts/setup --test
 	$(CARGO) build --release --example browser_demo
 	python3 tests/browser/end_to_end.py target/release/examples/browser_demo $(ARGS)
 
+window: setup
+	$(CARGO) build --release --features window
+
 test-window:
 	@scripts/setup --test
-	$(CARGO) build --release --example browser_demo
+	$(CARGO) build --release --example browser_demo --features window
 	python3 tests/browser/window.py target/release/examples/browser_demo $(ARGS)
 
 bench: setup

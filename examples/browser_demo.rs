@@ -1,5 +1,5 @@
-//! Probe sweep rendered in the browser, and optionally in a window, without tracker or pipeline: `cargo run --release
-//! --example browser_demo -- configs/sphere.toml [--port N] [--width PIXELS] [--window yes]`.
+//! Probe sweep rendered in the browser, without tracker or pipeline: `cargo run --release --example browser_demo --
+//! configs/sphere.toml [--port N] [--width PIXELS]`. With `--features window`, `--window yes` also opens a window.
 //!
 //! Prints the page's address, then the marks that a page sets. Lines on the standard input set the rest: `tracking
 //! good|held|stuck|stale|lost`, `source generated|held|raw`, `notice TEXT`, `quit`.
@@ -20,6 +20,7 @@ use insonify::render::{Backend, BackendChoice, Frame, Renderer};
 use insonify::settings::{Control, LiveSettings};
 use insonify::sink::browser::{BrowserSink, MeasureInfo, SceneInfo, ScenePacket, Settings};
 use insonify::sink::live::{FrameSource, FrameTimeline, LiveSink, PresentedFrame};
+#[cfg(feature = "window")]
 use insonify::sink::window::{WindowSink, run_on_main_thread};
 use insonify::station::{SceneSource, Station};
 
@@ -28,6 +29,7 @@ fn main() -> anyhow::Result<()> {
     let mut arguments = std::env::args().skip(1);
     let path = PathBuf::from(arguments.next().unwrap_or_else(|| "configs/sphere.toml".to_owned()));
     let mut station = Station::load(&path)?;
+    #[cfg(feature = "window")]
     let mut window = station.window;
     let mut settings = station.browser.clone().unwrap_or(Settings { port: 0, ..Settings::default() });
     while let Some(argument) = arguments.next() {
@@ -38,8 +40,9 @@ fn main() -> anyhow::Result<()> {
                 station.settings.image.width = value.parse()?;
                 station.settings.image.height = station.settings.image.width * 1000 / 1386;
             }
+            #[cfg(feature = "window")]
             "--window" => window = Some(Default::default()),
-            _ => bail!("unknown argument {argument}; it is --port, --width or --window"),
+            _ => bail!("unknown argument {argument}; it is --port, --width or, with the feature `window`, --window"),
         }
     }
     let scene = load_scene(&station)?;
@@ -56,7 +59,7 @@ fn main() -> anyhow::Result<()> {
         &SceneInfo { tissues, surfaces: Some(surfaces), measures: measures() },
     )?;
     println!("address {}", browser.address());
-    let mut sinks: Vec<Box<dyn LiveSink>> = vec![Box::new(browser)];
+    let sinks: Vec<Box<dyn LiveSink>> = vec![Box::new(browser)];
 
     let (lines_in, lines) = mpsc::sync_channel(16);
     std::thread::spawn(move || {
@@ -67,12 +70,15 @@ fn main() -> anyhow::Result<()> {
         }
     });
     let demo = Demo::new(scene, station)?;
-    let Some(window) = window else { return present(demo, sinks, controls, &lines) };
-    let (sink, slot) = WindowSink::new();
-    sinks.push(Box::new(sink));
-    let presenter = std::thread::spawn(move || present(demo, sinks, controls, &lines));
-    run_on_main_thread(slot, &window, sender)?;
-    presenter.join().map_err(|_| anyhow::anyhow!("the presenter panicked"))?
+    #[cfg(feature = "window")]
+    if let Some(window) = window {
+        let (sink, slot) = WindowSink::new();
+        let sinks = sinks.into_iter().chain([Box::new(sink) as Box<dyn LiveSink>]).collect();
+        let presenter = std::thread::spawn(move || present(demo, sinks, controls, &lines));
+        run_on_main_thread(slot, &window, sender)?;
+        return presenter.join().map_err(|_| anyhow::anyhow!("the presenter panicked"))?;
+    }
+    present(demo, sinks, controls, &lines)
 }
 
 /// Renders and shows frames until a line or a window requests the end.

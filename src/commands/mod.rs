@@ -7,7 +7,7 @@ mod dataset;
 mod demo;
 mod doctor;
 #[cfg(test)]
-#[path = "../../tests/documents/command_lines.rs"]
+#[path = "../../tests/repository/documents/command_lines.rs"]
 mod documents;
 mod effects;
 mod evaluate;

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Contrast of stripes of scatterers behind a map of speeds, by wave theory, for tests/walls.rs.
+"""Contrast of stripes of scatterers behind a map of speeds, by wave theory, for tests/simulation/walls.rs.
 
-usage: INSONIFY_WRITE_SPEEDS=DIR cargo test --release --test walls stripes; tests/truth/stripes.py DIR/*.f32
+usage: INSONIFY_WRITE_SPEEDS=DIR cargo test --release --test simulation walls::stripes; tests/truth/stripes.py DIR/*.f32
 
 Two-dimensional angular spectrum, split step, at three frequencies about 8 MHz: each row of the map delays the field. The
 transmit aperture of 20 mm is focused at 70 mm, the receive aperture at the depth (F-number at least 2); both have Gaussian

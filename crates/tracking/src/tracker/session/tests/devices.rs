@@ -7,7 +7,7 @@ use super::*;
 use crate::tracker::transport::pipe::PipePort;
 use crate::tracker::{DecodeError, Record};
 
-#[path = "../../../../../../tests/trackers/polhemus.rs"]
+#[path = "../../../../../../tests/tracking/trackers/polhemus.rs"]
 #[allow(clippy::unwrap_used, clippy::panic, missing_docs, unreachable_pub, dead_code)]
 mod polhemus;
 use polhemus::{Kind, Polhemus};

@@ -1,0 +1,15 @@
+//! The program as its users see it: commands, files, scenes, generators, the page.
+
+#[path = "../program/mod.rs"]
+mod program;
+
+mod browser;
+mod cli;
+mod dataset;
+mod exam;
+mod examples;
+mod files;
+mod generator;
+mod input;
+mod plan;
+mod segmentation;

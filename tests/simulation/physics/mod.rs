@@ -1,0 +1,26 @@
+//! The renderer against closed formulas of acoustics, on scenes of exactly known geometry.
+//!
+//! Everything is measured on frames: lines, maps and grey levels. The renderer's internals are not read.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "clippy exempts test functions, but not the helpers they share")]
+
+mod bench;
+mod contact;
+mod elevation;
+mod in_place;
+mod interfaces;
+mod look;
+mod maps;
+mod mistakes;
+mod points;
+mod qa;
+mod reflections;
+mod refraction;
+#[path = "../../../examples/make_scenes/scenes/mod.rs"]
+#[allow(dead_code, reason = "other tests use the rest")]
+mod scenes;
+mod selftest;
+mod sizes;
+mod slice;
+mod specimens;
+mod speckle;
