@@ -113,7 +113,7 @@ def tradeoff_summary(data):
     best = f"Within the {FRAME_BUDGET_MS} ms of `configs/live.toml` "
     best += "no point keeps its p95" if first is None else f"the best point is {shown_point(first)}"
     if second is not None:
-        best += f"; the best with{'' if second['generator'] else 'out'} a generator is {shown_point(second)}"
+        best += f". The best with{'' if second['generator'] else 'out'} a generator is {shown_point(second)}"
     effect = next(row for row in data["effects"] if row["name"] == "aperture")
     reference = data["reference"]
     sentences = [

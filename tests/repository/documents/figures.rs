@@ -248,7 +248,7 @@ fn a_generator_is_preferred_only_by_both_errors_and_stands_in_the_table() {
 
     let said = rendered("tradeoff_summary", &tradeoff_data((9.9, 0.785)));
     assert!(said.contains("the best point is 4 × 3, 9 rolling + `beam_m_rolling` (9.9"), "{said}");
-    assert!(said.contains("the best without a generator is 4 × 3, 9 rolling (10.8"), "{said}");
+    assert!(said.contains("The best without a generator is 4 × 3, 9 rolling (10.8"), "{said}");
 }
 
 #[test]
