@@ -65,7 +65,7 @@
 //! | [`settings`] | every setting once |
 //! | [`files`], [`statistics`], [`random`], [`names`] | tools |
 //!
-//! All features are on by default, and `cli` makes the program `insonify`. Without any, what the table names no feature for works; the rest
+//! All features except `window` are on by default, and `cli` makes the program `insonify`. Without any, what the table names no feature for works; the rest
 //! is absent, or returns an error that names its feature.
 //!
 //! # Units

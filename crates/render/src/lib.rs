@@ -1,7 +1,36 @@
-//! From a pose to a frame. `host` and `device` make frames, each with the same passes; `twin` is their f64 reference.
+//! Renderers of insonify, a real-time ultrasound simulator: from the pose of a probe to a B-mode frame with its maps.
 //!
-//! Host and device do not know each other. Both use the files directly in this module: tables, uniforms, effect plan,
-//! constants. [`Renderer`] is their one interface.
+//! ```
+//! use glam::Vec3;
+//! use insonify_core::anatomy::{Scene, TissueTable, analytic::sphere};
+//! use insonify_core::{pose::Pose, transducer::Probe};
+//! use insonify_render::{Backend, BackendChoice, Frame, RenderSettings, Renderer};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let mut scene = Scene::new(TissueTable::builtin()?, "liver")?;
+//! scene.add("cyst", "amniotic_fluid", 1, sphere(Vec3::new(0.0, 0.0, 70.0), 20.0, 3))?;
+//! let probe = Probe { scanlines: 32, ..Probe::default() };
+//! let backend = Backend::open(BackendChoice::Host)?;
+//! let mut renderer = Renderer::new(&backend, &scene, &probe, &RenderSettings::default())?;
+//! let mut frame = Frame::default();
+//! renderer.render(&Pose::IDENTITY, &mut frame)?;
+//! // The probe lies at the origin and looks along z: the cyst is in the picture.
+//! let cyst = scene.tissues.index_of("amniotic_fluid").ok_or("there is no such tissue")? + 1;
+//! assert!(frame.segmentation.iter().any(|&tissue| usize::from(tissue) == cyst));
+//! assert_eq!(frame.bmode.len(), frame.segmentation.len());
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! [`Renderer`] is the one interface of two renderers: `host` runs all passes on the processor's cores, `device` on a graphics
+//! device (feature `gpu`). They don't know each other. Both use the files directly in this crate: effect plan, tables,
+//! uniforms, constants. [`twin`] has the same passes in f64, as their reference; read its `trace.rs` first.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`plan`] | the effects that scene, probe and settings call for, each with its reason and bound |
+//! | [`look`] | post-processing of the picture: speckle reduction, edge enhancement, persistence, grey maps |
+//! | [`twin`] | all passes in f64, the reference for tests |
 
 mod angle_order;
 mod aperture;
