@@ -8,7 +8,6 @@ use clap::error::ErrorKind;
 use super::Cli;
 
 #[path = "markdown.rs"]
-#[allow(dead_code, reason = "places of inline code are for the test of links")]
 mod markdown;
 #[path = "shell.rs"]
 mod shell;

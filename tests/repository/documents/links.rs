@@ -3,7 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 
-use super::markdown::{prose, spans};
+use pulldown_cmark::{Event, LinkType, Tag, TagEnd};
+
+use super::markdown::events;
 
 /// Links of a document that lead nowhere.
 pub(crate) fn broken(root: &Path, document: &Path, text: &str) -> Vec<String> {
@@ -37,19 +39,20 @@ pub(crate) fn broken(root: &Path, document: &Path, text: &str) -> Vec<String> {
 
 /// Line and target of each link and picture.
 fn targets(text: &str) -> Vec<(usize, String)> {
-    let mut prose = prose(text);
-    for span in spans(&prose) {
-        // Same length, so that places stay; brackets in code are no links.
-        let blank: String = prose[span.range.clone()].bytes().map(|b| if b == b'\n' { '\n' } else { '_' }).collect();
-        prose.replace_range(span.range, &blank);
-    }
     let mut found = Vec::new();
-    for (opening, closing) in [("](", ')'), ("src=\"", '"'), ("href=\"", '"')] {
-        for (at, _) in prose.match_indices(opening) {
-            let rest = &prose[at + opening.len()..];
-            // A title may follow the target.
-            let target = rest.split(closing).next().unwrap_or_default().split_whitespace().next().unwrap_or_default();
-            found.push((prose[..at].matches('\n').count() + 1, target.trim_matches(['<', '>']).to_owned()));
+    for (line, event) in events(text) {
+        match event {
+            Event::Start(Tag::Link { link_type: LinkType::Email, .. }) => {}
+            Event::Start(Tag::Link { dest_url, .. } | Tag::Image { dest_url, .. }) => {
+                found.push((line, dest_url.into_string()));
+            }
+            Event::Html(html) | Event::InlineHtml(html) => {
+                for attribute in ["src=\"", "href=\""] {
+                    let values = html.split(attribute).skip(1).filter_map(|rest| rest.split('"').next());
+                    found.extend(values.map(|value| (line, value.to_owned())));
+                }
+            }
+            _ => {}
         }
     }
     found
@@ -89,29 +92,28 @@ fn is_there(root: &Path, path: &Path) -> bool {
 fn anchors(text: &str) -> BTreeSet<String> {
     let mut seen: BTreeMap<String, usize> = BTreeMap::new();
     let mut found = BTreeSet::new();
-    for line in prose(text).lines() {
-        let level = line.bytes().take_while(|&byte| byte == b'#').count();
-        let Some(title) = line[level..].strip_prefix(' ').filter(|_| (1..=6).contains(&level)) else { continue };
-        let slug = slug(title);
-        let count = seen.entry(slug.clone()).or_default();
-        found.insert(if *count == 0 { slug } else { format!("{slug}-{count}") });
-        *count += 1;
+    let mut title: Option<String> = None;
+    for (_, event) in events(text) {
+        match event {
+            Event::Start(Tag::Heading { .. }) => title = Some(String::new()),
+            Event::Text(text) | Event::Code(text) => title.iter_mut().for_each(|title| title.push_str(&text)),
+            Event::End(TagEnd::Heading(_)) => {
+                let slug = slug(&title.take().unwrap_or_default());
+                let count = seen.entry(slug.clone()).or_default();
+                found.insert(if *count == 0 { slug } else { format!("{slug}-{count}") });
+                *count += 1;
+            }
+            _ => {}
+        }
     }
     found
 }
 
-/// Lower case, without punctuation and the targets of links; blanks become hyphens.
+/// Lower case, without punctuation; blanks become hyphens.
 fn slug(title: &str) -> String {
-    let mut title = title.trim().trim_end_matches('#').trim_end().to_lowercase();
-    while let Some(middle) = title.find("](") {
-        let end = title[middle..].find(')').map_or(title.len(), |end| middle + end + 1);
-        title.replace_range(middle..end, "");
-    }
-    title
-        .chars()
-        .filter(|c| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_'))
-        .map(|c| if c == ' ' { '-' } else { c })
-        .collect()
+    let letters = title.trim().to_lowercase();
+    let letters = letters.chars().filter(|c| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_'));
+    letters.map(|c| if c == ' ' { '-' } else { c }).collect()
 }
 
 #[test]

@@ -1,7 +1,9 @@
-//! Code blocks and inline code of Markdown documents.
+//! Markdown documents of the repository, and their code.
 
 use std::fs;
 use std::path::{Path, PathBuf};
+
+use pulldown_cmark::{CodeBlockKind, Event, Options, Parser, Tag, TagEnd};
 
 /// A document of the repository.
 pub(crate) struct Document {
@@ -36,87 +38,52 @@ pub(crate) fn documents(root: &Path) -> std::io::Result<Vec<Document>> {
     Ok(found)
 }
 
-/// A fenced block of code.
-pub(crate) struct Block<'a> {
+/// What a document consists of, each with the number of its line, from 1.
+pub(crate) fn events(text: &str) -> impl Iterator<Item = (usize, Event<'_>)> {
+    let line = |at: usize| text[..at].matches('\n').count() + 1;
+    let parts = Parser::new_ext(text, Options::ENABLE_TABLES).into_offset_iter();
+    parts.map(move |(event, range)| (line(range.start), event))
+}
+
+/// A block of code, or inline code.
+pub(crate) struct Code {
     /// Language after the fence.
-    pub(crate) language: &'a str,
+    pub(crate) language: String,
+    /// Whether it stands in running text.
+    pub(crate) inline: bool,
     /// Number of its first line, from 1.
     pub(crate) line: usize,
-    /// Its lines.
-    pub(crate) lines: Vec<&'a str>,
+    /// Its text; inline code is one line.
+    pub(crate) text: String,
 }
 
-/// The fenced blocks of a document.
-pub(crate) fn blocks(text: &str) -> Vec<Block<'_>> {
+/// The code of a document.
+pub(crate) fn code(text: &str) -> Vec<Code> {
     let mut found = Vec::new();
-    let mut open: Option<(&str, Block<'_>)> = None;
-    for (number, line) in (1..).zip(text.lines()) {
-        let trimmed = line.trim_start();
-        let fence = ["```", "~~~"].into_iter().find(|fence| trimmed.starts_with(fence));
-        match (&mut open, fence) {
-            (None, Some(fence)) => {
-                let language = trimmed.trim_start_matches(['`', '~']).trim();
-                open = Some((fence, Block { language, line: number + 1, lines: Vec::new() }));
+    let mut open: Option<Code> = None;
+    for (line, event) in events(text) {
+        match event {
+            Event::Code(text) => {
+                found.push(Code { language: String::new(), inline: true, line, text: text.into_string() });
             }
-            (Some((with, _)), Some(fence)) if *with == fence => found.extend(open.take().map(|(_, block)| block)),
-            (Some((_, block)), _) => block.lines.push(line),
-            (None, None) => {}
-        }
-    }
-    found.extend(open.map(|(_, block)| block));
-    found
-}
-
-/// The document without its fenced blocks, line by line as before.
-pub(crate) fn prose(text: &str) -> String {
-    let mut lines: Vec<&str> = text.lines().collect();
-    for block in blocks(text) {
-        // With the fences.
-        let end = (block.line + block.lines.len()).min(lines.len());
-        lines[block.line - 2..end].fill("");
-    }
-    lines.join("\n")
-}
-
-/// Inline code.
-pub(crate) struct Span {
-    /// Number of its line, from 1.
-    pub(crate) line: usize,
-    /// Its place in the text of [`prose`], with the backticks.
-    pub(crate) range: std::ops::Range<usize>,
-    /// The code; line breaks are spaces, and `\|` of tables is `|`.
-    pub(crate) code: String,
-}
-
-/// The inline code of [`prose`].
-pub(crate) fn spans(prose: &str) -> Vec<Span> {
-    let mut found = Vec::new();
-    let mut at = 0;
-    while let Some(offset) = prose[at..].find('`') {
-        let start = at + offset;
-        let ticks = prose[start..].bytes().take_while(|&byte| byte == b'`').count();
-        let inner = start + ticks;
-        // A paragraph ends at an empty line.
-        let paragraph = prose[inner..].find("\n\n").map_or(prose.len(), |end| inner + end);
-        at = inner;
-        if let Some(end) = closing(&prose[inner..paragraph], ticks) {
-            let code = prose[inner..inner + end].replace('\n', " ").replace("\\|", "|").trim().to_owned();
-            at = inner + end + ticks;
-            found.push(Span { line: prose[..start].matches('\n').count() + 1, range: start..at, code });
+            Event::Start(Tag::CodeBlock(kind)) => {
+                let language = match kind {
+                    CodeBlockKind::Fenced(language) => language.into_string(),
+                    CodeBlockKind::Indented => String::new(),
+                };
+                open = Some(Code { language, inline: false, line, text: String::new() });
+            }
+            Event::Text(text) => {
+                if let Some(block) = &mut open {
+                    if block.text.is_empty() {
+                        block.line = line;
+                    }
+                    block.text.push_str(&text);
+                }
+            }
+            Event::End(TagEnd::CodeBlock) => found.extend(open.take()),
+            _ => {}
         }
     }
     found
-}
-
-/// Place of the next run of exactly `ticks` backticks.
-fn closing(text: &str, ticks: usize) -> Option<usize> {
-    let mut at = 0;
-    while let Some(offset) = text[at..].find('`') {
-        let run = text[at + offset..].bytes().take_while(|&byte| byte == b'`').count();
-        if run == ticks {
-            return Some(at + offset);
-        }
-        at += offset + run;
-    }
-    None
 }

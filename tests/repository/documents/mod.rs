@@ -1,5 +1,5 @@
-//! The documents: links, pictures, placeholders, make targets, lengths, and tables of figures; and the weight of what git tracks. Their command lines are
-//! held to the parser in `command_lines.rs`, among the tests of the program.
+//! The documents: links, pictures, placeholders, make targets, lengths of sentences, and tables of figures; and the weight
+//! of what git tracks. Their command lines are held to the parser in `command_lines.rs`, among the tests of the program.
 
 // clippy counts helpers as outside of tests; a failing helper fails its test.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
@@ -8,15 +8,13 @@ mod figures;
 mod links;
 mod markdown;
 mod picture;
+mod sentences;
 mod shell;
 mod weight;
 
 use std::path::Path;
 
 use markdown::documents;
-
-/// Most words of a document, as `wc -w` counts.
-const LONGEST: [(&str, usize); 2] = [("README.md", 1300), ("ARCHITECTURE.md", 2500)];
 
 /// The repository.
 fn root() -> &'static Path {
@@ -46,13 +44,6 @@ fn targets(name: &str, text: &str, makefile: &str) -> Vec<String> {
         }
     }
     faults
-}
-
-/// Whether a document is too long.
-fn length(name: &str, text: &str) -> Option<String> {
-    let (_, most) = LONGEST.iter().find(|(document, _)| *document == name)?;
-    let words = text.split_whitespace().count();
-    (words > *most).then(|| format!("{name} has {words} words, at most {most} are allowed"))
 }
 
 #[track_caller]
@@ -102,19 +93,9 @@ fn missing_make_targets_are_found() {
 }
 
 #[test]
-fn readme_and_architecture_are_short() {
-    let faults: Vec<_> =
-        documents(root()).unwrap().iter().filter_map(|d| length(&d.path.to_string_lossy(), &d.text)).collect();
-    none(&faults);
-}
-
-#[test]
-fn long_documents_are_found() {
-    for (name, most) in LONGEST {
-        assert!(root().join(name).exists(), "{name}");
-        assert_eq!(length(name, &"word\n".repeat(most)), None);
-        assert!(length(name, &"word ".repeat(most + 1)).is_some());
-    }
+fn readme_and_architecture_have_no_long_sentence() {
+    let text = |name: &str| std::fs::read_to_string(root().join(name)).unwrap();
+    none(&sentences::SHORT.iter().flat_map(|name| sentences::too_long(name, &text(name))).collect::<Vec<_>>());
 }
 
 #[test]
