@@ -115,6 +115,29 @@ fn grey_maps_rise_from_black_to_white() {
 }
 
 #[test]
+fn each_grey_map_is_its_twin_and_no_other() {
+    let levels: Vec<f64> = (0..256).map(f64::from).collect();
+    // Levels of the map's formula for 32, 64, 128 and 192, by another program.
+    let maps = [
+        (GreyMap::Linear, [32, 64, 128, 192]),
+        (GreyMap::Soft, [48, 84, 147, 203]),
+        (GreyMap::Bright, [73, 111, 169, 215]),
+        (GreyMap::Dark, [11, 32, 91, 167]),
+        (GreyMap::Contrast, [22, 52, 128, 204]),
+        (GreyMap::Sharp, [11, 40, 128, 216]),
+    ];
+    assert_eq!(maps.map(|(map, _)| map).as_slice(), GreyMap::ALL.as_slice());
+    for (map, expected) in maps {
+        let table = grey_table(map);
+        assert_eq!([32, 64, 128, 192].map(|level| table[level]), expected, "{map:?}");
+        for other in GreyMap::ALL {
+            let most = off(&table, &twin::grey_map(other, &levels));
+            assert_eq!(most < 0.5 + 1e-9, other == map, "{map:?} and the twin of {other:?}: {most}");
+        }
+    }
+}
+
+#[test]
 fn all_steps_follow_each_other_as_in_the_twin() {
     let (levels, mask) = picture();
     let settings = LookSettings {

@@ -2,7 +2,6 @@
 
 use insonify_core::settings::{GreyMap, LookSettings};
 
-use super::grey_map::curve;
 use super::speckle_reduction::SPECKLE_DB;
 use super::{Shape, edges, speckle_reduction};
 
@@ -59,7 +58,18 @@ pub(crate) fn persist(amount: f64, picture: &[f64], before: Option<&[f64]>) -> V
     picture.iter().zip(before).map(|(level, before)| amount * before + (1.0 - amount) * level).collect()
 }
 
-/// A grey map.
+/// A grey map, by formulas of its own: powers as exponentials of logarithms, the S-curve as a Bézier curve.
 pub(crate) fn grey_map(map: GreyMap, picture: &[f64]) -> Vec<f64> {
-    picture.iter().map(|level| 255.0 * curve(map, level / 255.0)).collect()
+    let power = |x: f64, exponent: f64| (exponent * x.ln()).exp();
+    // Control points 0, 0, 1, 1.
+    let bezier = |x: f64| 3.0 * (1.0 - x) * x.powi(2) + x.powi(3);
+    let display = |x: f64| match map {
+        GreyMap::Linear => x,
+        GreyMap::Soft => power(x, 0.8),
+        GreyMap::Bright => power(x, 0.6),
+        GreyMap::Dark => power(x, 1.5),
+        GreyMap::Contrast => x + 0.5 * (bezier(x) - x),
+        GreyMap::Sharp => bezier(x),
+    };
+    picture.iter().map(|level| 255.0 * display(level / 255.0)).collect()
 }
