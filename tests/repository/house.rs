@@ -481,7 +481,7 @@ case "$*" in *--exact*) echo "test result: ok. 1 passed; 0 failed; 0 ignored"; e
 case "$*" in *--no-fail-fast*) ;; *) exit 3 ;; esac
 printf '     Running unittests src/lib.rs (target/a)\nfailures:\n\n---- a::b stdout ----\n    panicked\n\n' >&2
 printf 'failures:\n    a::b\n    a::c\n\ntest result: FAILED. 4 passed; 2 failed; 0 ignored; 0 measured\n'
-printf '     Running tests/cli.rs (target/b)\ntest result: ok. 5 passed; 0 failed; 7 ignored; 0 measured\n'
+printf '     Running tests/commands/cli.rs (target/b)\ntest result: ok. 5 passed; 0 failed; 7 ignored; 0 measured\n'
 printf "     Running tests/c.rs (target/c)\n  process didn't exit successfully: \`c\` (signal: 11)\n" >&2
 exit 101
 "#;
@@ -499,7 +499,7 @@ exit 101
     assert_eq!(lines[..3], names);
     let check = "cargo check --release --lib --no-default-features --features";
     assert_eq!(lines[3..5], [format!("{check} gpu"), format!("{check} generator")]);
-    assert_eq!(lines[5], "tests/interchange.rs: simple_itk_reads_our_sequences, with programs of others");
+    assert_eq!(lines[5], "tests/tracking/interchange.rs: simple_itk_reads_our_sequences, with programs of others");
     // Browser and window may be installed or not.
     assert!(lines[6].starts_with("all: ") && lines[6].contains(" passed, 6 failed, "), "{said}");
 }

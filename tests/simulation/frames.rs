@@ -3,8 +3,11 @@
 //! The host has sums, and the software device of the version that the file names. Another device, a real GPU for
 //! example, rounds differently: its frames must be the same from run to run.
 //!
-//! `INSONIFY_WRITE_SUMS=1 cargo test --release --test simulation frames:: -- --include-ignored` rewrites the sums after a change
-//! that is meant to.
+//! A sum does not say how much a frame moved. Some frames of the host have a stored picture too, every eighth pixel of their
+//! B-mode image, and a failure says how far the frame is from it.
+//!
+//! `INSONIFY_WRITE_SUMS=1 cargo test --release --test simulation frames:: -- --include-ignored` rewrites sums and pictures after a change
+//! that is meant to alter images.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
@@ -17,7 +20,9 @@ use insonify::anatomy::export::write_moving_glb;
 use insonify::anatomy::{Bvh, Scene};
 use insonify::phantom::{PhantomOptions, build, movement};
 use insonify::pose::Pose;
+use insonify::quality::{Pair, ssim};
 use insonify::render::{Backend, BackendChoice, Choice, Effect, Frame, RenderSettings, Renderer, TraceBy};
+use insonify::sink::png::{Effort, write_grey};
 use insonify::station::Station;
 use sha2::{Digest, Sha256};
 
@@ -69,12 +74,31 @@ const VARIANTS: [Variant; 4] = [
     ),
 ];
 
+/// Frames with a stored picture: each scene at its lowest quality, and the obstetric scene in each variant.
+fn has_picture(scene: &str, variant: &str) -> bool {
+    variant == "lq" || scene == "obstetric"
+}
+
+/// Number of frames with a stored picture.
+const PICTURES: usize = SCENES.len() + VARIANTS.len() - 1;
+
+/// Distance of the pixels of a stored picture.
+const STEP: usize = 8;
+
+/// Largest difference of the mean grey level, and least SSIM, of a frame that differs from its picture by rounding alone.
+const LEVEL_MAX: f64 = 0.25;
+const SSIM_MIN: f64 = 0.99;
+
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
 fn sums_file() -> PathBuf {
     root().join("tests/data/frames.sha256")
+}
+
+fn picture_file(name: &str) -> PathBuf {
+    root().join(format!("tests/data/frames/{}.png", name.replace('/', "_")))
 }
 
 fn station_and_scene(name: &str) -> (Station, Scene) {
@@ -110,9 +134,81 @@ fn sum(frame: &Frame) -> String {
     })
 }
 
-/// Sums of all scenes and variants rendered by `backend`, by name.
-fn sums(place: &str, backend: &Backend) -> BTreeMap<String, String> {
-    let mut sums = BTreeMap::new();
+/// Every eighth pixel of a B-mode image, in both directions.
+#[derive(Debug, Clone, PartialEq)]
+struct Picture {
+    size: [usize; 2],
+    levels: Vec<u8>,
+}
+
+impl Picture {
+    fn of(frame: &Frame) -> Self {
+        let width = frame.width as usize;
+        let rows = frame.bmode.chunks_exact(width).step_by(STEP);
+        let levels = rows.flat_map(|row| row.iter().copied().step_by(STEP)).collect();
+        Self { size: [width.div_ceil(STEP), (frame.height as usize).div_ceil(STEP)], levels }
+    }
+
+    /// The stored picture of a frame.
+    fn stored(name: &str) -> Self {
+        let path = picture_file(name);
+        let image = image::open(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display())).into_luma8();
+        Self { size: [image.width() as usize, image.height() as usize], levels: image.into_raw() }
+    }
+
+    fn write(&self, name: &str) {
+        let path = picture_file(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        let [width, height] = self.size.map(|side| side as u32);
+        write_grey(&path, width, height, &self.levels, Effort::Small).unwrap();
+    }
+
+    /// How far this picture is from `other`.
+    fn moved(&self, other: &Self) -> Moved {
+        assert_eq!(self.size, other.size, "the picture has another size");
+        let mean = |levels: &[u8]| levels.iter().map(|&level| f64::from(level)).sum::<f64>() / levels.len() as f64;
+        let pairs = self.levels.iter().zip(&other.levels);
+        Moved {
+            level: mean(&self.levels) - mean(&other.levels),
+            most: pairs.map(|(one, other)| one.abs_diff(*other)).max().unwrap(),
+            ssim: ssim(&Pair::new(self.size, &self.levels, &other.levels, None).unwrap()),
+        }
+    }
+}
+
+/// Distance of a picture from another one.
+#[derive(Debug, Clone, Copy)]
+struct Moved {
+    /// Difference of the mean grey levels.
+    level: f64,
+    /// Largest difference of grey levels.
+    most: u8,
+    ssim: f64,
+}
+
+impl Moved {
+    fn is_rounding(&self) -> bool {
+        self.level.abs() <= LEVEL_MAX && self.ssim >= SSIM_MIN
+    }
+
+    fn said(&self, name: &str) -> String {
+        let Self { level, most, ssim } = self;
+        format!("{name}: mean level {level:+.3}, largest difference {most} grey levels, SSIM {ssim:.5}")
+    }
+}
+
+/// What is compared of rendered frames.
+#[derive(Debug, Default)]
+struct Rendered {
+    /// Sums of all scenes and variants, by name.
+    sums: BTreeMap<String, String>,
+    /// Pictures of some, by the name without the place.
+    pictures: BTreeMap<String, Picture>,
+}
+
+/// All scenes and variants, rendered by `backend`.
+fn render(place: &str, backend: &Backend) -> Rendered {
+    let mut rendered = Rendered::default();
     let mut frame = Frame::default();
     for name in SCENES {
         let (station, scene) = station_and_scene(name);
@@ -137,10 +233,13 @@ fn sums(place: &str, backend: &Backend) -> BTreeMap<String, String> {
             renderer.set_time_s(TIME_S);
             renderer.render(&pose, &mut frame).unwrap();
             assert!(frame.bmode.iter().any(|&level| level > 0), "{name} {variant} is black");
-            sums.insert(format!("{place}/{name}/{variant}"), sum(&frame));
+            rendered.sums.insert(format!("{place}/{name}/{variant}"), sum(&frame));
+            if has_picture(name, variant) {
+                rendered.pictures.insert(format!("{name}/{variant}"), Picture::of(&frame));
+            }
         }
     }
-    sums
+    rendered
 }
 
 /// Before the name of the driver that made the device's sums.
@@ -158,8 +257,8 @@ fn committed() -> (BTreeMap<String, String>, String) {
     (sums.collect(), driver)
 }
 
-/// Replaces the committed sums of `place` if `INSONIFY_WRITE_SUMS` is set; returns whether it is.
-fn rewrite(place: &str, found: &BTreeMap<String, String>, driver: Option<String>) -> bool {
+/// Replaces the committed sums of `place`, and the host's pictures, if `INSONIFY_WRITE_SUMS` is set; returns whether it is.
+fn rewrite(place: &str, found: &Rendered, driver: Option<String>) -> bool {
     // Both tests may run at once.
     static FILE: Mutex<()> = Mutex::new(());
     if std::env::var_os("INSONIFY_WRITE_SUMS").is_none() {
@@ -168,7 +267,7 @@ fn rewrite(place: &str, found: &BTreeMap<String, String>, driver: Option<String>
     let _file = FILE.lock().unwrap();
     let (mut sums, committed_driver) = committed();
     sums.retain(|name, _| !name.starts_with(place));
-    sums.extend(found.clone());
+    sums.extend(found.sums.clone());
     let mut text = format!("{DRIVER}{}\n", driver.unwrap_or(committed_driver));
     for place in ["host/", "device/"] {
         for (name, sum) in sums.iter().filter(|(name, _)| name.starts_with(place)) {
@@ -176,50 +275,88 @@ fn rewrite(place: &str, found: &BTreeMap<String, String>, driver: Option<String>
         }
     }
     std::fs::write(sums_file(), text).unwrap();
+    if place == "host" {
+        found.pictures.iter().for_each(|(name, picture)| picture.write(name));
+    }
     true
 }
 
-/// Checks that `found` are those of `expected` in the same place.
-fn check(found: &BTreeMap<String, String>, expected: &BTreeMap<String, String>, device: &str) {
-    assert_eq!(found.len(), SCENES.len() * VARIANTS.len());
-    let other: Vec<_> = found.iter().filter(|&(name, sum)| expected.get(name) != Some(sum)).map(|(n, _)| n).collect();
-    assert!(other.is_empty(), "{} of {} frames changed on {device}: {other:#?}", other.len(), found.len());
+/// Checks that the sums of `found` are those of `expected`. A failure says how far frames are from the pictures of the host.
+fn check(found: &Rendered, expected: &BTreeMap<String, String>, device: &str) {
+    assert_eq!(found.sums.len(), SCENES.len() * VARIANTS.len());
+    let other = found.sums.iter().filter(|&(name, sum)| expected.get(name) != Some(sum)).map(|(name, _)| name);
+    let other: Vec<_> = other.collect();
+    if other.is_empty() {
+        return;
+    }
+    let of_other = |name: &String| other.iter().any(|other| other.split_once('/').unwrap().1 == *name);
+    let pictures = found.pictures.iter().filter(|(name, _)| of_other(name));
+    let moved: Vec<String> = pictures.map(|(name, picture)| picture.moved(&Picture::stored(name)).said(name)).collect();
+    panic!(
+        "{} of {} frames changed on {device}: {other:#?}\nfrom the pictures of the host: {moved:#?}",
+        other.len(),
+        found.sums.len()
+    );
 }
 
 #[test]
 fn frames_of_the_host_equal_the_committed_ones_bit_for_bit() {
-    let found = sums("host", &Backend::open(BackendChoice::Host).unwrap());
-    if !rewrite("host", &found, None) {
-        check(&found, &committed().0, "the host");
+    let found = render("host", &Backend::open(BackendChoice::Host).unwrap());
+    if rewrite("host", &found, None) {
+        return;
     }
+    assert_eq!(found.pictures.len(), PICTURES);
+    let moved = |(name, picture): (&String, &Picture)| {
+        let moved = picture.moved(&Picture::stored(name));
+        (!moved.is_rounding()).then(|| moved.said(name))
+    };
+    let moved: Vec<String> = found.pictures.iter().filter_map(moved).collect();
+    assert!(moved.is_empty(), "frames of the host moved by more than rounding: {moved:#?}");
+    check(&found, &committed().0, "the host");
+}
+
+#[test]
+fn a_frame_that_moved_is_told_from_one_that_rounds_otherwise() {
+    let levels: Vec<u8> = (0..64 * 48).map(|i: u32| (i.wrapping_mul(2_654_435_761) >> 25) as u8 + 40).collect();
+    let picture = Picture { size: [64, 48], levels };
+    assert!(picture.moved(&picture).is_rounding() && picture.moved(&picture).most == 0);
+    let change = |of: &dyn Fn(usize, u8) -> u8| Picture {
+        levels: picture.levels.iter().enumerate().map(|(i, &level)| of(i, level)).collect(),
+        ..picture.clone()
+    };
+    let rounded = change(&|i, level| level + u8::from(i % 7 == 0)).moved(&picture);
+    assert!(rounded.is_rounding() && rounded.most == 1, "{rounded:?}");
+    let brighter = change(&|_, level| level + 2).moved(&picture);
+    assert!(!brighter.is_rounding() && (brighter.level - 2.0).abs() < 1e-9, "{brighter:?}");
+    let shifted = change(&|i, _| picture.levels[(i + 1) % picture.levels.len()]).moved(&picture);
+    assert!(!shifted.is_rounding() && shifted.level == 0.0 && shifted.ssim < 0.5, "{shifted:?}");
 }
 
 #[test]
 #[ignore = "needs a graphics device or software Vulkan; `make test` runs it where there is one"]
 fn frames_of_the_device_equal_the_committed_ones_bit_for_bit() {
     let device = Backend::open(BackendChoice::Device).unwrap();
-    let found = sums("device", &device);
-    if rewrite("device", &found, Some(device.driver())) {
-        return;
-    }
-    let (committed, driver) = committed();
-    if device.driver() == driver {
-        check(&found, &committed, &device.to_string());
-    } else {
-        eprintln!("{device}: the sums are those of {driver}; compared are two runs");
-        check(&found, &sums("device", &device), &device.to_string());
+    let found = render("device", &device);
+    if !rewrite("device", &found, Some(device.driver())) {
+        check(&found, &sums_of(&device), &device.to_string());
     }
 }
 
 #[test]
-#[ignore = "needs a graphics device or software Vulkan; `make test` runs it where there is one"]
+#[ignore = "needs a device whose subgroups fit; `make test` runs it where there is one"]
 fn frames_traced_by_lanes_equal_the_committed_ones_bit_for_bit() {
     let device = Backend::open(BackendChoice::Device).unwrap();
-    let (committed, driver) = committed();
-    if !device.has_trace_by_lanes() || device.driver() != driver {
-        eprintln!("{device}: the sums are those of {driver}; nothing is compared");
-        return;
-    }
+    assert!(device.has_trace_by_lanes(), "{device} can't trace by lanes: nothing is compared");
     let lanes = device.tracing_by(TraceBy::Lanes).unwrap();
-    check(&sums("device", &lanes), &committed, &lanes.to_string());
+    check(&render("device", &lanes), &sums_of(&lanes), &lanes.to_string());
+}
+
+/// The committed sums of a device; those of another run where they are of another driver.
+fn sums_of(device: &Backend) -> BTreeMap<String, String> {
+    let (committed, driver) = committed();
+    if device.driver() == driver {
+        return committed;
+    }
+    eprintln!("{device}: the sums are those of {driver}; compared are two runs");
+    render("device", device).sums
 }
