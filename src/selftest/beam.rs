@@ -3,6 +3,7 @@
 use glam::DVec2;
 
 use super::bench::{Bench, at, linear, post, silent, slab, small};
+use super::fixture::fixture;
 use super::measure::{half_width, line, magnitude};
 use super::{Check, Family, Rig};
 use crate::acoustics::pulse::FWHM_PER_SIGMA;
@@ -12,12 +13,6 @@ use crate::transducer::{Probe, ProbeKind};
 
 /// Depths of the posts, mm.
 const POSTS_MM: [f64; 3] = [30.0, 70.0, 120.0];
-/// Two-way lateral widths at [`POSTS_MM`] by an independent sum over the default aperture, `tests/truth/point_spread.py`.
-const DIFFRACTION_MM: [(Apodization, [f64; POSTS_MM.len()]); 3] = [
-    (Apodization::Rectangular, [0.4972, 0.6163, 1.4201]),
-    (Apodization::Hann, [0.8161, 0.9999, 2.3313]),
-    (Apodization::Gaussian, [0.6160, 0.7537, 1.7806]),
-];
 /// Depth of the edge for the elevational beam, mm.
 const EDGE_MM: f64 = 30.0;
 /// Rays and layers at the edge.
@@ -33,6 +28,12 @@ pub(super) struct Beam {
 
 fn fan() -> Probe {
     Probe { kind: ProbeKind::Convex { radius_mm: 40.0, fov_deg: 20.0 }, ..Probe::default() }
+}
+
+/// Two-way lateral width, mm, by an independent sum over the default aperture.
+fn lateral_width_mm(apodization: Apodization, depth_mm: f64) -> f64 {
+    let key = format!("{},8,20,70,{depth_mm}", apodization.name());
+    fixture(include_str!("../../tests/truth/point_spread.csv"), &key, "flat_width_mm")
 }
 
 /// Scanline of a post.
@@ -73,10 +74,11 @@ impl Family for Beam {
             let name = format!("axial width at {depth:.0} mm");
             checks.push(Check::new("Point spread", name, "mm", want, half_width(near) * spacing, 0.02 * want));
         }
-        for (apodization, widths) in DIFFRACTION_MM {
+        for apodization in [Apodization::Rectangular, Apodization::Hann, Apodization::Gaussian] {
             let probe = Probe { apodization, ..probe };
             let frame = rig.frame(&probe, &small(1, 1), &at(self.posts.x, self.posts.y, 0.0))?;
-            for (i, (&depth, want)) in POSTS_MM.iter().zip(widths).enumerate() {
+            for (i, &depth) in POSTS_MM.iter().enumerate() {
+                let want = lateral_width_mm(apodization, depth);
                 let sample = (depth / spacing) as usize;
                 let neighbours = probe.scanlines / (2 * POSTS_MM.len() as u32);
                 let across: Vec<f64> = (post_line(i) - neighbours..post_line(i) + neighbours)

@@ -1,11 +1,27 @@
-//! Fixtures of `tests/truth/`, to which the checks' constants are held.
+//! Expected values of checks, from the tables of `tests/truth/`.
 
-/// Value in column `wanted` of the row of a fixture whose columns hold the given numbers.
-pub(super) fn fixture(text: &str, row: &[(&str, f64)], wanted: &str) -> f64 {
-    let mut lines = text.lines().filter(|line| !line.starts_with('#')).map(|line| line.split(',').collect::<Vec<_>>());
-    let head = lines.next().unwrap();
-    let column = |name: &str| head.iter().position(|column| *column == name).unwrap();
-    let number = |line: &[&str], name: &str| line[column(name)].parse::<f64>().unwrap();
-    let found = lines.find(|line| row.iter().all(|&(name, value)| number(line, name) == value)).unwrap();
-    number(&found, wanted)
+/// Value in the column `wanted` of the row of a table that begins with the columns `key`. NaN, with which every check fails, if
+/// there is none.
+pub(super) fn fixture(table: &str, key: &str, wanted: &str) -> f64 {
+    let mut lines = table.lines().filter(|line| !line.starts_with('#'));
+    let column = lines.next().and_then(|head| head.split(',').position(|column| column == wanted));
+    let begins = |line: &&str| line.strip_prefix(key).is_some_and(|rest| rest.starts_with(','));
+    let text = lines.find(begins).zip(column).and_then(|(line, column)| line.split(',').nth(column));
+    // Adding 0 takes the sign from −0.
+    text.and_then(|text| text.parse().ok()).map_or(f64::NAN, |value: f64| value + 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_is_found_by_the_first_columns_and_its_name() {
+        let table = "# A comment.\nkind,mm,db\na,1.5,-2.50\na,15,1\nb,1,-0.00\n";
+        assert_eq!(fixture(table, "a,1.5", "db"), -2.5);
+        assert!(fixture(table, "b,1", "db").is_sign_positive());
+        for (key, wanted) in [("c,1.5", "db"), ("a,1", "db"), ("a,1.5", "dB"), ("a", "kind")] {
+            assert!(fixture(table, key, wanted).is_nan(), "{key} {wanted}");
+        }
+    }
 }

@@ -10,7 +10,6 @@ pub mod measure;
 mod beam;
 mod date;
 mod device;
-#[cfg(test)]
 mod fixture;
 mod half_contact;
 mod image;
