@@ -189,6 +189,7 @@ fn a_compounded_target_is_rendered_once_for_several_low_qualities() {
             image.windows(2).zip(tissue.windows(2)).filter(|(_, tissue)| tissue[0] > 0 && tissue[0] == tissue[1]);
         pairs.map(|(levels, _)| (f64::from(levels[0]) - f64::from(levels[1])).powi(2)).sum()
     };
+    assert!(!data.rows.is_empty() && data.rows.len() == single.rows.len());
     for (row, of_one) in data.rows.iter().zip(&single.rows) {
         let [compounded, one] = [data.tuple(row).unwrap(), single.tuple(of_one).unwrap()];
         assert_eq!(compounded.lq, one.lq);
@@ -201,6 +202,7 @@ fn a_compounded_target_is_rendered_once_for_several_low_qualities() {
     let from = ["--angles", "3", "--span", "40", "--hq-from", text(&out)];
     made(&make(&station, &more, &[&from[..], &["--lq", "2x1", "--lq-angles", "3"]].concat()));
     let others = Dataset::open(&more).unwrap();
+    assert_eq!(data.rows.len(), others.rows.len());
     for (row, other) in data.rows.iter().zip(&others.rows) {
         let [row, other] = [data.tuple(row).unwrap(), others.tuple(other).unwrap()];
         assert_eq!((row.hq, row.segmentation), (other.hq, other.segmentation));

@@ -131,6 +131,7 @@ fn vertices_are_on_the_modelled_surfaces() {
 #[test]
 fn volumes_of_meshes_match_solids_at_both_scales() {
     let mut off = Vec::new();
+    assert_eq!(full().len(), small().len());
     for (fine, coarse) in full().iter().zip(small()) {
         assert_eq!(fine.name, coarse.name);
         let (a, b) = (fine.mesh.signed_volume_mm3(), coarse.mesh.signed_volume_mm3());

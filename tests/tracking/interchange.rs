@@ -357,6 +357,7 @@ fn written_sequences_are_read_back() {
         assert_eq!((head.width, head.height, head.images.len()), (32, 24, 5));
         assert_eq!(matches!(head.pixels, PixelStorage::Zlib { .. }), compress);
         let rows = tracked(head, PROBE, &path).unwrap();
+        assert_eq!(rows.len(), tracking.len());
         for (row, sent) in rows.iter().zip(&tracking) {
             assert_eq!(row.time_s, sent.time_s);
             assert_eq!(row.pose.is_some(), sent.tracked);

@@ -247,6 +247,7 @@ fn an_expert_finds_all_it_was_asked_for() {
         // Each plane was found before its `leave` event.
         let found: Vec<f64> = score.planes.iter().map(|p| p.find_s.unwrap()).collect();
         let search = session.events.iter().filter(|e| e.value.as_ref().is_some_and(|v| v["phase"] == "leave"));
+        assert!(search.clone().count() >= found.len(), "seed {seed}");
         for (find_s, leave) in found.iter().zip(search) {
             let leave_s = (leave.host_time_ns - START_TIME_NS) as f64 * 1e-9;
             assert!(*find_s < leave_s, "seed {seed}: found at {find_s} s, left at {leave_s} s");

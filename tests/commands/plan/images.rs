@@ -176,6 +176,7 @@ fn invisible_attenuation_is_left_out() {
     assert!(off.mean > 20.0 && off.part < 1e-3 && off.mean_off.abs() <= grey, "{off:?}");
     // The map: one-way e^(−Σμ).
     let least = 10f64.powf(-0.5 * db / 20.0);
+    assert!(!planned.attenuation.is_empty() && planned.attenuation.len() == whole.attenuation.len());
     for (a, b) in planned.attenuation.iter().zip(&whole.attenuation) {
         assert!(f64::from((a - b).abs()) <= 1.0 - least + 1e-6, "{a} {b}");
     }

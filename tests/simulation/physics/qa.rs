@@ -52,7 +52,9 @@ fn measurements_of_the_qa_phantom_match_its_design() {
 
     // −6 dB widths compared with those of beam and pulse.
     assert!(report.widths.len() >= 11);
-    for w in report.widths.iter().filter(|w| [20.0, 40.0, 70.0, 90.0].contains(&w.depth_mm)) {
+    let widths: Vec<_> = report.widths.iter().filter(|w| [20.0, 40.0, 70.0, 90.0].contains(&w.depth_mm)).collect();
+    assert_eq!(widths.len(), 4);
+    for w in widths {
         println!("{w:?}");
         assert_part(w.lateral_mm, w.lateral_expected_mm, 0.15, "lateral width");
         assert_part(w.axial_mm, w.axial_expected_mm, 0.15, "axial width");
