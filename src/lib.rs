@@ -50,6 +50,7 @@
 //! | [`report`] | reports, sheets, pictures of scenes |
 //! | [`station`] | station files |
 //! | [`sink`] | files, and live displays; features `video`, `browser`, `window` |
+//! | [`presented`] | frames on their way to viewers: pose, times, pixels |
 //! | [`generator`] | models that translate frames; feature `generator` |
 //! | [`quality`], [`selftest`] | measures of pictures, known answers |
 //! | [`exam`] | simulated sessions, scores |
@@ -103,6 +104,8 @@ pub mod report;
 pub mod station;
 
 pub mod sink;
+
+pub mod presented;
 
 pub mod generator;
 

@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use crate::pose::Pose;
+use crate::presented::FrameSource;
 use crate::settings::ChoiceSettings;
-use crate::sink::live::FrameSource;
 
 /// Upper limit of the number of consecutive ready frames required before generated pictures are shown again.
 const ROW_MAX: u32 = 256;

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::clock::Clock;
 use crate::pose::{Estimate, TrackingState};
-use crate::sink::live::{FrameInfo, NewMeasurements};
+use crate::presented::{FrameInfo, NewMeasurements};
 
 /// The measurements that the presented frames showed so far.
 #[derive(Debug, Default)]

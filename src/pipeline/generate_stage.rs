@@ -11,8 +11,7 @@ use super::generator_link::{GeneratorLink, Run, RunEnd};
 use super::parts::{FrameGenerators, GenerateError};
 use super::rendered::Rendered;
 use super::slot::{Slot, Taken};
-use crate::sink::live::FrameInfo;
-use crate::sink::pool::Pool;
+use crate::presented::{FrameInfo, Pool};
 
 /// Buffers of generated frames: two in the presenter during an exchange, one in the slot, one to fill.
 const FRAMES: usize = 4;

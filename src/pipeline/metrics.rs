@@ -12,7 +12,7 @@ use super::histogram::Histogram;
 use super::summary::MisplacedSummary;
 use crate::chooser::PointSummary;
 use crate::pose::TrackingState;
-use crate::sink::live::{FrameInfo, FrameSource, PresentedFrame};
+use crate::presented::{FrameInfo, FrameSource, PresentedFrame};
 use crate::statistics::upper_median;
 use crate::transducer::Misplacement;
 use crate::transducer::placement::Untouched;

@@ -15,11 +15,10 @@ use super::rendered::Rendered;
 use super::shutdown::Stop;
 use super::slot::{Slot, Taken};
 use crate::look::{Look, Shape};
+use crate::presented::{FrameInfo, FrameSource, FrameTimeline, Pool, PresentedFrame};
 use crate::render::Frame;
 use crate::settings::ChoiceSettings;
 use crate::sink::FrameLog;
-use crate::sink::live::{FrameInfo, FrameSource, FrameTimeline, PresentedFrame};
-use crate::sink::pool::Pool;
 
 /// Frame buffers shared by all sinks; without a free buffer, a frame is dropped.
 const FRAMES: usize = 64;

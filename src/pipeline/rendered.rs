@@ -4,8 +4,8 @@ use std::sync::{Arc, RwLock};
 use std::time::Duration;
 
 use super::parts::ImageShape;
+use crate::presented::{FrameInfo, PointText};
 use crate::render::Frame;
-use crate::sink::live::{FrameInfo, PointText};
 
 /// A frame between the stages: rendered, or black if there is no picture.
 #[derive(Debug, Default)]

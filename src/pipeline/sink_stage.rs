@@ -11,7 +11,8 @@ use super::metrics::{count, counted};
 use super::shutdown::{Joined, Thread, spawn};
 use super::slot::{Slot, Taken};
 use super::summary::SinkSummary;
-use crate::sink::live::{LiveSink, PresentedFrame};
+use crate::presented::PresentedFrame;
+use crate::sink::live::LiveSink;
 
 /// Consecutive failures after which a sink is closed.
 const FAILURES: u32 = 5;

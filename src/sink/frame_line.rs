@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-use super::live::PresentedFrame;
+use crate::presented::PresentedFrame;
 use crate::transducer::Contact;
 
 /// Fields of a frame's line. Times are ms since the session began.

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use super::SinkError;
 use super::file::create;
 use super::frame_line::FrameLine;
-use super::live::PresentedFrame;
+use crate::presented::PresentedFrame;
 
 /// Bytes that may wait for the disk: about four minutes of lines at 30 frames a second.
 const WAITING_MAX: usize = 4 << 20;

@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use super::live::{LiveSink, PresentedFrame};
+use super::live::LiveSink;
 use super::{FrameRate, SinkError, Video};
+use crate::presented::PresentedFrame;
 
 /// Longest pause in the video, s; longer pauses of the session are cut to it.
 const PAUSE_MAX_S: u64 = 10;
@@ -70,7 +71,7 @@ impl LiveSink for LiveVideo {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::sink::live::{FrameInfo, FrameTimeline};
+    use crate::presented::{FrameInfo, FrameTimeline};
 
     /// Grey levels between frames, well above the encoder's loss.
     const LEVELS: u8 = 36;

@@ -33,8 +33,6 @@ mod frame_rate;
 mod growing_mp4;
 pub(crate) mod layers;
 mod live_kind;
-#[cfg(feature = "live")]
-pub(crate) mod pool;
 
 pub use error::SinkError;
 pub(crate) use error::check_shape;

@@ -1,7 +1,8 @@
 //! A live sink that shows nothing.
 
 use super::SinkError;
-use super::live::{LiveSink, PresentedFrame};
+use super::live::LiveSink;
+use crate::presented::PresentedFrame;
 
 /// Takes every frame and shows none: for measurements, and for stations that only record.
 #[derive(Debug, Clone, Copy, Default)]

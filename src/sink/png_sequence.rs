@@ -7,8 +7,9 @@ use std::path::{Path, PathBuf};
 use super::SinkError;
 use super::file::create;
 use super::frame_line::FrameLine;
-use super::live::{LiveSink, PresentedFrame};
+use super::live::LiveSink;
 use super::png::{self, Effort};
+use crate::presented::PresentedFrame;
 
 /// File with a line for each image.
 const INDEX: &str = "index.jsonl";

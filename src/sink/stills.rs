@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use super::live::{LiveSink, PresentedFrame};
+use super::live::LiveSink;
 use super::{SinkError, png, remove};
+use crate::presented::PresentedFrame;
 
 /// Writes a PNG every `period`, named by presentation time and frame source.
 pub struct Stills {

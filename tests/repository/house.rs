@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use proc_macro2::{Delimiter, TokenStream, TokenTree};
 
 /// Rooms from the highest to the lowest. Those of one line do not import each other.
-const ORDER: [&[&str]; 20] = [
+const ORDER: [&[&str]; 21] = [
     &["pipeline"],
     &["chooser"],
     &["evaluation"],
@@ -23,6 +23,7 @@ const ORDER: [&[&str]; 20] = [
     &["report"],
     &["station"],
     &["sink"],
+    &["presented"],
     &["generator"],
     &["selftest", "quality"],
     &["exam"],

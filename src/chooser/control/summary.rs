@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::{PointChange, PointController};
-use crate::sink::live::PointText;
+use crate::presented::PointText;
 
 /// Most changes that a summary lists.
 const LISTED: usize = 100;

@@ -31,10 +31,10 @@ use super::rendered::{Rendered, blacken};
 use super::shutdown::Stop;
 use super::slot::Slot;
 use crate::chooser::PointController;
+use crate::presented::{FrameInfo, FrameTimeline, PointText, Pool};
 use crate::render::{FRAMES_IN_FLIGHT, Frame, FrameQuality};
 use crate::settings::Choice;
-use crate::sink::live::{FrameInfo, FrameTimeline, MapsWanted, PointText};
-use crate::sink::pool::Pool;
+use crate::sink::live::MapsWanted;
 
 /// Buffers for rendered frames: in the slots, the generator and the presenter, and one to fill.
 const FRAMES: usize = 8;

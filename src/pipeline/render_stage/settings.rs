@@ -6,9 +6,9 @@ use std::sync::atomic::Ordering;
 use super::{Device, RenderStage};
 use crate::pipeline::generator_link::RunEnd;
 use crate::pipeline::parts::RenderFault;
+use crate::presented::PointText;
 use crate::render::FrameQuality;
 use crate::settings::LiveSettings;
-use crate::sink::live::PointText;
 
 impl RenderStage {
     /// Applies the controls received since the last frame.

@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use super::{Device, RenderStage};
 use crate::chooser::PointController;
+use crate::presented::PointText;
 use crate::render::FrameQuality;
 use crate::settings::{Change, LiveSettings, SettingsGroup as _};
-use crate::sink::live::PointText;
 
 /// Longest time of a frame that a watcher may ask for.
 const FRAME_MAX: Duration = Duration::from_secs(1);

@@ -5,7 +5,7 @@ use std::time::Duration;
 use glam::DVec3;
 
 use crate::pose::{Pose, TrackingState};
-use crate::sink::live::FrameInfo;
+use crate::presented::FrameInfo;
 
 /// Time of good poses without contact that is told.
 const UNTOUCHED_FOR: Duration = Duration::from_secs(20);
@@ -73,7 +73,7 @@ impl UntouchedWatch {
 mod tests {
     use super::*;
     use crate::pose::Estimate;
-    use crate::sink::live::FrameTimeline;
+    use crate::presented::FrameTimeline;
     use crate::transducer::Contact;
 
     /// A frame of a tracked probe at a tenth of a second.

@@ -12,10 +12,10 @@ use super::server;
 use super::shared::{ClientCounters, FrameSet, Shared};
 use super::wire::{self, Map};
 use super::{SceneInfo, Settings, messages};
+use crate::presented::{Pool, PresentedFrame};
 use crate::settings::Control;
 use crate::sink::SinkError;
-use crate::sink::live::{LiveSink, MapsWanted, PresentedFrame};
-use crate::sink::pool::Pool;
+use crate::sink::live::{LiveSink, MapsWanted};
 
 const NAME: &str = "browser";
 

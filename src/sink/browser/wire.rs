@@ -30,7 +30,7 @@ use std::time::Duration;
 
 use super::super::SinkError;
 use super::super::error::check_shape;
-use super::super::live::{FrameSource, PresentedFrame};
+use crate::presented::{FrameSource, PresentedFrame};
 use crate::settings::{Setting, live_settings};
 use crate::transducer::placement::Fault;
 
@@ -148,8 +148,8 @@ fn text(text: Option<&str>) -> &str {
 mod tests {
     use super::*;
     use crate::pose::{Estimate, Pose, TrackingState};
+    use crate::presented::{FrameInfo, FrameTimeline, PointText};
     use crate::settings::LiveSettings;
-    use crate::sink::live::{FrameInfo, FrameTimeline, PointText};
     use crate::transducer::{Contact, Misplacement};
 
     fn frame() -> PresentedFrame {

@@ -14,10 +14,10 @@ use tokio_util::sync::CancellationToken;
 use super::Settings;
 use super::server::{Counters, Encoded, Latest, Server, listen};
 use crate::pose::{Pose, TrackingState};
+use crate::presented::{Pool, PresentedFrame};
 use crate::sink::SinkError;
 use crate::sink::error::check_shape;
-use crate::sink::live::{LiveSink, PresentedFrame};
-use crate::sink::pool::Pool;
+use crate::sink::live::LiveSink;
 use crate::tracker::openigtlink::message;
 use crate::transducer::{Probe, Sector};
 

@@ -15,10 +15,10 @@ use super::Settings;
 use super::graphics::{Drawing, Drawn, Graphics};
 use super::marks::{self, Banner, Figures};
 use super::sink::{NAME, Shown, Wake, WindowSlot};
+use crate::presented::FrameInfo;
 use crate::settings::{Action, Control, Display, LiveSettings, hot_key};
 use crate::sink::SinkError;
 use crate::sink::canvas::Canvas;
-use crate::sink::live::FrameInfo;
 
 /// Time without a new frame after which a picture that is not frozen is shown as not live.
 const SILENCE: Duration = Duration::from_secs(2);

@@ -3,10 +3,10 @@
 //! Drawn on the CPU into a canvas of the window's size, only when a mark changes. Black is transparent.
 
 use crate::pose::TrackingState;
+use crate::presented::FrameSource;
 use crate::settings::{Display, hot_keys};
 use crate::sink::canvas::{Canvas, Text};
 use crate::sink::colour::Rgb;
-use crate::sink::live::FrameSource;
 
 use super::sink::Shown;
 

@@ -5,9 +5,10 @@ use std::time::Duration;
 
 use winit::event_loop::EventLoopProxy;
 
+use crate::presented::{FrameInfo, FrameSource, PresentedFrame};
 use crate::sink::SinkError;
 use crate::sink::error::check_shape;
-use crate::sink::live::{FrameInfo, FrameSource, LiveSink, PresentedFrame};
+use crate::sink::live::LiveSink;
 
 pub(super) const NAME: &str = "window";
 

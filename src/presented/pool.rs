@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-/// Reusable items. The pool belongs to the one thread that fills them.
+/// Reusable items. The pool belongs to the thread that fills them.
 #[derive(Debug)]
 pub(crate) struct Pool<T> {
     items: Vec<Arc<T>>,
@@ -15,7 +15,8 @@ impl<T: Default> Pool<T> {
         Self { items: Vec::new(), limit }
     }
 
-    /// Fills a free item, created if necessary. If all `limit` items are held elsewhere, `fill` is not called: `None`.
+    /// Fills a free item, which is created if necessary. Returns `None` without calling `fill` if all `limit` items
+    /// are held elsewhere.
     pub(crate) fn fill<R>(&mut self, fill: impl FnOnce(&mut T) -> R) -> Option<(Arc<T>, R)> {
         let index = match self.items.iter().position(|item| Arc::strong_count(item) == 1) {
             Some(index) => index,
