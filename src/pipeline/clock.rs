@@ -15,7 +15,8 @@ pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Exponential moving average of times: `next` has the weight `weight`. A zero `mean` is replaced by `next`.
+/// Next value of an exponential moving average of durations: `next` has the weight `weight` (0..=1). A zero `mean`
+/// means that there is no average yet; the result is then `next`.
 pub(super) fn smoothed(mean: Duration, next: Duration, weight: f64) -> Duration {
     if mean.is_zero() { next } else { mean.mul_f64(1.0 - weight) + next.mul_f64(weight) }
 }
@@ -41,7 +42,7 @@ impl Signal {
 
 /// Time source of a session, and its waits.
 pub trait Clock: Debug + Send + Sync {
-    /// Time since the session began; it never runs backward.
+    /// Time since the start of the session; it never runs backward.
     fn now(&self) -> Duration;
 
     /// Start of the session, ns since 1970 (UTC).
@@ -53,14 +54,14 @@ pub trait Clock: Debug + Send + Sync {
     /// Wakes all threads that wait for `signal`.
     fn notify(&self, signal: &Signal);
 
-    /// Registers a thread that is about to be started. Returns its place.
+    /// Registers a thread that is about to be started. Returns the thread's index, from 0.
     fn enrol(&self) -> usize;
 
-    /// Called first by the thread registered as `place`.
-    fn enter(&self, place: usize);
+    /// Must be the first call of the thread with the index `thread`.
+    fn enter(&self, thread: usize);
 
-    /// Called last by the thread registered as `place`.
-    fn leave(&self, place: usize);
+    /// Must be the last call of the thread with the index `thread`.
+    fn leave(&self, thread: usize);
 
     /// Current time, ns since 1970 (UTC). Monotonic: changes of the system time during the session have no effect.
     fn unix_ns(&self) -> u64 {
@@ -86,7 +87,7 @@ pub trait Clock: Debug + Send + Sync {
     }
 }
 
-/// The machine's monotonic clock, starting at the construction of this value.
+/// The machine's monotonic clock. Its time 0 is the construction of this value.
 #[derive(Debug)]
 pub struct SystemClock {
     start: Instant,
@@ -96,7 +97,7 @@ pub struct SystemClock {
 impl SystemClock {
     /// A session that begins now.
     pub fn new() -> Self {
-        // Same clock as the time stamps of the tracker's bytes.
+        // Both starts are read together: the tracker's bytes carry time stamps of the same clock as `start_unix_ns`.
         Self { start_unix_ns: crate::tracker::host_time_ns(), start: Instant::now() }
     }
 }

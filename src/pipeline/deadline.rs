@@ -6,10 +6,10 @@ use crate::pose::Pose;
 use crate::presented::FrameSource;
 use crate::settings::ChoiceSettings;
 
-/// Upper limit of the number of consecutive ready frames required before generated pictures are shown again.
-const ROW_MAX: u32 = 256;
+/// Upper limit of `frames_required`.
+const FRAMES_REQUIRED_MAX: u32 = 256;
 
-/// Whether the picture made at `held` may be shown at `pose`.
+/// Whether a picture of the pose `held` may be shown for a frame of the pose `pose`: both are close enough.
 pub(super) fn near(settings: &ChoiceSettings, held: &Pose, pose: &Pose) -> bool {
     held.position_mm.distance(pose.position_mm) <= settings.hold_mm
         && held.orientation.angle_between(pose.orientation).to_degrees() <= settings.hold_deg
@@ -21,13 +21,14 @@ pub(super) struct DeadlineChooser {
     settings: ChoiceSettings,
     /// Whether generated pictures are currently shown.
     generated: bool,
-    /// Consecutive frames whose own generated picture was ready in time.
+    /// Consecutive frames whose own generated picture was ready before the deadline.
     in_time: u32,
     last_in_time: Option<u64>,
     /// Consecutive frames for which a held picture could have been shown.
     near: u32,
-    /// Consecutive frames currently required before generated pictures are shown.
-    row: u32,
+    /// Consecutive frames in time that are required before generated pictures are shown. It grows when they could not
+    /// be kept up.
+    frames_required: u32,
     /// Frames since the last switch to generated pictures.
     since_change: u32,
 }
@@ -35,16 +36,18 @@ pub(super) struct DeadlineChooser {
 impl DeadlineChooser {
     /// A chooser that starts with raw frames, until generated ones have been ready for long enough.
     pub(super) fn new(settings: ChoiceSettings) -> Self {
-        let row = settings.steady_frames.clamp(1, ROW_MAX);
-        Self { settings, generated: false, in_time: 0, last_in_time: None, near: 0, row, since_change: 0 }
+        let frames_required = settings.steady_frames.clamp(1, FRAMES_REQUIRED_MAX);
+        Self { settings, generated: false, in_time: 0, last_in_time: None, near: 0, frames_required, since_change: 0 }
     }
 
-    /// Whether to wait for the frame's own generated picture: they are shown already, or this frame could be the first.
+    /// Whether to wait for the frame's own generated picture: generated pictures are shown already, or could be from
+    /// this frame on.
     pub(super) fn waits(&self) -> bool {
-        self.generated || self.in_time >= self.row
+        self.generated || self.in_time >= self.frames_required
     }
 
-    /// Reports that the generated picture of frame `number` was ready at `ready`, to be used until `deadline`.
+    /// Reports that the generated picture of frame `number` was ready at the time `ready`. It is in time if that is
+    /// before `deadline`.
     pub(super) fn ready(&mut self, number: u64, ready: Duration, deadline: Duration) {
         if ready > deadline {
             self.in_time = 0;
@@ -61,13 +64,13 @@ impl DeadlineChooser {
         self.near = if held_near { self.near.saturating_add(1) } else { 0 };
         self.since_change = self.since_change.saturating_add(1);
         if self.generated && !own_ready && !held_near {
-            // A switch back soon after the switch: the generator is at its limit.
-            self.row = match self.since_change {
-                soon if soon <= 4 * self.row => (2 * self.row).min(ROW_MAX),
-                _ => self.settings.steady_frames.clamp(1, ROW_MAX),
+            // A switch back soon after the switch to generated pictures: the generator is at its limit.
+            self.frames_required = match self.since_change {
+                soon if soon <= 4 * self.frames_required => (2 * self.frames_required).min(FRAMES_REQUIRED_MAX),
+                _ => self.settings.steady_frames.clamp(1, FRAMES_REQUIRED_MAX),
             };
             (self.generated, self.in_time, self.near, self.since_change) = (false, 0, 0, 0);
-        } else if !self.generated && self.in_time.max(self.near) >= self.row && (own_ready || held_near) {
+        } else if !self.generated && self.in_time.max(self.near) >= self.frames_required && (own_ready || held_near) {
             (self.generated, self.since_change) = (true, 0);
         }
         match (self.generated, own_ready) {

@@ -31,7 +31,7 @@ pub(super) struct Events {
     clock: Arc<dyn Clock>,
     observer: Option<Arc<dyn Observer>>,
     notice: Arc<Mutex<Option<(String, Duration)>>>,
-    /// Fault that is shown until it ends, when there is no other notice.
+    /// Fault that is shown until it ends, while no other notice is shown.
     lasting: Arc<Mutex<Option<String>>>,
 }
 
@@ -52,7 +52,7 @@ impl Events {
         *lock(&self.notice) = Some((text, self.clock.now().saturating_add(NOTICE_TIME)));
     }
 
-    /// Shows a text as [`Self::show`] does, unless another notice still has its 5 s.
+    /// Shows a text as [`Self::show`] does, unless another notice is still within its 5 s.
     pub(super) fn show_if_free(&self, text: String) {
         let (mut notice, now) = (lock(&self.notice), self.clock.now());
         if notice.as_ref().is_none_or(|(shown, until)| now >= *until || *shown == text) {
@@ -60,15 +60,15 @@ impl Events {
         }
     }
 
-    /// Reports a fault: logs it, records it, and shows it on the frames until [`Self::end_lasting`]. Newer notices hide it for
-    /// their 5 s.
+    /// Reports a fault: logs it, records it, and shows it on the frames until [`Self::end_lasting`]. A newer notice
+    /// hides it for 5 s.
     pub(super) fn warn_while_it_lasts(&self, text: String) {
         tracing::warn!("{text}");
         self.record(&text);
         *lock(&self.lasting) = Some(text);
     }
 
-    /// Ends a fault that lasted.
+    /// Ends the fault that [`Self::warn_while_it_lasts`] reported.
     pub(super) fn end_lasting(&self) {
         *lock(&self.lasting) = None;
     }

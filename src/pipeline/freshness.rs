@@ -6,12 +6,12 @@ use super::clock::Clock;
 use crate::pose::{Estimate, TrackingState};
 use crate::presented::{FrameInfo, NewMeasurements};
 
-/// The measurements that the presented frames showed so far.
+/// The newest measurement that the presented frames have shown so far.
 #[derive(Debug, Default)]
 pub(super) struct Freshness {
-    /// Sampling of the last presented frame.
+    /// Time at which the last presented frame was sampled.
     sampled: Duration,
-    /// First byte of its newest measurement.
+    /// First byte of the newest measurement in that frame.
     first_byte: Option<Duration>,
     measurements: u64,
     jumps: u64,
@@ -21,7 +21,7 @@ impl Freshness {
     /// New measurements of the next presented frame. It also counts measurements of frames dropped before it.
     pub(super) fn next(&mut self, info: &FrameInfo, clock: &dyn Clock) -> NewMeasurements {
         let Estimate { measurements, jump, state, .. } = info.estimate;
-        // Without a renderer the frame is black: what it does not show, a later one does.
+        // Without a renderer the frame is black. Its measurements count for the next frame that has a picture.
         if info.pose().is_none() && state != TrackingState::Lost {
             return NewMeasurements::default();
         }

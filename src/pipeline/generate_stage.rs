@@ -13,7 +13,7 @@ use super::rendered::Rendered;
 use super::slot::{Slot, Taken};
 use crate::presented::{FrameInfo, Pool};
 
-/// Buffers of generated frames: two in the presenter during an exchange, one in the slot, one to fill.
+/// Buffers of generated frames: the presenter holds two during an exchange, the slot one, and one is filled.
 const FRAMES: usize = 4;
 
 /// A generated picture.
@@ -21,13 +21,13 @@ const FRAMES: usize = 4;
 pub(super) struct Generated {
     /// Number, pose and settings of the rendered frame.
     pub(super) info: FrameInfo,
-    /// Width and height of that frame, pixels.
+    /// Width and height of the rendered frame, pixels.
     pub(super) size: (u32, u32),
     /// Grey levels [height × width].
     pub(super) image: Vec<u8>,
-    /// Start and end of the run.
+    /// Start and end of the generator's run.
     pub(super) run: (Duration, Duration),
-    /// Deadline of that frame.
+    /// Deadline of the rendered frame.
     pub(super) deadline: Duration,
     /// Name of the generator.
     pub(super) generator: String,
@@ -94,7 +94,7 @@ impl GenerateStage {
             self.events.info(&format!("the generator that was given up is back after {after_s:.1} s"));
         }
         let mut state = lock(&self.link.state);
-        // Without a free buffer nothing has run.
+        // Without a free buffer the generator did not run.
         let end = filled.as_ref().map(|(_, result)| match result {
             Ok(()) => RunEnd::Done,
             Err(GenerateError::Terminated) => RunEnd::Terminated,
@@ -115,7 +115,8 @@ impl GenerateStage {
             Some((_, Err(reason))) => {
                 state.counts.failed += 1;
                 drop(state);
-                // The first in a row; the controller of operating points leaves a generator that fails again and again.
+                // Only the first of consecutive failures is logged. The controller of operating points stops using a
+                // generator that keeps failing.
                 if !std::mem::replace(failing, true) {
                     let generator = self.generators.name(generator);
                     self.events.warn(format!("generator {generator} failed: {reason}; the raw frame is shown"));

@@ -15,23 +15,25 @@ const GIVE_UP: Duration = Duration::from_secs(1);
 /// Weight of the latest run in the estimated duration.
 const WEIGHT: f64 = 0.2;
 
-/// Growth per run of the undisturbed duration: it adapts to a slower generator within a dozen runs.
+/// Growth per run of the undisturbed duration, a factor: the estimate adapts to a slower generator within a dozen
+/// runs.
 const FORGET: f64 = 1.0625;
 
-/// Frames without a wait after which one waits: otherwise every run is disturbed and the estimate never falls.
+/// Consecutive frames without a wait after which the next one waits in any case. Otherwise frames disturb every run,
+/// and the estimate never falls.
 const TRY_AGAIN: u32 = 16;
 
-/// Runs that may wait to be read.
+/// Capacity of the queue of runs that the controller has not read.
 const RUNS_WAITING: usize = 16;
 
 /// End of a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum RunEnd {
-    /// It gave a picture.
+    /// The run produced a picture.
     Done,
-    /// It was terminated: it took too long.
+    /// The run was terminated because it took too long.
     Terminated,
-    /// It failed, for this reason.
+    /// The run failed, for this reason.
     Failed(String),
 }
 
@@ -40,7 +42,7 @@ pub(super) enum RunEnd {
 pub(super) struct Run {
     /// Index of the generator.
     pub(super) generator: usize,
-    /// Duration.
+    /// Duration of the run.
     pub(super) took: Duration,
     pub(super) end: RunEnd,
 }
@@ -51,9 +53,9 @@ enum Hang {
     /// Within the time limit.
     #[default]
     No,
-    /// Termination was requested at this time.
+    /// Termination was requested at this time, but the run has not ended.
     Told(Duration),
-    /// Not responding. No stage waits for it any more; if it returns, the generator resumes.
+    /// The run does not respond, and no stage waits for it any more. If it returns after all, the generator resumes.
     GivenUp,
 }
 
@@ -64,9 +66,9 @@ pub(super) struct GeneratorState {
     given: Option<u64>,
     /// Frame being translated, and its start time.
     busy: Option<(u64, Duration)>,
-    /// Duration of a run, estimated from recent runs; zero before the first.
+    /// Expected duration of a run, a moving average; zero before the first run.
     estimate: Duration,
-    /// Undisturbed duration of a run: the fastest of recent runs; zero before the first.
+    /// Duration of an undisturbed run: the fastest of recent runs; zero before the first.
     undisturbed: Duration,
     /// Consecutive frames that did not wait for the generator.
     passed_over: u32,
@@ -88,7 +90,7 @@ impl GeneratorState {
         };
     }
 
-    /// Records a run for the controller. The oldest goes if nobody reads them.
+    /// Queues a run for the controller. A full queue drops its oldest run.
     pub(super) fn report(&mut self, run: Run) {
         if self.runs.len() == RUNS_WAITING {
             self.runs.pop_front();
@@ -96,7 +98,7 @@ impl GeneratorState {
         self.runs.push_back(run);
     }
 
-    /// Whether a frame waits for the generator, `until` at the latest.
+    /// Whether a frame waits for the generator, until the time `until` at the latest. Updates `passed_over`.
     fn takes_a_turn(&mut self, now: Duration, until: Duration) -> bool {
         let Some(end) = self.busy_until(now) else { return false };
         let waits = end <= until || self.passed_over >= TRY_AGAIN;
@@ -104,8 +106,8 @@ impl GeneratorState {
         waits
     }
 
-    /// Predicted completion time of queued work, if undisturbed; `MAX` if a run is overdue. `None` if idle or if a run
-    /// hangs.
+    /// Predicted completion time of the queued work if nothing disturbs it. `Duration::MAX` if a run is overdue;
+    /// `None` if the generator is idle or hangs.
     fn busy_until(&self, now: Duration) -> Option<Duration> {
         let given = self.given.filter(|_| self.hang == Hang::No)?;
         let run = self.undisturbed;
@@ -125,7 +127,7 @@ pub(super) struct GeneratorLink {
     place: Place,
     /// Notified after each frame that the generator translated or skipped.
     done: Signal,
-    /// Whether each generator reads the frames' maps.
+    /// Whether each generator reads the frames' maps, by its index.
     reads_maps: Vec<bool>,
 }
 
@@ -146,7 +148,7 @@ impl GeneratorLink {
         self.reads_maps.get(generator).is_some_and(|reads| *reads)
     }
 
-    /// Takes the oldest run that nobody has read.
+    /// Takes the oldest run that the controller has not read.
     pub(super) fn next_run(&self) -> Option<Run> {
         lock(&self.state).runs.pop_front()
     }
@@ -161,8 +163,8 @@ impl GeneratorLink {
         self.place.shares_with(place)
     }
 
-    /// Waits for the generator to finish its queued work, `until` at the latest. Waits only if the generator is predicted
-    /// to finish by then or was passed over too often. Returns whether it waited.
+    /// Waits for the generator to finish its queued work, until the time `until` at the latest. Waits only if the
+    /// generator should finish by then, or if too many frames in a row have not waited. Returns whether it waited.
     pub(super) fn wait_for_turn(&self, clock: &dyn Clock, until: Duration) -> bool {
         let (seen, now) = (self.done.generation(), clock.now());
         let waits = now < until && lock(&self.state).takes_a_turn(now, until);
@@ -178,7 +180,7 @@ impl GeneratorLink {
         (state.busy, state.hang) = (Some((number, now)), Hang::No);
     }
 
-    /// Records the end of the run. Returns whether it had been given up.
+    /// Records the end of the run. Returns whether the run had been given up.
     pub(super) fn end(&self) -> bool {
         let mut state = lock(&self.state);
         state.busy = None;
@@ -194,10 +196,11 @@ impl GeneratorLink {
         clock.notify(&self.done);
     }
 
-    /// Predicted completion time of the picture of frame `number`, which was handed to the generator.
+    /// Predicted time at which the generated picture of frame `number` is ready. The frame must have been handed to
+    /// the generator.
     pub(super) fn expected(&self, number: u64, now: Duration) -> Option<Duration> {
         let state = lock(&self.state);
-        // The end of a hanging run cannot be predicted, nor that of the next one.
+        // Neither a hanging run nor the run after it has a predictable end.
         if state.estimate.is_zero() || state.hang != Hang::No {
             return None;
         }
@@ -220,7 +223,7 @@ impl GeneratorLink {
         }
     }
 
-    /// Terminates an overlong run, and gives it up if it does not end. Returns a message to report.
+    /// Terminates a run that takes too long, and gives it up if it then does not end. Returns a message to report.
     pub(super) fn watch(&self, now: Duration) -> Option<String> {
         let mut state = lock(&self.state);
         let (number, started) = state.busy?;
@@ -297,7 +300,7 @@ mod tests {
         let waited: Vec<bool> = (0..34).map(|_| state.takes_a_turn(ms(10), ms(75))).collect();
         assert_eq!(waited.iter().filter(|w| **w).count(), 2);
         assert!(waited[16] && waited[33]);
-        // The undisturbed run corrects the estimate.
+        // An undisturbed run lowers the estimate again.
         state.took(ms(40));
         assert!(state.takes_a_turn(ms(10), ms(75)));
     }

@@ -14,7 +14,7 @@ pub struct Generators {
 }
 
 impl Generators {
-    /// The generators; none if there is none.
+    /// Generators that share one provider; `None` if `generators` is empty.
     pub fn new(generators: Vec<Generator>) -> Option<Self> {
         let first = generators.first()?;
         let (provider, place) = (first.provider(), first.place());
@@ -54,7 +54,7 @@ impl FrameGenerators for Generators {
         self.provider.can_stop().then(|| -> Terminator {
             Arc::new(move || {
                 for run in &runs {
-                    // Only one generator has a run to terminate.
+                    // Only one generator runs at a time, so at most one of these calls has an effect.
                     run.terminate();
                 }
             })

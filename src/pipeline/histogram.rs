@@ -6,10 +6,10 @@ use serde::Serialize;
 
 use super::clock::ms;
 
-/// Buckets per doubling; relative error of a percentile: 1/32.
+/// Buckets per doubling of the duration; the relative error of a percentile is at most 1/32.
 const STEPS: usize = 32;
 
-/// Doublings, from 1 µs to 36 minutes.
+/// Doublings that the histogram covers, from 1 µs to 36 minutes.
 const DOUBLINGS: usize = 32;
 
 /// Histogram of durations, with 32 buckets per doubling from 1 µs on.
@@ -37,7 +37,8 @@ impl Histogram {
         self.max = self.max.max(time);
     }
 
-    /// Percentile `percent` (0..=100) by nearest rank, at most 1/32 above the true one; none if empty.
+    /// Percentile `percent` (0..=100) of the durations by nearest rank, at most 1/32 above the exact value; none
+    /// without durations.
     pub(crate) fn percentile(&self, percent: f64) -> Option<Duration> {
         let rank = ((percent / 100.0 * self.count as f64).ceil() as u64).clamp(1, self.count.max(1));
         let mut below = 0;
@@ -48,7 +49,7 @@ impl Histogram {
         Some(Duration::from_micros(upper_bound(index)).min(self.max))
     }
 
-    /// p50, p95, p99 and maximum; none if empty.
+    /// 50th, 95th and 99th percentiles and the maximum; none without durations.
     pub(crate) fn percentiles(&self) -> Option<Percentiles> {
         let at = |percent| self.percentile(percent).map(ms);
         Some(Percentiles {
@@ -71,7 +72,7 @@ fn bucket(us: u64) -> usize {
     ((u64::from(doubling) + 1) * steps + (us >> doubling) - steps) as usize
 }
 
-/// Greatest time of a bucket, µs.
+/// Greatest time in bucket `index`, µs.
 fn upper_bound(index: usize) -> u64 {
     let (doubling, step) = (index / STEPS, (index % STEPS) as u64);
     match doubling.checked_sub(1) {

@@ -30,10 +30,10 @@ use crate::tracker::{self, ProbeSensor, Protocol, TrackerError};
 /// Reason why a station's session cannot begin.
 #[derive(Debug, Error)]
 pub enum LiveError {
-    /// No renderer.
+    /// No renderer can be made.
     #[error(transparent)]
     Render(#[from] RenderError),
-    /// No operating point.
+    /// No operating point can be chosen.
     #[error(transparent)]
     Chooser(#[from] ChooserError),
     /// A provider that the station asks for is unavailable.
@@ -44,13 +44,13 @@ pub enum LiveError {
         /// Cause.
         source: GeneratorError,
     },
-    /// No recording.
+    /// The recording can't be started.
     #[error(transparent)]
     Record(#[from] RecordError),
-    /// No tracker.
+    /// The tracker can't be started.
     #[error(transparent)]
     Tracker(#[from] TrackerError),
-    /// No sink.
+    /// A sink can't be opened.
     #[error(transparent)]
     Sink(#[from] SinkError),
     /// A sink that this build lacks.
@@ -69,7 +69,7 @@ pub struct LiveStation {
     pub parts: Parts,
     /// Sender of the watchers' controls. It must outlive the session, or the channel closes if no sink takes input.
     pub control: mpsc::Sender<Control>,
-    /// Sentences for the user: the operating point, addresses of displays.
+    /// Sentences for the user: the operating point and the addresses of displays.
     pub messages: Vec<String>,
     /// Slot of the native window, which the main thread has to show.
     #[cfg(feature = "window")]
@@ -78,8 +78,9 @@ pub struct LiveStation {
 }
 
 impl LiveStation {
-    /// Loads the station's generators if they are wanted, and chooses the operating point at `pose`, else at the station's.
-    /// The station's settings become those of the point. Generators that can't be used are logged, and frames stay raw.
+    /// Loads the station's generators if they are wanted, and chooses the operating point for a view of the scene
+    /// from `pose`, or from the station's pose. The settings of the point replace the station's. Generators that
+    /// can't be used are logged, and frames stay raw.
     ///
     /// # Errors
     /// No renderer, no operating point, or a provider of generators that the station asks for and the machine lacks.
@@ -110,8 +111,9 @@ impl LiveStation {
         })
     }
 
-    /// Records the session to `path`: the bytes of a tracker of this protocol and choice of the probe, poses, settings and events.
-    /// `adapter` names the rendering device. The slot holds the result after the session. Call it before [`Self::track`].
+    /// Records the session to `path`: tracker bytes, poses, settings and events. The pair is the tracker's protocol
+    /// and the choice of the probe's sensor; `adapter` names the rendering device. The returned slot holds the result
+    /// after the session. Call this before [`Self::track`].
     ///
     /// # Errors
     /// The file can't be made, or the station file can't be read again.
@@ -134,7 +136,7 @@ impl LiveStation {
     /// Starts the tracker that feeds `poses`.
     ///
     /// # Errors
-    /// As [`TrackedPoses::track`].
+    /// Errors of [`TrackedPoses::track`].
     pub fn track(&mut self, poses: &TrackedPoses, tracker: &tracker::Settings) -> Result<(), LiveError> {
         let part = poses.track(tracker, self.recording.clone(), self.parts.stop.clone())?;
         self.parts.tracker = Some(poses.watch());
@@ -142,7 +144,7 @@ impl LiveStation {
         Ok(())
     }
 
-    /// Opens the sinks, whose files lie below `out`.
+    /// Opens the sinks of the station. They write their files below `out`.
     ///
     /// # Errors
     /// A sink that can't be opened, or that this build lacks.
@@ -218,7 +220,7 @@ pub fn scene_info(station: &Station, scene: &Scene) -> crate::sink::browser::Sce
     SceneInfo { tissues: station.tissues.names().to_vec(), surfaces: Some(surfaces), measures: measures(station) }
 }
 
-/// Measures of the station's standard planes, each once; none for a scene without planes.
+/// Measures of the station's standard planes, each name once; empty for a scene without planes.
 #[cfg(feature = "browser")]
 fn measures(station: &Station) -> Vec<crate::sink::browser::MeasureInfo> {
     use crate::anatomy::planes::{CaliperKind, PlanesError};
@@ -244,7 +246,7 @@ fn measures(station: &Station) -> Vec<crate::sink::browser::MeasureInfo> {
     measures
 }
 
-/// The station's generators; none without models, without ONNX Runtime, or if every model is refused.
+/// The station's generators; empty without models, without ONNX Runtime, or if every model is refused.
 fn generators(station: &Station, messages: &mut Vec<String>) -> Result<Vec<Generator>, LiveError> {
     let loaded = match load_generators(&station.generator, station.tissues.names()) {
         Ok(loaded) => loaded,

@@ -25,7 +25,8 @@ impl LocalRendererFactory {
         Ok(Self { backend, bvh: Arc::new(Bvh::build(&scene)?), scene })
     }
 
-    /// The same factory; a GPU that takes longer than `wait` for a frame counts as lost. Software may take any time.
+    /// The same factory, except that a GPU that takes longer than `wait` for a frame counts as lost. Rendering on the
+    /// processor has no limit.
     #[must_use]
     pub fn answering_within(self, wait: Duration) -> Self {
         let software = self.backend.is_software();
@@ -35,7 +36,7 @@ impl LocalRendererFactory {
     /// A renderer on the open backend.
     ///
     /// # Errors
-    /// The same as those of [`Renderer::new`].
+    /// Errors of [`Renderer::new`].
     pub(crate) fn build_renderer(&self, probe: &Probe, settings: &RenderSettings) -> Result<Renderer, RenderError> {
         Renderer::with_bvh(&self.backend, &self.scene, self.bvh.clone(), probe, settings)
     }
@@ -48,7 +49,8 @@ impl RendererFactory for LocalRendererFactory {
     }
 }
 
-/// `Renderer::…` calls the inherent functions, which take precedence over the trait's.
+/// The calls `Renderer::name(self)` below reach the inherent functions, which take precedence over the trait's
+/// functions of the same name.
 impl FrameRenderer for Renderer {
     fn shape(&self) -> ImageShape {
         let sector = self.sector();
@@ -64,7 +66,7 @@ impl FrameRenderer for Renderer {
     }
 
     fn reconfigure(&mut self, probe: &Probe, settings: &RenderSettings) -> Result<(), RenderFault> {
-        // Maps are switched on and off per frame.
+        // Maps are switched on and off by `set_maps`, for each frame.
         let settings = RenderSettings { maps: self.settings().maps, ..*settings };
         Renderer::reconfigure(self, probe, &settings).map_err(fault)
     }

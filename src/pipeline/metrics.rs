@@ -17,11 +17,13 @@ use crate::statistics::upper_median;
 use crate::transducer::Misplacement;
 use crate::transducer::placement::Untouched;
 
-/// Frames in the live figures: at most so many, presented at most so long before the last one.
+/// Limits of the recent frames behind the live figures: their number, and how long before the last frame they were
+/// presented.
 const RECENT: usize = 64;
 const RECENT_TIME: Duration = Duration::from_secs(3);
 
-/// Shortest time without a frame that is unusual, and intervals of recent frames that it lasts at least.
+/// A pause without frames is reported if it exceeds both limits: the duration, and this many intervals of recent
+/// frames.
 const SILENCE: (Duration, f64) = (Duration::from_secs(2), 3.0);
 
 /// Weight of the latest frame in the expected time from sampling to presentation.
@@ -34,13 +36,13 @@ pub struct Status {
     pub elapsed_s: f64,
     /// Frames presented.
     pub presented: u64,
-    /// Recent frame rate, Hz; 0 while no frame comes.
+    /// Recent frame rate, Hz; 0 during a reported pause.
     pub frames_per_s: f64,
-    /// Time without a frame, s, if that is unusually long.
+    /// Time since the last frame, s, if it is unusually long.
     pub silent_s: Option<f64>,
-    /// Median pose-to-present latency of the last 3 s, ms; none without new poses in them.
+    /// Median pose-to-present latency of the last 3 s, ms; none without a new pose in that time.
     pub latency_ms: Option<f64>,
-    /// State of the shown pose.
+    /// Tracking state of the shown pose.
     #[serde(skip)]
     pub tracking: TrackingState,
     /// Source of the shown picture.
@@ -54,7 +56,7 @@ pub struct Status {
     pub dropped: u64,
     /// Damaged pieces of the tracker's stream.
     pub damaged: u64,
-    /// Recent fault.
+    /// Recent fault, as the frames show it.
     pub notice: Option<String>,
 }
 
@@ -75,12 +77,12 @@ pub(super) struct Metrics {
     pub(super) losses: AtomicU64,
     /// Devices rebuilt.
     pub(super) rebuilt: AtomicU64,
-    /// Controls applied, and refused.
+    /// Numbers of controls applied and refused.
     pub(super) controls: AtomicU64,
     pub(super) refused: AtomicU64,
     /// Expected time from sampling to presentation, ns.
     expected_ns: AtomicU64,
-    /// Operating points so far; none without a controller of operating points.
+    /// Summary of the operating points so far; none without a controller of operating points.
     points: Mutex<Option<PointSummary>>,
     shown: Mutex<Shown>,
 }
@@ -104,11 +106,11 @@ pub(super) struct Shown {
     tracking: TrackingState,
     source: FrameSource,
     frozen: bool,
-    /// Placement of the last frame.
+    /// Impossible placement of the probe in the last frame.
     placed: Option<Misplacement>,
 }
 
-/// Presentation time and pose-to-present latency of recent frames.
+/// Recent frames: presentation time, and pose-to-present latency if known.
 #[derive(Debug, Default)]
 struct Recent {
     frames: VecDeque<(Duration, Option<Duration>)>,
@@ -122,7 +124,7 @@ impl Recent {
         self.frames.push_back((presented, latency));
     }
 
-    /// Frames of the time before the last one, newest first; at least the last interval.
+    /// Frames within `RECENT_TIME` of the last one, newest first. The last two frames are always included.
     fn latest(&self) -> impl Iterator<Item = &(Duration, Option<Duration>)> {
         let from = self.frames.back().map_or(Duration::ZERO, |(last, _)| last.saturating_sub(RECENT_TIME));
         self.frames
@@ -142,7 +144,7 @@ impl Recent {
         }
     }
 
-    /// Median latency of the frames of the time before `now`, ms.
+    /// Median latency of the frames within `RECENT_TIME` before `now`, ms.
     fn median_ms(&self, now: Duration) -> Option<f64> {
         let from = now.saturating_sub(RECENT_TIME);
         let mut latencies = [Duration::ZERO; RECENT];
@@ -165,7 +167,7 @@ pub(super) fn counted(counter: &AtomicU64) -> u64 {
 }
 
 impl Metrics {
-    /// Records a frame that is handed to the sinks. Returns the number of frames presented so far.
+    /// Records a frame that is handed to the sinks. Returns the number of frames presented so far, including it.
     pub(super) fn presented(&self, frame: &PresentedFrame) -> u64 {
         let mut shown = lock(&self.shown);
         let FrameInfo { estimate, timeline: times, settings, .. } = &frame.info;
@@ -195,7 +197,7 @@ impl Metrics {
         shown.presented
     }
 
-    /// Expected time from sampling to presentation, by recent frames.
+    /// Expected time from sampling to presentation, from recent frames.
     pub(super) fn expected(&self) -> Duration {
         Duration::from_nanos(self.expected_ns.load(Ordering::Relaxed))
     }
@@ -210,7 +212,7 @@ impl Metrics {
         lock(&self.points).clone()
     }
 
-    /// Stores what is told of a probe that has never touched the skin; none once it has.
+    /// Stores the finding that the probe has never touched the skin; none once it has.
     pub(super) fn set_untouched(&self, untouched: Option<Untouched>) {
         lock(&self.shown).misplaced.untouched = untouched;
     }
@@ -285,7 +287,7 @@ mod tests {
         (0..20).for_each(|i| presented_at(&metrics, 3000 + 50 * i));
         assert_eq!((at(3960), at(5000)), ((20.0, None), (20.0, None)));
         assert_eq!(at(33_950), (0.0, Some(30.0)));
-        // At a slow rate the pauses are usual.
+        // Pauses that are long for a fast rate are usual at a slow one.
         let slow = Metrics::default();
         (0..20).for_each(|i| presented_at(&slow, 5000 * i));
         let silent_s = |ms| status(&slow, ms).silent_s;
@@ -323,7 +325,7 @@ mod tests {
     fn the_rate_is_that_of_the_last_seconds() {
         let metrics = Metrics::default();
         (0..20).for_each(|i| presented_at(&metrics, 50 * i));
-        // A pause of 30 s, and on at the same rate.
+        // A pause of 30 s, and then the same rate as before.
         (0..80).for_each(|i| presented_at(&metrics, 31_000 + 50 * i));
         let rate = status(&metrics, 34_960).frames_per_s;
         assert!((rate - 20.0).abs() < 1e-6, "{rate}");

@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use super::clock::smoothed;
 
-/// Lead of a submission over the expected end of the previous frame: time to sample the pose, record the passes
-/// and read back the finished frame while the device works.
+/// Time between a submission and the expected end of the previous frame. In it the pose is sampled, the passes are
+/// recorded and the finished frame is read back, while the device still works.
 const OVERLAP: Duration = Duration::from_millis(4);
 
 /// Weight of the latest frame in the estimated device time.
@@ -21,7 +21,7 @@ pub(super) struct Pace {
     period: Duration,
     /// Next tick.
     due: Duration,
-    /// Device time per frame.
+    /// Estimated time of a frame on the device.
     service: Duration,
     /// Predicted completion time of the device's queued work.
     free_at: Duration,
@@ -40,21 +40,21 @@ impl Pace {
         self.due.max(self.free_at.saturating_sub(OVERLAP))
     }
 
-    /// Records that a tick was used at `now`.
+    /// Records that a frame is submitted at `now`: it uses the latest tick that is due.
     pub(super) fn ticked(&mut self, now: Duration) {
         self.due += self.period;
-        // The latest tick up to `now` is still to come: its frame is only late.
+        // The latest tick up to `now` is not missed: its frame is only late.
         self.miss(now.saturating_sub(self.due));
     }
 
-    /// Records the end at `now`: ticks before it that have no frame are missed.
+    /// Records the end of the session at `now`: earlier ticks without a frame are missed.
     pub(super) fn ended(&mut self, now: Duration) {
         if self.due < now {
             self.miss(now - self.due + self.period - Duration::from_nanos(1));
         }
     }
 
-    /// Skips as many ticks as `time` has whole periods, and counts them as missed.
+    /// Skips the ticks of all whole periods in `time`, and counts them as missed.
     fn miss(&mut self, time: Duration) {
         let ticks = time.as_nanos() / self.period.as_nanos().max(1);
         self.missed += u64::try_from(ticks).unwrap_or(u64::MAX);
@@ -68,8 +68,8 @@ impl Pace {
         self.free_at
     }
 
-    /// Records that a frame submitted at `submitted` was done at `now`, with `left` still in flight. Returns its device
-    /// time: from its submission, or from the end of the previous frame if that was later.
+    /// Records that the frame submitted at `submitted` was done at `now`, with `left` frames still in flight. Returns
+    /// its time on the device: since its submission, or since the end of the previous frame if that was later.
     pub(super) fn rendered(&mut self, submitted: Duration, now: Duration, left: u32) -> Duration {
         let took = now.saturating_sub(submitted.max(self.last_rendered));
         self.service = smoothed(self.service, took, WEIGHT);
@@ -83,7 +83,7 @@ impl Pace {
         (self.free_at, self.last_rendered, self.service) = (now, now, Duration::ZERO);
     }
 
-    /// Device time per frame, by recent frames.
+    /// Estimated time of a frame on the device, from recent frames.
     pub(super) fn service(&self) -> Duration {
         self.service
     }
@@ -100,8 +100,8 @@ mod tests {
 
     const MS: Duration = Duration::from_millis(1);
 
-    /// Submission times, latencies and missed ticks on a device that takes `device` per frame. Each tick up to the last
-    /// submission, whose frame ends the session, is used or missed.
+    /// Submission times, latencies and number of missed ticks on a device that takes `device` per frame. Each tick up
+    /// to the last submission, whose frame ends the session, is used or missed.
     fn run(period: Duration, device: Duration, frames: u32) -> (Vec<Duration>, Vec<Duration>, u64) {
         let mut pace = Pace::new(period, Duration::ZERO);
         let (mut now, mut device_free) = (Duration::ZERO, Duration::ZERO);
@@ -153,7 +153,7 @@ mod tests {
 
     #[test]
     fn a_device_a_little_too_slow_misses_few_ticks() {
-        // 55 ms for ticks of 50 ms: a tick in eleven.
+        // Frames take 55 ms and ticks come every 50 ms: one tick in eleven is missed.
         let (_, _, missed) = run(MS * 50, MS * 55, 220);
         assert!((20..=23).contains(&missed), "of 242 ticks: {missed}");
     }
@@ -162,7 +162,8 @@ mod tests {
     fn a_pause_costs_its_own_ticks_and_the_grid_stays() {
         let mut pace = Pace::new(MS * 50, Duration::ZERO);
         pace.ticked(Duration::ZERO);
-        // The frame of the tick at 50 ms comes at 230 ms: of those at 100, 150 and 200 ms, the last can still be used.
+        // The frame of the tick at 50 ms is done at 230 ms. Of the ticks at 100, 150 and 200 ms, only the last can
+        // still be used.
         pace.ticked(MS * 230);
         assert_eq!((pace.submit_at(), pace.missed()), (MS * 200, 2));
         pace.ticked(MS * 231);

@@ -10,7 +10,8 @@ use crate::transducer::Probe;
 
 /// Source of probe poses.
 pub trait PoseSource: Send {
-    /// The pose for a frame submitted at `now_ns` and shown at `display_ns`, both ns since 1970 (UTC). Must not block.
+    /// Pose for a frame that is submitted at `now_ns` and shown at `display_ns`, both ns since 1970 (UTC). Must not
+    /// block.
     fn sample(&mut self, now_ns: u64, display_ns: u64) -> Estimate;
 }
 
@@ -69,7 +70,7 @@ pub trait FrameRenderer: Send {
     /// The device fails, or refuses the settings; the previous settings then remain.
     fn reconfigure(&mut self, probe: &Probe, settings: &RenderSettings) -> Result<(), RenderFault>;
 
-    /// Whether it renders synchronously, within `submit`.
+    /// Whether `submit` renders the frame itself, so that it returns only when the frame is done.
     fn renders_in_submit(&self) -> bool {
         false
     }
@@ -82,7 +83,8 @@ pub trait FrameRenderer: Send {
     /// Requests segmentation and attenuation for frames submitted from now on. Maps not requested may be empty.
     fn set_maps(&mut self, _wanted: bool) {}
 
-    /// Distance of the face's centre from the skin at a pose, mm; none without skin. Asked for once, when it is told.
+    /// Distance of the face's centre from the skin at a pose, mm; none without skin. Asked for only when it is
+    /// reported.
     fn skin_distance_mm(&self, _pose: &Pose) -> Option<f64> {
         None
     }
@@ -137,6 +139,6 @@ pub trait FrameGenerators: Send {
     /// The run fails, is terminated, or yields non-finite values.
     fn generate(&mut self, generator: usize, frame: &Frame, out: &mut Vec<u8>) -> Result<(), GenerateError>;
 
-    /// Function that terminates an overlong run; none if the provider cannot be stopped.
+    /// Function that terminates an overlong run; none if the provider cannot stop a run.
     fn terminator(&self) -> Option<Terminator>;
 }

@@ -30,22 +30,22 @@ pub(super) struct Presenter {
     pub(super) events: Events,
     pub(super) metrics: Arc<Metrics>,
     pub(super) choice: ChoiceSettings,
-    /// Notified by both slots.
+    /// Notified by the slots of rendered and of generated frames.
     pub(super) signal: Arc<Signal>,
     pub(super) rendered: Arc<Slot<Arc<Rendered>>>,
     pub(super) generated: Arc<Slot<Arc<Generated>>>,
     pub(super) generator: Option<Arc<GeneratorLink>>,
     pub(super) sinks: Vec<Arc<Slot<Arc<PresentedFrame>>>>,
-    /// Frames after which the session ends.
+    /// Number of presented frames after which the session ends.
     pub(super) frames_max: Option<u64>,
     /// Log of all presented frames.
     pub(super) log: Option<FrameLog>,
-    /// Whether the warning about frames that wait for the log was issued.
+    /// Whether the user was warned that frames wait for the log.
     pub(super) log_waited: bool,
 }
 
 impl Presenter {
-    /// Presents rendered frames until the slot is closed. Returns the log, to be completed.
+    /// Presents rendered frames until the slot is closed. Returns the log, which the caller finishes.
     pub(super) fn run(mut self) -> Option<FrameLog> {
         let mut state = State {
             chooser: DeadlineChooser::new(self.choice),
@@ -69,7 +69,7 @@ impl Presenter {
         self.log
     }
 
-    /// Waits for the next rendered frame; none at the end.
+    /// Waits for the next rendered frame; none at the session's end.
     fn next(&self, state: &mut State) -> Option<Arc<Rendered>> {
         loop {
             let seen = self.signal.generation();
@@ -98,7 +98,7 @@ impl Presenter {
         }
     }
 
-    /// Waits for the frame's own generated picture while it is expected before the deadline.
+    /// Waits for the frame's own generated picture, as long as it can come before the deadline.
     fn await_own(&self, rendered: &Rendered, state: &mut State) {
         let Some(generator) = &self.generator else { return };
         if !state.chooser.waits() || rendered.generator.is_none() || rendered.info.pose().is_none() {
@@ -159,7 +159,7 @@ impl Presenter {
             let settings = &rendered.info.settings.render;
             let angles = settings.look.independent_angles(&rendered.info.settings.probe);
             let shape = Shape::new(frame.width, frame.pixel_mm, &frame.mask, &settings.image, angles);
-            // Without a pose the picture is black: it must not show what was there before.
+            // Without a pose the picture is black. An earlier generated picture must not be shown instead.
             match rendered.info.pose() {
                 Some(_) => state.look.apply(&settings.look, shape, &mut frame.image),
                 None => state.look.reset(),
@@ -210,7 +210,7 @@ struct State {
 }
 
 impl State {
-    /// Whether the last generated picture is this frame's.
+    /// Whether the last generated picture belongs to this frame.
     fn is_own(&self, rendered: &Rendered) -> bool {
         self.held.as_ref().is_some_and(|held| held.info.number == rendered.info.number)
     }

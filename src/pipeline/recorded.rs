@@ -20,7 +20,7 @@ use crate::sink::{SinkError, create_dir};
 use crate::station::{SceneIdentity, Station};
 use crate::tracker::{ProbeSensor, Protocol};
 
-/// Name of events that record settings.
+/// Name of the events that record settings.
 pub(super) const SETTINGS_EVENT: &str = "settings";
 
 /// Observer that records a session.
@@ -50,8 +50,8 @@ impl Observer for RecordingObserver {
     }
 }
 
-/// Live settings after `event`, if it is a [`SETTINGS_EVENT`] or is named after a setting. Settings that it does not
-/// name stay as in `before`.
+/// Live settings after `event`, if it is a [`SETTINGS_EVENT`] or has the name of a setting. Settings that the event
+/// does not name keep their values of `before`.
 ///
 /// # Errors
 /// A value has the wrong type. Ranges are not checked.
@@ -60,7 +60,7 @@ pub(super) fn settings_after(event: &Event, before: &LiveSettings) -> Option<Res
     let value = event.value.as_ref()?;
     if event.name == SETTINGS_EVENT {
         let Some(values) = value.as_object() else { return Some(Err(format!("it is {value}, no table"))) };
-        // A later version may have further settings.
+        // A newer version of insonify may have recorded further settings; they are ignored.
         let read: Result<(), String> =
             values.iter().filter_map(|(key, value)| settings.read_json(key, value)).collect();
         return Some(read.map(|()| settings));
@@ -85,14 +85,14 @@ pub enum RecordError {
     /// The file can't be written.
     #[error(transparent)]
     Recording(#[from] RecordingError),
-    /// The recorder's thread.
+    /// The recorder's thread failed.
     #[error(transparent)]
     Recorder(#[from] RecorderError),
 }
 
-/// Starts recording a session of `station` to `path`, with the text of its file. In a replay, scene time is 0 at
-/// `start_time_ns`. The pair is the protocol of the tracker's bytes and the choice of the probe; `device` names the tracker, and
-/// `adapter` the rendering device.
+/// Starts a recording of `station`'s session at `path`, with the text of the station file. In a replay, scene time is
+/// 0 at `start_time_ns`. The pair is the protocol of the tracker's bytes and the choice of the probe's sensor.
+/// `device` names the tracker, `adapter` the rendering device.
 ///
 /// # Errors
 /// The station file can't be read, or the recording can't be written.
@@ -122,10 +122,10 @@ pub fn start_recorder(
     Ok(Recorder::start(writer, QueueLimits::default())?)
 }
 
-/// Result of a recorder; none until it has ended.
+/// Slot for the result of a recorder; empty until the recorder has ended.
 pub type RecordedSlot = Arc<Mutex<Option<Recorded>>>;
 
-/// Recorder as a part of a session; finished after all parts that it records.
+/// Recorder as a part of a session. It is finished after all parts that it records.
 pub struct RecorderPart {
     recorder: Option<Recorder>,
     recorded: RecordedSlot,

@@ -20,7 +20,7 @@ pub(super) struct Rendered {
     pub(super) deadline: Duration,
     /// Whether it was rendered with its maps.
     pub(super) maps: bool,
-    /// Generator that translates it; none: it is shown as it is.
+    /// Index of the generator that translates it; none: it is shown as it is.
     pub(super) generator: Option<usize>,
     /// Operating point, for viewers; none without a controller of operating points.
     pub(super) point: Option<Arc<PointText>>,

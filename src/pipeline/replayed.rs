@@ -8,16 +8,16 @@ use crate::pose::{Estimate, Estimator, Measurement, Reading};
 use crate::recording::{DISCONNECTED_EVENT, Event};
 use crate::settings::{LiveSettings, SettingsGroup as _, live_settings};
 
-/// Time before a puck's first measurement at which it is assumed at rest, ns.
+/// Time before the first measurement of a hand-held puck at which it is assumed to rest, ns.
 const REST_NS: u64 = 1_000_000;
 
-/// Measurement of a puck at rest, which sends none itself.
+/// Zero rates: the measurement of a puck at rest, which sends none itself.
 pub(super) fn at_rest(host_time_ns: u64) -> Measurement {
     let reading = Reading::Rates { translation: DVec3::ZERO, rotation: DVec3::ZERO };
     Measurement { host_time_ns, device_time_us: None, sequence: None, reading }
 }
 
-/// Poses of a recording, from its measurements by the estimator of a live session.
+/// Poses of a recording: its measurements, filtered by the estimator of live sessions.
 #[derive(Debug, Clone)]
 pub struct ReplayedPoses {
     estimator: Estimator,
@@ -29,19 +29,20 @@ pub struct ReplayedPoses {
 }
 
 impl ReplayedPoses {
-    /// A replay of `measurements`, ascending in host time, and of the tracker's disconnections in `events`.
+    /// A replay of `measurements`, in ascending host time. `events` tells when the tracker disconnected.
     pub fn new(mut estimator: Estimator, measurements: Vec<Measurement>, events: &[Event]) -> Self {
         let gone = events.iter().filter(|event| event.name == DISCONNECTED_EVENT);
         let mut disconnected: Vec<u64> = gone.map(|event| event.host_time_ns).collect();
         disconnected.sort_unstable();
-        // As in a live session when the puck is opened: it sends nothing until it is moved.
+        // A puck sends nothing until it is moved. A live session assumes the same when it opens one.
         if let Some(first @ Measurement { reading: Reading::Rates { .. }, .. }) = measurements.first() {
             estimator.push(&at_rest(first.host_time_ns.saturating_sub(REST_NS)));
         }
         Self { estimator, measurements, next: 0, disconnected, next_disconnected: 0 }
     }
 
-    /// Estimate of a live session at `time_ns` for a frame shown immediately. Times must not decrease between calls.
+    /// Estimate of a live session at `time_ns` for a frame that is shown immediately. Times must not decrease between
+    /// calls.
     pub fn at(&mut self, time_ns: u64) -> Estimate {
         loop {
             let measured = self.measurements.get(self.next).filter(|m| m.host_time_ns <= time_ns);
@@ -145,7 +146,8 @@ impl ReplayedControls {
     }
 }
 
-/// Whether `event` names most live settings. A session records all at its start; an earlier build may have fewer.
+/// Whether `event` names most of the live settings. A session records all of them at its start; an older version of
+/// insonify may have had fewer.
 fn names_most(event: &Event) -> bool {
     let named = event.value.as_ref().and_then(Value::as_object).filter(|_| event.name == SETTINGS_EVENT);
     let count = named.map_or(0, |named| live_settings().filter(|setting| named.contains_key(setting.key)).count());
@@ -188,7 +190,7 @@ mod tests {
     fn a_frame_knows_what_came_before_it_and_nothing_later() {
         let moving: Vec<_> = (0..100).map(|i| measured(i * 10, at_x(i as f64))).collect();
         let mut whole = replayed(moving.clone(), &[]);
-        // The poses do not depend on later measurements.
+        // Poses do not depend on later measurements.
         let mut cut = replayed(moving[..51].to_vec(), &[]);
         for ms in [0, 100, 333, 500] {
             assert_eq!(whole.at(START + ms * MS), cut.at(START + ms * MS), "{ms}");

@@ -63,12 +63,12 @@ impl Stop {
     }
 }
 
-/// A part of a session with its own thread: a tracker, a recorder.
+/// A part of a session with a thread of its own, for example a tracker or a recorder.
 pub trait Part: Send {
     /// Name in messages.
     fn name(&self) -> &str;
 
-    /// Requests its end, without waiting.
+    /// Requests the part's end, without waiting.
     fn stop(&mut self);
 
     /// Whether its thread has ended. Polled every few ms.
@@ -90,18 +90,18 @@ struct Ended {
     signal: Signal,
 }
 
-/// Reports the thread's end and releases its place when dropped, also by a panic.
+/// Reports the thread's end to the clock when dropped, also after a panic.
 struct AtEnd {
     clock: Arc<dyn Clock>,
     ended: Arc<Ended>,
-    place: usize,
+    index: usize,
 }
 
 impl Drop for AtEnd {
     fn drop(&mut self) {
         self.ended.ended.store(true, Ordering::Release);
         self.clock.notify(&self.ended.signal);
-        self.clock.leave(self.place);
+        self.clock.leave(self.index);
     }
 }
 
@@ -112,7 +112,7 @@ pub enum Joined<T> {
     Done(T),
     /// The thread panicked.
     Panicked,
-    /// The thread had not ended in time; it is detached.
+    /// The thread did not end in time; it is detached.
     Stuck,
 }
 
@@ -146,12 +146,12 @@ pub fn spawn<T: Send + 'static>(
     name: &str,
     work: impl FnOnce() -> T + Send + 'static,
 ) -> io::Result<Thread<T>> {
-    let place = clock.enrol();
+    let index = clock.enrol();
     let ended = Arc::<Ended>::default();
-    let at_end = AtEnd { clock: clock.clone(), ended: ended.clone(), place };
+    let at_end = AtEnd { clock: clock.clone(), ended: ended.clone(), index };
     let started = std::thread::Builder::new().name(name.to_owned()).spawn(move || {
         let at_end = at_end;
-        at_end.clock.enter(place);
+        at_end.clock.enter(index);
         work()
     });
     Ok(Thread { name: name.to_owned(), clock: clock.clone(), ended, handle: started? })

@@ -4,8 +4,8 @@ use std::io;
 
 use super::shutdown::Stop;
 
-/// Handles Ctrl-C, and SIGTERM and SIGHUP on Unix: the first signal requests `stop`, a second one calls `at_once`. A
-/// shell repeats the SIGHUP of a closed terminal, so only the first of those counts.
+/// Handles Ctrl-C, and on Unix SIGTERM and SIGHUP: the first signal requests `stop`, a second one calls `at_once`. A
+/// shell repeats the SIGHUP of a closed terminal, so repeated SIGHUPs count once.
 ///
 /// # Errors
 /// The handler cannot be installed, or its thread cannot be started.
@@ -38,13 +38,13 @@ const HANGUP: &str = "SIGHUP: the terminal was closed";
 pub struct StopSignals {
     interrupt: tokio::signal::unix::Signal,
     terminate: tokio::signal::unix::Signal,
-    /// None if the program was started to outlive its terminal.
+    /// SIGHUP; none if the program was started to outlive its terminal.
     hangup: Option<tokio::signal::unix::Signal>,
 }
 
 #[cfg(unix)]
 impl StopSignals {
-    /// Handles the signals from now on. SIGHUP stays ignored where it is, as by `nohup`.
+    /// Handles the signals from this call on. SIGHUP stays ignored if it already is, for example by `nohup`.
     ///
     /// # Errors
     /// A handler cannot be installed.
@@ -85,7 +85,7 @@ pub struct StopSignals(tokio::signal::windows::CtrlC);
 
 #[cfg(windows)]
 impl StopSignals {
-    /// Handles Ctrl-C from now on.
+    /// Handles Ctrl-C from this call on.
     ///
     /// # Errors
     /// The handler cannot be installed.

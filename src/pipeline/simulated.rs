@@ -11,8 +11,8 @@ use super::clock::{Clock, NEVER, Signal, lock};
 const START_UNIX_NS: u64 = 1_767_225_600_000_000_000;
 
 thread_local! {
-    /// This thread's place.
-    static PLACE: Cell<Option<usize>> = const { Cell::new(None) };
+    /// Index of this thread.
+    static THREAD: Cell<Option<usize>> = const { Cell::new(None) };
 }
 
 /// Simulated time. A thread runs until it waits; then the next ready thread runs, in the order in which they became
@@ -26,18 +26,18 @@ pub struct SimulatedClock {
 #[derive(Debug)]
 struct State {
     now: Duration,
-    /// Place of the running thread.
+    /// Index of the running thread.
     turn: Option<usize>,
     waiters: Vec<Waiter>,
     ready: VecDeque<usize>,
-    /// Condition variable on which the thread of each place waits for its turn.
+    /// Condition variables by thread index, on which the threads wait for their turn.
     turns: Vec<Arc<Condvar>>,
 }
 
 #[derive(Debug)]
 struct Waiter {
-    place: usize,
-    /// Address of its signal.
+    thread: usize,
+    /// Address of the signal that the thread waits for.
     signal: usize,
     until: Duration,
 }
@@ -53,7 +53,7 @@ impl State {
             }
         }
         self.turn = self.ready.pop_front();
-        if let Some(turn) = self.turn.and_then(|place| self.turns.get(place)) {
+        if let Some(turn) = self.turn.and_then(|thread| self.turns.get(thread)) {
             turn.notify_one();
         }
     }
@@ -64,7 +64,7 @@ impl State {
         self.waiters.retain(|waiter| {
             let goes = can_go_on(waiter);
             if goes {
-                ready.push_back(waiter.place);
+                ready.push_back(waiter.thread);
             }
             !goes
         });
@@ -75,7 +75,7 @@ impl SimulatedClock {
     /// A clock at zero, with the calling thread as its first thread.
     #[allow(clippy::new_without_default, reason = "the calling thread is bound to it")]
     pub fn new() -> Self {
-        PLACE.set(Some(0));
+        THREAD.set(Some(0));
         let state = State {
             now: Duration::ZERO,
             turn: Some(0),
@@ -86,10 +86,10 @@ impl SimulatedClock {
         Self { state: Mutex::new(state) }
     }
 
-    /// Blocks until it is the turn of `place`.
-    fn await_turn(&self, mut state: std::sync::MutexGuard<'_, State>, place: usize) {
-        let Some(turn) = state.turns.get(place).cloned() else { return };
-        while state.turn != Some(place) {
+    /// Blocks until it is the turn of `thread`.
+    fn await_turn(&self, mut state: std::sync::MutexGuard<'_, State>, thread: usize) {
+        let Some(turn) = state.turns.get(thread).cloned() else { return };
+        while state.turn != Some(thread) {
             state = turn.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
     }
@@ -105,14 +105,14 @@ impl Clock for SimulatedClock {
     }
 
     fn wait(&self, signal: &Signal, seen: u64, until: Duration) {
-        let Some(place) = PLACE.get() else { return };
+        let Some(thread) = THREAD.get() else { return };
         let mut state = lock(&self.state);
         if signal.generation() != seen || state.now >= until {
             return;
         }
-        state.waiters.push(Waiter { place, signal: std::ptr::from_ref(signal).addr(), until });
+        state.waiters.push(Waiter { thread, signal: std::ptr::from_ref(signal).addr(), until });
         state.pass_on();
-        self.await_turn(state, place);
+        self.await_turn(state, thread);
     }
 
     fn notify(&self, signal: &Signal) {
@@ -127,18 +127,18 @@ impl Clock for SimulatedClock {
 
     fn enrol(&self) -> usize {
         let mut state = lock(&self.state);
-        let place = state.turns.len();
+        let thread = state.turns.len();
         state.turns.push(Arc::new(Condvar::new()));
-        state.ready.push_back(place);
+        state.ready.push_back(thread);
         if state.turn.is_none() {
             state.pass_on();
         }
-        place
+        thread
     }
 
-    fn enter(&self, place: usize) {
-        PLACE.set(Some(place));
-        self.await_turn(lock(&self.state), place);
+    fn enter(&self, thread: usize) {
+        THREAD.set(Some(thread));
+        self.await_turn(lock(&self.state), thread);
     }
 
     fn leave(&self, _: usize) {

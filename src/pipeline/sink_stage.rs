@@ -56,7 +56,7 @@ impl SinkStage {
         self.slot.close();
     }
 
-    /// Waits for its end, `until` at the latest.
+    /// Waits for the sink's end, until the time `until` at the latest.
     pub(super) fn join(self, until: Duration) -> SinkSummary {
         let Self { name, slot, counts, thread } = self;
         let joined = thread.join(until);

@@ -23,7 +23,7 @@ pub(crate) enum Taken<T> {
 pub(crate) struct Slot<T> {
     name: String,
     clock: Arc<dyn Clock>,
-    /// Notified at each change; slots on which one thread waits together share it.
+    /// Notified at each change. Slots on which one thread waits together share one signal.
     signal: Arc<Signal>,
     inner: Mutex<Inner<T>>,
     offered: AtomicU64,

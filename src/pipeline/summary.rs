@@ -20,7 +20,7 @@ pub struct SinkSummary {
     pub taken: u64,
     /// Frames replaced by newer ones, or offered after it was closed.
     pub dropped: u64,
-    /// Frames that waited for it in the presenter; nonzero only for the log of frames.
+    /// Frames that waited in the presenter until the sink had room; nonzero only for the log of frames.
     pub waited: u64,
     /// Frames on which it failed.
     pub failed: u64,
@@ -39,7 +39,8 @@ pub struct GeneratorSummary {
     pub done: u64,
     /// Translated frames that came after their deadline.
     pub late: u64,
-    /// Frames replaced by newer ones, or offered while it rested, lacked maps, or no generator met the budget.
+    /// Frames replaced by newer ones, or offered while the generator could not run: it rested, the frame lacked maps,
+    /// or no generator met the budget.
     pub dropped: u64,
     /// Frames on which it failed.
     pub failed: u64,
@@ -51,16 +52,17 @@ pub struct GeneratorSummary {
     pub stuck: bool,
 }
 
-/// Presented frames whose probe was where no hand can hold it, for seconds.
+/// Presented frames whose probe was for seconds where no hand can hold it.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct MisplacedSummary {
-    /// Frames with the face deep in the body.
+    /// Frames whose probe face is deep in the body.
     pub deep: u64,
-    /// Frames of a probe that looks out of the body.
+    /// Frames whose probe looks out of the body.
     pub looks_out: u64,
-    /// The latest one, with its likely cause.
+    /// Latest misplacement, with its likely cause.
     pub latest: Option<Misplacement>,
-    /// Good poses of a probe that has never touched the skin; none if it has, and before 20 s of them.
+    /// Good poses of a probe that has never touched the skin; none if it has, and during the first 20 s of good
+    /// poses.
     pub untouched: Option<Untouched>,
 }
 
@@ -81,11 +83,11 @@ impl MisplacedSummary {
 pub struct Summary {
     /// Duration of the session, from the start of its stages to the request to end, s.
     pub elapsed_s: f64,
-    /// Start of the stages on the clock of the frames' times, ms.
+    /// Start of the stages, ms on the clock of the frames' times.
     pub start_ms: f64,
-    /// Presentation of the first frame, s since the start; none without a frame.
+    /// Presentation of the first frame, s since the start of the stages; none without a frame.
     pub first_frame_s: Option<f64>,
-    /// Presentation of the last frame, s since the start; none without a frame.
+    /// Presentation of the last frame, s since the start of the stages; none without a frame.
     pub last_frame_s: Option<f64>,
     /// Frames begun: `presented` + the sum of `drops`.
     pub produced: u64,
@@ -93,7 +95,7 @@ pub struct Summary {
     pub presented: u64,
     /// Frames begun but not presented, by cause.
     pub drops: BTreeMap<&'static str, u64>,
-    /// Ticks of the frame rate: `produced` + `missed_ticks`.
+    /// Ticks of the frame rate, the sum of `produced` and `missed_ticks`.
     pub ticks: u64,
     /// Ticks without a frame: the device was slower than the frame rate.
     pub missed_ticks: u64,
@@ -107,18 +109,20 @@ pub struct Summary {
     pub by_tracking: [u64; 5],
     /// Presented frames whose probe was where no hand can hold it.
     pub misplaced: MisplacedSummary,
-    /// Time from the first byte of the newest measurement (without a tracker: from sampling) to the frame's handover to the
-    /// sinks. Frames with a held or repeated pose are left out.
+    /// Time from the first byte of the newest measurement to the frame's handover to the sinks; without a tracker,
+    /// from sampling. Frames with a held or repeated pose are left out.
     pub pose_to_present: Option<Percentiles>,
-    /// The same time of every measurement, with its wait for the tick and for the confirmation of a jump.
+    /// Time from the first byte of every measurement to the handover of the first frame that shows it. It includes
+    /// the wait for the tick and for the confirmation of a jump.
     pub motion_to_present: Option<Percentiles>,
-    /// The same time of the measurements that showed a jump first, which a second one had to confirm.
+    /// Time from the first byte of each measurement that first showed a jump to the handover. A second measurement
+    /// had to confirm it.
     pub jump_to_present: Option<Percentiles>,
-    /// Time from sampling of the pose to handover to the sinks, of all frames with a picture.
+    /// Time from the sampling of the pose to the handover to the sinks, for all frames with a picture.
     pub sample_to_present: Option<Percentiles>,
-    /// Time from submission to the frame in memory, of all frames with a picture.
+    /// Time from submission until the frame is in memory, for all frames with a picture.
     pub render: Option<Percentiles>,
-    /// Duration of generator runs whose picture came in time to be shown in its own frame.
+    /// Duration of generator runs whose picture was shown in its own frame.
     pub inference: Option<Percentiles>,
     /// Devices lost.
     pub device_losses: u64,

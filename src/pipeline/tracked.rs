@@ -41,7 +41,7 @@ impl TrackedPoses {
             return Ok(None);
         }
         let mut settings = station.pose_settings()?;
-        // What can't be opened is reported by the session that plays it.
+        // A recording that can't be opened is reported by the session that plays it.
         if let Some(path) = station.recording()
             && let Ok(reader) = RecordingReader::open(path)
         {
@@ -50,7 +50,7 @@ impl TrackedPoses {
         Ok(Some(Self::new(Estimator::new(settings))))
     }
 
-    /// Takes a measurement of a tracker of one's own, as soon as it has arrived.
+    /// Takes a measurement of the caller's own tracker. Call it as soon as the measurement has arrived.
     pub fn push(&self, measurement: &Measurement) {
         lock(&self.0).push(measurement);
     }
@@ -63,7 +63,7 @@ impl TrackedPoses {
     /// Starts the tracker's session. The end of a played recording also ends the station's session.
     ///
     /// # Errors
-    /// The same as those of [`spawn`].
+    /// Errors of [`spawn`].
     pub fn track(
         &self,
         settings: &Settings,
@@ -110,7 +110,7 @@ struct TrackerListener {
     watch: TrackerWatch,
     recorder: Option<RecorderHandle>,
     stop: Stop,
-    /// Whether the device sends rates; it sends nothing while at rest.
+    /// Whether the device sends rates of motion; such a device sends nothing while at rest.
     rates: bool,
 }
 

@@ -1,4 +1,4 @@
-//! What a session tells of its tracker while it runs: counts, news, and trouble that lasts.
+//! Tracker state that a session shows while it runs: counts, news, and lasting trouble.
 
 use std::sync::{Arc, Mutex};
 
@@ -10,26 +10,27 @@ use crate::tracker::TrackerEvent;
 /// Totals of a session's tracker.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct TrackerSummary {
-    /// Records of the probe.
+    /// Records of the probe's sensor.
     pub records: u64,
-    /// Pieces of the stream that are no record, and errors that the device reports.
+    /// Damaged pieces of the stream, and errors that the device reports.
     pub damaged: u64,
-    /// Records of sensors that are not the probe. While several are heard and none is chosen, all records count here.
+    /// Records of sensors other than the probe's. While several sensors send and none is chosen, all records count
+    /// here.
     pub other_sensors: u64,
-    /// Datagrams of other senders, as last reported.
+    /// Datagrams from other senders, as last reported.
     pub other_senders: u64,
     /// Interruptions: lost connections and silences.
     pub interruptions: u64,
-    /// The last fault that was told, with its likely remedy.
+    /// Last fault that was reported, with its likely remedy.
     pub last_fault: Option<String>,
 }
 
 /// Text to show about a tracker.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum TrackerNotice {
-    /// News, told once.
+    /// News, reported once.
     News(String),
-    /// Trouble that lasts, told again and again.
+    /// Trouble that lasts, reported repeatedly.
     Trouble(String),
 }
 
@@ -40,7 +41,7 @@ pub struct TrackerWatch(Arc<Mutex<State>>);
 #[derive(Debug, Default)]
 struct State {
     totals: TrackerSummary,
-    /// News that are not shown yet: the latest ones, since the log has them all.
+    /// News that are not shown yet. Only the latest are kept, because the log has them all.
     news: Option<String>,
     trouble: Option<Trouble>,
 }
@@ -49,17 +50,18 @@ struct State {
 #[derive(Debug)]
 struct Trouble {
     text: String,
-    /// Whether it is a lost connection: the next one ends it, too, since a device at rest may send no record.
+    /// Whether the connection is lost. Then a new connection ends the trouble, too, because a device at rest may send
+    /// no record.
     is_lost_connection: bool,
 }
 
 impl TrackerWatch {
-    /// Counts a record of any sensor.
+    /// Counts a record, whichever sensor it comes from.
     pub(super) fn heard(&self) {
         lock(&self.0).totals.other_sensors += 1;
     }
 
-    /// Counts a record of the probe, which was also counted as heard, and ends trouble.
+    /// Counts a record of the probe's sensor and ends trouble. [`Self::heard`] has counted it already.
     pub(super) fn record(&self) {
         let mut state = lock(&self.0);
         state.totals.records += 1;
@@ -67,7 +69,7 @@ impl TrackerWatch {
         state.trouble = None;
     }
 
-    /// Takes an event. Returns whether it is a fault that the user must see.
+    /// Takes an event of the tracker. Returns whether it is a fault that the user must see.
     pub(super) fn event(&self, event: &TrackerEvent) -> bool {
         let mut state = lock(&self.0);
         let State { totals, news, trouble } = &mut *state;
@@ -93,7 +95,7 @@ impl TrackerWatch {
                 }
                 return false;
             }
-            // Ended, or a choice that is only noted.
+            // The end of the tracker, or a choice of sensor that is only noted.
             _ => return false,
         };
         let text = format!("tracker: {event}");
@@ -106,7 +108,7 @@ impl TrackerWatch {
         true
     }
 
-    /// The latest news, else the trouble that lasts.
+    /// The latest news, or else the trouble that lasts.
     pub(super) fn notice(&self) -> Option<TrackerNotice> {
         let mut state = lock(&self.0);
         let news = state.news.take().map(TrackerNotice::News);

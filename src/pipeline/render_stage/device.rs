@@ -11,9 +11,9 @@ const BACKOFF: (Duration, Duration) = (Duration::from_millis(250), Duration::fro
 
 /// State of the device.
 pub(super) enum Device {
-    /// It renders.
+    /// It renders frames.
     Ready(Box<dyn FrameRenderer>),
-    /// It is reopened at the time `again`.
+    /// It is lost, and reopened at the time `again`.
     Lost { again: Duration },
 }
 
@@ -29,7 +29,7 @@ impl RenderStage {
         let wait = self.back_off().max(self.parts.period);
         let lost = Device::Lost { again: self.parts.clock.now().saturating_add(wait) };
         let given_up = std::mem::replace(&mut self.device, lost);
-        // A driver that is stuck may block whoever gives its memory back.
+        // A driver that is stuck may block the thread that releases its memory, so another thread drops the renderer.
         if let Err(error) = std::thread::Builder::new().name("lost renderer".to_owned()).spawn(move || drop(given_up)) {
             tracing::warn!("the lost renderer has no thread to end on: {error}");
         }

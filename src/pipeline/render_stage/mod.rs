@@ -36,10 +36,10 @@ use crate::render::{FRAMES_IN_FLIGHT, Frame, FrameQuality};
 use crate::settings::Choice;
 use crate::sink::live::MapsWanted;
 
-/// Buffers for rendered frames: in the slots, the generator and the presenter, and one to fill.
+/// Buffers of rendered frames: those in the slots, the generator and the presenter, and one to fill.
 const FRAMES: usize = 8;
 
-/// Longest delay of a frame for the generator; otherwise half a period.
+/// Longest delay of a frame for the generator's turn; if half a period is shorter, that.
 const TURN: Duration = Duration::from_millis(250);
 
 /// A frame in flight.
@@ -49,9 +49,9 @@ struct InFlight {
     maps: bool,
     generator: Option<usize>,
     point: Option<Arc<PointText>>,
-    /// Expected completion time.
+    /// Expected completion time on the session's clock.
     expected: Duration,
-    /// Whether it is done.
+    /// Whether the device has finished it.
     done: bool,
 }
 
@@ -63,9 +63,9 @@ pub(super) struct RenderParts {
     pub(super) metrics: Arc<Metrics>,
     pub(super) factory: Box<dyn RendererFactory>,
     pub(super) controls: Controls,
-    /// Controller of the operating point; none: it stays as set.
+    /// Controller of the operating point; none: quality and generator stay as set.
     pub(super) points: Option<PointController>,
-    /// The station's choice for the aperture. The controller may leave it out.
+    /// The station's choice whether to simulate the aperture. The controller may switch the aperture off.
     pub(super) aperture: Choice,
     pub(super) to_presenter: Arc<Slot<Arc<Rendered>>>,
     pub(super) to_generator: Option<Arc<Slot<Arc<Rendered>>>>,
@@ -89,28 +89,28 @@ impl RenderParts {
 pub(super) struct RenderStage {
     parts: RenderParts,
     device: Device,
-    /// Wait before the next attempt to reopen a failed device; zero after a rendered frame.
+    /// Wait before the next attempt to reopen a failed device; zero once a frame was rendered.
     backoff: Duration,
     shape: ImageShape,
     pace: Pace,
-    /// Submission time of the last frame.
+    /// Time at which the last frame was begun.
     begun: Duration,
     in_flight: VecDeque<InFlight>,
     pool: Pool<Rendered>,
-    /// Receives a frame when no buffer is free.
+    /// Frame that is received, and dropped, when no buffer is free.
     scratch: Frame,
     poses: PoseSampler,
     /// Number of the next frame.
     number: u64,
-    /// Generator of the next frames.
+    /// Index of the generator for the next frames; none: they stay raw.
     generator: Option<usize>,
-    /// Operating point, for viewers.
+    /// Operating point of the next frames, for viewers.
     point: Option<Arc<PointText>>,
-    /// Whether the face was coupled in the last frame that knew it.
+    /// Whether the face touched the skin in the last frame with a known contact.
     coupled: Option<bool>,
     placement: PlacementWatch,
     untouched: UntouchedWatch,
-    /// Trial of a watcher's settings.
+    /// Trial of the settings that a watcher has changed.
     trial: Option<Trial>,
 }
 
@@ -148,13 +148,13 @@ impl RenderStage {
         while !self.parts.stop.is_requested() {
             let submit_at = self.pace.submit_at();
             match self.in_flight.front() {
-                // The oldest frame is done by then, or the queue is full.
+                // By then the oldest frame is done, or the queue is full.
                 Some(oldest)
                     if oldest.done || oldest.expected <= submit_at || self.in_flight.len() == FRAMES_IN_FLIGHT =>
                 {
                     self.receive();
                 }
-                // The generator's turn comes after it.
+                // The generator's turn comes after the frame in flight.
                 Some(_) if self.takes_turns() => self.receive(),
                 _ if self.parts.clock.now() < submit_at => {
                     self.parts.stop.wait(submit_at);
@@ -166,19 +166,20 @@ impl RenderStage {
         self.end();
     }
 
-    /// Whether a generator is at work where frames are rendered. In parallel, both would take twice as long, and the
-    /// generated picture would miss its frame.
+    /// Whether a generator runs on the device that renders the frames. If both worked at once, each would take twice
+    /// as long, and the generated picture would miss its frame.
     fn takes_turns(&self) -> bool {
         let Device::Ready(renderer) = &self.device else { return false };
         let is_on = self.generator.is_some() && self.parts.controls.live.generator;
         is_on && self.parts.generator.as_ref().is_some_and(|link| link.takes_turns_with(renderer.place()))
     }
 
-    /// Waits for a generator that runs where frames are rendered; returns whether it waited. Slower generators get a turn
-    /// only occasionally: the frame rate stays at two thirds or more.
+    /// Waits for a generator that runs on the device that renders the frames; returns whether it waited. A generator
+    /// slower than a period gets a turn only occasionally, so the frame rate stays at two thirds or more.
     fn gives_way(&self, submit_at: Duration) -> bool {
         let RenderParts { clock, period, generator, .. } = &self.parts;
-        // Due one period after the last frame: if both take longer than a period, frames fall behind the ticks.
+        // Due one period after the last frame began. If a frame and a run together take longer than a period, frames
+        // fall behind the ticks.
         let due = submit_at.max(self.begun.saturating_add(*period));
         let until = due.saturating_add((*period / 2).min(TURN));
         let shares = match (&self.device, generator) {
@@ -197,7 +198,7 @@ impl RenderStage {
         let missed = self.pace.missed();
         let frozen = self.parts.controls.live.frozen;
         let scene_time = self.poses.scene_time(self.parts.clock.now(), frozen);
-        // Moved corners are refitted first, so that the pose is as late as it can be.
+        // Moving surfaces are updated first, so that the pose is sampled as late as possible.
         if let Device::Ready(renderer) = &mut self.device {
             renderer.set_time_s(scene_time.as_secs_f64());
         }
@@ -236,7 +237,7 @@ impl RenderStage {
                 }
             }
             _ => {
-                // Frames in flight go first, to keep the order.
+                // Frames in flight are handed on first, to keep the order.
                 while !self.in_flight.is_empty() {
                     self.receive();
                 }
@@ -247,7 +248,7 @@ impl RenderStage {
         self.count_missed(missed);
     }
 
-    /// Counts the ticks missed since there were `before`.
+    /// Counts the ticks missed since the count was `before`.
     fn count_missed(&self, before: u64) {
         self.parts.metrics.missed_ticks.fetch_add(self.pace.missed() - before, Ordering::Relaxed);
     }
@@ -290,7 +291,7 @@ impl RenderStage {
             if received.is_ok() {
                 let FrameInfo { timeline, contact, .. } = &rendered.info;
                 placement = self.placement.update(timeline.rendered, contact.as_ref());
-                rendered.info.misplaced = self.placement.told();
+                rendered.info.misplaced = self.placement.reported();
                 untouched = self.untouched.update(&rendered.info);
             }
             (rendered.generator, rendered.point) = (generator, point);
@@ -326,7 +327,7 @@ impl RenderStage {
         }
     }
 
-    /// Hands on a black frame without a pose. What was told of the probe's placement ends.
+    /// Hands on a black frame without a pose. A reported misplacement of the probe ends.
     fn without_picture(&mut self, mut info: FrameInfo) {
         info.estimate.scene_from_probe = None;
         if self.placement.reset() {
@@ -359,7 +360,7 @@ impl RenderStage {
         let missed = self.pace.missed();
         self.pace.ended(self.parts.stop.requested_at().unwrap_or_else(|| self.parts.clock.now()));
         self.count_missed(missed);
-        // Marks that were set since the last tick belong in the recording.
+        // Marks set since the last tick belong in the recording.
         let events = &self.parts.events;
         self.parts.controls.apply_waiting(|_| (), |control| events.marks(control));
         if let Device::Ready(renderer) = &mut self.device {

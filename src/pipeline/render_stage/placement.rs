@@ -1,4 +1,4 @@
-//! Placement of the probe over time: one that no hand can reach is told once it has lasted.
+//! Impossible placements of the probe, reported once they have lasted.
 
 use std::mem::discriminant;
 use std::time::Duration;
@@ -6,36 +6,38 @@ use std::time::Duration;
 use crate::transducer::placement::MISPLACED_FOR;
 use crate::transducer::{Contact, Misplacement};
 
-/// Time for which a placement must be right before it is taken back.
+/// Time for which the placement must be possible again before the report is taken back.
 const RIGHT: Duration = Duration::from_secs(1);
 
-/// Placement told to viewers, with hysteresis: a probe that is turned in the air for a moment is no fault.
+/// Placement as reported to viewers, with hysteresis: a probe that is turned in the air for a moment is no fault.
 #[derive(Debug, Default)]
 pub(super) struct PlacementWatch {
-    told: Option<Misplacement>,
-    /// Since when the frames say otherwise, and whether they are wrong then: in another way, if one is told.
+    reported: Option<Misplacement>,
+    /// Start of the frames that contradict the reported placement, and whether the probe is misplaced in them (with
+    /// another fault, if one is reported).
     otherwise: Option<(Duration, bool)>,
 }
 
-/// Change of the placement that is told.
+/// Change of the reported placement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum PlacementChange {
-    /// It is impossible, or is so in another way.
+    /// The placement is impossible, or impossible for another reason than before.
     Wrong(Misplacement),
-    /// It is right again.
+    /// The placement is possible again.
     Right,
 }
 
 impl PlacementWatch {
-    /// Takes the contact of a frame rendered at `now`; none without a picture, or where everything is coupled.
+    /// Takes the contact of a frame rendered at `now`; none without a picture, or if everything is coupled. Returns a
+    /// change to report.
     pub(super) fn update(&mut self, now: Duration, contact: Option<&Contact>) -> Option<PlacementChange> {
         let Some(Contact { misplaced, .. }) = contact else {
             self.otherwise = None;
             return None;
         };
         let kind = |placement: &Option<Misplacement>| placement.map(|placement| discriminant(&placement.fault));
-        if kind(misplaced) == kind(&self.told) {
-            (self.told, self.otherwise) = (*misplaced, None);
+        if kind(misplaced) == kind(&self.reported) {
+            (self.reported, self.otherwise) = (*misplaced, None);
             return None;
         }
         let is_wrong = misplaced.is_some();
@@ -48,18 +50,18 @@ impl PlacementWatch {
         if now.saturating_sub(since) < lasts {
             return None;
         }
-        (self.told, self.otherwise) = (*misplaced, None);
+        (self.reported, self.otherwise) = (*misplaced, None);
         Some(misplaced.map_or(PlacementChange::Right, PlacementChange::Wrong))
     }
 
-    /// Forgets all frames so far. Returns whether a wrong placement was told.
+    /// Forgets all frames so far. Returns whether a fault was reported.
     pub(super) fn reset(&mut self) -> bool {
-        std::mem::take(self).told.is_some()
+        std::mem::take(self).reported.is_some()
     }
 
-    /// Placement to tell, as of the last frame; none for a right one.
-    pub(super) fn told(&self) -> Option<Misplacement> {
-        self.told
+    /// Reported placement, with the values of the last frame; none if the placement is possible.
+    pub(super) fn reported(&self) -> Option<Misplacement> {
+        self.reported
     }
 }
 
@@ -75,18 +77,20 @@ mod tests {
         Contact { part: 1.0, press_mm: Some(1.0), shift_mm: 0.0, misplaced }
     }
 
-    /// Changes of a probe that is wrong in these tenths of a second, and their times in tenths.
+    /// Changes reported for a probe that is misplaced in the tenths of a second where `wrong` holds, with their times
+    /// in tenths.
     fn changes(wrong: impl Fn(u32) -> bool) -> Vec<(u32, PlacementChange)> {
         changes_of(|tenth| wrong(tenth).then_some(WRONG))
     }
 
-    /// Changes of a probe with these placements in tenths of a second, and their times in tenths.
+    /// Changes reported for a probe with these placements, one for each tenth of a second, with their times in
+    /// tenths.
     fn changes_of(placed: impl Fn(u32) -> Option<Misplacement>) -> Vec<(u32, PlacementChange)> {
         let mut watch = PlacementWatch::default();
         let frame = |tenth| {
             let now = contact(placed(tenth));
             let change = watch.update(Duration::from_millis(100) * tenth, Some(&now));
-            assert!(change.is_none_or(|c| (c == PlacementChange::Right) == watch.told().is_none()));
+            assert!(change.is_none_or(|c| (c == PlacementChange::Right) == watch.reported().is_none()));
             change.map(|change| (tenth, change))
         };
         (0..100).filter_map(frame).collect()
@@ -113,14 +117,14 @@ mod tests {
         assert_eq!(found, [(20, deep), (60, PlacementChange::Wrong(WRONG))]);
         let found = changes_of(|tenth| Some(if tenth < 40 || tenth % 20 < 5 { DEEP } else { WRONG }));
         assert_eq!(found, [(20, deep)], "never two seconds in a row");
-        // The other fault is no part of the second in which the placement is right.
+        // The time with the other fault does not count towards the second in which the placement must be right.
         let found = changes_of(|tenth| match tenth {
             0..40 => Some(DEEP),
             40..55 => Some(WRONG),
             _ => None,
         });
         assert_eq!(found, [(20, deep), (65, PlacementChange::Right)]);
-        // Before one is told, both count.
+        // Before any report, frames of both faults count together.
         let found = changes_of(|tenth| Some(if tenth % 2 == 0 { WRONG } else { DEEP }));
         assert_eq!(found, [(20, PlacementChange::Wrong(WRONG))]);
     }
@@ -131,7 +135,7 @@ mod tests {
         let deep = contact(Some(DEEP));
         let mut at = |seconds| watch.update(Duration::from_secs(seconds), Some(&deep));
         assert_eq!((at(0), at(2)), (None, Some(PlacementChange::Wrong(DEEP))));
-        assert!(watch.reset() && watch.told().is_none() && !watch.reset());
+        assert!(watch.reset() && watch.reported().is_none() && !watch.reset());
         let mut at = |seconds| watch.update(Duration::from_secs(seconds), Some(&deep));
         assert_eq!((at(3), at(4), at(5)), (None, None, Some(PlacementChange::Wrong(DEEP))));
     }

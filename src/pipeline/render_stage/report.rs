@@ -8,7 +8,7 @@ use crate::transducer::Contact;
 use crate::transducer::placement::Untouched;
 
 impl RenderStage {
-    /// Reports that the probe has left the skin, or touches it.
+    /// Reports that the probe has left the skin, or touches it again.
     pub(super) fn report_contact(&mut self, contact: Option<Contact>) {
         let Some(contact) = contact else { return };
         if self.coupled.replace(contact.coupled()) == Some(contact.coupled()) {
@@ -20,7 +20,8 @@ impl RenderStage {
         });
     }
 
-    /// Reports that the probe is where no hand can hold it, or is right again. The former stays on the frames.
+    /// Reports that the probe is where no hand can hold it, or is right again. The first of these stays on the
+    /// frames.
     pub(super) fn report_placement(&self, change: PlacementChange) {
         let events = &self.parts.events;
         match change {
@@ -32,7 +33,7 @@ impl RenderStage {
         }
     }
 
-    /// Reports that the probe has never touched the skin, once; the summary keeps it until it does.
+    /// Reports once that the probe has never touched the skin. The summary keeps this until the probe does.
     pub(super) fn report_untouched(&self, change: UntouchedChange) {
         let untouched = match change {
             UntouchedChange::Never { good, extent_mm, pose } => {

@@ -39,7 +39,7 @@ impl RenderStage {
         }
     }
 
-    /// Ends the choice of the quality: a watcher set it.
+    /// Ends the automatic choice of the quality, because a watcher has set the quality.
     fn hold_quality(&mut self) {
         let now_s = self.parts.clock.now().as_secs_f64();
         let quality = FrameQuality::of(&self.parts.controls.live.render);
@@ -78,7 +78,7 @@ impl RenderStage {
         true
     }
 
-    /// Reports ended runs to the controller, and makes the change of the operating point that is due, if any. A frozen
+    /// Reports ended runs to the controller, and makes its change of the operating point, if one is due. A frozen
     /// picture is not changed.
     pub(super) fn keep_point(&mut self) {
         let now_s = self.parts.clock.now().as_secs_f64();
@@ -99,7 +99,7 @@ impl RenderStage {
             self.parts.events.warn(format!("quality: no point keeps {limit_ms:.0} ms now; {point}: {overrun}"));
         }
         let Some(change) = points.change(now_s) else { return };
-        // The budget judges from here on.
+        // The controller judges frame times from here on, so a watcher's trial ends.
         self.trial = None;
         let [from, to] = [&change.from, &change.to].map(|point| points.name(point));
         let before = self.parts.controls.live;
@@ -121,7 +121,7 @@ impl RenderStage {
         self.note_points();
     }
 
-    /// Updates the summary of the controller.
+    /// Updates the session's summary of the operating points.
     pub(super) fn note_points(&self) {
         if let Some(points) = &self.parts.points {
             self.parts.metrics.set_points(points.summary());

@@ -1,4 +1,4 @@
-//! Trial of a watcher's settings: they are taken back if their first frame takes too long.
+//! Trial of a watcher's settings: they are taken back if the first frame with them takes too long.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -10,32 +10,32 @@ use crate::presented::PointText;
 use crate::render::FrameQuality;
 use crate::settings::{Change, LiveSettings, SettingsGroup as _};
 
-/// Longest time of a frame that a watcher may ask for.
+/// Longest time of a frame that a watcher's settings may cause.
 const FRAME_MAX: Duration = Duration::from_secs(1);
 
-/// State before a watcher's change, until a first frame has shown its time.
+/// State before a watcher's change, kept until the first frame with the change is timed.
 pub(super) struct Trial {
     before: LiveSettings,
     points: Option<PointController>,
     point: Option<Arc<PointText>>,
-    /// Time of the first frame, if it is too long.
+    /// Time of the first frame with the change, if it is too long.
     too_long: Option<Duration>,
 }
 
 impl RenderStage {
-    /// Begins a trial of the settings that replace those of `before`, if frames may take longer with them.
+    /// Begins a trial of the current settings, which replace `before`, if frames may take longer with them.
     pub(super) fn begin_trial(&mut self, before: &LiveSettings) {
         let costs = before.change_to(&self.parts.controls.live) > Change::Nothing;
-        // Where frames took that long anyway, the change isn't to blame.
+        // If frames took longer than the limit before, the change isn't to blame.
         if costs && self.trial.is_none() && self.pace.service() <= FRAME_MAX {
             let (points, point) = (self.parts.points.clone(), self.point.clone());
             self.trial = Some(Trial { before: *before, points, point, too_long: None });
         }
     }
 
-    /// Judges the trial by a frame of `settings` that took `took`.
+    /// Judges the trial by a frame that was rendered with `settings` in the time `took`.
     pub(super) fn judge(&mut self, settings: &LiveSettings, took: Duration) {
-        // Frames of earlier settings say nothing about the present ones.
+        // Frames rendered with earlier settings say nothing about the current ones.
         if self.trial.is_none() || !settings.same_picture(&self.parts.controls.live) {
             return;
         }

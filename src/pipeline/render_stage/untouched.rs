@@ -1,4 +1,4 @@
-//! A tracked probe that never touches the skin: told once, since the tracker's unit or axes may be others.
+//! A tracked probe that never touches the skin: reported once, because the tracker's unit or axes may be wrong.
 
 use std::time::Duration;
 
@@ -7,40 +7,41 @@ use glam::DVec3;
 use crate::pose::{Pose, TrackingState};
 use crate::presented::FrameInfo;
 
-/// Time of good poses without contact that is told.
+/// Time of good poses without contact after which the report is made.
 const UNTOUCHED_FOR: Duration = Duration::from_secs(20);
 
 /// Watch of a session's poses until the probe first touches the skin.
 #[derive(Debug, Default)]
 pub(super) struct UntouchedWatch {
     touched: bool,
-    told: bool,
+    is_reported: bool,
     /// Time of good poses so far.
     good: Duration,
-    /// Rendering of the last frame, if its pose was good.
+    /// Time at which the last frame was rendered, if its pose was good.
     last: Option<Duration>,
-    /// Corners of the box around the positions so far, mm.
+    /// Opposite corners of the box around the probe's positions so far, mm.
     extent_mm: Option<[DVec3; 2]>,
 }
 
-/// Event that the watch reports.
+/// Report of the watch.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum UntouchedChange {
-    /// The probe has not touched the skin in so long a time of good poses.
+    /// The probe has not touched the skin for `UNTOUCHED_FOR` of good poses.
     Never {
         /// Time of good poses.
         good: Duration,
         /// Diagonal of the box around their positions, mm.
         extent_mm: f64,
-        /// The last of them.
+        /// Last of these poses.
         pose: Pose,
     },
-    /// It touches the skin after all.
+    /// The probe touches the skin after all.
     Touched,
 }
 
 impl UntouchedWatch {
-    /// Takes a rendered frame. Poses that no tracker measured, frozen ones and those told as misplaced don't count.
+    /// Takes a rendered frame. Frames do not count if the pose is not measured, is frozen or is reported as
+    /// misplaced.
     pub(super) fn update(&mut self, info: &FrameInfo) -> Option<UntouchedChange> {
         let FrameInfo { estimate, contact, settings, misplaced, timeline, .. } = info;
         if self.touched {
@@ -48,10 +49,10 @@ impl UntouchedWatch {
         }
         if contact.is_some_and(|contact| contact.coupled()) {
             self.touched = true;
-            return self.told.then_some(UntouchedChange::Touched);
+            return self.is_reported.then_some(UntouchedChange::Touched);
         }
         let is_measured = estimate.first_byte_ns.is_some() && estimate.state == TrackingState::Good;
-        let counts = is_measured && contact.is_some() && misplaced.is_none() && !settings.frozen && !self.told;
+        let counts = is_measured && contact.is_some() && misplaced.is_none() && !settings.frozen && !self.is_reported;
         let Some(pose) = estimate.scene_from_probe.filter(|_| counts) else {
             self.last = None;
             return None;
@@ -64,7 +65,7 @@ impl UntouchedWatch {
         if self.good < UNTOUCHED_FOR {
             return None;
         }
-        self.told = true;
+        self.is_reported = true;
         Some(UntouchedChange::Never { good: self.good, extent_mm: low.distance(high), pose })
     }
 }
@@ -76,7 +77,7 @@ mod tests {
     use crate::presented::FrameTimeline;
     use crate::transducer::Contact;
 
-    /// A frame of a tracked probe at a tenth of a second.
+    /// A frame of a tracked probe at `tenth` tenths of a second, with the part `part` of its face in contact.
     fn frame(tenth: u32, part: f64) -> FrameInfo {
         let position_mm = DVec3::new(0.0, 0.0, 0.3 * f64::from(tenth % 2));
         let estimate = Estimate {
@@ -90,7 +91,7 @@ mod tests {
         FrameInfo { estimate, timeline, contact, ..FrameInfo::default() }
     }
 
-    /// Changes of 60 s of frames, with their tenths of a second.
+    /// Reports about 60 s of frames, with their times in tenths of a second.
     fn changes(frame: impl Fn(u32) -> FrameInfo) -> Vec<(u32, UntouchedChange)> {
         let mut watch = UntouchedWatch::default();
         (0..600).filter_map(|tenth| watch.update(&frame(tenth)).map(|change| (tenth, change))).collect()

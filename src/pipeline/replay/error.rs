@@ -30,59 +30,59 @@ pub enum ReplayError {
     /// Images that can't be compared.
     #[error(transparent)]
     Quality(#[from] QualityError),
-    /// A generator that fails.
+    /// A generator failed.
     #[error(transparent)]
     Generator(#[from] GeneratorError),
-    /// A file that can't be written.
+    /// A file can't be written.
     #[error(transparent)]
     Sink(#[from] SinkError),
-    /// Another depth, where all frames need the same.
+    /// The depth changes within frames that must have the same depth.
     #[error(
         "the recorded session changes the depth at frame {frame}, and a sequence has one size of its pixels; export parts with --frames ..{frame} and {frame}.., or use --ignore-controls"
     )]
     Depth {
-        /// First frame of another depth.
+        /// First frame with another depth.
         frame: usize,
     },
-    /// Times that span more frames than any session has: usually a wrong clock.
+    /// The times span more frames than any session has: usually a clock was wrong.
     #[error(
         "the recording's host times span {span_s:.0} s: {frames} frames at {fps:.1} a second, at most {frames_max} are rendered; is a time stamp wrong?"
     )]
     Span {
-        /// Span, s.
+        /// Time from the first to the last pose, s.
         span_s: f64,
-        /// Frames in it.
+        /// Number of frames in that time.
         frames: u128,
-        /// Most frames that are rendered.
+        /// Largest number of frames that is rendered.
         frames_max: u128,
         /// Frames per second.
         fps: f64,
     },
-    /// A range of frames that holds none.
+    /// The requested range holds no frame.
     #[error("the requested frames {start}..{end} hold none; the end is not included")]
     Range {
         /// First frame asked for.
         start: usize,
-        /// Frame behind the last.
+        /// End of the range, exclusive.
         end: usize,
     },
-    /// Frames behind the recording's end.
+    /// The requested frames lie after the recording's end.
     #[error("the requested frames start at {start}, but at {fps} frames a second the recording has {frames}")]
     Start {
         /// First frame asked for.
         start: usize,
-        /// Frames of the recording.
+        /// Number of frames in the recording.
         frames: usize,
         /// Frames per second.
         fps: f64,
     },
-    /// A session without a pose.
+    /// The session has no pose.
     #[error("{path} holds no pose to score")]
     NoPose {
         /// The recording.
         path: PathBuf,
     },
-    /// No frame to render.
+    /// There is no frame to render.
     #[error("the recording has no frame")]
     Empty,
 }

@@ -1,4 +1,4 @@
-//! Poses of a recorded session that a score counts.
+//! Poses of a recorded session, as a score takes them.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use crate::station::Station;
 /// Poses of a recorded session as they were on the screen.
 #[derive(Debug)]
 pub struct RecordedExam {
-    /// `scene_from_probe`; held while the picture was frozen.
+    /// `scene_from_probe` at each time; held while the picture was frozen.
     pub poses: Vec<TimedPose>,
     /// Image depth at each pose, mm.
     pub depths_mm: Vec<f64>,
@@ -25,8 +25,8 @@ pub struct RecordedExam {
 }
 
 impl RecordedExam {
-    /// Reads the poses shown in the session at `path`; without any, the tracker's poses with the station's calibration. What is
-    /// damaged is logged.
+    /// Reads the poses shown in the session at `path`. If it has none, the tracker's poses are used with the
+    /// station's calibration. Damaged parts of the recording are logged.
     ///
     /// # Errors
     /// A recording or calibration that can't be read, or no pose.

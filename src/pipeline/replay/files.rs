@@ -32,22 +32,22 @@ pub struct WrittenReplay<'a> {
     probe: Probe,
     quality: RenderSettings,
     fps: f64,
-    /// Frames written.
+    /// Number of frames written.
     rendered: usize,
-    /// Rendered frames in or just after gaps of the recording, whose poses are not exactly of their time.
+    /// Rendered frames whose pose is not exactly of their time: those in or just after gaps of the recording.
     held: usize,
-    /// Changes of settings by the recorded session among these frames.
+    /// Number of times that the recorded session changed settings within these frames.
     changes: usize,
-    /// Stretches of frames with the same settings, in their order.
+    /// Runs of frames with the same settings, in order.
     parts: Vec<PartEntry>,
-    /// Frames with crossings that did not fit the buffers.
+    /// Frames with hits or interactions that did not fit the buffers.
     overflowed: usize,
-    /// From the first submitted frame to the last written one, s.
+    /// Time from submitting the first frame to writing the last one, s.
     wall_s: f64,
     /// Greatest delay of a frame at the requested speed, s; `None` at full speed.
     #[serde(skip_serializing_if = "Option::is_none")]
     behind_s: Option<f64>,
-    /// SHA-256 of image, segmentation and attenuation of all frames, in their order.
+    /// SHA-256 over image, segmentation and attenuation of all frames, in order.
     frames_sha256: String,
     times: Vec<StageTime>,
     video: PathBuf,
@@ -63,7 +63,7 @@ pub struct WrittenReplay<'a> {
     summary: &'a RecordingSummary,
 }
 
-/// Frames that were rendered with the same settings.
+/// Consecutive frames with the same settings.
 #[derive(Debug, Serialize)]
 struct PartEntry {
     /// Index of the first.
@@ -116,8 +116,9 @@ pub const REPLAY_FILES: [&str; 9] = [
 ];
 
 impl Replay {
-    /// Renders all frames into [`REPLAY_FILES`] below `out`: a PNG a frame, and a video; with `maps` also each frame's
-    /// segmentation (PNG) and attenuation (NPY). Frames begin when `pace` says. `progress` receives the number of those done.
+    /// Renders all frames into [`REPLAY_FILES`] below `out`: a PNG of each frame, and a video; with `maps` also
+    /// segmentation (PNG) and attenuation (NPY) of each frame. `pace` delays each frame until it is due. `progress`
+    /// receives the number of finished frames.
     ///
     /// # Errors
     /// A frame that can't be rendered, or a file that can't be written.
@@ -155,7 +156,7 @@ impl Replay {
                     npy::write_f32(&name("attenuation", "npy"), [h as usize, w as usize], &frame.attenuation)?;
                 }
                 if mask != frame.mask {
-                    // The sector changes with the depth.
+                    // The sector depends on the depth, so each depth has a mask of its own.
                     let name = if i == 0 { "mask.png".to_owned() } else { format!("mask_{:05}.png", start + i) };
                     png::write_grey(&out.join(name), w, h, &frame.mask, Effort::Small)?;
                     mask.clone_from(&frame.mask);
@@ -240,7 +241,7 @@ impl fmt::Display for WrittenReplay<'_> {
     }
 }
 
-/// Frames below `out` that `frames` will not overwrite.
+/// Number of earlier frame files below `out` that a replay of `frames` would not overwrite.
 fn earlier_frames(out: &Path, frames: Range<usize>) -> usize {
     let files = ["bmode", "segmentation", "attenuation"].iter().filter_map(|map| std::fs::read_dir(out.join(map)).ok());
     let numbers = files.flatten().flatten().filter_map(|file| file.path().file_stem()?.to_str()?.parse().ok());

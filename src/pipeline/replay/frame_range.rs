@@ -7,7 +7,7 @@ use std::str::FromStr;
 pub struct FrameRange {
     /// First frame.
     pub start: usize,
-    /// Frame behind the last; none: all.
+    /// End of the range, exclusive; none: all frames from `start`.
     pub end: Option<usize>,
 }
 

@@ -41,7 +41,7 @@ impl KeyFrame {
     }
 }
 
-/// The session's events, each with the pose of its nearest frame; without events, frames spread over the session.
+/// Key frames of a session: the nearest frame of each event. Without events, frames spread evenly over the session.
 pub fn key_frames(events: &[Event], timeline: &Timeline) -> Vec<KeyFrame> {
     let key = |name: String, frame: usize| {
         let pose = *timeline.poses.get(frame)?;
@@ -55,7 +55,7 @@ pub fn key_frames(events: &[Event], timeline: &Timeline) -> Vec<KeyFrame> {
     named.filter_map(|event| key(event.name.clone(), timeline.nearest(event.host_time_ns))).collect()
 }
 
-/// A key frame's scores against HQ.
+/// Scores of a key frame against high quality.
 #[derive(Debug, Serialize)]
 pub struct KeyScores {
     name: String,
@@ -77,7 +77,7 @@ impl fmt::Display for Agreement<'_> {
     }
 }
 
-/// A renderer with its frame and times.
+/// A renderer at one quality, with its last frame and its times.
 pub struct Stage {
     /// The renderer.
     pub renderer: Renderer,
@@ -85,15 +85,15 @@ pub struct Stage {
     frame: Frame,
     /// Times of its frames.
     pub times: TimeTable,
-    /// Frames with crossings that did not fit the buffers.
+    /// Frames with hits or interactions that did not fit the buffers.
     pub overflowed: usize,
 }
 
 impl Stage {
-    /// A stage at a quality.
+    /// A stage that renders `station`'s scene at a quality.
     ///
     /// # Errors
-    /// As [`Renderer::with_bvh`].
+    /// Errors of [`Renderer::with_bvh`].
     pub fn new(
         backend: &Backend,
         scene: &Scene,
@@ -109,7 +109,7 @@ impl Stage {
     /// Changes the quality.
     ///
     /// # Errors
-    /// As [`Renderer::reconfigure`].
+    /// Errors of [`Renderer::reconfigure`].
     pub fn reconfigure(&mut self, station: &Station, quality: FrameQuality) -> Result<(), RenderError> {
         self.settings = settings(station, quality);
         self.renderer.reconfigure(&station.probe, &self.settings)
@@ -118,7 +118,7 @@ impl Stage {
     /// Renders the scene at `time_s`.
     ///
     /// # Errors
-    /// As [`Renderer::render`].
+    /// Errors of [`Renderer::render`].
     pub fn render(&mut self, pose: &Pose, time_s: f64) -> Result<&Frame, RenderError> {
         self.renderer.set_time_s(time_s);
         self.renderer.render(pose, &mut self.frame)?;
@@ -137,13 +137,13 @@ fn settings(station: &Station, quality: FrameQuality) -> RenderSettings {
 pub struct KeyFrames<'a> {
     /// Low quality.
     pub lq: Stage,
-    /// High quality, against which images are scored.
+    /// High quality: the reference for the scores.
     pub hq: Stage,
-    /// None where the generator is missing.
+    /// Generator with its buffers; none if the generator is missing.
     pub translation: Option<Translation>,
     /// The station.
     pub station: &'a Station,
-    /// Where frames are made.
+    /// Backend that renders the frames.
     pub backend: &'a Backend,
 }
 
@@ -185,7 +185,7 @@ impl KeyFrames<'_> {
             row.push(panel.with_note(note(&translated)));
             scores.translated = Some(translated);
         } else {
-            // An earlier demo may have left one.
+            // An earlier demo may have left this file.
             remove(&directory.join(TRANSLATED))?;
         }
         row.push(sheet.panel(format!("HQ  {:.0} ms", high.times.total_ms), high, bmode)?);
@@ -200,12 +200,12 @@ impl KeyFrames<'_> {
     }
 }
 
-/// Scores below a caption.
+/// Scores as a line below a picture's caption.
 fn note(scores: &Scores) -> String {
     format!("PSNR {:.1} dB  SSIM {:.3}", scores.psnr_db, scores.ssim)
 }
 
-/// Lines below the sheet's title: what the columns are. `generator` is its name.
+/// Lines below the sheet's title that explain its columns. `generator` is the generator's name.
 pub fn legend(target: FrameQuality, generator: Option<&str>) -> Vec<String> {
     let FrameQuality { rays, layers, angles, .. } = target;
     let compounded = if angles > 1 { format!(", mean of {angles} steering angles") } else { String::new() };

@@ -1,24 +1,24 @@
-//! Frames of a replay with the probe where no hand can hold it.
+//! Frames of a replay in which the probe is where no hand can hold it.
 
 use crate::sink::FrameRate;
 use crate::transducer::Misplacement;
 use crate::transducer::placement::MISPLACED_FOR;
 
-/// Misplaced frames of a replay. Only long runs of them are told.
+/// Misplaced frames of a replay. Only long runs of them are reported.
 #[derive(Debug)]
 pub(super) struct MisplacedFrames {
-    /// Frames of the shortest run that is told.
+    /// Frames in the shortest run that is reported.
     least: f64,
-    /// First placement of the current run, and its frames so far.
+    /// Placement at the start of the current run, and its number of frames so far.
     run: Option<(Misplacement, u32)>,
-    /// First placement of the first long run, and the frames of all long ones.
-    told: Option<(Misplacement, u32)>,
+    /// Placement at the start of the first reported run, and the number of frames in all reported runs.
+    reported: Option<(Misplacement, u32)>,
 }
 
 impl MisplacedFrames {
-    /// No frame yet, of a replay at `rate`.
+    /// A count for a replay at `rate`, before its first frame.
     pub(super) fn new(rate: FrameRate) -> Self {
-        Self { least: MISPLACED_FOR.as_secs_f64() * rate.fps(), run: None, told: None }
+        Self { least: MISPLACED_FOR.as_secs_f64() * rate.fps(), run: None, reported: None }
     }
 
     /// Takes the placement of the next frame; `None` for one that a hand can reach.
@@ -32,14 +32,15 @@ impl MisplacedFrames {
         self.run = Some((first, count));
         let is_long = |count: u32| f64::from(count) >= self.least;
         if is_long(count) {
-            let (_, frames) = self.told.get_or_insert((first, 0));
+            let (_, frames) = self.reported.get_or_insert((first, 0));
             *frames += if is_long(before) { 1 } else { count };
         }
     }
 
-    /// First placement of the first long run, and the frames of all long ones; `None` without one.
-    pub(super) fn told(&self) -> Option<(Misplacement, u32)> {
-        self.told
+    /// Placement at the start of the first reported run, and the number of frames in all reported runs; `None`
+    /// without one.
+    pub(super) fn reported(&self) -> Option<(Misplacement, u32)> {
+        self.reported
     }
 }
 
@@ -48,12 +49,12 @@ mod tests {
     use super::*;
     use crate::transducer::placement::Fault;
 
-    /// Frames in long runs of a replay at 10 Hz whose probe is misplaced in some frames.
-    fn told(wrong: impl Fn(u32) -> bool) -> Option<u32> {
+    /// Frames in reported runs of a replay at 10 Hz whose probe is misplaced where `wrong` holds.
+    fn reported(wrong: impl Fn(u32) -> bool) -> Option<u32> {
         let wrong_at = |depth_mm| Misplacement { fault: Fault::Deep { depth_mm }, likely: None };
         let mut frames = MisplacedFrames::new(FrameRate::new(10.0).unwrap());
         (0..100_u32).for_each(|i| frames.push(wrong(i).then(|| wrong_at(f64::from(i)))));
-        let (first, count) = frames.told()?;
+        let (first, count) = frames.reported()?;
         let Fault::Deep { depth_mm } = first.fault else { panic!() };
         assert!((0..20).all(|i| wrong(depth_mm as u32 + i)), "it begins the first long run");
         Some(count)
@@ -61,10 +62,10 @@ mod tests {
 
     #[test]
     fn only_two_seconds_in_a_row_are_told() {
-        assert_eq!(told(|_| true), Some(100));
-        assert_eq!(told(|i| i % 20 < 19), None, "moments, of 9.5 s in all");
-        assert_eq!(told(|i| (5..15).contains(&i) || (30..50).contains(&i) || i >= 70), Some(50));
-        assert_eq!(told(|_| false), None);
+        assert_eq!(reported(|_| true), Some(100));
+        assert_eq!(reported(|i| i % 20 < 19), None, "moments, of 9.5 s in all");
+        assert_eq!(reported(|i| (5..15).contains(&i) || (30..50).contains(&i) || i >= 70), Some(50));
+        assert_eq!(reported(|_| false), None);
     }
 
     #[test]
@@ -72,6 +73,6 @@ mod tests {
         let mut frames = MisplacedFrames::new(FrameRate::new(0.1).unwrap());
         let outward = Misplacement { fault: Fault::LooksOut, likely: None };
         [Some(outward), None, Some(outward), Some(outward)].into_iter().for_each(|placed| frames.push(placed));
-        assert_eq!(frames.told(), Some((outward, 3)));
+        assert_eq!(frames.reported(), Some((outward, 3)));
     }
 }

@@ -44,17 +44,17 @@ pub struct ReplayOptions {
     pub rate: FrameRate,
     /// Frames to render.
     pub frames: FrameRange,
-    /// Rays and layers; none: those of the recorded session, else the station's.
+    /// Rays and layers; none: the recorded session's quality, or the station's if the session has none.
     pub quality: Option<FrameQuality>,
-    /// Seed; none: the station's.
+    /// Seed; none: the seed of the station.
     pub seed: Option<u32>,
-    /// Whether the tracker's poses are taken as they are, interpolated, without the station's calibration and filter.
+    /// Whether to interpolate the tracker's raw poses, without the station's calibration and filter.
     pub raw_poses: bool,
-    /// Whether what was set in the recorded session is left alone.
+    /// Whether to ignore the settings that were changed in the recorded session.
     pub ignore_controls: bool,
 }
 
-/// Frames that are rendered with the same settings.
+/// Consecutive frames that are rendered with the same settings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stretch {
     /// Frame indices in the timeline.
@@ -80,15 +80,16 @@ pub struct Replay {
     pub timeline: Timeline,
     /// Requested frames.
     pub frames: Range<usize>,
-    /// In the order of their frames; at least one.
+    /// Frames with the same settings, in order; at least one.
     pub stretches: Vec<Stretch>,
     /// Settings with which the recorded session began, if they differ from the station's.
     pub others_at_start: Vec<OtherSetting>,
     /// Reasons why settings of the recorded session were refused.
     pub refused: Vec<String>,
-    /// Frame budget of the station that chooses nothing, since the recorded session says its quality, ms.
+    /// The station's frame budget if it is ignored because the recorded session sets the quality, ms.
     pub overruled_budget_ms: Option<f64>,
-    /// Frame budget that chooses the quality, ms; none if station, options or recorded session set the quality.
+    /// Frame budget that chooses the quality, ms; none if the station, the options or the recorded session set the
+    /// quality.
     frame_budget_ms: Option<f64>,
 }
 
@@ -147,11 +148,11 @@ impl Replay {
         self.stretches.len().saturating_sub(1)
     }
 
-    /// Applies and returns the quality chosen by the station's frame budget, if that chooses one. Measured at the poses
-    /// of the first, middle and last frame.
+    /// Applies and returns the quality that fits the station's frame budget; none without a budget. Times are
+    /// measured at the poses of the first, middle and last frame.
     ///
     /// # Errors
-    /// As [`choose_still`].
+    /// Errors of [`choose_still`].
     pub fn choose_quality(&mut self, backend: &Backend, scene: &Scene) -> Result<Option<StillQuality>, ReplayError> {
         let Some(frame_budget_ms) = self.frame_budget_ms else { return Ok(None) };
         let Stretch { probe, settings, .. } = self.first()?;
@@ -168,7 +169,7 @@ impl Replay {
     }
 
     /// Renders all frames in order, two in flight. `before` runs before each submission and may wait. `each` receives
-    /// every frame, with the look of its settings, and its index among the requested frames.
+    /// every frame after post-processing, and its index among the requested frames.
     ///
     /// # Errors
     /// A frame that can't be rendered, or an error of `each`.
@@ -199,7 +200,7 @@ impl Replay {
                 each(from + i, frame)
             })?;
         }
-        if let Some((misplaced, count)) = misplaced.told() {
+        if let Some((misplaced, count)) = misplaced.reported() {
             tracing::warn!("{}: in {count} of {} frames {misplaced}", self.path.display(), self.frames.len());
         }
         Ok(())
@@ -225,7 +226,7 @@ fn timeline(
     Ok((Timeline::replayed(&mut poses, first_ns, last_ns, options.rate)?, summary))
 }
 
-/// Splits `frames` into stretches of equal settings.
+/// Splits `frames` into runs of equal settings.
 fn stretches(live: &[LiveSettings], frames: Range<usize>, quality: Option<FrameQuality>) -> Vec<Stretch> {
     let mut stretches: Vec<Stretch> = Vec::new();
     let mut last: Option<LiveSettings> = None;

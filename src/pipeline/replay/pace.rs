@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 pub enum ReplaySpeed {
     /// As fast as possible.
     Max,
-    /// Recorded seconds per second.
+    /// Replayed seconds of the recording per second.
     Factor(f64),
 }
 
@@ -45,7 +45,7 @@ impl Pace {
         Self { interval, started: None, behind: Duration::ZERO }
     }
 
-    /// Waits until `frame` is due; the first one starts the clock.
+    /// Waits until `frame` is due; the first frame is due at once and starts the clock.
     pub fn wait(&mut self, frame: usize) {
         let Some(due) = self.due(frame) else { return };
         let elapsed = self.started.get_or_insert_with(Instant::now).elapsed();
@@ -55,7 +55,7 @@ impl Pace {
         }
     }
 
-    /// Due time of a frame after the first one.
+    /// Due time of a frame, since the first one.
     fn due(&self, frame: usize) -> Option<Duration> {
         self.interval.map(|interval| interval.mul_f64(frame as f64))
     }

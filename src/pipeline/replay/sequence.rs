@@ -11,7 +11,7 @@ use crate::render::Backend;
 use crate::sink::meta_image::{ImageTracking, MetaImageWriter};
 use crate::transducer::Sector;
 
-/// Pixels of a sequence.
+/// Pixel values of a sequence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SequenceMap {
     /// Grey levels.
@@ -37,7 +37,7 @@ pub struct WrittenSequence {
 }
 
 impl Replay {
-    /// Checks that all frames have one depth, as a sequence has one size of its pixels.
+    /// Checks that all frames have the same depth, because a sequence has one image size.
     ///
     /// # Errors
     /// The depth changes among the frames, or there is none.
@@ -49,10 +49,11 @@ impl Replay {
         }
     }
 
-    /// Renders all frames into the sequence at `out`, compressed by zlib if asked. `progress` receives the number of frames done.
+    /// Renders all frames into the sequence at `out`; zlib compresses it if asked. `progress` receives the number of
+    /// finished frames.
     ///
     /// # Errors
-    /// As [`Self::check_depth`]; a frame that can't be rendered, or a file that can't be written.
+    /// Errors of [`Self::check_depth`]; a frame that can't be rendered, or a file that can't be written.
     pub fn write_sequence(
         &self,
         backend: &Backend,

@@ -1,4 +1,4 @@
-//! A recording's poses at the times of a video's frames.
+//! A recording's poses, resampled at the times of a video's frames.
 
 use super::ReplayError;
 use crate::pipeline::replayed::ReplayedPoses;
@@ -7,7 +7,7 @@ use crate::recording::GAP_NS;
 use crate::settings::LiveSettings;
 use crate::sink::FrameRate;
 
-/// Poses at equal distances in time.
+/// Poses at evenly spaced times.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Timeline {
     /// Pose of each frame; the previous one if it is unknown.
@@ -18,11 +18,11 @@ pub struct Timeline {
     scene_times_ns: Vec<u64>,
     /// Host time of scene time 0, ns.
     scene_start_ns: u64,
-    /// Frames whose pose is not exactly of their time.
+    /// Whether each frame's pose was held, so that it is not exactly of the frame's time.
     held: Vec<bool>,
 }
 
-/// Most frames of a session: a day at ten a second.
+/// Most frames of a session: 28 hours at ten per second.
 const FRAMES_MAX: u128 = 1_000_000;
 
 impl Timeline {
@@ -55,8 +55,8 @@ impl Timeline {
         })
     }
 
-    /// Samples `pose_at`, which also tells whether the pose is known at that time. Refuses more than `FRAMES_MAX`
-    /// frames, which usually mean a wrong clock.
+    /// Samples `pose_at` at `rate`; its flag says whether the pose is known at that time. Refuses more than
+    /// `FRAMES_MAX` frames, which usually mean a wrong clock.
     fn sampled(
         first_ns: u64,
         last_ns: u64,
@@ -101,7 +101,7 @@ impl Timeline {
         self
     }
 
-    /// Holds pose and scene in frozen frames; `live` has the settings of each frame.
+    /// Holds pose and scene time in frozen frames; `live` has the settings of each frame.
     pub fn freeze(&mut self, live: &[LiveSettings]) {
         let mut last = None;
         for ((pose, time_ns), live) in self.poses.iter_mut().zip(&mut self.scene_times_ns).zip(live) {
@@ -112,12 +112,12 @@ impl Timeline {
         }
     }
 
-    /// Number of `frames` whose pose is not exactly of their time.
+    /// Number of frames in the range `frames` whose pose was held, so that it is not exactly of their time.
     pub fn held_in(&self, frames: std::ops::Range<usize>) -> usize {
         self.held.get(frames).unwrap_or_default().iter().filter(|held| **held).count()
     }
 
-    /// Whether a frame's pose is not exactly of its time.
+    /// Whether a frame's pose was held, so that it is not exactly of its time.
     pub(crate) fn is_held(&self, frame: usize) -> bool {
         self.held.get(frame).copied().unwrap_or_default()
     }
@@ -130,7 +130,7 @@ impl Timeline {
         }
     }
 
-    /// Time of the scene in a frame, s.
+    /// Scene time of a frame, s.
     pub fn scene_s(&self, frame: usize) -> f64 {
         let time_ns = self.scene_times_ns.get(frame).copied().unwrap_or_default();
         time_ns.saturating_sub(self.scene_start_ns) as f64 * 1e-9

@@ -14,7 +14,7 @@ use crate::pipeline::tracker_watch::TrackerWatch;
 use crate::sink::FrameLog;
 use crate::sink::frame_log::LogEnd;
 
-/// Timeout for each part to end.
+/// Longest wait for a part to end.
 const PART_TIME: Duration = Duration::from_secs(3);
 
 /// Polling period for the end of a part.
@@ -26,7 +26,7 @@ impl Pipeline {
         let reason = self.stop.reason().unwrap_or_default();
         tracing::info!("the session ends: {reason}");
         let mut stuck = Vec::new();
-        // No frame is begun after the request. The parts take their own time to end.
+        // No frame begins after the request. What the parts take to end does not count.
         let ended_at = self.stop.requested_at().unwrap_or_else(|| self.clock.now());
         let elapsed_s = ended_at.saturating_sub(self.started_at).as_secs_f64();
         end_parts(&self.clock, &mut self.before, &mut stuck);

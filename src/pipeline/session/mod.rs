@@ -71,18 +71,18 @@ pub struct Parts {
     pub factory: Box<dyn RendererFactory>,
     /// Initial probe.
     pub probe: Probe,
-    /// Initial settings of the renderer.
+    /// Settings of the renderer at the start.
     pub render: RenderSettings,
-    /// Controller of the operating point, which starts at the quality of `render`; none: the quality stays as set, and the
-    /// first generator runs.
+    /// Controller of the operating point, which starts at the quality of `render`. None: the quality stays as set,
+    /// and the first generator runs.
     pub points: Option<PointController>,
-    /// The station's choice for the aperture, which the controller may take away.
+    /// The station's choice whether to simulate the aperture. The controller may switch the aperture off.
     pub aperture: Choice,
     /// Generator; none: raw frames are shown.
     pub generators: Option<Box<dyn FrameGenerators>>,
     /// Sinks of the presented frames.
     pub sinks: Vec<Box<dyn LiveSink>>,
-    /// Log of all presented frames; none: nothing is logged.
+    /// Log of all presented frames; none: no log is written.
     pub log: Option<FrameLog>,
     /// Controls from watchers.
     pub controls: mpsc::Receiver<Control>,
@@ -97,11 +97,11 @@ pub struct Parts {
 }
 
 impl Parts {
-    /// Parts of a session on the system's clock that shows `poses` at a fixed quality: no sink, log, generator or recording yet.
-    /// Watchers send their controls through the sender.
+    /// Parts of a session on the system's clock that shows `poses` at a fixed quality. It has no sink, log, generator
+    /// or recording yet. Watchers send their controls through the sender.
     ///
     /// # Errors
-    /// The same as those of [`Renderer::new`](crate::render::Renderer::new).
+    /// Errors of [`Renderer::new`](crate::render::Renderer::new).
     pub fn new(
         poses: impl PoseSource + 'static,
         factory: LocalRendererFactory,
@@ -166,7 +166,7 @@ pub struct Pipeline {
     tracker: Option<TrackerWatch>,
     before: Vec<Box<dyn Part>>,
     after: Vec<Box<dyn Part>>,
-    /// Start of the stages.
+    /// Time at which the stages started.
     started_at: Duration,
     duration: Option<Duration>,
     finish: Duration,
