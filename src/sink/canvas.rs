@@ -36,13 +36,13 @@ impl Text {
     }
 }
 
-/// A canvas; drawing beyond its edges is clipped.
+/// A canvas in RGB; drawing beyond its edges is clipped.
 pub(crate) struct Canvas {
     image: RgbImage,
 }
 
 impl Canvas {
-    /// A canvas of one colour.
+    /// A canvas filled with one colour.
     pub(crate) fn new(width: u32, height: u32, background: Rgb) -> Self {
         Self { image: RgbImage::from_pixel(width, height, Pixel(background)) }
     }

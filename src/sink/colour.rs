@@ -1,4 +1,4 @@
-//! Colours of maps: a perceptual scale for values, one colour for each tissue.
+//! Colours of maps: a perceptual scale for values, and one colour for each tissue.
 
 use crate::anatomy::Mesh;
 
@@ -31,7 +31,7 @@ const VIRIDIS: [u32; 256] = [
     0xf8e621, 0xfbe723, 0xfde725,
 ];
 
-/// Fixed colours of built-in tissues: fluids blue and black, soft tissue red and brown, bone ivory.
+/// Fixed colours of built-in tissues: fluids are blue and black, soft tissues red and brown, bone is ivory.
 const TISSUES: [(&str, u32); 48] = [
     ("water", 0x1a5fb4),
     ("gel", 0x3584e4),
@@ -100,12 +100,13 @@ pub fn tissue(name: &str) -> Rgb {
     if let Some(&(_, colour)) = TISSUES.iter().find(|(known, _)| *known == name) {
         return rgb(colour);
     }
-    // FNV-1a: the same colour for a name in every scene.
+    // FNV-1a hash: a name has the same colour in every scene.
     let hash = name.bytes().fold(0x811c_9dc5_u32, |h, b| (h ^ u32::from(b)).wrapping_mul(0x0100_0193));
     hsv(f64::from(hash >> 16) / 65_536.0, 0.45 + 0.4 * f64::from(hash & 0xff) / 255.0, 0.85)
 }
 
-/// Colours of segmentation numbers 0..=255 for tissues called `names`: black outside the sector (0), then each tissue's own.
+/// Colours of the segmentation numbers 0..=255: black for 0 (outside the sector), then the colour of each tissue in
+/// `names`.
 pub(crate) fn segmentation_palette(names: &[String]) -> Vec<Rgb> {
     let mut palette = vec![[0; 3]; 256];
     for (slot, name) in palette.iter_mut().skip(1).zip(names) {
@@ -119,7 +120,7 @@ fn rgb(colour: u32) -> Rgb {
     [r, g, b]
 }
 
-/// A colour from hue, saturation and value in 0..=1.
+/// RGB colour from hue, saturation and value, each 0..=1.
 fn hsv(hue: f64, saturation: f64, value: f64) -> Rgb {
     [5.0, 3.0, 1.0].map(|n| {
         let k: f64 = (n + hue * 6.0) % 6.0;
@@ -127,7 +128,8 @@ fn hsv(hue: f64, saturation: f64, value: f64) -> Rgb {
     })
 }
 
-/// Opacity of each mesh in a common view, 0..=1: large meshes are more transparent, because they enclose small ones.
+/// Opacity of each mesh when all are seen together, 0..=1. Large meshes are more transparent, because they enclose
+/// small ones.
 pub(crate) fn opacities(meshes: &[&Mesh]) -> Vec<f32> {
     let areas: Vec<f64> = meshes.iter().map(|mesh| area_mm2(mesh)).collect();
     let largest = areas.iter().copied().fold(1e-9, f64::max);

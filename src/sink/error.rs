@@ -31,44 +31,44 @@ pub enum SinkError {
         /// Cause.
         source: serde_json::Error,
     },
-    /// The number of values does not match the shape.
+    /// The number of values does not match the shape of the array.
     #[error("{path} would hold {found} values; its shape {shape:?} asks for {expected}")]
     Shape {
         /// File.
         path: PathBuf,
-        /// Rows, columns.
+        /// Rows and columns.
         shape: [usize; 2],
-        /// Product of the shape.
+        /// Number of values that the shape holds.
         expected: usize,
-        /// Values given.
+        /// Number of values given.
         found: usize,
     },
-    /// Another process writes the file.
+    /// Another process is writing the file.
     #[error("another process is writing {path}")]
     Busy {
         /// File.
         path: PathBuf,
     },
-    /// A frame rate outside 0.1..=1000.
+    /// The frame rate is outside 0.1..=1000.
     #[error("a video cannot run at {fps} frames a second; it must lie in 0.1..=1000")]
     FrameRate {
-        /// Value given.
+        /// Frame rate given, Hz.
         fps: f64,
     },
     /// The server can't listen at the address.
     #[error("the {sink} can't listen at {address}: {source}; take another port (0 for any free one) or address")]
     Listen {
-        /// Sink.
+        /// Name of the sink.
         sink: &'static str,
         /// Address and port.
         address: std::net::SocketAddr,
         /// Cause.
         source: std::io::Error,
     },
-    /// A live sink that takes no frames.
+    /// A live sink has ended and takes no more frames.
     #[error("the {sink} shows nothing: {reason}")]
     Ended {
-        /// Sink.
+        /// Name of the sink.
         sink: &'static str,
         /// Cause.
         reason: String,

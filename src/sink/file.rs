@@ -38,7 +38,7 @@ fn directory_of(path: &Path) -> &Path {
     path.parent().filter(|d| !d.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Creates a temporary file beside `path`, for [`commit`] once it is written.
+/// Creates a temporary file in the directory of `path`, for [`commit`] once it is written.
 pub(crate) fn begin(path: &Path) -> Result<NamedTempFile, SinkError> {
     let directory = directory_of(path);
     create_dir(directory)?;

@@ -14,7 +14,7 @@ use crate::transducer::{Probe, ProbeKind, ScanGeometry};
 /// A file of a frame that can't be used.
 #[derive(Debug, Error)]
 pub enum FrameFileError {
-    /// A picture.
+    /// A grey picture can't be read.
     #[error(transparent)]
     Grey(#[from] GreyError),
     /// A file that can't be read.
@@ -55,7 +55,7 @@ fn bytes(path: &Path, kind: FileKind) -> Result<Vec<u8>> {
     files::read(path, kind).map_err(|source| FrameFileError::Read { path: path.to_owned(), source })
 }
 
-/// The maps in a directory.
+/// Maps of a frame, read from a directory.
 #[derive(Debug)]
 pub struct FrameDirectory {
     /// The directory.
@@ -64,7 +64,7 @@ pub struct FrameDirectory {
     pub width: u32,
     /// Height, pixels.
     pub height: u32,
-    /// Names of tissues from number 1.
+    /// Names of tissues; number 1 of the segmentation is the first.
     pub tissues: Vec<String>,
     image: Option<Vec<u8>>,
     mask: Vec<u8>,
@@ -98,7 +98,7 @@ impl FrameDirectory {
         Ok(Self { directory: directory.to_owned(), width, height, tissues, image, mask, segmentation, attenuation })
     }
 
-    /// Inputs of a generator with `manifest`.
+    /// Inputs of the generator that `manifest` describes.
     ///
     /// # Errors
     /// A map that it takes is missing, or frame.json can't be used by a generator in beam coordinates.
@@ -128,7 +128,7 @@ impl FrameDirectory {
     }
 }
 
-/// Probe of a frame's record, as far as its pictures depend on it.
+/// Probe settings in a frame's record on which its picture's geometry depends.
 #[derive(Deserialize)]
 struct Recorded {
     probe: RecordedProbe,
@@ -141,7 +141,7 @@ struct RecordedProbe {
     depth_mm: f64,
 }
 
-/// Scanlines of the frame whose record is at `path`; none without a record.
+/// Scanline geometry of the frame whose record is at `path`; none without a record.
 fn scan(path: &Path, [width, height]: [u32; 2]) -> Result<Option<ScanGeometry>> {
     if !path.exists() {
         return Ok(None);

@@ -1,4 +1,4 @@
-//! One frame as a directory of files that other programs read.
+//! Files of one frame in a directory, for other programs to read.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -42,7 +42,7 @@ impl FrameFiles<'_> {
     /// A map that does not have the frame's size, or a file that cannot be written.
     pub fn write(&self, dir: &Path) -> Result<Vec<PathBuf>, SinkError> {
         create_dir(dir)?;
-        // An earlier frame's record must not vouch for the new files.
+        // The record of an earlier frame would mark the directory as complete before the new files are.
         remove(&dir.join("frame.json"))?;
         let Self { frame, tissues, record } = *self;
         let (width, height) = (frame.width, frame.height);
@@ -72,7 +72,7 @@ impl FrameFiles<'_> {
     }
 }
 
-/// Names by segmentation number, 0 included.
+/// Tissue name of each segmentation number, 0 included.
 pub(crate) fn tissue_numbers(tissues: &TissueTable) -> BTreeMap<usize, &str> {
     let names = tissues.names().iter().map(String::as_str);
     std::iter::once("outside").chain(names).enumerate().collect()
@@ -104,7 +104,7 @@ mod tests {
         TissueTable::new([("liver".to_owned(), tissue.clone()), ("blood".to_owned(), tissue)]).unwrap()
     }
 
-    /// Plan for 32 x 1 paths in liver alone.
+    /// Plan for 32 rays and 1 layer in liver alone.
     fn plan(probe: &Probe) -> EffectPlan {
         let scene = analytic::scene(Vec::new(), &tissues(), "liver").unwrap();
         EffectPlan::new(&scene, probe, &settings())
@@ -114,7 +114,7 @@ mod tests {
         RenderSettings { quality: Quality { rays: 32, ..Quality::LQ }, ..RenderSettings::default() }
     }
 
-    /// The record of `frame` at `pose`, of a probe of 2 × 5 samples.
+    /// Record of `frame` at `pose`, for a probe with 2 scanlines of 5 samples.
     fn record(frame: &Frame, pose: [f64; 7]) -> FrameRecord {
         let probe = Probe { scanlines: 2, samples: 5, ..Probe::default() };
         let adapter = AdapterRecord { name: "llvmpipe".into(), driver: "Mesa".into(), trace: None };

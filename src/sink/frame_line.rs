@@ -7,7 +7,7 @@ use serde::Serialize;
 use crate::presented::PresentedFrame;
 use crate::transducer::Contact;
 
-/// Fields of a frame's line. Times are ms since the session began.
+/// Fields of a frame's line. All times are ms since the session began.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct FrameLine<'a> {
     /// Number of the frame.
@@ -25,21 +25,22 @@ pub(crate) struct FrameLine<'a> {
     pub contact: Option<Contact>,
     /// Measurements that no earlier frame showed.
     pub new_measurements: u64,
-    /// From the first byte of the newest measurement to `presented_ms`; none for a held or repeated pose.
+    /// Time from the first byte of the newest measurement to `presented_ms`; none for a held or repeated pose.
     pub pose_to_present_ms: Option<f64>,
-    /// The same from the measurement that first showed a jump; none without a new jump.
+    /// Time from the first byte of the measurement that first showed a jump to `presented_ms`; none without a new
+    /// jump.
     pub jump_to_present_ms: Option<f64>,
-    /// First byte of the record that the pose comes from.
+    /// First byte of the tracker record behind the pose.
     pub first_byte_ms: Option<f64>,
-    /// Pose sampled.
+    /// Sampling of the pose.
     pub sampled_ms: f64,
-    /// Render submitted.
+    /// Submission of the render.
     pub submitted_ms: f64,
-    /// Rendered frame in memory.
+    /// Arrival of the rendered frame in memory.
     pub rendered_ms: f64,
     /// Start and end of the generator's run on this frame.
     pub inference_ms: Option<[f64; 2]>,
-    /// Handed to the sinks.
+    /// Handover to the sinks.
     pub presented_ms: f64,
     /// Name of the generator at work.
     pub generator: Option<&'a str>,

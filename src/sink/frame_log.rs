@@ -11,13 +11,14 @@ use super::file::create;
 use super::frame_line::FrameLine;
 use crate::presented::PresentedFrame;
 
-/// Bytes that may wait for the disk: about four minutes of lines at 30 frames a second.
+/// Largest number of bytes that wait for the disk: about four minutes of lines at 30 frames per second.
 const WAITING_MAX: usize = 4 << 20;
 
-/// Log that loses no line.
+/// Log that loses no line to a slow disk.
 ///
-/// Lines wait in a bounded buffer, from which a thread writes them to disk. If the buffer is full, [`push`](Self::push)
-/// waits and counts it. Lines written before a kill are readable.
+/// Lines wait in a bounded buffer, from which a thread writes them to disk. If the buffer is full,
+/// [`push`](Self::push) waits for it and counts the line as `waited`. Lines on disk stay readable if the process is
+/// killed.
 #[derive(Debug)]
 pub struct FrameLog {
     shared: Arc<Shared>,
@@ -27,7 +28,7 @@ pub struct FrameLog {
     counts: LogCounts,
 }
 
-/// Counts of a log.
+/// Counts of lines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct LogCounts {
     /// Lines that were pushed.
@@ -38,7 +39,7 @@ pub struct LogCounts {
     pub failed: u64,
 }
 
-/// End of a log.
+/// Outcome of finishing a log.
 #[derive(Debug)]
 pub enum LogEnd {
     /// Every line is in the file.
@@ -58,19 +59,19 @@ struct Shared {
 
 #[derive(Debug, Default)]
 struct Queue {
-    /// Complete lines that the writer has not taken yet.
+    /// Complete lines that wait for the writer.
     bytes: Vec<u8>,
     /// Number of lines in `bytes`.
     lines: u64,
     closed: bool,
     ended: bool,
     error: Option<SinkError>,
-    /// Lines lost to `error`.
+    /// Lines lost to the error of the writer.
     failed: u64,
 }
 
 impl FrameLog {
-    /// Replaces the file at `path`.
+    /// Replaces the file at `path` by an empty log.
     ///
     /// # Errors
     /// The file cannot be created, or the system refuses a thread.
@@ -153,7 +154,7 @@ impl Drop for FrameLog {
 }
 
 impl Queue {
-    /// Whether `length` more bytes exceed the limit. An empty queue takes a line of any length.
+    /// Whether `length` more bytes exceed the limit. An empty buffer takes a line of any length.
     fn has_no_room(&self, length: usize, waiting_max: usize) -> bool {
         !self.ended && !self.bytes.is_empty() && self.bytes.len() + length > waiting_max
     }
@@ -198,7 +199,7 @@ mod tests {
     use super::super::live_video::tests::frame;
     use super::*;
 
-    /// Takes `delay` per write, and fails after `limit` bytes.
+    /// Writer that takes `delay` per write, and fails after `limit` bytes.
     struct Slow {
         written: Arc<Mutex<Vec<u8>>>,
         delay: Duration,

@@ -5,14 +5,14 @@ use super::SinkError;
 /// Frames per second as a fraction, as video containers store it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FrameRate {
-    /// Frames in `denominator` seconds.
+    /// Number of frames in `denominator` seconds.
     pub numerator: u32,
-    /// Seconds for `numerator` frames.
+    /// Duration of `numerator` frames, s.
     pub denominator: u32,
 }
 
 impl FrameRate {
-    /// The rate nearest to `fps`, in thousandths, in lowest terms.
+    /// The rate nearest to `fps` in steps of 0.001 Hz, in lowest terms.
     ///
     /// # Errors
     /// `fps` outside 0.1..=1000, NaN included.

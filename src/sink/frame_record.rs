@@ -9,7 +9,7 @@ use crate::render::{Backend, Effect, EffectPlan, Frame, FrameTimes};
 use crate::settings::{ContactSettings, ImageSettings, LookSettings, Probe, Quality, ReceiverSettings, RenderSettings};
 use crate::transducer::{Contact, Sector};
 
-/// Inputs of a frame: pose, quality, image, probe, device. The station file holds scene and tissues.
+/// Inputs of a frame: pose, quality, image, probe, device. Scene and tissues are in the station file, not here.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FrameRecord {
     /// Version of insonify.
@@ -21,34 +21,34 @@ pub struct FrameRecord {
     /// Quality that a budget chose, and why; none if the quality is fixed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub chosen: Option<String>,
-    /// Simulated quality and effects.
+    /// Quality and effects as simulated.
     pub simulated: SimulatedRecord,
-    /// Image.
+    /// Image size and position.
     pub image: ImageRecord,
-    /// From lines to the display.
+    /// Post-processing, from baseband lines to the displayed levels.
     pub look: LookSettings,
-    /// Gel and tolerance.
+    /// Coupling: gel and tolerance.
     pub coupling: ContactSettings,
     /// Levels of noise, clutter and reverberation.
     pub receiver: ReceiverSettings,
-    /// Probe.
+    /// Probe with its settings.
     pub probe: Probe,
-    /// Place of the samples of lines.npy; none in a frame without its lines.
+    /// Positions of the samples in lines.npy; none in a frame without its lines.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lines: Option<LinesRecord>,
     /// Contact of the face with the skin; none if everything is coupled.
     pub contact: Option<Contact>,
-    /// The 98th percentile that the attenuation map was divided by.
+    /// 98th percentile of the attenuation, by which the attenuation map was divided; 0 without maps.
     pub attenuation_p98: f32,
-    /// Crossings and interactions that did not fit the buffers; 0 in a sound frame.
+    /// Hits and interactions that did not fit the buffers; 0 in a sound frame.
     pub overflows: u32,
-    /// Times.
+    /// Durations of the frame's stages.
     pub times: FrameTimes,
     /// Device that rendered it.
     pub adapter: AdapterRecord,
 }
 
-/// A pose.
+/// A pose in the scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PoseRecord {
     /// Centre of the transducer's face in the scene, mm.
@@ -68,7 +68,7 @@ pub struct SimulatedRecord {
     pub effects: Vec<Effect>,
 }
 
-/// The image and its geometry in the probe frame.
+/// Scale, position and settings of the image, in the probe frame.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ImageRecord {
     /// Side of a square pixel, mm.
@@ -80,29 +80,30 @@ pub struct ImageRecord {
     pub settings: ImageSettings,
 }
 
-/// Where the samples of lines.npy [scanlines, samples] lie, in the probe frame. Sample j of scanline i is centred at
-/// `origin(i)` + (`first_depth_mm` + j · `depth_step_mm`) · `direction(i)`.
+/// Positions of the samples in lines.npy [scanlines, samples], in the probe frame. Sample j of scanline i is centred
+/// at `origin(i)` + (`first_depth_mm` + j · `depth_step_mm`) · `direction(i)`.
 ///
-/// A curved face has `direction` = (sin a, 0, cos a) and `origin` = R (sin a, 0, cos a − 1), with the angle a of the scanline and
-/// the radius R of the face, 0 for a phased array. A flat one has `direction` = (0, 0, 1) and `origin` = (x, 0, 0).
+/// A curved face has `direction` = (sin a, 0, cos a) and `origin` = R (sin a, 0, cos a − 1). The angle a is the
+/// scanline's; R is the radius of the face, 0 for a phased array. A flat face has `direction` = (0, 0, 1) and
+/// `origin` = (x, 0, 0).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct LinesRecord {
     /// Depth of sample 0 below the face along its scanline, mm.
     pub first_depth_mm: f64,
     /// Depth between two samples, mm at 1540 m/s.
     pub depth_step_mm: f64,
-    /// Place of scanline 0, and the step to the next.
+    /// Position of scanline 0, and the step to the next scanline.
     #[serde(flatten)]
     pub lateral: Lateral,
-    /// Turns of phase of an echo per mm of its depth: at depth z it carries e^(−i2π·turns·z).
+    /// Phase of an echo in turns per mm of depth: at depth z the echo carries the factor e^(−i2π·turns·z).
     pub phase_turns_per_mm: f64,
 }
 
-/// Place of scanlines across the face.
+/// Positions of scanlines across the face.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Lateral {
-    /// Convex and phased.
+    /// Angles, for convex and phased probes.
     Angle {
         /// Angle of scanline 0 from the probe's axis, positive towards +x, degrees.
         first_angle_deg: f64,
@@ -111,7 +112,7 @@ pub enum Lateral {
         /// Radius of the face, mm.
         face_radius_mm: f64,
     },
-    /// Linear.
+    /// Positions along x, for linear probes.
     Position {
         /// Probe-frame x of scanline 0, mm.
         first_x_mm: f64,
@@ -121,7 +122,7 @@ pub enum Lateral {
 }
 
 impl LinesRecord {
-    /// The samples of `probe`.
+    /// Positions of the samples of `probe`.
     pub fn new(probe: &Probe) -> Self {
         let lines = f64::from(probe.scanlines);
         let [first, second] = [0.5, 1.5].map(|line| probe.lateral_coordinate(line / lines));
@@ -139,14 +140,14 @@ impl LinesRecord {
     }
 }
 
-/// The device.
+/// Device that rendered a frame.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct AdapterRecord {
     /// Name of the adapter.
     pub name: String,
     /// Its driver.
     pub driver: String,
-    /// Way of `trace` on a device: by path, by lanes, or both by the number of paths.
+    /// How `trace` ran on a device: one thread per path, several lanes per path, or chosen by the number of paths.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub trace: Option<String>,
 }
@@ -158,7 +159,7 @@ impl From<&Backend> for AdapterRecord {
 }
 
 impl FrameRecord {
-    /// The record of `frame`, rendered at `pose` by `adapter` with the effects of `plan`.
+    /// Record of `frame`, rendered at `pose` by `adapter` with the effects of `plan`.
     pub fn new(
         frame: &Frame,
         pose: &Pose,
@@ -194,7 +195,7 @@ impl FrameRecord {
 }
 
 impl fmt::Display for FrameRecord {
-    /// Size, simulated quality, time and device in a line.
+    /// Writes size, simulated quality, time and device in one line.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let of = |simulated: u32, asked: u32, what: &str| match asked {
             _ if asked == simulated => format!("{asked} {what}"),
@@ -238,12 +239,12 @@ mod tests {
             ProbeKind::Phased { fov_deg: 90.0 },
         ] {
             let probe = Probe { kind, scanlines: 64, samples: 500, depth_mm: 80.0, ..Probe::default() };
-            // As another program reads it.
+            // Reads the record as another program would.
             let record = serde_json::to_value(LinesRecord::new(&probe)).unwrap();
             let number = |key: &str| record[key].as_f64().unwrap();
             for (line, sample) in [(0_u32, 0_u32), (5, 17), (63, 499)] {
                 let depth_mm = number("first_depth_mm") + f64::from(sample) * number("depth_step_mm");
-                let place = match kind {
+                let position = match kind {
                     ProbeKind::Linear { .. } => {
                         DVec3::new(number("first_x_mm") + f64::from(line) * number("x_step_mm"), 0.0, depth_mm)
                     }
@@ -257,7 +258,7 @@ mod tests {
                 let fraction = (f64::from(line) + 0.5) / 64.0;
                 let (origin, direction) = probe.ray(probe.lateral_coordinate(fraction));
                 let expected = origin + (f64::from(sample) + 0.5) * 80.0 / 500.0 * direction;
-                assert!(place.distance(expected) < 1e-9, "{kind:?}, {line}, {sample}: {place} {expected}");
+                assert!(position.distance(expected) < 1e-9, "{kind:?}, {line}, {sample}: {position} {expected}");
             }
         }
     }

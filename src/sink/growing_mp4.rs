@@ -15,27 +15,27 @@ use shiguredo_mp4::mux::{Fmp4SegmentMuxer, Mp4FileMuxer, Sample};
 use super::{FrameRate, SinkError, create_dir};
 use crate::files::{PartError, PartFile};
 
-/// Longest time between fragments, s: an interrupted video loses at most this.
+/// Longest time between fragments, s. An interrupted video loses at most this.
 const FRAGMENT_S: f64 = 1.0;
 
-/// Box that the header of the finished file's `mdat` replaces, as large as that.
-const PLACE_OF_MDAT: [u8; 16] = [0, 0, 0, 16, b'f', b'r', b'e', b'e', 0, 0, 0, 0, 0, 0, 0, 0];
+/// Placeholder box as large as the header of the finished file's `mdat`, which replaces it.
+const MDAT_PLACEHOLDER: [u8; 16] = [0, 0, 0, 16, b'f', b'r', b'e', b'e', 0, 0, 0, 0, 0, 0, 0, 0];
 
-/// A growing MP4 with one video track. It is called `NAME.part.mp4` until it is finished. Dropped before that, it
+/// A growing MP4 with one video track. It is called `NAME.part.mp4` until it is finished. If dropped before, the file
 /// stays, unless it holds no picture.
 pub(super) struct GrowingMp4 {
     names: PartFile,
     file: File,
     rate: FrameRate,
-    /// Index of the finished file.
+    /// Index of the finished file, completed as pictures are written.
     index: Mp4FileMuxer,
-    /// End of the last picture in the index, bytes.
+    /// File position after the last indexed picture, bytes.
     indexed: u64,
     fragments: Fmp4SegmentMuxer,
-    /// Coded pictures of the current fragment, and their places in it.
+    /// Coded pictures of the current fragment, and their byte ranges in it.
     payload: Vec<u8>,
     samples: Vec<Sample>,
-    /// Pictures in a fragment.
+    /// Number of pictures in a fragment.
     fragment_len: usize,
     /// Buffer for a fragment.
     block: Vec<u8>,
@@ -74,7 +74,7 @@ impl GrowingMp4 {
         })
     }
 
-    /// Appends a coded picture; the first one needs its `entry`.
+    /// Appends a coded picture; the first picture needs `entry`, the description of the stream.
     pub(super) fn push(&mut self, coded: &[u8], is_key: bool, entry: Option<SampleEntry>) -> Result<(), SinkError> {
         self.samples.push(Sample {
             track_kind: TrackKind::Video,
@@ -90,7 +90,7 @@ impl GrowingMp4 {
         if self.samples.len() >= self.fragment_len { self.write_fragment() } else { Ok(()) }
     }
 
-    /// Writes the pictures that wait as a fragment. After an error they still wait, and the file ends as before.
+    /// Writes the waiting pictures as a fragment. After an error they still wait, and the file is as before.
     fn write_fragment(&mut self) -> Result<(), SinkError> {
         if self.samples.is_empty() {
             return Ok(());
@@ -101,10 +101,10 @@ impl GrowingMp4 {
         self.block.clear();
         if self.length == 0 {
             let start = self.index.initial_boxes_bytes();
-            self.block.extend_from_slice(&start[..start.len() - PLACE_OF_MDAT.len()]);
-            self.block.extend_from_slice(&PLACE_OF_MDAT);
+            self.block.extend_from_slice(&start[..start.len() - MDAT_PLACEHOLDER.len()]);
+            self.block.extend_from_slice(&MDAT_PLACEHOLDER);
             let described = fragments.init_segment_bytes().map_err(failed())?;
-            // Without its `ftyp`, whose length comes first.
+            // Skips the description's `ftyp` box, whose length is in its first bytes.
             let ftyp = described.first_chunk().map_or(0, |length| u32::from_be_bytes(*length) as usize);
             self.block.extend_from_slice(described.get(ftyp..).unwrap_or_default());
         }
@@ -113,7 +113,7 @@ impl GrowingMp4 {
         self.block.extend_from_slice(&self.payload);
         let written = self.file.seek(SeekFrom::Start(self.length)).and_then(|_| self.file.write_all(&self.block));
         if let Err(source) = written {
-            // A fragment that is cut short must not stand before a later one.
+            // Removes a fragment that was cut short, so that it does not stand before a later one.
             let _ = self.file.set_len(self.length);
             return Err(SinkError::Io { path: self.names.part.clone(), source });
         }
@@ -135,7 +135,7 @@ impl GrowingMp4 {
         let PartFile { path, part } = &self.names;
         let boxes = self.index.finalize().map_err(failed(part))?;
         let mut pieces: Vec<_> = boxes.offset_and_bytes_pairs().collect();
-        // The index first: what is interrupted before the last piece is still fragmented.
+        // The index is written first: until the last piece is written, the file is still a valid fragmented MP4.
         pieces.sort_unstable_by_key(|(offset, _)| std::cmp::Reverse(*offset));
         let written = pieces.into_iter().try_for_each(|(offset, bytes)| {
             self.file.seek(SeekFrom::Start(offset))?;
@@ -153,7 +153,7 @@ impl Drop for GrowingMp4 {
         if self.finished {
             return;
         }
-        // Best effort: the caller has had its error.
+        // Best effort: an error was already returned to the caller.
         let _ = self.write_fragment();
         if self.length == 0 {
             let _ = std::fs::remove_file(&self.names.part);
@@ -161,7 +161,7 @@ impl Drop for GrowingMp4 {
     }
 }
 
-/// Wraps an error of the encoder or of the boxes with its file.
+/// Wraps an error of the encoder or of the box writer, and names the file.
 pub(super) fn failed<E: ToString>(path: &Path) -> impl FnOnce(E) -> SinkError {
     let path = path.to_owned();
     move |error| SinkError::Encoder { path, reason: error.to_string() }

@@ -1,7 +1,8 @@
-//! Layers of a scene's pictures: surfaces that are shown, hidden and seen through together.
+//! Layers of a scene: surfaces that a picture of the scene shows, hides and fades together.
 //!
-//! A body with skin has anatomical layers. What encloses the organs or the fetus is transparent or hidden at first. Other
-//! scenes have a layer for each tissue, and large surfaces are more transparent because they enclose small ones.
+//! A body with skin has anatomical layers. Layers that enclose the organs or the fetus are transparent or hidden at
+//! first. Other scenes have one layer for each tissue; their large surfaces are more transparent, because they
+//! enclose small ones.
 
 use serde::Serialize;
 
@@ -9,7 +10,7 @@ use super::colour;
 use crate::anatomy::{Mesh, Scene, Surface};
 use crate::phantom::{FETAL_SKIN, FETAL_SURFACES};
 
-/// Anatomical layer, from the outside inward.
+/// Anatomical layers, from the outside inward.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Anatomy {
     Skin,
@@ -71,16 +72,16 @@ pub(crate) struct Layer {
     pub(crate) name: String,
     /// Opacity of its most opaque surface, 0..=1.
     pub(crate) opacity: f32,
-    /// Whether it is shown at first.
+    /// Whether it is shown when the scene is opened.
     pub(crate) is_shown: bool,
 }
 
-/// A surface in its layer.
+/// Membership of a surface in a layer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Member {
     /// Index of the layer.
     pub(crate) layer: usize,
-    /// Opacity relative to the layer's, 0..=1.
+    /// Opacity relative to the layer's opacity, 0..=1.
     pub(crate) part: f32,
 }
 
@@ -89,12 +90,12 @@ pub(crate) struct Member {
 pub(crate) struct Layers {
     /// Layers with surfaces, from the outside inward.
     pub(crate) layers: Vec<Layer>,
-    /// For each surface.
+    /// Membership of each surface, in the order of the surfaces.
     pub(crate) members: Vec<Member>,
 }
 
 impl Layers {
-    /// Layers of `surfaces` of `scene`, each with the mesh that is shown for it.
+    /// Layers of `surfaces`, which belong to `scene`. Each surface comes with the mesh that is shown for it.
     pub(crate) fn of(scene: &Scene, surfaces: &[(&Surface, &Mesh)]) -> Self {
         let tissue = |surface: &Surface| tissue_of(scene, surface);
         if !scene.surfaces.iter().any(|surface| tissue(surface) == "skin") {
@@ -114,7 +115,7 @@ impl Layers {
         Self { layers: layers.collect(), members: members.collect() }
     }
 
-    /// A layer for each tissue.
+    /// One layer for each tissue.
     fn of_tissues(scene: &Scene, surfaces: &[(&Surface, &Mesh)]) -> Self {
         let meshes: Vec<&Mesh> = surfaces.iter().map(|(_, mesh)| *mesh).collect();
         let opacities = colour::opacities(&meshes);
@@ -137,12 +138,12 @@ impl Layers {
         Self { layers, members }
     }
 
-    /// Opacity of a surface at first, 0..=1.
+    /// Opacity of a surface when the scene is opened, 0..=1.
     pub(crate) fn opacity(&self, surface: usize) -> f32 {
         self.member(surface).map_or(1.0, |(layer, part)| if layer.is_shown { layer.opacity * part } else { 0.0 })
     }
 
-    /// Opacity of a surface whose layer is shown, 0..=1.
+    /// Opacity of a surface if its layer is shown, 0..=1.
     pub(crate) fn opacity_if_shown(&self, surface: usize) -> f32 {
         self.member(surface).map_or(1.0, |(layer, part)| layer.opacity * part)
     }
@@ -153,7 +154,7 @@ impl Layers {
     }
 }
 
-/// Name of a surface's tissue.
+/// Name of the tissue inside a surface.
 fn tissue_of<'a>(scene: &'a Scene, surface: &Surface) -> &'a str {
     scene.tissues.names().get(surface.tissue).map_or("", String::as_str)
 }
@@ -189,7 +190,7 @@ fn anatomy(name: &str, tissue: &str, has_fetus: bool) -> Anatomy {
     }
 }
 
-/// Opacity of an anatomical layer, and whether it is shown at first.
+/// Opacity of an anatomical layer when the scene is opened, 0..=1, and whether it is shown.
 fn at_first(layer: Anatomy, has_fetus: bool) -> (f32, bool) {
     match (layer, has_fetus) {
         (Anatomy::Skin, _) => (0.08, true),
@@ -212,11 +213,12 @@ fn at_first(layer: Anatomy, has_fetus: bool) -> (f32, bool) {
     }
 }
 
-/// Opacity of a surface relative to its layer's: what encloses others of the layer is more transparent.
+/// Opacity of a surface relative to its layer's, 0..=1. A surface that encloses others of its layer is more
+/// transparent.
 fn part(name: &str, tissue: &str) -> f32 {
     let encloses = name.ends_with("_wall") || name.ends_with("_walls") || tissue == "gallbladder_wall";
     match name {
-        // The cord is to be seen, and the fetus behind the placenta's nested parts.
+        // The cord must be visible, and so must the fetus behind the placenta's nested parts.
         _ if name.starts_with("placenta") => 0.12,
         "fetal_body" | "membranes" => 0.5,
         _ if encloses => 0.5,

@@ -9,16 +9,17 @@ use super::SinkError;
 
 pub use crate::presented::{FrameInfo, FrameSource, FrameTimeline, NewMeasurements, PointText, PresentedFrame};
 
-/// Query for whether a sink currently reads segmentation and attenuation.
+/// Function that returns whether a sink currently reads segmentation and attenuation.
 pub type MapsWanted = Arc<dyn Fn() -> bool + Send + Sync>;
 
-/// Consumer of frames, on its own thread. A slow sink drops frames, counted under its name, and delays no other.
+/// Consumer of frames, on its own thread. A slow sink drops frames, which are counted under its name, and delays no
+/// other sink.
 pub trait LiveSink: Send {
-    /// Name under which its drops and errors are counted.
+    /// Name under which the sink's drops and errors are counted.
     fn name(&self) -> &str;
 
-    /// Query for whether the sink reads segmentation and attenuation; `None` if it never does. It is called once per
-    /// frame, on another thread. Maps without readers are not rendered.
+    /// Function that returns whether the sink currently reads segmentation and attenuation; `None` if it never does.
+    /// It is called once per frame, on another thread. Maps without readers are not rendered.
     fn maps_wanted(&self) -> Option<MapsWanted> {
         None
     }

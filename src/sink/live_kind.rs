@@ -12,11 +12,11 @@ use crate::suggest::did_you_mean;
 pub enum LiveSinkKind {
     /// Shows nothing: for measurements.
     Null,
-    /// One PNG per frame, with an index.
+    /// One PNG per frame, with an index file.
     Png,
-    /// A video.
+    /// An MP4 video.
     Video,
-    /// The page.
+    /// The page in a browser.
     Browser,
     /// The native window.
     Window,
@@ -46,14 +46,14 @@ crate::names::named!(LiveSinkKind {
 });
 
 impl LiveSinkKind {
-    /// The kinds in their order, each once.
+    /// `kinds` in the order of the enum, each once.
     pub fn each_once(mut kinds: Vec<Self>) -> Vec<Self> {
         let mut seen = HashSet::new();
         kinds.retain(|kind| seen.insert(*kind));
         kinds
     }
 
-    /// Files of such a sink below the session's directory; a `*` stands for anything.
+    /// File patterns that such a sink writes below the session's directory; a `*` stands for any characters.
     pub fn files(self) -> &'static [&'static str] {
         match self {
             Self::Png => &["png/index.jsonl", "png/*.png"],

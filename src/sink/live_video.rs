@@ -1,4 +1,4 @@
-//! A live session as a video.
+//! Video of a live session.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -7,26 +7,26 @@ use super::live::LiveSink;
 use super::{FrameRate, SinkError, Video};
 use crate::presented::PresentedFrame;
 
-/// Longest pause in the video, s; longer pauses of the session are cut to it.
+/// Longest pause in the video, s. Longer pauses of the session are cut to this length.
 const PAUSE_MAX_S: u64 = 10;
 
-/// Writes frames into a video of fixed rate at their presentation times. A frame that lasts longer is repeated; of
-/// several within one video frame, the last is kept.
+/// Writes frames into a video of fixed rate, by their presentation times. A frame that is shown for several video
+/// frames is repeated. If several frames fall into one video frame, the last one is kept.
 pub(crate) struct LiveVideo {
     stem: PathBuf,
     rate: FrameRate,
     video: Option<Video>,
-    /// Session time of the video's start, plus the cut parts of pauses.
+    /// Session time at the start of the video, plus the cut parts of pauses.
     origin: Duration,
-    /// Current frame, and its index in the video.
+    /// Frame that is currently shown, and its index in the video.
     shown: Vec<u8>,
-    place: u64,
+    index: u64,
 }
 
 impl LiveVideo {
     /// A video at `stem` + `.mp4`, opened with the first frame.
     pub(crate) fn new(stem: &Path, rate: FrameRate) -> Self {
-        Self { stem: stem.to_owned(), rate, video: None, origin: Duration::ZERO, shown: Vec::new(), place: 0 }
+        Self { stem: stem.to_owned(), rate, video: None, origin: Duration::ZERO, shown: Vec::new(), index: 0 }
     }
 }
 
@@ -44,15 +44,15 @@ impl LiveSink for LiveVideo {
             return Ok(());
         };
         let since = time.saturating_sub(self.origin);
-        let mut place = (since.as_secs_f64() * self.rate.fps()).round() as u64;
+        let mut due = (since.as_secs_f64() * self.rate.fps()).round() as u64;
         let longest = (PAUSE_MAX_S as f64 * self.rate.fps()).ceil() as u64;
-        if place > self.place + longest {
-            let cut = (place - self.place - longest) as f64 / self.rate.fps();
+        if due > self.index + longest {
+            let cut = (due - self.index - longest) as f64 / self.rate.fps();
             self.origin += Duration::from_secs_f64(cut);
-            place = self.place + longest;
+            due = self.index + longest;
         }
-        while self.place < place {
-            self.place += 1;
+        while self.index < due {
+            self.index += 1;
             // After an error the frame still waits to be written.
             video.push(&self.shown)?;
         }
@@ -73,7 +73,7 @@ pub(super) mod tests {
     use super::*;
     use crate::presented::{FrameInfo, FrameTimeline};
 
-    /// Grey levels between frames, well above the encoder's loss.
+    /// Difference of grey levels between frames, well above the encoder's loss.
     const LEVELS: u8 = 36;
 
     /// A frame of 4 × 2 pixels whose grey level is its number.
@@ -105,7 +105,8 @@ pub(super) mod tests {
             sink.present(&PresentedFrame { image: grey, ..frame(number, ms) }).unwrap();
         };
         show(1, 5000);
-        // Late by a little, two within one place, a gap of three, and a pause of an hour that is cut to ten seconds.
+        // A frame that is a little late, two frames within one video frame, a gap of three, and a pause of an hour
+        // that is cut to ten seconds.
         for (number, ms) in [(2, 5110), (3, 5190), (4, 5210), (5, 5500), (6, 3_605_500)] {
             show(number, ms);
         }

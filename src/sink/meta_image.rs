@@ -1,8 +1,9 @@
-//! Tracked sequences as PLUS and SlicerIGSIO read them: `.igs.mha`, a MetaImage whose head holds each image's time and
-//! transforms. [`recording::interchange::meta_image`](crate::recording::interchange::meta_image) reads them back.
+//! Tracked sequences as PLUS and SlicerIGSIO read them: `.igs.mha`, a MetaImage whose header holds the time and
+//! transforms of each image. [`recording::interchange::meta_image`](crate::recording::interchange::meta_image) reads
+//! them back.
 //!
-//! Each image has `ProbeToTrackerTransform` (our `scene_from_probe`) and `ImageToProbeTransform` (pixels to mm; the
-//! first pixel's centre is 0 0, x rightward, y downward), both with status and row by row in mm.
+//! Each image has a `ProbeToTrackerTransform` (our `scene_from_probe`) and an `ImageToProbeTransform` (pixels to mm;
+//! the first pixel's centre is 0 0, x points right and y down). Both have a status, and are written row by row in mm.
 
 use std::fmt::Write as _;
 use std::io::{BufWriter, Seek, SeekFrom, Write};
@@ -19,7 +20,7 @@ use super::file::{begin, commit};
 use crate::pose::Pose;
 use crate::transducer::Sector;
 
-/// Width of the field for the compressed size, which is known only at the end, characters.
+/// Width of the header field for the compressed size, characters. The size is known only at the end.
 const SIZE_WIDTH: usize = 20;
 
 /// Time and pose of one image.
@@ -33,7 +34,7 @@ pub struct ImageTracking {
     pub tracked: bool,
 }
 
-/// Writes one sequence of 8-bit images.
+/// Writer of a sequence of 8-bit images.
 pub struct MetaImageWriter {
     out: Out,
     path: PathBuf,
@@ -60,8 +61,8 @@ impl Out {
 }
 
 impl MetaImageWriter {
-    /// Writes the head of a sequence of `images.len()` images of `sector`'s size. Pixels are compressed by zlib where
-    /// `compress` is set.
+    /// Writes the header of a sequence of `images.len()` images with the size of `sector`. If `compress` is set, zlib
+    /// compresses the pixels.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -120,7 +121,7 @@ impl MetaImageWriter {
     /// Completes the file and renames it to its path.
     ///
     /// # Errors
-    /// The number of images differs from the head's, or the file cannot be written.
+    /// The number of images differs from the header's, or the file cannot be written.
     pub fn finish(self) -> Result<(), SinkError> {
         let io = || SinkError::io(&self.path);
         if self.pushed != self.images {
@@ -141,7 +142,7 @@ impl MetaImageWriter {
     }
 }
 
-/// The head before the images' lines, split where the compressed size belongs.
+/// Header before the lines of the images, split at the compressed size.
 fn head(sector: &Sector, images: usize, compress: bool) -> (String, String) {
     let compressed = if compress { "True\nCompressedDataSize = " } else { "False" };
     let before = format!(
@@ -157,7 +158,7 @@ fn head(sector: &Sector, images: usize, compress: bool) -> (String, String) {
     (before, behind)
 }
 
-/// Linear part, mm per pixel, and offset, mm: right in the image is the probe's x, down its z.
+/// Linear part, mm per pixel, and offset, mm. Right in the image is the probe's x, down is its z.
 fn image_to_probe(sector: &Sector) -> (DMat3, DVec3) {
     let first = sector.pixel_centre_mm(0, 0);
     // Right-handed, like every transform that PLUS writes.
@@ -165,7 +166,7 @@ fn image_to_probe(sector: &Sector) -> (DMat3, DVec3) {
     (axes, DVec3::new(first.x, 0.0, first.y))
 }
 
-/// Sixteen numbers as PLUS writes them.
+/// Row-major 4 × 4 matrix as PLUS writes it: sixteen numbers.
 fn row_by_row((linear, offset): &(DMat3, DVec3)) -> String {
     let mut text = String::new();
     for row in 0..3 {

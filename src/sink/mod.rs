@@ -1,7 +1,7 @@
-//! Outputs for frames: image, array and video files; pages and windows of a live station.
+//! Outputs for frames: image, array and video files; the page and the window of a live station.
 //!
-//! A file is written under a temporary name beside its target and renamed when complete, so that readers never see a
-//! partial one. Logs grow in place, and videos under a name of their own. Every error names the file.
+//! A file is written under a temporary name in the same directory and renamed when complete, so that readers never
+//! see a partial one. Logs grow under their final name, videos under a name of their own. Every error names the file.
 
 pub mod browser;
 pub mod colour;

@@ -1,4 +1,4 @@
-//! MP4 videos of grey frames: H.264, which every browser plays.
+//! MP4 videos of grey frames, coded in H.264, which every browser plays.
 
 use std::path::{Path, PathBuf};
 
@@ -17,31 +17,32 @@ use super::{FrameRate, SinkError};
 /// Bit rate that the encoder aims at, bits/s: high enough that speckle survives.
 const BIT_RATE: u32 = 8_000_000;
 
-/// Range of quantization parameters: the upper end bounds the loss, whatever the bit rate.
+/// Range of quantization parameters. The upper end bounds the loss at any bit rate.
 const QUANTIZATION: QpRange = QpRange::new(12, 24);
 
-/// Time between key frames, which players seek to, s.
+/// Time between key frames, s. Players can jump only to key frames.
 const KEY_FRAME_S: f64 = 2.0;
 
 /// Smallest side that the encoder takes, pixels.
 const SIDE_MIN: usize = 16;
 
-/// Types of NAL units (ITU-T H.264, table 7-1).
+/// Types of NAL units (ITU-T H.264, table 7-1): parameter sets and key pictures.
 const SEQUENCE_PARAMETERS: u8 = 7;
 const PICTURE_PARAMETERS: u8 = 8;
 const KEY_PICTURE: u8 = 5;
 
-/// A growing MP4 of grey frames, full range. Frames are written every second; only their sizes stay in memory.
+/// A growing MP4 of grey frames in full range. Frames are written to disk every second; only their sizes stay in
+/// memory.
 ///
-/// The file is called `STEM.part.mp4` until [`Video::finish`]. Interrupted before that, it stays and plays up to its last
-/// second.
+/// The file is called `STEM.part.mp4` until [`Video::finish`]. After an interruption it stays, and plays up to its
+/// last written second.
 pub struct Video {
     path: PathBuf,
     file: GrowingMp4,
     encoder: Encoder,
     /// Height and width of the frames.
     shape: [usize; 2],
-    /// Width and height of the video: even, and not below [`SIDE_MIN`].
+    /// Width and height of the video, pixels: even, and at least [`SIDE_MIN`].
     size: [usize; 2],
     luma: Vec<u8>,
     chroma: Vec<u8>,
@@ -51,8 +52,8 @@ pub struct Video {
 }
 
 impl Video {
-    /// Opens `stem` + `.mp4` for frames of `width` × `height` pixels. Odd sides are padded with black. A video that was
-    /// interrupted before is replaced.
+    /// Opens `stem` + `.mp4` for frames of `width` × `height` pixels. Odd sides are padded with black. The file of an
+    /// interrupted video is replaced.
     ///
     /// # Errors
     /// The file cannot be created, another process writes it, or the encoder refuses the size.
@@ -60,11 +61,11 @@ impl Video {
         Self::open(stem, [width, height], rate, false)
     }
 
-    /// As [`create`](Self::create), but a video that was interrupted before is kept as `stem.recovered-1.mp4`, or the next
-    /// free number.
+    /// Opens a video as [`create`](Self::create) does, except that the file of an interrupted video is kept. Its name
+    /// is then `stem.recovered-1.mp4`, or the next free number.
     ///
     /// # Errors
-    /// As [`create`](Self::create).
+    /// Errors of [`create`](Self::create).
     pub fn create_keeping(stem: &Path, width: u32, height: u32, rate: FrameRate) -> Result<Self, SinkError> {
         Self::open(stem, [width, height], rate, true)
     }
@@ -111,7 +112,7 @@ impl Video {
         let layers = (0..coded.num_layers()).filter_map(|layer| coded.layer(layer));
         for layer in layers {
             for unit in (0..layer.nal_count()).filter_map(|unit| layer.nal_unit(unit)) {
-                // Strips the start code (zeros and a one); MP4 uses length prefixes.
+                // Removes the start code (zeros and a one), because MP4 uses length prefixes.
                 let unit = unit.iter().position(|byte| *byte != 0).map_or(&[][..], |one| &unit[one + 1..]);
                 match unit.first().map(|header| header & 0x1f) {
                     Some(SEQUENCE_PARAMETERS) => parameters[0] = unit.to_vec(),
@@ -139,7 +140,7 @@ impl Video {
     }
 }
 
-/// Description of the coded pictures, from the sequence's and the picture's parameter sets.
+/// Description of the coded stream, from the parameter sets of sequence (SPS) and picture (PPS).
 fn sample_entry([sps, pps]: [Vec<u8>; 2], size: [usize; 2], path: &Path) -> Result<SampleEntry, SinkError> {
     let [profile, compatibility, level] = match sps.get(1..4) {
         Some(&[profile, compatibility, level]) => [profile, compatibility, level],
@@ -180,7 +181,8 @@ pub(super) mod tests {
     use openh264::formats::YUVSource as _;
     use shiguredo_mp4::demux::{DemuxError, Fmp4FileDemuxer, Input, Mp4FileDemuxer};
 
-    /// A coded picture: its bytes in the file, whether it is a key frame, and the parameter sets of the first one.
+    /// A coded picture: its byte range in the file, whether it is a key frame, and the description of the stream
+    /// (first picture only).
     type Coded = (std::ops::Range<usize>, bool, Option<SampleEntry>);
 
     fn coded(sample: &shiguredo_mp4::demux::Sample<'_>) -> Coded {
@@ -192,13 +194,13 @@ pub(super) mod tests {
     fn frames(bytes: &[u8], pictures: &[Coded]) -> Vec<Vec<u8>> {
         let mut decoder = Decoder::new().unwrap();
         let mut frames = Vec::new();
-        for (place, _, entry) in pictures {
+        for (range, _, entry) in pictures {
             let mut stream = Vec::new();
             let mut unit = |bytes: &[u8]| stream.extend([&[0, 0, 0, 1], bytes].concat());
             if let Some(SampleEntry::Avc1(entry)) = entry.as_ref().filter(|_| frames.is_empty()) {
                 entry.avcc_box.sps_list.iter().chain(&entry.avcc_box.pps_list).for_each(|set| unit(set));
             }
-            let mut data = &bytes[place.clone()];
+            let mut data = &bytes[range.clone()];
             while let Some((length, rest)) = data.split_first_chunk::<4>() {
                 let (one, rest) = rest.split_at(u32::from_be_bytes(*length) as usize);
                 unit(one);
@@ -222,7 +224,7 @@ pub(super) mod tests {
         (frames(&bytes, &pictures), keys, track.duration as f64 / f64::from(track.timescale.get()))
     }
 
-    /// Frames of an interrupted video, up to where it is cut.
+    /// Frames of an interrupted video, up to the point where the file is cut.
     pub(in crate::sink) fn decode_interrupted(bytes: &[u8]) -> Vec<Vec<u8>> {
         let (mut demuxer, mut pictures) = (Fmp4FileDemuxer::new(), Vec::new());
         while let Some(required) = demuxer.required_input() {
@@ -240,7 +242,7 @@ pub(super) mod tests {
         frames(bytes, &pictures)
     }
 
-    /// Names of the boxes of a file, and the end of each.
+    /// Boxes of a file, each with its name and the position of its end.
     fn boxes(bytes: &[u8]) -> Vec<(String, usize)> {
         let (mut found, mut at) = (Vec::new(), 0);
         while at < bytes.len() {
@@ -256,7 +258,8 @@ pub(super) mod tests {
         found
     }
 
-    /// Speckle that drifts by one pixel per frame: Rayleigh amplitudes, log-compressed, under a ramp.
+    /// Test picture with speckle that drifts by one pixel per frame: Rayleigh amplitudes, log-compressed, under a
+    /// ramp.
     fn speckle(width: usize, height: usize, frame: usize) -> Vec<u8> {
         let amplitude = |x: usize, y: usize| {
             let hash = |n: usize| (n as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40;

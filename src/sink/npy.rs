@@ -26,7 +26,7 @@ pub(crate) fn write_complex64(path: &Path, shape: [usize; 2], values: &[[f32; 2]
     write(path, shape, "c8", bytemuck::cast_slice(values))
 }
 
-/// A `uint8` array as the bytes of its file: [planes × rows × columns], or [rows × columns] for a single plane.
+/// Bytes of a `.npy` file with a `uint8` array: [planes × rows × columns], or [rows × columns] for a single plane.
 ///
 /// # Errors
 /// A plane does not fill `shape`, rows and columns; `path` only names it in the error.
@@ -41,7 +41,7 @@ pub(crate) fn bytes_of_u8(path: &Path, shape: [usize; 2], planes: &[&[u8]]) -> R
 /// Header of a `uint8` array: [planes × rows × columns], or [rows × columns] for a single plane.
 ///
 /// # Errors
-/// None with memory to write to; `path` only names it in the error.
+/// Writing to memory cannot fail; `path` only names the file in an error.
 pub(crate) fn header_of_u8(path: &Path, shape: [usize; 2], planes: usize, into: &mut Vec<u8>) -> Result<(), SinkError> {
     let [rows, columns] = shape.map(|n| n as u64);
     match planes {

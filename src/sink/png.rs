@@ -8,7 +8,7 @@ use image::{ExtendedColorType, ImageEncoder};
 use super::error::check_shape;
 use super::{SinkError, write_with};
 
-/// Compression effort: more time for a smaller file. Pixels are the same at every level.
+/// Compression effort: a higher one takes more time for a smaller file. All are lossless.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Effort {
     /// For frame sequences: about 10 ms for a 1386 × 1000 B-mode image.
@@ -35,7 +35,7 @@ pub fn write_rgb(path: &Path, width: u32, height: u32, rgb: &[u8]) -> Result<(),
     encode(path, width, height, rgb, ExtendedColorType::Rgb8, Effort::Small)
 }
 
-/// An 8-bit colour image, `rgb` [height × width × 3], as the bytes of a file.
+/// Encodes an 8-bit colour image, `rgb` [height × width × 3], as the bytes of a PNG file.
 ///
 /// # Errors
 /// `rgb` does not have that size.

@@ -14,8 +14,8 @@ use crate::presented::PresentedFrame;
 /// File with a line for each image.
 const INDEX: &str = "index.jsonl";
 
-/// Writes `000000.png` and so on by frame number, and a line for each to `index.jsonl`. Frames dropped by a slow disk
-/// are gaps in both.
+/// Writes `000000.png` and so on by frame number, and for each image a line in `index.jsonl`. Frames dropped by a
+/// slow disk are gaps in both.
 #[derive(Debug)]
 pub struct PngSequence {
     directory: PathBuf,
@@ -23,7 +23,7 @@ pub struct PngSequence {
 }
 
 impl PngSequence {
-    /// Writes to `directory`, which is made if missing.
+    /// Writes to `directory`, which is created if missing.
     ///
     /// # Errors
     /// The directory or its index cannot be written.
@@ -41,7 +41,7 @@ impl LiveSink for PngSequence {
     fn present(&mut self, frame: &PresentedFrame) -> Result<(), SinkError> {
         let file = format!("{:06}.png", frame.number);
         png::write_grey(&self.directory.join(&file), frame.width, frame.height, &frame.image, Effort::Fast)?;
-        // Written at once: an image without its line would have no time.
+        // Each line is written at once: an image without its line would have no time.
         let path = self.directory.join(INDEX);
         let line = serde_json::to_string(&FrameLine { file: Some(&file), ..FrameLine::new(frame) });
         let line = line.map_err(|source| SinkError::Json { path: path.clone(), source })? + "\n";

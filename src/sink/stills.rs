@@ -12,7 +12,7 @@ pub struct Stills {
     directory: PathBuf,
     period: Duration,
     next: Duration,
-    /// Pictures left to write.
+    /// Number of pictures left to write.
     left: u32,
 }
 
@@ -22,10 +22,10 @@ impl Stills {
         Self { directory: directory.to_owned(), period, next: period, left: count }
     }
 
-    /// Removes pictures of an earlier session.
+    /// Removes the pictures of an earlier session.
     ///
     /// # Errors
-    /// One that can't be removed.
+    /// A picture can't be removed.
     pub fn remove_from(directory: &Path) -> Result<(), SinkError> {
         let files = std::fs::read_dir(directory).into_iter().flatten().flatten().map(|file| file.path());
         let is_still = |path: &PathBuf| {
@@ -46,7 +46,7 @@ impl LiveSink for Stills {
         if shown < self.next || self.left == 0 {
             return Ok(());
         }
-        // Skips periods that late frames missed.
+        // Skips periods that passed while frames were late.
         while self.next <= shown {
             self.next += self.period;
         }

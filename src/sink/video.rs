@@ -1,8 +1,8 @@
 //! Frames of half size, for videos.
 
-/// A frame of half the width and height, rounded down to even numbers, each pixel the mean of four.
+/// A frame of half the width and height, rounded down to even numbers; each pixel is the mean of four.
 ///
-/// `grey` is [height × width]; returns the frame, its width and its height.
+/// `grey` is [height × width]. Returns the frame, its width and its height.
 pub fn halved(grey: &[u8], width: u32, height: u32) -> (Vec<u8>, u32, u32) {
     let (half_width, half_height) = (width / 4 * 2, height / 4 * 2);
     let at = |x: u32, y: u32| u32::from(grey[(y * width + x) as usize]);
@@ -20,7 +20,7 @@ mod tests {
         let grey: Vec<u8> = (0..7 * 5).collect();
         let (half, width, height) = halved(&grey, 7, 5);
         assert_eq!((width, height), (2, 2));
-        // The first block is 0, 1, 7, 8.
+        // The first block of four pixels is 0, 1, 7, 8.
         assert_eq!(half, [4, 6, 18, 20]);
     }
 }

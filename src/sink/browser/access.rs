@@ -1,12 +1,12 @@
 //! Access control of the page by token, `Host` and `Origin`.
 //!
-//! A foreign page in the same browser reaches the port, too. It is told apart by two headers, which browsers set and pages
-//! can't change.
+//! A foreign page in the same browser can reach the port, too. Two headers tell it apart, because browsers set them
+//! and pages can't change them.
 //!
 //! - `Host` is the name in the page's address. DNS rebinding makes a foreign name point here, and that name is refused.
 //!   Accepted are numeric addresses, `localhost`, `browser.host_name`, and the hosts in `browser.origins`. A numeric address
 //!   can't be rebound, and browsers resolve `localhost` themselves. A server on loopback accepts loopback addresses only.
-//!   The port is free: behind `ssh -L` or a container's mapping the browser knows another port than the server. A foreign
+//!   Any port is valid: behind `ssh -L` or a container's mapping the browser knows another port than the server. A foreign
 //!   page gains nothing by it, because its own address would have to lead here.
 //! - `Origin` is the address of the page that makes the request. Accepted are `http://` with exactly the request's `Host`,
 //!   port included, and the entries of `browser.origins`. Another server on this computer, at another port of `localhost`,
@@ -26,7 +26,7 @@ use crate::settings::Origin;
 /// Header in which proxies say the scheme of the browser's request.
 const FORWARDED_PROTO: &str = "x-forwarded-proto";
 
-/// Values that requests are checked against.
+/// What requests are checked against: token, names and addresses of this server, configured origins.
 #[derive(Debug)]
 pub(super) struct Access {
     local: SocketAddr,
@@ -36,8 +36,8 @@ pub(super) struct Access {
 }
 
 impl Access {
-    /// Rules for a server that listens at `local`. Without a configured token, a random one is demanded if the page can be
-    /// reached beyond loopback: by the address of the server, or by one of the origins.
+    /// Rules for a server that listens at `local`. Without a configured token, a random one is demanded if the page
+    /// can be reached from other computers: at the server's address, or through a configured origin.
     ///
     /// # Errors
     /// The operating system gives no random bytes.
@@ -81,13 +81,14 @@ impl Access {
 
     /// Whether the request's `Host` is a name or address of this server.
     pub(super) fn accepts_host(&self, headers: &HeaderMap) -> bool {
-        // The scheme is unknown. Without a port, the default of either may be meant.
+        // The scheme is unknown, so a `Host` without a port may mean the default port of either.
         [false, true]
             .into_iter()
             .any(|is_https| host(headers, is_https).is_some_and(|host| self.is_own(&host) || self.is_listed(&host)))
     }
 
-    /// Whether the request comes from a page of this server, or from no page at all. Its `Host` is accepted already.
+    /// Whether the request comes from a page of this server, or from no page at all. The request's `Host` must be
+    /// accepted already.
     pub(super) fn accepts_origin(&self, headers: &HeaderMap) -> bool {
         if !headers.contains_key(ORIGIN) {
             return true;
@@ -110,8 +111,8 @@ impl Access {
         self.origins.contains(origin)
     }
 
-    /// Entry of `browser.origins` that would admit a request with this `Host`; `None` for an invalid one. The scheme is a
-    /// guess where no header tells it.
+    /// Entry of `browser.origins` that would admit a request with this `Host`; `None` for an invalid `Host`. The
+    /// scheme is a guess if no header tells it.
     pub(super) fn origin_of_host(&self, headers: &HeaderMap) -> Option<Origin> {
         let forwarded =
             headers.get(FORWARDED_PROTO).is_some_and(|proto| proto.as_bytes().eq_ignore_ascii_case(b"https"));
@@ -120,7 +121,7 @@ impl Access {
         if is_https { secure } else { host(headers, false) }
     }
 
-    /// Entry of `browser.origins` that would admit the request's page; `None` for an invalid one.
+    /// Entry of `browser.origins` that would admit the request's page; `None` for an invalid `Origin`.
     pub(super) fn origin_of_page(&self, headers: &HeaderMap) -> Option<Origin> {
         origin(headers)
     }
@@ -149,8 +150,8 @@ impl Access {
     }
 }
 
-/// Name of the cookie, with the port of the page's address: browsers share cookies between the ports of a host, and several
-/// stations may be forwarded to ports of one computer.
+/// Name of the cookie, which contains the port of the page's address. Browsers share cookies between all ports of a
+/// host, and several stations may be forwarded to ports of one computer.
 fn cookie_name(headers: &HeaderMap) -> String {
     format!("insonify_{}", host(headers, false).map_or(80, |host| host.port()))
 }
@@ -170,12 +171,12 @@ fn origin(headers: &HeaderMap) -> Option<Origin> {
     headers.get(ORIGIN)?.to_str().ok()?.parse().ok()
 }
 
-/// The address that a host's name is.
+/// IP address that `host` spells; `None` if it is a name.
 fn address(host: &str) -> Option<IpAddr> {
     host.trim_start_matches('[').trim_end_matches(']').parse().ok()
 }
 
-/// Whether a host is this computer itself.
+/// Whether `host` names this computer itself.
 fn is_loopback(host: &str) -> bool {
     host == "localhost" || address(host).is_some_and(|ip| ip.is_loopback())
 }
@@ -186,7 +187,8 @@ fn random_token() -> Result<String, getrandom::Error> {
     Ok(URL_SAFE_NO_PAD.encode(bytes))
 }
 
-/// Address that a browser can open: for the unspecified address, that of this machine's outbound route.
+/// Address that a browser can open. The unspecified address is replaced by the address of this machine's outbound
+/// route.
 fn reachable(ip: IpAddr) -> IpAddr {
     if !ip.is_unspecified() {
         return ip;

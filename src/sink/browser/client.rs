@@ -1,4 +1,4 @@
-//! One page: frames to it, requests from it.
+//! Connection to one page: frames to it, requests from it.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -17,17 +17,18 @@ use super::messages::{self, Request, ToPage};
 use super::shared::{Client, ClientCounters, ClientSlot, FrameSet, Shared};
 use crate::settings::{Assignment, Control};
 
-/// Most frames sent and not yet drawn: one in transit while one is drawn.
+/// Largest number of frames that are sent but not yet drawn: one is in transit while another is drawn.
 const FRAMES_UNDER_WAY: usize = 2;
-/// Longest time to send a message before the page counts as gone.
+/// Longest time to send a message; a slower page counts as gone.
 const SEND_TIMEOUT: Duration = Duration::from_secs(10);
-/// Longest silence before the page counts as gone.
+/// Longest silence of a page; a page that is silent longer counts as gone.
 const SILENCE_TIMEOUT: Duration = Duration::from_secs(30);
 const PING_PERIOD: Duration = Duration::from_secs(10);
 const STATS_PERIOD: Duration = Duration::from_secs(1);
-/// Most changes of marks by one page: more than a session of measuring, less than a recording can hold.
+/// Largest number of changes of marks by one page: more than a session of measuring needs, less than a recording can
+/// hold.
 const MARKS_MAX: u64 = 10_000;
-/// Most answers that wait to be sent; beyond that, the page's messages are not read.
+/// Largest number of answers that wait to be sent. While there are more, the page's messages are not read.
 const ANSWERS: usize = 16;
 
 /// Messages from the reading half to the writing half.
@@ -37,7 +38,7 @@ enum Heard {
     Mistake(String),
 }
 
-/// Turns a page away when there is no room.
+/// Turns a page away because all slots are taken.
 pub(super) async fn turn_away(mut socket: WebSocket, reason: String) {
     let close = CloseFrame { code: close_code::AGAIN, reason: reason.into() };
     // The page may have gone already.
@@ -58,7 +59,7 @@ pub(super) async fn run(socket: WebSocket, slot: ClientSlot) {
     tracing::info!("page {id} {why}; {sent} frames sent, {dropped} dropped");
 }
 
-/// Handles the page's messages. Returns why it ended.
+/// Handles the page's messages. Returns the reason why the connection ended.
 async fn read(
     mut receiver: SplitStream<WebSocket>,
     shared: &Shared,
@@ -110,7 +111,7 @@ async fn read(
 /// Passes new values of settings to the session.
 ///
 /// # Errors
-/// The page doesn't offer a value, or the session takes none now; as text for the page.
+/// The page doesn't offer a value, or the session accepts none at the moment; the error is a text for the page.
 fn set(shared: &Shared, assignments: Vec<Assignment>) -> Result<(), String> {
     shared.check_offered(&assignments).map_err(|refused| format!("not set: {refused}"))?;
     pass_on(shared, Control::Set(assignments)).map_err(str::to_owned)
@@ -119,7 +120,7 @@ fn set(shared: &Shared, assignments: Vec<Assignment>) -> Result<(), String> {
 /// Passes a page's marks to the session, for its recording.
 ///
 /// # Errors
-/// The page has changed too many marks, or the session takes none now; as text for the page.
+/// The page has changed too many marks, or the session accepts none at the moment; the error is a text for the page.
 fn note(shared: &Shared, client: &Client, control: Control) -> Result<(), String> {
     if client.marks.fetch_add(1, Ordering::Relaxed) >= MARKS_MAX {
         return Err(format!("not recorded: this page has changed {MARKS_MAX} marks; load it again"));
@@ -139,9 +140,9 @@ struct Writer<'a> {
     shared: &'a Shared,
     client: &'a Client,
     frames: watch::Receiver<Option<Arc<FrameSet>>>,
-    /// Numbers of the frames sent and not yet drawn.
+    /// Numbers of the frames that are sent but not yet drawn.
     under_way: VecDeque<u64>,
-    /// Sequence of the last frame sent, 0 before the first.
+    /// Sequence number of the last frame sent; 0 before the first.
     last: u64,
 }
 
@@ -153,7 +154,7 @@ impl<'a> Writer<'a> {
         Self { sender, shared, client, frames, under_way, last: 0 }
     }
 
-    /// Sends until the page leaves or the station ends. Returns why it ended.
+    /// Sends messages until the page leaves or the station ends. Returns the reason why the connection ended.
     async fn run(mut self, mut hears: mpsc::Receiver<Heard>) -> &'static str {
         match self.try_run(&mut hears).await {
             Ok(why) => why,
@@ -200,7 +201,7 @@ impl<'a> Writer<'a> {
         }
     }
 
-    /// Sends the newest frame and counts those that it replaces.
+    /// Sends the newest frame, and counts the frames that the page missed since the last one.
     async fn newest(&mut self) -> Result<(), &'static str> {
         let Some(set) = self.frames.borrow_and_update().clone() else { return Ok(()) };
         if self.last > 0 {
@@ -208,12 +209,12 @@ impl<'a> Writer<'a> {
             self.client.dropped.fetch_add(missed, Ordering::Relaxed);
         }
         self.last = set.sequence;
-        // Counted first: who has received the frame finds it counted.
+        // Counted before it is sent, so that whoever has received the frame finds it counted.
         self.client.sent.fetch_add(1, Ordering::Relaxed);
         self.send_set(&set).await
     }
 
-    /// Sends the current frame again with newly requested overlays: a frozen frame has no successor.
+    /// Sends the current frame again with newly requested overlays, because a frozen frame has no successor.
     async fn repeat(&mut self) -> Result<(), &'static str> {
         let set = self.frames.borrow().clone();
         let room = self.under_way.len() <= FRAMES_UNDER_WAY;

@@ -1,17 +1,17 @@
-//! Open connections besides the pages' WebSockets. A new one beyond the limits closes the oldest, so that peers that
-//! stay silent keep no page out.
+//! Open connections in addition to the pages' WebSockets. A new one beyond the limits closes the oldest, so that
+//! silent peers keep no page out.
 
 use std::net::IpAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use tokio_util::sync::CancellationToken;
 
-/// Most connections of all peers.
+/// Largest number of connections of all peers together.
 const CONNECTIONS_MAX: usize = 64;
-/// Most connections of a peer: pages of several viewers may come from one address.
+/// Largest number of connections of one peer: several viewers may share an address.
 const OF_PEER_MAX: usize = 32;
 
-/// The open connections, the oldest first.
+/// The open connections, oldest first.
 #[derive(Debug, Default)]
 pub(super) struct Connections(Mutex<Vec<Arc<Open>>>);
 
@@ -32,7 +32,8 @@ impl Connections {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds a connection of `peer`. Beyond a limit, displaces the oldest one of `peer`, or of all.
+    /// Adds a connection of `peer`. If `peer` has too many, its oldest one is closed; if all peers together do, the
+    /// oldest of all.
     pub(super) fn enter(self: &Arc<Self>, peer: IpAddr) -> Connection {
         let mut open = self.open();
         let of_peer = open.iter().filter(|other| other.peer == peer).count();
@@ -57,7 +58,7 @@ impl Connections {
 }
 
 impl Connection {
-    /// Waits until a newer connection takes its place.
+    /// Waits until a newer connection displaces this one.
     pub(super) async fn displaced(&self) {
         self.open.displaced.cancelled().await;
     }
@@ -92,7 +93,7 @@ mod tests {
         assert_eq!((displaced(&open), all.count()), (vec![1], OF_PEER_MAX + 1));
         open.remove(2);
         open.push(all.enter(peer(2)));
-        assert_eq!(displaced(&open), [1], "one that has ended leaves its place");
+        assert_eq!(displaced(&open), [1], "one that has ended no longer counts");
     }
 
     #[test]

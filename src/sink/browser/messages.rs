@@ -1,4 +1,4 @@
-//! Text messages, JSON both ways.
+//! Text messages between page and station, JSON in both directions.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,19 +14,19 @@ use crate::sink::colour;
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 pub(super) enum Request {
-    /// New values of live settings, which are set together.
+    /// New values of live settings, set together.
     Set {
         /// The values.
         assignments: Vec<Assignment>,
     },
-    /// Maps to send beside the image.
+    /// Maps to send in addition to the image.
     Overlays {
         /// Tissue numbers.
         segmentation: bool,
         /// Attenuation.
         attenuation: bool,
     },
-    /// The frame of this number is drawn: there is room for another.
+    /// The page has drawn the frame of this number, and has room for another.
     Drawn {
         /// Number of the frame.
         number: u64,
@@ -67,33 +67,33 @@ pub(super) enum ToPage<'a> {
     /// The first message.
     Hello {
         version: &'static str,
-        /// The session, for pages that connect again.
+        /// Identifier of the session, for pages that connect again.
         session: String,
-        /// Tissues of the segmentation's numbers.
+        /// Tissues behind the numbers of the segmentation.
         tissues: Vec<TissueEntry<'a>>,
-        /// Colours of attenuation 0..=255.
+        /// Colours of the attenuation's levels 0..=255.
         attenuation_colours: Vec<colour::Rgb>,
-        /// Live settings, in the order of their values in frames.
+        /// Live settings, in the order of their values in the frames' messages.
         settings: Vec<SettingEntry>,
-        /// Display levels of the levels 0..=255, for each grey map.
+        /// Displayed level of each grey level 0..=255, for each grey map.
         grey_maps: Vec<Vec<u8>>,
-        /// Looks and exams with a button.
+        /// Presets of post-processing, and of exams, that have a button.
         looks: &'static [Preset],
         exams: &'static [Preset],
-        /// Qualities with a button.
+        /// Qualities that have a button.
         qualities: &'static [QualityPointKey],
-        /// Keys of the page.
+        /// Hot keys of the page.
         keys: Vec<&'static HotKey>,
         /// Measures of the scene's standard planes.
         measures: &'a [MeasureInfo],
     },
-    /// Every second.
+    /// Counts of frames sent and dropped and of connected pages, every second.
     Stats { sent: u64, dropped: u64, clients: usize },
-    /// A message could not be followed.
+    /// A request that could not be followed.
     Error { message: &'a str },
 }
 
-/// A tissue of the segmentation.
+/// A tissue behind a number of the segmentation.
 #[derive(Debug, Serialize)]
 pub(super) struct TissueEntry<'a> {
     number: usize,
@@ -115,7 +115,7 @@ pub(super) struct SettingEntry {
     scale: f64,
     digits: usize,
     slider: Option<Slider>,
-    /// Words of the values 0, 1, …; empty for numbers.
+    /// Names of the values 0, 1, …; empty for numbers.
     words: &'static [&'static str],
 }
 
@@ -159,7 +159,7 @@ pub(super) fn hello(scene: &SceneInfo) -> ToPage<'_> {
     }
 }
 
-/// A message as text.
+/// A message as JSON text.
 pub(super) fn write(message: &ToPage<'_>) -> String {
     // Strings, integers and enums always serialise; the fallback is an error message to the page.
     serde_json::to_string(message)

@@ -54,6 +54,6 @@ pub struct MeasureInfo {
     pub name: String,
     /// Display name.
     pub title: String,
-    /// Tool that measures it: `distance` or `ellipse`.
+    /// Tool that measures it on the page: `distance` or `ellipse`.
     pub kind: &'static str,
 }

@@ -1,7 +1,7 @@
-//! Texts for requests that the page's server refuses, each with the way out.
+//! Answers to requests that the page's server refuses. Each says how to get access.
 //!
-//! `Host` and `Origin` come from strangers. They are shown only as an [`Origin`], whose characters need no escaping and whose
-//! length is bounded.
+//! `Host` and `Origin` come from strangers. They are shown only as an [`Origin`]: its characters need no escaping,
+//! and its length is bounded.
 
 use axum::http::HeaderMap;
 
@@ -41,7 +41,7 @@ pub(super) fn of_page(access: &Access, headers: &HeaderMap) -> String {
     )
 }
 
-/// The line of the station file that admits an origin.
+/// Line of the station file that would admit an origin.
 fn remedy(origin: &Origin) -> String {
     format!(
         "add this line to [browser] in the station file, or its entry to the list that is there, and start the station \

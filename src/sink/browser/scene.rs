@@ -1,9 +1,9 @@
 //! The scene's surfaces for the page's 3-D view, as one answer over HTTP at `/scene`.
 //!
-//! Little-endian: `INSV`, u32 version 2, u32 length of the JSON that follows (padded with spaces to a multiple of 4),
-//! then, for each of the JSON's `surfaces`, its vertices (f32 × 3, mm) and its triangles (u32 × 3). The last two
-//! surfaces are the probe's housing and the bead on the image's left, in the probe frame. Each other surface belongs to one of
-//! the JSON's `layers`.
+//! Little-endian: `INSV`, u32 version 2, u32 length of the JSON that follows (padded with spaces to a multiple of 4).
+//! Then follow the vertices (f32 × 3, mm) and triangles (u32 × 3) of each entry in the JSON's `surfaces`. The last
+//! two surfaces are the probe's housing and the bead on the image's left, in the probe frame. Every other surface
+//! belongs to one of the JSON's `layers`.
 
 use std::sync::Arc;
 
@@ -15,7 +15,7 @@ use crate::sink::colour::{self, Rgb};
 use crate::sink::layers::{Layer, Layers};
 use crate::transducer::{Probe, housing};
 
-/// Most triangles of a packet; larger scenes are decimated.
+/// Largest number of triangles in a packet; larger scenes are decimated.
 pub(crate) const TRIANGLES_MAX: usize = 150_000;
 
 const VERSION: u32 = 2;
@@ -28,7 +28,7 @@ pub struct ScenePacket(Arc<[u8]>);
 struct Header<'a> {
     axes: &'static str,
     probe: ProbeEntry,
-    /// Triangles before decimation.
+    /// Number of triangles before decimation.
     triangles_of_scene: usize,
     layers: Vec<Layer>,
     surfaces: Vec<Entry<'a>>,
@@ -36,9 +36,9 @@ struct Header<'a> {
 
 #[derive(Serialize)]
 struct ProbeEntry {
-    /// Radius of the face, mm; null for a linear one.
+    /// Radius of the face, mm; null for a linear probe.
     face_radius_mm: Option<f64>,
-    /// Half extent of the face, radians; mm if linear.
+    /// Half of the face's extent: radians, or mm for a linear probe.
     half_extent: f64,
 }
 
@@ -49,7 +49,7 @@ struct Entry<'a> {
     colour: Rgb,
     /// Index of the layer; null for the probe.
     layer: Option<usize>,
-    /// Opacity relative to the layer's. The probe is in no layer: its opacity.
+    /// Opacity relative to the layer's, 0..=1. For the probe, which is in no layer, its opacity.
     part: f32,
     vertices: usize,
     triangles: usize,
@@ -90,7 +90,7 @@ impl ScenePacket {
             layers: layers.layers,
             surfaces: entries,
         };
-        // Numbers and strings always serialise; an empty header is refused by the page.
+        // Numbers and strings always serialise. If they did not, the page would refuse the empty header.
         let mut json = serde_json::to_vec(&header).unwrap_or_default();
         json.resize(json.len().next_multiple_of(4), b' ');
         let mut packet = b"INSV".to_vec();

@@ -1,4 +1,4 @@
-//! The HTTP side: every request is checked before anything is served.
+//! HTTP server of the page: every request is checked before anything is served.
 
 use std::io;
 use std::net::{SocketAddr, TcpListener};
@@ -26,16 +26,16 @@ use super::client;
 use super::refusal;
 use super::shared::Shared;
 
-/// Largest message accepted from a page, bytes; real ones are far smaller.
+/// Largest message that is accepted from a page, bytes; actual messages are far smaller.
 const MESSAGE_BYTES_MAX: usize = 4096;
 /// Longest wait for the headers of a request; then the connection is closed.
 const HEADER_TIMEOUT: Duration = Duration::from_secs(10);
-/// Longest time of a connection besides a page's WebSocket, with all its requests and answers.
+/// Longest duration of a connection that is no WebSocket, with all its requests and answers.
 const CONNECTION_TIMEOUT: Duration = Duration::from_secs(30);
 /// Longest wait for the pages to leave when the station ends.
 const GOODBYE: Duration = Duration::from_secs(1);
 
-/// Allows only the page's own scripts, styles and connections.
+/// Content security policy: allows only the page's own scripts, styles and connections.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; connect-src 'self'; \
                       base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
@@ -57,7 +57,7 @@ pub(super) async fn serve(listener: TcpListener, shared: Arc<Shared>) -> io::Res
                 tracing::debug!("{address}: {e}");
             }
             let service = TowerToHyperService::new(router.clone().layer(Extension(address)));
-            let place = shared.connections.enter(address.ip());
+            let counted = shared.connections.enter(address.ip());
             tokio::spawn(async move {
                 let mut http = hyper::server::conn::http1::Builder::new();
                 http.timer(TokioTimer::new()).header_read_timeout(HEADER_TIMEOUT);
@@ -68,7 +68,7 @@ pub(super) async fn serve(listener: TcpListener, shared: Arc<Shared>) -> io::Res
                         Ok(Err(e)) => tracing::debug!("{address}: {e}"),
                         Err(_) => tracing::debug!("{address}: open for too long"),
                     },
-                    () = place.displaced() => tracing::debug!("{address}: closed for a newer connection"),
+                    () = counted.displaced() => tracing::debug!("{address}: closed for a newer connection"),
                 }
             });
         }
@@ -100,7 +100,7 @@ fn file(asset: &'static Asset) -> Response {
     ([(CONTENT_TYPE, asset.content_type)], asset.bytes).into_response()
 }
 
-/// The surfaces of the 3-D view, for the station's own page only.
+/// Responds with the surfaces of the 3-D view, to the station's own page only.
 async fn scene(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
     if !shared.access.accepts_origin(&headers) {
         return (StatusCode::FORBIDDEN, refusal::of_page(&shared.access, &headers)).into_response();
@@ -149,14 +149,14 @@ fn instead(access: &Access, request: &Request) -> Option<Response> {
     if request.uri().path() != "/" {
         return None;
     }
-    // Redirects, to remove the token from address bar and history.
+    // Redirects, so that the token disappears from address bar and history.
     let cookie = access.cookie(headers).and_then(|cookie| HeaderValue::from_str(&cookie).ok())?;
     let headers = [(SET_COOKIE, cookie), (LOCATION, HeaderValue::from_static("/"))];
     Some((StatusCode::SEE_OTHER, headers).into_response())
 }
 
-/// Why the stream is refused to a page, for the page itself: a browser hides the answer to a WebSocket. Posted, so that the
-/// request carries its `Origin`.
+/// Tells a page why its stream is refused, because a browser hides the answer to a WebSocket. The request is a POST,
+/// so that it carries its `Origin`.
 async fn why(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
     if shared.access.accepts_origin(&headers) {
         return StatusCode::NO_CONTENT.into_response();
@@ -172,7 +172,7 @@ async fn stream(
 ) -> Response {
     if !shared.access.accepts_origin(&headers) {
         let reason = refusal::of_page(&shared.access, &headers);
-        // A page tries again every two seconds.
+        // A refused page tries again every two seconds.
         if !shared.has_warned_of_page.swap(true, Ordering::Relaxed) {
             let line = reason.split_whitespace().collect::<Vec<_>>().join(" ");
             tracing::warn!("{address} is refused the page's stream: {line}");
@@ -199,7 +199,7 @@ mod tests {
     use super::super::{SceneInfo, Settings, messages};
     use super::*;
 
-    /// Limit in simulated time.
+    /// Longest simulated time that a test waits.
     const LIMIT: Duration = Duration::from_secs(120);
 
     /// A station on any free port, served on this test's runtime.

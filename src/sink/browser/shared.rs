@@ -14,10 +14,10 @@ use super::connections::Connections;
 use super::scene::ScenePacket;
 use crate::settings::{Assignment, Control, LiveSettings, SettingsError, check_offered};
 
-/// The messages of one frame.
+/// Encoded messages of one frame.
 #[derive(Debug)]
 pub(super) struct FrameSet {
-    /// Number of the set, from 1; gaps are frames that a client missed.
+    /// Number of the set, from 1; a gap means frames that a client missed.
     pub(super) sequence: u64,
     pub(super) number: u64,
     pub(super) settings: LiveSettings,
@@ -26,7 +26,7 @@ pub(super) struct FrameSet {
     pub(super) attenuation: Option<Bytes>,
 }
 
-/// Maps beside the image.
+/// Maps that are sent in addition to the image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Overlays {
     pub(super) segmentation: bool,
@@ -42,14 +42,14 @@ impl Overlays {
     }
 }
 
-/// Counters of a page since it connected.
+/// Counters of a page, since it connected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ClientCounters {
     /// Number of the page, from 1.
     pub id: u64,
-    /// Its address.
+    /// Network address of the page.
     pub address: SocketAddr,
-    /// Frames sent to it, or being sent.
+    /// Frames sent to the page, or being sent.
     pub sent: u64,
     /// Frames skipped because the page was too slow.
     pub dropped: u64,
@@ -64,7 +64,7 @@ pub(super) struct Client {
     pub(super) attenuation: AtomicBool,
     pub(super) sent: AtomicU64,
     pub(super) dropped: AtomicU64,
-    /// Changes of marks.
+    /// Number of marks that the page has set, changed or removed.
     pub(super) marks: AtomicU64,
 }
 
@@ -91,20 +91,20 @@ pub(super) struct Shared {
     pub(super) controls: mpsc::Sender<Control>,
     pub(super) frames: watch::Receiver<Option<Arc<FrameSet>>>,
     pub(super) cancel: CancellationToken,
-    /// Settings of the first frame.
+    /// Settings of the first frame; empty before it.
     pub(super) begun: OnceLock<LiveSettings>,
     pub(super) connections: Arc<Connections>,
     pub(super) clients: Mutex<BTreeMap<u64, Arc<Client>>>,
     pub(super) clients_max: u32,
-    /// Number of the next page.
+    /// Number of the next page to connect.
     pub(super) next_client: AtomicU64,
     pub(super) client_left: Notify,
-    /// Whether the terminal has told that a page was refused.
+    /// Whether the terminal has reported that a page was refused.
     pub(super) has_warned_of_page: AtomicBool,
 }
 
 impl Shared {
-    /// State before the first frame and page.
+    /// State before the first frame and the first page.
     pub(super) fn new(
         access: Access,
         hello: String,
@@ -145,19 +145,19 @@ impl Shared {
     /// Checks that the page offers these values.
     ///
     /// # Errors
-    /// As [`check_offered`].
+    /// Errors of [`check_offered`].
     pub(super) fn check_offered(&self, assignments: &[Assignment]) -> Result<(), SettingsError> {
         let newest = self.frames.borrow().as_ref().map(|set| set.settings);
         let shown: Vec<_> = self.begun.get().copied().into_iter().chain(newest).collect();
         check_offered(assignments, &shown)
     }
 
-    /// Maps that any client wants.
+    /// Maps that at least one client wants.
     pub(super) fn wanted(&self) -> Overlays {
         self.clients().values().fold(Overlays::default(), |all, client| all.or(client.overlays()))
     }
 
-    /// A slot for one more client; `None` if all are taken.
+    /// A slot for another client; `None` if all slots are taken.
     pub(super) fn enter(self: &Arc<Self>, address: SocketAddr) -> Option<ClientSlot> {
         let mut clients = self.clients();
         if clients.len() >= self.clients_max as usize {

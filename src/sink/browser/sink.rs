@@ -1,4 +1,4 @@
-//! The sink of the station: makes the messages of each frame and starts the server.
+//! Sink that encodes each frame for the pages and runs their server.
 
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
@@ -19,7 +19,7 @@ use crate::sink::live::{LiveSink, MapsWanted};
 
 const NAME: &str = "browser";
 
-/// A message whose memory is reused once every page has received it.
+/// Buffer of a message, reused once every page has received the message.
 struct Owner(Arc<Vec<u8>>);
 
 impl AsRef<[u8]> for Owner {
@@ -28,7 +28,7 @@ impl AsRef<[u8]> for Owner {
     }
 }
 
-/// Serves the page.
+/// Live sink that serves the page.
 #[derive(Debug)]
 pub struct BrowserSink {
     shared: Arc<Shared>,
@@ -54,7 +54,8 @@ impl BrowserMonitor {
 }
 
 impl BrowserSink {
-    /// Listens and serves on its own thread. Checked controls go to `controls`; if it is full, the page shows an error.
+    /// Listens and serves on its own thread. Checked controls go to `controls`; if that queue is full, the page shows
+    /// an error.
     ///
     /// # Errors
     /// The server can't listen at the address, or gets no random token, runtime or thread.
@@ -98,7 +99,7 @@ impl BrowserSink {
         self.local
     }
 
-    /// A handle to the counters of the connected pages.
+    /// A handle to the counters of the connected pages, for use after the sink has moved to its thread.
     pub fn monitor(&self) -> BrowserMonitor {
         BrowserMonitor { shared: self.shared.clone() }
     }

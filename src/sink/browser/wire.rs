@@ -88,7 +88,7 @@ pub(super) fn encode(frame: &PresentedFrame, map: Map, out: &mut Vec<u8>) {
         if nth > 0 {
             out.push(b'\n');
         }
-        // Messages of other libraries span lines; here a line ends a text.
+        // Messages of other libraries may span lines; in this layout a line break ends a text.
         out.extend(line.bytes().map(|byte| if byte.is_ascii_control() { b' ' } else { byte }));
     }
     out.extend_from_slice(notice.as_bytes());

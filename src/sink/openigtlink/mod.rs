@@ -1,4 +1,4 @@
-//! An OpenIGTLink server (TCP 18944): images and transforms for 3D Slicer, PLUS, or whoever connects.
+//! An OpenIGTLink server (TCP 18944): images and transforms for 3D Slicer, PLUS, or any other client.
 //!
 //! Each presented frame goes to every client as three version 1 messages:
 //!
@@ -6,19 +6,19 @@
 //! |---|---|---|
 //! | `STATUS` | `Tracking` | 1 (all is well), or 13 (not ready) while the sensor is stuck, or the pose stale or lost |
 //! | `TRANSFORM` | `ProbeToScene` | the probe's pose; left out while the status is not 1 |
-//! | `IMAGE` | `Image` | the picture, u8, one slice, at its place in the scene |
+//! | `IMAGE` | `Image` | the picture, u8, one slice, at its pose in the scene |
 //!
 //! # Frames
 //! All coordinates are RAS, mm, as in 3D Slicer. The scene stands for the patient; [`SceneAxes`] gives the directions
 //! of its axes. The image's first index runs along the probe's x (lateral), its second along the probe's z (into the
-//! body), so that its normal is the probe's −y. Its position is that of its centre, as the protocol requires. 3D Slicer
-//! therefore shows the image at the probe's pose: do *not* put it under `ProbeToScene` as well. Before the first pose,
-//! the probe is at the scene's origin.
+//! body). So the image's normal is the probe's −y. Its position is that of its centre, as the protocol requires. 3D
+//! Slicer therefore shows the image at the probe's pose: do *not* put it under `ProbeToScene` as well. Before the
+//! first pose, the probe is at the scene's origin.
 //!
 //! # Clients
-//! Each client has its own task and takes the newest frame when ready; skipped frames are counted. A client that
-//! doesn't read delays no other. One that reads nothing for [`STALL_LIMIT`] is disconnected. The protocol has no
-//! password: anyone who reaches the port sees the picture. The default address is therefore loopback.
+//! Each client has a task of its own and takes the newest frame when it is ready; skipped frames are counted. A
+//! client that doesn't read delays no other. A client that reads nothing for [`STALL_LIMIT`] is disconnected. The
+//! protocol has no password: anyone who reaches the port sees the picture. Therefore the default address is loopback.
 
 use std::net::{IpAddr, Ipv4Addr};
 

@@ -1,4 +1,4 @@
-//! Axes of a scene in the patient, by their letters.
+//! Directions of a scene's axes in the patient, by their letters.
 
 use std::str::FromStr;
 
@@ -11,7 +11,7 @@ pub struct SceneAxes {
     pub(super) ras_from_scene: DMat3,
 }
 
-/// Invalid letters of axes.
+/// Letters that are no axes of a scene.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 #[error("`{text}` are no axes: expected three letters of R or L, A or P, S or I, each pair once, right-handed")]
 pub struct SceneAxesError {
@@ -22,7 +22,7 @@ pub struct SceneAxesError {
 impl FromStr for SceneAxes {
     type Err = SceneAxesError;
 
-    /// The directions of x, y and z by their letters: `RAS`, `LPS`, `LSA` and so on.
+    /// Reads the directions of x, y and z from their letters: `RAS`, `LPS`, `LSA` and so on.
     fn from_str(text: &str) -> Result<Self, SceneAxesError> {
         let direction = |letter| match letter {
             'R' => Some(DVec3::X),
@@ -38,7 +38,7 @@ impl FromStr for SceneAxes {
         let columns = (next(), next(), next());
         let (Some(x), Some(y), Some(z)) = columns else { return Err(SceneAxesError { text: text.to_owned() }) };
         let ras_from_scene = DMat3::from_cols(x, y, z);
-        // A scene is right-handed, as RAS is: other letters would mirror it.
+        // A scene is right-handed, as RAS is. Left-handed letters would mirror it.
         if letters.next().is_some() || ras_from_scene.determinant() < 0.5 {
             return Err(SceneAxesError { text: text.to_owned() });
         }

@@ -1,4 +1,4 @@
-//! Server side: accepts clients and feeds each the newest frame.
+//! Server: accepts clients and sends each the newest frame.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -12,10 +12,10 @@ use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use tokio::sync::{Semaphore, watch};
 use tokio_util::sync::CancellationToken;
 
-/// Longest time without a read before a client is disconnected.
+/// Longest time in which a client reads nothing; then it is disconnected.
 pub const STALL_LIMIT: Duration = Duration::from_secs(30);
 
-/// System's send buffer per client, bytes: about one frame. More would add latency.
+/// The system's send buffer for each client, bytes: about one frame. More would add latency.
 const SEND_BUFFER: u32 = 1 << 20;
 
 /// Counters of the server.
@@ -42,26 +42,26 @@ pub(super) struct Encoded {
     pub(super) bytes: BytesMut,
 }
 
-/// The newest frame, for all clients.
+/// The newest frame, shared by all clients.
 #[derive(Default)]
 pub(super) struct Latest {
     /// `None` before the first frame, and if none could be encoded.
     pub(super) frame: Option<Arc<Encoded>>,
-    /// Number of the frame after it.
+    /// Number of the frame after it, which does not exist yet.
     pub(super) next: u64,
 }
 
 impl Latest {
-    /// Number of the first frame that a client is due that connects now.
+    /// Number of the first frame to send to a client that connects at this moment.
     fn first_due(&self) -> u64 {
         self.frame.as_ref().map_or(self.next, |frame| frame.number)
     }
 }
 
-/// Listens; accepted connections inherit the buffer's size.
+/// Opens the listening socket. Accepted connections inherit its buffer size.
 pub(super) fn listen(address: SocketAddr) -> std::io::Result<TcpListener> {
     let socket = if address.is_ipv4() { TcpSocket::new_v4() } else { TcpSocket::new_v6() }?;
-    // Without this, a restarted server finds its port in use by ended connections.
+    // Without this, a restarted server would find its port in use by connections that have ended.
     #[cfg(unix)]
     socket.set_reuseaddr(true)?;
     socket.set_send_buffer_size(SEND_BUFFER)?;
@@ -73,7 +73,7 @@ pub(super) struct Server {
     pub(super) latest: Arc<watch::Sender<Latest>>,
     pub(super) counters: Arc<Counters>,
     pub(super) cancel: CancellationToken,
-    pub(super) places: Arc<Semaphore>,
+    pub(super) slots: Arc<Semaphore>,
 }
 
 impl Server {
@@ -84,20 +84,20 @@ impl Server {
                 accepted = listener.accept() => accepted,
             };
             let Ok((stream, client)) = accepted else {
-                // Probably too many open files: waits before the next attempt.
+                // Probably too many files are open: waits before the next attempt.
                 tokio::time::sleep(Duration::from_millis(100)).await;
                 continue;
             };
-            let Ok(place) = Arc::clone(&self.places).try_acquire_owned() else {
+            let Ok(slot) = Arc::clone(&self.slots).try_acquire_owned() else {
                 self.counters.refused.fetch_add(1, Ordering::Relaxed);
                 tracing::warn!("OpenIGTLink client {client} is turned away: too many are connected");
                 continue;
             };
             let mut frames = self.latest.subscribe();
-            // A client that connects during a freeze gets the frozen frame.
+            // A client that connects while the picture is frozen gets the frozen frame.
             frames.mark_changed();
             let due = frames.borrow().first_due();
-            // Counted last: a client that is counted gets the next frame.
+            // Counted last, so that a client that is counted gets the next frame.
             self.counters.accepted.fetch_add(1, Ordering::Relaxed);
             self.counters.connected.fetch_add(1, Ordering::Relaxed);
             tracing::info!("OpenIGTLink client {client} is connected");
@@ -105,7 +105,7 @@ impl Server {
             tokio::spawn(async move {
                 serve(stream, client, (frames, due), &counters, &cancel).await;
                 counters.connected.fetch_sub(1, Ordering::Relaxed);
-                drop(place);
+                drop(slot);
             });
         }
     }
@@ -130,13 +130,13 @@ async fn serve(
     tracing::info!("OpenIGTLink client {client} is disconnected: {left}");
 }
 
-/// Reads and discards data of a client until it leaves.
+/// Reads and discards a client's data until the client leaves.
 async fn discard(mut reader: OwnedReadHalf) {
     let mut bytes = [0; 4096];
     while reader.read(&mut bytes).await.is_ok_and(|length| length > 0) {}
 }
 
-/// Sends a client every newest frame from number `due` on. Returns why it ended.
+/// Sends a client every newest frame from number `due` on. Returns the reason why the connection ended.
 async fn feed(
     mut writer: OwnedWriteHalf,
     mut frames: watch::Receiver<Latest>,
@@ -147,7 +147,7 @@ async fn feed(
         let Some(frame) = frames.borrow_and_update().frame.clone() else { continue };
         counters.dropped.fetch_add(frame.number.saturating_sub(due), Ordering::Relaxed);
         due = frame.number + 1;
-        // Counted first: who has received the frame finds it counted.
+        // Counted before it is sent, so that whoever has received the frame finds it counted.
         counters.sent.fetch_add(1, Ordering::Relaxed);
         let mut rest = &frame.bytes[..];
         while !rest.is_empty() {
@@ -156,7 +156,7 @@ async fn feed(
                 Ok(_) => return "it has left",
                 Err(_) => {
                     counters.stalled.fetch_add(1, Ordering::Relaxed);
-                    // Frames that came meanwhile, including the newest.
+                    // Frames that arrived during the write, including the newest.
                     counters.dropped.fetch_add(frames.borrow().next.saturating_sub(due), Ordering::Relaxed);
                     return "it read nothing for too long";
                 }
@@ -170,7 +170,7 @@ async fn feed(
 mod tests {
     use super::*;
 
-    /// Publishes a frame of one byte.
+    /// Publishes a frame of one byte with the number `number`.
     fn publish(latest: &watch::Sender<Latest>, number: u64) {
         let frame = Some(Arc::new(Encoded { number, bytes: BytesMut::from(&[number as u8][..]) }));
         latest.send_replace(Latest { frame, next: number + 1 });

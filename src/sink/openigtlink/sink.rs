@@ -1,4 +1,4 @@
-//! The sink: starts the server and gives it frames.
+//! Sink that starts the server and hands it frames.
 
 use std::net::SocketAddr;
 use std::path::Path;
@@ -23,13 +23,13 @@ use crate::transducer::{Probe, Sector};
 
 const SINK: &str = "OpenIGTLink server";
 
-/// The server, on its own thread.
+/// Live sink with its server, which runs on its own thread.
 pub struct OpenIgtLink {
     settings: Settings,
     probe: Probe,
     address: SocketAddr,
     latest: Arc<watch::Sender<Latest>>,
-    /// Encoded frames: one per client, and two more.
+    /// Encoded frames: one for each client, and two more.
     pool: Pool<Encoded>,
     number: u64,
     counters: Arc<Counters>,
@@ -58,7 +58,7 @@ impl OpenIgtLink {
             latest: Arc::clone(&latest),
             counters: Arc::clone(&counters),
             cancel: cancel.clone(),
-            places: Arc::new(Semaphore::new(settings.clients_max as usize)),
+            slots: Arc::new(Semaphore::new(settings.clients_max as usize)),
         };
         let thread = std::thread::Builder::new()
             .name("openigtlink".to_owned())

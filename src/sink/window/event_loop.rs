@@ -20,13 +20,13 @@ use crate::settings::{Action, Control, Display, LiveSettings, hot_key};
 use crate::sink::SinkError;
 use crate::sink::canvas::Canvas;
 
-/// Time without a new frame after which a picture that is not frozen is shown as not live.
+/// Time without a new frame after which a picture is marked as not live, unless it is frozen.
 const SILENCE: Duration = Duration::from_secs(2);
-/// Period of updating figures and of checking for missing frames.
+/// Period at which figures are updated and missing frames are looked for.
 const TICK: Duration = Duration::from_millis(500);
-/// Time after a key during which its values override those of frames rendered earlier.
+/// Time after a key press during which the values it set override those of frames rendered earlier.
 const HOLD: Duration = Duration::from_millis(900);
-/// Most rebuilds in a row of lost graphics.
+/// Largest number of consecutive attempts to rebuild lost graphics.
 const REBUILDS_MAX: u32 = 5;
 
 /// Opens the window and shows the frames of `slot` until the window is closed or the sink ends. Keys go to `controls`;
@@ -93,7 +93,7 @@ struct App {
     shown: Option<Shown>,
     spare: Shown,
     canvas: Canvas,
-    /// Values in the marks; marks are drawn only when these change.
+    /// Values that the drawn marks show. The marks are drawn again only when these change.
     drawn: Option<(Figures, Option<Shown>)>,
     /// Settings requested by keys.
     wanted: LiveSettings,
@@ -126,7 +126,7 @@ impl App {
         event_loop.exit();
     }
 
-    /// Uploads the picture again and marks everything for redrawing.
+    /// Uploads the picture again and draws everything again.
     fn redraw_all(&mut self) {
         self.drawn = None;
         if let (Some((window, graphics)), Some(shown)) = (&mut self.window, &self.shown) {
@@ -180,7 +180,7 @@ impl App {
             graphics.set_marks(&self.canvas);
             self.drawn = Some((figures, shown.map(without_image)));
         }
-        let picture = marks::place(shown.map_or((1, 1), |s| (s.width, s.height)), marks_size);
+        let picture = marks::placement(shown.map_or((1, 1), |s| (s.width, s.height)), marks_size);
         let brightness = match banner {
             Some(Banner::Waiting) => 0.0,
             Some(Banner::Silent | Banner::Lost) => 0.4,
@@ -231,7 +231,7 @@ impl App {
             action => {
                 self.wanted_at = Some(Instant::now());
                 let assignments = action.assignments(&self.wanted);
-                // Kept in range by the action.
+                // The action keeps values in range; if not, nothing changes.
                 self.wanted = self.wanted.with(&assignments).unwrap_or(self.wanted);
                 if let Err(e) = self.controls.try_send(Control::Set(assignments)) {
                     tracing::warn!("a key was not followed: {e}");
@@ -251,7 +251,7 @@ impl App {
     }
 }
 
-/// Values of a frame that the marks show.
+/// Values of a frame that the marks depend on.
 fn labels(shown: &Shown) -> impl PartialEq + '_ {
     let FrameInfo { estimate, settings, .. } = &shown.info;
     let picture = (shown.width, shown.height, shown.pixel_mm, shown.face_row);
@@ -262,7 +262,7 @@ fn without_image(shown: &Shown) -> Shown {
     Shown { image: Vec::new(), generator: shown.generator.clone(), notice: shown.notice.clone(), ..*shown }
 }
 
-/// The key's name as in `KeyboardEvent.key`.
+/// Name of the key as in the browser's `KeyboardEvent.key`.
 fn key_name(key: &Key) -> Option<&str> {
     match key {
         Key::Character(text) => Some(text.as_str()),
@@ -305,7 +305,7 @@ impl ApplicationHandler<Wake> for App {
         {
             self.fail(event_loop, reason);
         }
-        // A frame may have come before this loop could be woken.
+        // A frame may have arrived before this loop could be woken.
         self.poll(event_loop);
     }
 

@@ -1,4 +1,4 @@
-//! The window's device and surface: a picture and a layer of marks, drawn with one triangle.
+//! Device and surface of the window. Picture and marks are drawn by one triangle.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -31,14 +31,14 @@ pub(super) struct Drawing {
     pub(super) marks_scale: u32,
 }
 
-/// Outcome of a drawing.
+/// Outcome of drawing a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Drawn {
-    /// It is on the screen, or the window can't be seen.
+    /// The picture is on the screen, or the window can't be seen.
     Done,
     /// The surface was reconfigured: draw again.
     Again,
-    /// Surface or device is lost: rebuild the graphics.
+    /// Surface or device is lost, and the graphics must be rebuilt.
     Lost,
 }
 
@@ -54,7 +54,7 @@ pub(super) struct Graphics {
     picture: wgpu::Texture,
     marks: wgpu::Texture,
     binding: wgpu::BindGroup,
-    /// Marks with alpha, to upload.
+    /// Buffer for the marks as RGBA.
     rgba: Vec<u8>,
     lost: Arc<AtomicBool>,
 }
@@ -89,7 +89,7 @@ impl Graphics {
         let mut configuration = surface
             .get_default_config(&adapter, size.width.max(1), size.height.max(1))
             .ok_or_else(|| format!("{} can't show this window", adapter.get_info().name))?;
-        // Prefers a format that stores grey levels as they are; for an sRGB format the shader converts.
+        // Prefers a format that stores grey levels unchanged. For an sRGB format the shader converts them.
         let formats = surface.get_capabilities(&adapter).formats;
         let plain = formats.iter().find(|f| !f.is_srgb() && f.target_component_alignment() == Some(1));
         configuration.format = plain.copied().unwrap_or(configuration.format);
@@ -157,7 +157,7 @@ impl Graphics {
         self.upload(&self.marks, &self.rgba, 4 * width);
     }
 
-    /// Draws.
+    /// Draws picture and marks.
     pub(super) fn draw(&self, drawing: &Drawing) -> Drawn {
         let texture = match self.surface.get_current_texture() {
             _ if self.lost.load(Ordering::Relaxed) => return Drawn::Lost,

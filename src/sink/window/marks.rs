@@ -1,6 +1,6 @@
 //! Marks over the picture: depth scale, focus, states, figures, keys.
 //!
-//! Drawn on the CPU into a canvas of the window's size, only when a mark changes. Black is transparent.
+//! They are drawn on the CPU into a canvas of the window's size, only when a mark changes. Black is transparent.
 
 use crate::pose::TrackingState;
 use crate::presented::FrameSource;
@@ -17,7 +17,7 @@ const WARN: Rgb = [245, 184, 61];
 const BAD: Rgb = [201, 48, 42];
 const COLD: Rgb = [125, 183, 255];
 const PANEL: Rgb = [14, 19, 24];
-/// Not quite black, which would be transparent.
+/// Nearly black; black itself would be transparent.
 const DARK: Rgb = [12, 10, 2];
 
 const MARGIN_X: f32 = 70.0;
@@ -33,8 +33,8 @@ pub(super) struct Placement {
     pub(super) height: f32,
 }
 
-/// Largest placement within the margins, centred.
-pub(super) fn place(image: (u32, u32), window: (u32, u32)) -> Placement {
+/// Largest rectangle of the picture's proportions within the window's margins, centred.
+pub(super) fn placement(image: (u32, u32), window: (u32, u32)) -> Placement {
     let (w, h) = (image.0.max(1) as f32, image.1.max(1) as f32);
     let room_x = (window.0 as f32 - 2.0 * MARGIN_X).max(1.0);
     let room_y = (window.1 as f32 - MARGIN_TOP - MARGIN_BOTTOM).max(1.0);
@@ -43,12 +43,12 @@ pub(super) fn place(image: (u32, u32), window: (u32, u32)) -> Placement {
     Placement { x: MARGIN_X + 0.5 * (room_x - width), y: MARGIN_TOP + 0.5 * (room_y - height), width, height }
 }
 
-/// Cm between numbered ticks, chosen for at least 26 pixels between numbers.
+/// Distance between numbered ticks, cm, chosen for at least 26 pixels between numbers.
 pub(super) fn tick_step_cm(pixels_per_cm: f32) -> u32 {
     [1, 2, 5, 10, 20, 50].into_iter().find(|&step| step as f32 * pixels_per_cm >= 26.0).unwrap_or(100)
 }
 
-/// Warnings over the picture, worst first.
+/// Warnings drawn over the picture, the most severe first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Banner {
     Waiting,
@@ -70,7 +70,7 @@ impl Banner {
         }
     }
 
-    /// Background and text colours.
+    /// Colours of background and text.
     fn colours(self) -> (Rgb, Rgb) {
         match self {
             Self::Waiting => (PANEL, INK),
@@ -81,7 +81,7 @@ impl Banner {
     }
 }
 
-/// Banner for a frame. `silent`: no new frame came for too long.
+/// Banner for a frame. `silent`: no new frame arrived for too long.
 pub(super) fn banner(shown: Option<&Shown>, silent: bool) -> Option<Banner> {
     let Some(shown) = shown else { return Some(Banner::Waiting) };
     match shown.info.estimate.state {
@@ -93,11 +93,11 @@ pub(super) fn banner(shown: Option<&Shown>, silent: bool) -> Option<Banner> {
     }
 }
 
-/// State of the window that the marks show.
+/// Figures and states of the window that the marks show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Figures {
     pub(super) frames_per_s: usize,
-    /// Latency of the newest frame; none for a held pose.
+    /// Latency of the newest frame, ms; none for a held pose.
     pub(super) latency_ms: Option<u64>,
     pub(super) help: bool,
     pub(super) banner: Option<Banner>,
@@ -108,7 +108,7 @@ pub(super) fn draw(canvas: &mut Canvas, shown: Option<&Shown>, figures: &Figures
     let (width, height) = canvas.size();
     canvas.fill(0, 0, width, height, [0; 3]);
     if let Some(shown) = shown {
-        let at = place((shown.width, shown.height), (width, height));
+        let at = placement((shown.width, shown.height), (width, height));
         depth_scale(canvas, shown, at);
         badges(canvas, shown, figures);
         settings(canvas, shown, at);
@@ -248,7 +248,7 @@ mod tests {
     #[test]
     fn the_picture_keeps_its_shape_and_lies_inside() {
         for window in [(1920, 1080), (800, 1200), (3840, 1000), (1, 1)] {
-            let at = place((1386, 1000), window);
+            let at = placement((1386, 1000), window);
             assert!((at.width / at.height - 1.386).abs() < 1e-3, "{window:?}");
             if window.0 > 200 {
                 assert!(at.x >= MARGIN_X - 0.01 && at.x + at.width <= window.0 as f32 - MARGIN_X + 0.01);

@@ -12,7 +12,7 @@ use crate::sink::live::LiveSink;
 
 pub(super) const NAME: &str = "window";
 
-/// Event: the slot has changed.
+/// Event that tells the event loop that the slot has changed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Wake;
 
@@ -50,12 +50,12 @@ pub(super) struct State {
     fresh: bool,
     dropped: u64,
     pub(super) sink_ended: bool,
-    /// Reason why the window is gone.
+    /// Reason why the window has closed; none while it is open.
     pub(super) window_gone: Option<&'static str>,
     pub(super) proxy: Option<EventLoopProxy<Wake>>,
 }
 
-/// The newest frame, shared by sink and window.
+/// The newest frame, shared by the sink and the window.
 #[derive(Debug, Clone, Default)]
 pub struct WindowSlot(Arc<Mutex<State>>);
 
@@ -64,7 +64,7 @@ impl WindowSlot {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Frames that a newer one replaced before the window had drawn them.
+    /// Number of frames that a newer one replaced before the window had drawn them.
     pub fn dropped(&self) -> u64 {
         self.state().dropped
     }
@@ -80,7 +80,7 @@ impl WindowSlot {
     }
 }
 
-/// Hands frames to the window.
+/// Live sink that hands frames to the window.
 #[derive(Debug)]
 pub struct WindowSink {
     slot: WindowSlot,
@@ -88,7 +88,7 @@ pub struct WindowSink {
 }
 
 impl WindowSink {
-    /// A sink, and the slot for [`run_on_main_thread`](super::run_on_main_thread).
+    /// A sink, and the slot that [`run_on_main_thread`](super::run_on_main_thread) shows.
     pub fn new() -> (Self, WindowSlot) {
         let slot = WindowSlot::default();
         (Self { slot: slot.clone(), filling: Shown::default() }, slot)
