@@ -1,7 +1,7 @@
 //! Beam coordinates of a generator: resampling of a picture to scanlines × range cells, and back.
 //!
-//! A grid holds no pixel outside the sector, shows speckle of one size everywhere, and has as many values for a small
-//! picture as for a large one.
+//! A grid in beam coordinates holds no pixel outside the sector and shows speckle of one size everywhere. Its number
+//! of values does not depend on the size of the picture.
 
 use rayon::prelude::*;
 
@@ -10,30 +10,30 @@ use super::manifest::{Affine, BeamGrid};
 use crate::simd::{at_least, at_most, nearest_bits, real, widened};
 use crate::transducer::ScanGeometry;
 
-/// Parts into which weights are divided.
+/// Sum of the weights of one interpolated value.
 const PARTS: u32 = 256;
-/// Rows per parallel task.
+/// Number of rows in a parallel task.
 const BAND: usize = 32;
-/// Pixels that are interpolated together.
+/// Number of pixels that are interpolated together.
 const LANES: usize = 64;
 
-/// Pixels whose weighted mean is a value of the grid.
+/// Four pixels whose weighted mean is one value of the grid.
 #[derive(Debug, Clone, Copy, Default)]
 struct Corners {
-    /// First of four pixels: this one, its right neighbour, and the two below.
+    /// Index of the first of four pixels. The others are its right neighbour and the two pixels below.
     first: u32,
-    /// Their weights, of [`PARTS`] in all. Pixels outside the sector have none.
+    /// Weights of the four pixels; their sum is [`PARTS`]. Pixels outside the sector have the weight 0.
     weights: [u16; 4],
-    /// Offset of the heaviest pixel from the first.
+    /// Offset of the pixel with the largest weight from the first pixel.
     nearest: u32,
 }
 
-/// Values of the grid whose weighted means are pixels, in columns for vector loads.
+/// Positions in the grid from which pixels are interpolated, as arrays for vector loads.
 #[derive(Debug, Clone, Default)]
 struct Cells {
-    /// Scanline (low 16 bits) and range cell of the first of four values.
-    places: Vec<u32>,
-    /// Weights of the next scanline (low 8 bits) and of the next cell, of [`PARTS`].
+    /// First of the four values around each pixel: scanline (low 16 bits) and range cell (high 16 bits).
+    first_values: Vec<u32>,
+    /// Weight of the next scanline (low 8 bits) and of the next range cell (high 8 bits), in units of 1 / [`PARTS`].
     next: Vec<u16>,
 }
 
@@ -45,9 +45,10 @@ pub(super) struct BeamSampling {
     scanlines: usize,
     cells: usize,
     to_grid: Vec<Corners>,
-    /// Of the pixels within [`Self::spans`], in order.
+    /// Positions of the pixels within [`Self::spans`], row by row.
     to_picture: Cells,
-    /// First column in the sector, the one after the last, and the row's first entry of `to_picture`.
+    /// For each row: the first column in the sector, the column after the last, and the row's first entry in
+    /// `to_picture`.
     spans: Vec<[usize; 3]>,
     image: Vec<u8>,
     segmentation: Vec<u8>,
@@ -56,7 +57,7 @@ pub(super) struct BeamSampling {
 }
 
 impl BeamSampling {
-    /// Tables of `geometry`, which visit every pixel: kept until the geometry changes.
+    /// Computes the tables of `geometry`. This visits every pixel, so tables are kept until the geometry changes.
     pub(super) fn new(grid: BeamGrid, geometry: ScanGeometry) -> Self {
         let (scanlines, cells) = (grid.scanlines as usize, grid.cells(geometry.depth_mm) as usize);
         let (width, height) = (geometry.sector.width as usize, geometry.sector.height as usize);
@@ -71,9 +72,9 @@ impl BeamSampling {
         let mut to_picture = Cells::default();
         let mut spans = Vec::with_capacity(height);
         for (first, cells) in rows {
-            spans.push([first, first + cells.len(), to_picture.places.len()]);
-            let (places, next): (Vec<_>, Vec<_>) = cells.into_iter().unzip();
-            to_picture.places.extend(places);
+            spans.push([first, first + cells.len(), to_picture.first_values.len()]);
+            let (first_values, next): (Vec<_>, Vec<_>) = cells.into_iter().unzip();
+            to_picture.first_values.extend(first_values);
             to_picture.next.extend(next);
         }
         let mask = to_grid.iter().map(|corners| if corners.weights == [0; 4] { 0 } else { 255 }).collect();
@@ -81,13 +82,13 @@ impl BeamSampling {
         Self { grid, geometry, scanlines, cells, to_grid, to_picture, spans, image, segmentation, attenuation, mask }
     }
 
-    /// Whether it is of that grid and geometry.
+    /// Whether the tables belong to this grid and geometry.
     pub(super) fn is_of(&self, grid: &BeamGrid, geometry: &ScanGeometry) -> bool {
         self.grid == *grid && self.geometry == *geometry
     }
 
-    /// The maps of `input` on the grid; those that are empty stay so. Grey levels are interpolated, other maps take the
-    /// nearest pixel.
+    /// The maps of `input`, resampled to the grid; empty maps stay empty. Grey levels are interpolated; other maps
+    /// take the nearest pixel.
     pub(super) fn resample(&mut self, input: &Input<'_>) -> Input<'_> {
         let take = |corners: &Corners| corners.first as usize + corners.nearest as usize;
         let row = self.geometry.sector.width as usize;
@@ -122,8 +123,8 @@ impl BeamSampling {
         }
     }
 
-    /// Grey levels of the picture [height × width], from the model's values on the grid, whose rows are `stride` long and
-    /// begin at `first`; rounded, 0 outside `mask`.
+    /// Grey levels of the picture [height × width], rounded, 0 outside `mask`. They are interpolated from the model's
+    /// values on the grid, whose rows have the length `stride` and begin at `first`.
     pub(super) fn picture(
         &self,
         values: &[f32],
@@ -146,17 +147,23 @@ impl BeamSampling {
             let rows = rows.chunks_exact_mut(width).zip(masks.chunks_exact(width));
             for ((row, mask), &[begin, end, entry]) in rows.zip(spans) {
                 let of_row = entry..entry + end - begin;
-                let Cells { places, next } = &self.to_picture;
-                interpolate(&model, &places[of_row.clone()], &next[of_row], &mask[begin..end], &mut row[begin..end]);
+                let Cells { first_values, next } = &self.to_picture;
+                interpolate(
+                    &model,
+                    &first_values[of_row.clone()],
+                    &next[of_row],
+                    &mask[begin..end],
+                    &mut row[begin..end],
+                );
             }
         });
     }
 }
 
-/// Values of a model on the grid, at least up to the last cell of the last scanline.
+/// Values that a model gave on the grid. They reach at least to the last cell of the last scanline.
 struct Model<'a> {
     values: &'a [f32],
-    /// Index of the first value, and the length of a row.
+    /// Index of the first value, and the length of a row of values.
     first: usize,
     stride: usize,
     last_line: usize,
@@ -165,27 +172,27 @@ struct Model<'a> {
 }
 
 widened! {
-    /// Pixels of a row: rounded grey levels, 0 where the mask is 0.
+    /// Pixels of a row of the picture: rounded grey levels, 0 where the mask is 0.
     fn interpolate(
-        model: &Model<'_>, places: &[u32], next: &[u16], mask: &[u8], row: &mut [u8],
+        model: &Model<'_>, first_values: &[u32], next: &[u16], mask: &[u8], row: &mut [u8],
     ) = interpolate_body
 }
 
 #[inline(always)]
-fn interpolate_body(model: &Model<'_>, places: &[u32], next: &[u16], mask: &[u8], row: &mut [u8]) {
-    let groups = places.chunks(LANES).zip(next.chunks(LANES));
-    for ((places, next), (mask, row)) in groups.zip(mask.chunks(LANES).zip(row.chunks_mut(LANES))) {
-        if let (Some(places), Some(next)) = (places.first_chunk(), next.first_chunk())
+fn interpolate_body(model: &Model<'_>, first_values: &[u32], next: &[u16], mask: &[u8], row: &mut [u8]) {
+    let groups = first_values.chunks(LANES).zip(next.chunks(LANES));
+    for ((first_values, next), (mask, row)) in groups.zip(mask.chunks(LANES).zip(row.chunks_mut(LANES))) {
+        if let (Some(first_values), Some(next)) = (first_values.first_chunk(), next.first_chunk())
             && let (Some(mask), Some(row)) = (mask.first_chunk::<LANES>(), row.first_chunk_mut::<LANES>())
         {
-            let levels = levels(model, places, next);
+            let levels = levels(model, first_values, next);
             for i in 0..LANES {
                 row[i] = levels[i] & mask[i];
             }
             continue;
         }
         let (mut whole, mut whole_next) = ([0; LANES], [0; LANES]);
-        whole[..places.len()].copy_from_slice(places);
+        whole[..first_values.len()].copy_from_slice(first_values);
         whole_next[..next.len()].copy_from_slice(next);
         let levels = levels(model, &whole, &whole_next);
         for ((level, &found), &inside) in row.iter_mut().zip(&levels).zip(mask) {
@@ -194,15 +201,15 @@ fn interpolate_body(model: &Model<'_>, places: &[u32], next: &[u16], mask: &[u8]
     }
 }
 
-/// Grey levels of a group of pixels.
+/// Grey levels of a group of `LANES` pixels.
 #[inline(always)]
-fn levels(model: &Model<'_>, places: &[u32; LANES], next: &[u16; LANES]) -> [u8; LANES] {
+fn levels(model: &Model<'_>, first_values: &[u32; LANES], next: &[u16; LANES]) -> [u8; LANES] {
     let &Model { values, first, stride, last_line, last_cell, affine } = model;
     let (mut at, mut right, mut below) = ([0u32; LANES], [0u32; LANES], [0u32; LANES]);
     for i in 0..LANES {
-        // Within the grid, so that all reads are within `values`.
-        let line = (places[i] & 0xffff).min(last_line as u32);
-        let cell = (places[i] >> 16).min(last_cell as u32);
+        // Limited to the grid, so that all reads stay within `values`.
+        let line = (first_values[i] & 0xffff).min(last_line as u32);
+        let cell = (first_values[i] >> 16).min(last_cell as u32);
         at[i] = (first as u32).wrapping_add(cell.wrapping_mul(stride as u32)).wrapping_add(line);
         right[i] = u32::from(line < last_line as u32);
         below[i] = if cell < last_cell as u32 { stride as u32 } else { 0 };
@@ -210,8 +217,8 @@ fn levels(model: &Model<'_>, places: &[u32; LANES], next: &[u16; LANES]) -> [u8;
     let mut corners = [[0.0f32; LANES]; 4];
     for i in 0..LANES {
         let [at, right, below] = [at[i], right[i], below[i]].map(|offset| offset as usize);
-        // SAFETY: the greatest index is that of the last cell of the last scanline; `picture` checked that it lies in `values`.
-        // Volatile, since gathers take longer.
+        // SAFETY: the greatest index is that of the last cell of the last scanline; `picture` checked that it lies in
+        // `values`. Volatile reads, because the compiler's gather instructions take longer.
         unsafe {
             let values = values.as_ptr().add(at);
             corners[0][i] = values.read_volatile();
@@ -249,7 +256,7 @@ fn fill<T: Send + Default + Clone>(
     });
 }
 
-/// Pixels of a picture.
+/// Pixels of a picture, with the geometry of its scanlines.
 struct Picture<'a> {
     geometry: &'a ScanGeometry,
     width: usize,
@@ -257,7 +264,7 @@ struct Picture<'a> {
 }
 
 impl Picture<'_> {
-    /// Pixels around a place of the sector.
+    /// Four pixels around the point at `fraction` of the lateral extent and at `depth_mm`.
     fn corners(&self, fraction: f64, depth_mm: f64) -> Corners {
         if depth_mm >= self.geometry.depth_mm {
             return Corners::default();
@@ -265,7 +272,7 @@ impl Picture<'_> {
         let at = self.geometry.pixel_at(fraction, depth_mm);
         // Clamped so that all four pixels are in the picture.
         let [left, top] = [(at.x, self.width), (at.y, self.height)]
-            .map(|(place, side)| place.floor().clamp(0.0, side.saturating_sub(2) as f64));
+            .map(|(position, side)| position.floor().clamp(0.0, side.saturating_sub(2) as f64));
         let [x, y] = [at.x - left, at.y - top].map(|part| part.clamp(0.0, 1.0));
         let shares = [(1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y];
         let offsets = [(0, 0), (1, 0), (0, 1), (1, 1)];
@@ -280,7 +287,7 @@ impl Picture<'_> {
             *weight = if inside { (f64::from(PARTS) * share / shown).round() as u16 } else { 0 };
         }
         let heaviest = (0..4).max_by_key(|&i| weights[i]).unwrap_or(0);
-        // What rounding left over.
+        // The largest weight takes the rounding error of the sum.
         let others: u16 = weights.iter().sum::<u16>() - weights[heaviest];
         weights[heaviest] = PARTS as u16 - others;
         let (right, below) = offsets[heaviest];
@@ -288,20 +295,21 @@ impl Picture<'_> {
         Corners { first: top * width + left, weights, nearest: below * width + right }
     }
 
-    /// First column of a row in the sector, and the place and weights of each pixel from there to the sector's end, as in [`Cells`].
+    /// First column of a row that is in the sector, and an entry of [`Cells`] (position and weights) for each pixel
+    /// from there to the sector's end.
     fn row(&self, row: usize, grid: &BeamGrid, [scanlines, cells]: [usize; 2]) -> (usize, Vec<(u32, u16)>) {
         let beam = |column: usize| self.geometry.beam_at(column as u32, row as u32);
         let Some(first) = (0..self.width).find(|&column| beam(column).is_some()) else {
             return (0, Vec::new());
         };
         let last = (first..self.width).rev().find(|&column| beam(column).is_some()).unwrap_or(first);
-        let split = |place: f64, count: usize| {
-            let place = place.clamp(0.0, (count - 1) as f64);
-            let parts = (place * f64::from(PARTS)).round() as u32;
+        let split = |position: f64, count: usize| {
+            let position = position.clamp(0.0, (count - 1) as f64);
+            let parts = (position * f64::from(PARTS)).round() as u32;
             (parts / PARTS, (parts % PARTS) as u16)
         };
         let cell = |column: usize| {
-            // A gap in the row, below the arc of the face, is masked.
+            // A gap in the row, below the arc of the face, is outside the mask.
             let Some((fraction, depth_mm)) = beam(column) else { return (0, 0) };
             let (scanline, x) = split(fraction * scanlines as f64 - 0.5, scanlines);
             let (cell, y) = split(depth_mm / grid.cell_mm - 0.5, cells);

@@ -15,22 +15,22 @@ pub enum RuntimeError {
     /// The build has no generators.
     #[error("insonify was built without the feature `generator`, which generators need; build it with that feature")]
     NotBuilt,
-    /// No library was found.
+    /// No library was found in the usual folders.
     #[error(
         "ONNX Runtime's library, which generators need, is not in {searched}; run scripts/setup, or set \
          ORT_DYLIB_PATH to the file of the library"
     )]
     Missing {
-        /// Folders looked into.
+        /// Folders that were searched.
         searched: String,
     },
-    /// The variable names no file.
+    /// The environment variable `ORT_DYLIB_PATH` names no file.
     #[error(
         "ORT_DYLIB_PATH names {path}, which is no file; set it to ONNX Runtime's library, or unset it and run \
          scripts/setup"
     )]
     NoSuchFile {
-        /// Path that it names.
+        /// Path in the variable.
         path: PathBuf,
     },
     /// The library could not be used.
@@ -70,14 +70,14 @@ pub enum GeneratorError {
         /// Fault, and the expected value.
         reason: String,
     },
-    /// The model's hash differs from the manifest's.
+    /// The model's SHA-256 differs from the manifest's.
     #[error("{path} has sha256 {found}; its manifest is of a model with {expected}")]
     Sha256 {
         /// Model.
         path: PathBuf,
-        /// Sum in the manifest.
+        /// SHA-256 in the manifest.
         expected: String,
-        /// Sum of the file.
+        /// SHA-256 of the file.
         found: String,
     },
     /// The execution provider is not available.
@@ -86,7 +86,7 @@ pub enum GeneratorError {
          (ORT_DYLIB_PATH)"
     )]
     Provider {
-        /// Provider asked for.
+        /// Provider that was requested.
         provider: Provider,
         /// Message of ONNX Runtime.
         reason: String,
@@ -99,7 +99,7 @@ pub enum GeneratorError {
         /// Message of ONNX Runtime.
         reason: String,
     },
-    /// Weights lie in other files, which the manifest's hash doesn't cover.
+    /// The model's weights lie in other files, which the manifest's hash doesn't cover.
     #[error(
         "{path} keeps its weights in {files}, and a generator is one file, so that its hash covers all of it; save it as \
          one: `torch.onnx.export(..., external_data=False)`, or `onnx.save(onnx.load(path), path)` with the Python package onnx"
@@ -110,15 +110,15 @@ pub enum GeneratorError {
         /// Names of the other files.
         files: String,
     },
-    /// The model is not there in the precision asked for.
+    /// The model has no file for the requested precision.
     #[error("{path} has no `{precision}`: its manifest names no such [[precision]]; use auto or float32")]
     NoPrecision {
         /// Model.
         path: PathBuf,
-        /// Precision asked for.
+        /// Precision that was requested.
         precision: Precision,
     },
-    /// The processor computes no float16.
+    /// The processor has no float16 arithmetic for models.
     #[error(
         "{path} cannot run in float16 on the processor; use auto, float32 or int8, or the provider cuda or tensorrt"
     )]
@@ -160,13 +160,13 @@ pub enum GeneratorError {
         path: PathBuf,
         /// Greatest difference, grey levels.
         difference: f32,
-        /// Row of that pixel.
+        /// Row of the pixel with this difference.
         row: usize,
-        /// Column of that pixel.
+        /// Column of the pixel with this difference.
         column: usize,
-        /// Level expected there.
+        /// Grey level expected at the pixel.
         expected: f32,
-        /// Level found there.
+        /// Grey level found at the pixel.
         found: f32,
         /// Difference allowed, grey levels.
         tolerance: f32,
@@ -174,60 +174,60 @@ pub enum GeneratorError {
     /// A map of the input does not have the frame's size.
     #[error("the {map} has {found} pixels; a frame of {width} x {height} has {expected}")]
     InputSize {
-        /// Map.
+        /// Name of the map.
         map: &'static str,
-        /// Pixels across.
+        /// Width of the frame, pixels.
         width: u32,
-        /// Pixels down.
+        /// Height of the frame, pixels.
         height: u32,
-        /// Pixels needed.
+        /// Number of pixels in the frame.
         expected: usize,
-        /// Pixels given.
+        /// Number of values in the map.
         found: usize,
     },
-    /// A tissue number outside the station's table.
+    /// The segmentation has a tissue number outside the station's table.
     #[error("the segmentation holds the number {number}; the station's tissues go to {greatest}")]
     TissueNumber {
         /// Number found.
         number: u8,
-        /// Greatest known.
+        /// Greatest number in the table.
         greatest: usize,
     },
-    /// The model's output is not finite everywhere. It is not shown.
+    /// The model's output is not finite everywhere. Such a picture is not shown.
     #[error("generator `{name}`: {count} values of its output are not finite, the first at row {row}, column {column}")]
     NotFinite {
-        /// Generator.
+        /// Name of the generator.
         name: String,
-        /// Number of such values.
+        /// Number of non-finite values.
         count: usize,
-        /// Row of the first one.
+        /// Row of the first non-finite value.
         row: usize,
-        /// Column of the first one.
+        /// Column of the first non-finite value.
         column: usize,
     },
-    /// A model in beam coordinates has a picture whose scanlines are not known.
+    /// A model in beam coordinates got a picture whose scanline geometry is unknown.
     #[error(
         "generator `{name}` works in beam coordinates, and the scanlines of this picture of {width} x {height} are not known: \
          give it a frame of a renderer, or a directory that `insonify render` wrote"
     )]
     NoScanGeometry {
-        /// Generator.
+        /// Name of the generator.
         name: String,
-        /// Width, pixels.
+        /// Width of the picture, pixels.
         width: u32,
-        /// Height, pixels.
+        /// Height of the picture, pixels.
         height: u32,
     },
     /// The run was stopped by a [`Terminator`](super::Terminator).
     #[error("generator `{name}`: the run was stopped")]
     Terminated {
-        /// Generator.
+        /// Name of the generator.
         name: String,
     },
     /// The run failed.
     #[error("generator `{name}`: {reason}")]
     Inference {
-        /// Generator.
+        /// Name of the generator.
         name: String,
         /// Message of ONNX Runtime.
         reason: String,

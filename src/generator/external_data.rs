@@ -1,16 +1,16 @@
-//! Files outside of an `.onnx` file that hold its weights.
+//! Detection of model weights in files other than the `.onnx` file.
 //!
 //! A tensor of an ONNX model may name another file that holds its values: field `external_data` of `TensorProto`
-//! (onnx.proto). Exporters do so for large models, and PyTorch's since 2.6 for all.
+//! (onnx.proto). Exporters use this for large models; PyTorch's exporter uses it for all models since version 2.6.
 
 use std::path::Path;
 
 use super::GeneratorError;
 
-/// Deepest nesting of messages that is read: graphs of control flow nest.
+/// Largest nesting of messages that is read. Graphs of control flow are nested.
 const DEPTH_MAX: usize = 32;
 
-/// Fields that lead from a `ModelProto` to its tensors, by message.
+/// Messages of the ONNX format that lead from a `ModelProto` to its tensors.
 #[derive(Clone, Copy)]
 enum Message {
     Model,
@@ -23,7 +23,7 @@ enum Message {
 }
 
 impl Message {
-    /// Message in field `number`; `None` for fields that hold no tensor.
+    /// Type of the message in field `number`; `None` if the field leads to no tensor.
     fn child(self, number: u64) -> Option<Self> {
         Some(match (self, number) {
             (Self::Model, 7) => Self::Graph,
@@ -38,21 +38,21 @@ impl Message {
     }
 }
 
-/// Field `external_data` of a `TensorProto`, and key and value of its entries.
+/// Numbers of the field `external_data` of a `TensorProto`, and of key and value in its entries.
 const EXTERNAL_DATA: u64 = 13;
 const KEY: u64 = 1;
 const VALUE: u64 = 2;
 
-/// Names of the files that hold weights of `model`, the bytes of an `.onnx` file, without duplicates. Bytes that are no
-/// protocol buffer have none: ONNX Runtime refuses those.
+/// Names of the files that hold weights of `model`, without duplicates. `model` has the bytes of an `.onnx` file. The
+/// result is empty for bytes that are no protocol buffer; ONNX Runtime refuses those.
 fn external_files(model: &[u8]) -> Vec<String> {
     let mut files = Vec::new();
     visit(model, Message::Model, 0, &mut files);
     files
 }
 
-/// Refuses a model at `path` with weights in other files: its hash doesn't cover them, and ONNX Runtime would seek them in the
-/// current folder, since it is given the model's bytes.
+/// Refuses a model at `path` whose weights are in other files. The model's hash doesn't cover them. ONNX Runtime
+/// would search them in the current folder, because it is given only the model's bytes.
 pub(super) fn check_one_file(path: &Path, model: &[u8]) -> Result<(), GeneratorError> {
     let files = external_files(model);
     if files.is_empty() {
@@ -79,7 +79,8 @@ fn visit(bytes: &[u8], message: Message, depth: usize, files: &mut Vec<String>) 
     }
 }
 
-/// Length-delimited fields of a protocol buffer's message, up to its end or to the first byte that begins no field.
+/// Length-delimited fields of a protocol buffer message. They end with the message, or at the first byte that begins
+/// no valid field.
 struct Fields<'a> {
     rest: &'a [u8],
 }
@@ -131,7 +132,7 @@ mod tests {
 
     use super::*;
 
-    /// A length-delimited field.
+    /// Encodes a length-delimited field.
     fn field(number: u8, content: &[u8]) -> Vec<u8> {
         assert!(content.len() < 128 * 128);
         let tag = u16::from(number) << 3 | 2;
@@ -145,7 +146,7 @@ mod tests {
         field(13, &[field(1, key.as_bytes()), field(2, value.as_bytes())].concat())
     }
 
-    /// A tensor: dims as a varint, its name, and where its values are.
+    /// Encodes a tensor: its dimensions as a varint, its name, and the file with its values.
     fn tensor(file: &str) -> Vec<u8> {
         [vec![0x08, 0x80, 0x01], field(8, b"w"), entry("location", file), entry("offset", "0"), vec![0x70, 1]].concat()
     }

@@ -1,12 +1,12 @@
-//! Scale of grey levels for feature extractors.
+//! Scaling of grey levels for feature extractors.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// Scale of grey levels in the tensor.
+/// Range to which grey levels are scaled in the input tensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum FeatureScale {
-    /// −1..=1, as Inception v3 was trained with.
+    /// −1..=1, the range of Inception v3.
     #[default]
     Signed,
     /// 0..=1.

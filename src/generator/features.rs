@@ -1,4 +1,4 @@
-//! Feature vectors by any ONNX model, for the Fréchet distance.
+//! Feature vectors of images from any ONNX model, for the Fréchet distance.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use super::{FeatureScale, GeneratorError, Runtime};
 use crate::files::{self, FileKind};
 use crate::quality::{CROP, FeatureExtractor, QualityError};
 
-/// Written by `training/make_features.py`.
+/// Network `texture64`, written by `training/make_features.py`.
 const TEXTURE64: &[u8] = include_bytes!("../../assets/quality/texture64.onnx");
 
 impl FeatureScale {
@@ -24,9 +24,9 @@ impl FeatureScale {
     }
 }
 
-/// Feature extractor by an ONNX model. Its only input is float32 [1, 1 or 3, side, side], with the grey level in every
-/// channel; an open side becomes 299. Its first output is float32 [1, d], or [1, d, …] averaged over the trailing
-/// dimensions. Inception v3 without its last layer is such a model.
+/// Feature extractor that is an ONNX model. Its only input is float32 [1, 1 or 3, side, side] with the grey level in
+/// every channel; if the model leaves the side open, it is 299. Its first output is float32 [1, d], or [1, d, …],
+/// which is averaged over the trailing dimensions. Inception v3 without its last layer is such a model.
 pub struct OnnxFeatures {
     name: String,
     path: PathBuf,
@@ -46,7 +46,7 @@ impl OnnxFeatures {
     /// Loads the model at `path`.
     ///
     /// # Errors
-    /// A file that can't be read, a model that ONNX Runtime refuses, or tensors of another kind.
+    /// The file can't be read, ONNX Runtime refuses the model, or its tensors have another shape.
     pub fn load(path: &Path, runtime: &Runtime, scale: FeatureScale) -> Result<Self, GeneratorError> {
         let model = files::read(path, FileKind::Model).map_err(GeneratorError::io(path))?;
         let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
@@ -81,7 +81,7 @@ impl OnnxFeatures {
         Ok(Self { name, path: path.to_owned(), session, channels, crop, scale })
     }
 
-    /// Its name: that of its file, without the extension.
+    /// Name of the model: its file name without the extension.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -97,9 +97,9 @@ impl OnnxFeatures {
         let length = shape.get(1).and_then(|&d| usize::try_from(d).ok()).filter(|&d| d > 0 && shape[0] == 1);
         let length =
             length.ok_or_else(|| format!("its output has the shape {shape}; it must be [1, d] or [1, d, ...]"))?;
-        let places = values.len() / length;
-        let mean = |values: &[f32]| values.iter().map(|&v| f64::from(v)).sum::<f64>() / places as f64;
-        Ok(values.chunks_exact(places.max(1)).map(mean).collect())
+        let positions = values.len() / length;
+        let mean = |values: &[f32]| values.iter().map(|&v| f64::from(v)).sum::<f64>() / positions as f64;
+        Ok(values.chunks_exact(positions.max(1)).map(mean).collect())
     }
 }
 
@@ -118,7 +118,7 @@ impl FeatureExtractor for OnnxFeatures {
     }
 }
 
-/// Channels and side of the input.
+/// Number of channels, and side in pixels, of the input.
 fn signature(session: &Session) -> Result<(usize, usize), String> {
     let [input] = session.inputs() else {
         return Err(format!("it has {} inputs; a feature extractor has one", session.inputs().len()));

@@ -18,7 +18,7 @@ use crate::files::{self, FileKind};
 use crate::render::{Frame, Place};
 use crate::transducer::{Probe, ScanGeometry};
 
-/// One generator, ready to run. It keeps its tensors: runs of one size allocate nothing.
+/// One generator, ready to run. It keeps its tensors, so runs of the same size allocate nothing.
 pub struct Generator {
     path: PathBuf,
     manifest: Manifest,
@@ -27,9 +27,9 @@ pub struct Generator {
     session: Session,
     provider: Provider,
     precision: Precision,
-    /// Tables of a model in beam coordinates, of the last geometry.
+    /// Resampling tables for the last geometry, if the model is in beam coordinates.
     sampling: Option<BeamSampling>,
-    /// Levels of a model that gives bytes on its grid.
+    /// Grey levels on the grid, if the model is in beam coordinates and its output is uint8.
     grid_levels: Vec<f32>,
 }
 
@@ -42,8 +42,8 @@ impl std::fmt::Debug for Generator {
 }
 
 impl Generator {
-    /// Loads the model at `path` by the manifest beside it, and runs its parity pair. A precision that was chosen by
-    /// [`Precision::Auto`] and is refused makes way for float32, with a warning.
+    /// Loads the model at `path` with its manifest, and runs its parity pair. If [`Precision::Auto`] chose a
+    /// precision that is then refused, float32 replaces it, with a warning.
     ///
     /// # Errors
     /// Files that cannot be read or contradict each other, a provider or a precision that is not available, a model that ONNX
@@ -54,7 +54,7 @@ impl Generator {
         let may_give_way = options.precision == Precision::Auto && stored.precision != Precision::Float32;
         let precision = stored.precision;
         match Self::open(path, manifest.clone(), stored, runtime, options) {
-            // Without its provider float32 doesn't run either.
+            // Without the provider, float32 doesn't run either.
             Err(error) if may_give_way && !matches!(error, GeneratorError::Provider { .. }) => {
                 tracing::warn!("{precision} is refused, float32 runs instead: {error}");
             }
@@ -64,7 +64,7 @@ impl Generator {
         Self::open(path, manifest, stored, runtime, options)
     }
 
-    /// Opens one precision of a model, and runs its parity pair.
+    /// Opens the model in one precision, and runs its parity pair.
     fn open(
         path: &Path,
         manifest: Manifest,
@@ -106,8 +106,8 @@ impl Generator {
     /// Translates a whole frame into `out` [height × width]: grey levels, 0 outside the sector.
     ///
     /// # Errors
-    /// Maps of the wrong size, unknown tissue numbers, a model in beam coordinates without [`Input::scan`], a run that
-    /// fails or is stopped, or values that are not finite. `out` is empty then.
+    /// Maps of the wrong size, unknown tissue numbers, a model in beam coordinates without [`Input::scan`], a run
+    /// that fails or is stopped, or values that are not finite. After an error `out` is empty.
     pub fn run(&mut self, input: &Input, out: &mut Vec<u8>) -> Result<(), GeneratorError> {
         out.clear();
         if let Some(grid) = self.manifest.beam {
@@ -119,7 +119,7 @@ impl Generator {
         Ok(())
     }
 
-    /// [`Self::run`] of a model in beam coordinates.
+    /// Does the work of [`Self::run`] for a model in beam coordinates.
     fn run_on(&mut self, grid: &BeamGrid, input: &Input, out: &mut Vec<u8>) -> Result<(), GeneratorError> {
         input.check(&self.manifest)?;
         let (width, height) = (input.width, input.height);
@@ -154,17 +154,17 @@ impl Generator {
         done
     }
 
-    /// Durations of `runs` runs on a synthetic frame of `width` × `height` pixels, after one warm-up run. Beam coordinates
-    /// are those of the default probe.
+    /// Durations of `runs` runs on a synthetic frame of `width` × `height` pixels, after one warm-up run. A model in
+    /// beam coordinates gets the scanlines of the default probe.
     ///
     /// # Errors
-    /// As [`Generator::run`].
+    /// Errors of [`Generator::run`].
     pub fn measure(&mut self, width: u32, height: u32, runs: usize) -> Result<Vec<Duration>, GeneratorError> {
         let pixels = width as usize * height as usize;
         let frame = Frame {
             width,
             height,
-            // Levels below white, and not all the same.
+            // Varying levels below white.
             bmode: (0..pixels).map(|i| (i % 199) as u8).collect(),
             segmentation: vec![0; pixels],
             attenuation: vec![0.5; pixels],
@@ -183,12 +183,12 @@ impl Generator {
         (0..runs).map(|_| timed()).collect()
     }
 
-    /// Its manifest.
+    /// Manifest of the model.
     pub fn manifest(&self) -> &Manifest {
         &self.manifest
     }
 
-    /// The model's file.
+    /// File of the model.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -203,17 +203,17 @@ impl Generator {
         place_of(self.provider)
     }
 
-    /// Precision that was chosen: never [`Precision::Auto`].
+    /// Precision in use; never [`Precision::Auto`].
     pub fn precision(&self) -> Precision {
         self.precision
     }
 
-    /// Result of its parity pair when it was loaded.
+    /// Result of the parity check at loading.
     pub fn parity(&self) -> &ParityReport {
         &self.parity
     }
 
-    /// Handle that stops runs of this generator from other threads.
+    /// Handle that stops this generator's runs from other threads.
     pub fn terminator(&self) -> Terminator {
         self.session.terminator()
     }
@@ -228,7 +228,7 @@ impl Generator {
         Affine::new(self.manifest.output.scale, self.manifest.output.offset)
     }
 
-    /// The model's output, finite throughout the field of view.
+    /// Runs the model and returns its output, which is finite throughout the field of view.
     fn infer(&mut self, input: &Input) -> Result<(Values<'_>, Geometry), GeneratorError> {
         input.check(&self.manifest)?;
         let name = &self.manifest.name;

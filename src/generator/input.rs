@@ -5,8 +5,8 @@ use super::manifest::{Channel, Manifest};
 use crate::render::Frame;
 use crate::transducer::ScanGeometry;
 
-/// Maps of one frame, row-major, the first row nearest to the probe. Maps that the model does not take
-/// ([`Manifest::takes`]) are not read and may be empty; the mask may not.
+/// Maps of one frame, row-major; the first row is the nearest to the probe. Maps that the model does not take
+/// ([`Manifest::takes`]) are not read and may be empty. The mask must not be empty.
 #[derive(Debug, Clone, Copy)]
 pub struct Input<'a> {
     /// Width, pixels.
@@ -15,13 +15,13 @@ pub struct Input<'a> {
     pub height: u32,
     /// Grey levels [height × width].
     pub image: &'a [u8],
-    /// Tissue numbers [height × width]: index in the station's table + 1; 0 outside the sector.
+    /// Tissue numbers [height × width]: a tissue's index in the station's table plus 1; 0 outside the sector.
     pub segmentation: &'a [u8],
-    /// One-way attenuation over its 98th percentile, 0..=1 [height × width].
+    /// One-way attenuation divided by its 98th percentile, 0..=1 [height × width].
     pub attenuation: &'a [f32],
     /// 255 inside the sector, 0 outside [height × width].
     pub mask: &'a [u8],
-    /// Place of the scanlines in the picture. Only models in beam coordinates ([`Manifest::beam`]) need it.
+    /// Geometry of the scanlines in the picture. Only models in beam coordinates ([`Manifest::beam`]) need it.
     pub scan: Option<ScanGeometry>,
 }
 
@@ -40,7 +40,7 @@ impl<'a> From<&'a Frame> for Input<'a> {
 }
 
 impl Input<'_> {
-    /// Whether the maps that the model takes have the frame's size.
+    /// Checks that the maps that the model takes have the frame's size.
     pub(super) fn check(&self, manifest: &Manifest) -> Result<(), GeneratorError> {
         let (width, height) = (self.width, self.height);
         let expected = width as usize * height as usize;

@@ -1,10 +1,10 @@
-//! A station's generators.
+//! Loading of a station's generators.
 
 use std::path::PathBuf;
 
 use super::{Generator, GeneratorError, LoadOptions, Runtime, RuntimeError, Settings};
 
-/// A model that is not used, and why.
+/// A model that can't be used, and the reason.
 #[derive(Debug)]
 pub struct RefusedModel {
     /// Model.
@@ -22,8 +22,8 @@ pub struct LoadedGenerators {
     pub refused: Vec<RefusedModel>,
 }
 
-/// Loads every model of `settings`. A refused model does not affect the others. Blocks while the models load and their
-/// parity pairs run: don't call it on a thread that shows frames.
+/// Loads every model of `settings`. A refused model does not affect the others. Blocks until all models are loaded
+/// and their parity pairs have run, so don't call it on a thread that shows frames.
 ///
 /// `tissues` are the names of the station's tissues in the order of their numbers, from number 1.
 ///

@@ -7,7 +7,7 @@ use super::{Precision, Provider};
 pub struct LoadOptions<'a> {
     /// Execution provider.
     pub provider: Provider,
-    /// Threads of one run, 0 for one per processor.
+    /// Number of threads of one run; 0 for one thread per processor core.
     pub threads: u32,
     /// Precision of the model.
     pub precision: Precision,
@@ -15,7 +15,7 @@ pub struct LoadOptions<'a> {
     pub tissues: &'a [String],
 }
 
-/// Execution of a model by ONNX Runtime.
+/// Execution of a model by ONNX Runtime, after all choices are made.
 #[cfg_attr(not(feature = "generator"), allow(dead_code, reason = "sessions read it"))]
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Execution<'a> {
@@ -23,8 +23,8 @@ pub(super) struct Execution<'a> {
     pub(super) provider: Provider,
     /// Precision that was chosen.
     pub(super) precision: Precision,
-    /// Threads of one run, at least one.
+    /// Number of threads of one run, at least 1.
     pub(super) threads: usize,
-    /// Sum of the model's file, 64 hexadecimal digits.
+    /// SHA-256 of the model's file, 64 hexadecimal digits.
     pub(super) sha256: &'a str,
 }

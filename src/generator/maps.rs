@@ -9,10 +9,11 @@ use super::manifest::{Affine, Encoding, Manifest, SegmentationManifest};
 use super::tensor_values::{Element, Planes, Values};
 use super::{Channel, GeneratorError, Input};
 
-/// Rows per parallel task. The runtime's threads are idle meanwhile.
+/// Number of rows in a parallel task. The runtime's threads are idle during these tasks.
 const BAND: usize = 64;
 
-/// A field of view centred in its padded size; an odd pixel of padding is at the right or below.
+/// Size of a field of view and of its padded planes. The field is centred; an odd pixel of padding is at the right or
+/// below.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Geometry {
     pub(super) width: usize,
@@ -27,7 +28,7 @@ impl Geometry {
         Self { width: width as usize, height: height as usize, padded_width: up(width), padded_height: up(height) }
     }
 
-    /// Pixels of the field of view.
+    /// Number of pixels in the field of view.
     pub(super) fn pixels(&self) -> usize {
         self.width * self.height
     }
@@ -36,28 +37,28 @@ impl Geometry {
         self.padded_width * self.padded_height
     }
 
-    /// Columns before the field of view.
+    /// Number of padding columns at the left.
     fn left(&self) -> usize {
         (self.padded_width - self.width) / 2
     }
 
-    /// Index of the field of view's first value in a padded plane.
+    /// Index of the first value of the field of view in a padded plane.
     pub(super) fn first(&self) -> usize {
         self.above() + self.left()
     }
 
-    /// Values of a padded plane before the first row of the field of view.
+    /// Number of values in a padded plane above the field of view.
     fn above(&self) -> usize {
         (self.padded_height - self.height) / 2 * self.padded_width
     }
 
-    /// Values of a padded plane in the rows of the field of view.
+    /// Number of values in a padded plane in the rows of the field of view.
     fn within(&self) -> usize {
         self.height * self.padded_width
     }
 }
 
-/// Name of the class outside the sector.
+/// Name of the class for the area outside the sector.
 const OUTSIDE: &str = "outside";
 
 /// Class of each tissue number.
@@ -65,18 +66,18 @@ const OUTSIDE: &str = "outside";
 pub(super) struct ClassMap {
     class: [u8; 256],
     greatest: usize,
-    /// Class outside the sector.
+    /// Class of the area outside the sector.
     outside: u8,
 }
 
 impl ClassMap {
-    /// Identity: numbers are classes already, as in a parity pair.
+    /// The identity, for a parity pair: its numbers are classes already.
     pub(super) fn identity(manifest: &SegmentationManifest) -> Self {
         let outside = manifest.class_of(OUTSIDE).unwrap_or_default() as u8;
         Self { class: std::array::from_fn(|i| i as u8), greatest: manifest.classes.len().saturating_sub(1), outside }
     }
 
-    /// Classes of a station's tissues: number 0 is outside, number i + 1 is `tissues[i]`.
+    /// Classes of a station's tissues. Number 0 is outside, number i + 1 is `tissues[i]`.
     pub(super) fn of_tissues(
         manifest: &SegmentationManifest,
         tissues: &[String],
@@ -94,8 +95,8 @@ impl ClassMap {
     }
 }
 
-/// Fills the input tensor from the maps of a frame. Padding has the values outside the sector, as in training: level, mask and
-/// attenuation 0, class `outside`.
+/// Fills the input tensor from the maps of a frame. As in training, padding has the values of pixels outside the
+/// sector: level, mask and attenuation 0, class `outside`.
 pub(super) fn fill(
     manifest: &Manifest,
     classes: Option<&ClassMap>,
@@ -159,7 +160,7 @@ fn fill_with<E: Element>(
     Ok(())
 }
 
-/// Fills one channel, with `outside` around the field of view.
+/// Fills one channel; the padding around the field of view is set to `outside`.
 fn plane<T: Copy + Sync, E: Element>(
     plane: Option<&mut [E]>,
     geometry: &Geometry,
@@ -186,22 +187,23 @@ fn plane<T: Copy + Sync, E: Element>(
     below.fill(outside);
 }
 
-/// Padded rows of the field of view, and its columns in each.
+/// Rows of a padded plane that hold the field of view, and its range of columns in each row.
 fn padded_rows<'a, T>(output: &'a [T], geometry: &Geometry) -> (&'a [T], Range<usize>) {
     let left = geometry.left();
     (&output[geometry.above()..geometry.above() + geometry.within()], left..left + geometry.width)
 }
 
-/// Rows of the output within the field of view.
+/// Rows of the output, cut to the field of view.
 fn rows<'a, T>(output: &'a [T], geometry: &Geometry) -> impl Iterator<Item = &'a [T]> {
     let (rows, columns) = padded_rows(output, geometry);
     rows.chunks_exact(geometry.padded_width).map(move |row| &row[columns.clone()])
 }
 
-/// Row and column of the first value that is not finite, and the number of such values. None if all are finite, as bytes are.
+/// Row and column of the first non-finite value, and the number of such values. `None` if all values are finite;
+/// bytes always are.
 pub(super) fn not_finite(output: Values<'_>, geometry: &Geometry) -> Option<(usize, usize, usize)> {
     let Values::Floats(output) = output else { return None };
-    // Tests the exponent, without a branch: only broken models give such values.
+    // Tests the exponent without a branch. Only broken models give non-finite values.
     const EXPONENT: u32 = 0x7f80_0000;
     let broken = |row: &[f32]| row.iter().fold(false, |any, v| any | (v.to_bits() & EXPONENT == EXPONENT));
     let (padded, columns) = padded_rows(output, geometry);
@@ -213,7 +215,7 @@ pub(super) fn not_finite(output: Values<'_>, geometry: &Geometry) -> Option<(usi
     Some((row, column, count))
 }
 
-/// Grey levels, rounded, 0 outside the mask.
+/// Grey levels of the output, rounded; 0 outside the mask.
 pub(super) fn quantise(output: Values<'_>, affine: Affine, mask: &[u8], geometry: &Geometry, out: &mut Vec<u8>) {
     let (scale, offset) = (affine.scale * 255.0, affine.offset * 255.0);
     match output {
@@ -225,7 +227,7 @@ pub(super) fn quantise(output: Values<'_>, affine: Affine, mask: &[u8], geometry
     }
 }
 
-/// The level of each pixel of the field of view, 0 outside the mask.
+/// Grey level of each pixel of the field of view; 0 outside the mask.
 fn masked<T: Copy + Sync>(
     output: &[T],
     mask: &[u8],
@@ -249,7 +251,8 @@ fn masked<T: Copy + Sync>(
     });
 }
 
-/// Grey levels, clipped to 0..=255, 0 outside the mask; before rounding, but for a model that rounds.
+/// Grey levels of the output, clipped to 0..=255; 0 outside the mask. They are not rounded, unless the model itself
+/// rounds.
 pub(super) fn levels(output: Values<'_>, affine: Affine, mask: &[u8], geometry: &Geometry) -> Vec<f32> {
     let level = |v: f32| ((v * affine.scale + affine.offset) * 255.0).clamp(0.0, 255.0);
     let inside = |(level, inside): (f32, &u8)| if *inside > 0 { level } else { 0.0 };
@@ -278,7 +281,7 @@ mod tests {
             let segmentation = manifest.segmentation.as_ref().unwrap();
             let of_station = ClassMap::of_tissues(segmentation, &tissues, Path::new("")).unwrap();
             for (classes, number) in [(of_station, 0), (ClassMap::identity(segmentation), 1)] {
-                // A frame entirely outside the sector looks like its padding.
+                // A frame that is entirely outside the sector looks like its padding.
                 let input = Input {
                     width: 3,
                     height: 2,
@@ -301,7 +304,7 @@ mod tests {
 
     #[test]
     fn a_field_of_view_lies_amid_what_is_outside() {
-        // Three columns of padding, an odd number, and two rows.
+        // Padding of three columns, an odd number, and of two rows.
         let geometry = Geometry::new(1, 2, 4);
         let mut tensor = vec![f32::NAN; 16];
         plane(Some(&mut tensor), &geometry, &[1u8, 2], 9.0, f32::from);
@@ -312,7 +315,7 @@ mod tests {
         quantise(Values::Floats(&tensor), unit, &[255, 255], &geometry, &mut levels_out);
         assert_eq!(levels_out, [1, 2]);
         assert_eq!(levels(Values::Floats(&tensor), unit, &[255, 0], &geometry), [1.0, 0.0]);
-        // Broken values beside the field of view are not shown, and are no error.
+        // Non-finite values outside the field of view are not shown, and are no error.
         let mut broken = tensor.clone();
         broken[4] = f32::NAN;
         broken[0] = f32::INFINITY;
@@ -404,7 +407,7 @@ mod tests {
         output[3] = f32::NAN;
         output[15] = f32::INFINITY;
         assert_eq!(not_finite(Values::Floats(&output), &geometry), None);
-        // The field of view has the second and the third row.
+        // The field of view is the second and the third row.
         output[10] = f32::NEG_INFINITY;
         output[9] = f32::NAN;
         assert_eq!(not_finite(Values::Floats(&output), &geometry), Some((1, 1, 2)));

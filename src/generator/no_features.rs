@@ -6,7 +6,7 @@ use std::path::Path;
 use super::{FeatureScale, GeneratorError, Runtime, RuntimeError};
 use crate::quality::{FeatureExtractor, QualityError};
 
-/// Feature extractor by an ONNX model. No value of it exists.
+/// Stand-in for the feature extractor, of which no value exists.
 #[derive(Debug)]
 pub struct OnnxFeatures(Infallible);
 
@@ -27,7 +27,7 @@ impl OnnxFeatures {
         Err(RuntimeError::NotBuilt.into())
     }
 
-    /// Its name.
+    /// Name of the model.
     pub fn name(&self) -> &str {
         match self.0 {}
     }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::RuntimeError;
 
-/// ONNX Runtime. No value of it exists.
+/// Stand-in for ONNX Runtime, of which no value exists.
 #[derive(Debug)]
 pub struct Runtime(Infallible);
 
@@ -18,12 +18,12 @@ impl Runtime {
         Err(RuntimeError::NotBuilt)
     }
 
-    /// The file that was loaded.
+    /// Library file that was loaded.
     pub fn library(&self) -> &Path {
         match self.0 {}
     }
 
-    /// Any value: without a runtime this is never called.
+    /// Returns a value of any type. Never called, because no value of [`Runtime`] exists.
     pub(super) fn none<T>(&self) -> T {
         match self.0 {}
     }

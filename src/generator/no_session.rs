@@ -13,7 +13,7 @@ use super::{GeneratorError, Manifest, Runtime, RuntimeError};
 pub struct Terminator(Infallible);
 
 impl Terminator {
-    /// Number of the run in progress, counted from 1; None if there is none.
+    /// Number of the run in progress, from 1; `None` if no run is in progress.
     pub fn running(&self) -> Option<u64> {
         match self.0 {}
     }
@@ -23,7 +23,7 @@ impl Terminator {
         match self.0 {}
     }
 
-    /// As [`Terminator::terminate`], but only if the run in progress has this number.
+    /// Stops the run with this number, if it is in progress. Returns whether it was.
     pub fn terminate_run(&self, _number: u64) -> bool {
         match self.0 {}
     }
@@ -37,7 +37,7 @@ pub(super) enum RunFailure {
     Failed(String),
 }
 
-/// A session of one model. No value of it exists.
+/// Stand-in for a session of one model, of which no value exists.
 pub(super) struct Session(Infallible);
 
 impl Session {
@@ -64,7 +64,7 @@ impl Session {
     }
 }
 
-/// Checks the sum of a model's file.
+/// Checks the SHA-256 of a model's file.
 pub(super) fn check_hash(_path: &Path, _model: &[u8], _expected: &str) -> Result<(), GeneratorError> {
     Err(RuntimeError::NotBuilt.into())
 }

@@ -10,17 +10,17 @@ use super::{GeneratorError, Input};
 use crate::files::{self, FileKind};
 use crate::render::Frame;
 
-/// Largest side of a parity pair, pixels.
+/// Largest side of a parity pair's planes, pixels.
 const LARGEST: u64 = 4096;
 
-/// Result of a model's parity pair.
+/// Result of the parity check of a model.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ParityReport {
     /// Greatest difference, grey levels.
     pub difference: f32,
-    /// Row of that pixel.
+    /// Row of the pixel with the greatest difference.
     pub row: usize,
-    /// Column of that pixel.
+    /// Column of the pixel with the greatest difference.
     pub column: usize,
     /// Difference allowed, grey levels.
     pub tolerance: f32,
@@ -33,7 +33,7 @@ impl fmt::Display for ParityReport {
     }
 }
 
-/// An input and its expected grey levels.
+/// A parity pair in memory: input planes and expected grey levels.
 #[derive(Debug)]
 pub(super) struct Pair {
     frame: Frame,
@@ -46,7 +46,7 @@ impl Pair {
     }
 }
 
-/// Reads the pair that the manifest at `manifest_path` names.
+/// Reads the parity pair that the manifest at `manifest_path` names.
 pub(super) fn read(manifest_path: &Path, parity: &ParityManifest) -> Result<Pair, GeneratorError> {
     let wrong = |reason: String| GeneratorError::ParityPair { path: manifest_path.to_owned(), reason };
     let (shape, planes) = read_npy(&manifest_path.with_file_name(&parity.input))?;
@@ -82,7 +82,7 @@ pub(super) fn read(manifest_path: &Path, parity: &ParityManifest) -> Result<Pair
     Ok(Pair { frame, expected })
 }
 
-/// Shape and values of an array of float32 in C order.
+/// Reads a `.npy` file of float32 in C order. Returns shape and values.
 fn read_npy(path: &Path) -> Result<(Vec<u64>, Vec<f32>), GeneratorError> {
     let io = GeneratorError::io(path);
     let bytes = files::read(path, FileKind::Array).map_err(&io)?;
@@ -91,7 +91,7 @@ fn read_npy(path: &Path) -> Result<(Vec<u64>, Vec<f32>), GeneratorError> {
     if file.order() != npyz::Order::C {
         return Err(io(std::io::Error::new(std::io::ErrorKind::InvalidData, "the array must be in C order")));
     }
-    // The header may claim more data than the file holds.
+    // A broken header may claim more data than the file holds.
     let promised = shape.iter().try_fold(4u64, |product, n| product.checked_mul(*n));
     if promised.is_none_or(|promised| promised > bytes.len() as u64) {
         return Err(io(std::io::Error::new(std::io::ErrorKind::UnexpectedEof, "the array is cut short")));
@@ -99,7 +99,7 @@ fn read_npy(path: &Path) -> Result<(Vec<u64>, Vec<f32>), GeneratorError> {
     Ok((shape, file.into_vec().map_err(io)?))
 }
 
-/// Compares a model's output with the expected levels.
+/// Compares a model's output `found` with the expected grey levels.
 pub(super) fn compare(path: &Path, pair: &Pair, found: &[f32], tolerance: f32) -> Result<ParityReport, GeneratorError> {
     let differences = found.iter().zip(&pair.expected).map(|(f, e)| (f - e).abs()).enumerate();
     let (at, difference) = differences.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default();

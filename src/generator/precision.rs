@@ -6,10 +6,11 @@ use super::load_options::LoadOptions;
 use super::manifest::{Manifest, ParityManifest};
 use super::{GeneratorError, Precision, Provider};
 
-/// Least tolerance of the parity pair in float16, grey levels: significands of 11 bits round by up to half a level in a layer.
+/// Smallest tolerance of the parity check in float16, grey levels. Significands of 11 bits round by up to half a
+/// level in each layer.
 const FLOAT16_TOLERANCE: f32 = 1.0;
 
-/// A model's file in one precision, and what it must give.
+/// File of a model in one precision, with its expected output and its tolerance.
 #[derive(Debug)]
 pub(super) struct Stored {
     pub(super) precision: Precision,
@@ -19,11 +20,11 @@ pub(super) struct Stored {
 }
 
 impl Stored {
-    /// The model at `path` in the precision of the options: [`Precision::Auto`] takes int8 where it is quicker, and float16 on a
-    /// GPU.
+    /// File for the precision in `options`. [`Precision::Auto`] takes int8 where it is faster than float32, and
+    /// float16 on a GPU.
     ///
     /// # Errors
-    /// A precision that the model or the provider does not have.
+    /// The model or the provider does not have the precision.
     pub(super) fn choose(path: &Path, manifest: &Manifest, options: &LoadOptions) -> Result<Self, GeneratorError> {
         let wanted = match options.precision {
             Precision::Auto if options.provider == Provider::Cpu && multiplies_bytes() => Precision::Int8,
@@ -52,7 +53,7 @@ impl Stored {
         }
     }
 
-    /// The same file, computed in that precision.
+    /// The same file, computed in `precision`.
     fn in_precision(mut self, precision: Precision) -> Self {
         if precision == Precision::Float16 {
             self.precision = precision;
@@ -61,7 +62,7 @@ impl Stored {
         self
     }
 
-    /// The model in float32.
+    /// The model in float32, as it was trained.
     pub(super) fn as_trained(path: &Path, manifest: &Manifest) -> Self {
         Self {
             precision: Precision::Float32,
@@ -72,8 +73,8 @@ impl Stored {
     }
 }
 
-/// Whether the processor sums products of bytes in one instruction. Without it, int8 is no quicker than float32, and sums of
-/// two products may overflow 16 bits.
+/// Whether the processor sums products of bytes in one instruction. Without it, int8 is no faster than float32, and
+/// sums of two products may overflow 16 bits.
 fn multiplies_bytes() -> bool {
     #[cfg(target_arch = "x86_64")]
     {

@@ -1,4 +1,5 @@
-//! Options of ONNX Runtime's execution providers. CUDA and TensorRT were never run by us, for want of hardware.
+//! Options of ONNX Runtime's execution providers. We have never run CUDA and TensorRT, because we lacked the
+//! hardware.
 
 use std::path::{Path, PathBuf};
 
@@ -9,15 +10,15 @@ use crate::files::cache_directory;
 
 /// Folder of TensorRT's files in the cache directory.
 const TENSORRT: &str = "tensorrt";
-/// Digits of a model's sum that name the folder of its engines.
+/// Number of digits of a model's SHA-256 that name the folder of its engines.
 const DIGITS: usize = 16;
 
-/// Providers to request from ONNX Runtime for the model with that sum; empty for the CPU.
+/// Providers to request from ONNX Runtime for the model with the hash `sha256`; empty for the CPU.
 pub(super) fn dispatch(provider: Provider, precision: Precision, sha256: &str) -> Vec<ExecutionProviderDispatch> {
     dispatch_with(provider, precision, || Cache::open(&cache_directory().join(TENSORRT), sha256))
 }
 
-/// [`dispatch`] with the cache that `open` gives, which only TensorRT needs.
+/// Does the work of [`dispatch`], with the cache that `open` returns. Only TensorRT calls `open`.
 fn dispatch_with(
     provider: Provider,
     precision: Precision,
@@ -31,7 +32,8 @@ fn dispatch_with(
     }
 }
 
-/// Options of CUDA. Its memory grows by what is asked for, not to twice as much: the renderer needs memory, too.
+/// Options of CUDA. Its memory grows by the requested amount instead of doubling, because the renderer needs memory,
+/// too.
 fn cuda(precision: Precision) -> ep::CUDA {
     ep::CUDA::default()
         .with_device_id(0)
@@ -39,7 +41,7 @@ fn cuda(precision: Precision) -> ep::CUDA {
         .with_tf32(precision == Precision::Float16)
 }
 
-/// Options of TensorRT. Without a cache it compiles the model at each start, for minutes.
+/// Options of TensorRT. Without a cache it compiles the model at each start, which takes minutes.
 fn tensorrt(precision: Precision, cache: Option<&Cache>) -> ep::TensorRT {
     let options = ep::TensorRT::default().with_device_id(0).with_fp16(precision == Precision::Float16);
     match cache {
@@ -52,17 +54,18 @@ fn tensorrt(precision: Precision, cache: Option<&Cache>) -> ep::TensorRT {
     }
 }
 
-/// Folders of TensorRT's files.
+/// Folders in which TensorRT keeps files between starts.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Cache {
-    /// Compiled models. ONNX Runtime names their files by a graph's nodes, not its weights: each model has its own folder.
+    /// Folder of compiled models. ONNX Runtime names these files by the nodes of a graph, not by its weights, so each
+    /// model has a folder of its own.
     engines: PathBuf,
-    /// Times of kernels on this GPU, for all models.
+    /// Folder of measured kernel times on this GPU, for all models.
     timings: PathBuf,
 }
 
 impl Cache {
-    /// Makes the folders; `None` if they can't be made, with a warning.
+    /// Opens the cache below `folder` and creates its folders. If that fails, logs a warning and returns `None`.
     fn open(folder: &Path, sha256: &str) -> Option<Self> {
         let cache = Self { engines: folder.join(sha256.get(..DIGITS).unwrap_or(sha256)), timings: folder.to_owned() };
         match std::fs::create_dir_all(&cache.engines) {
@@ -80,7 +83,7 @@ impl Cache {
 mod tests {
     use super::*;
 
-    /// Keys and values, as text.
+    /// Whether `options` contains `key` with `value`, as text.
     fn has(options: &str, key: &str, value: &str) -> bool {
         options.contains(&format!("{key:?}: {value:?}"))
     }

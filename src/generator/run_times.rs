@@ -1,4 +1,4 @@
-//! Times of a generator's runs.
+//! Statistics of a generator's run times.
 
 use std::fmt;
 
@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::{Generator, GeneratorError};
 use crate::statistics::{nearest_rank, sorted};
 
-/// Times of runs on frames of one size.
+/// Run times on frames of one size.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct RunTimes {
     /// Width of the frames, pixels.
@@ -16,7 +16,7 @@ pub struct RunTimes {
     pub height: u32,
     /// Number of runs.
     pub runs: usize,
-    /// Least time, ms.
+    /// Shortest time, ms.
     pub min_ms: f64,
     /// Median, ms.
     pub p50_ms: f64,
@@ -25,10 +25,10 @@ pub struct RunTimes {
 }
 
 impl Generator {
-    /// Times of `runs` runs, measured as by [`Generator::measure`]; `None` without a run.
+    /// Statistics of `runs` runs that [`Generator::measure`] times; `None` if `runs` is 0.
     ///
     /// # Errors
-    /// As [`Generator::run`].
+    /// Errors of [`Generator::run`].
     pub fn times(&mut self, width: u32, height: u32, runs: usize) -> Result<Option<RunTimes>, GeneratorError> {
         let measured = self.measure(width, height, runs)?;
         let times = sorted(measured.into_iter().map(|time| time.as_secs_f64() * 1e3));

@@ -9,9 +9,9 @@ use ort::logging::LogLevel;
 use super::RuntimeError;
 use super::error::ONNX_RUNTIME_MINOR;
 
-/// Environment variable with the path of the library; replaces the usual places.
+/// Environment variable with the path of the library. If it is set, no folder is searched.
 const VARIABLE: &str = "ORT_DYLIB_PATH";
-/// Folder in which `scripts/setup` installs it, below the repository's root.
+/// Folder in which `scripts/setup` installs the library, below the repository's root.
 const FOLDER: &str = "third_party/onnxruntime";
 
 const _: () = assert!(ort::MINOR_VERSION == ONNX_RUNTIME_MINOR, "messages name another version");
@@ -24,13 +24,14 @@ pub struct Runtime {
 }
 
 impl Runtime {
-    /// The runtime, loaded at the first call. After an error the next call tries again.
+    /// The runtime, which the first call loads. After an error the next call tries again.
     ///
-    /// The library is the file that `ORT_DYLIB_PATH` names, if it is set. Else it is searched for in
-    /// `third_party/onnxruntime` of the folders above the program and of its sources, then beside the program.
+    /// If the environment variable `ORT_DYLIB_PATH` is set, it names the library's file. Otherwise the library is
+    /// searched in `third_party/onnxruntime` of all folders above the program and of insonify's sources, then in the
+    /// program's folder.
     ///
     /// # Errors
-    /// No library, or one that cannot be used. The message says what to do.
+    /// The library is not found or can't be used. The message says what to do.
     pub fn get() -> Result<&'static Self, RuntimeError> {
         static RUNTIME: OnceLock<Runtime> = OnceLock::new();
         static LOADING: Mutex<()> = Mutex::new(());
@@ -49,13 +50,13 @@ impl Runtime {
         let unusable = |reason: String| RuntimeError::Unusable { path: library.clone(), reason };
         let builder = ort::init_from(&library).map_err(|e| unusable(e.to_string()))?;
         let environment = builder.with_telemetry(false).build().map_err(|e| unusable(e.to_string()))?;
-        // By default the library formats every event, and most are then dropped.
+        // The library's default log level would format every event, although most are then dropped.
         environment.set_log_level(LogLevel::Warning);
         tracing::debug!("ONNX Runtime is {}", library.display());
         Ok(Self { environment, library })
     }
 
-    /// The file that was loaded.
+    /// Library file that was loaded.
     pub fn library(&self) -> &Path {
         &self.library
     }
@@ -67,7 +68,7 @@ impl Runtime {
 
 fn find() -> Result<PathBuf, RuntimeError> {
     if let Some(path) = std::env::var_os(VARIABLE).filter(|v| !v.is_empty()) {
-        // The loader would search for a bare name elsewhere, so the path is made absolute.
+        // A bare file name would make the loader search elsewhere, so the path is made absolute.
         let path = PathBuf::from(path);
         let file = std::path::absolute(&path).unwrap_or_else(|_| path.clone());
         return if file.is_file() { Ok(file) } else { Err(RuntimeError::NoSuchFile { path }) };
@@ -78,7 +79,8 @@ fn find() -> Result<PathBuf, RuntimeError> {
     })
 }
 
-/// Folders searched for the library. The working directory is not: others may be able to place code there.
+/// Folders in which the library is searched. The working directory is excluded, because others may be able to put
+/// code there.
 fn folders() -> Vec<PathBuf> {
     let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join(FOLDER);
     let Ok(program) = std::env::current_exe() else { return vec![sources] };
@@ -91,7 +93,8 @@ fn folders() -> Vec<PathBuf> {
     folders
 }
 
-/// The newest library in a folder: `libonnxruntime.so.1.31.1`, `libonnxruntime.1.31.1.dylib`, `onnxruntime.dll`.
+/// The newest library in a folder, for example `libonnxruntime.so.1.31.1`, `libonnxruntime.1.31.1.dylib` or
+/// `onnxruntime.dll`.
 fn library_in(folder: &Path) -> Option<PathBuf> {
     let entries = std::fs::read_dir(folder).ok()?.flatten();
     let mut found: Vec<_> = entries.map(|e| e.path()).filter(|path| is_library(path) && path.is_file()).collect();
@@ -103,7 +106,7 @@ fn is_library(path: &Path) -> bool {
     let Some(name) = path.file_name().and_then(|n| n.to_str()) else { return false };
     let suffix = std::env::consts::DLL_SUFFIX;
     let stem = format!("{}onnxruntime", std::env::consts::DLL_PREFIX);
-    // Excludes libraries of providers, whose names begin with the same letters.
+    // Excludes the libraries of providers, whose names begin alike.
     name.strip_prefix(&stem).is_some_and(|rest| rest.starts_with('.') && rest.contains(suffix))
 }
 

@@ -29,19 +29,19 @@ impl fmt::Debug for Terminator {
 }
 
 impl Terminator {
-    /// Number of the run in progress, counted from 1; None if there is none.
+    /// Number of the run in progress, from 1; `None` if no run is in progress.
     pub fn running(&self) -> Option<u64> {
         let state = self.0.lock();
         state.running.then_some(state.number)
     }
 
-    /// Stops the run in progress: it ends with [`GeneratorError::Terminated`] after its current operation at the
-    /// latest. Returns whether there was one. Later runs are not affected.
+    /// Stops the run in progress. The run ends with [`GeneratorError::Terminated`], after its current operation at
+    /// the latest. Returns whether there was one. Later runs are not affected.
     pub fn terminate(&self) -> bool {
         self.stop(None)
     }
 
-    /// As [`Terminator::terminate`], but only if the run in progress has this number.
+    /// Stops the run with this number, if it is in progress. Returns whether it was.
     pub fn terminate_run(&self, number: u64) -> bool {
         self.stop(Some(number))
     }
@@ -51,7 +51,7 @@ impl Terminator {
         if !state.running || number.is_some_and(|n| n != state.number) {
             return false;
         }
-        // Under the lock, so that it cannot stop the next run.
+        // Done under the lock, so that it cannot stop the next run.
         state.stopped = self.0.options.terminate().is_ok();
         state.stopped
     }
@@ -92,7 +92,7 @@ pub(super) struct Session {
     inner: ort::session::Session,
     input_name: String,
     output_name: String,
-    /// Types of the input's and the output's values.
+    /// Types of the values in the input and in the output.
     kinds: [Kind; 2],
     channels: usize,
     provider: Provider,
@@ -115,7 +115,7 @@ impl Session {
         let builder = builder
             .with_execution_providers(dispatch(provider, precision, sha256))
             .map_err(|e| GeneratorError::Provider { provider, reason: e.message().to_owned() })?;
-        // Waiting threads that spin would take the processors from the renderer.
+        // ONNX Runtime's idle threads would spin and take the processor from the renderer.
         let builder = builder.with_intra_threads(threads).map_err(|e| refused(e.into()))?;
         let builder = builder.with_intra_op_spinning(false).map_err(|e| refused(e.into()))?;
         let builder = builder.with_optimization_level(GraphOptimizationLevel::All).map_err(|e| refused(e.into()))?;
@@ -140,7 +140,7 @@ impl Session {
         Terminator(self.control.clone())
     }
 
-    /// The input tensor, for the caller to fill; reallocated only if the size changed.
+    /// The input tensor, for the caller to fill. It is reallocated only if the size has changed.
     pub(super) fn input(&mut self, geometry: &Geometry) -> Result<Planes<'_>, RunFailure> {
         if self.tensors.as_ref().is_none_or(|t| t.geometry != *geometry) {
             self.tensors = None;
@@ -154,7 +154,7 @@ impl Session {
         }
     }
 
-    /// Runs the model on the filled input and returns the output.
+    /// Runs the model on the input that [`Self::input`] filled, and returns the output.
     pub(super) fn run(&mut self) -> Result<Values<'_>, RunFailure> {
         let Some(tensors) = &mut self.tensors else { return Err(RunFailure::Failed("no input".to_owned())) };
         if self.provider != Provider::Cpu {
@@ -179,10 +179,10 @@ impl Session {
     }
 }
 
-/// Checks the sum of a model's file.
+/// Checks the SHA-256 of a model's file.
 ///
 /// # Errors
-/// The file is another than its manifest is of.
+/// The hash differs from `expected`, which the manifest has.
 pub(super) fn check_hash(path: &Path, model: &[u8], expected: &str) -> Result<(), GeneratorError> {
     let found = hex(&Sha256::digest(model));
     if found.eq_ignore_ascii_case(expected) {
@@ -191,8 +191,8 @@ pub(super) fn check_hash(path: &Path, model: &[u8], expected: &str) -> Result<()
     Err(GeneratorError::Sha256 { path: path.to_owned(), expected: expected.to_owned(), found })
 }
 
-/// Checks the model's tensors against the manifest, and returns the types of the input's and the output's values; the error is
-/// the difference.
+/// Checks the model's tensors against the manifest. Returns the types of the values in the input and in the output;
+/// the error describes the difference.
 fn check_signature(session: &ort::session::Session, manifest: &Manifest) -> Result<[Kind; 2], String> {
     let [input] = session.inputs() else {
         return Err(format!("it has {} inputs; a generator has one", session.inputs().len()));

@@ -1,4 +1,4 @@
-//! Values of a model's tensors: float32, or bytes whose normalisation is part of the model's graph.
+//! Values of a model's tensors: float32, or bytes if the model's graph contains the normalisation.
 
 use super::manifest::Affine;
 
@@ -6,9 +6,9 @@ use super::manifest::Affine;
 #[cfg_attr(not(feature = "generator"), allow(dead_code, reason = "sessions make them"))]
 #[derive(Debug)]
 pub(super) enum Planes<'a> {
-    /// Values after the manifest's mappings.
+    /// Values after the manifest's mappings have been applied.
     Floats(&'a mut [f32]),
-    /// Values before them, of 8 bits.
+    /// Values of 8 bits, before the mappings.
     Bytes(&'a mut [u8]),
 }
 
@@ -22,15 +22,15 @@ pub(super) enum Values<'a> {
     Bytes(&'a [u8]),
 }
 
-/// Value of an input tensor, by what a pixel shows.
+/// Value of an input tensor, converted from what a pixel shows.
 pub(super) trait Element: Copy + Send + Sync {
-    /// A grey level.
+    /// Value of a grey level.
     fn of_level(level: u8, affine: Affine) -> Self;
-    /// A pixel of the mask.
+    /// Value of a mask pixel, inside or outside the sector.
     fn of_mask(inside: bool, affine: Affine) -> Self;
-    /// Index of a class, or 0 and 1 in the channel of one class.
+    /// Value of a class: its index, or 0 or 1 in the channel of one class.
     fn of_class(class: u8, affine: Affine) -> Self;
-    /// Attenuation after the mapping's power, 0..=1.
+    /// Value of an attenuation `part`, 0..=1, to which the mapping's power was already applied.
     fn of_attenuation(part: f32, affine: Affine) -> Self;
 }
 

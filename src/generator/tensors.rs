@@ -17,14 +17,14 @@ pub(super) enum Kind {
     Bytes,
 }
 
-/// A tensor in memory that the processor reads and writes.
+/// A tensor in memory that the processor can read and write.
 enum Kept {
     Floats(Tensor<f32>),
     Bytes(Tensor<u8>),
 }
 
 impl Kept {
-    /// A tensor of zeros: fresh memory is uninitialised.
+    /// A tensor filled with zeros, because fresh memory is uninitialised.
     fn zeros(kind: Kind, allocator: &Allocator, shape: [usize; 4]) -> Result<Self, ort::Error> {
         Ok(match kind {
             Kind::Floats => {
@@ -41,7 +41,7 @@ impl Kept {
     }
 }
 
-/// Input and output of one size.
+/// Input and output tensors for one size of frames.
 pub(super) struct Tensors {
     pub(super) geometry: Geometry,
     pub(super) binding: IoBinding,
@@ -50,7 +50,7 @@ pub(super) struct Tensors {
 }
 
 impl Tensors {
-    /// Tensors of a session, bound to its input and its output of these names and kinds.
+    /// Tensors of a session, bound to its input and output by name.
     pub(super) fn new(
         session: &Session,
         provider: Provider,
@@ -72,7 +72,7 @@ impl Tensors {
         Ok(tensors)
     }
 
-    /// Binds the input. For devices with memory of their own this copies it.
+    /// Binds the input. A device with its own memory copies the input at this moment.
     pub(super) fn bind_input(&mut self, name: &str) -> Result<(), ort::Error> {
         match &self.input {
             Kept::Floats(tensor) => self.binding.bind_input(name, tensor),
@@ -80,7 +80,7 @@ impl Tensors {
         }
     }
 
-    /// The input, to be filled.
+    /// The input tensor, for the caller to fill.
     pub(super) fn planes(&mut self) -> Result<Planes<'_>, ort::Error> {
         Ok(match &mut self.input {
             Kept::Floats(tensor) => Planes::Floats(tensor.try_extract_tensor_mut::<f32>()?.1),
@@ -97,8 +97,8 @@ impl Tensors {
     }
 }
 
-/// Memory of the input and of the output. A GPU copies from and to pinned memory without a detour; where there is none, the
-/// processor's memory serves.
+/// Allocators for the input and for the output. A GPU copies directly from and to pinned memory. Without pinned
+/// memory, the processor's memory is used.
 fn allocators(session: &Session, provider: Provider) -> [Allocator; 2] {
     let pinned = |kind: MemoryType| {
         let info = MemoryInfo::new(AllocationDevice::CUDA_PINNED, 0, AllocatorType::Device, kind)?;

@@ -10,7 +10,7 @@ fn geometry(kind: ProbeKind) -> ScanGeometry {
     ScanGeometry::fit(&Probe { kind, ..Probe::default() }, 160, 120)
 }
 
-/// Maps of a picture.
+/// Maps of a frame.
 struct Maps {
     image: Vec<u8>,
     segmentation: Vec<u8>,
@@ -65,7 +65,8 @@ fn the_grid_shows_what_lies_at_its_places() {
         assert_eq!((on_grid.width, on_grid.height), (48, 100), "{kind:?}");
         for (index, (&level, &inside)) in on_grid.image.iter().zip(on_grid.mask).enumerate() {
             let (cell, scanline) = (index / 48, index % 48);
-            // At the rim a value is that of the nearest pixels inside; at a phased array's apex scanlines share pixels.
+            // At the rim a value is that of the nearest pixels inside. At the apex of a phased array, scanlines share
+            // pixels.
             if !(12..98).contains(&cell) || !(2..46).contains(&scanline) || inside == 0 {
                 continue;
             }
@@ -73,7 +74,7 @@ fn the_grid_shows_what_lies_at_its_places() {
             assert!(level.abs_diff(expected) <= 6, "{kind:?}: cell {cell}, scanline {scanline}: {level}, {expected}");
         }
         let missing = on_grid.mask.iter().filter(|inside| **inside == 0).count();
-        assert!(missing < 48, "{kind:?}: {missing} places without a pixel");
+        assert!(missing < 48, "{kind:?}: {missing} values without a pixel");
     }
 }
 
@@ -101,7 +102,7 @@ fn padded_values_are_read_at_their_place() {
     let sampling = BeamSampling::new(GRID, geometry);
     let value = |cell: usize, scanline: usize| 0.3 + 0.004 * cell as f32 + 0.002 * scanline as f32;
     let plain: Vec<f32> = (0..100 * 48).map(|i| value(i / 48, i % 48)).collect();
-    // Three rows above and five columns to the left.
+    // Padding of three rows above and five columns at the left.
     let mut padded = vec![f32::NAN; 110 * 64];
     for cell in 0..100 {
         for scanline in 0..48 {
@@ -127,7 +128,7 @@ fn maps_take_the_nearest_pixel_and_empty_ones_stay_empty() {
     assert!(on_grid.segmentation.is_empty() && on_grid.attenuation.is_empty() && on_grid.image.len() == 4800);
 }
 
-/// Grid planes and a picture as the training package must make them (training/tests/test_beam.py).
+/// The Rust code resamples grid planes and a picture as the training package does (training/tests/test_beam.py).
 #[test]
 fn training_resamples_alike() {
     let geometry = ScanGeometry::fit(&Probe { kind: CONVEX, ..Probe::default() }, 64, 46);

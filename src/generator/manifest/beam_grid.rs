@@ -6,14 +6,14 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BeamGrid {
-    /// Scanlines over the lateral extent of the sector, 16..=1024, whatever the probe has.
+    /// Number of scanlines over the sector's lateral extent, 16..=1024. It need not equal the probe's.
     pub scanlines: u32,
     /// Length of a range cell, mm, 0.02..=2.
     pub cell_mm: f64,
 }
 
 impl BeamGrid {
-    /// Fault of its values, and what would be right.
+    /// Checks the values; the error says what is wrong and what is accepted.
     pub(super) fn check(&self) -> Result<(), String> {
         if !(16..=1024).contains(&self.scanlines) {
             return Err(format!("beam.scanlines is {}; it must be 16..=1024", self.scanlines));
@@ -24,7 +24,7 @@ impl BeamGrid {
         Ok(())
     }
 
-    /// Range cells that cover a depth.
+    /// Number of range cells that cover `depth_mm`.
     pub fn cells(&self, depth_mm: f64) -> u32 {
         (depth_mm / self.cell_mm - 1e-6).ceil().max(1.0) as u32
     }

@@ -1,4 +1,4 @@
-//! Checks of a manifest: ranges of values, and consistency of its parts.
+//! Checks of a manifest: ranges of values, and consistency between its tables.
 
 use std::path::Path;
 
@@ -124,7 +124,7 @@ impl Manifest {
     }
 }
 
-/// Whether a name leads to no other folder.
+/// Whether `name` is a plain file name, which leads to no other folder.
 pub(super) fn is_file_beside(name: &str) -> bool {
     Path::new(name).file_name().and_then(|n| n.to_str()) == Some(name)
 }

@@ -1,4 +1,4 @@
-//! Manifest of a model's inputs and outputs: a strict TOML file beside the `.onnx`, of the same name.
+//! Manifest of a model's inputs and outputs: a strict TOML file next to the `.onnx` file, with the same name.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -29,15 +29,16 @@ pub struct Manifest {
     pub name: String,
     /// Description in one sentence.
     pub description: String,
-    /// Trained or written by hand.
+    /// Whether it is trained or written by hand.
     pub kind: Kind,
-    /// Variant by the paper's name; must agree with the channels.
+    /// Variant, by the paper's name; must agree with the channels.
     pub variant: Variant,
     /// SHA-256 of the `.onnx` file, 64 hexadecimal digits.
     pub sha256: String,
-    /// Width and height are padded to a multiple of this, 1..=1024: half before, half after, an odd pixel after.
+    /// Width and height are padded to a multiple of this, 1..=1024. Half of the padding is before, half after; an odd
+    /// pixel is after.
     pub padding_multiple: u32,
-    /// Grid of a model in beam coordinates; without it the model takes pictures.
+    /// Grid of a model in beam coordinates; none for a model that takes pictures.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub beam: Option<BeamGrid>,
     /// The input tensor.
@@ -47,15 +48,15 @@ pub struct Manifest {
     pub segmentation: Option<SegmentationManifest>,
     /// The output tensor.
     pub output: OutputManifest,
-    /// An input and its expected output.
+    /// Parity pair: an input and its expected output.
     pub parity: ParityManifest,
     /// Training data; present if and only if the generator is trained.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub training: Option<Training>,
-    /// Measured quality.
+    /// Quality measured on the test set.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub quality: Option<Quality>,
-    /// The model in other precisions than float32.
+    /// Files of the model in precisions other than float32.
     #[serde(default, rename = "precision", skip_serializing_if = "Vec::is_empty")]
     pub precisions: Vec<Quantised>,
 }
@@ -83,7 +84,7 @@ pub enum Variant {
     Maps,
 }
 
-/// A map that becomes one channel, or one channel per class.
+/// Map that fills one channel of the input, or one channel per class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Channel {
@@ -91,13 +92,13 @@ pub enum Channel {
     Image,
     /// 1 inside the sector, 0 outside.
     Mask,
-    /// Class of the tissue: its index in one channel, or 1 in the channel of the class and 0 in the others.
+    /// Class of the tissue: its index in a single channel, or 1 in the channel of the class and 0 in the others.
     Segmentation,
-    /// One-way attenuation over its 98th percentile, 0..=1.
+    /// One-way attenuation divided by its 98th percentile, 0..=1.
     Attenuation,
 }
 
-/// y = scale · x^power + offset.
+/// Mapping y = scale · x^power + offset.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Affine {
@@ -105,7 +106,8 @@ pub struct Affine {
     pub scale: f32,
     /// Offset.
     pub offset: f32,
-    /// 1; for the attenuation also 0.5 or 0.25. It falls over ten decades, of which a linear channel shows only two.
+    /// Exponent: 1; for the attenuation also 0.5 or 0.25. The attenuation falls over ten decades, and a linear
+    /// channel shows only two of them.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub power: f32,
 }
@@ -119,54 +121,55 @@ fn is_one(power: &f32) -> bool {
 }
 
 impl Affine {
-    /// y = scale · x + offset.
+    /// The mapping y = scale · x + offset.
     pub fn new(scale: f32, offset: f32) -> Self {
         Self { scale, offset, power: 1.0 }
     }
 }
 
-/// The input tensor [1, channels, height, width] of float32 or uint8. The graph of a model that takes uint8 does the mappings
-/// itself: it gets grey levels, the mask as 0 or 255, classes, and the attenuation after its power, times 255.
+/// Input tensor [1, channels, height, width] of float32 or uint8. With uint8, the model's graph contains the
+/// mappings. It then gets grey levels, the mask as 0 or 255, classes, and the attenuation after its power, times 255.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InputManifest {
-    /// Its name in the model.
+    /// Name of the tensor in the model.
     pub name: String,
-    /// Its channels, in order; the segmentation may be one channel or one per class.
+    /// Channels in order. The segmentation fills one channel, or one per class.
     pub channels: Vec<Channel>,
     /// Mapping of [`Channel::Image`] to values of the tensor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub image: Option<Affine>,
-    /// Mapping of [`Channel::Mask`] likewise.
+    /// Mapping of [`Channel::Mask`] to values of the tensor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mask: Option<Affine>,
-    /// Mapping of [`Channel::Segmentation`] likewise.
+    /// Mapping of [`Channel::Segmentation`] to values of the tensor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub segmentation: Option<Affine>,
-    /// Mapping of [`Channel::Attenuation`] likewise.
+    /// Mapping of [`Channel::Attenuation`] to values of the tensor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub attenuation: Option<Affine>,
 }
 
-/// Mapping of tissues to classes. Tissues go by name: their numbers differ from station to station.
+/// Mapping of tissues to classes. Tissues are given by name, because their numbers differ between stations.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SegmentationManifest {
-    /// One channel or several.
+    /// Whether the classes fill one channel or several.
     pub encoding: Encoding,
-    /// Names of the classes in order: tissues, or groups of tissues by [`Self::of`]. `outside` is the area outside the
-    /// sector.
+    /// Names of the classes in order: names of tissues, or of groups that [`Self::of`] defines. `outside` is the area
+    /// outside the sector.
     pub classes: Vec<String>,
-    /// Class of all tissues that are not named. Without it, such a tissue is an error.
+    /// Class of all tissues that are not named. Without it, an unnamed tissue is an error.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub other: Option<String>,
-    /// Class of each tissue that is no class itself: `tissue = "class"`.
+    /// Class of each tissue whose name is no class, as `tissue = "class"`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub of: BTreeMap<String, String>,
 }
 
 impl SegmentationManifest {
-    /// Index of a tissue's class: by [`Self::of`], else the class of the same name, else [`Self::other`].
+    /// Index of the class of `tissue`: the class that [`Self::of`] gives, else the class of the same name, else
+    /// [`Self::other`].
     pub fn class_of(&self, tissue: &str) -> Option<usize> {
         let index = |name: &String| self.classes.iter().position(|class| class == name);
         let own = || self.classes.iter().position(|class| class == tissue);
@@ -174,7 +177,7 @@ impl SegmentationManifest {
     }
 }
 
-/// Channels of the segmentation.
+/// Channels that the segmentation fills.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Encoding {
@@ -184,26 +187,27 @@ pub enum Encoding {
     Classes,
 }
 
-/// The output tensor [1, 1, height, width] of float32 or uint8. A model that gives uint8 gives rounded grey levels.
+/// Output tensor [1, 1, height, width] of float32 or uint8. A model whose output is uint8 gives rounded grey levels.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OutputManifest {
-    /// Its name in the model.
+    /// Name of the tensor in the model.
     pub name: String,
-    /// Grey level / 255 = scale · y + offset.
+    /// Factor in the formula grey level / 255 = scale · y + offset, where y is a value of the tensor.
     pub scale: f32,
     /// Offset of that formula.
     pub offset: f32,
 }
 
-/// Two `.npy` files of float32 beside the manifest. Those of a model in beam coordinates hold scanlines × range cells.
+/// Parity pair: two `.npy` files of float32, next to the manifest. For a model in beam coordinates the arrays are
+/// scanlines × range cells.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ParityManifest {
-    /// Planes [4, height, width]: grey levels 0..=255, classes, attenuation 0..=1, mask 0 or 255. The model ignores
-    /// planes that it does not take.
+    /// File of the input planes [4, height, width]: grey levels 0..=255, classes, attenuation 0..=1, mask 0 or 255.
+    /// The model ignores planes that it does not take.
     pub input: String,
-    /// Grey levels before rounding [height, width], 0 outside the sector.
+    /// File of the expected grey levels before rounding [height, width], 0 outside the sector.
     pub output: String,
     /// Greatest difference allowed, grey levels.
     pub tolerance: f32,
@@ -215,31 +219,31 @@ pub struct ParityManifest {
 pub struct Training {
     /// SHA-256 of the data set's list of files.
     pub data_sha256: String,
-    /// Iterations.
+    /// Number of training iterations.
     pub iterations: u64,
-    /// Frames that it takes.
+    /// Quality of the input frames in training.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lq: Option<FrameQuality>,
-    /// Further frames that it takes.
+    /// Further qualities of the input frames in training.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub lq_more: Vec<FrameQuality>,
-    /// Frames that it was taught to give.
+    /// Quality of the target frames in training.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hq: Option<FrameQuality>,
 }
 
-/// Mean quality metrics on the test set.
+/// Means of quality metrics over the test set.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Quality {
-    /// Peak signal-to-noise ratio, dB.
+    /// Peak signal-to-noise ratio of the output, dB.
     pub psnr_db: f64,
-    /// Structural similarity, 0..=1.
+    /// Structural similarity of the output, 0..=1.
     pub ssim: f64,
-    /// Peak signal-to-noise ratio of its input on the same frames, dB.
+    /// Peak signal-to-noise ratio of the input on the same frames, dB.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lq_psnr_db: Option<f64>,
-    /// Patch-wise Kullback-Leibler divergence of histograms.
+    /// Patch-wise Kullback–Leibler divergence between grey-level histograms.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pkl: Option<f64>,
     /// Fréchet inception distance.
@@ -247,7 +251,7 @@ pub struct Quality {
     pub fid: Option<f64>,
 }
 
-/// Files of the generator `model`: the model, its manifest, and the files that the manifest names.
+/// Files of the generator at `model`: the model, its manifest, and the files that the manifest names.
 pub fn generator_files(model: &Path) -> Vec<PathBuf> {
     let manifest = Manifest::path_of(model);
     let named = |found: Manifest| {
@@ -260,7 +264,7 @@ pub fn generator_files(model: &Path) -> Vec<PathBuf> {
 }
 
 impl Manifest {
-    /// Path of the manifest of `model`: the same name with `.toml`.
+    /// Path of the manifest of `model`: the same path with the extension `.toml`.
     pub fn path_of(model: &Path) -> PathBuf {
         model.with_extension("toml")
     }
@@ -274,7 +278,7 @@ impl Manifest {
         Self::parse(&text).map_err(|reason| GeneratorError::Manifest { path: path.to_owned(), reason })
     }
 
-    /// A checked manifest from its text; the error says what is wrong.
+    /// Reads and checks a manifest's text; the error says what is wrong.
     pub(super) fn parse(text: &str) -> Result<Self, String> {
         let manifest: Self = toml::from_str(text).map_err(|e| files::toml_reason(text, &e))?;
         manifest.check()?;
@@ -291,19 +295,19 @@ impl Manifest {
         }
     }
 
-    /// The model in another precision, if there is one.
+    /// The model's file in `precision`, if the manifest has one.
     pub fn quantised(&self, precision: Precision) -> Option<&Quantised> {
         self.precisions.iter().find(|other| other.precision() == Some(precision))
     }
 
-    /// Frames that the model takes: those that it was trained on, else low quality.
+    /// Qualities of frames for which the model is made: those of its training, or low quality if unknown.
     pub fn lq(&self) -> Vec<FrameQuality> {
         let training = self.training.as_ref();
         let first = training.and_then(|training| training.lq).unwrap_or(FrameQuality::LQ);
         std::iter::once(first).chain(training.into_iter().flat_map(|training| training.lq_more.clone())).collect()
     }
 
-    /// Whether the model takes that map.
+    /// Whether the model takes `channel` as an input.
     pub fn takes(&self, channel: Channel) -> bool {
         self.input.channels.contains(&channel)
     }
@@ -313,7 +317,7 @@ impl Manifest {
         self.takes(Channel::Segmentation) || self.takes(Channel::Attenuation)
     }
 
-    /// Channels of the input tensor.
+    /// Number of channels of the input tensor.
     pub fn tensor_channels(&self) -> usize {
         let of = |channel: &Channel| match (channel, &self.segmentation) {
             (Channel::Segmentation, Some(s)) if s.encoding == Encoding::Classes => s.classes.len(),

@@ -1,30 +1,33 @@
-//! A model in another precision.
+//! A model in a precision other than float32.
 
 use serde::{Deserialize, Serialize};
 
 use super::{is_file_beside, is_sha256};
 use crate::settings::Precision;
 
-/// The same model with rounded weights and values: another `.onnx` file, with its own expected output of the parity input.
+/// The same model with rounded weights and values. It has its own `.onnx` file and its own expected output for the
+/// parity input.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Quantised {
-    /// Its precision: `int8`.
+    /// Name of its precision: `int8`.
     pub name: String,
-    /// Its `.onnx` file, beside the manifest.
+    /// Its `.onnx` file, next to the manifest.
     pub model: String,
     /// SHA-256 of that file, 64 hexadecimal digits.
     pub sha256: String,
-    /// Grey levels that it gives for the parity input, as [`ParityManifest::output`](super::ParityManifest::output).
+    /// File of the grey levels expected for the parity input, as
+    /// [`ParityManifest::output`](super::ParityManifest::output).
     pub output: String,
-    /// Greatest difference allowed, grey levels. Processors round differently, and a sum may fall to the next step.
+    /// Greatest difference allowed, grey levels. Processors round differently, and a rounded sum may fall to the next
+    /// step.
     pub tolerance: f32,
     /// Peak signal-to-noise ratio on frames of the test set, dB.
     pub psnr_db: f64,
 }
 
 impl Quantised {
-    /// Its precision; none if insonify does not know it.
+    /// Precision that `name` stands for; none if insonify does not know it.
     pub fn precision(&self) -> Option<Precision> {
         Precision::named(&self.name).filter(|precision| *precision == Precision::Int8)
     }

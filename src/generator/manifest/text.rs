@@ -1,4 +1,4 @@
-//! A manifest in lines for people.
+//! Text of a manifest for people, in lines.
 
 use std::fmt;
 
