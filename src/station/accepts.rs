@@ -1,10 +1,10 @@
-//! Accepted values of the keys of a station file.
+//! Values that the keys of a station file accept.
 
 use std::fmt;
 
 use crate::settings::{Kind, Setting};
 
-/// Accepted values of a key.
+/// Values that a key accepts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Accepts {
     /// A number.
@@ -25,7 +25,7 @@ pub enum Accepts {
     Numbers {
         /// Number of values.
         count: usize,
-        /// Largest magnitude of each.
+        /// Largest magnitude of each number.
         limit: f64,
     },
     /// One of these words.

@@ -6,14 +6,14 @@ use super::values::Values;
 use crate::settings::Origin;
 use crate::sink::browser::Settings;
 
-/// Settings from the table `[browser]`. Refuses an invalid address, token or name.
+/// Settings from the table `[browser]`. An invalid address, token or name is an error.
 pub(super) fn settings(values: &Values) -> Result<Settings, StationError> {
     let mut settings = Settings::default();
     values.set_group(&mut settings);
     values.set_address(&mut settings.address)?;
     if let Some(text) = values.text("token") {
         if !Settings::accepts_token(text) {
-            // Keeps the token itself out of logs.
+            // Keeps the token itself out of the error message, and thus out of logs.
             return Err(values.wrong_text("token", "...", TOKEN));
         }
         settings.token = Some(text.to_owned());

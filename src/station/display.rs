@@ -7,7 +7,7 @@ use crate::sink::LiveSinkKind;
 
 pub(super) fn sinks(values: &Values) -> Vec<LiveSinkKind> {
     let Some(words) = values.texts("sinks") else { return vec![LiveSinkKind::Null] };
-    // All names are valid: `Values::check` verified them.
+    // All names are valid, because `Values::check` verified them.
     let sinks = words.into_iter().filter_map(|word| word.parse().ok());
     let mut seen = HashSet::new();
     sinks.filter(|sink| seen.insert(*sink)).collect()

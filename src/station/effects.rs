@@ -1,9 +1,9 @@
-//! `[effects]`: effects switched on or off, or left to the plan.
+//! `[effects]`: effects that are switched on, off, or left to the effect plan.
 
 use super::values::Values;
 use crate::render::{Choice, Effect, EffectChoices};
 
-/// Effect choices of checked values: every word is one of [`Choice::NAMES`], and maps are never off.
+/// Choices from checked values: every word is one of [`Choice::NAMES`], and maps are never off.
 pub(super) fn choices(values: &Values) -> EffectChoices {
     let said = |effect: Effect| values.text(effect.name())?.parse::<Choice>().ok().map(|choice| (effect, choice));
     Effect::ALL

@@ -31,35 +31,35 @@ pub enum StationError {
         /// Error in the file.
         source: Box<StationError>,
     },
-    /// Not TOML.
+    /// The text is not TOML.
     #[error("not valid TOML: {reason}")]
     Syntax {
         /// The parser's message with line and column.
         reason: String,
     },
-    /// An unknown table.
+    /// A table is unknown.
     #[error("unknown table `[{table}]`{suggestion}; tables are {known}")]
     UnknownTable {
-        /// Table found.
+        /// Name of the table.
         table: String,
         /// Nearest known table, ready to print, or empty.
         suggestion: String,
         /// All tables.
         known: String,
     },
-    /// An unknown key of a table.
+    /// A key of a table is unknown.
     #[error("unknown key `{key}` in `[{table}]`{suggestion}; its keys are {known}")]
     UnknownKey {
-        /// Table.
+        /// Name of the table.
         table: String,
-        /// Key found.
+        /// Name of the key.
         key: String,
         /// Nearest known key, ready to print, or empty.
         suggestion: String,
         /// All keys of the table.
         known: String,
     },
-    /// A value of the wrong type, a number outside its range, or an unknown word.
+    /// A value has the wrong type, a number is outside its range, or a word is unknown.
     #[error("`{key}` is {found}; it must be {accepts}{suggestion}")]
     Value {
         /// Key with its table.
@@ -76,10 +76,10 @@ pub enum StationError {
     Missing {
         /// Key with its table.
         key: String,
-        /// Purpose of the key.
+        /// What the key is needed for.
         needed: String,
     },
-    /// A key that does not apply in combination with another.
+    /// A key does not apply in combination with another.
     #[error("`{key}` does not apply: {reason}")]
     NotApplicable {
         /// Key with its table.
@@ -87,7 +87,7 @@ pub enum StationError {
         /// Reason, and which key applies.
         reason: String,
     },
-    /// A text that its key does not accept.
+    /// A key does not accept its text.
     #[error("`{key}`: {reason}")]
     Text {
         /// Key with its table.
@@ -103,53 +103,53 @@ pub enum StationError {
         /// Nearest known name, ready to print, or empty.
         suggestion: String,
     },
-    /// A new tissue without all of its physical properties.
+    /// A new tissue lacks some of the required physical properties.
     #[error("`[tissues.{tissue}]` is not a built-in tissue{suggestion}, so it must give {missing}, too")]
     IncompleteTissue {
-        /// Tissue.
+        /// Name of the tissue.
         tissue: String,
         /// Nearest built-in tissue, ready to print, or empty.
         suggestion: String,
-        /// Keys not given.
+        /// Keys that are missing.
         missing: String,
     },
-    /// A scene that cannot be read.
+    /// The scene can't be read.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// A scene without a skin.
+    /// The scene has no skin.
     #[error(transparent)]
     Skin(#[from] BvhError),
-    /// A generated scene that cannot be built or kept.
+    /// The generated scene can't be built or cached.
     #[error(transparent)]
     Phantom(#[from] CacheError),
-    /// Standard planes that cannot be used.
+    /// The standard planes can't be used.
     #[error(transparent)]
     Planes(#[from] PlanesError),
-    /// A tissue table that cannot be used.
+    /// The tissue table can't be used.
     #[error(transparent)]
     Tissue(#[from] TissueError),
-    /// A station without a pose.
+    /// The station has no pose.
     #[error("no pose: give a recording, or a [pose] with position_mm and quaternion in {station}")]
     NoPose {
         /// Station file.
         station: PathBuf,
     },
-    /// A recording without poses.
+    /// The recording has no poses.
     #[error("{path} holds no pose")]
     NoRecordedPose {
         /// Recording.
         path: PathBuf,
     },
-    /// A recording that cannot be read.
+    /// The recording can't be read.
     #[error(transparent)]
     Recording(#[from] RecordingError),
-    /// Not a pose.
+    /// The values of `[pose]` are no pose.
     #[error("[pose]: {0}")]
     Pose(#[from] PoseError),
-    /// A `sensor_from_probe` that is not a pose.
+    /// The values of `sensor_from_probe` are no pose.
     #[error("[calibration] sensor_from_probe: {0}")]
     SensorFromProbe(PoseError),
-    /// A calibration file that cannot be used.
+    /// The calibration file can't be used.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
 }

@@ -1,4 +1,4 @@
-//! What is wrong with a scene and its station, and how the scene aberrates before a probe.
+//! Examination of a station: faults of its scene, tracker and calibration, and the aberration in front of its probe.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -16,29 +16,30 @@ use crate::tracker::Transport;
 use crate::tracker::devices::Devices;
 use crate::transducer::{Probe, aberration};
 
-/// Findings about a scene. [`Display`](fmt::Display) lists them with their remedies.
+/// Findings about a scene and its station. [`Display`](fmt::Display) lists them with their remedies.
 #[derive(Debug, Serialize)]
 pub struct Examination {
     /// File of the scene.
     pub path: PathBuf,
-    /// Findings.
+    /// Findings about the scene.
     #[serde(flatten)]
     pub report: Report,
     /// Findings about the station's tracker and calibration; empty without a station.
     pub setup: Vec<SetupFinding>,
-    /// Aberration by depth; empty without a pose, and where the scene has errors.
+    /// Aberration at several depths; empty without a pose, or if the scene has errors.
     pub aberration: Vec<Summary>,
-    /// The station, where its tracker is behind a network address, which is not tried.
+    /// The station's file, if its tracker has a network address. Such a tracker is not tried.
     #[serde(skip)]
     pub untried: Option<PathBuf>,
 }
 
 impl Examination {
-    /// Examines the scene at `path` with a station's tissues, probe and pose, else with those built in. `pose` replaces the
-    /// station's. `progress` receives the number of triangles examined and their total, from several threads.
+    /// Examines the scene at `path` with the tissues, probe and pose of a station, or with the built-in ones. `pose`
+    /// replaces the station's pose. `progress` receives the number of examined triangles and their total number, from
+    /// several threads.
     ///
     /// # Errors
-    /// As [`examine`].
+    /// Errors of [`examine`].
     pub fn of(
         path: &Path,
         station: Option<&Station>,
@@ -48,7 +49,7 @@ impl Examination {
     ) -> Result<Self, SceneError> {
         let tissues = station.map_or(builtin, |station| &station.tissues);
         let own = tissues.names().iter().filter(|name| builtin.index_of(name).is_none());
-        // The background counts as used, although no surface has it.
+        // The background counts as a used tissue, although no surface has it.
         let own_tissues: Vec<String> =
             own.filter(|name| station.is_none_or(|station| station.background != **name)).cloned().collect();
         let probe = station.map_or_else(Probe::default, |station| station.probe);
@@ -70,7 +71,7 @@ impl Examination {
         Ok(Self { path: path.to_owned(), report, setup, aberration, untried })
     }
 
-    /// Number of findings of one severity, about the scene and the station.
+    /// Number of findings of `severity`, about the scene and the station together.
     pub fn count(&self, severity: Severity) -> usize {
         self.report.count(severity) + self.setup.iter().filter(|finding| finding.severity == severity).count()
     }

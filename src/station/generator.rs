@@ -1,4 +1,4 @@
-//! `[generator]`.
+//! `[generator]`: models that translate frames.
 
 use std::path::Path;
 
@@ -49,7 +49,7 @@ mod tests {
         let kept = |lines: &str| station(lines).unwrap().pipeline.hang_ms;
         assert_eq!(kept("[quality]\nframe_budget_ms = 64"), 5000.0);
         assert_eq!(kept("[quality]\nframe_budget_ms = 64\n[pipeline]\nhang_ms = 65"), 65.0);
-        // Without generators nothing hangs.
+        // A station without generators accepts any `hang_ms`.
         assert_eq!(parse("[quality]\nframe_budget_ms = 64\n[pipeline]\nhang_ms = 50").unwrap().pipeline.hang_ms, 50.0);
     }
 

@@ -20,11 +20,11 @@ use crate::tracker::{BAUD_RANGE, Protocol, mock};
 /// A key of a station file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KeyDoc {
-    /// Table; `tissues.NAME` for any tissue.
+    /// Name of the table; `tissues.NAME` stands for the table of any tissue.
     pub table: &'static str,
     /// Key without its table.
     pub key: &'static str,
-    /// Unit, or empty.
+    /// Unit; empty for a number without unit.
     pub unit: &'static str,
     /// Default as TOML, or in words.
     pub default: Cow<'static, str>,
@@ -178,7 +178,7 @@ impl From<&'static Setting> for KeyDoc {
     }
 }
 
-/// A key of a tissue; if absent, built-in tissues keep their value.
+/// Documentation of a tissue's key. If a built-in tissue's key is absent, the tissue keeps its value.
 fn of_tissue(setting: &'static Setting) -> KeyDoc {
     let required = PHYSICAL.contains(&setting.key);
     let default = if required { "built-in, else required" } else { "built-in, else 0.0" };
@@ -193,7 +193,7 @@ impl From<Effect> for KeyDoc {
     }
 }
 
-/// A sentence as a phrase, without its initial capital and full stop.
+/// A sentence turned into a phrase, without its initial capital and full stop.
 fn phrase(sentence: &str) -> Cow<'static, str> {
     let sentence = sentence.trim_end_matches('.');
     let (first, rest) = sentence.split_at(sentence.chars().next().map_or(0, char::len_utf8));
@@ -201,7 +201,7 @@ fn phrase(sentence: &str) -> Cow<'static, str> {
     if is_word { format!("{}{rest}", first.to_lowercase()).into() } else { sentence.to_owned().into() }
 }
 
-/// Keys of a table; for any `tissues.…`, those of a tissue.
+/// Keys of a table. All tables `tissues.…` have the same keys.
 pub(super) fn of_table(table: &str) -> impl Iterator<Item = &'static KeyDoc> {
     let table = if table.starts_with("tissues.") { TISSUE } else { table };
     keys().iter().filter(move |doc| doc.table == table)

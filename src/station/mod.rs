@@ -76,24 +76,24 @@ pub struct Station {
     pub motion: bool,
     /// The probe.
     pub probe: Probe,
-    /// Image and quality.
+    /// Settings of image and quality.
     pub settings: RenderSettings,
     /// Rendering backend, unless a flag or the environment overrides it.
     pub backend: BackendChoice,
-    /// Time to render and generate a frame, ms, by which a live session chooses rays, layers, angles and generator, and stills
-    /// rays and layers; none: they stay as set.
+    /// Time to render and generate a frame, ms. A live session chooses rays, layers, angles and generator by it; a
+    /// still, rays and layers. None: they stay as set.
     pub frame_budget_ms: Option<f64>,
-    /// Whether the budget also chooses the angles of compounding: `[look]` has neither angles nor a preset.
+    /// Whether the budget also chooses the angles of compounding, because `[look]` has neither angles nor a preset.
     pub angles_open: bool,
     /// Generators.
     pub generator: crate::generator::Settings,
     /// Built-in tissues with the station's changes and additions.
     pub tissues: TissueTable,
-    /// Probe pose of `[pose]`, if given.
+    /// Probe pose from `[pose]`, if the station has one.
     pub default_pose: Option<Pose>,
     /// Filtering, prediction and staleness of live tracker poses.
     pub filter: FilterSettings,
-    /// Calibration of tracker, sensor and probe; parsing does not open the file.
+    /// Source of the calibration of tracker, sensor and probe. Parsing does not open its file.
     pub calibration: CalibrationSource,
     /// Source of live poses.
     pub tracker: tracker::Settings,
@@ -107,9 +107,9 @@ pub struct Station {
     pub pipeline: PipelineSettings,
     /// Sinks of a live session.
     pub sinks: Vec<LiveSinkKind>,
-    /// Keys of earlier builds in the file. [`Station::load`] logs a hint for each.
+    /// Keys in the file that have another name today. [`Station::load`] logs a hint for each.
     pub renamed_keys: Vec<RenamedKey>,
-    /// Station file; if parsed from text, the base directory of relative paths.
+    /// Path of the station file; for a station parsed from text, the directory at which relative paths start.
     pub path: PathBuf,
 }
 
@@ -130,7 +130,7 @@ impl Station {
         Ok(Self { path: path.to_owned(), ..station })
     }
 
-    /// Parses the text of a station file; relative paths start at `dir`. The scene's file is not opened.
+    /// Parses the text of a station file. Relative paths start at `dir`. The scene's file is not opened.
     ///
     /// # Errors
     /// The text is not TOML; a key is unknown, missing, misplaced or of the wrong type; a value is outside its range;
@@ -139,7 +139,7 @@ impl Station {
         parse::station(text, dir)
     }
 
-    /// Scene file; none for a generated phantom.
+    /// Path of the scene file; none for a generated phantom.
     pub fn scene_file(&self) -> Option<&Path> {
         match &self.scene {
             SceneSource::File(path) => Some(path),
@@ -147,7 +147,7 @@ impl Station {
         }
     }
 
-    /// Meaning of the axes of `scene`, the station's.
+    /// Directions of the axes of `scene`, which must be the station's scene.
     pub fn axes(&self, scene: &Scene) -> Axes {
         match self.scene {
             SceneSource::ObstetricPhantom(_) => Axes::Anatomical,
@@ -155,7 +155,7 @@ impl Station {
         }
     }
 
-    /// Sinks of its live session: `display.sinks` and every display that has a table.
+    /// Sinks of the station's live session: those in `display.sinks`, and every display that has a table.
     pub fn live_sinks(&self) -> Vec<LiveSinkKind> {
         let mut kinds = self.sinks.clone();
         kinds.extend(self.browser.as_ref().map(|_| LiveSinkKind::Browser));
@@ -164,13 +164,13 @@ impl Station {
         LiveSinkKind::each_once(kinds)
     }
 
-    /// Whether a live session reads the maps, for its generator or its page.
+    /// Whether a live session reads segmentation or attenuation, for its generator or its page.
     pub fn reads_maps(&self) -> bool {
         (self.generator.enabled && !self.generator.models.is_empty())
             || self.live_sinks().contains(&LiveSinkKind::Browser)
     }
 
-    /// Recording that takes the place of a tracker, if the station names one.
+    /// Recording that is played instead of a tracker, if the station names one.
     pub fn recording(&self) -> Option<&Path> {
         match &self.tracker.transport {
             tracker::Transport::Recording { path, .. } => Some(path),
@@ -178,14 +178,15 @@ impl Station {
         }
     }
 
-    /// Plays a recording in place of the tracker, once and in real time, with the sensor that the recording names.
+    /// Makes the station play a recording instead of its tracker: once, in real time, with the sensor that the
+    /// recording names.
     pub fn play(&mut self, path: &Path) {
         let (path, speed) = (path.to_owned(), tracker::Speed::Factor(1.0));
         self.tracker.transport = tracker::Transport::Recording { path, speed, repeat: false };
         (self.tracker.device.sensor, self.tracker.device.tool) = (None, None);
     }
 
-    /// Files that the station is read from, its own first. Some of them may be missing.
+    /// Files from which the station is read; the station file is the first. Some of them may be missing.
     pub fn files(&self) -> Vec<PathBuf> {
         let mut files = vec![self.path.clone()];
         if let Some(scene) = self.scene_file() {
@@ -202,7 +203,7 @@ impl Station {
     /// Settings of a live tracker's estimator. Reads the calibration file, if the station names one.
     ///
     /// # Errors
-    /// The same as those of [`CalibrationSource::load`].
+    /// Errors of [`CalibrationSource::load`].
     pub fn pose_settings(&self) -> Result<pose::Settings, StationError> {
         Ok(pose::Settings {
             filter: self.filter,
@@ -211,7 +212,7 @@ impl Station {
         })
     }
 
-    /// Standard planes of the scene: those of the phantom, or from the file next to the scene file.
+    /// Standard planes of the scene: the phantom's own, or those in the file next to the scene file.
     ///
     /// # Errors
     /// The same as those of [`planes::beside`].
@@ -225,14 +226,14 @@ impl Station {
     /// Reads the surfaces of the glTF file at `path`, with this station's tissues and background.
     ///
     /// # Errors
-    /// An error of [`import::load_with_findings`]; a scene of another unit, of which an image shows nothing; or `tissues` lacks the
-    /// background tissue. Any other size that no body has is logged as a warning.
+    /// Errors of [`import::load_with_findings`]; `tissues` lacks the background tissue; or the scene's unit must be
+    /// wrong, so that an image would show nothing. Other sizes that no body has are logged as warnings.
     pub fn load_scene_from(&self, path: &Path) -> Result<Scene, StationError> {
         let background = parse::tissue_index(&self.tissues, &self.background)?;
         let (mut scene, findings) = import::load_with_findings(path, &self.tissues, background)?;
         let is_generated = matches!(self.scene, SceneSource::ObstetricPhantom(_));
         for finding in findings {
-            // No one can mend these in a generated scene, and they change no picture.
+            // Degenerate triangles change no picture, and nobody can mend them in a generated scene.
             if is_generated && matches!(finding.kind, FindingKind::Degenerate { .. }) {
                 tracing::debug!(scene = %path.display(), "{finding}");
             } else {
@@ -246,7 +247,7 @@ impl Station {
         Ok(scene)
     }
 
-    /// Refuses a scene that is larger than a body in all its parts, and warns of other sizes that the doctor calls an error.
+    /// Refuses a scene whose every part is larger than a body. Warns of other sizes that the doctor calls an error.
     fn check_size(&self, scene: &Scene, path: &Path) -> Result<(), SceneError> {
         let Some(WrongSize { finding, thinnest_mm }) = wrong_size(scene) else { return Ok(()) };
         let depth_mm = self.probe.depth_mm;

@@ -1,4 +1,4 @@
-//! `[openigtlink]`: the server of images and transforms.
+//! `[openigtlink]`: the server that sends images and transforms.
 
 use super::StationError;
 use super::accepts::AXES;

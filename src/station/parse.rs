@@ -86,7 +86,7 @@ pub(super) fn station(text: &str, dir: &Path) -> Result<Station, StationError> {
     })
 }
 
-/// Index of the background tissue `name`.
+/// Index of the background tissue `name` in `tissues`.
 pub(super) fn tissue_index(tissues: &TissueTable, name: &str) -> Result<usize, StationError> {
     tissues.index_of(name).ok_or_else(|| {
         let suggestion = did_you_mean(name, tissues.names().iter().map(String::as_str));
@@ -94,12 +94,12 @@ pub(super) fn tissue_index(tissues: &TissueTable, name: &str) -> Result<usize, S
     })
 }
 
-/// Settings group of a table.
+/// Settings group from the table `name`.
 fn group<G: SettingsGroup + Default>(root: &mut Table, name: &str) -> Result<G, StationError> {
     Ok(section(root, name)?.group())
 }
 
-/// Refuses a `hang_ms` that ends runs within their budget.
+/// Refuses a `hang_ms` that would end runs within their time budget.
 fn check_hang(pipeline: &PipelineSettings, generator: &generator::Settings) -> Result<(), StationError> {
     let (hang_ms, run_budget_ms) = (pipeline.hang_ms, generator.run_budget_ms);
     if generator.models.is_empty() || !generator.enabled || hang_ms > run_budget_ms {
@@ -113,7 +113,7 @@ fn check_hang(pipeline: &PipelineSettings, generator: &generator::Settings) -> R
     Err(StationError::Text { key: "pipeline.hang_ms".to_owned(), reason })
 }
 
-/// A look by name, with the changes of the table's other keys.
+/// A preset of post-processing by name, with the changes that the table's other keys make.
 fn look(values: &Values) -> LookSettings {
     let mut look = values.group::<LookBase>().preset.settings();
     values.set_group(&mut look);
@@ -148,7 +148,7 @@ fn pose(root: &mut Table) -> Result<Option<Pose>, StationError> {
     Ok(pose.transpose()?)
 }
 
-/// Built-in tissues with the station's changes and additions.
+/// Built-in tissues, with the station's changes and additions.
 fn tissues(tables: Option<Table>) -> Result<TissueTable, StationError> {
     let builtin = TissueTable::builtin()?;
     let Some(tables) = tables else { return Ok(builtin) };
@@ -166,7 +166,7 @@ fn tissues(tables: Option<Table>) -> Result<TissueTable, StationError> {
     Ok(TissueTable::new(all)?)
 }
 
-/// Refuses a new tissue without all physical properties: probably a misspelt name.
+/// Refuses a new tissue without all physical properties. Its name is probably misspelt.
 fn check_new_tissue(name: &str, values: &Values, builtin: &TissueTable) -> Result<(), StationError> {
     let missing: Vec<_> = PHYSICAL.into_iter().filter(|key| !values.has(key)).collect();
     if missing.is_empty() {

@@ -1,11 +1,11 @@
-//! A station's standard planes, and the skin that a probe touches.
+//! Standard planes of a station, and the skin that a probe touches.
 
 use super::{SceneSource, Station, StationError};
 use crate::anatomy::planes::{StandardPlanes, file_beside};
 use crate::anatomy::{Scene, Skin};
 use crate::phantom;
 
-/// Depth of a probe in the skin at the pose of a plane, mm.
+/// Depth to which a probe presses the skin at the pose of a plane, mm.
 const PRESS_MM: f64 = 2.5;
 
 /// Standard planes of a scene, and its skin.
@@ -18,10 +18,10 @@ pub struct PlaneScene {
 }
 
 impl PlaneScene {
-    /// Reads the planes, and the scene if it is a file. The phantom's skin needs no mesh.
+    /// Reads the planes. If the scene is a file, reads it for the skin; the phantom's skin is known without its mesh.
     ///
     /// # Errors
-    /// Those of [`Station::standard_planes`]; for a scene file also those of [`Station::load_scene_from`] and
+    /// Errors of [`Station::standard_planes`]; for a scene file also those of [`Station::load_scene_from`] and
     /// [`PlaneScene::of`].
     pub fn open(station: &Station) -> Result<Self, StationError> {
         match &station.scene {
@@ -33,7 +33,8 @@ impl PlaneScene {
     /// Planes and skin of the station's `scene`.
     ///
     /// # Errors
-    /// Those of [`Station::standard_planes`]; planes that name a surface that the scene lacks; a scene without triangles.
+    /// Errors of [`Station::standard_planes`]; the planes name a surface that the scene lacks; or the scene has no
+    /// triangles.
     pub fn of(station: &Station, scene: &Scene) -> Result<Self, StationError> {
         let names: Vec<_> = scene.surfaces.iter().map(|surface| surface.name.as_str()).collect();
         // The phantom's planes and surfaces match: its file is never named.

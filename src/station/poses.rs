@@ -1,4 +1,4 @@
-//! Poses of a station to measure at: of its recording, or its own.
+//! Poses at which measurements are made: from a station's recording, or the station's own pose.
 
 use std::path::Path;
 use std::time::Duration;
@@ -13,25 +13,25 @@ use crate::statistics::evenly;
 /// Longest gap of a recording within which poses are interpolated, ns.
 const GAP_NS: u64 = 500_000_000;
 
-/// Source of poses.
+/// Poses for measurements.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Poses {
     all: Vec<TimedPose>,
-    /// Description of the poses.
+    /// Origin of the poses, for messages.
     pub what: &'static str,
 }
 
-/// A pose to measure at, and those of the frames before it.
+/// A pose for a measurement, and the poses of the frames before it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Track {
-    /// The pose.
+    /// Pose of the measured frame.
     pub at: Pose,
-    /// Poses of the frames before, the oldest first; shorter where the recording begins or has a gap.
+    /// Poses of the frames before, the oldest first. There are fewer after the start of the recording or a gap.
     pub before: Vec<Pose>,
 }
 
 impl Track {
-    /// The same path, moved rigidly to end at `at`.
+    /// The same track, moved rigidly so that it ends at `at`.
     fn moved_to(self, at: Pose) -> Self {
         let from_own = at * self.at.inverse();
         Self { at, before: self.before.into_iter().map(|before| from_own * before).collect() }
@@ -39,10 +39,11 @@ impl Track {
 }
 
 impl Poses {
-    /// Poses of `file`, else of the station's recording, with the station's calibration; else the station's own pose.
+    /// Poses of `file`, or else of the station's recording, both with the station's calibration. Without either, the
+    /// station's own pose.
     ///
     /// # Errors
-    /// Those of [`Poses::of_recording`], or a station with neither a recording nor a pose.
+    /// Errors of [`Poses::of_recording`]; or the station has neither a recording nor a pose.
     pub fn of_station(station: &Station, file: Option<&Path>) -> Result<Self, StationError> {
         if let Some(path) = file.or(station.recording()) {
             return Self::of_recording(path, station);
@@ -68,7 +69,8 @@ impl Poses {
         Ok(Self { all, what: "spread over the recording" })
     }
 
-    /// `count` poses spread evenly over the recording; a single one is turned about its beam in even steps.
+    /// `count` poses, spread evenly over the recording. If there is only one pose, it is turned about its beam in
+    /// even steps.
     pub fn spread(&self, count: usize) -> Vec<Pose> {
         if let [TimedPose { pose, .. }] = self.all[..] {
             let turned = |i: usize| {
@@ -80,11 +82,11 @@ impl Poses {
         evenly(count.min(self.all.len()), self.all.len()).map(|i| self.all[i].pose).collect()
     }
 
-    /// `count` poses for each speed of the probe, each with the path of `frames` frames before it: moments of this
-    /// recording at that speed, or, if it has one pose only, these poses with the paths of `hand`.
+    /// `count` poses for each speed of the probe, each with the `frames` poses before it. They are moments of this
+    /// recording at that speed. If this is a single pose, the poses are spread about it, with the motion of `hand`.
     ///
     /// # Errors
-    /// A speed at which the probe never moves.
+    /// The probe never moves at one of the speeds.
     pub fn at_speeds(
         &self,
         hand: &Self,
@@ -109,7 +111,7 @@ impl Poses {
         Ok(found)
     }
 
-    /// All poses with a whole path of `frames` frames before them, and the class of the mean speed along it.
+    /// All poses with `frames` poses before them, each with the class of the mean speed along this track.
     fn moments(&self, frames: u32, period: Duration) -> Vec<(ProbeSpeed, Track)> {
         let whole = (0..self.all.len()).filter_map(|index| {
             let track = self.track(index, frames, period);
@@ -120,12 +122,12 @@ impl Poses {
         whole.collect()
     }
 
-    /// Whether the probe moves.
+    /// Whether the poses differ, so that the probe moves.
     pub fn moves(&self) -> bool {
         self.all.len() > 1
     }
 
-    /// [`Poses::spread`], each with the poses of `frames` frames before it, `period` apart.
+    /// Poses as of [`Poses::spread`], each with the `frames` poses before it, `period` apart.
     pub fn tracks(&self, count: usize, frames: u32, period: Duration) -> Vec<Track> {
         if !self.moves() {
             return self.spread(count).into_iter().map(|at| Track { at, before: Vec::new() }).collect();
@@ -151,7 +153,7 @@ mod tests {
 
     #[test]
     fn each_speed_gets_poses_with_their_real_paths() {
-        // One second at rest, one at 10 mm/s, one at 50 mm/s, at 100 poses a second.
+        // One second at rest, one at 10 mm/s and one at 50 mm/s, with 100 poses per second.
         let x = |ms: f64| 0.01 * (ms.min(2000.0) - 1000.0).max(0.0) + 0.05 * (ms - 2000.0).max(0.0);
         let at = |x: f64| Pose { position_mm: DVec3::X * x, orientation: DQuat::IDENTITY };
         let timed = |nth: u32| {
@@ -163,12 +165,12 @@ mod tests {
         let found = hand.at_speeds(&hand, 4, 8, period).unwrap();
         let speeds: Vec<ProbeSpeed> = found.iter().map(|(speed, _)| *speed).collect();
         assert_eq!(speeds, ProbeSpeed::ALL.map(|speed| [speed; 4]).concat());
-        // Eight frames of 20 ms: nothing at rest, 1.6 mm at most in slow motion, 8 mm at most in fast.
+        // Paths of eight frames of 20 ms: 0 mm at rest, at most 1.6 mm in slow motion, at most 8 mm in fast motion.
         let path_mm = |(_, track): &(ProbeSpeed, Track)| track.at.position_mm.x - track.before[0].position_mm.x;
         assert!(found.iter().all(|(_, track)| track.before.len() == 8));
         assert!(found[..4].iter().all(|f| path_mm(f) < 0.48));
         assert!(found[8..].iter().all(|f| (2.4..=8.01).contains(&path_mm(f))));
-        // A standing probe moves as the hand does, about its own poses.
+        // A standing probe moves as the hand does, but about its own poses.
         let standing = Poses { all: vec![timed(50)], what: "" };
         let moved = standing.at_speeds(&hand, 4, 8, period).unwrap();
         let (_, fast) = &moved[8];

@@ -4,7 +4,8 @@ use super::StationError;
 use super::values::Values;
 use crate::render::{Preset, RenderSettings};
 
-/// Settings from checked values. With a budget, rays and layers keep their defaults until they are measured.
+/// Settings from checked values. With a time budget, rays and layers keep their defaults until the budget chooses
+/// them.
 pub(super) fn settings(image_values: &Values, values: &Values) -> Result<RenderSettings, StationError> {
     if values.has("frame_budget_ms") {
         values.refuse(

@@ -1,4 +1,4 @@
-//! Keys of earlier builds: still accepted, with a hint that names today's.
+//! Keys that earlier versions had under another name. They are still accepted, with a hint that names today's key.
 
 use std::fmt;
 
@@ -6,21 +6,21 @@ use toml::{Table, Value};
 
 use super::StationError;
 
-/// Table, key of earlier builds, and the key today.
+/// Renamed keys: table, earlier name, and name today.
 const RENAMED: [(&str, &str, &str); 3] = [
     ("quality", "budget_ms", "frame_budget_ms"),
     ("generator", "budget_ms", "run_budget_ms"),
     ("pipeline", "budget_ms", "deadline_ms"),
 ];
 
-/// A key of an earlier build that a station file has.
+/// A key with an earlier name that a station file has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RenamedKey {
-    /// Table.
+    /// Name of the table.
     pub table: &'static str,
-    /// Key in the file.
+    /// Name in the file.
     pub old: &'static str,
-    /// The key today.
+    /// Name today.
     pub new: &'static str,
 }
 
@@ -31,7 +31,7 @@ impl fmt::Display for RenamedKey {
     }
 }
 
-/// Gives the keys of earlier builds in `root` their names of today, and returns them.
+/// Renames the keys of earlier versions in `root` to today's names, and returns them.
 ///
 /// # Errors
 /// A table has a key under both names.

@@ -1,4 +1,4 @@
-//! `[scene]`: source of the scanned surfaces.
+//! `[scene]`: source of the surfaces that are scanned.
 
 use std::path::Path;
 

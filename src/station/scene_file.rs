@@ -1,4 +1,4 @@
-//! File of a station's surfaces: given, or generated and cached.
+//! Scene file of a station: named by the station, or generated and cached.
 
 use std::path::{Path, PathBuf};
 
@@ -7,12 +7,12 @@ use crate::anatomy::Scene;
 use crate::files::cache_directory;
 use crate::phantom::{self, PhantomFile};
 
-/// File of a station's surfaces.
+/// Scene file of a station.
 #[derive(Debug)]
 pub enum SceneFile {
     /// File that the station names.
     Given(PathBuf),
-    /// File of a generated phantom. Outside the cache it is removed with this value.
+    /// File of a generated phantom. If it is not in the cache, it is removed when this value is dropped.
     Generated(PhantomFile),
 }
 
@@ -27,8 +27,8 @@ impl SceneFile {
 }
 
 impl Station {
-    /// File of the surfaces. A generated scene is built and cached in [`cache_directory`] if it is not there; `progress` is
-    /// called only during such a build, from several threads.
+    /// The station's scene file. If a generated scene is not cached, it is built and cached in [`cache_directory`].
+    /// `progress` is called only during such a build, from several threads.
     ///
     /// # Errors
     /// The phantom cannot be built or written.
@@ -41,10 +41,10 @@ impl Station {
         }
     }
 
-    /// Surfaces with this station's tissues, from [`Station::prepare_scene_file`].
+    /// Loads the file from [`Station::prepare_scene_file`], with this station's tissues.
     ///
     /// # Errors
-    /// Those of [`Station::prepare_scene_file`] and [`Station::load_scene_from`].
+    /// Errors of [`Station::prepare_scene_file`] and [`Station::load_scene_from`].
     pub fn load_scene(&self, progress: &(dyn Fn(phantom::Progress) + Sync)) -> Result<Scene, StationError> {
         self.load_scene_from(self.prepare_scene_file(progress)?.path())
     }

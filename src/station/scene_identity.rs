@@ -1,4 +1,4 @@
-//! Text that identifies a station's scene in recordings.
+//! Identity of a station's scene, as a text in recordings.
 
 use std::fmt;
 use std::io::{self, Read};
@@ -11,32 +11,32 @@ use super::{SceneSource, Station};
 use crate::files::{self, FileKind, hex};
 use crate::phantom::Parameters;
 
-/// Key of a file's hash.
+/// Key of the hash of a scene file.
 const HASH: &str = "sha256";
 
-/// Key of the image's depth.
+/// Key of the image's depth, mm.
 const DEPTH: &str = "depth_mm";
 
-/// Begin of the phantom's keys, as in a station file.
+/// Prefix of the phantom's keys, as in a station file.
 const PHANTOM: &str = "phantom_";
 
-/// Bytes of a hash that are kept.
+/// Number of bytes of a hash that are recorded.
 const HASH_BYTES: usize = 8;
 
-/// Bytes that are hashed at once.
+/// Number of bytes that are hashed at once.
 const PIECE: usize = 1 << 16;
 
-/// What identifies a scene: the phantom's parameters, or a file's name and hash. [`Display`](fmt::Display) writes
-/// `NAME (key value, key value)`, as recordings have it.
+/// Identity of a scene: the phantom's parameters, or a file's name and hash. [`Display`](fmt::Display) writes `NAME
+/// (key value, key value)`, as recordings have it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SceneIdentity {
     name: String,
-    /// Keys and values.
+    /// Keys and values that identify the scene.
     parts: Vec<(String, String)>,
 }
 
 impl SceneIdentity {
-    /// Identity of the scene of `station`. A file that can't be read has its name alone.
+    /// Identity of `station`'s scene. If its file can't be read, the identity is only the name.
     pub fn of(station: &Station) -> Self {
         match &station.scene {
             SceneSource::ObstetricPhantom(options) => {
@@ -50,14 +50,14 @@ impl SceneIdentity {
         }
     }
 
-    /// The same with the depth of the image, for recordings that don't hold the session's settings.
+    /// The same identity with the depth of the image, for recordings that don't hold the session's settings.
     #[must_use]
     pub fn with_depth(mut self, depth_mm: f64) -> Self {
         self.parts.push((DEPTH.to_owned(), depth_mm.to_string()));
         self
     }
 
-    /// Reads an identity; `None` for other text, such as the name or path that earlier recordings have.
+    /// Reads an identity. `None` for any other text, such as the name or path in earlier recordings.
     fn parse(text: &str) -> Option<Self> {
         let (name, parts) = text.strip_suffix(')')?.rsplit_once(" (")?;
         let pair = |part: &str| {
@@ -65,7 +65,7 @@ impl SceneIdentity {
             let is_known = key == HASH || key == DEPTH || key.starts_with(PHANTOM);
             is_known.then(|| (key.to_owned(), value.to_owned()))
         };
-        // A later version may write further keys.
+        // A later version of insonify may write further keys.
         let parts: Vec<_> = parts.split(", ").filter_map(pair).collect();
         (!parts.is_empty()).then(|| Self { name: name.to_owned(), parts })
     }
@@ -78,7 +78,8 @@ impl SceneIdentity {
         self.parts.iter().any(|(key, _)| key.starts_with(PHANTOM))
     }
 
-    /// What this scene and `here` have different, each in words; `None` if nothing that both have is.
+    /// Differences between this scene and `here`: what each has, in words. `None` if all keys that both have are
+    /// equal.
     fn difference(&self, here: &Self) -> Option<(String, String)> {
         let is_file = |scene: &Self| scene.value(HASH).is_some();
         if (self.is_phantom() && is_file(here)) || (is_file(self) && here.is_phantom()) {
@@ -108,8 +109,8 @@ impl fmt::Display for SceneIdentity {
     }
 }
 
-/// Sentence on how the scene of `station` differs from the `recorded` one; `None` if it doesn't, or if the recording doesn't
-/// say.
+/// Sentence that tells how `station`'s scene differs from the `recorded` one. `None` if they are equal, or if the
+/// recording doesn't identify its scene.
 pub fn other_scene(recorded: &str, station: &Station) -> Option<String> {
     let recorded = SceneIdentity::parse(recorded)?;
     let here = SceneIdentity::of(station).with_depth(station.probe.depth_mm);
@@ -117,7 +118,7 @@ pub fn other_scene(recorded: &str, station: &Station) -> Option<String> {
     Some(format!("the session was recorded on {recorded}, the station has {here}"))
 }
 
-/// All parameters by their keys in a station file.
+/// All parameters of a phantom, with their keys in a station file.
 fn parameters(parameters: &Parameters) -> Vec<(String, String)> {
     let Ok(Value::Object(values)) = serde_json::to_value(parameters) else { return Vec::new() };
     let text = |value: &Value| match value {
@@ -128,7 +129,7 @@ fn parameters(parameters: &Parameters) -> Vec<(String, String)> {
     values.iter().map(|(key, value)| (format!("{PHANTOM}{key}"), text(value))).collect()
 }
 
-/// First bytes of the SHA-256 of the file at `path`, in hexadecimal digits; `None` if it can't be read.
+/// First bytes of the SHA-256 of the file at `path`, as hexadecimal digits; `None` if it can't be read.
 fn hash(path: &Path) -> Option<String> {
     let mut file = files::open(path, FileKind::Scene).ok()?;
     let (mut hash, mut piece) = (Sha256::new(), vec![0; PIECE]);
@@ -180,7 +181,7 @@ mod tests {
             Station::parse(&format!("[scene]\npath = \"{name}\""), dir.path()).unwrap()
         };
         let recorded = SceneIdentity::of(&at("a.glb", b"one")).to_string();
-        // The first digits of the SHA-256 of "one".
+        // The digits are the first of the SHA-256 of "one".
         assert_eq!(recorded, "a.glb (sha256 7692c3ad3540bb80)");
         assert_eq!(other_scene(&recorded, &at("renamed.glb", b"one")), None);
         let other = other_scene(&recorded, &at("b.glb", b"two")).unwrap();

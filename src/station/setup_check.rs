@@ -1,4 +1,4 @@
-//! Faults of a station's tracker and calibration that are found without a session.
+//! Faults of a station's tracker and calibration that can be found without a session.
 
 use std::fmt;
 use std::path::Path;
@@ -13,16 +13,16 @@ use crate::pose::{Calibration, CalibrationError, CalibrationSource, Fitted, Pose
 use crate::tracker::devices::{Devices, SerialDevice};
 use crate::tracker::{PortName, Protocol, Settings, Transport};
 
-/// Largest plausible distance of a tracker from the middle of its scene, mm: optical trackers reach 3 m.
+/// Largest plausible distance of a tracker from the centre of its scene, mm. Optical trackers reach 3 m.
 const TRACKER_MM: f64 = 4000.0;
 
-/// Plausible distances of a probe's face or a stylus' tip from its sensor, mm.
+/// Plausible distances of a probe's face, or of a stylus's tip, from its sensor, mm.
 const MOUNT_MM: [f64; 2] = [METRES_BELOW_MM, 500.0];
 
-/// Distance of a tracker's origin from the scene's, mm, below which it is likely in metres.
+/// Distance between the origins of tracker and scene below which the calibration is likely in metres, mm.
 const ORIGIN_MM: f64 = 10.0;
 
-/// Residual of a fit above which it is doubtful, mm.
+/// Residual of a calibration's fit above which the calibration is doubtful, mm.
 const RMS_MM: f64 = 5.0;
 
 /// A finding about a station's tracker or calibration.
@@ -30,9 +30,9 @@ const RMS_MM: f64 = 5.0;
 pub struct SetupFinding {
     /// Severity.
     pub severity: Severity,
-    /// What is wrong, with its key.
+    /// What is wrong, with the key of the station file.
     pub what: String,
-    /// Advice.
+    /// Advice how to mend it.
     pub remedy: String,
 }
 
@@ -42,8 +42,8 @@ impl fmt::Display for SetupFinding {
     }
 }
 
-/// Findings about the tracker and calibration of `station`, whose scene's bounds are `bounds_mm`. `devices` are those of
-/// this machine; without them ports aren't looked for.
+/// Findings about the tracker and calibration of `station`. `bounds_mm` are the bounds of its scene. `devices` are
+/// the devices of this machine; without them, ports aren't looked for.
 pub fn check_setup(
     station: &Station,
     bounds_mm: Option<[[f32; 3]; 2]>,
@@ -61,8 +61,8 @@ pub fn check_setup(
     findings
 }
 
-/// Warnings about parts of a calibration that a live `tracker` needs and that are missing, for the start of a session. A
-/// file that can't be read is left to whoever uses it.
+/// Warnings about missing parts of a calibration that a live `tracker` needs, for the start of a session. A
+/// calibration file that can't be read gives no warning here; whoever uses it reports the error.
 pub fn missing_calibration(tracker: &Settings, calibration: &CalibrationSource) -> Vec<SetupFinding> {
     calibration.load().map_or_else(|_| Vec::new(), |calibration| incomplete(tracker, &calibration))
 }
@@ -82,13 +82,13 @@ fn unusable(error: &CalibrationError) -> SetupFinding {
     finding(Severity::Error, error.to_string(), remedy)
 }
 
-/// Whether poses of the tracker count from its own origin, so that a calibration is needed.
+/// Whether the tracker's poses are relative to its own origin, so that a calibration is needed.
 fn needs_calibration(tracker: &Settings) -> bool {
     let live = matches!(tracker.transport, Transport::Serial { .. } | Transport::Tcp { .. } | Transport::Udp { .. });
     live && !matches!(tracker.protocol, Protocol::Bno08x | Protocol::Bno08xRollFirst)
 }
 
-/// Findings about parts of a calibration that a live tracker needs and that are missing.
+/// Findings about missing parts of a calibration that a live tracker needs.
 fn incomplete(tracker: &Settings, calibration: &Calibration) -> Vec<SetupFinding> {
     if !needs_calibration(tracker) {
         return Vec::new();
@@ -111,7 +111,7 @@ fn incomplete(tracker: &Settings, calibration: &Calibration) -> Vec<SetupFinding
     findings
 }
 
-/// Findings about calibrated values that can hardly be right.
+/// Findings about calibrated values that are implausible.
 fn implausible(calibration: &Calibration, bounds_mm: Option<[[f32; 3]; 2]>) -> Vec<SetupFinding> {
     let mut findings = Vec::new();
     let mut warn = |what: String, remedy: &str| findings.push(finding(Severity::Warning, what, remedy));
@@ -170,7 +170,7 @@ fn implausible(calibration: &Calibration, bounds_mm: Option<[[f32; 3]; 2]>) -> V
     findings
 }
 
-/// Message about a distance from a sensor that can hardly be right; `None` for a plausible one.
+/// Message about an implausible distance from a sensor; `None` for a plausible one.
 fn off_mount(what: &str, position_mm: DVec3) -> Option<String> {
     let away_mm = position_mm.length();
     let [least, most] = MOUNT_MM;
@@ -180,7 +180,7 @@ fn off_mount(what: &str, position_mm: DVec3) -> Option<String> {
     (away_mm > 0.0 && away_mm < least).then(|| format!("{what} {away_mm:.3} mm from its sensor: is it in metres?"))
 }
 
-/// Finding about a number for a sensor whose tracker has only one, number 0.
+/// Finding about a `sensor` number other than 0, for a tracker that has only sensor 0.
 fn unheard_sensor(tracker: &Settings) -> Option<SetupFinding> {
     let Settings { transport, protocol, device, .. } = tracker;
     let has_one = match protocol {
@@ -207,7 +207,7 @@ fn unheard_sensor(tracker: &Settings) -> Option<SetupFinding> {
     })
 }
 
-/// Findings about the tracker's port and files, and its sensor.
+/// Findings about the tracker's port, files and sensor.
 fn tracker(station: &Station, devices: Option<&Devices>) -> Vec<SetupFinding> {
     let mut findings = Vec::from_iter(unheard_sensor(&station.tracker));
     match &station.tracker.transport {
@@ -263,7 +263,7 @@ fn tracker(station: &Station, devices: Option<&Devices>) -> Vec<SetupFinding> {
     findings
 }
 
-/// Whether a port is on this machine.
+/// Whether `port` is among the ports of this machine.
 fn is_there(port: &PortName, ports: &[SerialDevice]) -> bool {
     let exists = matches!(port, PortName::Path(path) if Path::new(path).exists());
     exists || ports.iter().any(|device| device.is(port))
@@ -346,7 +346,7 @@ mod tests {
         assert!(found[0].what.starts_with("nothing says where the tracker is"), "{found:?}");
         assert_eq!(said("[tracker]\ntransport = \"mock\"\n"), []);
         assert_eq!(said("[tracker]\ntransport = \"recording\"\nrecording = \"a.mcap\"\n"), []);
-        // Nothing of a file that is still to be written: `record` may be its first step.
+        // A recording that is still to be written has no findings: `record` may be its first step.
         assert_eq!(said(&format!("{live}[calibration]\npath = \"none.toml\"\n")), []);
     }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::{Station, StationError};
 
-/// Parses a station with `tables` in the directory `/station`; its scene is a file.
+/// Parses a station that has `tables` and is in the directory `/station`. Its scene is a file.
 pub(super) fn parse(tables: &str) -> Result<Station, StationError> {
     Station::parse(&format!("[scene]\npath = \"a.glb\"\n{tables}"), Path::new("/station"))
 }
@@ -22,7 +22,7 @@ pub(super) fn assert_refused<const N: usize>(table: &str, lines: &[(&str, [&str;
 fn paths_with_backslashes_in_double_quotes_are_refused_with_the_way_out() {
     for (tables, words) in [
         ("[calibration]\npath = \"C:\\Users\\me\\c.toml\"", ["path = 'C:\\Users\\me\\c.toml'", "forward slashes"]),
-        // Valid escapes of TOML, and no path.
+        // The escapes are valid TOML, but the text is no path.
         (
             "[calibration]\npath = \"C:\\temp\\new.toml\"",
             ["`calibration.path`: it holds a control character", "C:/temp/new.toml"],

@@ -13,7 +13,7 @@ use crate::tracker::DeviceOptions;
 use crate::tracker::ndi::USUAL_BAUD;
 use crate::tracker::{Protocol, Settings, Speed, Transport, mock};
 
-/// Keys restricted to some transports, and these transports.
+/// Keys that only some transports accept, with these transports.
 const TRANSPORTS_OF: [(&[&str], &[&str]); 11] = [
     (&["protocol"], &["serial", "tcp", "udp", "hid", "mock"]),
     (&["port"], &["serial", "hid"]),
@@ -28,7 +28,7 @@ const TRANSPORTS_OF: [(&[&str], &[&str]); 11] = [
     (&["schedule", "rate_hz", "seed"], &["mock"]),
 ];
 
-/// Settings of a tracker. A mock moves about `default_pose`; paths are relative to `dir`.
+/// Settings of the station's tracker. A mock tracker moves about `default_pose`. Relative paths start at `dir`.
 pub(super) fn settings(values: &Values, default_pose: Option<Pose>, dir: &Path) -> Result<Settings, StationError> {
     let name = values.text("transport").unwrap_or("none");
     for (keys, transports) in TRANSPORTS_OF {
@@ -105,7 +105,7 @@ fn transport(
     Ok(match name {
         "serial" => Transport::Serial {
             port: parsed("port", values.text("port").ok_or_else(|| missing("port", "which serial port"))?)?,
-            // An NDI device is opened at its default baud rate and then switched to the station's.
+            // An NDI device is opened at its default baud rate, and then switched to the station's.
             baud: match protocol {
                 Protocol::Ndi => protocol.usual_baud(),
                 _ => values.integer("baud").unwrap_or(protocol.usual_baud()),
@@ -280,7 +280,7 @@ mod tests {
                 "transport = \"tcp\"\naddress = \"h:1\"\nprotocol = \"openigtlink\"\ntool = \"Probe\"\nsensor = 1",
                 "`tracker.sensor` does not apply: `tracker.tool` chooses the probe by its name",
             ),
-            // A number would be the order in which the tools happen to come into view.
+            // A number would depend on the order in which the tools happen to come into view.
             (
                 "transport = \"tcp\"\naddress = \"h:1\"\nprotocol = \"openigtlink\"\nsensor = 0",
                 "`tracker.sensor` does not apply: `openigtlink` numbers its tools by arrival; name the probe by `tool`",

@@ -68,7 +68,7 @@ impl Values {
         Pose::from_components([x, y, z, qw, qx, qy, qz])
     }
 
-    /// Overwrites the settings in `group` whose keys are given.
+    /// Overwrites the settings in `group` whose keys are given in the table.
     pub(super) fn set_group(&self, group: &mut impl SettingsGroup) {
         for (key, value) in &self.values {
             let Some(stored) = group.stored_mut(key) else { continue };
@@ -90,19 +90,19 @@ impl Values {
         }
     }
 
-    /// The group of settings, defaults where no key is given.
+    /// A group of settings; keys that are not given have their defaults.
     pub(super) fn group<G: SettingsGroup + Default>(&self) -> G {
         let mut group = G::default();
         self.set_group(&mut group);
         group
     }
 
-    /// Overwrites `target` if the key is given.
+    /// Overwrites `target` with the value of `key`, if the key is given.
     pub(super) fn set(&self, key: &str, target: &mut f64) {
         *target = self.number(key).unwrap_or(*target);
     }
 
-    /// Overwrites the listening address of a server if it is given.
+    /// Overwrites the listening address of a server, if it is given.
     pub(super) fn set_address(&self, address: &mut IpAddr) -> Result<(), StationError> {
         if let Some(text) = self.text("address") {
             *address = text.parse().map_err(|_| self.wrong_text("address", text, LISTEN_ADDRESS))?;
@@ -120,7 +120,7 @@ impl Values {
         }
     }
 
-    /// Refuses the first of `keys` that is given, for `reason`.
+    /// Refuses the first of `keys` that is given. `reason` says why it does not apply.
     pub(super) fn refuse(&self, keys: &[&str], reason: &str) -> Result<(), StationError> {
         match keys.iter().find(|key| self.has(key)) {
             Some(key) => {
@@ -145,7 +145,7 @@ pub(super) fn section(root: &mut Table, name: &str) -> Result<Values, StationErr
     Values::check(name, take(root, name)?.unwrap_or_default())
 }
 
-/// Checked values of a table; `None` if absent.
+/// Checked values of a table; `None` if the table is absent.
 pub(super) fn optional(root: &mut Table, name: &str) -> Result<Option<Values>, StationError> {
     take(root, name)?.map(|values| Values::check(name, values)).transpose()
 }
@@ -158,13 +158,13 @@ pub(super) fn wrong_type(key: String, found: &Value, accepts: Accepts) -> Statio
     StationError::Value { key, found: shown(found), accepts, suggestion: String::new() }
 }
 
-/// A value as TOML; tables and long texts are replaced by their type.
+/// A value as TOML. Tables and long texts are replaced by the name of their type.
 fn shown(value: &Value) -> String {
     let text = value.to_string();
     if value.is_table() || text.chars().count() > 60 { format!("a {}", value.type_str()) } else { text }
 }
 
-/// Refuses a path with control characters: `"C:\temp"` in double quotes holds a tab.
+/// Refuses a path with control characters. For example, the TOML text `"C:\temp"` in double quotes holds a tab.
 fn check_path(key: &str, what: &str, text: &str) -> Result<(), StationError> {
     if !what.starts_with("a path") || !text.contains(char::is_control) {
         return Ok(());
@@ -180,7 +180,7 @@ fn check_value(table: &str, doc: &KeyDoc, value: &Value) -> Result<(), StationEr
     let wrong = || wrong_type(key(), value, doc.range);
     let mut suggestion = String::new();
     let accepted = match doc.range {
-        // NaN is not contained, so it is refused.
+        // No range contains NaN, so NaN is refused.
         Accepts::Number { min, max } => (min..=max).contains(&number(value).ok_or_else(wrong)?),
         Accepts::Integer { min, max } => (min..=max).contains(&value.as_integer().ok_or_else(wrong)?),
         Accepts::Numbers { count, limit } => {
