@@ -31,17 +31,17 @@ pub enum DatasetError {
         /// Cause.
         source: serde_json::Error,
     },
-    /// A data set of another format version.
+    /// The data set has an unsupported format version.
     #[error("{path} has format {found}; this version of insonify reads {expected}")]
     Format {
         /// File.
         path: PathBuf,
-        /// Its format.
+        /// Format version of the data set.
         found: u32,
-        /// Supported format.
+        /// Format version that is supported.
         expected: u32,
     },
-    /// An invalid row in a manifest.
+    /// A row of a manifest is invalid.
     #[error("{path}, line {line}: {reason}")]
     Row {
         /// Manifest.
@@ -51,7 +51,7 @@ pub enum DatasetError {
         /// Description of the fault.
         reason: String,
     },
-    /// An array that does not hold what its row says.
+    /// An array does not hold what its row says.
     #[error("{path}: {reason}")]
     Array {
         /// File.
@@ -59,7 +59,7 @@ pub enum DatasetError {
         /// Description of the fault.
         reason: String,
     },
-    /// An array that has changed since it was made.
+    /// An array has changed since it was made.
     #[error(
         "{path} is damaged: its SHA-256 is another than when it was made. Remove it, and run the command that made the data set again"
     )]
@@ -67,39 +67,39 @@ pub enum DatasetError {
         /// File.
         path: PathBuf,
     },
-    /// A request that cannot be planned.
+    /// The request can't be planned.
     #[error("{0}")]
     Plan(String),
-    /// A quality or a look outside its range.
+    /// A quality or a post-processing setting is outside its range.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// Stations with too many tissues.
+    /// The stations have more tissues than there are class numbers.
     #[error("the stations have {count} tissues; a data set holds 255")]
     Tissues {
         /// Number of different tissues.
         count: usize,
     },
-    /// A station without a source of poses.
+    /// A station has no source of poses.
     #[error("{station}: the scene has no standard planes, and the station no [pose] to wander about")]
     NoPose {
         /// Station file.
         station: PathBuf,
     },
-    /// A directory of another data set.
+    /// The directory holds another data set.
     #[error("{directory} holds another data set ({difference}): write to another directory, or remove it")]
     OtherDataset {
         /// Directory.
         directory: PathBuf,
-        /// First different key, with both values.
+        /// First key with different values, and both values.
         difference: String,
     },
-    /// Tuples that another run is writing.
+    /// Another run is writing these tuples.
     #[error("{manifest} is being written by another run: wait for it")]
     Busy {
         /// Manifest.
         manifest: PathBuf,
     },
-    /// A tuple that comes out differently on this machine.
+    /// A tuple comes out differently on this machine.
     #[error(
         "{directory}: tuple {index} is another frame here: another version, driver or device made this data set. Write to another directory, or remove it"
     )]
@@ -109,19 +109,19 @@ pub enum DatasetError {
         /// Index of the tuple.
         index: usize,
     },
-    /// A data set for the high quality that was made with another value.
+    /// The data set whose high quality is to be reused was made with another value.
     #[error("{directory}: {key} is {found} there, {wanted} is wanted here")]
     OtherTarget {
         /// Directory.
         directory: PathBuf,
-        /// Key in its header.
+        /// Key in the header of that data set.
         key: &'static str,
-        /// Its value.
+        /// Value in the header of that data set.
         found: String,
-        /// Value of this data set.
+        /// Value needed.
         wanted: String,
     },
-    /// A data set for the high quality that lacks it.
+    /// The data set whose high quality is to be reused lacks it.
     #[error("{directory}: {reason}")]
     Target {
         /// Directory.
@@ -129,35 +129,35 @@ pub enum DatasetError {
         /// Description of the fault.
         reason: String,
     },
-    /// A data set without tuples.
+    /// The data set has no tuples.
     #[error("{directory} holds no tuple yet")]
     Empty {
         /// Directory.
         directory: PathBuf,
     },
-    /// A row of a station that the header lacks.
+    /// A row names a station that the header lacks.
     #[error("{path} knows no station `{file}`")]
     UnknownStation {
         /// Header.
         path: PathBuf,
-        /// Station file of the row.
+        /// Station file that the row names.
         file: PathBuf,
     },
-    /// A scene that has changed since the data set was made.
+    /// The scene has changed since the data set was made.
     #[error("{path} is another scene than the data set was made of")]
     OtherScene {
         /// Scene file.
         path: PathBuf,
     },
-    /// A tissue that the header lacks.
+    /// The header lacks a tissue.
     #[error("the data set has no class `{tissue}`; its classes are {known}")]
     UnknownTissue {
-        /// Tissue of the scene.
+        /// Name of the tissue.
         tissue: String,
         /// All classes.
         known: String,
     },
-    /// A phantom outside its range.
+    /// The parameters of a phantom are outside their ranges.
     #[error("tuple {index}: {source}")]
     Phantom {
         /// Index of the tuple.
@@ -165,22 +165,22 @@ pub enum DatasetError {
         /// Cause.
         source: ParametersError,
     },
-    /// A tissue number of a frame without a class.
+    /// A tissue number of a frame has no class.
     #[error("tissue number {number} has no class")]
     Number {
         /// Number in the segmentation.
         number: u8,
     },
-    /// A station or a scene that cannot be loaded.
+    /// A station or a scene can't be loaded.
     #[error(transparent)]
     Station(#[from] StationError),
-    /// A session that cannot be made.
+    /// A session can't be generated.
     #[error(transparent)]
     Exam(#[from] ExamError),
-    /// A frame that cannot be rendered.
+    /// A frame can't be rendered.
     #[error(transparent)]
     Render(#[from] RenderError),
-    /// A file that cannot be written.
+    /// A file can't be written.
     #[error(transparent)]
     Sink(#[from] SinkError),
 }

@@ -1,4 +1,4 @@
-//! Making of a planned data set in a directory.
+//! Rendering of a planned data set into a directory.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -17,30 +17,31 @@ use crate::lanes::in_order;
 use crate::render::{Backend, SharedTables};
 use crate::station::{PlaneScene, SceneSource};
 
-/// Tuples of a shard in a directory. The directory is locked against other runs of the shard while this value lives.
+/// A shard to be rendered into a directory. While this value lives, the directory is locked against other runs of the
+/// shard.
 #[derive(Debug)]
 pub struct Job<'a> {
     maker: &'a Maker,
     directory: PathBuf,
     store: Store,
-    /// Number of the shard's tuples when the directory was opened.
+    /// Number of the shard's tuples that were complete when the directory was opened.
     kept: usize,
 }
 
 /// Result of a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Made {
-    /// Tuples rendered by this run.
+    /// Number of tuples that this run rendered.
     pub made: usize,
-    /// Tuples of the shard that an earlier run rendered.
+    /// Number of the shard's tuples that an earlier run rendered.
     pub kept: usize,
-    /// Training tuples of the shard.
+    /// Number of training tuples in the shard.
     pub train: usize,
-    /// Test tuples of the shard.
+    /// Number of test tuples in the shard.
     pub test: usize,
     /// Size of the shard's arrays, bytes.
     pub bytes: u64,
-    /// Manifest of the shard.
+    /// Path of the shard's manifest.
     pub manifest: PathBuf,
 }
 
@@ -52,19 +53,19 @@ impl fmt::Display for Made {
 }
 
 impl Maker {
-    /// Opens or creates the data set in `directory`. Tuples whose files are there with their sizes are kept.
+    /// Opens or creates the data set in `directory`. Tuples whose files exist with the right sizes are kept.
     ///
     /// # Errors
-    /// A directory that cannot be written, or that holds another data set; tuples that another run is writing.
+    /// The directory can't be written, or holds another data set; or another run is writing the tuples.
     pub fn open(&self, directory: &Path) -> Result<Job<'_>, DatasetError> {
         let store = Store::open(directory, &self.header, &self.recipe.stations, self.recipe.shard, self.tuples())?;
         Ok(Job { maker: self, directory: directory.to_owned(), kept: store.done(), store })
     }
 
-    /// Makes the shard in `directory`: [`Maker::open`] and [`Job::render`].
+    /// Renders the shard into `directory`: [`Maker::open`], then [`Job::render`].
     ///
     /// # Errors
-    /// Those of both.
+    /// The errors of these two.
     pub fn make(&self, directory: &Path, backend: &Backend, progress: &Progress<'_>) -> Result<Made, DatasetError> {
         let mut job = self.open(directory)?;
         job.render(backend, progress)?;
@@ -73,28 +74,28 @@ impl Maker {
 }
 
 impl Job<'_> {
-    /// Tuples of the shard.
+    /// Number of tuples in the shard.
     pub fn total(&self) -> usize {
         self.maker.tuples().len()
     }
 
-    /// Tuples of the shard that are still to be rendered.
+    /// Number of the shard's tuples that are still to be rendered.
     pub fn missing(&self) -> usize {
         self.total() - self.store.done()
     }
 
-    /// Tuples of the shard whose files were there, and are missing or cut short now: [`Job::render`] makes them again. A mask that
-    /// several tuples share comes back with one of them.
+    /// Number of the shard's tuples with files that have disappeared or been cut short. [`Job::render`] makes them
+    /// again. If only a mask is lost, which several tuples share, one of them is rendered again.
     pub fn lost(&self) -> usize {
         self.store.lost.len()
     }
 
-    /// Renders the missing tuples, several at once. A run that was stopped goes on where it was.
+    /// Renders the missing tuples, several at once. Continues a run that was stopped.
     ///
     /// # Errors
-    /// Tuples of this directory that this machine renders differently, checked on one; a scene that cannot be loaded or
-    /// rendered; a station with neither standard planes nor a pose; files that cannot be written. The tuples before one that
-    /// fails are kept.
+    /// This machine renders a tuple of the directory differently (one tuple is checked); a scene can't be loaded or
+    /// rendered; a station has neither standard planes nor a pose; or a file can't be written. Tuples before the one
+    /// that fails are kept.
     pub fn render(&mut self, backend: &Backend, progress: &Progress<'_>) -> Result<(), DatasetError> {
         let total = self.total();
         if self.missing() == 0 {
@@ -120,7 +121,7 @@ impl Job<'_> {
         });
         let write = |renderer: &mut TupleRenderer<'_>, Planned { scene, tables, row }: Planned| {
             let target = maker.targets.as_ref().map(|targets| targets.of(&row)).transpose()?;
-            // A tuple that is made again has its sum already.
+            // A tuple that is rendered again already has its checksum.
             let row = Row { sha256: sums.get(&row.index).cloned().unwrap_or_default(), ..row };
             let tuple = renderer.write(&scene, tables, &row, target, directory)?;
             Ok((row, tuple))
@@ -132,7 +133,7 @@ impl Job<'_> {
         })
     }
 
-    /// Numbers of tuples, and the manifest.
+    /// Counts of tuples so far, and the manifest.
     pub fn made(&self) -> Made {
         let (train, test) = self.store.splits;
         Made {
@@ -145,7 +146,7 @@ impl Job<'_> {
         }
     }
 
-    /// Refuses to continue a data set that this machine renders differently, checked on one tuple.
+    /// Refuses to continue a data set that this machine renders differently. One tuple is checked.
     fn check_machine(
         &self,
         scenes: &mut Scenes<'_>,
@@ -160,7 +161,7 @@ impl Job<'_> {
     }
 }
 
-/// Standard planes of a scene.
+/// A scene with its standard planes and skin.
 type Planes = (Arc<TupleScene>, PlaneScene);
 
 /// A tuple to be rendered.
@@ -170,7 +171,7 @@ struct Planned {
     row: Row,
 }
 
-/// The tuples of an exam with these indices; `known` tables are those of the exam before.
+/// Tuples of an exam with these indices. `known` are the tables of the previous exam, which may be reused.
 fn planned(
     maker: &Maker,
     scenes: &mut Scenes<'_>,
@@ -183,7 +184,7 @@ fn planned(
     let station = with_phantom(station, exam);
     let frames_before = header.look.lq_angles - 1;
     let open = planes.as_ref().is_none_or(|(of, _)| of.station != station) && station.scene_file().is_none();
-    // The phantom's planes need no mesh.
+    // The phantom's planes are known without its mesh.
     let (scene, opened) = rayon::join(|| scenes.of(&station), || open.then(|| PlaneScene::open(&station)).transpose());
     let scene = scene?;
     if let Some(opened) = opened? {
@@ -226,7 +227,7 @@ fn planned(
     Ok(rows.into_iter().map(|row| Planned { scene: scene.clone(), tables: tables.clone(), row }).collect())
 }
 
-/// Key frames of an exam over `scene`. `planes` keeps the planes of the last scene.
+/// Key frames of an exam over `scene`. `planes` caches the planes of the last scene.
 fn moments(
     scene: &Arc<TupleScene>,
     planes: &mut Option<Planes>,

@@ -1,25 +1,25 @@
-//! Bytes of a tuple's maps: classes of tissue numbers, and levels of attenuation.
+//! Conversion of a tuple's maps to bytes: tissue numbers to classes, attenuation to levels.
 
 use super::{ATTENUATION_POWER, DatasetError};
 
-/// Bits of an `f32` below those that choose a level within one.
+/// Number of low bits of an `f32` that are dropped for the index into `Levels::least`.
 const SHIFT: u32 = 17;
-/// Choices of those bits from 0 to 1.
+/// Number of indices for values from 0 to 1.
 const CHOICES: usize = (ONE >> SHIFT) as usize + 1;
-/// Bits of 1.0.
+/// Bit pattern of 1.0 as an `f32`.
 const ONE: u32 = 0x3f80_0000;
 
-/// 255 × the attenuation map to the power of [`ATTENUATION_POWER`], by tables instead of a power each.
+/// Level 255 × a^[`ATTENUATION_POWER`] of an attenuation a, looked up in tables instead of computed.
 pub(super) struct Levels {
-    /// Level of the least number of each choice.
+    /// Level of the smallest value with each index.
     least: Vec<u8>,
-    /// Bits of the least number of the level above each one.
+    /// Bit pattern of the smallest value of the next level, for each level.
     next: [u32; 256],
 }
 
 impl Levels {
     pub(super) fn new() -> Self {
-        // Bits of numbers from 0 on are in the order of the numbers, and levels rise with them.
+        // Bit patterns of numbers from 0 on have the order of the numbers, and levels rise with them.
         let first_of = |level: u8| {
             let (mut below, mut reached) = (0, ONE + 1);
             while reached - below > 1 {
@@ -47,7 +47,7 @@ impl Levels {
     }
 }
 
-/// Level of an attenuation.
+/// Computes the level of an attenuation.
 fn level_of(attenuation: f32) -> u8 {
     (attenuation.powf(ATTENUATION_POWER) * 255.0).round() as u8
 }
@@ -55,7 +55,7 @@ fn level_of(attenuation: f32) -> u8 {
 /// Appends the class of each tissue number.
 ///
 /// # Errors
-/// A number without a class.
+/// A number has no class.
 pub(super) fn extend_by_classes(into: &mut Vec<u8>, numbers: &[u8], class_of: &[u8]) -> Result<(), DatasetError> {
     let most = numbers.iter().copied().max().unwrap_or(0);
     if !numbers.is_empty() && usize::from(most) >= class_of.len() {
@@ -75,7 +75,7 @@ mod tests {
     fn levels_are_those_of_the_power() {
         let levels = Levels::new();
         let mut random = SplitMix64::new(7);
-        // All choices, the borders of all levels, and numbers of every size.
+        // Tests the smallest value of each index, the borders of all levels, and numbers of every magnitude.
         let borders =
             levels.next.iter().filter(|&&bits| bits <= ONE).flat_map(|&bits| bits - 300..=(bits + 300).min(ONE));
         let choices = (0..CHOICES as u32).flat_map(|choice| [choice << SHIFT, (choice << SHIFT).saturating_sub(1)]);

@@ -1,4 +1,4 @@
-//! Plan of a requested data set: everything but its frames.
+//! Planning of a requested data set: everything except its frames.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -11,7 +11,7 @@ use super::{ATTENUATION_POWER, DatasetError, Exam, FORMAT, Header, PLANES, Plan,
 use crate::names::thousands;
 use crate::render::FrameQuality;
 
-/// Plan of a data set, ready to be made.
+/// Planned data set, ready to be rendered.
 #[derive(Debug)]
 pub struct Maker {
     pub(super) recipe: Recipe,
@@ -23,20 +23,20 @@ pub struct Maker {
 /// Size of a planned data set, or of its shard.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Planned {
-    /// Training tuples.
+    /// Number of training tuples.
     pub train: usize,
-    /// Test tuples.
+    /// Number of test tuples.
     pub test: usize,
-    /// Sessions.
+    /// Number of sessions.
     pub exams: usize,
-    /// Drawn phantoms; 0 if stations keep their own scenes.
+    /// Number of drawn phantoms; 0 if stations keep their own scenes.
     pub phantoms: usize,
     /// Size of the arrays, bytes.
     pub bytes: u64,
 }
 
 impl fmt::Display for Maker {
-    /// Tuples, qualities and size of the shard in a line.
+    /// Writes tuples, qualities and size of the shard in one line.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Planned { train, test, exams, phantoms, bytes } = self.planned();
         let Header { lq, lq_more, hq, look, .. } = &self.header;
@@ -56,7 +56,7 @@ impl fmt::Display for Maker {
     }
 }
 
-/// Size as text.
+/// Size as text, in MB.
 pub(super) fn megabytes(bytes: u64) -> String {
     match bytes as f64 * 1e-6 {
         mb if mb < 2000.0 => format!("{mb:.0} MB"),
@@ -65,11 +65,11 @@ pub(super) fn megabytes(bytes: u64) -> String {
 }
 
 impl Maker {
-    /// Plans the data set of `recipe`; reads the files of its stations, and writes nothing.
+    /// Plans the data set of `recipe`. Reads the files of its stations, and writes nothing.
     ///
     /// # Errors
-    /// A request that cannot be planned; a quality, a number of angles or a span outside its range; more than 255
-    /// tissues; a station whose files cannot be read; a data set in [`Recipe::hq_from`] that is not of the same plan.
+    /// The request can't be planned; a quality, a number of angles or a span is outside its range; there are more
+    /// than 255 tissues; a station's files can't be read; or the data set in [`Recipe::hq_from`] has another plan.
     pub fn new(recipe: Recipe) -> Result<Self, DatasetError> {
         let Shard { number, of } = recipe.shard;
         if !(1..=of).contains(&number) {
@@ -104,12 +104,12 @@ impl Maker {
         &self.header
     }
 
-    /// Sessions of the shard.
+    /// Sessions in the shard.
     pub fn exams(&self) -> &[Exam] {
         self.recipe.shard.of(&self.plan.exams)
     }
 
-    /// Tuples of the shard. Its exams, and so its tuples, are consecutive.
+    /// Indices of the tuples in the shard. Exams are consecutive, so their tuples are, too.
     pub fn tuples(&self) -> Range<usize> {
         let exams = self.exams();
         exams.first().zip(exams.last()).map_or(0..0, |(first, last)| first.tuples.start..last.tuples.end)

@@ -58,12 +58,13 @@ pub use verify::Verified;
 /// Version of the directory's layout.
 pub const FORMAT: u32 = 1;
 
-/// Planes of a tuple, in order: grey levels of low and high quality, tissue numbers ([`Header::classes`]), and 255 ×
-/// the attenuation map to the power of [`ATTENUATION_POWER`].
+/// Planes of a tuple, in order: grey levels of low quality, grey levels of high quality, tissue classes (indices in
+/// [`Header::classes`]), and 255 × the attenuation map to the power of [`ATTENUATION_POWER`].
 pub const PLANES: [&str; 4] = ["lq", "hq", "segmentation", "attenuation"];
 
-/// Exponent of the attenuation map in a tuple: the map spans ten decades, of which eight linear bits hold two. The
-/// least value not rounded to 0 is 1.5e-11; above 1e-5 the rounding error is below 15 %.
+/// Exponent applied to the attenuation map in a tuple. The map spans ten decades, of which eight linear bits would
+/// hold only two. The smallest value that is not rounded to 0 is 1.5e-11; above 1e-5 the rounding error is below 15
+/// %.
 pub const ATTENUATION_POWER: f32 = 0.25;
 
 /// Name of the header file in the data set's directory.

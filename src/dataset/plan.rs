@@ -26,27 +26,27 @@ const OFF_SKIN_MM: f64 = 1.0;
 const WANDER: Deviation = Deviation { tilt_deg: 12.0, rock_deg: 10.0, rotate_deg: 40.0, slide_mm: 12.0 };
 /// Frame rates of live sessions, Hz.
 const FRAME_RATE_HZ: (f64, f64) = (10.0, 30.0);
-/// Length of such a session, s: the time span for moving scenes.
+/// Length of the session of a hand that wanders about a pose, s. It is also the time span for moving scenes.
 const WANDER_S: f64 = 60.0;
 
 /// Requested size and variety of a data set.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wishes {
-    /// Tuples in all, at least 2.
+    /// Number of tuples, at least 2.
     pub frames: usize,
-    /// Seed of every choice.
+    /// Seed of every random choice.
     pub seed: u64,
     /// Phantoms per station with a phantom scene; 0 keeps the station's own.
     pub phantoms: usize,
-    /// Tuples per exam, at least 1.
+    /// Number of tuples per exam, at least 1.
     pub frames_per_exam: usize,
     /// Share of test tuples, above 0 and below 1.
     pub test_share: f64,
-    /// One per station: true if its scene is a phantom.
+    /// Whether each station's scene is a phantom.
     pub stations: Vec<bool>,
 }
 
-/// One exam of a plan.
+/// One exam of a plan: a simulated session with its tuples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Exam {
     /// Number in the plan, from 0.
@@ -68,15 +68,15 @@ pub struct Exam {
 /// Exams of a data set.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
-    /// Exams, grouped by station and within a station by phantom.
+    /// Exams, grouped by station, and by phantom within a station.
     pub exams: Vec<Exam>,
 }
 
 /// Source of an exam's poses.
 pub enum Source<'a> {
-    /// A hand searches for standard planes on the skin.
+    /// A hand that searches for standard planes on the skin.
     Planes(&'a StandardPlanes, &'a Skin),
-    /// A hand wanders about this pose.
+    /// A hand that wanders about this pose.
     About(Pose),
 }
 
@@ -87,20 +87,20 @@ pub struct Moment {
     pub index: usize,
     /// Time in the session, s.
     pub time_s: f64,
-    /// `scene_from_probe`.
+    /// `scene_from_probe` at that time.
     pub pose: Pose,
-    /// Seed of its frames.
+    /// Seed of the tuple's frames.
     pub seed: u32,
-    /// Frame rate of the live session, Hz.
+    /// Frame rate of the simulated live session, Hz.
     pub frame_rate_hz: f64,
-    /// Poses of the frames before, the oldest first.
+    /// Poses of the previous frames, the oldest first.
     pub before: Vec<Pose>,
 }
 
-/// Part `number` (from 1) of `of` parts.
+/// A part of a data set that one run makes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shard {
-    /// Number, 1..=of.
+    /// Number of the part, 1..=of.
     pub number: usize,
     /// Number of parts.
     pub of: usize,
@@ -133,13 +133,14 @@ impl Shard {
 }
 
 impl Plan {
-    /// Plan for `wishes`; deterministic.
+    /// Plans a data set for `wishes`; deterministic.
     ///
-    /// The test split holds whole phantoms, or whole exams for a station with its own scene. Their number is nearest to
-    /// the share, with at least one unit in each split.
+    /// The test split holds whole phantoms, or whole exams of a station with its own scene. Their number is the
+    /// nearest to `test_share`, with at least one phantom or exam in each split.
     ///
     /// # Errors
-    /// Too few tuples for training and test; a share outside 0..1; no stations or frames per exam; a single phantom.
+    /// There are too few tuples for training and test; the share is outside 0..1; there are no stations or no frames
+    /// per exam; or there is a single phantom.
     pub fn new(wishes: &Wishes) -> Result<Self, DatasetError> {
         let Wishes { frames, frames_per_exam, test_share, phantoms, ref stations, .. } = *wishes;
         let wrong = |text: String| Err(DatasetError::Plan(text));
@@ -171,7 +172,7 @@ impl Plan {
             let tests = ((test_share * units as f64).round() as usize).clamp(1, units - 1);
             let phantom_seeds: Vec<u64> = (0..groups).map(|_| whole(&mut random)).collect();
             for nth in 0..count {
-                // Units are contiguous; the last ones are the test.
+                // Phantoms, or exams, are numbered consecutively; the last ones are the test split.
                 let unit = nth * units / count;
                 let skill = Skill::ALL[exams.len() % Skill::ALL.len()];
                 exams.push(Exam {
@@ -191,11 +192,12 @@ impl Plan {
 }
 
 impl Exam {
-    /// The exam's key frames: spread over its session, on the skin, and apart from each other. Each with the poses of
-    /// `frames_before` frames before it, at a frame rate of its own; a hand that wanders about a pose rests.
+    /// Key frames of the exam: spread over its session, on the skin, and apart from each other. Each comes with the
+    /// poses of the `frames_before` previous frames, at a random frame rate. A hand that wanders about a pose rests
+    /// at each key frame.
     ///
     /// # Errors
-    /// As [`session::make`].
+    /// Errors of [`session::make`].
     pub fn moments(&self, source: &Source, frames_before: u32) -> Result<Vec<Moment>, ExamError> {
         let mut random = SplitMix64::new(self.seed ^ 0x6d6f_6d65_6e74);
         let count = self.tuples.len();
@@ -229,7 +231,7 @@ impl Exam {
                 }
             }
             let Some((time_s, pose)) = found else { continue };
-            // Short enough for every reader of the manifest to recover it exactly.
+            // Rounded, so that every reader of the manifest recovers it exactly.
             let time_s = (1e3 * time_s).round() / 1e3;
             let seed = whole(&mut random) as u32;
             let frame_rate_hz = frame_rate_hz(seed);
@@ -243,21 +245,21 @@ impl Exam {
     }
 }
 
-/// Time, s, and pose at a fraction 0..1 of a session.
+/// Time, s, and pose at the fraction `part` (0..1) of a session.
 fn at(session: &[TimedPose], part: f64) -> (f64, Pose) {
     let index = (part * session.len() as f64) as usize;
     let Some(timed) = session.get(index).or(session.last()) else { return (0.0, Pose::IDENTITY) };
     (timed.host_time_ns.saturating_sub(START_TIME_NS) as f64 * 1e-9, timed.pose)
 }
 
-/// Frame rate of a live session, Hz: drawn from `seed`.
+/// Frame rate of a live session, Hz, drawn by `seed`.
 fn frame_rate_hz(seed: u32) -> f64 {
     let unit = SplitMix64::new(u64::from(seed) ^ 0x7261_7465).unit();
     // A manifest holds three decimals exactly.
     (1e3 * (FRAME_RATE_HZ.0 + unit * (FRAME_RATE_HZ.1 - FRAME_RATE_HZ.0))).round() / 1e3
 }
 
-/// Poses of `count` frames before `time_s`, the oldest first; fewer where the session begins.
+/// Poses of the `count` frames before `time_s`, the oldest first; fewer at the start of the session.
 fn before(session: &[TimedPose], time_s: f64, frame_rate_hz: f64, count: u32) -> Vec<Pose> {
     let pose = |frames: u32| {
         let ns = 1e9 * (time_s - f64::from(frames) / frame_rate_hz);

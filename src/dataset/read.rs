@@ -6,30 +6,30 @@ use super::sum::sha256;
 use super::{ATTENUATION_POWER, DatasetError, FORMAT, HEADER_FILE, Header, PLANES, Row, Split};
 use crate::files::{self, FileKind};
 
-/// Digits of its SHA-256 in a mask's name.
+/// Number of digits of a mask's SHA-256 in the mask's file name.
 pub(super) const MASK_DIGITS: usize = 16;
 
-/// Header and rows of a data set; arrays are read on demand.
+/// A data set on disk: header and rows in memory. Arrays are read on demand.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dataset {
-    /// Its directory.
+    /// Directory of the data set.
     pub directory: PathBuf,
-    /// `dataset.json`.
+    /// Content of `dataset.json`.
     pub header: Header,
     /// Rows of all manifests, sorted by index.
     pub rows: Vec<Row>,
 }
 
-/// A tuple's arrays, each [height × width], row-major, the first row nearest to the probe.
+/// Arrays of a tuple, each [height × width], row-major; the first row is the nearest to the probe.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Tuple {
-    /// Width, height.
+    /// Width and height, pixels.
     pub size: [usize; 2],
-    /// Grey levels of the low quality.
+    /// Grey levels of the low-quality frame.
     pub lq: Vec<u8>,
-    /// Grey levels of the high quality.
+    /// Grey levels of the high-quality frame.
     pub hq: Vec<u8>,
-    /// Indices in [`Header::classes`].
+    /// Tissue classes: indices in [`Header::classes`].
     pub segmentation: Vec<u8>,
     /// 255 × the attenuation map to the power of [`ATTENUATION_POWER`](super::ATTENUATION_POWER).
     pub attenuation: Vec<u8>,
@@ -38,7 +38,7 @@ pub struct Tuple {
 }
 
 impl Tuple {
-    /// Attenuation map, 0..=1, as in frames.
+    /// Attenuation map as in frames, 0..=1.
     pub fn attenuation_map(&self) -> Vec<f32> {
         let levels: [f32; 256] = std::array::from_fn(|byte| (byte as f32 / 255.0).powf(ATTENUATION_POWER.recip()));
         self.attenuation.iter().map(|&byte| levels[usize::from(byte)]).collect()
@@ -49,7 +49,7 @@ impl Header {
     /// Reads `dataset.json` of `directory`.
     ///
     /// # Errors
-    /// A missing or invalid header, or another format version.
+    /// The header is missing or invalid, or has another format version.
     pub fn load(directory: &Path) -> Result<Self, DatasetError> {
         let path = directory.join(HEADER_FILE);
         let text = files::read(&path, FileKind::DatasetHeader)
@@ -64,10 +64,11 @@ impl Header {
 }
 
 impl Dataset {
-    /// Reads header and manifests. A truncated last line of a manifest, from a killed run, is ignored.
+    /// Reads header and manifests. If a run was killed, the truncated last line of its manifest is ignored.
     ///
     /// # Errors
-    /// A missing or invalid header, an unreadable directory or manifest, an invalid row, or a duplicate index.
+    /// The header is missing or invalid; the directory or a manifest can't be read; a row is invalid; or an index
+    /// occurs twice.
     pub fn open(directory: &Path) -> Result<Self, DatasetError> {
         let header = Header::load(directory)?;
         let mut rows: Vec<Row> = Vec::new();
@@ -84,7 +85,7 @@ impl Dataset {
         Ok(Self { directory: directory.to_owned(), header, rows })
     }
 
-    /// Rows of a split.
+    /// Rows of the training or test split.
     pub fn of(&self, split: Split) -> impl Iterator<Item = &Row> {
         self.rows.iter().filter(move |row| row.split == split)
     }
@@ -92,8 +93,8 @@ impl Dataset {
     /// Reads the arrays of `row`.
     ///
     /// # Errors
-    /// A file that cannot be read, whose type or shape isn't the row's, that has changed since it was made, or with an unknown
-    /// class.
+    /// A file can't be read, does not have the type or shape in its row, has changed since it was made, or has an
+    /// unknown class.
     pub fn tuple(&self, row: &Row) -> Result<Tuple, DatasetError> {
         let [width, height] = row.size.map(|n| n as usize);
         let path = self.directory.join(&row.file);
@@ -112,20 +113,20 @@ impl Dataset {
         }
     }
 
-    /// Reads the planes of the tuple of `row`, one after the other.
+    /// Planes of the tuple of `row`, one after the other.
     pub(super) fn planes(&self, row: &Row) -> Result<Vec<u8>, DatasetError> {
         let [width, height] = row.size.map(|n| n as usize);
         read(&self.directory.join(&row.file), &[PLANES.len(), height, width], &row.sha256)
     }
 
-    /// Reads the mask of `row`.
+    /// Mask of the tuple of `row`.
     pub(super) fn mask(&self, row: &Row) -> Result<Vec<u8>, DatasetError> {
         let [width, height] = row.size.map(|n| n as usize);
         read(&self.directory.join(&row.mask), &[height, width], digits_of(&row.mask))
     }
 }
 
-/// First digits of its SHA-256 in the name of a mask; empty if it has none.
+/// First digits of the SHA-256 in the file name `mask`; empty if the name has none.
 fn digits_of(mask: &str) -> &str {
     let digits = mask.strip_suffix(".npy").and_then(|name| name.rsplit_once('_')).map_or("", |(_, digits)| digits);
     let is_sum = digits.len() == MASK_DIGITS && digits.bytes().all(|digit| digit.is_ascii_hexdigit());
@@ -150,7 +151,7 @@ pub fn manifests(directory: &Path) -> Result<Vec<PathBuf>, DatasetError> {
     Ok(manifests)
 }
 
-/// Rows of a manifest, and the length of the file up to the end of the last complete row, bytes.
+/// Rows of a manifest, and the number of bytes up to the end of the last complete row.
 ///
 /// # Errors
 /// The file cannot be read, or a complete line is not a row.
@@ -174,7 +175,7 @@ pub fn read_rows(path: &Path) -> Result<(Vec<Row>, u64), DatasetError> {
     Ok((rows, whole))
 }
 
-/// Bytes of an array, which must have this shape, and a SHA-256 that starts with `digits`.
+/// Bytes of an array, which must have this shape and a SHA-256 that starts with `digits`.
 fn read(path: &Path, shape: &[usize], digits: &str) -> Result<Vec<u8>, DatasetError> {
     let failed = |source| DatasetError::Io { path: path.to_owned(), source };
     let bytes = files::read(path, FileKind::Array).map_err(failed)?;

@@ -7,22 +7,23 @@ use crate::render::Quality;
 use crate::settings::{LookSettings, SettingsGroup};
 use crate::station::{SceneSource, Station};
 
-/// Frames per phantom, and the least number of phantoms, if their number is not requested.
+/// Frames per phantom, and smallest number of phantoms, if no number of phantoms is requested.
 const FRAMES_PER_PHANTOM: usize = 40;
 const PHANTOMS_LEAST: usize = 4;
 
 /// Request for a data set: stations, size, variety and qualities. Equal recipes give equal tuples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recipe {
-    /// Stations with their probe, image, tissues and scene; frames are shared out evenly. Each has been loaded from a file.
+    /// Stations with their probe, image, tissues and scene, each loaded from a file. They share the frames evenly.
     pub stations: Vec<Station>,
-    /// Tuples in all, at least 2.
+    /// Number of tuples, at least 2.
     pub frames: usize,
     /// Seed of phantoms, sessions, settings and key frames.
     pub seed: u64,
-    /// Phantoms per station with a phantom scene; 0 keeps the station's own. `None`: one in 40 frames, at least 4.
+    /// Phantoms per station with a phantom scene; 0 keeps the station's own. `None`: one phantom for every 40 frames,
+    /// at least 4.
     pub phantoms: Option<usize>,
-    /// Tuples per session, at least 1.
+    /// Number of tuples per session, at least 1.
     pub frames_per_exam: usize,
     /// Share of test tuples, above 0 and below 1.
     pub test_share: f64,
@@ -34,11 +35,11 @@ pub struct Recipe {
     pub lq_angles: u32,
     /// Steering angles of the high quality, at least 1; even numbers are rounded down.
     pub hq_angles: u32,
-    /// Angle between the outermost directions of compounding, degrees. `None`: that of the first station.
+    /// Angle between the outermost directions of compounding, degrees. `None`: the first station's.
     pub span_deg: Option<f64>,
-    /// Data set of the same plan whose high quality is taken over instead of rendered.
+    /// Directory of a data set with the same plan, from which the high quality is copied instead of rendered.
     pub hq_from: Option<PathBuf>,
-    /// Part to make.
+    /// Shard to make.
     pub shard: Shard,
 }
 
@@ -47,7 +48,7 @@ fn pair(quality: Quality) -> [u32; 2] {
     [quality.rays, quality.layers]
 }
 
-/// Rays and layers of the low qualities, the first apart, and of the high quality.
+/// Rays and layers: of the first low quality, of the further low qualities, and of the high quality.
 pub(super) struct Qualities {
     pub(super) lq: [u32; 2],
     pub(super) lq_more: Vec<[u32; 2]>,
@@ -55,7 +56,8 @@ pub(super) struct Qualities {
 }
 
 impl Recipe {
-    /// 600 tuples of `stations`, 8 a session, a tenth for the test, 1 × 1 against 32 × 3 rays and layers, one angle each.
+    /// Defaults for `stations`: 600 tuples, 8 per session, a tenth of them for the test. Low quality has 1 ray and 1
+    /// layer, high quality 32 rays and 3 layers, each with one angle.
     pub fn new(stations: Vec<Station>) -> Self {
         Self {
             stations,
@@ -74,7 +76,7 @@ impl Recipe {
         }
     }
 
-    /// Size and variety, for the plan.
+    /// Size and variety, as the plan needs them.
     pub(super) fn wishes(&self) -> Wishes {
         let share = self.frames / self.stations.len().max(1);
         let is_phantom = |station: &Station| matches!(station.scene, SceneSource::ObstetricPhantom(_));
@@ -88,7 +90,7 @@ impl Recipe {
         }
     }
 
-    /// Qualities, for the header.
+    /// Qualities, as the header needs them.
     pub(super) fn qualities(&self) -> Result<Qualities, DatasetError> {
         for &[rays, layers] in self.lq.iter().chain([&self.hq]) {
             Quality { rays, layers, seed: 0 }.validate()?;
@@ -99,7 +101,7 @@ impl Recipe {
         Ok(Qualities { lq: *first, lq_more: more.to_vec(), hq: self.hq })
     }
 
-    /// Compounding of both qualities.
+    /// Compounding of low and high quality.
     pub(super) fn compounding(&self) -> Result<CompoundingRow, DatasetError> {
         let look = self.stations.first().map(|station| station.settings.look).unwrap_or_default();
         let span_deg = self.span_deg.unwrap_or(look.span_deg);

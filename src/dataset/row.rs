@@ -7,22 +7,22 @@ use crate::pose::Pose;
 use crate::settings::LookSettings;
 use crate::transducer::{Probe, Sector};
 
-/// `dataset.json`: properties common to all tuples. Two runs with the same header make the same tuples.
+/// Content of `dataset.json`: properties common to all tuples. Two runs with the same header make the same tuples.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Header {
-    /// [`FORMAT`](super::FORMAT).
+    /// Version of the format, [`FORMAT`](super::FORMAT).
     pub format: u32,
     /// Version of insonify that made it.
     pub insonify: String,
     /// Seed of the plan.
     pub seed: u64,
-    /// Tuples planned, over all shards.
+    /// Number of planned tuples, over all shards.
     pub frames: usize,
     /// Tissue name of each number in the segmentation; 0 is `outside`, outside the sector.
     pub classes: Vec<String>,
-    /// [`PLANES`](super::PLANES).
+    /// Names of a tuple's planes, [`PLANES`](super::PLANES).
     pub planes: Vec<String>,
-    /// [`ATTENUATION_POWER`](super::ATTENUATION_POWER).
+    /// Exponent of the attenuation, [`ATTENUATION_POWER`](super::ATTENUATION_POWER).
     pub attenuation_power: f32,
     /// Rays and layers of the low quality.
     pub lq: [u32; 2],
@@ -31,16 +31,16 @@ pub struct Header {
     pub lq_more: Vec<[u32; 2]>,
     /// Rays and layers of the high quality.
     pub hq: [u32; 2],
-    /// Compounding of both.
+    /// Compounding of low and high quality.
     #[serde(default)]
     pub look: CompoundingRow,
     /// Phantoms per station with a phantom scene; 0 keeps the station's own.
     pub phantoms: usize,
-    /// Tuples per exam.
+    /// Number of tuples per exam.
     pub frames_per_exam: usize,
     /// Share of test tuples.
     pub test_share: f64,
-    /// Station files, as stored in `stations/`, with the base directory of their paths.
+    /// Station files, stored in `stations/`, each with the base directory of its paths.
     pub stations: Vec<StationRow>,
 }
 
@@ -59,33 +59,34 @@ impl Header {
 pub struct StationRow {
     /// File in the data set's directory.
     pub file: String,
-    /// Base directory of the paths in the file.
+    /// Directory at which the relative paths in the file start.
     pub directory: String,
     /// SHA-256 of the scene's file; `None` for a generated phantom.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scene_sha256: Option<String>,
-    /// Place of the scanlines in its pictures, for networks in beam coordinates; `None` in data sets of older versions.
+    /// Geometry of the scanlines in the station's pictures, for networks in beam coordinates; `None` in data sets of
+    /// older versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scan: Option<ScanRow>,
 }
 
 impl StationRow {
-    /// Whether both are of the same files.
+    /// Whether both stations have the same files.
     pub(crate) fn same_files(&self, other: &Self) -> bool {
         let files = |station: &Self| [Some(station.file.clone()), station.scene_sha256.clone()];
         files(self) == files(other)
     }
 }
 
-/// Place of the scanlines in pictures.
+/// Geometry of the scanlines in a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ScanRow {
-    /// Radius of the face, mm, 0 for a phased array; `None` for a linear one.
+    /// Radius of the face, mm; 0 for a phased array, `None` for a linear face.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius_mm: Option<f64>,
-    /// Half the lateral extent: radians, or mm for a linear face.
+    /// Half of the lateral extent: radians, or mm for a linear face.
     pub half_extent: f64,
-    /// Depth from the face, mm.
+    /// Depth of the picture below the face, mm.
     pub depth_mm: f64,
     /// Side of a square pixel, mm.
     pub pixel_mm: f64,
@@ -94,8 +95,8 @@ pub struct ScanRow {
 }
 
 impl ScanRow {
-    /// The scanlines of `probe` in pictures of `width` × `height` pixels, rounded to 1e-9: every JSON reader recovers such
-    /// short numbers exactly.
+    /// Geometry of the scanlines of `probe` in pictures of `width` × `height` pixels. Numbers are rounded to 1e-9, so
+    /// that every JSON reader recovers them exactly.
     pub fn new(probe: &Probe, width: u32, height: u32) -> Self {
         let sector = Sector::fit(probe, width, height);
         let short = |value: f64| (1e9 * value).round() / 1e9;
@@ -109,7 +110,7 @@ impl ScanRow {
     }
 }
 
-/// Training or test split. They share no exam and no phantom.
+/// Training or test split. The splits share no exam and no phantom.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Split {
@@ -119,7 +120,7 @@ pub enum Split {
     Test,
 }
 
-/// One tuple: its files, and all that is needed to render it again.
+/// One tuple: its files, and everything that is needed to render it again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// Number in the plan, from 0.
@@ -131,31 +132,31 @@ pub struct Row {
     /// Phantom, if the scene is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub phantom: Option<PhantomOptions>,
-    /// Session of the pose.
+    /// Session from which the pose is taken.
     pub exam: ExamRow,
     /// Time in the session and of the scene's motion, s.
     pub time_s: f64,
     /// `scene_from_probe`.
     pub pose: PoseRow,
-    /// Frames before, which compound the low quality; none if it has a single angle.
+    /// Previous frames, which the low quality compounds; none if the low quality has a single angle.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rolling: Option<RollingRow>,
     /// Settings that replace the station's.
     pub settings: SettingsRow,
-    /// Seed of both frames.
+    /// Seed of the low- and the high-quality frame.
     pub seed: u32,
     /// Rays and layers of the low quality.
     pub lq: [u32; 2],
     /// Rays and layers of the high quality.
     pub hq: [u32; 2],
-    /// Compounding of both.
+    /// Compounding of low and high quality.
     #[serde(default)]
     pub look: CompoundingRow,
-    /// Width, height, pixels.
+    /// Width and height, pixels.
     pub size: [u32; 2],
     /// File of the tuple's array in the data set's directory.
     pub file: String,
-    /// File of its sector's mask.
+    /// File of the sector's mask in the data set's directory.
     pub mask: String,
     /// SHA-256 of the tuple's file.
     pub sha256: String,
@@ -166,26 +167,27 @@ pub struct Row {
 pub struct ExamRow {
     /// Number in the plan, from 0.
     pub number: usize,
-    /// Its seed.
+    /// Seed of the session.
     pub seed: u64,
     /// Skill of the hand; `None` if the hand wanders about the station's pose.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub skill: Option<String>,
 }
 
-/// Compounding of the frames of a tuple. What a look does after that isn't in data sets: it follows the generator.
+/// Compounding of a tuple's frames. Later steps of post-processing are not in data sets, because they follow the
+/// generator.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CompoundingRow {
-    /// Steering angles of the low quality: those of the last frames of a live session.
+    /// Number of steering angles of the low quality. They come from the last frames of a live session, one each.
     pub lq_angles: u32,
-    /// Steering angles of the high quality.
+    /// Number of steering angles of the high quality.
     pub hq_angles: u32,
     /// Angle between the outermost directions, degrees.
     pub span_deg: f64,
-    /// Displacement of the probe within a picture of the low quality, mm.
+    /// Largest displacement of the probe between the frames of a compounded low-quality picture, mm.
     #[serde(default = "reach_mm")]
     pub reach_mm: f64,
-    /// Whether earlier frames of the low quality are brought to the last pose.
+    /// Whether earlier frames of the low quality are registered to the last pose.
     #[serde(default)]
     pub registration: bool,
 }
@@ -195,7 +197,7 @@ fn reach_mm() -> f64 {
 }
 
 impl Default for CompoundingRow {
-    /// One angle each.
+    /// One angle for each quality.
     fn default() -> Self {
         let LookSettings { span_deg, reach_mm, registration, .. } = LookSettings::default();
         Self { lq_angles: 1, hq_angles: 1, span_deg, reach_mm, registration }
@@ -203,7 +205,7 @@ impl Default for CompoundingRow {
 }
 
 impl CompoundingRow {
-    /// The compounding that renders low quality (0) or high quality (1).
+    /// Settings that compound low quality (0) or high quality (1).
     pub fn of(&self, quality: usize) -> LookSettings {
         let angles = if quality == 0 { self.lq_angles } else { self.hq_angles };
         let Self { span_deg, reach_mm, registration, .. } = *self;
@@ -214,18 +216,18 @@ impl CompoundingRow {
 /// A pose.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PoseRow {
-    /// Centre of the probe's face, mm.
+    /// Centre of the probe's face in the scene, mm.
     pub position_mm: [f64; 3],
     /// Unit quaternion w, x, y, z that turns probe axes into scene axes.
     pub quaternion: [f64; 4],
 }
 
-/// Frames before one of a live session: each shows one angle of a compounded picture.
+/// Previous frames of a live session. Each contributes one angle to a compounded picture.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RollingRow {
     /// Frame rate, Hz.
     pub frame_rate_hz: f64,
-    /// Poses, the oldest first; fewer where the session begins.
+    /// Poses of these frames, the oldest first; fewer at the start of the session.
     pub poses: Vec<PoseRow>,
 }
 
@@ -241,7 +243,7 @@ pub struct SettingsRow {
 }
 
 impl From<&Pose> for PoseRow {
-    /// Rounded to a nanometre and to 1e-9: every JSON reader recovers such short numbers exactly.
+    /// Rounds to a nanometre and to 1e-9, so that every JSON reader recovers the numbers exactly.
     fn from(pose: &Pose) -> Self {
         let [x, y, z, w] = pose.orientation.to_array();
         let short = |digits: f64| move |value: f64| (value * digits).round() / digits;

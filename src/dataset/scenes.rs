@@ -1,4 +1,4 @@
-//! Scenes of the tuples, shared by the renderers of several lanes.
+//! Scenes of the tuples, shared by the renderers of all lanes.
 
 use std::sync::Arc;
 
@@ -14,17 +14,17 @@ use crate::station::Station;
 /// A station's scene, ready to be rendered.
 #[derive(Debug)]
 pub(crate) struct TupleScene {
-    /// Station with the phantom of its tuples.
+    /// Station, with the phantom of its tuples.
     pub(super) station: Station,
     pub(super) scene: Scene,
-    /// At rest.
+    /// BVH of the scene at rest.
     pub(super) bvh: Arc<Bvh>,
     pub(super) tables: TableMaker,
-    /// Class of each number of the frames.
+    /// Class of each tissue number in the frames.
     pub(super) class_of: Vec<u8>,
 }
 
-/// Loads scenes, and keeps the last: tuples of one scene follow each other.
+/// Loads scenes and keeps the last one, because tuples of one scene follow each other.
 pub(crate) struct Scenes<'a> {
     progress: &'a Progress<'a>,
     classes: Vec<String>,
@@ -32,15 +32,15 @@ pub(crate) struct Scenes<'a> {
 }
 
 impl<'a> Scenes<'a> {
-    /// Scenes of a data set with these classes. `progress` receives the steps in building a phantom.
+    /// A loader of scenes for a data set with these classes. `progress` receives the steps in building a phantom.
     pub(crate) fn new(classes: Vec<String>, progress: &'a Progress<'a>) -> Self {
         Self { progress, classes, last: None }
     }
 
-    /// The scene of `station`. While it is loaded, lanes may still hold the one before.
+    /// The scene of `station`. While it is loaded, lanes may still hold the previous scene.
     ///
     /// # Errors
-    /// A scene that cannot be loaded, that has no triangles, or that has a tissue without a class.
+    /// The scene can't be loaded, has no triangles, or has a tissue without a class.
     pub(crate) fn of(&mut self, station: &Station) -> Result<Arc<TupleScene>, DatasetError> {
         if let Some(last) = self.last.take_if(|last| last.station == *station) {
             return Ok(self.last.insert(last).clone());

@@ -19,7 +19,8 @@ pub(super) fn read_station(path: &Path) -> Result<String, DatasetError> {
 }
 
 impl StationRow {
-    /// Row of `station`, which has been loaded from a file; its file in the data set is named after its content.
+    /// Row of `station`, which must have been loaded from a file. Its file in the data set is named by a hash of its
+    /// content.
     ///
     /// # Errors
     /// The station's file, its folder or its scene cannot be read.
@@ -40,17 +41,17 @@ impl StationRow {
 }
 
 impl Dataset {
-    /// Station of the tuple of `row`, with the tuple's phantom.
+    /// Station of the tuple of `row`, with the tuple's phantom as its scene.
     ///
     /// # Errors
-    /// A row of an unknown station, a station file that cannot be read, another scene than the data set was made of, or
-    /// a phantom outside its range.
+    /// The row names an unknown station; the station file can't be read; the scene differs from the data set's; or
+    /// the phantom is outside its range.
     pub fn station(&self, row: &Row) -> Result<Station, DatasetError> {
         station_of(&self.directory, &self.header, row)
     }
 }
 
-/// The station of a tuple of the data set in `directory`, with the tuple's phantom.
+/// Station of the tuple of `row` in the data set in `directory`, with the tuple's phantom as its scene.
 pub(super) fn station_of(directory: &Path, header: &Header, row: &Row) -> Result<Station, DatasetError> {
     let mut station = open(directory, header, &row.station)?;
     if let (SceneSource::ObstetricPhantom(options), Some(phantom)) = (&mut station.scene, &row.phantom) {
@@ -76,7 +77,7 @@ fn open(directory: &Path, header: &Header, file: &str) -> Result<Station, Datase
     Ok(station)
 }
 
-/// The station with the exam's phantom.
+/// `station` with the exam's phantom as its scene.
 pub(super) fn with_phantom(station: &Station, exam: &Exam) -> Station {
     let mut station = station.clone();
     if let (SceneSource::ObstetricPhantom(options), Some(parameters)) = (&mut station.scene, exam.phantom) {
@@ -85,15 +86,15 @@ pub(super) fn with_phantom(station: &Station, exam: &Exam) -> Station {
     station
 }
 
-/// Whether the scene has standard planes; those of a scene file are in a file beside it.
+/// Whether the scene has standard planes. For a scene file they are in a file next to it.
 pub(super) fn has_planes(station: &Station) -> bool {
     station.scene_file().is_none_or(|path| file_beside(path).exists())
 }
 
-/// Class of pixels outside the sector.
+/// Name of the class for pixels outside the sector.
 pub(super) const OUTSIDE: &str = "outside";
 
-/// [`OUTSIDE`], then every tissue of the stations, once.
+/// Names of all classes: [`OUTSIDE`], then every tissue of the stations once.
 pub(super) fn classes(stations: &[Station]) -> Result<Vec<String>, DatasetError> {
     let mut classes = vec![OUTSIDE.to_owned()];
     for name in stations.iter().flat_map(|station| station.tissues.names()) {
@@ -107,7 +108,7 @@ pub(super) fn classes(stations: &[Station]) -> Result<Vec<String>, DatasetError>
     }
 }
 
-/// The class of each tissue number: 0 is outside, number i + 1 is the scene's tissue i.
+/// Class of each tissue number: number 0 is outside, number i + 1 is the scene's tissue i.
 pub(super) fn class_of(classes: &[String], tissues: &[String]) -> Result<Vec<u8>, DatasetError> {
     let class = |name: &str| {
         let found = classes.iter().position(|class| class == name).and_then(|at| u8::try_from(at).ok());

@@ -1,27 +1,27 @@
 //! Progress of long tasks on data sets.
 
-/// Completed part of a task. Calls about a phantom come from several threads and may overtake each other.
+/// Completed part of a task. The calls about a phantom come from several threads, and may arrive out of order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Step {
     /// Steps in building the phantom of the next tuples.
     Phantom {
-        /// Completed steps.
+        /// Number of completed steps.
         done: usize,
-        /// Total steps.
+        /// Total number of steps.
         total: usize,
     },
     /// Frames of a sequence.
     Frames {
-        /// Completed frames.
+        /// Number of completed frames.
         done: usize,
-        /// Total frames.
+        /// Total number of frames.
         total: usize,
     },
     /// Tuples.
     Tuples {
-        /// Completed tuples.
+        /// Number of completed tuples.
         done: usize,
-        /// Total tuples.
+        /// Total number of tuples.
         total: usize,
     },
 }

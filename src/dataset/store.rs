@@ -22,16 +22,16 @@ pub(super) struct Store {
     /// Path of the manifest.
     pub(super) path: PathBuf,
     manifest: File,
-    /// Tuples that any shard has rendered.
+    /// Indices of the tuples that any shard has rendered.
     done: HashSet<usize>,
-    /// Rows of this shard's tuples that were rendered, and are to be rendered again: files of theirs are missing or cut short.
+    /// Rows of this shard's tuples that must be rendered again, because their files are missing or cut short.
     pub(super) lost: HashMap<usize, Row>,
-    /// Tuples of this shard.
+    /// Indices of this shard's tuples.
     ours: Range<usize>,
-    /// Last row of this shard, else a row of another.
+    /// Last row of this shard, or of another shard if this one has none.
     pub(super) last: Option<Row>,
     masks: HashSet<String>,
-    /// Finished tuples of this shard, for training and for test.
+    /// Numbers of finished training and test tuples of this shard.
     pub(super) splits: (usize, usize),
     /// Total size of this shard's finished tuples, bytes.
     pub(super) bytes: u64,
@@ -39,7 +39,7 @@ pub(super) struct Store {
 
 impl Store {
     /// Opens or creates the data set of `header` in `directory`, to render the missing tuples of `ours`. Refuses a
-    /// directory of another data set, and tuples that another run is writing.
+    /// directory with another data set, and tuples that another run is writing.
     pub(super) fn open(
         directory: &Path,
         header: &Header,
@@ -69,14 +69,15 @@ impl Store {
         };
         let path = directory.join(name);
         let manifest = OpenOptions::new().create(true).append(true).open(&path).map_err(SinkError::io(&path))?;
-        // On file systems without locks, concurrent runs go unnoticed.
+        // On file systems without locks, two runs at once go unnoticed.
         if let Err(TryLockError::WouldBlock) = manifest.try_lock() {
             return Err(DatasetError::Busy { manifest: path });
         }
         let (_, whole) = read_rows(&path)?;
-        // Drops the incomplete last row of a killed run.
+        // Removes the incomplete last row of a killed run.
         manifest.set_len(whole).map_err(SinkError::io(&path))?;
-        // Shards of the same split share no tuples; those of another split do.
+        // Shards of the same partition share no tuples. A partition into another number of shards may have the same
+        // tuples.
         for other in manifests(directory)?.into_iter().filter(|other| shards_of(other) != shards_of(&path)) {
             let file = File::open(&other).map_err(SinkError::io(&other))?;
             if let Err(TryLockError::WouldBlock) = file.try_lock_shared() {
@@ -102,7 +103,7 @@ impl Store {
         Ok(store)
     }
 
-    /// Counts a tuple with a row, unless it is lost.
+    /// Counts a tuple that has a row, unless its files are lost.
     fn count(&mut self, row: &Row) {
         let ours = self.ours.contains(&row.index);
         if ours || self.last.is_none() {
@@ -122,8 +123,8 @@ impl Store {
         }
     }
 
-    /// Writes the mask and then the row of a tuple whose array is written. Fills in the row's checksums and names. A tuple that
-    /// was lost has its row already.
+    /// Writes the mask and then the row of a tuple whose array is already written. Fills in the row's checksums and
+    /// names. A tuple that was lost already has its row.
     pub(super) fn keep(&mut self, row: Row, tuple: RenderedTuple) -> Result<(), DatasetError> {
         let RenderedTuple { sha256, mask, size } = tuple;
         if !self.masks.contains(&mask.file) {
@@ -149,7 +150,7 @@ impl Store {
         self.manifest.write_all(&line).map_err(SinkError::io(&self.path))
     }
 
-    /// Those of some tuples that no shard has rendered.
+    /// Indices in `tuples` of those that no shard has rendered.
     pub(super) fn missing(&self, tuples: Range<usize>) -> Vec<usize> {
         tuples.filter(|index| !self.done.contains(index)).collect()
     }
@@ -160,8 +161,8 @@ impl Store {
     }
 }
 
-/// Rows whose tuples must be made again: the array is missing or has another size. A lost mask is written again with the first
-/// tuple that uses it.
+/// Rows whose tuples must be rendered again, because their array is missing or has another size. A lost mask is
+/// written again with the first tuple that uses it.
 fn lost(directory: &Path, rows: &[&Row]) -> HashMap<usize, Row> {
     let there: Vec<bool> = rows.par_iter().map(|row| is_there(directory, &row.file, row.size, PLANES.len())).collect();
     let (mut lost, mut masks) = (HashMap::new(), HashSet::new());
@@ -174,7 +175,7 @@ fn lost(directory: &Path, rows: &[&Row]) -> HashMap<usize, Row> {
     lost
 }
 
-/// Whether a `uint8` array is in its file with its whole length. Its content is not read.
+/// Whether `file` holds a `uint8` array of the full length. Its content is not read.
 fn is_there(directory: &Path, file: &str, size: [u32; 2], planes: usize) -> bool {
     let (path, mut head) = (directory.join(file), Vec::new());
     let [width, height] = size;
@@ -186,13 +187,13 @@ fn is_there(directory: &Path, file: &str, size: [u32; 2], planes: usize) -> bool
     std::fs::metadata(&path).is_ok_and(|found| found.is_file() && found.len() == length)
 }
 
-/// Number of shards in a manifest's name.
+/// Number of shards that a manifest's file name states.
 fn shards_of(manifest: &Path) -> Option<String> {
     let name = manifest.file_name()?.to_string_lossy().into_owned();
     name.split_once("-of-").map(|(_, of)| of.to_owned())
 }
 
-/// First difference between two headers.
+/// First difference between two headers, as text.
 fn difference(found: &Header, wanted: &Header) -> Option<String> {
     let fields = |header: &Header| -> Vec<(String, String)> {
         let value = serde_json::to_value(header).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! Renders tuples from their rows.
+//! Rendering of tuples from their rows.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -16,41 +16,41 @@ use crate::sink::{SinkError, check_shape, write_bytes};
 use crate::station::Station;
 use crate::transducer::Probe;
 
-/// Numbers of a renderer's configurations.
+/// Numbers of a renderer's two configurations.
 const LOW: usize = 0;
 const HIGH: usize = 1;
 
-/// Most lanes of a device: each takes the memory of a renderer there.
+/// Largest number of lanes on a device. Each takes the memory of a renderer there.
 const DEVICE_LANES_MAX: usize = 4;
 
-/// A mask's file.
+/// File of a mask.
 #[derive(Debug, Clone)]
 pub(super) struct MaskFile {
-    /// Path below the data set's directory, named after the content.
+    /// Path below the data set's directory, named by a hash of the content.
     pub(super) file: String,
     pub(super) bytes: Arc<[u8]>,
 }
 
-/// Checksum, mask and size of a rendered tuple.
+/// A rendered tuple: its checksum, mask and size.
 #[derive(Debug, Clone)]
 pub(super) struct RenderedTuple {
     pub(super) sha256: String,
     pub(super) mask: MaskFile,
-    /// Width, height.
+    /// Width and height, pixels.
     pub(super) size: [u32; 2],
 }
 
-/// Renders the tuples of a lane. Keeps the renderer of the last scene.
+/// Renders the tuples of one lane. Keeps the renderer of the last scene.
 pub(crate) struct TupleRenderer<'a> {
     backend: &'a Backend,
     kept: Option<(Arc<TupleScene>, Renderer)>,
-    /// Tables made before for the tuples.
+    /// Tables computed in advance for the tuples.
     tables: Vec<SharedTables>,
     frames: [Frame; 2],
     levels: Levels,
-    /// File of the last mask.
+    /// Last mask, and its file.
     mask: Option<(Arc<[u8]>, MaskFile)>,
-    /// Bytes of the last tuple's file.
+    /// Bytes of the last tuple's array file.
     bytes: Vec<u8>,
 }
 
@@ -61,16 +61,17 @@ impl<'a> TupleRenderer<'a> {
         Self { backend, kept: None, tables, frames, levels: Levels::new(), mask: None, bytes: Vec::new() }
     }
 
-    /// A renderer for each lane of a backend. A device has up to four: a GPU makes a tuple in a fraction of the time of its encoding.
+    /// One renderer for each lane of a backend. A device has up to four lanes, because a GPU renders a tuple in a
+    /// fraction of the time that encoding takes.
     pub(crate) fn lanes(backend: &'a Backend) -> Vec<Self> {
         let lanes = if backend.on_host() { lane_count() } else { lane_count().min(DEVICE_LANES_MAX) };
         (0..lanes).map(|_| Self::new(backend)).collect()
     }
 
-    /// The renderer, with low (0) or high (1) quality, and the settings of `row`.
+    /// The renderer for low (0) or high (1) quality, with the settings of `row`.
     fn renderer(&mut self, quality: usize, scene: &Arc<TupleScene>, row: &Row) -> Result<&mut Renderer, DatasetError> {
         let (probe, settings) = configured(&scene.station, row, quality);
-        // Another scene's renderer is dropped before the next is made.
+        // Drops the renderer of another scene before a new one is made.
         let kept = self.kept.take_if(|(of, _)| Arc::ptr_eq(of, scene));
         self.kept = None;
         let kept = match kept {
@@ -86,10 +87,10 @@ impl<'a> TupleRenderer<'a> {
         Ok(renderer)
     }
 
-    /// Renders the high quality of `row` with `seed`. Returns grey levels.
+    /// Renders the high-quality frame of `row` with `seed`. Returns grey levels.
     ///
     /// # Errors
-    /// A scene that cannot be rendered.
+    /// The scene can't be rendered.
     pub(crate) fn high_quality(
         &mut self,
         scene: &Arc<TupleScene>,
@@ -100,12 +101,12 @@ impl<'a> TupleRenderer<'a> {
         Ok(&self.frames[HIGH].bmode)
     }
 
-    /// Renders the frame of low (0) or high (1) quality of `row`.
+    /// Renders the low- (0) or high-quality (1) frame of `row`.
     fn render(&mut self, quality: usize, scene: &Arc<TupleScene>, row: &Row) -> Result<(), DatasetError> {
         let mut frame = std::mem::take(&mut self.frames[quality]);
         let renderer = self.renderer(quality, scene, row)?;
         match row.rolling.as_ref().filter(|_| quality == LOW) {
-            Some(rolling) => renderer.render_live(way(row, rolling), &mut frame)?,
+            Some(rolling) => renderer.render_live(live_frames(row, rolling), &mut frame)?,
             None => {
                 renderer.set_time_s(row.time_s);
                 renderer.render(&Pose::from(&row.pose), &mut frame)?;
@@ -115,7 +116,7 @@ impl<'a> TupleRenderer<'a> {
         Ok(())
     }
 
-    /// Renders both frames of `row`, of one angle each: a device has both in flight.
+    /// Renders both frames of `row`, each with one angle. A device has both in flight.
     fn render_both(&mut self, scene: &Arc<TupleScene>, row: &Row) -> Result<(), DatasetError> {
         let [mut low, mut high] = std::mem::take(&mut self.frames);
         self.renderer(LOW, scene, row)?;
@@ -138,8 +139,8 @@ impl<'a> TupleRenderer<'a> {
         Ok(self.tuple(scene, row, None)?.sha256 == row.sha256)
     }
 
-    /// Renders the tuple of `row` and writes its array below `directory`. `tables` come from [`tables_of`]. If the row has a
-    /// checksum already, an array with another checksum is refused.
+    /// Renders the tuple of `row` and writes its array below `directory`. `tables` come from [`tables_of`]. If the
+    /// row already has a checksum, an array with another checksum is refused.
     pub(super) fn write(
         &mut self,
         scene: &Arc<TupleScene>,
@@ -157,7 +158,8 @@ impl<'a> TupleRenderer<'a> {
         Ok(tuple)
     }
 
-    /// Renders the tuple of `row`; none of its files need exist. A high quality that is there already is taken over.
+    /// Renders the tuple of `row`; none of its files need exist. If the high quality is copied from another data set,
+    /// it is not rendered.
     fn tuple(
         &mut self,
         scene: &Arc<TupleScene>,
@@ -192,7 +194,7 @@ impl<'a> TupleRenderer<'a> {
         Ok(RenderedTuple { sha256: sha256(&self.bytes), mask: self.mask_file(&path, shape, &mask)?, size })
     }
 
-    /// File of a mask. Frames of one configuration share theirs.
+    /// File of a mask. Consecutive frames with the same mask share its file.
     fn mask_file(&mut self, path: &Path, shape: [usize; 2], mask: &Arc<[u8]>) -> Result<MaskFile, SinkError> {
         if let Some((_, file)) = self.mask.as_ref().filter(|(of, _)| Arc::ptr_eq(of, mask)) {
             return Ok(file.clone());
@@ -204,20 +206,20 @@ impl<'a> TupleRenderer<'a> {
     }
 }
 
-/// Probe and settings of the frame of low (0) or high (1) quality of `row`.
+/// Probe and settings for the low- (0) or high-quality (1) frame of `row`.
 fn configured(station: &Station, row: &Row, quality: usize) -> (Probe, RenderSettings) {
     let (probe, settings) = row.settings.apply(&station.probe, &station.settings);
     let [rays, layers] = [row.lq, row.hq][quality];
-    // Both qualities have the same maps; the second frame needs none.
+    // Both qualities have the same maps, so only the low-quality frame renders them.
     let maps = settings.maps && quality == LOW;
     let quality_of = Quality { rays, layers, seed: row.seed };
     (probe, RenderSettings { quality: quality_of, look: row.look.of(quality), maps, ..settings })
 }
 
-/// Tables of both frames of `row`, for all lanes; what `known` ones hold already is not computed again.
+/// Tables for both frames of `row`, shared by all lanes. Tables in `known` are not computed again.
 ///
 /// # Errors
-/// Settings outside their ranges.
+/// The settings are outside their ranges.
 pub(super) fn tables_of(
     scene: &TupleScene,
     row: &Row,
@@ -232,8 +234,8 @@ pub(super) fn tables_of(
     Ok(made)
 }
 
-/// Times and poses of the frames of `row` in a live session.
-fn way(row: &Row, rolling: &RollingRow) -> impl Iterator<Item = (f64, Pose)> {
+/// Times, s, and poses of the frames of `row` in a live session, the last one included.
+fn live_frames(row: &Row, rolling: &RollingRow) -> impl Iterator<Item = (f64, Pose)> {
     let before = (1..=rolling.poses.len()).rev().zip(&rolling.poses);
     let before =
         before.map(|(back, pose)| ((row.time_s - back as f64 / rolling.frame_rate_hz).max(0.0), Pose::from(pose)));

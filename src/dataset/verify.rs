@@ -1,4 +1,4 @@
-//! Comparison of a data set with what this machine renders from its rows.
+//! Comparison of a data set with the frames that this machine renders from its rows.
 
 use super::scenes::{Scenes, TupleScene};
 use super::step::{Progress, Step};
@@ -14,18 +14,18 @@ use std::sync::Arc;
 /// Result of a comparison.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Verified {
-    /// Number of tuples rendered again.
+    /// Number of tuples that were rendered again.
     pub tuples: usize,
-    /// Indices of those that come out differently here than their rows say.
+    /// Indices of tuples that this machine renders differently from their rows.
     pub differ: Vec<usize>,
-    /// Indices of those with files that are missing or damaged.
+    /// Indices of tuples with missing or damaged files.
     pub damaged: Vec<usize>,
-    /// Missing and damaged files, each with what is wrong with it.
+    /// Missing and damaged files, each with the fault.
     pub faults: Vec<String>,
 }
 
 impl Verified {
-    /// Number of tuples that come out here as they are in their files.
+    /// Number of tuples that this machine renders as they are in their files.
     pub fn same(&self) -> usize {
         let faulty: BTreeSet<&usize> = self.differ.iter().chain(&self.damaged).collect();
         self.tuples.saturating_sub(faulty.len())
@@ -33,11 +33,11 @@ impl Verified {
 }
 
 impl Dataset {
-    /// Renders `count` tuples again, spread evenly over the data set, and compares them bit for bit with their rows; 0 is all.
-    /// Their files are read and compared with the rows, too.
+    /// Renders `count` tuples again, spread evenly over the data set (0: all), and compares them bit for bit with
+    /// their rows. Their files are read and compared with the rows, too.
     ///
     /// # Errors
-    /// A data set without tuples, or one whose stations or scenes cannot be loaded or rendered.
+    /// The data set has no tuples, or a station or scene can't be loaded or rendered.
     pub fn verify(&self, backend: &Backend, count: usize, progress: &Progress<'_>) -> Result<Verified, DatasetError> {
         let total = if count == 0 { self.rows.len() } else { count.min(self.rows.len()) };
         if total == 0 {
@@ -57,7 +57,7 @@ impl Dataset {
         in_order(&mut lanes, rows, compare, |done, (index, agrees, found): (usize, bool, Vec<String>)| {
             differ.extend((!agrees).then_some(index));
             damaged.extend((!found.is_empty()).then_some(index));
-            // Tuples share masks.
+            // Several tuples share a mask, so a fault is listed once.
             faults.extend(found);
             progress(Step::Tuples { done: done + 1, total });
             Ok::<_, DatasetError>(())
