@@ -1,4 +1,4 @@
-//! Sessions over one scene, a seed each, as recordings.
+//! Batches of sessions over one scene, one for each seed, written as recordings.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -15,12 +15,12 @@ use crate::anatomy::Skin;
 use crate::anatomy::planes::StandardPlane;
 use crate::pose::Calibration;
 
-/// Skill of the hands: one, or each in turn by the seed.
+/// Skill of the simulated hands in a batch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Skills {
-    /// The same for all.
+    /// All hands have this skill.
     One(Skill),
-    /// Each in turn.
+    /// Each session has the next skill in turn, by its seed.
     Mixed,
 }
 
@@ -49,12 +49,12 @@ pub struct WrittenExam {
     pub path: PathBuf,
     /// Seed of every random choice.
     pub seed: u64,
-    /// Skill of the hand; `None` for the sweep.
+    /// Skill of the hand; `None` for the short sweep.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub skill: Option<&'static str>,
     /// Length, s.
     pub duration_s: f64,
-    /// Poses a second.
+    /// Pose rate, Hz.
     pub rate_hz: u32,
     /// Moments at which a plane is held.
     pub key_frames: Vec<KeyFrame>,
@@ -78,30 +78,31 @@ impl fmt::Display for WrittenExam {
     }
 }
 
-/// What sessions of a batch share.
+/// Properties that all sessions of a batch share.
 #[derive(Debug)]
 pub struct Batch<'a> {
-    /// Name of the scene, for the recordings.
+    /// Name of the scene, as the recordings state it.
     pub scene: String,
     /// Skin that the probe touches.
     pub skin: &'a Skin,
-    /// Planes that the hand looks for, in this order.
+    /// Planes that the hand searches for, in this order.
     pub planes: Vec<&'a StandardPlane>,
-    /// Whether their order depends on the seed instead.
+    /// Whether the seed determines their order instead.
     pub shuffle: bool,
     /// Length of a session, s.
     pub duration_s: f64,
-    /// Skill of the hands.
+    /// Skill of the simulated hands.
     pub skills: Skills,
-    /// Calibration of the station that reads the recordings: their poses are those that its tracker would measure.
+    /// Calibration of the station that reads the recordings. The recorded poses are those that its tracker would
+    /// measure.
     pub calibration: Calibration,
 }
 
 impl Batch<'_> {
-    /// Makes the session of `seed` and writes it to `path`; the same file for the same seed.
+    /// Makes the session of `seed` and writes it to `path`. The same seed gives the same file.
     ///
     /// # Errors
-    /// As [`session::make`], or the file can't be written.
+    /// Errors of [`session::make`], or the file can't be written.
     pub fn write(&self, seed: u64, path: &Path) -> Result<WrittenExam, ExamError> {
         let skill = self.skills.of(seed);
         let mut planes = self.planes.clone();
@@ -129,11 +130,11 @@ impl Batch<'_> {
         })
     }
 
-    /// Writes `count` sessions with seeds from `first` up, as `session_SEED.mcap` into the directory `out`. `progress` receives
-    /// the number of those done, from several threads.
+    /// Writes `count` sessions with consecutive seeds from `first` on, as `session_SEED.mcap` in the directory `out`.
+    /// `progress` receives the number of finished sessions, from several threads.
     ///
     /// # Errors
-    /// The first of [`Self::write`].
+    /// The first error of [`Self::write`].
     pub fn write_all(
         &self,
         first: u64,
@@ -155,7 +156,7 @@ impl Batch<'_> {
 /// Writes the short sweep over the phantom to `path`, as [`sweep::write`] does.
 ///
 /// # Errors
-/// Those of [`sweep::write`].
+/// Errors of [`sweep::write`].
 pub fn write_sweep(path: &Path, seed: u64) -> Result<WrittenExam, ExamError> {
     sweep::write(path, seed)?;
     let key_frames = sweep::KEY_FRAMES.map(|(name, time_s)| KeyFrame { name: name.to_owned(), time_s });

@@ -1,9 +1,9 @@
-//! Simulated hands: searches for a plane by operators of different skill.
+//! Simulated hands: operators of different skill who search for a plane.
 //!
-//! A search is a chain of submovements. Each aims at the plane and leaves a part of the error or overshoots it
-//! (Woodworth, Psychol Rev Monogr 3, 1899; Meyer et al., Psychol Rev 95:340, 1988). Skilled hands correct all errors at
-//! once and finely, novices one at a time and coarsely. The numbers are assumed, and chosen to let an expert find each
-//! plane, a trained hand most of them and a novice about half.
+//! A search is a chain of submovements. Each aims at the plane, and leaves a part of the error or overshoots it
+//! (Woodworth, Psychol Rev Monogr 3, 1899; Meyer et al., Psychol Rev 95:340, 1988). Skilled hands correct all errors
+//! at once and finely; novices correct one error at a time and coarsely. The numbers are assumed: chosen so that an
+//! expert finds every plane, a trained hand most planes, and a novice about half of them.
 
 use std::str::FromStr;
 
@@ -15,11 +15,11 @@ use crate::random::SplitMix64;
 /// Skill of an operator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Skill {
-    /// In the first weeks of training.
+    /// A novice in the first weeks of training.
     Novice,
-    /// Scans alone, carefully.
+    /// A trained operator, who scans alone and carefully.
     Trained,
-    /// Years of practice.
+    /// An expert with years of practice.
     #[default]
     Expert,
 }
@@ -27,7 +27,7 @@ pub enum Skill {
 crate::names::named!(Skill { Novice = "novice", Trained = "trained", Expert = "expert" });
 
 impl Skill {
-    /// Hand of that skill.
+    /// Parameters of a hand with that skill.
     pub fn hand(self) -> Hand {
         match self {
             Self::Novice => Hand {
@@ -84,7 +84,7 @@ impl FromStr for Skill {
     }
 }
 
-/// Sizes of a hand's errors, one per kind of movement.
+/// Sizes of a hand's errors, one for each kind of movement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Deviation {
     /// Tilt (fanning) about the probe's lateral axis, degrees.
@@ -93,7 +93,7 @@ pub struct Deviation {
     pub rock_deg: f64,
     /// Rotation about the probe's long axis, degrees.
     pub rotate_deg: f64,
-    /// Slide on the skin, each way, mm.
+    /// Slide on the skin in each direction, mm.
     pub slide_mm: f64,
 }
 
@@ -102,50 +102,51 @@ pub struct Deviation {
 pub struct Hand {
     /// Error at the start of a search.
     pub start: Deviation,
-    /// Accepted error.
+    /// Error with which the hand is content, and holds the plane.
     pub rest: Deviation,
-    /// Least and greatest fraction of an error that remains after a submovement; negative for overshoot.
+    /// Smallest and greatest fraction of an error that remains after a submovement; negative for overshoot.
     pub left_over: (f64, f64),
-    /// Chance that a submovement corrects a given kind of error.
+    /// Probability, 0..=1, that a submovement corrects a given kind of error.
     pub corrects: f64,
-    /// Length of a submovement, s.
+    /// Shortest and longest duration of a submovement, s.
     pub move_s: (f64, f64),
-    /// Pause after it, s.
+    /// Shortest and longest pause after a submovement, s.
     pub look_s: (f64, f64),
-    /// Duration of a hold, s.
+    /// Shortest and longest duration of a hold, s.
     pub hold_s: (f64, f64),
-    /// Tremor, relative to [`TREMOR_MM`](crate::pose::freehand::TREMOR_MM).
+    /// Amplitude of the tremor, relative to [`TREMOR_MM`](crate::pose::freehand::TREMOR_MM).
     pub tremor: f64,
     /// Drift during a hold, relative to `rest`.
     pub drift: f64,
-    /// Depth of the face in the skin, mm.
+    /// Depth to which the face presses the skin, mm.
     pub press_mm: f64,
-    /// Amplitude of the change of that depth, mm.
+    /// Amplitude of the variation of that depth, mm.
     pub press_change_mm: f64,
-    /// Chance of lifting the probe off on the way to the next plane.
+    /// Probability, 0..=1, of lifting the probe off the skin on the way to the next plane.
     pub lift_chance: f64,
 }
 
-/// Deviation of a hand from a plane: rotation about the point of contact, and slide from it.
+/// Deviation of a hand from a plane: rotation about the point of contact, and slide away from it.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Off {
-    /// Tilt, rock, rotation (degrees), slide along the lateral and the elevational axis (mm).
+    /// Tilt, rock and rotation (degrees), slide along the lateral and the elevational axis (mm).
     parts: [f64; 5],
 }
 
 impl Off {
-    /// Random deviation of up to 1.5 times `size`, uniform.
+    /// Random deviation, uniform up to 1.5 times `size`.
     pub(super) fn draw(size: &Deviation, random: &mut SplitMix64) -> Self {
         Self { parts: sizes(size).map(|s| s * 1.5 * (2.0 * random.unit() - 1.0)) }
     }
 
-    /// Random deviation of 0.5 to 1.5 times `size` to either side: the start of a search, always off the plane.
+    /// Random deviation of 0.5 to 1.5 times `size` in either direction. A search starts with it, so it always starts
+    /// off the plane.
     pub(super) fn draw_away(size: &Deviation, random: &mut SplitMix64) -> Self {
         let side = |random: &mut SplitMix64| if random.unit() < 0.5 { -1.0 } else { 1.0 };
         Self { parts: sizes(size).map(|s| s * side(random) * (0.5 + random.unit())) }
     }
 
-    /// True if every part is within 1.5 times `size`.
+    /// Whether every part is within 1.5 times `size`.
     pub(super) fn is_within(&self, size: &Deviation) -> bool {
         self.parts.iter().zip(sizes(size)).all(|(part, size)| part.abs() <= 1.5 * size)
     }
@@ -160,13 +161,13 @@ impl Off {
             if random.unit() < hand.corrects {
                 *part *= left;
             }
-            // No movement is exact, and each disturbs the other parts.
+            // No movement is exact, and each correction disturbs the other parts.
             *part += 0.5 * noise;
         }
         Self { parts }
     }
 
-    /// Sum of `self` and `other` times `factor`.
+    /// Sum of `self` and `factor` times `other`.
     pub(super) fn plus(&self, other: &Self, factor: f64) -> Self {
         Self { parts: std::array::from_fn(|i| self.parts[i] + factor * other.parts[i]) }
     }
@@ -182,7 +183,7 @@ impl Off {
     }
 }
 
-/// Random pose around `pose`, off by up to 1.5 times `size`, uniform.
+/// Random pose around `pose`, uniform up to 1.5 times `size`.
 pub(crate) fn wandered(pose: &Pose, size: &Deviation, random: &mut SplitMix64) -> Pose {
     Off::draw(size, random).of(pose)
 }

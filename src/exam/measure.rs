@@ -1,7 +1,7 @@
-//! Caliper measurements in images off the standard plane.
+//! Caliper measurements in images that may be off the standard plane.
 //!
-//! The scene's surfaces are cut with the image plane and measured there as by a careful observer. Differences from the
-//! truth thus come from the plane alone: a tilted femur is too short, an oblique belly too large.
+//! The scene's surfaces are cut with the image plane, and measured there as a careful observer would. So all
+//! differences from the true values come from the plane: a tilted femur is too short, an oblique abdomen too large.
 //!
 //! - A **line** runs along its standard direction as it appears in the image. It ends at the outermost borders visible
 //!   in the slice; a slice is as thick as the beam at that depth.
@@ -16,14 +16,14 @@ use crate::anatomy::section::Section;
 use crate::pose::Pose;
 use crate::recording::ellipse_circumference_mm;
 
-/// Section planes across the thickness of a slice.
+/// Number of section planes across the thickness of a slice.
 const CUTS: u32 = 5;
 
-/// Directions in which an ellipse's border is searched, and the least number with a border.
+/// Number of directions in which an ellipse's border is searched, and smallest number of these with a border.
 const DIRECTIONS: usize = 120;
 const DIRECTIONS_LEAST: usize = 72;
 
-/// Least projected length of a visible caliper, relative to its true length.
+/// Smallest projected length of a caliper that is visible, relative to its true length.
 const FORESHORTENED_LEAST: f64 = 0.3;
 
 /// A measurement in an image.
@@ -31,14 +31,14 @@ const FORESHORTENED_LEAST: f64 = 0.3;
 pub struct Measured {
     /// Length or circumference, mm.
     pub length_mm: f64,
-    /// Ends of the line, or points of the ellipse; (x, z) of the probe frame, mm.
+    /// Ends of the line, or points of the ellipse: (x, z) in the probe frame, mm.
     pub points_mm: Vec<DVec2>,
 }
 
 /// Measures `caliper` in the image of a probe at `pose` with slices `slice_mm` thick.
 ///
-/// `surface` is the caliper's surface, `far_surface` that of the end far from the probe. `None` if the image does not
-/// show enough of it.
+/// `surface` is the caliper's surface, `far_surface` the surface at its end far from the probe. `None` if the image
+/// does not show enough of the caliper.
 pub fn measure(
     caliper: &Caliper,
     surface: &Mesh,
@@ -128,8 +128,8 @@ fn ellipse(centre: DVec2, axes: [DVec2; 2], reach_mm: f64, section: &Section) ->
     Some(Measured { length_mm: ellipse_circumference_mm(a, b), points_mm: (0..DIRECTIONS).map(point).collect() })
 }
 
-/// Centre, half axes and direction of the first axis of the ellipse fitted to `points` about the origin: the conic Ax²
-/// + Bxy + Cy² + Dx + Ey = 1 of least algebraic error.
+/// Ellipse fitted to `points` about the origin: centre, half axes and direction of the first axis. It is the conic
+/// Ax² + Bxy + Cy² + Dx + Ey = 1 with the smallest algebraic error.
 fn fit_ellipse(points: &[DVec2]) -> Option<(DVec2, [f64; 2], DVec2)> {
     let scale = points.iter().map(|p| p.length()).fold(0.0, f64::max);
     if scale <= 0.0 {
@@ -149,7 +149,7 @@ fn fit_ellipse(points: &[DVec2]) -> Option<(DVec2, [f64; 2], DVec2)> {
         return None;
     }
     let middle = DVec2::new(b * e - 2.0 * c * d, b * d - 2.0 * a * e) / det;
-    // Relative to its centre the conic is A'x² + Bxy + C'y² = level.
+    // Relative to its centre, the conic is A'x² + Bxy + C'y² = level.
     let level = 1.0 - 0.5 * (d * middle.x + e * middle.y);
     let (mean, half) = (0.5 * (a + c), (0.5 * (a - c)).hypot(0.5 * b));
     let angle = 0.5 * b.atan2(a - c);

@@ -1,9 +1,9 @@
 //! Exams: sessions of a simulated hand, and scoring of a trainee's session.
 //!
-//! [`session`] makes freehand sessions that search, find, hold and leave a scene's standard planes; [`sweep`] is the
-//! short exam in `assets/exams`. Both are recordings of raw tracker bytes, the same for the same seed. [`score`]
-//! compares any recording with the planes: the planes found and their times ([`offset`]), and the measurements there
-//! ([`measure`]).
+//! [`session`] generates freehand sessions in which a hand searches, finds, holds and leaves a scene's standard
+//! planes. [`sweep`] is the short exam in `assets/exams`. Both are recordings of raw tracker bytes, equal for equal
+//! seeds. [`score`] compares any recording with the planes: it tells which planes were found and when ([`offset`]),
+//! and compares measurements in them with the true values ([`measure`]).
 
 mod batch;
 pub mod hand;
@@ -27,55 +27,55 @@ use crate::pose::{Pose, TimedPose};
 use crate::recording::{Event, RecordingError, RecordingInfo, RecordingWriter};
 use crate::tracker::{Protocol, ascii_line};
 
-/// Start time of generated exams: 1 January 2026, ns since 1970 (UTC). Fixed, to make files reproducible.
+/// Start time of generated exams: 1 January 2026, ns since 1970 (UTC). It is fixed to make files reproducible.
 pub const START_TIME_NS: u64 = 1_767_225_600_000_000_000;
 
-/// Time from a measurement to its first byte on the host, ns.
+/// Time from a simulated measurement to the arrival of its first byte on the host, ns.
 const LATENCY_NS: u64 = 2_000_000;
 
 /// Errors in generating exams.
 #[derive(Debug, Error)]
 pub enum ExamError {
-    /// The line from a view's target through the probe does not hit the skin.
+    /// The line from a view's target to the probe does not hit the skin.
     #[error("no skin is found {time_s:.2} s after the start, from {target_mm} mm along {direction}")]
     NoSkin {
         /// Time from the start, s.
         time_s: f64,
-        /// Target of the probe, mm.
+        /// Target of the probe in the scene, mm.
         target_mm: DVec3,
-        /// Direction from the target to the probe.
+        /// Unit direction from the target to the probe.
         direction: DVec3,
     },
-    /// A plane not visible to a probe on the skin.
+    /// A plane is not visible to any probe on the skin.
     #[error(
         "plane `{plane}`: the line from its centre {centre_mm} mm along {direction} meets no skin to put a probe on"
     )]
     OutOfReach {
         /// Name of the plane.
         plane: String,
-        /// Its centre.
+        /// Centre of the plane, mm.
         centre_mm: DVec3,
-        /// Direction to the probe.
+        /// Unit direction from the centre to the probe.
         direction: DVec3,
     },
-    /// Too little time to find and hold every plane.
+    /// The duration is too short to find and hold every plane.
     #[error("{duration_s} s are too short for {planes} planes: a plane takes at least {least_s} s")]
     TooShort {
         /// Requested length, s.
         duration_s: f64,
-        /// Requested planes.
+        /// Number of planes.
         planes: usize,
-        /// Least time per plane, s.
+        /// Least duration for a plane, s.
         least_s: f64,
     },
-    /// The recording could not be written.
+    /// The recording can't be written.
     #[error(transparent)]
     Recording(#[from] RecordingError),
 }
 
-/// Pose of a probe on the skin, aimed at `target_mm`, with the hand's tremor `shift`. The lateral tremor slides it on
-/// the skin; the tremor along the beam is pressure. `press_mm` is the depth of the face in the skin. `skin` returns the
-/// exit point of a line from inside the body along a direction.
+/// Pose of a probe on the skin, aimed at `target_mm`, with the hand's tremor `shift`. Lateral tremor slides the probe
+/// on the skin; tremor along the beam is pressure. `press_mm` is the depth of the face in the skin. `skin` returns
+/// the point at which a line from inside the body along a direction leaves the body.
 fn on_skin(
     device_time_us: u64,
     (target_mm, orientation): (DVec3, DQuat),
@@ -97,7 +97,8 @@ fn on_skin(
     })
 }
 
-/// Writes a recording of `poses` as lines of a tracker, interleaved with `events`, which ascend in time.
+/// Writes a recording of `poses` as lines of a tracker, interleaved with `events`, which must be in the order of
+/// time.
 fn encode(path: &Path, scene: &str, poses: &[TimedPose], events: &[Event]) -> Result<(), ExamError> {
     let info = RecordingInfo {
         protocol: Protocol::AsciiLine,

@@ -7,14 +7,14 @@ use crate::anatomy::planes::{StandardPlane, Tolerances, View};
 use crate::pose::Pose;
 use crate::transducer::{Probe, Sector};
 
-/// Cost of a point outside the sector: just above the limit.
+/// Cost of a landmark outside the sector: just above the limit.
 const HIDDEN: f64 = 1.0 + 1e-6;
 
 /// Offset of an image from a view of a plane.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Offset {
-    /// Angle between the planes, degrees, 0..=90. For a view with free rotation about its lateral line, the angle
-    /// between that line and the image plane.
+    /// Angle between the image plane and the plane of the view, degrees, 0..=90. For a view that may rotate freely
+    /// about its lateral line, the angle between that line and the image plane.
     pub angle_deg: f64,
     /// Distance of the view's centre from the image plane, mm.
     pub distance_mm: f64,
@@ -24,9 +24,10 @@ pub struct Offset {
     pub centring_mm: f64,
     /// Depth of the view's centre below the probe's face, mm; negative behind it.
     pub depth_mm: f64,
-    /// Landmarks of the view within the image's sector and close enough to its plane. Shadows of bone are ignored.
+    /// Number of the view's landmarks that are in the image's sector and close enough to its plane. Shadows of bone
+    /// are ignored.
     pub landmarks_seen: usize,
-    /// Largest ratio of a deviation to its tolerance: at most 1 if the view is shown.
+    /// Largest ratio of a deviation to its tolerance; at most 1 if the image shows the view.
     pub cost: f64,
 }
 
@@ -54,7 +55,7 @@ impl Offset {
         }
 
         let [least, greatest] = tolerances.depth_mm;
-        // 1 at the limit, plus 1 per 10 mm too shallow or too deep.
+        // 1 at the limit, plus 1 for every 10 mm outside the accepted depths.
         let too_far = (least - centre.z).max(centre.z - greatest).max(0.0);
         let depth_cost = if too_far > 0.0 { 1.0 + 0.1 * too_far } else { 0.0 };
         let (angle_deg, in_plane_deg) = (angle.to_degrees(), in_plane.to_degrees());
@@ -72,15 +73,15 @@ impl Offset {
         Self { angle_deg, distance_mm, in_plane_deg, centring_mm, depth_mm: centre.z, landmarks_seen, cost }
     }
 
-    /// Index of the nearest view of `plane`, and its offset; `None` for a plane without views.
+    /// Index of the view of `plane` that is nearest to the image, and its offset; `None` for a plane without views.
     pub fn nearest(plane: &StandardPlane, probe: &Probe, pose: &Pose) -> Option<(usize, Self)> {
         let offsets = plane.views.iter().map(|view| Self::of(view, &plane.tolerances, probe, pose));
         offsets.enumerate().min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
     }
 
-    /// Conditions that the image fails, each with its value and limit; empty if the view is shown.
+    /// Conditions that the image fails, each with its value and limit; empty if the image shows the view.
     pub(crate) fn faults(&self, view: &View, tolerances: &Tolerances, probe: &Probe, pose: &Pose) -> Vec<String> {
-        // Away from the limit: 10.03 is more than 10.
+        // Rounds away from the limit, so that a value just above it is never shown as equal to it.
         let up = |value: f64| (10.0 * value).ceil() / 10.0;
         let mut faults = Vec::new();
         let mut beyond = |value: f64, limit: f64, what: &dyn Fn(f64) -> String| {
@@ -121,7 +122,7 @@ impl Offset {
         faults
     }
 
-    /// True if the view is shown.
+    /// Whether the image shows the view.
     pub(crate) fn is_within(&self) -> bool {
         self.cost <= 1.0
     }

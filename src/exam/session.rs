@@ -1,13 +1,13 @@
 //! Generated exam sessions: a hand that searches, finds, holds and leaves standard planes.
 //!
-//! For each plane the hand travels to its neighbourhood, sliding on the skin or lifting off. It approaches the plane by
-//! tilting, rocking, rotating and sliding, holds it, measures, and leaves. The rest of the session is a survey: slow
-//! sweeps from plane to plane. Pressure varies continuously and tremor is added. A novice who runs out of time holds
-//! the current image.
+//! For each plane the hand travels to its neighbourhood, sliding on the skin or lifting off. It approaches the plane
+//! by tilting, rocking, rotating and sliding, holds it, measures, and leaves. The rest of the session is a survey:
+//! slow sweeps from plane to plane. Pressure varies continuously and tremor is added. A novice who runs out of time
+//! holds the image that he has.
 //!
 //! The recording's `truth.plane` events give the hand's intention: `{"plane": "head", "phase": "search" | "hold" |
-//! "leave"}`, and `{"phase": "survey"}`. Calipers are placed at the end of each hold. The event [`EXAM_EVENT`] names the
-//! planes.
+//! "leave"}`, and `{"phase": "survey"}`. Calipers are placed at the end of each hold. The event [`EXAM_EVENT`] names
+//! the planes.
 
 use std::path::Path;
 
@@ -29,24 +29,24 @@ pub const RATE_HZ: u32 = 60;
 /// Name of the events with the hand's intention.
 pub const TRUTH_EVENT: &str = "truth.plane";
 
-/// Default time per plane, s.
+/// Default duration per plane, s.
 pub const PLANE_S: f64 = 15.0;
 
-/// Least time per plane beyond its hold, s: travel and two corrections.
+/// Shortest time for a plane in addition to its hold, s: travel and two corrections.
 const SEARCH_LEAST_S: f64 = 5.0;
 
-/// Speed of travel on the skin, mm/s, and its least duration, s.
+/// Speed of travel on the skin, mm/s, and shortest duration of a travel, s.
 const TRAVEL_MM_S: f64 = 60.0;
 const TRAVEL_LEAST_S: f64 = 1.2;
 
-/// Height of a lift, mm, and its duration each way, s.
+/// Height of a lift, mm, and its duration in each direction, s.
 const LIFT_MM: f64 = 15.0;
 const LIFT_S: f64 = 0.4;
 
-/// Margin between the line through the probe's face and the edge of the body, mm; larger than the tremor.
+/// Smallest distance of the line through the probe's face from the edge of the body, mm; larger than the tremor.
 const MARGIN_MM: f64 = 5.0;
 
-/// Halvings of an error that puts the probe off the body before it is dropped.
+/// Number of times that an error which puts the probe off the body is halved before it is set to 0.
 const HALVINGS: usize = 6;
 
 /// Settings of a generated session.
@@ -65,12 +65,12 @@ pub struct Settings {
 pub struct Session {
     /// `scene_from_probe` at [`RATE_HZ`].
     pub poses: Vec<TimedPose>,
-    /// Intentions of the hand and its measurements, ascending in time.
+    /// Intentions and measurements of the hand, in the order of time.
     pub events: Vec<Event>,
 }
 
 impl Session {
-    /// Writes the session as a tracker recording in the frame of `scene`; deterministic.
+    /// Writes the session as a recording of tracker bytes, with poses in the frame of `scene`; deterministic.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -79,10 +79,10 @@ impl Session {
     }
 }
 
-/// Makes a session in which a hand searches for `planes` on `skin`, in their order; deterministic.
+/// Makes a session in which a hand searches for `planes` on `skin`, in the given order; deterministic.
 ///
 /// # Errors
-/// Too short a duration, or no skin between a plane's centre and the probe.
+/// The duration is too short, or there is no skin between a plane's centre and the probe.
 pub fn make(planes: &[&StandardPlane], skin: &Skin, settings: &Settings) -> Result<Session, ExamError> {
     let hand = settings.skill.hand();
     let least_s = hand.hold_s.1 + SEARCH_LEAST_S;
@@ -111,7 +111,7 @@ pub fn make(planes: &[&StandardPlane], skin: &Skin, settings: &Settings) -> Resu
     plan.session(settings)
 }
 
-/// Best pose for a view, with the face on the skin.
+/// Ideal pose for a view, with the face on the skin.
 #[derive(Clone, Copy)]
 struct Base {
     pose: Pose,
@@ -125,11 +125,11 @@ struct Plan<'a> {
     hand: Hand,
     random: SplitMix64,
     waypoints: Vec<Waypoint>,
-    /// Start and end of the intervals off the skin, s.
+    /// Start and end of each interval off the skin, s.
     lifts: Vec<(f64, f64)>,
-    /// Events and their times, s.
+    /// Times of events, s, and the events.
     phases: Vec<(f64, Event)>,
-    /// Calipers and the times of their placement, s.
+    /// Times at which calipers are placed, s, and the calipers.
     calipers: Vec<(f64, Caliper)>,
     now_s: f64,
     /// Last position of the face, mm.
@@ -147,7 +147,7 @@ impl<'a> Plan<'a> {
         self.random.between(least, most)
     }
 
-    /// `off`, reduced until the probe is on the body.
+    /// The deviation `off`, halved until the probe is on the body.
     fn on_body(&self, base: &Base, off: &Off) -> Off {
         let inside = |off: &Off, closed: bool| {
             let pose = off.of(&base.pose);
@@ -157,7 +157,7 @@ impl<'a> Plan<'a> {
                 self.skin.exit(from_mm, up).is_some() && (!closed || self.skin.exit(from_mm, -up).is_some())
             })
         };
-        // Points between two inside points are inside, too; a body that is open below is tested upwards only.
+        // Points between two points inside are inside, too. A body that is open below is tested only upwards.
         let closed = inside(&Off::default(), true);
         let mut less = *off;
         for _ in 0..HALVINGS {
@@ -169,7 +169,8 @@ impl<'a> Plan<'a> {
         Off::default()
     }
 
-    /// Keeps the hand off by `off` from `base` for `stay_s`. Returns the deviation, reduced to stay on the body.
+    /// Keeps the hand at the deviation `off` from `base` for `stay_s`. Returns the deviation, reduced so that it
+    /// stays on the body.
     fn stay(&mut self, base: &Base, off: &Off, stay_s: f64) -> Off {
         let off = self.on_body(base, off);
         let pose = off.of(&base.pose);
@@ -188,14 +189,14 @@ impl<'a> Plan<'a> {
     /// Moves to the neighbourhood of `base`, lifting off or sliding.
     fn travel(&mut self, base: &Base) {
         let Some(last) = self.waypoints.last() else {
-            // At the first plane the probe is put down on the skin.
+            // Before the first plane the probe is put down on the skin.
             self.lifts.push((-LIFT_S, LIFT_S));
             return;
         };
-        // The path around a belly is longer than the chord.
+        // The path around an abdomen is longer than the chord.
         let way_mm = 1.3 * self.contact_mm.distance(base.pose.position_mm);
         let turn_deg = last.orientation.angle_between(base.pose.orientation).to_degrees();
-        // Equal speeds in degrees and mm.
+        // Degrees and mm count alike: the hand turns at 60 degrees per second.
         let travel_s = (way_mm.max(turn_deg) / TRAVEL_MM_S).max(TRAVEL_LEAST_S);
         if self.random.unit() < self.hand.lift_chance {
             self.lifts.push((self.now_s, self.now_s + travel_s.max(2.0 * LIFT_S)));
@@ -203,7 +204,7 @@ impl<'a> Plan<'a> {
         self.now_s += travel_s;
     }
 
-    /// Travels to a view of `plane`, searches and holds it, all before `deadline_s`.
+    /// Travels to a view of `plane`, searches it and holds it, all before `deadline_s`.
     fn visit(&mut self, plane: &StandardPlane, view: &View, base: Base, deadline_s: f64) {
         let phase = |phase: &str| json!({ "plane": plane.name, "phase": phase });
         self.phase(phase("search"));
@@ -225,7 +226,7 @@ impl<'a> Plan<'a> {
         self.phase(phase("hold"));
         let drift = Off::draw(&hand.rest, &mut self.random);
         let drifted = off.plus(&drift, hand.drift);
-        // The hold drifts slowly between the two.
+        // During the hold the hand drifts slowly between these two deviations.
         self.now_s += hold_s;
         let end_s = self.now_s;
         self.stay(&base, &drifted, 0.0);
@@ -233,12 +234,12 @@ impl<'a> Plan<'a> {
         self.phase(phase("leave"));
     }
 
-    /// Sweeps from plane to plane until `end_s`, then lifts off.
+    /// Sweeps from plane to plane until `end_s`, then lifts the probe off.
     fn survey(&mut self, bases: &[Base], end_s: f64) {
         if self.now_s + 2.0 < end_s {
             self.phase(json!({ "phase": "survey" }));
         }
-        // Leaves at least the time of a travel, to avoid rushed moves.
+        // Leaves at least the duration of a travel, to avoid rushed movements.
         while let Some(base) = (!bases.is_empty() && self.now_s + 4.0 < end_s)
             .then(|| bases[(self.random.unit() * bases.len() as f64) as usize % bases.len()])
         {
@@ -254,7 +255,7 @@ impl<'a> Plan<'a> {
         self.lifts.push((end_s - LIFT_S, end_s + LIFT_S));
     }
 
-    /// Depth of the face in the skin, mm; negative off the skin.
+    /// Depth of the face in the skin, mm; negative when off the skin.
     fn press_mm(&self, phases: &[f64; 3], time_s: f64) -> f64 {
         // Breathing, shifting of weight, and finger movement.
         let slow: f64 = [(0.11, 0.5), (0.27, 0.35), (0.73, 0.15)]
@@ -270,7 +271,7 @@ impl<'a> Plan<'a> {
         press + lifted * (-LIFT_MM - press)
     }
 
-    /// Poses and events of the plan.
+    /// Poses and events of the planned movements.
     fn session(mut self, settings: &Settings) -> Result<Session, ExamError> {
         let tremor = Tremor::new(settings.seed);
         let press_phases = std::array::from_fn(|_| self.random.unit());
@@ -303,22 +304,22 @@ impl<'a> Plan<'a> {
         Ok(Session { poses, events })
     }
 
-    /// `caliper` placed at its true points in the image of `pose`, with errors by the hand's skill.
+    /// `caliper` placed at its true points in the image of `pose`, with errors that depend on the hand's skill.
     fn placed(&mut self, caliper: &Caliper, pose: &Pose) -> CaliperEvent {
         let spread_mm = 0.3 + 0.3 * self.hand.rest.slide_mm;
         let probe_from_scene = pose.inverse();
         let mut point = |p: &DVec3| {
             let local = probe_from_scene.transform_point(*p);
             // Rounded to 0.1 mm, as on scanners.
-            let mut place = |x: f64| (10.0 * (x + spread_mm * (2.0 * self.random.unit() - 1.0))).round() / 10.0;
-            [place(local.x), place(local.z)]
+            let mut coordinate = |x: f64| (10.0 * (x + spread_mm * (2.0 * self.random.unit() - 1.0))).round() / 10.0;
+            [coordinate(local.x), coordinate(local.z)]
         };
         let points_mm = caliper.points_mm.iter().map(&mut point).collect();
         CaliperEvent { measure: caliper.name.clone(), points_mm }
     }
 }
 
-/// Shuffles `planes` by `seed` (Fisher and Yates).
+/// Shuffles `planes` by `seed` (Fisher–Yates).
 pub fn shuffle(planes: &mut [&StandardPlane], seed: u64) {
     let mut random = SplitMix64::new(seed ^ 0x0005_4ff1);
     for last in (1..planes.len()).rev() {

@@ -1,4 +1,4 @@
-//! A probe that slides over a view: there and back across its plane, for a first look at a scene.
+//! A session for a first look at a scene: the probe slides across a view's plane and back.
 
 use glam::DVec3;
 
@@ -10,15 +10,16 @@ use crate::pose::Pose;
 
 /// Depth of the face in the skin, mm.
 const PRESS_MM: f64 = 4.0;
-/// Largest step of the contact between looks for the slide's ends, mm: a longer one is another side of the body.
+/// Largest step of the contact point in the search for the slide's ends, mm. A longer step would reach another side
+/// of the body.
 const STEP_MM: f64 = 2.0;
 const JUMP_MM: f64 = 12.0;
 
-/// A session of `duration_s` that slides the probe along the normal of `view`, up to `reach_mm` to either side as far as
-/// there is skin, and back. Deterministic.
+/// A session of `duration_s` in which the probe slides along the normal of `view` and back. It reaches up to
+/// `reach_mm` in both directions, as far as there is skin. Deterministic.
 ///
 /// # Errors
-/// No skin above the view's centre.
+/// There is no skin above the view's centre.
 pub fn slide(view: &View, skin: &Skin, reach_mm: f64, duration_s: f64) -> Result<Session, ExamError> {
     let orientation = Pose::looking(DVec3::ZERO, -view.to_probe, view.lateral).orientation;
     let end = |side: f64| {
@@ -37,9 +38,9 @@ pub fn slide(view: &View, skin: &Skin, reach_mm: f64, duration_s: f64) -> Result
     let count = (duration_s.max(1.0) * f64::from(RATE_HZ)) as u64;
     let poses = (0..count).map(|n| {
         let phase = std::f64::consts::TAU * n as f64 / count as f64;
-        let way = phase.sin() * if phase.sin() > 0.0 { ahead } else { behind };
+        let shift_mm = phase.sin() * if phase.sin() > 0.0 { ahead } else { behind };
         let time_us = n * 1_000_000 / u64::from(RATE_HZ);
-        let target = view.centre_mm + view.normal * way;
+        let target = view.centre_mm + view.normal * shift_mm;
         on_skin(time_us, (target, orientation), DVec3::ZERO, PRESS_MM, |from, along| skin.exit(from, along))
     });
     Ok(Session { poses: poses.collect::<Result<_, _>>()?, events: Vec::new() })

@@ -1,4 +1,4 @@
-//! Planes that a recorded session is about.
+//! Standard planes that a recorded session is about.
 
 use serde_json::Value;
 use thiserror::Error;
@@ -14,11 +14,11 @@ pub struct SubjectError {
     found: String,
 }
 
-/// Names of the planes that a session is about, each once: those of its [`EXAM_EVENT`], else those that a generated hand
-/// looked for. Empty if the recording names none.
+/// Names of the planes that a session is about, each once: the names in its [`EXAM_EVENT`], or else the planes that a
+/// generated hand searched for. Empty if the recording names none.
 ///
 /// # Errors
-/// An [`EXAM_EVENT`] that is not a list of names.
+/// An [`EXAM_EVENT`] does not hold a list of names.
 pub fn planes_of(events: &[Event]) -> Result<Vec<String>, SubjectError> {
     let mut names: Vec<String> = Vec::new();
     let mut add = |name: &str| {

@@ -19,7 +19,7 @@ pub const DURATION_S: u32 = 24;
 /// Pose rate, Hz.
 pub const RATE_HZ: u32 = 60;
 
-/// Seed of the exam in `assets/`.
+/// Seed of the exam in `assets/exams`.
 pub const SEED: u64 = 22;
 
 /// Depth of the centre of the face in the skin, mm.
@@ -29,7 +29,7 @@ const PRESS_MM: f64 = 2.5;
 pub const KEY_FRAMES: [(&str, f64); 6] =
     [("head", 4.0), ("heart", 8.4), ("abdomen", 11.7), ("spine", 15.9), ("femur", 19.4), ("placenta", 23.2)];
 
-/// Writes the exam of `seed` over the phantom to `path`; deterministic. Key frames are events.
+/// Writes the exam of `seed` over the phantom to `path`; deterministic. Its key frames are events.
 ///
 /// # Errors
 /// The file cannot be written, or [`ExamError::NoSkin`].
@@ -43,7 +43,7 @@ pub fn write(path: &Path, seed: u64) -> Result<(), ExamError> {
 
 /// Poses of the exam of `seed`, at [`RATE_HZ`] over [`DURATION_S`].
 ///
-/// `skin` returns the exit point through the skin of a line from inside the body (mm) along a unit direction.
+/// `skin` returns the point at which a line from inside the body (mm) along a unit direction leaves the skin.
 ///
 /// # Errors
 /// [`ExamError::NoSkin`] if `skin` returns `None`.
@@ -65,8 +65,8 @@ pub fn sweep(
     (0..=DURATION_S * RATE_HZ).map(pose).collect()
 }
 
-/// Waypoints of the standard views: each from its target, the direction from there to the probe, and the lateral
-/// direction.
+/// Waypoints at the standard views. Each is computed from its target, the direction from there to the probe, and the
+/// lateral direction.
 fn waypoints(landmarks: &Landmarks) -> Vec<Waypoint> {
     let view = |arrive_s, leave_s, target_mm: DVec3, up: DVec3, lateral: DVec3| {
         let orientation = Pose::looking(target_mm, -up, lateral).orientation;
@@ -78,10 +78,11 @@ fn waypoints(landmarks: &Landmarks) -> Vec<Waypoint> {
     let (heart, heart_cranial) = (d(&landmarks.heart_centre_mm), d(&landmarks.heart_cranial));
     let (abdomen, cranial) = (d(&landmarks.abdomen_centre_mm), d(&landmarks.abdomen_cranial));
     let ventral = d(&landmarks.abdomen_ventral);
-    // Seen from the fetus' left, towards the mother's belly; its transverse planes contain left and ventral.
+    // The heart is seen from the fetus's left, towards the mother's abdomen. Its transverse planes contain left and
+    // ventral.
     let heart_up = across(left, heart_cranial);
     let abdomen_up = across(left, cranial);
-    // Spine seen from the left and behind, along its thoracic and lumbar part.
+    // The spine is seen from the left and behind, along its thoracic and lumbar part.
     let [spine_top, spine_end] = [3, 5].map(|i: usize| d(&landmarks.spine_mm[i]));
     let spine_up = across(abdomen_up * 0.8 - ventral * 0.6, spine_top - spine_end);
     let [hip, knee] = landmarks.left_femur_mm.map(|p| d(&p));
@@ -98,7 +99,7 @@ fn waypoints(landmarks: &Landmarks) -> Vec<Waypoint> {
     ]
 }
 
-/// Component of `direction` perpendicular to `axis`, unit length.
+/// Component of `direction` perpendicular to `axis`, normalised.
 fn across(direction: DVec3, axis: DVec3) -> DVec3 {
     direction.reject_from(axis).normalize_or(DVec3::Z)
 }
@@ -120,7 +121,7 @@ mod tests {
         interpolate(exam, START_TIME_NS + (time_s * 1e9) as u64, 100_000_000).unwrap()
     }
 
-    /// Distance of `point` from the image plane, and its depth on the central scanline, mm.
+    /// Distance of `point` from the image plane, mm, and its depth along the central scanline, mm.
     fn seen(pose: &Pose, point: Vec3) -> (f64, f64) {
         let probe = pose.orientation.conjugate() * (point.as_dvec3() - pose.position_mm);
         (probe.y.abs(), probe.z)

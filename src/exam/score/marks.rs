@@ -1,27 +1,27 @@
-//! Marks of the session itself: its measurements against the truth, its texts and body marks.
+//! Marks that the session itself holds: measurements with their true values, texts and body marks.
 
 use serde::Serialize;
 
-use super::{Reference, error_percent, truth_mm};
+use super::{Reference, error_percent, true_length_mm};
 use crate::anatomy::planes::{Caliper, CaliperKind, View};
 use crate::exam::offset::Offset;
 use crate::pose::{Pose, TimedPose};
 use crate::recording::{CaliperEvent, Event, Marks, MeasureKind, RecordedMark};
 use crate::settings::MarkContent;
 
-/// A measurement placed in the session itself.
+/// A measurement made in the session itself.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CaliperScore {
-    /// Time of its last change, s from the start.
+    /// Time of its last change, s since the start.
     pub time_s: f64,
-    /// Time of the measured picture, s from the start.
+    /// Time of the measured picture, s since the start.
     pub picture_s: f64,
     /// Plane that the picture showed; `None` if it showed none within its tolerances.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plane: Option<String>,
-    /// Name of the measure; empty if it was given none.
+    /// Name of the measure; empty if it has none.
     pub name: String,
-    /// Kind.
+    /// Kind of the measure.
     pub kind: MeasureKind,
     /// Measured length or circumference, mm; `None` for an angle.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -29,39 +29,39 @@ pub struct CaliperScore {
     /// Measured angle, degrees.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub angle_deg: Option<f64>,
-    /// Area of an ellipse, mm².
+    /// Area of a measured ellipse, mm².
     #[serde(skip_serializing_if = "Option::is_none")]
     pub area_mm2: Option<f64>,
-    /// Axes of an ellipse, mm.
+    /// Axes of a measured ellipse, mm.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub axes_mm: Option<[f64; 2]>,
     /// True length, mm; `None` if no plane has this measure.
     pub true_mm: Option<f64>,
     /// Error, measured minus true, mm.
     pub error_mm: Option<f64>,
-    /// Relative error, measured over true minus one, percent.
+    /// Relative error: measured value over true value, minus one, percent.
     pub error_percent: Option<f64>,
-    /// Reason why a named measure is not compared; empty if it is.
+    /// Reason why a named measure is not compared with a true value; empty if it is compared.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub note: String,
 }
 
-/// A text or a body mark of the session.
+/// A text or a body mark in the session.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TextScore {
-    /// Time of its picture, s from the start.
+    /// Time of its picture, s since the start.
     pub picture_s: f64,
     /// Plane that the picture showed; `None` if it showed none within its tolerances.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plane: Option<String>,
-    /// Text, or name of the body mark.
+    /// The text, or the name of the body mark.
     pub text: String,
-    /// Turn of the probe on a body mark, degrees; `None` for a text.
+    /// Rotation of the probe on a body mark, degrees; `None` for a text.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub turn_deg: Option<f64>,
 }
 
-/// Marks of a session, scored.
+/// Scores of the session's marks.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct MarkScores {
     pub(super) calipers: Vec<CaliperScore>,
@@ -93,13 +93,13 @@ pub(super) fn marks(poses: &[TimedPose], events: &[Event], reference: &Reference
     scores
 }
 
-/// Name of the plane on the picture of `mark`, within its tolerances.
+/// Name of the plane that the picture of `mark` shows within its tolerances; `None` if there is none.
 fn plane_shown(poses: &[TimedPose], mark: &RecordedMark, reference: &Reference<'_>) -> Option<String> {
     let time_ns = mark.picture_time_ns();
     let index = poses.partition_point(|p| p.host_time_ns <= time_ns).checked_sub(1);
     let own: Option<Pose> = mark.frame.and_then(|frame| frame.pose);
     let pose = own.or_else(|| Some(poses.get(index?)?.pose))?;
-    // A picture before the first pose has the depth of that pose.
+    // A picture before the first pose has the depth of the first pose.
     let probe = reference.probe_at(index.unwrap_or(0));
     let shown = reference.scene_planes.iter().filter_map(|plane| {
         let (_, offset) = Offset::nearest(plane, &probe, &pose)?;
@@ -120,7 +120,8 @@ fn caliper_score(
         CaliperKind::Line => MeasureKind::Distance,
         CaliperKind::Ellipse => MeasureKind::Ellipse,
     });
-    let true_mm = known.filter(|_| expected == Some(caliper.kind())).and_then(|(c, view)| truth_mm(c, view, reference));
+    let true_mm =
+        known.filter(|_| expected == Some(caliper.kind())).and_then(|(c, view)| true_length_mm(c, view, reference));
     let note = match expected {
         Some(expected) if expected != caliper.kind() => {
             format!("{} is measured with the tool {}", caliper.measure, expected.name())
@@ -142,13 +143,13 @@ fn caliper_score(
         area_mm2: caliper.area_mm2(),
         axes_mm: caliper.axes_mm(),
         true_mm,
-        error_mm: measured_mm.zip(true_mm).map(|(measured, truth)| measured - truth),
+        error_mm: measured_mm.zip(true_mm).map(|(measured, correct)| measured - correct),
         error_percent: error_percent(measured_mm, true_mm),
         note,
     }
 }
 
-/// Caliper of this name, in any case, and its view.
+/// Caliper with this name, regardless of case, and its view.
 fn find<'a>(name: &str, reference: &Reference<'a>) -> Option<(&'a Caliper, &'a View)> {
     let views = reference.scene_planes.iter().flat_map(|plane| &plane.views);
     let mut known = views.flat_map(|view| view.calipers.iter().map(move |caliper| (caliper, view)));

@@ -1,4 +1,4 @@
-//! Time of a session during which the probe was where no hand can hold it.
+//! Time in a session during which the probe is where no hand can hold it.
 
 use std::fmt;
 
@@ -11,17 +11,17 @@ use crate::transducer::placement::MISPLACED_FOR;
 /// Time with the probe deep in the body, or looking out of it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct MisplacedTime {
-    /// Duration, s.
+    /// Total time, s.
     pub time_s: f64,
-    /// Start of the first such time, s from the start.
+    /// Start of the first such interval, s since the start.
     pub from_s: f64,
-    /// The placement then, with its likely cause.
+    /// Placement in the first interval, with its likely cause.
     #[serde(flatten)]
     pub first: Misplacement,
 }
 
 impl MisplacedTime {
-    /// Time of a session by its track. `None` if a hand can have made the session, or without skin.
+    /// Sums up a session's track. `None` if a hand can have made the whole session, or without skin.
     pub fn of(track: &Track) -> Option<Self> {
         let Track { time_s, misplaced, .. } = track;
         let held = stretches(time_s, |i| misplaced.get(i).is_some_and(Option::is_some));
@@ -55,7 +55,7 @@ mod tests {
     use crate::transducer::Probe;
     use crate::transducer::placement::{Cause, Fault};
 
-    /// Time of a session at 20 poses a second on a ball of 100 mm, whose poses are in metres while `wrong` holds.
+    /// Result for a session of 20 poses per second on a ball of 100 mm. While `wrong` holds, its poses are in metres.
     fn misplaced(wrong: impl Fn(f64) -> bool) -> Option<MisplacedTime> {
         let ball = analytic::sphere(Vec3::ZERO, 100.0, 5);
         let skin = Skin::of_triangles(ball.corners_mm().collect::<Vec<_>>()).unwrap();

@@ -1,11 +1,12 @@
 //! Score of a session against a scene's standard planes.
 //!
-//! A plane is **found** when the image shows one of its views within the tolerances for at least [`HOLD_S`], without a
-//! break and with the probe on the skin. The **best second** has the least mean of the largest deviations, each
-//! relative to its tolerance. Angles, distances and measurements refer to it, even if the plane was not found.
+//! A plane is **found** when the image shows one of its views within the tolerances for at least [`HOLD_S`], without
+//! a break and with the probe on the skin. At each moment, the largest deviation relative to its tolerance counts;
+//! the **best second** is the one with the smallest mean of it. Angles, distances and measurements refer to that
+//! second, even if the plane was not found.
 //!
-//! Planes and skin are those of the scene at rest. Their drift under the probe (2 mm in the phantom, by the mother's
-//! breathing) is not compensated; generated sessions ignore it, too.
+//! Planes and skin are those of the scene at rest. Their motion under the probe (2 mm in the phantom, by the mother's
+//! breathing) is not compensated. Generated sessions ignore it, too.
 //!
 //! Points per plane, 0..=100: 0 if it was not found, else 50, plus 20 for the angle, 20 for the distance and 10 for a
 //! steady hold. Angle and distance score fully up to a quarter of the tolerance, and 0 at the tolerance. A hold scores
@@ -41,29 +42,29 @@ use crate::transducer::{Probe, Sector};
 /// Required hold of a plane, s.
 pub const HOLD_S: f64 = 1.0;
 
-/// What a mark is said to be on whose picture shows no plane within its tolerances.
+/// Text for a mark whose picture shows no plane within its tolerances.
 pub(crate) const NO_PLANE: &str = "no standard plane in this picture";
 
-/// Sentence on how points are made.
+/// Explanation of the points, in one sentence.
 pub(crate) const POINTS: &str = "Points of a plane that is found: 50, and up to 20 for the angle, 20 for the distance and 10 \
      for a steady hold, in the best second; 0 if it isn't found. The session has the mean of its planes. The weights are \
      assumed; docs/commands.md (Points) has the formula.";
 
-/// Reference data of a score.
+/// What a session is scored against.
 pub struct Reference<'a> {
-    /// Scored planes.
+    /// Planes that are scored.
     pub planes: Vec<&'a StandardPlane>,
-    /// All planes of the scene: the session's measurements are compared with their calipers.
+    /// All planes of the scene. Measurements in the session are compared with the calipers of these planes.
     pub scene_planes: Vec<&'a StandardPlane>,
-    /// Skin touched by the probe; without it, contact is assumed.
+    /// Skin that the probe touches; without it, contact is assumed.
     pub skin: Option<&'a Skin>,
-    /// Surfaces named by the calipers; calipers of missing surfaces are not measured.
+    /// Surfaces that the calipers name. Calipers whose surface is missing are not measured.
     pub surfaces: &'a BTreeMap<String, Mesh>,
     /// Gel and tolerance of the station.
     pub contact: &'a ContactSettings,
-    /// Probe.
+    /// Probe of the station.
     pub probe: &'a Probe,
-    /// Image depth at each pose, mm; the probe's own for poses beyond the list.
+    /// Image depth at each pose, mm. Poses after the end of the list have the probe's depth.
     pub depths_mm: &'a [f64],
 }
 
@@ -83,7 +84,7 @@ impl Reference<'_> {
         format!("Tolerances: {}; see `insonify planes`.", sources.join("; "))
     }
 
-    /// Probe with its depth setting at pose `index`.
+    /// Probe with its depth at the pose with this index.
     pub fn probe_at(&self, index: usize) -> Probe {
         let depth_mm = self.depths_mm.get(index).copied().unwrap_or(self.probe.depth_mm);
         Probe { depth_mm, ..*self.probe }
@@ -98,7 +99,7 @@ pub struct Score {
     /// Reason why nothing could be judged.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub not_judged: Option<String>,
-    /// Planes found.
+    /// Number of planes found.
     pub found: usize,
     /// Time from the first pose to the last, s.
     pub duration_s: f64,
@@ -112,11 +113,11 @@ pub struct Score {
     pub face_contact: f64,
     /// Scores of the planes.
     pub planes: Vec<PlaneScore>,
-    /// Measurements placed in the session itself, in their last state.
+    /// Measurements made in the session itself, in their last state.
     pub calipers: Vec<CaliperScore>,
-    /// Texts and body marks of the session, in their last state.
+    /// Texts and body marks in the session, in their last state.
     pub texts: Vec<TextScore>,
-    /// Events of marks that could not be read, with the reason.
+    /// Events of marks that can't be read, with the reason.
     pub calipers_refused: Vec<String>,
 }
 
@@ -127,44 +128,44 @@ pub struct PlaneScore {
     pub name: String,
     /// Display name.
     pub title: String,
-    /// Name of the nearest view; empty if the plane has only one.
+    /// Name of the view nearest to the image; empty if the plane has only one view.
     pub view: String,
     /// Index of that view.
     #[serde(skip)]
     pub view_index: usize,
-    /// True if it was found.
+    /// Whether it was found.
     pub found: bool,
     /// Reason why it was not found.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub why_not: Option<String>,
     /// Points, 0..=100; 0 if it was not found or not judged.
     pub points: f64,
-    /// Start of the first hold, s from the start.
+    /// Start of the first hold, s since the start.
     pub find_s: Option<f64>,
-    /// Path length of the probe's face until then, mm.
+    /// Path length of the probe's face until the first hold, mm.
     pub path_to_find_mm: Option<f64>,
     /// Longest hold, s.
     pub longest_hold_s: f64,
-    /// Start of the best second, s from the start; `None` if every second has a gap.
+    /// Start of the best second, s since the start; `None` if every second has a gap.
     pub best_s: Option<f64>,
     /// Pose at the best moment of the best second.
     #[serde(skip)]
     pub best_pose: Option<Pose>,
-    /// Probe with its settings at that moment.
+    /// Probe with its settings at the best moment.
     #[serde(skip)]
     pub best_probe: Option<Probe>,
-    /// Means over the best second.
+    /// Offset from the plane, averaged over the best second.
     #[serde(flatten)]
     pub best: Option<Offset>,
-    /// Landmarks of the view.
+    /// Number of landmarks of the view.
     pub landmarks: usize,
     /// RMS distance of the face from its mean position over the best second, mm.
     pub unsteady_mm: Option<f64>,
-    /// Largest rotation from the best moment within the best second, degrees.
+    /// Largest rotation relative to the best moment within the best second, degrees.
     pub unsteady_deg: Option<f64>,
     /// Mean depth of the face below the skin over the best second, mm; `None` off the skin.
     pub press_mm: Option<f64>,
-    /// Measurements at the best moment.
+    /// Measurements in the image of the best moment.
     pub measures: Vec<Measure>,
 }
 
@@ -179,14 +180,15 @@ pub struct Measure {
     pub measured_mm: Option<f64>,
     /// True length, mm.
     pub true_mm: Option<f64>,
-    /// Relative error, measured over true minus one, percent.
+    /// Relative error: measured length over true length, minus one, percent.
     pub error_percent: Option<f64>,
     /// Points of the caliper in the image.
     #[serde(skip)]
     pub measured: Option<Measured>,
 }
 
-/// Compares `scene_from_probe` over time, ascending, with the reference. `events` may include marks.
+/// Compares a session with the reference. `poses` are `scene_from_probe`, in ascending time; `events` may include
+/// marks.
 ///
 /// Also returns the deviations at each pose.
 pub fn score(poses: &[TimedPose], events: &[Event], reference: &Reference<'_>) -> (Score, Track) {
@@ -235,7 +237,7 @@ fn plane_score(
     let shown = |i: usize| track.contact[i] && offsets[i].is_within();
     let held = stretches(time_s, shown);
     let first_hold = held.iter().find(|s| length_s(time_s, s) >= HOLD_S - 1e-6);
-    // Without skin contact there is no image: adds one tolerance to the cost.
+    // Without skin contact there is no image, so the cost grows by one tolerance.
     let cost: Vec<f64> =
         offsets.iter().zip(&track.contact).map(|(o, contact)| o.cost + f64::from(u8::from(!contact))).collect();
     let window = best_second(time_s, &cost);
@@ -302,12 +304,12 @@ fn plane_score(
     }
 }
 
-/// 1 up to `full`, 0 from `none`, linear between.
+/// 1 up to `full`, 0 from `none` on, linear between them.
 fn falling(value: f64, full: f64, none: f64) -> f64 {
     ((none - value) / (none - full)).clamp(0.0, 1.0)
 }
 
-/// Measurement of `caliper` at `pose`, with its true value.
+/// Measurement of `caliper` in the image at `pose`, with its true value.
 fn measured(
     caliper: &Caliper,
     view: &View,
@@ -318,7 +320,7 @@ fn measured(
 ) -> Measure {
     let measured = cut(caliper, pose, depth_mm, reference).filter(|m| is_in_sector(caliper.kind, m, probe));
     let measured_mm = measured.as_ref().map(|m| m.length_mm);
-    let true_mm = truth_mm(caliper, view, reference);
+    let true_mm = true_length_mm(caliper, view, reference);
     Measure {
         name: caliper.name.clone(),
         title: caliper.title.clone(),
@@ -329,7 +331,7 @@ fn measured(
     }
 }
 
-/// True if the image shows the measurement: both ends of a line, or most of an ellipse.
+/// Whether the image shows the measured structure: both ends of a line, or most of an ellipse.
 fn is_in_sector(kind: CaliperKind, measured: &Measured, probe: &Probe) -> bool {
     const ELLIPSE_LEAST: f64 = 0.6;
     let inside = measured.points_mm.iter().filter(|p| Sector::polar(probe, **p).is_some()).count() as f64;
@@ -349,14 +351,15 @@ fn cut(caliper: &Caliper, pose: &Pose, depth_mm: f64, reference: &Reference<'_>)
     measure(caliper, surface, far, pose, slice_mm(reference.probe, depth_mm))
 }
 
-/// Thickness of the slice at `depth_mm`: the two-way −6 dB width of the elevational beam.
+/// Thickness of the image slice at `depth_mm`, mm: the two-way −6 dB width of the elevational beam.
 pub fn slice_mm(probe: &Probe, depth_mm: f64) -> f64 {
     probe.elevational_sigma_mm(depth_mm.max(0.0)) * FWHM_PER_SIGMA
 }
 
-/// True length of `caliper`: the plane's value, or else measured on its surfaces in the exact plane.
-pub(crate) fn truth_mm(caliper: &Caliper, view: &View, reference: &Reference<'_>) -> Option<f64> {
-    /// Depth of the plane's centre below an assumed probe in the plane.
+/// True length of `caliper`, mm: the value of the plane, or else the length measured on its surfaces in the exact
+/// plane.
+pub(crate) fn true_length_mm(caliper: &Caliper, view: &View, reference: &Reference<'_>) -> Option<f64> {
+    /// Depth of the plane's centre below the probe that is assumed in the exact plane, mm.
     const DEPTH_MM: f64 = 70.0;
     caliper.true_mm.or_else(|| {
         let pose = Pose::looking(view.centre_mm + view.to_probe * DEPTH_MM, -view.to_probe, view.lateral);

@@ -51,7 +51,7 @@ impl fmt::Display for Score {
     }
 }
 
-/// A measurement of the session: value, truth, error, picture.
+/// A measurement in the session as a line: value, true value, error, picture.
 fn caliper_line(c: &CaliperScore) -> String {
     let name = if c.name.is_empty() { c.kind.name() } else { c.name.as_str() };
     let measured = match (c.measured_mm, c.angle_deg) {
@@ -77,7 +77,7 @@ fn text_line(text: &TextScore) -> String {
     written + &picture(text.picture_s, text.plane.as_deref())
 }
 
-/// The picture that a mark is on.
+/// Text that tells on which picture a mark is.
 fn picture(picture_s: f64, plane: Option<&str>) -> String {
     match plane {
         Some(plane) => format!("; picture at {picture_s:.1} s, which shows the plane {plane}"),
@@ -90,7 +90,7 @@ fn plane_line(plane: &PlaneScore) -> String {
         value.map_or_else(|| "-".to_owned(), |v| format!("{v:.digits$}{unit}"))
     };
     let name = if plane.view.is_empty() { plane.name.clone() } else { format!("{} ({})", plane.name, plane.view) };
-    // Without a second that could be judged, neither a "no" nor a 0 was earned.
+    // If no second could be judged, the plane has earned neither a "no" nor a 0.
     let judged = plane.best_s.map(|_| plane.points);
     let not_found = if judged.is_some() { "no" } else { "-" };
     format!(

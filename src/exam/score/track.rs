@@ -1,4 +1,4 @@
-//! Positions of the probe and its offsets from the planes, over time.
+//! Positions of the probe over time, and its offsets from the planes.
 
 use glam::DVec3;
 use serde::Serialize;
@@ -10,33 +10,33 @@ use crate::pose::TimedPose;
 use crate::transducer::placement::DEPTH_MAX_MM;
 use crate::transducer::{Contact, Misplacement, touch};
 
-/// Longest time between two poses of one hold, s; a longer one is a gap.
+/// Longest time between two poses of one hold, s. A longer one is a gap.
 pub(super) const GAP_S: f64 = 0.25;
 
-/// Part of the face from which on the probe counts as on the skin (assumed).
+/// Smallest part of the face in contact, 0..=1, for which the probe counts as on the skin (assumed).
 const CONTACT_MIN: f64 = 0.5;
 
-/// Bin of the means between which paths are measured, s; it suppresses tremor.
+/// Interval over which positions are averaged before path lengths are summed, s. It suppresses tremor.
 const PATH_STEP_S: f64 = 0.1;
 
-/// Deviations over time.
+/// Track of the probe in a session; each list has an entry for each pose.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Track {
-    /// Time, s from the start.
+    /// Time since the start, s.
     pub time_s: Vec<f64>,
-    /// Centre of the face, mm.
+    /// Centre of the face in the scene, mm.
     pub position_mm: Vec<[f64; 3]>,
-    /// True while the probe is on the skin.
+    /// Whether the probe is on the skin.
     pub contact: Vec<bool>,
     /// Part of the face in contact, 0..=1.
     pub face: Vec<f64>,
     /// Impossible placement of the probe; `None` for one that a hand can reach.
     pub misplaced: Vec<Option<Misplacement>>,
-    /// Deviation of each plane's nearest view, in the order of the reference.
+    /// Offset from the nearest view of each plane: one list for each plane, in the order of the reference.
     pub offsets: Vec<Vec<Offset>>,
 }
 
-/// Part of the face on the skin, 0..=1: none of a face that is too deep.
+/// Part of the face on the skin, 0..=1. It is 0 if the face is too deep.
 fn part_on_skin(contact: &Contact) -> f64 {
     let too_deep = contact.press_mm.is_some_and(|mm| mm > DEPTH_MAX_MM);
     if too_deep { 0.0 } else { contact.part }
@@ -57,7 +57,7 @@ impl Track {
             (part_on_skin(&contact), contact.misplaced)
         };
         let (face, misplaced): (Vec<f64>, Vec<_>) = poses.iter().enumerate().map(touched).unzip();
-        // A plane without a view has no deviation; loading rejects such planes.
+        // A plane without a view has no offset; loading rejects such planes.
         let offsets = |plane: &&StandardPlane| {
             let nearest = |(index, p): (usize, &TimedPose)| {
                 Offset::nearest(plane, &reference.probe_at(index), &p.pose).map(|(_, offset)| offset)
@@ -75,10 +75,10 @@ impl Track {
     }
 }
 
-/// Path length of the face up to each pose, mm, between means over [`PATH_STEP_S`].
+/// Path length of the face up to each pose, mm, measured between means over [`PATH_STEP_S`].
 pub(super) fn path_mm(track: &Track) -> Vec<f64> {
     let mut path = Vec::with_capacity(track.time_s.len());
-    let (mut way, mut last): (f64, Option<DVec3>) = (0.0, None);
+    let (mut total_mm, mut last): (f64, Option<DVec3>) = (0.0, None);
     let bin = |t: f64| (t / PATH_STEP_S) as u64;
     let mut rest = track.time_s.as_slice();
     let mut positions = track.position_mm.as_slice();
@@ -86,15 +86,15 @@ pub(super) fn path_mm(track: &Track) -> Vec<f64> {
         let count = rest.partition_point(|&t| bin(t) <= bin(first)).max(1);
         let sum: DVec3 = positions[..count].iter().map(|p| DVec3::from_array(*p)).sum();
         let mean = sum / count as f64;
-        way += last.map_or(0.0, |last| last.distance(mean));
+        total_mm += last.map_or(0.0, |last| last.distance(mean));
         last = Some(mean);
-        path.extend(std::iter::repeat_n(way, count));
+        path.extend(std::iter::repeat_n(total_mm, count));
         (rest, positions) = (&rest[count..], &positions[count..]);
     }
     path
 }
 
-/// Stretches of at least one pose that satisfy `holds`, without gaps: first and last index.
+/// Runs of consecutive poses without gaps that satisfy `holds`: first and last index of each.
 pub(super) fn stretches(time_s: &[f64], holds: impl Fn(usize) -> bool) -> Vec<(usize, usize)> {
     let mut found: Vec<(usize, usize)> = Vec::new();
     for i in (0..time_s.len()).filter(|&i| holds(i)) {
@@ -106,14 +106,14 @@ pub(super) fn stretches(time_s: &[f64], holds: impl Fn(usize) -> bool) -> Vec<(u
     found
 }
 
-/// First and last index of the second with the least mean of `cost`; `None` if every second has a gap.
+/// First and last index of the second with the smallest mean of `cost`; `None` if every second has a gap.
 pub(super) fn best_second(time_s: &[f64], cost: &[f64]) -> Option<(usize, usize)> {
     let mut best: Option<(f64, (usize, usize))> = None;
     for (first, last) in stretches(time_s, |_| true) {
         let (mut start, mut sum) = (first, 0.0);
         for end in first..=last {
             sum += cost[end];
-            // Drop poses from the start while the window still spans a second.
+            // Drops poses at the start while the window still spans a second.
             while start < end && time_s[end] - time_s[start + 1] >= HOLD_S - 1e-6 {
                 sum -= cost[start];
                 start += 1;
@@ -127,7 +127,7 @@ pub(super) fn best_second(time_s: &[f64], cost: &[f64]) -> Option<(usize, usize)
     best.map(|(_, window)| window)
 }
 
-/// Time from the first to the last index of a stretch, s.
+/// Time from the first to the last pose of a run, s.
 pub(super) fn length_s(time_s: &[f64], &(first, last): &(usize, usize)) -> f64 {
     time_s[last] - time_s[first]
 }
@@ -153,14 +153,14 @@ mod tests {
     }
 
     #[test]
-    fn tremor_is_no_way() {
+    fn tremor_adds_no_path_length() {
         let time_s: Vec<f64> = (0..600).map(|i| f64::from(i) / 60.0).collect();
-        // 20 mm/s along x, with a transverse tremor of 10 Hz and 0.5 mm.
+        // A movement of 20 mm/s along x, with a transverse tremor of 10 Hz and 0.5 mm.
         let position_mm =
             time_s.iter().map(|t| [20.0 * t, 0.5 * (std::f64::consts::TAU * 10.0 * t).sin(), 0.0]).collect();
         let (contact, face, misplaced) = (vec![true; 600], vec![1.0; 600], vec![None; 600]);
         let track = Track { contact, face, misplaced, offsets: Vec::new(), time_s, position_mm };
-        let way = *path_mm(&track).last().unwrap();
-        assert!((way - 198.0).abs() < 2.0, "{way}");
+        let total_mm = *path_mm(&track).last().unwrap();
+        assert!((total_mm - 198.0).abs() < 2.0, "{total_mm}");
     }
 }

@@ -6,10 +6,11 @@ use crate::anatomy::planes::StandardPlane;
 use crate::exam::offset::Offset;
 use crate::pose::TimedPose;
 
-/// Reason why a plane was not found of which no second is without a gap.
+/// Reason for planes that were not found because no second of the session is without a gap.
 pub(super) const NO_SECOND: &str = "not judged: every second has a gap";
 
-/// Sentence why nothing in a session with poses at these times can be judged; `None` if a second of it is without a gap.
+/// Sentence that tells why nothing can be judged in a session with poses at these times; `None` if at least one
+/// second is without a gap.
 pub(super) fn not_judged(time_s: &[f64]) -> Option<String> {
     if best_second(time_s, &vec![0.0; time_s.len()]).is_some() {
         return None;
@@ -22,8 +23,8 @@ pub(super) fn not_judged(time_s: &[f64]) -> Option<String> {
     ))
 }
 
-/// Reason why `plane` was not found, by its best second: what was beyond its tolerance there. `longest_hold_s` is the longest
-/// time within all of them.
+/// Reason why `plane` was not found: the conditions that failed in its best second, from `start` to `end`.
+/// `longest_hold_s` is the longest time in which no condition failed.
 pub(super) fn why_not(
     plane: &StandardPlane,
     offsets: &[Offset],
@@ -46,7 +47,7 @@ pub(super) fn why_not(
         reasons.push(format!("off the skin in {off_skin} of {} poses", end - start + 1));
     }
     let beyond = format!("in the best second {}", reasons.join(", "));
-    // Rounded down: 0.98 s are not 1.0 s.
+    // Rounded down, so that 0.98 s does not appear as 1.0 s.
     let held_s = (10.0 * longest_hold_s).floor() / 10.0;
     if held_s > 0.0 { format!("held for {held_s:.1} s (at least {HOLD_S}); {beyond}") } else { beyond }
 }
