@@ -1,4 +1,4 @@
-//! A comparison sheet: rows of captioned images of one region, side by side with their differences.
+//! Comparison sheet: rows of captioned images of the same region, next to their differences.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ const MARGIN: u32 = 14;
 const CAPTION_HEIGHT: u32 = 20;
 const BACKGROUND: Rgb = [14, 16, 20];
 const INK: Rgb = [214, 218, 224];
-/// Difference that has the full colour, grey levels.
+/// Difference that has the most saturated colour, grey levels.
 pub const FULL_DIFFERENCE: f64 = 96.0;
 
 /// One image of a sheet.
@@ -27,14 +27,14 @@ pub struct Panel {
 /// Rows of panels under a title; all text is printable ASCII.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct ComparisonSheet {
-    /// First line.
+    /// First line of the sheet.
     pub title: String,
-    /// Panels, row by row; those of a row have one height.
+    /// Panels, row by row; the panels of a row have the same height.
     pub rows: Vec<Vec<Panel>>,
 }
 
 impl Panel {
-    /// Grey levels [height × width], reduced to `panel_width` pixels if wider.
+    /// A panel of grey levels [height × width], reduced to `panel_width` pixels if wider.
     ///
     /// # Errors
     /// `levels` does not fill `size`.
@@ -47,8 +47,8 @@ impl Panel {
         Self::of(caption.into(), levels.len(), size, panel_width, |index| [levels[index]; 3])
     }
 
-    /// `image` less `reference`, both [height × width]: red where it is brighter, blue where it is darker. Colours
-    /// saturate at [`FULL_DIFFERENCE`] levels.
+    /// A panel of `image` minus `reference`, both [height × width]. Pixels where `image` is brighter are red, darker
+    /// ones blue. Colours saturate at [`FULL_DIFFERENCE`] levels.
     ///
     /// # Errors
     /// An image does not fill `size`.

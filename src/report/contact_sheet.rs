@@ -1,4 +1,4 @@
-//! A contact sheet: rows of frames, columns of their images and maps, with the marks of a scanner's screen.
+//! Contact sheet: rows of frames and columns of their images and maps, with the marks of a scanner's screen.
 
 use std::path::Path;
 
@@ -15,84 +15,84 @@ use crate::sink::error::check_shape;
 use crate::transducer::Sector;
 
 const MARGIN: u32 = 14;
-/// Left of an image: the scale of its levels.
+/// Width of the space left of an image for the scale of its levels, pixels.
 const BAR_GUTTER: u32 = 44;
-/// Right of an image: the depth scale.
+/// Width of the space right of an image for the depth scale, pixels.
 const SCALE_GUTTER: u32 = 40;
-/// Between a line of text and what is below it.
+/// Space between a line of text and what is below it, pixels.
 const LINE_GAP: u32 = 4;
-/// Least distance between the texts of neighbouring columns.
+/// Smallest space between the texts of neighbouring columns, pixels.
 const TEXT_GAP: u32 = 16;
 const BACKGROUND: Rgb = [14, 16, 20];
 const INK: Rgb = [214, 218, 224];
 const FAINT_INK: Rgb = [128, 134, 144];
 
-/// Map of a frame shown by a panel.
+/// Map of a frame that a panel shows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Map {
-    /// Grey levels, with a bar over this many dB.
+    /// Grey levels, with a bar over the dynamic range.
     BMode {
-        /// Black to white, dB.
+        /// Dynamic range from black to white, dB.
         dynamic_range_db: f64,
     },
     /// Tissues in their colours.
     Segmentation,
-    /// Attenuation in viridis.
+    /// Attenuation in the viridis colours.
     Attenuation,
 }
 
-/// One map of one frame, to be shown in the sheet.
+/// One map of one frame, as the sheet shows it.
 #[derive(Debug, Clone)]
 pub struct Panel {
     caption: String,
-    /// Second line; may be empty.
+    /// Line below the caption; may be empty.
     note: String,
     image: RgbImage,
     map: Map,
-    /// Segmentation numbers that occur.
+    /// Numbers of the tissues that the segmentation contains.
     numbers: Vec<u8>,
 }
 
 impl Panel {
-    /// The panel with a second line below its caption, printable ASCII.
+    /// The same panel with a line below its caption, printable ASCII.
     #[must_use]
     pub fn with_note(self, note: impl Into<String>) -> Self {
         Self { note: note.into(), ..self }
     }
 }
 
-/// Place of a column.
+/// Position of a column in the sheet.
 struct Column {
-    /// Left edge of its images and texts, pixels.
+    /// Left edge of the column's images and texts, pixels.
     image_x: u32,
-    /// From there to the next column's gutter, pixels.
+    /// Width from that edge to the next column's gutter, pixels.
     width: u32,
-    /// Whether the scale of its levels stands left of its images.
+    /// Whether a scale of levels is left of the column's images.
     has_bar: bool,
 }
 
 /// A sheet of panels that share one sector.
 #[derive(Debug, Clone)]
 pub struct ContactSheet<'a> {
-    /// First line; printable ASCII.
+    /// First line of the sheet; printable ASCII.
     pub title: String,
     /// Lines below the title; printable ASCII.
     pub notes: Vec<String>,
     /// Panels, row by row.
     pub rows: Vec<Vec<Panel>>,
-    /// Sector of the frames.
+    /// Sector that all frames share.
     pub sector: &'a Sector,
     /// Image depth, mm.
     pub depth_mm: f64,
-    /// Tissues of the segmentation numbers.
+    /// Tissues behind the numbers of the segmentation.
     pub tissues: &'a TissueTable,
     /// Width of an image in the sheet, pixels.
     pub panel_width: u32,
 }
 
 impl ContactSheet<'_> {
-    /// A panel of `frame`, already reduced to the sheet's size, so that the frame may be overwritten. `caption` is
-    /// printable ASCII.
+    /// A panel of one map of `frame`. It is already reduced to the sheet's size, so the frame may be overwritten.
+    /// `caption` is printable ASCII.
     ///
     /// # Errors
     /// A map that does not have the frame's size.
@@ -122,7 +122,7 @@ impl ContactSheet<'_> {
         Ok(Panel { caption, note: String::new(), image, map, numbers })
     }
 
-    /// [`Self::panel`] of grey levels [height × width] that are no part of a frame.
+    /// A panel as [`Self::panel`] makes it, for grey levels [height × width] that are not part of a frame.
     ///
     /// # Errors
     /// Levels that do not fill `size`, [width, height].
@@ -139,7 +139,7 @@ impl ContactSheet<'_> {
         Ok(Panel { caption, note: String::new(), image, map, numbers: Vec::new() })
     }
 
-    /// An image of these colours, by their index, at the sheet's size.
+    /// Image at the sheet's size; `colour` returns the colour of each pixel of the full size by its index.
     fn reduced(&self, [full_width, full_height]: [u32; 2], colour: impl Fn(usize) -> Rgb) -> RgbImage {
         let (width, height) = self.image_size(full_width, full_height);
         let colour = |x: u32, y: u32| image::Rgb(colour((y * full_width + x) as usize));
@@ -196,7 +196,8 @@ impl ContactSheet<'_> {
         canvas
     }
 
-    /// Columns of the sheet, each wide enough for its texts. A column has a bar unless its left neighbour has the same.
+    /// Columns of the sheet, each wide enough for its texts. A column has a bar unless the bar of its left neighbour
+    /// is the same.
     fn columns(&self) -> Vec<Column> {
         let count = self.rows.iter().map(Vec::len).max().unwrap_or(0);
         let mut next_x = MARGIN;
@@ -217,7 +218,7 @@ impl ContactSheet<'_> {
         columns
     }
 
-    /// Ticks at every cm below the face's centre; numbered ticks are longer.
+    /// Draws a tick at every cm below the face's centre; numbered ticks are longer.
     fn draw_depth_scale(&self, canvas: &mut Canvas, x: u32, y: u32) {
         let shrink = f64::from(self.panel_width) / f64::from(self.sector.width.max(1));
         let row = |cm: u32| {
@@ -225,7 +226,7 @@ impl ContactSheet<'_> {
             y + pixel.round().max(0.0) as u32
         };
         let deepest = (self.depth_mm / 10.0).floor().clamp(0.0, 100.0) as u32;
-        // Numbers need room: every 5 cm, closer only in shallow images.
+        // Numbers need room, so every 5 cm has one; in shallow images every cm.
         let labelled = if deepest > 6 { 5 } else { 1 };
         for cm in 0..=deepest {
             let long = cm % labelled == 0;
@@ -248,7 +249,7 @@ impl ContactSheet<'_> {
     }
 }
 
-/// The scale of a panel's levels, in the gutter left of its image.
+/// Draws the scale of a panel's levels, in the gutter left of its image.
 fn draw_bar(canvas: &mut Canvas, x: u32, y: u32, image_height: u32, map: Map) {
     let line = Text::Small.height();
     let (top, bottom) = match map {
@@ -270,33 +271,33 @@ fn draw_bar(canvas: &mut Canvas, x: u32, y: u32, image_height: u32, map: Map) {
 }
 
 const SWATCH: u32 = 14;
-/// Between lines of the legend.
+/// Space between lines of the legend, pixels.
 const LEGEND_GAP: u32 = 6;
 
 fn entry_width(name: &str) -> u32 {
     SWATCH + 6 + Text::Small.width(name) + 18
 }
 
-/// Place of each legend entry: x in pixels, and line.
-fn legend_places<'a>(entries: &'a [(&'a str, Rgb)], width: u32) -> impl Iterator<Item = (u32, u32)> + 'a {
+/// Position of each legend entry: x in pixels, and number of its line.
+fn legend_positions<'a>(entries: &'a [(&'a str, Rgb)], width: u32) -> impl Iterator<Item = (u32, u32)> + 'a {
     let (mut x, mut line) = (MARGIN, 0);
     entries.iter().map(move |(name, _)| {
         let needed = entry_width(name);
         if x > MARGIN && x + needed > width - MARGIN {
             (x, line) = (MARGIN, line + 1);
         }
-        let place = (x, line);
+        let position = (x, line);
         x += needed;
-        place
+        position
     })
 }
 
 fn legend_lines(entries: &[(&str, Rgb)], width: u32) -> u32 {
-    legend_places(entries, width).last().map_or(0, |(_, line)| line + 1)
+    legend_positions(entries, width).last().map_or(0, |(_, line)| line + 1)
 }
 
 fn draw_legend(canvas: &mut Canvas, top: u32, entries: &[(&str, Rgb)], width: u32) {
-    for ((x, line), (name, colour)) in legend_places(entries, width).zip(entries) {
+    for ((x, line), (name, colour)) in legend_positions(entries, width).zip(entries) {
         let y = top + line * (Text::Small.height() + LEGEND_GAP);
         canvas.fill(x, y + 1, SWATCH, SWATCH, FAINT_INK);
         canvas.fill(x + 1, y + 2, SWATCH - 2, SWATCH - 2, *colour);

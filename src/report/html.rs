@@ -1,8 +1,8 @@
-//! HTML text.
+//! Helpers for HTML text.
 
 use std::fmt::Write as _;
 
-/// Beginning of a page up to its body; `title` is markup.
+/// Start of a page up to its body. `title` is markup.
 pub(super) fn head(title: &str, style: &str) -> String {
     format!(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title}</title>\
@@ -10,7 +10,7 @@ pub(super) fn head(title: &str, style: &str) -> String {
     )
 }
 
-/// Coordinates of a line, for the attribute `points`.
+/// Coordinates of a line for the SVG attribute `points`.
 pub(super) fn points(all: impl IntoIterator<Item = (f64, f64)>) -> String {
     all.into_iter().fold(String::new(), |mut out, (x, y)| {
         // Writing to a string cannot fail.
@@ -19,7 +19,7 @@ pub(super) fn points(all: impl IntoIterator<Item = (f64, f64)>) -> String {
     })
 }
 
-/// `text` with the characters of markup escaped, for elements and quoted attributes.
+/// `text` with the characters of markup escaped, for elements and for quoted attributes.
 pub(super) fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

@@ -1,4 +1,4 @@
-//! Reports that people read or look at offline: exams, self-tests, sheets, time tables, pictures of scenes.
+//! Offline reports for people: exams, self-tests, sheets, time tables, pictures of scenes.
 
 pub mod comparison_sheet;
 pub mod contact_sheet;

@@ -1,4 +1,4 @@
-//! Percentiles of frame times, stage by stage.
+//! Table of frame times: percentiles of each stage.
 
 use std::fmt;
 
@@ -7,26 +7,26 @@ use serde::Serialize;
 use crate::render::FrameTimes;
 use crate::statistics::{nearest_rank, sorted};
 
-/// Stage of the frame time outside the passes.
+/// Name of the stage that holds a frame's time outside the passes.
 pub const OVERHEAD: &str = "upload, submit, read back";
 
-/// Parts of [`OVERHEAD`] on the processor, where a device makes the frames: recording and submitting the passes, and
-/// copying the frame.
+/// Names of the parts of [`OVERHEAD`] on the processor, if a device makes the frames: recording the passes,
+/// submitting them, and copying the frame.
 pub const HOST_STAGES: [&str; 3] = ["of it: record", "of it: submit", "of it: copy out"];
 
-/// Stage of whole frames.
+/// Name of the stage for whole frames.
 pub const WHOLE_FRAME: &str = "whole frame";
 
-/// Stage of the scene's motion before each frame, which whole frames do not include.
+/// Name of the stage for the scene's motion before each frame. Whole frames do not include it.
 pub const MOTION: &str = "motion";
 
-/// Stage of a generator's runs on whole frames, which do not include them.
+/// Name of the stage for a generator's runs. Whole frames do not include them.
 pub const GENERATOR: &str = "generator, on top";
 
-/// Times of many frames. Frames of one table have the same passes.
+/// Times of many frames, all with the same passes.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TimeTable {
-    /// Stages in order of first appearance, each with its times, ms.
+    /// Stages in the order of their first appearance, each with its times, ms.
     stages: Vec<(&'static str, Vec<f64>)>,
     whole_ms: Vec<f64>,
     motion_ms: Vec<f64>,
@@ -36,7 +36,7 @@ pub struct TimeTable {
 /// Percentiles of one stage.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct StageTime {
-    /// A pass, [`OVERHEAD`], one of [`HOST_STAGES`], [`WHOLE_FRAME`], [`MOTION`] or [`GENERATOR`].
+    /// Name: a pass, [`OVERHEAD`], one of [`HOST_STAGES`], [`WHOLE_FRAME`], [`MOTION`] or [`GENERATOR`].
     pub stage: &'static str,
     /// Number of times.
     pub count: usize,
@@ -44,12 +44,12 @@ pub struct StageTime {
     pub p50_ms: f64,
     /// 95th percentile, ms.
     pub p95_ms: f64,
-    /// Longest, ms.
+    /// Longest time, ms.
     pub max_ms: f64,
 }
 
 impl TimeTable {
-    /// Adds a frame.
+    /// Adds the times of a frame.
     pub fn push(&mut self, times: &FrameTimes) {
         if !times.passes.is_empty() {
             let passes_ms: f64 = times.passes.iter().map(|p| p.ms).sum();
@@ -69,18 +69,18 @@ impl TimeTable {
         }
     }
 
-    /// Adds a run of a generator.
+    /// Adds the time of a run of a generator.
     pub fn push_generator(&mut self, ms: f64) {
         self.generator_ms.push(ms);
     }
 
-    /// Frames added.
+    /// Number of frames added.
     pub fn frames(&self) -> usize {
         self.whole_ms.len()
     }
 
-    /// Percentiles of each pass, in order, then of the overhead, of whole frames, of the motion before them and of runs of a
-    /// generator; empty without frames.
+    /// Percentiles of each stage: the passes in order, the overhead, whole frames, the motion before them, and a
+    /// generator's runs. Empty without frames.
     pub fn stages(&self) -> Vec<StageTime> {
         let stages = || self.stages.iter().map(|(name, times)| (*name, times));
         let of_host = |name: &str| name == OVERHEAD || HOST_STAGES.contains(&name);
@@ -107,7 +107,7 @@ impl TimeTable {
     }
 }
 
-/// Tables side by side with headings, as text: one line per stage, p50 and p95 in ms.
+/// Several tables next to each other with headings, as text: one line per stage, median and 95th percentile in ms.
 pub struct SideBySide<'a>(pub &'a [(&'a str, &'a TimeTable)]);
 
 impl fmt::Display for SideBySide<'_> {

@@ -1,4 +1,4 @@
-//! Layout of sheets.
+//! Tests of the layout of contact sheets.
 
 use super::*;
 use crate::transducer::Probe;
@@ -49,7 +49,7 @@ fn panels_keep_their_colours_and_the_legend_names_what_is_seen() {
     let image = image::open(&path).unwrap().into_rgb8();
     let top = 2 * MARGIN + 2 * (Text::Large.height() + LINE_GAP);
     let columns = sheet.columns();
-    // The middle column of each panel at a third of its height is at 36 mm, in blood.
+    // A point in the middle column of each panel, at a third of its height: 36 mm deep, in blood.
     let at = |panel: usize, y: u32| image.get_pixel(columns[panel].image_x + 150, top + y).0;
     assert_eq!(at(1, 72), colour::tissue("blood"));
     assert_eq!(at(1, 200), colour::tissue("liver"));
@@ -59,7 +59,7 @@ fn panels_keep_their_colours_and_the_legend_names_what_is_seen() {
     assert_eq!(*image.get_pixel(columns[2].image_x + 2, top + 2), image::Rgb([0; 3]));
 }
 
-/// A row as the demo makes it, with or without a translated image, whose levels are all 200.
+/// A row as the demo makes it, with or without a translated image. All levels of that image are 200.
 fn row(sheet: &ContactSheet<'_>, frame: &Frame, translated: bool) -> Vec<Panel> {
     let bmode = Map::BMode { dynamic_range_db: 60.0 };
     let mut row = vec![sheet.panel("LQ", frame, bmode).unwrap().with_note("PSNR 20.0 dB")];
@@ -83,7 +83,7 @@ fn a_translated_column_stands_between_both_qualities_and_moves_the_others_right(
     for translated in [false, true] {
         sheet.rows = (0..2).map(|_| row(&sheet, &frame, translated)).collect();
         let columns = sheet.columns();
-        // One bar for all grey images side by side, none for the segmentation.
+        // Neighbouring grey images share one bar; the segmentation has none.
         let bars: Vec<bool> = columns.iter().map(|column| column.has_bar).collect();
         assert_eq!(bars, [&[true][..], &vec![false; bars.len() - 1]].concat());
         let canvas = sheet.draw();

@@ -1,4 +1,4 @@
-//! Deviations over time, and the probe's path over the scene.
+//! Charts of a session: deviations over time, and the probe's path over the scene.
 
 use std::fmt::Write;
 
@@ -9,19 +9,20 @@ use crate::exam::offset::Offset;
 use crate::exam::score::{HOLD_S, PlaneScore, Reference, Track};
 use crate::report::html::{escape, points as svg_points};
 
-/// Most points of a line: more than a screen shows.
+/// Largest number of points of a line; a screen shows no more.
 const POINTS_MAX: usize = 900;
 
-/// Largest deviation drawn, in tolerances; larger ones are clamped to it.
+/// Largest deviation that is drawn, as a multiple of the tolerance. Larger ones are drawn at this value.
 const TOP: f64 = 4.0;
 
-/// Size and margins, in units of the picture; texts have 12 to 22 of them (style.css).
+/// Size and margins in units of the picture. Texts are 12 to 22 units high (style.css).
 const WIDTH: f64 = 720.0;
 const HEIGHT: f64 = 170.0;
 const LEFT: f64 = 28.0;
 const BOTTOM: f64 = 26.0;
 
-/// Deviations in angle and distance over time, in tolerances. Within the band, the plane is found.
+/// Deviations in angle and distance over time, as multiples of their tolerances. The plane is found within the band
+/// up to 1.
 pub(super) fn deviations(plane: &StandardPlane, offsets: &[Offset], track: &Track, result: &PlaneScore) -> String {
     let end_s = track.time_s.last().copied().unwrap_or(0.0).max(1e-3);
     let x = |t: f64| LEFT + (WIDTH - LEFT) * t / end_s;
@@ -102,8 +103,8 @@ fn off_skin(track: &Track) -> Vec<(f64, f64)> {
     spans
 }
 
-/// The path of the probe's face from two sides, coloured by time, with the positions from which planes are seen.
-pub(super) fn ways(track: &Track, reference: &Reference<'_>) -> String {
+/// Path of the probe's face from two sides, coloured by time, with the positions from which planes are seen.
+pub(super) fn paths(track: &Track, reference: &Reference<'_>) -> String {
     let sides = [("from the front", 0, 1, ["x", "y"]), ("from the feet", 0, 2, ["x", "z"])];
     let seen = |plane: &&StandardPlane| {
         let skin = reference.skin?;
@@ -111,14 +112,14 @@ pub(super) fn ways(track: &Track, reference: &Reference<'_>) -> String {
         Some((plane.name.clone(), view.pose_on(skin, 0.0)?.position_mm))
     };
     let marks: Vec<(String, DVec3)> = reference.planes.iter().filter_map(seen).collect();
-    sides.map(|(caption, i, j, names)| way(track, &marks, caption, (i, j), names)).concat()
+    sides.map(|(caption, i, j, names)| path(track, &marks, caption, (i, j), names)).concat()
 }
 
-fn way(track: &Track, marks: &[(String, DVec3)], caption: &str, (i, j): (usize, usize), names: [&str; 2]) -> String {
-    /// Margin and least size of the picture, mm.
+fn path(track: &Track, marks: &[(String, DVec3)], caption: &str, (i, j): (usize, usize), names: [&str; 2]) -> String {
+    /// Margin of the picture, and its smallest size, mm.
     const BORDER_MM: f64 = 18.0;
     const LEAST_MM: f64 = 60.0;
-    // SVG's y points down; up in the scene is up in the picture.
+    // SVG's y axis points down, so the sign changes: up in the scene is up in the picture.
     let flat = |p: [f64; 3]| (p[i], -p[j]);
     let points: Vec<(f64, f64)> = track.position_mm.iter().map(|&p| flat(p)).collect();
     let all = || points.iter().copied().chain(marks.iter().map(|(_, p)| flat(p.to_array())));
@@ -131,7 +132,7 @@ fn way(track: &Track, marks: &[(String, DVec3)], caption: &str, (i, j): (usize, 
     let mut out = format!("<figure><svg viewBox=\"{x:.1} {y:.1} {width:.1} {height:.1}\" style=\"max-height:420px\">");
     let step = points.len().div_ceil(POINTS_MAX).max(1);
     let thin: Vec<_> = points.iter().copied().step_by(step).collect();
-    // Pieces of one colour each, from the start's blue to the end's orange.
+    // Pieces of the path with one colour each, from blue at the start to orange at the end.
     let pieces = 48.min(thin.len().max(1));
     for piece in 0..pieces {
         let (first, last) = (piece * thin.len() / pieces, ((piece + 1) * thin.len() / pieces).min(thin.len() - 1));

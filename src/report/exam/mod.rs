@@ -13,14 +13,14 @@ use crate::sink::{SinkError, write_text};
 
 const STYLE: &str = include_str!("style.css");
 
-/// What the page says of a session besides its score.
+/// Title and remarks on a session, in addition to its score.
 #[derive(Debug, Clone, Copy)]
 pub struct Heading<'a> {
     /// Name of the session.
     pub title: &'a str,
-    /// Sentence on which planes count.
+    /// Sentence that tells which planes count.
     pub note: &'a str,
-    /// Sentences on what may make the score wrong: damage of the recording, another scene, refused settings.
+    /// Sentences on what may make the score wrong: a damaged recording, another scene, refused settings.
     pub warnings: &'a [String],
 }
 
@@ -38,7 +38,7 @@ pub fn write(
     write_text(path, &page(heading, score, track, reference))
 }
 
-/// The page. Writing to a string cannot fail.
+/// Text of the page. Writing to a string cannot fail.
 fn page(heading: Heading<'_>, score: &Score, track: &Track, reference: &Reference<'_>) -> String {
     let title = escape(heading.title);
     let mut out = head(&title, STYLE) + &format!("<h1>{title}</h1>\n");
@@ -52,7 +52,7 @@ fn page(heading: Heading<'_>, score: &Score, track: &Track, reference: &Referenc
         score.mean_speed_mm_s,
         100.0 * score.contact,
         100.0 * score.face_contact,
-        // No option is cut at the end of a line.
+        // Options are marked as code, so that no option is broken at the end of a line.
         escape(heading.note).replace("--planes", "<code>--planes</code>")
     );
     out.push_str(&faults(heading.warnings, score, track));
@@ -62,7 +62,7 @@ fn page(heading: Heading<'_>, score: &Score, track: &Track, reference: &Referenc
     out.push_str(&tables::calipers(&score.calipers));
     out.push_str(&tables::texts(&score.texts));
     out.push_str("<section><h2>Where the probe went</h2>\n<div class=\"row\">");
-    out.push_str(&charts::ways(track, reference));
+    out.push_str(&charts::paths(track, reference));
     out.push_str("</div></section>\n");
     for ((result, plane), offsets) in planes() {
         let found = match result.find_s {
@@ -83,7 +83,7 @@ fn page(heading: Heading<'_>, score: &Score, track: &Track, reference: &Referenc
     out
 }
 
-/// Points and planes found, or that nothing was judged.
+/// Points and number of planes found, or a text that nothing was judged.
 fn mark(score: &Score) -> String {
     match score.points {
         Some(points) => {
@@ -93,7 +93,7 @@ fn mark(score: &Score) -> String {
     }
 }
 
-/// What the score leaves out or doubts: that nothing could be judged, `warnings`, time with the probe where no hand can hold
+/// Doubts about the score, as markup: nothing could be judged, `warnings`, time with the probe where no hand can hold
 /// it, and marks that could not be read.
 fn faults(warnings: &[String], score: &Score, track: &Track) -> String {
     let not_judged = score.not_judged.iter().map(|why| format!("Not judged: {why}."));
@@ -112,7 +112,7 @@ mod tests {
     use crate::transducer::Misplacement;
     use crate::transducer::placement::{Cause, Fault};
 
-    /// Track of three seconds, placed like this.
+    /// Track of three seconds with this placement.
     fn track(misplaced: Option<Misplacement>) -> Track {
         Track {
             time_s: (0..31).map(|i| 0.1 * f64::from(i)).collect(),

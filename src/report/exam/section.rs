@@ -1,4 +1,4 @@
-//! Image at the best moment beside the standard plane.
+//! The image at the best moment, next to the image of the standard plane.
 
 use std::fmt::Write;
 
@@ -13,10 +13,10 @@ use crate::report::html::{escape, points};
 use crate::report::scene_view::border_mm;
 use crate::transducer::{Probe, ProbeKind, Sector};
 
-/// Depth of the face in the skin in the standard view, mm.
+/// Depth to which the face presses the skin in the standard view, mm.
 const PRESS_MM: f64 = 2.5;
 
-/// Outlines of the view's surfaces at the best moment and in the standard plane.
+/// Outlines of the view's surfaces, as markup: at the best moment, and in the standard plane.
 pub(super) fn pair(plane: &StandardPlane, result: &PlaneScore, reference: &Reference<'_>) -> String {
     let (Some(pose), Some(view)) = (&result.best_pose, plane.views.get(result.view_index)) else {
         return String::new();
@@ -112,13 +112,13 @@ fn figure(
     out
 }
 
-/// The border of the sector, (x, z) of the probe frame, mm.
+/// Border of the sector: (x, z) in the probe frame, mm.
 fn outline(probe: &Probe) -> Vec<DVec2> {
     let steps = if matches!(probe.kind, ProbeKind::Linear { .. }) { 1 } else { 40 };
     border_mm(probe, steps).map(|p| DVec2::new(p.x, p.z)).collect()
 }
 
-/// Segments of the section that touch the sector.
+/// Segments of the section that touch the sector, as an SVG path.
 fn path(section: &Section, probe: &Probe) -> String {
     let mut out = String::new();
     for [a, b] in &section.segments_mm {

@@ -1,11 +1,11 @@
-//! Tables of the page. On a narrow screen each row becomes a block, whose cells show the names of their columns.
+//! Tables of the page. On a narrow screen each row becomes a block, and each cell shows the name of its column.
 
 use std::fmt::Write as _;
 
 use crate::exam::score::{CaliperScore, Measure, NO_PLANE, PlaneScore, Score, TextScore};
 use crate::report::html::escape;
 
-/// A table with the names of its columns.
+/// An HTML table with the names of its columns.
 struct Table<const N: usize> {
     columns: [&'static str; N],
     out: String,
@@ -17,7 +17,7 @@ impl<const N: usize> Table<N> {
         Self { columns, out: format!("<table><thead><tr>{heads}</tr></thead><tbody>") }
     }
 
-    /// Adds a row; cells are markup.
+    /// Adds a row; its cells are markup.
     fn row(&mut self, class: &str, cells: [String; N]) {
         let _ = write!(self.out, "<tr class=\"{class}\">");
         for (name, cell) in self.columns.iter().zip(cells) {
@@ -31,7 +31,7 @@ impl<const N: usize> Table<N> {
     }
 }
 
-/// Scores of the planes.
+/// Table of the scores of all planes.
 pub(super) fn planes(score: &Score) -> String {
     let mut table = Table::new([
         "plane",
@@ -65,7 +65,7 @@ pub(super) fn planes(score: &Score) -> String {
     table.end() + "<p class=\"note\">Angle, distance, steadiness and pressure are those of the best second.</p>\n"
 }
 
-/// What would be measured at the best moment of a plane.
+/// Table of measurements that the score makes at the best moment of a plane.
 pub(super) fn measures(measures: &[Measure]) -> String {
     if measures.is_empty() {
         return String::new();
@@ -83,7 +83,7 @@ pub(super) fn measures(measures: &[Measure]) -> String {
     table.end()
 }
 
-/// What the session measured itself.
+/// Table of measurements made in the session itself.
 pub(super) fn calipers(calipers: &[CaliperScore]) -> String {
     if calipers.is_empty() {
         return String::new();
@@ -113,7 +113,7 @@ pub(super) fn calipers(calipers: &[CaliperScore]) -> String {
     "<h2>What the session measured</h2>".to_owned() + &table.end()
 }
 
-/// Texts and body marks of the session.
+/// Table of the session's texts and body marks.
 pub(super) fn texts(texts: &[TextScore]) -> String {
     if texts.is_empty() {
         return String::new();

@@ -1,4 +1,4 @@
-//! Captions of a picture: tissues, scale, axes, the fan's outline.
+//! Annotations of a picture: tissues, scale, axes, and the fan's outline.
 
 use glam::DVec3;
 use image::RgbImage;
@@ -13,7 +13,7 @@ const INK: Rgb = [214, 221, 227];
 const FAINT: Rgb = [139, 151, 163];
 const FAN: Rgb = [255, 205, 90];
 
-/// Width of the column of tissues in a picture `width` wide, pixels.
+/// Width of the legend of tissues in a picture of `width` pixels, pixels.
 pub(super) fn legend_width(width: u32) -> u32 {
     if width < 480 { 0 } else { 210 }
 }
@@ -27,8 +27,8 @@ pub(super) fn picture(canvas: &Canvas) -> Picture {
     Picture { width, height, rgb: canvas.as_rgb().to_vec() }
 }
 
-/// Draws a panel with the fan's outline, a scale and the axes.
-pub(super) fn place(canvas: &mut Canvas, at: (u32, u32), panel: &Panel, axes: Axes) {
+/// Draws a panel at the position `at`, with the fan's outline, a scale and the axes.
+pub(super) fn draw_panel(canvas: &mut Canvas, at: (u32, u32), panel: &Panel, axes: Axes) {
     if let Some(image) = RgbImage::from_raw(panel.width, panel.height, panel.rgb.clone()) {
         canvas.draw(at.0, at.1, &image);
     }
@@ -45,7 +45,7 @@ pub(super) fn title(canvas: &mut Canvas, at: (u32, u32), title: &str) {
     canvas.text(at.0 + 12, at.1 + 8, title, Text::Small, INK);
 }
 
-/// The column of tissues, from `left` to the canvas's edge.
+/// Draws the legend of tissues, from `left` to the canvas's edge.
 pub(super) fn legend(canvas: &mut Canvas, left: u32, names: &[&str]) {
     let (width, height) = canvas.size();
     if left >= width {
@@ -64,7 +64,7 @@ pub(super) fn legend(canvas: &mut Canvas, left: u32, names: &[&str]) {
     }
 }
 
-/// Draws within a panel.
+/// Drawing tool that is limited to a panel.
 struct Pen<'a> {
     canvas: &'a mut Canvas,
     at: (u32, u32),
@@ -89,7 +89,7 @@ impl Pen<'_> {
         }
     }
 
-    /// A bar of a round length, about a fifth of the panel.
+    /// Draws a scale bar of a round length, about a fifth of the panel.
     fn scale(&mut self, mm_per_pixel: f64) {
         let room = 0.2 * f64::from(self.size.0) * mm_per_pixel;
         let decade = 10f64.powf(room.max(1e-9).log10().floor());
@@ -112,7 +112,7 @@ impl Pen<'_> {
         let colours = [[235, 92, 84], [112, 200, 96], [92, 150, 245]];
         for ((axis, label), colour) in DVec3::AXES.into_iter().zip(axes.labels()).zip(colours) {
             let (x, y) = (axis.dot(panel.camera.right), -axis.dot(panel.camera.up));
-            // An axis that points at the viewer or away has no room for its name.
+            // An axis that points towards the viewer or away has no room for its name.
             if x.hypot(y) < 0.2 {
                 continue;
             }

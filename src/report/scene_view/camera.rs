@@ -12,26 +12,27 @@ use crate::suggest::did_you_mean;
 /// Viewing direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Direction {
-    /// Onto the imaging plane, with the image's right on the right.
+    /// At right angles to the imaging plane, with the image's right on the right.
     Fan,
     /// From behind the probe, into the body.
     Probe,
-    /// The front: anterior, or the side from which x is right and depth is down.
+    /// From the front: from anterior; or, in a scene without anatomical axes, with x to the right and depth
+    /// downwards.
     Front,
-    /// Opposite of the front.
+    /// From the back, opposite to the front.
     Back,
     /// From +x.
     Left,
     /// From −x.
     Right,
-    /// Cranial, or from above the skin.
+    /// From cranial; or, in a scene without anatomical axes, from above the skin.
     Top,
-    /// Opposite of the top.
+    /// From the bottom, opposite to the top.
     Bottom,
 }
 
 impl Direction {
-    /// Names and directions, as [`FromStr`] reads them.
+    /// Names that [`FromStr`] reads, with their directions.
     const NAMED: [(&str, Self); 12] = [
         ("fan", Self::Fan),
         ("probe", Self::Probe),
@@ -47,7 +48,7 @@ impl Direction {
         ("caudal", Self::Bottom),
     ];
 
-    /// Names, as [`FromStr`] reads them.
+    /// Names that [`FromStr`] reads.
     pub fn names() -> [&'static str; 12] {
         Self::NAMED.map(|(name, _)| name)
     }
@@ -65,12 +66,12 @@ impl FromStr for Direction {
     }
 }
 
-/// Rotation about the viewed scene.
+/// Rotation of the viewer about the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Orbit {
-    /// To the right, degrees, −360..=360.
+    /// Rotation to the right, degrees, −360..=360.
     pub azimuth_deg: f64,
-    /// Upward, degrees, −90..=90.
+    /// Rotation upwards, degrees, −90..=90.
     pub elevation_deg: f64,
 }
 
@@ -88,12 +89,12 @@ impl FromStr for Orbit {
     }
 }
 
-/// A plane; everything in front of it is hidden.
+/// A cut by a plane; everything in front of the plane is hidden.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Cut {
     /// The imaging plane.
     Fan,
-    /// A plane perpendicular to a scene axis (0 x, 1 y, 2 z) at a coordinate, mm.
+    /// Plane perpendicular to a scene axis (0 x, 1 y, 2 z), at a coordinate in mm.
     Axis(usize, f64),
 }
 
@@ -105,36 +106,37 @@ impl FromStr for Cut {
         if text == "fan" {
             return Ok(Self::Fan);
         }
-        let (axis, place) = text.split_once('=').ok_or_else(wrong)?;
+        let (axis, at_mm) = text.split_once('=').ok_or_else(wrong)?;
         let axis = ["x", "y", "z"].iter().position(|&name| name == axis.trim()).ok_or_else(wrong)?;
-        let place = place.trim().parse::<f64>().ok().filter(|mm| mm.abs() <= 1e5).ok_or_else(wrong)?;
-        Ok(Self::Axis(axis, place))
+        let at_mm = at_mm.trim().parse::<f64>().ok().filter(|mm| mm.abs() <= 1e5).ok_or_else(wrong)?;
+        Ok(Self::Axis(axis, at_mm))
     }
 }
 
-/// A parallel projection: orthonormal axes in the scene.
+/// A parallel projection with orthonormal axes in the scene.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Camera {
     pub(super) right: DVec3,
     pub(super) up: DVec3,
-    /// Into the picture.
+    /// Axis into the picture.
     pub(super) forward: DVec3,
-    /// Scene point in the picture's middle, mm.
+    /// Scene point in the centre of the picture, mm.
     pub(super) centre_mm: DVec3,
     pub(super) mm_per_pixel: f64,
-    /// The picture's middle, pixels.
+    /// Centre of the picture, pixels.
     pub(super) middle: (f64, f64),
 }
 
 impl Camera {
-    /// Looks from `direction`, turned by `orbit`. `None` if `direction` needs a probe and `scene_from_probe` is `None`.
+    /// A camera that looks from `direction`, rotated by `orbit`. `None` if `direction` needs a probe and
+    /// `scene_from_probe` is `None`.
     pub(super) fn new(direction: Direction, orbit: Orbit, axes: Axes, scene_from_probe: Option<Pose>) -> Option<Self> {
         let q = scene_from_probe.map_or(DQuat::IDENTITY, |pose| pose.orientation);
         let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
         if matches!(direction, Direction::Fan | Direction::Probe) && scene_from_probe.is_none() {
             return None;
         }
-        // Toward the viewer, and upward.
+        // Axes towards the viewer and upwards.
         let (back, up) = match (axes, direction) {
             (_, Direction::Fan) => (q * y, q * -z),
             (_, Direction::Probe) => (q * -z, q * -y),
@@ -171,7 +173,8 @@ impl Camera {
         })
     }
 
-    /// Moves and scales so that `points_mm` fill a picture of `size` pixels, less a margin, from (left, top) on.
+    /// Moves and scales the projection so that `points_mm` fill a picture of `size` pixels, except for a margin. Its
+    /// upper left corner is at (left, top).
     pub(super) fn fit(&mut self, points_mm: &[DVec3], (left, top): (f64, f64), size: (f64, f64)) {
         let low = DVec3::splat(f64::INFINITY);
         let (low, high) = points_mm.iter().fold((low, -low), |(low, high), &p| {
@@ -193,7 +196,7 @@ impl Camera {
         (self.middle.0 + from_centre.dot(self.right), self.middle.1 - from_centre.dot(self.up))
     }
 
-    /// Scene point of a pixel (column, row) in the plane through the centre.
+    /// Scene point of a pixel (column, row), in the plane through the centre.
     pub(super) fn point(&self, column: f64, row: f64) -> DVec3 {
         let (x, y) = ((column - self.middle.0) * self.mm_per_pixel, (self.middle.1 - row) * self.mm_per_pixel);
         self.centre_mm + self.right * x + self.up * y

@@ -1,4 +1,4 @@
-//! Rays through the triangles of the surfaces that are shown.
+//! Ray casting through the triangles of the visible surfaces.
 
 use std::time::Duration;
 
@@ -11,23 +11,23 @@ use obvhs::triangle::Triangle;
 
 use crate::anatomy::Mesh;
 
-/// Least component of a ray's direction: 1 µm per metre.
+/// Smallest component of a ray's direction: 1 µm per metre.
 const LEAST: f64 = 1e-6;
 
 /// Intersection of a ray and a triangle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Hit {
-    /// Distance along the ray, mm.
+    /// Distance along the ray, mm. It may be negative.
     pub(super) t_mm: f32,
     /// Index of the surface, as given to [`Caster::new`].
     pub(super) surface: u32,
-    /// Cosine between the ray and the surface's outward normal: above 0 where the ray leaves the surface.
+    /// Cosine between the ray and the surface's outward normal; above 0 where the ray leaves the surface.
     pub(super) cosine: f32,
     /// Outward unit normal.
     pub(super) normal: Vec3,
 }
 
-/// A BVH over the triangles of some surfaces.
+/// A BVH over the triangles of the given surfaces.
 pub(super) struct Caster {
     bvh: Option<CwBvh>,
     triangles: Vec<Triangle>,
@@ -60,19 +60,19 @@ impl Caster {
             return Self { bvh: None, triangles: unsorted, surfaces: owners, centre_mm, radius_mm };
         }
         let bvh = build_cwbvh_from_tris(&unsorted, BvhBuildParams::fast_build(), &mut Duration::default());
-        // In leaf order, so that a leaf's triangles lie side by side.
+        // Sorted in the order of the leaves, so that a leaf's triangles are adjacent in memory.
         let triangles = bvh.primitive_indices.iter().map(|&i| unsorted[i as usize]).collect();
         let surfaces = bvh.primitive_indices.iter().map(|&i| owners[i as usize]).collect();
         Self { bvh: Some(bvh), triangles, surfaces, centre_mm, radius_mm }
     }
 
-    /// Every crossing of the line through `point_mm` along the unit vector `direction`, nearest first. Distances count
-    /// from `point_mm` and may be negative.
+    /// Collects every hit of the line through `point_mm` along the unit vector `direction`, nearest first. Distances
+    /// count from `point_mm` and may be negative.
     pub(super) fn crossings(&self, point_mm: DVec3, direction: DVec3, hits: &mut Vec<Hit>) {
         hits.clear();
         let Some(bvh) = &self.bvh else { return };
         let from_centre = point_mm - self.centre_mm;
-        // Starts just outside the bounding sphere.
+        // The ray starts just outside the bounding sphere.
         let start = -from_centre.dot(direction) - 1.01 * self.radius_mm - 1.0;
         let origin = (from_centre + direction * start).as_vec3();
         // A component of 0 would give NaN in the slab test of boxes.

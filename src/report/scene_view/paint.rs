@@ -1,4 +1,4 @@
-//! Pictures and sheets of a scene.
+//! Painting of pictures and sheets of a scene.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -11,29 +11,29 @@ use super::{Cut, Direction, Fan, Orbit, Selection, ViewError, annotate};
 use crate::anatomy::{Axes, Mesh, Scene};
 use crate::transducer::housing;
 
-/// Most pixels of a picture: each takes some 70 bytes while it is painted.
+/// Largest number of pixels in a picture. Each takes about 70 bytes while it is painted.
 pub const PIXELS_MAX: u32 = 1 << 24;
 
 /// Size, direction and cut of a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PictureSettings {
-    /// Width, pixels, 64..=8192; width times height at most [`PIXELS_MAX`].
+    /// Width, pixels, 64..=8192. Width times height is at most [`PIXELS_MAX`].
     pub width: u32,
     /// Height, pixels, 64..=8192.
     pub height: u32,
     /// Viewing direction.
     pub from: Direction,
-    /// Rotation from that direction.
+    /// Rotation of the viewer from that direction.
     pub orbit: Orbit,
     /// Cut through the scene.
     pub cut: Option<Cut>,
 }
 
-/// A scene made ready for pictures.
+/// A scene that is prepared for pictures.
 pub struct SceneView {
     scenery: Scenery,
     tissue_names: Vec<String>,
-    /// Corners of the bounds of everything shown, mm.
+    /// Corners of the bounding box of everything that is shown, mm.
     corners_mm: Vec<DVec3>,
     /// Corners of the probe's housing and points of its fan's outline, mm; empty without a probe.
     probe_mm: Vec<DVec3>,
@@ -41,7 +41,7 @@ pub struct SceneView {
 }
 
 impl SceneView {
-    /// The surfaces of `scene` that `selection` shows, with a probe where there is one.
+    /// Prepares the surfaces of `scene` that `selection` shows, and the probe if there is one.
     pub fn new(scene: &Scene, selection: &Selection, fan: Option<Fan>, axes: Axes) -> Self {
         let shown: Vec<usize> = (0..scene.surfaces.len()).filter(|&i| selection.shown.get(i) == Some(&true)).collect();
         let meshes: Vec<&Mesh> = shown.iter().filter_map(|&i| scene.surfaces.get(i)).map(|s| &s.mesh).collect();
@@ -74,25 +74,26 @@ impl SceneView {
         Self { scenery, tissue_names: scene.tissues.names().to_vec(), corners_mm, probe_mm, axes }
     }
 
-    /// A picture with a legend, a scale and axes.
+    /// A picture with legend, scale and axes.
     ///
     /// # Errors
-    /// A size out of range; a direction or cut of the probe without a probe.
+    /// The size is out of range; or direction or cut needs a probe, and there is none.
     pub fn picture(&self, settings: &PictureSettings) -> Result<Picture, ViewError> {
         let &PictureSettings { width, height, .. } = settings;
         check_size(width, height)?;
         let legend = annotate::legend_width(width);
         let panel = self.panel(settings, (width - legend, height), settings.from == Direction::Fan)?;
         let mut canvas = annotate::canvas(width, height);
-        annotate::place(&mut canvas, (0, 0), &panel, self.axes);
+        annotate::draw_panel(&mut canvas, (0, 0), &panel, self.axes);
         annotate::legend(&mut canvas, width - legend, &self.names(&panel.seen));
         Ok(annotate::picture(&canvas))
     }
 
-    /// Four panels in one picture: from the front, the left, the top and onto the fan, or from behind without a probe.
+    /// Four panels in one picture: from the front, the left, the top, and onto the fan; without a probe, the fourth
+    /// is from behind.
     ///
     /// # Errors
-    /// A size out of range; a cut at the fan without a probe.
+    /// The size is out of range; or the cut is at the fan, and there is no probe.
     pub fn sheet(&self, settings: &PictureSettings) -> Result<Picture, ViewError> {
         let &PictureSettings { width, height, .. } = settings;
         check_size(width, height)?;
@@ -107,27 +108,27 @@ impl SceneView {
         let mut canvas = annotate::canvas(width, height);
         let mut seen = [0; 4];
         for (i, (from, title)) in (0u32..).zip(panels.into_iter().zip(titles)) {
-            // By default, the fan's view is cut at the fan, to show the section that the probe sees.
+            // The panel of the fan is cut at the fan by default, to show the section that the probe sees.
             let cut = if from == Direction::Fan { settings.cut.or(Some(Cut::Fan)) } else { settings.cut };
             let one = PictureSettings { from, orbit: Orbit::default(), cut, ..*settings };
             let panel = self.panel(&one, (w - 4, h - 4), from == Direction::Fan)?;
             let title = if i == 3 && self.scenery.fan.is_none() { "from behind" } else { title };
             seen.iter_mut().zip(panel.seen).for_each(|(all, one)| *all |= one);
             let at = (i % 2 * w + 2, i / 2 * h + 2);
-            annotate::place(&mut canvas, at, &panel, self.axes);
+            annotate::draw_panel(&mut canvas, at, &panel, self.axes);
             annotate::title(&mut canvas, at, title);
         }
         annotate::legend(&mut canvas, width - legend, &self.names(&seen));
         Ok(annotate::picture(&canvas))
     }
 
-    /// Names of the tissues whose bits are set.
+    /// Names of the tissues whose bits are set in `seen`.
     fn names(&self, seen: &[u64; 4]) -> Vec<&str> {
         let set = |i: usize| seen.get(i >> 6).is_some_and(|word| word >> (i & 63) & 1 == 1);
         self.tissue_names.iter().enumerate().filter(|(i, _)| set(*i)).map(|(_, name)| name.as_str()).collect()
     }
 
-    /// One projection of `size` pixels; `close` frames the fan alone.
+    /// One projection of `size` pixels. If `close`, it shows only the fan and its surroundings.
     fn panel(&self, settings: &PictureSettings, size: (u32, u32), close: bool) -> Result<Panel, ViewError> {
         let pose = self.scenery.fan.as_ref().map(|fan| fan.scene_from_probe);
         let what = if settings.from == Direction::Probe { "--from probe" } else { "--from fan" };
@@ -161,7 +162,7 @@ impl SceneView {
                 || (row + 1 < height && differs(index + width));
             if edge {
                 let mut hits = Vec::new();
-                // Corners of a turned square.
+                // Offsets of four samples in a pixel: the corners of a rotated square.
                 let offsets = [(0.375, 0.125), (0.875, 0.375), (0.625, 0.875), (0.125, 0.625)];
                 let colours = offsets.map(|(x, y)| sample_at(column as f64 + x, row as f64 + y, &mut hits).colour);
                 let sum: Vec3 = colours.into_iter().sum();
@@ -179,7 +180,7 @@ impl SceneView {
         Ok(Panel { width: size.0, height: size.1, rgb: rgb.collect(), seen, camera, outline })
     }
 
-    /// The plane of a cut, its normal toward the viewer; `None` if it is seen edge-on.
+    /// Plane of a cut, with its normal towards the viewer; `None` if it is seen edge-on.
     fn plane(&self, cut: Option<Cut>, camera: &Camera) -> Result<Option<Plane>, ViewError> {
         let (point_mm, normal) = match cut {
             None => return Ok(None),
@@ -187,9 +188,9 @@ impl SceneView {
                 let fan = self.scenery.fan.as_ref().ok_or(ViewError::NoFan { what: "--cut fan" })?;
                 (fan.scene_from_probe.position_mm, fan.scene_from_probe.orientation * DVec3::Y)
             }
-            Some(Cut::Axis(axis, place)) => {
+            Some(Cut::Axis(axis, at_mm)) => {
                 let normal = DVec3::AXES[axis.min(2)];
-                (normal * place, normal)
+                (normal * at_mm, normal)
             }
         };
         let slope = normal.dot(camera.forward);
@@ -202,7 +203,7 @@ impl SceneView {
 
 fn check_size(width: u32, height: u32) -> Result<(), ViewError> {
     let good = 64..=8192;
-    // The product of two sides in range cannot overflow.
+    // The product of two sides in range can't overflow.
     let fits = good.contains(&width) && good.contains(&height) && width * height <= PIXELS_MAX;
     if fits { Ok(()) } else { Err(ViewError::Size { width, height }) }
 }
@@ -265,7 +266,7 @@ mod tests {
                 // Amber is redder than its background.
                 (with[0] - with[2]) - (without[0] - without[2])
             };
-            // Framing differs, but the block fills both pictures with one colour.
+            // The framing differs, but the block fills both pictures with one colour.
             assert!(inside.iter().all(|&p| amber(p) > 15), "{:?}", inside.map(amber));
             assert!(outside.iter().all(|&p| amber(p).abs() < 6), "{:?}", outside.map(amber));
         }
@@ -275,7 +276,7 @@ mod tests {
     fn an_image_lies_in_the_fan_as_it_was_taken() {
         let scene = block_and_ball();
         let sector = Sector::fit(&Probe::default(), 200, 150);
-        // White left of the middle.
+        // White left of the image's middle.
         let grey = (0..200 * 150).map(|i| if i % 200 < 100 { 255 } else { 0 }).collect();
         let fan = fan(0.0, Some(BmodeImage { sector, grey }));
         let pose = fan.scene_from_probe;
@@ -302,7 +303,7 @@ mod tests {
         assert!(ball != ground && names == "bone_adult", "{names}");
         let (block, names) = look(&[], &["ball"], None);
         assert!(block != ball && names == "liver", "{names}");
-        // The section is of the highest surface there, flat in its colour.
+        // The section shows the surface with the highest priority, in a flat colour.
         let bone = (0.92 * colour_of("bone_adult")).to_array().map(|v| (v * 255.0 + 0.5) as i32);
         assert_eq!(look(&[], &[], Some(Cut::Axis(1, 0.0))).0, bone);
         assert!(look(&["block"], &[], Some(Cut::Axis(1, 0.0))).0 != bone);

@@ -1,4 +1,4 @@
-//! Pictures: one projection, and the finished image.
+//! Picture of a scene: one projection, and the finished picture.
 
 use glam::DVec3;
 
@@ -11,16 +11,16 @@ pub struct Picture {
     pub width: u32,
     /// Height, pixels.
     pub height: u32,
-    /// Red, green, blue [height × width × 3].
+    /// Red, green and blue levels [height × width × 3].
     pub rgb: Vec<u8>,
 }
 
-/// A projection before it is captioned.
+/// A projection without its annotations.
 pub(super) struct Panel {
     pub(super) width: u32,
     pub(super) height: u32,
     pub(super) rgb: Vec<u8>,
-    /// Visible tissues, one bit each.
+    /// Tissues that are visible, one bit each.
     pub(super) seen: [u64; 4],
     pub(super) camera: Camera,
     pub(super) outline: Vec<DVec3>,

@@ -1,4 +1,4 @@
-//! Selection of surfaces by name, and their opacities.
+//! Selection of visible surfaces by name, and their opacities.
 
 use std::str::FromStr;
 
@@ -28,13 +28,13 @@ impl FromStr for Opacity {
     }
 }
 
-/// Visible surfaces of a scene.
+/// Surfaces of a scene that are visible, with their opacities.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Selection {
     pub(super) shown: Vec<bool>,
-    /// Surfaces that were asked for by name: they are shown even if their layer is hidden at first.
+    /// Whether each surface was requested by name. Such a surface is shown even if its layer is hidden at first.
     is_named: Vec<bool>,
-    /// Opacities that were given, 0..=1.
+    /// Requested opacity of each surface, 0..=1; none for the default.
     given: Vec<Option<f32>>,
 }
 
@@ -45,10 +45,11 @@ impl Selection {
         Self { shown: vec![true; count], is_named: vec![false; count], given: vec![None; count] }
     }
 
-    /// Shows the surfaces in `only` (all if it is empty) except those in `hide`. Names are of surfaces, tissues or layers.
+    /// Shows the surfaces in `only` (all if it is empty), except the ones in `hide`. Names are those of surfaces,
+    /// tissues or layers.
     ///
     /// # Errors
-    /// An unknown name; no surface left.
+    /// A name is unknown, or no surface is left.
     pub fn of(scene: &Scene, only: &[String], hide: &[String]) -> Result<Self, ViewError> {
         let mut selection = Self::all(scene);
         let names = Names::of(scene);
@@ -69,10 +70,10 @@ impl Selection {
         if selection.shown.contains(&true) { Ok(selection) } else { Err(ViewError::NothingLeft) }
     }
 
-    /// Gives surfaces an opacity; later ones win.
+    /// Sets opacities of surfaces. If several apply to a surface, the last one counts.
     ///
     /// # Errors
-    /// An unknown name.
+    /// A name is unknown.
     pub fn with_opacities(mut self, scene: &Scene, opacities: &[Opacity]) -> Result<Self, ViewError> {
         let names = Names::of(scene);
         for Opacity { name, percent } in opacities {
@@ -83,7 +84,7 @@ impl Selection {
         Ok(self)
     }
 
-    /// Opacities of the surfaces at `indices`, 0..=1.
+    /// Opacities of the surfaces at `indices`, each 0..=1.
     pub(super) fn opacities(&self, scene: &Scene, indices: &[usize]) -> Vec<f32> {
         let surfaces: Vec<_> = indices.iter().filter_map(|&i| scene.surfaces.get(i)).map(|s| (s, &s.mesh)).collect();
         let layers = Layers::of(scene, &surfaces);
@@ -112,7 +113,7 @@ impl<'a> Names<'a> {
         self.scene.tissues.names().get(surface.tissue).map_or("", String::as_str)
     }
 
-    /// Indices of the surfaces with this name, or of this tissue; if there are none, of this layer.
+    /// Indices of the surfaces that `name` selects: surfaces or tissues with this name, or else a layer.
     fn found(&self, name: &str) -> Result<Vec<usize>, ViewError> {
         let surfaces = || self.scene.surfaces.iter().enumerate();
         let found: Vec<usize> =

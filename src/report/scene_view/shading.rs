@@ -1,4 +1,4 @@
-//! Colours of a picture's points: surfaces, cuts and the fan along a line of sight.
+//! Colours of a picture's points: surfaces, cuts and the fan along each line of sight.
 
 use glam::{DVec3, Vec3};
 
@@ -7,7 +7,7 @@ use super::camera::Camera;
 use super::caster::{Caster, Hit};
 use crate::sink::colour;
 
-/// Remaining transmission at which a line of sight ends.
+/// Remaining transmission, 0..=1, at which a line of sight ends.
 const DARK: f32 = 0.02;
 pub(super) const GROUND: Vec3 = Vec3::new(0.055, 0.068, 0.085);
 pub(super) const HOUSING: Vec3 = Vec3::new(0.62, 0.66, 0.72);
@@ -16,31 +16,31 @@ pub(super) const BEAD: Vec3 = Vec3::new(1.0, 0.62, 0.1);
 const FAN: Vec3 = Vec3::new(1.0, 0.80, 0.30);
 const FAN_OPACITY: f32 = 0.30;
 const IMAGE_OPACITY: f32 = 0.93;
-/// Offset toward the viewer, mm, that draws the fan over a cut in its own plane.
+/// Offset towards the viewer, mm, so that the fan covers a cut in its own plane.
 const BEFORE_MM: f32 = 0.02;
 
-/// Appearance of a surface.
+/// Appearance of a surface in a picture.
 pub(super) struct Appearance {
     pub(super) colour: Vec3,
     /// Opacity, 0..=1; 0 hides the surface except in sections.
     pub(super) opacity: f32,
-    /// Its tissue; none for the probe.
+    /// Index of the tissue inside; none for the probe.
     pub(super) tissue: Option<usize>,
 }
 
-/// Plane of a cut, with its normal toward the viewer.
+/// Plane of a cut; its normal points towards the viewer.
 pub(super) struct Plane {
     pub(super) point_mm: DVec3,
     pub(super) normal: DVec3,
 }
 
-/// A sample of the picture.
+/// Result of one line of sight.
 #[derive(Clone, Copy)]
 pub(super) struct Sample {
     pub(super) colour: Vec3,
-    /// Visible tissues, one bit each.
+    /// Tissues that are visible, one bit each.
     pub(super) seen: [u64; 4],
-    /// Hash of the visible layers in their order.
+    /// Hash of the visible layers in their order. Edges are drawn where it changes.
     pub(super) layers: u32,
 }
 
@@ -52,7 +52,7 @@ pub(super) struct Scenery {
 }
 
 impl Scenery {
-    /// Colour, tissues and layers at a point of the picture.
+    /// Follows the line of sight at a point of the picture. Returns colour, tissues and layers.
     pub(super) fn sample(
         &self,
         camera: &Camera,
@@ -68,7 +68,7 @@ impl Scenery {
         let mut seen = [0u64; 4];
         let mut layers = 0_u32;
         let mut add = |colour: Vec3, opacity: f32, tissue: Option<usize>, layer: u32| {
-            // Nearly invisible layers make no edge.
+            // Layers that are nearly invisible make no edge.
             if left * opacity > 0.04 {
                 layers = (layers.rotate_left(5) ^ (layer + 1)).wrapping_mul(0x9e37_79b9);
             }
@@ -109,7 +109,7 @@ impl Scenery {
                 }
             } else if t_cut <= t_hit && t_cut.is_finite() {
                 let medium = cut.take().and_then(|(_, medium)| medium).and_then(|m| self.appearances.get(m));
-                // A section is opaque.
+                // A section through a tissue is opaque.
                 if let Some(appearance) = medium
                     && !add(0.92 * appearance.colour, 1.0, appearance.tissue, 1 + appearance.tissue.unwrap_or(0) as u32)
                 {
@@ -117,7 +117,7 @@ impl Scenery {
                 }
             } else if let Some(hit) = next.next() {
                 let Some(appearance) = self.appearances.get(hit.surface as usize) else { continue };
-                // A hidden layer shows in sections only.
+                // A hidden layer is visible only in sections.
                 if appearance.opacity <= 0.0 {
                     continue;
                 }
@@ -133,7 +133,8 @@ impl Scenery {
         Sample { colour: light + left * GROUND, seen, layers }
     }
 
-    /// Index of the highest shown surface that contains the line's point at `t_mm`; the probe is excluded.
+    /// Index of the surface with the highest priority that contains the line's point at `t_mm`. The probe is
+    /// excluded.
     fn medium_beyond(&self, hits: &[Hit], t_mm: f32) -> Option<usize> {
         let mut met = [0u64; 4];
         let mut highest = None;
@@ -142,7 +143,7 @@ impl Scenery {
             let tissue = self.appearances.get(index).is_some_and(|appearance| appearance.tissue.is_some());
             let Some(word) = met.get_mut(index >> 6).filter(|_| tissue) else { continue };
             let bit = 1 << (index & 63);
-            // The point is inside if the first crossing beyond it leads outward.
+            // The point is inside a surface if the first hit beyond it leads outwards.
             if *word & bit == 0 && hit.cosine > 0.0 {
                 highest = highest.max(Some(index));
             }
@@ -152,7 +153,7 @@ impl Scenery {
     }
 }
 
-/// Light from the upper left behind the viewer; both faces of a surface are lit.
+/// Colour under light from the upper left behind the viewer. Both sides of a surface are lit.
 fn shade(colour: Vec3, hit: &Hit, camera: &Camera) -> Vec3 {
     let toward = (-0.8 * camera.forward + 0.5 * camera.up - 0.35 * camera.right).normalize().as_vec3();
     let normal = if hit.cosine > 0.0 { -hit.normal } else { hit.normal };

@@ -1,4 +1,4 @@
-//! Summary of a scene made from a segmentation, as a page: one HTML file with its pictures.
+//! Report on a scene made from a segmentation: one HTML file with its pictures.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -14,16 +14,16 @@ use crate::sink::{SinkError, write_text};
 
 const STYLE: &str = include_str!("style.css");
 
-/// A picture of the page.
+/// A picture in the report.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plate {
     /// Caption.
     pub caption: String,
-    /// PNG file.
+    /// Picture as a PNG file.
     pub png: Vec<u8>,
 }
 
-/// Writes the page about `summary` with pictures of the scene and of B-mode views.
+/// Writes the report about `summary` to `path`, with pictures of the scene and of B-mode views.
 ///
 /// # Errors
 /// The file cannot be written.
@@ -58,7 +58,7 @@ fn list(out: &mut String, title: &str, class: &str, lines: &[String]) {
     out.push_str("</ul>\n");
 }
 
-/// The page. Writing to a string cannot fail.
+/// Text of the page. Writing to a string cannot fail.
 fn page(summary: &Summary, scene: &[Plate], bmode: &[Plate]) -> String {
     let name = summary.scene.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let mut out = head(&format!("{}: a patient's scene", escape(&name)), STYLE);

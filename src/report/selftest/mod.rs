@@ -1,4 +1,4 @@
-//! A self-test as a text table, and as a printable page: one HTML file.
+//! Report of a self-test: a text table, and a printable page in one HTML file.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -17,7 +17,7 @@ pub fn write(path: &Path, report: &Report) -> Result<(), SinkError> {
     write_text(path, &page(report))
 }
 
-/// All checks as a text table.
+/// All checks in a text table.
 pub fn table(report: &Report) -> String {
     let Report { device, driver, date, duration_s, checks, .. } = report;
     let mut out = format!("{device} ({driver}), {date}\n\n");
@@ -35,18 +35,18 @@ pub fn table(report: &Report) -> String {
     out
 }
 
-/// Text of a number, to two digits of its tolerance; a tolerance of 0 means a count.
+/// A number as text, with two digits of its tolerance. A tolerance of 0 means that the number is a count.
 fn figure(value: f64, tolerance: f64) -> String {
     if !value.is_finite() {
         return "not measurable".to_owned();
     }
     let digits = if tolerance > 0.0 { (1.0 - tolerance.log10().floor()).clamp(0.0, 9.0) as usize } else { 0 };
     let text = format!("{value:.digits$}");
-    // Avoids a negative zero after rounding.
+    // Rounding may leave a negative zero; removes its sign.
     if text.trim_start_matches(['-', '0', '.']).is_empty() { text.trim_start_matches('-').to_owned() } else { text }
 }
 
-/// The page. Writing to a string cannot fail.
+/// Text of the page. Writing to a string cannot fail.
 fn page(report: &Report) -> String {
     let Report { version, device, driver, date, duration_s, .. } = report;
     let failed = report.failed().count();
