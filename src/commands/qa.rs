@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Parser;
 use insonify::files::Outputs;
-use insonify::quality::qa_phantom::{self, QaReport};
+use insonify::quality::qa_phantom::{self, QaMeasurements};
 use insonify::sink::frame_record::AdapterRecord;
 use insonify::sink::{self, png};
 use insonify::station::Station;
@@ -51,7 +51,7 @@ struct Record<'a> {
     frequency_mhz: f64,
     images: u16,
     #[serde(flatten)]
-    report: &'a QaReport,
+    report: &'a QaMeasurements,
 }
 
 /// Runs the command.

@@ -6,74 +6,74 @@ use thiserror::Error;
 #[derive(Debug, Error, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum QualityError {
-    /// Wrong number of pixels for the image's size.
+    /// The number of pixels does not fit the image's size.
     #[error("the {what} has {found} pixels; an image of {width} x {height} has {}", width * height)]
     Size {
-        /// Map with the wrong size.
+        /// Name of the map with the wrong size.
         what: &'static str,
-        /// Pixels given.
+        /// Number of pixels given.
         found: usize,
-        /// Pixels across.
+        /// Width of the image, pixels.
         width: usize,
-        /// Pixels down.
+        /// Height of the image, pixels.
         height: usize,
     },
-    /// An image without pixels.
+    /// The image has no pixels.
     #[error("the image is {width} x {height}; it must have a pixel at least")]
     NoPixels {
-        /// Pixels across.
+        /// Width of the image, pixels.
         width: usize,
-        /// Pixels down.
+        /// Height of the image, pixels.
         height: usize,
     },
-    /// A mask without a pixel inside.
+    /// The mask has no pixel inside.
     #[error("the mask is 0 everywhere; it must have a pixel inside (any other value)")]
     EmptyMask,
-    /// An image smaller than the metric's window.
+    /// The image is smaller than the metric's window.
     #[error("{metric} needs an image of {needed} x {needed} at least, this one is {width} x {height}")]
     TooSmall {
-        /// Metric.
+        /// Name of the metric.
         metric: &'static str,
-        /// Pixels needed in both directions.
+        /// Number of pixels needed in both directions.
         needed: usize,
-        /// Pixels across.
+        /// Width of the image, pixels.
         width: usize,
-        /// Pixels down.
+        /// Height of the image, pixels.
         height: usize,
     },
-    /// A mask in which no patch has half of its pixels.
+    /// No patch has at least half of its pixels inside the mask.
     #[error("no patch of {patch} x {patch} pixels has half of its pixels inside the mask: there is nothing to compare")]
     NoPatch {
         /// Side of a patch, pixels.
         patch: usize,
     },
-    /// Too few feature vectors for a covariance.
+    /// There are too few feature vectors for a covariance.
     #[error("{found} feature vectors; a covariance needs 2 at least")]
     FewFeatures {
-        /// Vectors given.
+        /// Number of vectors given.
         found: usize,
     },
-    /// Too few frames of a sequence.
+    /// There are too few frames in a sequence.
     #[error("{found} frames; steadiness needs 2 at least")]
     FewFrames {
-        /// Frames given.
+        /// Number of frames given.
         found: usize,
     },
-    /// Feature vectors of different lengths, or empty ones.
+    /// Feature vectors are empty, or have different lengths.
     #[error("a feature vector has {found} values where {expected} are expected")]
     FeatureLength {
-        /// Values found.
+        /// Length found.
         found: usize,
-        /// Values expected.
+        /// Length expected.
         expected: usize,
     },
-    /// A feature that is not finite.
+    /// A feature is not finite.
     #[error("value {index} of a feature vector is not finite")]
     NotFinite {
-        /// Index in its vector.
+        /// Index of the feature in its vector.
         index: usize,
     },
-    /// Features so large that their distance is not finite.
+    /// Features are so large that their distance is not finite.
     #[error("the distance of the features is not finite: their values are too large")]
     NoDistance,
     /// The extractor failed.

@@ -11,26 +11,27 @@ pub trait FeatureExtractor {
     /// Side of its square input crops, pixels.
     fn crop(&self) -> usize;
 
-    /// Features of a square crop [crop × crop] of grey levels; all vectors have the same length.
+    /// Features of a square crop [crop × crop] of grey levels. All vectors have the same length.
     ///
     /// # Errors
-    /// [`QualityError::Extractor`].
+    /// [`QualityError::Extractor`] if the extractor fails.
     fn features(&mut self, crop: &[u8]) -> Result<Vec<f64>, QualityError>;
 }
 
-/// Crops [crop × crop] of an image [height × width] for feature extraction: the centre, cut into four.
-/// The paper does so with 299, a centre crop of 598 × 598. An image too small for four gives one centre crop.
+/// Crops [crop × crop] of an image [height × width] for feature extraction: the image's centre, cut into four. The
+/// paper does so with 299, so its centre is 598 × 598 pixels. An image too small for four crops gives one crop at its
+/// centre.
 ///
 /// # Errors
-/// An image smaller than a crop, or pixels that don't fill the image.
+/// The image is smaller than a crop, or the number of pixels does not fit the size.
 pub fn crops(pixels: &[u8], size: [usize; 2], crop: usize) -> Result<Vec<Vec<u8>>, QualityError> {
     check_sizes(size, &[("image", pixels)])?;
     check_holds(size, crop, "the feature extractor")?;
     let [width, height] = size;
     let across = if width >= 2 * crop && height >= 2 * crop { 2 } else { 1 };
     let (left, top) = ((width - across * crop) / 2, (height - across * crop) / 2);
-    let place = |i: usize| [left + i % across * crop, top + i / across * crop];
-    Ok((0..across * across).map(|i| cut(pixels, width, place(i), crop)).collect())
+    let corner = |i: usize| [left + i % across * crop, top + i / across * crop];
+    Ok((0..across * across).map(|i| cut(pixels, width, corner(i), crop)).collect())
 }
 
 #[cfg(test)]

@@ -14,10 +14,10 @@ pub struct Gaussian {
 }
 
 impl Gaussian {
-    /// Gaussian of `features`, one vector each.
+    /// Mean and covariance of `features`, which holds one vector per image.
     ///
     /// # Errors
-    /// Fewer than two vectors; empty ones, of different lengths, or with values that aren't finite.
+    /// There are fewer than two vectors; or vectors are empty, have different lengths, or hold non-finite values.
     pub fn of(features: &[Vec<f64>]) -> Result<Self, QualityError> {
         let (mean, centred) = centred(features)?;
         let covariance = centred.tr_mul(&centred) / (features.len() - 1) as f64;
@@ -25,13 +25,13 @@ impl Gaussian {
     }
 }
 
-/// |μ₁ − μ₂|² + tr(Σ₁ + Σ₂ − 2·(Σ₁Σ₂)^½), never below 0.
+/// Fréchet distance |μ₁ − μ₂|² + tr(Σ₁ + Σ₂ − 2·(Σ₁Σ₂)^½), never below 0.
 ///
 /// tr (Σ₁Σ₂)^½ is the sum of the singular values of Σ₁^½·Σ₂^½. The roots come from symmetric eigen-decompositions;
 /// negative eigenvalues are rounding errors and set to 0. Nothing is inverted, so singular covariances are valid.
 ///
 /// # Errors
-/// Distributions of different dimensions, non-finite values, or values so large that the distance isn't finite.
+/// The dimensions differ, values are not finite, or values are so large that the distance is not finite.
 pub fn frechet_distance(a: &Gaussian, b: &Gaussian) -> Result<f64, QualityError> {
     let dimension = a.mean.len();
     for g in [a, b] {
@@ -48,12 +48,12 @@ pub fn frechet_distance(a: &Gaussian, b: &Gaussian) -> Result<f64, QualityError>
     distance(&a.mean, &b.mean, a.covariance.trace() + b.covariance.trace(), cross)
 }
 
-/// [`frechet_distance`] of two sets of feature vectors; faster if there are fewer vectors than dimensions.
-/// Then tr (Σ₁Σ₂)^½ is the sum of the singular values of X₁·X₂ᵀ over √((n₁ − 1)(n₂ − 1)), with the centred vectors as
-/// rows of X.
+/// Does what [`frechet_distance`] does, for two sets of feature vectors. It is faster if there are fewer vectors than
+/// dimensions. Then tr (Σ₁Σ₂)^½ is the sum of the singular values of X₁·X₂ᵀ over √((n₁ − 1)(n₂ − 1)), where the rows
+/// of X are the centred vectors.
 ///
 /// # Errors
-/// As [`Gaussian::of`]; sets with vectors of different lengths, or values so large that the distance isn't finite.
+/// Errors of [`Gaussian::of`]; or the lengths of the vectors differ between the sets, or the distance is not finite.
 pub fn frechet_distance_of(a: &[Vec<f64>], b: &[Vec<f64>]) -> Result<f64, QualityError> {
     let ((mean_a, rows_a), (mean_b, rows_b)) = (centred(a)?, centred(b)?);
     let (expected, found) = (mean_a.len(), mean_b.len());
@@ -76,7 +76,7 @@ fn distance(mean_a: &DVector<f64>, mean_b: &DVector<f64>, traces: f64, cross: f6
     if distance.is_finite() { Ok(distance.max(0.0)) } else { Err(QualityError::NoDistance) }
 }
 
-/// Mean, and the vectors minus their mean as rows [n × d].
+/// Mean of the vectors, and the vectors minus their mean as rows [n × d].
 fn centred(features: &[Vec<f64>]) -> Result<(DVector<f64>, DMatrix<f64>), QualityError> {
     let [first, _, ..] = features else { return Err(QualityError::FewFeatures { found: features.len() }) };
     let expected = first.len();
@@ -130,7 +130,7 @@ mod tests {
         assert!((frechet_distance(&zero, &one).unwrap() - 27.0).abs() < 1e-12);
         let constant = vec![vec![5.0; 40]; 3];
         assert_eq!(frechet_distance_of(&constant, &constant).unwrap(), 0.0);
-        // Rank 1 in 40 dimensions, on one line.
+        // Vectors of rank 1 in 40 dimensions: all on one line.
         let line = |scale: f64| -> Vec<Vec<f64>> { (0..4).map(|i| vec![scale * f64::from(i); 40]).collect() };
         let sigma = |scale: f64| scale * (40.0f64 * 5.0 / 3.0).sqrt();
         let expected = 40.0 * 1.5f64.powi(2) + (sigma(2.0) - sigma(1.0)).powi(2);

@@ -1,14 +1,14 @@
-//! Difference of local mean levels: the difference that remains when speckle is averaged out.
+//! Difference between local mean levels. Averaging over patches removes speckle from it.
 
 use super::{Pair, QualityError};
 
-/// Mean magnitude and root mean square of the difference of mean grey levels over patches of 32 × 32.
+/// Mean magnitude and root mean square of the difference between mean grey levels, over patches of 32 × 32 pixels.
 ///
-/// Two frames with the same tissues and different speckle differ much per pixel, and little here. Patches and mask are
-/// those of [`pkl`](fn@super::pkl).
+/// Two frames with the same tissues and different speckle differ much per pixel, but little in this measure. Patches
+/// and mask work as in [`pkl`](fn@super::pkl).
 ///
 /// # Errors
-/// As [`pkl`](fn@super::pkl).
+/// Errors of [`pkl`](fn@super::pkl).
 pub fn level_difference(pair: &Pair<'_>) -> Result<[f64; 2], QualityError> {
     let [magnitude, square] = pair.mean_over_patches("the difference of levels", |indices| {
         let difference = |&i: &usize| i64::from(pair.image[i]) - i64::from(pair.reference[i]);

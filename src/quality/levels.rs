@@ -1,11 +1,11 @@
-//! Levels of displayed images, averaged over several images, at positions in mm.
+//! Levels of displayed images, averaged over several images, by position in mm.
 
 use glam::DVec2;
 
 use crate::statistics::{sorted, upper_median};
 use crate::transducer::Sector;
 
-/// Mean of images in dB above black, and in power (1 at black).
+/// Mean of several images, both in dB above black and in power relative to black.
 #[derive(Debug, Clone)]
 pub struct Levels {
     sector: Sector,
@@ -16,13 +16,13 @@ pub struct Levels {
 }
 
 impl Levels {
-    /// Empty mean for images of `sector`, whose grey levels 0..=255 span `dynamic_range_db`.
+    /// A mean without images yet, for images of `sector` whose grey levels 0..=255 span `dynamic_range_db`.
     pub fn new(sector: Sector, dynamic_range_db: f64) -> Self {
         let pixels = sector.width as usize * sector.height as usize;
         Self { sector, dynamic_range_db, images: 0.0, sum_db: vec![0.0; pixels], sum_power: vec![0.0; pixels] }
     }
 
-    /// Adds an image, row by row. Returns false, without adding it, if the size differs.
+    /// Adds an image, row by row. Returns false without adding it if its size differs.
     pub fn add(&mut self, grey: &[u8]) -> bool {
         if grey.len() != self.sum_db.len() {
             return false;
@@ -36,27 +36,29 @@ impl Levels {
         true
     }
 
-    /// Positions (probe frame x, z, mm) and mean power of the pixels whose centres are within `(centre, half size)`.
+    /// Positions (x, z in the probe frame, mm) and mean power of the pixels in a box, which is given by its centre
+    /// and its half size.
     pub fn pixels(&self, (centre, half): (DVec2, DVec2)) -> impl Iterator<Item = (DVec2, f64)> + '_ {
-        self.indices(centre, half).map(|(i, place)| (place, self.sum_power[i] / self.images.max(1.0)))
+        self.indices(centre, half).map(|(i, position)| (position, self.sum_power[i] / self.images.max(1.0)))
     }
 
-    /// Mean power within `(centre, half size)`; 0 if it contains no pixel.
+    /// Mean power in the box `(centre, half size)`; 0 if the box contains no pixel.
     pub(crate) fn box_power(&self, box_mm: (DVec2, DVec2)) -> f64 {
         let (sum, n) = self.pixels(box_mm).fold((0.0, 0.0), |(sum, n), (_, power)| (sum + power, n + 1.0));
         sum / f64::max(n, 1.0)
     }
 
-    /// Mean level of a disc, dB above black; 0 if it contains no pixel.
+    /// Mean level in a disc, dB above black; 0 if the disc contains no pixel.
     pub(crate) fn disc_db(&self, centre: DVec2, radius_mm: f64) -> f64 {
         let inside = self.indices(centre, DVec2::splat(radius_mm)).filter(|(_, p)| p.distance(centre) <= radius_mm);
         let (sum, n) = inside.fold((0.0, 0.0), |(sum, n), (i, _)| (sum + self.sum_db[i], n + 1.0));
         sum / f64::max(n, 1.0) / self.images.max(1.0)
     }
 
-    /// Mean level at a position, bilinear in power, dB above black; positions outside take the nearest pixel.
-    pub(crate) fn db_at(&self, place: DVec2) -> f64 {
-        let at = self.sector.pixel_from_probe(place) - 0.5;
+    /// Mean level at a position, dB above black. The power is interpolated bilinearly; outside the image the nearest
+    /// pixel counts.
+    pub(crate) fn db_at(&self, position: DVec2) -> f64 {
+        let at = self.sector.pixel_from_probe(position) - 0.5;
         let (floor, part) = (at.floor(), at - at.floor());
         let mut power = 0.0;
         for (dx, dy) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
@@ -66,7 +68,8 @@ impl Levels {
         10.0 * (power / self.images.max(1.0)).max(1.0).log10()
     }
 
-    /// Median over the columns of the mean level of the rows within `half_mm` of a depth, dB above black.
+    /// Level at a depth, dB above black: the mean over the rows within `half_mm` of the depth, then the median over
+    /// the columns.
     pub(crate) fn median_row_db(&self, depth_mm: f64, half_mm: f64) -> f64 {
         let middle =
             DVec2::new(self.sector.corner_mm.x + 0.5 * f64::from(self.sector.width) * self.sector.pixel_mm, depth_mm);
@@ -81,10 +84,10 @@ impl Levels {
         upper_median(&means).unwrap_or(0.0)
     }
 
-    /// Full width, mm, at half the amplitude of the peak nearest to `place`, along `axis` (a unit vector of the image).
+    /// Full width at half amplitude of the peak nearest to `position`, along `axis` (a unit vector in the image), mm.
     /// The power `noise` is subtracted first.
-    pub fn half_width_mm(&self, place: DVec2, axis: DVec2, noise: f64) -> f64 {
-        let centre = self.sector.pixel_from_probe(place).floor();
+    pub fn half_width_mm(&self, position: DVec2, axis: DVec2, noise: f64) -> f64 {
+        let centre = self.sector.pixel_from_probe(position).floor();
         let amplitude = |i: i32| {
             let power = self.sum_power[self.nearest(centre + axis * f64::from(i))] / self.images.max(1.0);
             (power - noise).max(1e-9).sqrt()
@@ -115,10 +118,10 @@ impl Levels {
         let high = limit(self.sector.pixel_from_probe(centre + half).ceil());
         let (columns, rows) = (low.x as u32..high.x as u32, low.y as u32..high.y as u32);
         rows.flat_map(move |row| columns.clone().map(move |column| (column, row))).filter_map(move |(column, row)| {
-            let place = self.sector.pixel_centre_mm(column, row);
-            let near = (place - centre).abs();
+            let position = self.sector.pixel_centre_mm(column, row);
+            let near = (position - centre).abs();
             let inside = near.x <= half.x && near.y <= half.y;
-            inside.then_some(((row * self.sector.width + column) as usize, place))
+            inside.then_some(((row * self.sector.width + column) as usize, position))
         })
     }
 }

@@ -1,4 +1,4 @@
-//! Two images of one size, and the mask of compared pixels.
+//! Two images of the same size, and the mask of the pixels that are compared.
 
 use super::QualityError;
 use super::error::{check_holds, check_sizes};
@@ -17,10 +17,11 @@ pub struct Pair<'a> {
 }
 
 impl<'a> Pair<'a> {
-    /// Compares `image` and `reference` [height × width] everywhere, or only where `mask` [height × width] is not 0.
+    /// Compares `image` and `reference` [height × width], either everywhere or only where `mask` [height × width] is
+    /// not 0.
     ///
     /// # Errors
-    /// A map of another size, an image without pixels, a mask without a pixel inside.
+    /// A map has another size, the image has no pixels, or the mask has no pixel inside.
     pub fn new(
         size @ [width, height]: [usize; 2],
         image: &'a [u8],
@@ -37,17 +38,17 @@ impl<'a> Pair<'a> {
         Ok(Self { image, reference, mask, width, height })
     }
 
-    /// Whether the pixel of that index is compared.
+    /// Whether the pixel with this index is compared.
     pub(super) fn inside(&self, index: usize) -> bool {
         self.mask.is_none_or(|mask| mask[index] != 0)
     }
 
-    /// Mean of `values` over the patches. `values` takes the indices of a patch's pixels inside. A patch counts if at
-    /// least half of its pixels are inside. Patches do not overlap and begin at the upper left corner; incomplete
-    /// patches at the right and bottom edges are ignored.
+    /// Mean of `values` over the patches. `values` receives the indices of a patch's pixels inside the mask. A patch
+    /// counts if at least half of its pixels are inside. Patches do not overlap, and the first one is at the upper
+    /// left corner. Incomplete patches at the right and bottom edges are ignored.
     ///
     /// # Errors
-    /// An image smaller than a patch; a mask that leaves no patch.
+    /// The image is smaller than a patch, or the mask leaves no patch.
     pub(super) fn mean_over_patches<const N: usize>(
         &self,
         metric: &'static str,

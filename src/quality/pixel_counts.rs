@@ -1,16 +1,16 @@
-//! Number of pixels of a kind in any rectangle, from a summed-area table.
+//! Number of pixels of one kind in any rectangle, by a summed-area table.
 
 use std::ops::Range;
 
 /// Number of pixels of one kind above and to the left of each pixel corner.
 pub(super) struct PixelCounts {
     stride: usize,
-    /// [height + 1 × width + 1]
+    /// Counts at the pixel corners [height + 1 × width + 1].
     sums: Vec<u32>,
 }
 
 impl PixelCounts {
-    /// Table for an image of size [width, height].
+    /// A table for images of the size [width, height].
     pub(super) fn new([width, height]: [usize; 2]) -> Self {
         Self { stride: width + 1, sums: vec![0; (width + 1) * (height + 1)] }
     }
@@ -27,7 +27,7 @@ impl PixelCounts {
         }
     }
 
-    /// Pixels of the kind in a rectangle.
+    /// Number of pixels of the kind in a rectangle.
     pub(super) fn within(&self, columns: Range<usize>, rows: Range<usize>) -> u32 {
         let at = |column: usize, row: usize| self.sums[row * self.stride + column];
         at(columns.end, rows.end) + at(columns.start, rows.start)

@@ -2,21 +2,21 @@
 
 use super::{Pair, QualityError};
 
-/// Bins of a histogram, of equal width over 0..=255.
+/// Number of bins of a histogram, all of equal width over 0..=255.
 pub(crate) const BINS: usize = 50;
-/// Added to the count of every bin to give empty bins a finite logarithm: half a pixel, Jeffreys' prior of a
-/// multinomial (Krichevsky and Trofimov 1981). Zhang et al. 2020 do not give their value.
+/// Number that is added to the count of every bin, so that empty bins have a finite logarithm. Half a pixel is
+/// Jeffreys' prior for a multinomial (Krichevsky and Trofimov 1981). Zhang et al. 2020 do not state their value.
 pub(crate) const PSEUDO_COUNT: f64 = 0.5;
 
-/// pKL: mean over patches of D(reference ‖ image) = Σ p·ln(p/q) in nats. p is the histogram of the reference's patch, q
-/// that of the image's. The paper's table shows it ×10².
+/// pKL: mean over patches of the divergence D(reference ‖ image) = Σ p·ln(p/q), nats. p is the histogram of the
+/// reference's patch, q the histogram of the image's patch. The paper's table shows it × 10².
 ///
-/// Patches of [`PATCH`](super::PATCH) pixels a side do not overlap and begin at the upper left corner. Incomplete
-/// patches at the right and bottom edges are ignored. With a mask, only pixels inside count, in patches with at least
-/// half of them inside.
+/// Patches have [`PATCH`](super::PATCH) pixels a side, do not overlap, and begin at the upper left corner. Incomplete
+/// patches at the right and bottom edges are ignored. With a mask, only pixels inside count, and only in patches with
+/// at least half of their pixels inside.
 ///
 /// # Errors
-/// An image smaller than a patch; a mask that leaves no patch.
+/// The image is smaller than a patch, or the mask leaves no patch.
 pub fn pkl(pair: &Pair<'_>) -> Result<f64, QualityError> {
     let [mean] = pair.mean_over_patches("pKL", |indices| [divergence(pair, indices)])?;
     Ok(mean)
@@ -86,7 +86,7 @@ mod tests {
     fn it_has_a_direction() {
         let half: Vec<u8> = (0..1024).map(|i| if i < 512 { 0 } else { 255 }).collect();
         let of = |a: &[u8], b: &[u8]| pkl(&Pair::new([32, 32], a, b, None).unwrap()).unwrap();
-        // A reference in two bins, an image in one of them: large; the reverse: about ln 2.
+        // A reference in two bins and an image in one of them have a large divergence; exchanged, it is about ln 2.
         assert!(of(&[0; 1024], &half) > 3.0);
         assert!((of(&half, &[0; 1024]) - 0.7).abs() < 0.05);
     }

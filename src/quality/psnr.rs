@@ -2,10 +2,12 @@
 
 use super::Pair;
 
-/// PSNR of 8-bit images, dB: 10·log10(255²/MSE), over the pixels inside. Infinite for identical pixels.
+/// Peak signal-to-noise ratio of 8-bit images, dB: 10·log10(255²/MSE), over the pixels inside the mask. Infinite for
+/// identical images.
 ///
-/// Zhang et al. 2020 print 10·log10(255/MSE), a misprint. Their 25 to 29 dB would then need a mean square error below 1
-/// grey level², which two speckled images never have. With the standard's 255² it is 80 to 190.
+/// Zhang et al. 2020 print 10·log10(255/MSE), which is a misprint. Their 25 to 29 dB would then need a mean square
+/// error below 1 grey level², which two images with different speckle never have. With 255², the mean square error is
+/// 80 to 190.
 pub fn psnr_db(pair: &Pair<'_>) -> f64 {
     let (mut sum, mut count) = (0u64, 0u64);
     for (index, (a, b)) in pair.image.iter().zip(pair.reference).enumerate() {
@@ -14,7 +16,7 @@ pub fn psnr_db(pair: &Pair<'_>) -> f64 {
             count += 1;
         }
     }
-    // A pair has a pixel inside, so a sum of 0 means identical images.
+    // A pair has at least one pixel inside, so a sum of 0 means identical images.
     if sum == 0 { f64::INFINITY } else { 10.0 * (255.0 * 255.0 * count as f64 / sum as f64).log10() }
 }
 
@@ -30,7 +32,7 @@ mod tests {
         assert_eq!(psnr(&[0; 4], &[0; 4], None), f64::INFINITY);
         let one = 20.0 * 255f64.log10();
         assert!((psnr(&[7; 4], &[8; 4], None) - one).abs() < 1e-12);
-        // Pixels outside the mask count neither in the sum nor in the number.
+        // Pixels outside the mask count neither in the sum nor in the number of pixels.
         assert!((psnr(&[7, 0, 0, 0], &[8, 255, 255, 255], Some(&[9, 0, 0, 0])) - one).abs() < 1e-12);
         assert_eq!(psnr(&[8, 0, 0, 0], &[8, 255, 255, 255], Some(&[9, 0, 0, 0])), f64::INFINITY);
     }

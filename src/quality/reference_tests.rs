@@ -1,5 +1,5 @@
-//! Comparison with values of NumPy, SciPy and scikit-image: `tests/data/quality`, made by
-//! `tests/python/quality_reference.py`.
+//! Comparison with values from NumPy, SciPy and scikit-image in `tests/data/quality`, which
+//! `tests/python/quality_reference.py` writes.
 
 use std::path::PathBuf;
 
@@ -9,7 +9,7 @@ use super::ssim::SsimMap;
 use super::{Pair, frechet_distance, frechet_distance_of, pkl, psnr_db, ssim};
 use crate::quality::Gaussian;
 
-/// Largest relative difference.
+/// Largest relative difference that is accepted.
 const TOLERANCE: f64 = 1e-9;
 
 #[derive(Deserialize)]
@@ -78,7 +78,7 @@ fn images_have_the_reference_values() {
             close(&format!("SSIM of {name}"), ssim(&pair), expected.ssim, TOLERANCE);
             close(&format!("pKL of {name}"), pkl(&pair).unwrap(), expected.pkl, TOLERANCE);
         }
-        // scikit-image leaves out 5 pixels at each edge.
+        // scikit-image excludes 5 pixels at each edge from the mean.
         let [width, height] = size;
         let inner = |i: usize| (5..width - 5).contains(&(i % width)) && (5..height - 5).contains(&(i / width));
         let inner: Vec<u8> = (0..image.len()).map(|i| u8::from(inner(i))).collect();
@@ -92,7 +92,7 @@ fn feature_sets_have_the_reference_distances() {
     let all = cases::<Features>("frechet.json");
     assert!(all.len() >= 3);
     for Features { name, a, b, distance } in all {
-        // SciPy's eigenvalues of the singular product are accurate to the root of the precision.
+        // SciPy's eigenvalues of the singular product are accurate only to the square root of the precision.
         let tolerance = 1e-7;
         close(&name, frechet_distance_of(&a, &b).unwrap(), distance, tolerance);
         let [a, b] = [&a, &b].map(|set| Gaussian::of(set).unwrap());

@@ -1,21 +1,21 @@
-//! Mean levels of image regions: by tissue, and behind bone.
+//! Mean levels in regions of an image: in each tissue, and behind bone.
 
 use serde::{Deserialize, Serialize};
 
 use crate::transducer::{Probe, ScanGeometry};
 
-/// Least distance of a pixel from the tissue's nearest pixel on its scanline to count as behind it, mm. The pulse and
+/// Smallest distance behind the tissue, along the scanline, at which a pixel counts as behind it, mm. The pulse and
 /// the blur of its echo are shorter.
 pub const BEHIND_MM: f64 = 2.0;
-/// Parts of the names of tissues whose shadows are measured.
+/// Words in the names of tissues whose shadows are measured.
 pub(crate) const BONES: [&str; 3] = ["bone", "calvaria", "skull"];
 
-/// True if a tissue of that name is bone.
+/// Whether a tissue with this name is bone.
 pub(crate) fn is_bone(tissue: &str) -> bool {
     BONES.iter().any(|bone| tissue.contains(bone))
 }
 
-/// Sums over the pixels of a region, of one image or several.
+/// Sums over the pixels of a region, in one image or several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) struct RegionSum {
     pixels: u64,
@@ -24,18 +24,18 @@ pub(crate) struct RegionSum {
     absolute: u64,
 }
 
-/// Difference of an image from its reference in a region.
+/// Difference between an image and its reference in a region.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct RegionError {
-    /// Pixels, over all images.
+    /// Number of pixels, over all images.
     pub pixels: u64,
     /// Mean grey level of the image.
     pub grey: f64,
     /// Mean grey level of the reference.
     pub reference_grey: f64,
-    /// Mean of the image's level minus the reference's.
+    /// Mean of the image's level minus the reference's level, grey levels.
     pub difference: f64,
-    /// Mean magnitude of that difference per pixel; never 0 for images with different speckle.
+    /// Mean magnitude of that difference per pixel, grey levels. It is never 0 for images with different speckle.
     pub absolute_difference: f64,
 }
 
@@ -48,12 +48,12 @@ impl RegionSum {
         self.absolute += u64::from(image.abs_diff(reference));
     }
 
-    /// Pixels so far.
+    /// Number of pixels so far.
     pub(crate) fn pixels(&self) -> u64 {
         self.pixels
     }
 
-    /// Means; `None` without pixels.
+    /// Means over the pixels; `None` without pixels.
     pub(crate) fn error(&self) -> Option<RegionError> {
         let mean = |sum: u64| sum as f64 / self.pixels as f64;
         let (grey, reference_grey) = (mean(self.image), mean(self.reference));
@@ -67,47 +67,48 @@ impl RegionSum {
     }
 }
 
-/// Scanline and depth of every pixel of a sector's image.
+/// Scanline and depth of every pixel in a sector's image.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scanlines {
     lines: usize,
-    /// Scanline and depth in mm [height × width]; `None` outside the sector.
-    places: Vec<Option<(u16, f32)>>,
+    /// Scanline, and depth in mm, of each pixel [height × width]; `None` outside the sector.
+    positions: Vec<Option<(u16, f32)>>,
 }
 
 impl Scanlines {
-    /// Map of `probe`'s sector in `width` × `height` pixels.
+    /// Scanlines of `probe` in an image of `width` × `height` pixels.
     pub fn new(probe: &Probe, width: u32, height: u32) -> Self {
         let geometry = ScanGeometry::fit(probe, width, height);
         let lines = (probe.scanlines as usize).clamp(1, usize::from(u16::MAX));
-        let place = |column, row| {
+        let position = |column, row| {
             let (fraction, depth) = geometry.beam_at(column, row)?;
             let line = ((fraction * lines as f64) as usize).min(lines - 1);
             Some((line as u16, depth as f32))
         };
-        let places = (0..height).flat_map(|row| (0..width).map(move |column| place(column, row))).collect();
-        Self { lines, places }
+        let positions = (0..height).flat_map(|row| (0..width).map(move |column| position(column, row))).collect();
+        Self { lines, positions }
     }
 
-    /// Mask [height × width] of the pixels behind a casting pixel: one whose number in `segmentation` passes `casts`.
-    /// They are on the same scanline, more than [`BEHIND_MM`] deeper than the nearest casting pixel. Casting pixels and
-    /// pixels outside the sector (number 0) are excluded. Scanlines are assumed straight.
+    /// Mask [height × width] of the pixels behind a tissue. `casts` selects the tissue's numbers in `segmentation`. A
+    /// pixel is behind it if it is on the same scanline and more than [`BEHIND_MM`] deeper than the nearest pixel of
+    /// the tissue. Pixels of the tissue itself and pixels outside the sector (number 0) are excluded. Scanlines are
+    /// assumed straight.
     pub fn behind(&self, segmentation: &[u8], casts: impl Fn(u8) -> bool) -> Vec<bool> {
         let casts: [bool; 256] = std::array::from_fn(|number| casts(number as u8));
         let mut nearest = vec![f32::INFINITY; self.lines];
-        for (place, &number) in self.places.iter().zip(segmentation) {
-            if let (&Some((line, depth)), true) = (place, casts[usize::from(number)]) {
+        for (position, &number) in self.positions.iter().zip(segmentation) {
+            if let (&Some((line, depth)), true) = (position, casts[usize::from(number)]) {
                 let nearest = &mut nearest[usize::from(line)];
                 *nearest = nearest.min(depth);
             }
         }
-        let behind = |(place, &number): (&Option<(u16, f32)>, &u8)| match place {
+        let behind = |(position, &number): (&Option<(u16, f32)>, &u8)| match position {
             Some((line, depth)) if number > 0 && !casts[usize::from(number)] => {
                 *depth > nearest[usize::from(*line)] + BEHIND_MM as f32
             }
             _ => false,
         };
-        self.places.iter().zip(segmentation).map(behind).collect()
+        self.positions.iter().zip(segmentation).map(behind).collect()
     }
 }
 
@@ -141,7 +142,7 @@ mod tests {
         let sector = Sector::fit(&probe, width, height);
         let scanlines = Scanlines::new(&probe, width, height);
         let polar = |i: usize| Sector::polar(&probe, sector.pixel_centre_mm(i as u32 % width, i as u32 / width));
-        // A plate at 60 to 64 mm, from 0.25 to 0.5 of the fan.
+        // A plate at 60 to 64 mm depth, from 0.25 to 0.5 of the sector's lateral extent.
         let plate = |(fraction, depth): (f64, f64)| (0.25..0.5).contains(&fraction) && (60.0..64.0).contains(&depth);
         let pixels = (width * height) as usize;
         let number = |i: usize| polar(i).map_or(0, |p| if plate(p) { 2 } else { 1 });
@@ -155,7 +156,7 @@ mod tests {
             };
             let in_fan = (0.25..0.5).contains(&fraction);
             counts[usize::from(behind)] += 1;
-            // A pixel is 0.6 mm.
+            // The side of a pixel is 0.6 mm.
             if in_fan && depth > 65.0 {
                 assert!(behind, "{fraction} {depth}");
             } else if !in_fan || depth < 61.0 || plate((fraction, depth)) {

@@ -1,61 +1,61 @@
-//! The paper's table: metrics of each image, and their mean and percentile over images.
+//! The paper's table: metrics of each image, with mean and percentile over all images.
 
 use serde::{Deserialize, Serialize};
 
 use super::{Pair, pkl, psnr_db, ssim};
 use crate::statistics::{mean, percentile};
 
-/// Metrics of one image.
+/// Metrics of one image against its reference.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Scores {
-    /// PSNR, dB; infinite for identical images, which JSON writes as `null`.
+    /// PSNR, dB; infinite for identical images, for which JSON has `null`.
     #[serde(with = "infinite_is_null")]
     pub psnr_db: f64,
     /// SSIM, at most 1.
     pub ssim: f64,
-    /// pKL, nats; `None` for an image smaller than a patch, or a mask that leaves no patch.
+    /// pKL, nats; `None` if the image is smaller than a patch, or the mask leaves no patch.
     pub pkl: Option<f64>,
 }
 
 impl Scores {
-    /// Scores of a pair.
+    /// Metrics of a pair.
     pub fn of(pair: &Pair<'_>) -> Self {
         // pKL fails only if there is no patch to compare.
         Self { pkl: pkl(pair).ok(), psnr_db: psnr_db(pair), ssim: ssim(pair) }
     }
 }
 
-/// A metric over images.
+/// A metric over all images.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Spread {
-    /// Mean.
+    /// Mean over the images.
     #[serde(with = "infinite_is_null")]
     pub mean: f64,
-    /// Percentile on the bad side: the 5th if higher is better, else the 95th.
+    /// Percentile on the bad side: the 5th if higher is better, otherwise the 95th.
     #[serde(with = "infinite_is_null")]
     pub percentile: f64,
 }
 
-/// Metrics over images.
+/// All metrics over all images.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
-    /// Images.
+    /// Number of images.
     pub images: usize,
-    /// Images identical to their references. Their PSNR is infinite: it is excluded from the mean, unless all are
-    /// identical, and ranks highest in the percentile.
+    /// Number of images identical to their references. Their PSNR is infinite. The mean excludes it, unless all
+    /// images are identical; in the percentile it ranks highest.
     pub identical: usize,
-    /// PSNR, dB, mean and 5th percentile.
+    /// PSNR, dB: mean and 5th percentile.
     pub psnr_db: Spread,
-    /// SSIM, mean and 5th percentile.
+    /// SSIM: mean and 5th percentile.
     pub ssim: Spread,
-    /// Images without pKL.
+    /// Number of images without pKL.
     pub without_pkl: usize,
-    /// pKL of the others, nats, mean and 95th percentile; `None` if there are no others.
+    /// pKL of the other images, nats: mean and 95th percentile; `None` if there are none.
     pub pkl: Option<Spread>,
 }
 
 impl Summary {
-    /// Summary of the metrics of each image; `None` without images.
+    /// Summary of the metrics of all images; `None` without images.
     pub fn of(scores: &[Scores]) -> Option<Self> {
         let spread = |of: fn(&Scores) -> Option<f64>, part| {
             let values: Vec<f64> = scores.iter().filter_map(of).collect();
@@ -73,7 +73,7 @@ impl Summary {
     }
 }
 
-/// JSON has no infinity: `null` represents it.
+/// Serialises infinity as `null`, because JSON has no infinity.
 pub(crate) mod infinite_is_null {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 

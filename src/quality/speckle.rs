@@ -1,4 +1,4 @@
-//! Speckle statistics by tissue: grey levels, and the signal-to-noise ratio of the envelope.
+//! Speckle statistics of each tissue: grey levels, and the signal-to-noise ratio of the envelope.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,35 +8,37 @@ use crate::statistics::median;
 
 /// Side of the patches in which the envelope is measured, pixels.
 pub const PATCH: usize = 32;
-/// Largest share of black or white pixels in a patch; the envelope is clipped there.
+/// Largest share of black or white pixels in a patch, 0..=1. The envelope is clipped at these pixels.
 const CLIPPED_MAX: f64 = 0.01;
 
-/// Speckle of one tissue.
+/// Speckle statistics of one tissue.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ClassSpeckle {
     /// Number of the tissue in the segmentation, from 1.
     pub class: u8,
-    /// Its pixels.
+    /// Number of pixels of the tissue.
     pub pixels: usize,
     /// Mean grey level.
     pub grey_mean: f64,
     /// Standard deviation of the grey levels.
     pub grey_deviation: f64,
-    /// Mean over standard deviation of the envelope: the median over patches wholly inside the tissue.
-    /// Depth, shadows and borders thus count little. `None` without such a patch, or if all are clipped. Fully
-    /// developed speckle has √(π/(4 − π)) = 1.91 (Rayleigh; Burckhardt 1978), fewer scatterers or mixtures less.
+    /// Signal-to-noise ratio of the envelope: mean over standard deviation, as the median over patches that are
+    /// wholly inside the tissue. So depth, shadows and borders count little. `None` if there is no such patch, or all
+    /// are clipped. Fully developed speckle has √(π/(4 − π)) = 1.91 (Rayleigh; Burckhardt 1978); fewer scatterers, or
+    /// mixtures, have less.
     pub envelope_snr: Option<f64>,
-    /// Patches used for the envelope.
+    /// Number of patches behind `envelope_snr`.
     pub patches: usize,
 }
 
-/// Speckle of every tissue in `segmentation` [height × width], in the order of their numbers; 0 is outside.
+/// Speckle statistics of every tissue in `segmentation` [height × width], in the order of their numbers; 0 is
+/// outside.
 ///
 /// `image` [height × width] holds log-compressed levels over `dynamic_range_db`. The envelope is recovered as
 /// 10^(level/255·range/20), up to a factor.
 ///
 /// # Errors
-/// Maps of another size.
+/// The maps have different sizes.
 pub fn speckle(
     image: &[u8],
     segmentation: &[u8],
@@ -82,7 +84,7 @@ pub fn speckle(
     Ok(all.filter(|(number, (sums, _))| *number > 0 && sums[0] > 0).map(class).collect())
 }
 
-/// Mean over deviation of a patch's envelope; `None` for a clipped or constant one.
+/// Mean over standard deviation of a patch's envelope; `None` if the patch is clipped or constant.
 fn snr(levels: impl Iterator<Item = u8>, envelope: &[f64; 256]) -> Option<f64> {
     let (mut sum, mut squares, mut clipped) = (0.0, 0.0, 0.0);
     for level in levels {
@@ -101,7 +103,7 @@ fn snr(levels: impl Iterator<Item = u8>, envelope: &[f64; 256]) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// Log-compressed Rayleigh amplitudes from a hash.
+    /// Log-compressed Rayleigh amplitudes, from a hash.
     fn rayleigh(n: u32) -> Vec<u8> {
         let level = |i: u32| {
             let mut h = i.wrapping_mul(0x9E37_79B9) ^ 0x85EB_CA6B;
@@ -122,7 +124,7 @@ mod tests {
         assert_eq!((class.class, class.pixels, class.patches), (3, 128 * 128, 16));
         let full = (std::f64::consts::PI / (4.0 - std::f64::consts::PI)).sqrt();
         assert!((class.envelope_snr.unwrap() - full).abs() < 0.03, "{class:?}");
-        // 5.57 dB, the deviation of log-compressed Rayleigh amplitudes, as grey levels (60 dB are 255).
+        // The standard deviation of log-compressed Rayleigh amplitudes is 5.57 dB; here 60 dB are 255 grey levels.
         assert!((class.grey_deviation - 5.57 / 60.0 * 255.0).abs() < 1.0, "{class:?}");
     }
 

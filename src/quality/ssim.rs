@@ -1,4 +1,4 @@
-//! Structural similarity (Wang, Bovik, Sheikh, Simoncelli 2004) as MATLAB's `ssim` computes it by default.
+//! Structural similarity (Wang, Bovik, Sheikh, Simoncelli 2004), as MATLAB's `ssim` computes it by default.
 
 use rayon::prelude::*;
 
@@ -6,45 +6,46 @@ use super::Pair;
 
 /// Standard deviation of the window, pixels.
 const SIGMA: f64 = 1.5;
-/// The window is ⌈3σ⌉ to either side: 11 × 11.
+/// Half width of the window, ⌈3σ⌉ pixels: the window is 11 × 11.
 const HALF: usize = 5;
 const TAPS: usize = 2 * HALF + 1;
-/// (K₁·L)² and (K₂·L)² with K = 0.01, 0.03 and L = 255; the third constant is half the second.
+/// Constants (K₁·L)² and (K₂·L)² with K₁ = 0.01, K₂ = 0.03 and L = 255. The third constant is half of the second.
 const C1: f64 = 0.01 * 255.0 * 0.01 * 255.0;
 const C2: f64 = 0.03 * 255.0 * 0.03 * 255.0;
 
-/// SSIM of every pixel.
+/// SSIM at every pixel.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct SsimMap {
     /// Local similarity [height × width], at most 1.
     pub values: Vec<f64>,
 }
 
-/// Mean SSIM over the pixels inside, at most 1.
+/// Mean SSIM over the pixels inside the mask, at most 1.
 ///
-/// As MATLAB's `ssim` on `uint8`: Gaussian window 11 × 11 of σ 1.5, weighted (biased) variances, K 0.01 and 0.03, range
-/// 255, exponents 1. Edge pixels are replicated beyond the edges (`imgaussfilt` with `'replicate'`), so the map has the
-/// images' size. scikit-image's `structural_similarity` with `gaussian_weights=True, sigma=1.5,
-/// use_sample_covariance=False` has the same map except for the edges. It leaves 5 pixels at each edge out of the mean.
+/// It equals MATLAB's `ssim` on `uint8`: Gaussian window of 11 × 11 pixels with σ 1.5, weighted (biased) variances, K
+/// 0.01 and 0.03, range 255, exponents 1. Pixels at the edges are replicated beyond them (`imgaussfilt` with
+/// `'replicate'`), so the map has the images' size. scikit-image's `structural_similarity` with
+/// `gaussian_weights=True, sigma=1.5, use_sample_covariance=False` has the same map except near the edges, and its
+/// mean excludes 5 pixels at each edge.
 ///
-/// With a mask the windows still cover the whole images, and only the map is averaged over the pixels inside. Near the
-/// sector's rim the windows include the black outside, equal in both images.
+/// With a mask, the windows still cover the whole images, and only the mean is restricted to the pixels inside. Near
+/// the sector's rim, the windows include the black outside, which is equal in both images.
 pub fn ssim(pair: &Pair<'_>) -> f64 {
     SsimMap::new(pair).mean(pair)
 }
 
 impl SsimMap {
-    /// SSIM map of a pair; ignores its mask.
+    /// SSIM map of a pair. The pair's mask is ignored.
     pub(crate) fn new(pair: &Pair<'_>) -> Self {
         let (width, height) = (pair.width, pair.height);
         let window = window();
-        // Means of x, y, x², y², xy along rows.
+        // Weighted means of x, y, x², y² and xy along rows.
         let mut rows = vec![[0.0f64; 5]; width * height];
         rows.par_chunks_exact_mut(width).enumerate().for_each_init(
             || vec![[0.0f64; 5]; width + 2 * HALF],
             |padded, (row, means)| {
-                for (place, padded) in padded.iter_mut().enumerate() {
-                    let index = row * width + place.saturating_sub(HALF).min(width - 1);
+                for (column, padded) in padded.iter_mut().enumerate() {
+                    let index = row * width + column.saturating_sub(HALF).min(width - 1);
                     let [x, y] = [pair.image, pair.reference].map(|map| f64::from(map[index]));
                     *padded = [x, y, x * x, y * y, x * y];
                 }
@@ -64,7 +65,7 @@ impl SsimMap {
         Self { values }
     }
 
-    /// Mean over `pair`'s pixels inside.
+    /// Mean over the pixels inside the mask of `pair`.
     pub(crate) fn mean(&self, pair: &Pair<'_>) -> f64 {
         let inside = self.values.iter().enumerate().filter(|(index, _)| pair.inside(*index));
         let (sum, count) = inside.fold((0.0, 0usize), |(sum, count), (_, value)| (sum + value, count + 1));

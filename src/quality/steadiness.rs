@@ -1,4 +1,4 @@
-//! Steadiness of frames under probe motion: changes between two frames not explained by the motion.
+//! Steadiness of frames while the probe moves: changes between two frames that the motion does not explain.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,12 +6,12 @@ use super::error::check_sizes;
 use super::{Pair, QualityError, level_difference};
 use crate::statistics;
 
-/// Mean magnitude of `after` minus `before` shifted by `shift` (columns, rows), grey levels.
-/// Pixel (c, r) of `before` is compared with pixel (c + `shift`\[0\], r + `shift`\[1\]) of `after`, if both are inside
-/// `mask` [height × width] (not 0). A picture that moves as a whole by that shift has 0.
+/// Mean magnitude of the difference between `after` and the shifted `before`, grey levels. Pixel (c, r) of `before`
+/// is compared with pixel (c + `shift`\[0\], r + `shift`\[1\]) of `after`, if both are inside `mask` [height × width]
+/// (not 0). A picture that moves as a whole by `shift` (columns, rows) has 0.
 ///
 /// # Errors
-/// Maps of another size; a shift that leaves no pixel inside both.
+/// The maps have different sizes, or the shift leaves no pixel inside both.
 pub fn shifted_difference(
     before: &[u8],
     after: &[u8],
@@ -35,11 +35,12 @@ pub fn shifted_difference(
     if pixels == 0 { Err(QualityError::EmptyMask) } else { Ok(sum as f64 / pixels as f64) }
 }
 
-/// [`level_difference`] of `after` and the shifted `before`, mean magnitude, grey levels: flicker without speckle.
-/// Speckle decorrelates as the probe moves, and a smooth picture has none. Pixels as in [`shifted_difference`].
+/// Flicker without speckle: mean magnitude of [`level_difference`] between `after` and the shifted `before`, grey
+/// levels. Speckle decorrelates as the probe moves, and a smooth picture has none. Pixels are compared as in
+/// [`shifted_difference`].
 ///
 /// # Errors
-/// Maps of another size; frames smaller than a patch; a shift that leaves no patch.
+/// The maps have different sizes, the frames are smaller than a patch, or the shift leaves no patch.
 pub fn shifted_level_difference(
     before: &[u8],
     after: &[u8],
@@ -48,7 +49,7 @@ pub fn shifted_level_difference(
     shift: [isize; 2],
 ) -> Result<f64, QualityError> {
     check_sizes(size, &[("frame before", before), ("frame after", after), ("mask", mask)])?;
-    // `after` shifted back onto `before`.
+    // `after`, shifted back onto `before`.
     let mut back = vec![0; after.len()];
     let mut both = vec![0; after.len()];
     for (index, (back, both)) in back.iter_mut().zip(&mut both).enumerate() {
@@ -64,27 +65,28 @@ pub fn shifted_level_difference(
     Ok(level_difference(&Pair::new(size, &back, before, Some(&both))?)?[0])
 }
 
-/// Steadiness of a sequence, compared with that of its target.
+/// Steadiness of a sequence, also relative to its target sequence.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Steadiness {
-    /// Mean over neighbouring frames of [`shifted_difference`], grey levels.
+    /// Mean of [`shifted_difference`] over neighbouring frames, grey levels.
     pub difference: f64,
-    /// Mean over neighbouring frames of [`shifted_level_difference`], grey levels: flicker of areas.
+    /// Mean of [`shifted_level_difference`] over neighbouring frames, grey levels: flicker of areas.
     pub level_difference: f64,
-    /// Mean over neighbouring frames of the unshifted difference, grey levels: the change seen on the screen.
+    /// Mean of the unshifted difference over neighbouring frames, grey levels: the change that a viewer sees.
     pub unwarped_difference: f64,
-    /// `difference` over that of the target: 1 is as steady as the target, higher flickers more. Lower is steadier or
-    /// has less texture.
+    /// `difference` divided by the target's: 1 is as steady as the target, a higher value flickers more. A lower
+    /// value is steadier, or has less texture.
     pub over_target: f64,
-    /// `level_difference` over that of the target.
+    /// `level_difference` divided by the target's.
     pub level_over_target: f64,
 }
 
 impl Steadiness {
-    /// Steadiness of `frames` [height × width], whose content moves by `shift` per frame, relative to `target`.
+    /// Steadiness of `frames` [height × width], whose content moves by `shift` (columns, rows) per frame, relative to
+    /// `target`.
     ///
     /// # Errors
-    /// As [`shifted_difference`]; fewer than two frames.
+    /// Errors of [`shifted_difference`]; or there are fewer than two frames.
     pub fn of(
         frames: &[Vec<u8>],
         target: &[Vec<u8>],
@@ -120,7 +122,7 @@ mod tests {
 
     const SIZE: [usize; 2] = [90, 50];
 
-    /// A texture fixed in the scene, seen through a window displaced by `moved`.
+    /// A texture that is fixed in the scene, seen through a window that is displaced by `moved`.
     fn seen(moved: [isize; 2], noise: u32) -> Vec<u8> {
         let hash = |x: isize, y: isize, salt: u32| {
             let n = (x as u32).wrapping_mul(0x9e37_79b1) ^ (y as u32).wrapping_mul(0x85eb_ca77);
@@ -158,9 +160,9 @@ mod tests {
         let mask = vec![255; 90 * 50];
         let noisy = seen_with_noise([3, 0]);
         let found = Steadiness::of(&noisy, &noisy, &mask, SIZE, [-3, 0]).unwrap();
-        // Mean distance of two random numbers in 0..16.
+        // The mean difference between two random numbers in 0..16.
         assert!((found.difference - 85.0 / 16.0).abs() < 0.2 && found.over_target == 1.0, "{found:?}");
-        // Grain averages out over a patch; a level that rises by 6 does not.
+        // The grain averages out over a patch, but a rise of the level by 6 does not.
         assert!(found.level_difference < 0.6, "{found:?}");
         let rising: Vec<Vec<u8>> =
             (0..4).map(|i| seen([3 * i, 0], 0).iter().map(|&v| v + 6 * i as u8).collect()).collect();

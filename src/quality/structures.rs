@@ -1,4 +1,4 @@
-//! Missed structures: tissues of the reference that do not stand out from their surroundings in the image.
+//! Missed structures: tissues that stand out from their surroundings in the reference, but not in the image.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,42 +6,43 @@ use super::QualityError;
 use super::error::check_sizes;
 use super::pixel_counts::PixelCounts;
 
-/// Width of the bands on both sides of a border, pixels: 1.3 mm in the paper's image, a few speckles.
+/// Width of the bands on both sides of a border, pixels. In the paper's image, 8 pixels are 1.3 mm, a few speckles.
 pub const BAND: usize = 8;
-/// Side of the tiles in which a border's contrast is measured, pixels.
+/// Side of the tiles in which the contrast of a border is measured, pixels.
 pub(crate) const TILE: usize = 64;
-/// Least number of pixels of a tile in each band.
+/// Smallest number of pixels in each band of a tile.
 const PIXELS_MIN: u32 = 64;
-/// Least contrast of a border of the reference for it to count, grey levels.
+/// Smallest contrast at which a border of the reference counts, grey levels.
 pub const CONTRAST_MIN: f64 = 6.0;
 
-/// Structure errors of one tissue.
+/// Structure errors in one tissue.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ClassStructure {
     /// Number of the tissue in the segmentation, from 1.
     pub class: u8,
-    /// Its pixels.
+    /// Number of pixels of the tissue.
     pub pixels: usize,
-    /// Mean grey level of the image minus that of the reference, within the tissue.
+    /// Mean grey level of the image minus mean grey level of the reference, both within the tissue.
     pub grey_difference: f64,
-    /// Contrast of its borders in the reference, mean over tiles, grey levels; `None` if no border stands out.
+    /// Contrast of the tissue's borders in the reference, mean over tiles, grey levels; `None` if no border stands
+    /// out.
     pub contrast: Option<f64>,
-    /// Share of that contrast lost in the image: 0 none, 1 all.
+    /// Share of that contrast which the image has lost, from 0 (none) to 1 (all).
     pub contrast_lost: Option<f64>,
 }
 
-/// Errors of every tissue in `segmentation` [height × width], in the order of their numbers; 0 is outside and not a
-/// neighbour.
+/// Structure errors of every tissue in `segmentation` [height × width], in the order of their numbers. Number 0 is
+/// outside the sector, and does not count as a neighbour.
 ///
-/// Contrast is the mean level inside minus that outside of a border, within [`BAND`] pixels of it. Levels are
-/// log-compressed, so it is the contrast in dB of Smith et al. 1983 (IEEE Trans. Sonics Ultrason. 30) up to a factor.
-/// It is measured per tile: a bright and a dark stretch of one border don't cancel.
-/// A tile with contrast c in the reference and c′ in the image loses max(0, min(|c|, |c| − c′·sign c)). The share
-/// is Σ lost / Σ |c| over tiles with |c| at least [`CONTRAST_MIN`]. Higher contrast than the reference's loses nothing;
-/// opposite contrast loses all.
+/// Contrast is the mean level inside a border minus the mean level outside, both within [`BAND`] pixels of it. Levels
+/// are log-compressed, so up to a factor this is the contrast in dB of Smith et al. 1983 (IEEE Trans. Sonics
+/// Ultrason. 30). It is measured in each tile, so bright and dark parts of one border don't cancel. A tile with
+/// contrast c in the reference and c′ in the image loses max(0, min(|c|, |c| − c′·sign c)). The share lost is Σ lost
+/// / Σ |c| over tiles with |c| at least [`CONTRAST_MIN`]. A higher contrast than the reference's loses nothing; an
+/// opposite contrast loses everything.
 ///
 /// # Errors
-/// Maps of another size.
+/// The maps have different sizes.
 pub fn structures(
     image: &[u8],
     reference: &[u8],
@@ -90,7 +91,7 @@ pub(crate) fn contrast_lost(classes: &[ClassStructure]) -> Option<f64> {
     (sum > 0.0).then(|| lost / sum)
 }
 
-/// Pixel counts and level sums in the bands of a tile: inside, outside; of image and reference.
+/// Pixel counts and level sums in the two bands of a tile (inside, outside), for image and reference.
 #[derive(Clone, Copy, Default)]
 struct Tile {
     pixels: [u32; 2],
@@ -98,7 +99,7 @@ struct Tile {
 }
 
 impl Tile {
-    /// Contrasts of image and reference; `None` with too few pixels.
+    /// Contrasts in image and reference; `None` if a band has too few pixels.
     fn contrasts(&self) -> Option<[f64; 2]> {
         let enough = self.pixels.iter().all(|&n| n >= PIXELS_MIN);
         let mean = |sums: [u32; 2], side: usize| f64::from(sums[side]) / f64::from(self.pixels[side]);
@@ -114,7 +115,7 @@ fn tiles(
 ) -> Vec<Tile> {
     let across = width.div_ceil(TILE);
     let mut tiles = vec![Tile::default(); across * height.div_ceil(TILE)];
-    let about = |place: usize, limit: usize| place.saturating_sub(BAND)..(place + BAND + 1).min(limit);
+    let about = |position: usize, limit: usize| position.saturating_sub(BAND)..(position + BAND + 1).min(limit);
     for row in 0..height {
         for column in 0..width {
             let index = row * width + column;
@@ -143,7 +144,7 @@ mod tests {
 
     const SIZE: [usize; 2] = [128, 128];
 
-    /// A square of tissue 2 in tissue 1, with these grey levels.
+    /// A square of tissue 2 within tissue 1, with the grey levels `inside` and `outside`.
     fn picture(inside: u8, outside: u8) -> Vec<u8> {
         map(|square| if square { inside } else { outside })
     }

@@ -2,10 +2,10 @@
 
 use std::fmt;
 
-use super::{QaReport, RESOLVED_DIP_DB, SEEN_DB};
+use super::{QaMeasurements, RESOLVED_DIP_DB, SEEN_DB};
 
-impl fmt::Display for QaReport {
-    /// Markdown tables, which read well on a terminal, too.
+impl fmt::Display for QaMeasurements {
+    /// Writes tables in Markdown, which is readable on a terminal, too.
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             out,

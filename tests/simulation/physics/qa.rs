@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use insonify::quality::levels::Levels;
-use insonify::quality::qa_phantom::{QaReport, measure};
+use insonify::quality::qa_phantom::{QaMeasurements, measure};
 use insonify::station::Station;
 
 use super::bench::{Rig, assert_part, at};
 
-fn report(tgc_db_per_cm: Option<f64>) -> QaReport {
+fn report(tgc_db_per_cm: Option<f64>) -> QaMeasurements {
     let mut station = Station::load(Path::new("configs/qa_phantom.toml")).unwrap();
     if let Some(tgc) = tgc_db_per_cm {
         station.settings.image.tgc_db_per_cm = tgc;
