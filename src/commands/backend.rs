@@ -14,7 +14,7 @@ pub(crate) struct BackendArgs {
 }
 
 impl BackendArgs {
-    /// Opens the backend: of the flag, else of `INSONIFY_BACKEND`, else `of_station`.
+    /// Opens the backend that the flag names, or else `INSONIFY_BACKEND`, or else `of_station`.
     pub(crate) fn open(&self, of_station: BackendChoice) -> Result<Backend, Failure> {
         let choice = match self.backend {
             Some(choice) => choice,

@@ -120,11 +120,11 @@ Examples:
   insonify dataset configs/obstetric.toml --lq 1x3 --hq 32x3 --angles 9 --hq-from out/data --out out/data_1x3
   insonify dataset --verify out/data --tuples 10";
 
-/// Most faults of files that are told.
+/// Largest number of faulty files that are printed.
 const FAULTS_SHOWN: usize = 8;
 
 #[derive(Serialize)]
-struct Report<'a> {
+struct MadeDataset<'a> {
     out: &'a PathBuf,
     shard: String,
     made: usize,
@@ -146,7 +146,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 
 fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
     let stations = args.stations.iter().map(|path| Ok(Station::load(path)?)).collect::<Result<Vec<_>, Failure>>()?;
-    // A data set to take targets from must be another one.
+    // The data set from which high-quality frames are copied must be another one.
     let read = stations.iter().flat_map(Station::files).chain(args.hq_from.iter().map(|from| from.join(HEADER_FILE)));
     Outputs::beside(read).within("--out", out, &[HEADER_FILE, "manifest*"])?;
     let choice = stations.first().map(|station| station.backend).unwrap_or_default();
@@ -183,7 +183,7 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
         job.render(&backend, &|step| steps.set(step)).map_err(of_options)?;
     }
     let made = job.made();
-    let report = Report {
+    let report = MadeDataset {
         out,
         shard: args.shard.to_string(),
         made: made.made,
@@ -200,7 +200,7 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
     output::line(made.manifest.display())
 }
 
-/// The error with the options that it is about.
+/// The error, with the names of the options that it is about.
 fn of_options(error: DatasetError) -> Failure {
     match &error {
         DatasetError::OtherTarget { key, .. } => {

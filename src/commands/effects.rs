@@ -14,7 +14,7 @@ pub(crate) struct EffectArgs {
 }
 
 impl EffectArgs {
-    /// Overrides the settings with the given choices.
+    /// Overrides the choices in `settings` with the given ones.
     pub(crate) fn apply(&self, settings: &mut RenderSettings) {
         for Said { effect, choice } in &self.effects {
             settings.effects = settings.effects.with(*effect, *choice);

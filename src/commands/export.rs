@@ -47,7 +47,7 @@ pub(crate) struct Args {
     json: bool,
 }
 
-/// Pixels of a sequence.
+/// Pixel values of a sequence.
 #[derive(Debug, Clone, Copy, PartialEq, Default, clap::ValueEnum)]
 enum Map {
     /// Grey levels.
@@ -86,7 +86,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     output::line(format!("left out: {}", input::NOT_IN_SEQUENCES))
 }
 
-/// Refuses names of files that are no MetaImage.
+/// Refuses a file name that does not end like a MetaImage's.
 fn check_suffix(out: &Path) -> Result<(), Failure> {
     if out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("mha")) {
         return Ok(());

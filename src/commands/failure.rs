@@ -36,19 +36,19 @@ pub(crate) enum Failure {
     Input(anyhow::Error),
     /// Anything else: exit code 1.
     Other(anyhow::Error),
-    /// The reader of the output has closed it (`insonify … | head`); not an error.
+    /// The reader of the output has closed it (`insonify … | head`). This is no error.
     OutputClosed,
     /// Interrupted by Ctrl-C before the end: exit code 130.
     Interrupted,
 }
 
-/// Marks errors as wrong input or as other failures, where no `From` conversion does.
+/// Classification of errors as wrong input or as other failures, where no `From` conversion exists.
 pub(crate) trait Classify<T> {
-    /// Marks an error as wrong input.
+    /// Classifies an error as wrong input.
     fn input(self) -> Result<T, Failure>;
-    /// As [`Classify::input`], with `path` as context.
+    /// Classifies an error as wrong input, with `path` as its context.
     fn input_of(self, path: &Path) -> Result<T, Failure>;
-    /// Marks an error as any other failure.
+    /// Classifies an error as another failure.
     fn other(self) -> Result<T, Failure>;
 }
 
@@ -83,7 +83,7 @@ impl Failure {
     }
 }
 
-/// An error and its causes in one paragraph, without causes that the text already contains.
+/// An error and its causes in one paragraph. Causes whose text is already contained are left out.
 fn paragraph(error: &anyhow::Error) -> String {
     let mut text = String::new();
     for message in error.chain().map(ToString::to_string) {
@@ -96,7 +96,7 @@ fn paragraph(error: &anyhow::Error) -> String {
     text
 }
 
-/// Class of each error, one enum per line. `as` names variants that wrap an error of another line.
+/// Class of each error type, one enum per line. `as` names variants that wrap an error type of another line.
 macro_rules! classified {
     ($($error:ident $(as $($wrapped:ident)|+)? { $($case:pat => $class:ident),+ $(,)? })*) => {$(
         impl From<$error> for Failure {
@@ -111,7 +111,7 @@ macro_rules! classified {
 }
 
 classified! {
-    // The caller can fix these: install a driver, request less.
+    // The user can mend these: install a driver, or request less.
     BackendError {
         BackendError::NoAdapter { .. }
         | BackendError::NoDevice { .. }
@@ -133,7 +133,7 @@ classified! {
     RecordError as Recording | Directory { RecordError::Recorder(_) => Other, _ => Input }
     LiveError as Render | Chooser | Record | Tracker | Sink { _ => Input }
     TrackerError { TrackerError::Thread(_) => Other, _ => Input }
-    // A failed run is a fault of the model or the machine; the caller can fix the others.
+    // A failed run is a fault of the model or of the machine; the user can mend the other errors.
     GeneratorError { GeneratorError::Inference { .. } | GeneratorError::Terminated { .. } => Other, _ => Input }
     ExportError { _ => Other }
     UnknownBackendVariable { _ => Input }

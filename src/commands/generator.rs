@@ -57,7 +57,7 @@ fn size(text: &str) -> Result<(u32, u32), String> {
 }
 
 #[derive(Serialize)]
-struct Report<'a> {
+struct CheckedGenerator<'a> {
     version: &'static str,
     model: &'a PathBuf,
     library: PathBuf,
@@ -90,7 +90,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     let parity = generator.parity();
     if args.json {
-        return output::json(&Report {
+        return output::json(&CheckedGenerator {
             version: env!("CARGO_PKG_VERSION"),
             model: &args.model,
             library: runtime.library().to_owned(),

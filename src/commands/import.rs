@@ -53,7 +53,7 @@ Examples:
   insonify import poses.csv --out poses.mcap";
 
 #[derive(Serialize)]
-struct Report<'a> {
+struct ImportedRecording<'a> {
     path: &'a PathBuf,
     #[serde(flatten)]
     imported: Imported,
@@ -66,7 +66,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     output::make_parent(&args.out)?;
     let imported = write_recording(&rows, &args.file, &args.out)?;
     if args.json {
-        return output::json(&Report { path: &args.out, imported });
+        return output::json(&ImportedRecording { path: &args.out, imported });
     }
     output::line(format!("{} poses over {:.1} s, {} events", imported.poses, imported.duration_s, imported.events))?;
     if imported.without_pose > 0 {

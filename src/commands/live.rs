@@ -8,12 +8,12 @@ use insonify::station::{SetupFinding, Station};
 use super::status_line::StatusLine;
 use super::{Classify, Failure, terminal};
 
-/// Prints and forgets the sentences for the user.
+/// Prints the session's sentences for the user, and removes them.
 pub(crate) fn say(live: &mut LiveStation) {
     live.messages.drain(..).for_each(|message| eprintln!("{message}"));
 }
 
-/// Warns of a finding about the station's set-up.
+/// Prints a warning about the station's set-up.
 pub(crate) fn warn_of_setup(finding: &SetupFinding) {
     tracing::warn!("{}: {}", finding.what, finding.remedy);
 }
@@ -53,7 +53,7 @@ fn status(status: &Status) -> String {
     )
 }
 
-/// Prints the counts of tracker measurements that were not used.
+/// Prints how many tracker measurements were not used, and why.
 pub(crate) fn say_left_out(counters: &Counters) {
     let named = counters.named().filter(|(_, count)| *count > 0);
     let list: Vec<String> = named.filter_map(|(name, count)| left_out(name, count)).collect();
@@ -62,7 +62,7 @@ pub(crate) fn say_left_out(counters: &Counters) {
     }
 }
 
-/// Words for a count of measurements that were not used; `None` for counts of all, and of the used ones.
+/// Words for a count of unused measurements; `None` for the counts of all and of used measurements.
 fn left_out(name: &str, count: u64) -> Option<String> {
     let (what, which) = match name {
         "measurements" | "used" => return None,

@@ -13,7 +13,7 @@ pub(crate) fn line(text: impl std::fmt::Display) -> Result<(), Failure> {
     self::text(format_args!("{text}\n"))
 }
 
-/// Prints text that ends its last line itself.
+/// Prints text that already ends with a line break.
 pub(crate) fn text(text: impl std::fmt::Display) -> Result<(), Failure> {
     match write!(std::io::stdout(), "{text}") {
         Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Err(Failure::OutputClosed),
@@ -34,7 +34,8 @@ pub(crate) fn make_parent(path: &Path) -> Result<(), Failure> {
     }
 }
 
-/// Refuses a recording of `option` whose name does not end in `.mcap`: it is likely another file's.
+/// Refuses a file for a recording whose name does not end in `.mcap`, because it is likely another kind of file.
+/// `option` names it in the error.
 pub(crate) fn recording(option: &str, path: &Path) -> Result<(), Failure> {
     if path.extension().is_some_and(|suffix| suffix.eq_ignore_ascii_case("mcap")) {
         return Ok(());
@@ -43,7 +44,7 @@ pub(crate) fn recording(option: &str, path: &Path) -> Result<(), Failure> {
     Err(Failure::Input(anyhow!("{option} is {path}, which is no name of a recording: it must end in .mcap")))
 }
 
-/// A duration in s, min or h.
+/// A duration as text in s, min or h.
 pub(crate) fn duration(seconds: f64) -> String {
     match seconds {
         s if s < 90.0 => format!("{s:.0} s"),

@@ -7,7 +7,7 @@ use indicatif::ProgressBar;
 
 use super::{output, terminal};
 
-/// Time between two lines without a terminal.
+/// Time between two lines if there is no terminal.
 const LINE_INTERVAL: Duration = Duration::from_secs(5);
 
 /// Progress of one task; several threads may report it.
@@ -15,24 +15,24 @@ pub(crate) struct Progress {
     label: &'static str,
     bar: Option<ProgressBar>,
     last_line: Mutex<Instant>,
-    /// Start time, and the steps done by then.
+    /// Time of the first report, and number of steps done by then.
     began: OnceLock<(Instant, usize)>,
 }
 
 impl Progress {
-    /// A task of `total` steps; 0 if unknown.
+    /// Progress of a task of `total` steps; 0 if their number is unknown.
     pub(crate) fn new(label: &'static str, total: usize) -> Self {
         let bar = ProgressBar::new(total as u64).with_message(label);
         let bar = terminal::show(bar, "{msg:12} {wide_bar:.cyan/blue} {pos}/{len} {elapsed} (left: {eta})");
         Self { label, bar, last_line: Mutex::new(Instant::now()), began: OnceLock::new() }
     }
 
-    /// `done` of `total` steps are done.
+    /// Reports that `done` of `total` steps are done.
     pub(crate) fn set(&self, done: usize, total: usize) {
         let &(began, first) = self.began.get_or_init(|| (Instant::now(), done));
         if let Some(bar) = &self.bar {
             bar.set_length(total as u64);
-            // Threads overtake each other; the bar goes forward only.
+            // Threads may report out of order, but the bar must only go forward.
             bar.set_position(bar.position().max(done as u64));
             return;
         }
@@ -48,7 +48,7 @@ impl Progress {
     }
 }
 
-/// Remaining time, once enough is done to estimate it.
+/// Estimated remaining time as text; empty until enough steps are done.
 fn left(elapsed: Duration, steps: usize, total: usize, done: usize) -> String {
     if steps == 0 || elapsed < LINE_INTERVAL {
         return String::new();

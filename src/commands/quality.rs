@@ -4,12 +4,12 @@ use insonify::chooser::StillQuality;
 use insonify::render::{FrameQuality, Quality};
 use insonify::settings::{Setting, SettingsGroup as _};
 
-/// Help of `--quality`.
+/// Help text of `--quality`.
 pub(crate) fn help(default: &str) -> String {
     format!("{} [default: {default}]", FrameQuality::accepted())
 }
 
-/// Help of `--seed`.
+/// Help text of `--seed`.
 pub(crate) fn seed_help() -> String {
     format!("{} [default: the station's own]", Quality::setting("seed").map_or_else(String::new, Setting::described))
 }

@@ -17,10 +17,10 @@ use super::status_line::StatusLine;
 use super::tracker_args::{ASCII_LINE_HELP, TrackerArgs};
 use super::{Classify, Failure, input, live, output, terminal};
 
-/// Period of the recording's status checks.
+/// Period at which the recording's status is checked.
 const POLL: Duration = Duration::from_millis(250);
 
-/// Most tracker events printed per status check.
+/// Largest number of tracker events that are printed per status check.
 const TOLD: usize = 4;
 
 /// Record a tracker's bytes as they come, until Ctrl-C, or the duration or the stream is over.
@@ -71,7 +71,7 @@ Examples:
   cat log.bin | insonify record station.toml --stdin --protocol ascii-line --out session.mcap";
 
 #[derive(Serialize)]
-struct Report<'a> {
+struct RecordedStream<'a> {
     path: &'a Path,
     messages: u64,
     bytes: u64,
@@ -82,7 +82,7 @@ struct Report<'a> {
     sensors: &'a [SensorReport],
 }
 
-/// Totals of the stream that was recorded.
+/// Totals of the recorded stream.
 #[derive(Default)]
 struct Totals {
     records: u64,
@@ -105,7 +105,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             let Settings { protocol: own, device, transport, .. } = &station.tracker;
             let protocol = args.tracker.protocol.unwrap_or(*own);
             let mut settings = Settings { protocol, ..Settings::default() };
-            // The station's choice of the probe holds only for its own protocol, which a recording keeps for itself.
+            // The station's choice of the probe's sensor applies only to its own protocol. A recording keeps its own
+            // choice.
             if protocol == *own && !matches!(transport, Transport::Recording { .. }) {
                 settings.device = device.clone();
             }
@@ -163,7 +164,7 @@ fn finish(args: &Args, recorded: Recorded, totals: &Totals) -> Result<(), Failur
     let useless = useless(bytes, totals, &args.out);
     if args.json {
         let path = &args.out;
-        output::json(&Report { path, messages, bytes, records, events, damaged, other_senders, sensors })?;
+        output::json(&RecordedStream { path, messages, bytes, records, events, damaged, other_senders, sensors })?;
         return useless.map_or(Ok(()), |why| Err(Failure::Other(anyhow!("{why}"))));
     }
     output::line(format!("{records} records, {bytes} bytes in {messages} messages; {damaged} damaged pieces"))?;
@@ -174,7 +175,7 @@ fn finish(args: &Args, recorded: Recorded, totals: &Totals) -> Result<(), Failur
     useless.map_or(Ok(()), |why| Err(Failure::Other(anyhow!("{why}"))))
 }
 
-/// Reason why a recording of so many bytes holds no pose of the probe; `None` if it holds one.
+/// Reason why a recording of this many bytes holds no pose of the probe; `None` if it holds one.
 fn useless(bytes: u64, totals: &Totals, path: &Path) -> Option<String> {
     let cause = totals.cause.as_ref().map_or_else(String::new, |cause| format!(": {cause}"));
     let path = path.display();
@@ -193,8 +194,8 @@ fn useless(bytes: u64, totals: &Totals, path: &Path) -> Option<String> {
     }
 }
 
-/// Prints the status until the recording ends. Returns the reason for the end, and totals. `is_only` says that the probe is
-/// the only sensor heard.
+/// Prints the status until the recording ends. Returns the reason for the end, and the totals. `is_only` says that no
+/// sensor except the probe's is heard.
 fn wait(
     runtime: &Runtime,
     mut signals: StopSignals,

@@ -70,7 +70,7 @@ Examples:
   insonify render configs/obstetric.toml --pose 0,-40,80,0,1,0,0 --quality hq --seed 7 --out out/head";
 
 #[derive(Serialize)]
-struct Report<'a> {
+struct RenderedFrame<'a> {
     #[serde(flatten)]
     record: &'a FrameRecord,
     files: Vec<PathBuf>,
@@ -107,7 +107,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     let files = FrameFiles { frame: &frame, tissues: &scene.tissues, record: &record }.write(&args.out)?;
     if args.json {
-        return output::json(&Report { record: &record, files });
+        return output::json(&RenderedFrame { record: &record, files });
     }
     output::line(&record)?;
     files.iter().try_for_each(|file| output::line(file.display()))

@@ -1,4 +1,4 @@
-//! Recorded sessions to render: frames with the poses and settings of the live session.
+//! Arguments of commands that render a recorded session, with the poses and settings of the live session.
 
 use std::path::{Path, PathBuf};
 
@@ -52,7 +52,7 @@ pub(crate) struct ReplayArgs {
 }
 
 impl ReplayArgs {
-    /// Reads station and recording, and says what may surprise.
+    /// Reads station and recording, and prints what may surprise the user.
     pub(crate) fn read(&self) -> Result<Replay, Failure> {
         let rate = FrameRate::new(self.fps)?;
         input::expect_recording(&self.recording, &self.station)?;
@@ -81,9 +81,9 @@ impl ReplayArgs {
         Ok(replay)
     }
 
-    /// Prints the settings with which the recorded session began, if they differ from the station's.
+    /// Prints settings in which the recorded session's start differs from the station.
     fn say_others(&self, replay: &Replay) {
-        // A quality chosen here differs on purpose.
+        // A quality that is chosen here differs on purpose.
         let chosen = self.quality.is_some() || replay.station.frame_budget_ms.is_some();
         let others = replay.others_at_start.iter().filter(|o| !chosen || !matches!(&*o.key, "rays" | "layers"));
         let text = |OtherSetting { key, recorded, here }: &OtherSetting| format!("{key} {recorded} (station: {here})");
@@ -99,14 +99,14 @@ impl ReplayArgs {
     }
 }
 
-/// Warns of settings of the session recorded at `path` that are refused.
+/// Warns of refused settings in the session recorded at `path`.
 pub(crate) fn warn_of_refused(path: &Path, refused: &[String]) {
     for reason in refused {
         tracing::warn!("{}: {reason}", path.display());
     }
 }
 
-/// Applies the quality that the station's frame budget chooses, if it chooses one, and says it.
+/// Applies and prints the quality that the station's frame budget chooses, if the budget applies.
 pub(crate) fn choose_quality(replay: &mut Replay, backend: &Backend, scene: &Scene) -> Result<(), Failure> {
     if let Some(chosen) = replay.choose_quality(backend, scene)? {
         quality::say_chosen(&chosen);

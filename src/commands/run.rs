@@ -109,7 +109,7 @@ Examples:
 
 /// Output of `--json`, and the summary of `--metrics`.
 #[derive(Serialize)]
-struct Report<'a> {
+struct RunSummary<'a> {
     version: &'static str,
     station: &'a Path,
     adapter: AdapterRecord,
@@ -122,7 +122,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut station = station(args)?;
     check_outputs(args, &station)?;
     let (poses, tracked) = pose_source(args, &station)?;
-    // Refuses an unplayable recording before anything is opened; an unused one may be missing.
+    // Refuses a recording that can't be played before anything is opened. A recording that is not used may be
+    // missing.
     let stream = match &tracked {
         Some(_) => Some(stream_of(&station.tracker)?),
         None => None,
@@ -154,9 +155,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     let limits = Limits { duration: args.duration, frames: args.frames };
     let summary = session(&station, limits, live)?;
-    let report = Report { version: env!("CARGO_PKG_VERSION"), station: &args.station, adapter, summary: &summary };
+    let report = RunSummary { version: env!("CARGO_PKG_VERSION"), station: &args.station, adapter, summary: &summary };
     let printed = print(args.json, &report);
-    // A file that can't be written costs nothing that can be said.
+    // If the log can't be written, the error is returned only after the summary is printed.
     let logged = log_end.map_or(Ok(()), |end| end.write(&report));
     printed?;
     if let Some(tracked) = &tracked {
@@ -168,7 +169,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if failures.is_empty() { Ok(()) } else { Err(Failure::Other(anyhow!("{}", failures.join("; ")))) }
 }
 
-/// Says what was recorded. Returns why the recording is not complete.
+/// Prints what was recorded. Returns the reason if the recording is not complete.
 fn say_recorded(path: &Path, slot: &RecordedSlot) -> Option<String> {
     let path = path.display();
     let recorded = slot.lock().ok().and_then(|mut recorded| recorded.take());
@@ -183,7 +184,7 @@ fn say_recorded(path: &Path, slot: &RecordedSlot) -> Option<String> {
     }
 }
 
-/// Refuses files that the session reads, and files that are there already.
+/// Refuses output files that the session reads, or that already exist.
 fn check_outputs(args: &Args, station: &Station) -> Result<(), Failure> {
     let mut outputs = Outputs::beside(station.files());
     if let Some(path) = &args.record {
@@ -200,12 +201,12 @@ fn check_outputs(args: &Args, station: &Station) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Sinks named on the command line, else by the station.
+/// Sinks named on the command line, or else by the station.
 fn sinks(args: &Args, station: &Station) -> Vec<LiveSinkKind> {
     if args.sinks.is_empty() { station.live_sinks() } else { LiveSinkKind::each_once(args.sinks.clone()) }
 }
 
-/// Poses, and their tracker if any.
+/// Source of the poses, and the tracker's poses if there is a tracker.
 type Source = (Box<dyn PoseSource>, Option<TrackedPoses>);
 
 /// Source of the poses.
@@ -219,7 +220,7 @@ fn pose_source(args: &Args, station: &Station) -> Result<Source, Failure> {
     Ok((Box::new(StandingPose(pose)), None))
 }
 
-/// Loads the station; `--replay` replaces its tracker by a recording.
+/// Loads the station. `--replay` replaces its tracker by a recording.
 fn station(args: &Args) -> Result<Station, Failure> {
     let mut station = Station::load(&args.station)?;
     args.effects.apply(&mut station.settings);
@@ -229,9 +230,9 @@ fn station(args: &Args) -> Result<Station, Failure> {
     Ok(station)
 }
 
-/// Runs the session; a window takes the main thread meanwhile.
+/// Runs the session. A window takes the main thread for this time.
 fn session(station: &Station, limits: Limits, live: LiveStation) -> Result<Summary, Failure> {
-    // The sender is kept: the channel must stay open even if no sink takes input.
+    // The sender must live until the end, because the channel must stay open even if no sink takes input.
     let (parts, control) = (live.parts, live.control);
     let run = move || live::run(station, limits, parts, |_| {});
     #[cfg(feature = "window")]
@@ -255,7 +256,7 @@ fn session(station: &Station, limits: Limits, live: LiveStation) -> Result<Summa
 }
 
 /// Prints the summary.
-fn print(json: bool, report: &Report<'_>) -> Result<(), Failure> {
+fn print(json: bool, report: &RunSummary<'_>) -> Result<(), Failure> {
     if json {
         return output::json(report);
     }
@@ -263,27 +264,28 @@ fn print(json: bool, report: &Report<'_>) -> Result<(), Failure> {
     output::line(report.summary)
 }
 
-/// The log of `--metrics`, opened for its last line: a log that is renamed meanwhile gets it, too.
+/// End of the `--metrics` log. The file is opened early, so that the last line is also written if the log was renamed
+/// meanwhile.
 struct LogEnd<'a> {
     file: File,
     path: &'a Path,
 }
 
-/// The last line of a log.
+/// Last line of a log: the session's summary.
 #[derive(Serialize)]
 struct LastLine<'a> {
-    summary: &'a Report<'a>,
+    summary: &'a RunSummary<'a>,
 }
 
 impl<'a> LogEnd<'a> {
-    /// Opens a log that is there.
+    /// Opens an existing log.
     fn open(path: &'a Path) -> Result<Self, SinkError> {
         let file = File::options().append(true).open(path).map_err(SinkError::io(path))?;
         Ok(Self { file, path })
     }
 
-    /// Appends the summary, and warns if the log has another place now.
-    fn write(mut self, report: &Report<'_>) -> Result<(), SinkError> {
+    /// Appends the summary, and warns if the log is no longer at its path.
+    fn write(mut self, report: &RunSummary<'_>) -> Result<(), SinkError> {
         let path = self.path;
         let json = |source| SinkError::Json { path: path.to_owned(), source };
         let mut line = serde_json::to_vec(&LastLine { summary: report }).map_err(json)?;

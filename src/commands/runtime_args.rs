@@ -1,4 +1,4 @@
-//! Options of the runtime of generators.
+//! Options for running generators.
 
 use insonify::generator::{LoadOptions, Precision, Provider, Settings};
 use insonify::settings::{Setting, SettingsGroup as _};
@@ -23,7 +23,7 @@ fn threads() -> String {
 }
 
 impl RuntimeArgs {
-    /// Options of a generator; `tissues` are names from number 1.
+    /// Options for loading a generator. `tissues` are the station's tissue names, from number 1.
     pub(super) fn options<'a>(&self, tissues: &'a [String]) -> LoadOptions<'a> {
         LoadOptions { provider: self.provider, threads: self.threads, precision: self.precision, tissues }
     }

@@ -56,7 +56,7 @@ pub(crate) struct Args {
 }
 
 #[derive(Serialize)]
-struct Report<'a> {
+struct ScoredSession<'a> {
     recording: RecordingReport<'a>,
     station: &'a PathBuf,
     /// Source of the poses: `session`, or `tracker` with the station's calibration.
@@ -95,7 +95,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let reference = Reference {
         planes: subject.planes.clone(),
         scene_planes: planes.planes.iter().collect(),
-        // A station that simulates no contact shows the whole picture wherever the probe is.
+        // If a station does not simulate contact, the picture is complete wherever the probe is.
         skin: (station.settings.effects.of(Effect::Contact) != Choice::Off).then_some(&skin),
         surfaces: &surfaces,
         contact: &station.settings.contact,
@@ -122,7 +122,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         let (station, planes_from) = (&args.station, subject.from);
         let poses = exam.source;
         let (other_scene, tolerances, score) = (other_scene.as_deref(), tolerances.as_str(), &score);
-        return output::json(&Report {
+        return output::json(&ScoredSession {
             recording,
             station,
             poses,
@@ -138,7 +138,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     args.out.as_ref().map_or(Ok(()), |out| output::line(format!("\n{}", out.display())))
 }
 
-/// What may make the score wrong: another scene, damage of the recording, refused settings.
+/// Reasons to doubt the score: another scene, a damaged recording, refused settings.
 fn warnings(exam: &RecordedExam, other_scene: Option<&str>) -> Vec<String> {
     let mut warnings: Vec<String> = other_scene.map(str::to_owned).into_iter().collect();
     if !exam.summary.is_clean() {
@@ -149,17 +149,17 @@ fn warnings(exam: &RecordedExam, other_scene: Option<&str>) -> Vec<String> {
     warnings
 }
 
-/// Planes that count.
+/// Planes that are scored.
 struct Subject<'a> {
     planes: Vec<&'a StandardPlane>,
-    /// Source of their names: `option`, `recording` or `scene`.
+    /// Source of the planes' names: `option`, `recording` or `scene`.
     from: &'static str,
-    /// Sentence about that source.
+    /// Sentence about the source of the planes.
     note: String,
 }
 
 impl<'a> Subject<'a> {
-    /// Planes of the option, else of the recording's `events`, else all of the scene.
+    /// Planes that the option names, or else the recording's `events`, or else all planes of the scene.
     fn of(args: &Args, events: &[Event], scene: &'a StandardPlanes) -> Result<Self, Failure> {
         const CHOOSE: &str = "choose them with --planes head,abdomen, or --planes all";
         let all = scene.planes.len();

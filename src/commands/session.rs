@@ -1,4 +1,4 @@
-//! Rendering for commands: scene, warnings, and frames in order.
+//! Steps shared by commands that render: loading of the scene, and warnings.
 
 use insonify::anatomy::Scene;
 use insonify::render::{EffectPlan, RenderSettings};
@@ -8,18 +8,19 @@ use insonify::transducer::Probe;
 use super::Failure;
 use super::progress::Progress;
 
-/// The surfaces of a station, from its file or from the cache of generated scenes.
+/// Scene of a station, from its file or from the cache of generated scenes.
 pub(crate) fn load_scene(station: &Station) -> Result<Scene, Failure> {
     Ok(station.load_scene_from(scene_file(station)?.path())?)
 }
 
-/// File of a station's surfaces; a generated scene is built and cached if missing.
+/// Scene file of a station. A generated scene is built and cached if it is missing.
 pub(crate) fn scene_file(station: &Station) -> Result<SceneFile, Failure> {
     let progress = Progress::new("phantom", 0);
     Ok(station.prepare_scene_file(&|p| progress.set(p.done, p.total))?)
 }
 
-/// Warns, one line each, of effects that are left out although the scene needs them, or that it shows only on request.
+/// Warns of effects that are left out although the scene needs them, and of effects that appear only on request. One
+/// line each.
 pub(crate) fn warn_of_effects(scene: &Scene, probe: &Probe, settings: &RenderSettings) {
     let plan = EffectPlan::new(scene, probe, settings);
     for warning in plan.warnings().chain(plan.notices()) {
@@ -27,7 +28,7 @@ pub(crate) fn warn_of_effects(scene: &Scene, probe: &Probe, settings: &RenderSet
     }
 }
 
-/// Warns that the command ignores the station's budget and uses the lowest quality.
+/// Warns that the command ignores the station's frame budget, and uses the lowest quality.
 pub(crate) fn warn_of_budget(station: &Station) {
     if let Some(frame_budget_ms) = station.frame_budget_ms {
         let quality = station.settings.quality.name();

@@ -4,17 +4,17 @@ use indicatif::ProgressBar;
 
 use super::terminal;
 
-/// Time between two lines without a terminal, s.
+/// Time between two lines if there is no terminal, s.
 const LINE_INTERVAL_S: f64 = 5.0;
 
-/// The line, on stderr.
+/// Status line on stderr.
 pub(crate) struct StatusLine {
     bar: Option<ProgressBar>,
     next_line_s: f64,
 }
 
 impl StatusLine {
-    /// Starts without output.
+    /// A status line that shows nothing yet.
     pub(crate) fn new() -> Self {
         Self { bar: terminal::show(ProgressBar::new_spinner(), "{msg}"), next_line_s: LINE_INTERVAL_S }
     }

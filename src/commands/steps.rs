@@ -1,4 +1,4 @@
-//! Progress of the library's long tasks: a bar of its own for each phantom that is built on the way.
+//! Progress of the library's long tasks. Each phantom that has to be built first has a bar of its own.
 
 use std::sync::Mutex;
 
@@ -6,7 +6,7 @@ use insonify::dataset::Step;
 
 use super::progress::Progress;
 
-/// Progress of a task, and of the phantom that is being built.
+/// Progress of a task, and of the phantom that is currently built.
 pub(super) struct Steps {
     task: Progress,
     phantom: Mutex<Option<Progress>>,

@@ -18,7 +18,7 @@ pub(super) fn of_options(error: TradeoffError) -> Failure {
     }
 }
 
-/// Progress of the part that runs.
+/// Progress of the current part of a sweep.
 #[derive(Default)]
 pub(super) struct SweepBar(RefCell<Option<(&'static str, Progress)>>);
 

@@ -1,4 +1,4 @@
-//! Text on stderr: warnings of one format, and progress bars that stay intact.
+//! Text on stderr: warnings in one format, above progress bars that stay intact.
 
 use std::fmt;
 use std::io::{self, IsTerminal, Write};
@@ -14,39 +14,39 @@ use tracing_subscriber::registry::LookupSpan;
 /// All progress bars of the process.
 static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
 
-/// Shows a bar on a terminal; text of [`say`] and of the log appears above it. `None` without a terminal.
+/// Shows a bar on a terminal. Text from [`say`] and from the log appears above it. `None` without a terminal.
 pub(crate) fn show(bar: ProgressBar, template: &str) -> Option<ProgressBar> {
     let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
     io::stderr().is_terminal().then(|| BARS.add(bar.with_style(style)))
 }
 
-/// Writes a line above the bars; a terminal that is closed loses it.
+/// Writes a line above the bars. If the terminal is closed, the line is lost.
 pub(crate) fn say(text: &str) {
-    // `eprintln` would panic there, before a session's files are finished.
+    // `eprintln` would panic if the terminal is closed, before a session's files are finished.
     let _ = BARS.suspend(|| writeln!(io::stderr(), "{text}"));
 }
 
-/// Starts logging to stderr as `RUST_LOG` says. Without it: warnings, and more with each `verbose`.
+/// Starts logging to stderr. `RUST_LOG` sets what is logged; without it, warnings are, and more with each `verbose`.
 pub(crate) fn start_log(verbose: u8) {
     let default = ["warn", "insonify=info", "insonify=debug"][usize::from(verbose.min(2))];
     let filter = EnvFilter::builder().with_default_directive(tracing::Level::WARN.into());
-    // An unreadable RUST_LOG must not silence anything.
+    // An invalid RUST_LOG must not silence the log.
     let filter = std::env::var("RUST_LOG").ok().filter(|v| !v.is_empty()).map_or_else(
         || filter.parse_lossy(default),
         |wanted| filter.parse(&wanted).unwrap_or_else(|_| EnvFilter::new(default)),
     );
-    // Codes of colours are for terminals alone.
+    // Colour codes are written only to terminals.
     let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
     let log = tracing_subscriber::fmt().with_env_filter(filter).with_ansi(!plain && io::stderr().is_terminal());
     log.with_writer(|| AboveBars).event_format(Line).init();
 }
 
-/// Stderr, above the bars.
+/// Writer to stderr, above the bars.
 struct AboveBars;
 
 impl Write for AboveBars {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        // The log must not fail with its terminal: its error message would panic.
+        // Writing must not fail if the terminal is closed: the log would panic as it reports the error.
         Ok(BARS.suspend(|| io::stderr().write(bytes)).unwrap_or(bytes.len()))
     }
 

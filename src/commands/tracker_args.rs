@@ -1,4 +1,4 @@
-//! A tracker as chosen on the command line.
+//! Arguments that choose a tracker.
 
 use anyhow::anyhow;
 use clap::Args;
@@ -41,14 +41,14 @@ pub(crate) struct TrackerArgs {
     pub(crate) tool: Option<String>,
 }
 
-/// Format of `ascii-line`, for help.
+/// Help text about the format of `ascii-line`.
 pub(crate) const ASCII_LINE_HELP: &str = "\
 Lines of one's own firmware (ascii-line), nine numbers and a checksum each:
   P,seq,t_us,x,y,z,qw,qx,qy,qz*HH     as in P,7,1000,1.5,-2,80.25,1,0,0,0*0F
   seq counts lines; t_us is the board's clock in microseconds; x,y,z in mm; a unit quaternion, w first;
   HH: xor of all characters between P and *, two hexadecimal digits. docs/trackers.md has code that writes them";
 
-/// The tracker of a station.
+/// Settings of a station's tracker.
 pub(crate) fn of_station(station: &Station) -> Result<Settings, Failure> {
     if station.tracker.transport == Transport::None {
         let path = station.path.display();
@@ -58,16 +58,16 @@ pub(crate) fn of_station(station: &Station) -> Result<Settings, Failure> {
 }
 
 impl TrackerArgs {
-    /// Applies `--sensor` or `--tool`, if one is given, to `settings`.
+    /// Applies `--sensor` or `--tool` to `settings`, if one is given.
     ///
     /// # Errors
-    /// A name for a protocol that has numbers, or a number for one that has names.
+    /// A name is given for a protocol whose sensors have numbers, or a number for one whose tools have names.
     pub(crate) fn choose_probe(&self, settings: &mut Settings) -> Result<(), Failure> {
         settings.device.choose(self.sensor, self.tool.clone());
         settings.check_probe().input()
     }
 
-    /// The chosen tracker, with the device settings of `base`; `None` without a protocol.
+    /// Settings of the chosen tracker, with the device settings of `base`; `None` if no protocol is chosen.
     pub(crate) fn over(&self, base: Settings) -> Result<Option<Settings>, Failure> {
         let Some(protocol) = self.protocol else { return Ok(None) };
         let (port, address) = (self.port.clone(), self.address.clone());

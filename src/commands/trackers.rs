@@ -113,7 +113,7 @@ fn watch(settings: &Settings, seconds: f64, json: bool) -> Result<(), Failure> {
     cancel.cancel();
     let total = session.join();
     result?;
-    // Damage of the last second is told when the session ends.
+    // Damage in the last second is printed when the session ends.
     monitor.report().news(usize::MAX).for_each(|news| eprintln!("tracker: {news}"));
     if !json {
         let other_senders = match total.other_sender {
@@ -128,7 +128,7 @@ fn watch(settings: &Settings, seconds: f64, json: bool) -> Result<(), Failure> {
     verdict(settings, &total)
 }
 
-/// Fails if no record of the probe was received, or none of several sensors was chosen.
+/// Fails if no record of the probe was received, or if several sensors sent and none is chosen.
 fn verdict(settings: &Settings, total: &SessionSummary) -> Result<(), Failure> {
     if total.undecided {
         let event = TrackerEvent::Undecided { heard: total.heard.clone() };

@@ -90,7 +90,7 @@ Examples:
   insonify view scene.glb --pose 0,0,0,1,0,0,0 --sheet";
 
 #[derive(Serialize)]
-struct Report {
+struct WrittenPicture {
     path: PathBuf,
     width: u32,
     height: u32,
@@ -137,7 +137,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let (surfaces, triangles) = (scene.surfaces.len(), scene.triangle_count());
     if args.json {
         let path = args.out.clone();
-        return output::json(&Report { path, width, height, surfaces, triangles, picture_ms });
+        return output::json(&WrittenPicture { path, width, height, surfaces, triangles, picture_ms });
     }
     output::line(format!(
         "{surfaces} surfaces, {triangles} triangles, {width} x {height} pixels in {picture_ms:.0} ms"
@@ -145,7 +145,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     output::line(args.out.display())
 }
 
-/// The scene, and the station if given.
+/// The scene, and the station if a station file is given.
 fn load(args: &Args) -> Result<(Scene, Option<Station>), Failure> {
     if input::is_station(&args.scene) {
         let station = Station::load(&args.scene)?;
@@ -156,7 +156,7 @@ fn load(args: &Args) -> Result<(Scene, Option<Station>), Failure> {
     Ok((import::load(&args.scene, &tissues, background).input()?, None))
 }
 
-/// Image of the probe.
+/// B-mode image at the probe's pose.
 fn bmode(args: &Args, scene: &Scene, station: Option<&Station>, pose: Option<Pose>) -> Result<BmodeImage, Failure> {
     let station = station.ok_or_else(|| {
         anyhow!("--bmode needs a station file, which has the probe and the image; {} is a scene", args.scene.display())

@@ -1,4 +1,4 @@
-//! Steps of a probe's calibration, recorded one after the other with a live tracker.
+//! Guided calibration of a probe: its steps are recorded one after the other with a live tracker.
 
 use std::io::BufRead;
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ use super::calibration_file;
 /// Time without a pose after which the tracker counts as lost.
 const SILENCE: Duration = Duration::from_secs(2);
 
-/// What to do in each step, and for how many seconds.
+/// Instruction of each step, and duration of its recording, s.
 const STEPS: [(&str, u64); 4] = [
     ("rest the middle of the probe's face in the dimple, press Enter, and tilt the probe slowly to all sides", 15),
     ("rest the end of the face at the marker in the same dimple, press Enter, and tilt the probe a little", 5),
@@ -31,15 +31,15 @@ const STEPS: [(&str, u64); 4] = [
     ),
 ];
 
-/// Largest unremarked differences of the measured face from the station's: of its width, as a part of it, and of the height
-/// of its arc, mm.
+/// Largest differences between the measured face and the station's that give no warning: of the width, relative, and
+/// of the arc's height, mm.
 const FACE: (f64, f64) = (0.15, 3.0);
 
-/// Check of the pivot about the middle of the face.
+/// Check of the pivot about the centre of the face.
 type Check<'a> = &'a dyn Fn(&Pivot) -> Result<(), String>;
 
-/// Records the steps of a sensor or tool, else of the station's. Returns the mounting and the calibration file for it:
-/// `out`, else the station's.
+/// Records the steps with the given sensor or tool, or else with the station's. Returns the mounting, and the
+/// calibration file for it: `out`, or else the station's.
 pub(super) fn run(
     path: &Path,
     (sensor, tool): (Option<u16>, Option<&str>),
@@ -68,7 +68,7 @@ pub(super) fn run(
     Ok((found, out))
 }
 
-/// Warning that the measured width and arc of the face, mm, differ from the face of the station's probe.
+/// Warning if the measured width and arc height of the face, mm, differ from those of the station's probe.
 fn other_face((width_mm, arc_mm): (f64, f64), probe: &Probe) -> Option<String> {
     if matches!(probe.kind, ProbeKind::Phased { .. }) {
         return None;
@@ -84,14 +84,14 @@ fn other_face((width_mm, arc_mm): (f64, f64), probe: &Probe) -> Option<String> {
     })
 }
 
-/// Asks for each step in turn; a line of `input` answers, and `record` takes poses for some seconds.
+/// Asks for each step in turn. A line of `input` answers; `record` records poses for some seconds.
 fn ask(
     input: &mut impl BufRead,
     check: Check<'_>,
     mut record: impl FnMut(u64) -> Result<Vec<Pose>, String>,
 ) -> Result<ProbeMount, Failure> {
     eprintln!("Enter takes a step, `back` takes the one before again, `quit` ends without a result");
-    // `None` for a skipped step.
+    // Poses of each step so far; `None` for a skipped step.
     let mut taken: Vec<Option<Vec<Pose>>> = Vec::new();
     let mut trouble = String::new();
     loop {
@@ -134,7 +134,8 @@ fn ask(
     }
 }
 
-/// The poses of the step after those taken, if they fit these: a bad pivot and a bad end are recorded again at once.
+/// Checks the poses of the next step against the steps in `taken`. A bad pivot or a bad end is thus recorded again at
+/// once.
 fn accepted(taken: &[Option<Vec<Pose>>], poses: Vec<Pose>, check: Check<'_>) -> Result<Vec<Pose>, String> {
     let before = |step: usize| taken.get(step).and_then(Option::as_deref);
     let tilted = before(0).unwrap_or(&poses);
@@ -151,7 +152,7 @@ fn accepted(taken: &[Option<Vec<Pose>>], poses: Vec<Pose>, check: Check<'_>) -> 
     ends.map(|()| poses).map_err(|error: MountError| error.to_string())
 }
 
-/// Mounting that all steps together give.
+/// Mounting that follows from all steps together.
 fn finished(taken: &[Option<Vec<Pose>>]) -> Result<ProbeMount, String> {
     let of = |step: usize| taken.get(step).and_then(Option::as_deref);
     let steps = MountSteps {
@@ -171,7 +172,8 @@ mod tests {
 
     use super::*;
 
-    /// Sensor poses of a convex probe, sensor 90 mm behind its face and turned by 90° about the beam, in each step.
+    /// Sensor poses in a step, for a convex probe whose sensor is 90 mm behind its face and turned by 90° about the
+    /// beam.
     fn poses(rests: DVec3, tilt: f64, spin: f64) -> Vec<Pose> {
         let sensor_from_probe = Pose { position_mm: DVec3::Z * 90.0, orientation: DQuat::from_rotation_z(FRAC_PI_2) };
         let pose = |i: u32| {
@@ -184,7 +186,8 @@ mod tests {
         (0..200).map(pose).collect()
     }
 
-    /// Answer to `input` by the poses of `script`; pivots by up to 5 mm RMS are accepted.
+    /// Result of `ask` if the user answers `input` and the recordings are `script`. Pivots of up to 5 mm RMS are
+    /// accepted.
     fn asked(input: &str, mut script: Vec<Result<Vec<Pose>, String>>) -> Result<ProbeMount, String> {
         script.reverse();
         let record = |_| script.pop().unwrap_or_else(|| Err("nothing".to_owned()));

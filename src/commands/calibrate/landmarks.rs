@@ -65,7 +65,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     fit(&in_scene(found, station.as_ref(), path)?, path, &args.output)
 }
 
-/// Turns landmarks into the axes of the station's scene. Without a station they stay in LPS. `path` is their file.
+/// Turns landmarks into the axes of the station's scene. Without a station they stay in LPS. `path` is the landmarks'
+/// file.
 fn in_scene(
     found: Listed<Named<PointPair>>,
     station: Option<&Station>,
@@ -89,7 +90,7 @@ fn in_scene(
     Ok(found.values.into_iter().map(turned).collect())
 }
 
-/// Fits landmarks; `source` names them in errors.
+/// Fits the transform to landmarks. `source` names their file in errors.
 fn fit(pairs: &[Named<PointPair>], source: &Path, arguments: &OutputArgs) -> Result<(), Failure> {
     let found = LandmarkFit::of(pairs, arguments.max_rms).input_of(source)?;
     if found.coplanar {

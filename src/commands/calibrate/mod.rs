@@ -75,7 +75,8 @@ fn positive(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|mm: &f64| *mm > 0.0).ok_or_else(|| "expected a number above 0, in mm".to_owned())
 }
 
-/// Calibration file for a result: `out`, else the station's. It may be none of the station's other files, and none of `others`.
+/// Calibration file for a result: `out`, or else the station's. It must be none of the station's other files, and
+/// none of `others`.
 fn calibration_file<'a>(
     station: &Station,
     out: Option<&Path>,
@@ -86,7 +87,7 @@ fn calibration_file<'a>(
         anyhow!("{path} names no calibration file: give `[calibration] path` there, or --out FILE")
     });
     let out = out.input()?.to_owned();
-    // The calibration itself is read and changed.
+    // The calibration file itself may be both read and changed.
     let read = station.files().into_iter().filter(|path| station.calibration.path.as_ref() != Some(path));
     Outputs::beside(read).and(others).replaced("--out", &out)?;
     Ok(out)

@@ -8,10 +8,10 @@ use insonify::recording;
 
 use super::super::{Classify, Failure, input};
 
-/// First bytes of a recording.
+/// First bytes of a recording in the MCAP format.
 const MCAP_MAGIC: &[u8] = b"\x89MCAP";
 
-/// Reads the poses `tracker_from_sensor` of a recording (.mcap) or a table.
+/// Reads the poses `tracker_from_sensor` from a recording (.mcap) or a table.
 pub(super) fn read(path: &Path) -> Result<Vec<Pose>, Failure> {
     if input::starts_with(path, MCAP_MAGIC, "the poses")? {
         let (poses, summary) = recording::poses(path)?;

@@ -25,10 +25,10 @@ use super::{calibration_file, positive};
 /// Time without a pose after which the tracker counts as lost.
 const SILENCE: Duration = Duration::from_secs(2);
 
-/// Least distance of two points to touch, mm.
+/// Smallest distance between two points to touch, mm.
 const APART_MM: f64 = 1.0;
 
-/// Most poses examined for a still tip, as a multiple of the poses needed.
+/// Largest number of poses that are examined for a still tip, as a multiple of the poses needed.
 const PATIENCE: usize = 10;
 
 /// Options of touching landmarks.
@@ -59,7 +59,8 @@ pub(super) struct TouchArgs {
     tolerance: f64,
 }
 
-/// Records touched landmarks. Returns them and the calibration file for the result: `out`, else the station's.
+/// Records the touched landmarks. Returns them, and the calibration file for the result: `out`, or else the
+/// station's.
 pub(super) fn run(
     path: &Path,
     args: &TouchArgs,
@@ -87,7 +88,7 @@ pub(super) fn run(
     Ok((pairs?, out))
 }
 
-/// The points to touch.
+/// The points to touch, in the scene's axes.
 fn points(args: &TouchArgs, station: &Station) -> Result<Vec<Named<DVec3>>, Failure> {
     if let Some(path) = &args.points {
         return read(path, station);
@@ -105,7 +106,7 @@ fn points(args: &TouchArgs, station: &Station) -> Result<Vec<Named<DVec3>>, Fail
     }
 }
 
-/// Refuses points with one name, or at one place.
+/// Refuses two points with the same name, or closer than `APART_MM`.
 fn distinct(points: &[Named<DVec3>]) -> Result<(), String> {
     for (at, Named { name, value }) in points.iter().enumerate() {
         for other in &points[at + 1..] {
@@ -124,7 +125,7 @@ fn distinct(points: &[Named<DVec3>]) -> Result<(), String> {
     Ok(())
 }
 
-/// Reads points in the scene's axes.
+/// Reads points from `path` in the scene's axes.
 fn read(path: &Path, station: &Station) -> Result<Vec<Named<DVec3>>, Failure> {
     let found = csv::points(&input::text(path, FileKind::Table, "the points")?).input_of(path)?;
     found.notes.iter().for_each(|note| tracing::warn!("{}: {note}", path.display()));
@@ -136,7 +137,7 @@ fn read(path: &Path, station: &Station) -> Result<Vec<Named<DVec3>>, Failure> {
     Ok(found.values.into_iter().map(in_scene).collect())
 }
 
-/// Axes of the station's scene, for points in LPS of the file `path`.
+/// Axes of the station's scene. They are needed for points in LPS, which the file `path` holds.
 pub(super) fn scene_axes(station: &Station, path: &Path) -> Result<Axes, Failure> {
     let axes = match &station.scene {
         SceneSource::ObstetricPhantom(_) => Axes::Anatomical,
@@ -151,7 +152,7 @@ pub(super) fn scene_axes(station: &Station, path: &Path) -> Result<Axes, Failure
     Ok(axes)
 }
 
-/// Point of contact in the frame of its sensor, mm, and its name.
+/// Position of the tip in the frame of its sensor, mm, and what the tip is.
 fn tip(station: &Station, file: &Path) -> Result<(DVec3, &'static str), Failure> {
     let own = station.calibration.path.as_deref();
     let calibration = Calibration::of_files(own.into_iter().chain([file]))?;
@@ -169,7 +170,7 @@ fn tip(station: &Station, file: &Path) -> Result<(DVec3, &'static str), Failure>
     Ok((DVec3::ZERO, "the sensor"))
 }
 
-/// Answer about a landmark.
+/// What the user answers about a landmark.
 #[derive(Debug, Clone, PartialEq)]
 enum Answer {
     Open,
@@ -177,11 +178,11 @@ enum Answer {
     Taken(PointPair),
 }
 
-/// Landmarks and their answers.
+/// Landmarks to touch, and the answers so far.
 struct Session<'a> {
     points: &'a [Named<DVec3>],
     answers: Vec<Answer>,
-    /// Indices in the order of their answers.
+    /// Indices of the answered landmarks, in the order of their answers.
     order: Vec<usize>,
 }
 
@@ -195,14 +196,14 @@ impl<'a> Session<'a> {
         self.order.push(index);
     }
 
-    /// Opens the last answered landmark.
+    /// Takes back the last answer.
     fn back(&mut self) {
         if let Some(index) = self.order.pop() {
             self.answers[index] = Answer::Open;
         }
     }
 
-    /// Opens the landmark with this name or number; an error names those there are.
+    /// Asks again for the landmark with this name or number. An error names the landmarks there are.
     fn again(&mut self, which: &str) -> Result<(), String> {
         let by_name = self.points.iter().position(|point| point.name.eq_ignore_ascii_case(which));
         let by_number = which.parse().ok().filter(|number| (1..=self.points.len()).contains(number));
@@ -219,7 +220,7 @@ impl<'a> Session<'a> {
         self.answers.iter().position(|answer| *answer == Answer::Open)
     }
 
-    /// The landmarks taken, in the order of the points.
+    /// The touched landmarks, in the order of the points.
     fn taken(&self) -> Vec<Named<PointPair>> {
         let named = |(point, answer): (&Named<DVec3>, &Answer)| match answer {
             Answer::Taken(value) => Some(Named { name: point.name.clone(), value: *value }),
@@ -229,7 +230,8 @@ impl<'a> Session<'a> {
     }
 }
 
-/// Asks for each landmark in turn; a line of `input` answers. After the last one, Enter or the end of the input finishes.
+/// Asks for each landmark in turn. A line of `input` answers. After the last landmark, Enter or the end of the input
+/// finishes.
 fn ask(
     points: &[Named<DVec3>],
     tip: &str,
@@ -299,7 +301,7 @@ mod tests {
         ["A", "B", "C"].into_iter().enumerate().map(point).collect()
     }
 
-    /// The names taken, and the names tried, in order.
+    /// Names of the landmarks that were taken, and names for which a touch was tried, in order.
     fn asked(input: &str, mut is_still: impl FnMut(usize) -> bool) -> (Result<Vec<String>, String>, Vec<String>) {
         let mut tried = Vec::new();
         let result = ask(&points(), "it", &mut input.as_bytes(), |point| {
@@ -324,14 +326,14 @@ mod tests {
             (vec!["A".into(), "B".into(), "C".into()], vec!["A".into(), "B".into(), "C".into()])
         );
         assert_eq!(asked("\nskip\n\n", |_| true).0.unwrap(), ["A", "C"]);
-        // After the last one, any can still be taken again, by name or number.
+        // After the last landmark, any can still be touched again, by name or number.
         for line in ["back", "undo", "again c", "again 3"] {
             let (taken, tried) = asked(&format!("\n\n\n{line}\n\n\n"), |_| true);
             assert_eq!((taken.unwrap().len(), tried.join("")), (3, "ABCC".to_owned()), "{line}");
         }
         let (taken, tried) = asked("\n\nagain A\nagain none\n\n\n", |_| true);
         assert_eq!((taken.unwrap(), tried.join("")), (vec!["A".into(), "B".into(), "C".into()], "ABAC".to_owned()));
-        // A landmark with a moving tip is requested again.
+        // A landmark is asked for again if its tip moved.
         let (taken, tried) = asked("\n\n\n\n", |attempt| attempt != 2);
         assert_eq!((taken.unwrap().len(), tried.join("")), (3, "ABBC".to_owned()));
     }

@@ -1,5 +1,5 @@
-//! The complete chain live on the recorded exam: tracker bytes → decoder → estimator → render → generator → page and
-//! files.
+//! The live part of the demo, on the recorded exam. The chain is: tracker bytes → decoder → estimator → render →
+//! generator → page and files.
 
 use std::io::IsTerminal;
 use std::path::Path;
@@ -21,7 +21,7 @@ use tokio::sync::mpsc;
 use super::Args;
 use crate::commands::{Classify, Failure, live, output, terminal};
 
-/// The files of a shipped generator.
+/// Files of a shipped generator, with their contents.
 macro_rules! generator {
     ($name:literal) => {
         generator!(
@@ -42,9 +42,10 @@ macro_rules! generator {
     };
 }
 
-/// Files of the live station, by their paths in the repository. They are embedded, so that the demo runs from anywhere.
+/// Files of the live station, by their paths in the repository. They are embedded in the program, so that the demo
+/// runs from anywhere.
 const FILES: [(&str, &[u8]); 2] = [(STATION, include_bytes!("../../../configs/live.toml")), (RECORDING, super::EXAM)];
-/// The generators that the station names.
+/// Generators that the station names.
 const GENERATORS: [[(&str, &[u8]); 6]; 1] = [generator!("beam_m_rolling")];
 const STATION: &str = "configs/live.toml";
 const RECORDING: &str = "assets/exams/obstetric_sweep.mcap";
@@ -52,10 +53,11 @@ const RECORDING: &str = "assets/exams/obstetric_sweep.mcap";
 /// Interval between saved pictures.
 const STILL_PERIOD: Duration = Duration::from_secs(2);
 
-/// Allowance beyond the exam's length, after which the session is ended.
+/// Time after the exam's end at which the session is ended in any case.
 const GRACE: Duration = Duration::from_secs(10);
 
-/// Plays the exam of `length` once. On a terminal it repeats while the page is watched. Ctrl-C requests `interrupt`.
+/// Plays the exam of duration `length` once. On a terminal it repeats while the page is watched. Ctrl-C requests
+/// `interrupt`.
 pub(super) fn run(
     args: &Args,
     backend: &Backend,
@@ -106,7 +108,7 @@ pub(super) fn run(
     let duration = (!stays).then(|| length + GRACE);
     let enter = if stays { enter() } else { Arc::default() };
     let end_s = (began + length).as_secs_f64();
-    let mut end = End { end_s, stays, told: false };
+    let mut end = End { end_s, stays, has_announced: false };
     let summary = live::run(&station, Limits { duration, frames: None }, live.parts, |now| {
         let asked = match (interrupt.is_requested(), enter.load(Ordering::Relaxed)) {
             (true, _) => Some("Ctrl-C"),
@@ -128,7 +130,7 @@ pub(super) fn run(
     if interrupt.is_requested() { Err(Failure::Interrupted) } else { Ok(summary) }
 }
 
-/// Writes the station and all its files below `root`, and loads it. `insonify run` can use them, too.
+/// Writes the station and all its files below `root`, and loads it. `insonify run` can use these files, too.
 fn station(root: &Path) -> Result<Station, Failure> {
     for (name, bytes) in FILES.into_iter().chain(GENERATORS.into_iter().flatten()) {
         let path = root.join(name);
@@ -145,19 +147,19 @@ struct End {
     /// Session time at which the exam has been played once, s.
     end_s: f64,
     stays: bool,
-    told: bool,
+    has_announced: bool,
 }
 
 impl End {
-    /// Reason to end the session now, if any, given the number of pages watching.
+    /// Reason to end the session at `now_s`, if there is one. `watchers` is the number of pages that are watching.
     fn due(&self, now_s: f64, watchers: usize) -> Option<&'static str> {
         (self.stays && self.played(now_s) && watchers == 0).then_some("the exam is over, and nobody watches")
     }
 
-    /// Whether the exam has just begun to repeat; true once.
+    /// Whether the exam has begun to repeat since the last call; true once.
     fn news(&mut self, now_s: f64) -> bool {
-        let news = self.stays && self.played(now_s) && !self.told;
-        self.told |= news;
+        let news = self.stays && self.played(now_s) && !self.has_announced;
+        self.has_announced |= news;
         news
     }
 
@@ -166,7 +168,7 @@ impl End {
     }
 }
 
-/// Flag set when Enter is pressed. Its thread is abandoned if nobody presses it.
+/// Flag that is set when Enter is pressed. If nobody presses it, its thread is abandoned.
 fn enter() -> Arc<AtomicBool> {
     let pressed = Arc::<AtomicBool>::default();
     let set = pressed.clone();
@@ -178,7 +180,7 @@ fn enter() -> Arc<AtomicBool> {
     pressed
 }
 
-/// The page's sink, its address, and the count of its viewers.
+/// Sink of the page, address of the page, and number of its viewers.
 type Page = (Box<dyn LiveSink>, String, Box<dyn Fn() -> usize>);
 
 #[cfg(feature = "browser")]
@@ -187,7 +189,7 @@ fn page(station: &Station, scene: &Scene, control: &mpsc::Sender<Control>) -> Re
     let scene = insonify::pipeline::scene_info(station, scene);
     let mut settings = station.browser.clone().unwrap_or_default();
     let sink = BrowserSink::new(&settings, control.clone(), &scene).or_else(|_| {
-        // Another station may have the usual port.
+        // Another station may use the default port.
         settings.port = 0;
         BrowserSink::new(&settings, control.clone(), &scene)
     });
@@ -207,12 +209,12 @@ mod tests {
 
     #[test]
     fn the_exam_goes_on_only_while_it_is_watched_at_a_terminal() {
-        let mut end = End { end_s: 24.0, stays: true, told: false };
+        let mut end = End { end_s: 24.0, stays: true, has_announced: false };
         assert_eq!((end.due(23.9, 0), end.news(23.9)), (None, false));
         assert!(end.due(24.0, 0).is_some());
         assert_eq!((end.due(24.0, 1), end.news(24.0), end.news(24.2)), (None, true, false));
         assert!(end.due(60.0, 0).is_some(), "the page was closed");
-        let mut end = End { end_s: 24.0, stays: false, told: false };
+        let mut end = End { end_s: 24.0, stays: false, has_announced: false };
         assert_eq!((end.due(60.0, 0), end.news(60.0)), (None, false), "its recording ends it");
     }
 }

@@ -1,4 +1,4 @@
-//! `insonify demo`: a recorded exam over the obstetric phantom, to look at.
+//! `insonify demo`: a recorded exam over the obstetric phantom, to watch.
 
 mod live;
 
@@ -30,15 +30,15 @@ use super::effects::EffectArgs;
 use super::progress::Progress;
 use super::{Classify, Failure, output, session};
 
-/// Station and exam are embedded, so that the demo runs from any directory.
+/// Station and exam, embedded so that the demo runs from any directory.
 const STATION: &str = include_str!("../../../configs/obstetric.toml");
 const EXAM: &[u8] = include_bytes!("../../../assets/exams/obstetric_sweep.mcap");
 const EXAM_NAME: &str = "obstetric_sweep.mcap";
 
-/// Frames timed at HQ, and runs of the generator timed, spread over the exam so that they are not those of a few good
-/// views.
+/// Number of high-quality frames and of generator runs that are timed. They are spread over the exam, so that the
+/// times are not those of a few simple views.
 const TIMED: usize = 20;
-/// High quality of one angle. That of the contact sheet is the generator's target.
+/// High quality with one angle. The contact sheet instead shows the quality that the generator was trained for.
 const HQ: FrameQuality = FrameQuality::new(32, 3);
 /// Width of an image in the contact sheet, pixels.
 const PANEL_WIDTH: u32 = 440;
@@ -99,7 +99,7 @@ Examples:
 
 /// Summary of the demo, for JSON.
 #[derive(Serialize)]
-struct Report<'a> {
+struct DemoSummary<'a> {
     version: &'static str,
     adapter: AdapterRecord,
     triangles: usize,
@@ -108,18 +108,18 @@ struct Report<'a> {
     fps: f64,
     frames_lq: usize,
     frames_hq: usize,
-    /// The sheet's column HQ.
+    /// Quality in the column HQ of the contact sheet.
     target: FrameQuality,
-    /// The sheet's generator; none where it is missing.
+    /// Generator of the contact sheet; none if the generator is missing.
     #[serde(skip_serializing_if = "Option::is_none")]
     generator: Option<TranslationReport>,
     key_frames: &'a [KeyScores],
     overflowed: usize,
-    /// With the generator's runs.
+    /// Times at low quality, including the generator's runs.
     times_lq: Vec<StageTime>,
-    /// One angle.
+    /// Times at high quality with one angle.
     times_hq: Vec<StageTime>,
-    /// Key frames at `target`.
+    /// Times of key frames at the quality `target`.
     times_target: Vec<StageTime>,
     wall_s: f64,
     video: PathBuf,
@@ -196,7 +196,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let contact_sheet = args.out.join("contact_sheet.png");
     sheet.write(&contact_sheet)?;
 
-    let report = Report {
+    let report = DemoSummary {
         version: env!("CARGO_PKG_VERSION"),
         adapter: AdapterRecord::from(&backend),
         triangles: scene.triangle_count(),
@@ -229,7 +229,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     output::line(format!("times          {}", times.display()))
 }
 
-/// Films the exam; frames of `timed` are also translated.
+/// Renders the exam as a video. The frames in `timed` are also translated by the generator.
 fn film(
     lq: &mut Stage,
     mut translation: Option<&mut Translation>,
@@ -253,7 +253,7 @@ fn film(
     Ok(())
 }
 
-/// Renders the frames of `timed` at HQ, for their times.
+/// Renders the frames in `timed` at high quality, to measure their times.
 fn time_frames(
     hq: &mut Stage,
     timeline: &Timeline,
@@ -286,9 +286,9 @@ fn live_chain(
     Ok(live)
 }
 
-/// Prints what was made, with the times of LQ, HQ and the target side by side.
+/// Prints what was made, with the times at low quality, high quality and the quality `target` in columns.
 fn print(
-    report: &Report<'_>,
+    report: &DemoSummary<'_>,
     summary: &RecordingSummary,
     [lq, hq, target]: [&TimeTable; 3],
     generator: Option<&str>,
@@ -302,7 +302,7 @@ fn print(
     output::line(format!("rendered       {frames_lq} frames at LQ (1x1), {frames_hq} at HQ ({HQ}), {key_frames}"))?;
     let compounded = format!("HQ of {}", report.target.angles);
     let columns = [("LQ", lq), ("HQ", hq), (compounded.as_str(), target)];
-    // Without a generator the last two are of one quality.
+    // Without a generator, the last two columns have the same quality.
     let shown = if report.target == HQ { &columns[..2] } else { &columns[..] };
     output::line(format!("\n{}\n", SideBySide(shown)))?;
     if let Some(name) = generator {

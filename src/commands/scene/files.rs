@@ -1,4 +1,4 @@
-//! Files of a patient: scene, station, planes, recording, report.
+//! Files that are made from a patient's data: scene, station, planes, recording, report.
 
 use std::path::{Path, PathBuf};
 
@@ -26,7 +26,7 @@ use super::super::progress::Progress;
 use super::super::{Classify, Failure, input, output};
 use super::pictures;
 
-/// Length of the slide over the first view, s, and its reach to either side, mm.
+/// Duration of the slide over the first view, s, and its reach in both directions, mm.
 const SLIDE_S: f64 = 20.0;
 const SLIDE_MM: f64 = 60.0;
 
@@ -61,11 +61,11 @@ pub(super) struct OutputArgs {
     pub(super) json: bool,
 }
 
-/// Surfaces and provenance of a scene.
+/// Surfaces of a scene, and where they come from.
 pub(super) struct Source {
-    /// Segmentation, or the first of its files.
+    /// Path of the segmentation, or of the first of its files.
     pub(super) path: PathBuf,
-    /// Surfaces, ascending in priority.
+    /// Surfaces in ascending priority.
     pub(super) surfaces: Vec<Made>,
     /// Sides on which the scan ends within the body.
     pub(super) cuts: Vec<CutPlane>,
@@ -108,21 +108,21 @@ impl OutputArgs {
         Ok(())
     }
 
-    /// Places the first view, writes all files and prints the summary. On an error no file of this run remains.
+    /// Chooses the first view, writes all files and prints the summary. After an error no file of this run remains.
     pub(super) fn finish(&self, source: Source, progress: Progress) -> Result<(), Failure> {
         let mut files = Vec::new();
         let summary = self.write(source, progress, &mut files).inspect_err(|_| {
-            // The error is what matters; a file that cannot be removed stays.
+            // The first error is returned, even if a file can't be removed.
             files.iter().for_each(|file| drop(std::fs::remove_file(file)));
         })?;
         if self.json { output::json(&summary) } else { output::text(&summary) }
     }
 
-    /// Writes all files; `files` receives those that were begun.
+    /// Writes all files. `files` receives the paths of those that were begun.
     fn write(&self, source: Source, progress: Progress, files: &mut Vec<PathBuf>) -> Result<Summary, Failure> {
         let tissues = TissueTable::builtin().other()?;
         let Source { path, mut surfaces, cuts, facts, unmapped, repairs, mut remarks } = source;
-        // Names of meshes and segments come from files.
+        // The names of meshes and segments come from files, so they may hold anything.
         for made in &mut surfaces {
             made.name = printable(&made.name).into_owned();
             made.segment = made.segment.take().map(|segment| printable(&segment).into_owned());
@@ -189,12 +189,12 @@ impl OutputArgs {
         Ok(summary)
     }
 
-    /// Errors and warnings of the doctor, one line each.
+    /// Errors and warnings of the doctor about the scene, one line each.
     fn findings(&self, tissues: &TissueTable) -> Result<Vec<String>, Failure> {
         let file = SceneFile::Given(self.out.clone());
         let found = Examination::of(file.path(), None, None, tissues, &|_, _| ())?;
         let worse = found.report.findings.iter().filter(|f| f.severity != Severity::Note);
-        // Unusual organs are the patient's, or the labels' fault, not the scene's.
+        // Unusual organs are due to the patient or to the labels, not to the scene.
         let (organs, scene): (Vec<_>, Vec<_>) =
             worse.partition(|f| matches!(f.defect, Defect::UnusualVolume | Defect::UnusualPosition));
         let mut lines: Vec<String> = organs.iter().map(|finding| format!("look again: {}", finding.what)).collect();

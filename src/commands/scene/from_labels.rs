@@ -129,10 +129,10 @@ fn triangles(text: &str) -> Result<usize, String> {
     value.ok_or_else(|| "expected a number, 10000..=5000000".to_owned())
 }
 
-/// Names of a table that the user did not choose.
+/// Name table that is used if the user names none.
 const DEFAULT_NAMES: &str = "total-v2";
 
-/// Table called `names`, or in that file, with the user's mappings.
+/// The built-in table `names`, or the table in the file of this name, with the user's mappings.
 fn table(names: Option<&str>, maps: &[String]) -> Result<NameTable, Failure> {
     let called = names.unwrap_or(DEFAULT_NAMES);
     let is_file = called.ends_with(".toml");
@@ -143,7 +143,7 @@ fn table(names: Option<&str>, maps: &[String]) -> Result<NameTable, Failure> {
     Ok(NameTable { table, called: called.to_owned(), is_chosen: names.is_some() })
 }
 
-/// Labels with names, their measures by layer and label, files that were left out, and what to know about them.
+/// Labels with their names, measures by layer and label, files that were left out, and remarks.
 struct Read {
     labels: LabelMap,
     measures: BTreeMap<(usize, u16), Measure>,
@@ -151,7 +151,7 @@ struct Read {
     remarks: Vec<String>,
 }
 
-/// Names of the files that name their labels: the masks of folders, and a label map, without their suffixes.
+/// File names without suffixes that may serve as names of labels: those of the masks in folders, and of a label map.
 fn stems(args: &Args) -> Vec<String> {
     let mut stems = Vec::new();
     for path in [Some(&args.labels), args.body.as_ref()].into_iter().flatten() {
@@ -164,7 +164,7 @@ fn stems(args: &Args) -> Vec<String> {
     stems
 }
 
-/// Reads the label map or folder, and compares it with what is possible for a human.
+/// Reads the label map or folder, and checks whether its organs are possible in a human.
 fn read(args: &Args, names: &NameTable, options: ReadOptions, progress: &Progress) -> Result<Read, Failure> {
     let (read, from) = if args.labels.is_dir() {
         let done = |done: usize, of: usize| progress.set(5 * done / of.max(1), 100);

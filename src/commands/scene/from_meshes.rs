@@ -20,7 +20,7 @@ use insonify::segmentation::repair::{ActionKind, RepairSettings, SurfaceRepair, 
 use super::super::progress::Progress;
 use super::super::{Classify, Failure};
 use super::files::{OutputArgs, Source};
-use super::places::check_places;
+use super::positions::check_positions;
 use super::repair::RepairArgs;
 
 /// Make a scene from meshes of organs: STL, OBJ, PLY, VTK polydata (.vtk, .vtp) and glTF.
@@ -87,11 +87,11 @@ fn axes(text: &str) -> Result<MeshAxes, String> {
     MeshAxes::named(text).ok_or_else(|| format!("expected one of {}", MeshAxes::NAMES.join(", ")))
 }
 
-/// Content of all files.
+/// Contents of all files.
 #[derive(Default)]
 struct Read {
     meshes: Vec<Meant>,
-    /// What the files say.
+    /// Unit and axes that the files state.
     hints: FileHints,
     files: Vec<PathBuf>,
     /// Files that don't state their axes.
@@ -99,7 +99,7 @@ struct Read {
 }
 
 impl Read {
-    /// Remarks on files that are taken as the others say.
+    /// Remarks on files that state no axes, and are read with the axes of the other files.
     fn remarks(&self, args: &Args) -> Vec<String> {
         let Some(axes) = self.hints.axes.filter(|_| args.axes.is_none()) else { return Vec::new() };
         let remark = |path: &PathBuf| format!("{} states no axes: taken in {axes}, as the others", path.display());
@@ -107,7 +107,7 @@ impl Read {
     }
 }
 
-/// Meshes of all files with their meanings, and what the files say.
+/// Reads the meshes of all files with their meanings, and the unit and axes that the files state.
 fn read(args: &Args) -> Result<Read, Failure> {
     let table = ClassTable::builtin("total-v2").input()?;
     let mut all = Read::default();
@@ -129,7 +129,7 @@ fn read(args: &Args) -> Result<Read, Failure> {
     Ok(all)
 }
 
-/// Joins what several files say. Files that differ are refused unless an option decides.
+/// Joins the statements of several files. If files differ, this is refused unless an option decides.
 fn join(args: &Args, all: &mut FileHints, of: FileHints, path: &Path, is_first: bool) -> Result<(), Failure> {
     let path = path.display();
     if let (Some(a), Some(b)) = (all.axes, of.axes)
@@ -155,7 +155,7 @@ fn join(args: &Args, all: &mut FileHints, of: FileHints, path: &Path, is_first: 
     Ok(())
 }
 
-/// The value given, else a certain guess; an error asks for `option`.
+/// The value that is given, or else a certain guess. Otherwise the error asks for `option`.
 fn decided<T: Copy + std::fmt::Display>(
     given: Option<T>,
     guess: &Guess<T>,
@@ -176,21 +176,21 @@ fn decided<T: Copy + std::fmt::Display>(
     Ok(guess.value)
 }
 
-/// Sizes of bodies and of their smallest parts, mm.
+/// Plausible sizes of a body and of its smallest parts, mm.
 const SIZES_MM: std::ops::RangeInclusive<f64> = 5.0..=2500.0;
 
-/// An organ whose size differs from the usual one by more than this ratio is in another unit. Where the user gives the unit, the
-/// second ratio counts, since a mesh may be a fragment.
+/// Ratio between an organ's size and its usual size above which the unit must be wrong. If the user gives the unit,
+/// the second ratio counts, because a mesh may be a fragment.
 const OTHER_UNIT: f64 = 5.0;
 const OTHER_UNIT_GIVEN: f64 = 30.0;
 
-/// Bounds of all meshes, in their unit.
+/// Bounds of all meshes, in the meshes' unit.
 fn bounds(meshes: &[NamedMesh]) -> (DVec3, DVec3) {
     let points = meshes.iter().flat_map(|mesh| &mesh.vertices);
     points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), &p| (a.min(p), b.max(p)))
 }
 
-/// Refuses meshes that are no body's in `unit`; organs of unusual size become remarks.
+/// Refuses meshes that can't be parts of a body in `unit`. Organs of unusual size become remarks.
 fn check_size(meshes: &[NamedMesh], unit: Unit, given: bool, remarks: &mut Vec<String>) -> Result<(), Failure> {
     let (low, high) = bounds(meshes);
     let size_mm = (high - low).max_element() * unit.mm();
@@ -233,7 +233,8 @@ fn check_size(meshes: &[NamedMesh], unit: Unit, given: bool, remarks: &mut Vec<S
 /// Largest coordinate of a scene, mm.
 const FARTHEST_MM: f64 = 1e5;
 
-/// Shift in `unit` that moves all meshes to the origin if that is wanted. Meshes beyond the reach of a scene are refused.
+/// Shift in `unit` that moves all meshes to the origin, if the user wants it. Meshes beyond the reach of a scene are
+/// refused.
 fn shift(args: &Args, meshes: &[NamedMesh], unit: Unit, remarks: &mut Vec<String>) -> Result<DVec3, Failure> {
     let (low, high) = bounds(meshes);
     let centre = 0.5 * (low + high);
@@ -256,7 +257,7 @@ fn shift(args: &Args, meshes: &[NamedMesh], unit: Unit, remarks: &mut Vec<String
     Ok(DVec3::ZERO)
 }
 
-/// Refuses axes of a file that places of organs contradict; given ones make a remark.
+/// Refuses axes of a file if the positions of the organs contradict them. Axes given by the user only make a remark.
 fn check_axes(args: &Args, meshes: &[NamedMesh], axes: MeshAxes, remarks: &mut Vec<String>) -> Result<(), Failure> {
     let Some((other, text)) = contradiction(axes, meshes) else { return Ok(()) };
     if args.axes.is_none() {
@@ -266,7 +267,8 @@ fn check_axes(args: &Args, meshes: &[NamedMesh], axes: MeshAxes, remarks: &mut V
     Ok(())
 }
 
-/// Sides of all surfaces, along the patient's axes, at which the scan seems to end: a flat cap lies there.
+/// Planes at right angles to the patient's axes at which the scan seems to end, because surfaces have flat caps
+/// there.
 fn cuts(reports: &[SurfaceRepair], surfaces: &[Made]) -> Vec<CutPlane> {
     let given = surfaces.iter().filter(|s| s.segment.is_some() || s.name == "skin");
     let bounds = given.filter_map(|s| s.mesh.bounds_mm());
@@ -293,7 +295,7 @@ fn cuts(reports: &[SurfaceRepair], surfaces: &[Made]) -> Vec<CutPlane> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    // Existing outputs are refused before files are read, inputs among the outputs after.
+    // Existing outputs are refused before any file is read; outputs that are inputs are refused after.
     args.output.check(&[])?;
     let read = read(args)?;
     let mut remarks = read.remarks(args);
@@ -304,7 +306,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if given.is_empty() {
         return Err(Failure::Input(anyhow!("all meshes are ignored: there is nothing to make a scene of")));
     }
-    // Names of organs tell sizes and places.
+    // Names of organs let sizes and positions be checked.
     let named: Vec<NamedMesh> =
         given.iter().map(|g| NamedMesh { name: g.class.name.clone(), ..g.mesh.clone() }).collect();
     let unit = decided(args.units, &guess_unit(&hints, &named), "unit", "--units", &mut remarks)?;
@@ -312,7 +314,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     check_size(&named, unit, args.units.is_some(), &mut remarks)?;
     check_axes(args, &named, axes, &mut remarks)?;
     if args.axes.is_none() {
-        check_places(&named, axes, unit)?;
+        check_positions(&named, axes, unit)?;
     }
     let shift = shift(args, &named, unit, &mut remarks)?;
     drop(named);
@@ -331,10 +333,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     args.output.finish(source, progress)
 }
 
-/// Organs of meshes, repaired, with a line for each repair and the reports.
+/// Repaired meshes of organs, a line of text for each repair, and the reports.
 type Repaired = (Vec<OrganMesh>, Vec<String>, Vec<SurfaceRepair>);
 
-/// Repairs all meshes, placed in the scene by `scene_mm`.
+/// Repairs all meshes after `scene_mm` has moved them into the scene.
 fn repaired(
     args: &Args,
     given: Vec<Meant>,
@@ -365,7 +367,7 @@ fn repaired(
     Ok((organs, repairs, reports))
 }
 
-/// `name`, numbered where an organ has it already.
+/// `name`, with a number if an organ already has this name.
 fn distinct(name: &str, organs: &[OrganMesh]) -> String {
     let numbered = (1..).map(|n| if n == 1 { name.to_owned() } else { format!("{name}_{n}") });
     let taken = |name: &String| organs.iter().any(|o| o.name == *name);

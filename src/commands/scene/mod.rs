@@ -4,7 +4,7 @@ mod files;
 mod from_labels;
 mod from_meshes;
 mod pictures;
-mod places;
+mod positions;
 mod repair;
 
 use clap::{Parser, Subcommand};

@@ -1,4 +1,4 @@
-//! Pictures of a patient's scene for its page.
+//! Pictures of a patient's scene for its report.
 
 use std::path::Path;
 
@@ -17,19 +17,19 @@ use insonify::station::Station;
 use super::super::backend::BackendArgs;
 use super::super::{Classify, Failure};
 
-/// Most B-mode views.
+/// Largest number of B-mode views.
 const VIEWS_MAX: usize = 4;
-/// Surfaces that hide what is within.
+/// Surfaces that hide what is inside.
 const OUTER: [&str; 3] = ["skin", "fat", "soft_tissue"];
 const SIZE: [u32; 2] = [900, 700];
 
-/// Pictures of a page.
+/// Pictures of a report.
 pub(super) struct Pictures {
     pub(super) scene: Vec<Plate>,
     pub(super) bmode: Vec<Plate>,
 }
 
-/// Views of the scene from the front, from the left and onto the fan, and B-mode frames of its windows.
+/// Pictures of the scene from the front, from the left and onto the fan, and B-mode frames of its acoustic windows.
 pub(super) fn of(scene: &Scene, start: &Start, file: &Path, backend: &BackendArgs) -> Result<Pictures, Failure> {
     let scene_name = file.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let directory = file.parent().unwrap_or(Path::new("."));

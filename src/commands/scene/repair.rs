@@ -54,7 +54,7 @@ pub(crate) struct Args {
 }
 
 #[derive(Serialize)]
-struct Report<'a> {
+struct RepairedScene<'a> {
     path: &'a PathBuf,
     surfaces: &'a [SurfaceRepair],
 }
@@ -75,7 +75,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     output::make_parent(&args.out)?;
     write_scene_glb(&surfaces, &extras, &args.out)?;
     if args.json {
-        return output::json(&Report { path: &args.out, surfaces: &reports });
+        return output::json(&RepairedScene { path: &args.out, surfaces: &reports });
     }
     for report in &reports {
         output::line(report)?;

@@ -1,4 +1,4 @@
-//! Whether organs lie as in a human by the axes of their meshes.
+//! Check that organs are where they are in a human, by the axes of their meshes.
 
 use anyhow::anyhow;
 use glam::DVec3;
@@ -8,8 +8,8 @@ use insonify::segmentation::mesh_files::placing::{MeshAxes, Unit};
 
 use super::super::Failure;
 
-/// Refuses axes, stated by files or guessed, by which organs lie as in no human: meshes that were mirrored fit no axes.
-pub(super) fn check_places(meshes: &[NamedMesh], axes: MeshAxes, unit: Unit) -> Result<(), Failure> {
+/// Refuses axes, stated by files or guessed, with which organs lie as in no human. Mirrored meshes fit no axes.
+pub(super) fn check_positions(meshes: &[NamedMesh], axes: MeshAxes, unit: Unit) -> Result<(), Failure> {
     let facts: Vec<OrganFact> = meshes.iter().filter_map(|mesh| fact(mesh, axes, unit)).collect();
     let is_exchanged = |aspect: Aspect| matches!(aspect, Aspect::Side | Aspect::Position);
     let found = check_organs(&facts);
@@ -22,14 +22,14 @@ pub(super) fn check_places(meshes: &[NamedMesh], axes: MeshAxes, unit: Unit) -> 
     )))
 }
 
-/// An organ at the middle of its bounds, with about its volume.
+/// An organ at the centre of its bounds, with an estimate of its volume.
 fn fact(mesh: &NamedMesh, axes: MeshAxes, unit: Unit) -> Option<OrganFact> {
     let first = *mesh.vertices.first()?;
     let (low, high) = mesh.vertices.iter().fold((first, first), |(low, high), v| (low.min(*v), high.max(*v)));
     let size_mm: DVec3 = (high - low) * unit.mm();
     Some(OrganFact {
         name: mesh.name.clone(),
-        // Half of its box.
+        // An organ fills about half of its bounding box.
         volume_ml: 0.5e-3 * size_mm.element_product(),
         centre_mm: axes.lps_from_file() * (0.5 * (low + high) * unit.mm()),
         is_cut: true,
