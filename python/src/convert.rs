@@ -1,4 +1,4 @@
-//! Python values as TOML, and back.
+//! Conversion of Python values to TOML, and back.
 
 use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
@@ -7,7 +7,7 @@ use toml::{Table, Value};
 
 use crate::errors::{Failure, Kind};
 
-/// Tables nested this deep are no station's.
+/// Largest nesting of tables that is accepted; no station has a deeper one.
 const DEPTH_MAX: usize = 16;
 
 /// A Python value as TOML; `None` stands for a key to remove. `key` is its name in errors.
@@ -15,7 +15,7 @@ fn value(key: &str, from: &Bound<'_, PyAny>, depth: usize) -> PyResult<Option<Va
     if depth > DEPTH_MAX {
         return Err(Failure::new(Kind::Input, format!("`{key}` is nested too deeply")).into());
     }
-    // A bool is an int, too, so it comes first.
+    // In Python a bool is an int, too, so bools are tested first.
     if from.is_none() {
         Ok(None)
     } else if from.is_instance_of::<PyBool>() {
@@ -46,7 +46,7 @@ fn value(key: &str, from: &Bound<'_, PyAny>, depth: usize) -> PyResult<Option<Va
     }
 }
 
-/// Overwrites `table` with `with`: tables are merged, `None` removes a key.
+/// Overwrites `table` with the contents of `with`. Tables are merged; `None` removes a key.
 pub(crate) fn merge(table: &mut Table, with: &Bound<'_, PyDict>) -> PyResult<()> {
     merge_at(table, with, "", 0)
 }

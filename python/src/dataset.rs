@@ -1,4 +1,4 @@
-//! Data sets: reading them, and making them.
+//! Reading and making of data sets.
 
 use std::ops::Range;
 use std::path::PathBuf;
@@ -16,7 +16,7 @@ use crate::errors::{Failure, Kind};
 use crate::frame::quality_of;
 use crate::work::{on_pool, wait};
 
-/// A data set's header and rows.
+/// A data set on disk: header and rows in memory.
 #[pyclass(frozen, module = "insonify._insonify")]
 pub(crate) struct Dataset(insonify::dataset::Dataset);
 
@@ -39,12 +39,12 @@ impl Dataset {
         Ok(Self(opened.map_err(Failure::from)?))
     }
 
-    /// `dataset.json`.
+    /// Content of `dataset.json`.
     fn header_json(&self) -> PyResult<String> {
         json(&self.0.header)
     }
 
-    /// Places of a split's rows; all of them without a split.
+    /// Positions of the rows of a split; of all rows without a split.
     fn rows(&self, split: Option<&str>) -> PyResult<Vec<usize>> {
         let split = match split {
             None => None,
@@ -59,12 +59,12 @@ impl Dataset {
         Ok(numbered.filter(|(_, row)| split.is_none_or(|split| row.split == split)).map(|(place, _)| place).collect())
     }
 
-    /// A row of a manifest.
+    /// A row of the manifests as JSON.
     fn row_json(&self, row: usize) -> PyResult<String> {
         json(self.row(row)?)
     }
 
-    /// Arrays of a row.
+    /// Arrays of a row, by name.
     fn tuple<'py>(&self, py: Python<'py>, row: usize) -> PyResult<Bound<'py, PyDict>> {
         let row = self.row(row)?;
         let tuple = py.detach(|| self.0.tuple(row)).map_err(Failure::from)?;
@@ -87,10 +87,10 @@ enum Message {
     Ended(Result<(Made, Range<usize>), Failure>),
 }
 
-/// Ends the work of a thread that nobody waits for any more.
+/// Panic payload that ends the work of a thread whose caller no longer waits.
 struct Cancelled;
 
-/// Makes a shard of a data set: tuples made, tuples that were there, and the manifest.
+/// Makes a shard of a data set. Returns the number of tuples made, the number that existed, and the manifest's path.
 #[pyfunction]
 #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
 pub(crate) fn make_dataset(
@@ -141,7 +141,7 @@ pub(crate) fn make_dataset(
     let thread = std::thread::Builder::new().name("insonify-dataset".into()).spawn(move || {
         let report = |step: Step| {
             if stop.load(Ordering::Relaxed) {
-                // A run that is stopped is as one that was killed: it goes on from its manifest.
+                // An interrupted run is like a killed one: the next run continues from the manifest.
                 std::panic::resume_unwind(Box::new(Cancelled));
             }
             if let Step::Tuples { done, total } = step {

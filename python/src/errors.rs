@@ -1,4 +1,4 @@
-//! Failures of the library as Python exceptions, with the library's own words.
+//! Failures of the library as Python exceptions, with the library's messages.
 
 use std::error::Error;
 use std::io::ErrorKind;
@@ -47,7 +47,7 @@ impl Kind {
     }
 }
 
-/// A failure that is not yet a Python exception: made without the interpreter.
+/// A failure that is not yet a Python exception. It can be made without the interpreter's lock.
 #[derive(Debug)]
 pub(crate) struct Failure {
     kind: Kind,
@@ -63,7 +63,7 @@ impl Failure {
         self.kind
     }
 
-    /// Failure of an error. A file that does not exist has its own class, whatever looked for it.
+    /// Failure with the message of `error`. A missing file has a class of its own, whatever `kind` is.
     pub(crate) fn of(kind: Kind, error: &(dyn Error + 'static)) -> Self {
         let chain = || std::iter::successors(Some(error), |&e| e.source());
         let missing =
@@ -94,7 +94,7 @@ impl From<Failure> for PyErr {
     }
 }
 
-/// Kind of each error, one enum per line. `as` names variants that wrap an error of another line.
+/// Kind of each error type, one enum per line. `as` names variants that wrap an error type of another line.
 macro_rules! failures {
     ($($error:ident $(as $($wrapped:ident)|+)? => $kind:ident)*) => {$(
         impl From<$error> for Failure {

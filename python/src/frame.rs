@@ -1,4 +1,4 @@
-//! Frames and what is asked of them.
+//! Requests for frames, and the frames.
 
 use insonify::chooser::StillFrame;
 use insonify::pose::Pose;
@@ -9,10 +9,10 @@ use num_complex::Complex32;
 use numpy::{Element, PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 
+use crate::described::Described;
 use crate::errors::{Failure, Kind};
-use crate::station::Described;
 
-/// Seven numbers of a pose, as a tuple of Python.
+/// Seven numbers of a pose (x, y, z in mm, qw, qx, qy, qz) as a Python tuple.
 pub(crate) type Components = (f64, f64, f64, f64, f64, f64, f64);
 
 pub(crate) fn components(pose: &Pose) -> Components {
@@ -20,17 +20,17 @@ pub(crate) fn components(pose: &Pose) -> Components {
     (x, y, z, qw, qx, qy, qz)
 }
 
-/// A pose of seven numbers, checked.
+/// Checks seven numbers and makes a pose of them.
 pub(crate) fn pose_of(components: [f64; 7]) -> Result<Pose, Failure> {
     Ok(Pose::from_components(components)?)
 }
 
-/// A quality of words, checked.
+/// Parses a quality.
 pub(crate) fn quality_of(text: &str) -> Result<FrameQuality, Failure> {
     text.parse().map_err(|error| Failure::new(Kind::Input, format!("quality is `{text}`: {error}")))
 }
 
-/// What is asked of a frame.
+/// Request for a frame: pose, quality, seed, time, and the arrays to return.
 pub(crate) struct FrameRequest {
     pub(crate) pose: Pose,
     pub(crate) quality: Option<FrameQuality>,
@@ -57,7 +57,7 @@ impl FrameRequest {
         Ok(Self { pose: pose_of(pose)?, quality, seed, time_s, maps, lines })
     }
 
-    /// Settings of the frame, as `insonify render` takes them.
+    /// Settings of the requested frame, chosen as `insonify render` chooses them.
     pub(crate) fn settings(&self, described: &Described) -> insonify::render::RenderSettings {
         let mut settings = described.station.settings;
         settings.lines = self.lines;
@@ -71,7 +71,7 @@ impl FrameRequest {
     }
 }
 
-/// A frame whose arrays NumPy owns.
+/// A rendered frame; NumPy owns its arrays.
 #[pyclass(frozen, get_all, module = "insonify._insonify")]
 pub(crate) struct Still {
     bmode: Py<PyAny>,
@@ -81,7 +81,7 @@ pub(crate) struct Still {
     lines: Option<Py<PyAny>>,
     mm_per_pixel: f64,
     corner_mm: (f64, f64),
-    /// Kind of the probe, its radius or width in mm, its field of view in degrees, and the depth in mm.
+    /// Kind of the probe, its radius or width in mm, its field of view in degrees, and its depth in mm.
     face: (&'static str, f64, f64, f64),
     attenuation_p98: f32,
     overflows: u32,
@@ -102,7 +102,7 @@ impl Record {
     }
 }
 
-/// An array of two dimensions that owns `values`.
+/// A two-dimensional array with `rows` rows that owns `values`.
 fn owned_array<T: Element>(py: Python<'_>, values: Vec<T>, rows: usize) -> PyResult<Py<PyAny>> {
     let columns = values.len().checked_div(rows).unwrap_or(0);
     Ok(PyArray1::from_vec(py, values).reshape([rows, columns])?.into_any().unbind())
@@ -127,7 +127,7 @@ impl Still {
         };
         Ok(Self {
             bmode: owned_array(py, frame.bmode, rows)?,
-            // Frames share their mask, and a caller may write into its own.
+            // Frames share one mask, but a caller may write into its own copy.
             mask: owned_array(py, frame.mask.to_vec(), rows)?,
             segmentation: map(frame.segmentation)?,
             attenuation,

@@ -1,4 +1,4 @@
-//! Generators on frames of NumPy arrays.
+//! Generators for frames in NumPy arrays.
 
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -13,14 +13,15 @@ use pyo3::prelude::*;
 use crate::errors::{Failure, Kind};
 use crate::work::{interruptibly, on_pool};
 
-/// A trained model, checked on this machine.
+/// A model that was checked on this machine.
 #[pyclass(frozen, module = "insonify._insonify")]
 pub(crate) struct Generator {
     generator: Arc<Mutex<insonify::generator::Generator>>,
     process: u32,
 }
 
-/// Place of the scanlines in a picture: kind of the probe, radius or width in mm, field of view in degrees, depth in mm.
+/// Geometry of the scanlines in a picture: kind of the probe, radius or width in mm, field of view in degrees, depth
+/// in mm.
 type Face = (String, f64, f64, f64);
 
 fn geometry(
@@ -47,7 +48,8 @@ fn precision_of(name: &str) -> Result<Precision, Failure> {
 
 #[pymethods]
 impl Generator {
-    /// Loads the model at `path` for frames with `tissues`, names in the order of their numbers from 1.
+    /// Loads the model at `path` for frames with these tissues. Their names are in the order of their numbers, from
+    /// 1.
     #[new]
     fn new(py: Python<'_>, path: PathBuf, tissues: Vec<String>, threads: u32, precision: &str) -> PyResult<Self> {
         let precision = precision_of(precision)?;
@@ -91,7 +93,7 @@ impl Generator {
         let [height, width] = [bmode.as_array().nrows(), bmode.as_array().ncols()];
         let contiguous = |_| Failure::new(Kind::Input, "a frame's maps must be C-ordered arrays [height, width]");
         let scan = geometry(face, [height, width], mm_per_pixel, corner_mm)?;
-        // Another thread may write the arrays while the generator runs.
+        // Copies the arrays, because another thread may write into them while the generator runs.
         let image = bmode.as_slice().map_err(contiguous)?.to_vec();
         let segmentation = segmentation.as_slice().map_err(contiguous)?.to_vec();
         let attenuation = attenuation.as_slice().map_err(contiguous)?.to_vec();

@@ -1,8 +1,9 @@
-//! Extension module of the Python package: the library's types, with JSON and NumPy arrays at their borders. The typed
-//! interface is the Python code beside it.
+//! Extension module of the Python package: the library's types, with JSON and NumPy arrays as parameters and results.
+//! The typed interface is the package's Python code.
 
 mod convert;
 mod dataset;
+mod described;
 mod errors;
 mod frame;
 mod generator;
@@ -11,6 +12,7 @@ mod planes;
 mod process;
 mod rendering;
 mod scene;
+mod shared;
 mod station;
 mod stream;
 mod work;

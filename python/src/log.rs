@@ -1,4 +1,4 @@
-//! The library's warnings in Python's logger `insonify`.
+//! The library's log, handed to Python's logger `insonify`.
 
 use std::fmt::{Debug, Write};
 
@@ -7,7 +7,7 @@ use tracing::field::{Field, Visit};
 use tracing::span::{Attributes, Id, Record};
 use tracing::{Event, Level, Metadata, Subscriber};
 
-/// Hands events to `logging.getLogger("insonify")`.
+/// Subscriber that hands events to `logging.getLogger("insonify")`.
 struct ToPython;
 
 #[derive(Default)]
@@ -24,7 +24,7 @@ impl Visit for Message {
 
 impl Subscriber for ToPython {
     fn enabled(&self, metadata: &Metadata<'_>) -> bool {
-        // Other crates speak of their own insides.
+        // The events of other crates are about their internals.
         *metadata.level() <= Level::INFO && metadata.target().contains("insonify")
     }
 
@@ -39,13 +39,13 @@ impl Subscriber for ToPython {
     fn event(&self, event: &Event<'_>) {
         let mut message = Message::default();
         event.record(&mut message);
-        // The numbers of Python's logging.
+        // Levels of Python's logging, as numbers.
         let level = match *event.metadata().level() {
             Level::ERROR => 40,
             Level::WARN => 30,
             _ => 20,
         };
-        // While the interpreter ends there is nobody to tell.
+        // While the interpreter shuts down, events are lost.
         let _ = Python::try_attach(|py| -> PyResult<()> {
             let logger = py.import("logging")?.call_method1("getLogger", ("insonify",))?;
             logger.call_method1("log", (level, "%s", message.0)).map(|_| ())
@@ -57,8 +57,8 @@ impl Subscriber for ToPython {
     fn exit(&self, _: &Id) {}
 }
 
-/// Starts handing events on. A second call does nothing.
+/// Starts handing events to Python. A second call does nothing.
 pub(crate) fn start() {
-    // Only another subscriber of this process would refuse, and then it has the events.
+    // This fails only if the process has another subscriber, which then receives the events.
     let _ = tracing::subscriber::set_global_default(ToPython);
 }

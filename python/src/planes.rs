@@ -1,4 +1,4 @@
-//! Standard planes, and how far an image is from one.
+//! Standard planes of a scene, and the offset of an image from one.
 
 use insonify::anatomy::Skin;
 use insonify::anatomy::planes::StandardPlanes;
@@ -22,12 +22,12 @@ pub(crate) struct Planes {
 
 #[pymethods]
 impl Planes {
-    /// The planes as JSON, as the file beside a scene has them.
+    /// The planes as JSON, as in the file next to a scene.
     fn json(&self) -> PyResult<String> {
         Ok(serde_json::to_string(&self.planes).map_err(|error| Failure::of(Kind::Internal, &error))?)
     }
 
-    /// Index of the nearest view of a plane, and the image's offset from it as JSON.
+    /// Index of the view of a plane that is nearest to the image, and the image's offset from it as JSON.
     fn offset(&self, plane: &str, pose: [f64; 7]) -> PyResult<(usize, String)> {
         let pose = pose_of(pose)?;
         let chosen = self.planes.chosen(&[plane]).map_err(|error| Failure::of(Kind::Input, &error))?;
@@ -37,14 +37,14 @@ impl Planes {
         Ok((view, serde_json::to_string(&offset).map_err(|error| Failure::of(Kind::Internal, &error))?))
     }
 
-    /// Contact of the probe with the skin: the coupled part of its face, 0..=1, and the depth of its centre below the skin,
-    /// mm, none if the skin is far away; and whether a score counts it as on the skin.
+    /// Contact of the probe with the skin: the coupled part of its face, 0..=1; the depth of its centre below the
+    /// skin, mm, none if the skin is far away; and whether a score counts the probe as on the skin.
     fn touch(&self, pose: [f64; 7]) -> PyResult<(f64, Option<f64>, bool)> {
         let (_, contact) = touch(&self.skin, &self.probe, &pose_of(pose)?, &self.contact);
         Ok((contact.part, contact.press_mm, is_on_skin(&contact)))
     }
 
-    /// Time for which a plane must be held to be found, s.
+    /// Time for which a plane must be held so that it counts as found, s.
     #[classattr]
     fn hold_s() -> f64 {
         HOLD_S

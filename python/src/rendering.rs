@@ -8,31 +8,31 @@ use insonify::render::{Backend, BackendChoice, EffectPlan, FrameQuality, RenderS
 use insonify::tradeoff::PlanTable;
 use insonify::transducer::Probe;
 
+use crate::described::Described;
 use crate::errors::{Failure, Kind};
 use crate::frame::FrameRequest;
 use crate::scene::{Loaded, SceneKey};
-use crate::station::Described;
 use crate::work::on_pool;
 
-/// Longest wait of a forked process for another thread's frame.
+/// Longest wait of a forked process for a lock that a thread of its parent may hold.
 const FORK_LOCK_TIMEOUT: Duration = Duration::from_secs(20);
 
-/// A renderer with its scene, kept from frame to frame.
+/// A renderer with its scene, reused from frame to frame.
 pub(crate) struct Rendering {
     loaded: Arc<Loaded>,
     choice: BackendChoice,
     pub(crate) backend: Backend,
     renderer: Renderer,
-    /// Process that made it.
+    /// Identifier of the process that made it.
     process: u32,
     /// Probe and settings whose warnings were logged.
     warned: Option<(Probe, RenderSettings)>,
 }
 
-/// A place for a renderer that threads share.
+/// Slot for a renderer, shared by threads.
 pub(crate) type Slot = Mutex<Option<Rendering>>;
 
-/// Backends, one for each process and choice.
+/// Open backends, one for each process and choice.
 static OPEN: Mutex<Vec<(u32, BackendChoice, Backend)>> = Mutex::new(Vec::new());
 
 fn after_fork() -> Failure {
@@ -40,7 +40,7 @@ fn after_fork() -> Failure {
     Failure::new(Kind::Backend, text)
 }
 
-/// Opens a backend, or shares the one of this process.
+/// Opens a backend, or returns the one that this process already has.
 fn open(choice: BackendChoice) -> Result<Backend, Failure> {
     let process = std::process::id();
     let mut open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
@@ -56,7 +56,8 @@ fn open(choice: BackendChoice) -> Result<Backend, Failure> {
 }
 
 impl Rendering {
-    /// Locks a slot. In a forked process a thread of the parent may hold the lock, and would never open it.
+    /// Locks a slot. In a forked process, the lock may be held by a thread of the parent, which never releases it
+    /// here.
     pub(crate) fn lock(slot: &Slot) -> Result<MutexGuard<'_, Option<Self>>, Failure> {
         if !crate::process::is_forked() {
             return Ok(slot.lock().unwrap_or_else(PoisonError::into_inner));
@@ -77,7 +78,7 @@ impl Rendering {
         }
     }
 
-    /// Runs `work` with a renderer of the described scene, which is made if missing.
+    /// Runs `work` with a renderer of the described scene. The renderer is made if it is missing.
     pub(crate) fn with<T: Send>(
         slot: &Slot,
         described: &Described,
@@ -92,7 +93,7 @@ impl Rendering {
         let mut guard = Self::lock(slot)?;
         let mut kept = guard.take();
         if let Some(lost) = kept.take_if(|kept| kept.process != std::process::id() && !kept.backend.on_host()) {
-            // Its driver's threads don't exist here: to close it would wait for ever.
+            // The threads of its driver don't exist in this process, so closing it would wait forever.
             std::mem::forget(lost);
             return Err(after_fork());
         }
@@ -105,7 +106,7 @@ impl Rendering {
         if let Err(failure) = &done
             && matches!(failure.kind(), Kind::Internal | Kind::Backend)
         {
-            // What failed half-way, or lost its device, makes no further frame.
+            // A renderer that failed half-way, or whose device is lost, is not used again.
             *guard = None;
             let mine = std::process::id();
             OPEN.lock()
@@ -127,7 +128,8 @@ impl Rendering {
         Ok(Self { loaded, choice, backend, renderer, process: std::process::id(), warned: None })
     }
 
-    /// Renders a frame as `insonify render` does. A quality that a budget chose goes to `chosen`, and is kept if it is there.
+    /// Renders a frame as `insonify render` does. If a budget chooses a quality, it is stored in `chosen`. A quality
+    /// that is already in `chosen` is used instead.
     pub(crate) fn still(
         slot: &Slot,
         described: &Described,
@@ -152,12 +154,12 @@ impl Rendering {
         Ok(still)
     }
 
-    /// Number of frames that are rendered at once.
+    /// Number of frames that are rendered in parallel.
     pub(crate) fn at_once() -> usize {
         on_pool(|| Ok(rayon::current_num_threads())).unwrap_or(1)
     }
 
-    /// Renders frames as [`Rendering::still`] does, several at once. `each` receives them in order.
+    /// Renders frames as [`Rendering::still`] does, several in parallel. `each` receives them in order.
     pub(crate) fn stills(
         slot: &Slot,
         described: &Described,
@@ -181,7 +183,7 @@ impl Rendering {
         })
     }
 
-    /// Logs what the plan warns of, once for each kind of frame.
+    /// Logs the warnings and notices of the effect plan, once for each kind of frame.
     fn warn(&mut self, probe: &Probe, settings: &RenderSettings) {
         let mut seedless = *settings;
         seedless.quality.seed = 0;
@@ -195,7 +197,7 @@ impl Rendering {
     }
 }
 
-/// Decisions of the effect plan as JSON, and as a table.
+/// Decisions of the effect plan, as JSON and as a text table.
 pub(crate) fn plan(described: &Described, quality: Option<FrameQuality>) -> Result<(String, String), Failure> {
     let station = &described.station;
     let mut settings = station.settings;

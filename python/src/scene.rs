@@ -1,4 +1,4 @@
-//! Scenes: surfaces from arrays, and loaded scenes that stations share.
+//! Scenes: surfaces from arrays, and loaded scenes that several stations share.
 
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
@@ -15,13 +15,13 @@ use pyo3::prelude::*;
 use crate::errors::{Failure, Kind};
 use crate::work::{interruptibly, on_pool};
 
-/// Surfaces of a scene, mended as those of a file, and the tissue outside of them.
+/// Surfaces of a scene, repaired as surfaces of a file are, and the tissue outside of them.
 pub(crate) struct Surfaces {
     surfaces: Vec<LabelledSurface>,
     pub(crate) background: String,
 }
 
-/// A scene from arrays.
+/// A scene made from arrays.
 #[pyclass(frozen, module = "insonify._insonify")]
 pub(crate) struct SceneArrays(pub(crate) Arc<Surfaces>);
 
@@ -34,12 +34,12 @@ impl SceneArrays {
     fn new(py: Python<'_>, surfaces: Vec<Given<'_>>, background: String) -> PyResult<Self> {
         let copied = surfaces.into_iter().map(Copied::of).collect::<Result<Vec<_>, _>>()?;
         let mend = || copied.into_iter().map(Copied::mended).collect::<Result<Vec<_>, _>>();
-        // A forked process has threads in this crate's own pool only.
+        // In a forked process, only this crate's own pool has threads.
         let surfaces = interruptibly(py, move || on_pool(mend))?;
         Ok(Self(Arc::new(Surfaces { surfaces, background })))
     }
 
-    /// Surfaces: name, tissue, priority, number of triangles.
+    /// Name, tissue, priority and number of triangles of each surface.
     #[getter]
     fn surfaces(&self) -> Vec<(String, String, i32, usize)> {
         let shown = |s: &LabelledSurface| (s.name.clone(), s.tissue.clone(), s.priority, s.mesh.triangles.len());
@@ -58,7 +58,7 @@ impl SceneArrays {
     }
 }
 
-/// A surface in memory of its own.
+/// A surface in its own memory, copied from the caller's arrays.
 struct Copied {
     name: String,
     tissue: String,
@@ -105,19 +105,19 @@ impl Surfaces {
     }
 }
 
-/// A scene with its tree, as renderers share it.
+/// A scene with its BVH, as renderers share it.
 pub(crate) struct Loaded {
     pub(crate) key: SceneKey,
     pub(crate) scene: Scene,
     pub(crate) bvh: Arc<Bvh>,
 }
 
-/// All that a scene is made of.
+/// Identity of a scene: everything that it is made from.
 #[derive(Clone)]
 pub(crate) struct SceneKey {
     station: insonify::Station,
     arrays: Option<Arc<Surfaces>>,
-    /// Time of the last change and size of the scene's file.
+    /// Time of the last change of the scene's file, and the file's size.
     stamp: Option<(SystemTime, u64)>,
 }
 
@@ -131,7 +131,7 @@ impl SceneKey {
         Self { station: station.clone(), arrays, stamp }
     }
 
-    /// Whether both are of the same surfaces, tissues and motion.
+    /// Whether both have the same surfaces, tissues and motion.
     pub(crate) fn same_scene(&self, other: &Self) -> bool {
         let same_arrays = match (&self.arrays, &other.arrays) {
             (None, None) => self.station.scene == other.station.scene,
@@ -139,14 +139,14 @@ impl SceneKey {
             _ => false,
         };
         let parts = |key: &Self| (key.station.background.clone(), key.station.motion);
-        // A file that is gone changes no scene that is in use.
+        // Deleting the file does not change a scene that is in use.
         let same_file = self.stamp == other.stamp || other.stamp.is_none();
         same_arrays && same_file && parts(self) == parts(other) && self.station.tissues == other.station.tissues
     }
 
-    /// The scene: one in use by any station of this process, else loaded anew.
+    /// Loads the scene, or returns it if a station of this process uses it.
     ///
-    /// Not to be called from a thread of the pool, which might wait for itself.
+    /// Must not be called from a thread of the pool, which might wait for itself.
     pub(crate) fn load(self) -> Result<Arc<Loaded>, Failure> {
         static SCENES: Mutex<Vec<Weak<Loaded>>> = Mutex::new(Vec::new());
         let mut scenes = SCENES.lock().unwrap_or_else(PoisonError::into_inner);

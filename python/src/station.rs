@@ -1,7 +1,7 @@
 //! Stations: their file, their settings, and their frames.
 
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use insonify::render::BackendChoice;
 use insonify::settings::SettingsGroup;
@@ -13,71 +13,23 @@ use serde_json::json;
 use toml::{Table, Value};
 
 use crate::convert::{merge, to_python};
+use crate::described::Described;
 use crate::errors::{Failure, Kind};
 use crate::frame::{Components, FrameRequest, Still, components, pose_of};
 use crate::planes::Planes;
 use crate::rendering::Rendering;
-use crate::scene::{SceneArrays, Surfaces};
+use crate::scene::SceneArrays;
+use crate::shared::SharedStation;
 use crate::stream::Stream;
 use crate::work::{interruptibly, on_pool};
 
-/// A station as its file and later changes describe it.
-#[derive(Clone)]
-pub(crate) struct Described {
-    table: Table,
-    /// Directory at which relative paths start.
-    directory: PathBuf,
-    path: Option<PathBuf>,
-    pub(crate) arrays: Option<Arc<Surfaces>>,
-    /// Place of rendering, whatever the file or the environment says.
-    pub(crate) backend: Option<BackendChoice>,
-    pub(crate) station: insonify::Station,
-}
-
-impl Described {
-    fn new(
-        mut table: Table,
-        directory: PathBuf,
-        path: Option<PathBuf>,
-        arrays: Option<Arc<Surfaces>>,
-        backend: Option<BackendChoice>,
-    ) -> Result<Self, Failure> {
-        if let Some(arrays) = &arrays {
-            // The parser wants a file; this name is shown, and never read.
-            let scene = table.entry("scene").or_insert_with(|| Value::Table(Table::new()));
-            if let Value::Table(scene) = scene {
-                scene.insert("path".into(), "a scene of arrays".into());
-                scene.insert("background".into(), arrays.background.clone().into());
-            }
-        }
-        let text = toml::to_string(&table).map_err(|error| Failure::of(Kind::Station, &error))?;
-        let mut station = insonify::Station::parse(&text, &directory)?;
-        if let Some(path) = &path {
-            station.path = path.clone();
-        }
-        Ok(Self { table, directory, path, arrays, backend, station })
-    }
-}
-
-/// What threads share of a station.
-pub(crate) struct Inner {
-    described: Mutex<Described>,
-    pub(crate) rendering: Mutex<Option<Rendering>>,
-}
-
-impl Inner {
-    pub(crate) fn described(&self) -> Described {
-        self.described.lock().unwrap_or_else(PoisonError::into_inner).clone()
-    }
-}
-
-/// A station.
+/// A station with its renderer.
 #[pyclass(frozen, module = "insonify._insonify")]
-pub(crate) struct Station(Arc<Inner>);
+pub(crate) struct Station(Arc<SharedStation>);
 
 impl Station {
     fn of(described: Described) -> Self {
-        Self(Arc::new(Inner { described: Mutex::new(described), rendering: Mutex::new(None) }))
+        Self(Arc::new(SharedStation::new(described)))
     }
 }
 
@@ -86,7 +38,7 @@ impl Station {
     /// Reads a station file.
     #[staticmethod]
     fn load(path: PathBuf) -> PyResult<Self> {
-        // It says what is wrong with the file, and logs old names of keys.
+        // Reports faults of the file, and logs keys with earlier names.
         insonify::Station::load(&path).map_err(Failure::from)?;
         let io = |error| Failure::of(Kind::Station, &error);
         let text = std::fs::read_to_string(&path).map_err(io)?;
@@ -96,7 +48,7 @@ impl Station {
         Ok(Self::of(Described::new(table, directory, Some(path), None, None)?))
     }
 
-    /// A station of a dict of tables; relative paths start at `directory`.
+    /// Makes a station from a dict of tables. Relative paths start at `directory`.
     #[staticmethod]
     #[pyo3(signature = (tables, directory, path=None, arrays=None, backend=None))]
     fn from_tables(
@@ -112,7 +64,7 @@ impl Station {
         Ok(Self::of(Described::new(table, directory, path, arrays, backend_of(backend)?)?))
     }
 
-    /// The tables, with the changes so far.
+    /// The tables, with all changes so far.
     fn tables<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         to_python(py, &Value::Table(self.0.described().table))
     }
@@ -137,7 +89,7 @@ impl Station {
         self.0.described().backend.map(|choice| choice.to_string())
     }
 
-    /// Changes settings; after an error nothing has changed.
+    /// Changes settings. After an error nothing has changed.
     fn set(&self, tables: &Bound<'_, PyDict>) -> PyResult<()> {
         let Described { mut table, directory, path, arrays, backend, .. } = self.0.described();
         if arrays.is_some() && (tables.contains("scene")?) {
@@ -146,11 +98,11 @@ impl Station {
         }
         merge(&mut table, tables)?;
         let next = Described::new(table, directory, path, arrays, backend)?;
-        *self.0.described.lock().unwrap_or_else(PoisonError::into_inner) = next;
+        self.0.describe(next);
         Ok(())
     }
 
-    /// Name of the device or processor that makes the frames, once there was a frame.
+    /// Name of the device or processor that renders; none before the first frame.
     #[getter]
     fn adapter(&self, py: Python<'_>) -> PyResult<Option<String>> {
         let inner = self.0.clone();
@@ -160,7 +112,7 @@ impl Station {
         })
     }
 
-    /// Settings in force, as JSON.
+    /// Current settings as JSON.
     fn settings_json(&self) -> String {
         let station = self.0.described().station;
         let settings = station.settings;
@@ -223,12 +175,12 @@ impl Station {
         Still::new(py, still)
     }
 
-    /// Frames of poses that are pushed, made on a thread of its own.
+    /// Starts a thread that renders frames of the poses pushed to it.
     fn stream(&self) -> PyResult<Stream> {
         Stream::start(self.0.clone())
     }
 
-    /// Loads the scene and makes the renderer, without a frame.
+    /// Loads the scene and makes the renderer, without rendering a frame.
     fn prepare(&self, py: Python<'_>) -> PyResult<()> {
         let (inner, described) = (self.0.clone(), self.0.described());
         interruptibly(py, move || {
@@ -237,7 +189,7 @@ impl Station {
         })
     }
 
-    /// Decisions of the effect plan as JSON, and as a table.
+    /// Decisions of the effect plan, as JSON and as a text table.
     fn plan(&self, py: Python<'_>, quality: Option<&str>) -> PyResult<(String, String)> {
         let quality = quality.map(crate::frame::quality_of).transpose()?;
         let described = self.0.described();
@@ -271,23 +223,23 @@ pub(crate) fn station_keys() -> Vec<(&'static str, &'static str, &'static str, S
     keys().iter().map(row).collect()
 }
 
-/// Checks a pose: x, y, z, qw, qx, qy, qz with its quaternion normalised.
+/// Checks a pose (x, y, z, qw, qx, qy, qz) and returns it with a normalised quaternion.
 #[pyfunction]
 pub(crate) fn checked_pose(pose: [f64; 7]) -> PyResult<Components> {
     Ok(components(&pose_of(pose)?))
 }
 
-/// The pose `b_from_a` of an `a_from_b`.
+/// Inverse of a pose: `b_from_a` for an `a_from_b`.
 #[pyfunction]
 pub(crate) fn inverse_pose(pose: [f64; 7]) -> PyResult<Components> {
     Ok(components(&pose_of(pose)?.inverse()))
 }
 
-/// The pose `a_from_c` of `a_from_b` and `b_from_c`.
+/// Product of two poses: `a_from_c` for `a_from_b` and `b_from_c`.
 #[pyfunction]
 pub(crate) fn pose_product(a_from_b: [f64; 7], b_from_c: [f64; 7]) -> PyResult<Components> {
     let product = pose_of(a_from_b)? * pose_of(b_from_c)?;
-    // The product may lie beyond the limits.
+    // The position of the product may be out of range.
     Ok(components(&pose_of(product.components())?))
 }
 
@@ -298,7 +250,7 @@ pub(crate) fn builtin_tissues_json() -> PyResult<String> {
     Ok(serde_json::to_string(&tissues).map_err(|error| Failure::of(Kind::Internal, &error))?)
 }
 
-/// A grey image as PNG.
+/// A grey image [height, width] as the bytes of a PNG file.
 #[pyfunction]
 pub(crate) fn png(grey: PyReadonlyArray2<'_, u8>) -> PyResult<Vec<u8>> {
     use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};

@@ -1,4 +1,4 @@
-//! Frames of many poses: a thread renders ahead of the caller.
+//! Streams of frames: a thread renders the frames of many poses ahead of the caller.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, Sender};
@@ -10,10 +10,10 @@ use pyo3::prelude::*;
 use crate::errors::{Failure, Kind};
 use crate::frame::{FrameRequest, Still};
 use crate::rendering::Rendering;
-use crate::station::Inner;
+use crate::shared::SharedStation;
 use crate::work::wait;
 
-/// Poses on their way to a thread, and frames on their way back. Settings are those of its beginning.
+/// Queue of poses to a rendering thread, and queue of frames back from it. Settings are those at the stream's start.
 #[pyclass(frozen, module = "insonify._insonify")]
 pub(crate) struct Stream {
     requests: Mutex<Option<Sender<FrameRequest>>>,
@@ -23,18 +23,18 @@ pub(crate) struct Stream {
 }
 
 impl Stream {
-    pub(crate) fn start(inner: Arc<Inner>) -> PyResult<Self> {
+    pub(crate) fn start(inner: Arc<SharedStation>) -> PyResult<Self> {
         let (requests, asked) = mpsc::channel::<FrameRequest>();
         let (made, frames) = mpsc::channel();
         let closed = Arc::new(AtomicBool::new(false));
         let (described, stop) = (inner.described(), closed.clone());
         let thread = std::thread::Builder::new().name("insonify-ahead".into()).spawn(move || {
-            // A budget chooses a quality for the first frame, and all others have it, too.
+            // If a budget chooses the quality of the first frame, all other frames have this quality, too.
             let mut chosen = None;
             let at_once = Rendering::at_once();
-            // Whatever was asked for meanwhile is rendered at once; nobody waits for more requests.
+            // All requests that are waiting are rendered together; the thread does not wait for more.
             while let Ok(first) = asked.recv() {
-                // The first frame chooses the quality of all.
+                // The frame that chooses the quality is rendered alone.
                 let single = chosen.is_none() && described.station.frame_budget_ms.is_some();
                 let room = if single { 0 } else { at_once - 1 };
                 let requests: Vec<FrameRequest> = std::iter::once(first).chain(asked.try_iter().take(room)).collect();
@@ -47,7 +47,7 @@ impl Stream {
                     [only] => Rendering::still(&inner.rendering, &described, only, &mut chosen).and_then(send),
                     all => Rendering::stills(&inner.rendering, &described, all, chosen, send),
                 };
-                // The first frame that fails is the last.
+                // After a frame that fails, the stream ends.
                 if let Err(failure) = rendered {
                     let _ = made.send(Err(failure));
                     break;
@@ -72,7 +72,7 @@ impl Stream {
 
 #[pymethods]
 impl Stream {
-    /// Asks for a frame; returns at once.
+    /// Requests a frame. Returns at once.
     #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
     fn push(
         &self,
@@ -96,7 +96,7 @@ impl Stream {
         Still::new(py, wait(py, &self.frames)??)
     }
 
-    /// Ends the thread after the frame that it is making.
+    /// Ends the thread after the frame that it is rendering.
     fn close(&self) {
         self.closed.store(true, Ordering::Relaxed);
         self.requests.lock().unwrap_or_else(PoisonError::into_inner).take();

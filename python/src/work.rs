@@ -1,4 +1,4 @@
-//! Work outside the interpreter: threads of this process, interruptible waits, and panics as errors.
+//! Work outside the interpreter: a thread pool for this process, interruptible waits, and panics as errors.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{self, RecvTimeoutError};
@@ -10,10 +10,10 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::errors::{Failure, Kind};
 
-/// Time between two looks for Ctrl-C.
+/// Time between two checks for Ctrl-C.
 const SIGNAL_POLL_INTERVAL: Duration = Duration::from_millis(50);
 
-/// Threads of this process. A process that was forked has none of its parent's, so it gets a pool of its own.
+/// Thread pool of this process. A forked process has none of its parent's threads, so it gets a pool of its own.
 fn pool() -> Result<Arc<ThreadPool>, Failure> {
     static POOL: Mutex<Option<(u32, Arc<ThreadPool>)>> = Mutex::new(None);
     let mut pool = POOL.lock().unwrap_or_else(PoisonError::into_inner);
@@ -23,14 +23,14 @@ fn pool() -> Result<Arc<ThreadPool>, Failure> {
             let threads = ThreadPoolBuilder::new().thread_name(|n| format!("insonify-{n}")).build();
             let made = threads.map_err(|e| Failure::new(Kind::Internal, format!("no threads can be started: {e}")))?;
             let made = Arc::new(made);
-            // The parent's threads don't exist here: to join them would wait for ever.
+            // The parent's threads don't exist in this process, so joining them would wait forever.
             std::mem::forget(pool.replace((std::process::id(), made.clone())));
             Ok(made)
         }
     }
 }
 
-/// Runs `work` on the threads of this process. A panic is an error that asks for a report.
+/// Runs `work` on the thread pool of this process. A panic becomes an error that asks the user to report it.
 pub(crate) fn on_pool<T: Send>(work: impl FnOnce() -> Result<T, Failure> + Send) -> Result<T, Failure> {
     let pool = pool()?;
     catch_unwind(AssertUnwindSafe(|| pool.install(work))).unwrap_or_else(|panic| {
@@ -40,22 +40,22 @@ pub(crate) fn on_pool<T: Send>(work: impl FnOnce() -> Result<T, Failure> + Send)
     })
 }
 
-/// Runs `work` on a thread of its own, without the interpreter's lock, until it is done or a signal raises an exception.
-/// After Ctrl-C the thread goes on in the background until its work is done, and the result is dropped.
+/// Runs `work` on a thread of its own, without the interpreter's lock. Returns when it is done, or when a signal
+/// raises an exception. After Ctrl-C the work continues in the background, and its result is dropped.
 pub(crate) fn interruptibly<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce() -> Result<T, Failure> + Send + 'static,
 ) -> PyResult<T> {
     let (sender, receiver) = mpsc::channel();
     let thread = std::thread::Builder::new().name("insonify".into()).spawn(move || {
-        // The receiver is gone after Ctrl-C.
+        // After Ctrl-C there is no receiver.
         let _ = sender.send(work());
     });
     thread.map_err(|e| Failure::new(Kind::Internal, format!("no thread can be started: {e}")))?;
     Ok(wait(py, &Mutex::new(receiver))??)
 }
 
-/// Waits for a message without the interpreter's lock, and looks for signals meanwhile.
+/// Waits for a message without the interpreter's lock, and checks for signals meanwhile.
 pub(crate) fn wait<T: Send>(py: Python<'_>, receiver: &Mutex<mpsc::Receiver<T>>) -> PyResult<T> {
     loop {
         let received =
