@@ -1,6 +1,6 @@
-// Access for keyboards and screen readers: focus, spoken values, the one live region.
+// Accessibility for keyboards and screen readers: focus, spoken values, and the live region.
 
-/** Units as words: one, several. */
+/** Units as words, singular and plural. */
 const UNITS = {
   dB: ["decibel", "decibels"],
   "dB/cm": ["decibel per centimetre", "decibels per centimetre"],
@@ -12,9 +12,9 @@ const UNITS = {
   angles: ["angle", "angles"],
   "%": ["percent", "percent"],
 };
-/** Least time between two announcements, ms: a reader finishes one first. */
+/** Shortest time between two announcements, ms: a screen reader finishes one first. */
 const PAUSE_MS = 1200;
-/** Most messages in an announcement; older ones are dropped. */
+/** Largest number of messages in an announcement; older ones are dropped. */
 const MESSAGES_MAX = 3;
 
 /** A number with its unit, as it is spoken. */
@@ -26,19 +26,19 @@ export function spoken(number, unit) {
 }
 
 /**
- * Gives the keys back to the page after a pointer has used a control. A control that was reached by keyboard keeps the focus:
- * only there do browsers show it (`:focus-visible`).
+ * Gives the keyboard back to the page after a pointer has used a control. A control that was reached by keyboard keeps the focus:
+ * browsers show the focus only there (`:focus-visible`).
  */
 export function letGo(element) {
   if (!element.matches(":focus-visible")) element.blur();
 }
 
-/** Lets go of a slider after a pointer has used it, moved or not. */
+/** Gives the keyboard back after a pointer has used a slider, whether it was moved or not. */
 export function letGoAfterPointer(slider) {
   for (const type of ["change", "click"]) slider.addEventListener(type, () => letGo(slider));
 }
 
-/** The page's live region. */
+/** The page's live region, which screen readers announce. */
 export class Announcer {
   constructor(element) {
     this.element = element;

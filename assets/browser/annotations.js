@@ -1,10 +1,10 @@
-// Texts on the picture, and the body mark that says where the probe lies.
+// Texts on the picture, and the body mark that shows where the probe is on the body.
 
 import { label, toMm, toPixel } from "./marking.js";
 import { toStage } from "./view.js";
 
 const INK = "#f1f5f8";
-/** Body marks by name; each draws an outline into a square of side 2 about the origin. */
+/** Body marks by name. Each draws an outline into a square of side 2 about the origin. */
 const BODY_MARKS = {
   none: null,
   abdomen: (context) => {
@@ -37,14 +37,14 @@ const BODY_MARKS = {
 
 export class Annotations {
   constructor() {
-    /** Texts on their pictures: { id, picture, at, text }; `at` is mm of the probe frame. */
+    /** Texts on their pictures: { id, picture, at, text }; `at` is a point of the probe frame, mm. */
     this.texts = [];
     this.mark = "none";
-    /** Turn of the probe on the body mark, degrees. */
+    /** Rotation of the probe on the body mark, degrees. */
     this.turn = 0;
   }
 
-  /** Writes a text at a pixel of a frame; returns it, or null without a character. */
+  /** Puts a text at a pixel of a frame. Returns it; null if it has no character. */
   add(at, text, frame) {
     const written = text.trim().slice(0, 60);
     if (!written) return null;
@@ -53,12 +53,12 @@ export class Annotations {
     return added;
   }
 
-  /** Texts of the frame's picture. */
+  /** Texts on the picture of `frame`. */
   on(frame) {
     return this.texts.filter(({ picture }) => picture.key === frame.picture.key);
   }
 
-  /** The text whose beginning lies at a pixel of a frame, or null. `reach` is the size of a mark in pixels. */
+  /** The text that begins at a pixel of a frame, or null. `reach` is the size of a mark in pixels. */
   near(at, frame, reach) {
     const isAt = (text) => {
       const { x, y } = toPixel(frame, text.at);
@@ -67,7 +67,7 @@ export class Annotations {
     return this.on(frame).find(isAt) ?? null;
   }
 
-  /** The next body mark. */
+  /** Switches to the next body mark. */
   nextMark() {
     const names = Object.keys(BODY_MARKS);
     this.mark = names[(names.indexOf(this.mark) + 1) % names.length];
@@ -79,9 +79,9 @@ export class Annotations {
 
   draw(context, frame, rect, font) {
     for (const { at, text } of this.on(frame)) {
-      const place = toStage(rect, toPixel(frame, at));
+      const point = toStage(rect, toPixel(frame, at));
       context.fillStyle = INK;
-      label(context, text, place.x, place.y, rect.marks, font);
+      label(context, text, point.x, point.y, rect.marks, font);
     }
     const outline = BODY_MARKS[this.mark];
     if (!outline) return;
@@ -94,7 +94,7 @@ export class Annotations {
     context.beginPath();
     outline(context);
     context.stroke();
-    // The probe: a bar with a dot on the side of the marker.
+    // The probe is a bar with a dot on the marker's side.
     context.rotate((this.turn * Math.PI) / 180);
     context.strokeStyle = context.fillStyle = "#4fd1c5";
     context.lineWidth = 0.14;
@@ -108,7 +108,7 @@ export class Annotations {
     context.restore();
   }
 
-  /** What is written beside a saved picture. */
+  /** Texts and body mark as data, saved with a picture. */
   values(frame) {
     return {
       texts: this.on(frame).map(({ at, text }) => ({ ...toPixel(frame, at), at_mm: [at.x, at.z], text })),

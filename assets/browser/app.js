@@ -12,7 +12,7 @@ import { legend, Status } from "./status.js";
 import { MAP } from "./wire.js";
 
 const byId = (id) => document.getElementById(id);
-/** Without a new frame for so long a picture that is not frozen is no longer live. */
+/** Time without a new frame after which a picture that is not frozen counts as not live, ms. */
 const SILENCE_MS = 2000;
 const OVERLAYS = ["segmentation", "attenuation"];
 
@@ -25,9 +25,9 @@ let tissues = [];
 let shortcuts = [];
 let shown = null;
 let next = null;
-/** The station's newest frame; `shown` may be one of the cine loop. */
+/** Newest frame of the station; `shown` may be a frame of the cine loop instead. */
 let newest = null;
-/** When the newest frame came, and when the one that is shown was first shown, ms since the page began. */
+/** Times at which the newest frame arrived and at which the shown frame was first shown, ms since the page began. */
 let shownAt = 0;
 let shownTime = 0;
 let closedReason = "";
@@ -63,7 +63,7 @@ const connection = new Connection({
     }
   },
   frame(frame) {
-    // The newest wins here, too: one frame waits for the screen.
+    // Only the newest frame waits for the screen; older ones are skipped.
     if (!next) requestAnimationFrame(present);
     next = frame;
   },
@@ -103,7 +103,7 @@ function present() {
   connection.send({ type: "drawn", number: frame.number });
   tools.follow(frame);
   document.body.dataset.frame = String(frame.number);
-  // While the cine loop is gone through, the station's frozen picture stays behind it.
+  // While the user steps through the cine loop, the station's frozen picture stays in the background.
   if (!tools.cine.isShown) {
     take(frame, shownAt);
     redraw();
@@ -114,7 +114,7 @@ function present() {
   watch();
 }
 
-/** Makes a frame the one that is shown. */
+/** Makes `frame` the frame that is shown. */
 function take(frame, time) {
   const resized = !shown || frame.width !== shown.width || frame.height !== shown.height;
   shown = frame;
@@ -134,7 +134,7 @@ function showKept({ frame, time }, bitmap) {
 
 function redraw() {
   if (!shown) return;
-  // A kept picture has its overlays mixed in.
+  // A picture of the cine loop already contains its overlays.
   if (tools.cine.isShown) {
     redrawMarks();
     return;
@@ -175,13 +175,13 @@ function layOut() {
   redrawMarks();
 }
 
-/** What the station says of its tracker; undefined if it says nothing. */
+/** Fault of the tracker, as the station reports it; undefined if there is none. */
 function trackerFault(frame) {
   const about = "tracker: ";
   return frame?.notice.startsWith(about) ? frame.notice.slice(about.length) : undefined;
 }
 
-/** Says what the picture is worth now. */
+/** Updates badges and banner: whether the picture can be trusted now. */
 function watch() {
   if (!connection.isOpen) {
     status.run("OFFLINE");
@@ -210,7 +210,7 @@ function toggleOverlay(name) {
   redraw();
 }
 
-/** The picture with its marks at its own size, and what was measured on it, as files. */
+/** Saves the picture at its own size with its marks, and its measurements, as files. */
 function save() {
   if (!shown) return;
   const canvas = document.createElement("canvas");
@@ -262,7 +262,7 @@ function fullScreen() {
 const toggleHelp = () => (byId("shortcuts").open ? byId("shortcuts").close() : byId("shortcuts").showModal());
 const click = (id) => () => byId(id).click();
 
-/** What the page does by itself, by the names of the station's keys. */
+/** Actions that the page performs itself, by their names in the station's list of keys. */
 const pageActions = {
   segmentation: click("segmentation"),
   attenuation: click("attenuation"),
@@ -292,7 +292,7 @@ listen(
     else if (action.preset) controls.preset(action.preset);
     else if (action.page) pageActions[action.page]();
   },
-  // Arrows go through the cine loop while the picture is frozen.
+  // Arrow keys step through the cine loop while the picture is frozen.
   (key, shift) => {
     if (tools.pointByKey(key, shift)) return true;
     if (!newest?.settings.frozen) return false;
@@ -306,18 +306,18 @@ listen(
   },
 );
 
-/** Way of the wheel that counts as a step, CSS pixels, and the way so far. */
+/** Scroll distance that counts as a step, and distance so far, CSS pixels. */
 const WHEEL_PX = 50;
 let wheel = 0;
 
-/** A wheel over the picture: depth, with Shift gain, with Alt the focus; the cine loop while it is frozen. */
+/** The wheel over the picture changes the depth, with Shift the gain, with Alt the focus. While the picture is frozen, it steps through the cine loop. */
 stage.addEventListener(
   "wheel",
   (event) => {
-    // With Ctrl the browser zooms.
+    // With Ctrl, the wheel zooms the page.
     if (event.ctrlKey) return;
     event.preventDefault();
-    // A trackpad sends many small steps for one of a wheel.
+    // A trackpad sends many small steps instead of one.
     const way = event.deltaY || event.deltaX;
     wheel = Math.sign(way) === Math.sign(wheel) ? wheel + way : way;
     if (Math.abs(wheel) < (event.deltaMode === 0 ? WHEEL_PX : 1) || !shown) return;

@@ -4,12 +4,12 @@ import { label, toMm, toPixel } from "./marking.js";
 import { toStage } from "./view.js";
 
 export const COLOURS = ["#ffd54a", "#6ee7ff", "#ff9ecb", "#a7f070", "#ffb27a", "#c9a7ff"];
-/** Most calipers on one picture. */
+/** Largest number of calipers on one picture. */
 export const CALIPERS_MAX = 12;
-/** Most calipers of all pictures; the oldest are forgotten here, not in the recording. */
+/** Largest number of calipers on all pictures. The oldest are forgotten here, but not in the recording. */
 const KEPT_MAX = 1000;
 
-/** Tools in the order of their key, and the points that each takes. */
+/** Tools in the order in which their key selects them, and the number of points that each takes. */
 export const TOOLS = {
   distance: { label: "Distance", points: 2 },
   ellipse: { label: "Ellipse", points: 3 },
@@ -21,11 +21,11 @@ export class Calipers {
     /** { id, picture, tool, name, points }. */
     this.all = [];
     this.pending = null;
-    /** Name of the tool in the hand, or null. */
+    /** Name of the selected tool, or null. */
     this.tool = null;
   }
 
-  /** Takes the next tool, or none after the last. */
+  /** Selects the next tool; after the last one, no tool. */
   next() {
     const names = Object.keys(TOOLS);
     this.pick(names[names.indexOf(this.tool) + 1] ?? null);
@@ -36,15 +36,15 @@ export class Calipers {
     this.pending = null;
   }
 
-  /** Sets the next point, a pixel of a frame; the last one completes the caliper, which is returned. */
+  /** Sets the next point at a pixel of a frame. The last point completes the caliper, which is then returned. */
   point(at, frame) {
     const point = toMm(frame, at);
-    // A caliper that was begun on another picture is dropped.
+    // A caliper that was begun on another picture is discarded.
     if (this.pending?.picture.key !== frame.picture.key) {
       this.pending = { tool: this.tool, name: "", picture: frame.picture, points: [point, point] };
       return null;
     }
-    // A finger sets a point without having moved to it.
+    // A finger sets a point without moving to it first.
     this.move(at, frame);
     const done = this.pending;
     if (done.points.length < TOOLS[this.tool].points) {
@@ -57,18 +57,18 @@ export class Calipers {
     return done;
   }
 
-  /** Calipers of the frame's picture. */
+  /** Calipers on the picture of `frame`. */
   on(frame) {
     return this.all.filter(({ picture }) => picture.key === frame.picture.key);
   }
 
-  /** Moves the point that is not set yet. */
+  /** Moves the point that follows the pointer until it is set. */
   move(at, frame) {
     if (this.pending?.picture.key !== frame.picture.key) return;
     this.pending.points[this.pending.points.length - 1] = toMm(frame, at);
   }
 
-  /** The point nearest to a pixel of a frame within `reach` pixels: { caliper, index }, or null. */
+  /** The point nearest to a pixel of a frame, within `reach` pixels: { caliper, index }, or null. */
   near(at, frame, reach) {
     const all = this.on(frame).flatMap((caliper) => caliper.points.map((point, index) => ({ caliper, index, point })));
     const far = ({ point }) => between(toPixel(frame, point), at);
@@ -82,7 +82,7 @@ export class Calipers {
     shown.forEach((caliper, i) => draw(context, frame, rect, caliper, i, font));
   }
 
-  /** Every measurement by name, points and value. */
+  /** All measurements of a picture: name, points and value. */
   values(frame) {
     return this.on(frame).map((caliper, i) => {
       const points = recordedPoints(caliper);
@@ -101,7 +101,7 @@ export class Calipers {
 const between = (a, b) => Math.hypot(b.x - a.x, (b.y ?? b.z) - (a.y ?? a.z));
 export const pairs = (points) => points.map(({ x, z }) => [x, z]);
 
-/** Half axes of an ellipse: the first two points are the ends of one axis, the third lies at the end of the other. */
+/** Half axes of an ellipse. The first two points are the ends of one axis; the third is an end of the other axis. */
 function axes([a, b, c]) {
   const centre = { x: (a.x + b.x) / 2, z: (a.z + b.z) / 2 };
   const major = between(a, b) / 2;
@@ -111,17 +111,17 @@ function axes([a, b, c]) {
   return { centre, major, minor, turn };
 }
 
-/** Point of the second axis of an ellipse, `far` from its centre. */
+/** Point on the second axis of an ellipse, at the distance `far` from its centre. */
 const aside = ({ centre, turn }, far) => ({ x: centre.x - Math.sin(turn) * far, z: centre.z + Math.cos(turn) * far });
 
-/** Puts the third point of an ellipse at the end of its axis. */
+/** Moves the third point of an ellipse to the end of its axis. */
 function settle(caliper) {
   if (caliper.tool !== "ellipse") return;
   const found = axes(caliper.points);
   caliper.points[2] = aside(found, found.minor);
 }
 
-/** Moves a point of a finished caliper. An ellipse whose first axis is moved keeps the length of its second. */
+/** Moves a point of a finished caliper. If the first axis of an ellipse changes, the second keeps its length. */
 export function drag(caliper, index, point) {
   const { minor } = caliper.tool === "ellipse" ? axes(caliper.points) : {};
   caliper.points[index] = point;
@@ -129,14 +129,14 @@ export function drag(caliper, index, point) {
   settle(caliper);
 }
 
-/** Points as a recording has them: an ellipse by the ends of both axes. */
+/** Points as a recording stores them: both ends of both axes for an ellipse. */
 export function recordedPoints({ tool, points }) {
   if (tool !== "ellipse") return points;
   const found = axes(points);
   return [points[0], points[1], aside(found, found.minor), aside(found, -found.minor)];
 }
 
-/** Measured values, with their units in their names. */
+/** Measured values; their names contain the units. */
 export function measure({ tool, points }) {
   if (tool === "ellipse") {
     const { major: a, minor } = axes(points);
@@ -157,7 +157,7 @@ export function measure({ tool, points }) {
   return { length_mm: between(points[0], points[1]) };
 }
 
-/** Name and value in words. */
+/** Name and value of a caliper as text. */
 export function caption(caliper) {
   const found = measure(caliper);
   const name = caliper.name ? `${caliper.name} ` : "";
@@ -171,10 +171,10 @@ export function caption(caliper) {
 function draw(context, frame, rect, caliper, index, font) {
   const size = rect.marks;
   const stage = (point) => toStage(rect, toPixel(frame, point));
-  const places = caliper.points.map(stage);
+  const corners = caliper.points.map(stage);
   context.strokeStyle = context.fillStyle = COLOURS[index % COLOURS.length];
   context.lineWidth = 1.5 * size;
-  for (const { x, y } of places) {
+  for (const { x, y } of corners) {
     context.beginPath();
     context.moveTo(x - 7 * size, y);
     context.lineTo(x + 7 * size, y);
@@ -184,16 +184,16 @@ function draw(context, frame, rect, caliper, index, font) {
   }
   context.setLineDash([3 * size, 5 * size]);
   context.beginPath();
-  if (caliper.tool === "ellipse" && places.length > 2) {
+  if (caliper.tool === "ellipse" && corners.length > 2) {
     const found = axes(caliper.points);
     const [centre, tip, side] = [found.centre, caliper.points[1], aside(found, found.minor)].map(stage);
     const turn = Math.atan2(tip.y - centre.y, tip.x - centre.x);
     context.ellipse(centre.x, centre.y, between(centre, tip), between(centre, side), turn, 0, 2 * Math.PI);
   } else {
-    places.forEach(({ x, y }, i) => (i ? context.lineTo(x, y) : context.moveTo(x, y)));
+    corners.forEach(({ x, y }, i) => (i ? context.lineTo(x, y) : context.moveTo(x, y)));
   }
   context.stroke();
   context.setLineDash([]);
-  const last = places.reduce((right, place) => (place.x > right.x ? place : right));
+  const last = corners.reduce((right, corner) => (corner.x > right.x ? corner : right));
   label(context, `${index + 1}:  ${caption(caliper)}`, last.x + 13 * size, last.y, size, font, rect.x + rect.width + 44 * size);
 }

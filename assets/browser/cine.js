@@ -1,18 +1,18 @@
-// The cine loop: the pictures of the last seconds, to be gone through while the picture is frozen.
+// Cine loop: the pictures of the last seconds, which the user can step through while the picture is frozen.
 
-/** Time that is kept, ms. */
+/** Duration of the loop, ms. */
 export const KEPT_MS = 20_000;
-/** Most memory of the pictures, bytes. */
+/** Largest memory of the pictures, bytes. */
 const BYTES_MAX = 256 << 20;
 const QUALITY = 0.92;
 
 export class Cine {
   constructor() {
-    /** Pictures in order: { time, frame, blob }. `frame` is without its pixels. */
+    /** Pictures in order: { time, frame, blob }. `frame` has no pixels. */
     this.kept = [];
     this.bytes = 0;
     this.encoding = false;
-    /** Index of the picture that is shown; null: the live one. */
+    /** Index of the picture that is shown; null for the live picture. */
     this.at = null;
   }
 
@@ -20,7 +20,7 @@ export class Cine {
     return this.at !== null;
   }
 
-  /** Keeps a picture that was just drawn on `canvas`. Returns whether it does: a page that is slow keeps fewer pictures. */
+  /** Adds the picture that was just drawn on `canvas`. Returns whether it was added: a slow page adds fewer pictures. */
   keep(canvas, frame, time) {
     if (this.encoding) return false;
     this.encoding = true;
@@ -31,7 +31,7 @@ export class Cine {
         if (!blob) return;
         this.kept.push({ time, frame: meta, blob });
         this.bytes += blob.size;
-        // A loop that is gone through keeps its beginning, and so the places of its pictures.
+        // While the user steps through the loop, its beginning stays, so that pictures keep their indices.
         if (this.isShown) return;
         while (this.kept.length > 1 && (this.kept[0].time < time - KEPT_MS || this.bytes > BYTES_MAX)) {
           this.bytes -= this.kept.shift().blob.size;
@@ -43,7 +43,7 @@ export class Cine {
     return true;
   }
 
-  /** Goes to a picture; returns it, or null if none is kept. */
+  /** Steps to the picture at `index`. Returns it, or null if the loop is empty. */
   goTo(index) {
     if (this.kept.length === 0) return null;
     this.at = Math.min(Math.max(index, 0), this.kept.length - 1);
@@ -58,7 +58,7 @@ export class Cine {
     this.at = null;
   }
 
-  /** Pixels of a kept picture. */
+  /** Pixels of a picture in the loop. */
   static pixels(kept) {
     return createImageBitmap(kept.blob);
   }

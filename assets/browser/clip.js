@@ -1,18 +1,18 @@
-// Clips: what is on the screen, as a video with its duration.
+// Clips: recordings of the screen as a video with a known duration.
 
 import { withDuration } from "./clip_duration.js";
 
-/** MP4 plays everywhere, WebM in browsers. */
+/** Video types by preference: MP4 plays everywhere, WebM only in browsers. */
 const TYPES = ["video/mp4;codecs=avc1.640028", "video/mp4;codecs=avc1.42E01E", "video/webm;codecs=vp9", "video/webm;codecs=vp8", "video/webm", "video/mp4"];
 const BITS_PER_SECOND = 12_000_000;
 
-/** A recording of a canvas. Each call of `show(draw)` adds what `draw(context)` draws. */
+/** A recording of a canvas. Each call of `show(draw)` adds a frame that `draw(context)` draws. */
 export class Clip {
   constructor(width, height) {
     const type = typeof MediaRecorder === "undefined" ? undefined : TYPES.find((type) => MediaRecorder.isTypeSupported(type));
     if (!type) throw new Error("this browser records no video");
     this.type = type;
-    // Encoders take even sizes.
+    // Encoders require even sizes.
     const even = { width: width + (width & 1), height: height + (height & 1) };
     this.canvas = Object.assign(document.createElement("canvas"), even);
     this.context = this.canvas.getContext("2d", { alpha: false });
@@ -20,7 +20,7 @@ export class Clip {
     this.recorder = new MediaRecorder(this.stream, { mimeType: type, videoBitsPerSecond: BITS_PER_SECOND });
     this.parts = [];
     this.frames = 0;
-    /** When the first frame was shown, ms since the page began. */
+    /** Time at which the first frame was shown, ms since the page began. */
     this.begun = 0;
     this.recorder.onerror = ({ error }) => {
       this.error = error ?? new Error("the browser stopped the recording");
@@ -38,9 +38,9 @@ export class Clip {
     this.frames += 1;
   }
 
-  /** Ends the recording; resolves with the file's content, or rejects with what went wrong. */
+  /** Ends the recording. Resolves with the file's content, or rejects with the fault. */
   async end() {
-    // The last frame is shown until here.
+    // The last frame is shown until now.
     const seconds = (performance.now() - this.begun) / 1000;
     try {
       if (this.recorder.state !== "inactive") {
@@ -62,7 +62,7 @@ export class Clip {
   }
 }
 
-/** Name of a file of a picture: when it was shown, and its frame. */
+/** Name of a picture's file, from the time at which it was shown and its frame number. */
 export function fileName(date, number, extension) {
   const [day, time] = date.toISOString().split("T");
   return `insonify_${day.replaceAll("-", "")}_${time.slice(0, 8).replaceAll(":", "")}_${String(number).padStart(6, "0")}.${extension}`;

@@ -1,11 +1,11 @@
-// The duration of a WebM clip. Browsers write clips as streams, without it; players then show no length and can't seek.
+// The duration of a WebM clip. Browsers write clips as streams without a duration; players then show no length and can't seek.
 
 const IDS = { EBML: 0x1a45dfa3, SEGMENT: 0x18538067, INFO: 0x1549a966, SEEK_HEAD: 0x114d9b74, TIMECODE_SCALE: 0x2ad7b1, DURATION: 0x4489, CLUSTER: 0x1f43b675 };
 const VOID = 0xec;
-/** Bytes within which the description of the file ends. */
+/** Bytes at the start of the file that contain its description. */
 const HEAD_BYTES = 1 << 16;
 
-/** The clip with its duration; as it is where it isn't WebM of the usual form, or says its duration already. */
+/** The clip with its duration. A clip is returned unchanged if it is not WebM of the usual form, or already has a duration. */
 export async function withDuration(blob, seconds) {
   if (!blob.type.includes("webm")) return blob;
   const head = new Uint8Array(await blob.slice(0, HEAD_BYTES).arrayBuffer());
@@ -13,7 +13,7 @@ export async function withDuration(blob, seconds) {
   return described ? new Blob([described, blob.slice(head.length)], { type: blob.type }) : blob;
 }
 
-/** The first bytes of a WebM file with a duration, s; null where there is nothing to change. */
+/** First bytes of a WebM file with a duration, s; null if nothing has to be changed. */
 export function withDurationIn(head, seconds) {
   const ebml = element(head, 0);
   const segment = ebml?.id === IDS.EBML ? element(head, ebml.end) : null;
@@ -46,16 +46,16 @@ function lengthened(head, segment, info, seekHead, seconds) {
   const longer = infoHead.length + duration.length - (info.start - info.at);
   const before = head.slice(0, info.at);
   if (segment.size !== null) {
-    // The size keeps its place: one of 8 bytes holds any.
+    // The size field keeps its position: a field of 8 bytes holds any size.
     if (segment.start - segment.at !== 12) return null;
     before.set(size(segment.size + longer), segment.at + 4);
   }
-  // Places of what follows have moved.
+  // The positions of what follows have moved, so the index of positions is cleared.
   if (seekHead) before.set(empty(seekHead.end - seekHead.at), seekHead.at);
   return concatenated([before, infoHead, ...content, head.subarray(info.end)]);
 }
 
-/** The element at a place: { id, at, start, end, size }; `size` is null where it is unknown. Null beyond the end. */
+/** The element at a position: { id, at, start, end, size }; `size` is null if it is unknown. Null beyond the end. */
 function element(bytes, at) {
   const id = number(bytes, at, true);
   const length = id && number(bytes, id.end, false);
@@ -64,7 +64,7 @@ function element(bytes, at) {
   return { id: id.value, at, start, end: length.value === null ? Infinity : start + length.value, size: length.value };
 }
 
-/** A number of variable length; null where all its bits are set, which means unknown. */
+/** A number of variable length; null if all its bits are set, which means unknown. */
 function number(bytes, at, isId) {
   const first = bytes[at];
   const count = first ? Math.clz32(first) - 23 : 0;
@@ -85,7 +85,7 @@ function size(value) {
   return bytes;
 }
 
-/** An element without content that takes `length` bytes. */
+/** An empty element that takes `length` bytes. */
 function empty(length) {
   const bytes = new Uint8Array(length);
   bytes.set(length > 9 ? [VOID, ...size(length - 9)] : [VOID, 0x80 | (length - 2)]);

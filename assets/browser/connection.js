@@ -1,4 +1,4 @@
-// The WebSocket to the station. It comes back by itself.
+// The WebSocket to the station. It reconnects by itself.
 
 import { decode, MAP } from "./wire.js";
 
@@ -10,10 +10,10 @@ export class Connection {
     this.on = on;
     this.socket = null;
     this.attempts = 0;
-    /** Why the station refuses the stream, if it said so. */
+    /** Reason why the station refuses the stream; empty if it gave none. */
     this.refusal = "";
     this.maps = {};
-    /** The station's live settings, as its first message names them. */
+    /** The station's live settings, as its first message lists them. */
     this.settings = [];
     this.connect();
   }
@@ -42,11 +42,11 @@ export class Connection {
     const wait = RETRY_MS[Math.min(this.attempts, RETRY_MS.length - 1)];
     this.attempts += 1;
     setTimeout(() => this.connect(), wait);
-    // A socket that is refused doesn't say why; a request does.
+    // A refused WebSocket doesn't give the reason, but a request does.
     if (this.attempts % 3 === 0) this.ask();
   }
 
-  /** Asks why the stream is refused. */
+  /** Asks the station why the stream is refused. */
   async ask() {
     try {
       const answer = await fetch("/stream", { method: "POST", cache: "no-store" });

@@ -1,4 +1,4 @@
-// The console's own tools on the page: calipers, texts, body mark, inversion, cine loop, clips.
+// Tools that the page has itself: calipers, texts, body mark, inversion, cine loop, clips.
 
 import { Annotations } from "./annotations.js";
 import { Calipers, CALIPERS_MAX, measure, pairs, recordedPoints, TOOLS } from "./calipers.js";
@@ -12,14 +12,14 @@ import { drawMarks, FONT } from "./marks.js";
 import { drawPicture, fileSize, fromStage, toStage, View } from "./view.js";
 
 const byId = (id) => document.getElementById(id);
-/** Steps of the cross by arrow keys, pixels of the picture; with Shift ten times as far. */
+/** Distance that an arrow key moves the cross, pixels of the picture; with Shift ten times as far. */
 const CROSS_STEP = 2;
-/** Longest time for which a clip of the loop stands still, ms: the station was frozen meanwhile. */
+/** Longest pause in a clip of the loop, ms. Longer pauses, while the station was frozen, are cut to it. */
 const STILL_MAX_MS = 1000;
 
 /**
- * Whether two frozen frames show one picture. Another watcher may let the picture move and freeze it again while this page
- * gets no frame.
+ * Whether two frozen frames show the same picture. Another viewer may unfreeze the picture and freeze it again
+ * while this page gets no frame.
  */
 const isSame = (a, b) => a.session === b.session && String(a.pose) === String(b.pose);
 
@@ -41,9 +41,9 @@ export class Console {
     });
     this.clip = null;
     this.frozen = false;
-    /** The frozen picture, one for all frames that show it; null while the picture moves. */
+    /** The frozen picture, one object for all frames that show it; null while the picture moves. */
     this.picture = null;
-    /** Place of the cross that arrow keys move; null without one. */
+    /** Position of the cross that arrow keys move; null without a cross. */
     this.cross = null;
     this.stage = byId("stage");
     this.bind();
@@ -86,11 +86,11 @@ export class Console {
       byId(id).addEventListener("click", (event) => {
         letGo(event.currentTarget);
         action();
-        // The keyboard goes on at the picture.
+        // The keyboard then acts on the picture.
         if (["caliper", "annotate"].includes(id) && (this.calipers.tool || this.annotating)) stage.focus({ preventScroll: true });
       });
     }
-    // A switch that keeps the focus would take the space bar from freezing.
+    // A switch with the focus would take the space bar, which freezes the picture.
     byId("clip_overlays").addEventListener("change", (event) => letGo(event.currentTarget));
   }
 
@@ -100,19 +100,19 @@ export class Console {
     return this.view.fit(frame.width, frame.height, width, height);
   }
 
-  /** Draws everything over the picture. */
+  /** Draws all marks over the picture. */
   drawOver(context, rect, frame) {
     drawMarks(context, frame, rect, this.page.greys(frame.settings));
     this.annotations.draw(context, frame, rect, FONT);
     this.calipers.draw(context, frame, rect, FONT);
   }
 
-  /** Draws the cross of the arrow keys, and lists the marks. */
+  /** Draws the cross of the arrow keys, and updates the list of marks. */
   drawCross(context, rect) {
     const frame = this.page.shown();
     const marked = [this.calipers.on(frame), this.annotations.on(frame)];
     this.list.show(...marked);
-    // A finger drags marks; it scrolls where there are none.
+    // A finger drags marks; on a picture without marks it scrolls.
     this.stage.classList.toggle("marked", marked.flat().length > 0);
     if (!this.cross) return;
     const { x, y } = toStage(rect, this.cross);
@@ -132,7 +132,7 @@ export class Console {
     return this.stage.classList.contains("annotating");
   }
 
-  /** While a tool is in the hand, arrow keys move a cross and Enter sets a point there. True if the key was taken. */
+  /** While a tool is selected, arrow keys move a cross and Enter sets a point there. Returns whether the key was used. */
   pointByKey(key, far) {
     const frame = this.page.shown();
     if (!frame || !(this.calipers.tool || this.annotating)) return false;
@@ -167,16 +167,16 @@ export class Console {
     if (!this.dragging.tookClick()) this.set(this.pointAt(event));
   }
 
-  /** Whether marks can be set: on a picture that stands still. A moving one is frozen first. */
+  /** Whether marks can be set, because the picture is frozen. A moving picture is frozen first. */
   standsStill() {
-    // Without the station nothing moves.
+    // Without the station, the picture does not move.
     if (this.frozen || this.cine.isShown || !this.page.isOpen()) return true;
     this.page.freeze();
     this.page.say("the picture is frozen for the marks: they belong to it");
     return false;
   }
 
-  /** Sets a point of the tool in the hand. */
+  /** Sets a point with the selected tool. */
   set(at) {
     const frame = this.page.shown();
     if (!(this.annotating || this.calipers.tool) || !this.standsStill()) return;
@@ -193,7 +193,7 @@ export class Console {
     this.page.redraw();
   }
 
-  /** Tells the station the state of a caliper or a text. */
+  /** Sends the state of a caliper or a text to the station. */
   changed(mark) {
     mark.id ??= this.outbox.newId();
     if (mark.tool) {
@@ -222,7 +222,7 @@ export class Console {
     return frame ? [...this.calipers.on(frame), ...this.annotations.on(frame)] : [];
   }
 
-  /** Drops a measurement that is not complete, else removes the last mark of the picture. */
+  /** Discards an incomplete measurement, or else removes the last mark on the picture. */
   undo() {
     if (this.calipers.pending) {
       this.calipers.pending = null;
@@ -258,7 +258,7 @@ export class Console {
     this.page.redraw();
   }
 
-  /** Removes what is marked on the shown picture. */
+  /** Removes all marks on the shown picture. */
   clear() {
     this.calipers.pending = null;
     this.remove(this.marksShown());
@@ -273,11 +273,11 @@ export class Console {
 
   beginNote(at) {
     const note = byId("note");
-    const place = toStage(this.rect(), at);
+    const point = toStage(this.rect(), at);
     note.hidden = false;
     note.value = "";
-    Object.assign(note.style, { left: `${place.x}px`, top: `${place.y}px` });
-    // It belongs to the picture on which it was begun.
+    Object.assign(note.style, { left: `${point.x}px`, top: `${point.y}px` });
+    // The text belongs to the picture on which it was begun.
     this.noteAt = at;
     this.noteOn = this.page.shown();
     note.focus();
@@ -303,8 +303,8 @@ export class Console {
   }
 
   /**
-   * Tells the station the body mark. It stays while the picture moves; each frozen picture has its own in the recording, and a
-   * moving one the last that was chosen.
+   * Sends the body mark to the station. It stays while the picture moves. In the recording, each frozen picture has its own
+   * body mark, and a moving picture the one that was chosen last.
    */
   tellBodyMark() {
     const { mark, turn } = this.annotations;
@@ -330,10 +330,10 @@ export class Console {
     this.page.redraw();
   }
 
-  /** Keeps a live picture that was just drawn, with the tissues or attenuation that are mixed in. */
+  /** Adds a live picture that was just drawn to the cine loop, including its overlays. */
   keep(frame) {
     const frozen = Boolean(frame.settings.frozen);
-    // A frozen picture is kept once, as the last of the loop: it is the one that has the marks.
+    // A frozen picture is added once, as the last of the loop: marks are on this picture.
     const keeps = !frozen || !this.keptFrozen;
     const kept = keeps && this.cine.keep(this.page.picture.canvas, frame, performance.now());
     this.keptFrozen = frozen && (this.keptFrozen || kept);
@@ -346,7 +346,7 @@ export class Console {
     this.list.offer(measures);
   }
 
-  /** Says which picture a new frame is, and shows or hides the bar of the cine loop. */
+  /** Determines which picture a new frame shows, and shows or hides the bar of the cine loop. */
   follow(frame) {
     const bar = byId("cine");
     const frozen = Boolean(frame.settings.frozen);
@@ -357,7 +357,7 @@ export class Console {
     if (!stays) this.keptFrozen = false;
     this.picture = frozen ? (stays ? this.picture : own) : null;
     frame.picture = this.picture ?? own;
-    // A tool goes with the picture that it measured.
+    // A tool is put away with the picture on which it measured.
     if (this.frozen && !frozen) this.putAway();
     this.frozen = frozen;
     if (!frozen) this.cine.live();
@@ -368,9 +368,9 @@ export class Console {
       this.page.redraw();
     }
     if (!available) return;
-    const place = byId("cine_place");
-    place.max = this.cine.kept.length - 1;
-    if (!this.cine.isShown) place.value = place.max;
+    const slider = byId("cine_place");
+    slider.max = this.cine.kept.length - 1;
+    if (!this.cine.isShown) slider.value = slider.max;
     this.showPlace();
   }
 
@@ -399,7 +399,7 @@ export class Console {
     this.showPlace();
     try {
       const bitmap = await Cine.pixels(kept);
-      // The newest step wins.
+      // If the user has stepped on meanwhile, the newest step is shown.
       if (this.cine.kept[this.cine.at] === kept) this.page.showKept(kept, bitmap);
       bitmap.close();
     } catch (error) {
@@ -407,12 +407,12 @@ export class Console {
     }
   }
 
-  /** Size of a file of a frame's picture. */
+  /** Size of a saved picture of `frame`. */
   fileSize({ width, height, settings }) {
     return fileSize(width, height, this.page.captions(settings));
   }
 
-  /** Draws the picture at its own size, and what lies over it if `over`, into a canvas of `fileSize`. Returns its place. */
+  /** Draws the picture at its own size, and its marks if `over`, into a canvas of `fileSize`. Returns the picture's rectangle. */
   compose(context, over) {
     const frame = this.page.shown();
     this.view.captions = this.page.captions(frame.settings);
@@ -426,7 +426,7 @@ export class Console {
     return byId("clip_overlays").checked;
   }
 
-  /** Begins or ends a recording of the screen. */
+  /** Starts or ends a recording of the screen. */
   async record() {
     const frame = this.page.shown();
     if (!frame) return;
@@ -441,7 +441,7 @@ export class Console {
     }
   }
 
-  /** Adds what is shown to the clip that is recorded. */
+  /** Adds the shown picture to the clip that is being recorded. */
   recordFrame() {
     if (!this.clip) return;
     this.clip.show((context) => this.compose(context, this.withOverlays));
@@ -455,7 +455,7 @@ export class Console {
     this.page.say(`${name}: ${clip.frames} pictures`);
   }
 
-  /** Saves the cine loop as a clip, at the pace at which it was seen. */
+  /** Saves the cine loop as a clip, at the pace at which it was shown. */
   async saveLoop() {
     if (this.saving) return;
     const kept = [...this.cine.kept];
@@ -490,7 +490,7 @@ export class Console {
     }
   }
 
-  /** What is written beside a saved picture. */
+  /** Data that is saved with a picture. */
   values(frame) {
     return { measurements: this.calipers.values(frame), ...this.annotations.values(frame) };
   }

@@ -1,18 +1,18 @@
-// Sliders, switches and buttons: they show the settings of the newest frame, unless a hand is on them.
+// Sliders, switches and buttons. They show the settings of the newest frame, unless the user is moving them.
 
 import { letGo, letGoAfterPointer, spoken } from "./accessibility.js";
 
 const byId = (id) => document.getElementById(id);
-/** A control that was moved keeps its own value for so long: frames made before lag behind. */
+/** Time for which a control keeps the value that the user set, ms. Frames rendered earlier still have the old value. */
 const HOLD_MS = 900;
-/** At most one message a control in so long. */
+/** Shortest time between two messages of a control, ms. */
 const SEND_PERIOD_MS = 40;
 
 export class Controls {
   constructor(send) {
     this.send = send;
     this.values = null;
-    /** Live settings and qualities, as the station's first message names them. */
+    /** Live settings and qualities, as the station's first message lists them. */
     this.settings = [];
     this.qualities = [];
     this.heldUntil = new Map();
@@ -22,11 +22,11 @@ export class Controls {
     byId("freeze").addEventListener("click", (e) => this.fromButton(e, () => this.toggle("frozen")));
     byId("generator").addEventListener("change", () => this.toggle("generator"));
     byId("harmonics").addEventListener("change", () => this.toggle("harmonics"));
-    // A switch that keeps the focus would take the space bar from freezing.
+    // A switch with the focus would take the space bar, which freezes the picture.
     for (const id of ["generator", "harmonics"]) byId(id).addEventListener("change", (event) => letGo(event.currentTarget));
   }
 
-  /** Builds sliders and buttons by the station's first message. */
+  /** Builds sliders and buttons from the station's first message. */
   build({ settings, qualities, looks, exams, keys }) {
     Object.assign(this, { settings, qualities, presets: [...looks, ...exams], keys, values: null });
     this.heldUntil.clear();
@@ -59,7 +59,7 @@ export class Controls {
     return button;
   }
 
-  /** Sets everything that a preset says, at once. */
+  /** Sets all values of a preset together. */
   preset(name) {
     const preset = this.presets.find((preset) => preset.name === name);
     if (!preset) return;
@@ -76,13 +76,13 @@ export class Controls {
     if (this.values) this.showButtons();
   }
 
-  /** A slider with its name and value. A setting of several values has a slider for each, numbered, with its depth beside it. */
+  /** A slider with its name and value. A setting with several values has one numbered slider for each, with its depth next to it. */
   row(setting, index) {
     const { key, count, slider, label, unit, scale, digits, words } = setting;
     const input = document.createElement("input");
     const [min, max, step] = [slider.min, slider.max, slider.step];
     Object.assign(input, { type: "range", min, max, step, value: 0, id: idOf(setting, index) });
-    // Sliders of several values have no room for the unit: it is only spoken.
+    // Sliders of such a setting have no room for the unit, so it is only spoken.
     Object.assign(input.dataset, count > 1 ? { spokenUnit: unit } : { unit, scale, digits, words: words.join(" ") });
     input.setAttribute("aria-label", count > 1 ? `${label} ${index + 1} of ${count}` : label);
     input.addEventListener("input", () => this.moved(setting, index, Number(input.value)));
@@ -103,7 +103,7 @@ export class Controls {
     return row;
   }
 
-  /** A button that steps a slider, for fingers. */
+  /** A button that steps a slider, for touch screens. */
   stepButton(setting, sign) {
     const button = document.createElement("button");
     Object.assign(button, { className: "step", type: "button", textContent: sign < 0 ? "−" : "+" });
@@ -128,7 +128,7 @@ export class Controls {
     return this.settings.find((setting) => setting.key === key);
   }
 
-  /** Runs an action of a button, which must not take the space bar from a pointer's user afterwards. */
+  /** Runs the action of a button. Afterwards the button must not take the space bar from someone who uses a pointer. */
   fromButton(event, action) {
     action();
     letGo(event.currentTarget);
@@ -166,7 +166,7 @@ export class Controls {
     this.waiting.delete(id);
   }
 
-  /** Sets a slider, within its ends. */
+  /** Sets a slider, within its range. */
   set(setting, index, value) {
     const input = byId(idOf(setting, index));
     const clamped = Math.min(Math.max(value, Number(input.min)), Number(input.max));
@@ -191,7 +191,7 @@ export class Controls {
     this.setAll({ [key]: this.values[key] ? 0 : 1 });
   }
 
-  /** Freezes the picture; one that is frozen stays so. */
+  /** Freezes the picture. A frozen picture stays frozen. */
   freeze() {
     if (this.values) this.setAll({ frozen: 1 });
   }
@@ -200,7 +200,7 @@ export class Controls {
     if (this.values) this.setAll({ rays, layers });
   }
 
-  /** Sets values that have no slider, all at once. */
+  /** Sets values of settings without a slider, all together. */
   setAll(values) {
     Object.assign(this.values, values);
     for (const key of Object.keys(values)) this.hold(key);
@@ -208,7 +208,7 @@ export class Controls {
     this.showButtons();
   }
 
-  /** Follows the settings that a frame was made with. */
+  /** Updates the controls to the settings with which a frame was made. */
   follow(values) {
     const before = this.values ?? values;
     this.values = { ...values };
@@ -222,7 +222,7 @@ export class Controls {
     this.showButtons();
   }
 
-  /** Writes the depths of sliders that are spread over the image beside them. */
+  /** Writes the depths of sliders that are spread over the image next to them. */
   showDepths(setting) {
     for (let index = 0; index < setting.count; index++) {
       const input = byId(idOf(setting, index));
@@ -233,7 +233,7 @@ export class Controls {
     }
   }
 
-  /** Texts under the picture, of settings that have one. */
+  /** Texts under the picture, for the settings that have one. */
   captions(values) {
     const named = this.settings.filter(({ caption }) => caption);
     const texts = named.map((setting) => `${setting.caption} ${shownText(values[setting.key], setting)}`);
@@ -243,7 +243,7 @@ export class Controls {
   followSlider(id, value) {
     if (this.isHeld(id)) return;
     const input = byId(id);
-    // A station file may go beyond what the slider offers.
+    // A station file may set a value outside the slider's range.
     if (value < Number(input.min)) input.min = value;
     if (value > Number(input.max)) input.max = value;
     if (Number(input.value) !== value) input.value = value;
@@ -268,13 +268,13 @@ export class Controls {
   }
 }
 
-/** The `id` of a slider: the setting's key, and its place where there are several. */
+/** The `id` of a slider: the setting's key, and the index of its value if there are several. */
 const idOf = ({ key, count }, index) => (count > 1 ? `${key}_${index}` : key);
 
 /** A value as text, with its unit. */
 const shownText = (value, { unit, scale, digits, words }) => words[value] ?? `${(value * scale).toFixed(digits)} ${unit}`;
 
-/** Writes a slider's value beside it, and in words for screen readers. */
+/** Writes a slider's value next to it, and as words for screen readers. */
 export function show(input, value) {
   const { unit = "", spokenUnit = unit, scale = "1", digits = "0", words = "", depthCm } = input.dataset;
   const output = input.parentElement.querySelector(".value");

@@ -1,9 +1,9 @@
-// Dragging of crosses and texts on the picture.
+// Dragging of points and texts on the picture.
 
 import { drag } from "./calipers.js";
 import { toMm } from "./marking.js";
 
-/** Distance within which a mark is grabbed, and way from which on it is dragged, CSS pixels. */
+/** Distance within which a mark is grabbed, and movement from which on it is dragged, CSS pixels. */
 const GRAB_PX = 14;
 const DRAG_PX = 3;
 
@@ -11,7 +11,7 @@ export class Dragging {
   /** `tools`: { stage, page, calipers, annotations, rect(), pointAt(event), changed(mark) }. */
   constructor(tools) {
     this.tools = tools;
-    /** The mark in the hand: { mark, before, move(at), from, moved }; null without one. */
+    /** The grabbed mark: { mark, before, move(at), from, moved }; null without one. */
     this.held = null;
     const { stage } = tools;
     stage.addEventListener("pointerdown", (event) => this.grab(event));
@@ -56,11 +56,11 @@ export class Dragging {
     }
   }
 
-  /** Lets the mark go; without `keep` it goes back. */
+  /** Releases the mark. Without `keep` it returns to its earlier position. */
   release(keep) {
     const { held } = this;
     if (!held) return;
-    // Without a way it is a click.
+    // Without movement it is a click.
     if (!held.moved || !keep) this.held = null;
     if (!held.moved) return;
     if (keep) this.tools.changed(held.mark);
@@ -68,7 +68,7 @@ export class Dragging {
     this.tools.page.redraw();
   }
 
-  /** Whether a click is the end of a drag; true once. */
+  /** Whether a click is the end of a drag. True once per drag. */
   tookClick() {
     const ended = this.held !== null;
     this.held = null;

@@ -1,4 +1,4 @@
-// Keyboard shortcuts, as the station's first message names them.
+// Keyboard shortcuts, as the station's first message lists them.
 
 const ARROWS = ["ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "Home", "End", "PageUp", "PageDown"];
 
@@ -7,13 +7,13 @@ export function nameOf({ key, code, shiftKey }) {
   // The digit row of a French or Czech keyboard gives digits with Shift only.
   const digit = /^Digit(\d)$/.exec(code ?? "");
   if (digit && !shiftKey) return digit[1];
-  // A Greek or Cyrillic letter: the Latin one on the same key.
+  // On a Greek or Cyrillic keyboard: the Latin letter of the same key.
   const letter = /^Key([A-Z])$/.exec(code ?? "");
   if (letter && key.length === 1 && key > "\x7f") return letter[1].toLowerCase();
   return key.toLowerCase();
 }
 
-/** Whether a key acts on what has the focus. */
+/** Whether the focused element itself uses the key. */
 function isTaken(focused, key) {
   if (!focused) return false;
   if (focused.matches("input[type=text], textarea, select")) return true;
@@ -22,7 +22,7 @@ function isTaken(focused, key) {
 }
 
 /**
- * Calls `run(action)` for a key of `shortcuts()`, unless it belongs to what has the focus. `first(key, shift)` may take a
+ * Calls `run(action)` for a key of `shortcuts()`, unless the focused element uses it. `first(key, shift)` may use a
  * key before.
  */
 export function listen(shortcuts, run, first) {
@@ -42,7 +42,7 @@ export function listen(shortcuts, run, first) {
   });
 }
 
-/** Fills the table of the help. */
+/** Fills the help's table of keys. */
 export function fillHelp(body, shortcuts) {
   body.replaceChildren();
   for (const { shown, meaning } of shortcuts) {
@@ -54,5 +54,5 @@ export function fillHelp(body, shortcuts) {
   }
 }
 
-/** Rays and layers with a multiplication sign. */
+/** Rays × layers with a multiplication sign. */
 export const times = (text) => text.replace(/(\d)x(\d)/g, "$1×$2");

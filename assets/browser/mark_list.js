@@ -1,4 +1,4 @@
-// The list of what is marked on the shown picture: values, names, removal of one.
+// List of the marks on the shown picture: values, names, and buttons to remove them.
 
 import { letGo } from "./accessibility.js";
 import { caption, COLOURS } from "./calipers.js";
@@ -14,21 +14,21 @@ export class MarkList {
     this.measures = [];
   }
 
-  /** Takes the measures that a measurement can be named after. */
+  /** Stores the measures after which measurements can be named. */
   offer(measures) {
     this.measures = measures;
     this.rows.clear();
     this.list.replaceChildren();
   }
 
-  /** Shows calipers and texts of the picture. */
+  /** Shows the calipers and texts of a picture. */
   show(calipers, texts) {
     const marks = [...calipers, ...texts];
     this.section.hidden = marks.length === 0;
     const rows = marks.map((mark) => this.rows.get(mark) ?? this.row(mark));
     this.rows = new Map(marks.map((mark, i) => [mark, rows[i]]));
     marks.forEach((mark, i) => this.update(rows[i], mark, i));
-    // Untouched rows keep the focus.
+    // Rows that don't change keep the focus.
     const wanted = rows.map(({ item }) => item);
     if (wanted.length !== this.list.children.length || wanted.some((item, i) => this.list.children[i] !== item)) {
       this.list.replaceChildren(...wanted);
@@ -46,7 +46,7 @@ export class MarkList {
     return { item, text, remove, names };
   }
 
-  /** A choice of the measures that the caliper's tool measures; null without any. */
+  /** A choice of the measures that fit the caliper's tool; null if there are none. */
   names(caliper) {
     const fitting = this.measures.filter(({ kind }) => kind === caliper.tool);
     if (fitting.length === 0) return null;

@@ -1,15 +1,15 @@
-// What calipers and texts share: places on a picture in mm of the probe frame, labels, and messages to the station.
+// Shared by calipers and texts: positions on a picture in mm of the probe frame, labels, and messages to the station.
 
-/** (x, z) of the probe frame, mm, at a pixel of a frame. */
+/** Point (x, z) of the probe frame, mm, at a pixel of a frame. */
 export const toMm = (frame, { x, y }) => ({
   x: (x - frame.width / 2) * frame.pixelMm,
   z: (y - frame.faceRow) * frame.pixelMm,
 });
 
-/** The pixel of a frame at a point of the probe frame. */
+/** Pixel of a frame at a point (x, z) of the probe frame. */
 export const toPixel = (frame, { x, z }) => ({ x: x / frame.pixelMm + frame.width / 2, y: z / frame.pixelMm + frame.faceRow });
 
-/** A text on a dark ground, in the current colour. It is moved to the left where it would end right of `end`. */
+/** Draws a text on a dark background, in the current colour. It is shifted to the left so that it ends before `end`. */
 export function label(context, text, x, y, size, font, end = Infinity) {
   const colour = context.fillStyle;
   context.font = `600 ${13 * size}px ${font}`;
@@ -23,22 +23,22 @@ export function label(context, text, x, y, size, font, end = Infinity) {
   context.fillText(text, left, y);
 }
 
-/** Changes that wait for the station: it takes 64 in a burst. */
+/** Largest number of changes that wait for the station, which accepts 64 at once. */
 const WAITING_MAX = 60;
 
-/** Names marks, and tells the station of them, in the order in which they change. */
+/** Gives identifiers to marks, and sends changes of marks to the station in order. */
 export class Outbox {
   /** `link`: { isOpen(), send(message), say(text, bad) }. */
   constructor(link) {
     this.link = link;
     this.page = [...crypto.getRandomValues(new Uint8Array(5))].map((byte) => byte.toString(36).padStart(2, "0")).join("");
     this.count = 0;
-    /** The station's session; marks of an earlier one are not sent. */
+    /** Identifier of the station's session. Marks of an earlier session are not sent. */
     this.session = "";
     this.waiting = [];
   }
 
-  /** The station's first message. What waited for the same session is sent. */
+  /** Handles the station's first message. Changes that waited for the same session are sent. */
   begin(session) {
     if (this.session === session) this.waiting.forEach((message) => this.link.send(message));
     else if (this.waiting.length > 0) {
@@ -62,7 +62,7 @@ export class Outbox {
 
   remove(marks) {
     const own = marks.filter(({ id, picture }) => id && picture.session === this.session);
-    // The station takes so many at once.
+    // The station accepts only this many at once.
     for (let i = 0; i < own.length; i += 64) {
       this.send(own[i].picture, { type: "unmark", ids: own.slice(i, i + 64).map(({ id }) => id) });
     }

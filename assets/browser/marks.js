@@ -1,4 +1,4 @@
-// What a scanner draws beside its picture: depth scale, focus, orientation, grey map, settings.
+// Marks that a scanner draws around its picture: depth scale, focus, orientation, grey map, settings.
 
 import { FONT, LINE, toStage } from "./view.js";
 
@@ -9,13 +9,13 @@ const FAINT = "#7d8893";
 const ACCENT = "#4fd1c5";
 const FOCUS = "#f5c542";
 
-/** Cm between numbered ticks, so that they keep their distance. */
+/** Centimetres between numbered ticks, so that the numbers keep their distance. */
 export function tickStepCm(depthCm, heightPx) {
   const pixelsPerCm = heightPx / Math.max(depthCm, 1e-9);
   return [1, 2, 5, 10, 20, 50].find((step) => step * pixelsPerCm >= 24) ?? 100;
 }
 
-/** Draws all marks of `frame`, its picture at `rect`. `greys` is the grey map's table, or null. */
+/** Draws all marks of `frame`, whose picture is at `rect`. `greys` is the table of the grey map, or null. */
 export function drawMarks(context, frame, rect, greys) {
   context.save();
   context.font = `${12 * rect.marks}px ${FONT}`;
@@ -54,7 +54,7 @@ function depthScale(context, frame, rect) {
   context.fillStyle = FAINT;
   context.fillText("cm", x + 14 * size, yAt(0) + (rect.flipY ? 17 : -17) * size);
 
-  // The focus points at the scale from the picture's side.
+  // The triangle of the focus points from the picture to the scale.
   const focus = frame.settings.focus_mm;
   const y = yAt(Math.min(focus, depthMm));
   context.fillStyle = FOCUS;
@@ -67,7 +67,7 @@ function depthScale(context, frame, rect) {
   context.globalAlpha = 1;
 }
 
-/** The mark on the side of the first scanline, beside the probe's face. */
+/** Draws the mark on the side of the first scanline, next to the probe's face. */
 function orientation(context, frame, rect) {
   const size = rect.marks;
   const aside = Math.min(0.24 * rect.width, 190 * size) * (rect.flipX ? -1 : 1);
@@ -84,7 +84,7 @@ function orientation(context, frame, rect) {
   context.fill();
 }
 
-/** The display's greys from 0 dB down to the dynamic range, and the curve of the grey map. */
+/** Draws the displayed greys from 0 dB down to the dynamic range, and the curve of the grey map. */
 function greyBar(context, frame, rect, greys) {
   const size = rect.marks;
   const [x, width] = [rect.x - 30 * size, 10 * size];

@@ -1,4 +1,4 @@
-// The frame's pixels, with the overlays mixed in.
+// Drawing of a frame's pixels, with overlays mixed in.
 
 /** Draws frames into a canvas that has the frame's own size; CSS scales it. */
 export class Picture {
@@ -8,7 +8,7 @@ export class Picture {
     this.image = null;
     this.tissueColours = new Uint8Array(3 * 256);
     this.attenuationColours = new Uint8Array(3 * 256);
-    /** Numbers of the tissues that the last overlay showed. */
+    /** Whether each tissue number occurred in the last overlay. */
     this.seen = new Uint8Array(256);
     this.grey = new Uint32Array(256).map((_, g) => (0xff << 24) | (g << 16) | (g << 8) | g);
   }
@@ -30,13 +30,13 @@ export class Picture {
     }
     const { words, grey } = this;
     for (let i = 0; i < data.length; i++) words[i] = grey[data[i]];
-    // Attenuation has a value inside the sector only; 0 leaves the picture as it is.
+    // Attenuation has a value only inside the sector; 0 leaves the picture unchanged.
     if (overlays.attenuation) this.mix(overlays.attenuation, this.attenuationColours, null);
     if (overlays.segmentation) this.mix(overlays.segmentation, this.tissueColours, this.seen.fill(0));
     this.context.putImageData(this.image, 0, 0);
   }
 
-  /** Shows a picture that was kept. */
+  /** Shows a picture of the cine loop. */
   show(bitmap) {
     if (this.canvas.width !== bitmap.width || this.canvas.height !== bitmap.height) {
       Object.assign(this.canvas, { width: bitmap.width, height: bitmap.height });

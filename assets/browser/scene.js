@@ -1,4 +1,4 @@
-// The 3-D view: the scene with the live probe and its fan beside the picture.
+// 3-D view: the scene with the live probe and its fan, next to the picture.
 
 import { letGo, letGoAfterPointer, spoken } from "./accessibility.js";
 import { SceneGl } from "./scene_gl.js";
@@ -8,15 +8,15 @@ const byId = (id) => document.getElementById(id);
 const add = (a, b, k = 1) => a.map((v, i) => v + k * b[i]);
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-/** Rest after a live frame of the view, in durations of its drawing: the picture comes first where WebGL runs on the CPU. */
+/** Pause after drawing a live frame, as a multiple of its drawing time. The picture takes precedence if WebGL runs on the CPU. */
 const REST = 3;
 const AXES = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
-/** Turn by an arrow key, degrees; way by one with Shift, parts of the view's height; zoom by plus and minus. */
+/** Rotation by an arrow key, degrees; shift with Shift, parts of the view's height; zoom by plus and minus. */
 const KEY_TURN_DEG = 5;
 const KEY_WAY = 0.05;
 const KEY_ZOOM = 1.2;
 
-/** Reads what `/scene` answers; src/sink/browser/scene.rs has the layout. */
+/** Decodes the answer to `/scene`; src/sink/browser/scene.rs has its layout. */
 export function decodeScene(buffer) {
   const view = new DataView(buffer);
   if (buffer.byteLength < 12 || view.getUint32(0) !== 0x494e5356) throw new Error("not a scene of insonify");
@@ -59,7 +59,7 @@ export class Scene3d {
     this.listen();
   }
 
-  /** The view as it is at first. */
+  /** Resets the view. */
   startOver() {
     [this.azimuth, this.elevation, this.zoom, this.pan] = [35, 20, 1, [0, 0]];
   }
@@ -79,7 +79,7 @@ export class Scene3d {
     this.redraw();
   }
 
-  /** A station that was started again may hold another scene. */
+  /** Forgets the scene, because a restarted station may have another. */
   forget() {
     this.scene = null;
     if (this.isOpen && this.gl) this.fetch();
@@ -117,7 +117,7 @@ export class Scene3d {
     this.redraw();
   }
 
-  /** The newest frame: where the probe is and what it sees. */
+  /** Shows the newest frame: pose and image of the probe. */
   show(frame) {
     this.frame = frame;
     if (this.isOpen && !this.resting) this.redraw();
@@ -134,7 +134,7 @@ export class Scene3d {
     });
   }
 
-  /** Draws no newer frame until this one is done and the rest is over. A user's change is drawn at once. */
+  /** Delays newer frames until this one is drawn and the pause is over. A change by the user is drawn at once. */
   rest(drawn) {
     const start = performance.now();
     const isDone = this.gl.fence();
@@ -155,7 +155,7 @@ export class Scene3d {
     return { shift: [x, y, z], columns: columns(quaternion) };
   }
 
-  /** Right, up and forward of the view; it rides on the probe while it follows. */
+  /** Axes of the view: right, up and forward. They move with the probe if the view follows it. */
   basis(pose) {
     const views = { anatomical: [AXES[2], AXES[1]], lps: [[0, -1, 0], AXES[2]] };
     let [back, up] = views[this.scene.axes] ?? [AXES[1], [0, 0, -1]];
@@ -177,7 +177,7 @@ export class Scene3d {
     const depth = this.frame?.settings.depth_mm ?? 100;
     const follow = byId("scene_follow").checked && pose;
     const middle = follow ? add(pose.shift, pose.columns[2], depth / 2) : this.centre;
-    // The first fan is within the picture, and the scale stays.
+    // The first fan fits into the view, and the scale stays.
     if (pose) this.reach ??= Math.max(...[-45, depth].map((z) => Math.hypot(...add(add(pose.shift, pose.columns[2], z), this.centre, -1))));
     const reach = (follow ? 0.75 * depth : Math.max(this.radius, this.reach ?? 0)) / this.zoom;
     const target = add(add(middle, right, this.pan[0]), up, this.pan[1]);
@@ -193,7 +193,7 @@ export class Scene3d {
     this.panel.dataset.drawn = String(Number(this.panel.dataset.drawn ?? 0) + 1);
   }
 
-  /** Plane of the cut, its normal toward the viewer. */
+  /** Plane of the cut, with its normal towards the viewer. */
   cut(pose, forward) {
     const kind = byId("scene_cut").value;
     const slider = byId("scene_cut_place");
@@ -215,7 +215,7 @@ export class Scene3d {
     return [...normal.map((v) => sign * v), sign * offset];
   }
 
-  /** Turns the view, degrees to the right and down. */
+  /** Rotates the view to the right and down, degrees. */
   turn(right, down) {
     this.azimuth = (this.azimuth - right) % 360;
     this.elevation = Math.min(Math.max(this.elevation + down, -89), 89);
@@ -223,7 +223,7 @@ export class Scene3d {
     this.redraw();
   }
 
-  /** Moves the scene, parts of the view's height to the right and down. */
+  /** Moves the scene to the right and down, parts of the view's height. */
   move(right, down) {
     const scale = (2 * (this.radius ?? 1)) / this.zoom;
     this.pan = [this.pan[0] - right * scale, this.pan[1] + down * scale];
@@ -235,7 +235,7 @@ export class Scene3d {
     this.redraw();
   }
 
-  /** A key while the view has the focus. */
+  /** Handles a key while the view has the focus. */
   pressed(event) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];

@@ -1,8 +1,8 @@
-// WebGL 2 for the 3-D view: surfaces and the fan, in a parallel projection.
+// WebGL 2 renderer of the 3-D view: surfaces and the fan in a parallel projection.
 
 const VERTEX = `#version 300 es
 layout(location = 0) in vec3 position;
-layout(location = 1) in vec2 place;
+layout(location = 1) in vec2 image_position;
 uniform mat3 turn;      // scene_from_model
 uniform vec3 shift;
 uniform mat3 view;      // rows: right, up, forward
@@ -12,7 +12,7 @@ out vec3 in_scene;
 out vec2 at;
 void main() {
   in_scene = turn * position + shift;
-  at = place;
+  at = image_position;
   gl_Position = vec4(view * (in_scene - target) / half_size, 1.0);
 }`;
 
@@ -28,7 +28,7 @@ void main() {
   if (cut.xyz != vec3(0.0) && dot(cut.xyz, in_scene) > cut.w) discard;
   vec3 normal = normalize(cross(dFdx(in_scene), dFdy(in_scene)));
   float lit = 0.3 + 0.7 * abs(dot(normal, light));
-  // What a cut lays open is flat: the inside of its surface.
+  // At a cut the inside of a surface is visible; it is drawn flat.
   if (cut.xyz != vec3(0.0) && !gl_FrontFacing) lit = 0.62;
   shown = vec4(colour.rgb * lit * colour.a, colour.a);
 }`;
@@ -52,9 +52,9 @@ in vec2 at;
 out vec4 shown;
 void main() { shown = vec4(1.0, 0.8, 0.35, 1.0); }`;
 
-/** Opacity from which a surface hides what is behind it. */
+/** Opacity from which on a surface hides what is behind it. */
 const SOLID = 0.95;
-/** Opacity from which a surface hides its own back. */
+/** Opacity from which on a surface hides its own back. */
 const GLASS = 0.3;
 const FAN_STEPS = 64;
 
@@ -77,11 +77,11 @@ function program(gl, fragment) {
   return { made, uniforms };
 }
 
-/** Draws a scene packet; `null` from `open` where there is no WebGL 2. */
+/** Renderer of a scene packet. `open` returns `null` without WebGL 2. */
 export class SceneGl {
   static open(canvas) {
     const settings = { alpha: false, preserveDrawingBuffer: true };
-    // Smooth edges only where a GPU draws them.
+    // Edges are smoothed only if a GPU draws them.
     const gl = canvas.getContext("webgl2", { ...settings, antialias: true, failIfMajorPerformanceCaveat: true })
       ?? canvas.getContext("webgl2", { ...settings, antialias: false });
     return gl && new SceneGl(gl);
@@ -127,7 +127,7 @@ export class SceneGl {
     gl.bindVertexArray(null);
   }
 
-  /** The frame's grey levels become the fan's image. */
+  /** Makes the frame's grey levels the image in the fan. */
   setImage(frame) {
     const { gl } = this;
     gl.bindTexture(gl.TEXTURE_2D, this.texture);
@@ -145,7 +145,7 @@ export class SceneGl {
     ]) gl.texParameteri(gl.TEXTURE_2D, key, value);
   }
 
-  /** Strip between the face and the far arc of `probe`, in the probe frame, with places in `frame`'s image. */
+  /** Strip between the face and the far arc of `probe` in the probe frame, with texture positions in the image of `frame`. */
   setFan(probe, frame) {
     const { gl } = this;
     const { pixelMm, width, height, faceRow } = frame;
@@ -164,7 +164,7 @@ export class SceneGl {
         push((radius + depth) * sin, (radius + depth) * cos - radius);
       }
     }
-    // The outline again, as a loop: face, then the far end back.
+    // The outline is the same points as a loop: the face, then the far end back.
     const corner = (i) => values.slice(5 * i, 5 * i + 5);
     const loop = [];
     for (let i = 0; i <= FAN_STEPS; i++) loop.push(...corner(2 * i));
@@ -173,7 +173,7 @@ export class SceneGl {
     gl.bufferData(gl.ARRAY_BUFFER, new Float32Array([...values, ...loop]), gl.DYNAMIC_DRAW);
   }
 
-  /** Whether all that was drawn until now is done, as a function to ask. A lost context counts as done. */
+  /** A function that tells whether everything drawn so far is finished. A lost context counts as finished. */
   fence() {
     const { gl } = this;
     const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
@@ -185,7 +185,7 @@ export class SceneGl {
     };
   }
 
-  /** Notes the depth of what `draw` draws, so that only its front is drawn afterwards. */
+  /** Draws only the depth of what `draw` draws, so that afterwards only its front is visible. */
   front(draw) {
     const { gl } = this;
     gl.colorMask(false, false, false, false);
@@ -196,8 +196,8 @@ export class SceneGl {
   }
 
   /**
-   * `camera`: { right, up, forward, target, half: [x, y, z] }, `looks`: [{ colour, opacity, probe }] a surface,
-   * `pose`: { turn (columns), shift } or null, `cut`: [x, y, z, offset] or null.
+   * `camera`: { right, up, forward, target, half: [x, y, z] }; `looks`: [{ colour, opacity, probe }], one per surface;
+   * `pose`: { turn (columns), shift } or null; `cut`: [x, y, z, offset] or null.
    */
   draw(camera, looks, pose, cut, withImage) {
     const { gl } = this;
@@ -241,7 +241,7 @@ export class SceneGl {
       gl.bindTexture(gl.TEXTURE_2D, this.texture);
       gl.drawArrays(gl.TRIANGLE_STRIP, 0, 2 * FAN_STEPS + 2);
     }
-    // Seen through: the most transparent hold the others, and come last.
+    // Transparent surfaces: the most transparent ones enclose the others, and are drawn last.
     gl.depthMask(false);
     for (const { index, opacity } of shown.filter((l) => l.opacity < SOLID).sort((a, b) => b.opacity - a.opacity)) {
       if (opacity >= GLASS) this.front(() => part(index, opacity));

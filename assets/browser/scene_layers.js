@@ -1,4 +1,4 @@
-// Layers and tissues of the 3-D view: which surfaces are shown, and how opaque.
+// Layers and tissues of the 3-D view: which surfaces are visible, and how opaque they are.
 
 import { letGo, letGoAfterPointer } from "./accessibility.js";
 import { show } from "./controls.js";
@@ -25,7 +25,7 @@ function switchOf(text, isChecked, colour, changed) {
 }
 
 export class SceneLayers {
-  /** `changed()` is called after a change of what is shown. */
+  /** `changed()` is called after each change of visibility. */
   constructor(changed) {
     this.changed = changed;
     this.layers = [];
@@ -37,7 +37,7 @@ export class SceneLayers {
     }
   }
 
-  /** Builds the lists for a scene of `layers` and `bodies`, its surfaces without the probe. */
+  /** Builds the lists for a scene of `layers` and `bodies` (its surfaces without the probe). */
   load(layers, bodies) {
     this.layers = layers.map(({ name, opacity, is_shown }) => ({ name, opacity, isShown: is_shown }));
     this.hidden.clear();
@@ -54,7 +54,7 @@ export class SceneLayers {
     this.showBoxes();
   }
 
-  /** Shows or hides a tissue. One whose layers are hidden is shown with them. */
+  /** Shows or hides a tissue. If its layers are hidden, they are shown with it. */
   showTissue({ tissue, layers }, isShown) {
     if (isShown) {
       this.hidden.delete(tissue);
@@ -66,7 +66,7 @@ export class SceneLayers {
     this.changed();
   }
 
-  /** Checks the boxes of what is shown. */
+  /** Checks the boxes of everything that is visible. */
   showBoxes() {
     for (const { isShown, box } of this.layers) box.checked = isShown;
     for (const { tissue, layers, box } of this.tissues) {
@@ -102,7 +102,7 @@ export class SceneLayers {
     return row;
   }
 
-  /** Opacity of a surface, 0..1; 0 for a hidden one. */
+  /** Opacity of a surface, 0..1; 0 if it is hidden. */
   opacity({ layer, part, tissue }) {
     const entry = this.layers[layer];
     // The probe is in no layer.

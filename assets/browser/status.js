@@ -1,14 +1,14 @@
-// Badges, banner, figures and the curve of latencies.
+// Badges, banner, figures, and the chart of latencies.
 
 import { Announcer } from "./accessibility.js";
 import { SOURCES } from "./wire.js";
 
 const byId = (id) => document.getElementById(id);
 const HISTORY = 240;
-/** Greatest age of a latency in the figures, ms: in that of the last frame, and in the percentile. */
+/** Largest age of the latencies in the figures, ms: for the last frame, and for the percentile. */
 const [LAST_MS, RECENT_MS] = [2000, 10000];
 
-/** Texts over the picture, worst first. */
+/** Texts over the picture, the most severe first. */
 const BANNERS = {
   disconnected: ["NO CONNECTION", "the picture is not live; connecting again…"],
   silent: ["NO NEW FRAMES", "nothing new arrives; the picture is not live"],
@@ -36,17 +36,17 @@ function badge(element, text, kind) {
 
 export class Status {
   constructor() {
-    /** Latencies of recent frames with a new pose, and when they arrived. */
+    /** Latencies of recent frames with a new pose, and the times of their arrival. */
     this.latencies = [];
     this.arrivals = [];
     this.noticeTimer = 0;
-    /** State of the run, of the banner and of the contact, as announced last. */
+    /** States of the run, the banner and the contact that were announced last. */
     this.announced = { run: "", banner: null, contact: "contact" };
     this.announcer = new Announcer(byId("announcer"));
     this.context = byId("sparkline").getContext("2d");
   }
 
-  /** `state`: a key of BANNERS, or null where the picture can be trusted. `detail` replaces the second line. */
+  /** `state`: a key of BANNERS, or null if the picture can be trusted. `detail` replaces the second line. */
   banner(state, detail) {
     const element = byId("banner");
     element.hidden = !state;
@@ -61,7 +61,7 @@ export class Status {
     element.querySelector("span").textContent = detail || text;
   }
 
-  /** Nothing is known about the station now: no badge stays lit. */
+  /** Switches all badges off, because the station's state is unknown. */
   unknown() {
     for (const id of ["source", "tracking"]) badge(byId(id), "–", "");
     byId("contact").hidden = true;
@@ -70,14 +70,14 @@ export class Status {
     byId("dropped").textContent = "–";
   }
 
-  /** Takes the newest frame. */
+  /** Stores the newest frame. */
   frame(frame, now) {
     this.arrivals.push(now);
     while (this.arrivals.length && this.arrivals[0] < now - 1000) this.arrivals.shift();
     if (frame.latencyMs !== null) this.latencies.push({ time: now, ms: frame.latencyMs });
   }
 
-  /** Says what is known about the picture that is shown. */
+  /** Updates badges for the picture that is shown. */
   picture(frame) {
     const kinds = ["", "good", "warn"];
     badge(byId("source"), SOURCES[frame.source] ?? "?", kinds[frame.source] ?? "");
@@ -98,7 +98,7 @@ export class Status {
     this.announced.run = state;
   }
 
-  /** Figures that needn't change with every frame. */
+  /** Updates figures that needn't change with every frame. */
   figures(now) {
     const recent = this.arrivals.filter((time) => time > now - 1000);
     byId("rate").textContent = recent.length ? String(recent.length) : "–";
@@ -106,7 +106,7 @@ export class Status {
     const last = this.latencies.at(-1);
     byId("latency").textContent = last && last.time > now - LAST_MS ? `${last.ms.toFixed(0)} ms` : "–";
     const sorted = this.latencies.map(({ ms }) => ms).sort((a, b) => a - b);
-    // Nearest rank, as in the station's summary.
+    // Percentile by nearest rank, as in the station's summary.
     const p95 = sorted[Math.ceil(0.95 * sorted.length) - 1];
     byId("latency_p95").textContent = p95 === undefined ? "–" : `${p95.toFixed(0)} ms`;
     this.sparkline();
@@ -117,7 +117,7 @@ export class Status {
     const latencies = this.latencies.slice(-HISTORY).map(({ ms }) => ms);
     const { width, height } = context.canvas;
     context.clearRect(0, 0, width, height);
-    // At least 100 ms high, so that a calm curve looks calm.
+    // The chart is at least 100 ms high, so that small changes look small.
     const most = Math.max(100, ...latencies);
     const y = (ms) => height - 1 - (ms / most) * (height - 3);
     context.strokeStyle = "#2c353d";
@@ -134,12 +134,12 @@ export class Status {
     context.stroke();
   }
 
-  /** The station's text at the foot of the picture; an empty one clears it. It waits while the page says something. */
+  /** Shows the station's text at the foot of the picture; an empty text clears it. It waits while the page shows a message. */
   notice(text) {
     if (!this.noticeTimer) this.write(text, "");
   }
 
-  /** Something that the page says for some seconds. Only an error replaces an error. */
+  /** Shows a message of the page for some seconds. Only an error replaces an error. */
   say(text, isError = false) {
     if (byId("notice").className === "error" && this.noticeTimer && !isError) return;
     this.write(text, isError ? "error" : "");
@@ -160,7 +160,7 @@ export class Status {
     element.className = kind;
   }
 
-  /** The part of the face in contact, or that no hand can hold the probe there; hidden in scenes where everything is coupled. */
+  /** Shows the part of the face in contact, or that no hand can hold the probe there. Hidden if everything is coupled. */
   contact(contact, misplaced) {
     const element = byId("contact");
     element.hidden = !contact;
@@ -181,7 +181,7 @@ export class Status {
   }
 }
 
-/** Position, and the orientation as turns about x, then y, then z of the scene. */
+/** Position, and orientation as rotations about the scene's x, then y, then z axis. */
 function pose(pose) {
   const set = (name, value) => {
     byId(`pose_${name}`).textContent = value === undefined ? "–" : value.toFixed(1);
@@ -198,7 +198,7 @@ function pose(pose) {
   set("rz", degrees * Math.atan2(2 * (w * k + i * j), 1 - 2 * (j * j + k * k)));
 }
 
-/** The list of tissues in the picture; null hides it. */
+/** Shows the list of tissues in the picture; null hides it. */
 export function legend(tissues, seen) {
   const list = byId("legend");
   const shown = seen ? tissues.filter(({ number }) => seen[number]) : [];

@@ -1,20 +1,20 @@
-// How the picture lies in its stage: size, place, and inversion left to right and up to down.
+// Layout of the picture in its stage: size, position, and inversion left to right and up to down.
 
 export const FONT = '"Inter", "Segoe UI", "Helvetica Neue", "DejaVu Sans", system-ui, sans-serif';
-/** Between two texts of the caption. */
+/** Separator between two texts of the caption. */
 const BETWEEN = "   ·   ";
-/** Height of a line of the caption, and the room at its sides, CSS pixels at a scale of 1. */
+/** Height of a line of the caption, and space at its sides, CSS pixels at a scale of 1. */
 export const LINE = 16;
 const CAPTION_ASIDE = 10;
 /** Margins of the picture in its stage, CSS pixels at a scale of 1. */
 const MARGINS = { left: 46, right: 62, top: 44, bottom: 30 };
-/** Height of a stage whose marks have a scale of 1, CSS pixels. */
+/** Height of a stage at which marks have a scale of 1, CSS pixels. */
 const USUAL_HEIGHT = 860;
 
-/** Size of marks and texts: they grow with the stage, to be read from 3 m, and never shrink below 12 pixels. */
+/** Scale of marks and texts. They grow with the stage, to be legible from 3 m, and never shrink below 12 pixels. */
 export const markScale = (width, height) => Math.min(Math.max(Math.min(height / USUAL_HEIGHT, width / 1100), 1), 2.4);
 
-/** Size of a saved picture of `width` × `height` with its margins and the lines of its caption, pixels. */
+/** Size of a saved picture of `width` × `height` with its margins and its caption, pixels. */
 export function fileSize(width, height, captions) {
   const [w, h] = [width + MARGINS.left + MARGINS.right, height + MARGINS.top + MARGINS.bottom];
   return [w, h + LINE * (wrap(captions, w - 2 * CAPTION_ASIDE, 1).length - 1)];
@@ -22,7 +22,7 @@ export function fileSize(width, height, captions) {
 
 const measuring = document.createElement("canvas").getContext("2d");
 
-/** Lines of a caption, as few as fit into `width` at the marks' scale. There is one at least. */
+/** Lines of a caption: as few as fit into `width` at the scale of the marks, and at least one. */
 function wrap(captions, width, marks) {
   measuring.font = `${12 * marks}px ${FONT}`;
   const lines = [];
@@ -40,21 +40,21 @@ export class View {
     this.flipY = false;
     /** Texts under the picture. */
     this.captions = [];
-    /** Room that is left free at the foot of the stage, CSS pixels. */
+    /** Space that is left free at the foot of the stage, CSS pixels. */
     this.foot = 0;
   }
 
-  /** Where a picture of `width` × `height` lies in a stage: as large as fits, centred between the margins. */
+  /** Rectangle of a picture of `width` × `height` in a stage: as large as possible, centred between the margins. */
   fit(width, height, stageWidth, stageHeight) {
-    return this.place(width, height, stageWidth, stageHeight, markScale(stageWidth, stageHeight), this.foot);
+    return this.rectangle(width, height, stageWidth, stageHeight, markScale(stageWidth, stageHeight), this.foot);
   }
 
-  /** Where a picture of its own size lies in a file of `fileSize(width, height)`. */
+  /** Rectangle of a picture at its own size in a file of `fileSize(width, height)`. */
   inFile(width, height) {
-    return this.place(width, height, ...fileSize(width, height, this.captions), 1, 0);
+    return this.rectangle(width, height, ...fileSize(width, height, this.captions), 1, 0);
   }
 
-  place(width, height, stageWidth, stageHeight, marks, foot) {
+  rectangle(width, height, stageWidth, stageHeight, marks, foot) {
     const caption = wrap(this.captions, stageWidth - 2 * CAPTION_ASIDE * marks, marks);
     const bottom = MARGINS.bottom + LINE * (caption.length - 1);
     const room = {
@@ -71,20 +71,20 @@ export class View {
       scale,
       marks,
       caption,
-      /** Middle of the stage. */
+      /** Centre of the stage. */
       middle: stageWidth / 2,
       flipX: this.flipX,
       flipY: this.flipY,
     };
   }
 
-  /** CSS that turns the picture's canvas. */
+  /** CSS transform that inverts the picture's canvas. */
   get transform() {
     return `scale(${this.flipX ? -1 : 1}, ${this.flipY ? -1 : 1})`;
   }
 }
 
-/** A pixel of the picture in its stage. */
+/** Position in the stage of a pixel of the picture. */
 export function toStage(rect, { x, y }) {
   return {
     x: rect.flipX ? rect.x + rect.width - x * rect.scale : rect.x + x * rect.scale,
@@ -92,7 +92,7 @@ export function toStage(rect, { x, y }) {
   };
 }
 
-/** The pixel of the picture at a place of its stage. */
+/** Pixel of the picture at a position in the stage. */
 export function fromStage(rect, { x, y }) {
   return {
     x: (rect.flipX ? rect.x + rect.width - x : x - rect.x) / rect.scale,
@@ -100,7 +100,7 @@ export function fromStage(rect, { x, y }) {
   };
 }
 
-/** Draws a picture at its place, inverted as the view says. */
+/** Draws a picture into its rectangle, inverted as the view is. */
 export function drawPicture(context, canvas, rect) {
   context.save();
   context.translate(rect.x + (rect.flipX ? rect.width : 0), rect.y + (rect.flipY ? rect.height : 0));

@@ -1,4 +1,4 @@
-// Binary messages of the station; src/sink/browser/wire.rs has the table of their layout.
+// Decoder of the station's binary messages; src/sink/browser/wire.rs has the table of their layout.
 
 const FIXED_BYTES = 176;
 const VERSION = 4;
@@ -7,7 +7,7 @@ export const MAP = { IMAGE: 1, SEGMENTATION: 2, ATTENUATION: 3 };
 export const SOURCES = ["RAW", "GENERATED", "HELD GENERATED"];
 export const TRACKING = ["good", "held", "stuck", "stale", "lost"];
 
-/** Reads one message by the station's list of live settings. `data` is a view into `buffer`, not a copy. */
+/** Decodes one message by the station's list of live settings. `data` is a view into `buffer`, not a copy. */
 export function decode(buffer, settings) {
   if (buffer.byteLength < FIXED_BYTES) throw new Error(`a message of ${buffer.byteLength} bytes has no header`);
   const view = new DataView(buffer);
@@ -36,7 +36,7 @@ export function decode(buffer, settings) {
     faceRow: f64(32),
     tracking: TRACKING[view.getUint8(40)] ?? "lost",
     pose: flags & 1 ? numbers(48, 7) : null,
-    // Held, repeated and frozen poses have no latency: their age is not the station's.
+    // Held, repeated and frozen poses have no latency, because the station did not cause their age.
     latencyMs: flags & 16 ? presented - (flags & 2 ? firstByte : sampled) : null,
     misplaced: flags & 32 ? "deep" : flags & 64 ? "looks_out" : null,
     times: { firstByte, sampled, submitted, rendered, inferenceStart, inferenceEnd, presented },
@@ -50,7 +50,7 @@ export function decode(buffer, settings) {
   };
 }
 
-/** Values by their keys; a list where a setting has several. */
+/** Values of settings by key; an array for a setting with several values. */
 function settingsOf(settings, values) {
   let next = 0;
   const entries = settings.map(({ key, count }) => {
