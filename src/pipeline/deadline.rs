@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn near_is_near_in_place_and_in_angle() {
+    fn near_is_near_in_position_and_in_angle() {
         let pose = |x: f64, deg: f64| Pose {
             position_mm: DVec3::X * x,
             orientation: DQuat::from_rotation_y(deg.to_radians()),

@@ -339,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn points_of_one_name_or_place_are_refused() {
+    fn points_of_one_name_or_position_are_refused() {
         let mut all = points();
         assert_eq!(distinct(&all), Ok(()));
         all[2].name = "a".into();

@@ -56,7 +56,7 @@ fn smooth(fraction: f64, depth_mm: f64) -> u8 {
 }
 
 #[test]
-fn the_grid_shows_what_lies_at_its_places() {
+fn the_grid_shows_the_picture_at_its_positions() {
     for kind in [CONVEX, ProbeKind::Linear { width_mm: 60.0 }, ProbeKind::Phased { fov_deg: 80.0 }] {
         let geometry = geometry(kind);
         let maps = Maps::of(&geometry, smooth);
@@ -96,7 +96,7 @@ fn a_picture_comes_back_from_the_grid() {
 }
 
 #[test]
-fn padded_values_are_read_at_their_place() {
+fn padded_values_are_read_at_their_offsets() {
     let geometry = geometry(CONVEX);
     let maps = Maps::of(&geometry, smooth);
     let sampling = BeamSampling::new(GRID, geometry);

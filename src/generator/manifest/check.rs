@@ -28,7 +28,7 @@ impl Manifest {
             return Err(format!("parity.tolerance is {}; it must be above 0 and at most 16", self.parity.tolerance));
         }
         for file in [&self.parity.input, &self.parity.output] {
-            if !is_file_beside(file) {
+            if !is_file_name(file) {
                 return Err(format!("parity file `{file}` must be the name of a file beside the manifest"));
             }
         }
@@ -125,7 +125,7 @@ impl Manifest {
 }
 
 /// Whether `name` is a plain file name, which leads to no other folder.
-pub(super) fn is_file_beside(name: &str) -> bool {
+pub(super) fn is_file_name(name: &str) -> bool {
     Path::new(name).file_name().and_then(|n| n.to_str()) == Some(name)
 }
 

@@ -16,7 +16,7 @@ mod quantised;
 mod text;
 
 pub use beam_grid::BeamGrid;
-use check::{is_file_beside, is_sha256};
+use check::{is_file_name, is_sha256};
 pub use quantised::Quantised;
 
 /// A generator's manifest.

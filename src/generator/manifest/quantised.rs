@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{is_file_beside, is_sha256};
+use super::{is_file_name, is_sha256};
 use crate::settings::Precision;
 
 /// The same model with rounded weights and values. It has its own `.onnx` file and its own expected output for the
@@ -46,7 +46,7 @@ impl Quantised {
         if !self.psnr_db.is_finite() {
             return Err(format!("precision.psnr_db is {}; it must be finite", self.psnr_db));
         }
-        match [&self.model, &self.output].into_iter().find(|file| !is_file_beside(file)) {
+        match [&self.model, &self.output].into_iter().find(|file| !is_file_name(file)) {
             Some(file) => Err(format!("precision: `{file}` must be the name of a file beside the manifest")),
             None => Ok(()),
         }

@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn a_placement_is_told_once_after_two_seconds_and_taken_back_after_one() {
+    fn a_placement_is_reported_once_after_two_seconds_and_taken_back_after_one() {
         let found = changes(|tenth| (10..60).contains(&tenth));
         assert_eq!(found, [(30, PlacementChange::Wrong(WRONG)), (70, PlacementChange::Right)]);
     }
