@@ -157,13 +157,14 @@ classified! {
 
 #[cfg(test)]
 mod tests {
+    use insonify::files::FileError;
+
     use super::*;
 
     #[test]
     fn a_cause_is_told_once() {
-        let path = std::path::PathBuf::from("a.toml");
-        let source = std::io::Error::other("gone");
-        let error = anyhow::Error::new(StationError::Io { path, source });
+        let error = FileError::at("read the station file", Path::new("a.toml"))(std::io::Error::other("gone"));
+        let error = anyhow::Error::new(StationError::File(error));
         assert_eq!(paragraph(&error), "cannot read the station file a.toml: gone");
         assert_eq!(paragraph(&error.context("no demo")), "no demo: cannot read the station file a.toml: gone");
     }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use crate::exam::ExamError;
+use crate::files::FileError;
 use crate::phantom::ParametersError;
 use crate::render::RenderError;
 use crate::settings::SettingsError;
@@ -16,13 +17,8 @@ use crate::station::StationError;
 #[non_exhaustive]
 pub enum DatasetError {
     /// Failed file access.
-    #[error("cannot read {path}: {source}")]
-    Io {
-        /// File or directory.
-        path: PathBuf,
-        /// Cause.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
     /// An invalid `dataset.json`.
     #[error("{path} is no data set's header: {source}")]
     Header {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::sum::sha256;
 use super::{ATTENUATION_POWER, DatasetError, FORMAT, HEADER_FILE, Header, PLANES, Row, Split};
-use crate::files::{self, FileKind};
+use crate::files::{self, FileError, FileKind};
 
 /// Number of digits of a mask's SHA-256 in the mask's file name.
 pub(super) const MASK_DIGITS: usize = 16;
@@ -52,8 +52,7 @@ impl Header {
     /// The header is missing or invalid, or has another format version.
     pub fn load(directory: &Path) -> Result<Self, DatasetError> {
         let path = directory.join(HEADER_FILE);
-        let text = files::read(&path, FileKind::DatasetHeader)
-            .map_err(|source| DatasetError::Io { path: path.clone(), source })?;
+        let text = files::read(&path, FileKind::DatasetHeader).map_err(FileError::at("read", &path))?;
         let header: Self =
             serde_json::from_slice(&text).map_err(|source| DatasetError::Header { path: path.clone(), source })?;
         if header.format != FORMAT {
@@ -138,7 +137,7 @@ fn digits_of(mask: &str) -> &str {
 /// # Errors
 /// The directory cannot be read.
 pub fn manifests(directory: &Path) -> Result<Vec<PathBuf>, DatasetError> {
-    let failed = |source| DatasetError::Io { path: directory.to_owned(), source };
+    let failed = FileError::at("read", directory);
     let mut manifests = Vec::new();
     for entry in std::fs::read_dir(directory).map_err(failed)? {
         let path = entry.map_err(failed)?.path();
@@ -156,8 +155,7 @@ pub fn manifests(directory: &Path) -> Result<Vec<PathBuf>, DatasetError> {
 /// # Errors
 /// The file cannot be read, or a complete line is not a row.
 pub fn read_rows(path: &Path) -> Result<(Vec<Row>, u64), DatasetError> {
-    let text = files::read(path, FileKind::DatasetRows)
-        .map_err(|source| DatasetError::Io { path: path.to_owned(), source })?;
+    let text = files::read(path, FileKind::DatasetRows).map_err(FileError::at("read", path))?;
     let (mut rows, mut whole) = (Vec::new(), 0);
     for (number, line) in text.split_inclusive(|&byte| byte == b'\n').enumerate() {
         let is_last_and_cut = !line.ends_with(b"\n");
@@ -177,7 +175,7 @@ pub fn read_rows(path: &Path) -> Result<(Vec<Row>, u64), DatasetError> {
 
 /// Bytes of an array, which must have this shape and a SHA-256 that starts with `digits`.
 fn read(path: &Path, shape: &[usize], digits: &str) -> Result<Vec<u8>, DatasetError> {
-    let failed = |source| DatasetError::Io { path: path.to_owned(), source };
+    let failed = FileError::at("read", path);
     let bytes = files::read(path, FileKind::Array).map_err(failed)?;
     let npy = files::npy(&bytes).map_err(failed)?;
     let found: Vec<usize> = npy.shape().iter().map(|&n| n as usize).collect();

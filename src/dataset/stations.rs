@@ -5,17 +5,17 @@ use std::path::{Path, PathBuf};
 use super::sum::sha256;
 use super::{Dataset, DatasetError, Exam, HEADER_FILE, Header, Row, ScanRow, StationRow};
 use crate::anatomy::planes::file_beside;
-use crate::files::{self, FileKind};
+use crate::files::{self, FileError, FileKind};
 use crate::station::{SceneSource, Station};
 
 /// Contents of a station or scene file.
 pub(super) fn read(path: &Path, kind: FileKind) -> Result<Vec<u8>, DatasetError> {
-    files::read(path, kind).map_err(|source| DatasetError::Io { path: path.to_owned(), source })
+    Ok(files::read(path, kind).map_err(FileError::at("read", path))?)
 }
 
 /// Text of a station file.
 pub(super) fn read_station(path: &Path) -> Result<String, DatasetError> {
-    files::read_text(path, FileKind::Station).map_err(|source| DatasetError::Io { path: path.to_owned(), source })
+    Ok(files::read_text(path, FileKind::Station).map_err(FileError::at("read", path))?)
 }
 
 impl StationRow {
@@ -28,8 +28,7 @@ impl StationRow {
         let text = read(&station.path, FileKind::Station)?;
         let name = station.path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
         let directory = station.path.parent().filter(|d| !d.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let directory =
-            directory.canonicalize().map_err(|source| DatasetError::Io { path: directory.to_owned(), source })?;
+        let directory = directory.canonicalize().map_err(FileError::at("read", directory))?;
         let sum_of = |path: &Path| read(path, FileKind::Scene).map(|bytes| sha256(&bytes));
         Ok(Self {
             file: format!("stations/{name}_{}.toml", &sha256(&text)[..16]),

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::dataset::{Dataset, Row as TupleRow};
-use crate::files::{self, FileKind};
+use crate::files::{self, FileError, FileKind};
 use crate::quality::Scanlines;
 use crate::station::{Station, StationError};
 use crate::transducer::{Probe, ScanGeometry};
@@ -27,8 +27,7 @@ impl Scan {
 /// Probe of a row, from the station's file in the data set. Its scene need not exist.
 pub(super) fn probe(dataset: &Dataset, row: &TupleRow) -> Result<Probe, StationError> {
     let path = dataset.directory.join(&row.station);
-    let text =
-        files::read_text(&path, FileKind::Station).map_err(|source| StationError::Io { path: path.clone(), source })?;
+    let text = files::read_text(&path, FileKind::Station).map_err(FileError::at("read the station file", &path))?;
     let directory = dataset.header.stations.iter().find(|s| s.file == row.station).map_or("", |s| &s.directory);
     Ok(Station::parse(&text, Path::new(directory))?.probe)
 }

@@ -1,10 +1,11 @@
 //! Errors of generators.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use thiserror::Error;
 
 use super::{Precision, Provider};
+use crate::files::FileError;
 
 /// Oldest minor version of ONNX Runtime 1 that generators can use.
 pub(super) const ONNX_RUNTIME_MINOR: u32 = 24;
@@ -55,13 +56,8 @@ pub enum GeneratorError {
     #[error(transparent)]
     Runtime(#[from] RuntimeError),
     /// A file could not be read.
-    #[error("cannot read {path}: {source}")]
-    Io {
-        /// File.
-        path: PathBuf,
-        /// Cause.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
     /// A manifest that cannot be used.
     #[error("generator manifest {path}: {reason}")]
     Manifest {
@@ -232,11 +228,4 @@ pub enum GeneratorError {
         /// Message of ONNX Runtime.
         reason: String,
     },
-}
-
-impl GeneratorError {
-    /// Wraps an I/O error with its path.
-    pub(super) fn io(path: &Path) -> impl Fn(std::io::Error) -> Self {
-        move |source| Self::Io { path: path.to_owned(), source }
-    }
 }

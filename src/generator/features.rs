@@ -8,7 +8,7 @@ use ort::value::{Outlet, Tensor, TensorElementType, ValueType};
 
 use super::external_data::check_one_file;
 use super::{FeatureScale, GeneratorError, Runtime};
-use crate::files::{self, FileKind};
+use crate::files::{self, FileError, FileKind};
 use crate::quality::{CROP, FeatureExtractor, QualityError};
 
 /// Network `texture64`, written by `training/make_features.py`.
@@ -48,7 +48,7 @@ impl OnnxFeatures {
     /// # Errors
     /// The file can't be read, ONNX Runtime refuses the model, or its tensors have another shape.
     pub fn load(path: &Path, runtime: &Runtime, scale: FeatureScale) -> Result<Self, GeneratorError> {
-        let model = files::read(path, FileKind::Model).map_err(GeneratorError::io(path))?;
+        let model = files::read(path, FileKind::Model).map_err(FileError::at("read", path))?;
         let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         Self::of_model(stem, path, &model, runtime, scale)
     }

@@ -14,7 +14,7 @@ use super::precision::Stored;
 use super::session::{RunFailure, Session, check_hash};
 use super::tensor_values::Values;
 use super::{GeneratorError, Input, Precision, Provider, Runtime, Terminator};
-use crate::files::{self, FileKind};
+use crate::files::{self, FileError, FileKind};
 use crate::render::{Frame, Place};
 use crate::transducer::{Probe, ScanGeometry};
 
@@ -72,7 +72,7 @@ impl Generator {
         runtime: &Runtime,
         options: &LoadOptions,
     ) -> Result<Self, GeneratorError> {
-        let model = files::read(&stored.path, FileKind::Model).map_err(GeneratorError::io(&stored.path))?;
+        let model = files::read(&stored.path, FileKind::Model).map_err(FileError::at("read", &stored.path))?;
         check_hash(&stored.path, &model, &stored.sha256)?;
         let segmentation = manifest.segmentation.as_ref();
         let classes = segmentation.map(|s| ClassMap::of_tissues(s, options.tissues, path)).transpose()?;

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::manifest::ParityManifest;
 use super::{GeneratorError, Input};
-use crate::files::{self, FileKind};
+use crate::files::{self, FileError, FileKind};
 use crate::render::Frame;
 
 /// Largest side of a parity pair's planes, pixels.
@@ -84,17 +84,17 @@ pub(super) fn read(manifest_path: &Path, parity: &ParityManifest) -> Result<Pair
 
 /// Reads a `.npy` file of float32 in C order. Returns shape and values.
 fn read_npy(path: &Path) -> Result<(Vec<u64>, Vec<f32>), GeneratorError> {
-    let io = GeneratorError::io(path);
-    let bytes = files::read(path, FileKind::Array).map_err(&io)?;
-    let file = files::npy(&bytes).map_err(&io)?;
+    let io = FileError::at("read", path);
+    let bytes = files::read(path, FileKind::Array).map_err(io)?;
+    let file = files::npy(&bytes).map_err(io)?;
     let shape = file.shape().to_vec();
     if file.order() != npyz::Order::C {
-        return Err(io(std::io::Error::new(std::io::ErrorKind::InvalidData, "the array must be in C order")));
+        return Err(io(std::io::Error::new(std::io::ErrorKind::InvalidData, "the array must be in C order")).into());
     }
     // A broken header may claim more data than the file holds.
     let promised = shape.iter().try_fold(4u64, |product, n| product.checked_mul(*n));
     if promised.is_none_or(|promised| promised > bytes.len() as u64) {
-        return Err(io(std::io::Error::new(std::io::ErrorKind::UnexpectedEof, "the array is cut short")));
+        return Err(io(std::io::Error::new(std::io::ErrorKind::UnexpectedEof, "the array is cut short")).into());
     }
     Ok((shape, file.into_vec().map_err(io)?))
 }

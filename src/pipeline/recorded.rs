@@ -1,7 +1,6 @@
 //! Recording of a session: events, poses and settings, in addition to the tracker's bytes.
 
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use thiserror::Error;
@@ -9,7 +8,7 @@ use thiserror::Error;
 use super::clock::lock;
 use super::events::Observer;
 use super::shutdown::Part;
-use crate::files::{self, FileKind};
+use crate::files::{self, FileError, FileKind};
 use crate::pose::Estimate;
 use crate::recording::{
     Event, QueueLimits, Recorded, Recorder, RecorderError, RecorderHandle, RecordingError, RecordingInfo,
@@ -72,13 +71,8 @@ pub(super) fn settings_after(event: &Event, before: &LiveSettings) -> Option<Res
 #[derive(Debug, Error)]
 pub enum RecordError {
     /// The station file can't be read again.
-    #[error("cannot read the station file again: {path}: {source}")]
-    Station {
-        /// The file.
-        path: PathBuf,
-        /// Cause.
-        source: io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
     /// The directory can't be made.
     #[error(transparent)]
     Directory(#[from] SinkError),
@@ -105,7 +99,7 @@ pub fn start_recorder(
     start_time_ns: u64,
 ) -> Result<Recorder, RecordError> {
     let text = files::read_text(&station.path, FileKind::Station)
-        .map_err(|source| RecordError::Station { path: station.path.clone(), source })?;
+        .map_err(FileError::at("read the station file again:", &station.path))?;
     if let Some(directory) = path.parent().filter(|directory| !directory.as_os_str().is_empty()) {
         create_dir(directory)?;
     }

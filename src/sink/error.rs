@@ -4,17 +4,14 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+use crate::files::FileError;
+
 /// Error of a file or a live display.
 #[derive(Debug, Error)]
 pub enum SinkError {
-    /// The operating system refused.
-    #[error("cannot write {path}: {source}")]
-    Io {
-        /// File or directory.
-        path: PathBuf,
-        /// Cause.
-        source: std::io::Error,
-    },
+    /// Failed file access.
+    #[error(transparent)]
+    File(#[from] FileError),
     /// The image could not be encoded.
     #[error("cannot encode {path}: {source}")]
     Image {
@@ -85,9 +82,8 @@ pub enum SinkError {
 
 impl SinkError {
     /// Wraps an I/O error with the path it happened at.
-    pub fn io(path: &std::path::Path) -> impl FnOnce(std::io::Error) -> Self {
-        let path = path.to_owned();
-        move |source| Self::Io { path, source }
+    pub fn io(path: &std::path::Path) -> impl Fn(std::io::Error) -> Self {
+        move |source| FileError::at("write", path)(source).into()
     }
 }
 

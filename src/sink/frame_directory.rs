@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use thiserror::Error;
 
-use crate::files::{self, FileKind, GreyError, read_grey};
+use crate::files::{self, FileError, FileKind, GreyError, read_grey};
 use crate::generator::{Channel, Input, Manifest};
 use crate::settings::SettingsGroup;
 use crate::transducer::{Probe, ProbeKind, ScanGeometry};
@@ -18,13 +18,8 @@ pub enum FrameFileError {
     #[error(transparent)]
     Grey(#[from] GreyError),
     /// A file that can't be read.
-    #[error("cannot read {path}: {source}")]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Cause.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
     /// A file with another content.
     #[error("{path} {what}")]
     Content {
@@ -52,7 +47,7 @@ fn refused(path: &Path, what: impl Into<String>) -> FrameFileError {
 }
 
 fn bytes(path: &Path, kind: FileKind) -> Result<Vec<u8>> {
-    files::read(path, kind).map_err(|source| FrameFileError::Read { path: path.to_owned(), source })
+    Ok(files::read(path, kind).map_err(FileError::at("read", path))?)
 }
 
 /// Maps of a frame, read from a directory.
@@ -164,12 +159,12 @@ fn names(path: &Path) -> Result<Vec<String>> {
 }
 
 fn floats(path: &Path, shape: [u32; 2]) -> Result<Vec<f32>> {
-    let failed = |source| FrameFileError::Read { path: path.to_owned(), source };
+    let failed = FileError::at("read", path);
     let bytes = bytes(path, FileKind::Array)?;
     let file = files::npy(&bytes).map_err(failed)?;
     let shape = shape.map(u64::from);
     if file.shape() != shape {
         return Err(refused(path, format!("has the shape {:?}; the image's is {shape:?}", file.shape())));
     }
-    file.into_vec().map_err(failed)
+    Ok(file.into_vec().map_err(failed)?)
 }

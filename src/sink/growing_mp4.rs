@@ -55,7 +55,7 @@ impl GrowingMp4 {
         let file = if keep { names.create_keeping() } else { names.create() };
         let file = file.map_err(|error| match error {
             PartError::Busy { path } => SinkError::Busy { path },
-            PartError::Io { path, source } => SinkError::Io { path, source },
+            PartError::File(error) => error.into(),
         })?;
         let index = Mp4FileMuxer::new().map_err(failed(path))?;
         Ok(Self {
@@ -115,7 +115,7 @@ impl GrowingMp4 {
         if let Err(source) = written {
             // Removes a fragment that was cut short, so that it does not stand before a later one.
             let _ = self.file.set_len(self.length);
-            return Err(SinkError::Io { path: self.names.part.clone(), source });
+            return Err(SinkError::io(&self.names.part)(source));
         }
         self.length += self.block.len() as u64;
         self.index.advance_position(payload_at - self.indexed).map_err(failed())?;

@@ -7,6 +7,7 @@ use thiserror::Error;
 use super::accepts::Accepts;
 use crate::anatomy::planes::PlanesError;
 use crate::anatomy::{BvhError, SceneError, TissueError};
+use crate::files::FileError;
 use crate::phantom::CacheError;
 use crate::pose::{CalibrationError, PoseError};
 use crate::recording::RecordingError;
@@ -16,13 +17,8 @@ use crate::recording::RecordingError;
 #[non_exhaustive]
 pub enum StationError {
     /// The file could not be read.
-    #[error("cannot read the station file {path}: {source}")]
-    Io {
-        /// File.
-        path: PathBuf,
-        /// Cause.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
     /// An error with its file.
     #[error("station file {path}: {source}")]
     InFile {

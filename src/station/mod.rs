@@ -34,7 +34,7 @@ use crate::anatomy::doctor::{WrongSize, wrong_size};
 use crate::anatomy::import::{self, FindingKind};
 use crate::anatomy::planes::{self, StandardPlanes};
 use crate::anatomy::{Axes, Motion, Scene, SceneError, TissueTable};
-use crate::files::{self, FileKind};
+use crate::files::{self, FileError, FileKind};
 use crate::generator::generator_files;
 use crate::phantom::{self, PhantomOptions};
 use crate::pose::{self, CalibrationSource, FilterSettings, Pose};
@@ -119,8 +119,7 @@ impl Station {
     /// # Errors
     /// The file cannot be read, or an error of [`Station::parse`]. Each error names the file.
     pub fn load(path: &Path) -> Result<Self, StationError> {
-        let text = files::read_text(path, FileKind::Station)
-            .map_err(|source| StationError::Io { path: path.to_owned(), source })?;
+        let text = files::read_text(path, FileKind::Station).map_err(FileError::at("read the station file", path))?;
         let dir = path.parent().unwrap_or(Path::new(""));
         let station = Self::parse(&text, dir)
             .map_err(|source| StationError::InFile { path: path.to_owned(), source: Box::new(source) })?;

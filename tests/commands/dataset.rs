@@ -327,7 +327,7 @@ fn damaged_files_are_named() {
     std::fs::write(&file, &bytes[..bytes.len() - 1]).unwrap();
     assert!(matches!(data.tuple(&data.rows[0]), Err(DatasetError::Array { path, .. }) if path == file));
     std::fs::write(&file, vec![0; 40]).unwrap();
-    assert!(matches!(data.tuple(&data.rows[0]), Err(DatasetError::Io { path, .. }) if path == file));
+    assert!(matches!(data.tuple(&data.rows[0]), Err(DatasetError::File(error)) if error.path == file));
     std::fs::copy(out.join(&data.rows[0].mask), &file).unwrap();
     assert!(matches!(data.tuple(&data.rows[0]), Err(DatasetError::Array { path, .. }) if path == file));
     // A class that the header doesn't name.

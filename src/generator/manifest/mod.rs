@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::GeneratorError;
-use crate::files::{self, FileKind};
+use crate::files::{self, FileError, FileKind};
 use crate::render::FrameQuality;
 use crate::settings::Precision;
 
@@ -274,7 +274,7 @@ impl Manifest {
     /// # Errors
     /// A file that cannot be read, text that is no manifest, or values that contradict each other; each names the file.
     pub fn load(path: &Path) -> Result<Self, GeneratorError> {
-        let text = files::read_text(path, FileKind::Manifest).map_err(GeneratorError::io(path))?;
+        let text = files::read_text(path, FileKind::Manifest).map_err(FileError::at("read", path))?;
         Self::parse(&text).map_err(|reason| GeneratorError::Manifest { path: path.to_owned(), reason })
     }
 

@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use thiserror::Error;
 
 use super::{Axes, Mesh, Motion};
+use crate::files::FileError;
 
 /// A surface with the name of its tissue.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,13 +26,8 @@ pub struct LabelledSurface {
 #[derive(Debug, Error)]
 pub enum ExportError {
     /// The file could not be written.
-    #[error("cannot write {path}: {source}")]
-    Io {
-        /// File.
-        path: PathBuf,
-        /// Cause.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
     /// More bytes than the format's 32-bit lengths can express.
     #[error("{path} would hold {bytes} bytes; a .glb file holds less than 4 GiB")]
     TooLarge {
@@ -105,7 +101,7 @@ pub fn write_scene_glb(surfaces: &[LabelledSurface], extras: &SceneExtras, path:
 }
 
 fn write_with_extras(surfaces: &[LabelledSurface], extras: Option<Value>, path: &Path) -> Result<(), ExportError> {
-    let io = |source| ExportError::Io { path: path.to_owned(), source };
+    let io = FileError::at("write", path);
     let mut binary = Vec::new();
     let mut document = Document::default();
     for surface in surfaces {
@@ -306,6 +302,6 @@ mod tests {
     #[test]
     fn a_missing_folder_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
-        assert!(matches!(write_glb(&[], &folder.path().join("no/t.glb")), Err(ExportError::Io { .. })));
+        assert!(matches!(write_glb(&[], &folder.path().join("no/t.glb")), Err(ExportError::File(_))));
     }
 }

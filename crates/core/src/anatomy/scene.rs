@@ -6,6 +6,7 @@ use thiserror::Error;
 
 use super::motion::Motion;
 use super::{Axes, Mesh, TissueTable};
+use crate::files::FileError;
 use crate::suggest::did_you_mean;
 
 /// Largest number of surfaces in a scene: a path has one bit for each.
@@ -43,13 +44,8 @@ pub struct Scene {
 #[derive(Debug, Error)]
 pub enum SceneError {
     /// The file could not be read.
-    #[error("cannot read the scene {path}: {source}")]
-    Io {
-        /// File.
-        path: PathBuf,
-        /// Cause.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
     /// Not a glTF file, or a truncated one.
     #[error("{path} is not a whole glTF file: {reason}")]
     Format {

@@ -1,24 +1,19 @@
 //! Reading of grey images.
 
-use std::io::{self, BufReader};
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use image::ImageReader;
 use thiserror::Error;
 
-use super::{FileKind, open};
+use super::{FileError, FileKind, open};
 
 /// Error in reading a grey image.
 #[derive(Debug, Error)]
 pub enum GreyError {
     /// Failed file access.
-    #[error("cannot read {path}: {source}")]
-    Io {
-        /// File.
-        path: PathBuf,
-        /// Cause.
-        source: io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
     /// A file that is no image, or damaged.
     #[error("cannot read {path}: {source}")]
     Image {
@@ -40,7 +35,7 @@ pub enum GreyError {
 /// # Errors
 /// A file that cannot be read, is no image, or is not an 8-bit grey one.
 pub fn read_grey(path: &Path) -> Result<(Vec<u8>, [u32; 2]), GreyError> {
-    let failed = |source| GreyError::Io { path: path.to_owned(), source };
+    let failed = FileError::at("read", path);
     let file = BufReader::new(open(path, FileKind::Image).map_err(failed)?);
     let image = ImageReader::new(file).with_guessed_format().map_err(failed)?.decode();
     let image = image.map_err(|source| GreyError::Image { path: path.to_owned(), source })?;

@@ -1,6 +1,7 @@
 //! Files at the edge of the program: reading within limits of size, files that are not complete yet, and the cache.
 
 mod cache;
+mod error;
 mod grey;
 mod hex;
 mod inside;
@@ -15,6 +16,7 @@ mod stand_in;
 mod toml_reason;
 
 pub use cache::cache_directory;
+pub use error::FileError;
 pub use grey::GreyError;
 pub use grey::read_grey;
 pub use hex::hex;

@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+use super::FileError;
+
 /// Errors in partial files.
 #[derive(Debug, Error)]
 pub enum PartError {
@@ -16,13 +18,8 @@ pub enum PartError {
         path: PathBuf,
     },
     /// The operating system refused.
-    #[error("cannot write {path}: {source}")]
-    Io {
-        /// Partial file.
-        path: PathBuf,
-        /// Cause.
-        source: io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
 }
 
 /// Names of a file that is being written.
@@ -76,14 +73,14 @@ impl PartFile {
     }
 
     fn take_over(&self, left_over: impl FnOnce(File, &Path) -> io::Result<()>) -> Result<File, PartError> {
-        let failed = |source: io::Error| PartError::Io { path: self.part.clone(), source };
+        let failed = FileError::at("write", &self.part);
         match File::open(&self.part) {
             Ok(left) => {
                 self.lock(&left)?;
                 left_over(left, &self.part).map_err(failed)?;
             }
             Err(error) if error.kind() == io::ErrorKind::NotFound => {}
-            Err(error) => return Err(failed(error)),
+            Err(error) => return Err(failed(error).into()),
         }
         let file = OpenOptions::new().write(true).create_new(true).open(&self.part).map_err(failed)?;
         self.lock(&file)?;

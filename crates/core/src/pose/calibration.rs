@@ -27,7 +27,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::{POSITION_LIMIT_MM, Pose, PoseError};
-use crate::files::{self, FileKind};
+use crate::files::{self, FileError, FileKind};
 
 /// Version of the file format; other versions are refused.
 pub(crate) const CALIBRATION_VERSION: u32 = 1;
@@ -36,13 +36,8 @@ pub(crate) const CALIBRATION_VERSION: u32 = 1;
 #[derive(Debug, Error)]
 pub enum CalibrationError {
     /// The file could not be read.
-    #[error("cannot read the calibration file {path}: {source}")]
-    Read {
-        /// File.
-        path: PathBuf,
-        /// Cause.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
     /// The file that a station names is not there.
     #[error(
         "cannot read the calibration file {path}: there is no such file. `[calibration] path` of the station names it; `insonify calibrate landmarks --tracker STATION.toml` (the tracker in the scene) and `insonify calibrate probe --tracker STATION.toml` (the sensor on the probe) write it; without the key, the tracker's frame is the scene's"
@@ -140,7 +135,7 @@ impl Calibration {
     pub fn load(path: &Path) -> Result<Self, CalibrationError> {
         let text = files::read_text(path, FileKind::Calibration).map_err(|source| match source.kind() {
             std::io::ErrorKind::NotFound => CalibrationError::Missing { path: path.to_owned() },
-            _ => CalibrationError::Read { path: path.to_owned(), source },
+            _ => FileError::at("read the calibration file", path)(source).into(),
         })?;
         Self::parse(&text)
             .map_err(|source| CalibrationError::InFile { path: path.to_owned(), source: Box::new(source) })

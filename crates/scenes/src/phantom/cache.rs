@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use insonify_core::anatomy::export::{ExportError, write_moving_glb};
+use insonify_core::files::FileError;
 use tempfile::TempDir;
 use thiserror::Error;
 
@@ -10,6 +11,9 @@ use super::{PhantomError, PhantomOptions, PhantomSurface, Progress, build, movem
 
 /// Version of the generator's output; raised with every change to invalidate old files.
 const GENERATOR: &str = "obstetric-9";
+
+/// Action of an error.
+const MAKE_FOLDER: &str = "make the cache folder";
 
 /// Errors in obtaining a phantom file.
 #[derive(Debug, Error)]
@@ -21,13 +25,8 @@ pub enum CacheError {
     #[error(transparent)]
     Export(#[from] ExportError),
     /// The folder could not be created.
-    #[error("cannot make the cache folder {path}: {source}")]
-    Folder {
-        /// Folder.
-        path: PathBuf,
-        /// Cause.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
 }
 
 /// Path of the phantom of `options` as a .glb in `cache_dir`; builds it if this generator version has not done so yet.
@@ -75,7 +74,7 @@ pub fn cached_or_temporary(
         return Ok(PhantomFile { path, _temporary: None });
     };
     tracing::warn!("the generated scene is not kept, and will be built again: {error}");
-    let folder = tempfile::tempdir().map_err(|source| CacheError::Folder { path: std::env::temp_dir(), source })?;
+    let folder = tempfile::tempdir().map_err(FileError::at(MAKE_FOLDER, &std::env::temp_dir()))?;
     let path = write(&surfaces, options, folder.path())?;
     Ok(PhantomFile { path, _temporary: Some(folder) })
 }
@@ -83,7 +82,7 @@ pub fn cached_or_temporary(
 /// Writes a phantom into `folder`, which is made if missing.
 fn write(surfaces: &[PhantomSurface], options: &PhantomOptions, folder: &Path) -> Result<PathBuf, CacheError> {
     let path = folder.join(file_name(options));
-    std::fs::create_dir_all(folder).map_err(|source| CacheError::Folder { path: folder.to_owned(), source })?;
+    std::fs::create_dir_all(folder).map_err(FileError::at(MAKE_FOLDER, folder))?;
     write_moving_glb(surfaces, &movement(&options.parameters), &path)?;
     Ok(path)
 }

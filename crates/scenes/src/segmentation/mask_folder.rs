@@ -16,6 +16,7 @@ use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
 pub use error::MaskFolderError;
+use insonify_core::files::FileError;
 use insonify_core::names::{counted, listed, printable};
 
 use super::classes::{
@@ -162,7 +163,7 @@ fn left_out_words(stems: &[String], common: &CommonWords, table: &ClassTable) ->
 
 /// Volume files of a folder, by name.
 fn volume_files(folder: &Path) -> Result<Vec<PathBuf>, MaskFolderError> {
-    let fault = |error| MaskFolderError::Read { path: folder.to_owned(), error };
+    let fault = FileError::at("read the folder", folder);
     let (mut volumes, mut folders, mut others, mut has_dicom) = (Vec::new(), Vec::new(), 0usize, false);
     for entry in std::fs::read_dir(folder).map_err(fault)? {
         let path = entry.map_err(fault)?.path();

@@ -27,6 +27,7 @@
 
 use std::path::PathBuf;
 
+use insonify_core::files::FileError;
 use insonify_core::pose::{Pose, TrackingState};
 use thiserror::Error;
 
@@ -241,13 +242,8 @@ pub enum RecordingError {
         path: PathBuf,
     },
     /// The file could not be read.
-    #[error("cannot read the recording {path}: {source}")]
-    Read {
-        /// File.
-        path: PathBuf,
-        /// Cause.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
     /// The file doesn't exist, but the partial file of an interrupted recording does.
     #[error("the recording {path} was not finished; what was written of it is {part}")]
     Unfinished {

@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use insonify_core::files::{PartError, PartFile};
+use insonify_core::files::{FileError, PartError, PartFile};
 
 use super::RecordingError;
 
@@ -16,6 +16,6 @@ pub fn part_path(path: &Path) -> PathBuf {
 pub(super) fn create(path: &Path) -> Result<File, RecordingError> {
     PartFile::appended(path).create_keeping().map_err(|error| match error {
         PartError::Busy { path } => RecordingError::Busy { path },
-        PartError::Io { path, source } => RecordingError::Write { path, reason: source.to_string() },
+        PartError::File(FileError { path, source, .. }) => RecordingError::Write { path, reason: source.to_string() },
     })
 }

@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-use insonify_core::files::{self, FileKind};
+use insonify_core::files::{self, FileError, FileKind};
 use mcap::records::{self, Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{MAGIC, McapError};
@@ -81,7 +81,7 @@ impl RecordingReader<BufReader<File>> {
                 if source.kind() == io::ErrorKind::NotFound && part.is_file() {
                     return Err(RecordingError::Unfinished { path: path.to_owned(), part });
                 }
-                Err(RecordingError::Read { path: path.to_owned(), source })
+                Err(FileError::at("read the recording", path)(source).into())
             }
         }
     }
@@ -164,7 +164,7 @@ impl<R: Read> McapFile<R> {
                 self.ended = true;
                 Ok(())
             }
-            Err(McapError::Io(source)) => Err(RecordingError::Read { path: self.path.clone(), source }),
+            Err(McapError::Io(source)) => Err(FileError::at("read the recording", &self.path)(source).into()),
             Err(error) => {
                 self.ended = true;
                 self.cut(&error)

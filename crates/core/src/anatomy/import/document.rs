@@ -10,7 +10,7 @@ use percent_encoding::percent_decode_str;
 
 use super::extensions;
 use crate::anatomy::SceneError;
-use crate::files::{self, FileKind};
+use crate::files::{self, FileError, FileKind};
 
 /// Length of a binary glTF's header and its first chunk's header, bytes: the shortest file.
 const GLB_MIN: usize = 20;
@@ -24,8 +24,7 @@ pub(super) struct File {
 
 impl File {
     pub(super) fn read(path: &Path) -> Result<Self, SceneError> {
-        let bytes =
-            files::read(path, FileKind::Scene).map_err(|source| SceneError::Io { path: path.to_owned(), source })?;
+        let bytes = files::read(path, FileKind::Scene).map_err(FileError::at("read the scene", path))?;
         let format = |reason: String| SceneError::Format { path: path.to_owned(), reason };
         check_header(&bytes).map_err(format)?;
         let Gltf { document, mut blob } =

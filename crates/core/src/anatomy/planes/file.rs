@@ -6,7 +6,7 @@ use glam::DVec3;
 use thiserror::Error;
 
 use super::{PLANES_VERSION, StandardPlane, StandardPlanes, View};
-use crate::files::{self, FileKind};
+use crate::files::{self, FileError, FileKind};
 use crate::pose::POSITION_LIMIT_MM;
 
 /// Largest deviation of a direction's length from one, and of the cosine of angles between directions from zero.
@@ -26,13 +26,8 @@ pub enum PlanesError {
         path: PathBuf,
     },
     /// The file could not be read.
-    #[error("cannot read the standard planes {path}: {source}")]
-    Read {
-        /// File.
-        path: PathBuf,
-        /// Cause.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
     /// Not JSON, an unknown key, or a value of another type.
     #[error("standard planes {path}: {reason}")]
     Syntax {
@@ -89,7 +84,7 @@ pub fn beside(scene: &Path) -> Result<StandardPlanes, PlanesError> {
         Err(source) if source.kind() == std::io::ErrorKind::NotFound => {
             Err(PlanesError::None { scene: scene.to_owned(), path })
         }
-        Err(source) => Err(PlanesError::Read { path, source }),
+        Err(source) => Err(FileError { path, doing: "read the standard planes", source }.into()),
     }
 }
 

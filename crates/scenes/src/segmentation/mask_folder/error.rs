@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use insonify_core::files::FileError;
 use thiserror::Error;
 
 use super::super::volume::VolumeError;
@@ -10,13 +11,8 @@ use super::super::volume::VolumeError;
 #[derive(Debug, Error)]
 pub enum MaskFolderError {
     /// The operating system's refusal.
-    #[error("{path}: can't be read: {error}")]
-    Read {
-        /// Folder.
-        path: PathBuf,
-        /// Cause.
-        error: std::io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
     /// No volume file.
     #[error(
         "{path} has no masks: {found}. A folder is read if it holds one NIfTI or NRRD file per organ, as TotalSegmentator \

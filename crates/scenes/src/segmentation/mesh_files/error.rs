@@ -4,6 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 
 use insonify_core::anatomy::SceneError;
+use insonify_core::files::FileError;
 
 /// Place of a fault in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,13 +29,8 @@ impl fmt::Display for Position {
 #[non_exhaustive]
 pub enum MeshFileError {
     /// The file cannot be read, or has more than 2 GiB.
-    #[error("cannot read the mesh file {path}: {source}")]
-    Io {
-        /// File.
-        path: PathBuf,
-        /// Cause.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
     /// A picture or a volume.
     #[error("{path} is {kind}, not a mesh: `insonify scene from-labels` reads label maps (NIfTI, NRRD)")]
     Picture {

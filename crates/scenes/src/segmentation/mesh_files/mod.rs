@@ -34,7 +34,7 @@ pub use hints::FileHints;
 use draft::{Draft, Finisher};
 use error::Fault;
 use insonify_core::anatomy::groups::Groups;
-use insonify_core::files::{self, FileKind};
+use insonify_core::files::{self, FileError, FileKind};
 
 /// A mesh of a file.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -117,7 +117,7 @@ pub const EXTENSIONS: [&str; 7] = ["stl", "obj", "ply", "vtk", "vtp", "glb", "gl
 /// # Errors
 /// A file that cannot be read, has more than 2 GiB, is no mesh file, is damaged, or has no triangles.
 pub fn read_meshes(path: &Path) -> Result<MeshFile, MeshFileError> {
-    let read = |source| MeshFileError::Io { path: path.to_owned(), source };
+    let read = FileError::at("read the mesh file", path);
     let bytes = files::read(path, FileKind::Mesh).map_err(read)?;
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
     if let Some(kind) = picture(&bytes, path) {

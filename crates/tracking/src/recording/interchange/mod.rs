@@ -6,7 +6,7 @@
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-use insonify_core::files::{self, FileKind};
+use insonify_core::files::{self, FileError, FileKind};
 use insonify_core::pose::Pose;
 use thiserror::Error;
 
@@ -31,13 +31,8 @@ const UNIX_FROM_S: f64 = 1e8;
 #[derive(Debug, Error)]
 pub enum InterchangeError {
     /// The file could not be read.
-    #[error("cannot read {path}: {source}")]
-    Read {
-        /// File.
-        path: PathBuf,
-        /// Cause.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    Read(#[from] FileError),
     /// A line is wrong.
     #[error("{path}, line {line} (byte {byte}): {reason}")]
     Line {
@@ -118,7 +113,7 @@ pub fn read_rows(path: &Path, transform: &str) -> Result<Vec<TrackedRow>, Interc
     match extension.as_deref() {
         Some("mha" | "mhd") => tracked(Sequence::open(path)?.head(), transform, path),
         Some("csv" | "tsv") => {
-            let failed = |source| InterchangeError::Read { path: path.to_owned(), source };
+            let failed = FileError::at("read", path);
             csv::read(BufReader::new(files::open(path, FileKind::Table).map_err(failed)?), path)
         }
         Some("nrrd" | "nhdr") => Err(InterchangeError::file(
@@ -227,7 +222,7 @@ impl<R: BufRead> Lines<R> {
     fn next_line(&mut self) -> Result<Option<(Place, &str)>, InterchangeError> {
         self.text.clear();
         let read = self.source.by_ref().take(Self::LIMIT + 1).read_until(b'\n', &mut self.text);
-        let read = read.map_err(|source| InterchangeError::Read { path: self.path.clone(), source })? as u64;
+        let read = read.map_err(FileError::at("read", &self.path))? as u64;
         if read == 0 {
             return Ok(None);
         }

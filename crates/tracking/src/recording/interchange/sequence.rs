@@ -5,7 +5,7 @@ use std::io::{BufRead, BufReader, ErrorKind, Read, Take};
 use std::path::{Path, PathBuf};
 
 use flate2::bufread::ZlibDecoder;
-use insonify_core::files::{self, FileKind};
+use insonify_core::files::{self, FileError, FileKind};
 
 use super::meta_image::{Head, PixelStorage, read_head};
 use super::{InterchangeError, Lines};
@@ -37,7 +37,7 @@ impl Sequence<BufReader<File>> {
     pub fn open(path: &Path) -> Result<Self, InterchangeError> {
         match files::open(path, FileKind::Sequence) {
             Ok(file) => Self::from_source(BufReader::new(file), path),
-            Err(source) => Err(InterchangeError::Read { path: path.to_owned(), source }),
+            Err(source) => Err(FileError::at("read", path)(source).into()),
         }
     }
 }
@@ -96,7 +96,7 @@ impl<R: BufRead> Sequence<R> {
             Err(error) if matches!(self.source, Source::Zlib(_)) && error.raw_os_error().is_none() => {
                 format!("they are no zlib stream: {error}")
             }
-            Err(source) => return Err(InterchangeError::Read { path: self.path.clone(), source }),
+            Err(source) => return Err(FileError::at("read", &self.path)(source).into()),
         };
         let byte = self.next as u64 * image_bytes as u64 + image.len() as u64;
         Err(InterchangeError::Pixels { path: self.path.clone(), image: self.next, byte, reason })

@@ -18,7 +18,7 @@ use bytes::{BufMut, Bytes, BytesMut};
 use crc::{CRC_16_ARC, Crc, Table};
 use thiserror::Error;
 
-use insonify_core::files::{self, FileKind};
+use insonify_core::files::{self, FileError, FileKind};
 use insonify_core::pose::PoseError;
 
 mod bring_up;
@@ -114,7 +114,7 @@ impl Options {
     pub fn load_roms(mut self) -> Result<Self, RomError> {
         for path in std::mem::take(&mut self.rom_files) {
             let content = files::read(&path, FileKind::ToolDescription)
-                .map_err(|source| RomError::Read { path: path.clone(), source })?;
+                .map_err(FileError::at("read the tool description", &path))?;
             self.roms.push(pad_rom(content).map_err(|source| RomError::Content { path, source })?);
         }
         Ok(self)
@@ -125,13 +125,8 @@ impl Options {
 #[derive(Debug, Error)]
 pub enum RomError {
     /// The file could not be read.
-    #[error("cannot read the tool description {path}: {source}")]
-    Read {
-        /// File.
-        path: PathBuf,
-        /// Cause.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
     /// Not a tool description.
     #[error("{path}: {source}")]
     Content {
