@@ -54,37 +54,32 @@ pub(in super::super) fn version(start: &[u8]) -> Option<(u8, bool)> {
 }
 
 /// A NIfTI-1 header of `BYTES_1` bytes.
-pub(super) fn parse_1(bytes: &[u8]) -> Result<Header, VolumeFault> {
-    let parsed = ::nifti::NiftiHeader::from_reader(bytes);
-    let header = parsed.map_err(|error| VolumeFault::Header(format!("not a NIfTI-1 header: {error}")))?;
-    // The crate takes the byte order in which `dim[0]` is at most 7.
-    let big_endian = header.endianness == ::nifti::Endianness::Big;
-    if version(bytes) != Some((1, big_endian)) {
-        let stored = if big_endian { header.dim[0].swap_bytes() } else { header.dim[0] };
-        return Err(VolumeFault::Header(format!("dim[0] is {stored}; it must lie in 1..=7")));
-    }
-    // The crate reads these signed numbers as unsigned.
-    let dim = header.dim.map(|size| i64::from(size.cast_signed()));
-    let [qfac, x, y, z, ..] = header.pixdim.map(f64::from);
+pub(super) fn parse_1(bytes: &[u8], big_endian: bool) -> Result<Header, VolumeFault> {
+    let fields = Fields { bytes, big_endian };
+    let single = match bytes.get(344..348) {
+        Some(b"n+1\0") => true,
+        Some(b"ni1\0") => false,
+        found => return Err(VolumeFault::Header(format!("not a NIfTI-1 header: its magic is {found:?}"))),
+    };
     Ok(Header {
         bytes: BYTES_1 as u64,
         big_endian,
-        single: header.magic == *b"n+1\0",
-        sizes: sizes(dim)?,
-        datatype: header.datatype.into(),
-        pixdim: [qfac, x, y, z],
-        voxel_offset: header.vox_offset.into(),
-        scale: [header.scl_slope.into(), header.scl_inter.into()],
-        units: header.xyzt_units.into(),
-        qform_code: header.qform_code.into(),
-        sform_code: header.sform_code.into(),
-        quaternion: [header.quatern_b, header.quatern_c, header.quatern_d].map(f64::from),
-        offset: [header.quatern_x, header.quatern_y, header.quatern_z].map(f64::from),
-        rows: [header.srow_x, header.srow_y, header.srow_z].map(|row| row.map(f64::from)),
+        single,
+        sizes: sizes(fields.list(40, i16::from_le_bytes))?,
+        datatype: fields.one(70, i16::from_le_bytes),
+        pixdim: fields.list(76, f32::from_le_bytes),
+        voxel_offset: fields.one(108, f32::from_le_bytes),
+        scale: fields.list(112, f32::from_le_bytes),
+        units: fields.one(123, u8::from_le_bytes),
+        qform_code: fields.one(252, i16::from_le_bytes),
+        sform_code: fields.one(254, i16::from_le_bytes),
+        quaternion: fields.list(256, f32::from_le_bytes),
+        offset: fields.list(268, f32::from_le_bytes),
+        rows: [280, 296, 312].map(|at| fields.list(at, f32::from_le_bytes)),
     })
 }
 
-/// A NIfTI-2 header of `BYTES_2` bytes, which the crate `nifti` doesn't read.
+/// A NIfTI-2 header of `BYTES_2` bytes.
 pub(super) fn parse_2(bytes: &[u8], big_endian: bool) -> Result<Header, VolumeFault> {
     let fields = Fields { bytes, big_endian };
     let single = match bytes.get(4..12) {
@@ -96,17 +91,17 @@ pub(super) fn parse_2(bytes: &[u8], big_endian: bool) -> Result<Header, VolumeFa
         bytes: BYTES_2 as u64,
         big_endian,
         single,
-        sizes: sizes(fields.list(16, Fields::i64))?,
-        datatype: fields.i16(12).into(),
-        pixdim: fields.list(104, Fields::f64),
-        voxel_offset: fields.i64(168) as f64,
-        scale: fields.list(176, Fields::f64),
-        units: fields.i32(500).into(),
-        qform_code: fields.i32(344).into(),
-        sform_code: fields.i32(348).into(),
-        quaternion: fields.list(352, Fields::f64),
-        offset: fields.list(376, Fields::f64),
-        rows: [400, 432, 464].map(|at| fields.list(at, Fields::f64)),
+        sizes: sizes(fields.list(16, i64::from_le_bytes))?,
+        datatype: fields.one(12, i16::from_le_bytes),
+        pixdim: fields.list(104, f64::from_le_bytes),
+        voxel_offset: fields.one::<_, i64, 8>(168, i64::from_le_bytes) as f64,
+        scale: fields.list(176, f64::from_le_bytes),
+        units: fields.one(500, i32::from_le_bytes),
+        qform_code: fields.one(344, i32::from_le_bytes),
+        sform_code: fields.one(348, i32::from_le_bytes),
+        quaternion: fields.list(352, f64::from_le_bytes),
+        offset: fields.list(376, f64::from_le_bytes),
+        rows: [400, 432, 464].map(|at| fields.list(at, f64::from_le_bytes)),
     })
 }
 
@@ -128,32 +123,17 @@ struct Fields<'a> {
 }
 
 impl Fields<'_> {
-    fn array<const N: usize>(&self, at: usize) -> [u8; N] {
-        let mut array = self.bytes.get(at..at + N).and_then(|b| b.try_into().ok()).unwrap_or([0; N]);
+    /// Number at a byte; `read` takes little-endian bytes.
+    fn one<T, U: From<T>, const BYTES: usize>(&self, at: usize, read: fn([u8; BYTES]) -> T) -> U {
+        let mut array = self.bytes.get(at..).and_then(|rest| rest.first_chunk()).copied().unwrap_or([0; BYTES]);
         if self.big_endian {
             array.reverse();
         }
-        array
+        read(array).into()
     }
 
-    fn i16(&self, at: usize) -> i16 {
-        i16::from_le_bytes(self.array(at))
-    }
-
-    fn i32(&self, at: usize) -> i32 {
-        i32::from_le_bytes(self.array(at))
-    }
-
-    fn i64(&self, at: usize) -> i64 {
-        i64::from_le_bytes(self.array(at))
-    }
-
-    fn f64(&self, at: usize) -> f64 {
-        f64::from_le_bytes(self.array(at))
-    }
-
-    /// `N` numbers of eight bytes each.
-    fn list<T, const N: usize>(&self, at: usize, read: impl Fn(&Self, usize) -> T) -> [T; N] {
-        std::array::from_fn(|n| read(self, at + 8 * n))
+    /// Numbers one after the other, from a byte on.
+    fn list<T, U: From<T>, const BYTES: usize, const N: usize>(&self, at: usize, read: fn([u8; BYTES]) -> T) -> [U; N] {
+        std::array::from_fn(|n| self.one(at + BYTES * n, read))
     }
 }

@@ -1,7 +1,7 @@
 //! NIfTI-1 and NIfTI-2 files.
 //!
-//! The crate `nifti` parses NIfTI-1 headers. It reads no NIfTI-2, its reader of extensions allocates lengths that it
-//! hasn't verified, and its qform panics on some headers, so those parts are here.
+//! The crate `nifti` is not used: it reads no NIfTI-2, its reader of extensions allocates lengths that it hasn't
+//! verified, and its qform panics on some headers.
 
 mod header;
 mod names;
@@ -38,7 +38,7 @@ pub(super) fn read_nifti(
             bytes.extend(source.take((header::BYTES_2 - header::BYTES_1) as u64, "the NIfTI-2 header")?);
             header::parse_2(&bytes, big_endian)?
         }
-        Some(_) => header::parse_1(&bytes)?,
+        Some((_, big_endian)) => header::parse_1(&bytes, big_endian)?,
         None => return Err(VolumeFault::Header("sizeof_hdr is neither 348 (NIfTI-1) nor 540 (NIfTI-2)".to_owned())),
     };
     let size = volume_size(&header.sizes)?;
