@@ -70,6 +70,6 @@ settings! {
     #[derive(Debug, Clone, Copy, PartialEq, Eq)]
     pub struct BackendSettings in "render" {
         /// Backend that renders frames: on a device (a GPU, else software Vulkan), on the host's processors, or auto: on a GPU if there is one, else on the host; INSONIFY_BACKEND and --backend override it.
-        backend: BackendChoice = BackendChoice::Auto, "", 0.0..=2.0, Everything;
+        backend: BackendChoice = BackendChoice::Auto, "", BackendChoice::RANGE, Everything;
     }
 }

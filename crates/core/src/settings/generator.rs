@@ -22,10 +22,10 @@ settings! {
         run_budget_ms: f64 = 50.0, "ms", RUN_BUDGET_MIN_MS..=RUN_BUDGET_MAX_MS, Everything;
 
         /// Execution provider; one that is not available is an error.
-        provider: Provider = Provider::Cpu, "", 0.0..=2.0, Everything;
+        provider: Provider = Provider::Cpu, "", Provider::RANGE, Everything;
 
         /// Precision of the models: int8 or float16 where it is quicker and available (auto), or the one that is named.
-        precision: Precision = Precision::Auto, "", 0.0..=3.0, Everything;
+        precision: Precision = Precision::Auto, "", Precision::RANGE, Everything;
     }
     plain {
         /// Models (`.onnx`, each with its manifest); with a fixed quality, in order of preference. Empty: raw frames.

@@ -44,7 +44,7 @@ settings! {
     #[derive(Debug, Clone, Copy, PartialEq)]
     pub struct LookBase in "look" {
         /// Look by name; other keys of the table change it.
-        preset: LookPreset = LookPreset::Raw, "", 0.0..=2.0, Nothing;
+        preset: LookPreset = LookPreset::Raw, "", LookPreset::RANGE, Nothing;
     }
 }
 
@@ -78,7 +78,7 @@ settings! {
             slider("Edges", "look", 0.0..=2.0, 0.1).caption("").shown("%", 100.0, 0);
 
         /// Mapping from the picture's grey levels to the display's.
-        grey_map: GreyMap = GreyMap::Linear, "", 0.0..=5.0, Nothing,
+        grey_map: GreyMap = GreyMap::Linear, "", GreyMap::RANGE, Nothing,
             choice("Grey map", "look", GreyMap::NAMES).caption("Map");
     }
 }

@@ -124,7 +124,7 @@ settings! {
         aperture_mm: f64 = 20.0, "mm", 0.5..=200.0, Tables;
 
         /// Weights across the aperture and across the elevational lens, on both ways.
-        apodization: Apodization = Apodization::Gaussian, "", 0.0..=2.0, Tables,
+        apodization: Apodization = Apodization::Gaussian, "", Apodization::RANGE, Tables,
             choice("Apodization", "image", Apodization::NAMES).caption("");
 
         /// Tissue harmonics: returns at twice the frequency.

@@ -94,7 +94,7 @@ settings! {
         phantom_weeks: f64 = 22.0, "weeks", WEEKS_RANGE, Everything;
 
         /// Lie of the fetus: head down, head up, or across.
-        phantom_lie: Lie = Lie::Cephalic, "", 0.0..=3.0, Everything;
+        phantom_lie: Lie = Lie::Cephalic, "", Lie::RANGE, Everything;
 
         /// Turn of the fetus about its long axis from where its left side is up.
         phantom_roll_deg: f64 = 0.0, "°", ROLL_RANGE_DEG, Everything;
@@ -103,13 +103,13 @@ settings! {
         phantom_flexion: f64 = 0.5, "", FLEXION_RANGE, Everything;
 
         /// Site of the placenta on the uterine wall.
-        phantom_placenta: PlacentaSite = PlacentaSite::Anterior, "", 0.0..=4.0, Everything;
+        phantom_placenta: PlacentaSite = PlacentaSite::Anterior, "", PlacentaSite::RANGE, Everything;
 
         /// Amniotic fluid index, from oligohydramnios to polyhydramnios.
         phantom_fluid_index_mm: f64 = 140.0, "mm", FLUID_INDEX_RANGE_MM, Everything;
 
         /// Aberration of the abdominal wall: 13, 45 or 71 ns rms over 30 mm of aperture in the median.
-        phantom_wall: Wall = Wall::Easy, "", 0.0..=2.0, Everything;
+        phantom_wall: Wall = Wall::Easy, "", Wall::RANGE, Everything;
 
         /// Whether fat fills the gap between the recti: a lens that doubles what lies behind the midline.
         phantom_recti_lens: bool = false, "", 0.0..=1.0, Everything;

@@ -267,6 +267,11 @@ stored! {
 /// Stores an enum with `named!` as an index into its names.
 macro_rules! stored_word {
     ($type:ty) => {
+        impl $type {
+            /// Range of the index.
+            pub const RANGE: std::ops::RangeInclusive<f64> = 0.0..=(Self::NAMES.len() - 1) as f64;
+        }
+
         impl $crate::settings::Stored for $type {
             fn kind(&self) -> $crate::settings::Kind {
                 $crate::settings::Kind::Word(Self::NAMES)

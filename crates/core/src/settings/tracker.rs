@@ -46,7 +46,7 @@ settings! {
         ndi_out_of_volume: bool = true, "", 0.0..=1.0, Everything;
 
         /// What an NDI device is asked for: binary replies, or text, the only ones that older devices know.
-        ndi_reply: ReplyFormat = ReplyFormat::Binary, "", 0.0..=1.0, Everything;
+        ndi_reply: ReplyFormat = ReplyFormat::Binary, "", ReplyFormat::RANGE, Everything;
 
         /// Report value of a SpaceMouse at full deflection; `[filter] puck_mm_s` and `puck_deg_s` are the speeds there.
         puck_range: f64 = PUCK_RANGE, "", 1.0..=32_767.0, Everything;
@@ -55,6 +55,6 @@ settings! {
         speed: f64 = 1.0, "", 0.0..=1000.0, Everything;
 
         /// Whether the recording begins anew at its end.
-        repeat: Repeat = Repeat::No, "", 0.0..=1.0, Everything;
+        repeat: Repeat = Repeat::No, "", Repeat::RANGE, Everything;
     }
 }
