@@ -15,7 +15,7 @@ use crate::settings::{
     ReceiverSettings, RenderSettings, SceneSettings, Setting, SettingsGroup as _, TrackerSettings, WindowSettings,
 };
 use crate::sink::{LiveSinkKind, openigtlink};
-use crate::tracker::{BAUD_RANGE, Protocol, mock};
+use crate::tracker::{BAUD_RANGE, Protocol, TransportKind, mock};
 
 /// A key of a station file.
 #[derive(Debug, Clone, PartialEq)]
@@ -93,7 +93,7 @@ const CALIBRATION: &[KeyDoc] = &[
 
 #[rustfmt::skip]
 const TRACKER: &[KeyDoc] = &[
-    doc("tracker", "transport", "", "\"none\"", Accepts::OneOf(&["none", "serial", "tcp", "udp", "hid", "mock", "recording"]), "how the tracker's bytes come; none: the probe stays at [pose]"),
+    doc("tracker", "transport", "", "\"none\"", Accepts::OneOf(TransportKind::NAMES), "how the tracker's bytes come; none: the probe stays at [pose]"),
     doc("tracker", "protocol", "", "required, but for hid (spacemouse) and mock (ascii-line)", Accepts::OneOf(Protocol::NAMES), "what the bytes mean; a recording knows its own"),
     doc("tracker", "port", "", "required for serial; for hid the first SpaceMouse", Accepts::Text("a path, or vendor:product or vendor:product:serial,"), "serial port or HID device; `insonify trackers` lists them"),
     doc("tracker", "baud", "baud", "115200", integer(*BAUD_RANGE.start(), *BAUD_RANGE.end()), "speed of the serial port; an NDI device is met at 9600 and switched to it"),

@@ -11,7 +11,7 @@ use crate::pose::Pose;
 use crate::settings::{Repeat, TrackerSettings};
 use crate::tracker::DeviceOptions;
 use crate::tracker::ndi::USUAL_BAUD;
-use crate::tracker::{Protocol, Settings, Speed, Transport, mock};
+use crate::tracker::{Protocol, Settings, Speed, Transport, TransportKind, mock};
 
 /// Keys that only some transports accept, with these transports.
 const TRANSPORTS_OF: [(&[&str], &[&str]); 11] = [
@@ -30,7 +30,8 @@ const TRANSPORTS_OF: [(&[&str], &[&str]); 11] = [
 
 /// Settings of the station's tracker. A mock tracker moves about `default_pose`. Relative paths start at `dir`.
 pub(super) fn settings(values: &Values, default_pose: Option<Pose>, dir: &Path) -> Result<Settings, StationError> {
-    let name = values.text("transport").unwrap_or("none");
+    let kind = values.text("transport").and_then(TransportKind::named).unwrap_or(TransportKind::None);
+    let name = kind.name();
     for (keys, transports) in TRANSPORTS_OF {
         if !transports.contains(&name) {
             let reason = format!("`tracker.transport` is \"{name}\"; it is for {}", transports.join(", "));
@@ -47,7 +48,7 @@ pub(super) fn settings(values: &Values, default_pose: Option<Pose>, dir: &Path) 
             return Err(missing("protocol", &format!("what the tracker speaks, one of {names}")));
         }
     };
-    let transport = transport(name, protocol, values, default_pose, dir)?;
+    let transport = transport(kind, protocol, values, default_pose, dir)?;
     if !transport.carries(protocol) {
         let reason = format!("trackers that speak `{}` aren't reached by transport `{name}`", protocol.name());
         return Err(StationError::Text { key: "tracker.protocol".to_owned(), reason });
@@ -96,14 +97,14 @@ pub(super) fn settings(values: &Values, default_pose: Option<Pose>, dir: &Path) 
 }
 
 fn transport(
-    name: &str,
+    kind: TransportKind,
     protocol: Protocol,
     values: &Values,
     default_pose: Option<Pose>,
     dir: &Path,
 ) -> Result<Transport, StationError> {
-    Ok(match name {
-        "serial" => Transport::Serial {
+    Ok(match kind {
+        TransportKind::Serial => Transport::Serial {
             port: parsed("port", values.text("port").ok_or_else(|| missing("port", "which serial port"))?)?,
             // An NDI device is opened at its default baud rate, and then switched to the station's.
             baud: match protocol {
@@ -111,7 +112,7 @@ fn transport(
                 _ => values.integer("baud").unwrap_or(protocol.usual_baud()),
             },
         },
-        "tcp" => {
+        TransportKind::Tcp => {
             let address = values.text("address").ok_or_else(|| missing("address", "the tracker's host:port"))?;
             match address.rsplit_once(':') {
                 Some((host, port)) if !host.is_empty() && port.parse::<u16>().is_ok() => {}
@@ -119,19 +120,21 @@ fn transport(
             }
             Transport::Tcp { address: address.to_owned() }
         }
-        "udp" => {
+        TransportKind::Udp => {
             let address = values.text("address").unwrap_or("127.0.0.1:4242");
             Transport::Udp { address: SocketAddr::from_str(address).map_err(|_| not_an_address(address))? }
         }
-        "hid" => Transport::Hid { device: values.text("port").map(|port| parsed("port", port)).transpose()? },
-        "mock" => {
+        TransportKind::Hid => {
+            Transport::Hid { device: values.text("port").map(|port| parsed("port", port)).transpose()? }
+        }
+        TransportKind::Mock => {
             let mut mock = mock::Settings::default();
             mock.around = default_pose.unwrap_or(mock.around);
             values.set_group(&mut mock);
             mock.schedule = text(values, "schedule", mock.schedule)?;
             Transport::Mock(mock)
         }
-        "recording" => {
+        TransportKind::Recording => {
             let path = values.text("recording").ok_or_else(|| missing("recording", "which recording to play"))?;
             let TrackerSettings { speed, repeat, .. } = values.group();
             let speed = if speed > 0.0 { Speed::Factor(speed) } else { Speed::AtOnce };
@@ -141,7 +144,7 @@ fn transport(
             }
             Transport::Recording { path: dir.join(path), speed, repeat }
         }
-        _ => Transport::None,
+        TransportKind::None => Transport::None,
     })
 }
 

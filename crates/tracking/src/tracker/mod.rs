@@ -78,7 +78,7 @@ pub use report_line::ReportLine;
 pub use sensor::{ProbeSensor, SensorName};
 #[cfg(feature = "live")]
 pub use session::{SessionHandle, SessionSummary, play, spawn};
-pub use settings::{BAUD_RANGE, PortName, PortNameError, Settings, Speed, Transport};
+pub use settings::{BAUD_RANGE, PortName, PortNameError, Settings, Speed, Transport, TransportKind};
 
 /// One measurement of a tracker.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -104,48 +104,89 @@ pub enum Speed {
 /// Range of the speed of a serial port, baud.
 pub const BAUD_RANGE: std::ops::RangeInclusive<i64> = 300..=4_000_000;
 
-/// Names of the transports that can carry `protocol`, from a device.
-fn carriers(protocol: Protocol) -> &'static [&'static str] {
-    match protocol {
-        Protocol::AsciiLine => &["serial", "tcp", "udp", "mock"],
-        Protocol::FastrakAscii
-        | Protocol::FastrakBinary
-        | Protocol::Liberty
-        | Protocol::Patriot
-        | Protocol::Ndi
-        | Protocol::Bno08x
-        | Protocol::Bno08xRollFirst
-        | Protocol::OpenIgtLink => &["serial", "tcp"],
-        Protocol::SpaceMouse => &["hid"],
-        Protocol::OpenTrack => &["udp"],
+/// Kind of a transport.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TransportKind {
+    /// There is no tracker.
+    None,
+    /// A serial port.
+    Serial,
+    /// A TCP connection.
+    Tcp,
+    /// Datagrams.
+    Udp,
+    /// A HID device.
+    Hid,
+    /// A simulated board.
+    Mock,
+    /// A recording.
+    Recording,
+}
+
+insonify_core::names::named!(TransportKind {
+    None = "none",
+    Serial = "serial",
+    Tcp = "tcp",
+    Udp = "udp",
+    Hid = "hid",
+    Mock = "mock",
+    Recording = "recording",
+});
+
+impl Protocol {
+    /// Transports from a device that can carry this protocol. A recording holds any protocol.
+    pub fn transports(self) -> &'static [TransportKind] {
+        use TransportKind::{Hid, Mock, Serial, Tcp, Udp};
+        match self {
+            Self::AsciiLine => &[Serial, Tcp, Udp, Mock],
+            Self::FastrakAscii
+            | Self::FastrakBinary
+            | Self::Liberty
+            | Self::Patriot
+            | Self::Ndi
+            | Self::Bno08x
+            | Self::Bno08xRollFirst
+            | Self::OpenIgtLink => &[Serial, Tcp],
+            Self::SpaceMouse => &[Hid],
+            Self::OpenTrack => &[Udp],
+        }
+    }
+
+    /// Whether devices with this protocol are silent at rest, like pucks.
+    #[cfg(feature = "live")]
+    pub(super) fn may_rest(self) -> bool {
+        self.transports() == [TransportKind::Hid]
     }
 }
 
 impl Transport {
-    /// Name in station files.
-    pub fn name(&self) -> &'static str {
+    /// Kind of this transport.
+    pub fn kind(&self) -> TransportKind {
         match self {
-            Self::None => "none",
-            Self::Serial { .. } => "serial",
-            Self::Tcp { .. } => "tcp",
-            Self::Udp { .. } => "udp",
-            Self::Hid { .. } => "hid",
-            Self::Mock(_) => "mock",
-            Self::Recording { .. } => "recording",
+            Self::None => TransportKind::None,
+            Self::Serial { .. } => TransportKind::Serial,
+            Self::Tcp { .. } => TransportKind::Tcp,
+            Self::Udp { .. } => TransportKind::Udp,
+            Self::Hid { .. } => TransportKind::Hid,
+            Self::Mock(_) => TransportKind::Mock,
+            Self::Recording { .. } => TransportKind::Recording,
         }
     }
 
-    /// Whether devices with `protocol` are silent at rest, like pucks.
-    #[cfg(feature = "live")]
-    pub(super) fn may_rest(protocol: Protocol) -> bool {
-        carriers(protocol) == ["hid"]
+    /// Name in station files.
+    pub fn name(&self) -> &'static str {
+        self.kind().name()
     }
 
     /// Whether this transport can carry `protocol`.
     pub fn carries(&self, protocol: Protocol) -> bool {
-        match self {
-            Self::None | Self::Recording { .. } => true,
-            _ => carriers(protocol).contains(&self.name()),
+        match self.kind() {
+            TransportKind::None | TransportKind::Recording => true,
+            kind @ (TransportKind::Serial
+            | TransportKind::Tcp
+            | TransportKind::Udp
+            | TransportKind::Hid
+            | TransportKind::Mock) => protocol.transports().contains(&kind),
         }
     }
 }
@@ -256,7 +297,7 @@ mod tests {
         // Each protocol has a device's transport, and a recording holds any.
         let recording = Transport::Recording { path: "a".into(), speed: Speed::AtOnce, repeat: false };
         for protocol in Protocol::ALL {
-            assert!(!carriers(protocol).is_empty() && recording.carries(protocol), "{protocol:?}");
+            assert!(!protocol.transports().is_empty() && recording.carries(protocol), "{protocol:?}");
         }
     }
 }

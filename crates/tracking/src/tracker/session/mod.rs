@@ -192,7 +192,7 @@ impl Session {
             driver,
             intake: Intake::new(settings, (protocol, sensor), listener),
             cancel,
-            silence: SilenceWatch::new(Transport::may_rest(protocol)),
+            silence: SilenceWatch::new(protocol.may_rest()),
             started: Instant::now(),
             started_ns: host_time_ns(),
             buffer: StampedBuffer::default(),
