@@ -56,18 +56,7 @@ mod tests {
     #[test]
     fn the_probe_stays_on_the_skin_and_comes_back() {
         let skin = Skin::of_triangles(sphere(Vec3::ZERO, 60.0, 5).corners_mm().collect::<Vec<_>>()).unwrap();
-        let view = View {
-            name: String::new(),
-            centre_mm: DVec3::ZERO,
-            normal: DVec3::Z,
-            lateral: DVec3::X,
-            any_turn_about_lateral: false,
-            to_probe: DVec3::NEG_Y,
-            pose: None,
-            outlines: Vec::new(),
-            landmarks: Vec::new(),
-            calipers: Vec::new(),
-        };
+        let view = View::new("", DVec3::ZERO, DVec3::X, DVec3::NEG_Y);
         let session = slide(&view, &skin, 100.0, 10.0).unwrap();
         assert_eq!(session.poses.len(), 600);
         let along: Vec<f64> = session.poses.iter().map(|p| p.pose.position_mm.z).collect();

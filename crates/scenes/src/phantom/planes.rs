@@ -92,18 +92,7 @@ fn tolerances(angle_deg: f64, distance_mm: f64, in_plane_deg: Option<f64>) -> To
 fn view(name: &str, centre_mm: DVec3, lateral: DVec3, to_probe: DVec3) -> View {
     let lateral = lateral.normalize_or(DVec3::X);
     let to_probe = to_probe.reject_from(lateral).normalize_or(lateral.any_orthonormal_vector());
-    View {
-        name: name.to_owned(),
-        centre_mm,
-        normal: to_probe.cross(lateral),
-        lateral,
-        any_turn_about_lateral: false,
-        to_probe,
-        pose: None,
-        outlines: Vec::new(),
-        landmarks: Vec::new(),
-        calipers: Vec::new(),
-    }
+    View::new(name, centre_mm, lateral, to_probe)
 }
 
 /// View in the midsagittal plane of the fetus along `to_probe`. A direction from the mother's back, out of a probe's

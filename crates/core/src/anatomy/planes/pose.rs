@@ -1,5 +1,6 @@
 //! Probe pose that shows a view, and its serialisation as `[x, y, z, qw, qx, qy, qz]`.
 
+use glam::DVec3;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
 
 use super::View;
@@ -7,6 +8,22 @@ use crate::anatomy::Skin;
 use crate::pose::Pose;
 
 impl View {
+    /// A view in the plane of `lateral` and `to_probe`, unit vectors at a right angle, without anything to show in it.
+    pub fn new(name: &str, centre_mm: DVec3, lateral: DVec3, to_probe: DVec3) -> Self {
+        Self {
+            name: name.to_owned(),
+            centre_mm,
+            normal: to_probe.cross(lateral),
+            lateral,
+            any_turn_about_lateral: false,
+            to_probe,
+            pose: None,
+            outlines: Vec::new(),
+            landmarks: Vec::new(),
+            calipers: Vec::new(),
+        }
+    }
+
     /// `scene_from_probe` of a probe on `skin` that shows the view, with its face pressed in by `press_mm`. `None` if
     /// the line from the view's centre to the probe does not hit the skin.
     pub fn pose_on(&self, skin: &Skin, press_mm: f64) -> Option<Pose> {

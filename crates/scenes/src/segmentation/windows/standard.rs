@@ -123,18 +123,7 @@ fn plane(name: &str, title: &str, source: &str, angle_deg: f64, distance_mm: f64
 fn view(name: &str, centre_mm: DVec3, lateral: DVec3, to_probe: DVec3) -> View {
     let to_probe = to_probe.normalize_or(FRONT);
     let lateral = lateral.reject_from(to_probe).normalize_or(to_probe.any_orthonormal_vector());
-    View {
-        name: name.to_owned(),
-        centre_mm,
-        normal: to_probe.cross(lateral),
-        lateral,
-        any_turn_about_lateral: false,
-        to_probe,
-        pose: None,
-        outlines: Vec::new(),
-        landmarks: Vec::new(),
-        calipers: Vec::new(),
-    }
+    View::new(name, centre_mm, lateral, to_probe)
 }
 
 fn mark(name: &str, position_mm: DVec3, within_mm: f64) -> PlaneLandmark {
