@@ -19,6 +19,7 @@ pub mod measure;
 pub mod mesh_files;
 pub mod meshing;
 pub mod naming;
+mod numbers;
 pub mod repair;
 pub mod repair_scene;
 pub mod shape;

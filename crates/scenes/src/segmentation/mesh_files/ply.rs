@@ -3,10 +3,11 @@
 use glam::DVec3;
 use insonify_core::names::counted;
 
+use super::super::numbers::{Number, Order};
 use super::Parsed;
 use super::draft::Draft;
 use super::error::Fault;
-use super::scanner::{Number, Order, Scanner, finite, index, not_a_number, text};
+use super::scanner::{Scanner, finite, index, not_a_number, text};
 
 /// An element of the header.
 struct Element {

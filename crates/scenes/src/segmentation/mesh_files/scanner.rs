@@ -1,66 +1,7 @@
 //! Reading of bytes, numbers and words.
 
+use super::super::numbers::{Number, Order};
 use super::error::Fault;
-
-/// Order of the bytes of a number.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Order {
-    Little,
-    Big,
-}
-
-/// Type of a number.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Number {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    I64,
-    U64,
-    F32,
-    F64,
-}
-
-impl Number {
-    /// Size in bytes.
-    pub(super) fn size(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::I64 | Self::U64 | Self::F64 => 8,
-        }
-    }
-
-    /// Value of the first bytes, which must suffice; 0 otherwise. Integers beyond 2^53 are rounded.
-    pub(super) fn read(self, bytes: &[u8], order: Order) -> f64 {
-        macro_rules! value {
-            ($type:ty) => {{
-                let array = bytes.first_chunk().copied().unwrap_or_default();
-                let value = match order {
-                    Order::Little => <$type>::from_le_bytes(array),
-                    Order::Big => <$type>::from_be_bytes(array),
-                };
-                value as f64
-            }};
-        }
-        match self {
-            Self::I8 => value!(i8),
-            Self::U8 => value!(u8),
-            Self::I16 => value!(i16),
-            Self::U16 => value!(u16),
-            Self::I32 => value!(i32),
-            Self::U32 => value!(u32),
-            Self::I64 => value!(i64),
-            Self::U64 => value!(u64),
-            Self::F32 => value!(f32),
-            Self::F64 => value!(f64),
-        }
-    }
-}
 
 /// A position in a file's bytes.
 #[derive(Debug, Clone)]

@@ -3,10 +3,11 @@
 use glam::DVec3;
 use insonify_core::names::counted;
 
+use super::super::numbers::{Number, Order};
 use super::Parsed;
 use super::draft::Draft;
 use super::error::Fault;
-use super::scanner::{Number, Order, Scanner, finite, lines, not_a_number, text};
+use super::scanner::{Scanner, finite, lines, not_a_number, text};
 
 /// Length of the header with the count of triangles, and of a triangle, bytes.
 const HEADER: usize = 84;

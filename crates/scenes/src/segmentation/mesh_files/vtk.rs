@@ -2,11 +2,12 @@
 
 use glam::DVec3;
 
+use super::super::numbers::{Number, Order};
 use super::Parsed;
 use super::cells::Cells;
 use super::draft::Draft;
 use super::error::Fault;
-use super::scanner::{Number, Order, Scanner, text};
+use super::scanner::{Scanner, text};
 
 /// Number of the line that names the data set.
 const DATASET_LINE: usize = 4;

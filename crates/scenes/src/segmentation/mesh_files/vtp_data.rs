@@ -8,7 +8,7 @@ use flate2::read::ZlibDecoder;
 use insonify_core::files::memory_for;
 use roxmltree::Node;
 
-use super::scanner::{Number, Order};
+use super::super::numbers::{Number, Order};
 
 /// Most values of one array: 33 million points, or the corners of as many triangles.
 const VALUES_MAX: usize = 100_000_000;

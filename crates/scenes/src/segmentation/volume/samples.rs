@@ -2,43 +2,13 @@
 
 use rayon::prelude::*;
 
-/// Type of stored values.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum SampleType {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    I64,
-    U64,
-    F32,
-    F64,
-}
-
-impl SampleType {
-    /// Bytes of one value.
-    pub(super) fn bytes(self) -> u64 {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::I64 | Self::U64 | Self::F64 => 8,
-        }
-    }
-
-    /// Whether values may have fractions.
-    pub(super) fn is_float(self) -> bool {
-        matches!(self, Self::F32 | Self::F64)
-    }
-}
+use super::super::numbers::Number;
 
 /// Values as stored, with the linear function that gives their meaning.
 #[derive(Debug, Clone)]
 pub(super) struct Samples {
     /// Type of a value.
-    pub kind: SampleType,
+    pub kind: Number,
     /// Most significant byte first.
     pub big_endian: bool,
     /// Whole values, one after the other.
@@ -92,20 +62,16 @@ impl Samples {
     ) -> Result<Vec<T>, (usize, E)> {
         let (kind, big) = (self.kind, self.big_endian);
         match kind {
-            SampleType::I8 => map(&self.bytes, |b: [u8; 1]| convert(Value::Signed(i8::from_le_bytes(b).into()))),
-            SampleType::U8 => map(&self.bytes, |[b]: [u8; 1]| convert(Value::Unsigned(b.into()))),
-            SampleType::I16 => map(&self.bytes, |b| convert(Value::Signed(i16::from_le_bytes(little(b, big)).into()))),
-            SampleType::U16 => {
-                map(&self.bytes, |b| convert(Value::Unsigned(u16::from_le_bytes(little(b, big)).into())))
-            }
-            SampleType::I32 => map(&self.bytes, |b| convert(Value::Signed(i32::from_le_bytes(little(b, big)).into()))),
-            SampleType::U32 => {
-                map(&self.bytes, |b| convert(Value::Unsigned(u32::from_le_bytes(little(b, big)).into())))
-            }
-            SampleType::I64 => map(&self.bytes, |b| convert(Value::Signed(i64::from_le_bytes(little(b, big))))),
-            SampleType::U64 => map(&self.bytes, |b| convert(Value::Unsigned(u64::from_le_bytes(little(b, big))))),
-            SampleType::F32 => map(&self.bytes, |b| convert(Value::Float(f32::from_le_bytes(little(b, big)).into()))),
-            SampleType::F64 => map(&self.bytes, |b| convert(Value::Float(f64::from_le_bytes(little(b, big))))),
+            Number::I8 => map(&self.bytes, |b: [u8; 1]| convert(Value::Signed(i8::from_le_bytes(b).into()))),
+            Number::U8 => map(&self.bytes, |[b]: [u8; 1]| convert(Value::Unsigned(b.into()))),
+            Number::I16 => map(&self.bytes, |b| convert(Value::Signed(i16::from_le_bytes(little(b, big)).into()))),
+            Number::U16 => map(&self.bytes, |b| convert(Value::Unsigned(u16::from_le_bytes(little(b, big)).into()))),
+            Number::I32 => map(&self.bytes, |b| convert(Value::Signed(i32::from_le_bytes(little(b, big)).into()))),
+            Number::U32 => map(&self.bytes, |b| convert(Value::Unsigned(u32::from_le_bytes(little(b, big)).into()))),
+            Number::I64 => map(&self.bytes, |b| convert(Value::Signed(i64::from_le_bytes(little(b, big))))),
+            Number::U64 => map(&self.bytes, |b| convert(Value::Unsigned(u64::from_le_bytes(little(b, big))))),
+            Number::F32 => map(&self.bytes, |b| convert(Value::Float(f32::from_le_bytes(little(b, big)).into()))),
+            Number::F64 => map(&self.bytes, |b| convert(Value::Float(f64::from_le_bytes(little(b, big))))),
         }
     }
 }
@@ -176,24 +142,24 @@ fn map<const N: usize, T: Send + Default + Clone, E: Send>(
 mod tests {
     use super::*;
 
-    fn samples(kind: SampleType, big_endian: bool, bytes: Vec<u8>) -> Samples {
+    fn samples(kind: Number, big_endian: bool, bytes: Vec<u8>) -> Samples {
         Samples { kind, big_endian, bytes, scale: None }
     }
 
     #[test]
     fn every_type_and_byte_order_gives_the_same_labels() {
         let labels = [0_u8, 1, 2, 117];
-        let encode = |kind: SampleType, value: u8| -> Vec<u8> {
+        let encode = |kind: Number, value: u8| -> Vec<u8> {
             match kind {
-                SampleType::I8 | SampleType::U8 => vec![value],
-                SampleType::I16 | SampleType::U16 => i16::from(value).to_le_bytes().to_vec(),
-                SampleType::I32 | SampleType::U32 => i32::from(value).to_le_bytes().to_vec(),
-                SampleType::I64 | SampleType::U64 => i64::from(value).to_le_bytes().to_vec(),
-                SampleType::F32 => f32::from(value).to_le_bytes().to_vec(),
-                SampleType::F64 => f64::from(value).to_le_bytes().to_vec(),
+                Number::I8 | Number::U8 => vec![value],
+                Number::I16 | Number::U16 => i16::from(value).to_le_bytes().to_vec(),
+                Number::I32 | Number::U32 => i32::from(value).to_le_bytes().to_vec(),
+                Number::I64 | Number::U64 => i64::from(value).to_le_bytes().to_vec(),
+                Number::F32 => f32::from(value).to_le_bytes().to_vec(),
+                Number::F64 => f64::from(value).to_le_bytes().to_vec(),
             }
         };
-        use SampleType::*;
+        use Number::*;
         for kind in [I8, U8, I16, U16, I32, U32, I64, U64, F32, F64] {
             let little: Vec<_> = labels.iter().flat_map(|v| encode(kind, *v)).collect();
             let big: Vec<_> = labels.iter().flat_map(|v| encode(kind, *v).into_iter().rev()).collect();
@@ -208,19 +174,19 @@ mod tests {
         values[200_000] = -1;
         values[100_000] = 65_536;
         let bytes = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-        let found = samples(SampleType::I32, false, bytes).labels();
+        let found = samples(Number::I32, false, bytes).labels();
         assert_eq!(found, Err((100_000, BadLabel::Range("65536".into()))));
         for value in [0.5_f64, -1.0, 65_536.0] {
-            let found = samples(SampleType::F64, false, value.to_le_bytes().to_vec()).labels();
+            let found = samples(Number::F64, false, value.to_le_bytes().to_vec()).labels();
             assert_eq!(found, Err((0, BadLabel::Image(value))));
         }
-        assert!(samples(SampleType::F64, false, f64::NAN.to_le_bytes().to_vec()).labels().is_err());
+        assert!(samples(Number::F64, false, f64::NAN.to_le_bytes().to_vec()).labels().is_err());
     }
 
     #[test]
     fn scaled_values_are_rounded_within_the_precision_of_the_slope() {
         let slope = f64::from(3.0_f32 / 255.0);
-        let scaled = |bytes, scale| Samples { kind: SampleType::U8, big_endian: false, bytes, scale: Some(scale) };
+        let scaled = |bytes, scale| Samples { kind: Number::U8, big_endian: false, bytes, scale: Some(scale) };
         assert_eq!(scaled(vec![0, 85, 255], [slope, 0.0]).labels(), Ok(vec![0, 1, 3]));
         assert!(scaled(vec![1], [slope, 0.0]).labels().is_err());
         assert_eq!(scaled(vec![0, 10], [2.0, -1024.0]).values(), [-1024.0, -1004.0]);

@@ -9,8 +9,9 @@ mod placement;
 
 use self::header::Header;
 pub(super) use self::{header::version, names::byte};
+use super::super::numbers::Number;
 use super::raw::{Layers, RawVolume};
-use super::samples::{SampleType, Samples};
+use super::samples::Samples;
 use super::source::{MAX_BYTES, Source, room_for, voxel_count, within};
 use super::{ReadOptions, VolumeFault};
 
@@ -45,9 +46,9 @@ pub(super) fn read_nifti(
     let kind = sample_type(header.datatype)?;
     let (lps_from_voxel, remarks) = placement::placement(&header, size, options)?;
     let count = voxel_count(&size)?;
-    let expected = count as u64 * kind.bytes();
+    let expected = count as u64 * kind.size() as u64;
     within(expected, MAX_BYTES, "the size of the voxels in bytes")?;
-    room_for(count as u64, kind.bytes())?;
+    room_for(count as u64, kind.size() as u64)?;
     let offset = voxel_offset(&header)?;
     let (extensions, data) = match voxels {
         Some(mut voxels) => {
@@ -95,18 +96,18 @@ fn volume_size(sizes: &[u64]) -> Result<[u64; 3], VolumeFault> {
     Ok([size(0), size(1), size(2)])
 }
 
-fn sample_type(code: i64) -> Result<SampleType, VolumeFault> {
+fn sample_type(code: i64) -> Result<Number, VolumeFault> {
     Ok(match code {
-        2 => SampleType::U8,
-        4 => SampleType::I16,
-        8 => SampleType::I32,
-        16 => SampleType::F32,
-        64 => SampleType::F64,
-        256 => SampleType::I8,
-        512 => SampleType::U16,
-        768 => SampleType::U32,
-        1024 => SampleType::I64,
-        1280 => SampleType::U64,
+        2 => Number::U8,
+        4 => Number::I16,
+        8 => Number::I32,
+        16 => Number::F32,
+        64 => Number::F64,
+        256 => Number::I8,
+        512 => Number::U16,
+        768 => Number::U32,
+        1024 => Number::I64,
+        1280 => Number::U64,
         _ => {
             let what = match code {
                 1 => "single bits (datatype 1)".to_owned(),

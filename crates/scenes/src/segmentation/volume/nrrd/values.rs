@@ -2,8 +2,9 @@
 
 use insonify_core::files::memory_for;
 
+use super::super::super::numbers::Number;
 use super::super::VolumeFault;
-use super::super::samples::{SampleType, Samples};
+use super::super::samples::Samples;
 use super::super::source::{MAX_BYTES, Source, room_for, within};
 use super::header::Header;
 
@@ -13,9 +14,9 @@ use super::header::Header;
 /// An encoding or type that isn't read, missing or surplus bytes.
 pub(super) fn read(header: &Header, count: u64, mut source: Source<'_>) -> Result<Samples, VolumeFault> {
     let kind = sample_type(header.required("type")?)?;
-    let expected = count * kind.bytes();
+    let expected = count * kind.size() as u64;
     within(expected, MAX_BYTES, "the size of the voxels in bytes")?;
-    room_for(count, kind.bytes())?;
+    room_for(count, kind.size() as u64)?;
     let line_skip: u64 = header.number("line skip")?.unwrap_or(0);
     let byte_skip: i64 = header.number("byte skip")?.unwrap_or(0);
     if byte_skip < -1 {
@@ -64,34 +65,34 @@ fn take(source: &mut Source<'_>, expected: u64) -> Result<Vec<u8>, VolumeFault> 
     if source.has_more()? { Err(VolumeFault::Surplus { expected }) } else { Ok(bytes) }
 }
 
-fn big_endian(header: &Header, kind: SampleType) -> Result<bool, VolumeFault> {
+fn big_endian(header: &Header, kind: Number) -> Result<bool, VolumeFault> {
     match header.field("endian").map(str::to_ascii_lowercase).as_deref() {
         Some("little") => Ok(false),
         Some("big") => Ok(true),
-        None if kind.bytes() == 1 => Ok(false),
+        None if kind.size() == 1 => Ok(false),
         None => Err(VolumeFault::Header("the field `endian` is missing, and values take several bytes".to_owned())),
         Some(other) => Err(VolumeFault::Header(format!("`endian: {other}` must be little or big"))),
     }
 }
 
-fn sample_type(name: &str) -> Result<SampleType, VolumeFault> {
+fn sample_type(name: &str) -> Result<Number, VolumeFault> {
     Ok(match name.to_ascii_lowercase().as_str() {
-        "signed char" | "int8" | "int8_t" => SampleType::I8,
-        "uchar" | "unsigned char" | "uint8" | "uint8_t" => SampleType::U8,
-        "short" | "short int" | "signed short" | "signed short int" | "int16" | "int16_t" => SampleType::I16,
-        "ushort" | "unsigned short" | "unsigned short int" | "uint16" | "uint16_t" => SampleType::U16,
-        "int" | "signed int" | "int32" | "int32_t" => SampleType::I32,
-        "uint" | "unsigned int" | "uint32" | "uint32_t" => SampleType::U32,
+        "signed char" | "int8" | "int8_t" => Number::I8,
+        "uchar" | "unsigned char" | "uint8" | "uint8_t" => Number::U8,
+        "short" | "short int" | "signed short" | "signed short int" | "int16" | "int16_t" => Number::I16,
+        "ushort" | "unsigned short" | "unsigned short int" | "uint16" | "uint16_t" => Number::U16,
+        "int" | "signed int" | "int32" | "int32_t" => Number::I32,
+        "uint" | "unsigned int" | "uint32" | "uint32_t" => Number::U32,
         "longlong"
         | "long long"
         | "long long int"
         | "signed long long"
         | "signed long long int"
         | "int64"
-        | "int64_t" => SampleType::I64,
-        "ulonglong" | "unsigned long long" | "unsigned long long int" | "uint64" | "uint64_t" => SampleType::U64,
-        "float" => SampleType::F32,
-        "double" => SampleType::F64,
+        | "int64_t" => Number::I64,
+        "ulonglong" | "unsigned long long" | "unsigned long long int" | "uint64" | "uint64_t" => Number::U64,
+        "float" => Number::F32,
+        "double" => Number::F64,
         "block" => {
             let remedy = "save the volume as integers, or as 32-bit floats";
             return Err(VolumeFault::Unsupported { what: "`type: block`".to_owned(), remedy });
@@ -101,7 +102,7 @@ fn sample_type(name: &str) -> Result<SampleType, VolumeFault> {
 }
 
 /// Numbers with spaces, commas or line ends between them, as 64-bit integers or floats.
-fn text_values(bytes: &[u8], count: u64, kind: SampleType) -> Result<Samples, VolumeFault> {
+fn text_values(bytes: &[u8], count: u64, kind: Number) -> Result<Samples, VolumeFault> {
     let name = if kind.is_float() { "float" } else { "integer" };
     let words = bytes.split(|byte| byte.is_ascii_whitespace() || *byte == b',').filter(|word| !word.is_empty());
     let mut values = Vec::new();
@@ -121,6 +122,6 @@ fn text_values(bytes: &[u8], count: u64, kind: SampleType) -> Result<Samples, Vo
     if found < count {
         return Err(VolumeFault::Header(format!("the text data has {found} values, and `sizes` make {count}")));
     }
-    let kind = if kind.is_float() { SampleType::F64 } else { SampleType::I64 };
+    let kind = if kind.is_float() { Number::F64 } else { Number::I64 };
     Ok(Samples { kind, big_endian: false, bytes: values, scale: None })
 }
