@@ -1,5 +1,5 @@
 //! MetaImage sequences (`.mha`, `.igs.mha`) as PLUS and SlicerIGSIO write them: a header of `Key = value` lines, then
-//! pixels, raw or zlib. A [`Sequence`](super::Sequence) reads the header at once and the pixels image by image.
+//! pixels, raw or zlib, which are not read.
 //!
 //! The header's `Seq_FrameNNNN_KEY = value` lines belong to single images: a `Timestamp` in seconds, transforms
 //! `AToBTransform` (sixteen numbers in row order: `b_from_a` in mm) and their `AToBTransformStatus` (`OK` or
@@ -8,8 +8,10 @@
 //! Source: <https://plustoolkit.github.io/docs> (Sequence metafile), <https://itk.org/Wiki/ITK/MetaIO/Documentation>.
 
 use std::collections::BTreeMap;
-use std::io::BufRead;
-use std::path::{Path, PathBuf};
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+
+use insonify_core::files::{self, FileError, FileKind};
 
 use super::{InterchangeError, Lines, Place, quote};
 
@@ -43,45 +45,40 @@ pub struct Head {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Bytes of one image, uncompressed.
-    pub image_bytes: usize,
-    /// Storage of the pixels.
-    pub pixels: PixelStorage,
     /// Fields of each image, without `Seq_FrameNNNN_`.
     pub images: Vec<Fields>,
 }
 
-/// Storage of the pixels.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum PixelStorage {
-    /// After the header, uncompressed.
-    Raw,
-    /// After the header, as a zlib stream.
-    Zlib {
-        /// Length of the stream, if the header gives it.
-        bytes: Option<u64>,
-    },
-    /// In the file of this name.
-    File(PathBuf),
+/// Reads the header of the sequence at `path`.
+///
+/// # Errors
+/// The file cannot be opened, or an error of [`read`].
+pub fn open(path: &Path) -> Result<Head, InterchangeError> {
+    let file = files::open(path, FileKind::Sequence).map_err(FileError::at("read", path))?;
+    read(BufReader::new(file), path)
 }
 
-/// Reads a header up to its last line.
-pub(super) fn read_head(lines: &mut Lines<impl BufRead>) -> Result<Head, InterchangeError> {
-    let path = lines.path.clone();
+/// Reads the header of a sequence up to its last line; errors name it `path`.
+///
+/// # Errors
+/// The source cannot be read; a line is not `Key = value`; a key is missing, repeated or has a wrong value; the number
+/// of images differs from the header's.
+pub fn read(source: impl BufRead, path: &Path) -> Result<Head, InterchangeError> {
+    let mut lines = Lines::new(source, path);
     let (mut fields, mut images) = (Fields::new(), BTreeMap::<u32, Fields>::new());
     loop {
         let Some((place, line)) = lines.next_line()? else {
             let reason = "it ends within its head, before `ElementDataFile`; is it a MetaImage (.mha) file?";
-            return Err(InterchangeError::file(&path, reason));
+            return Err(InterchangeError::file(path, reason));
         };
         if place.byte > HEAD_BYTES_MAX {
-            return Err(place.error(&path, format!("its head is longer than {HEAD_BYTES_MAX} bytes")));
+            return Err(place.error(path, format!("its head is longer than {HEAD_BYTES_MAX} bytes")));
         }
         if line.trim().is_empty() {
             continue;
         }
         let Some((key, value)) = line.split_once('=') else {
-            return Err(place.error(&path, format!("{} is no line of a MetaImage head, `Key = value`", quote(line))));
+            return Err(place.error(path, format!("{} is no line of a MetaImage head, `Key = value`", quote(line))));
         };
         let (key, value) = (key.trim(), value.trim());
         let field = Field { value: value.to_owned(), place };
@@ -92,14 +89,14 @@ pub(super) fn read_head(lines: &mut Lines<impl BufRead>) -> Result<Head, Interch
                 let number = number.parse().ok().filter(|n| *n < IMAGES_MAX);
                 let Some(number) = number.filter(|_| !name.is_empty()) else {
                     let reason = format!("{} is no `Seq_FrameNNNN_KEY` below {IMAGES_MAX}", quote(key));
-                    return Err(place.error(&path, reason));
+                    return Err(place.error(path, reason));
                 };
                 (images.entry(number).or_default(), name)
             }
         };
         if let Some(earlier) = target.insert(name.to_owned(), field) {
             return Err(
-                place.error(&path, format!("{} is there twice, first in line {}", quote(key), earlier.place.line))
+                place.error(path, format!("{} is there twice, first in line {}", quote(key), earlier.place.line))
             );
         }
         // By the format, this is the last line of a header.
@@ -107,7 +104,7 @@ pub(super) fn read_head(lines: &mut Lines<impl BufRead>) -> Result<Head, Interch
             break;
         }
     }
-    Keys { path: &path, fields: &fields }.head(images)
+    Keys { path: path, fields: &fields }.head(images)
 }
 
 /// Parser of the fields of a whole sequence.
@@ -140,25 +137,14 @@ impl Keys<'_> {
             .into_iter()
             .map(u64::from)
             .try_fold(self.element_bytes()?, u64::checked_mul);
-        let image_bytes = bytes.filter(|bytes| *bytes <= IMAGE_BYTES_MAX).and_then(|bytes| usize::try_from(bytes).ok());
-        let Some(image_bytes) = image_bytes else {
+        if bytes.is_none_or(|bytes| bytes > IMAGE_BYTES_MAX) {
             return Err(self.wrong("DimSize", sizes, &format!("of images of at most {IMAGE_BYTES_MAX} bytes")));
-        };
+        }
         if !self.flag("BinaryData", true)? {
             return Err(self.wrong("BinaryData", self.need("BinaryData")?, "True: pixels as text are not read"));
         }
-        let size = |field: &Field| {
-            field.value.parse::<u64>().map_err(|_| self.wrong("CompressedDataSize", field, "a whole number"))
-        };
-        let compressed = self.flag("CompressedData", false)?;
-        let file = &self.need("ElementDataFile")?.value;
-        let pixels = if !file.eq_ignore_ascii_case("LOCAL") {
-            PixelStorage::File(file.into())
-        } else if compressed {
-            PixelStorage::Zlib { bytes: self.fields.get("CompressedDataSize").map(size).transpose()? }
-        } else {
-            PixelStorage::Raw
-        };
+        self.flag("CompressedData", false)?;
+        self.need("ElementDataFile")?;
         let (found, last) = (images.len(), images.last_key_value().map(|(number, _)| *number));
         if found as u64 != u64::from(count) || last != Some(count - 1) {
             let reason = format!(
@@ -167,7 +153,7 @@ impl Keys<'_> {
             );
             return Err(sizes.place.error(self.path, reason));
         }
-        Ok(Head { width, height, image_bytes, pixels, images: images.into_values().collect() })
+        Ok(Head { width, height, images: images.into_values().collect() })
     }
 
     fn need(&self, key: &str) -> Result<&Field, InterchangeError> {

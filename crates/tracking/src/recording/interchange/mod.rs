@@ -15,10 +15,8 @@ use crate::tracker::{Protocol, ascii_line};
 
 pub mod csv;
 pub mod meta_image;
-mod sequence;
 mod tracking;
 
-pub use sequence::Sequence;
 pub use tracking::{tracked, transforms_of};
 
 /// Longest time from the first to the last pose, s: thirty years.
@@ -50,18 +48,6 @@ pub enum InterchangeError {
     File {
         /// File.
         path: PathBuf,
-        /// Fault and correct form.
-        reason: String,
-    },
-    /// The pixels are wrong.
-    #[error("{path}, image {image}, at byte {byte} of the pixels: {reason}")]
-    Pixels {
-        /// File.
-        path: PathBuf,
-        /// Image, from 0.
-        image: usize,
-        /// Uncompressed bytes before the fault.
-        byte: u64,
         /// Fault and correct form.
         reason: String,
     },
@@ -111,7 +97,7 @@ pub struct TrackedRow {
 pub fn read_rows(path: &Path, transform: &str) -> Result<Vec<TrackedRow>, InterchangeError> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     match extension.as_deref() {
-        Some("mha" | "mhd") => tracked(Sequence::open(path)?.head(), transform, path),
+        Some("mha" | "mhd") => tracked(&meta_image::open(path)?, transform, path),
         Some("csv" | "tsv") => {
             let failed = FileError::at("read", path);
             csv::read(BufReader::new(files::open(path, FileKind::Table).map_err(failed)?), path)
