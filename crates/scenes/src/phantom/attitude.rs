@@ -1,8 +1,8 @@
 //! Attitude of the fetus: frames of its head, trunk and limbs.
 //!
-//! The **fetal frame** has x to the fetus' left, y cranial and z ventral. Parts are modelled in it, or in the frame of
-//! the head or of a vertebra (same axes, rotated); the fetus is then placed in the scene as a whole. Trunk and head are
-//! drawn at 22 weeks and scaled by [`Biometry::trunk_scale`] and [`Biometry::head_scale`].
+//! In the **fetal frame**, x points to the fetus' left, y cranially and z ventrally. Parts are modelled in it, or in
+//! the frame of the head or of a vertebra (same axes, rotated). The fetus is then placed in the scene as a whole.
+//! Trunk and head are drawn at 22 weeks and scaled by [`Biometry::trunk_scale`] and [`Biometry::head_scale`].
 
 use glam::{Quat, Vec3};
 use insonify_core::anatomy::sdf::{Isometry, Solid, ellipsoid};
@@ -55,7 +55,8 @@ pub struct Attitude {
     spine: Spine,
 }
 
-/// Directions of a limb's segments (upper, lower, end) at flexions 0, 0.5 and 1; those of a right limb are mirrored.
+/// Directions of a limb's segments (upper, lower, end) at flexions 0, 0.5 and 1, for the left limb; a right limb is
+/// its mirror image.
 struct Pose {
     upper: [[f32; 3]; 3],
     lower: [[f32; 3]; 3],
@@ -106,7 +107,7 @@ impl Attitude {
         let bend = 1.0 + 0.5 * (flexion - 0.5);
         let spine = drawn.bent(bend, biometry.spine_mm / drawn.length_mm());
         let trunk = biometry.trunk_scale();
-        // Points of the drawing, moved with their vertebra.
+        // Points of the drawing, displaced with their vertebra.
         let moved = |level: f32, point: Vec3| {
             let local = drawn.vertebra(level).local_point(point);
             spine.vertebra(level).point(local * trunk)
@@ -144,7 +145,7 @@ impl Attitude {
                 .map(|(keys, k)| jitter(between(keys, flexion, side), k))
                 .collect::<Vec<_>>()
         };
-        // Joints are one cartilage end beyond the ossified shafts.
+        // The ossified shaft ends before the joint by the length of a cartilage end.
         let (leg_scale, arm_scale) = (biometry.leg_scale(), biometry.arm_scale());
         let leg = |i: usize| {
             let side = if i == 0 { 1.0 } else { -1.0 };

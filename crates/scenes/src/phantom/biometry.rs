@@ -84,14 +84,14 @@ const EYES_MM: [[f32; 10]; 2] = [
     [7.0, 9.0, 10.0, 11.0, 12.0, 13.0, 13.5, 14.0, 14.5, 15.0],
 ];
 
-/// Value at `weeks`, interpolated in a table of every second week from 16 to 34.
+/// Value at `weeks`, interpolated linearly in a table of every second week from 16 to 34.
 fn at(table: &[f32; 10], weeks: f64) -> f32 {
     let place = ((weeks as f32 - 16.0) / 2.0).clamp(0.0, 9.0);
     let i = (place as usize).min(8);
     table[i] + (table[i + 1] - table[i]) * (place - i as f32)
 }
 
-/// Circumference of an ellipse of these diameters (Ramanujan's first approximation).
+/// Circumference of an ellipse with the diameters `a` and `b` (Ramanujan's first approximation).
 fn ellipse_circumference(a: f32, b: f32) -> f32 {
     0.5 * std::f32::consts::PI * (3.0 * (a + b) - ((3.0 * a + b) * (a + 3.0 * b)).sqrt())
 }
@@ -185,8 +185,8 @@ impl Biometry {
     }
 }
 
-/// Long diameter of the head's ellipse of width `width_mm`, mm. The brow lengthens the head's outline by the factor
-/// [`BROW`], relative to an ellipse.
+/// Long diameter, mm, of the head's outline of width `width_mm` and circumference `circumference_mm`. The outline is
+/// an ellipse that the brow lengthens by the factor [`BROW`].
 fn occipitofrontal_mm(width_mm: f32, circumference_mm: f32) -> f32 {
     const BROW: f32 = 1.012;
     bisect(width_mm, 2.0 * width_mm, 30, |long| BROW * ellipse_circumference(width_mm, long) < circumference_mm)
@@ -220,8 +220,9 @@ mod tests {
         }
     }
 
-    /// Age from a size: Hadlock et al., Radiology 152:497 (1984), weeks of cm. The two sets of curves were fitted
-    /// separately and are only nearly inverse; the head circumference at 34 weeks is worst.
+    /// Age from a size, by the regressions of Hadlock et al., Radiology 152:497 (1984): weeks as a function of cm.
+    /// Both sets of curves were fitted separately, so they are only nearly inverse; the head circumference at 34 weeks
+    /// deviates most.
     #[test]
     fn sizes_return_their_age() {
         for weeks in 16..=34 {

@@ -1,11 +1,11 @@
-//! Removal of crumbs from a mesh: parts too small for its grid, and parts turned inside out by a fold.
+//! Removal of fragments from a mesh: parts too small for its grid, and parts turned inside out by a fold.
 
 use rayon::slice::ParallelSliceMut;
 
 use insonify_core::anatomy::groups::Groups;
 use insonify_core::anatomy::{Bounds, Mesh};
 
-/// Largest volume of a crumb, in cells.
+/// Volume below which a part is a fragment, in grid cells.
 const CRUMB_CELLS: f64 = 0.25;
 
 /// A connected component.
@@ -15,8 +15,8 @@ struct Part {
     bounds: Bounds,
 }
 
-/// Removes the crumbs of `mesh`, made of cells of `cell_mm`: parts smaller than a quarter of a cell, and inward-facing
-/// parts without a part around them. Cavities stay.
+/// `mesh` without its fragments. The mesh was made from a grid of cells of `cell_mm`. Fragments are parts smaller than
+/// a quarter of a cell, and inward-facing parts that no other part encloses. Cavities stay.
 pub(super) fn without_crumbs(mesh: Mesh, cell_mm: f32) -> Mesh {
     let part_of = parts_of_triangles(&mesh);
     let count = part_of.iter().max().map_or(0, |&last| last as usize + 1);
@@ -34,7 +34,7 @@ pub(super) fn without_crumbs(mesh: Mesh, cell_mm: f32) -> Mesh {
             || part.signed_volume_mm3 <= -least_mm3 && large.iter().any(|outer| outer.bounds.holds(part.bounds))
     };
     let kept: Vec<bool> = parts.iter().map(stays).collect();
-    // A surface of crumbs only is kept: otherwise an organ would vanish.
+    // A surface that has only fragments is kept: otherwise an organ would vanish.
     if large.is_empty() || kept.iter().all(|&kept| kept) {
         return mesh;
     }
@@ -58,7 +58,8 @@ pub(super) fn without_crumbs(mesh: Mesh, cell_mm: f32) -> Mesh {
     Mesh { vertices_mm, triangles }
 }
 
-/// Part of each triangle: triangles that share an edge are connected; those that share only a vertex are not.
+/// Index of the part that each triangle belongs to: triangles that share an edge are connected; triangles that share
+/// only a vertex are not.
 fn parts_of_triangles(mesh: &Mesh) -> Vec<u32> {
     let mut edges: Vec<([u32; 2], u32)> = (0u32..)
         .zip(&mesh.triangles)
@@ -96,15 +97,15 @@ mod tests {
         let all = joined([std::slice::from_ref(&crumb), &sound[..], &[hollow_crumb, fold]].concat());
         assert_eq!(without_crumbs(all, 1.0), joined(sound.clone()));
         assert_eq!(without_crumbs(joined(sound.clone()), 1.0), joined(sound.clone()));
-        // A crumb attached at one vertex.
+        // A fragment attached at one vertex.
         let mut hung = joined([ball.clone(), crumb.clone()]);
         let first = ball.vertices_mm.len() as u32;
         let meets = |i: u32| if i == first { 7 } else { i };
         hung.triangles.iter_mut().for_each(|t| *t = t.map(meets));
         assert_eq!(without_crumbs(hung, 1.0), ball);
-        // With finer cells it is not a crumb.
+        // With finer cells the same part is no fragment.
         assert_eq!(without_crumbs(joined([ball.clone(), crumb.clone()]), 0.5), joined([ball, crumb.clone()]));
-        // Nothing but crumbs.
+        // Only a fragment.
         assert_eq!(without_crumbs(crumb.clone(), 1.0), crumb);
         assert_eq!(without_crumbs(Mesh::default(), 1.0), Mesh::default());
     }

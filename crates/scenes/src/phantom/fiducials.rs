@@ -17,7 +17,8 @@ const DIRECTIONS: [(&str, [f64; 3]); 7] = [
     ("RIGHT_ILIAC", [-0.64, -0.48, 0.6]),
 ];
 
-/// Fiducials of the obstetric phantom, mm in the scene: exit points of straight lines from the middle of the uterus.
+/// Fiducials of the obstetric phantom, scene frame, mm: points where straight lines from the middle of the uterus
+/// leave the skin.
 pub fn fiducials(parameters: &Parameters) -> Vec<Named<DVec3>> {
     let skin = skin(parameters);
     let point = |(name, direction): (&str, [f64; 3])| {

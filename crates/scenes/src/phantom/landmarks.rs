@@ -19,9 +19,10 @@ pub struct Landmarks {
     pub fetus_left: Vec3,
     /// Centre of the fetal abdomen at the level of the stomach: the plane of the abdominal circumference.
     pub abdomen_centre_mm: Vec3,
-    /// Direction of the spine at that level, towards the fetal head: normal of the plane of the circumference.
+    /// Unit direction of the spine at the level of [`Self::abdomen_centre_mm`], towards the fetal head: normal of the
+    /// plane of the circumference.
     pub abdomen_cranial: Vec3,
-    /// Direction from the spine to the belly at that level.
+    /// Unit direction from the spine to the belly at the level of [`Self::abdomen_centre_mm`].
     pub abdomen_ventral: Vec3,
     /// Centre of the fetal heart, in the four-chamber plane.
     pub heart_centre_mm: Vec3,
@@ -61,7 +62,8 @@ pub struct Landmarks {
     pub heart_chambers_mm: [Vec3; 4],
     /// Crux of the heart, where the septa and both valves meet.
     pub heart_crux_mm: Vec3,
-    /// Descending aorta beside the spine, in the four-chamber plane and in the plane of the abdominal circumference.
+    /// Centre of the descending aorta in front of the spine, in the four-chamber plane and in the plane of the
+    /// abdominal circumference.
     pub aorta_mm: [Vec3; 2],
     /// Shoulder and elbow tip of the ossified left, then right humerus.
     pub humeri_mm: [[Vec3; 2]; 2],

@@ -1,8 +1,8 @@
 //! Meshing: from a solid to a closed triangle mesh.
 //!
-//! The solid is sampled on a regular grid: first once per block, then fully in blocks that may contain the surface.
-//! Naive surface nets (`fast-surface-nets`) give one vertex per cell that the surface passes. Newton steps along the
-//! gradient then move it onto the surface, which removes the grid's staircase.
+//! The solid is sampled on a regular grid: once per block first, then completely in blocks that may contain the
+//! surface. Naive surface nets (`fast-surface-nets`) give one vertex per cell that the surface passes through. Newton
+//! steps along the gradient then move each vertex onto the surface, which removes the staircase of the grid.
 
 use fast_surface_nets::ndshape::RuntimeShape;
 use fast_surface_nets::{SurfaceNetsBuffer, surface_nets};
@@ -15,10 +15,10 @@ use super::crumbs::without_crumbs;
 
 /// Cells along a block's edge.
 const BLOCK: u32 = 4;
-/// Free cells between the solid's box and the grid's border, which let surfaces close.
+/// Free cells between the solid's bounding box and the grid's border, so that surfaces close.
 const MARGIN_CELLS: f32 = 2.5;
-/// A block is skipped if the distance at its centre exceeds this multiple of its half diagonal. Distances of solids are
-/// not exact, and some grow faster than one to one.
+/// A block is skipped if the distance at its centre exceeds this multiple of its half diagonal. Signed distances of
+/// solids are not exact: some have a slope above one.
 const LIPSCHITZ: f32 = 3.0;
 /// Newton steps per vertex.
 const NEWTON_STEPS: usize = 4;
@@ -31,7 +31,7 @@ struct Samples {
     cell_mm: f32,
 }
 
-/// Closed mesh of `solid` with cells of `cell_mm`, without crumbs; empty if the solid contains no grid point.
+/// Closed mesh of `solid` with cells of `cell_mm`, without fragments; empty if the solid contains no grid point.
 pub(super) fn mesh(solid: &Solid, cell_mm: f32) -> Mesh {
     let samples = Samples::of(solid, cell_mm);
     let shape = RuntimeShape::<u32, 3>::new(samples.size.to_array());
@@ -43,7 +43,7 @@ pub(super) fn mesh(solid: &Solid, cell_mm: f32) -> Mesh {
     without_crumbs(Mesh { vertices_mm, triangles }, cell_mm)
 }
 
-/// Number of triangles of [`mesh`], crumbs included, without computing the vertices.
+/// Number of triangles of [`mesh`], fragments included, without computing the vertices.
 pub(super) fn count_triangles(solid: &Solid, cell_mm: f32) -> usize {
     let samples = Samples::of(solid, cell_mm);
     let strides = samples.strides();
@@ -97,8 +97,8 @@ impl Samples {
         [1, self.size.x as usize, (self.size.x * self.size.y) as usize]
     }
 
-    /// Changes samples until no square of four neighbours has alternating signs, at which the net would join four
-    /// sheets in one edge.
+    /// Adds inside samples until no square of four neighbours has alternating signs. At such a square the net would
+    /// join four sheets along one edge.
     fn make_manifold(&mut self) {
         let strides = self.strides();
         let inside = -1e-3 * self.cell_mm;
@@ -163,7 +163,7 @@ mod tests {
 
     #[test]
     fn sheets_that_meet_in_a_cell_share_no_edge() {
-        // Rods that cross at a small distance, in every phase relative to the grid.
+        // Two rods that cross at a small distance, at 40 offsets against the grid.
         for i in 0..40 {
             let shift = Vec3::new(0.13, 0.29, 0.37) * i as f32;
             let a = capsule(shift, shift + Vec3::new(10.0, 10.0, 1.0), 1.1);

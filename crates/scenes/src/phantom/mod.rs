@@ -2,14 +2,14 @@
 //!
 //! Scene frame: x mother's left, y cranial, z anterior, in mm, with the origin at the centre of the uterine cavity. By
 //! default the fetus is 22 weeks old and lies head down on its right side, its back to the mother's right. A probe on
-//! the belly thus meets the side of the head, and the midline is across the beam. The placenta is anterior, left and
-//! fundal.
+//! the belly thus faces the side of the head, and the midline echo runs across the beam. The placenta is anterior,
+//! left and fundal.
 //!
 //! [`organs`] lists every closed surface as a solid, [`build`] meshes them, [`cached`] stores the file, and
 //! [`landmarks()`] gives positions.
 //!
-//! An organ is one function in `fetus/` or `mother/` that returns [`Organ`]s; its sizes come from [`Biometry`] and its
-//! place from [`Attitude`]. A new organ is one more entry in its body's list.
+//! An organ is one function in `fetus/` or `mother/` that returns [`Organ`]s. Its sizes come from [`Biometry`], its
+//! position from [`Attitude`]. A new organ is one more entry in its body's list.
 
 pub mod attitude;
 pub mod biometry;
@@ -126,8 +126,8 @@ pub fn organs(parameters: &Parameters) -> Vec<Organ> {
     organs
 }
 
-/// Surfaces called `names` of the phantom of `parameters`, with cells of `cell_mm` or smaller where needed; unknown
-/// names are ignored. For measurements: finer than the complete phantom, and fast.
+/// Surfaces called `names` of the phantom of `parameters`, with cells of at most `cell_mm`; unknown names are ignored.
+/// Used for measurements: finer than the complete phantom, and fast.
 pub fn parts(parameters: &Parameters, names: &[&str], cell_mm: f32) -> Vec<PhantomSurface> {
     let wanted: Vec<_> = organs(parameters).into_iter().filter(|organ| names.contains(&organ.name)).collect();
     wanted.par_iter().map(|organ| organ.surface(cell_mm.min(organ.coarsest_mm))).collect()

@@ -15,8 +15,8 @@ const HEART_PER_MIN: (f64, f64) = (145.0, 12.0);
 const SHORTENING: f32 = 0.32;
 /// Rate of fetal breathing, in bouts (Patrick et al., Obstet Gynecol 56:24, 1980: 40 to 60 per minute).
 const FETAL_BREATHS_PER_MIN: f64 = 50.0;
-/// Inward movement of the chest wall and caudal movement of the diaphragm in fetal inspiration: 2 to 4 mm each (Patrick
-/// 1980; amounts at 22 weeks).
+/// Change of the chest's radius in fetal inspiration, relative to the radius, and caudal movement of the diaphragm,
+/// mm: 2 to 4 mm each (Patrick 1980; amounts at 22 weeks).
 const CHEST_WALL: f32 = -0.05;
 const DIAPHRAGM_MM: f32 = 2.5;
 /// Breathing rate of a resting mother, and the caudal displacement of the uterus by each breath, mm (assumed).
@@ -106,7 +106,7 @@ fn stretch(attitude: &Attitude, name: String, joints: [Vec3; 4], radius_mm: f32,
     // A positive rotation about this axis bends, a negative one stretches.
     let axis = (hinge - root).cross(next - hinge).normalize_or(Vec3::X);
     let end = hinge + (next - hinge).normalize() * (next.distance(hinge) + 0.6 * tip.distance(next));
-    // Each limb has its own times.
+    // Each limb stretches at its own times.
     let seed = name.bytes().fold(seed, |h, b| h.wrapping_mul(31).wrapping_add(b.into()));
     Field {
         name,

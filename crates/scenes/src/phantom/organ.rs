@@ -23,18 +23,18 @@ pub struct Organ {
     pub tissue: &'static str,
     /// Priority: where surfaces overlap, the highest is the medium.
     pub priority: i32,
-    /// Body whose triangle budget includes it.
+    /// Body whose triangle budget includes this surface.
     pub body: Body,
     /// Cell size relative to other surfaces of the same body; about right in mm at scale 1.
     pub grain_mm: f32,
-    /// Largest cell size that still resolves it: about its smallest thickness, mm.
+    /// Largest cell size that still resolves this surface, mm: about its smallest thickness.
     pub coarsest_mm: f32,
     /// The solid, scene frame.
     pub solid: Solid,
 }
 
 impl Body {
-    /// A surface of this body.
+    /// Organ that belongs to this body.
     pub(super) fn organ(
         self,
         name: &'static str,

@@ -31,7 +31,8 @@ pub struct Parameters {
     /// Aberration class of the abdominal wall.
     #[serde(default)]
     pub wall: Wall,
-    /// Whether fat fills the gap between the recti: a lens that doubles what lies behind the midline.
+    /// Whether fat fills the gap between the recti. The fat is an acoustic lens that shows structures behind the
+    /// midline twice.
     #[serde(default)]
     pub recti_lens: bool,
     /// Seed of the small variations between individuals.

@@ -1,7 +1,7 @@
-//! Placement of the fetus in the cavity.
+//! Placement of the fetus in the uterine cavity.
 //!
-//! It starts in the middle, rotated by lie and roll, and is pushed off wall and placenta as a rigid body until it
-//! touches neither.
+//! The fetus starts in the middle, rotated by lie and roll. As a rigid body it is then pushed off wall and placenta
+//! until it touches neither.
 
 use glam::{Quat, Vec3};
 use insonify_core::anatomy::sdf::{Isometry, Solid, ellipsoid};
@@ -23,7 +23,7 @@ const STEPS: usize = 240;
 /// Obstacles around the fetus.
 struct Room {
     cavity: Solid,
-    /// Approximate placenta; it yields to the fetus if there is no room for both.
+    /// Approximate placenta. It yields to the fetus if the cavity is too small for both.
     placenta: Solid,
     start: Isometry,
 }
@@ -57,7 +57,7 @@ impl Room {
             };
             for &(local, radius) in &balls {
                 let at = place.point(local);
-                // The ball's point nearest to the wall: the cavity's distances are accurate only near the wall.
+                // Point of the ball nearest to the wall: the cavity's distances are accurate only near the wall.
                 let outward = self.cavity.normal(at + self.cavity.normal(at) * radius);
                 let out_of_wall = self.cavity.distance_mm(at + outward * radius) + CLEARANCE_MM;
                 if out_of_wall > 0.0 {
@@ -65,7 +65,7 @@ impl Room {
                     push(at, -outward * out_of_wall);
                 }
                 let in_placenta = radius + CLEARANCE_MM - self.placenta.distance_mm(at);
-                // If there is no room for both, the placenta yields.
+                // If the cavity is too small for both, the placenta yields.
                 if in_placenta > 0.0 && step < STEPS / 2 {
                     push(at, self.placenta.normal(at) * in_placenta);
                 }
@@ -107,7 +107,7 @@ fn start(parameters: &Parameters) -> Isometry {
 }
 
 impl Attitude {
-    /// Attitude and place of the fetus of `parameters`.
+    /// Attitude and placement of the fetus of `parameters`.
     ///
     /// A fetus too stretched for the cavity is curled as far as necessary.
     pub fn of(parameters: &Parameters) -> Self {
@@ -131,8 +131,8 @@ impl Attitude {
         best.map_or_else(|| Self::posed(&biometry, 0.5, 0, 0.0, 0.0), |(_, attitude)| attitude)
     }
 
-    /// Attitude of individual `seed`. Its limbs vary as far as possible without crossing; if even the mean's limbs
-    /// cross, they are spread.
+    /// Attitude of individual `seed`. Its limbs vary as far as possible without crossing. If the limbs of the mean
+    /// attitude cross, they are spread apart.
     fn varied(biometry: &Biometry, flexion: f32, seed: u64) -> Self {
         let variations = [1.0, 0.5, 0.25].into_iter().filter(|_| seed != 0).map(|variation| (variation, 0.0));
         let spreads = (0..=8).map(|step| (0.0, 0.06 * step as f32));

@@ -4,7 +4,7 @@
 //! tolerances are assumed from the effect of an error on the measurement:
 //!
 //! - An ellipse cut at an angle θ grows by (1/cosθ − 1)/2, 0.8 % at 10°.
-//! - A head or belly of 30 mm radius cut 5 mm off its widest place shrinks by 1.4 %.
+//! - A head or belly of 30 mm radius, cut 5 mm off its widest section, shrinks by 1.4 %.
 //! - A femur 39 mm long and 5 mm thick leaves a slice of 1.5 mm beyond 9°.
 //!
 //! Measurements in practice differ by several percent between observers (Sarris et al., Ultrasound Obstet Gynecol
@@ -67,8 +67,8 @@ impl<'a> Anatomy<'a> {
         }
     }
 
-    /// Scene position of the point `(x, y, z)` of the model's head, which is drawn for 22 weeks and scales with the
-    /// skull.
+    /// Scene position of the point `(x, y, z)` in the frame of the drawn head. The head is drawn for 22 weeks and
+    /// scales with the skull.
     fn in_head(&self, x: f64, y: f64, z: f64) -> DVec3 {
         let size = (self.biometry.skull_semi_mm() / Biometry::default().skull_semi_mm()).as_dvec3();
         let p = DVec3::new(x, y, z) * size;
@@ -88,17 +88,17 @@ fn tolerances(angle_deg: f64, distance_mm: f64, in_plane_deg: Option<f64>) -> To
     }
 }
 
-/// View along `to_probe`; directions are made perpendicular.
+/// View with the probe in the direction `to_probe`; `lateral` is made perpendicular to it.
 fn view(name: &str, centre_mm: DVec3, lateral: DVec3, to_probe: DVec3) -> View {
     let lateral = lateral.normalize_or(DVec3::X);
     let to_probe = to_probe.reject_from(lateral).normalize_or(lateral.any_orthonormal_vector());
     View::new(name, centre_mm, lateral, to_probe)
 }
 
-/// View in the midsagittal plane of the fetus along `to_probe`. A direction from the mother's back, out of a probe's
-/// reach, is replaced by the one in the plane nearest to her belly.
+/// View in the midsagittal plane of the fetus with the probe in the direction `to_probe`. A direction to the mother's
+/// back is out of a probe's reach; the direction in the plane nearest to her belly replaces it.
 fn midsagittal(a: &Anatomy, centre_mm: DVec3, lateral: DVec3, to_probe: DVec3) -> View {
-    /// Lowest z of a direction to the probe: a probe on a flank points up by at most about 15° (assumed).
+    /// Lowest z of the unit direction to the probe: on a flank, a beam points up by at most about 15° (assumed).
     const LOWEST_Z: f64 = -0.25;
     let wanted = view("", centre_mm, lateral, to_probe.reject_from(a.left));
     if wanted.to_probe.z >= LOWEST_Z {
@@ -109,7 +109,8 @@ fn midsagittal(a: &Anatomy, centre_mm: DVec3, lateral: DVec3, to_probe: DVec3) -
     view("", centre_mm, across * across.dot(lateral).signum(), to_probe)
 }
 
-/// Landmarks with their largest distance from the image: half their own size plus part of the slice thickness.
+/// Landmarks with their largest accepted distance from the image plane, mm: half their own size plus part of the slice
+/// thickness.
 fn marks(points: &[(&str, DVec3, f64)]) -> Vec<PlaneLandmark> {
     let mark = |&(name, position_mm, within_mm): &(&str, DVec3, f64)| PlaneLandmark {
         name: name.to_owned(),
@@ -141,7 +142,7 @@ fn caliper(name: &str, title: &str, points_mm: Vec<DVec3>, surface: &str, reach_
     }
 }
 
-/// Axial at the thalami: midline across the beam, cavum septi pellucidi in front, no cerebellum.
+/// Axial plane at the thalami: midline across the beam, cavum septi pellucidi in front, no cerebellum.
 fn head(a: &Anatomy) -> StandardPlane {
     let (centre, biometry) = (a.landmarks.head_centre_mm.as_dvec3(), a.biometry);
     let semi = biometry.skull_semi_mm().as_dvec3();
@@ -201,7 +202,7 @@ fn abdomen(a: &Anatomy) -> StandardPlane {
     plane("abdomen", "transverse plane of the abdomen (AC)", BIOMETRY_GUIDE, tolerances(10.0, 5.0, None), vec![view])
 }
 
-/// Along either femur, both ends of the ossified shaft in view, at most 45° from horizontal in the image.
+/// Plane along either femur: both ends of the ossified shaft in view, at most 45° from horizontal in the image.
 fn femur(a: &Anatomy) -> StandardPlane {
     let femurs = [("left", a.landmarks.left_femur_mm), ("right", a.landmarks.right_femur_mm)];
     let views = femurs.map(|(name, tips)| {
@@ -228,7 +229,7 @@ fn heart(a: &Anatomy) -> StandardPlane {
     plane("heart", "four-chamber view of the heart", HEART_GUIDE, tolerances(12.0, 4.0, None), vec![view])
 }
 
-/// Midsagittal plane of the back, from behind where a probe can reach it.
+/// Midsagittal plane of the back, from a direction behind the fetus that a probe can reach.
 fn spine(a: &Anatomy) -> StandardPlane {
     // A thoracic vertebra, the middle of the straight part, and a lumbar vertebra.
     let [chest, middle, lumbar] = [3, 4, 5].map(|i: usize| a.landmarks.spine_mm[i].as_dvec3());
@@ -239,7 +240,7 @@ fn spine(a: &Anatomy) -> StandardPlane {
     plane("spine", "midsagittal plane of the spine", SURVEY_GUIDE, tolerances(8.0, 4.0, None), vec![view])
 }
 
-/// Midsagittal plane of the face, from the front where a probe can reach it.
+/// Midsagittal plane of the face, from a direction in front of it that a probe can reach.
 fn profile(a: &Anatomy) -> StandardPlane {
     let [nose, chin] = [a.landmarks.nose_tip_mm, a.landmarks.chin_mm].map(|v| v.as_dvec3());
     let forehead = a.in_head(0.0, 8.0, 33.0);

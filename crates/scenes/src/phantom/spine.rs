@@ -4,11 +4,11 @@ use glam::Vec3;
 
 use insonify_core::anatomy::sdf::{Isometry, catmull_rom};
 
-/// Number of vertebrae from C1 to S5. A *level* counts them from 0 at C1's cranial side: 7 is the top of T1, 19 of L1,
-/// 24 of S1.
+/// Number of vertebrae from C1 to S5. A *level* counts vertebrae from 0 at the cranial side of C1: level 7 is the top
+/// of T1, 19 the top of L1, 24 the top of S1.
 pub(crate) const VERTEBRAE: usize = 29;
 
-/// Relative heights of a cervical, thoracic, lumbar and sacral vertebra with its disc.
+/// Number of vertebrae, and relative height of one with its disc: cervical, thoracic, lumbar and sacral.
 const HEIGHTS: [(usize, f32); 4] = [(7, 2.9), (12, 3.95), (5, 4.7), (5, 3.5)];
 
 /// Midsagittal knots (y, z) from C1 to S5 as drawn, mm at 22 weeks.
@@ -75,7 +75,7 @@ impl Spine {
         let (a, b) = (self.levels[i - 1], self.levels[i]);
         let t = ((level - a) / (b - a)).clamp(0.0, 1.0);
         let origin = self.points[i - 1].lerp(self.points[i], t);
-        // The tangent over some distance, so that frames rotate evenly.
+        // The tangent is taken over several points, so that frames rotate evenly.
         let cranial = self.points[i.saturating_sub(4)] - self.points[(i + 3).min(last)];
         Isometry::from_axes(origin, cranial, Vec3::X.cross(cranial))
     }

@@ -1,4 +1,4 @@
-//! The phantom over its range of parameters: sizes on the mesh, landmarks on the organs, room for the fetus.
+//! The phantom over its range of parameters: sizes on the mesh, landmarks on the organs, clearance of the fetus.
 
 #![allow(clippy::unwrap_used)]
 

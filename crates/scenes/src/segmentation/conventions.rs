@@ -1,4 +1,4 @@
-//! Comparison of labels with what is possible for a human, under the table that was used and under all others.
+//! Plausibility of labels: comparison with human anatomy, under the class table that was used and under all others.
 //!
 //! The strain of a table is the sum of the evidence against it: numbers that it lacks, and organs of unusual volume or
 //! position.
@@ -16,28 +16,29 @@ use super::measure::Measure;
 use super::naming::{NameTable, NamesFrom};
 use super::volume::LabelMap;
 
-/// Findings that a message lists at most.
+/// Most findings in a message.
 const LISTED_MAX: usize = 4;
 
-/// Strain of a number that a table lacks, and of a number whose class has no known volume.
+/// Strain of a number that the table lacks, and of a number whose class has no known volume.
 const UNKNOWN_STRAIN: f64 = 5.0;
 const UNTOLD_STRAIN: f64 = 0.5;
 
-/// Conditions for another table to be likelier: its strain is less than that of the table used by `LIKELIER_BY` at least, is at
-/// most `LIKELIER_SHARE` of it, and at most 1 plus `FITS_EACH` for each label.
+/// Conditions under which another table is likelier than the one used. Its strain is lower by at least `LIKELIER_BY`.
+/// It is at most `LIKELIER_SHARE` of the strain of the table used, and at most 1 plus `FITS_EACH` for each label.
 const LIKELIER_BY: f64 = 1.0;
 const LIKELIER_SHARE: f64 = 0.5;
 const FITS_EACH: f64 = 0.35;
 
-/// Largest difference of the strains of two tables that decides nothing: a class of unknown volume is no evidence.
+/// Largest difference in strain between two tables that count as equally good: a class of unknown volume is no
+/// evidence.
 const ALIKE: f64 = UNTOLD_STRAIN;
 
-/// Up to this number of labels, tables can't be told apart for certain. Another table then fits as well if its strain is larger
-/// by at most `AS_LIKELY_BY`.
+/// Number of labels up to which tables can't be told apart for certain. Another table then fits as well if its strain
+/// is larger by at most `AS_LIKELY_BY`.
 const FEW_LABELS: usize = 3;
 const AS_LIKELY_BY: f64 = 1.0;
 
-/// Tables whose classes are layers of the whole body, and the least volume of such a layer, ml.
+/// Tables whose classes are layers of the whole body, and the smallest volume, ml, of such a layer.
 const BODY_TABLES: [&str; 2] = ["body", "tissue-types"];
 const BODY_ML: f64 = 3000.0;
 
@@ -54,7 +55,7 @@ pub struct Plausibility {
     pub as_likely: Vec<&'static str>,
 }
 
-/// Labels that no human has, or numbers that another table fits better.
+/// Labels that are impossible in a human, or numbers that another table fits better.
 #[derive(Debug, Error)]
 #[error(
     "{path}: read by {names}, the labels {verdict}: {findings}.{hints} --allow-implausible makes the scene all the same"
@@ -196,7 +197,7 @@ impl Plausibility {
         })
     }
 
-    /// What to know if the scene is made all the same, a line each.
+    /// Remarks on findings that do not prevent the scene, a line each.
     pub fn remarks(&self, names: &NameTable, is_allowed: bool) -> Vec<String> {
         let mut remarks = Vec::new();
         let is_impossible = self.findings.iter().any(|finding| finding.certainty == Certainty::Impossible);
@@ -234,7 +235,7 @@ impl Plausibility {
         if !self.likelier.is_empty() {
             hints += &format!(" The numbers fit --names {}: try that.", self.likelier.join(" or "));
         }
-        // A table that fits explains organs above or below their places, not those on the wrong side.
+        // A table that fits better explains organs that lie too high or too low, but not organs on the wrong side.
         if is_impossible(Aspect::Side) || (is_impossible(Aspect::Position) && self.likelier.is_empty()) {
             hints += &format!(
                 " Mirrored? The file's axes say that its voxels run to the patient's {}. Where that is wrong, save the \

@@ -1,4 +1,4 @@
-//! Whether the body's outline and the image hold the labelled organs.
+//! Whether the body's outline and the image contain the labelled organs.
 
 use std::path::Path;
 
@@ -11,18 +11,19 @@ use super::image;
 use super::inputs::Organ;
 use super::volume::LabelMap;
 
-/// Least share of the labelled voxels that a body or an image must hold, %.
+/// Smallest share of the labelled voxels that a body or an image must contain, %.
 const COVERED_PERCENT: f64 = 80.0;
-/// Share of the labelled voxels that a body must hold for nothing to be said, %.
+/// Share of the labelled voxels, %, that a body must contain to pass without a remark.
 const HELD_PERCENT: f64 = 99.0;
-/// Shares of an organ outside the body: from the first on it is named, from the second on the body is refused, %.
+/// Shares of an organ outside the body, %: from the first on, a message names the organ; from the second on, the body
+/// is refused.
 const NAMED_PERCENT: f64 = 10.0;
 const MOSTLY_PERCENT: f64 = 50.0;
-/// Fewest voxels of an organ whose share counts.
+/// Fewest voxels of an organ that is checked.
 const LEAST_VOXELS: usize = 100;
-/// Voxels of a body that has no more than the labelled organs, relative to their voxels.
+/// Number of voxels of a body that consists of the labelled organs alone, relative to the number of labelled voxels.
 const ONLY_ORGANS: std::ops::RangeInclusive<f64> = 0.99..=1.01;
-/// Organs that a message lists at most.
+/// Most organs in a message.
 const LISTED_MAX: usize = 6;
 
 /// Labels on their grid: 0, or 1 + index of the organ.
@@ -34,8 +35,8 @@ pub(super) struct Labelled<'a> {
 }
 
 impl Labelled<'_> {
-    /// Refuses a volume that holds too few of the labelled voxels. `inside` tells whether it holds a voxel of the labels' grid,
-    /// `holds` whether a voxel of its own grid holds something.
+    /// Refuses a volume that contains too few of the labelled voxels. `inside` tells whether the volume contains a
+    /// voxel of the labels' grid. `holds` tells whether a voxel of the volume's own grid belongs to its content.
     pub(super) fn covered(
         &self,
         inside: &(dyn Fn(usize) -> bool + Sync),
@@ -56,11 +57,11 @@ impl Labelled<'_> {
         Err(GatherError::OtherScan { path, option, labels, percent, hint })
     }
 
-    /// Voxels of the labels' grid that a label map of the body labels, and a remark on organs that lie outside.
+    /// Voxels of the labels' grid that the label map of a body labels, and a remark on organs outside the body.
     ///
     /// # Errors
-    /// A map without a labelled voxel; a map of another scan. Unless `is_allowed`: a map that leaves an organ outside, or labels
-    /// the organs alone.
+    /// A map without a labelled voxel; a map of another scan. Unless `is_allowed`: a map that leaves an organ outside,
+    /// or labels the organs alone.
     pub(super) fn body(&self, map: LabelMap, is_allowed: bool) -> Result<(Vec<bool>, Option<String>), GatherError> {
         let map = map.canonical();
         if map.layers.iter().all(|layer| layer.par_iter().all(|&l| l == 0)) {

@@ -12,26 +12,26 @@ use super::grid::{CutPlane, Grid};
 pub use super::inputs::{Inputs, Organ};
 use super::meshing::{Complex, NONE, Net, Part, make_well_composed};
 
-/// Parts of fewer voxels than this are crumbs.
+/// Fewest voxels of a part that is kept; smaller parts are fragments.
 const CRUMB_VOXELS: usize = 8;
-/// Shares of the triangles: body's outline, inner border of the fat.
+/// Shares of the triangles, 0..=1: the body's outline, and the inner border of the fat.
 const BODY_SHARE: f64 = 0.06;
 const FAT_SHARE: f64 = 0.10;
 /// Largest error of decimation, in voxels.
 const ERROR_VOXELS: f64 = 0.35;
-/// Thickness from which a wall is drawn in voxels, in voxels.
+/// Thickness, in voxels, from which a wall is drawn as voxels instead of by moving its surface.
 const THICK_VOXELS: f64 = 2.0;
 /// Farthest that a surface moves to restore a label's volume, in voxels.
 const VOLUME_VOXELS: f64 = 0.4;
 
-/// How a scene is made.
+/// Options of making a scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
     /// Thickness of the skin, mm; 0 for none.
     pub skin_mm: f64,
-    /// Thickness of the fat beneath it where neither labels nor an image tell it, mm.
+    /// Thickness of the fat beneath the skin, mm, where neither labels nor an image show it.
     pub fat_mm: f64,
-    /// Number of triangles, about.
+    /// Approximate number of triangles.
     pub triangles: usize,
 }
 
@@ -41,7 +41,7 @@ impl Default for Options {
     }
 }
 
-/// Surface of a scene, and where it comes from.
+/// Surface of a scene, with the segment that it was made from.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Made {
     /// Name of the surface.
@@ -54,11 +54,11 @@ pub struct Made {
     pub mesh: Mesh,
     /// Name of its segment; none for skin, fat and soft tissue.
     pub segment: Option<String>,
-    /// Volume of the segment's voxels, mm³; none for walls' inner sides and for gas.
+    /// Volume of the segment's voxels, mm³; none for the inner sides of walls and for gas.
     pub voxels_mm3: Option<f64>,
 }
 
-/// Surfaces of a scene and what was done.
+/// Surfaces of a scene, and facts about how they were made.
 #[derive(Debug, Clone)]
 pub struct Outcome {
     /// Surfaces, ascending in priority.
@@ -76,11 +76,11 @@ pub struct Facts {
     pub outline: OutlineSource,
     /// Sides on which the scan cuts the body: right, left, front, back, feet, head.
     pub cut: [bool; 6],
-    /// Parts of fewer than eight voxels that were given to their neighbours.
+    /// Number of fragments, parts of fewer than eight voxels, that were given to neighbouring labels.
     pub crumbs: usize,
-    /// Voxels changed where a surface would have met itself in an edge.
+    /// Number of voxels that were changed where a surface would have touched itself along an edge.
     pub untangled: usize,
-    /// Segments without a voxel after all.
+    /// Segments that have no voxel left after processing.
     pub empty: Vec<String>,
 }
 
@@ -91,7 +91,7 @@ pub fn make(mut inputs: Inputs, options: &Options, progress: &(dyn Fn(&'static s
     let crumbs = without_crumbs(&mut inputs.labels, inputs.grid.size, CRUMB_VOXELS);
     let counts = count(&inputs.labels);
     let priorities: Vec<i32> = inputs.organs.iter().map(|o| o.priority).collect();
-    // Ranks are distinct: equal priorities in the order of the labels.
+    // Ranks are distinct: equal priorities rank in the order of the labels.
     let rank = |label: u16| match priorities.get(usize::from(label).wrapping_sub(1)) {
         Some(&priority) => (u64::from(priority.wrapping_sub(i32::MIN) as u32) << 16 | u64::from(label)) + 1,
         None => 0,
@@ -136,7 +136,7 @@ fn outline(inputs: &Inputs, options: &Options) -> (OutlineSource, Vec<bool>) {
             (OutlineSource::Labels, body::from_labels(&inputs.labels, grid, margin_mm))
         }
     };
-    // What is labelled is in the body.
+    // Labelled voxels belong to the body.
     mask.par_iter_mut().zip(&inputs.labels).for_each(|(inside, label)| *inside |= *label != NONE);
     (source, body::from_mask(mask, grid, |i| inputs.labels[i] != NONE))
 }
@@ -183,7 +183,7 @@ fn soft_tissue(inputs: &Inputs, body: &[bool], options: &Options) -> Vec<bool> {
     body::from_mask(soft, grid, |i| inputs.labels[i] != NONE)
 }
 
-/// Fat in a CT image that reaches the skin: −200 to −20 HU, connected to the first 4 mm.
+/// Voxels of fat in a CT image that reaches the skin: −200 to −20 HU, connected to the outermost 4 mm of the body.
 fn fat_of_image(inputs: &Inputs, depth_mm: &[f32]) -> Option<Vec<bool>> {
     let image = inputs.ct()?;
     let is_fat = |i: usize| depth_mm[i] > 0.0 && (-200.0..-20.0).contains(&image[i]) && inputs.labels[i] == NONE;
@@ -193,7 +193,7 @@ fn fat_of_image(inputs: &Inputs, depth_mm: &[f32]) -> Option<Vec<bool>> {
     Some(fat)
 }
 
-/// Priority of a label's outer surface: distinct for all organs, with room for the surfaces within.
+/// Priority of the outer surface of a label: distinct for all organs, with gaps for the surfaces within them.
 fn priority_of(organs: &[Organ], label: u16) -> i32 {
     let rank = |label: u16| (organs.get(usize::from(label).wrapping_sub(1)).map_or(0, |o| o.priority), label);
     let below = (1..=organs.len() as u16).filter(|&other| rank(other) < rank(label)).count();
@@ -206,7 +206,7 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    /// Patient position of a point whose coordinates are mm along the grid's axes.
+    /// Transform from mm along the grid's axes to the patient frame (LPS), mm.
     fn lps_from_grid_mm(&self) -> DAffine3 {
         let from_mm = DAffine3::from_mat3(DMat3::from_diagonal(self.grid.voxel_mm().recip()));
         self.grid.lps_from_voxel * from_mm
@@ -232,7 +232,7 @@ impl Builder<'_> {
         Complex::of(&net, self.grid.voxel_mm())
     }
 
-    /// Decimates to `triangles`, and gives labels the volumes of their `voxels`.
+    /// Decimates to `triangles`, then restores the volume of each label from its number of `voxels`.
     fn simplify(&self, complex: &mut Complex, triangles: usize, voxels: &HashMap<u16, usize>, done: &dyn Fn(f64)) {
         let voxel_mm = self.grid.voxel_mm();
         complex.decimate(triangles, ERROR_VOXELS * voxel_mm.min_element(), done);
@@ -240,7 +240,7 @@ impl Builder<'_> {
         complex.restore_volumes(&wanted_mm3, VOLUME_VOXELS * voxel_mm.min_element());
     }
 
-    /// Surface of a mask, of about `triangles` triangles.
+    /// Surface of a mask, with about `triangles` triangles.
     fn mask_part(&self, mask: &[bool], triangles: usize) -> Option<Part> {
         let mut labels: Vec<u16> = mask.par_iter().map(|&inside| u16::from(inside)).collect();
         make_well_composed(&mut labels, self.grid.size, &|label| u64::from(label));
@@ -282,7 +282,8 @@ impl Builder<'_> {
     ) {
         let organ_of = |label: u16| inputs.organs.get(usize::from(label).wrapping_sub(1));
         let mut complex = self.complex(&inputs.labels);
-        // Each triangle is in the surface of every label beside it, and again in the inner side of a wall.
+        // Each triangle belongs to the surfaces of both labels that it separates, and again to the inner side of a
+        // wall.
         let copies = |label: &u16| organ_of(*label).map_or(0, |o| 1 + usize::from(o.wall.is_some()));
         let all: usize = complex.triangles.iter().flat_map(|t| &t.sides).map(copies).sum();
         let budget = (1.0 - 2.0 * BODY_SHARE - FAT_SHARE) * options.triangles as f64;
@@ -314,8 +315,8 @@ impl Builder<'_> {
         self.gas(inputs, share);
     }
 
-    /// Surfaces within organs: of the voxels that `voxels_of` gives for a label and its organ. `share` is the share of
-    /// triangles that stays.
+    /// Surfaces within organs, by label. `voxels_of` gives the voxels of the inner region for a label and its organ.
+    /// `share` is the share of triangles that decimation keeps.
     fn inner_parts(
         &self,
         inputs: &Inputs,
@@ -346,7 +347,7 @@ impl Builder<'_> {
             let Some((_, share)) = &organ.gas else { return Vec::new() };
             let gas = ct.map_or(Gas::Share(*share), Gas::Seen);
             let wall_mm = organ.wall.as_ref().map_or(0.0, |(_, mm)| *mm);
-            // A voxel more than the wall: the wall's inner side is smoother than the gas.
+            // The gas begins half a voxel below the wall: the wall's inner side is smoother than the gas.
             let within_mm = wall_mm + 0.5 * self.grid.voxel_mm().min_element();
             gas_of(&inputs.labels, self.grid, label, within_mm, gas)
         });

@@ -12,18 +12,18 @@ use super::voxels::{inside_of, voxels_within};
 /// Side of the voxels in which a body is drawn around the meshes, mm.
 const VOXEL_MM: f64 = 2.5;
 
-/// A closed mesh, LPS, mm, and what it is.
+/// A closed mesh (LPS, mm) and its class.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OrganMesh {
     /// Name of its surface.
     pub name: String,
-    /// What it is.
+    /// Class of the mesh.
     pub class: Class,
     /// Closed surface, outward.
     pub mesh: Mesh,
 }
 
-/// Layers that a body makes itself.
+/// Layers that a generated body has anyway: meshes of these classes are left out.
 const LAYERS: [&str; 4] = ["fat", "soft_tissue", "subcutaneous_fat", "torso_fat"];
 
 /// Surfaces of a scene, ascending in priority, and remarks on them. Organs get the walls of their classes. A mesh of the
@@ -42,7 +42,7 @@ pub fn surfaces(organs: Vec<OrganMesh>, options: &Options) -> (Vec<Made>, Vec<St
     let (mut made, outside) = layers(&bodies, &organs, options);
     remarks.extend(outside);
     if let [body] = &bodies[..] {
-        // The mesh itself is finer than its voxels.
+        // The given mesh is finer than its voxels.
         let outer = part(&body.mesh);
         for (name, depth_mm) in [("skin", 0.0), ("fat", options.skin_mm)] {
             if let Some(layer) = made.iter_mut().find(|made| made.name == name) {
@@ -72,10 +72,10 @@ pub fn surfaces(organs: Vec<OrganMesh>, options: &Options) -> (Vec<Made>, Vec<St
     (made, remarks)
 }
 
-/// Share of an organ's volume from which a separate piece of it is told.
+/// Share of an organ's volume from which a separate piece of it is reported.
 const PIECE: f64 = 0.15;
 
-/// Remarks on organs that are there more than once, and on those of several separate pieces.
+/// Remarks on organs that occur more than once, and on organs of several separate pieces.
 pub fn remarks_on_organs(organs: &[OrganMesh]) -> Vec<String> {
     let mut remarks = Vec::new();
     let extents: Vec<_> = organs.iter().map(|o| (o.mesh.bounds_mm(), o.mesh.signed_volume_mm3())).collect();
@@ -150,10 +150,10 @@ fn of_part(
     }
 }
 
-/// Share of an organ's vertices outside the body from which it is told.
+/// Share of an organ's vertices outside the body from which the organ is reported.
 const OUTSIDE: f64 = 0.1;
 
-/// A remark on organs that reach out of the body, a mask on `grid`.
+/// A remark on organs that extend outside the body; `body` is a mask on `grid`.
 fn remark_outside(organs: &[OrganMesh], body: &[bool], grid: &Grid) -> Option<String> {
     let voxel_from_lps = grid.lps_from_voxel.inverse();
     let is_outside = |vertex: &&glam::Vec3| {
@@ -171,10 +171,11 @@ fn remark_outside(organs: &[OrganMesh], body: &[bool], grid: &Grid) -> Option<St
     (!named.is_empty()).then(|| format!("organs reach out of the body: {words}: are all meshes of one frame?"))
 }
 
-/// Skin, fat and soft tissue of the bodies, or around the organs; and a remark on organs that reach out of the bodies.
+/// Skin, fat and soft tissue: of the given bodies, or around the organs if there are none. Also a remark on organs
+/// that extend outside the bodies.
 fn layers(bodies: &[OrganMesh], organs: &[OrganMesh], options: &Options) -> (Vec<Made>, Option<String>) {
     let meshes: Vec<&Mesh> = bodies.iter().chain(organs).map(|o| &o.mesh).collect();
-    // Free voxels on all sides: the organs end within the body.
+    // Free voxels on all sides, so that the organs end within the body.
     let Some((grid, _)) = voxels_within(&meshes, VOXEL_MM, 2) else { return (Vec::new(), None) };
     let within = |of: &[OrganMesh]| {
         let meshes: Vec<&Mesh> = of.iter().map(|o| &o.mesh).collect();

@@ -1,4 +1,4 @@
-//! From label maps and their classes to the labels on one grid that a scene is made from.
+//! From label maps and their classes to labels on one grid, the inputs of a scene.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -16,13 +16,16 @@ use super::inputs::{Inputs, Organ};
 use super::measure::Measure;
 use super::volume::{Image, LabelMap};
 
-/// Inputs of a scene from a label map with its measures, and segments that were left out. `body` is a label map whose every label
-/// is body; `image` is what was segmented. Both may have grids of their own.
+/// Inputs of a scene from a label map with its measures, and segments that were left out. `body` is a label map in
+/// which every label is body; `image` is the image that was segmented. Both may have grids of their own.
 ///
 /// # Errors
-/// No labelled voxel; segments without a meaning unless `leave_out_unknown`; no organ at all, or more than a scene has surfaces; a
-/// body without a voxel; unless `allow_implausible`, a body that leaves an organ outside or is the organs alone; a body or an image
-/// of another scan; an image that is refused ([`ImageError`](super::image::ImageError)); more voxels than there is memory for.
+/// - No labelled voxel, or segments without a meaning unless `leave_out_unknown`.
+/// - No organ at all, or more organs than a scene has surfaces.
+/// - A body without a voxel. Unless `allow_implausible`, a body that leaves an organ outside or consists of the organs
+///   alone.
+/// - A body or an image of another scan; an image that is refused ([`ImageError`](super::image::ImageError)).
+/// - More voxels than there is memory for.
 pub fn gather(
     labels: LabelMap,
     measures: &BTreeMap<(usize, u16), Measure>,
@@ -74,7 +77,7 @@ pub fn gather(
     };
     let image = match image {
         Some(image) => {
-            // Its values in another order, and on the labels' grid.
+            // Memory for the image's values twice: reordered, and on the labels' grid.
             let bytes = 4 * (image.values.len() + grid.len()) as u64;
             memory_for(bytes).map_err(|none| GatherError::Memory { path: image.path.clone(), none })?;
             let image = image.canonical();
@@ -109,7 +112,8 @@ fn union(a: Option<Vec<bool>>, b: Option<Vec<bool>>) -> Option<Vec<bool>> {
     }
 }
 
-/// Label of each voxel: 1 + index of its organ; where segments of several layers overlap, that of the highest priority.
+/// Label of each voxel: 0, or 1 + index of its organ. Where segments of several layers overlap, the highest priority
+/// wins.
 fn merged(map: &LabelMap, organs: &[&MappedSegment], grid: &Grid) -> Vec<u16> {
     // Organ of each value, layer by layer.
     let mut organ_of = vec![vec![0u16; 1 << 16]; map.layers.len()];
@@ -124,7 +128,7 @@ fn merged(map: &LabelMap, organs: &[&MappedSegment], grid: &Grid) -> Vec<u16> {
     (0..grid.len()).into_par_iter().map(label).collect()
 }
 
-/// Organs with distinct names: those of their classes, numbered where several segments share one.
+/// Organs with distinct names: the names of their classes, numbered where several segments share one.
 fn organs_of(mapped: &[&MappedSegment]) -> Vec<Organ> {
     let mut names: Vec<String> = Vec::new();
     let organ = |m: &&MappedSegment| {

@@ -8,15 +8,15 @@ use thiserror::Error;
 
 use super::image::ImageError;
 
-/// Most unknown segments that a message lists.
+/// Most unknown segments in a message.
 const LISTED_MAX: usize = 5;
-/// More unknown segments than this are likely an image's values.
+/// Number of unknown segments above which they are likely the values of an image.
 const IMAGE_VALUES: usize = 20;
 
 /// Label maps that cannot become a scene.
 #[derive(Debug, Error)]
 pub enum GatherError {
-    /// Segments that mean no tissue.
+    /// Segments without a tissue.
     #[error(
         "{path}: {}; give them a meaning with --map NAME=TISSUE (or =CLASS, or =ignore), or leave them out with \
          --leave-out-unknown{}",
@@ -26,10 +26,10 @@ pub enum GatherError {
     Unmapped {
         /// Label map.
         path: PathBuf,
-        /// Each with its number, its voxels and the nearest known names.
+        /// Segments, each with its number, its voxels and the nearest known names.
         names: Vec<String>,
     },
-    /// A map of background alone.
+    /// A map that contains only background.
     #[error("{path}: all voxels are 0: it labels nothing. Give the file that the segmentation was written to")]
     Empty {
         /// Label map.
@@ -66,13 +66,13 @@ pub enum GatherError {
     OtherScan {
         /// Body or image.
         path: PathBuf,
-        /// Option that it was given as.
+        /// Command-line option that named the file.
         option: &'static str,
         /// Label map.
         labels: PathBuf,
         /// Share, %.
         percent: f64,
-        /// Change of its affine that would help, as a sentence after a space, or empty.
+        /// Suggested change of the file's affine, as a sentence after a space, or empty.
         hint: String,
     },
     /// A body that leaves organs outside.
@@ -99,7 +99,7 @@ pub enum GatherError {
         /// Label map.
         labels: PathBuf,
     },
-    /// A volume that is too large to be worked on.
+    /// A volume too large for the available memory.
     #[error("{path}: {none}: crop the volume, or resample it to larger voxels")]
     Memory {
         /// Label map or image.
@@ -107,7 +107,7 @@ pub enum GatherError {
         /// Memory that is missing.
         none: NoMemory,
     },
-    /// An image that doesn't fit, or isn't what it seems.
+    /// An image that doesn't fit the labels, or isn't of the expected kind.
     #[error(transparent)]
     Image(#[from] ImageError),
     /// A file without a body.

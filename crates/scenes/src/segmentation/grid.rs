@@ -17,7 +17,7 @@ impl Grid {
         self.size.iter().product()
     }
 
-    /// True without a voxel.
+    /// Whether the grid has no voxel.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -33,7 +33,7 @@ impl Grid {
         self.lps_from_voxel.matrix3.determinant().abs()
     }
 
-    /// Distances in memory of neighbours along i, j and k.
+    /// Distance in memory of neighbours along i, j and k, in elements.
     pub fn strides(&self) -> [usize; 3] {
         [1, self.size[0], self.size[0] * self.size[1]]
     }
@@ -44,10 +44,10 @@ impl Grid {
     }
 }
 
-/// Side on which a scan ends within the body.
+/// Plane in which a scan ends within the body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CutPlane {
-    /// Point on the side, mm.
+    /// Point on the plane, LPS, mm.
     pub point_mm: DVec3,
     /// Unit normal.
     pub normal: DVec3,

@@ -32,19 +32,19 @@ pub struct Inputs {
     pub labels: Vec<u16>,
     /// Organs.
     pub organs: Vec<Organ>,
-    /// Voxels of the body, where a label map says so.
+    /// Voxels of the body, if a label map defines it.
     pub body: Option<Vec<bool>>,
-    /// Voxels of subcutaneous fat, where a label map says so.
+    /// Voxels of subcutaneous fat, if a label map defines it.
     pub fat: Option<Vec<bool>>,
-    /// Image that was segmented: HU for CT.
+    /// Values of the image that was segmented: HU for CT.
     pub image: Option<Vec<f32>>,
     /// Whether the image is a CT.
     pub is_ct: bool,
-    /// What was assumed or chosen in reading the files, one sentence each.
+    /// Assumptions and choices in reading the files, one sentence each.
     pub remarks: Vec<String>,
 }
 
-/// Memory that a voxel takes while a scene is made, bytes: labels, masks, distances and surfaces.
+/// Memory per voxel while a scene is made, bytes: labels, masks, distances and surfaces.
 const WORKING_BYTES: u64 = 28;
 
 /// Lowest value of an image.
@@ -58,7 +58,7 @@ impl Inputs {
         self.image.as_deref().filter(|_| self.is_ct)
     }
 
-    /// Lowest and highest indices of voxels that are labelled, or may be in the body.
+    /// Lowest and highest indices of the voxels that are labelled or may be in the body.
     fn bounds(&self) -> Option<([usize; 3], [usize; 3])> {
         let grid = &self.grid;
         let inside =
@@ -69,14 +69,15 @@ impl Inputs {
         })
     }
 
-    /// Memory that a scene of these inputs takes while it is made, about, bytes.
+    /// Approximate memory for making a scene of these inputs, bytes.
     pub(super) fn working_bytes(&self) -> u64 {
         let Some((low, high)) = self.bounds() else { return 0 };
         let voxels: usize = (0..3).map(|n| high[n] - low[n] + 1).product();
         (voxels as u64).saturating_mul(WORKING_BYTES)
     }
 
-    /// The inputs on a grid cut to the body, with free voxels beside it, except where the scan itself ends there.
+    /// The inputs on a grid cropped to the body, with a margin of free voxels, except on sides where the scan itself
+    /// ends.
     pub(super) fn with_margin(self, skin_mm: f64, fat_mm: f64) -> Self {
         let grid = &self.grid;
         let Some((low, high)) = self.bounds() else { return self };
@@ -84,8 +85,8 @@ impl Inputs {
         let margin_mm = if guessed { hull_margin_mm(skin_mm, fat_mm) } else { 0.0 };
         let voxel_mm = grid.voxel_mm();
         let margin = |axis: usize| (margin_mm / voxel_mm[axis]).ceil() as usize + 2;
-        // Index in the old grid of the first voxel, and the number of voxels, of the new one.
-        // A guessed body goes on at the sides, where a map is often cut to its organs.
+        // Index in the old grid of the new grid's first voxel, and number of voxels of the new grid. A guessed body
+        // extends beyond the sides of the map (along i), since maps are often cropped to their organs.
         let ends = |n: usize, at_border: bool| at_border && !(guessed && n < 2);
         let first: [i64; 3] =
             std::array::from_fn(|n| if ends(n, low[n] == 0) { 0 } else { low[n] as i64 - margin(n) as i64 });

@@ -25,22 +25,22 @@ use super::classes::{
 use super::naming::NamesFrom;
 use super::volume::{LabelMap, ReadOptions, Segment, read_labels};
 
-/// Farthest that the corners of two grids lie apart, in voxels, for the grids to be one.
+/// Largest distance between corresponding corners of two grids that count as the same, in voxels.
 const SAME_GRID_VOXELS: f64 = 0.05;
 
-/// Files that a message lists at most.
+/// Most files in a message.
 const LISTED_MAX: usize = 6;
 
-/// A folder that became a label map.
+/// A folder of masks, read as one label map.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MaskFolder {
-    /// Label map whose segments have names of classes.
+    /// Label map whose segments are named after their classes.
     pub labels: LabelMap,
     /// Origin of the names.
     pub names: NamesFrom,
     /// Files without a meaning that were left out.
     pub left_out: Vec<String>,
-    /// What to know about the masks, a line each.
+    /// Remarks on the masks, a line each.
     pub remarks: Vec<String>,
 }
 
@@ -151,7 +151,7 @@ fn no_meaning(folder: &Path, names: &[String]) -> MaskFolderError {
     MaskFolderError::Unknown { path: folder.to_owned(), names: listed(names, LISTED_MAX, "; ") }
 }
 
-/// Words that all names share and that were left out; empty if all names are known with them.
+/// Words common to all names, which were left out to find the classes; empty if all names are known as they are.
 fn left_out_words(stems: &[String], common: &CommonWords, table: &ClassTable) -> String {
     let none = CommonWords::default();
     if stems.iter().all(|stem| matches!(organ_in_name(stem, table, Some(&none)), OrganInName::Is(_))) {
@@ -168,7 +168,7 @@ fn volume_files(folder: &Path) -> Result<Vec<PathBuf>, MaskFolderError> {
     for entry in std::fs::read_dir(folder).map_err(fault)? {
         let path = entry.map_err(fault)?.path();
         let name = path.file_name().map(|name| name.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
-        // macOS writes `._liver.nii.gz` beside `liver.nii.gz` on foreign disks.
+        // macOS writes `._liver.nii.gz` next to `liver.nii.gz` on foreign disks.
         if name.starts_with('.') {
             continue;
         }
@@ -228,7 +228,7 @@ struct Merged {
     priorities: Vec<i32>,
     empty: usize,
     shared_voxels: usize,
-    /// Remarks of the reader, each once.
+    /// Remarks of the volume reader, each once.
     read: Vec<String>,
 }
 
@@ -329,7 +329,7 @@ impl Merged {
         remarks
     }
 
-    /// Names of masks whose voxels others have all taken.
+    /// Names of masks that have no voxel left because other masks cover all of them.
     fn covered(&self) -> Vec<&str> {
         let mut left = vec![false; self.segments.len() + 1];
         for (_, layer) in &self.layers {

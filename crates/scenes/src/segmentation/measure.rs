@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::volume::LabelMap;
 
-/// Slabs that are counted at once.
+/// Number of slabs that are counted in parallel.
 const SLABS: usize = 8;
 
 /// Voxels of one label.
@@ -20,7 +20,7 @@ pub struct Measure {
     pub volume_ml: f64,
     /// Centre of mass, LPS, mm.
     pub centre_mm: DVec3,
-    /// Whether it reaches the border of the map.
+    /// Whether the label reaches the border of the map.
     pub is_cut: bool,
 }
 

@@ -1,4 +1,4 @@
-//! What the labels of a map are named by: the file, numbers of a table, or the names of files.
+//! Source of the names of labels: the file, numbers of a table, or names of files.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -11,7 +11,7 @@ use super::classes::{ClassTable, OrganInName, Role, organ_in_name, stem};
 use super::measure::Measure;
 use super::volume::LabelMap;
 
-/// Labels that a message lists at most.
+/// Most labels in a message.
 const LISTED_MAX: usize = 8;
 
 /// Table of names, and how it was chosen.
@@ -19,9 +19,9 @@ const LISTED_MAX: usize = 8;
 pub struct NameTable {
     /// Classes, with the user's mappings.
     pub table: ClassTable,
-    /// Name of the table, or its file.
+    /// Name of the table, or path of its file.
     pub called: String,
-    /// Whether the user chose it: numbers are looked up in it, whatever the name of the file.
+    /// Whether the user chose the table. Numbers are then looked up in it, whatever the name of the file.
     pub is_chosen: bool,
 }
 
@@ -30,30 +30,30 @@ pub struct NameTable {
 pub enum NamesFrom {
     /// Names in the file.
     File {
-        /// Place in the file that holds them.
+        /// Part of the file that holds the names.
         place: &'static str,
     },
     /// Names in the file, and numbers for labels without one.
     Both {
-        /// Place in the file that holds them.
+        /// Part of the file that holds the names.
         place: &'static str,
         /// Labels without a name.
         numbers: Vec<u16>,
         /// Name of the table.
         table: String,
-        /// Whether the user chose it.
+        /// Whether the user chose the table.
         is_chosen: bool,
     },
     /// Numbers of a table.
     Numbers {
         /// Name of the table.
         table: String,
-        /// Whether the user chose it.
+        /// Whether the user chose the table.
         is_chosen: bool,
     },
-    /// The user's mappings alone.
+    /// Mappings by the user alone.
     Maps,
-    /// The name of the file, for its one label.
+    /// The name of the file names its one label.
     FileName {
         /// Label.
         value: u16,
@@ -75,7 +75,7 @@ impl NamesFrom {
         matches!(self, Self::Numbers { .. } | Self::Both { .. })
     }
 
-    /// The origin alone, for the inside of a sentence.
+    /// The origin alone, as part of a sentence.
     pub fn short(&self) -> String {
         match self {
             Self::File { place } | Self::Both { place, .. } => format!("names of {place}"),
@@ -113,10 +113,10 @@ impl fmt::Display for NamesFrom {
     }
 }
 
-/// Labels whose names cannot be told.
+/// Labels that cannot be named.
 #[derive(Debug, Error, PartialEq)]
 pub enum NamingError {
-    /// One label without a name, in a file that is called as no organ.
+    /// One label without a name, in a file whose name is no organ's.
     #[error(
         "{path} has one label, {value} ({ml:.1} ml), without a name, and the name of the file is no organ's{maybe}: say what it is \
          with --map {value}={example}, or by which table it is numbered with --names (as in --names total-v2); a folder of masks \
@@ -151,7 +151,7 @@ pub enum NamingError {
         /// Name of the table.
         table: String,
     },
-    /// A file with one organ's name, several labels, and no name for one of them.
+    /// A file with one organ's name that holds several labels, one of which has no name.
     #[error(
         "{path} is called `{organ}`, but label {value} is one of several, and has no name: say what it is with --map {value}=ORGAN \
          (or =ignore), or by which table it is numbered with --names"
@@ -176,7 +176,7 @@ pub enum NamingError {
         organ: String,
         /// Labels.
         values: String,
-        /// The first of them.
+        /// The first label without a name.
         first: u16,
     },
 }
@@ -186,7 +186,7 @@ fn listed_values(values: &[u16]) -> String {
     listed(&words, LISTED_MAX, ", ")
 }
 
-/// Place that holds names in a file of this kind.
+/// Part of a file of this kind that holds names.
 fn place(path: &Path) -> &'static str {
     let name = path.file_name().map(|name| name.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     if name.ends_with(".nrrd") || name.ends_with(".nhdr") {
@@ -196,11 +196,11 @@ fn place(path: &Path) -> &'static str {
     }
 }
 
-/// Decides how the labels of a map get their names. A lone label without a name is called as the file, if that is the name
-/// of an organ.
+/// Decides how the labels of a map get their names. A lone label without a name gets the name of the file, if that is
+/// an organ's.
 ///
 /// # Errors
-/// One label without a name in a file that is called as no organ; contradictions of the file's name.
+/// One label without a name in a file whose name is no organ's; contradictions between the file's name and its labels.
 pub fn name_labels(
     labels: &mut LabelMap,
     measures: &BTreeMap<(usize, u16), Measure>,
@@ -319,7 +319,7 @@ mod tests {
         assert_eq!(from, NamesFrom::FileName { value: 1, organ: "liver".into() });
         assert_eq!(mask.segments[0].name.as_deref(), Some("liver"));
         assert!(from.to_string().contains("`liver` by the name of the file"), "{from}");
-        // As a table of numbers says, too.
+        // The name agrees with the number in the table.
         assert!(named(&mut map("spleen.nii", &[1], &[]), true, &[]).is_ok());
         let error = named(&mut map("liver.nii", &[1], &[]), true, &[]).unwrap_err().to_string();
         assert!(error.contains("is called `liver`") && error.contains("`spleen` by --names total-v2"), "{error}");
@@ -337,7 +337,7 @@ mod tests {
         let chosen = NamesFrom::Numbers { table: "total-v2".into(), is_chosen: true };
         assert_eq!(named(&mut map("a.nii", &[1], &[]), true, &[]), Ok(chosen));
         assert_eq!(named(&mut map("a.nii", &[1, 2], &[]), false, &["1=liver", "2=ignore"]), Ok(NamesFrom::Maps));
-        // Nothing but background is told elsewhere.
+        // A map that contains only background has its own error elsewhere.
         assert!(named(&mut map("a.nii", &[0, 0], &[]), false, &[]).is_ok());
     }
 

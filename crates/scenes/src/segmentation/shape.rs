@@ -14,7 +14,7 @@ pub struct Shape {
     pub centre_mm: DVec3,
     /// Principal axes, longest first; unit vectors.
     pub axes: [DVec3; 3],
-    /// Extent along each of these axes, mm: lowest and highest coordinate about the centre.
+    /// Extent along each principal axis: lowest and highest coordinate relative to the centre, mm.
     pub extent_mm: [[f64; 2]; 3],
 }
 
@@ -60,7 +60,7 @@ impl Shape {
         self.extent_mm[0][1] - self.extent_mm[0][0]
     }
 
-    /// Longest axis, turned to look along `direction`.
+    /// Longest axis, with its sense along `direction`.
     pub fn long_axis(&self, direction: DVec3) -> DVec3 {
         if self.axes[0].dot(direction) < 0.0 { -self.axes[0] } else { self.axes[0] }
     }

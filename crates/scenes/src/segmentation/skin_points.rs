@@ -9,7 +9,7 @@ use super::from_labels::Made;
 use super::shape::Shape;
 use super::windows::Sight;
 
-/// Directions from the middle of the body: x left, y back, z head. They surround it and are not in one plane.
+/// Directions from the middle of the body: x left, y back, z head. They point to all sides and are not in one plane.
 const DIRECTIONS: [(&str, [f64; 3]); 7] = [
     ("FRONT_MIDDLE", [0.0, -1.0, 0.0]),
     ("FRONT_UPPER", [0.0, -0.8, 0.6]),
@@ -25,8 +25,8 @@ pub fn file_beside(scene: &Path) -> PathBuf {
     scene.with_extension("points.csv")
 }
 
-/// Points of the skin, LPS, mm: over the lower end of the sternum and the front of both hip bones where these are
-/// segments, and around the body where there is skin.
+/// Points of the skin to touch, LPS, mm. They lie over the lower end of the sternum and the front of both hip bones,
+/// if these are segments, and around the body wherever there is skin.
 pub fn skin_points(surfaces: &[Made], sight: &Sight) -> Vec<Named<DVec3>> {
     let mut points = Vec::new();
     let mut add = |name: &str, from_mm: DVec3, direction: DVec3| {

@@ -1,4 +1,4 @@
-//! Where to begin on a patient: windows, the first view, a probe for it.
+//! Where to begin on a patient: acoustic windows, the first view, and a probe for it.
 
 use glam::DVec3;
 use insonify_core::anatomy::planes::{StandardPlanes, View};
@@ -13,13 +13,13 @@ use super::skin_points::skin_points;
 use super::station_text::ProbeChoice;
 use super::windows::{Place, Sight, WindowRow, look_at, windows};
 
-/// Impedances that ultrasound passes, MRayl: between gas and bone.
+/// Impedances between gas and bone, MRayl, which ultrasound passes.
 const PASSED_MRAYL: std::ops::RangeInclusive<f64> = 0.5..=2.6;
 
-/// Free depth below the centre of the deepest window, mm.
+/// Image depth below the centre of the deepest window, mm.
 const BELOW_MM: f64 = 25.0;
 
-/// A scene that no probe can be put on.
+/// A scene without any point for a probe.
 #[derive(Debug, Error)]
 pub enum StartError {
     /// No surface of this name.
@@ -32,10 +32,10 @@ pub enum StartError {
         /// All names.
         known: String,
     },
-    /// Nothing to look at.
+    /// No segment to look at.
     #[error("no segment becomes an organ: there is nothing to look at")]
     Nothing,
-    /// No line from the organ to skin.
+    /// No line from the organ reaches the skin.
     #[error(
         "no line from `{name}` meets skin: the scan ends within the body around it, or the body's outline is wrong, as that of an \
          image whose values or kind were mistaken; use a scan of a larger part, or give the body's outline with --body"
@@ -49,28 +49,28 @@ pub enum StartError {
 /// Where to begin on a patient.
 #[derive(Debug, Clone)]
 pub struct Start {
-    /// Standard planes that the patient has windows for; may be empty.
+    /// Standard planes with the patient's windows; may be empty.
     pub planes: StandardPlanes,
-    /// How well each is seen.
+    /// Visibility of each standard plane.
     pub windows: Vec<WindowRow>,
-    /// Name of the segment that the first view looks at.
+    /// Name of the segment in the first view.
     pub target: String,
     /// First view, with its pose.
     pub view: View,
-    /// How well it is seen.
+    /// Point of the probe on the skin, and visibility of the first view.
     pub place: Place,
-    /// Probe that fits it.
+    /// Probe for the first view.
     pub probe: ProbeChoice,
     /// Points of the skin to touch with a stylus.
     pub points: Vec<Named<DVec3>>,
 }
 
 impl Start {
-    /// Windows and first view of `surfaces` whose scan ends at `cuts`. The view is of the segment `target`, else of the
-    /// best window, else of the largest segment.
+    /// Windows and first view of `surfaces` whose scan ends at `cuts`. The view shows the segment `target`. Without
+    /// it, the view shows the segment of the best window, else the largest segment.
     ///
     /// # Errors
-    /// No segment `target`; no skin that it can be seen from.
+    /// No segment `target`; no skin from which it can be seen.
     pub fn of(
         surfaces: &[Made],
         cuts: Vec<CutPlane>,
@@ -114,7 +114,7 @@ impl Start {
     }
 }
 
-/// Segment of the window that is seen best, else the largest segment.
+/// Segment of the best window, else the largest segment.
 fn first_target(planes: &StandardPlanes, rows: &[WindowRow], segments: &[&Made]) -> String {
     let best = rows.iter().min_by(|a, b| a.hidden.total_cmp(&b.hidden));
     let plane = best.and_then(|row| planes.planes.iter().find(|plane| plane.name == row.name));

@@ -6,7 +6,7 @@ use insonify_core::anatomy::Mesh;
 use insonify_core::names::one_line;
 use insonify_core::pose::Pose;
 
-/// Depths of image, mm: least and greatest.
+/// Smallest and largest image depth, mm.
 const DEPTHS_MM: [f64; 2] = [40.0, 220.0];
 /// Free depth below the organ, mm.
 const BELOW_MM: f64 = 15.0;
@@ -16,7 +16,7 @@ const LINEAR_MM: f64 = 60.0;
 /// Probe for a view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ProbeChoice {
-    /// Convex, or else linear.
+    /// Whether the probe is convex; otherwise it is linear.
     pub is_convex: bool,
     /// Centre frequency, MHz.
     pub frequency_mhz: f64,
@@ -27,7 +27,7 @@ pub struct ProbeChoice {
 }
 
 impl ProbeChoice {
-    /// Probe at `pose` that shows all of `target`: a linear one for what is shallow, else a convex one.
+    /// Probe at `pose` that shows all of `target`: a linear probe if the target is shallow, else a convex one.
     pub fn for_target(pose: &Pose, target: &Mesh) -> Self {
         let probe_from_scene = pose.inverse();
         let depth = |v: &glam::Vec3| probe_from_scene.transform_point(v.as_dvec3()).z;
@@ -35,7 +35,7 @@ impl ProbeChoice {
         Self::of_depth(deepest_mm + BELOW_MM)
     }
 
-    /// Probe for an image of about `depth_mm`.
+    /// Probe for an image depth of about `depth_mm`.
     pub fn of_depth(depth_mm: f64) -> Self {
         let depth_mm = (10.0 * (depth_mm / 10.0).ceil()).clamp(DEPTHS_MM[0], DEPTHS_MM[1]);
         let is_convex = depth_mm > LINEAR_MM;
@@ -48,7 +48,7 @@ impl ProbeChoice {
     }
 }
 
-/// Text of a station file for `scene`, a path relative to it, in its own words about `what`.
+/// Text of a station file for `scene`, a path relative to that file. A comment says `what` the view shows.
 pub fn station_text(scene: &str, what: &str, probe: &ProbeChoice, pose: &Pose) -> String {
     let ProbeChoice { is_convex, frequency_mhz, depth_mm, focus_mm } = *probe;
     let mut out = String::new();
@@ -60,12 +60,12 @@ pub fn station_text(scene: &str, what: &str, probe: &ProbeChoice, pose: &Pose) -
         "kind = \"linear\"              # parallel scanlines\n\
          width_mm = 40.0              # width of the face\n"
     };
-    // Loss of soft tissue and muscle, two ways.
+    // Two-way loss of soft tissue and muscle at the probe's frequency, dB/cm.
     let tgc = (10.0 * 1.3 * frequency_mhz).round() / 10.0;
     let p = pose.position_mm;
     let q = pose.orientation;
     let scene = toml::Value::String(scene.to_owned());
-    // A comment has one line, whatever the names in it.
+    // A comment must stay on one line, whatever characters the names have.
     let what = one_line(what);
     // Writing to a string cannot fail.
     let _ = write!(

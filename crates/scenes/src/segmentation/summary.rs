@@ -26,7 +26,7 @@ pub struct Row {
     pub triangles: usize,
     /// Volume within the surface, ml.
     pub mesh_ml: f64,
-    /// Volume of its segment's voxels, ml; none for surfaces that are not a segment's.
+    /// Volume of the segment's voxels, ml; none for a surface that doesn't belong to a segment.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub voxels_ml: Option<f64>,
 }
@@ -49,20 +49,20 @@ impl From<&Made> for Row {
 pub struct Summary {
     /// Scene file.
     pub scene: PathBuf,
-    /// Segmentation, or the first of its files.
+    /// Path of the segmentation, or of the first of its files.
     pub source: PathBuf,
     /// Surfaces, ascending in priority.
     pub surfaces: Vec<Row>,
-    /// What was done on the way; none for scenes of meshes.
+    /// Facts about how the scene was made; none for scenes of meshes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub facts: Option<Facts>,
-    /// Names that mean no tissue, each with what is known of it.
+    /// Names without a tissue, each with the known facts about it.
     pub unmapped: Vec<String>,
     /// Repairs, one line each.
     pub repairs: Vec<String>,
     /// Windows on the patient.
     pub windows: Vec<WindowRow>,
-    /// What to know about the scene.
+    /// Remarks on the scene.
     pub remarks: Vec<String>,
     /// Files written, the scene first.
     pub files: Vec<PathBuf>,
@@ -75,13 +75,13 @@ impl Summary {
     }
 }
 
-/// Remark on an outline that is drawn around the organs.
+/// Remark on a body outline that was drawn around the organs.
 pub(super) fn remark_of_outline() -> &'static str {
     "the body's outline is a guess, a hull around all organs"
 }
 
 impl Facts {
-    /// What of the body is missing or guessed, a line each.
+    /// Remarks on parts of the body that are missing or guessed, a line each.
     pub fn remarks(&self) -> Vec<String> {
         let mut remarks = Vec::new();
         match self.outline {

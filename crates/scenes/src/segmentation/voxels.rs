@@ -6,14 +6,14 @@ use rayon::prelude::*;
 
 use super::grid::Grid;
 
-/// Offset of the lines along which voxels are decided, in voxels: off the corners and edges of most meshes.
+/// Offset of the test lines from voxel centres, in voxels; avoids the corners and edges of most meshes.
 const ASIDE: [f64; 2] = [0.017_31, 0.023_77];
 
 /// Most voxels of a grid.
 const VOXELS_MAX: f64 = 5e8;
 
-/// Grid of voxels of `voxel_mm` around `meshes`, LPS, with `margin` voxels beside them on each side; and the voxels that
-/// any of the meshes encloses. `None` without a vertex, or for more than 500 million voxels.
+/// Grid of voxels of `voxel_mm` around `meshes` (LPS), with a margin of `margin` voxels on each side; and a mask of
+/// the voxels that any of the meshes encloses. `None` without a vertex, or for more than 500 million voxels.
 pub fn voxels_within(meshes: &[&Mesh], voxel_mm: f64, margin: usize) -> Option<(Grid, Vec<bool>)> {
     let bounds = meshes.iter().filter_map(|mesh| mesh.bounds_mm()).reduce(|a, b| Bounds::with(a.with(b.min), b.max))?;
     let low = bounds.min.as_dvec3() - voxel_mm * margin as f64;
@@ -45,8 +45,8 @@ pub fn inside_of(meshes: &[&Mesh], grid: &Grid) -> Vec<bool> {
     inside
 }
 
-/// Crossings of the line through each column of voxels: height in voxels, and 1 where the line leaves the mesh upward,
-/// −1 where it enters.
+/// Points where the line through each column of voxels crosses the mesh: height in voxels, and 1 where the line leaves
+/// the mesh upward, −1 where it enters.
 fn crossings(mesh: &Mesh, grid: &Grid) -> Vec<Vec<(f64, i32)>> {
     let [nx, ny, _] = grid.size;
     let mut columns = vec![Vec::new(); nx * ny];

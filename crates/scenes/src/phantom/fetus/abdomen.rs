@@ -7,7 +7,7 @@ use super::thorax;
 use crate::phantom::attitude::Attitude;
 use crate::phantom::organ::{Body::Fetus, Organ};
 
-/// Semi-axes of a kidney, mm as drawn; half its length follows the biometry.
+/// Semi-axes of a kidney, mm as drawn; the longest is scaled to half the length that biometry gives.
 const KIDNEY_SEMI: Vec3 = Vec3::new(5.4, 10.8, 5.6);
 
 /// `(level, centre)` of the kidney on `side`, mm as drawn: the right one is lower.
@@ -37,7 +37,7 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
         attitude.knot(19.3, -11.0, 32.0, 2.5),
     ]);
     let bladder = at(BLADDER_LEVEL, v(0.0, 0.0, BLADDER_VENTRAL_MM), v(5.0, 6.0, 5.2));
-    // Caps on the kidneys, dark in the fetus.
+    // Adrenals: caps on the kidneys, hypoechoic in the fetus.
     let adrenals = union([1.0, -1.0].map(|side| {
         let (level, centre) = kidney_place(side);
         at(level, centre + v(-1.5 * side, 10.0, 0.5), v(3.4, 2.6, 3.0))
@@ -73,7 +73,7 @@ fn kidneys(attitude: &Attitude) -> Solid {
     })
 }
 
-/// Dark pyramids in two rows about the sinus.
+/// Hypoechoic pyramids in two rows about the sinus.
 fn pyramids(attitude: &Attitude) -> Solid {
     on_kidneys(attitude, |side| {
         let rows = [2.4, -2.4].into_iter().flat_map(|ventral| {

@@ -19,7 +19,8 @@ pub(in crate::phantom) fn heart_frame(attitude: &Attitude) -> Isometry {
     Isometry { translation: attitude.trunk(LEVEL, 3.0, 20.5), ..frame }
 }
 
-/// Axes of the heart in the heart frame: to the apex (45° to the left), and from right to left heart.
+/// Axes of the heart in the heart frame: to the apex (45° to the left), from the right heart to the left, and out of
+/// the four-chamber plane.
 fn axes() -> (Vec3, Vec3, Vec3) {
     let apex = Vec3::new(0.68, -0.16, 0.72).normalize();
     let leftward = Vec3::new(0.73, 0.0, -0.69);
@@ -33,19 +34,20 @@ fn at(a: f32, b: f32, c: f32) -> Vec3 {
     apex * a + leftward * b + out * c
 }
 
-/// Ellipsoid at `(a, b)` of the four-chamber plane, its long axis along the heart's.
+/// Ellipsoid at `(a, b)` of the four-chamber plane, with its long axis along the axis of the heart.
 fn lobe(a: f32, b: f32, semi: Vec3) -> Solid {
     let (apex, leftward, _) = axes();
     // Local axes: y to the apex, z to the left heart.
     ellipsoid(Vec3::ZERO, semi).placed(Isometry::from_axes(at(a, b, 0.0), apex, leftward))
 }
 
-/// Centres (a, b) of left and right ventricle, left and right atrium, mm as drawn.
+/// Centres `(a, b)` of left ventricle, right ventricle, left atrium and right atrium, mm as drawn.
 const CHAMBERS: [(f32, f32); 4] = [(3.0, 3.6), (2.4, -3.8), (-6.4, 3.8), (-6.4, -3.9)];
-/// Rings of the mitral and tricuspid valve; the tricuspid is nearer to the apex.
+/// Centres `(a, b)` of the mitral and the tricuspid ring, mm as drawn; the tricuspid ring is nearer to the apex.
 const RINGS: [(f32, f32); 2] = [(-3.2, 3.7), (-2.5, -3.8)];
 
-/// Centres of left and right ventricle, left and right atrium, and the crux between them, fetal frame, mm.
+/// Centres of left ventricle, right ventricle, left atrium and right atrium, and the crux between them; fetal frame,
+/// mm.
 pub(in crate::phantom) fn chamber_centres(attitude: &Attitude) -> ([Vec3; 4], Vec3) {
     let frame = heart_frame(attitude);
     let scale = SIZE * attitude.biometry.trunk_scale();

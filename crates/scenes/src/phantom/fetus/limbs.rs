@@ -56,8 +56,8 @@ pub(super) fn balls(attitude: &Attitude) -> Vec<(Vec3, f32)> {
     legs.chain(arms).collect()
 }
 
-/// First pair of crossing bones, of two limbs or of a limb and the skull, if any. Parts are numbered from the trunk: 0
-/// to 2.
+/// First pair of bones that cross, as text: of two limbs, or of a limb and the skull. `None` if no bones cross. Parts
+/// of a limb are numbered from the trunk: 0 to 2.
 pub(in crate::phantom) fn crossing_bones(attitude: &Attitude) -> Option<String> {
     let (l, a) = (attitude.biometry.leg_scale(), attitude.biometry.arm_scale());
     let v = Vec3::new;
@@ -287,7 +287,7 @@ fn girdles(attitude: &Attitude) -> Solid {
         ]);
         let ischium = tube(&[(at(27.2, 8.0, 8.0), 1.2), (at(28.2, 7.0, 9.0), 1.2)]);
         let shoulder = attitude.arms[i].shoulder;
-        // Between the ribs and the skin.
+        // The clavicle lies between the ribs and the skin.
         let neck = shoulder.lerp(at(9.0, 12.5, 0.0), 0.3);
         let (inner, tip) = (at(9.4, 8.6, -3.8), at(12.2, 10.6, -3.1));
         let blade = union([

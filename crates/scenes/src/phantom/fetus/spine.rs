@@ -39,7 +39,7 @@ fn vertebrae(attitude: &Attitude) -> Solid {
     let scale = attitude.biometry.trunk_scale();
     union((0..VERTEBRAE).map(|i| {
         let level = i as f32 + 0.5;
-        // Width grows down to the loins and decreases in the sacrum.
+        // Vertebrae widen from the neck to the loins and narrow in the sacrum.
         let size = match i {
             0..7 => 0.82,
             7..19 => 0.88 + 0.012 * (i - 7) as f32,
@@ -51,7 +51,7 @@ fn vertebrae(attitude: &Attitude) -> Solid {
             * attitude.vertebra(level - 0.5).translation.distance(attitude.vertebra(level + 0.5).translation)
             / scale;
         let body = ellipsoid(Vec3::ZERO, Vec3::new(2.5 * size, 0.70 * height, 2.0 * size));
-        // Pedicle to lamina, beside and behind the canal.
+        // Pedicle to lamina: lateral of the canal and behind it.
         let arch = union([
             round_cone(v(3.3, 0.0, -2.6), v(3.5, 0.0, -4.6), 0.75, 0.8),
             round_cone(v(3.5, 0.0, -4.6), v(1.9, -0.4, -6.6), 0.8, 0.6),
@@ -61,7 +61,8 @@ fn vertebrae(attitude: &Attitude) -> Solid {
     }))
 }
 
-/// Centres of both arch centres and of the body at `level`, fetal frame, mm, as shown by the axial view of the spine.
+/// Centres of the left arch, the right arch and the body of the vertebra at `level`, as in the axial view of the
+/// spine; fetal frame, mm.
 pub(in crate::phantom) fn ossification_centres(attitude: &Attitude, level: f32) -> [Vec3; 3] {
     [attitude.trunk(level, 3.3, -4.6), attitude.trunk(level, -3.3, -4.6), attitude.trunk(level, 0.0, 0.0)]
 }

@@ -10,7 +10,7 @@ pub(in crate::phantom) const ABDOMEN_LEVEL: f32 = 18.0;
 /// Level of the umbilical cord's insertion.
 pub(in crate::phantom) const NAVEL_LEVEL: f32 = 21.2;
 
-/// Level, and radius at the skin relative to that of the abdomen.
+/// Level, and radius of the trunk at the skin relative to the radius of the abdomen.
 const PROFILE: [(f32, f32); 11] = [
     (2.5, 0.42),
     (5.0, 0.46),
@@ -58,15 +58,16 @@ pub(in crate::phantom) fn trunk_centre(attitude: &Attitude, level: f32) -> Vec3 
     attitude.trunk(level, 0.0, drawn_radius(level) - BACK_MM)
 }
 
-/// Point at `depth` (mm as drawn) under the trunk's skin at `level`, at `angle` from the back towards `side`.
+/// Point at `depth` (mm as drawn) under the trunk's skin at `level`, fetal frame, mm. `angle` counts from the back
+/// towards `side`, rad.
 pub(super) fn under_skin(attitude: &Attitude, level: f32, side: f32, angle: f32, depth: f32) -> Vec3 {
     let radius = drawn_radius(level);
     let out = radius - depth;
     attitude.trunk(level, side * angle.sin() * out, radius - BACK_MM - angle.cos() * out)
 }
 
-/// Points of the trunk's skin from its centre at `level` along each of the unit `directions` of the vertebra's frame;
-/// fetal frame, mm.
+/// Points where rays from the trunk's centre at `level` pass its skin; fetal frame, mm. `directions` are unit vectors
+/// in the vertebra's frame.
 pub(in crate::phantom) fn skin_points<const N: usize>(
     attitude: &Attitude,
     level: f32,

@@ -10,7 +10,7 @@ use crate::phantom::organ::{Body::Fetus, Organ};
 /// Thickness of a great vessel's wall, mm as drawn.
 const WALL_MM: f32 = 0.4;
 
-/// Level, left, ventral and radius, mm as drawn.
+/// Position and radius of a vessel's centre line: level, left, ventral and radius, mm as drawn.
 type Knot = (f32, f32, f32, f32);
 
 /// Ascending aorta from the left ventricle, arch, descending aorta to its bifurcation.
@@ -45,8 +45,8 @@ const PULMONARY_VEINS: [&[Knot]; 2] = [
 const SUPERIOR_CAVA: &[Knot] = &[(9.0, -4.5, 12.5, 1.3), (11.5, -5.0, 14.0, 1.45), (12.8, -4.4, 15.8, 1.5)];
 const INFERIOR_CAVA: &[Knot] =
     &[(13.9, -4.4, 15.2, 1.5), (15.5, -4.6, 13.0, 1.5), (18.0, -4.4, 8.4, 1.4), (22.3, -2.2, 5.6, 1.2)];
-/// In the plane of the abdominal circumference the vein runs backward and turns right like a hockey stick: the portal
-/// sinus.
+/// Umbilical vein. In the plane of the abdominal circumference it runs backward and turns right like a hockey stick;
+/// the turn is the portal sinus.
 const UMBILICAL_VEIN: &[Knot] = &[
     (NAVEL_LEVEL, 0.0, 41.5, 1.6),
     (19.6, 0.3, 38.5, 1.7),
@@ -110,7 +110,7 @@ fn great_vessels(attitude: &Attitude, grown: f32) -> Solid {
 fn small_vessels(attitude: &Attitude) -> Solid {
     let iliacs = [1.0, -1.0]
         .map(|side| vec![(22.3, 0.3 * side, 5.2, 1.2), (24.0, 4.5 * side, 6.5, 1.05), (25.3, 8.0 * side, 9.0, 0.9)]);
-    // Beside the bladder and up to the navel.
+    // Umbilical arteries run lateral of the bladder and up to the navel.
     let umbilical = [1.0, -1.0].map(|side| {
         vec![
             (25.3, 8.0 * side, 9.0, 0.9),

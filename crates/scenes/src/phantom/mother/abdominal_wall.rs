@@ -1,7 +1,7 @@
 //! Skin, fat, fasciae, muscles and peritoneum of a pregnant belly, and the tissue inside.
 //!
-//! Thin layers are the difference of thick closed solids. Each layer's solid extends inward until the next one, of
-//! higher priority, hides it. A layer of half a millimetre thus needs no fine mesh.
+//! Thin layers are the difference of thick closed solids. Each layer's solid extends inward, and the next layer, of
+//! higher priority, hides the rest. A layer of half a millimetre thus needs no fine mesh.
 
 use glam::Vec3;
 use insonify_core::anatomy::sdf::{Bounds, Solid, bisect, ellipsoid, half_space, rounded_box, smooth_union};
@@ -68,7 +68,7 @@ impl AbdominalWall {
         bisect(0.0, 600.0, 40, |height| skin.distance_mm(Vec3::Z * height) < 0.0)
     }
 
-    /// Skin, fat, fasciae, muscles, peritoneum and interior, each closed and around the next.
+    /// Skin, fat, fasciae, muscles, peritoneum and interior: closed surfaces, each around the next.
     pub(super) fn organs(&self) -> Vec<Organ> {
         let under_sheath = FASCIA_MM + MUSCLE_MM;
         let under_fascia = under_sheath + POSTERIOR_FASCIA_MM;
@@ -102,14 +102,14 @@ impl AbdominalWall {
         76.0 + 0.5 * self.proportions.excess.x
     }
 
-    /// Both recti beside the linea alba, which is wide in pregnancy because they separate.
+    /// Both recti, left and right of the linea alba, which is wide in pregnancy because they separate.
     fn recti(&self) -> Solid {
         let sheath = self.under_fat.grown(-FASCIA_MM);
-        // At least as deep as a mesh cell; the part below the posterior sheath is hidden.
+        // The solid is at least as deep as a mesh cell; the posterior sheath hides the part below it.
         let deep = self.under_fat.grown(-(FASCIA_MM + MUSCLE_MM + 8.0));
         let semilunaris = half_space(Vec3::X * (self.semilunaris_mm() - 1.0), Vec3::new(0.94, 0.0, -0.34));
         let (half_width, under_fat) = (self.alba_half_width_mm(), self.under_fat.clone());
-        // Without fat behind it the linea alba narrows inward, where the recti's edges are rounded.
+        // Without fat behind the linea alba it narrows inward, where the edges of the recti are rounded.
         let narrowing = if self.recti_lens { 0.0 } else { 0.45 * half_width };
         let alba = Solid::new(Bounds::EVERYWHERE, move |p| {
             let part = (-under_fat.distance_mm(p) / (FASCIA_MM + MUSCLE_MM)).clamp(0.0, 1.0);
@@ -125,8 +125,8 @@ impl AbdominalWall {
         4.0 + 0.1 * self.proportions.excess.x.max(0.0)
     }
 
-    /// Region deeper than `depth_mm` under the fat. With the recti's lens it is shallower behind the linea alba, which
-    /// is then thinner than the muscles beside it.
+    /// Region deeper than `depth_mm` under the fat. With the lens of fat between the recti, the region begins higher
+    /// behind the linea alba, which is then thinner than the adjacent muscles.
     fn behind_linea_alba(&self, depth_mm: f32) -> Solid {
         let layer = self.under_fat.grown(-depth_mm);
         if !self.recti_lens {
@@ -150,7 +150,7 @@ impl AbdominalWall {
         sheath.smooth_intersect(back.smooth_intersect(midline, 3.0), 6.0).with_mirror_image()
     }
 
-    /// Coordinate at which the belly's front ends and its flanks begin, mm.
+    /// z coordinate at which the front of the belly ends and its flanks begin, mm.
     fn front_mm(&self) -> f32 {
         -20.0 + self.proportions.skeleton_shift().z
     }

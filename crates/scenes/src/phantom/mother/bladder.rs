@@ -8,10 +8,10 @@ use super::proportions::Proportions;
 use crate::phantom::organ::{Body::Mother, Organ};
 use crate::phantom::parameters::Parameters;
 
-/// Centre of the urine in the reference body, mm.
+/// Centre of the bladder's lumen in the reference body, mm.
 const CENTRE_22_MM: Vec3 = Vec3::new(0.0, -118.0, 19.0);
 
-/// Centre of the bladder's urine, mm.
+/// Centre of the bladder's lumen, mm.
 pub(in crate::phantom) fn bladder_centre(parameters: &Parameters) -> Vec3 {
     let shift = Proportions::of(parameters).skeleton_shift();
     CENTRE_22_MM + shift
@@ -27,7 +27,7 @@ pub(super) fn organs(parameters: &Parameters, wall: &AbdominalWall) -> Vec<Organ
         ],
         8.0,
     )
-    // The uterus indents its roof; the wall of the belly bounds it.
+    // The uterus indents the roof of the bladder; the wall of the belly bounds it.
     .smooth_intersect(wall.interior().grown(-4.0), 6.0);
     vec![
         Mother.organ("maternal_bladder_wall", "muscle", 24, 2.8, 8.0, urine.grown(3.0)),

@@ -1,4 +1,4 @@
-//! Loops of the mother's bowel beside and above the uterus, with gas in them.
+//! Loops of the mother's bowel lateral of the uterus and above it, with gas in them.
 
 use glam::Vec3;
 use insonify_core::anatomy::sdf::{Solid, catmull_rom, smooth_union, sphere, sweep, union};
@@ -14,8 +14,8 @@ const RADIUS_MM: f32 = 10.0;
 /// Thickness of a loop's wall, mm.
 const WALL_MM: f32 = 2.0;
 
-/// Knots of the loops beside the reference uterus: descending colon, transverse colon with small bowel under it,
-/// ascending colon; then small bowel beside the uterus.
+/// Knots of the loops around the reference uterus: descending colon, transverse colon with small bowel under it,
+/// ascending colon; then small bowel lateral of the uterus.
 const LOOPS_22_MM: [&[[f32; 3]]; 5] = [
     &[[92.0, -36.0, -46.0], [94.0, -4.0, -40.0], [92.0, 30.0, -42.0], [90.0, 62.0, -30.0], [82.0, 94.0, -10.0]],
     &[[-92.0, -40.0, -44.0], [-95.0, -8.0, -38.0], [-93.0, 24.0, -44.0], [-88.0, 60.0, -30.0], [-80.0, 92.0, -12.0]],

@@ -14,7 +14,7 @@ use crate::phantom::parameters::Parameters;
 /// Radius at 22 weeks, mm (Weissman et al., J Ultrasound Med 13:11, 1994: about 10 to 11 mm across).
 const CORD_RADIUS_22_MM: f32 = 5.2;
 const VESSEL_WALL_MM: f32 = 0.35;
-/// Radius and distance from the centre of vein and arteries, in units of the cord's radius.
+/// Radius of a vessel and distance of its centre from the cord's, in units of the cord's radius.
 const VEIN: [f32; 2] = [0.345, 0.365];
 const ARTERY: [f32; 2] = [0.20, 0.615];
 /// Length of a turn of the vessels at 22 weeks, mm: 0.2 to 0.45 coils per cm (Predanic et al., J Ultrasound Med 24:271,
@@ -33,7 +33,7 @@ pub(super) struct Cord {
 }
 
 impl Cord {
-    /// Cord between its insertions in the placenta, `from`, and in the `navel`.
+    /// Cord between its insertion `from` in the placenta and its insertion `navel` in the fetus.
     pub(super) fn of(parameters: &Parameters, around: &Surroundings, from: End, navel: End) -> Self {
         let seed = parameters.seed;
         let size = growth(parameters).powf(0.8);
@@ -51,7 +51,8 @@ impl Cord {
         Self { line, radius_mm, pitch_mm, phase: TAU * random(seed, 2003) }
     }
 
-    /// Vessel of `radius` at `offset` from the centre, both in units of the cord's radius, starting at `phase`.
+    /// Vessel of `radius` at `offset` from the cord's centre, both in units of the cord's radius. It starts at
+    /// `phase`, rad, and is enlarged by `grown_mm`.
     fn winding(&self, [radius, offset]: [f32; 2], phase: f32, grown_mm: f32) -> Solid {
         let line = &self.line;
         let mut across = (line[1] - line[0]).any_orthonormal_vector();

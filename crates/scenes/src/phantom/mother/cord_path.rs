@@ -1,7 +1,7 @@
 //! Course of the umbilical cord through the fluid: from the placenta to the navel, past the fetus.
 //!
-//! A grid search finds a path with clearance on all sides. The path passes two places with much fluid, which makes the
-//! cord hang in loops. Relaxation then straightens it and pushes it off the fetus, the wall, the placenta and itself.
+//! A grid search finds a path with clearance on all sides. The path passes two points with much fluid, so that the
+//! cord hangs in loops. Relaxation then straightens it and pushes it off the fetus, the wall, the placenta and itself.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use super::vary::random;
 
-/// Smallest clearance beside the cord, mm.
+/// Smallest clearance around the cord, mm.
 const ROOM_MM: f32 = 1.0;
 /// Nodes along the longest axis of the grid.
 const NODES: f32 = 56.0;
@@ -76,7 +76,7 @@ struct Grid {
     size: IVec3,
     cell_mm: f32,
     clearance_mm: Vec<f32>,
-    /// Clearance required by the cord, from its centre, mm.
+    /// Clearance that the cord requires, from its centre line, mm.
     need_mm: f32,
 }
 
@@ -120,7 +120,7 @@ impl Grid {
         })
     }
 
-    /// Cost per mm at a node: narrow places are expensive, obstacles a last resort.
+    /// Cost per mm at a node: low clearance is expensive, obstacles are a last resort.
     fn price(&self, index: usize) -> f32 {
         let clearance = self.clearance_mm[index];
         let lack = ((self.need_mm - clearance) / self.need_mm).clamp(0.0, 1.0);
@@ -154,7 +154,7 @@ impl Grid {
         (cost, before)
     }
 
-    /// Two places with much fluid, distant from the ends and from each other, that the cord can reach.
+    /// Two points with much fluid, distant from the ends and from each other, that the cord can reach.
     fn stops(&self, from: Vec3, to: Vec3, seed: u64) -> Vec<Vec3> {
         let price: Vec<f32> = (0..self.clearance_mm.len()).map(|i| self.price(i)).collect();
         let (cost, _) = self.spread(self.node(from), None, &price);
@@ -169,7 +169,7 @@ impl Grid {
                 apart + 2.0 * room + 1.5 * self.need_mm * random(seed, 5000 + 100_000 * stop + i as u64)
             };
             let free = (0..price.len()).filter(|&i| {
-                // Reachable without an obstacle on the way.
+                // The point can be reached without passing an obstacle.
                 self.clearance_mm[i] > 1.1 * self.need_mm
                     && cost[i] < 5.0 * self.place(i).distance(from) + 20.0 * self.need_mm
                     && self.place(i).distance(from) < 16.0 * self.need_mm
@@ -179,7 +179,7 @@ impl Grid {
                 taken.push(self.place(best));
             }
         }
-        // The one nearer to the placenta comes first.
+        // The point nearer to the placenta comes first.
         stops.sort_by(|a, b| a.distance(from).total_cmp(&b.distance(from)));
         stops
     }
@@ -228,8 +228,8 @@ fn resample(line: &[Vec3], step_mm: f32) -> Vec<Vec3> {
     points
 }
 
-/// Straightens `line` while keeping clear of everything. Points stay near `anchors` at first, and the ends leave along
-/// their directions.
+/// `line` straightened, with clearance from all obstacles. Points stay near `anchors` at first. The cord leaves both
+/// ends in their given directions.
 fn relax(around: &Surroundings, line: Vec<Vec3>, anchors: &[Vec3], ends: [End; 2], radius_mm: f32) -> Vec<Vec3> {
     let need = radius_mm + ROOM_MM;
     let step_mm = 0.6 * radius_mm;
@@ -256,7 +256,7 @@ fn relax(around: &Surroundings, line: Vec<Vec3>, anchors: &[Vec3], ends: [End; 2
                 }
             }
             *p = here + moved.clamp_length_max(0.5 * step_mm);
-            // At its ends the cord touches the obstacles that it avoids elsewhere.
+            // At its ends the cord may touch the obstacles that it avoids elsewhere.
             let from_end = p.distance(ends[0].at).min(p.distance(ends[1].at));
             let need = need.min(0.9 * from_end);
             let lack = need - around.clearance_mm(*p);
@@ -268,7 +268,7 @@ fn relax(around: &Surroundings, line: Vec<Vec3>, anchors: &[Vec3], ends: [End; 2
             line = resample(&line, step_mm);
         }
     }
-    // Bends no tighter than jelly allows.
+    // Bends stay wider than the cord's jelly allows.
     for _ in 0..4 {
         let old = line.clone();
         for i in 2..line.len().saturating_sub(2) {
@@ -284,7 +284,7 @@ fn relax(around: &Surroundings, line: Vec<Vec3>, anchors: &[Vec3], ends: [End; 2
 /// Displacement of point `i` of `line` that keeps non-adjacent parts of the cord apart.
 fn off_itself(line: &[Vec3], i: usize, radius_mm: f32) -> Vec3 {
     let least = 2.0 * radius_mm + 2.0 * ROOM_MM;
-    // The nearest point suffices: its neighbours push the same way.
+    // Only the nearest point pushes: its neighbours would push the same way.
     let nearest = line
         .iter()
         .enumerate()

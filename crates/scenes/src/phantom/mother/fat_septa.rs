@@ -1,8 +1,8 @@
-//! Septa of the subcutaneous fat: a slab of connective tissue over the belly's front, filled with lobules of fat.
+//! Septa of the subcutaneous fat: a slab of connective tissue over the front of the belly, filled with lobules of fat.
 //!
-//! The gaps between lobules are sheets half a millimetre thin. Lobules of a lattice are distributed over eight surfaces
-//! by the parity of their indices. Two lobules of one surface are thus a lobule apart, and a coarse mesh keeps them
-//! separate.
+//! The gaps between lobules are sheets half a millimetre thin. The lobules of a lattice are distributed over eight
+//! surfaces by the parity of their indices. Two lobules of the same surface thus have another lobule between them, so
+//! a coarse mesh keeps them separate.
 
 use glam::Vec3;
 use insonify_core::anatomy::sdf::{Bounds, Solid};
@@ -20,19 +20,19 @@ const LOBULES: [i32; 2] = [7, 9];
 const LOBULE_DEPTH_MM: f32 = 6.5;
 /// Most layers of lobules: thick fat has larger ones.
 const LAYERS_MAX: i32 = 3;
-/// Height above the origin of the axis for angles across the belly, mm.
+/// z coordinate of the axis about which angles across the belly are measured, mm.
 const AXIS_Z_MM: f32 = -40.0;
 /// Largest deviation of the lobules from their straight lattice for fat up to [`MODERATE_FAT_MM`], mm.
 const BENT_MM: f32 = 24.0;
-/// Fat thickness above which oblique septa extend farther, mm. Each further mm of fat adds 1 mm along and across the
-/// belly, and more depth, as the belly slopes at its ends.
+/// Fat thickness above which oblique septa extend farther, mm. Each further mm of fat extends them by 1 mm along and
+/// across the belly. It also deepens them, as the belly slopes at its ends.
 const MODERATE_FAT_MM: f32 = 14.0;
 const DEPTH_PER_MM_OF_FAT: f32 = 2.5;
-/// Depth of the slab's outer side under the skin, mm. The lobules begin slightly above it, so no septum runs along that
-/// side.
+/// Depth of the slab's outer side under the skin, mm. The lobules begin slightly above it, so that side shows no
+/// septum.
 const SLAB_UNDER_SKIN_MM: f32 = 0.6;
 
-/// Distance of the lowest lobules from the fascia, mm; below them is the fat of the muscles' border.
+/// Distance of the lowest lobules from the fascia, mm. Below them lies the fat of `muscle_border`.
 const ABOVE_FASCIA_MM: f32 = 0.6;
 /// Depth by which the lowest lobules cover the slab's lower side, mm.
 const COVER_MM: f32 = 0.3;
@@ -41,7 +41,7 @@ const COVER_MM: f32 = 0.3;
 #[derive(Clone)]
 struct Lattice {
     skin: Solid,
-    /// Extent of the septa across and along the belly, from the middle, mm.
+    /// Half extent of the septa across and along the belly, mm.
     half_mm: [f32; 2],
     /// Radius that converts the angle about the axis to a length, mm.
     radius_mm: f32,
@@ -106,11 +106,11 @@ impl Lattice {
     /// Slab that contains the septa.
     fn slab(&self) -> Solid {
         let lattice = self.clone();
-        // Ends inside the outermost lobules, which thus cover the slab's sides.
+        // The slab ends inside the outermost lobules, which thus cover its sides.
         let [across, along] = [0, 1].map(|i| self.half_mm[i] * (1.0 - 0.95 / LOBULES[i] as f32));
         Solid::new(self.bounds(), move |p| {
             let q = lattice.place(p);
-            // Ends inside the lowest lobules, so no septum runs along that side.
+            // The slab ends inside the lowest lobules, so its lower side shows no septum.
             let deep = q.z - (SKIN_MM + lattice.fat_mm - ABOVE_FASCIA_MM - COVER_MM);
             let beside = (q.x.abs() - across).max(q.y.abs() - along);
             beside.max(deep).max(SKIN_MM + SLAB_UNDER_SKIN_MM - q.z)

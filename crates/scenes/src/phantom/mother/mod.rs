@@ -1,7 +1,7 @@
 //! The mother: abdominal wall, uterus with placenta and cord, and surrounding organs.
 //!
-//! Sizes follow [`Parameters`]: [`proportions`] gives the size of the cavity and the resulting displacement of
-//! everything else; [`vary`] gives the small differences between individuals.
+//! Sizes follow [`Parameters`]. [`proportions`] gives the size of the cavity and the resulting displacement of all
+//! other organs; [`vary`] gives the small differences between individuals.
 
 mod abdominal_wall;
 mod bladder;

@@ -1,8 +1,8 @@
 //! Border between the subcutaneous fat and the muscles under it: lobules of fat that indent the deep fascia.
 //!
-//! Fat is slower than muscle, so the border's relief delays a wavefront by 57 ns per mm. Its waves are as long as small
-//! lobules. Longer waves are absent: they would tilt or focus the beam of a scanner's aperture, where people's walls
-//! scatter it like frosted glass.
+//! Sound is slower in fat than in muscle, so the border's relief delays a wavefront by 57 ns per mm. Its waves are as
+//! long as small lobules. Longer waves are left out: they would tilt or focus a scanner's beam, whereas the walls of
+//! people scatter it like frosted glass.
 
 use std::f32::consts::TAU;
 use std::sync::Arc;
@@ -18,21 +18,23 @@ use crate::phantom::parameters::Parameters;
 
 /// Number of waves of the relief.
 const WAVES: u64 = 24;
-/// Range of their lengths, mm.
+/// Shortest and longest wave, mm.
 const WAVE_MM: [f32; 2] = [13.0, 20.0];
-/// Angle about the axis that the relief reaches on each side, rad: the flanks, where a probe looks along the other.
+/// Angle about the axis that the relief spans on each side, rad: to the flanks, where a probe faces the opposite
+/// flank.
 const HALF_ANGLE: f32 = 1.62;
-/// Power of the waves' envelope, relative to its mean, from which the relief follows their phase alone.
+/// Smoothing term of the division by the waves' envelope, as power relative to the mean. Where the envelope is weak,
+/// it keeps the relief finite.
 const EVEN_POWER: f32 = 0.25;
 /// Depth of the relief's mean under the even fascia, relative to its RMS.
 const MEAN: f32 = 1.45;
 /// Width of the rim over which the relief fades, mm.
 const RIM_MM: f32 = 12.0;
-/// Height of the fat's upper side above the even fascia, mm: at least a mesh cell.
+/// Height of the added fat's upper side above the even fascia, mm: at least a mesh cell.
 const UPPER_MM: f32 = 5.0;
 /// Width over which the edges of the rim are rounded, mm.
 const ROUNDED_MM: f32 = 8.0;
-/// Height of the axis for angles across the belly, mm.
+/// z coordinate of the axis about which angles across the belly are measured, mm.
 const AXIS_Z_MM: f32 = -40.0;
 
 /// RMS height of the relief, mm.
@@ -44,13 +46,13 @@ fn relief_mm(wall: Wall) -> f32 {
     }
 }
 
-/// A wave of the relief: its number across and along the belly, rad/mm, and its phase.
+/// A wave of the relief: wave numbers across and along the belly, rad/mm, and phase, rad.
 struct Wave([f32; 3]);
 
 fn waves(seed: u64) -> Arc<[Wave]> {
     let wave = |i: u64| {
         let [length, turn, phase] = [0, 1, 2].map(|k| random(seed, 1000 + 3 * i + k));
-        // One length in each of equal logarithmic parts of the range, and one direction in each of equal angles.
+        // The lengths are spread over equal logarithmic parts of the range, the directions over equal angles.
         let part = (i as f32 + length) / WAVES as f32;
         let number = TAU / (WAVE_MM[0] * (WAVE_MM[1] / WAVE_MM[0]).powf(part));
         let direction = 0.5 * TAU * ((7 * i % WAVES) as f32 + turn) / WAVES as f32;
@@ -64,7 +66,7 @@ struct Border {
     under_fat: Solid,
     waves: Arc<[Wave]>,
     rms_mm: f32,
-    /// Extent across and along the belly, from the middle, mm.
+    /// Half extent of the relief across and along the belly, mm.
     half_mm: [f32; 2],
     /// Radius that converts the angle about the axis to a length, mm.
     radius_mm: f32,
@@ -85,14 +87,16 @@ impl Border {
         }
     }
 
-    /// Depth of the border under the even fascia's outer side, mm, at a place `beside` mm outside the extent.
+    /// Depth of the border under the outer side of the even fascia, mm, at (`u`, `v`), mm across and along the belly.
+    /// `outside` is the distance outside the extent, mm; negative within it.
     fn depth_mm(&self, u: f32, v: f32, beside: f32) -> f32 {
-        // Waves of one half of all directions have an envelope. Divided by it, the relief is equally strong everywhere.
+        // All waves have directions within half a turn, so their sum has an envelope. Divided by it, the relief is
+        // equally strong everywhere.
         let turn = |Wave([a, b, phase]): &Wave| Vec2::from_angle(a * u + b * v + phase);
         let sum = (2.0 / WAVES as f32).sqrt() * self.waves.iter().map(turn).sum::<Vec2>();
         let relief = sum.x / (EVEN_POWER + 0.5 * sum.length_squared()).sqrt();
         let depth = self.rms_mm * (MEAN + relief);
-        // At the rim the border rises into the fat, so that fascia meets fascia.
+        // At the rim the border rises into the fat, so that fascia joins fascia.
         let inward = (-beside / RIM_MM).clamp(0.0, 1.0);
         let part = inward * inward * (3.0 - 2.0 * inward);
         depth * part - FASCIA_MM * (1.0 - part)
@@ -117,7 +121,7 @@ impl Border {
         let layer = Solid::new(bounds, move |p| {
             let depth = -self.under_fat.distance_mm(p);
             let (u, v, beside) = place(p);
-            // Far from the border its relief has no effect that matters.
+            // Far from the border its relief does not matter.
             let border = if depth.abs() > 20.0 { 0.0 } else { self.depth_mm(u, v, beside) };
             (-self.upper_mm - depth).max(depth - border)
         });

@@ -48,7 +48,7 @@ fn hip_bones() -> Solid {
     smooth_union([pubis, ischium, socket, wing, buttress], 8.0).with_mirror_image()
 }
 
-/// Five fused bodies that curve back, wings beside the upper two, and a crest.
+/// Five fused bodies that curve back, wings lateral of the upper two, and a crest.
 fn sacrum() -> Solid {
     let top = SACRUM_TOP_22_MM;
     let at = |y: f32, z: f32| top + Vec3::new(0.0, y, z);

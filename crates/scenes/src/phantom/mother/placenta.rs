@@ -16,7 +16,7 @@ use crate::phantom::parameters::{Parameters, PlacentaSite};
 const RADIUS_22_MM: f32 = 72.0;
 /// Largest thickness, mm.
 const THICKNESS_MAX_MM: f32 = 40.0;
-/// Depth to which it extends into the wall, mm; leaves no film of fluid between.
+/// Depth to which the placenta extends into the wall, mm; leaves no film of fluid between them.
 const SEATED_MM: f32 = 1.0;
 /// Thickness of the chorionic and the basal plate, mm.
 const PLATE_MM: f32 = 0.8;
@@ -34,9 +34,9 @@ const BED_MM: f32 = 5.0;
 pub(super) struct Placenta {
     pub(super) parameters: Parameters,
     pub(super) cavity: Solid,
-    /// Point of the wall at its centre.
+    /// Point of the wall at the placenta's centre.
     wall: Vec3,
-    /// Outward normal at that point.
+    /// Outward normal of the wall at that point.
     outward: Vec3,
     /// Centres of the lobes in the tangent plane.
     lobes: std::sync::Arc<[Vec2]>,
@@ -66,23 +66,24 @@ impl Placenta {
         placenta
     }
 
-    /// Radius from centre to rim along the wall, mm. It grows less than the fetus.
+    /// Radius of the placenta from centre to rim along the wall, mm. It grows less than the fetus.
     pub(super) fn radius_mm(&self) -> f32 {
         RADIUS_22_MM * growth(&self.parameters).powf(0.55) * (1.0 + 0.05 * vary(self.parameters.seed, 704))
     }
 
-    /// Thickness at its centre, mm: about as many mm as weeks (Hoddick et al., J Ultrasound Med 4:479, 1985).
+    /// Thickness at the centre of the placenta, mm: about as many mm as weeks (Hoddick et al., J Ultrasound Med 4:479,
+    /// 1985).
     pub(super) fn thickness_mm(&self) -> f32 {
         let weeks = self.parameters.gestational_weeks as f32;
         (1.08 * weeks * (1.0 + 0.06 * vary(self.parameters.seed, 705))).min(THICKNESS_MAX_MM)
     }
 
-    /// Centre in the middle of its thickness, and the direction to the wall.
+    /// Centre of the placenta in the middle of its thickness, and the direction from there to the wall.
     pub(super) fn centre(&self) -> (Vec3, Vec3) {
         (self.wall - self.outward * (0.5 * self.thickness_mm()), self.outward)
     }
 
-    /// A point of the wall beside its rim.
+    /// A point of the wall outside the placenta's rim.
     pub(super) fn beside(&self) -> Vec3 {
         let turn = TAU * random(self.parameters.seed, 706);
         self.on_wall(Vec2::from_angle(turn) * 1.25 * self.radius_mm())
@@ -206,12 +207,12 @@ impl Placenta {
                 let size = 2.0 + 1.8 * r(3);
                 let [a, b] = self.tangents();
                 let aside = (a * (r(4) - 0.5) + b * (r(5) - 0.5)) * 2.6 * size;
-                // A lake too near to a plate would break through it.
+                // A lake too near to a plate would break through the plate.
                 (body.distance_mm(middle) < -size - 2.0)
                     .then(|| smooth_union([sphere(middle, size), sphere(middle + aside, 0.7 * size)], 1.5))
             })
             .collect();
-        // A thin placenta may have room for none.
+        // A thin placenta may have no lake.
         (!lakes.is_empty()).then(|| smooth_union(lakes, 1.0).intersect(body.grown(-2.0)))
     }
 
@@ -223,7 +224,7 @@ impl Placenta {
         Solid::new(bounds, move |p| {
             let d = own.cavity.distance_mm(p);
             let u = own.along_mm(p) / radius;
-            // Thins towards the rim; inward of the wall the placenta hides it.
+            // The bed thins towards the rim; inward of the wall the placenta hides it.
             (d - BED_MM * (1.0 - u * u * u * u)).max(-4.0 - d).max((u - 1.0) * radius)
         })
     }
@@ -246,8 +247,8 @@ impl Placenta {
         )
     }
 
-    /// Insertion of the cord on the fetal side of `body`, and the direction away from it: off the centre, where `fetus`
-    /// leaves most room.
+    /// Insertion of the cord on the fetal side of `body`, with the direction away from it. It lies off the centre,
+    /// where the `fetus` leaves the largest clearance.
     pub(super) fn insertion(&self, body: &Solid, fetus: &Solid) -> End {
         let fallback = End { at: self.wall - self.outward * self.thickness_mm(), away: -self.outward };
         let mut best = (f32::MIN, fallback);
@@ -259,7 +260,7 @@ impl Placenta {
                 let Some(fetal) = self.fetal_side(body, on_wall) else { continue };
                 let inward = self.inward(on_wall);
                 let thick = on_wall.distance(fetal);
-                // Room directly in front of it and further on; a thin rim can't hold a cord.
+                // Clearance directly in front of the insertion and farther on; a thin rim can't hold a cord.
                 let room = |mm: f32| {
                     let p = fetal + inward * mm;
                     fetus.distance_mm(p).min(-self.cavity.distance_mm(p)).min(mm + 6.0)

@@ -42,11 +42,11 @@ pub(super) fn tree(placenta: &Placenta, body: &Solid, root: Vec3) -> Solid {
             vessels.push(tube(placenta, body, &branch, RADIUS_MM * (0.95 - 0.5 * from), 0.6));
         }
     }
-    // All vessels meet at the root.
+    // All vessels join at the root.
     union(vessels)
 }
 
-/// Vessel under the fetal side along `line` of the tangent plane, tapering to `thin` of its radius.
+/// Vessel under the fetal side along `line` in the tangent plane, tapering to the fraction `thin` of its radius.
 fn tube(placenta: &Placenta, body: &Solid, line: &dyn Fn(f32) -> Vec2, radius_mm: f32, thin: f32) -> Solid {
     let knots: Vec<(Vec3, f32)> = (0..=7)
         .filter_map(|k| {
@@ -54,7 +54,7 @@ fn tube(placenta: &Placenta, body: &Solid, line: &dyn Fn(f32) -> Vec2, radius_mm
             let on_wall = placenta.on_wall(line(t));
             let radius = radius_mm * (1.0 - (1.0 - thin) * t);
             let fetal = placenta.fetal_side(body, on_wall)?;
-            // A thin rim has no room for a vessel.
+            // A rim thinner than the vessel gets none.
             let depth = on_wall.distance(fetal);
             (depth > 2.0 * radius + COVER_MM + 1.0)
                 .then(|| (fetal - placenta.inward(on_wall) * (COVER_MM + radius), radius))

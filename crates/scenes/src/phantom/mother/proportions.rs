@@ -33,7 +33,7 @@ pub(in crate::phantom) fn cavity_semi_mm(parameters: &Parameters) -> Vec3 {
     let long = CAVITY_22_MM.y;
     let stretched = 1.0 + 0.16 * (0.5 - parameters.flexion as f32).max(0.0);
     let fluid = (parameters.fluid_index_mm as f32 - FLUID_INDEX_22_MM) / 100.0;
-    // Little fluid still leaves room for the fetus; much fluid distends the uterus.
+    // With little fluid the fetus still fits; much fluid distends the uterus.
     let (aside, along) = if fluid < 0.0 { (0.05, 0.02) } else { (0.10, 0.06) };
     let (aside, along) = (1.0 + aside * fluid, stretched * (1.0 + along * fluid));
     let semi = match parameters.lie {
@@ -48,7 +48,7 @@ pub(in crate::phantom) fn cavity_semi_mm(parameters: &Parameters) -> Vec3 {
 pub(super) struct Proportions {
     /// Semi-axes of the cavity, mm.
     pub(super) cavity_semi: Vec3,
-    /// Excess of these over the reference, mm.
+    /// Semi-axes of the cavity minus those of the reference cavity, mm.
     pub(super) excess: Vec3,
 }
 
@@ -58,12 +58,12 @@ impl Proportions {
         Self { cavity_semi, excess: cavity_semi - CAVITY_22_MM }
     }
 
-    /// Displaced position of soft tissue at `reference` beside the reference cavity.
+    /// Displaced position of soft tissue that is at `reference` around the reference cavity.
     pub(super) fn follow(&self, reference: Vec3) -> Vec3 {
         reference + self.excess * (reference / CAVITY_22_MM).clamp(Vec3::NEG_ONE, Vec3::ONE)
     }
 
-    /// Displacement of the skeleton: spine and pelvis stay behind and below the cavity.
+    /// Displacement of the skeleton, mm: spine and pelvis stay behind and below the cavity.
     pub(super) fn skeleton_shift(&self) -> Vec3 {
         Vec3::new(0.0, -self.excess.y, -self.excess.z)
     }

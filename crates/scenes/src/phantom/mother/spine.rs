@@ -63,7 +63,7 @@ fn vertebrae() -> Solid {
     }))
 }
 
-/// Psoas: beside the vertebral bodies, then forward over the pelvic brim.
+/// Psoas: lateral of the vertebral bodies, then forward over the pelvic brim.
 fn psoas() -> Solid {
     let line = [
         (Vec3::new(24.0, 128.0, -98.0), 9.0),

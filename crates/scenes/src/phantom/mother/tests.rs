@@ -22,7 +22,7 @@ fn cord(parameters: &Parameters) -> Cord {
     Afterbirth::of(parameters, &fetus, navel).cord
 }
 
-/// Parameters that vary in every respect, with at least one of each lie and site.
+/// Parameters that vary in every respect, with each lie and each placental site at least once.
 fn grid() -> Vec<Parameters> {
     use {Lie::*, PlacentaSite::*};
     let sets = [
@@ -126,7 +126,7 @@ fn the_cord_has_two_arteries_and_a_vein_that_do_not_meet() {
     let (vein, arteries, cord) = (solid("cord_vein"), solid("cord_arteries"), solid("cord"));
     let meshes = [vein, arteries].map(|o| meshing::mesh(&o.solid, 0.35));
     assert_eq!(meshes.each_ref().map(|mesh| mesh.pieces().1), [1, 2], "one vein and two arteries");
-    // In tight bends they are nearer to each other than the walls are thick.
+    // In tight bends, arteries are nearer to each other than their walls are thick.
     let wall_mm = 0.1;
     let apart = meshes[0].vertices_mm.iter().map(|&v| arteries.solid.distance_mm(v)).fold(f32::MAX, f32::min);
     assert!(apart > 2.0 * wall_mm, "{apart:.2} mm between vein and arteries");

@@ -15,7 +15,7 @@ const FULLNESS: f32 = 2.25;
 const MEMBRANES_MM: f32 = 0.35;
 /// Thickness of the fluid between amnion and chorion at the centre of their separation, mm.
 const PARTED_MM: f32 = 2.6;
-/// Depth to which the lens extends into the cavity, hidden by the membranes, mm.
+/// Depth to which the lens of fluid extends into the cavity, hidden by the membranes, mm.
 const DEEP_MM: f32 = 5.0;
 /// Age from which vernix floats in the fluid, weeks.
 const VERNIX_WEEKS: f64 = 28.0;
@@ -66,7 +66,7 @@ pub(super) fn organs(parameters: &Parameters, placenta: &Placenta) -> Vec<Organ>
     ]
 }
 
-/// Fluid between unfused membranes: a lens beside the placenta.
+/// Fluid between unfused membranes: a lens at the rim of the placenta.
 fn parted(cavity: &Solid, placenta: &Placenta) -> Solid {
     let middle = placenta.beside();
     let radius = 0.55 * placenta.radius_mm();

@@ -10,8 +10,8 @@ use crate::phantom::parameters::Parameters;
 /// Thickness of the walls, mm.
 const WALL_MM: f32 = 1.1;
 
-/// Aorta left and vena cava right of the midline, each with both common iliac branches and the external ones along the
-/// pelvic brim.
+/// Aorta left of the midline and vena cava right of it. Each has both common iliac branches, and the external branches
+/// along the pelvic brim.
 fn vessels(shift: Vec3, top_mm: f32, grown_mm: f32) -> Solid {
     let v = Vec3::new;
     let tube = |knots: &[(Vec3, f32)]| {

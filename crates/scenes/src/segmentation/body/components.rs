@@ -1,4 +1,4 @@
-//! Connected parts of a mask, and crumbs of labels.
+//! Connected parts of a mask, and removal of small fragments of labels.
 
 use std::collections::HashMap;
 
@@ -18,13 +18,14 @@ fn each_neighbour(index: usize, size: [usize; 3], mut visit: impl FnMut(usize)) 
     }
 }
 
-/// Least size of a part that is kept beside the largest, as a share of it: a leg, or an arm beside the trunk.
+/// Smallest volume of a part that is kept, relative to the largest part: a leg, or an arm separate from the trunk.
 const PART_SHARE: f64 = 0.01;
 
-/// Keeps the large parts of `mask` whose voxels touch by faces, and those with a voxel that `holds`.
+/// Keeps the large parts of `mask`, connected across voxel faces, and all parts with a voxel for which `holds` is
+/// true.
 pub(crate) fn large_components(mask: &mut [bool], size: [usize; 3], holds: impl Fn(usize) -> bool) {
     let mut part_of = vec![0u32; mask.len()];
-    // Voxels of each part, and whether it is kept whatever its size; from 1 on.
+    // Size of each part in voxels, and whether it is kept whatever its size; numbered from 1.
     let mut found = vec![(0usize, false)];
     let mut stack = Vec::new();
     for start in 0..mask.len() {
@@ -52,20 +53,20 @@ pub(crate) fn large_components(mask: &mut [bool], size: [usize; 3], holds: impl 
     mask.par_iter_mut().zip(&part_of).for_each(|(inside, part)| *inside = *inside && kept[*part as usize]);
 }
 
-/// Gives each part of fewer than `voxels_min` voxels, of a label or of none, to the label that it touches most. A label
-/// keeps its last part. Returns the number of parts that went, by label.
+/// Gives each part of fewer than `voxels_min` voxels to the label that it touches most. A part has one label, or none.
+/// The last part of a label stays. Returns the number of parts that were given away, by label.
 pub fn without_crumbs(labels: &mut [u16], size: [usize; 3], voxels_min: usize) -> HashMap<u16, usize> {
     let mut totals: HashMap<u16, usize> = HashMap::new();
     for &label in labels.iter() {
         *totals.entry(label).or_default() += 1;
     }
     let shared: &[u16] = labels;
-    // A crumb is found from its first voxel.
+    // A fragment is found from its first voxel in memory.
     let crumbs: Vec<Vec<usize>> = (0..labels.len())
         .into_par_iter()
         .filter_map(|start| {
             let label = shared[start];
-            // Most voxels have a neighbour of their label before them.
+            // Most voxels have an earlier neighbour of the same label, so they start no part.
             let mut first = true;
             each_neighbour(start, size, |next| first &= !(next < start && shared[next] == label));
             first.then(|| crumb(shared, size, start, voxels_min)).flatten()
@@ -100,7 +101,7 @@ pub fn without_crumbs(labels: &mut [u16], size: [usize; 3], voxels_min: usize) -
     gone
 }
 
-/// Voxels of the part at `start`, if it has fewer than `voxels_min` and `start` is its first.
+/// Voxels of the part at `start`, if it has fewer than `voxels_min` and no earlier voxel than `start`.
 fn crumb(labels: &[u16], size: [usize; 3], start: usize, voxels_min: usize) -> Option<Vec<usize>> {
     let mut found = vec![start];
     let mut next = 0;

@@ -3,10 +3,10 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Mean distance between a curved border and the nearest voxel centre outside of it, in voxels.
+/// Mean distance between a curved border and the nearest voxel centre outside, in voxels.
 pub(crate) const BORDER_VOXELS: f64 = 0.33;
 
-/// Distance of each voxel's centre to the nearest voxel centre of `set`, mm; infinite without one. x is fastest.
+/// Distance of each voxel's centre to the nearest voxel centre of `set`, mm; infinite if `set` is empty. x is fastest.
 pub fn distances_mm(set: &[bool], size: [usize; 3], voxel_mm: DVec3) -> Vec<f32> {
     let [nx, ny, nz] = size;
     let mut squares: Vec<f32> = vec![0.0; set.len()];
@@ -62,7 +62,7 @@ fn along_row(row: &mut [f32], set: &[bool], step_mm: f32) {
 struct Line {
     values: Vec<f32>,
     found: Vec<f32>,
-    /// Places of the parabolas of the envelope, and where each begins.
+    /// Positions of the parabolas of the envelope, and the position from which each is the lowest.
     places: Vec<usize>,
     starts: Vec<f32>,
 }

@@ -1,4 +1,4 @@
-//! Gas in hollow organs: it collects where a patient who lies on the back is highest.
+//! Gas in hollow organs: it collects in the highest part of a patient who lies on the back.
 
 use rayon::prelude::*;
 
@@ -8,20 +8,21 @@ use crate::segmentation::grid::Grid;
 /// Density below which a CT shows gas, HU.
 const GAS_HU: f32 = -400.0;
 
-/// Where an organ has its gas.
+/// Source of the gas of an organ.
 #[derive(Debug, Clone, Copy)]
 pub enum Gas<'a> {
-    /// Where a CT shows it: HU of each voxel.
+    /// Gas that a CT shows: HU of each voxel.
     Seen(&'a [f32]),
-    /// In the most anterior share of the lumen, 0..=1. Slices of equal k fill on their own, as loops of bowel do.
+    /// Share of the lumen with gas, 0..=1, from the most anterior rows on. Each slice of equal k has that share, as
+    /// loops of bowel fill separately.
     Share(f64),
 }
 
-/// Voxels of `label` that hold gas, at least `wall_mm` below the organ's surface.
+/// Indices of the voxels of `label` that hold gas, at least `wall_mm` below the organ's surface.
 pub fn gas_of(labels: &[u16], grid: &Grid, label: u16, wall_mm: f64, gas: Gas) -> Vec<usize> {
     let Some((low, high)) = bounds(labels, grid, label) else { return Vec::new() };
     let size: [usize; 3] = std::array::from_fn(|axis| high[axis] - low[axis] + 3);
-    // A box around the organ, one voxel wider on each side; beyond the grid its nearest voxels go on.
+    // A box around the organ, one voxel wider on each side. Indices beyond the grid are clamped to its border.
     let index = |[x, y, z]: [usize; 3]| {
         let at = |axis: usize, v: usize| (v + low[axis]).saturating_sub(1).min(grid.size[axis] - 1);
         (at(2, z) * grid.size[1] + at(1, y)) * grid.size[0] + at(0, x)

@@ -1,4 +1,4 @@
-//! What a segmentation doesn't label: the body's outline, its skin, the fat beneath it, gas.
+//! Parts of a body that a segmentation doesn't label: the outline, the skin, the fat beneath it, gas.
 
 mod components;
 mod distance;

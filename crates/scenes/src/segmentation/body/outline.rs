@@ -1,4 +1,4 @@
-//! Outline of the body: from a label map of it, from the image, or around the labels.
+//! Outline of the body: from a label map of the body, from the image, or around the labels.
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -6,7 +6,7 @@ use serde::Serialize;
 use super::{distances_mm, large_components};
 use crate::segmentation::grid::Grid;
 
-/// Where the outline of the body comes from.
+/// Source of the body's outline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum OutlineSource {
@@ -14,26 +14,27 @@ pub enum OutlineSource {
     Label,
     /// The image that was segmented.
     Image,
-    /// A hull around all labels: a guess.
+    /// A convex hull per slice around all labels: a guess.
     Labels,
 }
 
 /// Lowest density of a body, HU: above air and foam, below lung at its border.
 const BODY_HU: f32 = -250.0;
-/// Distance over which a slice takes labels of others into its hull, mm.
+/// Distance between slices, mm, up to which the labels of one slice extend the hull of another.
 const REACH_MM: f64 = 60.0;
-/// Width of what is cut off a body in an image, mm: the table, blankets, lines.
+/// Width of the structures that are removed from a body in an image, mm: the table, blankets, lines.
 const OPENING_MM: f64 = 6.0;
 
-/// Body of a mask: its large parts and those with a voxel that `holds`, without holes.
+/// Body from a mask: its large parts, and all parts with a voxel for which `holds` is true. Holes are filled.
 pub fn from_mask(mut mask: Vec<bool>, grid: &Grid, holds: impl Fn(usize) -> bool) -> Vec<bool> {
     large_components(&mut mask, grid.size, holds);
     fill_slices(&mut mask, grid.size);
     mask
 }
 
-/// Body in an image: what is denser than foam in a CT, in other images what is brighter than Otsu's threshold; opened,
-/// large parts, holes filled slice by slice. `values` are in the order of the grid.
+/// Body in an image. In a CT, these are the voxels denser than foam; in other images, the voxels brighter than Otsu's
+/// threshold. The mask is opened, reduced to its large parts and filled slice by slice. `values` are in the order of
+/// the grid.
 pub fn from_image(values: &[f32], grid: &Grid, is_ct: bool) -> Vec<bool> {
     let threshold = if is_ct { BODY_HU } else { otsu(values) };
     let mask: Vec<bool> = values.par_iter().map(|&v| v > threshold).collect();
@@ -48,8 +49,8 @@ pub fn from_image(values: &[f32], grid: &Grid, is_ct: bool) -> Vec<bool> {
     body
 }
 
-/// Hull of the labels, slice by slice, grown by `margin_mm` on all sides. A slice's hull holds the labels of slices up to
-/// 60 mm away, so that the body has no gaps between organs.
+/// Hull of the labels, slice by slice, grown by `margin_mm` on all sides. The hull of a slice contains the labels of
+/// slices up to 60 mm away, so that the body has no gaps between organs.
 pub fn from_labels(labels: &[u16], grid: &Grid, margin_mm: f64) -> Vec<bool> {
     let [nx, ny, nz] = grid.size;
     let reach = (REACH_MM / grid.voxel_mm().z).round() as usize;
@@ -74,7 +75,7 @@ pub fn from_labels(labels: &[u16], grid: &Grid, margin_mm: f64) -> Vec<bool> {
     to_hull.par_iter().map(|&d| f64::from(d) <= margin_mm).collect()
 }
 
-/// First and last label in each row of a slice: only they can be corners of its hull.
+/// First and last label in each row of a slice: only these can be corners of the hull.
 fn row_ends(slice: &[u16], nx: usize) -> Vec<Option<[usize; 2]>> {
     let ends = |row: &[u16]| Some([row.iter().position(|&l| l != 0)?, row.iter().rposition(|&l| l != 0)?]);
     slice.chunks(nx).map(ends).collect()
@@ -87,7 +88,7 @@ fn joined(a: Option<[usize; 2]>, b: Option<[usize; 2]>) -> Option<[usize; 2]> {
     }
 }
 
-/// Sets the voxels of a slice within the convex hull of what lies between the ends of its rows.
+/// Sets the voxels of a slice within the convex hull of the row ends.
 fn fill_hull(slice: &mut [bool], rows: &[Option<[usize; 2]>], nx: usize) {
     let mut points: Vec<(i64, i64)> = Vec::new();
     for (y, ends) in (0..).zip(rows) {
@@ -197,9 +198,9 @@ fn otsu(values: &[f32]) -> f32 {
     least + (best.1 + 1) as f32 / scale
 }
 
-/// Depth of the labels' hull below the outline that [`from_labels`] draws, mm.
+/// Distance between the labels' hull and the outline that [`from_labels`] draws, mm.
 pub(crate) fn hull_margin_mm(skin_mm: f64, fat_mm: f64) -> f64 {
-    /// Muscle and fascia that are seldom labelled.
+    /// Thickness of muscle and fascia, which are seldom labelled, mm.
     const WALL_MM: f64 = 4.0;
     skin_mm + fat_mm + WALL_MM
 }

@@ -1,4 +1,4 @@
-//! Classes of a table: the anatomy that a label stands for, and its tissue.
+//! Classes of a table: anatomical meaning and tissue of a label.
 
 use serde::Deserialize;
 
@@ -41,7 +41,7 @@ pub struct Gas {
     pub share: f64,
 }
 
-/// What a label stands for.
+/// Anatomical meaning and tissue of a label.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Class {
@@ -49,9 +49,9 @@ pub struct Class {
     pub name: String,
     /// Number in label maps without names.
     pub value: Option<u16>,
-    /// Tissue, that of the lumen for hollow organs; none for ignored classes alone.
+    /// Tissue; for hollow organs, the tissue of the lumen. None only for ignored classes.
     pub tissue: Option<String>,
-    /// Which of overlapping surfaces is kept: the higher one. None for ignored classes alone.
+    /// Priority: where surfaces overlap, the higher one is kept. None only for ignored classes.
     pub priority: Option<i32>,
     /// Use.
     #[serde(default)]
@@ -65,7 +65,7 @@ pub struct Class {
     pub gas: Option<Gas>,
     /// Group in pictures.
     pub group: Option<String>,
-    /// Name of the class that a mapping of the user's gave to this name.
+    /// Organ that a mapping by the user gave to this name.
     #[serde(skip)]
     pub organ: Option<String>,
 }
@@ -73,7 +73,7 @@ pub struct Class {
 /// Priorities of classes.
 const PRIORITIES: std::ops::RangeInclusive<i32> = 10..=99;
 
-/// Thicknesses of walls, mm.
+/// Accepted wall thicknesses, mm.
 const WALLS_MM: std::ops::RangeInclusive<f64> = 0.1..=20.0;
 
 impl Class {
@@ -98,7 +98,8 @@ impl Class {
         }
     }
 
-    /// This class. If it states a name and number alone, it gets the properties of the known class of that name.
+    /// This class, completed: one that states only a name and a number gets the properties of the known class of that
+    /// name.
     pub(super) fn completed<'a>(self, known: impl Fn(&str) -> Option<&'a Self>) -> Self {
         let states_none = self.tissue.is_none()
             && self.priority.is_none()
@@ -113,7 +114,7 @@ impl Class {
         }
     }
 
-    /// Name of the organ that it stands for: a mapped name is its own, and the organ is that of the mapping.
+    /// Name of the organ that the class stands for. For a mapped name, this is the organ of the mapping.
     pub fn organ_name(&self) -> &str {
         self.organ.as_deref().unwrap_or(&self.name)
     }
@@ -126,7 +127,7 @@ impl Class {
         own.into_iter().chain(wall).chain(gas)
     }
 
-    /// The first value that is missing or outside its range.
+    /// The first value that is missing or outside its range, as a message.
     pub(super) fn check(&self) -> Result<(), String> {
         let ignored = self.role == Role::Ignore;
         if self.name.trim().is_empty() {

@@ -30,7 +30,7 @@ pub enum ClassError {
     Parse {
         /// File, or name of a built-in table.
         table: String,
-        /// Place and cause.
+        /// Position and cause.
         error: Box<toml::de::Error>,
     },
     /// A class with a wrong value.
@@ -57,7 +57,7 @@ pub enum ClassError {
         /// Mapping, without these characters.
         mapping: String,
     },
-    /// A mapping of a name or number that is not there.
+    /// A mapping of an unknown name or number.
     #[error("--map: {path} has no `{name}`{nearest}; it has {known}")]
     Unused {
         /// Name or number.
@@ -69,7 +69,7 @@ pub enum ClassError {
         /// All names and numbers.
         known: String,
     },
-    /// A mapping to nothing known.
+    /// A mapping to an unknown target.
     #[error("`{mapping}`: `{target}` is neither a class nor a tissue{nearest}")]
     Target {
         /// Mapping.

@@ -1,4 +1,4 @@
-//! Organs in the names of files, as tools write one mask per organ.
+//! Organs in the names of files: many tools write one mask per organ.
 
 use std::path::Path;
 
@@ -8,10 +8,10 @@ use super::key::words;
 /// Suffixes of the files that volumes are read from, longest first.
 pub const VOLUME_SUFFIXES: [&str; 7] = [".seg.nrrd", ".nii.gz", ".hdr.gz", ".nrrd", ".nhdr", ".nii", ".hdr"];
 
-/// Suffix of a file of voxels whose header is a file of its own.
+/// Suffix of a file of voxels whose header is in another file.
 const VOXELS_SUFFIX: &str = ".img.gz";
 
-/// Words that say nothing about the organ.
+/// Words without meaning for the organ.
 const NEUTRAL: [&str; 34] = [
     "mask",
     "masks",
@@ -49,13 +49,13 @@ const NEUTRAL: [&str; 34] = [
     "cropped",
 ];
 
-/// Words before the number of a patient or scan.
+/// Words that precede the number of a patient or scan.
 const NUMBERED: [&str; 17] = [
     "case", "pat", "patient", "sub", "subject", "study", "series", "ses", "scan", "exam", "vol", "volume", "img",
     "image", "id", "no", "bdmap",
 ];
 
-/// Words that change what an organ's name means: never left out as common to all files.
+/// Words that change the meaning of an organ's name. They are never left out as common to all files.
 const MEANING: [&str; 55] = [
     "tumor",
     "tumors",
@@ -114,12 +114,12 @@ const MEANING: [&str; 55] = [
     "distal",
 ];
 
-/// What the name of a file says about its organ.
+/// Organ that the name of a file tells.
 #[derive(Debug, Clone, PartialEq)]
 pub enum OrganInName {
-    /// Name of the organ's class. All other words of the file's name say nothing about organs.
+    /// Name of the organ's class. All other words of the file's name have no meaning for organs.
     Is(String),
-    /// Names of classes that it may mean.
+    /// Names of the classes that the file may mean.
     Maybe(Vec<String>),
     /// No organ.
     No,
@@ -143,7 +143,8 @@ pub struct CommonWords {
     pub end: Vec<String>,
 }
 
-/// Words that all names share at their start and at their end. Words that change what an organ's name means are not among them.
+/// Words that all names share at their start and at their end, without words that change the meaning of an organ's
+/// name.
 pub fn common_words(stems: &[String]) -> CommonWords {
     let all: Vec<Vec<String>> = stems.iter().map(|stem| words(stem)).collect();
     let [first, _, ..] = &all[..] else { return CommonWords::default() };
@@ -156,15 +157,15 @@ pub fn common_words(stems: &[String]) -> CommonWords {
         word.as_ref().is_some_and(may_go) && all.iter().all(|words| last(words, *n) == word)
     };
     let at_end = (0..shortest).take_while(is_last).count();
-    // Each name keeps a word.
+    // Each name keeps at least one word.
     if at_start + at_end >= shortest {
         return CommonWords::default();
     }
     CommonWords { start: first[..at_start].to_vec(), end: first[first.len() - at_end..].to_vec() }
 }
 
-/// What the file name `stem` says about the organ in the file. `common` are the words that all files of its folder share; `None` for
-/// a lone file.
+/// Organ that the file name `stem` tells. `common` are the words that all files of its folder share; `None` for a lone
+/// file.
 pub fn organ_in_name(stem: &str, table: &ClassTable, common: Option<&CommonWords>) -> OrganInName {
     let words = words(stem);
     if let (Some(class), Some(_)) = (table.named(stem), common) {

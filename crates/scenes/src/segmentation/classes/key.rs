@@ -9,7 +9,8 @@ const ORDINALS: [&str; 12] = [
     "twelfth",
 ];
 
-/// Key under which equal names are equal: words in alphabetical order, without case, punctuation, plural and fillers.
+/// Key for comparing names; names of the same meaning have the same key. It has the words in alphabetical order,
+/// without case, punctuation, plural and fillers.
 ///
 /// `kidney_right`, `Right kidney`, `kidneyRight`, `Kidney, R` and `Structure of right kidney` have one key.
 pub(super) fn key(name: &str) -> String {
@@ -53,7 +54,7 @@ fn canonical(word: &str) -> Option<String> {
     if !digits.is_empty() && matches!(&known[digits.len()..], "st" | "nd" | "rd" | "th") {
         return Some(digits.to_owned());
     }
-    // Plurals in -s, but not words such as pancreas, which end so in the singular on both sides anyway.
+    // Plurals in -s. A singular such as pancreas loses its -s, too, but does so in both names that are compared.
     let singular = known.strip_suffix('s').filter(|rest| rest.len() >= 3 && !rest.ends_with(['s', 'u', 'i']));
     Some(singular.unwrap_or(known).to_owned())
 }

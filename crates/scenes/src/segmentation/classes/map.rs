@@ -9,7 +9,7 @@ use super::{Class, ClassTable};
 use crate::segmentation::measure::Measure;
 use crate::segmentation::volume::{LabelMap, Segment};
 
-/// A segment with voxels, and its class.
+/// A segment that has voxels, and its class.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MappedSegment {
     /// Index in the label map's segments.
@@ -18,7 +18,7 @@ pub struct MappedSegment {
     pub layer: usize,
     /// Label in that layer.
     pub value: u16,
-    /// Name in the file, or that of the class.
+    /// Name in the file, or else of the class.
     pub name: String,
     /// Colour in the file, sRGB.
     pub colour: Option<[u8; 3]>,
@@ -28,7 +28,7 @@ pub struct MappedSegment {
     pub voxels: u64,
 }
 
-/// A segment with voxels, but without a class.
+/// A segment that has voxels, but no class.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Unmapped {
     /// Name in the file, if it has one.
@@ -59,11 +59,11 @@ impl fmt::Display for Unmapped {
 }
 
 impl ClassTable {
-    /// Classes of the segments that have voxels, in the order of the map's segments, and segments without a class. `measures` are
-    /// those of the map.
+    /// Classes of the segments that have voxels, in the order of the map's segments, and segments without a class.
+    /// `measures` belong to the map.
     ///
-    /// Segments of ignored classes are among the mapped ones. A segment's class is that of its name, else that of its
-    /// coded terms. The number counts for segments without a name, and where a mapping such as `7=liver` names it.
+    /// Segments of ignored classes are among the mapped ones. The class of a segment follows from its name, else from
+    /// its coded terms. The number counts for segments without a name, and where a mapping such as `7=liver` names it.
     pub fn map(
         &self,
         map: &LabelMap,
@@ -89,7 +89,7 @@ impl ClassTable {
         (mapped, unmapped)
     }
 
-    /// Class of a segment: that of its name, else that of its coded terms, else, without a name, that of its number.
+    /// Class of a segment: by its name, else by its coded terms, else, for a segment without a name, by its number.
     pub fn class_of(&self, segment: &Segment) -> Option<&Class> {
         let by_text = |text: &Option<String>| text.as_deref().and_then(|text| self.named(text));
         let named = by_text(&segment.name).or_else(|| by_text(&segment.terminology));

@@ -1,7 +1,7 @@
-//! Tables of classes: which tissue the labels of a segmentation have.
+//! Tables of classes: the tissue of each label of a segmentation.
 //!
-//! The built-in tables have the classes of TotalSegmentator by name and number, and the numbers of other tools and data
-//! sets. Names of all built-in tables are always known. Numbers are those of the chosen table.
+//! The built-in tables have the classes of TotalSegmentator by name and number, and the numbers of other tools and
+//! data sets. Names of all built-in tables are always known. Numbers are looked up in the chosen table alone.
 
 mod class;
 mod error;

@@ -13,7 +13,7 @@ use serde::Deserialize;
 use super::key::key;
 use super::{Class, ClassError};
 
-/// Built-in tables by name. Of equal names in several tables, the first is found.
+/// Built-in tables by name. If several tables have the same class name, the first one counts.
 const BUILTIN: [(&str, &str); 14] = [
     ("total-v2", include_str!("../../../assets/labels/total-v2.toml")),
     ("total-v1", include_str!("../../../assets/labels/total-v1.toml")),
@@ -31,10 +31,11 @@ const BUILTIN: [(&str, &str); 14] = [
     ("kits", include_str!("../../../assets/labels/kits.toml")),
 ];
 
-/// Number of whole tables, which come first: their classes state all their properties.
+/// Number of complete tables, which come first: their classes state all their properties.
 const WHOLE: usize = 6;
 
-/// Classes of the whole tables, by the keys of their names and aliases. Classes of other tables state a name and number alone.
+/// Classes of the complete tables, by the keys of their names and aliases. Classes of other tables state only a name
+/// and a number.
 static KNOWN: LazyLock<HashMap<String, Class>> = LazyLock::new(|| {
     let mut known = HashMap::new();
     for (_, text) in &BUILTIN[..WHOLE] {
@@ -93,8 +94,8 @@ impl ClassTable {
         Self::parse(name, text).ok()
     }
 
-    /// The table in the file at `path`, with the names of all built-in tables that it doesn't define. Numbers are the
-    /// file's alone.
+    /// The table in the file at `path`, with the names of all built-in tables that it doesn't define. The numbers are
+    /// those of the file alone.
     ///
     /// # Errors
     /// A file that can't be read, an unknown key, a wrong value, an unknown tissue, or a name or number given twice.
@@ -106,7 +107,7 @@ impl ClassTable {
         Ok(table)
     }
 
-    /// The class called `name`, whatever its case, spaces, hyphens, order of words and plurals.
+    /// The class called `name`; case, spaces, hyphens, order of words and plurals don't matter.
     pub fn named(&self, name: &str) -> Option<&Class> {
         self.by_key.get(&key(name)).map(|index| &self.classes[*index])
     }
@@ -116,12 +117,12 @@ impl ClassTable {
         self.numbered_by_user(value).or_else(|| self.by_value.get(&value).map(|index| &self.classes[*index]))
     }
 
-    /// The class that a mapping such as `7=liver` gave to the number `value`.
+    /// The class that a mapping by the user, such as `7=liver`, gave to the number `value`.
     pub fn numbered_by_user(&self, value: u16) -> Option<&Class> {
         self.by_added_value.get(&value).map(|index| &self.classes[*index])
     }
 
-    /// All classes: the table's, in its order, those of other built-in tables, then mappings.
+    /// All classes: those of the table in its order, those of other built-in tables, then mappings.
     pub fn classes(&self) -> &[Class] {
         &self.classes
     }
@@ -139,9 +140,9 @@ impl ClassTable {
         near.into_iter().take(3).map(|(index, _)| self.classes[index].name.clone()).collect()
     }
 
-    /// Adds a mapping `NAME=TARGET`. The name, or a label's number, gets the properties of the class `TARGET`, or is an
-    /// organ of the tissue `TARGET`, or is left out of the scene if that is `ignore`. Later mappings and mappings of
-    /// known names replace earlier ones.
+    /// Adds a mapping `NAME=TARGET`; `NAME` may be the number of a label. `TARGET` is a class, whose properties the
+    /// name gets; or a tissue, of which the name becomes an organ; or `ignore`, which leaves it out of the scene.
+    /// Later mappings and mappings of known names replace earlier ones.
     ///
     /// # Errors
     /// A mapping of another form, or an unknown target.
@@ -159,7 +160,7 @@ impl ClassTable {
         let class = if target.eq_ignore_ascii_case("ignore") {
             Class::ignored(name)
         } else if let Some(known) = self.named(target) {
-            // A number is called as the class it gets; a name is kept.
+            // A number gets the name of its class; a name stays.
             let name = if value.is_some() { &known.name } else { name };
             let organ = Some(known.organ_name().to_owned());
             Class { name: name.to_owned(), value: None, aliases: Vec::new(), organ, ..known.clone() }
@@ -174,7 +175,7 @@ impl ClassTable {
         match value {
             Some(value) => drop(self.by_added_value.insert(value, index)),
             None => {
-                // Whatever led to the class of that name, numbers too, leads to the new one.
+                // Whatever led to the old class of that name, numbers included, leads to the new one.
                 if let Some(old) = self.by_key.insert(key(name), index) {
                     let all = self.by_key.values_mut().chain(self.by_value.values_mut());
                     all.filter(|i| **i == old).for_each(|i| *i = index);

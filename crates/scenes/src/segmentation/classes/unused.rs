@@ -1,4 +1,4 @@
-//! Mappings of the user's that match nothing.
+//! Mappings by the user that match nothing.
 
 use std::path::Path;
 
@@ -9,10 +9,10 @@ use super::key::key;
 use super::{ClassError, ClassTable, OrganInName, common_words, organ_in_name};
 use crate::segmentation::volume::LabelMap;
 
-/// Names that a message lists at most.
+/// Most names in a message.
 const LISTED_MAX: usize = 8;
 
-/// What mappings may be of: the segments of a map, and the names of files.
+/// Possible subjects of mappings: the segments of a map, and the names of files.
 #[derive(Debug, Clone, Copy)]
 pub struct Mappable<'a> {
     /// File or folder, for messages.
@@ -21,14 +21,15 @@ pub struct Mappable<'a> {
     pub labels: &'a LabelMap,
     /// Names of mask files without their suffixes.
     pub stems: &'a [String],
-    /// Whether the labels are numbers of the file: those of a folder are made up.
+    /// Whether the labels are numbers in the file. In a folder, the reader assigns them.
     pub has_numbers: bool,
 }
 
-/// Refuses the first mapping `NAME=TARGET` whose name or number matches nothing. `table` is the table without mappings.
+/// Refuses the first mapping `NAME=TARGET` whose name or number matches nothing. `table` is the table without
+/// mappings.
 ///
 /// # Errors
-/// A mapping of a name or number that is neither a segment's, a file's, nor the target of another mapping.
+/// A mapping whose name or number is not a segment's, not a file's, and not the target of another mapping.
 pub fn check_mappings(maps: &[String], table: &ClassTable, of: &Mappable<'_>) -> Result<(), ClassError> {
     let sides = |map: &String| map.rsplit_once('=').map(|(name, target)| (name.trim().to_owned(), key(target)));
     let all: Vec<(String, String)> = maps.iter().filter_map(sides).collect();
@@ -69,7 +70,7 @@ impl Mappable<'_> {
         if self.stems.iter().any(within) {
             return true;
         }
-        // Another name of a class that is there.
+        // Another name of a class that occurs.
         let Some(class) = table.named(name) else { return false };
         let common = common_words(self.stems);
         let is_called = |stem: &String| match organ_in_name(stem, table, Some(&common)) {

@@ -81,7 +81,7 @@ fn label_map(segments: Vec<Segment>) -> LabelMap {
     }
 }
 
-/// The adult's organs that a table has, as numbers of that table, without names; places multiplied by `by`.
+/// The adult's organs that a table has, as numbers of that table without names. Centres are multiplied by `by`.
 fn numbered(convention: &str, by: DVec3, only: impl Fn(&str) -> bool) -> (LabelMap, Measures) {
     let table = ClassTable::numbers_of(convention).unwrap();
     let (mut segments, mut measures) = (Vec::new(), Measures::new());
@@ -203,7 +203,7 @@ fn few_numbers_that_other_tables_fit_as_well_are_told_unless_the_table_was_chose
     assert_eq!(found.remarks(&default, false), [told]);
     let (chosen, from) = names("total-v2", true);
     assert_eq!(plausibility(&labels, &measures, &chosen, &from).remarks(&chosen, false), [""; 0]);
-    // Four labels tell the table.
+    // Four labels suffice to tell the table.
     let part = ["spleen", "kidney_right", "kidney_left", "liver"];
     let (labels, measures) = numbered("total-v2", DVec3::ONE, |name| part.contains(&name));
     let (default, from) = names("total-v2", false);
@@ -239,7 +239,7 @@ fn mapped_names_are_compared_as_the_organs_they_mean() {
     let labels = label_map(vec![named(1, "Segment_1"), named(2, "Segment_2")]);
     let (mut mapped, _) = names("total-v2", false);
     mapped.table.add("Segment_1=liver").unwrap();
-    // A mapping of a mapped name is of the same organ.
+    // A mapping to a mapped name means the same organ.
     mapped.table.add("mine=spleen").unwrap();
     mapped.table.add("Segment_2=mine").unwrap();
     let from = NamesFrom::File { place: "the file's segments" };

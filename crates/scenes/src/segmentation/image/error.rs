@@ -25,17 +25,17 @@ pub enum ImageError {
         path: PathBuf,
         /// Values of air, fat, organs and bone.
         seen: String,
-        /// What to do, as a sentence without its end.
+        /// Advice, as a sentence without its full stop.
         remedy: String,
     },
-    /// Organs where the image has air.
+    /// Soft tissue at voxels where the image has air.
     #[error(
         "{path}, given as --image, doesn't fit the labels: {percent:.0} % of the soft tissue lies in {what} ({seen}). {hint}"
     )]
     InAir {
         /// Image.
         path: PathBuf,
-        /// Share of the soft tissue, %.
+        /// Share of the soft tissue in air, %.
         percent: f64,
         /// Description of the values found.
         what: &'static str,
@@ -44,7 +44,7 @@ pub enum ImageError {
         /// Likely cause and way out.
         hint: String,
     },
-    /// An image that fits the labels better as its mirror image.
+    /// An image whose mirror image fits the labels better.
     #[error(
         "{path}, given as --image, fits the labels better when mirrored {direction}: borders of organs then stand out \
          {times:.1} times as much. Mirror its voxels and keep its affine, or give the image that was segmented"
@@ -54,7 +54,8 @@ pub enum ImageError {
         path: PathBuf,
         /// Direction, as `left to right`.
         direction: String,
-        /// Strength of edges at organs' borders against edges within, in the mirror image relative to the image.
+        /// Strength of edges at organs' borders relative to edges within organs: the ratio of the mirror image over
+        /// the ratio of the image.
         times: f64,
     },
 }

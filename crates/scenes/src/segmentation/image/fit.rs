@@ -9,39 +9,41 @@ use crate::segmentation::volume::Image;
 
 /// Value between soft tissue and aerated lung, HU.
 const AIR_HU: f32 = -300.0;
-/// Shares of the soft tissue that lie in air: a CT is refused from the first on, and remarked on from the last on. The middle one is
-/// the share in the dark background from which an MR is refused.
+/// Shares of the soft tissue in air, 0..=1. The first one refuses a CT, the last one causes a remark. The middle one
+/// refuses an MR: the share in the dark background.
 const REFUSED_SHARE: f64 = 0.2;
 const REFUSED_SHARE_MR: f64 = 0.5;
 const REMARKED_SHARE: f64 = 0.03;
 /// Brightness below which an image other than a CT shows background, relative to its brightest parts.
 const BACKGROUND: f32 = 0.03;
-/// Ratios from which a mirror image counts as the right one: its fit to the fit of the image as given, and its edges at organs'
-/// borders to its edges within organs.
+/// Smallest ratios of a mirror image that counts as right: its quality relative to the image as given, and its edges
+/// at organs' borders relative to those within organs.
 const BETTER: f64 = 1.15;
 const ABOVE_INNER: f64 = 1.25;
-/// Fewest organs that tell a mirror image: one or two may fit better by chance.
+/// Fewest organs that suffice to recognise a mirror image: one or two may fit better by chance.
 const TELLING_ORGANS: usize = 3;
-/// Difference of neighbours within organs that is added to the measured one, relative to the largest that counts: an image without
-/// noise has none.
+/// Offset that is added to the difference of neighbours within organs, relative to the largest difference that counts.
+/// Without it, an image without noise would divide by zero.
 const NOISE: f64 = 0.02;
 /// Largest difference of neighbours that counts as an edge, relative to the range of values.
 const EDGE: f32 = 0.1;
-/// Lowest density of the dense parts of bone, and of its middle, HU. Marrow without minerals has about that of soft tissue.
+/// Lowest density of the dense parts of bone, and of its median, HU. Marrow without minerals has about the density of
+/// soft tissue.
 const CORTEX_HU: f32 = 150.0;
 const MARROW_HU: f32 = 70.0;
 
-/// How well an image fits the labels, perhaps mirrored.
+/// Fit of an image, perhaps mirrored, to the labels.
 #[derive(Debug, Clone, Copy, Default)]
 struct Fit {
     /// Axes that are reversed.
     mirrored: [bool; 3],
     /// Share of the soft tissue in air.
     in_air: f64,
-    /// Mean difference of neighbours at labels' borders, each organ counted alike, and within organs.
+    /// Mean difference of neighbouring voxels at the borders of labels, where each organ has the same weight, and
+    /// within organs.
     edges: f64,
     inner: f64,
-    /// Edges at borders relative to those within organs.
+    /// Edges at borders relative to edges within organs.
     quality: f64,
     /// Number of organs whose borders lie within the image.
     organs: usize,
@@ -135,7 +137,7 @@ impl Fit {
             soft += 1;
             in_air += usize::from(found(voxel.at) < limit);
         }
-        // Number of pairs and their sum, at the border of each organ and within all.
+        // Number of pairs and sum of their differences: at the border of each organ, and within all organs.
         let mut borders = vec![(0.0_f64, 0.0_f64); sample.organs];
         let mut inner = (0.0, 0.0);
         for pair in &sample.pairs {

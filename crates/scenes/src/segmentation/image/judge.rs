@@ -1,4 +1,4 @@
-//! Whether an image is a CT in HU, a CT that isn't, or none.
+//! Kind of an image: a CT in HU, a CT in other units, or no CT.
 
 use super::error::ImageError;
 use super::levels::{Levels, quantile, share_within, sorted};
@@ -6,7 +6,7 @@ use crate::segmentation::body::{distances_mm, from_mask};
 use crate::segmentation::grid::Grid;
 use crate::segmentation::volume::{Image, Modality};
 
-/// Value that only an image in HU reaches: air. Images of MR are not negative, or only a little.
+/// Value that only an image in HU reaches: air, HU. MR images are not negative, or only slightly.
 const AIR_HU: f32 = -500.0;
 /// Air in HU.
 const AIR_RANGE_HU: std::ops::Range<f32> = -1100.0..-900.0;
@@ -16,31 +16,32 @@ const AIR_TO_SOFT_HU: std::ops::Range<f32> = 950.0..1250.0;
 const FAT_TO_SOFT_HU: std::ops::Range<f32> = 60.0..400.0;
 /// Soft tissue in HU, with and without contrast agent.
 const SOFT_HU: std::ops::Range<f32> = -50.0..300.0;
-/// More than soft tissue has with contrast agent, HU.
+/// Value above the highest of soft tissue with contrast agent, HU.
 const SOFT_HU_MAX: f32 = 400.0;
-/// More than the median of labelled soft tissue can be, HU, even of blood with contrast agent alone. Values that lack their
-/// rescale intercept are above.
+/// Value above any possible median of labelled soft tissue, HU, even if all of it is blood with contrast agent. Values
+/// that lack their rescale intercept are higher.
 const STATED_SOFT_HU_MAX: f32 = 800.0;
 /// Fat in HU.
 const FAT_HU: std::ops::Range<f32> = -150.0..-50.0;
-/// A window that begins above this value can't tell fat from air, HU.
+/// Lower end of a window, HU, above which fat can't be told from air.
 const WINDOW_HU: f32 = -125.0;
-/// Distance of fat above soft tissue, relative to that of soft tissue above air, from which an image is an MR.
+/// Distance of fat above soft tissue, relative to the distance of soft tissue above air, from which an image is an MR.
 const BRIGHT_FAT: f32 = 0.5;
 /// Depths of the fat under the skin, mm.
 const FAT_DEPTH_MM: std::ops::Range<f32> = 4.0..12.0;
 
-/// What an image was taken for, with the reason as a sentence.
+/// Kind of an image, with the reason as a sentence.
 pub(super) enum Judgement {
     /// A CT in HU.
     Hu(String),
-    /// A CT in HU whose values below `low` became `low`.
+    /// A CT in HU, clipped: values below `low` became `low`.
     Window { low: f32, reason: String },
-    /// An MR, or anything else whose bright voxels are the body.
+    /// An MR, or any other image in which bright voxels are the body.
     Other(String),
 }
 
-/// Judges an image by its values. `fat_ring` gives the median under the skin, the body being all values above a limit.
+/// Judges an image by its values. `fat_ring` gives the median value just under the skin of a body that consists of all
+/// values above a limit.
 pub(super) fn judge(
     image: &Image,
     levels: &Levels,
@@ -85,7 +86,7 @@ pub(super) fn judge(
     }
     let least = levels.least();
     if least < AIR_HU {
-        // Beyond a scanner's field there may be less than air.
+        // Beyond the scanner's field of view, values may be lower than air.
         let has_air = share_within(&levels.all, AIR_RANGE_HU.start, AIR_RANGE_HU.end) > 0.02;
         if !has_air && is_padded(levels) {
             let seen = seen(levels, None::<f32>, None);
@@ -112,10 +113,10 @@ pub(super) fn judge(
     };
     let air = levels.air(soft - 0.3 * (soft - least).max(f32::MIN_POSITIVE));
     let fat = fat_ring(air + 0.1 * (soft - air));
-    // A window that begins above the fat leaves muscle under the skin. Then bone is far brighter than organs.
+    // A window that begins above the fat shows muscle under the skin. Bone is then far brighter than organs.
     let darker = fat.is_none_or(|fat| fat < soft - 0.05 * (soft - air));
     let far = levels.bone.as_ref().is_some_and(|bone| quantile(bone, 0.5) - air > 1.5 * (soft - air));
-    // Fat far brighter than organs is that of an MR.
+    // Fat that is far brighter than organs indicates an MR.
     let is_fat_bright = fat.is_some_and(|fat| fat > soft + BRIGHT_FAT * (soft - air));
     if is_denser(levels, air, soft) && (darker || (far && !is_fat_bright)) {
         let remedy =
@@ -127,7 +128,7 @@ pub(super) fn judge(
     Ok(Judgement::Other(other(why_other(levels, fat, soft), levels, fat)))
 }
 
-/// A CT in HU without air: its field lies within the body, or its values are clipped.
+/// A CT in HU without air: its field of view lies within the body, or its values are clipped.
 fn window(
     levels: &Levels,
     refused: &dyn Fn(f32, Option<f32>, String) -> Result<Judgement, ImageError>,
@@ -151,24 +152,25 @@ fn window(
     Ok(Judgement::Window { low, reason })
 }
 
-/// Whether values that don't reach air are HU: fat is negative, and bone is as far above organs as it is in a CT.
+/// Whether values that don't reach air are HU: fat is negative, and bone is as far above organs as in a CT.
 fn is_hu_scale(levels: &Levels) -> bool {
     let (low, high) = (levels.least(), levels.most());
     let soft = levels.soft_median();
     if !(AIR_HU..=-20.0).contains(&low) || high < 60.0 || soft.is_some_and(|soft| !SOFT_HU.contains(&soft)) {
         return false;
     }
-    // A window that begins above the fat: many voxels have its lowest value. `window` refuses it.
+    // The window begins above the fat: many voxels have its lowest value. `window` refuses it.
     if low > WINDOW_HU && levels.clipped_low(0.02) {
         return true;
     }
     let has_fat = share_within(&levels.all, FAT_HU.start.max(low + 1.0), FAT_HU.end) > 0.01;
     let Some(soft) = soft else { return has_fat };
-    // From fat, or from a window's end, to organs it is about as far as from organs to bone. From air it is farther.
+    // The distance from fat, or from a window's end, to organs is about the distance from organs to bone. The distance
+    // from air is larger.
     let below = soft - levels.air(soft - 0.3 * (soft - low));
     has_fat
         && match &levels.bone {
-            // With contrast agent a window may end not far above the organs: bone then has its highest value.
+            // With contrast agent, a window may end just above the organs: bone then has its highest value.
             Some(bone) => {
                 let dense = quantile(bone, 0.95);
                 dense - soft > 0.7 * below || dense >= high - 1.0
@@ -177,8 +179,8 @@ fn is_hu_scale(levels: &Levels) -> bool {
         }
 }
 
-/// Whether soft tissue and fat are in HU, and nearly all voxels below air have one value: the region that wasn't scanned was
-/// padded. A rescaled CT has more values there, as its air has noise.
+/// Whether soft tissue and fat are in HU, and nearly all values below air are equal: padding of the region that wasn't
+/// scanned. A rescaled CT has more distinct values there, since its air is noisy.
 fn is_padded(levels: &Levels) -> bool {
     let least = levels.least();
     let padding = share_within(&levels.all, least, least + 1.0);
@@ -189,8 +191,8 @@ fn is_padded(levels: &Levels) -> bool {
         && between < 0.1 * padding
 }
 
-/// Whether all of bone is denser than soft tissue, as in a CT: in an MR the cortex of a bone is dark. Without labelled bone,
-/// whether all soft tissue has about one value, as far above air as in HU.
+/// Whether all of bone is denser than soft tissue, as in a CT; in an MR, the cortex of a bone is dark. Without
+/// labelled bone: whether all soft tissue has about one value, as far above air as in HU.
 fn is_denser(levels: &Levels, air: f32, soft: f32) -> bool {
     let relative = |value: f32| (value - air) / (soft - air).max(f32::MIN_POSITIVE);
     match (&levels.bone, &levels.soft) {
@@ -225,7 +227,7 @@ fn why_other(levels: &Levels, fat: Option<f32>, soft: f32) -> &'static str {
     }
 }
 
-/// Sentence on an image that is no CT.
+/// Sentence on an image that is not a CT.
 fn other(why: &str, levels: &Levels, fat: Option<f32>) -> String {
     let seen = seen(levels, levels.least(), fat);
     format!("the image was taken as an MR, {why} ({seen}): its fat isn't used")

@@ -6,13 +6,13 @@ use crate::segmentation::grid::Grid;
 use crate::segmentation::inputs::Organ;
 use crate::segmentation::volume::Image;
 
-/// Most labelled voxels that are looked at.
+/// Most labelled voxels in the sample.
 const LABELLED_MAX: usize = 200_000;
 
-/// Most voxels of the image that are looked at.
+/// Most voxels of the whole image in the sample.
 const IMAGE_MAX: usize = 1_000_000;
 
-/// Fewest voxels whose median is used.
+/// Fewest voxels whose values are used.
 const LEAST_VOXELS: usize = 50;
 
 /// Classes of organs whose density is known.
@@ -24,7 +24,7 @@ pub(super) enum Matter {
     Gas,
     /// Soft tissue and fluids.
     Soft,
-    /// Anything else: bowel, whose gas may be anywhere, and fat.
+    /// Any other class: bowel, whose gas may be anywhere, and fat.
     Other,
 }
 
@@ -51,14 +51,14 @@ pub(super) struct Labelled {
 /// Two neighbouring voxels of the image, the first one labelled.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pair {
-    /// Index of the first one's organ.
+    /// Index of the organ of the first voxel.
     pub(super) organ: u16,
-    /// Whether the border of the label lies between them.
+    /// Whether the border of the label lies between the voxels.
     pub(super) at_border: bool,
     pub(super) ends: [[usize; 3]; 2],
 }
 
-/// Labelled voxels, evenly over the labels, and their neighbours.
+/// Labelled voxels, evenly spread over the labels, and their neighbours.
 pub(super) struct Sample {
     pub(super) voxels: Vec<Labelled>,
     pub(super) pairs: Vec<Pair>,
@@ -96,7 +96,7 @@ impl Sample {
         Self { voxels, pairs, organs: organs.len() }
     }
 
-    /// Values at voxels of `matter`, ascending; none of too few.
+    /// Values at voxels of `matter`, ascending; `None` for too few voxels.
     pub(super) fn values(&self, image: &Image, matter: Matter) -> Option<Vec<f32>> {
         let of = self.voxels.iter().filter(|v| v.matter == matter).map(|v| value(image, v.at));
         let sorted = sorted(of);
@@ -162,7 +162,7 @@ impl Levels {
         self.soft.as_ref().map(|soft| quantile(soft, 0.5))
     }
 
-    /// Most frequent value below `limit`, which is air in a CT and in an MR. It is found among 100 bins below the limit.
+    /// Most frequent value below `limit`, as the middle of one of 100 bins: air, in a CT and in an MR.
     pub(super) fn air(&self, limit: f32) -> f32 {
         const BINS: usize = 100;
         let least = self.least();
@@ -182,7 +182,8 @@ impl Levels {
         quantile(&below[start..end], 0.5)
     }
 
-    /// Whether many voxels have the lowest value: more than `share` of all, and three times as many as have values just above.
+    /// Whether many voxels have the lowest value: more than `share` of all, and three times as many as the next
+    /// values.
     pub(super) fn clipped_low(&self, share: f64) -> bool {
         let (least, most) = (self.least(), self.most());
         let step = (most - least) * 1e-3;

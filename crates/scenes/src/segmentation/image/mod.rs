@@ -1,7 +1,7 @@
 //! Checks of the image that was segmented: whether it is a CT in HU, and whether it fits the labels.
 //!
-//! [`checked`] compares what the labels say (soft tissue, bone, lungs) with the values at their voxels. Its result is on
-//! the labels' grid.
+//! [`checked`] compares the image values at labelled voxels with the tissue that the labels state: soft tissue, bone,
+//! lungs. Its result is on the labels' grid.
 
 mod error;
 mod fit;
@@ -20,22 +20,22 @@ use super::volume::{Image, OUTSIDE};
 use judge::Judgement;
 use levels::{Levels, Sample};
 
-/// An image on the grid of the labels, and what it was taken for.
+/// An image on the grid of the labels, and its kind.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Checked {
     /// Values in the order of the grid: HU if it is a CT.
     pub values: Vec<f32>,
     /// True for a CT.
     pub is_ct: bool,
-    /// What the image was taken for and why, and what is odd about its fit; one sentence each.
+    /// Kind of the image with the reason, and remarks on its fit, one sentence each.
     pub remarks: Vec<String>,
 }
 
-/// The image on `grid`, whose `labels` are 0 or 1 + the index of their organ. `image` must be canonical.
+/// The image on `grid`. `labels` are 0, or 1 + the index of their organ. `image` must be canonical.
 ///
 /// # Errors
-/// An image of one value; a CT whose values aren't HU, unless they are clipped below the fat; an image that doesn't fit the labels: organs in
-/// air, or a mirror image that fits three or more organs better.
+/// An image of one value; a CT whose values aren't HU, unless they are clipped below the fat; an image that doesn't
+/// fit the labels: organs in air, or a mirror image that fits three or more organs better.
 pub fn checked(image: &Image, grid: &Grid, labels: &[u16], organs: &[Organ]) -> Result<Checked, ImageError> {
     let (lowest, highest) = (least(&image.values), most(&image.values));
     if lowest >= highest {
@@ -78,15 +78,16 @@ fn most(values: &[f32]) -> f32 {
     values.par_iter().copied().reduce(|| f32::NEG_INFINITY, f32::max)
 }
 
-/// Values of an image on `grid`; beyond its field its lowest value.
+/// Values of an image on `grid`; the lowest value outside its field.
 fn on_grid(image: &Image, grid: &Grid) -> Vec<f32> {
     let least = least(&image.values);
     let index = nearest(grid, &image.grid());
     (0..grid.len()).into_par_iter().map(|i| index(i).map_or(least, |i| image.values[i])).collect()
 }
 
-/// Advice on a volume at the wrong place: which signs of its affine to change, so that it holds at least `least_percent` of the
-/// labelled voxels. `holds` says which voxels of the volume may hold them. Empty where no change helps.
+/// Advice on a volume in the wrong position: the signs of its affine to change, so that it contains at least
+/// `least_percent` of the labelled voxels. `holds` tells which voxels of the volume may contain them. Empty if no
+/// change helps.
 pub(super) fn turned_hint(
     labels: &[u16],
     grid: &Grid,

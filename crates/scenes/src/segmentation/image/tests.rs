@@ -24,7 +24,7 @@ enum Is {
     Lung,
 }
 
-/// A trunk: what is at a voxel, and its label.
+/// A trunk: tissue and label of each voxel.
 fn trunk([i, j, k]: [usize; 3]) -> (Is, u16) {
     let p = DVec3::new(i as f64 - 35.5, j as f64 - 27.5, k as f64 - 19.5);
     let within =
@@ -89,7 +89,7 @@ fn t2_fat_suppressed(is: Is) -> f32 {
     }
 }
 
-/// About normally distributed noise of standard deviation 1.
+/// Approximately normal noise of standard deviation 1.
 fn noise(index: usize) -> f32 {
     let mut state = index as u64 ^ 0x9e37_79b9_7f4a_7c15;
     let mut next = || {
@@ -186,7 +186,7 @@ fn refused(image: &Image, says: &[&str]) {
     assert!(says.iter().all(|says| error.contains(says)), "{error}");
 }
 
-/// Share of the voxels of `is` for which a mask has `inside`.
+/// Share of the voxels of tissue `is` that the mask contains.
 fn share(mask: &[bool], is: Is) -> f64 {
     let grid = grid();
     let of: Vec<bool> = (0..grid.len()).filter(|&i| trunk(grid.at(i)).0 == is).map(|i| mask[i]).collect();
@@ -208,7 +208,7 @@ fn a_ct_in_hu_is_a_ct_with_or_without_air_padding_and_contrast_agent() {
         let values = values.map(|(i, v)| if trunk(grid.at(i)).0 == Is::Air { padding } else { v }).collect();
         accepted(&Image { values, ..ct() }, true, &format!("padded with {padding:.0}: lungs -830, soft tissue "));
     }
-    // Cropped to the organs, without air: no value is as low as air.
+    // Cropped to the organs, so that no value is as low as air.
     let grid = grid();
     let values = ct().values.into_iter().enumerate();
     let cropped = values
@@ -231,7 +231,7 @@ fn a_window_that_holds_the_fat_keeps_it_and_says_so() {
         assert!(share(&body, Is::Fat) > 0.97 && share(&body, Is::Air) < 0.02, "{low}: {}", share(&body, Is::Fat));
         assert!(differs * 200 < whole.iter().filter(|&&b| b).count(), "{low}: {differs} voxels differ");
     }
-    // With contrast agent, bone at the upper end is not as far above the organs as they are above the lower end.
+    // With contrast agent, bone at the window's upper end is nearer to the organs than the lower end is.
     let contrast = |is| if matches!(is, Is::Liver | Is::Spleen | Is::Kidney) { 110.0 } else { hu(is) };
     accepted(&mapped(image(contrast, 18.0), |hu| hu.clamp(-160.0, 240.0)), true, "clipped to -160 to 240 HU");
 }
@@ -252,7 +252,7 @@ fn a_ct_that_is_not_in_hu_is_refused_with_its_likely_cause() {
         let rescaled = mapped(ct(), |hu| (hu.clamp(low, high) - low) / (high - low) * to);
         refused(&rescaled, &["isn't in HU", "air 0.00", "fat", "rescaled or clipped", "--body"]);
     }
-    // Normalized by mean and standard deviation, as networks take it.
+    // Normalized by mean and standard deviation, as for neural networks.
     refused(&mapped(ct(), |hu| (hu.clamp(-160.0, 240.0) - 40.0) / 120.0), &["rescaled or clipped"]);
     // Windows without fat.
     refused(&mapped(ct(), |hu| hu.clamp(-100.0, 300.0)), &["clipped to -100 to 300 HU", "fat can't be told from air"]);
@@ -284,14 +284,14 @@ fn what_the_user_states_overrides_the_values() {
     accepted(&as_mr, false, "as --image-type says");
     let as_ct = |image: Image| Image { stated: Some(Modality::Ct), ..image };
     accepted(&as_ct(ct()), true, "as --image-type says");
-    // Without the rescale intercept, or with it twice, all would be body or air.
+    // Without the rescale intercept, or with the intercept applied twice, everything would be body or air.
     for wrong in [shifted.clone(), mapped(shifted, |value| value.max(0.0)), mapped(ct(), |hu| hu - 1024.0)] {
         refused(&as_ct(wrong), &["isn't in HU", "dcm2niix", "--image-type ct doesn't convert values"]);
     }
     // Much contrast agent.
     let bright = |is| hu(is) + if matches!(is, Is::Liver | Is::Spleen | Is::Kidney) { 450.0 } else { 0.0 };
     accepted(&as_ct(image(bright, 18.0)), true, "as --image-type says");
-    // A clipped CT stays one, or everything would be body.
+    // A clipped CT counts as a CT; otherwise everything would be body.
     let window = as_ct(mapped(ct(), |hu| hu.clamp(-160.0, 240.0)));
     let checked = accepted(&window, true, "clipped to -160 to 240 HU");
     let body = crate::segmentation::body::from_image(&checked.values, &grid(), true);

@@ -55,7 +55,7 @@ fn masks_become_one_map_with_the_names_of_the_files() {
     let MaskFolder { labels, names, left_out, remarks } = read(&files).unwrap();
     let of = |name: &str| labels.segments.iter().find(|s| s.name.as_deref() == Some(name)).unwrap();
     let count = |name: &str| labels.layers[of(name).layer].iter().filter(|label| **label == of(name).value).count();
-    // The vessel keeps what it shares; liver and spleen have one priority, and liver comes first.
+    // The vessel keeps the shared voxels. Liver and spleen have equal priority, and the liver comes first.
     assert_eq!(["aorta", "liver", "spleen", "body"].map(count), [20, 30, 10, 100]);
     assert_ne!(of("body").layer, of("liver").layer);
     assert_eq!((labels.segments.len(), labels.size, left_out.len()), (4, SIZE, 0));

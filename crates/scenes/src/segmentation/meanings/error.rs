@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-/// Meshes whose meaning cannot be told.
+/// Meshes without a clear meaning.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MeaningError {
@@ -75,7 +75,7 @@ pub enum MeaningError {
         /// Meaning.
         meaning: String,
     },
-    /// A file whose one mesh is no known organ.
+    /// A file whose only mesh is no known organ.
     #[error("{file}: `{name}` is no known organ{nearest}: give its tissue or organ as FILE=MEANING")]
     Unknown {
         /// File.
@@ -85,7 +85,7 @@ pub enum MeaningError {
         /// Suggestion, or empty.
         nearest: String,
     },
-    /// Meshes of a file of several that are no known organs.
+    /// A file of several meshes, some of which are no known organs.
     #[error(
         "{file}: {names} {verb}{nearest}: give each its organ, tissue or `ignore` as FILE#NAME=MEANING, as \
          in {file}#{first}=liver, or {file}#*=MEANING for all, or export a file for each organ"

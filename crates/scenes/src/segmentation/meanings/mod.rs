@@ -1,8 +1,8 @@
 //! Meanings of meshes: the organ or tissue of each mesh of a file.
 //!
-//! A meaning is given for a file with one mesh (`FILE=MEANING`), for one of several meshes or parts
-//! (`FILE#NAME=MEANING`), or for all that have no other (`FILE#*=MEANING`). Without one, a mesh's name is its meaning. A
-//! mesh whose parts name several organs becomes several meshes.
+//! A meaning is given for a file with one mesh (`FILE=MEANING`), for one mesh or part among several
+//! (`FILE#NAME=MEANING`), or for all meshes without another one (`FILE#*=MEANING`). Otherwise the name of a mesh is
+//! its meaning. A mesh whose parts name several organs becomes several meshes.
 
 mod error;
 #[cfg(test)]
@@ -28,7 +28,7 @@ const ALL: &str = "*";
 pub struct Assignment {
     /// File.
     pub file: PathBuf,
-    /// Name of a mesh or part; `*` for all that have no other meaning. None for a file with one mesh.
+    /// Name of a mesh or part; `*` for all meshes without another meaning. None for a file with one mesh.
     pub mesh: Option<String>,
     /// Organ, tissue or `ignore`.
     pub meaning: Option<String>,
@@ -44,7 +44,7 @@ pub struct Meant {
 }
 
 impl Assignment {
-    /// Reads an argument. Names of files may hold `=` and `#`: `is_file` tells which do.
+    /// Reads an argument. Names of files may contain `=` and `#`: `is_file` tells whether a path is a file.
     ///
     /// # Errors
     /// A mesh without a meaning; an empty name or meaning.
@@ -74,7 +74,7 @@ impl Assignment {
         Ok(Self { file: file.into(), mesh, meaning: Some(meaning) })
     }
 
-    /// The argument, as in messages.
+    /// Text of the argument, for messages.
     fn word(&self) -> String {
         let mesh = self.mesh.as_ref().map(|mesh| format!("#{mesh}")).unwrap_or_default();
         let meaning = self.meaning.as_ref().map(|meaning| format!("={meaning}")).unwrap_or_default();
@@ -116,15 +116,15 @@ pub fn meanings(
 struct Meanings<'a> {
     table: &'a ClassTable,
     file: &'a Path,
-    /// Whether the file has several meshes, or parts that are told apart.
+    /// Whether the file has several meshes, or one mesh with parts that are told apart.
     is_several: bool,
     /// Names of the meshes.
     names: Vec<String>,
-    /// Assignments to whole meshes, by their index alone, and to parts, by the indices of mesh and part.
+    /// Assignments: to a whole mesh by its index alone, to a part by the indices of mesh and part.
     of_target: BTreeMap<(usize, Option<usize>), &'a Assignment>,
     /// Meaning of the file.
     of_file: Option<&'a Assignment>,
-    /// Meaning of all meshes without another.
+    /// Meaning of all meshes without another one.
     of_rest: Option<&'a Assignment>,
     /// Names of parts, each with the number of parts that have it.
     parts_called: BTreeMap<String, usize>,
@@ -151,7 +151,7 @@ impl<'a> Meanings<'a> {
         }
     }
 
-    /// Notes the mesh that an assignment is about.
+    /// Records an assignment under the mesh or part that it names.
     fn assign(&mut self, assignment: &'a Assignment, meshes: &[NamedMesh]) -> Result<(), MeaningError> {
         let twice = |name: String| MeaningError::Twice { file: self.file.to_owned(), name };
         let earlier = match assignment.mesh.as_deref() {
@@ -159,7 +159,7 @@ impl<'a> Meanings<'a> {
             Some(ALL) => self.of_rest.replace(assignment),
             Some(name) => {
                 let (index, part) = self.target(name, meshes)?;
-                // A mesh as a whole, and one of its parts.
+                // An assignment to the whole mesh, and another to one of its parts.
                 let other = |(i, p): &(usize, Option<usize>)| *i == index && p.is_some() != part.is_some();
                 if self.of_target.keys().any(other) {
                     return Err(twice(name.to_owned()));
@@ -175,7 +175,7 @@ impl<'a> Meanings<'a> {
         }
     }
 
-    /// Indices of the mesh, and of its part, that are called `name`.
+    /// Index of the mesh called `name`, or indices of the mesh and the part of that name.
     fn target(&self, name: &str, meshes: &[NamedMesh]) -> Result<(usize, Option<usize>), MeaningError> {
         if let Some(index) = meshes.iter().position(|mesh| mesh.name == name) {
             return Ok((index, None));
@@ -219,7 +219,7 @@ impl<'a> Meanings<'a> {
         let own = self.table.named(&mesh.name);
         let mut organs = self.organs_of_parts(&mesh);
         let is_apart = mesh.parts.len() > 1 && !mesh.is_one_surface();
-        // Of parts that lie apart, one that names another organ leaves the meaning of the others open.
+        // If parts lie apart, the name of one organ doesn't decide on the others.
         if is_apart
             && let Some(own) = own
             && !organs.is_empty()
@@ -242,7 +242,7 @@ impl<'a> Meanings<'a> {
             (Some(assignment), ..) => self.class(assignment, &mesh.name, false)?,
             (None, _, [_, _, ..]) => return self.add_parts(index, mesh, meant),
             (None, Some(class), _) => class.clone(),
-            // The one known part gives its meaning to a surface that is in one piece.
+            // The one known part gives its meaning to a connected surface.
             (None, None, [class]) if !is_apart => (*class).clone(),
             (None, None, _) if is_apart => return self.add_parts(index, mesh, meant),
             (None, None, _) => {
@@ -277,7 +277,7 @@ impl<'a> Meanings<'a> {
         Ok(())
     }
 
-    /// Name of a part: its own, where one mesh alone has a part of that name.
+    /// Name of a part: its own name if no other mesh has a part of that name.
     fn name_of_part(&self, mesh: &str, part: &MeshPart) -> String {
         let is_unique = self.parts_called.get(&part.name).is_some_and(|count| *count == 1);
         if part.name.is_empty() || !is_unique { format!("{mesh}/{}", part.name) } else { part.name.clone() }
@@ -306,15 +306,15 @@ impl<'a> Meanings<'a> {
         MeaningError::Several { file: self.file.to_owned(), count, known: listed(&names), first, meaning }
     }
 
-    /// Class that an assignment gives to the mesh `name`. The class is called as the organ if the assignment is for this mesh
-    /// alone, else as the mesh, so that several meshes of one meaning keep different names.
+    /// Class that an assignment gives to the mesh `name`. Its name is the organ if the assignment is for this mesh
+    /// alone, else the mesh's own, so that several meshes of one meaning keep different names.
     fn class(&self, assignment: &Assignment, name: &str, is_alone: bool) -> Result<Class, MeaningError> {
         let meaning = assignment.meaning.as_deref().unwrap_or_default();
         if let Some(class) = self.table.named(meaning) {
             let name = if is_alone { class.name.clone() } else { name.to_owned() };
             return Ok(Class { name, ..class.clone() });
         }
-        // The table's own rules for tissues and `ignore`, under a name that it accepts.
+        // The rules of the table for tissues and `ignore` apply, under a name that it accepts.
         let mut table = self.table.clone();
         let added = table.add(&format!("{ADDED}={meaning}"));
         let nearest = match added {

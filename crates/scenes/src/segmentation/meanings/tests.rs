@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::super::classes::Role;
 use super::*;
 
-/// A mesh of a triangle for each part, apart from each other or touching.
+/// A mesh with one triangle for each part; the parts lie apart or touch.
 fn mesh(name: &str, parts: &[&str], touching: bool) -> NamedMesh {
     let step = if touching { 0 } else { 3 };
     let triangle = |n: usize| [0, 1, 2].map(|corner| (n * step + corner) as u32);
@@ -98,7 +98,7 @@ fn a_file_of_several_meshes_needs_a_meaning_for_each() {
     let table = ClassTable::builtin("total-v2").unwrap();
     let ignored = meanings(&table, Path::new("a.obj"), meshes.to_vec(), &assignments(&["a.obj#*=ignore"])).unwrap();
     assert!(ignored.len() == 2 && ignored.iter().all(|meant| meant.class.role == Role::Ignore), "{ignored:?}");
-    // One known name does not speak for the others.
+    // One known name doesn't decide on the other meshes.
     let named = [mesh("Right Kidney", &[], true), mesh("liver", &[], true)];
     is_meant(&named, &["a.obj"], &[("Right Kidney", "kidney_right"), ("liver", "liver")]);
     is_refused(&named, &["a.obj=liver"], &["2 meshes"]);
@@ -126,11 +126,11 @@ fn unknown_materials_divide_only_what_is_apart() {
     is_refused(&apart, &["a.obj"], &["`mtl0`, `mtl1` are no known organs", "a.obj#mtl0="]);
     is_meant(&apart, &["a.obj#*=liver"], &[("thing", "thing")]);
     is_meant(&apart, &["a.obj#mtl0=liver", "a.obj#*=spleen"], &[("mtl0", "liver"), ("mtl1", "mtl1")]);
-    // An object that is called as an organ is that organ, whatever its colours are called.
+    // An object with an organ's name is that organ, whatever the names of its colours.
     let bladder = [mesh("urinary_bladder", &["wall", "lumen"], false)];
     is_meant(&bladder, &["a.obj"], &[("urinary_bladder", "urinary_bladder")]);
     is_meant(&bladder, &["a.obj=spleen"], &[("urinary_bladder", "spleen")]);
-    // Unless one of its parts, apart from the others, is another organ.
+    // Except if a part that lies apart from the others is another organ.
     let two = |touching| [mesh("liver", &["mat0", "gallbladder"], touching)];
     is_refused(&two(false), &["a.obj"], &["`mat0` is no known organ", "a.obj#mat0="]);
     is_refused(&two(false), &["a.obj=liver"], &["2 meshes (`mat0`, `gallbladder`)", "a.obj#mat0=liver"]);

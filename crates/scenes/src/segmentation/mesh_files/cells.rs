@@ -24,7 +24,7 @@ impl Cells {
         Ok(())
     }
 
-    /// Adds `cells` cells. In `values`, each cell is its number of corners, then its corners.
+    /// Adds `cells` cells. In `values`, each cell is its number of corners, followed by their indices.
     pub(super) fn add_counted(
         self,
         cells: usize,
@@ -44,7 +44,8 @@ impl Cells {
         if added == cells { Ok(()) } else { Err(format!("the list has {added} cells, and {cells} are promised")) }
     }
 
-    /// Adds cells that end at `ends` of the list of all `corners`. The last one ends with the list.
+    /// Adds cells from the list `corners` of all corner indices. `ends` gives the end of each cell in that list; the
+    /// last cell ends with the list.
     pub(super) fn add_by_ends(
         self,
         ends: &[f64],

@@ -1,4 +1,4 @@
-//! A mesh while it is read.
+//! A mesh while it is being read.
 
 use std::collections::HashMap;
 
@@ -7,13 +7,13 @@ use insonify_core::names::printable;
 
 use super::{MeshPart, NamedMesh};
 
-/// Triangles of one mesh of a file, or of a part of it, over vertices that it may share with others.
+/// Triangles of one mesh of a file, or of a part of a mesh. They may share vertices with other drafts.
 #[derive(Debug, Default)]
 pub(super) struct Draft {
     pub(super) name: Option<String>,
     /// Name of the part, such as a material; may be empty.
     pub(super) part: Option<String>,
-    /// Number of the mesh that this is a part of. Without a number it is a mesh of its own.
+    /// Number of the mesh that this draft is a part of; without a number the draft is a mesh of its own.
     pub(super) whole: Option<usize>,
     pub(super) triangles: Vec<[u32; 3]>,
 }
@@ -50,7 +50,7 @@ impl Draft {
     }
 }
 
-/// Drafts with triangles, those of one mesh together, in the order of their first ones.
+/// Drafts that have triangles, grouped by mesh, in the order of first appearance.
 pub(super) fn by_mesh(drafts: Vec<Draft>) -> Vec<Vec<Draft>> {
     let mut meshes: Vec<Vec<Draft>> = Vec::new();
     let mut index_of: HashMap<usize, usize> = HashMap::new();
@@ -66,12 +66,12 @@ pub(super) fn by_mesh(drafts: Vec<Draft>) -> Vec<Vec<Draft>> {
     meshes
 }
 
-/// Makes meshes of drafts over the vertices of a file.
+/// Converter of drafts to meshes, over the vertices of a file.
 pub(super) struct Finisher<'v> {
     vertices: &'v [DVec3],
     /// Number of the mesh that last used each vertex, and the vertex's index there.
     known: Vec<[u32; 2]>,
-    /// Number of the present mesh, from 1.
+    /// Number of the current mesh, from 1.
     mesh: u32,
 }
 
@@ -80,8 +80,8 @@ impl<'v> Finisher<'v> {
         Self { vertices, known: vec![[0; 2]; vertices.len()], mesh: 0 }
     }
 
-    /// Mesh whose parts are these drafts, with vertices of its own, each position once. It is called `otherwise` if no draft has a
-    /// name.
+    /// Mesh with these drafts as its parts. It has vertices of its own, each position once. Its name is `otherwise` if
+    /// no draft has a name.
     pub(super) fn finish(&mut self, mut drafts: Vec<Draft>, otherwise: &str) -> NamedMesh {
         self.mesh += 1;
         let (mut index_at, mut own) = (HashMap::new(), Vec::new());
@@ -99,7 +99,7 @@ impl<'v> Finisher<'v> {
             }
             *known
         };
-        // Names go into messages, tables and station files, so they fit on one line.
+        // Names appear in messages, tables and station files, so they must fit on one line.
         let name = {
             let names = drafts.iter().filter_map(|draft| draft.name.as_deref()).chain([otherwise]);
             let mut names = names.map(|name| printable(name).into_owned());
@@ -126,10 +126,10 @@ impl<'v> Finisher<'v> {
     }
 }
 
-/// Most corners of a polygon whose ears are sought; larger ones are divided as a fan.
+/// Most corners of a polygon that is divided by cutting ears; larger ones are divided as a fan.
 const EARS_MAX: usize = 256;
 
-/// Triangles of a flat polygon, by cutting off ears (Meisters, Am Math Mon 82:648, 1975).
+/// Triangles of a flat polygon, by ear clipping (Meisters, Am Math Mon 82:648, 1975).
 fn divided(points: &[DVec3]) -> Vec<[usize; 3]> {
     if points.len() > EARS_MAX {
         return (2..points.len()).map(|i| [0, i - 1, i]).collect();
@@ -147,7 +147,7 @@ fn divided(points: &[DVec3]) -> Vec<[usize; 3]> {
             let holds = |p: usize| side(a, b, p) >= 0.0 && side(b, c, p) >= 0.0 && side(c, a, p) >= 0.0;
             side(a, b, c) > 0.0 && !left.iter().any(|&p| p != a && p != b && p != c && holds(p))
         };
-        // A polygon that crosses itself has no ears left at some time.
+        // A polygon that crosses itself may have no ear left.
         let ear = (0..count).find(|i| is_ear(*i)).unwrap_or(0);
         triangles.push(around(ear));
         left.remove(ear);

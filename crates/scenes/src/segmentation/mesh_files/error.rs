@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use insonify_core::anatomy::SceneError;
 use insonify_core::files::FileError;
 
-/// Place of a fault in a file.
+/// Position of a fault in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Position {
     /// Offset of a byte, from 0.
@@ -39,18 +39,18 @@ pub enum MeshFileError {
         /// Kind of the file.
         kind: &'static str,
     },
-    /// A format that is not read.
+    /// An unsupported format.
     #[error("{path} is of an unknown format: export it as STL, OBJ, PLY, VTK polydata (.vtk, .vtp) or glTF (.glb)")]
     Unknown {
         /// File.
         path: PathBuf,
     },
-    /// A damaged file, or one of an unknown variant.
+    /// A damaged file, or a file of an unknown variant.
     #[error("{path}, {at}: {reason}")]
     Format {
         /// File.
         path: PathBuf,
-        /// Place of the fault.
+        /// Position of the fault.
         at: Position,
         /// Fault, and its remedy where there is one.
         reason: String,
@@ -60,7 +60,7 @@ pub enum MeshFileError {
     NoTriangles {
         /// File.
         path: PathBuf,
-        /// What it has instead, as text to append, or empty.
+        /// Other content that was found, as text to append, or empty.
         found: String,
     },
     /// A vertex that is not finite.
@@ -80,7 +80,7 @@ pub enum MeshFileError {
     Scene(#[from] SceneError),
 }
 
-/// A fault at a place of the file.
+/// A fault at a position in the file.
 #[derive(Debug)]
 pub(super) struct Fault {
     pub(super) at: Position,

@@ -1,4 +1,4 @@
-//! glTF files, by the scene's reader.
+//! glTF files, read by the scene's reader.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -12,18 +12,18 @@ use super::draft::Draft;
 use super::error::MeshFileError;
 use super::frame::{MeshAxes, Unit};
 
-/// Length of a metre of the file in the scene reader's unit, mm.
+/// Length of one metre in the file, in the unit of the scene's reader, mm.
 const METRE_MM: f64 = 1000.0;
 
-/// Meshes of the scene, one for each node. Its primitives are the mesh's parts, named by their tissue or material.
-/// Positions are in metres, y up.
+/// Meshes of the scene, one for each node. The primitives of a node are the mesh's parts, named by their tissue or
+/// material. Positions are in metres, y up.
 pub(super) fn read(path: &Path) -> Result<Parsed, MeshFileError> {
     let scene = read_raw(path)?;
     if let Some(problem) = scene.problems.into_iter().next() {
         return Err(problem.into());
     }
     let mut parsed = Parsed::default();
-    // insonify's own scenes of patients say how they lie.
+    // Patient scenes written by insonify state their axes.
     let (axes, said) = match scene.extras.axes {
         Axes::Patient => (MeshAxes::Lps, "extras.axes: lps"),
         _ => (MeshAxes::YUp, "glTF is in metres, y up"),

@@ -1,32 +1,32 @@
-//! What a file says about its axes and its unit.
+//! Statements of a file about its axes and its unit.
 
 use super::frame::{MeshAxes, Unit};
 
-/// Axes and unit as a file states them.
+/// Axes and unit that a file states.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FileHints {
     /// Axes, if the file names them.
     pub axes: Option<MeshAxes>,
     /// Unit, if the file names it.
     pub unit: Option<Unit>,
-    /// Text of the file that says so.
+    /// Text in the file that states them.
     pub said: Option<String>,
-    /// Statements about axes that contradict each other or are not understood, as a clause.
+    /// Clause on statements about axes that contradict each other or are not understood.
     pub unclear_axes: Option<String>,
-    /// Statements about the unit that contradict each other or are not understood, as a clause.
+    /// Clause on statements about the unit that contradict each other or are not understood.
     pub unclear_unit: Option<String>,
-    /// Whether axes and unit are those of the format, which not every program keeps to; sizes and places of organs count
-    /// more.
+    /// Whether axes and unit are only the default of the format. Not every program keeps to it; sizes and positions of
+    /// organs count more.
     pub of_format: bool,
 }
 
 /// Words that introduce a unit.
 const UNIT_KEYS: [&str; 4] = ["file units", "units", "unit", "length unit"];
 
-/// What a statement names.
+/// Subject of a statement.
 enum Stated<T> {
     Known(T),
-    /// Text of the statement that is not understood.
+    /// Text that is not understood.
     Unknown(String),
 }
 
@@ -75,7 +75,7 @@ fn axes_of(text: &str) -> Option<Stated<MeshAxes>> {
     match letters.as_str() {
         "LPS" => Some(Stated::Known(MeshAxes::Lps)),
         "RAS" => Some(Stated::Known(MeshAxes::Ras)),
-        // Another orientation, as of NRRD: one letter of each pair.
+        // Another orientation, written as in NRRD: one letter of each pair.
         _ => {
             let pairs =
                 ["LR", "PA", "SI"].iter().all(|pair| letters.chars().filter(|c| pair.contains(*c)).count() == 1);
@@ -94,7 +94,7 @@ fn unit_of(text: &str) -> Option<Stated<Unit>> {
     }
     let word = after.split(|c: char| !c.is_alphabetic()).find(|word| !word.is_empty())?;
     match word {
-        // Words of sentences: `the unit in ...`.
+        // Ordinary words of sentences: `the unit in ...`.
         "in" | "m" | "ft" if !is_stated => None,
         "mm" | "millimeter" | "millimeters" | "millimetre" | "millimetres" => Some(Stated::Known(Unit::Mm)),
         "cm" | "centimeter" | "centimeters" | "centimetre" | "centimetres" => Some(Stated::Known(Unit::Cm)),

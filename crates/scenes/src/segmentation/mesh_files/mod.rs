@@ -1,7 +1,8 @@
 //! Mesh files of other programs: STL, OBJ, PLY, VTK polydata (`.vtk`, `.vtp`) and glTF.
 //!
-//! [`read_meshes`] reads triangles in the file's own unit and axes. [`placing`] tells which these are, from what the
-//! file says, or else from sizes and names of organs. The content decides on the format, not the name.
+//! [`read_meshes`] reads triangles in the file's own unit and axes. [`placing`] determines unit and axes from the
+//! file's statements, or else from the names, sizes and positions of organs. The format is recognised by content, not
+//! by name.
 
 mod cells;
 mod draft;
@@ -39,14 +40,14 @@ use insonify_core::files::{self, FileError, FileKind};
 /// A mesh of a file.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct NamedMesh {
-    /// Name of the object, group or solid, else of the file without its extension; unique in the file.
+    /// Name of the object, group or solid, else the file's name without its extension; unique in the file.
     pub name: String,
     /// Vertices in the file's unit and axes, each position once.
     pub vertices: Vec<DVec3>,
     /// Vertex indices, each below `vertices.len()`.
     pub triangles: Vec<[u32; 3]>,
-    /// Parts that the file tells apart: groups of an object, or materials. Together they hold all triangles. A mesh may
-    /// have no parts.
+    /// Parts that the file distinguishes: groups of an object, or materials. Together they have all triangles. Empty
+    /// for a mesh without parts.
     pub parts: Vec<MeshPart>,
 }
 
@@ -60,7 +61,7 @@ pub struct MeshPart {
 }
 
 impl NamedMesh {
-    /// Whether all parts hang together by shared vertices, so that they are one surface.
+    /// Whether shared vertices connect all parts, so that they form one surface.
     pub fn is_one_surface(&self) -> bool {
         let mut part_of = vec![u32::MAX; self.vertices.len()];
         let mut groups = Groups::new(self.parts.len());
@@ -75,7 +76,7 @@ impl NamedMesh {
         groups.numbered().into_iter().all(|number| number == 0)
     }
 
-    /// Meshes of its parts, each with its own vertices, called as `name` says; the mesh itself if it has no parts.
+    /// Its parts as meshes with their own vertices, named by `name`; the mesh itself if it has no parts.
     #[must_use]
     pub fn split(self, name: impl Fn(&MeshPart) -> String) -> Vec<Self> {
         if self.parts.is_empty() {
@@ -104,7 +105,7 @@ pub struct MeshFile {
 struct Parsed {
     vertices: Vec<DVec3>,
     drafts: Vec<Draft>,
-    /// Number of points and lines, which are left out.
+    /// Number of points and lines, which are ignored.
     others: usize,
     hints: FileHints,
 }
@@ -131,17 +132,18 @@ pub fn read_meshes(path: &Path) -> Result<MeshFile, MeshFileError> {
     decode(&bytes, path)
 }
 
-/// Meshes in the `bytes` of a file of any format but glTF; `path` gives the extension, and is named in errors.
+/// Meshes in `bytes`, the content of a file of any format except glTF. `path` provides the extension, and the name for
+/// errors.
 ///
 /// # Errors
-/// Bytes that are no mesh file, are damaged, or have no triangles.
+/// Bytes that are not a mesh file, are damaged, or have no triangles.
 pub fn decode(bytes: &[u8], path: &Path) -> Result<MeshFile, MeshFileError> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
     let fault = |Fault { at, reason }| MeshFileError::Format { path: path.to_owned(), at, reason };
     if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
         return Err(fault(Fault::byte(0, "the text is UTF-16: save it as UTF-8")));
     }
-    // A byte order mark of UTF-8 is no part of the first line.
+    // A UTF-8 byte order mark is not part of the first line.
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let parse = format(bytes, &extension).ok_or_else(|| MeshFileError::Unknown { path: path.to_owned() })?;
     finish(path, parse(bytes).map_err(fault)?)
@@ -150,7 +152,7 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<MeshFile, MeshFileError> {
 /// Reader of a format.
 type Parse = fn(&[u8]) -> Result<Parsed, Fault>;
 
-/// Reader for the content, else for the extension.
+/// Reader for the format of the content, else for the extension.
 fn format(bytes: &[u8], extension: &str) -> Option<Parse> {
     let start = bytes[..bytes.len().min(4096)].trim_ascii_start();
     if start.starts_with(b"ply\n") || start.starts_with(b"ply\r") {

@@ -9,7 +9,7 @@ use super::draft::Draft;
 use super::error::Fault;
 use super::scanner::{finite, lines, not_a, text};
 
-/// Statements without polygons, which are skipped: normals, texture, materials, display, parameters of curves.
+/// Statements without polygons, which are ignored: normals, texture, materials, display, parameters of curves.
 const SKIPPED: [&str; 34] = [
     "vt",
     "vn",
@@ -59,7 +59,8 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, Fault> {
     for (number, line) in lines(bytes) {
         last = number;
         let line = line.trim_ascii();
-        // A backslash joins a line of numbers to the next. Comments and names may end in one, as paths of Windows do.
+        // A backslash joins a line of numbers to the next line. Comments and names may end in a backslash, as Windows
+        // paths do.
         let is_text = joined.is_empty() && is_text(line);
         if let Some(start) = line.strip_suffix(b"\\").filter(|_| !is_text) {
             joined.extend_from_slice(start);
@@ -81,7 +82,7 @@ fn is_text(line: &[u8]) -> bool {
     word.starts_with(b"#") || matches!(word, b"o" | b"g" | b"usemtl" | b"mtllib" | b"usemap" | b"maplib")
 }
 
-/// Object, group and material of a face. Objects have numbers, since two may share a name.
+/// Object, group and material of a face. Objects are numbered, since two may share a name.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Hash)]
 struct Key {
     object: usize,
@@ -95,10 +96,10 @@ struct Reader {
     /// Faces by key, in the order of their first face.
     faces: Vec<(Key, Draft)>,
     index_of: HashMap<Key, usize>,
-    /// Names of objects; the first is that of faces before any object.
+    /// Names of objects; the first entry stands for faces before any object.
     objects: Vec<String>,
     now: Key,
-    /// Index in `faces` of the present key.
+    /// Index in `faces` of the current key.
     present: Option<usize>,
 }
 
@@ -175,7 +176,7 @@ impl Reader {
         Ok(())
     }
 
-    /// Vertex of a corner such as `7`, `7/1/3` or `-1//2`; the sign counts from the last vertex so far.
+    /// Vertex of a corner such as `7`, `7/1/3` or `-1//2`. Negative numbers count back from the last vertex so far.
     fn corner(&self, word: &[u8]) -> Result<u32, String> {
         let count = self.parsed.vertices.len();
         let first = word.split(|b| *b == b'/').next().unwrap_or_default();
@@ -199,7 +200,7 @@ impl Reader {
         for (key, _) in &faces {
             groups_of.entry(same[key.object]).or_default().insert(&key.group);
         }
-        // Objects whose faces are of several groups have these as their parts.
+        // An object whose faces have several groups gets these as its parts.
         let by_group: HashSet<usize> =
             groups_of.into_iter().filter(|(_, groups)| groups.len() > 1).map(|(object, _)| object).collect();
         let mut wholes: HashMap<(usize, String), usize> = HashMap::new();
@@ -224,7 +225,8 @@ impl Reader {
     }
 }
 
-/// For each object the number of the object that it continues, else its own: objects of one name that share a vertex are one.
+/// For each object, the number of the object that it continues, or its own number. Objects of one name that share a
+/// vertex are one object.
 fn joined_objects(objects: &[String], faces: &[(Key, Draft)]) -> Vec<usize> {
     let mut same: Vec<usize> = (0..=objects.len()).collect();
     let mut by_name: HashMap<&str, Vec<usize>> = HashMap::new();
@@ -251,7 +253,7 @@ fn joined_objects(objects: &[String], faces: &[(Key, Draft)]) -> Vec<usize> {
     same
 }
 
-/// A name, or nothing where a program writes a placeholder.
+/// A name; empty for the placeholders that programs write.
 fn without_placeholder(name: String) -> String {
     let is_placeholder =
         ["default", "off", "(null)", "none", "null"].iter().any(|word| name.eq_ignore_ascii_case(word));

@@ -16,7 +16,7 @@ struct Element {
     properties: Vec<Property>,
 }
 
-/// A property: its name, the type of its length if it is a list, and that of its values.
+/// A property: its name, the type of its length if it is a list, and the type of its values.
 struct Property {
     name: String,
     length: Option<Number>,
@@ -53,7 +53,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, Fault> {
     Ok(parsed)
 }
 
-/// Refuses data after the last element, except padding: a count of the header is too low.
+/// Refuses data after the last element, except padding: the header announces fewer elements than there are.
 fn check_rest(scanner: &Scanner<'_>, data: Data) -> Result<(), Fault> {
     let rest = scanner.bytes.get(scanner.at..).unwrap_or_default();
     if rest.iter().all(|b| *b == 0 || b.is_ascii_whitespace()) {
@@ -129,7 +129,7 @@ fn number(name: &str) -> Option<Number> {
     })
 }
 
-/// Reads one element, a line of a text; `take` receives the number of each property and its values.
+/// Reads one element, which is a line in a text file. `take` receives the number of each property and its values.
 fn record(
     scanner: &mut Scanner<'_>,
     data: Data,

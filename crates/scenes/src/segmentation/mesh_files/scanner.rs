@@ -8,7 +8,7 @@ use super::error::Fault;
 pub(super) struct Scanner<'b> {
     pub(super) bytes: &'b [u8],
     pub(super) at: usize,
-    /// Byte that ends a line. It is a carriage return in files whose first line ends in that alone.
+    /// Byte that ends a line: a carriage return if the first line of the file ends in that alone, else a line feed.
     line_end: u8,
 }
 
@@ -24,12 +24,12 @@ impl<'b> Scanner<'b> {
         Self { bytes, at, line_end: if is_bare { b'\r' } else { b'\n' } }
     }
 
-    /// Number of the present line, from 1.
+    /// Number of the current line, from 1.
     pub(super) fn line_number(&self) -> usize {
         1 + self.bytes[..self.at.min(self.bytes.len())].iter().filter(|b| **b == self.line_end).count()
     }
 
-    /// A fault in the present line.
+    /// A fault in the current line.
     pub(super) fn fault(&self, reason: impl Into<String>) -> Fault {
         Fault::line(self.line_number(), reason)
     }
@@ -125,8 +125,8 @@ pub(super) fn not_a_number(word: &[u8]) -> String {
     not_a("number", word)
 }
 
-/// Message about a word that should be a finite number. `what` says which, such as `coordinate of a vertex`. A decimal comma is
-/// named.
+/// Message about a word that should be a finite number. `what` names the expected value, such as `coordinate of a
+/// vertex`. The message mentions a decimal comma.
 pub(super) fn not_a(what: &str, word: &[u8]) -> String {
     let with_point: Vec<u8> = word.iter().map(|b| if *b == b',' { b'.' } else { *b }).collect();
     let has_comma = word.iter().filter(|b| **b == b',').count() == 1 && !word.ends_with(b",");

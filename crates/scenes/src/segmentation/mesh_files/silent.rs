@@ -1,4 +1,4 @@
-//! Tests of files that other programs would take and mean something else by: read right, or refused with the reason.
+//! Tests of files that other programs would silently misread: they are read correctly, or refused with the reason.
 
 use insonify_core::anatomy::Mesh;
 
@@ -28,10 +28,10 @@ fn names(file: &MeshFile) -> Vec<(&str, Vec<&str>)> {
     file.meshes.iter().map(|m| (m.name.as_str(), m.parts.iter().map(|part| part.name.as_str()).collect())).collect()
 }
 
-/// Faces of a box of OBJ after its corners, which `first` counts.
+/// Faces of a box in OBJ, as indices of its corners counted from 1.
 const FACES: [[u32; 4]; 6] = [[1, 2, 4, 3], [5, 7, 8, 6], [1, 5, 6, 2], [3, 4, 8, 7], [1, 3, 7, 5], [2, 6, 8, 4]];
 
-/// Corners of a box of 80 × 60 × 50 as OBJ, at x.
+/// Corners of a box of 80 × 60 × 50 in OBJ, beginning at `x`.
 fn corners(x: f64) -> String {
     let corner = |n: usize| {
         let [a, b, c] = [n >> 2 & 1, n >> 1 & 1, n & 1].map(|bit| bit as f64);
@@ -87,7 +87,7 @@ fn groups_and_materials_of_an_object_are_its_parts() {
     let split = file.meshes[0].clone().split(|part| part.name.clone());
     let sizes: Vec<_> = split.iter().map(|m| (m.name.as_str(), m.vertices.len(), m.triangles.len())).collect();
     assert_eq!(sizes, [("liver", 8, 12), ("right_kidney", 8, 12)]);
-    // Groups of an object go before its materials, and groups without objects are meshes.
+    // Groups of an object take precedence over its materials; groups without objects are meshes.
     let file = read("a.obj", two("o abdomen\ng liver\nusemtl a\n", "g kidney\nusemtl b\n")).unwrap();
     assert_eq!(names(&file), [("abdomen", vec!["liver", "kidney"])]);
     let file = read("a.obj", two("g liver\no box\n", "g kidney\no box.001\n")).unwrap();

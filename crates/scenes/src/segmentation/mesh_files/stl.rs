@@ -24,7 +24,7 @@ pub(super) fn is_text(bytes: &[u8]) -> bool {
     starts && !is_binary(bytes) && (has_words || !start.contains(&0))
 }
 
-/// Whether the length is what a binary header promises.
+/// Whether the length agrees with the count in a binary header.
 pub(super) fn is_binary(bytes: &[u8]) -> bool {
     count(bytes).is_some_and(|count| count > 0 && bytes.len() == HEADER.saturating_add(count.saturating_mul(TRIANGLE)))
 }
@@ -100,11 +100,11 @@ fn parse_text(bytes: &[u8]) -> Result<Parsed, Fault> {
 struct TextReader {
     parsed: Parsed,
     draft: Option<Draft>,
-    /// Line of the solid that is not ended yet.
+    /// Line of the `solid` statement that has no end yet.
     solid: Option<usize>,
-    /// Line of the facet that is not ended yet.
+    /// Line of the `facet` statement that has no end yet.
     facet: Option<usize>,
-    /// Corners of that facet.
+    /// Corners of the unfinished facet.
     corners: Vec<u32>,
 }
 
@@ -180,7 +180,7 @@ fn vertex<'b>(words: impl Iterator<Item = &'b [u8]>) -> Result<DVec3, String> {
     }
 }
 
-/// Name after `solid`, without what Slicer and others append.
+/// Name after `solid`, without the text that Slicer and others append.
 fn solid_name(after: &str) -> String {
     let name = after.trim();
     if name.to_uppercase().contains("SPACE=") || name.to_lowercase().starts_with("ascii") {

@@ -1,4 +1,4 @@
-//! Tests of files as other programs write them, and of damaged ones.
+//! Tests of files that other programs wrote, and of damaged files.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,7 @@ use insonify_core::anatomy::Mesh;
 use super::placing::{MeshAxes, Unit};
 use super::{MeshFile, MeshFileError, read_meshes};
 
-/// Folder of files that trimesh, meshio and VTK wrote; `make.py` there makes them.
+/// Folder of files that trimesh, meshio and VTK wrote; `make.py` in that folder makes them.
 fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/segmentation/meshes").join(name)
 }
@@ -28,14 +28,14 @@ fn fault(name: &str, bytes: impl AsRef<[u8]>) -> String {
     read_bytes(name, bytes).unwrap_err().to_string()
 }
 
-/// The mesh as one in mm.
+/// Mesh of a file, with its coordinates taken as mm.
 fn mesh(file: &MeshFile, index: usize) -> Mesh {
     let named = &file.meshes[index];
     let vertices_mm = named.vertices.iter().map(|v| v.as_vec3()).collect();
     Mesh { vertices_mm, triangles: named.triangles.clone() }
 }
 
-/// Checks for the closed sphere of 80 triangles about (100, 0, 30) with radius 20 of the files.
+/// Checks for the closed sphere in the test files: 80 triangles about (100, 0, 30), radius 20.
 fn is_ball(file: &MeshFile, index: usize, name: &str) {
     let ball = mesh(file, index);
     assert_eq!((ball.vertices_mm.len(), ball.triangles.len()), (42, 80), "{name}");

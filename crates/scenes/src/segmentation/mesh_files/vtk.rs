@@ -64,7 +64,7 @@ pub(super) fn not_polydata(kind: &str) -> String {
 }
 
 impl Reader<'_> {
-    /// Reads the section that a keyword begins. True where the geometry ends.
+    /// Reads the section that a keyword begins. Returns true if the geometry ends there.
     fn section(&mut self, keyword: &[u8]) -> Result<bool, Fault> {
         match keyword {
             b"POINTS" => self.points()?,
@@ -85,7 +85,7 @@ impl Reader<'_> {
         while self.scanner.line().is_some_and(|line| !line.trim_ascii().is_empty()) {}
     }
 
-    /// `count` numbers, in the file's format.
+    /// `count` numbers in the file's encoding.
     fn numbers(&mut self, count: usize, number: Number, what: &str) -> Result<Vec<f64>, Fault> {
         if self.binary {
             self.scanner.line();
@@ -113,7 +113,7 @@ impl Reader<'_> {
         Ok(count)
     }
 
-    /// Reads a list of cells, and keeps it if it makes triangles.
+    /// Reads a list of cells, and keeps it if the cells make triangles.
     fn cells(&mut self, kind: Option<Cells>) -> Result<(), Fault> {
         let first = self.scanner.count("the number of cells")?;
         let size = self.scanner.count("the size of the list of cells")?;
@@ -139,7 +139,7 @@ impl Reader<'_> {
         result.map_err(|reason| at.fault(reason))
     }
 
-    /// Reads arrays that belong to the whole data set; texts may name the axes.
+    /// Reads arrays that belong to the whole data set; text arrays may name the axes.
     fn field(&mut self) -> Result<(), Fault> {
         self.scanner.word();
         let arrays = self.scanner.count("the number of arrays")?;
@@ -167,13 +167,13 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// A text of a field: a line, or its length and its bytes.
+    /// A text of a field: a line in text files; in binary files, a length followed by the bytes.
     fn string(&mut self) -> Result<String, Fault> {
         if !self.binary {
             let line = self.scanner.line().map(|line| String::from_utf8_lossy(line).into_owned());
             return line.ok_or_else(|| self.scanner.fault("truncated: a text of a field should be here"));
         }
-        // The two highest bits give the length's own size.
+        // The two highest bits tell the number of bytes of the length.
         let first = *self.scanner.bytes.get(self.scanner.at).unwrap_or(&0);
         let size = [8, 4, 2, 1][usize::from(first >> 6)];
         let length = self.scanner.take(size, "the length of a text")?.iter();

@@ -12,7 +12,7 @@ use super::vtk::not_polydata;
 use super::vtp_data::{Encoding, Format};
 
 pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, Fault> {
-    // Appended data may be raw bytes, which no XML allows.
+    // Appended data may be raw bytes, which XML doesn't allow.
     let start = find(bytes, b"<AppendedData").unwrap_or(bytes.len());
     let tail = &bytes[start..];
     let end = tail.iter().position(|b| *b == b'>').unwrap_or(0);

@@ -13,7 +13,7 @@ use super::super::numbers::{Number, Order};
 /// Most values of one array: 33 million points, or the corners of as many triangles.
 const VALUES_MAX: usize = 100_000_000;
 
-/// Memory that a value takes as a number and then as part of a vertex or triangle, bytes.
+/// Memory of one value, bytes: as a number, and then in a vertex or triangle.
 const VALUE_BYTES: usize = 20;
 
 /// How a file encodes all of its data.
@@ -24,7 +24,7 @@ pub(super) struct Format {
     compressed: bool,
 }
 
-/// Data that start with a length.
+/// Data that start with their length.
 #[derive(Clone, Copy)]
 pub(super) enum Encoding<'a> {
     Raw(&'a [u8]),
@@ -40,14 +40,14 @@ impl<'a> Encoding<'a> {
         }
     }
 
-    /// Number of bytes or characters.
+    /// Number of bytes, or of base64 characters.
     fn len(self) -> usize {
         match self {
             Self::Raw(bytes) | Self::Base64(bytes) => bytes.len(),
         }
     }
 
-    /// The first `length` bytes, as a unit of the encoding, and the rest.
+    /// The first `length` bytes, decoded as one unit of the encoding, and the remaining data.
     fn take(self, length: usize) -> Result<(Vec<u8>, Self), String> {
         let truncated = |left: usize| format!("truncated: {length} bytes are promised, {left} are left");
         match self {
@@ -122,12 +122,12 @@ impl Format {
         bytes.chunks_exact(self.length.size()).map(|value| self.length.read(value, self.order) as usize).collect()
     }
 
-    /// Data after their length; both are encoded as one.
+    /// Data after their length; length and data are encoded together.
     fn plain(&self, data: Encoding<'_>, number: Number) -> Result<Vec<u8>, String> {
         let size = self.length.size();
         let length = match data {
             Encoding::Raw(_) => self.lengths(&data.take(size)?.0)[0],
-            // The first whole units that hold the length.
+            // The first whole base64 units that contain the length.
             Encoding::Base64(text) => {
                 let start = text.get(..size.div_ceil(3) * 4).ok_or("truncated: it has no length")?;
                 let bytes = STANDARD.decode(start).map_err(|e| format!("it is not base64: {e}"))?;
@@ -163,7 +163,7 @@ impl Format {
         for (i, size) in packed.iter().enumerate() {
             let (expected, before) = (expected(i), unpacked.len());
             let decoder = ZlibDecoder::new(&bytes[at..at + size]);
-            // A small file may claim a large block.
+            // A small file may announce a large block.
             let read = decoder.take(expected as u64).read_to_end(&mut unpacked);
             read.map_err(|e| format!("block {i} is not zlib data: {e}"))?;
             if unpacked.len() - before != expected {

@@ -1,7 +1,7 @@
 //! Decimation of a complex: edges are collapsed in the order of their error (Garland and Heckbert 1997).
 //!
-//! A collapse changes no topology (link condition of Dey et al. 1999), turns no face over, keeps lines where surfaces
-//! meet on such lines, and vertices on the grid's border in that plane.
+//! A collapse changes no topology (link condition of Dey et al. 1999) and turns no face over. Lines where surfaces
+//! join stay on such lines, and vertices on a face of the grid stay in that plane.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -15,9 +15,9 @@ use super::smooth::Kind;
 
 /// Least cosine between a face's normals before and after a collapse.
 const TURN_MIN: f64 = 0.35;
-/// Least quality of a face: 4√3 × area over the sum of its squared edges, 1 for an equilateral one.
+/// Smallest quality of a face: 4√3 × area over the sum of its squared edges, 1 for an equilateral triangle.
 const QUALITY_MIN: f64 = 0.08;
-/// Weight of the planes that keep junctions in place.
+/// Weight of the planes that hold junctions in position.
 const LINE_WEIGHT: f64 = 4.0;
 
 /// Edge in the queue.
@@ -42,15 +42,15 @@ impl PartialOrd for Candidate {
 }
 
 impl Ord for Candidate {
-    /// The largest is the one of least cost.
+    /// The greatest candidate is the one of least cost.
     fn cmp(&self, other: &Self) -> Ordering {
         other.cost.total_cmp(&self.cost).then(other.edge.cmp(&self.edge)).then(other.versions.cmp(&self.versions))
     }
 }
 
-/// Result of looking at an edge.
+/// A possible collapse of an edge.
 struct Collapse {
-    /// Vertex that stays, and the one that goes.
+    /// Vertex that stays, and vertex that is removed.
     stays: u32,
     goes: u32,
     to_mm: DVec3,
@@ -60,7 +60,7 @@ struct Collapse {
 struct Decimation<'a> {
     complex: &'a mut Complex,
     quadrics: Vec<Quadric>,
-    /// Area around each vertex, mm².
+    /// Area of the faces around each vertex, mm².
     weights: Vec<f64>,
     /// Triangles at each vertex.
     around: Vec<Vec<u32>>,
@@ -70,8 +70,8 @@ struct Decimation<'a> {
 }
 
 impl Complex {
-    /// Collapses edges until at most `triangles` are left, or the next collapse would move a surface by more than about
-    /// `error_mm`. `progress` receives the share that is done, 0..=1.
+    /// Collapses edges until at most `triangles` are left, or until the next collapse would move a surface by more
+    /// than about `error_mm`. `progress` receives the completed share, 0..=1.
     pub fn decimate(&mut self, triangles: usize, error_mm: f64, progress: &dyn Fn(f64)) {
         let before = self.triangles.len();
         if before <= triangles {
@@ -137,7 +137,8 @@ impl<'a> Decimation<'a> {
         0.5 * (b - a).cross(c - a)
     }
 
-    /// Planes of a vertex's faces; at a junction also planes along its lines, square to the faces.
+    /// Quadric of a vertex with its weight: the planes of its faces; at a junction also planes along the junction
+    /// lines, perpendicular to the faces.
     fn quadric_of(&self, v: u32) -> (Quadric, f64) {
         let mut sum = Quadric::default();
         let mut weight = 0.0;
@@ -171,7 +172,7 @@ impl<'a> Decimation<'a> {
         self.around[a as usize].iter().copied().filter(holds)
     }
 
-    /// True if surfaces meet at the edge.
+    /// Whether several surfaces join at the edge.
     fn is_junction(&self, edge: [u32; 2]) -> bool {
         let mut triangles = self.at_edge(edge);
         let (Some(first), Some(second), None) = (triangles.next(), triangles.next(), triangles.next()) else {
@@ -217,7 +218,8 @@ impl<'a> Decimation<'a> {
         queue.extend(self.candidate(edge));
     }
 
-    /// Which vertex of the edge stays, where, and at what cost; none where neither may go.
+    /// The collapse of an edge: the vertex that stays, its position and the cost. `None` if neither vertex may be
+    /// removed.
     fn collapse(&self, [a, b]: [u32; 2]) -> Option<Collapse> {
         let kind = |v: u32| self.complex.kinds[v as usize];
         let border = |v: u32| self.complex.borders[v as usize];
@@ -238,7 +240,7 @@ impl<'a> Decimation<'a> {
         if free {
             let middle = 0.5 * (self.at(a) + self.at(b));
             let mut best = sum.minimum(middle);
-            // Far from the edge, planes that hardly differ have found a point of no meaning.
+            // Where the planes hardly differ, their common point may lie far from the edge and means nothing.
             if best.distance(middle) > self.at(a).distance(self.at(b)) {
                 best = middle;
             }
@@ -255,7 +257,7 @@ impl<'a> Decimation<'a> {
         if error > self.error_mm * self.error_mm * weight {
             return None;
         }
-        // Where surfaces are flat, short edges first.
+        // In flat regions, short edges are collapsed first.
         let cost = error + 1e-4 * weight.min(1.0) * self.at(a).distance_squared(self.at(b));
         Some(Collapse { stays, goes, to_mm, cost })
     }
@@ -278,7 +280,7 @@ impl<'a> Decimation<'a> {
         if opposite.len() != edges || common != opposite {
             return false;
         }
-        // Two lines would become one.
+        // Two junction lines would become one.
         if opposite.iter().any(|&v| self.is_junction([goes, v]) && self.is_junction([stays, v])) {
             return false;
         }
@@ -296,7 +298,7 @@ impl<'a> Decimation<'a> {
         !folds && self.keeps_sense(stays, goes, to_mm) && self.keeps_sense(goes, stays, to_mm)
     }
 
-    /// True if the faces of `v` that don't hold `other` look the same way with `v` at `to_mm`.
+    /// Whether the faces of `v` without `other` keep their orientation with `v` at `to_mm`.
     fn keeps_sense(&self, v: u32, other: u32, to_mm: DVec3) -> bool {
         self.around[v as usize].iter().all(|&n| {
             let corners = self.complex.triangles[n as usize].corners;
@@ -316,7 +318,7 @@ impl<'a> Decimation<'a> {
         })
     }
 
-    /// Applies a collapse; returns the number of triangles that went.
+    /// Applies a collapse; returns the number of triangles removed.
     fn apply(&mut self, collapse: &Collapse) -> usize {
         let Collapse { stays, goes, to_mm, .. } = *collapse;
         let moved = std::mem::take(&mut self.around[goes as usize]);
@@ -342,7 +344,7 @@ impl<'a> Decimation<'a> {
         went
     }
 
-    /// Removes triangles and vertices that went.
+    /// Removes the collapsed triangles and vertices.
     fn finish(self) {
         let Self { complex, gone, .. } = self;
         let mut gone = gone.into_iter();

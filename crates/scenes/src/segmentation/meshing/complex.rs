@@ -1,4 +1,4 @@
-//! Triangles between labels over shared vertices.
+//! Triangles between labels, over shared vertices.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -14,26 +14,26 @@ use super::{BORDER, NONE};
 pub struct Triangle {
     /// Vertices: counter-clockwise seen from the second side.
     pub corners: [u32; 3],
-    /// Label behind the face, and label that the face looks into.
+    /// Label behind the face, and label in front of it.
     pub sides: [u16; 2],
 }
 
 /// Surfaces of all labels.
 #[derive(Debug, Clone, Default)]
 pub struct Complex {
-    /// Vertices: voxel index times the distance of voxels, mm along the grid's axes.
+    /// Vertices: voxel index times voxel spacing, mm along the grid's axes.
     pub vertices_mm: Vec<DVec3>,
-    /// How each vertex may move.
+    /// Freedom of movement of each vertex.
     pub(super) kinds: Vec<Kind>,
-    /// Axes along which each vertex lies on the grid's border: see [`Net::border`].
+    /// Faces of the grid that each vertex lies on, as bits: see [`Net::border`].
     pub(super) borders: Vec<u8>,
     /// Faces of all surfaces.
     pub triangles: Vec<Triangle>,
 }
 
 impl Complex {
-    /// Triangles of a net whose voxels are `voxel_mm` apart. Quads are cut so that the thinner half is
-    /// as large as can be.
+    /// Triangles of a net with voxel spacing `voxel_mm`. Each quad is divided along the diagonal that makes its
+    /// thinner triangle as thick as possible.
     pub fn of(net: &Net, voxel_mm: DVec3) -> Self {
         let count = net.cells.len();
         let vertices_mm: Vec<DVec3> = (0..count).map(|v| net.position(v).as_dvec3() * voxel_mm).collect();
@@ -42,7 +42,7 @@ impl Complex {
             let [a, b, c, d] = quad.corners;
             let at = |v: u32| vertices_mm[v as usize];
             let ways = [[[a, b, c], [a, c, d]], [[a, b, d], [b, c, d]]];
-            // Of a corner between two others one way makes a triangle without area.
+            // If a corner lies between two others on a line, one diagonal makes a triangle without area.
             let thinnest = |halves: [[u32; 3]; 2]| {
                 let cross = halves.map(|[a, b, c]| (at(b) - at(a)).cross(at(c) - at(a)).length_squared());
                 cross[0].min(cross[1])

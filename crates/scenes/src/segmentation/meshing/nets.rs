@@ -1,12 +1,12 @@
-//! Surface nets of several labels (Gibson 1998): a vertex in each cell of eight voxels that holds several labels, a quad
-//! about each pair of neighbouring voxels that differ.
+//! Surface nets of several labels (Gibson 1998). They have a vertex in each cell of eight voxels with several labels,
+//! and a quad between each pair of neighbouring voxels with different labels.
 
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{BORDER, NONE};
 
-/// Index of no vertex.
+/// Index that stands for no vertex.
 pub(super) const NO_VERTEX: u32 = u32::MAX;
 
 /// Quadrilateral between two labels.
@@ -14,7 +14,7 @@ pub(super) const NO_VERTEX: u32 = u32::MAX;
 pub struct Quad {
     /// Vertices in order: counter-clockwise seen from the second side.
     pub corners: [u32; 4],
-    /// Label behind the face, and label that the face looks into.
+    /// Label behind the face, and label in front of it.
     pub sides: [u16; 2],
 }
 
@@ -28,24 +28,26 @@ pub struct Net {
     pub size: [usize; 3],
     /// Cell of each vertex.
     pub cells: Vec<[u16; 3]>,
-    /// Position of each vertex about its cell's centre, voxels.
+    /// Position of each vertex relative to its cell's centre, voxels.
     pub offsets: Vec<Vec3>,
-    /// Vertices beyond the six faces of each cell, −x, +x, −y … +z; [`NO_VERTEX`] where labels don't differ at the face.
+    /// Vertices of the neighbouring cells across the six faces of each cell, −x, +x, −y … +z; [`NO_VERTEX`] if all
+    /// labels at the face are equal.
     pub(super) neighbours: Vec<[u32; 6]>,
-    /// Bit n: at face n more than two surfaces meet, or a surface meets the grid's border.
+    /// Faces of each cell at which more than two surfaces join, or a surface reaches the grid's border: bit n for face
+    /// n.
     pub(super) junctions: Vec<u8>,
     /// Faces of all surfaces.
     pub quads: Vec<Quad>,
 }
 
-/// Voxels, with a border.
+/// Voxels of the grid, surrounded by a border of one voxel.
 struct Voxels<'a> {
     labels: &'a [u16],
     size: [usize; 3],
 }
 
 impl Voxels<'_> {
-    /// Label of a voxel counted from 1; 0 and size + 1 are the border.
+    /// Label of a voxel. Indices count from 1; 0 and size + 1 are the border.
     fn label(&self, [a, b, c]: [usize; 3]) -> u16 {
         let [nx, ny, nz] = self.size;
         let within = (1..=nx).contains(&a) && (1..=ny).contains(&b) && (1..=nz).contains(&c);
@@ -58,12 +60,12 @@ impl Voxels<'_> {
     }
 }
 
-/// Label, with the border as none.
+/// Label, with the border as no label.
 fn inner(label: u16) -> u16 {
     if label == BORDER { NONE } else { label }
 }
 
-/// Corners of the cell's faces −x, +x, −y, +y, −z, +z, in order around.
+/// Corners of the cell's faces −x, +x, −y, +y, −z, +z, in order around each face.
 const FACES: [[usize; 4]; 6] = [[0, 2, 6, 4], [1, 3, 7, 5], [0, 1, 5, 4], [2, 3, 7, 6], [0, 1, 3, 2], [4, 5, 7, 6]];
 
 /// A layer of cells with equal c.
@@ -82,7 +84,7 @@ impl Net {
         for layer in &layers {
             starts.push(starts[starts.len() - 1] + layer.places.len() as u32);
         }
-        // Vertices of a layer by place.
+        // Vertex of each cell of a layer, by its position in the layer.
         let map = |c: usize| {
             let mut vertices = vec![NO_VERTEX; width * height];
             for (vertex, &place) in (starts[c]..).zip(&layers[c].places) {
@@ -115,7 +117,8 @@ impl Net {
         Vec3::from(self.cells[vertex].map(f32::from)) - 0.5 + self.offsets[vertex]
     }
 
-    /// Axes along which a vertex lies on the grid's border, as bits: 1, 2, 4 at the low ends, 8, 16, 32 at the high ones.
+    /// Faces of the grid that a vertex lies on, as bits: 1, 2, 4 for the low faces along x, y, z; 8, 16, 32 for the
+    /// high ones.
     pub(super) fn border(&self, vertex: usize) -> u8 {
         let cell = self.cells[vertex];
         (0..3).fold(0, |bits, axis| {
@@ -149,8 +152,8 @@ impl Layer {
         Self { places }
     }
 
-    /// Vertices of the layer, and the quads about pairs of voxels that end at it. `vertices` are those of the layers
-    /// below, at and above.
+    /// Vertices of the layer, and the quads between pairs of voxels whose upper corner lies in it. `vertices` are the
+    /// vertices of the layers below, at and above it.
     fn part(&self, voxels: &Voxels, c: usize, vertices: &[Vec<u32>; 3]) -> Part {
         let [width, height, _] = voxels.size.map(|n| n + 1);
         let mut part = Part { cells: Vec::new(), neighbours: Vec::new(), junctions: Vec::new(), quads: Vec::new() };

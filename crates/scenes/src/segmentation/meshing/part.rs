@@ -9,7 +9,8 @@ use insonify_core::anatomy::Mesh;
 pub struct Part {
     /// Vertices, mm along the grid's axes.
     pub vertices_mm: Vec<DVec3>,
-    /// Faces of the grid that each vertex lies on: 1, 2, 4 the low ones along x, y, z, 8, 16, 32 the high ones.
+    /// Faces of the grid that each vertex lies on, as bits: 1, 2, 4 for the low faces along x, y, z; 8, 16, 32 for the
+    /// high ones.
     pub borders: Vec<u8>,
     /// Vertex indices, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
@@ -25,7 +26,7 @@ impl Part {
             .sum()
     }
 
-    /// The surface in the frame that `lps_from_grid_mm` leads to, outward.
+    /// The surface in the frame to which `lps_from_grid_mm` transforms, facing outward.
     pub fn mesh(&self, lps_from_grid_mm: &DAffine3) -> Mesh {
         let vertices_mm = self.vertices_mm.iter().map(|&p| lps_from_grid_mm.transform_point3(p).as_vec3()).collect();
         let mut mesh = Mesh { vertices_mm, triangles: self.triangles.clone() };

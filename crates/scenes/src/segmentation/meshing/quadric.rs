@@ -34,11 +34,11 @@ impl Quadric {
         (square + 2.0 * (self.b[0] * x + self.b[1] * y + self.b[2] * z) + self.c).max(0.0)
     }
 
-    /// Point of the least value near `start`: along directions that the planes leave free it stays at `start`.
+    /// Point of the least value near `start`. Along directions that no plane constrains, it stays at `start`.
     pub(super) fn minimum(&self, start: DVec3) -> DVec3 {
         let [xx, xy, xz, yy, yz, zz] = self.a;
         let trace = xx + yy + zz;
-        // A weak pull to the start keeps the system solvable where planes agree.
+        // A weak pull to `start` keeps the system solvable where planes are nearly parallel.
         let pull = 1e-3 * trace;
         let matrix = DMat3::from_cols(
             DVec3::new(xx + pull, xy, xz),

@@ -11,27 +11,27 @@ use rayon::prelude::*;
 
 use super::part::Part;
 
-/// Largest depth over the thickness of the part below.
+/// Largest depth of the offset, relative to the thickness of the part below.
 const SHARE_MAX: f64 = 0.35;
-/// Rounds of evening out depths and directions.
+/// Rounds of averaging depths and directions over neighbours.
 const EVEN_ROUNDS: usize = 3;
-/// Rounds of carrying a shift from the rim of a cut into it.
+/// Rounds of propagating a shift from the rim of a cut into the cut.
 const CUT_ROUNDS: usize = 60;
 /// Rounds of reducing depths where faces would turn over.
 const FOLD_ROUNDS: usize = 12;
-/// Smallest cosine between a face and the one below it.
+/// Smallest cosine of the angle between a face and its offset.
 const TURN_MIN: f64 = 0.3;
 /// Distance of a ray's start from the surface, mm.
 const START_MM: f64 = 1e-3;
 
 impl Part {
-    /// The surface `depth_mm` below this one, with the same triangles. Where the part is thin the depth is at most about a
-    /// third of the thickness. Vertices on the grid's border stay there.
+    /// The surface `depth_mm` below this one, with the same triangles. In thin parts the depth is at most about a
+    /// third of the thickness. Vertices on the grid's border stay on it.
     #[must_use]
     pub fn inward(&self, depth_mm: f64) -> Self {
         let neighbours = self.neighbours();
         let normals = self.normals();
-        // Within a cut of the scan, a normal has no part along the surface.
+        // Within a cut of the scan, a normal has no component along the surface.
         let in_cut: Vec<bool> = normals.iter().map(|n| *n == DVec3::ZERO).collect();
         let mut depths = self.depths(&normals, depth_mm);
         let mut directions = normals;
@@ -57,7 +57,7 @@ impl Part {
                 }
             }
         }
-        // What still folds stays on the surface.
+        // Faces that still turn over stay on the surface.
         let mut inner = self.moved(&neighbours, &in_cut, &directions, &depths);
         loop {
             let folds = self.folds(&inner);
@@ -94,7 +94,7 @@ impl Part {
         Self { vertices_mm, ..self.clone() }
     }
 
-    /// Corners of the faces that turn over from this surface to `inner`.
+    /// Vertices of the faces that turn over between this surface and `inner`.
     fn folds(&self, inner: &Self) -> Vec<[u32; 3]> {
         let cross = |part: &Self, t: &[u32; 3]| {
             let [a, b, c] = t.map(|v| part.vertices_mm[v as usize]);
@@ -118,7 +118,7 @@ impl Part {
         neighbours
     }
 
-    /// `v` without its components across the faces of the grid that the vertex lies on.
+    /// `v` without its components perpendicular to the faces of the grid that the vertex lies on.
     fn along_border(&self, vertex: usize, mut v: DVec3) -> DVec3 {
         let border = self.borders[vertex] | self.borders[vertex] >> 3;
         (0..3).filter(|axis| border >> axis & 1 == 1).for_each(|axis| v[axis] = 0.0);
@@ -127,7 +127,7 @@ impl Part {
 
     fn in_border(&self, vertex: usize, direction: DVec3) -> DVec3 {
         let along = self.along_border(vertex, direction);
-        // A cut's own faces leave nothing but rounding.
+        // For the faces of a cut itself, only rounding errors remain.
         if along.length() > 1e-6 * direction.length().max(1e-12) { along.normalize_or_zero() } else { DVec3::ZERO }
     }
 
@@ -158,7 +158,7 @@ impl Part {
             let inside = -self.off_border(v) * 0.1 - *normal * START_MM;
             let origin = (self.vertices_mm[v] + inside).as_vec3();
             let reach = (depth_mm / SHARE_MAX) as f32;
-            // Tilted a little: the tree drops rays parallel to an axis.
+            // The ray is tilted slightly: the tree loses rays parallel to an axis.
             let along = -normal.as_vec3() + Vec3::new(1.3e-3, 0.7e-3, 1.1e-3);
             let ray = Ray::new(origin.into(), along.normalize().into(), 2.0 * START_MM as f32, reach);
             let mut hit = RayHit::none();
@@ -171,7 +171,7 @@ impl Part {
         normals.par_iter().enumerate().map(depth).collect()
     }
 
-    /// Outward direction of the faces of the grid that a vertex lies on.
+    /// Outward direction of the grid's faces that a vertex lies on.
     fn off_border(&self, vertex: usize) -> DVec3 {
         let bits = self.borders[vertex];
         let along = |axis: u8| f64::from(bits >> (axis + 3) & 1) - f64::from(bits >> axis & 1);

@@ -1,32 +1,32 @@
-//! Smoothing of a net: staircases go, volumes and thin parts stay.
+//! Smoothing of a net: removes staircases and keeps volumes and thin parts.
 //!
-//! Vertices move to the mean of their neighbours, on junctions of several surfaces along the junction only, and never
-//! leave their cells (Gibson 1998). Averaging shrinks curved surfaces. What a surface lost on average around a vertex is
-//! given back along its normal, so thin tubes keep their diameter.
+//! Vertices move to the mean of their neighbours and never leave their cells (Gibson 1998). On junctions of several
+//! surfaces they move along the junction only. Averaging shrinks curved surfaces. The average loss around a vertex is
+//! restored along its normal, so thin tubes keep their diameter.
 
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::nets::{NO_VERTEX, Net};
 
-/// Largest distance of a vertex from its cell's centre along each axis, voxels. Below one half, so that a layer of
-/// one voxel keeps a thickness.
+/// Largest distance of a vertex from its cell's centre along each axis, voxels. It is below one half, so that a layer
+/// of one voxel keeps some thickness.
 const REACH: f32 = 0.45;
-/// Rounds of averaging, each followed by giving back.
+/// Rounds of averaging, each followed by restoring the loss.
 const ROUNDS: usize = 5;
-/// Averages in a round.
+/// Averaging steps in a round.
 const AVERAGES: usize = 5;
-/// Averages over which a loss is spread.
+/// Averaging steps that spread a loss over the neighbourhood.
 const SPREAD: usize = 12;
 
-/// How a vertex may move.
+/// Freedom of movement of a vertex.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     /// Within one surface.
     Surface,
-    /// On a line where surfaces meet.
+    /// On a line where surfaces join: along the line only.
     Line,
-    /// Where lines meet: not at all.
+    /// Where such lines join: fixed.
     Corner,
 }
 
@@ -51,7 +51,7 @@ impl Net {
         }
     }
 
-    /// Offset that keeps a vertex in its cell and on the grid's border.
+    /// Offset clamped so that the vertex stays in its cell and on the grid's border.
     fn held(&self, vertex: usize, offset: Vec3) -> Vec3 {
         let border = self.border(vertex);
         let fixed = border | border >> 3;
@@ -88,7 +88,7 @@ impl Net {
         self.offsets = (0..self.offsets.len()).into_par_iter().map(next).collect();
     }
 
-    /// Unit normal of each vertex within one surface, from the lower label to the higher; zero elsewhere.
+    /// Unit normal of each vertex on a single surface, from the lower label to the higher; zero elsewhere.
     fn normals(&self, kinds: &[Kind]) -> Vec<Vec3> {
         let mut normals = vec![Vec3::ZERO; self.cells.len()];
         for quad in &self.quads {
@@ -105,7 +105,7 @@ impl Net {
         normals.into_par_iter().zip(kinds).map(unit).collect()
     }
 
-    /// Gives back what a surface lost on average around each vertex.
+    /// Restores the average loss of the surface around each vertex.
     fn give_back_around(&mut self, kinds: &[Kind]) {
         let normals = self.normals(kinds);
         let mut lost: Vec<f32> = self.offsets.par_iter().zip(&normals).map(|(o, n)| o.dot(*n)).collect();

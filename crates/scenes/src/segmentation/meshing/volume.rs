@@ -1,4 +1,4 @@
-//! Volumes of labels, and surfaces moved until they hold them.
+//! Volumes of labels, and surfaces moved until they enclose them.
 
 use std::collections::HashMap;
 
@@ -26,8 +26,8 @@ impl Complex {
         volumes
     }
 
-    /// Moves surfaces along their normals until each label has its volume of `wanted_mm3`, by at most `most_mm` in all.
-    /// Lines where surfaces meet stay.
+    /// Moves surfaces along their normals until each label has its volume in `wanted_mm3`, by at most `most_mm` in
+    /// total. Lines where surfaces join don't move.
     pub fn restore_volumes(&mut self, wanted_mm3: &HashMap<u16, f64>, most_mm: f64) {
         let step_mm = most_mm / ROUNDS as f64;
         for _ in 0..ROUNDS {

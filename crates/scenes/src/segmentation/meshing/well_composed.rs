@@ -1,16 +1,17 @@
 //! Labels whose surfaces have no edge of four faces.
 //!
-//! A square of four neighbouring voxels in which one label holds two opposite corners alone would give its surface an
-//! edge of four faces (Latecki 1997: a well-composed image has none). Such squares are changed, voxel by voxel.
+//! In a square of four neighbouring voxels, one label may have just two opposite corners. Its surface would then have
+//! an edge of four faces (Latecki 1997: a well-composed image has none). Such squares are changed, voxel by voxel.
 
 use rayon::prelude::*;
 
 /// Pairs of axes that span squares.
 const PLANES: [(usize, usize); 3] = [(0, 1), (0, 2), (1, 2)];
 
-/// Changes `labels` until no label holds just two opposite corners of a square. Returns the number of voxels changed.
+/// Changes `labels` until no label has just two opposite corners of a square. Returns the number of voxels changed.
 ///
-/// `rank` gives the order of labels: a voxel changes only to a label of higher rank that touches it, so changes end.
+/// `rank` gives the order of labels. A voxel changes only to a label of higher rank that touches it, so the changes
+/// end.
 pub fn make_well_composed(labels: &mut [u16], size: [usize; 3], rank: &(dyn Fn(u16) -> u64 + Sync)) -> usize {
     let squares = Squares { size, strides: [1, size[0], size[0] * size[1]] };
     let layer = squares.strides[2];
@@ -46,12 +47,12 @@ pub fn make_well_composed(labels: &mut [u16], size: [usize; 3], rank: &(dyn Fn(u
     changed
 }
 
-/// True if one label holds just two opposite corners.
+/// Whether a label has just two opposite corners.
 fn crossed([p, q, r, s]: [u16; 4]) -> bool {
     (p == r && q != p && s != p) || (q == s && p != q && r != q)
 }
 
-/// The change that leaves the fewest crossed squares around its voxel.
+/// The change that leaves the fewest crossed squares around the changed voxel.
 fn best_change(
     squares: &Squares,
     labels: &mut [u16],
@@ -95,7 +96,7 @@ impl Squares {
         })
     }
 
-    /// Calls `visit` with each square that holds the voxel.
+    /// Calls `visit` with each square that contains the voxel.
     fn each_around(&self, voxel: usize, mut visit: impl FnMut(usize, u8, [usize; 4])) {
         for (plane, (u, v)) in (0u8..).zip(PLANES) {
             let at = |axis: usize| voxel / self.strides[axis] % self.size[axis];

@@ -1,4 +1,4 @@
-//! Removal of triangles without area, of copies and of triangles back to back.
+//! Removal of triangles without area, of copies, and of pairs of triangles back to back.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -14,10 +14,11 @@ const FLAT_MM: f64 = 1e-6;
 /// Most rounds in which flat triangles are flipped away.
 const ROUNDS: usize = 16;
 
-/// Rounds in which no edge may get four triangles.
+/// Number of first rounds in which no edge may get four triangles.
 const PATIENT_ROUNDS: usize = 8;
 
-/// Removes triangles without area. One that lies on a longer edge is removed by dividing the triangle beyond it.
+/// Removes triangles without area. If a vertex of one lies on the longest edge, the triangle beyond that edge is
+/// divided there.
 pub(super) fn drop_degenerate(work: &mut Work) {
     let total = work.mesh.triangles.len();
     work.mesh.triangles.retain(|[a, b, c]| a != b && b != c && c != a);
@@ -45,14 +46,14 @@ fn flat(work: &Work) -> Vec<u32> {
         let [a, b, c] = work.corners(triangle);
         let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
         let twice = (b - a).cross(c - a).length();
-        // The tracer's 32-bit corners may leave no area at all, whatever the height.
+        // With the tracer's 32-bit corners a triangle may have no area at all, whatever its height.
         twice == 0.0 || twice < FLAT_MM * longest
     };
     (0u32..).zip(&work.mesh.triangles).filter(|(_, t)| is_flat(**t)).map(|(index, _)| index).collect()
 }
 
-/// Removes each flat triangle whose longest edge has another triangle, which is divided at the third corner. Returns
-/// the number of triangles removed. Edges of four triangles are avoided unless `forced`.
+/// Removes each flat triangle whose longest edge has another triangle, and divides that triangle at the third corner.
+/// Returns the number of triangles removed. Unless `forced`, no edge gets four triangles.
 fn flip_away(work: &mut Work, flat: &[u32], forced: bool) -> usize {
     let edges = edges::sorted(&work.mesh.triangles);
     let next = edges::neighbours(work.mesh.triangles.len(), &edges);
@@ -98,7 +99,7 @@ fn flip_away(work: &mut Work, flat: &[u32], forced: bool) -> usize {
         if !forced && exists([middle, apex]) {
             continue;
         }
-        // Keeps the winding of the triangle beyond, whichever it is.
+        // The divided triangle keeps its winding, whichever triangle `gone` belongs to.
         let divided = |gone: u32| other.map(|v| if v == gone { middle } else { v });
         work.mesh.triangles[t as usize] = divided(from);
         work.mesh.triangles[beyond as usize] = divided(to);
@@ -117,8 +118,8 @@ fn keyed([a, b, c]: [u32; 3]) -> ([u32; 3], bool) {
     (sorted, [[a, b, c], [b, c, a], [c, a, b]].contains(&sorted))
 }
 
-/// Removes copies of triangles. Of triangles back to back, both are removed if they are a wall inside the surface or
-/// the surface `is_closed`, one if they are the only border there.
+/// Removes copies of triangles. Of two triangles back to back, both are removed if they form a wall inside the surface
+/// or the surface `is_closed`; one is removed if they are the only border there.
 pub(super) fn drop_copies(work: &mut Work, is_closed: bool) {
     let mut keys: Vec<([u32; 3], u32, bool)> = (0u32..)
         .zip(&work.mesh.triangles)
@@ -132,7 +133,7 @@ pub(super) fn drop_copies(work: &mut Work, is_closed: bool) {
     let (mut copies, mut backs) = (Vec::new(), Vec::new());
     for group in keys.chunk_by(|a, b| a.0 == b.0).filter(|group| group.len() > 1) {
         let even = group.iter().filter(|(_, _, even)| *even).count();
-        // The majority's winding; the first one's if there is none.
+        // Of equal triangles, one with the winding of the majority stays; the first one if there is no majority.
         let kept = if 2 * even == group.len() { group[0] } else { majority(group, 2 * even > group.len()) };
         for &(_, index, _) in group.iter().filter(|(_, index, _)| *index != kept.1) {
             keep[index as usize] = false;
@@ -158,7 +159,7 @@ fn majority(group: &[([u32; 3], u32, bool)], even: bool) -> ([u32; 3], u32, bool
     group.iter().copied().find(|(_, _, is_even)| *is_even == even).unwrap_or(group[0])
 }
 
-/// Those of the doubled triangles `backs` that form walls inside the surface: most of their rim lies on edges that are
+/// Walls inside the surface, among the triangle pairs back to back (`backs`): sheets most of whose boundary edges stay
 /// closed without them.
 fn inner_walls(work: &Work, backs: &[u32], keep: &[bool]) -> Vec<u32> {
     if backs.is_empty() {
@@ -183,7 +184,8 @@ fn inner_walls(work: &Work, backs: &[u32], keep: &[bool]) -> Vec<u32> {
         *rest.entry(edge).or_default() += 1;
     }
     let sheet = joined.numbered();
-    // Per sheet: rim edges that are closed without it, and those that need it.
+    // For each sheet: number of boundary edges that stay closed without it, and number of boundary edges that would
+    // open.
     let mut votes = vec![[0usize; 2]; triangles.len()];
     for (edge, triangle) in &rim {
         let count = rest.get(edge).copied().unwrap_or(0);

@@ -1,4 +1,4 @@
-//! Closing of open surfaces: caps along planes, and filled holes.
+//! Closing of open surfaces: caps in planes, and filled holes.
 
 use std::collections::BTreeMap;
 
@@ -15,12 +15,12 @@ use super::polygon::{self, Border};
 use super::report::{ActionKind, RemainingKind};
 use super::work::{Work, place};
 
-/// Deviation from a plane that still counts as planar: mm, and a part of the mean edge of the rim. Decimation and
+/// Deviation of a rim that still counts as planar: mm, and as a fraction of the rim's mean edge. Decimation and
 /// smoothing move rims out of their plane.
 const PLANAR_MM: f64 = 2e-3;
 const PLANAR_PART: f64 = 0.03;
 
-/// Fewest edges of rims on a side of the bounds that was a border of the scan.
+/// Fewest rim edges on a side of the bounding box that counts as a border of the scan.
 const SIDE_EDGES_MIN: usize = 3;
 
 /// A loop of open edges.
@@ -28,22 +28,22 @@ struct Rim {
     vertices: Vec<u32>,
     points: Vec<DVec3>,
     place: Place,
-    /// Tolerance of planes, mm.
+    /// Tolerance to planes, mm.
     within_mm: f64,
 }
 
 impl Rim {
-    /// Tolerances of planes to try, mm.
+    /// Tolerances to planes, mm, in the order of trying.
     fn tolerances_mm(&self) -> [f64; 2] {
         [PLANAR_MM, self.within_mm]
     }
 }
 
-/// What holds a rim.
+/// Shape of a rim.
 enum Kind {
     /// One plane.
     Planar(usize),
-    /// Several planes: that of each edge.
+    /// In several planes: the index of the plane of each edge.
     Bent(Vec<usize>),
     /// No plane.
     Free,
@@ -90,7 +90,8 @@ fn rim(work: &Work, vertices: Vec<u32>) -> Rim {
     Rim { vertices, points, place, within_mm }
 }
 
-/// Whether a rim lies in a plane: in one of the `known` ones, else in its own, which becomes known.
+/// Kind of a rim in one plane: one of the `known` planes, else its own, which is added to them. `Free` if there is
+/// none.
 fn planar(rim: &Rim, known: &mut Vec<Plane>) -> Kind {
     if let Some(index) =
         known.iter().take(planes::PLANES_REUSED).position(|plane| plane.holds(&rim.points, rim.within_mm))
@@ -107,7 +108,7 @@ fn planar(rim: &Rim, known: &mut Vec<Plane>) -> Kind {
     }
 }
 
-/// Sides of the bounds of the whole surface that hold several edges of rims: where an upright scan ended.
+/// Sides of the surface's bounding box that contain several rim edges: the borders of an upright scan.
 fn sides_of_box(work: &Work, rims: &[Rim]) -> Vec<Plane> {
     let Some(bounds) = work.mesh.bounds_mm() else { return Vec::new() };
     let at = [bounds.min.as_dvec3(), bounds.max.as_dvec3()];
@@ -123,14 +124,14 @@ fn sides_of_box(work: &Work, rims: &[Rim]) -> Vec<Plane> {
     planes.filter(|plane| edges_on(plane) >= SIDE_EDGES_MIN).collect()
 }
 
-/// Whether a rim lies in several planes.
+/// Kind of a rim in several planes; `Free` if there are no such planes.
 fn bent(rim: &Rim, known: &mut Vec<Plane>) -> Kind {
-    // Tight tolerances tell better which plane an edge near two of them belongs to.
+    // A tight tolerance assigns edges near two planes more reliably.
     let found = rim.tolerances_mm().into_iter().find_map(|within_mm| planes::of_edges(&rim.points, known, within_mm));
     found.map_or(Kind::Free, Kind::Bent)
 }
 
-/// Splits notches off from the free rims that lie in planes but for them: each becomes a rim of its own.
+/// Separates notches from otherwise planar rims: each notch becomes a rim of its own.
 fn split_notches(work: &mut Work, rims: &mut Vec<Rim>, kinds: &mut Vec<Kind>, known: &mut Vec<Plane>) {
     let free: Vec<usize> = (0..rims.len()).filter(|&i| matches!(kinds[i], Kind::Free)).collect();
     let rest: Vec<Vec<u32>> = free.iter().map(|&i| rims[i].vertices.clone()).collect();
@@ -153,7 +154,8 @@ fn split_notches(work: &mut Work, rims: &mut Vec<Rim>, kinds: &mut Vec<Kind>, kn
     }
 }
 
-/// A rim without its notches, and these as rims. `None` if there are none, or one has no edge to separate it.
+/// A rim without its notches, and the notches as rims. `None` if there are no notches, or one can't be separated by a
+/// new edge.
 fn without(work: &mut Work, vertices: &[u32], notches: &[Notch], filler: &Filler) -> Option<(Rim, Vec<Rim>)> {
     let count = vertices.len();
     let run = |notch: &Notch| -> Vec<u32> {
@@ -184,19 +186,19 @@ fn without(work: &mut Work, vertices: &[u32], notches: &[Notch], filler: &Filler
     Some((rim(work, rest.collect()), split))
 }
 
-/// Rims along planes, while they are capped.
+/// Rims in planes, while they are capped.
 struct Cuts<'a> {
     rims: &'a [Rim],
     kinds: &'a [Kind],
     known: &'a [Plane],
-    /// Number of the `known` planes that are sides of an upright box.
+    /// Number of the `known` planes that are sides of an upright box; these come first.
     sides: usize,
     is_closed: &'a mut [bool],
 }
 
 impl Cuts<'_> {
-    /// Caps the bent rims: all together with the planar ones in their planes, so that one within another makes a ring;
-    /// if that fails, each by itself.
+    /// Caps the bent rims together with the planar rims in the same planes, so that one rim within another makes a
+    /// ring. If that fails, each bent rim is capped separately.
     fn cap_bent(&mut self, work: &mut Work) {
         let bent: Vec<usize> = (0..self.rims.len()).filter(|&i| matches!(self.kinds[i], Kind::Bent(_))).collect();
         if bent.is_empty() || self.cap_along(work, &bent, true).is_some() {
@@ -207,7 +209,7 @@ impl Cuts<'_> {
         }
     }
 
-    /// Caps some bent rims along their planes, with or without the planar rims there. `None`, with no cap added, if
+    /// Caps some bent rims in their planes, with or without the planar rims there. `None`, without any new cap, if
     /// that is impossible in one of the planes.
     fn cap_along(&mut self, work: &mut Work, members: &[usize], with_planar: bool) -> Option<()> {
         let mut turns = Turns::new();
@@ -244,7 +246,7 @@ impl Cuts<'_> {
         Some(())
     }
 
-    /// Caps the planar rims of each plane together; if that fails, each by itself.
+    /// Caps the planar rims of each plane together; if that fails, each rim separately.
     fn cap_planar(&mut self, work: &mut Work) {
         let mut of_plane = BTreeMap::<usize, Vec<usize>>::new();
         for (i, kind) in self.kinds.iter().enumerate() {
@@ -276,7 +278,7 @@ impl Cuts<'_> {
     }
 }
 
-/// Logs what was closed, and how.
+/// Logs the number of closed rims, by method.
 fn report(work: &mut Work, rims: &[Rim], kinds: &[Kind], is_closed: &[bool], settings: &RepairSettings) {
     let mut places = BTreeMap::<ActionKind, Vec<Place>>::new();
     for ((rim, kind), capped) in rims.iter().zip(kinds).zip(is_closed) {

@@ -15,30 +15,33 @@ const BEYOND_MM: f64 = 0.05;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Turn {
     pub(super) vertex: u32,
-    /// Plane of the rim after the turn, and its direction there.
+    /// Plane of the rim after the turn, and direction of the rim there.
     pub(super) plane: usize,
     pub(super) direction: DVec3,
 }
 
-/// Turns by their pair of planes.
+/// Turns by the pair of planes that they join.
 pub(super) type Turns = BTreeMap<[usize; 2], Vec<Turn>>;
 
 /// Edges of caps, each on two planes.
 pub(super) type Bends = Vec<([usize; 2], [u32; 2])>;
 
-/// A point of three planes, and whether the solid includes it.
+/// Intersection of three planes, and whether the solid includes it.
 struct Corner {
     at: DVec3,
     planes: [usize; 3],
     inside: Option<bool>,
-    /// Sum of 1 for each line along which the winding says that the solid includes the corner, −1 if it does not.
+    /// Votes of the winding: +1 for each line along which the solid includes the corner, −1 for each along which it
+    /// does not.
     votes: i32,
 }
 
-/// Edges of the caps where two planes meet: along the line of the planes, turns and corners of the box alternate
-/// between entering the solid and leaving it. Which of them enter it, the winding tells; the fewest corners are
-/// included if it does not. `None` if the ends do not fit each other. The first
-/// `sides` of the `known` planes are those of an upright box, others count only where rims turn.
+/// Cap edges on the lines where two planes intersect, or `None` if the line ends don't pair up.
+///
+/// Along such a line, turns of rims and corners of the box alternate between entering the solid and leaving it. The
+/// winding of the surface decides which of them enter. If the winding is ambiguous, the solid includes as few corners
+/// as possible. The first `sides` of the `known` planes are sides of an upright box; other planes count only where
+/// rims turn.
 pub(super) fn bends(work: &mut Work, turns: &Turns, known: &[Plane], sides: usize) -> Option<Bends> {
     let used: BTreeSet<usize> = turns.keys().flatten().copied().collect();
     if used.is_empty() {
@@ -81,7 +84,7 @@ fn side(work: &Work, plane: &Plane) -> Option<f64> {
     }
 }
 
-/// Corners of the box: points of three planes that no other plane cuts off.
+/// Corners of the box: intersections of three planes that no other plane cuts off.
 fn corners(faces: &[usize], sides: &[Option<f64>], known: &[Plane]) -> Vec<Corner> {
     let is_inside = |at: DVec3| {
         let cuts_off = |i: &usize| {
@@ -102,7 +105,8 @@ fn corners(faces: &[usize], sides: &[Option<f64>], known: &[Plane]) -> Vec<Corne
     found
 }
 
-/// Lines of two planes, with the corners at their ends. `None` if a line has more than two: it is no box.
+/// Intersection lines of two planes, with the corners at their ends. `None` if a line has more than two corners: the
+/// planes form no box.
 fn lines(faces: &[usize], known: &[Plane], corners: &[Corner]) -> Option<Vec<([usize; 2], Vec<usize>)>> {
     let mut lines = Vec::new();
     for (n, &i) in faces.iter().enumerate() {
@@ -120,7 +124,7 @@ fn lines(faces: &[usize], known: &[Plane], corners: &[Corner]) -> Option<Vec<([u
     Some(lines)
 }
 
-/// Adds up what the winding says about the corners: a cap is on the left of its rim, seen from outside the box.
+/// Collects the votes of the winding for each corner: seen from outside the box, a cap is on the left of its rim.
 fn vote(
     corners: &mut [Corner],
     lines: &[([usize; 2], Vec<usize>)],
@@ -148,7 +152,8 @@ fn vote(
     }
 }
 
-/// Volume of the surface with each rim closed by a fan, mm³: negative if the surface most likely faces inward.
+/// Signed volume of the surface with each rim closed by a fan, mm³. It is negative if the surface most likely faces
+/// inward.
 fn open_volume(work: &Work) -> f64 {
     let triangles = work.mesh.triangles.iter().map(|t| volume(work.corners(*t))).sum::<f64>();
     let fan = |rim: &Vec<u32>| -> f64 {
@@ -160,8 +165,8 @@ fn open_volume(work: &Work) -> f64 {
     triangles + loops(&work.mesh.triangles).iter().map(fan).sum::<f64>()
 }
 
-/// Decides which corners the solid includes: the ends of a line differ if it has an odd number of turns; a line without
-/// an end starts outside. `None` if that contradicts itself.
+/// Decides which corners the solid includes. Of the two ends of a line, exactly one is included if the line has an odd
+/// number of turns. A line with one corner starts outside the solid. `None` if these rules contradict each other.
 fn decide(
     corners: &mut [Corner],
     lines: &[([usize; 2], Vec<usize>)],
@@ -196,7 +201,7 @@ fn decide(
     Some(())
 }
 
-/// Sets a corner, unless it is set otherwise.
+/// Sets whether a corner is included. `None` if it was already set to the opposite.
 fn set(corners: &mut [Corner], queue: &mut Vec<usize>, corner: usize, inside: bool) -> Option<()> {
     match corners[corner].inside {
         Some(is) => (is == inside).then_some(()),
@@ -208,7 +213,7 @@ fn set(corners: &mut [Corner], queue: &mut Vec<usize>, corner: usize, inside: bo
     }
 }
 
-/// Sets the other ends of all lines of the corners in the queue.
+/// Sets the opposite ends of all lines that start at the queued corners.
 fn spread(
     corners: &mut [Corner],
     lines: &[([usize; 2], Vec<usize>)],

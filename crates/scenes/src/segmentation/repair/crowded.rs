@@ -12,8 +12,8 @@ use super::work::{Work, area};
 /// Most rounds of removing sheets, and of dividing edges.
 const ROUNDS: usize = 32;
 
-/// Distance by which vertices of touching parts are moved into their part, mm. The doctor joins vertices in exactly
-/// one place, and regards what crosses by more than 0.001 mm.
+/// Inward offset of the vertices of touching parts, mm. It separates the parts by more than 0.001 mm, the depth from
+/// which the scene check reports a crossing.
 const APART_MM: f64 = 0.004;
 
 /// Resolves all edges of more than two triangles.
@@ -49,7 +49,7 @@ pub(super) fn check(work: &mut Work) {
     work.leave(RemainingKind::Crowded, crowded.len(), [place]);
 }
 
-/// Removes the smallest sheet at each edge of an odd number of three or more triangles, until there is no such edge.
+/// Removes the smallest sheet at each edge of three or any larger odd number of triangles, until no such edge is left.
 fn drop_sheets(work: &mut Work) {
     let mut removed = 0;
     let mut places = Vec::new();
@@ -65,7 +65,7 @@ fn drop_sheets(work: &mut Work) {
         for (triangle, &index) in work.mesh.triangles.iter().zip(&sheet) {
             areas[index as usize] += area(work.corners(*triangle));
         }
-        // Smallest sheets first; each edge loses one of them in a round.
+        // The smallest sheets come first; each edge loses one of its sheets per round.
         let mut around: Vec<Vec<u32>> = odd
             .iter()
             .map(|group| {
@@ -77,7 +77,7 @@ fn drop_sheets(work: &mut Work) {
         around.sort_unstable();
         around.dedup();
         let smallest = |sheets: &Vec<u32>| {
-            // A sheet that meets the edge twice would leave it odd.
+            // A sheet that contains the edge twice would leave an odd number.
             let once = |s: &&u32| sheets.iter().filter(|other| other == s).count() % 2 == 1;
             let by_area = |a: &&u32, b: &&u32| areas[**a as usize].total_cmp(&areas[**b as usize]).then(a.cmp(b));
             sheets.iter().filter(once).min_by(by_area).copied()
@@ -136,7 +136,8 @@ fn pairs_of(work: &Work, group: &[Edge]) -> Vec<[u32; 2]> {
     };
     let gap =
         |first: usize| -> f64 { pair_from(first).map(|[i, j]| (around[j].0 - around[i].0).rem_euclid(TAU)).sum() };
-    // Anticlockwise from a triangle that runs back to one that runs forth is the inside.
+    // In anticlockwise order, the solid lies between a triangle that runs backward along the edge and the next that
+    // runs forward.
     let encloses = |first: usize| pair_from(first).all(|[i, j]| around[i].1.back && !around[j].1.back);
     let first = match (encloses(0), encloses(1)) {
         (true, false) => 0,
@@ -146,7 +147,7 @@ fn pairs_of(work: &Work, group: &[Edge]) -> Vec<[u32; 2]> {
     pair_from(first).map(|pair| pair.map(|i| around[i].1.triangle)).collect()
 }
 
-/// Gives each part at a vertex of a crowded edge a vertex of its own. False if no vertex could be divided.
+/// Gives each part at a vertex of a crowded edge a vertex of its own. Returns false if no vertex could be divided.
 fn divide_vertices(work: &mut Work, edges: &[Edge], pairs: &Pairs) -> bool {
     let mut at: BTreeMap<u32, Vec<u32>> = pairs.keys().flatten().map(|&vertex| (vertex, Vec::new())).collect();
     for (triangle, index) in work.mesh.triangles.iter().zip(0u32..) {
@@ -205,7 +206,7 @@ fn divide_vertices(work: &mut Work, edges: &[Edge], pairs: &Pairs) -> bool {
     !changes.is_empty()
 }
 
-/// Divides the triangles of crowded edges in the middle of the edge, each pair at a vertex of its own.
+/// Divides the triangles at crowded edges at the middle of the edge, with a new vertex for each pair.
 fn divide_edges(work: &mut Work, pairs: &Pairs) {
     let mut touched = vec![false; work.mesh.triangles.len()];
     for (&[low, high], pairs) in pairs {
@@ -227,8 +228,7 @@ fn divide_edges(work: &mut Work, pairs: &Pairs) {
     }
 }
 
-/// Moves separated vertices a little into their part, so that touching parts have a gap. The surface must face
-/// outward.
+/// Moves separated vertices slightly inward, so that touching parts have a gap. The surface must face outward.
 pub(super) fn move_apart(work: &mut Work) {
     if work.split.is_empty() {
         return;
@@ -236,7 +236,7 @@ pub(super) fn move_apart(work: &mut Work) {
     let mut split = std::mem::take(&mut work.split);
     split.sort_unstable();
     split.dedup();
-    // Normal weighted by angle and area, and the shortest edge.
+    // Normal weighted by angle and area, and length of the shortest edge, of each vertex.
     let mut around: BTreeMap<u32, (glam::DVec3, f64)> =
         split.into_iter().map(|vertex| (vertex, (glam::DVec3::ZERO, f64::INFINITY))).collect();
     for triangle in &work.mesh.triangles {

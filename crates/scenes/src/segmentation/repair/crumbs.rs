@@ -4,14 +4,14 @@ use super::orient::{self, Part};
 use super::report::ActionKind;
 use super::work::{Work, place};
 
-/// Mean thickness below which the tracer cannot tell a part's sides apart, mm.
+/// Mean thickness below which the tracer cannot distinguish the two sides of a part, mm.
 const THIN_MM: f64 = 2e-3;
 
-/// Removes parts without thickness, and crumbs: parts of less than `share` of the volume of the largest part.
+/// Removes parts without thickness, and fragments: parts below the fraction `share` of the largest part's volume.
 pub(super) fn drop_crumbs(work: &mut Work, share: f64) {
     let (parts, part_of) = orient::parts(&work.mesh);
     let largest = parts.iter().map(|part| part.volume_mm3.abs()).fold(0.0, f64::max);
-    // A slab has half of its area on each side.
+    // Each side of a slab has half of its area.
     let is_flat = |part: &Part| 2.0 * part.volume_mm3.abs() < THIN_MM * part.area_mm2;
     let is_crumb = |part: &Part| part.volume_mm3.abs() < share * largest;
     let flat: Vec<usize> = (0..parts.len()).filter(|&i| is_flat(&parts[i])).collect();

@@ -13,9 +13,9 @@ pub(super) struct Edge {
     pub(super) low: u32,
     pub(super) high: u32,
     pub(super) triangle: u32,
-    /// Place of the edge in its triangle: from corner `side` to the next one.
+    /// Position of the edge in its triangle: from corner `side` to the next one.
     pub(super) side: u8,
-    /// True if it runs from the higher vertex to the lower.
+    /// Whether the edge runs from the higher vertex to the lower.
     pub(super) back: bool,
 }
 
@@ -36,7 +36,7 @@ pub(super) fn undirected([a, b]: [u32; 2]) -> [u32; 2] {
     [a.min(b), a.max(b)]
 }
 
-/// All edges, sorted: those with equal vertices follow each other.
+/// All edges, sorted by their vertices, so that coincident edges are adjacent.
 pub(super) fn sorted(triangles: &[[u32; 3]]) -> Vec<Edge> {
     let mut edges: Vec<Edge> = Vec::with_capacity(3 * triangles.len());
     for (&triangle, index) in triangles.iter().zip(0u32..) {
@@ -52,12 +52,12 @@ pub(super) fn sorted(triangles: &[[u32; 3]]) -> Vec<Edge> {
     edges
 }
 
-/// Groups of edges with equal vertices.
+/// Groups of edges between the same two vertices.
 pub(super) fn groups(edges: &[Edge]) -> impl Iterator<Item = &[Edge]> {
     edges.chunk_by(|a, b| (a.low, a.high) == (b.low, b.high))
 }
 
-/// Edges with a single triangle, in its direction.
+/// Edges with a single triangle, in the direction of that triangle.
 pub(super) fn open(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
     let edges = sorted(triangles);
     groups(&edges).filter(|group| group.len() == 1).map(|group| group[0].directed()).collect()

@@ -9,7 +9,7 @@ use super::planes::Plane;
 use super::polygon::{self, Border};
 use super::work::{Work, area};
 
-/// Most edges of a hole that is filled with the least area.
+/// Most edges of a hole that is filled with least area.
 const LEAST_AREA_EDGES: usize = 300;
 
 /// Cost of an edge that exists already, mm: more than any distance.
@@ -17,7 +17,7 @@ const TAKEN_MM: f64 = 1e9;
 
 /// Fills holes, each with triangles between its own corners where possible.
 pub(super) struct Filler {
-    /// Edges between corners of holes: they must not be used again.
+    /// Edges between corners of holes that already exist. Another triangle must not use them.
     taken: HashSet<[u32; 2]>,
 }
 
@@ -50,7 +50,7 @@ impl Filler {
         work.mesh.triangles.extend(triangles);
     }
 
-    /// Triangulation of the hole's outline in its plane, if that is simple.
+    /// Triangulation of the hole's outline, projected onto its mean plane; `None` if the projection crosses itself.
     fn in_plane(&self, work: &Work, hole: &[u32], points: &[DVec3]) -> Option<Vec<[u32; 3]>> {
         let plane = Plane { normal: newell(points).try_normalize()?, offset_mm: 0.0 };
         let triangles = polygon::triangulate(&borders(hole), &plane, |vertex| work.at(vertex))?;
@@ -59,7 +59,7 @@ impl Filler {
         (!inner.any(|edge| self.taken.contains(&edge))).then_some(triangles)
     }
 
-    /// Cuts off the corner with the shortest bridge, again and again.
+    /// Triangulation by repeatedly cutting off the corner with the shortest bridging edge.
     fn ears(&self, hole: &[u32], points: &[DVec3]) -> Vec<[u32; 3]> {
         let mut left: Vec<usize> = (0..hole.len()).collect();
         let around = |left: &[usize], i: usize| {
@@ -101,7 +101,7 @@ pub(super) fn newell(points: &[DVec3]) -> DVec3 {
 }
 
 /// Triangulation of a closed polygon in space with the least area, by dynamic programming (Barequet & Sharir, Comput
-/// Aided Geom Des 12:207, 1995). `None` if every one needs an edge that is taken.
+/// Aided Geom Des 12:207, 1995). `None` if each triangulation needs an edge that is taken.
 fn least_area(points: &[DVec3], is_taken: &dyn Fn(usize, usize) -> bool) -> Option<Vec<[usize; 3]>> {
     let n = points.len();
     let at = |i: usize, k: usize| i * n + k;
@@ -110,7 +110,7 @@ fn least_area(points: &[DVec3], is_taken: &dyn Fn(usize, usize) -> bool) -> Opti
     for length in 2..n {
         for i in 0..n - length {
             let k = i + length;
-            // The last one is an edge of the rim itself.
+            // The longest chord is an edge of the rim itself.
             if length < n - 1 && is_taken(i, k) {
                 cost[at(i, k)] = f64::INFINITY;
                 continue;
@@ -160,7 +160,7 @@ mod tests {
         let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 1.0], [1.0, 1.0, 0.0], [0.0, 1.0, 1.0]].map(DVec3::from_array);
         let free = least_area(&points, &|_, _| false).unwrap();
         assert_eq!(free.len(), 2);
-        // Where one diagonal is taken, the other is used; with both taken there is none.
+        // If one diagonal is taken, the other is used; if both are, there is no triangulation.
         let first = least_area(&points, &|a, b| (a.min(b), a.max(b)) == (0, 2)).unwrap();
         assert!(first.iter().all(|t| t.contains(&1) && t.contains(&3)));
         assert!(least_area(&points, &|_, _| true).is_none());

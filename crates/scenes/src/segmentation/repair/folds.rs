@@ -15,13 +15,13 @@ use super::work::{Work, place};
 const ROUNDS: usize = 12;
 const ROUNDS_A_STEP: usize = 3;
 
-/// Depth of the shallowest crossing that is smoothed, mm. Separated vertices cause shallower ones.
+/// Depth of the shallowest crossing that is smoothed, mm. Separating touching parts causes shallower ones.
 const DEPTH_MM: f64 = 0.01;
 
-/// Folds that remain are reported if more than one in this many triangles has one: the doctor ignores fewer.
+/// Remaining folds are reported if there is more than one per this number of triangles: the scene check ignores fewer.
 const FOLDS_ONE_IN: usize = 25;
 
-/// Smooths small folds without moving a vertex by more than `max_move_mm`, and reports what is left.
+/// Smooths small folds without moving a vertex by more than `max_move_mm`, and reports the remaining ones.
 pub(super) fn resolve(work: &mut Work, max_move_mm: f64) {
     let before = work.mesh.clone();
     let Some(tree) = Tree::new(&before) else { return };
@@ -42,7 +42,7 @@ pub(super) fn resolve(work: &mut Work, max_move_mm: f64) {
         if seeds.is_empty() || reach_mm == 0.0 {
             break;
         }
-        // Little first, then more, over a wider ring.
+        // Smoothing starts weak and narrow, then gets stronger over a wider ring.
         let step = round / ROUNDS_A_STEP;
         let reach_mm = reach_mm * [0.1, 0.3, 1.0, 1.0][step.min(3)];
         pairs = smooth(work, &tree, &seeds, &pairs, reach_mm, step + 1).unwrap_or(pairs);
@@ -116,7 +116,7 @@ fn smooth(
     None
 }
 
-/// Crossings of some triangles with all others. The tree is of the mesh before it was smoothed.
+/// Crossings of the triangles `some` with all others. The tree was built from the mesh before smoothing.
 fn crossings_of(mesh: &Mesh, tree: &Tree<'_>, some: &[u32], is_some: &BTreeSet<u32>, reach_mm: f32) -> Vec<Pair> {
     let mut found = Vec::new();
     for &t in some {

@@ -6,13 +6,13 @@ use super::edges;
 
 /// Simple loops of open edges, each in the direction of the triangles that would close it.
 ///
-/// Open edges that form no loop, because the winding is not consistent there, are left out.
+/// Open edges that form no loop because the winding is inconsistent are left out.
 pub(super) fn loops(triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
     let mut next = BTreeMap::<u32, Vec<u32>>::new();
     for [from, to] in edges::open(triangles) {
         next.entry(to).or_default().push(from);
     }
-    // The lowest is taken first, from the end.
+    // The lowest vertex is at the end of the list, so it is taken first.
     next.values_mut().for_each(|list| list.sort_unstable_by(|a, b| b.cmp(a)));
     let starts: Vec<u32> = next.keys().copied().collect();
     let mut found = Vec::new();
@@ -49,7 +49,7 @@ mod tests {
         let fan = [[0, 1, 2], [0, 2, 3], [0, 4, 5], [0, 5, 6]];
         let found = loops(&fan);
         assert_eq!(found.iter().map(Vec::len).sum::<usize>(), 8);
-        // A strip whose rim passes through vertex 0 twice: two loops, none with a vertex twice.
+        // A strip whose rim passes through vertex 0 twice gives two loops, each with the vertex once.
         assert_eq!(found.len(), 2);
         for found_loop in found {
             let mut sorted = found_loop.clone();

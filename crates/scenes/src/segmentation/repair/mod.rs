@@ -2,15 +2,15 @@
 //!
 //! [`repair`] mends a surface in this order:
 //!
-//! 1. Vertices in one place are joined, also those of rims that are not quite in one place.
-//! 2. Triangles without area and copies of triangles are removed. Of two triangles back to back, both go if they are a
-//!    wall inside the surface, one if they are its only border.
+//! 1. Coincident vertices are joined, also those of rims that nearly coincide.
+//! 2. Triangles without area and copies of triangles are removed. Of two triangles back to back, both are removed if
+//!    they form a wall inside the surface; one is removed if they are its only border.
 //! 3. At edges of more than two triangles, sheets are removed, and parts that touch are separated.
 //! 4. The winding is made consistent in each part.
-//! 5. Open rims are closed. Rims in a plane are capped, one within another as a ring; a rim round the edge or corner of
-//!    a box is capped along its planes. Other holes are filled with the least area.
-//! 6. Parts without thickness, and crumbs, are removed.
-//! 7. Parts are turned outward; those within an odd number of others are cavities.
+//! 5. Open rims are closed. Planar rims are capped, one within another as a ring. A rim around the edge or corner of a
+//!    box is capped in the planes of the box. Other holes are filled with the least area.
+//! 6. Parts without thickness and small fragments are removed.
+//! 7. Parts are turned outward. Parts within an odd number of others are cavities and face inward.
 //! 8. Triangles that cross near neighbours are smoothed.
 //!
 //! Overlapping parts are reported, not united. The result depends only on the input, not on the number of threads.
@@ -40,7 +40,7 @@ pub use report::{Action, ActionKind, Remaining, RemainingKind, SurfaceRepair};
 use insonify_core::anatomy::Mesh;
 use work::{Work, place};
 
-/// Most passes of closing: filling a hole may make an edge of four triangles, which is divided again.
+/// Most passes of closing: filling a hole may create an edge of four triangles, which is divided in the next pass.
 const PASSES: usize = 3;
 
 /// Settings of a repair.
@@ -48,13 +48,13 @@ const PASSES: usize = 3;
 pub struct RepairSettings {
     /// Distance within which vertices are joined, mm.
     pub weld_mm: f64,
-    /// Distance within which rims are joined, mm; at most a quarter of a rim edge.
+    /// Distance within which rims are joined, mm; limited to a quarter of the mean rim edge.
     pub weld_rims_mm: f64,
     /// Largest distance by which a vertex may be moved, mm.
     pub max_move_mm: f64,
-    /// Size up to which a hole counts as small, mm. Larger ones that are not planar are reported as guesses.
+    /// Size up to which a hole counts as small, mm. Larger holes that are not planar are reported as guesses.
     pub small_hole_mm: f64,
-    /// Parts below this fraction of the largest part's volume are removed.
+    /// Volume relative to the largest part, below which a part is a fragment and is removed.
     pub crumb_share: f64,
 }
 
@@ -66,7 +66,7 @@ impl Default for RepairSettings {
 
 /// Repairs a surface, in mm. Returns the mended mesh, empty if nothing encloses a volume, and the report.
 ///
-/// A triangle that names a vertex beyond the last is treated as one with a vertex that is not finite.
+/// A triangle with a vertex index out of range is treated like one with a vertex that is not finite.
 pub fn repair(name: &str, mesh: Mesh, settings: &RepairSettings) -> (Mesh, SurfaceRepair) {
     let before = mesh.triangles.len();
     let mut work = Work::new(mesh);
@@ -113,7 +113,7 @@ fn finish(name: &str, before: usize, mut work: Work) -> (Mesh, SurfaceRepair) {
     (work.mesh, report)
 }
 
-/// Actions with those of one kind as one, in the order of their first.
+/// Actions with each kind merged into one entry, in the order of first occurrence.
 fn merged(actions: Vec<Action>) -> Vec<Action> {
     let mut merged: Vec<Action> = Vec::new();
     for action in actions {
@@ -134,7 +134,7 @@ fn drop_not_finite(work: &mut Work) {
     let is_bad = |vertex: &u32| vertices.get(*vertex as usize).is_none_or(|v| !v.is_finite());
     let mut bad: Vec<u32> = work.mesh.triangles.iter().flatten().copied().filter(is_bad).collect();
     if bad.is_empty() {
-        // Vertices that no triangle uses may be anything.
+        // Unused vertices may have any coordinates.
         work.compact();
         return;
     }

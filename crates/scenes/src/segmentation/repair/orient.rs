@@ -7,10 +7,10 @@ use super::edges::{self, NONE, of};
 use super::report::{ActionKind, RemainingKind};
 use super::work::{Work, area, place, volume};
 
-/// Number of corners at which a part's surroundings are sampled.
+/// Most corners at which the surroundings of a part are sampled.
 const CORNERS_SAMPLED: usize = 33;
 
-/// Makes the winding of each component consistent, with as little area turned over as possible. Returns the number of
+/// Makes the winding of each component consistent, turning over as little area as possible. Returns the number of
 /// edges where that is impossible.
 pub(super) fn make_consistent(work: &mut Work) -> usize {
     let edges = edges::sorted(&work.mesh.triangles);
@@ -47,7 +47,7 @@ pub(super) fn make_consistent(work: &mut Work) -> usize {
                 }
             }
         }
-        // Turning over the rest instead has the same effect.
+        // Turning over all other triangles instead has the same effect.
         let area_of = |want: bool| -> f64 {
             let wanted = queue.iter().filter(|&&t| turn[t as usize] == Some(want));
             wanted.map(|&t| area(work.corners(work.mesh.triangles[t as usize]))).sum()
@@ -60,7 +60,7 @@ pub(super) fn make_consistent(work: &mut Work) -> usize {
     let place = work.place_of(turned.iter().map(|&t| work.mesh.triangles[t as usize]));
     turned.iter().for_each(|&t| work.mesh.triangles[t as usize].swap(1, 2));
     work.log(ActionKind::Turned, turned.len(), [place]);
-    // Each is seen from both of its sides.
+    // Each conflict is counted from both sides of its edge.
     conflicts / 2
 }
 
@@ -78,13 +78,13 @@ pub(super) fn check(work: &mut Work) {
 /// A component of the surface, connected over edges.
 pub(super) struct Part {
     pub(super) bounds: Bounds,
-    /// Some of its corners, spread evenly over its triangles.
+    /// Some corners of the part, spread evenly over its triangles.
     corners: Vec<glam::Vec3>,
     pub(super) triangles: usize,
     pub(super) area_mm2: f64,
-    /// Signed volume, mm³: positive if it faces outward.
+    /// Signed volume, mm³: positive if the part faces outward.
     pub(super) volume_mm3: f64,
-    /// Whether it has an edge without a partner.
+    /// Whether the part has an edge without a partner.
     pub(super) open: bool,
 }
 
@@ -123,7 +123,7 @@ pub(super) fn parts(mesh: &Mesh) -> (Vec<Part>, Vec<u32>) {
     (parts, part_of)
 }
 
-/// Turns parts over so that they face outward; those that lie within an odd number of others face inward, as cavities.
+/// Turns parts over so that they face outward. Parts within an odd number of others are cavities and face inward.
 pub(super) fn face_outward(work: &mut Work) {
     drop_doubled(work);
     let (parts, part_of) = parts(&work.mesh);
@@ -137,7 +137,8 @@ pub(super) fn face_outward(work: &mut Work) {
             _ => {}
         }
     }
-    // If every part is the wrong way round, cavities were cavities.
+    // If every part faces the wrong way, the whole surface was inside out, and its cavities were correct relative to
+    // it.
     if turned.len() + cavities.len() == parts.len() {
         turned.append(&mut cavities);
         turned.sort_unstable();
@@ -155,11 +156,11 @@ pub(super) fn face_outward(work: &mut Work) {
     work.log(ActionKind::Cavity, cavities.len(), cavities_at);
 }
 
-/// Least volume of a part over that of the part around it at which both are one surface drawn twice.
+/// Smallest volume of a part, relative to the part around it, at which both are one surface drawn twice.
 const DOUBLED_SHARE: f64 = 0.9;
 
-/// Removes parts just within another that faces the same way: a surface that was exported twice, a little apart. A
-/// cavity faces the other way.
+/// Removes parts just within another part that faces the same way: a surface that was exported twice, slightly offset.
+/// A cavity faces the other way.
 fn drop_doubled(work: &mut Work) {
     let (parts, part_of) = parts(&work.mesh);
     let holders = holders(&work.mesh, &parts, &part_of);
@@ -180,7 +181,7 @@ fn drop_doubled(work: &mut Work) {
     work.log(ActionKind::Doubled, places.len(), places);
 }
 
-/// Other parts that hold each part, by its sampled corners.
+/// For each part, the other parts that enclose it, by its sampled corners.
 fn holders(mesh: &Mesh, parts: &[Part], part_of: &[u32]) -> Vec<Vec<usize>> {
     let tree = if parts.len() > 1 { Tree::new(mesh) } else { None };
     let Some(tree) = tree else { return vec![Vec::new(); parts.len()] };
@@ -191,7 +192,7 @@ fn holders(mesh: &Mesh, parts: &[Part], part_of: &[u32]) -> Vec<Vec<usize>> {
             .filter(|&other| {
                 let in_other = |t: u32| part_of[t as usize] as usize == other;
                 let held = part.corners.iter().filter(|c| tree.winding(c.as_dvec3(), in_other) != 0).count();
-                // Corners where the parts touch may be on either side.
+                // Where parts touch, sampled corners may be on either side.
                 10 * held >= 9 * part.corners.len()
             })
             .collect()

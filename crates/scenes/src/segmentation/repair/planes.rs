@@ -2,17 +2,18 @@
 
 use glam::DVec3;
 
-/// Smallest sine of the angle of two planes that meet at an edge of a cut.
+/// Smallest sine of the angle between two planes that share an edge of a cut.
 const SINE_MIN: f64 = 0.2;
 
-/// Largest sine of the angle of the opposite faces of a box, and their least distance as a part of a loop's size.
+/// Largest sine of the angle between opposite faces of a box, and their smallest distance relative to the size of the
+/// loop.
 const PARALLEL_SINE: f64 = 1e-3;
 const APART_PART: f64 = 0.05;
 
-/// Most planes of one loop: those of a box.
+/// Most planes of one loop: the six sides of a box.
 const PLANES_MAX: usize = 6;
 
-/// Fewest edges of a bent loop on one of its planes, and the smallest part of its length.
+/// Fewest edges of a bent loop on one of its planes, and their smallest length relative to the loop's.
 const EDGES_MIN: usize = 3;
 const PLANE_PART: f64 = 0.03;
 
@@ -22,11 +23,11 @@ pub(super) const PLANES_REUSED: usize = 256;
 /// Most arcs of a bent loop.
 const ARCS_MAX: usize = 100;
 
-/// Fewest edges of a loop with notches, and the largest part of its length in them.
+/// Fewest edges of a loop with notches, and largest total length of the notches relative to the loop's.
 const NOTCHED_EDGES_MIN: usize = 12;
 const NOTCHED_PART: f64 = 0.3;
 
-/// Number of places along a loop where planes are sought.
+/// Number of positions along a loop from which planes are fitted.
 const STARTS: usize = 48;
 
 /// A plane: points `p` with `normal · p = offset_mm`.
@@ -37,7 +38,7 @@ pub(super) struct Plane {
 }
 
 impl Plane {
-    /// Plane through three points far apart; `None` if all lie within `within_mm` of a line.
+    /// Plane through three distant points of the set; `None` if all points lie within `within_mm` of a line.
     pub(super) fn through(points: &[DVec3], within_mm: f64) -> Option<Self> {
         let first = *points.first()?;
         let farthest = |from: &dyn Fn(DVec3) -> f64| {
@@ -60,13 +61,13 @@ impl Plane {
         (self.normal.dot(point) - self.offset_mm).abs()
     }
 
-    /// Whether all points are within a distance of the plane.
+    /// Whether all points lie within a distance of the plane.
     pub(super) fn holds(&self, points: &[DVec3], within_mm: f64) -> bool {
         points.iter().all(|point| self.distance_mm(*point) <= within_mm)
     }
 }
 
-/// Point of three planes.
+/// Intersection of three planes; `None` if they have no single common point.
 pub(super) fn corner([a, b, c]: [Plane; 3]) -> Option<DVec3> {
     let volume = a.normal.dot(b.normal.cross(c.normal));
     if volume.abs() < SINE_MIN * SINE_MIN {
@@ -76,20 +77,20 @@ pub(super) fn corner([a, b, c]: [Plane; 3]) -> Option<DVec3> {
     Some((bc * a.offset_mm + ca * b.offset_mm + ab * c.offset_mm) / volume)
 }
 
-/// Planes that hold most edges of a loop.
+/// Planes that contain most edges of a loop.
 struct Cover {
-    /// Number of candidates that were known before; they come first.
+    /// Number of candidates that were already known; these come first.
     known: usize,
     candidates: Vec<Plane>,
-    /// Edges that each candidate holds.
+    /// Edges that lie in each candidate.
     covers: Vec<Vec<bool>>,
-    /// The candidates that were chosen, best first.
+    /// Indices of the chosen candidates, best first.
     chosen: Vec<usize>,
-    /// Edges that none of them holds.
+    /// Edges that lie in none of the chosen planes.
     left: Vec<bool>,
 }
 
-/// Chooses the planes that hold most edges, up to six: of the `known` ones, and of those of runs of the loop.
+/// Chooses up to six planes that contain most edges, among the `known` planes and planes fitted to runs of the loop.
 fn cover(points: &[DVec3], known: &[Plane], within_mm: f64) -> Cover {
     let count = points.len();
     let next = |i: usize| (i + 1) % count;
@@ -97,7 +98,7 @@ fn cover(points: &[DVec3], known: &[Plane], within_mm: f64) -> Cover {
         let near: Vec<bool> = points.iter().map(|p| plane.distance_mm(*p) <= within_mm).collect();
         (0..count).map(|i| near[i] && near[next(i)]).collect()
     };
-    // Those of the largest rims come first.
+    // The planes of the largest rims come first.
     let known = &known[..known.len().min(PLANES_REUSED)];
     let mut candidates = known.to_vec();
     candidates.extend(windows(points, within_mm));
@@ -112,7 +113,7 @@ fn cover(points: &[DVec3], known: &[Plane], within_mm: f64) -> Cover {
                 meet(&candidates[*c], &candidates[*other]) || are_apart(&candidates[*c], &candidates[*other], points)
             })
         };
-        // The first of the best.
+        // Of equally good candidates, the first one.
         let best = (0..candidates.len()).filter(fits).max_by_key(|&c| (gain(c), std::cmp::Reverse(c)));
         let length = |c: usize| -> f64 {
             let gained = (0..count).filter(|&i| covers[c][i] && left[i]);
@@ -121,7 +122,7 @@ fn cover(points: &[DVec3], known: &[Plane], within_mm: f64) -> Cover {
         let is_enough = |c: &usize| *c < known.len() || (gain(*c) >= EDGES_MIN && length(*c) >= PLANE_PART * total);
         let is_enough = |c: &usize| gain(*c) > 0 && is_enough(c);
         let Some(best) = best.filter(is_enough) else { break };
-        // A plane through all of its points is better than one through a short run.
+        // A plane fitted to all its points is better than one fitted to a short run.
         if best >= known.len() {
             let held: Vec<DVec3> =
                 (0..count).filter(|&i| covers[best][i]).flat_map(|i| [points[i], points[next(i)]]).collect();
@@ -136,10 +137,10 @@ fn cover(points: &[DVec3], known: &[Plane], within_mm: f64) -> Cover {
     Cover { known: known.len(), candidates, covers, chosen, left }
 }
 
-/// Planes that together hold every edge of a loop that is not planar, such as one round the edge of a box: the plane
-/// of each edge, as an index. `None` if there are no such planes.
+/// Planes that together contain every edge of a loop that is not planar, such as a loop around the edge of a box.
+/// Returns the plane of each edge as an index into `known`; `None` if there are no such planes.
 ///
-/// `known` are planes that other loops lie in, preferred to others; new ones are appended to it.
+/// `known` are planes of other loops, which are preferred; new planes are appended to it.
 pub(super) fn of_edges(points: &[DVec3], known: &mut Vec<Plane>, within_mm: f64) -> Option<Vec<usize>> {
     let count = points.len();
     if count < 2 * EDGES_MIN {
@@ -154,7 +155,7 @@ pub(super) fn of_edges(points: &[DVec3], known: &mut Vec<Plane>, within_mm: f64)
     if !(2..=ARCS_MAX).contains(&arcs) {
         return None;
     }
-    // New planes become known.
+    // New planes are added to the known ones.
     let mut index: Vec<usize> = (0..candidates.len()).collect();
     for &c in chosen.iter().filter(|c| **c >= before) {
         index[c] = known.len();
@@ -163,16 +164,17 @@ pub(super) fn of_edges(points: &[DVec3], known: &mut Vec<Plane>, within_mm: f64)
     Some(assigned.into_iter().map(|c| index[c]).collect())
 }
 
-/// A short run in which a loop leaves the planes that hold most of it.
+/// A short run of edges that leave the planes of the remaining loop.
 pub(super) struct Notch {
     /// First and last corner of the run, both in a plane.
     pub(super) start: usize,
     pub(super) end: usize,
-    /// Point where the planes of both meet, beside the run; `None` if that is one plane.
+    /// Point near the run on the intersection of the planes of both corners; `None` if both corners lie in one plane.
     pub(super) via: Option<DVec3>,
 }
 
-/// Notches of a loop, as at triangles missing beside a cut, or at an edge across the edge of a box.
+/// Notches of a loop: for example where triangles are missing at a cut, or where an edge cuts across the edge of a
+/// box.
 pub(super) fn notches(points: &[DVec3], known: &[Plane], within_mm: f64) -> Vec<Notch> {
     let count = points.len();
     if count < NOTCHED_EDGES_MIN {
@@ -204,7 +206,7 @@ pub(super) fn notches(points: &[DVec3], known: &[Plane], within_mm: f64) -> Vec<
     starts.map(notch).collect::<Option<Vec<Notch>>>().unwrap_or_default()
 }
 
-/// Point nearest to another one on the line of two planes.
+/// Point on the intersection line of two planes that is nearest to `point`.
 fn nearest_of_both(p: &Plane, q: &Plane, point: DVec3) -> Option<DVec3> {
     if !meet(p, q) {
         return None;
@@ -215,7 +217,7 @@ fn nearest_of_both(p: &Plane, q: &Plane, point: DVec3) -> Option<DVec3> {
     Some(point + scale * ((to_p - cosine * to_q) * p.normal + (to_q - cosine * to_p) * q.normal))
 }
 
-/// Whether two planes are parallel, and apart by a part of the size of some points.
+/// Whether two planes are parallel, and distant relative to the extent of `points`.
 fn are_apart(p: &Plane, q: &Plane, points: &[DVec3]) -> bool {
     let sine = p.normal.cross(q.normal).length();
     let offset = p.normal.dot(q.normal).signum() * q.offset_mm;
@@ -223,12 +225,12 @@ fn are_apart(p: &Plane, q: &Plane, points: &[DVec3]) -> bool {
     sine < PARALLEL_SINE && (p.offset_mm - offset).abs() > APART_PART * size
 }
 
-/// Whether two planes meet at a clear angle.
+/// Whether two planes intersect at a clear angle.
 pub(super) fn meet(p: &Plane, q: &Plane) -> bool {
     p.normal.cross(q.normal).length() >= SINE_MIN
 }
 
-/// Plane of each edge: where several hold it, that of the edge before.
+/// Plane of each edge. If several planes contain it, the plane of the edge before is kept.
 fn assign(chosen: &[usize], covers: &[Vec<bool>], count: usize) -> Option<Vec<usize>> {
     let holding = |i: usize| chosen.iter().copied().filter(move |&c| covers[c][i]);
     let first = (0..count).find(|&i| holding(i).count() == 1)?;
@@ -243,7 +245,7 @@ fn assign(chosen: &[usize], covers: &[Vec<bool>], count: usize) -> Option<Vec<us
     Some(assigned)
 }
 
-/// Planes of runs of a loop.
+/// Planes fitted to runs of consecutive points of a loop.
 fn windows(points: &[DVec3], within_mm: f64) -> Vec<Plane> {
     let count = points.len();
     let step = count.div_ceil(STARTS).max(1);

@@ -10,21 +10,21 @@ use spade::{ConstrainedDelaunayTriangulation, Point2, Triangulation};
 use super::edges::{of, undirected};
 use super::planes::Plane;
 
-/// Coordinates below this are zero for the triangulation.
+/// Magnitude below which coordinates are set to zero for the triangulation.
 const TINY: f64 = 1e-30;
 
-/// Border of a flat region: an edge, and whether a triangle must run along it in this direction.
+/// Border edge of a flat region.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Border {
     pub(super) from: u32,
     pub(super) to: u32,
-    /// False for an edge that either direction suits.
+    /// Whether a triangle must run along the edge in this direction; either direction suits otherwise.
     pub(super) directed: bool,
 }
 
-/// Triangles of the region inside the `borders`, which form closed outlines; one within another is a hole.
+/// Triangles of the region inside the `borders`, which form closed outlines. One outline within another is a hole.
 ///
-/// No vertices are added. `None` if the outlines cross each other or touch, so that there is no such region.
+/// No vertices are added. `None` if the outlines cross or touch each other, so that they enclose no region.
 pub(super) fn triangulate(borders: &[Border], plane: &Plane, at: impl Fn(u32) -> DVec3) -> Option<Vec<[u32; 3]>> {
     let across = plane.normal.any_orthonormal_vector();
     let up = plane.normal.cross(across);
@@ -40,7 +40,7 @@ pub(super) fn triangulate(borders: &[Border], plane: &Plane, at: impl Fn(u32) ->
         let flat = DVec2::new(out.dot(across), out.dot(up));
         let [x, y] = flat.to_array().map(|c| if c.abs() < TINY { 0.0 } else { c });
         let handle = cdt.insert(Point2::new(x, y)).ok()?;
-        // Two vertices in one place cannot both be part of the region.
+        // Two coincident vertices cannot both be part of the region.
         if vertex_of.insert(handle, vertex).is_some() {
             return None;
         }
@@ -67,12 +67,12 @@ pub(super) fn triangulate(borders: &[Border], plane: &Plane, at: impl Fn(u32) ->
     is_bordered_by(&triangles, &outline).then_some(triangles)
 }
 
-/// Faces inside the outlines: an odd number of them is crossed on the way from outside.
+/// Faces inside the outlines: the path from outside crosses an odd number of them.
 fn inside(cdt: &ConstrainedDelaunayTriangulation<Point2<f64>>) -> Vec<FixedFaceHandle<spade::handles::InnerTag>> {
     let mut is_inside = HashMap::new();
     let mut queue = VecDeque::new();
     for edge in cdt.convex_hull() {
-        // The hull's edges have the outer face on one side.
+        // Edges of the convex hull have the outer face on one side.
         let edge = if edge.face().is_outer() { edge.rev() } else { edge };
         if let Some(face) = edge.face().as_inner() {
             let odd = edge.is_constraint_edge();
@@ -91,12 +91,12 @@ fn inside(cdt: &ConstrainedDelaunayTriangulation<Point2<f64>>) -> Vec<FixedFaceH
             }
         }
     }
-    // In the triangulation's order.
+    // Faces in the order of the triangulation.
     let faces = cdt.inner_faces().map(|face| face.fix());
     faces.filter(|face| is_inside.get(face).copied().unwrap_or(false)).collect()
 }
 
-/// Turns the connected regions of the triangles over where that suits the direction of more borders.
+/// Turns each connected region of triangles over if that suits the direction of more borders.
 fn along(borders: &[Border], mut triangles: Vec<[u32; 3]>) -> Vec<[u32; 3]> {
     let directed: HashSet<[u32; 2]> = borders.iter().filter(|b| b.directed).map(|b| [b.from, b.to]).collect();
     let edges = super::edges::sorted(&triangles);
@@ -116,7 +116,7 @@ fn along(borders: &[Border], mut triangles: Vec<[u32; 3]>) -> Vec<[u32; 3]> {
     triangles
 }
 
-/// Whether the triangles' edges of one triangle are exactly the outline.
+/// Whether the open edges of the triangles are exactly the outline.
 fn is_bordered_by(triangles: &[[u32; 3]], outline: &HashSet<[u32; 2]>) -> bool {
     let rim: Vec<[u32; 2]> = super::edges::open(triangles).into_iter().map(undirected).collect();
     rim.len() == outline.len() && rim.iter().all(|edge| outline.contains(edge))

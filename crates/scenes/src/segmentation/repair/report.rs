@@ -18,7 +18,7 @@ macro_rules! kinds {
         }
 
         impl $type {
-            /// Noun of what is counted, and what became of it.
+            /// Noun of the counted things, and their outcome.
             fn words(self) -> (&'static str, &'static str) {
                 match self { $(Self::$name => ($noun, $rest),)* }
             }
@@ -29,33 +29,33 @@ macro_rules! kinds {
 kinds! {
     /// Kind of an action of the repair.
     ActionKind {
-        /// Vertices in one place, or nearly so, joined.
+        /// Joined vertices, which coincided or nearly so.
         Joined = "vertex|vertices", "joined with others in the same place";
-        /// Triangles without an area, removed.
+        /// Removed triangles without area.
         Degenerate = "triangle|triangles", "without area removed";
-        /// Copies of triangles, removed.
+        /// Removed copies of triangles.
         Duplicate = "copy|copies of triangles", "removed";
-        /// Triangles back to back with another one, removed: both sides of a wall inside the surface.
+        /// Removed pairs of triangles back to back: both sides of a wall inside the surface.
         InnerWall = "triangle|triangles", "of walls inside the surface removed";
-        /// Triangles that made edges of three or more, removed.
+        /// Removed triangles of sheets that made edges of three or more triangles.
         Sheet = "triangle|triangles", "of sheets that only touch the surface removed";
-        /// Edges at which parts touched, separated.
+        /// Separated edges, at which parts touched.
         Separated = "edge|edges", "at which parts touched separated";
         /// Triangles that faced the other way than their neighbours, turned over.
         Turned = "triangle|triangles", "that faced the other way than their neighbours turned over";
-        /// Parts just within another one that faces the same way, removed: a surface drawn twice.
+        /// Removed parts just within another part that faces the same way: a surface drawn twice.
         Doubled = "part|parts", "just within another removed: the surface was there twice";
         /// Parts that faced inward, turned over.
         TurnedPart = "part|parts", "that faced inward turned over";
         /// Parts inside other parts that faced outward, turned over to be cavities.
         Cavity = "part|parts", "inside other parts turned over: they are cavities now (to keep one as tissue, make it a surface of its own)";
-        /// Small or flat parts, removed.
+        /// Removed small parts: fragments.
         Crumb = "crumb|crumbs", "removed";
-        /// Parts without thickness, removed.
+        /// Removed parts without thickness.
         Flat = "part|parts", "without thickness removed";
-        /// Cuts along planes, capped.
+        /// Planar cuts, capped.
         PlanarCap = "cut|cuts", "along a plane closed by a flat cap";
-        /// Cuts that bend round the edge or the corner of a box, capped along its planes.
+        /// Cuts around the edge or corner of a box, capped in the planes of the box.
         BentCap = "cut|cuts", "round an edge of the scanned box closed along its planes";
         /// Small holes, filled.
         SmallHole = "small hole|small holes", "filled";
@@ -75,25 +75,26 @@ kinds! {
         Crowded = "edge|edges", "of three or more triangles: delete the inner faces by hand";
         /// Edges between triangles that face opposite ways.
         OneSided = "edge|edges", "where the surface has no two sides (as a Möbius strip): cut it there by hand";
-        /// Pairs of triangles of overlapping parts, or of distant places of one part.
+        /// Pairs of crossing triangles: of overlapping parts, or of distant regions of one part.
         Overlap = "pair|pairs of triangles", "pass through each other: unite the overlapping parts, or make them surfaces of their own";
         /// Pairs of neighbouring triangles that pass through each other.
         Fold = "pair|pairs of neighbouring triangles", "fold through each other: smooth the surface there";
         /// Vertices that are not finite.
         NotFinite = "vertex|vertices", "not finite: their triangles were removed";
-        /// Nothing is left of the surface.
+        /// A surface of which nothing is left.
         Nothing = "surface|surfaces", "without any part that encloses a volume: leave it out, or export it again";
     }
 }
 
-/// An action of the repair.
+/// One kind of action of the repair.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Action {
     /// Kind of the action.
     pub kind: ActionKind,
     /// Number of things changed.
     pub count: usize,
-    /// Places, largest first; at most [`PLACES_MAX`](insonify_core::anatomy::doctor::PLACES_MAX).
+    /// Regions with the largest changes, largest first; at most
+    /// [`PLACES_MAX`](insonify_core::anatomy::doctor::PLACES_MAX).
     pub places: Vec<Place>,
 }
 
@@ -104,7 +105,7 @@ pub struct Remaining {
     pub kind: RemainingKind,
     /// Number of defects.
     pub count: usize,
-    /// Places, largest first; at most [`PLACES_MAX`](insonify_core::anatomy::doctor::PLACES_MAX).
+    /// Regions of the defect, largest first; at most [`PLACES_MAX`](insonify_core::anatomy::doctor::PLACES_MAX).
     pub places: Vec<Place>,
 }
 
@@ -133,7 +134,7 @@ impl SurfaceRepair {
         self.actions.iter().filter(|action| action.kind == kind).map(|action| action.count).sum()
     }
 
-    /// Whether nothing had to be changed and nothing is wrong.
+    /// Whether the surface needed no change and has no defect.
     pub fn was_sound(&self) -> bool {
         self.actions.is_empty() && self.remaining.is_empty()
     }
@@ -144,7 +145,7 @@ impl SurfaceRepair {
     }
 }
 
-/// Writes a count with its noun, what became of it, and its places.
+/// Writes a count with its noun, the outcome, and the regions.
 fn line(
     f: &mut fmt::Formatter<'_>,
     count: usize,

@@ -19,7 +19,7 @@ pub(super) fn sphere(radius_mm: f64, levels: u32) -> Mesh {
     for i in 0..4 {
         points.push(DVec3::new(points[i].y, 0.0, points[i].x));
     }
-    // Each face is three corners at the shortest distance from each other.
+    // Each face is three corners of the icosahedron at the shortest distance from each other.
     let near = |a: usize, b: usize| points[a].distance(points[b]) < 2.1;
     let mut triangles: Vec<[u32; 3]> = Vec::new();
     for a in 0..12 {
@@ -50,7 +50,7 @@ pub(super) fn sphere(radius_mm: f64, levels: u32) -> Mesh {
     Mesh { vertices_mm, triangles }
 }
 
-/// A tube along z without ends, facing away from the axis.
+/// A tube along z without caps, facing away from the axis.
 pub(super) fn tube(radius_mm: f64, half_length_mm: f64, around: u32, along: u32) -> Mesh {
     let point = |i: u32, k: u32| {
         let angle = std::f64::consts::TAU * f64::from(i % around) / f64::from(around);
@@ -91,7 +91,7 @@ pub(super) fn cuboid(centre: Vec3, half: Vec3, n: u32) -> Mesh {
     welded(mesh)
 }
 
-/// The mesh with one vertex for each position.
+/// The mesh with coincident vertices merged.
 pub(super) fn welded(mesh: Mesh) -> Mesh {
     let mut at = HashMap::new();
     let mut vertices_mm = Vec::new();
@@ -146,7 +146,7 @@ pub(super) fn cut(mesh: &Mesh, normal: DVec3, offset_mm: f64) -> Mesh {
     result
 }
 
-/// Both meshes as one.
+/// The two meshes combined into one.
 pub(super) fn both(a: &Mesh, b: &Mesh) -> Mesh {
     let first = a.vertices_mm.len() as u32;
     let mut mesh = a.clone();

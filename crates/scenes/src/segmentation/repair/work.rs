@@ -9,9 +9,9 @@ use super::report::{Action, ActionKind, Remaining, RemainingKind};
 /// A mesh under repair, with the log of what was done to it.
 pub(super) struct Work {
     pub(super) mesh: Mesh,
-    /// Original position of each vertex, mm; the present one for vertices that the repair added.
+    /// Original position of each vertex, mm; for vertices that the repair added, their current position.
     pub(super) home_mm: Vec<Vec3>,
-    /// Vertices that were separated from others in the same place.
+    /// Vertices that were separated from coincident ones.
     pub(super) split: Vec<u32>,
     pub(super) actions: Vec<Action>,
     pub(super) remaining: Vec<Remaining>,
@@ -57,26 +57,26 @@ impl Work {
         self.mesh.triangles.retain(|_| keep.next().copied().unwrap_or(true));
     }
 
-    /// Logs an action, unless it was done nowhere.
+    /// Logs an action, unless its count is zero.
     pub(super) fn log(&mut self, kind: ActionKind, count: usize, places: impl IntoIterator<Item = Place>) {
         if count > 0 {
             self.actions.push(Action { kind, count, places: largest(places) });
         }
     }
 
-    /// Logs a defect that remains, unless there is none.
+    /// Logs a remaining defect, unless its count is zero.
     pub(super) fn leave(&mut self, kind: RemainingKind, count: usize, places: impl IntoIterator<Item = Place>) {
         if count > 0 {
             self.remaining.push(Remaining { kind, count, places: largest(places) });
         }
     }
 
-    /// Place of some triangles.
+    /// Region of some triangles.
     pub(super) fn place_of(&self, triangles: impl IntoIterator<Item = [u32; 3]>) -> Place {
         place(triangles.into_iter().flatten().map(|vertex| self.mesh.vertices_mm[vertex as usize]))
     }
 
-    /// Largest move of a vertex, mm, as an upper bound: it may have been joined and moved.
+    /// Upper bound of the largest move of a vertex, mm: a vertex may have been joined and then moved.
     pub(super) fn largest_move_mm(&self) -> f32 {
         let moved = self.mesh.vertices_mm.iter().zip(&self.home_mm).map(|(now, home)| now.distance(*home));
         self.joined_mm + moved.fold(0.0, f32::max)
@@ -99,7 +99,7 @@ impl Work {
     }
 }
 
-/// Place of some points: the centre and the diagonal of their bounds.
+/// Region of some points: the centre and the diagonal of their bounding box.
 pub(super) fn place(points: impl IntoIterator<Item = Vec3>) -> Place {
     let Bounds { min, max } = Bounds::of(points).unwrap_or(Bounds::around(Vec3::ZERO, Vec3::ZERO));
     Place { at_mm: (0.5 * (min + max)).to_array(), size_mm: (max - min).length() }
@@ -117,7 +117,7 @@ pub(super) fn area([a, b, c]: [DVec3; 3]) -> f64 {
     0.5 * (b - a).cross(c - a).length()
 }
 
-/// Signed volume of the tetrahedron of a triangle and the origin, mm³.
+/// Signed volume of the tetrahedron between a triangle and the origin, mm³.
 pub(super) fn volume([a, b, c]: [DVec3; 3]) -> f64 {
     a.dot(b.cross(c)) / 6.0
 }

@@ -39,18 +39,18 @@ pub enum VolumeFault {
     Format {
         /// What the content looks like.
         found: &'static str,
-        /// Way out, from `; ` on, or empty.
+        /// Advice, starting with `; `, or empty.
         remedy: &'static str,
     },
     /// A header that contradicts itself or its format.
     #[error("header: {0}")]
     Header(String),
-    /// A feature of the format that isn't read.
+    /// An unsupported feature of the format.
     #[error("{what} can't be read; {remedy}")]
     Unsupported {
         /// Feature.
         what: String,
-        /// What to do about it.
+        /// Advice.
         remedy: &'static str,
     },
     /// Missing bytes at the end.
@@ -72,14 +72,14 @@ pub enum VolumeFault {
     /// A size over a limit.
     #[error("{what} is {found}; at most {limit} is read: crop the volume, or resample it to larger voxels")]
     TooLarge {
-        /// Size that is over its limit.
+        /// Quantity that exceeds its limit.
         what: &'static str,
         /// Size found.
         found: u64,
         /// Limit.
         limit: u64,
     },
-    /// A segmentation of very many layers.
+    /// A segmentation with too many layers.
     #[error(
         "it has {found} layers; at most {limit} are read: save fewer segments, or collapse the layers in 3D Slicer"
     )]
@@ -102,13 +102,13 @@ pub enum VolumeFault {
         /// What was found instead.
         found: &'static str,
     },
-    /// A sform and a qform that say different things.
+    /// A sform and a qform that contradict each other.
     #[error(
         "its sform and qform contradict each other: {what}; if you know which one is right, pass `--prefer sform` (which \
          nibabel reads) or `--prefer qform`, else write the file anew with the program that made it"
     )]
     Forms {
-        /// What they disagree about.
+        /// Kind of disagreement.
         what: String,
     },
     /// Voxels of impossible size or shape.
@@ -134,7 +134,7 @@ pub enum VolumeFault {
         /// Its value.
         value: f64,
     },
-    /// A label outside the range.
+    /// A label outside 0..=65535.
     #[error(
         "voxel {voxel:?} has the label {value}; labels go from 0 to 65535: renumber them, or pass the file with \
          `--image` if it is an image"
@@ -155,12 +155,12 @@ pub enum VolumeFault {
         /// Type that the header states.
         kind: &'static str,
     },
-    /// A fault in the file that holds the voxels, named in the header.
+    /// A fault in a separate file of voxels, which the header names.
     #[error("data file {}: {fault}", path.display())]
     DataFile {
         /// Data file.
         path: PathBuf,
-        /// Fault in it.
+        /// Fault in that file.
         fault: Box<VolumeFault>,
     },
 }

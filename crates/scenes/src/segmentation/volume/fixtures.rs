@@ -1,4 +1,4 @@
-//! Small volume files for tests, written by byte offsets of the formats' specifications.
+//! Small volume files for tests, written from the byte offsets in the formats' specifications.
 
 use std::io::Write as _;
 

@@ -5,7 +5,7 @@ use insonify_core::names::named;
 
 use super::VolumeFault;
 
-/// Meaning of a file's x, y and z.
+/// Directions of a file's x, y and z axes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PatientAxes {
     /// x to the patient's left, y posterior, z superior.
@@ -29,10 +29,10 @@ impl PatientAxes {
     }
 }
 
-/// Accepted distances of neighbouring voxels, mm.
+/// Accepted distances between neighbouring voxels, mm.
 const VOXEL_MM: std::ops::RangeInclusive<f64> = 0.01..=50.0;
 
-/// Least volume of a voxel, relative to a box of the same edges.
+/// Smallest volume of a voxel, relative to a box with the same edges.
 const LEAST_VOLUME: f64 = 1e-3;
 
 /// `affine` in LPS, mm, if its voxels have a volume and sizes within the limits. `unit` is the header's unit of length

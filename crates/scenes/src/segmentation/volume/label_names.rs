@@ -6,16 +6,16 @@ use insonify_core::names::printable;
 
 use super::{Segment, VolumeFault};
 
-/// Segments in the order of their labels' first names.
+/// Segments in the order in which their labels were first named.
 #[derive(Debug, Default)]
 pub(super) struct LabelNames {
     segments: Vec<Segment>,
-    /// Index of each layer and label.
+    /// Index of the segment of each layer and label.
     index_of: HashMap<(usize, u16), usize>,
 }
 
 impl LabelNames {
-    /// Adds a segment. Where its label has one already, the first with a name stays.
+    /// Adds a segment. If its label already has one, the first segment with a name stays.
     ///
     /// # Errors
     /// Two names of one label.

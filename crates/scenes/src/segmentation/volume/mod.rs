@@ -30,13 +30,13 @@ pub use nrrd::decode_nrrd;
 pub use raw::RawVolume;
 pub use read::{read_image, read_labels};
 
-/// Value of voxels outside an image: the radiodensity of air, HU.
+/// Value of voxels outside a CT image, HU: the radiodensity of air.
 pub const OUTSIDE: f32 = -1024.0;
 
 /// Choices of the reader.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct ReadOptions {
-    /// Axes of files that don't state theirs. Files that do are read by their own.
+    /// Axes of files that don't state theirs; files that do are not affected.
     pub assume_axes: Option<PatientAxes>,
     /// Placement of NIfTI files whose sform and qform contradict each other. Without it they are refused.
     pub prefer: Option<NiftiForm>,
@@ -71,13 +71,13 @@ pub struct LabelMap {
     pub path: PathBuf,
     /// Voxels along i, j and k.
     pub size: [usize; 3],
-    /// Voxel index to patient position (LPS), mm.
+    /// Transform from voxel index to patient position (LPS), mm.
     pub lps_from_voxel: DAffine3,
     /// Labels of each layer, i fastest; 0 is background. Segments of different layers may overlap.
     pub layers: Vec<Vec<u16>>,
-    /// Segments: those the file names, in its order, then other labels in the voxels, ascending.
+    /// Segments: first those that the file names, in its order, then other labels that occur in the voxels, ascending.
     pub segments: Vec<Segment>,
-    /// What was assumed or chosen in reading, one sentence each.
+    /// Assumptions and choices in reading, one sentence each.
     pub remarks: Vec<String>,
 }
 
@@ -92,7 +92,7 @@ pub struct Segment {
     pub name: Option<String>,
     /// Colour in the file, sRGB.
     pub colour: Option<[u8; 3]>,
-    /// Meanings of its coded terms, as in `Kidney, Right`.
+    /// Meanings of its coded terms, such as `Kidney, Right`.
     pub terminology: Option<String>,
 }
 
@@ -103,13 +103,13 @@ pub struct Image {
     pub path: PathBuf,
     /// Voxels along i, j and k.
     pub size: [usize; 3],
-    /// Voxel index to patient position (LPS), mm.
+    /// Transform from voxel index to patient position (LPS), mm.
     pub lps_from_voxel: DAffine3,
     /// Scaled values, i fastest; HU for a CT.
     pub values: Vec<f32>,
-    /// Kind that the user states. Without it, the values tell the kind.
+    /// Kind that the user states. Without it, the kind is judged by the values.
     pub stated: Option<Modality>,
-    /// What was assumed or chosen in reading, one sentence each.
+    /// Assumptions and choices in reading, one sentence each.
     pub remarks: Vec<String>,
 }
 

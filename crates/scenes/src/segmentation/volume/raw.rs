@@ -1,4 +1,4 @@
-//! Decoded volumes before their values are taken as labels or as an image.
+//! Decoded volumes before their values are interpreted as labels or as an image.
 
 use std::path::{Path, PathBuf};
 
@@ -12,24 +12,24 @@ use super::{Image, LabelMap, Segment, VolumeFault};
 pub struct RawVolume {
     /// Voxels along i, j and k.
     pub(super) size: [usize; 3],
-    /// Voxel index to patient position, mm.
+    /// Transform from voxel index to patient position (LPS), mm.
     pub(super) lps_from_voxel: DAffine3,
     /// Values of all layers.
     pub(super) samples: Samples,
-    /// Layers and their place among the axes.
+    /// Layers, and the position of their axis among all axes.
     pub(super) layers: Layers,
     /// Segments that the file names.
     pub(super) segments: Vec<Segment>,
-    /// What was assumed or chosen in reading.
+    /// Assumptions and choices in reading.
     pub(super) remarks: Vec<String>,
 }
 
-/// Layers of a volume, which an axis of its own counts.
+/// Layers of a volume, along an axis of their own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Layers {
     /// Number of layers.
     pub count: usize,
-    /// Values of one layer that lie together: the product of the sizes of faster axes.
+    /// Number of consecutive values of one layer: the product of the sizes of faster axes.
     pub inner: usize,
 }
 
@@ -39,10 +39,10 @@ impl Layers {
 }
 
 impl RawVolume {
-    /// Label map of these voxels. Labels in the voxels that the file doesn't name become segments without a name.
+    /// Label map of these voxels. Labels that occur but aren't named in the file become segments without a name.
     ///
     /// # Errors
-    /// Values that aren't whole numbers from 0 to 65535, and segments in layers that aren't there.
+    /// Values that aren't whole numbers from 0 to 65535, and segments in layers that don't exist.
     pub fn into_labels(self, path: &Path) -> Result<LabelMap, VolumeFault> {
         let Self { size, lps_from_voxel, samples, layers, mut segments, remarks } = self;
         let labels = samples.labels().map_err(|(index, bad)| refused(index, bad, size, layers))?;
@@ -78,7 +78,7 @@ impl RawVolume {
     }
 }
 
-/// Non-zero values that occur, ascending.
+/// Non-zero labels that occur, ascending.
 fn present(labels: &[u16]) -> impl Iterator<Item = u16> {
     let mut seen = vec![false; 1 << 16];
     for label in labels {

@@ -9,10 +9,10 @@ use super::raw::RawVolume;
 use super::source::{Source, file_length, in_data_file};
 use super::{Image, LabelMap, ReadOptions, VolumeError, VolumeFault, nifti, nrrd};
 
-/// Bytes that tell the formats apart.
+/// Number of first bytes by which formats are told apart.
 const START_BYTES: u64 = 352;
 
-/// Other volume formats, and how to convert them.
+/// Advice for other volume formats.
 const CONVERT: &str = "; open it in 3D Slicer and save it as .nrrd";
 
 /// Label map in the file at `path`: NIfTI or NRRD, by its content.
@@ -66,7 +66,7 @@ fn read(path: &Path, options: ReadOptions) -> Result<RawVolume, VolumeFault> {
     }
 }
 
-/// A file's bytes, decompressed if they are gzip data, and whether they are.
+/// Content of a file, decompressed if it is gzip data, and whether it was compressed.
 fn open(path: &Path) -> Result<(Source<'static>, bool), VolumeFault> {
     let length = file_length(path)?;
     let mut magic = Vec::new();
@@ -78,7 +78,7 @@ fn open(path: &Path) -> Result<(Source<'static>, bool), VolumeFault> {
     Ok((if compressed { Source::gzip(file) } else { Source::plain(file, length) }, compressed))
 }
 
-/// Stem and lower-case suffix of a header or image of a pair.
+/// Stem and lower-case suffix of a header or image file of a pair.
 fn suffix(path: &Path) -> Option<(String, String)> {
     let name = path.file_name()?.to_str()?;
     let lower = name.to_ascii_lowercase();
@@ -104,7 +104,7 @@ fn format(start: &[u8]) -> Result<Format, VolumeFault> {
     }
     let other = |found, remedy| Err(VolumeFault::Format { found, remedy });
     match nifti::version(start) {
-        // A cut header is reported by the reader.
+        // A truncated header is reported by the reader.
         Some(_) if start.len() < 348 => return Ok(Format::Nifti { single: true }),
         Some((1, _)) => match &start[344..348] {
             b"n+1\0" => return Ok(Format::Nifti { single: true }),

@@ -4,12 +4,12 @@ use rayon::prelude::*;
 
 use super::super::numbers::Number;
 
-/// Values as stored, with the linear function that gives their meaning.
+/// Values as stored, with the linear function that converts them.
 #[derive(Debug, Clone)]
 pub(super) struct Samples {
     /// Type of a value.
     pub kind: Number,
-    /// Most significant byte first.
+    /// Whether the most significant byte comes first.
     pub big_endian: bool,
     /// Whole values, one after the other.
     pub bytes: Vec<u8>,
@@ -20,7 +20,7 @@ pub(super) struct Samples {
 /// A value that isn't a label.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum BadLabel {
-    /// A fraction, or outside the range in a float type.
+    /// A fraction, or a value of a float type outside the range.
     Image(f64),
     /// A whole number outside 0..=65535.
     Range(String),
@@ -29,7 +29,7 @@ pub(super) enum BadLabel {
 /// Largest distance of a scaled label from a whole number: a slope is stored in 32 bits.
 const SCALED_TOLERANCE: f64 = 1e-3;
 
-/// Values of one parallel piece of work.
+/// Number of values per parallel task.
 const CHUNK: usize = 1 << 16;
 
 impl Samples {
@@ -55,7 +55,7 @@ impl Samples {
         }
     }
 
-    /// `convert` of each value, in order, or the first error with its index.
+    /// Each value converted, in order, or the first error with its index.
     fn each<T: Send + Default + Clone, E: Send>(
         &self,
         convert: impl Fn(Value) -> Result<T, E> + Sync,
@@ -133,7 +133,7 @@ fn map<const N: usize, T: Send + Default + Clone, E: Send>(
         Ok(())
     };
     let pieces = out.par_chunks_mut(CHUNK).zip(values.par_chunks(CHUNK)).enumerate();
-    // The first error in order, whichever thread meets one first.
+    // The first error in the order of values, whichever thread finds one first.
     let first = pieces.filter_map(|piece| fill(piece).err()).min_by_key(|(index, _)| *index);
     first.map_or(Ok(out), Err)
 }

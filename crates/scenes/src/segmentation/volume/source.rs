@@ -1,4 +1,4 @@
-//! Bounded reads: nothing is allocated before it is known that there is memory for it.
+//! Bounded reads: memory is checked before it is allocated.
 
 use std::io::Read;
 use std::path::Path;
@@ -13,10 +13,10 @@ pub(super) const MAX_VOXELS: u64 = 1 << 30;
 /// Most bytes of a file, and of its decompressed voxels.
 pub(super) const MAX_BYTES: u64 = 4 << 30;
 
-/// Memory of a voxel's label or value while it is decoded, bytes. The stored value is in memory, too.
+/// Memory of one decoded label or value, bytes. The stored value is in memory as well.
 const DECODED_BYTES: u64 = 4;
 
-/// A stream of bytes, with the bytes left in it if they are known.
+/// A stream of bytes, with the number of bytes left if known.
 pub(super) struct Source<'a> {
     stream: Box<dyn Read + 'a>,
     left: Option<u64>,
@@ -24,17 +24,17 @@ pub(super) struct Source<'a> {
 }
 
 impl<'a> Source<'a> {
-    /// Bytes of a file or slice; `left` of them remain.
+    /// Source of an uncompressed stream with `left` bytes.
     pub(super) fn plain(stream: impl Read + 'a, left: u64) -> Self {
         Self { stream: Box::new(stream), left: Some(left), gzip: false }
     }
 
-    /// Bytes that the gzip data in `stream` holds.
+    /// Source of the decompressed content of a gzip stream.
     pub(super) fn gzip(stream: impl Read + 'a) -> Self {
         Self { stream: Box::new(flate2::read::MultiGzDecoder::new(stream)), left: None, gzip: true }
     }
 
-    /// Exactly `expected` bytes of `part`.
+    /// Exactly `expected` bytes of the part of the file called `part`.
     ///
     /// # Errors
     /// Fewer bytes, or a failed read.
@@ -48,7 +48,7 @@ impl<'a> Source<'a> {
         let read = (&mut self.stream).take(expected).read_to_end(&mut bytes);
         let found = bytes.len() as u64;
         match read {
-            // A cut gzip stream ends in `UnexpectedEof`.
+            // A truncated gzip stream ends in `UnexpectedEof`.
             Err(error) if error.kind() != std::io::ErrorKind::UnexpectedEof => return Err(self.fault(error)),
             _ if found < expected => return Err(VolumeFault::Truncated { part, expected, found }),
             _ => {}
@@ -102,7 +102,7 @@ impl<'a> Source<'a> {
         Ok(())
     }
 
-    /// The decompressed bytes of the gzip data that follows.
+    /// Source of the decompressed gzip data that follows.
     pub(super) fn into_gzip(self) -> Self {
         Self::gzip(self.stream)
     }
@@ -125,7 +125,7 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Voxels of these sizes.
+/// Number of voxels for these sizes.
 ///
 /// # Errors
 /// A zero size, or more voxels than the limit.
@@ -138,15 +138,15 @@ pub(super) fn voxel_count(sizes: &[u64]) -> Result<usize, VolumeFault> {
     usize::try_from(count).map_err(|_| too_large(count, MAX_VOXELS, "the number of voxels"))
 }
 
-/// Checks that there is memory for `count` voxels of `stored` bytes each.
+/// Checks that memory suffices for `count` voxels of `stored` bytes each.
 ///
 /// # Errors
-/// A volume that this process can't hold.
+/// A volume too large for this process.
 pub(super) fn room_for(count: u64, stored: u64) -> Result<(), VolumeFault> {
     Ok(memory_for(count.saturating_mul(stored + DECODED_BYTES))?)
 }
 
-/// Refuses `found` over `limit`.
+/// Refuses `found` above `limit`.
 pub(super) fn within(found: u64, limit: u64, what: &'static str) -> Result<(), VolumeFault> {
     if found > limit { Err(too_large(found, limit, what)) } else { Ok(()) }
 }
@@ -155,7 +155,7 @@ fn too_large(found: u64, limit: u64, what: &'static str) -> VolumeFault {
     VolumeFault::TooLarge { what, found, limit }
 }
 
-/// The fault of the file that holds the voxels.
+/// `fault`, attributed to the separate file of voxels at `path`.
 pub(super) fn in_data_file(path: &Path, fault: VolumeFault) -> VolumeFault {
     VolumeFault::DataFile { path: path.to_owned(), fault: Box::new(fault) }
 }

@@ -1,6 +1,6 @@
-//! Acoustic windows of a patient: standard planes placed from the organs, with a probe on the skin.
+//! Acoustic windows of a patient: standard planes through the organs, with a probe on the skin.
 //!
-//! A window has an organ in its centre and a usual direction to the probe. Directions near it are searched for one from
+//! A window has an organ at its centre and a usual direction to the probe. A search around that direction finds one in
 //! which neither bone nor gas hides the organ. Patient frame: LPS, x left, y posterior, z superior, mm.
 
 mod sight;
@@ -14,11 +14,11 @@ pub use standard::{look_at, windows};
 
 use insonify_core::anatomy::planes::View;
 
-/// Rings of directions that are searched about the usual one, and directions in a ring.
+/// Rings of directions around the usual one in the search, and directions per ring.
 const RINGS: usize = 6;
 const SPOKES: usize = 16;
 
-/// A place to put a probe.
+/// Position of a probe on the skin, and what it sees of the target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Place {
     /// Point of the skin, mm.
@@ -29,29 +29,29 @@ pub struct Place {
     pub hidden: f64,
 }
 
-/// Window on the patient: a standard plane and how well it is seen.
+/// Row of a table of windows: a standard plane on the patient, and how much of it is hidden.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct WindowRow {
     /// Name of the plane.
     pub name: String,
     /// Title.
     pub title: String,
-    /// Depth of its centre below the skin, mm.
+    /// Depth of the plane's centre below the skin, mm.
     pub depth_mm: f64,
-    /// Share that bone or gas hides, 0..=1.
+    /// Share of the target that bone or gas hides, 0..=1.
     pub hidden: f64,
 }
 
 impl WindowRow {
-    /// Row of a plane whose probe is at `place`.
+    /// Row of a plane whose probe is at `site`.
     pub fn new(name: &str, title: &str, centre_mm: DVec3, place: &Place) -> Self {
         let depth_mm = place.contact_mm.distance(centre_mm);
         Self { name: name.to_owned(), title: title.to_owned(), depth_mm, hidden: place.hidden }
     }
 }
 
-/// Best place of a probe within `cone_deg` of the usual direction of `view`, for a target of `radius_mm`; `None` if no
-/// line from its centre meets skin.
+/// Best site of a probe within `cone_deg` of the usual direction of `view`, for a target of `radius_mm`. `None` if no
+/// line from its centre reaches skin.
 pub(crate) fn best_place(sight: &Sight, view: &View, radius_mm: f64, cone_deg: f64) -> Option<Place> {
     let mut best: Option<(f64, Place)> = None;
     for ring in 0..=RINGS {
@@ -65,7 +65,7 @@ pub(crate) fn best_place(sight: &Sight, view: &View, radius_mm: f64, cone_deg: f
             let lateral = view.lateral.reject_from(to_probe).normalize_or_zero();
             let hidden = sight.hidden(contact_mm, view.centre_mm, lateral * radius_mm);
             let depth_mm = contact_mm.distance(view.centre_mm);
-            // What is hidden counts most, then how far from the usual direction, then depth.
+            // The hidden share counts most, then the angle to the usual direction, then the depth.
             let cost = 4.0 * hidden + ring as f64 / RINGS as f64 + depth_mm / 150.0;
             if best.is_none_or(|(least, _)| cost < least) {
                 best = Some((cost, Place { contact_mm, to_probe, hidden }));

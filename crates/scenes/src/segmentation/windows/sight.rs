@@ -6,16 +6,16 @@ use insonify_core::anatomy::Skin;
 use crate::segmentation::from_labels::Made;
 use crate::segmentation::grid::CutPlane;
 
-/// Distance from a cut within which skin is not skin, mm.
+/// Distance from a cut of the scan, mm, within which the outer surface is not skin.
 const CUT_MM: f64 = 6.0;
-/// Places across the target that are looked at.
+/// Sampled positions across the target, relative to its half width.
 const ACROSS: [f64; 5] = [-0.8, -0.4, 0.0, 0.4, 0.8];
-/// Places on the probe's face that are looked from, mm.
+/// Sampled positions on the probe's face, mm from its centre.
 const FACE_MM: [f64; 3] = [-18.0, 0.0, 18.0];
-/// Distance below the skin and above the target that does not count, mm.
+/// Distance below the skin and above the target that is not checked for bone and gas, mm.
 const ENDS_MM: f64 = 1.0;
 
-/// Skin of a patient, and what ultrasound does not pass.
+/// Skin of a patient, and surfaces that ultrasound does not pass.
 #[derive(Debug)]
 pub struct Sight {
     skin: Skin,
@@ -24,7 +24,8 @@ pub struct Sight {
 }
 
 impl Sight {
-    /// Sight through `surfaces`, which end at `cuts`; surfaces for which `is_hard` holds hide. `None` without triangles.
+    /// Lines of sight through `surfaces`, which end at `cuts`. Surfaces for which `is_hard` is true hide the target.
+    /// `None` without triangles.
     pub fn new(surfaces: &[Made], cuts: Vec<CutPlane>, is_hard: impl Fn(&Made) -> bool) -> Option<Self> {
         let outer = surfaces.iter().flat_map(|s| s.mesh.corners_mm());
         let skin = Skin::of_triangles(outer).ok()?;
@@ -37,7 +38,7 @@ impl Sight {
         &self.skin
     }
 
-    /// Point of the skin that the line from `from_mm` along `direction` leaves by; `None` where the scan ends there.
+    /// Point where the line from `from_mm` along `direction` leaves the skin; `None` if the scan ends there.
     pub fn contact(&self, from_mm: DVec3, direction: DVec3) -> Option<DVec3> {
         let contact_mm = self.skin.exit(from_mm, direction)?;
         let at_cut = |cut: &CutPlane| (contact_mm - cut.point_mm).dot(cut.normal).abs() < CUT_MM;
@@ -53,7 +54,7 @@ impl Sight {
             let way = contact_mm + along_face * aside_mm - point;
             let length_mm = way.length();
             let along = way / length_mm.max(1e-9);
-            // The last surface on the line from the point outward: beyond the contact there is none.
+            // The last hard surface on the line from the point outward; there is none beyond the contact.
             let hit = hard.exit(point, along);
             hit.is_some_and(|hit| (ENDS_MM..length_mm - ENDS_MM).contains(&hit.distance(point)))
         };

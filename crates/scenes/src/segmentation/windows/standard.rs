@@ -1,4 +1,4 @@
-//! The windows: which organ, from where, in which plane.
+//! The windows: organ, direction to the probe, and plane of each.
 
 use glam::DVec3;
 use insonify_core::anatomy::Mesh;
@@ -17,7 +17,7 @@ const FRONT: DVec3 = DVec3::NEG_Y;
 const HEAD: DVec3 = DVec3::Z;
 const FEET: DVec3 = DVec3::NEG_Z;
 
-/// Depth of the face in the skin, mm.
+/// Depth to which the probe's face is pressed into the skin, mm.
 pub(crate) const PRESS_MM: f64 = 4.0;
 
 const ABDOMEN_GUIDE: &str = "AIUM Practice Parameter for the Performance of an Ultrasound Examination of the Abdomen \
@@ -29,7 +29,7 @@ const HEART_GUIDE: &str = "ASE Guidelines for Performing a Comprehensive Transth
 struct Organs<'a>(&'a [Made]);
 
 impl<'a> Organs<'a> {
-    /// Outer surface of the first of `names` that is there.
+    /// Outer surface of the first of `names` that the patient has.
     fn of(&self, names: &[&str]) -> Option<&'a Made> {
         names
             .iter()
@@ -37,15 +37,15 @@ impl<'a> Organs<'a> {
     }
 }
 
-/// A view to be placed: how large its target is, and how far from the usual direction the probe may be.
+/// A view without a probe yet, with the radius of its target, mm, and the largest angle from the usual direction to
+/// the probe, degrees.
 struct Wish {
     view: View,
     radius_mm: f64,
     cone_deg: f64,
 }
 
-/// Windows of a patient: those whose organs are there and whose skin is within reach, with poses, and how well each is
-/// seen.
+/// Windows of a patient, with poses and visibility: those whose organs are present and whose skin is within reach.
 pub fn windows(surfaces: &[Made], sight: &Sight) -> (StandardPlanes, Vec<WindowRow>) {
     let organs = Organs(surfaces);
     let made = [liver, right_kidney, left_kidney, aorta, bladder, heart].map(|window| window(&organs));
@@ -62,8 +62,8 @@ pub fn windows(surfaces: &[Made], sight: &Sight) -> (StandardPlanes, Vec<WindowR
     (StandardPlanes { version: PLANES_VERSION, planes }, rows)
 }
 
-/// A view of the segment `name` and its place: that of its window, or else the best one from the front and the sides.
-/// `None` if there is no such segment, or no skin from which it is seen.
+/// A view of the segment `name` and its probe site: from its window, or else the best site from the front and the
+/// sides. `None` if there is no such segment, or no skin from which it can be seen.
 pub fn look_at(surfaces: &[Made], sight: &Sight, name: &str) -> Option<(View, Place)> {
     let organs = Organs(surfaces);
     let window: Option<fn(&Organs) -> Option<Window>> = match name {
@@ -85,7 +85,7 @@ pub fn look_at(surfaces: &[Made], sight: &Sight, name: &str) -> Option<(View, Pl
     placed(wish, sight)
 }
 
-/// The view with the probe where it sees most.
+/// The view with the probe at the best site.
 fn placed(wish: Wish, sight: &Sight) -> Option<(View, Place)> {
     let place = best_place(sight, &wish.view, wish.radius_mm, wish.cone_deg)?;
     let mut view = wish.view;
@@ -93,7 +93,7 @@ fn placed(wish: Wish, sight: &Sight) -> Option<(View, Place)> {
     view.to_probe = place.to_probe;
     view.normal = view.to_probe.cross(view.lateral);
     view.pose = view.pose_on(sight.skin(), PRESS_MM);
-    // A landmark beside the plane would keep it from being found.
+    // A landmark too far from the plane would prevent the plane from being recognised.
     let (centre_mm, normal) = (view.centre_mm, view.normal);
     let off_mm = |mark: &PlaneLandmark| (mark.position_mm - centre_mm).dot(normal).abs();
     view.landmarks.retain(|mark| mark.within_mm.is_none_or(|within_mm| off_mm(mark) < 0.7 * within_mm));
@@ -191,7 +191,7 @@ fn kidney_wish(kidney: &Made, side: DVec3, caliper_name: &str) -> Option<Wish> {
     let mut view = view("", shape.centre_mm, axis, side + 0.35 * FRONT);
     view.outlines = vec![kidney.name.clone()];
     let [low, high] = shape.extent_mm[0];
-    // The axis may have been turned.
+    // The axis may have been reversed.
     let poles = if axis == shape.axes[0] { [low, high] } else { [-high, -low] }.map(|x| shape.centre_mm + axis * x);
     view.landmarks = vec![mark("upper pole", poles[0], 12.0), mark("lower pole", poles[1], 12.0)];
     let line = caliper(caliper_name, "kidney length", poles, &kidney.name, 12.0);
@@ -202,7 +202,7 @@ fn kidney_wish(kidney: &Made, side: DVec3, caliper_name: &str) -> Option<Wish> {
 /// Long axis of the abdominal aorta from the front.
 fn aorta(organs: &Organs) -> Option<Window> {
     let aorta = organs.of(&["aorta"])?;
-    // Below the kidneys' upper poles, or else in the lower third of what is there.
+    // Level below the kidneys' upper poles, or else in the lower third of the visible aorta.
     let bounds = aorta.mesh.bounds_mm()?;
     let kidneys: Vec<Shape> =
         ["kidney_left", "kidney_right"].iter().filter_map(|&k| Shape::of(&organs.of(&[k])?.mesh)).collect();
@@ -248,7 +248,7 @@ fn heart(organs: &Organs) -> Option<Window> {
     let chamber = |names: &[&str]| Some(Shape::of(&organs.of(names)?.mesh)?.centre_mm);
     let base = chamber(&["heart_atrium_left", "atrial_appendage_left"]);
     let apex = chamber(&["heart_ventricle_left"]);
-    // From the right shoulder to the left hip where no chamber tells.
+    // The axis from the right shoulder to the left hip is used if no chamber tells a better one.
     let axis = match (base, apex) {
         (Some(base), Some(apex)) => apex - base,
         _ => LEFT + 0.6 * FRONT + 0.8 * FEET,
@@ -267,7 +267,8 @@ fn heart(organs: &Organs) -> Option<Window> {
     Some((plane, vec![Wish { view, radius_mm: 25.0, cone_deg: 40.0 }]))
 }
 
-/// Middle of the shortest line between the vertices of two meshes, and its length, mm; of up to some thousand of each.
+/// Middle of the shortest line between vertices of two meshes, and its length, mm. At most some thousand vertices of
+/// each are compared.
 fn between(a: &Mesh, b: &Mesh) -> Option<(DVec3, f64)> {
     let some = |mesh: &Mesh| -> Vec<DVec3> {
         let step = mesh.vertices_mm.len() / 1500 + 1;

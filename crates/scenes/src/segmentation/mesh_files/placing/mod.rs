@@ -1,7 +1,7 @@
-//! Unit and axes of meshes: what they are, and guesses of them.
+//! Unit and axes of meshes: the possible values, and guesses.
 //!
-//! Guesses go by what the file says, then by the names of organs: their sizes tell the unit, their places the axes. A
-//! guess that is not certain should be confirmed by the user.
+//! Guesses follow the file's statements, or else the names of organs: their sizes tell the unit, their relative
+//! positions the axes. A guess that is not certain should be confirmed by the user.
 
 mod places;
 
@@ -13,14 +13,14 @@ pub use super::frame::{MeshAxes, Unit};
 use super::{FileHints, NamedMesh};
 pub use places::{contradiction, guess_axes};
 
-/// A guess, and why.
+/// A guess with its reason.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Guess<T> {
     /// The most likely value.
     pub value: T,
     /// Reason, as a clause.
     pub reason: String,
-    /// Whether nothing speaks for another value.
+    /// Whether there is no evidence for another value.
     pub certain: bool,
 }
 
@@ -30,7 +30,8 @@ impl<T: fmt::Display> fmt::Display for Guess<T> {
     }
 }
 
-/// Longest side of organs in adults, mm, with room for cuts and small or large patients; by a word of their names.
+/// Shortest and longest usual longest side of organs in adults, mm, by a word of their names; tolerant of cuts and of
+/// small or large patients.
 const LENGTHS_MM: [(&str, f64, f64); 24] = [
     ("liver", 110.0, 330.0),
     ("kidney", 70.0, 180.0),
@@ -58,7 +59,7 @@ const LENGTHS_MM: [(&str, f64, f64); 24] = [
     ("body", 150.0, 2100.0),
 ];
 
-/// Guesses the unit of meshes, from what the file says, the sizes of organs, or the size of all.
+/// Guesses the unit of meshes from the file's statements, the sizes of organs, or the size of all meshes.
 pub fn guess_unit(hints: &FileHints, meshes: &[NamedMesh]) -> Guess<Unit> {
     let said = hints.said.clone().unwrap_or_default();
     if let Some(reason) = hints.unclear_unit.clone() {
@@ -108,7 +109,7 @@ fn by_organs(meshes: &[NamedMesh]) -> Option<Guess<Unit>> {
             mesh.name
         )
     };
-    // A child in cm has the numbers of an adult in inches.
+    // A child's coordinates in cm look like an adult's in inches.
     let certain = value != Unit::In && 2 * second < best && 3 * best >= 2 * known.len();
     Some(Guess { value, reason, certain })
 }
@@ -116,7 +117,7 @@ fn by_organs(meshes: &[NamedMesh]) -> Option<Guess<Unit>> {
 /// Words that may accompany the name of a whole organ.
 const QUALIFIERS: [&str; 12] = ["left", "right", "l", "r", "lt", "rt", "t", "c", "s", "urinary", "structure", "of"];
 
-/// Sizes in `unit` of the meshes that are called as a whole organ, not as a lobe or a lesion of it.
+/// Sizes, measured in `unit`, of the meshes named after a whole organ; lobes and lesions of an organ are left out.
 pub fn organ_sizes<'m>(meshes: &'m [NamedMesh], unit: Unit) -> Vec<OrganSize<'m>> {
     let of = |mesh: &'m NamedMesh| {
         let name = mesh.name.as_str();
@@ -141,7 +142,7 @@ pub struct OrganSize<'m> {
     pub length_mm: f64,
     /// Least and greatest usual length, mm.
     pub usual_mm: [f64; 2],
-    /// Ratio to the nearest usual length: 1 within these, above 1 for smaller and larger organs.
+    /// Ratio to the nearest usual length: 1 within the usual range, above 1 for smaller and larger organs.
     pub ratio: f64,
 }
 
@@ -153,7 +154,7 @@ impl fmt::Display for OrganSize<'_> {
     }
 }
 
-/// Unit by the size of all meshes.
+/// Unit from the size of all meshes together.
 fn by_size(meshes: &[NamedMesh]) -> Guess<Unit> {
     let size = longest_side(meshes).unwrap_or(0.0);
     let many = meshes.len() > 2;
@@ -194,7 +195,7 @@ mod tests {
     use super::places::{CRANIAL, LEFT, POSTERIOR};
     use super::*;
 
-    /// A mesh of two corners of a cube with sides of `size` about a centre.
+    /// A mesh of two vertices, opposite corners of a cube with sides of `size` about a centre.
     fn organ(name: &str, centre: [f64; 3], size: f64) -> NamedMesh {
         let centre = DVec3::from_array(centre);
         let half = DVec3::splat(0.5 * size);
@@ -268,11 +269,11 @@ mod tests {
         assert_eq!(values, [(Unit::M, true), (Unit::Mm, false), (Unit::Mm, true), (Unit::Mm, false)]);
         let axes = guess_axes(&hints, &thing(300.0));
         assert_eq!((axes.value, axes.certain), (MeshAxes::Lps, false));
-        // Left and right alone do not tell y up from LPS.
+        // Left and right alone do not distinguish y up from LPS.
         let kidneys = [organ("Left Kidney", [60.0, 0.0, 0.0], 100.0), organ("Right Kidney", [-60.0, 0.0, 0.0], 100.0)];
         let axes = guess_axes(&hints, &kidneys);
         assert!(!axes.certain && axes.reason.contains("fits"), "{axes}");
-        // A mirrored patient contradicts.
+        // A mirrored patient contradicts all axes.
         let mut mirrored = placed(MeshAxes::Lps, Unit::Mm);
         mirrored.iter_mut().flat_map(|mesh| &mut mesh.vertices).for_each(|v| v.x = -v.x);
         assert!(!guess_axes(&hints, &mirrored).certain);

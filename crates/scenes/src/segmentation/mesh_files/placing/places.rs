@@ -1,4 +1,4 @@
-//! Guesses of axes from the places of organs to each other.
+//! Guesses of axes from the relative positions of organs.
 
 use std::fmt;
 
@@ -13,7 +13,7 @@ pub(super) const LEFT: DVec3 = DVec3::X;
 pub(super) const POSTERIOR: DVec3 = DVec3::Y;
 pub(super) const CRANIAL: DVec3 = DVec3::Z;
 
-/// Seen from the second organ, the first one lies in this direction, in nearly everybody.
+/// Pairs of organs: in nearly everybody, the first one lies in this direction (LPS) from the second.
 const PLACES: [(&str, DVec3, &str); 16] = [
     ("spleen", LEFT, "liver"),
     ("stomach", LEFT, "liver"),
@@ -33,10 +33,11 @@ const PLACES: [(&str, DVec3, &str); 16] = [
     ("heart", POSTERIOR, "sternum"),
 ];
 
-/// Smallest cosine of the angle to the expected direction; below its negative, the place contradicts.
+/// Smallest cosine of the angle to the expected direction. Below its negative, the position contradicts.
 const ALONG: f64 = 0.35;
 
-/// Other axes that fit the places of all organs, where most places contradict `axes`, with the contradiction as a clause.
+/// Other axes that fit the positions of all organs, if most positions contradict `axes`, and a clause that names the
+/// contradiction.
 pub fn contradiction(axes: MeshAxes, meshes: &[NamedMesh]) -> Option<(MeshAxes, String)> {
     let evidence = evidence(meshes);
     let count = |axes: MeshAxes, sign: i64| evidence.iter().filter(|e| e.sign(axes) == sign).count();
@@ -52,7 +53,7 @@ pub fn contradiction(axes: MeshAxes, meshes: &[NamedMesh]) -> Option<(MeshAxes, 
     Some((other, text))
 }
 
-/// Guesses the axes of meshes, from what the file says, or the places of organs to each other.
+/// Guesses the axes of meshes from the file's statements, or from the relative positions of organs.
 pub fn guess_axes(hints: &FileHints, meshes: &[NamedMesh]) -> Guess<MeshAxes> {
     if let Some(reason) = hints.unclear_axes.clone() {
         let likely = guess_axes(&FileHints::default(), meshes).value;
@@ -82,7 +83,7 @@ pub fn guess_axes(hints: &FileHints, meshes: &[NamedMesh]) -> Guess<MeshAxes> {
         return Guess { value: MeshAxes::Lps, reason, certain: false };
     };
     let mut reason = first.to_string();
-    // A reason of another direction says more.
+    // A second reason in another direction gives more certainty.
     if let Some(next) = evidence.iter().find(|e| e.sign(value) > 0 && e.direction != first.direction) {
         reason += &format!(", and {next}");
     }
@@ -96,18 +97,18 @@ pub fn guess_axes(hints: &FileHints, meshes: &[NamedMesh]) -> Guess<MeshAxes> {
     Guess { value, reason: format!("with {value}, {reason}"), certain: is_clear }
 }
 
-/// Two meshes whose places to each other are known.
+/// Two meshes whose relative position is known.
 struct Evidence<'m> {
     first: &'m str,
     second: &'m str,
-    /// Expected direction from the second to the first, LPS.
+    /// Expected direction from the second mesh to the first, LPS.
     direction: DVec3,
-    /// Direction found, in the file's axes, a unit vector.
+    /// Direction found, a unit vector in the file's axes.
     found: DVec3,
 }
 
 impl Evidence<'_> {
-    /// 1 if the place is as expected with these axes, −1 if it is opposite, else 0.
+    /// 1 if the position is as expected with these axes, −1 if it is opposite, else 0.
     fn sign(&self, axes: MeshAxes) -> i64 {
         let cosine = self.direction.dot(axes.lps_from_file() * self.found);
         i64::from(cosine > ALONG) - i64::from(cosine < -ALONG)
@@ -136,7 +137,7 @@ fn evidence(meshes: &[NamedMesh]) -> Vec<Evidence<'_>> {
     for (left, right) in pairs(&named) {
         found.extend(between(left, right, LEFT));
     }
-    // Middle of the meshes of each organ, such as both lungs.
+    // Middle of the meshes of each organ, for example of both lungs.
     let having =
         |word: &str| -> Vec<usize> { (0..named.len()).filter(|&i| named[i].0.iter().any(|w| w == word)).collect() };
     let middle = |of: &[usize]| of.iter().map(|&i| named[i].1).sum::<DVec3>() / of.len() as f64;

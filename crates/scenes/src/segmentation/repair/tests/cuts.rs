@@ -72,7 +72,7 @@ fn a_sphere_at_the_corner_of_the_scan_is_closed_along_three_planes() {
     assert_eq!(count(&report, ActionKind::BentCap), 1, "{report}");
 }
 
-/// The part of a sphere in a box, open at the box, and its shape.
+/// The part of a sphere inside a box, open at the sides of the box, and its signed distance function.
 fn boxed(min: DVec3, max: DVec3) -> (Mesh, impl Fn(DVec3) -> f64) {
     let mut mesh = sphere(30.0, 4);
     for axis in DVec3::AXES {
@@ -87,7 +87,7 @@ fn a_sphere_larger_than_the_scan_is_closed_along_all_sides_of_the_box() {
     let (mesh, shape) = boxed(DVec3::splat(-18.0), DVec3::splat(18.0));
     let (_, report) = mended(mesh, &shape);
     assert_eq!((count(&report, ActionKind::BentCap), report.parts), (8, 1), "{report}");
-    // Two opposite corners of the box are outside, six inside; whichever way the surface faces.
+    // Two opposite corners of the box are outside the sphere, six inside, whichever way the surface faces.
     let (mut mesh, ball_in_box) = boxed(DVec3::splat(-18.0), DVec3::splat(18.0));
     let at = mesh.vertices_mm.clone();
     let is_opposite = |p: DVec3| p.min_element() > 0.0 || p.max_element() < 0.0;

@@ -13,11 +13,12 @@ use super::{ActionKind, RemainingKind, RepairSettings, SurfaceRepair, repair};
 /// Signed distance of a shape, mm: negative inside.
 type Shape<'a> = &'a dyn Fn(DVec3) -> f64;
 
-/// Distance from the border within which points are not compared, mm: how far a mesh's chords are from its shape.
+/// Distance from the border within which points are not compared, mm: the chords of a mesh deviate that much from its
+/// shape.
 const NEAR_MM: f64 = 0.15;
 
-/// Repairs a mesh; checks that it is closed, outward, as the shape, moved by no more than allowed, and sound to the
-/// doctor.
+/// Repairs a mesh. Checks that the result is closed and outward, has the given shape, moved no farther than allowed,
+/// and passes the scene check.
 fn mended(mesh: Mesh, shape: Shape<'_>) -> (Mesh, SurfaceRepair) {
     let settings = RepairSettings::default();
     let (mesh, report) = repair("shape", mesh, &settings);
@@ -36,7 +37,7 @@ fn check(mesh: &Mesh, report: &SurfaceRepair, shape: Shape<'_>) {
     assert_eq!(wrong_points(mesh, shape), 0, "{report}");
 }
 
-/// Number of random points that are inside the mesh and not the shape, or the other way round.
+/// Number of random points inside either the mesh or the shape, but not both.
 fn wrong_points(mesh: &Mesh, shape: Shape<'_>) -> usize {
     let tree = Tree::new(mesh).unwrap();
     let bounds = mesh.bounds_mm().unwrap().grown(2.0);
@@ -124,7 +125,7 @@ fn a_wall_between_joined_halves_is_removed() {
     let shape = |p: DVec3| (p.abs() - DVec3::new(20.0, 10.0, 10.0)).max_element();
     let (_, report) = mended(halves.clone(), &shape);
     assert_eq!((count(&report, ActionKind::InnerWall), report.parts), (144, 1), "{report}");
-    // The wall once: edges of three triangles.
+    // The wall is there only once, so its edges have three triangles.
     let mut once = super::shapes::welded(halves);
     let at = once.vertices_mm.clone();
     let is_wall = |t: &[u32; 3]| t.iter().all(|v| at[*v as usize].x == 0.0);
@@ -214,7 +215,7 @@ fn a_cavity_stays_a_cavity_and_an_inner_part_becomes_one() {
     assert!(report.was_sound(), "{report}");
     let (_, report) = mended(both(&sphere(30.0, 4), &sphere(12.0, 3)), &shape);
     assert_eq!(count(&report, ActionKind::Cavity), 1, "{report}");
-    // All inside out: the cavity was one.
+    // Everything is inside out, so the cavity was one.
     let (_, report) = mended(flipped(both(&sphere(30.0, 4), &flipped(sphere(12.0, 3)))), &shape);
     assert_eq!((count(&report, ActionKind::TurnedPart), count(&report, ActionKind::Cavity)), (2, 0), "{report}");
 }
@@ -279,7 +280,7 @@ fn crumbs_and_flat_pieces_are_removed() {
 #[test]
 fn a_small_fold_is_smoothed_within_the_allowed_move() {
     let mut mesh = sphere(30.0, 5);
-    // Vertices of a patch moved sideways, past their neighbours.
+    // Vertices of a patch are moved sideways, past their neighbours.
     let mut numbers = Numbers(5);
     let middle = mesh.vertices_mm[mesh.triangles[500][0] as usize];
     for v in mesh.vertices_mm.iter_mut().filter(|v| v.distance(middle) < 3.0) {

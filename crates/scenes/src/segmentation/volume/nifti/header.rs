@@ -8,7 +8,7 @@ pub(super) const BYTES_1: usize = 348;
 /// Length of a NIfTI-2 header, bytes.
 pub(super) const BYTES_2: usize = 540;
 
-/// Fields of both versions that matter here.
+/// Fields of both versions that are used here.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Header {
     /// Length of the header, bytes.
@@ -21,7 +21,7 @@ pub(super) struct Header {
     pub sizes: Vec<u64>,
     /// Code of the stored type.
     pub datatype: i64,
-    /// Sign of the third axis, then distances along the axes.
+    /// Sign of the third axis (qfac), then voxel spacings along the axes.
     pub pixdim: [f64; 4],
     /// Offset of the voxels in their file.
     pub voxel_offset: f64,
@@ -41,7 +41,8 @@ pub(super) struct Header {
     pub rows: [[f64; 4]; 3],
 }
 
-/// Version by the first four bytes, the length of the header: 1 or 2, and whether the bytes are big-endian.
+/// Version, 1 or 2, and whether the bytes are big-endian; from the first four bytes, which hold the length of the
+/// header.
 pub(in super::super) fn version(start: &[u8]) -> Option<(u8, bool)> {
     let length: [u8; 4] = start.get(..4)?.try_into().ok()?;
     match (u32::from_le_bytes(length), u32::from_be_bytes(length)) {

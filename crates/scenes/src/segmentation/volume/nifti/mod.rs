@@ -18,7 +18,7 @@ use super::{ReadOptions, VolumeFault};
 /// Most bytes of extensions.
 const MAX_EXTENSION_BYTES: u64 = 64 << 20;
 
-/// Volume in `bytes`, those of a `.nii` file (decompressed), or of a `.hdr` file whose voxels are in `voxels`.
+/// Volume in `bytes`, which are a decompressed `.nii` file, or a `.hdr` file whose voxels are in `voxels`.
 ///
 /// # Errors
 /// A header that can't be used, or missing bytes.
@@ -27,7 +27,7 @@ pub fn decode_nifti(bytes: &[u8], voxels: Option<&[u8]>, options: ReadOptions) -
     read_nifti(&mut source, voxels.map(|voxels| Source::plain(voxels, voxels.len() as u64)), options)
 }
 
-/// Volume whose header is at the start of `source`, and its voxels there too, or in `voxels`.
+/// Volume whose header is at the start of `source`. The voxels follow there, or are in `voxels`.
 pub(super) fn read_nifti(
     source: &mut Source<'_>,
     voxels: Option<Source<'_>>,
@@ -59,7 +59,7 @@ pub(super) fn read_nifti(
         None if header.single => {
             let extensions = source.take(offset - header.bytes, "the header's extensions")?;
             let data = source.take(expected, "the voxels")?;
-            // Reading on verifies the checksum of gzip data. Bytes after the voxels are ignored, as by nibabel.
+            // Reading on verifies the checksum of gzip data. Like nibabel, this reader ignores bytes after the voxels.
             source.has_more()?;
             (extensions, data)
         }
@@ -121,12 +121,12 @@ fn sample_type(code: i64) -> Result<Number, VolumeFault> {
     })
 }
 
-/// Offset of the voxels in their file; at least that of the end of the header, the flags of extensions included, if
-/// they are in one file.
+/// Offset of the voxels in their file. In a single file, it is at least the end of the header with the flags of
+/// extensions.
 fn voxel_offset(header: &Header) -> Result<u64, VolumeFault> {
     let least = if header.single { header.bytes + 4 } else { 0 };
     let offset = header.voxel_offset;
-    // Some writers leave 0.
+    // Some writers leave the offset 0.
     if header.single && offset == 0.0 {
         return Ok(least);
     }

@@ -3,7 +3,7 @@
 use super::super::label_names::LabelNames;
 use super::super::{Segment, VolumeFault};
 
-/// Shortest extension: its length and code.
+/// Size of the shortest extension, bytes: its length and code.
 const HEAD_BYTES: usize = 8;
 
 /// Segments in the label tables of the extensions in `bytes`, which start after the header.
@@ -19,7 +19,7 @@ pub(super) fn segments(bytes: &[u8], big_endian: bool) -> Result<Vec<Segment>, V
     }
     while let Some(length) = rest.first_chunk::<4>() {
         let length = if big_endian { u32::from_be_bytes(*length) } else { u32::from_le_bytes(*length) } as usize;
-        // Bytes that aren't an extension are padding.
+        // Bytes that aren't a valid extension are padding.
         if length < HEAD_BYTES || length > rest.len() {
             break;
         }
@@ -65,7 +65,7 @@ fn label_table(text: &str) -> Result<Vec<Segment>, VolumeFault> {
     Ok(names.segments())
 }
 
-/// A share of 1 in 255ths.
+/// A fraction of 1 as 0 to 255.
 pub(in super::super) fn byte(share: f64) -> u8 {
     (share * 255.0).round().clamp(0.0, 255.0) as u8
 }

@@ -1,4 +1,4 @@
-//! Placement of a NIfTI file's voxels: by its sform or its qform, and what to do where they contradict each other.
+//! Placement of a NIfTI file's voxels by its sform or its qform, and handling of contradictions between them.
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
@@ -6,21 +6,21 @@ use super::super::geometry::{PatientAxes, lps_mm};
 use super::super::{NiftiForm, ReadOptions, VolumeFault};
 use super::header::Header;
 
-/// Angle between an axis of the sform and that of the qform above which the forms contradict each other, degrees.
+/// Angle between corresponding axes of sform and qform, degrees, above which the forms contradict each other.
 const TURN_DEGREES: f64 = 30.0;
 
-/// Ratio of the voxels' volumes, or of their edges, above which it is no rounding.
+/// Ratio of the forms' voxel volumes, or voxel edges, above which the difference is not rounding.
 const VOLUME_RATIO: f64 = 1.1;
 
-/// Largest distance between the two positions of a corner that is rounding, mm and voxels.
+/// Largest distance between the forms' positions of a corner that counts as rounding, mm and voxels.
 const SHIFT_MM: f64 = 2.0;
 const SHIFT_VOXELS: f64 = 1.0;
 
-/// LPS position of voxels: the sform if there is one, else the qform, else the assumed axes. Remarks say where the two
-/// differ.
+/// Transform from voxel index to LPS, mm: the sform if present, else the qform, else the assumed axes. Remarks tell
+/// where both forms differ.
 ///
 /// # Errors
-/// No placement at all, impossible voxels, or forms that contradict each other where `options` prefer neither.
+/// No placement at all, impossible voxels, or forms that contradict each other when `options` prefer neither.
 pub(super) fn placement(
     header: &Header,
     size: [u64; 3],
@@ -61,14 +61,14 @@ fn spacing(header: &Header) -> Result<DVec3, VolumeFault> {
     Ok(spacing)
 }
 
-/// RAS position of voxels by method 3.
+/// Transform from voxel index to RAS by method 3.
 fn sform(header: &Header) -> DAffine3 {
     let [x, y, z] = header.rows;
     let column = |n: usize| DVec3::new(x[n], y[n], z[n]);
     DAffine3::from_mat3_translation(DMat3::from_cols(column(0), column(1), column(2)), column(3))
 }
 
-/// RAS position of voxels by method 2.
+/// Transform from voxel index to RAS by method 2.
 fn qform(header: &Header) -> Result<DAffine3, VolumeFault> {
     let scale = spacing(header)? * DVec3::new(1.0, 1.0, if header.pixdim[0] < 0.0 { -1.0 } else { 1.0 });
     let matrix = DMat3::from_quat(unit_quaternion(header.quaternion)) * DMat3::from_diagonal(scale);
@@ -79,7 +79,7 @@ fn qform(header: &Header) -> Result<DAffine3, VolumeFault> {
 fn unit_quaternion([b, c, d]: [f64; 3]) -> DQuat {
     let rest = 1.0 - (b * b + c * c + d * d);
     if rest < 1e-7 {
-        // Half a turn: rounding may have made b, c, d too long.
+        // The rotation is half a turn: rounding may have made (b, c, d) longer than 1.
         let length = (b * b + c * c + d * d).sqrt();
         return DQuat::from_xyzw(b / length, c / length, d / length, 0.0);
     }
@@ -105,7 +105,7 @@ struct Forms<'a> {
     qform: DAffine3,
 }
 
-/// The preferred placement, else the sform, and what to remark about the other one.
+/// The preferred placement, else the sform, and remarks on the other one.
 fn chosen(forms: &Forms<'_>, prefer: Option<NiftiForm>) -> Result<(DAffine3, Vec<String>), VolumeFault> {
     let taken = prefer.unwrap_or(NiftiForm::Sform);
     let affine = if taken == NiftiForm::Sform { forms.sform } else { forms.qform };
@@ -123,7 +123,7 @@ fn chosen(forms: &Forms<'_>, prefer: Option<NiftiForm>) -> Result<(DAffine3, Vec
 }
 
 impl Forms<'_> {
-    /// What the forms disagree about: sides, directions or sizes of voxels.
+    /// Disagreement of the forms: about sides, directions or sizes of voxels.
     fn contradiction(&self) -> Option<String> {
         let (s, q) = (self.sform.matrix3, self.qform.matrix3);
         let axis = (0..3).map(|n| (n, s.col(n).angle_between(q.col(n)).to_degrees()));
@@ -147,7 +147,7 @@ impl Forms<'_> {
         })
     }
 
-    /// How far apart the forms place the volume, where that isn't rounding.
+    /// Distance between the forms' placements of the volume, in words; `None` if it is rounding.
     fn distance(&self) -> Option<String> {
         let corner = |n: usize| -> DVec3 {
             let ends = self.size.map(|size| size.saturating_sub(1) as f64);
@@ -187,14 +187,14 @@ impl Forms<'_> {
     }
 }
 
-/// Side of the patient that a direction points to most.
+/// Side of the patient to which a direction mostly points.
 fn direction(lps: DVec3) -> &'static str {
     let axis = (0..3).max_by(|a, b| lps[*a].abs().total_cmp(&lps[*b].abs())).unwrap_or(0);
     let sides = [["the patient's left", "the patient's right"], ["the back", "the front"], ["the head", "the feet"]];
     sides[axis][usize::from(lps[axis] < 0.0)]
 }
 
-/// Remark where `pixdim` has other distances of voxels than the sform, and there is no qform.
+/// Remark on voxel spacings in `pixdim` that differ from the sform's, if there is no qform.
 fn other_spacing(header: &Header, sform: &DAffine3, unit_mm: f64) -> Vec<String> {
     let [_, spacing @ ..] = header.pixdim;
     let columns = [0, 1, 2].map(|n| sform.matrix3.col(n).length());

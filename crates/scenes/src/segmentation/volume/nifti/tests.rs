@@ -242,12 +242,12 @@ fn names_of_a_caret_extension_become_segments() {
     }
 }
 
-/// The default test volume with a qform as well; `qfac` is its handedness.
+/// The default test volume with an additional qform; `qfac` is its handedness.
 fn with_qform(qform: [f64; 6], qfac: f64) -> Nifti {
     Nifti { qform: Some(qform), pixdim: [qfac, 2.0, 3.0, 4.0], ..Nifti::default() }
 }
 
-/// The qform that says what the sform of the default test volume says.
+/// The qform that is equal to the sform of the default test volume.
 const SAME: [f64; 6] = [0.0, 0.0, 0.0, -10.0, -20.0, 30.0];
 
 fn preferring(file: &Nifti, prefer: Option<NiftiForm>) -> Result<RawVolume, VolumeFault> {
@@ -282,7 +282,7 @@ fn forms_of_opposite_sides_are_refused_unless_one_is_preferred() {
         assert_eq!(map.lps_from_voxel.matrix3.x_axis.x, x);
         assert!(map.remarks[0].contains("contradict") && map.remarks[0].contains(prefer.name()), "{:?}", map.remarks);
     }
-    // Half a turn about z: LPS and RAS taken for each other.
+    // Half a turn about z: LPS and RAS confused.
     let turned = with_qform([0.0, 0.0, 1.0, 10.0, 20.0, 30.0], 1.0);
     let error = refusal(&turned);
     assert!(error.contains("contradict each other") && !error.contains("mirror image"), "{error}");
@@ -328,7 +328,8 @@ fn a_form_that_cannot_be_used_is_left_out_and_said() {
 }
 
 proptest! {
-    /// No two forms are silently different: a voxel's positions are near each other, or the difference is said.
+    /// Differences of the two forms are never silent: both positions of a voxel are near each other, or a message
+    /// tells the difference.
     #[test]
     fn any_difference_of_the_forms_is_said(
         rotation in [-1.0_f64..1.0, -1.0..1.0, -1.0..1.0],

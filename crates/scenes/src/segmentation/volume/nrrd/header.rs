@@ -18,7 +18,7 @@ pub(super) struct Header {
     fields: HashMap<String, String>,
     /// Key/value pairs, in order.
     pub pairs: Vec<(String, String)>,
-    /// What was assumed in reading.
+    /// Assumptions in reading.
     pub remarks: Vec<String>,
 }
 
@@ -49,7 +49,7 @@ impl Header {
         let mut remarks = Vec::new();
         let text = match std::str::from_utf8(bytes) {
             Ok(text) => Cow::Borrowed(text),
-            // Segments' names of older programs. In Latin-1 each byte is a character.
+            // Names of segments by older programs, which are not UTF-8. As Latin-1, each byte is a character.
             Err(error) => {
                 let byte = error.valid_up_to();
                 remarks.push(format!("its header isn't UTF-8 (byte {byte}): names were read as Latin-1"));
@@ -157,7 +157,7 @@ fn vectors(mut text: &str) -> Option<Vec<Option<DVec3>>> {
     }
 }
 
-/// `text` with `\n` and `\\` as the characters they stand for.
+/// `text` with its escapes for line feeds and backslashes replaced.
 fn unescaped(text: &str) -> String {
     let (mut out, mut chars) = (String::with_capacity(text.len()), text.chars().peekable());
     while let Some(c) = chars.next() {

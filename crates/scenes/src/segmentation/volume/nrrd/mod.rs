@@ -1,4 +1,4 @@
-//! NRRD files, with data attached or in a file of its own, and 3D Slicer's segmentations in them.
+//! NRRD files, with attached or detached data, including 3D Slicer's segmentations.
 
 mod header;
 mod segments;
@@ -16,10 +16,10 @@ use super::raw::{Layers, RawVolume};
 use super::source::{Source, file_length, in_data_file, voxel_count};
 use super::{ReadOptions, VolumeFault};
 
-/// Most layers of a segmentation: tables of each layer's labels are in memory.
+/// Most layers of a segmentation: memory holds a table of labels for each layer.
 const LAYERS_MAX: usize = 512;
 
-/// Volume of a header, up to its blank line, and of the bytes of its data, after the header or in a file of its own.
+/// Volume of a header, up to its blank line, and of the bytes of its data, attached or detached.
 ///
 /// # Errors
 /// A header that can't be used, or missing or surplus bytes.
@@ -27,7 +27,7 @@ pub fn decode_nrrd(header: &[u8], data: &[u8], options: ReadOptions) -> Result<R
     Plan::of(&Header::parse(header)?, options)?.read(Source::plain(data, data.len() as u64))
 }
 
-/// Volume in a stream of `length` bytes; `folder` has its data file, if the header names one.
+/// Volume in a stream of `length` bytes; `folder` contains the data file that the header may name.
 pub(super) fn read_nrrd(
     mut stream: impl BufRead,
     length: u64,
@@ -54,7 +54,7 @@ pub(super) fn read_nrrd(
     data().map_err(|fault| in_data_file(&folder.join(name), unquoted(fault)))
 }
 
-/// The fault without content of the data file: a header may name any file.
+/// The fault without any quoted content of the data file: a header may name any file.
 fn unquoted(fault: VolumeFault) -> VolumeFault {
     match fault {
         VolumeFault::Text { index, kind, .. } => {
@@ -64,7 +64,7 @@ fn unquoted(fault: VolumeFault) -> VolumeFault {
     }
 }
 
-/// How to read the data, and what it means.
+/// Plan for reading the data and interpreting it.
 struct Plan<'a> {
     header: &'a Header,
     size: [usize; 3],
@@ -129,7 +129,7 @@ fn list_axis(header: &Header, dimension: usize) -> Result<Option<usize>, VolumeF
     } else if dimension == 4 && !kinds.is_empty() {
         (0..dimension).find(|axis| !is_space(*axis))
     } else if dimension == 4 {
-        // A distance that isn't a number marks an axis that isn't one of space.
+        // An axis whose spacing isn't a number is not an axis of space.
         let spacings: Vec<f64> = header.numbers("spacings")?.unwrap_or_default();
         spacings.iter().position(|spacing| spacing.is_nan())
     } else {
@@ -181,7 +181,7 @@ fn placement(
     lps_mm(DAffine3::from_scale(spacing), axes, unit)
 }
 
-/// Axes of a `space`; none for spaces that aren't those of a patient.
+/// Axes of a `space`; none for spaces that don't refer to a patient.
 fn space(name: &str) -> Result<Option<PatientAxes>, VolumeFault> {
     Ok(Some(match name.to_ascii_lowercase().as_str() {
         "lps" | "left-posterior-superior" => PatientAxes::Lps,
@@ -198,7 +198,7 @@ fn space(name: &str) -> Result<Option<PatientAxes>, VolumeFault> {
     }))
 }
 
-/// Unit of length, and that unit in mm.
+/// Name of the unit of length, and that unit in mm.
 fn unit(header: &Header) -> Result<(&'static str, f64), VolumeFault> {
     let Some(words) = header.words("space units") else { return Ok(("none stated, mm assumed", 1.0)) };
     let mut units = words.iter().map(|word| match word.to_lowercase().as_str() {

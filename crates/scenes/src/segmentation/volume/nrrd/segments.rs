@@ -17,8 +17,8 @@ struct Keys {
 }
 
 impl Keys {
-    /// The segment of this number. Early versions of Slicer wrote neither labels nor layers: each segment was 1 in a
-    /// layer of its own. A label without a layer is in the first.
+    /// The segment of this number. Early versions of Slicer wrote neither labels nor layers: each segment had label 1
+    /// in a layer of its own. A label without a layer is in the first layer.
     fn segment(self, number: usize) -> Segment {
         let Self { value, layer, name, colour, terminology } = self;
         let layer = layer.unwrap_or(if value.is_some() { 0 } else { number });
@@ -64,7 +64,7 @@ fn colour(value: &str) -> Option<[u8; 3]> {
 /// Meanings of type, modifier, region and the region's modifier in the `TerminologyEntry` of a segment's tags.
 fn terminology(tags: &str) -> Option<String> {
     let entry = tags.split('|').find_map(|tag| tag.trim().strip_prefix("TerminologyEntry:"))?;
-    // Context, category, type, modifier, context of the region, region, its modifier.
+    // Fields: context, category, type, modifier, context of the region, region, modifier of the region.
     let parts: Vec<&str> = entry.split('~').collect();
     let meaning = |part: usize| parts.get(part)?.split('^').nth(2).map(str::trim).filter(|meaning| !meaning.is_empty());
     let meanings: Vec<&str> = [2, 3, 5, 6].into_iter().filter_map(meaning).collect();

@@ -30,7 +30,7 @@ pub(super) fn read(header: &Header, count: u64, mut source: Source<'_>) -> Resul
     let bytes = match encoding.as_str() {
         "raw" => {
             let left = source.left().unwrap_or(0);
-            // The data is at the end.
+            // Byte skip −1: the data are at the end of the file.
             let skip = if byte_skip == -1 { left.saturating_sub(expected) } else { byte_skip.unsigned_abs() };
             source.skip(skip, "the bytes to skip")?;
             take(&mut source, expected)?
@@ -45,7 +45,7 @@ pub(super) fn read(header: &Header, count: u64, mut source: Source<'_>) -> Resul
         }
         _ if is_text => {
             source.skip(byte_skip.max(0).unsigned_abs(), "the bytes to skip")?;
-            // Text and numbers are in memory together.
+            // The text and the numbers are in memory at the same time.
             memory_for(source.left().unwrap_or(0).saturating_add(count.saturating_mul(8)))?;
             let text = source.rest(MAX_BYTES, "the size of the text data in bytes")?;
             return text_values(&text, count, kind);
