@@ -277,7 +277,7 @@ fn cuts(reports: &[SurfaceRepair], surfaces: &[Made]) -> Vec<CutPlane> {
         .iter()
         .flat_map(|report| &report.actions)
         .filter(|action| matches!(action.kind, ActionKind::PlanarCap | ActionKind::BentCap))
-        .flat_map(|action| &action.places)
+        .flat_map(|action| &action.regions)
         .map(|place| DVec3::from_array(place.at_mm.map(f64::from)))
         .collect();
     let mut cuts = Vec::new();

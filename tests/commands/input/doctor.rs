@@ -57,7 +57,7 @@ fn ball() -> Mesh {
 }
 
 fn near(finding: &Finding, place: [f32; 3], within_mm: f32) {
-    let at = Vec3::from(finding.places[0].at_mm);
+    let at = Vec3::from(finding.regions[0].at_mm);
     assert!(at.distance(place.into()) <= within_mm, "{finding}");
 }
 
@@ -101,11 +101,11 @@ fn a_hole_is_named_with_its_place_and_size() {
     let top = Vec3::new(10.0, 20.0, 50.0);
     let finding = of_organ(&holed(&ball(), top, 6.0), Defect::Open);
     near(&finding, [10.0, 20.0, 50.0], 2.0);
-    assert!((5.0..20.0).contains(&finding.places[0].size_mm), "{finding}");
+    assert!((5.0..20.0).contains(&finding.regions[0].size_mm), "{finding}");
     assert!(finding.to_string().starts_with("`organ` (liver): not closed: ") && finding.what.contains("about 1 holes"));
     let two = holed(&holed(&ball(), top, 6.0), Vec3::new(10.0, 20.0, 10.0), 9.0);
     let finding = of_organ(&two, Defect::Open);
-    assert_eq!(finding.places.len(), 2);
+    assert_eq!(finding.regions.len(), 2);
     near(&finding, [10.0, 20.0, 10.0], 2.0);
 }
 
@@ -139,7 +139,7 @@ fn edges_of_three_triangles_are_named() {
     let report = examined(&scene(&[("sound", "kidney", 0, &sound), ("organ", "liver", 0, &mesh)]));
     let non_manifold = report.findings.iter().find(|f| f.defect == Defect::NonManifold).unwrap();
     assert_eq!((non_manifold.severity, non_manifold.surface.as_deref()), (Severity::Error, Some("organ")));
-    assert!(Vec3::from(non_manifold.places[0].at_mm).distance(at) < 6.0, "{non_manifold}");
+    assert!(Vec3::from(non_manifold.regions[0].at_mm).distance(at) < 6.0, "{non_manifold}");
     // Two boxes that share an edge have a clear inside.
     let two = joined([
         cuboid(Vec3::ZERO, Vec3::splat(10.0)),
@@ -216,7 +216,7 @@ fn parts_that_intersect_are_named() {
     let report = examined(&scene(&[("sound", "kidney", 0, &sound), ("organ", "liver", 0, &two)]));
     let finding = only(&report, Defect::SelfIntersection);
     assert_eq!(finding.surface.as_deref(), Some("organ"));
-    let ring = finding.places[0];
+    let ring = finding.regions[0];
     // The spheres meet in a circle of 23 mm at x = 26 mm.
     assert!((ring.at_mm[0] - 26.0).abs() < 1.5 && (20.0..40.0).contains(&ring.size_mm), "{finding}");
 }
@@ -252,7 +252,7 @@ fn wrong_units_and_distant_scenes_are_named() {
         assert!(what.contains(words) && what.contains("1000 times") == words.contains("1000 times"), "{what}");
     }
     let finding = only(&scaled(1.0, Vec3::new(5000.0, 0.0, 0.0)), Defect::FarFromOrigin);
-    assert!((finding.places[0].at_mm[0] - 5010.0).abs() < 1.0);
+    assert!((finding.regions[0].at_mm[0] - 5010.0).abs() < 1.0);
     assert!(finding.what.contains("mm from the origin"), "{finding}");
 }
 
@@ -350,7 +350,7 @@ fn finely_meshed_parts_overlap_however_shallow_their_crossings() {
     let two = joined([sphere(Vec3::ZERO, 2.5, 5), sphere(Vec3::new(2.5, 0.1, 0.05), 2.5, 5)]);
     let finding = of_organ(&two, Defect::SelfIntersection);
     near(&finding, [1.25, 0.05, 0.025], 0.2);
-    assert!((3.5..6.5).contains(&finding.places[0].size_mm), "a ring of 4.3 mm: {finding}");
+    assert!((3.5..6.5).contains(&finding.regions[0].size_mm), "a ring of 4.3 mm: {finding}");
 }
 
 #[test]

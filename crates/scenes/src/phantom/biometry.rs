@@ -86,9 +86,9 @@ const EYES_MM: [[f32; 10]; 2] = [
 
 /// Value at `weeks`, interpolated linearly in a table of every second week from 16 to 34.
 fn at(table: &[f32; 10], weeks: f64) -> f32 {
-    let place = ((weeks as f32 - 16.0) / 2.0).clamp(0.0, 9.0);
-    let i = (place as usize).min(8);
-    table[i] + (table[i + 1] - table[i]) * (place - i as f32)
+    let position = ((weeks as f32 - 16.0) / 2.0).clamp(0.0, 9.0);
+    let i = (position as usize).min(8);
+    table[i] + (table[i + 1] - table[i]) * (position - i as f32)
 }
 
 /// Circumference of an ellipse with the diameters `a` and `b` (Ramanujan's first approximation).

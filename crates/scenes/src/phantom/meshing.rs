@@ -11,7 +11,7 @@ use insonify_core::anatomy::Mesh;
 use insonify_core::anatomy::sdf::Solid;
 use rayon::prelude::*;
 
-use super::crumbs::without_crumbs;
+use super::fragments::without_fragments;
 
 /// Cells along a block's edge.
 const BLOCK: u32 = 4;
@@ -40,7 +40,7 @@ pub(super) fn mesh(solid: &Solid, cell_mm: f32) -> Mesh {
     let vertices_mm =
         net.positions.par_iter().map(|&p| project(solid, samples.origin + Vec3::from(p) * cell_mm, cell_mm)).collect();
     let triangles = net.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
-    without_crumbs(Mesh { vertices_mm, triangles }, cell_mm)
+    without_fragments(Mesh { vertices_mm, triangles }, cell_mm)
 }
 
 /// Number of triangles of [`mesh`], fragments included, without computing the vertices.

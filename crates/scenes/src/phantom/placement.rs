@@ -21,14 +21,14 @@ const PLACENTA_SEMI_MM: Vec3 = Vec3::new(60.0, 13.0, 60.0);
 const STEPS: usize = 240;
 
 /// Obstacles around the fetus.
-struct Room {
+struct Obstacles {
     cavity: Solid,
     /// Approximate placenta. It yields to the fetus if the cavity is too small for both.
     placenta: Solid,
     start: Isometry,
 }
 
-impl Room {
+impl Obstacles {
     fn of(parameters: &Parameters) -> Self {
         let (centre, outward) = mother::placenta_centre(parameters);
         let size = Biometry::at_weeks(parameters.gestational_weeks).trunk_scale();
@@ -41,12 +41,12 @@ impl Room {
     fn place(&self, attitude: &Attitude) -> (Isometry, f32) {
         let balls = fetus::balls(attitude);
         let scale = attitude.biometry.trunk_scale();
-        let mut place = Isometry { translation: self.start.translation * scale, ..self.start };
-        let mut best = (place, f32::MAX);
+        let mut pose = Isometry { translation: self.start.translation * scale, ..self.start };
+        let mut best = (pose, f32::MAX);
         for step in 0..STEPS {
             let (mut force, mut torque, mut weight, mut inertia) = (Vec3::ZERO, Vec3::ZERO, 0.0f32, 0.0f32);
             let mut worst = 0.0f32;
-            let centre = place.translation;
+            let centre = pose.translation;
             let mut push = |at: Vec3, by: Vec3| {
                 let depth = by.length();
                 let arm = at - centre;
@@ -56,7 +56,7 @@ impl Room {
                 inertia += depth * arm.length_squared();
             };
             for &(local, radius) in &balls {
-                let at = place.point(local);
+                let at = pose.point(local);
                 // Point of the ball nearest to the wall: the cavity's distances are accurate only near the wall.
                 let outward = self.cavity.normal(at + self.cavity.normal(at) * radius);
                 let out_of_wall = self.cavity.distance_mm(at + outward * radius) + CLEARANCE_MM;
@@ -72,14 +72,14 @@ impl Room {
             }
             // The wall has precedence; clearance from the placenta is a bonus.
             if worst < best.1.max(0.5 * ACCEPTED_MM) {
-                best = (place, worst);
+                best = (pose, worst);
             }
             if weight < 0.5 * ACCEPTED_MM || (step >= STEPS / 2 && worst < 0.5 * ACCEPTED_MM) {
                 break;
             }
-            place.translation += 0.7 * force / weight;
+            pose.translation += 0.7 * force / weight;
             let turn = 0.5 * torque / inertia.max(1e-6);
-            place.rotation = (Quat::from_scaled_axis(turn.clamp_length_max(0.03)) * place.rotation).normalize();
+            pose.rotation = (Quat::from_scaled_axis(turn.clamp_length_max(0.03)) * pose.rotation).normalize();
         }
         best
     }
@@ -112,13 +112,13 @@ impl Attitude {
     /// A fetus too stretched for the cavity is curled as far as necessary.
     pub fn of(parameters: &Parameters) -> Self {
         let biometry = Biometry::at_weeks(parameters.gestational_weeks);
-        let room = Room::of(parameters);
+        let obstacles = Obstacles::of(parameters);
         let mut best: Option<(f32, Self)> = None;
         for step in 0..=5 {
             let flexion = parameters.flexion as f32;
             let curled = flexion + (1.0 - flexion) * 0.2 * step as f32;
             let mut attitude = Self::varied(&biometry, curled, parameters.seed);
-            let (scene_from_fetus, overlap_mm) = room.place(&attitude);
+            let (scene_from_fetus, overlap_mm) = obstacles.place(&attitude);
             attitude.scene_from_fetus = scene_from_fetus;
             if best.as_ref().is_none_or(|(least, _)| overlap_mm < *least) {
                 best = Some((overlap_mm, attitude));

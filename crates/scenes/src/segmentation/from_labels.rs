@@ -7,13 +7,13 @@ use insonify_core::anatomy::Mesh;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::body::{self, Gas, OutlineSource, distances_mm, gas_of, without_crumbs};
+use super::body::{self, Gas, OutlineSource, distances_mm, gas_of, without_fragments};
 use super::grid::{CutPlane, Grid};
 pub use super::inputs::{Inputs, Organ};
 use super::meshing::{Complex, NONE, Net, Part, make_well_composed};
 
 /// Fewest voxels of a part that is kept; smaller parts are fragments.
-const CRUMB_VOXELS: usize = 8;
+const FRAGMENT_VOXELS: usize = 8;
 /// Shares of the triangles, 0..=1: the body's outline, and the inner border of the fat.
 const BODY_SHARE: f64 = 0.06;
 const FAT_SHARE: f64 = 0.10;
@@ -77,7 +77,8 @@ pub struct Facts {
     /// Sides on which the scan cuts the body: right, left, front, back, feet, head.
     pub cut: [bool; 6],
     /// Number of fragments, parts of fewer than eight voxels, that were given to neighbouring labels.
-    pub crumbs: usize,
+    #[serde(rename = "crumbs")]
+    pub fragments: usize,
     /// Number of voxels that were changed where a surface would have touched itself along an edge.
     pub untangled: usize,
     /// Segments that have no voxel left after processing.
@@ -88,7 +89,7 @@ pub struct Facts {
 pub fn make(mut inputs: Inputs, options: &Options, progress: &(dyn Fn(&'static str, f64) + Sync)) -> Outcome {
     progress("cleaning the labels", 0.0);
     inputs = inputs.with_margin(options.skin_mm, options.fat_mm);
-    let crumbs = without_crumbs(&mut inputs.labels, inputs.grid.size, CRUMB_VOXELS);
+    let fragments = without_fragments(&mut inputs.labels, inputs.grid.size, FRAGMENT_VOXELS);
     let counts = count(&inputs.labels);
     let priorities: Vec<i32> = inputs.organs.iter().map(|o| o.priority).collect();
     // Ranks are distinct: equal priorities rank in the order of the labels.
@@ -115,9 +116,9 @@ pub fn make(mut inputs: Inputs, options: &Options, progress: &(dyn Fn(&'static s
     surfaces.sort_by_key(|s| s.priority);
     let has = |organ: &&Organ| !surfaces.iter().any(|s| s.segment.as_deref() == Some(&organ.name));
     let empty = inputs.organs.iter().filter(has).map(|o| o.name.clone()).collect();
-    let crumbs = crumbs.values().sum();
+    let fragments = fragments.values().sum();
     let cuts = cut_planes(&cut, &inputs.grid);
-    Outcome { surfaces, cuts, facts: Facts { outline, cut, crumbs, untangled, empty } }
+    Outcome { surfaces, cuts, facts: Facts { outline, cut, fragments, untangled, empty } }
 }
 
 fn count(labels: &[u16]) -> HashMap<u16, usize> {
@@ -329,7 +330,7 @@ impl Builder<'_> {
                 labels[i] = label;
             }
         }
-        without_crumbs(&mut labels, self.grid.size, CRUMB_VOXELS);
+        without_fragments(&mut labels, self.grid.size, FRAGMENT_VOXELS);
         make_well_composed(&mut labels, self.grid.size, &|label| u64::from(label));
         let counts = count(&labels);
         if counts.is_empty() {

@@ -31,12 +31,12 @@ pub enum NamesFrom {
     /// Names in the file.
     File {
         /// Part of the file that holds the names.
-        place: &'static str,
+        part: &'static str,
     },
     /// Names in the file, and numbers for labels without one.
     Both {
         /// Part of the file that holds the names.
-        place: &'static str,
+        part: &'static str,
         /// Labels without a name.
         numbers: Vec<u16>,
         /// Name of the table.
@@ -78,7 +78,7 @@ impl NamesFrom {
     /// The origin alone, as part of a sentence.
     pub fn short(&self) -> String {
         match self {
-            Self::File { place } | Self::Both { place, .. } => format!("names of {place}"),
+            Self::File { part } | Self::Both { part, .. } => format!("names of {part}"),
             Self::Numbers { table, .. } => format!("numbers of {table}"),
             Self::Maps => "the meanings of --map".to_owned(),
             Self::FileName { .. } => "the name of the file".to_owned(),
@@ -90,11 +90,11 @@ impl NamesFrom {
 impl fmt::Display for NamesFrom {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::File { place } => write!(f, "names from {place}"),
-            Self::Both { place, numbers, table, is_chosen } => {
+            Self::File { part } => write!(f, "names from {part}"),
+            Self::Both { part, numbers, table, is_chosen } => {
                 let numbers = listed_values(numbers);
                 let how = if *is_chosen { "as --names says" } else { "which is a guess: --map or --names chooses" };
-                write!(f, "names from {place}; numbers without a name ({numbers}) by {table}, {how}")
+                write!(f, "names from {part}; numbers without a name ({numbers}) by {table}, {how}")
             }
             Self::Numbers { table, is_chosen: true } => write!(f, "numbers by {table}, as --names says"),
             Self::Numbers { table, is_chosen: false } => {
@@ -156,7 +156,7 @@ pub enum NamingError {
         "{path} is called `{organ}`, but label {value} is one of several, and has no name: say what it is with --map {value}=ORGAN \
          (or =ignore), or by which table it is numbered with --names"
     )]
-    Beside {
+    UnnamedAmongSeveral {
         /// Label map.
         path: PathBuf,
         /// Organ of the file's name.
@@ -187,7 +187,7 @@ fn listed_values(values: &[u16]) -> String {
 }
 
 /// Part of a file of this kind that holds names.
-fn place(path: &Path) -> &'static str {
+fn part(path: &Path) -> &'static str {
     let name = path.file_name().map(|name| name.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     if name.ends_with(".nrrd") || name.ends_with(".nhdr") {
         "the file's segments"
@@ -220,11 +220,11 @@ pub fn name_labels(
         present.iter().any(|&i| labels.segments[i].name.is_some() || labels.segments[i].terminology.is_some());
     let mut numbers: Vec<u16> = unnamed.iter().map(|&i| labels.segments[i].value).collect();
     numbers.sort_unstable();
-    let (place, path) = (place(&labels.path), &labels.path);
+    let (part, path) = (part(&labels.path), &labels.path);
     if has_names {
         return Ok(match numbers.is_empty() {
-            true => NamesFrom::File { place },
-            false => NamesFrom::Both { place, numbers, table: called.clone(), is_chosen: *is_chosen },
+            true => NamesFrom::File { part },
+            false => NamesFrom::Both { part, numbers, table: called.clone(), is_chosen: *is_chosen },
         });
     }
     let by_table = NamesFrom::Numbers { table: called.clone(), is_chosen: *is_chosen };
@@ -236,7 +236,11 @@ pub fn name_labels(
             if present.len() > 1 && table.named(&organ).is_some_and(|class| class.role == Role::Organ) =>
         {
             let value = labels.segments[only].value;
-            if *is_chosen { Ok(by_table) } else { Err(NamingError::Beside { path: path.clone(), organ, value }) }
+            if *is_chosen {
+                Ok(by_table)
+            } else {
+                Err(NamingError::UnnamedAmongSeveral { path: path.clone(), organ, value })
+            }
         }
         (&[only], OrganInName::Is(organ)) => {
             let value = labels.segments[only].value;

@@ -95,9 +95,9 @@ impl Facts {
         if !cut.is_empty() {
             remarks.push(format!("the scan ends within the body at: {}; surfaces are closed there", cut.join(", ")));
         }
-        if self.crumbs > 0 {
-            let crumbs = counted(self.crumbs, "fragment");
-            remarks.push(format!("{crumbs} of fewer than 8 voxels became part of what is around"));
+        if self.fragments > 0 {
+            let fragments = counted(self.fragments, "fragment");
+            remarks.push(format!("{fragments} of fewer than 8 voxels became part of what is around"));
         }
         if !self.empty.is_empty() {
             remarks.push(format!("segments without a surface: {}", self.empty.join(", ")));

@@ -126,7 +126,7 @@ impl<'s> Caster<'s> {
         sum_ns + excess(&winding) * end_mm.min(length_mm)
     }
 
-    /// Delays over `aperture`, ns, at places 0.5 mm or less apart. `scene_from_beam` has its origin in the middle
+    /// Delays over `aperture`, ns, at positions 0.5 mm or less apart. `scene_from_beam` has its origin in the middle
     /// of the aperture, z along the beam and x along the face.
     pub(crate) fn delays_ns(&self, scene_from_beam: &Pose, aperture: &Aperture) -> Vec<f64> {
         let count = (aperture.width_mm / STEP_MM).ceil().max(4.0) as usize;

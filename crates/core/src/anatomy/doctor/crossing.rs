@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::RESOLUTION_MM;
-use super::finding::Place;
+use super::finding::Region;
 use super::tree::Tree;
 use crate::anatomy::Mesh;
 
@@ -22,12 +22,12 @@ const RING: usize = 3;
 
 /// Crossings in a surface.
 pub struct Crossings {
-    /// Number of crossing pairs from overlapping parts, or from distant places of one part.
+    /// Number of crossing pairs from overlapping parts, or from distant regions of one part.
     pub overlaps: usize,
     /// Number of crossing pairs of near neighbours, and of shallow ones: creases left by decimation.
     pub folds: usize,
     /// Extent of all overlaps (of all folds if there are none), and one of them.
-    pub places: Vec<Place>,
+    pub regions: Vec<Region>,
 }
 
 /// A crossing of two triangles.
@@ -57,7 +57,7 @@ pub fn find(tree: &Tree<'_>, part_of: &[u32]) -> Crossings {
         rings.entry(parts_of(pair)).or_default().push(pair.point);
     }
     let wide: HashMap<_, bool> =
-        rings.into_iter().map(|(parts, points)| (parts, Place::of(points).size_mm >= TOUCH_MM)).collect();
+        rings.into_iter().map(|(parts, points)| (parts, Region::of(points).size_mm >= TOUCH_MM)).collect();
     let is_fold = |pair: &&Pair| {
         let ([t, u], parts) = (pair.triangles, parts_of(pair));
         let is_shallow = pair.depth_mm < SHALLOW_MM;
@@ -68,9 +68,9 @@ pub fn find(tree: &Tree<'_>, part_of: &[u32]) -> Crossings {
         folds.append(&mut overlaps);
     }
     let shown = if overlaps.is_empty() { &folds } else { &overlaps };
-    let mut places = vec![Place::of(shown.iter().map(|pair| pair.point))];
-    places.extend(shown.first().filter(|_| shown.len() > 1).map(|pair| Place::of([pair.point])));
-    Crossings { overlaps: overlaps.len(), folds: folds.len(), places }
+    let mut regions = vec![Region::of(shown.iter().map(|pair| pair.point))];
+    regions.extend(shown.first().filter(|_| shown.len() > 1).map(|pair| Region::of([pair.point])));
+    Crossings { overlaps: overlaps.len(), folds: folds.len(), regions }
 }
 
 /// Pairs of triangles that cross by more than the tracer resolves.
@@ -107,7 +107,7 @@ fn are_near(mesh: &Mesh, at_vertex: &[Vec<u32>], first: u32, second: u32) -> boo
     around.copied().any(|t| mesh.triangles[t as usize].iter().any(|vertex| second.contains(vertex)))
 }
 
-/// Place and depth of the crossing of two triangles, if any.
+/// Region and depth of the crossing of two triangles, if any.
 pub fn cross(mesh: &Mesh, first: u32, second: u32) -> Option<(DVec3, f64)> {
     let [a, b] = [first, second].map(|t| mesh.triangles[t as usize]);
     // Triangles with a common edge touch only there.

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use glam::Vec3;
 use rayon::slice::ParallelSliceMut;
 
-use super::finding::{Defect, Finding, Place};
+use super::finding::{Defect, Finding, Region};
 use crate::anatomy::Mesh;
 use crate::anatomy::groups::Groups;
 
@@ -70,26 +70,26 @@ pub(super) fn examine(mesh: &Mesh) -> Edges {
         let joined: std::collections::HashSet<_> = seam.iter().collect();
         let gone: Vec<_> = open.iter().filter(|edge| !joined.contains(edge)).copied().collect();
         let what = format!("{} rim edges lie on others within {SEAM_MM} mm and are not joined to them", gone.len());
-        findings.push(Finding::new(Defect::Unwelded, what).at(places(mesh, &gone)));
+        findings.push(Finding::new(Defect::Unwelded, what).at(regions(mesh, &gone)));
     }
     if !seam.is_empty() {
-        let holes = places(mesh, &seam);
+        let holes = regions(mesh, &seam);
         let what = format!("not closed: {} open edges about {} holes", seam.len(), holes.len());
         findings.push(Finding::new(Defect::Open, what).at(holes));
     }
     if !turned.is_empty() {
         let what = format!("{} edges between triangles of which one is turned over", turned.len());
-        findings.push(Finding::new(Defect::MixedOrientation, what).at(places(mesh, &turned)));
+        findings.push(Finding::new(Defect::MixedOrientation, what).at(regions(mesh, &turned)));
     }
     if unbalanced > 0 {
         let what =
             format!("{} edges of three or more triangles, {unbalanced} of them with no clear inside", crowded.len());
-        let mut finding = Finding::new(Defect::NonManifold, what).at(places(mesh, &crowded));
+        let mut finding = Finding::new(Defect::NonManifold, what).at(regions(mesh, &crowded));
         finding.severity = super::Severity::Error;
         findings.push(finding);
     } else if !crowded.is_empty() {
         let what = format!("{} edges of four or more triangles", crowded.len());
-        findings.push(Finding::new(Defect::NonManifold, what).at(places(mesh, &crowded)));
+        findings.push(Finding::new(Defect::NonManifold, what).at(regions(mesh, &crowded)));
     }
     Edges { findings, closed: unpaired == 0, unpaired, open, part: parts.numbered() }
 }
@@ -129,7 +129,7 @@ fn seam(mesh: &Mesh, open: &[[u32; 2]]) -> Vec<[u32; 2]> {
 }
 
 /// Bounds of each connected group of edges.
-fn places(mesh: &Mesh, edges: &[[u32; 2]]) -> Vec<Place> {
+fn regions(mesh: &Mesh, edges: &[[u32; 2]]) -> Vec<Region> {
     let mut index_of = HashMap::new();
     for &vertex in edges.iter().flatten() {
         let next = index_of.len() as u32;
@@ -142,9 +142,9 @@ fn places(mesh: &Mesh, edges: &[[u32; 2]]) -> Vec<Place> {
     for (vertex, &index) in &index_of {
         points.entry(group[index as usize]).or_default().push(mesh.vertices_mm[*vertex as usize]);
     }
-    let mut places: Vec<Place> = points.into_values().map(Place::of).collect();
+    let mut regions: Vec<Region> = points.into_values().map(Region::of).collect();
     // The map's order is arbitrary.
-    let key = |p: &Place| (p.size_mm, p.at_mm);
-    places.sort_by(|a, b| key(b).partial_cmp(&key(a)).unwrap_or(std::cmp::Ordering::Equal));
-    places
+    let key = |p: &Region| (p.size_mm, p.at_mm);
+    regions.sort_by(|a, b| key(b).partial_cmp(&key(a)).unwrap_or(std::cmp::Ordering::Equal));
+    regions
 }

@@ -13,7 +13,7 @@ use crate::anatomy::Bounds;
 pub enum Severity {
     /// The scene is refused or simulated wrongly.
     Error,
-    /// Repaired while loading, or wrong in some places; worth correcting in the file.
+    /// Repaired while loading, or wrong in parts; worth correcting in the file.
     Warning,
     /// For information.
     Note,
@@ -131,16 +131,16 @@ impl Defect {
     }
 }
 
-/// Place of a defect.
+/// Region of a scene that has a defect: centre and size.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Place {
+pub struct Region {
     /// Centre, scene frame, mm.
     pub at_mm: [f32; 3],
     /// Size, mm: the diagonal of its bounds.
     pub size_mm: f32,
 }
 
-impl Place {
+impl Region {
     pub(crate) fn of(points: impl IntoIterator<Item = Vec3>) -> Self {
         let bounds = Bounds::of(points).filter(|bounds| bounds.min.is_finite());
         let Bounds { min, max } = bounds.unwrap_or(Bounds::around(Vec3::ZERO, Vec3::ZERO));
@@ -148,7 +148,7 @@ impl Place {
     }
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for Region {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [x, y, z] = self.at_mm;
         write!(f, "({x:.2}, {y:.2}, {z:.2}) mm")?;
@@ -171,26 +171,26 @@ pub struct Finding {
     pub tissue: Option<String>,
     /// Description.
     pub what: String,
-    /// Places, largest first; at most [`PLACES_MAX`].
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub places: Vec<Place>,
+    /// Regions with the defect, largest first; at most [`REGIONS_MAX`].
+    #[serde(rename = "places", skip_serializing_if = "Vec::is_empty")]
+    pub regions: Vec<Region>,
     /// Advice for the modelling program or the station file.
     pub remedy: &'static str,
 }
 
-/// Most places listed in a finding.
-pub const PLACES_MAX: usize = 3;
+/// Most regions listed in a finding.
+pub const REGIONS_MAX: usize = 3;
 
 impl Finding {
     pub(super) fn new(defect: Defect, what: impl Into<String>) -> Self {
         let (severity, remedy) = (defect.severity(), defect.remedy());
-        Self { severity, defect, surface: None, tissue: None, what: what.into(), places: Vec::new(), remedy }
+        Self { severity, defect, surface: None, tissue: None, what: what.into(), regions: Vec::new(), remedy }
     }
 
-    pub(super) fn at(mut self, places: impl IntoIterator<Item = Place>) -> Self {
-        self.places = places.into_iter().collect();
-        self.places.sort_by(|a, b| b.size_mm.total_cmp(&a.size_mm));
-        self.places.truncate(PLACES_MAX);
+    pub(super) fn at(mut self, regions: impl IntoIterator<Item = Region>) -> Self {
+        self.regions = regions.into_iter().collect();
+        self.regions.sort_by(|a, b| b.size_mm.total_cmp(&a.size_mm));
+        self.regions.truncate(REGIONS_MAX);
         self
     }
 
@@ -209,8 +209,8 @@ impl fmt::Display for Finding {
             _ => {}
         }
         f.write_str(&self.what)?;
-        for (i, place) in self.places.iter().enumerate() {
-            write!(f, "{}{place}", if i == 0 { " at " } else { "; at " })?;
+        for (i, region) in self.regions.iter().enumerate() {
+            write!(f, "{}{region}", if i == 0 { " at " } else { "; at " })?;
         }
         Ok(())
     }

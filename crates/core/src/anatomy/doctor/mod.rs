@@ -1,7 +1,7 @@
-//! The scene doctor: finds the defects of a scene, with their places and remedies.
+//! The scene doctor: finds the defects of a scene, with their regions and remedies.
 //!
 //! [`examine`] reads a glTF file as written, before [`import`](super::import) mends or refuses anything, and lists all
-//! defects. Vertices in exactly one place count as one: exporters split them where normals or texture coordinates
+//! defects. Vertices in exactly one region count as one: exporters split them where normals or texture coordinates
 //! change. Surfaces of different tissues may overlap or touch.
 //!
 //! Overlaps, hidden surfaces and thin sheets are sampled below up to 1024 triangles of each surface; all other checks
@@ -28,7 +28,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-pub use finding::{Defect, Finding, PLACES_MAX, Place, Severity};
+pub use finding::{Defect, Finding, REGIONS_MAX, Region, Severity};
 pub use size::{WrongSize, wrong_size};
 use surface_check::SurfaceCheck;
 use tree::Tree;
@@ -208,7 +208,7 @@ fn whole(checks: &[SurfaceCheck], bounds: Option<Bounds>) -> Vec<Finding> {
         findings.push(finding);
     } else if at.length() > (10.0 * size).max(2000.0) {
         let what = format!("the scene, {size:.0} mm across, is {:.0} mm from the origin", at.length());
-        findings.push(Finding::new(Defect::FarFromOrigin, what).at([Place { at_mm: at.to_array(), size_mm: size }]));
+        findings.push(Finding::new(Defect::FarFromOrigin, what).at([Region { at_mm: at.to_array(), size_mm: size }]));
     }
     findings
 }
@@ -233,12 +233,12 @@ fn starts(
     settings: &Settings<'_>,
 ) -> Option<Finding> {
     let face = start.position_mm + start.orientation * DVec3::Z * 0.01;
-    let place = Place { at_mm: start.position_mm.as_vec3().to_array(), size_mm: 0.0 };
+    let region = Region { at_mm: start.position_mm.as_vec3().to_array(), size_mm: 0.0 };
     let bounds = bounds?;
     let away = face.distance(face.clamp(bounds.min.as_dvec3(), bounds.max.as_dvec3()));
     if away > depth_mm {
         let what = format!("the probe starts {away:.0} mm from the scene, whose image is {depth_mm:.0} mm deep");
-        return Some(Finding::new(Defect::StartsFar, what).at([place]));
+        return Some(Finding::new(Defect::StartsFar, what).at([region]));
     }
     let surface = nesting::medium(face, checks, trees).map(|index| &checks[index]);
     let tissue = surface.map_or(settings.background, |surface| surface.tissue_index)?;
@@ -248,12 +248,12 @@ fn starts(
     (!(least..=most).contains(&impedance)).then(|| match surface {
         Some(surface) => {
             let what = format!("the probe starts in it, which is {what}");
-            Finding::new(Defect::StartsInside, what).at([place]).of(&surface.name, surface.tissue.as_deref())
+            Finding::new(Defect::StartsInside, what).at([region]).of(&surface.name, surface.tissue.as_deref())
         }
         None => {
             let name = settings.tissues.names().get(tissue).map_or("", String::as_str);
             let what = format!("the probe starts off every surface, in the background `{name}`, which is {what}");
-            Finding::new(Defect::StartsInside, what).at([place])
+            Finding::new(Defect::StartsInside, what).at([region])
         }
     })
 }

@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::RESOLUTION_MM;
-use super::finding::{Defect, Finding, Place};
+use super::finding::{Defect, Finding, Region};
 use super::probes::{Probe, probes};
 use super::surface_check::SurfaceCheck;
 use super::tree::Tree;
@@ -42,8 +42,8 @@ fn one(index: usize, checks: &[SurfaceCheck], trees: &[Option<Tree<'_>>]) -> Vec
     if !thin.is_empty() && thin.len() as f64 >= THIN_PART * probes.len() as f64 {
         let least = thin.iter().map(|p| p.thickness_mm).fold(f64::INFINITY, f64::min);
         let what = format!("a sheet {least:.6} mm thick: entered and left at one place, it is not seen");
-        let place = Place::of(thin.iter().map(|p| p.points_mm[1].as_vec3()));
-        found.push((index, Finding::new(Defect::ThinSheet, what).at([place])));
+        let region = Region::of(thin.iter().map(|p| p.points_mm[1].as_vec3()));
+        found.push((index, Finding::new(Defect::ThinSheet, what).at([region])));
     }
     let (mut seen, mut ties) = (false, BTreeMap::<usize, Tie>::new());
     let mut hiders = BTreeSet::new();
@@ -72,8 +72,8 @@ fn one(index: usize, checks: &[SurfaceCheck], trees: &[Option<Tree<'_>>]) -> Vec
             names.push(format!("{others} others"));
         }
         let what = format!("nothing of it (priority {}) is seen behind {}", check.priority, names.join(", "));
-        let place = check.bounds_mm.map(|bounds| Place::of(bounds.corners()));
-        found.push((index, Finding::new(Defect::Hidden, what).at(place)));
+        let region = check.bounds_mm.map(|bounds| Region::of(bounds.corners()));
+        found.push((index, Finding::new(Defect::Hidden, what).at(region)));
     }
     // A few shallow points only mean that both surfaces mesh the same border.
     ties.retain(|_, tie| tie.deep || tie.points.len() as f64 >= TIED_PART * probes.len() as f64);
@@ -83,7 +83,7 @@ fn one(index: usize, checks: &[SurfaceCheck], trees: &[Option<Tree<'_>>]) -> Vec
             "it overlaps `{}`, of another tissue and the same priority {}: the later one in the file, `{}`, wins",
             checks[winner].name, check.priority, checks[winner].name
         );
-        found.push((loser, Finding::new(Defect::PriorityTie, what).at([Place::of(points)])));
+        found.push((loser, Finding::new(Defect::PriorityTie, what).at([Region::of(points)])));
     }
     found
 }

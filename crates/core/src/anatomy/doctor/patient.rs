@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{Defect, Finding, Place};
+use super::{Defect, Finding, Region};
 use crate::anatomy::organs::{Aspect, OrganFact, check_organs, is_known};
 use crate::anatomy::{Bounds, Mesh};
 
@@ -28,8 +28,8 @@ pub(super) fn examine<'a>(surfaces: impl Iterator<Item = (&'a str, &'a Mesh)>, s
             Aspect::Side | Aspect::Position => Defect::UnusualPosition,
         };
         let at = facts.iter().find(|fact| fact.name == found.organ);
-        let place = at.map(|fact| Place { at_mm: fact.centre_mm.as_vec3().to_array(), size_mm: 0.0 });
-        Finding::new(defect, found.what).at(place)
+        let region = at.map(|fact| Region { at_mm: fact.centre_mm.as_vec3().to_array(), size_mm: 0.0 });
+        Finding::new(defect, found.what).at(region)
     };
     let mut findings: Vec<Finding> = check_organs(&facts).into_iter().map(finding).collect();
     findings.extend(outside(&facts, named("skin").and_then(|(_, skin)| skin.bounds_mm())));
@@ -44,8 +44,8 @@ fn outside(facts: &[OrganFact], skin: Option<Bounds>) -> Vec<Finding> {
         is_known(&fact.name) && (centre_mm.cmplt(skin.min).any() || centre_mm.cmpgt(skin.max).any())
     };
     let finding = |fact: &OrganFact| {
-        let place = Place { at_mm: fact.centre_mm.as_vec3().to_array(), size_mm: 0.0 };
-        Finding::new(Defect::UnusualPosition, format!("`{}` lies outside the skin", fact.name)).at([place])
+        let region = Region { at_mm: fact.centre_mm.as_vec3().to_array(), size_mm: 0.0 };
+        Finding::new(Defect::UnusualPosition, format!("`{}` lies outside the skin", fact.name)).at([region])
     };
     facts.iter().filter(is_outside).map(finding).collect()
 }

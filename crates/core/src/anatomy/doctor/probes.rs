@@ -21,11 +21,11 @@ pub(super) fn probes(tree: &Tree<'_>, count: usize) -> Vec<Probe> {
     let mesh = tree.mesh;
     let step = mesh.triangles.len().div_ceil(count).max(1);
     // If there are few triangles, they are large: several samples below each.
-    let each = (count / mesh.triangles.len().max(1)).clamp(1, PLACES_MAX_A_TRIANGLE);
-    let below = |corners: [Vec3; 3], own: u32, place: usize| {
+    let each = (count / mesh.triangles.len().max(1)).clamp(1, POINTS_MAX_A_TRIANGLE);
+    let below = |corners: [Vec3; 3], own: u32, sample: usize| {
         let [a, b, c] = corners.map(|v| v.as_dvec3());
         let inward = -(b - a).cross(c - a).try_normalize()?;
-        let [u, v] = barycentric(place);
+        let [u, v] = barycentric(sample);
         let middle = a + (b - a) * u + (c - a) * v;
         let mut thickness_mm = f64::INFINITY;
         tree.crossings(middle - inward * RESOLUTION_MM, inward, |crossing| {
@@ -39,18 +39,18 @@ pub(super) fn probes(tree: &Tree<'_>, count: usize) -> Vec<Probe> {
         thickness_mm.is_finite().then_some(Probe { points_mm, thickness_mm })
     };
     let chosen = mesh.corners_mm().zip(0u32..).step_by(step);
-    chosen.flat_map(|(corners, own)| (0..each).filter_map(move |place| below(corners, own, place))).collect()
+    chosen.flat_map(|(corners, own)| (0..each).filter_map(move |sample| below(corners, own, sample))).collect()
 }
 
 /// Most samples below one triangle.
-const PLACES_MAX_A_TRIANGLE: usize = 64;
+const POINTS_MAX_A_TRIANGLE: usize = 64;
 
 /// Barycentric coordinates of the centroid, then of points spread evenly over the triangle: the additive recurrence of
 /// the plastic number.
-fn barycentric(place: usize) -> [f64; 2] {
-    if place == 0 {
+fn barycentric(sample: usize) -> [f64; 2] {
+    if sample == 0 {
         return [1.0 / 3.0; 2];
     }
-    let [u, v] = [0.754_877_666_246_693, 0.569_840_290_998_053].map(|step| (0.5 + place as f64 * step).fract());
+    let [u, v] = [0.754_877_666_246_693, 0.569_840_290_998_053].map(|step| (0.5 + sample as f64 * step).fract());
     if u + v > 1.0 { [1.0 - u, 1.0 - v] } else { [u, v] }
 }

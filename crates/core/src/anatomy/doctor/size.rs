@@ -1,6 +1,6 @@
 //! Sizes of scenes that no body has.
 
-use super::finding::{Defect, Finding, Place};
+use super::finding::{Defect, Finding, Region};
 use crate::anatomy::{Bounds, Scene};
 
 /// Range of scene diagonals, mm: from a wire to a whole body.
@@ -25,8 +25,8 @@ pub(super) fn wrong_unit(bounds: Bounds) -> Option<Finding> {
     } else {
         return None;
     };
-    let place = Place { at_mm: (0.5 * bounds.min + 0.5 * bounds.max).to_array(), size_mm: size };
-    Some(Finding::new(Defect::WrongUnit, what).at([place]))
+    let region = Region { at_mm: (0.5 * bounds.min + 0.5 * bounds.max).to_array(), size_mm: size };
+    Some(Finding::new(Defect::WrongUnit, what).at([region]))
 }
 
 /// A loaded scene whose size no body has.

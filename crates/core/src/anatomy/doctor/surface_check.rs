@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use glam::Vec3;
 
-use super::finding::{Defect, Finding, Place, Severity};
+use super::finding::{Defect, Finding, Region, Severity};
 use super::tree::Tree;
 use super::{crossing, edges};
 use crate::anatomy::import::{RawMesh, RawSurface, is_usable, tissue_named};
@@ -23,13 +23,13 @@ const SLIVERS_ONE_IN: usize = 1000;
 /// Number of corners at which a part's surroundings are sampled; at a single one, parts may nearly touch.
 const CORNERS_SAMPLED: usize = 9;
 
-/// Crumbs: parts with less total volume than this, mm³, and less than a set fraction of the surface's volume.
+/// Fragments: parts with less total volume than this, mm³, and less than a set fraction of the surface's volume.
 /// Decimation folds parts as small as its triangles, so their orientation is arbitrary.
-const CRUMBS_MM3: f64 = 1.0;
-const CRUMBS_PART: f64 = 1e-4;
+const FRAGMENTS_MM3: f64 = 1.0;
+const FRAGMENTS_PART: f64 = 1e-4;
 
-/// Remedy for crumbs.
-const CRUMBS_REMEDY: &str = "delete them (Blender: Edit Mode, L over each, X), or decimate the surface less";
+/// Remedy for fragments.
+const FRAGMENTS_REMEDY: &str = "delete them (Blender: Edit Mode, L over each, X), or decimate the surface less";
 
 /// A surface under examination.
 #[derive(Default)]
@@ -159,7 +159,7 @@ impl SurfaceCheck {
         // A surface of nothing else is empty, which has its own finding.
         if let Some(corners) = first.filter(|_| !mesh.triangles.is_empty()) {
             let what = format!("{} triangles without area are left out, one of them", total - mesh.triangles.len());
-            self.report(Finding::new(Defect::Degenerate, what).at([Place::of(corners)]));
+            self.report(Finding::new(Defect::Degenerate, what).at([Region::of(corners)]));
         }
         fillers
     }
@@ -177,7 +177,7 @@ impl SurfaceCheck {
             if alike { &mut copies } else { &mut backs }.push(group[0].2);
             group.iter().filter(|(_, _, i)| Some(*i) != kept).for_each(|(_, _, i)| gone[*i as usize] = true);
         }
-        let all = |of: &[u32]| Place::of(of.iter().flat_map(|&i| mesh.corners_of(i)));
+        let all = |of: &[u32]| Region::of(of.iter().flat_map(|&i| mesh.corners_of(i)));
         let mut found = Vec::new();
         if !copies.is_empty() {
             let what = format!("{} triangles are there more than once", copies.len());
@@ -205,19 +205,19 @@ impl SurfaceCheck {
         let slivers: Vec<_> = self.mesh.corners_mm().filter(|corners| height(*corners) < SLIVER_MM).collect();
         if slivers.len() * SLIVERS_ONE_IN > self.mesh.triangles.len() {
             let what = format!("{} triangles are lower than {SLIVER_MM} mm: rays may miss them", slivers.len());
-            self.report(Finding::new(Defect::Sliver, what).at(slivers.into_iter().map(Place::of)));
+            self.report(Finding::new(Defect::Sliver, what).at(slivers.into_iter().map(Region::of)));
         }
     }
 
     /// Checks for crossing triangles, and for parts that face the wrong way.
     pub(super) fn check_with(&mut self, tree: &Tree<'_>) {
-        let crossing::Crossings { overlaps, folds, places } = crossing::find(tree, &self.part);
+        let crossing::Crossings { overlaps, folds, regions } = crossing::find(tree, &self.part);
         if overlaps > 0 {
             let what = format!("{overlaps} pairs of its triangles pass through each other");
-            self.report(Finding::new(Defect::SelfIntersection, what).at(places));
+            self.report(Finding::new(Defect::SelfIntersection, what).at(regions));
         } else if folds * FOLDS_ONE_IN > tree.mesh.triangles.len() {
             let what = format!("{folds} pairs of neighbouring triangles fold through each other");
-            self.report(Finding::new(Defect::Crumpled, what).at(places));
+            self.report(Finding::new(Defect::Crumpled, what).at(regions));
         }
         if self.closed {
             self.check_parts(tree);
@@ -258,10 +258,10 @@ impl SurfaceCheck {
 fn of_parts(defect: Defect, what: String, wrong: &[&Part], parts: &[Part]) -> Finding {
     let volume_mm3 = |parts: &mut dyn Iterator<Item = &Part>| parts.map(|p| p.volume_mm3.abs()).sum::<f64>();
     let (of_wrong, of_all) = (volume_mm3(&mut wrong.iter().copied()), volume_mm3(&mut parts.iter()));
-    let mut finding = Finding::new(defect, what).at(wrong.iter().map(|part| Place::of(part.bounds.corners())));
-    if of_wrong <= CRUMBS_MM3.min(CRUMBS_PART * of_all) {
+    let mut finding = Finding::new(defect, what).at(wrong.iter().map(|part| Region::of(part.bounds.corners())));
+    if of_wrong <= FRAGMENTS_MM3.min(FRAGMENTS_PART * of_all) {
         finding.what += &format!("; they are crumbs of {of_wrong:.1e} mm³ in all");
-        (finding.severity, finding.remedy) = (Severity::Warning, CRUMBS_REMEDY);
+        (finding.severity, finding.remedy) = (Severity::Warning, FRAGMENTS_REMEDY);
     }
     finding
 }

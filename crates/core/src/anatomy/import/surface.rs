@@ -94,7 +94,7 @@ fn unpaired_edges(mesh: &mut Mesh, fillers: &[[u32; 3]]) -> usize {
 }
 
 /// Share of a surface's volume below which a part isn't mentioned.
-const CRUMB: f64 = 1e-4;
+const FRAGMENT: f64 = 1e-4;
 
 /// Surfaces of more parts aren't checked: each part is compared with all others.
 const PARTS_MAX: usize = 1000;
@@ -115,7 +115,7 @@ fn inward_parts(mesh: &Mesh) -> Option<FindingKind> {
     let whole = mesh.signed_volume_mm3();
     let outward: Vec<Bounds> = parts.iter().filter(|(_, v)| *v > 0.0).map(|(bounds, _)| *bounds).collect();
     let is_inward = |(bounds, volume): &&(Bounds, f64)| {
-        *volume < -CRUMB * whole && !outward.iter().any(|other| other.holds(*bounds))
+        *volume < -FRAGMENT * whole && !outward.iter().any(|other| other.holds(*bounds))
     };
     let parts = parts.iter().filter(is_inward).count();
     (parts > 0).then_some(FindingKind::Inward { parts, of })

@@ -98,11 +98,11 @@ fn organs_of_a_mouse_are_not_a_human() {
 }
 
 #[test]
-fn crumbs_next_to_a_cut_bone_of_usual_size_do_not_tell_the_unit() {
+fn fragments_next_to_a_cut_bone_of_usual_size_do_not_tell_the_unit() {
     let femur = OrganFact { is_cut: true, ..fact("femur_left", 400.0, [110.0, 20.0, -320.0]) };
-    let crumbs = [fact("liver", 0.5, [0.0; 3]), fact("spleen", 0.3, [20.0, 0.0, 0.0])];
-    assert_eq!(said(&[&crumbs[..], &[femur]].concat(), Certainty::Impossible), [""; 0]);
-    let found = said(&crumbs, Certainty::Impossible);
+    let fragments = [fact("liver", 0.5, [0.0; 3]), fact("spleen", 0.3, [20.0, 0.0, 0.0])];
+    assert_eq!(said(&[&fragments[..], &[femur]].concat(), Certainty::Impossible), [""; 0]);
+    let found = said(&fragments, Certainty::Impossible);
     assert!(found.len() == 1 && found[0].contains("far too small"), "{found:?}");
 }
 

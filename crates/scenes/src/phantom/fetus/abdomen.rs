@@ -11,7 +11,7 @@ use crate::phantom::organ::{Body::Fetus, Organ};
 const KIDNEY_SEMI: Vec3 = Vec3::new(5.4, 10.8, 5.6);
 
 /// `(level, centre)` of the kidney on `side`, mm as drawn: the right one is lower.
-fn kidney_place(side: f32) -> (f32, Vec3) {
+fn kidney_position(side: f32) -> (f32, Vec3) {
     (20.3 - 0.15 * side, Vec3::new(side * 10.0, 0.0, 4.0))
 }
 
@@ -39,7 +39,7 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
     let bladder = at(BLADDER_LEVEL, v(0.0, 0.0, BLADDER_VENTRAL_MM), v(5.0, 6.0, 5.2));
     // Adrenals: caps on the kidneys, hypoechoic in the fetus.
     let adrenals = union([1.0, -1.0].map(|side| {
-        let (level, centre) = kidney_place(side);
+        let (level, centre) = kidney_position(side);
         at(level, centre + v(-1.5 * side, 10.0, 0.5), v(3.4, 2.6, 3.0))
     }));
     vec![
@@ -58,7 +58,7 @@ pub(super) fn organs(attitude: &Attitude) -> Vec<Organ> {
 
 fn on_kidneys(attitude: &Attitude, part: impl Fn(f32) -> Solid) -> Solid {
     union([1.0, -1.0].map(|side| {
-        let (level, centre) = kidney_place(side);
+        let (level, centre) = kidney_position(side);
         let moved = Isometry { translation: centre, ..Isometry::IDENTITY };
         attitude.in_trunk(level, part(side).placed(moved))
     }))
@@ -111,7 +111,7 @@ pub(in crate::phantom) fn stomach_centre(attitude: &Attitude) -> Vec3 {
 /// Centre, upper and lower pole of the left and right kidney, fetal frame, mm.
 pub(in crate::phantom) fn kidney_poles(attitude: &Attitude) -> [[Vec3; 3]; 2] {
     [1.0, -1.0].map(|side| {
-        let (level, centre) = kidney_place(side);
+        let (level, centre) = kidney_position(side);
         let frame = attitude.vertebra(level);
         let half = 0.5 * attitude.biometry.kidney_mm;
         let middle = frame.point(centre * attitude.biometry.trunk_scale());

@@ -136,8 +136,8 @@ impl AbdominalWall {
         let thinner = MUSCLE_MM - 1.6;
         let front = self.front_mm();
         layer.displaced(thinner, move |p| {
-            let beside = (p.x.abs() / half_width).min(2.0);
-            let ridge = (1.0 - 0.25 * beside * beside).max(0.0).powi(2);
+            let aside = (p.x.abs() / half_width).min(2.0);
+            let ridge = (1.0 - 0.25 * aside * aside).max(0.0).powi(2);
             thinner * ridge * ((p.z - front) / 20.0).clamp(0.0, 1.0)
         })
     }

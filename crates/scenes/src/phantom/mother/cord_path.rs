@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::vary::random;
 
 /// Smallest clearance around the cord, mm.
-const ROOM_MM: f32 = 1.0;
+const CLEARANCE_MM: f32 = 1.0;
 /// Nodes along the longest axis of the grid.
 const NODES: f32 = 56.0;
 /// Rounds of relaxation.
@@ -53,7 +53,7 @@ impl Surroundings<'_> {
 /// Points of the cord's centre line, about 3 mm apart, from the placenta to the navel.
 pub(super) fn route(around: &Surroundings, placenta: End, navel: End, radius_mm: f32, seed: u64) -> Vec<Vec3> {
     let grid = Grid::of(around, radius_mm);
-    let lift = radius_mm + ROOM_MM;
+    let lift = radius_mm + CLEARANCE_MM;
     let (from, to) = (placenta.at + placenta.away * lift, navel.at + navel.away * lift);
     let stops = grid.stops(from, to, seed);
     let mut line = vec![placenta.at];
@@ -86,9 +86,9 @@ impl Grid {
         let cell_mm = bounds.size().max_element() / NODES;
         let size = (bounds.size() / cell_mm).ceil().as_ivec3() + 1;
         let mut grid =
-            Self { origin: bounds.min, size, cell_mm, clearance_mm: Vec::new(), need_mm: radius_mm + ROOM_MM };
+            Self { origin: bounds.min, size, cell_mm, clearance_mm: Vec::new(), need_mm: radius_mm + CLEARANCE_MM };
         let count = (size.x * size.y * size.z) as usize;
-        grid.clearance_mm = (0..count).into_par_iter().map(|i| around.clearance_mm(grid.place(i))).collect();
+        grid.clearance_mm = (0..count).into_par_iter().map(|i| around.clearance_mm(grid.position(i))).collect();
         grid
     }
 
@@ -97,7 +97,7 @@ impl Grid {
         IVec3::new((index % x) as i32, (index / x % y) as i32, (index / (x * y)) as i32)
     }
 
-    fn place(&self, index: usize) -> Vec3 {
+    fn position(&self, index: usize) -> Vec3 {
         self.origin + self.coordinates(index).as_vec3() * self.cell_mm
     }
 
@@ -163,20 +163,20 @@ impl Grid {
         for stop in 0..2u64 {
             let far = 9.0 * self.need_mm;
             let score = |i: usize| {
-                let p = self.place(i);
+                let p = self.position(i);
                 let apart = taken.iter().map(|q| q.distance(p)).fold(far, f32::min);
-                let room = self.clearance_mm[i].min(2.5 * self.need_mm);
-                apart + 2.0 * room + 1.5 * self.need_mm * random(seed, 5000 + 100_000 * stop + i as u64)
+                let clearance = self.clearance_mm[i].min(2.5 * self.need_mm);
+                apart + 2.0 * clearance + 1.5 * self.need_mm * random(seed, 5000 + 100_000 * stop + i as u64)
             };
             let free = (0..price.len()).filter(|&i| {
                 // The point can be reached without passing an obstacle.
                 self.clearance_mm[i] > 1.1 * self.need_mm
-                    && cost[i] < 5.0 * self.place(i).distance(from) + 20.0 * self.need_mm
-                    && self.place(i).distance(from) < 16.0 * self.need_mm
+                    && cost[i] < 5.0 * self.position(i).distance(from) + 20.0 * self.need_mm
+                    && self.position(i).distance(from) < 16.0 * self.need_mm
             });
             if let Some(best) = free.max_by(|&a, &b| score(a).total_cmp(&score(b))) {
-                stops.push(self.place(best));
-                taken.push(self.place(best));
+                stops.push(self.position(best));
+                taken.push(self.position(best));
             }
         }
         // The point nearer to the placenta comes first.
@@ -192,7 +192,7 @@ impl Grid {
         let price: Vec<f32> = (0..self.clearance_mm.len())
             .into_par_iter()
             .map(|i| {
-                let p = self.place(i);
+                let p = self.position(i);
                 let crossing = off.iter().any(|q| q.distance_squared(p) < width * width);
                 self.price(i) + if crossing { 25.0 } else { 0.0 }
             })
@@ -203,7 +203,7 @@ impl Grid {
         while let Some(&node) = nodes.last().filter(|&&n| n != start && before[n] != usize::MAX) {
             nodes.push(before[node]);
         }
-        let middle: Vec<Vec3> = nodes.iter().rev().map(|&n| self.place(n)).collect();
+        let middle: Vec<Vec3> = nodes.iter().rev().map(|&n| self.position(n)).collect();
         let inner = middle.len().saturating_sub(1).max(1);
         std::iter::once(from).chain(middle[1.min(inner)..inner].iter().copied()).chain([to]).collect()
     }
@@ -231,7 +231,7 @@ fn resample(line: &[Vec3], step_mm: f32) -> Vec<Vec3> {
 /// `line` straightened, with clearance from all obstacles. Points stay near `anchors` at first. The cord leaves both
 /// ends in their given directions.
 fn relax(around: &Surroundings, line: Vec<Vec3>, anchors: &[Vec3], ends: [End; 2], radius_mm: f32) -> Vec<Vec3> {
-    let need = radius_mm + ROOM_MM;
+    let need = radius_mm + CLEARANCE_MM;
     let step_mm = 0.6 * radius_mm;
     let mut line = line;
     for round in 0..ROUNDS {
@@ -283,7 +283,7 @@ fn relax(around: &Surroundings, line: Vec<Vec3>, anchors: &[Vec3], ends: [End; 2
 
 /// Displacement of point `i` of `line` that keeps non-adjacent parts of the cord apart.
 fn off_itself(line: &[Vec3], i: usize, radius_mm: f32) -> Vec3 {
-    let least = 2.0 * radius_mm + 2.0 * ROOM_MM;
+    let least = 2.0 * radius_mm + 2.0 * CLEARANCE_MM;
     // Only the nearest point pushes: its neighbours would push the same way.
     let nearest = line
         .iter()

@@ -80,7 +80,7 @@ impl Lattice {
     }
 
     /// Coordinates of a point: across and along the belly, and depth, mm.
-    fn place(&self, p: Vec3) -> Vec3 {
+    fn coordinates(&self, p: Vec3) -> Vec3 {
         Vec3::new(self.radius_mm * p.x.atan2(p.z - AXIS_Z_MM), p.y, -self.skin.distance_mm(p))
     }
 
@@ -109,11 +109,11 @@ impl Lattice {
         // The slab ends inside the outermost lobules, which thus cover its sides.
         let [across, along] = [0, 1].map(|i| self.half_mm[i] * (1.0 - 0.95 / LOBULES[i] as f32));
         Solid::new(self.bounds(), move |p| {
-            let q = lattice.place(p);
+            let q = lattice.coordinates(p);
             // The slab ends inside the lowest lobules, so its lower side shows no septum.
             let deep = q.z - (SKIN_MM + lattice.fat_mm - ABOVE_FASCIA_MM - COVER_MM);
-            let beside = (q.x.abs() - across).max(q.y.abs() - along);
-            beside.max(deep).max(SKIN_MM + SLAB_UNDER_SKIN_MM - q.z)
+            let outside = (q.x.abs() - across).max(q.y.abs() - along);
+            outside.max(deep).max(SKIN_MM + SLAB_UNDER_SKIN_MM - q.z)
         })
     }
 
@@ -131,7 +131,7 @@ impl Lattice {
             i.clamp(parity, last.max(parity))
         };
         Solid::new(self.bounds(), move |p| {
-            let q = lattice.bent(lattice.place(p));
+            let q = lattice.bent(lattice.coordinates(p));
             let j = nearest((q.y + along) / size.y, parity[1], LOBULES[1]);
             // Rows are offset like bricks.
             let offset = if j % 2 == 0 { 0.25 } else { -0.25 };

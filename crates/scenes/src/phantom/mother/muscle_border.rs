@@ -89,7 +89,7 @@ impl Border {
 
     /// Depth of the border under the outer side of the even fascia, mm, at (`u`, `v`), mm across and along the belly.
     /// `outside` is the distance outside the extent, mm; negative within it.
-    fn depth_mm(&self, u: f32, v: f32, beside: f32) -> f32 {
+    fn depth_mm(&self, u: f32, v: f32, outside: f32) -> f32 {
         // All waves have directions within half a turn, so their sum has an envelope. Divided by it, the relief is
         // equally strong everywhere.
         let turn = |Wave([a, b, phase]): &Wave| Vec2::from_angle(a * u + b * v + phase);
@@ -97,7 +97,7 @@ impl Border {
         let relief = sum.x / (EVEN_POWER + 0.5 * sum.length_squared()).sqrt();
         let depth = self.rms_mm * (MEAN + relief);
         // At the rim the border rises into the fat, so that fascia joins fascia.
-        let inward = (-beside / RIM_MM).clamp(0.0, 1.0);
+        let inward = (-outside / RIM_MM).clamp(0.0, 1.0);
         let part = inward * inward * (3.0 - 2.0 * inward);
         depth * part - FASCIA_MM * (1.0 - part)
     }
@@ -113,16 +113,16 @@ impl Border {
             max: Vec3::new(outer.max.x, along + 1.0, outer.max.z),
         });
         let (radius_mm, half_mm) = (self.radius_mm, self.half_mm);
-        let place = move |p: Vec3| {
+        let coordinates = move |p: Vec3| {
             let (u, v) = (radius_mm * p.x.atan2(p.z - AXIS_Z_MM), p.y);
             (u, v, (u.abs() - half_mm[0]).max(v.abs() - half_mm[1]))
         };
-        let extent = Solid::new(bounds, move |p| place(p).2);
+        let extent = Solid::new(bounds, move |p| coordinates(p).2);
         let layer = Solid::new(bounds, move |p| {
             let depth = -self.under_fat.distance_mm(p);
-            let (u, v, beside) = place(p);
+            let (u, v, outside) = coordinates(p);
             // Far from the border its relief does not matter.
-            let border = if depth.abs() > 20.0 { 0.0 } else { self.depth_mm(u, v, beside) };
+            let border = if depth.abs() > 20.0 { 0.0 } else { self.depth_mm(u, v, outside) };
             (-self.upper_mm - depth).max(depth - border)
         });
         layer.smooth_intersect(extent, ROUNDED_MM)

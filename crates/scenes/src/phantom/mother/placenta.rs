@@ -84,7 +84,7 @@ impl Placenta {
     }
 
     /// A point of the wall outside the placenta's rim.
-    pub(super) fn beside(&self) -> Vec3 {
+    pub(super) fn outside_rim(&self) -> Vec3 {
         let turn = TAU * random(self.parameters.seed, 706);
         self.on_wall(Vec2::from_angle(turn) * 1.25 * self.radius_mm())
     }
@@ -139,7 +139,7 @@ impl Placenta {
 
     /// Approximate distance of `p` from the border between two lobes, mm, seen from the wall.
     fn lobe_border_distance(&self, p: Vec3) -> f32 {
-        let at = self.tangent_place(p);
+        let at = self.tangent_position(p);
         let (mut nearest, mut second) = (f32::MAX, f32::MAX);
         for centre in self.lobes.iter() {
             let d = at.distance(*centre);
@@ -193,7 +193,7 @@ impl Placenta {
         })
     }
 
-    /// Small blood lakes between the villi, more of them later in pregnancy; `None` if there is no room.
+    /// Small blood lakes between the villi, more of them later in pregnancy; `None` in a thin placenta.
     fn lakes(&self, body: &Solid) -> Option<Solid> {
         let seed = self.parameters.seed;
         let count = 5 + (0.4 * (self.parameters.gestational_weeks as f32 - 16.0)) as u64;
@@ -261,11 +261,11 @@ impl Placenta {
                 let inward = self.inward(on_wall);
                 let thick = on_wall.distance(fetal);
                 // Clearance directly in front of the insertion and farther on; a thin rim can't hold a cord.
-                let room = |mm: f32| {
+                let clearance = |mm: f32| {
                     let p = fetal + inward * mm;
                     fetus.distance_mm(p).min(-self.cavity.distance_mm(p)).min(mm + 6.0)
                 };
-                let score = room(7.0) + room(14.0) - 8.0 * off
+                let score = clearance(7.0) + clearance(14.0) - 8.0 * off
                     + thick.min(12.0)
                     + 3.0 * random(self.parameters.seed, 1700 + 16 * ring + step);
                 if score > best.0 {
@@ -290,7 +290,7 @@ impl Placenta {
     }
 
     /// Position of `p` in the tangent plane.
-    pub(super) fn tangent_place(&self, p: Vec3) -> Vec2 {
+    pub(super) fn tangent_position(&self, p: Vec3) -> Vec2 {
         let [a, b] = self.tangents();
         Vec2::new((p - self.wall).dot(a), (p - self.wall).dot(b))
     }

@@ -18,7 +18,7 @@ const COVER_MM: f32 = 0.9;
 /// All vessels, under the fetal side of the placenta's `body`.
 pub(super) fn tree(placenta: &Placenta, body: &Solid, root: Vec3) -> Solid {
     let seed = placenta.parameters.seed;
-    let centre = placenta.tangent_place(root);
+    let centre = placenta.tangent_position(root);
     let reach = placenta.radius_mm();
     let mut vessels = Vec::new();
     for i in 0..TRUNKS {

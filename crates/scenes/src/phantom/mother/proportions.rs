@@ -100,8 +100,8 @@ mod tests {
     #[test]
     fn organs_beside_the_cavity_do_not_enter_it() {
         let p = Proportions::of(&Parameters { gestational_weeks: 34.0, ..Parameters::default() });
-        let beside = Vec3::new(88.0, 20.0, -56.0);
-        assert!((p.follow(beside).x - 88.0 - p.excess.x).abs() < 1e-4);
+        let lateral = Vec3::new(88.0, 20.0, -56.0);
+        assert!((p.follow(lateral).x - 88.0 - p.excess.x).abs() < 1e-4);
         assert_eq!(p.follow(Vec3::ZERO), Vec3::ZERO);
     }
 }

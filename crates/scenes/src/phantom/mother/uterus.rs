@@ -68,7 +68,7 @@ pub(super) fn organs(parameters: &Parameters, placenta: &Placenta) -> Vec<Organ>
 
 /// Fluid between unfused membranes: a lens at the rim of the placenta.
 fn parted(cavity: &Solid, placenta: &Placenta) -> Solid {
-    let middle = placenta.beside();
+    let middle = placenta.outside_rim();
     let radius = 0.55 * placenta.radius_mm();
     let cavity = cavity.clone();
     // The lens tapers to both sides of the membranes and ends DEEP_MM inside them.

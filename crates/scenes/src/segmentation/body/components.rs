@@ -55,31 +55,31 @@ pub(crate) fn large_components(mask: &mut [bool], size: [usize; 3], holds: impl 
 
 /// Gives each part of fewer than `voxels_min` voxels to the label that it touches most. A part has one label, or none.
 /// The last part of a label stays. Returns the number of parts that were given away, by label.
-pub fn without_crumbs(labels: &mut [u16], size: [usize; 3], voxels_min: usize) -> HashMap<u16, usize> {
+pub fn without_fragments(labels: &mut [u16], size: [usize; 3], voxels_min: usize) -> HashMap<u16, usize> {
     let mut totals: HashMap<u16, usize> = HashMap::new();
     for &label in labels.iter() {
         *totals.entry(label).or_default() += 1;
     }
     let shared: &[u16] = labels;
     // A fragment is found from its first voxel in memory.
-    let crumbs: Vec<Vec<usize>> = (0..labels.len())
+    let fragments: Vec<Vec<usize>> = (0..labels.len())
         .into_par_iter()
         .filter_map(|start| {
             let label = shared[start];
             // Most voxels have an earlier neighbour of the same label, so they start no part.
             let mut first = true;
             each_neighbour(start, size, |next| first &= !(next < start && shared[next] == label));
-            first.then(|| crumb(shared, size, start, voxels_min)).flatten()
+            first.then(|| fragment(shared, size, start, voxels_min)).flatten()
         })
         .collect();
     let mut gone = HashMap::new();
-    for crumb in crumbs {
-        let label = labels[crumb[0]];
-        if totals.get(&label).is_none_or(|&total| total == crumb.len()) {
+    for fragment in fragments {
+        let label = labels[fragment[0]];
+        if totals.get(&label).is_none_or(|&total| total == fragment.len()) {
             continue;
         }
         let mut touches: Vec<(u16, usize)> = Vec::new();
-        for &index in &crumb {
+        for &index in &fragment {
             each_neighbour(index, size, |next| {
                 let other = labels[next];
                 if other != label {
@@ -91,18 +91,18 @@ pub fn without_crumbs(labels: &mut [u16], size: [usize; 3], voxels_min: usize) -
             });
         }
         let Some(&(most, _)) = touches.iter().max_by_key(|(other, count)| (*count, *other)) else { continue };
-        for &index in &crumb {
+        for &index in &fragment {
             labels[index] = most;
         }
-        *totals.entry(label).or_default() -= crumb.len();
-        *totals.entry(most).or_default() += crumb.len();
+        *totals.entry(label).or_default() -= fragment.len();
+        *totals.entry(most).or_default() += fragment.len();
         *gone.entry(label).or_default() += 1;
     }
     gone
 }
 
 /// Voxels of the part at `start`, if it has fewer than `voxels_min` and no earlier voxel than `start`.
-fn crumb(labels: &[u16], size: [usize; 3], start: usize, voxels_min: usize) -> Option<Vec<usize>> {
+fn fragment(labels: &[u16], size: [usize; 3], start: usize, voxels_min: usize) -> Option<Vec<usize>> {
     let mut found = vec![start];
     let mut next = 0;
     while next < found.len() {
@@ -127,7 +127,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn crumbs_go_to_what_they_touch_most_and_a_labels_last_part_stays() {
+    fn fragments_go_to_what_they_touch_most_and_a_labels_last_part_stays() {
         let size = [12, 6, 6];
         let mut labels = vec![0u16; 432];
         let at = |x: usize, y: usize, z: usize| (z * 6 + y) * 12 + x;
@@ -142,7 +142,7 @@ mod tests {
         labels[at(9, 3, 3)] = 2; // alone: two parts of one voxel, the last one stays
         labels[at(2, 2, 2)] = 0; // a hole
         labels[at(11, 5, 5)] = 3;
-        let gone = without_crumbs(&mut labels, size, 8);
+        let gone = without_fragments(&mut labels, size, 8);
         assert_eq!((labels[at(3, 3, 3)], labels[at(9, 3, 3)], labels[at(2, 2, 2)]), (1, 2, 1));
         assert_eq!((labels[at(11, 5, 5)], labels[at(1, 1, 1)], labels[0]), (3, 1, 0));
         assert_eq!(gone, HashMap::from([(2, 1), (0, 1)]));

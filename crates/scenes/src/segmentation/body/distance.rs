@@ -63,17 +63,17 @@ struct Line {
     values: Vec<f32>,
     found: Vec<f32>,
     /// Positions of the parabolas of the envelope, and the position from which each is the lowest.
-    places: Vec<usize>,
+    positions: Vec<usize>,
     starts: Vec<f32>,
 }
 
 impl Line {
     fn new(length: usize) -> Self {
-        Self { values: vec![0.0; length], found: vec![0.0; length], places: Vec::new(), starts: Vec::new() }
+        Self { values: vec![0.0; length], found: vec![0.0; length], positions: Vec::new(), starts: Vec::new() }
     }
 
     fn transform(&mut self, step_mm: f32) {
-        self.places.clear();
+        self.positions.clear();
         self.starts.clear();
         let square = step_mm * step_mm;
         for (q, &value) in self.values.iter().enumerate() {
@@ -81,30 +81,30 @@ impl Line {
                 continue;
             }
             let mut start = f32::NEG_INFINITY;
-            while let (Some(&p), Some(&from)) = (self.places.last(), self.starts.last()) {
+            while let (Some(&p), Some(&from)) = (self.positions.last(), self.starts.last()) {
                 let (qf, pf) = (q as f32, p as f32);
                 start = ((value - self.values[p]) / square + (qf * qf - pf * pf)) / (2.0 * (qf - pf));
                 if start > from {
                     break;
                 }
-                self.places.pop();
+                self.positions.pop();
                 self.starts.pop();
                 start = f32::NEG_INFINITY;
             }
-            self.places.push(q);
+            self.positions.push(q);
             self.starts.push(start);
         }
-        if self.places.is_empty() {
+        if self.positions.is_empty() {
             self.found.fill(f32::INFINITY);
             return;
         }
         let mut n = 0;
         for (x, found) in self.found.iter_mut().enumerate() {
-            while n + 1 < self.places.len() && self.starts[n + 1] < x as f32 {
+            while n + 1 < self.positions.len() && self.starts[n + 1] < x as f32 {
                 n += 1;
             }
-            let away = (x as f32 - self.places[n] as f32) * step_mm;
-            *found = away * away + self.values[self.places[n]];
+            let away = (x as f32 - self.positions[n] as f32) * step_mm;
+            *found = away * away + self.values[self.positions[n]];
         }
     }
 }

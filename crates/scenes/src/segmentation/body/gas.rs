@@ -27,9 +27,9 @@ pub fn gas_of(labels: &[u16], grid: &Grid, label: u16, wall_mm: f64, gas: Gas) -
         let at = |axis: usize, v: usize| (v + low[axis]).saturating_sub(1).min(grid.size[axis] - 1);
         (at(2, z) * grid.size[1] + at(1, y)) * grid.size[0] + at(0, x)
     };
-    let place = |i: usize| [i % size[0], i / size[0] % size[1], i / (size[0] * size[1])];
+    let coordinates = |i: usize| [i % size[0], i / size[0] % size[1], i / (size[0] * size[1])];
     let count: usize = size.iter().product();
-    let outside: Vec<bool> = (0..count).into_par_iter().map(|i| labels[index(place(i))] != label).collect();
+    let outside: Vec<bool> = (0..count).into_par_iter().map(|i| labels[index(coordinates(i))] != label).collect();
     let depth_mm = distances_mm(&outside, size, grid.voxel_mm());
     let border_mm = BORDER_VOXELS * grid.voxel_mm().min_element();
     let inner = |i: usize| f64::from(depth_mm[i]) - border_mm > wall_mm;
@@ -40,7 +40,7 @@ pub fn gas_of(labels: &[u16], grid: &Grid, label: u16, wall_mm: f64, gas: Gas) -
             let mut lumen: Vec<usize> = (z * layer..(z + 1) * layer).filter(|&i| inner(i)).collect();
             let share = match gas {
                 Gas::Seen(hu) => {
-                    lumen.retain(|&i| hu[index(place(i))] < GAS_HU);
+                    lumen.retain(|&i| hu[index(coordinates(i))] < GAS_HU);
                     1.0
                 }
                 Gas::Share(share) => share,
@@ -51,7 +51,7 @@ pub fn gas_of(labels: &[u16], grid: &Grid, label: u16, wall_mm: f64, gas: Gas) -
             // Whole rows only: gas has a level surface.
             let level = lumen.get(keep).map_or(usize::MAX, |&i| row(i));
             lumen.retain(|&i| row(i) < level);
-            lumen.into_iter().map(|i| index(place(i))).collect::<Vec<_>>()
+            lumen.into_iter().map(|i| index(coordinates(i))).collect::<Vec<_>>()
         })
         .collect();
     found.sort_unstable();

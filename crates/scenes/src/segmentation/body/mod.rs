@@ -6,7 +6,7 @@ mod gas;
 mod outline;
 
 pub(crate) use components::large_components;
-pub use components::without_crumbs;
+pub use components::without_fragments;
 pub(crate) use distance::BORDER_VOXELS;
 pub use distance::distances_mm;
 pub use gas::{Gas, gas_of};

@@ -242,7 +242,7 @@ fn mapped_names_are_compared_as_the_organs_they_mean() {
     // A mapping to a mapped name means the same organ.
     mapped.table.add("mine=spleen").unwrap();
     mapped.table.add("Segment_2=mine").unwrap();
-    let from = NamesFrom::File { place: "the file's segments" };
+    let from = NamesFrom::File { part: "the file's segments" };
     let found = |liver_ml: f64, by: f64| {
         let at = |x: f64| DVec3::new(x * by, 0.0, 0.0);
         let measure = |volume_ml: f64, x: f64| Measure { voxels: 1000, volume_ml, centre_mm: at(x), is_cut: false };
@@ -266,7 +266,7 @@ fn names_of_the_file_are_compared_too_and_the_voxels_size_is_asked_for() {
     let measure = Measure { voxels: 1, volume_ml: 1.5e6, centre_mm: DVec3::ZERO, is_cut: true };
     let measures = Measures::from([((0, 1), measure)]);
     let (default, _) = names("total-v2", false);
-    let from = NamesFrom::File { place: "the file's label extension" };
+    let from = NamesFrom::File { part: "the file's label extension" };
     let found = plausibility(&labels, &measures, &default, &from);
     assert_eq!(found.likelier, [""; 0]);
     let error = found.check(&labels, &default, &from).unwrap_err().to_string();

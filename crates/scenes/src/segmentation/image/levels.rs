@@ -72,7 +72,7 @@ impl Sample {
         let count = labels.iter().filter(|label| **label != 0).count();
         let step = count.div_ceil(LABELLED_MAX).max(1);
         let image_from_grid = image.lps_from_voxel.inverse() * grid.lps_from_voxel;
-        let place = |i: usize| -> Option<[usize; 3]> {
+        let image_voxel = |i: usize| -> Option<[usize; 3]> {
             let p = image_from_grid.transform_point3(DVec3::from_array(grid.at(i).map(|v| v as f64))).round();
             let within = (0..3).all(|n| (0.0..image.size[n] as f64).contains(&p[n]));
             within.then(|| p.to_array().map(|v| v as usize))
@@ -81,14 +81,14 @@ impl Sample {
         let (mut voxels, mut pairs) = (Vec::new(), Vec::new());
         for (i, label) in labelled {
             let organ = label - 1;
-            let (Some(matter), Some(at)) = (matters.get(usize::from(organ)), place(i)) else { continue };
+            let (Some(matter), Some(at)) = (matters.get(usize::from(organ)), image_voxel(i)) else { continue };
             voxels.push(Labelled { matter: *matter, at });
             let index = grid.at(i);
             for (axis, stride) in grid.strides().into_iter().enumerate() {
                 let before = (index[axis] > 0).then(|| i - stride);
                 let after = (index[axis] + 1 < grid.size[axis]).then(|| i + stride);
                 for neighbour in [before, after].into_iter().flatten() {
-                    let Some(other) = place(neighbour) else { continue };
+                    let Some(other) = image_voxel(neighbour) else { continue };
                     pairs.push(Pair { organ, at_border: labels[neighbour] != *label, ends: [at, other] });
                 }
             }

@@ -138,7 +138,7 @@ fn record(
     mut take: impl FnMut(usize, &[f64]) -> Result<(), String>,
 ) -> Result<(), Fault> {
     let Data::Binary(order) = data else { return text_record(scanner, element, number, take) };
-    for (place, property) in element.properties.iter().enumerate() {
+    for (column, property) in element.properties.iter().enumerate() {
         let (at, what) = (scanner.at, property.name.as_str());
         let count = match property.length {
             Some(length) => {
@@ -149,7 +149,7 @@ fn record(
             None => 1,
         };
         let values = scanner.numbers(count, property.value, order, what)?;
-        take(place, &values).map_err(|reason| Fault::byte(at, reason))?;
+        take(column, &values).map_err(|reason| Fault::byte(at, reason))?;
     }
     Ok(())
 }
@@ -172,7 +172,7 @@ fn text_record(
         }
     };
     let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
-    for (place, property) in element.properties.iter().enumerate() {
+    for (column, property) in element.properties.iter().enumerate() {
         let what = property.name.as_str();
         let mut next = || {
             let word = words.next().ok_or_else(|| here.fault(format!("truncated: the line ends before `{what}`")))?;
@@ -183,7 +183,7 @@ fn text_record(
             return Err(here.fault(format!("the list `{what}` has a length of {count}")));
         }
         let values = (0..count as usize).map(|_| next()).collect::<Result<Vec<f64>, Fault>>()?;
-        take(place, &values).map_err(|reason| here.fault(reason))?;
+        take(column, &values).map_err(|reason| here.fault(reason))?;
     }
     if words.next().is_some() {
         let reason = format!("the line has more values than the header's properties of `{}`", element.name);
@@ -193,8 +193,8 @@ fn text_record(
 }
 
 fn vertices(scanner: &mut Scanner<'_>, data: Data, element: &Element, parsed: &mut Parsed) -> Result<(), Fault> {
-    let place = |axis: &str| element.properties.iter().position(|p| p.name == axis && p.length.is_none());
-    let [Some(x), Some(y), Some(z)] = ["x", "y", "z"].map(place) else {
+    let column = |axis: &str| element.properties.iter().position(|p| p.name == axis && p.length.is_none());
+    let [Some(x), Some(y), Some(z)] = ["x", "y", "z"].map(column) else {
         return Err(scanner.fault("the vertices have no properties x, y and z"));
     };
     let is_plain = element.properties.iter().all(|property| property.length.is_none());
@@ -202,16 +202,16 @@ fn vertices(scanner: &mut Scanner<'_>, data: Data, element: &Element, parsed: &m
     for number in 0..element.count {
         if let (Data::Binary(order), true) = (data, is_plain) {
             let bytes = scanner.take(size, "the properties of a vertex")?;
-            let at = |place: usize| {
-                let start = element.properties[..place].iter().map(|property| property.value.size()).sum();
-                bytes.get(start..).map_or(0.0, |rest| element.properties[place].value.read(rest, order))
+            let at = |column: usize| {
+                let start = element.properties[..column].iter().map(|property| property.value.size()).sum();
+                bytes.get(start..).map_or(0.0, |rest| element.properties[column].value.read(rest, order))
             };
             parsed.vertices.push(DVec3::new(at(x), at(y), at(z)));
             continue;
         }
         let mut at = DVec3::ZERO;
-        record(scanner, data, element, number, |place, found| {
-            if let (Some(axis), [value, ..]) = ([x, y, z].iter().position(|p| *p == place), found) {
+        record(scanner, data, element, number, |column, found| {
+            if let (Some(axis), [value, ..]) = ([x, y, z].iter().position(|p| *p == column), found) {
                 at[axis] = *value;
             }
             Ok(())
@@ -236,8 +236,8 @@ fn faces(
     }
     let is_strip = element.name == "tristrips";
     for face in 0..element.count {
-        record(scanner, data, element, face, |place, found| {
-            if !is_list(&element.properties[place]) {
+        record(scanner, data, element, face, |column, found| {
+            if !is_list(&element.properties[column]) {
                 return Ok(());
             }
             // -1 ends a strip.

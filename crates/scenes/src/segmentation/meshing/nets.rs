@@ -71,7 +71,7 @@ const FACES: [[usize; 4]; 6] = [[0, 2, 6, 4], [1, 3, 7, 5], [0, 1, 5, 4], [2, 3,
 /// A layer of cells with equal c.
 struct Layer {
     /// Positions in the layer of the cells that have a vertex, ascending.
-    places: Vec<u32>,
+    positions: Vec<u32>,
 }
 
 impl Net {
@@ -82,13 +82,13 @@ impl Net {
         let layers: Vec<Layer> = (0..depth).into_par_iter().map(|c| Layer::of(&voxels, c)).collect();
         let mut starts = vec![0u32];
         for layer in &layers {
-            starts.push(starts[starts.len() - 1] + layer.places.len() as u32);
+            starts.push(starts[starts.len() - 1] + layer.positions.len() as u32);
         }
         // Vertex of each cell of a layer, by its position in the layer.
         let map = |c: usize| {
             let mut vertices = vec![NO_VERTEX; width * height];
-            for (vertex, &place) in (starts[c]..).zip(&layers[c].places) {
-                vertices[place as usize] = vertex;
+            for (vertex, &position) in (starts[c]..).zip(&layers[c].positions) {
+                vertices[position as usize] = vertex;
             }
             vertices
         };
@@ -139,17 +139,17 @@ struct Part {
 impl Layer {
     fn of(voxels: &Voxels, c: usize) -> Self {
         let [width, height, _] = voxels.size.map(|n| n + 1);
-        let mut places = Vec::new();
+        let mut positions = Vec::new();
         for b in 0..height {
             for a in 0..width {
                 let corners = voxels.of_cell([a, b, c]);
                 let first = inner(corners[0]);
                 if corners.iter().any(|&label| inner(label) != first) {
-                    places.push((b * width + a) as u32);
+                    positions.push((b * width + a) as u32);
                 }
             }
         }
-        Self { places }
+        Self { positions }
     }
 
     /// Vertices of the layer, and the quads between pairs of voxels whose upper corner lies in it. `vertices` are the
@@ -158,8 +158,8 @@ impl Layer {
         let [width, height, _] = voxels.size.map(|n| n + 1);
         let mut part = Part { cells: Vec::new(), neighbours: Vec::new(), junctions: Vec::new(), quads: Vec::new() };
         let at = |layer: usize, a: usize, b: usize| vertices[layer][b * width + a];
-        for &place in &self.places {
-            let (a, b) = (place as usize % width, place as usize / width);
+        for &position in &self.positions {
+            let (a, b) = (position as usize % width, position as usize / width);
             let corners = voxels.of_cell([a, b, c]);
             let mut neighbours = [NO_VERTEX; 6];
             let mut junctions = 0u8;

@@ -23,13 +23,13 @@ pub(super) fn drop_degenerate(work: &mut Work) {
     let total = work.mesh.triangles.len();
     work.mesh.triangles.retain(|[a, b, c]| a != b && b != c && c != a);
     let mut removed = total - work.mesh.triangles.len();
-    let mut places = Vec::new();
+    let mut regions = Vec::new();
     for round in 0..ROUNDS {
         let flat: Vec<u32> = flat(work);
         if flat.is_empty() {
             break;
         }
-        places.push(work.place_of(flat.iter().map(|&t| work.mesh.triangles[t as usize])));
+        regions.push(work.region_of(flat.iter().map(|&t| work.mesh.triangles[t as usize])));
         removed += flip_away(work, &flat, round >= PATIENT_ROUNDS);
     }
     let left = flat(work);
@@ -37,7 +37,7 @@ pub(super) fn drop_degenerate(work: &mut Work) {
     let mut keep = vec![true; work.mesh.triangles.len()];
     left.iter().for_each(|&t| keep[t as usize] = false);
     work.retain(&keep);
-    work.log(ActionKind::Degenerate, removed, places);
+    work.log(ActionKind::Degenerate, removed, regions);
 }
 
 /// Triangles lower than [`FLAT_MM`].
@@ -148,7 +148,8 @@ pub(super) fn drop_copies(work: &mut Work, is_closed: bool) {
     }
     let walls = if is_closed { backs } else { inner_walls(work, &backs, &keep) };
     let triangle = |index: &u32| work.mesh.triangles[*index as usize];
-    let (copies_at, walls_at) = (work.place_of(copies.iter().map(triangle)), work.place_of(walls.iter().map(triangle)));
+    let (copies_at, walls_at) =
+        (work.region_of(copies.iter().map(triangle)), work.region_of(walls.iter().map(triangle)));
     walls.iter().for_each(|&index| keep[index as usize] = false);
     work.retain(&keep);
     work.log(ActionKind::Duplicate, copies.len() - walls.len(), [copies_at]);

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use glam::DVec3;
-use insonify_core::anatomy::doctor::Place;
+use insonify_core::anatomy::doctor::Region;
 
 use super::RepairSettings;
 use super::corners::{self, Turn, Turns};
@@ -13,7 +13,7 @@ use super::loops::loops;
 use super::planes::{self, Notch, Plane};
 use super::polygon::{self, Border};
 use super::report::{ActionKind, RemainingKind};
-use super::work::{Work, place};
+use super::work::{Work, region};
 
 /// Deviation of a rim that still counts as planar: mm, and as a fraction of the rim's mean edge. Decimation and
 /// smoothing move rims out of their plane.
@@ -27,7 +27,7 @@ const SIDE_EDGES_MIN: usize = 3;
 struct Rim {
     vertices: Vec<u32>,
     points: Vec<DVec3>,
-    place: Place,
+    region: Region,
     /// Tolerance to planes, mm.
     within_mm: f64,
 }
@@ -55,7 +55,7 @@ pub(super) fn close(work: &mut Work, settings: &RepairSettings) {
     if rims.is_empty() {
         return;
     }
-    rims.sort_by(|a, b| b.place.size_mm.total_cmp(&a.place.size_mm).then(a.vertices.cmp(&b.vertices)));
+    rims.sort_by(|a, b| b.region.size_mm.total_cmp(&a.region.size_mm).then(a.vertices.cmp(&b.vertices)));
     let mut known: Vec<Plane> = sides_of_box(work, &rims);
     let sides = known.len();
     let mut kinds: Vec<Kind> = rims.iter().map(|rim| planar(rim, &mut known)).collect();
@@ -77,17 +77,17 @@ pub(super) fn close(work: &mut Work, settings: &RepairSettings) {
 /// Reports edges that are still open.
 pub(super) fn check(work: &mut Work) {
     let open = edges::open(&work.mesh.triangles);
-    let place = place(open.iter().flatten().map(|&vertex| work.mesh.vertices_mm[vertex as usize]));
-    work.leave(RemainingKind::Open, open.len(), [place]);
+    let region = region(open.iter().flatten().map(|&vertex| work.mesh.vertices_mm[vertex as usize]));
+    work.leave(RemainingKind::Open, open.len(), [region]);
 }
 
 fn rim(work: &Work, vertices: Vec<u32>) -> Rim {
     let points: Vec<DVec3> = vertices.iter().map(|&vertex| work.at(vertex)).collect();
-    let place = place(vertices.iter().map(|&vertex| work.mesh.vertices_mm[vertex as usize]));
+    let region = region(vertices.iter().map(|&vertex| work.mesh.vertices_mm[vertex as usize]));
     let next = points.iter().cycle().skip(1);
     let length: f64 = points.iter().zip(next).map(|(a, b)| a.distance(*b)).sum();
     let within_mm = PLANAR_MM.max(PLANAR_PART * length / points.len().max(1) as f64);
-    Rim { vertices, points, place, within_mm }
+    Rim { vertices, points, region, within_mm }
 }
 
 /// Kind of a rim in one plane: one of the `known` planes, else its own, which is added to them. `Free` if there is
@@ -98,7 +98,7 @@ fn planar(rim: &Rim, known: &mut Vec<Plane>) -> Kind {
     {
         return Kind::Planar(index);
     }
-    let thin = 0.25 * rim.within_mm.min(1e-3 * f64::from(rim.place.size_mm));
+    let thin = 0.25 * rim.within_mm.min(1e-3 * f64::from(rim.region.size_mm));
     match Plane::through(&rim.points, thin).filter(|plane| plane.holds(&rim.points, rim.within_mm)) {
         Some(plane) => {
             known.push(plane);
@@ -280,18 +280,18 @@ impl Cuts<'_> {
 
 /// Logs the number of closed rims, by method.
 fn report(work: &mut Work, rims: &[Rim], kinds: &[Kind], is_closed: &[bool], settings: &RepairSettings) {
-    let mut places = BTreeMap::<ActionKind, Vec<Place>>::new();
+    let mut regions = BTreeMap::<ActionKind, Vec<Region>>::new();
     for ((rim, kind), capped) in rims.iter().zip(kinds).zip(is_closed) {
-        let is_small = f64::from(rim.place.size_mm) <= settings.small_hole_mm;
+        let is_small = f64::from(rim.region.size_mm) <= settings.small_hole_mm;
         let action = match kind {
             Kind::Bent(_) if *capped => ActionKind::BentCap,
             _ if is_small => ActionKind::SmallHole,
             Kind::Planar(_) => ActionKind::PlanarCap,
             _ => ActionKind::Guess,
         };
-        places.entry(action).or_default().push(rim.place);
+        regions.entry(action).or_default().push(rim.region);
     }
-    for (action, places) in places {
-        work.log(action, places.len(), places);
+    for (action, regions) in regions {
+        work.log(action, regions.len(), regions);
     }
 }

@@ -20,7 +20,7 @@ const APART_MM: f64 = 0.004;
 pub(super) fn resolve(work: &mut Work) {
     drop_sheets(work);
     let mut separated = 0;
-    let mut places = Vec::new();
+    let mut regions = Vec::new();
     for round in 0..ROUNDS {
         let edges = edges::sorted(&work.mesh.triangles);
         let pairs = pairs(work, &edges);
@@ -29,13 +29,13 @@ pub(super) fn resolve(work: &mut Work) {
         }
         if round == 0 {
             separated = pairs.len();
-            places.push(work.place_of(pairs.values().flatten().flatten().map(|&t| work.mesh.triangles[t as usize])));
+            regions.push(work.region_of(pairs.values().flatten().flatten().map(|&t| work.mesh.triangles[t as usize])));
         }
         if !divide_vertices(work, &edges, &pairs) {
             divide_edges(work, &pairs);
         }
     }
-    work.log(ActionKind::Separated, separated, places);
+    work.log(ActionKind::Separated, separated, regions);
 }
 
 /// Reports edges that still have more than two triangles.
@@ -45,14 +45,14 @@ pub(super) fn check(work: &mut Work) {
         .filter(|group| group.len() > 2)
         .map(|group| work.mesh.triangles[group[0].triangle as usize])
         .collect();
-    let place = work.place_of(crowded.iter().copied());
-    work.leave(RemainingKind::Crowded, crowded.len(), [place]);
+    let region = work.region_of(crowded.iter().copied());
+    work.leave(RemainingKind::Crowded, crowded.len(), [region]);
 }
 
 /// Removes the smallest sheet at each edge of three or any larger odd number of triangles, until no such edge is left.
 fn drop_sheets(work: &mut Work) {
     let mut removed = 0;
-    let mut places = Vec::new();
+    let mut regions = Vec::new();
     for _ in 0..ROUNDS {
         let edges = edges::sorted(&work.mesh.triangles);
         let is_odd = |group: &&[Edge]| group.len() > 2 && group.len() % 2 == 1;
@@ -99,11 +99,11 @@ fn drop_sheets(work: &mut Work) {
         if dropped.is_empty() {
             break;
         }
-        places.push(work.place_of(dropped.iter().copied()));
+        regions.push(work.region_of(dropped.iter().copied()));
         removed += dropped.len();
         work.retain(&keep);
     }
-    work.log(ActionKind::Sheet, removed, places);
+    work.log(ActionKind::Sheet, removed, regions);
 }
 
 /// Pairs of triangles that belong together at an edge of four or more.
@@ -166,7 +166,7 @@ fn divide_vertices(work: &mut Work, edges: &[Edge], pairs: &Pairs) -> bool {
     };
     let mut changes = Vec::new();
     for (&vertex, triangles) in &at {
-        let place: HashMap<u32, u32> = triangles.iter().copied().zip(0..).collect();
+        let position: HashMap<u32, u32> = triangles.iter().copied().zip(0..).collect();
         let mut fans = Groups::new(triangles.len());
         let mut is_crowded = vec![false; triangles.len()];
         for &index in triangles {
@@ -176,12 +176,12 @@ fn divide_vertices(work: &mut Work, edges: &[Edge], pairs: &Pairs) -> bool {
                 }
                 match pairs.get(&edge) {
                     Some(pairs) => {
-                        is_crowded[place[&index] as usize] = true;
-                        pairs.iter().for_each(|[a, b]| fans.join(place[a], place[b]));
+                        is_crowded[position[&index] as usize] = true;
+                        pairs.iter().for_each(|[a, b]| fans.join(position[a], position[b]));
                     }
                     None => {
                         if let Some([a, b]) = plain(edge) {
-                            fans.join(place[&a], place[&b]);
+                            fans.join(position[&a], position[&b]);
                         }
                     }
                 }

@@ -9,7 +9,7 @@ use insonify_core::anatomy::{Bounds, Mesh};
 
 use super::edges::{self, of, undirected};
 use super::report::{ActionKind, RemainingKind};
-use super::work::{Work, place};
+use super::work::{Work, region};
 
 /// Most rounds of smoothing.
 const ROUNDS: usize = 12;
@@ -33,7 +33,7 @@ pub(super) fn resolve(work: &mut Work, max_move_mm: f64) {
     let part_of = edges::components(work.mesh.triangles.len(), &edges);
     drop(edges);
     let first = pairs.len();
-    let at = place(pairs.iter().map(|pair| pair.point));
+    let at = region(pairs.iter().map(|pair| pair.point));
     let reach_mm = (max_move_mm - f64::from(work.joined_mm)).max(0.0) as f32;
     for round in 0..ROUNDS {
         let is_in_one = |pair: &&Pair| part_of[pair.triangles[0] as usize] == part_of[pair.triangles[1] as usize];
@@ -52,11 +52,11 @@ pub(super) fn resolve(work: &mut Work, max_move_mm: f64) {
         return;
     }
     let crossings = Tree::new(&work.mesh).map(|tree| crossing::find(&tree, &part_of));
-    let Some(crossing::Crossings { overlaps, folds, places }) = crossings else { return };
+    let Some(crossing::Crossings { overlaps, folds, regions }) = crossings else { return };
     if overlaps > 0 {
-        work.leave(RemainingKind::Overlap, overlaps, places);
+        work.leave(RemainingKind::Overlap, overlaps, regions);
     } else if folds * FOLDS_ONE_IN > work.mesh.triangles.len() {
-        work.leave(RemainingKind::Fold, folds, places);
+        work.leave(RemainingKind::Fold, folds, regions);
     }
 }
 

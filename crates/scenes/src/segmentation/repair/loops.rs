@@ -18,19 +18,19 @@ pub(super) fn loops(triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
     let mut found = Vec::new();
     for start in starts {
         let mut path = vec![start];
-        let mut place = HashMap::from([(start, 0)]);
+        let mut position = HashMap::from([(start, 0)]);
         while let Some(to) = path.last().and_then(|at| next.get_mut(at)?.pop()) {
-            match place.get(&to).copied() {
+            match position.get(&to).copied() {
                 Some(first) => {
                     let found_loop = path[first..].to_vec();
-                    path[first + 1..].iter().for_each(|vertex| _ = place.remove(vertex));
+                    path[first + 1..].iter().for_each(|vertex| _ = position.remove(vertex));
                     path.truncate(first + 1);
                     if found_loop.len() > 2 {
                         found.push(found_loop);
                     }
                 }
                 None => {
-                    place.insert(to, path.len());
+                    position.insert(to, path.len());
                     path.push(to);
                 }
             }

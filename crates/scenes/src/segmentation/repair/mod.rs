@@ -19,10 +19,10 @@ mod clean;
 mod close;
 mod corners;
 mod crowded;
-mod crumbs;
 mod edges;
 mod fill;
 mod folds;
+mod fragments;
 mod loops;
 mod orient;
 mod planes;
@@ -38,7 +38,7 @@ mod work;
 pub use report::{Action, ActionKind, Remaining, RemainingKind, SurfaceRepair};
 
 use insonify_core::anatomy::Mesh;
-use work::{Work, place};
+use work::{Work, region};
 
 /// Most passes of closing: filling a hole may create an edge of four triangles, which is divided in the next pass.
 const PASSES: usize = 3;
@@ -55,12 +55,12 @@ pub struct RepairSettings {
     /// Size up to which a hole counts as small, mm. Larger holes that are not planar are reported as guesses.
     pub small_hole_mm: f64,
     /// Volume relative to the largest part, below which a part is a fragment and is removed.
-    pub crumb_share: f64,
+    pub fragment_share: f64,
 }
 
 impl Default for RepairSettings {
     fn default() -> Self {
-        Self { weld_mm: 1e-4, weld_rims_mm: 0.01, max_move_mm: 0.5, small_hole_mm: 10.0, crumb_share: 1e-4 }
+        Self { weld_mm: 1e-4, weld_rims_mm: 0.01, max_move_mm: 0.5, small_hole_mm: 10.0, fragment_share: 1e-4 }
     }
 }
 
@@ -85,7 +85,7 @@ pub fn repair(name: &str, mesh: Mesh, settings: &RepairSettings) -> (Mesh, Surfa
         clean::drop_degenerate(&mut work);
         clean::drop_copies(&mut work, true);
     }
-    crumbs::drop_crumbs(&mut work, settings.crumb_share);
+    fragments::drop_fragments(&mut work, settings.fragment_share);
     orient::face_outward(&mut work);
     crowded::move_apart(&mut work);
     folds::resolve(&mut work, settings.max_move_mm);
@@ -94,7 +94,7 @@ pub fn repair(name: &str, mesh: Mesh, settings: &RepairSettings) -> (Mesh, Surfa
     orient::check(&mut work);
     if work.mesh.triangles.is_empty() {
         let all = work.mesh.vertices_mm.iter().copied();
-        work.leave(RemainingKind::Nothing, 1, [place(all)]);
+        work.leave(RemainingKind::Nothing, 1, [region(all)]);
     }
     work.compact();
     finish(name, before, work)
@@ -120,7 +120,7 @@ fn merged(actions: Vec<Action>) -> Vec<Action> {
         match merged.iter_mut().find(|known| known.kind == action.kind) {
             Some(known) => {
                 known.count += action.count;
-                known.places = work::largest(known.places.drain(..).chain(action.places));
+                known.regions = work::largest(known.regions.drain(..).chain(action.regions));
             }
             None => merged.push(action),
         }
@@ -144,6 +144,6 @@ fn drop_not_finite(work: &mut Work) {
     let near = work.mesh.triangles.iter().zip(&keep).filter(|(_, keep)| !**keep).flat_map(|(t, _)| *t);
     let near: Vec<_> = near.filter(|vertex| !is_bad(vertex)).map(|vertex| vertices[vertex as usize]).collect();
     work.retain(&keep);
-    work.leave(RemainingKind::NotFinite, bad.len(), [place(near)]);
+    work.leave(RemainingKind::NotFinite, bad.len(), [region(near)]);
     work.compact();
 }

@@ -5,7 +5,7 @@ use insonify_core::anatomy::{Bounds, Mesh};
 
 use super::edges::{self, NONE, of};
 use super::report::{ActionKind, RemainingKind};
-use super::work::{Work, area, place, volume};
+use super::work::{Work, area, region, volume};
 
 /// Most corners at which the surroundings of a part are sampled.
 const CORNERS_SAMPLED: usize = 33;
@@ -57,9 +57,9 @@ pub(super) fn make_consistent(work: &mut Work) -> usize {
             turned.extend(queue.iter().copied().filter(|&t| turn[t as usize] == Some(less)));
         }
     }
-    let place = work.place_of(turned.iter().map(|&t| work.mesh.triangles[t as usize]));
+    let region = work.region_of(turned.iter().map(|&t| work.mesh.triangles[t as usize]));
     turned.iter().for_each(|&t| work.mesh.triangles[t as usize].swap(1, 2));
-    work.log(ActionKind::Turned, turned.len(), [place]);
+    work.log(ActionKind::Turned, turned.len(), [region]);
     // Each conflict is counted from both sides of its edge.
     conflicts / 2
 }
@@ -71,8 +71,8 @@ pub(super) fn check(work: &mut Work) {
         .filter(|group| matches!(group, [a, b] if a.back == b.back))
         .map(|group| work.mesh.triangles[group[0].triangle as usize])
         .collect();
-    let place = work.place_of(alike.iter().copied());
-    work.leave(RemainingKind::OneSided, alike.len(), [place]);
+    let region = work.region_of(alike.iter().copied());
+    work.leave(RemainingKind::OneSided, alike.len(), [region]);
 }
 
 /// A component of the surface, connected over edges.
@@ -150,7 +150,7 @@ pub(super) fn face_outward(work: &mut Work) {
             triangle.swap(1, 2);
         }
     }
-    let at = |list: &[usize]| list.iter().map(|&index| place(parts[index].bounds.corners())).collect::<Vec<_>>();
+    let at = |list: &[usize]| list.iter().map(|&index| region(parts[index].bounds.corners())).collect::<Vec<_>>();
     let (turned_at, cavities_at) = (at(&turned), at(&cavities));
     work.log(ActionKind::TurnedPart, turned.len(), turned_at);
     work.log(ActionKind::Cavity, cavities.len(), cavities_at);
@@ -172,13 +172,13 @@ fn drop_doubled(work: &mut Work) {
         })
     };
     let gone: Vec<bool> = holders.iter().enumerate().map(is_doubled).collect();
-    let places: Vec<_> = (0..parts.len()).filter(|&i| gone[i]).map(|i| place(parts[i].bounds.corners())).collect();
-    if places.is_empty() {
+    let regions: Vec<_> = (0..parts.len()).filter(|&i| gone[i]).map(|i| region(parts[i].bounds.corners())).collect();
+    if regions.is_empty() {
         return;
     }
     let keep: Vec<bool> = part_of.iter().map(|&index| !gone[index as usize]).collect();
     work.retain(&keep);
-    work.log(ActionKind::Doubled, places.len(), places);
+    work.log(ActionKind::Doubled, regions.len(), regions);
 }
 
 /// For each part, the other parts that enclose it, by its sampled corners.

@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use insonify_core::anatomy::doctor::Place;
+use insonify_core::anatomy::doctor::Region;
 use insonify_core::names::{counted, thousands};
 
 macro_rules! kinds {
@@ -94,8 +94,9 @@ pub struct Action {
     /// Number of things changed.
     pub count: usize,
     /// Regions with the largest changes, largest first; at most
-    /// [`PLACES_MAX`](insonify_core::anatomy::doctor::PLACES_MAX).
-    pub places: Vec<Place>,
+    /// [`REGIONS_MAX`](insonify_core::anatomy::doctor::REGIONS_MAX).
+    #[serde(rename = "places")]
+    pub regions: Vec<Region>,
 }
 
 /// A defect that the repair could not mend.
@@ -105,8 +106,9 @@ pub struct Remaining {
     pub kind: RemainingKind,
     /// Number of defects.
     pub count: usize,
-    /// Regions of the defect, largest first; at most [`PLACES_MAX`](insonify_core::anatomy::doctor::PLACES_MAX).
-    pub places: Vec<Place>,
+    /// Regions of the defect, largest first; at most [`REGIONS_MAX`](insonify_core::anatomy::doctor::REGIONS_MAX).
+    #[serde(rename = "places")]
+    pub regions: Vec<Region>,
 }
 
 /// Report of the repair of a surface.
@@ -150,25 +152,25 @@ fn line(
     f: &mut fmt::Formatter<'_>,
     count: usize,
     (nouns, rest): (&'static str, &'static str),
-    places: &[Place],
+    regions: &[Region],
 ) -> fmt::Result {
     let (one, many) = nouns.split_once('|').unwrap_or((nouns, nouns));
     write!(f, "{} {} {rest}", thousands(count), if count == 1 { one } else { many })?;
-    for (i, place) in places.iter().enumerate() {
-        write!(f, "{}{place}", if i == 0 { "; at " } else { "; " })?;
+    for (i, region) in regions.iter().enumerate() {
+        write!(f, "{}{region}", if i == 0 { "; at " } else { "; " })?;
     }
     Ok(())
 }
 
 impl fmt::Display for Action {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        line(f, self.count, self.kind.words(), &self.places)
+        line(f, self.count, self.kind.words(), &self.regions)
     }
 }
 
 impl fmt::Display for Remaining {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        line(f, self.count, self.kind.words(), &self.places)
+        line(f, self.count, self.kind.words(), &self.regions)
     }
 }
 
@@ -199,14 +201,14 @@ mod tests {
 
     #[test]
     fn a_report_reads_as_sentences_with_places() {
-        let place = Place { at_mm: [1.0, 2.0, 3.0], size_mm: 4.0 };
+        let region = Region { at_mm: [1.0, 2.0, 3.0], size_mm: 4.0 };
         let report = SurfaceRepair {
             surface: "liver".to_owned(),
             triangles: [1000, 1024],
             parts: 1,
             volume_mm3: 1.5e6,
-            actions: vec![Action { kind: ActionKind::PlanarCap, count: 1, places: vec![place] }],
-            remaining: vec![Remaining { kind: RemainingKind::Fold, count: 2, places: vec![] }],
+            actions: vec![Action { kind: ActionKind::PlanarCap, count: 1, regions: vec![region] }],
+            remaining: vec![Remaining { kind: RemainingKind::Fold, count: 2, regions: vec![] }],
             largest_move_mm: 0.01,
         };
         let text = report.to_string();

@@ -72,7 +72,7 @@ pub(super) fn cuboid(centre: Vec3, half: Vec3, n: u32) -> Mesh {
     let mut mesh = Mesh::default();
     for axis in 0..3 {
         for side in [-1.0f32, 1.0] {
-            let place = |i: u32, k: u32| {
+            let vertex = |i: u32, k: u32| {
                 let [u, v] = [i, k].map(|j| 2.0 * j as f32 / n as f32 - 1.0);
                 let mut p = [0.0; 3];
                 (p[axis], p[(axis + 1) % 3], p[(axis + 2) % 3]) = (side, u, v);
@@ -81,7 +81,7 @@ pub(super) fn cuboid(centre: Vec3, half: Vec3, n: u32) -> Mesh {
             for i in 0..n {
                 for k in 0..n {
                     let first = mesh.vertices_mm.len() as u32;
-                    mesh.vertices_mm.extend([place(i, k), place(i + 1, k), place(i + 1, k + 1), place(i, k + 1)]);
+                    mesh.vertices_mm.extend([vertex(i, k), vertex(i + 1, k), vertex(i + 1, k + 1), vertex(i, k + 1)]);
                     let quad = if side > 0.0 { [[0, 1, 2], [0, 2, 3]] } else { [[0, 2, 1], [0, 3, 2]] };
                     mesh.triangles.extend(quad.map(|t| t.map(|v: u32| first + v)));
                 }

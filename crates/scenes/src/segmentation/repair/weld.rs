@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::edges::{self, undirected};
 use super::report::ActionKind;
-use super::work::{Work, place};
+use super::work::{Work, region};
 
 /// Direction that is parallel to no axis and no common diagonal: few vertices of a grid have the same coordinate along
 /// it.
@@ -60,6 +60,6 @@ fn join(work: &mut Work, candidates: Vec<u32>, within_mm: f64, apart: &[[u32; 2]
     }
     work.joined_mm += farthest as f32;
     work.mesh.triangles.iter_mut().flatten().for_each(|vertex| *vertex = target[*vertex as usize]);
-    let place = place(joined.iter().map(|&vertex| work.mesh.vertices_mm[vertex as usize]));
-    work.log(ActionKind::Joined, joined.len(), [place]);
+    let region = region(joined.iter().map(|&vertex| work.mesh.vertices_mm[vertex as usize]));
+    work.log(ActionKind::Joined, joined.len(), [region]);
 }

@@ -1,7 +1,7 @@
 //! The mesh under repair.
 
 use glam::{DVec3, Vec3};
-use insonify_core::anatomy::doctor::{PLACES_MAX, Place};
+use insonify_core::anatomy::doctor::{REGIONS_MAX, Region};
 use insonify_core::anatomy::{Bounds, Mesh};
 
 use super::report::{Action, ActionKind, Remaining, RemainingKind};
@@ -58,22 +58,22 @@ impl Work {
     }
 
     /// Logs an action, unless its count is zero.
-    pub(super) fn log(&mut self, kind: ActionKind, count: usize, places: impl IntoIterator<Item = Place>) {
+    pub(super) fn log(&mut self, kind: ActionKind, count: usize, regions: impl IntoIterator<Item = Region>) {
         if count > 0 {
-            self.actions.push(Action { kind, count, places: largest(places) });
+            self.actions.push(Action { kind, count, regions: largest(regions) });
         }
     }
 
     /// Logs a remaining defect, unless its count is zero.
-    pub(super) fn leave(&mut self, kind: RemainingKind, count: usize, places: impl IntoIterator<Item = Place>) {
+    pub(super) fn leave(&mut self, kind: RemainingKind, count: usize, regions: impl IntoIterator<Item = Region>) {
         if count > 0 {
-            self.remaining.push(Remaining { kind, count, places: largest(places) });
+            self.remaining.push(Remaining { kind, count, regions: largest(regions) });
         }
     }
 
     /// Region of some triangles.
-    pub(super) fn place_of(&self, triangles: impl IntoIterator<Item = [u32; 3]>) -> Place {
-        place(triangles.into_iter().flatten().map(|vertex| self.mesh.vertices_mm[vertex as usize]))
+    pub(super) fn region_of(&self, triangles: impl IntoIterator<Item = [u32; 3]>) -> Region {
+        region(triangles.into_iter().flatten().map(|vertex| self.mesh.vertices_mm[vertex as usize]))
     }
 
     /// Upper bound of the largest move of a vertex, mm: a vertex may have been joined and then moved.
@@ -100,16 +100,16 @@ impl Work {
 }
 
 /// Region of some points: the centre and the diagonal of their bounding box.
-pub(super) fn place(points: impl IntoIterator<Item = Vec3>) -> Place {
+pub(super) fn region(points: impl IntoIterator<Item = Vec3>) -> Region {
     let Bounds { min, max } = Bounds::of(points).unwrap_or(Bounds::around(Vec3::ZERO, Vec3::ZERO));
-    Place { at_mm: (0.5 * (min + max)).to_array(), size_mm: (max - min).length() }
+    Region { at_mm: (0.5 * (min + max)).to_array(), size_mm: (max - min).length() }
 }
 
-pub(super) fn largest(places: impl IntoIterator<Item = Place>) -> Vec<Place> {
-    let mut places: Vec<Place> = places.into_iter().collect();
-    places.sort_by(|a, b| b.size_mm.total_cmp(&a.size_mm));
-    places.truncate(PLACES_MAX);
-    places
+pub(super) fn largest(regions: impl IntoIterator<Item = Region>) -> Vec<Region> {
+    let mut regions: Vec<Region> = regions.into_iter().collect();
+    regions.sort_by(|a, b| b.size_mm.total_cmp(&a.size_mm));
+    regions.truncate(REGIONS_MAX);
+    regions
 }
 
 /// Area of a triangle, mm².

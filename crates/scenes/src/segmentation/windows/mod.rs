@@ -20,7 +20,7 @@ const SPOKES: usize = 16;
 
 /// Position of a probe on the skin, and what it sees of the target.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place {
+pub struct ProbeSite {
     /// Point of the skin, mm.
     pub contact_mm: DVec3,
     /// Direction from the target to the probe.
@@ -44,16 +44,16 @@ pub struct WindowRow {
 
 impl WindowRow {
     /// Row of a plane whose probe is at `site`.
-    pub fn new(name: &str, title: &str, centre_mm: DVec3, place: &Place) -> Self {
-        let depth_mm = place.contact_mm.distance(centre_mm);
-        Self { name: name.to_owned(), title: title.to_owned(), depth_mm, hidden: place.hidden }
+    pub fn new(name: &str, title: &str, centre_mm: DVec3, site: &ProbeSite) -> Self {
+        let depth_mm = site.contact_mm.distance(centre_mm);
+        Self { name: name.to_owned(), title: title.to_owned(), depth_mm, hidden: site.hidden }
     }
 }
 
 /// Best site of a probe within `cone_deg` of the usual direction of `view`, for a target of `radius_mm`. `None` if no
 /// line from its centre reaches skin.
-pub(crate) fn best_place(sight: &Sight, view: &View, radius_mm: f64, cone_deg: f64) -> Option<Place> {
-    let mut best: Option<(f64, Place)> = None;
+pub(crate) fn best_site(sight: &Sight, view: &View, radius_mm: f64, cone_deg: f64) -> Option<ProbeSite> {
+    let mut best: Option<(f64, ProbeSite)> = None;
     for ring in 0..=RINGS {
         let turn = cone_deg.to_radians() * ring as f64 / RINGS as f64;
         let spokes = if ring == 0 { 1 } else { SPOKES };
@@ -68,9 +68,9 @@ pub(crate) fn best_place(sight: &Sight, view: &View, radius_mm: f64, cone_deg: f
             // The hidden share counts most, then the angle to the usual direction, then the depth.
             let cost = 4.0 * hidden + ring as f64 / RINGS as f64 + depth_mm / 150.0;
             if best.is_none_or(|(least, _)| cost < least) {
-                best = Some((cost, Place { contact_mm, to_probe, hidden }));
+                best = Some((cost, ProbeSite { contact_mm, to_probe, hidden }));
             }
         }
     }
-    best.map(|(_, place)| place)
+    best.map(|(_, site)| site)
 }

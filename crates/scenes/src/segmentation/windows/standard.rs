@@ -6,7 +6,7 @@ use insonify_core::anatomy::planes::{
     Caliper, CaliperKind, PLANES_VERSION, PlaneLandmark, StandardPlane, StandardPlanes, Tolerances, View,
 };
 
-use super::{Place, Sight, WindowRow, best_place};
+use super::{ProbeSite, Sight, WindowRow, best_site};
 use crate::segmentation::from_labels::Made;
 use crate::segmentation::shape::Shape;
 
@@ -51,8 +51,8 @@ pub fn windows(surfaces: &[Made], sight: &Sight) -> (StandardPlanes, Vec<WindowR
     let made = [liver, right_kidney, left_kidney, aorta, bladder, heart].map(|window| window(&organs));
     let (mut planes, mut rows) = (Vec::new(), Vec::new());
     for (mut plane, wishes) in made.into_iter().flatten() {
-        for (view, place) in wishes.into_iter().filter_map(|wish| placed(wish, sight)) {
-            rows.push(WindowRow::new(&plane.name, &plane.title, view.centre_mm, &place));
+        for (view, site) in wishes.into_iter().filter_map(|wish| placed(wish, sight)) {
+            rows.push(WindowRow::new(&plane.name, &plane.title, view.centre_mm, &site));
             plane.views.push(view);
         }
         if !plane.views.is_empty() {
@@ -64,7 +64,7 @@ pub fn windows(surfaces: &[Made], sight: &Sight) -> (StandardPlanes, Vec<WindowR
 
 /// A view of the segment `name` and its probe site: from its window, or else the best site from the front and the
 /// sides. `None` if there is no such segment, or no skin from which it can be seen.
-pub fn look_at(surfaces: &[Made], sight: &Sight, name: &str) -> Option<(View, Place)> {
+pub fn look_at(surfaces: &[Made], sight: &Sight, name: &str) -> Option<(View, ProbeSite)> {
     let organs = Organs(surfaces);
     let window: Option<fn(&Organs) -> Option<Window>> = match name {
         "liver" => Some(liver),
@@ -86,18 +86,18 @@ pub fn look_at(surfaces: &[Made], sight: &Sight, name: &str) -> Option<(View, Pl
 }
 
 /// The view with the probe at the best site.
-fn placed(wish: Wish, sight: &Sight) -> Option<(View, Place)> {
-    let place = best_place(sight, &wish.view, wish.radius_mm, wish.cone_deg)?;
+fn placed(wish: Wish, sight: &Sight) -> Option<(View, ProbeSite)> {
+    let site = best_site(sight, &wish.view, wish.radius_mm, wish.cone_deg)?;
     let mut view = wish.view;
-    view.lateral = view.lateral.reject_from(place.to_probe).normalize_or(place.to_probe.any_orthonormal_vector());
-    view.to_probe = place.to_probe;
+    view.lateral = view.lateral.reject_from(site.to_probe).normalize_or(site.to_probe.any_orthonormal_vector());
+    view.to_probe = site.to_probe;
     view.normal = view.to_probe.cross(view.lateral);
     view.pose = view.pose_on(sight.skin(), PRESS_MM);
     // A landmark too far from the plane would prevent the plane from being recognised.
     let (centre_mm, normal) = (view.centre_mm, view.normal);
     let off_mm = |mark: &PlaneLandmark| (mark.position_mm - centre_mm).dot(normal).abs();
     view.landmarks.retain(|mark| mark.within_mm.is_none_or(|within_mm| off_mm(mark) < 0.7 * within_mm));
-    Some((view, place))
+    Some((view, site))
 }
 
 type Window = (StandardPlane, Vec<Wish>);

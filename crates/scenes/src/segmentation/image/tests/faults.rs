@@ -16,8 +16,8 @@ fn bone_of_which_most_is_as_soft_as_muscle_is_told() {
         let is_beside = matches!(is, Is::Marrow | Is::Cortex) && at[0] <= 37;
         (if is_beside { 53.0 } else { hu(is) }) + 18.0 * noise(i)
     };
-    let beside = Image { values: (0..grid.len()).map(value).collect(), ..ct() };
-    let remarks = check(&beside).unwrap().remarks;
+    let shifted = Image { values: (0..grid.len()).map(value).collect(), ..ct() };
+    let remarks = check(&shifted).unwrap().remarks;
     assert!(remarks.iter().any(|remark| remark.starts_with("half of the labelled bone has less than")), "{remarks:?}");
 }
 

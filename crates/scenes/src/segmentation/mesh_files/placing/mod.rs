@@ -3,7 +3,7 @@
 //! Guesses follow the file's statements, or else the names of organs: their sizes tell the unit, their relative
 //! positions the axes. A guess that is not certain should be confirmed by the user.
 
-mod places;
+mod axes;
 
 use std::fmt;
 
@@ -11,7 +11,7 @@ use glam::DVec3;
 
 pub use super::frame::{MeshAxes, Unit};
 use super::{FileHints, NamedMesh};
-pub use places::{contradiction, guess_axes};
+pub use axes::{contradiction, guess_axes};
 
 /// A guess with its reason.
 #[derive(Debug, Clone, PartialEq)]
@@ -192,7 +192,7 @@ fn words(name: &str) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
-    use super::places::{CRANIAL, LEFT, POSTERIOR};
+    use super::axes::{CRANIAL, LEFT, POSTERIOR};
     use super::*;
 
     /// A mesh of two vertices, opposite corners of a cube with sides of `size` about a centre.

@@ -184,7 +184,7 @@ fn a_large_hole_that_is_not_planar_is_a_guess_with_its_size() {
     let (_, report) = mended(mesh, &shape);
     assert_eq!(count(&report, ActionKind::Guess), 1, "{report}");
     let guess = report.actions.iter().find(|action| action.kind == ActionKind::Guess).unwrap();
-    assert!((40.0..60.0).contains(&guess.places[0].size_mm), "{report}");
+    assert!((40.0..60.0).contains(&guess.regions[0].size_mm), "{report}");
 }
 
 #[test]
@@ -221,7 +221,7 @@ fn a_cavity_stays_a_cavity_and_an_inner_part_becomes_one() {
 }
 
 #[test]
-fn overlapping_parts_face_outward_and_are_reported_with_their_place() {
+fn overlapping_parts_face_outward_and_are_reported_with_their_region() {
     let off = Vec3::new(13.0, 4.0, 2.0);
     let parts = both(&moved(sphere(20.0, 4), off), &flipped(moved(sphere(20.0, 4), -off)));
     let (mesh, report) = repair("lobes", parts, &RepairSettings::default());
@@ -231,7 +231,7 @@ fn overlapping_parts_face_outward_and_are_reported_with_their_place() {
     assert_eq!(wrong_points(&mesh, &shape), 0, "{report}");
     let [overlap] = &report.remaining[..] else { panic!("{report}") };
     assert_eq!(overlap.kind, RemainingKind::Overlap);
-    assert!(Vec3::from(overlap.places[0].at_mm).length() < 1.0, "{report}");
+    assert!(Vec3::from(overlap.regions[0].at_mm).length() < 1.0, "{report}");
 }
 
 #[test]
@@ -268,11 +268,11 @@ fn an_edge_that_touches_itself_in_the_middle_of_a_part_is_separated() {
 }
 
 #[test]
-fn crumbs_and_flat_pieces_are_removed() {
-    let crumbs = both(&moved(sphere(0.5, 1), Vec3::X * 50.0), &moved(sphere(0.4, 1), Vec3::Y * 50.0));
+fn fragments_and_flat_pieces_are_removed() {
+    let fragments = both(&moved(sphere(0.5, 1), Vec3::X * 50.0), &moved(sphere(0.4, 1), Vec3::Y * 50.0));
     let mut sheet = tube(5.0, 5.0, 4, 1);
     sheet.triangles.truncate(2);
-    let mesh = both(&both(&sphere(30.0, 4), &crumbs), &moved(sheet, Vec3::Z * 60.0));
+    let mesh = both(&both(&sphere(30.0, 4), &fragments), &moved(sheet, Vec3::Z * 60.0));
     let (_, report) = mended(mesh, &ball(30.0));
     assert_eq!((count(&report, ActionKind::Crumb), report.parts), (2, 1), "{report}");
 }

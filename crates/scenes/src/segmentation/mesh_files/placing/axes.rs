@@ -14,7 +14,7 @@ pub(super) const POSTERIOR: DVec3 = DVec3::Y;
 pub(super) const CRANIAL: DVec3 = DVec3::Z;
 
 /// Pairs of organs: in nearly everybody, the first one lies in this direction (LPS) from the second.
-const PLACES: [(&str, DVec3, &str); 16] = [
+const EXPECTED_DIRECTIONS: [(&str, DVec3, &str); 16] = [
     ("spleen", LEFT, "liver"),
     ("stomach", LEFT, "liver"),
     ("spleen", LEFT, "gallbladder"),
@@ -47,9 +47,10 @@ pub fn contradiction(axes: MeshAxes, meshes: &[NamedMesh]) -> Option<(MeshAxes, 
     }
     let fits = |other: &MeshAxes| count(*other, -1) == 0 && count(*other, 1) >= count(axes, -1);
     let other = MeshAxes::ALL.into_iter().find(fits)?;
-    let places = counted(count(axes, -1), "place");
-    let text =
-        format!("in a body {against}; with {axes} it is the other way round ({places} contradict), {other} fits");
+    let contradicting = counted(count(axes, -1), "place");
+    let text = format!(
+        "in a body {against}; with {axes} it is the other way round ({contradicting} contradict), {other} fits"
+    );
     Some((other, text))
 }
 
@@ -117,12 +118,12 @@ impl Evidence<'_> {
 
 impl fmt::Display for Evidence<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let place = match self.direction {
+        let relation = match self.direction {
             LEFT => "to the left of",
             POSTERIOR => "behind",
             _ => "above",
         };
-        write!(f, "`{}` is {place} `{}`", self.first, self.second)
+        write!(f, "`{}` is {relation} `{}`", self.first, self.second)
     }
 }
 
@@ -141,7 +142,7 @@ fn evidence(meshes: &[NamedMesh]) -> Vec<Evidence<'_>> {
     let having =
         |word: &str| -> Vec<usize> { (0..named.len()).filter(|&i| named[i].0.iter().any(|w| w == word)).collect() };
     let middle = |of: &[usize]| of.iter().map(|&i| named[i].1).sum::<DVec3>() / of.len() as f64;
-    for (word, direction, other) in PLACES {
+    for (word, direction, other) in EXPECTED_DIRECTIONS {
         let (first, second) = (having(word), having(other));
         if let ([a, ..], [b, ..]) = (&first[..], &second[..])
             && let Some(found_direction) = (middle(&first) - middle(&second)).try_normalize()

@@ -6,7 +6,7 @@ use insonify_core::anatomy::groups::Groups;
 use insonify_core::anatomy::{Bounds, Mesh};
 
 /// Volume below which a part is a fragment, in grid cells.
-const CRUMB_CELLS: f64 = 0.25;
+const FRAGMENT_CELLS: f64 = 0.25;
 
 /// A connected component.
 #[derive(Debug, Clone)]
@@ -17,7 +17,7 @@ struct Part {
 
 /// `mesh` without its fragments. The mesh was made from a grid of cells of `cell_mm`. Fragments are parts smaller than
 /// a quarter of a cell, and inward-facing parts that no other part encloses. Cavities stay.
-pub(super) fn without_crumbs(mesh: Mesh, cell_mm: f32) -> Mesh {
+pub(super) fn without_fragments(mesh: Mesh, cell_mm: f32) -> Mesh {
     let part_of = parts_of_triangles(&mesh);
     let count = part_of.iter().max().map_or(0, |&last| last as usize + 1);
     let mut parts = vec![Part { signed_volume_mm3: 0.0, bounds: Bounds::EMPTY }; count];
@@ -27,7 +27,7 @@ pub(super) fn without_crumbs(mesh: Mesh, cell_mm: f32) -> Mesh {
         let [a, b, c] = corners.map(|v| v.as_dvec3());
         part.signed_volume_mm3 += a.dot(b.cross(c)) / 6.0;
     }
-    let least_mm3 = CRUMB_CELLS * f64::from(cell_mm).powi(3);
+    let least_mm3 = FRAGMENT_CELLS * f64::from(cell_mm).powi(3);
     let large: Vec<&Part> = parts.iter().filter(|p| p.signed_volume_mm3 >= least_mm3).collect();
     let stays = |part: &Part| {
         part.signed_volume_mm3 >= least_mm3
@@ -86,27 +86,27 @@ mod tests {
     }
 
     #[test]
-    fn crumbs_and_folds_are_removed_and_cavities_and_small_parts_kept() {
+    fn fragments_and_folds_are_removed_and_cavities_and_small_parts_kept() {
         let ball = sphere(Vec3::ZERO, 10.0, 3);
         let cavity = inward(sphere(Vec3::new(2.0, 0.0, 0.0), 4.0, 2));
         let small = sphere(Vec3::new(30.0, 0.0, 0.0), 0.6, 2);
-        let crumb = sphere(Vec3::new(0.0, 20.0, 0.0), 0.3, 2);
-        let hollow_crumb = inward(sphere(Vec3::new(-5.0, 0.0, 0.0), 0.3, 2));
+        let fragment = sphere(Vec3::new(0.0, 20.0, 0.0), 0.3, 2);
+        let hollow_fragment = inward(sphere(Vec3::new(-5.0, 0.0, 0.0), 0.3, 2));
         let fold = inward(sphere(Vec3::new(0.0, 0.0, 40.0), 5.0, 2));
         let sound = [ball.clone(), cavity, small];
-        let all = joined([std::slice::from_ref(&crumb), &sound[..], &[hollow_crumb, fold]].concat());
-        assert_eq!(without_crumbs(all, 1.0), joined(sound.clone()));
-        assert_eq!(without_crumbs(joined(sound.clone()), 1.0), joined(sound.clone()));
+        let all = joined([std::slice::from_ref(&fragment), &sound[..], &[hollow_fragment, fold]].concat());
+        assert_eq!(without_fragments(all, 1.0), joined(sound.clone()));
+        assert_eq!(without_fragments(joined(sound.clone()), 1.0), joined(sound.clone()));
         // A fragment attached at one vertex.
-        let mut hung = joined([ball.clone(), crumb.clone()]);
+        let mut hung = joined([ball.clone(), fragment.clone()]);
         let first = ball.vertices_mm.len() as u32;
         let meets = |i: u32| if i == first { 7 } else { i };
         hung.triangles.iter_mut().for_each(|t| *t = t.map(meets));
-        assert_eq!(without_crumbs(hung, 1.0), ball);
+        assert_eq!(without_fragments(hung, 1.0), ball);
         // With finer cells the same part is no fragment.
-        assert_eq!(without_crumbs(joined([ball.clone(), crumb.clone()]), 0.5), joined([ball, crumb.clone()]));
+        assert_eq!(without_fragments(joined([ball.clone(), fragment.clone()]), 0.5), joined([ball, fragment.clone()]));
         // Only a fragment.
-        assert_eq!(without_crumbs(crumb.clone(), 1.0), crumb);
-        assert_eq!(without_crumbs(Mesh::default(), 1.0), Mesh::default());
+        assert_eq!(without_fragments(fragment.clone(), 1.0), fragment);
+        assert_eq!(without_fragments(Mesh::default(), 1.0), Mesh::default());
     }
 }
