@@ -1,4 +1,5 @@
-//! Jobs on several lanes at once, each with threads and memory of its own; results in the order of the jobs.
+//! Jobs on several lanes in parallel, each lane with threads and memory of its own. Results come in the order of the
+//! jobs.
 
 use std::any::Any;
 use std::collections::VecDeque;
@@ -8,31 +9,33 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-/// Most lanes: each takes the memory of a renderer.
+/// Most lanes: each needs the memory of a renderer.
 pub const LANES_MAX: usize = 8;
 
-/// Jobs that are taken ahead of the lanes, for each lane.
+/// Jobs per lane that are taken in advance.
 const AHEAD: usize = 1;
 
-/// Number of lanes for the threads of this process: one a thread, up to [`LANES_MAX`].
+/// Number of lanes for the threads of this process: one per thread, up to [`LANES_MAX`].
 pub fn lane_count() -> usize {
     rayon::current_num_threads().clamp(1, LANES_MAX)
 }
 
-/// Threads of each of `lanes` lanes that share `threads`, one at least.
+/// Number of threads for each of `lanes` lanes that share `threads`; at least one each.
 fn threads_of(lanes: usize, threads: usize) -> impl Iterator<Item = usize> {
     (0..lanes).map(move |lane| (threads / lanes + usize::from(lane < threads % lanes)).max(1))
 }
 
 type Outcome<R, E> = Result<Result<R, E>, Box<dyn Any + Send>>;
 
-/// Does `jobs`, one in each of `lanes` at a time, within threads that belong to the lane. `each` receives the results on the calling
-/// thread, with their numbers, in the order of the jobs. Jobs are taken on the calling thread, too, a few ahead of the lanes; while one
-/// is made, the lanes go on. A single lane works on the calling thread.
+/// Runs `jobs` on `lanes`, one job per lane at a time, and passes the results to `each` in the order of the jobs.
+///
+/// A lane works within threads of its own; a single lane works on the calling thread. `each` runs on the calling
+/// thread and receives the number of the job with its result. The iterator `jobs` also runs on the calling thread, a
+/// few jobs ahead of the lanes, which continue meanwhile.
 ///
 /// # Errors
-/// The error of the first job, by number, that could not be taken or done, or of `each`. Results before it were handed to `each`; jobs
-/// after it are not begun, but those that run are finished.
+/// The first error in the order of the jobs: of taking a job, of doing it, or of `each`. Earlier results have been
+/// passed to `each`. Later jobs are not begun; jobs already running are finished.
 pub fn in_order<L: Send, J: Send, R: Send, E: Send>(
     lanes: &mut [L],
     jobs: impl IntoIterator<Item = Result<J, E>>,
@@ -43,7 +46,7 @@ pub fn in_order<L: Send, J: Send, R: Send, E: Send>(
     let pools: Result<Vec<ThreadPool>, _> = threads_of(lanes.len(), threads).map(pool).collect();
     let pools = match pools {
         Ok(pools) if lanes.len() > 1 => pools,
-        // Without threads for the lanes, the first one does everything.
+        // If the lanes' threads can't be started, the first lane does all jobs.
         _ => {
             let Some(lane) = lanes.first_mut() else { return Ok(()) };
             return jobs.into_iter().enumerate().try_for_each(|(number, job)| each(number, work(lane, job?)?));
@@ -59,7 +62,7 @@ pub fn in_order<L: Send, J: Send, R: Send, E: Send>(
             scope.spawn(move || run(lane, pool, given, work, &done));
         }
         drop(done);
-        // Dropped on every way out, which ends the lanes.
+        // Dropping `give`, on every way out, ends the lanes.
         let give = give;
         hand_out(jobs.into_iter(), ahead, &give, &results, &mut each)
     })
@@ -106,14 +109,14 @@ fn hand_out<J, R, E>(
             match jobs.next() {
                 Some(Ok(job)) => {
                     waiting.push_back(None);
-                    // Fails only after all lanes have ended, by an error that is delivered below.
+                    // Sending fails only after all lanes have ended because of an error, which is delivered below.
                     more = give.send((taken, job)).is_ok();
                     taken += 1;
                 }
                 Some(Err(error)) => (more, refused) = (false, Some(error)),
                 None => more = false,
             }
-            // A job may take long to make.
+            // Results are collected here, too, since making a job may take long.
             results.try_iter().for_each(|(number, outcome)| waiting[number - delivered] = Some(outcome));
             deliver(&mut waiting, &mut delivered, each)?;
         }
@@ -126,7 +129,7 @@ fn hand_out<J, R, E>(
     }
 }
 
-/// Hands the results that are next in order to `each`. A panic of a lane goes on here.
+/// Passes the results that are next in order to `each`. A panic in a lane is resumed here.
 fn deliver<R, E>(
     waiting: &mut VecDeque<Option<Outcome<R, E>>>,
     delivered: &mut usize,
@@ -149,7 +152,7 @@ mod tests {
 
     use super::*;
 
-    /// Lanes that count their jobs.
+    /// Lanes, each with a counter of its jobs.
     fn lanes(count: usize) -> Vec<usize> {
         vec![0; count]
     }

@@ -1,8 +1,8 @@
-//! Names: of the variants of fieldless enums, those that files bring along; counts and lists in words.
+//! Names of enum variants and names from files; counts and lists in words.
 
 use std::borrow::Cow;
 
-/// Gives an enum `ALL`, `NAMES`, `name` and `named` from one table of variants and names.
+/// Defines `ALL`, `NAMES`, `name` and `named` for a fieldless enum from one table of variants and names.
 #[macro_export]
 macro_rules! named {
     ($type:ident { $($variant:ident = $name:literal),+ $(,)? }) => {
@@ -35,12 +35,12 @@ pub fn thousands(n: usize) -> String {
     if n < 1000 { n.to_string() } else { format!("{},{:03}", thousands(n / 1000), n % 1000) }
 }
 
-/// A count with its noun, as `1 error` or `3 errors`.
+/// A count with its noun, for example `1 error` or `3 errors`.
 pub fn counted(n: usize, name: &str) -> String {
     format!("{} {name}{}", thousands(n), if n == 1 { "" } else { "s" })
 }
 
-/// The first `most` of `words`, then how many more there are, with `separator` between them.
+/// The first `most` of `words`, joined by `separator`, and the number of the remaining ones.
 pub fn listed(words: &[String], most: usize, separator: &str) -> String {
     let mut shown = words[..words.len().min(most)].to_vec();
     if words.len() > most {
@@ -49,11 +49,11 @@ pub fn listed(words: &[String], most: usize, separator: &str) -> String {
     shown.join(separator)
 }
 
-/// Most characters of a name that a file brings along.
+/// Most characters of a name that comes from a file.
 const NAME_CHARS_MAX: usize = 200;
 
-/// Whether a character has no place in a name: line breaks, control characters (those of terminals too), marks of the
-/// writing direction, invisible ones.
+/// Whether a character is not allowed in a name: line breaks, control characters (including terminal sequences), marks
+/// of the writing direction, invisible characters.
 fn is_hidden(c: char) -> bool {
     c.is_control()
         || matches!(c, '\u{200b}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}')
@@ -64,7 +64,7 @@ pub fn is_printable(name: &str) -> bool {
     !name.chars().any(is_hidden)
 }
 
-/// A text on one line: each run of line breaks, control characters and marks of the writing direction becomes a space.
+/// A text on one line: each run of line breaks, control characters or marks of the writing direction becomes a space.
 pub fn one_line(text: &str) -> Cow<'_, str> {
     if is_printable(text) {
         return Cow::Borrowed(text);
@@ -80,7 +80,7 @@ pub fn one_line(text: &str) -> Cow<'_, str> {
     Cow::Owned(shown.trim().to_owned())
 }
 
-/// A name on one line, as [`one_line`], of at most 200 characters.
+/// A name on one line, as by [`one_line`], of at most 200 characters.
 pub fn printable(name: &str) -> Cow<'_, str> {
     let line = one_line(name);
     match line.char_indices().nth(NAME_CHARS_MAX) {

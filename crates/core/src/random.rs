@@ -1,10 +1,10 @@
 //! Random numbers that are the same on every machine: SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom
 //! number generators", OOPSLA 2014).
 
-/// Step of the state from one number to the next.
+/// Increment of the state from one number to the next.
 const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// Output of the generator in `state`: 64 bits. Also serves as a hash of `state`.
+/// Output of the generator for the given `state`: 64 bits. It also serves as a hash of `state`.
 pub fn bits(state: u64) -> u64 {
     let mut z = state.wrapping_add(STEP);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -17,7 +17,7 @@ pub fn fraction(bits: u64) -> f64 {
     (bits >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-/// Number `index`, counted from 0, of the sequence of `seed`; in 0..1.
+/// Number at position `index` (from 0) of the sequence of `seed`; in 0..1.
 pub fn at(seed: u64, index: u64) -> f64 {
     fraction(bits(seed.wrapping_add(index.wrapping_mul(STEP))))
 }

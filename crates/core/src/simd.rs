@@ -1,9 +1,10 @@
-//! Vectorised loops, and the branch-free functions that they need.
+//! Vectorised loops and the branch-free functions that they need.
 
-/// Defines a function compiled for AVX2 and for any processor; the better one is chosen at run time.
+/// Defines a function that is compiled twice, for AVX2 and for any processor; the better version is chosen at run
+/// time.
 ///
-/// For loops over groups of eight: with AVX-512 the compiler joins two groups, and the shuffles cost more than the arithmetic
-/// saves. Multiplications and additions are never fused, so both give the same bits.
+/// It suits loops over groups of eight. With AVX-512 the compiler joins two groups, and the shuffles cost more than
+/// the arithmetic saves. Multiplications and additions are never fused, so both versions give the same bits.
 #[macro_export]
 macro_rules! widened_to_eight {
     ($(#[$doc:meta])* $visibility:vis fn $name:ident($($argument:ident: $kind:ty),* $(,)?) = $body:ident) => {
@@ -28,7 +29,7 @@ macro_rules! widened_to_eight {
 }
 pub use widened_to_eight;
 
-/// As [`widened_to_eight`], and compiled for AVX-512, too.
+/// Defines a function like [`widened_to_eight`], with a third version for AVX-512.
 #[macro_export]
 macro_rules! widened {
     ($(#[$doc:meta])* $visibility:vis fn $name:ident($($argument:ident: $kind:ty),* $(,)?) = $body:ident) => {
@@ -79,16 +80,16 @@ pub fn prefetch<T: ?Sized>(value: &T) {
     let _ = value;
 }
 
-/// Added to a number below 2²² in magnitude, it leaves the number's nearest integer in the lowest bits.
+/// Constant 1.5·2²³: added to a number below 2²² in magnitude, it leaves the nearest integer in the sum's lowest bits.
 pub const TO_INTEGER: f32 = 12_582_912.0;
 
-/// The nearest integer, half to even, of a number in 0..2²², in the lowest 22 bits; higher bits are also set.
+/// Bits whose lowest 22 hold the integer nearest to `x`, half to even, for `x` in 0..2²². Higher bits are also set.
 #[inline(always)]
 pub fn nearest_bits(x: f32) -> u32 {
     (x + TO_INTEGER).to_bits()
 }
 
-/// The greatest integer not above a number below 2²² in magnitude.
+/// Largest integer that is not above `x`, for |x| below 2²².
 #[inline(always)]
 pub fn floor(x: f32) -> i32 {
     let shifted = x + TO_INTEGER;
@@ -96,33 +97,33 @@ pub fn floor(x: f32) -> i32 {
     nearest.wrapping_sub(i32::from(shifted - TO_INTEGER > x))
 }
 
-/// The greatest integer not above a number below 2²² in magnitude, as a number and in 32 bits. An integer may give the
-/// one below it.
+/// Largest integer that is not above `x`, for |x| below 2²²: as a number and as 32 bits. For an integer `x`, the
+/// result may be one lower.
 #[inline(always)]
 pub fn floored(x: f32) -> (f32, u32) {
     let shifted = (x - 0.5) + TO_INTEGER;
     (shifted - TO_INTEGER, shifted.to_bits().wrapping_sub(TO_INTEGER.to_bits()))
 }
 
-/// The greater of two numbers, in one instruction; NaN is not handled.
+/// Maximum of two numbers, in one instruction; NaN is not handled.
 #[inline(always)]
 pub fn at_least(x: f32, least: f32) -> f32 {
     if x > least { x } else { least }
 }
 
-/// The smaller of two numbers.
+/// Minimum of two numbers.
 #[inline(always)]
 pub fn at_most(x: f32, most: f32) -> f32 {
     if x < most { x } else { most }
 }
 
-/// A small integer as a number.
+/// Conversion of an integer below 2³¹ to a float.
 #[inline(always)]
 pub fn real(x: u32) -> f32 {
     x as i32 as f32
 }
 
-/// pcg3d (Jarzynski and Olano, "Hash functions for GPU rendering", JCGT 2020).
+/// Hash of three words: pcg3d (Jarzynski and Olano, "Hash functions for GPU rendering", JCGT 2020).
 #[inline(always)]
 pub fn pcg3d(key: [u32; 3]) -> [u32; 3] {
     let [mut x, mut y, mut z] = key.map(|v| v.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
@@ -174,7 +175,7 @@ pub fn exp(x: f32) -> f32 {
     let p = p * t + EXP[2];
     let p = p * t + EXP[1];
     let p = p * t + EXP[0];
-    // The integer is in the lowest bits of `shifted`; it is added to the exponent.
+    // The integer is in the lowest bits of `shifted`. It is added to the exponent.
     f32::from_bits(p.to_bits().wrapping_add(shifted.to_bits() << 23))
 }
 

@@ -1,10 +1,10 @@
 //! Percentiles, medians, means and least-squares lines.
 //!
-//! Two definitions of a percentile are in use. Percentiles of times are nearest ranks: each is a time that occurred.
-//! Those of image metrics are interpolated, as NumPy does by default.
+//! Two definitions of a percentile are in use. Percentiles of times are nearest ranks, so each is a time that
+//! occurred. Percentiles of image metrics are interpolated, like NumPy's default.
 
-/// Nearest-rank percentile: the least value that at least `part` (0..=1) of the values do not exceed. `sorted` is
-/// ascending. None if it is empty.
+/// Nearest-rank percentile: the smallest value that at least the fraction `part` (0..=1) of the values do not exceed.
+/// `sorted` is ascending. `None` if it is empty.
 pub fn nearest_rank<T: Copy>(sorted: &[T], part: f64) -> Option<T> {
     let rank = (part * sorted.len() as f64).ceil() as usize;
     sorted.get(rank.clamp(1, sorted.len().max(1)) - 1).copied()
@@ -15,7 +15,7 @@ pub fn upper_median<T: Copy>(sorted: &[T]) -> Option<T> {
     sorted.get(sorted.len() / 2).copied()
 }
 
-/// Indices of `count` of `total` things, spread evenly. `count` is at most `total`.
+/// Indices of `count` items spread evenly over `total`. `count` is at most `total`.
 pub fn evenly(count: usize, total: usize) -> impl Iterator<Item = usize> {
     (0..count).map(move |i| (2 * i + 1) * total / (2 * count))
 }
@@ -27,8 +27,8 @@ pub fn sorted(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
     sorted
 }
 
-/// Interpolated percentile: the value below which `part` (0..=1) of `values` lies, linear between sorted neighbours.
-/// Type 7 of Hyndman and Fan 1996, NumPy's default. None without values.
+/// Interpolated percentile: the value below which the fraction `part` (0..=1) of `values` lies, linear between sorted
+/// neighbours. Type 7 of Hyndman and Fan 1996, NumPy's default. `None` without values.
 pub fn percentile(values: &[f64], part: f64) -> Option<f64> {
     let sorted = sorted(values.iter().copied());
     let last = sorted.len().checked_sub(1)?;
@@ -52,15 +52,15 @@ pub fn mean(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     (count > 0).then(|| sum / count as f64)
 }
 
-/// Mean, and standard deviation of the population. None without values.
+/// Mean and population standard deviation. `None` without values.
 pub fn mean_and_deviation(values: &[f64]) -> Option<(f64, f64)> {
     let mean_of_all = mean(values.iter().copied())?;
     let variance = mean(values.iter().map(|v| (v - mean_of_all).powi(2)))?;
     Some((mean_of_all, variance.sqrt()))
 }
 
-/// Least-squares slope of y over x of points (x, y), and its standard error. The slope is NaN if x does not vary. The
-/// error is not finite with fewer than three points.
+/// Least-squares slope of y over x, and its standard error, for points (x, y). The slope is NaN if x does not vary.
+/// The error is not finite for fewer than three points.
 pub fn slope(points: &[(f64, f64)]) -> (f64, f64) {
     let n = points.len() as f64;
     let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / n;

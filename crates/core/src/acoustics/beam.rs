@@ -1,7 +1,9 @@
-//! Beams of focused apertures by diffraction sums: a fixed transmit focus with a dynamic receive focus, and a fixed lens.
+//! Beams of focused apertures by diffraction sums: a fixed transmit focus with a dynamic receive focus, and a fixed
+//! lens.
 //!
-//! Each way is a Huygens sum over the elements of the aperture. The power of both ways is summed over the pulse's band:
-//! by Parseval, that is the energy of a point's echo. The band is that of the echo: a Gaussian about the centre frequency.
+//! Transmission and reception are each a Huygens sum over the elements of the aperture. The two-way power is summed
+//! over the frequency band of the echo. By Parseval's theorem, that sum is the energy of a point's echo. The band is a
+//! Gaussian about the centre frequency.
 
 use super::pulse::FWHM_PER_SIGMA;
 use super::wavelength_mm;
@@ -9,23 +11,24 @@ use crate::settings::Apodization;
 
 /// Smallest F-number of the receive aperture: elements are insensitive at steeper angles.
 pub const RECEIVE_F_NUMBER_MIN: f64 = 2.0;
-/// Offsets of a profile.
+/// Number of offsets in a profile.
 pub const OFFSETS: usize = 160;
-/// Last offset of a dynamically focused beam's profile, λ·F# of reception: side lobes farther out are below −30 dB.
+/// Last offset of a dynamically focused beam's profile, in units of λ·F# of reception. Side lobes farther out are
+/// below −30 dB.
 const LOBES: f64 = 6.0;
-/// Frequencies over the band.
+/// Number of frequencies in the band.
 const FREQUENCIES: u32 = 9;
-/// Most elements of one half of an aperture, as many as scanners have.
+/// Most elements of one half of an aperture; scanners have about as many.
 const ELEMENTS_MAX: f64 = 128.0;
-/// Offsets that are computed together.
+/// Number of offsets that are computed together.
 const LANES: usize = 8;
 
 /// Focus of reception.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reception {
-    /// At every depth, with an aperture that opens with the depth up to its width.
+    /// Focus at every depth; the aperture grows with the depth up to its full width.
     Dynamic,
-    /// At the focus of transmission, at all depths.
+    /// Focus at the transmit focus, for all depths.
     Fixed,
 }
 
@@ -48,19 +51,19 @@ pub struct Beam {
     pub harmonic: bool,
 }
 
-/// Two-way amplitude of the beam at one depth, against the offset from its axis.
+/// Two-way amplitude of the beam at one depth, as a function of the offset from its axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Profile {
     /// Distance between two offsets, mm.
     pub step_mm: f64,
-    /// Amplitude at the offsets 0, 1, … steps; 1 at its maximum.
+    /// Amplitude at the offsets 0, 1, … steps; the maximum is 1.
     pub levels: [f64; OFFSETS],
 }
 
-/// Two elements, at equal distances from the axis.
+/// Pair of elements at equal distances from the axis.
 struct Pair {
     amplitude: f64,
-    /// Delay on the axis, mm.
+    /// Extra path to a point on the axis relative to the aperture's centre, after focusing, mm.
     late_mm: f64,
     /// Sine of the angle to the axis.
     sine: f64,
@@ -91,7 +94,7 @@ impl Beam {
                 receive => intensity(receive.as_ref().unwrap_or(&transmit), returning, step_mm),
             };
             for (power, (out, back)) in power.iter_mut().zip(out.iter().zip(&back)) {
-                // A harmonic rises with the square of the transmitted pressure.
+                // The second harmonic is proportional to the square of the transmitted pressure.
                 let sent = if self.harmonic { out * out } else { *out };
                 *power += weight * sent * back;
             }
@@ -120,7 +123,8 @@ impl Beam {
         }
     }
 
-    /// Least depth of the sums, mm: a wavelength, and where the elements of a lens lie dense enough.
+    /// Smallest depth at which the sums are valid, mm: a wavelength, and deep enough that the elements of a lens are
+    /// dense.
     fn least_depth_mm(&self) -> f64 {
         let wavelength = wavelength_mm(self.frequency_mhz);
         match self.reception {
@@ -134,18 +138,18 @@ impl Beam {
         wavelength_mm(self.frequency_mhz) / (1.0 + 0.5 * self.fractional_bandwidth)
     }
 
-    /// Elements of an aperture `width_mm` wide that is focused at `focus_mm`, seen from `depth_mm`.
+    /// Element pairs of an aperture `width_mm` wide, focused at `focus_mm`, for points at `depth_mm`.
     ///
-    /// A beam that is focused everywhere is narrow: distances are exact on its axis, and linear in the offset. Off the
-    /// focus of a lens, offsets are as large as the lens: distances are parabolas, exact enough for the elements that
-    /// count there.
+    /// A dynamically focused beam is narrow: distances are exact on its axis and linear in the offset. Outside a
+    /// lens's focus, offsets are as large as the lens. Distances are then parabolic, which is accurate enough for the
+    /// elements that matter there.
     fn pairs(&self, width_mm: f64, focus_mm: f64, depth_mm: f64) -> Vec<Pair> {
         let exact = self.reception == Reception::Dynamic;
         let away_mm = |place_mm: f64, focus_mm: f64| {
             if exact { place_mm.hypot(focus_mm) - focus_mm } else { 0.5 * place_mm * place_mm / focus_mm }
         };
         let late_mm = |place_mm| away_mm(place_mm, depth_mm) - away_mm(place_mm, focus_mm);
-        // Turns of the phase from the middle to the end, on the axis and at the last offset.
+        // Phase turns from the middle of the aperture to its end, on the axis and at the last offset.
         let end_mm = 0.5 * width_mm;
         let turns = (late_mm(end_mm).abs() + end_mm * self.reach_mm(depth_mm) / depth_mm) / self.shortest_mm();
         let count = (12.0 + 2.5 * turns).min(ELEMENTS_MAX).ceil() as u32;
@@ -163,16 +167,16 @@ impl Beam {
     }
 }
 
-/// Squared magnitude of the field of one way, at all offsets.
+/// Squared magnitude of the one-way field at all offsets.
 ///
-/// At an offset x, the elements of a pair are x·sine nearer and farther. What the distance changes beyond that is nearly
-/// equal for all elements.
+/// At an offset x, one element of a pair is x·sine nearer and the other x·sine farther. The remaining change in
+/// distance is nearly equal for all elements, so it is left out.
 fn intensity(pairs: &[Pair], wave_number: f64, step_mm: f64) -> [f64; OFFSETS] {
     let (mut re, mut im) = ([0.0; OFFSETS], [0.0; OFFSETS]);
     for pair in pairs {
         let (sin, cos) = (wave_number * pair.late_mm).sin_cos();
         let amplitude = [pair.amplitude * cos, pair.amplitude * sin];
-        // Cosines of multiples of an angle, by Chebyshev's recurrence: one by one, then all lanes at once.
+        // Cosines of multiples of an angle by Chebyshev's recurrence: the first ones singly, then all lanes at once.
         let mut cosines = [1.0; LANES + 1];
         cosines[1] = (wave_number * pair.sine * step_mm).cos();
         for i in 2..=LANES {
@@ -193,7 +197,7 @@ fn intensity(pairs: &[Pair], wave_number: f64, step_mm: f64) -> [f64; OFFSETS] {
 }
 
 impl Profile {
-    /// Offset beyond which the amplitude stays below `level`, in steps; the last one if it does not.
+    /// Offset, in steps, beyond which the amplitude stays below `level`; the last offset if it doesn't fall below.
     pub fn steps_above(&self, level: f64) -> f64 {
         let last = self.levels.iter().rposition(|&l| l >= level).unwrap_or(0);
         let Some(next) = self.levels.get(last + 1) else { return last as f64 };

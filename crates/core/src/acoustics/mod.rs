@@ -7,10 +7,10 @@ pub mod interface;
 pub mod pulse;
 pub mod slide;
 
-/// Speed of sound that a scanner assumes when it turns time into depth, m/s.
+/// Speed of sound that a scanner assumes when it converts time to depth, m/s.
 pub const ASSUMED_SPEED_M_S: f64 = 1540.0;
-/// Difference of c/c₀ from 1 beyond which a medium is hard: bone, gas, stone, metal. Sound that shows tissue behind a hard
-/// body has passed beside it, so the body neither bends nor delays it.
+/// Deviation of c/c₀ from 1 beyond which a medium counts as hard: bone, gas, stone, metal. Sound that images tissue
+/// behind a hard body has travelled past it, so the body neither bends nor delays it.
 pub const HARD_SPEED: f64 = 0.15;
 
 /// Characteristic impedance of a medium in MRayl, from kg/m³ and m/s.

@@ -1,21 +1,22 @@
-//! Speckle after a slide of the probe across its slice, by diffraction of the elevational lens.
+//! Decorrelation of speckle when the probe slides across its slice, by diffraction of the elevational lens.
 //!
-//! The lens is a cylinder focused at one depth on both ways, so its two-way field across the slice is p = b², where b
-//! is its one-way field. Scatterers without correlation give lines whose complex correlation after a slide by d is
-//! ρ(d) = |∫p(y)·p*(y + d)dy| / ∫|p|²dy: the Fourier transform of the power spectrum of p.
+//! The lens is a cylinder with the same focus for transmission and reception. Its two-way field across the slice is p
+//! = b², where b is its one-way field. For uncorrelated scatterers, the complex lines before and after a slide by d
+//! have the correlation ρ(d) = |∫p(y)·p*(y + d)dy| / ∫|p|²dy. This is the Fourier transform of the power spectrum of
+//! p.
 
 use std::f64::consts::{PI, TAU};
 
 use super::wavelength_mm;
 
-/// Plane waves of the one-way field, and places on the lens, at most.
+/// Most plane waves of the one-way field, and most sample positions on the lens.
 const WAVES_MAX: f64 = 256.0;
 const PLACES_MAX: f64 = 1024.0;
-/// Lobes of the lens's spectrum beside the geometric angles of its edges.
+/// Number of lobes of the lens's spectrum outside the geometric angles of its edges.
 const LOBES: f64 = 8.0;
-/// Places on the lens per period of its highest spatial frequency.
+/// Sample positions on the lens per period of its highest spatial frequency.
 const PLACES_PER_PERIOD: f64 = 8.0;
-/// Part of the aliased field's period beside the beam, mm.
+/// Margin between the beam and its alias, mm, within a period of the sampled field.
 const MARGIN_MM: f64 = 2.0;
 
 /// A cylindrical lens across the slice.
@@ -30,22 +31,22 @@ pub struct Lens {
 }
 
 impl Lens {
-    /// Slide over which speckle at the focus changes, λ·F/H, mm.
+    /// Slide over which speckle at the focus decorrelates, λ·F/H, mm.
     pub fn scale_mm(&self) -> f64 {
         wavelength_mm(self.frequency_mhz) * self.focus_mm.hypot(0.5 * self.height_mm) / self.height_mm
     }
 
-    /// Half of the beam's width at a depth, with four diffraction lobes, mm.
+    /// Half width of the beam at a depth, including four diffraction lobes, mm.
     fn half_width_mm(&self, depth_mm: f64) -> f64 {
         let cone = 0.5 * self.height_mm * (1.0 - depth_mm / self.focus_mm).abs().max(0.2);
         cone + 4.0 * depth_mm * wavelength_mm(self.frequency_mhz) / self.height_mm
     }
 
-    /// Correlation of speckle for each depth (outer) and slide (inner), mm. `weight` is the lens's apodization at a
-    /// place of −½..½ of its height.
+    /// Correlation of speckle for each depth (outer) and slide (inner); both in mm. `weight` is the lens's apodization
+    /// at a position of −½..½ of its height.
     ///
-    /// The field is a sum of at most 256 plane waves. Beams too wide for them are taken at a nearer depth:
-    /// far from the focus the correlation no longer depends on depth.
+    /// The field is a sum of at most 256 plane waves. If a beam is too wide for them, a smaller depth is used: far
+    /// from the focus, the correlation no longer depends on depth.
     pub fn slide_correlation(
         &self,
         weight: impl Fn(f64) -> f64,
@@ -84,7 +85,7 @@ impl Lens {
         depths_mm.into_iter().map(at_depth).collect()
     }
 
-    /// Amplitudes of the plane waves at the lens, spatial frequencies `dq` apart.
+    /// Amplitudes of the plane waves at the lens; their spatial frequencies are `dq` apart.
     fn spectrum(&self, weight: &impl Fn(f64) -> f64, k: f64, dq: f64, half: i32) -> Vec<[f64; 2]> {
         let q_max = dq * f64::from(half);
         let places = (PLACES_PER_PERIOD * self.height_mm * q_max / TAU).clamp(32.0, PLACES_MAX).ceil() as u32;
@@ -106,7 +107,7 @@ impl Lens {
     }
 }
 
-/// Plane waves after a way of `depth_mm`.
+/// Amplitudes of the plane waves after propagation over `depth_mm`.
 fn propagated(spectrum: &[[f64; 2]], k: f64, dq: f64, half: i32, depth_mm: f64) -> Vec<[f64; 2]> {
     let waves = (-half..=half).zip(spectrum);
     waves
@@ -135,12 +136,12 @@ fn power_of_square(waves: &[[f64; 2]]) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// Gaussian weight at a place of −½..½ of a lens: σ 0.3 of the height.
+    /// Gaussian weight at a position of −½..½ of the lens's height: σ is 0.3 of the height.
     fn gaussian_weight(part: f64) -> f64 {
         (-0.5 * (part / 0.3).powi(2)).exp()
     }
 
-    /// At 8 MHz in 20, 70 and 140 mm, and at 5 MHz in 70 mm.
+    /// Correlations at 8 MHz and depths of 20, 70 and 140 mm, and at 5 MHz and 70 mm.
     const REFERENCE: [[f64; 9]; 4] = [
         [0.996, 0.984, 0.965, 0.939, 0.871, 0.691, 0.445, 0.234, 0.036],
         [0.997, 0.990, 0.977, 0.959, 0.910, 0.768, 0.550, 0.342, 0.082],

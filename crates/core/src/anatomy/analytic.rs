@@ -1,7 +1,7 @@
-//! Shapes of known geometry, and the scenes of `assets/scenes` made of them.
+//! Shapes of known geometry, and the scenes in `assets/scenes` that are made of them.
 //!
-//! A probe at the origin with the identity as its orientation looks along +z, so image depth is scene z. All meshes are
-//! closed and face outward.
+//! A probe at the origin with identity orientation looks along +z, so image depth is scene z. All meshes are closed
+//! and face outward.
 
 use std::collections::HashMap;
 
@@ -36,8 +36,8 @@ pub fn cuboid(min_mm: Vec3, max_mm: Vec3) -> Mesh {
     hexahedron(|corner| min_mm + (max_mm - min_mm) * corner)
 }
 
-/// Box from `min_mm` to `max_mm` with its upper face tilted about y by `tilt_deg` (clamped to ±80°). That face is at
-/// `min_mm.z` for x = 0, and deeper towards +x.
+/// Box from `min_mm` to `max_mm` whose upper face is tilted about y by `tilt_deg` (clamped to ±80°). The upper face is
+/// at `min_mm.z` for x = 0 and deeper towards +x.
 pub fn oblique_slab(min_mm: Vec3, max_mm: Vec3, tilt_deg: f32) -> Mesh {
     let slope = tilt_deg.clamp(-80.0, 80.0).to_radians().tan();
     hexahedron(|corner| {

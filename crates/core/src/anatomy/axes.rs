@@ -5,7 +5,7 @@ use glam::DVec3;
 /// Meaning of a scene's axes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Axes {
-    /// z is the depth, as in the analytic scenes.
+    /// z is the depth, as in the scenes of [`analytic`](super::analytic).
     #[default]
     Depth,
     /// x to the mother's left, y cranial, z anterior, as in the obstetric phantom.
@@ -29,8 +29,8 @@ impl Axes {
         [Self::Depth, Self::Anatomical, Self::Patient].into_iter().find(|axes| axes.name() == name)
     }
 
-    /// The point `lps` (x left, y posterior, z superior) in a scene with these axes. A scene whose axes are not the
-    /// patient's keeps it.
+    /// Converts the point `lps` (x left, y posterior, z superior) to a scene with these axes. If the axes are not a
+    /// patient's, the point stays as it is.
     pub fn from_lps(self, lps: DVec3) -> DVec3 {
         match self {
             Self::Depth | Self::Patient => lps,

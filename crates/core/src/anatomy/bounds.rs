@@ -12,7 +12,7 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// The empty box; its hull with any box is that box.
+    /// The empty box; joined with any box, it gives that box.
     pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
     /// A box far larger than any scene, for half-spaces.
@@ -50,12 +50,12 @@ impl Bounds {
         Self { min: self.min.max(other.min), max: self.max.min(other.max) }
     }
 
-    /// True if the boxes share a point.
+    /// Whether the boxes share a point.
     pub fn meets(self, other: Self) -> bool {
         self.min.cmple(other.max).all() && self.max.cmpge(other.min).all()
     }
 
-    /// True if `other` is inside this box.
+    /// Whether `other` is inside this box.
     pub fn holds(self, other: Self) -> bool {
         self.min.cmple(other.min).all() && self.max.cmpge(other.max).all()
     }

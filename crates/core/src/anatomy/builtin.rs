@@ -15,18 +15,18 @@ const TISSUES: &str = include_str!("../../assets/tissues.toml");
 pub struct Property {
     /// Value, in the unit of its key.
     pub value: f64,
-    /// Lowest and highest published value.
+    /// Range of published values: lowest and highest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub range: Option<[f64; 2]>,
-    /// Publication of the value; for an assumed value, its basis.
+    /// Publication of the value; for an assumed value, its justification.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source: Option<String>,
-    /// True for an assumed value: without a source, or set for appearance rather than as a physical quantity.
+    /// Whether the value is assumed: it has no source, or is set for appearance rather than as a physical quantity.
     #[serde(default)]
     pub assumed: bool,
 }
 
-/// Texture of a tissue with its source. Each key holds the two to four values of [`Tissue`] that belong together.
+/// Texture of a tissue with its source. Each key has the two to four values of [`Tissue`] that belong together.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SourcedTexture {
@@ -39,12 +39,13 @@ pub struct SourcedTexture {
     /// Level (dB) and mean distance (mm) of the septa.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub septa: Option<[f64; 2]>,
-    /// Direction of the fibres in the scene, and length over width along them; below 1 for layers across it.
+    /// Direction of the fibres in the scene (3 values), and length over width of the texture along it. The ratio is
+    /// below 1 for layers perpendicular to the direction.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fibres: Option<[f64; 4]>,
-    /// Publication of the texture; for an assumed one, its basis.
+    /// Publication of the texture; for an assumed texture, its justification.
     pub source: String,
-    /// True for an assumed texture.
+    /// Whether the texture is assumed.
     #[serde(default)]
     pub assumed: bool,
 }
@@ -69,9 +70,9 @@ pub struct SourcedTissue {
     pub scatterer_mean: Property,
     /// Standard deviation of a scatterer's amplitude.
     pub scatterer_deviation: Property,
-    /// RMS slope of the microfacets of its surfaces.
+    /// RMS slope of the microfacets on the tissue's surfaces.
     pub roughness: Property,
-    /// Thickness of the transition at its surfaces, mm.
+    /// Thickness of the transition layer at the tissue's surfaces, mm.
     pub thickness_mm: Property,
     /// Texture; none if it is uniform.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -96,7 +97,7 @@ impl SourcedTexture {
 }
 
 impl SourcedTissue {
-    /// The tissue without sources.
+    /// The tissue without the sources.
     pub fn tissue(&self) -> Tissue {
         let mut tissue = Tissue {
             speed_m_s: self.speed_m_s.value,
@@ -135,7 +136,7 @@ impl SourcedTissue {
 /// Built-in tissues by name, with their sources.
 ///
 /// # Errors
-/// An invalid built-in table, which is a fault of this build.
+/// An invalid built-in table, which is a fault of the program.
 pub fn sourced_tissues() -> Result<BTreeMap<String, SourcedTissue>, TissueError> {
     toml::from_str(TISSUES).map_err(|e| TissueError::Table { reason: e.to_string() })
 }
@@ -212,7 +213,7 @@ mod tests {
                 "hypo" => 2e-3..=6e-3,
                 "iso" => 6e-3..=1.2e-2,
                 "hyper" => 1.2e-2..=4e-2,
-                // Targets of a phantom, by their level relative to its background.
+                // Targets of a phantom, named by their level relative to its background.
                 "relative" => 8e-4..=2e-2,
                 other => panic!("{name}: {other}"),
             };

@@ -1,6 +1,6 @@
 //! Mesh simplification for pictures by vertex clustering on a grid (Rossignac and Borrel 1993).
 //!
-//! Shapes keep their places within a cell's diagonal, but may become open: never render ultrasound from the result.
+//! Vertices move by less than a cell's diagonal, but the result may be open: never render ultrasound from it.
 
 use std::collections::{HashMap, HashSet};
 
@@ -11,7 +11,7 @@ use super::Mesh;
 /// Meshes of fewer triangles than this are left unchanged.
 const SMALL: usize = 400;
 
-/// `mesh` with the vertices of each cell of `cell_mm` merged into their mean.
+/// `mesh` with all vertices in the same cell of `cell_mm` merged into their mean.
 pub fn cluster(mesh: &Mesh, cell_mm: f32) -> Mesh {
     if mesh.triangles.len() < SMALL || cell_mm <= 0.0 {
         return mesh.clone();
@@ -37,7 +37,7 @@ pub fn cluster(mesh: &Mesh, cell_mm: f32) -> Mesh {
     let mut triangles = Vec::new();
     for &triangle in &mesh.triangles {
         let [a, b, c] = triangle.map(|i| merged[i as usize]);
-        // Lowest index first: repeated triangles are recognised by their ordered corners.
+        // The lowest index comes first, so that repeated triangles have equal corners in order.
         let mut turned = [a, b, c];
         let first = turned.iter().position(|&i| i == a.min(b).min(c));
         turned.rotate_left(first.unwrap_or(0));
@@ -48,14 +48,14 @@ pub fn cluster(mesh: &Mesh, cell_mm: f32) -> Mesh {
     Mesh { vertices_mm: sums.into_iter().map(|(sum, count)| (sum / count).as_vec3()).collect(), triangles }
 }
 
-/// Clusters all meshes with a common cell, to at most about `triangles_max` triangles in total. Returns the meshes and
-/// the cell's side in mm, 0 if none was changed.
+/// Clusters all meshes on one grid, down to approximately `triangles_max` triangles in total. Returns the meshes and
+/// the side of the cells, mm; 0 if no mesh was changed.
 pub fn cluster_to(meshes: &[&Mesh], triangles_max: usize) -> (Vec<Mesh>, f32) {
     let count = |meshes: &mut dyn Iterator<Item = &Mesh>| meshes.map(|m| m.triangles.len()).sum::<usize>();
     if count(&mut meshes.iter().copied()) <= triangles_max {
         return (meshes.iter().map(|&m| m.clone()).collect(), 0.0);
     }
-    // Area per triangle gives the length of an edge; a cell of that side about halves the count.
+    // Area per triangle gives the length of an edge; a cell of that size about halves the count.
     let area: f64 = meshes
         .iter()
         .flat_map(|m| m.corners_mm())
@@ -64,7 +64,7 @@ pub fn cluster_to(meshes: &[&Mesh], triangles_max: usize) -> (Vec<Mesh>, f32) {
     let mut cell_mm = (area / triangles_max.max(1) as f64).sqrt().max(1e-3) as f32;
     loop {
         let fewer: Vec<Mesh> = meshes.iter().map(|m| cluster(m, cell_mm)).collect();
-        // Small meshes are never clustered, so the count need not keep falling.
+        // The count may stop falling, since small meshes are never clustered.
         if count(&mut fewer.iter()) <= triangles_max || cell_mm > 1e4 {
             return (fewer, cell_mm);
         }

@@ -55,7 +55,7 @@ const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 /// Writes `surfaces` to `path` as a .glb, in metres: one node per surface with `extras.tissue` and `extras.priority`,
 /// and a material named after the tissue. Equal surfaces give equal bytes.
 ///
-/// The file is written under a temporary name beside its place and then renamed, so it is never incomplete.
+/// The file is written under a temporary name in the same folder and then renamed, so it is never incomplete.
 ///
 /// # Errors
 /// The file cannot be written, or would exceed the format's 4 GiB.
@@ -78,7 +78,7 @@ pub struct SceneExtras {
     pub motion: Motion,
     /// Meaning of the axes (`extras.axes`).
     pub axes: Axes,
-    /// What the scene was made from (`extras.source`).
+    /// Origin of the scene (`extras.source`).
     pub source: Option<String>,
 }
 

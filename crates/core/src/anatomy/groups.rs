@@ -30,7 +30,7 @@ impl Groups {
         let mut numbers = vec![0; count];
         let mut next = 0;
         for item in 0..count as u32 {
-            // A root is the lowest of its set, so it is numbered first.
+            // The root of a set is its lowest item, so it is numbered first.
             let root = self.root(item);
             if root == item {
                 numbers[item as usize] = next;

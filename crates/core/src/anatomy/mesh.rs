@@ -6,7 +6,7 @@ use rayon::slice::ParallelSliceMut;
 use super::Bounds;
 use super::groups::Groups;
 
-/// Triangles over shared vertices. A sound mesh is closed, and its triangles are counter-clockwise seen from outside.
+/// Triangles over shared vertices. A valid mesh is closed, and its triangles are counter-clockwise seen from outside.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Mesh {
     /// Vertices, scene frame, mm.
@@ -42,8 +42,8 @@ impl Mesh {
         keys.chunk_by(|a, b| a >> 1 == b >> 1).map(|edge| balance(edge).unsigned_abs() as usize).sum()
     }
 
-    /// Index of the piece that each triangle belongs to, in the order of the pieces' first triangles, and the number of pieces.
-    /// Triangles that share a vertex belong to one piece.
+    /// Index of the connected piece of each triangle, and the number of pieces. Triangles that share a vertex belong
+    /// to one piece. Pieces are numbered in the order of their first triangles.
     pub fn pieces(&self) -> (Vec<u32>, usize) {
         let mut groups = Groups::new(self.triangles.len());
         let mut first_of = vec![u32::MAX; self.vertices_mm.len()];

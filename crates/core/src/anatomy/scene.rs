@@ -9,7 +9,7 @@ use super::{Axes, Mesh, TissueTable};
 use crate::files::FileError;
 use crate::suggest::did_you_mean;
 
-/// Largest number of surfaces in a scene: a path has one bit for each.
+/// Most surfaces in a scene: the state of a path has one bit for each.
 pub const SURFACES_MAX: usize = 256;
 
 /// A closed surface and its tissue.
@@ -32,7 +32,7 @@ pub struct Scene {
     pub tissues: TissueTable,
     /// Index of the tissue outside all surfaces.
     pub background: usize,
-    /// Surfaces, ascending in priority: where they overlap, the later one wins.
+    /// Surfaces, ascending in priority. Where several overlap, the last one is the medium.
     pub surfaces: Vec<Surface>,
     /// Motion of the surfaces.
     pub motion: Motion,
@@ -138,13 +138,13 @@ pub enum SceneError {
         /// Surfaces found.
         count: usize,
     },
-    /// No triangle at all.
+    /// A file without any triangle.
     #[error("{path} holds no triangles")]
     Empty {
         /// File.
         path: PathBuf,
     },
-    /// A scene of another unit, larger than a body: an image shows none of it.
+    /// A scene in a wrong unit, larger than a body: an image would show none of it.
     #[error(
         "{path}: {what}, and no surface is thinner than {thinnest_mm:.0} mm, so an image {depth_mm:.0} mm deep shows \
          nothing: {remedy}"
@@ -161,14 +161,14 @@ pub enum SceneError {
         /// Advice for the modelling program.
         remedy: &'static str,
     },
-    /// A triangle of a vertex that its surface lacks.
+    /// A triangle with a vertex index that is out of range.
     #[error("triangle {triangle} of surface `{surface}` names vertex {index}; the surface has {vertices} vertices")]
     BadIndex {
         /// Surface.
         surface: String,
         /// Index of the triangle.
         triangle: usize,
-        /// Vertex that it names.
+        /// Vertex index found.
         index: u32,
         /// Number of vertices.
         vertices: usize,
@@ -199,7 +199,7 @@ impl Scene {
         Ok(Self { tissues, background, surfaces: Vec::new(), motion: Motion::default(), axes: Axes::default() })
     }
 
-    /// Adds a closed surface filled with `tissue`, after those of the same or a lower priority.
+    /// Adds a closed surface filled with `tissue`, after existing surfaces of the same or a lower priority.
     ///
     /// # Errors
     /// The scene's table lacks the tissue.
@@ -233,7 +233,7 @@ impl Scene {
     }
 }
 
-/// Index of a tissue of `what`.
+/// Index of the tissue called `tissue`. Errors say that `what` refers to it.
 fn tissue_of(tissues: &TissueTable, what: &str, tissue: &str) -> Result<usize, SceneError> {
     tissues.index_of(tissue).ok_or_else(|| SceneError::TissueNotInTable {
         what: what.to_owned(),

@@ -21,7 +21,7 @@ impl Section {
         for triangle in &mesh.triangles {
             let corners = triangle.map(|i| local[i as usize]);
             let above = corners.map(|c| c.y >= offset_mm);
-            // Each edge with one end above gives a point; there are two such edges or none.
+            // Each edge that crosses the plane gives a point; a triangle has two such edges or none.
             let mut ends = [0, 1, 2].into_iter().filter_map(|i| {
                 let j = (i + 1) % 3;
                 (above[i] != above[j]).then(|| {
@@ -42,7 +42,8 @@ impl Section {
         self.segments_mm.iter().filter_map(move |[a, b]| {
             let (a, b) = (*a - origin_mm, *b - origin_mm);
             let (sa, sb) = (direction.perp_dot(a), direction.perp_dot(b));
-            // With its ends on opposite sides, the crossing divides the segment in the ratio of `sa` and `sb`.
+            // If both ends lie on opposite sides of the ray, the crossing divides the segment in the ratio of `sa` and
+            // `sb`.
             if (sa >= 0.0) == (sb >= 0.0) {
                 return None;
             }

@@ -1,4 +1,4 @@
-//! Skin of a scene: its outer surface, where a probe touches.
+//! Skin of a scene: its outer surface, on which the probe is placed.
 
 use std::time::Duration;
 
@@ -14,27 +14,29 @@ use super::sdf::Solid;
 use super::{BvhError, Scene};
 use crate::pose::Pose;
 
-/// Search length, mm; exceeds any distance from inside a body to its skin.
+/// Search length for the skin from inside a body, mm; exceeds any such distance.
 const REACH_MM: u32 = 400;
 
-/// Search length for the skin around a point, mm: beyond the height of any body.
+/// Search length for the skin in all directions from a point, mm: more than the height of any body.
 const BODY_MM: f32 = 3000.0;
 
-/// Search length in front of a probe's face, mm: more than the thickest gel, the gap that couples, and the largest
-/// tolerance together.
+/// Search length in front of a probe's face, mm. It exceeds the sum of the thickest gel, the widest coupling gap and
+/// the largest tolerance.
 const PROBE_MM: f64 = 30.0;
 
-/// Sideways offset of test rays, mm: a ray exactly along a box's border may miss the box; rays on both sides do not.
+/// Sideways offset of the two test rays, mm: a ray exactly along the border between boxes may miss both; the offset
+/// rays don't.
 const ASIDE_MM: DVec3 = DVec3::new(1.3e-3, 0.7e-3, 1.1e-3);
 
-/// Of the six directions from a point in the body, the number in which there must be skin. A scanned body may be open on
-/// one side.
+/// Number of the six axis directions in which a point in the body must have skin. A scanned body may be open on one
+/// side.
 const ENCLOSED: usize = 5;
 
 /// Outer surface of a scene.
 pub struct Skin {
     outside: Outside,
-    /// Outermost surfaces of the whole scene, where the skin does not surround it: a slab over other tissues.
+    /// Outermost surfaces of the whole scene. Present only if the skin does not surround the scene's middle, for
+    /// example a slab of skin over other tissues.
     body: Option<Box<Skin>>,
 }
 
@@ -67,7 +69,7 @@ impl Skin {
         Self::of_triangles(scene.surfaces.iter().flat_map(|surface| surface.mesh.corners_mm()))
     }
 
-    /// Outermost of the triangles with these corners, mm.
+    /// Outermost surfaces among triangles, given by their corners, mm.
     ///
     /// # Errors
     /// No triangle.
@@ -81,8 +83,8 @@ impl Skin {
         Ok(Self { outside: Outside::Mesh { tree, triangles }, body: None })
     }
 
-    /// The same skin as a part of the scene with these triangles, which tell inside from outside where it does not surround
-    /// the scene's middle.
+    /// The skin as a part of a scene whose triangles are `all`. If the skin does not surround the middle of the scene,
+    /// these triangles decide between inside and outside.
     #[must_use]
     pub fn within(mut self, all: impl IntoIterator<Item = [Vec3; 3]>) -> Self {
         let all: Vec<[Vec3; 3]> = all.into_iter().collect();
@@ -95,13 +97,13 @@ impl Skin {
         self
     }
 
-    /// Surface that tells inside from outside: the skin itself, or that of the whole scene.
+    /// Surface that decides between inside and outside: the skin itself, or the surface of the whole scene.
     pub(crate) fn body(&self) -> &Self {
         self.body.as_deref().unwrap_or(self)
     }
 
-    /// Distance of a point in the body from the nearest skin along these axes, mm. `None` for a point outside, from which
-    /// there is skin in too few directions.
+    /// Smallest distance from a point in the body to the skin along six directions, mm: the positive and negative
+    /// `axes`. `None` for a point outside, which has skin in fewer than five of them.
     pub(crate) fn depth_mm(&self, from_mm: DVec3, axes: DQuat) -> Option<f64> {
         let ways = [DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_X, DVec3::NEG_Y, DVec3::NEG_Z];
         let ways = ways.into_iter().filter_map(|axis| self.way_out_mm(from_mm, axes * axis));
@@ -153,8 +155,8 @@ impl Skin {
         }
     }
 
-    /// Depth of the probe face's centre below the skin along its axis, mm. Negative for a gap; `None` if the probe is
-    /// more than 30 mm away or points elsewhere.
+    /// Depth of the probe face's centre below the skin along the probe's axis, mm; negative for a gap. `None` if the
+    /// probe is more than 30 mm away or points elsewhere.
     pub fn press_mm(&self, pose: &Pose) -> Option<f64> {
         let into_body = pose.orientation * DVec3::Z;
         let deep = pose.position_mm + into_body * PROBE_MM;
@@ -164,7 +166,8 @@ impl Skin {
 
 /// Distance along `ray` to `triangle`.
 fn distance_mm(triangle: &Triangle, ray: &Ray) -> Option<f32> {
-    /// Enlargement of triangles, which makes a ray through a corner hit at least one of them.
+    /// Enlargement of triangles relative to their size, so that a ray through a shared corner hits at least one of
+    /// them.
     const MARGIN: f64 = 1e-5;
     let corners = [triangle.v0, triangle.v1, triangle.v2].map(Vec3::from);
     let (t, _) = intersect(corners, MARGIN, ray.origin.as_dvec3(), ray.direction.as_dvec3())?;

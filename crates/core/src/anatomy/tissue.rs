@@ -95,7 +95,7 @@ pub enum TissueError {
     /// An invalid built-in table.
     #[error("assets/tissues.toml: {reason}")]
     Table {
-        /// Fault and its place.
+        /// Fault and its position.
         reason: String,
     },
     /// More tissues than an 8-bit segmentation can number.

@@ -3,7 +3,7 @@
 pub use crate::settings::Wall;
 
 impl Wall {
-    /// Thickness of the subcutaneous fat unless another is asked for, mm.
+    /// Default thickness of the subcutaneous fat for this class of wall, mm.
     pub fn fat_mm(self) -> f64 {
         match self {
             Self::Easy | Self::Average => 13.5,

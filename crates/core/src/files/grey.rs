@@ -22,7 +22,7 @@ pub enum GreyError {
         /// Cause.
         source: image::ImageError,
     },
-    /// An image with colours, or of another depth.
+    /// An image with colours, or of another bit depth.
     #[error("{path} is not an 8-bit grey image")]
     Kind {
         /// File.
@@ -33,7 +33,7 @@ pub enum GreyError {
 /// Pixels of an 8-bit grey image, row by row from the top, and its width and height.
 ///
 /// # Errors
-/// A file that cannot be read, is no image, or is not an 8-bit grey one.
+/// A file that cannot be read, is not an image, or is not an 8-bit grey image.
 pub fn read_grey(path: &Path) -> Result<(Vec<u8>, [u32; 2]), GreyError> {
     let failed = FileError::at("read", path);
     let file = BufReader::new(open(path, FileKind::Image).map_err(failed)?);

@@ -1,19 +1,20 @@
-//! Files that another file names.
+//! Files that are named in another file.
 
 use std::io::{self, ErrorKind};
 use std::path::{Component, Path, PathBuf};
 
-/// Path of the file `name`, which another file in `folder` names. It must lie in that folder or below: an absolute path,
-/// `..` and a link that leads out are refused. So a file from elsewhere can't make this program read other files.
+/// Path of the file `name`, which another file in `folder` names. It must lie in that folder or below: an absolute
+/// path, `..` and a link that leads out are refused. A file from elsewhere thus can't make this program read other
+/// files.
 ///
 /// # Errors
-/// A name or a link that leads out of the folder. A file that doesn't exist is no error here.
+/// A name or a link that leads out of the folder. A file that doesn't exist is not an error here.
 pub fn inside(folder: &Path, name: &str) -> io::Result<PathBuf> {
     let refused = |how: &str| {
         let reason = format!("{how} leads out of the folder; copy the file into it, and name it without a path");
         Err(io::Error::new(ErrorKind::InvalidInput, reason))
     };
-    // Both separators count everywhere, as a file may come from another system.
+    // Both separators count on every system, since the file may come from another one.
     if name.split(['/', '\\']).any(|part| part == "..") {
         return refused("`..`");
     }

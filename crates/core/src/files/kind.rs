@@ -1,6 +1,6 @@
-//! Kinds of files, each with its largest size.
+//! Kinds of files, each with its size limit.
 
-/// Kinds of files that are read, each with its largest size.
+/// Kinds of files that are read, each with its size limit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FileKind {
     /// Station file.
@@ -42,7 +42,7 @@ pub enum FileKind {
 }
 
 impl FileKind {
-    /// Name with its article, and largest size, bytes.
+    /// Name with its article, and size limit, bytes.
     pub(super) const fn limit(self) -> (&'static str, u64) {
         const MIB: u64 = 1 << 20;
         const GIB: u64 = 1 << 30;

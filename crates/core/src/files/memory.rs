@@ -1,8 +1,8 @@
-//! Memory for what a file holds, checked before it is filled.
+//! Check for sufficient memory before the content of a file is loaded.
 
 use thiserror::Error;
 
-/// More memory than there is.
+/// Request for more memory than is available.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("it needs about {} of memory, more than there is", size(*.bytes))]
 pub struct NoMemory {
@@ -16,22 +16,22 @@ fn size(bytes: u64) -> String {
     format!("{:.1} {name}", bytes as f64 / unit)
 }
 
-/// Checks that about `bytes` of memory can be had. Without this check a small file that stands for much data, such as a
-/// well compressed one, would end the program: an allocation that fails can't be caught.
+/// Checks that about `bytes` of memory are available. Without this check, a small file that expands to much data, such
+/// as a well compressed one, would end the program: a failed allocation can't be caught.
 ///
 /// # Errors
-/// More than the system gives this process, or than is free.
+/// More than the system allows this process, or than is free.
 pub fn memory_for(bytes: u64) -> Result<(), NoMemory> {
     let refused = NoMemory { bytes };
     let length = usize::try_from(bytes).map_err(|_| refused)?;
     if available().is_some_and(|available| bytes > available) {
         return Err(refused);
     }
-    // Reserving touches no page. It fails beyond the limits of the process.
+    // Reserving touches no page. It fails above the limits of the process.
     Vec::<u8>::new().try_reserve_exact(length).map_err(|_| refused)
 }
 
-/// Bytes of memory that can be had without swapping others out, where the system tells.
+/// Bytes of memory that are available without swapping, if the system tells.
 fn available() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
     let field = |name: &str| -> Option<u64> {

@@ -1,4 +1,4 @@
-//! Files at the edge of the program: reading within limits of size, files that are not complete yet, and the cache.
+//! Files that the program reads and writes: size limits, unfinished files, and the cache.
 
 mod cache;
 mod error;

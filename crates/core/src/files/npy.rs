@@ -4,16 +4,17 @@ use std::io::{self, ErrorKind};
 
 use npyz::NpyFile;
 
-/// Longest header, bytes: that of a structured type with many fields.
+/// Most bytes of a header: enough for a structured type with many fields.
 const HEAD_BYTES_MAX: usize = 1 << 20;
 
 /// Most brackets in a header.
 const BRACKETS_MAX: usize = 256;
 
-/// The array in `bytes`, whose header promises no more values than there are bytes.
+/// The array in `bytes`, whose header announces no more values than there are bytes.
 ///
 /// # Errors
-/// Bytes that are no array, a header that ends beyond them or is longer than 1 MiB, and a shape of more values than bytes.
+/// Bytes that are not an array, a header that ends beyond them or is longer than 1 MiB, and a shape with more values
+/// than bytes.
 pub fn npy(bytes: &[u8]) -> io::Result<NpyFile<&[u8]>> {
     let refused = |reason: String| Err(io::Error::new(ErrorKind::InvalidData, reason));
     let length = match (bytes.get(6), bytes.get(8..12)) {

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::kind::FileKind;
 
-/// Kind of a file with its article, and what to do with such a file.
+/// Kind of a file with its article, and advice on such a file.
 type Known = (&'static str, &'static str);
 
 const GLTF: Known =
@@ -36,10 +36,11 @@ fn known(start: &[u8], path: &Path) -> Option<Known> {
     }
 }
 
-/// Refuses a file that is known to be of another kind than this one, where this one has a form of its own.
+/// Refuses a file that is recognised as another kind than `kind`. Kinds with a recognisable form of their own are
+/// exempt.
 ///
 /// # Errors
-/// Such a file, with what it is.
+/// A file of another kind, with its kind.
 pub(super) fn refuse_other_kind(start: &[u8], path: &Path, kind: FileKind) -> io::Result<()> {
     let Some(found) = known(start, path) else { return Ok(()) };
     let is_other = match kind {
@@ -51,7 +52,7 @@ pub(super) fn refuse_other_kind(start: &[u8], path: &Path, kind: FileKind) -> io
         | FileKind::Table
         | FileKind::DatasetHeader
         | FileKind::DatasetRows => true,
-        // Buffers are scenes here, and may start with any bytes.
+        // Buffers belong to this kind, and may start with any bytes.
         FileKind::Scene => found != GLTF && path.extension().is_none_or(|end| !end.eq_ignore_ascii_case("bin")),
         _ => false,
     };

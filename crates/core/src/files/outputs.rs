@@ -1,4 +1,5 @@
-//! Files that a program writes, checked before it starts: none is also read, and none is lost without being asked for.
+//! Output files, checked before the program starts: none is also an input, and none is replaced without being asked
+//! for.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -6,16 +7,16 @@ use thiserror::Error;
 
 use super::PartFile;
 
-/// An output that is refused. `option` names it as the program's user does.
+/// A refused output. `option` is the name of the option as the user typed it.
 #[derive(Debug, Error)]
 pub enum OutputError {
-    /// A file that is there, where replacing it was not asked for.
+    /// An existing file that should not be replaced.
     #[error("{path} is there already; --force replaces it")]
     Exists {
         /// The file.
         path: PathBuf,
     },
-    /// A device or a pipe in place of a file that is replaced.
+    /// A device or a pipe, where a file would be replaced.
     #[error("{path} is not a regular file; {option} would replace it")]
     Device {
         /// The option.
@@ -23,7 +24,7 @@ pub enum OutputError {
         /// The device.
         path: PathBuf,
     },
-    /// A file in place of a directory.
+    /// A file, where a directory is expected.
     #[error("{path} is a file; {option} takes a directory")]
     File {
         /// The option.
@@ -31,7 +32,7 @@ pub enum OutputError {
         /// The file.
         path: PathBuf,
     },
-    /// A directory in place of a file.
+    /// A directory, where a file is expected.
     #[error("{path} is a directory; {option} takes a file")]
     Directory {
         /// The option.
@@ -39,7 +40,7 @@ pub enum OutputError {
         /// The directory.
         path: PathBuf,
     },
-    /// A file above an output.
+    /// A file in the path of an output, where a directory is expected.
     #[error("{path} is not a directory; {option} names a file in it")]
     NoDirectory {
         /// The option.
@@ -55,7 +56,7 @@ pub enum OutputError {
         /// The input.
         path: PathBuf,
     },
-    /// Two outputs in one file.
+    /// Two outputs to one file.
     #[error("{other} and {option} name one file, {path}")]
     Twice {
         /// The first option.
@@ -95,7 +96,7 @@ impl Outputs {
         self.replaced(option, path)
     }
 
-    /// As [`file`](Self::file), for a file that is made anew by every run.
+    /// Checks a file like [`file`](Self::file), for a file that every run replaces.
     pub fn replaced(self, option: &str, path: &Path) -> Result<Self, OutputError> {
         if path.exists() && !path.is_file() && !path.is_dir() {
             return Err(OutputError::Device { option: option.to_owned(), path: path.to_owned() });
@@ -103,7 +104,7 @@ impl Outputs {
         self.checked(option, path)
     }
 
-    /// As [`file`](Self::file), for a file that is written in place: a device or a pipe may take it.
+    /// Checks a file like [`file`](Self::file), for a file that is written directly: it may be a device or a pipe.
     pub fn log(self, option: &str, path: &Path, force: bool) -> Result<Self, OutputError> {
         // A redirected /dev/stdout is a file, too.
         let regular = path.is_file() && !path.starts_with("/dev");
@@ -111,7 +112,7 @@ impl Outputs {
     }
 
     /// Checks that no input is one of the files `names` in the directory of `option`. A `*` in the last part of a name
-    /// stands for anything.
+    /// matches anything.
     pub fn within(self, option: &str, directory: &Path, names: &[&str]) -> Result<Self, OutputError> {
         if directory.exists() && !directory.is_dir() {
             return Err(OutputError::File { option: option.to_owned(), path: directory.to_owned() });
@@ -154,12 +155,12 @@ impl Outputs {
     }
 }
 
-/// Identity of a file, whatever its name: through relative paths, symbolic links and hard links.
+/// Identity of a file, independent of its name: relative paths, symbolic links and hard links to it are equal.
 #[derive(Debug)]
 struct Place {
-    /// Without symbolic links, as far as it exists.
+    /// Absolute path without symbolic links, resolved as far as the file exists.
     path: PathBuf,
-    /// Device and inode of a file that exists.
+    /// Device and inode, if the file exists.
     inode: Option<(u64, u64)>,
 }
 
@@ -173,7 +174,7 @@ impl Place {
     }
 }
 
-/// Absolute path without symbolic links: the part that exists as the system resolves it, the rest as written.
+/// Absolute path without symbolic links. The existing part is as the system resolves it, the rest as written.
 fn resolved(path: &Path) -> PathBuf {
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     for above in absolute.ancestors() {

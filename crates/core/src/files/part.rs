@@ -1,4 +1,4 @@
-//! Partial file of output that is not finished yet.
+//! Partial file of an unfinished output.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io;
@@ -22,12 +22,12 @@ pub enum PartError {
     File(#[from] FileError),
 }
 
-/// Names of a file that is being written.
+/// Names of a file while it is written and after that.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PartFile {
     /// Name of the finished file.
     pub path: PathBuf,
-    /// Name until then, in the same directory.
+    /// Name while it is written, in the same directory.
     pub part: PathBuf,
 }
 
@@ -44,7 +44,7 @@ impl PartFile {
         Self { path: path.to_owned(), part: with_word(path, "part") }
     }
 
-    /// Creates the partial file, locked while it is open, in place of one that an interrupted process left.
+    /// Creates the partial file, locked while it is open. It replaces a file that an interrupted process left.
     ///
     /// # Errors
     /// Another process writes it, or the file cannot be created.
@@ -55,8 +55,8 @@ impl PartFile {
         })
     }
 
-    /// As [`create`](Self::create), but a partial file that is not empty is kept, as `STEM.recovered-1.EXTENSION` or the
-    /// next free number.
+    /// Creates the partial file like [`create`](Self::create), but keeps an existing partial file that is not empty,
+    /// as `STEM.recovered-1.EXTENSION` or the next free number.
     ///
     /// # Errors
     /// Another process writes it, or a file cannot be created or renamed.

@@ -1,4 +1,4 @@
-//! Reading of whole files, with a limit of size for each kind.
+//! Reading of whole files, with a size limit for each kind.
 
 use std::fs::File;
 use std::io::{self, ErrorKind, Read};
@@ -8,13 +8,13 @@ use super::kind::FileKind;
 use super::other_kind::refuse_other_kind;
 use super::stand_in::{refuse_stand_in, start_of};
 
-/// Opens a regular file that is not larger than its kind allows. Pipes and devices are refused: they might never end.
-/// Pointers of Git LFS and git-annex, web pages and servers' error messages are refused, too, as are scenes, recordings, volumes
-/// and meshes where text of this program is expected.
+/// Opens a regular file of at most the size that its kind allows. Pipes and devices are refused: they might never end.
+/// Also refused are pointers of Git LFS and git-annex, web pages and servers' error messages. Where text of this
+/// program is expected, scenes, recordings, volumes and meshes are refused.
 ///
 /// # Errors
-/// The file cannot be opened, is not a regular file, holds a stand-in, is known to be of another kind, or is too large; the error
-/// gives its size and the limit.
+/// The file cannot be opened, is not a regular file, is a stand-in, is recognised as another kind, or is too large;
+/// the error gives its size and the limit.
 pub fn open(path: &Path, kind: FileKind) -> io::Result<File> {
     // Checked before opening: opening a pipe waits for its other end.
     let found = std::fs::metadata(path)?;
@@ -34,7 +34,7 @@ pub fn open(path: &Path, kind: FileKind) -> io::Result<File> {
     Ok(file)
 }
 
-/// Reads a regular file that is not larger than its kind allows.
+/// Reads a regular file of at most the size that its kind allows.
 ///
 /// # Errors
 /// The errors of [`open`], or the file cannot be read.
@@ -50,7 +50,7 @@ pub fn read(path: &Path, kind: FileKind) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Reads the text of a file, as [`read`].
+/// Reads the text of a file, like [`read`].
 ///
 /// # Errors
 /// The errors of [`read`], or bytes that are not UTF-8.

@@ -1,13 +1,13 @@
-//! Files that hold something else than their names say.
+//! Stand-ins: files whose content is not what their names say.
 
 use std::io::{self, ErrorKind, Read, Seek};
 
-/// Bytes at the start of a file that [`stand_in`] looks at.
+/// Number of bytes at the start of a file that [`stand_in`] examines.
 const STAND_IN_BYTES: usize = 512;
 
-/// Cause and remedy if a file's first bytes are those of a stand-in: a pointer of Git LFS or git-annex, or a web page that
-/// was saved instead of the file. The phrase follows the file's name: "it is a Git LFS pointer...". No file of a kind
-/// that this program reads starts so.
+/// Cause and remedy if a file's first bytes belong to a stand-in: a pointer of Git LFS or git-annex, or a web page
+/// that was saved instead of the file. The phrase follows the file's name: "it is a Git LFS pointer...". No file that
+/// this program reads starts like that.
 fn stand_in(start: &[u8]) -> Option<&'static str> {
     let start = &start[..start.len().min(STAND_IN_BYTES)];
     let start = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start).trim_ascii_start();
@@ -27,7 +27,7 @@ fn stand_in(start: &[u8]) -> Option<&'static str> {
     }
 }
 
-/// First bytes of a file that tell its kind; the file is at its start again.
+/// First bytes of a file, from which its kind is recognised. The reading position returns to the start.
 ///
 /// # Errors
 /// A file that cannot be read.
@@ -38,7 +38,7 @@ pub(super) fn start_of(file: &mut (impl Read + Seek)) -> io::Result<Vec<u8>> {
     Ok(start)
 }
 
-/// Refuses a file whose start is a stand-in's.
+/// Refuses a file that starts like a stand-in.
 ///
 /// # Errors
 /// A stand-in, with its remedy.

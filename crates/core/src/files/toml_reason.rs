@@ -1,6 +1,6 @@
-//! Messages about TOML that cannot be parsed.
+//! Messages about invalid TOML.
 
-/// Message of a TOML error in `text`, with the way out where a path has backslashes in double quotes.
+/// Message of a TOML error in `text`, with advice if a path in double quotes has backslashes.
 pub fn toml_reason(text: &str, error: &toml::de::Error) -> String {
     let reason = error.to_string().trim().to_owned();
     let Some(line) = error.span().and_then(|span| line_at(text, span.start)) else { return reason };
@@ -13,12 +13,12 @@ pub fn toml_reason(text: &str, error: &toml::de::Error) -> String {
     format!("{reason}\n{advice}")
 }
 
-/// Advice about a text with backslashes in double quotes: what `key` should be.
+/// Advice about the value `text` of `key`, which has backslashes in double quotes.
 pub fn backslashes(key: &str, text: &str) -> String {
     other_quotes(&format!("{key} = "), text)
 }
 
-/// Advice about a text with backslashes in double quotes, which stands after `before`.
+/// Advice about a text with backslashes in double quotes; `before` precedes it in the corrected line.
 fn other_quotes(before: &str, text: &str) -> String {
     let text: String = text.chars().take(80).collect();
     format!(
@@ -33,7 +33,8 @@ fn line_at(text: &str, at: usize) -> Option<&str> {
     text.get(start..)?.lines().next()
 }
 
-/// The first text in double quotes with a backslash before any comment. The next quote ends a text: paths have none.
+/// The first text in double quotes that has a backslash, before any comment. The next quote ends the text: paths have
+/// no quotes.
 fn text_with_backslash(value: &str) -> Option<&str> {
     let mut rest = value;
     loop {

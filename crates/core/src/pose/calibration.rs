@@ -66,7 +66,7 @@ pub enum CalibrationError {
         /// Version found.
         found: i64,
     },
-    /// A transform that is not a pose.
+    /// A transform that is not a valid pose.
     #[error("[{table}]: {source}")]
     Pose {
         /// Its table.
@@ -88,7 +88,7 @@ pub enum CalibrationError {
     },
 }
 
-/// Calibrated transforms; `None` for parts that are not calibrated.
+/// Calibrated transforms; `None` for transforms that are not calibrated.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Calibration {
     /// Pose of the tracker in the scene; if `None`, tracker and scene share one frame.
@@ -109,7 +109,7 @@ pub struct Fitted<T> {
 }
 
 impl<T> Fitted<T> {
-    /// A known value that was not fitted.
+    /// A given value that was not fitted.
     pub fn known(value: T) -> Self {
         Self { value, rms_mm: None }
     }
@@ -122,7 +122,8 @@ impl Calibration {
         value(self.scene_from_tracker) * tracker_from_sensor * value(self.sensor_from_probe)
     }
 
-    /// Pose `tracker_from_sensor` that the tracker measures at this pose; undoes [`scene_from_probe`](Self::scene_from_probe).
+    /// `tracker_from_sensor` that the tracker would measure at this pose; the inverse of
+    /// [`scene_from_probe`](Self::scene_from_probe).
     pub fn tracker_from_sensor(&self, scene_from_probe: Pose) -> Pose {
         let inverse = |fitted: Option<Fitted<Pose>>| fitted.map_or(Pose::IDENTITY, |f| f.value.inverse());
         inverse(self.scene_from_tracker) * scene_from_probe * inverse(self.sensor_from_probe)
@@ -141,7 +142,7 @@ impl Calibration {
             .map_err(|source| CalibrationError::InFile { path: path.to_owned(), source: Box::new(source) })
     }
 
-    /// Values of several files, of which a later one holds over those before; missing files are passed over.
+    /// Values of several files; a later file overrides earlier ones, and missing files are skipped.
     ///
     /// # Errors
     /// As [`Calibration::load`].
@@ -163,7 +164,7 @@ impl Calibration {
     /// pose, or the stylus tip is out of range.
     pub fn parse(text: &str) -> Result<Self, CalibrationError> {
         let syntax = |e: toml::de::Error| CalibrationError::Syntax { reason: files::toml_reason(text, &e) };
-        // The version is checked first: files of another version must not be reported as faulty.
+        // The version is checked first: a file of another version must not be reported as faulty.
         let Version { version } = toml::from_str(text).map_err(syntax)?;
         if version != i64::from(CALIBRATION_VERSION) {
             return Err(CalibrationError::Version { found: version });
@@ -196,7 +197,7 @@ impl Calibration {
 pub struct CalibrationSource {
     /// The calibration file.
     pub path: Option<PathBuf>,
-    /// Mounting of the sensor on the probe, if the station file gives it.
+    /// Mounting of the sensor on the probe, if the station file states it.
     pub sensor_from_probe: Option<Pose>,
 }
 

@@ -6,14 +6,14 @@ const WINDOW: usize = 20;
 /// Largest accepted difference between raw and regressed time of one measurement, ns.
 pub const OUTLIER_NS: u64 = 500_000_000;
 
-/// Difference from the expected time beyond which a measurement counts as delayed, or a clock as jumped, ns. Such
+/// Deviation from the expected time, ns, beyond which a measurement counts as delayed, or a clock as jumped. Such
 /// measurements are excluded from the fit.
 const HELD_UP_NS: u64 = 50_000_000;
 
 /// Duration of doubt after which the regression restarts, ns.
 const DOUBT_LIMIT_NS: u64 = 1_000_000_000;
 
-/// Number of samples from which the line is trusted to detect delays and jumps.
+/// Number of samples from which the regression line is trusted to detect delays and jumps.
 const TRUSTED: usize = 8;
 
 /// Largest fall of the host time that counts as jitter while the device's clock rises, ns.
@@ -22,10 +22,10 @@ const BACKWARD_JITTER_NS: u64 = 20_000_000;
 /// Consecutive measurements, consistent with each other but not with earlier ones, that prove a clock jump.
 const CONFIRMED: usize = 3;
 
-/// Time of one measurement by the regression.
+/// Time of a measurement by the regression.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Timing {
-    /// Measurement time, ns of the host's clock; later than all before.
+    /// Measurement time, ns of the host's clock; later than all earlier ones.
     At(u64),
     /// Measurement time after a clock jump; unrelated to earlier times.
     Jumped(u64),
@@ -41,7 +41,7 @@ struct Sample {
     ticks: Option<u64>,
 }
 
-/// Linear regression of host arrival times on the device's counter or clock, which removes the transport's jitter.
+/// Linear regression of host arrival times on the device's counter or clock. It removes the jitter of the transport.
 ///
 /// The mean delay of the transport remains, because nothing measures it.
 #[derive(Debug, Clone, Default)]
@@ -62,7 +62,7 @@ pub(crate) struct ClockRegression {
 
 impl ClockRegression {
     /// Time of a measurement that arrived at `host_ns`. `ticks` counts in the device's own unit and rises with each
-    /// measurement; `None` if the device has neither counter nor clock.
+    /// measurement; `None` if the device has neither a counter nor a clock.
     pub(crate) fn push(&mut self, host_ns: u64, ticks: Option<u64>) -> Timing {
         let sample = Sample { host_ns, ticks };
         let Some(last) = self.last else {
@@ -122,7 +122,7 @@ impl ClockRegression {
         self.doubtful_since_ns = None;
     }
 
-    /// Whether `sample` continues the doubtful ones at the device's pace. A burst released by a stalled transport does
+    /// Whether `sample` continues the doubtful samples at the device's pace. A burst after a stalled transport does
     /// not.
     fn agrees_with_doubtful(&self, sample: &Sample) -> bool {
         let doubtful = &self.doubtful[..self.doubtful_count];
@@ -137,7 +137,7 @@ impl ClockRegression {
             && (sample.host_ns - first.host_ns) as f64 >= least_ns
     }
 
-    /// Time of a delayed sample, taken from the line.
+    /// Time of a delayed sample, by the regression line.
     fn held_up(&mut self, sample: Sample, expected_ns: u64) -> u64 {
         self.last = Some(sample);
         self.last_time_ns = expected_ns.max(self.last_time_ns.saturating_add(1));
@@ -156,7 +156,7 @@ impl ClockRegression {
                 self.oldest = (self.oldest + 1) % WINDOW;
             }
             if let Some(fit) = self.fit(ticks) {
-                // Jitter tilts the line; successive times still rise, by a fraction of the device's step.
+                // Jitter tilts the line. Successive times still rise, by at least a fraction of the device's step.
                 let before = self.last.and_then(|last| last.ticks).unwrap_or(ticks);
                 let least_ns = (0.25 * fit.ns_per_tick * ticks.saturating_sub(before) as f64) as u64;
                 time_ns = fit.time_ns.max(self.last_time_ns.saturating_add(least_ns.max(1)));
@@ -170,8 +170,8 @@ impl ClockRegression {
         time_ns
     }
 
-    /// Least-squares line through the window, at `ticks`; `None` for fewer than three samples or a line that does not
-    /// rise.
+    /// Value of the least-squares line through the window at `ticks`; `None` for fewer than three samples or a line
+    /// that does not rise.
     fn fit(&self, ticks: u64) -> Option<Fit> {
         if self.filled < 3 {
             return None;

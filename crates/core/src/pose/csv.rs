@@ -1,7 +1,7 @@
-//! Points, landmarks and poses of text files: tables, and 3D Slicer's markups.
+//! Points, landmarks and poses in text files: tables, and 3D Slicer's markups.
 //!
-//! [`table`](super::table) says which columns are read. Without a line of column names the columns are those of
-//! [`points`], [`pairs`] and [`poses`], in that order. Errors name the line.
+//! [`table`](super::table) describes the columns. Without a line of column names, the columns are those of [`points`],
+//! [`pairs`] and [`poses`], in that order. Errors name the line.
 
 use std::rc::Rc;
 
@@ -36,13 +36,13 @@ pub enum CsvError {
     Absent {
         /// Number of rows.
         rows: usize,
-        /// What they lack, and how a row says so.
+        /// Missing content of the rows, and how a row marks it as missing.
         what: &'static str,
     },
-    /// A list of 3D Slicer that is not read.
+    /// An unsupported list of 3D Slicer.
     #[error("{reason}")]
     Markups {
-        /// Fault and way out.
+        /// Fault and advice.
         reason: String,
     },
 }
@@ -50,20 +50,21 @@ pub enum CsvError {
 /// A value with a name.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Named<T> {
-    /// Name, or the number from 1.
+    /// Name, or the row's number from 1.
     pub name: String,
     /// The value.
     pub value: T,
 }
 
-/// Values of a file, and how it was read.
+/// Values of a file, and notes on the reading.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Listed<T> {
     /// The values.
     pub values: Vec<T>,
-    /// Whether points are in LPS (x left, y posterior, z superior) because the file gives them along the patient's axes.
+    /// Whether points are in LPS (x left, y posterior, z superior), because the file gives them along the patient's
+    /// axes.
     pub in_lps: bool,
-    /// What a user should know about the reading, a sentence each.
+    /// Notes for the user on the reading, a sentence each.
     pub notes: Vec<String>,
 }
 
@@ -85,15 +86,15 @@ const PAIR_COLUMNS: &str =
     "x,y,z of the scene (mm, or with a unit as x_m; or r,a,s or l,p,s), tx,ty,tz of the tracker (or tx_m), and name";
 const POSE_COLUMNS: &str = "x,y,z (mm, or with a unit as x_m), qw,qx,qy,qz, and optionally time and status";
 
-/// What a row of points lacks.
+/// Missing content of rows without a position, for messages.
 const NO_POSITION: &str = "a position: all are undefined, by the column `defined` or by 3D Slicer's status";
-/// What a row of poses lacks.
+/// Missing content of rows without a pose, for messages.
 const NO_POSE: &str = "a pose: all are empty, NaN or zero, or their `status` is invalid";
 
-/// Parses points of the scene: a table, or a list of 3D Slicer (`.fcsv`, `.mrk.json`, exported `.csv`), mm.
+/// Parses points in the scene, mm: a table, or a list of 3D Slicer (`.fcsv`, `.mrk.json`, exported `.csv`).
 ///
 /// # Errors
-/// A malformed line, a column that is not read, or no point at all.
+/// A malformed line, a column that is not supported, or no point at all.
 pub fn points(text: &str) -> Result<Listed<Named<DVec3>>, CsvError> {
     if is_json(text) {
         return of_markups(text);
@@ -120,10 +121,10 @@ pub fn points(text: &str) -> Result<Listed<Named<DVec3>>, CsvError> {
     list.finish(system, NO_POSITION)
 }
 
-/// Parses landmarks from a table: the point in the scene, and as the tracker measures it, mm.
+/// Parses landmarks from a table: the point in the scene and the point that the tracker measures, mm.
 ///
 /// # Errors
-/// A malformed line, a column that is not read, or no pair at all.
+/// A malformed line, a column that is not supported, or no pair at all.
 pub fn pairs(text: &str) -> Result<Listed<Named<PointPair>>, CsvError> {
     if is_json(text) {
         let reason = "3D Slicer's markups hold points of one frame; `calibrate landmarks --tracker STATION --points` touches \
@@ -158,11 +159,11 @@ fn only_points(columns: &[Column]) -> Result<(), TableFault> {
     refuse(columns, is_other, "it doesn't belong to points")
 }
 
-/// Parses poses from a table, mm and a unit quaternion. Rows without a pose are left out: their numbers are all empty,
-/// NaN or zero, or their `status` is `invalid`.
+/// Parses poses from a table: position in mm and unit quaternion. Rows without a pose are left out: their numbers are
+/// all empty, NaN or zero, or their `status` is `invalid`.
 ///
 /// # Errors
-/// A malformed line, a column that is not read, or no pose at all.
+/// A malformed line, a column that is not supported, or no pose at all.
 pub fn poses(text: &str) -> Result<Listed<Pose>, CsvError> {
     if is_json(text) {
         let reason = "3D Slicer's markups hold points, not poses; give a recording of `insonify record`, or a table \
@@ -215,10 +216,10 @@ pub fn pose_position<'a>(
 /// Check of a table's columns.
 type Check<'a> = &'a dyn Fn(&Layout, &[Column]) -> Result<(), TableFault>;
 
-/// Line of a row from 1, layout of its columns, and its fields.
+/// A row: its line from 1, the layout of its columns, and its fields.
 type Row = (usize, Rc<Layout>, Vec<String>);
 
-/// Rows of a text and the values made of them.
+/// Rows of a text, and the values made from them.
 struct List<'a, T> {
     lines: std::iter::Enumerate<std::str::Lines<'a>>,
     reader: Reader,
@@ -263,7 +264,7 @@ impl<'a, T> List<'a, T> {
         layout.name(row).map_or_else(|| self.rows.to_string(), str::to_owned)
     }
 
-    /// Coordinate system of the points by a comment; none where the columns say their axes themselves.
+    /// Coordinate system of the points, stated by a comment; `None` if the columns themselves name their axes.
     fn system(&self) -> Result<Option<System>, CsvError> {
         let own = self.layout.as_ref().and_then(|layout| layout.own.as_ref());
         if own.is_some_and(|position| position.frame == Frame::Patient) {
@@ -272,14 +273,15 @@ impl<'a, T> List<'a, T> {
         self.reader.system().map_err(|source| CsvError::Line { line: 1, source })
     }
 
-    /// Whether a row of points has no position, by its column `defined` or the status that 3D Slicer adds behind the
-    /// named columns: 2 is a defined position.
+    /// Whether a row of points has no position, by its column `defined` or by the status that 3D Slicer appends after
+    /// the named columns: 2 is a defined position.
     fn is_left_out(&self, layout: &Layout, row: &[String]) -> bool {
         let status = row.get(self.reader.columns().len());
         layout.is_undefined(row) || status.is_some_and(|status| ["0", "1", "3"].contains(&status.as_str()))
     }
 
-    /// The values, if there are any; `system` is that of a list of 3D Slicer, `what` is what rows without a value lack.
+    /// The values, if there are any. `system` is the coordinate system of a list of 3D Slicer. `what` names the
+    /// content that rows without a value lack.
     fn finish(self, system: Option<System>, what: &'static str) -> Result<Listed<T>, CsvError> {
         if self.values.is_empty() {
             return Err(match self.rows {

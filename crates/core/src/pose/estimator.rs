@@ -20,10 +20,10 @@ const HISTORY: usize = 64;
 /// Gap after which the filter restarts, s.
 const FILTER_GAP_S: f64 = 0.5;
 
-/// Largest fall of `now` between two samples that does not count as a clock set back, ns.
+/// Largest decrease of `now` between two samples, ns, that doesn't count as a clock set back.
 const NOW_JITTER_NS: u64 = 20_000_000;
 
-/// Estimate of the probe's pose at a display time. It stays with its frame through the pipeline.
+/// Estimate of the probe's pose at a display time. It accompanies its frame through the pipeline.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Estimate {
     /// Filtered and predicted pose; none before the first measurement and while tracking is lost.
@@ -34,11 +34,11 @@ pub struct Estimate {
     pub first_byte_ns: Option<u64>,
     /// Number of measurements that became poses, up to the newest one.
     pub measurements: u64,
-    /// Latest displacement that a second measurement had to confirm; none before one.
+    /// Latest displacement that a second measurement had to confirm; none before the first one.
     pub jump: Option<Jump>,
     /// Prediction beyond the newest measurement, ms.
     pub predicted_ms: f64,
-    /// Speed of the probe at the newest measurement; none while it does not tell of now.
+    /// Speed of the probe at the newest measurement; none if that is too old to describe the current motion.
     pub speed: Option<Speed>,
 }
 
@@ -51,7 +51,7 @@ pub struct Jump {
     pub first_byte_ns: u64,
 }
 
-/// Turns the measurements of one sensor into poses.
+/// Estimator of poses from the measurements of one sensor.
 ///
 /// Measurements are pushed as they arrive; [`sample`](Self::sample) estimates the pose at any time. Both take times of
 /// the host's clock, ns since 1970 (UTC). Nothing is allocated after [`new`](Self::new), and no input makes it panic.
@@ -106,7 +106,7 @@ impl Estimator {
         &self.counters
     }
 
-    /// Takes the next measurement. Unusable ones are dropped and counted.
+    /// Takes the next measurement. Unusable measurements are dropped and counted.
     ///
     /// A puck sends nothing at rest. Push zero [`Reading::Rates`] when its device is opened: it is then tracked from
     /// the initial pose on.
@@ -172,7 +172,7 @@ impl Estimator {
         self.tracking.seen(time_ns, resting);
     }
 
-    /// Reports a disconnection of the device: a resting puck is no longer tracked, a deflected one counts as released.
+    /// Records a disconnection of the device: a resting puck is no longer tracked, a deflected one counts as released.
     pub fn disconnected(&mut self) {
         self.tracking.interrupted();
         self.rates.release();
@@ -181,10 +181,10 @@ impl Estimator {
         }
     }
 
-    /// Pose to show at `display_ns`, as known at `now_ns`.
+    /// Pose to show at `display_ns`, from the information at `now_ns`.
     ///
-    /// A time after the newest measurement is predicted, by at most
-    /// [`FilterSettings::prediction_ms`](super::FilterSettings); an earlier one is interpolated.
+    /// For a time after the newest measurement, the pose is predicted by at most
+    /// [`FilterSettings::prediction_ms`](super::FilterSettings). For an earlier time, it is interpolated.
     pub fn sample(&mut self, now_ns: u64, display_ns: u64) -> Estimate {
         let now_ns = self.host_now(now_ns);
         let state = match self.tracking.at(now_ns) {
@@ -213,7 +213,7 @@ impl Estimator {
         estimate
     }
 
-    /// Motion of the probe by a reading; `None` for a spike.
+    /// Motion of the probe from a reading; `None` for a spike.
     fn motion_of(&mut self, reading: &Reading, time_ns: u64, dt_s: Option<f64>) -> Option<Motion> {
         let calibration = &self.settings.calibration;
         let pose = match *reading {
@@ -250,7 +250,7 @@ impl Estimator {
         Some(self.filter.push(pose, dt_s.unwrap_or(0.0)))
     }
 
-    /// `now` on a non-decreasing clock. If the host's clock was set back, all stored times are set back too.
+    /// `now` on a non-decreasing clock. If the host's clock was set back, all stored times are moved back, too.
     fn host_now(&mut self, now_ns: u64) -> u64 {
         let last_ns = self.last_now_ns.unwrap_or(now_ns);
         let back_ns = last_ns.saturating_sub(now_ns);

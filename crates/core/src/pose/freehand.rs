@@ -1,4 +1,4 @@
-//! Simulated hand motion of a probe: from view to view, with pauses and tremor.
+//! Simulated hand motion of a probe: movements between views, with pauses and tremor.
 
 use glam::{DQuat, DVec3, EulerRot};
 
@@ -31,8 +31,8 @@ pub struct Waypoint {
 
 /// Point in view (mm) and orientation of the probe `time_s` after the start; `None` without waypoints.
 ///
-/// `waypoints` must ascend in time. Between two of them the target moves on a line and the probe turns on the shorter
-/// arc, both with minimum jerk (Flash & Hogan, J Neurosci 5:1688, 1985).
+/// `waypoints` must ascend in time. Between two waypoints, the target moves on a line and the probe turns on the
+/// shorter arc, both with minimum jerk (Flash & Hogan, J Neurosci 5:1688, 1985).
 pub fn view_at(waypoints: &[Waypoint], time_s: f64) -> Option<(DVec3, DQuat)> {
     let next = waypoints.partition_point(|w| w.arrive_s <= time_s);
     let Some(from) = next.checked_sub(1).and_then(|i| waypoints.get(i)) else {
@@ -46,13 +46,13 @@ pub fn view_at(waypoints: &[Waypoint], time_s: f64) -> Option<(DVec3, DQuat)> {
     Some((from.target_mm.lerp(to.target_mm, s), orientation))
 }
 
-/// Fraction of the way at fraction `t` of the time, 0..=1; velocity and acceleration vanish at both ends.
+/// Fraction of the path after the fraction `t` of the time, 0..=1; velocity and acceleration vanish at both ends.
 pub fn minimum_jerk(t: f64) -> f64 {
     let t = t.clamp(0.0, 1.0);
     t * t * t * (10.0 + t * (-15.0 + t * 6.0))
 }
 
-/// Tremor of a hand: band-limited noise, determined by its seed.
+/// Tremor of a hand: band-limited noise from a seed.
 #[derive(Debug, Clone)]
 pub struct Tremor {
     /// Amplitude, angular frequency (rad/s) and phase of each partial of each of six components.
@@ -66,7 +66,7 @@ impl Tremor {
         let (low, high) = TREMOR_BAND_HZ;
         let components = std::array::from_fn(|_| {
             let mut partials: [_; TREMOR_PARTIALS] = std::array::from_fn(|i| {
-                // One frequency in each of equal logarithmic parts of the band; displacement falls as 1/f.
+                // The frequencies are spread over equal logarithmic parts of the band; displacement falls as 1/f.
                 let part = (i as f64 + random.unit()) / TREMOR_PARTIALS as f64;
                 let frequency_hz = low * (high / low).powf(part);
                 (1.0 / frequency_hz, std::f64::consts::TAU * frequency_hz, std::f64::consts::TAU * random.unit())

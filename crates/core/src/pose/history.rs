@@ -15,8 +15,8 @@ pub struct TimedPose {
 
 /// Pose at `host_time_ns`, interpolated between its neighbours: linear in position, on the shorter arc in rotation.
 ///
-/// `poses` must ascend in host time; of several at the same time, the last is used. `None` outside their range and
-/// within a gap longer than `gap_limit_ns`, because the probe's motion is unknown there.
+/// `poses` must ascend in host time; among poses of equal time, the last is used. `None` outside their time range, and
+/// within a gap longer than `gap_limit_ns`, where the probe's motion is unknown.
 pub fn interpolate(poses: &[TimedPose], host_time_ns: u64, gap_limit_ns: u64) -> Option<Pose> {
     let after = poses.partition_point(|p| p.host_time_ns <= host_time_ns);
     let before = poses.get(after.checked_sub(1)?)?;

@@ -11,9 +11,9 @@ const LEAST_S: f64 = 0.01;
 pub enum Gate {
     /// Reachable by a hand.
     Passed,
-    /// Out of reach; the next pose decides.
+    /// Out of reach for a hand; the next pose decides.
     Spike,
-    /// Out of reach, but confirmed by a second pose nearby.
+    /// Out of reach for a hand, but confirmed by a second pose nearby.
     Jumped,
 }
 
@@ -22,9 +22,9 @@ pub enum Gate {
 pub struct JumpGate {
     max_speed_mm_s: f64,
     max_speed_rad_s: f64,
-    /// Last pose that passed, and its time, s.
+    /// Last pose that passed, with its time, s.
     last: Option<(Pose, f64)>,
-    /// Pose held back, and its time, s.
+    /// Pose that is held back, with its time, s.
     spike: Option<(Pose, f64)>,
 }
 

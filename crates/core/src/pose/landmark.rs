@@ -1,4 +1,4 @@
-//! Touching landmarks with a stylus: the tip is held still for a while.
+//! Landmarks touched with a stylus whose tip is held still.
 
 use glam::DVec3;
 use thiserror::Error;
@@ -8,16 +8,16 @@ use super::Pose;
 /// Conditions for a still tip.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StillSettings {
-    /// Number of averaged poses.
+    /// Number of poses to average.
     pub samples: usize,
-    /// Largest accepted distance of any of them from their mean, mm.
+    /// Largest accepted distance of a tip position from the mean, mm.
     pub tolerance_mm: f64,
     /// Number of poses after which the attempt fails.
     pub poses_max: usize,
 }
 
 impl Default for StillSettings {
-    /// One second within 1 mm, and attempts of half a minute, at 60 poses per second.
+    /// Defaults: still for one second within 1 mm; attempts of half a minute, at 60 poses per second.
     fn default() -> Self {
         Self { samples: 60, tolerance_mm: 1.0, poses_max: 1800 }
     }
@@ -59,7 +59,7 @@ pub enum LandmarkError {
     },
 }
 
-/// Averages the tip over the first stretch of `tracker_from_sensor` in which it is still.
+/// Mean tip position over the first stretch of `tracker_from_sensor` in which the tip is still.
 ///
 /// The poses may come from a live tracker or a recording; no more are taken than needed. `tip_mm` is in the sensor's
 /// frame.

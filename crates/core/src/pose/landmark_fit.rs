@@ -1,4 +1,4 @@
-//! A registration with the names of its landmarks, for people and as JSON.
+//! Registration with named landmarks, as text for people and as JSON.
 
 use std::fmt;
 
@@ -18,7 +18,7 @@ pub struct LandmarkFit {
     rms_mm: f64,
     /// Whether all landmarks are near one plane: a mirrored tracker axis then cannot be detected.
     pub coplanar: bool,
-    /// Likely mix-up of landmarks that are accepted all the same, in words.
+    /// Likely mix-up of landmarks that are accepted nevertheless, in words.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub likely: Option<String>,
     landmarks: Vec<Row>,
@@ -66,7 +66,7 @@ pub enum LandmarkFitError {
         max_rms_mm: f64,
         /// Landmark of the largest residual.
         worst: String,
-        /// That residual, mm.
+        /// Residual of that landmark, mm.
         worst_mm: f64,
         /// Likely explanation, ready to print, or empty.
         likely: String,
@@ -79,7 +79,7 @@ impl LandmarkFit {
     /// Fits landmarks; refuses an RMS residual above `max_rms_mm`.
     ///
     /// # Errors
-    /// Those of [`register`], or the residual.
+    /// The errors of [`register`], or a residual above the limit.
     pub fn of(pairs: &[Named<PointPair>], max_rms_mm: f64) -> Result<Self, LandmarkFitError> {
         let points: Vec<PointPair> = pairs.iter().map(|p| p.value).collect();
         let found = register(&points).map_err(|source| match (&source, MixUp::of(&points)) {
@@ -123,10 +123,11 @@ impl LandmarkFit {
     }
 }
 
-/// Fewest landmarks whose residuals say something.
+/// Fewest landmarks whose residuals are informative.
 const RESIDUALS_FROM: usize = 4;
 
-/// Lines of text about the fit of the landmarks taken so far: residuals from the fourth on, and a likely mix-up.
+/// Lines of text about the fit of the landmarks touched so far: residuals from the fourth landmark on, and a likely
+/// mix-up.
 pub fn fit_so_far(pairs: &[Named<PointPair>]) -> Vec<String> {
     let points: Vec<PointPair> = pairs.iter().map(|pair| pair.value).collect();
     let mut lines = Vec::new();

@@ -1,38 +1,38 @@
-//! Mixed-up landmarks: two that were touched in each other's turn, one that was touched elsewhere, or one touched twice.
+//! Mixed-up landmarks: two touched in exchanged order, one touched elsewhere, or one touched twice.
 
 use super::csv::Named;
 use super::registration::{PointPair, rms_of_fit};
 
-/// Fewest landmarks among which an exchange can be found. Among four, an exchange of the other two fits as well.
+/// Fewest landmarks among which an exchange can be found. Among four, exchanging the other two fits equally well.
 const EXCHANGE_FROM: usize = 5;
 
-/// Fewest landmarks among which a single wrong one can be found: without it, there must be more than a fit needs.
+/// Fewest landmarks among which a single wrong one can be found: the others must be more than a fit needs.
 const SINGLE_FROM: usize = 5;
 
-/// An explanation must lower the RMS residual below this fraction, and by this many mm.
+/// An explanation must reduce the RMS residual to less than this fraction, and by more than this many mm.
 const EXPLAINS: (f64, f64) = (0.4, 2.0);
 
-/// Further explanations are named, too, if their RMS residual is within this factor and mm of the best one.
+/// Further explanations are named if their RMS residual is within this factor and this many mm of the best one.
 const AS_GOOD: (f64, f64) = (1.5, 1.0);
 
-/// Least distance of two landmarks in the scene, mm, at which a touch of one can't be meant for the other.
+/// Smallest distance of two landmarks in the scene, mm, at which a touch of one can't be meant for the other.
 const APART_MM: f64 = 15.0;
 
-/// Distance of two touches, mm as the tracker measures it, below which they were at one position.
+/// Distance between two touches, mm in the tracker's frame, below which they were at one position.
 const TOGETHER_MM: f64 = 4.0;
 
 /// Likely explanation of landmarks that don't fit.
 #[derive(Debug, Clone, PartialEq)]
 pub enum MixUp {
-    /// Two landmarks were touched in each other's turn: the likely pairs, best first, and the RMS residual with the
-    /// first exchanged, mm.
+    /// Two landmarks were touched in exchanged order. Has the likely pairs, best first, and the RMS residual after the
+    /// first exchange, mm.
     Exchanged {
         /// Indices of each likely pair.
         pairs: Vec<[usize; 2]>,
         /// RMS residual, mm.
         rms_mm: f64,
     },
-    /// One landmark was touched elsewhere; the RMS residual of the others, mm.
+    /// One landmark was touched elsewhere. Has the RMS residual of the other landmarks, mm.
     Single {
         /// Its index.
         index: usize,
@@ -94,7 +94,7 @@ impl MixUp {
     }
 }
 
-/// Two landmarks at one position.
+/// Two landmarks that were touched at one position.
 fn same(pairs: &[PointPair]) -> Option<MixUp> {
     for (a, first) in pairs.iter().enumerate() {
         for (b, second) in pairs.iter().enumerate().skip(a + 1) {
@@ -110,7 +110,7 @@ fn same(pairs: &[PointPair]) -> Option<MixUp> {
     None
 }
 
-/// The pairs whose exchange fits best, and the RMS residual of the first, mm.
+/// The pairs whose exchange fits best, and the RMS residual after exchanging the first pair, mm.
 fn exchanged(pairs: &[PointPair]) -> Option<(Vec<[usize; 2]>, f64)> {
     if pairs.len() < EXCHANGE_FROM {
         return None;

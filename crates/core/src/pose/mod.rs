@@ -1,13 +1,14 @@
 //! Probe poses and their estimation.
 //!
 //! The **probe frame** has its origin at the centre of the transducer's face, `z` into the body, `x` lateral (towards
-//! the last scanline) and `y` elevational, right-handed. The **scene frame** is that of the glTF file, in mm (glTF
-//! metres × 1000).
+//! the last scanline) and `y` elevational, right-handed. The **scene frame** is the frame of the glTF file, in mm
+//! (glTF metres × 1000).
 //!
 //! A live pose passes these stages: measurement → order by the device's counter and clock ([`stream_order`]) → time on
 //! the host's clock ([`clock_regression`]) → `scene_from_tracker · tracker_from_sensor · sensor_from_probe`
 //! ([`calibration`]) → [`jump_gate`] → filter ([`one_euro`]) → history ([`ring`]) → [`prediction`] to the time of
-//! display, with a [`TrackingState`]. [`Estimator`] joins them. Calibrations come from [`registration`] and [`pivot`].
+//! display, with a [`TrackingState`]. [`Estimator`] combines them. Calibrations come from [`registration`] and
+//! [`pivot`].
 
 use glam::{DMat3, DQuat, DVec3};
 use thiserror::Error;
@@ -58,7 +59,7 @@ pub const QUATERNION_NORM_TOLERANCE: f64 = 1e-3;
 /// Largest accepted deviation of a rotation matrix from an orthonormal one: some programs print only four decimals.
 pub const ROTATION_TOLERANCE: f64 = 1e-3;
 
-/// Largest accepted coordinate: at one kilometre f32 resolves 0.06 mm, too coarse for an echo's phase.
+/// Largest accepted coordinate, mm: at one kilometre, f32 resolves 0.06 mm, too coarse for an echo's phase.
 pub const POSITION_LIMIT_MM: f64 = 1.0e5;
 
 /// Reason why seven numbers are not a pose.
@@ -125,7 +126,7 @@ impl Pose {
     /// A pose from position (mm) and quaternion, checked and normalised.
     ///
     /// # Errors
-    /// The same as those of [`from_components`](Self::from_components).
+    /// The errors of [`from_components`](Self::from_components).
     pub fn new(position_mm: DVec3, orientation: DQuat) -> Result<Self, PoseError> {
         const NAMES: [&str; 7] = ["x", "y", "z", "qw", "qx", "qy", "qz"];
         let components = Self { position_mm, orientation }.components();

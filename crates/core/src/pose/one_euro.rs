@@ -1,8 +1,8 @@
 //! The One-Euro filter of Casiez, Roussel & Vogel (CHI 2012), for poses.
 //!
-//! A low-pass filter whose cutoff rises with speed: no jitter at rest, little lag in motion. Position and rotation have
-//! separate filters. As in the authors' code, the speed is that of the raw poses. The speed of the filtered pose would
-//! include the filter's lag and could not be used for prediction.
+//! A low-pass filter whose cutoff rises with speed: no jitter at rest, little lag in motion. Position and rotation
+//! have separate filters. As in the authors' code, the speed is computed from the raw poses. A speed from filtered
+//! poses would include the filter's lag and could not be used for prediction.
 
 use std::f64::consts::TAU;
 
@@ -77,7 +77,8 @@ impl OneEuro {
     }
 }
 
-/// Weight of the new value in a first-order low-pass filter of `cutoff_hz` after `dt_s`: α = 1/(1 + τ/dt), τ = 1/(2πf).
+/// Weight of the new value in a first-order low-pass filter of `cutoff_hz` after `dt_s`: α = 1/(1 + τ/dt), τ =
+/// 1/(2πf).
 pub(crate) fn smoothing(cutoff_hz: f64, dt_s: f64) -> f64 {
     let tau_s = 1.0 / (TAU * cutoff_hz);
     dt_s / (dt_s + tau_s)

@@ -1,4 +1,4 @@
-//! Pivot calibration: the tip of a stylus in its sensor's frame, found by turning it about the resting tip.
+//! Pivot calibration: the tip of a stylus in its sensor's frame, found by turning the stylus about its resting tip.
 //!
 //! Every pose (R, t) puts the tip at the pivot: R·tip + t = pivot. Subtracting the mean eliminates the pivot: (R −
 //! R̄)·tip = −(t − t̄), linear least squares with three unknowns ("algebraic two-step" in Yaniv, Which pivot
@@ -34,9 +34,9 @@ pub struct Pivot {
     pub rms_mm: f64,
     /// Largest distance of the tip from the pivot, mm.
     pub max_mm: f64,
-    /// Standard error of the tip in its least certain direction, mm, if the poses' errors are independent.
+    /// Standard error of the tip in its least certain direction, mm, if the errors of the poses are independent.
     pub tip_error_mm: f64,
-    /// Condition number of the problem; 1 is best, for rotations about all axes.
+    /// Condition number of the least-squares problem; 1 is best, for rotations about all axes.
     pub condition: f64,
     /// Largest rotation found between two poses, degrees; at least half of the true maximum.
     pub turn_deg: f64,
@@ -51,27 +51,27 @@ pub const METRES_BELOW_MM: f64 = 1.0;
 const DIMPLE_BELOW_MM: f64 = 20.0;
 
 impl Pivot {
-    /// Whether the positions were likely in metres: the tip is then a fraction of a millimetre from the sensor, and the
-    /// dimple a few millimetres from the tracker. A tool whose origin is its tip is far from the tracker.
+    /// Whether the positions were likely in metres: the tip is then a fraction of a millimetre from the sensor, and
+    /// the dimple a few millimetres from the tracker. A tool whose origin is its tip is far from the tracker.
     pub fn looks_like_metres(&self) -> bool {
         self.tip_mm.length() < METRES_BELOW_MM && self.pivot_mm.length() < DIMPLE_BELOW_MM
     }
 }
 
-/// A quaternion that was written in another way than it was read.
+/// A quaternion rewritten from another component order or convention.
 type Rewrite = fn(DQuat) -> DQuat;
 
-/// Ways in which quaternions are misread, and what to do about each.
+/// Ways of misreading quaternions, each with its remedy.
 const MISREADINGS: [(&str, Rewrite); 3] = [
     ("read as x,y,z,w (the columns are qx,qy,qz,qw)", |q| DQuat::from_xyzw(q.w, q.x, q.y, q.z)),
     ("read as w,x,y,z (the columns are qw,qx,qy,qz)", |q| DQuat::from_xyzw(q.y, q.z, q.w, q.x)),
     ("with the opposite turn (conjugate: negate qx, qy and qz)", |q| q.conjugate()),
 ];
 
-/// A misreading must lower the RMS residual below this fraction, and below this many mm.
+/// A misreading must reduce the RMS residual below this fraction, and below this many mm.
 const MISREAD: (f64, f64) = (0.3, 3.0);
 
-/// Misreading of the quaternions by which a tip that seems to move rests, in words; `None` if none explains it.
+/// Misreading of the quaternions under which a seemingly moving tip rests, in words; `None` if none explains it.
 pub fn misreading(tracker_from_sensor: &[Pose]) -> Option<String> {
     let rms_mm = |poses: &[Pose]| calibrate(poses).map_or(f64::INFINITY, |found| found.rms_mm);
     let limit_mm = MISREAD.1.min(MISREAD.0 * rms_mm(tracker_from_sensor));
@@ -83,7 +83,7 @@ pub fn misreading(tracker_from_sensor: &[Pose]) -> Option<String> {
     Some(format!("the quaternions were likely misread: {what}, the point rests within {rms_mm:.2} mm RMS"))
 }
 
-/// `fault` of poses, with a misreading of their quaternions that explains it.
+/// `fault` of poses, followed by a misreading of their quaternions that explains it.
 pub fn explained(fault: impl fmt::Display, tracker_from_sensor: &[Pose]) -> String {
     misreading(tracker_from_sensor).map_or_else(|| fault.to_string(), |likely| format!("{fault}; {likely}"))
 }
@@ -180,7 +180,8 @@ pub(super) fn rotation_matrix(pose: &Pose) -> Matrix3<f64> {
     DMat3::from_quat(pose.orientation).to_cols_array_2d().into()
 }
 
-/// Rotation from the pose farthest from the first to the pose farthest from that, rad: at least half of the maximum.
+/// Rotation between the pose farthest from the first pose and the pose farthest from that one, rad: at least half of
+/// the maximum.
 pub(super) fn widest_turn(poses: &[Pose]) -> f64 {
     let farthest = |from: &Pose| {
         let angles = poses.iter().map(|p| (angle_between(from.orientation, p.orientation), p));

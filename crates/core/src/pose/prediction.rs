@@ -5,7 +5,7 @@ use glam::DQuat;
 use super::Pose;
 use super::one_euro::Motion;
 
-/// Pose `horizon_s` later at constant velocity.
+/// Pose after `horizon_s` at constant velocity.
 pub(crate) fn predict(motion: &Motion, horizon_s: f64) -> Pose {
     let Motion { pose, velocity_mm_s, angular_velocity_rad_s } = motion;
     Pose {

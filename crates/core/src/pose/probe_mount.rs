@@ -2,10 +2,10 @@
 //!
 //! - The **centre** of the face comes from a [`pivot`](super::pivot) about it in a dimple.
 //! - The **lateral axis** comes from the two ends of the face, each rested in the same dimple: R⁻¹·(pivot − t) is the
-//!   point of the probe that is in the dimple. Or it comes from a straight slide with the marker's side ahead.
-//! - The **beam** comes from a turn of the upright probe about its own long axis a: R·a is one direction b throughout, so
-//!   a is the eigenvector of Σ(R − R̄)ᵀ(R − R̄) with the smallest eigenvalue. Without a turn the arc of a convex face
-//!   gives it: the centre lies ahead of the middle between the ends.
+//!   point of the probe in the dimple. Alternatively it comes from a straight slide with the marker's side ahead.
+//! - The **beam** comes from turning the upright probe about its own long axis a: R·a is constant, so a is the
+//!   eigenvector of Σ(R − R̄)ᵀ(R − R̄) with the smallest eigenvalue. Without a turn, the arc of a convex face gives
+//!   the beam: the centre lies ahead of the middle between the ends.
 //!
 //! The lateral axis is the more certain one; the beam is made perpendicular to it. The probe's marker is at the first
 //! scanline, so the lateral axis points away from it.
@@ -26,7 +26,7 @@ mod tests;
 
 pub use error::MountError;
 
-/// Names of the steps with the ends of the face, for errors.
+/// Names of the steps at the ends of the face, for errors.
 const MARKER_END: &str = "the end of the face at the marker";
 const OTHER_END: &str = "the other end of the face";
 
@@ -36,29 +36,31 @@ const END_RMS_MM: f64 = 3.0;
 /// Accepted distances between the ends of the face, mm.
 const WIDTH_MM: [f64; 2] = [5.0, 150.0];
 
-/// Largest accepted distance of the face's centre from the plane midway between its ends, in widths.
+/// Largest accepted distance of the face's centre from the plane midway between its ends, relative to the face's
+/// width.
 const OFF_CENTRE: f64 = 0.2;
 
-/// Least height of the arc of a face from which its beam is taken, mm.
+/// Smallest height of a face's arc that determines the beam, mm.
 const ARC_MM: f64 = 4.0;
 
-/// Least turn of the upright probe about its axis, degrees.
+/// Smallest turn of the upright probe about its axis, degrees.
 const SPIN_DEG: f64 = 60.0;
 
 /// Largest accepted RMS deviation of the axis while the probe is turned about it, degrees.
 const WOBBLE_DEG: f64 = 8.0;
 
-/// Least cosine of the angle between the axis of the turn and the arc of the face: the probe's long axis, not another.
+/// Smallest cosine of the angle between the axis of the turn and the arc's direction: otherwise the turn was not about
+/// the long axis.
 const LONG_AXIS: f64 = 0.7;
 
-/// Least distance of the face's centre from the sensor along the axis of the turn, mm and as a part of their distance,
-/// that gives the sense of a beam without an arc.
+/// Smallest distance of the face's centre from the sensor along the axis of the turn, mm and relative to their total
+/// distance. It determines the sense of the beam if there is no arc.
 const SENSE: (f64, f64) = (5.0, 0.5);
 
 /// Largest accepted deviation of the angle between beam and lateral axis from 90°, degrees.
 const SQUARE_DEG: f64 = 10.0;
 
-/// Least path of a slide, mm.
+/// Smallest length of a slide, mm.
 const SLIDE_MM: f64 = 30.0;
 
 /// Largest accepted RMS deviation of a slide from a line, as a fraction of its path.
@@ -75,11 +77,11 @@ const LATERAL_DEG: f64 = 25.0;
 pub struct MountSteps<'a> {
     /// The probe tilted to all sides about the centre of its face, which rests in a dimple.
     pub pivot: &'a [Pose],
-    /// The end of the face at the marker, and the other end, rested in the same dimple.
+    /// Poses with the end of the face at the marker, and with the other end, rested in the same dimple.
     pub ends: Option<[&'a [Pose]; 2]>,
-    /// The probe slid straight, sideways, the marker's side ahead.
+    /// Poses of the probe during a straight sideways slide with the marker's side ahead.
     pub slide: Option<&'a [Pose]>,
-    /// The upright probe turned about its own long axis.
+    /// Poses of the upright probe while it turns about its own long axis.
     pub spin: Option<&'a [Pose]>,
 }
 
@@ -103,13 +105,13 @@ pub struct ProbeMount {
     pub position_mm: DVec3,
     /// Turns probe axes into sensor axes, `[qw, qx, qy, qz]`.
     pub quaternion: [f64; 4],
-    /// Fit of the centre.
+    /// Result of the pivot calibration of the centre.
     pub pivot: Pivot,
     /// Distance between the ends of the face, mm; `None` without them.
     pub width_mm: Option<f64>,
     /// Height of the face's arc, mm; `None` without its ends.
     pub arc_mm: Option<f64>,
-    /// Scatter of the lateral axis, degrees: the scatter of the measured points, seen over their distance.
+    /// Scatter of the lateral axis, degrees: scatter of the measured points over their distance.
     pub lateral_scatter_deg: f64,
     /// Source of the beam's direction.
     pub beam_from: BeamSource,
@@ -142,11 +144,11 @@ impl fmt::Display for ProbeMount {
 /// A direction in the sensor's frame and its scatter, degrees.
 type Direction = (DVec3, f64);
 
-/// Centre of the face and ends, in the sensor's frame.
+/// Ends and arc of the face, in the sensor's frame.
 struct Face {
-    /// From the marker's end to the other.
+    /// Vector from the marker's end to the other end.
     across_mm: DVec3,
-    /// From the middle between the ends to the centre, without its part along the face.
+    /// Vector from the middle between the ends to the centre, without its component along the face.
     arc_mm: DVec3,
     /// RMS distance of the ends from their means, mm.
     rms_mm: f64,
@@ -202,8 +204,8 @@ pub fn mount(steps: &MountSteps<'_>) -> Result<ProbeMount, MountError> {
     })
 }
 
-/// Checks ends of the face that were rested in the dimple of `pivot`: the end at the marker, and the other one if it was
-/// recorded.
+/// Checks ends of the face that were rested in the dimple of `pivot`: the end at the marker and, if recorded, the
+/// other end.
 ///
 /// # Errors
 /// An end that was not in the dimple, ends at an impossible distance, or a centre that is not in the middle.
@@ -219,7 +221,7 @@ fn angle_deg(a: DVec3, b: DVec3) -> f64 {
     a.dot(b).clamp(-1.0, 1.0).acos().to_degrees()
 }
 
-/// Angle by which a direction over a distance is uncertain if its ends are by `rms_mm`, degrees.
+/// Angular uncertainty of a direction over a distance whose ends are uncertain by `rms_mm`, degrees.
 fn degrees(rms_mm: f64, over_mm: DVec3) -> f64 {
     rms_mm.atan2(over_mm.length()).to_degrees()
 }
@@ -244,7 +246,8 @@ fn face(ends: [&[Pose]; 2], pivot: &Pivot) -> Result<Face, MountError> {
     Ok(Face { across_mm, arc_mm, rms_mm: marker_rms.max(other_rms) })
 }
 
-/// The point of the probe that rests at `dimple_mm`: its mean in the sensor's frame, and its RMS distance from the mean, mm.
+/// Point of the probe that rests at `dimple_mm`: its mean position in the sensor's frame, and its RMS distance from
+/// that, mm.
 fn end(poses: &[Pose], dimple_mm: DVec3, step: &'static str) -> Result<(DVec3, f64), MountError> {
     if poses.is_empty() {
         return Err(MountError::Empty { step });
@@ -259,7 +262,8 @@ fn end(poses: &[Pose], dimple_mm: DVec3, step: &'static str) -> Result<(DVec3, f
     Ok((mean, rms_mm))
 }
 
-/// Direction of the beam, about which the probe was turned. Its sense is that of the arc, else from the sensor to the face.
+/// Direction of the beam: the axis about which the probe was turned. Its sense follows the arc, or else points from
+/// the sensor to the face.
 fn spin(poses: &[Pose], centre_mm: DVec3, arc: Option<Direction>) -> Result<Direction, MountError> {
     if poses.is_empty() {
         return Err(MountError::Empty { step: "the turn about the probe's axis" });

@@ -8,7 +8,7 @@ use super::{POSITION_LIMIT_MM, Pose};
 /// Longest integration of one rate, s: in a longer gap, the duration of the deflection is unknown.
 const LONGEST_S: f64 = 0.1;
 
-/// Integrates the rates of a puck (a SpaceMouse) along and about the axes of the probe.
+/// Integrator of the rates of a puck (a SpaceMouse) along and about the axes of the probe.
 ///
 /// A rate applies from its report to the next one. A puck at rest sends no reports.
 #[derive(Debug, Clone)]
@@ -77,7 +77,7 @@ mod tests {
                 puck.push(DVec3::X, DVec3::ZERO, dt_s.min(1.0));
             }
             let moved = puck.pose.position_mm - start.position_mm;
-            // The first report moved nothing: its rate applies from then on.
+            // The first report moves nothing: its rate applies from then on.
             let expected = start.orientation * DVec3::X * 40.0;
             assert!(moved.distance(expected) < 1e-9, "{moved}");
         }

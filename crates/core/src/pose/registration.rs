@@ -26,7 +26,7 @@ const SCALE_TOLERANCE: f64 = 1.25;
 /// Ratios of distances that a wrong unit explains, from 0.1 mm to 10 m.
 const UNIT_RATIOS: RangeInclusive<f64> = 1e-4..=1e4;
 
-/// Points have one shape if, brought to one size, they fit with an RMS residual below this fraction of their extent.
+/// Largest RMS residual of two point sets of the same shape, relative to their extent, after scaling to one size.
 const SAME_SHAPE: f64 = 0.1;
 
 /// A mirror image is reported if it fits better by this factor and by this many mm.
@@ -97,7 +97,7 @@ pub enum RegistrationError {
         frame: &'static str,
         /// RMS extent along the line, mm.
         length_mm: f64,
-        /// RMS extent across it, mm.
+        /// RMS extent across the line, mm.
         width_mm: f64,
     },
     /// Distances differ between tracker and scene.
@@ -105,7 +105,7 @@ pub enum RegistrationError {
         "distances between the tracker's points are {ratio:.4} times those between the scene's: is a unit wrong (cm 0.1, inches 0.0394, m 0.001), or are landmarks mixed up?"
     )]
     Scale {
-        /// Distances in the tracker over those in the scene.
+        /// Ratio of distances: tracker over scene.
         ratio: f64,
     },
     /// The singular value decomposition did not converge.
@@ -137,7 +137,7 @@ pub fn register(pairs: &[PointPair]) -> Result<Registration, RegistrationError> 
     let scene_spread = centred.mean(|s, _| s * s.transpose());
     let tracker_spread = centred.mean(|_, t| t * t.transpose());
     let ratio = (tracker_spread.trace() / scene_spread.trace()).sqrt();
-    // Points in a wrong unit lie close together, too.
+    // Points in a wrong unit are close together, too.
     let named = |fault: RegistrationError| match fault {
         RegistrationError::OnePoint { .. } if is_other_unit(pairs, ratio, scene_spread.trace().sqrt()) => {
             RegistrationError::Scale { ratio }
@@ -164,7 +164,8 @@ pub fn register(pairs: &[PointPair]) -> Result<Registration, RegistrationError> 
     Ok(Registration { scene_from_tracker, rms_mm, residuals_mm: pairs.iter().map(residual).collect(), coplanar })
 }
 
-/// Whether the tracker's points have the shape of the scene's, whose RMS extent is given, at `ratio` times the distances.
+/// Whether the tracker's points have the shape of the scene's points, at `ratio` times their distances.
+/// `scene_extent_mm` is the RMS extent of the scene's points.
 fn is_other_unit(pairs: &[PointPair], ratio: f64, scene_extent_mm: f64) -> bool {
     if !UNIT_RATIOS.contains(&ratio) {
         return false;
@@ -184,11 +185,11 @@ pub(crate) fn rms_of_fit(pairs: &[PointPair]) -> Option<f64> {
     Some(centred.rms_mm(rotation))
 }
 
-/// Landmarks about their centroids.
+/// Landmarks relative to their centroids.
 struct Centred {
     scene_mean: DVec3,
     tracker_mean: DVec3,
-    /// In scene and tracker, mm.
+    /// Points in the scene and in the tracker's frame, mm.
     points: Vec<(Vector3<f64>, Vector3<f64>)>,
 }
 
@@ -202,13 +203,13 @@ impl Centred {
         Self { scene_mean, tracker_mean, points: pairs.iter().map(centred).collect() }
     }
 
-    /// Mean of a product over the landmarks, in scene and tracker.
+    /// Mean over the landmarks of a product of the points in scene and tracker.
     fn mean(&self, product: impl Fn(Vector3<f64>, Vector3<f64>) -> Matrix3<f64>) -> Matrix3<f64> {
         let sum = self.points.iter().fold(Matrix3::<f64>::zeros(), |sum, &(s, t)| sum + product(s, t));
         sum / self.points.len() as f64
     }
 
-    /// Best rotation of the tracker's points into the scene, and best mirror image; `None` if there is no fit.
+    /// Best rotation from the tracker's points to the scene's, and best mirrored one; `None` if there is no fit.
     fn rotations(&self) -> Option<[Matrix3<f64>; 2]> {
         let covariance = self.mean(|s, t| s * t.transpose());
         if !covariance.iter().all(|value| value.is_finite()) {
@@ -222,7 +223,7 @@ impl Centred {
         Some([orthogonal(handedness), orthogonal(-handedness)])
     }
 
-    /// RMS distance of the scene's points from the tracker's ones after `rotation`, mm.
+    /// RMS distance between the scene's points and the rotated points of the tracker, mm.
     fn rms_mm(&self, rotation: Matrix3<f64>) -> f64 {
         let squares: f64 = self.points.iter().map(|&(s, t)| (s - rotation * t).norm_squared()).sum();
         (squares / self.points.len() as f64).sqrt()
@@ -349,13 +350,13 @@ mod tests {
         let line = pairs(|p| p).into_iter().map(|p| PointPair { scene_mm: DVec3::X * p.scene_mm.x, ..p });
         assert!(refusal(&line.collect::<Vec<_>>()).starts_with("the scene's landmarks lie on one line"));
         assert!(refusal(&pairs(|_| DVec3::ONE)).starts_with("the tracker's landmarks lie within 0.00 mm"));
-        // A wrong unit is named before the small spread that it makes, on either side.
+        // A wrong unit is reported rather than the small spread that it causes, on either side.
         assert!(refusal(&pairs(|p| p / 25.4)).contains("are 0.0394 times"));
         let metres = refusal(&pairs(|p| 1e-3 * p));
         assert!(metres.contains("are 0.0010 times") && metres.contains("m 0.001"), "{metres}");
         let scene = pairs(|p| p).into_iter().map(|p| PointPair { scene_mm: 1e-3 * p.scene_mm, ..p });
         assert!(refusal(&scene.collect::<Vec<_>>()).contains("are 1000.0000 times"));
-        // One place touched again and again is no unit.
+        // One position touched repeatedly is not a wrong unit.
         let shaken = pairs(|p| DVec3::new(0.1 * (7.0 * p.x).sin(), 0.1 * (5.0 * p.y).cos(), 0.1 * (3.0 * p.z).sin()));
         assert!(refusal(&shaken).starts_with("the tracker's landmarks lie within"), "{}", refusal(&shaken));
         assert!(refusal(&pairs(|p| p * 0.1)).contains("are 0.1000 times"));

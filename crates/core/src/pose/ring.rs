@@ -39,7 +39,7 @@ impl PoseRing {
         self.poses.iter_mut().for_each(|p| p.host_time_ns = p.host_time_ns.saturating_sub(by_ns));
     }
 
-    /// Pose at a time up to the newest, by [`interpolate`]; before the oldest, the oldest pose. `None` after the newest
+    /// Pose at a time up to the newest, by [`interpolate`]; the oldest pose before its time. `None` after the newest
     /// and in an empty history.
     pub(crate) fn at(&mut self, host_time_ns: u64) -> Option<Pose> {
         let poses: &[TimedPose] = self.poses.make_contiguous();

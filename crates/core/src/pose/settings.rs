@@ -10,6 +10,6 @@ pub struct Settings {
     pub filter: FilterSettings,
     /// Calibration of tracker, sensor and probe.
     pub calibration: Calibration,
-    /// `scene_from_probe` at which a puck starts. Its position is used for devices that measure only orientation.
+    /// Initial `scene_from_probe` of a puck. Devices that measure only orientation use its position.
     pub initial_pose: Pose,
 }

@@ -1,12 +1,12 @@
-//! Speed of the probe, and the classes of it that errors are known for.
+//! Speed of the probe, and the speed classes for which errors are known.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::{Pose, angle_between};
 
-/// Lower limits of slow and of fast motion, mm/s and degrees/s; either makes the class. At 14 frames/s and 15 cm depth, a
-/// probe at rest keeps all nine angles of a rolling picture, and a fast one keeps one.
+/// Lower limits of slow and of fast motion, mm/s and degrees/s; exceeding either is enough. At 14 frames/s and 15 cm
+/// depth, a probe at rest keeps all nine angles of a rolling picture, and a fast one keeps one.
 pub const LIMITS: [Speed; 2] = [Speed { mm_s: 3.0, deg_s: 1.5 }, Speed { mm_s: 15.0, deg_s: 6.0 }];
 
 /// Speed of the probe.
@@ -19,19 +19,19 @@ pub struct Speed {
 }
 
 impl Speed {
-    /// Speed of these velocities.
+    /// Speed from these velocities.
     pub(super) fn of(velocity_mm_s: DVec3, angular_velocity_rad_s: DVec3) -> Self {
         Self { mm_s: velocity_mm_s.length(), deg_s: angular_velocity_rad_s.length().to_degrees() }
     }
 
-    /// Mean speed of the straight way between two poses.
+    /// Mean speed of straight motion between two poses.
     pub fn between(from: &Pose, to: &Pose, time_s: f64) -> Self {
         let over = 1.0 / time_s.max(1e-9);
         let deg = angle_between(from.orientation, to.orientation).to_degrees();
         Self { mm_s: over * from.position_mm.distance(to.position_mm), deg_s: over * deg }
     }
 
-    /// Its class, with the limits multiplied by `part`.
+    /// Class of this speed, with the limits multiplied by `part`.
     pub fn class(&self, part: f64) -> ProbeSpeed {
         let reaches = |limit: &Speed| self.mm_s >= part * limit.mm_s || self.deg_s >= part * limit.deg_s;
         match LIMITS.each_ref().map(reaches) {
@@ -50,7 +50,7 @@ pub enum ProbeSpeed {
     AtRest,
     /// Adjusting a plane.
     Slow,
-    /// On the way to another place.
+    /// Moving to another position.
     Fast,
 }
 
@@ -81,7 +81,7 @@ pub struct BySpeed {
 }
 
 impl BySpeed {
-    /// One value for all speeds.
+    /// The same value for all speeds.
     pub const fn all(value: f64) -> Self {
         Self { at_rest: value, slow: value, fast: value }
     }
@@ -100,13 +100,13 @@ impl BySpeed {
         }
     }
 
-    /// Values of a function of the class; `None` if it has none for one of them.
+    /// Values of a function of the class; `None` if the function has none for a class.
     pub fn from_classes(of: impl Fn(ProbeSpeed) -> Option<f64>) -> Option<Self> {
         let [at_rest, slow, fast] = ProbeSpeed::ALL.map(of);
         Some(Self { at_rest: at_rest?, slow: slow?, fast: fast? })
     }
 
-    /// All values, each times `factor`.
+    /// All values multiplied by `factor`.
     pub fn times(&self, factor: f64) -> Self {
         Self::new(ProbeSpeed::ALL.map(|speed| factor * self.at(speed)))
     }

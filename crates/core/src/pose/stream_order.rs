@@ -1,14 +1,14 @@
-//! Order of a device's measurements, by its own counter and clock.
+//! Order of a device's measurements by the device's counter and clock.
 
 use super::Measurement;
 
-/// Largest step back, counts, of a late measurement; a larger one means that the device restarted.
+/// Largest backward step of a late measurement, counts; a larger step means that the device restarted.
 const LATE_COUNTS: u32 = 64;
 
-/// The same limit for a device with only a clock, µs.
+/// Largest backward step of a late measurement for a device with only a clock, µs.
 const LATE_US: u64 = 1_000_000;
 
-/// Largest step forward that counts as a gap, counts; a larger one means that the device restarted.
+/// Largest forward step that counts as a gap, counts; a larger step means that the device restarted.
 const GAP_LIMIT_COUNTS: u32 = 100_000;
 
 /// Consecutive late measurements, ascending among themselves, that prove a restart of the device.
@@ -20,7 +20,7 @@ const CLOCK_PERIODS_US: [u64; 2] = [1 << 32, 1000 << 32];
 /// Largest time step across an accepted wrap, µs.
 const WRAP_REACH_US: u64 = 10_000_000;
 
-/// Place of a measurement in its stream.
+/// Position of a measurement in its stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
     /// After all others.
@@ -43,7 +43,7 @@ pub enum Place {
     Late,
 }
 
-/// Orders one device's measurements.
+/// Sorter of one device's measurements.
 #[derive(Debug, Clone, Default)]
 pub struct StreamOrder {
     last: Option<Stamp>,
@@ -56,7 +56,7 @@ struct Stamp {
     sequence: Option<u32>,
     /// Counts since the first measurement, without wraps.
     counts: u64,
-    /// Clock as received, µs.
+    /// Clock value as received, µs.
     clock_us: Option<u64>,
     /// Correction for the clock's wraps, µs.
     wrapped_us: u64,
@@ -68,7 +68,7 @@ impl Stamp {
         Self { sequence, counts: sequence.map_or(0, u64::from), clock_us, wrapped_us: 0 }
     }
 
-    /// Clock if there is one, else the counter: the clock is correct at any rate.
+    /// Clock value if there is one, else the counter: the clock is correct at any measurement rate.
     fn ticks(&self) -> Option<u64> {
         match self.clock_us {
             Some(us) => us.checked_add(self.wrapped_us),
@@ -86,7 +86,7 @@ enum Step {
 }
 
 impl StreamOrder {
-    /// Places the next measurement received.
+    /// Position in the stream of the next measurement received.
     pub fn push(&mut self, measurement: &Measurement) -> Place {
         let mut stamp = Stamp::first(measurement);
         let Some(last) = self.last else {

@@ -1,4 +1,4 @@
-//! Detection of stuck sensors: a working sensor has noise, so exactly equal readings for long mean that it hangs.
+//! Detection of stuck sensors: a working sensor has noise, so readings that stay exactly equal mean that it hangs.
 
 use super::Reading;
 

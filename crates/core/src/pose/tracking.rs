@@ -11,7 +11,7 @@ pub enum TrackingState {
     Stuck,
     /// No recent measurement: the picture no longer follows the probe.
     Stale,
-    /// No measurement yet, or none for so long that no picture is shown.
+    /// No measurement yet, or none for so long that the display shows no picture.
     #[default]
     Lost,
 }
@@ -31,8 +31,8 @@ impl TrackingState {
     }
 }
 
-/// Consecutive measurements without a gap after which a pose is good again: single ones may flicker at the edge of
-/// the view.
+/// Consecutive measurements without a gap after which a pose is good again: at the edge of the field of view, single
+/// measurements may flicker.
 const GOOD_RUN: u32 = 3;
 
 /// Derives the state from the age of the last measurement.
@@ -56,7 +56,7 @@ impl TrackingClock {
         Self { held_ns, stale_ns, lost_ns, last_ns: None, run: 0, resting: false }
     }
 
-    /// Records that a measurement of `time_ns` was used. If `resting`, the device is silent until it moves.
+    /// Records a used measurement of `time_ns`. If `resting`, the device stays silent until it moves.
     pub(crate) fn seen(&mut self, time_ns: u64, resting: bool) {
         let gap = self.last_ns.is_none_or(|last| time_ns.saturating_sub(last) > self.held_ns);
         self.run = match (resting || self.resting, gap) {

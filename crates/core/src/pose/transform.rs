@@ -10,7 +10,7 @@ impl Pose {
     /// Identity transform.
     pub const IDENTITY: Self = Self { position_mm: DVec3::ZERO, orientation: DQuat::IDENTITY };
 
-    /// `b_from_a` of this `a_from_b`.
+    /// Inverse: `b_from_a` of this `a_from_b`.
     pub fn inverse(&self) -> Self {
         let orientation = self.orientation.conjugate();
         Self { position_mm: -(orientation * self.position_mm), orientation }
@@ -20,7 +20,7 @@ impl Pose {
 impl Mul for Pose {
     type Output = Self;
 
-    /// `a_from_c` of `a_from_b * b_from_c`.
+    /// Composition `a_from_c` of `a_from_b * b_from_c`.
     fn mul(self, b_from_c: Self) -> Self {
         Self {
             position_mm: self.transform_point(b_from_c.position_mm),

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::stored_word;
 
-/// Standard deviation of the Gaussian weights over the width of the aperture.
+/// Standard deviation of the Gaussian weights, relative to the width of the aperture.
 const GAUSSIAN_SIGMA: f64 = 0.3;
 
 /// Weights of an aperture's elements, on transmission and reception.

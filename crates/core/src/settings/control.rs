@@ -1,15 +1,15 @@
-//! Controls: requests of watchers to a running session.
+//! Controls: requests by watchers to a running session.
 
 use serde::{Deserialize, Serialize};
 
 use super::{LiveSettings, Mark, Setting, SettingsError, SettingsGroup as _, live_settings};
 
-/// A request of a watcher.
+/// A request by a watcher.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Control {
     /// Changes settings, all at once.
     Set(Vec<Assignment>),
-    /// Puts a mark on a picture, or replaces the one with its identifier. The mark is checked already.
+    /// Puts a mark on a picture, or replaces the mark with the same identifier. The mark is already checked.
     Mark(Box<Mark>),
     /// Removes marks by their identifiers.
     Unmark(Vec<String>),
@@ -23,7 +23,7 @@ pub enum Control {
 pub struct Assignment {
     /// Key without its table.
     pub key: String,
-    /// Index in a list, from 0.
+    /// Index in a list, from 0; 0 for single values.
     #[serde(default)]
     pub index: usize,
     /// Value; 0 or 1 for a switch.
@@ -36,10 +36,10 @@ impl Assignment {
         Self { key: key.to_owned(), index: 0, value }
     }
 
-    /// The setting.
+    /// Setting that is assigned.
     ///
     /// # Errors
-    /// No live setting of that key; an index or a value out of range.
+    /// No live setting with that key; an index or a value out of range.
     pub fn check(&self) -> Result<&'static Setting, SettingsError> {
         let found = live_settings().find(|setting| setting.key == self.key).ok_or_else(|| SettingsError::NotLive {
             key: self.key.clone(),
@@ -72,10 +72,10 @@ impl Control {
 }
 
 impl LiveSettings {
-    /// These settings with `assignments`.
+    /// These settings after `assignments`.
     ///
     /// # Errors
-    /// The first error of [`Assignment::check`]; nothing is assigned then.
+    /// The first error of [`Assignment::check`]; then nothing is assigned.
     pub fn with(mut self, assignments: &[Assignment]) -> Result<Self, SettingsError> {
         for assignment in assignments {
             let setting = assignment.check()?;

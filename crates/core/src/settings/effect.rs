@@ -67,7 +67,7 @@ effects! {
 }
 
 impl Effect {
-    /// Effects of a body in air and of a scanner's receiver; specimens have them only on request.
+    /// Effects of a body in air and of a scanner's receiver; scenes of specimens have them only on request.
     pub const OF_BODIES: [Self; 4] = [Self::Contact, Self::Texture, Self::Clutter, Self::Noise];
 
     /// Documentation: one sentence.
@@ -180,12 +180,12 @@ impl EffectChoices {
 pub struct EffectSet(u32);
 
 impl EffectSet {
-    /// Whether `effect` is in it.
+    /// Whether the set has `effect`.
     pub const fn has(self, effect: Effect) -> bool {
         self.0 >> effect as u32 & 1 == 1
     }
 
-    /// This set and `effect`.
+    /// This set with `effect`.
     #[must_use]
     pub const fn and(self, effect: Effect) -> Self {
         Self(self.0 | 1 << effect as u32)
@@ -197,7 +197,7 @@ impl EffectSet {
         Self(self.0 & !(1 << effect as u32))
     }
 
-    /// The effects in it, in their order.
+    /// Effects of the set, in the order of [`Effect::ALL`].
     pub fn iter(self) -> impl Iterator<Item = Effect> {
         Effect::ALL.into_iter().filter(move |&effect| self.has(effect))
     }

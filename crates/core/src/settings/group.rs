@@ -4,12 +4,12 @@ use super::{Change, Setting, SettingsError, Stored};
 
 /// A struct of settings.
 pub trait SettingsGroup {
-    /// The group's own settings, without those of nested groups.
+    /// Settings of the group itself, without nested groups.
     fn settings() -> &'static [Setting]
     where
         Self: Sized;
 
-    /// The group's own setting with this key.
+    /// Setting of the group itself with this key.
     fn setting(key: &str) -> Option<&'static Setting>
     where
         Self: Sized,
@@ -29,13 +29,13 @@ pub trait SettingsGroup {
     /// The first value outside its range, NaN included.
     fn validate(&self) -> Result<(), SettingsError>;
 
-    /// Work that a change from these values to `other`'s needs.
+    /// Work that is needed for a change from these values to those of `other`.
     fn change_to(&self, other: &Self) -> Change
     where
         Self: Sized;
 }
 
-/// Checks the values of a group's own settings.
+/// Checks the values of a group's own settings, without nested groups.
 ///
 /// # Errors
 /// The first value outside its range.

@@ -1,4 +1,4 @@
-//! Keys of the live displays. Keys of a single setting are defined with the setting.
+//! Keys of the live displays. The keys of a single setting are defined with the setting.
 
 use std::sync::LazyLock;
 
@@ -16,7 +16,7 @@ pub enum Action {
     Step {
         /// Key of the setting.
         setting: &'static str,
-        /// Added to the value.
+        /// Step that is added to the value.
         by: f64,
         /// Limit of the value; serialized as null if infinite.
         until: f64,
@@ -30,7 +30,7 @@ pub enum Action {
         /// Elevational layers.
         layers: u32,
     },
-    /// Sets what a preset says, by its name.
+    /// Sets all values of a preset, by its name.
     Preset(&'static str),
     /// Full screen or not.
     FullScreen,
@@ -38,11 +38,11 @@ pub enum Action {
     Help,
     /// Ends the session.
     Quit,
-    /// Action of the page alone, by its name in `app.js`.
+    /// Action of the page only, by its name in `app.js`.
     Page(&'static str),
 }
 
-/// Displays that a key works on.
+/// Displays on which a key works.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Display {
     /// The page.
@@ -75,7 +75,7 @@ impl HotKey {
     }
 }
 
-/// A quality with its own key and button.
+/// A quality that has its own key and button.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct QualityPointKey {
     /// Name on the button.
@@ -111,7 +111,7 @@ fn key(keys: &[&'static str], shown: &'static str, meaning: &'static str, action
     HotKey { keys: keys.to_vec(), shown, meaning, action }
 }
 
-/// All keys, those of settings first.
+/// All keys, the keys of settings first.
 pub fn hot_keys() -> &'static [HotKey] {
     static HOT_KEYS: LazyLock<Vec<HotKey>> = LazyLock::new(|| {
         let of_settings = live_settings().filter_map(|setting| Some((setting, setting.control.as_ref()?)));
@@ -155,15 +155,15 @@ fn of_step(setting: &Setting, step: &StepKey) -> HotKey {
     key(&[step.key], step.shown, step.meaning, action)
 }
 
-/// The action of a key on a display, by its name in any case.
+/// Action of a key on a display; the key's name may have any case.
 pub fn hot_key(display: Display, name: &str) -> Option<Action> {
     let found = hot_keys().iter().find(|hot| hot.keys.iter().any(|key| key.eq_ignore_ascii_case(name)));
     found.filter(|hot| hot.works_on(display)).map(|hot| hot.action)
 }
 
 impl Action {
-    /// Assignments of the action, starting from `settings`; empty if it changes no setting. Values are clamped to their
-    /// ranges.
+    /// Assignments of the action to the settings `settings`; empty if it changes no setting. Values are clamped to
+    /// their ranges.
     pub fn assignments(self, settings: &LiveSettings) -> Vec<Assignment> {
         match self {
             Self::Step { setting: key, by, until } => {

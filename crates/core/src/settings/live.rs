@@ -22,12 +22,12 @@ settings! {
 }
 
 impl LiveSettings {
-    /// Whether frames of one pose are the same with these settings and with `other`.
+    /// Whether frames of one pose are equal with these settings and with `other`.
     pub fn same_picture(&self, other: &Self) -> bool {
         (&self.probe, &self.render) == (&other.probe, &other.render)
     }
 
-    /// Captions of the live settings that have one, such as `Depth 15.0 cm`, then rays × layers.
+    /// Captions of the live settings that have one, for example `Depth 15.0 cm`, then rays × layers.
     pub fn captions(&self) -> Vec<String> {
         let of_settings = live_settings().filter_map(|setting| {
             let control = setting.control.as_ref().filter(|control| !control.caption.is_empty())?;
@@ -44,7 +44,7 @@ impl LiveSettings {
     }
 }
 
-/// Settings that can be changed while a session runs, in display order. Their keys are unique without the table.
+/// Settings that can be changed while a session runs, in display order. Their keys without the table are unique.
 pub fn live_settings() -> impl Iterator<Item = &'static Setting> {
     let groups = [
         ImageSettings::settings(),

@@ -7,17 +7,17 @@ use serde::Serialize;
 /// Control of a live setting.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LiveControl {
-    /// Name beside the control.
+    /// Name next to the control.
     pub label: &'static str,
-    /// Name in the caption under the picture; empty: not shown there.
+    /// Name in the caption under the picture; empty if the caption doesn't show it.
     pub caption: &'static str,
     /// Slider; none for a switch, or if buttons and keys set the value.
     pub slider: Option<Slider>,
-    /// Unit shown; none: the setting's.
+    /// Unit shown; none if it is the setting's unit.
     pub unit: Option<&'static str>,
-    /// Factor from the setting's value to the shown number.
+    /// Factor from the setting's value to the number shown.
     pub scale: f64,
-    /// Decimals shown.
+    /// Number of decimals shown.
     pub digits: usize,
     /// Keys.
     pub keys: Vec<StepKey>,
@@ -26,7 +26,7 @@ pub struct LiveControl {
 /// Slider of the page.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Slider {
-    /// Section of the page that holds it: the `id` of an element of `index.html`.
+    /// Section of the page with the slider: the `id` of an element of `index.html`.
     pub section: &'static str,
     /// Value at the left end.
     pub min: f64,
@@ -45,7 +45,7 @@ pub struct StepKey {
     pub shown: &'static str,
     /// Meaning in lists.
     pub meaning: &'static str,
-    /// Added to the value.
+    /// Step that is added to the value.
     pub by: f64,
     /// Limit of the value.
     pub until: f64,
@@ -55,7 +55,7 @@ const fn control(label: &'static str, caption: &'static str, slider: Option<Slid
     LiveControl { label, caption, slider, unit: None, scale: 1.0, digits: 0, keys: Vec::new() }
 }
 
-/// A slider in a section of the page, with its ends and step.
+/// A slider in a section of the page, with its ends and its step.
 pub(super) const fn slider(
     label: &'static str,
     section: &'static str,
@@ -75,13 +75,13 @@ pub(super) const fn toggle(label: &'static str) -> LiveControl {
     control(label, "", None)
 }
 
-/// A value that buttons and keys set.
+/// A value that only buttons and keys set.
 pub(super) const fn hidden(label: &'static str) -> LiveControl {
     control(label, "", None)
 }
 
 impl LiveControl {
-    /// Changes the name in the caption; empty: not shown there.
+    /// Changes the name in the caption; empty hides it there.
     pub(super) fn caption(self, caption: &'static str) -> Self {
         Self { caption, ..self }
     }

@@ -1,4 +1,4 @@
-//! Look: what a scanner does to the picture.
+//! Post-processing ("look"): what a scanner does to the picture before display.
 
 use serde::Serialize;
 
@@ -84,15 +84,15 @@ settings! {
 }
 
 impl LookSettings {
-    /// Number of independent pictures in the mean of all angles: 1, plus the span over the angle at which the focus sees the
-    /// aperture of `probe` (Trahey, Smith and von Ramm, IEEE Trans UFFC 33:257, 1986).
+    /// Number of independent pictures in the mean over all angles: 1, plus the span over the angle that the aperture
+    /// of `probe` subtends at the focus (Trahey, Smith and von Ramm, IEEE Trans UFFC 33:257, 1986).
     pub fn independent_angles(&self, probe: &Probe) -> f64 {
         let aperture_deg = 2.0 * (0.5 * probe.aperture_mm / probe.focus_mm).atan().to_degrees();
         let angles = self.angles_of(probe.kind);
         if angles == 1 { 1.0 } else { (1.0 + self.span_deg / aperture_deg).min(f64::from(angles)) }
     }
 
-    /// Number of steering angles with a probe of that kind: odd.
+    /// Number of steering angles for this kind of probe: odd.
     pub fn angles_of(&self, kind: ProbeKind) -> u32 {
         if kind.steers() { self.odd_angles() } else { 1 }
     }
@@ -103,16 +103,16 @@ impl LookSettings {
     }
 }
 
-/// Looks by name: values of several settings at once.
+/// Named presets of the post-processing: values of several settings at once.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LookPreset {
     /// The lines as they are: one angle, no filter, a linear map.
     #[default]
     Raw,
-    /// Calm pictures for finding one's way: three angles, some persistence and smoothing.
+    /// Calm pictures for orientation: three angles, some persistence and smoothing.
     Survey,
-    /// Fine structures at rest: seven angles, edges enhanced.
+    /// Fine structures of a resting probe: seven angles, edges enhanced.
     Detail,
 }
 

@@ -1,7 +1,7 @@
-//! Marks of a watcher on a picture: measurements, texts and body marks.
+//! Marks by a watcher on a picture: measurements, texts and body marks.
 //!
-//! Points are (x, z) in the probe frame, mm: x to the right from the image's middle line, z down from the centre of the
-//! probe's face.
+//! Points are (x, z) in the probe frame, mm: x to the right from the image's middle line, z down from the centre of
+//! the probe's face.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -52,21 +52,21 @@ pub enum MarkContent {
     Ellipse {
         /// Name of the measure, for example `HC`; may be empty.
         measure: String,
-        /// Ends of one axis, then of the other.
+        /// Both ends of the first axis, then of the second.
         points_mm: [[f64; 2]; 4],
     },
     /// Angle between two lines.
     Angle {
         /// Name of the measure; may be empty.
         measure: String,
-        /// End of one line, corner, end of the other line.
+        /// End of the first line, corner, end of the second line.
         points_mm: [[f64; 2]; 3],
     },
     /// Text.
     Text {
         /// Text.
         text: String,
-        /// Position of its left end.
+        /// Position of the text's left end.
         at_mm: [f64; 2],
     },
     /// Outline of a body with the probe on it.
@@ -81,7 +81,7 @@ pub enum MarkContent {
 /// Faults of a mark.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum MarkError {
-    /// An identifier of the wrong form.
+    /// An identifier in an invalid form.
     #[error("a mark's id is `{found}`; it must be 1 to {ID_CHARS_MAX} letters, digits and `-`")]
     Id {
         /// Identifier, without control characters.
@@ -119,13 +119,13 @@ pub enum MarkError {
 }
 
 impl Mark {
-    /// The same mark with cleaned texts.
+    /// The mark with cleaned texts.
     ///
     /// # Errors
     /// An identifier, a number or a text outside its limits.
     pub fn checked(self) -> Result<Self, MarkError> {
         check_id(&self.id)?;
-        // A session of a year.
+        // One year of session.
         check("sampled_ms", self.sampled_ms, 3.2e10)?;
         self.pose.iter().flatten().try_for_each(|&x| check("pose", x, 1e6))?;
         Ok(Self { content: self.content.checked()?, ..self })
@@ -133,7 +133,7 @@ impl Mark {
 }
 
 impl MarkContent {
-    /// The same content with cleaned texts.
+    /// The content with cleaned texts.
     ///
     /// # Errors
     /// A number or a text outside its limits.
@@ -184,7 +184,7 @@ impl MarkContent {
 /// Checks the form of an identifier.
 ///
 /// # Errors
-/// Another form.
+/// An invalid form.
 pub fn check_id(id: &str) -> Result<(), MarkError> {
     let letters = id.chars().all(|c| c.is_ascii_alphanumeric() || c == '-');
     if letters && (1..=ID_CHARS_MAX).contains(&id.len()) {
@@ -196,7 +196,7 @@ pub fn check_id(id: &str) -> Result<(), MarkError> {
 /// Checks the identifiers of marks to remove.
 ///
 /// # Errors
-/// Too many, or one of another form.
+/// Too many identifiers, or an invalid one.
 pub fn check_removed(ids: &[String]) -> Result<(), MarkError> {
     if ids.len() > REMOVED_MAX {
         return Err(MarkError::Many { found: ids.len() });

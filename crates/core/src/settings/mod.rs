@@ -1,9 +1,9 @@
-//! Every setting of probe, image, quality, effects and live session, each defined once.
+//! All settings of probe, image, quality, effects and live session, each defined once.
 //!
-//! A block of `settings!` in `probe.rs`, `image.rs`, `quality.rs`, `scene.rs`, `tracker.rs`, … holds a setting's key,
-//! type, default, unit, range, documentation, the work that a change needs, and its control on live displays. Derived
-//! from it: station keys and their checks, `insonify station-keys`, the page's controls, hot keys, live controls,
-//! recorded settings and their replay, and the parts that a renderer rebuilds.
+//! A block of `settings!` in `probe.rs`, `image.rs`, `quality.rs`, `scene.rs`, `tracker.rs`, … defines a setting: its
+//! key, type, default, unit, range, documentation, the work that a change needs, and its control on live displays.
+//! Everything else is derived from these blocks: station keys and their checks, `insonify station-keys`, the page's
+//! controls, hot keys, live controls, recorded settings and their replay, and the parts that a renderer rebuilds.
 
 mod apodization;
 mod backend;

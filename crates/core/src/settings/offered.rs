@@ -1,11 +1,11 @@
-//! Values that displays offer for live settings: those of sliders, switches, buttons and presets.
+//! Values that displays offer for live settings: by sliders, switches, buttons and presets.
 
 use super::{Assignment, Kind, LiveSettings, QUALITY_POINTS, SettingsError, SettingsGroup as _, exams, looks};
 
-/// Keys of the values that the quality's buttons set together.
+/// Keys of the values that the quality buttons set together.
 const QUALITY_KEYS: [&str; 2] = ["rays", "layers"];
 
-/// Checks that a display offers `assignments`. A slider also reaches the values of the settings `shown` so far.
+/// Checks that a display offers `assignments`. A slider also reaches the values in the settings `shown` so far.
 ///
 /// # Errors
 /// The first error of [`Assignment::check`]; a value within its range that no control of a display sets.
@@ -29,7 +29,7 @@ pub fn check_offered(assignments: &[Assignment], shown: &[LiveSettings]) -> Resu
     Err(SettingsError::NotOffered { key: "quality.rays x quality.layers", value, offered: points.join(", ") })
 }
 
-/// Checks one value; rays and layers against their ranges only.
+/// Checks one value; rays and layers only against their ranges.
 fn check_value(assignment: &Assignment, shown: &[LiveSettings]) -> Result<(), SettingsError> {
     let setting = assignment.check()?;
     let &Assignment { ref key, index, value } = assignment;
@@ -72,7 +72,7 @@ mod tests {
         }
         let begin = LiveSettings::default();
         for hot in hot_keys().iter().filter(|hot| hot.works_on(Display::Page)) {
-            // The page keeps steps within its sliders.
+            // The page limits steps to the range of its sliders.
             if !matches!(hot.action, Action::Step { .. }) {
                 check_offered(&hot.action.assignments(&begin), &[]).unwrap();
             }

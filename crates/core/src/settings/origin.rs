@@ -11,8 +11,8 @@ const HOST_BYTES_MAX: usize = 253;
 
 /// Scheme, host and port of a page's address, for example `https://station.local:9000`.
 ///
-/// Hosts have lower case and hold only letters, digits, `-`, `.`, `_`, and for IPv6 `[`, `]` and `:`. An origin can be
-/// printed as it is.
+/// Hosts are in lower case and have only letters, digits, `-`, `.`, `_`, and for IPv6 `[`, `]` and `:`. An origin can
+/// be printed as it is.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Origin {
     is_https: bool,
@@ -51,12 +51,12 @@ impl Origin {
         self.is_https
     }
 
-    /// Name or address in lower case; an IPv6 address has its brackets.
+    /// Host name or address in lower case; an IPv6 address is in brackets.
     pub fn host(&self) -> &str {
         &self.host
     }
 
-    /// Port, the scheme's default included.
+    /// Port; the scheme's default if the address states none.
     pub fn port(&self) -> u16 {
         self.port
     }
@@ -84,7 +84,7 @@ impl FromStr for Origin {
             "https" => true,
             _ => return Err(NotAnOrigin),
         };
-        // Browsers show the root's slash.
+        // Browsers show the slash of the root.
         Self::new(is_https, authority.strip_suffix('/').unwrap_or(authority)).ok_or(NotAnOrigin)
     }
 }

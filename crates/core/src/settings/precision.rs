@@ -11,15 +11,15 @@ use super::stored_word;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Precision {
-    /// On the processor int8, if the model has it and the processor has instructions for its sums of products; on a GPU
-    /// float16; else float32.
+    /// int8 on the processor, if the model has it and the processor has instructions for its dot products; float16 on
+    /// a GPU; otherwise float32.
     #[default]
     Auto,
     /// The model as it was trained.
     Float32,
-    /// Weights and values of 8 bits; an error if the model has none.
+    /// 8-bit weights and values; an error if the model has none.
     Int8,
-    /// The model as it was trained, computed by a GPU with significands of 11 bits: float16 by TensorRT, TF32 by CUDA.
+    /// The model as trained, computed by a GPU with 11-bit significands: float16 with TensorRT, TF32 with CUDA.
     Float16,
 }
 

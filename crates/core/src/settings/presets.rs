@@ -17,11 +17,11 @@ pub struct Preset {
     pub key: &'static str,
     /// Meaning in lists, printable ASCII.
     pub meaning: &'static str,
-    /// Values that are set together.
+    /// Values that the preset sets.
     pub values: Vec<Assignment>,
 }
 
-/// Presets of the look: every setting of `[look]`.
+/// Presets of the post-processing: every setting of `[look]`.
 pub fn looks() -> &'static [Preset] {
     static LOOKS: LazyLock<Vec<Preset>> = LazyLock::new(|| {
         let of = |look: LookPreset, label, key, meaning| Preset {
@@ -40,7 +40,7 @@ pub fn looks() -> &'static [Preset] {
     &LOOKS
 }
 
-/// Presets by exam: depth, focus, contrast, TGC and look.
+/// Presets by exam: depth, focus, contrast, TGC and post-processing.
 pub fn exams() -> &'static [Preset] {
     static EXAMS: LazyLock<Vec<Preset>> = LazyLock::new(|| {
         let deep = [-4.0, 4.0, 12.0, 12.0, 8.0, 0.0, -8.0, -14.0];
@@ -77,12 +77,13 @@ pub fn exams() -> &'static [Preset] {
     &EXAMS
 }
 
-/// The preset of that name.
+/// Preset with that name.
 pub fn preset(name: &str) -> Option<&'static Preset> {
     looks().iter().chain(exams()).find(|preset| preset.name == name)
 }
 
-/// An exam by its key and meaning, its depth and focus (mm), dynamic range (dB), slope of the TGC (dB/cm), TGC sliders (dB) and look.
+/// An exam from its key and meaning, depth and focus (mm), dynamic range (dB), TGC slope (dB/cm), TGC sliders (dB) and
+/// look.
 fn exam(
     name: &'static str,
     label: &'static str,

@@ -44,7 +44,8 @@ settings! {
 }
 
 impl ProbeKind {
-    /// Whether its scanlines can be steered for spatial compounding: those of a phased array leave one point.
+    /// Whether the scanlines can be steered for spatial compounding. Those of a phased array leave one point, so they
+    /// can't.
     pub fn steers(&self) -> bool {
         !matches!(self, Self::Phased { .. })
     }
@@ -90,7 +91,7 @@ impl SettingsGroup for ProbeKind {
 }
 
 settings! {
-    /// A probe. Defaults are the paper's: convex, 40 mm, 70°, 8 MHz, 150 mm, 256 scanlines of 3072 samples.
+    /// A probe. The defaults are those of the paper: convex, 40 mm, 70°, 8 MHz, 150 mm, 256 scanlines of 3072 samples.
     #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
     pub struct Probe in "probe" {
         /// Centre frequency.
@@ -104,7 +105,7 @@ settings! {
             slider("Depth", "image", 30.0..=240.0, 5.0)
                 .shown("cm", 0.1, 1)
                 .key("PageDown", "Page down", "deeper", 10.0)
-                // No shallower than a depth scale can show.
+                // No shallower than the depth scale can show.
                 .key_until("PageUp", "Page up", "shallower", -10.0, 10.0);
 
         /// Scanlines.

@@ -14,9 +14,9 @@ pub enum Provider {
     /// The processor.
     #[default]
     Cpu,
-    /// An NVIDIA GPU by CUDA; needs ONNX Runtime's GPU library.
+    /// An NVIDIA GPU with CUDA; needs ONNX Runtime's GPU library.
     Cuda,
-    /// An NVIDIA GPU by TensorRT, unsupported parts by CUDA; needs ONNX Runtime's GPU library and TensorRT 10.
+    /// An NVIDIA GPU with TensorRT, and CUDA for unsupported parts; needs ONNX Runtime's GPU library and TensorRT 10.
     TensorRt,
 }
 
@@ -24,8 +24,8 @@ crate::names::named!(Provider { Cpu = "cpu", Cuda = "cuda", TensorRt = "tensorrt
 stored_word!(Provider);
 
 impl Provider {
-    /// Whether a run can be stopped midway. ONNX Runtime checks between the nodes of a model; TensorRT turns the whole
-    /// model into one node.
+    /// Whether a run can be stopped midway. ONNX Runtime can stop between the nodes of a model; TensorRT turns the
+    /// whole model into one node.
     pub fn can_stop(self) -> bool {
         self != Self::TensorRt
     }

@@ -5,11 +5,11 @@ use serde::Serialize;
 use super::live_control::hidden;
 use super::{ContactSettings, EffectChoices, ImageSettings, LookSettings, ReceiverSettings, settings};
 
-/// Greatest value of `quality.reflections_max`.
+/// Largest value of `quality.reflections_max`.
 pub(crate) const REFLECTIONS_MAX: u32 = 6;
-/// Most taps of the lateral kernel in its pass; odd.
+/// Most taps of the lateral kernel in the pass that applies it; odd.
 pub const BEAM_TAPS_MAX: u32 = 129;
-/// Most taps of the pulse in its pass; odd.
+/// Most taps of the pulse in the pass that applies it; odd.
 pub const PULSE_TAPS_MAX: u32 = 257;
 
 settings! {
@@ -33,7 +33,7 @@ impl Quality {
     /// High quality: 32 rays × 3 layers.
     pub const HQ: Self = Self { rays: 32, layers: 3, seed: 0 };
 
-    /// Short name in captions and tables, whatever the seed: `LQ`, `HQ`, or both numbers as `8x1`.
+    /// Short name in captions and tables, independent of the seed: `LQ`, `HQ`, or rays × layers such as `8x1`.
     pub fn name(&self) -> String {
         match (Self { seed: 0, ..*self }) {
             Self::LQ => "LQ".to_owned(),

@@ -1,14 +1,14 @@
-//! Live settings as JSON: in recordings, and on the wire.
+//! Live settings as JSON, in recordings and network messages.
 
 use serde_json::{Map, Value};
 
 use super::{LiveSettings, SettingsGroup as _, live_settings};
 
-/// Keys in recordings of earlier builds, and their names today.
+/// Keys in recordings of earlier builds, and their current names.
 const RENAMED: [(&str, &str); 1] = [("enhance", "generator")];
 
 impl LiveSettings {
-    /// Values of all live settings by their keys without table.
+    /// Values of all live settings, by their keys without the table.
     pub fn to_json(&self) -> Map<String, Value> {
         let values = live_settings().filter_map(|setting| {
             let stored = self.stored(setting.key)?;
@@ -17,7 +17,7 @@ impl LiveSettings {
         values.collect()
     }
 
-    /// Sets a live setting, also by its key in recordings of earlier builds; None if there is no such setting.
+    /// Sets a live setting, accepting its key in recordings of earlier builds; `None` if there is no such setting.
     ///
     /// # Errors
     /// A value of another type. Its range is not checked.
@@ -27,7 +27,7 @@ impl LiveSettings {
         Some(setting.read_json(value, self.stored_mut(key)?))
     }
 
-    /// Values of all live settings in their order; switches are 0 or 1.
+    /// Values of all live settings in their order; a switch is 0 or 1.
     pub fn values(&self) -> impl Iterator<Item = f64> {
         live_settings().flat_map(|setting| {
             let stored = self.stored(setting.key);

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{settings, stored_word};
 
-/// Range of triangles of the phantom over those of the full one.
+/// Range of the number of triangles of the phantom relative to the full phantom.
 pub const SCALE_RANGE: std::ops::RangeInclusive<f64> = 0.01..=20.0;
 /// Range of gestational ages, completed weeks.
 pub const WEEKS_RANGE: std::ops::RangeInclusive<f64> = 16.0..=34.0;

@@ -1,4 +1,4 @@
-//! One setting: its key, unit, range, default, documentation, and what a change of it needs.
+//! One setting: key, unit, range, default, documentation, and work that a change needs.
 
 use serde_json::{Value, json};
 use thiserror::Error;
@@ -18,17 +18,17 @@ pub struct Setting {
     pub unit: &'static str,
     /// Type of the value.
     pub kind: Kind,
-    /// Least value; in a list, of each element.
+    /// Smallest value; in a list, of each element.
     pub min: f64,
-    /// Greatest value; in a list, of each element.
+    /// Largest value; in a list, of each element.
     pub max: f64,
     /// Default; in a list, of each element.
     pub default: f64,
     /// Documentation: one sentence.
     pub doc: &'static str,
-    /// Work that a change needs.
+    /// Work that is needed after a change.
     pub change: Change,
-    /// Control on the live displays; none if it is fixed while a session runs.
+    /// Control on the live displays; none if the setting is fixed while a session runs.
     pub control: Option<LiveControl>,
 }
 
@@ -47,10 +47,10 @@ pub enum Kind {
     Word(&'static [&'static str]),
 }
 
-/// Work that a change of a setting needs before the next frame, from the least to the most.
+/// Work that is needed before the next frame after a change of a setting, in ascending order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Change {
-    /// None: the value is a uniform of each frame.
+    /// No work: the value is a uniform of each frame.
     Nothing,
     /// Tables are computed again: beam, pulse, depths.
     Tables,
@@ -81,7 +81,7 @@ pub enum SettingsError {
         /// Value found.
         value: f64,
     },
-    /// An element that the setting does not have.
+    /// An index beyond the elements of the setting.
     #[error("{key}[{index}] does not exist; its elements are 0..={last}")]
     Element {
         /// Key with its table.
@@ -101,7 +101,7 @@ pub enum SettingsError {
         /// Values or range offered.
         offered: String,
     },
-    /// A key that is no setting of a live session.
+    /// A key that is not a live setting's.
     #[error("`{key}` is no live setting; they are {known}")]
     NotLive {
         /// Key found.
@@ -133,7 +133,7 @@ impl Setting {
         }
     }
 
-    /// Whether frames depend on it: true for all settings except the switches of a session.
+    /// Whether frames depend on the setting: true for all settings except the switches of a session.
     pub fn is_of_picture(&self) -> bool {
         self.table != "session"
     }
@@ -160,7 +160,7 @@ impl Setting {
         format!("{}..={}", self.min, self.max)
     }
 
-    /// Documentation and range in a line.
+    /// Documentation and range in one line.
     pub fn described(&self) -> String {
         format!("{}, {}", self.doc.trim_end_matches('.'), self.range())
     }

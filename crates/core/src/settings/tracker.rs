@@ -5,7 +5,7 @@ use super::{settings, stored_word};
 /// Report value of a SpaceMouse at full deflection.
 pub const PUCK_RANGE: f64 = 350.0;
 
-/// Format of an NDI device's replies.
+/// Format in which an NDI device replies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ReplyFormat {
     /// `BX`: binary.
@@ -17,13 +17,13 @@ pub enum ReplyFormat {
 
 crate::names::named!(ReplyFormat { Binary = "BX", Text = "TX" });
 
-/// Whether a recording begins anew at its end.
+/// Whether playback of a recording restarts at its end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Repeat {
-    /// It ends the session.
+    /// The session ends with the recording.
     #[default]
     No,
-    /// It begins anew.
+    /// Playback restarts from the beginning.
     Yes,
 }
 

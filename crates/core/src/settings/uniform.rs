@@ -1,8 +1,8 @@
-//! Settings as uniforms: words of 32 bits, and the WGSL functions that read them.
+//! Settings as uniforms: 32-bit words, and the WGSL functions that read them.
 
 use super::{Kind, Setting};
 
-/// A stored type as words of 32 bits.
+/// A stored type that converts to 32-bit words.
 pub trait Uniform {
     /// One word, or an array of words.
     type Words: bytemuck::Pod;
@@ -46,7 +46,7 @@ where
     }
 }
 
-/// WGSL functions that read the settings of a group from `words`, an array of vectors of four.
+/// WGSL functions that read the settings of a group from `words`, an array of four-component vectors.
 ///
 /// A function's name is `prefix` followed by the setting's key, such as `image_gain_db()`. Functions of lists take an
 /// index.

@@ -1,4 +1,4 @@
-//! Aberration by the tissue before a probe.
+//! Aberration by the tissue in front of a probe.
 
 use super::Probe;
 use crate::anatomy::Scene;
@@ -7,12 +7,13 @@ use crate::pose::Pose;
 
 /// Width of the apertures over which delays are compared, mm.
 const APERTURE_MM: f64 = 30.0;
-/// Depths at which delays are taken, mm: in a wall, below most walls, below all of them.
+/// Depths to which delays are accumulated, mm: in a wall, below most walls, below all walls.
 const DEPTHS_MM: [f64; 3] = [20.0, 40.0, 60.0];
 /// Number of apertures along the face.
 const BEAMS: u32 = 9;
 
-/// Aberration of nine beams of `probe` at `pose` (scene_from_probe), by depth; depths that no beam reaches are left out.
+/// Aberration of nine beams of `probe` at `pose` (scene_from_probe), for each depth. Depths that no beam reaches are
+/// left out.
 pub fn aberration(scene: &Scene, probe: &Probe, pose: &Pose) -> Vec<Summary> {
     let caster = Caster::of(scene);
     let fraction = |i: u32| (f64::from(i) + 0.5) / f64::from(BEAMS);

@@ -8,32 +8,33 @@ use crate::anatomy::Skin;
 use crate::pose::Pose;
 use crate::settings::ContactSettings;
 
-/// Loss of an amplitude, one way, in a gap of e mm beyond the film of gel: e²/(1 + e) times this, nepers. The first half
-/// millimetre is the meniscus.
+/// One-way amplitude loss in a gap of e mm beyond the film of gel: e²/(1 + e) times this constant, nepers. The first
+/// half millimetre is the meniscus.
 pub const GAP_NP_MM: f64 = 4.0;
-/// Gap beyond the film from which nothing is coupled, mm: 28 nepers.
+/// Gap beyond the film from which nothing is coupled, mm; the loss there is 28 nepers.
 pub const GAP_MAX_MM: f64 = 8.0;
 
-/// Places on the face where contact is measured.
+/// Number of positions on the face at which contact is measured.
 const PLACES: u32 = 33;
 
 /// Contact of a probe's face with the skin.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Contact {
-    /// Part of the face that is coupled to the body, 0..=1: mean amplitude, out and back, over its places.
+    /// Coupled fraction of the face, 0..=1: mean two-way amplitude over its positions.
     pub part: f64,
-    /// Depth of the face's centre below the skin along the probe's axis, mm; negative for a gap. None if the skin is more
-    /// than 30 mm away. As tracked, before [`shift_mm`](Self::shift_mm).
+    /// Depth of the face's centre below the skin along the probe's axis, mm; negative for a gap. None if the skin is
+    /// more than 30 mm away. It refers to the tracked pose, before [`shift_mm`](Self::shift_mm).
     pub press_mm: Option<f64>,
-    /// Distance by which the pose was moved along the probe's axis, mm into the body: the tolerance at work.
+    /// Distance by which the pose was moved along the probe's axis because of the tolerance, mm; positive into the
+    /// body.
     pub shift_mm: f64,
-    /// Impossible placement of the probe, as tracked; none for one that a hand can reach.
+    /// Impossible placement of the tracked probe; none if a hand can hold it there.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub misplaced: Option<Misplacement>,
 }
 
 impl Contact {
-    /// Whether any of the face sends into the body.
+    /// Whether any part of the face is coupled to the body.
     pub fn coupled(&self) -> bool {
         self.part > 0.0
     }
@@ -41,8 +42,8 @@ impl Contact {
 
 /// Contact of `probe` at `pose` with `skin`, and the pose to render from.
 ///
-/// A probe that hovers or is sunk by up to `contact.tolerance_mm` is put on the skin, along its own axis. Beyond that, its
-/// pose is moved by the tolerance, so that it never jumps.
+/// A probe that hovers over the skin, or is sunk into it, by up to `contact.tolerance_mm` is put on the skin, along
+/// its own axis. Beyond that, its pose is moved by the tolerance, so that it never jumps.
 pub fn touch(skin: &Skin, probe: &Probe, pose: &Pose, contact: &ContactSettings) -> (Pose, Contact) {
     let press_mm = skin.press_mm(pose);
     let tolerance_mm = contact.tolerance_mm;
@@ -54,19 +55,19 @@ pub fn touch(skin: &Skin, probe: &Probe, pose: &Pose, contact: &ContactSettings)
     (placed, Contact { part: coupled / f64::from(PLACES), press_mm, shift_mm, misplaced: misplacement(skin, pose) })
 }
 
-/// Coupling of a place on the face, at a fraction of its width: amplitude, out and back.
+/// Two-way amplitude coupling of a position on the face, at a fraction of its width.
 fn coupling_at(skin: &Skin, probe: &Probe, pose: &Pose, fraction: f64, gel_mm: f64) -> f64 {
     let (origin_mm, direction) = probe.ray(probe.lateral_coordinate(fraction));
     let there = Pose {
         position_mm: pose.transform_point(origin_mm),
         orientation: pose.orientation * glam::DQuat::from_rotation_arc(glam::DVec3::Z, direction),
     };
-    // Depth of the skin below the apex of the face: skin yields to the face's own curvature.
+    // Depth of the skin below the apex of the face: skin yields to the curvature of the face.
     let skin_mm = skin.press_mm(&there).map(|press_mm| origin_mm.z - press_mm * direction.z);
     skin_mm.map_or(0.0, |skin_mm| coupling(skin_mm - gel_mm).powi(2))
 }
 
-/// Amplitude, one way, that a gap of `gap_mm` beyond the film of gel passes, 0..=1.
+/// One-way amplitude that a gap of `gap_mm` beyond the film of gel passes, 0..=1.
 pub fn coupling(gap_mm: f64) -> f64 {
     let gap_mm = gap_mm.max(0.0);
     if gap_mm >= GAP_MAX_MM { 0.0 } else { (-GAP_NP_MM * gap_mm * gap_mm / (1.0 + gap_mm)).exp() }
@@ -108,7 +109,7 @@ mod tests {
     #[test]
     fn a_tilted_probe_touches_with_one_side() {
         let contact = touch(&skin(), &Probe::default(), &at(0.0, 15.0), &ContactSettings::default()).1;
-        // The apex plane rises by sin 15° a mm: the film reaches 11.6 mm beyond the middle of a face 46 mm wide.
+        // The apex plane rises by sin 15° per mm: the film reaches 11.6 mm beyond the middle of a face 46 mm wide.
         assert!((0.65..0.85).contains(&contact.part), "{}", contact.part);
     }
 

@@ -10,7 +10,7 @@ use crate::pose::Pose;
 /// Length of the housing, mm.
 const HOUSING_MM: f64 = 45.0;
 
-/// Housing of `probe` in the scene, and a bead on the side that is the image's left. Lengths in mm.
+/// Meshes in the scene, mm: the housing of `probe`, and a bead on the side that is the image's left.
 pub fn housing(probe: &Probe, scene_from_probe: &Pose) -> [Mesh; 2] {
     const STEPS: u32 = 24;
     let half_height = 0.5 * probe.elevational_height_mm + 2.0;

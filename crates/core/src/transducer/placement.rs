@@ -1,7 +1,7 @@
-//! Probes where no hand can hold one: deep in the body, or looking out of it.
+//! Probe placements that are impossible for a hand: deep in the body, or looking out of it.
 //!
-//! Such poses come from a wrong unit, a wrong order of the quaternion's components, or a missing calibration. The picture
-//! looks like that of a coupled probe, so the user is told.
+//! Such poses come from a wrong unit, a wrong order of the quaternion's components, or a missing calibration. The
+//! picture looks like one of a coupled probe, so the user is told.
 
 use std::fmt;
 use std::time::Duration;
@@ -12,26 +12,26 @@ use serde::Serialize;
 use crate::anatomy::Skin;
 use crate::pose::Pose;
 
-/// Largest depth of the face below the skin, mm (assumed): a hand presses by less.
+/// Largest depth of the face below the skin, mm (assumed): a hand presses less deep.
 pub const DEPTH_MAX_MM: f64 = 25.0;
 
-/// Shortest time of a misplacement that is told: a probe may be turned in the air for a moment.
+/// Shortest duration of a misplacement that is reported: a probe may be turned in the air for a moment.
 pub const MISPLACED_FOR: Duration = Duration::from_secs(2);
 
-/// Distance before the face, mm, at which a probe that looks into the body has body before it.
+/// Distance in front of the face, mm, at which a probe that looks into the body has body.
 const AHEAD_MM: f64 = 15.0;
 
 /// Impossible placement of a probe.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Misplacement {
-    /// What is impossible.
+    /// Kind of impossibility.
     #[serde(flatten)]
     pub fault: Fault,
     /// Likely cause; none if no usual mistake explains it.
     pub likely: Option<Cause>,
 }
 
-/// What is impossible about a placement.
+/// Kind of impossible placement.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(tag = "fault", rename_all = "snake_case")]
 pub enum Fault {
@@ -44,7 +44,7 @@ pub enum Fault {
     LooksOut,
 }
 
-/// Usual mistake that explains a misplacement: undone, the probe is on the skin and looks into the body.
+/// Usual mistake that explains a misplacement: without it, the probe is on the skin and looks into the body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Cause {
@@ -63,11 +63,11 @@ pub enum Cause {
 /// Good poses of a probe that has never touched the skin.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Untouched {
-    /// Time of good poses, s.
+    /// Total time with good poses, s.
     pub good_s: f64,
-    /// Distance of the face's centre from the skin at their end, mm; none if nothing tells it.
+    /// Last distance of the face's centre from the skin, mm; none if it is unknown.
     pub away_mm: Option<f64>,
-    /// Diagonal of the box around all positions, mm.
+    /// Diagonal of the bounding box of all positions, mm.
     pub extent_mm: f64,
 }
 
@@ -75,7 +75,7 @@ impl Cause {
     const ALL: [Self; 5] =
         [Self::Metres, Self::Centimetres, Self::ScalarLast, Self::ScalarFirst, Self::MetresScalarLast];
 
-    /// `pose` without the mistake.
+    /// `pose` with the mistake corrected.
     fn undone(self, pose: &Pose) -> Pose {
         let scaled = |factor: f64| pose.position_mm * factor;
         let DQuat { x, y, z, w } = pose.orientation;
@@ -91,7 +91,7 @@ impl Cause {
     }
 }
 
-/// Impossible placement of a probe's face at `pose`; `None` for one that a hand can reach, on the skin or in the air.
+/// Impossible placement of a probe's face at `pose`; `None` if a hand can hold it there, on the skin or in the air.
 pub fn misplacement(skin: &Skin, pose: &Pose) -> Option<Misplacement> {
     let fault = fault(skin, pose)?;
     let likely = Cause::ALL.into_iter().find(|cause| {
@@ -107,7 +107,7 @@ fn fault(skin: &Skin, pose: &Pose) -> Option<Fault> {
     let into_body = pose.orientation * DVec3::Z;
     let handle_mm = face_mm - DEPTH_MAX_MM * into_body;
     let body = skin.body();
-    // Nearly all poses end here.
+    // Nearly all poses return here.
     body.way_out_mm(handle_mm, -into_body)?;
     let depth_mm = |from_mm: DVec3| body.depth_mm(from_mm, pose.orientation);
     depth_mm(handle_mm)?;
@@ -198,7 +198,7 @@ mod tests {
         Skin::of_scene(&analytic::scene(parts, &TissueTable::builtin().unwrap(), "gel").unwrap()).unwrap()
     }
 
-    /// Looks along −z into the body, tilted by some degrees.
+    /// A pose that looks along −z into the body, tilted by some degrees.
     fn held(z_mm: f64, tilt_deg: f64) -> Pose {
         let (sin, cos) = tilt_deg.to_radians().sin_cos();
         Pose::looking(DVec3::new(3.0, 58.0, z_mm), DVec3::new(sin, 0.0, -cos), DVec3::X)
@@ -235,7 +235,7 @@ mod tests {
     fn another_order_of_the_quaternion_looks_out_of_the_body() {
         let pose = held(79.0, 12.0);
         let DQuat { x, y, z, w } = pose.orientation;
-        // What a sender's x, y, z, w means to a reader of w, x, y, z.
+        // A quaternion sent as x, y, z, w but read as w, x, y, z.
         let mixed = Pose { orientation: DQuat::from_xyzw(y, z, w, x), ..pose };
         assert_eq!(likely(mixed), (Fault::LooksOut, Some(Cause::ScalarLast)));
         let both = Pose { position_mm: pose.position_mm / 1e3, ..mixed };

@@ -7,7 +7,7 @@ use crate::acoustics::{self, pulse, slide};
 use crate::settings::{Probe, ProbeKind};
 
 impl Probe {
-    /// Depth between two samples, mm at 1540 m/s. Sample j is centred at depth (j + ½)·spacing.
+    /// Depth between two samples, mm, at 1540 m/s. Sample j is centred at depth (j + ½)·spacing.
     pub fn sample_spacing_mm(&self) -> f64 {
         self.depth_mm / f64::from(self.samples)
     }
@@ -58,11 +58,11 @@ impl Probe {
     /// Standard deviation of the axial pulse-echo envelope, mm.
     pub fn axial_sigma_mm(&self) -> f64 {
         let fundamental_mm = pulse::axial_sigma_mm(self.frequency_mhz, self.fractional_bandwidth);
-        // The square of a Gaussian pulse is shorter by √2; half of the variance is that of reception.
+        // The square of a Gaussian pulse is shorter by √2; half of the variance is due to reception.
         if self.harmonics { 0.75_f64.sqrt() * fundamental_mm } else { fundamental_mm }
     }
 
-    /// The beam across scanlines: a fixed transmit focus and a dynamic receive focus.
+    /// The beam in the scan plane: a fixed transmit focus and a dynamic receive focus.
     pub fn lateral_beam(&self) -> Beam {
         Beam {
             frequency_mhz: self.frequency_mhz,
@@ -75,7 +75,7 @@ impl Probe {
         }
     }
 
-    /// The beam across the slice: a lens, focused at one depth on both ways.
+    /// The beam across the slice: a lens with one focus for transmission and reception.
     pub fn elevational_beam(&self) -> Beam {
         Beam {
             aperture_mm: self.elevational_height_mm,
@@ -85,16 +85,17 @@ impl Probe {
         }
     }
 
-    /// Standard deviation of the Gaussian as wide as the two-way lateral beam at −6 dB, at `depth_mm`, mm.
+    /// Standard deviation, mm, of the Gaussian with the same −6 dB width as the two-way lateral beam at `depth_mm`.
     ///
-    /// Sums over the aperture: about 0.1 ms.
+    /// Sums over the aperture take about 0.1 ms.
     pub fn lateral_sigma_mm(&self, depth_mm: f64) -> f64 {
         self.lateral_beam().width_mm(depth_mm) / pulse::FWHM_PER_SIGMA
     }
 
-    /// Standard deviation of the Gaussian as wide as the two-way elevational beam at −6 dB, at `depth_mm`, mm.
+    /// Standard deviation, mm, of the Gaussian with the same −6 dB width as the two-way elevational beam at
+    /// `depth_mm`.
     ///
-    /// Sums over the lens: about 0.1 ms.
+    /// Sums over the lens take about 0.1 ms.
     pub fn elevational_sigma_mm(&self, depth_mm: f64) -> f64 {
         self.elevational_beam().width_mm(depth_mm) / pulse::FWHM_PER_SIGMA
     }
@@ -108,23 +109,23 @@ impl Probe {
         }
     }
 
-    /// Frequency of reception, MHz.
+    /// Receive frequency, MHz.
     pub(crate) fn returning_mhz(&self) -> f64 {
         if self.harmonics { 2.0 * self.frequency_mhz } else { self.frequency_mhz }
     }
 
-    /// Loss out and back of a tissue that loses `db_cm_mhz` at 1 MHz, rising with a power of the frequency; dB per mm.
+    /// Two-way loss, dB per mm, of a tissue that loses `db_cm_mhz` at 1 MHz; `exponent` is the power of the frequency.
     ///
-    /// A harmonic is made on the way by the square of the transmitted pressure, which loses twice as much as the pressure
-    /// (quasi-linear plane waves: Hamilton and Blackstock, Nonlinear Acoustics, 1998, chapter 4).
+    /// A harmonic is generated on the way by the square of the transmitted pressure, which loses twice as much as the
+    /// pressure (quasi-linear plane waves: Hamilton and Blackstock, Nonlinear Acoustics, 1998, chapter 4).
     pub fn two_way_loss_db_mm(&self, db_cm_mhz: f64, exponent: f64) -> f64 {
         let at = |frequency_mhz| acoustics::attenuation::attenuation_db_mm(db_cm_mhz, exponent, frequency_mhz);
         let out = if self.harmonics { 2.0 * at(self.frequency_mhz) } else { at(self.frequency_mhz) };
         out + at(self.returning_mhz())
     }
 
-    /// Turns of baseband phase per mm of depth: 2f/c₀ of the frequency of reception. An echo at depth z carries
-    /// e^(−i2π·turns·z).
+    /// Turns of baseband phase per mm of depth: 2f/c₀ at the receive frequency. An echo at depth z has the phase
+    /// factor e^(−i2π·turns·z).
     pub fn phase_turns_per_mm(&self) -> f64 {
         2.0 / acoustics::wavelength_mm(self.returning_mhz())
     }

@@ -1,4 +1,4 @@
-//! Place of a probe's scanlines in a picture.
+//! Positions of a probe's scanlines in a picture.
 
 use glam::DVec2;
 
@@ -11,17 +11,17 @@ pub struct ScanGeometry {
     pub kind: ProbeKind,
     /// Depth of the picture from the face, mm.
     pub depth_mm: f64,
-    /// Place of the sector in the picture.
+    /// Position of the sector in the picture.
     pub sector: Sector,
 }
 
 impl ScanGeometry {
-    /// The geometry of `probe`'s pictures of `width` × `height` pixels.
+    /// Geometry of pictures of `probe` with `width` × `height` pixels.
     pub fn fit(probe: &Probe, width: u32, height: u32) -> Self {
         Self::new(probe, Sector::fit(probe, width, height))
     }
 
-    /// The geometry of `probe`'s pictures, with its sector at `sector`.
+    /// Geometry of pictures of `probe` with its sector at `sector`.
     pub fn new(probe: &Probe, sector: Sector) -> Self {
         Self { kind: probe.kind, depth_mm: probe.depth_mm, sector }
     }
@@ -30,8 +30,8 @@ impl ScanGeometry {
         Probe { kind: self.kind, depth_mm: self.depth_mm, ..Probe::default() }
     }
 
-    /// Fractional pixel (column, row) of a point at `fraction` (0..=1) of the lateral extent and `depth_mm` from the face;
-    /// the first pixel's centre is (0, 0).
+    /// Fractional pixel (column, row) of a point at `fraction` (0..=1) of the lateral extent and `depth_mm` from the
+    /// face. The first pixel's centre is (0, 0).
     pub fn pixel_at(&self, fraction: f64, depth_mm: f64) -> DVec2 {
         let probe = self.probe();
         let (origin, direction) = probe.ray(probe.lateral_coordinate(fraction));

@@ -38,20 +38,20 @@ impl Sector {
         (point_mm - self.corner_mm) / self.pixel_mm
     }
 
-    /// [`Sector::polar`] of a probe whose scanlines are steered by an angle, radians, positive towards +x. Not for phased
-    /// arrays. `None` where no steered scanline leads.
+    /// [`Sector::polar`] for a probe whose scanlines are steered by an angle, radians, positive towards +x. Not for
+    /// phased arrays. `None` at points that no steered scanline reaches.
     pub fn polar_steered(probe: &Probe, point_mm: DVec2, steer_rad: f64) -> Option<(f64, f64)> {
         let [fraction, depth_mm] = Self::steered(probe, point_mm, steer_rad);
         let inside = (0.0..1.0).contains(&fraction) && (0.0..probe.depth_mm).contains(&depth_mm);
         inside.then_some((fraction, depth_mm))
     }
 
-    /// As [`Sector::polar_steered`], for any point: its fraction and depth may lie outside the sector.
+    /// [`Sector::polar_steered`] for any point; its fraction and depth may lie outside the sector.
     pub fn steered(probe: &Probe, point_mm: DVec2, steer_rad: f64) -> [f64; 2] {
         let (sin, cos) = steer_rad.sin_cos();
         let (lateral, depth) = match probe.face_radius_mm() {
             Some(radius) => {
-                // The triangle of the apex, the place on the face and the point.
+                // Triangle of the apex, the position on the face and the point.
                 let from_apex = point_mm + DVec2::new(0.0, radius);
                 let distance = from_apex.length();
                 let at_point = (radius * sin / distance).clamp(-1.0, 1.0).asin();

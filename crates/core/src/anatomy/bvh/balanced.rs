@@ -16,7 +16,8 @@ use crate::anatomy::Bounds;
 const JITTER: f32 = 1e-4;
 
 /// Builds a tree over the triangles' centroids, randomly displaced to separate coincident ones, then fits the nodes to
-/// the triangles themselves. It is slower to trace than the usual tree, but at most about log₂ of their number deep.
+/// the triangles themselves. It is slower to trace than the usual tree. Its depth is at most about log₂ of the number
+/// of triangles.
 pub(super) fn build(triangles: &[Triangle]) -> CwBvh {
     let middle = |t: &Triangle| (t.v0 + t.v1 + t.v2) / 3.0;
     let bounds = triangles.iter().map(middle).fold(Aabb::empty(), |mut all, point| *all.extend(point));

@@ -1,8 +1,8 @@
-//! A compressed wide BVH (Ylitie et al., HPG 2017) over a scene's triangles, laid out for the GPU.
+//! Compressed wide BVH (Ylitie et al., HPG 2017) over a scene's triangles, laid out for the GPU.
 //!
-//! Built by obvhs. A node is 80 bytes, read as five `vec4<u32>`:
-//! `[p.x, p.y, p.z, e.x | e.y<<8 | e.z<<16 | imask<<24]`, `[child base, triangle base, meta 0..3, meta 4..7]`,
-//! `[min_x 0..7, max_x 0..7]`, the same for y, the same for z.
+//! The crate obvhs builds it. A node has 80 bytes, read as five `vec4<u32>`: `[p.x, p.y, p.z, e.x | e.y<<8 | e.z<<16 |
+//! imask<<24]`, `[child base, triangle base, meta 0..3, meta 4..7]`, `[min_x 0..7, max_x 0..7]`, the same for y, the
+//! same for z.
 
 mod balanced;
 mod motion_tables;
@@ -24,11 +24,11 @@ use super::{Bounds, Scene};
 pub use motion_tables::{MotionTables, Moved};
 use moving::Moving;
 
-/// Entries of the traversal stack in the shaders; a node pushes at most one.
+/// Size of the traversal stack in the shaders; a node pushes at most one entry.
 pub const STACK_DEPTH_MAX: usize = 32;
 
-/// Tolerance of a triangle's edges, relative to its longest edge, per mm of distance. It makes rays through a shared
-/// edge hit at least one of its triangles despite rounding.
+/// Tolerance of a triangle's edges, relative to its longest edge, per mm of distance. Despite rounding, a ray through
+/// a shared edge then hits at least one of its triangles.
 pub const EDGE_TOLERANCE_PER_MM: f32 = 2.0e-7;
 
 /// A triangle in leaf order, 48 bytes.
@@ -173,7 +173,7 @@ impl Bvh {
         self.moving.as_ref().map_or(&[], |moving| moving.displacements.as_slice())
     }
 
-    /// True if the scene has any motion.
+    /// Whether the scene has any motion.
     pub fn moves(&self) -> bool {
         self.moving.is_some() || self.drift.is_some()
     }
@@ -181,7 +181,7 @@ impl Bvh {
     /// Moves all triangles to their positions at `time_s`; [`Bvh::changed`] then lists the modified ranges.
     pub fn set_time_s(&mut self, time_s: f64) {
         if let Some(moving) = &mut self.moving {
-            // Within the threads, so that each of the parallel parts does not have to enter them.
+            // Runs within the thread pool, so that the parallel parts need not enter it one by one.
             let (nodes, triangles) = (&mut self.nodes, &mut self.triangles);
             rayon::scope(|_| moving.set_time_s(time_s, self.centre_mm, nodes, triangles));
         }
@@ -199,12 +199,12 @@ impl Bvh {
         fields.map(|field| field.amounts(time_s)).collect()
     }
 
-    /// Tables of what moves; none for scenes without moving parts.
+    /// Motion tables for a device; `None` for scenes without moving parts.
     pub fn motion_tables(&self) -> Option<MotionTables> {
         self.moving.as_ref().map(|moving| MotionTables::new(moving, self.centre_mm, &self.nodes))
     }
 
-    /// What moved by the last change of time; none for scenes without moving parts.
+    /// Parts moved by the last change of time; `None` for scenes without moving parts.
     pub fn moved(&self) -> Option<Moved> {
         self.moving.as_ref().map(|moving| Moved {
             amounts: moving.amounts.clone(),

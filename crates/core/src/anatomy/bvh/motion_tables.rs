@@ -8,30 +8,30 @@ use super::moving::Moving;
 use super::{PackedTriangle, refit};
 use crate::anatomy::motion::Shape;
 
-/// Moving vertices, their triangles and the nodes above them. Positions are relative to the tree's centre, mm. A bit set of
-/// fields has bit i for the scene's i-th field.
+/// Moving vertices, their triangles and the nodes above them. Positions are relative to the tree's centre, mm. In a
+/// bit set of fields, bit i stands for the scene's i-th field.
 #[derive(Debug, Clone)]
 pub struct MotionTables {
     /// Fields of the scene.
     pub shapes: Vec<Shape>,
-    /// Origin of the positions in the scene, mm.
+    /// Scene position of the tables' origin, mm.
     pub centre_mm: DVec3,
     /// Rest position of each vertex as bits of floats, and the bit set of its fields.
     pub vertices: Vec<[u32; 4]>,
-    /// Vertices of each moving triangle in leaf order, and the bit set of its tree's fields.
+    /// Vertices of each moving triangle in leaf order, and the bit set of the fields of its tree.
     pub corners: Vec<[u32; 4]>,
-    /// Index of the first moving triangle; the others follow it.
+    /// Index of the first moving triangle; all other moving triangles follow it.
     pub first_triangle: u32,
-    /// Nodes to refit, the lowest level first, each with the bit set of its tree's fields. The root is the last.
+    /// Nodes to refit, the lowest level first, each with the bit set of the fields of its tree. The root is the last.
     pub nodes: Vec<[u32; 2]>,
-    /// Range of each level in `nodes`. Nodes of a level have moving children in lower ones only.
+    /// Range of each level in `nodes`. Moving children of a node are in lower levels only.
     pub levels: Vec<Range<u32>>,
     /// Minimum and maximum corners of all nodes `[x, y, z, 0]`; zero except for roots of trees.
     pub extents: Vec<[[f32; 4]; 2]>,
 }
 
 impl MotionTables {
-    /// Tables of the trees in `nodes`; the first of them joins the others.
+    /// Tables of the trees in `nodes`; the first node joins all trees.
     pub(super) fn new(moving: &Moving, centre_mm: DVec3, nodes: &[[u32; 20]]) -> Self {
         let vertex = |v: &super::moving::Vertex| {
             let [x, y, z] = v.rest.to_array().map(f32::to_bits);

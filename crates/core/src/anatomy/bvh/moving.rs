@@ -12,15 +12,15 @@ use super::{Changed, PackedTriangle, local};
 use crate::anatomy::motion::Motion;
 use crate::anatomy::{Bounds, Scene};
 
-/// Least vertices, triangles or nodes of a parallel task.
+/// Smallest number of vertices, triangles or nodes in a parallel task.
 const TOGETHER: usize = 512;
 
-/// Triangles that share a tree: the static ones, or those with the same first field.
+/// Triangles that share a tree: all static ones, or all with the same first field.
 #[derive(Debug)]
 pub(super) struct Group {
     /// Indices of the triangles, counted through all surfaces.
     pub(super) triangles: Vec<u32>,
-    /// Bit set of all fields that move any of them.
+    /// Bit set of all fields that move any of these triangles.
     pub(super) fields: u32,
 }
 
@@ -29,9 +29,9 @@ pub(super) struct Group {
 pub(super) struct Vertex {
     /// Rest position, scene frame, mm.
     rest_mm: Vec3,
-    /// Bit set of the fields that move it.
+    /// Bit set of the fields that move the vertex.
     pub(super) fields: u32,
-    /// Rest position and present position relative to the tree's centre, mm.
+    /// Rest position and current position, both relative to the tree's centre, mm.
     pub(super) rest: Vec3,
     pub(super) now: Vec3,
 }
@@ -40,11 +40,11 @@ pub(super) struct Vertex {
 #[derive(Debug, Clone)]
 pub(super) struct Tree {
     pub(super) fields: u32,
-    /// Its nodes except the root.
+    /// Nodes of the tree except its root.
     nodes: Range<usize>,
     pub(super) triangles: Range<usize>,
     vertices: Range<usize>,
-    /// Its nodes, the lowest level first. Nodes of a level have children in lower ones only.
+    /// Nodes of the tree, the lowest level first. Children of a node are in lower levels only.
     pub(super) levels: Vec<Vec<u32>>,
 }
 
@@ -52,7 +52,7 @@ pub(super) struct Tree {
 #[derive(Debug, Clone)]
 pub(super) struct Moving {
     pub(super) motion: Motion,
-    /// Present amounts of each field.
+    /// Current amounts of each field.
     pub(super) amounts: Vec<[f32; 2]>,
     pub(super) trees: Vec<Tree>,
     pub(super) vertices: Vec<Vertex>,
@@ -70,8 +70,8 @@ pub(super) struct Moving {
     pub(super) changed: Vec<Changed>,
 }
 
-/// Groups the triangles by the first field that ever moves one of their corners: static ones first, then one group per
-/// field. A static scene has one group.
+/// Groups the triangles by the first field that ever moves one of their corners: static triangles first, then one
+/// group per field. A static scene has one group.
 pub(super) fn groups(scene: &Scene) -> Vec<Group> {
     let motion = &scene.motion;
     let mut groups: Vec<Group> =
@@ -119,7 +119,7 @@ pub(super) fn join(
     };
     let mut first_triangle = 0;
     for (i, ((tree, _), group)) in trees.iter().zip(groups).enumerate() {
-        // A tree's root is placed after the joint root; its node k is at `start + k - 1`.
+        // The root of a tree is stored after the joint root; node k of the tree is at `start + k - 1`.
         let start = nodes.len() as u32;
         let shifted = tree.nodes.iter().map(|node| {
             let mut node = *node;
@@ -163,7 +163,7 @@ fn levels(nodes: &[[u32; 20]], root: usize) -> Vec<Vec<u32>> {
         levels.resize_with(levels.len().max(height + 1), Vec::new);
         levels[height].push(node);
     }
-    // Neighbours in memory are fitted together.
+    // Sorted, so that neighbours in memory are fitted together.
     levels.iter_mut().for_each(|level| level.sort_unstable());
     levels
 }

@@ -13,8 +13,8 @@ pub(super) fn bounds_of(t: &PackedTriangle) -> Bounds {
     Bounds { min: a.min(b).min(c), max: a.max(b).max(c) }
 }
 
-/// A node with the boxes of its children set, and its own extent. `extents`, indexed as all nodes, already holds those of
-/// inner children.
+/// A node with updated boxes of its children, and its own extent. `extents` has the same indices as all nodes and
+/// already holds the extents of inner children.
 pub(super) fn fit(mut words: [u32; 20], triangles: &[PackedTriangle], extents: &[Bounds]) -> ([u32; 20], Bounds) {
     let node: &mut CwBvhNode = bytemuck::cast_mut(&mut words);
     let mut children = [Bounds::EMPTY; 8];
@@ -43,7 +43,7 @@ pub(super) fn held(words: &[u32; 20]) -> Bounds {
     })
 }
 
-/// Writes the root that joins `trees` trees; their roots are the nodes after it.
+/// Writes the root that joins `trees` trees, whose roots are the nodes after it.
 pub(super) fn fit_root(nodes: &mut [[u32; 20]], trees: usize) {
     let roots: Vec<Bounds> = nodes[1..=trees].iter().map(held).collect();
     let mut children = [Bounds::EMPTY; 8];
@@ -51,7 +51,7 @@ pub(super) fn fit_root(nodes: &mut [[u32; 20]], trees: usize) {
     quantise(bytemuck::cast_mut(&mut nodes[0]), &children);
 }
 
-/// Root of `trees` trees; their roots are the nodes after it. Its boxes are still empty.
+/// Root that joins `trees` trees, whose roots are the nodes after it. Its boxes are still empty.
 pub(super) fn joint(trees: usize) -> [u32; 20] {
     let mut node = CwBvhNode { child_base_idx: 1, imask: (0xff_u32 >> (8 - trees)) as u8, ..CwBvhNode::default() };
     for slot in 0..trees {

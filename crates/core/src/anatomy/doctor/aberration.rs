@@ -1,9 +1,9 @@
-//! Aberration by the tissue before a probe's face: delays over an aperture, along straight parallel rays.
+//! Aberration by the tissue in front of a probe's face: delays over an aperture, along straight parallel rays.
 //!
-//! A ray's delay is that of its path relative to one in [`ASSUMED_SPEED_M_S`]. Over an aperture the best-fit line is the
-//! tilt, which moves an image; what remains blurs it. Rays start on the face, so tissue that the face is pressed into
-//! does not count. Outside all surfaces, and in media that ultrasound does not pass straight (bone, gas), speed is that
-//! of the reference.
+//! The delay of a ray is relative to a path of equal length at [`ASSUMED_SPEED_M_S`]. The best-fit line of the delays
+//! over an aperture is the tilt, which displaces an image; the remaining delays blur it. Rays start on the face, so
+//! tissue into which the face is pressed does not count. Outside all surfaces, and in media that ultrasound does not
+//! pass in a straight line (bone, gas), the assumed speed is used.
 
 use std::fmt;
 
@@ -20,19 +20,19 @@ use crate::statistics::{median, sorted};
 
 /// Distance between rays, mm.
 const STEP_MM: f64 = 0.5;
-/// Offset of all rays across the scan plane, mm: meshes often have vertices in a plane of symmetry.
+/// Offset of all rays across the scan plane, mm: it avoids vertices, which meshes often have in a plane of symmetry.
 const ASIDE_MM: f64 = 1.3e-3;
-/// RMS delays between easy and average, and between average and hard walls, ns.
+/// Median RMS delays that separate easy from average walls, and average from hard ones, ns.
 const BOUNDS_NS: [f64; 2] = [30.0, 55.0];
 
-/// Part of a face that makes a beam, and how far its beam is followed.
+/// Part of a face that forms a beam, and depth to which the beam is followed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Aperture {
     /// Width, mm.
     pub width_mm: f64,
     /// Radius of the face; `None` for a flat one.
     pub face_radius_mm: Option<f64>,
-    /// Depth below the middle of the aperture at which delays are taken, mm.
+    /// Depth below the middle of the aperture to which delays are accumulated, mm.
     pub depth_mm: f64,
 }
 
@@ -41,7 +41,7 @@ pub struct Aperture {
 pub struct Aberration {
     /// RMS delay about the best-fit line, ns.
     pub delay_rms_ns: f64,
-    /// Tilt of that line, mrad: positive where delays grow along the lateral axis.
+    /// Tilt of the best-fit line, mrad: positive if delays grow along the lateral axis.
     pub tilt_mrad: f64,
     /// Full width at half maximum of the delays' autocorrelation, mm; `None` if there are no delays.
     pub correlation_mm: Option<f64>,
@@ -53,7 +53,7 @@ pub struct Summary {
     /// Width of the apertures, mm.
     #[serde(skip)]
     pub width_mm: f64,
-    /// Depth at which delays are taken, mm.
+    /// Depth to which delays are accumulated, mm.
     pub depth_mm: f64,
     /// Median and maximum RMS delay, ns.
     pub delay_rms_ns: [f64; 2],
@@ -61,7 +61,7 @@ pub struct Summary {
     pub tilt_mrad: [f64; 2],
     /// Median correlation length, mm; `None` if there are no delays.
     pub correlation_mm: Option<f64>,
-    /// How strongly such a wall aberrates, by the median RMS delay: easy below 30 ns, hard above 55.
+    /// Class of the wall by the median RMS delay: easy below 30 ns, hard above 55 ns.
     #[serde(serialize_with = "name_of")]
     pub wall: Wall,
 }
@@ -85,7 +85,7 @@ fn name_of<S: serde::Serializer>(wall: &Wall, serializer: S) -> Result<S::Ok, S:
     serializer.serialize_str(wall.name())
 }
 
-/// A scene's surfaces, to cast rays through.
+/// Surfaces of a scene, for casting rays through them.
 pub struct Caster<'s> {
     surfaces: Vec<(Tree<'s>, f64)>,
 }
@@ -106,7 +106,7 @@ impl<'s> Caster<'s> {
 
     /// Delay along a ray of `length_mm` from `from_mm` along the unit `direction`, ns.
     fn delay_ns(&self, from_mm: DVec3, direction: DVec3, length_mm: f64) -> f64 {
-        // Crossings with all surfaces, farthest last; beyond the last one a ray is outside.
+        // Crossings with all surfaces, the farthest last; beyond the farthest one, the ray is outside.
         let mut crossings = Vec::new();
         for (surface, (tree, _)) in self.surfaces.iter().enumerate() {
             tree.crossings(from_mm, direction, |c| crossings.push((c.t_mm, surface, if c.leaves { 1 } else { -1 })));
@@ -126,7 +126,7 @@ impl<'s> Caster<'s> {
         sum_ns + excess(&winding) * end_mm.min(length_mm)
     }
 
-    /// Delays over `aperture`, ns, at positions 0.5 mm or less apart. `scene_from_beam` has its origin in the middle
+    /// Delays over `aperture`, ns, at positions at most 0.5 mm apart. `scene_from_beam` has its origin in the middle
     /// of the aperture, z along the beam and x along the face.
     pub(crate) fn delays_ns(&self, scene_from_beam: &Pose, aperture: &Aperture) -> Vec<f64> {
         let count = (aperture.width_mm / STEP_MM).ceil().max(4.0) as usize;
@@ -145,8 +145,8 @@ impl<'s> Caster<'s> {
         of_delays(&self.delays_ns(scene_from_beam, aperture), aperture.width_mm)
     }
 
-    /// Aberration of a probe at `pose` over apertures in the middle of the given `beams`: origin (mm) and direction in
-    /// the scan plane, probe frame. `None` without beams.
+    /// Aberration of a probe at `pose`, over apertures in the middle of the given `beams`. Each beam is its origin
+    /// (mm) and direction in the scan plane, probe frame. `None` without beams.
     pub fn summary(&self, pose: &Pose, beams: &[(DVec3, DVec3)], aperture: &Aperture) -> Option<Summary> {
         let of_beam = |&(origin_mm, direction): &(DVec3, DVec3)| {
             let turn = DQuat::from_rotation_y(direction.x.atan2(direction.z));
@@ -156,7 +156,7 @@ impl<'s> Caster<'s> {
     }
 }
 
-/// Aberration of `delays_ns` at equal distances over `width_mm`.
+/// Aberration from `delays_ns`, taken at equal distances over `width_mm`.
 fn of_delays(delays_ns: &[f64], width_mm: f64) -> Aberration {
     let count = delays_ns.len();
     let step_mm = width_mm / count as f64;
@@ -177,7 +177,7 @@ fn of_delays(delays_ns: &[f64], width_mm: f64) -> Aberration {
     Aberration { delay_rms_ns: (power / count as f64).sqrt(), tilt_mrad, correlation_mm }
 }
 
-/// Summary of `aberrations` over such an aperture; `None` if there are none.
+/// Summary of `aberrations` over the given kind of aperture; `None` without any.
 pub fn summary(aberrations: &[Aberration], aperture: &Aperture) -> Option<Summary> {
     let of = |value: fn(&Aberration) -> Option<f64>| sorted(aberrations.iter().filter_map(value));
     let middle_and_last = |values: &[f64]| Some([median(values)?, *values.last()?]);
@@ -223,7 +223,7 @@ mod tests {
         cuboid(Vec3::new(-300.0, -300.0, from_mm), Vec3::new(300.0, 300.0, to_mm))
     }
 
-    /// Delay of a millimetre of a medium, ns.
+    /// Delay per mm of a medium, ns.
     fn ns_per_mm(speed_m_s: f64) -> f64 {
         1e6 / speed_m_s - 1e6 / ASSUMED_SPEED_M_S
     }

@@ -13,11 +13,11 @@ use crate::anatomy::Mesh;
 /// Shallowest crossing that counts, mm: about half a wavelength at 8 MHz.
 const SHALLOW_MM: f64 = 0.1;
 
-/// Largest extent, mm, of the crossings of parts that only touch. No crossing is deeper than its triangles are large,
-/// so finely meshed parts overlap in shallow crossings along a wide ring.
+/// Largest extent, mm, of the crossings between parts that only touch. Crossings are never deeper than their triangles
+/// are large, so finely meshed parts that overlap have shallow crossings along a wide ring.
 const TOUCH_MM: f32 = 1.0;
 
-/// Smallest number of triangles crossed by the border of two overlapping solids; fewer are a fold.
+/// Smallest number of crossing triangles that count as an overlap of two solids; fewer are a fold.
 const RING: usize = 3;
 
 /// Crossings in a surface.
@@ -26,7 +26,7 @@ pub struct Crossings {
     pub overlaps: usize,
     /// Number of crossing pairs of near neighbours, and of shallow ones: creases left by decimation.
     pub folds: usize,
-    /// Extent of all overlaps (of all folds if there are none), and one of them.
+    /// Region of all overlaps (of all folds if there are no overlaps), and region of one of them.
     pub regions: Vec<Region>,
 }
 
@@ -41,8 +41,8 @@ pub struct Pair {
     pub depth_mm: f64,
 }
 
-/// Counts pairs of triangles that cross by more than the tracer resolves. `part_of` holds each triangle's part, if
-/// known.
+/// Counts pairs of triangles that cross by more than the tracer resolves. `part_of` gives the part of each triangle,
+/// if known.
 pub fn find(tree: &Tree<'_>, part_of: &[u32]) -> Crossings {
     let mesh = tree.mesh;
     let found = pairs(tree);
@@ -100,14 +100,14 @@ fn triangles_at_vertices(mesh: &Mesh) -> Vec<Vec<u32>> {
     at
 }
 
-/// True if a neighbour of the first triangle is a neighbour of the second.
+/// Whether a neighbour of the first triangle is also a neighbour of the second.
 fn are_near(mesh: &Mesh, at_vertex: &[Vec<u32>], first: u32, second: u32) -> bool {
     let second = mesh.triangles[second as usize];
     let around = mesh.triangles[first as usize].into_iter().flat_map(|vertex| &at_vertex[vertex as usize]);
     around.copied().any(|t| mesh.triangles[t as usize].iter().any(|vertex| second.contains(vertex)))
 }
 
-/// Region and depth of the crossing of two triangles, if any.
+/// Point and depth (mm) of the crossing of two triangles; `None` if they don't cross.
 pub fn cross(mesh: &Mesh, first: u32, second: u32) -> Option<(DVec3, f64)> {
     let [a, b] = [first, second].map(|t| mesh.triangles[t as usize]);
     // Triangles with a common edge touch only there.
@@ -118,8 +118,8 @@ pub fn cross(mesh: &Mesh, first: u32, second: u32) -> Option<(DVec3, f64)> {
     through(at, a, b, bt).or_else(|| through(bt, b, a, at))
 }
 
-/// Point at which an edge of a triangle passes through another triangle, and its depth. Edges from a shared corner are
-/// skipped: they start on the other triangle.
+/// Point at which an edge of a triangle passes through another triangle, and the depth of the crossing (mm). Edges
+/// from a shared corner are skipped: they start on the other triangle.
 fn through(corners: [DVec3; 3], indices: [u32; 3], other: [u32; 3], onto: [DVec3; 3]) -> Option<(DVec3, f64)> {
     let normal = (onto[1] - onto[0]).cross(onto[2] - onto[0]).try_normalize()?;
     let height = corners.map(|p| normal.dot(p - onto[0]));
@@ -137,7 +137,7 @@ fn through(corners: [DVec3; 3], indices: [u32; 3], other: [u32; 3], onto: [DVec3
     })
 }
 
-/// True if a point in a triangle's plane is inside it, farther from its edges than the tracer resolves.
+/// Whether a point in a triangle's plane is inside the triangle, farther from its edges than the tracer resolves.
 fn is_within(point: DVec3, corners: [DVec3; 3], normal: DVec3) -> bool {
     (0..3).all(|i| {
         let (from, to) = (corners[i], corners[(i + 1) % 3]);

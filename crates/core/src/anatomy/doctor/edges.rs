@@ -9,7 +9,7 @@ use super::finding::{Defect, Finding, Region};
 use crate::anatomy::Mesh;
 use crate::anatomy::groups::Groups;
 
-/// Largest distance, mm, between two rims that should be joined; at most a quarter of an edge.
+/// Largest distance between two rims that should be joined, mm; limited to a quarter of an edge.
 const SEAM_MM: f32 = 0.01;
 
 /// Directed edge of a triangle, with its vertices in order of index.
@@ -18,14 +18,14 @@ struct Edge {
     low: u32,
     high: u32,
     triangle: u32,
-    /// True if it runs from the higher vertex to the lower.
+    /// Whether the edge runs from the higher vertex to the lower.
     back: bool,
 }
 
 /// Result of examining the edges.
 pub(super) struct Edges {
     pub(super) findings: Vec<Finding>,
-    /// True if no edge is open and the winding is consistent: the surface then has an inside.
+    /// Whether no edge is open and the winding is consistent, so that the surface has an inside.
     pub(super) closed: bool,
     /// Number of edges that are open, inconsistently wound, or shared by too many triangles.
     pub(super) unpaired: usize,
@@ -143,7 +143,7 @@ fn regions(mesh: &Mesh, edges: &[[u32; 2]]) -> Vec<Region> {
         points.entry(group[index as usize]).or_default().push(mesh.vertices_mm[*vertex as usize]);
     }
     let mut regions: Vec<Region> = points.into_values().map(Region::of).collect();
-    // The map's order is arbitrary.
+    // Sorted, since the order in the map is arbitrary.
     let key = |p: &Region| (p.size_mm, p.at_mm);
     regions.sort_by(|a, b| key(b).partial_cmp(&key(a)).unwrap_or(std::cmp::Ordering::Equal));
     regions

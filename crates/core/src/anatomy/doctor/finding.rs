@@ -62,7 +62,7 @@ defects! {
     EmptyScene = Error, "export meshes with faces; check that the objects are visible and in the exported scene";
     /// Coordinates that are not finite or beyond ±1e5 mm.
     BadCoordinates = Error, "delete or move the named vertices; if all are far too large, correct the unit";
-    /// Dimensions at least ten times beyond those of a body.
+    /// Dimensions at least ten times beyond a body's.
     WrongUnit = Error, "glTF counts in metres: scale the objects (Blender: set Unit Scale, or S and the factor), apply the scale (Ctrl-A) and export again";
     /// The scene is far from the origin for its size.
     FarFromOrigin = Warning, "move the scene to the origin (Blender: Object > Set Origin, then Alt-G), so that 32-bit coordinates resolve it";
@@ -114,9 +114,9 @@ defects! {
     Hidden = Warning, "raise its `priority` above that of what hides it, lower the other's, or delete it";
     /// More memory than some GPUs can bind.
     TooLarge = Warning, "reduce triangles (Blender: Decimate): below 2.6 million in all fit every GPU";
-    /// An organ of a patient whose volume few or no humans have.
+    /// An organ whose volume few or no humans have.
     UnusualVolume = Warning, "look whether it is that organ: `scene from-labels --names` chooses what numbers mean, `--map` what one means; whole scenes may have the wrong unit";
-    /// Organs of a patient that lie to each other as in few or no humans.
+    /// Organs whose relative position few or no humans have.
     UnusualPosition = Warning, "look whether the names are right, and whether the segmentation is mirrored (3D Slicer shows both over the image)";
     /// The probe starts in bone or gas, where it sees nothing else.
     StartsInside = Warning, "move `[pose]` of the station file onto the skin";
@@ -136,7 +136,7 @@ impl Defect {
 pub struct Region {
     /// Centre, scene frame, mm.
     pub at_mm: [f32; 3],
-    /// Size, mm: the diagonal of its bounds.
+    /// Size, mm: the diagonal of the region's bounds.
     pub size_mm: f32,
 }
 
@@ -178,7 +178,7 @@ pub struct Finding {
     pub remedy: &'static str,
 }
 
-/// Most regions listed in a finding.
+/// Most regions in a finding.
 pub const REGIONS_MAX: usize = 3;
 
 impl Finding {

@@ -1,13 +1,13 @@
-//! The scene doctor: finds the defects of a scene, with their regions and remedies.
+//! Scene check ("doctor"): the defects of a scene, with their regions and remedies.
 //!
 //! [`examine`] reads a glTF file as written, before [`import`](super::import) mends or refuses anything, and lists all
-//! defects. Vertices in exactly one region count as one: exporters split them where normals or texture coordinates
-//! change. Surfaces of different tissues may overlap or touch.
+//! defects. Coincident vertices count as one: exporters split them where normals or texture coordinates change.
+//! Surfaces of different tissues may overlap or touch.
 //!
 //! Overlaps, hidden surfaces and thin sheets are sampled below up to 1024 triangles of each surface; all other checks
-//! cover every triangle. Folds of neighbouring triangles and crossings of less than 0.1 mm are typical of decimation.
-//! They are reported if more than one triangle in 25 has one; slivers, if more than one triangle in 1000 is one. A
-//! surface without an inside (an open one, for example) hides and overlaps nothing.
+//! cover every triangle. Decimation typically leaves folds of neighbouring triangles and crossings of less than 0.1
+//! mm. They are reported if more than one triangle in 25 has one. Slivers are reported if there is more than one per
+//! 1000 triangles. A surface without an inside (an open one, for example) hides and overlaps nothing.
 
 pub mod aberration;
 pub mod crossing;
@@ -39,18 +39,18 @@ use super::scene::SURFACES_MAX;
 use super::{Axes, Bounds, SceneError, TissueTable};
 use crate::pose::Pose;
 
-/// Distance, mm, below which crossings coincide for the tracer.
+/// Distance below which the tracer treats two crossings as one, mm.
 const RESOLUTION_MM: f64 = 1.0e-3;
 
 /// Size of a storage buffer that every GPU can bind, bytes.
 const BUFFER_BYTES: usize = 128 << 20;
 
-/// Impedances of tissues that ultrasound penetrates, MRayl: between gas and bone.
+/// Impedances of tissues that ultrasound passes, MRayl: between gas and bone.
 const SEEN_THROUGH_MRAYL: [f64; 2] = [0.5, 2.6];
 
 /// Context of an examination.
 pub struct Settings<'a> {
-    /// Tissues known to the station.
+    /// Tissues that the station knows.
     pub tissues: &'a TissueTable,
     /// Tissues defined by the station file itself, by name; each should be used.
     pub own_tissues: &'a [String],
@@ -65,7 +65,7 @@ pub struct Settings<'a> {
 pub struct Report {
     /// Number of surfaces in the file.
     pub surfaces: usize,
-    /// Number of their triangles.
+    /// Number of triangles of all surfaces.
     pub triangles: usize,
     /// Lowest and highest coordinates, mm, without strays beyond ±1e5 mm; `None` without a finite vertex.
     pub bounds_mm: Option<[[f32; 3]; 2]>,
@@ -108,7 +108,7 @@ pub fn examine(
     split::find(&mut checks);
     let done = AtomicUsize::new(0);
 
-    // The tree borrows the mesh while findings are added to the rest.
+    // The trees borrow the meshes, while findings are added to the other fields.
     let meshes: Vec<_> = checks.iter_mut().map(|p| std::mem::take(&mut p.mesh)).collect();
     let total = meshes.iter().map(|mesh| mesh.triangles.len()).sum();
     let trees: Vec<Option<Tree<'_>>> = meshes.par_iter().map(Tree::new).collect();
@@ -134,7 +134,7 @@ pub fn examine(
     let (surfaces, triangles) = (checks.len(), checks.iter().map(|p| p.triangles).sum());
     let wrong_unit = findings.iter().any(|f| f.defect == Defect::WrongUnit);
     let of_surfaces = checks.into_iter().flat_map(|check| check.findings);
-    // Findings that depend on sizes in mm are meaningless in another unit.
+    // Findings that depend on sizes in mm are meaningless if the unit is wrong.
     let by_size = [
         Defect::Sliver,
         Defect::ThinSheet,
@@ -175,7 +175,8 @@ pub fn findings(mesh: &super::Mesh) -> Vec<Finding> {
     check.findings
 }
 
-/// Bounds of the scene, mm. A few vertices out of range are strays; if most are, the unit is wrong.
+/// Bounds of the scene, mm. A few vertices out of range are ignored as strays; if most are out of range, the unit is
+/// wrong.
 fn bounds(checks: &[SurfaceCheck]) -> Option<Bounds> {
     let over = |of: fn(&SurfaceCheck) -> Option<Bounds>| checks.iter().filter_map(of).reduce(Bounds::hull);
     let [vertices, bad] = [0, 1].map(|i| checks.iter().map(|p| p.vertices[i]).sum::<usize>());

@@ -11,23 +11,24 @@ use super::probes::{Probe, probes};
 use super::surface_check::SurfaceCheck;
 use super::tree::Tree;
 
-/// Most triangles of a surface with sample points below them.
+/// Most triangles of a surface that get sample points below them.
 const PROBES: usize = 1024;
 
-/// Fraction of thin samples that makes a surface a sheet.
+/// Fraction of thin samples from which a surface counts as a sheet.
 const THIN_PART: f64 = 0.05;
 
-/// Least fraction of a surface's samples inside another one for a tie, unless one is deep in both.
+/// Smallest fraction of a surface's samples inside another surface that counts as a tie, unless a sample is deep in
+/// both.
 const TIED_PART: f64 = 0.01;
 
-/// Most hiding surfaces named in a finding.
+/// Most hiding surfaces that a finding names.
 const HIDERS_NAMED: usize = 3;
 
-/// Examines every closed surface among the others; returns findings by surface index.
+/// Examines every closed surface in relation to the others. Returns findings with surface indices.
 pub(super) fn examine(checks: &[SurfaceCheck], trees: &[Option<Tree<'_>>]) -> Vec<(usize, Finding)> {
     let mut found: Vec<(usize, Finding)> =
         (0..checks.len()).into_par_iter().flat_map_iter(|index| one(index, checks, trees)).collect();
-    // A tie is found from both of its surfaces.
+    // A tie is found from both surfaces, but reported once.
     let mut reported = BTreeSet::new();
     found.retain(|(index, f)| f.defect != Defect::PriorityTie || reported.insert((*index, f.what.clone())));
     found
@@ -75,7 +76,7 @@ fn one(index: usize, checks: &[SurfaceCheck], trees: &[Option<Tree<'_>>]) -> Vec
         let region = check.bounds_mm.map(|bounds| Region::of(bounds.corners()));
         found.push((index, Finding::new(Defect::Hidden, what).at(region)));
     }
-    // A few shallow points only mean that both surfaces mesh the same border.
+    // A few shallow points mean only that both surfaces approximate the same border.
     ties.retain(|_, tie| tie.deep || tie.points.len() as f64 >= TIED_PART * probes.len() as f64);
     for (other, Tie { points, .. }) in ties {
         let (loser, winner) = (index.min(other), index.max(other));
@@ -96,7 +97,7 @@ struct Tie {
     deep: bool,
 }
 
-/// Rank of a closed surface as the medium in overlaps: the highest wins.
+/// Rank of a closed surface where several overlap; the highest is the medium.
 fn rank(checks: &[SurfaceCheck], index: usize) -> (i32, usize) {
     (checks[index].priority, index)
 }

@@ -9,8 +9,8 @@ use crate::anatomy::{Bounds, Mesh};
 /// Distance to the scene's bounds below which an organ counts as cut by the scan, mm.
 const BORDER_MM: f32 = 1.5;
 
-/// Findings about the organs among closed surfaces of a scene in LPS, mm. Where an organ has a wall, the wall's surface is
-/// measured.
+/// Findings about the organs among the closed surfaces of a scene in LPS, mm. If an organ has a wall, the outer
+/// surface of the wall is measured.
 pub(super) fn examine<'a>(surfaces: impl Iterator<Item = (&'a str, &'a Mesh)>, scene: Option<Bounds>) -> Vec<Finding> {
     let surfaces: Vec<(&str, &Mesh)> = surfaces.collect();
     let named = |name: &str| surfaces.iter().find(|(other, _)| *other == name);
@@ -36,7 +36,7 @@ pub(super) fn examine<'a>(surfaces: impl Iterator<Item = (&'a str, &'a Mesh)>, s
     findings
 }
 
-/// Findings about organs whose middle lies beyond the bounds of the skin.
+/// Findings about organs whose middle lies outside the bounds of the skin.
 fn outside(facts: &[OrganFact], skin: Option<Bounds>) -> Vec<Finding> {
     let Some(skin) = skin else { return Vec::new() };
     let is_outside = |fact: &&OrganFact| {

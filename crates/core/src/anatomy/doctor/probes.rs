@@ -7,13 +7,13 @@ use super::tree::Tree;
 
 /// Sample points below a triangle of a surface.
 pub(super) struct Probe {
-    /// Point just below the triangle, and point half way to the opposite side.
+    /// A point just below the triangle, and a point half way to the opposite side.
     pub(super) points_mm: [DVec3; 2],
     /// Distance to the opposite side, mm.
     pub(super) thickness_mm: f64,
 }
 
-/// Depth of the first point, mm, in surfaces thicker than twice that.
+/// Depth of the first point below the triangle, mm, unless the surface is thinner than twice that.
 const SKIN_DEEP_MM: f64 = 0.01;
 
 /// Sample points inside a closed surface, below at most `count` of its triangles.

@@ -1,4 +1,4 @@
-//! Sizes of scenes that no body has.
+//! Sizes of scenes that are impossible for a body.
 
 use super::finding::{Defect, Finding, Region};
 use crate::anatomy::{Bounds, Scene};
@@ -11,7 +11,7 @@ pub(super) fn diagonal_mm(bounds: Bounds) -> f32 {
     (bounds.max.as_dvec3() - bounds.min.as_dvec3()).length() as f32
 }
 
-/// Finding about a scene whose size no body has.
+/// Finding about a scene of impossible size.
 pub(super) fn wrong_unit(bounds: Bounds) -> Option<Finding> {
     let (size, [least, most]) = (diagonal_mm(bounds), SIZE_MM);
     let would_fit = |factor: f32| (least..=most).contains(&(size * factor));
@@ -29,7 +29,7 @@ pub(super) fn wrong_unit(bounds: Bounds) -> Option<Finding> {
     Some(Finding::new(Defect::WrongUnit, what).at([region]))
 }
 
-/// A loaded scene whose size no body has.
+/// A loaded scene of impossible size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WrongSize {
     /// The finding that [`examine`](super::examine) would report.

@@ -7,10 +7,10 @@ use glam::Vec3;
 use super::finding::{Defect, Finding};
 use super::surface_check::SurfaceCheck;
 
-/// Edge by its corners' bits, the lower first.
+/// Edge as the bits of its corners, the lower corner first.
 type Key = [[u32; 3]; 2];
 
-/// Checks whether open edges of one node's surfaces match each other; if so, replaces the finding of a hole.
+/// Checks whether open edges of surfaces of one node match each other. If so, the finding about a hole is replaced.
 pub(super) fn find(checks: &mut [SurfaceCheck]) {
     let mut of_node = BTreeMap::<usize, Vec<usize>>::new();
     for (index, check) in checks.iter().enumerate().filter(|(_, p)| !p.open_mm.is_empty()) {

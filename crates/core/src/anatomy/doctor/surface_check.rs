@@ -11,24 +11,25 @@ use crate::anatomy::import::{RawMesh, RawSurface, is_usable, tissue_named};
 use crate::anatomy::{Bounds, Mesh, TissueTable};
 use crate::suggest::did_you_mean;
 
-/// Height below which rays from 150 mm may miss a triangle, mm: equals the tracer's edge tolerance.
+/// Height below which rays from 150 mm may miss a triangle, mm; equal to the tracer's edge tolerance.
 const SLIVER_MM: f64 = 1e-4;
 
-/// Folds are reported if more than one in this many triangles has one.
+/// Folds are reported if there is more than one per this number of triangles.
 const FOLDS_ONE_IN: usize = 25;
 
-/// Slivers are reported if more than one in this many triangles is one; rays hit the neighbours of a few instead.
+/// Slivers are reported if there is more than one per this number of triangles. Rays that miss a few slivers hit their
+/// neighbours.
 const SLIVERS_ONE_IN: usize = 1000;
 
-/// Number of corners at which a part's surroundings are sampled; at a single one, parts may nearly touch.
+/// Number of corners at which the surroundings of a part are sampled; at a single corner, parts may nearly touch.
 const CORNERS_SAMPLED: usize = 9;
 
-/// Fragments: parts with less total volume than this, mm³, and less than a set fraction of the surface's volume.
-/// Decimation folds parts as small as its triangles, so their orientation is arbitrary.
+/// Largest total volume of fragments, mm³, and their largest share of the surface's volume. Decimation folds fragments
+/// as small as its triangles, so their orientation is arbitrary.
 const FRAGMENTS_MM3: f64 = 1.0;
 const FRAGMENTS_PART: f64 = 1e-4;
 
-/// Remedy for fragments.
+/// Advice on fragments.
 const FRAGMENTS_REMEDY: &str = "delete them (Blender: Edit Mode, L over each, X), or decimate the surface less";
 
 /// A surface under examination.
@@ -41,29 +42,29 @@ pub(super) struct SurfaceCheck {
     pub(super) tissue: Option<String>,
     pub(super) tissue_index: Option<usize>,
     pub(super) priority: i32,
-    /// Mesh without copies, zero-area triangles and unusable vertices; facing outward if closed.
+    /// Mesh without copies, zero-area triangles and unusable vertices. It faces outward if it is closed.
     pub(super) mesh: Mesh,
-    /// Whether it has an inside.
+    /// Whether the surface has an inside.
     pub(super) closed: bool,
-    /// Whether it faced inward in the file.
+    /// Whether the surface faced inward in the file.
     inverted: bool,
-    /// Corners of its open edges, in the direction of their triangles, mm.
+    /// Ends of the open edges, mm, in the direction of their triangles.
     pub(super) open_mm: Vec<[Vec3; 2]>,
     /// Bounds of all usable vertices, mm.
     pub(super) bounds_mm: Option<Bounds>,
     /// Bounds of all finite vertices, mm, however far away.
     pub(super) finite_mm: Option<Bounds>,
-    /// Number of vertices in use, and of unusable ones among them.
+    /// Number of vertices in use, and number of unusable ones among them.
     pub(super) vertices: [usize; 2],
     /// Number of triangles in the file.
     pub(super) triangles: usize,
     pub(super) findings: Vec<Finding>,
-    /// Part of each triangle.
+    /// Index of the part of each triangle.
     part: Vec<u32>,
 }
 
 impl SurfaceCheck {
-    /// Runs all checks of a raw surface that need no tree.
+    /// Checks a raw surface, except for checks that need a tree.
     pub(super) fn new(raw: RawSurface, tissues: &TissueTable) -> Self {
         let RawSurface { name, node, tissue, priority, mesh } = raw;
         let tissue_index = tissue.as_deref().and_then(|tissue| tissue_named(tissue, tissues));
@@ -130,14 +131,14 @@ impl SurfaceCheck {
         let at = |i: u32| self.mesh.vertices_mm[i as usize];
         self.open_mm = edges.open.iter().map(|edge| edge.map(at)).collect();
         (self.closed, self.part) = (edges.closed, edges.part);
-        // As in loading: afterwards, points below a triangle are inside.
+        // Turned outward, as in loading, so that points below a triangle are inside.
         if self.closed && self.mesh.signed_volume_mm3() < 0.0 {
             self.inverted = true;
             self.mesh.flip();
         }
     }
 
-    /// Edges with or without the `fillers` of T-junctions, whichever leaves fewer unpaired.
+    /// Edges with or without the `fillers` of T-junctions, whichever leaves fewer edges unpaired.
     fn edges(&mut self, fillers: &[[u32; 3]]) -> edges::Edges {
         let without = edges::examine(&self.mesh);
         if without.closed || fillers.is_empty() {
@@ -151,12 +152,12 @@ impl SurfaceCheck {
         if with.unpaired < without.unpaired { with } else { without }
     }
 
-    /// Removes zero-area triangles; returns those that may close T-junctions.
+    /// Removes zero-area triangles. Returns those that may close T-junctions.
     fn drop_degenerate(&mut self, mesh: &mut Mesh) -> Vec<[u32; 3]> {
         let total = mesh.triangles.len();
         let first = mesh.first_flat();
         let fillers = mesh.drop_flat();
-        // A surface of nothing else is empty, which has its own finding.
+        // A surface that has only such triangles is empty and has its own finding.
         if let Some(corners) = first.filter(|_| !mesh.triangles.is_empty()) {
             let what = format!("{} triangles without area are left out, one of them", total - mesh.triangles.len());
             self.report(Finding::new(Defect::Degenerate, what).at([Region::of(corners)]));
@@ -164,7 +165,7 @@ impl SurfaceCheck {
         fillers
     }
 
-    /// Keeps one of each set of equally wound copies, and none of those that are back to back.
+    /// Keeps one triangle of each set of equally wound copies, and none of a pair back to back.
     fn drop_copies(&mut self, mesh: &mut Mesh) {
         let mut keys: Vec<([u32; 3], i32, u32)> = mesh.triangles.iter().zip(0..).map(|(t, i)| keyed(*t, i)).collect();
         keys.sort_unstable();
@@ -254,7 +255,7 @@ impl SurfaceCheck {
     }
 }
 
-/// Finding about the parts `wrong` of all `parts`.
+/// Finding about the parts `wrong` among `parts`.
 fn of_parts(defect: Defect, what: String, wrong: &[&Part], parts: &[Part]) -> Finding {
     let volume_mm3 = |parts: &mut dyn Iterator<Item = &Part>| parts.map(|p| p.volume_mm3.abs()).sum::<f64>();
     let (of_wrong, of_all) = (volume_mm3(&mut wrong.iter().copied()), volume_mm3(&mut parts.iter()));
@@ -266,7 +267,7 @@ fn of_parts(defect: Defect, what: String, wrong: &[&Part], parts: &[Part]) -> Fi
     finding
 }
 
-/// Whether the rim of all sheets is on the `rest` of the surface: then they divide its inside.
+/// Whether the boundary of all sheets lies on the `rest` of the surface, so that they divide its inside.
 fn is_inner_wall(sheets: &[[u32; 3]], rest: &Mesh) -> bool {
     let edges = |&[a, b, c]: &[u32; 3]| [(a, b), (b, c), (c, a)].map(|(a, b)| [a.min(b), a.max(b)]);
     let mut count = HashMap::<[u32; 2], usize>::new();
@@ -282,7 +283,7 @@ fn is_inner_wall(sheets: &[[u32; 3]], rest: &Mesh) -> bool {
 /// A component connected over edges.
 struct Part {
     bounds: Bounds,
-    /// Some of its corners, spread evenly over its triangles.
+    /// Some corners of the part, spread evenly over its triangles.
     corners: Vec<Vec3>,
     triangles: usize,
     volume_mm3: f64,

@@ -13,7 +13,7 @@ use obvhs::triangle::Triangle;
 use crate::anatomy::Mesh;
 use crate::anatomy::ray::intersect;
 
-/// Directions along no axis and no common diagonal; two of three decide.
+/// Ray directions that are parallel to no axis and no common diagonal; the majority of the three decides.
 const DIRECTIONS: [DVec3; 3] =
     [DVec3::new(0.361, 0.829, 0.427), DVec3::new(-0.743, 0.217, 0.633), DVec3::new(0.512, -0.477, -0.714)];
 
@@ -43,7 +43,7 @@ impl<'m> Tree<'m> {
             .then(|| Self { bvh: build_bvh2_from_tris(&triangles, config, &mut Duration::default()), mesh })
     }
 
-    /// Calls `each` for all triangles whose boxes intersect that of `corners`.
+    /// Calls `each` for all triangles whose boxes intersect the box of `corners`.
     pub fn near(&self, corners: [Vec3; 3], mut each: impl FnMut(u32)) {
         let points = corners.map(Into::into);
         self.bvh.aabb_traverse(Aabb::from_points(&points), |bvh, node| {
@@ -69,7 +69,7 @@ impl<'m> Tree<'m> {
         });
     }
 
-    /// Winding number of the surface about `point_mm`, with only the triangles that `counts` accepts.
+    /// Winding number of the surface about `point_mm`, counting only the triangles that `counts` accepts.
     pub fn winding(&self, point_mm: DVec3, counts: impl Fn(u32) -> bool) -> i32 {
         let along = |direction: DVec3| {
             let mut winding = 0;

@@ -7,7 +7,7 @@ use gltf::buffer::View;
 /// Most elements of an accessor without data (all zero except its sparse ones).
 const UNBACKED_MAX: usize = 1 << 24;
 
-/// Number of elements of `accessor`; 0 if it promises more than its buffer can hold, which [`check`] refuses.
+/// Number of elements of `accessor`; 0 if it announces more than its buffer can hold, which [`check`] refuses.
 pub(super) fn elements(accessor: &Accessor<'_>, buffers: &[Vec<u8>]) -> u64 {
     let held = |view: View<'_>| buffers.get(view.buffer().index()).map_or(0, Vec::len);
     let most = accessor.view().map_or(UNBACKED_MAX, held);

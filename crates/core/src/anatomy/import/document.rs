@@ -12,7 +12,7 @@ use super::extensions;
 use crate::anatomy::SceneError;
 use crate::files::{self, FileError, FileKind};
 
-/// Length of a binary glTF's header and its first chunk's header, bytes: the shortest file.
+/// Length of the shortest binary glTF, bytes: its header and the header of its first chunk.
 const GLB_MIN: usize = 20;
 
 /// A validated document and the bytes of its buffers, none shorter than declared.
@@ -41,7 +41,7 @@ impl File {
     }
 }
 
-/// Checks what the glTF crate assumes about a binary header.
+/// Checks a binary header for properties that the glTF crate assumes.
 fn check_header(bytes: &[u8]) -> Result<(), String> {
     if bytes.is_empty() {
         return Err("it is empty".to_owned());
@@ -86,7 +86,8 @@ fn buffer_file(path: &Path, uri: &str) -> io::Result<PathBuf> {
     files::inside(path.parent().unwrap_or(Path::new("")), &name)
 }
 
-/// Files of the scene at `path`: its own and, of a `.gltf`, those of its buffers as far as it can be read.
+/// Files of the scene at `path`: the file itself and, for a `.gltf`, the files of its buffers as far as it can be
+/// read.
 pub fn files_of(path: &Path) -> Vec<PathBuf> {
     let mut found = vec![path.to_owned()];
     if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("gltf"))

@@ -1,4 +1,4 @@
-//! glTF extensions: those of appearance are ignored, those of geometry refused with advice.
+//! glTF extensions: extensions of appearance are ignored; extensions of geometry are refused with advice.
 
 use gltf::Semantic;
 use gltf::accessor::DataType;
@@ -50,10 +50,10 @@ pub(super) fn quantised(accessor: usize, found: DataType) -> String {
     format!("accessor {accessor}: its positions are {found:?}; only F32 is read: {remedy}")
 }
 
-/// Message for positions or indices without data, naming the extension that stores them elsewhere, if the file uses
+/// Message for positions or indices without data. It names the extension that stores them elsewhere, if the file uses
 /// one.
 pub(super) fn no_data(root: &Root) -> Option<String> {
-    // In other places, an accessor without data is legally all zeros.
+    // For other attributes, an accessor without data is legally all zeros.
     let of_shape = root.meshes.iter().flat_map(|mesh| &mesh.primitives).flat_map(|primitive| {
         let positions = primitive.attributes.get(&Checked::Valid(Semantic::Positions));
         positions.into_iter().chain(&primitive.indices).map(|index| index.value())

@@ -66,7 +66,7 @@ pub enum FindingKind {
     },
     /// Closed parts that face inward and lie in no other part, so they are no cavities.
     Inward {
-        /// Number of such parts.
+        /// Number of inward parts.
         parts: usize,
         /// Number of all parts.
         of: usize,
@@ -137,7 +137,7 @@ pub fn load(path: &Path, tissues: &TissueTable, background: usize) -> Result<Sce
     Ok(scene)
 }
 
-/// As [`load`], with the findings in the file's order.
+/// Reads a scene like [`load`], and returns the findings in the file's order instead of logging them.
 ///
 /// # Errors
 /// As [`load`].
@@ -185,29 +185,29 @@ pub fn axes(path: &Path) -> Result<super::Axes, SceneError> {
     scene_extras::axes(&document::File::read(path)?)
 }
 
-/// A file's content as written, for the [doctor](super::doctor).
+/// Content of a file as written, for the [scene check](super::doctor).
 pub struct RawScene {
     /// Surfaces in the order of the file.
     pub surfaces: Vec<RawSurface>,
     /// Findings about skipped content.
     pub(crate) findings: Vec<Finding>,
-    /// Errors for which [`load`] refuses the file, except those of its surfaces.
+    /// Errors for which [`load`] refuses the file, except errors of single surfaces.
     pub problems: Vec<SceneError>,
-    /// Motion and axes; those of a scene without extras where they are wrong.
+    /// Motion and axes; defaults where the file's values are wrong.
     pub extras: SceneExtras,
 }
 
 /// A surface as written.
 pub struct RawSurface {
-    /// Name of its node or mesh.
+    /// Name of the surface's node or mesh.
     pub name: String,
-    /// Index of its node.
+    /// Index of the surface's node.
     pub node: usize,
     /// Tissue named by the extras or the material.
     pub tissue: Option<String>,
     /// Priority where solids overlap: the highest wins.
     pub priority: i32,
-    /// Its mesh, or the reason why it is refused.
+    /// Mesh, or the reason for refusing it.
     pub mesh: Result<RawMesh, SceneError>,
 }
 

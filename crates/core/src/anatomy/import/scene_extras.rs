@@ -23,7 +23,7 @@ pub(super) fn motion<'a>(file: &File, surfaces: impl Iterator<Item = &'a str> + 
     Ok(motion)
 }
 
-/// What the scene was made from, if the file says so.
+/// Origin of the scene, if the file states it.
 pub(super) fn source(file: &File) -> Option<String> {
     extra(file, "source")?.as_str().map(str::to_owned)
 }

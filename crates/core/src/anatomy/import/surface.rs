@@ -25,7 +25,7 @@ pub struct RawMesh {
     pub(crate) left_over: usize,
 }
 
-/// Content of `part`, unmended.
+/// Content of `part` as written.
 pub(super) fn raw(file: &File, part: &Part<'_>) -> Result<RawMesh, SceneError> {
     let in_part = |reason: String| file.format_error(format!("surface `{}`: {reason}", part.name));
     let positions = positions(file, part).map_err(in_part)?;
@@ -38,9 +38,10 @@ pub(super) fn raw(file: &File, part: &Part<'_>) -> Result<RawMesh, SceneError> {
     Ok(RawMesh { vertices_mm, triangles, left_over })
 }
 
-/// Checks that there is memory for all parts at once. Several may share one accessor, so a small file can hold many.
+/// Checks that memory suffices for all parts together. Several may share one accessor, so a small file can contain
+/// many.
 pub(super) fn check_memory(file: &File, parts: &[Part<'_>]) -> Result<(), SceneError> {
-    /// Bytes that a vertex takes while it is read and welded, and an index.
+    /// Memory of a vertex while it is read and welded, and of an index, bytes.
     const VERTEX_BYTES: u64 = 64;
     const INDEX_BYTES: u64 = 16;
     let bytes = parts.iter().map(|part| {
@@ -59,11 +60,11 @@ pub(super) fn mesh(file: &File, part: &Part<'_>) -> Result<(Mesh, Vec<FindingKin
     raw(file, part)?.mended(&file.path, &part.name)
 }
 
-/// Mesh of `surface` from arrays, mended as one from a file: equal vertices merged, zero-area triangles dropped, facing outward if
-/// closed. It may be empty, as a finding says.
+/// Mesh of `surface` from arrays, mended like a mesh from a file: equal vertices merged, zero-area triangles dropped,
+/// facing outward if closed. It may be empty; then a finding says so.
 ///
 /// # Errors
-/// A triangle that names a vertex beyond the last, or a vertex in use that is not finite or beyond ±1e5 mm.
+/// A triangle with a vertex index out of range, or a vertex in use that is not finite or beyond ±1e5 mm.
 pub fn mesh_of_arrays(
     surface: &str,
     vertices_mm: Vec<Vec3>,
@@ -93,13 +94,14 @@ fn unpaired_edges(mesh: &mut Mesh, fillers: &[[u32; 3]]) -> usize {
     without.min(with)
 }
 
-/// Share of a surface's volume below which a part isn't mentioned.
+/// Volume below which an inward part is not reported, relative to the surface's volume.
 const FRAGMENT: f64 = 1e-4;
 
-/// Surfaces of more parts aren't checked: each part is compared with all others.
+/// Most parts of a surface that is checked: each part is compared with all others.
 const PARTS_MAX: usize = 1000;
 
-/// Finding about parts of a closed mesh that face inward and lie in the bounds of no other part. A cavity lies in another part.
+/// Finding about parts of a closed mesh that face inward and lie outside the bounds of all other parts. Cavities lie
+/// within another part.
 fn inward_parts(mesh: &Mesh) -> Option<FindingKind> {
     let (part_of, of) = mesh.pieces();
     if !(2..=PARTS_MAX).contains(&of) {
@@ -122,7 +124,7 @@ fn inward_parts(mesh: &Mesh) -> Option<FindingKind> {
 }
 
 impl RawMesh {
-    /// Usable mesh, and what was mended. Errors name `path` and `surface`.
+    /// Usable mesh, and the defects that were mended. Errors name `path` and `surface`.
     fn mended(&self, path: &Path, surface: &str) -> Result<(Mesh, Vec<FindingKind>), SceneError> {
         if let Some(vertex) = self.bad_vertices().next() {
             let (path, surface) = (path.to_owned(), surface.to_owned());
@@ -156,7 +158,7 @@ impl RawMesh {
         Ok((mesh, findings))
     }
 
-    /// Whether each vertex belongs to a triangle: primitives often use parts of one shared buffer.
+    /// Whether each vertex belongs to a triangle: primitives often use only a part of a shared buffer.
     fn used(&self) -> Vec<bool> {
         let mut used = vec![false; self.vertices_mm.len()];
         for &index in self.triangles.iter().flatten() {
@@ -183,7 +185,7 @@ impl RawMesh {
             let key = (mm + Vec3::ZERO).to_array().map(f32::to_bits);
             welded[vertex] = *index_at.entry(key).or_insert_with(|| {
                 mesh.vertices_mm.push(mm);
-                // `indices` ensured that u32 suffices for all vertices.
+                // `indices` ensured that all vertex numbers fit into u32.
                 (mesh.vertices_mm.len() - 1) as u32
             });
         }
@@ -248,7 +250,7 @@ impl Mesh {
     }
 
     /// Drops zero-area triangles. Returns those with three distinct vertices: such a triangle between a long edge and
-    /// its two halves closes a T-junction.
+    /// both its halves closes a T-junction.
     pub(crate) fn drop_flat(&mut self) -> Vec<[u32; 3]> {
         let Self { vertices_mm, triangles } = self;
         let is_flat = |t: &mut [u32; 3]| !has_area(t.map(|i| vertices_mm[i as usize]));

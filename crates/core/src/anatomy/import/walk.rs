@@ -36,7 +36,7 @@ struct Labels {
 }
 
 impl Labels {
-    /// These labels, completed from `others`.
+    /// These labels; missing ones are taken from `others`.
     fn or(self, others: &Self) -> Self {
         let tissue = self.tissue.or_else(|| others.tissue.clone());
         Self { tissue, priority: self.priority.or(others.priority) }
@@ -67,7 +67,7 @@ pub(super) fn parts<'a>(file: &'a File, findings: &mut Vec<Finding>, problems: &
         let own = labels(file, &node, node.extras(), problems);
         if let Some(mesh) = node.mesh() {
             // trimesh stores a mesh's metadata here, and Blender the custom properties of an object's data. They apply
-            // to this mesh only.
+            // only to this mesh.
             let of_mesh = labels(file, &node, mesh.extras(), problems);
             let labels = own.clone().or(&of_mesh).or(&above);
             push_parts(&node, &mesh, scene_from_node, &labels, &mut parts, findings);

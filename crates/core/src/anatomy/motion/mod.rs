@@ -1,7 +1,7 @@
 //! Motion in a scene: heartbeat, fetal and maternal breathing, limb movements.
 //!
 //! A [`Field`] is a smooth displacement of named surfaces ([`Shape`]) with a [`Rhythm`]. Positions are a pure function
-//! of time; at time 0 the scene is as in its file. A scene file carries its motion as JSON in `extras.motion` of its
+//! of time; at time 0 the scene is as in its file. A scene file stores its motion as JSON in `extras.motion` of its
 //! glTF scene, with lengths in mm of the scene frame.
 
 mod rhythm;
@@ -15,14 +15,14 @@ pub use rhythm::Rhythm;
 pub use shape::Shape;
 pub use shape::{ATRIA, FADE, OUTER_WALL};
 
-/// Largest number of fields: with the static tree, their trees are the children of one node with eight slots.
+/// Most fields: the static tree and one tree per field are children of one node, which has eight slots.
 pub const FIELDS_MAX: usize = 7;
 
 /// Motion of a scene.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Motion {
-    /// Displacement fields, at most [`FIELDS_MAX`]; where several overlap, their displacements add up.
+    /// Displacement fields, at most [`FIELDS_MAX`]; the displacements of overlapping fields add up.
     #[serde(default)]
     pub fields: Vec<Field>,
     /// Movement of the whole scene under the probe, for example by the mother's breathing.
@@ -34,9 +34,9 @@ pub struct Motion {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Field {
-    /// Name, for messages and for switching it off.
+    /// Name, for messages and for disabling the field.
     pub name: String,
-    /// Names of the surfaces that it moves; a `*` at the end matches any suffix.
+    /// Names of the surfaces that the field moves; a `*` at the end matches any suffix.
     pub surfaces: Vec<String>,
     /// Spatial form.
     pub shape: Shape,
@@ -57,7 +57,7 @@ pub struct Drift {
 /// Errors in a scene's motion.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum MotionError {
-    /// More fields than the joint node has children.
+    /// More fields than the joint node has slots.
     #[error("{count} motion fields; at most {FIELDS_MAX} are traced: join those that move the same way")]
     TooMany {
         /// Fields found.
@@ -75,7 +75,7 @@ pub enum MotionError {
         /// Accepted values.
         right: &'static str,
     },
-    /// A field that moves nothing.
+    /// A field that moves no surface.
     #[error("motion `{field}` names no surface of the scene: {surfaces:?}")]
     NoSurface {
         /// Name of the field.
@@ -127,7 +127,7 @@ impl Motion {
         self.fields.iter().enumerate().filter(|(_, f)| f.moves(name)).fold(0, |mask, (i, _)| mask | 1 << i)
     }
 
-    /// Subset of `mask` that ever moves the point `p` at rest.
+    /// Bit set of those fields of `mask` that ever move the point `p` at rest.
     pub(super) fn fields_at(&self, p: Vec3, mask: u32) -> u32 {
         // Two amounts suffice: fields fade out in space, so all amounts move the same points.
         let moves = |shape: &Shape| shape.moved(p, [1.0; 2]) != p || shape.moved(p, [0.5, 1.0]) != p;

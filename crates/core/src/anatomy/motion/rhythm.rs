@@ -17,7 +17,7 @@ const SHALLOWEST: f64 = 0.4;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Rhythm {
-    /// Continuous heartbeat. The second amount is that of the atria, which contract before the ventricles.
+    /// Continuous heartbeat. The second amount is the contraction of the atria, which precedes the ventricles'.
     Heart {
         /// Beats per minute, 20 to 300.
         beats_per_min: f64,
@@ -30,7 +30,7 @@ pub enum Rhythm {
         bout_s: f64,
         /// Pause between two bouts, s.
         pause_s: f64,
-        /// Seed of the depth of each breath.
+        /// Seed for the depth of each breath.
         seed: u64,
     },
     /// Single movements there and back at pseudo-random times.
@@ -39,15 +39,15 @@ pub enum Rhythm {
         every_s: f64,
         /// Duration of a movement, s; less than half of `every_s`.
         lasts_s: f64,
-        /// Seed of the times and amounts.
+        /// Seed for times and amounts.
         seed: u64,
     },
 }
 
 impl Rhythm {
-    /// Amounts of the movement at `time_s`, each within 0..=1; 0 is at rest. The second is 0 except for hearts.
+    /// Amounts of the movement at `time_s`, each in 0..=1; 0 is at rest. The second amount is 0 except for hearts.
     pub fn at(&self, time_s: f64) -> [f64; 2] {
-        // Non-finite times are at rest.
+        // Non-finite times count as 0, at rest.
         let time_s = if time_s.is_finite() { time_s.max(0.0) } else { 0.0 };
         match *self {
             Self::Heart { beats_per_min } => {
@@ -86,7 +86,7 @@ impl Rhythm {
                     return [0.0; 2];
                 }
                 let size = 0.3 + 0.7 * random::at(seed, index.wrapping_mul(2).wrapping_add(1));
-                // Out quickly, back slowly.
+                // Outward fast, back slowly.
                 let t = t.powf(0.7);
                 [size * (PI * t).sin().powi(2), 0.0]
             }

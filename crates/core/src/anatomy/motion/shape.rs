@@ -5,9 +5,9 @@ use serde::{Deserialize, Serialize};
 
 /// Width of the margin over which a field fades out, as a fraction of its radius.
 pub const FADE: f32 = 0.6;
-/// Movement of the heart's outer wall relative to its chambers: the muscle keeps its volume.
+/// Movement of the heart's outer wall relative to the wall of its chambers: the muscle keeps its volume.
 pub const OUTER_WALL: f32 = 0.45;
-/// Contraction of the atria relative to the ventricles.
+/// Contraction of the atria relative to that of the ventricles.
 pub const ATRIA: f32 = 0.6;
 
 /// A displacement field, scene frame, mm.
@@ -27,11 +27,11 @@ pub enum Shape {
         /// Displacement of the valve plane relative to the radius, 0 to 0.3.
         shorten: f32,
     },
-    /// A breathing trunk: it widens (or narrows) about an axis, and its inside moves along the axis.
+    /// A breathing trunk: it widens (or narrows) about an axis, and its interior moves along the axis.
     Breath {
         /// Centre of the moving part.
         centre_mm: Vec3,
-        /// Direction of the inside's movement; any non-zero length.
+        /// Direction in which the interior moves; any non-zero length.
         axis: Vec3,
         /// Half of the moving part's length along the axis.
         half_length_mm: f32,
@@ -39,7 +39,7 @@ pub enum Shape {
         radius_mm: f32,
         /// Relative increase of the radius, −0.15 to 0.15.
         widen: f32,
-        /// Displacement of the inside along the axis, mm; at most a fifth of `half_length_mm`.
+        /// Displacement of the interior along the axis, mm; at most a fifth of `half_length_mm`.
         shift_mm: f32,
     },
     /// A limb that rotates about a joint.
@@ -50,21 +50,21 @@ pub enum Shape {
         end_mm: Vec3,
         /// Axis of rotation; any non-zero length.
         axis: Vec3,
-        /// Radius about the limb's axis that moves with it.
+        /// Radius about the limb's axis within which everything moves with the limb.
         radius_mm: f32,
         /// Largest rotation, degrees, −25 to 25.
         angle_deg: f32,
     },
 }
 
-/// 0 up to `low`, 1 from `high` on, smooth between.
+/// 0 up to `low`, 1 from `high` on, smooth in between.
 fn smooth_step(low: f32, high: f32, x: f32) -> f32 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
 
 impl Shape {
-    /// Position of the rest point `p` at these amounts of movement. With both 0 it is exactly `p`.
+    /// Position of the rest point `p` at these amounts of movement. If both are 0, it is exactly `p`.
     pub fn moved(&self, p: Vec3, amounts: [f32; 2]) -> Vec3 {
         if amounts == [0.0; 2] {
             return p;

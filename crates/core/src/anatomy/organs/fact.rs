@@ -5,13 +5,13 @@ use glam::DVec3;
 /// Volume and position of an organ.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OrganFact {
-    /// Name of its class, as in `kidney_left`.
+    /// Name of the organ's class, for example `kidney_left`.
     pub name: String,
     /// Volume, ml.
     pub volume_ml: f64,
     /// Centre of mass, LPS, mm.
     pub centre_mm: DVec3,
-    /// Whether it reaches the border of the scan.
+    /// Whether the organ reaches the border of the scan.
     pub is_cut: bool,
 }
 

@@ -1,8 +1,8 @@
 //! Plausibility of human organs: their volumes and relative positions.
 //!
-//! [`check_organs`] compares the organs of a patient with `assets/organs.toml` and with a list of relations such as "the
-//! spleen lies to the left of the liver". A finding is impossible or unlikely. Children and disease give unlikely
-//! findings at most; an organ that the scan cuts is never too small.
+//! [`check_organs`] compares the organs of a patient with `assets/organs.toml` and with a list of relations such as
+//! "the spleen lies to the left of the liver". A finding is impossible or unlikely. Children and disease cause
+//! unlikely findings at most. An organ that the scan cuts is never too small.
 
 mod fact;
 mod relations;
@@ -36,41 +36,44 @@ pub enum Aspect {
     Position,
 }
 
-/// An organ that differs from what is usual.
+/// An organ that differs from the usual.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OrganFinding {
     /// Severity.
     pub certainty: Certainty,
     /// Property.
     pub aspect: Aspect,
-    /// Name of the organ; the first one where several differ.
+    /// Name of the organ; the first one if several differ.
     pub organ: String,
-    /// Description, with the values found and the usual ones.
+    /// Description, with the values found and the usual values.
     pub what: String,
-    /// Evidence against the names or the position of the organs: about 1 for an unlikely finding, more for an impossible one.
+    /// Evidence against the names or the positions of the organs: about 1 for an unlikely finding, more for an
+    /// impossible one.
     pub strain: f64,
 }
 
 /// Strain of an impossible volume.
 const IMPOSSIBLE_STRAIN: f64 = 8.0;
 
-/// Strain of a cyst at an unusual place.
+/// Strain of a cyst at an unusual position.
 const CYST_STRAIN: f64 = 1.5;
 
-/// Share of its least usual volume below which an organ is a fragment. The position of a fragment means nothing.
+/// Fraction of its smallest usual volume below which an organ counts as a fragment. The position of a fragment means
+/// nothing.
 const FRAGMENT_SHARE: f64 = 0.1;
 
 /// Volume below which an organ without a known range is a fragment, ml.
 const FRAGMENT_ML: f64 = 0.2;
 
-/// If all organs have less than this share of their least usual volume, the unit of length is wrong. The second share counts from
-/// `SEVERAL` organs on that are most of all: no newborn and no disease makes so many that small.
+/// Fraction of their smallest usual volume below which all organs together indicate a wrong unit of length. The second
+/// fraction applies if at least `SEVERAL` organs, and at least the fraction `MOST` of all, are below it: no newborn
+/// and no disease has so many organs that small.
 const OTHER_UNIT_SHARE: f64 = 0.05;
 const OTHER_UNIT_SHARE_OF_SEVERAL: f64 = 0.33;
 const SEVERAL: usize = 3;
 const MOST: f64 = 0.75;
 
-/// Least usual volume that an organ must have to tell the unit, ml: hollow organs may be empty.
+/// Smallest usual volume, ml, of an organ that tells the unit: hollow organs may be empty.
 const TELLING_ML: f64 = 10.0;
 
 /// Findings about the organs of one patient, impossible ones first.
@@ -99,7 +102,7 @@ fn is_fragment(fact: &OrganFact) -> bool {
     fact.volume_ml < range_of(&fact.name).map_or(FRAGMENT_ML, |range| FRAGMENT_SHARE * range.usual_ml[0])
 }
 
-/// A volume in words: whole millilitres from 10 ml on.
+/// A volume in words, in whole millilitres from 10 ml on.
 fn ml(volume_ml: f64) -> String {
     if volume_ml < 10.0 {
         format!("{volume_ml:.1} ml")
@@ -130,8 +133,9 @@ fn volume(fact: &OrganFact) -> Option<OrganFinding> {
     Some(OrganFinding { certainty, aspect: Aspect::Volume, organ: fact.name.clone(), what, strain })
 }
 
-/// A finding if there are two whole organs or more, all or most are many times too small, and no other organ has a usual size. Small
-/// organs such as the gallbladder tell nothing: a full one that is too small is as large as an empty one.
+/// Finding about a wrong unit: two or more whole organs, all or most of them many times too small, and no other organ
+/// of usual size. Small organs such as the gallbladder are ignored: a full one that is too small has the volume of an
+/// empty one.
 fn scale(facts: &[OrganFact]) -> Option<OrganFinding> {
     let is_usual = |fact: &OrganFact, range: &Range| {
         let [least, _] = range.usual_ml;
@@ -165,8 +169,8 @@ fn scale(facts: &[OrganFact]) -> Option<OrganFinding> {
     })
 }
 
-/// Findings about positions. If most relations along one axis are contradicted, that axis is reversed, which is impossible.
-/// A single contradicted relation is unlikely.
+/// Findings about positions. If most relations along one axis are contradicted, the axis is reversed, which is
+/// impossible. A single contradicted relation is unlikely.
 fn positions(votes: &[Vote]) -> Vec<OrganFinding> {
     let mut findings = Vec::new();
     let mut groups: BTreeMap<(Direction, bool), Vec<&Vote>> = BTreeMap::new();

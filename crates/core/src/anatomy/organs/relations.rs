@@ -1,4 +1,4 @@
-//! Positions of organs to each other.
+//! Relative positions of organs.
 
 use std::fmt;
 
@@ -26,7 +26,7 @@ impl Direction {
         }
     }
 
-    /// Words for a position in this direction, then for one in the opposite direction.
+    /// Words for a position in this direction, and for a position in the opposite direction.
     fn words(self) -> [&'static str; 2] {
         match self {
             Self::Left => ["to the left of", "to the right of"],
@@ -69,8 +69,8 @@ const PLURAL: [&str; 5] = [KIDNEYS.0, LUNGS.0, BACK.0, BUTTOCKS.0, LEGS.0];
 const CERTAIN: u32 = 2;
 const LIKELY: u32 = 1;
 
-/// Seen from the second organ, the first one lies in this direction, in nearly everybody. Then follow the least distance that
-/// tells anything, mm, and the weight.
+/// Relations between organs. In nearly everybody, the first organ lies in this direction from the second. The last two
+/// values are the smallest distance that counts as evidence, mm, and the weight.
 const RELATIONS: [(Group, Direction, Group, f64, u32); 53] = [
     (SPLEEN, Direction::Left, LIVER, 20.0, CERTAIN),
     (SPLEEN, Direction::Left, GALLBLADDER, 15.0, CERTAIN),
@@ -127,14 +127,15 @@ const RELATIONS: [(Group, Direction, Group, f64, u32); 53] = [
     (KIDNEYS, Direction::Up, LEGS, 30.0, CERTAIN),
 ];
 
-/// Least distance along the left-right axis of a left and a right organ that tells anything, mm.
+/// Smallest distance between a left and a right organ along the left-right axis that counts as evidence, mm.
 const PAIR_MM: f64 = 10.0;
 
-/// Letters of vertebrae, each with the number of vertebrae above, and the least difference of heights that tells anything, mm.
+/// Letters of vertebrae, each with the number of vertebrae above, and the smallest difference in height that counts as
+/// evidence, mm.
 const VERTEBRAE: [(char, u32); 4] = [('c', 0), ('t', 7), ('l', 19), ('s', 24)];
 const VERTEBRAE_MM: f64 = 10.0;
 
-/// Two organs whose position to each other is known, and what was found.
+/// Two organs whose relative position is known, and the position found.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Vote {
     /// Direction in which the first should lie.
@@ -166,7 +167,7 @@ impl fmt::Display for Vote {
     }
 }
 
-/// All relations between these organs that tell something.
+/// All relations between these organs that count as evidence.
 pub(super) fn votes(facts: &[OrganFact]) -> Vec<Vote> {
     let mut votes: Vec<Vote> = RELATIONS.iter().filter_map(|relation| related(relation, facts)).collect();
     votes.extend(pairs(facts));
@@ -207,10 +208,11 @@ fn pairs(facts: &[OrganFact]) -> Vec<Vote> {
     votes
 }
 
-/// Distance from the centre of a kidney toward the middle of the body beyond which a cyst of it is unusual, mm.
+/// Distance from the centre of a kidney toward the middle of the body beyond which a cyst of the kidney is unusual,
+/// mm.
 const CYST_MEDIAL_MM: f64 = 40.0;
 
-/// Cysts of a kidney that lie near the middle of the body, where vessels are: the name of each, and its position in words.
+/// Kidney cysts near the middle of the body, where the vessels are: name of each, and its position in words.
 pub(super) fn medial_cysts(facts: &[OrganFact]) -> Vec<(String, String)> {
     let sides = [("kidney_cyst_left", LEFT_KIDNEY, 1.0, "right"), ("kidney_cyst_right", RIGHT_KIDNEY, -1.0, "left")];
     let medial = |(cyst, kidney, sign, toward): (&str, Group, f64, &str)| {

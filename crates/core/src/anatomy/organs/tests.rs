@@ -5,7 +5,7 @@ fn fact(name: &str, volume_ml: f64, centre_mm: [f64; 3]) -> OrganFact {
     OrganFact { name: name.to_owned(), volume_ml, centre_mm: DVec3::from_array(centre_mm), is_cut: false }
 }
 
-/// An adult, LPS, mm.
+/// Organs of an adult, LPS, mm.
 fn adult() -> Vec<OrganFact> {
     vec![
         fact("liver", 1500.0, [-60.0, 0.0, 0.0]),
@@ -77,12 +77,12 @@ fn volumes_are_impossible_unlikely_or_usual() {
     assert_eq!((certainty, what.as_str()), (Certainty::Unlikely, "`spleen` has 902 ml: more than 800 ml is unusual"));
     let (certainty, what) = of("liver", 82.0).unwrap();
     assert_eq!((certainty, what.as_str()), (Certainty::Unlikely, "`liver` has 82 ml: less than 300 ml is unusual"));
-    // A child's liver, and what no table knows.
+    // A child's liver, and a class that no table has.
     assert_eq!((of("liver", 330.0), of("gallstone", 1e6)), (None, None));
     // The scan cuts it.
     let cut = OrganFact { is_cut: true, ..fact("liver", 5.0, [0.0; 3]) };
     assert_eq!(check_organs(&[cut]), []);
-    // Volumes of bones are assumed: a large one is told, not refused.
+    // Volumes of bones are assumed: a large bone is unlikely, not impossible.
     let blob = check_organs(&[fact("vertebrae_L3", 364.0, [0.0, 75.0, -90.0])]);
     let told: Vec<_> = blob.iter().map(|finding| (finding.certainty, finding.what.as_str())).collect();
     assert_eq!(told, [(Certainty::Unlikely, "`vertebrae_L3` has 364 ml: more than 150 ml is unusual")]);
@@ -116,7 +116,7 @@ fn several_organs_that_are_all_several_times_too_small_are_not_a_human() {
     let abdomen = |name: &str| !["heart", "lung_upper_lobe_left", "vertebrae_T12", "vertebrae_L3"].contains(&name);
     let found = said(&shrunk(&abdomen), Certainty::Impossible);
     assert!(found.len() == 1 && found[0].contains("whole organs are far too small"), "{found:?}");
-    // Two of them may be ill, and a small liver alone is one that is.
+    // Two small organs may be diseased, and a single small liver is.
     assert_eq!(said(&shrunk(&|name| ["liver", "spleen"].contains(&name)), Certainty::Impossible), [""; 0]);
     let mut ill = adult();
     ill[0].volume_ml = 60.0;

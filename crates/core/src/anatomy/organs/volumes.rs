@@ -9,11 +9,11 @@ use super::fact::matches;
 /// Volumes of an organ in humans.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Range {
-    /// Usual volumes, ml: least and most.
+    /// Usual volumes, ml: smallest and largest.
     pub(super) usual_ml: [f64; 2],
-    /// Volume that no human exceeds, ml; none where only usual volumes are known.
+    /// Largest volume possible in a human, ml; none if only usual volumes are known.
     pub(super) most_ml: Option<f64>,
-    /// Whether most scans end within it.
+    /// Whether most scans cut the organ.
     pub(super) is_often_cut: bool,
 }
 
@@ -64,7 +64,7 @@ mod tests {
         assert!(ENTRIES.len() > 50);
         for (names, Range { usual_ml: [least, usual], most_ml, .. }) in ENTRIES.iter() {
             assert!(0.0 <= *least && least < usual && most_ml.is_none_or(|most| *usual < most), "{names:?}");
-            // The first entry that fits counts, so that no later one may be meant.
+            // The first matching entry counts, so no later entry may mean the same name.
             for name in names {
                 let name = name.replace('*', "1");
                 assert_eq!(ENTRIES.iter().filter(|(n, _)| n.iter().any(|p| matches(p, &name))).count(), 1, "{name}");

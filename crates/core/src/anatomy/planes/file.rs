@@ -9,7 +9,8 @@ use super::{PLANES_VERSION, StandardPlane, StandardPlanes, View};
 use crate::files::{self, FileError, FileKind};
 use crate::pose::POSITION_LIMIT_MM;
 
-/// Largest deviation of a direction's length from one, and of the cosine of angles between directions from zero.
+/// Largest deviation of a direction's length from one, and of the cosine of the angle between two directions from
+/// zero.
 const DIRECTION_TOLERANCE: f64 = 1e-2;
 
 /// Errors in a scene's standard planes.
@@ -73,7 +74,7 @@ pub fn file_beside(scene: &Path) -> PathBuf {
     scene.with_extension("planes.json")
 }
 
-/// Reads the planes of the scene file `scene` from the file beside it.
+/// Reads the planes of the scene file `scene` from the planes file next to it.
 ///
 /// # Errors
 /// The file doesn't exist, cannot be read, or has an invalid value, which the error names.

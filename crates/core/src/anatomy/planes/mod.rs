@@ -1,10 +1,10 @@
-//! Standard planes of a scene: target planes of a trainee, their tolerances and measurements.
+//! Standard planes of a scene: target planes of a trainee, with tolerances and measurements.
 //!
-//! The obstetric phantom has built-in planes. Any other scene has them in a file beside its glTF file:
-//! `belly.glb` has `belly.planes.json` ([`beside`]). `insonify planes STATION --json` prints a complete file.
+//! The obstetric phantom has built-in planes. Any other scene has them in a file next to its glTF file: `belly.glb`
+//! has `belly.planes.json` ([`beside`]). `insonify planes STATION --json` prints a complete file.
 //!
-//! Points are in mm and directions are unit vectors, both in the scene frame, written `[x, y, z]`; a pose is `[x, y, z,
-//! qw, qx, qy, qz]`, as in a station file.
+//! Points are in mm and directions are unit vectors, both in the scene frame, written `[x, y, z]`; a pose is `[x, y,
+//! z, qw, qx, qy, qz]`, as in a station file.
 
 mod file;
 mod pose;
@@ -33,7 +33,7 @@ pub struct StandardPlanes {
     pub planes: Vec<StandardPlane>,
 }
 
-/// A standard plane, one of a trainee's targets.
+/// A standard plane: one of a trainee's targets.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StandardPlane {
@@ -44,9 +44,9 @@ pub struct StandardPlane {
     /// Guideline that defines it.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub source: String,
-    /// Tolerances for counting as found.
+    /// Tolerances within which the plane counts as found.
     pub tolerances: Tolerances,
-    /// Views of the plane; showing any of them is enough (either femur, for example). At least one.
+    /// Views of the plane; any of them suffices (either femur, for example). At least one.
     pub views: Vec<View>,
 }
 
@@ -83,7 +83,7 @@ pub struct View {
     pub normal: DVec3,
     /// Direction in the plane across the beam, horizontal in the best image.
     pub lateral: DVec3,
-    /// True if any plane through the line along [`View::lateral`] is accepted, as for a long bone.
+    /// Whether any plane through the line along [`View::lateral`] is accepted, as for a long bone.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub any_turn_about_lateral: bool,
     /// Direction from the centre to the probe on the skin; in the plane, perpendicular to `lateral`.
@@ -94,7 +94,7 @@ pub struct View {
     /// Names of the glTF nodes whose outlines orient the viewer.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub outlines: Vec<String>,
-    /// Points that belong in the image.
+    /// Points that the image must show.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub landmarks: Vec<PlaneLandmark>,
     /// Measurements in the plane.
@@ -102,7 +102,7 @@ pub struct View {
     pub calipers: Vec<Caliper>,
 }
 
-/// A point that belongs in the image.
+/// A point that the image must show.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlaneLandmark {
@@ -129,11 +129,11 @@ pub struct Caliper {
     pub points_mm: Vec<DVec3>,
     /// Name of the glTF node whose border is measured.
     pub surface: String,
-    /// Name of the node measured at the end far from the probe, if different: for example a skull's inside, for an
-    /// outer-to-inner diameter.
+    /// Name of the surface measured at the end far from the probe, if it is another one: for example the inside of a
+    /// skull, for an outer-to-inner diameter.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub far_surface: Option<String>,
-    /// Largest distance of a matching border from the caliper, mm.
+    /// Largest distance between the caliper and a matching border, mm.
     pub reach_mm: f64,
     /// True length or circumference, mm; if `None`, it is measured on the scene's surfaces in the plane.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -180,7 +180,8 @@ impl StandardPlanes {
         names.iter().map(|name| find(name.as_ref())).collect()
     }
 
-    /// Sets the pose of a probe on `skin` in each view; `None` if the view's line to the probe does not hit the skin.
+    /// Sets the pose of a probe on `skin` in each view; `None` if the line from the view to the probe does not hit the
+    /// skin.
     #[must_use]
     pub fn with_poses(mut self, skin: &Skin, press_mm: f64) -> Self {
         for view in self.planes.iter_mut().flat_map(|plane| &mut plane.views) {
@@ -216,7 +217,7 @@ impl StandardPlanes {
 }
 
 impl StandardPlane {
-    /// Names of the surfaces in its calipers and outlines.
+    /// Names of the surfaces in the plane's calipers and outlines.
     fn surfaces(&self) -> impl Iterator<Item = &str> {
         self.views.iter().flat_map(|view| {
             let measured = view.calipers.iter().flat_map(|c| [&c.surface].into_iter().chain(&c.far_surface));

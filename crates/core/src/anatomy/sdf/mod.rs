@@ -1,7 +1,7 @@
 //! Signed-distance modelling: closed solids as functions that are negative inside.
 //!
-//! A [`Solid`] pairs such a function with a box that contains the solid. Values need to approximate the true distance
-//! only close to the surface; operations use the box to skip distant parts. Lengths are in mm.
+//! A [`Solid`] pairs such a function with a box that contains the solid. The values need to approximate the true
+//! distance only near the surface. Operations use the box to skip distant parts. Lengths are in mm.
 
 mod isometry;
 mod operations;
@@ -109,14 +109,14 @@ mod tests {
         assert!((rod.distance_mm(Vec3::new(5.0, 5.0, 0.0)) - 3.0).abs() < 1e-5);
         assert!((rod.distance_mm(Vec3::new(14.0, 0.0, 0.0)) - 2.0).abs() < 1e-5);
         assert!((rod.distance_mm(Vec3::new(5.0, 0.0, 0.0)) + 2.0).abs() < 1e-5);
-        // A ball inside the other makes no cone.
+        // A ball inside the other: their cone is the larger ball.
         let nested = round_cone(Vec3::ZERO, Vec3::X, 5.0, 2.0);
         assert!((nested.distance_mm(Vec3::Y * 7.0) - 2.0).abs() < 1e-5);
     }
 
     #[test]
     fn a_union_is_the_minimum_of_its_parts_everywhere() {
-        // Deep parts behind shallow ones with overlapping boxes: boxes must not hide them.
+        // Deep parts behind shallow ones whose boxes overlap: the boxes must not hide them.
         let parts = [
             capsule(Vec3::ZERO, Vec3::new(9.0, 9.0, 0.0), 1.0),
             sphere(Vec3::new(4.0, 4.0, 0.0), 5.0),

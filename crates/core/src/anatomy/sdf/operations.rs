@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use super::{Bounds, Isometry, Solid};
 
-/// Smooth minimum of width `k`: equals `min` where the two differ by `k` or more (quadratic, after I. Quilez).
+/// Smooth minimum of width `k`: equal to `min` if the two values differ by `k` or more (quadratic, after I. Quilez).
 fn smooth_min(a: f32, b: f32, k: f32) -> f32 {
     let h = (k - (a - b).abs()).max(0.0);
     a.min(b) - h * h / (4.0 * k)
@@ -17,13 +17,13 @@ pub fn union(parts: impl IntoIterator<Item = Solid>) -> Solid {
     combine(parts.into_iter().collect(), 0.0, f32::min)
 }
 
-/// Union of `parts`, blended over `width` mm where they meet.
+/// Union of `parts`, blended over `width` mm where they touch.
 pub fn smooth_union(parts: impl IntoIterator<Item = Solid>, width: f32) -> Solid {
     combine(parts.into_iter().collect(), width, move |a, b| smooth_min(a, b, width))
 }
 
 fn combine(parts: Vec<Solid>, reach: f32, join: impl Fn(f32, f32) -> f32 + Send + Sync + 'static) -> Solid {
-    // A blend swells beyond its parts, by a quarter of the width for each further part that meets there.
+    // A blend extends beyond its parts, by a quarter of the width for each further part.
     let bounds = parts.iter().fold(Bounds::EMPTY, |hull, part| hull.hull(part.bounds)).grown(0.5 * reach);
     let parts: Arc<[Solid]> = parts.into();
     Solid::new(bounds, move |p| {
@@ -46,7 +46,7 @@ impl Solid {
         Self::new(bounds, move |p| self.distance_mm(p).max(other.distance_mm(p)))
     }
 
-    /// Intersection with `other`, the edge rounded over `width` mm.
+    /// Intersection with `other`, with the edge rounded over `width` mm.
     pub fn smooth_intersect(self, other: Self, width: f32) -> Self {
         let bounds = self.bounds.overlap(other.bounds);
         Self::new(bounds, move |p| -smooth_min(-self.distance_mm(p), -other.distance_mm(p), width))
@@ -58,7 +58,7 @@ impl Solid {
         Self::new(bounds, move |p| self.distance_mm(p).max(-other.distance_mm(p)))
     }
 
-    /// Difference: the part outside `other`, the edge rounded over `width` mm.
+    /// Difference: the part outside `other`, with the edge rounded over `width` mm.
     pub fn smooth_subtract(self, other: Self, width: f32) -> Self {
         let bounds = self.bounds;
         Self::new(bounds, move |p| -smooth_min(-self.distance_mm(p), other.distance_mm(p), width))
@@ -89,12 +89,13 @@ impl Solid {
         Self::new(bounds, move |p| self.distance_mm(p.with_x(p.x.abs())))
     }
 
-    /// The solid with its surface moved outward by `height` mm, a function of position of magnitude at most `most`.
+    /// The solid with its surface moved outward by `height` mm, a function of position with a magnitude of at most
+    /// `most`.
     pub fn displaced(self, most: f32, height: impl Fn(Vec3) -> f32 + Send + Sync + 'static) -> Self {
         let bounds = self.bounds.grown(most);
         Self::new(bounds, move |p| {
             let d = self.distance_mm(p);
-            // Far from the surface the height has no effect that matters.
+            // Far from the surface, the height doesn't matter.
             if d.abs() > 4.0 * most + 8.0 { d } else { d - height(p) }
         })
     }

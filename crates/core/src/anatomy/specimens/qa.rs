@@ -1,9 +1,9 @@
 //! Layout of a multi-purpose quality-assurance phantom of a common type. `examples/make_scenes` builds it.
 //!
-//! The groups are those of two commercial phantoms. CIRS 040GSE (user guide at support.cirsinc.com): near field,
-//! vertical and horizontal distances, axial and lateral resolution, stepped anechoic cylinders, grey-scale targets of
-//! −9, −6, −3, +3, +6 and more dB. Gammex 405 GSX LE (its user guide): grey-scale cylinders, pins, cysts. The positions
-//! are our own, to fit everything below one linear probe 60 mm wide. All targets are parallel to y.
+//! The groups follow two commercial phantoms. CIRS 040GSE (user guide at support.cirsinc.com) has a near-field group,
+//! vertical and horizontal distances, axial and lateral resolution, stepped anechoic cylinders, and grey-scale targets
+//! of −9, −6, −3, +3, +6 and more dB. Gammex 405 GSX LE (its user guide) has grey-scale cylinders, pins and cysts. The
+//! positions are our own, so that everything fits below one linear probe 60 mm wide. All targets are parallel to y.
 //!
 //! Real filaments are 0.08 to 0.1 mm thick, a fraction of a wavelength, and scatter more than their geometric width.
 //! Rays see only the width. The wires are therefore bars of [`WIRE_MM`] with a flat side up, about as bright above the

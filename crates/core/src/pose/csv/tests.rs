@@ -1,4 +1,4 @@
-//! Reading of tables and markups.
+//! Tests of reading tables and markups.
 
 use proptest::prelude::*;
 

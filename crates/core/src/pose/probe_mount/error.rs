@@ -1,4 +1,4 @@
-//! Faults of the steps that calibrate a mounting.
+//! Errors in calibrating the mounting of a sensor.
 
 use thiserror::Error;
 
@@ -18,13 +18,13 @@ pub enum MountError {
         /// The step.
         step: &'static str,
     },
-    /// Nothing gives the lateral axis.
+    /// No step determines the lateral axis.
     #[error("the lateral axis is unknown: give both ends of the face (--marker-end, --other-end) or a --slide")]
     NoLateral,
-    /// Nothing gives the beam.
+    /// No step determines the beam.
     #[error("the beam's direction is unknown: record the upright probe turned about its own long axis (--spin){why}")]
     NoBeam {
-        /// Why the ends don't give it, or empty.
+        /// Reason why the ends don't determine the beam, or empty.
         why: String,
     },
     /// An end that was not in the dimple.
@@ -77,14 +77,14 @@ pub enum MountError {
         /// Angle between the axis of the turn and the arc, degrees.
         off_deg: f64,
     },
-    /// A beam that may point either way, or a turn about another axis.
+    /// A beam whose sense is unknown, or a turn about another axis.
     #[error(
         "the beam may point either way: the sensor is {away_mm:.1} mm from the centre of the face, but {along_mm:.1} mm along the axis of the turn; turn the upright probe about its own long axis, rest both ends of a convex face in the dimple, or mount the sensor higher"
     )]
     Sense {
         /// Distance along the axis, mm.
         along_mm: f64,
-        /// Distance in all, mm.
+        /// Total distance, mm.
         away_mm: f64,
     },
     /// Ends and a slide that contradict each other.
@@ -95,7 +95,7 @@ pub enum MountError {
         /// Angle between the two axes, degrees.
         off_deg: f64,
     },
-    /// A slide that gives no direction.
+    /// A slide that determines no direction.
     #[error(
         "the slide: {path_mm:.0} mm long, off a line by {off_mm:.1} mm RMS, turned by {turn_deg:.0}°; slide along a ruler by at least {SLIDE_MM} mm without turning the probe"
     )]

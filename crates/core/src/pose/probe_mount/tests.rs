@@ -9,7 +9,7 @@ use crate::random::SplitMix64;
 
 const DIMPLE: DVec3 = DVec3::new(210.0, -90.0, 40.0);
 
-/// A probe with a convex face 56 mm wide and 8 mm high, sensor at any turn.
+/// A probe with a convex face 56 mm wide and 8 mm high, and a sensor at any orientation.
 struct Probe {
     sensor_from_probe: Pose,
     arc_mm: f64,
@@ -40,7 +40,7 @@ impl Probe {
         (0..count).map(|i| noisy(i as f64 / count as f64)).collect()
     }
 
-    /// The probe's point `rests` in the dimple, tilted to all sides by up to `tilt` rad.
+    /// Poses with the probe's point `rests` in the dimple, tilted to all sides by up to `tilt` rad.
     fn tilted(&mut self, rests: DVec3, tilt: f64) -> Vec<Pose> {
         self.poses(300, |part| {
             let axis = DVec3::new((5.0 * TAU * part).cos(), (5.0 * TAU * part).sin(), 0.0);
@@ -61,7 +61,7 @@ impl Probe {
         })
     }
 
-    /// Slid along the probe's −x, the marker's side.
+    /// Poses of a slide along the probe's −x, the marker's side.
     fn slid(&mut self) -> Vec<Pose> {
         let orientation = DQuat::from_rotation_y(0.3) * DQuat::from_rotation_x(TAU / 2.0);
         self.poses(200, |part| Pose { position_mm: DIMPLE - orientation * DVec3::X * 150.0 * part, orientation })
@@ -194,14 +194,14 @@ fn a_turn_about_another_axis_is_refused() {
             let steps = MountSteps { pivot: &pivot, ends: Some([&marker, &other]), slide: None, spin: Some(&spin) };
             mount(&steps).unwrap_err().to_string()
         };
-        // A probe that lay on its side, narrow or flat, was turned about its lateral or elevational axis.
+        // A probe lying on its side, narrow or flat, was turned about its lateral or elevational axis.
         for axis in [DVec3::X, DVec3::Y] {
             let said = refused(axis);
             let expected =
                 if arc_mm > 0.0 { "another axis than its long one: 90° off" } else { "may point either way" };
             assert!(said.contains(expected), "{axis}: {said}");
         }
-        // It leant to one side.
+        // The probe leaned to one side.
         assert!(refused(DVec3::new(0.35, 0.0, 0.94)).contains("off a right angle"));
     }
 }

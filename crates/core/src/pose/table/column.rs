@@ -1,6 +1,6 @@
-//! Meaning of a column, read from its name.
+//! Meaning of a table's column, from its name.
 
-/// Millimetres of the units of length.
+/// Names of length units, and mm per unit.
 const LENGTHS: [(&[&str], f64); 5] = [
     (&["mm", "millimetre", "millimetres", "millimeter", "millimeters"], 1.0),
     (&["cm", "centimetre", "centimetres", "centimeter", "centimeters"], 10.0),
@@ -9,7 +9,7 @@ const LENGTHS: [(&[&str], f64); 5] = [
     (&["in", "inch", "inches"], 25.4),
 ];
 
-/// Seconds of the units of time.
+/// Names of time units, and seconds per unit.
 const TIMES: [(&[&str], f64); 4] = [
     (&["s", "sec", "second", "seconds"], 1.0),
     (&["ms", "millisecond", "milliseconds"], 1e-3),
@@ -27,7 +27,7 @@ const FRAMES: &str =
 const VOXELS: &str =
     "voxel indices need their image; give mm along the patient's axes as r,a,s or l,p,s, or the scene's x,y,z";
 
-/// Columns that programs write with points and that say nothing about their position.
+/// Columns that programs write with points, but that have no part in their position.
 const UNUSED: [&str; 19] = [
     "id",
     "index",
@@ -53,24 +53,24 @@ const UNUSED: [&str; 19] = [
 /// Frame of a coordinate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Frame {
-    /// `x`, `y`, `z`: the frame that the table is about.
+    /// `x`, `y`, `z`: the frame of the table.
     Own,
-    /// `r`, `a`, `s` or `l`, `p`, `s`: axes of the patient.
+    /// `r`, `a`, `s` or `l`, `p`, `s`: the patient's axes.
     Patient,
-    /// `tx`, `ty`, `tz`: the tracker's.
+    /// `tx`, `ty`, `tz`: the tracker's frame.
     Tracker,
 }
 
 /// Meaning of a column.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Meaning {
-    /// A coordinate; of the patient's axes, along left, posterior or superior.
+    /// A coordinate; for the patient's axes, along left, posterior or superior.
     Length {
         /// Frame of the coordinate.
         frame: Frame,
         /// Axis, 0..3.
         axis: usize,
-        /// −1 if the column points the other way than the axis.
+        /// −1 if the column points opposite to the axis, else 1.
         sign: f64,
         /// Millimetres per unit; `None` if the name has no unit.
         unit_mm: Option<f64>,
@@ -90,9 +90,9 @@ pub enum Meaning {
     Event,
     /// Whether the row has a position (3D Slicer).
     Defined,
-    /// Nothing that is needed.
+    /// Content that is not needed.
     Unused,
-    /// Something that could mean several things, with the reason and the way out.
+    /// An ambiguous name, with the reason and advice.
     Ambiguous(&'static str),
     /// Not known.
     Unknown,
@@ -108,13 +108,13 @@ pub struct Column {
 }
 
 impl Column {
-    /// Column with this name. Case, brackets, spaces and full stops don't matter: `X [mm]` is `x_mm`.
+    /// Column with the name `name`. Case, brackets, spaces and full stops don't matter: `X [mm]` is `x_mm`.
     pub(crate) fn of(name: &str) -> Self {
         let name = name.trim().trim_matches(['"', '\'']).trim();
         Self { name: name.to_owned(), meaning: meaning(name) }
     }
 
-    /// Whether the name has a meaning of its own.
+    /// Whether the name has a known meaning.
     pub(crate) fn is_known(&self) -> bool {
         !matches!(self.meaning, Meaning::Unknown)
     }
@@ -149,7 +149,7 @@ fn meaning(name: &str) -> Meaning {
     }
 }
 
-/// Meaning of a name without its unit; `None` if there is none.
+/// Meaning of a name without its unit; `None` if unknown.
 fn without_unit(key: &str) -> Option<Meaning> {
     if let Some(meaning) = coordinate(key) {
         return Some(meaning);
@@ -167,7 +167,7 @@ fn without_unit(key: &str) -> Option<Meaning> {
         "status" => Meaning::Status,
         "event" => Meaning::Event,
         "defined" => Meaning::Defined,
-        // NDI names the scalar part q0. Beside q1 to q3 it might be x as well, but those are refused.
+        // NDI calls the scalar part q0. With q1 to q3, q0 could also mean x; those names are refused.
         "q0" => Meaning::Quaternion(0),
         "q1" | "q2" | "q3" | "q4" | "w" => Meaning::Ambiguous(QUATERNION_ORDER),
         "roll" | "pitch" | "yaw" | "heading" | "azimuth" | "elevation" | "az" | "el" | "ro" | "rx" | "ry" | "rz"
@@ -209,7 +209,7 @@ fn coordinate(key: &str) -> Option<Meaning> {
     if let Some(axis) = of(&["", "position_", "pos_", "scene_"]) {
         return length(Frame::Own, axis, 1.0);
     }
-    // Scene, sensor or stylus; position, point, patient, phantom or probe.
+    // The abbreviation `s` may mean scene, sensor or stylus; `p` may mean position, point, patient, phantom or probe.
     if of(&["s", "s_", "p", "p_"]).is_some() {
         return Some(Meaning::Ambiguous(FRAMES));
     }

@@ -1,4 +1,4 @@
-//! Columns of a table by their meaning.
+//! Columns of a table, by their meaning.
 
 use glam::DVec3;
 
@@ -6,7 +6,7 @@ use super::{Column, Frame, Meaning, TableFault, finite, is_absent, number, quote
 use crate::pose::Pose;
 use crate::suggest::did_you_mean;
 
-/// Names that are suggested for unknown ones.
+/// Names that are suggested instead of unknown ones.
 const SUGGESTED: [&str; 24] = [
     "x_mm", "y_mm", "z_mm", "x", "y", "z", "tx", "ty", "tz", "qw", "qx", "qy", "qz", "r", "a", "s", "l", "p", "name",
     "label", "time_s", "status", "event", "defined",
@@ -19,7 +19,7 @@ pub struct Position {
     pub(crate) frame: Frame,
     /// Index and name of the column of each axis, and millimetres per unit, negative for a reversed axis.
     axes: [(usize, String, f64); 3],
-    /// A column whose name has no unit.
+    /// A column of the position whose name has no unit, if any.
     pub without_unit: Option<String>,
 }
 
@@ -32,7 +32,7 @@ pub struct Layout {
     pub(crate) tracker: Option<Position>,
     /// Components w, x, y, z, with their names.
     pub(crate) quaternion: Option<[(usize, String); 4]>,
-    /// Time, its name, and seconds per unit if the name has one.
+    /// Time: index, name, and seconds per unit if the name has one.
     pub time: Option<(usize, String, Option<f64>)>,
     /// Name.
     pub(crate) name: Option<usize>,
@@ -40,7 +40,7 @@ pub struct Layout {
     pub(crate) status: Option<usize>,
     /// Event.
     pub event: Option<usize>,
-    /// Whether there is a position.
+    /// Column that tells whether a row has a position.
     pub(crate) defined: Option<usize>,
 }
 
@@ -48,10 +48,10 @@ pub struct Layout {
 type Parse = fn(&str, &str) -> Result<f64, TableFault>;
 
 impl Layout {
-    /// Columns by their meaning; `known` lists those of this kind of table.
+    /// Columns by their meaning; `known` lists the column names of this kind of table.
     ///
     /// # Errors
-    /// A column that is unknown, ambiguous or there twice; a position or quaternion that is incomplete; a position of which
+    /// A column that is unknown, ambiguous or duplicate; an incomplete position or quaternion; a position of which
     /// only some columns have a unit.
     pub fn of(columns: &[Column], known: &'static str) -> Result<Self, TableFault> {
         let mut found = Self::default();
@@ -113,12 +113,11 @@ impl Layout {
         }
     }
 
-    /// Pose of a row, mm. It has none if its `status` says so, or if all of its numbers are empty, NaN or 0: trackers write
-    /// that while they don't see their tool.
+    /// Pose of a row, mm. A row has no pose if its `status` says so, or if all its numbers are empty, NaN or 0:
+    /// trackers write such rows while they don't see their tool.
     ///
     /// # Errors
-    /// A status that is not known, a field that is not a number, a pose of which only a part is there, or numbers that
-    /// are not a pose.
+    /// An unknown status, a field that is not a number, an incomplete pose, or numbers that are not a pose.
     pub fn pose(&self, position: &Position, row: &[String]) -> Result<Option<Pose>, TableFault> {
         if !self.has_pose(row)? {
             return Ok(None);
@@ -145,7 +144,7 @@ impl Layout {
 }
 
 impl Position {
-    /// Point of a row, mm; of patient's axes in LPS.
+    /// Point of a row, mm; in LPS for columns along the patient's axes.
     ///
     /// # Errors
     /// A field that is not a finite number.
@@ -153,7 +152,7 @@ impl Position {
         self.coordinates(row, finite)
     }
 
-    /// Coordinates of a row, mm. `parse` takes the name of a column and a field of it.
+    /// Coordinates of a row, mm. `parse` takes a column's name and its field.
     fn coordinates(&self, row: &[String], parse: Parse) -> Result<DVec3, TableFault> {
         let mut point = DVec3::ZERO;
         for (axis, (at, name, unit_mm)) in self.axes.iter().enumerate() {
@@ -167,7 +166,7 @@ impl Position {
         self.axes.each_ref().map(|(_, name, _)| name.as_str()).join(",")
     }
 
-    /// Each axis of LPS in terms of the table's columns, as `x = −r, y = −a, z = s`.
+    /// Each axis of LPS in terms of the table's columns, for example `x = −r, y = −a, z = s`.
     pub(crate) fn turned(&self) -> String {
         let each = self
             .axes
@@ -182,7 +181,7 @@ fn field(row: &[String], at: usize) -> &str {
     row.get(at).map_or("", String::as_str)
 }
 
-/// Refuses columns that this kind of table has not, for `reason`.
+/// Refuses columns that this kind of table doesn't have, for `reason`.
 ///
 /// # Errors
 /// The first column whose meaning is one of `which`.
@@ -194,7 +193,8 @@ fn refused(name: &str, reason: &str) -> TableFault {
     TableFault::Refused { name: quote(name), reason: reason.to_owned() }
 }
 
-/// Fault of a column that is named like one of the patient's axes. The other two axes are missing, and `own` is a whole position.
+/// Fault of a column with the name of one of the patient's axes, if the other two are missing and `own` is a complete
+/// position.
 fn stray(columns: &[Column], own: &Position) -> TableFault {
     let of_patient = columns.iter().find(|c| matches!(c.meaning, Meaning::Length { frame: Frame::Patient, .. }));
     let name = of_patient.map_or("", |column| column.name.as_str());
@@ -205,7 +205,7 @@ fn stray(columns: &[Column], own: &Position) -> TableFault {
     refused(name, &reason)
 }
 
-/// Whether two columns hold the same quantity.
+/// Whether two columns have the same meaning.
 fn is_same(a: Meaning, b: Meaning) -> bool {
     match (a, b) {
         (Meaning::Unused | Meaning::Unknown | Meaning::Ambiguous(_), _) => false,
@@ -217,7 +217,7 @@ fn is_same(a: Meaning, b: Meaning) -> bool {
     }
 }
 
-/// The three columns of a position; none if the table has none of them.
+/// The three columns of a position; `None` if the table has none of them.
 fn position(columns: &[Column], wanted: Frame, known: &'static str) -> Result<Option<Position>, TableFault> {
     let mut axes: [Option<(usize, String, f64)>; 3] = [None, None, None];
     let mut any_mm = false;
@@ -251,7 +251,7 @@ fn position(columns: &[Column], wanted: Frame, known: &'static str) -> Result<Op
     Ok(Some(Position { frame: wanted, axes, without_unit }))
 }
 
-/// The four columns of a quaternion; none if the table has none of them.
+/// The four columns of a quaternion; `None` if the table has none of them.
 fn quaternion(columns: &[Column], known: &'static str) -> Result<Option<[(usize, String); 4]>, TableFault> {
     let of = |component| {
         let at = columns.iter().position(|column| column.meaning == Meaning::Quaternion(component))?;

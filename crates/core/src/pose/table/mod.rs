@@ -1,7 +1,7 @@
-//! Tables of points and poses as text, of this and other programs.
+//! Tables of points and poses as text, written by this and other programs.
 //!
-//! A `Reader` takes the lines of a table one by one. Fields are separated by commas, semicolons or tabs, as the first
-//! line has them; a field in quotes may hold the separator. Empty lines and lines that begin with `#` are passed over.
+//! A `Reader` takes the lines of a table one by one. Fields are separated by commas, semicolons or tabs, as in the
+//! first line; a field in quotes may contain the separator. Empty lines and lines that begin with `#` are skipped.
 //! Numbers have a decimal point; a decimal comma is refused.
 //!
 //! | column | content |
@@ -10,11 +10,11 @@
 //! | `r`, `a`, `s`; `l`, `p`, `s` | coordinates along the patient's axes: right or left, anterior or posterior, superior |
 //! | `tx`, `ty`, `tz`, `tracker_x` | coordinates in the tracker's frame |
 //! | `qw`, `qx`, `qy`, `qz` | unit quaternion, in any order of the columns |
-//! | `time`, `name` or `label`, `status`, `event`, `defined` | as each reader says |
+//! | `time`, `name` or `label`, `status`, `event`, `defined` | defined by each reader |
 //!
-//! A unit follows a name: `x_mm`, `x_cm`, `x_m`, `x_in`, `time_s`, `time_ms`; `X [m]` is the same as `x_m`. Of the three
-//! coordinates of a position all or none have a unit. Columns may be in any order. A column whose name could mean several
-//! things, or that is not known, is refused by name.
+//! A unit follows a name: `x_mm`, `x_cm`, `x_m`, `x_in`, `time_s`, `time_ms`; `X [m]` is the same as `x_m`. The three
+//! coordinates of a position have a unit either all or not at all. Columns may be in any order. Columns with unknown
+//! or ambiguous names are refused.
 
 mod column;
 mod layout;
@@ -34,38 +34,38 @@ pub use split::{finite, is_absent, number, quote};
 #[derive(Debug, Error, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum TableFault {
-    /// A column whose name is not known.
+    /// A column with an unknown name.
     #[error("unknown column {name}{suggestion}; the columns are {known}")]
     Unknown {
         /// Name, quoted.
         name: String,
         /// Nearest known name, ready to print, or empty.
         suggestion: String,
-        /// Columns of this kind of table.
+        /// Column names of this kind of table.
         known: &'static str,
     },
-    /// A column that could mean several things, or does not belong here.
+    /// A column that is ambiguous, or does not belong to this kind of table.
     #[error("column {name} is not read: {reason}")]
     Refused {
         /// Name, quoted.
         name: String,
-        /// Reason and way out.
+        /// Reason and advice.
         reason: String,
     },
-    /// Two columns of one meaning.
+    /// Two columns with the same meaning.
     #[error("column {name} is there twice{other}")]
     Twice {
         /// Name, quoted.
         name: String,
-        /// The other name, if it differs, ready to print.
+        /// The other name, if it is different, ready to print.
         other: String,
     },
-    /// A column that is needed.
+    /// A missing column that is needed.
     #[error("column `{name}` is missing; the columns are {known}")]
     Missing {
         /// Name.
         name: String,
-        /// Columns of this kind of table.
+        /// Column names of this kind of table.
         known: &'static str,
     },
     /// Numbers without column names above them.
@@ -78,7 +78,7 @@ pub enum TableFault {
         found: usize,
         /// Columns.
         columns: usize,
-        /// Likely cause and way out, or empty.
+        /// Likely cause and advice, or empty.
         hint: &'static str,
     },
     /// A malformed line of a table without column names.
@@ -96,10 +96,10 @@ pub enum TableFault {
         column: String,
         /// Text found, quoted.
         found: String,
-        /// Way out, or empty.
+        /// Advice, or empty.
         hint: String,
     },
-    /// A pose of which only a part is there.
+    /// An incomplete pose.
     #[error(
         "`{column}` is {found}, but other numbers of the pose are there; in a row without a pose all seven are empty or NaN, or `status` is invalid"
     )]
@@ -118,19 +118,19 @@ pub enum TableFault {
         /// The line's first characters, quoted.
         found: String,
     },
-    /// A quote that is not closed, or text behind a closed one.
+    /// A quote that is not closed, or text after a closed one.
     #[error("a quote is not closed before the end of its field; double a quote that belongs to a name")]
     Quote,
     /// Lines that end in a carriage return only.
     #[error("the lines end in carriage returns only (old Mac text); save the table with line feeds")]
     CarriageReturns,
-    /// A status that is not known.
+    /// An unknown status.
     #[error("`status` is {found}; it must be ok, invalid or empty")]
     Status {
         /// Text found, quoted.
         found: String,
     },
-    /// A coordinate system of 3D Slicer that is not read.
+    /// An unsupported coordinate system of 3D Slicer.
     #[error("the coordinate system is {found}; LPS (or 1) and RAS (or 0) are read: save the markups in one of them")]
     System {
         /// Value found, quoted.
@@ -143,7 +143,7 @@ pub enum TableFault {
     TwoSystems {
         /// The first.
         first: &'static str,
-        /// The one that differs.
+        /// The second, different one.
         second: &'static str,
     },
     /// Two lines of column names of 3D Slicer in one list.
@@ -154,7 +154,7 @@ pub enum TableFault {
         /// Its columns, quoted.
         found: String,
     },
-    /// A list of 3D Slicer without coordinate system.
+    /// A list of 3D Slicer that doesn't state its coordinate system.
     #[error(
         "it doesn't say its coordinate system: add a line `# CoordinateSystem = LPS` (or RAS) above the points, as 3D Slicer had it"
     )]
@@ -176,11 +176,11 @@ pub struct Reader {
     headless: Option<Headless>,
     separator: Option<char>,
     columns: Vec<Column>,
-    /// Number of empty columns that a spreadsheet added at the right.
+    /// Number of empty columns that a spreadsheet appended at the right.
     padding: usize,
-    /// Whether the columns are those of a table without column names.
+    /// Whether the table has no column names, so that the columns are [`Headless::names`].
     is_headless: bool,
-    /// The last comment before the first line, which may name the columns.
+    /// The last comment before the first line, which may contain the column names.
     comment: Option<String>,
     /// Whether the lines are a list of 3D Slicer (.fcsv).
     is_fcsv: bool,
@@ -204,7 +204,7 @@ impl Reader {
         }
     }
 
-    /// Columns; empty before the first line that is no comment.
+    /// Columns; empty before the first line that is not a comment.
     pub fn columns(&self) -> &[Column] {
         &self.columns
     }
@@ -212,7 +212,7 @@ impl Reader {
     /// Coordinate system of the points, if the lines are a list of 3D Slicer.
     ///
     /// # Errors
-    /// The list doesn't say it.
+    /// The list doesn't state it.
     pub(crate) fn system(&self) -> Result<Option<System>, TableFault> {
         if self.is_fcsv && self.system.is_none() {
             return Err(TableFault::NoSystem);
@@ -220,8 +220,8 @@ impl Reader {
         Ok(self.system)
     }
 
-    /// Takes a line without its line feed. Returns its fields if it is a row, as many as there are columns; a list of
-    /// 3D Slicer may have more.
+    /// Takes a line without its line feed. Returns its fields if it is a row, as many as there are columns; in a list
+    /// of 3D Slicer there may be more.
     ///
     /// # Errors
     /// Two coordinate systems or lists of columns, a wrong number of fields, fields that are separated by spaces, or a
@@ -239,7 +239,7 @@ impl Reader {
             self.comment(comment.trim())?;
             return Ok(None);
         }
-        // Excel's own line that names the separator.
+        // Line by which Excel declares the separator.
         if let (true, Some(separator)) = (self.columns.is_empty(), line.strip_prefix("sep=")) {
             self.separator = separator.chars().next();
             return Ok(None);
@@ -258,7 +258,7 @@ impl Reader {
         self.row(fields, line).map(Some)
     }
 
-    /// Notes what a comment says.
+    /// Records the statements of a comment.
     fn comment(&mut self, comment: &str) -> Result<(), TableFault> {
         let setting = comment.split_once('=').map(|(key, value)| (key.trim().to_ascii_lowercase(), value.trim()));
         match setting.as_ref().map(|(key, value)| (key.as_str(), *value)) {
@@ -284,7 +284,7 @@ impl Reader {
         Ok(())
     }
 
-    /// Sets the columns by the first line; whether that line was their names.
+    /// Sets the columns from the first line. Returns whether that line contained their names.
     fn names(&mut self, fields: &[String], line: &str) -> Result<bool, TableFault> {
         if let [field] = fields
             && split::has_spaced_fields(field)
@@ -298,7 +298,7 @@ impl Reader {
             self.padding = fields.len() - last;
             return Ok(true);
         }
-        // Some programs write the names as a comment; prose also holds words that could be names.
+        // Some programs write the names as a comment; prose may also contain words that could be names.
         if let (Some(comment), Some(separator)) = (&self.comment, self.separator) {
             // A comment whose quotes are not closed is prose.
             let names = split::split(comment, separator).unwrap_or_default();
@@ -321,7 +321,7 @@ impl Reader {
         Ok(false)
     }
 
-    /// Fields of a row, one a column.
+    /// Fields of a row, one per column.
     fn row(&self, mut fields: Vec<String>, line: &str) -> Result<Vec<String>, TableFault> {
         let columns = self.columns.len();
         if fields.len() == columns + self.padding && fields[columns..].iter().all(String::is_empty) {
@@ -333,11 +333,11 @@ impl Reader {
         }
         let is_text = |fields: &[String]| !fields.iter().any(|field| split::looks_numeric(field));
         if fields.len() > columns && name_is_last && is_text(&fields[columns - 1..]) {
-            // A name that holds the separator, without quotes.
+            // A name without quotes that contains the separator.
             let name = fields.split_off(columns - 1).join(", ");
             fields.push(name);
         }
-        // Without column names, a number in the place of the name means that the line holds too many numbers.
+        // Without column names, a number where the name should be means that the line has too many numbers.
         let is_too_numeric =
             self.is_headless && name_is_last && fields.last().is_some_and(|name| split::looks_numeric(name));
         let has_status = self.is_fcsv && !self.is_headless && fields.get(columns..).is_some_and(slicer::is_status);
@@ -350,7 +350,7 @@ impl Reader {
         Err(TableFault::Fields { found: fields.len(), columns, hint: self.hint(&fields) })
     }
 
-    /// Likely cause of a wrong number of fields, and the way out; ready to print, or empty.
+    /// Likely cause of a wrong number of fields, with advice; ready to print, or empty.
     fn hint(&self, fields: &[String]) -> &'static str {
         let columns = self.columns.len();
         if self.separator == Some(',') && fields.len() > columns {

@@ -1,4 +1,4 @@
-//! Markups of 3D Slicer: coordinate systems, and files `.mrk.json`.
+//! Markups of 3D Slicer: coordinate systems, and `.mrk.json` files.
 
 use glam::DVec3;
 use serde::Deserialize;
@@ -6,14 +6,14 @@ use serde::Deserialize;
 use super::split::looks_numeric;
 use super::{TableFault, quote};
 
-/// Types of markups whose control points are points of the body.
+/// Types of markups whose control points mark points of the body.
 const TYPES: [&str; 5] = ["Fiducial", "Line", "Angle", "Curve", "ClosedCurve"];
 
-/// Columns of a list (.fcsv). 3D Slicer reads and writes them in this order, whatever the line `# columns` says.
+/// Columns of a list (.fcsv). 3D Slicer reads and writes them in this order, whatever its line `# columns` says.
 pub(super) const COLUMNS: [&str; 14] =
     ["id", "x", "y", "z", "ow", "ox", "oy", "oz", "vis", "sel", "lock", "label", "desc", "associatedNodeID"];
 
-/// Whether `fields` are the two that 3D Slicer 5 writes behind the named columns of a list: the status of the position
+/// Whether `fields` are the two that 3D Slicer 5 appends after the named columns of a list: the status of the position
 /// (0 undefined, 1 shown before it is placed, 2 defined, 3 missing) and a number.
 pub(super) fn is_status(fields: &[String]) -> bool {
     let [status, number] = fields else { return false };
@@ -30,7 +30,7 @@ pub(crate) enum System {
 }
 
 impl System {
-    /// System by its name or number.
+    /// System by its name or number; `None` if unknown.
     pub(super) fn of(text: &str) -> Option<Self> {
         match text.to_ascii_uppercase().as_str() {
             "LPS" | "1" => Some(Self::Lps),
@@ -92,14 +92,14 @@ struct ControlPoint {
     position_status: Option<String>,
 }
 
-/// A control point: its name, and its position in LPS, mm, if it has one.
+/// A control point: its name and, if it has one, its position in LPS, mm.
 pub(crate) type Control = (String, Option<DVec3>);
 
-/// Control points of a file `.mrk.json`.
+/// Control points in the text of a `.mrk.json` file.
 ///
 /// # Errors
-/// Text that is no markups file, several lists, markups without points of the body, another unit or coordinate system,
-/// or a position that is not finite.
+/// Text that is not a markups file, several lists, markups without points of the body, another unit or coordinate
+/// system, or a position that is not finite.
 pub(crate) fn markups(text: &str) -> Result<Vec<Control>, String> {
     let File { markups } = serde_json::from_str(text)
         .map_err(|error| format!("it is no markups file of 3D Slicer (.mrk.json) and no table: {error}"))?;
@@ -129,7 +129,7 @@ pub(crate) fn markups(text: &str) -> Result<Vec<Control>, String> {
         "um" | "µm" => 1e-3,
         other => return Err(format!("its `coordinateUnits` are {}; mm, cm, m and um are read", quote(other))),
     };
-    // Files without the key are in LPS, as their schema says.
+    // Files without the key are in LPS, by their schema.
     let name = markup.coordinate_system.as_deref().unwrap_or("LPS");
     let system = System::of(name).ok_or_else(|| TableFault::System { found: quote(name) }.to_string())?;
     let point = |(index, point): (usize, ControlPoint)| {

@@ -2,7 +2,7 @@
 
 use super::{Column, TableFault};
 
-/// Words of programs for a number that is not there.
+/// Words by which programs mark a missing number.
 const NO_NUMBER: [&str; 11] =
     ["", "nan", "-nan", "nan(ind)", "-nan(ind)", "1.#qnan", "-1.#ind", "na", "n/a", "#n/a", "null"];
 
@@ -12,7 +12,7 @@ pub(super) fn separator(line: &str) -> char {
     ['\t', ';'].into_iter().find(|c| several(*c)).unwrap_or(',')
 }
 
-/// Fields of a line, without the quotes around them. A doubled quote in quotes is one.
+/// Fields of a line, without the quotes around them. A doubled quote within quotes is one quote.
 pub(super) fn split(line: &str, separator: char) -> Result<Vec<String>, TableFault> {
     let mut fields = Vec::new();
     let mut rest = line;
@@ -33,7 +33,7 @@ pub(super) fn split(line: &str, separator: char) -> Result<Vec<String>, TableFau
     }
 }
 
-/// Content of a quoted field, whose opening quote was taken, and the text behind its separator.
+/// Content of a quoted field after its opening quote, and the text after its separator.
 fn unquoted(text: &str, separator: char) -> Result<(String, Option<&str>), TableFault> {
     let mut field = String::new();
     let mut chars = text.char_indices().peekable();
@@ -56,27 +56,27 @@ fn unquoted(text: &str, separator: char) -> Result<(String, Option<&str>), Table
     Err(TableFault::Quote)
 }
 
-/// Whether a field is or resembles a number, also one with a decimal comma.
+/// Whether a field is a number or resembles one, including numbers with a decimal comma.
 pub(super) fn looks_numeric(field: &str) -> bool {
     let field = field.trim();
     let like = |c: char| c.is_ascii_digit() || "+-.,eE".contains(c);
     field.parse::<f64>().is_ok() || (field.contains(|c: char| c.is_ascii_digit()) && field.chars().all(like))
 }
 
-/// Whether a field is several ones that spaces separate: at least three numbers or names of columns.
+/// Whether a field is several fields separated by spaces: at least three numbers or column names.
 pub(super) fn has_spaced_fields(field: &str) -> bool {
     let words: Vec<&str> = field.split_whitespace().collect();
     let known = words.iter().filter(|word| looks_numeric(word) || Column::of(word).is_known()).count();
     known >= 3 && 2 * known >= words.len()
 }
 
-/// Whether a field says that there is no number: it is empty, NaN or a program's word for that.
+/// Whether a field marks a missing number: it is empty, NaN or a program's word for it.
 pub fn is_absent(field: &str) -> bool {
     let lower = field.trim().to_ascii_lowercase();
     NO_NUMBER.contains(&lower.as_str())
 }
 
-/// Parses the number in a field of the column `column`. NaN and infinity are numbers here.
+/// Parses the number in a field of the column `column`. NaN and infinity are accepted.
 pub fn number(column: &str, field: &str) -> Result<f64, TableFault> {
     let field = field.trim();
     field.parse().map_err(|_| {
