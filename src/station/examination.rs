@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::Station;
 use super::setup_check::{SetupFinding, check_setup};
 use crate::anatomy::doctor::aberration::Summary;
-use crate::anatomy::doctor::{Report, Settings, Severity, examine};
+use crate::anatomy::doctor::{DoctorReport, Settings, Severity, examine};
 use crate::anatomy::{SceneError, TissueTable, import};
 use crate::names::counted;
 use crate::pose::Pose;
@@ -23,7 +23,7 @@ pub struct Examination {
     pub path: PathBuf,
     /// Findings about the scene.
     #[serde(flatten)]
-    pub report: Report,
+    pub report: DoctorReport,
     /// Findings about the station's tracker and calibration; empty without a station.
     pub setup: Vec<SetupFinding>,
     /// Aberration at several depths; empty without a pose, or if the scene has errors.

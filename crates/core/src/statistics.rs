@@ -32,8 +32,8 @@ pub fn sorted(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
 pub fn percentile(values: &[f64], part: f64) -> Option<f64> {
     let sorted = sorted(values.iter().copied());
     let last = sorted.len().checked_sub(1)?;
-    let place = part.clamp(0.0, 1.0) * last as f64;
-    let (below, weight) = (place.floor(), place.fract());
+    let rank = part.clamp(0.0, 1.0) * last as f64;
+    let (below, weight) = (rank.floor(), rank.fract());
     let low = *sorted.get(below as usize)?;
     let high = *sorted.get((below as usize + 1).min(last))?;
     // Infinite neighbours would give NaN: 0 · ∞ or ∞ − ∞.

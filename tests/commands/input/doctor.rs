@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 use insonify::anatomy::analytic::{cuboid, joined, sphere};
-use insonify::anatomy::doctor::{Defect, Finding, Report, Settings, Severity, examine};
+use insonify::anatomy::doctor::{Defect, DoctorReport, Finding, Settings, Severity, examine};
 use insonify::anatomy::import::FindingKind;
 use insonify::anatomy::{Mesh, TissueTable};
 use insonify::pose::Pose;
@@ -23,18 +23,18 @@ fn scene(surfaces: &[(&str, &str, i32, &Mesh)]) -> Builder {
     b
 }
 
-fn examined(b: &Builder) -> Report {
+fn examined(b: &Builder) -> DoctorReport {
     examined_from(b, None)
 }
 
-fn examined_from(b: &Builder, start: Option<(Pose, f64)>) -> Report {
+fn examined_from(b: &Builder, start: Option<(Pose, f64)>) -> DoctorReport {
     let (_dir, path) = file("scene.glb", &b.glb());
     let tissues = TissueTable::builtin().unwrap();
     examine(&path, &Settings { tissues: &tissues, own_tissues: &[], background: None, start }, &|_, _| {}).unwrap()
 }
 
 /// The only finding, a `defect` of a ball of liver called `organ` beside a sound one.
-fn only(report: &Report, defect: Defect) -> Finding {
+fn only(report: &DoctorReport, defect: Defect) -> Finding {
     let found: Vec<_> = report.findings.iter().map(|f| (f.defect, f.to_string())).collect();
     assert_eq!(found.len(), 1, "{defect:?}: {found:?}");
     assert_eq!(found[0].0, defect, "{found:?}");
@@ -395,7 +395,7 @@ fn an_inverted_surface_is_examined_as_it_will_be_loaded() {
 }
 
 /// Report on a ball of liver with one material above `from_z_mm` and another below.
-fn of_two_materials(mesh: &Mesh, from_z_mm: f32) -> Report {
+fn of_two_materials(mesh: &Mesh, from_z_mm: f32) -> DoctorReport {
     let mut b = Builder::empty();
     let metres: Vec<_> = mesh.vertices_mm.iter().map(|v| (*v / 1000.0).to_array()).collect();
     let positions = b.positions(&metres);
@@ -413,7 +413,7 @@ fn of_two_materials(mesh: &Mesh, from_z_mm: f32) -> Report {
 
 #[test]
 fn an_object_of_two_materials_is_not_a_hole() {
-    let found = |report: &Report| -> Vec<_> {
+    let found = |report: &DoctorReport| -> Vec<_> {
         report.findings.iter().map(|f| (f.defect, f.surface.clone().unwrap())).collect()
     };
     let (upper, lower) = ("organ/0".to_owned(), "organ/1".to_owned());

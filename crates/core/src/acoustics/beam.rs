@@ -145,22 +145,22 @@ impl Beam {
     /// elements that matter there.
     fn pairs(&self, width_mm: f64, focus_mm: f64, depth_mm: f64) -> Vec<Pair> {
         let exact = self.reception == Reception::Dynamic;
-        let away_mm = |place_mm: f64, focus_mm: f64| {
-            if exact { place_mm.hypot(focus_mm) - focus_mm } else { 0.5 * place_mm * place_mm / focus_mm }
+        let away_mm = |position_mm: f64, focus_mm: f64| {
+            if exact { position_mm.hypot(focus_mm) - focus_mm } else { 0.5 * position_mm * position_mm / focus_mm }
         };
-        let late_mm = |place_mm| away_mm(place_mm, depth_mm) - away_mm(place_mm, focus_mm);
+        let late_mm = |position_mm| away_mm(position_mm, depth_mm) - away_mm(position_mm, focus_mm);
         // Phase turns from the middle of the aperture to its end, on the axis and at the last offset.
         let end_mm = 0.5 * width_mm;
         let turns = (late_mm(end_mm).abs() + end_mm * self.reach_mm(depth_mm) / depth_mm) / self.shortest_mm();
         let count = (12.0 + 2.5 * turns).min(ELEMENTS_MAX).ceil() as u32;
         let pair = |i| {
-            let place = 0.5 * (f64::from(i) + 0.5) / f64::from(count);
-            let place_mm = place * width_mm;
-            let distance_mm = if exact { place_mm.hypot(depth_mm) } else { depth_mm };
+            let position = 0.5 * (f64::from(i) + 0.5) / f64::from(count);
+            let position_mm = position * width_mm;
+            let distance_mm = if exact { position_mm.hypot(depth_mm) } else { depth_mm };
             Pair {
-                amplitude: self.apodization.weight(place) / distance_mm.sqrt(),
-                late_mm: late_mm(place_mm),
-                sine: place_mm / distance_mm,
+                amplitude: self.apodization.weight(position) / distance_mm.sqrt(),
+                late_mm: late_mm(position_mm),
+                sine: position_mm / distance_mm,
             }
         };
         (0..count).map(pair).collect()

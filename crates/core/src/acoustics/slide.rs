@@ -11,11 +11,11 @@ use super::wavelength_mm;
 
 /// Most plane waves of the one-way field, and most sample positions on the lens.
 const WAVES_MAX: f64 = 256.0;
-const PLACES_MAX: f64 = 1024.0;
+const POSITIONS_MAX: f64 = 1024.0;
 /// Number of lobes of the lens's spectrum outside the geometric angles of its edges.
 const LOBES: f64 = 8.0;
 /// Sample positions on the lens per period of its highest spatial frequency.
-const PLACES_PER_PERIOD: f64 = 8.0;
+const POSITIONS_PER_PERIOD: f64 = 8.0;
 /// Margin between the beam and its alias, mm, within a period of the sampled field.
 const MARGIN_MM: f64 = 2.0;
 
@@ -88,17 +88,17 @@ impl Lens {
     /// Amplitudes of the plane waves at the lens; their spatial frequencies are `dq` apart.
     fn spectrum(&self, weight: &impl Fn(f64) -> f64, k: f64, dq: f64, half: i32) -> Vec<[f64; 2]> {
         let q_max = dq * f64::from(half);
-        let places = (PLACES_PER_PERIOD * self.height_mm * q_max / TAU).clamp(32.0, PLACES_MAX).ceil() as u32;
-        let places = (0..places).map(|i| {
-            let part = (f64::from(i) + 0.5) / f64::from(places) - 0.5;
+        let positions = (POSITIONS_PER_PERIOD * self.height_mm * q_max / TAU).clamp(32.0, POSITIONS_MAX).ceil() as u32;
+        let positions = (0..positions).map(|i| {
+            let part = (f64::from(i) + 0.5) / f64::from(positions) - 0.5;
             let y = part * self.height_mm;
             // The focusing delay, without the cancellation of √(y² + F²) − F.
             (y, weight(part), -k * y * y / (y.hypot(self.focus_mm) + self.focus_mm))
         });
-        let places: Vec<_> = places.collect();
+        let positions: Vec<_> = positions.collect();
         let wave = |j: i32| {
             let q = f64::from(j) * dq;
-            places.iter().fold([0.0; 2], |[re, im], &(y, weight, phase)| {
+            positions.iter().fold([0.0; 2], |[re, im], &(y, weight, phase)| {
                 let (sin, cos) = (phase - q * y).sin_cos();
                 [re + weight * cos, im + weight * sin]
             })

@@ -78,7 +78,7 @@ mod tests {
     use crate::anatomy::analytic::{cuboid, sphere};
 
     #[test]
-    fn a_clustered_sphere_keeps_its_place_and_volume() {
+    fn a_clustered_sphere_keeps_its_position_and_volume() {
         let (round, block) = (sphere(Vec3::new(5.0, 0.0, 70.0), 20.0, 5), cuboid(Vec3::ZERO, Vec3::ONE));
         let (fewer, cell_mm) = cluster_to(&[&round, &block], 3000);
         assert!(cell_mm > 0.0 && fewer[0].triangles.len() <= 3000 && fewer[0].triangles.len() > 500);

@@ -205,8 +205,8 @@ impl Scene {
     /// The scene's table lacks the tissue.
     pub fn add(&mut self, name: &str, tissue: &str, priority: i32, mesh: Mesh) -> Result<(), SceneError> {
         let tissue = tissue_of(&self.tissues, &format!("surface `{name}`"), tissue)?;
-        let place = self.surfaces.partition_point(|surface| surface.priority <= priority);
-        self.surfaces.insert(place, Surface { name: name.to_owned(), tissue, priority, mesh });
+        let position = self.surfaces.partition_point(|surface| surface.priority <= priority);
+        self.surfaces.insert(position, Surface { name: name.to_owned(), tissue, priority, mesh });
         Ok(())
     }
 

@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn the_distance_is_that_of_the_nearest_place_on_the_skin() {
+    fn the_distance_is_that_of_the_nearest_point_on_the_skin() {
         let mesh = analytic::cuboid(Vec3::ZERO, Vec3::splat(10.0));
         let cube = Skin::of_triangles(mesh.corners_mm()).unwrap();
         let ball = Skin::of_solid(crate::anatomy::sdf::sphere(Vec3::ZERO, 10.0));

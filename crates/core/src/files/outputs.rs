@@ -71,9 +71,9 @@ pub enum OutputError {
 /// Checks outputs against the inputs of a program and against each other.
 #[derive(Debug, Default)]
 pub struct Outputs {
-    inputs: Vec<Place>,
+    inputs: Vec<FileIdentity>,
     /// Options with their files.
-    outputs: Vec<(String, Place)>,
+    outputs: Vec<(String, FileIdentity)>,
 }
 
 impl Outputs {
@@ -84,7 +84,7 @@ impl Outputs {
 
     /// Adds inputs.
     pub fn and<P: AsRef<Path>>(mut self, inputs: impl IntoIterator<Item = P>) -> Self {
-        self.inputs.extend(inputs.into_iter().map(|path| Place::of(path.as_ref())));
+        self.inputs.extend(inputs.into_iter().map(|path| FileIdentity::of(path.as_ref())));
         self
     }
 
@@ -117,12 +117,12 @@ impl Outputs {
         if directory.exists() && !directory.is_dir() {
             return Err(OutputError::File { option: option.to_owned(), path: directory.to_owned() });
         }
-        let place = Place::of(directory);
+        let file = FileIdentity::of(directory);
         for name in names {
-            let reads = |input: &&Place| match name.split_once('*') {
-                None => input.is(&Place::of(&directory.join(name))),
+            let reads = |input: &&FileIdentity| match name.split_once('*') {
+                None => input.is(&FileIdentity::of(&directory.join(name))),
                 Some((before, after)) => {
-                    let below = input.path.strip_prefix(&place.path).ok().and_then(Path::to_str);
+                    let below = input.path.strip_prefix(&file.path).ok().and_then(Path::to_str);
                     below.is_some_and(|name| name.starts_with(before) && name.ends_with(after))
                 }
             };
@@ -141,30 +141,30 @@ impl Outputs {
         if let Some(above) = above.filter(|above| !above.is_dir()) {
             return Err(OutputError::NoDirectory { option: option.to_owned(), path: above.to_owned() });
         }
-        let place = Place::of(path);
+        let file = FileIdentity::of(path);
         // The file of an unfinished recording is renamed before a new one is written.
-        let part = Place::of(&PartFile::appended(path).part);
-        if self.inputs.iter().any(|input| input.is(&place) || input.is(&part)) {
+        let part = FileIdentity::of(&PartFile::appended(path).part);
+        if self.inputs.iter().any(|input| input.is(&file) || input.is(&part)) {
             return Err(OutputError::Read { option: option.to_owned(), path: path.to_owned() });
         }
-        if let Some((other, _)) = self.outputs.iter().find(|(_, other)| other.is(&place)) {
+        if let Some((other, _)) = self.outputs.iter().find(|(_, other)| other.is(&file)) {
             return Err(OutputError::Twice { other: other.clone(), option: option.to_owned(), path: path.to_owned() });
         }
-        self.outputs.push((option.to_owned(), place));
+        self.outputs.push((option.to_owned(), file));
         Ok(self)
     }
 }
 
 /// Identity of a file, independent of its name: relative paths, symbolic links and hard links to it are equal.
 #[derive(Debug)]
-struct Place {
+struct FileIdentity {
     /// Absolute path without symbolic links, resolved as far as the file exists.
     path: PathBuf,
     /// Device and inode, if the file exists.
     inode: Option<(u64, u64)>,
 }
 
-impl Place {
+impl FileIdentity {
     fn of(path: &Path) -> Self {
         Self { inode: inode(path), path: resolved(path) }
     }

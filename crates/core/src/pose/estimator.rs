@@ -9,7 +9,7 @@ use super::rates::RateIntegrator;
 use super::ring::PoseRing;
 use super::settings::Settings;
 use super::speed::Speed;
-use super::stream_order::{Place, StreamOrder};
+use super::stream_order::{StreamOrder, StreamPosition};
 use super::stuck::StuckWatch;
 use super::tracking::{TrackingClock, TrackingState};
 use super::{Measurement, Pose, QUATERNION_NORM_TOLERANCE, Reading, TimedPose};
@@ -117,14 +117,14 @@ impl Estimator {
             return;
         }
         let ticks = match self.order.push(measurement) {
-            Place::Duplicate => return self.counters.duplicates += 1,
-            Place::Late => return self.counters.out_of_order += 1,
-            Place::Restarted { ticks } => {
+            StreamPosition::Duplicate => return self.counters.duplicates += 1,
+            StreamPosition::Late => return self.counters.out_of_order += 1,
+            StreamPosition::Restarted { ticks } => {
                 self.counters.device_restarts += 1;
                 self.clock.restart();
                 ticks
             }
-            Place::Next { ticks, missing, clock_stalled } => {
+            StreamPosition::Next { ticks, missing, clock_stalled } => {
                 self.counters.missing += u64::from(missing);
                 self.counters.clock_stalls += u64::from(clock_stalled);
                 ticks

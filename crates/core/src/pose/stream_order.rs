@@ -22,7 +22,7 @@ const WRAP_REACH_US: u64 = 10_000_000;
 
 /// Position of a measurement in its stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Place {
+pub enum StreamPosition {
     /// After all others.
     Next {
         /// Non-decreasing device time, in µs or counts from an unknown origin; `None` without clock and counter.
@@ -34,7 +34,7 @@ pub enum Place {
     },
     /// First measurement of a restarted device; its time is unrelated to earlier ones.
     Restarted {
-        /// Device time, as in [`Place::Next`].
+        /// Device time, as in [`StreamPosition::Next`].
         ticks: Option<u64>,
     },
     /// Repetition of the last one.
@@ -87,11 +87,11 @@ enum Step {
 
 impl StreamOrder {
     /// Position in the stream of the next measurement received.
-    pub fn push(&mut self, measurement: &Measurement) -> Place {
+    pub fn push(&mut self, measurement: &Measurement) -> StreamPosition {
         let mut stamp = Stamp::first(measurement);
         let Some(last) = self.last else {
             self.last = Some(stamp);
-            return Place::Next { ticks: stamp.ticks(), missing: 0, clock_stalled: false };
+            return StreamPosition::Next { ticks: stamp.ticks(), missing: 0, clock_stalled: false };
         };
         match step(&last, &stamp) {
             Step::Forward { counts, .. } if counts > GAP_LIMIT_COUNTS => self.restart(stamp),
@@ -106,9 +106,9 @@ impl StreamOrder {
                 }
                 self.last = Some(stamp);
                 self.late = None;
-                Place::Next { ticks, missing: counts.saturating_sub(1), clock_stalled: stalled }
+                StreamPosition::Next { ticks, missing: counts.saturating_sub(1), clock_stalled: stalled }
             }
-            Step::Same => Place::Duplicate,
+            Step::Same => StreamPosition::Duplicate,
             Step::Back { far: true } => self.restart(stamp),
             Step::Back { far: false } => {
                 let run = match &self.late {
@@ -119,19 +119,19 @@ impl StreamOrder {
                     return self.restart(stamp);
                 }
                 self.late = Some((stamp, run));
-                Place::Late
+                StreamPosition::Late
             }
             Step::Unknown => {
                 self.last = Some(stamp);
-                Place::Next { ticks: None, missing: 0, clock_stalled: false }
+                StreamPosition::Next { ticks: None, missing: 0, clock_stalled: false }
             }
         }
     }
 
-    fn restart(&mut self, stamp: Stamp) -> Place {
+    fn restart(&mut self, stamp: Stamp) -> StreamPosition {
         self.last = Some(stamp);
         self.late = None;
-        Place::Restarted { ticks: stamp.ticks() }
+        StreamPosition::Restarted { ticks: stamp.ticks() }
     }
 }
 
@@ -187,7 +187,7 @@ mod tests {
     use super::*;
     use crate::pose::Reading;
 
-    fn places(stamps: &[(Option<u32>, Option<u64>)]) -> Vec<Place> {
+    fn positions(stamps: &[(Option<u32>, Option<u64>)]) -> Vec<StreamPosition> {
         let mut order = StreamOrder::default();
         let measurement = |&(sequence, device_time_us)| Measurement {
             host_time_ns: 0,
@@ -198,34 +198,37 @@ mod tests {
         stamps.iter().map(|stamp| order.push(&measurement(stamp))).collect()
     }
 
-    fn by_count(counts: &[u32]) -> Vec<Place> {
-        places(&counts.iter().map(|c| (Some(*c), None)).collect::<Vec<_>>())
+    fn by_count(counts: &[u32]) -> Vec<StreamPosition> {
+        positions(&counts.iter().map(|c| (Some(*c), None)).collect::<Vec<_>>())
     }
 
-    fn by_clock(times: &[u64]) -> Vec<Place> {
-        places(&times.iter().map(|t| (None, Some(*t))).collect::<Vec<_>>())
+    fn by_clock(times: &[u64]) -> Vec<StreamPosition> {
+        positions(&times.iter().map(|t| (None, Some(*t))).collect::<Vec<_>>())
     }
 
-    fn next(ticks: u64, missing: u32) -> Place {
-        Place::Next { ticks: Some(ticks), missing, clock_stalled: false }
+    fn next(ticks: u64, missing: u32) -> StreamPosition {
+        StreamPosition::Next { ticks: Some(ticks), missing, clock_stalled: false }
     }
 
     #[test]
     fn gaps_repetitions_and_late_measurements_are_distinguished() {
         let found = by_count(&[7, 8, 8, 12, 10, 11, 13]);
-        let late = Place::Late;
-        assert_eq!(found, [next(7, 0), next(8, 0), Place::Duplicate, next(12, 3), late, late, next(13, 0)]);
+        let late = StreamPosition::Late;
+        assert_eq!(found, [next(7, 0), next(8, 0), StreamPosition::Duplicate, next(12, 3), late, late, next(13, 0)]);
         let found = by_clock(&[70, 80, 80, 120, 100, 130]);
-        assert_eq!(found, [next(70, 0), next(80, 0), Place::Duplicate, next(120, 0), late, next(130, 0)]);
+        assert_eq!(found, [next(70, 0), next(80, 0), StreamPosition::Duplicate, next(120, 0), late, next(130, 0)]);
     }
 
     #[test]
     fn a_restart_is_detected_after_short_and_long_runs() {
-        assert_eq!(by_count(&[5000, 0])[1], Place::Restarted { ticks: Some(0) });
-        assert_eq!(by_clock(&[5_000_000, 3])[1], Place::Restarted { ticks: Some(3) });
+        assert_eq!(by_count(&[5000, 0])[1], StreamPosition::Restarted { ticks: Some(0) });
+        assert_eq!(by_clock(&[5_000_000, 3])[1], StreamPosition::Restarted { ticks: Some(3) });
         let near = by_count(&[10, 0, 1, 2, 3]);
-        assert_eq!(near[1..], [Place::Late, Place::Late, Place::Restarted { ticks: Some(2) }, next(3, 0)]);
-        assert_eq!(by_count(&[3, 4_000_000])[1], Place::Restarted { ticks: Some(4_000_000) });
+        assert_eq!(
+            near[1..],
+            [StreamPosition::Late, StreamPosition::Late, StreamPosition::Restarted { ticks: Some(2) }, next(3, 0)]
+        );
+        assert_eq!(by_count(&[3, 4_000_000])[1], StreamPosition::Restarted { ticks: Some(4_000_000) });
     }
 
     #[test]
@@ -239,12 +242,12 @@ mod tests {
 
     #[test]
     fn a_broken_clock_or_counter_leaves_the_other_usable() {
-        let stalled = Place::Next { ticks: None, missing: 0, clock_stalled: true };
-        let found = places(&[(Some(1), Some(50)), (Some(2), Some(50)), (Some(3), Some(50)), (Some(4), Some(90))]);
+        let stalled = StreamPosition::Next { ticks: None, missing: 0, clock_stalled: true };
+        let found = positions(&[(Some(1), Some(50)), (Some(2), Some(50)), (Some(3), Some(50)), (Some(4), Some(90))]);
         assert_eq!(found[1..], [stalled, stalled, next(90, 0)]);
-        let found = places(&[(Some(0), Some(50)), (Some(0), Some(60)), (Some(0), Some(60))]);
-        assert_eq!(found[1..], [next(60, 0), Place::Duplicate]);
-        let none = Place::Next { ticks: None, missing: 0, clock_stalled: false };
-        assert_eq!(places(&[(None, None), (None, None)]), [none, none]);
+        let found = positions(&[(Some(0), Some(50)), (Some(0), Some(60)), (Some(0), Some(60))]);
+        assert_eq!(found[1..], [next(60, 0), StreamPosition::Duplicate]);
+        let none = StreamPosition::Next { ticks: None, missing: 0, clock_stalled: false };
+        assert_eq!(positions(&[(None, None), (None, None)]), [none, none]);
     }
 }

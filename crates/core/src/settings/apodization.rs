@@ -23,12 +23,12 @@ pub enum Apodization {
 crate::names::named!(Apodization { Rectangular = "rectangular", Hann = "hann", Gaussian = "gaussian" });
 
 impl Apodization {
-    /// Weight at `place`, −0.5..=0.5 of the aperture from its middle; 1 in the middle.
-    pub fn weight(self, place: f64) -> f64 {
+    /// Weight at `position`, −0.5..=0.5 of the aperture from its middle; 1 in the middle.
+    pub fn weight(self, position: f64) -> f64 {
         match self {
             Self::Rectangular => 1.0,
-            Self::Hann => (std::f64::consts::PI * place).cos().powi(2),
-            Self::Gaussian => (-0.5 * (place / GAUSSIAN_SIGMA).powi(2)).exp(),
+            Self::Hann => (std::f64::consts::PI * position).cos().powi(2),
+            Self::Gaussian => (-0.5 * (position / GAUSSIAN_SIGMA).powi(2)).exp(),
         }
     }
 }

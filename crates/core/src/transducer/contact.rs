@@ -15,7 +15,7 @@ pub const GAP_NP_MM: f64 = 4.0;
 pub const GAP_MAX_MM: f64 = 8.0;
 
 /// Number of positions on the face at which contact is measured.
-const PLACES: u32 = 33;
+const POSITIONS: u32 = 33;
 
 /// Contact of a probe's face with the skin.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -50,9 +50,9 @@ pub fn touch(skin: &Skin, probe: &Probe, pose: &Pose, contact: &ContactSettings)
     let shift_mm = press_mm.map_or(0.0, |press_mm| -press_mm.clamp(-tolerance_mm, tolerance_mm));
     let into_body = pose.orientation * glam::DVec3::Z;
     let placed = Pose { position_mm: pose.position_mm + shift_mm * into_body, ..*pose };
-    let places = (0..PLACES).map(|i| (f64::from(i) + 0.5) / f64::from(PLACES));
-    let coupled: f64 = places.map(|fraction| coupling_at(skin, probe, &placed, fraction, contact.gel_mm)).sum();
-    (placed, Contact { part: coupled / f64::from(PLACES), press_mm, shift_mm, misplaced: misplacement(skin, pose) })
+    let fractions = (0..POSITIONS).map(|i| (f64::from(i) + 0.5) / f64::from(POSITIONS));
+    let coupled: f64 = fractions.map(|fraction| coupling_at(skin, probe, &placed, fraction, contact.gel_mm)).sum();
+    (placed, Contact { part: coupled / f64::from(POSITIONS), press_mm, shift_mm, misplaced: misplacement(skin, pose) })
 }
 
 /// Two-way amplitude coupling of a position on the face, at a fraction of its width.

@@ -62,7 +62,7 @@ pub struct Settings<'a> {
 
 /// Result of an examination.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Report {
+pub struct DoctorReport {
     /// Number of surfaces in the file.
     pub surfaces: usize,
     /// Number of triangles of all surfaces.
@@ -73,7 +73,7 @@ pub struct Report {
     pub findings: Vec<Finding>,
 }
 
-impl Report {
+impl DoctorReport {
     /// Number of findings of one severity.
     pub fn count(&self, severity: Severity) -> usize {
         self.findings.iter().filter(|f| f.severity == severity).count()
@@ -90,7 +90,7 @@ pub fn examine(
     path: &Path,
     settings: &Settings<'_>,
     progress: &(dyn Fn(usize, usize) + Sync),
-) -> Result<Report, SceneError> {
+) -> Result<DoctorReport, SceneError> {
     let raw = read_raw(path)?;
     let mut findings: Vec<Finding> =
         raw.problems.iter().map(|problem| Finding::new(Defect::Refused, problem.to_string())).collect();
@@ -149,7 +149,7 @@ pub fn examine(
     findings.dedup();
     findings.sort_by_key(|f| f.severity);
     let bounds_mm = bounds.map(|b| [b.min.to_array(), b.max.to_array()]);
-    Ok(Report { surfaces, triangles, bounds_mm, findings })
+    Ok(DoctorReport { surfaces, triangles, bounds_mm, findings })
 }
 
 /// Findings about a mesh alone, for tests of its repair.

@@ -135,24 +135,24 @@ impl Shape {
         };
         let axis_of = |axis: Vec3| check("axis", axis.length(), 1e-6, 1e6, "a vector longer than 0");
         let size = |name, value| check(name, value, 0.1, 1e4, "0.1 to 10000");
-        let place = |name, v: Vec3| check(name, v.length(), 0.0, 1e5, "finite and within 100 m");
+        let position = |name, v: Vec3| check(name, v.length(), 0.0, 1e5, "finite and within 100 m");
         match *self {
-            Self::Beat { centre_mm, axis, radius_mm, squeeze, shorten } => place("centre_mm", centre_mm)
+            Self::Beat { centre_mm, axis, radius_mm, squeeze, shorten } => position("centre_mm", centre_mm)
                 .or(axis_of(axis))
                 .or(size("radius_mm", radius_mm))
                 .or(check("squeeze", squeeze, 0.0, 0.35, "0 to 0.35"))
                 .or(check("shorten", shorten, 0.0, 0.3, "0 to 0.3")),
             Self::Breath { centre_mm, axis, half_length_mm, radius_mm, widen, shift_mm } => {
                 let most = 0.2 * half_length_mm;
-                place("centre_mm", centre_mm)
+                position("centre_mm", centre_mm)
                     .or(axis_of(axis))
                     .or(size("half_length_mm", half_length_mm))
                     .or(size("radius_mm", radius_mm))
                     .or(check("widen", widen, -0.15, 0.15, "-0.15 to 0.15"))
                     .or(check("shift_mm", shift_mm, -most, most, "at most a fifth of half_length_mm"))
             }
-            Self::Swing { joint_mm, end_mm, axis, radius_mm, angle_deg } => place("joint_mm", joint_mm)
-                .or(place("end_mm", end_mm))
+            Self::Swing { joint_mm, end_mm, axis, radius_mm, angle_deg } => position("joint_mm", joint_mm)
+                .or(position("end_mm", end_mm))
                 .or(check("end_mm", joint_mm.distance(end_mm), 0.1, 1e4, "at least 0.1 mm from joint_mm"))
                 .or(axis_of(axis))
                 .or(size("radius_mm", radius_mm))

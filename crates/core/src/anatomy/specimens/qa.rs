@@ -58,15 +58,15 @@ pub fn vertical(index: u16) -> (f32, f32) {
 
 /// Lateral positions and depths of the wires of a resolution group, mm: steps on the right, a row on the left.
 pub fn resolution(depth_mm: f32) -> Vec<(f32, f32)> {
-    let mut places = vec![(8.0, depth_mm), (-8.0, depth_mm)];
+    let mut positions = vec![(8.0, depth_mm), (-8.0, depth_mm)];
     let mut apart = 0.0;
     for (i, step) in RESOLUTION_MM.into_iter().enumerate() {
         apart += step;
         // A sideways step of 1.5 mm keeps each wire out of the shadow of the one above.
-        places.push((8.0 + 1.5 * (i + 1) as f32, depth_mm + apart));
+        positions.push((8.0 + 1.5 * (i + 1) as f32, depth_mm + apart));
         if step > WIRE_MM + 0.1 {
-            places.push((-8.0 - apart, depth_mm));
+            positions.push((-8.0 - apart, depth_mm));
         }
     }
-    places
+    positions
 }
