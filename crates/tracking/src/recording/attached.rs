@@ -30,7 +30,7 @@ pub(super) fn station(settings: &SessionSettings, time_ns: u64) -> mcap::Attachm
     }
 }
 
-/// Reads the metadata record into `settings`; one with another name is ignored.
+/// Reads the metadata record into `settings`; a record with another name is ignored.
 pub(super) fn read_metadata(record: &Metadata, settings: &mut Option<SessionSettings>) -> Result<(), String> {
     if record.name != SETTINGS_NAME {
         return Ok(());
@@ -50,9 +50,9 @@ pub(super) fn read_metadata(record: &Metadata, settings: &mut Option<SessionSett
     Ok(())
 }
 
-/// Reads the attachment record `content` into `settings`; one with another name is ignored.
+/// Reads the attachment record `content` into `settings`; a record with another name is ignored.
 ///
-/// Parsed here because the parser of the mcap crate (0.26) panics on a truncated record.
+/// It is parsed here because the parser of the mcap crate (0.26) panics on a truncated record.
 pub(super) fn read_attachment(content: &[u8], settings: &mut Option<SessionSettings>) -> Result<(), String> {
     let short = || format!("an attachment of {} bytes ends early", content.len());
     let (body, checksum) = content.split_last_chunk::<4>().ok_or_else(short)?;

@@ -1,4 +1,4 @@
-//! A tracker's session, or a stream of its bytes, that is recorded as it comes.
+//! Capture: a tracker's session, or a stream of its bytes, recorded while it runs.
 
 use std::io::{self, ErrorKind, Read};
 use std::sync::Arc;
@@ -17,10 +17,10 @@ use crate::tracker::{
     Settings, TrackerError, TrackerEvent, Transport, host_time_ns,
 };
 
-/// Longest time that a stream or a played recording waits for a slow disk. A live tracker never waits.
+/// Longest wait of a stream or a played recording for a slow disk. A live tracker never waits.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// Most bytes read from a stream at once.
+/// Most bytes per read from a stream.
 const PIECE: usize = 4096;
 
 /// A source of tracker bytes whose bytes and events go into a recording.
@@ -31,15 +31,15 @@ pub struct Capture {
 
 enum Source {
     Tracker(SessionHandle, CancellationToken),
-    /// Receives the reason for its end.
+    /// Receiver of the reason why the stream ended.
     Stream(oneshot::Receiver<String>),
 }
 
 impl Capture {
-    /// Starts the session of `tracker`, or of the recording in its place.
+    /// Starts the session of `tracker`, or plays the recording that its settings name instead.
     ///
     /// # Errors
-    /// As [`spawn`].
+    /// The errors of [`spawn`].
     pub fn of_tracker(tracker: &Settings, recorder: RecorderHandle) -> Result<Self, TrackerError> {
         let waits = matches!(tracker.transport, Transport::Recording { .. });
         let tap = Tap::new(recorder, if waits { PATIENCE } else { Duration::ZERO });
@@ -48,8 +48,8 @@ impl Capture {
         Ok(Self { tap, source: Source::Tracker(session, cancel) })
     }
 
-    /// Reads bytes of `protocol` from `stream` on a thread of its own. `sensor` is the probe. The thread is abandoned if the
-    /// stream never ends.
+    /// Reads bytes of `protocol` from `stream` on a separate thread. `sensor` chooses the probe. The thread is
+    /// abandoned if the stream never ends.
     ///
     /// # Errors
     /// The thread can't be started.
@@ -62,7 +62,7 @@ impl Capture {
         let (end, ended) = oneshot::channel();
         let reads = tap.clone();
         let read = move || {
-            // The receiver is gone if the recording ended for another reason.
+            // Nobody receives the reason if the recording has ended for another one.
             let _ = end.send(reads.read(stream, protocol, Selection::new(sensor)));
         };
         thread::Builder::new().name("tracker".to_owned()).spawn(read)?;
@@ -79,7 +79,7 @@ impl Capture {
         self.tap.bytes.load(Ordering::Relaxed)
     }
 
-    /// Reason for the end of the source or of the recording; `None` while both go on.
+    /// Reason for the end of the source or of the recording; `None` while both continue.
     pub fn over(&mut self) -> Option<String> {
         if self.tap.recorder.failure().is_some() {
             return Some("the disk does not take it".to_owned());
@@ -94,8 +94,8 @@ impl Capture {
         }
     }
 
-    /// Ends a tracker's session. Returns the last statistics, those of each sensor since the start, and the totals of a
-    /// session.
+    /// Ends a tracker's session. Returns the statistics since the last report, the statistics of each sensor since the
+    /// start, and the totals of a session.
     pub fn end(self) -> (Report, Vec<SensorReport>, Option<SessionSummary>) {
         let summary = match self.source {
             Source::Tracker(session, cancel) => {
@@ -108,13 +108,13 @@ impl Capture {
     }
 }
 
-/// Listens to a tracker: records its bytes and counts its records.
+/// Listener to a tracker that records its bytes and counts its records.
 #[derive(Clone)]
 struct Tap {
     recorder: RecorderHandle,
     monitor: Monitor,
     bytes: Arc<AtomicU64>,
-    /// Longest wait of bytes for the disk.
+    /// Longest wait for the disk, per piece of bytes.
     patience: Duration,
 }
 
@@ -140,7 +140,7 @@ impl Tap {
         }
     }
 
-    /// Reads a stream to its end and returns the reason for that.
+    /// Reads a stream to its end. Returns the reason for the end.
     fn read(mut self, mut stream: impl Read, protocol: Protocol, mut selection: Selection) -> String {
         let (mut piece, mut decoder, mut buffer) = ([0; PIECE], protocol.decoder(), BytesMut::new());
         loop {

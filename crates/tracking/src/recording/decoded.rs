@@ -43,8 +43,8 @@ impl<R: Read> DecodedRecording<R> {
     }
 
     /// Decodes the recording of `reader` with the puck range and axis map of `settings`, as a live session does.
-    /// Protocol and sensor are the recording's. If it was made while none of several sensors was chosen, the sensor that
-    /// `settings` choose for its protocol is taken.
+    /// Protocol and sensor come from the recording. If it has several sensors and none was chosen, the choice of
+    /// `settings` for its protocol applies.
     pub(crate) fn with_settings(reader: RecordingReader<R>, settings: &Settings) -> Self {
         let decoder = reader.info().protocol.decoder_of(&settings.device);
         let axis_map = settings.axis_map;
@@ -95,7 +95,7 @@ impl<R: Read> DecodedRecording<R> {
         Ok(self.items.pop_front())
     }
 
-    /// Summary so far, without `time_reversals` and `duration`, which the collector of the poses sets.
+    /// Summary so far, without `time_reversals` and `duration`, which the functions that collect poses set.
     pub fn finish(mut self) -> RecordingSummary {
         self.summary.damage = self.reader.damage().clone();
         self.summary.settings = self.reader.settings().cloned();

@@ -1,18 +1,18 @@
 //! Removal of implausible time stamps.
 
-/// Distance from its neighbour beyond which a single first or last time counts as wrong, ns: one hour.
+/// Distance from its neighbour, ns, beyond which a single first or last time counts as wrong: one hour.
 const LONE_NS: u64 = 3_600_000_000_000;
 
 /// Removes implausible items and returns their number. First, a single first or last item more than an hour from the
-/// rest; then the fewest items such that the remaining times do not decrease.
+/// rest is removed. Then the fewest items are removed such that the remaining times do not decrease.
 ///
-/// A single wrong time therefore removes a single item, however far off it is. If a clock was set back, the shorter
+/// A single wrong time therefore removes a single item, however large its error. If a clock was set back, the shorter
 /// part is removed.
 pub(super) fn keep_in_order<T>(items: &mut Vec<T>, time_ns: impl Fn(&T) -> u64) -> u64 {
     let before = items.len();
     let mut kept = longest_ascending(items, &time_ns);
     let lone = |a: usize, b: usize| time_ns(&items[b]) - time_ns(&items[a]) > LONE_NS;
-    // With two items there is no majority to decide which is wrong.
+    // Two items have no majority to decide which is wrong.
     let (first, last) = match kept[..] {
         [.., second, last] if kept.len() > 2 => {
             (lone(kept[0], kept[1]).then_some(kept[0]), lone(second, last).then_some(last))
@@ -20,7 +20,7 @@ pub(super) fn keep_in_order<T>(items: &mut Vec<T>, time_ns: impl Fn(&T) -> u64) 
         _ => (None, None),
     };
     if first.is_some() || last.is_some() {
-        // Remove the last one first, so the other index stays valid.
+        // The last one is removed first, so the other index stays valid.
         for index in [last, first].into_iter().flatten() {
             items.remove(index);
         }
@@ -116,7 +116,7 @@ mod tests {
         fn the_kept_items_are_the_longest_ascending_part(times in prop::collection::vec(0..12_u64, 0..12)) {
             let kept = kept(&times);
             prop_assert!(kept.is_sorted());
-            // By trying every subset.
+            // Reference result by trying every subset.
             let longest = (0..1_u32 << times.len())
                 .map(|mask| (0..times.len()).filter(|i| mask >> i & 1 == 1).map(|i| times[i]).collect::<Vec<_>>())
                 .filter(|part| part.is_sorted())

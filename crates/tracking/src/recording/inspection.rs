@@ -1,4 +1,4 @@
-//! All that is known of a recording's content, for people and as JSON.
+//! Complete information on a recording's content, for people and as JSON.
 
 use std::fmt;
 use std::path::Path;
@@ -17,7 +17,7 @@ pub struct Inspection<'a> {
     protocol: &'static str,
     start_time_ns: u64,
     sensor: Option<u16>,
-    /// Name of the tool that is the probe.
+    /// Name of the probe's tool.
     tool: Option<&'a str>,
     sensors: &'a [RecordedSensor],
     messages: u64,
@@ -28,9 +28,9 @@ pub struct Inspection<'a> {
     timing: Option<&'a Timing>,
     damage: &'a [String],
     events: &'a [Event],
-    /// Marks on pictures in their last state.
+    /// Final state of the marks on pictures.
     marks: Vec<MarkReport>,
-    /// Events of marks that could not be read.
+    /// Unreadable events of marks.
     marks_refused: Vec<String>,
     settings: Option<&'a SessionSettings>,
     #[serde(skip)]
@@ -38,7 +38,7 @@ pub struct Inspection<'a> {
 }
 
 impl<'a> Inspection<'a> {
-    /// Content of the recording at `path`, as [`read_all`](super::read_all) gives it.
+    /// Content of the recording at `path`, from the results of [`read_all`](super::read_all).
     pub fn new(path: &Path, poses: &[TimedPose], summary: &'a RecordingSummary) -> Self {
         let (start_ns, marks) = (summary.info.start_time_ns, Marks::of(&summary.events));
         Self {

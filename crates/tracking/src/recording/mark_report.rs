@@ -9,7 +9,7 @@ use super::marks::RecordedMark;
 /// Properties of a mark, for a line of text and for JSON.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MarkReport {
-    /// Time of its last change, s from the start.
+    /// Time of the mark's last change, s from the start.
     pub time_s: f64,
     /// Time of the marked picture, s from the start.
     pub picture_s: f64,
@@ -18,7 +18,7 @@ pub struct MarkReport {
     pub frame: Option<u64>,
     /// `distance`, `angle`, `ellipse`, `text` or `body_mark`.
     pub kind: &'static str,
-    /// Name of the measure or the outline, or the text.
+    /// Name of the measure or the outline, or the text itself.
     pub text: String,
     /// Value of a measurement, in `unit`.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -6,7 +6,7 @@ use serde_json::Value;
 use insonify_core::pose::Pose;
 use insonify_core::settings::mark::check_id;
 
-/// The frame that a mark belongs to.
+/// Frame on which a mark was set.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MarkedFrame {
     /// Number of the frame in its session.
@@ -25,7 +25,7 @@ pub(super) struct Marked {
 }
 
 impl Marked {
-    /// Takes the keys of a mark, and those of `others`, out of an event's value.
+    /// Removes the keys of a mark and the keys `others` from an event's value. Returns identifier and frame.
     pub(super) fn take(value: &mut Value, others: &[&str]) -> Result<Self, String> {
         #[derive(Deserialize)]
         struct Keys {

@@ -27,16 +27,16 @@ pub const BODY_MARK_EVENT: &str = "body-mark";
 /// Name of the event that removes a mark.
 pub const REMOVAL_EVENT: &str = "mark-removed";
 
-/// A mark in its last state.
+/// Final state of a mark.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordedMark {
-    /// Identifier; `None` for marks that nothing replaces.
+    /// Identifier; `None` for marks that can't be replaced.
     pub id: Option<String>,
     /// Time of its last change, ns since 1970 (UTC).
     pub host_time_ns: u64,
     /// The marked frame; `None` if the event names none.
     pub frame: Option<MarkedFrame>,
-    /// Content. The name of a measurement may be longer than a page lets it be.
+    /// Content. The name of a measurement may be longer than a page allows.
     pub content: MarkContent,
 }
 
@@ -47,12 +47,12 @@ impl RecordedMark {
     }
 }
 
-/// Marks of a session in their last state.
+/// Final state of a session's marks.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Marks {
     /// Marks that were not removed, in the order in which they were set.
     pub all: Vec<RecordedMark>,
-    /// Number of changes of marks.
+    /// Number of changes to existing marks.
     pub changed: usize,
     /// Number of removed marks.
     pub removed: usize,
@@ -61,7 +61,7 @@ pub struct Marks {
 }
 
 impl Marks {
-    /// Last state of the marks in `events`.
+    /// Final state of the marks in `events`.
     pub fn of(events: &[Event]) -> Self {
         let mut marks = Self::default();
         let mut events: Vec<&Event> = events.iter().collect();
@@ -139,7 +139,7 @@ fn content(event: &Event) -> Option<Result<(MarkContent, Marked), String>> {
 
 /// Event of a mark that a page set at `host_time_ns`, in a session that began at `start_unix_ns`.
 pub fn mark_event(host_time_ns: u64, start_unix_ns: u64, mark: &Mark) -> Event {
-    // Checked: finite and at most a year. Negative times don't occur; the cast saturates.
+    // `sampled_ms` was checked: finite and at most a year. Negative times don't occur; the cast saturates.
     let frame_time_ns = start_unix_ns.saturating_add((1e6 * mark.sampled_ms) as u64);
     let mut value = json!({
         "id": mark.id, "frame": mark.frame, "frame_time_ns": frame_time_ns, "kind": mark.content.kind(),
@@ -238,7 +238,7 @@ mod tests {
             (BODY_MARK_EVENT, json!({"name": "x", "turn_deg": 1000}), "turn_deg"),
             (CALIPER_EVENT, json!({"measure": "FL", "points_mm": [[0, 1], [1, 1]], "id": ""}), "id"),
             (CALIPER_EVENT, json!({"measure": "FL", "points_mm": [[0, 1], [1, 1]], "pose": [0, 0]}), "frame of a mark"),
-            // Half of a frame would be dropped in silence.
+            // An incomplete frame would otherwise be dropped silently.
             (TEXT_EVENT, json!({"text": "a", "at_mm": [0, 1], "frame": 7}), "given without `frame_time_ns`"),
             (TEXT_EVENT, json!({"text": "a", "at_mm": [0, 1], "frame_time_ns": 7}), "given without `frame`"),
             (

@@ -1,19 +1,19 @@
-//! MCAP records whose lengths are checked before anything is allocated for them.
+//! MCAP records whose lengths are checked before memory is allocated.
 
 use mcap::records::{Record, op};
 
 /// Parses the content of a chunk, channel, message or metadata record.
 ///
-/// The crate `mcap` allocates what a string's length says, up to 4 GB, before it reads the string.
+/// The crate `mcap` allocates as much as a string's length field states, up to 4 GB, before it reads the string.
 ///
 /// # Errors
-/// A length that leads out of the record, or a malformed record.
+/// A length that exceeds the record, or a malformed record.
 pub(super) fn parse(opcode: u8, data: &[u8]) -> Result<Record<'_>, String> {
     let mut rest = Lengths { data, offset: 0 };
     match opcode {
-        // Times of the first and the last message, size, CRC, compression; the records follow.
+        // Skipped: times of the first and the last message, size, CRC. Compression is a string; the records follow.
         op::CHUNK => rest.skip(28)?.string()?,
-        // Numbers of channel and schema, topic, encoding, metadata.
+        // Skipped: numbers of channel and schema. Topic and encoding are strings, then comes metadata.
         op::CHANNEL => rest.skip(4)?.string()?.string()?.map()?,
         // Name, metadata.
         op::METADATA => rest.string()?.map()?,
@@ -22,7 +22,7 @@ pub(super) fn parse(opcode: u8, data: &[u8]) -> Result<Record<'_>, String> {
     mcap::parse_record(opcode, data).map_err(|error| error.to_string())
 }
 
-/// What follows `offset` in the content of a record.
+/// Remaining content of a record, from `offset` on.
 struct Lengths<'a> {
     data: &'a [u8],
     offset: usize,
@@ -54,7 +54,7 @@ impl Lengths<'_> {
         self.skip(length)
     }
 
-    /// Pairs of strings, after their length in bytes.
+    /// Skips pairs of strings, which are preceded by their length in bytes.
     fn map(&mut self) -> Result<&mut Self, String> {
         let length = self.length()?;
         let end = self.offset + length;

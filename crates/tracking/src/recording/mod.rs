@@ -4,21 +4,21 @@
 //!
 //! | channel | message encoding | content |
 //! |---|---|---|
-//! | [`RAW_TOPIC`] | `application/octet-stream` | bytes as received from the tracker, split anywhere; `log_time` is the arrival of the first of them |
+//! | [`RAW_TOPIC`] | `application/octet-stream` | bytes as received from the tracker, split anywhere; `log_time` is the arrival of the message's first byte |
 //! | [`EVENT_TOPIC`] | `json` | `{"name": "...", "value": ...}`: a marked moment, for example a key frame, or a changed control; `value` is optional |
 //! | [`POSE_TOPIC`] | `json`, schema `foxglove.PoseInFrame` | `scene_from_probe` as the session used it, and its `state`; **metres**, as viewers expect; frame `scene` |
 //!
-//! Marks on pictures (measurements, texts, body marks) are also events ([`Marks`]). [`EXAM_EVENT`] names the planes that
-//! a session is about. Events whose names begin with `truth.` describe a generated session, for training; reports on a
-//! session take nothing from them except the planes of a recording without that event.
+//! Marks on pictures (measurements, texts, body marks) are also events ([`Marks`]). [`EXAM_EVENT`] names the planes to
+//! be found in a session. Events whose names begin with `truth.` describe a generated session, for training. Reports
+//! on a session ignore them, except for the planes of a recording without [`EXAM_EVENT`].
 //!
 //! Metadata of the raw channel: `protocol` (a name of [`Protocol`]), `device`, `scene` (frame of the poses),
-//! `start_time_ns`, `format_version`, and the choice of the probe among several sensors: `sensor` (a number), `tool` (a
-//! name; `format_version` is 2 then), or `probe` = `only` if none was chosen. With none of these, the first sensor received
-//! is the probe. A `device` that begins with `imported from` marks poses that are `scene_from_probe` already: no station's
-//! calibration applies to them.
+//! `start_time_ns` and `format_version`. The choice of the probe among several sensors is `sensor` (a number), `tool`
+//! (a name; `format_version` is 2 then), or `probe` = `only` if none was chosen. Without any of these, the first
+//! sensor received is the probe. A `device` that begins with `imported from` marks poses that are `scene_from_probe`
+//! already: no station's calibration applies to them.
 //!
-//! The bytes are those of one sender: datagrams of a second one are left out, and an event names it.
+//! The bytes come from one sender: datagrams of a second sender are left out, and an event names it.
 //!
 //! A live session adds a metadata record [`SETTINGS_NAME`] (version, seed, adapter, station_path) and the text of its
 //! station file as the attachment [`STATION_NAME`]; see [`SessionSettings`].
@@ -126,7 +126,7 @@ pub const STATION_NAME: &str = "station.toml";
 /// Latest version of this format; readers refuse later ones. Version 2 names a tool as the probe.
 pub const FORMAT_VERSION: u32 = 2;
 
-/// Begin of the `device` of imported recordings: their poses are `scene_from_probe`, whatever a station's calibration.
+/// Start of the `device` of imported recordings. Their poses are `scene_from_probe`, whatever a station's calibration.
 pub(crate) const IMPORTED: &str = "imported from ";
 
 /// Value of the metadata `probe` if no sensor was chosen.
@@ -138,13 +138,14 @@ const ONLY: &str = "only";
 pub struct RecordingInfo {
     /// Wire format of the bytes.
     pub protocol: Protocol,
-    /// Name of the tracker, for information. One that begins with `imported from` marks poses that are in the scene.
+    /// Name of the tracker, for information. A name that begins with `imported from` marks poses that are in the scene
+    /// frame.
     pub device: String,
     /// Scene that defines the frame of the poses, for information.
     pub scene: String,
     /// Start of the recording, ns since 1970 (UTC). For a live session, time 0 of its clock and of the scene's motion.
     pub start_time_ns: u64,
-    /// Choice of the probe among several sensors; `None` takes the first received, as earlier builds did.
+    /// Choice of the probe among several sensors; `None` takes the first one received, as earlier builds did.
     pub sensor: Option<ProbeSensor>,
 }
 
@@ -189,13 +190,13 @@ impl Event {
     }
 }
 
-/// Name of the event with the planes that a session is about, as a list of their names.
+/// Name of the event that lists the names of the planes to be found in a session.
 pub const EXAM_EVENT: &str = "exam.planes";
 
 /// Name of the event for a lost tracker port.
 pub const DISCONNECTED_EVENT: &str = "tracker-disconnected";
 
-/// Event to record for a tracker event; `None` for damaged bytes, which are in the recording.
+/// Event to record for a tracker event; `None` for damaged bytes, which the recording contains anyway.
 pub fn event_of(host_time_ns: u64, event: &TrackerEvent) -> Option<Event> {
     let name = match event {
         TrackerEvent::DecodeError(_) | TrackerEvent::Damaged(_) => return None,
@@ -208,7 +209,7 @@ pub fn event_of(host_time_ns: u64, event: &TrackerEvent) -> Option<Event> {
 /// A pose used by a session.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SessionPose {
-    /// Time for which it was estimated, ns since 1970 (UTC).
+    /// Time for which the pose was estimated, ns since 1970 (UTC).
     pub host_time_ns: u64,
     /// `scene_from_probe`.
     pub pose: Pose,

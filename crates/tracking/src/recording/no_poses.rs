@@ -15,7 +15,7 @@ pub fn poses(path: &Path) -> Result<(Vec<TimedPose>, Infallible), RecordingError
     Err(RecordingError::NotBuilt { path: path.to_owned() })
 }
 
-/// Calibration that brings the poses of a recording into the scene. There is none to ask about.
+/// Calibration that converts the poses of a recording to the scene. This build can't read any recording.
 pub fn calibration_for(_: &Path, summary: &Infallible, _: Calibration) -> Calibration {
     match *summary {}
 }

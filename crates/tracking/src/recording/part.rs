@@ -12,7 +12,7 @@ pub fn part_path(path: &Path) -> PathBuf {
     PartFile::appended(path).part
 }
 
-/// Creates the `.part` of `path`, locked while it is open. One from an interrupted recording is renamed.
+/// Creates the `.part` file of `path`, locked while it is open. A `.part` file of an interrupted recording is renamed.
 pub(super) fn create(path: &Path) -> Result<File, RecordingError> {
     PartFile::appended(path).create_keeping().map_err(|error| match error {
         PartError::Busy { path } => RecordingError::Busy { path },

@@ -11,7 +11,7 @@ use crate::tracker::{
     self, Listener, Playback, PlaybackError, ProbeSensor, Protocol, SessionHandle, Settings, TrackerError, Transport,
 };
 
-/// Starts the session of a station's tracker, or of the recording in its place.
+/// Starts the session of a station's tracker, or plays the recording that the settings name instead.
 ///
 /// # Errors
 /// The recording can't be read, or an error of [`tracker::spawn`].
@@ -28,8 +28,8 @@ pub fn spawn(
     }
 }
 
-/// Protocol of a tracker's bytes and choice of the probe: the station's, or those of a recording. `None` takes the first
-/// sensor received.
+/// Protocol of a tracker's bytes and choice of the probe, from the station's settings or from the recording that they
+/// name. A choice of `None` takes the first sensor received.
 ///
 /// # Errors
 /// The recording can't be read.
@@ -45,7 +45,7 @@ impl From<RecordingError> for TrackerError {
     }
 }
 
-/// The tracker's bytes of a recording.
+/// Source of the tracker's bytes in a recording.
 pub struct RecordingPlayback {
     path: PathBuf,
     reader: RecordingReader<BufReader<File>>,
@@ -60,7 +60,7 @@ impl RecordingPlayback {
         Ok(Self { path: path.to_owned(), reader: RecordingReader::open(path)? })
     }
 
-    /// Logs what is missing of the file.
+    /// Logs the unreadable parts of the file.
     fn warn_of_damage(&self) {
         let (path, damage) = (self.path.display(), self.reader.damage());
         if let Some(truncated) = &damage.truncated {

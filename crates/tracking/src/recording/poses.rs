@@ -27,7 +27,7 @@ pub fn poses(path: &Path) -> Result<(Vec<TimedPose>, RecordingSummary), Recordin
 /// [`poses`] of an open recording; errors name it `path`.
 ///
 /// # Errors
-/// The source cannot be read, or holds no complete pose.
+/// The source cannot be read, or has no complete pose.
 pub fn poses_of<R: Read>(
     reader: RecordingReader<R>,
     path: &Path,
@@ -39,8 +39,8 @@ pub fn poses_of<R: Read>(
     Ok((poses, summary))
 }
 
-/// All measurements of the recording at `path`, ascending in host time. They include rates and orientations, which need
-/// an estimator to become poses. A puck has the range and the axis map of `settings`.
+/// All measurements of the recording at `path`, ascending in host time. They include rates and orientations, which
+/// only an estimator turns into poses. A puck has the range and the axis map of `settings`.
 ///
 /// # Errors
 /// The file cannot be read, is not a recording, or has no measurement with the sensor in view.
@@ -66,8 +66,8 @@ impl RecordingInfo {
         self.device.starts_with(IMPORTED)
     }
 
-    /// Calibration that brings the poses of this recording, at `path`, into the scene: `of_station`, or none for poses that
-    /// are there already. Says so if it leaves one out.
+    /// Calibration that converts the poses of this recording, at `path`, to the scene: `of_station`, or none if they
+    /// are in the scene frame already. Logs a note if `of_station` is ignored.
     pub fn calibration(&self, path: &Path, of_station: Calibration) -> Calibration {
         if !self.is_in_scene() {
             return of_station;
@@ -88,13 +88,13 @@ pub fn calibration_for(path: &Path, summary: &RecordingSummary, of_station: Cali
     summary.info.calibration(path, of_station)
 }
 
-/// Removes items with implausible times; stores their number and the duration of the others in `summary`.
+/// Removes items with implausible times. Stores their number and the duration of the remaining items in `summary`.
 fn order<T>(items: &mut Vec<T>, summary: &mut RecordingSummary, time_ns: impl Fn(&T) -> u64) {
     summary.time_reversals = keep_in_order(items, &time_ns);
     span(items.iter().map(time_ns), summary);
 }
 
-/// Stores the time from the first to the last of ascending times.
+/// Stores the time from the first to the last of the ascending times `times_ns`.
 fn span(mut times_ns: impl DoubleEndedIterator<Item = u64>, summary: &mut RecordingSummary) {
     let Some(first) = times_ns.next() else { return };
     summary.duration = Duration::from_nanos(times_ns.next_back().unwrap_or(first) - first);
@@ -121,7 +121,7 @@ pub fn read_all<R: Read>(reader: RecordingReader<R>) -> Result<(Vec<TimedPose>, 
     read_both(reader).map(|(poses, _, summary)| (poses, summary))
 }
 
-/// Like [`read_all`], plus the poses used by the session, ascending in host time.
+/// Like [`read_all`], but also returns the poses that the session used, ascending in host time.
 ///
 /// # Errors
 /// The source cannot be read.
@@ -145,7 +145,7 @@ pub fn read_both<R: Read>(
     }
     let mut summary = decoded.finish();
     order(&mut poses, &mut summary, |pose| pose.host_time_ns);
-    // Rates of a puck and orientations are no poses, but the recording lasts as long as they come.
+    // A puck's rates and orientations are not poses, but they count for the duration of the recording.
     keep_in_order(&mut times_ns, |time_ns| *time_ns);
     span(times_ns.iter().copied(), &mut summary);
     summary.timing = if poses.is_empty() { Timing::of_times(&times_ns) } else { Timing::of(&poses) };

@@ -16,13 +16,13 @@ use super::{
 };
 use crate::tracker::ProbeSensor;
 
-/// Longest accepted MCAP record, bytes. A larger value means a damaged length.
+/// Longest accepted MCAP record, bytes. A larger value indicates a damaged length.
 const RECORD_LIMIT: usize = 64 << 20;
 
-/// Opcode and length before each MCAP record, bytes.
+/// Size of opcode and length before each MCAP record, bytes.
 const RECORD_HEAD: u64 = 9;
 
-/// Largest number of described damages; all are counted.
+/// Most damages that are described; all are counted.
 const DESCRIBED: usize = 4;
 
 /// Unreadable parts of a recording.
@@ -32,11 +32,11 @@ pub struct Damage {
     pub truncated: Option<String>,
     /// Number of damaged chunks and messages that were skipped.
     pub damaged: u64,
-    /// Descriptions of the first few, each with its byte offset.
+    /// Descriptions of the first damages, each with its byte offset.
     pub damaged_first: Vec<String>,
 }
 
-/// Reads the messages of one recording in order, a chunk at a time.
+/// Reader of one recording: its messages in order, a chunk at a time.
 ///
 /// The intact parts of a truncated or damaged file are used; [`damage`](Self::damage) reports the rest. Messages of
 /// other channels are skipped.
@@ -209,7 +209,7 @@ impl<R: Read> McapFile<R> {
                 }
             }
             op::METADATA => self.metadata(offset, data),
-            // Channels after the end of the data are repetitions.
+            // Channel records after the end of the data are repetitions.
             _ if !self.data_ended => self.inner_record(offset, opcode, data)?,
             _ => {}
         }
@@ -243,7 +243,7 @@ impl<R: Read> McapFile<R> {
 
     fn channel(&mut self, channel: records::Channel) -> Result<(), RecordingError> {
         if channel.topic == RAW_TOPIC {
-            // One stream has one decoder: the first raw channel is used, others are skipped.
+            // There is one decoder for one stream: the first raw channel is used, others are skipped.
             if self.info.is_none() {
                 self.info = Some(parse_info(&self.path, &channel.metadata)?);
                 self.topics.insert(channel.id, Topic::Raw);
@@ -287,7 +287,7 @@ impl<R: Read> McapFile<R> {
     }
 }
 
-/// Counts the bytes read from a source.
+/// Source that counts the bytes read from it.
 struct Counting<R> {
     inner: R,
     count: u64,
@@ -342,7 +342,7 @@ fn chunk(data: &[u8]) -> Result<Vec<(u8, Vec<u8>)>, ChunkError> {
         }
         _ => return Err(ChunkError::Damaged("it is no chunk".to_owned())),
     };
-    // Header: three u64, u32, string, u64. The sizes were checked, so nothing may follow the records.
+    // Size of the header: three u64, u32, string, u64. All sizes were checked, so nothing may follow the records.
     let header_length = 40 + header.compression.len() as u64;
     if header_length + header.compressed_size != data.len() as u64 {
         return Err(ChunkError::Damaged("bytes follow its records".to_owned()));

@@ -12,7 +12,7 @@ use super::{Event, RecordingError, RecordingWriter, SessionPose};
 /// Longest time between flushes to the operating system, even without new messages.
 const FLUSH_AFTER: Duration = Duration::from_secs(1);
 
-/// Name of the event at the end of a recording that the disk could not keep up with.
+/// Name of the last event of a recording that the disk could not keep up with.
 const ENDED: &str = "recording-ended";
 
 /// Capacity of the queue.
@@ -25,7 +25,7 @@ pub struct QueueLimits {
 }
 
 impl Default for QueueLimits {
-    /// More than a minute of the fastest tracker (240 records of 100 bytes per second).
+    /// Default: more than a minute of the fastest tracker (240 records of 100 bytes per second).
     fn default() -> Self {
         Self { bytes: 4 << 20, messages: 1 << 16 }
     }
@@ -42,7 +42,7 @@ pub enum RecorderError {
     Behind {
         /// Queued messages.
         messages: usize,
-        /// Tracker bytes in them.
+        /// Number of tracker bytes in these messages.
         bytes: usize,
     },
     /// The thread could not be started, or it panicked.
@@ -80,7 +80,7 @@ pub struct Recorder {
     thread: Option<JoinHandle<()>>,
 }
 
-/// Sends messages to a [`Recorder`], from any thread. No call waits for the disk, except
+/// Sender of messages to a [`Recorder`], usable from any thread. No call waits for the disk, except
 /// [`raw_within`](Self::raw_within).
 #[derive(Clone)]
 pub struct RecorderHandle {
@@ -91,7 +91,7 @@ struct Shared {
     queue: Mutex<Queue>,
     /// Notified when the queue is no longer empty, or the end of the recording is requested.
     filled: Condvar,
-    /// Notified when the thread has taken the queue, or the recording ended.
+    /// Notified when the thread has taken the queue, or when the recording has ended.
     drained: Condvar,
     limits: QueueLimits,
 }
@@ -105,7 +105,7 @@ struct Queue {
     recorded: Recorded,
 }
 
-/// Queued messages; swapped as a whole with the thread's own, to reuse the memory.
+/// Queued messages. The thread swaps the whole batch with its own, to reuse the memory.
 #[derive(Default)]
 struct Batch {
     messages: Vec<Message>,
@@ -212,8 +212,8 @@ impl RecorderHandle {
         self.raw_within(host_time_ns, bytes, Duration::ZERO);
     }
 
-    /// Like [`raw`](Self::raw), but waits up to `patience` for a full queue to drain before the recording is ended. For
-    /// offline sources, which can wait.
+    /// Like [`raw`](Self::raw), but waits up to `patience` for space in a full queue before the recording is ended.
+    /// For offline sources, which can wait.
     pub fn raw_within(&self, host_time_ns: u64, bytes: &[u8], patience: Duration) {
         self.shared.push(Message::Raw { host_time_ns, length: bytes.len() }, bytes, patience);
     }
@@ -235,7 +235,8 @@ impl RecorderHandle {
 }
 
 impl Shared {
-    /// The queue is consistent after every statement under its lock, so a panic elsewhere does not matter.
+    /// Lock of the queue. The queue is consistent after every statement under its lock, so a panic elsewhere does not
+    /// matter.
     fn lock(&self) -> MutexGuard<'_, Queue> {
         self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -275,7 +276,7 @@ impl Shared {
 }
 
 impl Queue {
-    /// Keeps the first failure.
+    /// Stores an error, unless there is an earlier one.
     fn fail(&mut self, error: RecorderError) {
         if self.recorded.failure.is_none() {
             tracing::error!("{error}");

@@ -21,11 +21,11 @@ pub struct RecordingReport<'a> {
     pub duration_s: f64,
     /// Whether everything in the file was used.
     pub clean: bool,
-    /// Cause of an early end; `None` if the file is whole.
+    /// Reason for an early end of the file; `None` if the file is complete.
     pub truncated: Option<&'a str>,
     /// Damaged parts that were left out.
     pub damaged_parts: u64,
-    /// Bytes that the decoder refused, in pieces.
+    /// Number of pieces of bytes that the decoder refused.
     pub decode_errors: u64,
     /// Records missing by their counter.
     pub missing_records: u64,

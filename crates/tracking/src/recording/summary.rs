@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::{Damage, Event, RecordingInfo, SessionSettings, Timing};
 use crate::tracker::{DecodeError, SensorName};
 
-/// Largest number of described decode errors; all are counted.
+/// Most decode errors that are described; all are counted.
 const DESCRIBED: usize = 8;
 
 /// Content of a recording, and its unusable parts. [`Display`](fmt::Display) formats it as a report.
@@ -25,17 +25,18 @@ pub struct RecordingSummary {
     pub records: u64,
     /// Pieces of the stream that are not records.
     pub decode_errors: u64,
-    /// The first few of those errors.
+    /// The first decode errors.
     pub decode_errors_first: Vec<DecodeError>,
     /// Records missing by the device's counter.
     pub missing_records: u64,
-    /// Records whose device counter does not rise: repetitions, or after a restart of the device. Their poses are used.
+    /// Records whose device counter does not rise: repetitions, or the first after a restart of the device. Their
+    /// poses are used.
     pub sequence_reversals: u64,
     /// Records without a pose: the sensor was out of view, or the device measures no position.
     pub without_pose: u64,
-    /// Records of sensors other than the probe's, and of several of which none was chosen.
+    /// Records of sensors other than the probe. If there are several sensors and none was chosen, all their records.
     pub other_sensors: u64,
-    /// Sensor that is the probe; `None` before any record, and if none of several was chosen.
+    /// Sensor that is the probe; `None` before any record, and if there are several sensors and none was chosen.
     pub sensor: Option<SensorName>,
     /// Whether several sensors were received and none was chosen.
     pub undecided: bool,
@@ -53,7 +54,7 @@ pub struct RecordingSummary {
     pub damage: Damage,
     /// Time from the first record of the probe to the last.
     pub duration: Duration,
-    /// Regularity of the poses; of the records if none is a pose.
+    /// Regularity of the poses; if there are none, regularity of the records.
     pub timing: Option<Timing>,
 }
 
@@ -120,7 +121,7 @@ impl RecordingSummary {
         }
     }
 
-    /// Advice on how to choose the probe of a recording that holds several sensors; `None` if one was chosen.
+    /// Advice on choosing the probe in a recording with several sensors; `None` if one was chosen.
     pub fn advice(&self) -> Option<String> {
         let key = self.sensors.first().filter(|_| self.undecided)?.name().key();
         let list: Vec<String> = self.sensors.iter().map(RecordedSensor::to_string).collect();

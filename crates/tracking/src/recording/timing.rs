@@ -5,16 +5,16 @@ use serde::Serialize;
 use insonify_core::pose::TimedPose;
 use insonify_core::statistics::{mean_and_deviation, nearest_rank};
 
-/// Intervals between two poses longer than this are gaps, ns: the probe's motion in them is unknown.
+/// Interval between two poses above which it counts as a gap, ns: the probe's motion in a gap is unknown.
 pub const GAP_NS: u64 = 250_000_000;
 
-/// Largest number of listed gaps; all are counted.
+/// Most gaps that are listed; all are counted.
 const LISTED: usize = 20;
 
 /// An interval without poses.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Gap {
-    /// Start since the first pose, s.
+    /// Start of the gap, s since the first pose.
     pub at_s: f64,
     /// Length, s.
     pub length_s: f64,

@@ -20,22 +20,22 @@ const CHUNK_NS: u64 = 1_000_000_000;
 /// Largest size of a chunk, bytes.
 const CHUNK_BYTES: u64 = 64 * 1024;
 
-/// Writes one recording.
+/// Writer of one recording.
 ///
 /// The file is called `NAME.part` until [`finish`](Self::finish), which replaces `NAME` atomically. An unfinished
-/// recording can be read from its `.part`, except for the last second. An existing `.part` that another process is
-/// writing is an error; one left by a killed process is renamed to `NAME.recovered-1.mcap`.
+/// recording can be read from its `.part`, except for the last second. If another process is writing an existing
+/// `.part`, creating the writer fails; a `.part` left by a killed process is renamed to `NAME.recovered-1.mcap`.
 pub struct RecordingWriter {
     mcap: mcap::Writer<NoSeek<BufWriter<File>>>,
     path: PathBuf,
     part: PathBuf,
     raw_channel: u16,
     event_channel: u16,
-    /// `None` before the first pose.
+    /// Channel of poses; `None` before the first pose.
     pose_channel: Option<u16>,
     /// Number of messages of each channel.
     counts: BTreeMap<u16, u32>,
-    /// Message of a pose; kept to reuse its memory.
+    /// Text of the last pose message; kept to reuse its memory.
     pose_json: String,
     chunk_start_ns: u64,
 }
@@ -153,7 +153,7 @@ impl RecordingWriter {
     }
 
     fn message(&mut self, channel_id: u16, time_ns: u64, bytes: &[u8]) -> Result<(), RecordingError> {
-        // In either direction: chunks must also end after a time far in the future.
+        // In either direction: a chunk must also end after a time far in the future.
         if time_ns.abs_diff(self.chunk_start_ns) >= CHUNK_NS {
             self.flush()?;
             self.chunk_start_ns = time_ns;
@@ -181,13 +181,13 @@ impl RecordingWriter {
     /// The `.part` cannot be removed.
     pub(crate) fn discard(self) -> Result<(), RecordingError> {
         let Self { mcap, part, .. } = self;
-        // Closed first: some systems cannot remove an open file.
+        // The file is closed first: some systems cannot remove an open file.
         drop(mcap);
         std::fs::remove_file(&part).map_err(|error| fail(&part, error))
     }
 }
 
-/// Earliest version of the format that holds what `info` says.
+/// Earliest version of the format that can express `info`.
 fn format_version(info: &RecordingInfo) -> u32 {
     if matches!(info.sensor, Some(ProbeSensor::Tool(_))) { FORMAT_VERSION } else { 1 }
 }

@@ -23,7 +23,7 @@ impl StampedBuffer {
         self.pieces.push_back((self.total, time_ns));
     }
 
-    /// Arrival time of the first byte left, ns.
+    /// Arrival time of the first remaining byte, ns.
     pub(crate) fn first_byte_ns(&mut self) -> u64 {
         let position = self.total - self.bytes.len() as u64;
         while self.pieces.len() > 1 && self.pieces.front().is_some_and(|(end, _)| *end <= position) {

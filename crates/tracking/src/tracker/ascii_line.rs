@@ -131,11 +131,12 @@ impl StreamDecoder for Decoder {
     }
 }
 
-/// Fault of the last whole line of `text` that begins as one of this format; `None` if there is none, or it is a record.
+/// Fault of the last complete line in `text` that begins like this format. `None` if there is no such line, or if it
+/// is a valid record.
 #[cfg(feature = "live")]
 pub(super) fn fault_of_last(text: &[u8]) -> Option<Reason> {
     let whole = &text[..text.iter().rposition(|&b| b == b'\n')?];
-    // The first line may be cut.
+    // The first line may be incomplete.
     let lines = whole.split(|&b| b == b'\n').skip(1).map(|line| line.strip_suffix(b"\r").unwrap_or(line));
     parse(lines.filter(|line| line.starts_with(b"P,")).last()?).err()
 }

@@ -11,7 +11,7 @@ use super::Record;
 
 const NAMES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
 
-/// Source axis and sign of each output axis x, y, z, rx, ry, rz, written as `x, -z, y, rx, -rz, ry`. Translations map
+/// Source axis and sign of each output axis x, y, z, rx, ry, rz, for example `x, -z, y, rx, -rz, ry`. Translations map
 /// to translations and rotations to rotations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxisMap {
@@ -37,7 +37,7 @@ impl Default for AxisMap {
 }
 
 impl AxisMap {
-    /// The record with its rates moved to the mapped axes. Records of other kinds are returned unchanged.
+    /// The record with its rates on the mapped axes. Records of other kinds are returned unchanged.
     pub fn apply(&self, mut record: Record) -> Record {
         if let Reading::Rates { translation, rotation } = &mut record.reading {
             let [x, y, z] = translation.to_array();

@@ -9,8 +9,8 @@
 //! | 15..18 | reserved |
 //! | 18 | u8 sum of bytes 2 to 17 |
 //!
-//! The orientation is Rz(yaw) · Ry(pitch) · Rx(roll). Some firmware swaps pitch and roll: see [`AngleOrder`]. The 8-bit
-//! index is extended to 32 bits. The sum is a weak guard: one in 256 frames with lost bytes passes it.
+//! The orientation is Rz(yaw) · Ry(pitch) · Rx(roll). Some firmware swaps pitch and roll: see [`AngleOrder`]. The
+//! 8-bit index is extended to 32 bits. The sum protects weakly: of the frames that lost bytes, one in 256 passes it.
 
 use bytes::BytesMut;
 use glam::{DQuat, EulerRot};
@@ -47,7 +47,7 @@ pub enum AngleOrder {
 /// Fault of a frame.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum Reason {
-    /// No start of a frame.
+    /// Bytes that don't start a frame.
     #[error("no frame starts with 0x{byte:02X}; one starts with AA AA")]
     Noise {
         /// First of the skipped bytes.
@@ -114,7 +114,8 @@ impl Decoder {
 }
 
 impl StreamDecoder for Decoder {
-    /// Each damaged frame gives an error, and each 64 bytes of noise. After `Ok(None)` the buffer holds less than that.
+    /// Each damaged frame gives an error, and so do each 64 bytes of noise. After `Ok(None)` the buffer has less than
+    /// that.
     fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         let Some(&byte) = buffer.first() else { return Ok(None) };
         if !may_start(buffer) {
@@ -142,7 +143,7 @@ impl StreamDecoder for Decoder {
     }
 }
 
-/// 32-bit counter whose lowest 8 bits are `index`, at most 255 ahead of `last`.
+/// 32-bit counter whose lowest 8 bits are `index`; at most 255 more than `last`.
 fn extended_counter(last: Option<u32>, index: u8) -> u32 {
     last.map_or(u32::from(index), |last| last.wrapping_add(u32::from(index.wrapping_sub(last as u8))))
 }
@@ -157,7 +158,7 @@ mod tests {
     use super::*;
     use glam::DVec3;
 
-    /// The example of the BNO08x datasheet's section on UART-RVC: yaw 0.01°, pitch −1.10°, roll 20.85°.
+    /// Example frame in the section on UART-RVC of the BNO08x datasheet: yaw 0.01°, pitch −1.10°, roll 20.85°.
     const DATASHEET: [u8; LENGTH] = [
         0xAA, 0xAA, 0xDE, 0x01, 0x00, 0x92, 0xFF, 0x25, 0x08, 0x8D, 0xFE, 0xEC, 0xFF, 0xD1, 0x03, 0x00, 0x00, 0x00,
         0xE7,

@@ -1,4 +1,4 @@
-//! A tracker chosen by protocol and place.
+//! A tracker chosen by protocol and by its port or address.
 
 use std::net::SocketAddr;
 
@@ -7,42 +7,42 @@ use thiserror::Error;
 use super::ndi::{self, USUAL_BAUD};
 use super::{PortName, ProbeSensor, Protocol, Settings, Transport};
 
-/// Protocol of a tracker, and where it is; the transport follows from both.
+/// Protocol of a tracker, and its port or address. The transport follows from them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Choice {
     /// Protocol.
     pub protocol: Protocol,
     /// Serial port or HID device.
     pub port: Option<PortName>,
-    /// `host:port` of a server, or where to listen for datagrams.
+    /// `host:port` of a server, or the address to receive datagrams on.
     pub address: Option<String>,
-    /// Speed of a serial port, baud; `None`: the protocol's usual one.
+    /// Speed of a serial port, baud; `None` for the protocol's usual speed.
     pub baud: Option<u32>,
-    /// Number of the probe's sensor; `None`: the only one that reports.
+    /// Number of the probe's sensor; `None` for the only sensor that reports.
     pub sensor: Option<u16>,
     /// Name of the probe's tool.
     pub tool: Option<String>,
 }
 
-/// Reason why a choice is no tracker.
+/// Reason why a choice is not a valid tracker.
 #[derive(Debug, Error)]
 pub enum ChoiceError {
     /// Neither port nor address.
     #[error("give --port or --address, too")]
     NoPlace,
-    /// An address that datagrams can't be received at.
+    /// An address on which datagrams can't be received.
     #[error("`{address}` is no address to listen at; it must be IP:port")]
     Address {
         /// Address given.
         address: String,
     },
-    /// A tool by name, in a protocol that has numbers.
+    /// A tool chosen by name, for a protocol that numbers its sensors.
     #[error("--tool: `{protocol}` has no named tools; give the number of the probe's sensor by --sensor")]
     NoNames {
         /// Name of the protocol.
         protocol: &'static str,
     },
-    /// A sensor by number, in a protocol that has names.
+    /// A sensor chosen by number, for a protocol that names its tools.
     #[error("--sensor: `{protocol}` numbers its tools by arrival; name the probe by --tool")]
     NoNumbers {
         /// Name of the protocol.
@@ -57,11 +57,11 @@ impl Choice {
     /// Settings of the chosen tracker, with the device settings of `base`.
     ///
     /// # Errors
-    /// Neither port nor address where one is needed, an address that is none, an error of [`Settings::check_probe`], or a
-    /// speed that the device does not support.
+    /// Neither a port nor an address where one is needed, an invalid address, an error of [`Settings::check_probe`],
+    /// or a speed that the device does not support.
     pub fn over(&self, base: Settings) -> Result<Settings, ChoiceError> {
         let protocol = self.protocol;
-        // The probe of another protocol or of a recording does not apply.
+        // `base` may choose the probe of another protocol or of a recording; that choice does not apply.
         let same = base.protocol == protocol && !matches!(base.transport, Transport::Recording { .. });
         let mut settings = Settings { protocol, ..base };
         if !same {
@@ -103,11 +103,11 @@ impl Choice {
 }
 
 impl Settings {
-    /// Checks that the probe is chosen by name where tools have names, and by number elsewhere. A recording holds what was
-    /// heard in one order, so each way selects the same sensor at every replay.
+    /// Checks that the probe is chosen by name if the protocol's tools have names, and else by number. A recording has
+    /// all sensors in the order in which they were received, so such a choice selects the same sensor in every replay.
     ///
     /// # Errors
-    /// A tool's name where there are numbers, or a number where there are names.
+    /// A tool's name for numbered sensors, or a number for named tools.
     pub fn check_probe(&self) -> Result<(), ChoiceError> {
         let protocol = self.protocol.name();
         match (self.device.probe(), self.protocol.has_names()) {

@@ -14,7 +14,7 @@ pub fn host_time_ns() -> u64 {
     wall_ns.saturating_add(nanoseconds(start.elapsed()))
 }
 
-/// Duration in ns; u64 holds 584 years.
+/// Duration in ns; a u64 covers 584 years.
 pub(super) fn nanoseconds(duration: Duration) -> u64 {
     u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
 }

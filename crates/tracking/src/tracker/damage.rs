@@ -14,11 +14,11 @@ pub struct Damage {
     pub damaged: u64,
     /// Errors reported by the device, and requests that it did not answer.
     pub reported: u64,
-    /// Records in the same time, of all sensors.
+    /// Number of records in the same time, of all sensors.
     pub records: u64,
     /// Duration.
     pub time: Duration,
-    /// The last of them.
+    /// The last damaged piece or reported error.
     pub example: DecodeError,
     /// Likely cause and remedy.
     pub remedy: Option<String>,

@@ -19,12 +19,12 @@ pub trait StreamDecoder: Send {
     /// Position in the stream.
     fn offset(&mut self) -> &mut Offset;
 
-    /// Name of the sensor with this number; `None` if the protocol has numbers only.
+    /// Name of the sensor with this number; `None` if the protocol has only numbers.
     fn name_of(&self, _sensor: u16) -> Option<&str> {
         None
     }
 
-    /// Types of the skipped messages, which hold no pose; `None` if there were none.
+    /// Types of skipped messages, which have no pose; `None` if there were none.
     fn skipped(&self) -> Option<String> {
         None
     }
@@ -59,7 +59,7 @@ impl Offset {
         start
     }
 
-    /// Removes `length` bytes from the front of `buffer`; returns an error with their `fault`.
+    /// Removes `length` bytes from the front of `buffer`. Returns an error with their `fault`.
     pub fn reject(&mut self, buffer: &mut BytesMut, length: usize, fault: impl Into<Fault>) -> DecodeError {
         DecodeError { offset: self.take(buffer, length), fault: fault.into() }
     }

@@ -9,12 +9,12 @@ use super::{ProbeSensor, ndi};
 /// Device options of a station file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DeviceOptions {
-    /// Number of the probe's sensor. `None` takes the only one received, or the device's first if the protocol needs a
-    /// number.
+    /// Number of the probe's sensor. `None` takes the only sensor received, or the device's first one if the protocol
+    /// needs a number.
     pub sensor: Option<u16>,
-    /// Name of the probe's tool (OpenIGTLink); it precedes `sensor`.
+    /// Name of the probe's tool (OpenIGTLink). It takes precedence over `sensor`.
     pub tool: Option<String>,
-    /// Axis [x, y, z] of the source that points to the half space of the sensor (Polhemus).
+    /// Axis [x, y, z] of the source that points into the half space of the sensor (Polhemus).
     pub hemisphere: [f64; 3],
     /// Start-up time of a device after a reset.
     pub reset_delay: Duration,
@@ -48,7 +48,8 @@ impl DeviceOptions {
         tool.or(self.sensor.map(ProbeSensor::Number))
     }
 
-    /// Chooses the probe's sensor by number or name, in place of the choice so far. Without either that stays.
+    /// Chooses the probe's sensor by number or name, replacing any earlier choice. Without either, the earlier choice
+    /// stays.
     pub fn choose(&mut self, sensor: Option<u16>, tool: Option<String>) {
         if sensor.is_some() || tool.is_some() {
             (self.sensor, self.tool) = (sensor, tool);

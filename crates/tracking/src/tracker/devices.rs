@@ -39,12 +39,12 @@ pub struct SerialDevice {
     pub by_id: Option<String>,
     /// USB identity, if it is a USB adapter.
     pub usb: Option<UsbIdentity>,
-    /// FTDI latency timer, ms: the time for which the adapter buffers bytes (Linux).
+    /// FTDI latency timer, ms: longest time for which the adapter buffers bytes (Linux).
     pub latency_timer_ms: Option<u32>,
 }
 
 impl SerialDevice {
-    /// Whether it is the port that `name` names: by its path, its stable path, or its USB identity.
+    /// Whether `name` identifies this port: by its path, its stable path, or its USB identity.
     pub fn is(&self, name: &PortName) -> bool {
         match name {
             PortName::Path(path) => self.path == *path || self.by_id.as_deref() == Some(path.as_str()),
@@ -132,7 +132,7 @@ pub fn is_space_mouse(vendor: u16, product: u16, usage_page: u16, usage: u16) ->
 pub(crate) fn serial_ports() -> io::Result<Vec<SerialDevice>> {
     use tokio_serial::SerialPortType;
 
-    // Some containers have no sysfs: no ports then.
+    // Some containers have no sysfs, and so no ports.
     if cfg!(target_os = "linux") && !Path::new("/sys/class/tty").is_dir() {
         return Ok(Vec::new());
     }
@@ -158,7 +158,7 @@ pub(crate) fn serial_ports() -> io::Result<Vec<SerialDevice>> {
     Ok(found)
 }
 
-/// Hint of [`latency_hint`] for a tracker's own port, if that is a serial one of this machine.
+/// Hint of [`latency_hint`] for the serial port of a tracker; `None` if it has no serial port on this machine.
 pub fn hint_of(tracker: &Settings) -> Option<String> {
     let Transport::Serial { port, .. } = &tracker.transport else { return None };
     Devices::list().ok()?.serial.iter().find(|device| device.is(port)).and_then(latency_hint)
@@ -194,7 +194,7 @@ fn by_id(path: &str) -> Option<String> {
     links.find(|link| std::fs::canonicalize(link).is_ok_and(|t| t == target)).map(|link| link.display().to_string())
 }
 
-/// The latency timer of an FTDI adapter.
+/// Latency timer of an FTDI adapter, ms.
 #[cfg(feature = "serial")]
 fn latency_timer_ms(path: &str) -> Option<u32> {
     let name = Path::new(path).file_name()?;

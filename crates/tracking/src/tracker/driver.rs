@@ -1,4 +1,4 @@
-//! Conversation with a tracker: start-up commands, polling, silence limits and resets.
+//! Communication with a tracker: start-up commands, polling, silence limits and resets.
 //!
 //! A driver does no input or output and reads no clock. The owner of the port calls it with the time since the session
 //! began, so every exchange can be tested without a device and without waiting.
@@ -9,17 +9,17 @@ use bytes::{Bytes, BytesMut};
 
 use super::{DecodeError, Protocol, Record};
 
-/// Conversation with one device.
+/// Communication with one device.
 ///
 /// The owner of the port calls [`start`](Self::start) when the port is open. After every piece of input and at
-/// [`wake_at`](Self::wake_at), it calls [`transmit`](Self::transmit) until there is nothing to send. All received bytes
-/// are appended to one buffer, and [`decode`](Self::decode) is called until it returns `Ok(None)`.
+/// [`wake_at`](Self::wake_at), it calls [`transmit`](Self::transmit) until there is nothing to send. All received
+/// bytes are appended to one buffer, and [`decode`](Self::decode) is called until it returns `Ok(None)`.
 pub trait Driver: Send {
     /// Format of the records; selects the decoder of a replay.
     fn protocol(&self) -> Protocol;
 
-    /// Starts over with a device of unknown state. `attempt` is 0 at first and is incremented each time the device
-    /// stays silent; later attempts reset the device more thoroughly.
+    /// Restarts the communication with a device of unknown state. `attempt` is 0 at first and is incremented each time
+    /// the device stays silent; later attempts reset the device more thoroughly.
     fn start(&mut self, now: Duration, attempt: u32);
 
     /// Next bytes to send, if any.
@@ -28,7 +28,7 @@ pub trait Driver: Send {
     /// Time at which to call [`transmit`](Self::transmit) even without input; `None` if not needed.
     fn wake_at(&self) -> Option<Duration>;
 
-    /// Longest accepted silence before the device is restarted; longer while it resets.
+    /// Longest accepted silence before the device is restarted; it is longer while the device resets.
     fn silence_limit(&self) -> Duration;
 
     /// Takes the next record from the front of `buffer`, like [`StreamDecoder::decode`](super::StreamDecoder::decode).
@@ -55,8 +55,8 @@ pub trait Driver: Send {
     /// Part of a record is left over. It is removed.
     fn finish(&mut self, buffer: &mut BytesMut) -> Result<(), DecodeError>;
 
-    /// Serial line operation to carry out before the next [`transmit`](Self::transmit). Called until it returns `None`;
-    /// other transports ignore it.
+    /// Operation on the serial line to carry out before the next [`transmit`](Self::transmit). It is called until it
+    /// returns `None`; other transports ignore it.
     fn line(&mut self, _now: Duration) -> Option<Line> {
         None
     }

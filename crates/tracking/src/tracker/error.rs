@@ -18,7 +18,7 @@ pub enum TrackerError {
         /// Name of the transport.
         transport: &'static str,
     },
-    /// A tool by name, in a protocol that has numbers.
+    /// A tool chosen by name, for a protocol that numbers its sensors.
     #[error(
         "`{protocol}` has no named tools, so the probe can't be `{tool}`: give its number, `[tracker] sensor` or `--sensor`"
     )]
@@ -28,7 +28,7 @@ pub enum TrackerError {
         /// Name of the protocol.
         protocol: &'static str,
     },
-    /// A sensor by number, in a protocol that has names.
+    /// A sensor chosen by number, for a protocol that names its tools.
     #[error(
         "`{protocol}` numbers its tools by arrival, so the probe can't be sensor {number}: give its name, `[tracker] tool` or `--tool`"
     )]

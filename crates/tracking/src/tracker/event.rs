@@ -35,15 +35,16 @@ pub enum TrackerEvent {
         /// Likely cause and remedy; `None` once records have arrived.
         cause: Option<String>,
     },
-    /// Bytes that are not a record, or an error reported by the device. Counted; [`TrackerEvent::Damaged`] tells of them.
+    /// Bytes that are not a record, or an error reported by the device. They are counted and reported by
+    /// [`TrackerEvent::Damaged`].
     DecodeError(DecodeError),
     /// Damaged pieces of the last seconds, at most every five seconds.
     Damaged(Damage),
     /// Records of another sensor arrive and are left out. Reported once per sensor and connection.
     OtherSensor {
-        /// The sensor that is left out.
+        /// Sensor whose records are left out.
         sensor: SensorName,
-        /// The sensor that is the probe; `None` before its first record.
+        /// Sensor that is the probe; `None` before its first record.
         used: Option<SensorName>,
     },
     /// The only tool heard so far is taken as the probe.
@@ -60,30 +61,30 @@ pub enum TrackerEvent {
     ProbeMissing {
         /// The probe.
         wanted: ProbeSensor,
-        /// Time since its last record.
+        /// Time since the probe's last record.
         for_: Duration,
         /// Sensors heard so far.
         heard: Vec<SensorName>,
     },
     /// Datagrams of a second sender arrive and are left out.
     OtherSender {
-        /// The sender that is left out.
+        /// Sender whose datagrams are left out.
         other: SocketAddr,
-        /// The sender that is used.
+        /// Sender whose datagrams are used.
         used: SocketAddr,
         /// Datagrams left out so far, of all senders.
         left_out: u64,
     },
-    /// The sender in use fell silent, and another one took its place.
+    /// The sender in use fell silent, and another one replaced it.
     SenderChanged {
         /// Sender until now.
         from: SocketAddr,
-        /// Sender from now on.
+        /// New sender.
         to: SocketAddr,
     },
     /// Counter, clock or positions do not fit one device.
     Irregular(Irregularity),
-    /// The recording ended, and with it the session.
+    /// The recording ended, which ends the session.
     Ended,
 }
 

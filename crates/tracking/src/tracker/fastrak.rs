@@ -120,7 +120,7 @@ impl Decoder {
 
     fn line(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         let window = &buffer[..buffer.len().min(ASCII_LENGTH)];
-        // Without a line feed, the bytes still count as a record; the next one starts after them.
+        // Without a line feed, the bytes still count as one record. The next record starts after them.
         let length = match window.iter().position(|&b| b == b'\n') {
             Some(at) => at + 1,
             None if window.len() == ASCII_LENGTH => ASCII_LENGTH,
@@ -231,12 +231,12 @@ mod tests {
     use crate::tracker::Fault;
     use crate::tracker::decoder::decode_all;
 
-    /// Made with Python's `struct` from the layout in the manual: station 1, (10.5, −20.25, 30.125) cm, quaternion
-    /// (0.5, 0.5, −0.5, 0.5).
+    /// Binary record made with Python's `struct` from the layout in the manual: station 1, (10.5, −20.25, 30.125) cm,
+    /// quaternion (0.5, 0.5, −0.5, 0.5).
     const BINARY: [u8; 32] = *b"01 \x00\x00\x28\x41\x00\x00\xa2\xc1\x00\x00\xf1\x41\x00\x00\x00\x3f\x00\x00\x00\x3f\
                                 \x00\x00\x00\xbf\x00\x00\x00\x3f ";
 
-    /// Written by hand like the manual's example record: station 2, azimuth 90°.
+    /// ASCII record written by hand like the manual's example: station 2, azimuth 90°.
     const LINE: &str = "02   10.50 -20.25  30.12  90.00   0.00   0.00\r\n";
 
     fn pose(record: Record) -> Pose {

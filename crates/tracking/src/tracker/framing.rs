@@ -1,18 +1,18 @@
-//! Resynchronisation of head-and-length protocols in a damaged stream; numbers and texts in streams.
+//! Resynchronisation of protocols with a head and a length in a damaged stream; numbers and texts in streams.
 //!
-//! The bytes removed depend only on the stream, never on how it was split into pieces. A search looks at a window of
-//! fixed length, and a possible start of a head at the window's end counts as one.
+//! The removed bytes depend only on the stream, never on how it was split into pieces. A search examines a window of
+//! fixed length, and a possible start of a head at the window's end counts as a head.
 
 /// Most bytes of noise covered by one error.
 pub(super) const NOISE_LIMIT: usize = 64;
 
-/// Offset in `window`, 1 or more, of the next possible head; the window's length if there is none. `plausible` judges
-/// the bytes from a given offset on.
+/// Offset in `window`, at least 1, of the next possible head; the window's length if there is none. `plausible` tells
+/// whether the bytes from an offset on may be a head.
 pub(super) fn next_head(window: &[u8], plausible: impl Fn(&[u8]) -> bool) -> usize {
     (1..window.len()).find(|&start| plausible(&window[start..])).unwrap_or(window.len())
 }
 
-/// Number of noise bytes at the front of `buffer`, which is not a head; `None` if more bytes are needed.
+/// Number of noise bytes at the front of `buffer`, which doesn't start with a head; `None` if more bytes are needed.
 pub(super) fn noise(buffer: &[u8], head_length: usize, plausible: impl Fn(&[u8]) -> bool) -> Option<usize> {
     let window = &buffer[..buffer.len().min(NOISE_LIMIT)];
     let start = next_head(window, &plausible);
@@ -41,7 +41,7 @@ pub(super) fn f32_at(bytes: &[u8], at: usize) -> f64 {
 mod tests {
     use super::*;
 
-    /// A head is `AB`.
+    /// Whether the bytes may be the test's head, `AB`.
     fn plausible(bytes: &[u8]) -> bool {
         bytes[0] == b'A' && bytes.get(1).is_none_or(|&b| b == b'B')
     }

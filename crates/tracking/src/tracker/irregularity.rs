@@ -1,22 +1,22 @@
-//! Signs that a stream is not one device with a steady clock.
+//! Signs that a stream does not come from one device with a steady clock.
 
 use std::fmt;
 
-/// Something in a stream that does not fit one device with a steady clock.
+/// A sign that a stream does not come from one device with a steady clock.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Irregularity {
-    /// Counter or clock began anew.
+    /// The counter or clock restarted.
     Restarted {
         /// Step back of the device's clock, s; `None` without a clock.
         back_s: Option<f64>,
     },
-    /// The device's clock leapt ahead.
+    /// The device's clock jumped ahead.
     Leapt {
-        /// Step beyond the time that passed, s.
+        /// Jump beyond the elapsed time, s.
         ahead_s: f64,
     },
-    /// Counter or clock go back again and again.
+    /// The counter or clock repeatedly goes back.
     Interleaved {
         /// Steps back.
         times: u32,
@@ -27,7 +27,7 @@ pub enum Irregularity {
     ClockStands,
     /// The device's counter stands still.
     CounterStands,
-    /// Many positions are farther from the ones before than a hand moves.
+    /// Many positions are farther from the previous ones than a hand can move.
     Alternating {
         /// Such positions.
         far: u32,

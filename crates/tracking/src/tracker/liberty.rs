@@ -62,7 +62,7 @@ pub enum Item {
     LineEnd = 1,
     /// 2: x y z, 3 × f32.
     Position = 2,
-    /// 3: the same with extended precision in ASCII; also 3 × f32.
+    /// 3: as [`Item::Position`], with extended precision in ASCII; also 3 × f32.
     ExtendedPosition = 3,
     /// 4: azimuth, elevation, roll, 3 × f32, degrees.
     Angles = 4,
@@ -187,7 +187,7 @@ impl StreamDecoder for Decoder {
             let streamed = matches!(head[3], b'C' | b'P');
             let is_ok = matches!(head[4], 0 | b' ');
             if !streamed || payload != self.payload {
-                // The length of an answer isn't trusted: a damaged length would skip intact frames.
+                // The length in an answer isn't trusted: a damaged length would skip intact frames.
                 let (length, reason) = match (is_ok, streamed) {
                     (false, _) => (HEAD, report(head)),
                     (true, true) => {

@@ -47,7 +47,7 @@ pub struct Schedule {
     acts: Vec<(Act, Duration)>,
 }
 
-/// A text that is not a schedule.
+/// A text that is not a valid schedule.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 #[error(
     "`{text}` is no part of a schedule: expected `move`, `hold`, `jump`, `drop`, `corrupt` or `unplug` and its seconds in 0.01..=86400, as in `move 10, hold 2`"
@@ -109,7 +109,7 @@ settings! {
     }
 }
 
-/// Outcome of one tick of the board.
+/// Result of one tick of the board.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Tick {
     /// A line is sent.

@@ -83,8 +83,8 @@ pub use settings::{BAUD_RANGE, PortName, PortNameError, Settings, Speed, Transpo
 /// One measurement of a tracker.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Record {
-    /// Station, port handle or tool of the device; 0 if the protocol has only one. Named tools are numbered in the order
-    /// in which they are heard.
+    /// Station, port handle or tool of the device; 0 if the protocol has only one. Named tools are numbered in the
+    /// order of their first records.
     pub sensor: u16,
     /// Counter of the device, if it has one; wraps at 2³².
     pub sequence: Option<u32>,
@@ -92,7 +92,7 @@ pub struct Record {
     pub device_time_us: Option<u64>,
     /// Pressed buttons or switches, one bit each from the lowest.
     pub buttons: u32,
-    /// Measured value, in the tracker's frame. Recordings generated for a scene use the scene's frame.
+    /// Measured value, in the tracker's frame. Recordings generated for a scene use the frame of the scene.
     pub reading: Reading,
 }
 
@@ -108,10 +108,10 @@ impl Record {
     }
 }
 
-/// Number of records missing between those with the counters `last` and `next`, and whether the counter failed to rise.
+/// Number of records missing between the counters `last` and `next`, and whether the counter failed to rise.
 pub(crate) fn counter_step(last: Option<u32>, next: Option<u32>) -> (u64, bool) {
     let (Some(last), Some(next)) = (last, next) else { return (0, false) };
-    // The counter wraps: a step of more than half of its range counts as a step back.
+    // The counter wraps: a step of more than half of its range counts as a backward step.
     match next.wrapping_sub(last) {
         step @ 1..=0x7fff_ffff => (u64::from(step - 1), false),
         _ => (0, true),
@@ -205,7 +205,7 @@ impl Protocol {
         }
     }
 
-    /// Whether its sensors have names.
+    /// Whether the protocol's sensors have names.
     pub fn has_names(self) -> bool {
         match self {
             Self::OpenIgtLink => true,
@@ -280,7 +280,7 @@ impl DecodeError {
         }
     }
 
-    /// Whether it is an error of the device or a missing answer, not damaged bytes.
+    /// Whether the device caused the error, by an error report or a missing answer, in contrast to damaged bytes.
     pub fn is_of_device(&self) -> bool {
         self.is_report() || matches!(self.fault, Fault::Ndi(ndi::Reason::NoReply { .. }))
     }

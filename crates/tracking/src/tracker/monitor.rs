@@ -35,7 +35,7 @@ insonify_core::names::named!(SessionState {
     Ended = "ended",
 });
 
-/// Statistics since the last report, and totals.
+/// Statistics of a session since the last report, and totals.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Report {
     /// State of the tracker.
@@ -50,13 +50,13 @@ pub struct Report {
     pub longest_ms: Option<f64>,
     /// Total number of records missing by the device's counter.
     pub missing: u64,
-    /// Total number of records whose counter does not rise.
+    /// Total number of records whose counter did not rise.
     pub reversals: u64,
     /// Total number of decode errors.
     pub decode_errors: u64,
     /// Latest record.
     pub last: Option<Record>,
-    /// Sensors heard, in order, also those that are left out.
+    /// Sensors received, in order, including sensors that are left out.
     pub sensors: Vec<SensorReport>,
     /// Events since the last report, as text.
     pub events: Vec<String>,
@@ -65,7 +65,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// At most `most` events since the last report, and the number of further ones if there are any.
+    /// At most `most` of the events since the last report, and the number of the remaining ones if there are any.
     pub fn news(&self, most: usize) -> impl Iterator<Item = String> + '_ {
         let more = self.events_dropped + self.events.len().saturating_sub(most) as u64;
         let more = (more > 0).then(|| format!("and {more} more"));
@@ -84,15 +84,15 @@ pub struct SensorReport {
     pub records: u64,
     /// Record rate, Hz; `None` for fewer than two records.
     pub rate_hz: Option<f64>,
-    /// Whether the last record holds a measurement: the sensor is in view, and the tracker calls it valid.
+    /// Whether the last record has a measurement: the sensor is in view, and the tracker marks it as valid.
     pub is_valid: bool,
     /// Last position, mm.
     pub position_mm: Option<[f64; 3]>,
-    /// Whether it is the probe; of a whole session: whether it was at any time.
+    /// Whether the sensor is the probe; for a whole session, whether it was the probe at any time.
     pub is_probe: bool,
 }
 
-/// Collects the statistics of one session. Clones share them.
+/// Collector of the statistics of one session. Clones share them.
 #[derive(Debug, Clone, Default)]
 pub struct Monitor(Arc<Mutex<Figures>>);
 
@@ -122,11 +122,11 @@ struct SensorFigures {
     name: SensorName,
     last_ns: Option<u64>,
     reading: Reading,
-    /// Since the last report.
+    /// Counts since the last report.
     recent: Count,
     /// Since the start.
     total: Count,
-    /// Whether any record of it was the probe's.
+    /// Whether the sensor was the probe in any record.
     was_probe: bool,
 }
 
@@ -149,7 +149,7 @@ impl SensorFigures {
         self.reading = reading;
     }
 
-    /// Statistics by `count`, and the last reading.
+    /// Statistics from `count`, and the last reading.
     fn report(&self, count: Count, is_probe: bool) -> SensorReport {
         let Count { records, intervals, seconds } = count;
         let position_mm = match self.reading {
@@ -248,7 +248,7 @@ impl Listener for Monitor {
             TrackerEvent::Disconnected { .. } => report.state = SessionState::Disconnected,
             TrackerEvent::Silent { .. } => report.state = SessionState::Silent,
             TrackerEvent::Ended => report.state = SessionState::Ended,
-            // Told by `Damaged`, not one by one.
+            // Counted and reported by `Damaged`, not one by one.
             TrackerEvent::DecodeError(_) => {
                 report.decode_errors += 1;
                 return;
@@ -263,7 +263,7 @@ impl Listener for Monitor {
             | TrackerEvent::Irregular(_) => {}
         }
         if matches!(event, TrackerEvent::Disconnected { .. } | TrackerEvent::Ended) {
-            // The interruption is not jitter of the device.
+            // The interruption must not count as jitter of the device.
             (figures.last_ns, figures.sequence) = (None, None);
             figures.sensors.iter_mut().for_each(|sensor| sensor.last_ns = None);
         }
@@ -318,7 +318,7 @@ mod tests {
         for n in 0..100_u32 {
             let time_ns = u64::from(n) * 10_000_000;
             monitor.heard(time_ns, &stylus, &record(n));
-            // The probe comes into view for a while.
+            // The probe is in view for a while.
             if (40..60).contains(&n) {
                 let of_probe = Record { sensor: 1, ..record(n) };
                 monitor.heard(time_ns, &probe, &of_probe);

@@ -7,8 +7,7 @@ use bytes::{Bytes, BytesMut};
 use super::driver::Driver;
 use super::{DecodeError, Decoder, DeviceOptions, Protocol, Record};
 
-/// Longest accepted silence of a device that has just been opened: opening the port of an Arduino restarts it, which
-/// takes 2 s.
+/// Longest accepted silence of a device just after opening: opening the port restarts an Arduino, which takes 2 s.
 const START_SILENCE_LIMIT: Duration = Duration::from_secs(5);
 
 /// Driver of a device that streams without commands. It sends nothing.
@@ -20,7 +19,7 @@ pub struct Passive {
 }
 
 impl Passive {
-    /// Driver of a device that speaks `protocol`.
+    /// Driver of a device with the protocol `protocol`.
     pub fn new(protocol: Protocol, options: &DeviceOptions) -> Self {
         Self { protocol, options: options.clone(), decoder: protocol.decoder_of(options), streaming: false }
     }

@@ -1,11 +1,11 @@
-//! Recorded bytes that a session plays in place of a device.
+//! Interface of recorded bytes that a session plays instead of using a device.
 
 use super::{ProbeSensor, Protocol};
 
 /// Failure to read recorded bytes.
 pub type PlaybackError = Box<dyn std::error::Error + Send + Sync>;
 
-/// Messages of a recorded tracker, in order. The session waits for the time of each.
+/// Messages of a recorded tracker, in order. The session delivers each one at its time.
 pub trait Playback: Send {
     /// Name, for messages.
     fn name(&self) -> String;
@@ -13,7 +13,7 @@ pub trait Playback: Send {
     /// Protocol of the bytes.
     fn protocol(&self) -> Protocol;
 
-    /// Choice of the probe; `None` takes the first sensor received, as recordings of earlier builds do.
+    /// Choice of the probe; `None` takes the first sensor received, as in recordings of earlier builds.
     fn sensor(&self) -> Option<ProbeSensor>;
 
     /// Next message: arrival of its first byte, ns since 1970 (UTC), and its bytes, at least one. `None` at the end.

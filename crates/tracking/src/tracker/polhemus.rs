@@ -14,7 +14,7 @@ const COMMAND_PAUSE: Duration = Duration::from_millis(50);
 /// Pause after the command that stops an earlier stream.
 const STOP_PAUSE: Duration = Duration::from_millis(250);
 
-/// Allowance for the first record after the start of the stream, in addition to the usual silence limit.
+/// Additional time for the first record after the start of the stream, beyond the usual silence limit.
 const FIRST_RECORD: Duration = Duration::from_millis(500);
 
 /// Driver of one Polhemus device.
@@ -112,7 +112,7 @@ impl Driver for PolhemusDriver {
 
     fn decode(&mut self, _: Duration, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         let record = self.decoder.decode(buffer)?;
-        // Earlier records may belong to a previous stream.
+        // Records before that may belong to a previous stream.
         self.streaming |= record.is_some() && self.script.is_empty();
         Ok(record)
     }

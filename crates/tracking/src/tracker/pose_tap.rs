@@ -1,4 +1,4 @@
-//! Access to the poses of a live tracker on request.
+//! On-demand access to the poses of a live tracker.
 
 use std::fmt;
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use insonify_core::pose::{Pose, Reading};
 
 use super::{Listener, Monitor, Record, Report, SensorName, TrackerEvent};
 
-/// Capacity of the queue of poses; further ones are dropped.
+/// Capacity of the queue of poses; poses beyond it are dropped.
 const QUEUE_CAPACITY: usize = 1024;
 
 /// Sending end: a listener that forwards poses while they are requested.
@@ -70,7 +70,7 @@ impl Listener for PoseTap {
             return;
         }
         match record.reading {
-            // Receivers use runs of poses, so poses beyond the queue's capacity may be dropped.
+            // Receivers need runs of poses, so poses beyond the queue's capacity may be dropped.
             Reading::Pose(pose) => drop(self.sender.try_send(pose)),
             _ => drop(self.shared.without_pose.fetch_add(1, Ordering::Relaxed)),
         }

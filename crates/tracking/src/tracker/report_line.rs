@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::{Report, SensorReport};
 
-/// A report as one line.
+/// Statistics as one line.
 #[derive(Debug, Clone, Serialize)]
 pub struct ReportLine<'a> {
     time_s: f64,
@@ -22,18 +22,18 @@ pub struct ReportLine<'a> {
     sensor: Option<u16>,
     buttons: Option<u32>,
     position_mm: Option<[f64; 3]>,
-    /// w, x, y, z.
+    /// Quaternion of the last pose: w, x, y, z.
     quaternion: Option<[f64; 4]>,
-    /// Along x, y, z, then about them, −1..=1.
+    /// Rates along x, y, z, then about them, −1..=1.
     rates: Option<[f64; 6]>,
-    /// Sensors heard, also those that are left out.
+    /// Sensors received, including sensors that are left out.
     sensors: &'a [SensorReport],
     events: &'a [String],
 }
 
 impl<'a> ReportLine<'a> {
-    /// Line of `report` at `time_s`, s. A reading without a record since the last report is left out: it must not look
-    /// current.
+    /// Line of `report` at `time_s`, s. If no record arrived since the last report, the reading is left out: it must
+    /// not look current.
     pub fn new(report: &'a Report, time_s: f64) -> Self {
         let last = report.last.as_ref().filter(|_| report.records > 0);
         let (mut position_mm, mut quaternion, mut rates) = (None, None, None);
@@ -89,7 +89,8 @@ impl fmt::Display for ReportLine<'_> {
             write!(f, "  {name} ")?;
             values.iter().try_for_each(|v| write!(f, "{v:9.digits$}"))?;
         }
-        // One sensor is in the line; several are listed, so that the probe can be recognised by its motion.
+        // A single sensor is shown in the line itself. Several are listed, so that the probe can be recognised by its
+        // motion.
         let several = self.sensors.iter().filter(|_| self.sensors.len() > 1);
         several.into_iter().try_for_each(|sensor| write!(f, "\n{sensor}"))
     }

@@ -3,28 +3,28 @@
 use super::Record;
 use super::sensor::{ProbeSensor, SensorName, is_tool};
 
-/// Largest number of distinguished sensors. Records of further ones are left out.
+/// Most sensors that are distinguished. Records of further sensors are left out.
 pub(crate) const HEARD_LIMIT: usize = 64;
 
-/// Decides which records are the probe's.
+/// Rule that decides which records are the probe's.
 #[derive(Debug, Clone)]
 pub(crate) struct Selection {
-    /// Choice; `None` takes the first sensor received, as recordings of earlier builds do.
+    /// Choice of the probe; `None` takes the first sensor received, as in recordings of earlier builds.
     wanted: Option<ProbeSensor>,
     /// Sensors received so far.
     heard: Vec<SensorName>,
-    /// Position in `heard` of the sensor used last.
+    /// Index in `heard` of the sensor used last.
     used: Option<usize>,
 }
 
 /// Verdict on one record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Verdict {
-    /// It is the probe's.
+    /// The record is the probe's.
     Probe,
-    /// It is another sensor's.
+    /// The record is another sensor's.
     Other,
-    /// Several sensors are heard, and none was chosen.
+    /// Several sensors have been received, and none was chosen.
     Undecided,
 }
 
@@ -34,9 +34,9 @@ impl Selection {
         Self { wanted, heard: Vec::new(), used: None }
     }
 
-    /// Judges a record of the sensor `name`. Numbers named tools in the order of their first records.
+    /// Judges a record of the sensor `name`, and numbers named tools in the order of their first records.
     ///
-    /// The second value is the sensor's position in [`heard`](Self::heard); `None` beyond the limit.
+    /// The second value is the sensor's index in [`heard`](Self::heard); `None` beyond the limit.
     pub(crate) fn judge(&mut self, record: &mut Record, name: Option<&str>) -> (Verdict, Option<usize>) {
         let is_known = |known: &SensorName| match (&known.name, name) {
             (Some(known), Some(name)) => known == name,
@@ -74,7 +74,8 @@ impl Selection {
         &self.heard
     }
 
-    /// The sensor that is the probe; `None` before its first record, and while none of several is chosen.
+    /// The sensor that is the probe; `None` before its first record, and while several sensors have been received and
+    /// none was chosen.
     pub(crate) fn used(&self) -> Option<&SensorName> {
         self.heard.get(self.used?)
     }
@@ -85,7 +86,7 @@ impl Selection {
         self.wanted.as_ref()
     }
 
-    /// Whether several sensors were heard and none was chosen.
+    /// Whether several sensors have been received and none was chosen.
     pub(crate) fn is_undecided(&self) -> bool {
         self.wanted == Some(ProbeSensor::Only) && self.heard.len() > 1
     }
@@ -110,7 +111,7 @@ mod tests {
         assert_eq!(verdicts(Some(ProbeSensor::Only), &[(3, None), (3, None), (7, None)]), [Probe, Probe, Undecided]);
         assert_eq!(verdicts(Some(ProbeSensor::Tool("Probe".into())), &tools), [Other, Other, Probe, Other]);
         assert_eq!(verdicts(Some(ProbeSensor::Number(7)), &[(3, None), (7, None)]), [Other, Probe]);
-        // Recordings of earlier builds hold no choice.
+        // Recordings of earlier builds have no choice.
         assert_eq!(verdicts(None, &tools), [Probe, Probe, Other, Probe]);
     }
 

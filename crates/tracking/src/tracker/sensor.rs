@@ -7,7 +7,7 @@ use super::openigtlink::NAME_LENGTH;
 /// A sensor of a stream: a station, a port handle, or a named tool.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SensorName {
-    /// Number of the station or port handle. Named tools are numbered in the order in which they are heard.
+    /// Number of the station or port handle. Named tools are numbered in the order of their first records.
     pub number: u16,
     /// Name, if the protocol has names.
     pub name: Option<String>,
@@ -39,12 +39,12 @@ impl SensorName {
     }
 }
 
-/// Sensor of a stream that is the probe.
+/// Choice of the sensor that is the probe.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ProbeSensor {
-    /// The only one heard. As soon as a second one is heard, no sensor is the probe.
+    /// The only sensor received. As soon as a second one is received, no sensor is the probe.
     Only,
-    /// The one with this number.
+    /// The sensor with this number.
     Number(u16),
     /// The tool with this name.
     Tool(String),
@@ -60,13 +60,13 @@ impl fmt::Display for ProbeSensor {
     }
 }
 
-/// Whether `name`, as received, is the tool that a user calls `tool`.
+/// Whether the user's `tool` means the received `name`.
 pub(super) fn is_tool(tool: &str, name: &str) -> bool {
     tool == name || (tool.len() > NAME_LENGTH && tool.as_bytes().get(..NAME_LENGTH) == Some(name.as_bytes()))
 }
 
-/// Name among `heard` that `wanted` likely means. It differs only by typing, contains `wanted`, is a part of it, or is the only
-/// name. `None` if `wanted` itself was heard.
+/// Name among `heard` that `wanted` likely means: it differs only by typing, contains `wanted`, is a part of it, or is
+/// the only name. `None` if `wanted` itself was received.
 pub(crate) fn meant<'a>(wanted: &ProbeSensor, heard: &'a [SensorName]) -> Option<&'a str> {
     let ProbeSensor::Tool(tool) = wanted else { return None };
     let plain = |name: &str| -> String {
@@ -87,7 +87,7 @@ pub(crate) fn meant<'a>(wanted: &ProbeSensor, heard: &'a [SensorName]) -> Option
     same.or_else(part).or_else(|| only(&|_| true))
 }
 
-/// Advice that names the keys and options that choose the probe among `heard`.
+/// Advice with the settings and options that choose the probe among `heard`.
 pub(crate) fn how_to_choose(heard: &[SensorName]) -> String {
     let Some(first) = heard.first() else { return "name the probe by `[tracker] tool` or `sensor`".to_owned() };
     let (what, option) = match &first.name {

@@ -9,22 +9,22 @@ use thiserror::Error;
 
 use super::{AxisMap, DeviceOptions, ProbeSensor, Protocol, mock};
 
-/// A station's tracker; by default there is none.
+/// Tracker settings of a station; by default there is no tracker.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Settings {
-    /// Transport of its bytes.
+    /// Transport of the tracker's bytes.
     pub transport: Transport,
-    /// Protocol of its bytes. Recordings carry their own, and the mock speaks [`Protocol::AsciiLine`].
+    /// Protocol of the tracker's bytes. A recording has its own protocol, and the mock uses [`Protocol::AsciiLine`].
     pub protocol: Protocol,
-    /// Options of its driver.
+    /// Options of the tracker's driver.
     pub device: DeviceOptions,
     /// Axis map of a puck.
     pub axis_map: AxisMap,
 }
 
 impl Settings {
-    /// Protocol of the bytes and choice of the probe: those of these settings, or `recorded` ones. `None` takes the
-    /// first sensor received, as recordings of earlier builds do.
+    /// Protocol of the bytes and choice of the probe: from `recorded` if given, else from these settings. A choice of
+    /// `None` takes the first sensor received, as in recordings of earlier builds.
     pub fn stream(&self, recorded: Option<(Protocol, Option<ProbeSensor>)>) -> (Protocol, Option<ProbeSensor>) {
         let (protocol, sensor) = recorded.unwrap_or_else(|| {
             let usual = self.protocol.first_sensor().map_or(ProbeSensor::Only, ProbeSensor::Number);
@@ -35,7 +35,7 @@ impl Settings {
 }
 
 impl fmt::Display for Settings {
-    /// Protocol and place of the tracker.
+    /// Protocol of the tracker and its port or address.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let protocol = self.protocol.name();
         match &self.transport {
@@ -95,7 +95,7 @@ pub enum Transport {
 /// Playback speed of a recording.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Speed {
-    /// Multiple of the recorded speed; bytes are stamped with host time.
+    /// Multiple of the recorded speed; bytes are stamped with the current host time.
     Factor(f64),
     /// As fast as the bytes are consumed; they keep their recorded times.
     AtOnce,
@@ -207,7 +207,7 @@ pub enum PortName {
     },
 }
 
-/// A text that names no port.
+/// A text that does not identify a port.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 #[error(
     "`{text}` is no port: expected a path, or `vendor:product` or `vendor:product:serial` as in 0403:6001:A50285BI"
@@ -294,7 +294,7 @@ mod tests {
         let udp = Transport::Udp { address: SocketAddr::from(([127, 0, 0, 1], 4242)) };
         assert!(udp.carries(Protocol::AsciiLine) && !udp.carries(Protocol::FastrakBinary));
         assert!(udp.carries(Protocol::OpenTrack) && !serial.carries(Protocol::OpenTrack));
-        // Each protocol has a device's transport, and a recording holds any.
+        // Each protocol has a transport for devices, and a recording can contain any protocol.
         let recording = Transport::Recording { path: "a".into(), speed: Speed::AtOnce, repeat: false };
         for protocol in Protocol::ALL {
             assert!(!protocol.transports().is_empty() && recording.carries(protocol), "{protocol:?}");

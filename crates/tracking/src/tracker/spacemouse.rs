@@ -7,11 +7,11 @@
 //! | buttons | 2 or more | `03`, one bit per button from the lowest |
 //! | battery | any | `17`, ignored |
 //!
-//! Split and combined reports differ by their length, not by the product; some systems pad reports with zeros. A report
-//! carries no length, so each call decodes the whole buffer as one report. Each axis or button report gives a record of
-//! the complete state: rates and pressed buttons. A puck at rest sends nothing.
+//! Split and combined reports differ by their length, not by the product; some systems pad reports with zeros. A
+//! report does not state its length, so each call decodes the whole buffer as one report. Each axis or button report
+//! gives a record of the complete state: rates and pressed buttons. A puck at rest sends nothing.
 //!
-//! Axes are those of the device; other implementations disagree on their signs. Sources: VRPN, spacenavd, PLUS.
+//! The axes are the device's; other implementations disagree on their signs. Sources: VRPN, spacenavd, PLUS.
 
 use bytes::BytesMut;
 use glam::DVec3;
@@ -27,13 +27,13 @@ pub const RANGE: f64 = insonify_core::settings::PUCK_RANGE;
 /// Longest report, bytes.
 pub(crate) const REPORT_LIMIT: usize = 64;
 
-/// USB vendors: Logitech, which made the first ones, and 3Dconnexion.
+/// USB vendors: Logitech, which made the first pucks, and 3Dconnexion.
 pub const VENDORS: [u16; 2] = [0x046D, 0x256F];
 
 /// HID usage page and usage of a multi-axis controller.
 pub const USAGE: (u16, u16) = (1, 8);
 
-/// Products of 3Dconnexion with that usage that are not pucks: keyboards, mice and their receivers.
+/// Products of 3Dconnexion that have that usage but are not pucks: keyboards, mice and their receivers.
 pub const NOT_A_PUCK: [u16; 11] =
     [0xC650, 0xC651, 0xC654, 0xC655, 0xC656, 0xC657, 0xC658, 0xC664, 0xC665, 0xC668, 0xC62C];
 
@@ -53,7 +53,7 @@ pub enum Reason {
         /// First byte.
         kind: u8,
     },
-    /// Too short for its kind.
+    /// A report too short for its kind.
     #[error("a report of kind 0x{kind:02X} has {length} bytes; it must have at least {least}")]
     Length {
         /// First byte.
@@ -63,7 +63,7 @@ pub enum Reason {
         /// Bytes required.
         least: usize,
     },
-    /// More bytes than a report can hold.
+    /// More bytes than a report can have.
     #[error("a report of {length} bytes; it must have at most {REPORT_LIMIT}")]
     TooLong {
         /// Bytes present.
@@ -82,7 +82,7 @@ pub struct Decoder {
 }
 
 impl Decoder {
-    /// Decoder of a device that reports `range` at full deflection; larger values are clamped to it.
+    /// Decoder of a device that reports `range` at full deflection. Larger values are clamped to it.
     pub fn new(range: f64) -> Self {
         let range = if range.is_finite() && range >= 1.0 { range } else { RANGE };
         Self { range, offset: Offset::default(), translation: DVec3::ZERO, rotation: DVec3::ZERO, buttons: 0 }
@@ -164,7 +164,7 @@ mod tests {
         }))
     }
 
-    /// Layouts of VRPN's and spacenavd's readers.
+    /// Report layouts in the readers of VRPN and spacenavd.
     #[test]
     fn split_and_combined_reports_are_distinguished_by_length() {
         let mut split = Decoder::new(350.0);

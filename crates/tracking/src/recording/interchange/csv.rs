@@ -49,11 +49,11 @@ pub fn read(source: impl BufRead, path: &Path) -> Result<Vec<TrackedRow>, Interc
     Ok(rows)
 }
 
-/// Columns of a table.
+/// Indices of a table's columns.
 struct Columns {
     layout: Layout,
     position: Position,
-    /// Index, name and seconds per unit.
+    /// Index, name and seconds per unit of the time.
     time: (usize, String, f64),
 }
 

@@ -1,8 +1,8 @@
 //! MetaImage sequences (`.mha`, `.igs.mha`) as PLUS and SlicerIGSIO write them: a header of `Key = value` lines, then
 //! pixels, raw or zlib, which are not read.
 //!
-//! The header's `Seq_FrameNNNN_KEY = value` lines belong to single images: a `Timestamp` in seconds, transforms
-//! `AToBTransform` (sixteen numbers in row order: `b_from_a` in mm) and their `AToBTransformStatus` (`OK` or
+//! The header's `Seq_FrameNNNN_KEY = value` lines belong to single images. The keys are a `Timestamp` in seconds,
+//! transforms `AToBTransform` (sixteen numbers in row order: `b_from_a` in mm), and `AToBTransformStatus` (`OK` or
 //! `INVALID`).
 //!
 //! Source: <https://plustoolkit.github.io/docs> (Sequence metafile), <https://itk.org/Wiki/ITK/MetaIO/Documentation>.
@@ -21,12 +21,12 @@ pub(crate) const IMAGES_MAX: u32 = 1_000_000;
 /// Largest image, bytes.
 pub(crate) const IMAGE_BYTES_MAX: u64 = 256 << 20;
 
-/// Longest header, bytes: 500,000 images of 500 bytes. Each of its fields is in memory.
+/// Longest header, bytes: 500,000 images of 500 bytes. All its fields are kept in memory.
 const HEAD_BYTES_MAX: u64 = 256 << 20;
 
 const FRAME_PREFIX: &str = "Seq_Frame";
 
-/// A header value and its place in the file.
+/// A header value and its position in the file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Field {
     /// Text after the `=`, trimmed.
@@ -99,7 +99,7 @@ pub fn read(source: impl BufRead, path: &Path) -> Result<Head, InterchangeError>
                 place.error(path, format!("{} is there twice, first in line {}", quote(key), earlier.place.line))
             );
         }
-        // By the format, this is the last line of a header.
+        // This key is the last line of a header, by the format.
         if key == "ElementDataFile" {
             break;
         }

@@ -1,7 +1,7 @@
 //! Tracked sequences of other programs, imported as recordings.
 //!
 //! [`meta_image`] reads the `.mha` sequences of [PLUS](https://plustoolkit.github.io) and SlicerIGSIO; [`csv`] reads
-//! tables. Their poses are taken as `scene_from_probe`: a sequence's tracker frame becomes the scene frame.
+//! tables. Their poses are used as `scene_from_probe`: a sequence's tracker frame becomes the scene frame.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -22,7 +22,7 @@ pub use tracking::{tracked, transforms_of};
 /// Longest time from the first to the last pose, s: thirty years.
 const SPAN_LIMIT_S: f64 = 1e9;
 
-/// First time from which times are taken as s since 1970; smaller ones have an arbitrary origin.
+/// Smallest first time that counts as s since 1970. Smaller times have an arbitrary origin.
 const UNIX_FROM_S: f64 = 1e8;
 
 /// Errors in imported sequences.
@@ -62,7 +62,7 @@ impl InterchangeError {
     }
 }
 
-/// Place in a text file.
+/// Position of a line in a text file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Place {
     /// Line, from 1.
@@ -86,11 +86,12 @@ pub struct TrackedRow {
     pub pose: Option<Pose>,
     /// Event at that time.
     pub event: Option<String>,
-    /// Place in the file.
+    /// Position in the file.
     pub place: Place,
 }
 
-/// Reads the rows of a PLUS sequence (.mha, .mhd), of which `transform` is taken, or of a table (.csv, .tsv).
+/// Reads the rows of a PLUS sequence (.mha, .mhd) or of a table (.csv, .tsv). `transform` names the transform of a
+/// sequence that gives the poses.
 ///
 /// # Errors
 /// A file of another kind, or one that can't be read.
@@ -134,9 +135,9 @@ pub struct Imported {
 
 /// Writes rows as a recording of [`ascii_line`]s: positions are rounded to 0.1 µm, quaternions to 1e-8.
 ///
-/// `source` is stored as the recording's device, which also says that no station's calibration applies to the poses. The
-/// host time of the first row is its own time if that counts from 1970, else 0. Counters are row numbers, so rows without a
-/// pose count as missing records.
+/// `source` is stored as the recording's device, in a form that excludes the poses from any station's calibration. The
+/// host time of the first row is its own time if that counts from 1970, else 0. Counters are row numbers, so rows
+/// without a pose count as missing records.
 ///
 /// # Errors
 /// No row has a pose, times decrease or span more than thirty years, or the recording cannot be written.
@@ -188,7 +189,7 @@ pub fn write_recording(rows: &[TrackedRow], source: &Path, path: &Path) -> Resul
     Ok(imported)
 }
 
-/// Reader of lines of bounded length that tracks their places.
+/// Reader of lines of bounded length that tracks their positions.
 struct Lines<R> {
     source: R,
     path: PathBuf,
@@ -204,7 +205,7 @@ impl<R: BufRead> Lines<R> {
         Self { source, path: path.to_owned(), next: Place { line: 1, byte: 0 }, text: Vec::new() }
     }
 
-    /// Next line without its end, and its place; `None` at the end of the file.
+    /// Next line without its end, and its position; `None` at the end of the file.
     fn next_line(&mut self) -> Result<Option<(Place, &str)>, InterchangeError> {
         self.text.clear();
         let read = self.source.by_ref().take(Self::LIMIT + 1).read_until(b'\n', &mut self.text);

@@ -14,8 +14,8 @@ pub fn transforms_of(head: &Head) -> BTreeSet<&str> {
     head.images.iter().flat_map(Fields::keys).map(String::as_str).filter(|key| key.ends_with("Transform")).collect()
 }
 
-/// One row per image, posed by `transform` (for example `ProbeToTrackerTransform`). A status other than `OK` gives no
-/// pose.
+/// One row per image, with the pose `transform` (for example `ProbeToTrackerTransform`). An image with a status other
+/// than `OK` has no pose.
 ///
 /// # Errors
 /// An image lacks `Timestamp` or the transform, or its numbers are not a rigid transform.

@@ -5,7 +5,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use super::super::{RecordingInfo, part_path};
 use super::*;
 
-/// Call received by a store.
+/// Call that a store received.
 #[derive(Debug, PartialEq)]
 enum Seen {
     Raw(u64, Vec<u8>),
@@ -99,7 +99,7 @@ fn a_disk_that_hangs_ends_the_recording_and_blocks_nobody() {
         handle.failure().is_none()
     });
     let taken = taken.count() as u64;
-    // Ten in the queue, and at most as many taken earlier by the thread.
+    // At most ten in the queue and ten taken earlier by the thread.
     assert!((10..=20).contains(&taken), "{taken}");
     assert!(matches!(*handle.failure().unwrap(), RecorderError::Behind { bytes: 100, messages: 10 }));
     handle.raw(2000, b"later");
@@ -107,7 +107,7 @@ fn a_disk_that_hangs_ends_the_recording_and_blocks_nobody() {
     let recorded = recorder.finish();
     assert_eq!((recorded.messages, recorded.left_out), (taken, 2));
     let seen: Vec<_> = look.iter().collect();
-    // Everything accepted, without a gap, then the reason for the end, then a complete file.
+    // All accepted messages without a gap, then the reason for the end, then a complete file.
     assert_eq!(seen.len() as u64, taken + 2);
     for (i, seen) in (0..taken).zip(&seen) {
         assert_eq!(*seen, Seen::Raw(i, vec![7; 10]));

@@ -13,8 +13,8 @@ const CAPTURED: [u8; 42] = [
 ];
 const CAPTURED_ITEMS: &[Item] = &[Item::FrameCount, Item::Timestamp, Item::Position, Item::Angles, Item::LineEnd];
 
-/// Made with Python's `struct` from the layout: station 2, 123456 ms, frame 7890, distortion 3,
-/// (10.5, −20.25, 30.125) cm, quaternion (0.5, 0.5, −0.5, 0.5).
+/// Frame made with Python's `struct` from the layout: station 2, 123456 ms, frame 7890, distortion 3, (10.5, −20.25,
+/// 30.125) cm, quaternion (0.5, 0.5, −0.5, 0.5).
 const FRAME: [u8; 48] = *b"LY\x02C \x00\x28\x00\x40\xe2\x01\x00\xd2\x1e\x00\x00\x03\x00\x00\x00\x00\x00\x28\x41\
                            \x00\x00\xa2\xc1\x00\x00\xf1\x41\x00\x00\x00\x3f\x00\x00\x00\x3f\x00\x00\x00\xbf\
                            \x00\x00\x00\x3f";
@@ -27,7 +27,7 @@ fn liberty(bytes: &[u8]) -> Vec<Result<Record, Fault>> {
 fn a_frame_of_a_real_liberty() {
     let found = decode_all(&mut Decoder::with_items(Device::Liberty, CAPTURED_ITEMS), &CAPTURED);
     let record = found[0].clone().unwrap();
-    // 254182 frames at 240 Hz last 1059.091 s, as on the device's clock: the two fields are in the right order.
+    // 254182 frames at 240 Hz last 1059.091 s, as the device's clock says: both fields are in the right order.
     assert_eq!((record.sensor, record.sequence, record.device_time_us), (1, Some(254_182), Some(1_059_091_000)));
     let Reading::Pose(pose) = record.reading else { panic!("no pose") };
     assert!(pose.position_mm.distance(DVec3::new(56.949, -26.289, 9.932)) < 1e-3, "{pose:?}");

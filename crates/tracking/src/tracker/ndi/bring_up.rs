@@ -1,4 +1,4 @@
-//! Set-up of a device from any state to tracking: commands, and the next step after each answer.
+//! Set-up of a device from any state to tracking: the commands, and the next step after each answer.
 
 use std::collections::VecDeque;
 use std::fmt::Write;
@@ -94,7 +94,7 @@ impl Step {
     }
 }
 
-/// Outcome of an answer.
+/// Next step after an answer.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Next {
     /// The next command.
@@ -130,7 +130,7 @@ impl BringUp {
         *self = Self { speed_is_set: self.speed_is_set, ..Self::default() };
     }
 
-    /// Forgets the handles before they are listed again; tool descriptions stay written.
+    /// Forgets the handles before they are listed again; tool descriptions remain written.
     pub(super) fn reset_ports(&mut self) {
         self.queue.clear();
         self.settled.clear();
@@ -178,7 +178,7 @@ impl BringUp {
     pub(super) fn after_refusal(&mut self, step: Step, code: u8, options: &Options) -> Option<Next> {
         const WRONG_MODE: u8 = 0x0C;
         match step {
-            // The device is still tracking: an earlier session didn't stop it.
+            // The device is still tracking, because an earlier session didn't stop it.
             Step::Init if code == WRONG_MODE && !std::mem::replace(&mut self.stopped, true) => {
                 Some(Next::Ask(Step::Stop))
             }

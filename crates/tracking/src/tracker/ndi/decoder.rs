@@ -9,7 +9,7 @@ use crate::tracker::{DecodeError, Offset, Record, StreamDecoder};
 /// Number of ports whose last frame is remembered.
 const PORTS: usize = 256;
 
-/// Decoder of everything one device sent: tracking replies become records, other replies are skipped.
+/// Decoder of all output of one device: tracking replies become records, other replies are skipped.
 #[derive(Debug, Clone, Default)]
 pub struct Decoder {
     framer: Framer,

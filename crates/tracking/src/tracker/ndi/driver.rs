@@ -21,7 +21,7 @@ const RETRY_PAUSE: Duration = Duration::from_millis(200);
 /// Pause between two searches for a tool.
 const NO_TOOL_PAUSE: Duration = Duration::from_secs(1);
 
-/// Shortest interval between interruptions of tracking for added or removed tools.
+/// Shortest interval between interruptions of tracking to handle added or removed tools.
 const CHANGE_PAUSE: Duration = Duration::from_secs(2);
 
 /// Consecutive lost or refused requests before the device is set up again.
@@ -30,21 +30,22 @@ const POLL_FAILURES: u32 = 3;
 /// Failed set-ups before the device is reset.
 const SET_UP_FAILURES: u32 = 3;
 
-/// Most consecutive timeouts reported one by one. After that the device is silent, which the session reports.
+/// Most consecutive timeouts that are reported one by one. After that the device counts as silent, which the session
+/// reports.
 const NOTICES_LIMIT: usize = 8;
 
-/// Searches for a tool per report that there is none.
+/// Number of searches for a tool per report that there is none.
 const NO_TOOL_POLLS: u32 = 10;
 
 /// Bit of the system status: a port was newly occupied.
 const PORT_OCCUPIED: u16 = 0x0040;
 
-/// Response to silence, by attempt.
+/// Way of contacting a silent device, by attempt.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Approach {
     /// Communicate at the speed after power-on.
     StartSpeed,
-    /// Communicate at the speed that an earlier session left.
+    /// Communicate at the speed that an earlier session set.
     SetSpeed,
     /// Reset the device.
     Reset,
@@ -61,8 +62,8 @@ enum State {
 
 /// Driver that brings one device to tracking, requests poses, and starts over after failures.
 ///
-/// Attempt 0 uses the start speed, then the speed an earlier session may have set. Later attempts reset the device, by
-/// a break of the serial line or the command `RESET`.
+/// Attempt 0 uses the start speed, then the speed that an earlier session may have set. Later attempts reset the
+/// device, by a break of the serial line or the command `RESET`.
 pub struct NdiDriver {
     options: Options,
     poll: Bytes,
@@ -76,7 +77,7 @@ pub struct NdiDriver {
     notices: VecDeque<Reason>,
     poll_failures: u32,
     set_up_failures: u32,
-    /// Fruitless searches for a tool since the last tracking.
+    /// Unsuccessful searches for a tool since the device last tracked.
     no_tool: u32,
     /// System status and absent ports of the previous reply.
     tracked: Option<(u16, u16)>,
@@ -104,7 +105,7 @@ impl NdiDriver {
         }
     }
 
-    /// Whether the device tracks.
+    /// Whether the device is tracking.
     pub fn is_tracking(&self) -> bool {
         matches!(self.state, State::Ask(Step::Poll, _) | State::Asked(Step::Poll, _))
     }
@@ -222,7 +223,7 @@ impl NdiDriver {
         };
         let refused = Reason::Refused { code, command: step.command(&self.options) };
         match self.bring_up.after_refusal(step, code, &self.options) {
-            // There is an alternative command.
+            // An alternative command exists.
             Some(next) if matches!(step, Step::Init | Step::Start) => return self.advance(now, next),
             Some(next) => {
                 if let Err(reason) = self.advance(now, next) {
@@ -312,7 +313,7 @@ impl Driver for NdiDriver {
         self.state = State::Asked(step, now);
         match step {
             Step::Poll => Some(self.poll.clone()),
-            // The break itself resets the device.
+            // The break on the line already resets the device.
             Step::Reset if self.options.baud.is_some() => None,
             step => Some(framed(&step.command(&self.options))),
         }

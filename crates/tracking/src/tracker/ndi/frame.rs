@@ -39,11 +39,11 @@ pub(super) struct Framer {
     item_offset: u64,
     /// Items already parsed from the front of the buffer, each with its number of bytes.
     pending: VecDeque<(usize, Result<Item, Reason>)>,
-    /// Stream offset of the last error if no reply was found since. The error stands for the 64 bytes from there.
+    /// Stream offset of the last error, if no reply was found since. That error covers the 64 bytes from there.
     lost: Option<u64>,
     /// Bytes left in the buffer.
     left: usize,
-    /// Bytes at the front of the buffer to be discarded.
+    /// Number of bytes at the front of the buffer to be discarded.
     given_up: usize,
 }
 

@@ -1,14 +1,14 @@
 //! NDI Polaris, Vega and Aurora: the Combined API, over a serial line or TCP (port 8765).
 //!
-//! The host sends commands, the device answers. A command is `CMD:arguments`, a CRC of four upper-case hexadecimal
+//! The host sends commands, and the device answers. A command is `CMD:arguments`, a CRC of four upper-case hexadecimal
 //! digits and a carriage return. An answer is text with the same ending; the answer to `BX` is a binary frame with two
 //! checksums. Both kinds of tracking replies, `TX` (text) and `BX`, are decoded with reply options `0001` and `0800`:
 //! transforms, including those outside the measurement volume.
 //!
-//! A record's `sensor` is the device's port handle, its `sequence` the device's frame number, and its buttons are the
-//! tool's switches. A tool reported missing gives [`Reading::OutOfView`](insonify_core::pose::Reading::OutOfView); a disabled
-//! or unplugged one gives no record. Requests may be faster than measurements: a reply that repeats the previous frame
-//! gives no record.
+//! A record's `sensor` is the device's port handle, its `sequence` the device's frame number, and its `buttons` the
+//! tool's switches. A tool that is reported missing gives
+//! [`Reading::OutOfView`](insonify_core::pose::Reading::OutOfView); a disabled or unplugged tool gives no record.
+//! Requests may be faster than measurements: a reply that repeats the previous frame gives no record.
 //!
 //! Sources: `ndicapi` (PlusToolkit), PLUS `vtkPlusNDITracker.cxx`, VRPN.
 
@@ -169,7 +169,7 @@ pub fn pad_rom(mut rom: Vec<u8>) -> Result<Vec<u8>, OptionsError> {
 /// Fault of a reply or of the device.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum Reason {
-    /// Neither the head of a binary reply nor text.
+    /// Bytes that start neither a binary reply nor a text reply.
     #[error("no reply starts with 0x{byte:02X}; one starts with text or with C4 A5 and a checked length")]
     Noise {
         /// Byte found.
@@ -288,7 +288,7 @@ fn error_name(code: u8) -> &'static str {
 mod tests {
     use super::*;
 
-    /// Test vectors of the interface's guide and of `ndicapi`.
+    /// Test vectors from the guide to the interface and from `ndicapi`.
     #[test]
     fn checksums_are_those_of_the_device() {
         let vectors = [

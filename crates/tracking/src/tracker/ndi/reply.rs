@@ -92,7 +92,8 @@ impl<'a> Cursor<'a> {
     }
 }
 
-/// Passes each port of a `BX` reply's data to `found`, with the offset after its bytes; returns the system status.
+/// Passes each port in the data of a `BX` reply to `found`, with the offset after its bytes. Returns the system
+/// status.
 pub(super) fn binary(data: &[u8], mut found: impl FnMut(usize, Result<Port, Reason>)) -> Result<u16, Reason> {
     const VALID: u8 = 1;
     const MISSING: u8 = 2;
@@ -123,13 +124,13 @@ pub(super) fn binary(data: &[u8], mut found: impl FnMut(usize, Result<Port, Reas
     if cursor.at == data.len() { Ok(status) } else { Err(Reason::Layout { what: "bytes follow the system status" }) }
 }
 
-/// Whether `text`, without its checksum, is a `TX` reply. Other replies to the driver's commands have no line feed, and
-/// differ in length from a `TX` reply without tools.
+/// Whether `text`, without its checksum, is a `TX` reply. Other replies to the driver's commands have no line feed,
+/// and their lengths differ from a `TX` reply without tools.
 pub(super) fn is_text_reply(text: &[u8]) -> bool {
     text.contains(&b'\n') || (text.len() == 6 && text.starts_with(b"00"))
 }
 
-/// Like [`binary`], for a `TX` reply without its checksum.
+/// Like [`binary`], but for a `TX` reply without its checksum.
 pub(super) fn text(text: &[u8], mut found: impl FnMut(usize, Result<Port, Reason>)) -> Result<u16, Reason> {
     let mut cursor = Cursor { bytes: text, at: 0 };
     let count = cursor.hex(2)?;

@@ -17,11 +17,11 @@ pub const NAMES_LIMIT: usize = 64;
 /// Most tools of a `TDATA` message.
 const TOOLS_LIMIT: usize = 64;
 
-/// Most metadata of a message with a pose, bytes. A larger value means a damaged size.
+/// Most metadata of a message with a pose, bytes. A larger value indicates a damaged size.
 const METADATA_LIMIT: u64 = 64 << 10;
 
-/// Longest body that is skipped, bytes. A larger value means a damaged size; a colour image of 4096 × 4096 pixels has
-/// 48 MiB.
+/// Longest body that is skipped, bytes. A larger value indicates a damaged size; a colour image of 4096 × 4096 pixels
+/// has 48 MiB.
 const SKIP_LIMIT: u64 = 256 << 20;
 
 /// Most bytes of noise that one error covers.
@@ -84,7 +84,7 @@ pub struct Decoder {
 struct Message {
     head: Head,
     kind: Kind,
-    /// Range of its content in the buffer.
+    /// Range of the message's content in the buffer.
     content: std::ops::Range<usize>,
     /// Range of the metadata's header, which follows the content; keys and values follow it.
     metadata_header: std::ops::Range<usize>,
@@ -97,12 +97,12 @@ enum Front {
     Message(Message),
     /// A damaged message: bytes up to the next possible one, and the fault.
     Damaged(usize, Reason),
-    /// No message, but this byte and those up to the next possible one.
+    /// Bytes that are not a message: the first one, and their number up to the next possible message.
     Noise(u8, usize),
 }
 
 impl StreamDecoder for Decoder {
-    /// Each damaged message gives an error, and each 256 bytes of noise.
+    /// Each damaged message gives an error, and so do each 256 bytes of noise.
     fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         loop {
             if self.skip > 0 {
@@ -146,7 +146,7 @@ impl StreamDecoder for Decoder {
                         self.lost = Some(position);
                         return Err(self.offset.reject(buffer, length.min(COVERED), Reason::Head { byte }));
                     }
-                    // Cut there, so that the next error doesn't depend on how the stream was split.
+                    // The covered bytes end there, so that the next error doesn't depend on how the stream was split.
                     self.offset.take(buffer, length.min(covered as usize));
                 }
             }
@@ -194,7 +194,7 @@ impl Decoder {
                 let [x, y, z] = floats(bytes, content.start);
                 let [qx, qy, qz, qw] = match content.len() {
                     12 => [0.0, 0.0, 0.0, 1.0],
-                    // The omitted part is positive by convention.
+                    // The missing quaternion component is positive by convention.
                     24 => {
                         let [qx, qy, qz] = floats(bytes, content.start + 12);
                         [qx, qy, qz, (1.0 - qx * qx - qy * qy - qz * qz).max(0.0).sqrt()]
@@ -235,7 +235,7 @@ impl Decoder {
             name[end..].fill(0);
         }
         let record = self.number(name).and_then(|sensor| match pose {
-            // What an invalid transform holds does not matter.
+            // The content of an invalid transform does not matter.
             _ if !metadata.is_valid(self.name_of(sensor).unwrap_or_default()) => {
                 Ok(Record { device_time_us, ..Record::new(sensor, Reading::OutOfView) })
             }
@@ -267,7 +267,7 @@ fn front(buffer: &[u8]) -> Front {
     let Some(kind) = Kind::of(&head.kind) else {
         return Front::Skip(HEAD as u64 + head.body_size, head.kind);
     };
-    // A head with a damaged size: the next message may begin anywhere after it.
+    // The size in the head is damaged: the next message may begin anywhere after the head.
     let wrong = |reason| Front::Damaged(next_head(buffer, may_be_head).min(COVERED), reason);
     let mut content_size = head.body_size;
     let mut content_start = HEAD;

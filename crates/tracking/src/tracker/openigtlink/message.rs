@@ -35,7 +35,7 @@ pub fn crc64(body: &[u8]) -> u64 {
 /// A text in a field of fixed length, padded with zeros.
 pub type Field<const N: usize> = [u8; N];
 
-/// `text` as a field; excess characters and characters other than graphic ASCII are dropped.
+/// `text` as a field. Excess characters and characters that are not graphic ASCII are dropped.
 pub fn field<const N: usize>(text: &str) -> Field<N> {
     let mut field = [0; N];
     for (slot, byte) in field.iter_mut().zip(text.bytes().filter(u8::is_ascii_graphic)) {
@@ -68,7 +68,7 @@ pub struct Head {
 }
 
 impl Head {
-    /// Parses the header at the front of `bytes`, unchecked; `None` if there are too few.
+    /// Parses the header at the front of `bytes`, unchecked; `None` if there are too few bytes.
     pub fn read(bytes: &[u8]) -> Option<Self> {
         let u64_at = |at: usize| Some(u64::from_be_bytes(bytes.get(at..at + 8)?.try_into().ok()?));
         Some(Self {
@@ -195,7 +195,7 @@ pub(super) fn pose_of_matrix(bytes: &[u8], at: usize) -> Result<Pose, PoseError>
 mod tests {
     use super::*;
 
-    /// A complete message from the protocol's documentation, with its CRC.
+    /// A complete message from the documentation of the protocol, with its CRC.
     const VECTOR: &str = "0001 5452414E53464F524D000000 4465766963654E616D6500000000000000000000 00000000499602D4 \
         0000000000000030 F6DD2B8EB4DF6DD2 BF7473CD3E4959E6BE63DD98BE4959E63E12491B3F7852D63E63DD983F7852D6\
         BDC830AE42383660419BC46742383660";

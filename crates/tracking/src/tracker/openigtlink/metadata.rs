@@ -8,7 +8,7 @@ use super::{NAME_LENGTH, Reason};
 /// Length of an entry in the metadata's header: key length, encoding, value length.
 const ENTRY: usize = 8;
 
-/// Values of a `Status` that mean that there is no pose (PLUS `ToolStatus`).
+/// Values of `Status` that mean there is no pose (PLUS `ToolStatus`).
 const INVALID: [&str; 9] = [
     "INVALID",
     "MISSING",
@@ -21,7 +21,7 @@ const INVALID: [&str; 9] = [
     "TOOL_UNKNOWN",
 ];
 
-/// Suffixes of keys that tell of a transform, after the name of the transform or nothing.
+/// Suffixes of keys that state whether a transform is valid. The name of the transform, or nothing, precedes them.
 const VALID: &str = "TransformValid";
 const STATUS: &str = "TransformStatus";
 
@@ -33,7 +33,7 @@ pub(super) struct Metadata<'a> {
 }
 
 impl<'a> Metadata<'a> {
-    /// Metadata with this header and text.
+    /// Metadata from its header and its text.
     ///
     /// # Errors
     /// The lengths of the entries do not add up.
@@ -69,12 +69,12 @@ impl<'a> Metadata<'a> {
         })
     }
 
-    /// Whether the message says that the transform of `tool` is valid. Without such a key it is.
+    /// Whether the message marks the transform of `tool` as valid; true without such a key.
     pub(super) fn is_valid(self, tool: &str) -> bool {
         self.entries().all(|(key, value)| {
             let (Ok(key), Ok(value)) = (std::str::from_utf8(key), std::str::from_utf8(value)) else { return true };
             let value = value.trim_matches(['\0', ' ']);
-            // A key holds the whole name, of which `tool` may be the first bytes.
+            // A key contains the complete name; `tool` may be only its first bytes.
             let is_tool = |of: &str| of == tool || (tool.len() == NAME_LENGTH && of.starts_with(tool));
             let is_of_tool = |suffix: &str| key.strip_suffix(suffix).is_some_and(|of| of.is_empty() || is_tool(of));
             if is_of_tool(VALID) {
@@ -116,7 +116,7 @@ mod tests {
         }
         assert!(!is_valid(&[("TransformValid", "False")]) && !is_valid(&[("TransformValid", "0")]));
         assert!(!is_valid(&[("Status", "OUT_OF_VIEW")]) && is_valid(&[("Status", "RUNNING"), ("Color", "INVALID")]));
-        // Of several tools of one message, each has its own key.
+        // If a message has several tools, each has its own key.
         assert!(!is_valid(&[("ProbeToTrackerTransformStatus", "INVALID")]));
         assert!(is_valid(&[("StylusToTrackerTransformStatus", "INVALID")]));
     }
@@ -130,7 +130,7 @@ mod tests {
         };
         assert!(!is_valid_by(long) && !is_valid_by(&long[..20]) && !is_valid_by(""));
         assert!(is_valid_by("ProbeToTracker") && is_valid_by("StylusToTrackerOfPatient"));
-        // A name that was not cut is compared whole.
+        // A name that was not truncated is compared as a whole.
         assert!(is_valid(&[("ProbeToTrackerOfPatientTransformValid", "False")]));
     }
 

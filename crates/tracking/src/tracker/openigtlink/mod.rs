@@ -30,7 +30,7 @@ pub use decoder::{Decoder, NAMES_LIMIT};
 /// Default TCP port.
 pub const TCP_PORT: u16 = 18_944;
 
-/// Length of a device's or tool's name on the wire, bytes; longer names are cut there by their senders.
+/// Length of a device's or tool's name on the wire, bytes; senders truncate longer names.
 pub(crate) const NAME_LENGTH: usize = 20;
 
 /// Fault of a message.
@@ -59,7 +59,7 @@ pub enum Reason {
     Checksum {
         /// Checksum in the header.
         found: u64,
-        /// CRC-64 of its body.
+        /// CRC-64 of the body.
         computed: u64,
     },
     /// A v3 body with inconsistent parts.

@@ -1,4 +1,4 @@
-//! Likely causes of a tracker's silence or damage, and what to do about them.
+//! Likely causes of a tracker's silence or damage, with remedies.
 
 use std::net::{IpAddr, SocketAddr, UdpSocket};
 
@@ -7,14 +7,14 @@ use bytes::BytesMut;
 use crate::tracker::settings::{Settings, Transport};
 use crate::tracker::{Protocol, ascii_line, framing};
 
-/// Most recent bytes that a diagnosis looks at. Half of it is a multiple of opentrack's datagram of 48 bytes, so the
-/// oldest bytes are forgotten by whole datagrams.
+/// Most recent bytes that a diagnosis examines. Half of them is a multiple of opentrack's datagram of 48 bytes, so
+/// that old bytes are forgotten in whole datagrams.
 const SAMPLE_LIMIT: usize = 96 * 48;
 
 /// Number of records of another protocol in the sample that prove that protocol.
 const PROOF: usize = 3;
 
-/// Share of damaged pieces from which a remedy is named, if the stream also holds records.
+/// Share of damaged pieces from which a remedy is named, if the stream also has records.
 const NOTABLE: f64 = 0.02;
 
 /// Flag byte of an SHTP frame over UART.
@@ -32,12 +32,12 @@ pub(super) struct Advisor {
 }
 
 impl Advisor {
-    /// An advisor on the tracker of `settings` with bytes of `protocol`.
+    /// Advisor for the tracker of `settings` whose bytes are of `protocol`.
     pub(super) fn new(settings: &Settings, protocol: Protocol) -> Self {
         Self { protocol, transport: settings.transport.clone(), sample: Vec::with_capacity(SAMPLE_LIMIT) }
     }
 
-    /// Takes received bytes; the oldest are forgotten.
+    /// Takes received bytes and forgets the oldest.
     pub(super) fn bytes(&mut self, bytes: &[u8]) {
         let bytes = &bytes[bytes.len().saturating_sub(SAMPLE_LIMIT / 2)..];
         if self.sample.len() + bytes.len() > SAMPLE_LIMIT {
@@ -75,7 +75,7 @@ impl Advisor {
         Some(text.to_owned())
     }
 
-    /// Diagnosis of bytes that hold no record.
+    /// Diagnosis of bytes that contain no record.
     fn of_foreign_bytes(&self) -> String {
         let own = self.protocol.name();
         if let Some(other) = self.other_protocol() {
@@ -122,7 +122,7 @@ impl Advisor {
         }
     }
 
-    /// Protocol of which the sample holds records.
+    /// Protocol of which the sample contains records.
     fn other_protocol(&self) -> Option<Protocol> {
         let records = |protocol: Protocol| {
             let (mut decoder, mut buffer) = (protocol.decoder(), BytesMut::from(&self.sample[..]));
@@ -139,12 +139,12 @@ impl Advisor {
         let others =
             Protocol::ALL.into_iter().filter(|other| *other != self.protocol && self.transport.carries(*other));
         let counted = others.map(|other| (records(other), other)).filter(|(records, _)| *records >= PROOF);
-        // Of two that fit equally, the first one named is the usual one.
+        // If two protocols fit equally, the first one listed is the usual one.
         counted.rev().max_by_key(|(records, _)| *records).map(|(_, other)| other)
     }
 
-    /// Likely cause of a silence since the port was opened; `None` if there is nothing to advise. `damaged` pieces were
-    /// found, and `skipped` names messages that hold no pose.
+    /// Likely cause of a silence since the port was opened; `None` if there is nothing to advise. `damaged` is the
+    /// number of damaged pieces, and `skipped` names messages without a pose.
     pub(super) fn of_silence(&self, bytes: u64, damaged: u64, skipped: Option<String>) -> Option<String> {
         if let Some(skipped) = skipped {
             return Some(match damaged {
@@ -191,7 +191,7 @@ impl Advisor {
     }
 }
 
-/// Causes of nothing being received at a UDP address.
+/// Reasons for receiving nothing at a UDP address.
 fn nothing_at(address: SocketAddr) -> String {
     let (ip, port) = (address.ip(), address.port());
     if ip.is_loopback() {

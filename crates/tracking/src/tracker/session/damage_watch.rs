@@ -1,23 +1,23 @@
-//! Damaged pieces of a stream, counted and told at a limited rate.
+//! Damaged pieces of a stream, counted and reported at a limited rate.
 
 use std::time::Duration;
 
 use crate::tracker::{Damage, DecodeError};
 
-/// Time from the first damaged piece to its report: enough bytes for a diagnosis.
+/// Time from the first damaged piece to its report, so that enough bytes arrive for a diagnosis.
 const FIRST_AFTER: Duration = Duration::from_secs(1);
 
 /// Shortest time between two reports.
 const REPORT_PERIOD: Duration = Duration::from_secs(5);
 
-/// Collects damaged pieces for reports.
+/// Collector of damaged pieces for reports.
 #[derive(Debug, Default)]
 pub(super) struct DamageWatch {
     damaged: u64,
     reported: u64,
     records: u64,
     example: Option<DecodeError>,
-    /// Start of the counts.
+    /// Time from which the counts apply.
     since: Duration,
     /// Time of the next report, if there is something to report.
     due: Option<Duration>,
@@ -38,7 +38,7 @@ impl DamageWatch {
         } else {
             self.damaged += 1;
         }
-        // A damaged piece is a better example than a report of the device about it.
+        // A damaged piece is a better example than the device's error report about it.
         if self.damaged == 0 || !error.is_of_device() {
             self.example = Some(error.clone());
         }
@@ -73,7 +73,8 @@ impl DamageWatch {
         damage
     }
 
-    /// Begins a new span of time if there is nothing to report, so that a report counts the records of its last seconds only.
+    /// Restarts the counts if there is nothing to report, so that a report counts only the records of its last
+    /// seconds.
     pub(super) fn refresh(&mut self, now: Duration) {
         if self.example.is_none() && now.saturating_sub(self.since) >= REPORT_PERIOD {
             (self.records, self.since) = (0, now);

@@ -1,4 +1,5 @@
-//! Reception of a session's records, faults and events: selects the probe's records, counts, and tells what is wrong.
+//! Reception of a session's records, faults and events: selects the probe's records, counts them, and reports
+//! problems.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -14,8 +15,8 @@ use crate::tracker::{AxisMap, DecodeError, Listener, ProbeSensor, Protocol, Reco
 /// Shortest time between two reports of another sender.
 const SENDER_PERIOD: Duration = Duration::from_secs(5);
 
-/// Number of other senders' datagrams from which a second sender is reported. The first two may be of a sender that uses a
-/// new port for each datagram; its third one shows that.
+/// Number of other senders' datagrams from which a second sender is reported. The first two may come from a sender
+/// that uses a new port for each datagram; its third datagram shows that.
 const SENDER_FROM: u64 = 3;
 
 /// Receiver of everything that a session decodes.
@@ -23,16 +24,16 @@ pub(super) struct Intake {
     listener: Box<dyn Listener>,
     axis_map: AxisMap,
     selection: Selection,
-    /// Bit set of left-out sensors that were reported on this connection.
+    /// Bit set of the left-out sensors that were reported on this connection.
     reported: u64,
     damage: DamageWatch,
     regularity: Regularity,
     advisor: Advisor,
-    /// Time without a record of the probe after which its absence is reported, if others are heard.
+    /// Time without a record of the probe after which its absence is reported, if other sensors are received.
     patience: Duration,
     /// Time of the probe's last record, or of opening the port.
     probe_at: Duration,
-    /// Whether the probe's absence was told.
+    /// Whether the probe's absence was reported.
     missing_told: bool,
     /// Time of the last report of another sender.
     sender_told: Option<Duration>,
@@ -64,7 +65,7 @@ impl Intake {
         }
     }
 
-    /// Takes the event that the port was opened.
+    /// Handles the opening of the port.
     pub(super) fn opened(&mut self, now: Duration, host_ns: u64, port: String) {
         self.summary.connections += 1;
         self.summary.cause = None;
@@ -75,19 +76,19 @@ impl Intake {
         self.event(host_ns, &TrackerEvent::Connected { port });
     }
 
-    /// Takes why the port was lost, or could not be opened.
+    /// Handles the loss of the port, or the failure to open it; `reason` says why.
     pub(super) fn lost(&mut self, reason: &str) {
         if self.summary.connections == 0 {
             self.summary.cause = Some(format!("it could not be opened: {reason}"));
         }
     }
 
-    /// Takes the event that the device was started anew, so its counter and clock may begin anew.
+    /// Handles a restart of the device, after which its counter and clock may restart, too.
     pub(super) fn restarted(&mut self) {
         self.regularity.restart();
     }
 
-    /// Takes bytes before they are decoded.
+    /// Takes received bytes before they are decoded.
     pub(super) fn bytes(&mut self, host_ns: u64, piece: &[u8]) {
         self.summary.bytes += piece.len() as u64;
         self.connection.0 += piece.len() as u64;
@@ -95,7 +96,7 @@ impl Intake {
         self.listener.bytes(host_ns, piece);
     }
 
-    /// Takes a record of any sensor.
+    /// Takes a decoded record of any sensor.
     pub(super) fn record(&mut self, now: Duration, host_ns: u64, mut record: Record, name: Option<&str>) {
         self.damage.record();
         self.connection.1 += 1;
@@ -149,7 +150,7 @@ impl Intake {
         }
     }
 
-    /// Takes a damaged piece, or an error of the device.
+    /// Takes a damaged piece, or an error reported by the device.
     pub(super) fn fault(&mut self, now: Duration, host_ns: u64, error: DecodeError) {
         self.summary.decode_errors += 1;
         self.damage.push(&error, now);
@@ -175,12 +176,12 @@ impl Intake {
         self.listener.event(host_ns, event);
     }
 
-    /// Time at which [`Self::tell`] has something to tell; `None` for nothing.
+    /// Time at which [`Self::tell`] has something to report; `None` if there is nothing.
     pub(super) fn due_at(&self) -> Option<Duration> {
         self.damage.due_at()
     }
 
-    /// Reports the damage of the last seconds if it is time, or in any case at the `end` of a connection.
+    /// Reports the damage of the last seconds when it is due, and in any case at the `end` of a connection.
     pub(super) fn tell(&mut self, now: Duration, host_ns: u64, end: bool) {
         match self.damage.due_at() {
             Some(due) if now >= due || end => {
@@ -195,13 +196,13 @@ impl Intake {
         }
     }
 
-    /// Likely cause of the silence of a port that gave no record since it was opened.
+    /// Likely cause of the silence of a port that has given no record since it was opened.
     pub(super) fn cause_of_silence(&self, skipped: Option<String>) -> Option<String> {
         let (bytes, records) = self.connection;
         if records == 0 { self.advisor.of_silence(bytes, self.summary.decode_errors, skipped) } else { None }
     }
 
-    /// Totals, with the cause if there was no record.
+    /// Totals of the session, with the likely cause if there was no record.
     pub(super) fn finish(mut self, skipped: Option<String>) -> SessionSummary {
         self.summary.heard = self.selection.heard().to_vec();
         self.summary.undecided = self.selection.is_undecided();

@@ -50,7 +50,7 @@ pub struct SessionSummary {
     pub records: u64,
     /// Decode errors, and errors reported by the device.
     pub decode_errors: u64,
-    /// Records of other sensors, and of several of which none was chosen.
+    /// Records of sensors other than the probe. If there are several sensors and none was chosen, all their records.
     pub other_sensor: u64,
     /// Datagrams of other senders.
     pub other_sender: u64,
@@ -62,7 +62,7 @@ pub struct SessionSummary {
     pub heard: Vec<SensorName>,
     /// Whether several sensors were heard and none was chosen.
     pub undecided: bool,
-    /// Likely cause and remedy if there was no record; why the port could not be opened, if it never was.
+    /// Likely cause and remedy if there was no record. If the port was never opened, the reason for that.
     pub cause: Option<String>,
 }
 
@@ -73,7 +73,7 @@ pub struct SessionHandle {
 }
 
 impl SessionHandle {
-    /// Whether the session is over.
+    /// Whether the session has ended.
     pub fn is_finished(&self) -> bool {
         self.thread.is_finished()
     }
@@ -90,7 +90,7 @@ impl SessionHandle {
 /// A missing device is not an error: the session waits for it.
 ///
 /// # Errors
-/// The transport cannot carry the protocol, is not built in, or is a recording, whose bytes [`play`] takes; a tool
+/// The transport cannot carry the protocol, is not built in, or is a recording, which needs [`play`]; a tool
 /// description cannot be read; or no thread is available.
 pub fn spawn(
     settings: &Settings,
@@ -100,11 +100,11 @@ pub fn spawn(
     start(Session::new(settings, None, listener, cancel)?)
 }
 
-/// Starts a session that plays recorded bytes at the speed of `settings`, a [`Transport::Recording`]. It ends soon after
-/// `cancel`, or after the last byte.
+/// Starts a session that plays recorded bytes at the speed of `settings`, whose transport is [`Transport::Recording`].
+/// It ends soon after `cancel`, or after the last byte.
 ///
 /// # Errors
-/// The transport is no recording, or no thread is available.
+/// The transport is not a recording, or no thread is available.
 pub fn play(
     settings: &Settings,
     playback: Box<dyn Playback>,
@@ -171,7 +171,7 @@ impl Session {
             Some(ProbeSensor::Tool(tool)) if !protocol.has_names() => {
                 return Err(TrackerError::NoNames { tool: tool.clone(), protocol: protocol.name() });
             }
-            // A recording holds what was heard in one order.
+            // A recording has all sensors in the order in which they were received.
             Some(ProbeSensor::Number(number)) if protocol.has_names() && !is_recorded => {
                 return Err(TrackerError::NoNumbers { number: *number, protocol: protocol.name() });
             }
@@ -313,7 +313,7 @@ impl Session {
             }
             let now = self.now();
             self.intake.tell(now, self.host_now(), false);
-            // Queried again: a record that just arrived has moved the deadline.
+            // Queried again: a record that has just arrived has moved the deadline.
             if now >= self.silent_at() {
                 let for_ = self.silence.silent(now);
                 self.intake.summary.silences += 1;
@@ -329,7 +329,7 @@ impl Session {
         }
     }
 
-    /// Sends the driver's pending bytes.
+    /// Sends the bytes that the driver has pending.
     async fn send_pending(&mut self) -> io::Result<()> {
         loop {
             let now = self.now();

@@ -1,4 +1,5 @@
-//! Signs that a stream is not one device's: counters and clocks that go back or leap, positions that alternate.
+//! Signs that a stream does not come from one device: counters and clocks that go back or jump, positions that
+//! alternate.
 
 use insonify_core::pose::jump_gate::{Gate, JumpGate};
 use insonify_core::pose::stream_order::{Place, StreamOrder};
@@ -6,7 +7,7 @@ use insonify_core::pose::{FilterSettings, Measurement, Pose, Reading};
 
 use crate::tracker::{Irregularity, Record};
 
-/// Span of records that is judged at once, ns.
+/// Span of records that are judged together, ns.
 const WINDOW_NS: u64 = 2_000_000_000;
 
 /// Shortest time between two reports of one kind, ns.
@@ -15,19 +16,19 @@ const REPORT_PERIOD_NS: u64 = 5_000_000_000;
 /// Smallest number of records that is judged.
 const LEAST_RECORDS: u32 = 20;
 
-/// Fewest restarts of the counter within one window that are told as interleaved devices.
+/// Fewest restarts of the counter within one window that are reported as interleaved devices.
 const SEVERAL: u32 = 3;
 
-/// Share of records out of order, or of positions out of reach, from which the stream is not one device's.
+/// Share of records out of order, or of positions out of reach, from which the stream does not come from one device.
 const SHARE: f64 = 0.2;
 
-/// Leap of the device's clock ahead of this computer's, µs, above which it is reported.
+/// Smallest reported jump of the device's clock ahead of this computer's clock, µs.
 const LEAP_US: u64 = 500_000;
 
 /// Number of kinds of irregularity.
 const KINDS: usize = 6;
 
-/// Number of the kind of `irregularity`, below [`KINDS`].
+/// Index of the kind of `irregularity`, below [`KINDS`].
 fn kind(irregularity: &Irregularity) -> usize {
     match irregularity {
         Irregularity::Restarted { .. } => 0,
@@ -39,7 +40,7 @@ fn kind(irregularity: &Irregularity) -> usize {
     }
 }
 
-/// Watches the records of the probe.
+/// Detector of irregularities in the probe's records.
 #[derive(Debug)]
 pub(super) struct Regularity {
     order: StreamOrder,
@@ -62,7 +63,7 @@ struct Window {
     restarts: u32,
     late: u32,
     stalls: u32,
-    /// Records with the counter of the one before.
+    /// Number of records with the same counter as the one before.
     same_counter: u32,
     poses: u32,
     far: u32,
@@ -85,12 +86,12 @@ impl Default for Regularity {
 }
 
 impl Regularity {
-    /// Forgets all records: the port was opened anew.
+    /// Forgets all records, after the port was reopened.
     pub(super) fn restart(&mut self) {
         *self = Self { reported_ns: self.reported_ns, ..Self::default() };
     }
 
-    /// Takes the next record. Returns an irregularity that is to be told now.
+    /// Takes the next record. Returns an irregularity that is due to be reported.
     pub(super) fn push(&mut self, host_time_ns: u64, record: &Record) -> Option<Irregularity> {
         let sudden = self.count(host_time_ns, record);
         let start_ns = *self.window.start_ns.get_or_insert(host_time_ns);
@@ -109,7 +110,7 @@ impl Regularity {
         Some(found)
     }
 
-    /// Counts a record; returns a sudden change.
+    /// Counts a record. Returns a sudden change.
     fn count(&mut self, host_time_ns: u64, record: &Record) -> Option<Irregularity> {
         let Record { sequence, device_time_us, reading, .. } = *record;
         let last = self.last.replace((host_time_ns, device_time_us));
@@ -131,7 +132,7 @@ impl Regularity {
             Place::Restarted { .. } => {
                 window.restarts += 1;
                 let back_s = device.map(|(_, before, now)| before.saturating_sub(now) as f64 * 1e-6);
-                // The first one may be a restart; several are judged together.
+                // A single one may be a restart; several are judged together.
                 return (window.restarts == 1)
                     .then_some(Irregularity::Restarted { back_s: back_s.filter(|s| *s > 0.0) });
             }
@@ -160,7 +161,7 @@ impl Window {
         if self.records < LEAST_RECORDS {
             return None;
         }
-        // The first record of a window may be the first of all.
+        // The first record of a window may be the first record at all.
         if self.same_counter + 1 >= self.records {
             return Some(Irregularity::CounterStands);
         }
@@ -190,7 +191,7 @@ mod tests {
     fn a_steady_device_is_not_remarked_on() {
         let steady = (0..1000).map(|i: u32| at(f64::from(i % 50), Some(i), Some(u64::from(i) * 20_000)));
         assert_eq!(told(steady), []);
-        // A clock that wraps, a device without clock and counter, one jump.
+        // A clock that wraps, a device without clock and counter, and a single jump are regular.
         let wraps = (0..400).map(|i: u32| at(0.0, Some(i), Some((4_290_000_000 + u64::from(i) * 20_000) % (1 << 32))));
         assert_eq!(told(wraps), []);
         assert_eq!(told((0..400).map(|i| at(if i < 200 { 0.0 } else { 400.0 }, None, None))), []);
@@ -233,7 +234,7 @@ mod tests {
         let stands = told((0..1500).map(|i: u32| at(0.0, Some(0), Some(u64::from(i) * 20_000))));
         assert_eq!(stands, [Irregularity::CounterStands]);
         assert!(stands[0].to_string().contains("lost records can't be counted"));
-        // Some records that come twice are none.
+        // Occasional repeated records are regular.
         assert_eq!(told((0..1500).map(|i: u32| at(0.0, Some(i / 2), Some(u64::from(i / 2) * 40_000)))), []);
     }
 }

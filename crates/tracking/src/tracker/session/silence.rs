@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
-/// Limit on the factor by which repeated restarts extend the silence limit: each restart may itself take long.
+/// Largest factor by which repeated restarts extend the silence limit: each restart may itself take long.
 const FACTOR_MAX: u32 = 8;
 
-/// Measures the silence of a device. All times are on the driver's clock.
+/// Measurement of a device's silence. All times are on the driver's clock.
 pub(super) struct SilenceWatch {
     /// Whether silence of the device is normal.
     may_rest: bool,
@@ -41,7 +41,7 @@ impl SilenceWatch {
     /// Records that the device was restarted.
     pub(super) fn restarted(&mut self, now: Duration) {
         self.from = now;
-        // The previous start's limit does not apply to this one.
+        // The limit of the previous start does not apply to this one.
         self.last_limit = Duration::ZERO;
         self.had_grace = false;
     }
@@ -59,8 +59,8 @@ impl SilenceWatch {
             return Duration::MAX;
         }
         let limit = limit.saturating_mul(self.attempt.saturating_add(1).min(FACTOR_MAX));
-        // After a long set-up, the device still gets the full shorter limit for its first record. Only once per start:
-        // a device that is set up repeatedly and never answers counts as silent.
+        // After a long set-up, the device still gets the full, shorter limit for its first record. That happens only
+        // once per start: a device that is set up repeatedly and never answers counts as silent.
         if limit < self.last_limit && !self.had_grace {
             self.from = now;
             self.had_grace = true;
@@ -69,7 +69,7 @@ impl SilenceWatch {
         self.from.saturating_add(limit)
     }
 
-    /// Counts a silence and restarts its measurement at `now`; returns the time since the last record.
+    /// Counts a silence and restarts its measurement at `now`. Returns the time since the last record.
     pub(super) fn silent(&mut self, now: Duration) -> Duration {
         self.attempt = self.attempt.saturating_add(1);
         self.from = now;

@@ -13,7 +13,7 @@ use crate::tracker::clock::host_time_ns;
 use crate::tracker::devices;
 use crate::tracker::settings::PortName;
 
-/// Longest report, bytes: that of a full-speed interrupt endpoint.
+/// Longest report, bytes, of a full-speed interrupt endpoint.
 const REPORT_BYTES: usize = 64;
 
 /// Capacity of the report queue, half a second of reports. If it is full, the thread waits.

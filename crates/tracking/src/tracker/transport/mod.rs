@@ -34,21 +34,21 @@ pub(super) enum Received {
         /// Arrival of the first byte, ns since 1970 (UTC); `None` for the current time.
         time_ns: Option<u64>,
     },
-    /// A datagram was appended, the first one of a sender that takes another's place.
+    /// A datagram was appended: the first one of a sender that replaces another.
     FromNewSender {
         /// Sender until now.
         before: SocketAddr,
-        /// Sender from now on.
+        /// New sender.
         now: SocketAddr,
     },
-    /// A datagram was appended that is another sender's, and must be left out.
+    /// A datagram of another sender was appended; it must be left out.
     FromOtherSender {
         /// Its sender.
         other: SocketAddr,
         /// Sender in use.
         used: SocketAddr,
     },
-    /// The stream starts over.
+    /// The stream restarts.
     Restarted,
     /// There are no more bytes.
     Ended,

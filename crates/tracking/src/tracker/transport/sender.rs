@@ -1,47 +1,47 @@
-//! The one sender of a datagram port: datagrams of others are left out.
+//! The sender of a datagram port: datagrams of others are left out.
 
 use std::net::SocketAddr;
 use std::time::Duration;
 
-/// Silence of the sender in use after which another one takes its place.
+/// Silence of the current sender after which another one replaces it.
 const TAKEOVER: Duration = Duration::from_secs(2);
 
-/// Number of new ports of the same address that prove a sender with a new port for each datagram, if the sender in use sends
-/// none in between.
+/// Number of new ports of one address that prove a sender with a new port for each datagram, if the current sender
+/// sends nothing in between.
 const CHANGING_PORTS: usize = 3;
 
 /// Verdict on a datagram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Sender {
-    /// It is the tracker's.
+    /// The datagram is from the tracker.
     Used,
-    /// It is the tracker's from now on; before, another address was used.
+    /// The datagram is from the tracker, whose address has changed.
     Changed {
         /// Sender until now.
         from: SocketAddr,
     },
-    /// It is another sender's.
+    /// The datagram is from another sender.
     Other {
         /// Sender in use.
         used: SocketAddr,
     },
 }
 
-/// Decides whose datagrams are used: the first sender's while it sends.
+/// Decides whose datagrams are used: those of the first sender, as long as it sends.
 ///
-/// A sender is an address with its port. One that opens a new socket for each datagram changes its port every time; it
-/// is recognised by its ports, and its address alone counts from then on.
+/// A sender is an address with a port. Some senders open a new socket for each datagram, which changes the port every
+/// time. Such a sender is recognised by its ports, and from then on only its address counts.
 #[derive(Debug, Default)]
 pub(super) struct SenderLock {
     used: Option<(SocketAddr, Duration)>,
     /// Whether ports are ignored.
     by_address: bool,
-    /// Other ports of the same address since the last datagram of the sender in use.
+    /// Other ports of the same address since the last datagram of the current sender.
     ports: Vec<u16>,
 }
 
 impl SenderLock {
-    /// Judges a datagram of `from` that arrived at `now`.
+    /// Judges a datagram from `from` that arrived at `now`.
     pub(super) fn judge(&mut self, from: SocketAddr, now: Duration) -> Sender {
         let Some((used, at)) = &mut self.used else {
             self.used = Some((from, now));

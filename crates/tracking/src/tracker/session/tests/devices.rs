@@ -94,7 +94,7 @@ async fn a_hung_device_is_restarted_with_growing_force_until_its_reset() {
         let (session, calls, cancel) = piped(&device, protocol, Duration::from_secs(20));
         run_for(session, cancel, Duration::from_secs(60)).await;
         let (device, calls) = (device.lock().unwrap(), calls.lock().unwrap());
-        // Commands alone, then with a carriage return first, then with a reset on a reopened port.
+        // First the commands alone, then with a preceding carriage return, then with a reset on a reopened port.
         assert_eq!(names(&calls), ["connected", "silent", "silent", "disconnected", "connected"], "{protocol:?}");
         assert_eq!((device.resets, device.lost), (1, 0), "{protocol:?}");
         assert!(calls.records.len() > 1000, "{protocol:?}: {}", calls.records.len());
@@ -127,7 +127,7 @@ async fn another_sensor_is_ignored_and_reported_once() {
     let summary = run_for(session, cancel, Duration::from_millis(200)).await;
     let calls = calls.lock().unwrap();
     assert_eq!((summary.records, summary.other_sensor), (3, 3));
-    // Then the port is lost within a record.
+    // The port is lost in the middle of a record.
     assert_eq!(names(&calls), ["connected", "other sensor", "other sensor", "decode error", "damaged", "disconnected"]);
     let [sensor, used] = [2, 1].map(|number| SensorName { number, name: None });
     assert_eq!(calls.events[1].1, TrackerEvent::OtherSensor { sensor, used: Some(used) });

@@ -156,7 +156,7 @@ async fn sessions_end_when_cancelled_in_any_state() {
     }
 }
 
-/// Recorded bytes, of which there are none.
+/// A recording without any bytes.
 struct Nothing;
 
 impl Playback for Nothing {

@@ -97,7 +97,7 @@ fn a_number_for_a_protocol_with_names_is_refused() {
     assert!(error.to_string().contains("`openigtlink` numbers its tools by arrival"), "{error}");
 }
 
-/// Records the session's bytes and plays them again.
+/// A session is recorded and its bytes are played again.
 #[tokio::test(start_paused = true)]
 async fn a_replay_takes_the_same_records_as_the_session() {
     for tool in [None, Some("ProbeToTracker")] {
@@ -141,7 +141,7 @@ async fn damage_is_counted_each_and_told_seldom() {
     session.port = pipe(|mut far| async move {
         for n in 0..1000_u32 {
             let line = ascii_line::encode(n, u64::from(n) * 10_000, &insonify_core::pose::Pose::IDENTITY);
-            // Every second one lost its last character but the line feed.
+            // Every second line lost its last character before the line feed.
             let line = if n.is_multiple_of(2) { line } else { format!("{}\n", &line[..line.len() - 2]) };
             far.write_all(line.as_bytes()).await.unwrap();
             sleep(Duration::from_millis(10)).await;
@@ -156,7 +156,7 @@ async fn damage_is_counted_each_and_told_seldom() {
         .iter()
         .filter_map(|(_, event)| if let TrackerEvent::Damaged(damage) = event { Some(damage) } else { None })
         .collect();
-    // After one second, then at most every five.
+    // The first report comes after one second, further ones at most every five seconds.
     assert_eq!(told.len(), 3, "{told:?}");
     assert_eq!(told.iter().map(|damage| damage.damaged).sum::<u64>(), 500);
     let text = told[1].to_string();
