@@ -136,7 +136,7 @@ fn traces(times: &[TraceTime]) -> String {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::load(&args.station)?;
     if let Some(path) = &args.json {
-        Outputs::beside(station.files()).replaced("--json", path)?;
+        Outputs::apart_from(station.files()).replaced("--json", path)?;
     }
     let poses = match &args.replay {
         Some(path) => {

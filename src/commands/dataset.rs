@@ -148,7 +148,7 @@ fn make(args: &Args, out: &PathBuf) -> Result<(), Failure> {
     let stations = args.stations.iter().map(|path| Ok(Station::load(path)?)).collect::<Result<Vec<_>, Failure>>()?;
     // The data set from which high-quality frames are copied must be another one.
     let read = stations.iter().flat_map(Station::files).chain(args.hq_from.iter().map(|from| from.join(HEADER_FILE)));
-    Outputs::beside(read).within("--out", out, &[HEADER_FILE, "manifest*"])?;
+    Outputs::apart_from(read).within("--out", out, &[HEADER_FILE, "manifest*"])?;
     let choice = stations.first().map(|station| station.backend).unwrap_or_default();
     let pair = |quality: &FrameQuality| [quality.rays, quality.layers];
     let maker = Maker::new(Recipe {

@@ -268,7 +268,7 @@ fn check_outputs(args: &Args) -> Result<(), Failure> {
     });
     let models = args.model.iter().flat_map(|model| generator_files(model));
     let mut outputs =
-        Outputs::beside(images).and(dataset).and(models).and(args.features.iter().chain(&args.steadiness));
+        Outputs::apart_from(images).and(dataset).and(models).and(args.features.iter().chain(&args.steadiness));
     for (option, path) in [("--json", &args.json), ("--csv", &args.csv)] {
         if let Some(path) = path {
             outputs = outputs.replaced(option, path)?;

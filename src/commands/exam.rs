@@ -76,7 +76,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         return if args.json { output::json(&written) } else { output::text(&written) };
     };
     let station = Station::load(station)?;
-    let inputs = Outputs::beside(station.files());
+    let inputs = Outputs::apart_from(station.files());
     match args.sessions {
         Some(_) => inputs.within("--out", &args.out, &["session_*.mcap", "sessions.json"])?,
         None => inputs.file("--out", &args.out, args.force)?,

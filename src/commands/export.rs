@@ -60,7 +60,7 @@ enum Map {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut replay = args.replay.read()?;
-    let inputs = Outputs::beside(replay.station.files()).and([&args.replay.recording]);
+    let inputs = Outputs::apart_from(replay.station.files()).and([&args.replay.recording]);
     inputs.file("--out", &args.out, args.force)?;
     check_suffix(&args.out)?;
     replay.check_depth()?;

@@ -90,7 +90,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let stations = args.stations.iter().map(|path| Ok(Station::load(path)?)).collect::<Result<Vec<_>, Failure>>()?;
     let read = stations.iter().flat_map(Station::files);
     // The merged table is read before it is replaced.
-    Outputs::beside(read).and([&args.motion]).replaced("--out", &args.out)?;
+    Outputs::apart_from(read).and([&args.motion]).replaced("--out", &args.out)?;
     let merged = match &args.merge {
         Some(path) => Some(ErrorTable::parse(&input::text(path, FileKind::Stored, "the table")?).input_of(path)?),
         None => None,

@@ -76,7 +76,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let written = frame.as_ref().map(|f| args.out.clone().unwrap_or_else(|| f.directory.join("generated.png")));
     if let (Some(frame), Some(path)) = (&frame, &written) {
         let read = FrameFiles::NAMES.map(|name| frame.directory.join(name));
-        Outputs::beside(read).and(generator_files(&args.model)).replaced("--out", path)?;
+        Outputs::apart_from(read).and(generator_files(&args.model)).replaced("--out", path)?;
     }
     let runtime = Runtime::get().input()?;
     let mut generator = Generator::load(&args.model, runtime, &args.runtime.options(tissues))?;

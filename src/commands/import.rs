@@ -61,7 +61,7 @@ struct ImportedRecording<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    Outputs::beside([&args.file]).file("--out", &args.out, args.force)?;
+    Outputs::apart_from([&args.file]).file("--out", &args.out, args.force)?;
     let rows = read_rows(&args.file, &args.transform)?;
     output::make_parent(&args.out)?;
     let imported = write_recording(&rows, &args.file, &args.out)?;

@@ -110,7 +110,7 @@ impl Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let planes_file = planes::file_beside(&args.out);
+    let planes_file = planes::planes_path(&args.out);
     Outputs::default().file("--out", &args.out, args.force)?.file("--out", &planes_file, args.force)?;
     let progress = Progress::new("phantom", 0);
     let surfaces = build(&args.options(), &|p| progress.set(p.done, p.total))?;

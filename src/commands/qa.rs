@@ -59,7 +59,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::load(&args.station)?;
     if let Some(out) = &args.out {
         let names = ["qa_phantom.png", "qa_phantom.json", "qa_phantom.md"];
-        Outputs::beside(station.files()).within("--out", out, &names)?;
+        Outputs::apart_from(station.files()).within("--out", out, &names)?;
     }
     qa_phantom::check_probe(&station.probe, &station.settings.image).input_of(&args.station)?;
     session::warn_of_budget(&station);

@@ -96,7 +96,7 @@ struct Totals {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::load(&args.station)?;
-    Outputs::beside(station.files()).file("--out", &args.out, args.force)?;
+    Outputs::apart_from(station.files()).file("--out", &args.out, args.force)?;
     output::recording("--out", &args.out)?;
     let tracker = if args.stdin { None } else { Some(tracker(args, &station)?) };
     let (protocol, sensor) = match &tracker {

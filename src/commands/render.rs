@@ -79,7 +79,7 @@ struct RenderedFrame<'a> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::load(&args.station)?;
-    Outputs::beside(station.files()).within("--out", &args.out, &FrameFiles::NAMES)?;
+    Outputs::apart_from(station.files()).within("--out", &args.out, &FrameFiles::NAMES)?;
     let pose = input::pose(args.pose, &station, "--pose x,y,z,qw,qx,qy,qz")?;
     let mut settings = station.settings;
     settings.lines = true;

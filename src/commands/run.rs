@@ -186,7 +186,7 @@ fn say_recorded(path: &Path, slot: &RecordedSlot) -> Option<String> {
 
 /// Refuses output files that the session reads, or that already exist.
 fn check_outputs(args: &Args, station: &Station) -> Result<(), Failure> {
-    let mut outputs = Outputs::beside(station.files());
+    let mut outputs = Outputs::apart_from(station.files());
     if let Some(path) = &args.record {
         outputs = outputs.file("--record", path, args.force)?;
         output::recording("--record", path)?;

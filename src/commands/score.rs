@@ -78,7 +78,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     input::expect_recording(&args.recording, &args.station)?;
     let station = Station::load(&args.station)?;
     if let Some(out) = &args.out {
-        Outputs::beside(station.files()).and([&args.recording]).replaced("--out", out)?;
+        Outputs::apart_from(station.files()).and([&args.recording]).replaced("--out", out)?;
     }
     let exam = RecordedExam::read(&args.recording, &station)?;
     warn_of_refused(&args.recording, &exam.refused);

@@ -77,7 +77,7 @@ Examples:
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = Station::load(&args.station)?;
-    Outputs::beside(station.files()).and(&args.recording).within("--out", &args.out, &SWEEP_FILES)?;
+    Outputs::apart_from(station.files()).and(&args.recording).within("--out", &args.out, &SWEEP_FILES)?;
     if args.recording.as_deref().or(station.recording()).is_none() {
         input::pose(None, &station, "--recording FILE, a recorded tracker")?;
     }

@@ -114,7 +114,7 @@ fn size(text: &str) -> Result<(u32, u32), String> {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let (scene, station) = load(args)?;
     let read = station.as_ref().map_or_else(|| import::files_of(&args.scene), Station::files);
-    Outputs::beside(read).replaced("--out", &args.out)?;
+    Outputs::apart_from(read).replaced("--out", &args.out)?;
     let selection = Selection::of(&scene, &args.only, &args.hide).input()?;
     let selection = selection.with_opacities(&scene, &args.opacity).input()?;
     let pose = args.pose.or(station.as_ref().and_then(|station| station.default_pose));

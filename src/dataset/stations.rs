@@ -87,7 +87,7 @@ pub(super) fn with_phantom(station: &Station, exam: &Exam) -> Station {
 
 /// Whether the scene has standard planes. For a scene file they are in a file next to it.
 pub(super) fn has_planes(station: &Station) -> bool {
-    station.scene_file().is_none_or(|path| file_beside(path).exists())
+    station.scene_file().is_none_or(|path| planes_path(path).exists())
 }
 
 /// Name of the class for pixels outside the sector.

@@ -190,7 +190,7 @@ impl Station {
         let mut files = vec![self.path.clone()];
         if let Some(scene) = self.scene_file() {
             files.extend(import::files_of(scene));
-            files.push(planes::file_beside(scene));
+            files.push(planes::planes_path(scene));
         }
         files.extend(self.calibration.path.clone());
         files.extend(self.generator.models.iter().flat_map(|model| generator_files(model)));
@@ -214,10 +214,10 @@ impl Station {
     /// Standard planes of the scene: the phantom's own, or those in the file next to the scene file.
     ///
     /// # Errors
-    /// The same as those of [`planes::beside`].
+    /// The same as those of [`planes::read_planes`].
     pub fn standard_planes(&self) -> Result<StandardPlanes, StationError> {
         match &self.scene {
-            SceneSource::File(path) => Ok(planes::beside(path)?),
+            SceneSource::File(path) => Ok(planes::read_planes(path)?),
             SceneSource::ObstetricPhantom(options) => Ok(phantom::planes(&options.parameters)),
         }
     }

@@ -1,7 +1,7 @@
 //! Standard planes of a station, and the skin that a probe touches.
 
 use super::{SceneSource, Station, StationError};
-use crate::anatomy::planes::{StandardPlanes, file_beside};
+use crate::anatomy::planes::{StandardPlanes, planes_path};
 use crate::anatomy::{Scene, Skin};
 use crate::phantom;
 
@@ -38,7 +38,7 @@ impl PlaneScene {
     pub fn of(station: &Station, scene: &Scene) -> Result<Self, StationError> {
         let names: Vec<_> = scene.surfaces.iter().map(|surface| surface.name.as_str()).collect();
         // The phantom's planes and surfaces match: its file is never named.
-        let file = station.scene_file().map(file_beside).unwrap_or_default();
+        let file = station.scene_file().map(planes_path).unwrap_or_default();
         station.standard_planes()?.check_surfaces(&file, &names)?;
         match &station.scene {
             SceneSource::File(_) => Self::on(Skin::of_scene(scene)?, station),

@@ -57,7 +57,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let station = args.station.as_deref().map(Station::load).transpose()?;
     match (&station, args.output.out.as_deref()) {
         (Some(station), Some(out)) => drop(calibration_file(station, Some(out), &args.pairs)?),
-        (None, Some(out)) => drop(Outputs::beside([path]).replaced("--out", out)?),
+        (None, Some(out)) => drop(Outputs::apart_from([path]).replaced("--out", out)?),
         (_, None) => {}
     }
     let found = csv::pairs(&input::text(path, FileKind::Table, "the landmarks")?).input_of(path)?;

@@ -89,7 +89,7 @@ fn calibration_file<'a>(
     let out = out.input()?.to_owned();
     // The calibration file itself may be both read and changed.
     let read = station.files().into_iter().filter(|path| station.calibration.path.as_ref() != Some(path));
-    Outputs::beside(read).and(others).replaced("--out", &out)?;
+    Outputs::apart_from(read).and(others).replaced("--out", &out)?;
     Ok(out)
 }
 

@@ -42,7 +42,7 @@ enum Of {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if let Some(out) = &args.output.out {
-        Outputs::beside([&args.poses]).replaced("--out", out)?;
+        Outputs::apart_from([&args.poses]).replaced("--out", out)?;
     }
     let poses = poses::read(&args.poses)?;
     let found = calibrate(&poses).map_err(|fault| anyhow!(explained(fault, &poses))).input_of(&args.poses)?;

@@ -75,7 +75,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let further = [&args.marker_end, &args.other_end, &args.slide, &args.spin];
     if let Some(out) = &args.output.out {
         let all = further.iter().filter_map(|path| path.as_deref());
-        Outputs::beside(all.chain([pivot])).replaced("--out", out)?;
+        Outputs::apart_from(all.chain([pivot])).replaced("--out", out)?;
     }
     let read = |path: &Option<PathBuf>| path.as_deref().map(poses::read).transpose();
     let tilted = poses::read(pivot)?;

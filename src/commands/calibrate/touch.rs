@@ -95,13 +95,13 @@ fn points(args: &TouchArgs, station: &Station) -> Result<Vec<Named<DVec3>>, Fail
     }
     match &station.scene {
         SceneSource::ObstetricPhantom(options) => Ok(phantom::fiducials(&options.parameters)),
-        SceneSource::File(scene) if skin_points::file_beside(scene).is_file() => {
-            read(&skin_points::file_beside(scene), station)
+        SceneSource::File(scene) if skin_points::points_path(scene).is_file() => {
+            read(&skin_points::points_path(scene), station)
         }
         SceneSource::File(scene) => Err(Failure::Input(anyhow!(
             "no landmarks of {} are known: give --points FILE, a table x,y,z,name (mm in the scene) or 3D Slicer's markups (.fcsv, .mrk.json), or write them to {}",
             scene.display(),
-            skin_points::file_beside(scene).display()
+            skin_points::points_path(scene).display()
         ))),
     }
 }

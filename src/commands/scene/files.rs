@@ -81,7 +81,7 @@ impl OutputArgs {
     }
 
     fn points_file(&self) -> PathBuf {
-        skin_points::file_beside(&self.out)
+        skin_points::points_path(&self.out)
     }
 
     /// Checks the outputs against each other and against `inputs`.
@@ -95,11 +95,11 @@ impl OutputArgs {
                 path.display()
             )));
         }
-        let mut outputs = Outputs::beside(inputs)
+        let mut outputs = Outputs::apart_from(inputs)
             .file("--out", &self.out, self.force)?
             .file("--out", &self.station_file(), self.force)?
             .file("--out", &self.points_file(), self.force)?
-            .file("--out", &planes::file_beside(&self.out), self.force)?;
+            .file("--out", &planes::planes_path(&self.out), self.force)?;
         for (option, path) in [("--probe-path", &self.probe_path), ("--report", &self.report)] {
             if let Some(path) = path {
                 outputs = outputs.file(option, path, self.force)?;
@@ -153,7 +153,7 @@ impl OutputArgs {
         write_text(&self.station_file(), &station_text(&scene_name, &what, &start.probe, &pose))?;
         write_text(&self.points_file(), &points_text(&start.points))?;
         files.push(self.points_file());
-        let planes_file = planes::file_beside(&self.out);
+        let planes_file = planes::planes_path(&self.out);
         if start.planes.planes.is_empty() {
             // Planes of an earlier scene would name surfaces that are gone.
             let _ = std::fs::remove_file(&planes_file);

@@ -64,7 +64,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if args.out.extension().is_none_or(|extension| extension != "glb") {
         return Err(Failure::Input(anyhow!("--out is {}; a scene's name ends in .glb", args.out.display())));
     }
-    Outputs::beside([&args.scene]).file("--out", &args.out, args.force)?;
+    Outputs::apart_from([&args.scene]).file("--out", &args.out, args.force)?;
     let progress = Progress::new("repair", 0);
     let settings = RepairSettings { max_move_mm: args.repair.max_move_mm, ..RepairSettings::default() };
     let (surfaces, reports, extras) = repair_scene(&args.scene, &settings, &|done, all| progress.set(done, all))?;

@@ -78,7 +78,7 @@ pub struct Outputs {
 
 impl Outputs {
     /// Checks against these inputs.
-    pub fn beside<P: AsRef<Path>>(inputs: impl IntoIterator<Item = P>) -> Self {
+    pub fn apart_from<P: AsRef<Path>>(inputs: impl IntoIterator<Item = P>) -> Self {
         Self::default().and(inputs)
     }
 
@@ -226,12 +226,12 @@ mod tests {
         std::os::unix::fs::symlink(dir.path(), at("sub/up")).unwrap();
         for name in ["in.mcap", "./in.mcap", "sub/../in.mcap", "hard.mcap", "soft.mcap", "sub/up/in.mcap"] {
             for force in [false, true] {
-                let message = text(Outputs::beside([at("in.mcap")]).file("--record", &at(name), force));
+                let message = text(Outputs::apart_from([at("in.mcap")]).file("--record", &at(name), force));
                 assert!(message.contains("reads") && message.contains("--record"), "{name}: {message}");
             }
         }
-        assert_eq!(text(Outputs::beside([at("in.mcap")]).file("--record", &at("new/out.mcap"), false)), "");
-        let part = Outputs::beside([at("in.mcap.part")]).file("--record", &at("in.mcap"), true);
+        assert_eq!(text(Outputs::apart_from([at("in.mcap")]).file("--record", &at("new/out.mcap"), false)), "");
+        let part = Outputs::apart_from([at("in.mcap.part")]).file("--record", &at("in.mcap"), true);
         assert!(text(part).contains("reads"));
     }
 
@@ -266,7 +266,7 @@ mod tests {
             std::fs::write(at(name), "").unwrap();
         }
         let names = ["frame.json", "bmode/*.png"];
-        let check = |input: &str| text(Outputs::beside([at(input)]).within("--out", dir.path(), &names));
+        let check = |input: &str| text(Outputs::apart_from([at(input)]).within("--out", dir.path(), &names));
         assert_eq!(check("station.toml"), "");
         assert!(check("frame.json").contains("must name another place"));
         assert!(check("bmode/1.png").contains("must name another place"));

@@ -21,7 +21,7 @@ const DIRECTIONS: [(&str, [f64; 3]); 7] = [
 ];
 
 /// File of the points of the scene file `scene`: the same name with `.points.csv` instead of its extension.
-pub fn file_beside(scene: &Path) -> PathBuf {
+pub fn points_path(scene: &Path) -> PathBuf {
     scene.with_extension("points.csv")
 }
 

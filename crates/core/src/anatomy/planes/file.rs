@@ -70,7 +70,7 @@ pub enum PlanesError {
 }
 
 /// Path of the planes of the scene file `scene`: the same name with `.planes.json` instead of its extension.
-pub fn file_beside(scene: &Path) -> PathBuf {
+pub fn planes_path(scene: &Path) -> PathBuf {
     scene.with_extension("planes.json")
 }
 
@@ -78,8 +78,8 @@ pub fn file_beside(scene: &Path) -> PathBuf {
 ///
 /// # Errors
 /// The file doesn't exist, cannot be read, or has an invalid value, which the error names.
-pub fn beside(scene: &Path) -> Result<StandardPlanes, PlanesError> {
-    let path = file_beside(scene);
+pub fn read_planes(scene: &Path) -> Result<StandardPlanes, PlanesError> {
+    let path = planes_path(scene);
     match files::read_text(&path, FileKind::Planes) {
         Ok(text) => StandardPlanes::from_json(&text, &path),
         Err(source) if source.kind() == std::io::ErrorKind::NotFound => {

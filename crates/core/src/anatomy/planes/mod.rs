@@ -1,7 +1,7 @@
 //! Standard planes of a scene: target planes of a trainee, with tolerances and measurements.
 //!
 //! The obstetric phantom has built-in planes. Any other scene has them in a file next to its glTF file: `belly.glb`
-//! has `belly.planes.json` ([`beside`]). `insonify planes STATION --json` prints a complete file.
+//! has `belly.planes.json` ([`read_planes`]). `insonify planes STATION --json` prints a complete file.
 //!
 //! Points are in mm and directions are unit vectors, both in the scene frame, written `[x, y, z]`; a pose is `[x, y,
 //! z, qw, qx, qy, qz]`, as in a station file.
@@ -15,7 +15,7 @@ use std::path::Path;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-pub use file::{PlanesError, WrongValue, beside, file_beside};
+pub use file::{PlanesError, WrongValue, planes_path, read_planes};
 
 use super::Skin;
 use crate::pose::Pose;
