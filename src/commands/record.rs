@@ -9,7 +9,7 @@ use insonify::files::Outputs;
 use insonify::pipeline::{StopSignals, start_recorder};
 use insonify::recording::{Capture, Event, Recorded, stream_of};
 use insonify::station::{Station, missing_calibration};
-use insonify::tracker::{ProbeSensor, Report as TrackerReport, SensorReport, Settings, Transport, host_time_ns};
+use insonify::tracker::{ProbeSensor, SensorReport, Settings, TrackerReport, Transport, host_time_ns};
 use serde::Serialize;
 use tokio::runtime::Runtime;
 

@@ -58,7 +58,11 @@ Example:
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut replay = args.replay.read()?;
-    Outputs::apart_from(replay.station.files()).and([&args.replay.recording]).within("--out", &args.out, &REPLAY_FILES)?;
+    Outputs::apart_from(replay.station.files()).and([&args.replay.recording]).within(
+        "--out",
+        &args.out,
+        &REPLAY_FILES,
+    )?;
     let backend = args.backend.open(replay.station.backend)?;
     let scene = session::load_scene(&replay.station)?;
     choose_quality(&mut replay, &backend, &scene)?;

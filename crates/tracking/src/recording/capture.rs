@@ -13,8 +13,8 @@ use tokio_util::sync::CancellationToken;
 use super::{RecorderHandle, event_of, spawn};
 use crate::tracker::selection::{Selection, Verdict};
 use crate::tracker::{
-    Listener, Monitor, ProbeSensor, Protocol, Record, Report, SensorName, SensorReport, SessionHandle, SessionSummary,
-    Settings, TrackerError, TrackerEvent, Transport, host_time_ns,
+    Listener, Monitor, ProbeSensor, Protocol, Record, SensorName, SensorReport, SessionHandle, SessionSummary,
+    Settings, TrackerError, TrackerEvent, TrackerReport, Transport, host_time_ns,
 };
 
 /// Longest wait of a stream or a played recording for a slow disk. A live tracker never waits.
@@ -70,7 +70,7 @@ impl Capture {
     }
 
     /// Statistics since the last report.
-    pub fn report(&self) -> Report {
+    pub fn report(&self) -> TrackerReport {
         self.tap.monitor.report()
     }
 
@@ -96,7 +96,7 @@ impl Capture {
 
     /// Ends a tracker's session. Returns the statistics since the last report, the statistics of each sensor since the
     /// start, and the totals of a session.
-    pub fn end(self) -> (Report, Vec<SensorReport>, Option<SessionSummary>) {
+    pub fn end(self) -> (TrackerReport, Vec<SensorReport>, Option<SessionSummary>) {
         let summary = match self.source {
             Source::Tracker(session, cancel) => {
                 cancel.cancel();

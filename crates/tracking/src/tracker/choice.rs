@@ -29,7 +29,7 @@ pub struct Choice {
 pub enum ChoiceError {
     /// Neither port nor address.
     #[error("give --port or --address, too")]
-    NoPlace,
+    NoPortOrAddress,
     /// An address on which datagrams can't be received.
     #[error("`{address}` is no address to listen at; it must be IP:port")]
     Address {
@@ -97,7 +97,7 @@ impl Choice {
                 let address = listened.map_err(|_| ChoiceError::Address { address: address.clone() })?;
                 Ok(Transport::Udp { address })
             }
-            (None, None) => Err(ChoiceError::NoPlace),
+            (None, None) => Err(ChoiceError::NoPortOrAddress),
         }
     }
 }

@@ -70,7 +70,7 @@ pub use error::TrackerError;
 pub use event::TrackerEvent;
 pub use irregularity::Irregularity;
 pub use listener::Listener;
-pub use monitor::{Monitor, Report, SensorReport, SessionState};
+pub use monitor::{Monitor, SensorReport, SessionState, TrackerReport};
 pub use passive::Passive;
 pub use playback::{Playback, PlaybackError};
 pub use pose_tap::{PoseStream, PoseTap, Poses, pose_tap};

@@ -37,7 +37,7 @@ insonify_core::names::named!(SessionState {
 
 /// Statistics of a session since the last report, and totals.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Report {
+pub struct TrackerReport {
     /// State of the tracker.
     pub state: SessionState,
     /// Records since the last report.
@@ -64,7 +64,7 @@ pub struct Report {
     pub events_dropped: u64,
 }
 
-impl Report {
+impl TrackerReport {
     /// At most `most` of the events since the last report, and the number of the remaining ones if there are any.
     pub fn news(&self, most: usize) -> impl Iterator<Item = String> + '_ {
         let more = self.events_dropped + self.events.len().saturating_sub(most) as u64;
@@ -98,7 +98,7 @@ pub struct Monitor(Arc<Mutex<Figures>>);
 
 #[derive(Debug, Default)]
 struct Figures {
-    report: Report,
+    report: TrackerReport,
     events: VecDeque<String>,
     last_ns: Option<u64>,
     sequence: Option<u32>,
@@ -170,7 +170,7 @@ impl SensorFigures {
 
 impl Monitor {
     /// Statistics since the last report.
-    pub fn report(&self) -> Report {
+    pub fn report(&self) -> TrackerReport {
         let mut figures = self.figures();
         let (count, sum, squares) = std::mem::take(&mut figures.intervals);
         let longest_s = std::mem::take(&mut figures.longest_s);
@@ -288,7 +288,7 @@ mod tests {
     #[test]
     fn rates_and_losses_are_counted() {
         let mut monitor = Monitor::default();
-        assert_eq!(monitor.report(), Report::default());
+        assert_eq!(monitor.report(), TrackerReport::default());
         monitor.event(0, &TrackerEvent::Connected { port: "x".into() });
         // Intervals of 10, 30, 10 and 30 ms.
         for (time_ms, sequence) in [(0, 1), (10, 2), (40, 5), (50, 6), (80, 6)] {

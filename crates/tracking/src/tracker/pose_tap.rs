@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use insonify_core::pose::{Pose, Reading};
 
-use super::{Listener, Monitor, Record, Report, SensorName, TrackerEvent};
+use super::{Listener, Monitor, Record, SensorName, TrackerEvent, TrackerReport};
 
 /// Capacity of the queue of poses; poses beyond it are dropped.
 const QUEUE_CAPACITY: usize = 1024;
@@ -97,7 +97,7 @@ impl PoseStream {
     }
 
     /// Statistics of the tracker since the last report.
-    pub fn report(&self) -> Report {
+    pub fn report(&self) -> TrackerReport {
         self.monitor.report()
     }
 }

@@ -5,7 +5,7 @@ use std::fmt;
 use insonify_core::pose::Reading;
 use serde::Serialize;
 
-use super::{Report, SensorReport};
+use super::{SensorReport, TrackerReport};
 
 /// Statistics as one line.
 #[derive(Debug, Clone, Serialize)]
@@ -34,7 +34,7 @@ pub struct ReportLine<'a> {
 impl<'a> ReportLine<'a> {
     /// Line of `report` at `time_s`, s. If no record arrived since the last report, the reading is left out: it must
     /// not look current.
-    pub fn new(report: &'a Report, time_s: f64) -> Self {
+    pub fn new(report: &'a TrackerReport, time_s: f64) -> Self {
         let last = report.last.as_ref().filter(|_| report.records > 0);
         let (mut position_mm, mut quaternion, mut rates) = (None, None, None);
         match last.map(|record| record.reading) {

@@ -18,7 +18,7 @@ use std::path::Path;
 use insonify_core::pose::csv::pose_position;
 use insonify_core::pose::table::{Column, Layout, Position, Reader, TableFault, finite, quote};
 
-use super::{InterchangeError, Lines, Place, TrackedRow};
+use super::{InterchangeError, LinePosition, Lines, TrackedRow};
 
 const KNOWN: &str =
     "time_s, x_mm, y_mm, z_mm, qw, qx, qy, qz, and optionally status, event (other units: x_cm, x_m, time_ms)";
@@ -33,14 +33,14 @@ pub fn read(source: impl BufRead, path: &Path) -> Result<Vec<TrackedRow>, Interc
     let mut reader = Reader::new(None);
     let mut columns: Option<Columns> = None;
     let mut rows = Vec::new();
-    while let Some((place, line)) = lines.next_line()? {
-        let failed = |fault: TableFault| place.error(path, fault.to_string());
+    while let Some((position, line)) = lines.next_line()? {
+        let failed = |fault: TableFault| position.error(path, fault.to_string());
         let row = reader.line(line).map_err(failed)?;
         if columns.is_none() && !reader.columns().is_empty() {
             columns = Some(Columns::of(reader.columns()).map_err(failed)?);
         }
         if let (Some(row), Some(columns)) = (row, &columns) {
-            rows.push(columns.row(&row, place).map_err(failed)?);
+            rows.push(columns.row(&row, position).map_err(failed)?);
         }
     }
     if columns.is_none() {
@@ -74,11 +74,11 @@ impl Columns {
         Ok(Self { time: (at, name, unit_s), layout, position })
     }
 
-    fn row(&self, row: &[String], place: Place) -> Result<TrackedRow, TableFault> {
+    fn row(&self, row: &[String], position: LinePosition) -> Result<TrackedRow, TableFault> {
         let (at, name, unit_s) = &self.time;
         let time_s = unit_s * finite(name, row.get(*at).map_or("", String::as_str))?;
         let pose = self.layout.pose(&self.position, row)?;
         let event = self.layout.event.and_then(|at| row.get(at)).filter(|name| !name.is_empty()).cloned();
-        Ok(TrackedRow { time_s, pose, event, place })
+        Ok(TrackedRow { time_s, pose, event, position })
     }
 }

@@ -13,7 +13,7 @@ use std::path::Path;
 
 use insonify_core::files::{self, FileError, FileKind};
 
-use super::{InterchangeError, Lines, Place, quote};
+use super::{InterchangeError, LinePosition, Lines, quote};
 
 /// Most images of a sequence.
 pub(crate) const IMAGES_MAX: u32 = 1_000_000;
@@ -32,7 +32,7 @@ pub struct Field {
     /// Text after the `=`, trimmed.
     pub value: String,
     /// Its line.
-    pub place: Place,
+    pub position: LinePosition,
 }
 
 /// Fields by key.
@@ -67,7 +67,7 @@ pub fn read(source: impl BufRead, path: &Path) -> Result<Head, InterchangeError>
     let mut lines = Lines::new(source, path);
     let (mut fields, mut images) = (Fields::new(), BTreeMap::<u32, Fields>::new());
     loop {
-        let Some((place, line)) = lines.next_line()? else {
+        let Some((position, line)) = lines.next_line()? else {
             let reason = "it ends within its head, before `ElementDataFile`; is it a MetaImage (.mha) file?";
             return Err(InterchangeError::file(path, reason));
         };
@@ -81,7 +81,7 @@ pub fn read(source: impl BufRead, path: &Path) -> Result<Head, InterchangeError>
             return Err(place.error(path, format!("{} is no line of a MetaImage head, `Key = value`", quote(line))));
         };
         let (key, value) = (key.trim(), value.trim());
-        let field = Field { value: value.to_owned(), place };
+        let field = Field { value: value.to_owned(), position };
         let (target, name) = match key.strip_prefix(FRAME_PREFIX) {
             None => (&mut fields, key),
             Some(rest) => {
@@ -151,7 +151,7 @@ impl Keys<'_> {
                 "DimSize says {count} images, but there are `{FRAME_PREFIX}` fields of {found}{}",
                 last.map_or_else(String::new, |last| format!(", the last of number {last}")),
             );
-            return Err(sizes.place.error(self.path, reason));
+            return Err(sizes.position.error(self.path, reason));
         }
         Ok(Head { width, height, images: images.into_values().collect() })
     }
@@ -162,7 +162,7 @@ impl Keys<'_> {
     }
 
     fn wrong(&self, key: &str, field: &Field, expected: &str) -> InterchangeError {
-        field.place.error(self.path, format!("`{key}` is {}; it must be {expected}", quote(&field.value)))
+        field.position.error(self.path, format!("`{key}` is {}; it must be {expected}", quote(&field.value)))
     }
 
     fn number(&self, key: &str, default: u32) -> Result<u32, InterchangeError> {

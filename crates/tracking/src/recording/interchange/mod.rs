@@ -64,14 +64,14 @@ impl InterchangeError {
 
 /// Position of a line in a text file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Place {
+pub struct LinePosition {
     /// Line, from 1.
     pub line: u64,
     /// Offset of the line in the file, bytes.
     pub byte: u64,
 }
 
-impl Place {
+impl LinePosition {
     fn error(self, path: &Path, reason: impl Into<String>) -> InterchangeError {
         InterchangeError::Line { path: path.to_owned(), line: self.line, byte: self.byte, reason: reason.into() }
     }
@@ -87,7 +87,7 @@ pub struct TrackedRow {
     /// Event at that time.
     pub event: Option<String>,
     /// Position in the file.
-    pub place: Place,
+    pub position: LinePosition,
 }
 
 /// Reads the rows of a PLUS sequence (.mha, .mhd) or of a table (.csv, .tsv). `transform` names the transform of a
@@ -153,11 +153,11 @@ pub fn write_recording(rows: &[TrackedRow], source: &Path, path: &Path) -> Resul
         if row.time_s < before_s {
             let reason =
                 format!("time {} s lies before {before_s} s of the row before; times must not fall", row.time_s);
-            return Err(row.place.error(source, reason));
+            return Err(row.position.error(source, reason));
         }
         if row.time_s - first.time_s > SPAN_LIMIT_S {
             let reason = format!("time {} s is more than {SPAN_LIMIT_S} s after the first", row.time_s);
-            return Err(row.place.error(source, reason));
+            return Err(row.position.error(source, reason));
         }
         before_s = row.time_s;
     }
@@ -193,7 +193,7 @@ pub fn write_recording(rows: &[TrackedRow], source: &Path, path: &Path) -> Resul
 struct Lines<R> {
     source: R,
     path: PathBuf,
-    next: Place,
+    next: LinePosition,
     text: Vec<u8>,
 }
 
@@ -202,29 +202,29 @@ impl<R: BufRead> Lines<R> {
     const LIMIT: u64 = 1 << 16;
 
     fn new(source: R, path: &Path) -> Self {
-        Self { source, path: path.to_owned(), next: Place { line: 1, byte: 0 }, text: Vec::new() }
+        Self { source, path: path.to_owned(), next: LinePosition { line: 1, byte: 0 }, text: Vec::new() }
     }
 
     /// Next line without its end, and its position; `None` at the end of the file.
-    fn next_line(&mut self) -> Result<Option<(Place, &str)>, InterchangeError> {
+    fn next_line(&mut self) -> Result<Option<(LinePosition, &str)>, InterchangeError> {
         self.text.clear();
         let read = self.source.by_ref().take(Self::LIMIT + 1).read_until(b'\n', &mut self.text);
         let read = read.map_err(FileError::at("read", &self.path))? as u64;
         if read == 0 {
             return Ok(None);
         }
-        let place = self.next;
-        self.next = Place { line: place.line + 1, byte: place.byte + read };
+        let position = self.next;
+        self.next = LinePosition { line: position.line + 1, byte: position.byte + read };
         if read > Self::LIMIT {
-            return Err(place.error(&self.path, format!("it is longer than {} bytes", Self::LIMIT)));
+            return Err(position.error(&self.path, format!("it is longer than {} bytes", Self::LIMIT)));
         }
         let line = self.text.strip_suffix(b"\n").unwrap_or(&self.text);
         let line = line.strip_suffix(b"\r").unwrap_or(line);
         match std::str::from_utf8(line) {
-            Ok(text) => Ok(Some((place, text))),
+            Ok(text) => Ok(Some((position, text))),
             Err(error) => {
                 let reason = format!("byte {} of the line is no UTF-8 text", error.valid_up_to());
-                Err(place.error(&self.path, reason))
+                Err(position.error(&self.path, reason))
             }
         }
     }

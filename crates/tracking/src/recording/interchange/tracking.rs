@@ -31,16 +31,16 @@ pub fn tracked(head: &Head, transform: &str, path: &Path) -> Result<Vec<TrackedR
             })
         };
         let time = need("Timestamp")?;
-        let place = time.place;
+        let position = time.position;
         let Some(time_s) = finite(&time.value) else {
-            return Err(place.error(path, format!("`Timestamp` is {}; it must be seconds", quote(&time.value))));
+            return Err(position.error(path, format!("`Timestamp` is {}; it must be seconds", quote(&time.value))));
         };
         let matrix = need(transform)?;
         let pose = match image.get(&status) {
             Some(status) if status.value != "OK" => None,
-            _ => Some(rigid(matrix).map_err(|reason| matrix.place.error(path, format!("`{transform}`: {reason}")))?),
+            _ => Some(rigid(matrix).map_err(|reason| matrix.position.error(path, format!("`{transform}`: {reason}")))?),
         };
-        Ok(TrackedRow { time_s, pose, event: None, place })
+        Ok(TrackedRow { time_s, pose, event: None, position })
     };
     head.images.iter().enumerate().map(row).collect()
 }

@@ -2,7 +2,7 @@
 //! alternate.
 
 use insonify_core::pose::jump_gate::{Gate, JumpGate};
-use insonify_core::pose::stream_order::{Place, StreamOrder};
+use insonify_core::pose::stream_order::{StreamOrder, StreamPosition};
 use insonify_core::pose::{FilterSettings, Measurement, Pose, Reading};
 
 use crate::tracker::{Irregularity, Record};
@@ -129,16 +129,16 @@ impl Regularity {
         }
         let device = last.and_then(|(host_ns, device_us)| Some((host_ns, device_us?, device_time_us?)));
         match self.order.push(&Measurement { host_time_ns, device_time_us, sequence, reading }) {
-            Place::Restarted { .. } => {
+            StreamPosition::Restarted { .. } => {
                 window.restarts += 1;
                 let back_s = device.map(|(_, before, now)| before.saturating_sub(now) as f64 * 1e-6);
                 // A single one may be a restart; several are judged together.
                 return (window.restarts == 1)
                     .then_some(Irregularity::Restarted { back_s: back_s.filter(|s| *s > 0.0) });
             }
-            Place::Late => window.late += 1,
-            Place::Next { clock_stalled, .. } => window.stalls += u32::from(clock_stalled),
-            Place::Duplicate => {}
+            StreamPosition::Late => window.late += 1,
+            StreamPosition::Next { clock_stalled, .. } => window.stalls += u32::from(clock_stalled),
+            StreamPosition::Duplicate => {}
         }
         let (host_ns, before_us, now_us) = device?;
         let passed_us = host_time_ns.saturating_sub(host_ns) / 1000;

@@ -23,7 +23,7 @@ const QUEUE_CAPACITY: usize = 64;
 const POLL_MS: i32 = 50;
 
 /// A report and its arrival time.
-struct Report {
+struct HidReport {
     time_ns: u64,
     length: usize,
     bytes: [u8; REPORT_BYTES],
@@ -36,7 +36,7 @@ pub(in crate::tracker) struct HidPort {
 }
 
 struct Open {
-    reports: mpsc::Receiver<io::Result<Report>>,
+    reports: mpsc::Receiver<io::Result<HidReport>>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
@@ -90,7 +90,7 @@ impl Drop for Open {
 fn read(
     device: Option<&PortName>,
     opened: oneshot::Sender<io::Result<String>>,
-    reports: &mpsc::Sender<io::Result<Report>>,
+    reports: &mpsc::Sender<io::Result<HidReport>>,
     stop: &AtomicBool,
 ) {
     let (hid, name) = match devices::open_hid(device) {
@@ -106,7 +106,7 @@ fn read(
         let mut bytes = [0; REPORT_BYTES];
         let report = match hid.read_timeout(&mut bytes, POLL_MS) {
             Ok(0) => continue,
-            Ok(length) => Ok(Report { time_ns: host_time_ns(), length, bytes }),
+            Ok(length) => Ok(HidReport { time_ns: host_time_ns(), length, bytes }),
             Err(error) => Err(io::Error::other(format!("the HID device is gone (unplugged?): {error}"))),
         };
         let failed = report.is_err();
