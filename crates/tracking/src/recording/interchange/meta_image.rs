@@ -71,14 +71,14 @@ pub fn read(source: impl BufRead, path: &Path) -> Result<Head, InterchangeError>
             let reason = "it ends within its head, before `ElementDataFile`; is it a MetaImage (.mha) file?";
             return Err(InterchangeError::file(path, reason));
         };
-        if place.byte > HEAD_BYTES_MAX {
-            return Err(place.error(path, format!("its head is longer than {HEAD_BYTES_MAX} bytes")));
+        if position.byte > HEAD_BYTES_MAX {
+            return Err(position.error(path, format!("its head is longer than {HEAD_BYTES_MAX} bytes")));
         }
         if line.trim().is_empty() {
             continue;
         }
         let Some((key, value)) = line.split_once('=') else {
-            return Err(place.error(path, format!("{} is no line of a MetaImage head, `Key = value`", quote(line))));
+            return Err(position.error(path, format!("{} is no line of a MetaImage head, `Key = value`", quote(line))));
         };
         let (key, value) = (key.trim(), value.trim());
         let field = Field { value: value.to_owned(), position };
@@ -89,14 +89,14 @@ pub fn read(source: impl BufRead, path: &Path) -> Result<Head, InterchangeError>
                 let number = number.parse().ok().filter(|n| *n < IMAGES_MAX);
                 let Some(number) = number.filter(|_| !name.is_empty()) else {
                     let reason = format!("{} is no `Seq_FrameNNNN_KEY` below {IMAGES_MAX}", quote(key));
-                    return Err(place.error(path, reason));
+                    return Err(position.error(path, reason));
                 };
                 (images.entry(number).or_default(), name)
             }
         };
         if let Some(earlier) = target.insert(name.to_owned(), field) {
             return Err(
-                place.error(path, format!("{} is there twice, first in line {}", quote(key), earlier.place.line))
+                position.error(path, format!("{} is there twice, first in line {}", quote(key), earlier.position.line))
             );
         }
         // This key is the last line of a header, by the format.
@@ -104,7 +104,7 @@ pub fn read(source: impl BufRead, path: &Path) -> Result<Head, InterchangeError>
             break;
         }
     }
-    Keys { path: path, fields: &fields }.head(images)
+    Keys { path, fields: &fields }.head(images)
 }
 
 /// Parser of the fields of a whole sequence.
