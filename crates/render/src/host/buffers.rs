@@ -5,12 +5,12 @@ use std::sync::Arc;
 use insonify_core::settings::EffectSet;
 use rayon::prelude::*;
 
-use super::detect::DepthGain;
-use super::fourier::{Roots, Wide};
-use super::path_outputs::PathOutputs;
-use super::propagate::Propagation;
-use super::scan_convert::Layout;
-use super::transmission::CellMeans;
+use super::aperture::fourier::{Roots, Wide};
+use super::aperture::propagate::Propagation;
+use super::aperture::transmission::CellMeans;
+use super::image::detect::DepthGain;
+use super::image::scan_convert::Layout;
+use super::trace::path_outputs::PathOutputs;
 use crate::aperture::{ApertureTables, MODE_LANES};
 use crate::batch_plan::BatchPlan;
 use crate::configuration::Configuration;

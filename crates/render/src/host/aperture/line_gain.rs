@@ -1,0 +1,251 @@
+//! The aperture's gain at samples and interfaces of a scanline, from the outputs of `visibility`.
+
+use insonify_core::simd::{at_least, at_most, floor, real};
+
+use super::transmission::loss_np;
+use crate::aperture::ApertureTables;
+use crate::host::constants::{EVEN_NP, SPREAD_NP, TRACKED_NP};
+use crate::host::paths::{BLOCK, Lanes, Paths, SEGMENT, range_mm, seek};
+use crate::params::Params;
+
+/// Numbers of a scanline at a boundary of the intervals: place among the planes, loss of the guide (one-way nepers),
+/// gain at the plane before (nepers of amplitude, two-way), loss that all scanlines share (one-way nepers).
+pub(in crate::host) type Boundary = [f32; 4];
+
+/// Gain along all scanlines.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::host) struct Visibility<'a> {
+    pub(in crate::host) tables: &'a ApertureTables,
+    /// [scanlines × (planes + 1)]
+    pub(in crate::host) lines: &'a [Boundary],
+}
+
+impl<'a> Visibility<'a> {
+    /// Gain along a scanline.
+    pub(in crate::host) fn line(&self, line: u32) -> LineGain<'a> {
+        let boundaries = self.tables.planes + 1;
+        LineGain::new(self.tables, &self.lines[line as usize * boundaries..][..boundaries])
+    }
+
+    /// ln of the amplitude, two-way, at the samples of a block.
+    #[inline(always)]
+    pub(in crate::host) fn block(&self, params: &Params, paths: &Paths<'_>, line: u32, first: u32) -> Lanes {
+        let (gain, guide) = (self.line(line), params.guide_of(line));
+        let (mut falls, mut passed) = ([0.0; BLOCK], [0.0; BLOCK]);
+        let (end_mm, segment) = seek(params, paths, guide, first);
+        if range_mm(params, first.wrapping_add(BLOCK as u32 - 1)) < end_mm {
+            (falls, passed) = ([segment[7]; BLOCK], [segment[11]; BLOCK]);
+        } else {
+            for i in 0..BLOCK {
+                // Two samples share a segment: that of the first.
+                let segment = seek(params, paths, guide, first.wrapping_add((i & !1) as u32)).1;
+                (falls[i], passed[i]) = (segment[7], segment[11]);
+            }
+        }
+        if (self.tables.plane_samples as usize).is_multiple_of(BLOCK) {
+            let interval = (first / self.tables.plane_samples) as usize;
+            return gain.whole_block(params, first, interval.min(gain.row.len() - 2), [&falls, &passed]);
+        }
+        let mut loudness = [0.0; BLOCK];
+        for (i, loudness) in loudness.iter_mut().enumerate() {
+            let range_mm = range_mm(params, first.wrapping_add(i as u32));
+            *loudness = gain.at(range_mm, 0.5 * (falls[i] * range_mm - passed[i]));
+        }
+        loudness
+    }
+}
+
+/// The gain along one scanline.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::host) struct LineGain<'a> {
+    row: &'a [Boundary],
+    plane_mm: f32,
+}
+
+/// An interval of a scanline.
+#[derive(Debug, Clone, Copy)]
+struct Interval {
+    /// Places among the planes at its ends.
+    places: [f32; 2],
+    /// Loss at its start, loss in it, and the part of that which its row shares; one-way nepers.
+    begins_np: f32,
+    total_np: f32,
+    row_np: f32,
+    /// Loss that all scanlines share, at its start.
+    shared_np: f32,
+}
+
+impl Interval {
+    /// The scanline's loss in it beyond its row's, one-way nepers.
+    #[inline(always)]
+    fn own_np(&self) -> f32 {
+        at_least(self.total_np - self.row_np, 0.0)
+    }
+
+    /// Share of the interval's loss that is behind a place with the loss `loss_np`, at the part `part` of the interval's depth.
+    #[inline(always)]
+    fn lost(&self, part: f32, loss_np: f32) -> f32 {
+        let lost_np = loss_np - self.begins_np + EVEN_NP * part;
+        at_most(at_least(lost_np / (at_least(self.total_np, 0.0) + EVEN_NP), 0.0), 1.0)
+    }
+
+    /// Place among the planes at a part of its depth and of its loss.
+    #[inline(always)]
+    fn place(&self, part: f32, lost: f32) -> f32 {
+        let own_np = self.own_np();
+        let done = (own_np * lost + SPREAD_NP * part) / (own_np + SPREAD_NP);
+        self.places[0] + done * (self.places[1] - self.places[0])
+    }
+}
+
+impl<'a> LineGain<'a> {
+    /// Gain along a scanline, from its boundaries.
+    pub(in crate::host) fn new(tables: &ApertureTables, row: &'a [Boundary]) -> Self {
+        Self { row, plane_mm: tables.plane_mm }
+    }
+
+    #[inline(always)]
+    fn interval(&self, interval: usize) -> Interval {
+        let ([start, begins_np, _, shared_np], [end, ends_np, _, shared_end_np]) =
+            (self.row[interval], self.row[interval + 1]);
+        let (total_np, row_np) = (ends_np - begins_np, shared_end_np - shared_np);
+        Interval { places: [start, end], begins_np, total_np, row_np, shared_np }
+    }
+
+    /// Index of the interval that holds a range, and the part of it before the range.
+    #[inline(always)]
+    fn index(&self, range_mm: f32) -> (usize, f32) {
+        let place = range_mm / self.plane_mm;
+        let interval = floor(place).clamp(0, self.row.len() as i32 - 2) as usize;
+        (interval, place - interval as f32)
+    }
+
+    /// ln of the amplitude, two-way, of scatterers at a range that the scanline reaches with a loss of `loss_np`.
+    #[inline(always)]
+    fn at(&self, range_mm: f32, loss_np: f32) -> f32 {
+        let (interval, lost, place) = self.tracked(range_mm, loss_np);
+        self.gain(place) - 2.0 * (interval.shared_np + interval.row_np * lost)
+    }
+
+    /// [`LineGain::at`] without the loss that all scanlines share, and the place among the planes.
+    #[inline(always)]
+    pub(in crate::host) fn without_shared(&self, range_mm: f32, loss_np: f32) -> [f32; 2] {
+        let (_, _, place) = self.tracked(range_mm, loss_np);
+        [self.gain(place), place]
+    }
+
+    /// The interval of a range, the part of its loss before the range, and the place among the planes.
+    #[inline(always)]
+    fn tracked(&self, range_mm: f32, loss_np: f32) -> (Interval, f32, f32) {
+        let (index, part) = self.index(range_mm);
+        let interval = self.interval(index);
+        let lost = interval.lost(part, loss_np);
+        (interval, lost, interval.place(part, lost))
+    }
+
+    /// [`LineGain::at`] for all samples of a block within one interval; `falls` and `passed` are those of the segments.
+    #[inline(always)]
+    fn whole_block(&self, params: &Params, first: u32, index: usize, [falls, passed]: [&Lanes; 2]) -> Lanes {
+        let interval = self.interval(index);
+        let per_mm = 1.0 / self.plane_mm;
+        let (mut loudness, mut places) = ([0.0; BLOCK], [0.0; BLOCK]);
+        for i in 0..BLOCK {
+            let range_mm = range_mm(params, first.wrapping_add(i as u32));
+            let part = range_mm * per_mm - real(index as u32);
+            let lost = interval.lost(part, 0.5 * (falls[i] * range_mm - passed[i]));
+            places[i] = interval.place(part, lost) + 1.0;
+            loudness[i] = -2.0 * (interval.shared_np + interval.row_np * lost);
+        }
+        // Places of one interval lie within three planes.
+        let low = floor(at_least(interval.places[0] + 1.0, 0.0)) as usize;
+        let node = |k: usize| self.row[(low + k).min(self.row.len() - 1)][2];
+        let (start, steps) = (node(0), [node(1) - node(0), node(2) - node(1), node(3) - node(2)]);
+        for i in 0..BLOCK {
+            let beyond = places[i] - real(low as u32);
+            let within = |k: f32| at_most(at_least(beyond - k, 0.0), 1.0);
+            loudness[i] += start + steps[0] * within(0.0) + steps[1] * within(1.0) + steps[2] * within(2.0);
+        }
+        loudness
+    }
+
+    /// Gain at a place among the planes, −1 being the face.
+    #[inline(always)]
+    fn gain(&self, place: f32) -> f32 {
+        let at = at_most(at_least(place + 1.0, 0.0), (self.row.len() - 1) as f32);
+        let low = (at as usize).min(self.row.len() - 2);
+        let part = at - low as f32;
+        self.row[low][2] * (1.0 - part) + self.row[low + 1][2] * part
+    }
+}
+
+/// Gains at the interfaces of a path, from the first to the last.
+#[derive(Debug)]
+pub(in crate::host) struct InterfaceGains<'a> {
+    gain: LineGain<'a>,
+    starts: &'a [f32],
+    segments: &'a [[f32; SEGMENT]],
+    /// The last interface's interval as the path sees it, its index, and the path's loss at its start.
+    interval: Interval,
+    index: usize,
+    begins_np: f32,
+    /// Segments that hold the start of that interval and of the one before.
+    holds: [usize; 2],
+}
+
+impl<'a> InterfaceGains<'a> {
+    /// Gains of a path with these `starts` and `segments`.
+    #[inline(always)]
+    pub(in crate::host) fn new(gain: LineGain<'a>, (starts, segments): (&'a [f32], &'a [[f32; SEGMENT]])) -> Self {
+        Self { gain, starts, segments, interval: gain.interval(0), index: usize::MAX, begins_np: 0.0, holds: [0; 2] }
+    }
+
+    /// ln of the amplitude, two-way, that returns from an interface: the aperture's gain before the obstacles which the
+    /// path has not crossed yet. The interface begins segment `arrived` + 1, and is not before that of the last call.
+    #[inline(always)]
+    pub(in crate::host) fn at(&mut self, arrived: usize) -> f32 {
+        let range_mm = self.starts[arrived + 1];
+        let (index, part) = self.gain.index(range_mm);
+        self.enter(index, arrived);
+        let (interval, begins_np) = (self.interval, self.begins_np);
+        let rise_np = loss_np(&self.segments[arrived], range_mm) - begins_np;
+        let lost = interval.lost(part, rise_np + interval.begins_np);
+        // The plane of the interval is before what the path has not crossed.
+        let own_np = at_least(rise_np - interval.row_np * lost, 0.0);
+        let furthest = at_least(index as f32 + own_np / (own_np + TRACKED_NP), interval.places[0]);
+        let place = at_most(interval.place(part, lost), furthest);
+        self.gain.gain(place) - 2.0 * (interval.shared_np + interval.row_np * lost)
+    }
+
+    /// Makes `index` the interval, for a path that has come to segment `arrived`.
+    #[inline(always)]
+    fn enter(&mut self, index: usize, arrived: usize) {
+        let boundary_mm = |interval: usize| interval as f32 * self.gain.plane_mm;
+        let holds = self.holding(self.holds[0], arrived, boundary_mm(index));
+        if index == self.index && holds == self.holds[0] {
+            return;
+        }
+        let loss_of = |interval: usize, holds: usize| loss_np(&self.segments[holds], boundary_mm(interval));
+        self.begins_np = loss_of(index, holds);
+        self.interval = self.gain.interval(index);
+        if let Some(before) = index.checked_sub(1) {
+            // How far the scanline lags behind its depth, by its own loss in the interval before and by the path's.
+            let last = self.gain.interval(before);
+            let lags = |own_np: f32| TRACKED_NP / (at_least(own_np, 0.0) + TRACKED_NP);
+            let lag = (index as f32 - self.interval.places[0]) / lags(last.own_np());
+            let holds_before = self.holding(self.holds[1], arrived, boundary_mm(before));
+            let own_np = self.begins_np - loss_of(before, holds_before) - last.row_np;
+            self.interval.places[0] = index as f32 - lags(own_np) * at_most(at_least(lag, 0.0), 1.0);
+            self.holds[1] = holds_before;
+        }
+        (self.index, self.holds[0]) = (index, holds);
+    }
+
+    /// The last segment from `from` to `arrived` that begins by a range.
+    #[inline(always)]
+    fn holding(&self, mut from: usize, arrived: usize, range_mm: f32) -> usize {
+        while from < arrived && self.starts[from + 1] <= range_mm {
+            from += 1;
+        }
+        from
+    }
+}

@@ -1,0 +1,315 @@
+//! The lateral point-spread function: each sample becomes the beam's weighted sum over neighbouring scanlines.
+
+use insonify_core::simd::{at_least, at_most, floor, phasor, prefetch, widened};
+use rayon::prelude::*;
+
+use crate::constants::DEPTH_BLOCK;
+use crate::host::aperture::profiles::{Blend, TAPS_MAX};
+use crate::host::aperture::visibility::BlockGain;
+use crate::host::constants::{ImageConstants, NEIGHBOUR_GAIN_MAX};
+use crate::kernels::Kernels;
+use crate::params::Params;
+
+/// Numbers in a block of complex samples that share a kernel.
+const BLOCK: usize = 2 * DEPTH_BLOCK as usize;
+/// Sums of powers that are kept apart.
+const SUMS: usize = 8;
+/// Least consecutive scanlines per task: they read the same rows.
+const LINES_TOGETHER: usize = 8;
+/// Weights of a plane that are loaded ahead.
+const PREFETCHED: usize = 64;
+/// Weights beside the kernel where a plane has none.
+static WITHOUT: [f32; TAPS_MAX] = [0.0; TAPS_MAX];
+
+/// Beam of every scanline.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::host) struct LateralBeam<'a> {
+    pub(in crate::host) constants: ImageConstants,
+    /// Kernels of each block of samples.
+    pub(in crate::host) kernels: &'a Kernels,
+    /// Gain and place of each block [scanlines × blocks]; empty without the aperture.
+    pub(in crate::host) gains: &'a [BlockGain],
+    /// Amplitude that came by reflections over the amplitude that the aperture sees [scanlines × blocks].
+    pub(in crate::host) reflected: &'a [f32],
+    /// Outputs of `profiles`; empty without the aperture.
+    pub(in crate::host) weights: &'a [f32],
+    pub(in crate::host) blends: &'a [Blend],
+}
+
+/// Focuses `baseband` into `focused`, both complex [scanlines × row_samples]. Each block of samples has a kernel, or the
+/// profile of its scanline's beam. Kernels of a phased array are wider beside its normal. Weights below `least_weight` count
+/// as 0. Each scanline sees its neighbours' scatterers with the gain of its own aperture. The wavefront of a steered frame is
+/// across its scanlines: a neighbour's samples lie `params.steer_shift_mm` deeper or higher.
+///
+/// Beyond the array, a beam with an aperture meets the mirror image of the tissue within, a quarter of a cycle later: so
+/// powers add where a beam holds both. Without the aperture, the weights within are scaled to the sum of all.
+///
+/// Echoes that came by reflections don't carry the gain. Where both scanlines hold some, the weaker one's amplitude is the
+/// least that is compared.
+///
+/// `loudness` [blocks × 2 × scanlines] holds what a scanline's echoes carry, gain or reflections, then the reflections alone.
+pub(in crate::host) fn lateral(
+    params: &Params,
+    beam: LateralBeam<'_>,
+    baseband: &[[f32; 2]],
+    loudness: &mut [f32],
+    focused: &mut [[f32; 2]],
+) {
+    let row_samples = params.row_samples as usize;
+    let blocks = row_samples / DEPTH_BLOCK as usize;
+    let rows = loudness.par_chunks_exact_mut(2 * params.scanlines as usize).enumerate();
+    rows.with_min_len(LINES_TOGETHER).for_each(|(block, row)| {
+        let (carried, reflected) = row.split_at_mut(params.scanlines as usize);
+        let lines = beam.gains.chunks_exact(blocks).zip(beam.reflected.chunks_exact(blocks));
+        for ((carried, reflected), (gains, over_gain)) in carried.iter_mut().zip(reflected).zip(lines) {
+            *reflected = at_most(gains[block][0] * over_gain[block], 1.0);
+            *carried = at_least(gains[block][0], *reflected);
+        }
+    });
+    let loudness = &*loudness;
+    let rows = focused.par_chunks_exact_mut(row_samples).enumerate().with_min_len(LINES_TOGETHER);
+    rows.for_each(|(line, row)| {
+        focus_row(params, beam, line, loudness, baseband.as_flattened(), row.as_flattened_mut());
+    });
+}
+
+/// Weights of one block of a scanline, from tap `first` to before tap `end`.
+struct Weights {
+    taps: [f32; TAPS_MAX],
+    first: usize,
+    end: usize,
+    /// Level of speckle over that of the depth's kernel.
+    level: f32,
+}
+
+impl LateralBeam<'_> {
+    /// Fills in the weights of a block.
+    #[inline(always)]
+    fn weigh(&self, params: &Params, line: usize, block: usize, place: f32, weights: &mut Weights) {
+        let taps = 2 * params.lateral_half as usize + 1;
+        let kernel = &self.kernels.lateral[block * taps..][..taps];
+        let (half, reach) = (params.lateral_half as usize, self.kernels.reach[block] as usize);
+        let projection = params.projection(line);
+        weights.level = 1.0;
+        if projection < 1.0 {
+            // Phased arrays, which have no blends.
+            let reach = (((reach + 1) as f32 / projection).ceil() as usize).min(half);
+            widen(kernel, reach, projection, &mut weights.taps[..taps]);
+            let widened = &weights.taps[half - reach..=half + reach];
+            // Speckle of a wide kernel whose sum is 1 would be darker.
+            weights.level = (sum_of_squares(widened) / self.kernels.power[block]).sqrt() / widened.iter().sum::<f32>();
+            (weights.first, weights.end) = (half - reach, half + reach + 1);
+            return;
+        }
+        let (mut first, mut end) = (half - reach, half + reach + 1);
+        let lines = params.scanlines as usize;
+        let planes = self.blends.len() / lines;
+        // Before the first plane, its profile.
+        let place = at_most(at_least(place, 0.0), planes.saturating_sub(1) as f32);
+        let low = (place as usize).min(planes.saturating_sub(2));
+        let part = place - low as f32;
+        let shares = [(low, 1.0 - part), (low + 1, part)];
+        let (mut kept, mut rows) = (0.0, [&WITHOUT; 2].map(|row| (&row[..taps], 0.0)));
+        for ((plane, share), row) in shares.into_iter().zip(&mut rows) {
+            let at = plane.min(planes.saturating_sub(1)) * lines + line;
+            let [of_kernel, from, to] = self.blends.get(at).copied().unwrap_or([1.0, 0.0, 0.0]);
+            kept += share * of_kernel;
+            if to > from {
+                *row = (&self.weights[at * taps..][..taps], share);
+                (first, end) = (first.min(from as usize), end.max(to as usize));
+            }
+        }
+        if planes == 0 || kept >= 1.0 {
+            (weights.first, weights.end) = (half - reach, half + reach + 1);
+            for (weight, &kernel) in weights.taps[weights.first..weights.end].iter_mut().zip(&kernel[weights.first..]) {
+                *weight = kernel;
+            }
+            return;
+        }
+        (weights.first, weights.end) = (first, end);
+        // Prefetches this scanline's weights at the next plane.
+        if let Some(soon) =
+            self.weights.get(((low + 2) * lines + line) * taps..).and_then(|rest| rest.first_chunk::<PREFETCHED>())
+        {
+            prefetch(soon);
+        }
+        let [(one, one_share), (next, next_share)] = rows;
+        let profiles = one[first..end].iter().zip(&next[first..end]);
+        for ((weight, &kernel), (&one, &next)) in
+            weights.taps[first..end].iter_mut().zip(&kernel[first..end]).zip(profiles)
+        {
+            *weight = kernel * kept + one_share * one + next_share * next;
+        }
+    }
+}
+
+/// Fills the `reach` taps to either side of the middle with a kernel as wide as a `projection` of the aperture makes it.
+#[inline(always)]
+fn widen(kernel: &[f32], reach: usize, projection: f32, taps: &mut [f32]) {
+    let half = kernel.len() / 2;
+    taps[half] = kernel[half];
+    for offset in 1..=reach {
+        let place = offset as f32 * projection;
+        let low = (place as usize).min(half - 1);
+        let part = place - low as f32;
+        let weight = (1.0 - part) * kernel[half + low] + part * kernel[half + low + 1];
+        (taps[half - offset], taps[half + offset]) = (weight, weight);
+    }
+}
+
+widened! {
+    /// One scanline.
+    fn focus_row(
+        params: &Params, beam: LateralBeam<'_>, line: usize, loudness: &[f32], baseband: &[f32], row: &mut [f32],
+    ) = focus_row_body
+}
+
+#[inline(always)]
+fn focus_row_body(
+    params: &Params,
+    beam: LateralBeam<'_>,
+    line: usize,
+    loudness: &[f32],
+    baseband: &[f32],
+    row: &mut [f32],
+) {
+    let LateralBeam { constants, kernels, gains, .. } = beam;
+    let (half, lines) = (params.lateral_half as usize, params.scanlines as usize);
+    let stride = row.len();
+    // Taps within the array.
+    let from = half.saturating_sub(line);
+    let to = (2 * half + 1).min(lines + half - line);
+    let blocks = row.as_chunks_mut::<BLOCK>().0;
+    let block_count = blocks.len();
+    let mut weights = Weights { taps: [0.0; TAPS_MAX], first: 0, end: 0, level: 1.0 };
+    let steered = params.steer_shift_mm != 0.0;
+    // Samples and phase by which each neighbour's echoes come later.
+    let (mut shifts, mut turns) = ([0; TAPS_MAX], [[1.0, 0.0]; TAPS_MAX]);
+    if steered {
+        for (tap, (shift, turn)) in shifts.iter_mut().zip(&mut turns).enumerate().take(2 * half + 1) {
+            let later_mm = (tap as f32 - half as f32) * params.steer_shift_mm;
+            *shift = floor(later_mm / params.sample_spacing_mm + 0.5);
+            *turn = phasor(-params.phase_turns_per_mm * later_mm);
+        }
+    }
+    for (block, out) in blocks.iter_mut().enumerate() {
+        let [own, place] = gains.get(line * block_count + block).copied().unwrap_or([1.0, 0.0]);
+        beam.weigh(params, line, block, place, &mut weights);
+        let (first, end) = match gains {
+            [] => (weights.first.clamp(from, to), weights.end.clamp(from, to)),
+            _ => (weights.first, weights.end),
+        };
+        let mut seen = [0.0_f32; TAPS_MAX];
+        for (seen, &weight) in seen[first..end].iter_mut().zip(&weights.taps[first..end]) {
+            // Denormal weights are zeros on a GPU, and slow here.
+            *seen = if weight >= constants.least_weight() { weight } else { 0.0 };
+        }
+        let scale = match gains {
+            [] => 1.0 / at_least(seen[first..end].iter().sum::<f32>() * weights.level, 1.0e-30),
+            _ => {
+                (kernels.power[block] / at_least(sum_of_squares(&seen[first..end]), 0.5 * kernels.power[block])).sqrt()
+            }
+        };
+        let within = first.clamp(from, to)..end.clamp(from, to);
+        let beyond = (first..within.start.min(end)).chain(within.end.max(first)..end);
+        let nearest = line + within.start - half;
+        if !gains.is_empty() {
+            let (carried, reflected) = loudness[2 * block * lines..][..2 * lines].split_at(lines);
+            let own_reflected = reflected[line];
+            let compared = |carried: f32, other: f32| {
+                at_most(at_least(own, at_most(own_reflected, other)) / carried, NEIGHBOUR_GAIN_MAX)
+            };
+            let others = carried[nearest..].iter().zip(&reflected[nearest..]);
+            for (seen, (&carried, &other)) in seen[within.clone()].iter_mut().zip(others) {
+                *seen *= compared(carried, other);
+            }
+            for tap in beyond.clone() {
+                let source = mirrored(line + tap, half, lines);
+                seen[tap] *= compared(carried[source], reflected[source]);
+            }
+        }
+        let sources = baseband[nearest * stride..].chunks_exact(stride).zip(&seen[within.clone()]);
+        let (mut sum, mut turned) = ([0.0_f32; BLOCK], [0.0_f32; BLOCK]);
+        if steered {
+            for ((source, &seen), (&shift, [cos, sin])) in
+                sources.zip(shifts[within.clone()].iter().zip(&turns[within]))
+            {
+                add_shifted(source, block, shift, [seen * cos, seen * sin], &mut sum, &mut turned);
+            }
+        } else {
+            for (source, &seen) in sources {
+                let Some(source) = source.as_chunks::<BLOCK>().0.get(block) else { continue };
+                for (sum, &value) in sum.iter_mut().zip(source) {
+                    *sum += seen * value;
+                }
+            }
+        }
+        for tap in beyond.clone() {
+            let source = &baseband[mirrored(line + tap, half, lines) * stride..][..stride];
+            let [cos, sin] = turns[tap];
+            add_shifted(source, block, shifts[tap], [-seen[tap] * sin, seen[tap] * cos], &mut sum, &mut turned);
+        }
+        if steered || beyond.count() > 0 {
+            // (re, im) + i·(re', im').
+            for (sum, turned) in sum.as_chunks_mut::<2>().0.iter_mut().zip(turned.as_chunks::<2>().0) {
+                *sum = [sum[0] - turned[1], sum[1] + turned[0]];
+            }
+        }
+        for (out, &sum) in out.iter_mut().zip(&sum) {
+            *out = sum * scale;
+        }
+    }
+}
+
+/// Mirror image of a place beyond the array's ends, `at` − `half`: no kernel reaches as far as the array is wide.
+#[inline(always)]
+fn mirrored(at: usize, half: usize, lines: usize) -> usize {
+    if at < half { half - at - 1 } else { 2 * lines - 1 - (at - half) }
+}
+
+/// Sum of squares in an order that every instruction set keeps.
+#[inline(always)]
+fn sum_of_squares(values: &[f32]) -> f32 {
+    let mut sums = [0.0_f32; SUMS];
+    let (chunks, rest) = values.as_chunks::<SUMS>();
+    for chunk in chunks {
+        for lane in 0..SUMS {
+            sums[lane] += chunk[lane] * chunk[lane];
+        }
+    }
+    let mut last = [0.0_f32; SUMS];
+    for (last, &value) in last.iter_mut().zip(rest) {
+        *last = value;
+    }
+    for lane in 0..SUMS {
+        sums[lane] += last[lane] * last[lane];
+    }
+    sums.iter().sum()
+}
+
+/// Adds a block of a neighbour, `samples` before its own place, by both parts of a weight. Beyond the row there is nothing.
+#[inline(always)]
+fn add_shifted(
+    source: &[f32],
+    block: usize,
+    samples: i32,
+    [re, im]: [f32; 2],
+    sum: &mut [f32; BLOCK],
+    turned: &mut [f32; BLOCK],
+) {
+    let start = (block * BLOCK) as isize - 2 * samples as isize;
+    if let Some(chunk) =
+        usize::try_from(start).ok().and_then(|at| source.get(at..)).and_then(|s| s.first_chunk::<BLOCK>())
+    {
+        for i in 0..BLOCK {
+            sum[i] += re * chunk[i];
+            turned[i] += im * chunk[i];
+        }
+        return;
+    }
+    for i in 0..BLOCK {
+        let value = usize::try_from(start + i as isize).ok().and_then(|at| source.get(at)).copied().unwrap_or(0.0);
+        sum[i] += re * value;
+        turned[i] += im * value;
+    }
+}

@@ -1,0 +1,58 @@
+//! What the receiver adds to the focused lines: noise, clutter near the face, and reverberation where it is not coupled.
+
+use insonify_core::simd::{at_least, exp, pcg3d, widened};
+use rayon::prelude::*;
+
+use crate::host::constants::{ImageConstants, LN_UNCOUPLED};
+use crate::host::paths::Paths;
+use crate::host::scatter::speckle::deviate;
+use crate::params::Params;
+
+/// Adds to `focused`, complex [scanlines × row_samples]. `near` holds reverberation and clutter of the samples near the
+/// face [scanlines × near_samples]. `params` are those of the last batch, which `paths` hold.
+pub(in crate::host) fn receive(
+    params: &Params,
+    constants: ImageConstants,
+    paths: Paths<'_>,
+    near: &[[f32; 4]],
+    focused: &mut [[f32; 2]],
+) {
+    let rows = focused.par_chunks_exact_mut(params.row_samples as usize).enumerate();
+    rows.for_each(|(line, row)| {
+        let near_samples = params.near_samples as usize;
+        if near_samples > 0 {
+            let near = &near[line * near_samples..][..near_samples];
+            // ln of the amplitude, two-way, that the face passes; the reverberation is what stays in the probe.
+            let [first, ..] = paths.of(params.guide_of(line as u32) as usize).1 else { return };
+            let coupled = exp(at_least(first[11], LN_UNCOUPLED));
+            let uncoupled = 1.0 - exp(0.5 * at_least(first[11], 2.0 * LN_UNCOUPLED));
+            let parts = [uncoupled * params.reverberation, coupled * params.clutter];
+            add_near(near, parts.map(|part| constants.added() * part), row);
+        }
+        if params.noise > 0.0 {
+            add_noise(params, line as u32, constants.added() * params.noise, row);
+        }
+    });
+}
+
+/// Adds reverberation and clutter with their amplitudes.
+fn add_near(near: &[[f32; 4]], [reverberation, clutter]: [f32; 2], row: &mut [[f32; 2]]) {
+    for (sample, near) in row.iter_mut().zip(near) {
+        sample[0] += reverberation * near[0] + clutter * near[2];
+        sample[1] += reverberation * near[1] + clutter * near[3];
+    }
+}
+
+widened! {
+    /// Adds white noise.
+    fn add_noise(params: &Params, line: u32, amplitude: f32, row: &mut [[f32; 2]]) = add_noise_body
+}
+
+#[inline(always)]
+fn add_noise_body(params: &Params, line: u32, amplitude: f32, row: &mut [[f32; 2]]) {
+    for (i, sample) in (0_u32..).zip(row.iter_mut()) {
+        let [re, im] = deviate(pcg3d([i, line, params.noise_seed])[0]);
+        sample[0] += amplitude * re;
+        sample[1] += amplitude * im;
+    }
+}

@@ -1,0 +1,179 @@
+//! Adds the interfaces' echoes to the baseband, each scanline's in a fixed order.
+
+use insonify_core::simd::{at_least, exp, phasor, widened};
+use rayon::prelude::*;
+
+use crate::constants::SEGMENTS;
+use crate::host::aperture::line_gain::{InterfaceGains, LineGain, Visibility};
+use crate::host::aperture::transmission::diverted;
+use crate::host::constants::ImageConstants;
+use crate::host::paths::Paths;
+use crate::params::Params;
+
+/// Interfaces whose echoes are computed at once.
+const LANES: usize = 16;
+/// Room for the echoes of a path, in whole groups.
+const ECHOES: usize = (SEGMENTS as usize).next_multiple_of(LANES);
+/// A number of each echo of a path.
+type Numbers = [f32; ECHOES];
+
+/// Inputs of the interfaces.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::host) struct Interfaces<'a> {
+    pub(in crate::host) paths: Paths<'a>,
+    /// Amplitude and range in mm [paths × SEGMENTS]. A path's first segment begins at the face and has no echo.
+    pub(in crate::host) echoes: &'a [[f32; 2]],
+    /// Segments of each path.
+    pub(in crate::host) segment_counts: &'a [u32],
+    /// Gain along the scanlines; without it, echoes have the loss of their paths.
+    pub(in crate::host) visibility: Option<&'a Visibility<'a>>,
+}
+
+/// Echoes of a path in the baseband.
+#[derive(Debug)]
+struct Echoes {
+    count: usize,
+    amplitude: Numbers,
+    /// ln of the gain.
+    ln_gain: Numbers,
+    /// Range, and that of the interface before it is spread over its thickness, mm.
+    range_mm: Numbers,
+    interface_mm: Numbers,
+    /// Complex value, and its place among the samples.
+    value: [Numbers; 2],
+    sample: Numbers,
+}
+
+impl Echoes {
+    #[inline(always)]
+    fn new() -> Self {
+        let zeros = [0.0; ECHOES];
+        Self {
+            count: 0,
+            amplitude: zeros,
+            ln_gain: zeros,
+            range_mm: zeros,
+            interface_mm: zeros,
+            value: [zeros; 2],
+            sample: zeros,
+        }
+    }
+
+    /// Computes the values of all echoes.
+    #[inline(always)]
+    fn compute(&mut self, params: &Params) {
+        for first in (0..self.count).step_by(LANES) {
+            for i in first..first + LANES {
+                let amplitude = self.amplitude[i] * exp(at_least(self.ln_gain[i], -80.0));
+                let [re, im] = phasor(-params.phase_turns_per_mm * self.range_mm[i]);
+                (self.value[0][i], self.value[1][i]) = (amplitude * re, amplitude * im);
+                self.sample[i] = self.range_mm[i] / params.sample_spacing_mm;
+            }
+        }
+    }
+
+    /// Adds those beyond `from_mm` to the samples of a scanline.
+    #[inline(always)]
+    fn add(&self, weight: f32, from_mm: f32, row: &mut [[f32; 2]]) {
+        for i in 0..self.count {
+            let beyond = self.sample[i] >= 0.0 && self.interface_mm[i] > from_mm;
+            if let Some(at) = row.get_mut(self.sample[i] as usize).filter(|_| beyond) {
+                *at = [at[0] + weight * self.value[0][i], at[1] + weight * self.value[1][i]];
+            }
+        }
+    }
+}
+
+/// Adds echoes to `baseband`, complex [scanlines × row_samples].
+pub(in crate::host) fn echo(
+    params: &Params,
+    constants: ImageConstants,
+    interfaces: Interfaces<'_>,
+    baseband: &mut [[f32; 2]],
+) {
+    let rows = baseband.par_chunks_exact_mut(params.row_samples as usize).enumerate();
+    rows.for_each(|(line, row)| {
+        add_line(params, constants, &interfaces, line as u32, &mut row[..params.samples as usize]);
+    });
+}
+
+widened! {
+    /// One scanline.
+    fn add_line(
+        params: &Params, constants: ImageConstants, interfaces: &Interfaces<'_>, line: u32, row: &mut [[f32; 2]],
+    ) = add_line_body
+}
+
+#[inline(always)]
+fn add_line_body(
+    params: &Params,
+    constants: ImageConstants,
+    interfaces: &Interfaces<'_>,
+    line: u32,
+    row: &mut [[f32; 2]],
+) {
+    // No closures: they may be compiled without the vector instructions.
+    let mut gain = None;
+    if let Some(visibility) = interfaces.visibility {
+        gain = Some(visibility.line(line));
+    }
+    let (mut echoes, mut guide_echoes) = (Echoes::new(), Echoes::new());
+    let mut guided = false;
+    let weight = params.path_weight();
+    for layer in 0..params.layer_count {
+        let first = layer.wrapping_mul(params.scanlines).wrapping_add(line).wrapping_mul(params.rays);
+        for ray in 0..params.rays {
+            let path = first.wrapping_add(ray) as usize;
+            let reflected_mm = interfaces.list(path, constants.first_interface(), gain, &mut echoes);
+            echoes.compute(params);
+            echoes.add(1.0, f32::NEG_INFINITY, row);
+            if params.guides == 0 || reflected_mm == f32::MAX {
+                continue;
+            }
+            // The guide stands for what the path missed.
+            if !guided {
+                interfaces.list(params.guide_of(line) as usize, 1, gain, &mut guide_echoes);
+                guide_echoes.compute(params);
+                guided = true;
+            }
+            guide_echoes.add(weight, reflected_mm, row);
+        }
+    }
+}
+
+impl Interfaces<'_> {
+    /// Lists the echoes of a path from segment `first` on. Returns the range of its first reflection if the guide stands
+    /// for it from there on, else the greatest number.
+    #[inline(always)]
+    fn list(&self, path: usize, first: usize, gain: Option<LineGain<'_>>, echoes: &mut Echoes) -> f32 {
+        let (starts, segments) = self.paths.of(path);
+        let sources = &self.echoes[path * SEGMENTS as usize..][..SEGMENTS as usize];
+        let count = (self.segment_counts[path] as usize).min(sources.len());
+        let mut gains = None;
+        if let Some(gain) = gain {
+            gains = Some(InterfaceGains::new(gain, (starts, segments)));
+        }
+        let mut reflected_mm = f32::MAX;
+        echoes.count = 0;
+        for segment in first..count {
+            if gains.is_some() && reflected_mm == f32::MAX && diverted(&segments[segment]) {
+                reflected_mm = starts[segment];
+            }
+            let [amplitude, range_mm] = sources[segment];
+            if amplitude == 0.0 {
+                continue;
+            }
+            let mut ln_gain = 0.0;
+            if let (Some(gains), Some(arrived)) = (&mut gains, segment.checked_sub(1))
+                && !diverted(&segments[arrived])
+            {
+                ln_gain = gains.at(arrived);
+            }
+            let i = echoes.count;
+            (echoes.amplitude[i], echoes.ln_gain[i]) = (amplitude, ln_gain);
+            (echoes.range_mm[i], echoes.interface_mm[i]) = (range_mm, starts[segment]);
+            echoes.count = i + 1;
+        }
+        reflected_mm
+    }
+}

@@ -1,0 +1,229 @@
+//! Scatterers along the paths: complex baseband before the point-spread function.
+
+use insonify_core::simd::widened;
+use rayon::prelude::*;
+
+use super::media::Power;
+use super::power::{Powers, Stretch, seen_power};
+use super::speckle::{Block, BlockOfPath, Speckle, Strength};
+use super::texture::{PLACES, Waves};
+use crate::constants::{TEXTURE_MASK, TEXTURE_SAMPLES, TEXTURE_SHIFT};
+use crate::host::aperture::line_gain::Visibility;
+use crate::host::constants::{ImageConstants, REFLECTED_MAX, UNSCALED};
+use crate::host::paths::{BLOCK, CHUNK, Lanes, Paths, range_mm, seek};
+use crate::params::Params;
+use crate::texture::PackedTexture;
+
+/// Textures of a block.
+const BLOCK_PLACES: usize = BLOCK / TEXTURE_SAMPLES as usize;
+/// Blocks whose textures are found at once.
+const TEXTURE_BLOCKS: usize = PLACES / BLOCK_PLACES;
+
+/// Inputs of the samples besides the paths.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::host) struct Scatterers<'a> {
+    pub(in crate::host) constants: ImageConstants,
+    /// Gain of each block of samples.
+    pub(in crate::host) gain: &'a [f32],
+    /// 1/Y of the sheets for each block of samples; empty for the lattice.
+    pub(in crate::host) per_reach_mm: &'a [f32],
+    /// Textures by number − 1; empty without the effect.
+    pub(in crate::host) textures: &'a [PackedTexture],
+    /// Fields of the textures.
+    pub(in crate::host) waves: &'a Waves,
+    /// Gain along the scanlines; without it, every path loses what it meets.
+    pub(in crate::host) visibility: Option<&'a Visibility<'a>>,
+}
+
+/// Outputs of the pass.
+#[derive(Debug)]
+pub(in crate::host) struct Marched<'a> {
+    /// Complex [scanlines × row_samples]; the last batch adds to it.
+    pub(in crate::host) baseband: &'a mut [[f32; 2]],
+    /// Amplitude that came by reflections over the amplitude that the aperture sees, at the first sample of each block
+    /// [scanlines × blocks]. Filled in with the aperture.
+    pub(in crate::host) reflected: &'a mut [f32],
+    /// Powers between the batches of a frame [scanlines × row_samples]; empty if there is one batch.
+    pub(in crate::host) kept: &'a mut [[f32; 3]],
+}
+
+/// Fills in the echoes of the scatterers.
+pub(in crate::host) fn march(params: &Params, paths: Paths<'_>, scatterers: Scatterers<'_>, into: Marched<'_>) {
+    let samples = params.row_samples as usize;
+    let Marched { baseband, reflected, kept } = into;
+    let rows = baseband.par_chunks_exact_mut(samples).zip(reflected.par_chunks_exact_mut(samples / BLOCK)).enumerate();
+    if kept.is_empty() {
+        rows.for_each(|(line, (row, reflected))| {
+            march_row(params, &paths, &scatterers, line as u32, row, reflected, &mut []);
+        });
+    } else {
+        rows.zip(kept.par_chunks_exact_mut(samples)).for_each(|((line, (row, reflected)), kept)| {
+            march_row(params, &paths, &scatterers, line as u32, row, reflected, kept);
+        });
+    }
+}
+
+widened! {
+    /// One scanline.
+    fn march_row(
+        params: &Params, paths: &Paths<'_>, scatterers: &Scatterers<'_>, line: u32, row: &mut [[f32; 2]],
+        reflected: &mut [f32], kept: &mut [[f32; 3]],
+    ) = march_row_body
+}
+
+#[inline(always)]
+fn march_row_body(
+    params: &Params,
+    paths: &Paths<'_>,
+    scatterers: &Scatterers<'_>,
+    line: u32,
+    row: &mut [[f32; 2]],
+    reflected: &mut [f32],
+    kept: &mut [[f32; 3]],
+) {
+    let begins = params.layer_first == 0;
+    let ends = params.layer_first.wrapping_add(params.layer_count) == params.layers;
+    // One guide places the scatterers of all paths of a scanline; a single path is its own guide.
+    let guide = params.guide_of(line);
+    let mut powers = Powers::new();
+    let speckle = Speckle::new(params, scatterers.constants);
+    let chunks = row.as_chunks_mut::<BLOCK>().0.chunks_mut(CHUNK);
+    for (chunk, row) in chunks.enumerate() {
+        let first = (chunk * CHUNK * BLOCK) as u32;
+        powers.begin(row.len());
+        // The mean power of all rays sets their strength.
+        let weight = params.path_weight();
+        for layer in 0..params.layer_count {
+            let path = layer.wrapping_mul(params.scanlines).wrapping_add(line).wrapping_mul(params.rays);
+            for ray in 0..params.rays {
+                let stretch = Stretch { first, blocks: row.len(), weight };
+                powers.add(params, paths, [path.wrapping_add(ray), guide], stretch, scatterers.visibility.is_some());
+            }
+        }
+        powers.end(weight);
+        let mut textured = [1.0; PLACES];
+        for (i, row) in row.iter_mut().enumerate() {
+            let block = first.wrapping_add((i * BLOCK) as u32);
+            // No closure: if not inlined, it is compiled without the vector instructions.
+            let mut loudness = None;
+            if let Some(visibility) = scatterers.visibility {
+                loudness = Some(visibility.block(params, paths, line, block));
+            }
+            let mut total = powers.total(i, loudness.as_ref());
+            if let Some(kept) = kept.get_mut(block as usize..).and_then(|rest| rest.first_chunk_mut::<BLOCK>()) {
+                add_kept(&mut total, kept, begins);
+            }
+            if let (Some(loudness), Some(reflected)) = (&loudness, reflected.get_mut(block as usize / BLOCK)) {
+                // Power until the last batch.
+                *reflected = powers.reflected(i) + if begins { 0.0 } else { *reflected };
+                if ends && *reflected > 0.0 {
+                    let seen = seen_power(seek(params, paths, guide, block).1, loudness[0]);
+                    *reflected = reflected_over_seen(*reflected, seen);
+                }
+            }
+            let mut sums = [[0.0; BLOCK]; 2];
+            if ends {
+                let part = i % TEXTURE_BLOCKS;
+                if part == 0 && !scatterers.textures.is_empty() {
+                    textured = texture_gains(params, paths, guide, scatterers, block);
+                }
+                let gains = &textured[part * BLOCK_PLACES..][..BLOCK_PLACES];
+                echo(params, paths, guide, scatterers, &speckle, block, gains, &total, &mut sums);
+            }
+            for (j, out) in row.iter_mut().enumerate() {
+                // `row` already holds the echoes of earlier batches.
+                let before = if begins { [0.0; 2] } else { *out };
+                *out = [before[0] + sums[0][j], before[1] + sums[1][j]];
+            }
+        }
+    }
+}
+
+/// Ratio of two amplitudes from their powers, at most `REFLECTED_MAX`.
+#[inline(always)]
+fn reflected_over_seen(reflected: f32, seen: f32) -> f32 {
+    if seen > reflected * (1.0 / (REFLECTED_MAX * REFLECTED_MAX)) { (reflected / seen).sqrt() } else { REFLECTED_MAX }
+}
+
+/// Adds the powers of earlier batches, and keeps the sum.
+#[inline(always)]
+fn add_kept(total: &mut Power, kept: &mut [[f32; 3]; BLOCK], begins: bool) {
+    for (i, kept) in kept.iter_mut().enumerate() {
+        for (sums, kept) in total.iter_mut().zip(kept) {
+            sums[i] += if begins { 0.0 } else { *kept };
+            *kept = sums[i];
+        }
+    }
+}
+
+/// Adds the echoes of a block's scatterers to `sums`, from the power that all paths send there.
+#[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "inputs of one block")]
+fn echo(
+    params: &Params,
+    paths: &Paths<'_>,
+    guide: u32,
+    scatterers: &Scatterers<'_>,
+    speckle: &Speckle,
+    first: u32,
+    textured: &[f32],
+    power: &Power,
+    sums: &mut [Lanes; 2],
+) {
+    // Media without scatterers, shadows.
+    if power[2].iter().all(|&power| power == 0.0) {
+        return;
+    }
+    let of_block = |table: &[f32]| table.get(first as usize / BLOCK).copied().unwrap_or(0.0);
+    let mut ranges_mm = [0.0; BLOCK];
+    for (i, range) in ranges_mm.iter_mut().enumerate() {
+        *range = range_mm(params, first.wrapping_add(i as u32));
+    }
+    let mut gains = [UNSCALED * of_block(scatterers.gain); BLOCK];
+    for (gains, textured) in gains.chunks_exact_mut(TEXTURE_SAMPLES as usize).zip(textured) {
+        for gain in gains {
+            *gain *= textured;
+        }
+    }
+    let block =
+        Block { ranges_mm, per_reach_mm: of_block(scatterers.per_reach_mm), strength: Strength::new(power, &gains) };
+    speckle.echo(&block, &BlockOfPath { params, paths, path: guide, first }, sums);
+}
+
+/// Gains of some blocks by the texture of the guide's tissues, one for `TEXTURE_SAMPLES` samples.
+#[inline(always)]
+fn texture_gains(
+    params: &Params,
+    paths: &Paths<'_>,
+    guide: u32,
+    scatterers: &Scatterers<'_>,
+    first: u32,
+) -> [f32; PLACES] {
+    const MIDDLE: f32 = 0.5 * (TEXTURE_SAMPLES - 1) as f32;
+    let mut numbers = [0; PLACES];
+    let mut here_mm = [[0.0; PLACES]; 3];
+    for (i, number) in numbers.iter_mut().enumerate() {
+        let sample = first.wrapping_add(TEXTURE_SAMPLES.wrapping_mul(i as u32));
+        let &[x, y, z, _, dx, dy, dz, _, _, _, tag, _] = seek(params, paths, guide, sample).1;
+        *number = (tag.to_bits() >> TEXTURE_SHIFT & TEXTURE_MASK) as usize;
+        let at_mm = range_mm(params, sample) + MIDDLE * params.sample_spacing_mm;
+        for (axis, mm) in [x + dx * at_mm, y + dy * at_mm, z + dz * at_mm].into_iter().enumerate() {
+            here_mm[axis][i] = mm;
+        }
+    }
+    let mut gains = [1.0; PLACES];
+    for (i, &number) in numbers.iter().enumerate() {
+        // Each tissue once; most stretches hold one or two.
+        if numbers[..i].contains(&number) {
+            continue;
+        }
+        let Some(texture) = scatterers.textures.get(number.wrapping_sub(1)) else { continue };
+        let of_tissue = scatterers.waves.gains(texture, &here_mm);
+        for ((gain, of_tissue), other) in gains.iter_mut().zip(of_tissue).zip(numbers) {
+            if other == number {
+                *gain = of_tissue;
+            }
+        }
+    }
+    gains
+}

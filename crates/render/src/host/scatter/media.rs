@@ -1,0 +1,149 @@
+//! Paths of a scanline by the medium that they are in: counted, since media are few and paths many.
+
+use insonify_core::simd::real;
+
+use crate::constants::TAG_DENSITY;
+use crate::host::constants::DENSITY_ONE;
+use crate::host::paths::{BLOCK, CHUNK, Lanes, SEGMENT};
+
+/// Power of scatterers at the samples of a block: of the mean, of the deviation, and of both times the density.
+pub(super) type Power = [Lanes; 3];
+
+/// Media that are counted before they are summed.
+const MEDIA: usize = 16;
+/// Pairs of samples in a block. Two samples share a segment.
+const BLOCK_PAIRS: usize = BLOCK / 2;
+/// Pairs of samples in a chunk.
+const PAIRS: usize = CHUNK * BLOCK_PAIRS;
+
+/// Counts of the paths of a chunk in each medium.
+#[derive(Debug)]
+pub(super) struct Media {
+    /// Mean, deviation and density of each medium.
+    media: [[f32; 3]; MEDIA],
+    /// Paths that enter each medium at a pair of samples, less those that leave it.
+    changes: [[i16; PAIRS + 1]; MEDIA],
+    count: usize,
+}
+
+impl Media {
+    pub(super) const fn new() -> Self {
+        Self { media: [[0.0; 3]; MEDIA], changes: [[0; PAIRS + 1]; MEDIA], count: 0 }
+    }
+
+    /// Counts a path that is in a segment from sample `begin` to before sample `end`, both even. Without room for another
+    /// medium, those that were counted are added to `sums` with the weight of a path.
+    #[inline(always)]
+    pub(super) fn add(
+        &mut self,
+        weight: f32,
+        segment: &[f32; SEGMENT],
+        [begin, end]: [usize; 2],
+        sums: &mut [Power; CHUNK],
+    ) {
+        let [mean, deviation, tag] = [segment[8], segment[9], segment[10]];
+        let density = f32::from_bits(tag.to_bits() & TAG_DENSITY);
+        if density.to_bits() == 0 {
+            return;
+        }
+        let medium = [mean, deviation, density];
+        let same = |other: &[f32; 3]| other.map(f32::to_bits) == medium.map(f32::to_bits);
+        let known = self.media.iter().take(self.count).position(same);
+        let index = known.unwrap_or_else(|| {
+            if self.count == MEDIA {
+                self.sum(weight, sums);
+            }
+            self.media[self.count] = medium;
+            self.count += 1;
+            self.count - 1
+        });
+        let changes = &mut self.changes[index];
+        for (pair, change) in [(begin / 2, 1), (end / 2, -1)] {
+            if let Some(paths) = changes.get_mut(pair) {
+                *paths = paths.wrapping_add(change);
+            }
+        }
+    }
+
+    /// Adds the power of all counted paths to `sums`, and forgets them.
+    #[inline(always)]
+    pub(super) fn sum(&mut self, weight: f32, sums: &mut [Power; CHUNK]) {
+        for (medium, changes) in self.media.iter().zip(&mut self.changes).take(self.count) {
+            let parts = parts_of(weight, *medium).unwrap_or_default();
+            let mut paths = 0_i16;
+            for (changes, sums) in changes.as_chunks::<BLOCK_PAIRS>().0.iter().zip(&mut *sums) {
+                if paths == 0 && *changes == [0; BLOCK_PAIRS] {
+                    continue;
+                }
+                let mut within: Lanes = [0.0; BLOCK];
+                for (pair, change) in within.as_chunks_mut::<2>().0.iter_mut().zip(changes) {
+                    paths = paths.wrapping_add(*change);
+                    *pair = [f32::from(paths); 2];
+                }
+                for (sums, part) in sums.iter_mut().zip(parts) {
+                    for (sum, paths) in sums.iter_mut().zip(&within) {
+                        *sum += paths * part;
+                    }
+                }
+            }
+            changes.fill(0);
+        }
+        self.count = 0;
+    }
+}
+
+/// Weighted power of a medium's scatterers: of the mean, of the deviation, and of both times the density as a part
+/// of 1. None without scatterers.
+#[inline(always)]
+pub(super) fn parts(weight: f32, segment: &[f32; SEGMENT]) -> Option<[f32; 3]> {
+    parts_of(weight, [segment[8], segment[9], segment[10]])
+}
+
+/// [`parts`] of a medium's mean, deviation and density.
+#[inline(always)]
+fn parts_of(weight: f32, [mean, deviation, density]: [f32; 3]) -> Option<[f32; 3]> {
+    let density = density.to_bits() & TAG_DENSITY;
+    let [mean, deviation] = [weight * mean * mean, weight * deviation * deviation];
+    (density != 0).then_some([mean, deviation, (mean + deviation) * (real(density) * (1.0 / DENSITY_ONE))])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// More media than are counted at once, by paths that overlap.
+    #[test]
+    fn counted_paths_have_the_power_of_each_of_them() {
+        let segment = |number: usize| {
+            let mut segment = [0.0; SEGMENT];
+            segment[8] = 0.1 * number as f32;
+            segment[9] = 1.0 + number as f32;
+            // Media without scatterers are silent.
+            segment[10] = f32::from_bits(if number.is_multiple_of(5) { 0 } else { 1 << 10 | number as u32 });
+            segment
+        };
+        let mut media = Media::new();
+        let mut sums = [[[0.0; BLOCK]; 3]; CHUNK];
+        let mut expected = vec![[0.0_f64; 3]; CHUNK * BLOCK];
+        for path in 0..200 {
+            let segment = segment(path * 7 % 41);
+            let begin = 2 * (path * 13 % 250);
+            let end = (begin + 2 * (1 + path * 5 % 90)).min(CHUNK * BLOCK);
+            media.add(0.25, &segment, [begin, end], &mut sums);
+            let parts = parts_of(0.25, [segment[8], segment[9], segment[10]]).unwrap_or_default();
+            for sample in &mut expected[begin..end] {
+                for (sum, part) in sample.iter_mut().zip(parts) {
+                    *sum += f64::from(part);
+                }
+            }
+        }
+        media.sum(0.25, &mut sums);
+        for (sample, expected) in expected.iter().enumerate() {
+            for (part, expected) in expected.iter().enumerate() {
+                let got = f64::from(sums[sample / BLOCK][part][sample % BLOCK]);
+                assert!((got - expected).abs() <= 1.0e-5 * expected, "sample {sample}: {got} for {expected}");
+            }
+        }
+        assert!(media.changes.as_flattened().iter().all(|&change| change == 0), "changes are left");
+    }
+}

@@ -1,0 +1,179 @@
+//! Power of the scatterers along the paths of a scanline.
+
+use insonify_core::simd::{at_least, at_most, exp};
+
+use super::media::{Media, Power, parts};
+use crate::host::aperture::transmission::diverted;
+use crate::host::constants::{LN_SCALE, LN_SPECKLE_SILENT};
+use crate::host::paths::{BLOCK, CHUNK, Lanes, Paths, Run, SEGMENT, range_mm};
+use crate::params::Params;
+
+/// Scaled power at and below which scatterers are silent: e⁻⁷⁰.
+const SILENT_POWER: f32 = 3.975_449_7e-31;
+/// Largest fall of ln power per block for which a block's powers are derived from those of the block before.
+const LN_FALL_MAX: f32 = 7.0;
+/// Range of ln of the scaled powers. Lanes before the start of their segment are louder, by up to a block's fall.
+const LN_POWERS: [f32; 2] = [2.0 * (LN_SPECKLE_SILENT + LN_SCALE), 2.0 * LN_SCALE + LN_FALL_MAX];
+
+/// Run of blocks of a path, and the path's weight.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Stretch {
+    pub(super) first: u32,
+    pub(super) blocks: usize,
+    pub(super) weight: f32,
+}
+
+/// Powers of a run of blocks.
+#[derive(Debug)]
+pub(super) struct Powers {
+    /// Power by paths whose loss the aperture's gain replaces.
+    seen: [Power; CHUNK],
+    /// The same paths, not yet added.
+    media: Media,
+    /// Power by paths with their own loss, scaled.
+    traced: [Power; CHUNK],
+    /// Whether `traced` holds any.
+    diverted: bool,
+}
+
+impl Powers {
+    pub(super) const fn new() -> Self {
+        let zeros = [[[0.0; BLOCK]; 3]; CHUNK];
+        Self { seen: zeros, media: Media::new(), traced: zeros, diverted: false }
+    }
+
+    /// Clears the first blocks.
+    #[inline(always)]
+    pub(super) fn begin(&mut self, blocks: usize) {
+        self.seen[..blocks].fill([[0.0; BLOCK]; 3]);
+        self.traced[..blocks].fill([[0.0; BLOCK]; 3]);
+        self.diverted = false;
+    }
+
+    /// Adds a path. Beyond its first reflection it has its own loss, and the guide stands for what it missed.
+    #[inline(always)]
+    pub(super) fn add(
+        &mut self,
+        params: &Params,
+        paths: &Paths<'_>,
+        [path, guide]: [u32; 2],
+        stretch: Stretch,
+        aperture: bool,
+    ) {
+        let Stretch { first, blocks, .. } = stretch;
+        let last = first.wrapping_add((blocks * BLOCK) as u32);
+        let mut run = Run::new(params, paths, path, first);
+        let mut sample = first;
+        while sample < last {
+            let (segment, stop) = run.segment(params, sample, last);
+            let samples = [sample.wrapping_sub(first) as usize, stop.wrapping_sub(first) as usize];
+            if aperture && !diverted(segment) {
+                self.media.add(stretch.weight, segment, samples, &mut self.seen);
+            } else {
+                self.diverted = true;
+                self.add_traced(params, stretch, segment, samples);
+                if aperture {
+                    self.add_guide(params, paths, guide, stretch, [sample, stop]);
+                }
+            }
+            sample = stop;
+        }
+    }
+
+    /// Adds the guide's scatterers at samples where a path is on another way.
+    #[inline(always)]
+    fn add_guide(&mut self, params: &Params, paths: &Paths<'_>, guide: u32, stretch: Stretch, [from, to]: [u32; 2]) {
+        let mut run = Run::new(params, paths, guide, from);
+        let mut sample = from;
+        while sample < to {
+            let (segment, stop) = run.segment(params, sample, to);
+            let samples = [sample.wrapping_sub(stretch.first) as usize, stop.wrapping_sub(stretch.first) as usize];
+            self.media.add(stretch.weight, segment, samples, &mut self.seen);
+            sample = stop;
+        }
+    }
+
+    /// Completes the powers after the last path.
+    #[inline(always)]
+    pub(super) fn end(&mut self, weight: f32) {
+        self.media.sum(weight, &mut self.seen);
+    }
+
+    /// Adds the scatterers of a segment with its loss, scaled.
+    #[inline(always)]
+    fn add_traced(&mut self, params: &Params, stretch: Stretch, segment: &[f32; SEGMENT], [begin, end]: [usize; 2]) {
+        let (level, fall) = (segment[3], segment[7]);
+        // Skips media without scatterers, and inaudible segments.
+        let Some(parts) = parts(stretch.weight, segment) else { return };
+        if level - fall * range_mm(params, stretch.first.wrapping_add(begin as u32)) <= LN_SPECKLE_SILENT {
+            return;
+        }
+        let mut now = [0.0; BLOCK];
+        let fall_a_block = 2.0 * fall * params.sample_spacing_mm * BLOCK as f32;
+        let on = exp(-at_most(fall_a_block, LN_FALL_MAX));
+        for block in begin / BLOCK..end.div_ceil(BLOCK) {
+            if block == begin / BLOCK || fall_a_block > LN_FALL_MAX {
+                let first = stretch.first.wrapping_add((block * BLOCK) as u32);
+                for (i, now) in now.iter_mut().enumerate() {
+                    let ln_amplitude = level - fall * range_mm(params, first.wrapping_add(i as u32));
+                    *now = scaled_power(ln_amplitude);
+                }
+            }
+            let Some(sums) = self.traced.get_mut(block) else { break };
+            let (from, to) = (begin.saturating_sub(block * BLOCK) as i32, end.wrapping_sub(block * BLOCK) as i32);
+            for i in 0..BLOCK {
+                let within = (i as i32 >= from) & ((i as i32) < to) & (now[i] > SILENT_POWER);
+                let power = if within { now[i] } else { 0.0 };
+                for (sums, part) in sums.iter_mut().zip(parts) {
+                    sums[i] += part * power;
+                }
+                now[i] *= on;
+            }
+            // Amplitude falls with depth, so the first sample bounds the block.
+            if now[0] <= SILENT_POWER {
+                break;
+            }
+        }
+    }
+
+    /// Power at the first sample of a block, scaled: of the mean and the deviation that came by reflections.
+    #[inline(always)]
+    pub(super) fn reflected(&self, block: usize) -> f32 {
+        let [mean, deviation, _] = &self.traced[block];
+        if self.diverted { mean[0] + deviation[0] } else { 0.0 }
+    }
+
+    /// Power at the samples of a block, scaled; `loudness` is the aperture's gain, ln of the amplitude. Without it all
+    /// paths have their own loss.
+    #[inline(always)]
+    pub(super) fn total(&self, block: usize, loudness: Option<&Lanes>) -> Power {
+        let Some(loudness) = loudness else { return self.traced[block] };
+        let mut total = self.seen[block];
+        for i in 0..BLOCK {
+            let gain = scaled_power(loudness[i]);
+            for sums in &mut total {
+                sums[i] *= gain;
+            }
+        }
+        if self.diverted {
+            for (sums, traced) in total.iter_mut().zip(&self.traced[block]) {
+                for i in 0..BLOCK {
+                    sums[i] += traced[i];
+                }
+            }
+        }
+        total
+    }
+}
+
+/// Power of a segment's scatterers, of the mean and the deviation, that are seen with a gain, ln of the amplitude; scaled.
+#[inline(always)]
+pub(super) fn seen_power(segment: &[f32; SEGMENT], ln_gain: f32) -> f32 {
+    parts(1.0, segment).map_or(0.0, |[mean, deviation, _]| (mean + deviation) * scaled_power(ln_gain))
+}
+
+/// Power of an amplitude, scaled.
+#[inline(always)]
+fn scaled_power(ln_amplitude: f32) -> f32 {
+    exp(at_most(at_least(2.0 * (ln_amplitude + LN_SCALE), LN_POWERS[0]), LN_POWERS[1]))
+}

@@ -1,0 +1,341 @@
+//! Echoes of the scatterers at a block of samples.
+
+use insonify_core::simd::{at_least, floor, floored, pcg3d, phasor, real};
+
+use crate::constants::{CELL_MM, SHEET_FAMILIES, SHEETS};
+use crate::host::constants::{DENSITY_ONE, DEVIATE_SCALE, ImageConstants, LEAST_POWER};
+use crate::host::paths::{BLOCK, Lanes, Paths, SEGMENT, range_mm, seek};
+use crate::params::{Params, SheetFamily};
+
+/// Numbers that place a sample's scatterers.
+const PLACE: usize = 8;
+
+/// Scatterers of a block as the paths see them.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::host) struct Strength {
+    /// Mean and deviation of a scatterer's amplitude.
+    amplitude: [Lanes; 2],
+    /// Part of the cells that hold a scatterer, in 1/131072.
+    density: Lanes,
+}
+
+impl Strength {
+    /// The strength of scatterers with the given squared mean, squared deviation, and density times both, after `gains`.
+    #[inline(always)]
+    pub(in crate::host) fn new([mean2, deviation2, dense]: &[Lanes; 3], gains: &Lanes) -> Self {
+        let (mut amplitude, mut density) = ([[0.0; BLOCK]; 2], [0.0; BLOCK]);
+        // Loops: `map` of an array is a call, compiled for any processor.
+        for i in 0..BLOCK {
+            amplitude[0][i] = gains[i] * mean2[i].sqrt();
+            amplitude[1][i] = gains[i] * deviation2[i].sqrt();
+            density[i] = DENSITY_ONE * dense[i] / at_least(mean2[i] + deviation2[i], LEAST_POWER);
+        }
+        Self { amplitude, density }
+    }
+}
+
+/// Axes of the scatterers' cells, for segments of the guide.
+#[derive(Debug, Clone, Copy, Default)]
+struct View {
+    axes: [[f32; 3]; 3],
+    /// Factor of the range per cell along the last two axes.
+    range: f32,
+}
+
+impl View {
+    /// Origin and step of a segment along each axis, then the range per cell along the last two.
+    #[inline(always)]
+    fn of(&self, segment: &[f32; SEGMENT]) -> [f32; PLACE] {
+        let &[x, y, z, _, dx, dy, dz, ..] = segment;
+        let along = |axis: &[f32; 3], [x, y, z]: [f32; 3]| axis[0] * x + axis[1] * y + axis[2] * z;
+        let per_step = self.range / at_least(dx * dx + dy * dy + dz * dz, 1.0e-12);
+        let [a, b, c] = &self.axes;
+        let (origin, step) = ([x, y, z], [dx, dy, dz]);
+        let [first, second] = [along(b, step), along(c, step)];
+        [
+            along(a, origin),
+            along(a, step),
+            along(b, origin),
+            first,
+            along(c, origin),
+            second,
+            first * per_step,
+            second * per_step,
+        ]
+    }
+}
+
+/// The samples of a block on a path.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::host) struct BlockOfPath<'a> {
+    pub(in crate::host) params: &'a Params,
+    pub(in crate::host) paths: &'a Paths<'a>,
+    pub(in crate::host) path: u32,
+    /// First sample.
+    pub(in crate::host) first: u32,
+}
+
+impl BlockOfPath<'_> {
+    /// [`View::of`] of each sample's segment. Two samples share a segment.
+    #[inline(always)]
+    fn seen(&self, view: &View) -> [Lanes; PLACE] {
+        let Self { params, paths, path, first } = *self;
+        let (end_mm, segment) = seek(params, paths, path, first);
+        let mut lanes = [[0.0; BLOCK]; PLACE];
+        if range_mm(params, first.wrapping_add(BLOCK as u32 - 2)) < end_mm {
+            for (lane, place) in lanes.iter_mut().zip(view.of(segment)) {
+                *lane = [place; BLOCK];
+            }
+            return lanes;
+        }
+        for pair in 0..BLOCK / 2 {
+            let segment = seek(params, paths, path, first.wrapping_add(2 * pair as u32)).1;
+            for (lane, place) in lanes.iter_mut().zip(view.of(segment)) {
+                lane[2 * pair] = place;
+                lane[2 * pair + 1] = place;
+            }
+        }
+        lanes
+    }
+}
+
+/// A family of sheets, in units of its spacing and of cells.
+#[derive(Debug, Clone, Copy, Default)]
+struct Family {
+    view: View,
+    /// Cells along both axes of a sheet per sheet, on an elevational line.
+    drift: [f32; 2],
+    /// Distance between the sheets along an elevational line, mm.
+    pitch_mm: f32,
+    share: f32,
+    salt: u32,
+    /// Scatterers of a cell.
+    scatterers: u32,
+}
+
+/// Cells of one sheet at a block's samples.
+#[derive(Debug, Clone, Copy, Default)]
+struct Met {
+    weight: Lanes,
+    /// From the sample to the cell's corner, cells.
+    ahead: [Lanes; 2],
+    /// Random words of the cell.
+    bits: [[u32; BLOCK]; 3],
+    /// Range of the scatterer, mm.
+    range_mm: Lanes,
+}
+
+impl Met {
+    /// Selects each cell's scatterer whose range is nearest to the sample's. Each lies in its own quarter; two lie in opposite
+    /// quarters. The last argument is the range per cell along both axes.
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "several arrays go together")]
+    fn choose_nearest(
+        &mut self,
+        [scatterers, stride]: [u32; 2],
+        ranges_mm: &Lanes,
+        [first_mm, second_mm]: [&Lanes; 2],
+    ) {
+        let (mut nearest, mut ahead_mm) = ([0; BLOCK], [f32::MAX; BLOCK]);
+        for quarter in 0..scatterers {
+            let corner = [(quarter ^ quarter >> 1) & 1, quarter & 1].map(|half| 0.5 * real(half));
+            for i in 0..BLOCK {
+                let place = self.bits[1][i].wrapping_add(quarter.wrapping_mul(self.bits[0][i].wrapping_mul(stride)));
+                let first = self.ahead[0][i] + (corner[0] + 0.5 * offset(place, 0));
+                let second = self.ahead[1][i] + (corner[1] + 0.5 * offset(place, 10));
+                let along_mm = first * first_mm[i] + second * second_mm[i];
+                let nearer = along_mm.abs() < ahead_mm[i].abs();
+                nearest[i] = if nearer { quarter } else { nearest[i] };
+                ahead_mm[i] = if nearer { along_mm } else { ahead_mm[i] };
+            }
+        }
+        for i in 0..BLOCK {
+            self.range_mm[i] = ranges_mm[i] + ahead_mm[i];
+            let [presence, place, amplitude] = [self.bits[0][i], self.bits[1][i], self.bits[2][i]];
+            self.bits[0][i] = presence.wrapping_add(nearest[i].wrapping_mul(amplitude));
+            self.bits[2][i] = amplitude.wrapping_add(nearest[i].wrapping_mul(place.wrapping_mul(stride)));
+        }
+    }
+}
+
+/// A block of samples.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::host) struct Block {
+    /// Range of each sample, mm.
+    pub(in crate::host) ranges_mm: Lanes,
+    /// 1/Y: sheets within ±Y count, 1/mm.
+    pub(in crate::host) per_reach_mm: f32,
+    pub(in crate::host) strength: Strength,
+}
+
+/// Scatterers of a frame: sheets of them, or one per cell of the lattice.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::host) struct Speckle {
+    phase_turns_per_mm: f32,
+    families: [Family; SHEET_FAMILIES as usize],
+    /// Number of `families`; 0 for the lattice.
+    count: usize,
+    /// Sheets looked up to one side of a sample.
+    to_a_side: f32,
+    /// See [`SCATTERER_STRIDE`](crate::constants::SCATTERER_STRIDE).
+    stride: u32,
+}
+
+impl Speckle {
+    /// The scatterers of a frame.
+    #[inline(always)]
+    pub(in crate::host) fn new(params: &Params, constants: ImageConstants) -> Self {
+        let spacing_mm = params.sheet_spacing_mm;
+        let per_sheet = 1.0 / at_least(spacing_mm, f32::MIN_POSITIVE);
+        let family = |f: &SheetFamily| {
+            let per_cell = 1.0 / at_least(f.cell_mm, f32::MIN_POSITIVE);
+            Family {
+                view: View {
+                    axes: [scaled(f.normal, per_sheet), scaled(f.first, per_cell), scaled(f.second, per_cell)],
+                    range: f.cell_mm * f.cell_mm,
+                },
+                drift: [f.first[3], f.second[3]].map(|way| way * (spacing_mm * per_cell)),
+                pitch_mm: spacing_mm * f.normal[3],
+                share: f.share,
+                salt: f.salt,
+                scatterers: f.cell_scatterers,
+            }
+        };
+        Self {
+            phase_turns_per_mm: params.phase_turns_per_mm,
+            families: params.sheets.each_ref().map(family),
+            count: params.sheet_families as usize,
+            to_a_side: constants.sheets_to_a_side(),
+            stride: constants.scatterer_stride(),
+        }
+    }
+
+    /// Adds the echoes of a block to `sums`. `guide` places its samples.
+    #[inline(always)]
+    pub(in crate::host) fn echo(&self, block: &Block, guide: &BlockOfPath<'_>, sums: &mut [Lanes; 2]) {
+        if self.count == 0 {
+            const MM: View = View { axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], range: 1.0 };
+            self.lattice(block, &guide.seen(&MM), sums);
+        }
+        for family in self.families.iter().take(self.count) {
+            self.sheets(family, block, &guide.seen(&family.view), sums);
+        }
+    }
+
+    /// Adds the echo of each sample's cell of the lattice.
+    #[inline(always)]
+    fn lattice(&self, block: &Block, places: &[Lanes; PLACE], sums: &mut [Lanes; 2]) {
+        let [x0, dx, y0, dy, z0, dz, ..] = places;
+        const CELL: f32 = CELL_MM as f32;
+        let per_mm = 1.0 / CELL;
+        for i in 0..BLOCK {
+            let range_mm = block.ranges_mm[i];
+            let here = [x0[i] + dx[i] * range_mm, y0[i] + dy[i] * range_mm, z0[i] + dz[i] * range_mm];
+            let cell = here.map(|x| floor(x * per_mm));
+            let bits = pcg3d(cell.map(|c| c as u32));
+            // Place of the scatterer in its cell: three times ten bits.
+            let ahead = |axis: usize| (cell[axis] as f32 + offset(bits[1], 10 * axis as u32)) * CELL - here[axis];
+            let along = ahead(0) * dx[i] + ahead(1) * dy[i] + ahead(2) * dz[i];
+            let ahead_mm = along / at_least(dx[i] * dx[i] + dy[i] * dy[i] + dz[i] * dz[i], 1.0e-12);
+            let echo = self.scatterer(bits, range_mm + ahead_mm, &block.strength, i);
+            sums[0][i] += echo[0];
+            sums[1][i] += echo[1];
+        }
+    }
+
+    /// Adds the echoes where the samples' elevational lines meet the sheets of a family.
+    ///
+    /// Short loops: their iterations overlap in the processor, a loop of the whole look-up would wait for each.
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "several arrays go together")]
+    fn sheets(&self, family: &Family, block: &Block, places: &[Lanes; PLACE], sums: &mut [Lanes; 2]) {
+        let [across0, across_step, first0, first_step, second0, second_step, first_mm, second_mm] = places;
+        let mut at = [[0.0; BLOCK]; 3];
+        for i in 0..BLOCK {
+            let range_mm = block.ranges_mm[i];
+            at[0][i] = across0[i] + across_step[i] * range_mm;
+            at[1][i] = first0[i] + first_step[i] * range_mm;
+            at[2][i] = second0[i] + second_step[i] * range_mm;
+        }
+        let mut met = [Met::default(); SHEETS as usize];
+        for (slot, met) in (1u32..).zip(&mut met) {
+            for i in 0..BLOCK {
+                let (below, number) = floored(at[0][i] - self.to_a_side);
+                let off = below + slot as i32 as f32 - at[0][i];
+                let cells = [at[1][i] + off * family.drift[0], at[2][i] + off * family.drift[1]];
+                let [first, second] = cells.map(floored);
+                let sheet = number.wrapping_add(slot).wrapping_add(family.salt);
+                let bits = pcg3d([first.1, second.1, sheet]);
+                // Distance along the elevational axis over Y.
+                let y = off * (family.pitch_mm * block.per_reach_mm);
+                let bell = at_least(1.0 - y * y, 0.0);
+                met.weight[i] = bell * bell;
+                met.ahead[0][i] = first.0 - cells[0];
+                met.ahead[1][i] = second.0 - cells[1];
+                met.bits[0][i] = bits[0];
+                met.bits[1][i] = bits[1];
+                met.bits[2][i] = bits[2];
+            }
+        }
+        for met in &mut met {
+            if family.scatterers > 1 {
+                met.choose_nearest([family.scatterers, self.stride], &block.ranges_mm, [first_mm, second_mm]);
+                continue;
+            }
+            for i in 0..BLOCK {
+                let place = met.bits[1][i];
+                let along = [met.ahead[0][i] + offset(place, 0), met.ahead[1][i] + offset(place, 10)];
+                let ahead_mm = along[0] * first_mm[i] + along[1] * second_mm[i];
+                met.range_mm[i] = block.ranges_mm[i] + ahead_mm;
+            }
+        }
+        let (mut echoes, mut squares) = ([[0.0; BLOCK]; 2], [0.0; BLOCK]);
+        for met in &met {
+            for i in 0..BLOCK {
+                let bits = [met.bits[0][i], met.bits[1][i], met.bits[2][i]];
+                let echo = self.scatterer(bits, met.range_mm[i], &block.strength, i);
+                echoes[0][i] += met.weight[i] * echo[0];
+                echoes[1][i] += met.weight[i] * echo[1];
+                squares[i] += met.weight[i] * met.weight[i];
+            }
+        }
+        for i in 0..BLOCK {
+            let scale = family.share / at_least(squares[i], 1.0e-12).sqrt();
+            sums[0][i] += scale * echoes[0][i];
+            sums[1][i] += scale * echoes[1][i];
+        }
+    }
+
+    /// Echo of the scatterer with the random words `bits` at a range, for sample `i` of a block.
+    #[inline(always)]
+    fn scatterer(&self, [presence, _, amplitude]: [u32; 3], range_mm: f32, strength: &Strength, i: usize) -> [f32; 2] {
+        // The scatterer's own range sets the phase, whichever sample finds its cell.
+        let turn = phasor(-self.phase_turns_per_mm * range_mm);
+        let [mean, deviation] = [strength.amplitude[0][i], strength.amplitude[1][i]];
+        let deviate = deviate(amplitude);
+        let part = [mean + deviation * deviate[0], deviation * deviate[1]];
+        let there = if real(presence >> 15) < strength.density[i] { 1.0 } else { 0.0 };
+        let part = [there * part[0], there * part[1]];
+        [part[0] * turn[0] - part[1] * turn[1], part[0] * turn[1] + part[1] * turn[0]]
+    }
+}
+
+/// Place of a scatterer in its cell: ten bits of its random word.
+#[inline(always)]
+fn offset(bits: u32, shift: u32) -> f32 {
+    (real(bits >> shift & 1023) + 0.5) * (1.0 / 1024.0)
+}
+
+/// A complex number of mean 0 and mean square 1: each part is a sum of four nibbles.
+#[inline(always)]
+pub(in crate::host) fn deviate(bits: u32) -> [f32; 2] {
+    let pairs = (bits & 0x0f0f_0f0f).wrapping_add(bits >> 4 & 0x0f0f_0f0f);
+    // No sum of four reaches the next byte.
+    let sums = pairs.wrapping_add(pairs >> 8);
+    [sums, sums >> 16].map(|sum| (real(sum & 255) - 30.0) * DEVIATE_SCALE)
+}
+
+#[inline(always)]
+fn scaled([x, y, z, _]: [f32; 4], by: f32) -> [f32; 3] {
+    [x * by, y * by, z * by]
+}

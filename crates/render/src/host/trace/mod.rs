@@ -1,0 +1,129 @@
+//! The passes `locate` and `trace`: paths through the scene, in bundles of neighbours over all cores.
+
+mod bundle;
+mod candidates;
+mod depart;
+mod hull;
+pub(super) mod interface;
+mod interface_batch;
+mod meeting;
+pub(super) mod membership;
+pub(super) mod packet;
+pub(super) mod path;
+pub(super) mod path_outputs;
+mod path_record;
+mod path_start;
+mod path_state;
+pub(super) mod search;
+mod stream;
+pub(super) mod traverse;
+pub(super) mod tree;
+
+use std::ops::Range;
+
+use crate::params::Params;
+use bundle::Bundle;
+use path::Scene;
+use path_outputs::PathOutputs;
+
+/// Parallel tasks per thread, so that none waits long for the last one.
+const TASKS_A_THREAD: usize = 16;
+
+/// Function that follows paths from an index on into the outputs; returns the number of crossings lost.
+pub(in crate::host) type Follow = fn(&Scene<'_>, usize, &mut Outputs<'_>) -> u32;
+
+/// Outputs of a run of paths.
+#[derive(Debug)]
+pub(in crate::host) struct Outputs<'a> {
+    paths: PathOutputs<'a>,
+    /// Outputs of their guides, if each path is the only one of its scanline.
+    guides: Option<PathOutputs<'a>>,
+}
+
+impl Outputs<'_> {
+    /// The first `paths` paths, and the rest.
+    fn split_at(self, paths: usize) -> (Self, Self) {
+        let (low, high) = self.paths.split_at(paths);
+        let (guides_low, guides_high) = self.guides.map(|guides| guides.split_at(paths)).unzip();
+        (Self { paths: low, guides: guides_low }, Self { paths: high, guides: guides_high })
+    }
+}
+
+/// Follows the paths of a batch and its guides, split over the cores in whole bundles; returns the number of crossings
+/// that found no room.
+///
+/// Outputs of a path depend on that path alone, unless there are more crossings behind its start than fit: which ones
+/// are lost depends on its neighbours.
+pub(in crate::host) fn trace(scene: &Scene<'_>, follow: Follow, out: PathOutputs<'_>) -> u32 {
+    let Params { guides, scanlines, .. } = *scene.params;
+    // With the aperture a guide passes every interface: it is the scanline's only path up to that path's reflection.
+    if guides > 0 && scene.effects.aperture && scene.params.single() {
+        let (paths, guides) = out.split_at(scanlines as usize);
+        over_cores(scene, follow, 0..paths.paths(), Outputs { paths, guides: Some(guides) })
+    } else {
+        over_cores(scene, follow, 0..out.paths(), Outputs { paths: out, guides: None })
+    }
+}
+
+fn over_cores(scene: &Scene<'_>, follow: Follow, paths: Range<usize>, out: Outputs<'_>) -> u32 {
+    let a_task = (paths.len() / (TASKS_A_THREAD * rayon::current_num_threads())).max(Bundle::PATHS);
+    in_tasks(scene, follow, paths, out, a_task)
+}
+
+/// Follows paths in tasks of up to `a_task` paths: each has working memory of its own.
+fn in_tasks(scene: &Scene<'_>, follow: Follow, paths: Range<usize>, mut out: Outputs<'_>, a_task: usize) -> u32 {
+    if paths.len() <= a_task {
+        return follow(scene, paths.start, &mut out);
+    }
+    let half = (paths.len() / 2).next_multiple_of(Bundle::PATHS);
+    let middle = paths.start + half;
+    let (low, high) = out.split_at(half);
+    let (a, b) = rayon::join(
+        || in_tasks(scene, follow, paths.start..middle, low, a_task),
+        || in_tasks(scene, follow, middle..paths.end, high, a_task),
+    );
+    a + b
+}
+
+/// Follows a run of paths, with the instruction set of the function that it is inlined into.
+#[inline(always)]
+fn follow_run(scene: &Scene<'_>, first: usize, out: &mut Outputs<'_>) -> u32 {
+    let mut bundle = Bundle::new();
+    let mut lost = 0;
+    for i in (0..out.paths.paths()).step_by(Bundle::PATHS) {
+        let count = Bundle::PATHS.min(out.paths.paths() - i);
+        lost += bundle.follow(scene, first + i..first + i + count);
+        for (path, record) in bundle.records(count).enumerate() {
+            out.paths.write(i + path, record);
+        }
+        if let Some(guides) = &mut out.guides {
+            lost += bundle.follow_guides(scene, count);
+            for (path, record) in bundle.records(count).enumerate() {
+                guides.write(i + path, record);
+            }
+        }
+    }
+    lost
+}
+
+/// [`follow_run`] with AVX2, bit-identical. AVX-512 is slower here; only interfaces use it.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+fn follow_avx2(scene: &Scene<'_>, first: usize, out: &mut Outputs<'_>) -> u32 {
+    follow_run(scene, first, out)
+}
+
+/// The fastest function that this processor runs.
+pub(in crate::host) fn fastest() -> Follow {
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx2")
+        && is_x86_feature_detected!("bmi1")
+        && is_x86_feature_detected!("bmi2")
+        && is_x86_feature_detected!("lzcnt")
+        && is_x86_feature_detected!("popcnt")
+    {
+        // SAFETY: the processor has every feature that the function is compiled for.
+        return |scene, first, out| unsafe { follow_avx2(scene, first, out) };
+    }
+    follow_run
+}
