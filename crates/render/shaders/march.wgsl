@@ -3,7 +3,7 @@
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> starts: array<f32>;
-@group(0) @binding(2) var<storage, read> segments: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> segments: array<Segment>;
 @group(0) @binding(3) var<storage, read> hints: array<u32>;
 // Gain of the scatterers, one for each block of DEPTH_BLOCK samples.
 @group(0) @binding(4) var<uniform> scatterer_gain: array<vec4<f32>, BLOCK_QUADS>;
@@ -36,9 +36,7 @@ const RUN: u32 = 8u;
 var<private> path: u32;
 var<private> at: u32;
 var<private> ends_mm: f32;
-var<private> s0: vec4<f32>;
-var<private> s1: vec4<f32>;
-var<private> s2: vec4<f32>;
+var<private> current: Segment;
 
 // Loads the segment of path `chosen` that holds a sample. Samples of one path must come in ascending order.
 fn seek(chosen: u32, sample: u32, range_mm: f32) {
@@ -56,17 +54,15 @@ fn seek(chosen: u32, sample: u32, range_mm: f32) {
             at++;
             ends_mm = starts[path * STARTS + at + 1u];
         }
-        let slot = 3u * (path * SEGMENTS + at);
-        s0 = segments[slot];
-        s1 = segments[slot + 1u];
-        s2 = segments[slot + 2u];
+        current = segments[path * SEGMENTS + at];
     }
 }
 
 // Power of the current segment's scatterers: mean, deviation, and both times the density as a part of 1.
 fn scatterer_power() -> vec3<f32> {
-    let density = f32(i32(bitcast<u32>(s2.z) & TAG_DENSITY)) * (1.0 / DENSITY_ONE);
-    let power = s2.xy * s2.xy;
+    let density = f32(i32(current.scatterers & TAG_DENSITY)) * (1.0 / DENSITY_ONE);
+    let amplitude = vec2<f32>(current.scatterer_mean, current.scatterer_deviation);
+    let power = amplitude * amplitude;
     return select(vec3<f32>(0.0), vec3<f32>(power, (power.x + power.y) * density), density > 0.0);
 }
 
@@ -77,13 +73,13 @@ fn scaled_power(ln_amplitude: f32) -> f32 {
 
 // Power of an own loss, scaled; 0 where nothing is heard.
 fn own_power(range_mm: f32) -> f32 {
-    let ln_amplitude = s0.w - s1.w * range_mm;
+    let ln_amplitude = current.ln_amplitude_at_zero - current.fall_np_mm * range_mm;
     return select(0.0, scaled_power(ln_amplitude), ln_amplitude > LN_SPECKLE_SILENT);
 }
 
 // Echo of the scatterers of a power at a range on the current path.
 fn echo_at(range_mm: f32, power: vec3<f32>, gain: f32, per_reach_mm: f32) -> vec2<f32> {
-    let place = Place(s0.xyz + s1.xyz * range_mm, s1.xyz, range_mm);
+    let place = Place(current.origin_mm + current.step * range_mm, current.step, range_mm);
     // Where media meet, their densities are averaged by power.
     let density = DENSITY_ONE * power.z / max(power.x + power.y, LEAST_POWER);
     let strength = Strength(gain * sqrt(power.x), gain * sqrt(power.y), density);
@@ -128,7 +124,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         // Two samples share a segment: that of the first.
         seek(guide, first + (i & ~1u), range_of(first + (i & ~1u)));
         guided[i >> 1u] = scatterer_power();
-        seen[i] = scaled_power(scatterer_gain_at(line, range_mm, 0.5 * (s1.w * range_mm - s2.w)));
+        seen[i] = scaled_power(scatterer_gain_at(line, range_mm, 0.5 * (current.fall_np_mm * range_mm - current.ln_passed_at_zero)));
     }
     // The mean power of all rays sets their strength. Samples restart here, so the current segment is reset.
     path = 0xffffffffu;
@@ -154,7 +150,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                 let range_mm = range_of(first + i);
                 seek((layer * params.line_count + id.y) * params.rays + ray, first + i, range_mm);
                 let here = weight * scatterer_power();
-                if APERTURE && (bitcast<u32>(s2.z) & DIVERTED) == 0u {
+                if APERTURE && (current.scatterers & DIVERTED) == 0u {
                     power[i] += seen[i] * here;
                     power[i + 1u] += seen[i + 1u] * here;
                 } else {
@@ -182,10 +178,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let sample = first + i * TEXTURE_SAMPLES;
         if TEXTURE {
             seek(guide, sample, range_of(sample));
-            let number = (bitcast<u32>(s2.z) >> TEXTURE_SHIFT) & TEXTURE_MASK;
+            let number = (current.scatterers >> TEXTURE_SHIFT) & TEXTURE_MASK;
             if number > 0u {
                 let at_mm = range_of(sample) + 0.5 * f32(TEXTURE_SAMPLES - 1u) * params.sample_spacing_mm;
-                textured[i] = texture_gain(textures[number - 1u], s0.xyz + s1.xyz * at_mm);
+                textured[i] = texture_gain(textures[number - 1u], current.origin_mm + current.step * at_mm);
             }
         }
     }

@@ -13,11 +13,7 @@
 @group(0) @binding(7) var<uniform> tissues: array<Tissue, TISSUES_MAX>;
 // Range at which each segment starts, mm; after the last one, a range beyond every sample.
 @group(0) @binding(8) var<storage, read_write> starts: array<f32>;
-// Three vectors per segment, linear in the range ρ in mm: [scatterer position at ρ = 0, mm | ln amplitude at 0],
-// [its step per mm of range | fall of ln amplitude per mm], [scatterer mean, deviation, density | tag, ln passed].
-// ln passed is the ln amplitude at ρ = 0 of a wave that passes every interface. Behind a reflection the density has the
-// bit DIVERTED, and ln passed is that just behind the interface.
-@group(0) @binding(9) var<storage, read_write> segments: array<vec4<f32>>;
+@group(0) @binding(9) var<storage, read_write> segments: array<Segment>;
 // Amplitude and range (mm) of the echo of the interface that a segment begins at.
 @group(0) @binding(10) var<storage, read_write> echoes: array<vec2<f32>>;
 @group(0) @binding(11) var<storage, read_write> segment_counts: array<u32>;
@@ -167,12 +163,14 @@ fn trace_path(path: u32) {
         let fall = tissue.attenuation_np_mm * seen_path_per_range;
         if is_writer() {
             starts[path * STARTS + count] = range_mm;
-            segments[3u * at] = vec4<f32>(origin - carried_mm - step * range_mm, ln_amplitude + ln_scatter + fall * range_mm);
-            segments[3u * at + 1u] = vec4<f32>(step, fall);
-            segments[3u * at + 2u] = vec4<f32>(
+            segments[at] = Segment(
+                origin - carried_mm - step * range_mm,
+                ln_amplitude + ln_scatter + fall * range_mm,
+                step,
+                fall,
                 tissue.scatterer_mean,
                 tissue.scatterer_deviation,
-                bitcast<f32>(TAG | select(0u, DIVERTED, is_diverted) | tissue.scatterers),
+                TAG | select(0u, DIVERTED, is_diverted) | tissue.scatterers,
                 ln_passed + fall * select(range_mm, 0.0, is_diverted));
             echoes[at] = vec2<f32>(echo, echo_range_mm);
         }

@@ -5,7 +5,7 @@
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> starts: array<f32>;
-@group(0) @binding(2) var<storage, read> segments: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> segments: array<Segment>;
 @group(0) @binding(3) var<uniform> aperture: Aperture;
 // Rays of each cell: the first, the distance to the next, their number, and the parts of the first and of the last ray
 // within the cell.
@@ -43,7 +43,7 @@ fn path_loss(path: u32, guide: u32, at: u32, range_mm: f32) -> f32 {
         return loss_on(path, at, range_mm);
     }
     let reflected_mm = starts[path * STARTS + at];
-    let reflected_np = -0.5 * segments[3u * (path * SEGMENTS + at) + 2u].w;
+    let reflected_np = -0.5 * segments[path * SEGMENTS + at].ln_passed_at_zero;
     let before = segment_from(guide, 0u, reflected_mm);
     let here = segment_from(guide, before, max(range_mm, reflected_mm));
     return reflected_np + (loss_on(guide, here, range_mm) - loss_on(guide, before, reflected_mm));
@@ -51,7 +51,7 @@ fn path_loss(path: u32, guide: u32, at: u32, range_mm: f32) -> f32 {
 
 // Range that a segment gains over depth, mm per mm of range: 0 in hard media, which sound has passed beside.
 fn delay_rate(path: u32, at: u32, stretch: f32) -> f32 {
-    let rate = 1.0 - length(segments[3u * (path * SEGMENTS + at) + 1u].xyz) / stretch;
+    let rate = 1.0 - length(segments[path * SEGMENTS + at].step) / stretch;
     return select(0.0, rate, abs(rate) >= DELAY_MIN && abs(rate) <= HARD_SPEED);
 }
 

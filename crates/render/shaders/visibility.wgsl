@@ -7,7 +7,7 @@
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> starts: array<f32>;
-@group(0) @binding(2) var<storage, read> segments: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> segments: array<Segment>;
 @group(0) @binding(3) var<uniform> aperture: Aperture;
 // Place of each scanline, in cells.
 @group(0) @binding(4) var<storage, read> line_cells: array<f32>;

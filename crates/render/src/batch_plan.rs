@@ -2,6 +2,7 @@
 
 use super::constants::SEGMENTS;
 use super::params::Params;
+use super::segment::Segment;
 
 /// Least size of a buffer of segments, bytes: within the 128 MiB that every device binds.
 pub(crate) const SEGMENT_BYTES_LEAST: u64 = 96 << 20;
@@ -17,7 +18,7 @@ pub(crate) struct BatchPlan {
 }
 
 /// Memory of the segments of a path, bytes.
-const PATH_BYTES: u64 = SEGMENTS as u64 * 48;
+const PATH_BYTES: u64 = SEGMENTS as u64 * size_of::<Segment>() as u64;
 
 impl BatchPlan {
     /// Split of a frame into whole layers: as many as fit into the least buffer, or one.

@@ -61,6 +61,7 @@ pub mod plan;
 mod preset;
 mod receiver;
 mod renderer;
+mod segment;
 mod shared_tables;
 mod sheet_cells;
 mod sheets;

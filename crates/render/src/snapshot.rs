@@ -4,13 +4,12 @@ use glam::{DVec2, DVec3, Vec3};
 use insonify_core::anatomy::bvh::Moved;
 
 use super::configuration::FrameInputs;
-use super::constants::{
-    DIVERTED, ENTRIES, HINT_BLOCK, SEGMENTS, STARTS, TAG_DENSITY, TEXTURE_MASK, TEXTURE_SHIFT, TISSUE_MASK,
-};
+use super::constants::{ENTRIES, HINT_BLOCK, SEGMENTS, STARTS, TISSUE_MASK};
 use super::frame::unpad;
+use super::segment::Segment;
 use super::twin::{
-    Aperture, BlockGain, Boundary, Inputs, Launched, Membership, Motion, Node, Path, Profile, RasterPoint, Run,
-    Sections, Segment, Transmission,
+    self, Aperture, BlockGain, Boundary, Inputs, Launched, Membership, Motion, Node, Path, Profile, RasterPoint, Run,
+    Sections, Transmission,
 };
 
 /// Outputs of every pass of one frame, in the layouts of the shaders; images without their padding.
@@ -19,7 +18,7 @@ pub(super) struct PassBuffers {
     pub(super) starts_inside: Vec<[u32; 8]>,
     pub(super) couplings: Vec<f32>,
     pub(super) starts: Vec<f32>,
-    pub(super) segments: Vec<[f32; 12]>,
+    pub(super) segments: Vec<Segment>,
     pub(super) echoes: Vec<[f32; 2]>,
     pub(super) segment_counts: Vec<u32>,
     pub(super) hints: Vec<u32>,
@@ -260,20 +259,20 @@ fn launches_from(buffers: &PassBuffers) -> Vec<Launched> {
 fn path_from(buffers: &PassBuffers, path: usize) -> Path {
     let segment = |i: usize| {
         let slot = path * SEGMENTS as usize + i;
-        let [x, y, z, level, dx, dy, dz, fall, mean, deviation, density, passed] = buffers.segments[slot];
+        let segment = &buffers.segments[slot];
         let [echo, echo_range_mm] = buffers.echoes[slot].map(f64::from);
-        Segment {
+        twin::Segment {
             start_mm: buffers.starts[path * STARTS as usize + i].into(),
-            origin_mm: Vec3::new(x, y, z).as_dvec3(),
-            step: Vec3::new(dx, dy, dz).as_dvec3(),
-            ln_amplitude_at_zero: level.into(),
-            fall_np_mm: fall.into(),
-            scatterer_mean: mean.into(),
-            scatterer_deviation: deviation.into(),
-            scatterer_density: density.to_bits() & TAG_DENSITY,
-            texture: (density.to_bits() >> TEXTURE_SHIFT & TEXTURE_MASK) as usize,
-            diverted: density.to_bits() & DIVERTED != 0,
-            ln_passed_at_zero: passed.into(),
+            origin_mm: Vec3::from(segment.origin_mm).as_dvec3(),
+            step: Vec3::from(segment.step).as_dvec3(),
+            ln_amplitude_at_zero: segment.ln_amplitude_at_zero.into(),
+            fall_np_mm: segment.fall_np_mm.into(),
+            scatterer_mean: segment.scatterer_mean.into(),
+            scatterer_deviation: segment.scatterer_deviation.into(),
+            scatterer_density: segment.scatterer_density(),
+            texture: segment.texture(),
+            diverted: segment.diverted(),
+            ln_passed_at_zero: segment.ln_passed_at_zero.into(),
             echo,
             echo_range_mm,
         }

@@ -1,13 +1,13 @@
 // Loss along traced paths, one-way nepers.
 
 fn diverted(path: u32, at: u32) -> bool {
-    return (bitcast<u32>(segments[3u * (path * SEGMENTS + at) + 2u].z) & DIVERTED) != 0u;
+    return (segments[path * SEGMENTS + at].scatterers & DIVERTED) != 0u;
 }
 
 // Loss at a range on a segment that no reflection came before.
 fn loss_on(path: u32, at: u32, range_mm: f32) -> f32 {
-    let slot = 3u * (path * SEGMENTS + at);
-    return 0.5 * (segments[slot + 1u].w * range_mm - segments[slot + 2u].w);
+    let slot = path * SEGMENTS + at;
+    return 0.5 * (segments[slot].fall_np_mm * range_mm - segments[slot].ln_passed_at_zero);
 }
 
 // Segment that holds a range, from segment `first` on.

@@ -26,6 +26,7 @@ macro_rules! pass {
     ($name:literal of $file:literal $(, $shared:literal)*) => {
         ($name, concat!(
             include_str!("../../shaders/shared/params.wgsl"),
+            include_str!("../../shaders/shared/segment.wgsl"),
             $(include_str!(concat!("../../shaders/shared/", $shared, ".wgsl")),)*
             include_str!(concat!("../../shaders/", $file, ".wgsl")),
         ))

@@ -4,6 +4,7 @@ use insonify_core::simd::real;
 
 use crate::constants::{DEPTH_BLOCK, HINT_BLOCK, SEGMENTS, STARTS};
 use crate::params::Params;
+use crate::segment::Segment;
 
 /// Samples per block, which share a gain.
 pub(super) const BLOCK: usize = DEPTH_BLOCK as usize;
@@ -11,30 +12,28 @@ pub(super) const BLOCK: usize = DEPTH_BLOCK as usize;
 pub(super) const CHUNK: usize = 32;
 /// One number per sample of a block.
 pub(super) type Lanes = [f32; BLOCK];
-/// Numbers per segment.
-pub(super) const SEGMENT: usize = 12;
 
 /// Traced paths of a batch: the outputs of `trace`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Paths<'a> {
     /// Start of each segment, mm of range [paths × STARTS].
     pub(super) starts: &'a [f32],
-    /// Origin and ln amplitude; step and fall; mean, deviation, density, ln of what passes [paths × SEGMENTS].
-    pub(super) segments: &'a [[f32; SEGMENT]],
+    /// Segments of each path, nearest first [paths × SEGMENTS].
+    pub(super) segments: &'a [Segment],
     /// Segments that hold the first samples of hint blocks, four per word [paths × hint_words].
     pub(super) hints: &'a [u32],
 }
 
 impl<'a> Paths<'a> {
     /// Starts and segments of a path.
-    pub(super) fn of(&self, path: usize) -> (&'a [f32], &'a [[f32; 12]]) {
+    pub(super) fn of(&self, path: usize) -> (&'a [f32], &'a [Segment]) {
         let (starts, segments) = (STARTS as usize, SEGMENTS as usize);
         (&self.starts[path * starts..][..starts], &self.segments[path * segments..][..segments])
     }
 
     /// Ends and segments of a path, and a segment that holds `sample` or is before it.
     #[inline(always)]
-    fn hinted(&self, params: &Params, path: u32, sample: u32) -> (&'a [f32], &'a [[f32; SEGMENT]], usize) {
+    fn hinted(&self, params: &Params, path: u32, sample: u32) -> (&'a [f32], &'a [Segment], usize) {
         let path = path as usize;
         let hints: &[u8] = bytemuck::cast_slice(self.hints);
         let hint = path * 4 * params.hint_words as usize + (sample / HINT_BLOCK) as usize;
@@ -48,7 +47,7 @@ impl<'a> Paths<'a> {
 #[derive(Debug)]
 pub(super) struct Run<'a> {
     ends: &'a [f32],
-    segments: &'a [[f32; SEGMENT]],
+    segments: &'a [Segment],
     at: usize,
     samples_per_mm: f32,
 }
@@ -64,7 +63,7 @@ impl<'a> Run<'a> {
     /// The segment that holds `sample`, which is not before that of the last call, and the first sample in (sample, last]
     /// beyond it. Two samples share the first's segment.
     #[inline(always)]
-    pub(super) fn segment(&mut self, params: &Params, sample: u32, last: u32) -> (&'a [f32; SEGMENT], u32) {
+    pub(super) fn segment(&mut self, params: &Params, sample: u32, last: u32) -> (&'a Segment, u32) {
         let range = range_mm(params, sample);
         while self.ends.get(self.at).is_some_and(|&end_mm| end_mm <= range) {
             self.at = self.at.wrapping_add(1);
@@ -83,11 +82,21 @@ impl<'a> Run<'a> {
     }
 }
 
-const NONE: &[f32; SEGMENT] = &[0.0; SEGMENT];
+/// A segment without scatterers.
+const NONE: &Segment = &Segment {
+    origin_mm: [0.0; 3],
+    ln_amplitude_at_zero: 0.0,
+    step: [0.0; 3],
+    fall_np_mm: 0.0,
+    scatterer_mean: 0.0,
+    scatterer_deviation: 0.0,
+    scatterers: 0,
+    ln_passed_at_zero: 0.0,
+};
 
 /// End of the path segment that holds `sample`, mm of range, and the segment.
 #[inline(always)]
-pub(super) fn seek<'a>(params: &Params, paths: &Paths<'a>, path: u32, sample: u32) -> (f32, &'a [f32; SEGMENT]) {
+pub(super) fn seek<'a>(params: &Params, paths: &Paths<'a>, path: u32, sample: u32) -> (f32, &'a Segment) {
     let (ends, segments, mut at) = paths.hinted(params, path, sample);
     let range_mm = range_mm(params, sample);
     while ends.get(at).is_some_and(|&end_mm| end_mm <= range_mm) {

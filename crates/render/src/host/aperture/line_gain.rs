@@ -2,11 +2,11 @@
 
 use insonify_core::simd::{at_least, at_most, floor, real};
 
-use super::transmission::loss_np;
 use crate::aperture::ApertureTables;
 use crate::host::constants::{EVEN_NP, SPREAD_NP, TRACKED_NP};
-use crate::host::paths::{BLOCK, Lanes, Paths, SEGMENT, range_mm, seek};
+use crate::host::paths::{BLOCK, Lanes, Paths, range_mm, seek};
 use crate::params::Params;
+use crate::segment::Segment;
 
 /// Numbers of a scanline at a boundary of the intervals: place among the planes, loss of the guide (one-way nepers),
 /// gain at the plane before (nepers of amplitude, two-way), loss that all scanlines share (one-way nepers).
@@ -34,12 +34,12 @@ impl<'a> Visibility<'a> {
         let (mut falls, mut passed) = ([0.0; BLOCK], [0.0; BLOCK]);
         let (end_mm, segment) = seek(params, paths, guide, first);
         if range_mm(params, first.wrapping_add(BLOCK as u32 - 1)) < end_mm {
-            (falls, passed) = ([segment[7]; BLOCK], [segment[11]; BLOCK]);
+            (falls, passed) = ([segment.fall_np_mm; BLOCK], [segment.ln_passed_at_zero; BLOCK]);
         } else {
             for i in 0..BLOCK {
                 // Two samples share a segment: that of the first.
                 let segment = seek(params, paths, guide, first.wrapping_add((i & !1) as u32)).1;
-                (falls[i], passed[i]) = (segment[7], segment[11]);
+                (falls[i], passed[i]) = (segment.fall_np_mm, segment.ln_passed_at_zero);
             }
         }
         if (self.tables.plane_samples as usize).is_multiple_of(BLOCK) {
@@ -183,7 +183,7 @@ impl<'a> LineGain<'a> {
 pub(in crate::host) struct InterfaceGains<'a> {
     gain: LineGain<'a>,
     starts: &'a [f32],
-    segments: &'a [[f32; SEGMENT]],
+    segments: &'a [Segment],
     /// The last interface's interval as the path sees it, its index, and the path's loss at its start.
     interval: Interval,
     index: usize,
@@ -195,7 +195,7 @@ pub(in crate::host) struct InterfaceGains<'a> {
 impl<'a> InterfaceGains<'a> {
     /// Gains of a path with these `starts` and `segments`.
     #[inline(always)]
-    pub(in crate::host) fn new(gain: LineGain<'a>, (starts, segments): (&'a [f32], &'a [[f32; SEGMENT]])) -> Self {
+    pub(in crate::host) fn new(gain: LineGain<'a>, (starts, segments): (&'a [f32], &'a [Segment])) -> Self {
         Self { gain, starts, segments, interval: gain.interval(0), index: usize::MAX, begins_np: 0.0, holds: [0; 2] }
     }
 
@@ -207,7 +207,7 @@ impl<'a> InterfaceGains<'a> {
         let (index, part) = self.gain.index(range_mm);
         self.enter(index, arrived);
         let (interval, begins_np) = (self.interval, self.begins_np);
-        let rise_np = loss_np(&self.segments[arrived], range_mm) - begins_np;
+        let rise_np = self.segments[arrived].loss_np(range_mm) - begins_np;
         let lost = interval.lost(part, rise_np + interval.begins_np);
         // The plane of the interval is before what the path has not crossed.
         let own_np = at_least(rise_np - interval.row_np * lost, 0.0);
@@ -224,7 +224,7 @@ impl<'a> InterfaceGains<'a> {
         if index == self.index && holds == self.holds[0] {
             return;
         }
-        let loss_of = |interval: usize, holds: usize| loss_np(&self.segments[holds], boundary_mm(interval));
+        let loss_of = |interval: usize, holds: usize| self.segments[holds].loss_np(boundary_mm(interval));
         self.begins_np = loss_of(index, holds);
         self.interval = self.gain.interval(index);
         if let Some(before) = index.checked_sub(1) {

@@ -5,11 +5,12 @@ use insonify_core::simd::{at_least, at_most, exp, phasor, widened};
 use rayon::prelude::*;
 
 use crate::aperture::{ApertureTables, CellRays, PLANES_MAX};
-use crate::constants::{DELAY_MIN, DIVERTED, HARD_SPEED};
+use crate::constants::{DELAY_MIN, HARD_SPEED};
 use crate::host::constants::{ImageConstants, TRANSMISSION_MIN};
 use crate::host::paths::Paths;
 use crate::host::trace::interface::ln;
 use crate::params::Params;
+use crate::segment::Segment;
 
 /// A number for each boundary of the intervals of a path.
 pub(in crate::host) type Boundaries = [f32; PLANES_MAX + 1];
@@ -105,8 +106,8 @@ fn add_column(params: &Params, inputs: Inputs<'_>, rays: CellRays, column: &mut 
 
 /// Range that a segment gains over depth, mm per mm of range: 0 in hard media, which sound has passed beside.
 #[inline(always)]
-fn delay_rate(segment: &[f32; 12], stretch: f32) -> f32 {
-    let [x, y, z] = [segment[4], segment[5], segment[6]];
+fn delay_rate(segment: &Segment, stretch: f32) -> f32 {
+    let [x, y, z] = segment.step;
     let rate = 1.0 - (x * x + y * y + z * z).sqrt() / stretch;
     let (none, hard) = (DELAY_MIN as f32, HARD_SPEED as f32);
     if (none..=hard).contains(&rate.abs()) { rate } else { 0.0 }
@@ -130,12 +131,12 @@ impl Paths<'_> {
         let (mut at, mut late_mm) = (0, 0.0);
         let mut rate = delay_rate(&segments[0], stretch);
         for boundary in 0..=tables.planes {
-            while starts[at + 1] <= range_of(boundary) && !diverted(&segments[at]) {
+            while starts[at + 1] <= range_of(boundary) && !segments[at].diverted() {
                 late_mm += (starts[at + 1] - starts[at]) * rate;
                 at += 1;
                 rate = delay_rate(&segments[at], stretch);
             }
-            if !diverted(&segments[at]) {
+            if !segments[at].diverted() {
                 delays[boundary] = late_mm + (range_of(boundary) - starts[at]) * rate;
                 continue;
             }
@@ -165,41 +166,29 @@ impl Paths<'_> {
         let range_of = |boundary: usize| boundary as f32 * tables.plane_mm;
         let mut at = 0;
         for boundary in 0..=tables.planes {
-            while starts[at + 1] <= range_of(boundary) && !diverted(&segments[at]) {
+            while starts[at + 1] <= range_of(boundary) && !segments[at].diverted() {
                 at += 1;
             }
-            if !diverted(&segments[at]) {
-                losses[boundary] = if boundary == 0 { 0.0 } else { loss_np(&segments[at], range_of(boundary)) };
+            if !segments[at].diverted() {
+                losses[boundary] = if boundary == 0 { 0.0 } else { segments[at].loss_np(range_of(boundary)) };
                 continue;
             }
-            let (reflected_mm, reflected_np) = (starts[at], -0.5 * segments[at][11]);
+            let (reflected_mm, reflected_np) = (starts[at], -0.5 * segments[at].ln_passed_at_zero);
             let (starts, segments) = self.of(params.guide_of(line_ray / params.rays) as usize);
             let mut at = 0;
             while starts[at + 1] <= reflected_mm {
                 at += 1;
             }
-            let before_np = loss_np(&segments[at], reflected_mm);
+            let before_np = segments[at].loss_np(reflected_mm);
             for (loss, boundary) in losses.iter_mut().zip(0..=tables.planes).skip(boundary) {
                 while starts[at + 1] <= range_of(boundary) {
                     at += 1;
                 }
-                *loss = reflected_np + (loss_np(&segments[at], range_of(boundary)) - before_np);
+                *loss = reflected_np + (segments[at].loss_np(range_of(boundary)) - before_np);
             }
             return;
         }
     }
-}
-
-/// Whether a path came to a segment by a reflection.
-#[inline(always)]
-pub(in crate::host) fn diverted(segment: &[f32; 12]) -> bool {
-    segment[10].to_bits() & DIVERTED != 0
-}
-
-/// Loss from the face to a range on a segment that no reflection came before, one-way nepers.
-#[inline(always)]
-pub(in crate::host) fn loss_np(segment: &[f32; 12], range_mm: f32) -> f32 {
-    0.5 * (segment[7] * range_mm - segment[11])
 }
 
 widened! {

@@ -7,13 +7,13 @@ use insonify_core::simd::{at_least, at_most, exp, widened};
 use rayon::prelude::*;
 
 use super::line_gain::{Boundary, LineGain};
-use super::transmission::loss_np;
 use crate::aperture::ApertureTables;
 use crate::constants::DEPTH_BLOCK;
 use crate::host::constants::{ImageConstants, TRACKED_NP, VISIBLE_MIN, VISIBLE_MIN_NP};
 use crate::host::paths::{Paths, range_mm};
 use crate::host::trace::interface::ln;
 use crate::params::Params;
+use crate::segment::Segment;
 
 /// Gain of a block of samples as amplitude, and its place among the planes.
 pub(in crate::host) type BlockGain = [f32; 2];
@@ -68,7 +68,7 @@ fn see_line_body(params: &Params, inputs: Inputs<'_>, line: usize, row: &mut [Bo
         while starts[at + 1] <= range_mm {
             at += 1;
         }
-        *gain = along.without_shared(range_mm, loss_np(&segments[at], range_mm));
+        *gain = along.without_shared(range_mm, segments[at].loss_np(range_mm));
     }
     for [gain, _] in blocks {
         *gain = exp(*gain);
@@ -77,12 +77,12 @@ fn see_line_body(params: &Params, inputs: Inputs<'_>, line: usize, row: &mut [Bo
 
 /// Fills in everything but the gains.
 #[inline(always)]
-fn place(tables: &ApertureTables, (starts, segments): (&[f32], &[[f32; 12]]), row_np: &[f32], row: &mut [Boundary]) {
+fn place(tables: &ApertureTables, (starts, segments): (&[f32], &[Segment]), row_np: &[f32], row: &mut [Boundary]) {
     let plane_mm = tables.plane_mm;
     // Place within the interval of the last loss, 0..=1.
     let mut last = 0.5;
     let (mut at, mut shared_np) = (0, 0.0);
-    let uncoupled_np = loss_np(&segments[0], 0.0);
+    let uncoupled_np = segments[0].loss_np(0.0);
     row[0] = [-0.5, uncoupled_np, at_least(-2.0 * uncoupled_np, VISIBLE_MIN_NP), 0.0];
     for (interval, &row_np) in row_np.iter().enumerate() {
         let (from, to) = (interval as f32 * plane_mm, (interval + 1) as f32 * plane_mm);
@@ -94,7 +94,7 @@ fn place(tables: &ApertureTables, (starts, segments): (&[f32], &[[f32; 12]]), ro
                 at += 1;
             }
             let high = at_most(starts[at + 1], to);
-            let of = |range_mm: f32| loss_np(&segments[at], range_mm) - begins_np;
+            let of = |range_mm: f32| segments[at].loss_np(range_mm) - begins_np;
             area += 0.5 * (of(low) + of(high)) * (high - low);
             low = high;
             if low >= to {
@@ -104,7 +104,7 @@ fn place(tables: &ApertureTables, (starts, segments): (&[f32], &[[f32; 12]]), ro
         while starts[at + 1] <= to {
             at += 1;
         }
-        let ends_np = loss_np(&segments[at], to);
+        let ends_np = segments[at].loss_np(to);
         let own_np = at_least(ends_np - begins_np - row_np, 0.0);
         let followed = own_np / (own_np + TRACKED_NP);
         let mean_np = area / plane_mm - 0.5 * row_np;

@@ -24,8 +24,8 @@ pub(in crate::host) fn receive(
             let near = &near[line * near_samples..][..near_samples];
             // ln of the amplitude, two-way, that the face passes; the reverberation is what stays in the probe.
             let [first, ..] = paths.of(params.guide_of(line as u32) as usize).1 else { return };
-            let coupled = exp(at_least(first[11], LN_UNCOUPLED));
-            let uncoupled = 1.0 - exp(0.5 * at_least(first[11], 2.0 * LN_UNCOUPLED));
+            let coupled = exp(at_least(first.ln_passed_at_zero, LN_UNCOUPLED));
+            let uncoupled = 1.0 - exp(0.5 * at_least(first.ln_passed_at_zero, 2.0 * LN_UNCOUPLED));
             let parts = [uncoupled * params.reverberation, coupled * params.clutter];
             add_near(near, parts.map(|part| constants.added() * part), row);
         }

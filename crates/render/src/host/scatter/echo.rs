@@ -5,7 +5,6 @@ use rayon::prelude::*;
 
 use crate::constants::SEGMENTS;
 use crate::host::aperture::line_gain::{InterfaceGains, LineGain, Visibility};
-use crate::host::aperture::transmission::diverted;
 use crate::host::constants::ImageConstants;
 use crate::host::paths::Paths;
 use crate::params::Params;
@@ -156,7 +155,7 @@ impl Interfaces<'_> {
         let mut reflected_mm = f32::MAX;
         echoes.count = 0;
         for segment in first..count {
-            if gains.is_some() && reflected_mm == f32::MAX && diverted(&segments[segment]) {
+            if gains.is_some() && reflected_mm == f32::MAX && segments[segment].diverted() {
                 reflected_mm = starts[segment];
             }
             let [amplitude, range_mm] = sources[segment];
@@ -165,7 +164,7 @@ impl Interfaces<'_> {
             }
             let mut ln_gain = 0.0;
             if let (Some(gains), Some(arrived)) = (&mut gains, segment.checked_sub(1))
-                && !diverted(&segments[arrived])
+                && !segments[arrived].diverted()
             {
                 ln_gain = gains.at(arrived);
             }

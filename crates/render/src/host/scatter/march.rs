@@ -7,7 +7,7 @@ use super::media::Power;
 use super::power::{Powers, Stretch, seen_power};
 use super::speckle::{Block, BlockOfPath, Speckle, Strength};
 use super::texture::{PLACES, Waves};
-use crate::constants::{TEXTURE_MASK, TEXTURE_SAMPLES, TEXTURE_SHIFT};
+use crate::constants::TEXTURE_SAMPLES;
 use crate::host::aperture::line_gain::Visibility;
 use crate::host::constants::{ImageConstants, REFLECTED_MAX, UNSCALED};
 use crate::host::paths::{BLOCK, CHUNK, Lanes, Paths, range_mm, seek};
@@ -204,8 +204,9 @@ fn texture_gains(
     let mut here_mm = [[0.0; PLACES]; 3];
     for (i, number) in numbers.iter_mut().enumerate() {
         let sample = first.wrapping_add(TEXTURE_SAMPLES.wrapping_mul(i as u32));
-        let &[x, y, z, _, dx, dy, dz, _, _, _, tag, _] = seek(params, paths, guide, sample).1;
-        *number = (tag.to_bits() >> TEXTURE_SHIFT & TEXTURE_MASK) as usize;
+        let segment = seek(params, paths, guide, sample).1;
+        *number = segment.texture();
+        let ([x, y, z], [dx, dy, dz]) = (segment.origin_mm, segment.step);
         let at_mm = range_mm(params, sample) + MIDDLE * params.sample_spacing_mm;
         for (axis, mm) in [x + dx * at_mm, y + dy * at_mm, z + dz * at_mm].into_iter().enumerate() {
             here_mm[axis][i] = mm;

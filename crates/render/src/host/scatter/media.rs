@@ -2,9 +2,9 @@
 
 use insonify_core::simd::real;
 
-use crate::constants::TAG_DENSITY;
 use crate::host::constants::DENSITY_ONE;
-use crate::host::paths::{BLOCK, CHUNK, Lanes, SEGMENT};
+use crate::host::paths::{BLOCK, CHUNK, Lanes};
+use crate::segment::Segment;
 
 /// Power of scatterers at the samples of a block: of the mean, of the deviation, and of both times the density.
 pub(super) type Power = [Lanes; 3];
@@ -16,11 +16,43 @@ const BLOCK_PAIRS: usize = BLOCK / 2;
 /// Pairs of samples in a chunk.
 const PAIRS: usize = CHUNK * BLOCK_PAIRS;
 
+/// Scatterers of a medium.
+#[derive(Debug, Clone, Copy)]
+struct Medium {
+    mean: f32,
+    deviation: f32,
+    /// Part of the lattice's cells that hold one, in 1/131072.
+    density: u32,
+}
+
+impl Medium {
+    #[inline(always)]
+    const fn of(segment: &Segment) -> Self {
+        Self {
+            mean: segment.scatterer_mean,
+            deviation: segment.scatterer_deviation,
+            density: segment.scatterer_density(),
+        }
+    }
+
+    #[inline(always)]
+    const fn bits(&self) -> [u32; 3] {
+        [self.mean.to_bits(), self.deviation.to_bits(), self.density]
+    }
+
+    /// [`parts`] of a segment in it.
+    #[inline(always)]
+    fn parts(&self, weight: f32) -> Option<[f32; 3]> {
+        let [mean, deviation] = [weight * self.mean * self.mean, weight * self.deviation * self.deviation];
+        let dense = (mean + deviation) * (real(self.density) * (1.0 / DENSITY_ONE));
+        (self.density != 0).then_some([mean, deviation, dense])
+    }
+}
+
 /// Counts of the paths of a chunk in each medium.
 #[derive(Debug)]
 pub(super) struct Media {
-    /// Mean, deviation and density of each medium.
-    media: [[f32; 3]; MEDIA],
+    media: [Medium; MEDIA],
     /// Paths that enter each medium at a pair of samples, less those that leave it.
     changes: [[i16; PAIRS + 1]; MEDIA],
     count: usize,
@@ -28,27 +60,22 @@ pub(super) struct Media {
 
 impl Media {
     pub(super) const fn new() -> Self {
-        Self { media: [[0.0; 3]; MEDIA], changes: [[0; PAIRS + 1]; MEDIA], count: 0 }
+        Self {
+            media: [Medium { mean: 0.0, deviation: 0.0, density: 0 }; MEDIA],
+            changes: [[0; PAIRS + 1]; MEDIA],
+            count: 0,
+        }
     }
 
     /// Counts a path that is in a segment from sample `begin` to before sample `end`, both even. Without room for another
     /// medium, those that were counted are added to `sums` with the weight of a path.
     #[inline(always)]
-    pub(super) fn add(
-        &mut self,
-        weight: f32,
-        segment: &[f32; SEGMENT],
-        [begin, end]: [usize; 2],
-        sums: &mut [Power; CHUNK],
-    ) {
-        let [mean, deviation, tag] = [segment[8], segment[9], segment[10]];
-        let density = f32::from_bits(tag.to_bits() & TAG_DENSITY);
-        if density.to_bits() == 0 {
+    pub(super) fn add(&mut self, weight: f32, segment: &Segment, [begin, end]: [usize; 2], sums: &mut [Power; CHUNK]) {
+        let medium = Medium::of(segment);
+        if medium.density == 0 {
             return;
         }
-        let medium = [mean, deviation, density];
-        let same = |other: &[f32; 3]| other.map(f32::to_bits) == medium.map(f32::to_bits);
-        let known = self.media.iter().take(self.count).position(same);
+        let known = self.media.iter().take(self.count).position(|other| other.bits() == medium.bits());
         let index = known.unwrap_or_else(|| {
             if self.count == MEDIA {
                 self.sum(weight, sums);
@@ -69,7 +96,7 @@ impl Media {
     #[inline(always)]
     pub(super) fn sum(&mut self, weight: f32, sums: &mut [Power; CHUNK]) {
         for (medium, changes) in self.media.iter().zip(&mut self.changes).take(self.count) {
-            let parts = parts_of(weight, *medium).unwrap_or_default();
+            let parts = medium.parts(weight).unwrap_or_default();
             let mut paths = 0_i16;
             for (changes, sums) in changes.as_chunks::<BLOCK_PAIRS>().0.iter().zip(&mut *sums) {
                 if paths == 0 && *changes == [0; BLOCK_PAIRS] {
@@ -95,16 +122,8 @@ impl Media {
 /// Weighted power of a medium's scatterers: of the mean, of the deviation, and of both times the density as a part
 /// of 1. None without scatterers.
 #[inline(always)]
-pub(super) fn parts(weight: f32, segment: &[f32; SEGMENT]) -> Option<[f32; 3]> {
-    parts_of(weight, [segment[8], segment[9], segment[10]])
-}
-
-/// [`parts`] of a medium's mean, deviation and density.
-#[inline(always)]
-fn parts_of(weight: f32, [mean, deviation, density]: [f32; 3]) -> Option<[f32; 3]> {
-    let density = density.to_bits() & TAG_DENSITY;
-    let [mean, deviation] = [weight * mean * mean, weight * deviation * deviation];
-    (density != 0).then_some([mean, deviation, (mean + deviation) * (real(density) * (1.0 / DENSITY_ONE))])
+pub(super) fn parts(weight: f32, segment: &Segment) -> Option<[f32; 3]> {
+    Medium::of(segment).parts(weight)
 }
 
 #[cfg(test)]
@@ -115,12 +134,10 @@ mod tests {
     #[test]
     fn counted_paths_have_the_power_of_each_of_them() {
         let segment = |number: usize| {
-            let mut segment = [0.0; SEGMENT];
-            segment[8] = 0.1 * number as f32;
-            segment[9] = 1.0 + number as f32;
             // Media without scatterers are silent.
-            segment[10] = f32::from_bits(if number.is_multiple_of(5) { 0 } else { 1 << 10 | number as u32 });
-            segment
+            let scatterers = if number.is_multiple_of(5) { 0 } else { 1 << 10 | number as u32 };
+            let (scatterer_mean, scatterer_deviation) = (0.1 * number as f32, 1.0 + number as f32);
+            Segment { scatterer_mean, scatterer_deviation, scatterers, ..Segment::default() }
         };
         let mut media = Media::new();
         let mut sums = [[[0.0; BLOCK]; 3]; CHUNK];
@@ -130,7 +147,7 @@ mod tests {
             let begin = 2 * (path * 13 % 250);
             let end = (begin + 2 * (1 + path * 5 % 90)).min(CHUNK * BLOCK);
             media.add(0.25, &segment, [begin, end], &mut sums);
-            let parts = parts_of(0.25, [segment[8], segment[9], segment[10]]).unwrap_or_default();
+            let parts = parts(0.25, &segment).unwrap_or_default();
             for sample in &mut expected[begin..end] {
                 for (sum, part) in sample.iter_mut().zip(parts) {
                     *sum += f64::from(part);

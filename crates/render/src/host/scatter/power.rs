@@ -3,10 +3,10 @@
 use insonify_core::simd::{at_least, at_most, exp};
 
 use super::media::{Media, Power, parts};
-use crate::host::aperture::transmission::diverted;
 use crate::host::constants::{LN_SCALE, LN_SPECKLE_SILENT};
-use crate::host::paths::{BLOCK, CHUNK, Lanes, Paths, Run, SEGMENT, range_mm};
+use crate::host::paths::{BLOCK, CHUNK, Lanes, Paths, Run, range_mm};
 use crate::params::Params;
+use crate::segment::Segment;
 
 /// Scaled power at and below which scatterers are silent: e⁻⁷⁰.
 const SILENT_POWER: f32 = 3.975_449_7e-31;
@@ -67,7 +67,7 @@ impl Powers {
         while sample < last {
             let (segment, stop) = run.segment(params, sample, last);
             let samples = [sample.wrapping_sub(first) as usize, stop.wrapping_sub(first) as usize];
-            if aperture && !diverted(segment) {
+            if aperture && !segment.diverted() {
                 self.media.add(stretch.weight, segment, samples, &mut self.seen);
             } else {
                 self.diverted = true;
@@ -101,8 +101,8 @@ impl Powers {
 
     /// Adds the scatterers of a segment with its loss, scaled.
     #[inline(always)]
-    fn add_traced(&mut self, params: &Params, stretch: Stretch, segment: &[f32; SEGMENT], [begin, end]: [usize; 2]) {
-        let (level, fall) = (segment[3], segment[7]);
+    fn add_traced(&mut self, params: &Params, stretch: Stretch, segment: &Segment, [begin, end]: [usize; 2]) {
+        let (level, fall) = (segment.ln_amplitude_at_zero, segment.fall_np_mm);
         // Skips media without scatterers, and inaudible segments.
         let Some(parts) = parts(stretch.weight, segment) else { return };
         if level - fall * range_mm(params, stretch.first.wrapping_add(begin as u32)) <= LN_SPECKLE_SILENT {
@@ -168,7 +168,7 @@ impl Powers {
 
 /// Power of a segment's scatterers, of the mean and the deviation, that are seen with a gain, ln of the amplitude; scaled.
 #[inline(always)]
-pub(super) fn seen_power(segment: &[f32; SEGMENT], ln_gain: f32) -> f32 {
+pub(super) fn seen_power(segment: &Segment, ln_gain: f32) -> f32 {
     parts(1.0, segment).map_or(0.0, |[mean, deviation, _]| (mean + deviation) * scaled_power(ln_gain))
 }
 

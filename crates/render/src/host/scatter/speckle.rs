@@ -4,8 +4,9 @@ use insonify_core::simd::{at_least, floor, floored, pcg3d, phasor, real};
 
 use crate::constants::{CELL_MM, SHEET_FAMILIES, SHEETS};
 use crate::host::constants::{DENSITY_ONE, DEVIATE_SCALE, ImageConstants, LEAST_POWER};
-use crate::host::paths::{BLOCK, Lanes, Paths, SEGMENT, range_mm, seek};
+use crate::host::paths::{BLOCK, Lanes, Paths, range_mm, seek};
 use crate::params::{Params, SheetFamily};
+use crate::segment::Segment;
 
 /// Numbers that place a sample's scatterers.
 const PLACE: usize = 8;
@@ -45,12 +46,11 @@ struct View {
 impl View {
     /// Origin and step of a segment along each axis, then the range per cell along the last two.
     #[inline(always)]
-    fn of(&self, segment: &[f32; SEGMENT]) -> [f32; PLACE] {
-        let &[x, y, z, _, dx, dy, dz, ..] = segment;
+    fn of(&self, segment: &Segment) -> [f32; PLACE] {
         let along = |axis: &[f32; 3], [x, y, z]: [f32; 3]| axis[0] * x + axis[1] * y + axis[2] * z;
+        let (origin, step @ [dx, dy, dz]) = (segment.origin_mm, segment.step);
         let per_step = self.range / at_least(dx * dx + dy * dy + dz * dz, 1.0e-12);
         let [a, b, c] = &self.axes;
-        let (origin, step) = ([x, y, z], [dx, dy, dz]);
         let [first, second] = [along(b, step), along(c, step)];
         [
             along(a, origin),

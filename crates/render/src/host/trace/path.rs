@@ -15,6 +15,7 @@ use crate::constants::{self as shared, CROSSINGS_AT_A_PLACE, DIVERTED, MOVES, PL
 use crate::host::constants::{BEYOND_MM, LN_GIVEN_UP, LN_SILENT, LN_UNCOUPLED, TOUCH_MM, TraceConstants};
 use crate::host::effects::PathEffects;
 use crate::params::Params;
+use crate::segment::Segment;
 use crate::tables::PackedTissue;
 
 /// Capacity for crossings behind the face.
@@ -176,20 +177,16 @@ impl Scene<'_> {
         let (passed_mm, flag) = if state.diverted { (0.0, DIVERTED) } else { (state.range_mm, 0) };
         let count = record.count.min(SEGMENTS - 1) as usize;
         record.starts[count] = state.range_mm;
-        record.segments[count] = [
-            from.x,
-            from.y,
-            from.z,
-            state.ln_amplitude + state.ln_scatter + fall * state.range_mm,
-            step.x,
-            step.y,
-            step.z,
-            fall,
-            tissue.scatterer_mean,
-            tissue.scatterer_deviation,
-            f32::from_bits(TAG | flag | tissue.scatterers),
-            state.ln_passed + fall * passed_mm,
-        ];
+        record.segments[count] = Segment {
+            origin_mm: from.to_array(),
+            ln_amplitude_at_zero: state.ln_amplitude + state.ln_scatter + fall * state.range_mm,
+            step: step.to_array(),
+            fall_np_mm: fall,
+            scatterer_mean: tissue.scatterer_mean,
+            scatterer_deviation: tissue.scatterer_deviation,
+            scatterers: TAG | flag | tissue.scatterers,
+            ln_passed_at_zero: state.ln_passed + fall * passed_mm,
+        };
         record.echoes[count] = [state.echo, state.echo_range_mm];
         record.count = count as u32 + 1;
     }

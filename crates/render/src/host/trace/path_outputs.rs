@@ -2,12 +2,13 @@
 
 use super::path_record::PathRecord;
 use crate::constants::{SEGMENTS, STARTS};
+use crate::segment::Segment;
 
 /// Outputs of a run of paths, in the shaders' layouts.
 #[derive(Debug)]
 pub(in crate::host) struct PathOutputs<'a> {
     /// [paths × SEGMENTS]
-    pub(in crate::host) segments: &'a mut [[f32; 12]],
+    pub(in crate::host) segments: &'a mut [Segment],
     /// [paths × STARTS]
     pub(in crate::host) starts: &'a mut [f32],
     /// [paths × SEGMENTS]

@@ -2,6 +2,7 @@
 
 use crate::constants::{HINT_BLOCK, SAMPLES_MAX, SEGMENTS, STARTS};
 use crate::params::Params;
+use crate::segment::Segment;
 
 /// Words of hints for the largest number of samples.
 const HINT_WORDS: usize = (SAMPLES_MAX / (4 * HINT_BLOCK) + 1) as usize;
@@ -14,7 +15,7 @@ pub(super) struct PathRecord {
     /// Amplitude, one way, that the face passes into the body, 0..=1.
     pub(super) coupling: f32,
     pub(super) starts: [f32; STARTS as usize],
-    pub(super) segments: [[f32; 12]; SEGMENTS as usize],
+    pub(super) segments: [Segment; SEGMENTS as usize],
     pub(super) echoes: [[f32; 2]; SEGMENTS as usize],
     pub(super) count: u32,
     pub(super) hints: [u32; HINT_WORDS],
@@ -24,7 +25,7 @@ pub(super) struct PathRecord {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LastSegment {
     count: u32,
-    segment: [f32; 12],
+    segment: Segment,
     start: f32,
     echo: [f32; 2],
 }
@@ -35,7 +36,7 @@ impl PathRecord {
             starts_inside: [0; 8],
             coupling: 1.0,
             starts: [0.0; STARTS as usize],
-            segments: [[0.0; 12]; SEGMENTS as usize],
+            segments: [Segment::default(); SEGMENTS as usize],
             echoes: [[0.0; 2]; SEGMENTS as usize],
             count: 0,
             hints: [0; HINT_WORDS],

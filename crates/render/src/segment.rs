@@ -1,0 +1,57 @@
+//! A straight segment of a path in the buffers of host and device: `shaders/shared/segment.wgsl`, field by field.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::constants::{DIVERTED, TAG_DENSITY, TEXTURE_MASK, TEXTURE_SHIFT};
+
+/// A straight stretch of a path in one medium. Position and ln amplitude are linear in the range ρ, mm.
+///
+/// The fields are those of [`twin::Segment`](crate::twin::Segment). Its start and its echo have buffers of their own.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
+#[repr(C)]
+pub(crate) struct Segment {
+    /// Scatterer lookup position at ρ = 0, mm.
+    pub(crate) origin_mm: [f32; 3],
+    /// ln of the amplitude at ρ = 0, two-way.
+    pub(crate) ln_amplitude_at_zero: f32,
+    /// Change of the lookup position per mm of range.
+    pub(crate) step: [f32; 3],
+    /// Decrease of the ln amplitude per mm of range.
+    pub(crate) fall_np_mm: f32,
+    /// Mean amplitude of the medium's scatterers.
+    pub(crate) scatterer_mean: f32,
+    /// Standard deviation of that amplitude.
+    pub(crate) scatterer_deviation: f32,
+    /// Density of the scatterers, number of the texture, whether the path has reflected, and
+    /// [`TAG`](crate::constants::TAG).
+    pub(crate) scatterers: u32,
+    /// ln of the amplitude at ρ = 0, two-way, of a wave that passes every interface; behind a reflection, the value just
+    /// behind the interface.
+    pub(crate) ln_passed_at_zero: f32,
+}
+
+impl Segment {
+    /// Part of the lattice's cells that hold a scatterer, in 1/131072.
+    #[inline(always)]
+    pub(crate) const fn scatterer_density(&self) -> u32 {
+        self.scatterers & TAG_DENSITY
+    }
+
+    /// Number of the medium's texture; 0 if it is uniform.
+    #[inline(always)]
+    pub(crate) const fn texture(&self) -> usize {
+        (self.scatterers >> TEXTURE_SHIFT & TEXTURE_MASK) as usize
+    }
+
+    /// Whether the path has reflected before it.
+    #[inline(always)]
+    pub(crate) const fn diverted(&self) -> bool {
+        self.scatterers & DIVERTED != 0
+    }
+
+    /// Loss from the face to a range on a segment that no reflection came before, one-way nepers.
+    #[inline(always)]
+    pub(crate) fn loss_np(&self, range_mm: f32) -> f32 {
+        0.5 * (self.fall_np_mm * range_mm - self.ln_passed_at_zero)
+    }
+}
