@@ -115,8 +115,8 @@ fn depth_mm(probe: &Probe, block: u32) -> f64 {
 }
 
 /// Half width and kernels of the lateral beam for each block of samples: the two-way profile by diffraction, with its
-/// side lobes. Real weights give a point its image, and diffuse clutter its power; of phases beside the axis only the
-/// sum over a smooth plate would tell, whose level the kernel's sum of 1 keeps, but for a phased array beside its normal.
+/// side lobes. Weights are real: they give points their image and diffuse clutter its power. Off-axis phases matter only
+/// for smooth plates. The kernel's sum of 1 keeps the level of a plate, except off the normal of a phased array.
 fn lateral_kernels(probe: &Probe, cap: u32, reach: u32) -> (u32, Vec<f64>, Option<ClippedKernel>) {
     let blocks = probe.samples.div_ceil(DEPTH_BLOCK);
     let depth_mm = |block: u32| depth_mm(probe, block);

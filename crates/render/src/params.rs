@@ -230,7 +230,7 @@ impl Params {
         self.angle_words = if steered { (angle as u32 + 1) * self.sector_words } else { 0 };
     }
 
-    /// Places across the slice of this angle's paths, of those of all angles.
+    /// Elevational offsets of this angle's paths, a part of the table of all angles.
     pub(crate) fn elevations_of<'a>(&self, elevations: &'a [[f32; 4]]) -> &'a [[f32; 4]] {
         let count = (self.layers * self.rays) as usize;
         let angle = (self.angle_words / self.sector_words.max(1)) as usize;

@@ -347,7 +347,7 @@ impl Steering {
 
     fn new(probe: &Probe, steer_rad: f64) -> Self {
         let step = |step: u32| {
-            // The place of a point in the middle of the sector is that of any other point, but for a shift.
+            // Steering shifts all points of one depth equally, so only the middle of the sector is tabulated.
             let depth_mm = f64::from(step) / f64::from(Self::STEPS) * probe.depth_mm;
             let [across, depth_mm] = Sector::steered(probe, DVec2::new(0.0, depth_mm), steer_rad);
             [across - 0.5, depth_mm / probe.depth_mm]

@@ -32,8 +32,9 @@ impl Renderer {
     /// in software; a GPU that makes several at once may round otherwise. `each` receives the frames in the order of the jobs, with their numbers; it may take a frame's memory.
     ///
     /// The host renders several frames at once, as many as it has threads, up to eight. Each has its share of the threads, buffers and,
-    /// if the scene moves, a copy of the tree, which are kept for the next call. A device has two frames in flight. Where one does not
-    /// fill it, it makes several at once that are of one time and follow each other. Jobs are taken only a few ahead. Afterwards time and settings are as before.
+    /// if the scene moves, a copy of the tree, which are kept for the next call. A device has two frames in flight. If one
+    /// frame underuses the device, consecutive jobs of equal scene time share dispatches. Jobs are taken only a few ahead.
+    /// Afterwards time and settings are as before.
     ///
     /// # Errors
     /// Frames in flight, too little memory, a frame that cannot be rendered ([`RenderError::Job`] names it), or an error of `each`.

@@ -76,13 +76,14 @@ struct Interval {
 }
 
 impl Interval {
-    /// The scanline's loss in it beyond its row's, one-way nepers.
+    /// Loss of this scanline less the loss common to all scanlines, one-way nepers; at least 0.
     #[inline(always)]
     fn own_np(&self) -> f32 {
         at_least(self.total_np - self.row_np, 0.0)
     }
 
-    /// Share of the interval's loss that is behind a place with the loss `loss_np`, at the part `part` of the interval's depth.
+    /// Fraction of the interval's loss that has occurred where the total loss is `loss_np`. `part` is the fraction of the
+    /// interval's depth.
     #[inline(always)]
     fn lost(&self, part: f32, loss_np: f32) -> f32 {
         let lost_np = loss_np - self.begins_np + EVEN_NP * part;

@@ -138,7 +138,8 @@ impl PlaneBeams<'_> {
         Plain { power: Similarity::of(&weights, &weights).power, weights, kernel_power }
     }
 
-    /// Interpolates a profile, one cell apart about its axis, at the places of the neighbours; zero beyond its reach.
+    /// Resamples a beam profile, given at each cell about its axis, at the neighbouring scanlines. Weights beyond its reach
+    /// are 0.
     #[inline(always)]
     fn interpolate(&self, around: &[f32; AROUND], weights: &mut [f32]) {
         let Places { half, starts, splines, .. } = self.places;

@@ -69,7 +69,7 @@ impl Candidates {
         Self { list: [Candidate::default(); Self::MOST], count: 0, complete_mm: f32::NEG_INFINITY }
     }
 
-    /// Distance up to which a path from `origin` may have candidates, of `length_mm`: all of it or nothing.
+    /// Distance up to which a path from `origin` has candidates: `length_mm` if the path stays within [`WITHIN_MM`], else 0.
     pub(super) fn length_mm(origin: Vec3, length_mm: f32) -> f32 {
         if origin.abs().max_element() + length_mm <= WITHIN_MM { length_mm } else { 0.0 }
     }
