@@ -19,17 +19,17 @@ fn fit(nodes: &[Node], triangles: &[Triangle], node: usize, boxes: &mut [Vec<[DV
         .iter()
         .map(|child| match &child.below {
             Below::Node(below) => fit(nodes, triangles, *below, boxes),
-            Below::Leaf(held) => hull(triangles[held.clone()].iter().flat_map(|t| {
+            Below::Leaf(held) => bounds(triangles[held.clone()].iter().flat_map(|t| {
                 let a = t.corner_mm;
                 [a, a + t.edge1_mm, a + t.edge2_mm].map(|corner| [corner, corner])
             })),
         })
         .collect();
-    let whole = hull(of_children.iter().copied());
+    let whole = bounds(of_children.iter().copied());
     boxes[node] = of_children;
     whole
 }
 
-fn hull(boxes: impl Iterator<Item = [DVec3; 2]>) -> [DVec3; 2] {
+fn bounds(boxes: impl Iterator<Item = [DVec3; 2]>) -> [DVec3; 2] {
     boxes.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], [l, h]| [low.min(l), high.max(h)])
 }

@@ -52,7 +52,7 @@ struct Tracer<'a> {
 }
 
 /// Interface at which a path changes its medium.
-struct Meeting<'a> {
+struct MediumChange<'a> {
     /// Surfaces that the path was inside before.
     before: Membership,
     crossing: Crossing<'a>,
@@ -97,10 +97,10 @@ impl<'a> Tracer<'a> {
             if !open {
                 return path;
             }
-            let Some(meeting) = self.next_change(here, &mut crossed) else { return path };
-            let (tissue, beyond) = (&media[here], &media[meeting.there]);
+            let Some(change) = self.next_change(here, &mut crossed) else { return path };
+            let (tissue, beyond) = (&media[here], &media[change.there]);
             let boundary = boundary(tissue, beyond);
-            let triangle = meeting.crossing.triangle;
+            let triangle = change.crossing.triangle;
             let outward = triangle.edge1_mm.cross(triangle.edge2_mm).normalize();
             let normal = if outward.dot(self.ray.direction) > 0.0 { -outward } else { outward };
             let facet = self.facet(normal, boundary.roughness);
@@ -129,7 +129,7 @@ impl<'a> Tracer<'a> {
             }
             self.diverted |= reflects;
             if reflects {
-                self.inside = meeting.before;
+                self.inside = change.before;
                 reflections += 1;
                 // A rough surface spreads part of the beam beyond the aperture, both ways.
                 self.ln_amplitude += accepted.ln();
@@ -141,7 +141,7 @@ impl<'a> Tracer<'a> {
                 } else {
                     self.ln_amplitude += ln_passed;
                 }
-                here = meeting.there;
+                here = change.there;
                 if self.by_aperture() && beyond.speed_ratio <= beyond.seen_speed_ratio {
                     // Behind a fast body, what is seen past it comes later.
                     self.range_mm += self.behind_mm;
@@ -209,7 +209,7 @@ impl<'a> Tracer<'a> {
     }
 
     /// Advances to the next change of medium, across surfaces that a higher one hides; None if the depth ends first.
-    fn next_change(&mut self, here: usize, crossed: &mut u32) -> Option<Meeting<'a>> {
+    fn next_change(&mut self, here: usize, crossed: &mut u32) -> Option<MediumChange<'a>> {
         let tissue = self.inputs.media[here];
         // Skips the interface just left.
         let t_min_mm = if self.bounce == 0 { 0.0 } else { TOUCH_MM };
@@ -230,7 +230,7 @@ impl<'a> Tracer<'a> {
             if there != here {
                 // The interface is the first in the scene of the highest surface's triangles.
                 let order = |c: &&Crossing<'_>| (c.triangle.surface, std::cmp::Reverse(c.triangle.index));
-                met = place.iter().max_by_key(order).map(|&crossing| Meeting { before, crossing, there });
+                met = place.iter().max_by_key(order).map(|&crossing| MediumChange { before, crossing, there });
                 break;
             }
         }

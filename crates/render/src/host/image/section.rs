@@ -54,11 +54,11 @@ pub(crate) fn section(params: &Params, scene: Scene<'_>, section: Section<'_>) -
     let depths = params.map_depths as usize;
     let entries =
         section.entries.par_chunks_mut(RAYS * ENTRIES as usize).zip(section.entry_counts.par_chunks_mut(RAYS));
-    let bundles = entries.zip(section.raster.par_chunks_mut(RAYS * depths)).enumerate();
-    let bundles = bundles.take((params.map_rays as usize).div_ceil(RAYS));
-    // A follower is large: it is made once a task, not once a bundle.
-    let lost = bundles.map_init(Follower::new, |follower, (bundle, ((entries, counts), raster))| {
-        let first = RAYS * bundle;
+    let packets = entries.zip(section.raster.par_chunks_mut(RAYS * depths)).enumerate();
+    let packets = packets.take((params.map_rays as usize).div_ceil(RAYS));
+    // A follower is large: it is made once a task, not once a packet.
+    let lost = packets.map_init(Follower::new, |follower, (packet, ((entries, counts), raster))| {
+        let first = RAYS * packet;
         follower.rays = (params.map_rays as usize - first).min(RAYS);
         follow(params, &scene, first, follower);
         let mut lost = follower.lost;
@@ -76,7 +76,7 @@ pub(crate) fn section(params: &Params, scene: Scene<'_>, section: Section<'_>) -
     lost.sum()
 }
 
-/// Crossings of a bundle of neighbouring rays.
+/// Crossings of a packet of neighbouring rays.
 struct Follower {
     rays: usize,
     found: [[Crossing; CROSSINGS]; RAYS],

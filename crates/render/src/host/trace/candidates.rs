@@ -9,8 +9,8 @@
 use glam::Vec3;
 use insonify_core::simd::prefetch;
 
-use super::meeting::{DRIFT_MM, Hit, hit};
 use super::packet::{Packet, Visits, possible_crossings};
+use super::ray_triangle::{DRIFT_MM, Hit, hit};
 use super::search::{Covered, Search};
 use super::traverse::{Crossing, Nearest, Tree};
 use crate::constants::CROSSINGS_OF_A_PATH;
@@ -236,7 +236,7 @@ pub(super) fn collect(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::host::trace::meeting::intersection;
+    use crate::host::trace::ray_triangle::intersection;
     use crate::host::trace::search::tests::{alone, bvh};
     use crate::host::trace::traverse::{Ray, by_distance};
     use crate::host::trace::tree::WideNode;

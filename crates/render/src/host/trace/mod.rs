@@ -1,19 +1,19 @@
-//! The passes `locate` and `trace`: paths through the scene, in bundles of neighbours over all cores.
+//! The passes `locate` and `trace`: paths through the scene, in packets of neighbours over all cores.
 
-mod bundle;
 mod candidates;
 mod depart;
-mod hull;
 pub(super) mod interface;
 mod interface_batch;
-mod meeting;
 pub(super) mod membership;
 pub(super) mod packet;
+mod packet_bounds;
 pub(super) mod path;
 pub(super) mod path_outputs;
+mod path_packet;
 mod path_record;
 mod path_start;
 mod path_state;
+mod ray_triangle;
 pub(super) mod search;
 mod stream;
 pub(super) mod traverse;
@@ -22,9 +22,9 @@ pub(super) mod tree;
 use std::ops::Range;
 
 use crate::params::Params;
-use bundle::Bundle;
 use path::Scene;
 use path_outputs::PathOutputs;
+use path_packet::PathPacket;
 
 /// Parallel tasks per thread, so that none waits long for the last one.
 const TASKS_A_THREAD: usize = 16;
@@ -49,7 +49,7 @@ impl Outputs<'_> {
     }
 }
 
-/// Follows the paths of a batch and its guides, split over the cores in whole bundles; returns the number of crossings
+/// Follows the paths of a batch and its guides, split over the cores in whole packets; returns the number of crossings
 /// that found no room.
 ///
 /// Outputs of a path depend on that path alone, unless there are more crossings behind its start than fit: which ones
@@ -66,7 +66,7 @@ pub(in crate::host) fn trace(scene: &Scene<'_>, follow: Follow, out: PathOutputs
 }
 
 fn over_cores(scene: &Scene<'_>, follow: Follow, paths: Range<usize>, out: Outputs<'_>) -> u32 {
-    let a_task = (paths.len() / (TASKS_A_THREAD * rayon::current_num_threads())).max(Bundle::PATHS);
+    let a_task = (paths.len() / (TASKS_A_THREAD * rayon::current_num_threads())).max(PathPacket::PATHS);
     in_tasks(scene, follow, paths, out, a_task)
 }
 
@@ -75,7 +75,7 @@ fn in_tasks(scene: &Scene<'_>, follow: Follow, paths: Range<usize>, mut out: Out
     if paths.len() <= a_task {
         return follow(scene, paths.start, &mut out);
     }
-    let half = (paths.len() / 2).next_multiple_of(Bundle::PATHS);
+    let half = (paths.len() / 2).next_multiple_of(PathPacket::PATHS);
     let middle = paths.start + half;
     let (low, high) = out.split_at(half);
     let (a, b) = rayon::join(
@@ -88,17 +88,17 @@ fn in_tasks(scene: &Scene<'_>, follow: Follow, paths: Range<usize>, mut out: Out
 /// Follows a run of paths, with the instruction set of the function that it is inlined into.
 #[inline(always)]
 fn follow_run(scene: &Scene<'_>, first: usize, out: &mut Outputs<'_>) -> u32 {
-    let mut bundle = Bundle::new();
+    let mut packet = PathPacket::new();
     let mut lost = 0;
-    for i in (0..out.paths.paths()).step_by(Bundle::PATHS) {
-        let count = Bundle::PATHS.min(out.paths.paths() - i);
-        lost += bundle.follow(scene, first + i..first + i + count);
-        for (path, record) in bundle.records(count).enumerate() {
+    for i in (0..out.paths.paths()).step_by(PathPacket::PATHS) {
+        let count = PathPacket::PATHS.min(out.paths.paths() - i);
+        lost += packet.follow(scene, first + i..first + i + count);
+        for (path, record) in packet.records(count).enumerate() {
             out.paths.write(i + path, record);
         }
         if let Some(guides) = &mut out.guides {
-            lost += bundle.follow_guides(scene, count);
-            for (path, record) in bundle.records(count).enumerate() {
+            lost += packet.follow_guides(scene, count);
+            for (path, record) in packet.records(count).enumerate() {
                 guides.write(i + path, record);
             }
         }

@@ -5,8 +5,8 @@ use std::ops::Range;
 use glam::Vec3;
 use insonify_core::anatomy::bvh::PackedTriangle;
 
-use super::hull::Hull;
-use super::meeting::{DRIFT_MM, intersection, possible_distances};
+use super::packet_bounds::PacketBounds;
+use super::ray_triangle::{DRIFT_MM, intersection, possible_distances};
 use super::traverse::{Ray, Stack, Tree, boxes, intersect, leaf, max, min, prefetch_child, slack};
 use super::tree::{LEAF, WIDTH, WideNode};
 use crate::host::lanes::{Lanes, RAYS, bits, fold};
@@ -116,13 +116,13 @@ struct Met {
     rays: [u32; WIDTH],
 }
 
-/// Tests a node's boxes against `rays`. With many rays, only boxes that the packet's `hull` meets between its ends are
+/// Tests a node's boxes against `rays`. With many rays, only boxes that the packet's bounds meet between its ends are
 /// tested. Rays up to `aside_mm` beside them count as met.
 #[inline(always)]
 #[allow(clippy::needless_range_loop, reason = "several arrays go together")]
 fn meet(
     node: &WideNode,
-    (hull, ends): (&Hull, [f32; 2]),
+    (packet_bounds, ends): (&PacketBounds, [f32; 2]),
     packet: &Packet,
     rays: u32,
     first: &Lanes,
@@ -143,7 +143,7 @@ fn meet(
         return met;
     }
     let bounds = &node.bounds;
-    let mut slots = hull.meets(node, ends, &mut met.near);
+    let mut slots = packet_bounds.meets(node, ends, &mut met.near);
     while slots != 0 {
         let slot = (slots.trailing_zeros() & 7) as usize;
         slots &= slots - 1;
@@ -316,13 +316,13 @@ fn traverse<L: Leaves>(tree: &Tree<'_>, packet: &Packet, visits: &mut Visits, le
     }
     let ends = [fold(first, min), fold(last, max)];
     let rays = [&packet.origin, &packet.direction, &packet.reciprocal];
-    let hull = Hull::new(rays, packet.on, ends, L::ASIDE_MM);
+    let packet_bounds = PacketBounds::new(rays, packet.on, ends, L::ASIDE_MM);
     let mut depth = 0;
     let mut visit = Visit { near: 0.0, child: 0, rays: packet.on };
     loop {
         if visit.child & LEAF == 0 {
             let node = &tree.nodes[visit.child as usize];
-            let met = meet(node, (&hull, ends), packet, visit.rays, &first, &last, L::ASIDE_MM);
+            let met = meet(node, (&packet_bounds, ends), packet, visit.rays, &first, &last, L::ASIDE_MM);
             let bottom = depth;
             for slot in 0..WIDTH {
                 let child = node.children[slot];

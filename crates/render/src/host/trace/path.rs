@@ -41,7 +41,7 @@ pub(in crate::host) struct Scene<'a> {
 
 /// Change of medium along a path.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Boundary {
+pub(super) struct MediumChange {
     /// Surfaces that the path was inside.
     before: Inside,
     /// Tissue beyond, and whether its surface moves.
@@ -54,7 +54,7 @@ pub(super) struct Boundary {
 /// The next interface of a path, as far as its candidates tell.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum NextInterface {
-    At(Boundary),
+    At(MediumChange),
     /// A search of the tree tells: candidates are missing, or the path has reflected.
     Unknown,
     /// The path ends before any.
@@ -207,7 +207,7 @@ impl Scene<'_> {
         covered: &mut Covered,
         candidates: &Candidates,
         place: &mut Place,
-    ) -> Option<Boundary> {
+    ) -> Option<MediumChange> {
         let tissue = &self.tissues[state.here as usize];
         let covered = covered.up_to(found.crossing.t + TOUCH_MM);
         let (passed, end, touching) = cross_until(self.tree.triangles, covered, found.crossing.t, &mut state.inside);
@@ -242,7 +242,7 @@ impl Scene<'_> {
         state.ln_passed -= tissue.attenuation_np_mm * t;
         state.t_min = TOUCH_MM;
         let changes = there & TISSUE_MASK != state.here;
-        changes.then(|| Boundary {
+        changes.then(|| MediumChange {
             before,
             there: there & TISSUE_MASK,
             moves: there & MOVES != 0,
@@ -275,8 +275,8 @@ impl Scene<'_> {
                 state.open = false;
                 return NextInterface::None;
             };
-            if let Some(boundary) = self.advance(state, found, covered, candidates, place) {
-                return NextInterface::At(boundary);
+            if let Some(change) = self.advance(state, found, covered, candidates, place) {
+                return NextInterface::At(change);
             }
         }
     }
@@ -309,7 +309,7 @@ impl Scene<'_> {
 
     /// State of a path on arrival at the interface `at`.
     #[inline(always)]
-    pub(super) fn arrival(&self, state: &PathState, at: &Boundary) -> Arrival {
+    pub(super) fn arrival(&self, state: &PathState, at: &MediumChange) -> Arrival {
         let (tissue, beyond) = (&self.tissues[state.here as usize], &self.tissues[at.there as usize]);
         let triangle = &self.tree.triangles[at.triangle as usize];
         let outward = Vec3::from(triangle.edge1).cross(Vec3::from(triangle.edge2));
@@ -340,7 +340,13 @@ impl Scene<'_> {
 
     /// Continues a path beyond the interface `at`, and writes its next segment.
     #[inline(always)]
-    pub(super) fn depart(&self, state: &mut PathState, at: &Boundary, departure: &Departure, record: &mut PathRecord) {
+    pub(super) fn depart(
+        &self,
+        state: &mut PathState,
+        at: &MediumChange,
+        departure: &Departure,
+        record: &mut PathRecord,
+    ) {
         state.echo_range_mm = state.range_mm;
         if self.effects.interface_echoes {
             state.echo_range_mm += departure.echo_offset_mm;

@@ -3,7 +3,7 @@
 
 use glam::Vec3;
 
-use super::meeting::intersection;
+use super::ray_triangle::intersection;
 use super::search::{Covered, Search};
 use super::traverse::{Crossing, Nearest, Ray, Stack, Tree, boxes, leaf, prefetch_child, slack};
 use super::tree::{LEAF, WIDTH};

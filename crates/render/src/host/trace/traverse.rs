@@ -4,7 +4,7 @@ use glam::Vec3;
 use insonify_core::anatomy::bvh::{PackedTriangle, STACK_DEPTH_MAX};
 use insonify_core::simd::prefetch;
 
-use super::meeting::intersection;
+use super::ray_triangle::intersection;
 use super::tree::{LEAF, WIDTH, WideNode};
 
 /// A node leaves at most seven of its children on the stack.

@@ -1,4 +1,4 @@
-//! Follows a bundle of neighbouring paths: finds their crossings together, and computes their interfaces together.
+//! Follows a packet of neighbouring paths: finds their crossings together, and computes their interfaces together.
 
 use std::ops::Range;
 
@@ -6,7 +6,7 @@ use super::candidates::{self, Candidates};
 use super::depart::depart;
 use super::interface_batch::InterfaceBatch;
 use super::packet::{Packet, Visits};
-use super::path::{Boundary, CROSSINGS_BEHIND, NextInterface, Place, Scene};
+use super::path::{CROSSINGS_BEHIND, MediumChange, NextInterface, Place, Scene};
 use super::path_record::{LastSegment, PathRecord};
 use super::path_state::PathState;
 use super::search::{Covered, collect};
@@ -14,9 +14,9 @@ use super::stream::Stream;
 use super::traverse::{Crossing, Ray};
 use crate::host::lanes::{RAYS, bits};
 
-/// Records of a bundle's paths, and working memory.
+/// Records of a packet's paths, and working memory.
 #[derive(Debug)]
-pub(super) struct Bundle {
+pub(super) struct PathPacket {
     records: [PathRecord; RAYS],
     /// Lane of each path.
     lanes: [usize; RAYS],
@@ -30,8 +30,8 @@ pub(super) struct Bundle {
     near: [[Crossing; CROSSINGS_BEHIND]; RAYS],
     place: Place,
     batch: InterfaceBatch,
-    /// Path and boundary of each arrival.
-    boundaries: [(usize, Boundary); RAYS],
+    /// Path and change of medium of each arrival.
+    changes: [(usize, MediumChange); RAYS],
     /// First reflection of each path.
     forks: [Option<Fork>; RAYS],
 }
@@ -41,12 +41,12 @@ pub(super) struct Bundle {
 struct Fork {
     /// State on arrival.
     state: PathState,
-    boundary: Boundary,
+    change: MediumChange,
     last: LastSegment,
 }
 
-impl Bundle {
-    /// Paths per bundle.
+impl PathPacket {
+    /// Paths per packet.
     pub(super) const PATHS: usize = RAYS;
 
     pub(super) fn new() -> Self {
@@ -62,12 +62,12 @@ impl Bundle {
             near: [[Crossing::default(); CROSSINGS_BEHIND]; RAYS],
             place: Place::new(),
             batch: InterfaceBatch::new(),
-            boundaries: [(0, Boundary::default()); RAYS],
+            changes: [(0, MediumChange::default()); RAYS],
             forks: [None; RAYS],
         }
     }
 
-    /// Follows up to [`Bundle::PATHS`] paths. Returns the number of crossings lost.
+    /// Follows up to [`PathPacket::PATHS`] paths. Returns the number of crossings lost.
     #[inline(always)]
     pub(super) fn follow(&mut self, scene: &Scene<'_>, paths: Range<usize>) -> u32 {
         let count = paths.len().min(RAYS);
@@ -110,7 +110,7 @@ impl Bundle {
         self.lanes[..count].iter().map(|&lane| &self.records[lane])
     }
 
-    /// Follows guides from where the paths of the last [`Bundle::follow`] reflected; their records replace those of the
+    /// Follows guides from where the paths of the last [`PathPacket::follow`] reflected; their records replace those of the
     /// paths. Returns the number of crossings lost.
     #[inline(always)]
     pub(super) fn follow_guides(&mut self, scene: &Scene<'_>, count: usize) -> u32 {
@@ -120,8 +120,8 @@ impl Bundle {
             let (state, record) = (&mut self.states[lane], &mut self.records[lane]);
             *state = PathState { guide: true, lost: 0, ..fork.state };
             record.reopen(&fork.last);
-            self.boundaries[self.batch.len()] = (lane, fork.boundary);
-            self.batch.push(&scene.arrival(state, &fork.boundary));
+            self.changes[self.batch.len()] = (lane, fork.change);
+            self.batch.push(&scene.arrival(state, &fork.change));
         }
         self.depart(scene);
         self.go_on(scene, count)
@@ -134,16 +134,16 @@ impl Bundle {
         // memory.
         let mut waiting = 0_u32;
         loop {
-            let Self { states, stream, candidates, covered, place, batch, boundaries, .. } = self;
+            let Self { states, stream, candidates, covered, place, batch, changes, .. } = self;
             batch.clear();
             for (lane, state) in states[..count].iter_mut().enumerate() {
                 if waiting >> lane & 1 != 0 {
                     continue;
                 }
                 match scene.go_straight(state, &candidates[lane], &mut covered[lane], place) {
-                    NextInterface::At(boundary) => {
-                        boundaries[batch.len()] = (lane, boundary);
-                        batch.push(&scene.arrival(state, &boundary));
+                    NextInterface::At(change) => {
+                        changes[batch.len()] = (lane, change);
+                        batch.push(&scene.arrival(state, &change));
                     }
                     NextInterface::Unknown => waiting |= 1 << lane,
                     NextInterface::None => {}
@@ -166,9 +166,9 @@ impl Bundle {
                         state.open = false;
                         continue;
                     };
-                    if let Some(boundary) = scene.advance(state, found, &mut covered[lane], &candidates[lane], place) {
-                        boundaries[batch.len()] = (lane, boundary);
-                        batch.push(&scene.arrival(state, &boundary));
+                    if let Some(change) = scene.advance(state, found, &mut covered[lane], &candidates[lane], place) {
+                        changes[batch.len()] = (lane, change);
+                        batch.push(&scene.arrival(state, &change));
                     }
                 }
             }
@@ -186,17 +186,17 @@ impl Bundle {
     /// Continues the paths of the batch beyond their interfaces.
     #[inline(always)]
     fn depart(&mut self, scene: &Scene<'_>) {
-        let Self { records, states, batch, boundaries, forks, .. } = self;
+        let Self { records, states, batch, changes, forks, .. } = self;
         if batch.len() == 0 {
             return;
         }
         depart(&batch.arrivals, &mut batch.departures, scene.rules());
-        for (i, &(lane, boundary)) in boundaries[..batch.len()].iter().enumerate() {
+        for (i, &(lane, change)) in changes[..batch.len()].iter().enumerate() {
             let (state, record, departure) = (&mut states[lane], &mut records[lane], batch.departure(i));
             if departure.reflected && !state.diverted && scene.params.single() {
-                forks[lane] = Some(Fork { state: *state, boundary, last: record.last() });
+                forks[lane] = Some(Fork { state: *state, change, last: record.last() });
             }
-            scene.depart(state, &boundary, &departure, record);
+            scene.depart(state, &change, &departure, record);
         }
     }
 }

@@ -16,7 +16,7 @@ struct Span {
 
 /// Bounds of a packet's rays.
 #[derive(Debug)]
-pub(super) struct Hull {
+pub(super) struct PacketBounds {
     axes: [Span; 3],
     /// False if any ray is not finite: any box may be met.
     bounded: bool,
@@ -33,7 +33,7 @@ fn range(of: &Lanes, on: &[bool; RAYS]) -> [f32; 2] {
     [fold(least, min), fold(most, max)]
 }
 
-impl Hull {
+impl PacketBounds {
     /// Bounds of the rays whose bits are set in `rays`, and of others up to `aside_mm` beside them. All search within
     /// `first_mm` to `last_mm`.
     #[inline(always)]

@@ -10,7 +10,7 @@ pub(super) const DRIFT_MM: f32 = 8.0e-3;
 
 /// A ray against a triangle's plane.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Meeting {
+pub(super) struct RayTriangle {
     /// Distance along the ray of its point nearest to the first corner, and from there to the plane, times `magnitude`.
     pub(super) t0: f32,
     pub(super) rest: f32,
@@ -23,7 +23,7 @@ pub(super) struct Meeting {
     pub(super) enters: bool,
 }
 
-impl Meeting {
+impl RayTriangle {
     /// Möller–Trumbore about the ray's point nearest to the first corner, which keeps f32 precise far from the ray's
     /// origin.
     #[inline(always)]
@@ -70,10 +70,10 @@ impl Meeting {
 /// distance (mm), whether the ray hits the triangle, and whether it enters the surface.
 #[inline(always)]
 pub(super) fn intersection(triangle: &PackedTriangle, origin: Vec3, direction: Vec3) -> (f32, bool, bool) {
-    let meeting = Meeting::new(triangle, origin, direction);
-    let tolerance = meeting.tolerance(triangle);
-    let hit = (meeting.magnitude > 2.0 * tolerance) & meeting.within(tolerance);
-    (meeting.t(), hit, meeting.enters)
+    let met = RayTriangle::new(triangle, origin, direction);
+    let tolerance = met.tolerance(triangle);
+    let hit = (met.magnitude > 2.0 * tolerance) & met.within(tolerance);
+    (met.t(), hit, met.enters)
 }
 
 /// Distances between which rays within [`DRIFT_MM`] of a ray may hit a triangle, and whether any of them may.
@@ -81,11 +81,11 @@ pub(super) fn intersection(triangle: &PackedTriangle, origin: Vec3, direction: V
 pub(super) fn possible_distances(triangle: &PackedTriangle, origin: Vec3, direction: Vec3) -> (f32, f32, bool) {
     /// Distance at which the tolerance of an edge is two drifts: one of them along each edge.
     const DRIFTED_MM: f32 = 2.0 * DRIFT_MM / EDGE_TOLERANCE_PER_MM;
-    let meeting = Meeting::new(triangle, origin, direction);
+    let met = RayTriangle::new(triangle, origin, direction);
     // A triangle that the ray grazes is possible, too: its magnitude does not count.
-    let hit = meeting.within(triangle.tolerance * (meeting.t0.abs() + (100.0 + DRIFTED_MM)));
-    let per_magnitude = 1.0 / at_least(meeting.magnitude, 1.0e-30);
-    let t = meeting.t0 + meeting.rest * per_magnitude;
+    let hit = met.within(triangle.tolerance * (met.t0.abs() + (100.0 + DRIFTED_MM)));
+    let per_magnitude = 1.0 / at_least(met.magnitude, 1.0e-30);
+    let t = met.t0 + met.rest * per_magnitude;
     // A drift moves the point of the plane by its length over the cosine. The triangle's normal has at most the length of
     // the longest edge, squared.
     let longest_mm = triangle.tolerance * (1.001 / EDGE_TOLERANCE_PER_MM);
@@ -93,7 +93,7 @@ pub(super) fn possible_distances(triangle: &PackedTriangle, origin: Vec3, direct
     // A point within the tolerance of the edges lies within three of the longest edge. These bounds are numbers if the
     // others are not.
     let around_mm = 3.0 * longest_mm + DRIFT_MM;
-    (at_least(t - error_mm, meeting.t0 - around_mm), at_most(t + error_mm, meeting.t0 + around_mm), hit)
+    (at_least(t - error_mm, met.t0 - around_mm), at_most(t + error_mm, met.t0 + around_mm), hit)
 }
 
 /// How a ray meets a triangle.
@@ -108,13 +108,13 @@ pub(super) enum Hit {
 /// [`intersection`] that tells where edges decide.
 #[inline(always)]
 pub(super) fn hit(triangle: &PackedTriangle, origin: Vec3, direction: Vec3) -> Hit {
-    let meeting = Meeting::new(triangle, origin, direction);
-    let tolerance = meeting.tolerance(triangle);
-    if !((meeting.magnitude > 2.0 * tolerance) & meeting.within(tolerance)) {
+    let met = RayTriangle::new(triangle, origin, direction);
+    let tolerance = met.tolerance(triangle);
+    if !((met.magnitude > 2.0 * tolerance) & met.within(tolerance)) {
         Hit::Misses
-    } else if meeting.within(-tolerance) {
-        Hit::Inside(meeting.t(), meeting.enters)
+    } else if met.within(-tolerance) {
+        Hit::Inside(met.t(), met.enters)
     } else {
-        Hit::AtEdge(meeting.t())
+        Hit::AtEdge(met.t())
     }
 }
