@@ -68,7 +68,7 @@ fn echo_of(line: u32, path: u32, segment: u32, weight: f32) -> Echo {
         return Echo(NO_SAMPLE, vec2<f32>(0.0));
     }
     var amplitude = weight * echo.x;
-    if APERTURE && !diverted(path, segment - 1u) {
+    if APERTURE && !has_reflected(path, segment - 1u) {
         amplitude *= exp(max(interface_gain(line, path, segment - 1u), -80.0));
     }
     return Echo(u32(sample), amplitude * phasor(-params.phase_turns_per_mm * echo.y));

@@ -150,7 +150,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                 let range_mm = range_of(first + i);
                 seek((layer * params.line_count + id.y) * params.rays + ray, first + i, range_mm);
                 let here = weight * scatterer_power();
-                if APERTURE && (current.scatterers & DIVERTED) == 0u {
+                if APERTURE && (current.scatterers & HAS_REFLECTED) == 0u {
                     power[i] += seen[i] * here;
                     power[i + 1u] += seen[i + 1u] * here;
                 } else {

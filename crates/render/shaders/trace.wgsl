@@ -98,7 +98,7 @@ fn trace_path(path: u32) {
     // Guides are the same in all batches.
     let layer = select(params.layer_first + path / of_layer, 0u, guide);
     // Over rays and layers, echoes in phase add in amplitude, others in power.
-    // A guide's echoes stand for those of diverted paths, in their place.
+    // A guide's echoes stand for those of reflected paths, in their place.
     let weight_in_phase = select(1.0 / f32(params.rays * params.layers), 1.0, guide);
     let weight_power = sqrt(weight_in_phase * min(1.0, CELLS_OF_A_BEAM * weight_in_phase));
     // Ranges are depths: the lens delays its middle, so echoes of oblique layers come no later.
@@ -121,7 +121,7 @@ fn trace_path(path: u32) {
     var ln_scatter = 0.0;
     // ln amplitude of a wave that passes every interface, and whether the path has reflected.
     var ln_passed = ln_coupling;
-    var is_diverted = false;
+    var has_reflected = false;
     place_depth_mm = ray.face_depth_mm;
     var here = medium();
     var bounce = 0u;
@@ -153,7 +153,7 @@ fn trace_path(path: u32) {
         let tissue = tissues[here];
         let at = path * SEGMENTS + count;
         // Whether the aperture's gain replaces the path's loss.
-        let by_aperture = APERTURE && !is_diverted;
+        let by_aperture = APERTURE && !has_reflected;
         // Slow hard media delay nothing that is seen behind them.
         let speed_ratio_here = select(tissue.speed_ratio, max(tissue.speed_ratio, tissue.seen_speed_ratio), by_aperture);
         let path_per_range = speed_ratio_here * stretch;
@@ -170,8 +170,8 @@ fn trace_path(path: u32) {
                 fall,
                 tissue.scatterer_mean,
                 tissue.scatterer_deviation,
-                TAG | select(0u, DIVERTED, is_diverted) | tissue.scatterers,
-                ln_passed + fall * select(range_mm, 0.0, is_diverted));
+                TAG | select(0u, HAS_REFLECTED, has_reflected) | tissue.scatterers,
+                ln_passed + fall * select(range_mm, 0.0, has_reflected));
             echoes[at] = vec2<f32>(echo, echo_range_mm);
         }
         count++;
@@ -287,7 +287,7 @@ fn trace_path(path: u32) {
             echo_range_mm += offset * thickness_mm / path_per_range;
             let weight = mix(weight_power, weight_in_phase, coherence);
             // The aperture's gain takes the place of the path's loss, in `echo`.
-            let ln_arriving = select(ln_amplitude, 0.0, APERTURE && !is_diverted);
+            let ln_arriving = select(ln_amplitude, 0.0, APERTURE && !has_reflected);
             echo = at_facet.pressure_reflection * returning(cos_facet, roughness, range_mm) * weight
                 * select(0.0, exp(max(ln_arriving, LN_SILENT)), ln_arriving > LN_SILENT);
         }
@@ -300,8 +300,8 @@ fn trace_path(path: u32) {
         let reflects = REFLECTIONS && !(APERTURE && guide) && (split.energy_reflection >= 1.0
             || (follow && select(sample_unit(line_ray, layer, bounce, 0u), 0.5, guide) < split.energy_reflection));
         let ln_through = log(max(1.0 - split.energy_reflection, 1.0e-30));
-        ln_passed += select(ln_through, 0.0, is_diverted);
-        is_diverted = is_diverted || reflects;
+        ln_passed += select(ln_through, 0.0, has_reflected);
+        has_reflected = has_reflected || reflects;
         if reflects {
             inside = before;
             on_line = false;
@@ -331,7 +331,7 @@ fn trace_path(path: u32) {
                 carried_mm = select(vec3<f32>(0.0), displacements[chosen].xyz, moves);
             }
             // Beams bend by the delays over the aperture, not by the facet that a path meets.
-            if REFRACTION && is_diverted {
+            if REFRACTION && has_reflected {
                 let cos_beyond = split.cos_transmitted;
                 let bent = speed_ratio * direction + (speed_ratio * cos_incident - cos_beyond) * normal;
                 if cos_beyond > 0.0 && dot(bent, normal) < 0.0 {
@@ -340,7 +340,7 @@ fn trace_path(path: u32) {
             }
         }
         // Ends paths below −260 dB, which no display shows.
-        open = open && ((APERTURE && !is_diverted) || ln_amplitude > LN_GIVEN_UP);
+        open = open && ((APERTURE && !has_reflected) || ln_amplitude > LN_GIVEN_UP);
         if !open {
             ln_amplitude = 2.0 * LN_SILENT;
         }

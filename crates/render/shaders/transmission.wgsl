@@ -27,7 +27,7 @@ var<workgroup> greatest: array<f32, THREADS>;
 // Segment that holds a range, from segment `first` on, or the first behind a reflection.
 fn own_segment(path: u32, first: u32, range_mm: f32) -> u32 {
     var at = first;
-    while starts[path * STARTS + at + 1u] <= range_mm && !diverted(path, at) {
+    while starts[path * STARTS + at + 1u] <= range_mm && !has_reflected(path, at) {
         at++;
     }
     return at;
@@ -39,7 +39,7 @@ fn path_loss(path: u32, guide: u32, at: u32, range_mm: f32) -> f32 {
     if range_mm == 0.0 {
         return 0.0;
     }
-    if !diverted(path, at) {
+    if !has_reflected(path, at) {
         return loss_on(path, at, range_mm);
     }
     let reflected_mm = starts[path * STARTS + at];
@@ -61,14 +61,14 @@ fn delay_between(path: u32, stretch: f32, first: u32, from_mm: f32, to_mm: f32, 
     var late_mm = 0.0;
     var at = first;
     var low = from_mm;
-    if diverted(path, at) && !follow {
+    if has_reflected(path, at) && !follow {
         return vec2<f32>(0.0, from_mm);
     }
     while starts[path * STARTS + at + 1u] <= to_mm {
         late_mm += (starts[path * STARTS + at + 1u] - low) * delay_rate(path, at, stretch);
         at++;
         low = starts[path * STARTS + at];
-        if diverted(path, at) && !follow {
+        if has_reflected(path, at) && !follow {
             return vec2<f32>(late_mm, low);
         }
     }

@@ -164,7 +164,7 @@ pub(crate) const TEXTURE_MASK: u32 = 0xff;
 /// Samples that share a texture's level.
 pub(crate) const TEXTURE_SAMPLES: u32 = 4;
 /// Bit beside the scatterer density of a segment that a path reached by a reflection.
-pub(crate) const DIVERTED: u32 = 1 << 20;
+pub(crate) const HAS_REFLECTED: u32 = 1 << 20;
 /// Bits of a tissue in a word that may carry [`MOVES`] or [`TAG`].
 pub(crate) const TISSUE_MASK: u32 = 0xffff;
 /// Bit beside the tissue of a surface that moves.

@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::constants::{DIVERTED, TAG_DENSITY, TEXTURE_MASK, TEXTURE_SHIFT};
+use crate::constants::{HAS_REFLECTED, TAG_DENSITY, TEXTURE_MASK, TEXTURE_SHIFT};
 
 /// A straight stretch of a path in one medium. Position and ln amplitude are linear in the range ρ, mm.
 ///
@@ -45,8 +45,8 @@ impl Segment {
 
     /// Whether the path has reflected before it.
     #[inline(always)]
-    pub(crate) const fn diverted(&self) -> bool {
-        self.scatterers & DIVERTED != 0
+    pub(crate) const fn has_reflected(&self) -> bool {
+        self.scatterers & HAS_REFLECTED != 0
     }
 
     /// Loss from the face to a range on a segment that no reflection came before, one-way nepers.

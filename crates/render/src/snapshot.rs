@@ -271,7 +271,7 @@ fn path_from(buffers: &PassBuffers, path: usize) -> Path {
             scatterer_deviation: segment.scatterer_deviation.into(),
             scatterer_density: segment.scatterer_density(),
             texture: segment.texture(),
-            diverted: segment.diverted(),
+            has_reflected: segment.has_reflected(),
             ln_passed_at_zero: segment.ln_passed_at_zero.into(),
             echo,
             echo_range_mm,

@@ -141,14 +141,14 @@ fn segment_error(s: &Snapshot, device: &Segment, twin: &Segment) -> f64 {
     let level = ends.map(|r| (device.ln_amplitude(r) - twin.ln_amplitude(r)).abs()).into_iter().fold(0.0, f64::max);
     // Errors of echoes below 10⁻⁶ (−120 dB) are relative to 10⁻⁶.
     let echo = (device.echo - twin.echo).abs() / twin.echo.abs().max(1.0e-6);
-    let passed = if twin.diverted {
+    let passed = if twin.has_reflected {
         (device.ln_passed_at_zero - twin.ln_passed_at_zero).abs()
     } else {
         ends.map(|r| (device.ln_passed(r) - twin.ln_passed(r)).abs()).into_iter().fold(0.0, f64::max)
     };
     let same = device.scatterer_density == twin.scatterer_density
         && device.texture == twin.texture
-        && device.diverted == twin.diverted
+        && device.has_reflected == twin.has_reflected
         && device.scatterer_mean == twin.scatterer_mean
         && device.scatterer_deviation == twin.scatterer_deviation;
     let errors = [

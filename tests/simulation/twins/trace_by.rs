@@ -58,7 +58,7 @@ fn lanes_find_the_paths_of_single_threads_at_every_quality() {
         case.settings.reflections_max = reflections_max;
         let Some(together) = by_lanes(&case, &ShaderSet::default()) else { return };
         let alone = case.renderer(&ShaderSet::default()).snapshot(&case.pose).unwrap();
-        assert!(alone.paths.iter().any(|path| path.segments.iter().any(|segment| segment.diverted)));
+        assert!(alone.paths.iter().any(|path| path.segments.iter().any(|segment| segment.has_reflected)));
         check_same(&together, &alone, &format!("{rays} rays, {layers} layers"));
     }
 }

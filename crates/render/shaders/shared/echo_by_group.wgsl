@@ -25,7 +25,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
             let path = path_of(line, first + thread);
             count = count_of(path);
             for (var i = 1u; i <= count; i++) {
-                if diverted(path, i) {
+                if has_reflected(path, i) {
                     reflected_mm = min(reflected_mm, starts[path * STARTS + i]);
                 }
             }

@@ -20,7 +20,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let count = count_of(path);
         var reflected_mm = BEYOND_MM;
         for (var i = 1u; i <= count; i++) {
-            if diverted(path, i) {
+            if has_reflected(path, i) {
                 reflected_mm = min(reflected_mm, starts[path * STARTS + i]);
             }
             add(line, path, i, 1.0);

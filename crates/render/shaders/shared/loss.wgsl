@@ -1,7 +1,7 @@
 // Loss along traced paths, one-way nepers.
 
-fn diverted(path: u32, at: u32) -> bool {
-    return (segments[path * SEGMENTS + at].scatterers & DIVERTED) != 0u;
+fn has_reflected(path: u32, at: u32) -> bool {
+    return (segments[path * SEGMENTS + at].scatterers & HAS_REFLECTED) != 0u;
 }
 
 // Loss at a range on a segment that no reflection came before.

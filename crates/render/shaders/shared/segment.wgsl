@@ -12,7 +12,7 @@ struct Segment {
     scatterer_mean: f32,
     scatterer_deviation: f32,
     // Density of the scatterers (TAG_DENSITY), number of the texture (TEXTURE_SHIFT), whether the path has reflected
-    // (DIVERTED), and TAG.
+    // (HAS_REFLECTED), and TAG.
     scatterers: u32,
     // ln of the amplitude at ρ = 0, two-way, of a wave that passes every interface; behind a reflection, the value just
     // behind the interface.

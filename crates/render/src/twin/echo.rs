@@ -18,7 +18,7 @@ pub fn echo(inputs: &Inputs, paths: &[Path], gains: &[Boundary], baseband: &mut 
         for segment in 1..path.segments.len() {
             add(inputs, path, segment, gain, 1.0, line, baseband);
         }
-        let reflection = path.segments.iter().find(|segment| segment.diverted);
+        let reflection = path.segments.iter().find(|segment| segment.has_reflected);
         if let (Some(reflection), Some(_), 1..) = (reflection, gain, inputs.guides) {
             let weight = inputs.path_weight();
             let guide = &paths[inputs.guide_of(line)];
@@ -42,7 +42,7 @@ fn add(
     let sample = segment.echo_range_mm / inputs.sample_spacing_mm;
     if segment.echo != 0.0 && (0.0..inputs.samples as f64).contains(&sample) {
         let arrived = number - 1;
-        let seen = gain.filter(|_| !path.segments[arrived].diverted);
+        let seen = gain.filter(|_| !path.segments[arrived].has_reflected);
         let gain = seen.map_or(1.0, |gain| gain.at_interface(path, arrived).max(-80.0).exp());
         let at = line * inputs.samples + sample as usize;
         baseband[at] += weight * gain * segment.echo * inputs.carrier(segment.echo_range_mm);

@@ -33,7 +33,7 @@ pub fn reflected(inputs: &Inputs, paths: &[Path], gains: &[Boundary]) -> Vec<f64
         let segment_of = |path: usize| &paths[path].segments[segment_at(&paths[path], range_mm)];
         let power_of = |path: usize| {
             let segment = segment_of(path);
-            if segment.diverted { own_power(segment, range_mm) } else { DVec3::ZERO }
+            if segment.has_reflected { own_power(segment, range_mm) } else { DVec3::ZERO }
         };
         let power = paths_of(inputs, line).map(power_of).sum::<DVec3>() * inputs.path_weight();
         let guide = segment_of(inputs.guide_of(line));
@@ -92,7 +92,7 @@ fn sample_of(inputs: &Inputs, paths: &[Path], gains: &[Boundary], line: usize, s
     });
     let power_of = |path: usize| {
         let segment = segment_of(path);
-        if let Some(gain) = gain.filter(|_| !segment.diverted) {
+        if let Some(gain) = gain.filter(|_| !segment.has_reflected) {
             return gain * scatterer_power(segment);
         }
         own_power(segment, range_mm) + gain.map_or(DVec3::ZERO, |gain| gain * scatterer_power(guide))

@@ -24,7 +24,7 @@ pub struct Segment {
     /// Number of the medium's texture; 0 if it is uniform.
     pub texture: usize,
     /// Whether the path has reflected before it.
-    pub diverted: bool,
+    pub has_reflected: bool,
     /// ln of the amplitude at ρ = 0, two-way, of a wave that passes every interface; behind a reflection, that just behind
     /// the interface.
     pub ln_passed_at_zero: f64,

@@ -45,7 +45,7 @@ struct Tracer<'a> {
     ln_scatter: f64,
     /// ln of the amplitude of a wave that passes every interface, and whether the path has reflected.
     ln_passed: f64,
-    diverted: bool,
+    has_reflected: bool,
     bounce: u32,
     /// Displacement of the medium from its rest position, mm: speckle moves with its tissue.
     carried_mm: DVec3,
@@ -77,7 +77,7 @@ impl<'a> Tracer<'a> {
             ln_amplitude: ln_coupling,
             ln_scatter: 0.0,
             ln_passed: ln_coupling,
-            diverted: false,
+            has_reflected: false,
             bounce: 0,
             carried_mm: DVec3::ZERO,
         }
@@ -124,10 +124,10 @@ impl<'a> Tracer<'a> {
             let passes = self.inputs.aperture.is_some() && self.guide;
             let reflects = !passes && (total || (follow && chance < split.energy_reflection));
             let ln_passed = (1.0 - split.energy_reflection).max(1.0e-30).ln();
-            if !self.diverted {
+            if !self.has_reflected {
                 self.ln_passed += ln_passed;
             }
-            self.diverted |= reflects;
+            self.has_reflected |= reflects;
             if reflects {
                 self.inside = change.before;
                 reflections += 1;
@@ -150,7 +150,7 @@ impl<'a> Tracer<'a> {
                 let moves = self.inside.highest().is_some_and(|s| self.inputs.surface_moves[s as usize]);
                 self.carried_mm = if moves { triangle.displacement_mm } else { DVec3::ZERO };
                 // Beams bend by the delays over the aperture, not by the facet that a path meets.
-                if self.diverted {
+                if self.has_reflected {
                     self.refract(normal, cos_incident, split.cos_transmitted, beyond.bending / tissue.bending);
                 }
             }
@@ -165,7 +165,7 @@ impl<'a> Tracer<'a> {
 
     /// Whether the aperture's gain takes the place of the path's own loss.
     fn by_aperture(&self) -> bool {
-        self.inputs.aperture.is_some() && !self.diverted
+        self.inputs.aperture.is_some() && !self.has_reflected
     }
 
     /// A number in 0..1 for dimension `dim` of the interface at hand.
@@ -201,8 +201,8 @@ impl<'a> Tracer<'a> {
             scatterer_deviation: tissue.scatterer_deviation,
             scatterer_density: tissue.scatterer_density,
             texture: tissue.texture,
-            diverted: self.diverted,
-            ln_passed_at_zero: self.ln_passed + if self.diverted { 0.0 } else { fall_np_mm * self.range_mm },
+            has_reflected: self.has_reflected,
+            ln_passed_at_zero: self.ln_passed + if self.has_reflected { 0.0 } else { fall_np_mm * self.range_mm },
             echo,
             echo_range_mm,
         }
@@ -280,7 +280,7 @@ impl<'a> Tracer<'a> {
         let range_mm = self.range_mm + offset * boundary.thickness_mm / self.path_per_range(tissue);
         // Over rays and layers, echoes in phase add in amplitude, others in power.
         let of_path = self.inputs.path_weight();
-        // A guide's echoes stand for those of diverted paths, in their place.
+        // A guide's echoes stand for those of reflected paths, in their place.
         let in_phase = if self.guide { 1.0 } else { of_path };
         let in_power = (in_phase * (CELLS_OF_A_BEAM * in_phase).min(1.0)).sqrt();
         let weight = in_power + (in_phase - in_power) * boundary.coherence;

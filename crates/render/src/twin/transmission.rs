@@ -85,7 +85,7 @@ fn mean_over_rays(
 
 /// Range of a path less its depth, mm; from its first reflection on, it rises as that of the guide.
 fn late_mm(path: &Path, guide: &Path, stretch: f64, range_mm: f64) -> f64 {
-    let reflection = path.segments.iter().find(|segment| segment.diverted);
+    let reflection = path.segments.iter().find(|segment| segment.has_reflected);
     match reflection.filter(|segment| segment.start_mm <= range_mm) {
         None => late_between(path, stretch, 0.0, range_mm),
         Some(segment) => {
@@ -115,7 +115,7 @@ fn loss_np(path: &Path, guide: &Path, range_mm: f64) -> f64 {
     if range_mm == 0.0 {
         return 0.0;
     }
-    let reflection = path.segments.iter().find(|segment| segment.diverted);
+    let reflection = path.segments.iter().find(|segment| segment.has_reflected);
     match reflection.filter(|segment| segment.start_mm <= range_mm) {
         None => passed_np(path, range_mm),
         Some(segment) => {

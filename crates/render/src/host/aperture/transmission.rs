@@ -131,12 +131,12 @@ impl Paths<'_> {
         let (mut at, mut late_mm) = (0, 0.0);
         let mut rate = delay_rate(&segments[0], stretch);
         for boundary in 0..=tables.planes {
-            while starts[at + 1] <= range_of(boundary) && !segments[at].diverted() {
+            while starts[at + 1] <= range_of(boundary) && !segments[at].has_reflected() {
                 late_mm += (starts[at + 1] - starts[at]) * rate;
                 at += 1;
                 rate = delay_rate(&segments[at], stretch);
             }
-            if !segments[at].diverted() {
+            if !segments[at].has_reflected() {
                 delays[boundary] = late_mm + (range_of(boundary) - starts[at]) * rate;
                 continue;
             }
@@ -166,10 +166,10 @@ impl Paths<'_> {
         let range_of = |boundary: usize| boundary as f32 * tables.plane_mm;
         let mut at = 0;
         for boundary in 0..=tables.planes {
-            while starts[at + 1] <= range_of(boundary) && !segments[at].diverted() {
+            while starts[at + 1] <= range_of(boundary) && !segments[at].has_reflected() {
                 at += 1;
             }
-            if !segments[at].diverted() {
+            if !segments[at].has_reflected() {
                 losses[boundary] = if boundary == 0 { 0.0 } else { segments[at].loss_np(range_of(boundary)) };
                 continue;
             }

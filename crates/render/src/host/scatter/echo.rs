@@ -155,7 +155,7 @@ impl Interfaces<'_> {
         let mut reflected_mm = f32::MAX;
         echoes.count = 0;
         for segment in first..count {
-            if gains.is_some() && reflected_mm == f32::MAX && segments[segment].diverted() {
+            if gains.is_some() && reflected_mm == f32::MAX && segments[segment].has_reflected() {
                 reflected_mm = starts[segment];
             }
             let [amplitude, range_mm] = sources[segment];
@@ -164,7 +164,7 @@ impl Interfaces<'_> {
             }
             let mut ln_gain = 0.0;
             if let (Some(gains), Some(arrived)) = (&mut gains, segment.checked_sub(1))
-                && !segments[arrived].diverted()
+                && !segments[arrived].has_reflected()
             {
                 ln_gain = gains.at(arrived);
             }

@@ -33,13 +33,13 @@ pub(super) struct Powers {
     /// Power by paths with their own loss, scaled.
     traced: [Power; CHUNK],
     /// Whether `traced` holds any.
-    diverted: bool,
+    any_traced: bool,
 }
 
 impl Powers {
     pub(super) const fn new() -> Self {
         let zeros = [[[0.0; BLOCK]; 3]; CHUNK];
-        Self { seen: zeros, media: Media::new(), traced: zeros, diverted: false }
+        Self { seen: zeros, media: Media::new(), traced: zeros, any_traced: false }
     }
 
     /// Clears the first blocks.
@@ -47,7 +47,7 @@ impl Powers {
     pub(super) fn begin(&mut self, blocks: usize) {
         self.seen[..blocks].fill([[0.0; BLOCK]; 3]);
         self.traced[..blocks].fill([[0.0; BLOCK]; 3]);
-        self.diverted = false;
+        self.any_traced = false;
     }
 
     /// Adds a path. Beyond its first reflection it has its own loss, and the guide stands for what it missed.
@@ -67,10 +67,10 @@ impl Powers {
         while sample < last {
             let (segment, stop) = run.segment(params, sample, last);
             let samples = [sample.wrapping_sub(first) as usize, stop.wrapping_sub(first) as usize];
-            if aperture && !segment.diverted() {
+            if aperture && !segment.has_reflected() {
                 self.media.add(stretch.weight, segment, samples, &mut self.seen);
             } else {
-                self.diverted = true;
+                self.any_traced = true;
                 self.add_traced(params, stretch, segment, samples);
                 if aperture {
                     self.add_guide(params, paths, guide, stretch, [sample, stop]);
@@ -140,7 +140,7 @@ impl Powers {
     #[inline(always)]
     pub(super) fn reflected(&self, block: usize) -> f32 {
         let [mean, deviation, _] = &self.traced[block];
-        if self.diverted { mean[0] + deviation[0] } else { 0.0 }
+        if self.any_traced { mean[0] + deviation[0] } else { 0.0 }
     }
 
     /// Power at the samples of a block, scaled; `loudness` is the aperture's gain, ln of the amplitude. Without it all
@@ -155,7 +155,7 @@ impl Powers {
                 sums[i] *= gain;
             }
         }
-        if self.diverted {
+        if self.any_traced {
             for (sums, traced) in total.iter_mut().zip(&self.traced[block]) {
                 for i in 0..BLOCK {
                     sums[i] += traced[i];

@@ -11,7 +11,9 @@ use super::path_record::PathRecord;
 use super::path_state::PathState;
 use super::search::Covered;
 use super::traverse::{Crossing, Nearest, Ray, Stack, Tree, by_distance, collect};
-use crate::constants::{self as shared, CROSSINGS_AT_A_PLACE, DIVERTED, MOVES, PLACES_MAX, SEGMENTS, TAG, TISSUE_MASK};
+use crate::constants::{
+    self as shared, CROSSINGS_AT_A_PLACE, HAS_REFLECTED, MOVES, PLACES_MAX, SEGMENTS, TAG, TISSUE_MASK,
+};
 use crate::host::constants::{BEYOND_MM, LN_GIVEN_UP, LN_SILENT, LN_UNCOUPLED, TOUCH_MM, TraceConstants};
 use crate::host::effects::PathEffects;
 use crate::params::Params;
@@ -139,7 +141,7 @@ impl Scene<'_> {
     /// Whether the aperture's gain takes the place of the path's own loss.
     #[inline(always)]
     fn by_aperture(&self, state: &PathState) -> bool {
-        self.effects.aperture && !state.diverted
+        self.effects.aperture && !state.has_reflected
     }
 
     /// Length of path per mm of range in the current medium. Ranges are depths: the lens delays its middle, so echoes
@@ -174,7 +176,7 @@ impl Scene<'_> {
         // The loss of a fast body is spread up to where what is seen past it begins.
         let fall = tissue.attenuation_np_mm * self.seen_path_per_range(state);
         let from = state.origin - state.carried_mm - step * state.range_mm;
-        let (passed_mm, flag) = if state.diverted { (0.0, DIVERTED) } else { (state.range_mm, 0) };
+        let (passed_mm, flag) = if state.has_reflected { (0.0, HAS_REFLECTED) } else { (state.range_mm, 0) };
         let count = record.count.min(SEGMENTS - 1) as usize;
         record.starts[count] = state.range_mm;
         record.segments[count] = Segment {
@@ -264,7 +266,7 @@ impl Scene<'_> {
             if left_mm <= 0.0 {
                 return NextInterface::None;
             }
-            if state.diverted {
+            if state.has_reflected {
                 return NextInterface::Unknown;
             }
             let (range, highest, ray) = ([state.t_min, left_mm], Self::highest(state), [state.origin, state.direction]);
@@ -290,7 +292,7 @@ impl Scene<'_> {
         Place { stack, crossings }: &mut Place,
     ) -> usize {
         let ray = [state.origin, state.direction];
-        if !state.diverted
+        if !state.has_reflected
             && let Some(all) = candidates.collect(&self.tree, ray, &state.along, [least, most], crossings)
         {
             return all;
@@ -329,7 +331,7 @@ impl Scene<'_> {
             coherence: tissue.coherence.min(beyond.coherence),
             impedances_mrayl: [tissue.impedance_mrayl, beyond.impedance_mrayl],
             bending: [tissue.bending, beyond.bending],
-            path_bending: if state.diverted { [tissue.bending, beyond.bending] } else { [1.0; 2] },
+            path_bending: if state.has_reflected { [tissue.bending, beyond.bending] } else { [1.0; 2] },
             surface: triangle.surface,
             line_ray: state.line_ray,
             layer: state.layer,
@@ -352,10 +354,10 @@ impl Scene<'_> {
             state.echo_range_mm += departure.echo_offset_mm;
             state.echo = departure.echo;
         }
-        if !state.diverted {
+        if !state.has_reflected {
             state.ln_passed += departure.ln_passed;
         }
-        state.diverted |= departure.reflected;
+        state.has_reflected |= departure.reflected;
         state.ln_amplitude += departure.ln_amplitude;
         state.ln_scatter += departure.ln_scatter;
         state.direction = Vec3::from(departure.direction);

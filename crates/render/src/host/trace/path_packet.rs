@@ -193,7 +193,7 @@ impl PathPacket {
         depart(&batch.arrivals, &mut batch.departures, scene.rules());
         for (i, &(lane, change)) in changes[..batch.len()].iter().enumerate() {
             let (state, record, departure) = (&mut states[lane], &mut records[lane], batch.departure(i));
-            if departure.reflected && !state.diverted && scene.params.single() {
+            if departure.reflected && !state.has_reflected && scene.params.single() {
                 forks[lane] = Some(Fork { state: *state, change, last: record.last() });
             }
             scene.depart(state, &change, &departure, record);

@@ -54,7 +54,7 @@ impl Scene<'_> {
         let before = p.scanlines * p.rays * p.layer_count.saturating_sub(1);
         let ray = if guide { path - before as usize } else { line_ray };
         let (origin, direction) = self.launch(ray, [offset, slope]);
-        // A guide's echoes stand for those of diverted paths, in their place.
+        // A guide's echoes stand for those of reflected paths, in their place.
         let (in_phase, in_power) = if guide { (1.0, 1.0) } else { (p.path_weight(), p.power_weight()) };
         PathState {
             line_ray: line_ray as u32,

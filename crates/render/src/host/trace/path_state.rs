@@ -34,7 +34,7 @@ pub(super) struct PathState {
     /// ln of the amplitude, two-way, that a wave keeps which passes every interface.
     pub(super) ln_passed: f32,
     /// Whether the path has reflected.
-    pub(super) diverted: bool,
+    pub(super) has_reflected: bool,
     pub(super) bounce: u32,
     pub(super) reflections: u32,
     pub(super) crossed: u32,
