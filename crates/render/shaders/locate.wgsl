@@ -1,6 +1,6 @@
 // Surfaces that each path starts inside, and the coupling of its part of the face.
 // In: ray table, BVH. Out: eight words of surface bits per path, and the amplitude that the face passes, one way.
-// One thread per path: rays fastest, then scanlines, then layers; then the guides.
+// One thread per path: rays fastest, then scanlines, then layers; then the axial paths.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -22,7 +22,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x % LANES_APART != 0u {
         return;
     }
-    if path >= params.line_count * params.rays * params.layer_count + params.guides {
+    if path >= params.line_count * params.rays * params.layer_count + params.axial_paths {
         return;
     }
     let ray = launch(path);

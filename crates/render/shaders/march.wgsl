@@ -114,16 +114,16 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let begins = params.layer_first == 0u;
     let ends = params.layer_first + params.layer_count == params.layers;
 
-    // One guide places the scatterers of all paths of a scanline; a single path is its own guide.
-    let guide = guide_of(line);
-    // Scaled power of the aperture's gain, and that of the guide's scatterers.
+    // One axial path places the scatterers of all paths of a scanline; a single path is its own axial path.
+    let axial_path = axial_path_of(line);
+    // Scaled power of the aperture's gain, and that of the axial path's scatterers.
     var seen: array<f32, RUN>;
-    var guided: array<vec3<f32>, RUN / 2u>;
+    var axial_power: array<vec3<f32>, RUN / 2u>;
     for (var i = 0u; APERTURE && i < RUN; i++) {
         let range_mm = range_of(first + i);
         // Two samples share a segment: that of the first.
-        seek(guide, first + (i & ~1u), range_of(first + (i & ~1u)));
-        guided[i >> 1u] = scatterer_power();
+        seek(axial_path, first + (i & ~1u), range_of(first + (i & ~1u)));
+        axial_power[i >> 1u] = scatterer_power();
         seen[i] = scaled_power(scatterer_gain_at(line, range_mm, 0.5 * (current.fall_np_mm * range_mm - current.ln_passed_at_zero)));
     }
     // The mean power of all rays sets their strength. Samples restart here, so the current segment is reset.
@@ -154,21 +154,22 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                     power[i] += seen[i] * here;
                     power[i + 1u] += seen[i + 1u] * here;
                 } else {
-                    // Beyond its first reflection a path has its own loss, and the guide stands for what it missed.
+                    // Beyond its first reflection a path has its own loss, and the axial path stands for what it
+                    // missed.
                     let own = own_power(range_mm) * here;
                     power[i] += own;
                     by_reflections += select(0.0, own.x + own.y, pair == 0u);
                     power[i + 1u] += own_power(range_of(first + i + 1u)) * here;
                     if APERTURE {
-                        power[i] += seen[i] * weight * guided[pair];
-                        power[i + 1u] += seen[i + 1u] * weight * guided[pair];
+                        power[i] += seen[i] * weight * axial_power[pair];
+                        power[i + 1u] += seen[i + 1u] * weight * axial_power[pair];
                     }
                 }
             }
         }
     }
     if APERTURE && begins_block {
-        reflected[of_block] = select(by_reflections, reflected_over_seen(by_reflections, seen[0] * (guided[0].x + guided[0].y)), ends);
+        reflected[of_block] = select(by_reflections, reflected_over_seen(by_reflections, seen[0] * (axial_power[0].x + axial_power[0].y)), ends);
     }
     let gain = UNSCALED * scatterer_gain[block >> 2u][block & 3u];
     var textured: array<f32, RUN / TEXTURE_SAMPLES>;
@@ -177,7 +178,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         textured[i] = 1.0;
         let sample = first + i * TEXTURE_SAMPLES;
         if TEXTURE {
-            seek(guide, sample, range_of(sample));
+            seek(axial_path, sample, range_of(sample));
             let number = (current.scatterers >> TEXTURE_SHIFT) & TEXTURE_MASK;
             if number > 0u {
                 let at_mm = range_of(sample) + 0.5 * f32(TEXTURE_SAMPLES - 1u) * params.sample_spacing_mm;
@@ -192,7 +193,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         var echoed = vec4<f32>(0.0);
         if ends {
             let range_mm = range_of(first + i);
-            seek(guide, first + i, range_mm);
+            seek(axial_path, first + i, range_mm);
             let here = gain * textured[i / TEXTURE_SAMPLES];
             echoed = vec4<f32>(
                 echo_at(range_mm, power[i], here, reach), echo_at(range_of(first + i + 1u), power[i + 1u], here, reach));

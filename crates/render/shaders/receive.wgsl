@@ -22,7 +22,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var value = focused[at];
     if first < params.near_samples {
         // ln of the amplitude, two-way, that the face passes; the reverberation is what stays in the probe.
-        let ln_passed = max(segments[guide_of(line) * SEGMENTS].ln_passed_at_zero, 2.0 * LN_UNCOUPLED);
+        let ln_passed = max(segments[axial_path_of(line) * SEGMENTS].ln_passed_at_zero, 2.0 * LN_UNCOUPLED);
         let reverberation = ADDED * (1.0 - exp(0.5 * ln_passed)) * params.reverberation;
         let clutter = ADDED * exp(max(ln_passed, LN_UNCOUPLED)) * params.clutter;
         let a = near_field[line * params.near_samples + first];

@@ -1,7 +1,7 @@
 // Paths through the scene: refraction, reflection, attenuation and the echoes of interfaces.
 // In: ray table, BVH, start membership. Out: for each path up to SEGMENTS straight segments, each with the echo of the
 // interface that it begins at. One thread per path, or a few lanes (path_by_lanes.wgsl): rays fastest, then scanlines, then
-// layers; then the guides.
+// layers; then the axial paths.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
@@ -90,16 +90,16 @@ fn place_interface(first: u32, end: u32) -> u32 {
 
 fn trace_path(path: u32) {
     let of_layer = params.line_count * params.rays;
-    if path >= of_layer * params.layer_count + params.guides {
+    if path >= of_layer * params.layer_count + params.axial_paths {
         return;
     }
-    let guide = is_guide(path);
+    let is_axial = is_axial_path(path);
     let line_ray = params.line_first * params.rays + path % of_layer;
-    // Guides are the same in all batches.
-    let layer = select(params.layer_first + path / of_layer, 0u, guide);
+    // Axial paths are the same in all batches.
+    let layer = select(params.layer_first + path / of_layer, 0u, is_axial);
     // Over rays and layers, echoes in phase add in amplitude, others in power.
-    // A guide's echoes stand for those of reflected paths, in their place.
-    let weight_in_phase = select(1.0 / f32(params.rays * params.layers), 1.0, guide);
+    // An axial path's echoes replace those that reflected paths miss.
+    let weight_in_phase = select(1.0 / f32(params.rays * params.layers), 1.0, is_axial);
     let weight_power = sqrt(weight_in_phase * min(1.0, CELLS_OF_A_BEAM * weight_in_phase));
     // Ranges are depths: the lens delays its middle, so echoes of oblique layers come no later.
     let stretch = elevation_of(path).z;
@@ -261,7 +261,7 @@ fn trace_path(path: u32) {
         // Half of the roughness tilts the facet, half widens the lobe about it.
         let variance = 0.5 * roughness * roughness;
         var facet = normal;
-        if ROUGHNESS && variance > 0.0 && (!guide || params.rays * params.layers == 1u) {
+        if ROUGHNESS && variance > 0.0 && (!is_axial || params.rays * params.layers == 1u) {
             facet = microfacet(normal, variance, sample_unit(line_ray, layer, bounce, 1u), sample_unit(line_ray, layer, bounce, 2u));
             if dot(facet, direction) > -FACET_COS_MIN {
                 facet = normal;
@@ -292,13 +292,13 @@ fn trace_path(path: u32) {
                 * select(0.0, exp(max(ln_arriving, LN_SILENT)), ln_arriving > LN_SILENT);
         }
 
-        // Reflects with probability R, else transmits; reflections that hardly return are not followed. A guide takes
-        // the likelier way, so scatterer positions don't depend on chance.
+        // Reflects with probability R, else transmits; reflections that hardly return are not followed. An axial path
+        // takes the likelier way, so scatterer positions don't depend on chance.
         let accepted = acceptance(roughness * roughness, range_mm);
         let follow = REFLECTIONS && split.energy_reflection * accepted >= REFLECTION_FOLLOWED;
-        // With the aperture, a guide passes every interface: its scatterers are what the aperture sees behind it.
-        let reflects = REFLECTIONS && !(APERTURE && guide) && (split.energy_reflection >= 1.0
-            || (follow && select(sample_unit(line_ray, layer, bounce, 0u), 0.5, guide) < split.energy_reflection));
+        // With the aperture, an axial path passes every interface: its scatterers are what the aperture sees behind it.
+        let reflects = REFLECTIONS && !(APERTURE && is_axial) && (split.energy_reflection >= 1.0
+            || (follow && select(sample_unit(line_ray, layer, bounce, 0u), 0.5, is_axial) < split.energy_reflection));
         let ln_through = log(max(1.0 - split.energy_reflection, 1.0e-30));
         ln_passed += select(ln_through, 0.0, has_reflected);
         has_reflected = has_reflected || reflects;

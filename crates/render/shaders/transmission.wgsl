@@ -34,8 +34,8 @@ fn own_segment(path: u32, first: u32, range_mm: f32) -> u32 {
 }
 
 // Loss of a path at a range on its own segment `at`; from its first reflection on, it rises as that of its scanline's
-// guide. What the face does not couple is lost in the first interval.
-fn path_loss(path: u32, guide: u32, at: u32, range_mm: f32) -> f32 {
+// axial path. What the face does not couple is lost in the first interval.
+fn path_loss(path: u32, axial_path: u32, at: u32, range_mm: f32) -> f32 {
     if range_mm == 0.0 {
         return 0.0;
     }
@@ -44,9 +44,9 @@ fn path_loss(path: u32, guide: u32, at: u32, range_mm: f32) -> f32 {
     }
     let reflected_mm = starts[path * STARTS + at];
     let reflected_np = -0.5 * segments[path * SEGMENTS + at].ln_passed_at_zero;
-    let before = segment_from(guide, 0u, reflected_mm);
-    let here = segment_from(guide, before, max(range_mm, reflected_mm));
-    return reflected_np + (loss_on(guide, here, range_mm) - loss_on(guide, before, reflected_mm));
+    let before = segment_from(axial_path, 0u, reflected_mm);
+    let here = segment_from(axial_path, before, max(range_mm, reflected_mm));
+    return reflected_np + (loss_on(axial_path, here, range_mm) - loss_on(axial_path, before, reflected_mm));
 }
 
 // Range that a segment gains over depth, mm per mm of range: 0 in hard media, which sound has passed beside.
@@ -76,13 +76,13 @@ fn delay_between(path: u32, stretch: f32, first: u32, from_mm: f32, to_mm: f32, 
 }
 
 // Delay of a path between two ranges, mm, from its own segment `at`; from its first reflection on, it rises as that of its
-// scanline's guide.
-fn path_delay(path: u32, guide: u32, at: u32, from_mm: f32, to_mm: f32) -> f32 {
+// scanline's axial path.
+fn path_delay(path: u32, axial_path: u32, at: u32, from_mm: f32, to_mm: f32) -> f32 {
     let own = delay_between(path, elevation_of(path).z, at, from_mm, to_mm, false);
     if own.y >= to_mm {
         return own.x;
     }
-    return own.x + delay_between(guide, 1.0, segment_from(guide, 0u, own.y), own.y, to_mm, true).x;
+    return own.x + delay_between(axial_path, 1.0, segment_from(axial_path, 0u, own.y), own.y, to_mm, true).x;
 }
 
 // Sums of a cell over its rays in one layer: of the transmission, of the delay in mm, and of the weights. `before` holds the first
@@ -104,13 +104,13 @@ fn ray_sums(cell: u32, layer: u32, from_mm: f32, to_mm: f32, before: vec2<f32>) 
             continue;
         }
         let path = layer * here + of_batch;
-        let guide = guide_of(line_ray / params.rays);
+        let axial_path = axial_path_of(line_ray / params.rays);
         let first = own_segment(path, 0u, from_mm);
         let last = own_segment(path, first, to_mm);
-        let lost = path_loss(path, guide, last, to_mm) - path_loss(path, guide, first, from_mm);
+        let lost = path_loss(path, axial_path, last, to_mm) - path_loss(path, axial_path, first, from_mm);
         sum += weight * exp(-clamp(lost, 0.0, 80.0));
         if aperture.turns_per_mm > 0.0 {
-            late += weight * path_delay(path, guide, first, from_mm, to_mm);
+            late += weight * path_delay(path, axial_path, first, from_mm, to_mm);
         }
     }
     return vec3<f32>(sum, late, total);

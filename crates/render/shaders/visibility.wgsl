@@ -1,6 +1,6 @@
 // Gain along each scanline: what the aperture sees of the scatterers at a depth, over a medium without loss.
-// Out: [scanlines × (planes + 1)] place among the planes, loss of the guide (one-way nepers), gain at the plane before
-// (nepers of amplitude, two-way), loss that all scanlines share (one-way nepers). A thread per scanline.
+// Out: [scanlines × (planes + 1)] place among the planes, loss of the axial path (one-way nepers), gain at the plane
+// before (nepers of amplitude, two-way), loss that all scanlines share (one-way nepers). A thread per scanline.
 //
 // A scanline follows the planes by its own loss: behind an obstacle it takes the plane behind it, before it the plane
 // before it, wherever in an interval the obstacle lies.
@@ -37,10 +37,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if line >= params.scanlines {
         return;
     }
-    let guide = guide_of(line);
+    let axial_path = axial_path_of(line);
     let row = line * (aperture.planes + 1u);
     var at = 0u;
-    var begins_np = loss_on(guide, 0u, 0.0);
+    var begins_np = loss_on(axial_path, 0u, 0.0);
     var shared_np = 0.0;
     // Place within the interval of the last loss, 0..1.
     var last = 0.5;
@@ -52,13 +52,13 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         var low = from_mm;
         var area = 0.0;
         while low < to_mm {
-            at = segment_from(guide, at, low);
-            let high = min(starts[guide * STARTS + at + 1u], to_mm);
-            area += 0.5 * (loss_on(guide, at, low) + loss_on(guide, at, high) - 2.0 * begins_np) * (high - low);
+            at = segment_from(axial_path, at, low);
+            let high = min(starts[axial_path * STARTS + at + 1u], to_mm);
+            area += 0.5 * (loss_on(axial_path, at, low) + loss_on(axial_path, at, high) - 2.0 * begins_np) * (high - low);
             low = high;
         }
-        at = segment_from(guide, at, to_mm);
-        let ends_np = loss_on(guide, at, to_mm);
+        at = segment_from(axial_path, at, to_mm);
+        let ends_np = loss_on(axial_path, at, to_mm);
         let own_np = max(ends_np - begins_np - row_np[interval], 0.0);
         let followed = own_np / (own_np + TRACKED_NP);
         let mean_np = area / aperture.plane_mm - 0.5 * row_np[interval];
@@ -74,8 +74,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     for (var block = 0u; block < blocks; block++) {
         // At the first sample: a face within the block counts as not yet crossed.
         let range_mm = (f32(block << BLOCK_SHIFT) + 0.5) * params.sample_spacing_mm;
-        at = segment_from(guide, at, range_mm);
-        let place = place_of(line, range_mm, loss_on(guide, at, range_mm));
+        at = segment_from(axial_path, at, range_mm);
+        let place = place_of(line, range_mm, loss_on(axial_path, at, range_mm));
         block_gains[line * blocks + block] = vec2<f32>(exp(gain_at(line, place)), place);
     }
 }

@@ -7,7 +7,8 @@ use super::segment::Segment;
 /// Least size of a buffer of segments, bytes: within the 128 MiB that every device binds.
 pub(crate) const SEGMENT_BYTES_LEAST: u64 = 96 << 20;
 
-/// Split of a frame's paths: by layers, and of a layer that is too large by scanlines. Every batch also holds the guides.
+/// Split of a frame's paths: by layers, and of a layer that is too large by scanlines. Every batch also holds the axial
+/// paths.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct BatchPlan {
     layers_per_batch: u32,
@@ -24,8 +25,8 @@ impl BatchPlan {
     /// Split of a frame into whole layers: as many as fit into the least buffer, or one.
     pub(crate) fn by_layers(whole: &Params) -> Self {
         let of_layer = u64::from(whole.scanlines) * u64::from(whole.rays) * PATH_BYTES;
-        let guides = u64::from(whole.scanlines) * PATH_BYTES;
-        let fits = SEGMENT_BYTES_LEAST.saturating_sub(guides) / of_layer.max(1);
+        let axial_bytes = u64::from(whole.scanlines) * PATH_BYTES;
+        let fits = SEGMENT_BYTES_LEAST.saturating_sub(axial_bytes) / of_layer.max(1);
         let layers_per_batch = fits.clamp(1, u64::from(whole.layers.max(1))) as u32;
         let batches = whole.layers.div_ceil(layers_per_batch);
         Self { layers_per_batch, lines_per_batch: whole.scanlines, parts: 1, batches }
@@ -35,8 +36,8 @@ impl BatchPlan {
     #[cfg_attr(not(feature = "gpu"), allow(dead_code, reason = "the host takes whole layers"))]
     pub(crate) fn within(bytes_max: u64, whole: &Params) -> Self {
         let of_line = u64::from(whole.rays) * PATH_BYTES;
-        let guides = u64::from(whole.scanlines) * PATH_BYTES;
-        let lines = bytes_max.saturating_sub(guides) / of_line.max(1);
+        let axial_bytes = u64::from(whole.scanlines) * PATH_BYTES;
+        let lines = bytes_max.saturating_sub(axial_bytes) / of_line.max(1);
         let layers = lines / u64::from(whole.scanlines.max(1));
         if layers >= 1 || whole.single() {
             let layers_per_batch = layers.clamp(1, u64::from(whole.layers.max(1))) as u32;
@@ -75,7 +76,15 @@ mod tests {
 
     fn whole(scanlines: u32, rays: u32, layers: u32) -> Params {
         let (layer_count, line_count) = (layers, scanlines);
-        Params { scanlines, rays, layers, layer_count, line_count, guides: scanlines, ..bytemuck::Zeroable::zeroed() }
+        Params {
+            scanlines,
+            rays,
+            layers,
+            layer_count,
+            line_count,
+            axial_paths: scanlines,
+            ..bytemuck::Zeroable::zeroed()
+        }
     }
 
     /// Checks that batches hold each scanline of each layer once, in order, within `bytes_max`; returns their number.

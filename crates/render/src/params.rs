@@ -107,7 +107,7 @@ pub(crate) struct Params {
     pub(crate) sector_words: u32,
     pub(crate) reflections_max: u32,
     pub(crate) layers: u32,
-    pub(crate) guides: u32,
+    pub(crate) axial_paths: u32,
     /// Number of `sheets`, and the distance between the sheets of one, mm; 0 without speckle across the slice.
     pub(crate) sheet_families: u32,
     pub(crate) sheet_spacing_mm: f32,
@@ -162,7 +162,7 @@ impl Params {
         let contact = on.has(Effect::Contact);
         let several = settings.quality.rays * settings.quality.layers > 1;
         // With the aperture, a path that reflects needs another that passes.
-        let guided = if on.has(Effect::Aperture) {
+        let has_axial_paths = if on.has(Effect::Aperture) {
             several || on.has(Effect::Reflections)
         } else {
             several && on.has(Effect::Scatterers)
@@ -198,7 +198,7 @@ impl Params {
             sector_words: tables.sector_words.len() as u32,
             reflections_max: settings.reflections_max,
             layers: settings.quality.layers,
-            guides: if guided { probe.scanlines } else { 0 },
+            axial_paths: if has_axial_paths { probe.scanlines } else { 0 },
             sheet_families: 0,
             sheet_spacing_mm: tables.sheets.as_ref().map_or(0.0, |sheets| sheets.spacing_mm as f32),
             beyond: if contact { outside.air } else { outside.background },
@@ -282,19 +282,19 @@ impl Params {
         self.line_count * self.rays * self.layer_count
     }
 
-    /// Whether each scanline has one path, besides a guide.
+    /// Whether each scanline has one path, besides an axial path.
     pub(crate) fn single(&self) -> bool {
         self.rays * self.layers == 1
     }
 
-    /// Index of the guide of a scanline in this batch: its only path if there are no guides.
-    pub(crate) fn guide_of(&self, line: u32) -> u32 {
-        if self.guides == 0 { line } else { self.sounding_paths() + line }
+    /// Index of the axial path of a scanline in this batch: its only path if there are no axial paths.
+    pub(crate) fn axial_path_of(&self, line: u32) -> u32 {
+        if self.axial_paths == 0 { line } else { self.sounding_paths() + line }
     }
 
-    /// Number of paths of this batch: those that carry echoes, then the guides.
+    /// Number of paths of this batch: those that carry echoes, then the axial paths.
     pub(crate) fn paths(&self) -> u32 {
-        self.sounding_paths() + self.guides
+        self.sounding_paths() + self.axial_paths
     }
 
     /// Centre of the probe's face, scene, mm.

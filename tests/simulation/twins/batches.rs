@@ -17,7 +17,7 @@ fn case(layers: u32, aperture: Choice) -> Case {
     case
 }
 
-/// Shaders whose batches hold `lines` scanlines of a layer beside the guides.
+/// Shaders whose batches hold `lines` scanlines of a layer beside the axial paths.
 fn shaders_of(lines: u64) -> ShaderSet {
     shaders_within((33 + 7 * lines) * PATH_BYTES)
 }

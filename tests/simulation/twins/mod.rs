@@ -218,7 +218,7 @@ const DAMAGES: [Damages; 4] = [
             "1.0",
         ),
         ("reflections of a pair of samples", "march", "select(0.0, own.x + own.y, pair == 0u)", "own.x + own.y"),
-        ("delays of the guide alone", "transmission", "return own.x +", "return 0.0 * own.x +"),
+        ("delays of the axial path alone", "transmission", "return own.x +", "return 0.0 * own.x +"),
         (
             "a profile of the plane before",
             "profiles",

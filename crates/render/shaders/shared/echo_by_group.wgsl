@@ -18,7 +18,8 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     let weight = 1.0 / f32(params.rays * params.layers);
     let paths = params.rays * params.layer_count;
     for (var first = 0u; first < paths; first += THREADS) {
-        // The echoes of a path, then those of the guide behind its first reflection: it stands for what the path missed.
+        // The echoes of a path, then those of the axial path behind its first reflection: it stands for what the path
+        // missed.
         var count = 0u;
         var reflected_mm = BEYOND_MM;
         if first + thread < paths {
@@ -29,8 +30,8 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
                     reflected_mm = min(reflected_mm, starts[path * STARTS + i]);
                 }
             }
-            if APERTURE && params.guides > 0u && reflected_mm < BEYOND_MM {
-                count += count_of(guide_of(line));
+            if APERTURE && params.axial_paths > 0u && reflected_mm < BEYOND_MM {
+                count += count_of(axial_path_of(line));
             }
         }
         ends[thread] = count;
@@ -57,9 +58,9 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
                 if segment <= own {
                     echo = echo_of(line, path, segment, 1.0);
                 } else {
-                    let guide = guide_of(line);
-                    if starts[guide * STARTS + segment - own] > reflections_mm[slot] {
-                        echo = echo_of(line, guide, segment - own, weight);
+                    let axial_path = axial_path_of(line);
+                    if starts[axial_path * STARTS + segment - own] > reflections_mm[slot] {
+                        echo = echo_of(line, axial_path, segment - own, weight);
                     }
                 }
                 samples[thread] = echo.sample;

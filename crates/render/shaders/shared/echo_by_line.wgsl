@@ -25,13 +25,13 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             }
             add(line, path, i, 1.0);
         }
-        if APERTURE && params.guides > 0u && reflected_mm < BEYOND_MM {
-            // The guide stands for what the path missed.
-            let guide = guide_of(line);
-            let of_guide = count_of(guide);
-            for (var i = 1u; i <= of_guide; i++) {
-                if starts[guide * STARTS + i] > reflected_mm {
-                    add(line, guide, i, weight);
+        if APERTURE && params.axial_paths > 0u && reflected_mm < BEYOND_MM {
+            // The axial path stands for what the path missed.
+            let axial_path = axial_path_of(line);
+            let axial_count = count_of(axial_path);
+            for (var i = 1u; i <= axial_count; i++) {
+                if starts[axial_path * STARTS + i] > reflected_mm {
+                    add(line, axial_path, i, weight);
                 }
             }
         }

@@ -1,5 +1,5 @@
 // The first ray of a path: its scanline's, moved across the slice. After the paths of all layers come the
-// guides, one per scanline, along the axes: they carry no echo and place the scatterers of the other paths.
+// axial paths, one per scanline, along the axes: they carry no echo and place the scatterers of the other paths.
 struct Launch {
     origin: vec3<f32>,
     direction: vec3<f32>,
@@ -7,18 +7,18 @@ struct Launch {
     face_depth_mm: f32,
 }
 
-// Offset, slope and stretch of a path across the slice; a guide is in the image plane. After rays and axes, their table
-// holds those of every path of a scanline [looks × layers × rays].
+// Offset, slope and stretch of a path across the slice; an axial path is in the image plane. After rays and axes, their
+// table holds those of every path of a scanline [looks × layers × rays].
 fn elevation_of(path: u32) -> vec3<f32> {
     let line_rays = params.scanlines * params.rays;
     let angle = params.angle_words / max(params.sector_words, 1u);
     let layer = angle * params.layers + params.layer_first + path / (params.line_count * params.rays);
     let across = layer * params.rays + path % params.rays;
-    let at = 2u * (line_rays + params.scanlines) + select(across, 0u, is_guide(path));
-    return select(rays[at].xyz, vec3<f32>(0.0, 0.0, 1.0), is_guide(path));
+    let at = 2u * (line_rays + params.scanlines) + select(across, 0u, is_axial_path(path));
+    return select(rays[at].xyz, vec3<f32>(0.0, 0.0, 1.0), is_axial_path(path));
 }
 
-fn is_guide(path: u32) -> bool {
+fn is_axial_path(path: u32) -> bool {
     return path >= params.line_count * params.rays * params.layer_count;
 }
 
@@ -26,7 +26,7 @@ fn launch(path: u32) -> Launch {
     let of_layer = params.line_count * params.rays;
     // The axes follow the rays in their table.
     let axis = path - of_layer * params.layer_count + params.scanlines * params.rays;
-    let ray = 2u * select(params.line_first * params.rays + path % of_layer, axis, is_guide(path));
+    let ray = 2u * select(params.line_first * params.rays + path % of_layer, axis, is_axial_path(path));
     let elevation = elevation_of(path);
     let origin = rays[ray].xyz + vec3<f32>(0.0, elevation.x, 0.0);
     let straight = rays[ray + 1u].xyz;

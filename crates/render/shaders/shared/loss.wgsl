@@ -19,7 +19,7 @@ fn segment_from(path: u32, first: u32, range_mm: f32) -> u32 {
     return at;
 }
 
-// The path of a scanline that passes every interface: its guide, or its only path.
-fn guide_of(line: u32) -> u32 {
-    return select(params.layer_count * params.line_count * params.rays, 0u, params.guides == 0u) + line;
+// The path of a scanline that passes every interface: its axial path, or its only path.
+fn axial_path_of(line: u32) -> u32 {
+    return select(params.layer_count * params.line_count * params.rays, 0u, params.axial_paths == 0u) + line;
 }

@@ -57,8 +57,8 @@ struct Params {
     reflections_max: u32,
     // Elevational layers of the frame.
     layers: u32,
-    // Guide paths, which place the scatterers: one per scanline; 0 if a scanline has only one path.
-    guides: u32,
+    // Axial paths, which place the scatterers: one per scanline; 0 if a scanline has only one path.
+    axial_paths: u32,
     // Number of `sheets`, and the distance between the sheets of one.
     sheet_families: u32,
     sheet_spacing_mm: f32,

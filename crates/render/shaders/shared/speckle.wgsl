@@ -9,7 +9,7 @@ struct Strength {
     density: f32,
 }
 
-// A sample's place on its guide.
+// A sample's place on its axial path.
 struct Place {
     // Scene frame, relative to the tree's centre, mm.
     here: vec3<f32>,

@@ -8,8 +8,8 @@ use super::visibility::{Boundary, LineGain};
 
 /// Adds every interface's echo to the baseband sample that holds its range [scanlines × samples].
 ///
-/// With the aperture, its gain replaces the loss of a path that has not reflected, and the guide's echoes stand for those
-/// that a path missed behind its first reflection.
+/// With the aperture, its gain replaces the loss of a path that has not reflected, and the axial path's echoes stand
+/// for those that a path missed behind its first reflection.
 pub fn echo(inputs: &Inputs, paths: &[Path], gains: &[Boundary], baseband: &mut [DVec2]) {
     for (index, path) in paths.iter().enumerate().take(inputs.sounding()) {
         let line = index / inputs.rays_per_line % inputs.scanlines;
@@ -19,11 +19,12 @@ pub fn echo(inputs: &Inputs, paths: &[Path], gains: &[Boundary], baseband: &mut 
             add(inputs, path, segment, gain, 1.0, line, baseband);
         }
         let reflection = path.segments.iter().find(|segment| segment.has_reflected);
-        if let (Some(reflection), Some(_), 1..) = (reflection, gain, inputs.guides) {
+        if let (Some(reflection), Some(_), 1..) = (reflection, gain, inputs.axial_paths) {
             let weight = inputs.path_weight();
-            let guide = &paths[inputs.guide_of(line)];
-            let behind = (1..guide.segments.len()).filter(|&s| guide.segments[s].start_mm > reflection.start_mm);
-            behind.for_each(|segment| add(inputs, guide, segment, gain, weight, line, baseband));
+            let axial_path = &paths[inputs.axial_path_of(line)];
+            let behind =
+                (1..axial_path.segments.len()).filter(|&s| axial_path.segments[s].start_mm > reflection.start_mm);
+            behind.for_each(|segment| add(inputs, axial_path, segment, gain, weight, line, baseband));
         }
     }
 }

@@ -117,9 +117,9 @@ pub struct Inputs {
     pub layers: usize,
     /// Place of each path of a scanline across the slice [layers × rays_per_line].
     pub elevations: Vec<Elevation>,
-    /// Guide paths, which place the scatterers, stored after all layers' paths: one per scanline; 0 if a scanline has
+    /// Axial paths, which place the scatterers, stored after all layers' paths: one per scanline; 0 if a scanline has
     /// only one path.
-    pub guides: usize,
+    pub axial_paths: usize,
     /// Triangles of the scene.
     pub triangles: Vec<Triangle>,
     /// What moves; none in a scene without moving parts.
@@ -260,7 +260,7 @@ impl Inputs {
             axes,
             layers: params.layers as usize,
             elevations: params.elevations_of(&tables.elevations).iter().map(elevation).collect(),
-            guides: params.guides as usize,
+            axial_paths: params.axial_paths as usize,
             triangles: triangles.collect(),
             motion: None,
             surface_tissue: surface_words.iter().map(|&w| (w & TISSUE_MASK) as usize).collect(),
@@ -311,14 +311,14 @@ impl Inputs {
         self.samples.div_ceil(self.depth_block)
     }
 
-    /// Index of the path of a scanline that places its scatterers: its guide, or its only path.
-    pub fn guide_of(&self, line: usize) -> usize {
-        if self.guides == 0 { line } else { self.sounding() + line }
+    /// Index of the path of a scanline that places its scatterers: its axial path, or its only path.
+    pub fn axial_path_of(&self, line: usize) -> usize {
+        if self.axial_paths == 0 { line } else { self.sounding() + line }
     }
 
-    /// Number of paths of a frame: those that carry echoes, then the guides.
+    /// Number of paths of a frame: those that carry echoes, then the axial paths.
     pub fn paths(&self) -> usize {
-        self.sounding() + self.guides
+        self.sounding() + self.axial_paths
     }
 
     /// Part of the beam's energy of each path that carries echoes.
@@ -326,7 +326,7 @@ impl Inputs {
         1.0 / (self.rays_per_line * self.layers) as f64
     }
 
-    /// The place of a path across the slice. A guide is in the image plane.
+    /// The place of a path across the slice. An axial path is in the image plane.
     pub fn elevation_of(&self, path: usize) -> Elevation {
         let image_plane = Elevation { offset_mm: 0.0, slope: 0.0, stretch: 1.0 };
         let across = path / self.rays.len() * self.rays_per_line + path % self.rays_per_line;
@@ -351,7 +351,7 @@ impl Inputs {
         }
     }
 
-    /// The first ray of a path in the scene: its scanline's, moved across the slice; a guide's is the axis.
+    /// The first ray of a path in the scene: its scanline's, moved across the slice; an axial path's is the axis.
     pub fn launch(&self, path: usize) -> Ray {
         let ray = match path.checked_sub(self.sounding()) {
             Some(line) => self.axes[line],

@@ -12,13 +12,13 @@ use crate::constants::{LN_SPECKLE_SILENT, REFLECTED_MAX, TEXTURE_SAMPLES};
 
 /// Baseband of the scatterers, a·e^(−i2π·turns·range) each [scanlines × samples].
 ///
-/// A sample takes the scatterers at its range on the scanline's guide, for all rays of the scanline: with scatterers
-/// per ray, speckle would not converge. The mean power of all rays sets their strength, and the mean density of the
-/// media, weighted by power, their presence. Fully developed speckle has the same statistics with few scatterers as with
-/// many.
+/// A sample takes the scatterers at its range on the scanline's axial path, for all rays of the scanline: with
+/// scatterers per ray, speckle would not converge. The mean power of all rays sets their strength, and the mean density
+/// of the media, weighted by power, their presence. Fully developed speckle has the same statistics with few scatterers
+/// as with many.
 ///
-/// With the aperture, its gain replaces the loss of paths that have not reflected, and the guide stands for those that
-/// have.
+/// With the aperture, its gain replaces the loss of paths that have not reflected, and the axial path stands for those
+/// that have.
 pub fn march(inputs: &Inputs, paths: &[Path], gains: &[Boundary]) -> Vec<DVec2> {
     let sample = |index: usize| sample_of(inputs, paths, gains, index / inputs.samples, index % inputs.samples);
     (0..inputs.scanlines * inputs.samples).into_par_iter().map(sample).collect()
@@ -36,9 +36,9 @@ pub fn reflected(inputs: &Inputs, paths: &[Path], gains: &[Boundary]) -> Vec<f64
             if segment.has_reflected { own_power(segment, range_mm) } else { DVec3::ZERO }
         };
         let power = paths_of(inputs, line).map(power_of).sum::<DVec3>() * inputs.path_weight();
-        let guide = segment_of(inputs.guide_of(line));
-        let ln_gain = LineGain::new(aperture, gains, line).at(range_mm, -0.5 * guide.ln_passed(range_mm));
-        let scatterers = scatterer_power(guide);
+        let axial_path = segment_of(inputs.axial_path_of(line));
+        let ln_gain = LineGain::new(aperture, gains, line).at(range_mm, -0.5 * axial_path.ln_passed(range_mm));
+        let scatterers = scatterer_power(axial_path);
         let seen = (scatterers.x + scatterers.y) * (2.0 * ln_gain.max(LN_SPECKLE_SILENT)).exp();
         let over_seen = ((power.x + power.y) / seen).sqrt();
         if power == DVec3::ZERO { 0.0 } else { over_seen.min(REFLECTED_MAX) }
@@ -49,11 +49,11 @@ pub fn reflected(inputs: &Inputs, paths: &[Path], gains: &[Boundary]) -> Vec<f64
         .collect()
 }
 
-/// Factor of the texture at a sample of a guide. Four samples share it: that between the second and the third.
-fn texture_gain(inputs: &Inputs, guide: &Path, sample: usize) -> f64 {
+/// Factor of the texture at a sample of an axial path. Four samples share it: that between the second and the third.
+fn texture_gain(inputs: &Inputs, axial_path: &Path, sample: usize) -> f64 {
     let samples = TEXTURE_SAMPLES as usize;
     let first = sample / samples * samples;
-    let segment = &guide.segments[segment_at(guide, inputs.range_mm(first))];
+    let segment = &axial_path.segments[segment_at(axial_path, inputs.range_mm(first))];
     let Some(texture) = segment.texture.checked_sub(1).map(|number| &inputs.textures[number]) else { return 1.0 };
     let middle_mm = inputs.range_mm(first) + 0.5 * (samples - 1) as f64 * inputs.sample_spacing_mm;
     texture_level_np(texture, segment.scatterer_mm(middle_mm)).exp()
@@ -85,9 +85,9 @@ fn sample_of(inputs: &Inputs, paths: &[Path], gains: &[Boundary], line: usize, s
     let range_mm = inputs.range_mm(sample);
     // Two samples share a segment: that of the first.
     let segment_of = |path: usize| &paths[path].segments[segment_at(&paths[path], inputs.range_mm(sample & !1))];
-    let guide = segment_of(inputs.guide_of(line));
+    let axial_path = segment_of(inputs.axial_path_of(line));
     let gain = inputs.aperture.as_ref().map(|aperture| {
-        let ln_amplitude = LineGain::new(aperture, gains, line).at(range_mm, -0.5 * guide.ln_passed(range_mm));
+        let ln_amplitude = LineGain::new(aperture, gains, line).at(range_mm, -0.5 * axial_path.ln_passed(range_mm));
         (2.0 * ln_amplitude.max(LN_SPECKLE_SILENT)).exp()
     });
     let power_of = |path: usize| {
@@ -95,16 +95,16 @@ fn sample_of(inputs: &Inputs, paths: &[Path], gains: &[Boundary], line: usize, s
         if let Some(gain) = gain.filter(|_| !segment.has_reflected) {
             return gain * scatterer_power(segment);
         }
-        own_power(segment, range_mm) + gain.map_or(DVec3::ZERO, |gain| gain * scatterer_power(guide))
+        own_power(segment, range_mm) + gain.map_or(DVec3::ZERO, |gain| gain * scatterer_power(axial_path))
     };
     let power = paths_of(inputs, line).map(power_of).sum::<DVec3>() * inputs.path_weight();
     if power.x + power.y == 0.0 {
         return DVec2::ZERO;
     }
     let strength = Strength { mean: power.x.sqrt(), deviation: power.y.sqrt(), density: power.z / (power.x + power.y) };
-    let place = Place { here_mm: guide.scatterer_mm(range_mm), step: guide.step, range_mm };
+    let place = Place { here_mm: axial_path.scatterer_mm(range_mm), step: axial_path.step, range_mm };
     let block = sample / inputs.depth_block;
-    let texture = texture_gain(inputs, &paths[inputs.guide_of(line)], sample);
+    let texture = texture_gain(inputs, &paths[inputs.axial_path_of(line)], sample);
     let echo = if inputs.sheets.is_empty() {
         speckle::of_lattice(inputs, place, strength)
     } else {

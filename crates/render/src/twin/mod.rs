@@ -2,7 +2,7 @@
 //!
 //! A twin reads the device's inputs, f32 widened to f64, so the two differ by rounding only. It intersects triangles by
 //! brute force, without the device's tree. Paths are in the device's order: rays fastest, then scanlines, then layers;
-//! then the guides. Samples are `[scanlines × samples]`, without the device's padding.
+//! then the axial paths. Samples are `[scanlines × samples]`, without the device's padding.
 //!
 //! ```text
 //! displace → assemble → refit ┐

@@ -11,7 +11,7 @@ pub fn receive(inputs: &Inputs, paths: &[Path], focused: &[DVec2]) -> Vec<DVec2>
     let mut received = focused.to_vec();
     for (line, row) in received.chunks_exact_mut(inputs.samples).enumerate() {
         // ln of the amplitude, two-way, that the face passes; the reverberation is what stays in the probe.
-        let ln_passed = paths[inputs.guide_of(line)].segments[0].ln_passed_at_zero;
+        let ln_passed = paths[inputs.axial_path_of(line)].segments[0].ln_passed_at_zero;
         let near = inputs.near_field.iter().skip(line * inputs.near_samples).take(inputs.near_samples);
         for (sample, [reverberation, clutter]) in row.iter_mut().zip(near) {
             *sample += (1.0 - (0.5 * ln_passed).exp()) * inputs.reverberation * *reverberation;

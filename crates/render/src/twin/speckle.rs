@@ -17,7 +17,7 @@ pub(super) struct Strength {
     pub(super) density: f64,
 }
 
-/// A sample's place on its guide.
+/// A sample's place on its axial path.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Place {
     /// Point of the scene, mm.

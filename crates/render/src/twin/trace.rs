@@ -31,8 +31,8 @@ struct Tracer<'a> {
     layer: usize,
     /// Length per mm of depth.
     stretch: f64,
-    /// Whether it is a guide, which carries no echo and places the scatterers of the other paths.
-    guide: bool,
+    /// Whether it is an axial path, which carries no echo and places the scatterers of the other paths.
+    is_axial: bool,
     inside: Membership,
     /// Whether the path goes on beyond the film: its place is coupled, or apertures beside it may reach what lies below.
     goes_on: bool,
@@ -68,7 +68,7 @@ impl<'a> Tracer<'a> {
             line_ray: path % inputs.rays.len(),
             layer: if path >= inputs.sounding() { 0 } else { path / inputs.rays.len() },
             stretch: inputs.elevation_of(path).stretch,
-            guide: path >= inputs.sounding(),
+            is_axial: path >= inputs.sounding(),
             inside,
             goes_on: coupling > 0.0 || inputs.aperture.is_some(),
             ray: inputs.launch(path),
@@ -117,11 +117,12 @@ impl<'a> Tracer<'a> {
             // scatters and never forms a mirror image.
             let may_reflect = self.inputs.reflections;
             let follow = may_reflect && split.energy_reflection * accepted >= REFLECTION_FOLLOWED;
-            // A guide takes the likelier way, so scatterer positions don't depend on chance.
-            let chance = if self.guide { 0.5 } else { self.random(0) };
+            // An axial path takes the likelier way, so scatterer positions don't depend on chance.
+            let chance = if self.is_axial { 0.5 } else { self.random(0) };
             let total = may_reflect && split.energy_reflection >= 1.0;
-            // With the aperture, a guide passes every interface: its scatterers are what the aperture sees behind it.
-            let passes = self.inputs.aperture.is_some() && self.guide;
+            // With the aperture, an axial path passes every interface: its scatterers are what the aperture sees behind
+            // it.
+            let passes = self.inputs.aperture.is_some() && self.is_axial;
             let reflects = !passes && (total || (follow && chance < split.energy_reflection));
             let ln_passed = (1.0 - split.energy_reflection).max(1.0e-30).ln();
             if !self.has_reflected {
@@ -247,8 +248,8 @@ impl<'a> Tracer<'a> {
     /// facet, half widens the lobe about it.
     fn facet(&self, n: DVec3, roughness: f64) -> DVec3 {
         let variance = 0.5 * roughness * roughness;
-        // A guide has a facet of its own only beside a single path.
-        let mean = self.guide && self.inputs.rays_per_line * self.inputs.layers > 1;
+        // An axial path has a facet of its own only beside a single path.
+        let mean = self.is_axial && self.inputs.rays_per_line * self.inputs.layers > 1;
         if variance <= 0.0 || mean {
             return n;
         }
@@ -280,8 +281,8 @@ impl<'a> Tracer<'a> {
         let range_mm = self.range_mm + offset * boundary.thickness_mm / self.path_per_range(tissue);
         // Over rays and layers, echoes in phase add in amplitude, others in power.
         let of_path = self.inputs.path_weight();
-        // A guide's echoes stand for those of reflected paths, in their place.
-        let in_phase = if self.guide { 1.0 } else { of_path };
+        // An axial path's echoes replace those that reflected paths miss.
+        let in_phase = if self.is_axial { 1.0 } else { of_path };
         let in_power = (in_phase * (CELLS_OF_A_BEAM * in_phase).min(1.0)).sqrt();
         let weight = in_power + (in_phase - in_power) * boundary.coherence;
         // The aperture's gain takes the place of the path's loss, in `echo`.

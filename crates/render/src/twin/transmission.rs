@@ -43,8 +43,8 @@ pub fn transmission(inputs: &Inputs, aperture: &Aperture, paths: &[Path]) -> Tra
 
 /// Transmission of a cell between two depths: mean amplitude over the rays, mean power of both ways over the layers.
 fn transmitted(inputs: &Inputs, aperture: &Aperture, paths: &[Path], cell: usize, [from, to]: [f64; 2]) -> f64 {
-    let passed = |path: &Path, guide: &Path, _stretch: f64| {
-        (-(loss_np(path, guide, to) - loss_np(path, guide, from)).max(0.0)).exp()
+    let passed = |path: &Path, axial_path: &Path, _stretch: f64| {
+        (-(loss_np(path, axial_path, to) - loss_np(path, axial_path, from)).max(0.0)).exp()
     };
     let of_layer = |layer: usize| mean_over_rays(inputs, paths, &aperture.cell_rays[cell], layer, passed).powi(4);
     ((0..inputs.layers).map(of_layer).sum::<f64>() / inputs.layers as f64).powf(0.25)
@@ -55,14 +55,14 @@ fn delayed_mm(inputs: &Inputs, aperture: &Aperture, paths: &[Path], cell: usize,
     if !inputs.refraction {
         return 0.0;
     }
-    let delayed = |path: &Path, guide: &Path, stretch: f64| {
-        late_mm(path, guide, stretch, to) - late_mm(path, guide, stretch, from)
+    let delayed = |path: &Path, axial_path: &Path, stretch: f64| {
+        late_mm(path, axial_path, stretch, to) - late_mm(path, axial_path, stretch, from)
     };
     let of_layer = |layer: usize| mean_over_rays(inputs, paths, &aperture.cell_rays[cell], layer, delayed);
     (0..inputs.layers).map(of_layer).sum::<f64>() / inputs.layers as f64
 }
 
-/// Mean over the rays of a cell of a value of their path, their guide and their stretch.
+/// Mean over the rays of a cell of a value of their path, their axial path and their stretch.
 fn mean_over_rays(
     inputs: &Inputs,
     paths: &[Path],
@@ -77,19 +77,20 @@ fn mean_over_rays(
     let weighted = |ray: usize| {
         let line_ray = first + ray * step;
         let path = layer * inputs.rays.len() + line_ray;
-        let guide = &paths[inputs.guide_of(line_ray / inputs.rays_per_line)];
-        weight_of(ray) * value(&paths[path], guide, inputs.elevation_of(path).stretch)
+        let axial_path = &paths[inputs.axial_path_of(line_ray / inputs.rays_per_line)];
+        weight_of(ray) * value(&paths[path], axial_path, inputs.elevation_of(path).stretch)
     };
     (0..count).map(weighted).sum::<f64>() / (0..count).map(weight_of).sum::<f64>()
 }
 
-/// Range of a path less its depth, mm; from its first reflection on, it rises as that of the guide.
-fn late_mm(path: &Path, guide: &Path, stretch: f64, range_mm: f64) -> f64 {
+/// Range of a path less its depth, mm; from its first reflection on, it rises as that of the axial path.
+fn late_mm(path: &Path, axial_path: &Path, stretch: f64, range_mm: f64) -> f64 {
     let reflection = path.segments.iter().find(|segment| segment.has_reflected);
     match reflection.filter(|segment| segment.start_mm <= range_mm) {
         None => late_between(path, stretch, 0.0, range_mm),
         Some(segment) => {
-            late_between(path, stretch, 0.0, segment.start_mm) + late_between(guide, 1.0, segment.start_mm, range_mm)
+            late_between(path, stretch, 0.0, segment.start_mm)
+                + late_between(axial_path, 1.0, segment.start_mm, range_mm)
         }
     }
 }
@@ -109,9 +110,9 @@ fn late_between(path: &Path, stretch: f64, from: f64, to: f64) -> f64 {
     (0..path.segments.len()).map(gained).sum()
 }
 
-/// Loss of a path from the face to a range, one-way nepers; from its first reflection on, it rises as that of the guide.
-/// The loss of an uncoupled face falls in the first interval.
-fn loss_np(path: &Path, guide: &Path, range_mm: f64) -> f64 {
+/// Loss of a path from the face to a range, one-way nepers; from its first reflection on, it rises as that of the axial
+/// path. The loss of an uncoupled face falls in the first interval.
+fn loss_np(path: &Path, axial_path: &Path, range_mm: f64) -> f64 {
     if range_mm == 0.0 {
         return 0.0;
     }
@@ -119,7 +120,7 @@ fn loss_np(path: &Path, guide: &Path, range_mm: f64) -> f64 {
     match reflection.filter(|segment| segment.start_mm <= range_mm) {
         None => passed_np(path, range_mm),
         Some(segment) => {
-            let beyond = passed_np(guide, range_mm) - passed_np(guide, segment.start_mm);
+            let beyond = passed_np(axial_path, range_mm) - passed_np(axial_path, segment.start_mm);
             -0.5 * segment.ln_passed_at_zero + beyond
         }
     }

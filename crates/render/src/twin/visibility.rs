@@ -11,7 +11,7 @@ use crate::constants::{EVEN_NP, SPREAD_NP, TRACKED_NP, VISIBLE_MAX_NP, VISIBLE_M
 pub struct Boundary {
     /// Place among the planes.
     pub place: f64,
-    /// Loss of the guide, one-way nepers.
+    /// Loss of the axial path, one-way nepers.
     pub loss_np: f64,
     /// Gain at the plane before, nepers of amplitude, two-way.
     pub gain_np: f64,
@@ -32,10 +32,10 @@ pub struct BlockGain {
 pub fn block_gains(inputs: &Inputs, aperture: &Aperture, paths: &[Path], boundaries: &[Boundary]) -> Vec<BlockGain> {
     let of = |line: usize| {
         let along = LineGain::new(aperture, boundaries, line);
-        let guide = &paths[inputs.guide_of(line)];
+        let axial_path = &paths[inputs.axial_path_of(line)];
         (0..inputs.blocks()).map(move |block| {
             let range_mm = inputs.range_mm(block * inputs.depth_block);
-            along.without_shared(range_mm, passed_np(guide, range_mm))
+            along.without_shared(range_mm, passed_np(axial_path, range_mm))
         })
     };
     (0..inputs.scanlines).flat_map(of).collect()
@@ -50,8 +50,8 @@ pub fn visibility(
     row_np: &[f64],
 ) -> Vec<Boundary> {
     let line = |line: usize| {
-        let guide = &paths[inputs.guide_of(line)];
-        let boundaries = places(aperture, guide, row_np);
+        let axial_path = &paths[inputs.axial_path_of(line)];
+        let boundaries = places(aperture, axial_path, row_np);
         let gained = move |(number, boundary): (usize, Boundary)| match number.checked_sub(1) {
             Some(plane) => Boundary { gain_np: gain(aperture, line, plane, powers), ..boundary },
             None => boundary,
@@ -62,8 +62,8 @@ pub fn visibility(
 }
 
 /// Places and losses of a scanline.
-fn places(aperture: &Aperture, guide: &Path, row_np: &[f64]) -> Vec<Boundary> {
-    let uncoupled_np = passed_np(guide, 0.0);
+fn places(aperture: &Aperture, axial_path: &Path, row_np: &[f64]) -> Vec<Boundary> {
+    let uncoupled_np = passed_np(axial_path, 0.0);
     let gain_np = (-2.0 * uncoupled_np).max(VISIBLE_MIN_NP);
     let start = Boundary { place: -0.5, loss_np: uncoupled_np, gain_np, shared_np: 0.0 };
     let mut boundaries = vec![start];
@@ -71,15 +71,15 @@ fn places(aperture: &Aperture, guide: &Path, row_np: &[f64]) -> Vec<Boundary> {
     for (interval, &row_np) in row_np.iter().enumerate() {
         let [from, to] = [interval, interval + 1].map(|boundary| boundary as f64 * aperture.plane_mm);
         let before = boundaries[interval];
-        let rise = |at_mm: f64| passed_np(guide, at_mm) - before.loss_np;
+        let rise = |at_mm: f64| passed_np(axial_path, at_mm) - before.loss_np;
         let own_np = (rise(to) - row_np).max(0.0);
         let followed = own_np / (own_np + TRACKED_NP);
-        let mean_np = mean_loss_np(guide, from, to) - before.loss_np - 0.5 * row_np;
+        let mean_np = mean_loss_np(axial_path, from, to) - before.loss_np - 0.5 * row_np;
         let centre = (1.0 - mean_np / own_np.max(1.0e-6)).clamp(0.0, 1.0);
         last += followed * (centre - last);
         boundaries.push(Boundary {
             place: (interval + 1) as f64 - (1.0 - followed) * last,
-            loss_np: passed_np(guide, to),
+            loss_np: passed_np(axial_path, to),
             gain_np: 0.0,
             shared_np: before.shared_np + row_np,
         });
@@ -87,11 +87,11 @@ fn places(aperture: &Aperture, guide: &Path, row_np: &[f64]) -> Vec<Boundary> {
     boundaries
 }
 
-/// Mean loss of a guide between two ranges, one-way nepers.
-fn mean_loss_np(guide: &Path, from: f64, to: f64) -> f64 {
-    let pieces = (segment_at(guide, from)..=segment_at(guide, to)).map(|at| {
-        let segment = &guide.segments[at];
-        let end = guide.segments.get(at + 1).map_or(to, |next| next.start_mm.min(to));
+/// Mean loss of an axial path between two ranges, one-way nepers.
+fn mean_loss_np(axial_path: &Path, from: f64, to: f64) -> f64 {
+    let pieces = (segment_at(axial_path, from)..=segment_at(axial_path, to)).map(|at| {
+        let segment = &axial_path.segments[at];
+        let end = axial_path.segments.get(at + 1).map_or(to, |next| next.start_mm.min(to));
         let start = segment.start_mm.max(from);
         -0.5 * segment.ln_passed(0.5 * (start + end)) * (end - start)
     });

@@ -8,8 +8,8 @@ use crate::host::paths::{BLOCK, Lanes, Paths, range_mm, seek};
 use crate::params::Params;
 use crate::segment::Segment;
 
-/// Numbers of a scanline at a boundary of the intervals: place among the planes, loss of the guide (one-way nepers),
-/// gain at the plane before (nepers of amplitude, two-way), loss that all scanlines share (one-way nepers).
+/// Numbers of a scanline at a boundary of the intervals: place among the planes, loss of the axial path (one-way
+/// nepers), gain at the plane before (nepers of amplitude, two-way), loss that all scanlines share (one-way nepers).
 pub(in crate::host) type Boundary = [f32; 4];
 
 /// Gain along all scanlines.
@@ -30,15 +30,15 @@ impl<'a> Visibility<'a> {
     /// ln of the amplitude, two-way, at the samples of a block.
     #[inline(always)]
     pub(in crate::host) fn block(&self, params: &Params, paths: &Paths<'_>, line: u32, first: u32) -> Lanes {
-        let (gain, guide) = (self.line(line), params.guide_of(line));
+        let (gain, axial_path) = (self.line(line), params.axial_path_of(line));
         let (mut falls, mut passed) = ([0.0; BLOCK], [0.0; BLOCK]);
-        let (end_mm, segment) = seek(params, paths, guide, first);
+        let (end_mm, segment) = seek(params, paths, axial_path, first);
         if range_mm(params, first.wrapping_add(BLOCK as u32 - 1)) < end_mm {
             (falls, passed) = ([segment.fall_np_mm; BLOCK], [segment.ln_passed_at_zero; BLOCK]);
         } else {
             for i in 0..BLOCK {
                 // Two samples share a segment: that of the first.
-                let segment = seek(params, paths, guide, first.wrapping_add((i & !1) as u32)).1;
+                let segment = seek(params, paths, axial_path, first.wrapping_add((i & !1) as u32)).1;
                 (falls[i], passed[i]) = (segment.fall_np_mm, segment.ln_passed_at_zero);
             }
         }

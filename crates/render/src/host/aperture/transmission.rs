@@ -115,7 +115,7 @@ fn delay_rate(segment: &Segment, stretch: f32) -> f32 {
 
 impl Paths<'_> {
     /// Range of a path less its depth at the boundaries of the intervals, mm; from its first reflection on, it rises as
-    /// that of its scanline's guide.
+    /// that of its scanline's axial path.
     fn delays(
         &self,
         params: &Params,
@@ -141,7 +141,7 @@ impl Paths<'_> {
                 continue;
             }
             let reflected_mm = starts[at];
-            let (starts, segments) = self.of(params.guide_of(line_ray / params.rays) as usize);
+            let (starts, segments) = self.of(params.axial_path_of(line_ray / params.rays) as usize);
             let mut at = 0;
             while starts[at + 1] <= reflected_mm {
                 at += 1;
@@ -160,7 +160,7 @@ impl Paths<'_> {
     }
 
     /// Losses of a path at the boundaries of the intervals, one-way nepers; from its first reflection on, they rise as
-    /// those of its scanline's guide. What the face does not couple is lost in the first interval.
+    /// those of its scanline's axial path. What the face does not couple is lost in the first interval.
     fn losses(&self, params: &Params, tables: &ApertureTables, layer: u32, line_ray: u32, losses: &mut Boundaries) {
         let (starts, segments) = self.of((layer * params.scanlines * params.rays + line_ray) as usize);
         let range_of = |boundary: usize| boundary as f32 * tables.plane_mm;
@@ -174,7 +174,7 @@ impl Paths<'_> {
                 continue;
             }
             let (reflected_mm, reflected_np) = (starts[at], -0.5 * segments[at].ln_passed_at_zero);
-            let (starts, segments) = self.of(params.guide_of(line_ray / params.rays) as usize);
+            let (starts, segments) = self.of(params.axial_path_of(line_ray / params.rays) as usize);
             let mut at = 0;
             while starts[at + 1] <= reflected_mm {
                 at += 1;

@@ -56,12 +56,12 @@ widened! {
 #[inline(always)]
 fn see_line_body(params: &Params, inputs: Inputs<'_>, line: usize, row: &mut [Boundary], blocks: &mut [BlockGain]) {
     let Inputs { constants, tables, paths, powers, row_np } = inputs;
-    let guide = paths.of(params.guide_of(line as u32) as usize);
-    place(tables, guide, row_np, row);
+    let axial_path = paths.of(params.axial_path_of(line as u32) as usize);
+    place(tables, axial_path, row_np, row);
     gains(constants, tables, line, powers, row);
     // At the first sample of each block: a face within it counts as not yet crossed.
     let along = LineGain::new(tables, row);
-    let (starts, segments) = guide;
+    let (starts, segments) = axial_path;
     let mut at = 0;
     for (block, gain) in (0_u32..).zip(&mut *blocks) {
         let range_mm = range_mm(params, block.wrapping_mul(DEPTH_BLOCK));

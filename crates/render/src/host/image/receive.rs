@@ -23,7 +23,7 @@ pub(in crate::host) fn receive(
         if near_samples > 0 {
             let near = &near[line * near_samples..][..near_samples];
             // ln of the amplitude, two-way, that the face passes; the reverberation is what stays in the probe.
-            let [first, ..] = paths.of(params.guide_of(line as u32) as usize).1 else { return };
+            let [first, ..] = paths.of(params.axial_path_of(line as u32) as usize).1 else { return };
             let coupled = exp(at_least(first.ln_passed_at_zero, LN_UNCOUPLED));
             let uncoupled = 1.0 - exp(0.5 * at_least(first.ln_passed_at_zero, 2.0 * LN_UNCOUPLED));
             let parts = [uncoupled * params.reverberation, coupled * params.clutter];

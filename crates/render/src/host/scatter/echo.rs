@@ -116,8 +116,8 @@ fn add_line_body(
     if let Some(visibility) = interfaces.visibility {
         gain = Some(visibility.line(line));
     }
-    let (mut echoes, mut guide_echoes) = (Echoes::new(), Echoes::new());
-    let mut guided = false;
+    let (mut echoes, mut axial_echoes) = (Echoes::new(), Echoes::new());
+    let mut axial_listed = false;
     let weight = params.path_weight();
     for layer in 0..params.layer_count {
         let first = layer.wrapping_mul(params.scanlines).wrapping_add(line).wrapping_mul(params.rays);
@@ -126,23 +126,23 @@ fn add_line_body(
             let reflected_mm = interfaces.list(path, constants.first_interface(), gain, &mut echoes);
             echoes.compute(params);
             echoes.add(1.0, f32::NEG_INFINITY, row);
-            if params.guides == 0 || reflected_mm == f32::MAX {
+            if params.axial_paths == 0 || reflected_mm == f32::MAX {
                 continue;
             }
-            // The guide stands for what the path missed.
-            if !guided {
-                interfaces.list(params.guide_of(line) as usize, 1, gain, &mut guide_echoes);
-                guide_echoes.compute(params);
-                guided = true;
+            // The axial path stands for what the path missed.
+            if !axial_listed {
+                interfaces.list(params.axial_path_of(line) as usize, 1, gain, &mut axial_echoes);
+                axial_echoes.compute(params);
+                axial_listed = true;
             }
-            guide_echoes.add(weight, reflected_mm, row);
+            axial_echoes.add(weight, reflected_mm, row);
         }
     }
 }
 
 impl Interfaces<'_> {
-    /// Lists the echoes of a path from segment `first` on. Returns the range of its first reflection if the guide stands
-    /// for it from there on, else the greatest number.
+    /// Lists the echoes of a path from segment `first` on. Returns the range of its first reflection if the axial path
+    /// stands for it from there on, else the greatest number.
     #[inline(always)]
     fn list(&self, path: usize, first: usize, gain: Option<LineGain<'_>>, echoes: &mut Echoes) -> f32 {
         let (starts, segments) = self.paths.of(path);

@@ -83,8 +83,8 @@ fn march_row_body(
 ) {
     let begins = params.layer_first == 0;
     let ends = params.layer_first.wrapping_add(params.layer_count) == params.layers;
-    // One guide places the scatterers of all paths of a scanline; a single path is its own guide.
-    let guide = params.guide_of(line);
+    // One axial path places the scatterers of all paths of a scanline; a single path is its own axial path.
+    let axial_path = params.axial_path_of(line);
     let mut powers = Powers::new();
     let speckle = Speckle::new(params, scatterers.constants);
     let chunks = row.as_chunks_mut::<BLOCK>().0.chunks_mut(CHUNK);
@@ -97,7 +97,13 @@ fn march_row_body(
             let path = layer.wrapping_mul(params.scanlines).wrapping_add(line).wrapping_mul(params.rays);
             for ray in 0..params.rays {
                 let stretch = Stretch { first, blocks: row.len(), weight };
-                powers.add(params, paths, [path.wrapping_add(ray), guide], stretch, scatterers.visibility.is_some());
+                powers.add(
+                    params,
+                    paths,
+                    [path.wrapping_add(ray), axial_path],
+                    stretch,
+                    scatterers.visibility.is_some(),
+                );
             }
         }
         powers.end(weight);
@@ -117,7 +123,7 @@ fn march_row_body(
                 // Power until the last batch.
                 *reflected = powers.reflected(i) + if begins { 0.0 } else { *reflected };
                 if ends && *reflected > 0.0 {
-                    let seen = seen_power(seek(params, paths, guide, block).1, loudness[0]);
+                    let seen = seen_power(seek(params, paths, axial_path, block).1, loudness[0]);
                     *reflected = reflected_over_seen(*reflected, seen);
                 }
             }
@@ -125,10 +131,10 @@ fn march_row_body(
             if ends {
                 let part = i % TEXTURE_BLOCKS;
                 if part == 0 && !scatterers.textures.is_empty() {
-                    textured = texture_gains(params, paths, guide, scatterers, block);
+                    textured = texture_gains(params, paths, axial_path, scatterers, block);
                 }
                 let gains = &textured[part * BLOCK_PLACES..][..BLOCK_PLACES];
-                echo(params, paths, guide, scatterers, &speckle, block, gains, &total, &mut sums);
+                echo(params, paths, axial_path, scatterers, &speckle, block, gains, &total, &mut sums);
             }
             for (j, out) in row.iter_mut().enumerate() {
                 // `row` already holds the echoes of earlier batches.
@@ -162,7 +168,7 @@ fn add_kept(total: &mut Power, kept: &mut [[f32; 3]; BLOCK], begins: bool) {
 fn echo(
     params: &Params,
     paths: &Paths<'_>,
-    guide: u32,
+    axial_path: u32,
     scatterers: &Scatterers<'_>,
     speckle: &Speckle,
     first: u32,
@@ -187,15 +193,15 @@ fn echo(
     }
     let block =
         Block { ranges_mm, per_reach_mm: of_block(scatterers.per_reach_mm), strength: Strength::new(power, &gains) };
-    speckle.echo(&block, &BlockOfPath { params, paths, path: guide, first }, sums);
+    speckle.echo(&block, &BlockOfPath { params, paths, path: axial_path, first }, sums);
 }
 
-/// Gains of some blocks by the texture of the guide's tissues, one for `TEXTURE_SAMPLES` samples.
+/// Gains of some blocks by the texture of the axial path's tissues, one for `TEXTURE_SAMPLES` samples.
 #[inline(always)]
 fn texture_gains(
     params: &Params,
     paths: &Paths<'_>,
-    guide: u32,
+    axial_path: u32,
     scatterers: &Scatterers<'_>,
     first: u32,
 ) -> [f32; PLACES] {
@@ -204,7 +210,7 @@ fn texture_gains(
     let mut here_mm = [[0.0; PLACES]; 3];
     for (i, number) in numbers.iter_mut().enumerate() {
         let sample = first.wrapping_add(TEXTURE_SAMPLES.wrapping_mul(i as u32));
-        let segment = seek(params, paths, guide, sample).1;
+        let segment = seek(params, paths, axial_path, sample).1;
         *number = segment.texture();
         let ([x, y, z], [dx, dy, dz]) = (segment.origin_mm, segment.step);
         let at_mm = range_mm(params, sample) + MIDDLE * params.sample_spacing_mm;

@@ -50,13 +50,13 @@ impl Powers {
         self.any_traced = false;
     }
 
-    /// Adds a path. Beyond its first reflection it has its own loss, and the guide stands for what it missed.
+    /// Adds a path. Beyond its first reflection it has its own loss, and the axial path stands for what it missed.
     #[inline(always)]
     pub(super) fn add(
         &mut self,
         params: &Params,
         paths: &Paths<'_>,
-        [path, guide]: [u32; 2],
+        [path, axial_path]: [u32; 2],
         stretch: Stretch,
         aperture: bool,
     ) {
@@ -73,17 +73,24 @@ impl Powers {
                 self.any_traced = true;
                 self.add_traced(params, stretch, segment, samples);
                 if aperture {
-                    self.add_guide(params, paths, guide, stretch, [sample, stop]);
+                    self.add_axial_path(params, paths, axial_path, stretch, [sample, stop]);
                 }
             }
             sample = stop;
         }
     }
 
-    /// Adds the guide's scatterers at samples where a path is on another way.
+    /// Adds the axial path's scatterers at samples where a path is on another way.
     #[inline(always)]
-    fn add_guide(&mut self, params: &Params, paths: &Paths<'_>, guide: u32, stretch: Stretch, [from, to]: [u32; 2]) {
-        let mut run = Run::new(params, paths, guide, from);
+    fn add_axial_path(
+        &mut self,
+        params: &Params,
+        paths: &Paths<'_>,
+        axial_path: u32,
+        stretch: Stretch,
+        [from, to]: [u32; 2],
+    ) {
+        let mut run = Run::new(params, paths, axial_path, from);
         let mut sample = from;
         while sample < to {
             let (segment, stop) = run.segment(params, sample, to);

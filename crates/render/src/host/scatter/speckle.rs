@@ -35,7 +35,7 @@ impl Strength {
     }
 }
 
-/// Axes of the scatterers' cells, for segments of the guide.
+/// Axes of the scatterers' cells, for segments of the axial path.
 #[derive(Debug, Clone, Copy, Default)]
 struct View {
     axes: [[f32; 3]; 3],
@@ -210,15 +210,15 @@ impl Speckle {
         }
     }
 
-    /// Adds the echoes of a block to `sums`. `guide` places its samples.
+    /// Adds the echoes of a block to `sums`. `axial_path` places its samples.
     #[inline(always)]
-    pub(in crate::host) fn echo(&self, block: &Block, guide: &BlockOfPath<'_>, sums: &mut [Lanes; 2]) {
+    pub(in crate::host) fn echo(&self, block: &Block, axial_path: &BlockOfPath<'_>, sums: &mut [Lanes; 2]) {
         if self.count == 0 {
             const MM: View = View { axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], range: 1.0 };
-            self.lattice(block, &guide.seen(&MM), sums);
+            self.lattice(block, &axial_path.seen(&MM), sums);
         }
         for family in self.families.iter().take(self.count) {
-            self.sheets(family, block, &guide.seen(&family.view), sums);
+            self.sheets(family, block, &axial_path.seen(&family.view), sums);
         }
     }
 

@@ -17,14 +17,14 @@ pub(super) struct Rules {
     pub(super) effects: PathEffects,
     pub(super) constants: TraceConstants,
     pub(super) seed: u32,
-    /// Whether each scanline has one path besides its guide.
+    /// Whether each scanline has one path besides its axial path.
     pub(super) single: bool,
     pub(super) aperture_mm: f32,
 }
 
-/// Random numbers of a guide: it takes the likelier way at an untilted facet, so chance doesn't move scatterers. A
-/// scanline's only path shares its facets with its guide.
-const OF_GUIDE: [f32; DIMENSIONS] = [0.5, 0.0, 0.0];
+/// Random numbers of an axial path: it takes the likelier way at an untilted facet, so chance doesn't move scatterers.
+/// A scanline's only path shares its facets with its axial path.
+const AXIAL_NUMBERS: [f32; DIMENSIONS] = [0.5, 0.0, 0.0];
 
 widened! {
     /// Fills `departures` for the paths of `arrivals`.
@@ -55,8 +55,8 @@ fn draw(arrivals: &Arrivals, random: &mut [Lanes; DIMENSIONS], rules: Rules) {
             let low = line_ray.wrapping_mul(generators[i]).wrapping_add(rotation[0]);
             let plain = pcg3d([line_ray, rotation[0], rotation[1]])[0];
             let random_unit = unit(if generators[i] == 0 { plain } else { low });
-            let of_guide = (arrivals.guide[i] != 0) & ((dim == 0) | !rules.single);
-            random[i] = if of_guide { OF_GUIDE[dim] } else { random_unit };
+            let is_fixed = (arrivals.is_axial[i] != 0) & ((dim == 0) | !rules.single);
+            random[i] = if is_fixed { AXIAL_NUMBERS[dim] } else { random_unit };
         }
     }
 }
@@ -124,8 +124,8 @@ fn transmit_or_reflect(
         let accepted = acceptance(roughness * roughness, arrivals.range_mm[i], aperture_mm);
         let energy = split.energy_reflection;
         let follow = effects.reflections & (energy * accepted >= constants.reflection_followed());
-        // With the aperture, a guide passes every interface: its scatterers are what the aperture sees behind it.
-        let passes = effects.aperture & (arrivals.guide[i] != 0);
+        // With the aperture, an axial path passes every interface: its scatterers are what the aperture sees behind it.
+        let passes = effects.aperture & (arrivals.is_axial[i] != 0);
         let reflected = effects.reflections & !passes & ((energy >= 1.0) | (follow & (random[i] < energy)));
         // A rough surface spreads part of the beam beyond the aperture, both ways.
         let ln_passed = ln(at_least(1.0 - energy, 1.0e-30));
@@ -210,7 +210,7 @@ mod tests {
             surface: (100.0 * number(23)) as u32,
             line_ray: (8000.0 * number(24)) as u32,
             layer: (3.0 * number(25)) as u32,
-            guide: number(27) < 0.1,
+            is_axial: number(27) < 0.1,
             bounce: (9.0 * number(26)) as u32,
         }
     }

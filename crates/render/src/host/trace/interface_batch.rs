@@ -31,7 +31,7 @@ pub(super) struct Arrival {
     pub(super) surface: u32,
     pub(super) line_ray: u32,
     pub(super) layer: u32,
-    pub(super) guide: bool,
+    pub(super) is_axial: bool,
     pub(super) bounce: u32,
 }
 
@@ -70,8 +70,8 @@ pub(super) struct Arrivals {
     pub(super) surface: Words,
     pub(super) line_ray: Words,
     pub(super) layer: Words,
-    /// 1 for a guide, else 0.
-    pub(super) guide: Words,
+    /// 1 for an axial path, else 0.
+    pub(super) is_axial: Words,
     pub(super) bounce: Words,
     /// Generators of the low-discrepancy numbers at the first interfaces; 0 at later ones, which take plain hashes.
     pub(super) generators: [Words; DIMENSIONS],
@@ -156,7 +156,7 @@ impl InterfaceBatch {
         arrivals.surface[i] = arrival.surface;
         (arrivals.line_ray[i], arrivals.layer[i], arrivals.bounce[i]) =
             (arrival.line_ray, arrival.layer, arrival.bounce);
-        arrivals.guide[i] = u32::from(arrival.guide);
+        arrivals.is_axial[i] = u32::from(arrival.is_axial);
         let generators: [u32; 4] = KRONECKER.as_chunks().0.get(arrival.bounce as usize).copied().unwrap_or_default();
         for (dim, words) in arrivals.generators.iter_mut().enumerate() {
             words[i] = generators[dim];

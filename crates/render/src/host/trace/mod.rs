@@ -36,32 +36,33 @@ pub(in crate::host) type Follow = fn(&Scene<'_>, usize, &mut Outputs<'_>) -> u32
 #[derive(Debug)]
 pub(in crate::host) struct Outputs<'a> {
     paths: PathOutputs<'a>,
-    /// Outputs of their guides, if each path is the only one of its scanline.
-    guides: Option<PathOutputs<'a>>,
+    /// Outputs of their axial paths, if each path is the only one of its scanline.
+    axial_paths: Option<PathOutputs<'a>>,
 }
 
 impl Outputs<'_> {
     /// The first `paths` paths, and the rest.
     fn split_at(self, paths: usize) -> (Self, Self) {
         let (low, high) = self.paths.split_at(paths);
-        let (guides_low, guides_high) = self.guides.map(|guides| guides.split_at(paths)).unzip();
-        (Self { paths: low, guides: guides_low }, Self { paths: high, guides: guides_high })
+        let (axial_low, axial_high) = self.axial_paths.map(|axial_paths| axial_paths.split_at(paths)).unzip();
+        (Self { paths: low, axial_paths: axial_low }, Self { paths: high, axial_paths: axial_high })
     }
 }
 
-/// Follows the paths of a batch and its guides, split over the cores in whole packets; returns the number of crossings
-/// that found no room.
+/// Follows the paths of a batch and its axial paths, split over the cores in whole packets; returns the number of
+/// crossings that found no room.
 ///
 /// Outputs of a path depend on that path alone, unless there are more crossings behind its start than fit: which ones
 /// are lost depends on its neighbours.
 pub(in crate::host) fn trace(scene: &Scene<'_>, follow: Follow, out: PathOutputs<'_>) -> u32 {
-    let Params { guides, scanlines, .. } = *scene.params;
-    // With the aperture a guide passes every interface: it is the scanline's only path up to that path's reflection.
-    if guides > 0 && scene.effects.aperture && scene.params.single() {
-        let (paths, guides) = out.split_at(scanlines as usize);
-        over_cores(scene, follow, 0..paths.paths(), Outputs { paths, guides: Some(guides) })
+    let Params { axial_paths, scanlines, .. } = *scene.params;
+    // With the aperture an axial path passes every interface: it is the scanline's only path up to that path's
+    // reflection.
+    if axial_paths > 0 && scene.effects.aperture && scene.params.single() {
+        let (paths, axial_paths) = out.split_at(scanlines as usize);
+        over_cores(scene, follow, 0..paths.paths(), Outputs { paths, axial_paths: Some(axial_paths) })
     } else {
-        over_cores(scene, follow, 0..out.paths(), Outputs { paths: out, guides: None })
+        over_cores(scene, follow, 0..out.paths(), Outputs { paths: out, axial_paths: None })
     }
 }
 
@@ -96,10 +97,10 @@ fn follow_run(scene: &Scene<'_>, first: usize, out: &mut Outputs<'_>) -> u32 {
         for (path, record) in packet.records(count).enumerate() {
             out.paths.write(i + path, record);
         }
-        if let Some(guides) = &mut out.guides {
-            lost += packet.follow_guides(scene, count);
+        if let Some(axial_paths) = &mut out.axial_paths {
+            lost += packet.follow_axial_paths(scene, count);
             for (path, record) in packet.records(count).enumerate() {
-                guides.write(i + path, record);
+                axial_paths.write(i + path, record);
             }
         }
     }

@@ -335,7 +335,7 @@ impl Scene<'_> {
             surface: triangle.surface,
             line_ray: state.line_ray,
             layer: state.layer,
-            guide: state.guide,
+            is_axial: state.is_axial,
             bounce: state.bounce,
         }
     }

@@ -36,7 +36,7 @@ pub(super) struct PathPacket {
     forks: [Option<Fork>; RAYS],
 }
 
-/// First reflection of a path, which its guide passes.
+/// First reflection of a path, which its axial path passes.
 #[derive(Debug, Clone, Copy)]
 struct Fork {
     /// State on arrival.
@@ -110,15 +110,15 @@ impl PathPacket {
         self.lanes[..count].iter().map(|&lane| &self.records[lane])
     }
 
-    /// Follows guides from where the paths of the last [`PathPacket::follow`] reflected; their records replace those of the
-    /// paths. Returns the number of crossings lost.
+    /// Follows axial paths from where the paths of the last [`PathPacket::follow`] reflected; their records replace
+    /// those of the paths. Returns the number of crossings lost.
     #[inline(always)]
-    pub(super) fn follow_guides(&mut self, scene: &Scene<'_>, count: usize) -> u32 {
+    pub(super) fn follow_axial_paths(&mut self, scene: &Scene<'_>, count: usize) -> u32 {
         self.batch.clear();
         for (lane, fork) in self.forks.iter().enumerate() {
             let Some(fork) = fork else { continue };
             let (state, record) = (&mut self.states[lane], &mut self.records[lane]);
-            *state = PathState { guide: true, lost: 0, ..fork.state };
+            *state = PathState { is_axial: true, lost: 0, ..fork.state };
             record.reopen(&fork.last);
             self.changes[self.batch.len()] = (lane, fork.change);
             self.batch.push(&scene.arrival(state, &fork.change));

@@ -10,7 +10,7 @@ use super::path_state::PathState;
 struct PathNumber {
     /// Ray of a scanline [scanlines × rays].
     line_ray: usize,
-    /// Layer of the frame; none for a guide.
+    /// Layer of the frame; none for an axial path.
     layer: Option<usize>,
 }
 
@@ -23,7 +23,7 @@ impl Scene<'_> {
         (p.face_mm() + p.scene_vector(origin), p.scene_vector(direction).normalize())
     }
 
-    /// Place of path `path` among the paths of a batch. Guides come after the paths of all layers.
+    /// Place of path `path` among the paths of a batch. Axial paths come after the paths of all layers.
     fn number(&self, path: usize) -> PathNumber {
         let p = self.params;
         let line_rays = (p.scanlines * p.rays) as usize;
@@ -48,19 +48,19 @@ impl Scene<'_> {
     pub(super) fn begin(&self, path: usize) -> PathState {
         let p = self.params;
         let number @ PathNumber { line_ray, layer } = self.number(path);
-        let guide = layer.is_none();
+        let is_axial = layer.is_none();
         let [offset, slope, stretch, _] = self.elevation(number);
-        // Guides go along the axes, which follow the rays in their table.
+        // Axial paths go along the axes, which follow the rays in their table.
         let before = p.scanlines * p.rays * p.layer_count.saturating_sub(1);
-        let ray = if guide { path - before as usize } else { line_ray };
+        let ray = if is_axial { path - before as usize } else { line_ray };
         let (origin, direction) = self.launch(ray, [offset, slope]);
-        // A guide's echoes stand for those of reflected paths, in their place.
-        let (in_phase, in_power) = if guide { (1.0, 1.0) } else { (p.path_weight(), p.power_weight()) };
+        // An axial path's echoes replace those that reflected paths miss.
+        let (in_phase, in_power) = if is_axial { (1.0, 1.0) } else { (p.path_weight(), p.power_weight()) };
         PathState {
             line_ray: line_ray as u32,
-            // Guides are the same in all batches.
+            // Axial paths are the same in all batches.
             layer: layer.unwrap_or(0) as u32,
-            guide,
+            is_axial,
             stretch,
             face_depth_mm: self.rays[2 * ray][2],
             origin,

@@ -10,8 +10,8 @@ use super::membership::Inside;
 pub(super) struct PathState {
     pub(super) line_ray: u32,
     pub(super) layer: u32,
-    /// Whether it is a guide, which carries no echo and places the scatterers of the other paths.
-    pub(super) guide: bool,
+    /// Whether it is an axial path, which carries no echo and places the scatterers of the other paths.
+    pub(super) is_axial: bool,
     /// Length per mm of depth in its layer.
     pub(super) stretch: f32,
     /// Depth of its start below the apex of the face, mm; negative on a convex face.
