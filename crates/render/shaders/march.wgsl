@@ -90,12 +90,12 @@ fn echo_at(range_mm: f32, power: vec3<f32>, gain: f32, per_reach_mm: f32) -> vec
 }
 
 // Ratio of two amplitudes from their powers, at most REFLECTED_MAX.
-fn reflected_over_seen(by_reflections: f32, seen: f32) -> f32 {
+fn reflected_over_aperture(by_reflections: f32, by_aperture: f32) -> f32 {
     if by_reflections == 0.0 {
         return 0.0;
     }
-    let bounded = seen > by_reflections * (1.0 / (REFLECTED_MAX * REFLECTED_MAX));
-    return select(REFLECTED_MAX, sqrt(by_reflections / seen), bounded);
+    let bounded = by_aperture > by_reflections * (1.0 / (REFLECTED_MAX * REFLECTED_MAX));
+    return select(REFLECTED_MAX, sqrt(by_reflections / by_aperture), bounded);
 }
 
 fn range_of(sample: u32) -> f32 {
@@ -117,14 +117,14 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     // One axial path places the scatterers of all paths of a scanline; a single path is its own axial path.
     let axial_path = axial_path_of(line);
     // Scaled power of the aperture's gain, and that of the axial path's scatterers.
-    var seen: array<f32, RUN>;
+    var gain_power: array<f32, RUN>;
     var axial_power: array<vec3<f32>, RUN / 2u>;
     for (var i = 0u; APERTURE && i < RUN; i++) {
         let range_mm = range_of(first + i);
         // Two samples share a segment: that of the first.
         seek(axial_path, first + (i & ~1u), range_of(first + (i & ~1u)));
         axial_power[i >> 1u] = scatterer_power();
-        seen[i] = scaled_power(scatterer_gain_at(line, range_mm, 0.5 * (current.fall_np_mm * range_mm - current.ln_passed_at_zero)));
+        gain_power[i] = scaled_power(scatterer_gain_at(line, range_mm, 0.5 * (current.fall_np_mm * range_mm - current.ln_passed_at_zero)));
     }
     // The mean power of all rays sets their strength. Samples restart here, so the current segment is reset.
     path = 0xffffffffu;
@@ -151,8 +151,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                 seek((layer * params.line_count + id.y) * params.rays + ray, first + i, range_mm);
                 let here = weight * scatterer_power();
                 if APERTURE && (current.scatterers & HAS_REFLECTED) == 0u {
-                    power[i] += seen[i] * here;
-                    power[i + 1u] += seen[i + 1u] * here;
+                    power[i] += gain_power[i] * here;
+                    power[i + 1u] += gain_power[i + 1u] * here;
                 } else {
                     // Beyond its first reflection a path has its own loss, and the axial path stands for what it
                     // missed.
@@ -161,15 +161,15 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                     by_reflections += select(0.0, own.x + own.y, pair == 0u);
                     power[i + 1u] += own_power(range_of(first + i + 1u)) * here;
                     if APERTURE {
-                        power[i] += seen[i] * weight * axial_power[pair];
-                        power[i + 1u] += seen[i + 1u] * weight * axial_power[pair];
+                        power[i] += gain_power[i] * weight * axial_power[pair];
+                        power[i + 1u] += gain_power[i + 1u] * weight * axial_power[pair];
                     }
                 }
             }
         }
     }
     if APERTURE && begins_block {
-        reflected[of_block] = select(by_reflections, reflected_over_seen(by_reflections, seen[0] * (axial_power[0].x + axial_power[0].y)), ends);
+        reflected[of_block] = select(by_reflections, reflected_over_aperture(by_reflections, gain_power[0] * (axial_power[0].x + axial_power[0].y)), ends);
     }
     let gain = UNSCALED * scatterer_gain[block >> 2u][block & 3u];
     var textured: array<f32, RUN / TEXTURE_SAMPLES>;

@@ -46,7 +46,7 @@ fn microfacet(n: vec3<f32>, variance: f32, u: f32, v: f32) -> vec3<f32> {
     return normalize(n + slope * (cos(angle) * tangent + sin(angle) * bitangent));
 }
 
-// Mean square slope of the reflected rays that the aperture accepts, seen from `range_mm`.
+// Mean square slope of the reflected rays that the aperture accepts from `range_mm`.
 fn aperture_variance(range_mm: f32) -> f32 {
     let half_angle = clamp(APERTURE_HALF_ANGLE * params.aperture_mm / max(range_mm, 1.0), APERTURE_HALF_ANGLE_MIN, APERTURE_HALF_ANGLE_MAX);
     return half_angle * half_angle;
@@ -154,13 +154,13 @@ fn trace_path(path: u32) {
         let at = path * SEGMENTS + count;
         // Whether the aperture's gain replaces the path's loss.
         let by_aperture = APERTURE && !has_reflected;
-        // Slow hard media delay nothing that is seen behind them.
-        let speed_ratio_here = select(tissue.speed_ratio, max(tissue.speed_ratio, tissue.seen_speed_ratio), by_aperture);
+        // For the aperture, slow hard media delay nothing behind them.
+        let speed_ratio_here = select(tissue.speed_ratio, max(tissue.speed_ratio, tissue.aperture_speed_ratio), by_aperture);
         let path_per_range = speed_ratio_here * stretch;
-        let seen_path_per_range = select(path_per_range, tissue.seen_speed_ratio * stretch, by_aperture);
+        let aperture_path_per_range = select(path_per_range, tissue.aperture_speed_ratio * stretch, by_aperture);
         let step = direction * path_per_range;
-        // The loss of a fast body is spread up to where what is seen past it begins.
-        let fall = tissue.attenuation_np_mm * seen_path_per_range;
+        // The loss of a fast body is spread over the range that it has for the aperture.
+        let fall = tissue.attenuation_np_mm * aperture_path_per_range;
         if is_writer() {
             starts[path * STARTS + count] = range_mm;
             segments[at] = Segment(
@@ -234,7 +234,7 @@ fn trace_path(path: u32) {
             moves = (word & MOVES) != 0u;
             let passed_mm = t / path_per_range;
             range_mm += passed_mm;
-            behind_mm += t / seen_path_per_range - passed_mm;
+            behind_mm += t / aperture_path_per_range - passed_mm;
             ln_amplitude -= tissue.attenuation_np_mm * t;
             ln_passed -= tissue.attenuation_np_mm * t;
             t_min = TOUCH_MM;
@@ -322,8 +322,8 @@ fn trace_path(path: u32) {
                 ln_amplitude += ln_through;
             }
             here = there;
-            if by_aperture && beyond.speed_ratio <= beyond.seen_speed_ratio {
-                // Behind a fast body, what is seen past it comes later.
+            if by_aperture && beyond.speed_ratio <= beyond.aperture_speed_ratio {
+                // Echoes from behind a fast body go past it, so the range that it took off is added again.
                 range_mm += behind_mm;
                 behind_mm = 0.0;
             }

@@ -231,7 +231,7 @@ fn block_gains_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<BlockGain> {
 
 fn reflected_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<f64> {
     let count = of_aperture(inputs, |_| inputs.scanlines * inputs.blocks());
-    buffers.reflected.iter().take(count).map(|&over_seen| over_seen.into()).collect()
+    buffers.reflected.iter().take(count).map(|&over_aperture| over_aperture.into()).collect()
 }
 
 /// Profiles with zeros beyond their ends, which the passes do not read.

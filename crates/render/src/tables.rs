@@ -41,7 +41,7 @@ pub(crate) struct PackedTissue {
     pub(crate) thickness_mm: f32,
     pub(crate) coherence: f32,
     pub(crate) bending: f32,
-    pub(crate) seen_speed_ratio: f32,
+    pub(crate) aperture_speed_ratio: f32,
     pub(crate) padding: u32,
 }
 
@@ -54,7 +54,7 @@ impl PackedTissue {
         let loss_db_cm_mhz = of(Effect::Attenuation, tissue.attenuation_db_cm_mhz, 0.0);
         let loss_np_mm = probe.two_way_loss_db_mm(loss_db_cm_mhz, exponent) * NEPER_PER_DB;
         let speed_ratio = tissue.speed_m_s / ASSUMED_SPEED_M_S;
-        let seen_ratio = if (speed_ratio - 1.0).abs() > HARD_SPEED { 1.0 } else { speed_ratio };
+        let aperture_ratio = if (speed_ratio - 1.0).abs() > HARD_SPEED { 1.0 } else { speed_ratio };
         // The sinc of the phase over the thickness, replaced by the Gaussian of the same curvature: never negative.
         let phase = std::f64::consts::TAU / wavelength_mm(probe.frequency_mhz) * thickness_mm;
         let textured = effects.has(Effect::Texture) && PackedTexture::is_of(tissue);
@@ -71,7 +71,7 @@ impl PackedTissue {
             thickness_mm: thickness_mm as f32,
             coherence: (-phase * phase / 6.0).exp() as f32,
             bending: of(Effect::Refraction, speed_ratio, 1.0) as f32,
-            seen_speed_ratio: of(Effect::SpeedDisplacement, seen_ratio, 1.0) as f32,
+            aperture_speed_ratio: of(Effect::SpeedDisplacement, aperture_ratio, 1.0) as f32,
             padding: 0,
         }
     }

@@ -16,6 +16,6 @@ struct Tissue {
     // c/c₀ in Snell's and Fresnel's laws; 1 without refraction.
     bending: f32,
     // `speed_ratio` of paths whose loss the aperture's gain replaces; 1 in hard media.
-    seen_speed_ratio: f32,
+    aperture_speed_ratio: f32,
     pad0: u32,
 }

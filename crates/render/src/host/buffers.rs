@@ -25,7 +25,7 @@ pub(super) struct Buffers {
     pub(super) passes: PassBuffers,
     pub(super) aperture: Option<ApertureBuffers>,
     /// Amplitudes that `lateral` compares [blocks × 2 × scanlines]; empty without the aperture.
-    pub(super) loudness: Vec<f32>,
+    pub(super) amplitudes: Vec<f32>,
     /// Split of the layers.
     pub(super) batches: BatchPlan,
     /// Powers of the scatterers between batches; empty if there is one.
@@ -175,7 +175,10 @@ impl Buffers {
         Ok(Self {
             passes,
             aperture: tables.aperture.as_ref().map(ApertureBuffers::new),
-            loudness: zeros("loudness", if planes > 0 { 2 * samples / u64::from(DEPTH_BLOCK) } else { 0 })?,
+            amplitudes: zeros(
+                "amplitudes of scanlines",
+                if planes > 0 { 2 * samples / u64::from(DEPTH_BLOCK) } else { 0 },
+            )?,
             batches,
             kept_powers: zeros("scatterer powers", if batches.batches > 1 { samples } else { 0 })?,
             gain: DepthGain::default(),

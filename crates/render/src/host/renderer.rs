@@ -9,7 +9,7 @@ use insonify_core::settings::Effect;
 use rayon::prelude::*;
 
 use super::aperture::beams::{Beams, beams};
-use super::aperture::line_gain::Visibility;
+use super::aperture::gain::ApertureGains;
 use super::aperture::profiles::{Profiles, profiles};
 use super::aperture::propagate::{by_mode, first_plane, propagate};
 use super::aperture::transmission::{self, Transmission, transmission};
@@ -117,10 +117,10 @@ impl HostRenderer {
         if image {
             frame.overflows = self.follow_paths(inputs, &mut laps, kept.as_deref_mut().map(|kept| &mut kept.scattered));
             let (kernels, constants) = (&tables.kernels, self.image);
-            let Buffers { passes: b, gain, loudness, batches, .. } = &mut self.buffers;
+            let Buffers { passes: b, gain, amplitudes, batches, .. } = &mut self.buffers;
             let (gains, weights, blends) = (&b.block_gains[..], &b.profiles[..], &b.blends[..]);
             let beam = LateralBeam { constants, kernels, gains, reflected: &b.reflected, weights, blends };
-            lateral(params, beam, &b.baseband, loudness, &mut b.focused);
+            lateral(params, beam, &b.baseband, amplitudes, &mut b.focused);
             laps.note("lateral");
             if let Some(kept) = kept {
                 kept.focused.clone_from(&b.focused);
@@ -206,13 +206,14 @@ impl HostRenderer {
             }
             let Buffers { passes: b, kept_powers, .. } = &mut self.buffers;
             let paths = Paths { starts: &b.starts, segments: &b.segments, hints: &b.hints };
-            let visibility = tables.aperture.as_ref().map(|tables| Visibility { tables, lines: &b.line_gains });
-            let visibility = visibility.as_ref();
+            let aperture_gains = tables.aperture.as_ref().map(|tables| ApertureGains { tables, lines: &b.line_gains });
+            let aperture_gains = aperture_gains.as_ref();
             if effects.has(Effect::Scatterers) {
                 let gain = &tables.kernels.scatterer_gain;
                 let per_reach_mm = tables.sheets.as_ref().map_or(&[][..], |sheets| &sheets.per_reach_mm);
                 let (textures, waves) = (&tables.textures[..], &self.waves);
-                let scatterers = Scatterers { constants: self.image, gain, per_reach_mm, textures, waves, visibility };
+                let scatterers =
+                    Scatterers { constants: self.image, gain, per_reach_mm, textures, waves, aperture_gains };
                 let into = Marched { baseband: &mut b.baseband, reflected: &mut b.reflected, kept: kept_powers };
                 march(&params, paths, scatterers, into);
                 laps.note("march");
@@ -222,7 +223,7 @@ impl HostRenderer {
             }
             if effects.has(Effect::InterfaceEchoes) {
                 let (echoes, segment_counts) = (&b.echoes, &b.segment_counts);
-                let interfaces = Interfaces { paths, echoes, segment_counts, visibility };
+                let interfaces = Interfaces { paths, echoes, segment_counts, aperture_gains };
                 echo(&params, self.image, interfaces, &mut b.baseband);
                 laps.note("echo");
             }

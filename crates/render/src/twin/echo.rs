@@ -4,7 +4,7 @@ use glam::DVec2;
 
 use super::inputs::Inputs;
 use super::segment::Path;
-use super::visibility::{Boundary, LineGain};
+use super::visibility::{ApertureGain, Boundary};
 
 /// Adds every interface's echo to the baseband sample that holds its range [scanlines × samples].
 ///
@@ -13,7 +13,7 @@ use super::visibility::{Boundary, LineGain};
 pub fn echo(inputs: &Inputs, paths: &[Path], gains: &[Boundary], baseband: &mut [DVec2]) {
     for (index, path) in paths.iter().enumerate().take(inputs.sounding()) {
         let line = index / inputs.rays_per_line % inputs.scanlines;
-        let gain = inputs.aperture.as_ref().map(|aperture| LineGain::new(aperture, gains, line));
+        let gain = inputs.aperture.as_ref().map(|aperture| ApertureGain::new(aperture, gains, line));
         // The first segment begins at the face, not at an interface.
         for segment in 1..path.segments.len() {
             add(inputs, path, segment, gain, 1.0, line, baseband);
@@ -34,7 +34,7 @@ fn add(
     inputs: &Inputs,
     path: &Path,
     number: usize,
-    gain: Option<LineGain<'_>>,
+    gain: Option<ApertureGain<'_>>,
     weight: f64,
     line: usize,
     baseband: &mut [DVec2],
@@ -43,8 +43,8 @@ fn add(
     let sample = segment.echo_range_mm / inputs.sample_spacing_mm;
     if segment.echo != 0.0 && (0.0..inputs.samples as f64).contains(&sample) {
         let arrived = number - 1;
-        let seen = gain.filter(|_| !path.segments[arrived].has_reflected);
-        let gain = seen.map_or(1.0, |gain| gain.at_interface(path, arrived).max(-80.0).exp());
+        let gain = gain.filter(|_| !path.segments[arrived].has_reflected);
+        let gain = gain.map_or(1.0, |gain| gain.at_interface(path, arrived).max(-80.0).exp());
         let at = line * inputs.samples + sample as usize;
         baseband[at] += weight * gain * segment.echo * inputs.carrier(segment.echo_range_mm);
     }

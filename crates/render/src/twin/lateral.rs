@@ -52,13 +52,13 @@ pub fn lateral(
                     let own = gains[at(line)].gain.max(by_reflections(at(line)).min(by_reflections(at(other))));
                     (own / gains[at(other)].gain.max(by_reflections(at(other)))).min(NEIGHBOUR_GAIN_MAX)
                 };
-                let seen = |&(tap, weight): &(usize, f64)| {
+                let echo_of = |&(tap, weight): &(usize, f64)| {
                     let other = within(tap).unwrap_or_else(|| mirrored(line + tap, half, inputs.scanlines));
-                    let seen = if gains.is_empty() { 1.0 } else { compared(other) };
+                    let gain = if gains.is_empty() { 1.0 } else { compared(other) };
                     let echo = steered(inputs, baseband, other, sample, tap as f64 - half as f64);
-                    weight * seen * if within(tap).is_some() { echo } else { echo.perp() }
+                    weight * gain * if within(tap).is_some() { echo } else { echo.perp() }
                 };
-                focused.push(scale * taps.iter().map(seen).sum::<DVec2>());
+                focused.push(scale * taps.iter().map(echo_of).sum::<DVec2>());
             }
         }
     }

@@ -7,7 +7,7 @@ use super::inputs::Inputs;
 use super::segment::{Path, Segment, segment_at};
 use super::speckle::{self, Place, Strength};
 use super::texture::texture_level_np;
-use super::visibility::{Boundary, LineGain};
+use super::visibility::{ApertureGain, Boundary};
 use crate::constants::{LN_SPECKLE_SILENT, REFLECTED_MAX, TEXTURE_SAMPLES};
 
 /// Baseband of the scatterers, a·e^(−i2π·turns·range) each [scanlines × samples].
@@ -37,11 +37,11 @@ pub fn reflected(inputs: &Inputs, paths: &[Path], gains: &[Boundary]) -> Vec<f64
         };
         let power = paths_of(inputs, line).map(power_of).sum::<DVec3>() * inputs.path_weight();
         let axial_path = segment_of(inputs.axial_path_of(line));
-        let ln_gain = LineGain::new(aperture, gains, line).at(range_mm, -0.5 * axial_path.ln_passed(range_mm));
+        let ln_gain = ApertureGain::new(aperture, gains, line).at(range_mm, -0.5 * axial_path.ln_passed(range_mm));
         let scatterers = scatterer_power(axial_path);
-        let seen = (scatterers.x + scatterers.y) * (2.0 * ln_gain.max(LN_SPECKLE_SILENT)).exp();
-        let over_seen = ((power.x + power.y) / seen).sqrt();
-        if power == DVec3::ZERO { 0.0 } else { over_seen.min(REFLECTED_MAX) }
+        let by_aperture = (scatterers.x + scatterers.y) * (2.0 * ln_gain.max(LN_SPECKLE_SILENT)).exp();
+        let over_aperture = ((power.x + power.y) / by_aperture).sqrt();
+        if power == DVec3::ZERO { 0.0 } else { over_aperture.min(REFLECTED_MAX) }
     };
     (0..inputs.scanlines * inputs.blocks())
         .into_par_iter()
@@ -87,7 +87,7 @@ fn sample_of(inputs: &Inputs, paths: &[Path], gains: &[Boundary], line: usize, s
     let segment_of = |path: usize| &paths[path].segments[segment_at(&paths[path], inputs.range_mm(sample & !1))];
     let axial_path = segment_of(inputs.axial_path_of(line));
     let gain = inputs.aperture.as_ref().map(|aperture| {
-        let ln_amplitude = LineGain::new(aperture, gains, line).at(range_mm, -0.5 * axial_path.ln_passed(range_mm));
+        let ln_amplitude = ApertureGain::new(aperture, gains, line).at(range_mm, -0.5 * axial_path.ln_passed(range_mm));
         (2.0 * ln_amplitude.max(LN_SPECKLE_SILENT)).exp()
     });
     let power_of = |path: usize| {

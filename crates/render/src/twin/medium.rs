@@ -13,7 +13,7 @@ pub struct Medium {
     /// c/c₀ in Snell's and Fresnel's laws; 1 without refraction.
     pub bending: f64,
     /// `speed_ratio` of what the aperture sees past hard media: 1 in those.
-    pub seen_speed_ratio: f64,
+    pub aperture_speed_ratio: f64,
     /// Two-way attenuation of the amplitude, nepers per mm of path.
     pub attenuation_np_mm: f64,
     /// RMS slope of the microfacets of its surfaces.
@@ -38,7 +38,7 @@ impl From<&PackedTissue> for Medium {
             impedance_mrayl: tissue.impedance_mrayl.into(),
             speed_ratio: tissue.speed_ratio.into(),
             bending: tissue.bending.into(),
-            seen_speed_ratio: tissue.seen_speed_ratio.into(),
+            aperture_speed_ratio: tissue.aperture_speed_ratio.into(),
             attenuation_np_mm: tissue.attenuation_np_mm.into(),
             roughness: tissue.roughness.into(),
             scatterer_density: tissue.scatterers & TAG_DENSITY,

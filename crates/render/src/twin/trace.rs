@@ -143,8 +143,8 @@ impl<'a> Tracer<'a> {
                     self.ln_amplitude += ln_passed;
                 }
                 here = change.there;
-                if self.by_aperture() && beyond.speed_ratio <= beyond.seen_speed_ratio {
-                    // Behind a fast body, what is seen past it comes later.
+                if self.by_aperture() && beyond.speed_ratio <= beyond.aperture_speed_ratio {
+                    // Echoes from behind a fast body go past it, so the range that it took off is added again.
                     self.range_mm += self.behind_mm;
                     self.behind_mm = 0.0;
                 }
@@ -177,21 +177,21 @@ impl<'a> Tracer<'a> {
     /// Length of path per mm of range. Ranges are depths: the lens delays its middle, so echoes of oblique layers come
     /// no later.
     fn path_per_range(&self, tissue: &Medium) -> f64 {
-        // Slow hard media delay nothing that is seen behind them.
-        let seen = self.by_aperture() && tissue.seen_speed_ratio > tissue.speed_ratio;
-        self.stretch * if seen { tissue.seen_speed_ratio } else { tissue.speed_ratio }
+        // For the aperture, slow hard media delay nothing behind them.
+        let past_it = self.by_aperture() && tissue.aperture_speed_ratio > tissue.speed_ratio;
+        self.stretch * if past_it { tissue.aperture_speed_ratio } else { tissue.speed_ratio }
     }
 
     /// [`Self::path_per_range`] of what the aperture sees past hard bodies.
-    fn seen_path_per_range(&self, tissue: &Medium) -> f64 {
-        if self.by_aperture() { self.stretch * tissue.seen_speed_ratio } else { self.path_per_range(tissue) }
+    fn aperture_path_per_range(&self, tissue: &Medium) -> f64 {
+        if self.by_aperture() { self.stretch * tissue.aperture_speed_ratio } else { self.path_per_range(tissue) }
     }
 
     /// The segment that begins here.
     fn segment(&self, tissue: &Medium, echo: f64, echo_range_mm: f64) -> Segment {
         let step = self.ray.direction * self.path_per_range(tissue);
-        // The loss of a fast body is spread up to where what is seen past it begins.
-        let fall_np_mm = tissue.attenuation_np_mm * self.seen_path_per_range(tissue);
+        // The loss of a fast body is spread over the range that it has for the aperture.
+        let fall_np_mm = tissue.attenuation_np_mm * self.aperture_path_per_range(tissue);
         Segment {
             start_mm: self.range_mm,
             origin_mm: self.ray.origin_mm - self.carried_mm - step * self.range_mm,
@@ -238,7 +238,7 @@ impl<'a> Tracer<'a> {
         self.ray.origin_mm += self.ray.direction * gone_mm;
         let passed_mm = gone_mm / self.path_per_range(&tissue);
         self.range_mm += passed_mm;
-        self.behind_mm += gone_mm / self.seen_path_per_range(&tissue) - passed_mm;
+        self.behind_mm += gone_mm / self.aperture_path_per_range(&tissue) - passed_mm;
         self.ln_amplitude -= tissue.attenuation_np_mm * gone_mm;
         self.ln_passed -= tissue.attenuation_np_mm * gone_mm;
         met

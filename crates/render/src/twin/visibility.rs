@@ -31,7 +31,7 @@ pub struct BlockGain {
 /// The gain of every block [scanlines × blocks].
 pub fn block_gains(inputs: &Inputs, aperture: &Aperture, paths: &[Path], boundaries: &[Boundary]) -> Vec<BlockGain> {
     let of = |line: usize| {
-        let along = LineGain::new(aperture, boundaries, line);
+        let along = ApertureGain::new(aperture, boundaries, line);
         let axial_path = &paths[inputs.axial_path_of(line)];
         (0..inputs.blocks()).map(move |block| {
             let range_mm = inputs.range_mm(block * inputs.depth_block);
@@ -109,12 +109,12 @@ fn gain(aperture: &Aperture, line: usize, plane: usize, powers: &[f64]) -> f64 {
 
 /// The gain along one scanline.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct LineGain<'a> {
+pub(super) struct ApertureGain<'a> {
     aperture: &'a Aperture,
     row: &'a [Boundary],
 }
 
-impl<'a> LineGain<'a> {
+impl<'a> ApertureGain<'a> {
     /// The gain along scanline `line` of all `boundaries`.
     pub(super) fn new(aperture: &'a Aperture, boundaries: &'a [Boundary], line: usize) -> Self {
         let count = aperture.planes + 1;
@@ -128,7 +128,7 @@ impl<'a> LineGain<'a> {
         self.gain(self.place(interval, range_mm, lost, self.row[interval].place)) - self.shared(interval, lost)
     }
 
-    /// [`LineGain::at`] without the loss that all scanlines share, and its place.
+    /// [`ApertureGain::at`] without the loss that all scanlines share, and its place.
     fn without_shared(&self, range_mm: f64, loss_np: f64) -> BlockGain {
         let interval = self.interval(range_mm);
         let lost = self.lost(interval, range_mm, loss_np - self.row[interval].loss_np);

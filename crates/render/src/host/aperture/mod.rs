@@ -2,7 +2,7 @@
 
 pub(super) mod beams;
 pub(super) mod fourier;
-pub(super) mod line_gain;
+pub(super) mod gain;
 pub(super) mod profiles;
 pub(super) mod propagate;
 pub(super) mod transmission;

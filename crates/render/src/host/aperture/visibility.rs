@@ -6,7 +6,7 @@
 use insonify_core::simd::{at_least, at_most, exp, widened};
 use rayon::prelude::*;
 
-use super::line_gain::{Boundary, LineGain};
+use super::gain::{ApertureGain, Boundary};
 use crate::aperture::ApertureTables;
 use crate::constants::DEPTH_BLOCK;
 use crate::host::constants::{ImageConstants, TRACKED_NP, VISIBLE_MIN, VISIBLE_MIN_NP};
@@ -60,7 +60,7 @@ fn see_line_body(params: &Params, inputs: Inputs<'_>, line: usize, row: &mut [Bo
     place(tables, axial_path, row_np, row);
     gains(constants, tables, line, powers, row);
     // At the first sample of each block: a face within it counts as not yet crossed.
-    let along = LineGain::new(tables, row);
+    let along = ApertureGain::new(tables, row);
     let (starts, segments) = axial_path;
     let mut at = 0;
     for (block, gain) in (0_u32..).zip(&mut *blocks) {

@@ -47,17 +47,18 @@ pub(in crate::host) struct LateralBeam<'a> {
 /// Echoes that came by reflections don't carry the gain. Where both scanlines hold some, the weaker one's amplitude is the
 /// least that is compared.
 ///
-/// `loudness` [blocks × 2 × scanlines] holds what a scanline's echoes carry, gain or reflections, then the reflections alone.
+/// `amplitudes` [blocks × 2 × scanlines] receives each scanline's factor of its echoes, the aperture's gain or its
+/// reflections, then the reflections alone.
 pub(in crate::host) fn lateral(
     params: &Params,
     beam: LateralBeam<'_>,
     baseband: &[[f32; 2]],
-    loudness: &mut [f32],
+    amplitudes: &mut [f32],
     focused: &mut [[f32; 2]],
 ) {
     let row_samples = params.row_samples as usize;
     let blocks = row_samples / DEPTH_BLOCK as usize;
-    let rows = loudness.par_chunks_exact_mut(2 * params.scanlines as usize).enumerate();
+    let rows = amplitudes.par_chunks_exact_mut(2 * params.scanlines as usize).enumerate();
     rows.with_min_len(LINES_TOGETHER).for_each(|(block, row)| {
         let (carried, reflected) = row.split_at_mut(params.scanlines as usize);
         let lines = beam.gains.chunks_exact(blocks).zip(beam.reflected.chunks_exact(blocks));
@@ -66,10 +67,10 @@ pub(in crate::host) fn lateral(
             *carried = at_least(gains[block][0], *reflected);
         }
     });
-    let loudness = &*loudness;
+    let amplitudes = &*amplitudes;
     let rows = focused.par_chunks_exact_mut(row_samples).enumerate().with_min_len(LINES_TOGETHER);
     rows.for_each(|(line, row)| {
-        focus_row(params, beam, line, loudness, baseband.as_flattened(), row.as_flattened_mut());
+        focus_row(params, beam, line, amplitudes, baseband.as_flattened(), row.as_flattened_mut());
     });
 }
 
@@ -160,7 +161,7 @@ fn widen(kernel: &[f32], reach: usize, projection: f32, taps: &mut [f32]) {
 widened! {
     /// One scanline.
     fn focus_row(
-        params: &Params, beam: LateralBeam<'_>, line: usize, loudness: &[f32], baseband: &[f32], row: &mut [f32],
+        params: &Params, beam: LateralBeam<'_>, line: usize, amplitudes: &[f32], baseband: &[f32], row: &mut [f32],
     ) = focus_row_body
 }
 
@@ -169,7 +170,7 @@ fn focus_row_body(
     params: &Params,
     beam: LateralBeam<'_>,
     line: usize,
-    loudness: &[f32],
+    amplitudes: &[f32],
     baseband: &[f32],
     row: &mut [f32],
 ) {
@@ -199,55 +200,54 @@ fn focus_row_body(
             [] => (weights.first.clamp(from, to), weights.end.clamp(from, to)),
             _ => (weights.first, weights.end),
         };
-        let mut seen = [0.0_f32; TAPS_MAX];
-        for (seen, &weight) in seen[first..end].iter_mut().zip(&weights.taps[first..end]) {
+        let mut weighted = [0.0_f32; TAPS_MAX];
+        for (weighted, &weight) in weighted[first..end].iter_mut().zip(&weights.taps[first..end]) {
             // Denormal weights are zeros on a GPU, and slow here.
-            *seen = if weight >= constants.least_weight() { weight } else { 0.0 };
+            *weighted = if weight >= constants.least_weight() { weight } else { 0.0 };
         }
         let scale = match gains {
-            [] => 1.0 / at_least(seen[first..end].iter().sum::<f32>() * weights.level, 1.0e-30),
-            _ => {
-                (kernels.power[block] / at_least(sum_of_squares(&seen[first..end]), 0.5 * kernels.power[block])).sqrt()
-            }
+            [] => 1.0 / at_least(weighted[first..end].iter().sum::<f32>() * weights.level, 1.0e-30),
+            _ => (kernels.power[block] / at_least(sum_of_squares(&weighted[first..end]), 0.5 * kernels.power[block]))
+                .sqrt(),
         };
         let within = first.clamp(from, to)..end.clamp(from, to);
         let beyond = (first..within.start.min(end)).chain(within.end.max(first)..end);
         let nearest = line + within.start - half;
         if !gains.is_empty() {
-            let (carried, reflected) = loudness[2 * block * lines..][..2 * lines].split_at(lines);
+            let (carried, reflected) = amplitudes[2 * block * lines..][..2 * lines].split_at(lines);
             let own_reflected = reflected[line];
             let compared = |carried: f32, other: f32| {
                 at_most(at_least(own, at_most(own_reflected, other)) / carried, NEIGHBOUR_GAIN_MAX)
             };
             let others = carried[nearest..].iter().zip(&reflected[nearest..]);
-            for (seen, (&carried, &other)) in seen[within.clone()].iter_mut().zip(others) {
-                *seen *= compared(carried, other);
+            for (weighted, (&carried, &other)) in weighted[within.clone()].iter_mut().zip(others) {
+                *weighted *= compared(carried, other);
             }
             for tap in beyond.clone() {
                 let source = mirrored(line + tap, half, lines);
-                seen[tap] *= compared(carried[source], reflected[source]);
+                weighted[tap] *= compared(carried[source], reflected[source]);
             }
         }
-        let sources = baseband[nearest * stride..].chunks_exact(stride).zip(&seen[within.clone()]);
+        let sources = baseband[nearest * stride..].chunks_exact(stride).zip(&weighted[within.clone()]);
         let (mut sum, mut turned) = ([0.0_f32; BLOCK], [0.0_f32; BLOCK]);
         if steered {
-            for ((source, &seen), (&shift, [cos, sin])) in
+            for ((source, &weighted), (&shift, [cos, sin])) in
                 sources.zip(shifts[within.clone()].iter().zip(&turns[within]))
             {
-                add_shifted(source, block, shift, [seen * cos, seen * sin], &mut sum, &mut turned);
+                add_shifted(source, block, shift, [weighted * cos, weighted * sin], &mut sum, &mut turned);
             }
         } else {
-            for (source, &seen) in sources {
+            for (source, &weighted) in sources {
                 let Some(source) = source.as_chunks::<BLOCK>().0.get(block) else { continue };
                 for (sum, &value) in sum.iter_mut().zip(source) {
-                    *sum += seen * value;
+                    *sum += weighted * value;
                 }
             }
         }
         for tap in beyond.clone() {
             let source = &baseband[mirrored(line + tap, half, lines) * stride..][..stride];
             let [cos, sin] = turns[tap];
-            add_shifted(source, block, shifts[tap], [-seen[tap] * sin, seen[tap] * cos], &mut sum, &mut turned);
+            add_shifted(source, block, shifts[tap], [-weighted[tap] * sin, weighted[tap] * cos], &mut sum, &mut turned);
         }
         if steered || beyond.count() > 0 {
             // (re, im) + i·(re', im').

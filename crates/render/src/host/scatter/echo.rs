@@ -4,7 +4,7 @@ use insonify_core::simd::{at_least, exp, phasor, widened};
 use rayon::prelude::*;
 
 use crate::constants::SEGMENTS;
-use crate::host::aperture::line_gain::{InterfaceGains, LineGain, Visibility};
+use crate::host::aperture::gain::{ApertureGain, ApertureGains, InterfaceGains};
 use crate::host::constants::ImageConstants;
 use crate::host::paths::Paths;
 use crate::params::Params;
@@ -25,7 +25,7 @@ pub(in crate::host) struct Interfaces<'a> {
     /// Segments of each path.
     pub(in crate::host) segment_counts: &'a [u32],
     /// Gain along the scanlines; without it, echoes have the loss of their paths.
-    pub(in crate::host) visibility: Option<&'a Visibility<'a>>,
+    pub(in crate::host) aperture_gains: Option<&'a ApertureGains<'a>>,
 }
 
 /// Echoes of a path in the baseband.
@@ -113,8 +113,8 @@ fn add_line_body(
 ) {
     // No closures: they may be compiled without the vector instructions.
     let mut gain = None;
-    if let Some(visibility) = interfaces.visibility {
-        gain = Some(visibility.line(line));
+    if let Some(gains) = interfaces.aperture_gains {
+        gain = Some(gains.line(line));
     }
     let (mut echoes, mut axial_echoes) = (Echoes::new(), Echoes::new());
     let mut axial_listed = false;
@@ -144,7 +144,7 @@ impl Interfaces<'_> {
     /// Lists the echoes of a path from segment `first` on. Returns the range of its first reflection if the axial path
     /// stands for it from there on, else the greatest number.
     #[inline(always)]
-    fn list(&self, path: usize, first: usize, gain: Option<LineGain<'_>>, echoes: &mut Echoes) -> f32 {
+    fn list(&self, path: usize, first: usize, gain: Option<ApertureGain<'_>>, echoes: &mut Echoes) -> f32 {
         let (starts, segments) = self.paths.of(path);
         let sources = &self.echoes[path * SEGMENTS as usize..][..SEGMENTS as usize];
         let count = (self.segment_counts[path] as usize).min(sources.len());

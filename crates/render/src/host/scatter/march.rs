@@ -4,11 +4,11 @@ use insonify_core::simd::widened;
 use rayon::prelude::*;
 
 use super::media::Power;
-use super::power::{Powers, Stretch, seen_power};
+use super::power::{Powers, Stretch, power_with_gain};
 use super::speckle::{Block, BlockOfPath, Speckle, Strength};
 use super::texture::{PLACES, Waves};
 use crate::constants::TEXTURE_SAMPLES;
-use crate::host::aperture::line_gain::Visibility;
+use crate::host::aperture::gain::ApertureGains;
 use crate::host::constants::{ImageConstants, REFLECTED_MAX, UNSCALED};
 use crate::host::paths::{BLOCK, CHUNK, Lanes, Paths, range_mm, seek};
 use crate::params::Params;
@@ -32,7 +32,7 @@ pub(in crate::host) struct Scatterers<'a> {
     /// Fields of the textures.
     pub(in crate::host) waves: &'a Waves,
     /// Gain along the scanlines; without it, every path loses what it meets.
-    pub(in crate::host) visibility: Option<&'a Visibility<'a>>,
+    pub(in crate::host) aperture_gains: Option<&'a ApertureGains<'a>>,
 }
 
 /// Outputs of the pass.
@@ -102,7 +102,7 @@ fn march_row_body(
                     paths,
                     [path.wrapping_add(ray), axial_path],
                     stretch,
-                    scatterers.visibility.is_some(),
+                    scatterers.aperture_gains.is_some(),
                 );
             }
         }
@@ -111,20 +111,20 @@ fn march_row_body(
         for (i, row) in row.iter_mut().enumerate() {
             let block = first.wrapping_add((i * BLOCK) as u32);
             // No closure: if not inlined, it is compiled without the vector instructions.
-            let mut loudness = None;
-            if let Some(visibility) = scatterers.visibility {
-                loudness = Some(visibility.block(params, paths, line, block));
+            let mut ln_gain = None;
+            if let Some(gains) = scatterers.aperture_gains {
+                ln_gain = Some(gains.block(params, paths, line, block));
             }
-            let mut total = powers.total(i, loudness.as_ref());
+            let mut total = powers.total(i, ln_gain.as_ref());
             if let Some(kept) = kept.get_mut(block as usize..).and_then(|rest| rest.first_chunk_mut::<BLOCK>()) {
                 add_kept(&mut total, kept, begins);
             }
-            if let (Some(loudness), Some(reflected)) = (&loudness, reflected.get_mut(block as usize / BLOCK)) {
+            if let (Some(ln_gain), Some(reflected)) = (&ln_gain, reflected.get_mut(block as usize / BLOCK)) {
                 // Power until the last batch.
                 *reflected = powers.reflected(i) + if begins { 0.0 } else { *reflected };
                 if ends && *reflected > 0.0 {
-                    let seen = seen_power(seek(params, paths, axial_path, block).1, loudness[0]);
-                    *reflected = reflected_over_seen(*reflected, seen);
+                    let by_aperture = power_with_gain(seek(params, paths, axial_path, block).1, ln_gain[0]);
+                    *reflected = reflected_over_aperture(*reflected, by_aperture);
                 }
             }
             let mut sums = [[0.0; BLOCK]; 2];
@@ -147,8 +147,12 @@ fn march_row_body(
 
 /// Ratio of two amplitudes from their powers, at most `REFLECTED_MAX`.
 #[inline(always)]
-fn reflected_over_seen(reflected: f32, seen: f32) -> f32 {
-    if seen > reflected * (1.0 / (REFLECTED_MAX * REFLECTED_MAX)) { (reflected / seen).sqrt() } else { REFLECTED_MAX }
+fn reflected_over_aperture(reflected: f32, by_aperture: f32) -> f32 {
+    if by_aperture > reflected * (1.0 / (REFLECTED_MAX * REFLECTED_MAX)) {
+        (reflected / by_aperture).sqrt()
+    } else {
+        REFLECTED_MAX
+    }
 }
 
 /// Adds the powers of earlier batches, and keeps the sum.

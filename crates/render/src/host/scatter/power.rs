@@ -26,8 +26,8 @@ pub(super) struct Stretch {
 /// Powers of a run of blocks.
 #[derive(Debug)]
 pub(super) struct Powers {
-    /// Power by paths whose loss the aperture's gain replaces.
-    seen: [Power; CHUNK],
+    /// Power by paths whose loss the aperture's gain replaces, without that gain.
+    by_aperture: [Power; CHUNK],
     /// The same paths, not yet added.
     media: Media,
     /// Power by paths with their own loss, scaled.
@@ -39,13 +39,13 @@ pub(super) struct Powers {
 impl Powers {
     pub(super) const fn new() -> Self {
         let zeros = [[[0.0; BLOCK]; 3]; CHUNK];
-        Self { seen: zeros, media: Media::new(), traced: zeros, any_traced: false }
+        Self { by_aperture: zeros, media: Media::new(), traced: zeros, any_traced: false }
     }
 
     /// Clears the first blocks.
     #[inline(always)]
     pub(super) fn begin(&mut self, blocks: usize) {
-        self.seen[..blocks].fill([[0.0; BLOCK]; 3]);
+        self.by_aperture[..blocks].fill([[0.0; BLOCK]; 3]);
         self.traced[..blocks].fill([[0.0; BLOCK]; 3]);
         self.any_traced = false;
     }
@@ -68,7 +68,7 @@ impl Powers {
             let (segment, stop) = run.segment(params, sample, last);
             let samples = [sample.wrapping_sub(first) as usize, stop.wrapping_sub(first) as usize];
             if aperture && !segment.has_reflected() {
-                self.media.add(stretch.weight, segment, samples, &mut self.seen);
+                self.media.add(stretch.weight, segment, samples, &mut self.by_aperture);
             } else {
                 self.any_traced = true;
                 self.add_traced(params, stretch, segment, samples);
@@ -95,7 +95,7 @@ impl Powers {
         while sample < to {
             let (segment, stop) = run.segment(params, sample, to);
             let samples = [sample.wrapping_sub(stretch.first) as usize, stop.wrapping_sub(stretch.first) as usize];
-            self.media.add(stretch.weight, segment, samples, &mut self.seen);
+            self.media.add(stretch.weight, segment, samples, &mut self.by_aperture);
             sample = stop;
         }
     }
@@ -103,7 +103,7 @@ impl Powers {
     /// Completes the powers after the last path.
     #[inline(always)]
     pub(super) fn end(&mut self, weight: f32) {
-        self.media.sum(weight, &mut self.seen);
+        self.media.sum(weight, &mut self.by_aperture);
     }
 
     /// Adds the scatterers of a segment with its loss, scaled.
@@ -150,14 +150,14 @@ impl Powers {
         if self.any_traced { mean[0] + deviation[0] } else { 0.0 }
     }
 
-    /// Power at the samples of a block, scaled; `loudness` is the aperture's gain, ln of the amplitude. Without it all
-    /// paths have their own loss.
+    /// Power at the samples of a block, scaled. Here the aperture's gain `ln_gain`, ln of the amplitude, replaces the
+    /// loss of paths that have not reflected. Without it, all paths have their own loss.
     #[inline(always)]
-    pub(super) fn total(&self, block: usize, loudness: Option<&Lanes>) -> Power {
-        let Some(loudness) = loudness else { return self.traced[block] };
-        let mut total = self.seen[block];
+    pub(super) fn total(&self, block: usize, ln_gain: Option<&Lanes>) -> Power {
+        let Some(ln_gain) = ln_gain else { return self.traced[block] };
+        let mut total = self.by_aperture[block];
         for i in 0..BLOCK {
-            let gain = scaled_power(loudness[i]);
+            let gain = scaled_power(ln_gain[i]);
             for sums in &mut total {
                 sums[i] *= gain;
             }
@@ -173,9 +173,10 @@ impl Powers {
     }
 }
 
-/// Power of a segment's scatterers, of the mean and the deviation, that are seen with a gain, ln of the amplitude; scaled.
+/// Power of a segment's scatterers, of the mean and the deviation, with the aperture's gain instead of its loss;
+/// scaled.
 #[inline(always)]
-pub(super) fn seen_power(segment: &Segment, ln_gain: f32) -> f32 {
+pub(super) fn power_with_gain(segment: &Segment, ln_gain: f32) -> f32 {
     parts(1.0, segment).map_or(0.0, |[mean, deviation, _]| (mean + deviation) * scaled_power(ln_gain))
 }
 

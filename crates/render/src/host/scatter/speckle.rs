@@ -78,7 +78,7 @@ pub(in crate::host) struct BlockOfPath<'a> {
 impl BlockOfPath<'_> {
     /// [`View::of`] of each sample's segment. Two samples share a segment.
     #[inline(always)]
-    fn seen(&self, view: &View) -> [Lanes; PLACE] {
+    fn in_view(&self, view: &View) -> [Lanes; PLACE] {
         let Self { params, paths, path, first } = *self;
         let (end_mm, segment) = seek(params, paths, path, first);
         let mut lanes = [[0.0; BLOCK]; PLACE];
@@ -215,10 +215,10 @@ impl Speckle {
     pub(in crate::host) fn echo(&self, block: &Block, axial_path: &BlockOfPath<'_>, sums: &mut [Lanes; 2]) {
         if self.count == 0 {
             const MM: View = View { axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], range: 1.0 };
-            self.lattice(block, &axial_path.seen(&MM), sums);
+            self.lattice(block, &axial_path.in_view(&MM), sums);
         }
         for family in self.families.iter().take(self.count) {
-            self.sheets(family, block, &axial_path.seen(&family.view), sums);
+            self.sheets(family, block, &axial_path.in_view(&family.view), sums);
         }
     }
 

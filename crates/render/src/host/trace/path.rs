@@ -149,16 +149,16 @@ impl Scene<'_> {
     #[inline(always)]
     fn path_per_range(&self, state: &PathState) -> f32 {
         let tissue = &self.tissues[state.here as usize];
-        // Slow hard media delay nothing that is seen behind them.
-        let seen = self.by_aperture(state) && tissue.seen_speed_ratio > tissue.speed_ratio;
-        state.stretch * if seen { tissue.seen_speed_ratio } else { tissue.speed_ratio }
+        // For the aperture, slow hard media delay nothing behind them.
+        let past_it = self.by_aperture(state) && tissue.aperture_speed_ratio > tissue.speed_ratio;
+        state.stretch * if past_it { tissue.aperture_speed_ratio } else { tissue.speed_ratio }
     }
 
     /// [`Self::path_per_range`] of what the aperture sees past hard bodies.
     #[inline(always)]
-    fn seen_path_per_range(&self, state: &PathState) -> f32 {
-        let seen_speed_ratio = self.tissues[state.here as usize].seen_speed_ratio;
-        if self.by_aperture(state) { state.stretch * seen_speed_ratio } else { self.path_per_range(state) }
+    fn aperture_path_per_range(&self, state: &PathState) -> f32 {
+        let aperture_speed_ratio = self.tissues[state.here as usize].aperture_speed_ratio;
+        if self.by_aperture(state) { state.stretch * aperture_speed_ratio } else { self.path_per_range(state) }
     }
 
     /// Longest remaining path in its medium, mm; zero or less if the path has ended.
@@ -173,8 +173,8 @@ impl Scene<'_> {
     fn segment(&self, state: &mut PathState, record: &mut PathRecord) {
         let tissue = &self.tissues[state.here as usize];
         let step = state.direction * self.path_per_range(state);
-        // The loss of a fast body is spread up to where what is seen past it begins.
-        let fall = tissue.attenuation_np_mm * self.seen_path_per_range(state);
+        // The loss of a fast body is spread over the range that it has for the aperture.
+        let fall = tissue.attenuation_np_mm * self.aperture_path_per_range(state);
         let from = state.origin - state.carried_mm - step * state.range_mm;
         let (passed_mm, flag) = if state.has_reflected { (0.0, HAS_REFLECTED) } else { (state.range_mm, 0) };
         let count = record.count.min(SEGMENTS - 1) as usize;
@@ -239,7 +239,7 @@ impl Scene<'_> {
         let there = self.medium_word(state);
         let passed_mm = t / self.path_per_range(state);
         state.range_mm += passed_mm;
-        state.behind_mm += t / self.seen_path_per_range(state) - passed_mm;
+        state.behind_mm += t / self.aperture_path_per_range(state) - passed_mm;
         state.ln_amplitude -= tissue.attenuation_np_mm * t;
         state.ln_passed -= tissue.attenuation_np_mm * t;
         state.t_min = TOUCH_MM;
@@ -368,8 +368,8 @@ impl Scene<'_> {
         } else {
             state.here = at.there;
             let beyond = &self.tissues[at.there as usize];
-            if self.by_aperture(state) && beyond.speed_ratio <= beyond.seen_speed_ratio {
-                // Behind a fast body, what is seen past it comes later.
+            if self.by_aperture(state) && beyond.speed_ratio <= beyond.aperture_speed_ratio {
+                // Echoes from behind a fast body go past it, so the range that it took off is added again.
                 state.range_mm += state.behind_mm;
                 state.behind_mm = 0.0;
             }

@@ -12,22 +12,22 @@ use crate::segment::Segment;
 /// nepers), gain at the plane before (nepers of amplitude, two-way), loss that all scanlines share (one-way nepers).
 pub(in crate::host) type Boundary = [f32; 4];
 
-/// Gain along all scanlines.
+/// The aperture's gain along all scanlines.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::host) struct Visibility<'a> {
+pub(in crate::host) struct ApertureGains<'a> {
     pub(in crate::host) tables: &'a ApertureTables,
     /// [scanlines × (planes + 1)]
     pub(in crate::host) lines: &'a [Boundary],
 }
 
-impl<'a> Visibility<'a> {
-    /// Gain along a scanline.
-    pub(in crate::host) fn line(&self, line: u32) -> LineGain<'a> {
+impl<'a> ApertureGains<'a> {
+    /// The gain along one scanline.
+    pub(in crate::host) fn line(&self, line: u32) -> ApertureGain<'a> {
         let boundaries = self.tables.planes + 1;
-        LineGain::new(self.tables, &self.lines[line as usize * boundaries..][..boundaries])
+        ApertureGain::new(self.tables, &self.lines[line as usize * boundaries..][..boundaries])
     }
 
-    /// ln of the amplitude, two-way, at the samples of a block.
+    /// ln of the gain, two-way, at the samples of a block.
     #[inline(always)]
     pub(in crate::host) fn block(&self, params: &Params, paths: &Paths<'_>, line: u32, first: u32) -> Lanes {
         let (gain, axial_path) = (self.line(line), params.axial_path_of(line));
@@ -46,18 +46,18 @@ impl<'a> Visibility<'a> {
             let interval = (first / self.tables.plane_samples) as usize;
             return gain.whole_block(params, first, interval.min(gain.row.len() - 2), [&falls, &passed]);
         }
-        let mut loudness = [0.0; BLOCK];
-        for (i, loudness) in loudness.iter_mut().enumerate() {
+        let mut ln_gain = [0.0; BLOCK];
+        for (i, ln_gain) in ln_gain.iter_mut().enumerate() {
             let range_mm = range_mm(params, first.wrapping_add(i as u32));
-            *loudness = gain.at(range_mm, 0.5 * (falls[i] * range_mm - passed[i]));
+            *ln_gain = gain.at(range_mm, 0.5 * (falls[i] * range_mm - passed[i]));
         }
-        loudness
+        ln_gain
     }
 }
 
-/// The gain along one scanline.
+/// The aperture's gain along one scanline.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::host) struct LineGain<'a> {
+pub(in crate::host) struct ApertureGain<'a> {
     row: &'a [Boundary],
     plane_mm: f32,
 }
@@ -82,8 +82,8 @@ impl Interval {
         at_least(self.total_np - self.row_np, 0.0)
     }
 
-    /// Fraction of the interval's loss that has occurred where the total loss is `loss_np`. `part` is the fraction of the
-    /// interval's depth.
+    /// Fraction of the interval's loss that has occurred where the total loss is `loss_np`. `part` is the fraction of
+    /// the interval's depth.
     #[inline(always)]
     fn lost(&self, part: f32, loss_np: f32) -> f32 {
         let lost_np = loss_np - self.begins_np + EVEN_NP * part;
@@ -99,7 +99,7 @@ impl Interval {
     }
 }
 
-impl<'a> LineGain<'a> {
+impl<'a> ApertureGain<'a> {
     /// Gain along a scanline, from its boundaries.
     pub(in crate::host) fn new(tables: &ApertureTables, row: &'a [Boundary]) -> Self {
         Self { row, plane_mm: tables.plane_mm }
@@ -128,7 +128,7 @@ impl<'a> LineGain<'a> {
         self.gain(place) - 2.0 * (interval.shared_np + interval.row_np * lost)
     }
 
-    /// [`LineGain::at`] without the loss that all scanlines share, and the place among the planes.
+    /// [`ApertureGain::at`] without the loss that all scanlines share, and the place among the planes.
     #[inline(always)]
     pub(in crate::host) fn without_shared(&self, range_mm: f32, loss_np: f32) -> [f32; 2] {
         let (_, _, place) = self.tracked(range_mm, loss_np);
@@ -144,18 +144,19 @@ impl<'a> LineGain<'a> {
         (interval, lost, interval.place(part, lost))
     }
 
-    /// [`LineGain::at`] for all samples of a block within one interval; `falls` and `passed` are those of the segments.
+    /// [`ApertureGain::at`] for all samples of a block within one interval; `falls` and `passed` are those of the
+    /// segments.
     #[inline(always)]
     fn whole_block(&self, params: &Params, first: u32, index: usize, [falls, passed]: [&Lanes; 2]) -> Lanes {
         let interval = self.interval(index);
         let per_mm = 1.0 / self.plane_mm;
-        let (mut loudness, mut places) = ([0.0; BLOCK], [0.0; BLOCK]);
+        let (mut ln_gain, mut places) = ([0.0; BLOCK], [0.0; BLOCK]);
         for i in 0..BLOCK {
             let range_mm = range_mm(params, first.wrapping_add(i as u32));
             let part = range_mm * per_mm - real(index as u32);
             let lost = interval.lost(part, 0.5 * (falls[i] * range_mm - passed[i]));
             places[i] = interval.place(part, lost) + 1.0;
-            loudness[i] = -2.0 * (interval.shared_np + interval.row_np * lost);
+            ln_gain[i] = -2.0 * (interval.shared_np + interval.row_np * lost);
         }
         // Places of one interval lie within three planes.
         let low = floor(at_least(interval.places[0] + 1.0, 0.0)) as usize;
@@ -164,9 +165,9 @@ impl<'a> LineGain<'a> {
         for i in 0..BLOCK {
             let beyond = places[i] - real(low as u32);
             let within = |k: f32| at_most(at_least(beyond - k, 0.0), 1.0);
-            loudness[i] += start + steps[0] * within(0.0) + steps[1] * within(1.0) + steps[2] * within(2.0);
+            ln_gain[i] += start + steps[0] * within(0.0) + steps[1] * within(1.0) + steps[2] * within(2.0);
         }
-        loudness
+        ln_gain
     }
 
     /// Gain at a place among the planes, −1 being the face.
@@ -182,7 +183,7 @@ impl<'a> LineGain<'a> {
 /// Gains at the interfaces of a path, from the first to the last.
 #[derive(Debug)]
 pub(in crate::host) struct InterfaceGains<'a> {
-    gain: LineGain<'a>,
+    gain: ApertureGain<'a>,
     starts: &'a [f32],
     segments: &'a [Segment],
     /// The last interface's interval as the path sees it, its index, and the path's loss at its start.
@@ -196,7 +197,7 @@ pub(in crate::host) struct InterfaceGains<'a> {
 impl<'a> InterfaceGains<'a> {
     /// Gains of a path with these `starts` and `segments`.
     #[inline(always)]
-    pub(in crate::host) fn new(gain: LineGain<'a>, (starts, segments): (&'a [f32], &'a [Segment])) -> Self {
+    pub(in crate::host) fn new(gain: ApertureGain<'a>, (starts, segments): (&'a [f32], &'a [Segment])) -> Self {
         Self { gain, starts, segments, interval: gain.interval(0), index: usize::MAX, begins_np: 0.0, holds: [0; 2] }
     }
 
