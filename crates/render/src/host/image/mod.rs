@@ -1,4 +1,7 @@
-//! From the baseband of the scanlines to pixels, and the maps.
+//! From the scanlines' baseband to pixels, and the maps of tissue and attenuation.
+//!
+//! `lateral.rs`, `receive.rs` and `detect.rs` make grey levels along scanlines. `section.rs` and `percentile.rs` make the
+//! maps. `scan_convert.rs` makes pixels of both.
 
 pub(super) mod detect;
 pub(super) mod lateral;

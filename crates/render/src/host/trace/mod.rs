@@ -1,4 +1,8 @@
 //! The passes `locate` and `trace`: paths through the scene, in packets of neighbours over all cores.
+//!
+//! `path_packet.rs` holds the loop of a packet, `path.rs` the steps of one path. Up to their first reflection paths are
+//! straight: one traversal of the tree (`packet.rs`) finds all their candidates. Behind it each has a
+//! search of its own (`stream.rs`). Interfaces are computed for all paths of a packet at once (`depart.rs`).
 
 mod candidates;
 mod depart;
