@@ -17,11 +17,11 @@ fn tap(index: i32) -> f32 {
 
 // Gain of the TGC sliders at a depth, dB: linear interpolation.
 fn slider_db(depth_mm: f32) -> f32 {
-    let place = clamp(7.0 * depth_mm / params.depth_mm, 0.0, 7.0);
-    let below = min(u32(place), 6u);
+    let position = clamp(7.0 * depth_mm / params.depth_mm, 0.0, 7.0);
+    let below = min(u32(position), 6u);
     let low = image_tgc_sliders_db(below);
     let high = image_tgc_sliders_db(below + 1u);
-    return mix(low, high, place - f32(below));
+    return mix(low, high, position - f32(below));
 }
 
 // Grey levels 0..=1 of four samples from their powers.

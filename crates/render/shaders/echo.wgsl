@@ -48,8 +48,8 @@ fn interface_gain(line: u32, path: u32, arrived: u32) -> f32 {
     // The plane of the interval is before what the path has not crossed.
     let path_np = max(rise_np - interval.row_np * lost, 0.0);
     let furthest = max(f32(index) + path_np / (path_np + TRACKED_NP), interval.start);
-    let place = min(place_within(interval, part, lost), furthest);
-    return gain_at(line, place) - 2.0 * (interval.shared_np + interval.row_np * lost);
+    let position = min(position_within(interval, part, lost), furthest);
+    return gain_at(line, position) - 2.0 * (interval.shared_np + interval.row_np * lost);
 }
 
 // An echo: sample, and value added there; none beyond the samples, or without amplitude.

@@ -12,8 +12,8 @@
 @group(0) @binding(1) var<storage, read> kernels: array<f32>;
 @group(0) @binding(2) var<storage, read> baseband: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read_write> focused: array<vec4<f32>>;
-// Gain of each block as amplitude, and its place among the planes [scanlines × blocks]. This one and the next three are
-// read if APERTURE.
+// Gain of each block as amplitude, and its position among the planes [scanlines × blocks]. This one and the next three
+// are read if APERTURE.
 @group(0) @binding(4) var<storage, read> block_gains: array<vec2<f32>>;
 @group(0) @binding(5) var<uniform> aperture: Aperture;
 @group(0) @binding(6) var<storage, read> profiles: array<f32>;
@@ -60,10 +60,10 @@ fn sample_of(line: u32, sample: i32) -> vec2<f32> {
     return select(vec2<f32>(0.0), select(pair.xy, pair.zw, (at & 1u) == 1u), there);
 }
 
-// Scanline of a place; beyond the array's ends, its mirror image: no kernel reaches as far as the array is wide.
-fn mirrored(place: i32) -> u32 {
+// Scanline of a position; beyond the array's ends, its mirror image: no kernel reaches as far as the array is wide.
+fn mirrored(position: i32) -> u32 {
     let lines = i32(params.scanlines);
-    return u32(select(max(place, -1 - place), 2 * lines - 1 - place, place >= lines));
+    return u32(select(max(position, -1 - position), 2 * lines - 1 - position, position >= lines));
 }
 
 // Two complex samples, times i if they are beyond the array.
@@ -84,9 +84,9 @@ fn kernel_at(block: u32, at: u32, projection: f32) -> f32 {
     if projection == 1.0 || offset == 0u {
         return kernels[kernel + offset];
     }
-    let place = f32(offset) * projection;
-    let low = min(u32(place), params.lateral_half - 1u);
-    return mix(kernels[kernel + low], kernels[kernel + low + 1u], place - f32(low));
+    let position = f32(offset) * projection;
+    let low = min(u32(position), params.lateral_half - 1u);
+    return mix(kernels[kernel + low], kernels[kernel + low + 1u], position - f32(low));
 }
 
 // Amplitude of a block that came by reflections, at most 1; `gain` is that of its scanline.
@@ -116,9 +116,9 @@ fn weigh(thread: u32, line: u32, block: u32) {
         let gain = block_gains[line * blocks + block];
         own = gain.x;
         own_reflected = reflected_of(line, block, gain.x);
-        let place = clamp(gain.y, 0.0, f32(aperture.planes - 1u));
-        let low = min(u32(place), max(aperture.planes, 2u) - 2u);
-        part = place - f32(low);
+        let position = clamp(gain.y, 0.0, f32(aperture.planes - 1u));
+        let low = min(u32(position), max(aperture.planes, 2u) - 2u);
+        part = position - f32(low);
         near = low * params.scanlines + line;
         far = min(low + 1u, aperture.planes - 1u) * params.scanlines + line;
         kept = (1.0 - part) * blends[3u * near] + part * blends[3u * far];
@@ -132,9 +132,9 @@ fn weigh(thread: u32, line: u32, block: u32) {
     var end = 0u;
     for (var at = begin + thread % SHARING; at < limit; at += SHARING) {
         let kernel = kernel_at(block, at, projection);
-        let place = i32(line) + i32(at) - half;
-        let source = mirrored(place);
-        let there = APERTURE || i32(source) == place;
+        let position = i32(line) + i32(at) - half;
+        let source = mirrored(position);
+        let there = APERTURE || i32(source) == position;
         var weight = select(0.0, kernel, there);
         if kept < 1.0 && there {
             weight = kept * kernel + ((1.0 - part) * profile_at(near, at) + part * profile_at(far, at));

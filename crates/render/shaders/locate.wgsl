@@ -37,7 +37,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     crossing_count = behind;
     for (var i = 0u; i < crossing_count;) {
-        i = cross_place(i);
+        i = cross_coincident(i);
     }
     couplings[path] = coupling_of(ray.face_depth_mm, down, crossing_t[min(behind, CROSSINGS - 1u)], behind == found);
     if crossing_lost > 0u {

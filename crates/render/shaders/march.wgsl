@@ -79,14 +79,14 @@ fn own_power(range_mm: f32) -> f32 {
 
 // Echo of the scatterers of a power at a range on the current path.
 fn echo_at(range_mm: f32, power: vec3<f32>, gain: f32, per_reach_mm: f32) -> vec2<f32> {
-    let place = Place(current.origin_mm + current.step * range_mm, current.step, range_mm);
+    let position = Position(current.origin_mm + current.step * range_mm, current.step, range_mm);
     // Where media meet, their densities are averaged by power.
     let density = DENSITY_ONE * power.z / max(power.x + power.y, LEAST_POWER);
     let strength = Strength(gain * sqrt(power.x), gain * sqrt(power.y), density);
     if ELEVATIONAL_SPECKLE {
-        return sheets_echo(place, strength, per_reach_mm);
+        return sheets_echo(position, strength, per_reach_mm);
     }
-    return lattice_echo(place, strength);
+    return lattice_echo(position, strength);
 }
 
 // Ratio of two amplitudes from their powers, at most REFLECTED_MAX.
@@ -114,7 +114,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let begins = params.layer_first == 0u;
     let ends = params.layer_first + params.layer_count == params.layers;
 
-    // One axial path places the scatterers of all paths of a scanline; a single path is its own axial path.
+    // The axial path sets where the scatterers of all paths of a scanline lie. A single path is its own axial path.
     let axial_path = axial_path_of(line);
     // Scaled power of the aperture's gain, and that of the axial path's scatterers.
     var gain_power: array<f32, RUN>;

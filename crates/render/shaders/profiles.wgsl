@@ -1,13 +1,13 @@
-// Weights of a scanline's neighbours at each plane, from the amplitude of its beam at their places, and the echo power of
-// the beams over the greatest one without obstacles [planes × cells], the first nodes of each row.
-// Weights [planes × scanlines × (2·lateral_half + 1)], beside a part of the depth's kernel; that part, and the first and
-// the end of the weights [planes × scanlines × 3]. A thread per scanline or node, and plane.
+// Weights of a scanline's neighbours at each plane, from the amplitude of its beam at their positions, and the echo
+// power of the beams over the greatest one without obstacles [planes × cells], the first nodes of each row. Weights
+// [planes × scanlines × (2·lateral_half + 1)], beside a part of the depth's kernel; that part, and the first and the
+// end of the weights [planes × scanlines × 3]. A thread per scanline or node, and plane.
 //
 // Where nothing bends or hides a beam, it has the kernel of its depth. Elsewhere the beam's own amplitude takes over.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<uniform> aperture: Aperture;
-// Place of each scanline, in cells.
+// Position of each scanline, in cells.
 @group(0) @binding(2) var<storage, read> line_cells: array<f32>;
 // Of each plane: distance in cells within which a beam's scatterers are summed, and greatest power without obstacles.
 @group(0) @binding(3) var<storage, read> reaches: array<vec2<f32>>;

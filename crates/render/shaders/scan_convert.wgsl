@@ -59,7 +59,7 @@ fn section_at(ray: u32, depth_mm: f32) -> Section {
             sum = mix(sum0, sum1, clamp(beyond_mm / params.map_step_mm, 0.0, 1.0));
             break;
         }
-        // Between two tissues: Σμ at both depths gives the place of the boundary.
+        // Between two tissues: Σμ at both depths gives the position of the boundary.
         let rate1 = ONE_WAY * tissues[after & 255u].attenuation_np_mm;
         let contrast = rate0 - rate1;
         // Unknown if both attenuate alike: halfway is within half a pixel.
@@ -74,14 +74,14 @@ fn section_at(ray: u32, depth_mm: f32) -> Section {
     return Section(sum, tissue);
 }
 
-// Fractions of the sector's width and depth of a packed place.
-fn unpacked(place: u32) -> vec2<f32> {
-    return vec2<f32>(f32(i32(place & ((1u << ACROSS_BITS) - 1u))) * ACROSS_SCALE, f32(i32(place >> ACROSS_BITS)) * DEPTH_SCALE);
+// Fractions of the sector's width and depth of a packed position.
+fn unpacked(position: u32) -> vec2<f32> {
+    return vec2<f32>(f32(i32(position & ((1u << ACROSS_BITS) - 1u))) * ACROSS_SCALE, f32(i32(position >> ACROSS_BITS)) * DEPTH_SCALE);
 }
 
-// The pixel at a place on the scanlines, which may be steered, and at its place in the maps, which are not.
-fn convert(place: u32, map_place: u32, percentile_np: f32) -> Pixel {
-    let at = unpacked(place);
+// The pixel at a position on the scanlines, which may be steered, and at its position in the maps, which are not.
+fn convert(position: u32, map_position: u32, percentile_np: f32) -> Pixel {
+    let at = unpacked(position);
     let across = at.x;
     let depth = at.y;
     let line = clamp(across * f32(params.scanlines) - 0.5, 0.0, f32(params.scanlines - 1u));
@@ -94,13 +94,13 @@ fn convert(place: u32, map_place: u32, percentile_np: f32) -> Pixel {
     let a = unpack2x16unorm(polar[row0 + sample0]);
     let b = unpack2x16unorm(polar[row1 + sample0]);
     let grey = u32(i32(255.0 * mix(mix(a.x, a.y, along), mix(b.x, b.y, along), fract(line)) + 0.5));
-    let inside = place != OUTSIDE;
+    let inside = position != OUTSIDE;
     if !MAPS {
         return Pixel(select(0u, grey, inside), 0u, 0u);
     }
 
-    let map_at = unpacked(map_place);
-    let mapped = map_place != OUTSIDE;
+    let map_at = unpacked(map_position);
+    let mapped = map_position != OUTSIDE;
     let depth_mm = map_at.y * params.depth_mm;
     // Σμ is linear between map rays, and up to half a spacing beyond the outer ones; the tissue is the nearer ray's.
     let ray = map_at.x * f32(params.map_rays) - 0.5;
@@ -121,15 +121,15 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= params.sector_words {
         return;
     }
-    // The straight places come first, then those of the looks.
-    let places = pixels[params.angle_words + id.x];
+    // The straight positions come first, then those of the looks.
+    let positions = pixels[params.angle_words + id.x];
     let straight = pixels[id.x];
     let word = words[id.x];
     let p = percentile[0];
-    let p0 = convert(places.x, straight.x, p);
-    let p1 = convert(places.y, straight.y, p);
-    let p2 = convert(places.z, straight.z, p);
-    let p3 = convert(places.w, straight.w, p);
+    let p0 = convert(positions.x, straight.x, p);
+    let p1 = convert(positions.y, straight.y, p);
+    let p2 = convert(positions.z, straight.z, p);
+    let p3 = convert(positions.w, straight.w, p);
     bmode[word] = p0.grey | p1.grey << 8u | p2.grey << 16u | p3.grey << 24u;
     if MAPS {
         attenuation[word] = vec2<u32>(p0.root | p1.root << 16u, p2.root | p3.root << 16u);

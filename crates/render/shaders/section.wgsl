@@ -78,14 +78,14 @@ fn cut(ray: u32) {
 
     var i = 0u;
     while i < crossing_count && crossing_t[i] <= 0.0 {
-        i = cross_place(i);
+        i = cross_coincident(i);
     }
     // A ray whose part of the face is not coupled is all air.
     let down = dot(direction, params.axial.xyz);
     let ahead_mm = crossing_t[min(i, CROSSINGS - 1u)];
     let coupled = coupling_of(map_rays[2u * ray].z, down, ahead_mm, i >= crossing_count) >= COUPLED_MIN;
     crossing_count = select(0u, crossing_count, coupled);
-    place_depth_mm = map_rays[2u * ray].z;
+    here_depth_mm = map_rays[2u * ray].z;
     var here = select(params.beyond, medium(), coupled);
     var start = 0.0;
     var sum_np = 0.0;
@@ -96,8 +96,8 @@ fn cut(ray: u32) {
     count = 1u;
     while i < crossing_count {
         let t = crossing_t[i];
-        i = cross_place(i);
-        place_depth_mm = map_rays[2u * ray].z + down * t;
+        i = cross_coincident(i);
+        here_depth_mm = map_rays[2u * ray].z + down * t;
         let there = medium();
         if there != here {
             sum_np += rate * (t - start);

@@ -33,7 +33,7 @@ override ROUGHNESS: bool = true;
 override REFLECTIONS: bool = true;
 override APERTURE: bool = false;
 
-// Capacity for the crossings of the line up to the first reflection; behind it, for those of a place.
+// Capacity for the crossings of the line up to the first reflection; behind it, for coincident ones.
 const CROSSINGS: u32 = CROSSINGS_OF_A_PATH;
 
 // Normal of a microfacet on a surface of normal `n`: Beckmann's distribution of slopes, mean square `variance`.
@@ -70,9 +70,9 @@ fn returning(cos_facet: f32, roughness: f32, range_mm: f32) -> f32 {
     return sqrt(specular + diffuse);
 }
 
-// The triangle that is the interface at the place of the crossings from `first` to before `end`: the first in the scene of
-// those of the highest surface.
-fn place_interface(first: u32, end: u32) -> u32 {
+// The triangle that is the interface among the coincident crossings from `first` to before `end`: the first in the
+// scene of those of the highest surface.
+fn interface_of(first: u32, end: u32) -> u32 {
     var chosen = 0u;
     var chosen_surface = 0u;
     var chosen_triangle = 0xffffffffu;
@@ -122,7 +122,7 @@ fn trace_path(path: u32) {
     // ln amplitude of a wave that passes every interface, and whether the path has reflected.
     var ln_passed = ln_coupling;
     var has_reflected = false;
-    place_depth_mm = ray.face_depth_mm;
+    here_depth_mm = ray.face_depth_mm;
     var here = medium();
     var bounce = 0u;
     var reflections = 0u;
@@ -130,7 +130,7 @@ fn trace_path(path: u32) {
     var echo_range_mm = 0.0;
     var count = 0u;
     var t_min = 0.0;
-    // A place that is not coupled ends the path, unless apertures beside it may reach what lies below.
+    // Without coupling the path ends, unless apertures nearby may reach what lies below.
     var open = coupling > 0.0 || APERTURE;
     var lost = 0u;
     var crossed = 0u;
@@ -206,7 +206,7 @@ fn trace_path(path: u32) {
                 done = true;
                 break;
             }
-            // The place: that crossing and all others within TOUCH_MM of it.
+            // Coincident crossings: that one and all others within TOUCH_MM of it.
             if !on_line {
                 next = 0u;
                 crossing_count = 1u;
@@ -220,15 +220,15 @@ fn trace_path(path: u32) {
             }
             before = inside;
             let first = next;
-            next = cross_place(first);
-            chosen = place_interface(first, next);
+            next = cross_coincident(first);
+            chosen = interface_of(first, next);
             if on_line {
                 travelled_mm = crossing_t[first];
                 origin = start + direction * travelled_mm;
             } else {
                 origin += direction * t;
             }
-            place_depth_mm = dot(origin, params.axial.xyz) - face_depth_mm;
+            here_depth_mm = dot(origin, params.axial.xyz) - face_depth_mm;
             let word = medium_word();
             there = word & TISSUE_MASK;
             moves = (word & MOVES) != 0u;
@@ -276,7 +276,7 @@ fn trace_path(path: u32) {
         let z2 = beyond.impedance_mrayl;
         let split = interface_between(z1, z2, speed_ratio, cos_incident);
 
-        // Echo, shifted within the interface's thickness by a hash of the place.
+        // Echo, shifted within the interface's thickness by a hash of the position.
         echo_range_mm = range_mm;
         if INTERFACE_ECHOES {
             var at_facet = split;
@@ -286,7 +286,7 @@ fn trace_path(path: u32) {
             let offset = unit(lattice_hash(lattice_cell(origin + OFF_THE_GRID_MM) ^ vec3<i32>(i32(surface + 1u) * SURFACE_SALT)).x) - 0.5;
             echo_range_mm += offset * thickness_mm / path_per_range;
             let weight = mix(weight_power, weight_in_phase, coherence);
-            // The aperture's gain takes the place of the path's loss, in `echo`.
+            // The aperture's gain replaces the path's loss, in `echo`.
             let ln_arriving = select(ln_amplitude, 0.0, APERTURE && !has_reflected);
             echo = at_facet.pressure_reflection * returning(cos_facet, roughness, range_mm) * weight
                 * select(0.0, exp(max(ln_arriving, LN_SILENT)), ln_arriving > LN_SILENT);

@@ -1,5 +1,5 @@
 // Gain along each scanline: what the aperture sees of the scatterers at a depth, over a medium without loss.
-// Out: [scanlines × (planes + 1)] place among the planes, loss of the axial path (one-way nepers), gain at the plane
+// Out: [scanlines × (planes + 1)] position among the planes, loss of the axial path (one-way nepers), gain at the plane
 // before (nepers of amplitude, two-way), loss that all scanlines share (one-way nepers). A thread per scanline.
 //
 // A scanline follows the planes by its own loss: behind an obstacle it takes the plane behind it, before it the plane
@@ -9,12 +9,12 @@
 @group(0) @binding(1) var<storage, read> starts: array<f32>;
 @group(0) @binding(2) var<storage, read> segments: array<Segment>;
 @group(0) @binding(3) var<uniform> aperture: Aperture;
-// Place of each scanline, in cells.
+// Position of each scanline, in cells.
 @group(0) @binding(4) var<storage, read> line_cells: array<f32>;
 @group(0) @binding(5) var<storage, read> powers: array<f32>;
 @group(0) @binding(6) var<storage, read> row_np: array<f32>;
 @group(0) @binding(7) var<storage, read_write> line_gains: array<vec4<f32>>;
-// Gain of each block of samples as amplitude, and its place among the planes [scanlines × blocks].
+// Gain of each block of samples as amplitude, and its position among the planes [scanlines × blocks].
 @group(0) @binding(8) var<storage, read_write> block_gains: array<vec2<f32>>;
 
 fn node_root(plane: u32, node: u32) -> f32 {
@@ -42,7 +42,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var at = 0u;
     var begins_np = loss_on(axial_path, 0u, 0.0);
     var shared_np = 0.0;
-    // Place within the interval of the last loss, 0..1.
+    // Position within the interval of the last loss, 0..1.
     var last = 0.5;
     line_gains[row] = vec4<f32>(-0.5, begins_np, max(-2.0 * begins_np, VISIBLE_MIN_NP), 0.0);
     for (var interval = 0u; interval < aperture.planes; interval++) {
@@ -66,8 +66,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         last = mix(last, centre, followed);
         shared_np += row_np[interval];
         begins_np = ends_np;
-        let place = f32(interval + 1u) - (1.0 - followed) * last;
-        line_gains[row + interval + 1u] = vec4<f32>(place, ends_np, plane_gain(line, interval), shared_np);
+        let position = f32(interval + 1u) - (1.0 - followed) * last;
+        line_gains[row + interval + 1u] = vec4<f32>(position, ends_np, plane_gain(line, interval), shared_np);
     }
     at = 0u;
     let blocks = params.row_samples >> BLOCK_SHIFT;
@@ -75,7 +75,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         // At the first sample: a face within the block counts as not yet crossed.
         let range_mm = (f32(block << BLOCK_SHIFT) + 0.5) * params.sample_spacing_mm;
         at = segment_from(axial_path, at, range_mm);
-        let place = place_of(line, range_mm, loss_on(axial_path, at, range_mm));
-        block_gains[line * blocks + block] = vec2<f32>(exp(gain_at(line, place)), place);
+        let position = position_of(line, range_mm, loss_on(axial_path, at, range_mm));
+        block_gains[line * blocks + block] = vec2<f32>(exp(gain_at(line, position)), position);
     }
 }

@@ -91,7 +91,7 @@ pub struct Snapshot {
     pub profiles: Vec<Profile>,
     /// `visibility` [scanlines × (planes + 1)].
     pub line_gains: Vec<Boundary>,
-    /// `visibility`: gain of each block and its place [scanlines × blocks].
+    /// `visibility`: gain of each block and its position [scanlines × blocks].
     pub block_gains: Vec<BlockGain>,
     /// `march`: amplitude that came by reflections over the amplitude that the aperture sees, at the first sample of each
     /// block [scanlines × blocks].
@@ -216,8 +216,8 @@ fn fields_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<DVec2> {
 
 fn line_gains_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<Boundary> {
     let boundary = |numbers: &[f32; 4]| {
-        let [place, loss_np, gain_np, shared_np] = numbers.map(f64::from);
-        Boundary { place, loss_np, gain_np, shared_np }
+        let [position, loss_np, gain_np, shared_np] = numbers.map(f64::from);
+        Boundary { position, loss_np, gain_np, shared_np }
     };
     let count = of_aperture(inputs, |a| inputs.scanlines * (a.planes + 1));
     buffers.line_gains.iter().take(count).map(boundary).collect()
@@ -225,7 +225,7 @@ fn line_gains_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<Boundary> {
 
 fn block_gains_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<BlockGain> {
     let count = of_aperture(inputs, |_| inputs.scanlines * inputs.blocks());
-    let gain = |&[gain, place]: &[f32; 2]| BlockGain { gain: gain.into(), place: place.into() };
+    let gain = |&[gain, position]: &[f32; 2]| BlockGain { gain: gain.into(), position: position.into() };
     buffers.block_gains.iter().take(count).map(gain).collect()
 }
 

@@ -280,7 +280,7 @@ fn visibility(s: &Snapshot) -> Result<(), Mismatch> {
     let mut tally = Tally::new("visibility", "scanlines", 0.002);
     for (device, twin) in s.line_gains.iter().zip(&twin) {
         let errors = [
-            (device.place - twin.place).abs() / 2.0e-3,
+            (device.position - twin.position).abs() / 2.0e-3,
             (device.loss_np - twin.loss_np).abs() / (1.0e-3 + 1.0e-5 * twin.loss_np),
             (device.gain_np - twin.gain_np).abs() / 1.0e-3,
             (device.shared_np - twin.shared_np).abs() / (1.0e-3 + 1.0e-5 * twin.shared_np),
@@ -291,7 +291,7 @@ fn visibility(s: &Snapshot) -> Result<(), Mismatch> {
     let mut tally = Tally::new("visibility", "blocks", 0.002);
     for (device, twin) in s.block_gains.iter().zip(&twin::block_gains(&s.inputs, aperture, &s.paths, &s.line_gains)) {
         tally.add((device.gain / twin.gain - 1.0).abs() / 1.0e-3);
-        tally.add((device.place - twin.place).abs() / 2.0e-3);
+        tally.add((device.position - twin.position).abs() / 2.0e-3);
     }
     tally.finish()
 }

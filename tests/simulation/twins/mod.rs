@@ -164,7 +164,7 @@ const DAMAGES: [Damages; 4] = [
         ("a spectrum in another order", "propagate", "reverseBits(k) >> shift", "k"),
         ("scatterers of all depths within the same reach", "profiles", "reaches[plane].x", "reaches[0].x"),
         ("beams not interpolated", "visibility", "node - f32(low)", "0.0"),
-        ("phase of the sample, not of its scatterer", "march", "(place.range_mm + ahead_mm)", "(place.range_mm)"),
+        ("phase of the sample, not of its scatterer", "march", "(position.range_mm + ahead_mm)", "(position.range_mm)"),
         ("echoes a sample too deep", "echo", "Echo(u32(sample),", "Echo(min(u32(sample) + 1u, params.samples - 1u),"),
         (
             "weights of a kernel and two profiles not made up for",

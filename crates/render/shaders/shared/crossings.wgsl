@@ -29,8 +29,8 @@ fn crossing_surface(i: u32) -> u32 {
 }
 
 // Applies all crossings within TOUCH_MM of the one at `first`, and returns the index after them. A surface that is
-// entered and left at one place is a crease or a silhouette: its membership is unchanged.
-fn cross_place(first: u32) -> u32 {
+// entered and left there is a crease or a silhouette: its membership is unchanged.
+fn cross_coincident(first: u32) -> u32 {
     let limit = crossing_t[first] + TOUCH_MM;
     var end = first + 1u;
     while end < crossing_count && crossing_t[end] <= limit {

@@ -1,5 +1,5 @@
 // The first ray of a path: its scanline's, moved across the slice. After the paths of all layers come the
-// axial paths, one per scanline, along the axes: they carry no echo and place the scatterers of the other paths.
+// axial paths, one per scanline, along the axes: they carry no echo and set where the scatterers of all paths lie.
 struct Launch {
     origin: vec3<f32>,
     direction: vec3<f32>,

@@ -2,7 +2,7 @@
 
 // An interval of a scanline.
 struct Interval {
-    // Places among the planes at its ends.
+    // Positions among the planes at its ends.
     start: f32,
     end: f32,
     // Loss at its start, loss in it, and the part of that which its row shares; one-way nepers.
@@ -30,8 +30,8 @@ fn lost_part(interval: Interval, part: f32, loss_np: f32) -> f32 {
     return clamp((loss_np - interval.begins_np + EVEN_NP * part) / (max(interval.total_np, 0.0) + EVEN_NP), 0.0, 1.0);
 }
 
-// Place among the planes at a part of an interval's depth and of its loss.
-fn place_within(interval: Interval, part: f32, lost: f32) -> f32 {
+// Position among the planes at a part of an interval's depth and of its loss.
+fn position_within(interval: Interval, part: f32, lost: f32) -> f32 {
     let own = own_np(interval);
     let done = (own * lost + SPREAD_NP * part) / (own + SPREAD_NP);
     return interval.start + done * (interval.end - interval.start);
@@ -42,20 +42,20 @@ fn interval_index(range_mm: f32) -> u32 {
     return min(u32(max(range_mm / aperture.plane_mm, 0.0)), aperture.planes - 1u);
 }
 
-// Gain at a place among the planes, −1 being the face.
-fn gain_at(line: u32, place: f32) -> f32 {
-    let at = clamp(place + 1.0, 0.0, f32(aperture.planes));
+// Gain at a position among the planes, −1 being the face.
+fn gain_at(line: u32, position: f32) -> f32 {
+    let at = clamp(position + 1.0, 0.0, f32(aperture.planes));
     let low = min(u32(at), aperture.planes - 1u);
     let row = line * (aperture.planes + 1u) + low;
     return mix(line_gains[row].z, line_gains[row + 1u].z, at - f32(low));
 }
 
-// Place among the planes of scatterers at a range that the scanline reaches with a loss of `loss_np`.
-fn place_of(line: u32, range_mm: f32, loss_np: f32) -> f32 {
+// Position among the planes of scatterers at a range that the scanline reaches with a loss of `loss_np`.
+fn position_of(line: u32, range_mm: f32, loss_np: f32) -> f32 {
     let index = interval_index(range_mm);
     let interval = interval_at(line, index);
     let part = range_mm / aperture.plane_mm - f32(index);
-    return place_within(interval, part, lost_part(interval, part, loss_np));
+    return position_within(interval, part, lost_part(interval, part, loss_np));
 }
 
 // ln of the amplitude, two-way, of scatterers at a range that the scanline reaches with a loss of `loss_np`.
@@ -64,5 +64,5 @@ fn scatterer_gain_at(line: u32, range_mm: f32, loss_np: f32) -> f32 {
     let interval = interval_at(line, index);
     let part = range_mm / aperture.plane_mm - f32(index);
     let lost = lost_part(interval, part, loss_np);
-    return gain_at(line, place_within(interval, part, lost)) - 2.0 * (interval.shared_np + interval.row_np * lost);
+    return gain_at(line, position_within(interval, part, lost)) - 2.0 * (interval.shared_np + interval.row_np * lost);
 }

@@ -1,5 +1,5 @@
 // Leaves of `nearest` by the lanes of a path together. Hits of a round are compared at once: at distances that differ
-// by TOUCH_MM to the last bit, `nearest_crowded` may differ; `trace` finds the same place then.
+// by TOUCH_MM to the last bit, `nearest_crowded` may differ; `trace` finds the same crossings then.
 
 // The least distance of a leaf's triangles and `before`, the nearest so far: index of the first triangle, and a bit for each.
 fn nearest_of_leaf(

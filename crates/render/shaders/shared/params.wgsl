@@ -57,7 +57,7 @@ struct Params {
     reflections_max: u32,
     // Elevational layers of the frame.
     layers: u32,
-    // Axial paths, which place the scatterers: one per scanline; 0 if a scanline has only one path.
+    // Axial paths, which set where the scatterers lie: one per scanline; 0 if a scanline has only one path.
     axial_paths: u32,
     // Number of `sheets`, and the distance between the sheets of one.
     sheet_families: u32,
@@ -77,7 +77,7 @@ struct Params {
     // Cosine and sine of the steering angle.
     steer_cos: f32,
     steer_sin: f32,
-    // First word of the places of this look's pixels.
+    // First word of the positions of this look's pixels.
     angle_words: u32,
     // Range by which the wavefront of a steered look falls behind from one scanline to the next, mm.
     steer_shift_mm: f32,

@@ -9,8 +9,8 @@ struct Strength {
     density: f32,
 }
 
-// A sample's place on its axial path.
-struct Place {
+// A sample's position on its axial path.
+struct Position {
     // Scene frame, relative to the tree's centre, mm.
     here: vec3<f32>,
     // Way per mm of range.
@@ -19,36 +19,36 @@ struct Place {
 }
 
 // Echo of the scatterer with the random words `bits`, `ahead_mm` of range beyond its sample.
-fn scatterer_echo(bits: vec3<u32>, ahead_mm: f32, place: Place, strength: Strength) -> vec2<f32> {
+fn scatterer_echo(bits: vec3<u32>, ahead_mm: f32, position: Position, strength: Strength) -> vec2<f32> {
     // The scatterer's own range sets the phase, whichever sample finds its cell.
-    let turn = phasor(-params.phase_turns_per_mm * (place.range_mm + ahead_mm));
+    let turn = phasor(-params.phase_turns_per_mm * (position.range_mm + ahead_mm));
     let amplitude = vec2<f32>(strength.mean, 0.0) + strength.deviation * scatterer_deviate(bits.z);
     return select(vec2<f32>(0.0), times(amplitude, turn), f32(i32(bits.x >> 15u)) < strength.density);
 }
 
 // Echo of the one scatterer of the sample's lattice cell.
-fn lattice_echo(place: Place, strength: Strength) -> vec2<f32> {
-    let cell = lattice_cell(place.here);
+fn lattice_echo(position: Position, strength: Strength) -> vec2<f32> {
+    let cell = lattice_cell(position.here);
     let bits = lattice_hash(cell);
-    let ahead = scatterer_position(cell, bits.y) - place.here;
-    let ahead_mm = dot(ahead, place.step) / max(dot(place.step, place.step), 1.0e-12);
-    return scatterer_echo(bits, ahead_mm, place, strength);
+    let ahead = scatterer_position(cell, bits.y) - position.here;
+    let ahead_mm = dot(ahead, position.step) / max(dot(position.step, position.step), 1.0e-12);
+    return scatterer_echo(bits, ahead_mm, position, strength);
 }
 
-// Random words of a cell of a sheet: presence, place and amplitude of its scatterer.
+// Random words of a cell of a sheet: presence, position and amplitude of its scatterer.
 fn sheet_hash(cell: vec3<i32>) -> vec3<u32> {
     return pcg3d(bitcast<vec3<u32>>(cell));
 }
 
 // Scatterer of a cell as a sample sees it.
 struct CellScatterer {
-    // Random words: presence, place and amplitude.
+    // Random words: presence, position and amplitude.
     bits: vec3<u32>,
     // Range beyond the sample, mm.
     ahead_mm: f32,
 }
 
-// Place of a scatterer by its random word: twice ten bits.
+// Position of a scatterer by its random word: twice ten bits.
 fn sheet_offset(bits: u32) -> vec2<f32> {
     return (vec2<f32>(vec2<i32>(vec2<u32>(bits, bits >> 10u) & vec2<u32>(1023u))) + 0.5) * (1.0 / 1024.0);
 }
@@ -59,9 +59,9 @@ fn nearest_scatterer(scatterers: u32, bits: vec3<u32>, corner: vec2<f32>, rate: 
     var nearest = 0u;
     var ahead_mm = BEYOND_MM;
     for (var quarter = 0u; quarter < scatterers; quarter++) {
-        let place = bits.y + quarter * (bits.x * SCATTERER_STRIDE);
+        let position = bits.y + quarter * (bits.x * SCATTERER_STRIDE);
         let half = vec2<f32>(vec2<i32>(vec2<u32>(quarter ^ (quarter >> 1u), quarter) & vec2<u32>(1u))) * 0.5;
-        let along_mm = dot(corner + (half + 0.5 * sheet_offset(place)), rate);
+        let along_mm = dot(corner + (half + 0.5 * sheet_offset(position)), rate);
         if abs(along_mm) < abs(ahead_mm) {
             nearest = quarter;
             ahead_mm = along_mm;
@@ -72,17 +72,17 @@ fn nearest_scatterer(scatterers: u32, bits: vec3<u32>, corner: vec2<f32>, rate: 
 }
 
 // Echo of the scatterers where the sample's elevational line meets sheets: see crates/render/src/sheets.rs.
-fn sheets_echo(place: Place, strength: Strength, per_reach_mm: f32) -> vec2<f32> {
-    let steps = 1.0 / max(dot(place.step, place.step), 1.0e-12);
+fn sheets_echo(position: Position, strength: Strength, per_reach_mm: f32) -> vec2<f32> {
+    let steps = 1.0 / max(dot(position.step, position.step), 1.0e-12);
     var sum = vec2<f32>(0.0);
     for (var k = 0u; k < params.sheet_families; k++) {
         let family = params.sheets[k];
         let per_cell = 1.0 / family.cell_mm;
-        let across = dot(family.normal.xyz, place.here) / params.sheet_spacing_mm;
-        let in_sheet = vec2<f32>(dot(family.first.xyz, place.here), dot(family.second.xyz, place.here)) * per_cell;
+        let across = dot(family.normal.xyz, position.here) / params.sheet_spacing_mm;
+        let in_sheet = vec2<f32>(dot(family.first.xyz, position.here), dot(family.second.xyz, position.here)) * per_cell;
         // Cells along the elevational line per sheet, and mm of range per cell.
         let drift = vec2<f32>(family.first.w, family.second.w) * (params.sheet_spacing_mm * per_cell);
-        let rate = vec2<f32>(dot(family.first.xyz, place.step), dot(family.second.xyz, place.step)) * (steps * family.cell_mm);
+        let rate = vec2<f32>(dot(family.first.xyz, position.step), dot(family.second.xyz, position.step)) * (steps * family.cell_mm);
         let lowest = i32(floor(across - 0.5 * f32(SHEETS))) + 1;
         var echo = vec2<f32>(0.0);
         var squares = 0.0;
@@ -100,7 +100,7 @@ fn sheets_echo(place: Place, strength: Strength, per_reach_mm: f32) -> vec2<f32>
             if family.cell_scatterers > 1u {
                 scatterer = nearest_scatterer(family.cell_scatterers, bits, corner, rate);
             }
-            echo += weight * scatterer_echo(scatterer.bits, scatterer.ahead_mm, place, strength);
+            echo += weight * scatterer_echo(scatterer.bits, scatterer.ahead_mm, position, strength);
             squares += weight * weight;
         }
         sum += family.share / sqrt(max(squares, 1.0e-12)) * echo;

@@ -2,8 +2,8 @@
 
 var<private> inside: array<u32, 8>;
 
-// Depth of the place below the apex of the face, mm: beyond the film of gel lies air.
-var<private> place_depth_mm: f32;
+// Depth of the current position below the apex of the face, mm: beyond the film of gel lies air.
+var<private> here_depth_mm: f32;
 
 fn is_inside() -> bool {
     var any = 0u;
@@ -35,7 +35,7 @@ fn medium_word() -> u32 {
             return surface_tissue[u32(word) * 32u + firstLeadingBit(inside[word])];
         }
     }
-    return select(params.background, params.beyond, place_depth_mm > params.film_mm);
+    return select(params.background, params.beyond, here_depth_mm > params.film_mm);
 }
 
 fn medium() -> u32 {

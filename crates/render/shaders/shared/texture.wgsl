@@ -1,4 +1,5 @@
-// Texture of tissues: level of their scattering as a fixed random function of place. See crates/render/src/texture.rs.
+// Texture of tissues: level of their scattering as a fixed random function of position. See
+// crates/render/src/texture.rs.
 struct Texture {
     // Direction of the fibres, and width over length of what follows them, minus 1.
     fibre: vec4<f32>,
@@ -19,7 +20,7 @@ fn gaussian_field(at: vec3<f32>) -> f32 {
     return sum / sqrt(f32(WAVES) * WAVE_VARIANCE);
 }
 
-// Factor of the scattering of a tissue at a place of the scene at rest.
+// Factor of the scattering of a tissue at a position of the scene at rest.
 fn texture_gain(texture: Texture, here_mm: vec3<f32>) -> f32 {
     let stretched_mm = here_mm + texture.fibre.w * dot(here_mm, texture.fibre.xyz) * texture.fibre.xyz;
     var level = texture.amounts.w;

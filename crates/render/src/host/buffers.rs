@@ -44,7 +44,7 @@ pub(super) struct Buffers {
 /// Moves an output from the second to the first.
 type TakeOver = fn(&mut PassBuffers, &mut PassBuffers);
 
-/// A layout with the places of the pixels that it was made of.
+/// A layout with the positions of the pixels that it was made of.
 #[derive(Debug, Clone)]
 pub(super) struct PlacedLayout {
     pixels: Arc<[u32]>,

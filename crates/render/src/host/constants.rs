@@ -86,7 +86,7 @@ changeable! {
 changeable! {
     /// Constants of the host's other passes.
     ImageConstants {
-        /// `march`: factor that makes places and amplitudes of a cell's scatterers independent.
+        /// `march`: factor that makes positions and amplitudes of a cell's scatterers independent.
         scatterer_stride: u32 = SCATTERER_STRIDE;
         /// `march`: sheets of scatterers looked up to one side of a sample.
         sheets_to_a_side: f32 = 0.5 * SHEETS as f32;

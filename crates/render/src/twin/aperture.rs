@@ -45,7 +45,7 @@ pub struct Aperture {
     pub turns_per_mm: f64,
     /// Rays of each cell.
     pub cell_rays: Vec<CellRays>,
-    /// Place of each scanline, in cells.
+    /// Position of each scanline, in cells.
     pub line_cells: Vec<f64>,
     /// Distance of neighbouring scanlines, in cells.
     pub line_spacing_cells: f64,

@@ -42,10 +42,10 @@ pub fn detect(inputs: &Inputs, focused: &[DVec2]) -> Detected {
 impl Inputs {
     /// Gain of the TGC sliders at a depth, dB: linear between eight depths from the face to the full depth.
     pub fn slider_db(&self, depth_mm: f64) -> f64 {
-        let place = (7.0 * depth_mm / self.depth_mm).clamp(0.0, 7.0);
-        let below = (place as usize).min(6);
+        let position = (7.0 * depth_mm / self.depth_mm).clamp(0.0, 7.0);
+        let below = (position as usize).min(6);
         let sliders_db = self.image.tgc_sliders_db.map(f64::from);
         let (low, high) = (sliders_db[below], sliders_db[below + 1]);
-        low + (high - low) * (place - below as f64)
+        low + (high - low) * (position - below as f64)
     }
 }

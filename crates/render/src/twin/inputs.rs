@@ -21,7 +21,7 @@ pub struct Ray {
     pub direction: DVec3,
 }
 
-/// Place of a path across the slice: a straight line.
+/// Position of a path across the slice: a straight line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Elevation {
     /// Elevational offset at the face, mm.
@@ -115,10 +115,10 @@ pub struct Inputs {
     pub axes: Vec<Ray>,
     /// Layers.
     pub layers: usize,
-    /// Place of each path of a scanline across the slice [layers × rays_per_line].
+    /// Position of each path of a scanline across the slice [layers × rays_per_line].
     pub elevations: Vec<Elevation>,
-    /// Axial paths, which place the scatterers, stored after all layers' paths: one per scanline; 0 if a scanline has
-    /// only one path.
+    /// Axial paths, which set where the scatterers lie, stored after all layers' paths: one per scanline; 0 if a
+    /// scanline has only one path.
     pub axial_paths: usize,
     /// Triangles of the scene.
     pub triangles: Vec<Triangle>,
@@ -226,12 +226,15 @@ impl Inputs {
         let pair =
             |[a, b, c, d]: &[f32; 4]| [DVec2::new((*a).into(), (*b).into()), DVec2::new((*c).into(), (*d).into())];
         let stride = 4 * params.row_words as usize;
-        let place = |&word: &u32| {
+        let position = |&word: &u32| {
             let [across, depth] = unpack_place(word)?;
             Some([across * f64::from(params.scanlines) - 0.5, depth * f64::from(params.samples) - 0.5])
         };
-        let places = |pixels: &[u32]| -> Vec<Option<[f64; 2]>> {
-            pixels.chunks_exact(stride).flat_map(|row| row[..params.image.width as usize].iter().map(place)).collect()
+        let positions = |pixels: &[u32]| -> Vec<Option<[f64; 2]>> {
+            pixels
+                .chunks_exact(stride)
+                .flat_map(|row| row[..params.image.width as usize].iter().map(position))
+                .collect()
         };
         let steered = tables.angles.get(angle).map(|angle| &angle.pixels[..]).filter(|pixels| !pixels.is_empty());
         Self {
@@ -290,8 +293,8 @@ impl Inputs {
             map_rays: rays(&tables.map_rays),
             map_depths: params.map_depths as usize,
             map_step_mm: params.map_step_mm.into(),
-            pixels: places(steered.unwrap_or(&tables.pixels)),
-            map_pixels: places(&tables.pixels),
+            pixels: positions(steered.unwrap_or(&tables.pixels)),
+            map_pixels: positions(&tables.pixels),
         }
     }
 
@@ -311,7 +314,7 @@ impl Inputs {
         self.samples.div_ceil(self.depth_block)
     }
 
-    /// Index of the path of a scanline that places its scatterers: its axial path, or its only path.
+    /// Index of the path of a scanline that sets where its scatterers lie: its axial path, or its only path.
     pub fn axial_path_of(&self, line: usize) -> usize {
         if self.axial_paths == 0 { line } else { self.sounding() + line }
     }
@@ -326,7 +329,7 @@ impl Inputs {
         1.0 / (self.rays_per_line * self.layers) as f64
     }
 
-    /// The place of a path across the slice. An axial path is in the image plane.
+    /// The position of a path across the slice. An axial path is in the image plane.
     pub fn elevation_of(&self, path: usize) -> Elevation {
         let image_plane = Elevation { offset_mm: 0.0, slope: 0.0, stretch: 1.0 };
         let across = path / self.rays.len() * self.rays_per_line + path % self.rays_per_line;
@@ -338,7 +341,7 @@ impl Inputs {
         (sample as f64 + 0.5) * self.sample_spacing_mm
     }
 
-    /// Depth of a place of the scene below the apex of the face, mm.
+    /// Depth of a position of the scene below the apex of the face, mm.
     pub fn below_face_mm(&self, here_mm: DVec3) -> f64 {
         (here_mm - self.probe_mm).dot(self.scene_from_probe * DVec3::Z)
     }

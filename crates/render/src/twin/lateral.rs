@@ -30,7 +30,7 @@ pub fn lateral(
             let projection = inputs.projection(line);
             let unwidened_power = inputs.lateral_kernels[block].iter().map(|w| w * w).sum::<f64>();
             let kernel = &widened(&inputs.lateral_kernels[block], projection);
-            let weights = weights(inputs, kernel, line, gain_of(line).map_or(0.0, |gain| gain.place), profiles);
+            let weights = weights(inputs, kernel, line, gain_of(line).map_or(0.0, |gain| gain.position), profiles);
             let half = kernel.len() / 2;
             let within = |tap: usize| (line + tap).checked_sub(half).filter(|&l| l < inputs.scanlines);
             let shown = |&(tap, _): &(usize, f64)| !gains.is_empty() || within(tap).is_some();
@@ -65,7 +65,7 @@ pub fn lateral(
     focused
 }
 
-/// Mirror image of a place beyond the array's ends, `at` − `half`: no kernel reaches as far as the array is wide.
+/// Mirror image of a position beyond the array's ends, `at` − `half`: no kernel reaches as far as the array is wide.
 fn mirrored(at: usize, half: usize, scanlines: usize) -> usize {
     if at < half { half - at - 1 } else { 2 * scanlines - 1 - (at - half) }
 }
@@ -74,22 +74,22 @@ fn mirrored(at: usize, half: usize, scanlines: usize) -> usize {
 fn widened(kernel: &[f64], projection: f64) -> Vec<f64> {
     let half = kernel.len() / 2;
     let weight = |tap: usize| {
-        let place = tap.abs_diff(half) as f64 * projection;
+        let position = tap.abs_diff(half) as f64 * projection;
         let at = |lines: f64| kernel.get(half + lines as usize).copied().unwrap_or(0.0);
-        at(place.floor()) * (1.0 - place.fract()) + at(place.floor() + 1.0) * place.fract()
+        at(position.floor()) * (1.0 - position.fract()) + at(position.floor() + 1.0) * position.fract()
     };
     (0..kernel.len()).map(weight).collect()
 }
 
-/// Weights of a scanline's neighbours at a place among the planes.
-fn weights(inputs: &Inputs, kernel: &[f64], line: usize, place: f64, profiles: &[Profile]) -> Vec<f64> {
+/// Weights of a scanline's neighbours at a position among the planes.
+fn weights(inputs: &Inputs, kernel: &[f64], line: usize, position: f64, profiles: &[Profile]) -> Vec<f64> {
     let planes = profiles.len() / inputs.scanlines;
     if planes == 0 {
         return kernel.to_vec();
     }
-    let place = place.clamp(0.0, (planes - 1) as f64);
-    let low = (place as usize).min(planes.saturating_sub(2));
-    let part = place - low as f64;
+    let position = position.clamp(0.0, (planes - 1) as f64);
+    let low = (position as usize).min(planes.saturating_sub(2));
+    let part = position - low as f64;
     let [a, b] = [low, (low + 1).min(planes - 1)].map(|plane| &profiles[plane * inputs.scanlines + line]);
     let mix = |a: f64, b: f64| (1.0 - part) * a + part * b;
     let pairs = a.weights.iter().zip(&b.weights);

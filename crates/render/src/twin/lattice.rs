@@ -15,7 +15,7 @@ pub fn cell(point_mm: DVec3) -> [i32; 3] {
     (point_mm * cells_per_mm).floor().as_ivec3().to_array()
 }
 
-/// Three random words of a cell: its scatterer's presence, place and amplitude.
+/// Three random words of a cell: its scatterer's presence, position and amplitude.
 pub fn hash(cell: [i32; 3]) -> [u32; 3] {
     pcg3d(cell.map(|c| c as u32))
 }

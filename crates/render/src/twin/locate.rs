@@ -4,7 +4,7 @@ use insonify_core::transducer::contact;
 use rayon::prelude::*;
 
 use super::inputs::{Inputs, Ray};
-use super::surfaces::{Crossing, Membership, crossings, places};
+use super::surfaces::{Crossing, Membership, coincident, crossings};
 
 /// Start of a path.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,8 +26,8 @@ pub fn locate(inputs: &Inputs) -> Vec<Launched> {
 
 fn launched(inputs: &Inputs, ray: &Ray) -> Launched {
     let mut inside = Membership::default();
-    for place in places(&crossings(inputs, ray, -inputs.reach_mm, 0.0)) {
-        inside.cross(place);
+    for coincident in coincident(&crossings(inputs, ray, -inputs.reach_mm, 0.0)) {
+        inside.cross(coincident);
     }
     let ahead = crossings(inputs, ray, 0.0, f64::INFINITY);
     Launched { inside, coupling: coupling(inputs, ray, &inside, ahead.first()) }

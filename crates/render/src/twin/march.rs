@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::inputs::Inputs;
 use super::segment::{Path, Segment, segment_at};
-use super::speckle::{self, Place, Strength};
+use super::speckle::{self, Position, Strength};
 use super::texture::texture_level_np;
 use super::visibility::{ApertureGain, Boundary};
 use crate::constants::{LN_SPECKLE_SILENT, REFLECTED_MAX, TEXTURE_SAMPLES};
@@ -102,13 +102,13 @@ fn sample_of(inputs: &Inputs, paths: &[Path], gains: &[Boundary], line: usize, s
         return DVec2::ZERO;
     }
     let strength = Strength { mean: power.x.sqrt(), deviation: power.y.sqrt(), density: power.z / (power.x + power.y) };
-    let place = Place { here_mm: axial_path.scatterer_mm(range_mm), step: axial_path.step, range_mm };
+    let position = Position { here_mm: axial_path.scatterer_mm(range_mm), step: axial_path.step, range_mm };
     let block = sample / inputs.depth_block;
     let texture = texture_gain(inputs, &paths[inputs.axial_path_of(line)], sample);
     let echo = if inputs.sheets.is_empty() {
-        speckle::of_lattice(inputs, place, strength)
+        speckle::of_lattice(inputs, position, strength)
     } else {
-        speckle::of_sheets(inputs, place, strength, inputs.sheets_per_reach_mm[block])
+        speckle::of_sheets(inputs, position, strength, inputs.sheets_per_reach_mm[block])
     };
     inputs.scatterer_gain[block] * texture * echo
 }

@@ -1,4 +1,4 @@
-//! Weights of a scanline's neighbours at each plane, from the amplitude of its beam at their places.
+//! Weights of a scanline's neighbours at each plane, from the amplitude of its beam at their positions.
 
 use rayon::prelude::*;
 
@@ -62,7 +62,7 @@ fn of_line(aperture: &Aperture, plane: usize, line: usize, beams: &[f64], plain:
     Profile { kept, weights }
 }
 
-/// A profile that is known one cell apart, at the places of the neighbours; zero beyond its reach.
+/// A profile that is known one cell apart, at the positions of the neighbours; zero beyond its reach.
 fn weights(aperture: &Aperture, plane: usize, taps: usize, at: impl Fn(isize) -> f64) -> Vec<f64> {
     let weight = |tap: usize| {
         let offset = (tap as f64 - (taps / 2) as f64) * aperture.line_spacing_cells;

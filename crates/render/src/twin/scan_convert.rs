@@ -20,12 +20,12 @@ pub struct Maps {
 pub fn scan_convert(inputs: &Inputs, grey: &[f64], raster: &[RasterPoint], percentile_np: f64) -> Maps {
     let count = inputs.pixels.len();
     let mut maps = Maps { grey: vec![0.0; count], segmentation: vec![0; count], attenuation: vec![0.0; count] };
-    for (pixel, places) in inputs.pixels.iter().zip(&inputs.map_pixels).enumerate() {
-        if let Some([line, sample]) = *places.0 {
+    for (pixel, positions) in inputs.pixels.iter().zip(&inputs.map_pixels).enumerate() {
+        if let Some([line, sample]) = *positions.0 {
             maps.grey[pixel] = bilinear(inputs, grey, line, sample);
         }
         // Maps are straight, whatever the scanlines.
-        if let Some([line, sample]) = *places.1 {
+        if let Some([line, sample]) = *positions.1 {
             let point = across(inputs, raster, line, (sample + 0.5) * inputs.sample_spacing_mm);
             maps.segmentation[pixel] = (point.tissue as u32 + FIRST_TISSUE) as u8;
             maps.attenuation[pixel] = (percentile_np - point.sum_np).min(0.0).exp();
@@ -48,9 +48,9 @@ fn bilinear(inputs: &Inputs, grey: &[f64], line: f64, sample: f64) -> f64 {
 /// The medium and Σμ at a depth of a scanline, between two map rays or up to half a spacing beyond the outer ones.
 fn across(inputs: &Inputs, raster: &[RasterPoint], line: f64, depth_mm: f64) -> RasterPoint {
     let count = inputs.map_rays.len();
-    let place = (line + 0.5) / inputs.scanlines as f64 * count as f64 - 0.5;
-    let first = (place.max(0.0) as usize).min(count.max(2) - 2);
-    let part = (place - first as f64).clamp(-0.5, 1.5);
+    let position = (line + 0.5) / inputs.scanlines as f64 * count as f64 - 0.5;
+    let first = (position.max(0.0) as usize).min(count.max(2) - 2);
+    let part = (position - first as f64).clamp(-0.5, 1.5);
     let on_ray =
         |ray: usize| between(inputs, &raster[ray * inputs.map_depths..(ray + 1) * inputs.map_depths], depth_mm);
     let (one, next) = (on_ray(first), on_ray((first + 1).min(count - 1)));

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::inputs::Inputs;
 use super::locate::coupling;
-use super::surfaces::{Membership, crossings, places};
+use super::surfaces::{Membership, coincident, crossings};
 use crate::constants::{COUPLED_MIN, ONE_WAY};
 
 /// A stretch of one medium on a map ray.
@@ -59,17 +59,17 @@ fn runs_of(inputs: &Inputs, ray: usize) -> Vec<Run> {
         }
     };
     let found = crossings(inputs, &ray, -inputs.reach_mm, inputs.depth_mm);
-    let all: Vec<_> = places(&found).collect();
-    let (behind, ahead) = all.split_at(all.partition_point(|place| place[0].t_mm <= 0.0));
-    behind.iter().for_each(|place| inside.cross(place));
-    if coupling(inputs, &ray, &inside, ahead.first().map(|place| &place[0])) < COUPLED_MIN {
+    let all: Vec<_> = coincident(&found).collect();
+    let (behind, ahead) = all.split_at(all.partition_point(|coincident| coincident[0].t_mm <= 0.0));
+    behind.iter().for_each(|coincident| inside.cross(coincident));
+    if coupling(inputs, &ray, &inside, ahead.first().map(|coincident| &coincident[0])) < COUPLED_MIN {
         begin(&mut runs, 0.0, inputs.beyond);
         return runs;
     }
     begin(&mut runs, 0.0, inside.medium(inputs, ray.origin_mm));
-    for place in ahead {
-        inside.cross(place);
-        begin(&mut runs, place[0].t_mm, inside.medium(inputs, ray.origin_mm + ray.direction * place[0].t_mm));
+    for coincident in ahead {
+        inside.cross(coincident);
+        begin(&mut runs, coincident[0].t_mm, inside.medium(inputs, ray.origin_mm + ray.direction * coincident[0].t_mm));
     }
     runs
 }

@@ -17,9 +17,9 @@ pub(super) struct Strength {
     pub(super) density: f64,
 }
 
-/// A sample's place on its axial path.
+/// A sample's position on its axial path.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Place {
+pub(super) struct Position {
     /// Point of the scene, mm.
     pub(super) here_mm: DVec3,
     /// Way per mm of range.
@@ -29,22 +29,28 @@ pub(super) struct Place {
 }
 
 /// Echo of the one scatterer of the sample's lattice cell.
-pub(super) fn of_lattice(inputs: &Inputs, place: Place, strength: Strength) -> DVec2 {
-    let cell = lattice::cell(place.here_mm);
+pub(super) fn of_lattice(inputs: &Inputs, position: Position, strength: Strength) -> DVec2 {
+    let cell = lattice::cell(position.here_mm);
     let bits = lattice::hash(cell);
-    let ahead = lattice::scatterer_mm(cell, bits[1]) - place.here_mm;
-    scatterer(inputs, bits, ahead, place, strength)
+    let ahead = lattice::scatterer_mm(cell, bits[1]) - position.here_mm;
+    scatterer(inputs, bits, ahead, position, strength)
 }
 
 /// Echo of the scatterers where the sample's elevational line meets sheets.
-pub(super) fn of_sheets(inputs: &Inputs, place: Place, strength: Strength, per_reach_mm: f64) -> DVec2 {
-    inputs.sheets.iter().map(|family| of_family(inputs, family, place, strength, per_reach_mm)).sum()
+pub(super) fn of_sheets(inputs: &Inputs, position: Position, strength: Strength, per_reach_mm: f64) -> DVec2 {
+    inputs.sheets.iter().map(|family| of_family(inputs, family, position, strength, per_reach_mm)).sum()
 }
 
-fn of_family(inputs: &Inputs, family: &SheetFamily, place: Place, strength: Strength, per_reach_mm: f64) -> DVec2 {
+fn of_family(
+    inputs: &Inputs,
+    family: &SheetFamily,
+    position: Position,
+    strength: Strength,
+    per_reach_mm: f64,
+) -> DVec2 {
     let [normal, first, second] = family.axes;
     let cell_mm = family.cell_mm;
-    let across_mm = normal.dot(place.here_mm);
+    let across_mm = normal.dot(position.here_mm);
     let lowest = (across_mm / inputs.sheet_spacing_mm - 0.5 * f64::from(SHEETS)).floor() as i32 + 1;
     let (mut echo, mut squares) = (DVec2::ZERO, 0.0);
     for sheet in lowest..lowest + SHEETS as i32 {
@@ -52,7 +58,7 @@ fn of_family(inputs: &Inputs, family: &SheetFamily, place: Place, strength: Stre
         // Distance along the elevational axis over Y.
         let y = off_mm * family.oblique * per_reach_mm;
         let weight = (1.0 - y * y).max(0.0).powi(2);
-        let met_mm = DVec2::new(first.dot(place.here_mm), second.dot(place.here_mm)) + off_mm * family.drift;
+        let met_mm = DVec2::new(first.dot(position.here_mm), second.dot(position.here_mm)) + off_mm * family.drift;
         let cell = (met_mm / cell_mm).floor();
         let bits = lattice::hash([cell.x as i32, cell.y as i32, sheet + family.salt as i32]);
         let ahead = |offset: DVec2| {
@@ -60,17 +66,17 @@ fn of_family(inputs: &Inputs, family: &SheetFamily, place: Place, strength: Stre
             ahead_mm.x * first + ahead_mm.y * second
         };
         let (bits, ahead_mm) = if family.cell_scatterers > 1 {
-            nearest(family.cell_scatterers, bits, ahead, place.step)
+            nearest(family.cell_scatterers, bits, ahead, position.step)
         } else {
             (bits, ahead(offset(bits[1])))
         };
-        echo += weight * scatterer(inputs, bits, ahead_mm, place, strength);
+        echo += weight * scatterer(inputs, bits, ahead_mm, position, strength);
         squares += weight * weight;
     }
     family.share / squares.sqrt() * echo
 }
 
-/// Place of a scatterer by its random word: twice ten bits.
+/// Position of a scatterer by its random word: twice ten bits.
 fn offset(bits: u32) -> DVec2 {
     (DVec2::new((bits & 1023).into(), (bits >> 10 & 1023).into()) + 0.5) / 1024.0
 }
@@ -78,13 +84,13 @@ fn offset(bits: u32) -> DVec2 {
 /// Random words and offset of the cell's scatterer whose range is nearest to the sample's. Each lies in its own quarter; two
 /// lie in opposite quarters.
 fn nearest(scatterers: u32, bits: [u32; 3], ahead: impl Fn(DVec2) -> DVec3, step: DVec3) -> ([u32; 3], DVec3) {
-    let [presence, place, amplitude] = bits;
+    let [presence, position, amplitude] = bits;
     let of_quarter = |quarter: u32| {
         let after = |word: u32, stride: u32| word.wrapping_add(quarter.wrapping_mul(stride));
-        let place_of = after(place, presence.wrapping_mul(SCATTERER_STRIDE));
+        let position_of = after(position, presence.wrapping_mul(SCATTERER_STRIDE));
         let corner = DVec2::new(((quarter ^ quarter >> 1) & 1).into(), (quarter & 1).into());
-        let ahead_mm = ahead(0.5 * (corner + offset(place_of)));
-        ([after(presence, amplitude), place_of, after(amplitude, place.wrapping_mul(SCATTERER_STRIDE))], ahead_mm)
+        let ahead_mm = ahead(0.5 * (corner + offset(position_of)));
+        ([after(presence, amplitude), position_of, after(amplitude, position.wrapping_mul(SCATTERER_STRIDE))], ahead_mm)
     };
     let off = |ahead_mm: DVec3| ahead_mm.dot(step).abs();
     let first = of_quarter(0);
@@ -92,16 +98,16 @@ fn nearest(scatterers: u32, bits: [u32; 3], ahead: impl Fn(DVec2) -> DVec3, step
 }
 
 /// Echo of a scatterer with the random words `bits`, `ahead_mm` beyond its sample.
-fn scatterer(inputs: &Inputs, bits: [u32; 3], ahead_mm: DVec3, place: Place, strength: Strength) -> DVec2 {
+fn scatterer(inputs: &Inputs, bits: [u32; 3], ahead_mm: DVec3, position: Position, strength: Strength) -> DVec2 {
     let [presence, _, amplitude] = bits;
     if f64::from(presence >> 15) >= strength.density {
         return DVec2::ZERO;
     }
     let amplitude = DVec2::new(strength.mean, 0.0) + strength.deviation * lattice::scatterer_deviate(amplitude);
     // The scatterer's own range sets the phase, whichever sample finds its cell.
-    let ahead_mm = ahead_mm.dot(place.step) / place.step.length_squared();
+    let ahead_mm = ahead_mm.dot(position.step) / position.step.length_squared();
     // `rotate` is the complex product.
-    amplitude.rotate(inputs.carrier(place.range_mm + ahead_mm))
+    amplitude.rotate(inputs.carrier(position.range_mm + ahead_mm))
 }
 
 impl Inputs {

@@ -34,12 +34,12 @@ impl Membership {
         self.highest().map_or(outside, |s| inputs.surface_tissue[s as usize])
     }
 
-    /// Applies all crossings of `place`. A surface that is entered and left there is a crease or a silhouette: its
+    /// Applies coincident crossings. A surface that is entered and left there is a crease or a silhouette: its
     /// membership is unchanged.
-    pub(super) fn cross(&mut self, place: &[Crossing<'_>]) {
-        for crossing in place {
+    pub(super) fn cross(&mut self, coincident: &[Crossing<'_>]) {
+        for crossing in coincident {
             let surface = crossing.triangle.surface;
-            let any = |enters: bool| place.iter().any(|c| c.triangle.surface == surface && c.enters == enters);
+            let any = |enters: bool| coincident.iter().any(|c| c.triangle.surface == surface && c.enters == enters);
             if any(true) != any(false) {
                 self.set(surface, any(true));
             }
@@ -86,11 +86,11 @@ fn intersect<'a>(triangle: &'a Triangle, ray: &Ray) -> Option<Crossing<'a>> {
 }
 
 /// Groups of crossings, each within TOUCH_MM of its first.
-pub(super) fn places<'a, 'b>(mut crossings: &'b [Crossing<'a>]) -> impl Iterator<Item = &'b [Crossing<'a>]> {
+pub(super) fn coincident<'a, 'b>(mut crossings: &'b [Crossing<'a>]) -> impl Iterator<Item = &'b [Crossing<'a>]> {
     std::iter::from_fn(move || {
         let limit = crossings.first()?.t_mm + TOUCH_MM;
-        let (place, rest) = crossings.split_at(crossings.partition_point(|c| c.t_mm <= limit));
+        let (coincident, rest) = crossings.split_at(crossings.partition_point(|c| c.t_mm <= limit));
         crossings = rest;
-        Some(place)
+        Some(coincident)
     })
 }

@@ -1,10 +1,10 @@
-//! Texture of tissues: level of their scattering at a place.
+//! Texture of tissues: level of their scattering at a position.
 
 use glam::DVec3;
 
 use crate::texture::{PackedTexture, SEPTUM_WIDTH, WAVE_VARIANCE, WAVES, waves};
 
-/// Level of the scattering of a tissue at a place of the scene at rest, nepers of amplitude.
+/// Level of the scattering of a tissue at a position of the scene at rest, nepers of amplitude.
 pub(crate) fn texture_level_np(texture: &PackedTexture, here_mm: DVec3) -> f64 {
     let [x, y, z, narrower] = texture.fibre.map(f64::from);
     let fibre = DVec3::new(x, y, z);

@@ -8,7 +8,7 @@ use super::inputs::{Inputs, Ray};
 use super::locate::Launched;
 use super::medium::Medium;
 use super::segment::{Path, Segment};
-use super::surfaces::{Crossing, Membership, crossings, places};
+use super::surfaces::{Crossing, Membership, coincident, crossings};
 use super::{hash, lattice};
 use crate::constants::{
     APERTURE_HALF_ANGLE, APERTURE_HALF_ANGLE_MAX, APERTURE_HALF_ANGLE_MIN, CELLS_OF_A_BEAM, DIFFUSE,
@@ -31,10 +31,11 @@ struct Tracer<'a> {
     layer: usize,
     /// Length per mm of depth.
     stretch: f64,
-    /// Whether it is an axial path, which carries no echo and places the scatterers of the other paths.
+    /// Whether it is an axial path: it sets where the scatterers of its scanline lie, and its echoes replace those that
+    /// reflected paths miss.
     is_axial: bool,
     inside: Membership,
-    /// Whether the path goes on beyond the film: its place is coupled, or apertures beside it may reach what lies below.
+    /// Whether the path goes on beyond the film: its start is coupled, or apertures nearby may reach what lies below.
     goes_on: bool,
     ray: Ray,
     range_mm: f64,
@@ -164,7 +165,7 @@ impl<'a> Tracer<'a> {
         }
     }
 
-    /// Whether the aperture's gain takes the place of the path's own loss.
+    /// Whether the aperture's gain replaces the path's own loss.
     fn by_aperture(&self) -> bool {
         self.inputs.aperture.is_some() && !self.has_reflected
     }
@@ -218,20 +219,20 @@ impl<'a> Tracer<'a> {
         let ahead = crossings(self.inputs, &self.ray, t_min_mm, left_mm + TOUCH_MM);
         let mut gone_mm = 0.0;
         let mut met = None;
-        for place in places(&ahead) {
-            let t_mm = place[0].t_mm;
+        for coincident in coincident(&ahead) {
+            let t_mm = coincident[0].t_mm;
             *crossed += 1;
             if t_mm > left_mm || *crossed > PLACES_MAX {
                 break;
             }
             let before = self.inside;
-            self.inside.cross(place);
+            self.inside.cross(coincident);
             gone_mm = t_mm;
             let there = self.inside.medium(self.inputs, self.ray.origin_mm + self.ray.direction * t_mm);
             if there != here {
                 // The interface is the first in the scene of the highest surface's triangles.
                 let order = |c: &&Crossing<'_>| (c.triangle.surface, std::cmp::Reverse(c.triangle.index));
-                met = place.iter().max_by_key(order).map(|&crossing| MediumChange { before, crossing, there });
+                met = coincident.iter().max_by_key(order).map(|&crossing| MediumChange { before, crossing, there });
                 break;
             }
         }
@@ -274,7 +275,7 @@ impl<'a> Tracer<'a> {
         if !self.inputs.interface_echoes {
             return (0.0, self.range_mm);
         }
-        // Shifted within the interface's thickness by a hash of the place.
+        // Shifted within the interface's thickness by a hash of the position.
         let salt = (surface as i32 + 1).wrapping_mul(SURFACE_SALT as i32);
         let offset =
             hash::unit(lattice::hash(lattice::cell(self.ray.origin_mm + OFF_THE_GRID_MM).map(|c| c ^ salt))[0]) - 0.5;
@@ -285,7 +286,7 @@ impl<'a> Tracer<'a> {
         let in_phase = if self.is_axial { 1.0 } else { of_path };
         let in_power = (in_phase * (CELLS_OF_A_BEAM * in_phase).min(1.0)).sqrt();
         let weight = in_power + (in_phase - in_power) * boundary.coherence;
-        // The aperture's gain takes the place of the path's loss, in `echo`.
+        // The aperture's gain replaces the path's loss, in `echo`.
         let ln_arriving = if self.by_aperture() { 0.0 } else { self.ln_amplitude };
         let arriving = if ln_arriving > LN_SILENT { ln_arriving.exp() } else { 0.0 };
         (at_facet.pressure_reflection * self.returning(cos_facet, boundary.roughness) * weight * arriving, range_mm)

@@ -9,8 +9,8 @@ use crate::constants::{EVEN_NP, SPREAD_NP, TRACKED_NP, VISIBLE_MAX_NP, VISIBLE_M
 /// Numbers of a scanline at a boundary of the intervals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Boundary {
-    /// Place among the planes.
-    pub place: f64,
+    /// Position among the planes.
+    pub position: f64,
     /// Loss of the axial path, one-way nepers.
     pub loss_np: f64,
     /// Gain at the plane before, nepers of amplitude, two-way.
@@ -24,8 +24,8 @@ pub struct Boundary {
 pub struct BlockGain {
     /// As amplitude, without the loss that all scanlines share.
     pub gain: f64,
-    /// Place among the planes.
-    pub place: f64,
+    /// Position among the planes.
+    pub position: f64,
 }
 
 /// The gain of every block [scanlines × blocks].
@@ -51,7 +51,7 @@ pub fn visibility(
 ) -> Vec<Boundary> {
     let line = |line: usize| {
         let axial_path = &paths[inputs.axial_path_of(line)];
-        let boundaries = places(aperture, axial_path, row_np);
+        let boundaries = positions(aperture, axial_path, row_np);
         let gained = move |(number, boundary): (usize, Boundary)| match number.checked_sub(1) {
             Some(plane) => Boundary { gain_np: gain(aperture, line, plane, powers), ..boundary },
             None => boundary,
@@ -61,11 +61,11 @@ pub fn visibility(
     (0..inputs.scanlines).flat_map(line).collect()
 }
 
-/// Places and losses of a scanline.
-fn places(aperture: &Aperture, axial_path: &Path, row_np: &[f64]) -> Vec<Boundary> {
+/// Positions and losses of a scanline.
+fn positions(aperture: &Aperture, axial_path: &Path, row_np: &[f64]) -> Vec<Boundary> {
     let uncoupled_np = passed_np(axial_path, 0.0);
     let gain_np = (-2.0 * uncoupled_np).max(VISIBLE_MIN_NP);
-    let start = Boundary { place: -0.5, loss_np: uncoupled_np, gain_np, shared_np: 0.0 };
+    let start = Boundary { position: -0.5, loss_np: uncoupled_np, gain_np, shared_np: 0.0 };
     let mut boundaries = vec![start];
     let mut last = 0.5;
     for (interval, &row_np) in row_np.iter().enumerate() {
@@ -78,7 +78,7 @@ fn places(aperture: &Aperture, axial_path: &Path, row_np: &[f64]) -> Vec<Boundar
         let centre = (1.0 - mean_np / own_np.max(1.0e-6)).clamp(0.0, 1.0);
         last += followed * (centre - last);
         boundaries.push(Boundary {
-            place: (interval + 1) as f64 - (1.0 - followed) * last,
+            position: (interval + 1) as f64 - (1.0 - followed) * last,
             loss_np: passed_np(axial_path, to),
             gain_np: 0.0,
             shared_np: before.shared_np + row_np,
@@ -125,15 +125,15 @@ impl<'a> ApertureGain<'a> {
     pub(super) fn at(&self, range_mm: f64, loss_np: f64) -> f64 {
         let interval = self.interval(range_mm);
         let lost = self.lost(interval, range_mm, loss_np - self.row[interval].loss_np);
-        self.gain(self.place(interval, range_mm, lost, self.row[interval].place)) - self.shared(interval, lost)
+        self.gain(self.position(interval, range_mm, lost, self.row[interval].position)) - self.shared(interval, lost)
     }
 
-    /// [`ApertureGain::at`] without the loss that all scanlines share, and its place.
+    /// [`ApertureGain::at`] without the loss that all scanlines share, and its position.
     fn without_shared(&self, range_mm: f64, loss_np: f64) -> BlockGain {
         let interval = self.interval(range_mm);
         let lost = self.lost(interval, range_mm, loss_np - self.row[interval].loss_np);
-        let place = self.place(interval, range_mm, lost, self.row[interval].place);
-        BlockGain { gain: self.gain(place).exp(), place }
+        let position = self.position(interval, range_mm, lost, self.row[interval].position);
+        BlockGain { gain: self.gain(position).exp(), position }
     }
 
     fn interval(&self, range_mm: f64) -> usize {
@@ -159,11 +159,11 @@ impl<'a> ApertureGain<'a> {
         (lost_np / (total_np.max(0.0) + EVEN_NP)).clamp(0.0, 1.0)
     }
 
-    /// Place among the planes at a range and a part of the interval's loss, from the place `start` on.
-    fn place(&self, interval: usize, range_mm: f64, lost: f64, start: f64) -> f64 {
+    /// Position among the planes at a range and a part of the interval's loss, from the position `start` on.
+    fn position(&self, interval: usize, range_mm: f64, lost: f64, start: f64) -> f64 {
         let (_, own_np) = self.losses(interval);
         let done = (own_np * lost + SPREAD_NP * self.part(interval, range_mm)) / (own_np + SPREAD_NP);
-        start + done * (self.row[interval + 1].place - start)
+        start + done * (self.row[interval + 1].position - start)
     }
 
     /// Loss that all scanlines share, two-way nepers, at a part of an interval's loss.
@@ -171,9 +171,9 @@ impl<'a> ApertureGain<'a> {
         2.0 * (self.row[interval].shared_np + self.losses(interval).0 * lost)
     }
 
-    /// Gain at a place among the planes, −1 being the face.
-    fn gain(&self, place: f64) -> f64 {
-        let at = (place + 1.0).clamp(0.0, self.aperture.planes as f64);
+    /// Gain at a position among the planes, −1 being the face.
+    fn gain(&self, position: f64) -> f64 {
+        let at = (position + 1.0).clamp(0.0, self.aperture.planes as f64);
         let low = (at as usize).min(self.aperture.planes - 1);
         let part = at - low as f64;
         self.row[low].gain_np * (1.0 - part) + self.row[low + 1].gain_np * part
@@ -187,7 +187,7 @@ impl<'a> ApertureGain<'a> {
         let loss_np = |range_mm: f64| -0.5 * path.segments[segment_at(path, range_mm).min(arrived)].ln_passed(range_mm);
         let interval = self.interval(range_mm);
         let begins_np = loss_np(interval as f64 * self.aperture.plane_mm);
-        let mut start = self.row[interval].place;
+        let mut start = self.row[interval].position;
         if let Some(before) = interval.checked_sub(1) {
             let lags = |own_np: f64| TRACKED_NP / (own_np.max(0.0) + TRACKED_NP);
             let (row_np, own_np) = self.losses(before);
@@ -200,6 +200,6 @@ impl<'a> ApertureGain<'a> {
         // The plane of the interval is before what the path has not crossed.
         let own_np = (rise_np - self.losses(interval).0 * lost).max(0.0);
         let furthest = (interval as f64 + own_np / (own_np + TRACKED_NP)).max(start);
-        self.gain(self.place(interval, range_mm, lost, start).min(furthest)) - self.shared(interval, lost)
+        self.gain(self.position(interval, range_mm, lost, start).min(furthest)) - self.shared(interval, lost)
     }
 }

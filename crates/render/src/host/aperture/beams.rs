@@ -136,8 +136,8 @@ fn sum_plane_body(
     }
 }
 
-/// Sum of squared amplitudes within `reach` of `middle`, a place in cells from the first one. The last cell counts by its part
-/// inside. In lanes, whose order every instruction set keeps.
+/// Sum of squared amplitudes within `reach` of `middle`, a position in cells from the first one. The last cell counts
+/// by its part inside. In lanes, whose order every instruction set keeps.
 #[inline(always)]
 fn sum_within(amplitudes: &[f32], middle: f32, reach: f32) -> f32 {
     let mut sums = [0.0; LANES];

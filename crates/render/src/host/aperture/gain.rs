@@ -8,7 +8,7 @@ use crate::host::paths::{BLOCK, Lanes, Paths, range_mm, seek};
 use crate::params::Params;
 use crate::segment::Segment;
 
-/// Numbers of a scanline at a boundary of the intervals: place among the planes, loss of the axial path (one-way
+/// Numbers of a scanline at a boundary of the intervals: position among the planes, loss of the axial path (one-way
 /// nepers), gain at the plane before (nepers of amplitude, two-way), loss that all scanlines share (one-way nepers).
 pub(in crate::host) type Boundary = [f32; 4];
 
@@ -65,8 +65,8 @@ pub(in crate::host) struct ApertureGain<'a> {
 /// An interval of a scanline.
 #[derive(Debug, Clone, Copy)]
 struct Interval {
-    /// Places among the planes at its ends.
-    places: [f32; 2],
+    /// Positions among the planes at its ends.
+    positions: [f32; 2],
     /// Loss at its start, loss in it, and the part of that which its row shares; one-way nepers.
     begins_np: f32,
     total_np: f32,
@@ -90,12 +90,12 @@ impl Interval {
         at_most(at_least(lost_np / (at_least(self.total_np, 0.0) + EVEN_NP), 0.0), 1.0)
     }
 
-    /// Place among the planes at a part of its depth and of its loss.
+    /// Position among the planes at a part of its depth and of its loss.
     #[inline(always)]
-    fn place(&self, part: f32, lost: f32) -> f32 {
+    fn position(&self, part: f32, lost: f32) -> f32 {
         let own_np = self.own_np();
         let done = (own_np * lost + SPREAD_NP * part) / (own_np + SPREAD_NP);
-        self.places[0] + done * (self.places[1] - self.places[0])
+        self.positions[0] + done * (self.positions[1] - self.positions[0])
     }
 }
 
@@ -110,38 +110,38 @@ impl<'a> ApertureGain<'a> {
         let ([start, begins_np, _, shared_np], [end, ends_np, _, shared_end_np]) =
             (self.row[interval], self.row[interval + 1]);
         let (total_np, row_np) = (ends_np - begins_np, shared_end_np - shared_np);
-        Interval { places: [start, end], begins_np, total_np, row_np, shared_np }
+        Interval { positions: [start, end], begins_np, total_np, row_np, shared_np }
     }
 
     /// Index of the interval that holds a range, and the part of it before the range.
     #[inline(always)]
     fn index(&self, range_mm: f32) -> (usize, f32) {
-        let place = range_mm / self.plane_mm;
-        let interval = floor(place).clamp(0, self.row.len() as i32 - 2) as usize;
-        (interval, place - interval as f32)
+        let position = range_mm / self.plane_mm;
+        let interval = floor(position).clamp(0, self.row.len() as i32 - 2) as usize;
+        (interval, position - interval as f32)
     }
 
     /// ln of the amplitude, two-way, of scatterers at a range that the scanline reaches with a loss of `loss_np`.
     #[inline(always)]
     fn at(&self, range_mm: f32, loss_np: f32) -> f32 {
-        let (interval, lost, place) = self.tracked(range_mm, loss_np);
-        self.gain(place) - 2.0 * (interval.shared_np + interval.row_np * lost)
+        let (interval, lost, position) = self.tracked(range_mm, loss_np);
+        self.gain(position) - 2.0 * (interval.shared_np + interval.row_np * lost)
     }
 
-    /// [`ApertureGain::at`] without the loss that all scanlines share, and the place among the planes.
+    /// [`ApertureGain::at`] without the loss that all scanlines share, and the position among the planes.
     #[inline(always)]
     pub(in crate::host) fn without_shared(&self, range_mm: f32, loss_np: f32) -> [f32; 2] {
-        let (_, _, place) = self.tracked(range_mm, loss_np);
-        [self.gain(place), place]
+        let (_, _, position) = self.tracked(range_mm, loss_np);
+        [self.gain(position), position]
     }
 
-    /// The interval of a range, the part of its loss before the range, and the place among the planes.
+    /// The interval of a range, the part of its loss before the range, and the position among the planes.
     #[inline(always)]
     fn tracked(&self, range_mm: f32, loss_np: f32) -> (Interval, f32, f32) {
         let (index, part) = self.index(range_mm);
         let interval = self.interval(index);
         let lost = interval.lost(part, loss_np);
-        (interval, lost, interval.place(part, lost))
+        (interval, lost, interval.position(part, lost))
     }
 
     /// [`ApertureGain::at`] for all samples of a block within one interval; `falls` and `passed` are those of the
@@ -150,30 +150,30 @@ impl<'a> ApertureGain<'a> {
     fn whole_block(&self, params: &Params, first: u32, index: usize, [falls, passed]: [&Lanes; 2]) -> Lanes {
         let interval = self.interval(index);
         let per_mm = 1.0 / self.plane_mm;
-        let (mut ln_gain, mut places) = ([0.0; BLOCK], [0.0; BLOCK]);
+        let (mut ln_gain, mut positions) = ([0.0; BLOCK], [0.0; BLOCK]);
         for i in 0..BLOCK {
             let range_mm = range_mm(params, first.wrapping_add(i as u32));
             let part = range_mm * per_mm - real(index as u32);
             let lost = interval.lost(part, 0.5 * (falls[i] * range_mm - passed[i]));
-            places[i] = interval.place(part, lost) + 1.0;
+            positions[i] = interval.position(part, lost) + 1.0;
             ln_gain[i] = -2.0 * (interval.shared_np + interval.row_np * lost);
         }
-        // Places of one interval lie within three planes.
-        let low = floor(at_least(interval.places[0] + 1.0, 0.0)) as usize;
+        // Positions of one interval lie within three planes.
+        let low = floor(at_least(interval.positions[0] + 1.0, 0.0)) as usize;
         let node = |k: usize| self.row[(low + k).min(self.row.len() - 1)][2];
         let (start, steps) = (node(0), [node(1) - node(0), node(2) - node(1), node(3) - node(2)]);
         for i in 0..BLOCK {
-            let beyond = places[i] - real(low as u32);
+            let beyond = positions[i] - real(low as u32);
             let within = |k: f32| at_most(at_least(beyond - k, 0.0), 1.0);
             ln_gain[i] += start + steps[0] * within(0.0) + steps[1] * within(1.0) + steps[2] * within(2.0);
         }
         ln_gain
     }
 
-    /// Gain at a place among the planes, −1 being the face.
+    /// Gain at a position among the planes, −1 being the face.
     #[inline(always)]
-    fn gain(&self, place: f32) -> f32 {
-        let at = at_most(at_least(place + 1.0, 0.0), (self.row.len() - 1) as f32);
+    fn gain(&self, position: f32) -> f32 {
+        let at = at_most(at_least(position + 1.0, 0.0), (self.row.len() - 1) as f32);
         let low = (at as usize).min(self.row.len() - 2);
         let part = at - low as f32;
         self.row[low][2] * (1.0 - part) + self.row[low + 1][2] * part
@@ -213,9 +213,9 @@ impl<'a> InterfaceGains<'a> {
         let lost = interval.lost(part, rise_np + interval.begins_np);
         // The plane of the interval is before what the path has not crossed.
         let own_np = at_least(rise_np - interval.row_np * lost, 0.0);
-        let furthest = at_least(index as f32 + own_np / (own_np + TRACKED_NP), interval.places[0]);
-        let place = at_most(interval.place(part, lost), furthest);
-        self.gain.gain(place) - 2.0 * (interval.shared_np + interval.row_np * lost)
+        let furthest = at_least(index as f32 + own_np / (own_np + TRACKED_NP), interval.positions[0]);
+        let position = at_most(interval.position(part, lost), furthest);
+        self.gain.gain(position) - 2.0 * (interval.shared_np + interval.row_np * lost)
     }
 
     /// Makes `index` the interval, for a path that has come to segment `arrived`.
@@ -233,10 +233,10 @@ impl<'a> InterfaceGains<'a> {
             // How far the scanline lags behind its depth, by its own loss in the interval before and by the path's.
             let last = self.gain.interval(before);
             let lags = |own_np: f32| TRACKED_NP / (at_least(own_np, 0.0) + TRACKED_NP);
-            let lag = (index as f32 - self.interval.places[0]) / lags(last.own_np());
+            let lag = (index as f32 - self.interval.positions[0]) / lags(last.own_np());
             let holds_before = self.holding(self.holds[1], arrived, boundary_mm(before));
             let own_np = self.begins_np - loss_of(before, holds_before) - last.row_np;
-            self.interval.places[0] = index as f32 - lags(own_np) * at_most(at_least(lag, 0.0), 1.0);
+            self.interval.positions[0] = index as f32 - lags(own_np) * at_most(at_least(lag, 0.0), 1.0);
             self.holds[1] = holds_before;
         }
         (self.index, self.holds[0]) = (index, holds);

@@ -1,4 +1,4 @@
-//! Weights of a scanline's neighbours at each plane, from the amplitude of its beam at their places.
+//! Weights of a scanline's neighbours at each plane, from the amplitude of its beam at their positions.
 //!
 //! Where nothing bends or hides a beam, it has the kernel of its depth. Elsewhere the beam's own amplitude takes over, so
 //! a scanline shows what its beam reaches, wherever that lies and however wide it is.
@@ -15,7 +15,7 @@ use crate::params::Params;
 pub(in crate::host) const TAPS_MAX: usize = 2 * LATERAL_HALF_MAX as usize + 1;
 /// Cells beside the offsets of a profile that interpolation reads.
 const BESIDE: usize = 2;
-/// Place of the axis in a profile of both sides.
+/// Position of the axis in a profile of both sides.
 const MIDDLE: usize = OFFSETS_MAX + BESIDE;
 /// Length of a profile of both sides.
 const AROUND: usize = 2 * MIDDLE + 1;
@@ -47,7 +47,7 @@ pub(in crate::host) fn profiles(
     let taps = 2 * params.lateral_half as usize + 1;
     let lines = params.scanlines as usize;
     let of_plane = tables.sampling.beams * tables.sampling.cells;
-    let places = Places::new(tables.line_spacing_cells, params.lateral_half as usize);
+    let positions = Positions::new(tables.line_spacing_cells, params.lateral_half as usize);
     let rows = into.weights.par_chunks_exact_mut(lines * taps).zip(into.blends.par_chunks_exact_mut(lines));
     rows.zip(amplitudes.par_chunks_exact(of_plane)).enumerate().for_each(|(plane, ((weights, blends), amplitudes))| {
         if plane < first {
@@ -55,7 +55,7 @@ pub(in crate::host) fn profiles(
             return;
         }
         let kernel_power = kernels.power[tables.block_of(plane, params.samples)];
-        weigh_plane(&PlaneBeams { tables, places: &places, plane, amplitudes }, kernel_power, weights, blends);
+        weigh_plane(&PlaneBeams { tables, positions: &positions, plane, amplitudes }, kernel_power, weights, blends);
     });
 }
 
@@ -70,17 +70,17 @@ widened_to_eight! {
 fn weigh_plane_body(beams: &PlaneBeams<'_>, kernel_power: f32, weights: &mut [f32], blends: &mut [Blend]) {
     let mut around = [0.0; AROUND];
     let plain = beams.unobstructed(kernel_power, &mut around);
-    let taps = 2 * beams.places.half + 1;
+    let taps = 2 * beams.positions.half + 1;
     for (line, (weights, blend)) in weights.chunks_exact_mut(taps).zip(blends).enumerate() {
         *blend = beams.weigh(line, &plain, &mut around, weights);
     }
 }
 
-/// Places of a scanline's neighbours in a profile, the same for all scanlines.
-struct Places {
+/// Positions of a scanline's neighbours in a profile, the same for all scanlines.
+struct Positions {
     /// Neighbours to either side.
     half: usize,
-    /// First of the four values about each place in a profile of both sides.
+    /// First of the four values about each position in a profile of both sides.
     starts: [u16; TAPS_MAX],
     /// Their weights by the Catmull-Rom spline.
     splines: [[f32; 4]; TAPS_MAX],
@@ -88,17 +88,19 @@ struct Places {
     spacing: f32,
 }
 
-impl Places {
+impl Positions {
     fn new(spacing: f32, half: usize) -> Self {
-        let mut places = Self { half, starts: [0; TAPS_MAX], splines: [[0.0; 4]; TAPS_MAX], spacing };
-        for (tap, (start, spline)) in places.starts.iter_mut().zip(&mut places.splines).enumerate().take(2 * half + 1) {
+        let mut positions = Self { half, starts: [0; TAPS_MAX], splines: [[0.0; 4]; TAPS_MAX], spacing };
+        for (tap, (start, spline)) in
+            positions.starts.iter_mut().zip(&mut positions.splines).enumerate().take(2 * half + 1)
+        {
             let offset = (tap as f32 - half as f32) * spacing;
             let low = floor(offset);
-            // Places beyond a profile are beyond its reach.
+            // Positions beyond a profile are beyond its reach.
             *start = (low + MIDDLE as i32 - 1).clamp(0, AROUND as i32 - 4) as u16;
             *spline = catmull_rom(offset - low as f32);
         }
-        places
+        positions
     }
 
     /// Neighbours to either side within a distance in cells.
@@ -110,7 +112,7 @@ impl Places {
 /// Beams at one plane.
 struct PlaneBeams<'a> {
     tables: &'a ApertureTables,
-    places: &'a Places,
+    positions: &'a Positions,
     plane: usize,
     /// [beams × cells]
     amplitudes: &'a [f32],
@@ -134,7 +136,7 @@ impl PlaneBeams<'_> {
             *value = profile.get(i.abs_diff(MIDDLE)).copied().unwrap_or(0.0);
         }
         let mut weights = [0.0; TAPS_MAX];
-        self.interpolate(around, &mut weights[..2 * self.places.half + 1]);
+        self.interpolate(around, &mut weights[..2 * self.positions.half + 1]);
         Plain { power: Similarity::of(&weights, &weights).power, weights, kernel_power }
     }
 
@@ -142,8 +144,8 @@ impl PlaneBeams<'_> {
     /// are 0.
     #[inline(always)]
     fn interpolate(&self, around: &[f32; AROUND], weights: &mut [f32]) {
-        let Places { half, starts, splines, .. } = self.places;
-        let beside = self.places.within(self.tables.reach_cells[self.plane]);
+        let Positions { half, starts, splines, .. } = self.positions;
+        let beside = self.positions.within(self.tables.reach_cells[self.plane]);
         let (from, to) = (half - beside, half + beside + 1);
         weights.fill(0.0);
         for ((weight, &start), spline) in weights[from..to].iter_mut().zip(&starts[from..to]).zip(&splines[from..to]) {

@@ -15,7 +15,7 @@ use crate::host::trace::interface::ln;
 use crate::params::Params;
 use crate::segment::Segment;
 
-/// Gain of a block of samples as amplitude, and its place among the planes.
+/// Gain of a block of samples as amplitude, and its position among the planes.
 pub(in crate::host) type BlockGain = [f32; 2];
 
 /// Gains along the scanlines, by boundary and by block.
@@ -57,7 +57,7 @@ widened! {
 fn see_line_body(params: &Params, inputs: Inputs<'_>, line: usize, row: &mut [Boundary], blocks: &mut [BlockGain]) {
     let Inputs { constants, tables, paths, powers, row_np } = inputs;
     let axial_path = paths.of(params.axial_path_of(line as u32) as usize);
-    place(tables, axial_path, row_np, row);
+    positions(tables, axial_path, row_np, row);
     gains(constants, tables, line, powers, row);
     // At the first sample of each block: a face within it counts as not yet crossed.
     let along = ApertureGain::new(tables, row);
@@ -75,11 +75,11 @@ fn see_line_body(params: &Params, inputs: Inputs<'_>, line: usize, row: &mut [Bo
     }
 }
 
-/// Fills in everything but the gains.
+/// Fills in positions and losses.
 #[inline(always)]
-fn place(tables: &ApertureTables, (starts, segments): (&[f32], &[Segment]), row_np: &[f32], row: &mut [Boundary]) {
+fn positions(tables: &ApertureTables, (starts, segments): (&[f32], &[Segment]), row_np: &[f32], row: &mut [Boundary]) {
     let plane_mm = tables.plane_mm;
-    // Place within the interval of the last loss, 0..=1.
+    // Position within the interval of the last loss, 0..=1.
     let mut last = 0.5;
     let (mut at, mut shared_np) = (0, 0.0);
     let uncoupled_np = segments[0].loss_np(0.0);

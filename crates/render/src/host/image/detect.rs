@@ -30,10 +30,10 @@ impl DepthGain {
 
 /// Gain of the TGC sliders at a depth, dB: linear interpolation.
 fn slider_db(params: &Params, depth_mm: f32) -> f32 {
-    let place = (7.0 * depth_mm / params.depth_mm).clamp(0.0, 7.0);
-    let below = (place as usize).min(6);
+    let position = (7.0 * depth_mm / params.depth_mm).clamp(0.0, 7.0);
+    let below = (position as usize).min(6);
     let [low, high] = [params.image.tgc_sliders_db[below], params.image.tgc_sliders_db[below + 1]];
-    low + (high - low) * (place - below as f32)
+    low + (high - low) * (position - below as f32)
 }
 
 /// Convolves each row of `focused`, complex [scanlines × row_samples], with the pulse's envelope (between PULSE_PAD

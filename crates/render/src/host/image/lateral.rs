@@ -27,7 +27,7 @@ pub(in crate::host) struct LateralBeam<'a> {
     pub(in crate::host) constants: ImageConstants,
     /// Kernels of each block of samples.
     pub(in crate::host) kernels: &'a Kernels,
-    /// Gain and place of each block [scanlines × blocks]; empty without the aperture.
+    /// Gain and position of each block [scanlines × blocks]; empty without the aperture.
     pub(in crate::host) gains: &'a [BlockGain],
     /// Amplitude that came by reflections over the amplitude that the aperture sees [scanlines × blocks].
     pub(in crate::host) reflected: &'a [f32],
@@ -86,7 +86,7 @@ struct Weights {
 impl LateralBeam<'_> {
     /// Fills in the weights of a block.
     #[inline(always)]
-    fn weigh(&self, params: &Params, line: usize, block: usize, place: f32, weights: &mut Weights) {
+    fn weigh(&self, params: &Params, line: usize, block: usize, position: f32, weights: &mut Weights) {
         let taps = 2 * params.lateral_half as usize + 1;
         let kernel = &self.kernels.lateral[block * taps..][..taps];
         let (half, reach) = (params.lateral_half as usize, self.kernels.reach[block] as usize);
@@ -106,9 +106,9 @@ impl LateralBeam<'_> {
         let lines = params.scanlines as usize;
         let planes = self.blends.len() / lines;
         // Before the first plane, its profile.
-        let place = at_most(at_least(place, 0.0), planes.saturating_sub(1) as f32);
-        let low = (place as usize).min(planes.saturating_sub(2));
-        let part = place - low as f32;
+        let position = at_most(at_least(position, 0.0), planes.saturating_sub(1) as f32);
+        let low = (position as usize).min(planes.saturating_sub(2));
+        let part = position - low as f32;
         let shares = [(low, 1.0 - part), (low + 1, part)];
         let (mut kept, mut rows) = (0.0, [&WITHOUT; 2].map(|row| (&row[..taps], 0.0)));
         for ((plane, share), row) in shares.into_iter().zip(&mut rows) {
@@ -150,9 +150,9 @@ fn widen(kernel: &[f32], reach: usize, projection: f32, taps: &mut [f32]) {
     let half = kernel.len() / 2;
     taps[half] = kernel[half];
     for offset in 1..=reach {
-        let place = offset as f32 * projection;
-        let low = (place as usize).min(half - 1);
-        let part = place - low as f32;
+        let position = offset as f32 * projection;
+        let low = (position as usize).min(half - 1);
+        let part = position - low as f32;
         let weight = (1.0 - part) * kernel[half + low] + part * kernel[half + low + 1];
         (taps[half - offset], taps[half + offset]) = (weight, weight);
     }
@@ -194,8 +194,8 @@ fn focus_row_body(
         }
     }
     for (block, out) in blocks.iter_mut().enumerate() {
-        let [own, place] = gains.get(line * block_count + block).copied().unwrap_or([1.0, 0.0]);
-        beam.weigh(params, line, block, place, &mut weights);
+        let [own, position] = gains.get(line * block_count + block).copied().unwrap_or([1.0, 0.0]);
+        beam.weigh(params, line, block, position, &mut weights);
         let (first, end) = match gains {
             [] => (weights.first.clamp(from, to), weights.end.clamp(from, to)),
             _ => (weights.first, weights.end),
@@ -261,7 +261,7 @@ fn focus_row_body(
     }
 }
 
-/// Mirror image of a place beyond the array's ends, `at` − `half`: no kernel reaches as far as the array is wide.
+/// Mirror image of a position beyond the array's ends, `at` − `half`: no kernel reaches as far as the array is wide.
 #[inline(always)]
 fn mirrored(at: usize, half: usize, lines: usize) -> usize {
     if at < half { half - at - 1 } else { 2 * lines - 1 - (at - half) }
@@ -287,7 +287,8 @@ fn sum_of_squares(values: &[f32]) -> f32 {
     sums.iter().sum()
 }
 
-/// Adds a block of a neighbour, `samples` before its own place, by both parts of a weight. Beyond the row there is nothing.
+/// Adds a block of a neighbour, `samples` before its own position, by both parts of a weight. Beyond the row there is
+/// nothing.
 #[inline(always)]
 fn add_shifted(
     source: &[f32],

@@ -23,11 +23,11 @@ const COUNT_SHIFT: u32 = 28;
 #[repr(C, packed(4))]
 struct Pair(u64);
 
-/// Words of four pixels that overlap the sector, and their places in the image; made once per configuration.
+/// Words of four pixels that overlap the sector, and their positions in the image; made once per configuration.
 #[derive(Debug, Default)]
 pub(crate) struct Layout {
-    /// Packed places of the words' pixels, tile by tile.
-    places: Vec<[u32; 4]>,
+    /// Packed positions of the words' pixels, tile by tile.
+    positions: Vec<[u32; 4]>,
     /// The first pixel of each word, counted from its band's first; from COUNT_SHIFT up, the number of its pixels in
     /// the image.
     pixels: Vec<u32>,
@@ -37,20 +37,20 @@ pub(crate) struct Layout {
 }
 
 impl Layout {
-    /// From the places of all pixels [height × 4·row_words] and the sector's words of four, tile by tile.
+    /// From the positions of all pixels [height × 4·row_words] and the sector's words of four, tile by tile.
     pub(crate) fn new(width: u32, height: u32, pixels: &[u32], sector_words: &[u32]) -> Self {
         let row_words = width.div_ceil(4);
         let mut layout = Self { width: width as usize, ..Self::default() };
         let mut words = sector_words.iter().peekable();
         for band in 0..height.div_ceil(TILE_ROWS) {
-            let first = layout.places.len();
+            let first = layout.positions.len();
             while let Some(&word) = words.next_if(|&&word| word / row_words / TILE_ROWS == band) {
-                let places = pixels.as_chunks::<4>().0[word as usize];
-                layout.places.push(places);
+                let positions = pixels.as_chunks::<4>().0[word as usize];
+                layout.positions.push(positions);
                 let (row, column) = (word / row_words % TILE_ROWS, word % row_words * 4);
                 layout.pixels.push((row * width + column) | ((width - column).min(4) << COUNT_SHIFT));
             }
-            layout.bands.push(first..layout.places.len());
+            layout.bands.push(first..layout.positions.len());
         }
         layout
     }
@@ -113,9 +113,9 @@ widened! {
 #[inline(always)]
 fn convert_band_body(params: &Params, layout: &Layout, words: &Range<usize>, polar: &[u32], bmode: &mut [u8]) {
     bmode.fill(0);
-    let places = layout.places[words.clone()].chunks(WORDS);
-    for (places, pixels) in places.zip(layout.pixels[words.clone()].chunks(WORDS)) {
-        store(bmode, pixels, &greys(params, polar, &group(places)));
+    let positions = layout.positions[words.clone()].chunks(WORDS);
+    for (positions, pixels) in positions.zip(layout.pixels[words.clone()].chunks(WORDS)) {
+        store(bmode, pixels, &greys(params, polar, &group(positions)));
     }
 }
 
@@ -134,28 +134,28 @@ fn convert_band_with_maps_body(
     bmode.fill(0);
     segmentation.fill(0);
     attenuation.fill(0.0);
-    let places = layout.places[words.clone()].chunks(WORDS);
-    for (places, pixels) in places.zip(layout.pixels[words.clone()].chunks(WORDS)) {
-        let places = group(places);
-        store(bmode, pixels, &greys(params, polar, &places));
-        let (tissues, levels) = sections(params, maps, &places);
+    let positions = layout.positions[words.clone()].chunks(WORDS);
+    for (positions, pixels) in positions.zip(layout.pixels[words.clone()].chunks(WORDS)) {
+        let positions = group(positions);
+        store(bmode, pixels, &greys(params, polar, &positions));
+        let (tissues, levels) = sections(params, maps, &positions);
         store(segmentation, pixels, &tissues);
         store(attenuation, pixels, &levels);
     }
 }
 
-/// The places of up to WORDS words, filled up with places outside the sector.
+/// The positions of up to WORDS words, filled up with positions outside the sector.
 #[inline(always)]
 fn group(words: &[[u32; 4]]) -> [u32; LANES] {
-    let mut places = [OUTSIDE; LANES];
+    let mut positions = [OUTSIDE; LANES];
     match words.first_chunk::<WORDS>() {
-        Some(whole) => places.copy_from_slice(whole.as_flattened()),
-        None => places[..4 * words.len()].copy_from_slice(words.as_flattened()),
+        Some(whole) => positions.copy_from_slice(whole.as_flattened()),
+        None => positions[..4 * words.len()].copy_from_slice(words.as_flattened()),
     }
-    places
+    positions
 }
 
-/// Writes words of four pixels to their places; the last of a row may have fewer.
+/// Writes words of four pixels to their positions; the last of a row may have fewer.
 #[inline(always)]
 fn store<T: Copy>(into: &mut [T], pixels: &[u32], values: &[T; LANES]) {
     for (&pixel, values) in pixels.iter().zip(values.as_chunks::<4>().0) {
@@ -179,7 +179,7 @@ fn mix(a: f32, b: f32, part: f32) -> f32 {
 
 /// Grey levels, bilinear between two samples of two scanlines.
 #[inline(always)]
-fn greys(params: &Params, polar: &[u32], places: &[u32; LANES]) -> [u8; LANES] {
+fn greys(params: &Params, polar: &[u32], positions: &[u32; LANES]) -> [u8; LANES] {
     let stride = if params.scanlines > 1 { params.row_samples } else { 0 };
     let last_line = real(params.scanlines.wrapping_sub(1));
     let last_pair = params.scanlines.saturating_sub(2) as i32;
@@ -187,8 +187,8 @@ fn greys(params: &Params, polar: &[u32], places: &[u32; LANES]) -> [u8; LANES] {
     let last = (polar.len() as u32).saturating_sub(stride).saturating_sub(1);
     let (mut at, mut along, mut aside) = ([0u32; LANES], [0.0f32; LANES], [0.0f32; LANES]);
     for i in 0..LANES {
-        let across = real(places[i] & ((1 << ACROSS_BITS) - 1)) * ACROSS_SCALE;
-        let depth = real(places[i] >> ACROSS_BITS) * DEPTH_SCALE;
+        let across = real(positions[i] & ((1 << ACROSS_BITS) - 1)) * ACROSS_SCALE;
+        let depth = real(positions[i] >> ACROSS_BITS) * DEPTH_SCALE;
         let line = at_most(at_least(across * real(params.scanlines) - 0.5, 0.0), last_line);
         let sample = at_most(at_least(depth * real(params.samples) - 0.5, 0.0), last_sample);
         let line0 = floor(line).min(last_pair);
@@ -213,7 +213,7 @@ fn greys(params: &Params, polar: &[u32], places: &[u32; LANES]) -> [u8; LANES] {
         let a = mix(real(one[i] & 0xffff), real(one[i] >> 16), along[i]);
         let b = mix(real(next[i] & 0xffff), real(next[i] >> 16), along[i]);
         let level = nearest_bits(mix(a, b, aside[i]) * (255.0 / 65535.0));
-        grey[i] = if places[i] == OUTSIDE { 0 } else { level as u8 };
+        grey[i] = if positions[i] == OUTSIDE { 0 } else { level as u8 };
     }
     grey
 }
@@ -221,7 +221,7 @@ fn greys(params: &Params, polar: &[u32], places: &[u32; LANES]) -> [u8; LANES] {
 /// Tissue numbers and attenuation. Σμ is linear between map rays, and up to half a spacing beyond the outer ones; the
 /// tissue is the nearer ray's.
 #[inline(always)]
-fn sections(params: &Params, maps: &Maps<'_>, places: &[u32; LANES]) -> ([u8; LANES], [f32; LANES]) {
+fn sections(params: &Params, maps: &Maps<'_>, positions: &[u32; LANES]) -> ([u8; LANES], [f32; LANES]) {
     let stride = if params.map_rays > 1 { params.map_depths } else { 0 };
     let last_ray = params.map_rays.max(2).wrapping_sub(2) as i32;
     let last_step = params.map_depths.wrapping_sub(2) as i32;
@@ -229,8 +229,8 @@ fn sections(params: &Params, maps: &Maps<'_>, places: &[u32; LANES]) -> ([u8; LA
     let steps_per_mm = 1.0 / params.map_step_mm;
     let (mut at, mut beyond_mm, mut part) = ([0u32; LANES], [0.0f32; LANES], [0.0f32; LANES]);
     for i in 0..LANES {
-        let across = real(places[i] & ((1 << ACROSS_BITS) - 1)) * ACROSS_SCALE;
-        let depth_mm = real(places[i] >> ACROSS_BITS) * DEPTH_SCALE * params.depth_mm;
+        let across = real(positions[i] & ((1 << ACROSS_BITS) - 1)) * ACROSS_SCALE;
+        let depth_mm = real(positions[i] >> ACROSS_BITS) * DEPTH_SCALE * params.depth_mm;
         let ray = across * real(params.map_rays) - 0.5;
         let first = floor(at_least(ray, 0.0)).min(last_ray);
         let step = floor(depth_mm * steps_per_mm).min(last_step);
@@ -282,7 +282,7 @@ fn sections(params: &Params, maps: &Maps<'_>, places: &[u32; LANES]) -> ([u8; LA
     }
     let (mut numbers, mut levels) = ([0u8; LANES], [0.0f32; LANES]);
     for i in 0..LANES {
-        let inside = places[i] != OUTSIDE;
+        let inside = positions[i] != OUTSIDE;
         let ln_level = maps.percentile_np - at_least(sums[i], 0.0);
         let level = at_most(exp(at_least(at_most(ln_level, 0.0), LN_SILENT)), 1.0);
         levels[i] = if inside && ln_level > LN_SILENT { level } else { 0.0 };

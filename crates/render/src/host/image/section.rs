@@ -133,8 +133,8 @@ fn divide(params: &Params, scene: &Scene<'_>, [depth_mm, down]: [f32; 2], found:
             runs.begin(scene, 0.0, medium(params, scene, depth_mm, &inside));
         }
         let Some(t) = t else { break };
-        let (place, rest) = ahead.split_at_mut(ahead.partition_point(|crossing| crossing.t <= t + TOUCH_MM));
-        cross(scene.tree.triangles, place, &mut inside);
+        let (coincident, rest) = ahead.split_at_mut(ahead.partition_point(|crossing| crossing.t <= t + TOUCH_MM));
+        cross(scene.tree.triangles, coincident, &mut inside);
         if begun {
             runs.begin(scene, t, medium(params, scene, depth_mm + down * t, &inside));
         }

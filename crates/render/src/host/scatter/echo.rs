@@ -38,7 +38,7 @@ struct Echoes {
     /// Range, and that of the interface before it is spread over its thickness, mm.
     range_mm: Numbers,
     interface_mm: Numbers,
-    /// Complex value, and its place among the samples.
+    /// Complex value, and its position among the samples.
     value: [Numbers; 2],
     sample: Numbers,
 }

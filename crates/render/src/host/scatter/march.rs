@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::media::Power;
 use super::power::{Powers, Stretch, power_with_gain};
 use super::speckle::{Block, BlockOfPath, Speckle, Strength};
-use super::texture::{PLACES, Waves};
+use super::texture::{POSITIONS, Waves};
 use crate::constants::TEXTURE_SAMPLES;
 use crate::host::aperture::gain::ApertureGains;
 use crate::host::constants::{ImageConstants, REFLECTED_MAX, UNSCALED};
@@ -15,9 +15,9 @@ use crate::params::Params;
 use crate::texture::PackedTexture;
 
 /// Textures of a block.
-const BLOCK_PLACES: usize = BLOCK / TEXTURE_SAMPLES as usize;
+const BLOCK_POSITIONS: usize = BLOCK / TEXTURE_SAMPLES as usize;
 /// Blocks whose textures are found at once.
-const TEXTURE_BLOCKS: usize = PLACES / BLOCK_PLACES;
+const TEXTURE_BLOCKS: usize = POSITIONS / BLOCK_POSITIONS;
 
 /// Inputs of the samples besides the paths.
 #[derive(Debug, Clone, Copy)]
@@ -83,7 +83,7 @@ fn march_row_body(
 ) {
     let begins = params.layer_first == 0;
     let ends = params.layer_first.wrapping_add(params.layer_count) == params.layers;
-    // One axial path places the scatterers of all paths of a scanline; a single path is its own axial path.
+    // The axial path sets where the scatterers of all paths of a scanline lie. A single path is its own axial path.
     let axial_path = params.axial_path_of(line);
     let mut powers = Powers::new();
     let speckle = Speckle::new(params, scatterers.constants);
@@ -107,7 +107,7 @@ fn march_row_body(
             }
         }
         powers.end(weight);
-        let mut textured = [1.0; PLACES];
+        let mut textured = [1.0; POSITIONS];
         for (i, row) in row.iter_mut().enumerate() {
             let block = first.wrapping_add((i * BLOCK) as u32);
             // No closure: if not inlined, it is compiled without the vector instructions.
@@ -133,7 +133,7 @@ fn march_row_body(
                 if part == 0 && !scatterers.textures.is_empty() {
                     textured = texture_gains(params, paths, axial_path, scatterers, block);
                 }
-                let gains = &textured[part * BLOCK_PLACES..][..BLOCK_PLACES];
+                let gains = &textured[part * BLOCK_POSITIONS..][..BLOCK_POSITIONS];
                 echo(params, paths, axial_path, scatterers, &speckle, block, gains, &total, &mut sums);
             }
             for (j, out) in row.iter_mut().enumerate() {
@@ -208,10 +208,10 @@ fn texture_gains(
     axial_path: u32,
     scatterers: &Scatterers<'_>,
     first: u32,
-) -> [f32; PLACES] {
+) -> [f32; POSITIONS] {
     const MIDDLE: f32 = 0.5 * (TEXTURE_SAMPLES - 1) as f32;
-    let mut numbers = [0; PLACES];
-    let mut here_mm = [[0.0; PLACES]; 3];
+    let mut numbers = [0; POSITIONS];
+    let mut here_mm = [[0.0; POSITIONS]; 3];
     for (i, number) in numbers.iter_mut().enumerate() {
         let sample = first.wrapping_add(TEXTURE_SAMPLES.wrapping_mul(i as u32));
         let segment = seek(params, paths, axial_path, sample).1;
@@ -222,7 +222,7 @@ fn texture_gains(
             here_mm[axis][i] = mm;
         }
     }
-    let mut gains = [1.0; PLACES];
+    let mut gains = [1.0; POSITIONS];
     for (i, &number) in numbers.iter().enumerate() {
         // Each tissue once; most stretches hold one or two.
         if numbers[..i].contains(&number) {

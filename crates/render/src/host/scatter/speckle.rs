@@ -8,8 +8,8 @@ use crate::host::paths::{BLOCK, Lanes, Paths, range_mm, seek};
 use crate::params::{Params, SheetFamily};
 use crate::segment::Segment;
 
-/// Numbers that place a sample's scatterers.
-const PLACE: usize = 8;
+/// Numbers that tell where a sample's scatterers lie.
+const VIEW_NUMBERS: usize = 8;
 
 /// Scatterers of a block as the paths see them.
 #[derive(Debug, Clone, Copy)]
@@ -46,7 +46,7 @@ struct View {
 impl View {
     /// Origin and step of a segment along each axis, then the range per cell along the last two.
     #[inline(always)]
-    fn of(&self, segment: &Segment) -> [f32; PLACE] {
+    fn of(&self, segment: &Segment) -> [f32; VIEW_NUMBERS] {
         let along = |axis: &[f32; 3], [x, y, z]: [f32; 3]| axis[0] * x + axis[1] * y + axis[2] * z;
         let (origin, step @ [dx, dy, dz]) = (segment.origin_mm, segment.step);
         let per_step = self.range / at_least(dx * dx + dy * dy + dz * dz, 1.0e-12);
@@ -78,21 +78,21 @@ pub(in crate::host) struct BlockOfPath<'a> {
 impl BlockOfPath<'_> {
     /// [`View::of`] of each sample's segment. Two samples share a segment.
     #[inline(always)]
-    fn in_view(&self, view: &View) -> [Lanes; PLACE] {
+    fn in_view(&self, view: &View) -> [Lanes; VIEW_NUMBERS] {
         let Self { params, paths, path, first } = *self;
         let (end_mm, segment) = seek(params, paths, path, first);
-        let mut lanes = [[0.0; BLOCK]; PLACE];
+        let mut lanes = [[0.0; BLOCK]; VIEW_NUMBERS];
         if range_mm(params, first.wrapping_add(BLOCK as u32 - 2)) < end_mm {
-            for (lane, place) in lanes.iter_mut().zip(view.of(segment)) {
-                *lane = [place; BLOCK];
+            for (lane, position) in lanes.iter_mut().zip(view.of(segment)) {
+                *lane = [position; BLOCK];
             }
             return lanes;
         }
         for pair in 0..BLOCK / 2 {
             let segment = seek(params, paths, path, first.wrapping_add(2 * pair as u32)).1;
-            for (lane, place) in lanes.iter_mut().zip(view.of(segment)) {
-                lane[2 * pair] = place;
-                lane[2 * pair + 1] = place;
+            for (lane, position) in lanes.iter_mut().zip(view.of(segment)) {
+                lane[2 * pair] = position;
+                lane[2 * pair + 1] = position;
             }
         }
         lanes
@@ -140,9 +140,9 @@ impl Met {
         for quarter in 0..scatterers {
             let corner = [(quarter ^ quarter >> 1) & 1, quarter & 1].map(|half| 0.5 * real(half));
             for i in 0..BLOCK {
-                let place = self.bits[1][i].wrapping_add(quarter.wrapping_mul(self.bits[0][i].wrapping_mul(stride)));
-                let first = self.ahead[0][i] + (corner[0] + 0.5 * offset(place, 0));
-                let second = self.ahead[1][i] + (corner[1] + 0.5 * offset(place, 10));
+                let position = self.bits[1][i].wrapping_add(quarter.wrapping_mul(self.bits[0][i].wrapping_mul(stride)));
+                let first = self.ahead[0][i] + (corner[0] + 0.5 * offset(position, 0));
+                let second = self.ahead[1][i] + (corner[1] + 0.5 * offset(position, 10));
                 let along_mm = first * first_mm[i] + second * second_mm[i];
                 let nearer = along_mm.abs() < ahead_mm[i].abs();
                 nearest[i] = if nearer { quarter } else { nearest[i] };
@@ -151,9 +151,9 @@ impl Met {
         }
         for i in 0..BLOCK {
             self.range_mm[i] = ranges_mm[i] + ahead_mm[i];
-            let [presence, place, amplitude] = [self.bits[0][i], self.bits[1][i], self.bits[2][i]];
+            let [presence, position, amplitude] = [self.bits[0][i], self.bits[1][i], self.bits[2][i]];
             self.bits[0][i] = presence.wrapping_add(nearest[i].wrapping_mul(amplitude));
-            self.bits[2][i] = amplitude.wrapping_add(nearest[i].wrapping_mul(place.wrapping_mul(stride)));
+            self.bits[2][i] = amplitude.wrapping_add(nearest[i].wrapping_mul(position.wrapping_mul(stride)));
         }
     }
 }
@@ -210,7 +210,7 @@ impl Speckle {
         }
     }
 
-    /// Adds the echoes of a block to `sums`. `axial_path` places its samples.
+    /// Adds the echoes of a block to `sums`. `axial_path` sets where its samples lie.
     #[inline(always)]
     pub(in crate::host) fn echo(&self, block: &Block, axial_path: &BlockOfPath<'_>, sums: &mut [Lanes; 2]) {
         if self.count == 0 {
@@ -224,8 +224,8 @@ impl Speckle {
 
     /// Adds the echo of each sample's cell of the lattice.
     #[inline(always)]
-    fn lattice(&self, block: &Block, places: &[Lanes; PLACE], sums: &mut [Lanes; 2]) {
-        let [x0, dx, y0, dy, z0, dz, ..] = places;
+    fn lattice(&self, block: &Block, positions: &[Lanes; VIEW_NUMBERS], sums: &mut [Lanes; 2]) {
+        let [x0, dx, y0, dy, z0, dz, ..] = positions;
         const CELL: f32 = CELL_MM as f32;
         let per_mm = 1.0 / CELL;
         for i in 0..BLOCK {
@@ -233,7 +233,7 @@ impl Speckle {
             let here = [x0[i] + dx[i] * range_mm, y0[i] + dy[i] * range_mm, z0[i] + dz[i] * range_mm];
             let cell = here.map(|x| floor(x * per_mm));
             let bits = pcg3d(cell.map(|c| c as u32));
-            // Place of the scatterer in its cell: three times ten bits.
+            // Position of the scatterer in its cell: three times ten bits.
             let ahead = |axis: usize| (cell[axis] as f32 + offset(bits[1], 10 * axis as u32)) * CELL - here[axis];
             let along = ahead(0) * dx[i] + ahead(1) * dy[i] + ahead(2) * dz[i];
             let ahead_mm = along / at_least(dx[i] * dx[i] + dy[i] * dy[i] + dz[i] * dz[i], 1.0e-12);
@@ -248,8 +248,8 @@ impl Speckle {
     /// Short loops: their iterations overlap in the processor, a loop of the whole look-up would wait for each.
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "several arrays go together")]
-    fn sheets(&self, family: &Family, block: &Block, places: &[Lanes; PLACE], sums: &mut [Lanes; 2]) {
-        let [across0, across_step, first0, first_step, second0, second_step, first_mm, second_mm] = places;
+    fn sheets(&self, family: &Family, block: &Block, positions: &[Lanes; VIEW_NUMBERS], sums: &mut [Lanes; 2]) {
+        let [across0, across_step, first0, first_step, second0, second_step, first_mm, second_mm] = positions;
         let mut at = [[0.0; BLOCK]; 3];
         for i in 0..BLOCK {
             let range_mm = block.ranges_mm[i];
@@ -283,8 +283,8 @@ impl Speckle {
                 continue;
             }
             for i in 0..BLOCK {
-                let place = met.bits[1][i];
-                let along = [met.ahead[0][i] + offset(place, 0), met.ahead[1][i] + offset(place, 10)];
+                let position = met.bits[1][i];
+                let along = [met.ahead[0][i] + offset(position, 0), met.ahead[1][i] + offset(position, 10)];
                 let ahead_mm = along[0] * first_mm[i] + along[1] * second_mm[i];
                 met.range_mm[i] = block.ranges_mm[i] + ahead_mm;
             }
@@ -320,7 +320,7 @@ impl Speckle {
     }
 }
 
-/// Place of a scatterer in its cell: ten bits of its random word.
+/// Position of a scatterer in its cell: ten bits of its random word.
 #[inline(always)]
 fn offset(bits: u32, shift: u32) -> f32 {
     (real(bits >> shift & 1023) + 0.5) * (1.0 / 1024.0)

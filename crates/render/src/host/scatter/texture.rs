@@ -1,14 +1,14 @@
-//! Texture of tissues: level of their scattering at some places at once.
+//! Texture of tissues: level of their scattering at some positions at once.
 #![allow(clippy::needless_range_loop, reason = "several arrays go together")]
 
 use insonify_core::simd::{TO_INTEGER, exp};
 
 use crate::texture::{PackedTexture, SEPTUM_WIDTH, WAVES};
 
-/// Places whose levels are found at once.
-pub(in crate::host) const PLACES: usize = 16;
-/// A coordinate, or a level, of each place.
-pub(in crate::host) type Places = [f32; PLACES];
+/// Positions whose levels are found at once.
+pub(in crate::host) const POSITIONS: usize = 16;
+/// A coordinate, or a level, of each position.
+pub(in crate::host) type Positions = [f32; POSITIONS];
 
 /// Wave vectors and phases of a field.
 #[derive(Debug, Clone, Copy)]
@@ -21,9 +21,9 @@ impl Waves {
 
     /// A Gaussian random field of variance 1 whose correlation at a distance d is e^(−d²/2).
     #[inline(always)]
-    fn field(&self, &[x0, y0, z0, per_mm]: &[f32; 4], [x, y, z]: &[Places; 3]) -> Places {
-        let mut at = [[0.0; PLACES]; 3];
-        for j in 0..PLACES {
+    fn field(&self, &[x0, y0, z0, per_mm]: &[f32; 4], [x, y, z]: &[Positions; 3]) -> Positions {
+        let mut at = [[0.0; POSITIONS]; 3];
+        for j in 0..POSITIONS {
             (at[0][j], at[1][j], at[2][j]) = (x[j] * per_mm + x0, y[j] * per_mm + y0, z[j] * per_mm + z0);
         }
         let height = |wave: usize, j: usize| {
@@ -35,9 +35,9 @@ impl Waves {
         };
         // The first two levels of the tree of sums stay in registers.
         let mut half = WAVES / 4;
-        let mut heights = [[0.0; PLACES]; WAVES / 4];
+        let mut heights = [[0.0; POSITIONS]; WAVES / 4];
         for (i, sums) in heights.iter_mut().enumerate() {
-            for j in 0..PLACES {
+            for j in 0..POSITIONS {
                 let near = height(i, j) + height(i + 2 * half, j);
                 sums[j] = near + (height(i + half, j) + height(i + 3 * half, j));
             }
@@ -45,7 +45,7 @@ impl Waves {
         half /= 2;
         while half > 0 {
             for i in 0..half {
-                for j in 0..PLACES {
+                for j in 0..POSITIONS {
                     heights[i][j] += heights[i + half][j];
                 }
             }
@@ -54,12 +54,12 @@ impl Waves {
         heights[0].map(|height| height * FIELD_SCALE)
     }
 
-    /// Factors of the scattering of a tissue at places of the scene at rest.
+    /// Factors of the scattering of a tissue at positions of the scene at rest.
     #[inline(always)]
-    pub(in crate::host) fn gains(&self, texture: &PackedTexture, here_mm: &[Places; 3]) -> Places {
+    pub(in crate::host) fn gains(&self, texture: &PackedTexture, here_mm: &[Positions; 3]) -> Positions {
         let [fx, fy, fz, narrower] = texture.fibre;
         let mut stretched_mm = *here_mm;
-        for j in 0..PLACES {
+        for j in 0..POSITIONS {
             let [x, y, z] = [here_mm[0][j], here_mm[1][j], here_mm[2][j]];
             let along = narrower * (x * fx + y * fy + z * fz);
             stretched_mm[0][j] = x + along * fx;
@@ -67,18 +67,18 @@ impl Waves {
             stretched_mm[2][j] = z + along * fz;
         }
         let [cloud, grain, septa, level] = texture.amounts;
-        let mut levels = [level; PLACES];
+        let mut levels = [level; POSITIONS];
         for (number, amount) in [cloud, grain].into_iter().enumerate() {
             if amount != 0.0 {
                 let field = self.field(&texture.fields[number], &stretched_mm);
-                for j in 0..PLACES {
+                for j in 0..POSITIONS {
                     levels[j] += amount * field[j];
                 }
             }
         }
         if septa != 0.0 {
             let field = self.field(&texture.fields[2], &stretched_mm);
-            for j in 0..PLACES {
+            for j in 0..POSITIONS {
                 let field = field[j] * (1.0 / SEPTUM_WIDTH as f32);
                 levels[j] += septa * exp(-(field * field).min(80.0));
             }

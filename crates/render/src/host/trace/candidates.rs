@@ -32,7 +32,7 @@ struct Candidate {
     triangle: u32,
 }
 
-/// Place of a path among its candidates.
+/// Progress of a path along its candidates.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Along {
     /// Distance from its start, mm.
@@ -111,14 +111,14 @@ impl Candidates {
         }
     }
 
-    /// Whether nothing is missing up to `t` mm from a place.
+    /// Whether nothing is missing up to `t` mm from a position.
     #[inline(always)]
     fn complete(&self, along: &Along, t: f32) -> bool {
         along.steps < STEPS_MAX && along.travelled_mm + t <= self.complete_mm
     }
 
-    /// The nearest crossing in (t_min, t_max] of a ray at a place of the path, as by a search of all triangles; none if
-    /// candidates may be missing, or if an edge decides.
+    /// The nearest crossing in (t_min, t_max] of a ray at a position of the path, as by a search of all triangles; none
+    /// if candidates may be missing, or if an edge decides.
     #[inline(always)]
     pub(super) fn nearest(
         &self,
@@ -158,8 +158,8 @@ impl Candidates {
         self.complete(along, search.reach_mm() + TOUCH_MM).then_some(search.nearest)
     }
 
-    /// Collects every crossing in (t_min, t_max] of a ray at a place of the path, unsorted. Returns their number; none if
-    /// candidates may be missing, if an edge decides, or if there are more than `into` holds.
+    /// Collects every crossing in (t_min, t_max] of a ray at a position of the path, unsorted. Returns their number;
+    /// none if candidates may be missing, if an edge decides, or if there are more than `into` holds.
     pub(super) fn collect(
         &self,
         tree: &Tree<'_>,

@@ -150,14 +150,14 @@ fn transmit_or_reflect(
     }
 }
 
-/// Computes the echoes, shifted within the interface's thickness by a hash of the place.
+/// Computes the echoes, shifted within the interface's thickness by a hash of the position.
 #[inline(always)]
 fn return_echoes(arrivals: &Arrivals, facets: &[Lanes; 3], departures: &mut Departures, rules: Rules) {
     let Rules { constants, aperture_mm, .. } = rules;
     for i in 0..RAYS {
         let salt = arrivals.surface[i].wrapping_add(1).wrapping_mul(SURFACE_SALT);
-        let place = vector(&arrivals.origin, i);
-        let cell = place.map(|x| floor((x + constants.off_the_grid_mm()) * (1.0 / CELL_MM as f32)) as u32 ^ salt);
+        let position = vector(&arrivals.origin, i);
+        let cell = position.map(|x| floor((x + constants.off_the_grid_mm()) * (1.0 / CELL_MM as f32)) as u32 ^ salt);
         let offset = unit(pcg3d(cell)[0]) - 0.5;
         departures.echo_offset_mm[i] = offset * arrivals.thickness_mm[i] / arrivals.path_per_range[i];
     }

@@ -48,14 +48,14 @@ pub(in crate::host) fn medium_word(surface_words: &[u32], background: u32, insid
     highest(inside).map_or(background, |surface| surface_words[surface as usize])
 }
 
-/// Applies all crossings of a place. A surface that is entered and left there is a crease or a silhouette: its
+/// Applies coincident crossings. A surface that is entered and left there is a crease or a silhouette: its
 /// membership is unchanged.
 #[inline(always)]
-pub(in crate::host) fn cross(triangles: &[PackedTriangle], place: &[Crossing], inside: &mut Inside) {
+pub(in crate::host) fn cross(triangles: &[PackedTriangle], coincident: &[Crossing], inside: &mut Inside) {
     let surface = |crossing: &Crossing| triangles[crossing.triangle as usize].surface;
-    for crossing in place {
+    for crossing in coincident {
         let same = surface(crossing);
-        let any = |enters: bool| place.iter().any(|c| c.enters == enters && surface(c) == same);
+        let any = |enters: bool| coincident.iter().any(|c| c.enters == enters && surface(c) == same);
         let entered = any(true);
         if entered != any(false) {
             let (word, bit) = ((same >> 5) as usize, 1 << (same & 31));
@@ -64,8 +64,8 @@ pub(in crate::host) fn cross(triangles: &[PackedTriangle], place: &[Crossing], i
     }
 }
 
-/// Applies crossings, sorted by distance, place by place up to the first place that reaches `t`. Returns the number of
-/// places, the end of the last one (mm), and the remaining crossings.
+/// Applies crossings, sorted by distance, in groups of coincident ones, up to the first group that reaches `t`. Returns
+/// the number of groups, the end of the last one (mm), and the remaining crossings.
 #[inline(always)]
 pub(super) fn cross_until<'a>(
     triangles: &[PackedTriangle],
@@ -73,17 +73,17 @@ pub(super) fn cross_until<'a>(
     t: f32,
     inside: &mut Inside,
 ) -> (u32, f32, &'a [Crossing]) {
-    let (mut places, mut end) = (0, f32::NEG_INFINITY);
+    let (mut groups, mut end) = (0, f32::NEG_INFINITY);
     while let Some(first) = ahead.first() {
         let limit = first.t + TOUCH_MM;
         if limit >= t {
             break;
         }
-        let (place, rest) = ahead.split_at(ahead.partition_point(|c| c.t <= limit));
-        cross(triangles, place, inside);
-        (places, end, ahead) = (places + 1, limit, rest);
+        let (coincident, rest) = ahead.split_at(ahead.partition_point(|c| c.t <= limit));
+        cross(triangles, coincident, inside);
+        (groups, end, ahead) = (groups + 1, limit, rest);
     }
-    (places, end, ahead)
+    (groups, end, ahead)
 }
 
 #[cfg(test)]
@@ -100,10 +100,10 @@ mod tests {
     }
 
     #[test]
-    fn places_that_end_before_the_crossing_are_passed_and_the_one_that_reaches_it_is_left() {
+    fn groups_that_end_before_the_crossing_are_passed_and_the_one_that_reaches_it_is_left() {
         let triangles = triangles();
         let touch = TOUCH_MM;
-        // Two entries, a crease of the third surface, and an exit one place's length before the crossing.
+        // Two entries, a crease of the third surface, and an exit TOUCH_MM before the crossing.
         let crossings = [
             at(10.0, 0, true),
             at(10.0 + 0.5 * touch, 1, true),
@@ -112,11 +112,11 @@ mod tests {
             at(30.0 - touch, 0, false),
         ];
         let mut inside = [0; 8];
-        let (places, end, rest) = cross_until(&triangles, &crossings, 30.0, &mut inside);
-        assert_eq!((places, end, rest, inside[0]), (2, 20.0 + touch, &crossings[4..], 0b11));
-        // Slightly farther on, that exit is a separate place.
-        let (places, _, rest) = cross_until(&triangles, rest, 30.0 + touch, &mut inside);
-        assert_eq!((places, rest, inside[0]), (1, &crossings[5..], 0b10));
+        let (groups, end, rest) = cross_until(&triangles, &crossings, 30.0, &mut inside);
+        assert_eq!((groups, end, rest, inside[0]), (2, 20.0 + touch, &crossings[4..], 0b11));
+        // Slightly farther on, that exit is a separate group.
+        let (groups, _, rest) = cross_until(&triangles, rest, 30.0 + touch, &mut inside);
+        assert_eq!((groups, rest, inside[0]), (1, &crossings[5..], 0b10));
     }
 
     #[test]

@@ -63,21 +63,22 @@ pub(super) enum NextInterface {
     None,
 }
 
-/// Memory for the crossings of one place.
+/// Memory for coincident crossings.
 #[derive(Debug)]
-pub(super) struct Place {
+pub(super) struct Coincident {
     stack: Stack,
     crossings: [Crossing; CROSSINGS_AT_A_PLACE as usize],
 }
 
-impl Place {
+impl Coincident {
     pub(super) fn new() -> Self {
         Self { stack: Stack::new(), crossings: [Crossing::default(); CROSSINGS_AT_A_PLACE as usize] }
     }
 }
 
 impl Scene<'_> {
-    /// Tissue of the medium at the state's place; outside all surfaces the background, or air beyond the film of gel.
+    /// Tissue of the medium at the state's position; outside all surfaces the background, or air beyond the film of
+    /// gel.
     #[inline(always)]
     fn medium_word(&self, state: &PathState) -> u32 {
         let depth_mm = (state.origin - self.params.face_mm()).dot(self.params.scene_vector(Vec3::Z));
@@ -90,13 +91,14 @@ impl Scene<'_> {
         Rules { effects, constants, seed: params.seed, single: params.single(), aperture_mm: params.aperture_mm }
     }
 
-    /// The triangle that is the interface at a place: the first in the scene of those of the highest surface.
-    fn interface_of(&self, place: &[Crossing]) -> u32 {
+    /// The triangle that is the interface among coincident crossings: the first in the scene of those of the highest
+    /// surface.
+    fn interface_of(&self, coincident: &[Crossing]) -> u32 {
         let order = |c: &&Crossing| {
             let triangle = &self.tree.triangles[c.triangle as usize];
             (triangle.surface, std::cmp::Reverse(triangle.triangle))
         };
-        place.iter().max_by_key(order).map_or(0, |c| c.triangle)
+        coincident.iter().max_by_key(order).map_or(0, |c| c.triangle)
     }
 
     /// Distance behind a path's start that is searched for surfaces that it starts inside, mm.
@@ -130,7 +132,7 @@ impl Scene<'_> {
         state.here = self.medium_word(state) & TISSUE_MASK;
         if record.coupling < 1.0 {
             let coupled = record.coupling > 0.0;
-            // A place that is not coupled ends the path, unless apertures beside it may reach what lies below.
+            // Without coupling the path ends, unless apertures nearby may reach what lies below.
             state.open = coupled || self.effects.aperture;
             state.ln_amplitude = 2.0 * if coupled { ln(record.coupling).max(LN_UNCOUPLED) } else { LN_UNCOUPLED };
             state.ln_passed = state.ln_amplitude;
@@ -138,7 +140,7 @@ impl Scene<'_> {
         self.segment(state, record);
     }
 
-    /// Whether the aperture's gain takes the place of the path's own loss.
+    /// Whether the aperture's gain replaces the path's own loss.
     #[inline(always)]
     fn by_aperture(&self, state: &PathState) -> bool {
         self.effects.aperture && !state.has_reflected
@@ -208,7 +210,7 @@ impl Scene<'_> {
         found: Nearest,
         covered: &mut Covered,
         candidates: &Candidates,
-        place: &mut Place,
+        coincident: &mut Coincident,
     ) -> Option<MediumChange> {
         let tissue = &self.tissues[state.here as usize];
         let covered = covered.up_to(found.crossing.t + TOUCH_MM);
@@ -219,18 +221,18 @@ impl Scene<'_> {
             state.open = false;
             return None;
         }
-        // The place: that crossing, or a covered one that touches it, and all others within TOUCH_MM.
+        // Coincident crossings: that one, or a covered one that touches it, and all others within TOUCH_MM.
         let t = touching.first().map_or(found.crossing.t, |c| c.t.min(found.crossing.t));
-        place.crossings[0] = found.crossing;
+        coincident.crossings[0] = found.crossing;
         let mut crossings = 1;
         if found.crowded || !touching.is_empty() {
             let least = state.t_min.max(t - TOUCH_MM).max(end);
             let most = (t + TOUCH_MM).min(self.left_mm(state));
-            let all = self.collect(state, [least, most], candidates, place);
-            place.crossings[..all].sort_unstable_by(by_distance);
+            let all = self.collect(state, [least, most], candidates, coincident);
+            coincident.crossings[..all].sort_unstable_by(by_distance);
             crossings = all.max(1);
         }
-        let here = &place.crossings[..crossings];
+        let here = &coincident.crossings[..crossings];
         let here = &here[..here.partition_point(|c| c.t <= here[0].t + TOUCH_MM)];
         let before = state.inside;
         cross(self.tree.triangles, here, &mut state.inside);
@@ -259,7 +261,7 @@ impl Scene<'_> {
         state: &mut PathState,
         candidates: &Candidates,
         covered: &mut Covered,
-        place: &mut Place,
+        coincident: &mut Coincident,
     ) -> NextInterface {
         loop {
             let left_mm = self.left_mm(state);
@@ -277,7 +279,7 @@ impl Scene<'_> {
                 state.open = false;
                 return NextInterface::None;
             };
-            if let Some(change) = self.advance(state, found, covered, candidates, place) {
+            if let Some(change) = self.advance(state, found, covered, candidates, coincident) {
                 return NextInterface::At(change);
             }
         }
@@ -289,7 +291,7 @@ impl Scene<'_> {
         state: &mut PathState,
         [least, most]: [f32; 2],
         candidates: &Candidates,
-        Place { stack, crossings }: &mut Place,
+        Coincident { stack, crossings }: &mut Coincident,
     ) -> usize {
         let ray = [state.origin, state.direction];
         if !state.has_reflected
@@ -321,7 +323,7 @@ impl Scene<'_> {
             outward: outward.to_array(),
             range_mm: state.range_mm,
             path_per_range: self.path_per_range(state),
-            // The aperture's gain takes the place of the path's loss, in `echo`.
+            // The aperture's gain replaces the path's loss, in `echo`.
             ln_amplitude: if self.by_aperture(state) { 0.0 } else { state.ln_amplitude },
             in_phase: state.in_phase,
             in_power: state.in_power,

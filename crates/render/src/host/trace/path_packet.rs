@@ -6,7 +6,7 @@ use super::candidates::{self, Candidates};
 use super::depart::depart;
 use super::interface_batch::InterfaceBatch;
 use super::packet::{Packet, Visits};
-use super::path::{CROSSINGS_BEHIND, MediumChange, NextInterface, Place, Scene};
+use super::path::{CROSSINGS_BEHIND, Coincident, MediumChange, NextInterface, Scene};
 use super::path_record::{LastSegment, PathRecord};
 use super::path_state::PathState;
 use super::search::{Covered, collect};
@@ -28,7 +28,7 @@ pub(super) struct PathPacket {
     covered: [Covered; RAYS],
     /// Crossings behind the face, and just before it.
     near: [[Crossing; CROSSINGS_BEHIND]; RAYS],
-    place: Place,
+    coincident: Coincident,
     batch: InterfaceBatch,
     /// Path and change of medium of each arrival.
     changes: [(usize, MediumChange); RAYS],
@@ -60,7 +60,7 @@ impl PathPacket {
             candidates: [Candidates::new(); RAYS],
             covered: [Covered::new(); RAYS],
             near: [[Crossing::default(); CROSSINGS_BEHIND]; RAYS],
-            place: Place::new(),
+            coincident: Coincident::new(),
             batch: InterfaceBatch::new(),
             changes: [(0, MediumChange::default()); RAYS],
             forks: [None; RAYS],
@@ -134,13 +134,13 @@ impl PathPacket {
         // memory.
         let mut waiting = 0_u32;
         loop {
-            let Self { states, stream, candidates, covered, place, batch, changes, .. } = self;
+            let Self { states, stream, candidates, covered, coincident, batch, changes, .. } = self;
             batch.clear();
             for (lane, state) in states[..count].iter_mut().enumerate() {
                 if waiting >> lane & 1 != 0 {
                     continue;
                 }
-                match scene.go_straight(state, &candidates[lane], &mut covered[lane], place) {
+                match scene.go_straight(state, &candidates[lane], &mut covered[lane], coincident) {
                     NextInterface::At(change) => {
                         changes[batch.len()] = (lane, change);
                         batch.push(&scene.arrival(state, &change));
@@ -166,7 +166,8 @@ impl PathPacket {
                         state.open = false;
                         continue;
                     };
-                    if let Some(change) = scene.advance(state, found, &mut covered[lane], &candidates[lane], place) {
+                    if let Some(change) = scene.advance(state, found, &mut covered[lane], &candidates[lane], coincident)
+                    {
                         changes[batch.len()] = (lane, change);
                         batch.push(&scene.arrival(state, &change));
                     }

@@ -5,7 +5,7 @@ use glam::{Vec3, Vec4, Vec4Swizzles};
 use super::path::Scene;
 use super::path_state::PathState;
 
-/// Place of a path among the paths of a batch.
+/// Number of a path among the paths of a batch.
 #[derive(Debug, Clone, Copy)]
 struct PathNumber {
     /// Ray of a scanline [scanlines × rays].
@@ -23,7 +23,7 @@ impl Scene<'_> {
         (p.face_mm() + p.scene_vector(origin), p.scene_vector(direction).normalize())
     }
 
-    /// Place of path `path` among the paths of a batch. Axial paths come after the paths of all layers.
+    /// Number of path `path` among the paths of a batch. Axial paths come after the paths of all layers.
     fn number(&self, path: usize) -> PathNumber {
         let p = self.params;
         let line_rays = (p.scanlines * p.rays) as usize;
@@ -38,7 +38,7 @@ impl Scene<'_> {
         layer.map_or([0.0, 0.0, 1.0, 0.0], |layer| self.elevations[layer * rays + line_ray % rays])
     }
 
-    /// Elevational place of path `path` at half of the depth, mm.
+    /// Elevational position of path `path` at half of the depth, mm.
     pub(super) fn across_mm(&self, path: usize) -> f32 {
         let [offset, slope, ..] = self.elevation(self.number(path));
         offset + 0.5 * self.params.depth_mm * slope

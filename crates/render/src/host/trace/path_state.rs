@@ -10,7 +10,8 @@ use super::membership::Inside;
 pub(super) struct PathState {
     pub(super) line_ray: u32,
     pub(super) layer: u32,
-    /// Whether it is an axial path, which carries no echo and places the scatterers of the other paths.
+    /// Whether it is an axial path: it sets where the scatterers of its scanline lie, and its echoes replace those that
+    /// reflected paths miss.
     pub(super) is_axial: bool,
     /// Length per mm of depth in its layer.
     pub(super) stretch: f32,
@@ -18,7 +19,7 @@ pub(super) struct PathState {
     pub(super) face_depth_mm: f32,
     pub(super) origin: Vec3,
     pub(super) direction: Vec3,
-    /// Its place among its candidates, up to its first reflection.
+    /// Its progress along its candidates, up to its first reflection.
     pub(super) along: Along,
     pub(super) inside: Inside,
     // Weights of an echo. Over rays and layers, echoes in phase add in amplitude, others in power.
