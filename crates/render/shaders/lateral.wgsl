@@ -2,11 +2,11 @@
 // Complex [scanlines × row_samples] in and out, two samples per vector. A thread makes four samples of a scanline.
 //
 // Each block of DEPTH_BLOCK samples has a kernel, or the profile of its scanline's beam. Kernels of a phased array are wider
-// beside its normal. Beyond the array, a beam with an aperture meets the mirror image of what is within, a quarter of a cycle
-// later; without the aperture, the weights within are scaled to the sum of all. Each scanline sees its neighbours' scatterers
-// with the gain of its own aperture. Echoes that came by reflections don't carry the gain: where both scanlines hold some, the
-// weaker one's amplitude is the least that is compared. The wavefront of a steered frame is across its scanlines: a
-// neighbour's samples lie deeper or higher.
+// off its normal. Beyond the array, a beam with an aperture meets the mirror image of what is within, a quarter of a
+// cycle later; without the aperture, the weights within are scaled to the sum of all. Each scanline sees its
+// neighbours' scatterers with the gain of its own aperture. Echoes that came by reflections don't carry the gain: where
+// both scanlines hold some, the weaker one's amplitude is the least that is compared. The wavefront of a steered frame
+// is across its scanlines: a neighbour's samples lie deeper or higher.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> kernels: array<f32>;

@@ -1,7 +1,7 @@
 // Weights of a scanline's neighbours at each plane, from the amplitude of its beam at their positions, and the echo
 // power of the beams over the greatest one without obstacles [planes × cells], the first nodes of each row. Weights
-// [planes × scanlines × (2·lateral_half + 1)], beside a part of the depth's kernel; that part, and the first and the
-// end of the weights [planes × scanlines × 3]. A thread per scanline or node, and plane.
+// [planes × scanlines × (2·lateral_half + 1)], in addition to a part of the depth's kernel; that part, and the first
+// and the end of the weights [planes × scanlines × 3]. A thread per scanline or node, and plane.
 //
 // Where nothing bends or hides a beam, it has the kernel of its depth. Elsewhere the beam's own amplitude takes over.
 

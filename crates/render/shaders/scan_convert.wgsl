@@ -16,7 +16,7 @@
 // Index of each of those words in the image.
 @group(0) @binding(9) var<storage, read> words: array<u32>;
 
-// Whether the maps are written beside the image.
+// Whether the maps are written in addition to the image.
 override MAPS: bool = true;
 
 const ACROSS_SCALE: f32 = 1.0 / f32((1u << ACROSS_BITS) - 2u);

@@ -112,12 +112,13 @@ fn trace_path(path: u32) {
     var direction = ray.direction;
     let face_depth_mm = dot(vec3<f32>(params.lateral.w, params.elevational.w, params.axial.w), params.axial.xyz);
     var range_mm = 0.0;
-    // Range that fast bodies take off this path. The aperture sees past them, where nothing is taken off.
+    // Range that this path saved in fast hard bodies. Sound of the aperture goes past such bodies and saves none.
     var behind_mm = 0.0;
     let coupling = couplings[path];
     let ln_coupling = select(2.0 * max(log(max(coupling, 1.0e-37)), LN_UNCOUPLED), 0.0, coupling == 1.0);
     var ln_amplitude = ln_coupling;
-    // Scatterers of different paths add in power: the random choice makes half of an interface's loss, this the rest.
+    // ln of the factor of scatterers alone. Their powers add over the paths, so the random choice of reflection makes
+    // half of an interface's loss; this is the other half.
     var ln_scatter = 0.0;
     // ln amplitude of a wave that passes every interface, and whether the path has reflected.
     var ln_passed = ln_coupling;
@@ -147,8 +148,8 @@ fn trace_path(path: u32) {
     var travelled_mm = 0.0;
     var next = 0u;
     loop {
-        // Writes the segment that begins here. The last record takes each further segment: what lies between counts as
-        // the medium before.
+        // Writes the segment that begins here. Segments beyond the capacity replace the last one: the stretch before
+        // them counts as the medium before.
         count = min(count, SEGMENTS - 1u);
         let tissue = tissues[here];
         let at = path * SEGMENTS + count;

@@ -49,7 +49,7 @@ fn path_loss(path: u32, axial_path: u32, at: u32, range_mm: f32) -> f32 {
     return reflected_np + (loss_on(axial_path, here, range_mm) - loss_on(axial_path, before, reflected_mm));
 }
 
-// Range that a segment gains over depth, mm per mm of range: 0 in hard media, which sound has passed beside.
+// Range that a segment gains over depth, mm per mm of range: 0 in hard media, which the sound goes past.
 fn delay_rate(path: u32, at: u32, stretch: f32) -> f32 {
     let rate = 1.0 - length(segments[path * SEGMENTS + at].step) / stretch;
     return select(0.0, rate, abs(rate) >= DELAY_MIN && abs(rate) <= HARD_SPEED);

@@ -2,8 +2,8 @@
 // Out: [scanlines × (planes + 1)] position among the planes, loss of the axial path (one-way nepers), gain at the plane
 // before (nepers of amplitude, two-way), loss that all scanlines share (one-way nepers). A thread per scanline.
 //
-// A scanline follows the planes by its own loss: behind an obstacle it takes the plane behind it, before it the plane
-// before it, wherever in an interval the obstacle lies.
+// The position of a scanline among the planes follows its own loss: before an obstacle it stays at the plane before it,
+// behind the obstacle at the plane behind, wherever in an interval the obstacle lies.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> starts: array<f32>;

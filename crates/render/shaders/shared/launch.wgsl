@@ -1,5 +1,6 @@
 // The first ray of a path: its scanline's, moved across the slice. After the paths of all layers come the
-// axial paths, one per scanline, along the axes: they carry no echo and set where the scatterers of all paths lie.
+// axial paths, one per scanline, along the axes. They set where the scatterers lie, and their echoes replace those that
+// reflected paths miss.
 struct Launch {
     origin: vec3<f32>,
     direction: vec3<f32>,

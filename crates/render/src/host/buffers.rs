@@ -18,7 +18,7 @@ use crate::constants::{DEPTH_BLOCK, ENTRIES, SEGMENTS, STARTS, TISSUES_MAX};
 use crate::error::BackendError;
 use crate::snapshot::PassBuffers;
 
-/// Outputs of the passes, and their inputs beside the tables.
+/// Outputs of the passes, and their inputs except the tables.
 #[derive(Debug)]
 pub(super) struct Buffers {
     /// All outputs except images, which go into the frame. `lines` are empty unless the settings ask for them.
@@ -51,7 +51,7 @@ pub(super) struct PlacedLayout {
     pub(super) layout: Arc<Layout>,
 }
 
-/// Memory of the aperture's passes beside their outputs.
+/// Memory of the aperture's passes, except their outputs.
 #[derive(Debug)]
 pub(super) struct ApertureBuffers {
     pub(super) propagation: Propagation,

@@ -11,8 +11,8 @@
 //! | closest hit up to the first reflection | `Candidates::nearest`, `trace/candidates.rs` |
 //! | closest hit behind a reflection | `Stream::search`, `trace/stream.rs` |
 //! | loss and range along the path, next change of medium | `Scene::advance`, `trace/path.rs` |
-//! | choice of reflection or transmission, new direction | `transmit_or_reflect`, `trace/depart.rs` |
-//! | echo of the interface | `return_echoes`, `trace/depart.rs` |
+//! | choice of reflection or transmission, new direction | `transmit_or_reflect`, `trace/interface_response.rs` |
+//! | echo of the interface | `return_echoes`, `trace/interface_response.rs` |
 //! | physics of an interface | `trace/interface.rs` |
 //! | record of a segment | `Scene::segment`, `trace/path.rs`; [`Segment`](crate::segment::Segment) |
 //!

@@ -70,7 +70,7 @@ fn weights(aperture: &Aperture, plane: usize, taps: usize, at: impl Fn(isize) ->
             return 0.0;
         }
         let low = offset.floor();
-        let [a, b, c, d] = [-1, 0, 1, 2].map(|beside| at(low as isize + beside));
+        let [a, b, c, d] = [-1, 0, 1, 2].map(|offset| at(low as isize + offset));
         catmull_rom([a, b, c, d], offset - low).max(0.0)
     };
     (0..taps).map(weight).collect()

@@ -39,10 +39,11 @@ struct Tracer<'a> {
     goes_on: bool,
     ray: Ray,
     range_mm: f64,
-    /// Range that fast bodies take off this path, mm. The aperture sees past them, where nothing is taken off.
+    /// Range that this path saved in fast hard bodies, mm. Sound of the aperture goes past such bodies and saves none.
     behind_mm: f64,
     ln_amplitude: f64,
-    /// Scatterers of different paths add in power: the random choice makes half of an interface's loss, this the rest.
+    /// ln of the factor of scatterers alone. Their powers add over the paths, so the random choice of reflection makes
+    /// half of an interface's loss; this is the other half.
     ln_scatter: f64,
     /// ln of the amplitude of a wave that passes every interface, and whether the path has reflected.
     ln_passed: f64,
@@ -92,7 +93,7 @@ impl<'a> Tracer<'a> {
         let (mut crossed, mut reflections) = (0, 0);
         let mut open = self.goes_on;
         loop {
-            // The last record takes each further segment: what lies between counts as the medium before.
+            // Segments beyond the capacity replace the last one: the stretch before them counts as the medium before.
             path.segments.truncate(SEGMENTS as usize - 1);
             path.segments.push(self.segment(&media[here], echo, echo_range_mm));
             if !open {
@@ -249,7 +250,7 @@ impl<'a> Tracer<'a> {
     /// facet, half widens the lobe about it.
     fn facet(&self, n: DVec3, roughness: f64) -> DVec3 {
         let variance = 0.5 * roughness * roughness;
-        // An axial path has a facet of its own only beside a single path.
+        // An axial path has a facet of its own only if its scanline has a single path.
         let mean = self.is_axial && self.inputs.rays_per_line * self.inputs.layers > 1;
         if variance <= 0.0 || mean {
             return n;

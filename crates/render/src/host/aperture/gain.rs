@@ -100,7 +100,7 @@ impl Interval {
 }
 
 impl<'a> ApertureGain<'a> {
-    /// Gain along a scanline, from its boundaries.
+    /// The gain along a scanline, from its boundaries.
     pub(in crate::host) fn new(tables: &ApertureTables, row: &'a [Boundary]) -> Self {
         Self { row, plane_mm: tables.plane_mm }
     }
@@ -186,7 +186,8 @@ pub(in crate::host) struct InterfaceGains<'a> {
     gain: ApertureGain<'a>,
     starts: &'a [f32],
     segments: &'a [Segment],
-    /// The last interface's interval as the path sees it, its index, and the path's loss at its start.
+    /// Interval of the last interface, with the path's own position at its start; its index; the path's loss at its
+    /// start.
     interval: Interval,
     index: usize,
     begins_np: f32,

@@ -13,10 +13,10 @@ use crate::params::Params;
 
 /// Most weights of a scanline at a plane.
 pub(in crate::host) const TAPS_MAX: usize = 2 * LATERAL_HALF_MAX as usize + 1;
-/// Cells beside the offsets of a profile that interpolation reads.
-const BESIDE: usize = 2;
+/// Cells outside the offsets of a profile that interpolation reads.
+const OUTSIDE_CELLS: usize = 2;
 /// Position of the axis in a profile of both sides.
-const MIDDLE: usize = OFFSETS_MAX + BESIDE;
+const MIDDLE: usize = OFFSETS_MAX + OUTSIDE_CELLS;
 /// Length of a profile of both sides.
 const AROUND: usize = 2 * MIDDLE + 1;
 /// Sums that are kept apart, so that every instruction set adds in the same order.
@@ -28,8 +28,8 @@ pub(in crate::host) type Blend = [f32; 3];
 /// Outputs of the pass.
 #[derive(Debug)]
 pub(in crate::host) struct Profiles<'a> {
-    /// Weights beside that part of the kernel [planes × scanlines × (2·lateral_half + 1)]: zeros beyond a blend's ends, undefined
-    /// if it has none.
+    /// Weights in addition to that part of the kernel [planes × scanlines × (2·lateral_half + 1)]: zeros beyond a
+    /// blend's ends, undefined if it has none.
     pub(in crate::host) weights: &'a mut [f32],
     /// [planes × scanlines]
     pub(in crate::host) blends: &'a mut [Blend],
@@ -145,8 +145,8 @@ impl PlaneBeams<'_> {
     #[inline(always)]
     fn interpolate(&self, around: &[f32; AROUND], weights: &mut [f32]) {
         let Positions { half, starts, splines, .. } = self.positions;
-        let beside = self.positions.within(self.tables.reach_cells[self.plane]);
-        let (from, to) = (half - beside, half + beside + 1);
+        let within = self.positions.within(self.tables.reach_cells[self.plane]);
+        let (from, to) = (half - within, half + within + 1);
         weights.fill(0.0);
         for ((weight, &start), spline) in weights[from..to].iter_mut().zip(&starts[from..to]).zip(&splines[from..to]) {
             let Some(near) = around.get(usize::from(start)..).and_then(|rest| rest.first_chunk::<4>()) else {
@@ -169,7 +169,7 @@ impl PlaneBeams<'_> {
         );
         let low = node as usize;
         let part = node - low as f32;
-        let reach = (tables.reach_cells[plane] as usize + 1 + BESIDE).min(MIDDLE);
+        let reach = (tables.reach_cells[plane] as usize + 1 + OUTSIDE_CELLS).min(MIDDLE);
         around[MIDDLE - reach..=MIDDLE + reach].fill(0.0);
         for (axis, share) in [(low, 1.0 - part), (low + 1, part)] {
             let row = &amplitudes[sampling.beam_of(plane, axis) * cells..][..cells];
@@ -206,7 +206,7 @@ impl PlaneBeams<'_> {
     }
 }
 
-/// Measures of weights beside others.
+/// Comparison of weights with others.
 struct Similarity {
     /// Sum of their squares.
     power: f32,

@@ -104,7 +104,7 @@ fn add_column(params: &Params, inputs: Inputs<'_>, rays: CellRays, column: &mut 
     }
 }
 
-/// Range that a segment gains over depth, mm per mm of range: 0 in hard media, which sound has passed beside.
+/// Range that a segment gains over depth, mm per mm of range: 0 in hard media, which the sound goes past.
 #[inline(always)]
 fn delay_rate(segment: &Segment, stretch: f32) -> f32 {
     let [x, y, z] = segment.step;

@@ -1,7 +1,7 @@
 //! Gain along each scanline: what the aperture sees of the scatterers at a depth, over a medium without loss.
 //!
-//! A scanline follows the planes by its own loss: behind an obstacle it takes the plane behind it, before it the plane
-//! before it, wherever in an interval the obstacle lies.
+//! The position of a scanline among the planes follows its own loss: before an obstacle it stays at the plane before
+//! it, behind the obstacle at the plane behind, wherever in an interval the obstacle lies.
 
 use insonify_core::simd::{at_least, at_most, exp, widened};
 use rayon::prelude::*;

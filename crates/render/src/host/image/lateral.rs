@@ -18,7 +18,7 @@ const SUMS: usize = 8;
 const LINES_TOGETHER: usize = 8;
 /// Weights of a plane that are loaded ahead.
 const PREFETCHED: usize = 64;
-/// Weights beside the kernel where a plane has none.
+/// Weights in addition to the kernel, for a plane that has none.
 static WITHOUT: [f32; TAPS_MAX] = [0.0; TAPS_MAX];
 
 /// Beam of every scanline.
@@ -37,9 +37,9 @@ pub(in crate::host) struct LateralBeam<'a> {
 }
 
 /// Focuses `baseband` into `focused`, both complex [scanlines × row_samples]. Each block of samples has a kernel, or the
-/// profile of its scanline's beam. Kernels of a phased array are wider beside its normal. Weights below `least_weight` count
-/// as 0. Each scanline sees its neighbours' scatterers with the gain of its own aperture. The wavefront of a steered frame is
-/// across its scanlines: a neighbour's samples lie `params.steer_shift_mm` deeper or higher.
+/// profile of its scanline's beam. Kernels of a phased array are wider off its normal. Weights below `least_weight`
+/// count as 0. Each scanline sees its neighbours' scatterers with the gain of its own aperture. The wavefront of a
+/// steered frame is across its scanlines: a neighbour's samples lie `params.steer_shift_mm` deeper or higher.
 ///
 /// Beyond the array, a beam with an aperture meets the mirror image of the tissue within, a quarter of a cycle later: so
 /// powers add where a beam holds both. Without the aperture, the weights within are scaled to the sum of all.

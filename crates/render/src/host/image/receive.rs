@@ -1,4 +1,5 @@
-//! What the receiver adds to the focused lines: noise, clutter near the face, and reverberation where it is not coupled.
+//! Additions of the receiver to the focused lines: noise, clutter near the face, and reverberation where the face is
+//! not coupled.
 
 use insonify_core::simd::{at_least, exp, pcg3d, widened};
 use rayon::prelude::*;

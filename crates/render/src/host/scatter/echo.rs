@@ -24,7 +24,7 @@ pub(in crate::host) struct Interfaces<'a> {
     pub(in crate::host) echoes: &'a [[f32; 2]],
     /// Segments of each path.
     pub(in crate::host) segment_counts: &'a [u32],
-    /// Gain along the scanlines; without it, echoes have the loss of their paths.
+    /// The aperture's gain along the scanlines; without it, echoes have the loss of their paths.
     pub(in crate::host) aperture_gains: Option<&'a ApertureGains<'a>>,
 }
 
@@ -33,9 +33,9 @@ pub(in crate::host) struct Interfaces<'a> {
 struct Echoes {
     count: usize,
     amplitude: Numbers,
-    /// ln of the gain.
+    /// ln of the aperture's gain; 0 for echoes with the loss of their path.
     ln_gain: Numbers,
-    /// Range, and that of the interface before it is spread over its thickness, mm.
+    /// Range of the echo, and of its interface, mm. They differ within the interface's thickness.
     range_mm: Numbers,
     interface_mm: Numbers,
     /// Complex value, and its position among the samples.

@@ -19,7 +19,7 @@ const BLOCK_POSITIONS: usize = BLOCK / TEXTURE_SAMPLES as usize;
 /// Blocks whose textures are found at once.
 const TEXTURE_BLOCKS: usize = POSITIONS / BLOCK_POSITIONS;
 
-/// Inputs of the samples besides the paths.
+/// Inputs of the samples in addition to the paths.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::host) struct Scatterers<'a> {
     pub(in crate::host) constants: ImageConstants,
@@ -31,7 +31,7 @@ pub(in crate::host) struct Scatterers<'a> {
     pub(in crate::host) textures: &'a [PackedTexture],
     /// Fields of the textures.
     pub(in crate::host) waves: &'a Waves,
-    /// Gain along the scanlines; without it, every path loses what it meets.
+    /// The aperture's gain along the scanlines; without it, every path has its own loss.
     pub(in crate::host) aperture_gains: Option<&'a ApertureGains<'a>>,
 }
 
@@ -180,7 +180,7 @@ fn echo(
     power: &Power,
     sums: &mut [Lanes; 2],
 ) {
-    // Media without scatterers, shadows.
+    // Nothing echoes in media without scatterers and in full shadow.
     if power[2].iter().all(|&power| power == 0.0) {
         return;
     }

@@ -21,7 +21,7 @@ const PAIRS: usize = CHUNK * BLOCK_PAIRS;
 struct Medium {
     mean: f32,
     deviation: f32,
-    /// Part of the lattice's cells that hold one, in 1/131072.
+    /// Part of the lattice's cells that hold a scatterer, in 1/131072.
     density: u32,
 }
 

@@ -28,7 +28,7 @@ pub(super) struct Stretch {
 pub(super) struct Powers {
     /// Power by paths whose loss the aperture's gain replaces, without that gain.
     by_aperture: [Power; CHUNK],
-    /// The same paths, not yet added.
+    /// Paths of the same kind that are not yet added to it.
     media: Media,
     /// Power by paths with their own loss, scaled.
     traced: [Power; CHUNK],
@@ -80,7 +80,7 @@ impl Powers {
         }
     }
 
-    /// Adds the axial path's scatterers at samples where a path is on another way.
+    /// Adds the axial path's scatterers at samples that a path misses since it has reflected.
     #[inline(always)]
     fn add_axial_path(
         &mut self,

@@ -26,7 +26,7 @@ const WITHIN_MM: f32 = 512.0;
 /// A triangle that a path may cross.
 #[derive(Debug, Clone, Copy, Default)]
 struct Candidate {
-    /// Least and greatest distance from the path's start at which it may, mm.
+    /// Least and greatest distance from the path's start at which the path may cross it, mm.
     least_mm: f32,
     most_mm: f32,
     triangle: u32,
@@ -39,7 +39,7 @@ pub(super) struct Along {
     pub(super) travelled_mm: f32,
     /// Steps so far.
     pub(super) steps: u32,
-    /// Number of the first candidates that lie behind.
+    /// Number of candidates at the head of the list that the path has passed.
     passed: usize,
 }
 
@@ -57,7 +57,7 @@ impl Along {
 pub(super) struct Candidates {
     list: [Candidate; Self::MOST],
     count: usize,
-    /// Distance from the start up to which there are no others, mm.
+    /// Distance from the start up to which the list is complete, mm.
     complete_mm: f32,
 }
 
@@ -331,7 +331,7 @@ mod tests {
                 }
             }
         }
-        // The packets cover enough of every case, and an edge rarely decides for those beside an axis.
+        // The packets cover enough of every case, and an edge rarely decides for those off the axes.
         let enough = steps > 10_000 && crowds > 1000 && below > 1000 && edges > 100 && edges < steps / 4;
         assert!(enough, "{steps}, {crowds}, {below}, {edges}");
     }

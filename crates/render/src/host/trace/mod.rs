@@ -2,12 +2,13 @@
 //!
 //! `path_packet.rs` holds the loop of a packet, `path.rs` the steps of one path. Up to their first reflection paths are
 //! straight: one traversal of the tree (`packet.rs`) finds all their candidates. Behind it each has a
-//! search of its own (`stream.rs`). Interfaces are computed for all paths of a packet at once (`depart.rs`).
+//! search of its own (`stream.rs`). Interfaces are computed for all paths of a packet at once
+//! (`interface_response.rs`).
 
 mod candidates;
-mod depart;
 pub(super) mod interface;
 mod interface_batch;
+mod interface_response;
 pub(super) mod membership;
 pub(super) mod packet;
 mod packet_bounds;

@@ -117,7 +117,7 @@ struct Met {
 }
 
 /// Tests a node's boxes against `rays`. With many rays, only boxes that the packet's bounds meet between its ends are
-/// tested. Rays up to `aside_mm` beside them count as met.
+/// tested. Rays within `aside_mm` of a box count as met.
 #[inline(always)]
 #[allow(clippy::needless_range_loop, reason = "several arrays go together")]
 fn meet(
@@ -194,7 +194,7 @@ fn intersections(triangle: &PackedTriangle, packet: &Packet, rays: u32, t: &mut 
 
 /// Work of a traversal at the leaves.
 trait Leaves {
-    /// Distance by which rays may lie aside of those of the packet, mm.
+    /// Distance from the packet's rays within which other rays count, mm.
     const ASIDE_MM: f32;
 
     /// Meets a leaf with some rays of the packet.
@@ -212,7 +212,7 @@ pub(super) fn crossings(
     traverse(tree, packet, visits, &mut Crossings { tree, packet, found });
 }
 
-/// Leaves whose triangles are tested as they are.
+/// Test of the triangles themselves.
 struct Crossings<'a, F> {
     tree: &'a Tree<'a>,
     packet: &'a Packet,
@@ -259,7 +259,7 @@ pub(super) fn possible_crossings(
     traverse(tree, packet, visits, &mut PossibleCrossings { tree, packet, found });
 }
 
-/// Leaves whose triangles are tested with the drift.
+/// Test of the triangles with the drift added.
 struct PossibleCrossings<'a, F> {
     tree: &'a Tree<'a>,
     packet: &'a Packet,

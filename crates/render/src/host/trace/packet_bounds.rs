@@ -34,7 +34,7 @@ fn range(of: &Lanes, on: &[bool; RAYS]) -> [f32; 2] {
 }
 
 impl PacketBounds {
-    /// Bounds of the rays whose bits are set in `rays`, and of others up to `aside_mm` beside them. All search within
+    /// Bounds of the rays whose bits are set in `rays`, and of all rays within `aside_mm` of them. All search within
     /// `first_mm` to `last_mm`.
     #[inline(always)]
     pub(super) fn new(
@@ -106,14 +106,14 @@ impl PacketBounds {
                 continue;
             }
             let ([o0, o1], [d0, d1], margin) = (span.origin, span.direction, span.margin_mm);
-            let mut beside = 0;
+            let mut outside = 0;
             for i in 0..WIDTH {
                 // Distances may be negative, so either end of the range may give the bound.
                 let lowest = o0 + min(min(d0 * from[i], d0 * to[i]), min(d1 * from[i], d1 * to[i])) - margin;
                 let highest = o1 + max(max(d0 * from[i], d0 * to[i]), max(d1 * from[i], d1 * to[i])) + margin;
-                beside |= u32::from((bounds[3 + axis][i] < lowest) | (bounds[axis][i] > highest)) << i;
+                outside |= u32::from((bounds[3 + axis][i] < lowest) | (bounds[axis][i] > highest)) << i;
             }
-            mask &= !beside;
+            mask &= !outside;
         }
         mask
     }

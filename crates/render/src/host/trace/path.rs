@@ -3,9 +3,9 @@
 use glam::{Vec3, Vec4, Vec4Swizzles};
 
 use super::candidates::Candidates;
-use super::depart::Rules;
 use super::interface::ln;
 use super::interface_batch::{Arrival, Departure};
+use super::interface_response::Rules;
 use super::membership::{Inside, coupling, cross, cross_until, film_reach_mm, highest, medium_word};
 use super::path_record::PathRecord;
 use super::path_state::PathState;
@@ -156,7 +156,7 @@ impl Scene<'_> {
         state.stretch * if past_it { tissue.aperture_speed_ratio } else { tissue.speed_ratio }
     }
 
-    /// [`Self::path_per_range`] of what the aperture sees past hard bodies.
+    /// [`Self::path_per_range`] for the aperture, whose sound goes past hard bodies.
     #[inline(always)]
     fn aperture_path_per_range(&self, state: &PathState) -> f32 {
         let aperture_speed_ratio = self.tissues[state.here as usize].aperture_speed_ratio;
@@ -169,8 +169,8 @@ impl Scene<'_> {
         if state.open { (self.params.depth_mm - state.range_mm) * self.path_per_range(state) } else { 0.0 }
     }
 
-    /// Writes the segment that begins here. The last record takes each further segment: what lies between counts as the
-    /// medium before.
+    /// Writes the segment that begins here. Segments beyond the capacity replace the last one: the stretch before them
+    /// counts as the medium before.
     #[inline(always)]
     fn segment(&self, state: &mut PathState, record: &mut PathRecord) {
         let tissue = &self.tissues[state.here as usize];

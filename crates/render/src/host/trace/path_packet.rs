@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use super::candidates::{self, Candidates};
-use super::depart::depart;
 use super::interface_batch::InterfaceBatch;
+use super::interface_response::depart;
 use super::packet::{Packet, Visits};
 use super::path::{CROSSINGS_BEHIND, Coincident, MediumChange, NextInterface, Scene};
 use super::path_record::{LastSegment, PathRecord};

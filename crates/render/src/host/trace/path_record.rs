@@ -21,7 +21,7 @@ pub(super) struct PathRecord {
     pub(super) hints: [u32; HINT_WORDS],
 }
 
-/// A path's last segment at some time.
+/// Copy of a path's last segment, to which its record can be taken back.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LastSegment {
     count: u32,

@@ -1,4 +1,4 @@
-//! Where paths start, and their first states.
+//! Starts of paths: their first rays and first states.
 
 use glam::{Vec3, Vec4, Vec4Swizzles};
 

@@ -27,12 +27,13 @@ pub(super) struct PathState {
     pub(super) in_power: f32,
     pub(super) here: u32,
     pub(super) range_mm: f32,
-    /// Range that fast bodies take off this path, mm. The aperture sees past them, where nothing is taken off.
+    /// Range that this path saved in fast hard bodies, mm. Sound of the aperture goes past such bodies and saves none.
     pub(super) behind_mm: f32,
     pub(super) ln_amplitude: f32,
-    /// Scatterers of different paths add in power: the random choice makes half of an interface's loss, this the rest.
+    /// ln of the factor of scatterers alone. Their powers add over the paths, so the random choice of reflection makes
+    /// half of an interface's loss; this is the other half.
     pub(super) ln_scatter: f32,
-    /// ln of the amplitude, two-way, that a wave keeps which passes every interface.
+    /// ln of the amplitude, two-way, of a wave that passes every interface.
     pub(super) ln_passed: f32,
     /// Whether the path has reflected.
     pub(super) has_reflected: bool,

@@ -105,7 +105,7 @@ pub(super) enum Hit {
     Inside(f32, bool),
 }
 
-/// [`intersection`] that tells where edges decide.
+/// [`intersection`] that tells hits within the tolerance of an edge from others.
 #[inline(always)]
 pub(super) fn hit(triangle: &PackedTriangle, origin: Vec3, direction: Vec3) -> Hit {
     let met = RayTriangle::new(triangle, origin, direction);

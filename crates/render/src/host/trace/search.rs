@@ -224,7 +224,7 @@ pub(super) mod tests {
                 found[lane][..counts[lane]].sort_by(by_distance);
                 let expected = alone(&tree, &other(lane), [0.0, 70.0]);
                 assert!(!expected.is_empty());
-                assert_eq!(found[lane][..counts[lane]], expected, "{lane} beside {stray}");
+                assert_eq!(found[lane][..counts[lane]], expected, "{lane} with {stray}");
             }
         }
         let mut found = [Crossing::default(); 8];

@@ -1,5 +1,5 @@
-//! Traversal of the tree by a stream of rays that go different ways: one node of each ray at a time. While the memory of
-//! one is on its way, the others go on.
+//! Traversal of the tree by rays of different directions, one node of each ray at a time. While one ray waits for
+//! memory, the others go on.
 
 use glam::Vec3;
 
@@ -47,8 +47,8 @@ impl Stream {
         Self { rays: std::array::from_fn(|_| ray_search()), open: 0 }
     }
 
-    /// Adds a ray that searches for its nearest crossing in (t_min, t_max]. Those of surfaces below `highest` will go to
-    /// its lane of `covered`.
+    /// Adds a ray that searches for its nearest crossing in (t_min, t_max]. Crossings of surfaces below
+    /// `highest` go to its lane of `covered`.
     #[inline(always)]
     pub(super) fn set(&mut self, lane: usize, ray: Ray, [t_min, t_max]: [f32; 2], highest: u32) {
         let ray_search = &mut self.rays[lane];

@@ -1,4 +1,5 @@
-//! Departures of a packet of paths from their interfaces: that part of `shaders/trace.wgsl`.
+//! Response of interfaces to a packet of paths: echoes, the choice of reflection, and new directions. It is that part
+//! of `shaders/trace.wgsl`.
 
 use insonify_core::simd::{at_least, at_most, exp, floor, pcg3d, real, widened};
 
@@ -17,7 +18,7 @@ pub(super) struct Rules {
     pub(super) effects: PathEffects,
     pub(super) constants: TraceConstants,
     pub(super) seed: u32,
-    /// Whether each scanline has one path besides its axial path.
+    /// Whether each scanline has one path in addition to its axial path.
     pub(super) single: bool,
     pub(super) aperture_mm: f32,
 }
