@@ -36,6 +36,7 @@ mod angle_order;
 mod aperture;
 mod backend;
 mod batch_plan;
+mod boundary;
 mod compounding;
 mod configuration;
 mod constants;

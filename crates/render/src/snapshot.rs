@@ -3,13 +3,14 @@
 use glam::{DVec2, DVec3, Vec3};
 use insonify_core::anatomy::bvh::Moved;
 
+use super::boundary::Boundary;
 use super::configuration::FrameInputs;
 use super::constants::{ENTRIES, HINT_BLOCK, SEGMENTS, STARTS, TISSUE_MASK};
 use super::frame::unpad;
 use super::segment::Segment;
 use super::twin::{
-    self, Aperture, BlockGain, Boundary, Inputs, Launched, Membership, Motion, Node, Path, Profile, RasterPoint, Run,
-    Sections, Transmission,
+    self, Aperture, BlockGain, Inputs, Launched, Membership, Motion, Node, Path, Profile, RasterPoint, Run, Sections,
+    Transmission,
 };
 
 /// Outputs of every pass of one frame, in the layouts of the shaders; images without their padding.
@@ -35,7 +36,7 @@ pub(super) struct PassBuffers {
     pub(super) profiles: Vec<f32>,
     pub(super) blends: Vec<[f32; 3]>,
     /// `visibility` [scanlines × (planes + 1)].
-    pub(super) line_gains: Vec<[f32; 4]>,
+    pub(super) line_gains: Vec<Boundary>,
     /// `visibility` [scanlines × blocks].
     pub(super) block_gains: Vec<[f32; 2]>,
     /// `march` [scanlines × blocks].
@@ -90,7 +91,7 @@ pub struct Snapshot {
     /// `profiles` [planes × scanlines].
     pub profiles: Vec<Profile>,
     /// `visibility` [scanlines × (planes + 1)].
-    pub line_gains: Vec<Boundary>,
+    pub line_gains: Vec<twin::Boundary>,
     /// `visibility`: gain of each block and its position [scanlines × blocks].
     pub block_gains: Vec<BlockGain>,
     /// `march`: amplitude that came by reflections over the amplitude that the aperture sees, at the first sample of each
@@ -214,10 +215,12 @@ fn fields_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<DVec2> {
     buffers.fields.chunks_exact(2 * cells).take(rows).flat_map(row).collect()
 }
 
-fn line_gains_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<Boundary> {
-    let boundary = |numbers: &[f32; 4]| {
-        let [position, loss_np, gain_np, shared_np] = numbers.map(f64::from);
-        Boundary { position, loss_np, gain_np, shared_np }
+fn line_gains_from(buffers: &PassBuffers, inputs: &Inputs) -> Vec<twin::Boundary> {
+    let boundary = |boundary: &Boundary| twin::Boundary {
+        position: boundary.position.into(),
+        loss_np: boundary.loss_np.into(),
+        ln_gain: boundary.ln_gain.into(),
+        shared_np: boundary.shared_np.into(),
     };
     let count = of_aperture(inputs, |a| inputs.scanlines * (a.planes + 1));
     buffers.line_gains.iter().take(count).map(boundary).collect()

@@ -282,7 +282,7 @@ fn visibility(s: &Snapshot) -> Result<(), Mismatch> {
         let errors = [
             (device.position - twin.position).abs() / 2.0e-3,
             (device.loss_np - twin.loss_np).abs() / (1.0e-3 + 1.0e-5 * twin.loss_np),
-            (device.gain_np - twin.gain_np).abs() / 1.0e-3,
+            (device.ln_gain - twin.ln_gain).abs() / 1.0e-3,
             (device.shared_np - twin.shared_np).abs() / (1.0e-3 + 1.0e-5 * twin.shared_np),
         ];
         tally.add(errors.into_iter().fold(0.0, |worst, e| if e <= worst { worst } else { e }));

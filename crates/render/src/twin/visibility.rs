@@ -13,8 +13,8 @@ pub struct Boundary {
     pub position: f64,
     /// Loss of the axial path, one-way nepers.
     pub loss_np: f64,
-    /// Gain at the plane before, nepers of amplitude, two-way.
-    pub gain_np: f64,
+    /// ln of the aperture's gain at the plane before, two-way.
+    pub ln_gain: f64,
     /// Loss that all scanlines share, one-way nepers.
     pub shared_np: f64,
 }
@@ -53,7 +53,7 @@ pub fn visibility(
         let axial_path = &paths[inputs.axial_path_of(line)];
         let boundaries = positions(aperture, axial_path, row_np);
         let gained = move |(number, boundary): (usize, Boundary)| match number.checked_sub(1) {
-            Some(plane) => Boundary { gain_np: gain(aperture, line, plane, powers), ..boundary },
+            Some(plane) => Boundary { ln_gain: gain(aperture, line, plane, powers), ..boundary },
             None => boundary,
         };
         boundaries.into_iter().enumerate().map(gained).collect::<Vec<_>>()
@@ -64,8 +64,8 @@ pub fn visibility(
 /// Positions and losses of a scanline.
 fn positions(aperture: &Aperture, axial_path: &Path, row_np: &[f64]) -> Vec<Boundary> {
     let uncoupled_np = passed_np(axial_path, 0.0);
-    let gain_np = (-2.0 * uncoupled_np).max(VISIBLE_MIN_NP);
-    let start = Boundary { position: -0.5, loss_np: uncoupled_np, gain_np, shared_np: 0.0 };
+    let ln_gain = (-2.0 * uncoupled_np).max(VISIBLE_MIN_NP);
+    let start = Boundary { position: -0.5, loss_np: uncoupled_np, ln_gain, shared_np: 0.0 };
     let mut boundaries = vec![start];
     let mut last = 0.5;
     for (interval, &row_np) in row_np.iter().enumerate() {
@@ -80,7 +80,7 @@ fn positions(aperture: &Aperture, axial_path: &Path, row_np: &[f64]) -> Vec<Boun
         boundaries.push(Boundary {
             position: (interval + 1) as f64 - (1.0 - followed) * last,
             loss_np: passed_np(axial_path, to),
-            gain_np: 0.0,
+            ln_gain: 0.0,
             shared_np: before.shared_np + row_np,
         });
     }
@@ -176,7 +176,7 @@ impl<'a> ApertureGain<'a> {
         let at = (position + 1.0).clamp(0.0, self.aperture.planes as f64);
         let low = (at as usize).min(self.aperture.planes - 1);
         let part = at - low as f64;
-        self.row[low].gain_np * (1.0 - part) + self.row[low + 1].gain_np * part
+        self.row[low].ln_gain * (1.0 - part) + self.row[low + 1].ln_gain * part
     }
 
     /// ln of the amplitude, two-way, that returns from the interface where segment `arrived` of a path ends: the gain

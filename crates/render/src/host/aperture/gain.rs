@@ -3,14 +3,11 @@
 use insonify_core::simd::{at_least, at_most, floor, real};
 
 use crate::aperture::ApertureTables;
+use crate::boundary::Boundary;
 use crate::host::constants::{EVEN_NP, SPREAD_NP, TRACKED_NP};
 use crate::host::paths::{BLOCK, Lanes, Paths, range_mm, seek};
 use crate::params::Params;
 use crate::segment::Segment;
-
-/// Numbers of a scanline at a boundary of the intervals: position among the planes, loss of the axial path (one-way
-/// nepers), gain at the plane before (nepers of amplitude, two-way), loss that all scanlines share (one-way nepers).
-pub(in crate::host) type Boundary = [f32; 4];
 
 /// The aperture's gain along all scanlines.
 #[derive(Debug, Clone, Copy)]
@@ -107,10 +104,14 @@ impl<'a> ApertureGain<'a> {
 
     #[inline(always)]
     fn interval(&self, interval: usize) -> Interval {
-        let ([start, begins_np, _, shared_np], [end, ends_np, _, shared_end_np]) =
-            (self.row[interval], self.row[interval + 1]);
-        let (total_np, row_np) = (ends_np - begins_np, shared_end_np - shared_np);
-        Interval { positions: [start, end], begins_np, total_np, row_np, shared_np }
+        let [start, end] = [&self.row[interval], &self.row[interval + 1]];
+        Interval {
+            positions: [start.position, end.position],
+            begins_np: start.loss_np,
+            total_np: end.loss_np - start.loss_np,
+            row_np: end.shared_np - start.shared_np,
+            shared_np: start.shared_np,
+        }
     }
 
     /// Index of the interval that holds a range, and the part of it before the range.
@@ -160,7 +161,7 @@ impl<'a> ApertureGain<'a> {
         }
         // Positions of one interval lie within three planes.
         let low = floor(at_least(interval.positions[0] + 1.0, 0.0)) as usize;
-        let node = |k: usize| self.row[(low + k).min(self.row.len() - 1)][2];
+        let node = |k: usize| self.row[(low + k).min(self.row.len() - 1)].ln_gain;
         let (start, steps) = (node(0), [node(1) - node(0), node(2) - node(1), node(3) - node(2)]);
         for i in 0..BLOCK {
             let beyond = positions[i] - real(low as u32);
@@ -176,7 +177,7 @@ impl<'a> ApertureGain<'a> {
         let at = at_most(at_least(position + 1.0, 0.0), (self.row.len() - 1) as f32);
         let low = (at as usize).min(self.row.len() - 2);
         let part = at - low as f32;
-        self.row[low][2] * (1.0 - part) + self.row[low + 1][2] * part
+        self.row[low].ln_gain * (1.0 - part) + self.row[low + 1].ln_gain * part
     }
 }
 

@@ -6,8 +6,9 @@
 use insonify_core::simd::{at_least, at_most, exp, widened};
 use rayon::prelude::*;
 
-use super::gain::{ApertureGain, Boundary};
+use super::gain::ApertureGain;
 use crate::aperture::ApertureTables;
+use crate::boundary::Boundary;
 use crate::constants::DEPTH_BLOCK;
 use crate::host::constants::{ImageConstants, TRACKED_NP, VISIBLE_MIN, VISIBLE_MIN_NP};
 use crate::host::paths::{Paths, range_mm};
@@ -83,10 +84,11 @@ fn positions(tables: &ApertureTables, (starts, segments): (&[f32], &[Segment]), 
     let mut last = 0.5;
     let (mut at, mut shared_np) = (0, 0.0);
     let uncoupled_np = segments[0].loss_np(0.0);
-    row[0] = [-0.5, uncoupled_np, at_least(-2.0 * uncoupled_np, VISIBLE_MIN_NP), 0.0];
+    let ln_gain = at_least(-2.0 * uncoupled_np, VISIBLE_MIN_NP);
+    row[0] = Boundary { position: -0.5, loss_np: uncoupled_np, ln_gain, shared_np: 0.0 };
     for (interval, &row_np) in row_np.iter().enumerate() {
         let (from, to) = (interval as f32 * plane_mm, (interval + 1) as f32 * plane_mm);
-        let begins_np = row[interval][1];
+        let begins_np = row[interval].loss_np;
         // Trapezoids of the pieces of the interval.
         let (mut low, mut area) = (from, 0.0);
         loop {
@@ -111,7 +113,8 @@ fn positions(tables: &ApertureTables, (starts, segments): (&[f32], &[Segment]), 
         let centre = (1.0 - mean_np / at_least(own_np, 1.0e-6)).clamp(0.0, 1.0);
         last = (1.0 - followed) * last + followed * centre;
         shared_np += row_np;
-        row[interval + 1] = [(interval + 1) as f32 - (1.0 - followed) * last, ends_np, 0.0, shared_np];
+        let position = (interval + 1) as f32 - (1.0 - followed) * last;
+        row[interval + 1] = Boundary { position, loss_np: ends_np, ln_gain: 0.0, shared_np };
     }
 }
 
@@ -128,6 +131,6 @@ fn gains(constants: ImageConstants, tables: &ApertureTables, line: usize, powers
         let root = |node: usize| at_least(powers[node], VISIBLE_MIN).sqrt().sqrt();
         let part = node - low as f32;
         let between = root(low) * (1.0 - part) + root(low + 1) * part;
-        boundary[2] = at_most(2.0 * ln(between), constants.visible_max_np());
+        boundary.ln_gain = at_most(2.0 * ln(between), constants.visible_max_np());
     }
 }
