@@ -19,7 +19,7 @@ pub(crate) struct BatchPlan {
 }
 
 /// Memory of the segments of a path, bytes.
-const PATH_BYTES: u64 = SEGMENTS as u64 * size_of::<Segment>() as u64;
+pub(crate) const PATH_BYTES: u64 = SEGMENTS as u64 * size_of::<Segment>() as u64;
 
 impl BatchPlan {
     /// Split of a frame into whole layers: as many as fit into the least buffer, or one.

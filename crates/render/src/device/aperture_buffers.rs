@@ -1,4 +1,4 @@
-//! Buffers of the aperture's passes; a few bytes each if the effect is off.
+//! Buffers of the aperture's passes. Each has a few bytes if the effect is off.
 
 use super::gpu::{Gpu, UNIFORM};
 use crate::aperture::{ApertureShape, CellRays, MODE_NONE};
@@ -8,7 +8,7 @@ use crate::error::BackendError;
 use crate::params::Params;
 use crate::tables::Tables;
 
-/// Tables and outputs of `transmission`, `propagate`, `beams` and `visibility`. Cloning shares the memory.
+/// Tables and outputs of the passes from `transmission` to `visibility`. Cloning shares the memory.
 #[derive(Debug, Clone)]
 pub(crate) struct ApertureBuffers {
     pub(super) shape: wgpu::Buffer,
@@ -20,22 +20,24 @@ pub(crate) struct ApertureBuffers {
     pub(super) beam_parts: wgpu::Buffer,
     pub(super) reaches: wgpu::Buffer,
     pub(super) unobstructed: wgpu::Buffer,
-    pub(crate) mask: wgpu::Buffer,
-    pub(crate) row_np: wgpu::Buffer,
-    /// Of `transmission` between batches of one layer.
+    pub(super) mask: wgpu::Buffer,
+    pub(super) row_np: wgpu::Buffer,
+    /// Sums of `transmission`, carried between batches of one layer.
     pub(super) partial_sums: wgpu::Buffer,
-    pub(crate) fields: wgpu::Buffer,
-    pub(crate) amplitudes: wgpu::Buffer,
-    pub(crate) beam_powers: wgpu::Buffer,
-    pub(crate) profiles: wgpu::Buffer,
-    pub(crate) blends: wgpu::Buffer,
-    pub(crate) line_gains: wgpu::Buffer,
-    pub(crate) block_gains: wgpu::Buffer,
-    pub(crate) reflected: wgpu::Buffer,
+    pub(super) fields: wgpu::Buffer,
+    pub(super) amplitudes: wgpu::Buffer,
+    pub(super) beam_powers: wgpu::Buffer,
+    pub(super) profiles: wgpu::Buffer,
+    pub(super) blends: wgpu::Buffer,
+    pub(super) line_gains: wgpu::Buffer,
+    pub(super) block_gains: wgpu::Buffer,
+    pub(super) reflected: wgpu::Buffer,
+    /// All of the above that passes write, in a fixed order.
+    pub(super) written: Vec<wgpu::Buffer>,
 }
 
 impl ApertureBuffers {
-    /// Makes the buffers for `frames` frames, and reuses those of `previous` that have the right size.
+    /// Buffers for `frames` frames. Buffers of `previous` that have the right size are reused.
     pub(super) fn new(
         gpu: &Gpu,
         tables: &Tables,
@@ -56,7 +58,12 @@ impl ApertureBuffers {
             Some(buffer) => Ok(buffer),
             None => gpu.storage(label, size),
         };
-        let part = |label: &'static str, size: u64, of: Of| work(label, size.max(16) * u64::from(frames), of);
+        let mut written = Vec::new();
+        let mut part = |label: &'static str, size: u64, of: Of| {
+            let buffer = work(label, size.max(16) * u64::from(frames), of)?;
+            written.push(buffer.clone());
+            Ok::<_, BackendError>(buffer)
+        };
         let shape = size_of::<ApertureShape>() as u64;
         Ok(Self {
             shape: match taken(|b| &b.shape, shape) {
@@ -86,6 +93,7 @@ impl ApertureBuffers {
             })?,
             block_gains: part("block gains", if aperture.is_some() { 8 * blocks } else { 0 }, |b| &b.block_gains)?,
             reflected: part("reflected amplitudes", if aperture.is_some() { 4 * blocks } else { 0 }, |b| &b.reflected)?,
+            written,
         })
     }
 

@@ -4,7 +4,6 @@ use insonify_core::anatomy::Bvh;
 
 use super::aperture_buffers::ApertureBuffers;
 use super::gpu::{Gpu, UNIFORM};
-use super::shaders::{ECHO, ECHO_BY_LINE, PASSES, TRACE, TRACE_BY_LANES};
 use crate::batch_plan::BatchPlan;
 use crate::constants::{BLOCK_QUADS, ENTRIES, PULSE_QUADS, SEGMENTS, STARTS, TISSUES_MAX};
 use crate::error::BackendError;
@@ -21,7 +20,7 @@ const _: () = assert!(size_of::<Params>() <= PARAMS_STRIDE as usize);
 pub(crate) struct SceneBuffers {
     pub(super) nodes: wgpu::Buffer,
     pub(super) triangles: wgpu::Buffer,
-    surface_tissue: wgpu::Buffer,
+    pub(super) surface_tissue: wgpu::Buffer,
     /// Displacement of each triangle from its rest position; one entry for static scenes.
     pub(super) displacements: wgpu::Buffer,
 }
@@ -45,48 +44,50 @@ impl SceneBuffers {
 /// Buffers of a configuration. Cloning shares the memory.
 #[derive(Debug, Clone)]
 pub(crate) struct Buffers {
-    /// Frames that a dispatch makes; what passes write has a part for each.
+    /// Frames that a dispatch makes.
     pub(super) frames: u32,
-    pub(crate) params: wgpu::Buffer,
-    rays: wgpu::Buffer,
-    map_rays: wgpu::Buffer,
-    tissues: wgpu::Buffer,
-    textures: wgpu::Buffer,
-    lateral_kernels: wgpu::Buffer,
-    kernel_spans: wgpu::Buffer,
-    pulse: wgpu::Buffer,
-    scatterer_gain: wgpu::Buffer,
-    sheet_reach: wgpu::Buffer,
-    pixels: wgpu::Buffer,
-    sector_words: wgpu::Buffer,
-    pub(crate) starts_inside: wgpu::Buffer,
-    pub(crate) couplings: wgpu::Buffer,
-    near_field: wgpu::Buffer,
-    pub(crate) overflows: wgpu::Buffer,
-    /// A counter of its own, so that `section` waits for no path.
-    pub(crate) map_overflows: wgpu::Buffer,
-    pub(crate) starts: wgpu::Buffer,
-    pub(crate) segments: wgpu::Buffer,
-    pub(crate) echoes: wgpu::Buffer,
-    pub(crate) hints: wgpu::Buffer,
-    pub(crate) raster: wgpu::Buffer,
-    pub(crate) segment_counts: wgpu::Buffer,
-    pub(crate) baseband: wgpu::Buffer,
-    pub(crate) focused: wgpu::Buffer,
-    pub(crate) polar: wgpu::Buffer,
-    pub(crate) lines: wgpu::Buffer,
-    pub(crate) aperture: ApertureBuffers,
-    pub(crate) kept_powers: wgpu::Buffer,
-    pub(crate) entries: wgpu::Buffer,
-    pub(crate) entry_counts: wgpu::Buffer,
-    pub(crate) percentile: wgpu::Buffer,
-    pub(crate) bmode: wgpu::Buffer,
-    pub(crate) segmentation: wgpu::Buffer,
-    pub(crate) attenuation: wgpu::Buffer,
+    pub(super) params: wgpu::Buffer,
+    pub(super) rays: wgpu::Buffer,
+    pub(super) map_rays: wgpu::Buffer,
+    pub(super) tissues: wgpu::Buffer,
+    pub(super) textures: wgpu::Buffer,
+    pub(super) lateral_kernels: wgpu::Buffer,
+    pub(super) kernel_spans: wgpu::Buffer,
+    pub(super) pulse: wgpu::Buffer,
+    pub(super) scatterer_gain: wgpu::Buffer,
+    pub(super) sheet_reach: wgpu::Buffer,
+    pub(super) pixels: wgpu::Buffer,
+    pub(super) sector_words: wgpu::Buffer,
+    pub(super) starts_inside: wgpu::Buffer,
+    pub(super) couplings: wgpu::Buffer,
+    pub(super) near_field: wgpu::Buffer,
+    pub(super) overflows: wgpu::Buffer,
+    /// Overflows of `section`, whose counter is its own so that it waits for no path.
+    pub(super) map_overflows: wgpu::Buffer,
+    pub(super) starts: wgpu::Buffer,
+    pub(super) segments: wgpu::Buffer,
+    pub(super) echoes: wgpu::Buffer,
+    pub(super) hints: wgpu::Buffer,
+    pub(super) raster: wgpu::Buffer,
+    pub(super) segment_counts: wgpu::Buffer,
+    pub(super) baseband: wgpu::Buffer,
+    pub(super) focused: wgpu::Buffer,
+    pub(super) polar: wgpu::Buffer,
+    pub(super) lines: wgpu::Buffer,
+    pub(super) aperture: ApertureBuffers,
+    pub(super) kept_powers: wgpu::Buffer,
+    pub(super) entries: wgpu::Buffer,
+    pub(super) entry_counts: wgpu::Buffer,
+    pub(super) percentile: wgpu::Buffer,
+    pub(super) bmode: wgpu::Buffer,
+    pub(super) segmentation: wgpu::Buffer,
+    pub(super) attenuation: wgpu::Buffer,
+    /// All of the above that passes write, in a fixed order.
+    written: Vec<wgpu::Buffer>,
 }
 
 impl Buffers {
-    /// Makes the buffers for `frames` frames, and reuses those of `previous` that have the right size. They keep their contents until
+    /// Buffers for `frames` frames. Buffers of `previous` that have the right size are reused. They keep their contents until
     /// [`Buffers::fill`], so a configuration that fails leaves `previous` intact.
     pub(crate) fn new(
         gpu: &Gpu,
@@ -108,8 +109,13 @@ impl Buffers {
             Some(buffer) => Ok(buffer),
             None => gpu.storage(label, size),
         };
-        // What passes write: a part for each frame.
-        let part = |label: &'static str, size: u64, of: Of| work(label, size.max(16) * u64::from(frames), of);
+        // Buffers that passes write have a part for each frame.
+        let mut written = Vec::new();
+        let mut part = |label: &'static str, size: u64, of: Of| {
+            let buffer = work(label, size.max(16) * u64::from(frames), of)?;
+            written.push(buffer.clone());
+            Ok::<_, BackendError>(buffer)
+        };
         let filled = |label, bytes: &[[f32; 4]], of: Of| work(label, size_of_val(bytes) as u64, of);
         // Small tables are uniforms: software devices read those several times faster.
         let uniform = |label: &'static str, size: u64, of: Of| match taken(of, size) {
@@ -133,7 +139,7 @@ impl Buffers {
             pulse: uniform("pulse", 16 * u64::from(PULSE_QUADS), |b| &b.pulse)?,
             scatterer_gain: uniform("scatterer gain", 16 * u64::from(BLOCK_QUADS), |b| &b.scatterer_gain)?,
             sheet_reach: uniform("reach of the sheets", 16 * u64::from(BLOCK_QUADS), |b| &b.sheet_reach)?,
-            // The straight angle has no places of its own.
+            // One table for each steering angle: the straight one's is `tables.pixels`.
             pixels: work("pixels", sector_pixels * tables.angles.len() as u64, |b| &b.pixels)?,
             sector_words: work("sector words", sector_pixels / 4, |b| &b.sector_words)?,
             starts_inside: part("start membership", paths * 32, |b| &b.starts_inside)?,
@@ -161,24 +167,18 @@ impl Buffers {
             bmode: part("B-mode", pixels, |b| &b.bmode)?,
             segmentation: part("segmentation", pixels, |b| &b.segmentation)?,
             attenuation: part("attenuation", pixels * 2, |b| &b.attenuation)?,
+            written,
         })
     }
 
     /// Uploads the tables and clears the buffers that passes write. No pass writes image words outside the sector, and
     /// none may read data of another configuration.
-    pub(crate) fn fill(
-        &self,
-        gpu: &Gpu,
-        scene: &SceneBuffers,
-        tables: &Tables,
-        refraction: bool,
-        previous: Option<&Self>,
-    ) {
-        let places = |pixels: &[u32]| -> Vec<u32> {
+    pub(crate) fn fill(&self, gpu: &Gpu, tables: &Tables, refraction: bool, previous: Option<&Self>) {
+        let in_sector = |pixels: &[u32]| -> Vec<u32> {
             tables.sector_words.iter().flat_map(|&word| pixels[4 * word as usize..][..4].iter().copied()).collect()
         };
         let steered = tables.angles.iter().map(|angle| &angle.pixels[..]).filter(|pixels| !pixels.is_empty());
-        let sector_pixels: Vec<u32> = std::iter::once(&tables.pixels[..]).chain(steered).flat_map(places).collect();
+        let sector_pixels: Vec<u32> = std::iter::once(&tables.pixels[..]).chain(steered).flat_map(in_sector).collect();
         let write = |buffer: &wgpu::Buffer, bytes: &[u8]| gpu.queue.write_buffer(buffer, 0, bytes);
         // Pads a table that is shorter than its uniform with zeros.
         let padded = |buffer: &wgpu::Buffer, bytes: &[u8]| {
@@ -206,182 +206,24 @@ impl Buffers {
         let Some(previous) = previous else { return };
         let label = wgpu::CommandEncoderDescriptor { label: Some("clear") };
         let mut encoder = gpu.device.create_command_encoder(&label);
-        for (buffer, _) in self.written(scene).zip(previous.written(scene)).filter(|(new, old)| new == old) {
+        for (buffer, _) in self.written().zip(previous.written()).filter(|(new, old)| new == old) {
             encoder.clear_buffer(buffer, 0, None);
         }
         gpu.queue.submit([encoder.finish()]);
     }
 
-    /// Buffers that passes write.
-    fn written<'a>(&'a self, scene: &'a SceneBuffers) -> impl Iterator<Item = &'a wgpu::Buffer> {
-        let bound = PASSES.into_iter().flat_map(|(name, _)| self.of_pass(scene, name));
-        bound.filter(|(_, binding)| *binding == Binding::Write).map(|(buffer, _)| buffer)
+    /// Buffers that passes write; each has a part for each frame.
+    fn written(&self) -> impl Iterator<Item = &wgpu::Buffer> {
+        self.written.iter().chain(&self.aperture.written)
+    }
+
+    /// Whether passes write a buffer.
+    pub(super) fn is_written(&self, buffer: &wgpu::Buffer) -> bool {
+        self.written().any(|written| written == buffer)
     }
 
     /// Size of all buffers that passes write, bytes.
-    pub(super) fn written_bytes(&self, scene: &SceneBuffers) -> u64 {
-        let mut known: Vec<&wgpu::Buffer> = Vec::new();
-        for buffer in self.written(scene) {
-            if !known.contains(&buffer) {
-                known.push(buffer);
-            }
-        }
-        known.iter().map(|buffer| buffer.size()).sum()
+    pub(super) fn written_bytes(&self) -> u64 {
+        self.written().map(wgpu::Buffer::size).sum()
     }
-
-    /// Numbers of a pass's bindings to buffers that frames have parts of.
-    pub(super) fn parts_of_pass(&self, scene: &SceneBuffers, name: &str) -> Vec<u32> {
-        let written: Vec<&wgpu::Buffer> = self.written(scene).collect();
-        let bound = self.of_pass(scene, name);
-        bound.iter().zip(1..).filter(|((buffer, _), _)| written.contains(buffer)).map(|(_, binding)| binding).collect()
-    }
-
-    /// Buffers that a pass binds after its parameters, in the order of its bindings.
-    pub(crate) fn of_pass<'a>(&'a self, scene: &'a SceneBuffers, name: &str) -> Vec<(&'a wgpu::Buffer, Binding)> {
-        let (read, write, uniform) = (Binding::Read, Binding::Write, Binding::Uniform);
-        match name {
-            "locate" => vec![
-                (&scene.nodes, read),
-                (&scene.triangles, read),
-                (&scene.surface_tissue, read),
-                (&self.rays, read),
-                (&self.starts_inside, write),
-                (&self.overflows, write),
-                (&self.couplings, write),
-            ],
-            TRACE | TRACE_BY_LANES => vec![
-                (&scene.nodes, read),
-                (&scene.triangles, read),
-                (&scene.surface_tissue, read),
-                (&self.rays, read),
-                (&self.starts_inside, read),
-                (&self.overflows, write),
-                (&self.tissues, uniform),
-                (&self.starts, write),
-                (&self.segments, write),
-                (&self.echoes, write),
-                (&self.segment_counts, write),
-                (&self.hints, write),
-                (&scene.displacements, read),
-                (&self.couplings, read),
-            ],
-            "march" => vec![
-                (&self.starts, read),
-                (&self.segments, read),
-                (&self.hints, read),
-                (&self.scatterer_gain, uniform),
-                (&self.baseband, write),
-                (&self.kept_powers, write),
-                (&self.aperture.shape, uniform),
-                (&self.aperture.line_gains, read),
-                (&self.sheet_reach, uniform),
-                (&self.textures, read),
-                (&self.aperture.reflected, write),
-            ],
-            ECHO | ECHO_BY_LINE => vec![
-                (&self.starts, read),
-                (&self.segments, read),
-                (&self.echoes, read),
-                (&self.segment_counts, read),
-                (&self.aperture.shape, uniform),
-                (&self.aperture.line_gains, read),
-                (&self.baseband, write),
-            ],
-            "transmission" => vec![
-                (&self.starts, read),
-                (&self.segments, read),
-                (&self.aperture.shape, uniform),
-                (&self.aperture.cell_rays, read),
-                (&self.aperture.mask, write),
-                (&self.aperture.row_np, write),
-                (&self.rays, read),
-                (&self.aperture.partial_sums, write),
-            ],
-            "propagate" => vec![
-                (&self.aperture.shape, uniform),
-                (&self.aperture.modes, read),
-                (&self.aperture.face, read),
-                (&self.aperture.steps, read),
-                (&self.aperture.mask, read),
-                (&self.aperture.fields, write),
-            ],
-            "beams" => vec![
-                (&self.aperture.shape, uniform),
-                (&self.aperture.modes, read),
-                (&self.aperture.beam_parts, read),
-                (&self.aperture.fields, read),
-                (&self.aperture.amplitudes, write),
-            ],
-            "profiles" => vec![
-                (&self.aperture.shape, uniform),
-                (&self.aperture.line_cells, read),
-                (&self.aperture.reaches, read),
-                (&self.aperture.unobstructed, read),
-                (&self.lateral_kernels, read),
-                (&self.aperture.amplitudes, read),
-                (&self.aperture.beam_powers, write),
-                (&self.aperture.profiles, write),
-                (&self.aperture.blends, write),
-            ],
-            "visibility" => vec![
-                (&self.starts, read),
-                (&self.segments, read),
-                (&self.aperture.shape, uniform),
-                (&self.aperture.line_cells, read),
-                (&self.aperture.beam_powers, read),
-                (&self.aperture.row_np, read),
-                (&self.aperture.line_gains, write),
-                (&self.aperture.block_gains, write),
-            ],
-            "lateral" => vec![
-                (&self.lateral_kernels, read),
-                (&self.baseband, read),
-                (&self.focused, write),
-                (&self.aperture.block_gains, read),
-                (&self.aperture.shape, uniform),
-                (&self.aperture.profiles, read),
-                (&self.aperture.blends, read),
-                (&self.kernel_spans, read),
-                (&self.aperture.reflected, read),
-            ],
-            "receive" => {
-                vec![(&self.starts, read), (&self.segments, read), (&self.near_field, read), (&self.focused, write)]
-            }
-            "detect" => {
-                vec![(&self.pulse, uniform), (&self.focused, read), (&self.polar, write), (&self.lines, write)]
-            }
-            "section" => vec![
-                (&scene.nodes, read),
-                (&scene.triangles, read),
-                (&scene.surface_tissue, read),
-                (&self.map_rays, read),
-                (&self.tissues, uniform),
-                (&self.entries, write),
-                (&self.entry_counts, write),
-                (&self.map_overflows, write),
-                (&self.raster, write),
-            ],
-            "percentile" => vec![(&self.entries, read), (&self.entry_counts, read), (&self.percentile, write)],
-            "scan_convert" => vec![
-                (&self.pixels, read),
-                (&self.polar, read),
-                (&self.raster, read),
-                (&self.percentile, read),
-                (&self.tissues, uniform),
-                (&self.bmode, write),
-                (&self.segmentation, write),
-                (&self.attenuation, write),
-                (&self.sector_words, read),
-            ],
-            _ => Vec::new(),
-        }
-    }
-}
-
-/// Binding of a buffer by a pass.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Binding {
-    Read,
-    Write,
-    Uniform,
 }

@@ -4,6 +4,7 @@ mod aperture_buffers;
 mod attenuation;
 mod buffers;
 mod configuration;
+mod dispatches;
 mod gpu;
 #[cfg(feature = "test-hooks")]
 mod hang;

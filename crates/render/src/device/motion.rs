@@ -5,10 +5,10 @@ use glam::{DVec3, Vec3};
 use insonify_core::anatomy::bvh::MotionTables;
 use insonify_core::anatomy::motion::Shape;
 
-use super::buffers::{Binding, SceneBuffers};
+use super::buffers::SceneBuffers;
 use super::gpu::{Gpu, UNIFORM};
-use super::passes::{Pass, Pipelines, Shader};
-use super::shaders::MOTION_PASSES;
+use super::passes::{Pass, Pipelines, Specialised};
+use super::shaders::Shader;
 use crate::constants::{FIELDS_MAX, MOTION_GROUP};
 use crate::error::BackendError;
 
@@ -47,14 +47,14 @@ struct Step {
     unused: [u32; 2],
 }
 
-/// Buffers of what moves, and the passes that move it.
+/// Buffers of the moving parts, and the passes that move them.
 #[derive(Debug)]
 pub(super) struct Motion {
     uniforms: Uniforms,
     uniform_buffer: wgpu::Buffer,
-    /// Amounts that the next frame is to have; none before the first motion.
+    /// Amounts of the next frame; none before the first motion.
     wanted: Option<Vec<[f32; 2]>>,
-    /// Amounts that the device has; none before the first motion.
+    /// Amounts on the device; none before the first motion.
     present: Option<Vec<[f32; 2]>>,
     pub(super) moved: wgpu::Buffer,
     displace: Pass,
@@ -64,6 +64,9 @@ pub(super) struct Motion {
 }
 
 impl Motion {
+    /// Passes that move the scene.
+    pub(super) const PASSES: usize = 3;
+
     /// Buffers and passes of a scene at rest.
     ///
     /// # Errors
@@ -93,28 +96,21 @@ impl Motion {
             let step = Step { first, count, unused: [0; 2] };
             gpu.queue.write_buffer(&step_buffer, at * STEP_STRIDE, bytemuck::bytes_of(&step));
         }
-        let (read, write, uniform) = (Binding::Read, Binding::Write, Binding::Uniform);
-        let motion = (&uniform_buffer, uniform);
-        let displace = [motion, (&vertices, read), (&moved, write)];
-        let assemble = [
-            motion,
-            (&vertices, read),
-            (&moved, read),
-            (&corners, read),
-            (&scene.triangles, write),
-            (&scene.displacements, write),
-        ];
-        let refit = [motion, (&order, read), (&scene.triangles, read), (&extents, write), (&scene.nodes, write)];
-        let mut pass = |name, step: usize, bound: &[_]| {
+        let mut pass = |shader, step: usize, bound: &[&wgpu::Buffer]| {
             let groups = [steps[step].1.div_ceil(MOTION_GROUP), 1, 1];
-            let shader = Shader { name, constants: &[], frames: 1, parts: Vec::new() };
-            Pass::bound(gpu, pipelines, (&step_buffer, size_of::<Step>()), &shader, groups, bound)
+            let specialised = Specialised { shader, constants: &[], frames: 1, parts: Vec::new() };
+            Pass::bound(gpu, pipelines, (&step_buffer, size_of::<Step>()), &specialised, groups, bound)
         };
-        let [first, second, third] = MOTION_PASSES;
+        let (u, triangles) = (&uniform_buffer, &scene.triangles);
+        let displace = pass(Shader::Displace, 0, &[u, &vertices, &moved])?;
+        let assemble = [u, &vertices, &moved, &corners, triangles, &scene.displacements];
+        let assemble = pass(Shader::Assemble, 1, &assemble)?;
+        let refit = [u, &order, triangles, &extents, &scene.nodes];
+        let refit = (2..steps.len()).map(|step| pass(Shader::Refit, step, &refit)).collect::<Result<_, _>>()?;
         Ok(Self {
-            displace: pass(first, 0, &displace)?,
-            assemble: pass(second, 1, &assemble)?,
-            refit: (2..steps.len()).map(|step| pass(third, step, &refit)).collect::<Result<_, _>>()?,
+            displace,
+            assemble,
+            refit,
             uniforms: uniforms(tables),
             uniform_buffer,
             wanted: None,
@@ -133,27 +129,18 @@ impl Motion {
         self.uniforms.fields.iter().map(|field| field.amounts).collect()
     }
 
-    /// Moves the scene for the next frame: uploads its amounts, and hands the dispatches of each of [`MOTION_PASSES`] to `run`. Returns
-    /// whether there are any.
-    pub(super) fn run(
-        &mut self,
-        gpu: &Gpu,
-        mut run: impl FnMut(&'static str, &dyn Fn(&mut wgpu::ComputePass<'_>)),
-    ) -> bool {
+    /// Moves the scene for the next frame: uploads its amounts, and hands each pass's name and dispatches to `run`.
+    /// Does nothing if no amount has changed.
+    pub(super) fn run(&mut self, gpu: &Gpu, mut run: impl FnMut(&'static str, &dyn Fn(&mut wgpu::ComputePass<'_>))) {
         if !self.upload(gpu) {
-            return false;
+            return;
         }
-        let dispatches = [std::slice::from_ref(&self.displace), std::slice::from_ref(&self.assemble), &self.refit];
-        let mut step = 0;
-        for (name, dispatches) in MOTION_PASSES.into_iter().zip(dispatches) {
-            run(name, &|compute| {
-                for (dispatch, step) in dispatches.iter().zip(step..) {
-                    dispatch.record_at(compute, step * STEP_STRIDE as u32);
-                }
-            });
-            step += dispatches.len() as u32;
-        }
-        true
+        let offset = |step: u32| step * STEP_STRIDE as u32;
+        run(Shader::Displace.pass(), &|compute| self.displace.record_at(compute, offset(0)));
+        run(Shader::Assemble.pass(), &|compute| self.assemble.record_at(compute, offset(1)));
+        run(Shader::Refit.pass(), &|compute| {
+            self.refit.iter().zip(2..).for_each(|(level, step)| level.record_at(compute, offset(step)));
+        });
     }
 
     /// Uploads the amounts of the next frame. Returns whether any has changed.

@@ -3,10 +3,10 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use super::buffers::{Binding, Buffers, PARAMS_STRIDE, SceneBuffers};
+use super::buffers::{Buffers, PARAMS_STRIDE};
 use super::gpu::Gpu;
 use super::several::source_of_frames;
-use super::shaders::{ShaderSet, pass_of};
+use super::shaders::{Shader, ShaderSet, declaration};
 use crate::error::BackendError;
 use crate::params::Params;
 
@@ -15,19 +15,19 @@ pub(crate) type Constants<'a> = &'a [(&'static str, f64)];
 
 /// A shader, and what specialises it.
 #[derive(Debug, Clone)]
-pub(super) struct Shader<'a> {
-    pub(super) name: &'static str,
+pub(super) struct Specialised<'a> {
+    pub(super) shader: Shader,
     pub(super) constants: Constants<'a>,
     /// Frames that a dispatch makes.
     pub(super) frames: u32,
-    /// Bindings of buffers that frames have parts of.
+    /// Bindings of buffers with a part for each frame.
     pub(super) parts: Vec<u32>,
 }
 
 /// A compiled pass.
 #[derive(Debug)]
 struct Compiled {
-    name: &'static str,
+    shader: Shader,
     constants: Vec<(&'static str, f64)>,
     frames: u32,
     layout: wgpu::BindGroupLayout,
@@ -70,37 +70,27 @@ impl Pipelines {
         cold
     }
 
-    /// The pass of a shader, compiled if it wasn't yet; `bound` lists its buffers after the parameters.
-    fn get(
-        &mut self,
-        gpu: &Gpu,
-        shader: &Shader<'_>,
-        bound: &[(&wgpu::Buffer, Binding)],
-    ) -> Result<Arc<Compiled>, BackendError> {
-        let Shader { name, constants, frames, .. } = *shader;
-        let is_it = |c: &&Arc<Compiled>| c.name == name && c.constants == constants && c.frames == frames;
+    /// The compiled pass of a specialised shader with this number of `buffers` after its parameters. Compiles it once.
+    fn get(&mut self, gpu: &Gpu, specialised: &Specialised<'_>, buffers: u32) -> Result<Arc<Compiled>, BackendError> {
+        let Specialised { shader, constants, frames, .. } = *specialised;
+        let is_it = |c: &&Arc<Compiled>| c.shader == shader && c.constants == constants && c.frames == frames;
         if let Some(known) = self.compiled.iter().find(is_it) {
             return Ok(known.clone());
         }
-        let compiled = gpu.validated(name, || compile(&gpu.device, &self.shaders, shader, bound))?;
+        let compiled = gpu.validated(shader.pass(), || compile(&gpu.device, &self.shaders, specialised, buffers))?;
         let compiled = Arc::new(compiled);
         self.compiled.push(compiled.clone());
         Ok(compiled)
     }
 }
 
-fn compile(
-    device: &wgpu::Device,
-    shaders: &ShaderSet,
-    shader: &Shader<'_>,
-    bound: &[(&wgpu::Buffer, Binding)],
-) -> Compiled {
-    let Shader { name, constants, frames, .. } = *shader;
-    let source: Cow<'_, str> = match shaders.source(name) {
-        source if frames > 1 => source_of_frames(source, &shader.parts, frames).into(),
-        source => source.into(),
-    };
-    let descriptor = wgpu::ShaderModuleDescriptor { label: Some(name), source: wgpu::ShaderSource::Wgsl(source) };
+fn compile(device: &wgpu::Device, shaders: &ShaderSet, specialised: &Specialised<'_>, buffers: u32) -> Compiled {
+    let Specialised { shader, constants, frames, ref parts } = *specialised;
+    let label = Some(shader.pass());
+    let source = shaders.source(shader);
+    let entries: Vec<_> = (0..=buffers).map(|binding| layout_entry(source, binding)).collect();
+    let source: Cow<'_, str> = if frames > 1 { source_of_frames(source, parts, frames).into() } else { source.into() };
+    let descriptor = wgpu::ShaderModuleDescriptor { label, source: wgpu::ShaderSource::Wgsl(source) };
     let checks = wgpu::ShaderRuntimeChecks {
         bounds_checks: shaders.bounds_checks,
         force_loop_bounding: false,
@@ -109,78 +99,68 @@ fn compile(
     // SAFETY: every index is bounded by the counts that the buffers were sized from (`Params`, `Tables`), every loop by
     // such a count or a constant; `check_scene` has checked every index of the scene. Checks cost time on every read.
     let module = unsafe { device.create_shader_module_trusted(descriptor, checks) };
-    let uniform = wgpu::BindGroupLayoutEntry {
-        binding: 0,
-        visibility: wgpu::ShaderStages::COMPUTE,
-        ty: wgpu::BindingType::Buffer {
-            ty: wgpu::BufferBindingType::Uniform,
-            has_dynamic_offset: true,
-            min_binding_size: None,
-        },
-        count: None,
-    };
-    let storage = bound.iter().zip(1u32..).map(|((_, kind), binding)| wgpu::BindGroupLayoutEntry {
-        binding,
-        visibility: wgpu::ShaderStages::COMPUTE,
-        ty: wgpu::BindingType::Buffer {
-            ty: match kind {
-                Binding::Uniform => wgpu::BufferBindingType::Uniform,
-                Binding::Read => wgpu::BufferBindingType::Storage { read_only: true },
-                Binding::Write => wgpu::BufferBindingType::Storage { read_only: false },
-            },
-            has_dynamic_offset: false,
-            min_binding_size: None,
-        },
-        count: None,
-    });
-    let entries: Vec<_> = std::iter::once(uniform).chain(storage).collect();
-    let layout =
-        device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(name), entries: &entries });
+    let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries });
     let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: Some(name),
+        label,
         bind_group_layouts: &[Some(&layout)],
         immediate_size: 0,
     });
     let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: Some(name),
+        label,
         layout: Some(&pipeline_layout),
         module: &module,
         entry_point: Some("main"),
         compilation_options: wgpu::PipelineCompilationOptions { constants, zero_initialize_workgroup_memory: true },
         cache: None,
     });
-    Compiled { name, constants: constants.to_vec(), frames, layout, pipeline }
+    Compiled { shader, constants: constants.to_vec(), frames, layout, pipeline }
+}
+
+/// Layout of a binding as the source declares it. The parameters, which are the first, have an offset.
+fn layout_entry(source: &str, binding: u32) -> wgpu::BindGroupLayoutEntry {
+    let space = declaration(source, binding).map_or("", |(space, _)| space);
+    let ty = match space {
+        "uniform" => wgpu::BufferBindingType::Uniform,
+        space => wgpu::BufferBindingType::Storage { read_only: space != "storage, read_write" },
+    };
+    wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::COMPUTE,
+        ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: binding == 0, min_binding_size: None },
+        count: None,
+    }
 }
 
 /// A compiled pass with its bindings in one configuration.
 #[derive(Debug)]
 pub(crate) struct Pass {
-    pub(crate) name: &'static str,
     compiled: Arc<Compiled>,
     bindings: wgpu::BindGroup,
     groups: [u32; 3],
-    frames: u32,
 }
 
 impl Pass {
-    pub(crate) fn new(
+    /// A pass of a frame. It binds the frame's parameters, then `bound`.
+    ///
+    /// # Errors
+    /// As [`Pass::bound`].
+    pub(super) fn of_frame(
         gpu: &Gpu,
         pipelines: &mut Pipelines,
-        buffers: (&SceneBuffers, &Buffers),
-        name: &'static str,
+        buffers: &Buffers,
+        shader: Shader,
         groups: [u32; 3],
         constants: Constants<'_>,
+        bound: &[&wgpu::Buffer],
     ) -> Result<Self, BackendError> {
-        let (scene, buffers) = buffers;
-        let bound = buffers.of_pass(scene, name);
         let frames = buffers.frames;
-        let parts = if frames > 1 { buffers.parts_of_pass(scene, name) } else { Vec::new() };
-        let shader = Shader { name, constants, frames, parts };
+        let parts = bound.iter().zip(1..).filter(|(buffer, _)| buffers.is_written(buffer)).map(|(_, binding)| binding);
+        let specialised = Specialised { shader, constants, frames, parts: parts.collect() };
         let size = size_of::<Params>() * frames as usize;
-        Self::bound(gpu, pipelines, (&buffers.params, size), &shader, groups, &bound)
+        Self::bound(gpu, pipelines, (&buffers.params, size), &specialised, groups, bound)
     }
 
-    /// A pass with the buffers `bound` to it after its parameters, a part of a buffer of this size in bytes.
+    /// A pass that binds its parameters, which take `size` bytes of a buffer, then `bound`.
     ///
     /// # Errors
     /// More workgroups than the device takes, or a shader that it refuses.
@@ -188,18 +168,18 @@ impl Pass {
         gpu: &Gpu,
         pipelines: &mut Pipelines,
         (params, size): (&wgpu::Buffer, usize),
-        shader: &Shader<'_>,
+        specialised: &Specialised<'_>,
         groups: [u32; 3],
-        bound: &[(&wgpu::Buffer, Binding)],
+        bound: &[&wgpu::Buffer],
     ) -> Result<Self, BackendError> {
-        let name = shader.name;
+        let name = specialised.shader.pass();
         let offered = gpu.device.limits().max_compute_workgroups_per_dimension;
         for needed in groups {
             gpu.check_limit(name, needed.into(), "workgroups a dispatch", offered.into())?;
         }
-        let compiled = pipelines.get(gpu, shader, bound)?;
+        let compiled = pipelines.get(gpu, specialised, bound.len() as u32)?;
         let params = wgpu::BufferBinding { buffer: params, offset: 0, size: wgpu::BufferSize::new(size as u64) };
-        let bound = bound.iter().map(|(buffer, _)| buffer.as_entire_binding());
+        let bound = bound.iter().map(|buffer| buffer.as_entire_binding());
         let entries: Vec<_> = std::iter::once(wgpu::BindingResource::Buffer(params))
             .chain(bound)
             .zip(0u32..)
@@ -208,15 +188,25 @@ impl Pass {
         let layout = &compiled.layout;
         let descriptor = wgpu::BindGroupDescriptor { label: Some(name), layout, entries: &entries };
         let bindings = gpu.validated(name, || gpu.device.create_bind_group(&descriptor))?;
-        Ok(Self { name: pass_of(name), compiled, bindings, groups, frames: shader.frames })
+        Ok(Self { compiled, bindings, groups })
+    }
+
+    /// Shader of the pass.
+    pub(super) fn shader(&self) -> Shader {
+        self.compiled.shader
+    }
+
+    /// Whether the pass dispatches these workgroups of a shader with these overrides.
+    pub(super) fn is(&self, shader: Shader, groups: [u32; 3], constants: Constants<'_>) -> bool {
+        self.compiled.shader == shader && self.groups == groups && self.compiled.constants == constants
     }
 
     /// Records the pass with the uniforms of `batch`.
     pub(crate) fn record(&self, encoder: &mut wgpu::ComputePass<'_>, batch: u32) {
-        self.record_at(encoder, batch * self.frames * PARAMS_STRIDE as u32);
+        self.record_at(encoder, batch * self.compiled.frames * PARAMS_STRIDE as u32);
     }
 
-    /// Records the pass for the first `frames` of the frames that it makes at once.
+    /// Records the pass for the first `frames` of those that it makes at once.
     pub(super) fn record_frames(&self, encoder: &mut wgpu::ComputePass<'_>, frames: u32) {
         let [x, y, _] = self.groups;
         self.dispatch(encoder, 0, [x, y, frames]);

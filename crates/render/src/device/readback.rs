@@ -5,7 +5,7 @@ use std::sync::mpsc;
 use super::attenuation::unpad_levels;
 use super::buffers::Buffers;
 use super::gpu::Gpu;
-use super::shaders::MOTION_PASSES;
+use super::motion::Motion;
 use crate::error::BackendError;
 use crate::frame::{Contents, Frame, unpad};
 use crate::params::Params;
@@ -13,7 +13,7 @@ use crate::params::Params;
 /// Staging memory of one frame in flight.
 #[derive(Debug)]
 pub(crate) struct Slot {
-    /// [B-mode | segmentation | attenuation | percentile, overflows, those of maps | lines | timestamps], one buffer.
+    /// One buffer: [B-mode | segmentation | attenuation | percentile, overflows of paths and of maps | lines | timestamps].
     staging: wgpu::Buffer,
     layout: Layout,
     queries: Option<Queries>,
@@ -33,13 +33,13 @@ pub(crate) struct Shape {
     /// Samples per row, without and with padding.
     pub(crate) samples: u32,
     pub(crate) row_samples: u32,
-    /// Passes of a frame with maps, in their order.
-    pub(crate) passes: Vec<&'static str>,
+    /// Most dispatches of a frame.
+    pub(crate) dispatches: usize,
 }
 
 impl Shape {
-    /// Sizes of a configuration; `passes` of a frame with maps, in their order.
-    pub(super) fn of(params: &Params, lines: bool, passes: Vec<&'static str>) -> Self {
+    /// Sizes of a configuration whose frames have up to this number of dispatches.
+    pub(super) fn of(params: &Params, lines: bool, dispatches: usize) -> Self {
         Self {
             width: params.image.width,
             height: params.image.height,
@@ -47,42 +47,17 @@ impl Shape {
             lines: if lines { params.scanlines } else { 0 },
             samples: params.samples,
             row_samples: params.row_samples,
-            passes,
+            dispatches,
         }
     }
 }
 
-/// Passes that a frame without maps leaves out.
-const MAP_PASSES: [&str; 2] = ["section", "percentile"];
-/// Passes that a frame without its image leaves out.
-const IMAGE_PASSES: [&str; 12] = [
-    "locate",
-    "trace",
-    "transmission",
-    "propagate",
-    "beams",
-    "profiles",
-    "visibility",
-    "march",
-    "echo",
-    "lateral",
-    "receive",
-    "detect",
-];
-
-/// Whether a frame of these contents needs the pass of that name.
-pub(super) fn takes(contents: Contents, pass: &str) -> bool {
-    (contents.maps || !MAP_PASSES.contains(&pass)) && (contents.image || !IMAGE_PASSES.contains(&pass))
-}
-
 /// Contents of a frame in flight.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct Recorded {
     pub(super) contents: Contents,
-    /// Whether they move the scene first.
-    pub(super) moved: bool,
-    /// Whether they are timed: those of several frames are with the first.
-    pub(super) timed: bool,
+    /// Names of the timed passes, in order. Of several frames that share dispatches, only the first has them.
+    pub(super) timed: Vec<&'static str>,
 }
 
 #[derive(Debug)]
@@ -122,7 +97,7 @@ impl Layout {
 
 impl Slot {
     pub(crate) fn new(gpu: &Gpu, shape: &Shape) -> Result<Self, BackendError> {
-        let count = 2 * (MOTION_PASSES.len() + shape.passes.len()) as u32;
+        let count = 2 * (Motion::PASSES + shape.dispatches) as u32;
         let queries = if gpu.timestamps && count <= wgpu::QUERY_SET_MAX_QUERIES {
             let usage = wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC;
             Some(Queries {
@@ -147,15 +122,9 @@ impl Slot {
         Ok(Self { staging, layout, queries, shape: shape.clone() })
     }
 
-    /// Sizes that it was made for.
+    /// Sizes that the slot was made for.
     pub(crate) fn shape(&self) -> &Shape {
         &self.shape
-    }
-
-    /// Passes of a frame, in their order.
-    fn passes(&self, recorded: Recorded) -> impl Iterator<Item = &'static str> {
-        let motion = MOTION_PASSES.into_iter().filter(move |_| recorded.moved);
-        motion.chain(self.shape.passes.iter().copied().filter(move |name| takes(recorded.contents, name)))
     }
 
     /// Timestamps around the pass that is recorded as the `index`-th.
@@ -167,8 +136,14 @@ impl Slot {
         })
     }
 
-    /// Records the copies from the working buffers, of their part for the `frame`-th frame.
-    pub(crate) fn record(&self, encoder: &mut wgpu::CommandEncoder, buffers: &Buffers, frame: u32, recorded: Recorded) {
+    /// Records the copies of the `frame`-th part of the working buffers.
+    pub(crate) fn record(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        buffers: &Buffers,
+        frame: u32,
+        recorded: &Recorded,
+    ) {
         let (l, contents) = (&self.layout, recorded.contents);
         let mut copy = |buffer: &wgpu::Buffer, to: u64, size: u64| {
             let part = buffer.size() / u64::from(buffers.frames) * u64::from(frame);
@@ -187,8 +162,8 @@ impl Slot {
         if l.lines > 0 {
             copy(&buffers.lines, l.lines(), l.lines);
         }
-        if let Some(queries) = self.queries.as_ref().filter(|_| recorded.timed) {
-            let count = 2 * self.passes(recorded).count() as u32;
+        if let Some(queries) = self.queries.as_ref().filter(|_| !recorded.timed.is_empty()) {
+            let count = 2 * recorded.timed.len() as u32;
             encoder.resolve_query_set(&queries.set, 0..count, &queries.resolved, 0);
             encoder.copy_buffer_to_buffer(&queries.resolved, 0, &self.staging, l.times(), Some(u64::from(count) * 8));
         }
@@ -204,7 +179,7 @@ impl Slot {
     }
 
     /// Copies the mapped frame out and gives the memory back.
-    pub(crate) fn read(&self, frame: &mut Frame, recorded: Recorded) -> Result<(), BackendError> {
+    pub(crate) fn read(&self, frame: &mut Frame, recorded: &Recorded) -> Result<(), BackendError> {
         let contents = recorded.contents;
         let lost = |e: wgpu::MapRangeError| BackendError::Lost { reason: e.to_string() };
         {
@@ -236,9 +211,9 @@ impl Slot {
                 unpad(&mut frame.lines, lines, self.shape.samples as usize, self.shape.row_samples as usize);
             }
             frame.times.passes.clear();
-            if let Some(queries) = self.queries.as_ref().filter(|_| recorded.timed) {
+            if let Some(queries) = &self.queries {
                 let ticks: &[u64] = bytemuck::cast_slice(at(l.times(), l.queries * 8));
-                for (name, pair) in self.passes(recorded).zip(ticks.chunks_exact(2)) {
+                for (name, pair) in recorded.timed.iter().zip(ticks.chunks_exact(2)) {
                     frame.times.add(name, pair[1].saturating_sub(pair[0]) as f64 * queries.period_ns * 1e-6);
                 }
             }

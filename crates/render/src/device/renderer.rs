@@ -1,6 +1,7 @@
 //! Frames by a device: records the passes, keeps up to two frames in flight, reads them back.
 
 use std::collections::VecDeque;
+use std::mem;
 use std::sync::{Arc, mpsc};
 use std::time::Instant;
 
@@ -9,6 +10,7 @@ use insonify_core::settings::Effect;
 
 use super::buffers::{PARAMS_STRIDE, SceneBuffers};
 use super::configuration::DeviceConfiguration;
+use super::dispatches::Dispatch;
 use super::gpu::{FRAMES_AT_ONCE_MAX, Gpu};
 use super::motion::Motion;
 use super::passes::Pipelines;
@@ -89,7 +91,7 @@ impl DeviceRenderer {
         gpu.choose_trace(&scene, &mut pipelines, inputs);
         let active = DeviceConfiguration::new(gpu, &scene, &mut pipelines, inputs, None, 1)?;
         let bends = inputs.configuration.effects.effects().has(Effect::Refraction);
-        active.buffers.fill(gpu, &scene, &inputs.configuration.tables, bends, None);
+        active.buffers.fill(gpu, &inputs.configuration.tables, bends, None);
         let (map_done, mapped) = mpsc::sync_channel(SLOTS_MAX);
         Ok(Self {
             gpu: gpu.clone(),
@@ -116,7 +118,7 @@ impl DeviceRenderer {
         if self.several.is_none() && !self.alone && batches.batches == 1 {
             let (gpu, scene, pipelines) = (&self.gpu, &self.scene, &mut self.pipelines);
             let paths = batches.params(0, &inputs.configuration.params).paths();
-            let mut frames = gpu.frames_at_once(paths, self.active.buffers.written_bytes(scene));
+            let mut frames = gpu.frames_at_once(paths, self.active.buffers.written_bytes());
             while frames > 1 && self.several.is_none() {
                 // Tables are shared with the active configuration.
                 match DeviceConfiguration::new(gpu, scene, pipelines, inputs, Some(&self.active), frames) {
@@ -147,23 +149,26 @@ impl DeviceRenderer {
         upload_uniforms(&self.gpu, &mut self.uniforms, device, params);
         let mut encoder = begin(&self.gpu, device, inputs);
         let slot = |frame: usize| &device.slots[(self.next_slot + frame) % device.slots.len()];
-        let mut index = 0;
+        let mut timed = Vec::new();
         let mut run = |name, record: &dyn Fn(&mut wgpu::ComputePass<'_>)| {
-            let timestamp_writes = slot(0).timestamps(index);
+            let timestamp_writes = slot(0).timestamps(timed.len());
             let descriptor = wgpu::ComputePassDescriptor { label: Some(name), timestamp_writes };
             record(&mut encoder.begin_compute_pass(&descriptor));
-            index += 1;
+            timed.push(name);
         };
-        let moved = self.motion.as_mut().is_some_and(|motion| motion.run(&self.gpu, &mut run));
+        if let Some(motion) = &mut self.motion {
+            motion.run(&self.gpu, &mut run);
+        }
         let frames = params.len() as u32;
-        for (pass, batch) in device.passes(contents) {
-            run(pass.name, &|compute| {
-                if several { pass.record_frames(compute, frames) } else { pass.record(compute, batch) }
+        for Dispatch { pass, batch } in device.frames.of(contents) {
+            run(pass.shader().pass(), &|compute| {
+                if several { pass.record_frames(compute, frames) } else { pass.record(compute, *batch) }
             });
         }
-        let recorded = |frame: u32| Recorded { contents, moved, timed: frame == 0 };
-        for at in 0..frames {
-            slot(at as usize).record(&mut encoder, &device.buffers, at, recorded(at));
+        // The first frame has the times of all.
+        let recorded: Vec<_> = (0..frames).map(|_| Recorded { contents, timed: mem::take(&mut timed) }).collect();
+        for (recorded, at) in recorded.iter().zip(0u32..) {
+            slot(at as usize).record(&mut encoder, &device.buffers, at, recorded);
         }
         let commands = encoder.finish();
         let record_ms = ms_since(started);
@@ -174,11 +179,10 @@ impl DeviceRenderer {
         let map = move || mapped.iter().for_each(|slot| slot.map(&map_done));
         let submission = self.gpu.submit(commands, compiled > self.warm, map)?;
         let submit_ms = ms_since(started);
-        for (slot, at) in slots.into_iter().zip(0u32..) {
-            let first = DeviceTimes { record_ms, submit_ms, ..DeviceTimes::default() };
-            let times = if at == 0 { first } else { DeviceTimes::default() };
-            let submission = submission.clone();
-            self.in_flight.push_back(InFlight { slot, recorded: recorded(at), submission, times, compiled });
+        let mut times = DeviceTimes { record_ms, submit_ms, ..DeviceTimes::default() };
+        for (slot, recorded) in slots.into_iter().zip(recorded) {
+            let (submission, times) = (submission.clone(), mem::take(&mut times));
+            self.in_flight.push_back(InFlight { slot, recorded, submission, times, compiled });
         }
         self.next_slot = (self.next_slot + params.len()) % SLOTS_MAX;
         Ok(())
@@ -202,7 +206,7 @@ impl DeviceRenderer {
         self.warm = in_flight.compiled.max(self.warm);
         let wait_ms = ms_since(started);
         let started = Instant::now();
-        in_flight.slot.read(frame, in_flight.recorded)?;
+        in_flight.slot.read(frame, &in_flight.recorded)?;
         frame.times.device = Some(DeviceTimes { wait_ms, copy_ms: ms_since(started), ..in_flight.times });
         Ok(())
     }
@@ -245,7 +249,7 @@ impl FrameMaker for DeviceRenderer {
         let next = DeviceConfiguration::new(&self.gpu, &self.scene, &mut self.pipelines, inputs, previous, 1)?;
         let bends = inputs.configuration.effects.effects().has(Effect::Refraction);
         let tables = &inputs.configuration.tables;
-        next.buffers.fill(&self.gpu, &self.scene, tables, bends, previous.map(|p| &p.buffers));
+        next.buffers.fill(&self.gpu, tables, bends, previous.map(|p| &p.buffers));
         self.active = next;
         (self.several, self.alone) = (None, false);
         Ok(())
@@ -257,7 +261,7 @@ impl FrameMaker for DeviceRenderer {
             // Buffers are not shared: tables of one configuration may change without the other's.
             let new = DeviceConfiguration::new(gpu, scene, pipelines, inputs, None, 1)?;
             let bends = inputs.configuration.effects.effects().has(Effect::Refraction);
-            new.buffers.fill(gpu, scene, &inputs.configuration.tables, bends, None);
+            new.buffers.fill(gpu, &inputs.configuration.tables, bends, None);
             Ok::<_, RenderError>(new)
         };
         let new = if kept.has(number) { None } else { Some(new()?) };

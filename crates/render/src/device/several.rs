@@ -1,18 +1,20 @@
 //! Sources of passes that make several frames in one dispatch: the frame is `workgroup_id.z`.
 //!
-//! Frames share tables and scene. What passes write is as many times as large, frame after frame, and each frame has its own
+//! Frames share tables and scene. A buffer that passes write has one part for each frame, and each frame has its own
 //! parameters. So only indices change: `segments[i]` becomes the i-th element of the frame's part, and `params` its parameters.
 
 use std::fmt::Write as _;
 
-/// The source of a pass for `frames` frames. `bindings` are those of buffers that each frame has a part of.
+use super::shaders::{PARAMS, declaration};
+
+/// Source of a pass for `frames` frames. `bindings` number the buffers that have a part for each frame.
 pub(super) fn source_of_frames(source: &str, bindings: &[u32], frames: u32) -> String {
-    let names: Vec<&str> = bindings.iter().filter_map(|&binding| name_of(source, binding)).collect();
-    let declared = "var<uniform> params: Params;";
+    let names: Vec<&str> =
+        bindings.iter().filter_map(|&binding| declaration(source, binding)).map(|(_, name)| name).collect();
     let several = format!("var<uniform> params_of: array<Params, {frames}>;\nvar<private> frame_index: u32;");
     let mut out = String::with_capacity(2 * source.len());
-    for line in source.replace(declared, &several).split_inclusive('\n') {
-        // Comments stay; declarations have no index.
+    for line in source.replace(PARAMS, &several).split_inclusive('\n') {
+        // Comments stay as they are. Declarations have no index.
         let (code, comment) = line.find("//").map_or((line, ""), |at| line.split_at(at));
         if code.contains("@group(0)") {
             out.push_str(code)
@@ -22,13 +24,6 @@ pub(super) fn source_of_frames(source: &str, bindings: &[u32], frames: u32) -> S
         out.push_str(comment);
     }
     with_frame_index(&out)
-}
-
-/// Name of the variable of a binding.
-fn name_of(source: &str, binding: u32) -> Option<&str> {
-    let declaration = source.split_once(&format!("@binding({binding}) var<"))?.1;
-    let (_, named) = declaration.split_once('>')?;
-    named.split_once(':').map(|(name, _)| name.trim())
 }
 
 /// Appends a line of code with its indices moved to the frame's part.
@@ -59,7 +54,7 @@ fn push_code(out: &mut String, code: &str, names: &[&str], frames: u32) {
     }
 }
 
-/// The source with its frame's index set where `main` begins.
+/// Sets the frame's index at the start of `main`.
 fn with_frame_index(source: &str) -> String {
     const MAIN: &str = "fn main(";
     let Some((before, main)) = source.split_once(MAIN) else { return source.to_owned() };

@@ -1,4 +1,4 @@
-//! WGSL sources: one file per pass, preceded by the shared constants and its imports.
+//! Shaders of the passes, and their WGSL: shared constants, imports, and the file of the pass.
 #![cfg_attr(not(feature = "test-hooks"), allow(unreachable_pub, reason = "public in tests"))]
 
 use insonify_core::anatomy::bvh::STACK_DEPTH_MAX;
@@ -9,10 +9,11 @@ use crate::constants as shared;
 use crate::params::IMAGE_QUADS;
 use crate::texture::{SEPTUM_WIDTH, WAVE_VARIANCE, WAVES, waves};
 
-/// Sources of every pass. Tests change one to make the comparison with its twin fail.
+/// WGSL of every shader. Tests change one to make the comparison with its twin fail.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ShaderSet {
-    sources: Vec<(&'static str, String)>,
+    /// In the order of [`Shader::ALL`].
+    sources: Vec<String>,
     /// Whether the device checks every index; for tests.
     pub bounds_checks: bool,
     /// Whether software runs `echo` and `section` as a GPU does; for tests.
@@ -21,93 +22,75 @@ pub struct ShaderSet {
     pub segment_bytes_max: Option<u64>,
 }
 
-macro_rules! pass {
-    ($name:literal $(, $shared:literal)*) => { pass!($name of $name $(, $shared)*) };
-    ($name:literal of $file:literal $(, $shared:literal)*) => {
-        ($name, concat!(
-            include_str!("../../shaders/shared/params.wgsl"),
-            include_str!("../../shaders/shared/segment.wgsl"),
-            $(include_str!(concat!("../../shaders/shared/", $shared, ".wgsl")),)*
-            include_str!(concat!("../../shaders/", $file, ".wgsl")),
-        ))
+macro_rules! shaders {
+    ($($(#[$doc:meta])* $shader:ident of $pass:literal: $($import:literal)*;)*) => {
+        /// Shaders by the pass that each runs. `trace` and `echo` have two.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub(super) enum Shader {
+            $($(#[$doc])* $shader,)*
+        }
+
+        impl Shader {
+            const ALL: &[Self] = &[$(Self::$shader),*];
+
+            /// Name of the pass: that of its file, and of its time in [`FrameTimes`](crate::frame::FrameTimes).
+            pub(super) fn pass(self) -> &'static str {
+                match self {
+                    $(Self::$shader => $pass,)*
+                }
+            }
+
+            /// Its imports, then its file.
+            fn text(self) -> &'static str {
+                match self {
+                    $(Self::$shader => concat!(
+                        $(include_str!(concat!("../../shaders/shared/", $import, ".wgsl")),)*
+                        include_str!(concat!("../../shaders/", $pass, ".wgsl")),
+                    ),)*
+                }
+            }
+        }
     };
 }
 
-/// A pass that moves the scene, without the parameters of a frame.
-macro_rules! motion_pass {
-    ($name:literal) => {
-        (
-            $name,
-            concat!(
-                include_str!("../../shaders/shared/phasor.wgsl"),
-                include_str!("../../shaders/shared/motion.wgsl"),
-                include_str!(concat!("../../shaders/", $name, ".wgsl"))
-            ),
-        )
-    };
+shaders! {
+    Displace of "displace": "phasor" "motion";
+    Assemble of "assemble": "phasor" "motion";
+    Refit of "refit": "phasor" "motion";
+    Locate of "locate": "params" "bvh" "node_alone" "surfaces" "crossings" "collect" "collect_alone" "launch";
+    /// A path by one thread.
+    Trace of "trace": "params" "segment" "tissue" "hash" "lattice" "interface" "bvh" "node_alone" "surfaces" "crossings" "nearest"
+        "nearest_alone" "collect" "collect_alone" "launch" "path_alone";
+    /// A path by a few lanes, which needs [`wgpu::Features::SUBGROUP`].
+    TraceByLanes of "trace": "params" "segment" "tissue" "hash" "lattice" "interface" "bvh" "surfaces" "crossings" "nearest"
+        "nearest_by_lanes" "collect" "collect_by_lanes" "launch" "path_by_lanes";
+    Transmission of "transmission": "params" "segment" "aperture" "loss" "phasor" "launch";
+    Propagate of "propagate": "params" "aperture" "phasor";
+    Beams of "beams": "params" "aperture" "phasor";
+    Profiles of "profiles": "params" "aperture";
+    Visibility of "visibility": "params" "segment" "aperture" "loss" "line_gain";
+    March of "march": "params" "segment" "hash" "lattice" "phasor" "speckle" "texture" "aperture" "loss" "line_gain";
+    /// A scanline by one workgroup.
+    Echo of "echo": "params" "segment" "phasor" "aperture" "loss" "line_gain" "echo_by_group";
+    /// A scanline by one thread, for software.
+    EchoByLine of "echo": "params" "segment" "phasor" "aperture" "loss" "line_gain" "echo_by_line";
+    Lateral of "lateral": "params" "aperture" "phasor";
+    Receive of "receive": "params" "segment" "hash" "lattice" "loss";
+    Detect of "detect": "params";
+    Section of "section": "params" "tissue" "bvh" "node_alone" "surfaces" "crossings" "collect" "collect_alone";
+    Percentile of "percentile": "params";
+    ScanConvert of "scan_convert": "params" "tissue";
 }
 
-/// Sources of the pass `trace`: a path by one thread, and by a few lanes, which need [`wgpu::Features::SUBGROUP`].
-pub(super) const TRACE: &str = "trace";
-pub(super) const TRACE_BY_LANES: &str = "trace_by_lanes";
+/// Declaration of a frame's parameters, which passes that move the scene don't have.
+pub(super) const PARAMS: &str = "var<uniform> params: Params;";
 
-/// Passes that move the scene, in their order.
-pub(super) const MOTION_PASSES: [&str; 3] = ["displace", "assemble", "refit"];
-
-/// Sources of the pass `echo`: a scanline by one workgroup, and by one thread, for software.
-pub(super) const ECHO: &str = "echo";
-pub(super) const ECHO_BY_LINE: &str = "echo_by_line";
-
-/// Name and source of each pass; `trace` and `echo` have two.
-pub(super) const PASSES: [(&str, &str); 20] = [
-    motion_pass!("displace"),
-    motion_pass!("assemble"),
-    motion_pass!("refit"),
-    pass!("locate", "bvh", "node_alone", "surfaces", "crossings", "collect", "collect_alone", "launch"),
-    pass!(
-        "trace",
-        "tissue",
-        "hash",
-        "lattice",
-        "interface",
-        "bvh",
-        "node_alone",
-        "surfaces",
-        "crossings",
-        "nearest",
-        "nearest_alone",
-        "collect",
-        "collect_alone",
-        "launch",
-        "path_alone"
-    ),
-    pass!(
-        "trace_by_lanes" of "trace", "tissue", "hash", "lattice", "interface", "bvh", "surfaces", "crossings", "nearest",
-        "nearest_by_lanes", "collect", "collect_by_lanes", "launch", "path_by_lanes"
-    ),
-    pass!("transmission", "aperture", "loss", "phasor", "launch"),
-    pass!("propagate", "aperture", "phasor"),
-    pass!("beams", "aperture", "phasor"),
-    pass!("profiles", "aperture"),
-    pass!("visibility", "aperture", "loss", "line_gain"),
-    pass!("march", "hash", "lattice", "phasor", "speckle", "texture", "aperture", "loss", "line_gain"),
-    pass!("echo", "phasor", "aperture", "loss", "line_gain", "echo_by_group"),
-    pass!("echo_by_line" of "echo", "phasor", "aperture", "loss", "line_gain", "echo_by_line"),
-    pass!("lateral", "aperture", "phasor"),
-    pass!("receive", "hash", "lattice", "loss"),
-    pass!("detect"),
-    pass!("section", "tissue", "bvh", "node_alone", "surfaces", "crossings", "collect", "collect_alone"),
-    pass!("percentile"),
-    pass!("scan_convert", "tissue"),
-];
-
-/// Name of the pass that a source is of.
-pub(super) fn pass_of(source: &str) -> &str {
-    match source {
-        TRACE_BY_LANES => TRACE,
-        ECHO_BY_LINE => ECHO,
-        source => source,
-    }
+/// Address space and name of the variable that a source declares for a binding.
+pub(super) fn declaration(source: &str, binding: u32) -> Option<(&str, &str)> {
+    let (_, declaration) = source.split_once(&format!("@binding({binding}) var<"))?;
+    let (space, named) = declaration.split_once('>')?;
+    let (name, _) = named.split_once(':')?;
+    Some((space, name.trim()))
 }
 
 /// WGSL declarations of shared constants.
@@ -159,30 +142,33 @@ fn preamble() -> String {
 impl Default for ShaderSet {
     fn default() -> Self {
         let preamble = preamble();
-        // Functions that read the settings of the image, which passes that move the scene don't have.
+        // Functions that read the image settings from the frame's parameters.
         let readers = wgsl_readers("image_", "params.image", ImageSettings::settings());
-        let source = |(name, body)| {
-            let readers = if MOTION_PASSES.contains(&name) { "" } else { &readers };
-            (name, format!("{preamble}{readers}{body}"))
+        let source = |shader: &Shader| {
+            let text = shader.text();
+            let readers = if text.contains(PARAMS) { &readers[..] } else { "" };
+            format!("{preamble}{readers}{text}")
         };
-        Self { sources: PASSES.map(source).to_vec(), bounds_checks: false, as_gpu: false, segment_bytes_max: None }
+        let sources = Shader::ALL.iter().map(source).collect();
+        Self { sources, bounds_checks: false, as_gpu: false, segment_bytes_max: None }
     }
 }
 
 impl ShaderSet {
-    /// Source of the pass `name`; empty for an unknown one.
-    pub(super) fn source(&self, name: &str) -> &str {
-        self.sources.iter().find(|(n, _)| *n == name).map_or("", |(_, source)| source)
+    /// WGSL of a shader.
+    pub(super) fn source(&self, shader: Shader) -> &str {
+        &self.sources[shader as usize]
     }
 
-    /// Replaces `from` by `to` in the sources of the pass `name`; false if it doesn't occur.
+    /// Replaces `from` by `to` in the shaders of a pass; false if it doesn't occur.
     #[cfg(feature = "test-hooks")]
-    pub fn replace(&mut self, name: &str, from: &str, to: &str) -> bool {
-        let is_of = |source: &str| pass_of(source) == name;
+    pub fn replace(&mut self, pass: &str, from: &str, to: &str) -> bool {
         let mut occurs = false;
-        for (_, source) in self.sources.iter_mut().filter(|(source, text)| is_of(source) && text.contains(from)) {
-            *source = source.replace(from, to);
-            occurs = true;
+        for (shader, source) in Shader::ALL.iter().zip(&mut self.sources) {
+            if shader.pass() == pass && source.contains(from) {
+                *source = source.replace(from, to);
+                occurs = true;
+            }
         }
         occurs
     }

@@ -6,9 +6,10 @@ use insonify_core::anatomy::bvh::Moved;
 use super::attenuation::level;
 use super::buffers::SceneBuffers;
 use super::configuration::DeviceConfiguration;
+use super::dispatches::Dispatch;
 use super::gpu::Gpu;
 use super::motion::Motion;
-use super::passes::Pass;
+use super::shaders::Shader;
 use crate::error::BackendError;
 use crate::frame::{Contents, unpad};
 use crate::params::Params;
@@ -59,31 +60,33 @@ pub(super) fn moved(gpu: &Gpu, scene: &SceneBuffers, motion: &Motion) -> Result<
 /// A device that fails.
 pub(super) fn pass_buffers(
     gpu: &Gpu,
-    mut encoder: wgpu::CommandEncoder,
+    encoder: wgpu::CommandEncoder,
     active: &DeviceConfiguration,
     params: &Params,
 ) -> Result<PassBuffers, BackendError> {
     let buffers = &active.buffers;
-    let passes = || active.passes(Contents { image: true, maps: true });
-    // Echoes are added in place, so the scatterers' baseband is read before `echo`.
-    let scatters = passes().take_while(|(pass, _)| !["echo", "lateral"].contains(&pass.name)).count();
-    let record = |encoder: &mut wgpu::CommandEncoder, (pass, batch): (&Pass, u32)| {
-        let label = Some(pass.name);
-        let descriptor = wgpu::ComputePassDescriptor { label, timestamp_writes: None };
-        pass.record(&mut encoder.begin_compute_pass(&descriptor), batch);
+    let dispatches = active.frames.of(Contents { image: true, maps: true });
+    let before = |shaders: &[Shader]| {
+        let at = dispatches.iter().position(|dispatch| shaders.contains(&dispatch.pass.shader()));
+        at.unwrap_or(dispatches.len())
     };
-    passes().take(scatters).for_each(|pass| record(&mut encoder, pass));
-    gpu.queue.submit([encoder.finish()]);
+    let submit = |mut encoder: wgpu::CommandEncoder, dispatches: &[Dispatch]| {
+        for Dispatch { pass, batch } in dispatches {
+            let label = Some(pass.shader().pass());
+            let descriptor = wgpu::ComputePassDescriptor { label, timestamp_writes: None };
+            pass.record(&mut encoder.begin_compute_pass(&descriptor), *batch);
+        }
+        gpu.queue.submit([encoder.finish()]);
+    };
+    let encoder_after = || gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    // `echo` and `receive` add to their input, which is read back before.
+    let scatters = before(&[Shader::Echo, Shader::EchoByLine, Shader::Lateral]);
+    let focuses = before(&[Shader::Receive, Shader::Detect]);
+    submit(encoder, &dispatches[..scatters]);
     let scattered = read(gpu, &buffers.baseband)?;
-    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    // The receiver adds in place, too.
-    let focuses = passes().take_while(|(pass, _)| !["receive", "detect"].contains(&pass.name)).count();
-    passes().take(focuses).skip(scatters).for_each(|pass| record(&mut encoder, pass));
-    gpu.queue.submit([encoder.finish()]);
+    submit(encoder_after(), &dispatches[scatters..focuses]);
     let focused = read(gpu, &buffers.focused)?;
-    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    passes().skip(focuses).for_each(|pass| record(&mut encoder, pass));
-    gpu.queue.submit([encoder.finish()]);
+    submit(encoder_after(), &dispatches[focuses..]);
     let first = |counts: Vec<u32>| counts.first().copied().unwrap_or_default();
     Ok(PassBuffers {
         scattered,

@@ -17,6 +17,7 @@ use super::trace_dispatch::TraceDispatch;
 use crate::configuration::FrameInputs;
 use crate::constants::PATH_LANES;
 use crate::error::BackendError;
+use crate::frame::Contents;
 use crate::trace_by::TraceBy;
 use crate::trace_cache;
 use crate::trace_times::{TraceChoice, TraceTimes};
@@ -109,7 +110,8 @@ fn measure(
     let configuration = inputs.configuration;
     let device = DeviceConfiguration::new(gpu, scene, pipelines, inputs, None, 1)?;
     let bends = configuration.effects.effects().has(Effect::Refraction);
-    device.buffers.fill(gpu, scene, &configuration.tables, bends, None);
+    device.buffers.fill(gpu, &configuration.tables, bends, None);
+    let [locate, ..] = device.frames.of(Contents { image: true, maps: false }) else { return Ok(None) };
     let paths = device.batches.params(0, &configuration.params).paths();
     let mut passes = Vec::new();
     for measured in MEASURED_PATHS {
@@ -117,8 +119,9 @@ fn measure(
             // Copies of the same paths write the same values.
             let copies = (measured / paths.max(1)).max(1);
             let trace = TraceDispatch::new(gpu, inputs, by, measured.min(paths), copies);
-            let buffers = (scene, &device.buffers);
-            passes.push(Pass::new(gpu, pipelines, buffers, trace.source, trace.groups, &trace.constants)?);
+            let TraceDispatch { shader, groups, constants } = &trace;
+            let (buffers, bound) = (&device.buffers, TraceDispatch::buffers(scene, &device.buffers));
+            passes.push(Pass::of_frame(gpu, pipelines, buffers, *shader, *groups, constants, &bound)?);
         }
     }
     let run = |pass: &Pass, times: u32| -> Result<f64, BackendError> {
@@ -139,7 +142,7 @@ fn measure(
         params.set_pose(&Pose::looking(from_mm, axis, lateral), inputs.bvh, &configuration.probe);
         gpu.queue.write_buffer(&device.buffers.params, 0, bytemuck::bytes_of(&params));
         // Compiles, too.
-        run(device.locate(), 1)?;
+        run(&locate.pass, 1)?;
         let began = *began.get_or_insert_with(Instant::now);
         let mut counts: Vec<Vec<u32>> = Vec::new();
         let mut least_ms = [0.0; 4];

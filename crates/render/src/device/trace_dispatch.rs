@@ -1,9 +1,10 @@
-//! The pass `trace` in both ways: source, workgroups and overrides.
+//! The pass `trace` by one thread or by lanes: shader, workgroups, overrides and buffers.
 
 use insonify_core::settings::Effect;
 
+use super::buffers::{Buffers, SceneBuffers};
 use super::gpu::Gpu;
-use super::shaders::{TRACE, TRACE_BY_LANES};
+use super::shaders::Shader;
 use crate::configuration::FrameInputs;
 use crate::constants::PATH_LANES;
 use crate::trace_by::TraceBy;
@@ -14,22 +15,22 @@ const GROUP: u32 = 64;
 /// A dispatch of `trace`.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct TraceDispatch {
-    pub(super) source: &'static str,
+    pub(super) shader: Shader,
     pub(super) groups: [u32; 3],
     pub(super) constants: [(&'static str, f64); 7],
 }
 
 impl TraceDispatch {
-    /// The dispatch of the first `paths`, `copies` times over: the same ones, or those of as many frames.
+    /// The dispatch of the first `paths`, `copies` times over: for as many frames, or the same paths again.
     pub(super) fn new(gpu: &Gpu, inputs: FrameInputs<'_>, by: TraceBy, paths: u32, copies: u32) -> Self {
         let all = paths.saturating_mul(copies);
         // Lanes of very many paths are more than a dispatch takes.
         let offered = u64::from(gpu.device.limits().max_compute_workgroups_per_dimension) * u64::from(GROUP);
         let fits = u64::from(paths) * u64::from(PATH_LANES * gpu.paths_apart(all)) <= offered;
         let by = if fits { by } else { TraceBy::Path };
-        let (source, lanes, apart) = match by {
-            TraceBy::Path => (TRACE, 1, gpu.lanes_apart(all)),
-            TraceBy::Lanes => (TRACE_BY_LANES, PATH_LANES, gpu.paths_apart(all)),
+        let (shader, lanes, apart) = match by {
+            TraceBy::Path => (Shader::Trace, 1, gpu.lanes_apart(all)),
+            TraceBy::Lanes => (Shader::TraceByLanes, PATH_LANES, gpu.paths_apart(all)),
         };
         let on = inputs.configuration.effects.effects();
         let flag = |on: bool| f64::from(u8::from(on));
@@ -42,6 +43,26 @@ impl TraceDispatch {
             ("REFLECTIONS", flag(on.has(Effect::Reflections))),
             ("APERTURE", flag(on.has(Effect::Aperture))),
         ];
-        Self { source, groups: [(paths * lanes * apart).div_ceil(GROUP), 1, copies], constants }
+        Self { shader, groups: [(paths * lanes * apart).div_ceil(GROUP), 1, copies], constants }
+    }
+
+    /// Buffers that the pass binds after the frame's parameters.
+    pub(super) fn buffers<'a>(scene: &'a SceneBuffers, buffers: &'a Buffers) -> [&'a wgpu::Buffer; 14] {
+        [
+            &scene.nodes,
+            &scene.triangles,
+            &scene.surface_tissue,
+            &buffers.rays,
+            &buffers.starts_inside,
+            &buffers.overflows,
+            &buffers.tissues,
+            &buffers.starts,
+            &buffers.segments,
+            &buffers.echoes,
+            &buffers.segment_counts,
+            &buffers.hints,
+            &scene.displacements,
+            &buffers.couplings,
+        ]
     }
 }

@@ -1,0 +1,233 @@
+//! A frame on the device: its passes in their order, each with its buffers.
+//!
+//! [`build_frame`] reads from top to bottom. A pass binds the frame's parameters, then its buffers in the order of the
+//! shader's bindings. The shader declares which of them it writes.
+
+use std::mem;
+use std::sync::Arc;
+
+use insonify_core::settings::Effect;
+
+use super::buffers::{Buffers, SceneBuffers};
+use super::gpu::Gpu;
+use super::passes::{Constants, Pass, Pipelines};
+use super::shaders::Shader::{self, *};
+use super::trace_dispatch::TraceDispatch;
+use crate::batch_plan::BatchPlan;
+use crate::configuration::{Configuration, FrameInputs};
+use crate::constants::BEAM_CELLS_OF_A_GROUP;
+use crate::error::BackendError;
+use crate::frame::Contents;
+
+/// A pass, dispatched with the uniforms of a batch.
+#[derive(Debug)]
+pub(super) struct Dispatch {
+    pub(super) pass: Arc<Pass>,
+    pub(super) batch: u32,
+}
+
+/// Dispatches of a configuration's frames.
+#[derive(Debug)]
+pub(super) struct Frames {
+    whole: Vec<Dispatch>,
+    image: Vec<Dispatch>,
+    maps: Vec<Dispatch>,
+    /// Dispatches of a frame without image and maps.
+    empty: Vec<Dispatch>,
+}
+
+impl Frames {
+    /// Makes every pass of a configuration.
+    ///
+    /// # Errors
+    /// A pass beyond the device's limits, or that the device refuses.
+    pub(super) fn new(
+        gpu: &Gpu,
+        pipelines: &mut Pipelines,
+        scene: &SceneBuffers,
+        buffers: &Buffers,
+        batches: BatchPlan,
+        inputs: FrameInputs<'_>,
+    ) -> Result<Self, BackendError> {
+        let (passes, dispatches) = (Vec::new(), Vec::new());
+        let mut builder = FrameBuilder { gpu, pipelines, scene, buffers, batches, passes, dispatches };
+        let mut frame = |image: bool, maps: bool| {
+            build_frame(&mut builder, inputs, Contents { image, maps })?;
+            Ok::<_, BackendError>(mem::take(&mut builder.dispatches))
+        };
+        Ok(Self {
+            whole: frame(true, true)?,
+            image: frame(true, false)?,
+            maps: frame(false, true)?,
+            empty: frame(false, false)?,
+        })
+    }
+
+    /// Dispatches of a frame of these contents, in order.
+    pub(super) fn of(&self, contents: Contents) -> &[Dispatch] {
+        match (contents.image, contents.maps) {
+            (true, true) => &self.whole,
+            (true, false) => &self.image,
+            (false, true) => &self.maps,
+            (false, false) => &self.empty,
+        }
+    }
+}
+
+/// Dispatches of one frame, while they are listed. Frames of a configuration share passes.
+struct FrameBuilder<'a> {
+    gpu: &'a Gpu,
+    pipelines: &'a mut Pipelines,
+    scene: &'a SceneBuffers,
+    buffers: &'a Buffers,
+    batches: BatchPlan,
+    /// Passes of all frames so far.
+    passes: Vec<Arc<Pass>>,
+    dispatches: Vec<Dispatch>,
+}
+
+impl FrameBuilder<'_> {
+    /// Appends a dispatch with the uniforms of a batch.
+    fn run(
+        &mut self,
+        shader: Shader,
+        batch: u32,
+        groups: [u32; 3],
+        constants: Constants<'_>,
+        bound: &[&wgpu::Buffer],
+    ) -> Result<(), BackendError> {
+        let pass = self.pass(shader, groups, constants, bound)?;
+        self.dispatches.push(Dispatch { pass, batch });
+        Ok(())
+    }
+
+    /// Inserts a dispatch at a position of the frame, or at its end if the frame is shorter.
+    fn insert(
+        &mut self,
+        position: usize,
+        shader: Shader,
+        groups: [u32; 3],
+        constants: Constants<'_>,
+        bound: &[&wgpu::Buffer],
+    ) -> Result<(), BackendError> {
+        let pass = self.pass(shader, groups, constants, bound)?;
+        self.dispatches.insert(position.min(self.dispatches.len()), Dispatch { pass, batch: 0 });
+        Ok(())
+    }
+
+    /// A pass, made at its first dispatch.
+    fn pass(
+        &mut self,
+        shader: Shader,
+        groups: [u32; 3],
+        constants: Constants<'_>,
+        bound: &[&wgpu::Buffer],
+    ) -> Result<Arc<Pass>, BackendError> {
+        if let Some(known) = self.passes.iter().find(|pass| pass.is(shader, groups, constants)) {
+            return Ok(known.clone());
+        }
+        let pass = Pass::of_frame(self.gpu, self.pipelines, self.buffers, shader, groups, constants, bound)?;
+        let pass = Arc::new(pass);
+        self.passes.push(pass.clone());
+        Ok(pass)
+    }
+}
+
+/// Workgroups in rows that every device dispatches.
+fn in_rows(groups: u32) -> [u32; 3] {
+    const ROW: u32 = 1 << 15;
+    [groups.min(ROW), groups.div_ceil(ROW), 1]
+}
+
+/// Lists the dispatches of a frame of these contents. Buffers are `b` and, for the aperture, `a`.
+#[rustfmt::skip]
+fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: Contents) -> Result<(), BackendError> {
+    let FrameBuilder { gpu, scene, buffers: b, batches: plan, .. } = *frame;
+    let Configuration { settings, effects, params, tables, .. } = inputs.configuration;
+    let (on, in_software, a) = (effects.effects(), frame.pipelines.in_software(gpu), &b.aperture);
+    let (largest, last) = (plan.params(0, params), plan.batches - 1);
+    let samples_by = |run: u32| [params.row_samples.div_ceil(64 * run), params.scanlines, 1];
+    let flag = |on: bool| f64::from(u8::from(on));
+    let aperture = ("APERTURE", flag(on.has(Effect::Aperture)));
+
+    // Paths of a batch: the media at their starts and their coupling, then the segments along them.
+    let paths = largest.paths();
+    let apart = gpu.lanes_apart(paths * b.frames);
+    let trace = TraceDispatch::new(gpu, inputs, gpu.trace_by(paths * b.frames), paths, b.frames);
+    let trace_batch = |frame: &mut FrameBuilder<'_>, batch: u32| {
+        frame.run(Locate, batch, [(paths * apart).div_ceil(64), 1, 1], &[("LANES_APART", apart.into())],
+            &[&scene.nodes, &scene.triangles, &scene.surface_tissue, &b.rays, &b.starts_inside, &b.overflows,
+                &b.couplings])?;
+        frame.run(trace.shader, batch, trace.groups, &trace.constants, &TraceDispatch::buffers(scene, b))
+    };
+    // Aperture gain of each scanline and beam profiles. They need the paths of all batches.
+    if contents.image && let Some(t) = &tables.aperture {
+        let (planes, cells, beams) = (t.planes as u32, t.sampling.cells as u32, t.sampling.beams as u32);
+        let transmission =
+            [&b.starts, &b.segments, &a.shape, &a.cell_rays, &a.mask, &a.row_np, &b.rays, &a.partial_sums];
+        for batch in 0..plan.batches {
+            trace_batch(frame, batch)?;
+            frame.run(Transmission, batch, [planes, cells.div_ceil(64), 1], &[("ROWS", 0.0)], &transmission)?;
+        }
+        frame.run(Transmission, last, [planes, 1, 1], &[("ROWS", 1.0)], &transmission)?;
+        frame.run(Propagate, last, [t.modes.len() as u32, 1, 1], &[],
+            &[&a.shape, &a.modes, &a.face, &a.steps, &a.mask, &a.fields])?;
+        frame.run(Beams, last, [cells * beams / BEAM_CELLS_OF_A_GROUP, planes, 1], &[],
+            &[&a.shape, &a.modes, &a.beam_parts, &a.fields, &a.amplitudes])?;
+        frame.run(Profiles, last, [cells.max(params.scanlines).div_ceil(64), planes, 1], &[],
+            &[&a.shape, &a.line_cells, &a.reaches, &a.unobstructed, &b.lateral_kernels, &a.amplitudes,
+                &a.beam_powers, &a.profiles, &a.blends])?;
+        frame.run(Visibility, last, [params.scanlines.div_ceil(16), 1, 1], &[],
+            &[&b.starts, &b.segments, &a.shape, &a.line_cells, &a.beam_powers, &a.row_np, &a.line_gains,
+                &a.block_gains])?;
+    }
+    // Baseband of each scanline: scatterers and interface echoes, added batch by batch.
+    for batch in (0..plan.batches).filter(|_| contents.image) {
+        // After the aperture's passes, only the last batch's paths are in memory.
+        if tables.aperture.is_none() || plan.batches > 1 {
+            trace_batch(frame, batch)?;
+        }
+        if on.has(Effect::Scatterers) {
+            let elevational = ("ELEVATIONAL_SPECKLE", flag(on.has(Effect::ElevationalSpeckle)));
+            let constants = [aperture, elevational, ("TEXTURE", flag(on.has(Effect::Texture)))];
+            frame.run(March, batch, [samples_by(8)[0], largest.line_count, 1], &constants,
+                &[&b.starts, &b.segments, &b.hints, &b.scatterer_gain, &b.baseband, &b.kept_powers, &a.shape,
+                    &a.line_gains, &b.sheet_reach, &b.textures, &a.reflected])?;
+        }
+        if on.has(Effect::InterfaceEchoes) {
+            let (shader, groups) =
+                if in_software { (EchoByLine, largest.line_count.div_ceil(16)) } else { (Echo, largest.line_count) };
+            frame.run(shader, batch, [groups, 1, 1], &[aperture],
+                &[&b.starts, &b.segments, &b.echoes, &b.segment_counts, &a.shape, &a.line_gains, &b.baseband])?;
+        }
+    }
+    // Maps: runs of each map ray, their raster, the percentile of attenuation. They need no paths: each stands next to a
+    // pass that leaves most of a GPU idle.
+    if contents.maps {
+        let apart = gpu.lanes_apart(params.map_rays);
+        // Neighbouring threads of a GPU write neighbouring words. Software searches long for each.
+        let depths = if in_software { 64 } else { 1 };
+        let section = [&scene.nodes, &scene.triangles, &scene.surface_tissue, &b.map_rays, &b.tissues, &b.entries,
+            &b.entry_counts, &b.map_overflows, &b.raster];
+        let raster = in_rows((params.map_rays * params.map_depths.div_ceil(depths)).div_ceil(32));
+        frame.insert(2, Section, [(params.map_rays * apart).div_ceil(32), 1, 1], &[("LANES_APART", apart.into())],
+            &section)?;
+        frame.insert(4, Section, raster, &[("RASTER", 1.0), ("DEPTHS", depths.into())], &section)?;
+        frame.insert(5, Percentile, [1, 1, 1], &[], &[&b.entries, &b.entry_counts, &b.percentile])?;
+    }
+    // Image: lateral point spread, receiver noise and clutter, axial point spread and compression.
+    if contents.image {
+        let steered = tables.angles.iter().any(|angle| angle.steer_rad != 0.0);
+        frame.run(Lateral, last, samples_by(4), &[aperture, ("STEERED", flag(steered))],
+            &[&b.lateral_kernels, &b.baseband, &b.focused, &a.block_gains, &a.shape, &a.profiles, &a.blends,
+                &b.kernel_spans, &a.reflected])?;
+        if params.receives() {
+            frame.run(Receive, last, samples_by(2), &[], &[&b.starts, &b.segments, &b.near_field, &b.focused])?;
+        }
+        frame.run(Detect, last, samples_by(8), &[("KEEP_LINES", flag(settings.lines))],
+            &[&b.pulse, &b.focused, &b.polar, &b.lines])?;
+    }
+    frame.run(ScanConvert, last, [params.sector_words.div_ceil(128), 1, 1], &[("MAPS", flag(contents.maps))],
+        &[&b.pixels, &b.polar, &b.raster, &b.percentile, &b.tissues, &b.bmode, &b.segmentation, &b.attenuation,
+            &b.sector_words])
+}
