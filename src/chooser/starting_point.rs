@@ -5,7 +5,7 @@ use super::control::{FrameBudget, PointController};
 use super::error::ChooserError;
 use super::error_table::{ErrorTable, ExpectedErrors};
 use super::times::{Bench, Times};
-use crate::generator::{Generator, place_of};
+use crate::generator::{Generator, compute_device_of};
 use crate::pose::{BySpeed, Pose, ProbeSpeed};
 use crate::render::{Effect, FrameQuality, Renderer};
 use crate::station::{SceneSource, Station};
@@ -54,7 +54,7 @@ pub fn choose(
     // The tracked pose is not known yet; the session later corrects a wrong choice.
     let pose = pose.or(station.default_pose).unwrap_or(Pose::IDENTITY);
     let frame_ms = frame_ms(station, &mut messages);
-    let apart = !renderer.place().shares_with(place_of(station.generator.provider));
+    let apart = !renderer.compute_device().shares_with(compute_device_of(station.generator.provider));
     let expected = ErrorTable::shipped()?.expected(&scene_name(station), &station.probe);
     let open = Open::of(station);
     let models: Vec<Model> = generators.iter().map(Model::of).collect();

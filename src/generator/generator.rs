@@ -5,17 +5,17 @@ use std::time::{Duration, Instant};
 
 use super::Channel;
 use super::beam_sampling::BeamSampling;
+use super::compute_device::compute_device_of;
 use super::load_options::{Execution, LoadOptions};
 use super::manifest::{Affine, BeamGrid, Manifest};
 use super::maps::{self, ClassMap, Geometry};
 use super::parity::{self, ParityReport};
-use super::place::place_of;
 use super::precision::Stored;
 use super::session::{RunFailure, Session, check_hash};
 use super::tensor_values::Values;
 use super::{GeneratorError, Input, Precision, Provider, Runtime, Terminator};
 use crate::files::{self, FileError, FileKind};
-use crate::render::{Frame, Place};
+use crate::render::{ComputeDevice, Frame};
 use crate::transducer::{Probe, ScanGeometry};
 
 /// One generator, ready to run. It keeps its tensors, so runs of the same size allocate nothing.
@@ -198,9 +198,9 @@ impl Generator {
         self.provider
     }
 
-    /// Where its runs are computed.
-    pub fn place(&self) -> Place {
-        place_of(self.provider)
+    /// Device that computes its runs.
+    pub fn compute_device(&self) -> ComputeDevice {
+        compute_device_of(self.provider)
     }
 
     /// Precision in use; never [`Precision::Auto`].

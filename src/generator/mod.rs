@@ -11,6 +11,7 @@
 //! it.
 
 mod beam_sampling;
+mod compute_device;
 mod error;
 #[cfg(feature = "generator")]
 mod external_data;
@@ -28,7 +29,6 @@ mod load_options;
 mod manifest;
 mod maps;
 mod parity;
-mod place;
 mod precision;
 #[cfg(feature = "generator")]
 mod providers;
@@ -48,6 +48,8 @@ mod tensor_values;
 mod tensors;
 
 pub use crate::settings::{GeneratorSettings as Settings, Precision, Provider};
+#[cfg(feature = "live")]
+pub(crate) use compute_device::compute_device_of;
 pub use error::{GeneratorError, RuntimeError};
 pub use feature_scale::FeatureScale;
 pub use features::OnnxFeatures;
@@ -60,8 +62,6 @@ pub use manifest::{
     Quantised, SegmentationManifest, Training, Variant, generator_files,
 };
 pub use parity::ParityReport;
-#[cfg(feature = "live")]
-pub(crate) use place::place_of;
 pub use run_times::RunTimes;
 pub use runtime::Runtime;
 pub use session::Terminator;

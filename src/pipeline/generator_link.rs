@@ -7,7 +7,7 @@ use std::time::Duration;
 use super::clock::{Clock, Signal, lock, smoothed};
 use super::parts::{FrameGenerators, Terminator};
 use super::summary::GeneratorSummary;
-use crate::render::Place;
+use crate::render::ComputeDevice;
 
 /// A run that continues this long after its termination was requested is given up.
 const GIVE_UP: Duration = Duration::from_secs(1);
@@ -123,8 +123,8 @@ pub(super) struct GeneratorLink {
     pub(super) state: Mutex<GeneratorState>,
     terminator: Option<Terminator>,
     hang: Duration,
-    /// Where the generator runs; frames may be rendered there, too.
-    place: Place,
+    /// Device that runs the generator; frames may be rendered on it, too.
+    compute_device: ComputeDevice,
     /// Notified after each frame that the generator translated or skipped.
     done: Signal,
     /// Whether each generator reads the frames' maps, by its index.
@@ -137,7 +137,7 @@ impl GeneratorLink {
             state: Mutex::default(),
             terminator: generators.terminator(),
             hang,
-            place: generators.place(),
+            compute_device: generators.compute_device(),
             done: Signal::default(),
             reads_maps: (0..generators.count()).map(|generator| generators.reads_maps(generator)).collect(),
         }
@@ -158,9 +158,9 @@ impl GeneratorLink {
         lock(&self.state).given = Some(number);
     }
 
-    /// Whether the generator takes turns with a renderer at `place`.
-    pub(super) fn takes_turns_with(&self, place: Place) -> bool {
-        self.place.shares_with(place)
+    /// Whether the generator takes turns with a renderer on `device`.
+    pub(super) fn takes_turns_with(&self, device: ComputeDevice) -> bool {
+        self.compute_device.shares_with(device)
     }
 
     /// Waits for the generator to finish its queued work, until the time `until` at the latest. Waits only if the

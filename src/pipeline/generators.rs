@@ -4,21 +4,21 @@ use std::sync::Arc;
 
 use super::parts::{FrameGenerators, GenerateError, Terminator};
 use crate::generator::{Generator, GeneratorError, Input, Provider};
-use crate::render::{Frame, Place};
+use crate::render::{ComputeDevice, Frame};
 
 /// Loaded generators, by index.
 pub struct Generators {
     generators: Vec<Generator>,
     provider: Provider,
-    place: Place,
+    compute_device: ComputeDevice,
 }
 
 impl Generators {
     /// Generators that share one provider; `None` if `generators` is empty.
     pub fn new(generators: Vec<Generator>) -> Option<Self> {
         let first = generators.first()?;
-        let (provider, place) = (first.provider(), first.place());
-        Some(Self { generators, provider, place })
+        let (provider, compute_device) = (first.provider(), first.compute_device());
+        Some(Self { generators, provider, compute_device })
     }
 }
 
@@ -31,8 +31,8 @@ impl FrameGenerators for Generators {
         self.generators.get(generator).map_or("none", |generator| &generator.manifest().name)
     }
 
-    fn place(&self) -> Place {
-        self.place
+    fn compute_device(&self) -> ComputeDevice {
+        self.compute_device
     }
 
     fn reads_maps(&self, generator: usize) -> bool {

@@ -6,7 +6,7 @@ use std::time::Duration;
 use super::parts::{FrameRenderer, ImageShape, RenderFault, RendererFactory};
 use crate::anatomy::{Bvh, Scene};
 use crate::pose::Pose;
-use crate::render::{Backend, BackendError, Frame, Place, RenderError, RenderSettings, Renderer};
+use crate::render::{Backend, BackendError, ComputeDevice, Frame, RenderError, RenderSettings, Renderer};
 use crate::transducer::Probe;
 
 /// Factory of renderers for one scene on one backend. Reopens the backend after a loss.
@@ -75,8 +75,8 @@ impl FrameRenderer for Renderer {
         self.on_host()
     }
 
-    fn place(&self) -> Place {
-        Renderer::place(self)
+    fn compute_device(&self) -> ComputeDevice {
+        Renderer::compute_device(self)
     }
 
     fn set_time_s(&mut self, time_s: f64) {

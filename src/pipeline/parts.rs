@@ -5,7 +5,7 @@ use std::sync::Arc;
 use thiserror::Error;
 
 use crate::pose::{Estimate, Pose};
-use crate::render::{Frame, Place, RenderSettings};
+use crate::render::{ComputeDevice, Frame, RenderSettings};
 use crate::transducer::Probe;
 
 /// Source of probe poses.
@@ -75,9 +75,9 @@ pub trait FrameRenderer: Send {
         false
     }
 
-    /// Where it renders. A generator at the same place takes turns with it.
-    fn place(&self) -> Place {
-        Place::UNKNOWN_GPU
+    /// Device that renders. A generator on the same device takes turns with it.
+    fn compute_device(&self) -> ComputeDevice {
+        ComputeDevice::UNKNOWN_GPU
     }
 
     /// Requests segmentation and attenuation for frames submitted from now on. Maps not requested may be empty.
@@ -123,9 +123,9 @@ pub trait FrameGenerators: Send {
     /// Name of a generator.
     fn name(&self, generator: usize) -> &str;
 
-    /// Where it runs. It takes turns with a renderer at the same place.
-    fn place(&self) -> Place {
-        Place::UNKNOWN_GPU
+    /// Device that runs the generators. They take turns with a renderer on the same device.
+    fn compute_device(&self) -> ComputeDevice {
+        ComputeDevice::UNKNOWN_GPU
     }
 
     /// Whether a generator reads segmentation or attenuation.

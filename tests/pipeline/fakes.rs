@@ -41,9 +41,9 @@ impl Processors {
     }
 }
 
-/// A GPU at a place of its own. Frames of the fakes are rendered at place 1, generators run at place 2.
-pub(super) fn gpu(bus: u8) -> Place {
-    Place::Gpu { vendor: None, address: PciAddress::parse(&format!("0000:{bus:02x}:00.0")) }
+/// A GPU on its own bus. The fakes render frames on bus 1 and run generators on bus 2.
+pub(super) fn gpu(bus: u8) -> ComputeDevice {
+    ComputeDevice::Gpu { vendor: None, address: PciAddress::parse(&format!("0000:{bus:02x}:00.0")) }
 }
 
 /// Times at which a device is at work, from the start to the end of each frame.
@@ -66,8 +66,8 @@ pub(super) struct Device {
     pub(super) gain_db: f64,
     /// Processors that make the frames, in `submit`, if any.
     pub(super) processors: Option<Arc<Processors>>,
-    /// Place without processors.
-    pub(super) place: Place,
+    /// Device of a renderer without processors.
+    pub(super) compute_device: ComputeDevice,
     /// Where its times are kept, if anywhere: the list grows.
     pub(super) busy: Option<Busy>,
     /// Contact of the face over time.
@@ -83,8 +83,8 @@ impl FrameRenderer for Device {
         self.processors.is_some()
     }
 
-    fn place(&self) -> Place {
-        if self.processors.is_some() { Place::Processors } else { self.place }
+    fn compute_device(&self) -> ComputeDevice {
+        if self.processors.is_some() { ComputeDevice::Processors } else { self.compute_device }
     }
 
     fn submit(&mut self, pose: &Pose) -> Result<(), RenderFault> {
@@ -204,7 +204,7 @@ pub(super) fn resting(now: Duration) -> Estimate {
 pub(super) struct Translate<F> {
     pub(super) work: F,
     pub(super) terminator: Option<Terminator>,
-    pub(super) place: Place,
+    pub(super) compute_device: ComputeDevice,
 }
 
 impl<F: FnMut(&Frame, &mut Vec<u8>) -> Result<(), GenerateError> + Send> FrameGenerators for Translate<F> {
@@ -212,8 +212,8 @@ impl<F: FnMut(&Frame, &mut Vec<u8>) -> Result<(), GenerateError> + Send> FrameGe
         "fake"
     }
 
-    fn place(&self) -> Place {
-        self.place
+    fn compute_device(&self) -> ComputeDevice {
+        self.compute_device
     }
 
     fn generate(&mut self, _: usize, frame: &Frame, out: &mut Vec<u8>) -> Result<(), GenerateError> {
@@ -239,7 +239,7 @@ pub(super) fn with_generator() -> PointController {
 pub(super) fn translate(
     work: impl FnMut(&Frame, &mut Vec<u8>) -> Result<(), GenerateError> + Send + 'static,
 ) -> Box<dyn FrameGenerators> {
-    Box::new(Translate { work, terminator: None, place: gpu(2) })
+    Box::new(Translate { work, terminator: None, compute_device: gpu(2) })
 }
 
 /// A generator that takes `time` per run and paints 200.

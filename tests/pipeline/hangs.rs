@@ -49,7 +49,7 @@ fn a_generator_that_does_not_heed_its_termination_is_given_up_and_may_come_back(
         told_of.fetch_add(1, Ordering::Relaxed);
     });
     let generators: Option<Box<dyn FrameGenerators>> =
-        Some(Box::new(Translate { work, terminator: Some(terminator), place: gpu(2) }));
+        Some(Box::new(Translate { work, terminator: Some(terminator), compute_device: gpu(2) }));
     let limits = Limits { duration: Some(20 * SECOND), frames: None };
     let summary = Session { generators, limits, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
     let frames = seen(&log);
@@ -86,7 +86,8 @@ fn a_generator_that_hangs_is_terminated_where_its_provider_can() {
         Ok(())
     };
     let terminator: Option<Terminator> = Some(Arc::new(move || clock_too.notify(&stops)));
-    let generators: Option<Box<dyn FrameGenerators>> = Some(Box::new(Translate { work, terminator, place: gpu(2) }));
+    let generators: Option<Box<dyn FrameGenerators>> =
+        Some(Box::new(Translate { work, terminator, compute_device: gpu(2) }));
     let summary = Session { generators, sinks: vec![logger(&log)], ..Session::new(&clock, moving) }.run();
     let frames = seen(&log);
     assert_eq!(changes(&frames), (3, false), "and it comes back");

@@ -43,7 +43,7 @@ use insonify::pipeline::{
     PoseSource, RenderFault, RendererFactory, SimulatedClock, Stop, Summary, SystemClock, Terminator,
 };
 use insonify::pose::{BySpeed, Estimate, Pose, Speed, TrackingState};
-use insonify::render::{Choice, Frame, FrameQuality, PciAddress, Place, Quality, RenderSettings};
+use insonify::render::{Choice, ComputeDevice, Frame, FrameQuality, PciAddress, Quality, RenderSettings};
 use insonify::settings::{Assignment, ChoiceSettings, Control, LiveSettings, PipelineSettings};
 use insonify::sink::live::{FrameSource, LiveSink, MapsWanted, PresentedFrame};
 use insonify::sink::{FrameLog, SinkError};

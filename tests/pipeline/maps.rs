@@ -99,7 +99,7 @@ fn a_generator_of_the_image_alone_makes_nobody_render_maps() {
             "of the image"
         }
 
-        fn place(&self) -> Place {
+        fn compute_device(&self) -> ComputeDevice {
             gpu(2)
         }
 

@@ -16,7 +16,8 @@ fn on_shared_processors(
         out.resize(frame.bmode.len(), 200);
         Ok(())
     };
-    let generators: Box<dyn FrameGenerators> = Box::new(Translate { work, terminator: None, place: Place::Processors });
+    let generators: Box<dyn FrameGenerators> =
+        Box::new(Translate { work, terminator: None, compute_device: ComputeDevice::Processors });
     let session = Session::new(&clock, moving);
     let session = Session {
         generators: Some(generators),
@@ -71,9 +72,9 @@ fn a_frame_that_is_made_where_it_is_submitted_is_not_held_back() {
     assert!(seen(&log).iter().all(|frame| frame.age == 70 * MS));
 }
 
-/// Runs a session at 20 frames/s in which rendering takes `service` on the fakes' GPU, and generator runs take `run` at `place`.
+/// Runs a session at 20 frames/s in which rendering takes `service` on the fakes' GPU, and generator runs take `run` on `device`.
 /// The last is the time for which a frame and a run were at work at once.
-fn with_runs_at(place: Place, service: Duration, run: Duration) -> (Summary, Vec<Seen>, Duration) {
+fn with_runs_on(device: ComputeDevice, service: Duration, run: Duration) -> (Summary, Vec<Seen>, Duration) {
     let (clock, log, frames_busy, runs_busy) = (clock(), Log::default(), Busy::default(), Busy::default());
     let (clock_of_run, busy) = (clock.clone(), runs_busy.clone());
     let work = move |frame: &Frame, out: &mut Vec<u8>| {
@@ -83,7 +84,8 @@ fn with_runs_at(place: Place, service: Duration, run: Duration) -> (Summary, Vec
         out.resize(frame.bmode.len(), 200);
         Ok(())
     };
-    let generators: Option<Box<dyn FrameGenerators>> = Some(Box::new(Translate { work, terminator: None, place }));
+    let generators: Option<Box<dyn FrameGenerators>> =
+        Some(Box::new(Translate { work, terminator: None, compute_device: device }));
     let session = Session::new(&clock, moving);
     let summary =
         Session { generators, service, busy: Some(frames_busy.clone()), sinks: vec![logger(&log)], ..session }.run();
@@ -99,29 +101,32 @@ fn with_runs_at(place: Place, service: Duration, run: Duration) -> (Summary, Vec
 fn frames_and_generated_pictures_take_turns_on_the_same_gpu() {
     let _guard = beside_others();
     // GPUs of which nothing tells them apart count as one.
-    for place in [gpu(1), Place::UNKNOWN_GPU] {
-        let (summary, frames, both) = with_runs_at(place, 25 * MS, 20 * MS);
-        assert_eq!((both, summary.missed_ticks, summary.presented), (Duration::ZERO, 0, 200), "{place:?}");
-        assert!(frames[8..].iter().all(|frame| frame.source == FrameSource::Generated), "{place:?}");
+    for device in [gpu(1), ComputeDevice::UNKNOWN_GPU] {
+        let (summary, frames, both) = with_runs_on(device, 25 * MS, 20 * MS);
+        assert_eq!((both, summary.missed_ticks, summary.presented), (Duration::ZERO, 0, 200), "{device:?}");
+        assert!(frames[8..].iter().all(|frame| frame.source == FrameSource::Generated), "{device:?}");
         // Both take longer than a period.
-        let (summary, frames, both) = with_runs_at(place, 30 * MS, 30 * MS);
-        assert_eq!(both, Duration::ZERO, "{place:?}");
+        let (summary, frames, both) = with_runs_on(device, 30 * MS, 30 * MS);
+        assert_eq!(both, Duration::ZERO, "{device:?}");
         assert!((summary.frames_per_s - 1.0 / 0.06).abs() < 0.2, "{}", summary.frames_per_s);
         assert!(frames[8..].iter().all(|frame| frame.source == FrameSource::Generated && frame.age == 60 * MS));
         // Frames alone take longer, so that two would be in flight.
-        let (_, _, both) = with_runs_at(place, 70 * MS, 20 * MS);
-        assert_eq!(both, Duration::ZERO, "{place:?}");
+        let (_, _, both) = with_runs_on(device, 70 * MS, 20 * MS);
+        assert_eq!(both, Duration::ZERO, "{device:?}");
     }
 }
 
 #[test]
 fn another_gpu_or_the_processors_generate_while_the_next_frame_is_rendered() {
     let _guard = beside_others();
-    for place in [gpu(2), Place::Processors] {
-        let (summary, frames, both) = with_runs_at(place, 40 * MS, 30 * MS);
-        assert_eq!((summary.missed_ticks, summary.presented), (0, 200), "{place:?}");
-        assert!(both > SECOND, "{both:?} at {place:?}");
+    for device in [gpu(2), ComputeDevice::Processors] {
+        let (summary, frames, both) = with_runs_on(device, 40 * MS, 30 * MS);
+        assert_eq!((summary.missed_ticks, summary.presented), (0, 200), "{device:?}");
+        assert!(both > SECOND, "{both:?} on {device:?}");
         let generated = frames[8..].iter().filter(|frame| frame.source == FrameSource::Generated).count();
-        assert!(generated > 180 && frames.iter().all(|frame| frame.age <= 100 * MS), "{generated} of 192 at {place:?}");
+        assert!(
+            generated > 180 && frames.iter().all(|frame| frame.age <= 100 * MS),
+            "{generated} of 192 on {device:?}"
+        );
     }
 }

@@ -5,7 +5,7 @@
 
 use insonify::pipeline::{LiveStation, LocalRendererFactory, RecordedSlot, TrackedPoses};
 use insonify::recording::{DecodedRecording, Item, Recorded, RecordingReader, RecordingSummary, read_all, stream_of};
-use insonify::render::{Backend, BackendChoice, InjectedHang, Place};
+use insonify::render::{Backend, BackendChoice, ComputeDevice, InjectedHang};
 use insonify::station::Station;
 
 use super::program::small_station;
@@ -107,7 +107,7 @@ fn watching(hang: &InjectedHang, stop: &Stop, shown: &Arc<Mutex<Vec<Shown>>>) ->
 
 /// Whether the device is software: a GPU has limits and speeds of its own.
 fn is_software() -> bool {
-    Backend::open(BackendChoice::Device).unwrap().place() == Place::Processors
+    Backend::open(BackendChoice::Device).unwrap().compute_device() == ComputeDevice::Processors
 }
 
 /// A live session of a small station with a mock tracker and a recording, on a device that hangs for about `hang`.

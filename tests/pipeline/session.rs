@@ -63,7 +63,7 @@ pub(super) struct Session {
     pub(super) faults: Arc<dyn Fn(u64) -> bool + Send + Sync>,
     pub(super) build_failures: u32,
     pub(super) processors: Option<Arc<Processors>>,
-    pub(super) place: Place,
+    pub(super) compute_device: ComputeDevice,
     pub(super) busy: Option<Busy>,
     pub(super) contact: Arc<Touch>,
     pub(super) generators: Option<Box<dyn FrameGenerators>>,
@@ -97,7 +97,7 @@ impl Session {
             faults: Arc::new(|_| false),
             build_failures: 0,
             processors: None,
-            place: gpu(1),
+            compute_device: gpu(1),
             busy: None,
             contact: Arc::new(|_| None),
             generators: None,
@@ -117,7 +117,7 @@ impl Session {
     pub(super) fn run_watched(self, watch: impl FnMut(&insonify::pipeline::Status)) -> Summary {
         let (received, clock, service, faults) =
             (Arc::<AtomicU64>::default(), self.clock.clone(), self.service, self.faults);
-        let (extra, processors, place, busy) = (self.extra, self.processors, self.place, self.busy);
+        let (extra, processors, compute_device, busy) = (self.extra, self.processors, self.compute_device, self.busy);
         let contact = self.contact;
         let mut render = RenderSettings::default();
         if let Some(points) = &self.points {
@@ -135,7 +135,7 @@ impl Session {
             faults: faults.clone(),
             gain_db: 0.0,
             processors: processors.clone(),
-            place,
+            compute_device,
             busy: busy.clone(),
             contact: contact.clone(),
             time_s: 0.0,

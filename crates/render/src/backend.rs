@@ -5,13 +5,13 @@ use std::time::Duration;
 
 pub use insonify_core::settings::{BackendChoice, UnknownBackend, UnknownBackendVariable};
 
+use super::compute_device::ComputeDevice;
 use super::configuration::FrameInputs;
 use super::device::Gpu;
 use super::error::{BackendError, RenderError};
 use super::hooks::TestHooks;
 use super::host::{self, HostRenderer};
 use super::maker::FrameMaker;
-use super::place::Place;
 use super::trace_by::TraceBy;
 
 /// An open backend. Cloning shares the device.
@@ -143,11 +143,11 @@ impl Backend {
         }
     }
 
-    /// Where frames are computed.
-    pub fn place(&self) -> Place {
+    /// Device that computes frames.
+    pub fn compute_device(&self) -> ComputeDevice {
         match &self.0 {
-            Kind::Host => Place::Processors,
-            Kind::Device(gpu) => gpu.place(),
+            Kind::Host => ComputeDevice::Processors,
+            Kind::Device(gpu) => gpu.compute_device(),
         }
     }
 

@@ -38,6 +38,7 @@ mod backend;
 mod batch_plan;
 mod boundary;
 mod compounding;
+mod compute_device;
 mod configuration;
 mod constants;
 #[cfg(feature = "gpu")]
@@ -57,7 +58,6 @@ mod lateral_beam;
 pub mod look;
 mod maker;
 mod params;
-mod place;
 pub mod plan;
 mod preset;
 mod receiver;
@@ -77,6 +77,7 @@ mod trace_times;
 pub mod twin;
 
 pub use backend::{Backend, BackendChoice, UnknownBackend, UnknownBackendVariable};
+pub use compute_device::{ComputeDevice, NVIDIA, PciAddress};
 #[cfg(all(feature = "test-hooks", feature = "gpu"))]
 pub use device::InjectedHang;
 #[cfg(feature = "test-hooks")]
@@ -89,8 +90,6 @@ pub use hooks::TestHooks;
 pub use host::processor_name;
 #[cfg(feature = "test-hooks")]
 pub use host::{ImageConstants, TraceConstants};
-pub use place::NVIDIA;
-pub use place::{PciAddress, Place};
 pub use plan::{Decision, EffectPlan};
 pub use preset::{NoQuality, Preset, UnknownPreset};
 pub use renderer::{Job, Renderer};

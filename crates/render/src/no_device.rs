@@ -3,10 +3,10 @@
 use std::convert::Infallible;
 use std::time::Duration;
 
+use super::compute_device::ComputeDevice;
 use super::configuration::FrameInputs;
 use super::error::BackendError;
 use super::maker::FrameMaker;
-use super::place::Place;
 use super::trace_by::TraceBy;
 
 /// A graphics device. No value of it exists.
@@ -63,7 +63,7 @@ impl Gpu {
         match self.0 {}
     }
 
-    pub(super) fn place(&self) -> Place {
+    pub(super) fn compute_device(&self) -> ComputeDevice {
         match self.0 {}
     }
 

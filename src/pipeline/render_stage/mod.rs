@@ -171,7 +171,7 @@ impl RenderStage {
     fn takes_turns(&self) -> bool {
         let Device::Ready(renderer) = &self.device else { return false };
         let is_on = self.generator.is_some() && self.parts.controls.live.generator;
-        is_on && self.parts.generator.as_ref().is_some_and(|link| link.takes_turns_with(renderer.place()))
+        is_on && self.parts.generator.as_ref().is_some_and(|link| link.takes_turns_with(renderer.compute_device()))
     }
 
     /// Waits for a generator that runs on the device that renders the frames; returns whether it waited. A generator
@@ -183,7 +183,7 @@ impl RenderStage {
         let due = submit_at.max(self.begun.saturating_add(*period));
         let until = due.saturating_add((*period / 2).min(TURN));
         let shares = match (&self.device, generator) {
-            (Device::Ready(renderer), Some(link)) => link.takes_turns_with(renderer.place()),
+            (Device::Ready(renderer), Some(link)) => link.takes_turns_with(renderer.compute_device()),
             _ => false,
         };
         shares && generator.as_ref().is_some_and(|link| link.wait_for_turn(&**clock, until))

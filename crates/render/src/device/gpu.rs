@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use super::submitter::{Missing, Submitter};
 use crate::batch_plan::SEGMENT_BYTES_LEAST;
+use crate::compute_device::{ComputeDevice, PciAddress};
 use crate::constants::PATH_LANES;
 use crate::error::BackendError;
-use crate::place::{PciAddress, Place};
 use crate::trace_times::TraceChoice;
 
 /// Uses of buffers that passes read and write, and of small tables.
@@ -329,13 +329,13 @@ impl Gpu {
         [self.info.subgroup_min_size, self.info.subgroup_max_size]
     }
 
-    /// Where it computes.
-    pub(crate) fn place(&self) -> Place {
+    /// Kind and address, to tell whether other work shares it.
+    pub(crate) fn compute_device(&self) -> ComputeDevice {
         if self.is_software() {
-            return Place::Processors;
+            return ComputeDevice::Processors;
         }
         let vendor = Some(self.info.vendor).filter(|vendor| *vendor != 0);
-        Place::Gpu { vendor, address: PciAddress::parse(&self.info.device_pci_bus_id) }
+        ComputeDevice::Gpu { vendor, address: PciAddress::parse(&self.info.device_pci_bus_id) }
     }
 
     /// Largest buffer of segments, bytes: a share of the memory of the smallest devices of the kind.

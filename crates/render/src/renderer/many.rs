@@ -138,7 +138,7 @@ impl Renderer {
     /// Starts the frames of `jobs`, all of one time.
     ///
     /// # Errors
-    /// The error, and the place of its job among them.
+    /// The error, and the index of its job.
     fn submit_group(&mut self, jobs: &[Job], at_once: usize) -> Result<(), (usize, RenderError)> {
         if at_once == 1 {
             let mut numbered = jobs.iter().enumerate();
@@ -212,7 +212,7 @@ impl Renderer {
             skin: self.skin.clone(),
             maker,
             on_host: self.on_host,
-            place: self.place,
+            compute_device: self.compute_device,
             image: self.image,
             time_s: self.time_s,
             motion_ms: 0.0,

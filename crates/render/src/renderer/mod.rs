@@ -17,6 +17,7 @@ use insonify_core::transducer::{Probe, Sector};
 use super::angle_order::AngleOrder;
 use super::backend::Backend;
 use super::compounding::Compounding;
+use super::compute_device::ComputeDevice;
 use super::configuration::{Configuration, FrameInputs, Media};
 use super::constants::TISSUES_MAX;
 use super::error::RenderError;
@@ -24,7 +25,6 @@ use super::frame::{FRAMES_IN_FLIGHT, Frame};
 use super::hooks::TestHooks;
 use super::kept::Kept;
 use super::maker::FrameMaker;
-use super::place::Place;
 use super::plan::EffectPlan;
 use super::shared_tables::SharedTables;
 use super::tables::Tables;
@@ -43,7 +43,7 @@ pub struct Renderer {
     skin: Option<Arc<Skin>>,
     maker: Box<dyn FrameMaker>,
     on_host: bool,
-    place: Place,
+    compute_device: ComputeDevice,
     /// Whether the next frames carry their image.
     image: bool,
     /// Time of the scene, s.
@@ -151,7 +151,7 @@ impl Renderer {
             skin: None,
             maker,
             on_host: backend.on_host(),
-            place: backend.place(),
+            compute_device: backend.compute_device(),
             image: true,
             time_s: 0.0,
             motion_ms: 0.0,
@@ -375,9 +375,9 @@ impl Renderer {
         self.on_host
     }
 
-    /// Where its frames are computed.
-    pub fn place(&self) -> Place {
-        self.place
+    /// Device that computes its frames.
+    pub fn compute_device(&self) -> ComputeDevice {
+        self.compute_device
     }
 
     /// Number of frames that were submitted and not received.
@@ -385,7 +385,7 @@ impl Renderer {
         self.in_flight.len()
     }
 
-    /// Place of the sector in the image.
+    /// ComputeDevice of the sector in the image.
     pub fn sector(&self) -> &Sector {
         &self.active.tables.sector
     }

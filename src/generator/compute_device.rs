@@ -1,19 +1,19 @@
-//! Devices of the providers.
+//! Device of each execution provider.
 
 use std::path::Path;
 
 use super::Provider;
-use crate::render::{NVIDIA, PciAddress, Place};
+use crate::render::{ComputeDevice, NVIDIA, PciAddress};
 
 /// Folder in which NVIDIA's driver for Linux lists its GPUs, one entry each, by their addresses.
 const NVIDIA_GPUS: &str = "/proc/driver/nvidia/gpus";
 
-/// Device of the models of `provider`. CUDA takes its first GPU, whose address is known only if there is a single one.
-pub(crate) fn place_of(provider: Provider) -> Place {
+/// Device that runs the models of `provider`. CUDA takes its first GPU, whose address is known only if there is a single one.
+pub(crate) fn compute_device_of(provider: Provider) -> ComputeDevice {
     match provider {
-        Provider::Cpu => Place::Processors,
+        Provider::Cpu => ComputeDevice::Processors,
         Provider::Cuda | Provider::TensorRt => {
-            Place::Gpu { vendor: Some(NVIDIA), address: only_gpu(Path::new(NVIDIA_GPUS)) }
+            ComputeDevice::Gpu { vendor: Some(NVIDIA), address: only_gpu(Path::new(NVIDIA_GPUS)) }
         }
     }
 }
@@ -45,16 +45,16 @@ mod tests {
 
     #[test]
     fn models_on_the_processors_share_them_with_frames_made_there() {
-        let of_amd = Place::Gpu { vendor: Some(0x1002), address: None };
+        let of_amd = ComputeDevice::Gpu { vendor: Some(0x1002), address: None };
         for (provider, [processors, gpu, amd]) in [
             (Provider::Cpu, [true, false, false]),
             (Provider::Cuda, [false, true, false]),
             (Provider::TensorRt, [false, true, false]),
         ] {
-            let place = place_of(provider);
-            assert_eq!(place.shares_with(Place::Processors), processors, "{provider}");
-            assert_eq!(place.shares_with(Place::UNKNOWN_GPU), gpu, "{provider}");
-            assert_eq!(place.shares_with(of_amd), amd, "{provider}");
+            let device = compute_device_of(provider);
+            assert_eq!(device.shares_with(ComputeDevice::Processors), processors, "{provider}");
+            assert_eq!(device.shares_with(ComputeDevice::UNKNOWN_GPU), gpu, "{provider}");
+            assert_eq!(device.shares_with(of_amd), amd, "{provider}");
         }
     }
 }

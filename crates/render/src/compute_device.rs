@@ -1,11 +1,11 @@
-//! Devices of frames and of generated pictures, to decide whether two of them are the same.
+//! Devices that compute frames and generated pictures, compared to decide whether work on them competes.
 
 /// PCI vendor of NVIDIA, whose GPUs alone run CUDA.
 pub const NVIDIA: u32 = 0x10de;
 
-/// Device of a stage.
+/// Device that computes a stage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Place {
+pub enum ComputeDevice {
     /// The processors, for the host renderer and for software devices.
     Processors,
     /// A graphics device.
@@ -17,11 +17,11 @@ pub enum Place {
     },
 }
 
-impl Place {
-    /// A graphics device of which nothing is known.
+impl ComputeDevice {
+    /// A graphics device with unknown vendor and address.
     pub const UNKNOWN_GPU: Self = Self::Gpu { vendor: None, address: None };
 
-    /// Whether work at both places slows each other down. Two GPUs count as the same one unless their vendors or addresses differ.
+    /// Whether work on both slows each other down. Two GPUs count as one unless their known vendors or addresses differ.
     pub fn shares_with(self, other: Self) -> bool {
         let differ = |pair: (Option<u32>, Option<u32>)| matches!(pair, (Some(a), Some(b)) if a != b);
         match (self, other) {
@@ -69,15 +69,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn places_share_a_device_unless_they_are_known_to_differ() {
-        let at = |vendor, text: &str| Place::Gpu { vendor, address: PciAddress::parse(text) };
+    fn gpus_count_as_one_unless_they_are_known_to_differ() {
+        let at = |vendor, text: &str| ComputeDevice::Gpu { vendor, address: PciAddress::parse(text) };
         let (nvidia, other) = (Some(NVIDIA), Some(0x1002));
         let cases = [
-            (Place::Processors, Place::Processors, true),
-            (Place::Processors, Place::UNKNOWN_GPU, false),
-            (Place::Processors, at(nvidia, "0000:01:00.0"), false),
-            (Place::UNKNOWN_GPU, Place::UNKNOWN_GPU, true),
-            (at(nvidia, ""), Place::UNKNOWN_GPU, true),
+            (ComputeDevice::Processors, ComputeDevice::Processors, true),
+            (ComputeDevice::Processors, ComputeDevice::UNKNOWN_GPU, false),
+            (ComputeDevice::Processors, at(nvidia, "0000:01:00.0"), false),
+            (ComputeDevice::UNKNOWN_GPU, ComputeDevice::UNKNOWN_GPU, true),
+            (at(nvidia, ""), ComputeDevice::UNKNOWN_GPU, true),
             (at(nvidia, ""), at(nvidia, "0000:01:00.0"), true),
             (at(nvidia, "0000:01:00.0"), at(nvidia, "0000:01:00.0"), true),
             (at(nvidia, "0000:01:00.0"), at(nvidia, "0000:02:00.0"), false),
@@ -94,7 +94,7 @@ mod tests {
     fn addresses_are_read_as_drivers_and_wgpu_write_them() {
         let address = PciAddress { domain: 0, bus: 0x1a, device: 0x1f, function: 0 };
         assert_eq!(PciAddress::parse("0000:1a:1f.0"), Some(address));
-        // NVIDIA writes a domain of eight digits in places.
+        // NVIDIA writes some domains with eight digits.
         assert_eq!(PciAddress::parse("00000000:1A:1F.0\n"), Some(address));
         for text in ["", "0000", "0000:1a", "0000:1a:1f", "0000:zz:00.0", "12345678:00:00.0", "0000:100:00.0"] {
             assert_eq!(PciAddress::parse(text), None, "{text}");
