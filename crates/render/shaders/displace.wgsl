@@ -57,7 +57,7 @@ fn displacement(field: Field, rest: vec3<f32>) -> vec3<f32> {
     if field.amounts.x == 0.0 && field.amounts.y == 0.0 {
         return vec3<f32>(0.0);
     }
-    let q = rest - field.place;
+    let q = rest - field.origin;
     if field.kind == 0u {
         return beat(field, q);
     }

@@ -1,4 +1,4 @@
-//! Measured times of `trace`, kept in the cache directory by adapter, driver and version.
+//! Cache of the measured times of `trace`, by adapter, driver and version.
 
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use sha2::{Digest as _, Sha256};
 
 use super::trace_times::TraceTimes;
 
-/// What was measured where.
+/// Times and the device that they were measured on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Entry {
     /// Version of insonify.
@@ -21,8 +21,8 @@ struct Entry {
     times: TraceTimes,
 }
 
-/// Times of `adapter` and `driver` in the `cache` directory; where it has none, those that `measure` finds, which are then
-/// kept. A file that can't be read, or is of another device or version, is measured again.
+/// Times of `adapter` and `driver` from the `cache` directory. If it has none, `measure` is called and its times are
+/// stored. A file that can't be read, or that belongs to another device or version, is measured again.
 pub(super) fn known_or_measured(
     cache: &Path,
     [adapter, driver]: [&str; 2],

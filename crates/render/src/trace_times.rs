@@ -9,7 +9,7 @@ use super::trace_by::TraceBy;
 /// Most paths of a batch that count as few: they leave a GPU idle.
 const FEW_PATHS: u32 = 4096;
 
-/// Part of the time of single threads that lanes may take at most.
+/// Greatest ratio of the time by lanes to the time by threads at which lanes are chosen.
 const WORTHWHILE: f64 = 1.0 / 1.05;
 
 /// Way of `trace` by the number of paths.
@@ -39,7 +39,7 @@ impl fmt::Display for TraceChoice {
     }
 }
 
-/// Measured times of `trace`, ms: of single threads and of lanes.
+/// Measured times of `trace`, ms: by threads, then by lanes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct TraceTimes {
     pub(super) few_ms: [f64; 2],
@@ -47,7 +47,7 @@ pub(super) struct TraceTimes {
 }
 
 impl TraceTimes {
-    /// Lanes where they are faster by 5 % at least.
+    /// Lanes if they are faster by at least 5 %, else threads.
     pub(super) fn choice(&self) -> TraceChoice {
         let faster = |[path_ms, lanes_ms]: [f64; 2]| {
             if lanes_ms > 0.0 && lanes_ms <= WORTHWHILE * path_ms { TraceBy::Lanes } else { TraceBy::Path }

@@ -3,7 +3,7 @@
 // A displacement field. Positions are relative to the tree's centre, mm.
 struct Field {
     // Centre or joint, mm; kind: 0 a beat, 1 a breath, 2 a swing.
-    place: vec3<f32>,
+    origin: vec3<f32>,
     kind: u32,
     // Axis of length 1.
     axis: vec3<f32>,

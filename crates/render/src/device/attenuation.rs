@@ -1,4 +1,4 @@
-//! Attenuation as it leaves the device: 16 bits a pixel, the square root in steps of 1/65,535.
+//! Attenuation as the device sends it: its square root in 16 bits a pixel, in steps of 1/65,535.
 
 use crate::constants::ROOT_STEPS;
 
@@ -8,7 +8,7 @@ pub(super) fn level(root: u16) -> f32 {
     root * root
 }
 
-/// Levels of roots, of rows of `width` out of rows of `stride`. One thread does it, as the copies of the other maps.
+/// Levels of roots. Copies `width` of each `stride` roots, on one thread as for the other maps.
 pub(super) fn unpad_levels(into: &mut Vec<f32>, from: &[u16], width: usize, stride: usize) {
     into.clear();
     if width == stride {

@@ -10,24 +10,26 @@ use crate::constants::PATH_LANES;
 use crate::error::BackendError;
 use crate::trace_times::TraceChoice;
 
-/// Uses of buffers that passes read and write, and of small tables.
+/// Usage of storage buffers.
 const STORAGE: wgpu::BufferUsages =
     wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_SRC).union(wgpu::BufferUsages::COPY_DST);
+/// Usage of small tables.
 pub(super) const UNIFORM: wgpu::BufferUsages = wgpu::BufferUsages::UNIFORM.union(wgpu::BufferUsages::COPY_DST);
 
 /// Prefixes of the names of GPU nodes in `/dev` and `/dev/dri`.
 const DEVICE_NODES: [&str; 7] = ["renderD", "nvidia", "nvhost", "nvmap", "mali", "kgsl", "dxg"];
 
-/// Threads among which searches of a frame are spread: more slow 32 × 3 rays × layers on an H200, fewer slow 1 × 1.
+/// Threads among which the searches of a frame are spread. On an H200, more threads slow frames of 32 × 3 rays × layers,
+/// and fewer slow frames of 1 × 1.
 const SPREAD_THREADS: u32 = 1 << 17;
-/// Most threads for each that searches: the widest group of lanes.
+/// Most threads started for one search: the widest group of lanes.
 const LANES_APART_MAX: u32 = 32;
 
 /// Paths that fill a GPU: more frames at once gain nothing from there on.
 const FILLING_PATHS: u32 = 1 << 13;
 /// Most frames at once.
 pub(super) const FRAMES_AT_ONCE_MAX: u32 = 8;
-/// Most memory of what the passes of several frames write, bytes.
+/// Most memory that the passes of several frames write, bytes.
 const FRAMES_BYTES_MAX: u64 = 1 << 30;
 
 /// Longest wait for a frame of a GPU; software may take any time.
@@ -46,7 +48,7 @@ pub(crate) struct Gpu {
     patience: Option<Duration>,
     /// Way of `trace` that was given or measured, shared by clones.
     pub(super) trace: Arc<OnceLock<TraceChoice>>,
-    /// Frames at once, if they were given.
+    /// Number of frames in a dispatch, if it was given.
     at_once: Option<u32>,
     submitter: Submitter,
     /// The first error that the device reported outside of any call.
@@ -147,13 +149,13 @@ impl Gpu {
         Ok((Self { hang: Some(hang.clone()), ..self }, hang))
     }
 
-    /// The same device; a dispatch makes up to `frames` frames of many, whatever fills it.
+    /// The same device, with up to `frames` frames in a dispatch even if fewer fill it.
     pub(crate) fn with_frames_at_once(self, frames: u32) -> Self {
         Self { at_once: Some(frames), ..self }
     }
 
-    /// Frames of many that a dispatch makes, a power of two up to [`FRAMES_AT_ONCE_MAX`]: as many as fill the device, each with
-    /// `paths`, and with `bytes` that its passes write. Software has no room for more than one.
+    /// Number of frames in a dispatch that fill the device: a power of two up to [`FRAMES_AT_ONCE_MAX`]. Each frame has
+    /// `paths`, and its passes write `bytes`. One frame fills software.
     pub(super) fn frames_at_once(&self, paths: u32, bytes: u64) -> u32 {
         let filling = if self.is_software() { 1 } else { FILLING_PATHS / paths.max(1) };
         let in_memory = (FRAMES_BYTES_MAX / bytes.max(1)).min(u64::from(FRAMES_AT_ONCE_MAX)) as u32;
@@ -172,10 +174,10 @@ impl Gpu {
         Ok(Self { patience: self.patience, trace, at_once: self.at_once, ..opened })
     }
 
-    /// Submits commands, then does `after`. If passes of them were never run before, they are `cold`.
+    /// Submits commands, then calls `after`. Commands are `cold` if one of their passes has never run.
     ///
     /// # Errors
-    /// A device that does not take them in time: it counts as lost then.
+    /// A device that does not take them in time. It then counts as lost.
     pub(super) fn submit(
         &self,
         commands: wgpu::CommandBuffer,
@@ -201,10 +203,10 @@ impl Gpu {
         })
     }
 
-    /// Waits until a submission is done. If passes of it were never run before, it is `cold`.
+    /// Waits until a submission is done. It is `cold` if one of its passes has never run.
     ///
     /// # Errors
-    /// A device that is lost, or that does not answer in time: it counts as lost then.
+    /// A device that is lost, or that does not answer in time. It then counts as lost.
     pub(super) fn wait(&self, submission: wgpu::SubmissionIndex, cold: bool) -> Result<(), BackendError> {
         let timeout = self.limit(cold);
         let wait = wgpu::PollType::Wait { submission_index: Some(submission), timeout };
@@ -220,7 +222,7 @@ impl Gpu {
         self.patience.map(|patience| if cold { COLD * patience } else { patience })
     }
 
-    /// Gives the device up, which did not answer within `limit`; returns the reason.
+    /// Gives up a device that did not answer within `limit`. Returns the reason.
     fn give_up(&self, limit: Duration) -> BackendError {
         // Dropping the last handle would wait for the hanging work without end.
         std::mem::forget((self.device.clone(), self.queue.clone()));
@@ -229,7 +231,7 @@ impl Gpu {
         error
     }
 
-    /// Checks that the device has reported no error since it was opened: after one, its results can't be trusted.
+    /// Checks that the device has reported no error since it was opened. After an error, its results can't be trusted.
     ///
     /// # Errors
     /// The first error reported.
@@ -310,8 +312,8 @@ impl Gpu {
         format!("{} {} ({:?})", self.info.driver, self.info.driver_info, self.info.backend)
     }
 
-    /// Threads to start for each of `threads` that search the scene: a power of two, 1 in software. Lanes of one group wait
-    /// for each other's searches, so idle lanes between them save time on a GPU.
+    /// Number of threads to start for each of `threads` searches of the scene: a power of two, 1 in software. All but one
+    /// are idle. Lanes of a group wait for each other's searches, so idle lanes between searches save time on a GPU.
     pub(super) fn lanes_apart(&self, threads: u32) -> u32 {
         if self.is_software() {
             return 1;
@@ -338,7 +340,7 @@ impl Gpu {
         ComputeDevice::Gpu { vendor, address: PciAddress::parse(&self.info.device_pci_bus_id) }
     }
 
-    /// Largest buffer of segments, bytes: a share of the memory of the smallest devices of the kind.
+    /// Largest buffer of segments, bytes: a share of the memory of the smallest devices of this kind.
     pub(super) fn segment_bytes_max(&self) -> u64 {
         let share = match self.info.device_type {
             wgpu::DeviceType::DiscreteGpu => 1 << 30,

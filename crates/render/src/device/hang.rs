@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use crate::error::BackendError;
 
-/// Each invocation counts within what software Vulkan lets a loop do (65,536 turns).
+/// The loop stays below the 65,536 turns that software Vulkan allows.
 const SHADER: &str = "
 @group(0) @binding(0) var<storage, read_write> kept: array<u32>;
 @compute @workgroup_size(1)
@@ -22,14 +22,14 @@ fn main(@builtin(workgroup_id) group: vec3<u32>) {
 
 /// Most workgroups of a dispatch in a dimension.
 const GROUPS_MAX: u64 = 65_535;
-/// Least time of the dispatch from which the whole is reckoned.
+/// Least time of a trial dispatch. The size of the whole follows from its time.
 const TRIAL: Duration = Duration::from_millis(50);
-/// Longest time of such a dispatch.
+/// Time limit of a trial dispatch.
 const TRIAL_MAX: Duration = Duration::from_secs(60);
-/// Number of times that a dispatch is timed.
+/// Trials of a size.
 const TRIALS: u32 = 4;
 
-/// A dispatch of about a given duration, which goes before a frame of the device when it is asked for. Clones share it.
+/// A dispatch of about a given duration. On request, it runs before the next frame. Clones share it.
 #[derive(Debug, Clone)]
 pub struct InjectedHang(Arc<Shared>);
 
@@ -48,7 +48,7 @@ struct Shared {
 }
 
 impl InjectedHang {
-    /// A dispatch of about `duration`, by the time that smaller ones take now.
+    /// A dispatch of about `duration`, scaled from the times of smaller ones.
     ///
     /// # Errors
     /// The device refuses the shader or the buffer, or fails.
@@ -107,17 +107,17 @@ impl InjectedHang {
         Ok(Self(Arc::new(shared)))
     }
 
-    /// Puts the dispatch before the next frame that is submitted to the device.
+    /// Requests the dispatch before the next frame.
     pub fn inject(&self) {
         self.0.is_due.store(true, Ordering::Release);
     }
 
-    /// Whether the device was given the dispatch.
+    /// Whether the dispatch was submitted.
     pub fn has_begun(&self) -> bool {
         self.0.begun.get().is_some()
     }
 
-    /// Whether the device is at work on the dispatch.
+    /// Whether the dispatch is running.
     pub fn lasts(&self) -> bool {
         self.has_begun() && self.lasted().is_none()
     }
@@ -127,7 +127,7 @@ impl InjectedHang {
         self.0.lasted.get().copied()
     }
 
-    /// Submits the dispatch if it was asked for.
+    /// Submits the dispatch if it was requested.
     pub(super) fn submit_if_due(&self) {
         if !self.0.is_due.swap(false, Ordering::AcqRel) {
             return;

@@ -12,14 +12,14 @@ use super::shaders::Shader;
 use crate::constants::{FIELDS_MAX, MOTION_GROUP};
 use crate::error::BackendError;
 
-/// Stride of the uniforms of steps, bytes: the largest alignment of any device.
+/// Stride of the steps' uniforms, bytes: the largest alignment of any device.
 const STEP_STRIDE: u64 = 256;
 
 /// A displacement field as the shaders read it.
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
 #[repr(C)]
 struct Field {
-    place: [f32; 3],
+    origin: [f32; 3],
     kind: u32,
     axis: [f32; 3],
     radius_mm: f32,
@@ -38,7 +38,7 @@ struct Uniforms {
     unused: [u32; 3],
 }
 
-/// Part of the tables that a dispatch works on.
+/// Range of the tables that a dispatch works on.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct Step {
@@ -59,7 +59,7 @@ pub(super) struct Motion {
     pub(super) moved: wgpu::Buffer,
     displace: Pass,
     assemble: Pass,
-    /// One for each level.
+    /// One pass for each level of the tree.
     refit: Vec<Pass>,
 }
 
@@ -173,10 +173,10 @@ fn uniforms(tables: &MotionTables) -> Uniforms {
 }
 
 fn field_of(shape: &Shape, centre_mm: DVec3) -> Field {
-    let local = |place: Vec3| (place.as_dvec3() - centre_mm).as_vec3().to_array();
+    let local = |position: Vec3| (position.as_dvec3() - centre_mm).as_vec3().to_array();
     match *shape {
         Shape::Beat { centre_mm, axis, radius_mm, squeeze, shorten } => Field {
-            place: local(centre_mm),
+            origin: local(centre_mm),
             kind: 0,
             axis: axis.normalize_or_zero().to_array(),
             radius_mm,
@@ -184,7 +184,7 @@ fn field_of(shape: &Shape, centre_mm: DVec3) -> Field {
             ..Field::default()
         },
         Shape::Breath { centre_mm, axis, half_length_mm, radius_mm, widen, shift_mm } => Field {
-            place: local(centre_mm),
+            origin: local(centre_mm),
             kind: 1,
             axis: axis.normalize_or_zero().to_array(),
             radius_mm,
@@ -192,7 +192,7 @@ fn field_of(shape: &Shape, centre_mm: DVec3) -> Field {
             ..Field::default()
         },
         Shape::Swing { joint_mm, end_mm, axis, radius_mm, angle_deg } => Field {
-            place: local(joint_mm),
+            origin: local(joint_mm),
             kind: 2,
             axis: axis.normalize_or(Vec3::X).to_array(),
             radius_mm,

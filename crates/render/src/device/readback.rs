@@ -28,7 +28,7 @@ pub(crate) struct Shape {
     pub(crate) height: u32,
     /// Words of four pixels per row.
     pub(crate) row_words: u32,
-    /// Scanlines kept as complex lines; 0 if lines are not kept.
+    /// Scanlines with complex lines in the frame; 0 without them.
     pub(crate) lines: u32,
     /// Samples per row, without and with padding.
     pub(crate) samples: u32,

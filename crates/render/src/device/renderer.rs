@@ -25,7 +25,8 @@ use crate::maker::FrameMaker;
 use crate::params::Params;
 use crate::snapshot::PassBuffers;
 
-/// Most slots of a configuration. The number of slots of any divides it, so that frames take them in turn.
+/// Most slots of a configuration. It is a multiple of each configuration's number of slots, so that frames take them in
+/// turn.
 const SLOTS_MAX: usize = FRAMES_IN_FLIGHT * FRAMES_AT_ONCE_MAX as usize;
 
 /// A frame that was submitted and not received.
@@ -50,7 +51,7 @@ struct DeviceRenderer {
     active: DeviceConfiguration,
     /// The active configuration for several frames at once; none before it is needed.
     several: Option<DeviceConfiguration>,
-    /// Whether several frames at once are known not to be worth it, or to find no memory.
+    /// Whether frames are made one at a time: one fills the device, or memory is short.
     alone: bool,
     /// The other configurations.
     kept: Kept<DeviceConfiguration>,
@@ -111,8 +112,8 @@ impl DeviceRenderer {
         })
     }
 
-    /// The configuration that makes several frames at once; made if there is none. None if one frame fills the device, or
-    /// memory is short.
+    /// The configuration that makes several frames at once, made when it is first needed. None if one frame fills the
+    /// device, or memory is short.
     fn several(&mut self, inputs: FrameInputs<'_>) -> Option<&DeviceConfiguration> {
         let batches = self.active.batches;
         if self.several.is_none() && !self.alone && batches.batches == 1 {
@@ -135,7 +136,7 @@ impl DeviceRenderer {
         self.several.as_ref()
     }
 
-    /// Starts a frame for each of `params`, by the active configuration or by the one for several frames.
+    /// Starts a frame for each of `params`, with the configuration for several frames or with the active one.
     fn submit_to(
         &mut self,
         several: bool,
@@ -212,7 +213,7 @@ impl DeviceRenderer {
     }
 }
 
-/// Uploads the uniforms of every batch, each for all frames.
+/// Uploads the uniforms: for each batch, those of all frames.
 fn upload_uniforms(gpu: &Gpu, memory: &mut Vec<u8>, device: &DeviceConfiguration, params: &[Params]) {
     let batches = device.batches;
     let stride = PARAMS_STRIDE as usize * device.buffers.frames as usize;

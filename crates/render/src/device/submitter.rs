@@ -1,5 +1,5 @@
-//! Submission on a thread of its own, since a driver may block in it: software Vulkan makes the whole frame there, and a device
-//! that is stuck may never return.
+//! Submission on a separate thread, since a driver may block in it. Software Vulkan makes the whole frame there, and the
+//! driver of a stuck device may never return.
 
 use std::io;
 use std::sync::mpsc;
@@ -8,7 +8,7 @@ use std::time::Duration;
 
 type Job = Box<dyn FnOnce() + Send>;
 
-/// Thread that submits. It ends with the last clone, and holds nothing of the device between jobs.
+/// Thread that submits. It ends with the last clone. Between jobs it holds no handle of the device.
 #[derive(Debug, Clone)]
 pub(super) struct Submitter(mpsc::Sender<Job>);
 

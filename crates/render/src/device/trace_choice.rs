@@ -1,4 +1,4 @@
-//! Choice of the way of `trace` on a device: given, or measured once per adapter and driver.
+//! Choice between threads and lanes for `trace` on a device: given, or measured once per adapter and driver.
 
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
@@ -30,10 +30,10 @@ const ROUNDS: usize = 3;
 const DISPATCHES: u32 = 2;
 /// Paths of a frame of low quality, and of one of high quality.
 const MEASURED_PATHS: [u32; 2] = [256, 24_832];
-/// Part of the paths whose number of segments must be the same.
+/// Least part of the paths that have equally many segments by both ways.
 const ALIKE: f64 = 0.99;
 
-/// Reason why lanes of a device can't share a path, if there is one: `sizes` are those of its subgroups.
+/// Reason why lanes can't share a path, if there is one. `sizes` are the least and the greatest size of a subgroup.
 fn unfit(has_subgroups: bool, sizes: [u32; 2]) -> Option<String> {
     if !has_subgroups {
         return Some("it has no subgroup operations".to_owned());
@@ -96,8 +96,8 @@ impl Gpu {
     }
 }
 
-/// Measures both ways, from three sides through the middle of the scene, each with few and with many paths. None if they
-/// find different paths, so that lanes don't do what they should.
+/// Measures both ways with few and with many paths, from three sides through the middle of the scene. None if the ways
+/// find different paths, since lanes are then wrong.
 ///
 /// # Errors
 /// A device that fails, or refuses a pass.
