@@ -87,8 +87,8 @@ pub(crate) struct Buffers {
 }
 
 impl Buffers {
-    /// Buffers for `frames` frames. Buffers of `previous` that have the right size are reused. They keep their contents until
-    /// [`Buffers::fill`], so a configuration that fails leaves `previous` intact.
+    /// Buffers for `frames` frames. Buffers of `previous` that have the right size are reused. They keep their contents
+    /// until [`Buffers::fill`], so a configuration that fails leaves `previous` intact.
     pub(crate) fn new(
         gpu: &Gpu,
         tables: &Tables,

@@ -150,7 +150,7 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
     let flag = |on: bool| f64::from(u8::from(on));
     let aperture = ("APERTURE", flag(on.has(Effect::Aperture)));
 
-    // Paths of a batch: the media at their starts and their coupling, then the segments along them.
+    // Paths of a batch: the surfaces around their starts and their coupling, then the segments along them.
     let paths = largest.paths();
     let apart = gpu.lanes_apart(paths * b.frames);
     let trace = TraceDispatch::new(gpu, inputs, gpu.trace_by(paths * b.frames), paths, b.frames);
@@ -160,49 +160,54 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
                 &b.couplings])?;
         frame.run(trace.shader, batch, trace.groups, &trace.constants, &TraceDispatch::buffers(scene, b))
     };
-    // Aperture gain of each scanline and beam profiles. They need the paths of all batches.
-    if contents.image && let Some(t) = &tables.aperture {
-        let (planes, cells, beams) = (t.planes as u32, t.sampling.cells as u32, t.sampling.beams as u32);
-        let transmission =
-            [&b.starts, &b.segments, &a.shape, &a.cell_rays, &a.mask, &a.row_np, &b.rays, &a.partial_sums];
+    if contents.image {
+        // Aperture gain and beam profile of each scanline. They need the paths of all batches.
+        if let Some(t) = &tables.aperture {
+            let (planes, cells, beams) = (t.planes as u32, t.sampling.cells as u32, t.sampling.beams as u32);
+            // Transmission and delay of each cell of each plane, and the loss of each plane.
+            let transmission =
+                [&b.starts, &b.segments, &a.shape, &a.cell_rays, &a.mask, &a.row_np, &b.rays, &a.partial_sums];
+            for batch in 0..plan.batches {
+                trace_batch(frame, batch)?;
+                frame.run(Transmission, batch, [planes, cells.div_ceil(64), 1], &[("ROWS", 0.0)], &transmission)?;
+            }
+            frame.run(Transmission, last, [planes, 1, 1], &[("ROWS", 1.0)], &transmission)?;
+            // Fields of the modes in each plane, the amplitudes of beams made of them, and the profiles of the beams.
+            frame.run(Propagate, last, [t.modes.len() as u32, 1, 1], &[],
+                &[&a.shape, &a.modes, &a.face, &a.steps, &a.mask, &a.fields])?;
+            frame.run(Beams, last, [cells * beams / BEAM_CELLS_OF_A_GROUP, planes, 1], &[],
+                &[&a.shape, &a.modes, &a.beam_parts, &a.fields, &a.amplitudes])?;
+            frame.run(Profiles, last, [cells.max(params.scanlines).div_ceil(64), planes, 1], &[],
+                &[&a.shape, &a.line_cells, &a.reaches, &a.unobstructed, &b.lateral_kernels, &a.amplitudes,
+                    &a.beam_powers, &a.profiles, &a.blends])?;
+            // Gain along each scanline.
+            frame.run(Visibility, last, [params.scanlines.div_ceil(16), 1, 1], &[],
+                &[&b.starts, &b.segments, &a.shape, &a.line_cells, &a.beam_powers, &a.row_np, &a.line_gains,
+                    &a.block_gains])?;
+        }
+        // Baseband of each scanline: scatterers and interface echoes, added batch by batch.
         for batch in 0..plan.batches {
-            trace_batch(frame, batch)?;
-            frame.run(Transmission, batch, [planes, cells.div_ceil(64), 1], &[("ROWS", 0.0)], &transmission)?;
-        }
-        frame.run(Transmission, last, [planes, 1, 1], &[("ROWS", 1.0)], &transmission)?;
-        frame.run(Propagate, last, [t.modes.len() as u32, 1, 1], &[],
-            &[&a.shape, &a.modes, &a.face, &a.steps, &a.mask, &a.fields])?;
-        frame.run(Beams, last, [cells * beams / BEAM_CELLS_OF_A_GROUP, planes, 1], &[],
-            &[&a.shape, &a.modes, &a.beam_parts, &a.fields, &a.amplitudes])?;
-        frame.run(Profiles, last, [cells.max(params.scanlines).div_ceil(64), planes, 1], &[],
-            &[&a.shape, &a.line_cells, &a.reaches, &a.unobstructed, &b.lateral_kernels, &a.amplitudes,
-                &a.beam_powers, &a.profiles, &a.blends])?;
-        frame.run(Visibility, last, [params.scanlines.div_ceil(16), 1, 1], &[],
-            &[&b.starts, &b.segments, &a.shape, &a.line_cells, &a.beam_powers, &a.row_np, &a.line_gains,
-                &a.block_gains])?;
-    }
-    // Baseband of each scanline: scatterers and interface echoes, added batch by batch.
-    for batch in (0..plan.batches).filter(|_| contents.image) {
-        // After the aperture's passes, only the last batch's paths are in memory.
-        if tables.aperture.is_none() || plan.batches > 1 {
-            trace_batch(frame, batch)?;
-        }
-        if on.has(Effect::Scatterers) {
-            let elevational = ("ELEVATIONAL_SPECKLE", flag(on.has(Effect::ElevationalSpeckle)));
-            let constants = [aperture, elevational, ("TEXTURE", flag(on.has(Effect::Texture)))];
-            frame.run(March, batch, [samples_by(8)[0], largest.line_count, 1], &constants,
-                &[&b.starts, &b.segments, &b.hints, &b.scatterer_gain, &b.baseband, &b.kept_powers, &a.shape,
-                    &a.line_gains, &b.sheet_reach, &b.textures, &a.reflected])?;
-        }
-        if on.has(Effect::InterfaceEchoes) {
-            let (shader, groups) =
-                if in_software { (EchoByLine, largest.line_count.div_ceil(16)) } else { (Echo, largest.line_count) };
-            frame.run(shader, batch, [groups, 1, 1], &[aperture],
-                &[&b.starts, &b.segments, &b.echoes, &b.segment_counts, &a.shape, &a.line_gains, &b.baseband])?;
+            // After the aperture's passes, only the last batch's paths are in memory.
+            if tables.aperture.is_none() || plan.batches > 1 {
+                trace_batch(frame, batch)?;
+            }
+            if on.has(Effect::Scatterers) {
+                let elevational = ("ELEVATIONAL_SPECKLE", flag(on.has(Effect::ElevationalSpeckle)));
+                let constants = [aperture, elevational, ("TEXTURE", flag(on.has(Effect::Texture)))];
+                frame.run(March, batch, [samples_by(8)[0], largest.line_count, 1], &constants,
+                    &[&b.starts, &b.segments, &b.hints, &b.scatterer_gain, &b.baseband, &b.kept_powers, &a.shape,
+                        &a.line_gains, &b.sheet_reach, &b.textures, &a.reflected])?;
+            }
+            if on.has(Effect::InterfaceEchoes) {
+                let lines = largest.line_count;
+                let (shader, groups) = if in_software { (EchoByLine, lines.div_ceil(16)) } else { (Echo, lines) };
+                frame.run(shader, batch, [groups, 1, 1], &[aperture],
+                    &[&b.starts, &b.segments, &b.echoes, &b.segment_counts, &a.shape, &a.line_gains, &b.baseband])?;
+            }
         }
     }
-    // Maps: runs of each map ray, their raster, the percentile of attenuation. They need no paths: each stands next to a
-    // pass that leaves most of a GPU idle.
+    // Maps: the media along each map ray, their raster, and the percentile of attenuation. They need no paths. Each is
+    // inserted after a pass that leaves most of a GPU idle.
     if contents.maps {
         let apart = gpu.lanes_apart(params.map_rays);
         // Neighbouring threads of a GPU write neighbouring words. Software searches long for each.
@@ -215,7 +220,7 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
         frame.insert(4, Section, raster, &[("RASTER", 1.0), ("DEPTHS", depths.into())], &section)?;
         frame.insert(5, Percentile, [1, 1, 1], &[], &[&b.entries, &b.entry_counts, &b.percentile])?;
     }
-    // Image: lateral point spread, receiver noise and clutter, axial point spread and compression.
+    // Image: the lateral point spread, additions of the receiver, then the pulse, the envelope and log compression.
     if contents.image {
         let steered = tables.angles.iter().any(|angle| angle.steer_rad != 0.0);
         frame.run(Lateral, last, samples_by(4), &[aperture, ("STEERED", flag(steered))],
@@ -227,6 +232,7 @@ fn build_frame(frame: &mut FrameBuilder<'_>, inputs: FrameInputs<'_>, contents: 
         frame.run(Detect, last, samples_by(8), &[("KEEP_LINES", flag(settings.lines))],
             &[&b.pulse, &b.focused, &b.polar, &b.lines])?;
     }
+    // From scanlines to pixels.
     frame.run(ScanConvert, last, [params.sector_words.div_ceil(128), 1, 1], &[("MAPS", flag(contents.maps))],
         &[&b.pixels, &b.polar, &b.raster, &b.percentile, &b.tissues, &b.bmode, &b.segmentation, &b.attenuation,
             &b.sector_words])

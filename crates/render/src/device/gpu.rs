@@ -19,8 +19,8 @@ pub(super) const UNIFORM: wgpu::BufferUsages = wgpu::BufferUsages::UNIFORM.union
 /// Prefixes of the names of GPU nodes in `/dev` and `/dev/dri`.
 const DEVICE_NODES: [&str; 7] = ["renderD", "nvidia", "nvhost", "nvmap", "mali", "kgsl", "dxg"];
 
-/// Threads among which the searches of a frame are spread. On an H200, more threads slow frames of 32 × 3 rays × layers,
-/// and fewer slow frames of 1 × 1.
+/// Threads among which the searches of a frame are spread. On an H200, frames of 32 × 3 rays × layers are slower with more
+/// threads, and frames of 1 × 1 with fewer.
 const SPREAD_THREADS: u32 = 1 << 17;
 /// Most threads started for one search: the widest group of lanes.
 const LANES_APART_MAX: u32 = 32;

@@ -13,7 +13,8 @@ use crate::params::Params;
 /// Staging memory of one frame in flight.
 #[derive(Debug)]
 pub(crate) struct Slot {
-    /// One buffer: [B-mode | segmentation | attenuation | percentile, overflows of paths and of maps | lines | timestamps].
+    /// One buffer: [B-mode | segmentation | attenuation | percentile, overflows of paths, overflows of maps | lines |
+    /// timestamps].
     staging: wgpu::Buffer,
     layout: Layout,
     queries: Option<Queries>,

@@ -1,7 +1,8 @@
 //! Sources of passes that make several frames in one dispatch: the frame is `workgroup_id.z`.
 //!
 //! Frames share tables and scene. A buffer that passes write has one part for each frame, and each frame has its own
-//! parameters. So only indices change: `segments[i]` becomes the i-th element of the frame's part, and `params` its parameters.
+//! parameters. So only indices change: `segments[i]` becomes the i-th element of the frame's part, and `params` the
+//! frame's parameters.
 
 use std::fmt::Write as _;
 
