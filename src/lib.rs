@@ -44,9 +44,9 @@
 //! | module | holds |
 //! |---|---|
 //! | [`pipeline`] | live sessions, and replays of recorded ones; feature `live` |
-//! | [`chooser`] | operating points: errors, times, the choice; feature `live` |
-//! | [`evaluation`] | images and generators against their targets |
-//! | [`dataset`], [`tradeoff`] | data sets of paired frames; time against error (its figure: feature `plots`) |
+//! | [`chooser`] | operating points: times, the choice; feature `live` |
+//! | [`measuring`] | times and errors of frames, sweeps, the table of errors, images and generators against their targets |
+//! | [`dataset`] | data sets of paired frames |
 //! | [`report`] | reports, sheets, pictures of scenes |
 //! | [`station`] | station files |
 //! | [`sink`] | files, and live displays; features `video`, `browser`, `window` |
@@ -93,11 +93,9 @@ pub mod pipeline;
 #[cfg(feature = "live")]
 pub mod chooser;
 
-pub mod evaluation;
+pub mod measuring;
 
 pub mod dataset;
-
-pub mod tradeoff;
 
 pub mod report;
 

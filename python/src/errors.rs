@@ -4,9 +4,9 @@ use std::error::Error;
 use std::io::ErrorKind;
 
 use insonify::anatomy::{BvhError, SceneError, TissueError};
-use insonify::chooser::ChooserError;
 use insonify::dataset::DatasetError;
 use insonify::generator::{GeneratorError, RuntimeError};
+use insonify::measuring::MeasuringError;
 use insonify::pose::PoseError;
 use insonify::render::{BackendError, RenderError, UnknownBackendVariable};
 use insonify::settings::SettingsError;
@@ -119,7 +119,7 @@ failures! {
     BackendError => Backend
     UnknownBackendVariable => Input
     RenderError as Backend | Bvh | Settings => Render
-    ChooserError => Render
+    MeasuringError => Render
     RuntimeError => Generator
     GeneratorError => Generator
     DatasetError as Station | Render => Dataset

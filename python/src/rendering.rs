@@ -4,8 +4,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::{Duration, Instant};
 
 use insonify::chooser::{StillFrame, StillJob, render_still_with, render_stills_with};
+use insonify::measuring::PlanTable;
 use insonify::render::{Backend, BackendChoice, EffectPlan, FrameQuality, RenderSettings, Renderer};
-use insonify::tradeoff::PlanTable;
 use insonify::transducer::Probe;
 
 use crate::described::Described;

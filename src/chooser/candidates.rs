@@ -1,9 +1,9 @@
 //! Operating points that a station may run, with their errors and times.
 
 use super::control::Candidate;
-use super::error_table::{ExpectedErrors, GeneratorKey};
 use super::times::Times;
 use crate::generator::{Generator, Quality};
+use crate::measuring::{ExpectedErrors, GeneratorKey};
 use crate::pose::BySpeed;
 use crate::render::{Choice, Effect, FrameQuality};
 use crate::settings::RenderSettings;
@@ -148,7 +148,7 @@ impl Open {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chooser::ErrorTable;
+    use crate::measuring::ErrorTable;
     use crate::transducer::{Probe, ProbeKind};
 
     const ROLLING: FrameQuality = FrameQuality { angles: 9, ..FrameQuality::new(2, 3) };

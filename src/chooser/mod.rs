@@ -1,16 +1,13 @@
 //! Operating points of a station on a machine: rays, layers, steering angles and a generator, their errors and times, and the
 //! choice among them.
 //!
-//! Errors come from a table that is shipped ([`ErrorTable`]; [`measure_errors`] measures one). Times are measured on the machine
+//! Errors come from a table that is shipped ([`ErrorTable`](crate::measuring::ErrorTable)). Times are measured on the machine
 //! once and kept in the cache.
 //! [`choose`] picks the first point of a session; [`PointController`] follows the load and the probe's speed from there on.
 //! [`choose_still`] picks the quality of stills.
 
 mod candidates;
 mod control;
-mod error;
-mod error_table;
-mod front;
 mod starting_point;
 mod still;
 mod still_frame;
@@ -18,10 +15,7 @@ mod times;
 mod translation;
 
 pub use control::{Candidate, FrameBudget, PointChange, PointController, PointSummary, Switch};
-pub use error::ChooserError;
-pub use error_table::{ErrorTable, ErrorTableError, ExpectedErrors, GeneratorKey, PointError, StationErrors};
-pub use front::{ANGLES, ErrorSettings, ErrorStep, RAYS_LAYERS, measure_errors};
-pub use starting_point::{StartingPoint, choose, scene_name};
+pub use starting_point::{StartingPoint, choose};
 pub use still::{StillQuality, choose_still};
 pub use still_frame::{StillFrame, StillJob, render_still, render_still_with, render_stills_with};
 pub use translation::{Translation, TranslationReport};

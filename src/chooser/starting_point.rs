@@ -2,13 +2,12 @@
 
 use super::candidates::{Model, Open};
 use super::control::{FrameBudget, PointController};
-use super::error::ChooserError;
-use super::error_table::{ErrorTable, ExpectedErrors};
-use super::times::{Bench, Times};
+use super::times::{TimedStation, Times};
 use crate::generator::{Generator, compute_device_of};
+use crate::measuring::{ErrorTable, ExpectedErrors, MeasuringError, scene_name};
 use crate::pose::{BySpeed, Pose, ProbeSpeed};
 use crate::render::{Effect, FrameQuality, Renderer};
-use crate::station::{SceneSource, Station};
+use crate::station::Station;
 
 /// Part of a frame's period that rendering and generating may take: the rest goes to the displays.
 const PART_OF_PERIOD: f64 = 0.9;
@@ -24,14 +23,6 @@ pub struct StartingPoint {
     pub messages: Vec<String>,
 }
 
-/// Name of a station's scene in the table of errors.
-pub fn scene_name(station: &Station) -> String {
-    match &station.scene {
-        SceneSource::ObstetricPhantom(_) => "obstetric".to_owned(),
-        SceneSource::File(path) => path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default(),
-    }
-}
-
 /// Chooses the operating point of a live session at `pose`, else at the station's. The station's settings and the renderer become
 /// those of the point.
 ///
@@ -43,7 +34,7 @@ pub fn choose(
     station: &mut Station,
     generators: &mut [Generator],
     pose: Option<Pose>,
-) -> Result<StartingPoint, ChooserError> {
+) -> Result<StartingPoint, MeasuringError> {
     let mut messages = Vec::new();
     let budgeted = station.frame_budget_ms.is_some();
     // The default quality is no choice that a hint could better.
@@ -60,8 +51,8 @@ pub fn choose(
     let models: Vec<Model> = generators.iter().map(Model::of).collect();
     let names: Vec<String> = models.iter().map(|model| model.key.name.clone()).collect();
     let qualities = open.qualities(&expected, &models);
-    let mut bench = Bench { station, renderer, generators, pose, frame_ms };
-    let (times, measured) = Times::known_or_measured(&mut bench, &qualities, open.own)?;
+    let mut timed = TimedStation { station, renderer, generators, pose, frame_ms };
+    let (times, measured) = Times::known_or_measured(&mut timed, &qualities, open.own)?;
     let all = open.candidates(&expected, &qualities, &models, &times);
     let budget =
         |frame_ms| FrameBudget { frame_ms, run_ms: station.generator.run_budget_ms, apart, spread: times.spread };

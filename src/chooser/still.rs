@@ -3,8 +3,7 @@
 use std::fmt;
 
 use super::candidates::own_quality;
-use super::error::ChooserError;
-use super::error_table::ErrorTable;
+use crate::measuring::{ErrorTable, MeasuringError};
 use crate::pose::{Pose, ProbeSpeed};
 use crate::render::{BackendError, Effect, Frame, FrameQuality, RenderError, Renderer};
 use crate::settings::RenderSettings;
@@ -61,7 +60,7 @@ impl fmt::Display for StillQuality {
 
 /// Chooses the quality of stills, and switches the renderer to `probe` and `settings` with it. Qualities are those of the shipped
 /// table of errors, with the angles and the aperture of `settings`; the seed is kept. They are timed by rising number of paths, until
-/// one takes more than `frame_budget_ms`; their frames cycle through `poses`. `scene` is [`scene_name`](super::scene_name) of the station.
+/// one takes more than `frame_budget_ms`; their frames cycle through `poses`. `scene` is [`scene_name`](crate::measuring::scene_name) of the station.
 ///
 /// # Errors
 /// The table can't be read, or a frame can't be rendered. A quality that the device has no room for ends the search.
@@ -72,7 +71,7 @@ pub fn choose_still(
     settings: &RenderSettings,
     poses: &[Pose],
     frame_budget_ms: f64,
-) -> Result<StillQuality, ChooserError> {
+) -> Result<StillQuality, MeasuringError> {
     let own = own_quality(settings, probe);
     let expected = ErrorTable::shipped()?.expected(scene, probe);
     let mut points: Vec<(FrameQuality, f64)> = Vec::new();

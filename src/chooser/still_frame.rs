@@ -1,11 +1,10 @@
 //! One frame of a station with its look and its record.
 
-use super::error::ChooserError;
-use super::starting_point::scene_name;
 use super::still::{StillQuality, choose_still};
 use crate::anatomy::Scene;
 use crate::lanes::{in_order, lane_count};
 use crate::look::{Look, Shape};
+use crate::measuring::{MeasuringError, scene_name};
 use crate::pose::Pose;
 use crate::render::{Backend, Frame, Quality, RenderSettings, Renderer};
 use crate::sink::FrameRecord;
@@ -34,7 +33,7 @@ pub fn render_still(
     settings: RenderSettings,
     at: (Pose, f64),
     frame_budget_ms: Option<f64>,
-) -> Result<StillFrame, ChooserError> {
+) -> Result<StillFrame, MeasuringError> {
     let mut renderer = Renderer::new(backend, scene, &station.probe, &settings)?;
     render_still_with(&mut renderer, backend, station, settings, at, frame_budget_ms)
 }
@@ -51,7 +50,7 @@ pub fn render_still_with(
     mut settings: RenderSettings,
     (pose, time_s): (Pose, f64),
     frame_budget_ms: Option<f64>,
-) -> Result<StillFrame, ChooserError> {
+) -> Result<StillFrame, MeasuringError> {
     let probe = &station.probe;
     renderer.reconfigure(probe, &settings)?;
     renderer.set_time_s(time_s);
@@ -89,7 +88,7 @@ pub struct StillJob {
 ///
 /// # Errors
 /// The first frame that can't be rendered, after those before it, or an error of `each`.
-pub fn render_stills_with<E: From<ChooserError> + Send>(
+pub fn render_stills_with<E: From<MeasuringError> + Send>(
     renderer: &mut Renderer,
     backend: &Backend,
     station: &Station,
@@ -101,5 +100,5 @@ pub fn render_stills_with<E: From<ChooserError> + Send>(
     };
     let count = lane_count().min(jobs.len());
     let done = renderer.with_lanes(count, |lanes| in_order(lanes, jobs.iter().map(Ok), render, &mut each));
-    done.map_err(ChooserError::from)?
+    done.map_err(MeasuringError::from)?
 }

@@ -7,9 +7,9 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::error_table::GeneratorKey;
 use crate::files::{self, FileKind};
 use crate::generator::{Generator, GeneratorError};
+use crate::measuring::{self, GeneratorKey};
 use crate::pose::Pose;
 use crate::render::{BackendError, Effect, Frame, FrameQuality, RenderError, Renderer, processor_name};
 use crate::sink::write_json;
@@ -44,8 +44,8 @@ pub(crate) struct Times {
     pub(crate) spread: f64,
 }
 
-/// Inputs of a measurement.
-pub(super) struct Bench<'a> {
+/// A station whose frames and runs are timed.
+pub(super) struct TimedStation<'a> {
     pub(super) station: &'a Station,
     pub(super) renderer: &'a mut Renderer,
     pub(super) generators: &'a mut [Generator],
@@ -72,25 +72,25 @@ impl Times {
     /// Times of `qualities` and of the generators: those of the cache, and the others measured. Returns the times, and
     /// whether anything was measured. No measurement begins after 2.5 s; the station's `own` quality is always measured.
     pub(super) fn known_or_measured(
-        bench: &mut Bench<'_>,
+        timed: &mut TimedStation<'_>,
         qualities: &[FrameQuality],
         own: FrameQuality,
     ) -> Result<(Self, bool), RenderError> {
-        let path = path(bench, qualities);
+        let path = path(timed, qualities);
         let kept =
             files::read(&path, FileKind::Stored).ok().and_then(|text| serde_json::from_slice::<Self>(&text).ok());
         let mut times = kept.unwrap_or_default();
-        if times.were_disturbed(bench, qualities)? {
+        if times.were_disturbed(timed, qualities)? {
             times = Self::default();
         }
         let unknown = qualities.iter().any(|q| !times.knows([q.rays, q.layers]));
         if !unknown
             && times.maps_ms.is_some()
-            && bench.generators.iter().all(|g| times.run(&GeneratorKey::of(g)).is_some())
+            && timed.generators.iter().all(|g| times.run(&GeneratorKey::of(g)).is_some())
         {
             return Ok((times, false));
         }
-        times.measure(bench, qualities, own)?;
+        times.measure(timed, qualities, own)?;
         if let Err(error) = write_json(&path, &times) {
             tracing::debug!("times are not kept: {error}");
         }
@@ -98,7 +98,7 @@ impl Times {
     }
 
     /// Whether something else ran when these times were measured: they vary, or frames take much less time now.
-    fn were_disturbed(&self, bench: &mut Bench<'_>, qualities: &[FrameQuality]) -> Result<bool, RenderError> {
+    fn were_disturbed(&self, timed: &mut TimedStation<'_>, qualities: &[FrameQuality]) -> Result<bool, RenderError> {
         if self.spread > DISTURBED {
             return Ok(true);
         }
@@ -107,7 +107,7 @@ impl Times {
         };
         let known = self.render_ms.iter().find(|(known, _)| *known == [first.rays, first.layers]);
         let Some(known_ms) = known.and_then(|(_, ms)| *ms) else { return Ok(false) };
-        let now = frames(bench, first, false)?;
+        let now = frames(timed, first, false)?;
         Ok(now.is_some_and(|ms| median_of(ms, &mut Vec::new()) < LEAST_OF_KEPT * known_ms))
     }
 
@@ -118,20 +118,20 @@ impl Times {
 
     fn measure(
         &mut self,
-        bench: &mut Bench<'_>,
+        timed: &mut TimedStation<'_>,
         qualities: &[FrameQuality],
         own: FrameQuality,
     ) -> Result<(), RenderError> {
         let started = Instant::now();
         let late = || started.elapsed().as_secs_f64() > ENOUGH_S;
         let mut spreads = Vec::new();
-        for generator in bench.generators.iter_mut() {
+        for generator in timed.generators.iter_mut() {
             let key = GeneratorKey::of(generator);
             // What is left out now is measured at the next start.
             if self.run(&key).is_some() || late() {
                 continue;
             }
-            match runs(generator, bench.station, bench.frame_ms) {
+            match runs(generator, timed.station, timed.frame_ms) {
                 Ok(ms) => self.insert_run(&key, median_of(ms, &mut spreads)),
                 Err(error) => {
                     tracing::warn!("generator {} does not run at this size and is left out: {error}", key.name)
@@ -145,7 +145,7 @@ impl Times {
             let without = FrameQuality { aperture: false, ..first };
             let compounded = FrameQuality { angles, ..first };
             // Differences of medians would be lost in the noise of so few frames.
-            let mut ms = |quality, maps| Ok::<_, RenderError>(frames(bench, quality, maps)?.and_then(least));
+            let mut ms = |quality, maps| Ok::<_, RenderError>(frames(timed, quality, maps)?.and_then(least));
             let alone = ms(first, false)?;
             let over = |more: Option<f64>| alone.zip(more).map(|(alone, more)| (more - alone).max(0.0));
             self.maps_ms = over(ms(first, true)?);
@@ -171,8 +171,8 @@ impl Times {
             if late() && !is_own {
                 continue;
             }
-            let ms = frames(bench, quality, false)?.map(|ms| median_of(ms, &mut spreads));
-            if let Some(ms) = ms.filter(|ms| *ms > BEYOND * bench.frame_ms && beyond.is_none()) {
+            let ms = frames(timed, quality, false)?.map(|ms| median_of(ms, &mut spreads));
+            if let Some(ms) = ms.filter(|ms| *ms > BEYOND * timed.frame_ms && beyond.is_none()) {
                 beyond = Some((quality.paths(), ms));
             }
             self.insert(rays_layers, ms);
@@ -211,26 +211,23 @@ fn runs(generator: &mut Generator, station: &Station, frame_ms: f64) -> Result<V
 }
 
 /// Times of frames of a quality, ms; none if the device has no room for them.
-fn frames(bench: &mut Bench<'_>, quality: FrameQuality, maps: bool) -> Result<Option<Vec<f64>>, RenderError> {
-    let Station { probe, settings, .. } = bench.station;
+fn frames(timed: &mut TimedStation<'_>, quality: FrameQuality, maps: bool) -> Result<Option<Vec<f64>>, RenderError> {
+    let Station { probe, settings, .. } = timed.station;
     let aperture = settings.effects.of(Effect::Aperture);
     let mut settings = quality.apply(settings, aperture);
     settings.maps = maps;
-    match bench.renderer.reconfigure(probe, &settings) {
+    match timed.renderer.reconfigure(probe, &settings) {
         Ok(()) => {}
         Err(RenderError::Backend(BackendError::Limit { .. } | BackendError::Memory { .. })) => return Ok(None),
         Err(error) => return Err(error),
     }
     let mut frame = Frame::default();
-    let mut ms = Vec::with_capacity(FRAMES);
-    for nth in 0..=FRAMES {
-        bench.renderer.submit(&bench.pose)?;
-        bench.renderer.receive(&mut frame)?;
-        if nth > 0 {
-            ms.push(frame.times.total_ms);
-        }
-    }
-    Ok(Some(ms))
+    let ms = measuring::timed(1, FRAMES, || {
+        timed.renderer.submit(&timed.pose)?;
+        timed.renderer.receive(&mut frame)?;
+        Ok::<_, RenderError>(frame.times.total_ms)
+    });
+    Ok(Some(ms?))
 }
 
 /// Median of `ms`; adds the largest over it to `spreads`.
@@ -249,9 +246,9 @@ fn least(ms: Vec<f64>) -> Option<f64> {
 }
 
 /// File of the times in the cache: named by machine, build, settings, and the largest number of angles.
-fn path(bench: &Bench<'_>, qualities: &[FrameQuality]) -> PathBuf {
+fn path(timed: &TimedStation<'_>, qualities: &[FrameQuality]) -> PathBuf {
     let mut sum = Sha256::new();
-    let Station { scene, probe, settings, background, motion, .. } = bench.station;
+    let Station { scene, probe, settings, background, motion, .. } = timed.station;
     let mut settings = *settings;
     // These are measured at all values.
     settings.quality = Default::default();
@@ -259,15 +256,15 @@ fn path(bench: &Bench<'_>, qualities: &[FrameQuality]) -> PathBuf {
     let build =
         std::env::current_exe().and_then(|path| path.metadata()).and_then(|data| Ok((data.len(), data.modified()?)));
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let device = if bench.renderer.on_host() { "host" } else { "device" };
-    let generator = &bench.station.generator;
+    let device = if timed.renderer.on_host() { "host" } else { "device" };
+    let generator = &timed.station.generator;
     let (provider, runs_on) = (&generator.provider, generator.threads);
-    let precisions: Vec<_> = bench.generators.iter().map(Generator::precision).collect();
+    let precisions: Vec<_> = timed.generators.iter().map(Generator::precision).collect();
     let angles = qualities.iter().map(|quality| quality.angles).max().unwrap_or(1);
     sum.update(format!("{} {threads} {device} {build:?} {}", processor_name(), env!("CARGO_PKG_VERSION")));
     sum.update(format!(
         "{scene:?} {probe:?} {settings:?} {background} {motion} {provider:?} {precisions:?} {runs_on:?} {angles} {}",
-        bench.frame_ms
+        timed.frame_ms
     ));
     let name = format!("times-{}.json", files::hex(&sum.finalize()[..8]));
     files::cache_directory().join(name)

@@ -5,9 +5,8 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::error_table::{ErrorTable, ExpectedErrors, GeneratorKey};
-use super::starting_point::scene_name;
 use crate::generator::{Generator, GeneratorError, Input, Kind, LoadOptions, Manifest, Runtime};
+use crate::measuring::{ErrorTable, ExpectedErrors, GeneratorKey, scene_name};
 use crate::pose::ProbeSpeed;
 use crate::render::{Frame, FrameQuality};
 use crate::station::Station;
@@ -115,7 +114,7 @@ fn best(folder: &Path, expected: &ExpectedErrors<'_>) -> Result<Best, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chooser::{PointError, StationErrors};
+    use crate::measuring::{PointError, StationErrors};
     use crate::transducer::Probe;
 
     const SHIPPED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/generators");

@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 use anyhow::anyhow;
 use clap::Parser;
 use insonify::dataset::{Dataset, HEADER_FILE, Split, manifests};
-use insonify::evaluation::{
-    Again, DatasetReport, Evaluation, EvaluationError, FeatureModel, ImagesReport, Models, Settings, Slide,
-    SteadinessReport, compare, steadiness,
-};
 use insonify::files::Outputs;
 use insonify::generator::{FeatureScale, generator_files};
+use insonify::measuring::MeasuringError;
+use insonify::measuring::evaluation::{
+    Again, DatasetReport, Evaluation, FeatureModel, ImagesReport, Models, Settings, Slide, SteadinessReport, compare,
+    steadiness,
+};
 use insonify::quality::{CROP_COUNT, CROP_SIDE};
 use insonify::render::BackendChoice;
 use insonify::sink::{create_dir, write_json, write_text};
@@ -245,7 +246,7 @@ fn of_images(args: &Args, images: &Path, references: &Path) -> Result<(), Failur
     let progress = Progress::new("evaluate", 0);
     let show = |done, total| progress.set(done, total);
     let report = match compare(images, references, args.mask.as_deref(), features(args).as_ref(), &show) {
-        Err(EvaluationError::MaskFolder { .. }) => {
+        Err(MeasuringError::MaskFolder { .. }) => {
             return Err(Failure::Input(anyhow!("--mask is a folder; two images have one mask")));
         }
         compared => compared?,

@@ -6,12 +6,11 @@ use std::process::ExitCode;
 use insonify::anatomy::SceneError;
 use insonify::anatomy::export::ExportError;
 use insonify::anatomy::planes::PlanesError;
-use insonify::chooser::ChooserError;
 use insonify::dataset::DatasetError;
-use insonify::evaluation::EvaluationError;
 use insonify::exam::ExamError;
 use insonify::files::OutputError;
 use insonify::generator::GeneratorError;
+use insonify::measuring::MeasuringError;
 use insonify::phantom::{CacheError, PhantomError};
 use insonify::pipeline::replay::ReplayError;
 use insonify::pipeline::{LiveError, RecordError};
@@ -25,7 +24,6 @@ use insonify::settings::SettingsError;
 use insonify::sink::SinkError;
 use insonify::station::StationError;
 use insonify::tracker::TrackerError;
-use insonify::tradeoff::TradeoffError;
 
 use super::terminal;
 
@@ -122,7 +120,6 @@ classified! {
         _ => Other,
     }
     RenderError as Backend { RenderError::Bvh(_) | RenderError::Settings(_) => Input, _ => Other }
-    ChooserError as Render | Station | Measurement { ChooserError::NoMotion { .. } => Input, _ => Other }
     SelfTestError as Render { _ => Other }
     ExamError as Recording { ExamError::OutOfReach { .. } | ExamError::TooShort { .. } => Input, _ => Other }
     CacheError as Build { _ => Other }
@@ -140,12 +137,11 @@ classified! {
     StationError as Phantom | Recording { _ => Input }
     // A number without a class is a fault of the renderer.
     DatasetError as Station | Exam | Render | Sink { DatasetError::Number { .. } => Other, _ => Input }
-    TradeoffError as Station | Generator | Quality | Render | SelfTest | Sink {
-        TradeoffError::Read { .. } | TradeoffError::Figure(_) => Other,
+    // The caller gives images, data sets and models.
+    MeasuringError as Station | Dataset | Generator | Quality | Render | SelfTest | Sink {
+        MeasuringError::Table(_) | MeasuringError::Text(_) | MeasuringError::Read { .. } | MeasuringError::Figure(_) => Other,
         _ => Input,
     }
-    // The caller gives images, data sets and models.
-    EvaluationError as Dataset | Station | Generator | Render | Sink { _ => Input }
     OutputError { _ => Input }
     PlanesError { _ => Input }
     SceneError { _ => Input }

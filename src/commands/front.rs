@@ -5,10 +5,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
 use clap::Parser;
-use insonify::chooser::{
-    ANGLES, ChooserError, ErrorSettings, ErrorStep, ErrorTable, RAYS_LAYERS, StationErrors, measure_errors,
-};
 use insonify::files::{FileKind, Outputs};
+use insonify::measuring::{ANGLES, ErrorSettings, ErrorTable, RAYS_LAYERS, StationErrors, measure_errors};
 use insonify::sink::write_text;
 use insonify::station::Station;
 
@@ -142,20 +140,7 @@ fn errors(args: &Args, station: &Station, ends: Option<Instant>) -> Result<Optio
     let backend = args.backend.open(station.backend)?;
     let scene = session::load_scene(station)?;
     let bar = SweepBar::default();
-    let show = |step: ErrorStep<'_>| match step {
-        ErrorStep::Reference(found) => eprintln!("{found}"),
-        ErrorStep::Converged(check) => eprintln!("{check}"),
-        ErrorStep::Frames { done, total } => bar.set("front", done, total),
-        ErrorStep::Point(point) => {
-            bar.clear();
-            eprintln!("{point}");
-        }
-        _ => {}
-    };
-    match measure_errors(&backend, station, &scene, &settings, &show) {
-        Err(ChooserError::Measurement(error)) => Err(of_options(error)),
-        measured => Ok(measured?),
-    }
+    measure_errors(&backend, station, &scene, &settings, &|step| bar.say(step)).map_err(of_options)
 }
 
 #[cfg(test)]

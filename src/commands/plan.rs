@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use clap::Parser;
+use insonify::measuring::{PlanCosts, PlanTable, TimedFrame};
 use insonify::pose::Pose;
 use insonify::render::{Decision, EffectPlan, FrameQuality};
 use insonify::station::Station;
-use insonify::tradeoff::{PlanCosts, PlanTable, TimedFrame};
 use serde::Serialize;
 
 use super::backend::BackendArgs;
@@ -89,7 +89,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             let backend = args.backend.open(station.backend)?;
             let frame = TimedFrame { backend: &backend, scene: &scene, probe: station.probe, settings, pose };
             let bar = SweepBar::default();
-            Some(PlanCosts::measure(&frame, &plan, &|what, done, total| bar.set(what, done, total))?)
+            Some(PlanCosts::measure(&frame, &plan, &|step| bar.say(step))?)
         }
     };
     if args.json {

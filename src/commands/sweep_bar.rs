@@ -1,16 +1,16 @@
-//! Progress and errors of sweeps of quality settings.
+//! Progress and errors of measurements.
 
 use std::cell::RefCell;
 
-use insonify::tradeoff::{SweepStep, TradeoffError};
+use insonify::measuring::{MeasuringError, Step};
 
 use super::progress::Progress;
 use super::{Failure, output};
 
 /// The error with the option that it is about.
-pub(super) fn of_options(error: TradeoffError) -> Failure {
+pub(super) fn of_options(error: MeasuringError) -> Failure {
     match error {
-        TradeoffError::Damaged { path, source } => {
+        MeasuringError::Damaged { path, source } => {
             let error = anyhow::Error::new(source);
             Failure::Input(error.context(format!("{} is damaged: run without --resume", path.display())))
         }
@@ -23,31 +23,29 @@ pub(super) fn of_options(error: TradeoffError) -> Failure {
 pub(super) struct SweepBar(RefCell<Option<(&'static str, Progress)>>);
 
 impl SweepBar {
-    pub(super) fn say(&self, step: SweepStep<'_>) {
+    /// Shows a step.
+    pub(super) fn say(&self, step: Step<'_>) {
         match step {
-            SweepStep::Reference(found) => eprintln!("{found}"),
-            SweepStep::Converged(check) => eprintln!("{check}"),
-            SweepStep::Point { point, number, total, left_s } => {
+            Step::Reference(found) => eprintln!("{found}"),
+            Step::Converged(check) => eprintln!("{check}"),
+            Step::Point { point, number, total, left_s } => {
                 let left =
                     if number < total { format!(", about {} left", output::duration(left_s)) } else { String::new() };
                 let (ms, rmse) = (point.time.median_ms, point.error.rmse);
                 eprintln!("[{number}/{total}] {}: {ms:.1} ms, error {rmse:.2}{left}", point.name);
             }
-            SweepStep::Theory { done, total } => self.set("wave theory", done, total),
-            SweepStep::Costs { done, total } => self.set("measuring", done, total),
-            SweepStep::Looks { done, total } => self.set("looks", done, total),
-            SweepStep::LookCosts { done, total } => self.set("measuring looks", done, total),
+            Step::Error(point) => {
+                // The bar is cleared before the line is printed.
+                *self.0.borrow_mut() = None;
+                eprintln!("{point}");
+            }
+            Step::Part { what, done, total } => self.set(what, done, total),
             _ => {}
         }
     }
 
-    /// Clears the bar, before a line is printed.
-    pub(super) fn clear(&self) {
-        *self.0.borrow_mut() = None;
-    }
-
     /// Shows the part's progress.
-    pub(super) fn set(&self, label: &'static str, done: usize, total: usize) {
+    fn set(&self, label: &'static str, done: usize, total: usize) {
         let mut shown = self.0.borrow_mut();
         if shown.as_ref().is_none_or(|(shown, _)| *shown != label) {
             // The last bar is cleared before the next is drawn.

@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use clap::Parser;
 use insonify::files::Outputs;
+use insonify::measuring::{SWEEP_FILES, Sweep, SweepSettings};
 use insonify::names::counted;
 use insonify::sink::create_dir;
 use insonify::station::{Poses, Station};
-use insonify::tradeoff::{SWEEP_FILES, Sweep, SweepSettings};
 
 use super::backend::BackendArgs;
 use super::sweep_bar::{SweepBar, of_options};

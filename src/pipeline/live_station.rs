@@ -13,8 +13,9 @@ use super::session::Parts;
 use super::tracked::TrackedPoses;
 use super::{Generators, RecordError};
 use crate::anatomy::Scene;
-use crate::chooser::{self, ChooserError};
+use crate::chooser;
 use crate::generator::{Generator, GeneratorError, Kind, load_generators};
+use crate::measuring::MeasuringError;
 use crate::pose::Pose;
 use crate::recording::RecorderHandle;
 use crate::render::{Effect, RenderError};
@@ -35,7 +36,7 @@ pub enum LiveError {
     Render(#[from] RenderError),
     /// No operating point can be chosen.
     #[error(transparent)]
-    Chooser(#[from] ChooserError),
+    Chooser(#[from] MeasuringError),
     /// A provider that the station asks for is unavailable.
     #[error("{path}: {source}")]
     Provider {

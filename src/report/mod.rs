@@ -3,7 +3,6 @@
 pub mod comparison_sheet;
 pub mod contact_sheet;
 pub mod exam;
-pub mod frame_bench;
 pub mod scene_view;
 pub mod segmentation;
 pub mod selftest;

@@ -18,8 +18,8 @@ use proc_macro2::{Delimiter, TokenStream, TokenTree};
 const ORDER: [&[&str]; 21] = [
     &["pipeline"],
     &["chooser"],
-    &["evaluation"],
-    &["dataset", "tradeoff"],
+    &["measuring"],
+    &["dataset"],
     &["report"],
     &["station"],
     &["sink"],

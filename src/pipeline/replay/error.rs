@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use crate::chooser::ChooserError;
 use crate::generator::GeneratorError;
+use crate::measuring::MeasuringError;
 use crate::quality::QualityError;
 use crate::recording::RecordingError;
 use crate::render::RenderError;
@@ -26,7 +26,7 @@ pub enum ReplayError {
     Render(#[from] RenderError),
     /// No quality can be chosen.
     #[error(transparent)]
-    Chooser(#[from] ChooserError),
+    Chooser(#[from] MeasuringError),
     /// Images that can't be compared.
     #[error(transparent)]
     Quality(#[from] QualityError),

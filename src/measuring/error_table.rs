@@ -1,0 +1,362 @@
+//! Errors of operating points: frames of the shipped stations against their converged, compounded references.
+//!
+//! The table holds no times, so it is the same for all machines. `insonify front` makes it.
+
+use std::fmt;
+use std::sync::OnceLock;
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::generator::Generator;
+use crate::pose::{BySpeed, ProbeSpeed};
+use crate::render::FrameQuality;
+use crate::station::{SceneSource, Station};
+use crate::statistics::mean;
+use crate::transducer::{Probe, ProbeKind};
+
+/// Version of the table's layout; the first one knows no speeds.
+const FORMAT: u32 = 2;
+const FORMAT_WITHOUT_SPEEDS: u32 = 1;
+
+/// The table that is shipped.
+const SHIPPED: &str = include_str!("../../assets/quality/front.toml");
+
+/// Errors in a table.
+#[derive(Debug, Error, Clone, PartialEq, Eq)]
+pub enum ErrorTableError {
+    /// Text that is not TOML, or has another layout.
+    #[error("the table of errors is damaged: {0}")]
+    Parse(String),
+    /// A table of another version.
+    #[error("the table of errors has format {found}; this program reads up to {FORMAT}")]
+    Format {
+        /// Its format.
+        found: u32,
+    },
+}
+
+/// Errors of operating points, by scene.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ErrorTable {
+    /// Version of the layout.
+    pub format: u32,
+    /// Version of insonify that made it.
+    pub insonify: String,
+    /// Command that made it.
+    pub command: String,
+    /// Errors of each station.
+    #[serde(rename = "station")]
+    pub stations: Vec<StationErrors>,
+}
+
+/// Errors of a station's frames.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StationErrors {
+    /// Name of the station's file.
+    pub name: String,
+    /// Name of the scene.
+    pub scene: String,
+    /// Kind of the probe: convex, linear or phased.
+    pub probe: String,
+    /// Centre frequency, MHz.
+    pub frequency_mhz: f64,
+    /// Description of the reference.
+    pub reference: String,
+    /// Poses of the mean.
+    pub poses: usize,
+    /// Frames per second of rolling compounding; none in a table without speeds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frame_rate_hz: Option<f64>,
+    /// Points, by rising paths.
+    #[serde(rename = "point")]
+    pub points: Vec<PointError>,
+}
+
+impl StationErrors {
+    fn error(&self, quality: FrameQuality, generator: Option<&GeneratorKey>, speed: ProbeSpeed) -> Option<f64> {
+        let exact = self.points.iter().find(|p| p.quality == quality && p.generator.as_ref() == generator);
+        exact.or_else(|| self.nearest_angles(quality).filter(|_| generator.is_none())).map(|point| point.at(speed))
+    }
+
+    /// The rendered point that differs least in its number of angles, by their ratio, and in nothing else.
+    fn nearest_angles(&self, quality: FrameQuality) -> Option<&PointError> {
+        let alike =
+            |p: &&PointError| p.generator.is_none() && FrameQuality { angles: quality.angles, ..p.quality } == quality;
+        let ratio = |p: &PointError| (f64::from(p.quality.angles) / f64::from(quality.angles.max(1))).ln().abs();
+        self.points.iter().filter(alike).min_by(|a, b| ratio(a).total_cmp(&ratio(b)))
+    }
+}
+
+/// Error of a point.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PointError {
+    /// Quality of the raw frame.
+    pub quality: FrameQuality,
+    /// Generator on top.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub generator: Option<GeneratorKey>,
+    /// RMS difference of pixels from the reference inside the sector, mean over poses, grey levels.
+    pub rmse: f64,
+    /// Difference of that value between two seeds, grey levels.
+    pub spread: f64,
+    /// Error by speed of the probe. In a table without speeds it is none, and `rmse` holds for all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub by_speed: Option<BySpeed>,
+}
+
+impl PointError {
+    /// Error at a speed, grey levels.
+    pub fn at(&self, speed: ProbeSpeed) -> f64 {
+        self.by_speed.map_or(self.rmse, |by_speed| by_speed.at(speed))
+    }
+}
+
+/// Identity of a generator.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GeneratorKey {
+    /// Its name.
+    pub name: String,
+    /// SHA-256 of its model.
+    pub sha256: String,
+}
+
+impl GeneratorKey {
+    /// Identity of a loaded generator.
+    pub fn of(generator: &Generator) -> Self {
+        let manifest = generator.manifest();
+        Self { name: manifest.name.clone(), sha256: manifest.sha256.clone() }
+    }
+}
+
+impl fmt::Display for PointError {
+    /// Quality and generator, and the error by speed where it is known.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.quality)?;
+        if let Some(GeneratorKey { name, .. }) = &self.generator {
+            write!(f, " + {name}")?;
+        }
+        let Some(BySpeed { at_rest, slow, fast }) = self.by_speed else { return Ok(()) };
+        write!(f, ": {at_rest:.1} grey levels at rest, {slow:.1} slow, {fast:.1} fast")
+    }
+}
+
+impl ErrorTable {
+    /// The table that is shipped.
+    ///
+    /// # Errors
+    /// It can't be read: a fault of the build.
+    pub fn shipped() -> Result<&'static Self, ErrorTableError> {
+        static TABLE: OnceLock<Result<ErrorTable, ErrorTableError>> = OnceLock::new();
+        TABLE.get_or_init(|| ErrorTable::parse(SHIPPED)).as_ref().map_err(Clone::clone)
+    }
+
+    /// A table from its text.
+    ///
+    /// # Errors
+    /// Text that is no table, or another format.
+    pub fn parse(text: &str) -> Result<Self, ErrorTableError> {
+        let table: Self = toml::from_str(text).map_err(|e| ErrorTableError::Parse(e.to_string().trim().to_owned()))?;
+        match table.format {
+            FORMAT_WITHOUT_SPEEDS..=FORMAT => Ok(table),
+            found => Err(ErrorTableError::Format { found }),
+        }
+    }
+
+    /// An empty table, made by `command`.
+    pub fn new(command: String) -> Self {
+        Self { format: FORMAT, insonify: env!("CARGO_PKG_VERSION").to_owned(), command, stations: Vec::new() }
+    }
+
+    /// Errors to be expected of a station: those of the same scene and the nearest probe, else the mean over all scenes
+    /// with that kind of probe, else over all.
+    pub fn expected(&self, scene: &str, probe: &Probe) -> ExpectedErrors<'_> {
+        let kind = kind_name(&probe.kind);
+        let of_kind = |station: &&StationErrors| station.probe == kind;
+        let distance = |station: &StationErrors| (station.frequency_mhz - probe.frequency_mhz).abs();
+        let same = self.stations.iter().filter(|station| station.scene == scene).filter(of_kind);
+        if let Some(nearest) = same.min_by(|a, b| distance(a).total_cmp(&distance(b))) {
+            return ExpectedErrors { stations: vec![nearest], all: &self.stations, measured: true };
+        }
+        let alike: Vec<&StationErrors> = self.stations.iter().filter(of_kind).collect();
+        let stations = if alike.is_empty() { self.stations.iter().collect() } else { alike };
+        ExpectedErrors { stations, all: &self.stations, measured: false }
+    }
+}
+
+/// Name of a station's scene in the table of errors.
+pub fn scene_name(station: &Station) -> String {
+    match &station.scene {
+        SceneSource::ObstetricPhantom(_) => "obstetric".to_owned(),
+        SceneSource::File(path) => path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default(),
+    }
+}
+
+/// Name of a kind of probe.
+pub(super) fn kind_name(kind: &ProbeKind) -> &'static str {
+    match kind {
+        ProbeKind::Convex { .. } => "convex",
+        ProbeKind::Linear { .. } => "linear",
+        ProbeKind::Phased { .. } => "phased",
+    }
+}
+
+/// Errors to be expected of a station's points.
+#[derive(Debug, Clone)]
+pub struct ExpectedErrors<'a> {
+    stations: Vec<&'a StationErrors>,
+    /// All stations: generators are measured where stations name them.
+    all: &'a [StationErrors],
+    /// Whether they are of the station's own scene and kind of probe.
+    pub measured: bool,
+}
+
+impl ExpectedErrors<'_> {
+    /// Qualities of raw frames with known errors, by rising paths.
+    pub fn qualities(&self) -> Vec<FrameQuality> {
+        let mut known: Vec<FrameQuality> = Vec::new();
+        for point in self.stations.iter().flat_map(|station| &station.points) {
+            if point.generator.is_none() && !known.contains(&point.quality) {
+                known.push(point.quality);
+            }
+        }
+        known.retain(|quality| self.by_speed(*quality, None).is_some());
+        known.sort_by_key(|quality| (quality.paths(), quality.layers, quality.angles));
+        known
+    }
+
+    /// Errors of a point by speed of the probe; see [`Self::of`].
+    pub fn by_speed(&self, quality: FrameQuality, generator: Option<&GeneratorKey>) -> Option<BySpeed> {
+        BySpeed::from_classes(|speed| self.of(quality, generator, speed))
+    }
+
+    /// Error of a point at a speed, grey levels: the mean over the stations; `None` if one of them lacks it. A frame of other
+    /// angles than the table's has the error of the nearest ones. A generator on other scenes than those it was measured
+    /// on has the frame's own error, times the ratio of both there; `None` if the table doesn't know it.
+    pub fn of(&self, quality: FrameQuality, generator: Option<&GeneratorKey>, speed: ProbeSpeed) -> Option<f64> {
+        let mean_of = |generator: Option<&GeneratorKey>| {
+            let errors: Option<Vec<f64>> = self.stations.iter().map(|s| s.error(quality, generator, speed)).collect();
+            mean(errors?)
+        };
+        let Some(key) = generator else { return mean_of(None) };
+        let elsewhere = || {
+            let ratio = |station: &StationErrors| {
+                let raw = station.error(quality, None, speed).filter(|raw| *raw > 0.0)?;
+                Some(station.error(quality, Some(key), speed)? / raw)
+            };
+            Some(mean(self.all.iter().filter_map(ratio))? * mean_of(None)?)
+        };
+        mean_of(Some(key)).or_else(elsewhere)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn point(rays: u32, layers: u32, generator: Option<&str>, rmse: f64) -> PointError {
+        let generator = generator.map(|name| GeneratorKey { name: name.into(), sha256: "ab".into() });
+        PointError { quality: FrameQuality::new(rays, layers), generator, rmse, spread: 0.25, by_speed: None }
+    }
+
+    fn station(scene: &str, probe: &str, frequency_mhz: f64, points: Vec<PointError>) -> StationErrors {
+        StationErrors {
+            name: format!("{scene}.toml"),
+            scene: scene.into(),
+            probe: probe.into(),
+            frequency_mhz,
+            reference: "128x3 of 9 angles".into(),
+            poses: 3,
+            frame_rate_hz: None,
+            points,
+        }
+    }
+
+    fn table() -> ErrorTable {
+        let stations = vec![
+            station("fetus", "convex", 8.0, vec![point(1, 1, None, 20.0), point(1, 1, Some("fast"), 10.0)]),
+            station("fetus", "convex", 4.0, vec![point(1, 1, None, 22.0), point(2, 3, None, 12.0)]),
+            station("lung", "linear", 8.0, vec![point(1, 1, None, 30.0), point(2, 3, None, 14.0)]),
+        ];
+        ErrorTable { stations, ..ErrorTable::new("insonify front".into()) }
+    }
+
+    #[test]
+    fn a_table_comes_back_as_it_was_written() {
+        let text = toml::to_string(&table()).unwrap();
+        assert_eq!(ErrorTable::parse(&text).unwrap(), table());
+        let other = text.replace("format = 2", "format = 3");
+        assert_eq!(ErrorTable::parse(&other), Err(ErrorTableError::Format { found: 3 }));
+        let error = ErrorTable::parse(&text.replace("rmse", "rms")).unwrap_err().to_string();
+        assert!(error.contains("unknown field `rms`"), "{error}");
+    }
+
+    #[test]
+    fn a_table_without_speeds_has_one_error_for_all_of_them() {
+        let old = toml::to_string(&table()).unwrap().replace("format = 2", "format = 1");
+        assert!(!old.contains("speed") && !old.contains("frame_rate"), "{old}");
+        let probe = Probe { frequency_mhz: 8.0, ..Probe::default() };
+        let by_speed = |table: &ErrorTable| table.expected("fetus", &probe).by_speed(FrameQuality::LQ, None);
+        assert_eq!(by_speed(&ErrorTable::parse(&old).unwrap()), Some(BySpeed::all(20.0)));
+        let mut new = table();
+        let moving = BySpeed::new([18.0, 20.0, 22.0]);
+        new.stations[0].points[0].by_speed = Some(moving);
+        let again = ErrorTable::parse(&toml::to_string(&new).unwrap()).unwrap();
+        assert_eq!((by_speed(&again), &again), (Some(moving), &new));
+    }
+
+    #[test]
+    fn a_station_finds_its_own_scene_and_the_nearest_probe() {
+        let table = table();
+        let probe = |frequency_mhz| Probe { frequency_mhz, ..Probe::default() };
+        let lq = FrameQuality::LQ;
+        let of = |errors: &ExpectedErrors<'_>, key: Option<&GeneratorKey>| errors.of(lq, key, ProbeSpeed::AtRest);
+        let fast = GeneratorKey { name: "fast".into(), sha256: "ab".into() };
+        let near = table.expected("fetus", &probe(7.0));
+        assert_eq!((near.measured, of(&near, None), of(&near, Some(&fast))), (true, Some(20.0), Some(10.0)));
+        let trained_anew = GeneratorKey { sha256: "cd".into(), ..fast.clone() };
+        assert_eq!(of(&near, Some(&trained_anew)), None);
+        assert_eq!(of(&table.expected("fetus", &probe(5.0)), None), Some(22.0));
+        // Another scene: the mean over those of the kind, for what all of them know. There, the generator halves the error.
+        let other = table.expected("liver", &probe(4.0));
+        assert_eq!((other.measured, of(&other, None), of(&other, Some(&fast))), (false, Some(21.0), Some(10.5)));
+        assert_eq!(other.qualities(), [lq]);
+        let phased = Probe { kind: ProbeKind::Phased { fov_deg: 90.0 }, ..Probe::default() };
+        assert_eq!(of(&table.expected("lung", &phased), None), Some(24.0));
+        assert_eq!(table.expected("fetus", &probe(4.0)).qualities(), [lq, FrameQuality::new(2, 3)]);
+    }
+
+    #[test]
+    fn the_shipped_table_is_sound() {
+        let table = ErrorTable::shipped().unwrap();
+        assert!(table.command.starts_with("insonify front "), "{}", table.command);
+        for station in &table.stations {
+            assert!(station.points.iter().all(|p| p.rmse.is_finite() && p.rmse > 0.0), "{}", station.name);
+            let plain = |p: &&PointError| p.generator.is_none() && p.quality.aperture;
+            let of =
+                |quality: FrameQuality| station.points.iter().filter(plain).find(|p| p.quality == quality).unwrap();
+            // One angle's error may be speckle alone, which rays don't change.
+            let angles = station.points.iter().filter(plain).map(|p| p.quality.angles).max().unwrap();
+            let averaged = station.points.iter().filter(plain).filter(|p| p.quality.angles == angles);
+            let most = averaged.max_by_key(|p| p.quality.paths()).unwrap();
+            let least = of(FrameQuality { angles, ..FrameQuality::new(1, 1) });
+            let [most, least] = [most, least].map(|point| point.at(ProbeSpeed::AtRest));
+            assert!(most < least, "{}: {most} and {least} grey levels", station.name);
+            for key in station.points.iter().filter_map(|point| point.generator.as_ref()) {
+                let path = format!("{}/assets/generators/{1}/{1}.toml", env!("CARGO_MANIFEST_DIR"), key.name);
+                let manifest = std::fs::read_to_string(&path).unwrap();
+                assert!(manifest.contains(&key.sha256), "{path}: another model than the table's");
+            }
+            for point in &station.points {
+                let at = ProbeSpeed::ALL.map(|speed| point.at(speed));
+                assert!(at.iter().all(|error| error.is_finite() && *error > 0.0), "{}: {point:?}", station.name);
+            }
+            let least = station.points.iter().map(|p| p.rmse).fold(f64::INFINITY, f64::min);
+            assert!(least < 0.9 * of(FrameQuality::new(1, 1)).rmse, "{}", station.name);
+        }
+    }
+}

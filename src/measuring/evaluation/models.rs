@@ -1,0 +1,134 @@
+//! Generators and feature extractors to judge with.
+
+use std::path::PathBuf;
+
+use crate::dataset::Tuple;
+use crate::generator::{FeatureScale, Generator, Input, LoadOptions, OnnxFeatures, Precision, Provider, Runtime};
+use crate::measuring::MeasuringError;
+use crate::quality::{FeatureExtractor, QualityError, crops};
+use crate::transducer::ScanGeometry;
+
+/// Models of an evaluation.
+#[derive(Debug, Clone, Default)]
+pub struct Models {
+    /// Generators (.onnx), each with its manifest beside it; the best last.
+    pub generators: Vec<PathBuf>,
+    /// Execution provider of the generators.
+    pub provider: Provider,
+    /// Precision of the generators.
+    pub precision: Precision,
+    /// Threads of one run, 0 for one per processor.
+    pub threads: u32,
+    /// Feature extractor of a further Fréchet distance.
+    pub features: Option<FeatureModel>,
+}
+
+/// Feature extractor by a model.
+#[derive(Debug, Clone)]
+pub struct FeatureModel {
+    /// Model (.onnx): float32 [1, 1 or 3, side, side] to [1, d].
+    pub path: PathBuf,
+    /// Scale of its input.
+    pub scale: FeatureScale,
+}
+
+impl FeatureModel {
+    /// Loads the model.
+    pub(super) fn load(&self) -> Result<OnnxFeatures, MeasuringError> {
+        Ok(OnnxFeatures::load(&self.path, Runtime::get()?, self.scale)?)
+    }
+}
+
+impl Models {
+    /// Loads the generators, each with a unique name; `tissues` are names from number 1.
+    pub(super) fn load_generators(&self, tissues: &[String]) -> Result<Vec<(String, Generator)>, MeasuringError> {
+        let mut named: Vec<(String, Generator)> = Vec::new();
+        if self.generators.is_empty() {
+            return Ok(named);
+        }
+        let runtime = Runtime::get()?;
+        let options =
+            LoadOptions { provider: self.provider, threads: self.threads, precision: self.precision, tissues };
+        for path in &self.generators {
+            let generator = Generator::load(path, runtime, &options)?;
+            let name = generator.manifest().name.clone();
+            let taken = named.iter().any(|(other, _)| *other == name);
+            named.push((if taken { format!("{name} ({})", named.len() + 1) } else { name }, generator));
+        }
+        Ok(named)
+    }
+
+    /// Loads the built-in network texture64, and the feature extractor.
+    pub(super) fn load_extractors(&self) -> Result<Vec<Extractor>, MeasuringError> {
+        let mut all = vec![OnnxFeatures::texture64(Runtime::get()?)?];
+        if let Some(features) = &self.features {
+            all.push(features.load()?);
+        }
+        let labelled = |mut network: OnnxFeatures| {
+            let side = network.crop();
+            let length = network.features(&vec![0; side * side])?.len();
+            Ok(Extractor { label: label(network.name(), side, length), network })
+        };
+        all.into_iter().map(labelled).collect()
+    }
+}
+
+/// Runs a generator on the full field of view of a tuple.
+pub(super) fn generate(
+    generator: &mut Generator,
+    tuple: &Tuple,
+    attenuation: &[f32],
+    scan: Option<ScanGeometry>,
+    image: &mut Vec<u8>,
+) -> Result<(), MeasuringError> {
+    let [width, height] = tuple.size.map(|n| n as u32);
+    let input = Input {
+        width,
+        height,
+        image: &tuple.lq,
+        segmentation: &tuple.segmentation,
+        attenuation,
+        mask: &tuple.mask,
+        scan,
+    };
+    Ok(generator.run(&input, image)?)
+}
+
+/// A feature extractor and the name of its distance.
+#[derive(Debug)]
+pub(super) struct Extractor {
+    pub(super) label: String,
+    pub(super) network: OnnxFeatures,
+}
+
+/// Adds the features of the crops of an image to `vectors`.
+pub(super) fn add_features(
+    network: &mut OnnxFeatures,
+    image: &[u8],
+    size: [usize; 2],
+    vectors: &mut Vec<Vec<f64>>,
+) -> Result<(), QualityError> {
+    for crop in crops(image, size, network.crop())? {
+        vectors.push(network.features(&crop)?);
+    }
+    Ok(())
+}
+
+/// Name of a distance: FID for Inception v3, recognised by its name, input side and 2048 features.
+fn label(name: &str, side: usize, length: usize) -> String {
+    let is_inception = name.to_ascii_lowercase().contains("inception") && (side, length) == (299, 2048);
+    if is_inception { "FID".to_owned() } else { format!("FD {name}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::label;
+
+    #[test]
+    fn only_inception_makes_the_fid() {
+        assert_eq!(label("inception_v3", 299, 2048), "FID");
+        assert_eq!(label("Inception_v3", 299, 1000), "FD Inception_v3");
+        assert_eq!(label("texture64", 256, 64), "FD texture64");
+        assert_eq!(label("resnet50", 299, 2048), "FD resnet50");
+    }
+}

@@ -1,0 +1,279 @@
+//! Measurement of the table of errors that live sessions choose from.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use super::convergence::References;
+use super::error_table::{ErrorTable, GeneratorKey, PointError, StationErrors, kind_name, scene_name};
+use super::harness::Harness;
+use super::reference::Reference;
+use super::step::part;
+use super::store::{Store, identity};
+use super::{MeasuringError, Progress, Step};
+use crate::anatomy::Scene;
+use crate::pose::{BySpeed, LIMITS, Pose, ProbeSpeed};
+use crate::render::{Backend, FrameQuality, Renderer};
+use crate::station::{Poses, Station, Track};
+use crate::statistics::mean;
+
+/// Rays and layers of the points.
+pub const RAYS_LAYERS: [(u32, u32); 7] = [(1, 1), (1, 3), (2, 3), (4, 3), (8, 3), (16, 3), (32, 3)];
+/// Angles of rolling compounding.
+pub const ANGLES: [u32; 3] = [1, 3, 9];
+/// Most paths of points without the aperture.
+const PATHS_WITHOUT_APERTURE: u32 = 3;
+/// Frames before each measured one: those of the most angles.
+const FRAMES_BEFORE: u32 = 8;
+/// Poses at which the reference's convergence is checked, one at each speed; it has as many paths at the others.
+const CHECKED: usize = ProbeSpeed::ALL.len();
+
+/// Extent of the measurement of a station's errors.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ErrorSettings {
+    /// Recording by which a probe moves whose station has none.
+    pub motion: PathBuf,
+    /// Poses, a third of them at each speed.
+    pub poses: usize,
+    /// Rays and layers of the points, of [`RAYS_LAYERS`]; empty for all.
+    pub points: Vec<(u32, u32)>,
+    /// Angles of the points, of [`ANGLES`]; empty for all.
+    pub angles: Vec<u32>,
+    /// Folder in which results are kept.
+    pub folder: PathBuf,
+    /// Whether results of an earlier run are kept.
+    pub resume: bool,
+    /// Time after which no further point is measured.
+    pub ends: Option<Instant>,
+}
+
+impl ErrorSettings {
+    /// Poses of each speed.
+    fn poses_of_speed(&self) -> usize {
+        self.poses.max(1).div_ceil(ProbeSpeed::ALL.len())
+    }
+
+    /// Checks that the recordings hold poses of each speed; needs no scene.
+    ///
+    /// # Errors
+    /// A station without a pose, recordings that cannot be read, or a speed at which the probe never moves.
+    pub fn check(&self, station: &Station) -> Result<(), MeasuringError> {
+        tracks(station, &self.motion, self.poses_of_speed()).map(drop)
+    }
+}
+
+impl ErrorTable {
+    /// The table of what `command` measured, and of the other stations of `others`, in their order.
+    pub fn merged(command: String, measured: Vec<StationErrors>, others: Option<Self>) -> Self {
+        let mut table = Self::new(command);
+        if let Some(others) = others {
+            table.command += &format!("; other stations: {}", others.command);
+            table.stations = others.stations;
+        }
+        table.merge(measured);
+        table
+    }
+
+    /// Text of the table's file.
+    ///
+    /// # Errors
+    /// Numbers that TOML cannot hold.
+    pub fn to_toml(&self) -> Result<String, MeasuringError> {
+        let text = toml::to_string(self).map_err(MeasuringError::Text)?;
+        Ok(format!("# Errors of live frames, by `insonify front`. Docs: docs/commands.md.\n{text}"))
+    }
+
+    /// Replaces the errors of stations with the same name, and appends the others.
+    pub fn merge(&mut self, measured: Vec<StationErrors>) {
+        for station in measured {
+            match self.stations.iter_mut().find(|known| known.name == station.name) {
+                Some(known) => *known = station,
+                None => self.stations.push(station),
+            }
+        }
+    }
+}
+
+/// Poses of a station at each speed of the probe, each with the path of the frames before it.
+fn tracks(station: &Station, motion: &Path, each: usize) -> Result<Vec<(ProbeSpeed, Track)>, MeasuringError> {
+    let hand = Poses::of_recording(motion, station)?;
+    let period = Duration::from_secs_f64(1.0 / station.pipeline.frame_rate_hz);
+    let own = Poses::of_station(station, None)?;
+    let source = if own.moves() { station.path.as_path() } else { motion };
+    let [slow, fast] = LIMITS;
+    own.at_speeds(&hand, each, FRAMES_BEFORE, period).map_err(|speed| MeasuringError::NoMotion {
+        path: source.to_owned(),
+        speed: speed.name(),
+        limits: format!(
+            "slow: from {} mm/s or {} degrees/s; fast: from {} mm/s or {} degrees/s",
+            slow.mm_s, slow.deg_s, fast.mm_s, fast.deg_s
+        ),
+    })
+}
+
+/// Measures the errors of a station's points against a converged reference, at each speed of the probe. `scene` is the
+/// station's. `None` if [`ErrorSettings::ends`] passed before all points were measured; a call with [`ErrorSettings::resume`] continues.
+///
+/// # Errors
+/// A station without a pose, a recording without one of the speeds, frames that cannot be rendered or translated, or results
+/// that are damaged or cannot be written.
+pub fn measure_errors(
+    backend: &Backend,
+    station: &Station,
+    scene: &Scene,
+    settings: &ErrorSettings,
+    progress: &Progress<'_>,
+) -> Result<Option<StationErrors>, MeasuringError> {
+    let each = settings.poses_of_speed();
+    let tracks = tracks(station, &settings.motion, each)?;
+    let renderer = Renderer::new(backend, scene, &station.probe, &station.settings)?;
+    let mut harness = Harness::new(renderer, station, scene)?;
+    let planned = planned(settings, &harness, station.probe.kind.steers());
+    let is_over = || settings.ends.is_some_and(|ends| Instant::now() >= ends);
+    let identity = [identity(station, scene), backend.to_string()];
+    let store = |key: String| Store::new(&settings.folder, settings.resume, &[&identity[..], &[key]].concat());
+
+    // One pose of each speed, then the others.
+    let mut order: Vec<usize> = (0..tracks.len()).collect();
+    order.sort_by_key(|&index| index % each);
+    let mut first: Vec<Pose> = Vec::new();
+    for at in order.iter().map(|&index| tracks[index].1.at) {
+        if first.len() < CHECKED && !first.contains(&at) {
+            first.push(at);
+        }
+    }
+    let show = |found| progress(Step::Reference(found));
+    let (references, _) = References::make(&mut harness, &store(format!("{first:?}"))?, &first, false, &show)?;
+    progress(Step::Converged(&references.check));
+    let check = references.check;
+    let mut pictures: Vec<(Pose, Reference)> = first.into_iter().zip(references.pictures).collect();
+    let show_frame = part(progress, "front");
+    let mut found: Vec<(ProbeSpeed, Vec<[f64; 2]>)> = Vec::new();
+    for (nth, &index) in order.iter().enumerate() {
+        let (speed, track) = &tracks[index];
+        let known = match pictures.iter().position(|(pose, _)| *pose == track.at) {
+            Some(known) => known,
+            None if is_over() => return Ok(None),
+            None => {
+                let reference =
+                    References::of_pose(&mut harness, &store(format!("{:?}", track.at))?, track.at, &check)?;
+                pictures.push((track.at, reference));
+                pictures.len() - 1
+            }
+        };
+        let store = store(format!("{track:?}"))?;
+        let mut errors = Vec::with_capacity(planned.len());
+        for (number, &planned_point) in planned.iter().enumerate() {
+            show_frame(nth * planned.len() + number, tracks.len() * planned.len());
+            match live_error(&mut harness, &store, planned_point, &pictures[known].1, track, &is_over)? {
+                Some(error) => errors.push(error),
+                None => return Ok(None),
+            }
+        }
+        found.push((*speed, errors));
+    }
+    let of = |(number, &(quality, generator)): (usize, &(FrameQuality, Option<usize>))| {
+        let key = generator.and_then(|index| harness.generator(index)).map(GeneratorKey::of);
+        let errors: Vec<_> = found.iter().map(|(speed, errors)| (*speed, errors[number])).collect();
+        let point = point(quality, key, &errors);
+        progress(Step::Error(&point));
+        point
+    };
+    Ok(Some(StationErrors {
+        points: planned.iter().enumerate().map(of).collect(),
+        name: station.path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default(),
+        scene: scene_name(station),
+        probe: kind_name(&station.probe.kind).to_owned(),
+        frequency_mhz: station.probe.frequency_mhz,
+        reference: check.to_string(),
+        poses: tracks.len(),
+        frame_rate_hz: Some(station.pipeline.frame_rate_hz),
+    }))
+}
+
+/// Error of a live frame with two seeds, grey levels, from the store or measured; `None` if the time is over.
+fn live_error(
+    harness: &mut Harness,
+    store: &Store,
+    (quality, generator): (FrameQuality, Option<usize>),
+    reference: &Reference,
+    track: &Track,
+    is_over: &dyn Fn() -> bool,
+) -> Result<Option<[f64; 2]>, MeasuringError> {
+    let key = generator.and_then(|index| harness.generator(index)).map(GeneratorKey::of);
+    let file = format!("front {quality:?} {key:?}").replace(|c: char| !c.is_alphanumeric(), "_");
+    match store.read::<[f64; 2]>(&file)? {
+        Some(kept) => Ok(Some(kept)),
+        None if is_over() => Ok(None),
+        None => {
+            let measured = harness.live_error(quality, generator, reference, track)?;
+            store.write(&file, &measured)?;
+            Ok(Some(measured))
+        }
+    }
+}
+
+/// A point of the table from its errors with two seeds at each pose, grey levels.
+fn point(quality: FrameQuality, generator: Option<GeneratorKey>, errors: &[(ProbeSpeed, [f64; 2])]) -> PointError {
+    let rounded = |value: f64| (1e3 * value).round() / 1e3;
+    let by_seed = |of: Option<ProbeSpeed>| {
+        let some = || errors.iter().filter(|(speed, _)| of.is_none_or(|of| of == *speed));
+        [0, 1].map(|seed| mean(some().map(|(_, errors)| errors[seed])).unwrap_or(f64::NAN))
+    };
+    let middle = |[first, second]: [f64; 2]| rounded(0.5 * (first + second));
+    let by_speed = BySpeed::new(ProbeSpeed::ALL.map(|speed| middle(by_seed(Some(speed)))));
+    let [first, second] = by_seed(None);
+    let (rmse, spread) = (middle([first, second]), rounded((first - second).abs()));
+    PointError { quality, generator, rmse, spread, by_speed: Some(by_speed) }
+}
+
+/// Qualities of raw frames, then generators on theirs.
+fn planned(settings: &ErrorSettings, harness: &Harness, steers: bool) -> Vec<(FrameQuality, Option<usize>)> {
+    let ErrorSettings { points, angles: chosen, .. } = settings;
+    let wanted = |quality: &FrameQuality| {
+        let points = points.is_empty() || points.contains(&(quality.rays, quality.layers));
+        points && (chosen.is_empty() || chosen.contains(&quality.angles))
+    };
+    let angles = ANGLES.into_iter().filter(|&angles| steers || angles == 1);
+    let with = angles.flat_map(|angles| {
+        RAYS_LAYERS.map(move |(rays, layers)| FrameQuality { angles, ..FrameQuality::new(rays, layers) })
+    });
+    let with: Vec<FrameQuality> = with.filter(wanted).collect();
+    let few = with.iter().filter(|quality| harness.base().aperture && quality.paths() <= PATHS_WITHOUT_APERTURE);
+    let without: Vec<FrameQuality> = few.map(|quality| FrameQuality { aperture: false, ..*quality }).collect();
+    let raw = with.into_iter().chain(without).map(|quality| (quality, None));
+    let generated = harness.generated_points().into_iter().filter(|(lq, _)| wanted(lq));
+    raw.chain(generated.map(|(lq, index)| (lq, Some(index)))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_point_has_the_mean_of_each_speed_and_of_all() {
+        use ProbeSpeed::{AtRest, Fast, Slow};
+        let errors = [(AtRest, [10.0, 12.0]), (AtRest, [14.0, 16.0]), (Slow, [20.0, 21.0]), (Fast, [30.0, 30.0])];
+        let found = point(FrameQuality::LQ, None, &errors);
+        assert_eq!(found.by_speed, Some(BySpeed::new([13.0, 20.5, 30.0])));
+        assert_eq!((found.rmse, found.spread), (19.125, 1.25));
+    }
+
+    #[test]
+    fn other_stations_of_a_merged_table_stay() {
+        let station = |name: &str, poses| StationErrors {
+            name: name.into(),
+            scene: String::new(),
+            probe: "convex".into(),
+            frequency_mhz: 8.0,
+            reference: String::new(),
+            poses,
+            frame_rate_hz: None,
+            points: Vec::new(),
+        };
+        let old = ErrorTable { stations: vec![station("a", 3), station("b", 3)], ..ErrorTable::new("old".into()) };
+        let new = ErrorTable::merged("new".into(), vec![station("b", 12), station("c", 12)], Some(old));
+        let poses: Vec<(&str, usize)> = new.stations.iter().map(|s| (s.name.as_str(), s.poses)).collect();
+        assert_eq!(poses, [("a", 3), ("b", 12), ("c", 12)]);
+        assert_eq!(new.command, "new; other stations: old");
+    }
+}

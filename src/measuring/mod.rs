@@ -1,0 +1,57 @@
+//! Measurement of frames: their times, and their errors against converged reference pictures.
+//!
+//! - [`Sweep`] measures points of a station: time, error, Pareto front, noise, and effects against theory.
+//! - [`measure_errors`] makes the table of errors ([`ErrorTable`]) that live sessions choose from.
+//! - [`bench`] times whole frames and passes; [`PlanCosts`] what each effect and each step of the look costs.
+//! - [`evaluation`] compares images and generators with their targets.
+//!
+//! One harness renders, translates and times all points. Timed frames follow uncounted ones ([`timed`]).
+
+pub mod bench;
+mod convergence;
+mod effect_cost;
+mod effect_error;
+mod error;
+mod error_table;
+mod estimate;
+pub mod evaluation;
+#[cfg(feature = "plots")]
+pub mod figure;
+mod harness;
+mod knobs;
+mod look_cost;
+mod measured_errors;
+mod plan_costs;
+mod planned;
+mod point;
+mod point_times;
+mod pose_error;
+mod reference;
+mod step;
+mod store;
+mod sweep;
+#[cfg(feature = "plots")]
+mod sweep_files;
+mod table;
+mod timing;
+
+pub use convergence::{Check, Convergence};
+
+pub use effect_cost::{EffectCosts, effect_costs};
+pub use effect_error::{EffectError, effects_csv, effects_markdown};
+pub use error::MeasuringError;
+pub use error_table::{
+    ErrorTable, ErrorTableError, ExpectedErrors, GeneratorKey, PointError, StationErrors, scene_name,
+};
+pub use knobs::Knobs;
+pub use look_cost::{LookCost, look_costs};
+pub use measured_errors::{ANGLES, ErrorSettings, RAYS_LAYERS, measure_errors};
+pub use plan_costs::{PlanCosts, PlanTable};
+pub use planned::{Planned, planned_points};
+pub use point::{ClassError, Errors, PassMs, Point, Time};
+pub use step::{Progress, Step};
+pub use sweep::{Sweep, SweepReport, SweepSettings};
+#[cfg(feature = "plots")]
+pub use sweep_files::SWEEP_FILES;
+pub use table::{csv, markdown};
+pub use timing::{Cost, TimedFrame, timed};

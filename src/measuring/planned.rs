@@ -1,0 +1,187 @@
+//! Points to be measured.
+
+use super::Knobs;
+
+/// Rays and layers for the sweeps of single knobs.
+const MIDDLE: (u32, u32) = (8, 3);
+/// Rays and layers also measured with every effect.
+const ALL_EFFECTS: [(u32, u32); 3] = [(1, 1), (8, 1), (32, 3)];
+
+/// Steering angles of compounded points.
+const ANGLES: [u32; 2] = [3, 9];
+/// Rays and layers also measured as compounded stills.
+const STILLS: [(u32, u32); 4] = [(1, 1), (1, 3), (8, 3), (32, 3)];
+/// Rays and layers also measured as live pictures of a moving probe.
+const ROLLING: [(u32, u32); 6] = [(1, 1), (1, 3), (2, 3), (4, 3), (8, 3), (16, 3)];
+/// Rays and layers also measured without the aperture.
+const LEAN: [(u32, u32); 3] = [(1, 1), (1, 3), (2, 3)];
+
+/// A point to be measured.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Planned {
+    /// Unique name.
+    pub name: String,
+    /// Varied knob: `rays x layers`, `rolling angles`, `all effects`, `no aperture`, or one of [`Knobs::values`].
+    pub sweep: &'static str,
+    /// Name of the neighbour for the noise test.
+    pub against: Option<String>,
+    /// Knob values.
+    pub knobs: Knobs,
+}
+
+/// Name of a knob, its values, and its accessor.
+type Sweep = (&'static str, Vec<u32>, fn(&mut Knobs) -> &mut u32);
+
+/// Points to be measured about the station's knobs `base`; fewer with `quick`.
+/// First a small grid of rays × layers of one angle, then some of its points compounded (`compounds`: the probe can be
+/// steered), compounded while the probe moves (`moves`), with every effect, and without the aperture; then each other knob
+/// alone at 8 × 3. The station's own values of samples, scanlines and taps are the maxima.
+pub fn planned_points(base: Knobs, compounds: bool, moves: bool, quick: bool) -> Vec<Planned> {
+    let base = base.compounded(1, false);
+    let mut points: Vec<Planned> = Vec::new();
+    let (rays, layers): (&[u32], &[u32]) =
+        if quick { (&[1, 8, 32], &[1, 3]) } else { (&[1, 2, 4, 8, 16, 32], &[1, 3, 5]) };
+    for &layers in layers {
+        let mut against = None;
+        for &rays in rays {
+            let name = format!("{rays}x{layers}");
+            points.push(Planned {
+                name: name.clone(),
+                sweep: "rays x layers",
+                against,
+                knobs: base.with(rays, layers),
+            });
+            against = Some(name);
+        }
+    }
+    let mut variant = |sweep, (rays, layers): (u32, u32), words: String, knobs: Knobs| {
+        let against = format!("{rays}x{layers}");
+        // A quick plan lacks some neighbours.
+        if points.iter().any(|point| point.name == against) {
+            points.push(Planned { name: format!("{against} {words}"), sweep, against: Some(against), knobs });
+        }
+    };
+    for angles in ANGLES.into_iter().filter(|_| compounds) {
+        for still in STILLS {
+            let knobs = base.with(still.0, still.1).compounded(angles, false);
+            variant("angles", still, format!("{angles} angles"), knobs);
+        }
+        for live in ROLLING.into_iter().filter(|_| moves) {
+            let knobs = base.with(live.0, live.1).compounded(angles, true);
+            variant("rolling angles", live, format!("{angles} rolling angles"), knobs);
+        }
+    }
+    for lean in LEAN.into_iter().filter(|_| base.aperture) {
+        variant("no aperture", lean, "no aperture".to_owned(), base.with(lean.0, lean.1).without_aperture());
+    }
+    for (rays, layers) in ALL_EFFECTS {
+        let grid_name = format!("{rays}x{layers}");
+        // A station that simulates every effect already has these points.
+        if !base.all_effects {
+            points.push(Planned {
+                name: format!("{grid_name} all effects"),
+                sweep: "all effects",
+                against: Some(grid_name),
+                knobs: base.with(rays, layers).with_all_effects(),
+            });
+        }
+    }
+    let middle = base.with(MIDDLE.0, MIDDLE.1);
+    let middle_name = format!("{}x{}", MIDDLE.0, MIDDLE.1);
+    let part = |whole: u32, of: &[u32]| {
+        let mut values: Vec<u32> = of.iter().map(|n| (whole * n / 8).max(1)).collect();
+        // Small stations have equal parts.
+        values.dedup();
+        values
+    };
+    let sweeps: [Sweep; 5] = [
+        ("reflections_max", vec![0, 1, 2, 4], |k| &mut k.reflections_max),
+        ("scanlines", part(base.scanlines, &[2, 4, 6]), |k| &mut k.scanlines),
+        ("samples", part(base.samples, &[2, 4, 6]), |k| &mut k.samples),
+        ("beam_taps_max", vec![3, 5, 9, 17], |k| &mut k.beam_taps_max),
+        ("pulse_taps_max", vec![3, 5, 9, 17], |k| &mut k.pulse_taps_max),
+    ];
+    for (sweep, values, knob) in sweeps {
+        let step = if quick { 2 } else { 1 };
+        for value in values.into_iter().step_by(step) {
+            let mut knobs = middle;
+            let own = *knob(&mut knobs);
+            // The station's own value is the middle point itself; a cap above it has no effect.
+            if value >= own {
+                continue;
+            }
+            *knob(&mut knobs) = value;
+            let name = format!("{middle_name} {sweep} {value}");
+            points.push(Planned { name, sweep, against: Some(middle_name.clone()), knobs });
+        }
+    }
+    points
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::RenderSettings;
+    use crate::settings::SettingsGroup as _;
+    use crate::transducer::Probe;
+
+    #[test]
+    fn every_point_has_its_own_name_and_values_and_an_earlier_neighbour() {
+        for quick in [false, true] {
+            let points = planned_points(Knobs::of(&Probe::default(), &RenderSettings::default()), true, true, quick);
+            for (i, point) in points.iter().enumerate() {
+                let before = &points[..i];
+                assert!(before.iter().all(|p| p.name != point.name && p.knobs != point.knobs), "{point:?}");
+                let known = |name: &String| before.iter().any(|p| p.name == *name);
+                assert!(point.against.as_ref().is_none_or(known), "{point:?}");
+                let (probe, settings) = point.knobs.apply(&Probe::default(), &RenderSettings::default(), 0);
+                assert!(probe.validate().is_ok() && settings.validate().is_ok(), "{point:?}");
+            }
+            for name in ["1x1", "32x3", "8x3"] {
+                assert!(points.iter().any(|p| p.name == name), "{name}");
+            }
+            let swept: std::collections::BTreeSet<_> = points.iter().map(|p| p.sweep).collect();
+            assert_eq!(swept.len(), 10);
+            assert!(points.len() <= if quick { 36 } else { 64 });
+        }
+    }
+
+    #[test]
+    fn the_least_stations_have_points_that_can_be_rendered_each_once() {
+        for (scanlines, samples) in [(1, 1), (2, 3), (3, 2), (4, 7)] {
+            let probe = Probe { scanlines, samples, ..Probe::default() };
+            let points = planned_points(Knobs::of(&probe, &RenderSettings::default()), true, true, false);
+            for (i, point) in points.iter().enumerate() {
+                assert!(point.knobs.scanlines >= 1 && point.knobs.samples >= 1);
+                assert!(points[..i].iter().all(|p| p.name != point.name), "{point:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn only_probes_that_steer_are_compounded_and_only_those_that_move_roll() {
+        let base = Knobs::of(&Probe::default(), &RenderSettings::default());
+        let sweeps = |compounds, moves| {
+            let points = planned_points(base.compounded(5, false), compounds, moves, false);
+            ["angles", "rolling angles"].map(|sweep| points.iter().filter(|p| p.sweep == sweep).count())
+        };
+        assert_eq!([sweeps(true, true), sweeps(true, false), sweeps(false, true)], [[8, 12], [8, 0], [0, 0]]);
+        assert!(planned_points(base.compounded(5, false), false, true, false).iter().all(|p| p.knobs.angles == 1));
+    }
+
+    #[test]
+    fn all_effects_are_measured_beside_those_that_the_scene_calls_for() {
+        let base = Knobs::of(&Probe::default(), &RenderSettings::default());
+        for quick in [false, true] {
+            let points = planned_points(base, true, false, quick);
+            for name in ["1x1", "8x1", "32x3"] {
+                let of = |name: &str| points.iter().find(|p| p.name == name).unwrap();
+                let (planned, all) = (of(name), of(&format!("{name} all effects")));
+                assert_eq!((all.sweep, all.against.as_deref()), ("all effects", Some(name)));
+                assert_eq!(all.knobs, planned.knobs.with_all_effects());
+                assert!(!planned.knobs.all_effects);
+            }
+        }
+        assert!(planned_points(base.with_all_effects(), true, false, false).iter().all(|p| p.sweep != "all effects"));
+    }
+}

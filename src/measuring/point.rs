@@ -1,0 +1,216 @@
+//! Measured points, their Pareto front of time and error, and what of them is noise.
+
+use serde::{Deserialize, Serialize};
+
+use super::Knobs;
+
+/// One setting, measured.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Point {
+    /// Unique name.
+    pub name: String,
+    /// Varied knob, or `generator`.
+    pub sweep: String,
+    /// Name of its neighbour.
+    pub against: Option<String>,
+    /// Knob values.
+    pub knobs: Knobs,
+    /// Generator that translated its frames, if any.
+    pub generator: Option<String>,
+    /// Time of a frame.
+    pub time: Time,
+    /// Error relative to the reference.
+    pub error: Errors,
+    /// Errors by tissue.
+    pub classes: Vec<ClassError>,
+    /// True if no other point is at least as fast and as accurate, and better in one of both.
+    #[serde(default)]
+    pub on_front: bool,
+    /// True if its time differs from its neighbour's by at most the spread of repeats.
+    #[serde(default)]
+    pub time_is_noise: bool,
+    /// True if its error differs from its neighbour's by at most the spread between seeds.
+    #[serde(default)]
+    pub error_is_noise: bool,
+}
+
+/// Time of a frame with its maps, from the call until the result is in memory, ms.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Time {
+    /// Frames measured.
+    pub frames: usize,
+    /// Median.
+    pub median_ms: f64,
+    /// 95th percentile.
+    pub p95_ms: f64,
+    /// Interquartile range of the times minus the median of their pose: the spread of repeats, without that of poses.
+    pub spread_ms: f64,
+    /// Median of each pass on the device, in order; empty without timestamps.
+    pub passes: Vec<PassMs>,
+}
+
+/// Time of a pass.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PassMs {
+    /// Name of the pass's shader, or `generator`.
+    pub name: String,
+    /// Median, ms.
+    pub median_ms: f64,
+}
+
+/// Errors relative to the reference, within the sector, averaged over poses.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Errors {
+    /// RMS difference of mean levels over patches of 32 × 32, grey levels: speckle is averaged out. Points are ranked
+    /// by it.
+    pub level_rmse: f64,
+    /// Difference of that value between two seeds, grey levels.
+    pub level_rmse_spread: f64,
+    /// RMS difference of pixels, grey levels. Other samples, scanlines and kernels change the speckle: valid only for
+    /// points that share those of the reference.
+    pub rmse: f64,
+    /// Difference of that value between two seeds, grey levels.
+    pub rmse_spread: f64,
+    /// PSNR, dB, mean over poses whose image differs from the reference; infinite, in JSON `null`, if all are equal.
+    #[serde(with = "crate::quality::infinite_is_null")]
+    pub psnr_db: f64,
+    /// Poses whose image equals the reference; their PSNR is infinite.
+    #[serde(default)]
+    pub identical: usize,
+    /// SSIM.
+    pub ssim: f64,
+    /// pKL, nats.
+    pub pkl: Option<f64>,
+    /// Envelope SNR minus that of the reference, mean over tissues with one.
+    pub snr_difference: Option<f64>,
+    /// Mean magnitude of a tissue's difference of mean grey levels, weighted by its pixels.
+    pub grey_difference: f64,
+    /// Lost share of the borders' contrast.
+    pub contrast_lost: Option<f64>,
+}
+
+/// Errors of one tissue, averaged over the poses that show it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ClassError {
+    /// Name.
+    pub tissue: String,
+    /// Pixels over all poses.
+    pub pixels: usize,
+    /// Mean grey level minus the reference's.
+    pub grey_difference: f64,
+    /// Envelope SNR.
+    pub envelope_snr: Option<f64>,
+    /// Envelope SNR of the reference.
+    pub reference_snr: Option<f64>,
+    /// Lost share of its borders' contrast.
+    pub contrast_lost: Option<f64>,
+}
+
+/// Marks the Pareto-optimal points: no other is at least as fast and as accurate, and better in one of both.
+/// Accuracy is that of pixels: the compounded reference has little speckle, and what a picture has of it is its error.
+pub(crate) fn mark_front(points: &mut [Point]) {
+    let places: Vec<[f64; 2]> = points.iter().map(|p| [p.time.median_ms, p.error.rmse]).collect();
+    for (point, mine) in points.iter_mut().zip(&places) {
+        let beats = |other: &[f64; 2]| other[0] <= mine[0] && other[1] <= mine[1] && other != mine;
+        point.on_front = mine.iter().all(|v| v.is_finite()) && !places.iter().any(beats);
+    }
+}
+
+/// Marks points that differ from their neighbour by at most the larger of both spreads.
+pub(crate) fn mark_noise(points: &mut [Point]) {
+    let all: Vec<(String, [f64; 2], [f64; 2])> = points
+        .iter()
+        .map(|p| {
+            let values = [p.time.median_ms, p.error.rmse];
+            (p.name.clone(), values, [p.time.spread_ms, p.error.rmse_spread])
+        })
+        .collect();
+    for (point, (_, mine, spread)) in points.iter_mut().zip(&all) {
+        let neighbour = all.iter().find(|(name, ..)| Some(name) == point.against.as_ref());
+        let within = |i: usize| {
+            neighbour.is_some_and(|(_, theirs, other)| (mine[i] - theirs[i]).abs() <= spread[i].max(other[i]))
+        };
+        (point.time_is_noise, point.error_is_noise) = (within(0), within(1));
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::render::RenderSettings;
+    use crate::transducer::Probe;
+
+    pub(in crate::measuring) fn point(name: &str, median_ms: f64, rmse: f64, against: Option<&str>) -> Point {
+        Point {
+            name: name.into(),
+            sweep: "rays x layers".into(),
+            against: against.map(Into::into),
+            knobs: Knobs::of(&Probe::default(), &RenderSettings::default()),
+            generator: None,
+            time: Time {
+                frames: 6,
+                median_ms,
+                p95_ms: 1.25 * median_ms,
+                spread_ms: 2.0,
+                passes: vec![PassMs { name: "trace".into(), median_ms: 0.5 * median_ms }],
+            },
+            error: Errors {
+                level_rmse: 25.5,
+                level_rmse_spread: 0.25,
+                rmse,
+                rmse_spread: 0.5,
+                psnr_db: 20.0,
+                identical: 0,
+                ssim: 0.5,
+                pkl: Some(0.25),
+                snr_difference: None,
+                grey_difference: 1.5,
+                contrast_lost: Some(0.125),
+            },
+            classes: vec![ClassError {
+                tissue: "liver".into(),
+                pixels: 10,
+                grey_difference: -1.0,
+                envelope_snr: Some(1.8),
+                reference_snr: Some(1.9),
+                contrast_lost: None,
+            }],
+            on_front: false,
+            time_is_noise: false,
+            error_is_noise: false,
+        }
+    }
+
+    #[test]
+    fn the_front_is_what_nothing_beats() {
+        let places =
+            [(10.0, 30.0), (20.0, 20.0), (21.0, 20.0), (25.0, 25.0), (90.0, 5.0), (90.0, 5.0), (9.0, f64::NAN)];
+        let mut points: Vec<Point> = places.iter().map(|&(ms, level)| point("", ms, level, None)).collect();
+        // Errors of levels are ignored.
+        points[3].error.level_rmse = 0.0;
+        mark_front(&mut points);
+        let front: Vec<bool> = points.iter().map(|p| p.on_front).collect();
+        assert_eq!(front, [true, true, false, false, true, true, false]);
+    }
+
+    #[test]
+    fn differences_within_the_spread_are_noise() {
+        let mut points = [
+            point("a", 10.0, 30.0, None),
+            point("b", 11.5, 29.0, Some("a")),
+            point("c", 20.0, 28.75, Some("b")),
+            point("d", 20.0, 28.75, Some("who")),
+        ];
+        mark_noise(&mut points);
+        let noise: Vec<_> = points.iter().map(|p| (p.time_is_noise, p.error_is_noise)).collect();
+        assert_eq!(noise, [(false, false), (true, false), (false, true), (false, false)]);
+    }
+
+    #[test]
+    fn points_come_back_as_they_were_written() {
+        let mut points = [point("1x1", 10.0, 2.0, None), point("black", 5.0, 0.0, Some("1x1"))];
+        points[1].error = Errors { psnr_db: f64::INFINITY, identical: 3, rmse: 0.0, ..points[1].error };
+        let json = serde_json::to_string(&points).unwrap();
+        assert_eq!(serde_json::from_str::<[Point; 2]>(&json).unwrap(), points);
+    }
+}

@@ -1,0 +1,241 @@
+//! Measurement of a station's points: reference, times, errors, and effects against theory.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use serde::Serialize;
+
+use super::convergence::{Check, References};
+use super::effect_error::{EffectScene, measure_effects, measure_looks};
+use super::estimate::{Estimate, Remaining};
+use super::harness::Harness;
+use super::point::{mark_front, mark_noise};
+use super::store::{Store, identity};
+use super::{EffectError, Knobs, MeasuringError, Planned, Point, Progress, Step, planned_points};
+use crate::anatomy::Scene;
+use crate::pose::Pose;
+use crate::render::{Backend, Renderer, processor_name};
+use crate::settings::ANGLES_MAX;
+use crate::station::{Poses, Station, Track};
+
+/// Target duration of a sweep without a number of poses, s; a slowly converging reference may double it.
+const TIME_S: f64 = 270.0;
+/// Most poses of such a sweep.
+const POSES: usize = 3;
+
+/// Extent of a sweep.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct SweepSettings {
+    /// Recording whose poses are taken. `None`: the station's, or its own pose turned about the beam.
+    pub recording: Option<PathBuf>,
+    /// Number of poses, spread over the recording. `None`: 3, or as many as take about 5 minutes.
+    pub poses: Option<usize>,
+    /// Fewer points, one pose, and a reference of fewer rays.
+    pub quick: bool,
+    /// Whether results of an earlier sweep of the same station, scene, models, poses, machine and version are kept.
+    pub resume: bool,
+}
+
+/// A prepared sweep of a station.
+#[derive(Debug)]
+pub struct Sweep<'a> {
+    backend: &'a Backend,
+    station: &'a Station,
+    scene: &'a Scene,
+    quick: bool,
+    harness: Harness,
+    planned: Vec<Planned>,
+    estimate: Estimate,
+    tracks: Vec<Track>,
+    source: &'static str,
+    store: Store,
+    machine: Machine,
+}
+
+#[derive(Debug)]
+struct Machine {
+    device: String,
+    processor: String,
+    threads: usize,
+}
+
+/// Result of a sweep.
+#[derive(Debug, Clone, Serialize)]
+pub struct SweepReport {
+    /// Version of insonify.
+    pub version: &'static str,
+    /// Station file.
+    pub station: PathBuf,
+    /// Rendering device.
+    pub device: String,
+    /// Processor.
+    pub processor: String,
+    /// Threads of the processor.
+    pub threads: usize,
+    /// Number of poses.
+    pub poses: usize,
+    /// Convergence of the reference.
+    pub reference: Check,
+    /// Points, with the front and what is noise.
+    pub points: Vec<Point>,
+    /// Effects against wave theory.
+    pub effects: Vec<EffectError>,
+    /// Steps of a look against a perfect picture.
+    pub looks: Vec<EffectError>,
+}
+
+impl<'a> Sweep<'a> {
+    /// Loads the station's generators, measures a few frames to estimate the duration, and opens the store of results in
+    /// `directory`, which is made if missing. `scene` is the station's.
+    ///
+    /// # Errors
+    /// A station without poses, a scene that cannot be rendered, ONNX Runtime that is missing, or a directory that cannot be
+    /// used.
+    pub fn prepare(
+        backend: &'a Backend,
+        station: &'a Station,
+        scene: &'a Scene,
+        directory: &Path,
+        settings: &SweepSettings,
+    ) -> Result<Self, MeasuringError> {
+        let SweepSettings { ref recording, poses, quick, resume } = *settings;
+        let all = Poses::of_station(station, recording.as_deref())?;
+        let compounds = station.probe.kind.steers();
+        let planned = planned_points(Knobs::of(&station.probe, &station.settings), compounds, all.moves(), quick);
+        let renderer = Renderer::new(backend, scene, &station.probe, &station.settings)?;
+        let mut harness = Harness::new(renderer, station, scene)?;
+        let estimate = Estimate::measure(&mut harness, &planned, &all.spread(1))?;
+        let threads = std::thread::available_parallelism().map_or(1, usize::from);
+        let machine = Machine { device: backend.to_string(), processor: processor_name(), threads };
+
+        let models = harness.models();
+        let mut key = vec![identity(station, scene), models, machine.device.clone(), machine.processor.clone()];
+        key.push(format!("{threads} {quick} {recording:?}"));
+        let count = match poses {
+            Some(count) => count,
+            None => poses_in_time(&Store::new(directory, resume, &key)?, &estimate, quick)?,
+        };
+        let period = Duration::from_secs_f64(1.0 / station.pipeline.frame_rate_hz);
+        let tracks = all.tracks(count, ANGLES_MAX, period);
+        key.push(format!("{tracks:?}"));
+        let store = Store::new(directory, resume, &key)?;
+        Ok(Self {
+            backend,
+            station,
+            scene,
+            quick,
+            harness,
+            planned,
+            estimate,
+            tracks,
+            source: all.what,
+            store,
+            machine,
+        })
+    }
+
+    /// Number of poses.
+    pub fn poses(&self) -> usize {
+        self.tracks.len()
+    }
+
+    /// Source of the poses, in words.
+    pub fn source(&self) -> &'static str {
+        self.source
+    }
+
+    /// Rendering device.
+    pub fn device(&self) -> &str {
+        &self.machine.device
+    }
+
+    /// Estimated duration, s.
+    pub fn estimated_s(&self) -> f64 {
+        self.estimate.pose_s() * self.tracks.len() as f64
+    }
+
+    /// Measures all points, and effects and looks against theory.
+    ///
+    /// # Errors
+    /// Frames that cannot be rendered, translated or compared; stored results that are damaged or cannot be written.
+    pub fn run(mut self, progress: &Progress<'_>) -> Result<SweepReport, MeasuringError> {
+        let poses: Vec<Pose> = self.tracks.iter().map(|track| track.at).collect();
+        let mut remaining = Remaining::new(self.estimated_s());
+        let started = Instant::now();
+        let show = |found| progress(Step::Reference(found));
+        let (references, kept) = References::make(&mut self.harness, &self.store, &poses, self.quick, &show)?;
+        let reference_s = self.estimate.reference_s * poses.len() as f64;
+        remaining.done(reference_s, (!kept).then(|| started.elapsed().as_secs_f64()));
+        progress(Step::Converged(&references.check));
+        let mut points = self.points(&references, &mut remaining, progress)?;
+        mark_front(&mut points);
+        mark_noise(&mut points);
+        let Self { backend, station, scene, ref store, .. } = self;
+        let at = EffectScene { backend, station, scene, pose: poses.first() };
+        let effects = measure_effects(&at, store, progress)?;
+        let looks = measure_looks(&at, store, progress)?;
+        let Machine { device, processor, threads } = self.machine;
+        Ok(SweepReport {
+            version: env!("CARGO_PKG_VERSION"),
+            station: station.path.clone(),
+            device,
+            processor,
+            threads,
+            poses: poses.len(),
+            reference: references.check,
+            points,
+            effects,
+            looks,
+        })
+    }
+
+    /// Points as planned, then generators on the frames that they were trained for.
+    fn points(
+        &mut self,
+        references: &References,
+        remaining: &mut Remaining,
+        progress: &Progress<'_>,
+    ) -> Result<Vec<Point>, MeasuringError> {
+        let names = self.harness.generators();
+        let generated = self.harness.generated_points();
+        let total = self.planned.len() + generated.len();
+        let mut points: Vec<Point> = Vec::new();
+        for (index, estimate_s) in self.estimate.points_s.iter().enumerate() {
+            let generator = index.checked_sub(self.planned.len());
+            // By number: names of generators may differ only in characters that file names lack.
+            let file =
+                generator.map_or_else(|| self.planned[index].name.clone(), |number| format!("generator {number}"));
+            let started = Instant::now();
+            let (point, taken_s) = match self.store.read(&file)? {
+                Some(point) => (point, None),
+                None => {
+                    let point = match generator {
+                        Some(number) => {
+                            let name = names[generated[number].1].clone();
+                            self.harness.generated(generated[number], name, &references.pictures, &self.tracks)?
+                        }
+                        None => self.harness.point(&self.planned[index], &references.pictures, &self.tracks)?,
+                    };
+                    self.store.write(&file, &point)?;
+                    (point, Some(started.elapsed().as_secs_f64()))
+                }
+            };
+            remaining.done(estimate_s * self.tracks.len() as f64, taken_s);
+            let number = points.len() + 1;
+            progress(Step::Point { point: &point, number, total, left_s: remaining.left_s() });
+            points.push(point);
+        }
+        Ok(points)
+    }
+}
+
+/// Number of poses that fit into [`TIME_S`]. A resumed sweep keeps its number, because estimates vary.
+fn poses_in_time(store: &Store, estimate: &Estimate, quick: bool) -> Result<usize, MeasuringError> {
+    if let Some(count) = store.read::<usize>("poses")? {
+        return Ok(count.clamp(1, POSES));
+    }
+    let most = if quick { 1 } else { POSES };
+    let count = ((TIME_S / estimate.pose_s()) as usize).clamp(1, most);
+    store.write("poses", &count)?;
+    Ok(count)
+}
