@@ -14,7 +14,7 @@ help:
 	@echo 'make test-browser  the live page in a headless Chromium; ARGS="--screenshot FILE" keeps a picture of it'
 	@echo 'make window  the program with its native window, target/release/insonify: insonify run STATION --sink window'
 	@echo 'make test-window  that window on a virtual screen (Xvfb, xdotool)'
-	@echo 'make bench  measure frames, passes and set-up (criterion)'
+	@echo 'make bench  measure set-up, changes, poses, and time against scene and settings; frames: insonify bench STATION'
 	@echo 'make soak   ten minutes of a live station on a bad day: memory, latency and drops; scripts/soak --help'
 	@echo 'make hard   a million random frames worth of rays without a value that is not finite; goes on where it was stopped'
 	@echo 'make train  train every generator of the tables from nothing; says how long; goes on where it was stopped'

@@ -3,31 +3,30 @@
 //!
 //! `cargo bench --bench cost` (about three minutes on two cores); `cargo bench --bench cost -- rays layers` measures
 //! only those. Triangles are those of 32 spheres that fill the view, at the same places for each count; all other
-//! curves use the obstetric phantom. Each number is the median over poses of the passes' times. The output is also
-//! written to `out/cost/cost.md` and `cost.svg`.
+//! curves use the obstetric phantom. Each number is the median over poses, as `insonify bench` measures them. The output is
+//! also written to `out/cost/cost.md` and `cost.svg`.
 
 // A benchmark that cannot be set up has nothing to measure.
 #![allow(clippy::expect_used)]
 
 #[path = "support/cost_figure.rs"]
 mod figure;
-mod support;
 
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use insonify::anatomy::TissueTable;
 use insonify::anatomy::analytic::{Part, joined, scene, sphere};
+use insonify::anatomy::{Bvh, Scene, TissueTable};
+use insonify::measuring::bench::{Flow, Workload, measure};
 use insonify::pose::Pose;
 use insonify::recording;
-use insonify::render::{Backend, BackendChoice, Frame, Quality, RenderSettings, Renderer};
+use insonify::render::{Backend, BackendChoice, Quality, RenderSettings};
+use insonify::report::time_table::{OVERHEAD, WHOLE_FRAME};
 use insonify::station::Station;
-use insonify::statistics::{slope, sorted, upper_median};
+use insonify::statistics::slope;
 use insonify::transducer::Probe;
 
-/// Warm-up time of each point.
-const WARM_UP: Duration = Duration::from_secs(1);
 /// Frames measured for each point.
 const FRAMES: usize = 7;
 
@@ -38,10 +37,9 @@ struct Point {
     passes: Vec<(&'static str, f64)>,
 }
 
-/// A curve: the varied quantity, whether the host made the frames, and the points.
+/// A curve: the varied quantity, and the points.
 struct Curve {
     name: &'static str,
-    on_host: bool,
     points: Vec<Point>,
 }
 
@@ -74,24 +72,17 @@ fn main() {
     if curves.iter().all(|(name, ..)| !is_wanted(name)) {
         return write(&backend, &measured);
     }
-    let scene = support::scene(&station);
+    let measured_scene = Measured::new(&backend, station.load_scene(&|_| ()).expect("the scene"));
     let (recorded, _) = recording::poses(&root.join("assets/exams/obstetric_sweep.mcap")).expect("the recorded exam");
     let poses: Vec<Pose> = (0..FRAMES).map(|i| recorded[(2 * i + 1) * recorded.len() / (2 * FRAMES)].pose).collect();
-    let mut renderer = Renderer::new(&backend, &scene, &station.probe, &station.settings).expect("a renderer");
     for (name, values, change) in curves.into_iter().filter(|(name, ..)| is_wanted(name)) {
         let points = values.iter().filter_map(|&n| {
             let (mut probe, mut settings) = (station.probe, station.settings);
             change(&mut probe, &mut settings, n);
-            match renderer.reconfigure(&probe, &settings) {
-                Ok(()) => Some(measure(f64::from(n), &mut renderer, &poses)),
-                Err(error) => {
-                    println!("{name} = {n}: {error}");
-                    None
-                }
-            }
+            measured_scene.point(name, n, (probe, settings), &poses)
         });
         let points = points.collect();
-        measured.push(Curve { name, on_host: renderer.on_host(), points });
+        measured.push(Curve { name, points });
         measured.last().into_iter().for_each(|curve| print!("{}", table(curve)));
     }
     write(&backend, &measured);
@@ -99,7 +90,7 @@ fn main() {
 
 /// Writes the tables and the figure.
 fn write(backend: &Backend, curves: &[Curve]) {
-    let place = if curves.iter().any(|c| c.on_host) { "made on the host's cores; " } else { "" };
+    let place = if backend.on_host() { "made on the host's cores; " } else { "" };
     let title = format!("Time of a frame with its maps: {place}{} ({})", backend.name(), backend.driver());
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("out/cost");
     std::fs::create_dir_all(&folder).expect("a folder for the results");
@@ -113,51 +104,51 @@ fn triangles(backend: &Backend, settings: &RenderSettings) -> Curve {
     let tissues = TissueTable::builtin().expect("the tissue table");
     let pose = |i: usize| Pose { position_mm: DVec3::new(0.7 * i as f64, 0.3 * i as f64, 0.0), ..Pose::IDENTITY };
     let poses: Vec<Pose> = (0..FRAMES).map(pose).collect();
-    let (mut points, mut on_host) = (Vec::new(), false);
+    let mut points = Vec::new();
     for subdivisions in 1..=7 {
         let spheres = (0..32u8).map(|i| {
             let (column, row) = (f32::from(i % 8), f32::from(i / 8));
             sphere(Vec3::new(20.0 * (column - 3.5), 0.0, 25.0 + 30.0 * row), 9.0, subdivisions)
         });
         let mesh = joined(spheres);
-        let count = mesh.triangles.len();
+        let count = mesh.triangles.len() as u32;
         let part = Part { name: "spheres", tissue: "muscle", priority: 1, mesh };
         let made = scene(vec![part], &tissues, "liver").expect("tissues of the table");
-        match Renderer::new(backend, &made, &Probe::default(), settings) {
-            Ok(mut renderer) => {
-                points.push(measure(count as f64, &mut renderer, &poses));
-                on_host = renderer.on_host();
-            }
-            Err(error) => println!("{count} triangles: {error}"),
-        }
+        points.extend(Measured::new(backend, made).point("triangles", count, (Probe::default(), *settings), &poses));
     }
-    let curve = Curve { name: "triangles", on_host, points };
+    let curve = Curve { name: "triangles", points };
     print!("{}", table(&curve));
     curve
 }
 
-fn measure(x: f64, renderer: &mut Renderer, poses: &[Pose]) -> Point {
-    let mut frame = Frame::default();
-    // Software drivers continue compiling on the same cores after a change.
-    let warm = Instant::now();
-    while warm.elapsed() < WARM_UP {
-        renderer.render(&poses[0], &mut frame).expect("a frame");
-    }
-    let mut totals = Vec::new();
-    let mut passes: Vec<(&'static str, Vec<f64>)> = frame.times.passes.iter().map(|p| (p.name, Vec::new())).collect();
-    for pose in poses {
-        renderer.render(pose, &mut frame).expect("a frame");
-        totals.push(frame.times.passes.iter().map(|p| p.ms).sum());
-        for (sum, pass) in passes.iter_mut().zip(&frame.times.passes) {
-            sum.1.push(pass.ms);
-        }
-    }
-    let passes = passes.into_iter().map(|(name, times)| (name, middle(times))).collect();
-    Point { x, total_ms: middle(totals), passes }
+/// A scene in which points are measured.
+struct Measured<'a> {
+    backend: &'a Backend,
+    scene: Scene,
+    bvh: Arc<Bvh>,
 }
 
-fn middle(values: Vec<f64>) -> f64 {
-    upper_median(&sorted(values)).expect("a frame")
+impl<'a> Measured<'a> {
+    fn new(backend: &'a Backend, scene: Scene) -> Self {
+        let bvh = Arc::new(Bvh::build(&scene).expect("a scene that can be traced"));
+        Self { backend, scene, bvh }
+    }
+
+    /// The point of `name` at `n`; none, with a line that says why, of what cannot be rendered.
+    fn point(
+        &self,
+        name: &'static str,
+        n: u32,
+        (probe, settings): (Probe, RenderSettings),
+        poses: &[Pose],
+    ) -> Option<Point> {
+        let workload = Workload { name, probe, settings, moves: false, flow: Flow::Single };
+        let found = measure(self.backend, &self.scene, &self.bvh, &workload, poses, FRAMES, || {});
+        let stages = found.inspect_err(|error| println!("{name} = {n}: {error}")).ok()?.stages;
+        let total_ms = stages.iter().find(|stage| stage.stage == WHOLE_FRAME)?.p50_ms;
+        let passes = stages.iter().take_while(|stage| ![OVERHEAD, WHOLE_FRAME].contains(&stage.stage));
+        Some(Point { x: f64::from(n), total_ms, passes: passes.map(|stage| (stage.stage, stage.p50_ms)).collect() })
+    }
 }
 
 /// Markdown table of one curve.
