@@ -8,7 +8,7 @@ pub(super) const AHEAD: (usize, usize) = (48, 24);
 pub(super) const OVER_LEAST_MAX: f64 = 1.2;
 /// Largest part of the present error that a better point may have: less isn't worth a change.
 pub(super) const WORTH: f64 = 0.98;
-/// Time within which a burden of runs alone is forgotten, s.
+/// Time constant with which the quotient of run ratio and render ratio decays to 1, s.
 const RELAX_S: f64 = 30.0;
 /// Largest spread that is believed of live frames: 95th percentile over median.
 const SPREAD_MAX: f64 = 2.0;
@@ -62,12 +62,13 @@ impl PointController {
         now_s >= self.blocked_until[index] && (self.generate || !generated)
     }
 
-    /// Loads of the latest frames; that of runs follows the frames' where there are none.
+    /// Slow-down of the latest frames and generator runs, as ratios to the measured times. Without recent runs, the run ratio
+    /// follows the render ratio.
     pub(super) fn load(&self, (count, least): (usize, usize)) -> Option<Load> {
         let render = self.renders.percentile(0.5, count, least)?;
         let run = self.runs.percentile(0.5, count, least.min(count / 4));
         let (ratio, seen_s) = self.run_over_render;
-        // What burdened runs alone is believed in less and less.
+        // The last known quotient of both ratios decays towards 1.
         let ratio = || 1.0 + (ratio - 1.0) * (-(self.last_s - seen_s).max(0.0) / RELAX_S).exp();
         Some(Load { render, run: run.unwrap_or_else(|| render * ratio()) })
     }

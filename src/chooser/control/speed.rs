@@ -12,7 +12,7 @@ const BELOW: f64 = 0.7;
 /// Time after a change of the speed in which a better point is taken for it, s.
 const MOVED_S: f64 = 10.0;
 
-/// Class of the probe's speed, steady against short pauses and speeds about a limit.
+/// Class of the probe's speed. Short pauses, and speeds near a limit, do not change it.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct SpeedWatch {
     class: ProbeSpeed,
@@ -26,13 +26,13 @@ impl SpeedWatch {
     /// Takes the speed at `now_s`; returns whether the class changed.
     fn push(&mut self, now_s: f64, speed: Speed) -> bool {
         let faster = speed.class(1.0);
-        // Slower by what reaches no limit, not even most of it.
+        // Slower motion counts only below a part of the limit, so that speeds near it cause no changes.
         let found = if faster > self.class { faster } else { speed.class(BELOW).min(self.class) };
         if found == self.class {
             self.next = None;
             return false;
         }
-        // One direction: a motion that swells through both limits counts from its beginning.
+        // The direction counts: a motion that passes both limits lasts since it passed the first.
         let is_faster = found > self.class;
         let since = self.next.filter(|(next, _)| (*next > self.class) == is_faster).map_or(now_s, |(_, since)| since);
         self.next = Some((found, since));
@@ -78,14 +78,14 @@ impl PointController {
         });
     }
 
-    /// Takes a point that is better at a speed that the probe has had for a short time. Later changes need not wait for it,
-    /// and it comes no sooner after another one than they do.
+    /// Changes to a better point for a speed that the probe has had for at most [`MOVED_S`]. The minimum interval between changes
+    /// applies. The limit of changes per minute doesn't count this one.
     pub(super) fn follow_speed(&mut self, now_s: f64) -> Option<PointChange> {
         if now_s - self.moved_s > MOVED_S || now_s - self.changed_s < RISE_S {
             return None;
         }
         let to = self.better(now_s)?;
-        // What was better before is the load's matter, and waits longer.
+        // A point that was already better at the speed before is a rise by load, which waits longer.
         let error_before = |index: usize| self.candidates[index].error.at(self.watch.before);
         if error_before(to) < WORTH * error_before(self.current) {
             return None;
