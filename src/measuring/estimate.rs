@@ -9,7 +9,7 @@ use crate::pose::Pose;
 #[derive(Debug)]
 pub(super) struct Estimate {
     pub(super) reference_s: f64,
-    /// Per planned point, then per generator.
+    /// Per planned point.
     pub(super) points_s: Vec<f64>,
 }
 
@@ -21,7 +21,7 @@ struct Line {
 
 impl Line {
     /// Fits a frame of 1 × 1 rays × layers and one of 8 × 3.
-    fn of(harness: &mut Harness, base: Knobs, pose: &[Pose]) -> Result<Self, MeasuringError> {
+    fn of(harness: &mut Harness, base: Knobs, pose: &Pose) -> Result<Self, MeasuringError> {
         let one_s = harness.frame_s(&base.with(1, 1), pose)?;
         let middle_s = harness.frame_s(&base.with(8, 3), pose)?;
         Ok(Self { one_s, path_s: ((middle_s - one_s) / 23.0).max(0.0) })
@@ -34,7 +34,7 @@ impl Line {
 
 impl Estimate {
     /// Measures two frames as planned, two with all effects, one per generator, and one comparison.
-    pub(super) fn measure(harness: &mut Harness, planned: &[Planned], pose: &[Pose]) -> Result<Self, MeasuringError> {
+    pub(super) fn measure(harness: &mut Harness, planned: &[Planned], pose: &Pose) -> Result<Self, MeasuringError> {
         let base = harness.base();
         let own = Line::of(harness, base, pose)?;
         let all = Line::of(harness, base.with_all_effects(), pose)?;
@@ -44,10 +44,11 @@ impl Estimate {
             // A rolling picture takes a frame an angle before it is measured.
             pose_s(f64::from(p.knobs.angles) * line.frame_s(p.knobs.rays * p.knobs.layers), compare_s)
         };
-        let mut points_s: Vec<f64> = planned.iter().map(point_s).collect();
-        for (_, index) in harness.generated_points() {
-            points_s.push(pose_s(harness.generated_s(index, pose)?, compare_s));
-        }
+        let points_s = planned.iter().map(|p| match p.generator {
+            Some(index) => Ok(pose_s(harness.generated_s(index, pose)?, compare_s)),
+            None => Ok(point_s(p)),
+        });
+        let points_s = points_s.collect::<Result<_, MeasuringError>>()?;
         let angles = f64::from(harness.reference_angles());
         Ok(Self {
             reference_s: angles * USUAL.iter().map(|&(rays, layers)| all.frame_s(rays * layers)).sum::<f64>(),

@@ -5,9 +5,10 @@ use std::time::Instant;
 use super::point_times::Times;
 use super::pose_error::{PoseError, classes, rmse, summary};
 use super::reference::Reference;
+use super::timing::{elapsed_ms, timed};
 use super::{Knobs, MeasuringError, Planned, Point};
 use crate::anatomy::Scene;
-use crate::generator::{Channel, Generator, Input, Manifest, load_generators};
+use crate::generator::{Channel, Generator, Input, load_generators};
 use crate::pose::Pose;
 use crate::quality::level_difference;
 use crate::render::{Frame, FrameQuality, Job, Quality, RenderSettings, Renderer};
@@ -42,11 +43,18 @@ pub(crate) struct Harness {
     frame: Frame,
 }
 
-/// Name of a generator's point: on top of raw frames, or of the maps alone if it takes no image.
-fn generated(generator: &str, lq: FrameQuality, manifest: &Manifest) -> String {
-    let from = lq.to_string();
-    let from = if manifest.takes(Channel::Image) { from.as_str() } else { "maps" };
-    format!("{from} + {generator}")
+/// Names, of which repeated ones get their number.
+pub(super) fn distinct(names: &[&str]) -> Vec<String> {
+    let distinct = |(index, name): (usize, &&str)| match names[..index].contains(name) {
+        true => format!("{name} ({})", index + 1),
+        false => (*name).to_owned(),
+    };
+    names.iter().enumerate().map(distinct).collect()
+}
+
+/// Time of the second of two frames, s, of which `frame` returns ms.
+fn second(frame: impl FnMut() -> Result<f64, MeasuringError>) -> Result<f64, MeasuringError> {
+    Ok(1e-3 * timed(1, 1, frame)?.iter().sum::<f64>())
 }
 
 impl Harness {
@@ -68,47 +76,30 @@ impl Harness {
         })
     }
 
-    /// Names of the generators, in order; repeated names get their number.
-    pub(super) fn generators(&self) -> Vec<String> {
-        let names: Vec<&str> = self.generators.iter().map(|g| g.manifest().name.as_str()).collect();
-        let unlike = |(index, name): (usize, &&str)| {
-            if names[..index].contains(name) { format!("{name} ({})", index + 1) } else { (*name).to_owned() }
-        };
-        names.iter().enumerate().map(unlike).collect()
-    }
-
     /// Identity of the models: their manifests, with checksums of the files that loading has checked.
     pub(super) fn models(&self) -> String {
         self.generators.iter().map(|g| format!("{:?}\n", g.manifest())).collect()
     }
 
-    /// Mean frame time with `knobs` over `poses`, s, after one frame to warm up.
-    pub(super) fn frame_s(&mut self, knobs: &Knobs, poses: &[Pose]) -> Result<f64, MeasuringError> {
+    /// Time of a frame with `knobs`, s.
+    pub(super) fn frame_s(&mut self, knobs: &Knobs, pose: &Pose) -> Result<f64, MeasuringError> {
         self.configure(knobs, 0)?;
-        poses.iter().take(1).try_for_each(|pose| self.render(pose).map(drop))?;
-        let started = Instant::now();
-        poses.iter().try_for_each(|pose| self.render(pose).map(drop))?;
-        Ok(started.elapsed().as_secs_f64() / poses.len().max(1) as f64)
+        second(|| elapsed_ms(|| self.render(pose).map(drop)))
     }
 
-    /// Time of a frame of LQ with a generator, s; the first is not counted.
-    pub(super) fn generated_s(&mut self, index: usize, poses: &[Pose]) -> Result<f64, MeasuringError> {
+    /// Time of a frame of LQ with a generator, s.
+    pub(super) fn generated_s(&mut self, index: usize, pose: &Pose) -> Result<f64, MeasuringError> {
         self.configure(&self.base().with(Quality::LQ.rays, Quality::LQ.layers), 0)?;
-        let Some(&at) = poses.first() else { return Ok(0.0) };
-        let track = Track { at, before: Vec::new() };
+        let track = Track { at: *pose, before: Vec::new() };
         let mut image = Vec::new();
-        self.shown(&track, Some(index), false, &mut image)?;
-        Ok(1e-3 * self.shown(&track, Some(index), false, &mut image)?.iter().sum::<f64>())
+        second(|| Ok(self.shown(&track, Some(index), false, &mut image)?.iter().sum()))
     }
 
     /// Time of comparing a frame with its reference, s.
-    pub(super) fn comparison_s(&mut self, poses: &[Pose]) -> Result<f64, MeasuringError> {
-        let Some(pose) = poses.first() else { return Ok(0.0) };
+    pub(super) fn comparison_s(&mut self, pose: &Pose) -> Result<f64, MeasuringError> {
         let range_db = self.settings.image.dynamic_range_db;
         let reference = Reference::of(self.render(pose)?, range_db)?;
-        let started = Instant::now();
-        self.compared(&reference.bmode, &reference)?;
-        Ok(started.elapsed().as_secs_f64())
+        Ok(1e-3 * elapsed_ms(|| self.compared(&reference.bmode, &reference).map(drop))?)
     }
 
     pub(super) fn settings(&self) -> &RenderSettings {
@@ -154,16 +145,6 @@ impl Harness {
         self.renderer.render_many(jobs, |_, frame| each(frame))
     }
 
-    /// Measures a point.
-    pub(super) fn point(
-        &mut self,
-        planned: &Planned,
-        references: &[Reference],
-        tracks: &[Track],
-    ) -> Result<Point, MeasuringError> {
-        self.measure(planned, None, references, tracks)
-    }
-
     /// Generators by index, each with every quality of frames that it takes.
     pub(crate) fn generated_points(&self) -> Vec<(FrameQuality, usize)> {
         let all = self.generators.iter().enumerate();
@@ -194,37 +175,43 @@ impl Harness {
         Ok(errors)
     }
 
-    /// Measures a generator on top of the frames that it was trained for.
-    pub(super) fn generated(
-        &mut self,
-        (lq, index): (FrameQuality, usize),
-        name: String,
-        references: &[Reference],
-        tracks: &[Track],
-    ) -> Result<Point, MeasuringError> {
-        let planned = Planned {
-            name: self.generators.get(index).map_or_else(|| name.clone(), |g| generated(&name, lq, g.manifest())),
-            sweep: "generator",
-            against: Some(format!("{}x{}", lq.rays, lq.layers)),
-            knobs: self.live_knobs(lq),
+    /// Points of the generators on top of the frames that they were trained for.
+    pub(super) fn planned_generators(&self) -> Vec<Planned> {
+        let names = self.names();
+        let planned = |(lq, index): (FrameQuality, usize)| {
+            let takes_image = self.generators[index].manifest().takes(Channel::Image);
+            let from = if takes_image { lq.to_string() } else { "maps".to_owned() };
+            Planned {
+                name: format!("{from} + {}", names[index]),
+                sweep: "generator",
+                against: Some(format!("{}x{}", lq.rays, lq.layers)),
+                knobs: self.live_knobs(lq),
+                generator: Some(index),
+            }
         };
-        Ok(Point { generator: Some(name), ..self.measure(&planned, Some(index), references, tracks)? })
+        self.generated_points().into_iter().map(planned).collect()
+    }
+
+    /// Distinct names of the generators.
+    fn names(&self) -> Vec<String> {
+        distinct(&self.generators.iter().map(|g| g.manifest().name.as_str()).collect::<Vec<_>>())
     }
 
     fn compared(&self, image: &[u8], reference: &Reference) -> Result<PoseError, MeasuringError> {
         Ok(PoseError::of(image, reference, self.settings.image.dynamic_range_db)?)
     }
 
-    fn measure(
+    /// Measures a point.
+    pub(super) fn point(
         &mut self,
         planned: &Planned,
-        generator: Option<usize>,
         references: &[Reference],
         tracks: &[Track],
     ) -> Result<Point, MeasuringError> {
         let mut times = Times { ms: vec![Vec::new(); tracks.len()], ..Times::default() };
         let mut errors: Vec<PoseError> = Vec::new();
         let mut image = Vec::new();
+        let generator = planned.generator;
         for (turn, seed) in SEEDS.into_iter().enumerate() {
             self.configure(&planned.knobs, seed)?;
             let rolling = planned.knobs.rolling;
@@ -257,7 +244,7 @@ impl Harness {
             sweep: planned.sweep.to_owned(),
             against: planned.against.clone(),
             knobs: planned.knobs,
-            generator: None,
+            generator: generator.and_then(|index| self.names().into_iter().nth(index)),
             time: times.time(),
             error: summary(&errors, &classes),
             classes,

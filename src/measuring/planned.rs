@@ -21,12 +21,14 @@ const LEAN: [(u32, u32); 3] = [(1, 1), (1, 3), (2, 3)];
 pub struct Planned {
     /// Unique name.
     pub name: String,
-    /// Varied knob: `rays x layers`, `rolling angles`, `all effects`, `no aperture`, or one of [`Knobs::values`].
+    /// Varied knob: `rays x layers`, `rolling angles`, `all effects`, `no aperture`, `generator`, or one of [`Knobs::values`].
     pub sweep: &'static str,
     /// Name of the neighbour for the noise test.
     pub against: Option<String>,
     /// Knob values.
     pub knobs: Knobs,
+    /// Index of the generator that translates its frames, if any.
+    pub generator: Option<usize>,
 }
 
 /// Name of a knob, its values, and its accessor.
@@ -50,6 +52,7 @@ pub fn planned_points(base: Knobs, compounds: bool, moves: bool, quick: bool) ->
                 sweep: "rays x layers",
                 against,
                 knobs: base.with(rays, layers),
+                generator: None,
             });
             against = Some(name);
         }
@@ -58,7 +61,13 @@ pub fn planned_points(base: Knobs, compounds: bool, moves: bool, quick: bool) ->
         let against = format!("{rays}x{layers}");
         // A quick plan lacks some neighbours.
         if points.iter().any(|point| point.name == against) {
-            points.push(Planned { name: format!("{against} {words}"), sweep, against: Some(against), knobs });
+            points.push(Planned {
+                name: format!("{against} {words}"),
+                sweep,
+                against: Some(against),
+                knobs,
+                generator: None,
+            });
         }
     };
     for angles in ANGLES.into_iter().filter(|_| compounds) {
@@ -74,17 +83,9 @@ pub fn planned_points(base: Knobs, compounds: bool, moves: bool, quick: bool) ->
     for lean in LEAN.into_iter().filter(|_| base.aperture) {
         variant("no aperture", lean, "no aperture".to_owned(), base.with(lean.0, lean.1).without_aperture());
     }
-    for (rays, layers) in ALL_EFFECTS {
-        let grid_name = format!("{rays}x{layers}");
-        // A station that simulates every effect already has these points.
-        if !base.all_effects {
-            points.push(Planned {
-                name: format!("{grid_name} all effects"),
-                sweep: "all effects",
-                against: Some(grid_name),
-                knobs: base.with(rays, layers).with_all_effects(),
-            });
-        }
+    // A station that simulates every effect already has these points.
+    for all in ALL_EFFECTS.into_iter().filter(|_| !base.all_effects) {
+        variant("all effects", all, "all effects".to_owned(), base.with(all.0, all.1).with_all_effects());
     }
     let middle = base.with(MIDDLE.0, MIDDLE.1);
     let middle_name = format!("{}x{}", MIDDLE.0, MIDDLE.1);
@@ -112,7 +113,7 @@ pub fn planned_points(base: Knobs, compounds: bool, moves: bool, quick: bool) ->
             }
             *knob(&mut knobs) = value;
             let name = format!("{middle_name} {sweep} {value}");
-            points.push(Planned { name, sweep, against: Some(middle_name.clone()), knobs });
+            points.push(Planned { name, sweep, against: Some(middle_name.clone()), knobs, generator: None });
         }
     }
     points

@@ -16,7 +16,7 @@ use crate::anatomy::Scene;
 use crate::pose::Pose;
 use crate::render::{Backend, Renderer, processor_name};
 use crate::settings::ANGLES_MAX;
-use crate::station::{Poses, Station, Track};
+use crate::station::{Poses, Station, StationError, Track};
 
 /// Target duration of a sweep without a number of poses, s; a slowly converging reference may double it.
 const TIME_S: f64 = 270.0;
@@ -101,10 +101,13 @@ impl<'a> Sweep<'a> {
         let SweepSettings { ref recording, poses, quick, resume } = *settings;
         let all = Poses::of_station(station, recording.as_deref())?;
         let compounds = station.probe.kind.steers();
-        let planned = planned_points(Knobs::of(&station.probe, &station.settings), compounds, all.moves(), quick);
+        let mut planned = planned_points(Knobs::of(&station.probe, &station.settings), compounds, all.moves(), quick);
         let renderer = Renderer::new(backend, scene, &station.probe, &station.settings)?;
         let mut harness = Harness::new(renderer, station, scene)?;
-        let estimate = Estimate::measure(&mut harness, &planned, &all.spread(1))?;
+        planned.extend(harness.planned_generators());
+        let first = all.spread(1).first().copied();
+        let first = first.ok_or_else(|| StationError::NoPose { station: station.path.clone() })?;
+        let estimate = Estimate::measure(&mut harness, &planned, &first)?;
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
         let machine = Machine { device: backend.to_string(), processor: processor_name(), threads };
 
@@ -189,39 +192,30 @@ impl<'a> Sweep<'a> {
         })
     }
 
-    /// Points as planned, then generators on the frames that they were trained for.
+    /// Points as planned; stored ones are not measured again.
     fn points(
         &mut self,
         references: &References,
         remaining: &mut Remaining,
         progress: &Progress<'_>,
     ) -> Result<Vec<Point>, MeasuringError> {
-        let names = self.harness.generators();
-        let generated = self.harness.generated_points();
-        let total = self.planned.len() + generated.len();
         let mut points: Vec<Point> = Vec::new();
-        for (index, estimate_s) in self.estimate.points_s.iter().enumerate() {
-            let generator = index.checked_sub(self.planned.len());
+        for (planned, estimate_s) in self.planned.iter().zip(&self.estimate.points_s) {
             // By number: names of generators may differ only in characters that file names lack.
+            let generators = || points.iter().filter(|point| point.generator.is_some()).count();
             let file =
-                generator.map_or_else(|| self.planned[index].name.clone(), |number| format!("generator {number}"));
+                planned.generator.map_or_else(|| planned.name.clone(), |_| format!("generator {}", generators()));
             let started = Instant::now();
             let (point, taken_s) = match self.store.read(&file)? {
                 Some(point) => (point, None),
                 None => {
-                    let point = match generator {
-                        Some(number) => {
-                            let name = names[generated[number].1].clone();
-                            self.harness.generated(generated[number], name, &references.pictures, &self.tracks)?
-                        }
-                        None => self.harness.point(&self.planned[index], &references.pictures, &self.tracks)?,
-                    };
+                    let point = self.harness.point(planned, &references.pictures, &self.tracks)?;
                     self.store.write(&file, &point)?;
                     (point, Some(started.elapsed().as_secs_f64()))
                 }
             };
             remaining.done(estimate_s * self.tracks.len() as f64, taken_s);
-            let number = points.len() + 1;
+            let (number, total) = (points.len() + 1, self.planned.len());
             progress(Step::Point { point: &point, number, total, left_s: remaining.left_s() });
             points.push(point);
         }

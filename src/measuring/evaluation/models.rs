@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use crate::dataset::Tuple;
 use crate::generator::{FeatureScale, Generator, Input, LoadOptions, OnnxFeatures, Precision, Provider, Runtime};
 use crate::measuring::MeasuringError;
+use crate::measuring::harness::distinct;
 use crate::quality::{FeatureExtractor, QualityError, crops};
 use crate::transducer::ScanGeometry;
 
@@ -42,20 +43,16 @@ impl FeatureModel {
 impl Models {
     /// Loads the generators, each with a unique name; `tissues` are names from number 1.
     pub(super) fn load_generators(&self, tissues: &[String]) -> Result<Vec<(String, Generator)>, MeasuringError> {
-        let mut named: Vec<(String, Generator)> = Vec::new();
         if self.generators.is_empty() {
-            return Ok(named);
+            return Ok(Vec::new());
         }
         let runtime = Runtime::get()?;
         let options =
             LoadOptions { provider: self.provider, threads: self.threads, precision: self.precision, tissues };
-        for path in &self.generators {
-            let generator = Generator::load(path, runtime, &options)?;
-            let name = generator.manifest().name.clone();
-            let taken = named.iter().any(|(other, _)| *other == name);
-            named.push((if taken { format!("{name} ({})", named.len() + 1) } else { name }, generator));
-        }
-        Ok(named)
+        let loaded = self.generators.iter().map(|path| Generator::load(path, runtime, &options));
+        let loaded = loaded.collect::<Result<Vec<_>, _>>()?;
+        let names: Vec<&str> = loaded.iter().map(|generator| generator.manifest().name.as_str()).collect();
+        Ok(distinct(&names).into_iter().zip(loaded).collect())
     }
 
     /// Loads the built-in network texture64, and the feature extractor.

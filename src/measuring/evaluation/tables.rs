@@ -14,43 +14,66 @@ const SHARE_MIN: f64 = 0.002;
 impl DatasetReport {
     /// All tables as Markdown.
     pub fn markdown(&self) -> String {
-        of_dataset(self)
+        let DatasetReport {
+            dataset, split, tuples, crop_side, crops_per_tuple, crop_inside, seed, rows, notes, ..
+        } = self;
+        let mut text = format!("{}, split {split}, {tuples} tuples\n\n", dataset.display());
+        if rows.iter().any(|row| row.crops.is_some()) {
+            let inside = 100.0 * crop_inside;
+            let _ = writeln!(
+                text,
+                "{crops_per_tuple} random crops of {crop_side} x {crop_side} a tuple (seed {seed}, at least {inside:.0} % \
+             inside the sector), cut from the generators' full fields of view:\n"
+            );
+            text += &table(rows, |row| row.crops.as_ref(), |distance| distance.crops);
+        }
+        text += "The full field of view:\n\n";
+        text += &table(rows, |row| Some(&row.full), |distance| distance.full);
+        text += &shadows(rows);
+        text += &tissues(rows);
+        for note in notes {
+            let _ = writeln!(text, "Note: {note}.\n");
+        }
+        text
     }
 
-    /// A line for each image and crop: tuple, row, part, place, PSNR, SSIM and pKL.
+    /// A line for each image and crop: tuple, row, part, corner, PSNR, SSIM and pKL.
     pub fn csv(&self) -> String {
-        csv(self)
+        let mut text = "tuple,row,part,left,top,psnr_db,ssim,pkl\n".to_owned();
+        for row in &self.rows {
+            let name = csv_field(&row.name);
+            let mut line = |index: usize, part: &str, [left, top]: [usize; 2], scores: &Scores| {
+                let _ = writeln!(text, "{index},{name},{part},{left},{top},{}", csv_scores(scores));
+            };
+            for image in &row.images {
+                line(image.index, "full", [0, 0], &image.full);
+                image.crops.iter().for_each(|(place, scores)| line(image.index, "crop", *place, scores));
+            }
+        }
+        text
     }
 }
 
 impl SteadinessReport {
     /// Table as Markdown.
     pub fn markdown(&self) -> String {
-        of_steadiness(self)
-    }
-}
-
-fn of_dataset(report: &DatasetReport) -> String {
-    let DatasetReport { dataset, split, tuples, crop_side, crops_per_tuple, crop_inside, seed, rows, notes, .. } =
-        report;
-    let mut text = format!("{}, split {split}, {tuples} tuples\n\n", dataset.display());
-    if rows.iter().any(|row| row.crops.is_some()) {
-        let inside = 100.0 * crop_inside;
-        let _ = writeln!(
-            text,
-            "{crops_per_tuple} random crops of {crop_side} x {crop_side} a tuple (seed {seed}, at least {inside:.0} % \
-             inside the sector), cut from the generators' full fields of view:\n"
+        let SteadinessReport { station, frames, step_pixels, step_mm, rows } = self;
+        let mut text = format!(
+            "Steadiness: {frames} frames of {} while the probe slides by {step_pixels} pixels ({step_mm:.3} mm) a frame in \
+         its image plane; mean magnitude of the difference of neighbouring frames after the exact shift, grey levels, pixel by \
+         pixel (speckle changes with the probe, and a smooth picture has less of it) and of the means of 32 x 32:\n\n",
+            station.display()
         );
-        text += &table(rows, |row| row.crops.as_ref(), |distance| distance.crops);
+        text += "| | pixels | over the target's | 32 x 32 | over the target's | pixels without the shift |\n";
+        text += "|---|---:|---:|---:|---:|---:|\n";
+        for row in rows {
+            let s = &row.steadiness;
+            let [pixels, levels] = [[s.difference, s.over_target], [s.level_difference, s.level_over_target]]
+                .map(|[own, ratio]| format!("{own:.2} | {ratio:.2}"));
+            let _ = writeln!(text, "| {} | {pixels} | {levels} | {:.2} |", row.name, s.unwarped_difference);
+        }
+        text + "\n"
     }
-    text += "The full field of view:\n\n";
-    text += &table(rows, |row| Some(&row.full), |distance| distance.full);
-    text += &shadows(rows);
-    text += &tissues(rows);
-    for note in notes {
-        let _ = writeln!(text, "Note: {note}.\n");
-    }
-    text
 }
 
 /// The paper's table.
@@ -129,40 +152,6 @@ fn tissues(rows: &[RowReport]) -> String {
         let _ = writeln!(text, "\n{left} tissues with less than {} % of the pixels are left out.", 100.0 * SHARE_MIN);
     }
     text + "\n"
-}
-
-fn of_steadiness(report: &SteadinessReport) -> String {
-    let SteadinessReport { station, frames, step_pixels, step_mm, rows } = report;
-    let mut text = format!(
-        "Steadiness: {frames} frames of {} while the probe slides by {step_pixels} pixels ({step_mm:.3} mm) a frame in \
-         its image plane; mean magnitude of the difference of neighbouring frames after the exact shift, grey levels, pixel by \
-         pixel (speckle changes with the probe, and a smooth picture has less of it) and of the means of 32 x 32:\n\n",
-        station.display()
-    );
-    text += "| | pixels | over the target's | 32 x 32 | over the target's | pixels without the shift |\n";
-    text += "|---|---:|---:|---:|---:|---:|\n";
-    for row in rows {
-        let s = &row.steadiness;
-        let [pixels, levels] = [[s.difference, s.over_target], [s.level_difference, s.level_over_target]]
-            .map(|[own, ratio]| format!("{own:.2} | {ratio:.2}"));
-        let _ = writeln!(text, "| {} | {pixels} | {levels} | {:.2} |", row.name, s.unwarped_difference);
-    }
-    text + "\n"
-}
-
-fn csv(report: &DatasetReport) -> String {
-    let mut text = "tuple,row,part,left,top,psnr_db,ssim,pkl\n".to_owned();
-    for row in &report.rows {
-        let name = csv_field(&row.name);
-        let mut line = |index: usize, part: &str, [left, top]: [usize; 2], scores: &Scores| {
-            let _ = writeln!(text, "{index},{name},{part},{left},{top},{}", csv_scores(scores));
-        };
-        for image in &row.images {
-            line(image.index, "full", [0, 0], &image.full);
-            image.crops.iter().for_each(|(place, scores)| line(image.index, "crop", *place, scores));
-        }
-    }
-    text
 }
 
 /// The columns psnr_db, ssim and pkl.
