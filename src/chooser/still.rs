@@ -3,11 +3,11 @@
 use std::fmt;
 
 use super::candidates::own_quality;
-use crate::measuring::{ErrorTable, MeasuringError};
+use crate::measuring::{ErrorTable, MeasuringError, timed};
 use crate::pose::{Pose, ProbeSpeed};
 use crate::render::{BackendError, Effect, Frame, FrameQuality, RenderError, Renderer};
 use crate::settings::RenderSettings;
-use crate::statistics::upper_median;
+use crate::statistics::{sorted, upper_median};
 use crate::transducer::Probe;
 
 /// Timed frames of a quality, after one that warms it up. Their median counts.
@@ -118,20 +118,16 @@ fn search<E>(
     let &(least, error) = points.first().unwrap_or(&(own, 0.0));
     let mut chosen = StillQuality { frame_budget_ms, quality: least, error, frame_ms: None, beyond: None };
     for &(quality, error) in points {
-        let mut times = [f64::NAN; FRAMES];
-        let mut known = 0;
-        for frame in 0..=FRAMES {
-            let Some(ms) = frame_ms(quality)? else {
+        // Without an error there was no room.
+        let frames = timed(1, FRAMES, || frame_ms(quality).map_err(Some)?.ok_or(None));
+        let ms = match frames {
+            Ok(ms) => upper_median(&sorted(ms.into_iter().filter(|ms| ms.is_finite()))),
+            Err(Some(error)) => return Err(error),
+            Err(None) => {
                 chosen.beyond = Some((quality, None));
                 return Ok(chosen);
-            };
-            if frame > 0 && ms.is_finite() {
-                times[known] = ms;
-                known += 1;
             }
-        }
-        times[..known].sort_by(f64::total_cmp);
-        let ms = upper_median(&times[..known]);
+        };
         let fits = ms.is_some_and(|ms| ms <= frame_budget_ms);
         if quality == least || (fits && error < chosen.error) {
             (chosen.quality, chosen.error, chosen.frame_ms) = (quality, error, ms);

@@ -142,16 +142,7 @@ mod tests {
         };
         // `fast_msa` has the highest PSNR of its own data set, and `beam_m_rolling` takes other frames.
         let points = vec![point("fast_msa", 20.0), point("fast_m", 12.0), point("beam_m_rolling", 5.0)];
-        let station = StationErrors {
-            name: "t.toml".into(),
-            scene: "obstetric".into(),
-            probe: "convex".into(),
-            frequency_mhz: 8.0,
-            reference: String::new(),
-            poses: 1,
-            frame_rate_hz: None,
-            points,
-        };
+        let station = StationErrors::fixture("obstetric", "convex", points);
         let table = ErrorTable { stations: vec![station], ..ErrorTable::new(String::new()) };
         let found = best(Path::new(SHIPPED), &table.expected("obstetric", &Probe::default())).unwrap();
         assert!(found.model.ends_with("fast_m/fast_m.onnx") && found.error == 12.0, "{found:?}");

@@ -9,7 +9,7 @@ use insonify::files::Outputs;
 use insonify::generator::{FeatureScale, generator_files};
 use insonify::measuring::MeasuringError;
 use insonify::measuring::evaluation::{
-    Again, DatasetReport, Evaluation, FeatureModel, ImagesReport, Models, Settings, Slide, SteadinessReport, compare,
+    DatasetReport, Evaluation, FeatureModel, ImagesReport, Models, Repeat, Settings, Slide, SteadinessReport, compare,
     steadiness,
 };
 use insonify::quality::{CROP_COUNT, CROP_SIDE};
@@ -174,7 +174,7 @@ fn of_dataset(args: &Args, directory: &Path) -> Result<DatasetReport, Failure> {
     };
     let evaluation = Evaluation::new(&dataset, &models(args), settings)?;
     let backend = args.again.map(|_| args.backend.open(BackendChoice::Auto)).transpose()?;
-    let again = backend.as_ref().zip(args.again).map(|(backend, renders)| Again { backend, renders });
+    let again = backend.as_ref().zip(args.again).map(|(backend, renders)| Repeat { backend, renders });
     let steps = Steps::new(Progress::new("evaluate", evaluation.tuples()));
     Ok(evaluation.run(again, &|step| steps.set(step))?)
 }

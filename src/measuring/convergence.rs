@@ -55,19 +55,10 @@ pub struct Check {
 
 impl fmt::Display for Check {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            rays,
-            layers,
-            angles,
-            layers_compared,
-            rays_change,
-            rays_bound,
-            layers_change,
-            layers_bound,
-            converged,
-        } = self;
+        let Self { rays, layers, angles, rays_change, rays_bound, layers_change, layers_bound, .. } = self;
+        let layers_compared = self.layers_compared;
         let quality = FrameQuality { angles: *angles, ..FrameQuality::new(*rays, *layers) };
-        let not = if *converged { "is" } else { "is not" };
+        let not = if self.converged { "is" } else { "is not" };
         write!(
             f,
             "The reference, {quality} with all effects, {not} converged: doubling the rays to {rays} changed a pixel by {rays_change:.2} grey levels in the mean (chosen bound: {rays_bound}), {layers_compared} layers instead of {layers} change the level of 32 x 32 pixels by {layers_change:.2} (chosen bound: {layers_bound})"
@@ -77,38 +68,25 @@ impl fmt::Display for Check {
 
 /// A step towards a converged reference.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Convergence {
-    /// The rays were doubled.
-    Rays {
-        /// Rays now.
-        rays: u32,
-        /// Layers.
-        layers: u32,
-        /// Mean magnitude of a pixel's change, grey levels.
-        change: f64,
-    },
-    /// More layers were rendered for comparison.
-    Layers {
-        /// Rays.
-        rays: u32,
-        /// Layers.
-        layers: u32,
-        /// Layers compared with.
-        compared: u32,
-        /// Mean magnitude of the change of the levels of 32 × 32 pixels, grey levels.
-        change: f64,
-    },
+pub struct Convergence {
+    /// Rays.
+    pub rays: u32,
+    /// Layers.
+    pub layers: u32,
+    /// Number of layers compared with; `None` if the rays were doubled.
+    pub compared: Option<u32>,
+    /// Mean magnitude of the change, grey levels: of a pixel, or of the levels of 32 × 32 pixels with other layers.
+    pub change: f64,
 }
 
 impl fmt::Display for Convergence {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Rays { rays, layers, change } => {
+        let Self { rays, layers, compared, change } = self;
+        match compared {
+            None => {
                 write!(f, "reference {rays}x{layers}: a pixel changes by {change:.2} grey levels from half the rays")
             }
-            Self::Layers { rays, layers, compared, change } => {
-                write!(f, "reference {rays}x{layers}: levels change by {change:.2} with {compared} layers")
-            }
+            Some(n) => write!(f, "reference {rays}x{layers}: levels change by {change:.2} with {n} layers"),
         }
     }
 }
@@ -171,7 +149,6 @@ impl References {
         let (rays_max, layers_max) = if quick { (64, LAYERS[0]) } else { (256, LAYERS[1]) };
         let mut rays = RAYS;
         let [mut layers, mut next] = [LAYERS[0], LAYERS[1]];
-        let angles = harness.reference_angles();
         let mut turn = 0;
         let mut render = |rays, layers| {
             turn += 1;
@@ -184,26 +161,24 @@ impl References {
                 rays *= 2;
                 let twice = render(rays, layers)?;
                 rays_change = mean_change(&pictures, &twice);
-                progress(Convergence::Rays { rays, layers, change: rays_change });
+                progress(Convergence { rays, layers, compared: None, change: rays_change });
                 pictures = twice;
             }
             let more = render(rays, next)?;
             let layers_change = level_change(&pictures, &more)?;
-            progress(Convergence::Layers { rays, layers, compared: next, change: layers_change });
+            progress(Convergence { rays, layers, compared: Some(next), change: layers_change });
             let enough = layers_change < LAYERS_BOUND;
             if enough || layers >= layers_max {
-                let converged = enough && rays_change < RAYS_BOUND;
-                let (rays_bound, layers_bound) = (RAYS_BOUND, LAYERS_BOUND);
                 let check = Check {
                     rays,
                     layers,
-                    angles,
+                    angles: harness.reference_angles(),
                     layers_compared: next,
                     rays_change,
-                    rays_bound,
+                    rays_bound: RAYS_BOUND,
                     layers_change,
-                    layers_bound,
-                    converged,
+                    layers_bound: LAYERS_BOUND,
+                    converged: enough && rays_change < RAYS_BOUND,
                 };
                 return Ok(Self { pictures, check });
             }

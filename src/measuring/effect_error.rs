@@ -116,7 +116,7 @@ pub(super) fn measure_effects(
     progress: &Progress<'_>,
 ) -> Result<Vec<EffectError>, MeasuringError> {
     let Some(pose) = at.pose else { return Ok(Vec::new()) };
-    kept(store, "effects", || measured(at, pose, progress))
+    stored_or_measured(store, "effects", || measured(at, pose, progress))
 }
 
 fn measured(at: &EffectScene<'_>, pose: &Pose, progress: &Progress<'_>) -> Result<Vec<EffectError>, MeasuringError> {
@@ -147,7 +147,7 @@ pub(super) fn measure_looks(
     progress: &Progress<'_>,
 ) -> Result<Vec<EffectError>, MeasuringError> {
     let Some(pose) = at.pose else { return Ok(Vec::new()) };
-    kept(store, "looks", || measured_looks(at, pose, progress))
+    stored_or_measured(store, "looks", || measured_looks(at, pose, progress))
 }
 
 fn measured_looks(
@@ -167,7 +167,7 @@ fn measured_looks(
 }
 
 /// Rows that the store holds under a name; else measures and stores them.
-fn kept(
+fn stored_or_measured(
     store: &Store,
     name: &str,
     measure: impl FnOnce() -> Result<Vec<EffectError>, MeasuringError>,

@@ -255,6 +255,23 @@ impl ExpectedErrors<'_> {
 }
 
 #[cfg(test)]
+impl StationErrors {
+    /// Errors of a station with a probe of 8 MHz.
+    pub(crate) fn fixture(scene: &str, probe: &str, points: Vec<PointError>) -> Self {
+        Self {
+            name: format!("{scene}.toml"),
+            scene: scene.into(),
+            probe: probe.into(),
+            frequency_mhz: 8.0,
+            reference: "128x3 of 9 angles".into(),
+            poses: 3,
+            frame_rate_hz: None,
+            points,
+        }
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
 
@@ -264,16 +281,7 @@ mod tests {
     }
 
     fn station(scene: &str, probe: &str, frequency_mhz: f64, points: Vec<PointError>) -> StationErrors {
-        StationErrors {
-            name: format!("{scene}.toml"),
-            scene: scene.into(),
-            probe: probe.into(),
-            frequency_mhz,
-            reference: "128x3 of 9 angles".into(),
-            poses: 3,
-            frame_rate_hz: None,
-            points,
-        }
+        StationErrors { frequency_mhz, ..StationErrors::fixture(scene, probe, points) }
     }
 
     fn table() -> ErrorTable {

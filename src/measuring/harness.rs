@@ -16,7 +16,7 @@ use crate::settings::ReceiverSettings;
 use crate::station::{Station, Track};
 use crate::transducer::Probe;
 
-/// Seeds, unlike those of the reference. The error's difference between them is its noise.
+/// Seeds of the frames, other than the reference's seeds. The error's difference between them is its noise.
 const SEEDS: [u32; 2] = [0, 1];
 const REPEATS: usize = 2;
 /// Fewest steering angles of the reference.

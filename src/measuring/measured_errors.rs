@@ -262,13 +262,8 @@ mod tests {
     fn other_stations_of_a_merged_table_stay() {
         let station = |name: &str, poses| StationErrors {
             name: name.into(),
-            scene: String::new(),
-            probe: "convex".into(),
-            frequency_mhz: 8.0,
-            reference: String::new(),
             poses,
-            frame_rate_hz: None,
-            points: Vec::new(),
+            ..StationErrors::fixture("", "convex", Vec::new())
         };
         let old = ErrorTable { stations: vec![station("a", 3), station("b", 3)], ..ErrorTable::new("old".into()) };
         let new = ErrorTable::merged("new".into(), vec![station("b", 12), station("c", 12)], Some(old));

@@ -107,12 +107,12 @@ pub struct ClassError {
 }
 
 /// Marks the Pareto-optimal points: no other is at least as fast and as accurate, and better in one of both.
-/// Accuracy is that of pixels: the compounded reference has little speckle, and what a picture has of it is its error.
+/// Accuracy is the error of pixels: the compounded reference has little speckle, so the speckle of a picture is its error.
 pub(crate) fn mark_front(points: &mut [Point]) {
-    let places: Vec<[f64; 2]> = points.iter().map(|p| [p.time.median_ms, p.error.rmse]).collect();
-    for (point, mine) in points.iter_mut().zip(&places) {
+    let all: Vec<[f64; 2]> = points.iter().map(|p| [p.time.median_ms, p.error.rmse]).collect();
+    for (point, mine) in points.iter_mut().zip(&all) {
         let beats = |other: &[f64; 2]| other[0] <= mine[0] && other[1] <= mine[1] && other != mine;
-        point.on_front = mine.iter().all(|v| v.is_finite()) && !places.iter().any(beats);
+        point.on_front = mine.iter().all(|v| v.is_finite()) && !all.iter().any(beats);
     }
 }
 
@@ -183,9 +183,9 @@ pub(super) mod tests {
 
     #[test]
     fn the_front_is_what_nothing_beats() {
-        let places =
+        let values =
             [(10.0, 30.0), (20.0, 20.0), (21.0, 20.0), (25.0, 25.0), (90.0, 5.0), (90.0, 5.0), (9.0, f64::NAN)];
-        let mut points: Vec<Point> = places.iter().map(|&(ms, level)| point("", ms, level, None)).collect();
+        let mut points: Vec<Point> = values.iter().map(|&(ms, level)| point("", ms, level, None)).collect();
         // Errors of levels are ignored.
         points[3].error.level_rmse = 0.0;
         mark_front(&mut points);

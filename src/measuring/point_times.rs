@@ -25,8 +25,8 @@ impl Times {
         };
         let rest = self.ms.iter().flat_map(less_median).collect::<Vec<_>>();
         let rest = |part| percentile(&rest, part).unwrap_or(f64::NAN);
-        let beside = |stage: &str| [OVERHEAD, WHOLE_FRAME].contains(&stage) || HOST_STAGES.contains(&stage);
-        let stages = self.table.stages().into_iter().filter(|s| !beside(s.stage));
+        let is_pass = |stage: &str| ![OVERHEAD, WHOLE_FRAME].contains(&stage) && !HOST_STAGES.contains(&stage);
+        let stages = self.table.stages().into_iter().filter(|s| is_pass(s.stage));
         let mut passes: Vec<PassMs> =
             stages.map(|s| PassMs { name: s.stage.to_owned(), median_ms: s.p50_ms }).collect();
         let generator = median(&self.generator_ms).filter(|ms| *ms > 0.0);

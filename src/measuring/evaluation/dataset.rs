@@ -5,11 +5,11 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use super::again::{AgainJob, Jobs, Lane, Rendered};
 use super::judge::{Judged, Row, RowReport, Vectors};
 use super::models::{Extractor, generate};
+use super::repeat::{Jobs, Lane, Rendered, RepeatJob};
 use super::scan::Scan;
-use super::{Again, Models, sheets, trained_for};
+use super::{Models, Repeat, sheets, trained_for};
 use crate::dataset::{Dataset, Progress, Row as TupleRow, Split, Step, Tuple};
 use crate::generator::Generator;
 use crate::lanes::in_order;
@@ -135,21 +135,21 @@ impl<'a> Evaluation<'a> {
         self.chosen.len()
     }
 
-    /// Judges the tuples; with `again`, the high quality itself as well.
+    /// Judges the tuples; with `repeat`, the high quality itself as well.
     ///
     /// # Errors
     /// A tuple that cannot be read or rendered, a model that cannot be run on it, or a picture that cannot be written.
-    pub fn run(mut self, again: Option<Again<'_>>, progress: &Progress<'_>) -> Result<DatasetReport, MeasuringError> {
+    pub fn run(mut self, repeat: Option<Repeat<'_>>, progress: &Progress<'_>) -> Result<DatasetReport, MeasuringError> {
         let geometry = Geometry { dataset: self.dataset, known: HashMap::new(), notes: Vec::new() };
         let target = vec![Vectors::default(); self.extractors.len()];
-        let rows = self.rows(again.as_ref());
+        let rows = self.rows(repeat.as_ref());
         let mut tally = Tally { rows, target, geometry, without_crops: 0, foreign: Vec::new() };
         let (chosen, total) = (self.chosen.clone(), self.chosen.len());
         progress(Step::Tuples { done: 0, total });
-        if let Some(again) = again {
+        if let Some(repeat) = repeat {
             let mut jobs = Jobs::new(self.dataset, progress);
-            let render = |lane: &mut Lane<'_>, job: AgainJob<'_>| Ok(lane.render(&job)?);
-            in_order(&mut again.lanes()?, chosen.iter().map(|row| Ok(jobs.of(row)?)), render, |done, rendered| {
+            let render = |lane: &mut Lane<'_>, job: RepeatJob<'_>| Ok(lane.render(&job)?);
+            in_order(&mut repeat.lanes()?, chosen.iter().map(|row| Ok(jobs.of(row)?)), render, |done, rendered| {
                 self.judge(chosen[done], Some(&rendered), &mut tally)?;
                 progress(Step::Tuples { done: done + 1, total });
                 Ok::<_, MeasuringError>(())
@@ -164,7 +164,12 @@ impl<'a> Evaluation<'a> {
     }
 
     /// Adds a tuple to the rows of the report.
-    fn judge(&mut self, row: &TupleRow, again: Option<&Rendered>, tally: &mut Tally<'_>) -> Result<(), MeasuringError> {
+    fn judge(
+        &mut self,
+        row: &TupleRow,
+        repeat: Option<&Rendered>,
+        tally: &mut Tally<'_>,
+    ) -> Result<(), MeasuringError> {
         let Tally { rows, target, geometry, without_crops, foreign } = tally;
         let tuple = self.dataset.tuple(row)?;
         let judged = judged(&self.settings, row, &tuple, geometry)?;
@@ -178,12 +183,12 @@ impl<'a> Evaluation<'a> {
             generate(generator, &tuple, &attenuation, scan, &mut image)?;
             row.add(&judged, &image, &mut self.extractors)?;
         }
-        let Some(again) = again else { return Ok(()) };
-        if !again.is_of_this_machine(row, &tuple.hq)? {
+        let Some(repeat) = repeat else { return Ok(()) };
+        if !repeat.is_of_this_machine(row, &tuple.hq)? {
             foreign.push(row.station.clone());
         }
         let of_table = &mut rows[1 + self.generators.len()..];
-        for (image, of_table) in again.images.iter().zip(of_table) {
+        for (image, of_table) in repeat.images.iter().zip(of_table) {
             of_table.add(&judged, image, &mut self.extractors)?;
         }
         Ok(())
@@ -213,14 +218,14 @@ impl<'a> Evaluation<'a> {
     }
 
     /// Rows of the report, still empty.
-    fn rows(&self, again: Option<&Again<'_>>) -> Vec<Row> {
+    fn rows(&self, repeat: Option<&Repeat<'_>>) -> Vec<Row> {
         let count = self.extractors.len();
         let mut rows = vec![Row::new("LQ".to_owned(), None, None, count)];
         for (name, generator) in &self.generators {
             let variant = generator.manifest().variant;
             rows.push(Row::new(name.clone(), Some(generator.path().to_owned()), Some(variant), count));
         }
-        if let Some(Again { renders, .. }) = again {
+        if let Some(Repeat { renders, .. }) = repeat {
             let names = ["HQ again".to_owned(), format!("mean of {renders} of HQ")];
             rows.extend(names.map(|name| Row::new(name, None, None, count)));
         }

@@ -20,20 +20,20 @@
 //! # }
 //! ```
 
-mod again;
 mod dataset;
 mod images;
 mod judge;
 mod models;
+mod repeat;
 mod scan;
 mod sheets;
 mod steadiness;
 mod tables;
 mod trained_for;
 
-pub use again::Again;
 pub use dataset::{DatasetReport, Evaluation, Settings};
 pub use images::{ImagesReport, NamedScores, compare};
 pub use judge::{Distance, ImageScores, RowReport, TissueRow};
 pub use models::{FeatureModel, Models};
+pub use repeat::Repeat;
 pub use steadiness::{Slide, SteadinessReport, SteadinessRow, steadiness};

@@ -17,10 +17,10 @@ pub(super) fn marker((x, y): (i32, i32)) -> Rect {
     [x - MARKER, y - MARKER, x + MARKER, y + MARKER]
 }
 
-/// Position of each label within `frame`: left end and vertical centre; `None` if there is no free place.
-/// `names` holds point and width of each, pixels, in order of priority. A label is placed beside its point, or farther
-/// off if that place is occupied by another label or by `taken`.
-pub(super) fn places(names: &[((i32, i32), i32)], mut taken: Vec<Rect>, frame: Rect) -> Vec<Option<(i32, i32)>> {
+/// Position of each label within `frame`: left end and vertical centre; `None` if no position is free.
+/// `names` holds point and width of each, pixels, in order of priority. A label lies at its point, or farther
+/// off if that position is occupied by another label or by `taken`.
+pub(super) fn positions(names: &[((i32, i32), i32)], mut taken: Vec<Rect>, frame: Rect) -> Vec<Option<(i32, i32)>> {
     names
         .iter()
         .map(|&((x, y), width)| {
@@ -52,17 +52,17 @@ mod tests {
 
     #[test]
     fn a_name_alone_is_at_the_upper_right_of_its_point() {
-        assert_eq!(places(&[((100, 300), 80)], vec![marker((100, 300))], FRAME), [Some((109, 289))]);
+        assert_eq!(positions(&[((100, 300), 80)], vec![marker((100, 300))], FRAME), [Some((109, 289))]);
         // At the figure's right edge the label is on the left.
-        assert_eq!(places(&[((990, 300), 80)], vec![marker((990, 300))], FRAME), [Some((901, 289))]);
+        assert_eq!(positions(&[((990, 300), 80)], vec![marker((990, 300))], FRAME), [Some((901, 289))]);
     }
 
     #[test]
     fn names_without_room_are_left_out() {
         let here = ((100, 300), 80);
-        let found = places(&[here; 60], vec![marker((100, 300))], FRAME);
+        let found = positions(&[here; 60], vec![marker((100, 300))], FRAME);
         assert_eq!(found.iter().flatten().count(), 28, "7 lines above and below, left and right");
-        assert_eq!(places(&[((5, 5), 2000)], vec![], FRAME), [None]);
+        assert_eq!(positions(&[((5, 5), 2000)], vec![], FRAME), [None]);
     }
 
     proptest! {
@@ -71,7 +71,7 @@ mod tests {
             points in proptest::collection::vec((20..980i32, 20..580i32), 1..20), width in 10..150i32,
         ) {
             let names: Vec<_> = points.iter().map(|&point| (point, width)).collect();
-            let found: Vec<Rect> = places(&names, points.iter().copied().map(marker).collect(), FRAME)
+            let found: Vec<Rect> = positions(&names, points.iter().copied().map(marker).collect(), FRAME)
                 .into_iter()
                 .flatten()
                 .map(|(x, y)| [x, y - HALF_HEIGHT, x + width, y + HALF_HEIGHT])

@@ -177,7 +177,7 @@ fn draw<B: DrawingBackend>(
     legend(area, &sweeps)
 }
 
-/// Draws names beside their markers, clear of the places `taken`, as far as there is room.
+/// Draws names at their markers, clear of the rectangles `taken`, as far as there is room.
 fn label<B: DrawingBackend>(
     area: &DrawingArea<B, Shift>,
     names: Vec<((i32, i32), String)>,
@@ -186,8 +186,8 @@ fn label<B: DrawingBackend>(
     let from_left = Pos::new(HPos::Left, VPos::Center);
     let sizes: Vec<_> = names.iter().map(|(marker, name)| (*marker, text_size(name).0 as i32)).collect();
     let frame = [75, 60, SIZE.0 as i32 - 40, SIZE.1 as i32 - 65];
-    for ((marker, name), place) in names.into_iter().zip(labels::places(&sizes, taken, frame)) {
-        let Some((x, y)) = place else { continue };
+    for ((marker, name), position) in names.into_iter().zip(labels::positions(&sizes, taken, frame)) {
+        let Some((x, y)) = position else { continue };
         if (y - marker.1).abs() > TEXT as i32 {
             // A distant label gets a line to its point.
             let end = if x > marker.0 { x } else { marker.0 - 9 };
@@ -305,10 +305,10 @@ impl DrawingBackend for &mut Raster {
             VPos::Bottom => y - height as i32,
         };
         let colour = style.color();
-        for (place, c) in text.chars().enumerate() {
+        for (column, c) in text.chars().enumerate() {
             let c = if (' '..='~').contains(&c) { c } else { '?' };
             let Some(glyph) = get_raster(c, FontWeight::Regular, RasterHeight::Size16) else { continue };
-            let left = left + (place * glyph.width()) as i32;
+            let left = left + (column * glyph.width()) as i32;
             for (row, coverages) in (top..).zip(glyph.rows()) {
                 for (column, &coverage) in (left..).zip(coverages.iter()) {
                     let alpha = colour.alpha * f64::from(coverage) / 255.0;

@@ -5,7 +5,7 @@ use plotters::drawing::DrawingAreaErrorKind;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use super::{TEXT, colour};
+use super::{colour, text};
 use crate::measuring::EffectError;
 
 /// Heights of the title, of a row and of the axis, pixels.
@@ -22,8 +22,8 @@ pub(super) fn height(effects: &[EffectError]) -> u32 {
     if effects.is_empty() { 0 } else { (TITLE + AXIS) as u32 + ROW as u32 * effects.len() as u32 }
 }
 
-/// Place of an error on the scale, pixels.
-fn place(part: f64) -> i32 {
+/// Position of an error on the scale, pixels.
+fn position(part: f64) -> i32 {
     let [from, to] = ENDS.map(f64::ln);
     let along = ((part.max(f64::MIN_POSITIVE).ln() - from) / (to - from)).clamp(0.0, 1.0);
     SCALE[0] + (along * f64::from(SCALE[1] - SCALE[0])).round() as i32
@@ -35,8 +35,7 @@ pub(super) fn draw<B: DrawingBackend>(
     effects: &[EffectError],
 ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
     area.fill(&WHITE)?;
-    let text =
-        |h_pos, colour: &RGBColor| ("sans-serif", TEXT).into_font().color(colour).pos(Pos::new(h_pos, VPos::Center));
+    let text = |h_pos, colour: &RGBColor| text(Pos::new(h_pos, VPos::Center), colour);
     let grey = RGBColor(130, 130, 130);
     area.draw(&Text::new(
         "Error against theory, effect by effect; below, steps of a look",
@@ -48,9 +47,9 @@ pub(super) fn draw<B: DrawingBackend>(
     let bottom = TITLE + ROW * effects.len() as i32;
     for part in [0.1, 1.0, 10.0] {
         let line = if part == 1.0 { BLACK } else { RGBColor(220, 220, 220) };
-        area.draw(&PathElement::new(vec![(place(part), TITLE), (place(part), bottom)], line))?;
+        area.draw(&PathElement::new(vec![(position(part), TITLE), (position(part), bottom)], line))?;
         let label = if part == 1.0 { "tolerance".to_owned() } else { format!("{part}") };
-        area.draw(&Text::new(label, (place(part), bottom + 14), text(HPos::Center, &BLACK)))?;
+        area.draw(&Text::new(label, (position(part), bottom + 14), text(HPos::Center, &BLACK)))?;
     }
     for (row, effect) in effects.iter().enumerate() {
         let error = &effect.error;
@@ -58,7 +57,7 @@ pub(super) fn draw<B: DrawingBackend>(
         area.draw(&Text::new(error.effect.clone(), (20, y), text(HPos::Left, &BLACK)))?;
         area.draw(&Text::new(effect.cost(), (270, y), text(HPos::Right, &BLACK)))?;
         area.draw(&Text::new(error.quantity.clone(), (290, y), text(HPos::Left, &grey)))?;
-        let [without, with] = [error.without, error.with].map(|rms| place(rms / error.tolerance));
+        let [without, with] = [error.without, error.with].map(|rms| position(rms / error.tolerance));
         let colour = colour(row);
         area.draw(&PathElement::new(vec![(without, y), (with, y)], colour))?;
         area.draw(&Circle::new((without, y), 6, WHITE.filled()))?;

@@ -9,14 +9,14 @@ use crate::render::twin::hash::pcg3d;
 
 /// Request to render the high quality again with other random choices.
 #[derive(Debug, Clone, Copy)]
-pub struct Again<'a> {
+pub struct Repeat<'a> {
     /// Renderer.
     pub backend: &'a Backend,
     /// Renders of each tuple, at least 1; their mean is judged, too.
     pub renders: u32,
 }
 
-impl<'a> Again<'a> {
+impl<'a> Repeat<'a> {
     /// A renderer for each lane.
     ///
     /// # Errors
@@ -32,7 +32,7 @@ impl<'a> Again<'a> {
 }
 
 /// A tuple whose high quality is to be rendered again.
-pub(super) struct AgainJob<'a> {
+pub(super) struct RepeatJob<'a> {
     row: &'a Row,
     scene: Arc<TupleScene>,
     /// Whether it is rendered with its own seed, too.
@@ -52,13 +52,13 @@ impl<'a> Jobs<'a> {
     }
 
     /// The job of a tuple.
-    pub(super) fn of(&mut self, row: &'a Row) -> Result<AgainJob<'a>, DatasetError> {
+    pub(super) fn of(&mut self, row: &'a Row) -> Result<RepeatJob<'a>, DatasetError> {
         let scene = self.scenes.of(&self.dataset.station(row)?)?;
         let check = !self.seen.contains(&row.station.as_str());
         if check {
             self.seen.push(&row.station);
         }
-        Ok(AgainJob { row, scene, check })
+        Ok(RepeatJob { row, scene, check })
     }
 }
 
@@ -98,8 +98,8 @@ pub(super) struct Lane<'a> {
 
 impl Lane<'_> {
     /// Renders a tuple as often as was requested.
-    pub(super) fn render(&mut self, job: &AgainJob<'_>) -> Result<Rendered, DatasetError> {
-        let &AgainJob { row, ref scene, check } = job;
+    pub(super) fn render(&mut self, job: &RepeatJob<'_>) -> Result<Rendered, DatasetError> {
+        let &RepeatJob { row, ref scene, check } = job;
         let own = check.then(|| Ok::<_, DatasetError>(self.renderer.high_quality(scene, row, row.seed)?.to_vec()));
         let own = own.transpose()?;
         let mut one = Vec::new();
