@@ -10,7 +10,7 @@ use crate::settings::RenderSettings;
 use crate::station::Station;
 use crate::transducer::Probe;
 
-/// Error of a generator that nobody has measured, over that of the frames below it.
+/// Assumed ratio of output error to input error, for a generator without a measured error.
 const UNMEASURED: f64 = 0.9;
 /// Target of generators whose own error ratio is comparable with the table of errors.
 const TARGET: FrameQuality = FrameQuality { angles: 9, ..FrameQuality::new(32, 3) };
@@ -22,7 +22,7 @@ pub(super) struct Model {
     /// Frames that it takes.
     pub(super) lq: Vec<FrameQuality>,
     pub(super) reads_maps: bool,
-    /// Error of its output over that of its input, by its manifest; none if the manifest lacks either, or its target
+    /// Ratio of output error to input error, by its manifest; none if the manifest lacks either, or its target
     /// isn't [`TARGET`].
     pub(super) error_ratio: Option<f64>,
 }
@@ -41,7 +41,7 @@ impl Model {
     }
 }
 
-/// Error of a model's output over that of its input, by its manifest.
+/// Ratio of output error to input error, by a manifest.
 fn error_ratio(quality: &Quality) -> Option<f64> {
     let ratio = 10f64.powf((quality.lq_psnr_db? - quality.psnr_db) / 20.0);
     (ratio.is_finite() && ratio > 0.0).then_some(ratio)
@@ -69,7 +69,7 @@ impl Open {
         let own = own_quality(&station.settings, &station.probe);
         let steers = station.probe.kind.steers();
         let aperture = station.settings.effects.of(Effect::Aperture) != Choice::On;
-        // A hint for a fixed quality leaves open what a budget would.
+        // For a fixed quality the hint compares the same points as with a budget.
         let angles = station.angles_open || (station.frame_budget_ms.is_none() && own.angles == 1);
         Self { own, angles: angles && steers, aperture }
     }
@@ -87,7 +87,7 @@ impl Open {
         angles.then_some(FrameQuality { aperture: quality.aperture && self.own.aperture, ..quality })
     }
 
-    /// Qualities to measure, by rising paths: the table's that are open, those below generators, and the station's own.
+    /// Qualities to measure, by rising paths: open ones of the table, inputs of generators, and the station's own.
     pub(super) fn qualities(&self, expected: &ExpectedErrors<'_>, models: &[Model]) -> Vec<FrameQuality> {
         let angles = |quality: FrameQuality| if self.angles { quality.angles } else { self.own.angles };
         let of_table =
@@ -133,7 +133,7 @@ impl Open {
     /// Points of the station's own quality: generators in their order, then the raw frame. Errors are ranks.
     pub(super) fn fixed(&self, models: &[Model], times: &Times) -> Vec<Candidate> {
         let quality = self.own;
-        // Without a time, frames say nothing about the load.
+        // Without a measured time, frames do not show the load.
         let render_ms = times.render(quality, true).unwrap_or(0.0);
         let of = |(rank, model): (usize, &Model)| {
             let (error, run_ms) = (BySpeed::all(1.0 + rank as f64), times.run(&model.key)?);

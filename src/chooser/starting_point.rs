@@ -19,7 +19,7 @@ const HINT: f64 = 0.9;
 pub struct StartingPoint {
     /// `None` if there is nothing to choose: a fixed quality without generators.
     pub controller: Option<PointController>,
-    /// Sentences about the choice: the point, its error and time, and what would fit better than a fixed quality.
+    /// Sentences about the choice: the point, its error and time, and the point that would fit better than a fixed quality.
     pub messages: Vec<String>,
 }
 

@@ -18,9 +18,9 @@ const FRAMES: usize = 3;
 pub struct StillQuality {
     /// Time that a frame may take, ms.
     pub frame_budget_ms: f64,
-    /// The quality of least error within the budget; that of the fewest paths if none keeps it.
+    /// The quality of least error within the budget; the quality of fewest paths if none keeps it.
     pub quality: FrameQuality,
-    /// Expected error, grey levels. For stills without the effect `aperture`, that of the same quality with it.
+    /// Expected error, grey levels. For stills without the effect `aperture`, the error with it.
     pub error: f64,
     /// Median time of its frames, ms; `None` if no frame had a time.
     pub frame_ms: Option<f64>,

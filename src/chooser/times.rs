@@ -30,8 +30,8 @@ const LEAST_OF_KEPT: f64 = 0.9;
 /// Median times, ms, and their spread.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Times {
-    /// Frames of one angle by rays and layers, without maps; none for those that the device has no room for. Estimated from
-    /// the paths for those far beyond the budget.
+    /// Frame times of one angle without maps, by rays and layers. `None` if the device has no room; estimated from the number of
+    /// paths far beyond the budget.
     render_ms: Vec<([u32; 2], Option<f64>)>,
     /// Additional time of maps, and of rolling compounding.
     maps_ms: Option<f64>,
@@ -69,7 +69,7 @@ impl Times {
         self.run_ms.get(&generator.sha256).copied()
     }
 
-    /// Times of `qualities` and of the generators: those of the cache, and the others measured. Returns the times, and
+    /// Times of `qualities` and of the generators, from the cache or else measured. Returns the times, and
     /// whether anything was measured. No measurement begins after 2.5 s; the station's `own` quality is always measured.
     pub(super) fn known_or_measured(
         timed: &mut TimedStation<'_>,
@@ -127,7 +127,7 @@ impl Times {
         let mut spreads = Vec::new();
         for generator in timed.generators.iter_mut() {
             let key = GeneratorKey::of(generator);
-            // What is left out now is measured at the next start.
+            // Generators left out are measured at the next start.
             if self.run(&key).is_some() || late() {
                 continue;
             }

@@ -92,8 +92,8 @@ fn folder() -> Option<PathBuf> {
     above.map(|folder| folder.join(FOLDER)).find(|folder| folder.is_dir())
 }
 
-/// Of the trained models in `folder` that take LQ frames, the one with the least error in the table. Their own PSNR would
-/// not do: it is that of their data sets, which differ.
+/// The trained model of LQ frames in `folder` with the least error in the table. The PSNRs of manifests are not comparable, because
+/// their data sets differ.
 fn best(folder: &Path, expected: &ExpectedErrors<'_>) -> Result<Best, String> {
     let entries = std::fs::read_dir(folder).map_err(|error| format!("cannot read {}: {error}", folder.display()))?;
     let measured = entries.flatten().filter_map(|entry| {

@@ -246,7 +246,7 @@ fn of_images(args: &Args, images: &Path, references: &Path) -> Result<(), Failur
     let progress = Progress::new("evaluate", 0);
     let show = |done, total| progress.set(done, total);
     let report = match compare(images, references, args.mask.as_deref(), features(args).as_ref(), &show) {
-        Err(MeasuringError::MaskFolder { .. }) => {
+        Err(MeasuringError::MaskFolder(_)) => {
             return Err(Failure::Input(anyhow!("--mask is a folder; two images have one mask")));
         }
         compared => compared?,

@@ -20,11 +20,11 @@ use crate::statistics::mean;
 const RAYS_BOUND: f64 = 2.0;
 /// Convergence limit: mean change of patch levels from the next number of layers, grey levels. Also chosen.
 const LAYERS_BOUND: f64 = 2.0;
-/// Base of the seeds. They differ from those of points, so that no point shares paths with its reference.
+/// Base of the seeds. They differ from the seeds of points, so that no point shares paths with its reference.
 const SEED: u32 = 0x5eed_0000;
 /// Initial rays of the reference.
 const RAYS: u32 = 32;
-/// Layers of the reference, in order of trial; the first are those of HQ.
+/// Layers of the reference, in order of trial; HQ has the first number.
 const LAYERS: [u32; 3] = [3, 5, 9];
 
 /// Rays and layers that are usually rendered, for estimates.

@@ -109,7 +109,7 @@ impl EffectScene<'_> {
     }
 }
 
-/// Errors and costs at one ray and one layer. What the store holds is not measured again.
+/// Errors and costs at one ray and one layer, from the store if it holds them.
 pub(super) fn measure_effects(
     at: &EffectScene<'_>,
     store: &Store,

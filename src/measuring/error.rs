@@ -70,23 +70,14 @@ pub enum MeasuringError {
         source: std::io::Error,
     },
     /// A folder of masks for two images.
-    #[error("the mask {path} is a folder; two images have one mask")]
-    MaskFolder {
-        /// Folder.
-        path: PathBuf,
-    },
+    #[error("the mask {0} is a folder; two images have one mask")]
+    MaskFolder(PathBuf),
     /// An image and a folder.
-    #[error("{path} is no folder; give two images or two folders")]
-    NoFolder {
-        /// The image.
-        path: PathBuf,
-    },
+    #[error("{0} is no folder; give two images or two folders")]
+    NoFolder(PathBuf),
     /// A folder without images.
-    #[error("{folder} holds no .png")]
-    NoImages {
-        /// Folder.
-        folder: PathBuf,
-    },
+    #[error("{0} holds no .png")]
+    NoImages(PathBuf),
     /// Images without a partner of the same name.
     #[error("images go by their names, and some have no partner: {}", unpaired.join(", "))]
     Unpaired {
@@ -106,11 +97,8 @@ pub enum MeasuringError {
         expected: [u32; 2],
     },
     /// A data set whose numbers have no meaning.
-    #[error("the first class of {directory} is not `outside`")]
-    Classes {
-        /// Directory.
-        directory: PathBuf,
-    },
+    #[error("the first class of {0} is not `outside`")]
+    Classes(PathBuf),
     /// A split without tuples.
     #[error("{directory} has no tuple of the split {split} yet: {train} for training, {test} for the test")]
     NoTuple {
@@ -136,11 +124,8 @@ pub enum MeasuringError {
         found: usize,
     },
     /// Too few renders.
-    #[error("the high quality is to be rendered again {renders} times; it must be once at least")]
-    Renders {
-        /// Requested number.
-        renders: u32,
-    },
+    #[error("the high quality is to be rendered again {0} times; it must be once at least")]
+    Renders(u32),
     /// Nothing to summarise.
     #[error("there is no {0}")]
     Nothing(&'static str),

@@ -81,7 +81,7 @@ impl StationErrors {
         exact.or_else(|| self.nearest_angles(quality).filter(|_| generator.is_none())).map(|point| point.at(speed))
     }
 
-    /// The rendered point that differs least in its number of angles, by their ratio, and in nothing else.
+    /// The rendered point with the same quality except the nearest number of angles, by ratio.
     fn nearest_angles(&self, quality: FrameQuality) -> Option<&PointError> {
         let alike =
             |p: &&PointError| p.generator.is_none() && FrameQuality { angles: quality.angles, ..p.quality } == quality;
@@ -172,8 +172,8 @@ impl ErrorTable {
         Self { format: FORMAT, insonify: env!("CARGO_PKG_VERSION").to_owned(), command, stations: Vec::new() }
     }
 
-    /// Errors to be expected of a station: those of the same scene and the nearest probe, else the mean over all scenes
-    /// with that kind of probe, else over all.
+    /// Errors to be expected of a station: of the same scene with the nearest probe; else the mean over all scenes with that kind
+    /// of probe; else over all.
     pub fn expected(&self, scene: &str, probe: &Probe) -> ExpectedErrors<'_> {
         let kind = kind_name(&probe.kind);
         let of_kind = |station: &&StationErrors| station.probe == kind;
@@ -234,9 +234,9 @@ impl ExpectedErrors<'_> {
         BySpeed::from_classes(|speed| self.of(quality, generator, speed))
     }
 
-    /// Error of a point at a speed, grey levels: the mean over the stations; `None` if one of them lacks it. A frame of other
-    /// angles than the table's has the error of the nearest ones. A generator on other scenes than those it was measured
-    /// on has the frame's own error, times the ratio of both there; `None` if the table doesn't know it.
+    /// Error of a point at a speed, grey levels: the mean over the stations; `None` if one of them lacks it. A number of
+    /// angles that the table lacks has the error of the nearest one. A generator on a scene on which it was not measured has the
+    /// frame's error, times the ratio of output to input error on its own scenes; `None` if the table doesn't know it.
     pub fn of(&self, quality: FrameQuality, generator: Option<&GeneratorKey>, speed: ProbeSpeed) -> Option<f64> {
         let mean_of = |generator: Option<&GeneratorKey>| {
             let errors: Option<Vec<f64>> = self.stations.iter().map(|s| s.error(quality, generator, speed)).collect();

@@ -282,7 +282,7 @@ impl Harness {
         Ok([self.frame.times.total_ms, 1e3 * started.elapsed().as_secs_f64()])
     }
 
-    /// The frame of a live session that came this way.
+    /// The frame of a live session whose probe moved along the track.
     fn roll(&mut self, track: &Track) -> Result<(), MeasuringError> {
         let angles = self.renderer.settings().look.odd_angles() as usize;
         let skipped = track.before.len().saturating_sub(angles - 1);

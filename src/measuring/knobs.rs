@@ -30,7 +30,7 @@ pub struct Knobs {
     pub rolling: bool,
     /// True if every effect is simulated; else the station's effects that its scene needs.
     pub all_effects: bool,
-    /// False if shadows are those of each path by itself, whatever the station says.
+    /// Whether the effect `aperture` may be simulated; if not, each path has its own shadow.
     pub aperture: bool,
 }
 

@@ -22,7 +22,7 @@ pub const RAYS_LAYERS: [(u32, u32); 7] = [(1, 1), (1, 3), (2, 3), (4, 3), (8, 3)
 pub const ANGLES: [u32; 3] = [1, 3, 9];
 /// Most paths of points without the aperture.
 const PATHS_WITHOUT_APERTURE: u32 = 3;
-/// Frames before each measured one: those of the most angles.
+/// Frames before each measured one: all angles but the last, at the largest number of angles.
 const FRAMES_BEFORE: u32 = 8;
 /// Poses at which the reference's convergence is checked, one at each speed; it has as many paths at the others.
 const CHECKED: usize = ProbeSpeed::ALL.len();
@@ -62,7 +62,7 @@ impl ErrorSettings {
 }
 
 impl ErrorTable {
-    /// The table of what `command` measured, and of the other stations of `others`, in their order.
+    /// The table of stations `measured` by `command`, and the other stations of `others`, in their order.
     pub fn merged(command: String, measured: Vec<StationErrors>, others: Option<Self>) -> Self {
         let mut table = Self::new(command);
         if let Some(others) = others {

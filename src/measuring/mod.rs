@@ -50,7 +50,7 @@ pub use plan_costs::{PlanCosts, PlanTable};
 pub use planned::{Planned, planned_points};
 pub use point::{ClassError, Errors, PassMs, Point, Time};
 pub use step::{Progress, Step};
-pub use sweep::{Sweep, SweepReport, SweepSettings};
+pub use sweep::{Machine, Sweep, SweepReport, SweepSettings};
 #[cfg(feature = "plots")]
 pub use sweep_files::SWEEP_FILES;
 pub use table::{csv, markdown};

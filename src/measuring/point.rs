@@ -1,4 +1,4 @@
-//! Measured points, their Pareto front of time and error, and what of them is noise.
+//! Measured points, their Pareto front of time and error, and differences that are noise.
 
 use serde::{Deserialize, Serialize};
 
@@ -43,7 +43,7 @@ pub struct Time {
     pub median_ms: f64,
     /// 95th percentile.
     pub p95_ms: f64,
-    /// Interquartile range of the times minus the median of their pose: the spread of repeats, without that of poses.
+    /// Interquartile range of the times minus the median of their pose: the spread of repeats, not of poses.
     pub spread_ms: f64,
     /// Median of each pass on the device, in order; empty without timestamps.
     pub passes: Vec<PassMs>,
@@ -61,13 +61,12 @@ pub struct PassMs {
 /// Errors relative to the reference, within the sector, averaged over poses.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Errors {
-    /// RMS difference of mean levels over patches of 32 × 32, grey levels: speckle is averaged out. Points are ranked
-    /// by it.
+    /// RMS difference of mean levels over patches of 32 × 32, grey levels: speckle is averaged out.
     pub level_rmse: f64,
     /// Difference of that value between two seeds, grey levels.
     pub level_rmse_spread: f64,
     /// RMS difference of pixels, grey levels. Other samples, scanlines and kernels change the speckle: valid only for
-    /// points that share those of the reference.
+    /// points with the same ones as the reference. The front goes by it.
     pub rmse: f64,
     /// Difference of that value between two seeds, grey levels.
     pub rmse_spread: f64,
@@ -81,7 +80,7 @@ pub struct Errors {
     pub ssim: f64,
     /// pKL, nats.
     pub pkl: Option<f64>,
-    /// Envelope SNR minus that of the reference, mean over tissues with one.
+    /// Envelope SNR minus the reference's, mean over tissues with one.
     pub snr_difference: Option<f64>,
     /// Mean magnitude of a tissue's difference of mean grey levels, weighted by its pixels.
     pub grey_difference: f64,

@@ -52,11 +52,15 @@ pub struct Sweep<'a> {
     machine: Machine,
 }
 
-#[derive(Debug)]
-struct Machine {
-    device: String,
-    processor: String,
-    threads: usize,
+/// The machine of a sweep.
+#[derive(Debug, Clone, Serialize)]
+pub struct Machine {
+    /// Rendering device.
+    pub device: String,
+    /// Processor.
+    pub processor: String,
+    /// Threads of the processor.
+    pub threads: usize,
 }
 
 /// Result of a sweep.
@@ -66,17 +70,14 @@ pub struct SweepReport {
     pub version: &'static str,
     /// Station file.
     pub station: PathBuf,
-    /// Rendering device.
-    pub device: String,
-    /// Processor.
-    pub processor: String,
-    /// Threads of the processor.
-    pub threads: usize,
+    /// Machine.
+    #[serde(flatten)]
+    pub machine: Machine,
     /// Number of poses.
     pub poses: usize,
     /// Convergence of the reference.
     pub reference: Check,
-    /// Points, with the front and what is noise.
+    /// Points, with marks of the front and of noise.
     pub points: Vec<Point>,
     /// Effects against wave theory.
     pub effects: Vec<EffectError>,
@@ -177,13 +178,10 @@ impl<'a> Sweep<'a> {
         let at = EffectScene { backend, station, scene, pose: poses.first() };
         let effects = measure_effects(&at, store, progress)?;
         let looks = measure_looks(&at, store, progress)?;
-        let Machine { device, processor, threads } = self.machine;
         Ok(SweepReport {
             version: env!("CARGO_PKG_VERSION"),
             station: station.path.clone(),
-            device,
-            processor,
-            threads,
+            machine: self.machine,
             poses: poses.len(),
             reference: references.check,
             points,

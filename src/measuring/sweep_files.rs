@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::figure::{self, Figure};
+use super::sweep::Machine;
 use super::{MeasuringError, SweepReport, csv, effects_csv, effects_markdown, markdown};
 use crate::names::counted;
 use crate::sink::{png, write_json, write_text};
@@ -31,7 +32,8 @@ impl SweepReport {
     /// # Errors
     /// A file that can't be written, or a figure that can't be drawn.
     pub fn write(&self, out: &Path) -> Result<Vec<PathBuf>, MeasuringError> {
-        let Self { station, device, processor, threads, poses, points, effects, looks, reference, .. } = self;
+        let Self { station, machine, poses, points, effects, looks, reference, .. } = self;
+        let Machine { device, processor, threads } = machine;
         let converged = reference.converged;
         let not = if converged { "" } else { " (reference not converged)" };
         let title = format!("{}{not}, {}, on {device}, {threads} threads", station.display(), counted(*poses, "pose"));

@@ -1,11 +1,11 @@
 //! Operating points of a live session, and the controller that chooses among them.
 //!
 //! A point is a frame's quality and a generator on top of it. Its error is known from a table, its time is measured at the
-//! start. While the session runs, the controller follows how many times as long frames and runs take as they did then, and
-//! predicts from it the time of every other point.
+//! start. During the session the controller follows the ratios of present times to these, for frames and for runs, and predicts
+//! the time of every other point from them.
 
 mod change;
-mod hand;
+mod manual;
 mod overrun;
 mod predict;
 mod reason;
@@ -67,7 +67,7 @@ pub struct FrameBudget {
     pub spread: f64,
 }
 
-/// Loads: times over those measured at the start.
+/// Loads: ratios of present times to the times measured at the start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Load {
     render: f64,
@@ -112,14 +112,14 @@ pub struct PointController {
     asked: bool,
     /// Whether a watcher set the quality.
     by_hand: bool,
-    /// Times of frames at this point, over the budget's kind: with their run, if they have one.
+    /// Times of frames at this point, ms, with their runs; of runs alone if only those are limited.
     busy: Recent,
     /// Loads of the frames and runs at this point.
     renders: Recent,
     runs: Recent,
-    /// Load of runs over that of frames, as last seen, and when, s.
+    /// Last known quotient of run load and frame load, and its time, s.
     run_over_render: (f64, f64),
-    /// Time of the last frame, which its run will be added to, ms.
+    /// Rendering time of the last frame, ms; the time of its run is added to it.
     rendered_ms: f64,
     frames_without_run: u32,
     /// Time from which on a better point would fit, s.

@@ -78,7 +78,7 @@ impl PointController {
         self.busy_ms(&self.point(), load) / self.expected_ms(&self.point()).max(1e-3)
     }
 
-    /// 95th percentile of the latest frames over their median, at least that of the start.
+    /// 95th percentile of the latest frames over their median, at least the spread at the start.
     pub(super) fn spread(&self, (count, least): (usize, usize)) -> f64 {
         let of = |part| self.busy.percentile(part, count, least);
         let found = of(0.95).zip(of(0.5)).map_or(1.0, |(p95, p50)| p95 / p50.max(1e-3));

@@ -45,7 +45,7 @@ impl SpeedWatch {
 }
 
 impl PointController {
-    /// Records the speed of the probe at `now_s`: errors of points are those at that speed.
+    /// Records the speed of the probe at `now_s`, for which points are chosen.
     pub fn moves(&mut self, now_s: f64, speed: Speed) {
         if self.watch.push(now_s, speed) {
             self.moved_s = now_s;

@@ -1,4 +1,4 @@
-//! What a controller did in a session.
+//! Summary of the changes that a controller made in a session.
 
 use serde::Serialize;
 

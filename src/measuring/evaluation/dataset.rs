@@ -301,7 +301,7 @@ fn split_name(split: Option<Split>) -> &'static str {
 fn chosen<'a>(dataset: &'a Dataset, settings: &Settings) -> Result<Vec<&'a TupleRow>, MeasuringError> {
     let directory = &dataset.directory;
     if dataset.header.classes.first().is_none_or(|name| name != "outside") {
-        return Err(MeasuringError::Classes { directory: directory.clone() });
+        return Err(MeasuringError::Classes(directory.clone()));
     }
     let all: Vec<&TupleRow> = dataset.rows.iter().filter(|row| settings.split.is_none_or(|s| row.split == s)).collect();
     if all.is_empty() || settings.limit == Some(0) {

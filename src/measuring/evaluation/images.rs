@@ -160,14 +160,14 @@ impl fmt::Display for ImagesReport {
 fn paired(images: &Path, references: &Path, mask: Option<&Path>) -> Result<(Vec<Files>, Vec<String>), MeasuringError> {
     if !images.is_dir() && !references.is_dir() {
         if let Some(path) = mask.filter(|mask| mask.is_dir()) {
-            return Err(MeasuringError::MaskFolder { path: path.to_owned() });
+            return Err(MeasuringError::MaskFolder(path.to_owned()));
         }
         let name = images.file_name().map_or_else(|| images.as_os_str().to_owned(), Into::into);
         let [image, reference] = [images, references].map(Path::to_owned);
         return Ok((vec![Files { name, image, reference, mask: mask.map(Path::to_owned) }], Vec::new()));
     }
     if let Some(path) = [images, references].into_iter().find(|path| !path.is_dir()) {
-        return Err(MeasuringError::NoFolder { path: path.to_owned() });
+        return Err(MeasuringError::NoFolder(path.to_owned()));
     }
     let (mut names, mut others) = (names(images)?, names(references)?);
     let of_frame = [images, references].iter().any(|folder| folder.join(RECORD).is_file());
@@ -177,7 +177,7 @@ fn paired(images: &Path, references: &Path, mask: Option<&Path>) -> Result<(Vec<
         .map(str::to_owned)
         .collect();
     if names.is_empty() {
-        return Err(MeasuringError::NoImages { folder: images.to_owned() });
+        return Err(MeasuringError::NoImages(images.to_owned()));
     }
     let mut unpaired = only_in(images, &names, &others);
     unpaired.extend(only_in(references, &others, &names));

@@ -108,7 +108,7 @@ pub struct TissueRow {
 }
 
 impl Judged<'_> {
-    /// Adds the features of `image` on crops and on the full field of view to those of each extractor.
+    /// Adds the features of `image`, on crops and on the full field of view, to the vectors of each extractor.
     pub(super) fn features(
         &self,
         image: &[u8],

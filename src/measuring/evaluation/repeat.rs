@@ -24,7 +24,7 @@ impl<'a> Repeat<'a> {
     pub(super) fn lanes(&self) -> Result<Vec<Lane<'a>>, MeasuringError> {
         let Self { backend, renders } = *self;
         if renders == 0 {
-            return Err(MeasuringError::Renders { renders });
+            return Err(MeasuringError::Renders(renders));
         }
         let lane = |renderer| Lane { renderer, renders, sums: Vec::new() };
         Ok(TupleRenderer::lanes(backend).into_iter().map(lane).collect())

@@ -57,7 +57,7 @@ pub struct SteadinessRow {
 }
 
 /// Renders the slide in high quality, and in each low quality as a live session does; runs the generators on the frames
-/// that they were trained for. The high quality is that of the first model's training.
+/// that they were trained for. The high quality is the training target of the first model.
 ///
 /// The probe slides laterally by whole pixels, so that the warp between frames is exact. The scene is static, and all
 /// frames have the station's seed, as in a live session.

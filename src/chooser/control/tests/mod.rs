@@ -1,8 +1,8 @@
 //! The controller on simulated machines.
 
 mod generators;
-mod hand;
 mod machine;
+mod manual;
 mod reason;
 mod speed;
 

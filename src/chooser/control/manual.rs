@@ -1,4 +1,4 @@
-//! What watchers set by hand: generated pictures on and off, and a quality of their own.
+//! Manual settings of watchers: generated pictures on and off, and a fixed quality.
 
 use super::{Candidate, Load, PointChange, PointController, RETRY_S, ROOM, SUDDEN};
 use crate::pose::BySpeed;
