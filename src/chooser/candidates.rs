@@ -169,6 +169,13 @@ mod tests {
         times
     }
 
+    /// Candidates of a station on a machine with [`times`], and the qualities measured there.
+    fn found(open: &Open, expected: &ExpectedErrors<'_>, models: &[Model]) -> (Vec<FrameQuality>, Vec<Candidate>) {
+        let qualities = open.qualities(expected, models);
+        let found = open.candidates(expected, &qualities, models, &times(&qualities, models));
+        (qualities, found)
+    }
+
     fn open(angles: u32, angles_open: bool) -> Open {
         Open { own: FrameQuality { angles, ..FrameQuality::LQ }, angles: angles_open, aperture: true }
     }
@@ -178,9 +185,8 @@ mod tests {
         let expected = ErrorTable::shipped().unwrap().expected("obstetric", &Probe::default());
         for (angles, like) in [(7, 9), (5, 3), (15, 9), (1, 1)] {
             let open = open(angles, false);
-            let qualities = open.qualities(&expected, &[]);
+            let (qualities, found) = found(&open, &expected, &[]);
             assert!(qualities.len() > 5 && qualities.iter().all(|quality| quality.angles == angles), "{qualities:?}");
-            let found = open.candidates(&expected, &qualities, &[], &times(&qualities, &[]));
             assert_eq!(found.len(), qualities.len());
             let known = expected.by_speed(FrameQuality { angles: like, ..FrameQuality::LQ }, None);
             let lq = found.iter().find(|c| c.quality == open.own).unwrap();
@@ -192,19 +198,14 @@ mod tests {
     fn probes_that_do_not_steer_have_points_of_one_angle() {
         let phased = Probe { kind: ProbeKind::Phased { fov_deg: 90.0 }, ..Probe::default() };
         let expected = ErrorTable::shipped().unwrap().expected("lung", &phased);
-        let open = open(1, false);
-        let qualities = open.qualities(&expected, &[]);
-        assert!(!open.candidates(&expected, &qualities, &[], &times(&qualities, &[])).is_empty());
+        assert!(!found(&open(1, false), &expected, &[]).1.is_empty());
     }
 
     #[test]
     fn fixed_angles_and_effects_hold_for_generators_and_frames() {
         let expected = ErrorTable::shipped().unwrap().expected("obstetric", &Probe::default());
         let rolling = [model("rolling", "ab", ROLLING, None)];
-        let of = |open: Open| {
-            let qualities = open.qualities(&expected, &rolling);
-            open.candidates(&expected, &qualities, &rolling, &times(&qualities, &rolling))
-        };
+        let of = |open: Open| found(&open, &expected, &rolling).1;
         assert!(of(open(1, false)).iter().all(|c| c.quality.angles == 1 && c.generator.is_none()));
         assert!(of(open(9, false)).iter().any(|c| c.quality == ROLLING && c.generator == Some(0)));
         assert!(of(open(1, true)).iter().any(|c| c.generator == Some(0)));
@@ -220,8 +221,7 @@ mod tests {
         let expected = ErrorTable::shipped().unwrap().expected("obstetric", &Probe::default());
         let open = open(1, true);
         let models = [model("own", "ab", ROLLING, None), model("compounded", "cd", ROLLING, Some(0.8))];
-        let qualities = open.qualities(&expected, &models);
-        let found = open.candidates(&expected, &qualities, &models, &times(&qualities, &models));
+        let (qualities, found) = found(&open, &expected, &models);
         let error = |generator| found.iter().find(|c| c.quality == ROLLING && c.generator == generator).unwrap().error;
         assert_eq!([error(Some(0)), error(Some(1))], [error(None).times(UNMEASURED), error(None).times(0.8)]);
         // Without a time it is no candidate.

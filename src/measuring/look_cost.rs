@@ -42,15 +42,15 @@ impl fmt::Display for LookCost {
 }
 
 /// A setting of the look.
-struct Step {
+struct LookStep {
     setting: &'static str,
     value: fn(&Variant) -> String,
     /// Copies the setting from another variant.
     take: fn(&mut Variant, &Variant),
 }
 
-const STEPS: [Step; 6] = [
-    Step {
+const STEPS: [LookStep; 6] = [
+    LookStep {
         setting: "angles",
         value: |(look, _)| match look.odd_angles() {
             1 => "1".to_owned(),
@@ -58,27 +58,27 @@ const STEPS: [Step; 6] = [
         },
         take: |(look, _), (from, _)| (look.angles, look.span_deg) = (from.angles, from.span_deg),
     },
-    Step {
+    LookStep {
         setting: "speckle_reduction",
         value: |(look, _)| look.speckle_reduction.to_string(),
         take: |(look, _), (from, _)| look.speckle_reduction = from.speckle_reduction,
     },
-    Step {
+    LookStep {
         setting: "edge_enhancement",
         value: |(look, _)| look.edge_enhancement.to_string(),
         take: |(look, _), (from, _)| look.edge_enhancement = from.edge_enhancement,
     },
-    Step {
+    LookStep {
         setting: "persistence",
         value: |(look, _)| look.persistence.to_string(),
         take: |(look, _), (from, _)| look.persistence = from.persistence,
     },
-    Step {
+    LookStep {
         setting: "grey_map",
         value: |(look, _)| look.grey_map.name().to_owned(),
         take: |(look, _), (from, _)| look.grey_map = from.grey_map,
     },
-    Step {
+    LookStep {
         setting: "harmonics",
         value: |(_, harmonics)| harmonics.to_string(),
         take: |(_, harmonics), (_, from)| *harmonics = *from,
@@ -103,7 +103,7 @@ fn other_ways(own: Variant) -> Vec<Variant> {
         },
         true,
     );
-    let inverted = |step: &Step| {
+    let inverted = |step: &LookStep| {
         let mut other = own;
         (step.take)(&mut other, if is_on(step, &own) { &plain } else { &usual });
         other
@@ -111,7 +111,7 @@ fn other_ways(own: Variant) -> Vec<Variant> {
     STEPS.iter().map(inverted).collect()
 }
 
-fn is_on(step: &Step, own: &Variant) -> bool {
+fn is_on(step: &LookStep, own: &Variant) -> bool {
     let mut without = *own;
     (step.take)(&mut without, &plain());
     (step.value)(&without) != (step.value)(own)
@@ -125,7 +125,7 @@ pub fn look_costs(frame: &TimedFrame<'_>, progress: &dyn Fn(usize, usize)) -> Re
     let own = (frame.settings.look, frame.probe.harmonics);
     let others = other_ways(own);
     let differences_ms = differences_ms(frame, own, &others, progress)?;
-    let of = |((step, other), differences_ms): ((&Step, &Variant), Vec<f64>)| {
+    let of = |((step, other), differences_ms): ((&LookStep, &Variant), Vec<f64>)| {
         let on = is_on(step, &own);
         let sign = if on { -1.0 } else { 1.0 };
         let cost = Cost::of(&differences_ms.iter().map(|ms| sign * ms).collect::<Vec<_>>())?;
