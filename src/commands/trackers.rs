@@ -9,7 +9,7 @@ use insonify::recording::spawn;
 use insonify::station::Station;
 use insonify::tracker::devices::{self, Devices};
 use insonify::tracker::{
-    Monitor, Report, ReportLine, SensorName, SessionState, SessionSummary, Settings, TrackerEvent,
+    Monitor, ReportLine, SensorName, SessionState, SessionSummary, Settings, TrackerEvent, TrackerReport,
 };
 use tokio_util::sync::CancellationToken;
 
@@ -148,7 +148,7 @@ fn verdict(settings: &Settings, total: &SessionSummary) -> Result<(), Failure> {
     Err(Failure::Other(anyhow!("no record of the probe from {settings}: {why}")))
 }
 
-fn print(report: &Report, time: Duration, json: bool) -> Result<(), Failure> {
+fn print(report: &TrackerReport, time: Duration, json: bool) -> Result<(), Failure> {
     let line = ReportLine::new(report, time.as_secs_f64());
     if json {
         return output::line(serde_json::to_string(&line).other()?);

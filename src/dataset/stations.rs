@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::sum::sha256;
 use super::{Dataset, DatasetError, Exam, HEADER_FILE, Header, Row, ScanRow, StationRow};
-use crate::anatomy::planes::file_beside;
+use crate::anatomy::planes::planes_path;
 use crate::files::{self, FileError, FileKind};
 use crate::station::{SceneSource, Station};
 

@@ -1,5 +1,7 @@
 //! The program as its users see it: commands, files, scenes, generators, the page.
 
+// clippy.toml allows this in test functions only, not in their helpers.
+#[allow(clippy::unwrap_used)]
 #[path = "../program/mod.rs"]
 mod program;
 

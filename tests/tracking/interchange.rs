@@ -81,7 +81,7 @@ fn a_sequence_of_plus_is_parsed() {
     assert_eq!(rows[1].pose, None);
     let last = rows[2].pose.unwrap();
     assert!(last.orientation.angle_between(DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2)) < 1e-7);
-    assert_eq!((rows[2].place.line, last.position_mm), (28, DVec3::new(10.0, 20.0, -30.25)));
+    assert_eq!((rows[2].position.line, last.position_mm), (28, DVec3::new(10.0, 20.0, -30.25)));
 
     let head = sequence(&[PLUS.as_bytes(), &pixels()].concat()).unwrap();
     assert_eq!((head.width, head.height, head.images.len()), (4, 2, 3));
@@ -160,7 +160,7 @@ fn a_table_is_parsed() {
     assert_eq!(rows.len(), 3);
     assert_eq!(rows[0].pose, Some(Pose::from_components([1.5, -2.0, 80.25, 1.0, 0.0, 0.0, 0.0]).unwrap()));
     assert_eq!((rows[0].event.as_deref(), rows[1].event.as_deref()), (Some("start"), None));
-    assert_eq!((rows[2].pose, rows[2].time_s, rows[2].place.line), (None, 0.04, 6));
+    assert_eq!((rows[2].pose, rows[2].time_s, rows[2].position.line), (None, 0.04, 6));
     let turned = "qz,qy,qx,qw,z_mm,y_mm,x_mm,time_s\r\n0,0,0,1,80.25,-2,1.5,7\r\n";
     assert_eq!(table(turned).unwrap()[0].pose, rows[0].pose);
     // Units, separators and words of other programs.

@@ -19,7 +19,7 @@ use insonify::generator::{
 };
 use insonify::pipeline::{FrameGenerators, Generators};
 use insonify::quality::{FeatureExtractor, frechet_distance_of};
-use insonify::render::{Frame, Place};
+use insonify::render::{ComputeDevice, Frame};
 use insonify::sink::png::{self, Effort};
 use insonify::sink::{npy, write_json};
 use insonify::transducer::{Probe, ScanGeometry};
@@ -791,7 +791,7 @@ fn a_feature_extractor_returns_its_features() {
 #[test]
 fn a_pipeline_runs_generators_by_index() {
     let mut generators = Generators::new(vec![load("weighted_maps"), load("blur")]).unwrap();
-    assert_eq!((generators.place(), generators.count()), (Place::Processors, 2));
+    assert_eq!((generators.compute_device(), generators.count()), (ComputeDevice::Processors, 2));
     assert_eq!([0, 1, 2].map(|index| generators.reads_maps(index)), [true, false, false]);
     assert_eq!([0, 1, 2].map(|index| generators.name(index).to_owned()), ["weighted_maps", "blur", "none"]);
     let maps = Maps::new((20, 10));

@@ -4,7 +4,7 @@
 //! A driver may contract multiplications and additions in one pipeline and not in another, since naga emits no `NoContraction`.
 //! Software Vulkan never was seen to: there frames are compared bit for bit. On a GPU they are compared within a bound.
 
-use insonify::render::{Frame, Place};
+use insonify::render::{ComputeDevice, Frame};
 
 use crate::twins::scenes::DEVICE;
 
@@ -17,7 +17,7 @@ const OF_LINE: f32 = 1e-4;
 /// compared.
 #[track_caller]
 pub(crate) fn assert_alike(found: &Frame, expected: &Frame, what: &str) {
-    let in_software = DEVICE.place() == Place::Processors;
+    let in_software = DEVICE.compute_device() == ComputeDevice::Processors;
     if let Err(reason) = alike(found, expected, in_software) {
         panic!("{what}: {reason}");
     }
