@@ -31,7 +31,7 @@ pub enum CsvError {
         /// Expected content.
         expected: &'static str,
     },
-    /// Rows of which none has a value.
+    /// A list in which no row has a value.
     #[error("none of its {rows} rows has {what}")]
     Absent {
         /// Number of rows.

@@ -84,7 +84,7 @@ stored_word!(PlacentaSite);
 stored_word!(Wall);
 
 settings! {
-    /// Settings of `[scene]`, beside its files.
+    /// Settings of `[scene]`, in addition to its files.
     #[derive(Debug, Clone, Copy, PartialEq)]
     pub struct SceneSettings in "scene" {
         /// Triangles of the phantom over those of the full one; below about 0.24 its finest parts are lost and it is refused.

@@ -33,7 +33,7 @@ stored_word!(ReplyFormat);
 stored_word!(Repeat);
 
 settings! {
-    /// Settings of `[tracker]`, beside its transport.
+    /// Settings of `[tracker]`, in addition to its transport.
     #[derive(Debug, Clone, Copy, PartialEq)]
     pub struct TrackerSettings in "tracker" {
         /// Silence after which the tracker is started anew.

@@ -46,7 +46,7 @@ pub enum StartError {
     },
 }
 
-/// Where to begin on a patient.
+/// Start on a patient: windows, first view and probe.
 #[derive(Debug, Clone)]
 pub struct Start {
     /// Standard planes with the patient's windows; may be empty.

@@ -14,7 +14,7 @@
 //! - Motion: `extras.motion` of the glTF scene ([`crate::anatomy::Motion`]). glTF's own animations, skins and morph
 //!   targets are not applied.
 //!
-//! Buffers may be in the `.glb`, in files beside a `.gltf`, or in `data:` URIs. Compressed or quantised geometry
+//! Buffers may be in the `.glb`, in files next to a `.gltf`, or in `data:` URIs. Compressed or quantised geometry
 //! (extensions) is refused by name; extensions of appearance are ignored.
 
 mod accessor;

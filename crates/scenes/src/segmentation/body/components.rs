@@ -21,7 +21,7 @@ fn each_neighbour(index: usize, size: [usize; 3], mut visit: impl FnMut(usize)) 
 /// Smallest volume of a part that is kept, relative to the largest part: a leg, or an arm separate from the trunk.
 const PART_SHARE: f64 = 0.01;
 
-/// Keeps the large parts of `mask`, connected across voxel faces, and all parts with a voxel for which `holds` is
+/// Keeps the large parts of `mask` (connected across voxel faces) and all parts with a voxel for which `holds` is
 /// true.
 pub(crate) fn large_components(mask: &mut [bool], size: [usize; 3], holds: impl Fn(usize) -> bool) {
     let mut part_of = vec![0u32; mask.len()];

@@ -114,7 +114,7 @@ const MEANING: [&str; 55] = [
     "distal",
 ];
 
-/// Organ that the name of a file tells.
+/// Organ named by a file's name.
 #[derive(Debug, Clone, PartialEq)]
 pub enum OrganInName {
     /// Name of the organ's class. All other words of the file's name have no meaning for organs.

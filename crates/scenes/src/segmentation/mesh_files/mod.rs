@@ -170,7 +170,7 @@ fn format(bytes: &[u8], extension: &str) -> Option<Parse> {
     }
 }
 
-/// Kind of a file that holds a picture or a volume; `None` for others.
+/// Kind of a file with a picture or a volume; `None` for other files.
 fn picture(bytes: &[u8], path: &Path) -> Option<&'static str> {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default().to_lowercase();
     let nifti = [&b"n+1\0"[..], b"ni1\0"].iter().any(|magic| bytes.get(344..348) == Some(*magic));

@@ -72,7 +72,7 @@ pub(super) fn bends(work: &mut Work, turns: &Turns, known: &[Plane], sides: usiz
     Some(bends)
 }
 
-/// Side of a plane that holds the whole surface, as a sign; `None` if it is on both.
+/// Side of a plane on which the whole surface lies, as a sign; `None` if it lies on both.
 fn side(work: &Work, plane: &Plane) -> Option<f64> {
     let used = work.mesh.triangles.iter().flatten();
     let height = |vertex: &u32| plane.normal.dot(work.at(*vertex)) - plane.offset_mm;

@@ -45,7 +45,7 @@ struct Wish {
     cone_deg: f64,
 }
 
-/// Windows of a patient, with poses and visibility: those whose organs are present and whose skin is within reach.
+/// Windows of a patient, with poses and visibility. A window needs its organs and skin within reach.
 pub fn windows(surfaces: &[Made], sight: &Sight) -> (StandardPlanes, Vec<WindowRow>) {
     let organs = Organs(surfaces);
     let made = [liver, right_kidney, left_kidney, aorta, bladder, heart].map(|window| window(&organs));
