@@ -69,7 +69,7 @@ pub enum CalibrationError {
     /// A transform that is not a valid pose.
     #[error("[{table}]: {source}")]
     Pose {
-        /// Its table.
+        /// Table of the transform in the file.
         table: &'static str,
         /// Fault of the pose.
         source: PoseError,
@@ -102,7 +102,7 @@ pub struct Calibration {
 /// A value with the residual of its fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fitted<T> {
-    /// The value.
+    /// The fitted or known value.
     pub value: T,
     /// RMS residual of the fit, mm; `None` if the value was not fitted.
     pub rms_mm: Option<f64>,

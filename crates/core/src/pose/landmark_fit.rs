@@ -44,7 +44,7 @@ struct Row {
 /// Reason for refusing a fit.
 #[derive(Debug, Error)]
 pub enum LandmarkFitError {
-    /// No fit.
+    /// The landmarks give no fit.
     #[error(transparent)]
     Registration(#[from] RegistrationError),
     /// No fit, with a likely explanation.
@@ -70,7 +70,7 @@ pub enum LandmarkFitError {
         worst_mm: f64,
         /// Likely explanation, ready to print, or empty.
         likely: String,
-        /// All landmarks.
+        /// Table of the landmarks, as text.
         table: String,
     },
 }

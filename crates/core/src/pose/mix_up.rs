@@ -34,14 +34,14 @@ pub enum MixUp {
     },
     /// One landmark was touched elsewhere. Has the RMS residual of the other landmarks, mm.
     Single {
-        /// Its index.
+        /// Index of the landmark.
         index: usize,
         /// RMS residual, mm.
         rms_mm: f64,
     },
     /// Two landmarks were touched at one position.
     Same {
-        /// Their indices.
+        /// Indices of the two landmarks.
         pair: [usize; 2],
         /// Distance between the touches, mm.
         touched_mm: f64,

@@ -23,7 +23,7 @@ const WRAP_REACH_US: u64 = 10_000_000;
 /// Position of a measurement in its stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StreamPosition {
-    /// After all others.
+    /// The next measurement, later than all others so far.
     Next {
         /// Non-decreasing device time, in µs or counts from an unknown origin; `None` without clock and counter.
         ticks: Option<u64>,

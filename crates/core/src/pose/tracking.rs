@@ -3,7 +3,7 @@
 /// State of the probe's pose, from best to worst, as shown to the user.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, PartialOrd, Ord)]
 pub enum TrackingState {
-    /// Measured recently.
+    /// The pose was measured recently.
     Good,
     /// The last pose is held over a short gap, or measurements have just resumed.
     Held,

@@ -54,7 +54,7 @@ impl Assignment {
 }
 
 impl Control {
-    /// Sets one setting.
+    /// Request that sets one setting.
     pub fn set(key: &str, value: impl Into<f64>) -> Self {
         Self::Set(vec![Assignment::new(key, value.into())])
     }

@@ -114,9 +114,9 @@ pub enum Choice {
     /// Simulated if the scene calls for it.
     #[default]
     Auto,
-    /// Always simulated.
+    /// The effect is always simulated.
     On,
-    /// Never simulated.
+    /// The effect is never simulated.
     Off,
 }
 

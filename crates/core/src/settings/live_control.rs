@@ -19,7 +19,7 @@ pub struct LiveControl {
     pub scale: f64,
     /// Number of decimals shown.
     pub digits: usize,
-    /// Keys.
+    /// Keys that step the value.
     pub keys: Vec<StepKey>,
 }
 

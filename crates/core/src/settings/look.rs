@@ -119,7 +119,7 @@ pub enum LookPreset {
 crate::names::named!(LookPreset { Raw = "raw", Survey = "survey", Detail = "detail" });
 
 impl LookPreset {
-    /// Its settings.
+    /// Settings that the preset sets.
     pub fn settings(self) -> LookSettings {
         let raw = LookSettings::default();
         match self {

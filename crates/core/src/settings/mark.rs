@@ -18,7 +18,7 @@ pub const ID_CHARS_MAX: usize = 32;
 /// Most marks that one request removes.
 pub const REMOVED_MAX: usize = 64;
 
-/// Largest coordinate, mm.
+/// Largest magnitude of a coordinate, mm.
 pub const COORDINATE_LIMIT_MM: f64 = 1e4;
 
 /// A mark on one picture. A later mark with the same identifier replaces it.
@@ -92,9 +92,9 @@ pub enum MarkError {
     Number {
         /// Key.
         key: &'static str,
-        /// Value.
+        /// Number found.
         found: f64,
-        /// Largest magnitude.
+        /// Largest accepted magnitude.
         limit: f64,
     },
     /// A text that is too long.
@@ -102,9 +102,9 @@ pub enum MarkError {
     Long {
         /// Key.
         key: &'static str,
-        /// Characters.
+        /// Number of characters found.
         found: usize,
-        /// Most characters.
+        /// Most characters accepted.
         most: usize,
     },
     /// A text without a visible character.
@@ -113,7 +113,7 @@ pub enum MarkError {
     /// Too many marks to remove at once.
     #[error("{found} marks are to be removed at once; {REMOVED_MAX} may be")]
     Many {
-        /// Marks.
+        /// Number of marks to remove.
         found: usize,
     },
 }

@@ -60,7 +60,7 @@ settings! {
         /// Image.
         #[serde(skip)]
         image: ImageSettings,
-        /// Paths.
+        /// Number of paths, and their random seed.
         #[serde(flatten)]
         quality: Quality,
         /// Contact with the skin.

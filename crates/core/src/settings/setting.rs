@@ -35,7 +35,7 @@ pub struct Setting {
 /// Type of a setting's value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// A number.
+    /// Any number.
     Number,
     /// A whole number.
     Whole,
@@ -68,9 +68,9 @@ pub enum SettingsError {
         key: &'static str,
         /// Value found.
         value: f64,
-        /// Least accepted.
+        /// Smallest accepted value.
         min: f64,
-        /// Greatest accepted.
+        /// Largest accepted value.
         max: f64,
     },
     /// A fraction where a whole number is needed.

@@ -30,7 +30,7 @@ pub struct Inputs {
     pub grid: Grid,
     /// Label of each voxel: 0, or 1 + index of its organ.
     pub labels: Vec<u16>,
-    /// Organs.
+    /// Organs, by label − 1.
     pub organs: Vec<Organ>,
     /// Voxels of the body, if a label map defines it.
     pub body: Option<Vec<bool>>,

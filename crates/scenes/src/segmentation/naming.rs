@@ -127,7 +127,7 @@ pub enum NamingError {
         path: PathBuf,
         /// Label.
         value: u16,
-        /// Its volume, ml.
+        /// Volume of the label, ml.
         ml: f64,
         /// Organs in the file's name, as text to append, or empty.
         maybe: String,
@@ -174,7 +174,7 @@ pub enum NamingError {
         path: PathBuf,
         /// Organ of the file's name.
         organ: String,
-        /// Labels.
+        /// The first labels without a name, as text.
         values: String,
         /// The first label without a name.
         first: u16,

@@ -22,7 +22,7 @@ pub struct Row {
     pub tissue: String,
     /// Priority: where surfaces overlap, the highest is the medium.
     pub priority: i32,
-    /// Triangles.
+    /// Number of triangles.
     pub triangles: usize,
     /// Volume within the surface, ml.
     pub mesh_ml: f64,

@@ -278,7 +278,7 @@ pub enum RecordingError {
     NoTracker {
         /// File.
         path: PathBuf,
-        /// The missing part.
+        /// Missing part of the file.
         reason: String,
     },
     /// Metadata of the raw channel is missing or wrong.

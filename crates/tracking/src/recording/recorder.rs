@@ -18,7 +18,7 @@ const ENDED: &str = "recording-ended";
 /// Capacity of the queue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct QueueLimits {
-    /// Tracker bytes.
+    /// Most tracker bytes in the queue.
     pub bytes: usize,
     /// Messages of any kind.
     pub messages: usize,
@@ -40,7 +40,7 @@ pub enum RecorderError {
     /// The disk is too slow. The recording is complete up to that point.
     #[error("the recording ended since the disk does not follow: {messages} messages with {bytes} bytes waited for it")]
     Behind {
-        /// Queued messages.
+        /// Number of queued messages.
         messages: usize,
         /// Number of tracker bytes in these messages.
         bytes: usize,
@@ -56,11 +56,11 @@ pub enum RecorderError {
 pub struct Recorded {
     /// Accepted messages of tracker bytes.
     pub messages: u64,
-    /// Bytes in them.
+    /// Number of tracker bytes in these messages.
     pub bytes: u64,
-    /// Accepted poses.
+    /// Number of accepted poses.
     pub poses: u64,
-    /// Accepted events.
+    /// Number of accepted events.
     pub events: u64,
     /// Messages of any kind after the end of the recording.
     pub left_out: u64,

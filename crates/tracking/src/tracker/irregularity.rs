@@ -18,7 +18,7 @@ pub enum Irregularity {
     },
     /// The counter or clock repeatedly goes back.
     Interleaved {
-        /// Steps back.
+        /// Number of backward steps.
         times: u32,
         /// Duration, s.
         seconds: f64,
@@ -29,9 +29,9 @@ pub enum Irregularity {
     CounterStands,
     /// Many positions are farther from the previous ones than a hand can move.
     Alternating {
-        /// Such positions.
+        /// Number of positions out of reach.
         far: u32,
-        /// All positions.
+        /// Number of all positions.
         of: u32,
         /// Largest distance, mm.
         distance_mm: f64,

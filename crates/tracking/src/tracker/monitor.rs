@@ -124,7 +124,7 @@ struct SensorFigures {
     reading: Reading,
     /// Counts since the last report.
     recent: Count,
-    /// Since the start.
+    /// Counts since the start of the session.
     total: Count,
     /// Whether the sensor was the probe in any record.
     was_probe: bool,

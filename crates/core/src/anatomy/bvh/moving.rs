@@ -198,7 +198,7 @@ impl Moving {
         }
     }
 
-    /// See [`super::Bvh::set_time_s`].
+    /// Moves triangles and refits trees: see [`super::Bvh::set_time_s`].
     pub(super) fn set_time_s(
         &mut self,
         time_s: f64,

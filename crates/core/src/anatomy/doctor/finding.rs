@@ -15,7 +15,7 @@ pub enum Severity {
     Error,
     /// Repaired while loading, or wrong in parts; worth correcting in the file.
     Warning,
-    /// For information.
+    /// Information that needs no correction.
     Note,
 }
 

@@ -68,7 +68,7 @@ pub enum Meaning {
     Length {
         /// Frame of the coordinate.
         frame: Frame,
-        /// Axis, 0..3.
+        /// Axis x, y or z as 0, 1 or 2.
         axis: usize,
         /// −1 if the column points opposite to the axis, else 1.
         sign: f64,
@@ -94,16 +94,16 @@ pub enum Meaning {
     Unused,
     /// An ambiguous name, with the reason and advice.
     Ambiguous(&'static str),
-    /// Not known.
+    /// A name that is not known.
     Unknown,
 }
 
 /// A column of a table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Column {
-    /// Name as written.
+    /// Name of the column as written in the file.
     pub(crate) name: String,
-    /// Its meaning.
+    /// Meaning of the name.
     pub(crate) meaning: Meaning,
 }
 

@@ -92,7 +92,7 @@ pub enum TableFault {
     /// A field that is not a number.
     #[error("`{column}` is {found}; it must be a decimal number{hint}")]
     Number {
-        /// Column.
+        /// Name of the column.
         column: String,
         /// Text found, quoted.
         found: String,
@@ -141,7 +141,7 @@ pub enum TableFault {
         "the coordinate system is {second} here and {first} above; a list has one for all points: put the points of each into a file of their own"
     )]
     TwoSystems {
-        /// The first.
+        /// The coordinate system that was stated first.
         first: &'static str,
         /// The second, different one.
         second: &'static str,
@@ -151,7 +151,7 @@ pub enum TableFault {
         "`# columns` differs from the columns above: {found}; put the points of each list into a file of their own"
     )]
     TwoHeads {
-        /// Its columns, quoted.
+        /// Column names in the second line, quoted.
         found: String,
     },
     /// A list of 3D Slicer that doesn't state its coordinate system.

@@ -184,7 +184,7 @@ impl PosteriorFossa {
         let midbrain = round_cone(v(0.0, -8.5, -5.5), v(0.0, -13.0, -6.0), 4.4, 4.2);
         let pons = sphere(v(0.0, -14.0, -5.5), 4.6);
         let medulla = round_cone(v(0.0, -15.0, -6.5), v(0.0, -23.5, -11.0), 3.6, 2.6);
-        // To each hemisphere.
+        // Peduncles lead to each hemisphere.
         let peduncle = round_cone(v(2.0, -14.0, -7.0), self.vermis + self.size * LOBE + v(-1.5, 0.0, 2.0), 2.0, 2.2)
             .with_mirror_image();
         smooth_union([midbrain, pons, medulla, peduncle], 1.5)

@@ -53,24 +53,24 @@ pub struct Class {
     pub tissue: Option<String>,
     /// Priority: where surfaces overlap, the higher one is kept. None only for ignored classes.
     pub priority: Option<i32>,
-    /// Use.
+    /// Use of the label.
     #[serde(default)]
     pub role: Role,
-    /// Other names.
+    /// Other names of the class.
     #[serde(default)]
     pub aliases: Vec<String>,
     /// Shell inside the surface.
     pub wall: Option<Wall>,
     /// Gas in the lumen.
     pub gas: Option<Gas>,
-    /// Group in pictures.
+    /// Group to which the class belongs in pictures.
     pub group: Option<String>,
     /// Organ that a mapping by the user gave to this name.
     #[serde(skip)]
     pub organ: Option<String>,
 }
 
-/// Priorities of classes.
+/// Accepted priorities of classes.
 const PRIORITIES: std::ops::RangeInclusive<i32> = 10..=99;
 
 /// Accepted wall thicknesses, mm.

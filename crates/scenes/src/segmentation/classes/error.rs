@@ -48,7 +48,7 @@ pub enum ClassError {
         "`{mapping}` must be NAME=TISSUE, NAME=CLASS or NAME=ignore, as in `Segment_1=liver`; NAME may be a number"
     )]
     Mapping {
-        /// Mapping.
+        /// Mapping as given.
         mapping: String,
     },
     /// A mapping of a name that cannot be shown.
@@ -74,7 +74,7 @@ pub enum ClassError {
     Target {
         /// Mapping.
         mapping: String,
-        /// Its right side.
+        /// Text after the `=` of the mapping.
         target: String,
         /// Suggestion, or empty.
         nearest: String,

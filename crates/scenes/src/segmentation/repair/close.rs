@@ -41,11 +41,11 @@ impl Rim {
 
 /// Shape of a rim.
 enum Kind {
-    /// One plane.
+    /// In one plane: its index among the known planes.
     Planar(usize),
     /// In several planes: the index of the plane of each edge.
     Bent(Vec<usize>),
-    /// No plane.
+    /// In no plane.
     Free,
 }
 

@@ -31,19 +31,19 @@ const FRAME_PREFIX: &str = "Seq_Frame";
 pub struct Field {
     /// Text after the `=`, trimmed.
     pub value: String,
-    /// Its line.
+    /// Position of its line in the file.
     pub position: LinePosition,
 }
 
-/// Fields by key.
+/// Fields of one image or of the header, by key.
 pub type Fields = BTreeMap<String, Field>;
 
 /// Header of a sequence.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Head {
-    /// Columns.
+    /// Number of pixel columns.
     pub width: u32,
-    /// Rows.
+    /// Number of pixel rows.
     pub height: u32,
     /// Fields of each image, without `Seq_FrameNNNN_`.
     pub images: Vec<Fields>,

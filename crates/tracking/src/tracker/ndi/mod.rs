@@ -149,7 +149,7 @@ pub enum OptionsError {
     /// A file that is not a tool description.
     #[error("a tool description has 1 to {ROM_BYTES} bytes; this one has {length}")]
     RomLength {
-        /// Its length, bytes.
+        /// Length of the file, bytes.
         length: usize,
     },
 }

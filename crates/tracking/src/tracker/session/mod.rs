@@ -44,7 +44,7 @@ const REST_LIMIT: Duration = Duration::from_secs(3600);
 /// Totals of a session.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct SessionSummary {
-    /// Bytes received.
+    /// Number of bytes received.
     pub bytes: u64,
     /// Records passed to the listener.
     pub records: u64,

@@ -43,9 +43,9 @@ pub(super) enum Received {
     },
     /// A datagram of another sender was appended; it must be left out.
     FromOtherSender {
-        /// Its sender.
+        /// Sender of the datagram.
         other: SocketAddr,
-        /// Sender in use.
+        /// Sender whose datagrams are used.
         used: SocketAddr,
     },
     /// The stream restarts.

@@ -105,7 +105,7 @@ fn doubled_sheets_become_one_whichever_way_the_copies_face() {
         let (after, report) = mended(both(&one, &copy), &|p| ball(30.0)(p));
         assert_eq!((after.triangles.len(), count(&report, ActionKind::Duplicate)), (1280, 1280), "{report}");
     }
-    // Cut open, too.
+    // The same with an open cut.
     let half = cut(&one, DVec3::Z, 5.0);
     let shape = |p: DVec3| ball(30.0)(p).max(p.z - 5.0);
     mended(both(&half, &flipped(half.clone())), &|p| shape(p) * 1.0);
