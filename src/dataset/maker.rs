@@ -99,11 +99,6 @@ impl Maker {
         Ok(Self { recipe, header, plan, targets })
     }
 
-    /// Header of the data set.
-    pub fn header(&self) -> &Header {
-        &self.header
-    }
-
     /// Sessions in the shard.
     pub fn exams(&self) -> &[Exam] {
         self.recipe.shard.of(&self.plan.exams)

@@ -25,7 +25,7 @@ pub struct LabelledSurface {
 /// Errors in writing a scene.
 #[derive(Debug, Error)]
 pub enum ExportError {
-    /// The file could not be written.
+    /// The JSON part could not be serialised, or the file not be written.
     #[error(transparent)]
     File(#[from] FileError),
     /// More bytes than the format's 32-bit lengths can express.
@@ -35,14 +35,6 @@ pub enum ExportError {
         path: PathBuf,
         /// Bytes of vertices and indices.
         bytes: usize,
-    },
-    /// The JSON part could not be serialised.
-    #[error("cannot form the JSON of {path}: {source}")]
-    Json {
-        /// File.
-        path: PathBuf,
-        /// Cause.
-        source: serde_json::Error,
     },
 }
 
@@ -108,7 +100,7 @@ fn write_with_extras(surfaces: &[LabelledSurface], extras: Option<Value>, path: 
         document.add(surface, &mut binary);
     }
     let mut text = serde_json::to_vec(&document.finish(extras, binary.len()))
-        .map_err(|source| ExportError::Json { path: path.to_owned(), source })?;
+        .map_err(|error| FileError::at("form the JSON of", path)(error.into()))?;
     text.resize(text.len().next_multiple_of(4), b' ');
 
     let total = 12 + 8 + text.len() + 8 + binary.len();

@@ -1,6 +1,6 @@
 //! Reading of grey images.
 
-use std::io::BufReader;
+use std::io::{self, BufReader};
 use std::path::{Path, PathBuf};
 
 use image::ImageReader;
@@ -11,17 +11,9 @@ use super::{FileError, FileKind, open};
 /// Error in reading a grey image.
 #[derive(Debug, Error)]
 pub enum GreyError {
-    /// Failed file access.
+    /// Failed file access, a file that is no image, or a damaged one.
     #[error(transparent)]
     File(#[from] FileError),
-    /// A file that is no image, or damaged.
-    #[error("cannot read {path}: {source}")]
-    Image {
-        /// File.
-        path: PathBuf,
-        /// Cause.
-        source: image::ImageError,
-    },
     /// An image with colours, or of another bit depth.
     #[error("{path} is not an 8-bit grey image")]
     Kind {
@@ -38,7 +30,7 @@ pub fn read_grey(path: &Path) -> Result<(Vec<u8>, [u32; 2]), GreyError> {
     let failed = FileError::at("read", path);
     let file = BufReader::new(open(path, FileKind::Image).map_err(failed)?);
     let image = ImageReader::new(file).with_guessed_format().map_err(failed)?.decode();
-    let image = image.map_err(|source| GreyError::Image { path: path.to_owned(), source })?;
+    let image = image.map_err(|error| failed(io::Error::other(error)))?;
     if image.color() != image::ColorType::L8 {
         return Err(GreyError::Kind { path: path.to_owned() });
     }

@@ -111,19 +111,6 @@ pub enum SettingsError {
     },
 }
 
-impl SettingsError {
-    /// Key of the setting, with its table where it is known.
-    pub fn key(&self) -> &str {
-        match self {
-            Self::Range { key, .. }
-            | Self::Fraction { key, .. }
-            | Self::Element { key, .. }
-            | Self::NotOffered { key, .. } => key,
-            Self::NotLive { key, .. } => key,
-        }
-    }
-}
-
 impl Setting {
     /// Number of values: 1, or the length of a list.
     pub const fn count(&self) -> usize {

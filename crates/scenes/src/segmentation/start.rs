@@ -11,7 +11,7 @@ use super::from_labels::Made;
 use super::grid::CutPlane;
 use super::skin_points::skin_points;
 use super::station_text::ProbeChoice;
-use super::windows::{ProbeSite, Sight, WindowRow, look_at, windows};
+use super::windows::{Sight, WindowRow, look_at, windows};
 
 /// Impedances between gas and bone, MRayl, which ultrasound passes.
 const PASSED_MRAYL: std::ops::RangeInclusive<f64> = 0.5..=2.6;
@@ -57,8 +57,6 @@ pub struct Start {
     pub target: String,
     /// First view, with its pose.
     pub view: View,
-    /// Point of the probe on the skin, and visibility of the first view.
-    pub site: ProbeSite,
     /// Probe for the first view.
     pub probe: ProbeChoice,
     /// Points of the skin to touch with a stylus.
@@ -100,7 +98,7 @@ impl Start {
             Some(target) => target.to_owned(),
             None => first_target(&planes, &rows, &segments),
         };
-        let (view, site) = look_at(surfaces, &sight, &target).ok_or_else(|| no_skin(&target))?;
+        let (view, _) = look_at(surfaces, &sight, &target).ok_or_else(|| no_skin(&target))?;
         let pose = view.pose.ok_or_else(|| no_skin(&target))?;
         let empty = Mesh::default();
         let mesh = segments.iter().find(|made| name(made) == target).map_or(&empty, |made| &made.mesh);
@@ -110,7 +108,7 @@ impl Start {
             probe = ProbeChoice::of_depth(probe.depth_mm.max(deepest_mm + BELOW_MM));
         }
         let points = skin_points(surfaces, &sight);
-        Ok(Self { planes, windows: rows, target, view, site, probe, points })
+        Ok(Self { planes, windows: rows, target, view, probe, points })
     }
 }
 

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 
-use super::{DecodeError, Protocol, Record};
+use super::{DecodeError, Record};
 
 /// Communication with one device.
 ///
@@ -15,9 +15,6 @@ use super::{DecodeError, Protocol, Record};
 /// [`wake_at`](Self::wake_at), it calls [`transmit`](Self::transmit) until there is nothing to send. All received
 /// bytes are appended to one buffer, and [`decode`](Self::decode) is called until it returns `Ok(None)`.
 pub trait Driver: Send {
-    /// Format of the records; selects the decoder of a replay.
-    fn protocol(&self) -> Protocol;
-
     /// Restarts the communication with a device of unknown state. `attempt` is 0 at first and is incremented each time
     /// the device stays silent; later attempts reset the device more thoroughly.
     fn start(&mut self, now: Duration, attempt: u32);

@@ -26,10 +26,6 @@ impl Passive {
 }
 
 impl Driver for Passive {
-    fn protocol(&self) -> Protocol {
-        self.protocol
-    }
-
     fn start(&mut self, _: Duration, _: u32) {
         self.decoder = self.protocol.decoder_of(&self.options);
         self.streaming = false;

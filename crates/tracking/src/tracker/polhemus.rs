@@ -64,10 +64,6 @@ impl PolhemusDriver {
 }
 
 impl Driver for PolhemusDriver {
-    fn protocol(&self) -> Protocol {
-        self.protocol
-    }
-
     fn start(&mut self, now: Duration, attempt: u32) {
         self.script.clear();
         self.streaming = false;

@@ -10,7 +10,7 @@ use super::decoder::{Repeats, error_code};
 use super::frame::{Framer, Item};
 use super::{Options, Reason, START_BAUD, framed};
 use crate::tracker::driver::{Driver, Line};
-use crate::tracker::{DecodeError, Protocol, Record};
+use crate::tracker::{DecodeError, Record};
 
 /// Pause between `COMM` and changing the line's speed.
 const SPEED_PAUSE: Duration = Duration::from_millis(100);
@@ -277,10 +277,6 @@ impl NdiDriver {
 }
 
 impl Driver for NdiDriver {
-    fn protocol(&self) -> Protocol {
-        Protocol::Ndi
-    }
-
     fn start(&mut self, now: Duration, attempt: u32) {
         self.framer = Framer::default();
         self.notices.clear();

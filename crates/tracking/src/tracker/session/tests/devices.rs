@@ -153,10 +153,6 @@ impl NeverAnswers {
 }
 
 impl Driver for NeverAnswers {
-    fn protocol(&self) -> Protocol {
-        Protocol::Ndi
-    }
-
     fn start(&mut self, now: Duration, _: u32) {
         (self.started, self.now) = (now, now);
     }
