@@ -176,15 +176,8 @@ pub(super) fn file_length(path: &Path) -> Result<u64, VolumeFault> {
 
 #[cfg(test)]
 mod tests {
-    use std::io::Write as _;
-
+    use super::super::fixtures::gzipped;
     use super::*;
-
-    fn gzipped(bytes: &[u8]) -> Vec<u8> {
-        let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
-        encoder.write_all(bytes).unwrap();
-        encoder.finish().unwrap()
-    }
 
     #[test]
     fn a_known_length_is_checked_before_allocation() {

@@ -12,8 +12,9 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 
 use insonify_core::files::{self, FileError, FileKind};
+use insonify_core::pose::table::quote;
 
-use super::{InterchangeError, LinePosition, Lines, quote};
+use super::{InterchangeError, LinePosition, Lines};
 
 /// Most images of a sequence.
 pub(crate) const IMAGES_MAX: u32 = 1_000_000;

@@ -230,13 +230,6 @@ impl<R: BufRead> Lines<R> {
     }
 }
 
-/// At most 32 characters of `text`, escaped and quoted, for an error message.
-fn quote(text: &str) -> String {
-    let short: String = text.chars().take(32).collect();
-    let more = if short.len() < text.len() { "..." } else { "" };
-    format!("`{}{more}`", short.escape_debug())
-}
-
 /// Parses a finite number.
 fn finite(text: &str) -> Option<f64> {
     text.trim().parse().ok().filter(|number: &f64| number.is_finite())

@@ -5,9 +5,10 @@ use std::path::Path;
 
 use glam::{DMat3, DVec3};
 use insonify_core::pose::Pose;
+use insonify_core::pose::table::quote;
 
 use super::meta_image::{Field, Fields, Head};
-use super::{InterchangeError, TrackedRow, finite, quote};
+use super::{InterchangeError, TrackedRow, finite};
 
 /// Names of the transforms in a sequence's images.
 pub fn transforms_of(head: &Head) -> BTreeSet<&str> {
