@@ -6,10 +6,12 @@ use std::sync::LazyLock;
 
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use tracing::{Event, Level, Subscriber};
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::Targets;
 use tracing_subscriber::fmt::format::Writer;
 use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
+use tracing_subscriber::layer::SubscriberExt as _;
 use tracing_subscriber::registry::LookupSpan;
+use tracing_subscriber::util::SubscriberInitExt as _;
 
 /// All progress bars of the process.
 static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
@@ -28,17 +30,24 @@ pub(crate) fn say(text: &str) {
 
 /// Starts logging to stderr. `RUST_LOG` sets what is logged; without it, warnings are, and more with each `verbose`.
 pub(crate) fn start_log(verbose: u8) {
-    let default = ["warn", "insonify=info", "insonify=debug"][usize::from(verbose.min(2))];
-    let filter = EnvFilter::builder().with_default_directive(tracing::Level::WARN.into());
-    // An invalid RUST_LOG must not silence the log.
-    let filter = std::env::var("RUST_LOG").ok().filter(|v| !v.is_empty()).map_or_else(
-        || filter.parse_lossy(default),
-        |wanted| filter.parse(&wanted).unwrap_or_else(|_| EnvFilter::new(default)),
-    );
+    let filter = log_filter(std::env::var("RUST_LOG").ok().as_deref(), verbose);
     // Colour codes are written only to terminals.
     let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
-    let log = tracing_subscriber::fmt().with_env_filter(filter).with_ansi(!plain && io::stderr().is_terminal());
-    log.with_writer(|| AboveBars).event_format(Line).init();
+    let log = tracing_subscriber::fmt::layer().with_ansi(!plain && io::stderr().is_terminal());
+    tracing_subscriber::registry().with(log.with_writer(|| AboveBars).event_format(Line)).with(filter).init();
+}
+
+/// Filter of the log: `wanted` by the user, as `TARGET=LEVEL` or `LEVEL`, several separated by commas. An empty or invalid
+/// one must not silence the log: then it is that of `verbose`. A target matches all targets that begin with it, so
+/// `insonify` matches all crates of insonify.
+fn log_filter(wanted: Option<&str>, verbose: u8) -> Targets {
+    let warnings = Targets::new().with_default(Level::WARN);
+    let own = match verbose {
+        0 => warnings,
+        1 => warnings.with_target("insonify", Level::INFO),
+        _ => warnings.with_target("insonify", Level::DEBUG),
+    };
+    wanted.filter(|text| !text.is_empty()).and_then(|text| text.parse().ok()).unwrap_or(own)
 }
 
 /// Writer to stderr, above the bars.
@@ -88,6 +97,20 @@ mod tests {
     use std::sync::{Arc, Mutex};
 
     use super::*;
+
+    #[test]
+    fn the_log_holds_what_is_wanted() {
+        let logs = |wanted, verbose, target: &str, level| log_filter(wanted, verbose).would_enable(target, &level);
+        assert!(logs(None, 0, "insonify::sink", Level::WARN) && !logs(None, 0, "insonify::sink", Level::INFO));
+        for wanted in [None, Some(""), Some("insonify=loud"), Some("=")] {
+            assert!(logs(wanted, 1, "insonify_render::device", Level::INFO), "{wanted:?}");
+            assert!(!logs(wanted, 1, "wgpu_core", Level::INFO), "{wanted:?}");
+            assert!(logs(wanted, 2, "insonify::sink", Level::DEBUG), "{wanted:?}");
+        }
+        let own = Some("insonify=debug,wgpu_core=error");
+        assert!(logs(own, 0, "insonify_core::anatomy", Level::DEBUG) && !logs(own, 0, "wgpu_core", Level::WARN));
+        assert!(logs(Some("trace"), 0, "wgpu_core", Level::TRACE));
+    }
 
     #[derive(Clone, Default)]
     struct Kept(Arc<Mutex<Vec<u8>>>);
