@@ -45,6 +45,7 @@ window: setup
 test-window:
 	@scripts/setup --test
 	$(CARGO) build --release --example browser_demo --features window
+	$(CARGO) test --release --features window --lib sink::window
 	python3 tests/browser/window.py target/release/examples/browser_demo $(ARGS)
 
 bench: setup

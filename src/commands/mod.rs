@@ -84,7 +84,7 @@ Environment:
   INSONIFY_TRACE   how a device traces: path or lanes, a path by one thread or by eight (default: what was measured to be faster)
   WGPU_BACKEND     which graphics interface a device is opened by: vulkan, metal, dx12 or gl
   ORT_DYLIB_PATH   ONNX Runtime's library, for generators (default: where scripts/setup puts it)
-  RUST_LOG         what to log to stderr, for example insonify=debug";
+  RUST_LOG         what to log to stderr, for example insonify=debug, or insonify_render=debug for one crate";
 
 #[derive(Debug, Subcommand)]
 enum Command {

@@ -77,7 +77,7 @@ impl Pipelines {
         if let Some(known) = self.compiled.iter().find(is_it) {
             return Ok(known.clone());
         }
-        let compiled = gpu.validated(shader.pass(), || compile(&gpu.device, &self.shaders, specialised, buffers))?;
+        let compiled = gpu.validated(shader.label(), || compile(&gpu.device, &self.shaders, specialised, buffers))?;
         let compiled = Arc::new(compiled);
         self.compiled.push(compiled.clone());
         Ok(compiled)
@@ -86,7 +86,7 @@ impl Pipelines {
 
 fn compile(device: &wgpu::Device, shaders: &ShaderSet, specialised: &Specialised<'_>, buffers: u32) -> Compiled {
     let Specialised { shader, constants, frames, ref parts } = *specialised;
-    let label = Some(shader.pass());
+    let label = Some(shader.label());
     let source = shaders.source(shader);
     let entries: Vec<_> = (0..=buffers).map(|binding| layout_entry(source, binding)).collect();
     let source: Cow<'_, str> = if frames > 1 { source_of_frames(source, parts, frames).into() } else { source.into() };
@@ -172,7 +172,7 @@ impl Pass {
         groups: [u32; 3],
         bound: &[&wgpu::Buffer],
     ) -> Result<Self, BackendError> {
-        let name = specialised.shader.pass();
+        let name = specialised.shader.label();
         let offered = gpu.device.limits().max_compute_workgroups_per_dimension;
         for needed in groups {
             gpu.check_limit(name, needed.into(), "workgroups a dispatch", offered.into())?;

@@ -40,6 +40,15 @@ macro_rules! shaders {
                 }
             }
 
+            /// Name in errors and labels: that of the pass, and of the variant where a pass has two.
+            pub(super) fn label(self) -> &'static str {
+                match self {
+                    Self::TraceByLanes => "trace by lanes",
+                    Self::EchoByLine => "echo by line",
+                    _ => self.pass(),
+                }
+            }
+
             /// Its imports, then its file.
             fn text(self) -> &'static str {
                 match self {

@@ -60,7 +60,12 @@ pub(super) fn parse_1(bytes: &[u8], big_endian: bool) -> Result<Header, VolumeFa
     let single = match bytes.get(344..348) {
         Some(b"n+1\0") => true,
         Some(b"ni1\0") => false,
-        found => return Err(VolumeFault::Header(format!("not a NIfTI-1 header: its magic is {found:?}"))),
+        found => {
+            return Err(VolumeFault::Header(format!(
+                "not a NIfTI-1 header: its magic is `{}`",
+                found.unwrap_or_default().escape_ascii()
+            )));
+        }
     };
     Ok(Header {
         bytes: BYTES_1 as u64,
