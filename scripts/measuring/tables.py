@@ -98,7 +98,7 @@ def is_better(row, other):
 def shown_point(row):
     """Name of a point in the README's table, with its errors."""
     name = SHOWN.get(row["name"], f"`{row['name']}`")
-    return f"{name} ({number(row['rmse'])} grey levels, SSIM {number(100 * row['ssim'])} %)"
+    return f"{name} (SSIM {number(100 * row['ssim'])} %, {number(row['rmse'])} grey levels)"
 
 
 def tradeoff_summary(data):
@@ -118,10 +118,12 @@ def tradeoff_summary(data):
     reference = data["reference"]
     sentences = [
         f"**{best}.**",
-        f"The effect `aperture` takes the error of a shadow from {effect['without']:.1f} to {effect['with']:.1f} dB for {effect['cost_ms'][0]:.0f} ms.",
-        "Pixel error is the RMS difference in grey levels of 255.",
-        f"Doubling the reference's rays changes a pixel by {reference['rays_change']:.1f} grey levels on average; {reference['layers_compared']} layers "
-        f"instead of {reference['layers']} change the mean level of 32 × 32 pixels by {reference['layers_change']:.1f}.",
+        f"The effect `aperture` lowers the error of a shadow from {effect['without']:.1f} to {effect['with']:.1f} dB, at a cost of "
+        f"{effect['cost_ms'][0]:.0f} ms a frame.",
+        f"The reference is{'' if reference['converged'] else ' not'} converged. "
+        f"Doubling its rays to {reference['rays']} changes a pixel by {reference['rays_change']:.1f} grey levels on average. "
+        f"With {reference['layers_compared']} layers instead of {reference['layers']}, means of blocks of 32 × 32 pixels change by "
+        f"{reference['layers_change']:.1f}.",
         f"{origin(data)}, with maps.",
     ]
     return "\n".join(sentences)

@@ -231,7 +231,7 @@ fn tradeoff_data(translated: (f64, f64)) -> String {
         point("8x3 9 rolling angles", "None", 75.0, 9.5, 0.79),
     ];
     let effect = "{'name': 'aperture', 'without': 9.3, 'with': 1.5, 'cost_ms': [10.4, 0.5]}";
-    let reference = "dict(rays_change=1.0, layers_compared=5, layers=3, layers_change=0.2)";
+    let reference = "dict(rays=64, rays_change=1.0, layers_compared=5, layers=3, layers_change=0.2, converged=True)";
     let machine = "machine=dict(processor='P', cores=2), commit='c', date='d', command='insonify tradeoff'";
     format!("dict(rows=[{}], effects=[{effect}] * 2, reference={reference}, {machine})", points.join(", "))
 }
@@ -241,14 +241,14 @@ fn a_generator_is_preferred_only_by_both_errors_and_stands_in_the_table() {
     // Less pixel error, but a worse texture.
     let data = tradeoff_data((10.76, 0.755));
     let said = rendered("tradeoff_summary", &data);
-    assert!(said.contains("the best point is 4 × 3, 9 rolling (10.8 grey levels, SSIM 78.0 %)"), "{said}");
-    assert!(said.contains("with a generator is 4 × 3, 9 rolling + `beam_m_rolling` (10.8"), "{said}");
+    assert!(said.contains("the best point is 4 × 3, 9 rolling (SSIM 78.0 %, 10.8 grey levels)"), "{said}");
+    assert!(said.contains("with a generator is 4 × 3, 9 rolling + `beam_m_rolling` (SSIM 75.5 %, 10.8"), "{said}");
     let table = rendered("tradeoff", &data);
     assert!(table.contains("| 4 × 3, 9 rolling + `beam_m_rolling` | 62.0 |"), "{table}");
 
     let said = rendered("tradeoff_summary", &tradeoff_data((9.9, 0.785)));
-    assert!(said.contains("the best point is 4 × 3, 9 rolling + `beam_m_rolling` (9.9"), "{said}");
-    assert!(said.contains("The best without a generator is 4 × 3, 9 rolling (10.8"), "{said}");
+    assert!(said.contains("the best point is 4 × 3, 9 rolling + `beam_m_rolling` (SSIM 78.5 %, 9.9"), "{said}");
+    assert!(said.contains("The best without a generator is 4 × 3, 9 rolling (SSIM 78.0 %, 10.8"), "{said}");
 }
 
 #[test]
