@@ -9,7 +9,7 @@
 //! 1. Write `crates/tracking/src/tracker/NAME.rs` with a [`StreamDecoder`]. Its `Reason` names the fault and the correct form.
 //! 2. Add a variant to [`Protocol`], its table of names and [`Fault`]; the compiler then lists each `match` to extend.
 //! 3. Return its driver from [`Protocol::driver`]: [`Passive`] if the device streams without commands.
-//! 4. Give it the property tests of `tests/tracking/recording.rs`: round trip or known frames; any split of the stream gives the
+//! 4. Give it the property tests of `tests/tracking/protocols/streams.rs`: round trip or known frames; any split of the stream gives the
 //!    same records; arbitrary bytes never panic and always make progress.
 
 use std::str::FromStr;
