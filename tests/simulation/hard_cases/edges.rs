@@ -66,7 +66,7 @@ fn rays_through_shared_edges_are_never_lost() {
     row(
         "rays through edges and vertices of a closed ball",
         format!("{naive} of 400 slip through or stay inside"),
-        "edges reach 2·10⁻⁷ of their length a mm outward; hits within 1 µm are one place",
+        "edges are moved outward by 2·10⁻⁷ of the distance plus 100 mm; hits within 1 µm count as coincident",
         "none".to_owned(),
     );
 }
@@ -118,7 +118,7 @@ fn touching_surfaces_are_one_interface() {
     row(
         "two bodies that share a turned face",
         format!("{naive} of {all} scanlines meet a fourth interface"),
-        "hits within 1 µm are one place, crossed together and not met again",
+        "hits within 1 µm count as coincident, crossed together and not met again",
         "none".to_owned(),
     );
 }
