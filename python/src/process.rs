@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 static IMPORTED_BY: OnceLock<u32> = OnceLock::new();
 
-/// Stores the process that imports the module.
+/// Stores the identifier of the process that imports the module.
 pub(crate) fn note_import() {
     IMPORTED_BY.get_or_init(std::process::id);
 }

@@ -56,14 +56,14 @@ pub struct WrittenExam {
     pub duration_s: f64,
     /// Pose rate, Hz.
     pub rate_hz: u32,
-    /// Moments at which a plane is held.
+    /// Moments at which the hand holds a standard plane.
     pub key_frames: Vec<KeyFrame>,
 }
 
-/// A moment at which a plane is held.
+/// A moment at which the hand holds a standard plane.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct KeyFrame {
-    /// Name of the plane.
+    /// Name of the standard plane.
     pub name: String,
     /// Time from the start, s.
     pub time_s: f64,
@@ -85,9 +85,9 @@ pub struct Batch<'a> {
     pub scene: String,
     /// Skin that the probe touches.
     pub skin: &'a Skin,
-    /// Planes that the hand searches for, in this order.
+    /// Standard planes that the hand searches for, in this order.
     pub planes: Vec<&'a StandardPlane>,
-    /// Whether the seed determines their order instead.
+    /// Whether the seed determines the order of the planes instead.
     pub shuffle: bool,
     /// Length of a session, s.
     pub duration_s: f64,

@@ -102,9 +102,9 @@ pub struct Deviation {
 pub struct Hand {
     /// Error at the start of a search.
     pub start: Deviation,
-    /// Error with which the hand is content, and holds the plane.
+    /// Error at which the hand stops correcting, and holds the plane.
     pub rest: Deviation,
-    /// Smallest and greatest fraction of an error that remains after a submovement; negative for overshoot.
+    /// Smallest and greatest fraction of an error that remains after a submovement; negative fractions overshoot.
     pub left_over: (f64, f64),
     /// Probability, 0..=1, that a submovement corrects a given kind of error.
     pub corrects: f64,
@@ -126,7 +126,8 @@ pub struct Hand {
     pub lift_chance: f64,
 }
 
-/// Deviation of a hand from a plane: rotation about the point of contact, and slide away from it.
+/// Deviation of a simulated probe pose from its ideal pose: rotation about the point of contact, and slide away from
+/// it.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Off {
     /// Tilt, rock and rotation (degrees), slide along the lateral and the elevational axis (mm).

@@ -7,10 +7,10 @@ use crate::anatomy::planes::{StandardPlane, Tolerances, View};
 use crate::pose::Pose;
 use crate::transducer::{Probe, Sector};
 
-/// Cost of a landmark outside the sector: just above the limit.
+/// Cost of a landmark outside the sector: just above 1, the limit.
 const HIDDEN: f64 = 1.0 + 1e-6;
 
-/// Offset of an image from a view of a plane.
+/// Offset of an image from a view of a standard plane.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Offset {
     /// Angle between the image plane and the plane of the view, degrees, 0..=90. For a view that may rotate freely
@@ -22,10 +22,10 @@ pub struct Offset {
     pub in_plane_deg: f64,
     /// Distance of the view's centre from the image's middle line, mm.
     pub centring_mm: f64,
-    /// Depth of the view's centre below the probe's face, mm; negative behind it.
+    /// Depth of the view's centre below the probe's face, mm; negative if the centre is on the other side of the face.
     pub depth_mm: f64,
-    /// Number of the view's landmarks that are in the image's sector and close enough to its plane. Shadows of bone
-    /// are ignored.
+    /// Number of the view's landmarks that are in the image's sector and close enough to the image plane. Shadows of
+    /// bone are ignored.
     pub landmarks_seen: usize,
     /// Largest ratio of a deviation to its tolerance; at most 1 if the image shows the view.
     pub cost: f64,

@@ -43,7 +43,7 @@ const TRAVEL_LEAST_S: f64 = 1.2;
 const LIFT_MM: f64 = 15.0;
 const LIFT_S: f64 = 0.4;
 
-/// Smallest distance of the line through the probe's face from the edge of the body, mm; larger than the tremor.
+/// Smallest distance of the beam's central line from the edge of the body, mm; larger than the tremor.
 const MARGIN_MM: f64 = 5.0;
 
 /// Number of times that an error which puts the probe off the body is halved before it is set to 0.
@@ -157,7 +157,8 @@ impl<'a> Plan<'a> {
                 self.skin.exit(from_mm, up).is_some() && (!closed || self.skin.exit(from_mm, -up).is_some())
             })
         };
-        // Points between two points inside are inside, too. A body that is open below is tested only upwards.
+        // Points between two points inside the body are inside, too. If the body is open below, only its upper side is
+        // tested.
         let closed = inside(&Off::default(), true);
         let mut less = *off;
         for _ in 0..HALVINGS {

@@ -68,12 +68,12 @@ pub trait Clock: Debug + Send + Sync {
         self.unix_ns_at(self.now())
     }
 
-    /// Converts a time of the session to ns since 1970 (UTC).
+    /// Converts a time since the start of the session to ns since 1970 (UTC).
     fn unix_ns_at(&self, time: Duration) -> u64 {
         self.start_unix_ns().saturating_add(u64::try_from(time.as_nanos()).unwrap_or(u64::MAX))
     }
 
-    /// Converts ns since 1970 (UTC) to a time of the session; zero for times before its start.
+    /// Converts ns since 1970 (UTC) to a time since the start of the session; zero for times before the start.
     fn since_start(&self, unix_ns: u64) -> Duration {
         Duration::from_nanos(unix_ns.saturating_sub(self.start_unix_ns()))
     }
@@ -95,9 +95,9 @@ pub struct SystemClock {
 }
 
 impl SystemClock {
-    /// A session that begins now.
+    /// Clock of a session that begins now.
     pub fn new() -> Self {
-        // Both starts are read together: the tracker's bytes carry time stamps of the same clock as `start_unix_ns`.
+        // Both are read at once: the tracker's bytes carry time stamps of the same clock as `start_unix_ns`.
         Self { start_unix_ns: crate::tracker::host_time_ns(), start: Instant::now() }
     }
 }

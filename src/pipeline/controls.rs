@@ -1,4 +1,4 @@
-//! Controls of watchers, applied to the settings of the session.
+//! Controls: requests of the session's viewers ("watchers"), applied to the settings of the session.
 
 use tokio::sync::mpsc;
 
@@ -14,13 +14,13 @@ pub(super) struct Changes {
     pub(super) picture: bool,
     /// Any setting changed.
     pub(super) any: bool,
-    /// A watcher set rays or layers.
+    /// A watcher set the number of rays or of elevational layers.
     pub(super) quality: bool,
     /// A watcher requested the end of the session.
     pub(super) quit: bool,
-    /// Controls applied.
+    /// Number of controls applied.
     pub(super) applied: u64,
-    /// Controls refused.
+    /// Number of controls refused.
     pub(super) refused: u64,
 }
 

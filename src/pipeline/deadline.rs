@@ -1,4 +1,5 @@
-//! Choice of each frame's picture: by deadline, with hysteresis against flicker.
+//! Chooses between the raw, the generated and a held generated picture of each frame, by deadline and with hysteresis
+//! against flicker.
 
 use std::time::Duration;
 
@@ -9,7 +10,7 @@ use crate::settings::ChoiceSettings;
 /// Upper limit of `frames_required`.
 const FRAMES_REQUIRED_MAX: u32 = 256;
 
-/// Whether a picture of the pose `held` may be shown for a frame of the pose `pose`: both are close enough.
+/// Whether the poses `held` and `pose` are so close that a picture taken at `held` may be shown for `pose`.
 pub(super) fn near(settings: &ChoiceSettings, held: &Pose, pose: &Pose) -> bool {
     held.position_mm.distance(pose.position_mm) <= settings.hold_mm
         && held.orientation.angle_between(pose.orientation).to_degrees() <= settings.hold_deg
@@ -21,13 +22,13 @@ pub(super) struct DeadlineChooser {
     settings: ChoiceSettings,
     /// Whether generated pictures are currently shown.
     generated: bool,
-    /// Consecutive frames whose own generated picture was ready before the deadline.
+    /// Number of consecutive frames whose own generated picture was ready before the deadline.
     in_time: u32,
     last_in_time: Option<u64>,
-    /// Consecutive frames for which a held picture could have been shown.
+    /// Number of consecutive frames for which a held picture (the last generated one) could have been shown.
     near: u32,
-    /// Consecutive frames in time that are required before generated pictures are shown. It grows when they could not
-    /// be kept up.
+    /// Number of consecutive frames that must be in time before generated pictures are shown. It doubles when raw
+    /// frames had to return soon after.
     frames_required: u32,
     /// Frames since the last switch to generated pictures.
     since_change: u32,

@@ -18,7 +18,7 @@ pub trait Observer: Send + Sync {
     /// A pose was estimated for a frame.
     fn pose(&self, unix_ns: u64, estimate: &Estimate);
 
-    /// The settings from `unix_ns` on.
+    /// Settings that apply from `unix_ns` on.
     fn settings(&self, unix_ns: u64, settings: &LiveSettings);
 
     /// A watcher set or removed marks ([`Control::Mark`], [`Control::Unmark`]) in a session that began at `start_unix_ns`.

@@ -1,4 +1,4 @@
-//! Measurements that each presented frame is the first to show.
+//! Counts the tracker measurements that each presented frame is the first to show.
 
 use std::time::Duration;
 
@@ -11,14 +11,14 @@ use crate::presented::{FrameInfo, NewMeasurements};
 pub(super) struct Freshness {
     /// Time at which the last presented frame was sampled.
     sampled: Duration,
-    /// First byte of the newest measurement in that frame.
+    /// Arrival time of the first byte of the newest measurement in that frame.
     first_byte: Option<Duration>,
     measurements: u64,
     jumps: u64,
 }
 
 impl Freshness {
-    /// New measurements of the next presented frame. It also counts measurements of frames dropped before it.
+    /// Measurements that the next presented frame is the first to show, including those of frames dropped before it.
     pub(super) fn next(&mut self, info: &FrameInfo, clock: &dyn Clock) -> NewMeasurements {
         let Estimate { measurements, jump, state, .. } = info.estimate;
         // Without a renderer the frame is black. Its measurements count for the next frame that has a picture.

@@ -50,7 +50,7 @@ impl GenerateStage {
         let mut failing = false;
         while let Taken::Item(rendered) = self.from_renderer.take(NEVER) {
             let number = rendered.info.number;
-            // The first frames after a change were rendered without maps.
+            // The first frames after a change were rendered without maps (segmentation and attenuation).
             let ready = |generator: &usize| rendered.maps || !self.generators.reads_maps(*generator);
             match rendered.generator.filter(ready) {
                 Some(generator) => self.translate(rendered, generator, &mut pool, &mut failing),

@@ -19,14 +19,14 @@ const WEIGHT: f64 = 0.2;
 /// runs.
 const FORGET: f64 = 1.0625;
 
-/// Consecutive frames without a wait after which the next one waits in any case. Otherwise frames disturb every run,
-/// and the estimate never falls.
+/// Number of consecutive frames without a wait after which the next frame always waits. Otherwise frames disturb every
+/// run, and the estimated duration never falls.
 const TRY_AGAIN: u32 = 16;
 
-/// Capacity of the queue of runs that the controller has not read.
+/// Capacity of [`GeneratorState::runs`].
 const RUNS_WAITING: usize = 16;
 
-/// End of a run.
+/// Outcome of a generator run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum RunEnd {
     /// The run produced a picture.
@@ -37,7 +37,7 @@ pub(super) enum RunEnd {
     Failed(String),
 }
 
-/// A run that ended.
+/// A generator run that ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Run {
     /// Index of the generator.
@@ -47,7 +47,7 @@ pub(super) struct Run {
     pub(super) end: RunEnd,
 }
 
-/// Watchdog state of one run.
+/// Watchdog state of a generator run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Hang {
     /// Within the time limit.
@@ -62,19 +62,19 @@ enum Hang {
 /// Generator state while it runs, as seen by the other stages.
 #[derive(Debug, Default)]
 pub(super) struct GeneratorState {
-    /// Last frame handed to the generator; cleared once it is done.
+    /// Number of the last frame handed to the generator; cleared once the generator is done with it.
     given: Option<u64>,
-    /// Frame being translated, and its start time.
+    /// Number of the frame being translated, and the start time of its run.
     busy: Option<(u64, Duration)>,
     /// Expected duration of a run, a moving average; zero before the first run.
     estimate: Duration,
     /// Duration of an undisturbed run: the fastest of recent runs; zero before the first.
     undisturbed: Duration,
-    /// Consecutive frames that did not wait for the generator.
+    /// Number of consecutive frames that did not wait for the generator.
     passed_over: u32,
     /// Watchdog state of the current run.
     hang: Hang,
-    /// Runs that the controller of operating points has not read yet, the oldest first.
+    /// Finished generator runs that the controller of operating points has not read yet, oldest first.
     runs: VecDeque<Run>,
     pub(super) counts: GeneratorSummary,
 }
@@ -127,7 +127,7 @@ pub(super) struct GeneratorLink {
     compute_device: ComputeDevice,
     /// Notified after each frame that the generator translated or skipped.
     done: Signal,
-    /// Whether each generator reads the frames' maps, by its index.
+    /// Whether each generator reads the frames' segmentation and attenuation, by the generator's index.
     reads_maps: Vec<bool>,
 }
 
@@ -143,12 +143,12 @@ impl GeneratorLink {
         }
     }
 
-    /// Whether a generator reads the frames' maps.
+    /// Whether a generator reads the frames' segmentation and attenuation.
     pub(super) fn reads_maps(&self, generator: usize) -> bool {
         self.reads_maps.get(generator).is_some_and(|reads| *reads)
     }
 
-    /// Takes the oldest run that the controller has not read.
+    /// Takes the oldest run that the controller has not read; `None` if it has read them all.
     pub(super) fn next_run(&self) -> Option<Run> {
         lock(&self.state).runs.pop_front()
     }
@@ -158,7 +158,7 @@ impl GeneratorLink {
         lock(&self.state).given = Some(number);
     }
 
-    /// Whether the generator takes turns with a renderer on `device`.
+    /// Whether a renderer on `device` must take turns with the generator, because both use the same device.
     pub(super) fn takes_turns_with(&self, device: ComputeDevice) -> bool {
         self.compute_device.shares_with(device)
     }
@@ -196,8 +196,8 @@ impl GeneratorLink {
         clock.notify(&self.done);
     }
 
-    /// Predicted time at which the generated picture of frame `number` is ready. The frame must have been handed to
-    /// the generator.
+    /// Predicted time at which the generated picture of frame `number` is ready. `None` if the frame is not queued,
+    /// before the first run, or while a run hangs.
     pub(super) fn expected(&self, number: u64, now: Duration) -> Option<Duration> {
         let state = lock(&self.state);
         // Neither a hanging run nor the run after it has a predictable end.
@@ -223,7 +223,8 @@ impl GeneratorLink {
         }
     }
 
-    /// Terminates a run that takes too long, and gives it up if it then does not end. Returns a message to report.
+    /// Terminates a run that takes too long, and gives it up if it then does not end. Returns a message if it did
+    /// either.
     pub(super) fn watch(&self, now: Duration) -> Option<String> {
         let mut state = lock(&self.state);
         let (number, started) = state.busy?;

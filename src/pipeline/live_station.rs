@@ -37,10 +37,10 @@ pub enum LiveError {
     /// No operating point can be chosen.
     #[error(transparent)]
     Chooser(#[from] MeasuringError),
-    /// A provider that the station asks for is unavailable.
+    /// The station requires an inference provider that is unavailable.
     #[error("{path}: {source}")]
     Provider {
-        /// The model.
+        /// File of the generator's model.
         path: PathBuf,
         /// Cause.
         source: GeneratorError,
@@ -59,7 +59,7 @@ pub enum LiveError {
     NotBuilt {
         /// The sink.
         sink: &'static str,
-        /// Cargo feature.
+        /// Cargo feature that adds the sink.
         feature: &'static str,
     },
 }
@@ -79,12 +79,13 @@ pub struct LiveStation {
 }
 
 impl LiveStation {
-    /// Loads the station's generators if they are wanted, and chooses the operating point for a view of the scene
-    /// from `pose`, or from the station's pose. The settings of the point replace the station's. Generators that
-    /// can't be used are logged, and frames stay raw.
+    /// Loads the station's generators if they are wanted, and chooses the operating point (quality and generator). It
+    /// is chosen for a view of the scene from `pose`, or from the station's pose, and replaces the station's settings.
+    /// Generators that can't be used are logged, and frames stay raw.
     ///
     /// # Errors
-    /// No renderer, no operating point, or a provider of generators that the station asks for and the machine lacks.
+    /// No renderer can be made, no operating point can be chosen, or the machine lacks the inference provider that the
+    /// station requires.
     pub fn new(
         station: &mut Station,
         factory: LocalRendererFactory,
@@ -213,7 +214,7 @@ fn video(_: &Station, _: &Path) -> Result<Box<dyn LiveSink>, LiveError> {
     Err(LiveError::NotBuilt { sink: "video", feature: "video" })
 }
 
-/// Tissues and surfaces of the station's scene, for a page.
+/// Tissues and surfaces of the station's scene, for the browser page.
 #[cfg(feature = "browser")]
 pub fn scene_info(station: &Station, scene: &Scene) -> crate::sink::browser::SceneInfo {
     use crate::sink::browser::{SceneInfo, ScenePacket};
@@ -221,7 +222,7 @@ pub fn scene_info(station: &Station, scene: &Scene) -> crate::sink::browser::Sce
     SceneInfo { tissues: station.tissues.names().to_vec(), surfaces: Some(surfaces), measures: measures(station) }
 }
 
-/// Measures of the station's standard planes, each name once; empty for a scene without planes.
+/// Caliper measures of the station's standard planes, one for each name; empty for a scene without planes.
 #[cfg(feature = "browser")]
 fn measures(station: &Station) -> Vec<crate::sink::browser::MeasureInfo> {
     use crate::anatomy::planes::{CaliperKind, PlanesError};

@@ -49,7 +49,7 @@ impl RendererFactory for LocalRendererFactory {
     }
 }
 
-/// The calls `Renderer::name(self)` below reach the inherent functions, which take precedence over the trait's
+/// Calls such as `Renderer::submit(self, …)` below reach the inherent functions, which take precedence over the trait's
 /// functions of the same name.
 impl FrameRenderer for Renderer {
     fn shape(&self) -> ImageShape {

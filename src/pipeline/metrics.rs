@@ -17,13 +17,12 @@ use crate::statistics::upper_median;
 use crate::transducer::Misplacement;
 use crate::transducer::placement::Untouched;
 
-/// Limits of the recent frames behind the live figures: their number, and how long before the last frame they were
-/// presented.
+/// Frames from which the live figures are computed: the last `RECENT`, presented within `RECENT_TIME` before the last
+/// one.
 const RECENT: usize = 64;
 const RECENT_TIME: Duration = Duration::from_secs(3);
 
-/// A pause without frames is reported if it exceeds both limits: the duration, and this many intervals of recent
-/// frames.
+/// A pause without frames is reported if it exceeds both the duration and this many intervals of recent frames.
 const SILENCE: (Duration, f64) = (Duration::from_secs(2), 3.0);
 
 /// Weight of the latest frame in the expected time from sampling to presentation.
@@ -54,7 +53,7 @@ pub struct Status {
     pub misplaced: Option<Misplacement>,
     /// Frames begun but not presented.
     pub dropped: u64,
-    /// Damaged pieces of the tracker's stream.
+    /// Number of damaged pieces of the tracker's stream.
     pub damaged: u64,
     /// Recent fault, as the frames show it.
     pub notice: Option<String>,
@@ -71,11 +70,11 @@ pub(super) struct Metrics {
     pub(super) frames_held: AtomicU64,
     /// Frames not presented because the session ended.
     pub(super) ended: AtomicU64,
-    /// Ticks without a frame.
+    /// Ticks of the frame rate without a frame.
     pub(super) missed_ticks: AtomicU64,
-    /// Devices lost.
+    /// Number of times that the rendering device was lost.
     pub(super) losses: AtomicU64,
-    /// Devices rebuilt.
+    /// Number of times that a lost device was opened again.
     pub(super) rebuilt: AtomicU64,
     /// Numbers of controls applied and refused.
     pub(super) controls: AtomicU64,
@@ -106,7 +105,7 @@ pub(super) struct Shown {
     tracking: TrackingState,
     source: FrameSource,
     frozen: bool,
-    /// Impossible placement of the probe in the last frame.
+    /// Impossible placement of the probe in the last frame, if any.
     placed: Option<Misplacement>,
 }
 
@@ -202,17 +201,17 @@ impl Metrics {
         Duration::from_nanos(self.expected_ns.load(Ordering::Relaxed))
     }
 
-    /// Stores the operating points so far.
+    /// Stores the summary of the operating points so far.
     pub(super) fn set_points(&self, summary: PointSummary) {
         *lock(&self.points) = Some(summary);
     }
 
-    /// Operating points so far; none without a controller of operating points.
+    /// Summary of the operating points so far; none without a controller of operating points.
     pub(super) fn points(&self) -> Option<PointSummary> {
         lock(&self.points).clone()
     }
 
-    /// Stores the finding that the probe has never touched the skin; none once it has.
+    /// Stores the finding that the probe has never touched the skin; `None` once it has touched it.
     pub(super) fn set_untouched(&self, untouched: Option<Untouched>) {
         lock(&self.shown).misplaced.untouched = untouched;
     }

@@ -4,8 +4,8 @@
 //! poses → [late sample] → render → slot → generator → slot → presenter → slot each → sinks
 //!                           └────────────── slot ──────────────↗
 //! ```
-//! Each stage has its own thread. Each link holds one item: the newest replaces the older one, which is counted as
-//! dropped. Events and controls have separate bounded queues. All waits use the session's [`Clock`], so
+//! Each stage has its own thread. Each link is a slot for one item: the newest replaces the older one, which is counted
+//! as dropped. Events and controls have separate bounded queues. All waits use the session's [`Clock`], so
 //! [`SimulatedClock`] runs a session without waiting.
 //!
 //! Each begun frame is either presented or dropped, and drops are counted by cause: `produced = presented + Σ drops`.

@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use super::clock::smoothed;
 
-/// Time between a submission and the expected end of the previous frame. In it the pose is sampled, the passes are
-/// recorded and the finished frame is read back, while the device still works.
+/// Time by which a submission precedes the expected end of the previous frame. Meanwhile the pose is sampled, the
+/// passes are recorded and the finished frame is read back, while the device still works.
 const OVERLAP: Duration = Duration::from_millis(4);
 
 /// Weight of the latest frame in the estimated device time.
@@ -19,7 +19,7 @@ const WEIGHT: f64 = 0.2;
 #[derive(Debug)]
 pub(super) struct Pace {
     period: Duration,
-    /// Next tick.
+    /// Time of the next tick.
     due: Duration,
     /// Estimated time of a frame on the device.
     service: Duration,
@@ -88,7 +88,7 @@ impl Pace {
         self.service
     }
 
-    /// Ticks that passed without a frame.
+    /// Number of ticks that passed without a frame.
     pub(super) fn missed(&self) -> u64 {
         self.missed
     }

@@ -83,8 +83,8 @@ pub trait FrameRenderer: Send {
     /// Requests segmentation and attenuation for frames submitted from now on. Maps not requested may be empty.
     fn set_maps(&mut self, _wanted: bool) {}
 
-    /// Distance of the face's centre from the skin at a pose, mm; none without skin. Asked for only when it is
-    /// reported.
+    /// Distance of the centre of the probe's face from the skin at a pose, mm; none without skin. Asked for only when
+    /// it is reported.
     fn skin_distance_mm(&self, _pose: &Pose) -> Option<f64> {
         None
     }

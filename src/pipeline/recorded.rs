@@ -49,8 +49,8 @@ impl Observer for RecordingObserver {
     }
 }
 
-/// Live settings after `event`, if it is a [`SETTINGS_EVENT`] or has the name of a setting. Settings that the event
-/// does not name keep their values of `before`.
+/// Live settings after `event`, if it is a [`SETTINGS_EVENT`] or has the name of a setting; `None` for other events.
+/// Settings that the event does not name keep their values of `before`.
 ///
 /// # Errors
 /// A value has the wrong type. Ranges are not checked.

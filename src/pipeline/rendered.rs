@@ -18,9 +18,9 @@ pub(super) struct Rendered {
     pub(super) shape: ImageShape,
     /// Latest presentation time, with or without a generated picture.
     pub(super) deadline: Duration,
-    /// Whether it was rendered with its maps.
+    /// Whether the frame was rendered with segmentation and attenuation.
     pub(super) maps: bool,
-    /// Index of the generator that translates it; none: it is shown as it is.
+    /// Index of the generator that translates the frame; none: the rendered image is shown.
     pub(super) generator: Option<usize>,
     /// Operating point, for viewers; none without a controller of operating points.
     pub(super) point: Option<Arc<PointText>>,

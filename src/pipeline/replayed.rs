@@ -8,10 +8,10 @@ use crate::pose::{Estimate, Estimator, Measurement, Reading};
 use crate::recording::{DISCONNECTED_EVENT, Event};
 use crate::settings::{LiveSettings, SettingsGroup as _, live_settings};
 
-/// Time before the first measurement of a hand-held puck at which it is assumed to rest, ns.
+/// Time between the assumed rest of a hand-held puck (a 3D mouse) and its first measurement, ns.
 const REST_NS: u64 = 1_000_000;
 
-/// Zero rates: the measurement of a puck at rest, which sends none itself.
+/// Measurement of zero rates, for a puck at rest, which sends nothing itself.
 pub(super) fn at_rest(host_time_ns: u64) -> Measurement {
     let reading = Reading::Rates { translation: DVec3::ZERO, rotation: DVec3::ZERO };
     Measurement { host_time_ns, device_time_us: None, sequence: None, reading }
@@ -154,7 +154,7 @@ fn names_most(event: &Event) -> bool {
     2 * count > live_settings().count()
 }
 
-/// Whether two values are equal within the rounding of reading a number.
+/// Whether two values are equal, within the rounding error of numbers read from text.
 fn is_same(a: &Value, b: &Value) -> bool {
     match (a, b) {
         (Value::Array(a), Value::Array(b)) => a.len() == b.len() && a.iter().zip(b).all(|(a, b)| is_same(a, b)),

@@ -26,7 +26,7 @@ pub struct SimulatedClock {
 #[derive(Debug)]
 struct State {
     now: Duration,
-    /// Index of the running thread.
+    /// Index of the running thread; `None` if no thread can go on.
     turn: Option<usize>,
     waiters: Vec<Waiter>,
     ready: VecDeque<usize>,

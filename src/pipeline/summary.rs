@@ -39,8 +39,8 @@ pub struct GeneratorSummary {
     pub done: u64,
     /// Translated frames that came after their deadline.
     pub late: u64,
-    /// Frames replaced by newer ones, or offered while the generator could not run: it rested, the frame lacked maps,
-    /// or no generator met the budget.
+    /// Frames replaced by newer ones, or offered while the generator could not run: it was switched off, the frame
+    /// lacked maps, or no generator met the budget.
     pub dropped: u64,
     /// Frames on which it failed.
     pub failed: u64,
@@ -52,7 +52,7 @@ pub struct GeneratorSummary {
     pub stuck: bool,
 }
 
-/// Presented frames whose probe was for seconds where no hand can hold it.
+/// Numbers of presented frames whose probe had been, for seconds, where no hand can hold it.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct MisplacedSummary {
     /// Frames whose probe face is deep in the body.
@@ -109,14 +109,14 @@ pub struct Summary {
     pub by_tracking: [u64; 5],
     /// Presented frames whose probe was where no hand can hold it.
     pub misplaced: MisplacedSummary,
-    /// Time from the first byte of the newest measurement to the frame's handover to the sinks; without a tracker,
-    /// from sampling. Frames with a held or repeated pose are left out.
+    /// Time from the first byte of the newest measurement to the handover of the frame to the sinks. Without a tracker
+    /// it starts at sampling. Frames with a held or repeated pose are left out.
     pub pose_to_present: Option<Percentiles>,
     /// Time from the first byte of every measurement to the handover of the first frame that shows it. It includes
     /// the wait for the tick and for the confirmation of a jump.
     pub motion_to_present: Option<Percentiles>,
-    /// Time from the first byte of each measurement that first showed a jump to the handover. A second measurement
-    /// had to confirm it.
+    /// Time from the first byte of each measurement that showed a jump of the pose to the handover of the first frame
+    /// after the jump. A second measurement had to confirm the jump.
     pub jump_to_present: Option<Percentiles>,
     /// Time from the sampling of the pose to the handover to the sinks, for all frames with a picture.
     pub sample_to_present: Option<Percentiles>,
@@ -124,9 +124,9 @@ pub struct Summary {
     pub render: Option<Percentiles>,
     /// Duration of generator runs whose picture was shown in its own frame.
     pub inference: Option<Percentiles>,
-    /// Devices lost.
+    /// Number of times that the rendering device was lost.
     pub device_losses: u64,
-    /// Lost devices that were opened again.
+    /// Number of lost devices that were opened again.
     pub device_rebuilt: u64,
     /// Controls applied.
     pub controls: u64,

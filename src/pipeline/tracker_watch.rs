@@ -56,12 +56,12 @@ struct Trouble {
 }
 
 impl TrackerWatch {
-    /// Counts a record, whichever sensor it comes from.
+    /// Counts a record of any sensor, at first as one of another sensor.
     pub(super) fn heard(&self) {
         lock(&self.0).totals.other_sensors += 1;
     }
 
-    /// Counts a record of the probe's sensor and ends trouble. [`Self::heard`] has counted it already.
+    /// Counts a record as one of the probe's sensor, after [`Self::heard`] has counted it as another's. Ends trouble.
     pub(super) fn record(&self) {
         let mut state = lock(&self.0);
         state.totals.records += 1;

@@ -39,9 +39,9 @@ pub struct PresentedFrame {
     pub pixel_mm: f64,
     /// Grey levels that are shown [height × width].
     pub image: Vec<u8>,
-    /// Tissue numbers [height × width]; 0 outside the sector. Empty where neither the generator nor a sink reads it.
+    /// Tissue numbers [height × width]; 0 outside the sector. Empty if neither the generator nor a sink reads them.
     pub segmentation: Vec<u8>,
-    /// One-way attenuation divided by its 98th percentile [height × width]. Empty where `segmentation` is.
+    /// One-way attenuation divided by its 98th percentile [height × width]. Empty if `segmentation` is.
     pub attenuation: Vec<f32>,
     /// 255 inside the sector [height × width].
     pub mask: Arc<[u8]>,

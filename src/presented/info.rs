@@ -9,7 +9,7 @@ use crate::transducer::{Contact, Misplacement};
 /// Times at which a frame passed each stage, since the start of the session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct FrameTimeline {
-    /// First byte of the tracker record behind the pose; none without a tracker.
+    /// Arrival of the first byte of the tracker record that gave the pose; none without a tracker.
     pub first_byte: Option<Duration>,
     /// Sampling of the pose.
     pub sampled: Duration,
@@ -30,9 +30,10 @@ pub struct NewMeasurements {
     pub count: u64,
     /// Time at which the previous presented frame was sampled; all these measurements arrived after it.
     pub after: Duration,
-    /// First byte of the newest measurement before these; none if no frame showed one.
+    /// Arrival of the first byte of the newest measurement in the frame before; none if it showed none.
     pub before: Option<Duration>,
-    /// First byte of the measurement that was held back until a second one confirmed a jump; none without a new jump.
+    /// Arrival of the first byte of the measurement that was held back until a second one confirmed a jump; none
+    /// without a new jump.
     pub jump: Option<Duration>,
 }
 
@@ -43,13 +44,13 @@ pub struct FrameInfo {
     pub number: u64,
     /// Pose estimate of the picture; without a picture its pose is `None`.
     pub estimate: Estimate,
-    /// Times at which it passed the stages so far.
+    /// Times at which the frame passed the stages so far.
     pub timeline: FrameTimeline,
     /// Measurements that no earlier frame showed; completed by the presenter.
     pub new: NewMeasurements,
-    /// Settings with which it is rendered.
+    /// Settings with which the frame is rendered.
     pub settings: LiveSettings,
-    /// Contact of the face with the skin; none if everything is coupled, or without a picture.
+    /// Contact of the probe's face with the skin; none without the effect `contact`, or without a picture.
     pub contact: Option<Contact>,
     /// Impossible placement of the probe that has lasted for seconds.
     pub misplaced: Option<Misplacement>,

@@ -7,9 +7,9 @@ use super::QualityError;
 /// Mean and covariance of feature vectors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gaussian {
-    /// Mean.
+    /// Mean feature vector.
     pub mean: DVector<f64>,
-    /// Covariance, with n − 1 in the denominator.
+    /// Covariance of the features, with n − 1 in the denominator.
     pub covariance: DMatrix<f64>,
 }
 

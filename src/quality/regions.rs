@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::transducer::{Probe, ScanGeometry};
 
-/// Smallest distance behind the tissue, along the scanline, at which a pixel counts as behind it, mm. The pulse and
-/// the blur of its echo are shorter.
+/// Smallest distance behind a tissue (deeper on the same scanline) at which a pixel counts as behind it, mm. The pulse
+/// and the blur of its echo are shorter.
 pub const BEHIND_MM: f64 = 2.0;
 /// Words in the names of tissues whose shadows are measured.
 pub(crate) const BONES: [&str; 3] = ["bone", "calvaria", "skull"];

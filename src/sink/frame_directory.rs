@@ -123,7 +123,7 @@ impl FrameDirectory {
     }
 }
 
-/// Probe settings in a frame's record on which its picture's geometry depends.
+/// The probe settings in a frame's record that determine the geometry of its picture.
 #[derive(Deserialize)]
 struct Recorded {
     probe: RecordedProbe,

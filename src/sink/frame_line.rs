@@ -21,7 +21,7 @@ pub(crate) struct FrameLine<'a> {
     pub tracking: &'static str,
     /// `scene_from_probe` [x, y, z (mm), qw, qx, qy, qz]; none without a picture.
     pub pose: Option<[f64; 7]>,
-    /// Contact of the face with the skin; none if everything is coupled.
+    /// Contact of the probe's face with the skin; none without the effect `contact`.
     pub contact: Option<Contact>,
     /// Measurements that no earlier frame showed.
     pub new_measurements: u64,
@@ -30,9 +30,9 @@ pub(crate) struct FrameLine<'a> {
     /// Time from the first byte of the measurement that first showed a jump to `presented_ms`; none without a new
     /// jump.
     pub jump_to_present_ms: Option<f64>,
-    /// First byte of the tracker record behind the pose.
+    /// Arrival of the first byte of the tracker record that gave the pose.
     pub first_byte_ms: Option<f64>,
-    /// Sampling of the pose.
+    /// Time at which the pose was sampled.
     pub sampled_ms: f64,
     /// Submission of the render.
     pub submitted_ms: f64,

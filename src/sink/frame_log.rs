@@ -121,7 +121,8 @@ impl FrameLog {
         Ok(waits)
     }
 
-    /// Waits up to `patience` for the last line to be written.
+    /// Waits up to `patience` for the last line to be written. Returns the counts of lines, and whether the log is
+    /// complete.
     pub fn finish(mut self, patience: Duration) -> (LogCounts, LogEnd) {
         self.close();
         let until = Instant::now() + patience;

@@ -36,11 +36,11 @@ pub struct FrameRecord {
     /// Positions of the samples in lines.npy; none in a frame without its lines.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lines: Option<LinesRecord>,
-    /// Contact of the face with the skin; none if everything is coupled.
+    /// Contact of the probe's face with the skin; none without the effect `contact`.
     pub contact: Option<Contact>,
     /// 98th percentile of the attenuation, by which the attenuation map was divided; 0 without maps.
     pub attenuation_p98: f32,
-    /// Hits and interactions that did not fit the buffers; 0 in a sound frame.
+    /// Number of hits and interactions that did not fit the buffers; 0 in a sound frame.
     pub overflows: u32,
     /// Durations of the frame's stages.
     pub times: FrameTimes,
@@ -57,7 +57,7 @@ pub struct PoseRecord {
     pub orientation_wxyz: [f64; 4],
 }
 
-/// Quality and effects after the effect plan.
+/// Quality and effects with which the frame was rendered, as the effect plan decided.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SimulatedRecord {
     /// Rays per scanline and layer; 1 if more would change nothing.
@@ -147,7 +147,8 @@ pub struct AdapterRecord {
     pub name: String,
     /// Its driver.
     pub driver: String,
-    /// How `trace` ran on a device: one thread per path, several lanes per path, or chosen by the number of paths.
+    /// How the pass `trace` ran on a device: one thread per path, several lanes per path, or chosen by the number of
+    /// paths.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub trace: Option<String>,
 }

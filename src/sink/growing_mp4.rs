@@ -21,8 +21,8 @@ const FRAGMENT_S: f64 = 1.0;
 /// Placeholder box as large as the header of the finished file's `mdat`, which replaces it.
 const MDAT_PLACEHOLDER: [u8; 16] = [0, 0, 0, 16, b'f', b'r', b'e', b'e', 0, 0, 0, 0, 0, 0, 0, 0];
 
-/// A growing MP4 with one video track. It is called `NAME.part.mp4` until it is finished. If dropped before, the file
-/// stays, unless it holds no picture.
+/// A growing MP4 with one video track. It is called `NAME.part.mp4` until it is finished. If dropped unfinished, the
+/// file stays under that name, unless it holds no picture.
 pub(super) struct GrowingMp4 {
     names: PartFile,
     file: File,

@@ -70,7 +70,7 @@ impl Anatomy {
 pub(crate) struct Layer {
     /// Name, with underscores.
     pub(crate) name: String,
-    /// Opacity of its most opaque surface, 0..=1.
+    /// Opacity of the layer's most opaque surface, 0..=1.
     pub(crate) opacity: f32,
     /// Whether it is shown when the scene is opened.
     pub(crate) is_shown: bool,
@@ -213,7 +213,7 @@ fn at_first(layer: Anatomy, has_fetus: bool) -> (f32, bool) {
     }
 }
 
-/// Opacity of a surface relative to its layer's, 0..=1. A surface that encloses others of its layer is more
+/// Opacity of a surface relative to the layer's opacity, 0..=1. A surface that encloses others of its layer is more
 /// transparent.
 fn part(name: &str, tissue: &str) -> f32 {
     let encloses = name.ends_with("_wall") || name.ends_with("_walls") || tissue == "gallbladder_wall";

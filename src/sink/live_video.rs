@@ -16,7 +16,7 @@ pub(crate) struct LiveVideo {
     stem: PathBuf,
     rate: FrameRate,
     video: Option<Video>,
-    /// Session time at the start of the video, plus the cut parts of pauses.
+    /// Session time at the start of the video, plus the time cut from pauses so far.
     origin: Duration,
     /// Frame that is currently shown, and its index in the video.
     shown: Vec<u8>,

@@ -142,7 +142,7 @@ impl MetaImageWriter {
     }
 }
 
-/// Header before the lines of the images, split at the compressed size.
+/// Header before the lines of single images, as two parts between which the compressed size is written.
 fn head(sector: &Sector, images: usize, compress: bool) -> (String, String) {
     let compressed = if compress { "True\nCompressedDataSize = " } else { "False" };
     let before = format!(
@@ -158,7 +158,8 @@ fn head(sector: &Sector, images: usize, compress: bool) -> (String, String) {
     (before, behind)
 }
 
-/// Linear part, mm per pixel, and offset, mm. Right in the image is the probe's x, down is its z.
+/// Transform from pixels to the probe frame: linear part, mm per pixel, and offset, mm. Right in the image is the
+/// probe's x, down is its z.
 fn image_to_probe(sector: &Sector) -> (DMat3, DVec3) {
     let first = sector.pixel_centre_mm(0, 0);
     // Right-handed, like every transform that PLUS writes.

@@ -28,7 +28,7 @@ pub struct Examination {
     pub setup: Vec<SetupFinding>,
     /// Aberration at several depths; empty without a pose, or if the scene has errors.
     pub aberration: Vec<Summary>,
-    /// The station's file, if its tracker has a network address. Such a tracker is not tried.
+    /// Path of the station file, if its tracker has a network address. Such a tracker is not contacted.
     #[serde(skip)]
     pub untried: Option<PathBuf>,
 }

@@ -178,7 +178,7 @@ impl From<&'static Setting> for KeyDoc {
     }
 }
 
-/// Documentation of a tissue's key. If a built-in tissue's key is absent, the tissue keeps its value.
+/// Documentation of a tissue's key. Without the key, a built-in tissue keeps its value.
 fn of_tissue(setting: &'static Setting) -> KeyDoc {
     let required = PHYSICAL.contains(&setting.key);
     let default = if required { "built-in, else required" } else { "built-in, else 0.0" };

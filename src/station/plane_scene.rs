@@ -5,13 +5,13 @@ use crate::anatomy::planes::{StandardPlanes, planes_path};
 use crate::anatomy::{Scene, Skin};
 use crate::phantom;
 
-/// Depth to which a probe presses the skin at the pose of a plane, mm.
+/// Depth to which a probe's face presses the skin at the pose of a standard plane, mm.
 const PRESS_MM: f64 = 2.5;
 
 /// Standard planes of a scene, and its skin.
 #[derive(Debug)]
 pub struct PlaneScene {
-    /// Planes, including probe poses on the skin.
+    /// Standard planes, including the probe poses on the skin that show them.
     pub planes: StandardPlanes,
     /// Outer surface of the scene.
     pub skin: Skin,

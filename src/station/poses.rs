@@ -82,8 +82,9 @@ impl Poses {
         evenly(count.min(self.all.len()), self.all.len()).map(|i| self.all[i].pose).collect()
     }
 
-    /// `count` poses for each speed of the probe, each with the `frames` poses before it. They are moments of this
-    /// recording at that speed. If this is a single pose, the poses are spread about it, with the motion of `hand`.
+    /// Up to `count` poses for each speed class of the probe, each with the `frames` poses before it, `period` apart.
+    /// They are moments of this recording at that speed. A single pose has no motion: then moments of `hand` are moved
+    /// to poses around it.
     ///
     /// # Errors
     /// The probe never moves at one of the speeds.
@@ -127,7 +128,7 @@ impl Poses {
         self.all.len() > 1
     }
 
-    /// Poses as of [`Poses::spread`], each with the `frames` poses before it, `period` apart.
+    /// The poses of [`Poses::spread`], each with up to `frames` poses before it, `period` apart.
     pub fn tracks(&self, count: usize, frames: u32, period: Duration) -> Vec<Track> {
         if !self.moves() {
             return self.spread(count).into_iter().map(|at| Track { at, before: Vec::new() }).collect();

@@ -13,7 +13,7 @@ const RENAMED: [(&str, &str, &str); 3] = [
     ("pipeline", "budget_ms", "deadline_ms"),
 ];
 
-/// A key with an earlier name that a station file has.
+/// A key of a station file that is written under an earlier name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RenamedKey {
     /// Name of the table.

@@ -39,7 +39,7 @@ use crate::sink::live::MapsWanted;
 /// Buffers of rendered frames: those in the slots, the generator and the presenter, and one to fill.
 const FRAMES: usize = 8;
 
-/// Longest delay of a frame for the generator's turn; if half a period is shorter, that.
+/// Upper limit of a frame's delay while the generator has its turn. Half a frame period applies if it is shorter.
 const TURN: Duration = Duration::from_millis(250);
 
 /// A frame in flight.
@@ -51,7 +51,7 @@ struct InFlight {
     point: Option<Arc<PointText>>,
     /// Expected completion time on the session's clock.
     expected: Duration,
-    /// Whether the device has finished it.
+    /// Whether the device has finished the frame.
     done: bool,
 }
 
@@ -65,12 +65,12 @@ pub(super) struct RenderParts {
     pub(super) controls: Controls,
     /// Controller of the operating point; none: quality and generator stay as set.
     pub(super) points: Option<PointController>,
-    /// The station's choice whether to simulate the aperture. The controller may switch the aperture off.
+    /// The station's choice whether to simulate the aperture. The controller may switch its simulation off.
     pub(super) aperture: Choice,
     pub(super) to_presenter: Arc<Slot<Arc<Rendered>>>,
     pub(super) to_generator: Option<Arc<Slot<Arc<Rendered>>>>,
     pub(super) generator: Option<Arc<GeneratorLink>>,
-    /// Sinks that may read segmentation and attenuation.
+    /// For each sink that can use segmentation and attenuation, whether it reads them now.
     pub(super) map_readers: Vec<MapsWanted>,
     pub(super) period: Duration,
     /// Time from the sampling of a frame's pose to its deadline.
@@ -148,13 +148,13 @@ impl RenderStage {
         while !self.parts.stop.is_requested() {
             let submit_at = self.pace.submit_at();
             match self.in_flight.front() {
-                // By then the oldest frame is done, or the queue is full.
+                // By `submit_at` the oldest frame should be done, or the queue is full.
                 Some(oldest)
                     if oldest.done || oldest.expected <= submit_at || self.in_flight.len() == FRAMES_IN_FLIGHT =>
                 {
                     self.receive();
                 }
-                // The generator's turn comes after the frame in flight.
+                // The generator gets its turn when no frame is in flight.
                 Some(_) if self.takes_turns() => self.receive(),
                 _ if self.parts.clock.now() < submit_at => {
                     self.parts.stop.wait(submit_at);
@@ -175,7 +175,7 @@ impl RenderStage {
     }
 
     /// Waits for a generator that runs on the device that renders the frames; returns whether it waited. A generator
-    /// slower than a period gets a turn only occasionally, so the frame rate stays at two thirds or more.
+    /// slower than a period gets a turn only occasionally, so at least two thirds of the set frame rate remain.
     fn gives_way(&self, submit_at: Duration) -> bool {
         let RenderParts { clock, period, generator, .. } = &self.parts;
         // Due one period after the last frame began. If a frame and a run together take longer than a period, frames
@@ -248,7 +248,7 @@ impl RenderStage {
         self.count_missed(missed);
     }
 
-    /// Counts the ticks missed since the count was `before`.
+    /// Adds the ticks missed since `before`, an earlier count of missed ticks, to the metrics.
     fn count_missed(&self, before: u64) {
         self.parts.metrics.missed_ticks.fetch_add(self.pace.missed() - before, Ordering::Relaxed);
     }
@@ -327,7 +327,7 @@ impl RenderStage {
         }
     }
 
-    /// Hands on a black frame without a pose. A reported misplacement of the probe ends.
+    /// Hands on a black frame without a pose, and ends a reported misplacement of the probe.
     fn without_picture(&mut self, mut info: FrameInfo) {
         info.estimate.scene_from_probe = None;
         if self.placement.reset() {

@@ -13,8 +13,8 @@ const RIGHT: Duration = Duration::from_secs(1);
 #[derive(Debug, Default)]
 pub(super) struct PlacementWatch {
     reported: Option<Misplacement>,
-    /// Start of the frames that contradict the reported placement, and whether the probe is misplaced in them (with
-    /// another fault, if one is reported).
+    /// Start of the latest frames that contradict `reported`, and whether the probe is misplaced in them. `None` if the
+    /// last frame agrees with the report or its contact is unknown.
     otherwise: Option<(Duration, bool)>,
 }
 
@@ -28,8 +28,8 @@ pub(super) enum PlacementChange {
 }
 
 impl PlacementWatch {
-    /// Takes the contact of a frame rendered at `now`; none without a picture, or if everything is coupled. Returns a
-    /// change to report.
+    /// Takes the contact of a frame rendered at `now`; `None` if the contact is unknown. Returns a change to report, if
+    /// any.
     pub(super) fn update(&mut self, now: Duration, contact: Option<&Contact>) -> Option<PlacementChange> {
         let Some(Contact { misplaced, .. }) = contact else {
             self.otherwise = None;
@@ -77,13 +77,13 @@ mod tests {
         Contact { part: 1.0, press_mm: Some(1.0), shift_mm: 0.0, misplaced }
     }
 
-    /// Changes reported for a probe that is misplaced in the tenths of a second where `wrong` holds, with their times
-    /// in tenths.
+    /// Changes reported for a probe that is misplaced whenever `wrong` holds, each with its time. Times are in tenths
+    /// of a second.
     fn changes(wrong: impl Fn(u32) -> bool) -> Vec<(u32, PlacementChange)> {
         changes_of(|tenth| wrong(tenth).then_some(WRONG))
     }
 
-    /// Changes reported for a probe with these placements, one for each tenth of a second, with their times in
+    /// Changes reported for a probe whose placement in each tenth of a second is `placed`, each with its time in
     /// tenths.
     fn changes_of(placed: impl Fn(u32) -> Option<Misplacement>) -> Vec<(u32, PlacementChange)> {
         let mut watch = PlacementWatch::default();

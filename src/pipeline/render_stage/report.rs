@@ -20,8 +20,8 @@ impl RenderStage {
         });
     }
 
-    /// Reports that the probe is where no hand can hold it, or is right again. The first of these stays on the
-    /// frames.
+    /// Reports that the probe is where no hand can hold it, or that its placement is possible again. The first message
+    /// stays on the frames until the second.
     pub(super) fn report_placement(&self, change: PlacementChange) {
         let events = &self.parts.events;
         match change {
@@ -33,7 +33,7 @@ impl RenderStage {
         }
     }
 
-    /// Reports once that the probe has never touched the skin. The summary keeps this until the probe does.
+    /// Reports once that the probe has never touched the skin. The summary keeps this until the probe touches it.
     pub(super) fn report_untouched(&self, change: UntouchedChange) {
         let untouched = match change {
             UntouchedChange::Never { good, extent_mm, pose } => {

@@ -78,8 +78,8 @@ impl RenderStage {
         true
     }
 
-    /// Reports ended runs to the controller, and makes its change of the operating point, if one is due. A frozen
-    /// picture is not changed.
+    /// Reports ended generator runs to the controller, and makes its change of the operating point, if one is due. A
+    /// frozen picture is not changed.
     pub(super) fn keep_point(&mut self) {
         let now_s = self.parts.clock.now().as_secs_f64();
         let Some(points) = &mut self.parts.points else { return };

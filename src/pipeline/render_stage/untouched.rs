@@ -7,7 +7,7 @@ use glam::DVec3;
 use crate::pose::{Pose, TrackingState};
 use crate::presented::FrameInfo;
 
-/// Time of good poses without contact after which the report is made.
+/// Total time of good poses without contact after which the report is made.
 const UNTOUCHED_FOR: Duration = Duration::from_secs(20);
 
 /// Watch of a session's poses until the probe first touches the skin.
@@ -15,7 +15,7 @@ const UNTOUCHED_FOR: Duration = Duration::from_secs(20);
 pub(super) struct UntouchedWatch {
     touched: bool,
     is_reported: bool,
-    /// Time of good poses so far.
+    /// Total time of good poses so far.
     good: Duration,
     /// Time at which the last frame was rendered, if its pose was good.
     last: Option<Duration>,
@@ -40,8 +40,8 @@ pub(super) enum UntouchedChange {
 }
 
 impl UntouchedWatch {
-    /// Takes a rendered frame. Frames do not count if the pose is not measured, is frozen or is reported as
-    /// misplaced.
+    /// Takes a rendered frame, and returns a change to report, if any. Frames do not count if the pose is not measured,
+    /// is frozen or is reported as misplaced.
     pub(super) fn update(&mut self, info: &FrameInfo) -> Option<UntouchedChange> {
         let FrameInfo { estimate, contact, settings, misplaced, timeline, .. } = info;
         if self.touched {

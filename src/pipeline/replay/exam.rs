@@ -1,4 +1,4 @@
-//! Poses of a recorded session, as a score takes them.
+//! Poses of a recorded session, for scoring.
 
 use std::path::Path;
 

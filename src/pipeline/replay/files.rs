@@ -1,4 +1,4 @@
-//! A replay as pictures, a video and its record.
+//! Writes a replay as pictures, a video and a record.
 
 use std::fmt;
 use std::ops::Range;
@@ -22,7 +22,7 @@ use crate::sink::frame_record::{AdapterRecord, PoseRecord};
 use crate::sink::png::{self, Effort};
 use crate::sink::{Video, npy, remove, write_json};
 
-/// Record of a written replay, as `replay.json` has it. [`Display`](fmt::Display) says what was made.
+/// Record of a written replay, the content of `replay.json`. [`Display`](fmt::Display) lists what was written.
 #[derive(Debug, Serialize)]
 pub struct WrittenReplay<'a> {
     version: &'static str,
@@ -34,7 +34,7 @@ pub struct WrittenReplay<'a> {
     fps: f64,
     /// Number of frames written.
     rendered: usize,
-    /// Rendered frames whose pose is not exactly of their time: those in or just after gaps of the recording.
+    /// Number of rendered frames whose pose is an earlier one, held in or just after gaps of the recording.
     held: usize,
     /// Number of times that the recorded session changed settings within these frames.
     changes: usize,
@@ -66,7 +66,7 @@ pub struct WrittenReplay<'a> {
 /// Consecutive frames with the same settings.
 #[derive(Debug, Serialize)]
 struct PartEntry {
-    /// Index of the first.
+    /// Index of the first frame.
     first: usize,
     /// Number of frames.
     frames: usize,

@@ -19,7 +19,7 @@ use crate::sink::{FrameFiles, FrameRecord, png, remove};
 use crate::station::Station;
 use crate::statistics::{evenly, mean};
 
-/// Most rows of the contact sheet.
+/// Largest number of rows of the contact sheet.
 const COUNT_MAX: usize = 6;
 /// File of a key frame's translated image.
 const TRANSLATED: &str = "translated.png";
@@ -35,7 +35,7 @@ pub struct KeyFrame {
 }
 
 impl KeyFrame {
-    /// Its name as part of a path: letters, digits and `_`.
+    /// The key frame's name as part of a path: letters, digits and `_`.
     pub fn file_name(&self) -> String {
         self.name.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' }).collect()
     }
@@ -77,13 +77,13 @@ impl fmt::Display for Agreement<'_> {
     }
 }
 
-/// A renderer at one quality, with its last frame and its times.
+/// A renderer at one quality, with its last frame and its frame times.
 pub struct Stage {
     /// The renderer.
     pub renderer: Renderer,
     settings: RenderSettings,
     frame: Frame,
-    /// Times of its frames.
+    /// Times of the rendered frames.
     pub times: TimeTable,
     /// Frames with hits or interactions that did not fit the buffers.
     pub overflowed: usize,
@@ -139,7 +139,7 @@ pub struct KeyFrames<'a> {
     pub lq: Stage,
     /// High quality: the reference for the scores.
     pub hq: Stage,
-    /// Generator with its buffers; none if the generator is missing.
+    /// Generator with its buffers; none: frames are not translated.
     pub translation: Option<Translation>,
     /// The station.
     pub station: &'a Station,

@@ -4,10 +4,10 @@ use crate::sink::FrameRate;
 use crate::transducer::Misplacement;
 use crate::transducer::placement::MISPLACED_FOR;
 
-/// Misplaced frames of a replay. Only long runs of them are reported.
+/// Frames of a replay with a misplaced probe, counted in runs of consecutive frames.
 #[derive(Debug)]
 pub(super) struct MisplacedFrames {
-    /// Frames in the shortest run that is reported.
+    /// Length of the shortest run that is reported, in frames. Shorter runs of misplaced frames are not reported.
     least: f64,
     /// Placement at the start of the current run, and its number of frames so far.
     run: Option<(Misplacement, u32)>,
@@ -21,7 +21,7 @@ impl MisplacedFrames {
         Self { least: MISPLACED_FOR.as_secs_f64() * rate.fps(), run: None, reported: None }
     }
 
-    /// Takes the placement of the next frame; `None` for one that a hand can reach.
+    /// Takes the placement of the next frame; `None` if a hand can hold the probe there.
     pub(super) fn push(&mut self, placed: Option<Misplacement>) {
         let Some(placed) = placed else {
             self.run = None;

@@ -45,7 +45,7 @@ pub struct ReplayOptions {
     pub rate: FrameRate,
     /// Frames to render.
     pub frames: FrameRange,
-    /// Rays and layers; none: the recorded session's quality, or the station's if the session has none.
+    /// Numbers of rays and layers; none: the recorded session's quality, or the station's if the session has none.
     pub quality: Option<FrameQuality>,
     /// Seed; none: the seed of the station.
     pub seed: Option<u32>,
@@ -98,8 +98,8 @@ impl Replay {
     /// Reads the recording at `path` for `station`.
     ///
     /// # Errors
-    /// A recording or calibration that can't be read, times that span too many frames, or no requested frame. What is
-    /// damaged is logged before.
+    /// A recording or calibration that can't be read, times that span too many frames, or no requested frame. Damage in
+    /// the recording is logged before.
     pub fn read(path: &Path, station: Station, options: &ReplayOptions) -> Result<Self, ReplayError> {
         let ReplayOptions { rate, frames: FrameRange { start, end }, quality, .. } = *options;
         if let Some(end) = end.filter(|end| *end <= start) {

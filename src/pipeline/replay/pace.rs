@@ -55,7 +55,7 @@ impl Pace {
         }
     }
 
-    /// Due time of a frame, since the first one.
+    /// Due time of a frame, since the first one; `None` at full speed.
     fn due(&self, frame: usize) -> Option<Duration> {
         self.interval.map(|interval| interval.mul_f64(frame as f64))
     }

@@ -10,7 +10,7 @@ use crate::sink::FrameRate;
 /// Poses at evenly spaced times.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Timeline {
-    /// Pose of each frame; the previous one if it is unknown.
+    /// Pose of each frame; the previous frame's if it is unknown.
     pub poses: Vec<Pose>,
     /// Host time of each frame, ns.
     pub times_ns: Vec<u64>,
@@ -18,7 +18,7 @@ pub struct Timeline {
     scene_times_ns: Vec<u64>,
     /// Host time of scene time 0, ns.
     scene_start_ns: u64,
-    /// Whether each frame's pose was held, so that it is not exactly of the frame's time.
+    /// Whether an earlier pose was held for each frame, because the pose at the frame's time was unknown.
     held: Vec<bool>,
 }
 
@@ -112,12 +112,12 @@ impl Timeline {
         }
     }
 
-    /// Number of frames in the range `frames` whose pose was held, so that it is not exactly of their time.
+    /// Number of frames in the range `frames` with a held (earlier) pose.
     pub fn held_in(&self, frames: std::ops::Range<usize>) -> usize {
         self.held.get(frames).unwrap_or_default().iter().filter(|held| **held).count()
     }
 
-    /// Whether a frame's pose was held, so that it is not exactly of its time.
+    /// Whether an earlier pose was held for a frame, because the pose at the frame's time was unknown.
     pub(crate) fn is_held(&self, frame: usize) -> bool {
         self.held.get(frame).copied().unwrap_or_default()
     }
@@ -136,7 +136,7 @@ impl Timeline {
         time_ns.saturating_sub(self.scene_start_ns) as f64 * 1e-9
     }
 
-    /// The frame nearest to a host time.
+    /// Index of the frame nearest to a host time.
     pub fn nearest(&self, time_ns: u64) -> usize {
         let after = self.times_ns.partition_point(|&t| t < time_ns);
         let candidates = [after.saturating_sub(1), after.min(self.times_ns.len().saturating_sub(1))];

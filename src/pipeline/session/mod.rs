@@ -78,7 +78,7 @@ pub struct Parts {
     pub points: Option<PointController>,
     /// The station's choice whether to simulate the aperture. The controller may switch the aperture off.
     pub aperture: Choice,
-    /// Generator; none: raw frames are shown.
+    /// Generators; none: raw frames are shown.
     pub generators: Option<Box<dyn FrameGenerators>>,
     /// Sinks of the presented frames.
     pub sinks: Vec<Box<dyn LiveSink>>,

@@ -1,4 +1,5 @@
-//! Pictures of a scene with the probe and its fan. They are made on the processor, so no graphics driver is needed.
+//! Pictures of a scene with the probe and its fan (the imaged sector). They are made on the processor, so no graphics
+//! driver is needed.
 //!
 //! Surfaces are shaded in the colours of their tissues. Layers that enclose others are transparent or hidden. A cut
 //! removes everything in front of a plane, and shows the tissues in the plane. The projection is parallel, so one

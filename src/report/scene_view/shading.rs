@@ -133,8 +133,8 @@ impl Scenery {
         Sample { colour: light + left * GROUND, seen, layers }
     }
 
-    /// Index of the surface with the highest priority that contains the line's point at `t_mm`. The probe is
-    /// excluded.
+    /// Index of the surface with the highest priority among those that contain the point `t_mm` along the line of
+    /// sight. Surfaces of the probe are excluded.
     fn medium_beyond(&self, hits: &[Hit], t_mm: f32) -> Option<usize> {
         let mut met = [0u64; 4];
         let mut highest = None;

@@ -35,7 +35,8 @@ pub fn table(report: &Report) -> String {
     out
 }
 
-/// A number as text, with two digits of its tolerance. A tolerance of 0 means that the number is a count.
+/// A number as text, rounded to the second significant digit of its tolerance. A tolerance of 0 means that the number
+/// is a count.
 fn figure(value: f64, tolerance: f64) -> String {
     if !value.is_finite() {
         return "not measurable".to_owned();

@@ -26,7 +26,7 @@ use crate::settings::Origin;
 /// Header in which proxies say the scheme of the browser's request.
 const FORWARDED_PROTO: &str = "x-forwarded-proto";
 
-/// What requests are checked against: token, names and addresses of this server, configured origins.
+/// Token, names, addresses and configured origins against which requests are checked.
 #[derive(Debug)]
 pub(super) struct Access {
     local: SocketAddr,
@@ -53,7 +53,7 @@ impl Access {
         Ok(Self { local, host_name, origins, token })
     }
 
-    /// Address to open, with the token.
+    /// Address of the page, with the token.
     pub(super) fn url(&self) -> String {
         let host = match &self.host_name {
             Some(name) => format!("{name}:{}", self.local.port()),
@@ -62,7 +62,7 @@ impl Access {
         self.with_token(&format!("http://{host}"))
     }
 
-    /// Addresses to open at the configured origins, with the token.
+    /// Addresses of the page at the configured origins, with the token.
     pub(super) fn origin_urls(&self) -> Vec<String> {
         self.origins.iter().map(|origin| self.with_token(&origin.to_string())).collect()
     }

@@ -21,17 +21,17 @@ use crate::settings::{Assignment, Control};
 const FRAMES_UNDER_WAY: usize = 2;
 /// Longest time to send a message; a slower page counts as gone.
 const SEND_TIMEOUT: Duration = Duration::from_secs(10);
-/// Longest silence of a page; a page that is silent longer counts as gone.
+/// Longest silence of a page; after that the page counts as gone.
 const SILENCE_TIMEOUT: Duration = Duration::from_secs(30);
 const PING_PERIOD: Duration = Duration::from_secs(10);
 const STATS_PERIOD: Duration = Duration::from_secs(1);
 /// Largest number of changes of marks by one page: more than a session of measuring needs, less than a recording can
 /// hold.
 const MARKS_MAX: u64 = 10_000;
-/// Largest number of answers that wait to be sent. While there are more, the page's messages are not read.
+/// Capacity of the queue from the reading to the writing half. While it is full, the page's messages are not read.
 const ANSWERS: usize = 16;
 
-/// Messages from the reading half to the writing half.
+/// Messages from the reading half to the writing half of a connection.
 enum Heard {
     Drawn(u64),
     Overlays,

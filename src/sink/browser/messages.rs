@@ -21,9 +21,9 @@ pub(super) enum Request {
     },
     /// Maps to send in addition to the image.
     Overlays {
-        /// Tissue numbers.
+        /// Whether to send tissue numbers.
         segmentation: bool,
-        /// Attenuation.
+        /// Whether to send attenuation.
         attenuation: bool,
     },
     /// The page has drawn the frame of this number, and has room for another.
@@ -33,9 +33,9 @@ pub(super) enum Request {
     },
     /// A mark on a picture was set or changed.
     Mark(Box<Mark>),
-    /// Marks were removed.
+    /// Marks were removed from pictures.
     Unmark {
-        /// Their identifiers.
+        /// Identifiers of the marks.
         ids: Vec<String>,
     },
 }
@@ -69,7 +69,7 @@ pub(super) enum ToPage<'a> {
         version: &'static str,
         /// Identifier of the session, for pages that connect again.
         session: String,
-        /// Tissues behind the numbers of the segmentation.
+        /// Tissue of each number in the segmentation.
         tissues: Vec<TissueEntry<'a>>,
         /// Colours of the attenuation's levels 0..=255.
         attenuation_colours: Vec<colour::Rgb>,
@@ -84,7 +84,7 @@ pub(super) enum ToPage<'a> {
         qualities: &'static [QualityPointKey],
         /// Hot keys of the page.
         keys: Vec<&'static HotKey>,
-        /// Measures of the scene's standard planes.
+        /// Caliper measures of the scene's standard planes.
         measures: &'a [MeasureInfo],
     },
     /// Counts of frames sent and dropped and of connected pages, every second.
@@ -93,7 +93,7 @@ pub(super) enum ToPage<'a> {
     Error { message: &'a str },
 }
 
-/// A tissue behind a number of the segmentation.
+/// Tissue of a number in the segmentation.
 #[derive(Debug, Serialize)]
 pub(super) struct TissueEntry<'a> {
     number: usize,

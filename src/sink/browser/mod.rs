@@ -43,11 +43,11 @@ pub struct SceneInfo {
     pub tissues: Vec<String>,
     /// Surfaces for the 3-D view; without them the page has none.
     pub surfaces: Option<ScenePacket>,
-    /// Measures of the scene's standard planes, by which measurements on the page can be named.
+    /// Caliper measures of the scene's standard planes, by which measurements on the page can be named.
     pub measures: Vec<MeasureInfo>,
 }
 
-/// A measure of a standard plane.
+/// A caliper measure of a standard plane.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct MeasureInfo {
     /// Name, for example `BPD`.

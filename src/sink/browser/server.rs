@@ -39,7 +39,7 @@ const GOODBYE: Duration = Duration::from_secs(1);
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; connect-src 'self'; \
                       base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
-/// Serves until cancelled.
+/// Serves the page until cancelled.
 pub(super) async fn serve(listener: TcpListener, shared: Arc<Shared>) -> io::Result<()> {
     let listener = tokio::net::TcpListener::from_std(listener)?;
     let router = router(&shared);
@@ -155,8 +155,8 @@ fn instead(access: &Access, request: &Request) -> Option<Response> {
     Some((StatusCode::SEE_OTHER, headers).into_response())
 }
 
-/// Tells a page why its stream is refused, because a browser hides the answer to a WebSocket. The request is a POST,
-/// so that it carries its `Origin`.
+/// Tells a page why its stream is refused, because a browser hides the response to a refused WebSocket. The request is
+/// a POST, so that it carries its `Origin`.
 async fn why(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
     if shared.access.accepts_origin(&headers) {
         return StatusCode::NO_CONTENT.into_response();

@@ -47,7 +47,7 @@ pub struct BrowserMonitor {
 }
 
 impl BrowserMonitor {
-    /// Pages that are connected.
+    /// Counters of each connected page.
     pub fn clients(&self) -> Vec<ClientCounters> {
         self.shared.counters()
     }

@@ -34,10 +34,10 @@ use crate::presented::{FrameSource, PresentedFrame};
 use crate::settings::{Setting, live_settings};
 use crate::transducer::placement::Fault;
 
-/// Bytes before the values of live settings.
+/// Number of bytes before the values of live settings.
 const FIXED_BYTES: usize = 176;
 const VERSION: u16 = 4;
-/// Most bytes of a line or of the notice; longer ones are cut.
+/// Largest number of bytes of a line or of the notice; longer texts are cut.
 const TEXT_BYTES_MAX: usize = 1024;
 
 /// Map carried by a message.
@@ -48,7 +48,7 @@ pub(super) enum Map {
     Attenuation = 3,
 }
 
-/// Bytes before the map.
+/// Number of bytes before the map.
 pub fn header_bytes() -> usize {
     FIXED_BYTES + 8 * live_settings().map(Setting::count).sum::<usize>()
 }

@@ -45,9 +45,9 @@ pub(super) struct Encoded {
 /// The newest frame, shared by all clients.
 #[derive(Default)]
 pub(super) struct Latest {
-    /// `None` before the first frame, and if none could be encoded.
+    /// The newest frame; `None` before the first one, or if the newest could not be encoded.
     pub(super) frame: Option<Arc<Encoded>>,
-    /// Number of the frame after it, which does not exist yet.
+    /// Number that the next frame will have.
     pub(super) next: u64,
 }
 
@@ -156,7 +156,7 @@ async fn feed(
                 Ok(_) => return "it has left",
                 Err(_) => {
                     counters.stalled.fetch_add(1, Ordering::Relaxed);
-                    // Frames that arrived during the write, including the newest.
+                    // Counts as dropped the frames that arrived during the write, including the newest.
                     counters.dropped.fetch_add(frames.borrow().next.saturating_sub(due), Ordering::Relaxed);
                     return "it read nothing for too long";
                 }

@@ -93,7 +93,7 @@ struct App {
     shown: Option<Shown>,
     spare: Shown,
     canvas: Canvas,
-    /// Values that the drawn marks show. The marks are drawn again only when these change.
+    /// Figures and frame that the drawn marks show. The marks are drawn again only when these change.
     drawn: Option<(Figures, Option<Shown>)>,
     /// Settings requested by keys.
     wanted: LiveSettings,

@@ -20,7 +20,7 @@ pub const CALIPER_EVENT: &str = "caliper";
 /// Correct form of the event's value.
 const FORM: &str = r#"a caliper is {"measure": "BPD", "points_mm": [[x, z], [x, z]]}"#;
 
-/// Most characters of a measure's name that is read; longer ones are cut.
+/// Largest number of characters that is read from a measure's name; longer names are cut.
 const READ_CHARS_MAX: usize = 4 * NAME_CHARS_MAX;
 
 /// A measurement in the image.

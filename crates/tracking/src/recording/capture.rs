@@ -20,7 +20,7 @@ use crate::tracker::{
 /// Longest wait of a stream or a played recording for a slow disk. A live tracker never waits.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// Most bytes per read from a stream.
+/// Largest number of bytes per read from a stream.
 const PIECE: usize = 4096;
 
 /// A source of tracker bytes whose bytes and events go into a recording.
@@ -74,7 +74,7 @@ impl Capture {
         self.tap.monitor.report()
     }
 
-    /// Bytes so far.
+    /// Number of bytes so far.
     pub fn bytes(&self) -> u64 {
         self.tap.bytes.load(Ordering::Relaxed)
     }

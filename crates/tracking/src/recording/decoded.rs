@@ -42,9 +42,9 @@ impl<R: Read> DecodedRecording<R> {
         Self::with_settings(reader, &Settings::default())
     }
 
-    /// Decodes the recording of `reader` with the puck range and axis map of `settings`, as a live session does.
-    /// Protocol and sensor come from the recording. If it has several sensors and none was chosen, the choice of
-    /// `settings` for its protocol applies.
+    /// Decodes the recording of `reader` with the range and axis map of a puck (3D mouse) in `settings`, as a live
+    /// session does. Protocol and sensor come from the recording. If it has several sensors and none was chosen, the
+    /// choice of `settings` for its protocol applies.
     pub(crate) fn with_settings(reader: RecordingReader<R>, settings: &Settings) -> Self {
         let decoder = reader.info().protocol.decoder_of(&settings.device);
         let axis_map = settings.axis_map;

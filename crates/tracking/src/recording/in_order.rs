@@ -44,7 +44,7 @@ fn longest_ascending<T>(items: &[T], time_ns: impl Fn(&T) -> u64) -> Vec<usize> 
     if items.is_sorted_by_key(&time_ns) {
         return (0..items.len()).collect();
     }
-    // Last item of the best run of each length, and predecessor of each item in its run.
+    // Last item of the best subsequence of each length, and predecessor of each item in its subsequence.
     let (mut ends, mut previous) = (Vec::<usize>::new(), vec![NONE; items.len()]);
     for (i, item) in items.iter().enumerate() {
         let time = time_ns(item);

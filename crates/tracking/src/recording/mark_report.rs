@@ -18,7 +18,7 @@ pub struct MarkReport {
     pub frame: Option<u64>,
     /// `distance`, `angle`, `ellipse`, `text` or `body_mark`.
     pub kind: &'static str,
-    /// Name of the measure or the outline, or the text itself.
+    /// Name of the measure, name of the body mark, or the text itself.
     pub text: String,
     /// Value of a measurement, in `unit`.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -109,7 +109,7 @@ impl Marks {
         self.refused.push((event.host_time_ns, reason));
     }
 
-    /// Measurements with the other properties of their marks.
+    /// Marks that are measurements, each with its measurement.
     pub fn calipers(&self) -> impl Iterator<Item = (&RecordedMark, CaliperEvent)> {
         self.all.iter().filter_map(|mark| Some((mark, CaliperEvent::of(&mark.content)?)))
     }

@@ -39,8 +39,8 @@ pub fn poses_of<R: Read>(
     Ok((poses, summary))
 }
 
-/// All measurements of the recording at `path`, ascending in host time. They include rates and orientations, which
-/// only an estimator turns into poses. A puck has the range and the axis map of `settings`.
+/// All measurements of the recording at `path`, ascending in host time. They include rates and orientations, which only
+/// an estimator turns into poses. `settings` have the range and axis map of a puck (3D mouse).
 ///
 /// # Errors
 /// The file cannot be read, is not a recording, or has no measurement with the sensor in view.
@@ -61,13 +61,13 @@ pub fn measurements(path: &Path, settings: &Settings) -> Result<(Vec<Measurement
 }
 
 impl RecordingInfo {
-    /// Whether the poses are `scene_from_probe`: the recording was imported.
+    /// Whether the poses are `scene_from_probe` already, because the recording was imported.
     pub fn is_in_scene(&self) -> bool {
         self.device.starts_with(IMPORTED)
     }
 
-    /// Calibration that converts the poses of this recording, at `path`, to the scene: `of_station`, or none if they
-    /// are in the scene frame already. Logs a note if `of_station` is ignored.
+    /// Calibration that converts the poses of this recording, at `path`, to the scene: `of_station`, or an empty one if
+    /// they are in the scene frame already. Logs a note if `of_station` is ignored.
     pub fn calibration(&self, path: &Path, of_station: Calibration) -> Calibration {
         if !self.is_in_scene() {
             return of_station;

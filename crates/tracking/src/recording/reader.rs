@@ -22,7 +22,7 @@ const RECORD_LIMIT: usize = 64 << 20;
 /// Size of opcode and length before each MCAP record, bytes.
 const RECORD_HEAD: u64 = 9;
 
-/// Most damages that are described; all are counted.
+/// Largest number of damaged parts that are described; all are counted.
 const DESCRIBED: usize = 4;
 
 /// Unreadable parts of a recording.

@@ -18,9 +18,9 @@ const ENDED: &str = "recording-ended";
 /// Capacity of the queue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct QueueLimits {
-    /// Most tracker bytes in the queue.
+    /// Largest number of tracker bytes in the queue.
     pub bytes: usize,
-    /// Messages of any kind.
+    /// Largest number of messages of any kind in the queue.
     pub messages: usize,
 }
 
@@ -54,7 +54,7 @@ pub enum RecorderError {
 #[derive(Debug, Default)]
 #[must_use]
 pub struct Recorded {
-    /// Accepted messages of tracker bytes.
+    /// Number of accepted messages of tracker bytes.
     pub messages: u64,
     /// Number of tracker bytes in these messages.
     pub bytes: u64,
@@ -62,7 +62,7 @@ pub struct Recorded {
     pub poses: u64,
     /// Number of accepted events.
     pub events: u64,
-    /// Messages of any kind after the end of the recording.
+    /// Number of messages of any kind that came after the end of the recording.
     pub left_out: u64,
     /// Reason for an early end; `None` for a complete recording.
     pub failure: Option<Arc<RecorderError>>,

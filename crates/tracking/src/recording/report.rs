@@ -15,7 +15,7 @@ pub struct RecordingReport<'a> {
     pub device: &'a str,
     /// Scene that defines the frame of the poses.
     pub scene: &'a str,
-    /// Decoded records.
+    /// Number of decoded records.
     pub records: u64,
     /// Duration from the first record to the last, s.
     pub duration_s: f64,
@@ -23,17 +23,17 @@ pub struct RecordingReport<'a> {
     pub clean: bool,
     /// Reason for an early end of the file; `None` if the file is complete.
     pub truncated: Option<&'a str>,
-    /// Damaged parts that were left out.
+    /// Number of damaged parts that were left out.
     pub damaged_parts: u64,
     /// Number of pieces of bytes that the decoder refused.
     pub decode_errors: u64,
-    /// Records missing by their counter.
+    /// Number of records missing by their counter.
     pub missing_records: u64,
-    /// Records whose counter did not rise.
+    /// Number of records whose counter did not rise.
     pub sequence_reversals: u64,
-    /// Records whose time did not rise.
+    /// Number of records whose time did not rise.
     pub time_reversals: u64,
-    /// Records of other sensors.
+    /// Number of records of other sensors.
     pub other_sensors: u64,
 }
 

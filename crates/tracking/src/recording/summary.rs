@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::{Damage, Event, RecordingInfo, SessionSettings, Timing};
 use crate::tracker::{DecodeError, SensorName};
 
-/// Most decode errors that are described; all are counted.
+/// Largest number of decode errors that are described; all are counted.
 const DESCRIBED: usize = 8;
 
 /// Content of a recording, and its unusable parts. [`Display`](fmt::Display) formats it as a report.
@@ -17,32 +17,33 @@ const DESCRIBED: usize = 8;
 pub struct RecordingSummary {
     /// Description of the recording.
     pub info: RecordingInfo,
-    /// Messages of tracker bytes.
+    /// Number of messages of tracker bytes.
     pub messages: u64,
-    /// Bytes in them.
+    /// Number of bytes in these messages.
     pub bytes: u64,
-    /// Decoded records, including those dropped afterwards.
+    /// Number of decoded records, including those dropped afterwards.
     pub records: u64,
-    /// Pieces of the stream that are not records.
+    /// Number of pieces of the stream that are not records.
     pub decode_errors: u64,
     /// The first decode errors.
     pub decode_errors_first: Vec<DecodeError>,
-    /// Records missing by the device's counter.
+    /// Number of records missing by the device's counter.
     pub missing_records: u64,
-    /// Records whose device counter does not rise: repetitions, or the first after a restart of the device. Their
-    /// poses are used.
+    /// Number of records whose device counter does not rise: repetitions, or the first after a restart of the device.
+    /// Their poses are used.
     pub sequence_reversals: u64,
-    /// Records without a pose: the sensor was out of view, or the device measures no position.
+    /// Number of records without a pose: the sensor was out of view, or the device measures no position.
     pub without_pose: u64,
-    /// Records of sensors other than the probe. If there are several sensors and none was chosen, all their records.
+    /// Number of records of sensors other than the probe. If there are several sensors and none was chosen, all records
+    /// count here.
     pub other_sensors: u64,
     /// Sensor that is the probe; `None` before any record, and if there are several sensors and none was chosen.
     pub sensor: Option<SensorName>,
     /// Whether several sensors were received and none was chosen.
     pub undecided: bool,
-    /// Sensors received, in order.
+    /// Sensors received, in the order of their first records.
     pub sensors: Vec<RecordedSensor>,
-    /// Poses dropped because their host time decreases or is implausible.
+    /// Number of poses dropped because their host time decreases or is implausible.
     pub time_reversals: u64,
     /// Events.
     pub events: Vec<Event>,
@@ -61,13 +62,13 @@ pub struct RecordingSummary {
 /// Sensor received in a recording.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RecordedSensor {
-    /// Number of the station, port handle or tool.
+    /// Number of the Polhemus station, NDI port handle or tool.
     pub sensor: u16,
     /// Name of the tool, if the protocol has names.
     pub name: Option<String>,
-    /// Records.
+    /// Number of records.
     pub records: u64,
-    /// Records that hold a measurement.
+    /// Number of records that hold a measurement.
     pub valid: u64,
     /// Times of the first and the last record, ns since 1970 (UTC).
     #[serde(skip)]

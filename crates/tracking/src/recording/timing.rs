@@ -8,7 +8,7 @@ use insonify_core::statistics::{mean_and_deviation, nearest_rank};
 /// Interval between two poses above which it counts as a gap, ns: the probe's motion in a gap is unknown.
 pub const GAP_NS: u64 = 250_000_000;
 
-/// Most gaps that are listed; all are counted.
+/// Largest number of gaps that are listed; all are counted.
 const LISTED: usize = 20;
 
 /// An interval without poses.

@@ -9,7 +9,7 @@ use bytes::BytesMut;
 pub(crate) struct StampedBuffer {
     /// The bytes; a decoder removes them from the front.
     pub(crate) bytes: BytesMut,
-    /// Bytes received so far.
+    /// Number of bytes received so far.
     total: u64,
     /// End offset of each piece in the stream, and its arrival time, ns. Consumed pieces are removed.
     pieces: VecDeque<(u64, u64)>,

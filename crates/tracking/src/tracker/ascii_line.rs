@@ -59,7 +59,7 @@ pub enum Reason {
         "a line has {found} fields after `P`; there must be 9: seq,t_us,x,y,z,qw,qx,qy,qz (numbers have a decimal point, no comma)"
     )]
     FieldCount {
-        /// Fields found.
+        /// Number of fields found.
         found: usize,
     },
     /// A field that is not a number of the right kind.

@@ -114,8 +114,8 @@ impl Decoder {
 }
 
 impl StreamDecoder for Decoder {
-    /// Each damaged frame gives an error, and so do each 64 bytes of noise. After `Ok(None)` the buffer has less than
-    /// that.
+    /// Each damaged frame and every 64 bytes of noise give an error. After `Ok(None)` the buffer holds less than 64
+    /// bytes.
     fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         let Some(&byte) = buffer.first() else { return Ok(None) };
         if !may_start(buffer) {

@@ -10,13 +10,13 @@ use super::DecodeError;
 /// Damaged pieces since the last report.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Damage {
-    /// Pieces that are not a record.
+    /// Number of pieces that are not a record.
     pub damaged: u64,
-    /// Errors reported by the device, and requests that it did not answer.
+    /// Number of errors reported by the device, and of requests that it did not answer.
     pub reported: u64,
     /// Number of records in the same time, of all sensors.
     pub records: u64,
-    /// Duration.
+    /// Time since the last report.
     pub time: Duration,
     /// The last damaged piece or reported error.
     pub example: DecodeError,

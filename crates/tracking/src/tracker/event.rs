@@ -30,7 +30,7 @@ pub enum TrackerEvent {
     Silent {
         /// Duration of the silence.
         for_: Duration,
-        /// Restarts since the last record, including this one.
+        /// Number of restarts since the last record, including this one.
         attempt: u32,
         /// Likely cause and remedy; `None` once records have arrived.
         cause: Option<String>,
@@ -72,7 +72,7 @@ pub enum TrackerEvent {
         other: SocketAddr,
         /// Sender whose datagrams are used.
         used: SocketAddr,
-        /// Datagrams left out so far, of all senders.
+        /// Number of datagrams left out so far, of all senders.
         left_out: u64,
     },
     /// The sender in use fell silent, and another one replaced it.

@@ -44,7 +44,7 @@ pub enum Reason {
     /// No record head.
     #[error("{length} bytes are no record; one starts with `0`, a station 1 to 4, and a space or a letter")]
     Noise {
-        /// Bytes skipped.
+        /// Number of bytes skipped.
         length: usize,
     },
     /// Error reported by the device.

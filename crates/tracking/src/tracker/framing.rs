@@ -1,9 +1,9 @@
-//! Resynchronisation of protocols with a head and a length in a damaged stream; numbers and texts in streams.
+//! Resynchronisation after damaged bytes, for protocols whose records begin with a head; reading of numbers and texts.
 //!
 //! The removed bytes depend only on the stream, never on how it was split into pieces. A search examines a window of
 //! fixed length, and a possible start of a head at the window's end counts as a head.
 
-/// Most bytes of noise covered by one error.
+/// Largest number of noise bytes that one error covers.
 pub(super) const NOISE_LIMIT: usize = 64;
 
 /// Offset in `window`, at least 1, of the next possible head; the window's length if there is none. `plausible` tells

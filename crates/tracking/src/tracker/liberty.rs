@@ -55,7 +55,7 @@ impl Device {
     }
 }
 
-/// One item of an output list.
+/// One item of an output list, documented by its number and content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Item {
     /// 1: CR LF.
@@ -93,7 +93,7 @@ pub enum Reason {
     /// No frame head.
     #[error("{length} bytes are no frame; one starts with `{expected}` and the number of a station")]
     Noise {
-        /// Bytes skipped.
+        /// Number of bytes skipped.
         length: usize,
         /// Tag of the device.
         expected: String,

@@ -129,7 +129,7 @@ pub struct Board {
     act: usize,
     /// End of the current act.
     act_end: Duration,
-    /// Acts begun so far.
+    /// Number of acts begun so far.
     acts_begun: u64,
     /// Time spent in motion.
     moved: Duration,

@@ -83,8 +83,8 @@ pub use settings::{BAUD_RANGE, PortName, PortNameError, Settings, Speed, Transpo
 /// One measurement of a tracker.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Record {
-    /// Station, port handle or tool of the device; 0 if the protocol has only one. Named tools are numbered in the
-    /// order of their first records.
+    /// Number of the sensor: a Polhemus station, an NDI port handle or a tool; 0 if the protocol has only one sensor.
+    /// Named tools are numbered in the order of their first records.
     pub sensor: u16,
     /// Counter of the device, if it has one; wraps at 2³².
     pub sequence: Option<u32>,
@@ -191,7 +191,7 @@ impl Protocol {
         }
     }
 
-    /// Sensor that the driver requests by default; `None` if the protocol needs no number.
+    /// Number of the sensor that the driver requests by default; `None` if the protocol needs no number.
     pub(crate) fn first_sensor(self) -> Option<u16> {
         match self {
             Self::FastrakAscii | Self::FastrakBinary | Self::Liberty | Self::Patriot => Some(1),
@@ -292,7 +292,7 @@ pub enum Fault {
     /// The stream ended within a record.
     #[error("the stream ends after {length} bytes of a record")]
     Incomplete {
-        /// Bytes present.
+        /// Number of bytes present.
         length: usize,
     },
     /// Fault of an ASCII line.

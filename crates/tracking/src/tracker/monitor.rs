@@ -40,13 +40,13 @@ insonify_core::names::named!(SessionState {
 pub struct TrackerReport {
     /// State of the tracker.
     pub state: SessionState,
-    /// Records since the last report.
+    /// Number of records since the last report.
     pub records: u64,
-    /// Record rate by the arrival of first bytes, Hz; `None` for fewer than two records.
+    /// Records per second, from the arrival times of their first bytes; `None` without an interval between records.
     pub rate_hz: Option<f64>,
-    /// Standard deviation of the interval between records, ms.
+    /// Standard deviation of the interval between records, ms; `None` without an interval.
     pub jitter_ms: Option<f64>,
-    /// Longest interval between two records, ms.
+    /// Longest interval between two records, ms; `None` without an interval.
     pub longest_ms: Option<f64>,
     /// Total number of records missing by the device's counter.
     pub missing: u64,
@@ -56,11 +56,11 @@ pub struct TrackerReport {
     pub decode_errors: u64,
     /// Latest record.
     pub last: Option<Record>,
-    /// Sensors received, in order, including sensors that are left out.
+    /// Sensors received, in the order of their first records, including sensors that are left out.
     pub sensors: Vec<SensorReport>,
     /// Events since the last report, as text.
     pub events: Vec<String>,
-    /// Events dropped since the last report.
+    /// Number of events dropped since the last report.
     pub events_dropped: u64,
 }
 
@@ -76,13 +76,13 @@ impl TrackerReport {
 /// Statistics of one sensor, since the last report or of a whole session.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SensorReport {
-    /// Number of the station, port handle or tool.
+    /// Number of the Polhemus station, NDI port handle or tool.
     pub sensor: u16,
     /// Name of the tool, if the protocol has names.
     pub name: Option<String>,
-    /// Records.
+    /// Number of records.
     pub records: u64,
-    /// Record rate, Hz; `None` for fewer than two records.
+    /// Records per second; `None` for fewer than two records.
     pub rate_hz: Option<f64>,
     /// Whether the last record has a measurement: the sensor is in view, and the tracker marks it as valid.
     pub is_valid: bool,
@@ -108,7 +108,7 @@ struct Figures {
     sensors: Vec<SensorFigures>,
 }
 
-/// Records and the intervals between them.
+/// Number of records, and the intervals between them.
 #[derive(Debug, Clone, Copy, Default)]
 struct Count {
     records: u64,

@@ -70,7 +70,7 @@ impl Listener for PoseTap {
             return;
         }
         match record.reading {
-            // Receivers need runs of poses, so poses beyond the queue's capacity may be dropped.
+            // Receivers need uninterrupted sequences of poses, so poses beyond the queue's capacity may be dropped.
             Reading::Pose(pose) => drop(self.sender.try_send(pose)),
             _ => drop(self.shared.without_pose.fetch_add(1, Ordering::Relaxed)),
         }
@@ -90,8 +90,8 @@ impl PoseStream {
         Poses { stream: self, silence }
     }
 
-    /// Records without a pose since the last call of [`poses`](Self::poses): out of view, or from a device that
-    /// measures no position.
+    /// Number of records without a pose since the last call of [`poses`](Self::poses): the sensor was out of view, or
+    /// the device measures no position.
     pub fn without_pose(&self) -> u64 {
         self.shared.without_pose.load(Ordering::Relaxed)
     }

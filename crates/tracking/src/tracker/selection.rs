@@ -3,7 +3,7 @@
 use super::Record;
 use super::sensor::{ProbeSensor, SensorName, is_tool};
 
-/// Most sensors that are distinguished. Records of further sensors are left out.
+/// Largest number of sensors that are distinguished. Records of further sensors are left out.
 pub(crate) const HEARD_LIMIT: usize = 64;
 
 /// Rule that decides which records are the probe's.
@@ -36,7 +36,7 @@ impl Selection {
 
     /// Judges a record of the sensor `name`, and numbers named tools in the order of their first records.
     ///
-    /// The second value is the sensor's index in [`heard`](Self::heard); `None` beyond the limit.
+    /// Returns the verdict, and the sensor's index in [`heard`](Self::heard); `None` beyond [`HEARD_LIMIT`].
     pub(crate) fn judge(&mut self, record: &mut Record, name: Option<&str>) -> (Verdict, Option<usize>) {
         let is_known = |known: &SensorName| match (&known.name, name) {
             (Some(known), Some(name)) => known == name,
@@ -69,7 +69,7 @@ impl Selection {
         (verdict, Some(at))
     }
 
-    /// Sensors received so far, in order.
+    /// Sensors received so far, in the order of their first records.
     pub(crate) fn heard(&self) -> &[SensorName] {
         &self.heard
     }
@@ -80,7 +80,7 @@ impl Selection {
         self.heard.get(self.used?)
     }
 
-    /// The choice.
+    /// Choice of the probe.
     #[cfg(feature = "live")]
     pub(crate) fn wanted(&self) -> Option<&ProbeSensor> {
         self.wanted.as_ref()

@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::openigtlink::NAME_LENGTH;
 
-/// A sensor of a stream: a station, a port handle, or a named tool.
+/// Name of one sensor in a tracker stream: a Polhemus station number, an NDI port handle or a tool name.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SensorName {
     /// Number of the station or port handle. Named tools are numbered in the order of their first records.
@@ -65,8 +65,9 @@ pub(super) fn is_tool(tool: &str, name: &str) -> bool {
     tool == name || (tool.len() > NAME_LENGTH && tool.as_bytes().get(..NAME_LENGTH) == Some(name.as_bytes()))
 }
 
-/// Name among `heard` that `wanted` likely means: it differs only by typing, contains `wanted`, is a part of it, or is
-/// the only name. `None` if `wanted` itself was received.
+/// Name among `heard` that `wanted` likely means: the only one equal to it except for case, punctuation and `2` for
+/// `to`. Else it is the only one that contains `wanted` or is a part of it, else the only name. `None` if `wanted`
+/// itself was received.
 pub(crate) fn meant<'a>(wanted: &ProbeSensor, heard: &'a [SensorName]) -> Option<&'a str> {
     let ProbeSensor::Tool(tool) = wanted else { return None };
     let plain = |name: &str| -> String {

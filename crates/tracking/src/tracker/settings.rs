@@ -18,7 +18,7 @@ pub struct Settings {
     pub protocol: Protocol,
     /// Options of the tracker's driver.
     pub device: DeviceOptions,
-    /// Axis map of a puck.
+    /// Mapping from the axes of a puck (3D mouse) to the probe's.
     pub axis_map: AxisMap,
 }
 
@@ -113,13 +113,13 @@ pub enum TransportKind {
     Serial,
     /// A TCP connection.
     Tcp,
-    /// Datagrams.
+    /// UDP datagrams sent to this machine.
     Udp,
     /// A HID device.
     Hid,
-    /// A simulated board.
+    /// A simulated tracker board, without hardware.
     Mock,
-    /// A recording.
+    /// Raw bytes of a recording.
     Recording,
 }
 

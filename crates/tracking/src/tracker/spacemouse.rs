@@ -58,15 +58,15 @@ pub enum Reason {
     Length {
         /// First byte.
         kind: u8,
-        /// Bytes present.
+        /// Number of bytes present.
         length: usize,
-        /// Bytes required.
+        /// Number of bytes required.
         least: usize,
     },
     /// More bytes than a report can have.
     #[error("a report of {length} bytes; it must have at most {REPORT_LIMIT}")]
     TooLong {
-        /// Bytes present.
+        /// Number of bytes present.
         length: usize,
     },
 }

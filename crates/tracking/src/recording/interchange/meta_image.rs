@@ -16,7 +16,7 @@ use insonify_core::pose::table::quote;
 
 use super::{InterchangeError, LinePosition, Lines};
 
-/// Most images of a sequence.
+/// Largest number of images of a sequence.
 pub(crate) const IMAGES_MAX: u32 = 1_000_000;
 
 /// Largest image, bytes.

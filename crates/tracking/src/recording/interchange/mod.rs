@@ -123,11 +123,11 @@ pub fn read_rows(path: &Path, transform: &str) -> Result<Vec<TrackedRow>, Interc
 /// Outcome of [`write_recording`].
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Imported {
-    /// Poses in the recording.
+    /// Number of poses in the recording.
     pub poses: usize,
-    /// Rows without a pose, which became gaps.
+    /// Number of rows without a pose, which became gaps.
     pub without_pose: usize,
-    /// Events in the recording.
+    /// Number of events in the recording.
     pub events: usize,
     /// Time from the first row to the last, s.
     pub duration_s: f64,

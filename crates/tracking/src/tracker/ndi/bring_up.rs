@@ -7,7 +7,7 @@ use std::time::Duration;
 use super::{BAUD_RATES, Options, Reason, ReplyFormat, reply};
 use crate::tracker::framing::quote;
 
-/// Bytes of a tool description written per command.
+/// Number of bytes of a tool description that one command writes.
 const ROM_BLOCK: usize = 64;
 
 /// A command to the device.
@@ -202,7 +202,7 @@ impl BringUp {
         self.next_in_phase(step, options)
     }
 
-    /// Next handle of the phase of `step`, or the next phase.
+    /// Next step in the phase of `step` for the next queued handle, or the first step of the next phase.
     fn next_in_phase(&mut self, step: Step, options: &Options) -> Next {
         let handle = self.queue.pop_front();
         Next::Ask(match (step, handle) {

@@ -79,7 +79,7 @@ pub struct NdiDriver {
     set_up_failures: u32,
     /// Unsuccessful searches for a tool since the device last tracked.
     no_tool: u32,
-    /// System status and absent ports of the previous reply.
+    /// System status and number of absent ports in the previous reply.
     tracked: Option<(u16, u16)>,
     changed_at: Duration,
 }

@@ -24,7 +24,7 @@ pub(super) enum Item {
     Tracked {
         /// System status.
         system_status: u16,
-        /// Ports that are disabled or unplugged.
+        /// Number of ports that are disabled or unplugged.
         absent: u16,
     },
     /// Another reply, without its checksum.
@@ -39,9 +39,9 @@ pub(super) struct Framer {
     item_offset: u64,
     /// Items already parsed from the front of the buffer, each with its number of bytes.
     pending: VecDeque<(usize, Result<Item, Reason>)>,
-    /// Stream offset of the last error, if no reply was found since. That error covers the 64 bytes from there.
+    /// Stream offset of the last error, if no reply was found since. The error covers 64 bytes from this offset on.
     lost: Option<u64>,
-    /// Bytes left in the buffer.
+    /// Number of bytes left in the buffer.
     left: usize,
     /// Number of bytes at the front of the buffer to be discarded.
     given_up: usize,

@@ -92,7 +92,7 @@ impl<'a> Cursor<'a> {
     }
 }
 
-/// Passes each port in the data of a `BX` reply to `found`, with the offset after its bytes. Returns the system
+/// Passes each port in the data of a `BX` reply to `found`, with the offset of the byte after it. Returns the system
 /// status.
 pub(super) fn binary(data: &[u8], mut found: impl FnMut(usize, Result<Port, Reason>)) -> Result<u16, Reason> {
     const VALID: u8 = 1;

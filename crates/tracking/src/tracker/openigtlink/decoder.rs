@@ -14,17 +14,17 @@ use crate::tracker::{DecodeError, Fault, Offset, Record, StreamDecoder};
 /// Largest number of devices and tools per stream.
 pub const NAMES_LIMIT: usize = 64;
 
-/// Most tools of a `TDATA` message.
+/// Largest number of tools of a `TDATA` message.
 const TOOLS_LIMIT: usize = 64;
 
-/// Most metadata of a message with a pose, bytes. A larger value indicates a damaged size.
+/// Largest metadata of a message with a pose, bytes. A larger value indicates a damaged size.
 const METADATA_LIMIT: u64 = 64 << 10;
 
 /// Longest body that is skipped, bytes. A larger value indicates a damaged size; a colour image of 4096 × 4096 pixels
 /// has 48 MiB.
 const SKIP_LIMIT: u64 = 256 << 20;
 
-/// Most bytes of noise that one error covers.
+/// Largest number of noise bytes that one error covers.
 const COVERED: usize = 256;
 
 /// Largest number of remembered types of skipped messages.
@@ -68,9 +68,9 @@ impl Kind {
 #[derive(Debug, Clone, Default)]
 pub struct Decoder {
     offset: Offset,
-    /// Remaining bytes of a skipped message.
+    /// Number of remaining bytes of a skipped message.
     skip: u64,
-    /// Stream offset of the last error if no message was found since.
+    /// Stream offset of the last error, if no message was found since.
     lost: Option<u64>,
     /// Names of devices and tools, by number.
     names: Vec<(Field<20>, String)>,
@@ -146,7 +146,8 @@ impl StreamDecoder for Decoder {
                         self.lost = Some(position);
                         return Err(self.offset.reject(buffer, length.min(COVERED), Reason::Head { byte }));
                     }
-                    // The covered bytes end there, so that the next error doesn't depend on how the stream was split.
+                    // Removes only bytes that the last error covers, so that the next error doesn't depend on how the
+                    // stream was split.
                     self.offset.take(buffer, length.min(covered as usize));
                 }
             }

@@ -24,7 +24,7 @@ pub const STATUS_OK: u16 = 1;
 /// Status code: not ready.
 pub const STATUS_NOT_READY: u16 = 13;
 
-/// Processes sixteen bytes per step, because images have about 1 MB.
+/// Table of CRC-64/ECMA-182. It processes sixteen bytes per step, because images have about 1 MB.
 static CRC64: Crc<u64, Table<16>> = Crc::<u64, Table<16>>::new(&CRC_64_ECMA_182);
 
 /// Checksum of a body: CRC-64/ECMA-182.

@@ -7,8 +7,8 @@ use bytes::BytesMut;
 use crate::tracker::settings::{Settings, Transport};
 use crate::tracker::{Protocol, ascii_line, framing};
 
-/// Most recent bytes that a diagnosis examines. Half of them is a multiple of opentrack's datagram of 48 bytes, so
-/// that old bytes are forgotten in whole datagrams.
+/// Largest number of recent bytes that a diagnosis examines. Half of it is a multiple of opentrack's datagram of 48
+/// bytes, so that old bytes are forgotten in whole datagrams.
 const SAMPLE_LIMIT: usize = 96 * 48;
 
 /// Number of records of another protocol in the sample that prove that protocol.

@@ -37,7 +37,7 @@ pub(super) struct Intake {
     missing_told: bool,
     /// Time of the last report of another sender.
     sender_told: Option<Duration>,
-    /// Bytes and records since the port was opened.
+    /// Numbers of bytes and records since the port was opened.
     connection: (u64, u64),
     pub(super) summary: SessionSummary,
 }

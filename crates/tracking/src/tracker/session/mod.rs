@@ -46,19 +46,20 @@ const REST_LIMIT: Duration = Duration::from_secs(3600);
 pub struct SessionSummary {
     /// Number of bytes received.
     pub bytes: u64,
-    /// Records passed to the listener.
+    /// Number of records passed to the listener.
     pub records: u64,
-    /// Decode errors, and errors reported by the device.
+    /// Number of decode errors, including errors reported by the device.
     pub decode_errors: u64,
-    /// Records of sensors other than the probe. If there are several sensors and none was chosen, all their records.
+    /// Number of records of sensors other than the probe. If there are several sensors and none was chosen, all records
+    /// count here.
     pub other_sensor: u64,
-    /// Datagrams of other senders.
+    /// Number of datagrams of other senders.
     pub other_sender: u64,
     /// Number of times the port was opened.
     pub connections: u64,
     /// Number of silences beyond the limit.
     pub silences: u64,
-    /// Sensors heard, in order.
+    /// Sensors heard, in the order of their first records.
     pub heard: Vec<SensorName>,
     /// Whether several sensors were heard and none was chosen.
     pub undecided: bool,

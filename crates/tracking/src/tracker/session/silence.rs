@@ -17,7 +17,7 @@ pub(super) struct SilenceWatch {
     last_limit: Duration,
     /// Whether the device already had its extra time for a first record after set-up.
     had_grace: bool,
-    /// Restarts since the last record.
+    /// Number of restarts since the last record.
     attempt: u32,
 }
 
@@ -28,7 +28,7 @@ impl SilenceWatch {
         Self { may_rest, last_record: zero, from: zero, last_limit: zero, had_grace: false, attempt: 0 }
     }
 
-    /// Restarts since the last record.
+    /// Number of restarts since the last record.
     pub(super) fn attempt(&self) -> u32 {
         self.attempt
     }

@@ -6,8 +6,8 @@ use std::time::Duration;
 /// Silence of the current sender after which another one replaces it.
 const TAKEOVER: Duration = Duration::from_secs(2);
 
-/// Number of new ports of one address that prove a sender with a new port for each datagram, if the current sender
-/// sends nothing in between.
+/// Number of other ports of the current sender's address, seen since its last datagram, from which on ports are
+/// ignored. Such a sender uses a new port for each datagram.
 const CHANGING_PORTS: usize = 3;
 
 /// Verdict on a datagram.
@@ -27,7 +27,7 @@ pub(super) enum Sender {
     },
 }
 
-/// Decides whose datagrams are used: those of the first sender, as long as it sends.
+/// Decides which datagrams are used: those of the first sender, as long as it sends.
 ///
 /// A sender is an address with a port. Some senders open a new socket for each datagram, which changes the port every
 /// time. Such a sender is recognised by its ports, and from then on only its address counts.
