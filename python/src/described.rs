@@ -18,7 +18,7 @@ pub(crate) struct Described {
     /// Station file; none for a station of tables.
     pub(crate) path: Option<PathBuf>,
     pub(crate) arrays: Option<Arc<Surfaces>>,
-    /// Choice of the backend; it overrides the file and the environment.
+    /// Choice of the backend, if any; it overrides the file and the environment.
     pub(crate) backend: Option<BackendChoice>,
     pub(crate) station: insonify::Station,
 }

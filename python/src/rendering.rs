@@ -25,7 +25,7 @@ pub(crate) struct Rendering {
     renderer: Renderer,
     /// Identifier of the process that made it.
     process: u32,
-    /// Probe and settings whose warnings were logged.
+    /// Probe and settings whose warnings were logged last; `None` before the first warning.
     warned: Option<(Probe, RenderSettings)>,
 }
 

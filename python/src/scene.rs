@@ -117,7 +117,7 @@ pub(crate) struct Loaded {
 pub(crate) struct SceneKey {
     station: insonify::Station,
     arrays: Option<Arc<Surfaces>>,
-    /// Time of the last change of the scene's file, and the file's size.
+    /// Time of the last change of the scene's file, and its size, bytes; `None` without a readable file.
     stamp: Option<(SystemTime, u64)>,
 }
 

@@ -128,8 +128,8 @@ fn ellipse(centre: DVec2, axes: [DVec2; 2], reach_mm: f64, section: &Section) ->
     Some(Measured { length_mm: ellipse_circumference_mm(a, b), points_mm: (0..DIRECTIONS).map(point).collect() })
 }
 
-/// Ellipse fitted to `points` about the origin: centre, half axes and direction of the first axis. It is the conic
-/// Ax² + Bxy + Cy² + Dx + Ey = 1 with the smallest algebraic error.
+/// Ellipse fitted to `points` about the origin: centre, half axes and unit direction of the first axis. It is the conic
+/// Ax² + Bxy + Cy² + Dx + Ey = 1 with the smallest algebraic error. `None` if that conic is no ellipse.
 fn fit_ellipse(points: &[DVec2]) -> Option<(DVec2, [f64; 2], DVec2)> {
     let scale = points.iter().map(|p| p.length()).fold(0.0, f64::max);
     if scale <= 0.0 {

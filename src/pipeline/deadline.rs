@@ -30,7 +30,7 @@ pub(super) struct DeadlineChooser {
     /// Number of consecutive frames that must be in time before generated pictures are shown. It doubles when raw
     /// frames had to return soon after.
     frames_required: u32,
-    /// Frames since the last switch to generated pictures.
+    /// Number of frames since the last switch to or from generated pictures.
     since_change: u32,
 }
 

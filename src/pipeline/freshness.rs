@@ -11,7 +11,7 @@ use crate::presented::{FrameInfo, NewMeasurements};
 pub(super) struct Freshness {
     /// Time at which the last presented frame was sampled.
     sampled: Duration,
-    /// Arrival time of the first byte of the newest measurement in that frame.
+    /// Arrival time of the first byte of the newest measurement in that frame; none without a measurement.
     first_byte: Option<Duration>,
     measurements: u64,
     jumps: u64,

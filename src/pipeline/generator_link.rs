@@ -62,9 +62,9 @@ enum Hang {
 /// Generator state while it runs, as seen by the other stages.
 #[derive(Debug, Default)]
 pub(super) struct GeneratorState {
-    /// Number of the last frame handed to the generator; cleared once the generator is done with it.
+    /// Number of the last frame handed to the generator; `None` once the generator is done with it.
     given: Option<u64>,
-    /// Number of the frame being translated, and the start time of its run.
+    /// Number of the frame being translated, and the start time of its run; `None` between runs.
     busy: Option<(u64, Duration)>,
     /// Expected duration of a run, a moving average; zero before the first run.
     estimate: Duration,

@@ -72,7 +72,7 @@ pub struct LiveStation {
     pub control: mpsc::Sender<Control>,
     /// Sentences for the user: the operating point and the addresses of displays.
     pub messages: Vec<String>,
-    /// Slot of the native window, which the main thread has to show.
+    /// Slot of the native window, if the station has one; the main thread has to show the window.
     #[cfg(feature = "window")]
     pub window: Option<crate::sink::window::WindowSlot>,
     recording: Option<RecorderHandle>,

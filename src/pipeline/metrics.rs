@@ -33,7 +33,7 @@ const WEIGHT: f64 = 0.1;
 pub struct Status {
     /// Time since the start of the session, s.
     pub elapsed_s: f64,
-    /// Frames presented.
+    /// Number of frames presented.
     pub presented: u64,
     /// Recent frame rate, Hz; 0 during a reported pause.
     pub frames_per_s: f64,
@@ -49,28 +49,28 @@ pub struct Status {
     pub source: FrameSource,
     /// Whether the picture is frozen.
     pub frozen: bool,
-    /// Impossible placement of the probe that has lasted for seconds.
+    /// Impossible placement of the probe, if it has lasted for seconds.
     pub misplaced: Option<Misplacement>,
-    /// Frames begun but not presented.
+    /// Number of frames begun but not presented.
     pub dropped: u64,
     /// Number of damaged pieces of the tracker's stream.
     pub damaged: u64,
-    /// Recent fault, as the frames show it.
+    /// Recent fault, as the frames show it; none if there was none.
     pub notice: Option<String>,
 }
 
 /// Counters and statistics that the stages update while they run.
 #[derive(Debug, Default)]
 pub(super) struct Metrics {
-    /// Frames begun.
+    /// Number of frames begun.
     pub(super) produced: AtomicU64,
-    /// Frames lost with the device.
+    /// Number of frames lost with the rendering device.
     pub(super) device_lost: AtomicU64,
-    /// Frames dropped because stages or sinks held all buffers.
+    /// Number of frames dropped because stages or sinks held all buffers.
     pub(super) frames_held: AtomicU64,
-    /// Frames not presented because the session ended.
+    /// Number of frames not presented because the session ended.
     pub(super) ended: AtomicU64,
-    /// Ticks of the frame rate without a frame.
+    /// Number of ticks of the frame rate without a frame.
     pub(super) missed_ticks: AtomicU64,
     /// Number of times that the rendering device was lost.
     pub(super) losses: AtomicU64,
@@ -143,7 +143,7 @@ impl Recent {
         }
     }
 
-    /// Median latency of the frames within `RECENT_TIME` before `now`, ms.
+    /// Median latency of the frames within `RECENT_TIME` before `now`, ms; none if no such frame has a latency.
     fn median_ms(&self, now: Duration) -> Option<f64> {
         let from = now.saturating_sub(RECENT_TIME);
         let mut latencies = [Duration::ZERO; RECENT];

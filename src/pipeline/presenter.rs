@@ -36,16 +36,16 @@ pub(super) struct Presenter {
     pub(super) generated: Arc<Slot<Arc<Generated>>>,
     pub(super) generator: Option<Arc<GeneratorLink>>,
     pub(super) sinks: Vec<Arc<Slot<Arc<PresentedFrame>>>>,
-    /// Number of presented frames after which the session ends.
+    /// Number of presented frames after which the session ends, if limited.
     pub(super) frames_max: Option<u64>,
-    /// Log of all presented frames.
+    /// Log of all presented frames, if one is written.
     pub(super) log: Option<FrameLog>,
     /// Whether the user was warned that frames wait for the log.
     pub(super) log_waited: bool,
 }
 
 impl Presenter {
-    /// Presents rendered frames until the slot is closed. Returns the log, which the caller finishes.
+    /// Presents rendered frames until the slot is closed. Returns the log, if there is one; the caller finishes it.
     pub(super) fn run(mut self) -> Option<FrameLog> {
         let mut state = State {
             chooser: DeadlineChooser::new(self.choice),
@@ -202,7 +202,7 @@ impl Presenter {
 
 struct State {
     chooser: DeadlineChooser,
-    /// The last generated picture.
+    /// The last generated picture; none before the first.
     held: Option<Arc<Generated>>,
     look: Look,
     freshness: Freshness,

@@ -72,7 +72,7 @@ pub(crate) struct ReplayedControls {
     /// Settings and the time from which they apply, ns since 1970 (UTC), ascending.
     changes: Vec<(u64, LiveSettings)>,
     next: usize,
-    /// Settings at the start, as the session recorded them.
+    /// Settings at the start, if the session recorded them.
     first: Option<LiveSettings>,
     refused: Vec<String>,
 }

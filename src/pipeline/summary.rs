@@ -14,52 +14,52 @@ use crate::transducer::placement::{Fault, Misplacement, Untouched};
 pub struct SinkSummary {
     /// Name of the sink.
     pub name: String,
-    /// Frames offered to it.
+    /// Number of frames offered to the sink.
     pub offered: u64,
-    /// Frames that it took.
+    /// Number of frames that it took.
     pub taken: u64,
-    /// Frames replaced by newer ones, or offered after it was closed.
+    /// Number of frames replaced by newer ones, or offered after the sink was closed.
     pub dropped: u64,
-    /// Frames that waited in the presenter until the sink had room; nonzero only for the log of frames.
+    /// Number of frames that waited in the presenter until the sink had room; nonzero only for the log of frames.
     pub waited: u64,
-    /// Frames on which it failed.
+    /// Number of frames on which the sink failed.
     pub failed: u64,
-    /// Error that closed it early, or that prevented it from finishing.
+    /// Error that closed the sink early, or that prevented it from finishing; none if there was no such error.
     pub error: Option<String>,
-    /// Whether it did not end within its time at the session's end.
+    /// Whether the sink did not end within its time at the session's end.
     pub stuck: bool,
 }
 
 /// Summary of the generator.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct GeneratorSummary {
-    /// Frames offered to it.
+    /// Number of frames offered to the generator.
     pub offered: u64,
-    /// Frames that it translated.
+    /// Number of frames that it translated.
     pub done: u64,
-    /// Translated frames that came after their deadline.
+    /// Number of translated frames that came after their deadline.
     pub late: u64,
-    /// Frames replaced by newer ones, or offered while the generator could not run: it was switched off, the frame
-    /// lacked maps, or no generator met the budget.
+    /// Number of frames replaced by newer ones, or offered while the generator could not run: it was switched off, the
+    /// frame lacked maps, or no generator met the budget.
     pub dropped: u64,
-    /// Frames on which it failed.
+    /// Number of frames on which the generator failed.
     pub failed: u64,
     /// Runs over the time limit, terminated if the provider can.
     pub hung: u64,
     /// Hung runs that did not end and were given up.
     pub given_up: u64,
-    /// Whether it did not end within its time at the session's end.
+    /// Whether the generator did not end within its time at the session's end.
     pub stuck: bool,
 }
 
 /// Numbers of presented frames whose probe had been, for seconds, where no hand can hold it.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct MisplacedSummary {
-    /// Frames whose probe face is deep in the body.
+    /// Number of frames whose probe face is deep in the body.
     pub deep: u64,
-    /// Frames whose probe looks out of the body.
+    /// Number of frames whose probe looks out of the body.
     pub looks_out: u64,
-    /// Latest misplacement, with its likely cause.
+    /// Latest misplacement, with its likely cause; none if the probe was never misplaced.
     pub latest: Option<Misplacement>,
     /// Good poses of a probe that has never touched the skin; none if it has, and during the first 20 s of good
     /// poses.
@@ -78,7 +78,7 @@ impl MisplacedSummary {
     }
 }
 
-/// Summary of a session.
+/// Summary of a session. Percentiles are none if there is nothing to measure.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
     /// Duration of the session, from the start of its stages to the request to end, s.
@@ -89,15 +89,15 @@ pub struct Summary {
     pub first_frame_s: Option<f64>,
     /// Presentation of the last frame, s since the start of the stages; none without a frame.
     pub last_frame_s: Option<f64>,
-    /// Frames begun: `presented` + the sum of `drops`.
+    /// Number of frames begun: `presented` + the sum of `drops`.
     pub produced: u64,
-    /// Frames handed to the sinks.
+    /// Number of frames handed to the sinks.
     pub presented: u64,
     /// Frames begun but not presented, by cause.
     pub drops: BTreeMap<&'static str, u64>,
-    /// Ticks of the frame rate, the sum of `produced` and `missed_ticks`.
+    /// Number of ticks of the frame rate: the sum of `produced` and `missed_ticks`.
     pub ticks: u64,
-    /// Ticks without a frame: the device was slower than the frame rate.
+    /// Number of ticks without a frame: the device was slower than the frame rate.
     pub missed_ticks: u64,
     /// Presented frames per second, from `first_frame_s` to `last_frame_s`.
     pub frames_per_s: f64,
@@ -128,9 +128,9 @@ pub struct Summary {
     pub device_losses: u64,
     /// Number of lost devices that were opened again.
     pub device_rebuilt: u64,
-    /// Controls applied.
+    /// Number of controls applied.
     pub controls: u64,
-    /// Controls refused because a value was out of range.
+    /// Number of controls refused because a value was out of range.
     pub controls_refused: u64,
     /// Totals of the tracker; none without one.
     pub tracker: Option<TrackerSummary>,

@@ -10,18 +10,18 @@ use crate::tracker::TrackerEvent;
 /// Totals of a session's tracker.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct TrackerSummary {
-    /// Records of the probe's sensor.
+    /// Number of records of the probe's sensor.
     pub records: u64,
-    /// Damaged pieces of the stream, and errors that the device reports.
+    /// Number of damaged pieces of the stream, and of errors that the device reports.
     pub damaged: u64,
-    /// Records of sensors other than the probe's. While several sensors send and none is chosen, all records count
-    /// here.
+    /// Number of records of sensors other than the probe's. While several sensors send and none is chosen, all records
+    /// count here.
     pub other_sensors: u64,
-    /// Datagrams from other senders, as last reported.
+    /// Number of datagrams from other senders, as last reported.
     pub other_senders: u64,
-    /// Interruptions: lost connections and silences.
+    /// Number of interruptions: lost connections and silences.
     pub interruptions: u64,
-    /// Last fault that was reported, with its likely remedy.
+    /// Last fault that was reported, with its likely remedy; none if there was no fault.
     pub last_fault: Option<String>,
 }
 
@@ -41,7 +41,7 @@ pub struct TrackerWatch(Arc<Mutex<State>>);
 #[derive(Debug, Default)]
 struct State {
     totals: TrackerSummary,
-    /// News that are not shown yet. Only the latest are kept, because the log has them all.
+    /// Latest news, until they are shown. Earlier news are not kept, because the log has them all.
     news: Option<String>,
     trouble: Option<Trouble>,
 }
@@ -108,7 +108,7 @@ impl TrackerWatch {
         true
     }
 
-    /// The latest news, or else the trouble that lasts.
+    /// The latest news, or else the trouble that lasts; `None` without either. News are returned only once.
     pub(super) fn notice(&self) -> Option<TrackerNotice> {
         let mut state = lock(&self.0);
         let news = state.news.take().map(TrackerNotice::News);

@@ -49,7 +49,7 @@ pub struct PresentedFrame {
     pub generator: Option<String>,
     /// Operating point; none without a controller of operating points.
     pub point: Option<Arc<PointText>>,
-    /// Recent fault, to be shown to viewers.
+    /// Recent fault, to be shown to viewers; none if there was none.
     pub notice: Option<String>,
 }
 

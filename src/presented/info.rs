@@ -52,7 +52,7 @@ pub struct FrameInfo {
     pub settings: LiveSettings,
     /// Contact of the probe's face with the skin; none without the effect `contact`, or without a picture.
     pub contact: Option<Contact>,
-    /// Impossible placement of the probe that has lasted for seconds.
+    /// Impossible placement of the probe, if it has lasted for seconds.
     pub misplaced: Option<Misplacement>,
 }
 

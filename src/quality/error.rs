@@ -62,9 +62,9 @@ pub enum QualityError {
     /// Feature vectors are empty, or have different lengths.
     #[error("a feature vector has {found} values where {expected} are expected")]
     FeatureLength {
-        /// Length found.
+        /// Number of values in the vector.
         found: usize,
-        /// Length expected.
+        /// Number of values expected.
         expected: usize,
     },
     /// A feature is not finite.

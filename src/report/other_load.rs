@@ -10,11 +10,11 @@ const SHORTEST_S: f64 = 0.5;
 /// Processor times at one moment, in the kernel's ticks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Ticks {
-    /// Time of all cores together, idle or not.
+    /// Total time of all cores, idle or not.
     all: u64,
-    /// Time of all cores that was not idle, including the time that a hypervisor gave to other machines.
+    /// Busy time of all cores, including the time that a hypervisor gave to other machines.
     busy: u64,
-    /// Time that this process used.
+    /// Processor time that this process used.
     own: u64,
     /// Number of cores of the machine, even if this process may use only some of them.
     cores: usize,

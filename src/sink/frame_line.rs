@@ -23,14 +23,14 @@ pub(crate) struct FrameLine<'a> {
     pub pose: Option<[f64; 7]>,
     /// Contact of the probe's face with the skin; none without the effect `contact`.
     pub contact: Option<Contact>,
-    /// Measurements that no earlier frame showed.
+    /// Number of tracker measurements that no earlier frame showed.
     pub new_measurements: u64,
     /// Time from the first byte of the newest measurement to `presented_ms`; none for a held or repeated pose.
     pub pose_to_present_ms: Option<f64>,
     /// Time from the first byte of the measurement that first showed a jump to `presented_ms`; none without a new
     /// jump.
     pub jump_to_present_ms: Option<f64>,
-    /// Arrival of the first byte of the tracker record that gave the pose.
+    /// Arrival of the first byte of the tracker record that gave the pose; none without a tracker.
     pub first_byte_ms: Option<f64>,
     /// Time at which the pose was sampled.
     pub sampled_ms: f64,
@@ -38,18 +38,18 @@ pub(crate) struct FrameLine<'a> {
     pub submitted_ms: f64,
     /// Arrival of the rendered frame in memory.
     pub rendered_ms: f64,
-    /// Start and end of the generator's run on this frame.
+    /// Start and end of the generator's run on this frame; none if none ran.
     pub inference_ms: Option<[f64; 2]>,
     /// Handover to the sinks.
     pub presented_ms: f64,
-    /// Name of the generator at work.
+    /// Name of the generator that made the picture; none on raw frames.
     pub generator: Option<&'a str>,
     /// Operating point; none without a controller of operating points.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub point: Option<&'a str>,
     /// Whether the picture is frozen.
     pub frozen: bool,
-    /// Latest fault.
+    /// Latest fault; none if there was none recently.
     pub notice: Option<&'a str>,
 }
 

@@ -33,7 +33,7 @@ pub struct FrameLog {
 pub struct LogCounts {
     /// Lines that were pushed.
     pub pushed: u64,
-    /// Pushed lines that had to wait for the disk.
+    /// Number of pushed lines that had to wait for the disk.
     pub waited: u64,
     /// Lines lost because the file could not be written.
     pub failed: u64,

@@ -60,9 +60,9 @@ pub struct PoseRecord {
 /// Quality and effects with which the frame was rendered, as the effect plan decided.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SimulatedRecord {
-    /// Rays per scanline and layer; 1 if more would change nothing.
+    /// Number of rays per scanline and layer; 1 if more would change nothing.
     pub rays: u32,
-    /// Elevational layers; 1 if more would change nothing.
+    /// Number of elevational layers; 1 if more would change nothing.
     pub layers: u32,
     /// Simulated effects.
     pub effects: Vec<Effect>,
@@ -148,7 +148,7 @@ pub struct AdapterRecord {
     /// Its driver.
     pub driver: String,
     /// How the pass `trace` ran on a device: one thread per path, several lanes per path, or chosen by the number of
-    /// paths.
+    /// paths. None on the processor.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub trace: Option<String>,
 }

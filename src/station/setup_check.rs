@@ -180,7 +180,7 @@ fn off_mount(what: &str, position_mm: DVec3) -> Option<String> {
     (away_mm > 0.0 && away_mm < least).then(|| format!("{what} {away_mm:.3} mm from its sensor: is it in metres?"))
 }
 
-/// Finding about a `sensor` number other than 0, for a tracker that has only sensor 0.
+/// Finding about a `sensor` number other than 0, if the tracker has only sensor 0.
 fn unheard_sensor(tracker: &Settings) -> Option<SetupFinding> {
     let Settings { transport, protocol, device, .. } = tracker;
     let has_one = match protocol {

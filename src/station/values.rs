@@ -51,7 +51,7 @@ impl Values {
         number(self.values.get(key)?)
     }
 
-    /// A whole number. [`Self::check`] verified its range, which fits u32.
+    /// A whole number; `None` if the key is absent. [`Self::check`] verified its range, which fits u32.
     pub(super) fn integer(&self, key: &str) -> Option<u32> {
         u32::try_from(self.values.get(key)?.as_integer()?).ok()
     }

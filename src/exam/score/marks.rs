@@ -26,20 +26,20 @@ pub struct CaliperScore {
     /// Measured length or circumference, mm; `None` for an angle.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub measured_mm: Option<f64>,
-    /// Measured angle, degrees.
+    /// Measured angle, degrees; `None` for other measures.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub angle_deg: Option<f64>,
-    /// Area of a measured ellipse, mm².
+    /// Area of a measured ellipse, mm²; `None` for other measures.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub area_mm2: Option<f64>,
-    /// Axes of a measured ellipse, mm.
+    /// Axes of a measured ellipse, mm; `None` for other measures.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub axes_mm: Option<[f64; 2]>,
     /// True length, mm; `None` if no plane has this measure.
     pub true_mm: Option<f64>,
-    /// Error, measured minus true, mm.
+    /// Error, measured minus true, mm; `None` without a true length.
     pub error_mm: Option<f64>,
-    /// Relative error: measured value over true value, minus one, percent.
+    /// Relative error: measured value over true value, minus one, percent; `None` without a true length.
     pub error_percent: Option<f64>,
     /// Reason why a named measure is not compared with a true value; empty if it is compared.
     #[serde(skip_serializing_if = "String::is_empty")]
@@ -149,7 +149,7 @@ fn caliper_score(
     }
 }
 
-/// Caliper with this name, regardless of case, and its view.
+/// Caliper with this name, regardless of case, and its view; `None` if no plane has it.
 fn find<'a>(name: &str, reference: &Reference<'a>) -> Option<(&'a Caliper, &'a View)> {
     let views = reference.scene_planes.iter().flat_map(|plane| &plane.views);
     let mut known = views.flat_map(|view| view.calipers.iter().map(move |caliper| (caliper, view)));

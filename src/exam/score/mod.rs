@@ -96,7 +96,7 @@ impl Reference<'_> {
 pub struct Score {
     /// Mean of the planes' points, 0..=100; `None` if nothing could be judged.
     pub points: Option<f64>,
-    /// Reason why nothing could be judged.
+    /// Reason why nothing could be judged; `None` if something was.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub not_judged: Option<String>,
     /// Number of planes found.
@@ -133,20 +133,21 @@ pub struct PlaneScore {
     /// Index of that view.
     #[serde(skip)]
     pub view_index: usize,
-    /// Whether it was found.
+    /// Whether the plane was found.
     pub found: bool,
-    /// Reason why it was not found.
+    /// Reason why the plane was not found; `None` if it was.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub why_not: Option<String>,
-    /// Points, 0..=100; 0 if it was not found or not judged.
+    /// Points, 0..=100; 0 if the plane was not found or not judged.
     pub points: f64,
-    /// Start of the first hold, s since the start.
+    /// Start of the first hold, s since the start; `None` if the plane was not found.
     pub find_s: Option<f64>,
-    /// Path length of the probe's face until the first hold, mm.
+    /// Path length of the probe's face until the first hold, mm; `None` if the plane was not found.
     pub path_to_find_mm: Option<f64>,
     /// Longest hold, s.
     pub longest_hold_s: f64,
-    /// Start of the best second, s since the start; `None` if every second has a gap.
+    /// Start of the best second, s since the start. If every second has a gap, this and all values of that second are
+    /// `None`.
     pub best_s: Option<f64>,
     /// Pose at the best moment of the best second.
     #[serde(skip)]
@@ -178,11 +179,11 @@ pub struct Measure {
     pub title: String,
     /// Measured length, mm; `None` if the image does not show enough.
     pub measured_mm: Option<f64>,
-    /// True length, mm.
+    /// True length, mm; `None` if it is unknown.
     pub true_mm: Option<f64>,
-    /// Relative error: measured length over true length, minus one, percent.
+    /// Relative error: measured length over true length, minus one, percent; `None` if either is unknown.
     pub error_percent: Option<f64>,
-    /// Points of the caliper in the image.
+    /// Points of the caliper in the image; `None` if the image does not show enough.
     #[serde(skip)]
     pub measured: Option<Measured>,
 }
@@ -356,8 +357,8 @@ pub fn slice_mm(probe: &Probe, depth_mm: f64) -> f64 {
     probe.elevational_sigma_mm(depth_mm.max(0.0)) * FWHM_PER_SIGMA
 }
 
-/// True length of `caliper`, mm: the value of the plane, or else the length measured on its surfaces in the exact
-/// plane.
+/// True length of `caliper`, mm: the value given in the plane, or else the length measured on the surfaces in the exact
+/// plane. `None` if they can't be measured.
 pub(crate) fn true_length_mm(caliper: &Caliper, view: &View, reference: &Reference<'_>) -> Option<f64> {
     /// Depth of the plane's centre below the probe that is assumed in the exact plane, mm.
     const DEPTH_MM: f64 = 70.0;

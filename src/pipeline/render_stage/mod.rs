@@ -104,13 +104,13 @@ pub(super) struct RenderStage {
     number: u64,
     /// Index of the generator for the next frames; none: they stay raw.
     generator: Option<usize>,
-    /// Operating point of the next frames, for viewers.
+    /// Operating point of the next frames, for viewers; none without a controller.
     point: Option<Arc<PointText>>,
-    /// Whether the face touched the skin in the last frame with a known contact.
+    /// Whether the face touched the skin in the last frame with a known contact; none before the first.
     coupled: Option<bool>,
     placement: PlacementWatch,
     untouched: UntouchedWatch,
-    /// Trial of the settings that a watcher has changed.
+    /// Trial of the settings that a watcher has changed; none if no trial is in progress.
     trial: Option<Trial>,
 }
 

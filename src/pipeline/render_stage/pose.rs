@@ -11,11 +11,11 @@ pub(super) struct PoseSampler {
     poses: Box<dyn PoseSource>,
     events: Events,
     tracking: TrackingState,
-    /// Pose of the last picture.
+    /// Pose of the last picture that was not frozen; none if it had no pose.
     last: Option<Pose>,
-    /// Pose of a frozen picture.
+    /// Pose of the frozen picture; none while the picture is live.
     frozen: Option<Pose>,
-    /// Scene time of the last picture.
+    /// Scene time of the last picture; none before the first.
     scene_time: Option<Duration>,
 }
 

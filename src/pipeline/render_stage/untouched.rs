@@ -19,7 +19,7 @@ pub(super) struct UntouchedWatch {
     good: Duration,
     /// Time at which the last frame was rendered, if its pose was good.
     last: Option<Duration>,
-    /// Opposite corners of the box around the probe's positions so far, mm.
+    /// Opposite corners of the box around the probe's good positions so far, mm; none before the first.
     extent_mm: Option<[DVec3; 2]>,
 }
 

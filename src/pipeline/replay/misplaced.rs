@@ -9,9 +9,11 @@ use crate::transducer::placement::MISPLACED_FOR;
 pub(super) struct MisplacedFrames {
     /// Length of the shortest run that is reported, in frames. Shorter runs of misplaced frames are not reported.
     least: f64,
-    /// Placement at the start of the current run, and its number of frames so far.
+    /// Placement at the start of the current run of misplaced frames, and its number of frames so far; `None` outside a
+    /// run.
     run: Option<(Misplacement, u32)>,
-    /// Placement at the start of the first reported run, and the number of frames in all reported runs.
+    /// Placement at the start of the first reported run, and the number of frames in all reported runs; `None` before
+    /// one.
     reported: Option<(Misplacement, u32)>,
 }
 
@@ -49,7 +51,7 @@ mod tests {
     use super::*;
     use crate::transducer::placement::Fault;
 
-    /// Frames in reported runs of a replay at 10 Hz whose probe is misplaced where `wrong` holds.
+    /// Number of frames in reported runs of a replay at 10 Hz whose probe is misplaced where `wrong` holds.
     fn reported(wrong: impl Fn(u32) -> bool) -> Option<u32> {
         let wrong_at = |depth_mm| Misplacement { fault: Fault::Deep { depth_mm }, likely: None };
         let mut frames = MisplacedFrames::new(FrameRate::new(10.0).unwrap());

@@ -38,9 +38,9 @@ const STATUS_PERIOD: Duration = Duration::from_millis(250);
 /// Limits at which a session ends automatically.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Limits {
-    /// Duration.
+    /// Duration of the session, if limited.
     pub duration: Option<Duration>,
-    /// Number of presented frames.
+    /// Number of presented frames, if limited.
     pub frames: Option<u64>,
 }
 
@@ -86,7 +86,7 @@ pub struct Parts {
     pub log: Option<FrameLog>,
     /// Controls from watchers.
     pub controls: mpsc::Receiver<Control>,
-    /// Observer of events, poses and settings, for a recording.
+    /// Observer that records events, poses and settings; none: they are not recorded.
     pub observer: Option<Arc<dyn Observer>>,
     /// State of the tracker, which is shown and summarised; none without one.
     pub tracker: Option<TrackerWatch>,

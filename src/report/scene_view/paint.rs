@@ -25,7 +25,7 @@ pub struct PictureSettings {
     pub from: Direction,
     /// Rotation of the viewer from that direction.
     pub orbit: Orbit,
-    /// Cut through the scene.
+    /// Cut through the scene, if any.
     pub cut: Option<Cut>,
 }
 

@@ -134,7 +134,7 @@ impl Scenery {
     }
 
     /// Index of the surface with the highest priority among those that contain the point `t_mm` along the line of
-    /// sight. Surfaces of the probe are excluded.
+    /// sight; `None` if none does. Surfaces of the probe are excluded.
     fn medium_beyond(&self, hits: &[Hit], t_mm: f32) -> Option<usize> {
         let mut met = [0u64; 4];
         let mut highest = None;

@@ -141,7 +141,7 @@ impl Access {
         pairs.any(|(key, value)| key == name && self.accepts_token(value))
     }
 
-    /// `Set-Cookie` value that stores the token for later requests to the same `Host`.
+    /// `Set-Cookie` value that stores the token for later requests to the same `Host`; `None` without a token.
     pub(super) fn cookie(&self, headers: &HeaderMap) -> Option<String> {
         let token = self.token.as_ref()?;
         let is_https = host(headers, true).is_some_and(|host| self.is_listed(&host));

@@ -49,9 +49,9 @@ pub struct ClientCounters {
     pub id: u64,
     /// Network address of the page.
     pub address: SocketAddr,
-    /// Frames sent to the page, or being sent.
+    /// Number of frames sent to the page, or being sent.
     pub sent: u64,
-    /// Frames skipped because the page was too slow.
+    /// Number of frames skipped because the page was too slow.
     pub dropped: u64,
 }
 

@@ -21,17 +21,17 @@ const SEND_BUFFER: u32 = 1 << 20;
 /// Counters of the server.
 #[derive(Debug, Default)]
 pub struct Counters {
-    /// Clients connected now.
+    /// Number of clients connected now.
     pub connected: AtomicU64,
-    /// Clients accepted.
+    /// Number of clients accepted.
     pub accepted: AtomicU64,
-    /// Clients refused because too many were connected.
+    /// Number of clients refused because too many were connected.
     pub refused: AtomicU64,
-    /// Frames sent or being sent, summed over clients.
+    /// Number of frames sent or being sent, summed over clients.
     pub sent: AtomicU64,
-    /// Frames skipped for a newer one, summed over clients.
+    /// Number of frames skipped for a newer one, summed over clients.
     pub dropped: AtomicU64,
-    /// Clients disconnected because they read nothing.
+    /// Number of clients disconnected because they read nothing.
     pub stalled: AtomicU64,
 }
 

@@ -93,7 +93,8 @@ struct App {
     shown: Option<Shown>,
     spare: Shown,
     canvas: Canvas,
-    /// Figures and frame that the drawn marks show. The marks are drawn again only when these change.
+    /// Figures and frame that the drawn marks show; none before the first drawing. The marks are drawn again only when
+    /// these change.
     drawn: Option<(Figures, Option<Shown>)>,
     /// Settings requested by keys.
     wanted: LiveSettings,
@@ -262,7 +263,7 @@ fn without_image(shown: &Shown) -> Shown {
     Shown { image: Vec::new(), generator: shown.generator.clone(), notice: shown.notice.clone(), ..*shown }
 }
 
-/// Name of the key as in the browser's `KeyboardEvent.key`.
+/// Name of the key as in the browser's `KeyboardEvent.key`; `None` for special keys that the window does not use.
 fn key_name(key: &Key) -> Option<&str> {
     match key {
         Key::Character(text) => Some(text.as_str()),

@@ -81,7 +81,7 @@ impl Banner {
     }
 }
 
-/// Banner for a frame. `silent`: no new frame arrived for too long.
+/// Banner for a frame; `None` if nothing is wrong. `silent`: no new frame arrived for too long.
 pub(super) fn banner(shown: Option<&Shown>, silent: bool) -> Option<Banner> {
     let Some(shown) = shown else { return Some(Banner::Waiting) };
     match shown.info.estimate.state {

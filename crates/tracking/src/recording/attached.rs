@@ -81,7 +81,7 @@ pub(super) fn read_attachment(content: &[u8], settings: &mut Option<SessionSetti
     Ok(())
 }
 
-/// Takes a length-prefixed string from the front.
+/// Takes a length-prefixed string from the front of `left`; `None` if it is incomplete.
 fn text<'a>(left: &mut &'a [u8]) -> Option<&'a [u8]> {
     let (length, behind) = left.split_first_chunk::<4>()?;
     let (text, behind) = behind.split_at_checked(usize::try_from(u32::from_le_bytes(*length)).ok()?)?;

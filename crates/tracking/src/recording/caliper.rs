@@ -131,18 +131,18 @@ impl CaliperEvent {
         }
     }
 
-    /// Axes of the ellipse, mm.
+    /// Axes of the ellipse, mm; `None` for other measurements.
     pub fn axes_mm(&self) -> Option<[f64; 2]> {
         let [a, b, c, d] = self.points_mm[..] else { return None };
         Some([distance(a, b), distance(c, d)])
     }
 
-    /// Area of the ellipse, mm².
+    /// Area of the ellipse, mm²; `None` for other measurements.
     pub fn area_mm2(&self) -> Option<f64> {
         self.axes_mm().map(|[a, b]| 0.25 * std::f64::consts::PI * a * b)
     }
 
-    /// Angle at the corner, degrees, 0..=180.
+    /// Angle at the corner, degrees, 0..=180; `None` for other measurements.
     pub fn angle_deg(&self) -> Option<f64> {
         let [a, corner, b] = self.points_mm[..] else { return None };
         let direction = |p: [f64; 2]| (p[1] - corner[1]).atan2(p[0] - corner[0]).to_degrees();

@@ -94,8 +94,8 @@ impl Capture {
         }
     }
 
-    /// Ends a tracker's session. Returns the statistics since the last report, the statistics of each sensor since the
-    /// start, and the totals of a session.
+    /// Ends the capture. Returns the statistics since the last report, those of each sensor since the start, and the
+    /// totals of a tracker's session (`None` for a stream).
     pub fn end(self) -> (TrackerReport, Vec<SensorReport>, Option<SessionSummary>) {
         let summary = match self.source {
             Source::Tracker(session, cancel) => {

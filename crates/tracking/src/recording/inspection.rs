@@ -17,7 +17,7 @@ pub struct Inspection<'a> {
     protocol: &'static str,
     start_time_ns: u64,
     sensor: Option<u16>,
-    /// Name of the probe's tool.
+    /// Name of the probe's tool, if the protocol names tools.
     tool: Option<&'a str>,
     sensors: &'a [RecordedSensor],
     messages: u64,

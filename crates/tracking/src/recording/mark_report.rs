@@ -13,26 +13,26 @@ pub struct MarkReport {
     pub time_s: f64,
     /// Time of the marked picture, s from the start.
     pub picture_s: f64,
-    /// Number of the marked frame in its session.
+    /// Number of the marked frame in its session, if the mark names a frame.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame: Option<u64>,
     /// `distance`, `angle`, `ellipse`, `text` or `body_mark`.
     pub kind: &'static str,
     /// Name of the measure, name of the body mark, or the text itself.
     pub text: String,
-    /// Value of a measurement, in `unit`.
+    /// Value of a measurement, in `unit`; `None` for other marks.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub value: Option<f64>,
-    /// `mm` or `deg`.
+    /// `mm` or `deg`; `None` without a value.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unit: Option<&'static str>,
-    /// Area of an ellipse, mm².
+    /// Area of an ellipse, mm²; `None` for other marks.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub area_mm2: Option<f64>,
     /// Points, (x, z) of the probe frame, mm.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub points_mm: Vec<[f64; 2]>,
-    /// Turn of the probe on a body mark, degrees.
+    /// Turn of the probe on a body mark, degrees; `None` for other marks.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub turn_deg: Option<f64>,
 }

@@ -171,7 +171,8 @@ pub struct Event {
     pub host_time_ns: u64,
     /// Name of the event.
     pub name: String,
-    /// Value of a changed control (gain in dB, frozen or not, ...).
+    /// Value of a changed control (gain in dB, frozen or not, ...), or other content of the event; `None` if there is
+    /// none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub value: Option<serde_json::Value>,
 }

@@ -301,7 +301,7 @@ impl<R: Read> Read for Counting<R> {
     }
 }
 
-/// Opcode and content of the next record.
+/// Opcode and content of the next record; `None` at the end of the file.
 fn next_record(reader: &mut LinearReader, source: &mut impl Read) -> Result<Option<(u8, Vec<u8>)>, McapError> {
     loop {
         match reader.next_event() {

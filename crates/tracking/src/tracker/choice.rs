@@ -12,15 +12,15 @@ use super::{PortName, ProbeSensor, Protocol, Settings, Transport};
 pub struct Choice {
     /// Protocol.
     pub protocol: Protocol,
-    /// Serial port or HID device.
+    /// Serial port or HID device, if the tracker has one.
     pub port: Option<PortName>,
-    /// `host:port` of a server, or the address to receive datagrams on.
+    /// `host:port` of a server, or the address to receive datagrams on; `None` for a tracker at a port.
     pub address: Option<String>,
     /// Speed of a serial port, baud; `None` for the protocol's usual speed.
     pub baud: Option<u32>,
     /// Number of the probe's sensor; `None` for the only sensor that reports.
     pub sensor: Option<u16>,
-    /// Name of the probe's tool.
+    /// Name of the probe's tool, if it is chosen by name.
     pub tool: Option<String>,
 }
 

@@ -20,7 +20,7 @@ pub struct Damage {
     pub time: Duration,
     /// The last damaged piece or reported error.
     pub example: DecodeError,
-    /// Likely cause and remedy.
+    /// Likely cause and remedy, if known.
     pub remedy: Option<String>,
 }
 

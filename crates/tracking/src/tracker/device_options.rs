@@ -12,7 +12,7 @@ pub struct DeviceOptions {
     /// Number of the probe's sensor. `None` takes the only sensor received, or the device's first one if the protocol
     /// needs a number.
     pub sensor: Option<u16>,
-    /// Name of the probe's tool (OpenIGTLink). It takes precedence over `sensor`.
+    /// Name of the probe's tool (OpenIGTLink), if chosen. It takes precedence over `sensor`.
     pub tool: Option<String>,
     /// Axis [x, y, z] of the magnetic source that points into the half space in which the sensor is used (Polhemus).
     pub hemisphere: [f64; 3],

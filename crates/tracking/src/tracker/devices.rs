@@ -16,9 +16,9 @@ pub struct UsbIdentity {
     pub vendor: u16,
     /// Product id.
     pub product: u16,
-    /// Serial number.
+    /// Serial number, if the device reports one.
     pub serial: Option<String>,
-    /// Vendor and product names.
+    /// Vendor and product names, if the device reports them.
     pub name: Option<String>,
 }
 
@@ -35,11 +35,12 @@ impl UsbIdentity {
 pub struct SerialDevice {
     /// Path, which may change when the device is plugged in again.
     pub path: String,
-    /// Stable path by id (Linux).
+    /// Stable path by id (Linux), if there is one.
     pub by_id: Option<String>,
     /// USB identity, if it is a USB adapter.
     pub usb: Option<UsbIdentity>,
-    /// FTDI latency timer, ms: longest time for which the adapter buffers bytes (Linux).
+    /// FTDI latency timer, ms: longest time for which the adapter buffers bytes. `None` for other adapters, and outside
+    /// Linux.
     pub latency_timer_ms: Option<u32>,
 }
 
@@ -185,7 +186,7 @@ fn joined(vendor: Option<&str>, product: Option<&str>) -> Option<String> {
     (!words.is_empty()).then(|| words.join(" "))
 }
 
-/// Link in `/dev/serial/by-id` that points to `path`.
+/// Link in `/dev/serial/by-id` that points to `path`, if there is one.
 #[cfg(feature = "serial")]
 fn by_id(path: &str) -> Option<String> {
     let target = std::fs::canonicalize(path).ok()?;
@@ -194,7 +195,7 @@ fn by_id(path: &str) -> Option<String> {
     links.find(|link| std::fs::canonicalize(link).is_ok_and(|t| t == target)).map(|link| link.display().to_string())
 }
 
-/// Latency timer of an FTDI adapter, ms.
+/// Latency timer of an FTDI adapter, ms; `None` for other adapters.
 #[cfg(feature = "serial")]
 fn latency_timer_ms(path: &str) -> Option<u32> {
     let name = Path::new(path).file_name()?;

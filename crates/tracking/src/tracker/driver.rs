@@ -58,7 +58,7 @@ pub trait Driver: Send {
         None
     }
 
-    /// Last bytes to send before the port is closed.
+    /// Last bytes to send before the port is closed; `None` if there are none.
     fn stop(&mut self) -> Option<Bytes> {
         None
     }

@@ -113,9 +113,9 @@ pub enum Reason {
     /// A payload of the wrong length.
     #[error("a payload of {found} bytes; the output list gives {expected}")]
     Length {
-        /// Length in the head.
+        /// Length of the payload in the head, bytes.
         found: usize,
-        /// Length of the output list.
+        /// Length of the payload by the output list, bytes.
         expected: usize,
     },
     /// Numbers that are not a pose.

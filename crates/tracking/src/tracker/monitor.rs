@@ -54,7 +54,7 @@ pub struct TrackerReport {
     pub reversals: u64,
     /// Total number of decode errors.
     pub decode_errors: u64,
-    /// Latest record.
+    /// Latest record; `None` before the first.
     pub last: Option<Record>,
     /// Sensors received, in the order of their first records, including sensors that are left out.
     pub sensors: Vec<SensorReport>,
@@ -86,7 +86,7 @@ pub struct SensorReport {
     pub rate_hz: Option<f64>,
     /// Whether the last record has a measurement: the sensor is in view, and the tracker marks it as valid.
     pub is_valid: bool,
-    /// Last position, mm.
+    /// Position in the last record, mm; `None` without a pose.
     pub position_mm: Option<[f64; 3]>,
     /// Whether the sensor is the probe; for a whole session, whether it was the probe at any time.
     pub is_probe: bool,

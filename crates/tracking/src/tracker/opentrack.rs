@@ -26,7 +26,7 @@ pub enum Reason {
     /// Wrong length.
     #[error("a datagram has {length} bytes; it must have {LENGTH} (six doubles: x, y, z, yaw, pitch, roll)")]
     Length {
-        /// Bytes found.
+        /// Number of bytes found.
         length: usize,
     },
     /// An angle outside its range.
@@ -52,7 +52,7 @@ pub struct Decoder {
 }
 
 impl StreamDecoder for Decoder {
-    /// If the buffer is not a number of whole datagrams, all of it is removed.
+    /// Takes one datagram. If the buffer does not hold whole datagrams, all its bytes are removed.
     fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         let length = buffer.len();
         if length == 0 {

@@ -22,9 +22,9 @@ pub struct ReportLine<'a> {
     sensor: Option<u16>,
     buttons: Option<u32>,
     position_mm: Option<[f64; 3]>,
-    /// Quaternion of the last pose: w, x, y, z.
+    /// Quaternion of the last reading: w, x, y, z; `None` if it has no orientation.
     quaternion: Option<[f64; 4]>,
-    /// Rates along x, y, z, then about them, −1..=1.
+    /// Rates along x, y, z, then about them, −1..=1; `None` for devices that measure no rates.
     rates: Option<[f64; 6]>,
     /// Sensors received, including sensors that are left out.
     sensors: &'a [SensorReport],

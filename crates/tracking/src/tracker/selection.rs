@@ -13,7 +13,7 @@ pub(crate) struct Selection {
     wanted: Option<ProbeSensor>,
     /// Sensors received so far.
     heard: Vec<SensorName>,
-    /// Index in `heard` of the sensor used last.
+    /// Index in `heard` of the sensor used last; `None` before its first record.
     used: Option<usize>,
 }
 
@@ -80,7 +80,7 @@ impl Selection {
         self.heard.get(self.used?)
     }
 
-    /// Choice of the probe.
+    /// Choice of the probe; `None` takes the first sensor received.
     #[cfg(feature = "live")]
     pub(crate) fn wanted(&self) -> Option<&ProbeSensor> {
         self.wanted.as_ref()

@@ -84,7 +84,7 @@ pub struct TrackedRow {
     pub time_s: f64,
     /// `tracker_from_probe`; `None` if the tracker did not see the probe.
     pub pose: Option<Pose>,
-    /// Event at that time.
+    /// Name of an event at that time, if there is one.
     pub event: Option<String>,
     /// Position in the file.
     pub position: LinePosition,
@@ -230,7 +230,7 @@ impl<R: BufRead> Lines<R> {
     }
 }
 
-/// Parses a finite number.
+/// Parses a number; `None` unless it is finite.
 fn finite(text: &str) -> Option<f64> {
     text.trim().parse().ok().filter(|number: &f64| number.is_finite())
 }

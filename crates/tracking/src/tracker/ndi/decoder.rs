@@ -37,7 +37,7 @@ impl Repeats {
     }
 }
 
-/// Code of an `ERRORxx` reply.
+/// Code of an `ERRORxx` reply; `None` for another reply.
 pub(super) fn error_code(text: &str) -> Option<u8> {
     let digits = text.strip_prefix("ERROR").filter(|digits| digits.len() == 2)?;
     u8::from_str_radix(digits, 16).ok()

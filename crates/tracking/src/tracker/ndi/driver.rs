@@ -77,7 +77,7 @@ pub struct NdiDriver {
     notices: VecDeque<Reason>,
     poll_failures: u32,
     set_up_failures: u32,
-    /// Unsuccessful searches for a tool since the device last tracked.
+    /// Number of unsuccessful searches for a tool since the device last tracked.
     no_tool: u32,
     /// System status and number of absent ports in the previous reply.
     tracked: Option<(u16, u16)>,

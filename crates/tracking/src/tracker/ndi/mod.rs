@@ -241,7 +241,7 @@ pub enum Reason {
     /// The stream ended within a reply.
     #[error("the stream ends, or the device was given up, after {length} bytes of a reply")]
     Incomplete {
-        /// Bytes present.
+        /// Number of bytes present.
         length: usize,
     },
 }

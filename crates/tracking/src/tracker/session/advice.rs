@@ -122,7 +122,7 @@ impl Advisor {
         }
     }
 
-    /// Protocol of which the sample contains records.
+    /// Another protocol of which the sample contains at least `PROOF` records; `None` if there is none.
     fn other_protocol(&self) -> Option<Protocol> {
         let records = |protocol: Protocol| {
             let (mut decoder, mut buffer) = (protocol.decoder(), BytesMut::from(&self.sample[..]));

@@ -35,7 +35,7 @@ pub(super) struct Intake {
     probe_at: Duration,
     /// Whether the probe's absence was reported.
     missing_told: bool,
-    /// Time of the last report of another sender.
+    /// Time of the last report of another sender; `None` before the first.
     sender_told: Option<Duration>,
     /// Numbers of bytes and records since the port was opened.
     connection: (u64, u64),
@@ -196,7 +196,7 @@ impl Intake {
         }
     }
 
-    /// Likely cause of the silence of a port that has given no record since it was opened.
+    /// Likely cause of silence, if the port has given no record since it was opened; `None` if it has.
     pub(super) fn cause_of_silence(&self, skipped: Option<String>) -> Option<String> {
         let (bytes, records) = self.connection;
         if records == 0 { self.advisor.of_silence(bytes, self.summary.decode_errors, skipped) } else { None }

@@ -46,9 +46,9 @@ pub(super) struct Regularity {
     order: StreamOrder,
     gate: JumpGate,
     last_pose: Option<Pose>,
-    /// Arrival and device time of the last record, ns and µs.
+    /// Arrival (ns) and device time (µs) of the last record; `None` before the first.
     last: Option<(u64, Option<u64>)>,
-    /// Counter of the last record.
+    /// Counter of the last record, if it has one.
     counter: Option<u32>,
     window: Window,
     /// Time of the last report of each kind, ns. A counter that stands still is reported once.
@@ -91,7 +91,7 @@ impl Regularity {
         *self = Self { reported_ns: self.reported_ns, ..Self::default() };
     }
 
-    /// Takes the next record. Returns an irregularity that is due to be reported.
+    /// Takes the next record. Returns an irregularity, if one is due to be reported.
     pub(super) fn push(&mut self, host_time_ns: u64, record: &Record) -> Option<Irregularity> {
         let sudden = self.count(host_time_ns, record);
         let start_ns = *self.window.start_ns.get_or_insert(host_time_ns);
@@ -110,7 +110,7 @@ impl Regularity {
         Some(found)
     }
 
-    /// Counts a record. Returns a sudden change.
+    /// Counts a record. Returns a sudden change, if the record shows one.
     fn count(&mut self, host_time_ns: u64, record: &Record) -> Option<Irregularity> {
         let Record { sequence, device_time_us, reading, .. } = *record;
         let last = self.last.replace((host_time_ns, device_time_us));

@@ -11,7 +11,7 @@ use crate::tracker::mock::{Board, Settings, Tick};
 /// Port of a simulated board, which also ticks while the port is closed.
 pub(in crate::tracker) struct MockPort {
     board: Board,
-    /// Time of the first opening.
+    /// Time of the first opening; `None` before it.
     started: Option<Instant>,
     plugged: bool,
 }

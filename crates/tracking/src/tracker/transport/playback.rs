@@ -17,7 +17,7 @@ pub(in crate::tracker) struct PlaybackPort {
     repeat: bool,
     /// Current time and recorded time, ns, at the start of this pass; `None` before its first message.
     began: Option<(Instant, u64)>,
-    /// Time and bytes of the next message.
+    /// Recorded time, ns, and bytes of the next message, if it was read already.
     next: Option<(u64, Vec<u8>)>,
     /// Whether this pass delivered a message.
     played: bool,

@@ -14,7 +14,7 @@ use super::{Received, not_open};
 pub(in crate::tracker) struct UdpPort {
     address: SocketAddr,
     socket: Option<UdpSocket>,
-    /// Time 0 of `senders`.
+    /// Opening of the socket: time 0 of `senders`. `None` before it.
     opened: Option<Instant>,
     senders: SenderLock,
 }

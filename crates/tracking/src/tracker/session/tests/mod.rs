@@ -19,7 +19,7 @@ struct Calls {
     bytes: Vec<(u64, Vec<u8>)>,
     records: Vec<(u64, Record)>,
     events: Vec<(u64, TrackerEvent)>,
-    /// Number of records at which to cancel.
+    /// Number of records at which to cancel the session, and its token; `None`: the test cancels it.
     enough: Option<(usize, CancellationToken)>,
 }
 
@@ -47,7 +47,7 @@ impl Listener for TrackerListener {
     }
 }
 
-/// Bytes of the recording that the settings name.
+/// Bytes of the recording that the settings name; `None` for other transports.
 fn playback(settings: &Settings) -> Option<Box<dyn Playback>> {
     let Transport::Recording { path, .. } = &settings.transport else { return None };
     Some(Box::new(RecordingPlayback::open(path).unwrap()))
