@@ -44,7 +44,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`pipeline`] | live sessions, and replays of recorded ones; feature `live` |
-//! | [`chooser`] | operating points: times, the choice; feature `live` |
+//! | [`chooser`] | operating points (quality and generator): their times, and the choice; feature `live` |
 //! | [`measuring`] | times and errors of frames, sweeps, the table of errors, images and generators against their targets |
 //! | [`dataset`] | data sets of paired frames |
 //! | [`report`] | reports, sheets, pictures of scenes |
@@ -62,12 +62,12 @@
 //! | [`recording`] | recordings and interchange; feature `recordings` |
 //! | [`tracker`] | decoders; sessions: features `live`, `serial`, `hid` |
 //! | [`pose`] | poses, their estimation and calibration |
-//! | [`acoustics`], [`look`] | formulas; the picture after its lines |
+//! | [`acoustics`], [`look`] | formulas; post-processing |
 //! | [`settings`] | every setting once |
 //! | [`files`], [`statistics`], [`random`], [`names`] | tools |
 //!
-//! All features except `window` are on by default, and `cli` makes the program `insonify`. Without any, what the table names no feature for works; the rest
-//! is absent, or returns an error that names its feature.
+//! All features except `window` are on by default, and `cli` makes the program `insonify`. Without any feature, the
+//! modules for which the table names none work. The others are absent, or return an error that names the feature.
 //!
 //! # Units
 //!

@@ -74,8 +74,8 @@ pub enum ExamError {
 }
 
 /// Pose of a probe on the skin, aimed at `target_mm`, with the hand's tremor `shift`. Lateral tremor slides the probe
-/// on the skin; tremor along the beam is pressure. `press_mm` is the depth of the face in the skin. `skin` returns
-/// the point at which a line from inside the body along a direction leaves the body.
+/// on the skin; tremor along the beam is pressure. `press_mm` is the depth of the face in the skin. `skin` returns the
+/// point at which a line from inside the body along a unit direction leaves the body.
 fn on_skin(
     device_time_us: u64,
     (target_mm, orientation): (DVec3, DQuat),

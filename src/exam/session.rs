@@ -305,7 +305,8 @@ impl<'a> Plan<'a> {
         Ok(Session { poses, events })
     }
 
-    /// `caliper` placed at its true points in the image of `pose`, with errors that depend on the hand's skill.
+    /// `caliper` as the hand places it in the image at `pose`: near its true points, with errors that depend on the
+    /// hand's skill.
     fn placed(&mut self, caliper: &Caliper, pose: &Pose) -> CaliperEvent {
         let spread_mm = 0.3 + 0.3 * self.hand.rest.slide_mm;
         let probe_from_scene = pose.inverse();

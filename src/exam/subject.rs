@@ -1,4 +1,4 @@
-//! Standard planes that a recorded session is about.
+//! Standard planes that a recorded session is to show.
 
 use serde_json::Value;
 use thiserror::Error;
@@ -14,7 +14,7 @@ pub struct SubjectError {
     found: String,
 }
 
-/// Names of the planes that a session is about, each once: the names in its [`EXAM_EVENT`], or else the planes that a
+/// Names of the planes that a session is to show, each once: the names in its [`EXAM_EVENT`], or else the planes that a
 /// generated hand searched for. Empty if the recording names none.
 ///
 /// # Errors

@@ -37,8 +37,8 @@ impl Controls {
         Self { receiver, live }
     }
 
-    /// Applies the queued controls. Calls `refuse` with a message for each value out of range, and `note` for each mark that is
-    /// set or removed.
+    /// Applies the queued controls. Calls `refuse` with a message for each value out of range, and `note` for each mark
+    /// that is set or removed.
     pub(super) fn apply_waiting(&mut self, mut refuse: impl FnMut(String), mut note: impl FnMut(&Control)) -> Changes {
         let mut changes = Changes::default();
         let before = self.live;

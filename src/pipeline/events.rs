@@ -21,7 +21,8 @@ pub trait Observer: Send + Sync {
     /// Settings that apply from `unix_ns` on.
     fn settings(&self, unix_ns: u64, settings: &LiveSettings);
 
-    /// A watcher set or removed marks ([`Control::Mark`], [`Control::Unmark`]) in a session that began at `start_unix_ns`.
+    /// A watcher set or removed marks ([`Control::Mark`], [`Control::Unmark`]) in a session that began at
+    /// `start_unix_ns`, ns since 1970 (UTC).
     fn marks(&self, _unix_ns: u64, _start_unix_ns: u64, _control: &Control) {}
 }
 

@@ -13,7 +13,7 @@ use super::rendered::Rendered;
 use super::slot::{Slot, Taken};
 use crate::presented::{FrameInfo, Pool};
 
-/// Buffers of generated frames: the presenter holds two during an exchange, the slot one, and one is filled.
+/// Number of buffers of generated frames: the presenter holds two during an exchange, the slot one, and one is filled.
 const FRAMES: usize = 4;
 
 /// A generated picture.

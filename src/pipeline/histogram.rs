@@ -6,10 +6,10 @@ use serde::Serialize;
 
 use super::clock::ms;
 
-/// Buckets per doubling of the duration; the relative error of a percentile is at most 1/32.
+/// Number of buckets per doubling of the duration; the relative error of a percentile is at most 1/32.
 const STEPS: usize = 32;
 
-/// Doublings that the histogram covers, from 1 µs to 36 minutes.
+/// Number of doublings that the histogram covers, from 1 µs to 36 minutes.
 const DOUBLINGS: usize = 32;
 
 /// Histogram of durations, with 32 buckets per doubling from 1 µs on.

@@ -17,8 +17,8 @@ use crate::statistics::upper_median;
 use crate::transducer::Misplacement;
 use crate::transducer::placement::Untouched;
 
-/// Frames from which the live figures are computed: the last `RECENT`, presented within `RECENT_TIME` before the last
-/// one.
+/// Limits of the recent frames behind the live figures: their largest number, and the longest time from their
+/// presentation to the last frame's.
 const RECENT: usize = 64;
 const RECENT_TIME: Duration = Duration::from_secs(3);
 

@@ -20,7 +20,7 @@ use crate::render::Frame;
 use crate::settings::ChoiceSettings;
 use crate::sink::FrameLog;
 
-/// Frame buffers shared by all sinks; without a free buffer, a frame is dropped.
+/// Number of frame buffers, which all sinks share; without a free buffer, a frame is dropped.
 const FRAMES: usize = 64;
 
 /// The presenter stage.

@@ -14,7 +14,7 @@ use super::summary::SinkSummary;
 use crate::presented::PresentedFrame;
 use crate::sink::live::LiveSink;
 
-/// Consecutive failures after which a sink is closed.
+/// Number of consecutive failures after which a sink is closed.
 const FAILURES: u32 = 5;
 
 /// A running sink.

@@ -39,8 +39,8 @@ pub struct GeneratorSummary {
     pub done: u64,
     /// Number of translated frames that came after their deadline.
     pub late: u64,
-    /// Number of frames replaced by newer ones, or offered while the generator could not run: it was switched off, the
-    /// frame lacked maps, or no generator met the budget.
+    /// Number of frames replaced by newer ones, or offered while the generator could not run: the frame lacked maps, or
+    /// no buffer was free.
     pub dropped: u64,
     /// Number of frames on which the generator failed.
     pub failed: u64,
@@ -93,7 +93,7 @@ pub struct Summary {
     pub produced: u64,
     /// Number of frames handed to the sinks.
     pub presented: u64,
-    /// Frames begun but not presented, by cause.
+    /// Numbers of frames begun but not presented, by cause.
     pub drops: BTreeMap<&'static str, u64>,
     /// Number of ticks of the frame rate: the sum of `produced` and `missed_ticks`.
     pub ticks: u64,
@@ -103,11 +103,11 @@ pub struct Summary {
     pub frames_per_s: f64,
     /// Fraction of presented frames with a generated picture, their own or a held one.
     pub generated_ratio: f64,
-    /// Presented frames by picture: generated, held, raw.
+    /// Numbers of presented frames by picture: generated, held, raw.
     pub by_source: [u64; 3],
-    /// Presented frames by the state of their pose: good, held, stuck, stale, lost.
+    /// Numbers of presented frames by the state of their pose: good, held, stuck, stale, lost.
     pub by_tracking: [u64; 5],
-    /// Presented frames whose probe was where no hand can hold it.
+    /// Numbers of presented frames whose probe was where no hand can hold it.
     pub misplaced: MisplacedSummary,
     /// Time from the first byte of the newest measurement to the handover of the frame to the sinks. Without a tracker
     /// it starts at sampling. Frames with a held or repeated pose are left out.

@@ -31,11 +31,11 @@ pub struct FrameLog {
 /// Counts of lines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct LogCounts {
-    /// Lines that were pushed.
+    /// Number of lines that were pushed.
     pub pushed: u64,
     /// Number of pushed lines that had to wait for the disk.
     pub waited: u64,
-    /// Lines lost because the file could not be written.
+    /// Number of lines lost because the file could not be written.
     pub failed: u64,
 }
 

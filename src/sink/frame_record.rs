@@ -145,7 +145,7 @@ impl LinesRecord {
 pub struct AdapterRecord {
     /// Name of the adapter.
     pub name: String,
-    /// Its driver.
+    /// Name of the adapter's driver.
     pub driver: String,
     /// How the pass `trace` ran on a device: one thread per path, several lanes per path, or chosen by the number of
     /// paths. None on the processor.

@@ -225,8 +225,8 @@ impl Station {
     /// Reads the surfaces of the glTF file at `path`, with this station's tissues and background.
     ///
     /// # Errors
-    /// Errors of [`import::load_with_findings`]; `tissues` lacks the background tissue; or the scene's unit must be
-    /// wrong, so that an image would show nothing. Other sizes that no body has are logged as warnings.
+    /// Errors of [`import::load_with_findings`]; `tissues` lacks the background tissue; or the scene's unit is
+    /// evidently wrong, because an image would show nothing. Other sizes that no body has are logged as warnings.
     pub fn load_scene_from(&self, path: &Path) -> Result<Scene, StationError> {
         let background = parse::tissue_index(&self.tissues, &self.background)?;
         let (mut scene, findings) = import::load_with_findings(path, &self.tissues, background)?;
@@ -246,7 +246,8 @@ impl Station {
         Ok(scene)
     }
 
-    /// Refuses a scene whose every part is larger than a body. Warns of other sizes that the doctor calls an error.
+    /// Refuses a scene in which every extent of every surface exceeds the image depth. Warns of other sizes that the
+    /// doctor calls an error.
     fn check_size(&self, scene: &Scene, path: &Path) -> Result<(), SceneError> {
         let Some(WrongSize { finding, thinnest_mm }) = wrong_size(scene) else { return Ok(()) };
         let depth_mm = self.probe.depth_mm;

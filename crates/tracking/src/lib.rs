@@ -1,7 +1,7 @@
-//! Trackers of insonify, a real-time ultrasound simulator: from received bytes to pose records, live or from recordings.
+//! Trackers of insonify, a real-time ultrasound simulator: from received bytes to pose records, live or recorded.
 //!
-//! A decoder is given bytes and returns records. It reads no port and no clock, so tests, fuzzers and replays run the decoder
-//! of a live session.
+//! A decoder is given bytes and returns records. It reads no port and no clock, so tests, fuzzers and replays run the
+//! decoder of a live session.
 //!
 //! ```
 //! use bytes::BytesMut;

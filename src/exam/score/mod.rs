@@ -84,7 +84,7 @@ impl Reference<'_> {
         format!("Tolerances: {}; see `insonify planes`.", sources.join("; "))
     }
 
-    /// Probe with its depth at the pose with this index.
+    /// The station's probe, with the image depth at the pose with this index.
     pub fn probe_at(&self, index: usize) -> Probe {
         let depth_mm = self.depths_mm.get(index).copied().unwrap_or(self.probe.depth_mm);
         Probe { depth_mm, ..*self.probe }

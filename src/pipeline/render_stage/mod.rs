@@ -36,7 +36,7 @@ use crate::render::{FRAMES_IN_FLIGHT, Frame, FrameQuality};
 use crate::settings::Choice;
 use crate::sink::live::MapsWanted;
 
-/// Buffers of rendered frames: those in the slots, the generator and the presenter, and one to fill.
+/// Number of buffers of rendered frames: held by the slots, the generator and the presenter, and one to fill.
 const FRAMES: usize = 8;
 
 /// Upper limit of a frame's delay while the generator has its turn. Half a frame period applies if it is shorter.

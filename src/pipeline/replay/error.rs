@@ -41,7 +41,7 @@ pub enum ReplayError {
         "the recorded session changes the depth at frame {frame}, and a sequence has one size of its pixels; export parts with --frames ..{frame} and {frame}.., or use --ignore-controls"
     )]
     Depth {
-        /// First frame with another depth.
+        /// Index of the first frame with another depth.
         frame: usize,
     },
     /// The times span more frames than any session has: usually a clock was wrong.
@@ -61,15 +61,15 @@ pub enum ReplayError {
     /// The requested range holds no frame.
     #[error("the requested frames {start}..{end} hold none; the end is not included")]
     Range {
-        /// First frame asked for.
+        /// Index of the first requested frame.
         start: usize,
-        /// End of the range, exclusive.
+        /// End of the range of frame indices, exclusive.
         end: usize,
     },
     /// The requested frames lie after the recording's end.
     #[error("the requested frames start at {start}, but at {fps} frames a second the recording has {frames}")]
     Start {
-        /// First frame asked for.
+        /// Index of the first requested frame.
         start: usize,
         /// Number of frames in the recording.
         frames: usize,

@@ -40,7 +40,7 @@ pub struct WrittenReplay<'a> {
     changes: usize,
     /// Runs of frames with the same settings, in order.
     parts: Vec<PartEntry>,
-    /// Frames with hits or interactions that did not fit the buffers.
+    /// Number of frames with hits or interactions that did not fit the buffers.
     overflowed: usize,
     /// Time from submitting the first frame to writing the last one, s.
     wall_s: f64,

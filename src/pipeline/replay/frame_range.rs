@@ -5,7 +5,7 @@ use std::str::FromStr;
 /// Frames of a recording: all by default.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct FrameRange {
-    /// First frame.
+    /// Index of the first frame.
     pub start: usize,
     /// End of the range, exclusive; none: all frames from `start`.
     pub end: Option<usize>,

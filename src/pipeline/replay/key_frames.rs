@@ -60,7 +60,7 @@ pub fn key_frames(events: &[Event], timeline: &Timeline) -> Vec<KeyFrame> {
 pub struct KeyScores {
     name: String,
     lq: Scores,
-    /// None without a generator.
+    /// Scores of the translated image; none without a generator.
     #[serde(skip_serializing_if = "Option::is_none")]
     translated: Option<Scores>,
 }
@@ -85,7 +85,7 @@ pub struct Stage {
     frame: Frame,
     /// Times of the rendered frames.
     pub times: TimeTable,
-    /// Frames with hits or interactions that did not fit the buffers.
+    /// Number of frames with hits or interactions that did not fit the buffers.
     pub overflowed: usize,
 }
 
@@ -148,7 +148,7 @@ pub struct KeyFrames<'a> {
 }
 
 impl KeyFrames<'_> {
-    /// Renders a key frame at both qualities, translates it, writes its files, and returns its row of the sheet with its
+    /// Renders a key frame at both qualities, translates it and writes its files. Returns its row of the sheet with its
     /// scores.
     ///
     /// # Errors

@@ -28,7 +28,7 @@ pub struct WrittenSequence {
     pub path: PathBuf,
     /// Number of images.
     pub images: usize,
-    /// Images in gaps of the recording, whose transforms are marked invalid.
+    /// Number of images in gaps of the recording; their transforms are marked invalid.
     pub invalid: usize,
     /// Width, pixels.
     pub width: u32,

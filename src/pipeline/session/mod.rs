@@ -319,7 +319,7 @@ fn milliseconds(ms: f64) -> Duration {
     Duration::from_secs_f64((ms * 1e-3).max(0.0))
 }
 
-/// Frames begun but not presented, by cause.
+/// Numbers of frames begun but not presented, by cause.
 fn drops(metrics: &Metrics, to_presenter: &Slot<Arc<Rendered>>) -> [(&'static str, u64); 4] {
     [
         ("replaced before presentation", to_presenter.dropped()),

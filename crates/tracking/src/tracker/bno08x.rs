@@ -29,7 +29,7 @@ pub(crate) const ANGLE_LIMIT_DEG: f64 = 180.0;
 
 const START: u8 = 0xAA;
 
-/// Bytes that start a frame.
+/// Number of bytes that start a frame.
 const HEAD: usize = 2;
 
 const DEG_PER_STEP: f64 = 0.01;
@@ -66,7 +66,7 @@ pub enum Reason {
     Angle {
         /// `yaw`, `pitch` or `roll`.
         name: &'static str,
-        /// Its value, degrees.
+        /// Value of the angle, degrees.
         value_deg: f64,
     },
 }
@@ -76,7 +76,7 @@ pub enum Reason {
 pub struct Decoder {
     order: AngleOrder,
     offset: Offset,
-    /// Index of the last frame, extended to 32 bits.
+    /// Index of the last frame, extended to 32 bits; `None` before the first.
     sequence: Option<u32>,
 }
 

@@ -1,7 +1,7 @@
 //! Communication with a tracker: start-up commands, polling, silence limits and resets.
 //!
-//! A driver does no input or output and reads no clock. The owner of the port calls it with the time since the session
-//! began, so every exchange can be tested without a device and without waiting.
+//! A driver does no input or output and reads no clock: the owner of the port passes the time since the session began.
+//! So every exchange can be tested without a device and without waiting.
 
 use std::time::Duration;
 

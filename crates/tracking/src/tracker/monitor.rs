@@ -108,7 +108,7 @@ struct Figures {
     sensors: Vec<SensorFigures>,
 }
 
-/// Number of records, and the intervals between them.
+/// Numbers of records and of the intervals between them.
 #[derive(Debug, Clone, Copy, Default)]
 struct Count {
     records: u64,

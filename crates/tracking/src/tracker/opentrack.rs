@@ -34,7 +34,7 @@ pub enum Reason {
     Angle {
         /// `yaw`, `pitch` or `roll`.
         name: &'static str,
-        /// Its value, degrees.
+        /// Value of the angle, degrees.
         value: f64,
     },
     /// Numbers that are not a pose.

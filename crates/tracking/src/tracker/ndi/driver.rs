@@ -24,14 +24,14 @@ const NO_TOOL_PAUSE: Duration = Duration::from_secs(1);
 /// Shortest interval between interruptions of tracking to handle added or removed tools.
 const CHANGE_PAUSE: Duration = Duration::from_secs(2);
 
-/// Consecutive lost or refused requests before the device is set up again.
+/// Number of consecutive lost or refused requests after which the device is set up again.
 const POLL_FAILURES: u32 = 3;
 
-/// Failed set-ups before the device is reset.
+/// Number of failed set-ups after which the device is reset.
 const SET_UP_FAILURES: u32 = 3;
 
-/// Most consecutive timeouts that are reported one by one. After that the device counts as silent, which the session
-/// reports.
+/// Largest number of consecutive timeouts that are reported one by one. After that the device counts as silent, which
+/// the session reports.
 const NOTICES_LIMIT: usize = 8;
 
 /// Number of searches for a tool per report that there is none.
@@ -79,7 +79,7 @@ pub struct NdiDriver {
     set_up_failures: u32,
     /// Number of unsuccessful searches for a tool since the device last tracked.
     no_tool: u32,
-    /// System status and number of absent ports in the previous reply.
+    /// System status and number of absent ports in the previous reply; `None` before the first.
     tracked: Option<(u16, u16)>,
     changed_at: Duration,
 }

@@ -38,7 +38,7 @@ pub(crate) const START_BAUD: u32 = 9600;
 /// Default speed to which a serial device is switched, baud.
 pub const USUAL_BAUD: u32 = 115_200;
 
-/// Bytes of a tool's description (its ROM).
+/// Number of bytes of a tool's description (its ROM).
 pub const ROM_BYTES: usize = 1024;
 
 /// Longest text reply, bytes: a `TX` reply of 255 tools.

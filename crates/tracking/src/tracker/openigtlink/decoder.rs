@@ -102,7 +102,7 @@ enum Front {
 }
 
 impl StreamDecoder for Decoder {
-    /// Each damaged message gives an error, and so do each 256 bytes of noise.
+    /// Each damaged message and every 256 bytes of noise give an error.
     fn decode(&mut self, buffer: &mut BytesMut) -> Result<Option<Record>, DecodeError> {
         loop {
             if self.skip > 0 {

@@ -16,7 +16,7 @@ const REPORT_PERIOD_NS: u64 = 5_000_000_000;
 /// Smallest number of records that is judged.
 const LEAST_RECORDS: u32 = 20;
 
-/// Fewest restarts of the counter within one window that are reported as interleaved devices.
+/// Smallest number of restarts of the counter within one window that is reported as interleaved devices.
 const SEVERAL: u32 = 3;
 
 /// Share of records out of order, or of positions out of reach, from which the stream does not come from one device.
