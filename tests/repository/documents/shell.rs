@@ -18,7 +18,7 @@ pub(crate) struct Command {
 /// Languages of blocks that are typed into a shell.
 const SHELLS: [&str; 6] = ["", "sh", "bash", "shell", "console", "text"];
 /// Languages of blocks without commands.
-const NO_SHELLS: [&str; 6] = ["toml", "rust", "python", "json", "wgsl", "js"];
+const NO_SHELLS: [&str; 7] = ["toml", "rust", "python", "json", "wgsl", "js", "mermaid"];
 
 /// Words between two commands.
 const OPERATORS: [&str; 5] = ["|", "||", "&", "&&", ";"];
