@@ -11,16 +11,16 @@ use crate::settings::Apodization;
 
 /// Smallest F-number of the receive aperture: elements are insensitive at steeper angles.
 pub const RECEIVE_F_NUMBER_MIN: f64 = 2.0;
-/// Number of offsets in a profile.
+/// Number of offsets from the axis in a [`Profile`].
 pub const OFFSETS: usize = 160;
-/// Last offset of a dynamically focused beam's profile, in units of λ·F# of reception. Side lobes farther out are
-/// below −30 dB.
+/// Extent of a dynamically focused beam's [`Profile`] from the axis, in units of λ·F# of reception. Side lobes farther
+/// out are below −30 dB.
 const LOBES: f64 = 6.0;
-/// Number of frequencies in the band.
+/// Number of frequencies at which the band of the echo is sampled.
 const FREQUENCIES: u32 = 9;
-/// Most elements of one half of an aperture; scanners have about as many.
+/// Largest number of elements in one half of an aperture; scanners have about as many.
 const ELEMENTS_MAX: f64 = 128.0;
-/// Number of offsets that are computed together.
+/// Number of a profile's offsets that are computed at a time.
 const LANES: usize = 8;
 
 /// Focus of reception.
@@ -54,23 +54,24 @@ pub struct Beam {
 /// Two-way amplitude of the beam at one depth, as a function of the offset from its axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Profile {
-    /// Distance between two offsets, mm.
+    /// Distance between neighbouring offsets, mm.
     pub step_mm: f64,
-    /// Amplitude at the offsets 0, 1, … steps; the maximum is 1.
+    /// Amplitude at the offset i·`step_mm` from the axis; the maximum is 1.
     pub levels: [f64; OFFSETS],
 }
 
 /// Pair of elements at equal distances from the axis.
 struct Pair {
     amplitude: f64,
-    /// Extra path to a point on the axis relative to the aperture's centre, after focusing, mm.
+    /// Path from an element to a point on the axis minus the path from the aperture's centre, less the focusing delay,
+    /// mm.
     late_mm: f64,
-    /// Sine of the angle to the axis.
+    /// Sine of the angle between the axis and the line from an element to the point.
     sine: f64,
 }
 
 impl Beam {
-    /// Profile at `depth_mm`.
+    /// Two-way amplitude across the beam at `depth_mm`.
     pub fn profile(&self, depth_mm: f64) -> Profile {
         let wavelength = wavelength_mm(self.frequency_mhz);
         let depth_mm = depth_mm.max(self.least_depth_mm());
@@ -109,7 +110,7 @@ impl Beam {
         2.0 * profile.steps_above(0.5) * profile.step_mm
     }
 
-    /// Last offset of a profile, mm.
+    /// Offset from the axis at which a profile at `depth_mm` ends, mm.
     pub fn reach_mm(&self, depth_mm: f64) -> f64 {
         let wavelength = wavelength_mm(self.frequency_mhz);
         let f_number = depth_mm / self.aperture_mm;
@@ -123,8 +124,8 @@ impl Beam {
         }
     }
 
-    /// Smallest depth at which the sums are valid, mm: a wavelength, and deep enough that the elements of a lens are
-    /// dense.
+    /// Smallest depth at which the sums are valid, mm: a wavelength. For a lens it is also large enough that
+    /// [`ELEMENTS_MAX`] elements sample the aperture densely.
     fn least_depth_mm(&self) -> f64 {
         let wavelength = wavelength_mm(self.frequency_mhz);
         match self.reception {
@@ -140,16 +141,17 @@ impl Beam {
 
     /// Element pairs of an aperture `width_mm` wide, focused at `focus_mm`, for points at `depth_mm`.
     ///
-    /// A dynamically focused beam is narrow: distances are exact on its axis and linear in the offset. Outside a
-    /// lens's focus, offsets are as large as the lens. Distances are then parabolic, which is accurate enough for the
-    /// elements that matter there.
+    /// A dynamically focused beam is narrow: distances are exact on the axis and linear in the offset from it. Away
+    /// from its focus, the beam of a lens is as wide as the lens. Its distances are parabolic, which is accurate enough
+    /// for the elements that matter there.
     fn pairs(&self, width_mm: f64, focus_mm: f64, depth_mm: f64) -> Vec<Pair> {
         let exact = self.reception == Reception::Dynamic;
         let away_mm = |position_mm: f64, focus_mm: f64| {
             if exact { position_mm.hypot(focus_mm) - focus_mm } else { 0.5 * position_mm * position_mm / focus_mm }
         };
         let late_mm = |position_mm| away_mm(position_mm, depth_mm) - away_mm(position_mm, focus_mm);
-        // Phase turns from the middle of the aperture to its end, on the axis and at the last offset.
+        // Largest phase difference between the middle and the end of the aperture, in turns. It sets the number of
+        // elements.
         let end_mm = 0.5 * width_mm;
         let turns = (late_mm(end_mm).abs() + end_mm * self.reach_mm(depth_mm) / depth_mm) / self.shortest_mm();
         let count = (12.0 + 2.5 * turns).min(ELEMENTS_MAX).ceil() as u32;
@@ -167,16 +169,16 @@ impl Beam {
     }
 }
 
-/// Squared magnitude of the one-way field at all offsets.
+/// Squared magnitude of the one-way field at every offset of a profile.
 ///
-/// At an offset x, one element of a pair is x·sine nearer and the other x·sine farther. The remaining change in
-/// distance is nearly equal for all elements, so it is left out.
+/// At an offset x from the axis, one element of a pair is x·sine nearer and the other x·sine farther. The remaining
+/// change in distance is nearly equal for all elements, so it is left out.
 fn intensity(pairs: &[Pair], wave_number: f64, step_mm: f64) -> [f64; OFFSETS] {
     let (mut re, mut im) = ([0.0; OFFSETS], [0.0; OFFSETS]);
     for pair in pairs {
         let (sin, cos) = (wave_number * pair.late_mm).sin_cos();
         let amplitude = [pair.amplitude * cos, pair.amplitude * sin];
-        // Cosines of multiples of an angle by Chebyshev's recurrence: the first ones singly, then all lanes at once.
+        // Cosines of multiples of an angle by Chebyshev's recurrence: the first ones singly, then `LANES` at a time.
         let mut cosines = [1.0; LANES + 1];
         cosines[1] = (wave_number * pair.sine * step_mm).cos();
         for i in 2..=LANES {
@@ -197,7 +199,8 @@ fn intensity(pairs: &[Pair], wave_number: f64, step_mm: f64) -> [f64; OFFSETS] {
 }
 
 impl Profile {
-    /// Offset, in steps, beyond which the amplitude stays below `level`; the last offset if it doesn't fall below.
+    /// Offset beyond which the amplitude stays below `level`, in steps, interpolated; the last offset if the amplitude
+    /// doesn't fall below.
     pub fn steps_above(&self, level: f64) -> f64 {
         let last = self.levels.iter().rposition(|&l| l >= level).unwrap_or(0);
         let Some(next) = self.levels.get(last + 1) else { return last as f64 };

@@ -38,10 +38,10 @@ pub fn interface(z1_mrayl: f64, z2_mrayl: f64, c1_m_s: f64, c2_m_s: f64, cos_inc
     Interface { pressure_reflection: r, energy_reflection: r * r, cos_transmitted: cos_t }
 }
 
-/// Direction of a refracted ray; `None` beyond the critical angle.
+/// Unit direction of a refracted ray; `None` beyond the critical angle.
 ///
-/// The incident ray has the unit `direction` and passes from medium 1 into medium 2. The plane's unit `normal` points
-/// against it. Snell's law: the tangential component of the slowness is conserved.
+/// The incident ray has the unit `direction` and passes from medium 1 into medium 2. The interface's unit `normal`
+/// points into medium 1. Snell's law: the tangential component of the slowness is conserved.
 pub fn refracted(c1_m_s: f64, c2_m_s: f64, normal: DVec3, direction: DVec3) -> Option<DVec3> {
     let ratio = c2_m_s / c1_m_s;
     let cos_i = -normal.dot(direction);

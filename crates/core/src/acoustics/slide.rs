@@ -1,22 +1,22 @@
 //! Decorrelation of speckle when the probe slides across its slice, by diffraction of the elevational lens.
 //!
-//! The lens is a cylinder with the same focus for transmission and reception. Its two-way field across the slice is p
-//! = b², where b is its one-way field. For uncorrelated scatterers, the complex lines before and after a slide by d
-//! have the correlation ρ(d) = |∫p(y)·p*(y + d)dy| / ∫|p|²dy. This is the Fourier transform of the power spectrum of
-//! p.
+//! The lens is a cylinder with the same focus for transmission and reception. Its two-way field across the slice is p =
+//! b², where b is its one-way field. For uncorrelated scatterers, the complex scanlines before and after a slide by d
+//! have the correlation ρ(d) = |∫p(y)·p*(y + d)dy| / ∫|p|²dy. The integral is the Fourier transform of the power
+//! spectrum of p.
 
 use std::f64::consts::{PI, TAU};
 
 use super::wavelength_mm;
 
-/// Most plane waves of the one-way field, and most sample positions on the lens.
+/// Largest numbers of plane waves in the one-way field, and of sample positions on the lens.
 const WAVES_MAX: f64 = 256.0;
 const POSITIONS_MAX: f64 = 1024.0;
-/// Number of lobes of the lens's spectrum outside the geometric angles of its edges.
+/// Number of lobes of the lens's angular spectrum that are kept beyond the angles from its focus to its edges.
 const LOBES: f64 = 8.0;
-/// Sample positions on the lens per period of its highest spatial frequency.
+/// Number of sample positions on the lens per period of its highest spatial frequency.
 const POSITIONS_PER_PERIOD: f64 = 8.0;
-/// Margin between the beam and its alias, mm, within a period of the sampled field.
+/// Margin on each side of the beam, mm, between it and its repetitions in the periodic sampled field.
 const MARGIN_MM: f64 = 2.0;
 
 /// A cylindrical lens across the slice.
@@ -31,7 +31,8 @@ pub struct Lens {
 }
 
 impl Lens {
-    /// Slide over which speckle at the focus decorrelates, λ·F/H, mm.
+    /// Length of a slide that decorrelates speckle at the focus, mm: λ·F/H for the distance F from the focus to an edge
+    /// of the lens, and the lens's height H.
     pub fn scale_mm(&self) -> f64 {
         wavelength_mm(self.frequency_mhz) * self.focus_mm.hypot(0.5 * self.height_mm) / self.height_mm
     }
@@ -42,11 +43,11 @@ impl Lens {
         cone + 4.0 * depth_mm * wavelength_mm(self.frequency_mhz) / self.height_mm
     }
 
-    /// Correlation of speckle for each depth (outer) and slide (inner); both in mm. `weight` is the lens's apodization
-    /// at a position of −½..½ of its height.
+    /// Correlation of speckle before and after a slide [depths × slides], 0..=1. `weight` is the lens's apodization at
+    /// a position of −½..½ of its height.
     ///
-    /// The field is a sum of at most 256 plane waves. If a beam is too wide for them, a smaller depth is used: far
-    /// from the focus, the correlation no longer depends on depth.
+    /// The field is a sum of at most 256 plane waves. If a beam is too wide for them, a smaller depth is used: far from
+    /// the focus, the correlation no longer depends on depth.
     pub fn slide_correlation(
         &self,
         weight: impl Fn(f64) -> f64,
@@ -68,7 +69,7 @@ impl Lens {
         let dq = TAU / (2.0 * (widest + MARGIN_MM)).min(period_max_mm);
         let half = (q_max / dq).floor() as i32;
         let spectrum = self.spectrum(&weight, k, dq, half);
-        // p has twice the band of b.
+        // The two-way field p has twice the bandwidth of the one-way field b.
         let turned: Vec<Vec<[f64; 2]>> = slides_mm
             .iter()
             .map(|d| (-2 * half..=2 * half).map(|j| (f64::from(j) * dq * d).sin_cos().into()).collect())
@@ -85,14 +86,15 @@ impl Lens {
         depths_mm.into_iter().map(at_depth).collect()
     }
 
-    /// Amplitudes of the plane waves at the lens; their spatial frequencies are `dq` apart.
+    /// Complex amplitudes [re, im] of 2·`half` + 1 plane waves at the lens. Their spatial frequencies are `dq` apart;
+    /// `k` is the wave number, rad/mm.
     fn spectrum(&self, weight: &impl Fn(f64) -> f64, k: f64, dq: f64, half: i32) -> Vec<[f64; 2]> {
         let q_max = dq * f64::from(half);
         let positions = (POSITIONS_PER_PERIOD * self.height_mm * q_max / TAU).clamp(32.0, POSITIONS_MAX).ceil() as u32;
         let positions = (0..positions).map(|i| {
             let part = (f64::from(i) + 0.5) / f64::from(positions) - 0.5;
             let y = part * self.height_mm;
-            // The focusing delay, without the cancellation of √(y² + F²) − F.
+            // Phase of the focusing delay, −k·(√(y² + F²) − F), in a form without cancellation.
             (y, weight(part), -k * y * y / (y.hypot(self.focus_mm) + self.focus_mm))
         });
         let positions: Vec<_> = positions.collect();
@@ -107,7 +109,7 @@ impl Lens {
     }
 }
 
-/// Amplitudes of the plane waves after propagation over `depth_mm`.
+/// Complex amplitudes of the plane waves of `spectrum` after propagation over `depth_mm`.
 fn propagated(spectrum: &[[f64; 2]], k: f64, dq: f64, half: i32, depth_mm: f64) -> Vec<[f64; 2]> {
     let waves = (-half..=half).zip(spectrum);
     waves
@@ -120,7 +122,7 @@ fn propagated(spectrum: &[[f64; 2]], k: f64, dq: f64, half: i32, depth_mm: f64) 
         .collect()
 }
 
-/// Power spectrum of the square of a field.
+/// Power spectrum of the square of a field that is given by the amplitudes of its plane waves.
 fn power_of_square(waves: &[[f64; 2]]) -> Vec<f64> {
     let mut square = vec![[0.0; 2]; 2 * waves.len() - 1];
     for (i, a) in waves.iter().enumerate() {
@@ -151,7 +153,7 @@ mod tests {
 
     #[test]
     fn correlations_are_those_of_the_reference_program() {
-        // `elevation.py --height 12 --focus 70`.
+        // Values of `elevation.py --height 12 --focus 70`.
         let slides = [0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 0.75, 1.0, 1.5];
         let cases = [
             (8.0, 20.0, REFERENCE[0]),
