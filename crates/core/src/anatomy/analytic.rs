@@ -9,20 +9,20 @@ use glam::{DVec3, Quat, Vec3, Vec3Swizzles};
 
 use super::{Mesh, Scene, TissueTable};
 
-/// A surface with the name of its tissue; needs no tissue table.
+/// Surface with the name of its tissue; unlike a surface of a [`Scene`], it needs no tissue table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Part {
     /// Name of the surface.
     pub name: &'static str,
     /// Name of its tissue.
     pub tissue: &'static str,
-    /// Priority: where parts overlap, the highest is the medium.
+    /// Priority: where parts overlap, the one of the highest priority is the medium.
     pub priority: i32,
     /// The surface, mm.
     pub mesh: Mesh,
 }
 
-/// Scene of `parts` in `background`; `None` if `tissues` lacks one of their tissues.
+/// Scene of `parts` in the tissue `background`; `None` if `tissues` lacks the tissue of a part or of the background.
 pub fn scene(parts: Vec<Part>, tissues: &TissueTable, background: &str) -> Option<Scene> {
     let mut scene = Scene::new(tissues.clone(), background).ok()?;
     for Part { name, tissue, priority, mesh } in parts {
@@ -131,7 +131,7 @@ pub fn joined(meshes: impl IntoIterator<Item = Mesh>) -> Mesh {
 
 fn icosahedron() -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let golden = 0.5 * (1.0 + 5f64.sqrt());
-    // Three golden rectangles; four corners each.
+    // The vertices are the corners of three golden rectangles, four each.
     let first = [(-1.0, 1.0), (1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)].map(|(s, t)| DVec3::new(s, golden * t, 0.0));
     let turned: [fn(DVec3) -> DVec3; 3] = [|v| v, |v| v.zxy(), |v| v.yzx()];
     let directions: Vec<_> = turned.into_iter().flat_map(|turn| first.map(|v| turn(v).normalize())).collect();
@@ -152,7 +152,7 @@ fn icosahedron() -> (Vec<DVec3>, Vec<[u32; 3]>) {
     (directions, triangles)
 }
 
-/// Box with corner (x, y, z each 0 or 1) at `at(corner)`.
+/// Box whose corners are at `at(c)`, for each `c` with coordinates of 0 or 1.
 fn hexahedron(at: impl Fn(Vec3) -> Vec3) -> Mesh {
     let bit = |i: u32, axis: u32| ((i >> axis) & 1) as f32;
     let vertices_mm = (0..8).map(|i| at(Vec3::new(bit(i, 0), bit(i, 1), bit(i, 2)))).collect();
@@ -172,15 +172,15 @@ pub(crate) const CYST_RADIUS_MM: f32 = 20.0;
 /// Centre of the sphere of [`cyst`], mm.
 pub(crate) const CYST_CENTRE_MM: Vec3 = Vec3::new(0.0, 0.0, 70.0);
 
-/// Sphere of fluid for a background of tissue.
+/// Sphere of amniotic fluid, to be put in a background of tissue.
 pub fn cyst() -> Vec<Part> {
     vec![Part { name: "cyst", tissue: "amniotic_fluid", priority: 1, mesh: sphere(CYST_CENTRE_MM, CYST_RADIUS_MM, 5) }]
 }
 
-/// Layers of different speed and attenuation: fat from 10 mm, muscle from 35 mm, liver from 75 mm at x = 0 (its face
-/// tilted by 10°) to 135 mm, containing water from 105 to 115 mm.
+/// Layers of different speed and attenuation: fat from a depth of 10 mm, muscle from 35 mm, liver from 75 mm (at x = 0;
+/// its face is tilted by 10°) to 135 mm. The liver contains water from 105 to 115 mm.
 pub fn slabs() -> Vec<Part> {
-    // Neighbours overlap and differ in width, to avoid coincident faces.
+    // Neighbouring layers overlap and differ in width, to avoid coincident faces.
     let slab = |x: f32, y: f32, top: f32, bottom: f32| cuboid(Vec3::new(-x, -y, top), Vec3::new(x, y, bottom));
     let liver = oblique_slab(Vec3::new(-108.5, -38.5, 75.0), Vec3::new(108.5, 38.5, 135.0), 10.0);
     let part = |name, tissue, priority, mesh| Part { name, tissue, priority, mesh };
@@ -192,7 +192,7 @@ pub fn slabs() -> Vec<Part> {
     ]
 }
 
-/// Bone plate 4 mm thick at a depth of 50 mm, from x = −40 to 10 mm, for a background of tissue.
+/// Bone plate 4 mm thick at a depth of 50 mm, from x = −40 to 10 mm, to be put in a background of tissue.
 pub fn bone_plate() -> Vec<Part> {
     let mesh = plate(Vec3::new(-15.0, 0.0, 52.0), Vec3::new(50.0, 80.0, 4.0), Quat::IDENTITY);
     vec![Part { name: "plate", tissue: "bone_adult", priority: 1, mesh }]
@@ -224,7 +224,8 @@ mod tests {
             assert_eq!((mesh.unpaired_edges(), mesh.triangles.len()), (0, 20 << (2 * subdivisions)));
             let radius = |v: Vec3| (v - CYST_CENTRE_MM).length();
             assert!(mesh.vertices_mm.iter().all(|&v| (radius(v) - 20.0).abs() < 1e-5));
-            // A facet is deepest at its circumcentre; for a near-equilateral one, that is the centroid.
+            // A facet is farthest inside the sphere at its circumcentre; in a near-equilateral facet, that is the
+            // centroid.
             let chord = mesh.corners_mm().map(|[a, b, c]| 20.0 - radius((a + b + c) / 3.0)).fold(0.0, f32::max);
             assert!(chord < 0.4 * 20.0 / 4f32.powi(subdivisions as i32), "{subdivisions}: {chord}");
             assert!(subdivisions < 5 || chord < 0.02, "{chord}");

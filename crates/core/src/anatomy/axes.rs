@@ -24,13 +24,13 @@ impl Axes {
         }
     }
 
-    /// Axes with this name.
+    /// Axes whose [`name`](Self::name) is `name`; `None` if there are none.
     pub fn named(name: &str) -> Option<Self> {
         [Self::Depth, Self::Anatomical, Self::Patient].into_iter().find(|axes| axes.name() == name)
     }
 
-    /// Converts the point `lps` (x left, y posterior, z superior) to a scene with these axes. If the axes are not a
-    /// patient's, the point stays as it is.
+    /// Converts the point `lps` (x left, y posterior, z superior) to a scene with these axes. For [`Axes::Depth`],
+    /// which has no patient, the point stays as it is.
     pub fn from_lps(self, lps: DVec3) -> DVec3 {
         match self {
             Self::Depth | Self::Patient => lps,
@@ -38,7 +38,7 @@ impl Axes {
         }
     }
 
-    /// Names of +x, +y and +z.
+    /// Labels of the +x, +y and +z directions.
     pub fn labels(self) -> [&'static str; 3] {
         match self {
             Self::Depth => ["x", "y", "z depth"],

@@ -12,7 +12,7 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// The empty box; joined with any box, it gives that box.
+    /// The empty box; its union with any box is that box.
     pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
     /// A box far larger than any scene, for half-spaces.
@@ -40,12 +40,12 @@ impl Bounds {
         Self { min: self.min - margin, max: self.max + margin }
     }
 
-    /// Smallest box that contains both.
+    /// Smallest box that contains both boxes.
     pub(crate) fn hull(self, other: Self) -> Self {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    /// Intersection of both, which may be empty.
+    /// Intersection of both boxes, which may be empty.
     pub fn overlap(self, other: Self) -> Self {
         Self { min: self.min.max(other.min), max: self.max.min(other.max) }
     }

@@ -6,14 +6,14 @@ use serde::{Deserialize, Serialize};
 
 use super::{Tissue, TissueError, TissueTable};
 
-/// `assets/tissues.toml`.
+/// Text of `assets/tissues.toml`.
 const TISSUES: &str = include_str!("../../assets/tissues.toml");
 
 /// A value of a tissue with its source.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Property {
-    /// Value, in the unit of its key.
+    /// Value of the property, in the unit that the property's key names.
     pub value: f64,
     /// Range of published values: lowest and highest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -26,21 +26,21 @@ pub struct Property {
     pub assumed: bool,
 }
 
-/// Texture of a tissue with its source. Each key has the two to four values of [`Tissue`] that belong together.
+/// Texture of a tissue with its source. Each key combines two to four values of [`Tissue`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SourcedTexture {
-    /// Contrast (dB) and scale (mm) of the coarse texture.
+    /// Coarse texture: standard deviation of its level (dB), and its correlation length (mm).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cloud: Option<[f64; 2]>,
-    /// Contrast (dB) and scale (mm) of the fine texture.
+    /// Fine texture: standard deviation of its level (dB), and its correlation length (mm).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub grain: Option<[f64; 2]>,
-    /// Level (dB) and mean distance (mm) of the septa.
+    /// Septa, the thin walls in a tissue: level relative to the tissue between them (dB), and mean distance (mm).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub septa: Option<[f64; 2]>,
-    /// Direction of the fibres in the scene (3 values), and length over width of the texture along it. The ratio is
-    /// below 1 for layers perpendicular to the direction.
+    /// Direction of the fibres in the scene (3 values), then length over width of the texture along that direction. The
+    /// ratio is below 1 for layers perpendicular to it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fibres: Option<[f64; 4]>,
     /// Publication of the texture; for an assumed texture, its justification.
@@ -62,19 +62,19 @@ pub struct SourcedTissue {
     pub density_kg_m3: Property,
     /// Attenuation at 1 MHz, dB/cm.
     pub attenuation_db_cm_mhz: Property,
-    /// Exponent of the frequency in the attenuation.
+    /// Power of the frequency in the attenuation.
     pub attenuation_exponent: Property,
-    /// Fraction of the lattice's cells that contain a scatterer.
+    /// Fraction of the cells of the scatterer lattice that contain a scatterer.
     pub scatterer_density: Property,
-    /// Mean amplitude of a scatterer.
+    /// Mean amplitude of a scatterer, relative to a perfect reflector.
     pub scatterer_mean: Property,
-    /// Standard deviation of a scatterer's amplitude.
+    /// Standard deviation of a scatterer's amplitude, relative to a perfect reflector.
     pub scatterer_deviation: Property,
     /// RMS slope of the microfacets on the tissue's surfaces.
     pub roughness: Property,
     /// Thickness of the transition layer at the tissue's surfaces, mm.
     pub thickness_mm: Property,
-    /// Texture; none if it is uniform.
+    /// Texture; `None` for a uniform tissue.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub texture: Option<SourcedTexture>,
 }
@@ -117,7 +117,7 @@ impl SourcedTissue {
         tissue
     }
 
-    /// All properties by key, physical ones first.
+    /// Each property with its key, physical properties first.
     pub fn properties(&self) -> [(&'static str, &Property); 9] {
         [
             ("speed_m_s", &self.speed_m_s),
@@ -213,7 +213,7 @@ mod tests {
                 "hypo" => 2e-3..=6e-3,
                 "iso" => 6e-3..=1.2e-2,
                 "hyper" => 1.2e-2..=4e-2,
-                // Targets of a phantom, named by their level relative to its background.
+                // Targets in a phantom, named by their level relative to the phantom's background.
                 "relative" => 8e-4..=2e-2,
                 other => panic!("{name}: {other}"),
             };

@@ -11,7 +11,7 @@ use super::Mesh;
 /// Meshes of fewer triangles than this are left unchanged.
 const SMALL: usize = 400;
 
-/// `mesh` with all vertices in the same cell of `cell_mm` merged into their mean.
+/// `mesh` with all vertices in the same cubic cell of side `cell_mm` merged into their mean.
 pub fn cluster(mesh: &Mesh, cell_mm: f32) -> Mesh {
     if mesh.triangles.len() < SMALL || cell_mm <= 0.0 {
         return mesh.clone();
@@ -37,7 +37,7 @@ pub fn cluster(mesh: &Mesh, cell_mm: f32) -> Mesh {
     let mut triangles = Vec::new();
     for &triangle in &mesh.triangles {
         let [a, b, c] = triangle.map(|i| merged[i as usize]);
-        // The lowest index comes first, so that repeated triangles have equal corners in order.
+        // The lowest index comes first, so that repeated triangles list their corners in the same order.
         let mut turned = [a, b, c];
         let first = turned.iter().position(|&i| i == a.min(b).min(c));
         turned.rotate_left(first.unwrap_or(0));
@@ -55,7 +55,7 @@ pub fn cluster_to(meshes: &[&Mesh], triangles_max: usize) -> (Vec<Mesh>, f32) {
     if count(&mut meshes.iter().copied()) <= triangles_max {
         return (meshes.iter().map(|&m| m.clone()).collect(), 0.0);
     }
-    // Area per triangle gives the length of an edge; a cell of that size about halves the count.
+    // Area per triangle gives the length of an edge; cells of that size about halve the number of triangles.
     let area: f64 = meshes
         .iter()
         .flat_map(|m| m.corners_mm())
@@ -64,7 +64,7 @@ pub fn cluster_to(meshes: &[&Mesh], triangles_max: usize) -> (Vec<Mesh>, f32) {
     let mut cell_mm = (area / triangles_max.max(1) as f64).sqrt().max(1e-3) as f32;
     loop {
         let fewer: Vec<Mesh> = meshes.iter().map(|m| cluster(m, cell_mm)).collect();
-        // The count may stop falling, since small meshes are never clustered.
+        // The number of triangles may stop falling, since small meshes are never clustered.
         if count(&mut fewer.iter()) <= triangles_max || cell_mm > 1e4 {
             return (fewer, cell_mm);
         }

@@ -9,14 +9,14 @@ use thiserror::Error;
 use super::{Axes, Mesh, Motion};
 use crate::files::FileError;
 
-/// A surface with the name of its tissue.
+/// A surface with the name of its tissue, for export.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LabelledSurface {
     /// Name of the glTF node.
     pub name: String,
     /// Name of its tissue in the tissue table.
     pub tissue: String,
-    /// Priority: where closed surfaces overlap, the highest is the medium.
+    /// Priority: where closed surfaces overlap, the one of the highest priority is the medium.
     pub priority: i32,
     /// The surface, scene frame, mm.
     pub mesh: Mesh,
@@ -31,7 +31,7 @@ pub enum ExportError {
     /// More bytes than the format's 32-bit lengths can express.
     #[error("{path} would hold {bytes} bytes; a .glb file holds less than 4 GiB")]
     TooLarge {
-        /// File.
+        /// Path of the file.
         path: PathBuf,
         /// Bytes of vertices and indices.
         bytes: usize,
@@ -135,7 +135,7 @@ struct Document {
 impl Document {
     fn add(&mut self, surface: &LabelledSurface, binary: &mut Vec<u8>) {
         let metres: Vec<[f32; 3]> = surface.mesh.vertices_mm.iter().map(|v| (*v / 1000.0).to_array()).collect();
-        // glTF has no accessor of length zero: an empty surface becomes a node without a mesh.
+        // glTF has no accessor of zero length: an empty surface becomes a node without a mesh.
         if metres.is_empty() || surface.mesh.triangles.is_empty() {
             self.nodes.push(json!({ "name": surface.name, "extras": extras(surface) }));
             return;
@@ -150,7 +150,7 @@ impl Document {
         self.add_view(binary, ARRAY_BUFFER, metres.iter().flatten().flat_map(|x| x.to_le_bytes()));
 
         let indices = surface.mesh.triangles.iter().flatten();
-        // The highest 16-bit index is reserved for restarting primitives.
+        // glTF reserves the highest 16-bit index for restarting primitives.
         let short = metres.len() <= usize::from(u16::MAX);
         let accessor = json!({
             "bufferView": self.views.len(), "componentType": if short { UNSIGNED_SHORT } else { UNSIGNED_INT },

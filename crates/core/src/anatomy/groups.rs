@@ -11,7 +11,7 @@ impl Groups {
 
     fn root(&mut self, mut item: u32) -> u32 {
         while self.0[item as usize] != item {
-            // Path halving.
+            // Path halving: the item skips to its grandparent.
             self.0[item as usize] = self.0[self.0[item as usize] as usize];
             item = self.0[item as usize];
         }
@@ -24,7 +24,7 @@ impl Groups {
         self.0[a.max(b) as usize] = a.min(b);
     }
 
-    /// Set of each item, numbered from 0 in the order of their first items.
+    /// Number of each item's set, counted from 0 in the order of the sets' first items.
     pub fn numbered(mut self) -> Vec<u32> {
         let count = self.0.len();
         let mut numbers = vec![0; count];

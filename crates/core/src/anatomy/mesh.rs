@@ -34,7 +34,7 @@ impl Mesh {
     /// Number of edges without an oppositely directed neighbour: 0 for a closed, consistently wound surface.
     pub fn unpaired_edges(&self) -> usize {
         let directed = |&[a, b, c]: &[u32; 3]| [(a, b), (b, c), (c, a)];
-        // One key for both directions of an edge; the lowest bit distinguishes them.
+        // Both directions of an edge have keys that differ only in the lowest bit.
         let key = |(a, b): (u32, u32)| (u128::from(a.min(b)) << 33) | (u128::from(a.max(b)) << 1) | u128::from(a < b);
         let mut keys: Vec<u128> = self.triangles.iter().flat_map(directed).map(key).collect();
         keys.par_sort_unstable();

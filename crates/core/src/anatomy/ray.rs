@@ -2,8 +2,8 @@
 
 use glam::{DVec3, Vec3};
 
-/// Ray–triangle test: distance of the hit from `from_mm` along `direction`, mm, and whether the line leaves through
-/// the outer side. `None` for a miss (Möller & Trumbore, J Graph Tools 2:21, 1997).
+/// Ray–triangle test (Möller & Trumbore, J Graph Tools 2:21, 1997). Returns the distance of the hit from `from_mm`
+/// along `direction`, mm, and whether the line leaves through the outer side. `None` for a miss.
 ///
 /// The distance may be negative. The triangle is enlarged by the fraction `margin` of its size.
 pub fn intersect(corners: [Vec3; 3], margin: f64, from_mm: DVec3, direction: DVec3) -> Option<(f64, bool)> {

@@ -9,7 +9,7 @@ use super::{Axes, Mesh, TissueTable};
 use crate::files::FileError;
 use crate::suggest::did_you_mean;
 
-/// Most surfaces in a scene: the state of a path has one bit for each.
+/// Largest number of surfaces in a scene: the state of a ray path has one bit for each.
 pub const SURFACES_MAX: usize = 256;
 
 /// A closed surface and its tissue.
@@ -19,24 +19,25 @@ pub struct Surface {
     pub name: String,
     /// Index of its tissue in the scene's [`TissueTable`].
     pub tissue: usize,
-    /// Priority: where closed surfaces overlap, the highest is the medium; among equals the later surface.
+    /// Priority: where closed surfaces overlap, the one of the highest priority is the medium; among equals the later
+    /// one.
     pub priority: i32,
-    /// Mesh, scene frame.
+    /// Mesh of the surface, scene frame, mm.
     pub mesh: Mesh,
 }
 
 /// Surfaces in a background tissue.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
-    /// Tissues that the scene may refer to.
+    /// Tissues that the surfaces and the background may have.
     pub tissues: TissueTable,
-    /// Index of the tissue outside all surfaces.
+    /// Index in `tissues` of the tissue outside all surfaces.
     pub background: usize,
     /// Surfaces, ascending in priority. Where several overlap, the last one is the medium.
     pub surfaces: Vec<Surface>,
     /// Motion of the surfaces.
     pub motion: Motion,
-    /// Meaning of the axes.
+    /// Meaning of the scene's axes.
     pub axes: Axes,
 }
 
@@ -49,17 +50,17 @@ pub enum SceneError {
     /// Not a glTF file, or a truncated one.
     #[error("{path} is not a whole glTF file: {reason}")]
     Format {
-        /// File.
+        /// Path of the file.
         path: PathBuf,
-        /// Fault.
+        /// Fault of the file, in words.
         reason: String,
     },
     /// An unreadable file that the glTF refers to.
     #[error("cannot read {buffer}, a buffer of the scene {path}: {source}")]
     Buffer {
-        /// File.
+        /// Path of the file.
         path: PathBuf,
-        /// The buffer's file.
+        /// Path of the unreadable file.
         buffer: PathBuf,
         /// Cause.
         source: std::io::Error,
@@ -67,13 +68,13 @@ pub enum SceneError {
     /// Invalid extras of a node.
     #[error("`extras.{key}` of node `{node}` of {path} is {value}; it must be {expected}")]
     BadExtras {
-        /// File.
+        /// Path of the file.
         path: PathBuf,
-        /// glTF node.
+        /// Name of the glTF node.
         node: String,
-        /// Key.
+        /// Key in the extras.
         key: &'static str,
-        /// JSON found.
+        /// JSON value found.
         value: String,
         /// Accepted values.
         expected: &'static str,
@@ -81,7 +82,7 @@ pub enum SceneError {
     /// Invalid motion of the scene.
     #[error("`extras.motion` of the scene of {path}: {reason}")]
     BadMotion {
-        /// File.
+        /// Path of the file.
         path: PathBuf,
         /// Fault and correct form.
         reason: String,
@@ -89,19 +90,19 @@ pub enum SceneError {
     /// Unknown axes of the scene.
     #[error("`extras.axes` of the scene of {path} is {value}; it must be `depth`, `anatomical` or `lps`")]
     BadAxes {
-        /// File.
+        /// Path of the file.
         path: PathBuf,
-        /// JSON found.
+        /// JSON value found.
         value: String,
     },
     /// A surface with an unknown tissue.
     #[error("surface `{surface}` of {path} names the unknown tissue `{tissue}`{suggestion}")]
     UnknownTissue {
-        /// File.
+        /// Path of the file.
         path: PathBuf,
-        /// glTF node.
+        /// Name of the surface's glTF node.
         surface: String,
-        /// Name looked up.
+        /// Name of the tissue looked up.
         tissue: String,
         /// Nearest known name, as text to append, or empty.
         suggestion: String,
@@ -109,13 +110,13 @@ pub enum SceneError {
     /// A tissue that the scene's table lacks.
     #[error("{what} is of the unknown tissue `{tissue}`{suggestion}; the tissues are {known}")]
     TissueNotInTable {
-        /// Surface, or the background.
+        /// The surface, or the background, in words.
         what: String,
-        /// Name looked up.
+        /// Name of the tissue looked up.
         tissue: String,
         /// Nearest known name, as text to append, or empty.
         suggestion: String,
-        /// All names.
+        /// Names of all tissues.
         known: String,
     },
     /// Neither the node nor its material names a tissue.
@@ -123,36 +124,36 @@ pub enum SceneError {
         "surface `{surface}` of {path} has no tissue: give its node `extras.tissue` or its material a tissue's name"
     )]
     NoTissue {
-        /// File.
+        /// Path of the file.
         path: PathBuf,
-        /// glTF node.
+        /// Name of the surface's glTF node.
         surface: String,
     },
-    /// More surfaces than a path can track.
+    /// More surfaces than a ray path can track.
     #[error(
         "{path} has {count} surfaces; at most {SURFACES_MAX} are traced: join disjoint parts of the same tissue and priority into one mesh"
     )]
     TooManySurfaces {
-        /// File.
+        /// Path of the file.
         path: PathBuf,
-        /// Surfaces found.
+        /// Number of surfaces found.
         count: usize,
     },
     /// A file without any triangle.
     #[error("{path} holds no triangles")]
     Empty {
-        /// File.
+        /// Path of the file.
         path: PathBuf,
     },
-    /// A scene in a wrong unit, larger than a body: an image would show none of it.
+    /// A scene in a wrong unit, larger than a body: an image would show nothing of it.
     #[error(
         "{path}: {what}, and no surface is thinner than {thinnest_mm:.0} mm, so an image {depth_mm:.0} mm deep shows \
          nothing: {remedy}"
     )]
     WrongUnit {
-        /// File.
+        /// Path of the file.
         path: PathBuf,
-        /// Size found, and the likely factor.
+        /// Size found, and the factor by which it is likely wrong.
         what: String,
         /// Smallest extent of any surface along an axis, mm.
         thinnest_mm: f32,
@@ -164,13 +165,13 @@ pub enum SceneError {
     /// A triangle with a vertex index that is out of range.
     #[error("triangle {triangle} of surface `{surface}` names vertex {index}; the surface has {vertices} vertices")]
     BadIndex {
-        /// Surface.
+        /// Name of the surface.
         surface: String,
         /// Index of the triangle.
         triangle: usize,
         /// Vertex index found.
         index: u32,
-        /// Number of vertices.
+        /// Number of the surface's vertices.
         vertices: usize,
     },
     /// A vertex that is not finite or too far away.
@@ -178,19 +179,19 @@ pub enum SceneError {
         "vertex {vertex} of surface `{surface}` of {path} is {value:?} mm; coordinates must be finite and within ±1e5 mm"
     )]
     BadVertex {
-        /// File.
+        /// Path of the file.
         path: PathBuf,
-        /// glTF node.
+        /// Name of the surface's glTF node.
         surface: String,
         /// Index of the vertex.
         vertex: usize,
-        /// Its coordinates.
+        /// Coordinates of the vertex, mm.
         value: [f32; 3],
     },
 }
 
 impl Scene {
-    /// A scene of one tissue, `background`, without surfaces. A renderer needs at least one: see [`Scene::add`].
+    /// A scene of the tissue `background` without surfaces. A renderer needs at least one surface: see [`Scene::add`].
     ///
     /// # Errors
     /// `tissues` lacks the background.
@@ -215,7 +216,7 @@ impl Scene {
         self.surfaces.iter().map(|s| s.mesh.triangles.len()).sum()
     }
 
-    /// The scene at `time_s`, without the drift.
+    /// The scene with its surfaces moved to their positions at `time_s`; its drift is not applied.
     #[must_use]
     pub fn displaced(&self, time_s: f64) -> Self {
         let amounts: Vec<[f32; 2]> = self.motion.fields.iter().map(|f| f.amounts(time_s)).collect();

@@ -13,7 +13,8 @@ pub struct Section {
 }
 
 impl Section {
-    /// Intersects `mesh` with the image plane of a probe at `pose`, `offset_mm` along its elevational axis.
+    /// Intersects `mesh` with the image plane of a probe at `pose`, moved by `offset_mm` along the probe's elevational
+    /// axis.
     pub fn of(mesh: &Mesh, pose: &Pose, offset_mm: f64) -> Self {
         let probe_from_scene = pose.inverse();
         let local: Vec<_> = mesh.vertices_mm.iter().map(|v| probe_from_scene.transform_point(v.as_dvec3())).collect();
@@ -42,7 +43,7 @@ impl Section {
         self.segments_mm.iter().filter_map(move |[a, b]| {
             let (a, b) = (*a - origin_mm, *b - origin_mm);
             let (sa, sb) = (direction.perp_dot(a), direction.perp_dot(b));
-            // If both ends lie on opposite sides of the ray, the crossing divides the segment in the ratio of `sa` and
+            // If the ends lie on opposite sides of the ray, the crossing divides the segment in the ratio of `sa` to
             // `sb`.
             if (sa >= 0.0) == (sb >= 0.0) {
                 return None;

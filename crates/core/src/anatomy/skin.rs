@@ -14,29 +14,29 @@ use super::sdf::Solid;
 use super::{BvhError, Scene};
 use crate::pose::Pose;
 
-/// Search length for the skin from inside a body, mm; exceeds any such distance.
+/// Search length from inside a body to its skin, mm; exceeds any such distance.
 const REACH_MM: u32 = 400;
 
-/// Search length for the skin in all directions from a point, mm: more than the height of any body.
+/// Search length from a point to the skin in any direction, mm: more than the height of a body.
 const BODY_MM: f32 = 3000.0;
 
-/// Search length in front of a probe's face, mm. It exceeds the sum of the thickest gel, the widest coupling gap and
-/// the largest tolerance.
+/// Search length from a probe's face along its axis, mm. It exceeds the sum of the thickest gel, the widest coupling
+/// gap and the largest tolerance.
 const PROBE_MM: f64 = 30.0;
 
-/// Sideways offset of the two test rays, mm: a ray exactly along the border between boxes may miss both; the offset
-/// rays don't.
+/// Offsets of the two rays that test one line, mm, in either direction: a ray exactly along the border between boxes
+/// may miss both boxes, the offset ones don't.
 const ASIDE_MM: DVec3 = DVec3::new(1.3e-3, 0.7e-3, 1.1e-3);
 
-/// Number of the six axis directions in which a point in the body must have skin. A scanned body may be open on one
+/// Number of the six axis directions in which a point inside the body must have skin. A scanned body may be open on one
 /// side.
 const ENCLOSED: usize = 5;
 
-/// Outer surface of a scene.
+/// Skin of a scene: the outer surface on which the probe is placed.
 pub struct Skin {
     outside: Outside,
-    /// Outermost surfaces of the whole scene. Present only if the skin does not surround the scene's middle, for
-    /// example a slab of skin over other tissues.
+    /// Outermost surfaces of the whole scene. Present only if the skin does not surround the scene's middle: it may be
+    /// a slab of skin over other tissues.
     body: Option<Box<Skin>>,
 }
 
@@ -102,8 +102,8 @@ impl Skin {
         self.body.as_deref().unwrap_or(self)
     }
 
-    /// Smallest distance from a point in the body to the skin along six directions, mm: the positive and negative
-    /// `axes`. `None` for a point outside, which has skin in fewer than five of them.
+    /// Smallest distance from a point in the body to the skin, mm, along the positive and negative axes of `axes`.
+    /// `None` for a point outside, which has skin in fewer than five of these six directions.
     pub(crate) fn depth_mm(&self, from_mm: DVec3, axes: DQuat) -> Option<f64> {
         let ways = [DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_X, DVec3::NEG_Y, DVec3::NEG_Z];
         let ways = ways.into_iter().filter_map(|axis| self.way_out_mm(from_mm, axes * axis));
@@ -111,18 +111,19 @@ impl Skin {
         (count >= ENCLOSED).then_some(least_mm)
     }
 
-    /// Exit point of the line from `from_mm` inside the body along the unit `direction`; for a mesh, the last surface
-    /// hit. `None` if the line hits no skin within 400 mm, or starts outside a solid.
+    /// Exit point of the line that starts at `from_mm` inside the body and runs along the unit `direction`. For a mesh,
+    /// it is the last surface hit. `None` if the line hits no skin within 400 mm, or starts outside a solid.
     pub fn exit(&self, from_mm: DVec3, direction: DVec3) -> Option<DVec3> {
         Some(from_mm + direction * self.exit_mm(from_mm, direction, REACH_MM as f32)?)
     }
 
-    /// Distance to the exit point of [`Skin::exit`], mm. A mesh is searched up to 3 m, a solid up to 400 mm.
+    /// Distance from `from_mm` to the exit point as in [`Skin::exit`], mm. A mesh is searched up to 3 m, a solid up to
+    /// 400 mm.
     pub fn way_out_mm(&self, from_mm: DVec3, direction: DVec3) -> Option<f64> {
         self.exit_mm(from_mm, direction, BODY_MM)
     }
 
-    /// Distance to the exit point, mm. A mesh is searched up to `reach_mm`, a solid up to 400 mm.
+    /// Distance from `from_mm` to the exit point, mm. A mesh is searched up to `reach_mm`, a solid up to 400 mm.
     fn exit_mm(&self, from_mm: DVec3, direction: DVec3, reach_mm: f32) -> Option<f64> {
         match &self.outside {
             Outside::Solid(skin) => exit_solid(skin, from_mm, direction),
@@ -144,7 +145,8 @@ impl Skin {
         }
     }
 
-    /// Distance of a point from the nearest skin, mm, inside and outside. All triangles of a mesh are visited: milliseconds.
+    /// Distance of a point inside or outside from the nearest skin, mm. A mesh takes milliseconds: all triangles are
+    /// visited.
     pub fn distance_mm(&self, from_mm: DVec3) -> f64 {
         match &self.outside {
             Outside::Solid(skin) => f64::from(skin.distance_mm(from_mm.as_vec3())).abs(),
@@ -155,8 +157,8 @@ impl Skin {
         }
     }
 
-    /// Depth of the probe face's centre below the skin along the probe's axis, mm; negative for a gap. `None` if the
-    /// probe is more than 30 mm away or points elsewhere.
+    /// Depth of the centre of the probe's face below the skin along the probe's axis, mm; negative for a gap. `None` if
+    /// the probe is more than 30 mm away or points elsewhere.
     pub fn press_mm(&self, pose: &Pose) -> Option<f64> {
         let into_body = pose.orientation * DVec3::Z;
         let deep = pose.position_mm + into_body * PROBE_MM;
@@ -164,7 +166,7 @@ impl Skin {
     }
 }
 
-/// Distance along `ray` to `triangle`.
+/// Distance along `ray` to `triangle`, mm; `None` if the ray misses it.
 fn distance_mm(triangle: &Triangle, ray: &Ray) -> Option<f32> {
     /// Enlargement of triangles relative to their size, so that a ray through a shared corner hits at least one of
     /// them.
@@ -190,7 +192,7 @@ fn from_triangle_mm([a, b, c]: [DVec3; 3], from_mm: DVec3) -> f64 {
     edges.into_iter().map(from_edge).fold(f64::INFINITY, f64::min)
 }
 
-/// Distance to the exit from the solid: the first crossing, refined by bisection.
+/// Distance from `from` to the exit from the solid, mm: the first crossing, refined by bisection.
 fn exit_solid(skin: &Solid, from: DVec3, direction: DVec3) -> Option<f64> {
     let outside = |t: f64| skin.distance_mm((from + direction * t).as_vec3()) > 0.0;
     let mut far = f64::from((1..REACH_MM).find(|&t| outside(f64::from(t)))?);

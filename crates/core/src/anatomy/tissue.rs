@@ -81,9 +81,9 @@ pub enum TissueError {
     /// A value outside its range.
     #[error("tissues.{tissue}.{key} is {value}; it must lie in {min}..={max}")]
     Range {
-        /// Tissue.
+        /// Name of the tissue.
         tissue: String,
-        /// Key.
+        /// Key of the value.
         key: &'static str,
         /// Value found.
         value: f64,
@@ -95,13 +95,13 @@ pub enum TissueError {
     /// An invalid built-in table.
     #[error("assets/tissues.toml: {reason}")]
     Table {
-        /// Fault and its position.
+        /// Fault and its position in the file.
         reason: String,
     },
     /// More tissues than an 8-bit segmentation can number.
     #[error("{count} tissues; a segmentation map numbers at most 255")]
     TooMany {
-        /// Tissues found.
+        /// Number of tissues found.
         count: usize,
     },
 }
@@ -115,7 +115,7 @@ pub struct TissueTable {
 }
 
 impl TissueTable {
-    /// Table of `entries`; of equal names the later entry is used.
+    /// Table of `entries`; among entries of equal names, the last one is used.
     ///
     /// # Errors
     /// A value outside its range, or more than 255 tissues.
@@ -131,12 +131,12 @@ impl TissueTable {
         Ok(Self { names, tissues })
     }
 
-    /// Index of the tissue called `name`.
+    /// Index of the tissue called `name`; `None` if the table lacks it.
     pub fn index_of(&self, name: &str) -> Option<usize> {
         self.names.binary_search_by(|n| n.as_str().cmp(name)).ok()
     }
 
-    /// Names, by index.
+    /// Names of the tissues, by index.
     pub fn names(&self) -> &[String] {
         &self.names
     }

@@ -27,17 +27,17 @@ use moving::Moving;
 /// Size of the traversal stack in the shaders; a node pushes at most one entry.
 pub const STACK_DEPTH_MAX: usize = 32;
 
-/// Tolerance of a triangle's edges, relative to its longest edge, per mm of distance. Despite rounding, a ray through
-/// a shared edge then hits at least one of its triangles.
+/// Enlargement of a triangle in the ray test, as a fraction of its longest edge, per mm of the ray's length. Despite
+/// rounding, a ray through the common edge of two triangles then hits at least one of them.
 pub const EDGE_TOLERANCE_PER_MM: f32 = 2.0e-7;
 
-/// A triangle in leaf order, 48 bytes.
+/// A triangle as the GPU reads it, 48 bytes.
 #[derive(Debug, Clone, Copy, Pod, Zeroable, PartialEq)]
 #[repr(C)]
 pub struct PackedTriangle {
     /// First corner relative to the tree's centre, mm.
     pub corner: [f32; 3],
-    /// Index of the surface.
+    /// Index of the triangle's surface in the scene.
     pub surface: u32,
     /// Second corner minus the first, mm.
     pub edge1: [f32; 3],
@@ -45,7 +45,8 @@ pub struct PackedTriangle {
     pub triangle: u32,
     /// Third corner minus the first, mm.
     pub edge2: [f32; 3],
-    /// Tolerance of the edge functions per mm of distance, mm: longest edge × [`EDGE_TOLERANCE_PER_MM`].
+    /// Enlargement of the triangle in the ray test per mm of the ray's length, mm: longest edge ×
+    /// [`EDGE_TOLERANCE_PER_MM`].
     pub tolerance: f32,
 }
 
@@ -60,7 +61,7 @@ pub enum BvhError {
         "the scene's BVH is {depth} levels deep; the traversal stack holds {STACK_DEPTH_MAX}: the mesh has too many coincident triangles"
     )]
     TooDeep {
-        /// Levels found.
+        /// Number of levels found.
         depth: usize,
     },
 }
@@ -75,21 +76,21 @@ pub struct Bvh {
     pub centre_mm: DVec3,
     /// Nodes, 80 bytes each.
     pub nodes: Vec<[u32; 20]>,
-    /// Triangles in leaf order.
+    /// Triangles in leaf order: those of a leaf are contiguous.
     pub triangles: Vec<PackedTriangle>,
-    /// Half the diagonal of the scene's bounds about the centre, plus the largest displacement, mm.
+    /// Half the diagonal of the scene's bounds, plus the largest displacement by motion, mm.
     pub radius_mm: f64,
     moving: Option<Moving>,
     drift: Option<Drift>,
     drift_mm: DVec3,
 }
 
-/// Ranges of [`Bvh::nodes`] and [`Bvh::triangles`] modified by a change of time.
+/// Ranges of [`Bvh::nodes`] and [`Bvh::triangles`] that a change of time modified.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Changed {
-    /// Modified nodes.
+    /// Indices of the modified nodes.
     pub nodes: Range<usize>,
-    /// Modified triangles.
+    /// Indices of the modified triangles.
     pub triangles: Range<usize>,
 }
 
@@ -181,30 +182,31 @@ impl Bvh {
     /// Moves all triangles to their positions at `time_s`; [`Bvh::changed`] then lists the modified ranges.
     pub fn set_time_s(&mut self, time_s: f64) {
         if let Some(moving) = &mut self.moving {
-            // Runs within the thread pool, so that the parallel parts need not enter it one by one.
+            // Entering the thread pool once here spares each parallel loop below from entering it.
             let (nodes, triangles) = (&mut self.nodes, &mut self.triangles);
             rayon::scope(|_| moving.set_time_s(time_s, self.centre_mm, nodes, triangles));
         }
         self.set_drift(time_s);
     }
 
-    /// Moves the whole scene to its drift at `time_s`, and leaves triangles and trees as they are.
+    /// Sets the drift of the whole scene to its value at `time_s`; triangles and trees stay as they are.
     pub fn set_drift(&mut self, time_s: f64) {
         self.drift_mm = self.drift.map_or(DVec3::ZERO, |drift| drift.at(time_s));
     }
 
-    /// Amounts of each field at `time_s`; empty for scenes without moving parts.
+    /// Amounts of movement of each motion field at `time_s` ([`Rhythm::at`](super::motion::Rhythm::at)); empty for
+    /// scenes without moving parts.
     pub fn amounts_at(&self, time_s: f64) -> Vec<[f32; 2]> {
         let fields = self.moving.iter().flat_map(|moving| &moving.motion.fields);
         fields.map(|field| field.amounts(time_s)).collect()
     }
 
-    /// Motion tables for a device; `None` for scenes without moving parts.
+    /// Tables with which a compute device moves the triangles; `None` for scenes without moving parts.
     pub fn motion_tables(&self) -> Option<MotionTables> {
         self.moving.as_ref().map(|moving| MotionTables::new(moving, self.centre_mm, &self.nodes))
     }
 
-    /// Parts moved by the last change of time; `None` for scenes without moving parts.
+    /// Copy of the moved scene at the time last set; `None` for scenes without moving parts.
     pub fn moved(&self) -> Option<Moved> {
         self.moving.as_ref().map(|moving| Moved {
             amounts: moving.amounts.clone(),
@@ -215,8 +217,8 @@ impl Bvh {
         })
     }
 
-    /// Drift of the whole scene under the probe, mm. Equivalent to moving the probe by minus the drift in an
-    /// undrifted scene.
+    /// Drift of the whole scene under the probe, mm. It is equivalent to moving the probe by minus the drift in a scene
+    /// without drift.
     pub fn drift_mm(&self) -> DVec3 {
         self.drift_mm
     }
@@ -228,7 +230,7 @@ impl Bvh {
 }
 
 impl PackedTriangle {
-    /// Packs `t`, whose corners are relative to the tree's centre.
+    /// Packs `t`, whose corners are relative to the tree's centre, mm.
     fn of(t: &Triangle, surface: u32, triangle: u32) -> Self {
         Self::new([t.v0, t.v1, t.v2].map(Vec3::from), surface, triangle)
     }
@@ -248,7 +250,7 @@ impl PackedTriangle {
     }
 }
 
-/// Point of the scene relative to the tree's centre, mm.
+/// Converts a point of the scene to coordinates relative to the tree's centre, mm.
 fn local(corner: Vec3, centre_mm: DVec3) -> Vec3 {
     (corner.as_dvec3() - centre_mm).as_vec3()
 }
@@ -264,7 +266,7 @@ fn depth(nodes: &[[u32; 20]]) -> usize {
     deepest
 }
 
-/// Nodes of the tree below `root`, each after its parent.
+/// Indices of the nodes of the tree with the root `root`, each after its parent.
 fn parents_first(nodes: &[[u32; 20]], root: u32) -> Vec<u32> {
     let (mut order, mut next) = (vec![root], 0);
     while let Some(&node) = order.get(next) {
@@ -291,7 +293,7 @@ mod tests {
 
     #[test]
     fn fans_of_slivers_and_coincident_triangles_have_shallow_trees() {
-        // Every sliver reaches from one corner to the far side: each box contains the previous one.
+        // Every sliver reaches from one corner to the far side, so each box contains the previous one.
         let side = |i: u32| Vec3::new(50.0, i as f32 * 0.01, 0.0);
         let fan = Mesh {
             vertices_mm: std::iter::once(Vec3::ZERO).chain((0..=4000).map(side)).collect(),
@@ -299,7 +301,7 @@ mod tests {
         };
         let mut heap = analytic::cuboid(Vec3::ZERO, Vec3::ONE);
         heap.triangles = vec![heap.triangles[0]; 5000];
-        // The same coincident triangles in a corner of half a metre of ordinary triangles.
+        // The coincident triangles of `heap` in a corner of half a metre of ordinary triangles.
         let wide = analytic::joined([heap.clone(), analytic::sphere(Vec3::splat(250.0), 250.0, 3)]);
         for mesh in [fan, heap, wide] {
             let count = mesh.triangles.len();

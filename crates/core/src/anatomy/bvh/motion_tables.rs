@@ -1,4 +1,4 @@
-//! Motion tables for a device.
+//! Tables with which a compute device moves the triangles of a scene and refits the nodes.
 
 use std::ops::Range;
 
@@ -8,30 +8,32 @@ use super::moving::Moving;
 use super::{PackedTriangle, refit};
 use crate::anatomy::motion::Shape;
 
-/// Moving vertices, their triangles and the nodes above them. Positions are relative to the tree's centre, mm. In a
-/// bit set of fields, bit i stands for the scene's i-th field.
+/// Moving vertices, their triangles and the nodes above them. Positions are relative to the tree's centre, mm. In a bit
+/// set of fields, bit i stands for the scene's i-th motion field.
 #[derive(Debug, Clone)]
 pub struct MotionTables {
-    /// Fields of the scene.
+    /// Spatial form of each motion field of the scene.
     pub shapes: Vec<Shape>,
     /// Scene position of the tables' origin, mm.
     pub centre_mm: DVec3,
-    /// Rest position of each vertex as bits of floats, and the bit set of its fields.
+    /// Moving vertices: the bits of the three floats of the rest position, then the bit set of the vertex's fields.
     pub vertices: Vec<[u32; 4]>,
-    /// Vertices of each moving triangle in leaf order, and the bit set of the fields of its tree.
+    /// Moving triangles in leaf order: three indices in `vertices`, then the bit set of the fields of the triangle's
+    /// tree.
     pub corners: Vec<[u32; 4]>,
-    /// Index of the first moving triangle; all other moving triangles follow it.
+    /// Index of the first moving triangle in leaf order; all later triangles are moving, too.
     pub first_triangle: u32,
-    /// Nodes to refit, the lowest level first, each with the bit set of the fields of its tree. The root is the last.
+    /// Nodes to refit, the lowest level first: index in [`super::Bvh::nodes`], then the bit set of the fields of the
+    /// node's tree. The last one is the root that joins all trees.
     pub nodes: Vec<[u32; 2]>,
     /// Range of each level in `nodes`. Moving children of a node are in lower levels only.
     pub levels: Vec<Range<u32>>,
-    /// Minimum and maximum corners of all nodes `[x, y, z, 0]`; zero except for roots of trees.
+    /// Minimum and maximum corners `[x, y, z, 0]` of all nodes of the scene; zero except for the roots of trees.
     pub extents: Vec<[[f32; 4]; 2]>,
 }
 
 impl MotionTables {
-    /// Tables of the trees in `nodes`; the first node joins all trees.
+    /// Tables for the trees in `nodes`, of which the first joins all trees.
     pub(super) fn new(moving: &Moving, centre_mm: DVec3, nodes: &[[u32; 20]]) -> Self {
         let vertex = |v: &super::moving::Vertex| {
             let [x, y, z] = v.rest.to_array().map(f32::to_bits);
@@ -72,17 +74,17 @@ impl MotionTables {
     }
 }
 
-/// Moved parts of a scene, in the layouts of [`super::Bvh`] and [`MotionTables`].
+/// Moved state of a scene, in the layouts of [`super::Bvh`] and [`MotionTables`].
 #[derive(Debug, Clone)]
 pub struct Moved {
-    /// Amounts of each field.
+    /// Amounts of movement of each motion field.
     pub amounts: Vec<[f32; 2]>,
-    /// Displacement of each vertex `[x, y, z, 0]`, mm.
+    /// Displacement of each moving vertex from its rest position `[x, y, z, 0]`, mm.
     pub vertices: Vec<[f32; 4]>,
-    /// All triangles.
+    /// All triangles, moving and static.
     pub triangles: Vec<PackedTriangle>,
-    /// Displacement of each triangle from its rest position `[x, y, z, 0]`, mm.
+    /// Displacement of each triangle from its rest position `[x, y, z, 0]`, mm; all triangles.
     pub displacements: Vec<[f32; 4]>,
-    /// All nodes.
+    /// All nodes, refitted.
     pub nodes: Vec<[u32; 20]>,
 }

@@ -1,4 +1,4 @@
-//! Trees of the moving triangles.
+//! BVH trees of the moving triangles, one per group of triangles that move together.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -15,12 +15,12 @@ use crate::anatomy::{Bounds, Scene};
 /// Smallest number of vertices, triangles or nodes in a parallel task.
 const TOGETHER: usize = 512;
 
-/// Triangles that share a tree: all static ones, or all with the same first field.
+/// Triangles that share a tree: all static ones, or all with the same first motion field.
 #[derive(Debug)]
 pub(super) struct Group {
     /// Indices of the triangles, counted through all surfaces.
     pub(super) triangles: Vec<u32>,
-    /// Bit set of all fields that move any of these triangles.
+    /// Bit set of all motion fields that move any of these triangles.
     pub(super) fields: u32,
 }
 
@@ -29,7 +29,7 @@ pub(super) struct Group {
 pub(super) struct Vertex {
     /// Rest position, scene frame, mm.
     rest_mm: Vec3,
-    /// Bit set of the fields that move the vertex.
+    /// Bit set of the motion fields that move the vertex.
     pub(super) fields: u32,
     /// Rest position and current position, both relative to the tree's centre, mm.
     pub(super) rest: Vec3,
@@ -40,11 +40,11 @@ pub(super) struct Vertex {
 #[derive(Debug, Clone)]
 pub(super) struct Tree {
     pub(super) fields: u32,
-    /// Nodes of the tree except its root.
+    /// Indices of the tree's nodes except its root.
     nodes: Range<usize>,
     pub(super) triangles: Range<usize>,
     vertices: Range<usize>,
-    /// Nodes of the tree, the lowest level first. Children of a node are in lower levels only.
+    /// Indices of the tree's nodes by level, the lowest first. Children of a node are in lower levels only.
     pub(super) levels: Vec<Vec<u32>>,
 }
 
@@ -52,26 +52,26 @@ pub(super) struct Tree {
 #[derive(Debug, Clone)]
 pub(super) struct Moving {
     pub(super) motion: Motion,
-    /// Current amounts of each field.
+    /// Current amounts of movement of each motion field.
     pub(super) amounts: Vec<[f32; 2]>,
     pub(super) trees: Vec<Tree>,
     pub(super) vertices: Vec<Vertex>,
-    /// Vertices of each moving triangle, in leaf order.
+    /// Indices in `vertices` of each moving triangle's corners, in leaf order.
     pub(super) corners: Vec<[u32; 3]>,
-    /// Displacement of each triangle from its rest position, mm; all triangles.
+    /// Displacement of each triangle, moving or static, from its rest position, mm.
     pub(super) displacements: Vec<[f32; 4]>,
-    /// First moving triangle.
+    /// Index of the first moving triangle in leaf order.
     pub(super) first_triangle: usize,
-    /// Exact boxes of all nodes.
+    /// Exact (unquantised) box of each node.
     extents: Vec<Bounds>,
-    /// Nodes of one level, fitted.
+    /// Scratch memory: the refitted nodes of one level, with their boxes.
     fitted: Vec<([u32; 20], Bounds)>,
     /// Ranges modified by the last call of [`Moving::set_time_s`].
     pub(super) changed: Vec<Changed>,
 }
 
-/// Groups the triangles by the first field that ever moves one of their corners: static triangles first, then one
-/// group per field. A static scene has one group.
+/// Groups the triangles by the first motion field that ever moves one of their corners: static triangles first, then
+/// one group per field. A static scene has one group.
 pub(super) fn groups(scene: &Scene) -> Vec<Group> {
     let motion = &scene.motion;
     let mut groups: Vec<Group> =
@@ -94,8 +94,8 @@ pub(super) fn groups(scene: &Scene) -> Vec<Group> {
     groups
 }
 
-/// Joins the nodes of all trees under one root, and prepares their motion. `order` lists the triangles of all trees in
-/// leaf order. The root's boxes are still empty.
+/// Joins the nodes of all trees under one root, and prepares the motion of the trees. `order` lists the triangles of
+/// all trees in leaf order. The root's boxes are still empty.
 pub(super) fn join(
     scene: &Scene,
     groups: &[Group],
@@ -119,7 +119,7 @@ pub(super) fn join(
     };
     let mut first_triangle = 0;
     for (i, ((tree, _), group)) in trees.iter().zip(groups).enumerate() {
-        // The root of a tree is stored after the joint root; node k of the tree is at `start + k - 1`.
+        // The roots of all trees directly follow the joint root; node k > 0 of this tree is at `start + k - 1`.
         let start = nodes.len() as u32;
         let shifted = tree.nodes.iter().map(|node| {
             let mut node = *node;
@@ -151,7 +151,7 @@ pub(super) fn join(
     (nodes, moving)
 }
 
-/// Nodes of a tree by level, the lowest first.
+/// Indices of a tree's nodes by level, the lowest level first.
 fn levels(nodes: &[[u32; 20]], root: usize) -> Vec<Vec<u32>> {
     let mut levels: Vec<Vec<u32>> = Vec::new();
     let order = super::parents_first(nodes, root as u32);
@@ -169,7 +169,7 @@ fn levels(nodes: &[[u32; 20]], root: usize) -> Vec<Vec<u32>> {
 }
 
 impl Moving {
-    /// Stores the vertices of `triangles`, given by their index through all surfaces.
+    /// Adds the vertices and corners of `triangles`, which are indices counted through all surfaces.
     fn add_corners(&mut self, scene: &Scene, triangles: &[u32], centre_mm: DVec3) {
         let starts: Vec<u32> = scene
             .surfaces

@@ -1,4 +1,4 @@
-//! Refitting of a tree's boxes to moved triangles; its topology is kept.
+//! Refitting of a tree's boxes to moved triangles; the tree's topology stays the same.
 
 use glam::Vec3;
 use obvhs::cwbvh::node::CwBvhNode;
@@ -13,8 +13,8 @@ pub(super) fn bounds_of(t: &PackedTriangle) -> Bounds {
     Bounds { min: a.min(b).min(c), max: a.max(b).max(c) }
 }
 
-/// A node with updated boxes of its children, and its own extent. `extents` has the same indices as all nodes and
-/// already holds the extents of inner children.
+/// The node `words` with updated boxes of its children, and its own exact box. `extents` holds the exact box of each
+/// node; those of the node's inner children are already up to date.
 pub(super) fn fit(mut words: [u32; 20], triangles: &[PackedTriangle], extents: &[Bounds]) -> ([u32; 20], Bounds) {
     let node: &mut CwBvhNode = bytemuck::cast_mut(&mut words);
     let mut children = [Bounds::EMPTY; 8];
@@ -43,7 +43,7 @@ pub(super) fn held(words: &[u32; 20]) -> Bounds {
     })
 }
 
-/// Writes the root that joins `trees` trees, whose roots are the nodes after it.
+/// Updates the joint root (node 0) of `trees` trees, whose own roots are the nodes after it.
 pub(super) fn fit_root(nodes: &mut [[u32; 20]], trees: usize) {
     let roots: Vec<Bounds> = nodes[1..=trees].iter().map(held).collect();
     let mut children = [Bounds::EMPTY; 8];
@@ -51,7 +51,7 @@ pub(super) fn fit_root(nodes: &mut [[u32; 20]], trees: usize) {
     quantise(bytemuck::cast_mut(&mut nodes[0]), &children);
 }
 
-/// Root that joins `trees` trees, whose roots are the nodes after it. Its boxes are still empty.
+/// Joint root (node 0) of `trees` trees, whose own roots are the nodes after it. Its boxes are still empty.
 pub(super) fn joint(trees: usize) -> [u32; 20] {
     let mut node = CwBvhNode { child_base_idx: 1, imask: (0xff_u32 >> (8 - trees)) as u8, ..CwBvhNode::default() };
     for slot in 0..trees {
@@ -60,7 +60,8 @@ pub(super) fn joint(trees: usize) -> [u32; 20] {
     bytemuck::cast(node)
 }
 
-/// Quantises boxes to steps of a power of two from the node's lowest corner, rounding outward (Ylitie et al. 2017).
+/// Writes the boxes of a node's children in steps of a power of two from the node's lowest corner, rounding outward
+/// (Ylitie et al. 2017). Returns the exact box of the node.
 fn quantise(node: &mut CwBvhNode, children: &[Bounds; 8]) -> Bounds {
     let whole = children.iter().fold(Bounds::EMPTY, |all, child| all.hull(*child));
     node.p = whole.min;

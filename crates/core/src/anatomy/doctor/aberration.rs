@@ -2,8 +2,8 @@
 //!
 //! The delay of a ray is relative to a path of equal length at [`ASSUMED_SPEED_M_S`]. The best-fit line of the delays
 //! over an aperture is the tilt, which displaces an image; the remaining delays blur it. Rays start on the face, so
-//! tissue into which the face is pressed does not count. Outside all surfaces, and in media that ultrasound does not
-//! pass in a straight line (bone, gas), the assumed speed is used.
+//! tissue into which the face is pressed does not count. The assumed speed applies outside all surfaces, and in media
+//! that ultrasound does not pass in a straight line (bone, gas).
 
 use std::fmt;
 
@@ -18,19 +18,19 @@ use crate::anatomy::Wall;
 use crate::pose::Pose;
 use crate::statistics::{median, sorted};
 
-/// Distance between rays, mm.
+/// Distance between neighbouring rays, mm.
 const STEP_MM: f64 = 0.5;
-/// Offset of all rays across the scan plane, mm: it avoids vertices, which meshes often have in a plane of symmetry.
+/// Offset of all rays across the scan plane, mm. It avoids vertices, which meshes often have in a plane of symmetry.
 const ASIDE_MM: f64 = 1.3e-3;
 /// Median RMS delays that separate easy from average walls, and average from hard ones, ns.
 const BOUNDS_NS: [f64; 2] = [30.0, 55.0];
 
-/// Part of a face that forms a beam, and depth to which the beam is followed.
+/// Part of a probe's face that forms a beam, and depth to which the beam is followed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Aperture {
     /// Width, mm.
     pub width_mm: f64,
-    /// Radius of the face; `None` for a flat one.
+    /// Radius of the face, mm; `None` for a flat one.
     pub face_radius_mm: Option<f64>,
     /// Depth below the middle of the aperture to which delays are accumulated, mm.
     pub depth_mm: f64,
@@ -43,7 +43,7 @@ pub struct Aberration {
     pub delay_rms_ns: f64,
     /// Tilt of the best-fit line, mrad: positive if delays grow along the lateral axis.
     pub tilt_mrad: f64,
-    /// Full width at half maximum of the delays' autocorrelation, mm; `None` if there are no delays.
+    /// Full width at half maximum of the delays' autocorrelation, mm; `None` if all delays are zero.
     pub correlation_mm: Option<f64>,
 }
 
@@ -59,7 +59,7 @@ pub struct Summary {
     pub delay_rms_ns: [f64; 2],
     /// Median and maximum magnitude of the tilt, mrad.
     pub tilt_mrad: [f64; 2],
-    /// Median correlation length, mm; `None` if there are no delays.
+    /// Median correlation length, mm; `None` if all delays are zero.
     pub correlation_mm: Option<f64>,
     /// Class of the wall by the median RMS delay: easy below 30 ns, hard above 55 ns.
     #[serde(serialize_with = "name_of")]
@@ -91,7 +91,7 @@ pub struct Caster<'s> {
 }
 
 impl<'s> Caster<'s> {
-    /// Caster for `scene`, whose surfaces ascend in priority.
+    /// Caster for `scene`, whose surfaces are in ascending priority.
     pub fn of(scene: &'s Scene) -> Self {
         let excess = |speed_m_s: f64| {
             let passed = (speed_m_s / ASSUMED_SPEED_M_S - 1.0).abs() <= HARD_SPEED;
@@ -106,7 +106,8 @@ impl<'s> Caster<'s> {
 
     /// Delay along a ray of `length_mm` from `from_mm` along the unit `direction`, ns.
     fn delay_ns(&self, from_mm: DVec3, direction: DVec3, length_mm: f64) -> f64 {
-        // Crossings with all surfaces, the farthest last; beyond the farthest one, the ray is outside.
+        // Crossings with all surfaces, from the end of the ray to its start. Beyond the farthest one, the ray is
+        // outside.
         let mut crossings = Vec::new();
         for (surface, (tree, _)) in self.surfaces.iter().enumerate() {
             tree.crossings(from_mm, direction, |c| crossings.push((c.t_mm, surface, if c.leaves { 1 } else { -1 })));
@@ -126,8 +127,8 @@ impl<'s> Caster<'s> {
         sum_ns + excess(&winding) * end_mm.min(length_mm)
     }
 
-    /// Delays over `aperture`, ns, at positions at most 0.5 mm apart. `scene_from_beam` has its origin in the middle
-    /// of the aperture, z along the beam and x along the face.
+    /// Delays over `aperture`, ns, at positions at most 0.5 mm apart. The beam's frame has its origin in the middle of
+    /// the aperture, z along the beam and x along the face.
     pub(crate) fn delays_ns(&self, scene_from_beam: &Pose, aperture: &Aperture) -> Vec<f64> {
         let count = (aperture.width_mm / STEP_MM).ceil().max(4.0) as usize;
         let direction = scene_from_beam.transform_vector(DVec3::Z);
@@ -140,13 +141,14 @@ impl<'s> Caster<'s> {
         (0..count).into_par_iter().map(delay).collect()
     }
 
-    /// Aberration over `aperture`.
+    /// Aberration over `aperture`. The beam's frame has its origin in the middle of the aperture, z along the beam and
+    /// x along the face.
     pub fn aberration(&self, scene_from_beam: &Pose, aperture: &Aperture) -> Aberration {
         of_delays(&self.delays_ns(scene_from_beam, aperture), aperture.width_mm)
     }
 
-    /// Aberration of a probe at `pose`, over apertures in the middle of the given `beams`. Each beam is its origin
-    /// (mm) and direction in the scan plane, probe frame. `None` without beams.
+    /// Aberration of a probe at `pose`, over apertures of the size `aperture` about the origins of `beams`. A beam is
+    /// given by its origin (mm) and direction in the scan plane, probe frame. `None` without beams.
     pub fn summary(&self, pose: &Pose, beams: &[(DVec3, DVec3)], aperture: &Aperture) -> Option<Summary> {
         let of_beam = |&(origin_mm, direction): &(DVec3, DVec3)| {
             let turn = DQuat::from_rotation_y(direction.x.atan2(direction.z));
@@ -156,7 +158,7 @@ impl<'s> Caster<'s> {
     }
 }
 
-/// Aberration from `delays_ns`, taken at equal distances over `width_mm`.
+/// Aberration from the delays at equally spaced positions over `width_mm`.
 fn of_delays(delays_ns: &[f64], width_mm: f64) -> Aberration {
     let count = delays_ns.len();
     let step_mm = width_mm / count as f64;
@@ -172,12 +174,12 @@ fn of_delays(delays_ns: &[f64], width_mm: f64) -> Aberration {
         let (before, after) = (product(lag - 1), product(lag));
         2.0 * step_mm * ((lag - 1) as f64 + (before - 0.5 * power) / (before - after))
     });
-    // ns/mm · m/s = 1e-6.
+    // Units: 1 ns/mm · 1 m/s is 1e-6, which is 1e-3 mrad.
     let tilt_mrad = slope * ASSUMED_SPEED_M_S * 1e-3;
     Aberration { delay_rms_ns: (power / count as f64).sqrt(), tilt_mrad, correlation_mm }
 }
 
-/// Summary of `aberrations` over the given kind of aperture; `None` without any.
+/// Summary of `aberrations`, each over an aperture like `aperture`; `None` if there are none.
 pub fn summary(aberrations: &[Aberration], aperture: &Aperture) -> Option<Summary> {
     let of = |value: fn(&Aberration) -> Option<f64>| sorted(aberrations.iter().filter_map(value));
     let middle_and_last = |values: &[f64]| Some([median(values)?, *values.last()?]);
@@ -223,14 +225,14 @@ mod tests {
         cuboid(Vec3::new(-300.0, -300.0, from_mm), Vec3::new(300.0, 300.0, to_mm))
     }
 
-    /// Delay per mm of a medium, ns.
+    /// Delay per mm of a medium relative to the assumed speed, ns.
     fn ns_per_mm(speed_m_s: f64) -> f64 {
         1e6 / speed_m_s - 1e6 / ASSUMED_SPEED_M_S
     }
 
     #[test]
     fn a_ray_takes_the_medium_of_highest_priority() {
-        // The face is inside the fat; bone counts as the reference.
+        // The face is inside the fat. Bone counts as a medium of the assumed speed.
         let parts = vec![("fat", slab(-10.0, 40.0)), ("muscle", slab(12.0, 19.0)), ("bone_adult", slab(30.0, 33.0))];
         let scene = scene(parts);
         let delays = Caster::of(&scene).delays_ns(&Pose::IDENTITY, &APERTURE);
@@ -243,7 +245,8 @@ mod tests {
 
     #[test]
     fn a_wedge_tilts_and_a_ball_blurs() {
-        // A beam 10° off the normal of fat that begins before its face: the path ends deeper on one side.
+        // A beam is 10° off the normal of fat that begins before the probe's face: the path in fat is longer on one
+        // side.
         let wedge = scene(vec![("fat", slab(-100.0, 30.0))]);
         let turn = 10f64.to_radians();
         let pose = Pose { position_mm: DVec3::ZERO, orientation: DQuat::from_rotation_y(turn) };
@@ -260,7 +263,8 @@ mod tests {
 
     #[test]
     fn a_curved_face_sees_what_lies_beside_its_middle() {
-        // The slab ends 1 mm before the face's middle: beams from its sides start before it.
+        // The slab ends 1 mm before the middle of the curved face, so rays from the sides of the face start in the
+        // slab.
         let scene = scene(vec![("fat", slab(-50.0, -1.0))]);
         let flat = Caster::of(&scene).delays_ns(&Pose::IDENTITY, &APERTURE);
         assert!(flat.iter().all(|&d| d == 0.0));

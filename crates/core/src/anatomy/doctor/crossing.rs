@@ -10,23 +10,23 @@ use super::finding::Region;
 use super::tree::Tree;
 use crate::anatomy::Mesh;
 
-/// Shallowest crossing that counts, mm: about half a wavelength at 8 MHz.
+/// Depth of a crossing below which it counts as shallow, mm: about half a wavelength at 8 MHz.
 const SHALLOW_MM: f64 = 0.1;
 
-/// Largest extent, mm, of the crossings between parts that only touch. Crossings are never deeper than their triangles
-/// are large, so finely meshed parts that overlap have shallow crossings along a wide ring.
+/// Extent of all crossings between two parts, mm, below which the parts only touch. A crossing is never deeper than its
+/// triangles are large, so finely meshed parts that overlap have shallow crossings along a wide ring.
 const TOUCH_MM: f32 = 1.0;
 
-/// Smallest number of crossing triangles that count as an overlap of two solids; fewer are a fold.
+/// Smallest number of crossing pairs that count as an overlap of two solids; fewer are a fold.
 const RING: usize = 3;
 
-/// Crossings in a surface.
+/// Crossings of triangles in a surface.
 pub struct Crossings {
-    /// Number of crossing pairs from overlapping parts, or from distant regions of one part.
+    /// Number of pairs whose triangles cross because parts overlap, or distant regions of one part.
     pub overlaps: usize,
-    /// Number of crossing pairs of near neighbours, and of shallow ones: creases left by decimation.
+    /// Number of crossing pairs that are near neighbours or cross shallowly: creases left by decimation.
     pub folds: usize,
-    /// Region of all overlaps (of all folds if there are no overlaps), and region of one of them.
+    /// Region of all overlaps and region of one of them; regions of the folds if there are no overlaps.
     pub regions: Vec<Region>,
 }
 
@@ -41,8 +41,8 @@ pub struct Pair {
     pub depth_mm: f64,
 }
 
-/// Counts pairs of triangles that cross by more than the tracer resolves. `part_of` gives the part of each triangle,
-/// if known.
+/// Counts pairs of triangles that cross by more than the tracer's resolution. `part_of` gives the index of each
+/// triangle's connected part; it is empty if unknown.
 pub fn find(tree: &Tree<'_>, part_of: &[u32]) -> Crossings {
     let mesh = tree.mesh;
     let found = pairs(tree);
@@ -73,7 +73,7 @@ pub fn find(tree: &Tree<'_>, part_of: &[u32]) -> Crossings {
     Crossings { overlaps: overlaps.len(), folds: folds.len(), regions }
 }
 
-/// Pairs of triangles that cross by more than the tracer resolves.
+/// Pairs of triangles that cross by more than the tracer's resolution.
 pub fn pairs(tree: &Tree<'_>) -> Vec<Pair> {
     let mesh = tree.mesh;
     (0..mesh.triangles.len() as u32)
@@ -91,7 +91,7 @@ pub fn pairs(tree: &Tree<'_>) -> Vec<Pair> {
         .collect()
 }
 
-/// Triangles at each vertex.
+/// Indices of the triangles at each vertex.
 fn triangles_at_vertices(mesh: &Mesh) -> Vec<Vec<u32>> {
     let mut at = vec![Vec::new(); mesh.vertices_mm.len()];
     for (t, index) in mesh.triangles.iter().zip(0u32..) {
@@ -100,7 +100,7 @@ fn triangles_at_vertices(mesh: &Mesh) -> Vec<Vec<u32>> {
     at
 }
 
-/// Whether a neighbour of the first triangle is also a neighbour of the second.
+/// Whether some triangle shares a vertex with both triangles.
 fn are_near(mesh: &Mesh, at_vertex: &[Vec<u32>], first: u32, second: u32) -> bool {
     let second = mesh.triangles[second as usize];
     let around = mesh.triangles[first as usize].into_iter().flat_map(|vertex| &at_vertex[vertex as usize]);
@@ -118,8 +118,8 @@ pub fn cross(mesh: &Mesh, first: u32, second: u32) -> Option<(DVec3, f64)> {
     through(at, a, b, bt).or_else(|| through(bt, b, a, at))
 }
 
-/// Point at which an edge of a triangle passes through another triangle, and the depth of the crossing (mm). Edges
-/// from a shared corner are skipped: they start on the other triangle.
+/// Point at which an edge of a triangle passes through another triangle, and the depth of the crossing (mm). Edges from
+/// a shared corner are skipped, since they start on the other triangle.
 fn through(corners: [DVec3; 3], indices: [u32; 3], other: [u32; 3], onto: [DVec3; 3]) -> Option<(DVec3, f64)> {
     let normal = (onto[1] - onto[0]).cross(onto[2] - onto[0]).try_normalize()?;
     let height = corners.map(|p| normal.dot(p - onto[0]));
@@ -137,7 +137,8 @@ fn through(corners: [DVec3; 3], indices: [u32; 3], other: [u32; 3], onto: [DVec3
     })
 }
 
-/// Whether a point in a triangle's plane is inside the triangle, farther from its edges than the tracer resolves.
+/// Whether a point in a triangle's plane is inside the triangle, and farther from its edges than the tracer's
+/// resolution.
 fn is_within(point: DVec3, corners: [DVec3; 3], normal: DVec3) -> bool {
     (0..3).all(|i| {
         let (from, to) = (corners[i], corners[(i + 1) % 3]);

@@ -1,4 +1,4 @@
-//! Edges of a mesh: unpaired, surplus and inconsistently wound ones.
+//! Edges of a mesh: open ones, edges of too many triangles, and inconsistently wound ones.
 
 use std::collections::HashMap;
 
@@ -9,33 +9,33 @@ use super::finding::{Defect, Finding, Region};
 use crate::anatomy::Mesh;
 use crate::anatomy::groups::Groups;
 
-/// Largest distance between two rims that should be joined, mm; limited to a quarter of an edge.
+/// Largest distance between two rims that should be joined, mm. It is limited to a quarter of the mean open edge.
 const SEAM_MM: f32 = 0.01;
 
-/// Directed edge of a triangle, with its vertices in order of index.
+/// Edge of a triangle, with its vertices in order of index.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Edge {
     low: u32,
     high: u32,
     triangle: u32,
-    /// Whether the edge runs from the higher vertex to the lower.
+    /// Whether the triangle runs along the edge from the higher vertex to the lower.
     back: bool,
 }
 
-/// Result of examining the edges.
+/// Result of [`examine`].
 pub(super) struct Edges {
     pub(super) findings: Vec<Finding>,
-    /// Whether no edge is open and the winding is consistent, so that the surface has an inside.
+    /// Whether the surface has an inside: no edge is open and the winding is consistent.
     pub(super) closed: bool,
     /// Number of edges that are open, inconsistently wound, or shared by too many triangles.
     pub(super) unpaired: usize,
-    /// Open edges, in the direction of their triangles.
+    /// Open edges as pairs of vertices, in the direction of their triangles.
     pub(super) open: Vec<[u32; 2]>,
-    /// Part of each triangle: a component connected over edges.
+    /// Index of each triangle's part: a component connected over edges of two triangles.
     pub(super) part: Vec<u32>,
 }
 
-/// Examines all edges of a mesh of welded vertices.
+/// Examines all edges of a mesh whose coincident vertices are merged.
 pub(super) fn examine(mesh: &Mesh) -> Edges {
     let mut edges: Vec<Edge> = Vec::with_capacity(3 * mesh.triangles.len());
     for (&[a, b, c], triangle) in mesh.triangles.iter().zip(0u32..) {
@@ -94,7 +94,7 @@ pub(super) fn examine(mesh: &Mesh) -> Edges {
     Edges { findings, closed: unpaired == 0, unpaired, open, part: parts.numbered() }
 }
 
-/// Open edges that remain after nearly coincident rim vertices are merged.
+/// Those of the edges `open` that remain open after nearly coincident rim vertices are merged.
 fn seam(mesh: &Mesh, open: &[[u32; 2]]) -> Vec<[u32; 2]> {
     let at = |i: u32| mesh.vertices_mm[i as usize];
     let mean = open.iter().map(|&[a, b]| f64::from(at(a).distance(at(b)))).sum::<f64>() / open.len().max(1) as f64;
@@ -128,7 +128,7 @@ fn seam(mesh: &Mesh, open: &[[u32; 2]]) -> Vec<[u32; 2]> {
     open.iter().filter(stays).copied().collect()
 }
 
-/// Bounds of each connected group of edges.
+/// Region of each connected group of edges, the largest first.
 fn regions(mesh: &Mesh, edges: &[[u32; 2]]) -> Vec<Region> {
     let mut index_of = HashMap::new();
     for &vertex in edges.iter().flatten() {
@@ -143,7 +143,7 @@ fn regions(mesh: &Mesh, edges: &[[u32; 2]]) -> Vec<Region> {
         points.entry(group[index as usize]).or_default().push(mesh.vertices_mm[*vertex as usize]);
     }
     let mut regions: Vec<Region> = points.into_values().map(Region::of).collect();
-    // Sorted, since the order in the map is arbitrary.
+    // Sorted, since a hash map has no defined order.
     let key = |p: &Region| (p.size_mm, p.at_mm);
     regions.sort_by(|a, b| key(b).partial_cmp(&key(a)).unwrap_or(std::cmp::Ordering::Equal));
     regions

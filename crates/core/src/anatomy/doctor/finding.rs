@@ -125,7 +125,7 @@ defects! {
 }
 
 impl Defect {
-    /// Name in JSON.
+    /// Name of the defect in JSON.
     pub fn name(self) -> String {
         serde_json::to_value(self).ok().and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default()
     }
@@ -159,7 +159,7 @@ impl fmt::Display for Region {
 /// A defect found in a scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Finding {
-    /// Severity.
+    /// Severity of the finding.
     pub severity: Severity,
     /// Kind of defect.
     pub defect: Defect,
@@ -178,7 +178,7 @@ pub struct Finding {
     pub remedy: &'static str,
 }
 
-/// Most regions in a finding.
+/// Largest number of regions in a finding.
 pub const REGIONS_MAX: usize = 3;
 
 impl Finding {

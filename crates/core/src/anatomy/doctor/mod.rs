@@ -45,18 +45,18 @@ const RESOLUTION_MM: f64 = 1.0e-3;
 /// Size of a storage buffer that every GPU can bind, bytes.
 const BUFFER_BYTES: usize = 128 << 20;
 
-/// Impedances of tissues that ultrasound passes, MRayl: between gas and bone.
+/// Range of impedances of tissues that ultrasound passes, MRayl: between gas and bone.
 const SEEN_THROUGH_MRAYL: [f64; 2] = [0.5, 2.6];
 
 /// Context of an examination.
 pub struct Settings<'a> {
     /// Tissues that the station knows.
     pub tissues: &'a TissueTable,
-    /// Tissues defined by the station file itself, by name; each should be used.
+    /// Names of the tissues that the station file itself defines. The check reports those that no surface uses.
     pub own_tissues: &'a [String],
     /// Index in `tissues` of the background, if known.
     pub background: Option<usize>,
-    /// Start pose `scene_from_probe` and image depth, mm.
+    /// Start pose `scene_from_probe` and image depth, mm; `None` leaves out the check of the start pose.
     pub start: Option<(Pose, f64)>,
 }
 
@@ -67,14 +67,14 @@ pub struct DoctorReport {
     pub surfaces: usize,
     /// Number of triangles of all surfaces.
     pub triangles: usize,
-    /// Lowest and highest coordinates, mm, without strays beyond ±1e5 mm; `None` without a finite vertex.
+    /// Lowest and highest coordinates, mm, without stray vertices beyond ±1e5 mm; `None` if no vertex is finite.
     pub bounds_mm: Option<[[f32; 3]; 2]>,
     /// Findings, most severe first, then in the file's order.
     pub findings: Vec<Finding>,
 }
 
 impl DoctorReport {
-    /// Number of findings of one severity.
+    /// Number of findings of this severity.
     pub fn count(&self, severity: Severity) -> usize {
         self.findings.iter().filter(|f| f.severity == severity).count()
     }
@@ -134,7 +134,7 @@ pub fn examine(
     let (surfaces, triangles) = (checks.len(), checks.iter().map(|p| p.triangles).sum());
     let wrong_unit = findings.iter().any(|f| f.defect == Defect::WrongUnit);
     let of_surfaces = checks.into_iter().flat_map(|check| check.findings);
-    // Findings that depend on sizes in mm are meaningless if the unit is wrong.
+    // Findings that compare sizes with lengths in mm are meaningless if the unit is wrong.
     let by_size = [
         Defect::Sliver,
         Defect::ThinSheet,
@@ -184,7 +184,7 @@ fn bounds(checks: &[SurfaceCheck]) -> Option<Bounds> {
     usable.or_else(|| over(|p| p.finite_mm))
 }
 
-/// Findings about the scene as a whole.
+/// Findings about numbers of surfaces and triangles, and about the size and position of the scene.
 fn whole(checks: &[SurfaceCheck], bounds: Option<Bounds>) -> Vec<Finding> {
     let mut findings = Vec::new();
     if checks.len() > SURFACES_MAX {

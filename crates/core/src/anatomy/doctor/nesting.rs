@@ -11,20 +11,20 @@ use super::probes::{Probe, probes};
 use super::surface_check::SurfaceCheck;
 use super::tree::Tree;
 
-/// Most triangles of a surface that get sample points below them.
+/// Largest number of a surface's triangles that get sample points below them.
 const PROBES: usize = 1024;
 
-/// Fraction of thin samples from which a surface counts as a sheet.
+/// Smallest fraction of a surface's samples at thin positions that makes it a sheet.
 const THIN_PART: f64 = 0.05;
 
-/// Smallest fraction of a surface's samples inside another surface that counts as a tie, unless a sample is deep in
-/// both.
+/// Smallest number of points inside another surface, as a fraction of a surface's samples, that counts as a tie. A
+/// single point half way through the surface suffices, too.
 const TIED_PART: f64 = 0.01;
 
-/// Most hiding surfaces that a finding names.
+/// Largest number of hiding surfaces that a finding names.
 const HIDERS_NAMED: usize = 3;
 
-/// Examines every closed surface in relation to the others. Returns findings with surface indices.
+/// Examines every closed surface in relation to the others. Returns each finding with the index of its surface.
 pub(super) fn examine(checks: &[SurfaceCheck], trees: &[Option<Tree<'_>>]) -> Vec<(usize, Finding)> {
     let mut found: Vec<(usize, Finding)> =
         (0..checks.len()).into_par_iter().flat_map_iter(|index| one(index, checks, trees)).collect();
@@ -76,7 +76,7 @@ fn one(index: usize, checks: &[SurfaceCheck], trees: &[Option<Tree<'_>>]) -> Vec
         let region = check.bounds_mm.map(|bounds| Region::of(bounds.corners()));
         found.push((index, Finding::new(Defect::Hidden, what).at(region)));
     }
-    // A few shallow points mean only that both surfaces approximate the same border.
+    // A few shallow points mean only that both surfaces approximate the same anatomical border.
     ties.retain(|_, tie| tie.deep || tie.points.len() as f64 >= TIED_PART * probes.len() as f64);
     for (other, Tie { points, .. }) in ties {
         let (loser, winner) = (index.min(other), index.max(other));
@@ -89,20 +89,20 @@ fn one(index: usize, checks: &[SurfaceCheck], trees: &[Option<Tree<'_>>]) -> Vec
     found
 }
 
-/// Overlap of two surfaces of equal priority.
+/// Overlap of two surfaces of equal priority: points of the one inside the other.
 #[derive(Default)]
 struct Tie {
     points: Vec<Vec3>,
-    /// Whether a sample half way through the surface is inside the other.
+    /// Whether a sample half way through the first surface is inside the second.
     deep: bool,
 }
 
-/// Rank of a closed surface where several overlap; the highest is the medium.
+/// Rank of a closed surface; where several overlap, the surface of the highest rank is the medium.
 fn rank(checks: &[SurfaceCheck], index: usize) -> (i32, usize) {
     (checks[index].priority, index)
 }
 
-/// Closed surfaces that contain a point.
+/// Indices of the closed surfaces that contain a point.
 fn holding<'a>(
     point: DVec3,
     checks: &'a [SurfaceCheck],
@@ -116,7 +116,7 @@ fn holding<'a>(
     (0..checks.len()).filter(move |&index| is_held(&checks[index], &trees[index]))
 }
 
-/// Surface that is the medium at a point; `None` in the background.
+/// Index of the surface that is the medium at a point; `None` in the background.
 pub(super) fn medium(point: DVec3, checks: &[SurfaceCheck], trees: &[Option<Tree<'_>>]) -> Option<usize> {
     holding(point, checks, trees).max_by_key(|&index| rank(checks, index))
 }

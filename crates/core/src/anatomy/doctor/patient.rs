@@ -6,11 +6,11 @@ use super::{Defect, Finding, Region};
 use crate::anatomy::organs::{Aspect, OrganFact, check_organs, is_known};
 use crate::anatomy::{Bounds, Mesh};
 
-/// Distance to the scene's bounds below which an organ counts as cut by the scan, mm.
+/// Distance from the scene's bounds below which an organ counts as cut off by the scan, mm.
 const BORDER_MM: f32 = 1.5;
 
-/// Findings about the organs among the closed surfaces of a scene in LPS, mm. If an organ has a wall, the outer
-/// surface of the wall is measured.
+/// Findings about the organs among `surfaces`: the names and meshes of a scene's closed surfaces, LPS, mm. If an organ
+/// has a wall, the outer surface of the wall is measured.
 pub(super) fn examine<'a>(surfaces: impl Iterator<Item = (&'a str, &'a Mesh)>, scene: Option<Bounds>) -> Vec<Finding> {
     let surfaces: Vec<(&str, &Mesh)> = surfaces.collect();
     let named = |name: &str| surfaces.iter().find(|(other, _)| *other == name);
@@ -36,7 +36,7 @@ pub(super) fn examine<'a>(surfaces: impl Iterator<Item = (&'a str, &'a Mesh)>, s
     findings
 }
 
-/// Findings about organs whose middle lies outside the bounds of the skin.
+/// Findings about organs whose centre of mass lies outside the bounds of the skin.
 fn outside(facts: &[OrganFact], skin: Option<Bounds>) -> Vec<Finding> {
     let Some(skin) = skin else { return Vec::new() };
     let is_outside = |fact: &&OrganFact| {

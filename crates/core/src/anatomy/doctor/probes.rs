@@ -5,22 +5,22 @@ use glam::{DVec3, Vec3};
 use super::RESOLUTION_MM;
 use super::tree::Tree;
 
-/// Sample points below a triangle of a surface.
+/// Sample points on the inward normal of a triangle.
 pub(super) struct Probe {
-    /// A point just below the triangle, and a point half way to the opposite side.
+    /// A point just inside the triangle, and a point half way to the opposite side of the surface.
     pub(super) points_mm: [DVec3; 2],
-    /// Distance to the opposite side, mm.
+    /// Distance to the opposite side of the surface, mm.
     pub(super) thickness_mm: f64,
 }
 
-/// Depth of the first point below the triangle, mm, unless the surface is thinner than twice that.
+/// Distance of the first point from the triangle, mm. In a surface thinner than twice that, it is half the thickness.
 const SKIN_DEEP_MM: f64 = 0.01;
 
 /// Sample points inside a closed surface, below at most `count` of its triangles.
 pub(super) fn probes(tree: &Tree<'_>, count: usize) -> Vec<Probe> {
     let mesh = tree.mesh;
     let step = mesh.triangles.len().div_ceil(count).max(1);
-    // If there are few triangles, they are large: several samples below each.
+    // Few triangles are large ones, so each gets several samples.
     let each = (count / mesh.triangles.len().max(1)).clamp(1, POINTS_MAX_A_TRIANGLE);
     let below = |corners: [Vec3; 3], own: u32, sample: usize| {
         let [a, b, c] = corners.map(|v| v.as_dvec3());
@@ -42,11 +42,11 @@ pub(super) fn probes(tree: &Tree<'_>, count: usize) -> Vec<Probe> {
     chosen.flat_map(|(corners, own)| (0..each).filter_map(move |sample| below(corners, own, sample))).collect()
 }
 
-/// Most samples below one triangle.
+/// Largest number of samples below one triangle.
 const POINTS_MAX_A_TRIANGLE: usize = 64;
 
-/// Barycentric coordinates of the centroid, then of points spread evenly over the triangle: the additive recurrence of
-/// the plastic number.
+/// Barycentric coordinates of the sample with the index `sample`: the centroid, then points spread evenly over the
+/// triangle by the additive recurrence of the plastic number.
 fn barycentric(sample: usize) -> [f64; 2] {
     if sample == 0 {
         return [1.0 / 3.0; 2];

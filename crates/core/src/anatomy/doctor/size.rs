@@ -1,4 +1,4 @@
-//! Sizes of scenes that are impossible for a body.
+//! Scenes whose size is impossible for a body.
 
 use super::finding::{Defect, Finding, Region};
 use crate::anatomy::{Bounds, Scene};
@@ -6,12 +6,12 @@ use crate::anatomy::{Bounds, Scene};
 /// Range of scene diagonals, mm: from a wire to a whole body.
 const SIZE_MM: [f32; 2] = [5.0, 3000.0];
 
-/// Length of a box from corner to corner, mm.
+/// Diagonal of a box, mm.
 pub(super) fn diagonal_mm(bounds: Bounds) -> f32 {
     (bounds.max.as_dvec3() - bounds.min.as_dvec3()).length() as f32
 }
 
-/// Finding about a scene of impossible size.
+/// Finding about a scene with these bounds; `None` if its size is possible.
 pub(super) fn wrong_unit(bounds: Bounds) -> Option<Finding> {
     let (size, [least, most]) = (diagonal_mm(bounds), SIZE_MM);
     let would_fit = |factor: f32| (least..=most).contains(&(size * factor));
@@ -38,7 +38,7 @@ pub struct WrongSize {
     pub thinnest_mm: f32,
 }
 
-/// Checks the size of a loaded scene, as [`examine`](super::examine) does.
+/// Checks the size of a loaded scene, as [`examine`](super::examine) does; `None` if it is possible.
 pub fn wrong_size(scene: &Scene) -> Option<WrongSize> {
     let of_surfaces: Vec<Bounds> = scene.surfaces.iter().filter_map(|surface| surface.mesh.bounds_mm()).collect();
     let finding = wrong_unit(of_surfaces.iter().copied().reduce(Bounds::hull)?)?;

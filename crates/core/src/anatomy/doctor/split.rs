@@ -1,4 +1,4 @@
-//! Detection of objects that are closed as a whole, but not in each of their materials.
+//! Detection of objects that are closed as a whole, but whose surfaces of each material are not.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -7,10 +7,11 @@ use glam::Vec3;
 use super::finding::{Defect, Finding};
 use super::surface_check::SurfaceCheck;
 
-/// Edge as the bits of its corners, the lower corner first.
+/// Undirected edge: the bits of its ends' coordinates, the lower end first.
 type Key = [[u32; 3]; 2];
 
-/// Checks whether open edges of surfaces of one node match each other. If so, the finding about a hole is replaced.
+/// Reports surfaces of one glTF node whose open edges match each other. If all open edges of a surface do, the report
+/// replaces its finding about a hole.
 pub(super) fn find(checks: &mut [SurfaceCheck]) {
     let mut of_node = BTreeMap::<usize, Vec<usize>>::new();
     for (index, check) in checks.iter().enumerate().filter(|(_, p)| !p.open_mm.is_empty()) {
@@ -40,7 +41,7 @@ pub(super) fn find(checks: &mut [SurfaceCheck]) {
     }
 }
 
-/// Undirected edge and its direction.
+/// Key of an edge, and 1 or −1 for its direction.
 fn keyed(edge: &[Vec3; 2]) -> (Key, i32) {
     // Adding zero turns −0 into 0.
     let [a, b] = edge.map(|v| (v + Vec3::ZERO).to_array().map(f32::to_bits));

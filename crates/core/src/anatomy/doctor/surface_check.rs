@@ -11,21 +11,22 @@ use crate::anatomy::import::{RawMesh, RawSurface, is_usable, tissue_named};
 use crate::anatomy::{Bounds, Mesh, TissueTable};
 use crate::suggest::did_you_mean;
 
-/// Height below which rays from 150 mm may miss a triangle, mm; equal to the tracer's edge tolerance.
+/// Height of a triangle below which rays from 150 mm may miss it, mm; equal to the tracer's edge tolerance.
 const SLIVER_MM: f64 = 1e-4;
 
-/// Folds are reported if there is more than one per this number of triangles.
+/// Folds are reported if there is more than one per this number of the surface's triangles.
 const FOLDS_ONE_IN: usize = 25;
 
-/// Slivers are reported if there is more than one per this number of triangles. Rays that miss a few slivers hit their
-/// neighbours.
+/// Slivers are reported if there is more than one per this number of the surface's triangles. Rays that miss a few
+/// slivers hit their neighbours.
 const SLIVERS_ONE_IN: usize = 1000;
 
-/// Number of corners at which the surroundings of a part are sampled; at a single corner, parts may nearly touch.
+/// Number of corners at which a part is tested for being inside other parts. A single corner may nearly touch another
+/// part.
 const CORNERS_SAMPLED: usize = 9;
 
-/// Largest total volume of fragments, mm³, and their largest share of the surface's volume. Decimation folds fragments
-/// as small as its triangles, so their orientation is arbitrary.
+/// Largest total volume of fragments, mm³, and as a share of the surface's volume. Decimation folds fragments as small
+/// as its triangles, so their orientation is arbitrary.
 const FRAGMENTS_MM3: f64 = 1.0;
 const FRAGMENTS_PART: f64 = 1e-4;
 
@@ -48,13 +49,13 @@ pub(super) struct SurfaceCheck {
     pub(super) closed: bool,
     /// Whether the surface faced inward in the file.
     inverted: bool,
-    /// Ends of the open edges, mm, in the direction of their triangles.
+    /// Ends of each open edge, mm, in the direction of its triangle.
     pub(super) open_mm: Vec<[Vec3; 2]>,
     /// Bounds of all usable vertices, mm.
     pub(super) bounds_mm: Option<Bounds>,
     /// Bounds of all finite vertices, mm, however far away.
     pub(super) finite_mm: Option<Bounds>,
-    /// Number of vertices in use, and number of unusable ones among them.
+    /// Number of vertices that triangles use, and number of unusable ones among them.
     pub(super) vertices: [usize; 2],
     /// Number of triangles in the file.
     pub(super) triangles: usize,
@@ -64,7 +65,7 @@ pub(super) struct SurfaceCheck {
 }
 
 impl SurfaceCheck {
-    /// Checks a raw surface, except for checks that need a tree.
+    /// Runs all checks of a raw surface that need no spatial tree.
     pub(super) fn new(raw: RawSurface, tissues: &TissueTable) -> Self {
         let RawSurface { name, node, tissue, priority, mesh } = raw;
         let tissue_index = tissue.as_deref().and_then(|tissue| tissue_named(tissue, tissues));
@@ -112,7 +113,7 @@ impl SurfaceCheck {
                 format!("{} vertices are not finite or beyond ±100000 mm; vertex {first} is {value:?} mm", bad.len());
             self.report(Finding::new(Defect::BadCoordinates, what));
             mesh.triangles.retain(|t| t.iter().all(|&i| is_usable(mesh.vertices_mm[i as usize])));
-            // A truncated surface is open: no further check applies.
+            // A surface is open without its unusable vertices: no further check applies.
             self.mesh = mesh;
             return;
         }
@@ -138,7 +139,7 @@ impl SurfaceCheck {
         }
     }
 
-    /// Edges with or without the `fillers` of T-junctions, whichever leaves fewer edges unpaired.
+    /// Examines the edges with and without the `fillers` of T-junctions. Returns the result with fewer unpaired edges.
     fn edges(&mut self, fillers: &[[u32; 3]]) -> edges::Edges {
         let without = edges::examine(&self.mesh);
         if without.closed || fillers.is_empty() {
@@ -165,7 +166,7 @@ impl SurfaceCheck {
         fillers
     }
 
-    /// Keeps one triangle of each set of equally wound copies, and none of a pair back to back.
+    /// Keeps one triangle of each set of equally wound copies, and none of a pair that lies back to back.
     fn drop_copies(&mut self, mesh: &mut Mesh) {
         let mut keys: Vec<([u32; 3], i32, u32)> = mesh.triangles.iter().zip(0..).map(|(t, i)| keyed(*t, i)).collect();
         keys.sort_unstable();
@@ -210,7 +211,7 @@ impl SurfaceCheck {
         }
     }
 
-    /// Checks for crossing triangles, and for parts that face the wrong way.
+    /// Runs the checks that need a spatial tree: for crossing triangles, and for parts that face the wrong way.
     pub(super) fn check_with(&mut self, tree: &Tree<'_>) {
         let crossing::Crossings { overlaps, folds, regions } = crossing::find(tree, &self.part);
         if overlaps > 0 {
@@ -255,7 +256,7 @@ impl SurfaceCheck {
     }
 }
 
-/// Finding about the parts `wrong` among `parts`.
+/// Finding about the parts `wrong`, which are some of `parts`.
 fn of_parts(defect: Defect, what: String, wrong: &[&Part], parts: &[Part]) -> Finding {
     let volume_mm3 = |parts: &mut dyn Iterator<Item = &Part>| parts.map(|p| p.volume_mm3.abs()).sum::<f64>();
     let (of_wrong, of_all) = (volume_mm3(&mut wrong.iter().copied()), volume_mm3(&mut parts.iter()));
@@ -267,7 +268,8 @@ fn of_parts(defect: Defect, what: String, wrong: &[&Part], parts: &[Part]) -> Fi
     finding
 }
 
-/// Whether the boundary of all sheets lies on the `rest` of the surface, so that they divide its inside.
+/// Whether the `sheets` have a rim that lies wholly on edges of the `rest` of the surface, so that they divide its
+/// inside.
 fn is_inner_wall(sheets: &[[u32; 3]], rest: &Mesh) -> bool {
     let edges = |&[a, b, c]: &[u32; 3]| [(a, b), (b, c), (c, a)].map(|(a, b)| [a.min(b), a.max(b)]);
     let mut count = HashMap::<[u32; 2], usize>::new();
@@ -280,7 +282,7 @@ fn is_inner_wall(sheets: &[[u32; 3]], rest: &Mesh) -> bool {
     has_rim && rim.is_empty()
 }
 
-/// A component connected over edges.
+/// Part of a surface: a component connected over edges.
 struct Part {
     bounds: Bounds,
     /// Some corners of the part, spread evenly over its triangles.
@@ -308,7 +310,7 @@ fn parts(mesh: &Mesh, part_of: &[u32]) -> Vec<Part> {
     parts
 }
 
-/// Whether a part is inside an odd number of others, by a majority of its corners.
+/// Whether most sampled corners of a part are inside an odd number of other parts.
 fn is_within_others(index: usize, parts: &[Part], part_of: &[u32], tree: &Tree<'_>) -> bool {
     let part = &parts[index];
     let meets = |other: usize| parts[other].bounds.meets(part.bounds);
@@ -321,7 +323,7 @@ fn is_within_others(index: usize, parts: &[Part], part_of: &[u32], tree: &Tree<'
     2 * odd > part.corners.len()
 }
 
-/// A triangle with its corners sorted, its winding (±1) and its index.
+/// Key that finds copies of a triangle: its vertex indices sorted, its winding (±1), and its own index.
 fn keyed([a, b, c]: [u32; 3], index: u32) -> ([u32; 3], i32, u32) {
     let mut sorted = [a, b, c];
     sorted.sort_unstable();

@@ -13,7 +13,7 @@ use obvhs::triangle::Triangle;
 use crate::anatomy::Mesh;
 use crate::anatomy::ray::intersect;
 
-/// Ray directions that are parallel to no axis and no common diagonal; the majority of the three decides.
+/// Ray directions that are parallel to no axis and no common diagonal. The third decides where the first two disagree.
 const DIRECTIONS: [DVec3; 3] =
     [DVec3::new(0.361, 0.829, 0.427), DVec3::new(-0.743, 0.217, 0.633), DVec3::new(0.512, -0.477, -0.714)];
 
@@ -43,7 +43,7 @@ impl<'m> Tree<'m> {
             .then(|| Self { bvh: build_bvh2_from_tris(&triangles, config, &mut Duration::default()), mesh })
     }
 
-    /// Calls `each` for all triangles whose boxes intersect the box of `corners`.
+    /// Calls `each` with the index of every triangle whose box intersects the box of `corners`.
     pub fn near(&self, corners: [Vec3; 3], mut each: impl FnMut(u32)) {
         let points = corners.map(Into::into);
         self.bvh.aabb_traverse(Aabb::from_points(&points), |bvh, node| {
@@ -56,7 +56,7 @@ impl<'m> Tree<'m> {
 
     /// Calls `each` for every crossing ahead of `from_mm` along the unit `direction`, in any order.
     pub(crate) fn crossings(&self, from_mm: DVec3, direction: DVec3, mut each: impl FnMut(Crossing)) {
-        // A zero component would give NaNs in the slab test.
+        // A zero component would give NaNs in the intersection of the ray with a box.
         let slanted = |v: f64| if v.abs() < 1e-6 { 1e-6 } else { v as f32 };
         let [x, y, z] = direction.to_array().map(slanted);
         let ray = Ray::new_inf(from_mm.as_vec3().into(), Vec3::new(x, y, z).into());

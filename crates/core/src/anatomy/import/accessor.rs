@@ -4,7 +4,7 @@ use gltf::Accessor;
 use gltf::accessor::{DataType, Dimensions, sparse};
 use gltf::buffer::View;
 
-/// Most elements of an accessor without data (all zero except its sparse ones).
+/// Largest number of elements of an accessor without a buffer view (all zero except its sparse ones).
 const UNBACKED_MAX: usize = 1 << 24;
 
 /// Number of elements of `accessor`; 0 if it announces more than its buffer can hold, which [`check`] refuses.
@@ -14,7 +14,7 @@ pub(super) fn elements(accessor: &Accessor<'_>, buffers: &[Vec<u8>]) -> u64 {
     if accessor.count() > most { 0 } else { accessor.count() as u64 }
 }
 
-/// Checks that `accessor` has elements of the given shape, all within `buffers`.
+/// Checks that `accessor` has elements of the given shape and of one of `types`, all within `buffers`.
 pub(super) fn check(
     accessor: &Accessor<'_>,
     dimensions: Dimensions,
@@ -71,7 +71,7 @@ fn check_sparse(sparse: &sparse::Sparse<'_>, count: usize, size: usize, buffers:
     Ok(())
 }
 
-/// Bytes of a view from the first to the last of `count` elements of `size` bytes.
+/// Bytes of `view` that hold `count` elements of `size` bytes from `offset` on.
 fn span<'b>(
     view: &View<'_>,
     offset: usize,

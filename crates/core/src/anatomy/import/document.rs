@@ -12,10 +12,10 @@ use super::extensions;
 use crate::anatomy::SceneError;
 use crate::files::{self, FileError, FileKind};
 
-/// Length of the shortest binary glTF, bytes: its header and the header of its first chunk.
+/// Length of the shortest binary glTF, bytes: its own header and the header of its first chunk.
 const GLB_MIN: usize = 20;
 
-/// A validated document and the bytes of its buffers, none shorter than declared.
+/// A validated glTF document and the bytes of its buffers, none shorter than declared.
 pub(super) struct File {
     pub(super) path: PathBuf,
     pub(super) document: Document,
@@ -41,7 +41,7 @@ impl File {
     }
 }
 
-/// Checks a binary header for properties that the glTF crate assumes.
+/// Checks the header of a binary glTF for properties that the glTF crate takes for granted.
 fn check_header(bytes: &[u8]) -> Result<(), String> {
     if bytes.is_empty() {
         return Err("it is empty".to_owned());
@@ -79,15 +79,15 @@ fn validate(document: Document) -> Result<Document, String> {
     Document::from_json(root).map_err(|e| e.to_string())
 }
 
-/// File of a buffer of the scene at `path`, in its folder.
+/// Path of the buffer `uri` of the scene at `path`; the buffer must be in the scene's folder.
 fn buffer_file(path: &Path, uri: &str) -> io::Result<PathBuf> {
     let not_text = |e: Utf8Error| io::Error::new(io::ErrorKind::InvalidData, format!("its name is not UTF-8: {e}"));
     let name = percent_decode_str(uri).decode_utf8().map_err(not_text)?;
     files::inside(path.parent().unwrap_or(Path::new("")), &name)
 }
 
-/// Files of the scene at `path`: the file itself and, for a `.gltf`, the files of its buffers as far as it can be
-/// read.
+/// Files of the scene at `path`: the file itself and, for a `.gltf`, its buffers. Buffers are left out if the `.gltf`
+/// cannot be read.
 pub fn files_of(path: &Path) -> Vec<PathBuf> {
     let mut found = vec![path.to_owned()];
     if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("gltf"))

@@ -17,7 +17,7 @@ const HARMLESS: [&str; 8] = [
     "ADOBE_materials_",
 ];
 
-/// Whether surfaces are the same without the extension.
+/// Whether the extension `name` leaves surfaces unchanged.
 pub(super) fn is_harmless(name: &str) -> bool {
     HARMLESS.iter().any(|prefix| name.starts_with(prefix))
 }
@@ -27,7 +27,7 @@ pub(super) fn refused(name: &str) -> String {
     format!("it requires the extension `{name}`, which is not read: {}", remedy(name))
 }
 
-/// Remedy for an extension of geometry.
+/// Remedy for the extension `name`, which concerns geometry.
 fn remedy(name: &str) -> &'static str {
     match name {
         "KHR_draco_mesh_compression" => {

@@ -57,18 +57,18 @@ pub enum FindingKind {
         /// Number of triangles.
         triangles: usize,
     },
-    /// A closed surface that faced inward, reversed.
+    /// A closed surface that faced inward; its triangles are reversed.
     InsideOut,
-    /// Edges that have only one triangle, or two triangles of equal winding: the surface has no reliable inside.
+    /// Edges that have only one triangle, or two triangles of opposite orientation: the surface has no reliable inside.
     Open {
         /// Number of edges.
         edges: usize,
     },
-    /// Closed parts that face inward and lie in no other part, so they are no cavities.
+    /// Closed parts of a surface that face inward and lie in no other part, so they are no cavities.
     Inward {
-        /// Number of inward parts.
+        /// Number of such parts.
         parts: usize,
-        /// Number of all parts.
+        /// Number of all parts of the surface.
         of: usize,
     },
     /// Points or lines, skipped.
@@ -78,11 +78,11 @@ pub enum FindingKind {
         /// Number of indices.
         indices: usize,
     },
-    /// No triangle has an area: skipped.
+    /// Surface in which no triangle has an area; skipped.
     Empty,
     /// The node has a skin, which is not applied.
     Skin,
-    /// Nodes with meshes that are not in the scene (named instead of the surface), skipped.
+    /// Nodes with meshes that are not in the scene, skipped. The finding's `surface` names them.
     NotInScene {
         /// Number of nodes.
         nodes: usize,
@@ -185,19 +185,19 @@ pub fn axes(path: &Path) -> Result<super::Axes, SceneError> {
     scene_extras::axes(&document::File::read(path)?)
 }
 
-/// Content of a file as written, for the [scene check](super::doctor).
+/// Content of a file without any repair, for the [scene check](super::doctor).
 pub struct RawScene {
     /// Surfaces in the order of the file.
     pub surfaces: Vec<RawSurface>,
-    /// Findings about skipped content.
+    /// Findings about content that is skipped.
     pub(crate) findings: Vec<Finding>,
-    /// Errors for which [`load`] refuses the file, except errors of single surfaces.
+    /// Errors of the file for which [`load`] refuses it. Errors of a single surface are in [`RawSurface::mesh`].
     pub problems: Vec<SceneError>,
     /// Motion and axes; defaults where the file's values are wrong.
     pub extras: SceneExtras,
 }
 
-/// A surface as written.
+/// A surface of a file without any repair.
 pub struct RawSurface {
     /// Name of the surface's node or mesh.
     pub name: String,
@@ -234,7 +234,7 @@ pub fn read_raw(path: &Path) -> Result<RawScene, SceneError> {
     Ok(RawScene { surfaces, findings, problems, extras })
 }
 
-/// Index in `tissues` of the tissue that a file calls `name`.
+/// Index in `tissues` of the tissue that a file calls `name`, with or without Blender's suffix; `None` if unknown.
 pub(crate) fn tissue_named(name: &str, tissues: &TissueTable) -> Option<usize> {
     tissues.index_of(name).or_else(|| {
         let (base, number) = name.rsplit_once('.')?;

@@ -6,7 +6,7 @@ use super::document::File;
 use super::walk::chosen_scene;
 use crate::anatomy::{Axes, Motion, SceneError};
 
-/// Value of a key of the scene's extras.
+/// Value of `key` in the extras of the glTF scene.
 fn extra(file: &File, key: &str) -> Option<Value> {
     let extras = chosen_scene(file).and_then(|scene| scene.extras().clone())?;
     // Extras may be any JSON; a value that is not an object has none of our keys.

@@ -15,17 +15,18 @@ use crate::anatomy::{Bounds, Mesh, SceneError};
 use crate::files::memory_for;
 use crate::pose::POSITION_LIMIT_MM;
 
-/// A primitive as written.
+/// A glTF primitive without any repair.
 pub struct RawMesh {
-    /// Vertices of the whole buffer, scene frame, mm; unchecked values.
+    /// All vertices of the accessor, scene frame, mm; the values are not checked.
     pub vertices_mm: Vec<Vec3>,
-    /// Vertex indices; the effect of a mirroring transform is already undone.
+    /// Vertex indices of each triangle. Where the node's transform mirrors, their order is reversed, so the winding is
+    /// kept.
     pub triangles: Vec<[u32; 3]>,
     /// Number of surplus indices at the end of a triangle list.
     pub(crate) left_over: usize,
 }
 
-/// Content of `part` as written.
+/// Mesh of `part` without any repair.
 pub(super) fn raw(file: &File, part: &Part<'_>) -> Result<RawMesh, SceneError> {
     let in_part = |reason: String| file.format_error(format!("surface `{}`: {reason}", part.name));
     let positions = positions(file, part).map_err(in_part)?;
@@ -38,10 +39,10 @@ pub(super) fn raw(file: &File, part: &Part<'_>) -> Result<RawMesh, SceneError> {
     Ok(RawMesh { vertices_mm, triangles, left_over })
 }
 
-/// Checks that memory suffices for all parts together. Several may share one accessor, so a small file can contain
-/// many.
+/// Checks that memory suffices for all parts together. Parts may share one accessor, so a small file can expand to a
+/// lot of data.
 pub(super) fn check_memory(file: &File, parts: &[Part<'_>]) -> Result<(), SceneError> {
-    /// Memory of a vertex while it is read and welded, and of an index, bytes.
+    /// Memory of a vertex and of an index while they are read and merged, bytes.
     const VERTEX_BYTES: u64 = 64;
     const INDEX_BYTES: u64 = 16;
     let bytes = parts.iter().map(|part| {
@@ -97,11 +98,11 @@ fn unpaired_edges(mesh: &mut Mesh, fillers: &[[u32; 3]]) -> usize {
 /// Volume below which an inward part is not reported, relative to the surface's volume.
 const FRAGMENT: f64 = 1e-4;
 
-/// Most parts of a surface that is checked: each part is compared with all others.
+/// Largest number of parts of a surface that is checked: each part is compared with all others.
 const PARTS_MAX: usize = 1000;
 
-/// Finding about parts of a closed mesh that face inward and lie outside the bounds of all other parts. Cavities lie
-/// within another part.
+/// Finding about parts of a closed mesh that face inward and lie outside the bounds of every outward part. A cavity
+/// lies within an outward part.
 fn inward_parts(mesh: &Mesh) -> Option<FindingKind> {
     let (part_of, of) = mesh.pieces();
     if !(2..=PARTS_MAX).contains(&of) {
@@ -174,7 +175,7 @@ impl RawMesh {
         numbered.filter(move |(index, v)| used[*index] && !is_usable(**v)).map(|(index, _)| index)
     }
 
-    /// Mesh with one vertex for each distinct position in use; keeps zero-area triangles.
+    /// Mesh with one vertex for each distinct position that triangles use; keeps zero-area triangles.
     pub(crate) fn welded(&self) -> Mesh {
         let used = self.used();
         let mut index_at = HashMap::with_capacity(used.iter().filter(|u| **u).count());
@@ -224,7 +225,7 @@ fn indices(file: &File, part: &Part<'_>, vertices: usize) -> Result<Vec<u32>, St
     }
 }
 
-/// Triangles of a list, strip or fan, wound as glTF prescribes, and the number of surplus indices.
+/// Triangles of a list, strip or fan, wound as glTF prescribes, and the number of surplus indices at the end.
 fn triangles(mode: Mode, indices: &[u32]) -> (Vec<[u32; 3]>, usize) {
     let too_few = if indices.len() < 3 { indices.len() } else { 0 };
     match mode {

@@ -11,7 +11,7 @@ use super::document::File;
 use super::{Finding, FindingKind};
 use crate::anatomy::SceneError;
 
-/// Largest accepted deviation of a node's quaternion from norm one.
+/// Largest accepted deviation from 1 of the norm of a node's quaternion.
 const ROTATION_NORM_TOLERANCE: f64 = 1e-2;
 
 /// A triangle primitive of a node.
@@ -20,7 +20,7 @@ pub(super) struct Part<'a> {
     pub(super) name: String,
     /// Index of the node.
     pub(super) node: usize,
-    /// Tissue named by the extras or the material.
+    /// Tissue as named by the extras or the material; `None` if neither names one.
     pub(super) tissue: Option<String>,
     pub(super) priority: i32,
     /// Transform from mesh to scene, both in metres.
@@ -28,7 +28,7 @@ pub(super) struct Part<'a> {
     pub(super) primitive: Primitive<'a>,
 }
 
-/// Tissue and priority named by extras.
+/// Tissue and priority as named by extras.
 #[derive(Clone, Default)]
 struct Labels {
     tissue: Option<String>,
@@ -66,8 +66,8 @@ pub(super) fn parts<'a>(file: &'a File, findings: &mut Vec<Finding>, problems: &
         };
         let own = labels(file, &node, node.extras(), problems);
         if let Some(mesh) = node.mesh() {
-            // trimesh stores a mesh's metadata here, and Blender the custom properties of an object's data. They apply
-            // only to this mesh.
+            // trimesh stores a mesh's metadata in its extras, and Blender the custom properties of an object's data.
+            // They apply only to this mesh.
             let of_mesh = labels(file, &node, mesh.extras(), problems);
             let labels = own.clone().or(&of_mesh).or(&above);
             push_parts(&node, &mesh, scene_from_node, &labels, &mut parts, findings);
@@ -84,7 +84,7 @@ pub(super) fn parts<'a>(file: &'a File, findings: &mut Vec<Finding>, problems: &
     parts
 }
 
-/// Default scene, or the first if none is marked.
+/// Default scene of the file, or its first scene if none is marked as the default.
 pub(super) fn chosen_scene(file: &File) -> Option<Scene<'_>> {
     file.document.default_scene().or_else(|| file.document.scenes().next())
 }
@@ -198,7 +198,7 @@ impl Part<'_> {
         self.scene_from_mesh.determinant() < 0.0
     }
 
-    /// Vertex of the mesh (metres) in the scene, mm.
+    /// Scene position of a vertex of the mesh (given in metres), mm.
     pub(super) fn scene_mm(&self, [x, y, z]: [f32; 3]) -> Vec3 {
         let metres = DVec3::new(x.into(), y.into(), z.into());
         (self.scene_from_mesh.transform_point3(metres) * 1000.0).as_vec3()

@@ -15,7 +15,8 @@ pub use rhythm::Rhythm;
 pub use shape::Shape;
 pub use shape::{ATRIA, FADE, OUTER_WALL};
 
-/// Most fields: the static tree and one tree per field are children of one node, which has eight slots.
+/// Largest number of fields. The static tree and one tree per field are children of one BVH node, which has eight
+/// slots.
 pub const FIELDS_MAX: usize = 7;
 
 /// Motion of a scene.
@@ -25,7 +26,7 @@ pub struct Motion {
     /// Displacement fields, at most [`FIELDS_MAX`]; the displacements of overlapping fields add up.
     #[serde(default)]
     pub fields: Vec<Field>,
-    /// Movement of the whole scene under the probe, for example by the mother's breathing.
+    /// Movement of the whole scene under the probe, for example by the mother's breathing; `None` if it does not move.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drift: Option<Drift>,
 }
@@ -38,9 +39,9 @@ pub struct Field {
     pub name: String,
     /// Names of the surfaces that the field moves; a `*` at the end matches any suffix.
     pub surfaces: Vec<String>,
-    /// Spatial form.
+    /// Spatial form of the displacement.
     pub shape: Shape,
-    /// Course in time.
+    /// Course of the displacement in time.
     pub rhythm: Rhythm,
 }
 
@@ -48,19 +49,19 @@ pub struct Field {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Drift {
-    /// Displacement of the scene at the largest amount, scene frame, mm; at most 50 mm long.
+    /// Displacement of the scene at the amount 1 of `rhythm`, scene frame, mm; at most 50 mm long.
     pub way_mm: Vec3,
-    /// Course in time.
+    /// Course of the movement in time.
     pub rhythm: Rhythm,
 }
 
 /// Errors in a scene's motion.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum MotionError {
-    /// More fields than the joint node has slots.
+    /// More fields than trees that one BVH node can join.
     #[error("{count} motion fields; at most {FIELDS_MAX} are traced: join those that move the same way")]
     TooMany {
-        /// Fields found.
+        /// Number of fields found.
         count: usize,
     },
     /// A value outside its range.
@@ -80,13 +81,13 @@ pub enum MotionError {
     NoSurface {
         /// Name of the field.
         field: String,
-        /// Surface names of the field.
+        /// Surface names that the field lists.
         surfaces: Vec<String>,
     },
 }
 
 impl Motion {
-    /// Whether nothing ever moves.
+    /// Whether there is no motion.
     pub fn is_empty(&self) -> bool {
         self.fields.is_empty() && self.drift.is_none()
     }
@@ -127,9 +128,9 @@ impl Motion {
         self.fields.iter().enumerate().filter(|(_, f)| f.moves(name)).fold(0, |mask, (i, _)| mask | 1 << i)
     }
 
-    /// Bit set of those fields of `mask` that ever move the point `p` at rest.
+    /// Bit set of those fields of the bit set `mask` that ever move the point whose rest position is `p`.
     pub(super) fn fields_at(&self, p: Vec3, mask: u32) -> u32 {
-        // Two amounts suffice: fields fade out in space, so all amounts move the same points.
+        // Two pairs of amounts suffice: a field fades out in space, so every amount moves the same points.
         let moves = |shape: &Shape| shape.moved(p, [1.0; 2]) != p || shape.moved(p, [0.5, 1.0]) != p;
         self.fields
             .iter()
@@ -143,7 +144,7 @@ impl Motion {
         self.fields.iter().map(|field| f64::from(field.shape.reach_mm())).sum()
     }
 
-    /// Position of a point at rest, moved by the fields of `mask`.
+    /// Position of the point whose rest position is `p`, moved by the fields of the bit set `mask`.
     pub(super) fn moved(&self, p: Vec3, mask: u32, amounts: &[[f32; 2]]) -> Vec3 {
         let mut moved = p;
         for (i, field) in self.fields.iter().enumerate() {
@@ -163,7 +164,7 @@ impl Drift {
 }
 
 impl Field {
-    /// Amounts of the movement at `time_s`.
+    /// Amounts of the field's movement at `time_s`, each in 0..=1.
     pub(super) fn amounts(&self, time_s: f64) -> [f32; 2] {
         self.rhythm.at(time_s).map(|a| a as f32)
     }

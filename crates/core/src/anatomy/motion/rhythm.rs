@@ -6,18 +6,20 @@ use serde::{Deserialize, Serialize};
 
 use crate::random;
 
-/// Part of a heart's cycle in which the ventricles contract (Wiggers diagram, about 40 % at fetal rates).
+/// Fraction of the heart's cycle, at its start, in which the ventricles contract (Wiggers diagram, about 40 % at fetal
+/// rates).
 const SYSTOLE: f64 = 0.4;
 /// Fraction of the cycle, at its end, in which the atria contract.
 const ATRIAL_KICK: f64 = 0.18;
-/// Ratio of the shallowest to the deepest fetal breath (assumed).
+/// Ratio of the smallest to the largest depth of a fetal breath (assumed).
 const SHALLOWEST: f64 = 0.4;
 
 /// Course of a movement in time. At time 0 everything is at rest.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Rhythm {
-    /// Continuous heartbeat. The second amount is the contraction of the atria, which precedes the ventricles'.
+    /// Continuous heartbeat. The first amount is the contraction of the ventricles. The second is the contraction of
+    /// the atria, which comes earlier.
     Heart {
         /// Beats per minute, 20 to 300.
         beats_per_min: f64,
@@ -33,21 +35,22 @@ pub enum Rhythm {
         /// Seed for the depth of each breath.
         seed: u64,
     },
-    /// Single movements there and back at pseudo-random times.
+    /// Single movements at pseudo-random times, each out and back.
     Twitch {
         /// Interval that contains one movement, s.
         every_s: f64,
         /// Duration of a movement, s; less than half of `every_s`.
         lasts_s: f64,
-        /// Seed for times and amounts.
+        /// Seed for the times and sizes of the movements.
         seed: u64,
     },
 }
 
 impl Rhythm {
-    /// Amounts of the movement at `time_s`, each in 0..=1; 0 is at rest. The second amount is 0 except for hearts.
+    /// Amounts of the movement at `time_s`, each in 0..=1; 0 is the rest position. The second amount is 0 except for
+    /// hearts.
     pub fn at(&self, time_s: f64) -> [f64; 2] {
-        // Non-finite times count as 0, at rest.
+        // Non-finite and negative times count as 0, at which everything rests.
         let time_s = if time_s.is_finite() { time_s.max(0.0) } else { 0.0 };
         match *self {
             Self::Heart { beats_per_min } => {
@@ -65,7 +68,7 @@ impl Rhythm {
                     (time_s, 0)
                 };
                 let breaths = into * breaths_per_min / 60.0;
-                // Whole breaths only: a bout ends with its last breath.
+                // A bout has whole breaths only.
                 let whole = if pause_s > 0.0 { (bout_s * breaths_per_min / 60.0).floor() } else { f64::INFINITY };
                 if breaths < 0.0 || breaths >= whole {
                     return [0.0; 2];
@@ -86,7 +89,7 @@ impl Rhythm {
                     return [0.0; 2];
                 }
                 let size = 0.3 + 0.7 * random::at(seed, index.wrapping_mul(2).wrapping_add(1));
-                // Outward fast, back slowly.
+                // The movement is fast on the way out and slow on the way back.
                 let t = t.powf(0.7);
                 [size * (PI * t).sin().powi(2), 0.0]
             }

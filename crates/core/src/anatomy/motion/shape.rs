@@ -3,14 +3,14 @@
 use glam::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
 
-/// Width of the margin over which a field fades out, as a fraction of its radius.
+/// Width of the margin over which a field fades out, relative to the field's radius.
 pub const FADE: f32 = 0.6;
-/// Movement of the heart's outer wall relative to the wall of its chambers: the muscle keeps its volume.
+/// Movement of the heart's outer wall relative to the movement of the chambers' walls, as the muscle keeps its volume.
 pub const OUTER_WALL: f32 = 0.45;
 /// Contraction of the atria relative to that of the ventricles.
 pub const ATRIA: f32 = 0.6;
 
-/// A displacement field, scene frame, mm.
+/// Spatial form of a displacement field, scene frame, mm.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Shape {
@@ -22,18 +22,18 @@ pub enum Shape {
         axis: Vec3,
         /// Radius of the heart.
         radius_mm: f32,
-        /// Fraction of its radius that a chamber loses, 0 to 0.35.
+        /// Fraction of its radius by which a chamber narrows, 0 to 0.35.
         squeeze: f32,
         /// Displacement of the valve plane relative to the radius, 0 to 0.3.
         shorten: f32,
     },
     /// A breathing trunk: it widens (or narrows) about an axis, and its interior moves along the axis.
     Breath {
-        /// Centre of the moving part.
+        /// Centre of the moving trunk.
         centre_mm: Vec3,
         /// Direction in which the interior moves; any non-zero length.
         axis: Vec3,
-        /// Half of the moving part's length along the axis.
+        /// Half of the moving trunk's length along the axis, mm.
         half_length_mm: f32,
         /// Radius of the trunk.
         radius_mm: f32,
@@ -50,21 +50,22 @@ pub enum Shape {
         end_mm: Vec3,
         /// Axis of rotation; any non-zero length.
         axis: Vec3,
-        /// Radius about the limb's axis within which everything moves with the limb.
+        /// Distance from the limb's axis within which everything moves with the limb, mm.
         radius_mm: f32,
         /// Largest rotation, degrees, −25 to 25.
         angle_deg: f32,
     },
 }
 
-/// 0 up to `low`, 1 from `high` on, smooth in between.
+/// Smooth step of `x`: 0 up to `low`, 1 from `high` on, smooth in between.
 fn smooth_step(low: f32, high: f32, x: f32) -> f32 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
 
 impl Shape {
-    /// Position of the rest point `p` at these amounts of movement. If both are 0, it is exactly `p`.
+    /// Position of the point whose rest position is `p`, at these amounts of movement. If both are 0, it is exactly
+    /// `p`.
     pub fn moved(&self, p: Vec3, amounts: [f32; 2]) -> Vec3 {
         if amounts == [0.0; 2] {
             return p;
@@ -94,7 +95,7 @@ impl Shape {
                 let about_axis = q - axis * along;
                 let fade = (1.0 - smooth_step(0.3, 1.0 + FADE, along.abs() / half_length_mm))
                     * (1.0 - smooth_step(1.0, 1.0 + FADE, about_axis.length() / radius_mm));
-                // The skin moves least along the axis.
+                // The shift along the axis fades out towards the skin.
                 let inside = 1.0 - smooth_step(0.3, 1.0, about_axis.length() / radius_mm);
                 p + amounts[0] * fade * (widen * about_axis + axis * (shift_mm * inside))
             }
@@ -104,7 +105,8 @@ impl Shape {
                 let q = p - joint_mm;
                 let along = (q.dot(limb) / (length * length)).clamp(0.0, 1.0);
                 let aside = (q - limb * along).length() / radius_mm;
-                // Only points distal of the joint rotate, with full weight from one radius on.
+                // Points on the limb's side of the joint rotate; the weight rises from 0 at the joint to 1 at one
+                // radius from it.
                 let weight = (1.0 - smooth_step(1.0, 1.0 + FADE, aside))
                     * smooth_step(0.0, 1.0, q.dot(limb) / (length * radius_mm.min(length)));
                 if weight == 0.0 {
@@ -117,7 +119,7 @@ impl Shape {
         }
     }
 
-    /// Upper bound of the displacement, mm.
+    /// Upper bound of the displacement of any point, mm.
     pub fn reach_mm(&self) -> f32 {
         match *self {
             Self::Beat { radius_mm, squeeze, shorten, .. } => radius_mm * (1.0 + FADE) * (squeeze + shorten),
@@ -216,7 +218,7 @@ mod tests {
     fn no_field_folds_space() {
         for shape in SHAPES {
             for p in grid() {
-                // Fluid surrounds a swinging limb; there the field is sheared.
+                // Next to a swinging limb the field is sheared; only fluid is there.
                 if matches!(shape, Shape::Swing { radius_mm, .. } if p.with_y(0.0).length() > 0.9 * radius_mm || p.y > 40.0)
                 {
                     continue;

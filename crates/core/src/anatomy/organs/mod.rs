@@ -17,9 +17,9 @@ use volumes::{Range, range_of};
 /// Severity of a finding: impossible in a human, or unusual.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Certainty {
-    /// No human has it.
+    /// No human has such an organ.
     Impossible,
-    /// Few humans have it.
+    /// Few humans have such an organ.
     Unlikely,
 }
 
@@ -28,11 +28,11 @@ pub enum Certainty {
 pub enum Aspect {
     /// Volume of one organ.
     Volume,
-    /// Volumes of all organs.
+    /// Volumes of all organs together: a wrong unit of length.
     Scale,
-    /// Left and right.
+    /// Position along the left–right axis.
     Side,
-    /// Front and back, or head and feet.
+    /// Position along the front–back or the head–feet axis.
     Position,
 }
 
@@ -47,33 +47,33 @@ pub struct OrganFinding {
     pub organ: String,
     /// Description, with the values found and the usual values.
     pub what: String,
-    /// Evidence against the names or the positions of the organs: about 1 for an unlikely finding, more for an
-    /// impossible one.
+    /// Strength of the evidence that names or positions of organs are wrong: about 1 for an unlikely finding, more for
+    /// an impossible one.
     pub strain: f64,
 }
 
-/// Strain of an impossible volume.
+/// [`OrganFinding::strain`] of an impossible volume.
 const IMPOSSIBLE_STRAIN: f64 = 8.0;
 
-/// Strain of a cyst at an unusual position.
+/// [`OrganFinding::strain`] of a cyst at an unusual position.
 const CYST_STRAIN: f64 = 1.5;
 
-/// Fraction of its smallest usual volume below which an organ counts as a fragment. The position of a fragment means
-/// nothing.
+/// Fraction of an organ's smallest usual volume below which the organ counts as a fragment. The position of a fragment
+/// means nothing.
 const FRAGMENT_SHARE: f64 = 0.1;
 
-/// Volume below which an organ without a known range is a fragment, ml.
+/// Volume below which an organ counts as a fragment if its usual volumes are unknown, ml.
 const FRAGMENT_ML: f64 = 0.2;
 
-/// Fraction of their smallest usual volume below which all organs together indicate a wrong unit of length. The second
-/// fraction applies if at least `SEVERAL` organs, and at least the fraction `MOST` of all, are below it: no newborn
-/// and no disease has so many organs that small.
+/// The unit of length counts as wrong if every organ is below this fraction of its smallest usual volume. The second
+/// fraction applies if at least `SEVERAL` organs, and at least the fraction `MOST` of all, are below it: no newborn and
+/// no disease has so many organs that small.
 const OTHER_UNIT_SHARE: f64 = 0.05;
 const OTHER_UNIT_SHARE_OF_SEVERAL: f64 = 0.33;
 const SEVERAL: usize = 3;
 const MOST: f64 = 0.75;
 
-/// Smallest usual volume, ml, of an organ that tells the unit: hollow organs may be empty.
+/// Smallest usual volume that an organ must have to give evidence on the unit, ml. Hollow organs may be empty.
 const TELLING_ML: f64 = 10.0;
 
 /// Findings about the organs of one patient, impossible ones first.
@@ -133,9 +133,9 @@ fn volume(fact: &OrganFact) -> Option<OrganFinding> {
     Some(OrganFinding { certainty, aspect: Aspect::Volume, organ: fact.name.clone(), what, strain })
 }
 
-/// Finding about a wrong unit: two or more whole organs, all or most of them many times too small, and no other organ
-/// of usual size. Small organs such as the gallbladder are ignored: a full one that is too small has the volume of an
-/// empty one.
+/// Finding about a wrong unit of length: two or more whole organs, all or most of them many times too small, and no
+/// other organ of usual size. Small organs such as the gallbladder are ignored: a full one in a wrong unit looks like
+/// an empty one.
 fn scale(facts: &[OrganFact]) -> Option<OrganFinding> {
     let is_usual = |fact: &OrganFact, range: &Range| {
         let [least, _] = range.usual_ml;
@@ -170,7 +170,7 @@ fn scale(facts: &[OrganFact]) -> Option<OrganFinding> {
 }
 
 /// Findings about positions. If most relations along one axis are contradicted, the axis is reversed, which is
-/// impossible. A single contradicted relation is unlikely.
+/// impossible in a human. A single contradicted relation is unlikely.
 fn positions(votes: &[Vote]) -> Vec<OrganFinding> {
     let mut findings = Vec::new();
     let mut groups: BTreeMap<(Direction, bool), Vec<&Vote>> = BTreeMap::new();

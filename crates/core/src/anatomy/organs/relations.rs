@@ -6,14 +6,14 @@ use glam::DVec3;
 
 use super::fact::{OrganFact, matches};
 
-/// Direction from one organ to another.
+/// Direction from the second organ of a relation to the first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Direction {
     /// To the patient's left.
     Left,
-    /// Behind.
+    /// Towards the patient's back.
     Back,
-    /// Above.
+    /// Towards the patient's head.
     Up,
 }
 
@@ -65,7 +65,7 @@ const BODY: Group = ("the body", &["body", "body_trunc", "skin"]);
 /// Groups whose common names are plurals.
 const PLURAL: [&str; 5] = [KIDNEYS.0, LUNGS.0, BACK.0, BUTTOCKS.0, LEGS.0];
 
-/// Weights of certain and of likely evidence.
+/// Weights of certain and of likely relations.
 const CERTAIN: u32 = 2;
 const LIKELY: u32 = 1;
 
@@ -130,22 +130,22 @@ const RELATIONS: [(Group, Direction, Group, f64, u32); 53] = [
 /// Smallest distance between a left and a right organ along the left-right axis that counts as evidence, mm.
 const PAIR_MM: f64 = 10.0;
 
-/// Letters of vertebrae, each with the number of vertebrae above, and the smallest difference in height that counts as
-/// evidence, mm.
+/// Sections of the spine: first letter of their vertebrae, and number of vertebrae above. Then the smallest difference
+/// in height that counts as evidence, mm.
 const VERTEBRAE: [(char, u32); 4] = [('c', 0), ('t', 7), ('l', 19), ('s', 24)];
 const VERTEBRAE_MM: f64 = 10.0;
 
 /// Two organs whose relative position is known, and the position found.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Vote {
-    /// Direction in which the first should lie.
+    /// Direction from the second organ in which the first should lie.
     pub(super) direction: Direction,
-    /// Whether the names differ only in left and right.
+    /// Whether the names of the organs differ only in left and right.
     pub(super) is_pair: bool,
     /// Name of the first organ.
     pub(super) first: String,
     second: String,
-    /// Distance of the first from the second in that direction, mm.
+    /// Distance of the first organ from the second along `direction`, mm; negative on the wrong side.
     found_mm: f64,
     /// Strength of the evidence.
     pub(super) weight: u32,
@@ -167,7 +167,7 @@ impl fmt::Display for Vote {
     }
 }
 
-/// All relations between these organs that count as evidence.
+/// Votes of all relations between the organs that are far enough apart to count as evidence.
 pub(super) fn votes(facts: &[OrganFact]) -> Vec<Vote> {
     let mut votes: Vec<Vote> = RELATIONS.iter().filter_map(|relation| related(relation, facts)).collect();
     votes.extend(pairs(facts));
@@ -183,7 +183,7 @@ fn related(relation: &(Group, Direction, Group, f64, u32), facts: &[OrganFact]) 
     (found_mm.abs() >= least_mm).then_some(vote)
 }
 
-/// Centre of mass of a group's organs.
+/// Centre of mass of all organs of a group, mm; `None` if there are none.
 fn centre((_, names): Group, facts: &[OrganFact]) -> Option<DVec3> {
     let of = facts.iter().filter(|fact| names.iter().any(|pattern| matches(pattern, &fact.name)));
     let sum = |(sum, ml): (DVec3, f64), fact: &OrganFact| (sum + fact.centre_mm * fact.volume_ml, ml + fact.volume_ml);
@@ -191,7 +191,7 @@ fn centre((_, names): Group, facts: &[OrganFact]) -> Option<DVec3> {
     (ml > 0.0).then(|| sum / ml)
 }
 
-/// Relations of organs whose names differ only in left and right.
+/// Votes of organs whose names differ only in left and right.
 fn pairs(facts: &[OrganFact]) -> Vec<Vote> {
     let mut votes = Vec::new();
     for left in facts.iter().filter(|fact| fact.name.contains("left")) {
@@ -212,7 +212,7 @@ fn pairs(facts: &[OrganFact]) -> Vec<Vote> {
 /// mm.
 const CYST_MEDIAL_MM: f64 = 40.0;
 
-/// Kidney cysts near the middle of the body, where the vessels are: name of each, and its position in words.
+/// Kidney cysts near the middle of the body, where the vessels are: the name of each, and its position in words.
 pub(super) fn medial_cysts(facts: &[OrganFact]) -> Vec<(String, String)> {
     let sides = [("kidney_cyst_left", LEFT_KIDNEY, 1.0, "right"), ("kidney_cyst_right", RIGHT_KIDNEY, -1.0, "left")];
     let medial = |(cyst, kidney, sign, toward): (&str, Group, f64, &str)| {
@@ -224,7 +224,7 @@ pub(super) fn medial_cysts(facts: &[OrganFact]) -> Vec<(String, String)> {
     sides.into_iter().filter_map(medial).collect()
 }
 
-/// Relation of the first and the last vertebra.
+/// Vote on the heights of the uppermost and the lowest vertebra.
 fn vertebrae(facts: &[OrganFact]) -> Option<Vote> {
     let rank = |fact: &OrganFact| {
         let name = fact.name.to_lowercase();

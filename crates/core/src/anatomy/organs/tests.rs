@@ -43,7 +43,7 @@ fn a_mirrored_patient_is_told_from_situs_inversus_and_exchanged_names() {
     let mirrored = said(&turned(adult(), DVec3::new(-1.0, 1.0, 1.0)), Certainty::Impossible);
     assert!(mirrored.iter().any(|w| w.starts_with("left and right are exchanged")), "{mirrored:?}");
     assert!(mirrored.iter().any(|w| w.starts_with("the names of left and right")), "{mirrored:?}");
-    // Situs inversus: the left kidney stays on the left.
+    // Situs inversus of all organs except the kidneys.
     let mut situs = adult();
     for fact in situs.iter_mut().filter(|fact| !fact.name.contains("kidney")) {
         fact.centre_mm.x = -fact.centre_mm.x;
@@ -79,7 +79,7 @@ fn volumes_are_impossible_unlikely_or_usual() {
     assert_eq!((certainty, what.as_str()), (Certainty::Unlikely, "`liver` has 82 ml: less than 300 ml is unusual"));
     // A child's liver, and a class that no table has.
     assert_eq!((of("liver", 330.0), of("gallstone", 1e6)), (None, None));
-    // The scan cuts it.
+    // The scan cuts this liver.
     let cut = OrganFact { is_cut: true, ..fact("liver", 5.0, [0.0; 3]) };
     assert_eq!(check_organs(&[cut]), []);
     // Volumes of bones are assumed: a large bone is unlikely, not impossible.

@@ -11,7 +11,7 @@ use super::fact::matches;
 pub(super) struct Range {
     /// Usual volumes, ml: smallest and largest.
     pub(super) usual_ml: [f64; 2],
-    /// Largest volume possible in a human, ml; none if only usual volumes are known.
+    /// Largest volume possible in a human, ml; `None` if only usual volumes are known.
     pub(super) most_ml: Option<f64>,
     /// Whether most scans cut the organ.
     pub(super) is_often_cut: bool,
@@ -38,7 +38,7 @@ enum Extent {
     Cut,
 }
 
-/// Entries of the table; none if the built-in table is damaged, which a test excludes.
+/// Entries of the table: patterns of names, and volumes. Empty if the built-in table is damaged, which a test excludes.
 static ENTRIES: LazyLock<Vec<(Vec<String>, Range)>> = LazyLock::new(|| {
     let file = toml::from_str::<File>(include_str!("../../../assets/organs.toml"));
     let entry = |entry: Entry| {
@@ -48,7 +48,7 @@ static ENTRIES: LazyLock<Vec<(Vec<String>, Range)>> = LazyLock::new(|| {
     file.map(|file| file.organ.into_iter().map(entry).collect()).unwrap_or_default()
 });
 
-/// Volumes of the organ called `name`, if the table has it.
+/// Volumes of the organ called `name`; `None` if the table lacks it.
 pub(super) fn range_of(name: &str) -> Option<&'static Range> {
     let is_it = |(names, _): &&(Vec<String>, Range)| names.iter().any(|pattern| matches(pattern, name));
     ENTRIES.iter().find(is_it).map(|(_, range)| range)
@@ -64,7 +64,7 @@ mod tests {
         assert!(ENTRIES.len() > 50);
         for (names, Range { usual_ml: [least, usual], most_ml, .. }) in ENTRIES.iter() {
             assert!(0.0 <= *least && least < usual && most_ml.is_none_or(|most| *usual < most), "{names:?}");
-            // The first matching entry counts, so no later entry may mean the same name.
+            // The first matching entry counts, so no later entry may match the same name.
             for name in names {
                 let name = name.replace('*', "1");
                 assert_eq!(ENTRIES.iter().filter(|(n, _)| n.iter().any(|p| matches(p, &name))).count(), 1, "{name}");

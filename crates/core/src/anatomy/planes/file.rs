@@ -9,8 +9,8 @@ use super::{PLANES_VERSION, StandardPlane, StandardPlanes, View};
 use crate::files::{self, FileError, FileKind};
 use crate::pose::POSITION_LIMIT_MM;
 
-/// Largest deviation of a direction's length from one, and of the cosine of the angle between two directions from
-/// zero.
+/// Largest accepted deviation of a direction's length from 1, and of the cosine of the angle between two directions
+/// from 0.
 const DIRECTION_TOLERANCE: f64 = 1e-2;
 
 /// Errors in a scene's standard planes.
@@ -32,7 +32,7 @@ pub enum PlanesError {
     /// Not JSON, an unknown key, or a value of another type.
     #[error("standard planes {path}: {reason}")]
     Syntax {
-        /// File.
+        /// Path of the file.
         path: PathBuf,
         /// The parser's message with line and column.
         reason: String,
@@ -40,7 +40,7 @@ pub enum PlanesError {
     /// A value outside its range.
     #[error("standard planes {path}: {wrong}")]
     Value {
-        /// File.
+        /// Path of the file.
         path: PathBuf,
         /// Value and correct form.
         wrong: WrongValue,

@@ -1,10 +1,10 @@
-//! Standard planes of a scene: target planes of a trainee, with tolerances and measurements.
+//! Standard planes of a scene: the image planes that a trainee should find, with tolerances and measurements.
 //!
-//! The obstetric phantom has built-in planes. Any other scene has them in a file next to its glTF file: `belly.glb`
-//! has `belly.planes.json` ([`read_planes`]). `insonify planes STATION --json` prints a complete file.
+//! The obstetric phantom has built-in planes. Any other scene has them in a file next to its glTF file: `belly.glb` has
+//! `belly.planes.json` ([`read_planes`]). `insonify planes STATION --json` prints a complete file.
 //!
-//! Points are in mm and directions are unit vectors, both in the scene frame, written `[x, y, z]`; a pose is `[x, y,
-//! z, qw, qx, qy, qz]`, as in a station file.
+//! Points are in mm and directions are unit vectors, both in the scene frame, written `[x, y, z]`; a pose is `[x, y, z,
+//! qw, qx, qy, qz]`, as in a station file.
 
 mod file;
 mod pose;
@@ -27,13 +27,13 @@ pub const PLANES_VERSION: u32 = 1;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StandardPlanes {
-    /// [`PLANES_VERSION`].
+    /// Version of the file's format: [`PLANES_VERSION`].
     pub version: u32,
     /// Planes, in the usual order of an examination; at least one.
     pub planes: Vec<StandardPlane>,
 }
 
-/// A standard plane: one of a trainee's targets.
+/// A standard plane: an image plane that a trainee should find.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StandardPlane {
@@ -41,31 +41,31 @@ pub struct StandardPlane {
     pub name: String,
     /// Display name.
     pub title: String,
-    /// Guideline that defines it.
+    /// Guideline that defines the plane; may be empty.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub source: String,
     /// Tolerances within which the plane counts as found.
     pub tolerances: Tolerances,
-    /// Views of the plane; any of them suffices (either femur, for example). At least one.
+    /// Views of the plane, at least one. Finding any of them suffices, for example either femur.
     pub views: Vec<View>,
 }
 
-/// Tolerances for finding a plane.
+/// Tolerances within which an image shows a standard plane.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tolerances {
-    /// Largest angle between image plane and standard plane, degrees.
+    /// Largest angle between the image plane and the standard plane, degrees.
     pub angle_deg: f64,
-    /// Largest distance of the plane's centre from the image plane, mm.
+    /// Largest distance of the standard plane's centre from the image plane, mm.
     pub distance_mm: f64,
     /// Largest angle in the image between [`View::lateral`] and the horizontal, degrees; `None` accepts any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub in_plane_deg: Option<f64>,
-    /// Largest distance of the plane's centre from the image's middle line, mm.
+    /// Largest distance of the standard plane's centre from the image's middle line, mm.
     pub centring_mm: f64,
-    /// Smallest and largest depth of the plane's centre below the probe's face, mm.
+    /// Smallest and largest depth of the standard plane's centre below the probe's face, mm.
     pub depth_mm: [f64; 2],
-    /// Source of the numbers.
+    /// Source of these tolerances; may be empty.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub source: String,
 }
@@ -77,24 +77,24 @@ pub struct View {
     /// Name of the view, for example `left`; empty if there is only one.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub name: String,
-    /// Centre of the target, in the plane.
+    /// Centre of the anatomy to show, in the plane.
     pub centre_mm: DVec3,
     /// Normal of the plane; its sign is irrelevant.
     pub normal: DVec3,
-    /// Direction in the plane across the beam, horizontal in the best image.
+    /// Direction in the plane across the beam; horizontal in an ideal image.
     pub lateral: DVec3,
-    /// Whether any plane through the line along [`View::lateral`] is accepted, as for a long bone.
+    /// Whether a plane at any angle about the line along [`View::lateral`] is accepted, as for a long bone.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub any_turn_about_lateral: bool,
     /// Direction from the centre to the probe on the skin; in the plane, perpendicular to `lateral`.
     pub to_probe: DVec3,
-    /// `scene_from_probe` of a probe on the skin that shows the view, for display.
+    /// `scene_from_probe` of a probe on the skin that shows the view, for display; `None` if there is none.
     #[serde(default, skip_serializing_if = "Option::is_none", with = "pose")]
     pub pose: Option<Pose>,
-    /// Names of the glTF nodes whose outlines orient the viewer.
+    /// Names of the glTF nodes whose outlines in the plane are displayed for orientation.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub outlines: Vec<String>,
-    /// Points that the image must show.
+    /// Points of the anatomy that the image must show.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub landmarks: Vec<PlaneLandmark>,
     /// Measurements in the plane.
@@ -106,11 +106,12 @@ pub struct View {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlaneLandmark {
-    /// Name of the structure.
+    /// Name of the anatomical structure.
     pub name: String,
     /// Position, mm.
     pub position_mm: DVec3,
-    /// Largest distance from the image plane at which it is visible, mm; `None` if it need only be within the sector.
+    /// Largest distance from the image plane at which the point counts as visible, mm. If `None`, it need only be
+    /// within the image's sector.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub within_mm: Option<f64>,
 }
@@ -119,23 +120,23 @@ pub struct PlaneLandmark {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Caliper {
-    /// Name as in `caliper` events, for example `BPD`.
+    /// Name of the measurement as in `caliper` events, for example `BPD`.
     pub name: String,
     /// Display name.
     pub title: String,
     /// Line or ellipse.
     pub kind: CaliperKind,
-    /// Both ends of a line, or the ends of an ellipse's first axis, then of its second.
+    /// Both ends of a line, or the ends of an ellipse's first axis, then of its second, mm.
     pub points_mm: Vec<DVec3>,
     /// Name of the glTF node whose border is measured.
     pub surface: String,
-    /// Name of the surface measured at the end far from the probe, if it is another one: for example the inside of a
-    /// skull, for an outer-to-inner diameter.
+    /// Name of the surface measured at the end far from the probe; `None` if it is `surface`. For an outer-to-inner
+    /// diameter of a skull, it is the inside of the skull.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub far_surface: Option<String>,
-    /// Largest distance between the caliper and a matching border, mm.
+    /// Largest distance between the caliper and the border that it measures, mm.
     pub reach_mm: f64,
-    /// True length or circumference, mm; if `None`, it is measured on the scene's surfaces in the plane.
+    /// True length or circumference, mm. If `None`, it is measured on the scene's surfaces in the plane.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub true_mm: Option<f64>,
 }
@@ -151,7 +152,7 @@ pub enum CaliperKind {
 }
 
 impl CaliperKind {
-    /// Number of points.
+    /// Number of points that define the measurement.
     pub fn points(self) -> usize {
         match self {
             Self::Line => 2,
@@ -161,7 +162,7 @@ impl CaliperKind {
 }
 
 impl StandardPlanes {
-    /// Planes called `names`, in their order; all planes if there are no names.
+    /// Planes called `names`, in the order of the names; all planes if there are no names.
     ///
     /// # Errors
     /// The first unknown name.
@@ -180,8 +181,8 @@ impl StandardPlanes {
         names.iter().map(|name| find(name.as_ref())).collect()
     }
 
-    /// Sets the pose of a probe on `skin` in each view; `None` if the line from the view to the probe does not hit the
-    /// skin.
+    /// Sets the pose of a probe on `skin` in each view; the pose is `None` if the line from the view's centre to the
+    /// probe does not hit the skin. `press_mm` is the depth of the face below the skin.
     #[must_use]
     pub fn with_poses(mut self, skin: &Skin, press_mm: f64) -> Self {
         for view in self.planes.iter_mut().flat_map(|plane| &mut plane.views) {
@@ -198,7 +199,7 @@ impl StandardPlanes {
         names
     }
 
-    /// Checks that a scene with surfaces called `known` has all surfaces named here. Errors name the planes' `file`.
+    /// Checks that a scene with surfaces called `known` has all surfaces named in these planes. Errors name `file`.
     ///
     /// # Errors
     /// The first missing surface.

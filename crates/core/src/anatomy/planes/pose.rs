@@ -8,7 +8,8 @@ use crate::anatomy::Skin;
 use crate::pose::Pose;
 
 impl View {
-    /// A view in the plane of `lateral` and `to_probe`, unit vectors at a right angle, without anything to show in it.
+    /// A view in the plane spanned by `lateral` and `to_probe`, which are perpendicular unit vectors. It has no
+    /// outlines, landmarks or calipers.
     pub fn new(name: &str, centre_mm: DVec3, lateral: DVec3, to_probe: DVec3) -> Self {
         Self {
             name: name.to_owned(),

@@ -23,7 +23,7 @@ impl fmt::Display for StandardPlanes {
     }
 }
 
-/// All tolerances of a plane, and the landmarks that the image must show.
+/// Writes all tolerances of a plane, and the landmarks that the image must show.
 fn tolerances(f: &mut fmt::Formatter<'_>, plane: &StandardPlane) -> fmt::Result {
     let Tolerances { angle_deg, distance_mm, in_plane_deg, centring_mm, depth_mm: [least, greatest], source } =
         &plane.tolerances;

@@ -17,7 +17,7 @@ impl Isometry {
     /// Identity transform.
     pub const IDENTITY: Self = Self { rotation: Quat::IDENTITY, translation: Vec3::ZERO };
 
-    /// Frame at `origin` whose `y` axis is along `y`, with its `z` axis as near as possible to `z`.
+    /// Frame at `origin` whose y axis is along `y`, and whose z axis is as near as possible to `z`.
     pub fn from_axes(origin: Vec3, y: Vec3, z: Vec3) -> Self {
         let y = y.normalize_or(Vec3::Y);
         let z = (z - y * z.dot(y)).normalize_or(y.any_orthonormal_vector());
@@ -39,12 +39,12 @@ impl Isometry {
         self.rotation.conjugate() * (outer - self.translation)
     }
 
-    /// `outer_from_inner`, where `self` is outer_from_middle and `inner` is middle_from_inner.
+    /// Composition `outer_from_inner` of this `outer_from_middle` and `inner`, a `middle_from_inner`.
     pub fn then(&self, inner: &Self) -> Self {
         Self { rotation: (self.rotation * inner.rotation).normalize(), translation: self.point(inner.translation) }
     }
 
-    /// Outer box that contains a local box.
+    /// Smallest outer box that contains the box `local`.
     pub fn bounds(&self, local: Bounds) -> Bounds {
         local.corners().into_iter().fold(Bounds::EMPTY, |all, corner| all.with(self.point(corner)))
     }

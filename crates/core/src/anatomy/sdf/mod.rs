@@ -1,6 +1,6 @@
 //! Signed-distance modelling: closed solids as functions that are negative inside.
 //!
-//! A [`Solid`] pairs such a function with a box that contains the solid. The values need to approximate the true
+//! A [`Solid`] pairs such a function with a box that contains the solid. The function needs to approximate the true
 //! distance only near the surface. Operations use the box to skip distant parts. Lengths are in mm.
 
 mod isometry;
@@ -20,7 +20,7 @@ pub use primitives::{half_space, plate, sphere};
 pub use sweep::smooth_sweep;
 pub use sweep::{catmull_rom, sweep};
 
-/// Last inside value of `steps` bisections between `inside` and `outside`.
+/// Border of the inside by `steps` bisections between the values `inside` and `outside`: the last value found inside.
 pub fn bisect(inside: f32, outside: f32, steps: usize, is_inside: impl Fn(f32) -> bool) -> f32 {
     let (mut inside, mut outside) = (inside, outside);
     for _ in 0..steps {
@@ -30,7 +30,7 @@ pub fn bisect(inside: f32, outside: f32, steps: usize, is_inside: impl Fn(f32) -
     inside
 }
 
-/// Function of a solid: signed distance in mm at a point in mm, negative inside.
+/// Signed distance of a solid, mm, at a point in mm; negative inside.
 type Field = dyn Fn(Vec3) -> f32 + Send + Sync;
 
 /// A closed solid.
@@ -41,7 +41,7 @@ pub struct Solid {
 }
 
 impl Solid {
-    /// Solid inside `bounds`, where `field` is negative.
+    /// Solid of the points at which `field` is negative; all are inside `bounds`.
     pub fn new(bounds: Bounds, field: impl Fn(Vec3) -> f32 + Send + Sync + 'static) -> Self {
         Self { field: Arc::new(field), bounds }
     }
@@ -73,7 +73,7 @@ impl Solid {
 mod tests {
     use super::*;
 
-    /// Largest deviation of the slope from one on the surface, over rays from the middle.
+    /// Largest deviation of the gradient's length from 1 on the surface, over rays from the middle.
     fn slope_error(solid: &Solid) -> f32 {
         let centre = 0.5 * (solid.bounds().min + solid.bounds().max);
         (0..200)
@@ -98,7 +98,7 @@ mod tests {
             sweep(&catmull_rom(&[(Vec3::ZERO, 3.0), (Vec3::X * 4.0, 4.0), (Vec3::X * 8.0, 2.0)], 4)),
         ];
         for (i, solid) in solids.iter().enumerate() {
-            // Edges between faces round off the central difference slightly.
+            // At edges between faces, the central difference is slightly below 1.
             assert!(slope_error(solid) < 0.02, "solid {i}: slope off by {}", slope_error(solid));
         }
     }
@@ -109,14 +109,14 @@ mod tests {
         assert!((rod.distance_mm(Vec3::new(5.0, 5.0, 0.0)) - 3.0).abs() < 1e-5);
         assert!((rod.distance_mm(Vec3::new(14.0, 0.0, 0.0)) - 2.0).abs() < 1e-5);
         assert!((rod.distance_mm(Vec3::new(5.0, 0.0, 0.0)) + 2.0).abs() < 1e-5);
-        // A ball inside the other: their cone is the larger ball.
+        // A ball inside the other: their convex hull is the larger ball.
         let nested = round_cone(Vec3::ZERO, Vec3::X, 5.0, 2.0);
         assert!((nested.distance_mm(Vec3::Y * 7.0) - 2.0).abs() < 1e-5);
     }
 
     #[test]
     fn a_union_is_the_minimum_of_its_parts_everywhere() {
-        // Deep parts behind shallow ones whose boxes overlap: the boxes must not hide them.
+        // Boxes of deep and shallow parts overlap; a shallow part must not make the union skip a deep one.
         let parts = [
             capsule(Vec3::ZERO, Vec3::new(9.0, 9.0, 0.0), 1.0),
             sphere(Vec3::new(4.0, 4.0, 0.0), 5.0),

@@ -23,13 +23,14 @@ pub fn smooth_union(parts: impl IntoIterator<Item = Solid>, width: f32) -> Solid
 }
 
 fn combine(parts: Vec<Solid>, reach: f32, join: impl Fn(f32, f32) -> f32 + Send + Sync + 'static) -> Solid {
-    // A blend extends beyond its parts, by a quarter of the width for each further part.
+    // A blend extends beyond its parts by a quarter of the width for each further part.
     let bounds = parts.iter().fold(Bounds::EMPTY, |hull, part| hull.hull(part.bounds)).grown(0.5 * reach);
     let parts: Arc<[Solid]> = parts.into();
     Solid::new(bounds, move |p| {
         let mut best = f32::MAX;
         for part in parts.iter() {
-            // Outside its box a part is no nearer than the box; inside, it may be the deepest.
+            // For a point outside a part's box, the part is no nearer than the box. For a point inside, it may be the
+            // deepest.
             let to_box = part.bounds.distance_mm(p);
             if to_box == 0.0 || to_box < best + reach {
                 best = join(best, part.distance_mm(p));
@@ -52,19 +53,19 @@ impl Solid {
         Self::new(bounds, move |p| -smooth_min(-self.distance_mm(p), -other.distance_mm(p), width))
     }
 
-    /// Difference: the part outside `other`.
+    /// Difference: the part of this solid outside `other`.
     pub fn subtract(self, other: Self) -> Self {
         let bounds = self.bounds;
         Self::new(bounds, move |p| self.distance_mm(p).max(-other.distance_mm(p)))
     }
 
-    /// Difference: the part outside `other`, with the edge rounded over `width` mm.
+    /// Difference: the part of this solid outside `other`, with the edge rounded over `width` mm.
     pub fn smooth_subtract(self, other: Self, width: f32) -> Self {
         let bounds = self.bounds;
         Self::new(bounds, move |p| -smooth_min(-self.distance_mm(p), other.distance_mm(p), width))
     }
 
-    /// The solid grown by `margin` mm; shrunk if negative.
+    /// The solid with its surface moved outward by `margin` mm; inward if negative.
     pub fn grown(&self, margin: f32) -> Self {
         let solid = self.clone();
         Self::new(self.bounds.grown(margin), move |p| solid.distance_mm(p) - margin)
@@ -82,14 +83,14 @@ impl Solid {
         Self::new(bounds, move |p| factor * self.distance_mm(p / factor))
     }
 
-    /// The solid's part at x ≥ 0 with its mirror image in the plane x = 0.
+    /// The part of the solid at x ≥ 0, together with its mirror image in the plane x = 0.
     pub fn with_mirror_image(self) -> Self {
         let Bounds { min, max } = self.bounds;
         let bounds = self.bounds.hull(Bounds { min: min.with_x(-max.x), max: max.with_x(-min.x) });
         Self::new(bounds, move |p| self.distance_mm(p.with_x(p.x.abs())))
     }
 
-    /// The solid with its surface moved outward by `height` mm, a function of position with a magnitude of at most
+    /// The solid with its surface moved outward by `height` mm, a function of position whose magnitude is at most
     /// `most`.
     pub fn displaced(self, most: f32, height: impl Fn(Vec3) -> f32 + Send + Sync + 'static) -> Self {
         let bounds = self.bounds.grown(most);

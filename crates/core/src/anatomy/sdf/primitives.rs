@@ -21,7 +21,7 @@ pub fn ellipsoid(centre: Vec3, semi: Vec3) -> Solid {
     })
 }
 
-/// Points within `radius` of the segment from `a` to `b`.
+/// Solid of the points within `radius` of the segment from `a` to `b`.
 pub fn capsule(a: Vec3, b: Vec3, radius: f32) -> Solid {
     round_cone(a, b, radius, radius)
 }
@@ -68,12 +68,12 @@ pub fn rounded_box(centre: Vec3, half: Vec3, rounding: f32) -> Solid {
     })
 }
 
-/// Half-space behind the plane through `point` with outward `normal` (unit).
+/// Half-space bounded by the plane through `point`; the unit `normal` points out of it.
 pub fn half_space(point: Vec3, normal: Vec3) -> Solid {
     Solid::new(Bounds::EVERYWHERE, move |p| (p - point).dot(normal))
 }
 
-/// Slab within `half_thickness` of the plane through `point` with `normal` (unit).
+/// Slab within `half_thickness` of the plane through `point` with the unit `normal`.
 pub fn plate(point: Vec3, normal: Vec3, half_thickness: f32) -> Solid {
     Solid::new(Bounds::EVERYWHERE, move |p| (p - point).dot(normal).abs() - half_thickness)
 }

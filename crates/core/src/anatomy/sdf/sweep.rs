@@ -5,10 +5,10 @@ use glam::Vec3;
 use super::primitives::round_cone_distance;
 use super::{Bounds, Solid, union};
 
-/// Number of segments that share a box.
+/// Number of segments that share a bounding box.
 const CHUNK: usize = 6;
 
-/// Tube through `points`, each a centre and a radius in mm, straight between neighbours.
+/// Tube of straight segments between `points`, each a centre and a radius in mm.
 pub fn sweep(points: &[(Vec3, f32)]) -> Solid {
     let ball = |&(c, r): &(Vec3, f32)| Bounds::around(c, Vec3::splat(r));
     // Chunks overlap by one point; each segment is in exactly one chunk.

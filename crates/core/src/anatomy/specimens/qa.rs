@@ -10,9 +10,9 @@
 //! speckle as real ones. The wires of the vertical group are offset sideways by 0.4 mm, out of each other's shadow. In
 //! a real phantom, diffraction fills the shadow.
 
-/// Side of a wire, mm.
+/// Side of a wire's square cross-section, mm.
 pub const WIRE_MM: f32 = 0.3;
-/// Distance between wires of the vertical group, and depth of the first, mm.
+/// Distance between neighbouring wires of the vertical group, and depth of the first wire, mm.
 pub(crate) const VERTICAL_STEP_MM: f32 = 10.0;
 /// Number of wires of the vertical group.
 pub const VERTICAL_COUNT: u16 = 12;
@@ -24,7 +24,7 @@ pub const HORIZONTAL_DEPTHS_MM: [f32; 2] = [40.0, 90.0];
 pub(crate) const RESOLUTION_MM: [f32; 6] = [4.0, 3.0, 2.0, 1.0, 0.5, 0.25];
 /// Depths at which the resolution groups begin, mm.
 pub const RESOLUTION_DEPTHS_MM: [f32; 2] = [24.0, 100.0];
-/// Grey-scale targets: lateral position (mm), level relative to the background (dB) and tissue.
+/// Grey-scale targets: lateral position (mm), level relative to the background (dB), and name of the tissue.
 pub const CONTRAST: [(f32, f64, &str); 6] = [
     (-25.0, -9.0, "tmm_minus_9_db"),
     (-15.0, -6.0, "tmm_minus_6_db"),
@@ -51,12 +51,12 @@ pub const CYSTS_MM: [(f32, f32, f32); 10] = [
     (22.0, 14.0, 1.3),
 ];
 
-/// Lateral position and depth of a wire of the vertical group, mm.
+/// Lateral position and depth of the wire with this index in the vertical group, mm.
 pub fn vertical(index: u16) -> (f32, f32) {
     (0.4 * (f32::from(index) - 5.5), VERTICAL_STEP_MM * f32::from(index + 1))
 }
 
-/// Lateral positions and depths of the wires of a resolution group, mm: steps on the right, a row on the left.
+/// Lateral positions and depths of the wires of a resolution group, mm: a staircase on the right, a row on the left.
 pub fn resolution(depth_mm: f32) -> Vec<(f32, f32)> {
     let mut positions = vec![(8.0, depth_mm), (-8.0, depth_mm)];
     let mut apart = 0.0;
