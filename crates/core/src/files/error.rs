@@ -1,4 +1,4 @@
-//! The error of all accesses to files.
+//! Error type of all file accesses.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -11,14 +11,14 @@ use thiserror::Error;
 pub struct FileError {
     /// File or folder.
     pub path: PathBuf,
-    /// Attempted action, as in `read the scene`.
+    /// Attempted action as a verb with its object, for example `read the scene`.
     pub doing: &'static str,
     /// Cause.
     pub source: io::Error,
 }
 
 impl FileError {
-    /// Adds action and path to an I/O error.
+    /// Function that makes an I/O error a `FileError` with the action `doing` and `path`.
     pub fn at(doing: &'static str, path: &Path) -> impl Fn(io::Error) -> Self + Copy {
         move |source| Self { path: path.to_owned(), doing, source }
     }

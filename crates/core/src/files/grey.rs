@@ -17,7 +17,7 @@ pub enum GreyError {
     /// An image with colours, or of another bit depth.
     #[error("{path} is not an 8-bit grey image")]
     Kind {
-        /// File.
+        /// Path of the file.
         path: PathBuf,
     },
 }

@@ -1,10 +1,10 @@
-//! Files that are named in another file.
+//! Files that another file names.
 
 use std::io::{self, ErrorKind};
 use std::path::{Component, Path, PathBuf};
 
 /// Path of the file `name`, which another file in `folder` names. It must lie in that folder or below: an absolute
-/// path, `..` and a link that leads out are refused. A file from elsewhere thus can't make this program read other
+/// path, `..` and a link that leads out are refused. A file of foreign origin thus can't make this program read other
 /// files.
 ///
 /// # Errors

@@ -1,11 +1,11 @@
-//! Kinds of files, each with its size limit.
+//! Kinds of files that the program reads, each with its size limit.
 
 /// Kinds of files that are read, each with its size limit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FileKind {
     /// Station file.
     Station,
-    /// Names of labels.
+    /// Names of the labels in a label map.
     Names,
     /// Calibration of tracker, sensor and probe.
     Calibration,
@@ -37,12 +37,12 @@ pub enum FileKind {
     DatasetHeader,
     /// Rows of a data set.
     DatasetRows,
-    /// Results that an earlier run stored.
+    /// Results that an earlier run of the program stored.
     Stored,
 }
 
 impl FileKind {
-    /// Name with its article, and size limit, bytes.
+    /// Name of the kind with its article, and its size limit, bytes.
     pub(super) const fn limit(self) -> (&'static str, u64) {
         const MIB: u64 = 1 << 20;
         const GIB: u64 = 1 << 30;

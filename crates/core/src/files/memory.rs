@@ -10,28 +10,28 @@ pub struct NoMemory {
     pub bytes: u64,
 }
 
-/// Size in words.
+/// A number of bytes in words.
 fn size(bytes: u64) -> String {
     let (unit, name) = if bytes < 1_000_000_000 { (1e6, "MB") } else { (1e9, "GB") };
     format!("{:.1} {name}", bytes as f64 / unit)
 }
 
-/// Checks that about `bytes` of memory are available. Without this check, a small file that expands to much data, such
-/// as a well compressed one, would end the program: a failed allocation can't be caught.
+/// Checks that about `bytes` of memory are available. Without this check, a small file that expands to a lot of data,
+/// such as a well compressed one, would end the program: a failed allocation can't be caught.
 ///
 /// # Errors
-/// More than the system allows this process, or than is free.
+/// More than the system allows this process, or more than is free.
 pub fn memory_for(bytes: u64) -> Result<(), NoMemory> {
     let refused = NoMemory { bytes };
     let length = usize::try_from(bytes).map_err(|_| refused)?;
     if available().is_some_and(|available| bytes > available) {
         return Err(refused);
     }
-    // Reserving touches no page. It fails above the limits of the process.
+    // Reserving touches no page, so it costs nothing. It fails above the limits of the process.
     Vec::<u8>::new().try_reserve_exact(length).map_err(|_| refused)
 }
 
-/// Bytes of memory that are available without swapping, if the system tells.
+/// Bytes of memory that are available without swapping; `None` if the system doesn't tell.
 fn available() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
     let field = |name: &str| -> Option<u64> {

@@ -1,13 +1,13 @@
-//! Arrays of NumPy (.npy).
+//! NumPy arrays (.npy).
 
 use std::io::{self, ErrorKind};
 
 use npyz::NpyFile;
 
-/// Most bytes of a header: enough for a structured type with many fields.
+/// Largest size of a header, bytes: enough for a structured type with many fields.
 const HEAD_BYTES_MAX: usize = 1 << 20;
 
-/// Most brackets in a header.
+/// Largest number of opening brackets in a header.
 const BRACKETS_MAX: usize = 256;
 
 /// The array in `bytes`, whose header announces no more values than there are bytes.
@@ -27,7 +27,7 @@ pub fn npy(bytes: &[u8]) -> io::Result<NpyFile<&[u8]>> {
         return refused(format!("its header promises {length} bytes, and {} follow; it is damaged", head.len()));
     }
     let text = String::from_utf8_lossy(&head[..(length + 4).min(head.len())]).replace('"', "'");
-    // The crate's reader recurses into brackets.
+    // The crate's reader recurses into brackets, so too many would overflow the stack.
     if text.matches(['(', '[', '{']).count() > BRACKETS_MAX {
         return refused(format!("its header has more than {BRACKETS_MAX} brackets; it is damaged"));
     }

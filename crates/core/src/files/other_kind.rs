@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::kind::FileKind;
 
-/// Kind of a file with its article, and advice on such a file.
+/// Kind of a file with its article, and advice for a user who gave such a file.
 type Known = (&'static str, &'static str);
 
 const GLTF: Known =
@@ -36,11 +36,11 @@ fn known(start: &[u8], path: &Path) -> Option<Known> {
     }
 }
 
-/// Refuses a file that is recognised as another kind than `kind`. Kinds with a recognisable form of their own are
-/// exempt.
+/// Refuses a file that is recognised as another kind than the expected `kind`. Some expected kinds are exempt, since
+/// their own form is recognisable.
 ///
 /// # Errors
-/// A file of another kind, with its kind.
+/// A file of another kind; the error names that kind.
 pub(super) fn refuse_other_kind(start: &[u8], path: &Path, kind: FileKind) -> io::Result<()> {
     let Some(found) = known(start, path) else { return Ok(()) };
     let is_other = match kind {
@@ -52,7 +52,7 @@ pub(super) fn refuse_other_kind(start: &[u8], path: &Path, kind: FileKind) -> io
         | FileKind::Table
         | FileKind::DatasetHeader
         | FileKind::DatasetRows => true,
-        // Buffers belong to this kind, and may start with any bytes.
+        // A scene's buffers belong to this kind, and may start with any bytes.
         FileKind::Scene => found != GLTF && path.extension().is_none_or(|end| !end.eq_ignore_ascii_case("bin")),
         _ => false,
     };

@@ -1,5 +1,5 @@
-//! Output files, checked before the program starts: none is also an input, and none is replaced without being asked
-//! for.
+//! Output files, checked before the program starts: none is also an input, and none is replaced unless the user asks
+//! for it.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -68,16 +68,16 @@ pub enum OutputError {
     },
 }
 
-/// Checks outputs against the inputs of a program and against each other.
+/// Output files of a program, checked against its inputs and against each other.
 #[derive(Debug, Default)]
 pub struct Outputs {
     inputs: Vec<FileIdentity>,
-    /// Options with their files.
+    /// Each output's option with its file.
     outputs: Vec<(String, FileIdentity)>,
 }
 
 impl Outputs {
-    /// Checks against these inputs.
+    /// Starts the check with these inputs.
     pub fn apart_from<P: AsRef<Path>>(inputs: impl IntoIterator<Item = P>) -> Self {
         Self::default().and(inputs)
     }
@@ -88,7 +88,8 @@ impl Outputs {
         self
     }
 
-    /// Checks a file of `option` that is written under another name and then replaces `path` if `force` is set.
+    /// Checks the file `path` of `option`. It is to be written under another name and then renamed; an existing one is
+    /// replaced only if `force` is set.
     pub fn file(self, option: &str, path: &Path, force: bool) -> Result<Self, OutputError> {
         if path.exists() && !force {
             return self.replaced(option, path).and_then(|_| Err(OutputError::Exists { path: path.to_owned() }));
@@ -96,7 +97,7 @@ impl Outputs {
         self.replaced(option, path)
     }
 
-    /// Checks a file like [`file`](Self::file), for a file that every run replaces.
+    /// Checks a file like [`file`](Self::file), but one that every run replaces.
     pub fn replaced(self, option: &str, path: &Path) -> Result<Self, OutputError> {
         if path.exists() && !path.is_file() && !path.is_dir() {
             return Err(OutputError::Device { option: option.to_owned(), path: path.to_owned() });
@@ -104,15 +105,15 @@ impl Outputs {
         self.checked(option, path)
     }
 
-    /// Checks a file like [`file`](Self::file), for a file that is written directly: it may be a device or a pipe.
+    /// Checks a file like [`file`](Self::file), but one that is written directly: it may be a device or a pipe.
     pub fn log(self, option: &str, path: &Path, force: bool) -> Result<Self, OutputError> {
-        // A redirected /dev/stdout is a file, too.
+        // A redirected /dev/stdout counts as a regular file, too.
         let regular = path.is_file() && !path.starts_with("/dev");
         if regular { self.file(option, path, force) } else { self.checked(option, path) }
     }
 
-    /// Checks that no input is one of the files `names` in the directory of `option`. A `*` in the last part of a name
-    /// matches anything.
+    /// Checks that no input is one of the files `names` in `directory`, which `option` names. A `*` in the last part of
+    /// a name matches anything.
     pub fn within(self, option: &str, directory: &Path, names: &[&str]) -> Result<Self, OutputError> {
         if directory.exists() && !directory.is_dir() {
             return Err(OutputError::File { option: option.to_owned(), path: directory.to_owned() });
@@ -142,7 +143,7 @@ impl Outputs {
             return Err(OutputError::NoDirectory { option: option.to_owned(), path: above.to_owned() });
         }
         let file = FileIdentity::of(path);
-        // The file of an unfinished recording is renamed before a new one is written.
+        // An unfinished recording is renamed before a new one is written, so no input may be its file.
         let part = FileIdentity::of(&PartFile::appended(path).part);
         if self.inputs.iter().any(|input| input.is(&file) || input.is(&part)) {
             return Err(OutputError::Read { option: option.to_owned(), path: path.to_owned() });
@@ -155,12 +156,12 @@ impl Outputs {
     }
 }
 
-/// Identity of a file, independent of its name: relative paths, symbolic links and hard links to it are equal.
+/// Identity of a file: relative paths, symbolic links and hard links to one file are equal.
 #[derive(Debug)]
 struct FileIdentity {
-    /// Absolute path without symbolic links, resolved as far as the file exists.
+    /// Absolute path, free of symbolic links as far as it exists.
     path: PathBuf,
-    /// Device and inode, if the file exists.
+    /// Device and inode of the file; `None` if it doesn't exist.
     inode: Option<(u64, u64)>,
 }
 
@@ -174,7 +175,7 @@ impl FileIdentity {
     }
 }
 
-/// Absolute path without symbolic links. The existing part is as the system resolves it, the rest as written.
+/// Absolute path without symbolic links. The existing part is resolved by the system; the rest stays as written.
 fn resolved(path: &Path) -> PathBuf {
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     for above in absolute.ancestors() {

@@ -1,4 +1,4 @@
-//! Partial file of an unfinished output.
+//! Partial files: outputs that are not yet finished.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io;
@@ -11,7 +11,7 @@ use super::FileError;
 /// Errors in partial files.
 #[derive(Debug, Error)]
 pub enum PartError {
-    /// Another process writes it.
+    /// Another process writes the file.
     #[error("{path} is being written by another process")]
     Busy {
         /// Partial file.
@@ -22,32 +22,32 @@ pub enum PartError {
     File(#[from] FileError),
 }
 
-/// Names of a file while it is written and after that.
+/// Names of an output file while it is written and after it is finished.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PartFile {
     /// Name of the finished file.
     pub path: PathBuf,
-    /// Name while it is written, in the same directory.
+    /// Name while the file is written, in the same directory.
     pub part: PathBuf,
 }
 
 impl PartFile {
-    /// `NAME.part`.
+    /// Partial file with the name `NAME.part`.
     pub fn appended(path: &Path) -> Self {
         let mut part = path.as_os_str().to_owned();
         part.push(".part");
         Self { path: path.to_owned(), part: part.into() }
     }
 
-    /// `NAME.part.EXTENSION`, which programs open as they do the finished file.
+    /// Partial file with the name `NAME.part.EXTENSION`, which programs open like the finished file.
     pub fn playable(path: &Path) -> Self {
         Self { path: path.to_owned(), part: with_word(path, "part") }
     }
 
-    /// Creates the partial file, locked while it is open. It replaces a file that an interrupted process left.
+    /// Creates the partial file, locked while it is open. It replaces a partial file that an interrupted process left.
     ///
     /// # Errors
-    /// Another process writes it, or the file cannot be created.
+    /// Another process writes the file, or it cannot be created.
     pub fn create(&self) -> Result<File, PartError> {
         self.take_over(|left, part| {
             drop(left);
@@ -55,11 +55,11 @@ impl PartFile {
         })
     }
 
-    /// Creates the partial file like [`create`](Self::create), but keeps an existing partial file that is not empty,
-    /// as `STEM.recovered-1.EXTENSION` or the next free number.
+    /// Creates the partial file like [`create`](Self::create), but renames an existing partial file that is not empty
+    /// to `STEM.recovered-1.EXTENSION`, or to the next free number.
     ///
     /// # Errors
-    /// Another process writes it, or a file cannot be created or renamed.
+    /// Another process writes the file, or a file cannot be created or renamed.
     pub fn create_keeping(&self) -> Result<File, PartError> {
         self.take_over(|left, part| {
             if left.metadata()?.len() == 0 {
@@ -87,7 +87,7 @@ impl PartFile {
         Ok(file)
     }
 
-    /// Locks the file. The lock ends with the process, even if it is killed.
+    /// Locks `file` against other processes. The lock ends with this process, even if it is killed.
     fn lock(&self, file: &File) -> Result<(), PartError> {
         match file.try_lock() {
             Err(TryLockError::WouldBlock) => Err(PartError::Busy { path: self.part.clone() }),
@@ -96,7 +96,7 @@ impl PartFile {
         }
     }
 
-    /// Next free name for a recovered file.
+    /// Next free name for the content of an unfinished file.
     fn recovered(&self) -> io::Result<PathBuf> {
         for number in 1..u32::MAX {
             let name = with_word(&self.path, &format!("recovered-{number}"));
@@ -108,7 +108,7 @@ impl PartFile {
     }
 }
 
-/// `STEM.WORD.EXTENSION`.
+/// `path` with its file name changed to `STEM.WORD.EXTENSION`.
 fn with_word(path: &Path, word: &str) -> PathBuf {
     match path.extension() {
         Some(extension) => path.with_extension(format!("{word}.{}", extension.to_string_lossy())),

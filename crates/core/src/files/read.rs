@@ -8,13 +8,15 @@ use super::kind::FileKind;
 use super::other_kind::refuse_other_kind;
 use super::stand_in::{refuse_stand_in, start_of};
 
-/// Opens a regular file of at most the size that its kind allows. Pipes and devices are refused: they might never end.
-/// Also refused are pointers of Git LFS and git-annex, web pages and servers' error messages. Where text of this
-/// program is expected, scenes, recordings, volumes and meshes are refused.
+/// Opens a regular file of at most the size that its kind allows.
+///
+/// Pipes and devices are refused: they might never end. Also refused are stand-ins: pointers of Git LFS and git-annex,
+/// web pages, and servers' error messages. Where this program's own text files are expected, scenes, recordings,
+/// volumes and meshes are refused.
 ///
 /// # Errors
-/// The file cannot be opened, is not a regular file, is a stand-in, is recognised as another kind, or is too large;
-/// the error gives its size and the limit.
+/// The file cannot be opened, is not a regular file, is a stand-in, is recognised as another kind, or is too large; the
+/// error gives its size and the limit.
 pub fn open(path: &Path, kind: FileKind) -> io::Result<File> {
     // Checked before opening: opening a pipe waits for its other end.
     let found = std::fs::metadata(path)?;
@@ -42,7 +44,7 @@ pub fn read(path: &Path, kind: FileKind) -> io::Result<Vec<u8>> {
     let (file, (_, limit)) = (open(path, kind)?, kind.limit());
     let length = file.metadata().map_or(0, |found| found.len().min(limit));
     let mut bytes = Vec::with_capacity(usize::try_from(length).unwrap_or_default());
-    // The file may grow meanwhile, and files of `/proc` have no length.
+    // The file may grow while it is read, and files of `/proc` state no length.
     file.take(limit + 1).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > limit {
         return Err(too_large(kind, "it is larger"));

@@ -1,13 +1,13 @@
-//! Stand-ins: files whose content is not what their names say.
+//! Stand-ins: files that take the place of the content that their names promise.
 
 use std::io::{self, ErrorKind, Read, Seek};
 
 /// Number of bytes at the start of a file that [`stand_in`] examines.
 const STAND_IN_BYTES: usize = 512;
 
-/// Cause and remedy if a file's first bytes belong to a stand-in: a pointer of Git LFS or git-annex, or a web page
-/// that was saved instead of the file. The phrase follows the file's name: "it is a Git LFS pointer...". No file that
-/// this program reads starts like that.
+/// Cause and remedy if a file's first bytes belong to a stand-in: a pointer of Git LFS or git-annex, or a web page that
+/// was saved instead of the file. The phrase is to follow the file's name: "it is a Git LFS pointer...". No file that
+/// this program reads starts like a stand-in.
 fn stand_in(start: &[u8]) -> Option<&'static str> {
     let start = &start[..start.len().min(STAND_IN_BYTES)];
     let start = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start).trim_ascii_start();

@@ -4,7 +4,7 @@
 pub fn toml_reason(text: &str, error: &toml::de::Error) -> String {
     let reason = error.to_string().trim().to_owned();
     let Some(line) = error.span().and_then(|span| line_at(text, span.start)) else { return reason };
-    // A line of an array has no key.
+    // A line within an array has no key.
     let (key, value) = line.split_once('=').filter(|(key, _)| !key.contains('"')).unwrap_or(("", line));
     let Some(text) = text_with_backslash(value) else { return reason };
     let is_whole = value.trim_start().strip_prefix('"').is_some_and(|rest| rest.starts_with(text));
@@ -13,12 +13,12 @@ pub fn toml_reason(text: &str, error: &toml::de::Error) -> String {
     format!("{reason}\n{advice}")
 }
 
-/// Advice about the value `text` of `key`, which has backslashes in double quotes.
+/// Advice about the key `key`, whose value `text` has backslashes within double quotes.
 pub fn backslashes(key: &str, text: &str) -> String {
     other_quotes(&format!("{key} = "), text)
 }
 
-/// Advice about a text with backslashes in double quotes; `before` precedes it in the corrected line.
+/// Advice about a text with backslashes within double quotes. `before` precedes the text in the corrected line.
 fn other_quotes(before: &str, text: &str) -> String {
     let text: String = text.chars().take(80).collect();
     format!(
@@ -33,8 +33,8 @@ fn line_at(text: &str, at: usize) -> Option<&str> {
     text.get(start..)?.lines().next()
 }
 
-/// The first text in double quotes that has a backslash, before any comment. The next quote ends the text: paths have
-/// no quotes.
+/// The first text within double quotes that has a backslash, before any comment; `None` if there is none. The next
+/// quote ends the text, since paths contain no quotes.
 fn text_with_backslash(value: &str) -> Option<&str> {
     let mut rest = value;
     loop {
