@@ -38,20 +38,20 @@ pub enum CalibrationError {
     /// The file could not be read.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The file that a station names is not there.
+    /// The calibration file that a station names does not exist.
     #[error(
         "cannot read the calibration file {path}: there is no such file. `[calibration] path` of the station names it; `insonify calibrate landmarks --tracker STATION.toml` (the tracker in the scene) and `insonify calibrate probe --tracker STATION.toml` (the sensor on the probe) write it; without the key, the tracker's frame is the scene's"
     )]
     Missing {
-        /// File.
+        /// Path of the file.
         path: PathBuf,
     },
     /// The content of the file is invalid.
     #[error("calibration file {path}: {source}")]
     InFile {
-        /// File.
+        /// Path of the file.
         path: PathBuf,
-        /// Fault.
+        /// Fault of the content.
         source: Box<CalibrationError>,
     },
     /// Not TOML, an unknown key, or a value of the wrong type.
@@ -69,18 +69,18 @@ pub enum CalibrationError {
     /// A transform that is not a valid pose.
     #[error("[{table}]: {source}")]
     Pose {
-        /// Table of the transform in the file.
+        /// Name of the table with the transform in the file.
         table: &'static str,
         /// Fault of the pose.
         source: PoseError,
     },
-    /// A tip outside its range.
+    /// A stylus tip outside its range.
     #[error("`stylus.tip_mm` is {tip_mm:?}; it must be three numbers within ±{POSITION_LIMIT_MM} mm")]
     Tip {
-        /// Value found.
+        /// Tip found, mm.
         tip_mm: [f64; 3],
     },
-    /// The same transform given twice.
+    /// The same transform in the station file and in the calibration file.
     #[error("`sensor_from_probe` is given twice: in the station file and in {path}; remove one of them")]
     Twice {
         /// The calibration file.
@@ -95,7 +95,7 @@ pub struct Calibration {
     pub scene_from_tracker: Option<Fitted<Pose>>,
     /// Mounting of the sensor on the probe; if `None`, both share one frame.
     pub sensor_from_probe: Option<Fitted<Pose>>,
-    /// Tip of the stylus in the frame of its sensor, mm.
+    /// Tip of the stylus in the frame of the stylus' sensor, mm.
     pub stylus_tip_mm: Option<Fitted<DVec3>>,
 }
 
@@ -142,7 +142,7 @@ impl Calibration {
             .map_err(|source| CalibrationError::InFile { path: path.to_owned(), source: Box::new(source) })
     }
 
-    /// Values of several files; a later file overrides earlier ones, and missing files are skipped.
+    /// Combines the values of several files: a later file overrides earlier ones, and missing files are skipped.
     ///
     /// # Errors
     /// As [`Calibration::load`].
@@ -164,7 +164,7 @@ impl Calibration {
     /// pose, or the stylus tip is out of range.
     pub fn parse(text: &str) -> Result<Self, CalibrationError> {
         let syntax = |e: toml::de::Error| CalibrationError::Syntax { reason: files::toml_reason(text, &e) };
-        // The version is checked first: a file of another version must not be reported as faulty.
+        // The version is checked first: the values of another version may be valid there.
         let Version { version } = toml::from_str(text).map_err(syntax)?;
         if version != i64::from(CALIBRATION_VERSION) {
             return Err(CalibrationError::Version { found: version });
@@ -192,17 +192,17 @@ impl Calibration {
     }
 }
 
-/// A station's `[calibration]`.
+/// Source of a calibration: the table `[calibration]` of a station.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct CalibrationSource {
-    /// The calibration file.
+    /// The calibration file; `None` if the station names none.
     pub path: Option<PathBuf>,
-    /// Mounting of the sensor on the probe, if the station file states it.
+    /// Mounting of the sensor on the probe; `None` unless the station file states it.
     pub sensor_from_probe: Option<Pose>,
 }
 
 impl CalibrationSource {
-    /// Reads the file, if there is one, and adds the station's own value.
+    /// Reads the calibration file, if there is one, and adds the station's own mounting.
     ///
     /// # Errors
     /// An error of [`Calibration::load`], or `sensor_from_probe` is given in both places.

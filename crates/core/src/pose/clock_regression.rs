@@ -3,35 +3,35 @@
 /// Number of measurements in the regression. PLUS (Lasso et al., IEEE Trans Biomed Eng 61:2527, 2014) uses 20.
 const WINDOW: usize = 20;
 
-/// Largest accepted difference between raw and regressed time of one measurement, ns.
+/// Largest accepted difference between the arrival time and the regressed time of one measurement, ns.
 pub const OUTLIER_NS: u64 = 500_000_000;
 
-/// Deviation from the expected time, ns, beyond which a measurement counts as delayed, or a clock as jumped. Such
-/// measurements are excluded from the fit.
+/// Deviation from the expected time, ns, beyond which a measurement counts as delayed, or a clock as having jumped.
+/// Such measurements are excluded from the regression.
 const HELD_UP_NS: u64 = 50_000_000;
 
-/// Duration of doubt after which the regression restarts, ns.
+/// The regression restarts after this duration of measurements inconsistent with it, ns.
 const DOUBT_LIMIT_NS: u64 = 1_000_000_000;
 
-/// Number of samples from which the regression line is trusted to detect delays and jumps.
+/// Number of samples from which on the regression line is trusted to detect delays and jumps.
 const TRUSTED: usize = 8;
 
-/// Largest fall of the host time that counts as jitter while the device's clock rises, ns.
+/// Largest decrease of the host time that counts as jitter while the device's clock rises, ns.
 const BACKWARD_JITTER_NS: u64 = 20_000_000;
 
-/// Consecutive measurements, consistent with each other but not with earlier ones, that prove a clock jump.
+/// Number of consecutive measurements, consistent with each other but not with earlier ones, that prove a clock jump.
 const CONFIRMED: usize = 3;
 
-/// Time of a measurement by the regression.
+/// Time of a measurement according to the regression.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Timing {
-    /// Measurement time, ns of the host's clock; later than all earlier ones.
+    /// Measurement time, ns of the host's clock; later than all times before it.
     At(u64),
-    /// Measurement time after a clock jump; unrelated to earlier times.
+    /// Measurement time after a clock jump, ns of the host's clock; unrelated to earlier times.
     Jumped(u64),
     /// The host's time did not rise; the measurement is unusable.
     NotRising,
-    /// Raw and regressed time differ by more than [`OUTLIER_NS`]; the measurement is unusable.
+    /// Arrival time and regressed time differ by more than [`OUTLIER_NS`]; the measurement is unusable.
     Outlier,
 }
 
@@ -43,7 +43,7 @@ struct Sample {
 
 /// Linear regression of host arrival times on the device's counter or clock. It removes the jitter of the transport.
 ///
-/// The mean delay of the transport remains, because nothing measures it.
+/// The mean delay of the transport remains: it cannot be measured.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct ClockRegression {
     /// Samples (ticks, host time in ns); the oldest is overwritten first.
@@ -53,7 +53,7 @@ pub(crate) struct ClockRegression {
     last: Option<Sample>,
     /// Latest time returned, ns.
     last_time_ns: u64,
-    /// Samples inconsistent with earlier ones.
+    /// Consecutive samples that are inconsistent with earlier ones.
     doubtful: [Sample; CONFIRMED],
     doubtful_count: usize,
     /// Host time of the first doubtful sample with ticks, ns.
@@ -83,7 +83,7 @@ impl ClockRegression {
         if ticks.is_some() {
             let since_ns = *self.doubtful_since_ns.get_or_insert(host_ns);
             if host_ns.saturating_sub(since_ns) > DOUBT_LIMIT_NS {
-                // The model no longer holds: for example, the device changed its rate.
+                // The regression line no longer holds: for example, the device changed its rate.
                 self.restart();
                 return Timing::Jumped(self.accept(sample));
             }
@@ -106,7 +106,7 @@ impl ClockRegression {
         Timing::Jumped(times[CONFIRMED - 1])
     }
 
-    /// Forgets all samples, for a restart of the device.
+    /// Forgets all samples; for example when the device restarts.
     pub(crate) fn restart(&mut self) {
         *self = Self::default();
     }
@@ -122,8 +122,8 @@ impl ClockRegression {
         self.doubtful_since_ns = None;
     }
 
-    /// Whether `sample` continues the doubtful samples at the device's pace. A burst after a stalled transport does
-    /// not.
+    /// Whether `sample` continues the doubtful samples at the device's pace. A burst after a stall of the transport
+    /// does not: its samples arrive too fast.
     fn agrees_with_doubtful(&self, sample: &Sample) -> bool {
         let doubtful = &self.doubtful[..self.doubtful_count];
         let (Some(first), Some(before)) = (doubtful.first(), doubtful.last()) else { return true };
@@ -137,7 +137,7 @@ impl ClockRegression {
             && (sample.host_ns - first.host_ns) as f64 >= least_ns
     }
 
-    /// Time of a delayed sample, by the regression line.
+    /// Time of a delayed sample on the regression line, ns; `expected_ns` is the line's value.
     fn held_up(&mut self, sample: Sample, expected_ns: u64) -> u64 {
         self.last = Some(sample);
         self.last_time_ns = expected_ns.max(self.last_time_ns.saturating_add(1));
@@ -156,7 +156,7 @@ impl ClockRegression {
                 self.oldest = (self.oldest + 1) % WINDOW;
             }
             if let Some(fit) = self.fit(ticks) {
-                // Jitter tilts the line. Successive times still rise, by at least a fraction of the device's step.
+                // Jitter tilts the line. Successive times must still rise, by at least a quarter of the device's step.
                 let before = self.last.and_then(|last| last.ticks).unwrap_or(ticks);
                 let least_ns = (0.25 * fit.ns_per_tick * ticks.saturating_sub(before) as f64) as u64;
                 time_ns = fit.time_ns.max(self.last_time_ns.saturating_add(least_ns.max(1)));
@@ -170,14 +170,14 @@ impl ClockRegression {
         time_ns
     }
 
-    /// Value of the least-squares line through the window at `ticks`; `None` for fewer than three samples or a line
-    /// that does not rise.
+    /// Least-squares line through the window, at `ticks`; `None` for fewer than three samples or a line that does not
+    /// rise.
     fn fit(&self, ticks: u64) -> Option<Fit> {
         if self.filled < 3 {
             return None;
         }
         let samples = &self.window[..self.filled];
-        // Differences from one sample keep full f64 precision.
+        // Differences from the first sample keep full f64 precision.
         let (ticks_0, host_0) = samples[0];
         let difference = |a: u64, b: u64| if a >= b { (a - b) as f64 } else { -((b - a) as f64) };
         let points = samples.iter().map(|(t, h)| (difference(*t, ticks_0), difference(*h, host_0)));
@@ -225,7 +225,7 @@ mod tests {
         let (mut raw, mut fitted) = (Vec::new(), Vec::new());
         for i in 0..500 {
             let made = START_NS + i * PERIOD_NS;
-            // An FTDI adapter's latency timer: up to 16 ms.
+            // The latency timer of an FTDI adapter delays bytes by up to 16 ms.
             let arrived = made + (random::at(1, i) * 16e6) as u64;
             let at = time(clock.push(arrived, Some(i)));
             if i >= 20 {
@@ -246,14 +246,14 @@ mod tests {
             clock.push(START_NS + i * PERIOD_NS, Some(i));
         }
         let made = |i: u64| START_NS + i * PERIOD_NS;
-        // Delayed by 100 ms; the following ones arrive with it.
+        // One measurement is delayed by 100 ms; the following ones arrive with it.
         let mut last = 0;
         for i in 40..60 {
             let at = time(clock.push(made(i).max(made(40) + 100_000_000), Some(i)));
             assert!(at.abs_diff(made(i)) < 30_000_000 && at > last, "{i}: {} ms", at.abs_diff(made(i)) / 1_000_000);
             last = at;
         }
-        // Delayed by 0.6 s: too old to be used, but not a clock jump.
+        // One measurement is delayed by 0.6 s: too old to be used, but no clock jump.
         let arrived = made(60) + 600_000_000;
         let found: Vec<_> = (60..100).map(|i| clock.push(made(i).max(arrived), Some(i))).collect();
         let used = found.iter().position(|t| matches!(t, Timing::At(_))).unwrap();
@@ -291,7 +291,7 @@ mod tests {
                     continue;
                 }
                 match jump_ns {
-                    // Indistinguishable from a delay at this point.
+                    // At this point the jump is indistinguishable from a delay.
                     300_000_000 => assert!(matches!(found[..2], [Timing::At(_), Timing::At(_)]), "{found:?}"),
                     1.. => assert_eq!(found[..2], [Timing::Outlier; 2], "{jump_ns}"),
                     _ => assert_eq!(found[..2], [Timing::NotRising; 2], "{jump_ns}"),

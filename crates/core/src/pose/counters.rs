@@ -47,7 +47,7 @@ counters! {
     out_of_view,
     /// Dropped: farther from the last pose than a hand can move.
     spikes,
-    /// Displacements of that size accepted because a second measurement confirmed them.
+    /// Displacements farther than a hand can move, accepted because a second measurement confirmed them.
     jumps,
     /// Number of times the sensor was stuck: readings stayed exactly equal for too long.
     stuck,

@@ -22,7 +22,7 @@ pub enum CsvError {
     Line {
         /// Line, from 1.
         line: usize,
-        /// Fault.
+        /// Fault of the line.
         source: TableFault,
     },
     /// No line contains numbers.
@@ -36,7 +36,7 @@ pub enum CsvError {
     Absent {
         /// Number of rows.
         rows: usize,
-        /// Missing content of the rows, and how a row marks it as missing.
+        /// Content that all rows lack, and how a row marks it as missing.
         what: &'static str,
     },
     /// An unsupported list of 3D Slicer.
@@ -47,7 +47,7 @@ pub enum CsvError {
     },
 }
 
-/// A value with a name.
+/// A named value.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Named<T> {
     /// Name, or the row's number from 1.
@@ -56,7 +56,7 @@ pub struct Named<T> {
     pub value: T,
 }
 
-/// Values of a file, and notes on the reading.
+/// Values read from a file, and notes for the user.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Listed<T> {
     /// The values.
@@ -64,7 +64,7 @@ pub struct Listed<T> {
     /// Whether points are in LPS (x left, y posterior, z superior), because the file gives them along the patient's
     /// axes.
     pub in_lps: bool,
-    /// Notes for the user on the reading, a sentence each.
+    /// Notes for the user on how the file was read, a sentence each.
     pub notes: Vec<String>,
 }
 
@@ -86,12 +86,12 @@ const PAIR_COLUMNS: &str =
     "x,y,z of the scene (mm, or with a unit as x_m; or r,a,s or l,p,s), tx,ty,tz of the tracker (or tx_m), and name";
 const POSE_COLUMNS: &str = "x,y,z (mm, or with a unit as x_m), qw,qx,qy,qz, and optionally time and status";
 
-/// Missing content of rows without a position, for messages.
+/// Content that rows without a position lack, for messages.
 const NO_POSITION: &str = "a position: all are undefined, by the column `defined` or by 3D Slicer's status";
-/// Missing content of rows without a pose, for messages.
+/// Content that rows without a pose lack, for messages.
 const NO_POSE: &str = "a pose: all are empty, NaN or zero, or their `status` is invalid";
 
-/// Parses points in the scene, mm: a table, or a list of 3D Slicer (`.fcsv`, `.mrk.json`, exported `.csv`).
+/// Parses points in the scene, mm, from a table or from a list of 3D Slicer (`.fcsv`, `.mrk.json`, exported `.csv`).
 ///
 /// # Errors
 /// A malformed line, a column that is not supported, or no point at all.
@@ -121,7 +121,7 @@ pub fn points(text: &str) -> Result<Listed<Named<DVec3>>, CsvError> {
     list.finish(system, NO_POSITION)
 }
 
-/// Parses landmarks from a table: the point in the scene and the point that the tracker measures, mm.
+/// Parses landmarks from a table. Each row has a point in the scene and the same point as measured by the tracker, mm.
 ///
 /// # Errors
 /// A malformed line, a column that is not supported, or no pair at all.
@@ -153,14 +153,14 @@ pub fn pairs(text: &str) -> Result<Listed<Named<PointPair>>, CsvError> {
     list.finish(system, NO_POSITION)
 }
 
-/// Refuses columns that don't belong to points.
+/// Refuses columns that a table of points doesn't have.
 fn only_points(columns: &[Column]) -> Result<(), TableFault> {
     let is_other = |m| matches!(m, Meaning::Quaternion(_) | Meaning::Status | Meaning::Event | Meaning::Time { .. });
     refuse(columns, is_other, "it doesn't belong to points")
 }
 
-/// Parses poses from a table: position in mm and unit quaternion. Rows without a pose are left out: their numbers are
-/// all empty, NaN or zero, or their `status` is `invalid`.
+/// Parses poses from a table: position in mm and unit quaternion. Rows without a pose are left out. In such a row, all
+/// numbers are empty, NaN or zero, or the `status` is `invalid`.
 ///
 /// # Errors
 /// A malformed line, a column that is not supported, or no pose at all.
@@ -187,10 +187,10 @@ pub fn poses(text: &str) -> Result<Listed<Pose>, CsvError> {
     Ok(found)
 }
 
-/// Columns of the position in a table of poses. The table must also have a quaternion.
+/// Position columns of a table of poses. Errors list `known`, the column names of such tables.
 ///
 /// # Errors
-/// A column is missing, or doesn't belong to poses.
+/// A column of the position or the quaternion is missing, or a column doesn't belong to poses.
 pub fn pose_position<'a>(
     layout: &'a Layout,
     columns: &[Column],
@@ -213,13 +213,13 @@ pub fn pose_position<'a>(
     layout.own.as_ref().or(layout.tracker.as_ref()).ok_or_else(|| missing("x_mm", known))
 }
 
-/// Check of a table's columns.
+/// Function that checks the columns of a table.
 type Check<'a> = &'a dyn Fn(&Layout, &[Column]) -> Result<(), TableFault>;
 
-/// A row: its line from 1, the layout of its columns, and its fields.
+/// A row: its line number from 1, the layout of its columns, and its fields.
 type Row = (usize, Rc<Layout>, Vec<String>);
 
-/// Rows of a text, and the values made from them.
+/// Reader of the rows of a text, with the values made from the rows so far.
 struct List<'a, T> {
     lines: std::iter::Enumerate<std::str::Lines<'a>>,
     reader: Reader,
@@ -227,10 +227,10 @@ struct List<'a, T> {
     expected: &'static str,
     check: Check<'a>,
     layout: Option<Rc<Layout>>,
-    /// Number of rows so far.
+    /// Number of rows read so far.
     rows: usize,
     values: Vec<T>,
-    /// Names of rows without a position.
+    /// Names of the rows left out because they have no position.
     left_out: Vec<String>,
 }
 
@@ -241,7 +241,7 @@ impl<'a, T> List<'a, T> {
         Self { lines, reader, known, expected, check, layout: None, rows: 0, values: Vec::new(), left_out: Vec::new() }
     }
 
-    /// The next row with its line from 1 and the layout of the columns.
+    /// The next row; `None` at the end of the text.
     fn next_row(&mut self) -> Result<Option<Row>, CsvError> {
         for (index, text) in self.lines.by_ref() {
             let at = |source| CsvError::Line { line: index + 1, source };
@@ -264,7 +264,7 @@ impl<'a, T> List<'a, T> {
         layout.name(row).map_or_else(|| self.rows.to_string(), str::to_owned)
     }
 
-    /// Coordinate system of the points, stated by a comment; `None` if the columns themselves name their axes.
+    /// Coordinate system of the points, as a comment states it; `None` if the columns themselves name their axes.
     fn system(&self) -> Result<Option<System>, CsvError> {
         let own = self.layout.as_ref().and_then(|layout| layout.own.as_ref());
         if own.is_some_and(|position| position.frame == Frame::Patient) {
@@ -273,15 +273,15 @@ impl<'a, T> List<'a, T> {
         self.reader.system().map_err(|source| CsvError::Line { line: 1, source })
     }
 
-    /// Whether a row of points has no position, by its column `defined` or by the status that 3D Slicer appends after
-    /// the named columns: 2 is a defined position.
+    /// Whether a row of points has no position. Either its column `defined` says so, or the status that 3D Slicer
+    /// appends after the named columns is 0, 1 or 3; 2 means a defined position.
     fn is_left_out(&self, layout: &Layout, row: &[String]) -> bool {
         let status = row.get(self.reader.columns().len());
         layout.is_undefined(row) || status.is_some_and(|status| ["0", "1", "3"].contains(&status.as_str()))
     }
 
-    /// The values, if there are any. `system` is the coordinate system of a list of 3D Slicer. `what` names the
-    /// content that rows without a value lack.
+    /// All values, with notes. `system` is the coordinate system of a list of 3D Slicer. `what` names the missing
+    /// content if no row has a value.
     fn finish(self, system: Option<System>, what: &'static str) -> Result<Listed<T>, CsvError> {
         if self.values.is_empty() {
             return Err(match self.rows {
@@ -327,7 +327,7 @@ fn of_markups(text: &str) -> Result<Listed<Named<DVec3>>, CsvError> {
     Ok(Listed { values, in_lps: true, notes: left_out_note(&left_out).into_iter().collect() })
 }
 
-/// Note about points without a position, if there are any.
+/// Note that lists the points left out; `None` if there are none.
 fn left_out_note(names: &[String]) -> Option<String> {
     (!names.is_empty()).then(|| format!("points without a position were left out: {}", names.join(", ")))
 }

@@ -14,40 +14,41 @@ use super::stuck::StuckWatch;
 use super::tracking::{TrackingClock, TrackingState};
 use super::{Measurement, Pose, QUATERNION_NORM_TOLERANCE, Reading, TimedPose};
 
-/// Number of poses kept: one second at 60 poses per second, for displays that lag.
+/// Number of poses in the history: one second at 60 poses per second, for displays that lag.
 const HISTORY: usize = 64;
 
-/// Gap after which the filter restarts, s.
+/// Gap between measurements after which the filter restarts, s.
 const FILTER_GAP_S: f64 = 0.5;
 
-/// Largest decrease of `now` between two samples, ns, that doesn't count as a clock set back.
+/// Largest decrease of `now` between two samples, ns, that does not yet mean that the clock was set back.
 const NOW_JITTER_NS: u64 = 20_000_000;
 
-/// Estimate of the probe's pose at a display time. It accompanies its frame through the pipeline.
+/// Estimate of the probe's pose at a display time. It accompanies its frame from rendering to display.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Estimate {
-    /// Filtered and predicted pose; none before the first measurement and while tracking is lost.
+    /// Filtered and predicted pose; `None` before the first measurement and while tracking is lost.
     pub scene_from_probe: Option<Pose>,
     /// Tracking state of the pose.
     pub state: TrackingState,
-    /// Arrival of the first byte of the newest measurement, ns since 1970 (UTC); none without a tracker.
+    /// Arrival of the newest measurement's first byte, ns since 1970 (UTC); `None` without a tracker.
     pub first_byte_ns: Option<u64>,
-    /// Number of measurements that became poses, up to the newest one.
+    /// Number of measurements so far that became poses.
     pub measurements: u64,
-    /// Latest displacement that a second measurement had to confirm; none before the first one.
+    /// Latest [`Jump`] of the session; `None` before the first one.
     pub jump: Option<Jump>,
-    /// Prediction beyond the newest measurement, ms.
+    /// Time by which the pose is predicted beyond the newest measurement, ms.
     pub predicted_ms: f64,
-    /// Speed of the probe at the newest measurement; none if that is too old to describe the current motion.
+    /// Speed of the probe at the newest measurement; `None` if that measurement is too old to describe the current
+    /// motion.
     pub speed: Option<Speed>,
 }
 
-/// A displacement beyond the reach of a hand, confirmed by a second measurement.
+/// A displacement farther than a hand moves in the time, confirmed by a second measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Jump {
-    /// Number among the jumps of the session, from 1.
+    /// Number of the jump in the session, from 1.
     pub number: u64,
-    /// Arrival of the first byte of the measurement that was held back until the next one confirmed it, ns since 1970 (UTC).
+    /// First-byte arrival of the measurement that was held back until the next one confirmed it, ns since 1970 (UTC).
     pub first_byte_ns: u64,
 }
 
@@ -67,14 +68,14 @@ pub struct Estimator {
     tracking: TrackingClock,
     history: PoseRing,
     counters: Counters,
-    /// Latest motion.
+    /// Motion at the newest measurement.
     motion: Option<Motion>,
-    /// Regressed and raw time of the latest measurement, ns.
+    /// Regressed time and arrival time of the newest measurement, ns.
     newest: Option<(u64, u64)>,
-    /// Raw time of the latest spike, ns.
+    /// Arrival time of the latest spike, ns.
     spike_ns: u64,
     jump: Option<Jump>,
-    /// `now` of the last sample, ns.
+    /// `now` of the last call of `sample`, ns.
     last_now_ns: Option<u64>,
 }
 
@@ -108,8 +109,8 @@ impl Estimator {
 
     /// Takes the next measurement. Unusable measurements are dropped and counted.
     ///
-    /// A puck sends nothing at rest. Push zero [`Reading::Rates`] when its device is opened: it is then tracked from
-    /// the initial pose on.
+    /// A puck (a SpaceMouse) sends nothing at rest. Push zero [`Reading::Rates`] when its device is opened: the probe
+    /// is then tracked from the initial pose on.
     pub fn push(&mut self, measurement: &Measurement) {
         self.counters.measurements += 1;
         if !is_valid(&measurement.reading) {
@@ -152,7 +153,7 @@ impl Estimator {
         self.counters.stuck += u64::from(
             !matches!(measurement.reading, Reading::Rates { .. }) && self.stuck.push(&measurement.reading, time_ns),
         );
-        // Time since the last used measurement, s; `None` for the first and after a clock jump.
+        // Time since the last used measurement, s; `None` for the first one and after a clock jump.
         let dt_s = self.newest.map(|(last_ns, _)| time_ns.saturating_sub(last_ns) as f64 * 1e-9);
         let Counters { spikes, jumps, .. } = self.counters;
         let motion = self.motion_of(&measurement.reading, time_ns, dt_s);
@@ -172,7 +173,8 @@ impl Estimator {
         self.tracking.seen(time_ns, resting);
     }
 
-    /// Records a disconnection of the device: a resting puck is no longer tracked, a deflected one counts as released.
+    /// Records that the device is disconnected: a resting puck is no longer tracked, a deflected one counts as
+    /// released.
     pub fn disconnected(&mut self) {
         self.tracking.interrupted();
         self.rates.release();
@@ -181,7 +183,8 @@ impl Estimator {
         }
     }
 
-    /// Pose to show at `display_ns`, from the information at `now_ns`.
+    /// Pose to show at `display_ns`, estimated from the measurements pushed so far, with the tracking state at
+    /// `now_ns`.
     ///
     /// For a time after the newest measurement, the pose is predicted by at most
     /// [`FilterSettings::prediction_ms`](super::FilterSettings). For an earlier time, it is interpolated.
@@ -213,7 +216,7 @@ impl Estimator {
         estimate
     }
 
-    /// Motion of the probe from a reading; `None` for a spike.
+    /// Motion of the probe from a reading `dt_s` after the last one; `None` if the reading gives no pose or is a spike.
     fn motion_of(&mut self, reading: &Reading, time_ns: u64, dt_s: Option<f64>) -> Option<Motion> {
         let calibration = &self.settings.calibration;
         let pose = match *reading {
@@ -235,7 +238,7 @@ impl Estimator {
             self.gate.reset();
             self.filter.reset();
         }
-        // As seconds, f64 resolves ns since 1970 to 0.2 µs.
+        // In seconds since 1970, f64 resolves 0.2 µs.
         match self.gate.push(pose, time_ns as f64 * 1e-9) {
             Gate::Passed => {}
             Gate::Spike => {
@@ -250,7 +253,7 @@ impl Estimator {
         Some(self.filter.push(pose, dt_s.unwrap_or(0.0)))
     }
 
-    /// `now` on a non-decreasing clock. If the host's clock was set back, all stored times are moved back, too.
+    /// `now_ns` on a non-decreasing clock. If the host's clock was set back, all stored times are moved back, too.
     fn host_now(&mut self, now_ns: u64) -> u64 {
         let last_ns = self.last_now_ns.unwrap_or(now_ns);
         let back_ns = last_ns.saturating_sub(now_ns);

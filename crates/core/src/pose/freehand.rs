@@ -4,13 +4,13 @@ use glam::{DQuat, DVec3, EulerRot};
 
 use crate::random::SplitMix64;
 
-/// RMS tremor of a hand that rests on the skin, mm per axis (assumed).
+/// RMS tremor along each axis of a hand that rests on the skin, mm (assumed).
 pub const TREMOR_MM: f64 = 0.3;
 
-/// RMS tremor about each axis, degrees (assumed).
+/// RMS tremor about each axis of a hand that rests on the skin, degrees (assumed).
 pub(crate) const TREMOR_DEG: f64 = 0.5;
 
-/// Band of the tremor, Hz: from slow drift to the physiological tremor of a hand.
+/// Frequency band of the tremor, Hz: from slow drift to the physiological tremor of a hand.
 const TREMOR_BAND_HZ: (f64, f64) = (0.3, 9.0);
 
 /// Number of sinusoids per component of the tremor.
@@ -23,13 +23,13 @@ pub struct Waypoint {
     pub arrive_s: f64,
     /// Time of departure, s from the start.
     pub leave_s: f64,
-    /// Point in view, mm.
+    /// Scene point at which the probe looks, mm.
     pub target_mm: DVec3,
-    /// Turns probe axes into scene axes.
+    /// Orientation of the probe: turns probe axes into scene axes.
     pub orientation: DQuat,
 }
 
-/// Point in view (mm) and orientation of the probe `time_s` after the start; `None` without waypoints.
+/// Target point (mm) and orientation of the probe `time_s` after the start; `None` without waypoints.
 ///
 /// `waypoints` must ascend in time. Between two waypoints, the target moves on a line and the probe turns on the
 /// shorter arc, both with minimum jerk (Flash & Hogan, J Neurosci 5:1688, 1985).
@@ -46,7 +46,8 @@ pub fn view_at(waypoints: &[Waypoint], time_s: f64) -> Option<(DVec3, DQuat)> {
     Some((from.target_mm.lerp(to.target_mm, s), orientation))
 }
 
-/// Fraction of the path after the fraction `t` of the time, 0..=1; velocity and acceleration vanish at both ends.
+/// Fraction of a minimum-jerk path covered after the fraction `t` of the time, 0..=1. Velocity and acceleration vanish
+/// at both ends.
 pub fn minimum_jerk(t: f64) -> f64 {
     let t = t.clamp(0.0, 1.0);
     t * t * t * (10.0 + t * (-15.0 + t * 6.0))
@@ -55,7 +56,7 @@ pub fn minimum_jerk(t: f64) -> f64 {
 /// Tremor of a hand: band-limited noise from a seed.
 #[derive(Debug, Clone)]
 pub struct Tremor {
-    /// Amplitude, angular frequency (rad/s) and phase of each partial of each of six components.
+    /// Amplitude, angular frequency (rad/s) and phase of each sinusoid, for three translations and three rotations.
     components: [[(f64, f64, f64); TREMOR_PARTIALS]; 6],
 }
 
@@ -66,7 +67,7 @@ impl Tremor {
         let (low, high) = TREMOR_BAND_HZ;
         let components = std::array::from_fn(|_| {
             let mut partials: [_; TREMOR_PARTIALS] = std::array::from_fn(|i| {
-                // The frequencies are spread over equal logarithmic parts of the band; displacement falls as 1/f.
+                // Each sinusoid has its own part of the band, of equal logarithmic width. Displacement falls as 1/f.
                 let part = (i as f64 + random.unit()) / TREMOR_PARTIALS as f64;
                 let frequency_hz = low * (high / low).powf(part);
                 (1.0 / frequency_hz, std::f64::consts::TAU * frequency_hz, std::f64::consts::TAU * random.unit())
@@ -124,7 +125,7 @@ mod tests {
             let speed = (x(t + h) - x(t - h)) / (2.0 * h);
             let acceleration = (x(t + h) - 2.0 * x(t) + x(t - h)) / (h * h);
             fastest = fastest.max(speed);
-            // Minimum jerk over 10 mm in 2 s: peaks of 15/8·d/T and 10/√3·d/T².
+            // Minimum jerk over d = 10 mm in T = 2 s peaks at a speed of 15/8·d/T and an acceleration of 10/√3·d/T².
             assert!(speed >= -1e-9 && acceleration.abs() < 5.78 * 10.0 / 4.0, "{t}: {speed} {acceleration}");
         }
         assert!((fastest - 1.875 * 5.0).abs() < 0.01, "{fastest}");

@@ -2,10 +2,10 @@
 
 use super::Pose;
 
-/// A pose and its time of measurement.
+/// A pose and its time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimedPose {
-    /// Arrival of the first byte at the host, ns since 1970 (UTC).
+    /// Arrival of the measurement's first byte at the host, ns since 1970 (UTC).
     pub host_time_ns: u64,
     /// Clock of the tracker, µs from its own origin.
     pub device_time_us: u64,
@@ -13,10 +13,11 @@ pub struct TimedPose {
     pub pose: Pose,
 }
 
-/// Pose at `host_time_ns`, interpolated between its neighbours: linear in position, on the shorter arc in rotation.
+/// Pose at `host_time_ns`, interpolated between its neighbours in time: linear in position, on the shorter arc in
+/// rotation.
 ///
-/// `poses` must ascend in host time; among poses of equal time, the last is used. `None` outside their time range, and
-/// within a gap longer than `gap_limit_ns`, where the probe's motion is unknown.
+/// `poses` must ascend in host time; among poses of equal time, the last is used. `None` outside the time range of
+/// `poses`, and within a gap longer than `gap_limit_ns`, where the probe's motion is unknown.
 pub fn interpolate(poses: &[TimedPose], host_time_ns: u64, gap_limit_ns: u64) -> Option<Pose> {
     let after = poses.partition_point(|p| p.host_time_ns <= host_time_ns);
     let before = poses.get(after.checked_sub(1)?)?;

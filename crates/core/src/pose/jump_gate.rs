@@ -3,17 +3,17 @@
 use super::Pose;
 use super::transform::angle_between;
 
-/// Shortest interval for computing a speed, s: between records of one message, noise would look like speed.
+/// Shortest interval over which a speed is computed, s: between records of one message, noise would look like speed.
 const LEAST_S: f64 = 0.01;
 
 /// Verdict on a pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Gate {
-    /// Reachable by a hand.
+    /// Within a hand's reach of the last pose.
     Passed,
-    /// Out of reach for a hand; the next pose decides.
+    /// Out of a hand's reach; it is held back, and the next pose decides.
     Spike,
-    /// Out of reach for a hand, but confirmed by a second pose nearby.
+    /// Out of a hand's reach, but near the pose held back before.
     Jumped,
 }
 
@@ -29,7 +29,7 @@ pub struct JumpGate {
 }
 
 impl JumpGate {
-    /// Gate with these limits of a hand's speed.
+    /// Gate with these limits of a hand's translational and angular speed.
     pub fn new(max_speed_mm_s: f64, max_speed_deg_s: f64) -> Self {
         Self { max_speed_mm_s, max_speed_rad_s: max_speed_deg_s.to_radians(), last: None, spike: None }
     }
@@ -40,7 +40,7 @@ impl JumpGate {
         self.spike = None;
     }
 
-    /// Judges the pose at `time_s`, on a clock that rises.
+    /// Judges the pose at `time_s`; times must rise.
     pub fn push(&mut self, pose: Pose, time_s: f64) -> Gate {
         let near = |from: &Option<(Pose, f64)>| from.is_some_and(|from| self.is_reachable(&from, &pose, time_s));
         let verdict = if self.last.is_none() || near(&self.last) {

@@ -5,10 +5,10 @@ use thiserror::Error;
 
 use super::Pose;
 
-/// Conditions for a still tip.
+/// Conditions under which a tip counts as still.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StillSettings {
-    /// Number of poses to average.
+    /// Number of consecutive poses that must be still; they are averaged.
     pub samples: usize,
     /// Largest accepted distance of a tip position from the mean, mm.
     pub tolerance_mm: f64,
@@ -26,9 +26,9 @@ impl Default for StillSettings {
 /// Touched landmark in the tracker's frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Touched {
-    /// Mean position of the tip, mm.
+    /// Mean position of the tip in the tracker's frame, mm.
     pub tracker_mm: DVec3,
-    /// RMS distance of the tip from its mean, mm.
+    /// RMS distance of the tip from its mean position, mm.
     pub rms_mm: f64,
 }
 
@@ -48,18 +48,18 @@ pub enum LandmarkError {
         "the tip moved by {best_mm:.2} mm from its mean at best in {poses} poses; hold it within {tolerance_mm} mm for {samples} poses"
     )]
     Unsteady {
-        /// Smallest spread found, mm.
+        /// Smallest distance from its mean within which the tip stayed for the needed number of poses, mm.
         best_mm: f64,
         /// Poses examined.
         poses: usize,
-        /// Accepted spread, mm.
+        /// Largest accepted distance of the tip from its mean, mm.
         tolerance_mm: f64,
         /// Poses needed.
         samples: usize,
     },
 }
 
-/// Mean tip position over the first stretch of `tracker_from_sensor` in which the tip is still.
+/// Mean tip position over the first poses in which the tip is still. The poses are `tracker_from_sensor` of the stylus.
 ///
 /// The poses may come from a live tracker or a recording; no more are taken than needed. `tip_mm` is in the sensor's
 /// frame.

@@ -1,4 +1,4 @@
-//! Registration with named landmarks, as text for people and as JSON.
+//! Registration of tracker and scene by named landmarks, as text for people and as JSON.
 
 use std::fmt;
 
@@ -11,14 +11,14 @@ use super::mix_up::MixUp;
 use super::registration::{PointPair, RegistrationError, register};
 use super::{Fitted, Pose};
 
-/// Fit of named landmarks. [`Display`](fmt::Display) formats landmarks, residual and transform.
+/// Fit of named landmarks. [`Display`](fmt::Display) shows landmarks, residuals and transform.
 #[derive(Debug, Clone, Serialize)]
 pub struct LandmarkFit {
     scene_from_tracker: Transform,
     rms_mm: f64,
     /// Whether all landmarks are near one plane: a mirrored tracker axis then cannot be detected.
     pub coplanar: bool,
-    /// Likely mix-up of landmarks that are accepted nevertheless, in words.
+    /// Likely mix-up of landmarks in words, although the fit is accepted; `None` if none is likely.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub likely: Option<String>,
     landmarks: Vec<Row>,
@@ -29,7 +29,7 @@ pub struct LandmarkFit {
 #[derive(Debug, Clone, Serialize)]
 struct Transform {
     position_mm: [f64; 3],
-    /// `[qw, qx, qy, qz]`.
+    /// Rotation of the transform, `[qw, qx, qy, qz]`.
     quaternion: [f64; 4],
 }
 
@@ -44,31 +44,31 @@ struct Row {
 /// Reason for refusing a fit.
 #[derive(Debug, Error)]
 pub enum LandmarkFitError {
-    /// The landmarks give no fit.
+    /// The landmarks determine no transform.
     #[error(transparent)]
     Registration(#[from] RegistrationError),
-    /// No fit, with a likely explanation.
+    /// The landmarks determine no transform, and a mix-up is the likely reason.
     #[error("{source}; {likely}")]
     MixedUp {
-        /// Fault.
+        /// Reason why they determine none.
         source: RegistrationError,
-        /// Explanation.
+        /// Likely mix-up in words.
         likely: String,
     },
-    /// A fit whose residual is too large.
+    /// The RMS residual of the fit is too large.
     #[error(
         "the landmarks fit with an RMS residual of {rms_mm:.2} mm, more than --max-rms {max_rms_mm}; the worst is `{worst}`, off by {worst_mm:.2} mm{likely}\n{table}"
     )]
     TooFar {
         /// RMS residual, mm.
         rms_mm: f64,
-        /// Greatest accepted, mm.
+        /// Largest accepted RMS residual, mm.
         max_rms_mm: f64,
-        /// Landmark of the largest residual.
+        /// Landmark with the largest residual.
         worst: String,
         /// Residual of that landmark, mm.
         worst_mm: f64,
-        /// Likely explanation, ready to print, or empty.
+        /// Likely explanation as text to append, or empty.
         likely: String,
         /// Table of the landmarks, as text.
         table: String,
@@ -76,7 +76,7 @@ pub enum LandmarkFitError {
 }
 
 impl LandmarkFit {
-    /// Fits landmarks; refuses an RMS residual above `max_rms_mm`.
+    /// Fits named landmarks; refuses an RMS residual above `max_rms_mm`.
     ///
     /// # Errors
     /// The errors of [`register`], or a residual above the limit.
@@ -123,11 +123,11 @@ impl LandmarkFit {
     }
 }
 
-/// Fewest landmarks whose residuals are informative.
+/// Smallest number of landmarks whose residuals are informative.
 const RESIDUALS_FROM: usize = 4;
 
-/// Lines of text about the fit of the landmarks touched so far: residuals from the fourth landmark on, and a likely
-/// mix-up.
+/// Lines of text about the fit of the landmarks touched so far: residuals if there are at least four landmarks, and a
+/// likely mix-up.
 pub fn fit_so_far(pairs: &[Named<PointPair>]) -> Vec<String> {
     let points: Vec<PointPair> = pairs.iter().map(|pair| pair.value).collect();
     let mut lines = Vec::new();

@@ -1,42 +1,44 @@
-//! Mixed-up landmarks: two touched in exchanged order, one touched elsewhere, or one touched twice.
+//! Mix-ups of landmarks: two touched in exchanged order, one touched elsewhere, or two touched at one position.
 
 use super::csv::Named;
 use super::registration::{PointPair, rms_of_fit};
 
-/// Fewest landmarks among which an exchange can be found. Among four, exchanging the other two fits equally well.
+/// Smallest number of landmarks among which an exchange can be found. Among four, exchanging the other two fits equally
+/// well.
 const EXCHANGE_FROM: usize = 5;
 
-/// Fewest landmarks among which a single wrong one can be found: the others must be more than a fit needs.
+/// Smallest number of landmarks among which a single wrong one can be found: the others must be more than the three
+/// that a fit needs.
 const SINGLE_FROM: usize = 5;
 
-/// An explanation must reduce the RMS residual to less than this fraction, and by more than this many mm.
+/// An explanation must reduce the RMS residual to less than this fraction of it, and by more than this many mm.
 const EXPLAINS: (f64, f64) = (0.4, 2.0);
 
-/// Further explanations are named if their RMS residual is within this factor and this many mm of the best one.
+/// Further explanations are named if their RMS residual is less than this factor times that of the best one, plus this
+/// many mm.
 const AS_GOOD: (f64, f64) = (1.5, 1.0);
 
-/// Smallest distance of two landmarks in the scene, mm, at which a touch of one can't be meant for the other.
+/// Distance of two landmarks in the scene, mm, above which the user can't mistake one for the other.
 const APART_MM: f64 = 15.0;
 
-/// Distance between two touches, mm in the tracker's frame, below which they were at one position.
+/// Distance between two touches in the tracker's frame, mm, below which they count as one position.
 const TOGETHER_MM: f64 = 4.0;
 
 /// Likely explanation of landmarks that don't fit.
 #[derive(Debug, Clone, PartialEq)]
 pub enum MixUp {
-    /// Two landmarks were touched in exchanged order. Has the likely pairs, best first, and the RMS residual after the
-    /// first exchange, mm.
+    /// Two landmarks were touched in exchanged order.
     Exchanged {
-        /// Indices of each likely pair.
+        /// Indices of the landmarks in each likely pair, the best pair first.
         pairs: Vec<[usize; 2]>,
-        /// RMS residual, mm.
+        /// RMS residual after exchanging the first pair, mm.
         rms_mm: f64,
     },
-    /// One landmark was touched elsewhere. Has the RMS residual of the other landmarks, mm.
+    /// One landmark was touched elsewhere.
     Single {
         /// Index of the landmark.
         index: usize,
-        /// RMS residual, mm.
+        /// RMS residual of the other landmarks, mm.
         rms_mm: f64,
     },
     /// Two landmarks were touched at one position.
@@ -45,13 +47,13 @@ pub enum MixUp {
         pair: [usize; 2],
         /// Distance between the touches, mm.
         touched_mm: f64,
-        /// Distance in the scene, mm.
+        /// Distance of the landmarks in the scene, mm.
         scene_mm: f64,
     },
 }
 
 impl MixUp {
-    /// The likely explanation of landmarks that don't fit; none if they fit, or if nothing explains it.
+    /// Likely explanation of landmarks that don't fit; `None` if they fit, or if no mix-up explains the misfit.
     pub fn of(pairs: &[PointPair]) -> Option<Self> {
         if let Some(same) = same(pairs) {
             return Some(same);
@@ -70,7 +72,7 @@ impl MixUp {
         }
     }
 
-    /// Explanation in words.
+    /// The explanation in words. `names` are the landmarks in the order of the indices.
     pub fn describe<T>(&self, names: &[Named<T>]) -> String {
         let name = |index: usize| names.get(index).map_or("?", |named| named.name.as_str());
         match self {
@@ -94,13 +96,13 @@ impl MixUp {
     }
 }
 
-/// Two landmarks that were touched at one position.
+/// First two landmarks that were touched at one position; `None` if there are none.
 fn same(pairs: &[PointPair]) -> Option<MixUp> {
     for (a, first) in pairs.iter().enumerate() {
         for (b, second) in pairs.iter().enumerate().skip(a + 1) {
             let scene_mm = first.scene_mm.distance(second.scene_mm);
             let touched_mm = first.tracker_mm.distance(second.tracker_mm);
-            // A wrong unit makes all distances small.
+            // Not if all touches are close together, since a wrong unit causes that.
             let is_unit = pairs.len() > 2 && pairs.iter().all(|p| p.tracker_mm.distance(first.tracker_mm) < APART_MM);
             if scene_mm > APART_MM && touched_mm < TOGETHER_MM && !is_unit {
                 return Some(MixUp::Same { pair: [a, b], touched_mm, scene_mm });
@@ -110,7 +112,7 @@ fn same(pairs: &[PointPair]) -> Option<MixUp> {
     None
 }
 
-/// The pairs whose exchange fits best, and the RMS residual after exchanging the first pair, mm.
+/// Pairs of landmarks whose exchange fits best, and the RMS residual after exchanging the first pair, mm.
 fn exchanged(pairs: &[PointPair]) -> Option<(Vec<[usize; 2]>, f64)> {
     if pairs.len() < EXCHANGE_FROM {
         return None;
@@ -130,7 +132,7 @@ fn exchanged(pairs: &[PointPair]) -> Option<(Vec<[usize; 2]>, f64)> {
     Some((as_good.map(|(pair, _)| *pair).collect(), best))
 }
 
-/// The landmark without which the others fit best, and their RMS residual, mm.
+/// Index of the landmark without which the others fit best, and the others' RMS residual, mm.
 fn single(pairs: &[PointPair]) -> Option<(usize, f64)> {
     if pairs.len() < SINGLE_FROM {
         return None;

@@ -59,7 +59,8 @@ pub const QUATERNION_NORM_TOLERANCE: f64 = 1e-3;
 /// Largest accepted deviation of a rotation matrix from an orthonormal one: some programs print only four decimals.
 pub const ROTATION_TOLERANCE: f64 = 1e-3;
 
-/// Largest accepted coordinate, mm: at one kilometre, f32 resolves 0.06 mm, too coarse for an echo's phase.
+/// Largest accepted coordinate, mm. Much larger ones are too coarse for an echo's phase: at one kilometre, f32 resolves
+/// 0.06 mm.
 pub const POSITION_LIMIT_MM: f64 = 1.0e5;
 
 /// Reason why seven numbers are not a pose.
@@ -68,15 +69,15 @@ pub enum PoseError {
     /// A component is NaN or infinite.
     #[error("pose component `{name}` is {value}; every component must be a finite number")]
     NotFinite {
-        /// Component, one of x y z qw qx qy qz.
+        /// Component: one of x y z qw qx qy qz.
         name: &'static str,
-        /// Its value.
+        /// Value of the component.
         value: f64,
     },
-    /// The quaternion is not a unit one.
+    /// The quaternion does not have norm 1.
     #[error("the pose's quaternion (qw,qx,qy,qz) has norm {norm:.6}; it must be 1 within {QUATERNION_NORM_TOLERANCE}")]
     NotUnit {
-        /// The norm found.
+        /// Norm found.
         norm: f64,
     },
     /// The position is too far from the scene's origin.
@@ -84,15 +85,15 @@ pub enum PoseError {
         "pose component `{name}` is {value} mm; positions reach ±{POSITION_LIMIT_MM} mm from the scene's origin (is the unit wrong?)"
     )]
     TooFar {
-        /// Component, one of x y z.
+        /// Component: one of x y z.
         name: &'static str,
-        /// Its value.
+        /// Value of the component, mm.
         value: f64,
     },
     /// A matrix that is not a rotation.
     #[error("the matrix is no rotation: {fault}")]
     NotRotation {
-        /// Its fault.
+        /// Fault of the matrix.
         fault: &'static str,
     },
     /// Not seven comma-separated numbers.
@@ -103,8 +104,8 @@ pub enum PoseError {
     },
 }
 
-/// Rigid transform `scene_from_probe`: position and orientation of the probe in the scene. Other rigid transforms also
-/// use this type; their names are `a_from_b`.
+/// Rigid transform `scene_from_probe`: position and orientation of the probe in the scene. Other rigid transforms have
+/// this type, too; variables are named `a_from_b` for the transform from frame b to frame a.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Pose {
     /// Centre of the transducer's face in the scene, mm.
@@ -154,7 +155,7 @@ impl Pose {
     /// invalid as for [`from_components`](Self::from_components).
     pub fn from_matrix(rotation: DMat3, position_mm: DVec3) -> Result<Self, PoseError> {
         let DMat3 { x_axis: x, y_axis: y, z_axis: z } = rotation;
-        // NaN fails the comparisons.
+        // Comparisons with NaN are false, so NaN is refused.
         let is_unit = |v: DVec3| (v.length() - 1.0).abs() <= ROTATION_TOLERANCE;
         let is_square = |a: DVec3, b: DVec3| a.dot(b).abs() <= ROTATION_TOLERANCE;
         let fault = if !(is_unit(x) && is_unit(y) && is_unit(z)) {

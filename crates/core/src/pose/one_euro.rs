@@ -11,7 +11,7 @@ use glam::DVec3;
 use super::transform::rotation_vector;
 use super::{FilterSettings, Pose};
 
-/// A pose and its velocities.
+/// A pose with its velocities.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Motion {
     /// The pose.
@@ -33,7 +33,7 @@ impl Motion {
 #[derive(Debug, Clone)]
 pub(crate) struct OneEuro {
     settings: FilterSettings,
-    /// Last raw pose, and last filtered motion.
+    /// Last raw pose and last filtered motion; `None` before the first pose.
     state: Option<(Pose, Motion)>,
 }
 
@@ -48,7 +48,7 @@ impl OneEuro {
         self.state = None;
     }
 
-    /// Filters the pose `dt_s` after the last one. Returns the last motion if `dt_s` is not positive.
+    /// Filters a pose that was measured `dt_s` after the last one. Returns the last motion if `dt_s` is not positive.
     pub(crate) fn push(&mut self, pose: Pose, dt_s: f64) -> Motion {
         let Some((raw, filtered)) = self.state else {
             let motion = Motion::at_rest(pose);
@@ -62,7 +62,7 @@ impl OneEuro {
         let speed_part = smoothing(c.speed_cutoff_hz, dt_s);
         let velocity = (pose.position_mm - raw.position_mm) / dt_s;
         let velocity_mm_s = filtered.velocity_mm_s.lerp(velocity, speed_part);
-        // The shorter arc: q and −q are one rotation.
+        // The rotation is on the shorter arc: q and −q are one rotation.
         let angular_velocity = rotation_vector(pose.orientation * raw.orientation.conjugate()) / dt_s;
         let angular_velocity_rad_s = filtered.angular_velocity_rad_s.lerp(angular_velocity, speed_part);
 
@@ -77,8 +77,8 @@ impl OneEuro {
     }
 }
 
-/// Weight of the new value in a first-order low-pass filter of `cutoff_hz` after `dt_s`: α = 1/(1 + τ/dt), τ =
-/// 1/(2πf).
+/// Weight of the new value in a first-order low-pass filter of cutoff f = `cutoff_hz` after dt = `dt_s`: α = 1/(1 +
+/// τ/dt) with τ = 1/(2πf).
 pub(crate) fn smoothing(cutoff_hz: f64, dt_s: f64) -> f64 {
     let tau_s = 1.0 / (TAU * cutoff_hz);
     dt_s / (dt_s + tau_s)

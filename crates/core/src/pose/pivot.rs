@@ -1,4 +1,5 @@
-//! Pivot calibration: the tip of a stylus in its sensor's frame, found by turning the stylus about its resting tip.
+//! Pivot calibration: finds the tip of a stylus in the frame of its sensor. The stylus is turned about its tip, which
+//! rests in a dimple.
 //!
 //! Every pose (R, t) puts the tip at the pivot: R·tip + t = pivot. Subtracting the mean eliminates the pivot: (R −
 //! R̄)·tip = −(t − t̄), linear least squares with three unknowns ("algebraic two-step" in Yaniv, Which pivot
@@ -14,19 +15,19 @@ use thiserror::Error;
 use super::Pose;
 use super::transform::angle_between;
 
-/// Smallest number of poses.
+/// Smallest accepted number of poses.
 const LEAST_POSES: usize = 10;
 
 /// Smallest accepted rotation between the two most different poses, degrees.
 const LEAST_TURN_DEG: f64 = 30.0;
 
-/// Largest accepted condition number.
+/// Largest accepted condition number of the least-squares problem.
 const CONDITION_LIMIT: f64 = 25.0;
 
 /// A calibrated tip.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Pivot {
-    /// The tip in the frame of the sensor, mm.
+    /// The tip in the frame of its sensor, mm.
     pub tip_mm: DVec3,
     /// Position of the resting tip in the tracker's frame, mm.
     pub pivot_mm: DVec3,
@@ -38,40 +39,42 @@ pub struct Pivot {
     pub tip_error_mm: f64,
     /// Condition number of the least-squares problem; 1 is best, for rotations about all axes.
     pub condition: f64,
-    /// Largest rotation found between two poses, degrees; at least half of the true maximum.
+    /// Largest rotation found between two poses, degrees: a lower bound, at least half of the true maximum.
     pub turn_deg: f64,
-    /// Poses used.
+    /// Number of poses used.
     pub poses: usize,
 }
 
-/// Distance of a tip from its sensor, mm, below which positions are likely in metres.
+/// Distance of a tip from its sensor, mm, below which the positions are likely in metres.
 pub const METRES_BELOW_MM: f64 = 1.0;
 
-/// Distance of a dimple from the tracker, mm, below which positions are likely in metres.
+/// Distance of a dimple from the tracker, mm, below which the positions are likely in metres.
 const DIMPLE_BELOW_MM: f64 = 20.0;
 
 impl Pivot {
-    /// Whether the positions were likely in metres: the tip is then a fraction of a millimetre from the sensor, and
-    /// the dimple a few millimetres from the tracker. A tool whose origin is its tip is far from the tracker.
+    /// Whether the positions were likely in metres: the tip then seems to be a fraction of a millimetre from the
+    /// sensor, and the dimple a few millimetres from the tracker. A tool whose origin is its tip is nevertheless far
+    /// from the tracker.
     pub fn looks_like_metres(&self) -> bool {
         self.tip_mm.length() < METRES_BELOW_MM && self.pivot_mm.length() < DIMPLE_BELOW_MM
     }
 }
 
-/// A quaternion rewritten from another component order or convention.
+/// Rewrites a quaternion from another component order or convention.
 type Rewrite = fn(DQuat) -> DQuat;
 
-/// Ways of misreading quaternions, each with its remedy.
+/// Ways in which quaternions are misread: the remedy in words, and the function that applies it.
 const MISREADINGS: [(&str, Rewrite); 3] = [
     ("read as x,y,z,w (the columns are qx,qy,qz,qw)", |q| DQuat::from_xyzw(q.w, q.x, q.y, q.z)),
     ("read as w,x,y,z (the columns are qw,qx,qy,qz)", |q| DQuat::from_xyzw(q.y, q.z, q.w, q.x)),
     ("with the opposite turn (conjugate: negate qx, qy and qz)", |q| q.conjugate()),
 ];
 
-/// A misreading must reduce the RMS residual below this fraction, and below this many mm.
+/// Undoing a misreading must reduce the RMS residual to less than this fraction of it, and below this many mm.
 const MISREAD: (f64, f64) = (0.3, 3.0);
 
-/// Misreading of the quaternions under which a seemingly moving tip rests, in words; `None` if none explains it.
+/// Finds the misreading of the quaternions without which the seemingly moving tip rests. Returns it in words; `None` if
+/// no misreading explains the movement.
 pub fn misreading(tracker_from_sensor: &[Pose]) -> Option<String> {
     let rms_mm = |poses: &[Pose]| calibrate(poses).map_or(f64::INFINITY, |found| found.rms_mm);
     let limit_mm = MISREAD.1.min(MISREAD.0 * rms_mm(tracker_from_sensor));
@@ -83,7 +86,7 @@ pub fn misreading(tracker_from_sensor: &[Pose]) -> Option<String> {
     Some(format!("the quaternions were likely misread: {what}, the point rests within {rms_mm:.2} mm RMS"))
 }
 
-/// `fault` of poses, followed by a misreading of their quaternions that explains it.
+/// Text of `fault`, followed by the misreading of quaternions that explains it, if there is one.
 pub fn explained(fault: impl fmt::Display, tracker_from_sensor: &[Pose]) -> String {
     misreading(tracker_from_sensor).map_or_else(|| fault.to_string(), |likely| format!("{fault}; {likely}"))
 }
@@ -105,7 +108,7 @@ pub enum PivotError {
     /// Too few poses.
     #[error("{found} poses are too few: a pivot calibration needs at least {LEAST_POSES}, better a few hundred")]
     TooFew {
-        /// Poses given.
+        /// Number of poses given.
         found: usize,
     },
     /// Too little rotation.
@@ -113,7 +116,7 @@ pub enum PivotError {
         "the stylus was turned by {turn_deg:.1}° only; tilt it by at least {LEAST_TURN_DEG}° to all sides while its tip rests"
     )]
     TooLittleTurn {
-        /// Largest rotation, degrees.
+        /// Largest rotation found, degrees.
         turn_deg: f64,
     },
     /// Rotation about one axis only.
@@ -121,7 +124,7 @@ pub enum PivotError {
         "the stylus was turned about nearly one axis (condition number {condition:.0}, at most {CONDITION_LIMIT}): the tip's place along it is unknown; tilt it to all sides"
     )]
     OneAxis {
-        /// Condition number.
+        /// Condition number found.
         condition: f64,
     },
 }
@@ -149,7 +152,8 @@ pub fn calibrate(tracker_from_sensor: &[Pose]) -> Result<Pivot, PivotError> {
         normal += r.transpose() * r;
         right -= r.transpose() * (translation(pose) - mean_t);
     }
-    // The normal matrix has the square of the problem's condition number; at the limit of 25, precision suffices.
+    // The condition number of the normal matrix is the square of the problem's. Up to the limit of 25, f64 is precise
+    // enough.
     let eigen = normal.symmetric_eigen();
     let (least, most) = (eigen.eigenvalues.min(), eigen.eigenvalues.max());
     let condition = if least > 0.0 { (most / least).sqrt() } else { f64::INFINITY };
@@ -161,7 +165,7 @@ pub fn calibrate(tracker_from_sensor: &[Pose]) -> Result<Pivot, PivotError> {
     let pivot_mm = DVec3::from_array((mean_r * tip + mean_t).into());
     let distance = |p: &Pose| p.transform_point(tip_mm).distance(pivot_mm);
     let squares: f64 = poses.iter().map(|p| distance(p).powi(2)).sum();
-    // Three equations per pose, six unknowns.
+    // Each pose gives three equations; there are six unknowns.
     let deviation_mm = (squares / (3.0 * n - 6.0)).sqrt();
     Ok(Pivot {
         tip_mm,
@@ -175,13 +179,13 @@ pub fn calibrate(tracker_from_sensor: &[Pose]) -> Result<Pivot, PivotError> {
     })
 }
 
-/// Rotation of a pose as a matrix.
+/// Rotation matrix of a pose.
 pub(super) fn rotation_matrix(pose: &Pose) -> Matrix3<f64> {
     DMat3::from_quat(pose.orientation).to_cols_array_2d().into()
 }
 
 /// Rotation between the pose farthest from the first pose and the pose farthest from that one, rad: at least half of
-/// the maximum.
+/// the largest rotation between two poses.
 pub(super) fn widest_turn(poses: &[Pose]) -> f64 {
     let farthest = |from: &Pose| {
         let angles = poses.iter().map(|p| (angle_between(from.orientation, p.orientation), p));

@@ -14,7 +14,7 @@ pub(crate) fn predict(motion: &Motion, horizon_s: f64) -> Pose {
     }
 }
 
-/// Prediction interval from `from_ns` to `display_ns`, s, in 0..=`cap_ms`/1000.
+/// Interval of the prediction from `from_ns` to `display_ns`, s; 0 for earlier times and at most `cap_ms`/1000.
 pub(crate) fn horizon_s(from_ns: u64, display_ns: u64, cap_ms: f64) -> f64 {
     (display_ns.saturating_sub(from_ns) as f64 * 1e-9).min(cap_ms * 1e-3)
 }

@@ -1,14 +1,14 @@
 //! Mounting of a sensor on a probe: the centre of the probe's face and the probe's axes in the sensor's frame.
 //!
-//! - The **centre** of the face comes from a [`pivot`](super::pivot) about it in a dimple.
+//! - The **centre** of the face comes from a [`pivot`](super::pivot) calibration: the probe turns about it in a dimple.
 //! - The **lateral axis** comes from the two ends of the face, each rested in the same dimple: R⁻¹·(pivot − t) is the
-//!   point of the probe in the dimple. Alternatively it comes from a straight slide with the marker's side ahead.
-//! - The **beam** comes from turning the upright probe about its own long axis a: R·a is constant, so a is the
-//!   eigenvector of Σ(R − R̄)ᵀ(R − R̄) with the smallest eigenvalue. Without a turn, the arc of a convex face gives
-//!   the beam: the centre lies ahead of the middle between the ends.
+//!   point of the probe in the dimple. Alternatively, it comes from a straight slide with the marker's side ahead.
+//! - The **beam** axis comes from turning the upright probe about its own long axis a. R·a is constant, so a is the
+//!   eigenvector of Σ(R − R̄)ᵀ(R − R̄) with the smallest eigenvalue. Without a turn, the arc of a convex face gives the
+//!   beam: the centre of the face lies ahead of the middle between its ends.
 //!
-//! The lateral axis is the more certain one; the beam is made perpendicular to it. The probe's marker is at the first
-//! scanline, so the lateral axis points away from it.
+//! The lateral axis is the more certain one, so the beam is made perpendicular to it. The probe's marker is at the
+//! first scanline, and the lateral axis points away from the marker.
 
 use std::fmt;
 
@@ -26,58 +26,59 @@ mod tests;
 
 pub use error::MountError;
 
-/// Names of the steps at the ends of the face, for errors.
+/// Names of the steps that rest the ends of the face in the dimple, for errors.
 const MARKER_END: &str = "the end of the face at the marker";
 const OTHER_END: &str = "the other end of the face";
 
-/// Largest accepted RMS distance of an end of the face from its mean, mm.
+/// Largest accepted scatter of one end of the face: RMS distance of its positions from their mean, mm.
 const END_RMS_MM: f64 = 3.0;
 
-/// Accepted distances between the ends of the face, mm.
+/// Range of accepted distances between the ends of the face, mm.
 const WIDTH_MM: [f64; 2] = [5.0, 150.0];
 
 /// Largest accepted distance of the face's centre from the plane midway between its ends, relative to the face's
 /// width.
 const OFF_CENTRE: f64 = 0.2;
 
-/// Smallest height of a face's arc that determines the beam, mm.
+/// Smallest height of the face's arc, mm, at which the arc determines the beam.
 const ARC_MM: f64 = 4.0;
 
-/// Smallest turn of the upright probe about its axis, degrees.
+/// Smallest accepted turn of the upright probe about its axis, degrees.
 const SPIN_DEG: f64 = 60.0;
 
-/// Largest accepted RMS deviation of the axis while the probe is turned about it, degrees.
+/// Largest accepted RMS deviation of the probe's axis while the probe is turned about it, degrees.
 const WOBBLE_DEG: f64 = 8.0;
 
-/// Smallest cosine of the angle between the axis of the turn and the arc's direction: otherwise the turn was not about
-/// the long axis.
+/// Smallest accepted cosine of the angle between the axis of the turn and the arc's direction. Below it, the turn was
+/// not about the probe's long axis.
 const LONG_AXIS: f64 = 0.7;
 
-/// Smallest distance of the face's centre from the sensor along the axis of the turn, mm and relative to their total
-/// distance. It determines the sense of the beam if there is no arc.
+/// Smallest distance between sensor and face along the axis of the turn at which it determines the sense of the beam:
+/// in mm, and as a fraction of the total distance. It is needed if the face has no arc.
 const SENSE: (f64, f64) = (5.0, 0.5);
 
 /// Largest accepted deviation of the angle between beam and lateral axis from 90°, degrees.
 const SQUARE_DEG: f64 = 10.0;
 
-/// Smallest length of a slide, mm.
+/// Smallest accepted length of a slide, mm.
 const SLIDE_MM: f64 = 30.0;
 
-/// Largest accepted RMS deviation of a slide from a line, as a fraction of its path.
+/// Largest accepted RMS deviation of a slide from a line, as a fraction of the slide's length.
 const SLIDE_STRAIGHT: f64 = 0.05;
 
 /// Largest accepted turn during a slide, degrees.
 const SLIDE_TURN_DEG: f64 = 15.0;
 
-/// Largest accepted angle between the lateral axes of the ends and of a slide, degrees.
+/// Largest accepted angle between the lateral axis from the ends of the face and the one from the slide, degrees.
 const LATERAL_DEG: f64 = 25.0;
 
-/// Poses `tracker_from_sensor` of the steps of the calibration.
+/// Poses `tracker_from_sensor` recorded in the steps of the calibration; `None` for a step that was left out.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct MountSteps<'a> {
-    /// The probe tilted to all sides about the centre of its face, which rests in a dimple.
+    /// Poses of the probe while it is tilted to all sides about the centre of its face, which rests in a dimple.
     pub pivot: &'a [Pose],
-    /// Poses with the end of the face at the marker, and with the other end, rested in the same dimple.
+    /// Poses of the probe with an end of its face rested in the same dimple: first the end at the marker, then the
+    /// other.
     pub ends: Option<[&'a [Pose]; 2]>,
     /// Poses of the probe during a straight sideways slide with the marker's side ahead.
     pub slide: Option<&'a [Pose]>,
@@ -89,35 +90,35 @@ pub struct MountSteps<'a> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum BeamSource {
-    /// The turn about the probe's axis.
+    /// The turn of the probe about its long axis.
     Spin,
     /// The arc of the convex face.
     Arc,
 }
 
-/// A calibrated mounting.
+/// Calibrated mounting of a sensor on a probe.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ProbeMount {
     /// Mounting of the sensor on the probe.
     #[serde(skip)]
     pub sensor_from_probe: Pose,
-    /// The centre of the face in the frame of the sensor, mm.
+    /// Centre of the face in the sensor's frame, mm.
     pub position_mm: DVec3,
-    /// Turns probe axes into sensor axes, `[qw, qx, qy, qz]`.
+    /// Rotation from probe axes to sensor axes, `[qw, qx, qy, qz]`.
     pub quaternion: [f64; 4],
-    /// Result of the pivot calibration of the centre.
+    /// Pivot calibration of the centre of the face.
     pub pivot: Pivot,
-    /// Distance between the ends of the face, mm; `None` without them.
+    /// Distance between the ends of the face, mm; `None` if the ends were not recorded.
     pub width_mm: Option<f64>,
-    /// Height of the face's arc, mm; `None` without its ends.
+    /// Height of the face's arc, mm; `None` if the ends of the face were not recorded.
     pub arc_mm: Option<f64>,
-    /// Scatter of the lateral axis, degrees: scatter of the measured points over their distance.
+    /// Uncertainty of the lateral axis, degrees, from the scatter of the measured points.
     pub lateral_scatter_deg: f64,
     /// Source of the beam's direction.
     pub beam_from: BeamSource,
-    /// Scatter of the beam, degrees.
+    /// Uncertainty of the beam's direction, degrees.
     pub beam_scatter_deg: f64,
-    /// Deviation of the angle between the measured axes from 90°, degrees.
+    /// Deviation from 90° of the angle between the measured lateral axis and the measured beam, degrees.
     pub square_deg: f64,
 }
 
@@ -141,16 +142,16 @@ impl fmt::Display for ProbeMount {
     }
 }
 
-/// A direction in the sensor's frame and its scatter, degrees.
+/// Unit vector in the sensor's frame, and its uncertainty in degrees.
 type Direction = (DVec3, f64);
 
-/// Ends and arc of the face, in the sensor's frame.
+/// Width and arc of a probe's face, as vectors in the sensor's frame.
 struct Face {
-    /// Vector from the marker's end to the other end.
+    /// Vector from the end at the marker to the other end.
     across_mm: DVec3,
-    /// Vector from the middle between the ends to the centre, without its component along the face.
+    /// Vector from the middle between the ends to the centre of the face, without its component along `across_mm`.
     arc_mm: DVec3,
-    /// RMS distance of the ends from their means, mm.
+    /// RMS distance of an end's positions from their mean, mm; the larger one of both ends.
     rms_mm: f64,
 }
 
@@ -204,8 +205,8 @@ pub fn mount(steps: &MountSteps<'_>) -> Result<ProbeMount, MountError> {
     })
 }
 
-/// Checks ends of the face that were rested in the dimple of `pivot`: the end at the marker and, if recorded, the
-/// other end.
+/// Checks the recorded ends of the face against `pivot`, in whose dimple they were rested: the end at the marker and,
+/// if recorded, the other one.
 ///
 /// # Errors
 /// An end that was not in the dimple, ends at an impossible distance, or a centre that is not in the middle.
@@ -221,12 +222,12 @@ fn angle_deg(a: DVec3, b: DVec3) -> f64 {
     a.dot(b).clamp(-1.0, 1.0).acos().to_degrees()
 }
 
-/// Angular uncertainty of a direction over a distance whose ends are uncertain by `rms_mm`, degrees.
+/// Angular uncertainty, degrees, of the vector `over_mm` whose ends are uncertain by `rms_mm`.
 fn degrees(rms_mm: f64, over_mm: DVec3) -> f64 {
     rms_mm.atan2(over_mm.length()).to_degrees()
 }
 
-/// Width and arc of the face from its two ends, each rested in the dimple of the pivot.
+/// Ends of the face and its arc, from the poses of the two ends rested in the dimple of `pivot`.
 fn face(ends: [&[Pose]; 2], pivot: &Pivot) -> Result<Face, MountError> {
     let [first, second] = ends;
     let (marker, marker_rms) = end(first, pivot.pivot_mm, MARKER_END)?;
@@ -246,8 +247,8 @@ fn face(ends: [&[Pose]; 2], pivot: &Pivot) -> Result<Face, MountError> {
     Ok(Face { across_mm, arc_mm, rms_mm: marker_rms.max(other_rms) })
 }
 
-/// Point of the probe that rests at `dimple_mm`: its mean position in the sensor's frame, and its RMS distance from
-/// that, mm.
+/// Mean position of the dimple in the sensor's frame, and the RMS distance of the positions from it, mm. `step` names
+/// the step in errors.
 fn end(poses: &[Pose], dimple_mm: DVec3, step: &'static str) -> Result<(DVec3, f64), MountError> {
     if poses.is_empty() {
         return Err(MountError::Empty { step });
@@ -262,7 +263,7 @@ fn end(poses: &[Pose], dimple_mm: DVec3, step: &'static str) -> Result<(DVec3, f
     Ok((mean, rms_mm))
 }
 
-/// Direction of the beam: the axis about which the probe was turned. Its sense follows the arc, or else points from
+/// Direction of the beam: the axis about which the probe was turned. It points along the arc or, without an arc, from
 /// the sensor to the face.
 fn spin(poses: &[Pose], centre_mm: DVec3, arc: Option<Direction>) -> Result<Direction, MountError> {
     if poses.is_empty() {
@@ -301,7 +302,7 @@ fn spin(poses: &[Pose], centre_mm: DVec3, arc: Option<Direction>) -> Result<Dire
     Ok((axis * sense.signum(), wobble_deg))
 }
 
-/// Direction of the lateral axis from a slide with the marker's side ahead.
+/// Direction of the lateral axis from the poses of a slide with the marker's side ahead.
 fn slide(poses: &[Pose], centre_mm: DVec3) -> Result<Direction, MountError> {
     let (Some(first), Some(last)) = (poses.first(), poses.last()) else {
         return Err(MountError::Empty { step: "the slide" });

@@ -5,10 +5,10 @@ use glam::{DQuat, DVec3};
 use super::one_euro::Motion;
 use super::{POSITION_LIMIT_MM, Pose};
 
-/// Longest integration of one rate, s: in a longer gap, the duration of the deflection is unknown.
+/// Longest time over which one rate is integrated, s: in a longer gap, the duration of the deflection is unknown.
 const LONGEST_S: f64 = 0.1;
 
-/// Integrator of the rates of a puck (a SpaceMouse) along and about the axes of the probe.
+/// Integrator of the rates of a puck (a SpaceMouse) into a pose. The rates are along and about the probe's axes.
 ///
 /// A rate applies from its report to the next one. A puck at rest sends no reports.
 #[derive(Debug, Clone)]
@@ -16,18 +16,18 @@ pub(crate) struct RateIntegrator {
     speed_mm_s: f64,
     speed_rad_s: f64,
     pose: Pose,
-    /// Rates of the last report: mm/s and rad/s along and about the probe's axes.
+    /// Rates of the last report, along (mm/s) and about (rad/s) the probe's axes.
     rates: (DVec3, DVec3),
 }
 
 impl RateIntegrator {
-    /// Integrator that starts at `start` (`scene_from_probe`), with these speeds at full deflection.
+    /// Integrator that starts at `start` (`scene_from_probe`), with the given speeds at full deflection.
     pub(crate) fn new(start: Pose, speed_mm_s: f64, speed_deg_s: f64) -> Self {
         let rates = (DVec3::ZERO, DVec3::ZERO);
         Self { speed_mm_s, speed_rad_s: speed_deg_s.to_radians(), pose: start, rates }
     }
 
-    /// Takes the rates of a report `dt_s` after the last one, each in −1..=1; larger ones are clamped.
+    /// Takes a report that came `dt_s` after the last one. Its rates are in −1..=1; larger ones are clamped.
     pub(crate) fn push(&mut self, translation: DVec3, rotation: DVec3, dt_s: f64) -> Motion {
         let (velocity, turn) = self.rates;
         // No motion unless time advances.

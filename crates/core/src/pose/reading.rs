@@ -11,11 +11,11 @@ pub enum Reading {
     Pose(Pose),
     /// Orientation of a device that measures no position: a unit quaternion that turns sensor axes into the tracker's.
     Orientation(DQuat),
-    /// Deflection of a puck: −1..=1 on each axis, to be integrated over time.
+    /// Deflection of a puck (a SpaceMouse), −1..=1 on each axis, to be integrated over time.
     Rates {
-        /// Along x, y, z.
+        /// Deflection along x, y, z.
         translation: DVec3,
-        /// About x, y, z.
+        /// Deflection about x, y, z.
         rotation: DVec3,
     },
     /// Report of a connected device that the sensor is out of view.
@@ -25,11 +25,11 @@ pub enum Reading {
 /// A [`Reading`] with its times.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measurement {
-    /// Arrival of the first byte at the host, ns since 1970 (UTC).
+    /// Arrival of the measurement's first byte at the host, ns since 1970 (UTC).
     pub host_time_ns: u64,
-    /// Clock of the tracker, µs from its own origin, if it has one.
+    /// Clock of the tracker, µs from its own origin; `None` if it has none.
     pub device_time_us: Option<u64>,
-    /// Counter of the tracker, if it has one; wraps at 2³².
+    /// Counter of the tracker, which wraps at 2³²; `None` if it has none.
     pub sequence: Option<u32>,
     /// Value measured.
     pub reading: Reading,

@@ -11,25 +11,26 @@ use thiserror::Error;
 
 use super::{POSITION_LIMIT_MM, Pose};
 
-/// Points are collinear if their second principal extent is below this fraction of the first.
+/// Points are collinear if their extent along the second principal axis is below this fraction of that along the first.
 const COLLINEAR: f64 = 0.05;
 
-/// Points are coplanar if their third principal extent is below this fraction of the first.
+/// Points are coplanar if their extent along the third principal axis is below this fraction of that along the first.
 const COPLANAR: f64 = 0.05;
 
 /// Points coincide if their RMS distance from their centroid is below this, mm.
 const LEAST_EXTENT_MM: f64 = 5.0;
 
-/// Largest accepted ratio of distances between tracker and scene, either way.
+/// Largest accepted ratio of distances in the tracker's frame to those in the scene, or vice versa.
 const SCALE_TOLERANCE: f64 = 1.25;
 
-/// Ratios of distances that a wrong unit explains, from 0.1 mm to 10 m.
+/// Ratios of distances that a wrong unit explains, from units of 0.1 mm to units of 10 m.
 const UNIT_RATIOS: RangeInclusive<f64> = 1e-4..=1e4;
 
-/// Largest RMS residual of two point sets of the same shape, relative to their extent, after scaling to one size.
+/// Two point sets have the same shape if, scaled to one size, they fit with a smaller RMS residual than this fraction
+/// of their extent.
 const SAME_SHAPE: f64 = 0.1;
 
-/// A mirror image is reported if it fits better by this factor and by this many mm.
+/// A mirror image is reported if its fit is better by this factor and by this many mm.
 const MIRRORED: (f64, f64) = (2.0, 1.0);
 
 /// Limit on the iterations of the singular value decomposition; a few suffice.
@@ -44,7 +45,7 @@ pub struct PointPair {
     pub tracker_mm: DVec3,
 }
 
-/// A fitted transform.
+/// A transform fitted to landmarks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Registration {
     /// Rigid transform with the smallest sum of squared residuals.
@@ -63,7 +64,7 @@ pub enum RegistrationError {
     /// Fewer than three pairs.
     #[error("{found} landmarks are too few: a rigid fit needs at least 3, better 6 or more around the field of view")]
     TooFew {
-        /// Pairs given.
+        /// Number of pairs given.
         found: usize,
     },
     /// A coordinate that is not finite or is out of range.
@@ -71,11 +72,11 @@ pub enum RegistrationError {
         "coordinate `{name}` of landmark {number} is {value}; it must be a number within ±{POSITION_LIMIT_MM} mm (is the unit wrong?)"
     )]
     Coordinate {
-        /// Landmark, from 1.
+        /// Number of the landmark, from 1.
         number: usize,
-        /// One of x y z (scene), tx ty tz (tracker).
+        /// One of x y z (scene) or tx ty tz (tracker).
         name: &'static str,
-        /// Its value.
+        /// Value of the coordinate.
         value: f64,
     },
     /// All points coincide.
@@ -83,7 +84,7 @@ pub enum RegistrationError {
         "the {frame}'s landmarks lie within {extent_mm:.2} mm (RMS) of one point; spread them over at least {LEAST_EXTENT_MM} mm, better over the whole field"
     )]
     OnePoint {
-        /// `scene` or `tracker`.
+        /// Frame of the points: `scene` or `tracker`.
         frame: &'static str,
         /// RMS distance from the centroid, mm.
         extent_mm: f64,
@@ -93,14 +94,14 @@ pub enum RegistrationError {
         "the {frame}'s landmarks lie on one line ({length_mm:.1} mm long, {width_mm:.2} mm wide, RMS): the turn about it is unknown; add one well beside it"
     )]
     Collinear {
-        /// `scene` or `tracker`.
+        /// Frame of the points: `scene` or `tracker`.
         frame: &'static str,
         /// RMS extent along the line, mm.
         length_mm: f64,
         /// RMS extent across the line, mm.
         width_mm: f64,
     },
-    /// Distances differ between tracker and scene.
+    /// Distances between the points differ between tracker and scene.
     #[error(
         "distances between the tracker's points are {ratio:.4} times those between the scene's: is a unit wrong (cm 0.1, inches 0.0394, m 0.001), or are landmarks mixed up?"
     )]
@@ -111,7 +112,7 @@ pub enum RegistrationError {
     /// The singular value decomposition did not converge.
     #[error("the landmarks could not be fitted: the singular values of their covariance did not converge")]
     Unsolved,
-    /// The mirror image fits better.
+    /// The mirror image of the landmarks fits better.
     #[error(
         "the tracker's points are a mirror image of the scene's (RMS {mirrored_rms_mm:.2} mm mirrored, {rms_mm:.2} mm as they are): an axis of the tracker is reversed, or left and right landmarks are swapped"
     )]
@@ -137,7 +138,7 @@ pub fn register(pairs: &[PointPair]) -> Result<Registration, RegistrationError> 
     let scene_spread = centred.mean(|s, _| s * s.transpose());
     let tracker_spread = centred.mean(|_, t| t * t.transpose());
     let ratio = (tracker_spread.trace() / scene_spread.trace()).sqrt();
-    // Points in a wrong unit are close together, too.
+    // A wrong unit also makes points lie close together; then the unit is reported.
     let named = |fault: RegistrationError| match fault {
         RegistrationError::OnePoint { .. } if is_other_unit(pairs, ratio, scene_spread.trace().sqrt()) => {
             RegistrationError::Scale { ratio }
@@ -164,7 +165,7 @@ pub fn register(pairs: &[PointPair]) -> Result<Registration, RegistrationError> 
     Ok(Registration { scene_from_tracker, rms_mm, residuals_mm: pairs.iter().map(residual).collect(), coplanar })
 }
 
-/// Whether the tracker's points have the shape of the scene's points, at `ratio` times their distances.
+/// Whether the tracker's points have the same shape as the scene's points, with distances `ratio` times as large.
 /// `scene_extent_mm` is the RMS extent of the scene's points.
 fn is_other_unit(pairs: &[PointPair], ratio: f64, scene_extent_mm: f64) -> bool {
     if !UNIT_RATIOS.contains(&ratio) {
@@ -189,12 +190,12 @@ pub(crate) fn rms_of_fit(pairs: &[PointPair]) -> Option<f64> {
 struct Centred {
     scene_mean: DVec3,
     tracker_mean: DVec3,
-    /// Points in the scene and in the tracker's frame, mm.
+    /// Points in the scene and in the tracker's frame, each relative to their mean, mm.
     points: Vec<(Vector3<f64>, Vector3<f64>)>,
 }
 
 impl Centred {
-    /// Landmarks of `pairs`, which must not be empty.
+    /// Landmarks of `pairs` relative to their centroids; `pairs` must not be empty.
     fn of(pairs: &[PointPair]) -> Self {
         let n = pairs.len() as f64;
         let scene_mean = pairs.iter().map(|p| p.scene_mm).sum::<DVec3>() / n;
@@ -203,13 +204,14 @@ impl Centred {
         Self { scene_mean, tracker_mean, points: pairs.iter().map(centred).collect() }
     }
 
-    /// Mean over the landmarks of a product of the points in scene and tracker.
+    /// Mean over all landmarks of `product`, a function of the points in scene and tracker.
     fn mean(&self, product: impl Fn(Vector3<f64>, Vector3<f64>) -> Matrix3<f64>) -> Matrix3<f64> {
         let sum = self.points.iter().fold(Matrix3::<f64>::zeros(), |sum, &(s, t)| sum + product(s, t));
         sum / self.points.len() as f64
     }
 
-    /// Best rotation from the tracker's points to the scene's, and best mirrored one; `None` if there is no fit.
+    /// Rotation that fits the tracker's points to the scene's best, and the best rotation with a reflection; `None` if
+    /// there is no fit.
     fn rotations(&self) -> Option<[Matrix3<f64>; 2]> {
         let covariance = self.mean(|s, t| s * t.transpose());
         if !covariance.iter().all(|value| value.is_finite()) {
@@ -217,7 +219,8 @@ impl Centred {
         }
         let svd = covariance.try_svd(true, true, 5.0 * f64::EPSILON, SVD_STEPS)?;
         let (u, v_t) = svd.u.zip(svd.v_t)?;
-        // The last singular value is the smallest; its axis is reversed if the best fit is a mirror image.
+        // The last singular value is the smallest. If the best orthogonal fit is a reflection, reversing its axis gives
+        // the best rotation.
         let handedness = (u * v_t).determinant().signum();
         let orthogonal = |sign: f64| u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t;
         Some([orthogonal(handedness), orthogonal(-handedness)])
@@ -243,7 +246,7 @@ fn check(number: usize, pair: &PointPair) -> Result<(), RegistrationError> {
     }
 }
 
-/// RMS extents along the principal axes, mm, descending; an error if the rigid fit would be undetermined.
+/// RMS extents of points along their principal axes, mm, descending; an error if they leave the rigid fit undetermined.
 fn extent(frame: &'static str, spread: &Matrix3<f64>) -> Result<[f64; 3], RegistrationError> {
     let mut extents: [f64; 3] = spread.symmetric_eigenvalues().into();
     extents.sort_by(|a, b| b.total_cmp(a));
@@ -350,7 +353,7 @@ mod tests {
         let line = pairs(|p| p).into_iter().map(|p| PointPair { scene_mm: DVec3::X * p.scene_mm.x, ..p });
         assert!(refusal(&line.collect::<Vec<_>>()).starts_with("the scene's landmarks lie on one line"));
         assert!(refusal(&pairs(|_| DVec3::ONE)).starts_with("the tracker's landmarks lie within 0.00 mm"));
-        // A wrong unit is reported rather than the small spread that it causes, on either side.
+        // A wrong unit of either side is reported, rather than the small spread that it causes.
         assert!(refusal(&pairs(|p| p / 25.4)).contains("are 0.0394 times"));
         let metres = refusal(&pairs(|p| 1e-3 * p));
         assert!(metres.contains("are 0.0010 times") && metres.contains("m 0.001"), "{metres}");

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use super::{Pose, TimedPose, interpolate};
 
-/// History of fixed capacity, ascending in time; a new pose replaces the oldest.
+/// History of poses in ascending time. At its capacity, a new pose replaces the oldest.
 #[derive(Debug, Clone)]
 pub(crate) struct PoseRing {
     poses: VecDeque<TimedPose>,
@@ -12,7 +12,7 @@ pub(crate) struct PoseRing {
 }
 
 impl PoseRing {
-    /// An empty history of `capacity` poses (at least one). Nothing is allocated later.
+    /// An empty history for `capacity` poses (at least one). It allocates nothing later.
     pub(crate) fn new(capacity: usize) -> Self {
         let capacity = capacity.max(1);
         Self { poses: VecDeque::with_capacity(capacity), capacity }
@@ -39,7 +39,7 @@ impl PoseRing {
         self.poses.iter_mut().for_each(|p| p.host_time_ns = p.host_time_ns.saturating_sub(by_ns));
     }
 
-    /// Pose at a time up to the newest, by [`interpolate`]; the oldest pose before its time. `None` after the newest
+    /// Pose at `host_time_ns` by [`interpolate`]; before the oldest pose, the oldest one. `None` after the newest pose
     /// and in an empty history.
     pub(crate) fn at(&mut self, host_time_ns: u64) -> Option<Pose> {
         let poses: &[TimedPose] = self.poses.make_contiguous();

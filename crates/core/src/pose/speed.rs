@@ -1,12 +1,12 @@
-//! Speed of the probe, and the speed classes for which errors are known.
+//! Speed of the probe, and classes of speed. Errors of the picture are known for each class.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::{Pose, angle_between};
 
-/// Lower limits of slow and of fast motion, mm/s and degrees/s; exceeding either is enough. At 14 frames/s and 15 cm
-/// depth, a probe at rest keeps all nine angles of a rolling picture, and a fast one keeps one.
+/// Lower limits of slow and of fast motion, mm/s and degrees/s; reaching one of the two is enough. At 14 frames/s and
+/// 15 cm depth, a probe at rest keeps all nine angles of a live compounded picture, and a fast one keeps one.
 pub const LIMITS: [Speed; 2] = [Speed { mm_s: 3.0, deg_s: 1.5 }, Speed { mm_s: 15.0, deg_s: 6.0 }];
 
 /// Speed of the probe.
@@ -19,19 +19,19 @@ pub struct Speed {
 }
 
 impl Speed {
-    /// Speed from these velocities.
+    /// Speed from a velocity and an angular velocity.
     pub(super) fn of(velocity_mm_s: DVec3, angular_velocity_rad_s: DVec3) -> Self {
         Self { mm_s: velocity_mm_s.length(), deg_s: angular_velocity_rad_s.length().to_degrees() }
     }
 
-    /// Mean speed of straight motion between two poses.
+    /// Mean speed of straight motion between two poses that are `time_s` apart.
     pub fn between(from: &Pose, to: &Pose, time_s: f64) -> Self {
         let over = 1.0 / time_s.max(1e-9);
         let deg = angle_between(from.orientation, to.orientation).to_degrees();
         Self { mm_s: over * from.position_mm.distance(to.position_mm), deg_s: over * deg }
     }
 
-    /// Class of this speed, with the limits multiplied by `part`.
+    /// Class of this speed, for [`LIMITS`] multiplied by `part`.
     pub fn class(&self, part: f64) -> ProbeSpeed {
         let reaches = |limit: &Speed| self.mm_s >= part * limit.mm_s || self.deg_s >= part * limit.deg_s;
         match LIMITS.each_ref().map(reaches) {
@@ -42,23 +42,23 @@ impl Speed {
     }
 }
 
-/// Class of a speed; see [`LIMITS`].
+/// Class of the probe's speed; see [`LIMITS`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub enum ProbeSpeed {
-    /// Held still, with tremor.
+    /// Held still, with the tremor of a hand.
     #[default]
     AtRest,
-    /// Adjusting a plane.
+    /// Slow motion, as for adjusting a plane.
     Slow,
-    /// Moving to another position.
+    /// Fast motion to another position.
     Fast,
 }
 
 impl ProbeSpeed {
-    /// All classes, by rising speed.
+    /// All classes, in order of rising speed.
     pub const ALL: [Self; 3] = [Self::AtRest, Self::Slow, Self::Fast];
 
-    /// Its name.
+    /// Name of the class.
     pub fn name(self) -> &'static str {
         match self {
             Self::AtRest => "at rest",
@@ -86,12 +86,12 @@ impl BySpeed {
         Self { at_rest: value, slow: value, fast: value }
     }
 
-    /// Values in the order of [`ProbeSpeed::ALL`].
+    /// Values for the classes in the order of [`ProbeSpeed::ALL`].
     pub const fn new([at_rest, slow, fast]: [f64; 3]) -> Self {
         Self { at_rest, slow, fast }
     }
 
-    /// The value of a class.
+    /// The value for a class.
     pub const fn at(&self, speed: ProbeSpeed) -> f64 {
         match speed {
             ProbeSpeed::AtRest => self.at_rest,
@@ -100,7 +100,7 @@ impl BySpeed {
         }
     }
 
-    /// Values of a function of the class; `None` if the function has none for a class.
+    /// The values that `of` gives for the classes; `None` if it gives none for one of them.
     pub fn from_classes(of: impl Fn(ProbeSpeed) -> Option<f64>) -> Option<Self> {
         let [at_rest, slow, fast] = ProbeSpeed::ALL.map(of);
         Some(Self { at_rest: at_rest?, slow: slow?, fast: fast? })

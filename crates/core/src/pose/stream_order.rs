@@ -2,22 +2,23 @@
 
 use super::Measurement;
 
-/// Largest backward step of a late measurement, counts; a larger step means that the device restarted.
+/// Largest backward step of the counter at which a measurement counts as late, counts. A larger step means that the
+/// device restarted.
 const LATE_COUNTS: u32 = 64;
 
-/// Largest backward step of a late measurement for a device with only a clock, µs.
+/// Largest backward step of the clock at which a measurement counts as late, µs, for a device without a counter.
 const LATE_US: u64 = 1_000_000;
 
-/// Largest forward step that counts as a gap, counts; a larger step means that the device restarted.
+/// Largest forward step of the counter that counts as a gap, counts. A larger step means that the device restarted.
 const GAP_LIMIT_COUNTS: u32 = 100_000;
 
-/// Consecutive late measurements, ascending among themselves, that prove a restart of the device.
+/// Number of consecutive late measurements, ascending among themselves, that prove a restart of the device.
 const CONFIRMED: u32 = 3;
 
-/// Periods of clocks that wrap, µs: `micros()` of a microcontroller, and ms in 32 bits.
+/// Periods at which device clocks wrap, µs: of a microcontroller's `micros()`, and of milliseconds in 32 bits.
 const CLOCK_PERIODS_US: [u64; 2] = [1 << 32, 1000 << 32];
 
-/// Largest time step across an accepted wrap, µs.
+/// Largest time step across a wrap of the clock, µs; a larger step is not taken for a wrap.
 const WRAP_REACH_US: u64 = 10_000_000;
 
 /// Position of a measurement in its stream.
@@ -37,28 +38,28 @@ pub enum StreamPosition {
         /// Device time, as in [`StreamPosition::Next`].
         ticks: Option<u64>,
     },
-    /// Repetition of the last one.
+    /// Repetition of the last measurement.
     Duplicate,
     /// Measured before one that arrived earlier.
     Late,
 }
 
-/// Sorter of one device's measurements.
+/// Determines the order of one device's measurements.
 #[derive(Debug, Clone, Default)]
 pub struct StreamOrder {
     last: Option<Stamp>,
-    /// Last late measurement, and the length of the ascending run of late ones up to it.
+    /// Last late measurement, and the number of successively later ones up to it.
     late: Option<(Stamp, u32)>,
 }
 
 #[derive(Debug, Clone, Copy)]
 struct Stamp {
     sequence: Option<u32>,
-    /// Counts since the first measurement, without wraps.
+    /// Counter value without wraps.
     counts: u64,
     /// Clock value as received, µs.
     clock_us: Option<u64>,
-    /// Correction for the clock's wraps, µs.
+    /// Sum of the clock's periods wrapped so far, µs.
     wrapped_us: u64,
 }
 
@@ -68,7 +69,8 @@ impl Stamp {
         Self { sequence, counts: sequence.map_or(0, u64::from), clock_us, wrapped_us: 0 }
     }
 
-    /// Clock value if there is one, else the counter: the clock is correct at any measurement rate.
+    /// Clock value if there is one, else the counter. The clock is preferred, since it is correct at any measurement
+    /// rate.
     fn ticks(&self) -> Option<u64> {
         match self.clock_us {
             Some(us) => us.checked_add(self.wrapped_us),
@@ -101,7 +103,7 @@ impl StreamOrder {
                 stamp.counts = last.counts.saturating_add(u64::from(counts));
                 let ticks = stamp.ticks().filter(|_| !stalled);
                 if stalled {
-                    // Later measurements are compared with the highest time so far.
+                    // The clock keeps its highest value so far, with which later measurements are compared.
                     stamp.clock_us = last.clock_us;
                 }
                 self.last = Some(stamp);

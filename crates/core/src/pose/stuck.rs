@@ -2,7 +2,7 @@
 
 use super::Reading;
 
-/// Smallest number of equal readings that counts as stuck, regardless of their duration.
+/// Smallest number of equal readings that counts as stuck, however long they last.
 const LEAST_READINGS: u32 = 20;
 
 /// Detects readings that stay exactly equal.
@@ -17,12 +17,12 @@ pub(crate) struct StuckWatch {
 }
 
 impl StuckWatch {
-    /// Detector with this duration of equal readings, ms; 0 switches it off.
+    /// Detector for equal readings that last `limit_ms`; 0 switches it off.
     pub(crate) fn new(limit_ms: f64) -> Self {
         Self { limit_ns: (limit_ms * 1e6) as u64, last: None, since_ns: 0, readings: 0, stuck: false }
     }
 
-    /// Takes a reading with its time, ns. Returns true if the readings become stuck with this one.
+    /// Takes a reading with its time, ns. Returns true if the sensor becomes stuck with this reading.
     pub(crate) fn push(&mut self, reading: &Reading, time_ns: u64) -> bool {
         if self.limit_ns == 0 {
             return false;
@@ -37,7 +37,7 @@ impl StuckWatch {
         self.stuck && !was_stuck
     }
 
-    /// Whether the readings are stuck.
+    /// Whether the sensor is stuck.
     pub(crate) fn is_stuck(&self) -> bool {
         self.stuck
     }

@@ -31,32 +31,32 @@ impl TrackingState {
     }
 }
 
-/// Consecutive measurements without a gap after which a pose is good again: at the edge of the field of view, single
-/// measurements may flicker.
+/// Number of consecutive measurements without a gap after which a pose is good again: at the edge of the field of view,
+/// single measurements may come and go.
 const GOOD_RUN: u32 = 3;
 
-/// Derives the state from the age of the last measurement.
+/// Derives the tracking state from the age of the last measurement.
 #[derive(Debug, Clone)]
 pub(crate) struct TrackingClock {
     held_ns: u64,
     stale_ns: u64,
     lost_ns: u64,
     last_ns: Option<u64>,
-    /// Length of the run of measurements without a gap.
+    /// Number of consecutive measurements without a gap.
     run: u32,
     /// Whether the device is silent because it is at rest.
     resting: bool,
 }
 
 impl TrackingClock {
-    /// Ages above which a pose is held, stale and lost, ms, ascending.
+    /// Clock with the ages of the last measurement above which a pose is held, stale and lost, ms, ascending.
     pub(crate) fn new(held_ms: f64, stale_ms: f64, lost_ms: f64) -> Self {
         let ns = |ms: f64| (ms * 1e6) as u64;
         let [held_ns, stale_ns, lost_ns] = [ns(held_ms), ns(stale_ms), ns(lost_ms)];
         Self { held_ns, stale_ns, lost_ns, last_ns: None, run: 0, resting: false }
     }
 
-    /// Records a used measurement of `time_ns`. If `resting`, the device stays silent until it moves.
+    /// Records a used measurement at `time_ns`. If `resting`, the device stays silent until it moves.
     pub(crate) fn seen(&mut self, time_ns: u64, resting: bool) {
         let gap = self.last_ns.is_none_or(|last| time_ns.saturating_sub(last) > self.held_ns);
         self.run = match (resting || self.resting, gap) {
@@ -85,7 +85,7 @@ impl TrackingClock {
         self.last_ns = self.last_ns.map(|last| last.saturating_sub(by_ns));
     }
 
-    /// State at `now_ns`.
+    /// Tracking state at `now_ns`.
     pub(crate) fn at(&self, now_ns: u64) -> TrackingState {
         let Some(last_ns) = self.last_ns else { return TrackingState::Lost };
         let age_ns = if self.resting { 0 } else { now_ns.saturating_sub(last_ns) };

@@ -10,7 +10,7 @@ impl Pose {
     /// Identity transform.
     pub const IDENTITY: Self = Self { position_mm: DVec3::ZERO, orientation: DQuat::IDENTITY };
 
-    /// Inverse: `b_from_a` of this `a_from_b`.
+    /// Inverse transform: `b_from_a` of this `a_from_b`.
     pub fn inverse(&self) -> Self {
         let orientation = self.orientation.conjugate();
         Self { position_mm: -(orientation * self.position_mm), orientation }

@@ -101,7 +101,7 @@ fn lists_of_3d_slicer_are_read_in_their_coordinate_system() {
     assert!(poses(json).unwrap_err().to_string().contains("hold points, not poses"));
 }
 
-/// Lines above the rows of a list of 3D Slicer.
+/// Comment lines at the top of a list of 3D Slicer.
 const VERSION: &str = "# Markups fiducial file version = 5.6\n";
 const LPS: &str = "# CoordinateSystem = LPS\n";
 const COLUMNS: &str = "# columns = id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label,desc,associatedNodeID\n";

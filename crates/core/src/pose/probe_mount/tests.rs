@@ -1,4 +1,4 @@
-//! Known mountings, found from exact and noisy steps.
+//! Tests that find known mountings from exact and from noisy steps.
 
 use std::f64::consts::TAU;
 
@@ -40,7 +40,7 @@ impl Probe {
         (0..count).map(|i| noisy(i as f64 / count as f64)).collect()
     }
 
-    /// Poses with the probe's point `rests` in the dimple, tilted to all sides by up to `tilt` rad.
+    /// Poses with the point `rests` of the probe in the dimple, tilted to all sides by up to `tilt` rad.
     fn tilted(&mut self, rests: DVec3, tilt: f64) -> Vec<Pose> {
         self.poses(300, |part| {
             let axis = DVec3::new((5.0 * TAU * part).cos(), (5.0 * TAU * part).sin(), 0.0);
@@ -61,7 +61,7 @@ impl Probe {
         })
     }
 
-    /// Poses of a slide along the probe's −x, the marker's side.
+    /// Poses of a slide along the probe's −x, with the marker's side ahead.
     fn slid(&mut self) -> Vec<Pose> {
         let orientation = DQuat::from_rotation_y(0.3) * DQuat::from_rotation_x(TAU / 2.0);
         self.poses(200, |part| Pose { position_mm: DIMPLE - orientation * DVec3::X * 150.0 * part, orientation })
@@ -155,7 +155,7 @@ fn steps_that_fail_are_refused_with_the_reason() {
     assert!(refused(MountSteps { spin: Some(&marker), ..all }).contains("turn it by at least 60°"));
     assert!(refused(MountSteps { spin: Some(&shaky), ..all }).contains("keep the probe upright"));
     assert!(refused(MountSteps { ends: None, slide: Some(&marker), ..all }).contains("slide along a ruler"));
-    // Ends and slide of another probe contradict each other.
+    // A slide of another probe contradicts the ends of the face.
     let crossed = probe.poses(200, |part| Pose {
         position_mm: DIMPLE - DVec3::Y * 150.0 * part,
         orientation: DQuat::from_rotation_x(TAU / 2.0),
@@ -194,7 +194,7 @@ fn a_turn_about_another_axis_is_refused() {
             let steps = MountSteps { pivot: &pivot, ends: Some([&marker, &other]), slide: None, spin: Some(&spin) };
             mount(&steps).unwrap_err().to_string()
         };
-        // A probe lying on its side, narrow or flat, was turned about its lateral or elevational axis.
+        // The probe lay on its narrow or its flat side, so it was turned about its lateral or elevational axis.
         for axis in [DVec3::X, DVec3::Y] {
             let said = refused(axis);
             let expected =

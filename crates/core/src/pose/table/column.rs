@@ -1,6 +1,6 @@
 //! Meaning of a table's column, from its name.
 
-/// Names of length units, and mm per unit.
+/// Names of each length unit, and the unit in mm.
 const LENGTHS: [(&[&str], f64); 5] = [
     (&["mm", "millimetre", "millimetres", "millimeter", "millimeters"], 1.0),
     (&["cm", "centimetre", "centimetres", "centimeter", "centimeters"], 10.0),
@@ -9,7 +9,7 @@ const LENGTHS: [(&[&str], f64); 5] = [
     (&["in", "inch", "inches"], 25.4),
 ];
 
-/// Names of time units, and seconds per unit.
+/// Names of each time unit, and the unit in seconds.
 const TIMES: [(&[&str], f64); 4] = [
     (&["s", "sec", "second", "seconds"], 1.0),
     (&["ms", "millisecond", "milliseconds"], 1e-3),
@@ -27,7 +27,7 @@ const FRAMES: &str =
 const VOXELS: &str =
     "voxel indices need their image; give mm along the patient's axes as r,a,s or l,p,s, or the scene's x,y,z";
 
-/// Columns that programs write with points, but that have no part in their position.
+/// Names of columns that programs write with points, but that are no part of the position.
 const UNUSED: [&str; 19] = [
     "id",
     "index",
@@ -64,7 +64,7 @@ pub enum Frame {
 /// Meaning of a column.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Meaning {
-    /// A coordinate; for the patient's axes, along left, posterior or superior.
+    /// A coordinate. For the patient's axes, axes 0, 1 and 2 are left, posterior and superior.
     Length {
         /// Frame of the coordinate.
         frame: Frame,
@@ -75,7 +75,7 @@ pub enum Meaning {
         /// Millimetres per unit; `None` if the name has no unit.
         unit_mm: Option<f64>,
     },
-    /// Component of a quaternion, in the order w, x, y, z.
+    /// Component of a quaternion: w, x, y, z as 0 to 3.
     Quaternion(usize),
     /// A time.
     Time {
@@ -84,7 +84,7 @@ pub enum Meaning {
     },
     /// Name of the row.
     Name,
-    /// Whether the row has a pose.
+    /// Whether the row has a pose: `ok`, `invalid` or empty.
     Status,
     /// Name of an event.
     Event,
@@ -92,9 +92,9 @@ pub enum Meaning {
     Defined,
     /// Content that is not needed.
     Unused,
-    /// An ambiguous name, with the reason and advice.
+    /// An ambiguous name; the text has the reason and advice.
     Ambiguous(&'static str),
-    /// A name that is not known.
+    /// An unknown name.
     Unknown,
 }
 
@@ -108,7 +108,7 @@ pub struct Column {
 }
 
 impl Column {
-    /// Column with the name `name`. Case, brackets, spaces and full stops don't matter: `X [mm]` is `x_mm`.
+    /// Column called `name`. Case, brackets, spaces and full stops don't matter: `X [mm]` is `x_mm`.
     pub(crate) fn of(name: &str) -> Self {
         let name = name.trim().trim_matches(['"', '\'']).trim();
         Self { name: name.to_owned(), meaning: meaning(name) }
@@ -149,7 +149,7 @@ fn meaning(name: &str) -> Meaning {
     }
 }
 
-/// Meaning of a name without its unit; `None` if unknown.
+/// Meaning of the column name `key`, from which a unit has been removed; `None` if unknown.
 fn without_unit(key: &str) -> Option<Meaning> {
     if let Some(meaning) = coordinate(key) {
         return Some(meaning);
@@ -167,7 +167,7 @@ fn without_unit(key: &str) -> Option<Meaning> {
         "status" => Meaning::Status,
         "event" => Meaning::Event,
         "defined" => Meaning::Defined,
-        // NDI calls the scalar part q0. With q1 to q3, q0 could also mean x; those names are refused.
+        // NDI calls the scalar part q0. Beside q1 to q3, q0 could also mean x, so those names are refused.
         "q0" => Meaning::Quaternion(0),
         "q1" | "q2" | "q3" | "q4" | "w" => Meaning::Ambiguous(QUATERNION_ORDER),
         "roll" | "pitch" | "yaw" | "heading" | "azimuth" | "elevation" | "az" | "el" | "ro" | "rx" | "ry" | "rz"

@@ -1,4 +1,4 @@
-//! Columns of a table, by their meaning.
+//! Columns of a table, found by their meaning.
 
 use glam::DVec3;
 
@@ -6,7 +6,7 @@ use super::{Column, Frame, Meaning, TableFault, finite, is_absent, number, quote
 use crate::pose::Pose;
 use crate::suggest::did_you_mean;
 
-/// Names that are suggested instead of unknown ones.
+/// Known column names from which errors suggest the nearest one.
 const SUGGESTED: [&str; 24] = [
     "x_mm", "y_mm", "z_mm", "x", "y", "z", "tx", "ty", "tz", "qw", "qx", "qy", "qz", "r", "a", "s", "l", "p", "name",
     "label", "time_s", "status", "event", "defined",
@@ -17,42 +17,42 @@ const SUGGESTED: [&str; 24] = [
 pub struct Position {
     /// Frame of the coordinates.
     pub(crate) frame: Frame,
-    /// Index and name of the column of each axis, and millimetres per unit, negative for a reversed axis.
+    /// For each axis: index and name of its column, and millimetres per unit, negative for a reversed axis.
     axes: [(usize, String, f64); 3],
-    /// A column of the position whose name has no unit, if any.
+    /// A column of the position whose name has no unit; `None` if all have one.
     pub without_unit: Option<String>,
 }
 
-/// Indices of a table's columns.
+/// Columns of a table by their meaning. Columns are given by their indices; `None` for those that the table lacks.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Layout {
-    /// Position in the table's own frame or along the patient's axes.
+    /// Columns of the position in the table's own frame or along the patient's axes.
     pub(crate) own: Option<Position>,
-    /// Position in the tracker's frame.
+    /// Columns of the position in the tracker's frame.
     pub(crate) tracker: Option<Position>,
-    /// Components w, x, y, z, with their names.
+    /// Columns of the quaternion's components w, x, y, z, each with its name.
     pub(crate) quaternion: Option<[(usize, String); 4]>,
-    /// Time: index, name, and seconds per unit if the name has one.
+    /// Column of the time: index, name, and seconds per unit (`None` if the name has no unit).
     pub time: Option<(usize, String, Option<f64>)>,
-    /// Name.
+    /// Column of the row's name.
     pub(crate) name: Option<usize>,
-    /// Status.
+    /// Column of the status, which tells whether a row has a pose.
     pub(crate) status: Option<usize>,
-    /// Event.
+    /// Column of the event's name.
     pub event: Option<usize>,
     /// Column that tells whether a row has a position.
     pub(crate) defined: Option<usize>,
 }
 
-/// Parser of the number in a field of a column.
+/// Parses the number in a field; takes the column's name and the field.
 type Parse = fn(&str, &str) -> Result<f64, TableFault>;
 
 impl Layout {
-    /// Columns by their meaning; `known` lists the column names of this kind of table.
+    /// Finds the meaning of `columns`; `known` lists the column names of this kind of table, for errors.
     ///
     /// # Errors
-    /// A column that is unknown, ambiguous or duplicate; an incomplete position or quaternion; a position of which
-    /// only some columns have a unit.
+    /// A column that is unknown, ambiguous or duplicate; an incomplete position or quaternion; a position of which only
+    /// some columns have a unit.
     pub fn of(columns: &[Column], known: &'static str) -> Result<Self, TableFault> {
         let mut found = Self::default();
         for (index, Column { name, meaning }) in columns.iter().enumerate() {
@@ -93,18 +93,18 @@ impl Layout {
         Ok(found)
     }
 
-    /// Whether a row has no position by its column `defined`.
+    /// Whether the column `defined` says that a row has no position.
     pub(crate) fn is_undefined(&self, row: &[String]) -> bool {
         let field = self.defined.and_then(|at| row.get(at)).map(|field| field.to_ascii_lowercase());
         field.is_some_and(|field| ["0", "false", "no", "undefined"].contains(&field.as_str()))
     }
 
-    /// Name of a row; none if the field is empty.
+    /// Name of a row; `None` if its field is empty or the table has no names.
     pub(crate) fn name<'a>(&self, row: &'a [String]) -> Option<&'a str> {
         self.name.and_then(|at| row.get(at)).map(String::as_str).filter(|name| !name.is_empty())
     }
 
-    /// Whether a row has a pose by its column `status`.
+    /// Whether the column `status` says that a row has a pose.
     fn has_pose(&self, row: &[String]) -> Result<bool, TableFault> {
         match self.status.map_or("", |at| field(row, at)) {
             "" | "ok" | "OK" => Ok(true),
@@ -113,8 +113,8 @@ impl Layout {
         }
     }
 
-    /// Pose of a row, mm. A row has no pose if its `status` says so, or if all its numbers are empty, NaN or 0:
-    /// trackers write such rows while they don't see their tool.
+    /// Pose of a row, mm; `None` if it has none. That is the case if its `status` says so, or if all its numbers are
+    /// empty, NaN or 0: trackers write such rows while they don't see their tool.
     ///
     /// # Errors
     /// An unknown status, a field that is not a number, an incomplete pose, or numbers that are not a pose.
@@ -144,7 +144,7 @@ impl Layout {
 }
 
 impl Position {
-    /// Point of a row, mm; in LPS for columns along the patient's axes.
+    /// Point in a row, mm; in LPS if the columns are along the patient's axes.
     ///
     /// # Errors
     /// A field that is not a finite number.
@@ -152,7 +152,7 @@ impl Position {
         self.coordinates(row, finite)
     }
 
-    /// Coordinates of a row, mm. `parse` takes a column's name and its field.
+    /// Coordinates in a row, mm. `parse` takes a column's name and its field.
     fn coordinates(&self, row: &[String], parse: Parse) -> Result<DVec3, TableFault> {
         let mut point = DVec3::ZERO;
         for (axis, (at, name, unit_mm)) in self.axes.iter().enumerate() {
@@ -161,7 +161,7 @@ impl Position {
         Ok(point)
     }
 
-    /// Names of the columns, joined by commas.
+    /// Names of the position's columns, joined by commas.
     pub(crate) fn names(&self) -> String {
         self.axes.each_ref().map(|(_, name, _)| name.as_str()).join(",")
     }
@@ -181,10 +181,10 @@ fn field(row: &[String], at: usize) -> &str {
     row.get(at).map_or("", String::as_str)
 }
 
-/// Refuses columns that this kind of table doesn't have, for `reason`.
+/// Refuses columns that this kind of table doesn't have; `reason` completes the error.
 ///
 /// # Errors
-/// The first column whose meaning is one of `which`.
+/// The first column whose meaning `which` accepts.
 pub fn refuse(columns: &[Column], which: impl Fn(Meaning) -> bool, reason: &str) -> Result<(), TableFault> {
     columns.iter().find(|column| which(column.meaning)).map_or(Ok(()), |column| Err(refused(&column.name, reason)))
 }
@@ -193,7 +193,7 @@ fn refused(name: &str, reason: &str) -> TableFault {
     TableFault::Refused { name: quote(name), reason: reason.to_owned() }
 }
 
-/// Fault of a column with the name of one of the patient's axes, if the other two are missing and `own` is a complete
+/// Fault of a column with the name of a patient's axis, where the other two axes are missing and `own` is a complete
 /// position.
 fn stray(columns: &[Column], own: &Position) -> TableFault {
     let of_patient = columns.iter().find(|c| matches!(c.meaning, Meaning::Length { frame: Frame::Patient, .. }));
@@ -205,7 +205,7 @@ fn stray(columns: &[Column], own: &Position) -> TableFault {
     refused(name, &reason)
 }
 
-/// Whether two columns have the same meaning.
+/// Whether a table cannot have both columns, because they have the same meaning.
 fn is_same(a: Meaning, b: Meaning) -> bool {
     match (a, b) {
         (Meaning::Unused | Meaning::Unknown | Meaning::Ambiguous(_), _) => false,
@@ -217,7 +217,7 @@ fn is_same(a: Meaning, b: Meaning) -> bool {
     }
 }
 
-/// The three columns of a position; `None` if the table has none of them.
+/// The three columns of a position in the frame `wanted`; `None` if the table has none of them.
 fn position(columns: &[Column], wanted: Frame, known: &'static str) -> Result<Option<Position>, TableFault> {
     let mut axes: [Option<(usize, String, f64)>; 3] = [None, None, None];
     let mut any_mm = false;

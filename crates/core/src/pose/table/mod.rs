@@ -30,16 +30,16 @@ pub use layout::{Layout, Position, refuse};
 pub(crate) use slicer::{System, markups};
 pub use split::{finite, is_absent, number, quote};
 
-/// Faults of a table's line or columns.
+/// Faults of a table's lines or columns.
 #[derive(Debug, Error, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum TableFault {
     /// A column with an unknown name.
     #[error("unknown column {name}{suggestion}; the columns are {known}")]
     Unknown {
-        /// Name, quoted.
+        /// Name of the column, quoted.
         name: String,
-        /// Nearest known name, ready to print, or empty.
+        /// Nearest known name as text to append, or empty.
         suggestion: String,
         /// Column names of this kind of table.
         known: &'static str,
@@ -47,7 +47,7 @@ pub enum TableFault {
     /// A column that is ambiguous, or does not belong to this kind of table.
     #[error("column {name} is not read: {reason}")]
     Refused {
-        /// Name, quoted.
+        /// Name of the column, quoted.
         name: String,
         /// Reason and advice.
         reason: String,
@@ -55,15 +55,15 @@ pub enum TableFault {
     /// Two columns with the same meaning.
     #[error("column {name} is there twice{other}")]
     Twice {
-        /// Name, quoted.
+        /// Name of the column, quoted.
         name: String,
-        /// The other name, if it is different, ready to print.
+        /// The other column's name as text to append; empty if both names are equal.
         other: String,
     },
     /// A missing column that is needed.
     #[error("column `{name}` is missing; the columns are {known}")]
     Missing {
-        /// Name.
+        /// Name of the column.
         name: String,
         /// Column names of this kind of table.
         known: &'static str,
@@ -74,9 +74,9 @@ pub enum TableFault {
     /// A line with more or fewer fields than there are columns.
     #[error("{found} fields; the head has {columns}{hint}")]
     Fields {
-        /// Fields found.
+        /// Number of fields found.
         found: usize,
-        /// Columns.
+        /// Number of columns.
         columns: usize,
         /// Likely cause and advice, or empty.
         hint: &'static str,
@@ -161,26 +161,26 @@ pub enum TableFault {
     NoSystem,
 }
 
-/// A table without a line of column names.
+/// Columns of a table without a line of column names.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Headless {
-    /// Names of its columns, in order; the last may be missing.
+    /// Names of the columns, in order; the last column may be missing.
     pub(crate) names: &'static [&'static str],
-    /// Description for messages.
+    /// Description of a row, for messages.
     pub(crate) expected: &'static str,
 }
 
-/// Reader of a table's lines.
+/// Reader of the lines of a table.
 #[derive(Debug)]
 pub struct Reader {
     headless: Option<Headless>,
     separator: Option<char>,
     columns: Vec<Column>,
-    /// Number of empty columns that a spreadsheet appended at the right.
+    /// Number of empty columns that a spreadsheet appended on the right.
     padding: usize,
-    /// Whether the table has no column names, so that the columns are [`Headless::names`].
+    /// Whether the table has no column names and its columns are [`Headless::names`].
     is_headless: bool,
-    /// The last comment before the first line, which may contain the column names.
+    /// The last comment above the first row, which may contain the column names.
     comment: Option<String>,
     /// Whether the lines are a list of 3D Slicer (.fcsv).
     is_fcsv: bool,
@@ -189,7 +189,7 @@ pub struct Reader {
 }
 
 impl Reader {
-    /// Reader of a table; without `headless` it needs a line of column names.
+    /// Reader of a table; if `headless` is `None`, the table needs a line of column names.
     pub fn new(headless: Option<Headless>) -> Self {
         Self {
             headless,
@@ -204,15 +204,15 @@ impl Reader {
         }
     }
 
-    /// Columns; empty before the first line that is not a comment.
+    /// Columns of the table; empty before the first line that is not a comment.
     pub fn columns(&self) -> &[Column] {
         &self.columns
     }
 
-    /// Coordinate system of the points, if the lines are a list of 3D Slicer.
+    /// Coordinate system of the points in a list of 3D Slicer; `None` for other tables.
     ///
     /// # Errors
-    /// The list doesn't state it.
+    /// The list doesn't state its coordinate system.
     pub(crate) fn system(&self) -> Result<Option<System>, TableFault> {
         if self.is_fcsv && self.system.is_none() {
             return Err(TableFault::NoSystem);
@@ -220,8 +220,8 @@ impl Reader {
         Ok(self.system)
     }
 
-    /// Takes a line without its line feed. Returns its fields if it is a row, as many as there are columns; in a list
-    /// of 3D Slicer there may be more.
+    /// Takes a line without its line feed. If it is a row, returns its fields, as many as there are columns; in a list
+    /// of 3D Slicer there may be more. `None` for other lines.
     ///
     /// # Errors
     /// Two coordinate systems or lists of columns, a wrong number of fields, fields that are separated by spaces, or a
@@ -239,7 +239,7 @@ impl Reader {
             self.comment(comment.trim())?;
             return Ok(None);
         }
-        // Line by which Excel declares the separator.
+        // Excel declares the separator in a line of its own.
         if let (true, Some(separator)) = (self.columns.is_empty(), line.strip_prefix("sep=")) {
             self.separator = separator.chars().next();
             return Ok(None);
@@ -258,7 +258,7 @@ impl Reader {
         self.row(fields, line).map(Some)
     }
 
-    /// Records the statements of a comment.
+    /// Records what a comment states about the table.
     fn comment(&mut self, comment: &str) -> Result<(), TableFault> {
         let setting = comment.split_once('=').map(|(key, value)| (key.trim().to_ascii_lowercase(), value.trim()));
         match setting.as_ref().map(|(key, value)| (key.as_str(), *value)) {
@@ -284,7 +284,7 @@ impl Reader {
         Ok(())
     }
 
-    /// Sets the columns from the first line. Returns whether that line contained their names.
+    /// Sets the columns from the first line that is not a comment. Returns whether that line has their names.
     fn names(&mut self, fields: &[String], line: &str) -> Result<bool, TableFault> {
         if let [field] = fields
             && split::has_spaced_fields(field)
@@ -298,7 +298,7 @@ impl Reader {
             self.padding = fields.len() - last;
             return Ok(true);
         }
-        // Some programs write the names as a comment; prose may also contain words that could be names.
+        // Some programs write the column names as a comment; prose may also contain words that could be column names.
         if let (Some(comment), Some(separator)) = (&self.comment, self.separator) {
             // A comment whose quotes are not closed is prose.
             let names = split::split(comment, separator).unwrap_or_default();
@@ -321,7 +321,7 @@ impl Reader {
         Ok(false)
     }
 
-    /// Fields of a row, one per column.
+    /// Checks the number of a row's fields and returns them, one per column.
     fn row(&self, mut fields: Vec<String>, line: &str) -> Result<Vec<String>, TableFault> {
         let columns = self.columns.len();
         if fields.len() == columns + self.padding && fields[columns..].iter().all(String::is_empty) {
@@ -333,7 +333,7 @@ impl Reader {
         }
         let is_text = |fields: &[String]| !fields.iter().any(|field| split::looks_numeric(field));
         if fields.len() > columns && name_is_last && is_text(&fields[columns - 1..]) {
-            // A name without quotes that contains the separator.
+            // The last column is a name without quotes that contains the separator.
             let name = fields.split_off(columns - 1).join(", ");
             fields.push(name);
         }
@@ -350,7 +350,7 @@ impl Reader {
         Err(TableFault::Fields { found: fields.len(), columns, hint: self.hint(&fields) })
     }
 
-    /// Likely cause of a wrong number of fields, with advice; ready to print, or empty.
+    /// Likely cause of a wrong number of fields, with advice, as text to append; may be empty.
     fn hint(&self, fields: &[String]) -> &'static str {
         let columns = self.columns.len();
         if self.separator == Some(',') && fields.len() > columns {

@@ -13,8 +13,8 @@ const TYPES: [&str; 5] = ["Fiducial", "Line", "Angle", "Curve", "ClosedCurve"];
 pub(super) const COLUMNS: [&str; 14] =
     ["id", "x", "y", "z", "ow", "ox", "oy", "oz", "vis", "sel", "lock", "label", "desc", "associatedNodeID"];
 
-/// Whether `fields` are the two that 3D Slicer 5 appends after the named columns of a list: the status of the position
-/// (0 undefined, 1 shown before it is placed, 2 defined, 3 missing) and a number.
+/// Whether `fields` are the two that 3D Slicer 5 appends after the named columns of a list. The first is the status of
+/// the position (0 undefined, 1 shown before it is placed, 2 defined, 3 missing), the second a number.
 pub(super) fn is_status(fields: &[String]) -> bool {
     let [status, number] = fields else { return false };
     ["0", "1", "2", "3"].contains(&status.as_str()) && looks_numeric(number)
@@ -30,7 +30,7 @@ pub(crate) enum System {
 }
 
 impl System {
-    /// System by its name or number; `None` if unknown.
+    /// Coordinate system with the name or number `text`; `None` if unknown.
     pub(super) fn of(text: &str) -> Option<Self> {
         match text.to_ascii_uppercase().as_str() {
             "LPS" | "1" => Some(Self::Lps),
@@ -39,7 +39,7 @@ impl System {
         }
     }
 
-    /// Its name.
+    /// Name of the coordinate system.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Lps => "LPS",
@@ -47,7 +47,7 @@ impl System {
         }
     }
 
-    /// The same point in LPS.
+    /// `point`, given in this coordinate system, in LPS.
     pub(crate) fn to_lps(self, point: DVec3) -> DVec3 {
         match self {
             Self::Lps => point,
@@ -92,14 +92,14 @@ struct ControlPoint {
     position_status: Option<String>,
 }
 
-/// A control point: its name and, if it has one, its position in LPS, mm.
+/// A control point: its name and its position in LPS, mm; `None` if it has no position.
 pub(crate) type Control = (String, Option<DVec3>);
 
 /// Control points in the text of a `.mrk.json` file.
 ///
 /// # Errors
-/// Text that is not a markups file, several lists, markups without points of the body, another unit or coordinate
-/// system, or a position that is not finite.
+/// Text that is not a markups file, several lists, markups that do not mark points of the body, another unit or
+/// coordinate system, or a position that is not finite.
 pub(crate) fn markups(text: &str) -> Result<Vec<Control>, String> {
     let File { markups } = serde_json::from_str(text)
         .map_err(|error| format!("it is no markups file of 3D Slicer (.mrk.json) and no table: {error}"))?;
@@ -129,7 +129,7 @@ pub(crate) fn markups(text: &str) -> Result<Vec<Control>, String> {
         "um" | "µm" => 1e-3,
         other => return Err(format!("its `coordinateUnits` are {}; mm, cm, m and um are read", quote(other))),
     };
-    // Files without the key are in LPS, by their schema.
+    // By their schema, files without this key are in LPS.
     let name = markup.coordinate_system.as_deref().unwrap_or("LPS");
     let system = System::of(name).ok_or_else(|| TableFault::System { found: quote(name) }.to_string())?;
     let point = |(index, point): (usize, ControlPoint)| {

@@ -6,7 +6,7 @@ use super::{Column, TableFault};
 const NO_NUMBER: [&str; 11] =
     ["", "nan", "-nan", "nan(ind)", "-nan(ind)", "1.#qnan", "-1.#ind", "na", "n/a", "#n/a", "null"];
 
-/// Separator of the fields of `line`: tab, `;` or `,`.
+/// Separator of the fields of `line`: a tab or `;` that occurs at least twice, else `,`.
 pub(super) fn separator(line: &str) -> char {
     let several = |c: char| line.matches(c).count() >= 2;
     ['\t', ';'].into_iter().find(|c| several(*c)).unwrap_or(',')
@@ -33,7 +33,8 @@ pub(super) fn split(line: &str, separator: char) -> Result<Vec<String>, TableFau
     }
 }
 
-/// Content of a quoted field after its opening quote, and the text after its separator.
+/// Content of a quoted field and the text after the separator that follows; `None` at the end of the line. `text`
+/// starts after the field's opening quote.
 fn unquoted(text: &str, separator: char) -> Result<(String, Option<&str>), TableFault> {
     let mut field = String::new();
     let mut chars = text.char_indices().peekable();
