@@ -4,10 +4,10 @@ use serde::Serialize;
 
 use super::stored_word;
 
-/// Standard deviation of the Gaussian weights, relative to the width of the aperture.
+/// Standard deviation of the Gaussian weights as a fraction of the aperture's width.
 const GAUSSIAN_SIGMA: f64 = 0.3;
 
-/// Weights of an aperture's elements, on transmission and reception.
+/// Weights of an aperture's elements, for transmission and reception.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Apodization {
@@ -15,7 +15,7 @@ pub enum Apodization {
     Rectangular,
     /// A raised cosine that falls to 0 at the ends: the widest beam, with the lowest side lobes.
     Hann,
-    /// A Gaussian with a standard deviation of 0.3 of the aperture, cut at the ends.
+    /// A Gaussian with a standard deviation of 0.3 of the aperture's width, cut at the ends.
     #[default]
     Gaussian,
 }
@@ -23,7 +23,7 @@ pub enum Apodization {
 crate::names::named!(Apodization { Rectangular = "rectangular", Hann = "hann", Gaussian = "gaussian" });
 
 impl Apodization {
-    /// Weight at `position`, −0.5..=0.5 of the aperture from its middle; 1 in the middle.
+    /// Weight of the element at `position` from the middle, −0.5..=0.5 of the aperture's width; 1 in the middle.
     pub fn weight(self, position: f64) -> f64 {
         match self {
             Self::Rectangular => 1.0,

@@ -1,4 +1,4 @@
-//! Rendering backend.
+//! Choice of the rendering backend.
 
 use std::fmt;
 use std::str::FromStr;
@@ -18,7 +18,7 @@ pub struct UnknownBackend {
 /// Environment variable that names a backend.
 const VARIABLE: &str = "INSONIFY_BACKEND";
 
-/// An unknown name of a backend in the environment.
+/// An unknown name of a backend in the environment variable.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 #[error("INSONIFY_BACKEND: {0}")]
 pub struct UnknownBackendVariable(UnknownBackend);
@@ -26,7 +26,7 @@ pub struct UnknownBackendVariable(UnknownBackend);
 /// Choice of the rendering backend.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum BackendChoice {
-    /// On a GPU if there is one, else on the host. Software Vulkan is no GPU.
+    /// On a GPU if there is one, else on the host's processors. Software Vulkan is no GPU.
     #[default]
     Auto,
     /// On the host's processors.
@@ -39,7 +39,7 @@ crate::names::named!(BackendChoice { Auto = "auto", Host = "host", Device = "dev
 stored_word!(BackendChoice);
 
 impl BackendChoice {
-    /// The choice in the environment variable `INSONIFY_BACKEND`; none if it is unset or empty.
+    /// The choice in the environment variable `INSONIFY_BACKEND`; `None` if it is unset or empty.
     ///
     /// # Errors
     /// A word that names no backend.

@@ -4,7 +4,7 @@ use std::net::{IpAddr, Ipv4Addr};
 
 use super::{Origin, settings};
 
-/// Fewest characters of a configured token.
+/// Smallest number of characters of a configured token.
 pub const TOKEN_CHARS_MIN: usize = 16;
 
 settings! {

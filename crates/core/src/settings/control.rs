@@ -1,15 +1,15 @@
-//! Controls: requests by watchers to a running session.
+//! Controls: requests to a running session by those who watch it.
 
 use serde::{Deserialize, Serialize};
 
 use super::{LiveSettings, Mark, Setting, SettingsError, SettingsGroup as _, live_settings};
 
-/// A request by a watcher.
+/// A request by a watcher to a running session.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Control {
     /// Changes settings, all at once.
     Set(Vec<Assignment>),
-    /// Puts a mark on a picture, or replaces the mark with the same identifier. The mark is already checked.
+    /// Puts a mark on a picture, or replaces the mark with the same identifier. The mark has already been checked.
     Mark(Box<Mark>),
     /// Removes marks by their identifiers.
     Unmark(Vec<String>),
@@ -21,12 +21,12 @@ pub enum Control {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Assignment {
-    /// Key without its table.
+    /// Key of the setting, without its table.
     pub key: String,
-    /// Index in a list, from 0; 0 for single values.
+    /// Index of an element in a list, from 0; 0 for single values.
     #[serde(default)]
     pub index: usize,
-    /// Value; 0 or 1 for a switch.
+    /// New value; 0 or 1 for a switch.
     pub value: f64,
 }
 
@@ -36,7 +36,7 @@ impl Assignment {
         Self { key: key.to_owned(), index: 0, value }
     }
 
-    /// Setting that is assigned.
+    /// Checks the assignment and returns its setting.
     ///
     /// # Errors
     /// No live setting with that key; an index or a value out of range.

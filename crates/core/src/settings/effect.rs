@@ -1,4 +1,4 @@
-//! Effects by name, and a station's choice for each.
+//! Effects of the simulation by name, and a station's choice for each.
 
 use std::fmt;
 use std::str::FromStr;
@@ -9,7 +9,7 @@ use crate::suggest::did_you_mean;
 
 macro_rules! effects {
     ($( #[doc = $doc:literal] $effect:ident = $name:literal; )*) => {
-        /// An effect that a frame may or may not need.
+        /// An effect of the simulation, which a frame may or may not need.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
         pub enum Effect {
             $( #[doc = $doc] $effect, )*
@@ -67,15 +67,16 @@ effects! {
 }
 
 impl Effect {
-    /// Effects of a body in air and of a scanner's receiver; scenes of specimens have them only on request.
+    /// Effects of a body in air and of a scanner's receiver; scenes of specimens have them only if the station switches
+    /// them on.
     pub const OF_BODIES: [Self; 4] = [Self::Contact, Self::Texture, Self::Clutter, Self::Noise];
 
-    /// Documentation: one sentence.
+    /// Documentation of the effect: one sentence.
     pub const fn doc(self) -> &'static str {
         Self::DOCS[self as usize].trim_ascii()
     }
 
-    /// Words that a station file accepts for it; `maps` cannot be off.
+    /// Words that a station file accepts as the choice for the effect; `maps` cannot be off.
     pub fn words(self) -> &'static [&'static str] {
         match self {
             Self::Maps => &["auto", "on"],
@@ -107,11 +108,11 @@ impl Serialize for Effect {
     }
 }
 
-/// Choice of a station for an effect.
+/// A station's choice for an effect.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Choice {
-    /// Simulated if the scene calls for it.
+    /// The effect is simulated if the scene calls for it.
     #[default]
     Auto,
     /// The effect is always simulated.
@@ -130,12 +131,12 @@ impl FromStr for Choice {
     }
 }
 
-/// Choices of a station for every effect.
+/// A station's choices for all effects.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct EffectChoices([Choice; Effect::COUNT]);
 
 impl EffectChoices {
-    /// Every effect forced on, except [`Effect::OF_BODIES`], which the plan decides.
+    /// Every effect forced on, except those in [`Effect::OF_BODIES`], which keep [`Choice::Auto`].
     pub const ALL_ON: Self = {
         let mut choices = [Choice::On; Effect::COUNT];
         let mut i = 0;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::{Precision, Provider, settings};
 
-/// Least and greatest budget of a run, ms.
+/// Smallest and largest time budget of a generator run, ms.
 const RUN_BUDGET_MIN_MS: f64 = 1.0;
 const RUN_BUDGET_MAX_MS: f64 = 10_000.0;
 

@@ -2,14 +2,14 @@
 
 use super::{Change, Setting, SettingsError, Stored};
 
-/// A struct of settings.
+/// A struct whose fields are settings.
 pub trait SettingsGroup {
     /// Settings of the group itself, without nested groups.
     fn settings() -> &'static [Setting]
     where
         Self: Sized;
 
-    /// Setting of the group itself with this key.
+    /// Setting of the group itself called `key`; `None` if there is none.
     fn setting(key: &str) -> Option<&'static Setting>
     where
         Self: Sized,
@@ -17,10 +17,10 @@ pub trait SettingsGroup {
         Self::settings().iter().find(|setting| setting.key == key)
     }
 
-    /// Storage of a setting of this group or of a nested one.
+    /// Storage of the value of a setting of this group or of a nested one; `None` for an unknown key.
     fn stored(&self, key: &str) -> Option<&dyn Stored>;
 
-    /// Mutable storage of a setting of this group or of a nested one.
+    /// Mutable storage of the value of a setting of this group or of a nested one; `None` for an unknown key.
     fn stored_mut(&mut self, key: &str) -> Option<&mut dyn Stored>;
 
     /// Checks every value against its range, nested groups first.
@@ -29,7 +29,7 @@ pub trait SettingsGroup {
     /// The first value outside its range, NaN included.
     fn validate(&self) -> Result<(), SettingsError>;
 
-    /// Work that is needed for a change from these values to those of `other`.
+    /// Work that is needed before the next frame if these values change to those of `other`.
     fn change_to(&self, other: &Self) -> Change
     where
         Self: Sized;
@@ -48,8 +48,8 @@ pub fn check_own<G: SettingsGroup>(group: &G) -> Result<(), SettingsError> {
 ///
 /// Each block of `struct` is one setting: documentation, field, type, default, unit, range, `Change`, and an optional
 /// control on live displays. `nested` holds groups within the group. `plain` holds fields that have no single station
-/// key, each with its `Change`. `uniforms NAME` also defines a struct of the group's own settings, as 32-bit words that
-/// the passes read.
+/// key, each with its `Change`. `uniforms NAME` also defines a struct of the group's own settings, as the 32-bit words
+/// that the rendering passes read.
 #[macro_export]
 macro_rules! settings {
     (

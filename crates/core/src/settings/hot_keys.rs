@@ -1,4 +1,4 @@
-//! Keys of the live displays. The keys of a single setting are defined with the setting.
+//! Keyboard keys of the live displays. The keys of a single setting are defined with the setting.
 
 use std::sync::LazyLock;
 
@@ -16,51 +16,51 @@ pub enum Action {
     Step {
         /// Key of the setting.
         setting: &'static str,
-        /// Step that is added to the value.
+        /// Step that one press adds to the value.
         by: f64,
-        /// Limit of the value; serialized as null if infinite.
+        /// Limit that steps don't pass; serialized as null if infinite.
         until: f64,
     },
     /// Sets every TGC slider to 0 dB.
     TgcReset,
-    /// Sets rays and layers.
+    /// Sets the numbers of rays and layers.
     Quality {
-        /// Rays per scanline and layer.
+        /// Number of rays per scanline and layer.
         rays: u32,
-        /// Elevational layers.
+        /// Number of elevational layers: sections across the thickness of the beam.
         layers: u32,
     },
     /// Sets all values of a preset, by its name.
     Preset(&'static str),
-    /// Full screen or not.
+    /// Switches between full screen and a window.
     FullScreen,
     /// Shows the list of keys.
     Help,
     /// Ends the session.
     Quit,
-    /// Action of the page only, by its name in `app.js`.
+    /// Action that only the page has, by its name in `app.js`.
     Page(&'static str),
 }
 
-/// Displays on which a key works.
+/// A kind of live display; some keys work on one of them only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Display {
-    /// The page.
+    /// The page in a browser.
     Page,
     /// The native window.
     Window,
 }
 
-/// A key and its action.
+/// A keyboard key and its action.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct HotKey {
     /// Names of the key as in the W3C's `KeyboardEvent.key`; letters in lower case.
     pub keys: Vec<&'static str>,
     /// Name of the key in lists, printable ASCII.
     pub shown: &'static str,
-    /// Meaning in lists, printable ASCII.
+    /// Meaning of the key in lists, printable ASCII.
     pub meaning: &'static str,
-    /// Action.
+    /// Action of the key.
     pub action: Action,
 }
 
@@ -75,18 +75,18 @@ impl HotKey {
     }
 }
 
-/// A quality that has its own key and button.
+/// A quality (numbers of rays and layers) with its own key and button.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct QualityPointKey {
     /// Name on the button.
     pub label: &'static str,
-    /// Key.
+    /// Key that sets the quality.
     pub key: &'static str,
-    /// Meaning in lists.
+    /// Meaning of the key in lists.
     pub meaning: &'static str,
-    /// Rays per scanline and layer.
+    /// Number of rays per scanline and layer.
     pub rays: u32,
-    /// Elevational layers.
+    /// Number of elevational layers.
     pub layers: u32,
 }
 
@@ -100,7 +100,7 @@ const fn point(
     QualityPointKey { label, key, meaning, rays, layers }
 }
 
-/// Qualities with a key and a button.
+/// Qualities that have their own key and button.
 pub static QUALITY_POINTS: [QualityPointKey; 3] = [
     point("LQ", "1", "low quality, 1x1", Quality::LQ.rays, Quality::LQ.layers),
     point("Mid", "2", "4x3", 4, 3),
@@ -111,7 +111,7 @@ fn key(keys: &[&'static str], shown: &'static str, meaning: &'static str, action
     HotKey { keys: keys.to_vec(), shown, meaning, action }
 }
 
-/// All keys, the keys of settings first.
+/// All keyboard keys, those of single settings first.
 pub fn hot_keys() -> &'static [HotKey] {
     static HOT_KEYS: LazyLock<Vec<HotKey>> = LazyLock::new(|| {
         let of_settings = live_settings().filter_map(|setting| Some((setting, setting.control.as_ref()?)));
@@ -155,15 +155,15 @@ fn of_step(setting: &Setting, step: &StepKey) -> HotKey {
     key(&[step.key], step.shown, step.meaning, action)
 }
 
-/// Action of a key on a display; the key's name may have any case.
+/// Action of the key called `name` on a display; `None` if it has none there. The name may have any case.
 pub fn hot_key(display: Display, name: &str) -> Option<Action> {
     let found = hot_keys().iter().find(|hot| hot.keys.iter().any(|key| key.eq_ignore_ascii_case(name)));
     found.filter(|hot| hot.works_on(display)).map(|hot| hot.action)
 }
 
 impl Action {
-    /// Assignments of the action to the settings `settings`; empty if it changes no setting. Values are clamped to
-    /// their ranges.
+    /// Assignments by which the action changes `settings`; empty if it changes no setting. Values are clamped to their
+    /// ranges.
     pub fn assignments(self, settings: &LiveSettings) -> Vec<Assignment> {
         match self {
             Self::Step { setting: key, by, until } => {

@@ -22,12 +22,12 @@ settings! {
 }
 
 impl LiveSettings {
-    /// Whether frames of one pose are equal with these settings and with `other`.
+    /// Whether two frames of the same pose are equal, one with these settings and one with `other`.
     pub fn same_picture(&self, other: &Self) -> bool {
         (&self.probe, &self.render) == (&other.probe, &other.render)
     }
 
-    /// Captions of the live settings that have one, for example `Depth 15.0 cm`, then rays × layers.
+    /// Captions of the live settings that have one, for example `Depth 15.0 cm`, then the quality, for example `8x1`.
     pub fn captions(&self) -> Vec<String> {
         let of_settings = live_settings().filter_map(|setting| {
             let control = setting.control.as_ref().filter(|control| !control.caption.is_empty())?;

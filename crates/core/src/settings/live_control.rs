@@ -1,21 +1,21 @@
-//! Control of a live setting on the displays: slider, caption and keys.
+//! Controls of live settings on the displays: slider, caption and keys.
 
 use std::ops::RangeInclusive;
 
 use serde::Serialize;
 
-/// Control of a live setting.
+/// Control of a live setting on the displays.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LiveControl {
-    /// Name next to the control.
+    /// Name of the setting next to the control.
     pub label: &'static str,
-    /// Name in the caption under the picture; empty if the caption doesn't show it.
+    /// Name in the caption under the picture; empty if the caption doesn't show the setting.
     pub caption: &'static str,
-    /// Slider; none for a switch, or if buttons and keys set the value.
+    /// Slider; `None` for a switch, or if only buttons and keys set the value.
     pub slider: Option<Slider>,
-    /// Unit shown; none if it is the setting's unit.
+    /// Unit that is shown; `None` if it is the setting's own unit.
     pub unit: Option<&'static str>,
-    /// Factor from the setting's value to the number shown.
+    /// Factor by which the setting's value is multiplied for display.
     pub scale: f64,
     /// Number of decimals shown.
     pub digits: usize,
@@ -23,16 +23,16 @@ pub struct LiveControl {
     pub keys: Vec<StepKey>,
 }
 
-/// Slider of the page.
+/// Slider on the page.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Slider {
-    /// Section of the page with the slider: the `id` of an element of `index.html`.
+    /// Section of the page that has the slider: the `id` of an element of `index.html`.
     pub section: &'static str,
     /// Value at the left end.
     pub min: f64,
     /// Value at the right end.
     pub max: f64,
-    /// Distance between two values.
+    /// Distance between neighbouring values.
     pub step: f64,
 }
 
@@ -43,11 +43,11 @@ pub struct StepKey {
     pub key: &'static str,
     /// Name of the key in lists, printable ASCII.
     pub shown: &'static str,
-    /// Meaning in lists.
+    /// Meaning of the key in lists, printable ASCII.
     pub meaning: &'static str,
-    /// Step that is added to the value.
+    /// Step that one press adds to the value.
     pub by: f64,
-    /// Limit of the value.
+    /// Limit that steps don't pass.
     pub until: f64,
 }
 
@@ -55,7 +55,7 @@ const fn control(label: &'static str, caption: &'static str, slider: Option<Slid
     LiveControl { label, caption, slider, unit: None, scale: 1.0, digits: 0, keys: Vec::new() }
 }
 
-/// A slider in a section of the page, with its ends and its step.
+/// Control with a slider in a section of the page, from one end to the other in steps of `step`.
 pub(super) const fn slider(
     label: &'static str,
     section: &'static str,
@@ -65,33 +65,33 @@ pub(super) const fn slider(
     control(label, label, Some(Slider { section, min: *ends.start(), max: *ends.end(), step }))
 }
 
-/// A slider over the words of a setting, in a section of the page.
+/// Control of a setting whose values are words: a slider over the words, in a section of the page.
 pub(super) const fn choice(label: &'static str, section: &'static str, words: &[&str]) -> LiveControl {
     slider(label, section, 0.0..=(words.len() - 1) as f64, 1.0)
 }
 
-/// A switch.
+/// Control of a switch.
 pub(super) const fn toggle(label: &'static str) -> LiveControl {
     control(label, "", None)
 }
 
-/// A value that only buttons and keys set.
+/// Control of a value that only buttons and keys set.
 pub(super) const fn hidden(label: &'static str) -> LiveControl {
     control(label, "", None)
 }
 
 impl LiveControl {
-    /// Changes the name in the caption; empty hides it there.
+    /// Sets the name shown in the caption; empty leaves the setting out.
     pub(super) fn caption(self, caption: &'static str) -> Self {
         Self { caption, ..self }
     }
 
-    /// Shows `scale` times the value, in `unit`, with `digits` decimals.
+    /// Sets the display of the value: `scale` times the value, in `unit`, with `digits` decimals.
     pub(super) fn shown(self, unit: &'static str, scale: f64, digits: usize) -> Self {
         Self { unit: Some(unit), scale, digits, ..self }
     }
 
-    /// Adds a key that changes the value by `by`.
+    /// Adds a key that changes the value by `by`, up to the end of its range.
     pub(super) fn key(self, key: &'static str, shown: &'static str, meaning: &'static str, by: f64) -> Self {
         self.key_until(key, shown, meaning, by, by * f64::INFINITY)
     }

@@ -5,11 +5,11 @@ use serde::Serialize;
 use super::live_control::{choice, hidden, slider};
 use super::{Probe, ProbeKind, settings, stored_word};
 
-/// Mapping from the picture's grey levels to the display's.
+/// Mapping from the picture's grey levels to the grey levels on display.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum GreyMap {
-    /// Levels as they are.
+    /// Levels unchanged.
     #[default]
     Linear,
     /// Dark tissue a little brighter.
@@ -18,9 +18,9 @@ pub enum GreyMap {
     Bright,
     /// Dark tissue darker.
     Dark,
-    /// Darks darker and brights brighter.
+    /// Dark tissue darker and bright tissue brighter.
     Contrast,
-    /// Strong contrast: the curve of `contrast` at full weight.
+    /// Strong contrast: the full curve that `contrast` follows in part.
     Sharp,
 }
 
@@ -36,7 +36,7 @@ crate::names::named!(GreyMap {
 stored_word!(GreyMap);
 stored_word!(LookPreset);
 
-/// Most angles of a compounded picture.
+/// Largest number of angles of a compounded picture.
 pub const ANGLES_MAX: u32 = 15;
 
 settings! {
@@ -84,20 +84,20 @@ settings! {
 }
 
 impl LookSettings {
-    /// Number of independent pictures in the mean over all angles: 1, plus the span over the angle that the aperture
-    /// of `probe` subtends at the focus (Trahey, Smith and von Ramm, IEEE Trans UFFC 33:257, 1986).
+    /// Effective number of independent pictures in the mean over all steering angles: 1 + span / subtended angle. The
+    /// aperture of `probe` subtends that angle at the focus (Trahey, Smith and von Ramm, IEEE Trans UFFC 33:257, 1986).
     pub fn independent_angles(&self, probe: &Probe) -> f64 {
         let aperture_deg = 2.0 * (0.5 * probe.aperture_mm / probe.focus_mm).atan().to_degrees();
         let angles = self.angles_of(probe.kind);
         if angles == 1 { 1.0 } else { (1.0 + self.span_deg / aperture_deg).min(f64::from(angles)) }
     }
 
-    /// Number of steering angles for this kind of probe: odd.
+    /// Number of steering angles for this kind of probe; odd.
     pub fn angles_of(&self, kind: ProbeKind) -> u32 {
         if kind.steers() { self.odd_angles() } else { 1 }
     }
 
-    /// Number of steering angles: odd.
+    /// Number of steering angles for a probe that can be steered: `angles`, rounded down to an odd number.
     pub fn odd_angles(&self) -> u32 {
         (self.angles - 1) / 2 * 2 + 1
     }
@@ -107,7 +107,7 @@ impl LookSettings {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LookPreset {
-    /// The lines as they are: one angle, no filter, a linear map.
+    /// No post-processing: one angle, no filter, a linear map.
     #[default]
     Raw,
     /// Calm pictures for orientation: three angles, some persistence and smoothing.
@@ -119,7 +119,7 @@ pub enum LookPreset {
 crate::names::named!(LookPreset { Raw = "raw", Survey = "survey", Detail = "detail" });
 
 impl LookPreset {
-    /// Settings that the preset sets.
+    /// All post-processing settings of the preset.
     pub fn settings(self) -> LookSettings {
         let raw = LookSettings::default();
         match self {

@@ -1,31 +1,31 @@
-//! Marks by a watcher on a picture: measurements, texts and body marks.
+//! Marks that a watcher puts on a picture: measurements, texts and body marks.
 //!
-//! Points are (x, z) in the probe frame, mm: x to the right from the image's middle line, z down from the centre of
-//! the probe's face.
+//! Points are (x, z) in the probe frame, mm: x to the right from the image's middle line, z down from the centre of the
+//! probe's face.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// Most characters of a text on a picture.
+/// Largest number of characters of a text on a picture.
 pub const TEXT_CHARS_MAX: usize = 60;
 
-/// Most characters of the name of a measurement or a body mark.
+/// Largest number of characters of the name of a measurement or a body mark.
 pub const NAME_CHARS_MAX: usize = 24;
 
-/// Most characters of an identifier.
+/// Largest number of characters of an identifier.
 pub const ID_CHARS_MAX: usize = 32;
 
-/// Most marks that one request removes.
+/// Largest number of marks that one request removes.
 pub const REMOVED_MAX: usize = 64;
 
 /// Largest magnitude of a coordinate, mm.
 pub const COORDINATE_LIMIT_MM: f64 = 1e4;
 
-/// A mark on one picture. A later mark with the same identifier replaces it.
+/// A mark on the picture of one frame. A later mark with the same identifier replaces it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mark {
-    /// Identifier: letters, digits and `-`.
+    /// Identifier of the mark: letters, digits and `-`.
     pub id: String,
     /// Number of the marked frame.
     pub frame: u64,
@@ -33,11 +33,11 @@ pub struct Mark {
     pub sampled_ms: f64,
     /// `scene_from_probe` of the frame: x, y, z in mm, qw, qx, qy, qz; `None` if it had no pose.
     pub pose: Option<[f64; 7]>,
-    /// Content.
+    /// What the mark shows.
     pub content: MarkContent,
 }
 
-/// Content of a mark.
+/// What a mark shows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum MarkContent {
@@ -45,35 +45,35 @@ pub enum MarkContent {
     Distance {
         /// Name of the measure, for example `BPD`; may be empty.
         measure: String,
-        /// Both ends.
+        /// Both ends of the distance, mm.
         points_mm: [[f64; 2]; 2],
     },
-    /// Ellipse.
+    /// Ellipse, given by the ends of its axes.
     Ellipse {
         /// Name of the measure, for example `HC`; may be empty.
         measure: String,
-        /// Both ends of the first axis, then of the second.
+        /// Both ends of the first axis, then of the second, mm.
         points_mm: [[f64; 2]; 4],
     },
     /// Angle between two lines.
     Angle {
         /// Name of the measure; may be empty.
         measure: String,
-        /// End of the first line, corner, end of the second line.
+        /// End of the first line, corner, end of the second line; mm.
         points_mm: [[f64; 2]; 3],
     },
-    /// Text.
+    /// Text on the picture.
     Text {
-        /// Text.
+        /// The text.
         text: String,
-        /// Position of the text's left end.
+        /// Position of the text's left end, mm.
         at_mm: [f64; 2],
     },
-    /// Outline of a body with the probe on it.
+    /// Small outline of a body with a symbol of the probe on it.
     BodyMark {
-        /// Name of the outline; empty for none.
+        /// Name of the outline; empty for no body mark.
         name: String,
-        /// Turn of the probe, degrees.
+        /// Angle by which the probe is turned on the outline, degrees.
         turn_deg: f64,
     },
 }
@@ -84,13 +84,13 @@ pub enum MarkError {
     /// An identifier in an invalid form.
     #[error("a mark's id is `{found}`; it must be 1 to {ID_CHARS_MAX} letters, digits and `-`")]
     Id {
-        /// Identifier, without control characters.
+        /// Identifier found, without control characters.
         found: String,
     },
     /// A number that is not finite, or beyond its limit.
     #[error("`{key}` of a mark is {found}; it must be within ±{limit}")]
     Number {
-        /// Key.
+        /// Key of the number.
         key: &'static str,
         /// Number found.
         found: f64,
@@ -100,11 +100,11 @@ pub enum MarkError {
     /// A text that is too long.
     #[error("`{key}` of a mark has {found} characters; it may have {most}")]
     Long {
-        /// Key.
+        /// Key of the text.
         key: &'static str,
         /// Number of characters found.
         found: usize,
-        /// Most characters accepted.
+        /// Largest accepted number of characters.
         most: usize,
     },
     /// A text without a visible character.
@@ -119,13 +119,13 @@ pub enum MarkError {
 }
 
 impl Mark {
-    /// The mark with cleaned texts.
+    /// Checks the mark; returns it with texts trimmed and free of control characters.
     ///
     /// # Errors
     /// An identifier, a number or a text outside its limits.
     pub fn checked(self) -> Result<Self, MarkError> {
         check_id(&self.id)?;
-        // One year of session.
+        // The limit is one year.
         check("sampled_ms", self.sampled_ms, 3.2e10)?;
         self.pose.iter().flatten().try_for_each(|&x| check("pose", x, 1e6))?;
         Ok(Self { content: self.content.checked()?, ..self })
@@ -133,7 +133,7 @@ impl Mark {
 }
 
 impl MarkContent {
-    /// The content with cleaned texts.
+    /// Checks the content; returns it with texts trimmed and free of control characters.
     ///
     /// # Errors
     /// A number or a text outside its limits.
@@ -158,7 +158,7 @@ impl MarkContent {
         Ok(self)
     }
 
-    /// Points of the mark, mm.
+    /// Points that define the mark, mm.
     pub fn points_mm(&self) -> &[[f64; 2]] {
         match self {
             Self::Distance { points_mm, .. } => points_mm,
@@ -169,7 +169,7 @@ impl MarkContent {
         }
     }
 
-    /// Name of the kind, as in messages and files.
+    /// Name of the content's kind, as in messages and files.
     pub fn kind(&self) -> &'static str {
         match self {
             Self::Distance { .. } => "distance",
@@ -214,7 +214,7 @@ fn text(key: &'static str, text: &str, most: usize) -> Result<String, MarkError>
     if found > most { Err(MarkError::Long { key, found, most }) } else { Ok(cleaned) }
 }
 
-/// `text` on one line, without control characters and marks of writing direction, trimmed.
+/// `text` trimmed and on one line, without control characters and marks of writing direction.
 pub fn clean(text: &str) -> String {
     let is_hidden = |c: char| {
         let directions = matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');

@@ -1,11 +1,12 @@
-//! Values that displays offer for live settings: by sliders, switches, buttons and presets.
+//! Values that live displays offer for settings: by sliders, switches, buttons and presets.
 
 use super::{Assignment, Kind, LiveSettings, QUALITY_POINTS, SettingsError, SettingsGroup as _, exams, looks};
 
-/// Keys of the values that the quality buttons set together.
+/// Keys of the settings that a quality button sets together.
 const QUALITY_KEYS: [&str; 2] = ["rays", "layers"];
 
-/// Checks that a display offers `assignments`. A slider also reaches the values in the settings `shown` so far.
+/// Checks that some control of a display offers `assignments`. A slider's range is extended to the values in `shown`,
+/// the settings that displays have shown so far.
 ///
 /// # Errors
 /// The first error of [`Assignment::check`]; a value within its range that no control of a display sets.
@@ -29,7 +30,7 @@ pub fn check_offered(assignments: &[Assignment], shown: &[LiveSettings]) -> Resu
     Err(SettingsError::NotOffered { key: "quality.rays x quality.layers", value, offered: points.join(", ") })
 }
 
-/// Checks one value; rays and layers only against their ranges.
+/// Checks one value. Rays and layers are checked only against their ranges.
 fn check_value(assignment: &Assignment, shown: &[LiveSettings]) -> Result<(), SettingsError> {
     let setting = assignment.check()?;
     let &Assignment { ref key, index, value } = assignment;
@@ -72,7 +73,7 @@ mod tests {
         }
         let begin = LiveSettings::default();
         for hot in hot_keys().iter().filter(|hot| hot.works_on(Display::Page)) {
-            // The page limits steps to the range of its sliders.
+            // The page stops steps at the ends of its sliders, so steps are not checked here.
             if !matches!(hot.action, Action::Step { .. }) {
                 check_offered(&hot.action.assignments(&begin), &[]).unwrap();
             }

@@ -11,8 +11,8 @@ const HOST_BYTES_MAX: usize = 253;
 
 /// Scheme, host and port of a page's address, for example `https://station.local:9000`.
 ///
-/// Hosts are in lower case and have only letters, digits, `-`, `.`, `_`, and for IPv6 `[`, `]` and `:`. An origin can
-/// be printed as it is.
+/// Hosts are in lower case and have only letters, digits, `-`, `.`, `_`, and for IPv6 `[`, `]` and `:`. An origin thus
+/// needs no escaping when printed.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Origin {
     is_https: bool,
@@ -20,7 +20,7 @@ pub struct Origin {
     port: u16,
 }
 
-/// Not an origin.
+/// Error: the text is not an origin.
 #[derive(Debug, Error, Clone, Copy, PartialEq, Eq)]
 #[error("an origin is http:// or https://, a name or address, and a port if it isn't 80 or 443, without path")]
 pub struct NotAnOrigin;
@@ -29,7 +29,7 @@ impl Origin {
     /// An origin of a scheme and an authority (`host` or `host:port`); `None` if the authority is invalid.
     pub fn new(is_https: bool, authority: &str) -> Option<Self> {
         let (host, port) = match authority.rsplit_once(':') {
-            // The last colon of a bare IPv6 address is within its brackets.
+            // In a bare IPv6 address, the last colon is within the brackets.
             Some((host, port)) if !port.ends_with(']') => (host, Some(port)),
             _ => (authority, None),
         };
@@ -84,7 +84,7 @@ impl FromStr for Origin {
             "https" => true,
             _ => return Err(NotAnOrigin),
         };
-        // Browsers show the slash of the root.
+        // Browsers show the slash of the root path.
         Self::new(is_https, authority.strip_suffix('/').unwrap_or(authority)).ok_or(NotAnOrigin)
     }
 }

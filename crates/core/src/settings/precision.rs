@@ -15,7 +15,7 @@ pub enum Precision {
     /// a GPU; otherwise float32.
     #[default]
     Auto,
-    /// The model as it was trained.
+    /// The model as trained, in float32.
     Float32,
     /// 8-bit weights and values; an error if the model has none.
     Int8,

@@ -6,22 +6,22 @@ use serde::Serialize;
 
 use super::{Assignment, LookPreset, LookSettings, SettingsGroup as _, TGC_SLIDERS};
 
-/// A preset.
+/// A preset: values of several live settings at once.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Preset {
-    /// Name, one word.
+    /// Name of the preset, one word.
     pub name: &'static str,
-    /// Name on the button.
+    /// Name on the preset's button.
     pub label: &'static str,
-    /// Key.
+    /// Keyboard key of the preset.
     pub key: &'static str,
-    /// Meaning in lists, printable ASCII.
+    /// Meaning of the key in lists, printable ASCII.
     pub meaning: &'static str,
     /// Values that the preset sets.
     pub values: Vec<Assignment>,
 }
 
-/// Presets of the post-processing: every setting of `[look]`.
+/// Presets of the post-processing; each sets every setting of `[look]`.
 pub fn looks() -> &'static [Preset] {
     static LOOKS: LazyLock<Vec<Preset>> = LazyLock::new(|| {
         let of = |look: LookPreset, label, key, meaning| Preset {
@@ -40,7 +40,7 @@ pub fn looks() -> &'static [Preset] {
     &LOOKS
 }
 
-/// Presets by exam: depth, focus, contrast, TGC and post-processing.
+/// Presets for exams; each sets depth, focus, contrast, TGC and post-processing.
 pub fn exams() -> &'static [Preset] {
     static EXAMS: LazyLock<Vec<Preset>> = LazyLock::new(|| {
         let deep = [-4.0, 4.0, 12.0, 12.0, 8.0, 0.0, -8.0, -14.0];
@@ -77,13 +77,13 @@ pub fn exams() -> &'static [Preset] {
     &EXAMS
 }
 
-/// Preset with that name.
+/// Preset called `name`; `None` if there is none.
 pub fn preset(name: &str) -> Option<&'static Preset> {
     looks().iter().chain(exams()).find(|preset| preset.name == name)
 }
 
-/// An exam from its key and meaning, depth and focus (mm), dynamic range (dB), TGC slope (dB/cm), TGC sliders (dB) and
-/// look.
+/// Preset for an exam. The numbers are depth and focus (mm), dynamic range (dB) and TGC slope (dB/cm); `look` is the
+/// post-processing.
 fn exam(
     name: &'static str,
     label: &'static str,

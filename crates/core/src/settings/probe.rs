@@ -13,7 +13,7 @@ pub enum ProbeKind {
     Convex {
         /// Radius of curvature of the face, mm.
         radius_mm: f64,
-        /// Angle between the first and the last edge of the sector, degrees.
+        /// Angle of the sector between its two outer edges, degrees.
         fov_deg: f64,
     },
     /// A flat array: parallel scanlines over `width_mm`.
@@ -23,7 +23,7 @@ pub enum ProbeKind {
     },
     /// A phased array: scanlines leave the centre of the face at angles over `fov_deg`.
     Phased {
-        /// Angle between the first and the last edge of the sector, degrees.
+        /// Angle of the sector between its two outer edges, degrees.
         fov_deg: f64,
     },
 }
@@ -44,8 +44,8 @@ settings! {
 }
 
 impl ProbeKind {
-    /// Whether the scanlines can be steered for spatial compounding. Those of a phased array leave one point, so they
-    /// can't.
+    /// Whether the scanlines can be steered for spatial compounding. The scanlines of a phased array can't, since they
+    /// all leave one point.
     pub fn steers(&self) -> bool {
         !matches!(self, Self::Phased { .. })
     }
@@ -105,7 +105,7 @@ settings! {
             slider("Depth", "image", 30.0..=240.0, 5.0)
                 .shown("cm", 0.1, 1)
                 .key("PageDown", "Page down", "deeper", 10.0)
-                // No shallower than the depth scale can show.
+                // The depth is never less than the depth scale can show.
                 .key_until("PageUp", "Page up", "shallower", -10.0, 10.0);
 
         /// Scanlines.

@@ -7,9 +7,9 @@ use super::{ContactSettings, EffectChoices, ImageSettings, LookSettings, Receive
 
 /// Largest value of `quality.reflections_max`.
 pub(crate) const REFLECTIONS_MAX: u32 = 6;
-/// Most taps of the lateral kernel in the pass that applies it; odd.
+/// Largest number of taps of the lateral kernel (the beam across scanlines) in its convolution pass; odd.
 pub const BEAM_TAPS_MAX: u32 = 129;
-/// Most taps of the pulse in the pass that applies it; odd.
+/// Largest number of taps of the pulse in its convolution pass; odd.
 pub const PULSE_TAPS_MAX: u32 = 257;
 
 settings! {

@@ -1,10 +1,10 @@
-//! Live settings as JSON, in recordings and network messages.
+//! Live settings as JSON, as in recordings and network messages.
 
 use serde_json::{Map, Value};
 
 use super::{LiveSettings, SettingsGroup as _, live_settings};
 
-/// Keys in recordings of earlier builds, and their current names.
+/// Keys that recordings of earlier builds have, each with its current name.
 const RENAMED: [(&str, &str); 1] = [("enhance", "generator")];
 
 impl LiveSettings {
@@ -17,17 +17,18 @@ impl LiveSettings {
         values.collect()
     }
 
-    /// Sets a live setting, accepting its key in recordings of earlier builds; `None` if there is no such setting.
+    /// Sets the live setting `key`, which may be its former key in recordings of earlier builds. `None` if there is no
+    /// such setting.
     ///
     /// # Errors
-    /// A value of another type. Its range is not checked.
+    /// A value of another type. The value's range is not checked.
     pub fn read_json(&mut self, key: &str, value: &Value) -> Option<Result<(), String>> {
         let key = RENAMED.iter().find(|(old, _)| *old == key).map_or(key, |(_, new)| new);
         let setting = live_settings().find(|setting| setting.key == key)?;
         Some(setting.read_json(value, self.stored_mut(key)?))
     }
 
-    /// Values of all live settings in their order; a switch is 0 or 1.
+    /// Values of all live settings, in the order of the settings; a switch is 0 or 1.
     pub fn values(&self) -> impl Iterator<Item = f64> {
         live_settings().flat_map(|setting| {
             let stored = self.stored(setting.key);

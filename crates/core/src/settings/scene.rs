@@ -4,20 +4,20 @@ use serde::{Deserialize, Serialize};
 
 use super::{settings, stored_word};
 
-/// Range of the number of triangles of the phantom relative to the full phantom.
+/// Range of the phantom's number of triangles, relative to the full phantom.
 pub const SCALE_RANGE: std::ops::RangeInclusive<f64> = 0.01..=20.0;
-/// Range of gestational ages, completed weeks.
+/// Range of the fetus' gestational age, completed weeks.
 pub const WEEKS_RANGE: std::ops::RangeInclusive<f64> = 16.0..=34.0;
-/// Range of flexions.
+/// Range of the fetus' flexion: 0 is stretched, 1 tightly curled.
 pub const FLEXION_RANGE: std::ops::RangeInclusive<f64> = 0.0..=1.0;
-/// Range of rolls, degrees.
+/// Range of the fetus' roll about its long axis, degrees.
 pub const ROLL_RANGE_DEG: std::ops::RangeInclusive<f64> = -180.0..=180.0;
-/// Range of amniotic fluid indices, mm: oligohydramnios to polyhydramnios.
+/// Range of the amniotic fluid index, mm: oligohydramnios to polyhydramnios.
 pub const FLUID_INDEX_RANGE_MM: std::ops::RangeInclusive<f64> = 50.0..=250.0;
-/// Range of thicknesses of the mother's subcutaneous fat, mm.
+/// Range of the thickness of the mother's subcutaneous fat, mm.
 pub const FAT_RANGE_MM: std::ops::RangeInclusive<f64> = 5.0..=60.0;
 
-/// Direction of the fetus' long axis.
+/// Lie of the fetus: direction of its long axis and of its head.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Lie {
@@ -36,10 +36,10 @@ pub enum Lie {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PlacentaSite {
-    /// Towards the belly, left and fundal.
+    /// On the front wall, towards the belly; left and high.
     #[default]
     Anterior,
-    /// Towards the spine.
+    /// On the back wall, towards the spine.
     Posterior,
     /// At the top of the uterus.
     Fundal,
@@ -64,7 +64,8 @@ crate::names::named!(PlacentaSite {
     Right = "right",
 });
 
-/// Aberration class of an abdominal wall. Delays are RMS over 30 mm of aperture, about their best-fit plane.
+/// Class of an abdominal wall by its aberration: the RMS of the delays over 30 mm of aperture, about their best-fit
+/// plane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Wall {

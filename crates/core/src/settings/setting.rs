@@ -8,9 +8,9 @@ use super::LiveControl;
 /// A setting of a station file or of a live session.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Setting {
-    /// Key with its table: `image.gain_db`.
+    /// Table and key: `image.gain_db`.
     pub path: &'static str,
-    /// Table of the station file.
+    /// Table of the station file that has the setting.
     pub table: &'static str,
     /// Key in its table.
     pub key: &'static str,
@@ -18,17 +18,17 @@ pub struct Setting {
     pub unit: &'static str,
     /// Type of the value.
     pub kind: Kind,
-    /// Smallest value; in a list, of each element.
+    /// Smallest accepted value; in a list, of each element.
     pub min: f64,
-    /// Largest value; in a list, of each element.
+    /// Largest accepted value; in a list, of each element.
     pub max: f64,
-    /// Default; in a list, of each element.
+    /// Default value; in a list, of each element.
     pub default: f64,
-    /// Documentation: one sentence.
+    /// Documentation of the setting: one sentence.
     pub doc: &'static str,
-    /// Work that is needed after a change.
+    /// Work that is needed before the next frame after a change of the setting.
     pub change: Change,
-    /// Control on the live displays; none if the setting is fixed while a session runs.
+    /// Control on the live displays; `None` if the setting is fixed while a session runs.
     pub control: Option<LiveControl>,
 }
 
@@ -47,14 +47,14 @@ pub enum Kind {
     Word(&'static [&'static str]),
 }
 
-/// Work that is needed before the next frame after a change of a setting, in ascending order.
+/// Work that is needed before the next frame after a change of a setting. The variants ascend in cost.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Change {
-    /// No work: the value is a uniform of each frame.
+    /// No work: the value is passed to each frame as a uniform.
     Nothing,
-    /// Tables are computed again: beam, pulse, depths.
+    /// Tables of the beam, the pulse and the depths are computed again.
     Tables,
-    /// Tables, buffers and passes are rebuilt: the frame's size, paths or passes change.
+    /// Tables, buffers and passes are rebuilt, since the frame's size, paths or passes change.
     Everything,
 }
 
@@ -64,7 +64,7 @@ pub enum SettingsError {
     /// A value outside its range.
     #[error("{key} is {value}; it must lie in {min}..={max}")]
     Range {
-        /// Key with its table.
+        /// Table and key.
         key: &'static str,
         /// Value found.
         value: f64,
@@ -76,7 +76,7 @@ pub enum SettingsError {
     /// A fraction where a whole number is needed.
     #[error("{key} is {value}; it must be a whole number")]
     Fraction {
-        /// Key with its table.
+        /// Table and key.
         key: &'static str,
         /// Value found.
         value: f64,
@@ -84,7 +84,7 @@ pub enum SettingsError {
     /// An index beyond the elements of the setting.
     #[error("{key}[{index}] does not exist; its elements are 0..={last}")]
     Element {
-        /// Key with its table.
+        /// Table and key.
         key: &'static str,
         /// Index found.
         index: usize,
@@ -94,11 +94,11 @@ pub enum SettingsError {
     /// A value within its range that the page doesn't offer.
     #[error("{key} is {value}; the page offers {offered}")]
     NotOffered {
-        /// Key with its table.
+        /// Table and key.
         key: &'static str,
         /// Value found.
         value: String,
-        /// Values or range offered.
+        /// Values or range that the page offers.
         offered: String,
     },
     /// A key that is not a live setting's.
@@ -112,7 +112,7 @@ pub enum SettingsError {
 }
 
 impl Setting {
-    /// Number of values: 1, or the length of a list.
+    /// Number of values of the setting: 1, or the length of a list.
     pub const fn count(&self) -> usize {
         match self.kind {
             Kind::Numbers(count) => count,
@@ -120,7 +120,7 @@ impl Setting {
         }
     }
 
-    /// Whether frames depend on the setting: true for all settings except the switches of a session.
+    /// Whether the picture of a frame depends on the setting. True for all settings except the switches of a session.
     pub fn is_of_picture(&self) -> bool {
         self.table != "session"
     }
@@ -142,17 +142,17 @@ impl Setting {
         }
     }
 
-    /// Least and greatest value, as `1..=256`.
+    /// Smallest and largest value as text: `1..=256`.
     pub fn range(&self) -> String {
         format!("{}..={}", self.min, self.max)
     }
 
-    /// Documentation and range in one line.
+    /// Documentation and range of the setting in one line.
     pub fn described(&self) -> String {
         format!("{}, {}", self.doc.trim_end_matches('.'), self.range())
     }
 
-    /// Checks every value of `stored`.
+    /// Checks every value of `stored` against the range.
     ///
     /// # Errors
     /// As [`Setting::check`].
@@ -160,7 +160,7 @@ impl Setting {
         (0..self.count()).try_for_each(|index| self.check(stored.get(index)))
     }
 
-    /// The default as TOML.
+    /// The default value as TOML.
     pub fn default_toml(&self) -> String {
         match self.kind {
             Kind::Number => format!("{:?}", self.default),
@@ -171,7 +171,7 @@ impl Setting {
         }
     }
 
-    /// `stored` as JSON: a number, a list of numbers, true or false, or a word.
+    /// The value in `stored` as JSON: a number, a list of numbers, true or false, or a word.
     pub fn to_json(&self, stored: &dyn Stored) -> Value {
         match self.kind {
             Kind::Number => json!(stored.get(0)),
@@ -182,7 +182,7 @@ impl Setting {
         }
     }
 
-    /// Reads JSON as [`Setting::to_json`] writes it. Ranges are not checked.
+    /// Reads JSON in the form of [`Setting::to_json`] into `stored`. Ranges are not checked.
     ///
     /// # Errors
     /// A value of another type.
@@ -209,7 +209,7 @@ impl Setting {
     }
 }
 
-/// Word of an index; empty if there is none.
+/// Word with this index; empty if there is none.
 fn word(words: &'static [&'static str], index: f64) -> &'static str {
     words.get(index as usize).copied().unwrap_or_default()
 }
@@ -219,10 +219,10 @@ pub trait Stored {
     /// Type of the value.
     fn kind(&self) -> Kind;
 
-    /// The value; in a list, the element at `index`.
+    /// The value as a number; in a list, the element at `index`.
     fn get(&self, index: usize) -> f64;
 
-    /// Stores the value; in a list, at `index`. The caller has checked it.
+    /// Stores the value; in a list, at `index`. The caller has checked the range.
     fn set(&mut self, index: usize, value: f64);
 }
 
@@ -251,11 +251,11 @@ stored! {
     bool: Switch, value => value > 0.0;
 }
 
-/// Stores an enum with `named!` as an index into its names.
+/// Implements `Stored` for an enum defined by `named!`; its value is an index into the names of the enum.
 macro_rules! stored_word {
     ($type:ty) => {
         impl $type {
-            /// Range of the index.
+            /// Range of the index into the names.
             pub const RANGE: std::ops::RangeInclusive<f64> = 0.0..=(Self::NAMES.len() - 1) as f64;
         }
 

@@ -1,11 +1,11 @@
-//! Trackers: times, and the playback of recordings.
+//! Trackers: waiting times, formats, and the playback of recordings.
 
 use super::{settings, stored_word};
 
-/// Report value of a SpaceMouse at full deflection.
+/// Report value of a SpaceMouse axis at full deflection.
 pub const PUCK_RANGE: f64 = 350.0;
 
-/// Format in which an NDI device replies.
+/// Format in which an NDI device is asked to reply.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ReplyFormat {
     /// `BX`: binary.

@@ -1,13 +1,13 @@
-//! Settings as uniforms: 32-bit words, and the WGSL functions that read them.
+//! Settings as uniforms for the GPU: 32-bit words, and the WGSL functions that read them.
 
 use super::{Kind, Setting};
 
-/// A stored type that converts to 32-bit words.
+/// Type of a setting that converts to 32-bit words.
 pub trait Uniform {
     /// One word, or an array of words.
     type Words: bytemuck::Pod;
 
-    /// The words; numbers are rounded to f32, switches become 0 or 1.
+    /// The value as words; numbers are rounded to f32, switches become 0 or 1.
     fn words(&self) -> Self::Words;
 }
 
@@ -46,7 +46,8 @@ where
     }
 }
 
-/// WGSL functions that read the settings of a group from `words`, an array of four-component vectors.
+/// WGSL functions that read the `settings` of a group. `words` is the WGSL expression of an array of four-component
+/// vectors.
 ///
 /// A function's name is `prefix` followed by the setting's key, such as `image_gain_db()`. Functions of lists take an
 /// index.
