@@ -5,15 +5,14 @@ use crate::anatomy::Scene;
 use crate::anatomy::doctor::aberration::{Aperture, Caster, Summary};
 use crate::pose::Pose;
 
-/// Width of the apertures over which delays are compared, mm.
+/// Width of each aperture over which delays are compared, mm.
 const APERTURE_MM: f64 = 30.0;
-/// Depths to which delays are accumulated, mm: in a wall, below most walls, below all walls.
+/// Depths to which delays are accumulated, mm: within an abdominal wall, below most walls, below all walls.
 const DEPTHS_MM: [f64; 3] = [20.0, 40.0, 60.0];
 /// Number of apertures along the face.
 const BEAMS: u32 = 9;
 
-/// Aberration of nine beams of `probe` at `pose` (scene_from_probe), for each depth. Depths that no beam reaches are
-/// left out.
+/// Aberration of nine beams of `probe` at `pose` (`scene_from_probe`), summarised for each depth.
 pub fn aberration(scene: &Scene, probe: &Probe, pose: &Pose) -> Vec<Summary> {
     let caster = Caster::of(scene);
     let fraction = |i: u32| (f64::from(i) + 0.5) / f64::from(BEAMS);

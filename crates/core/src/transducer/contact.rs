@@ -8,10 +8,10 @@ use crate::anatomy::Skin;
 use crate::pose::Pose;
 use crate::settings::ContactSettings;
 
-/// One-way amplitude loss in a gap of e mm beyond the film of gel: e²/(1 + e) times this constant, nepers. The first
-/// half millimetre is the meniscus.
+/// Constant k in the one-way amplitude loss of a gap of e mm beyond the film of gel: k·e²/(1 + e), nepers. The first
+/// half millimetre is the meniscus of the gel.
 pub const GAP_NP_MM: f64 = 4.0;
-/// Gap beyond the film from which nothing is coupled, mm; the loss there is 28 nepers.
+/// Width of the gap beyond the film of gel from which on nothing is coupled, mm; the loss there is 28 nepers.
 pub const GAP_MAX_MM: f64 = 8.0;
 
 /// Number of positions on the face at which contact is measured.
@@ -20,15 +20,15 @@ const POSITIONS: u32 = 33;
 /// Contact of a probe's face with the skin.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Contact {
-    /// Coupled fraction of the face, 0..=1: mean two-way amplitude over its positions.
+    /// Coupled fraction of the face, 0..=1: mean two-way amplitude over positions on the face.
     pub part: f64,
-    /// Depth of the face's centre below the skin along the probe's axis, mm; negative for a gap. None if the skin is
+    /// Depth of the face's centre below the skin along the probe's axis, mm; negative for a gap. `None` if the skin is
     /// more than 30 mm away. It refers to the tracked pose, before [`shift_mm`](Self::shift_mm).
     pub press_mm: Option<f64>,
-    /// Distance by which the pose was moved along the probe's axis because of the tolerance, mm; positive into the
-    /// body.
+    /// Distance by which the pose was moved along the probe's axis to bring the face onto the skin, within the
+    /// tolerance, mm; positive into the body.
     pub shift_mm: f64,
-    /// Impossible placement of the tracked probe; none if a hand can hold it there.
+    /// Impossible placement of the tracked probe; `None` if a hand can hold the probe there.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub misplaced: Option<Misplacement>,
 }
@@ -42,8 +42,8 @@ impl Contact {
 
 /// Contact of `probe` at `pose` with `skin`, and the pose to render from.
 ///
-/// A probe that hovers over the skin, or is sunk into it, by up to `contact.tolerance_mm` is put on the skin, along
-/// its own axis. Beyond that, its pose is moved by the tolerance, so that it never jumps.
+/// A probe that hovers over the skin, or is sunk into it, by up to `contact.tolerance_mm` is put on the skin, along its
+/// own axis. Farther away, it is moved by the tolerance, so that the rendered pose never jumps.
 pub fn touch(skin: &Skin, probe: &Probe, pose: &Pose, contact: &ContactSettings) -> (Pose, Contact) {
     let press_mm = skin.press_mm(pose);
     let tolerance_mm = contact.tolerance_mm;
@@ -55,19 +55,19 @@ pub fn touch(skin: &Skin, probe: &Probe, pose: &Pose, contact: &ContactSettings)
     (placed, Contact { part: coupled / f64::from(POSITIONS), press_mm, shift_mm, misplaced: misplacement(skin, pose) })
 }
 
-/// Two-way amplitude coupling of a position on the face, at a fraction of its width.
+/// Two-way amplitude coupling, 0..=1, at the position on the face given by a fraction of its width.
 fn coupling_at(skin: &Skin, probe: &Probe, pose: &Pose, fraction: f64, gel_mm: f64) -> f64 {
     let (origin_mm, direction) = probe.ray(probe.lateral_coordinate(fraction));
     let there = Pose {
         position_mm: pose.transform_point(origin_mm),
         orientation: pose.orientation * glam::DQuat::from_rotation_arc(glam::DVec3::Z, direction),
     };
-    // Depth of the skin below the apex of the face: skin yields to the curvature of the face.
+    // Depth of the skin below the foremost point of the face: skin yields to the curvature of the face.
     let skin_mm = skin.press_mm(&there).map(|press_mm| origin_mm.z - press_mm * direction.z);
     skin_mm.map_or(0.0, |skin_mm| coupling(skin_mm - gel_mm).powi(2))
 }
 
-/// One-way amplitude that a gap of `gap_mm` beyond the film of gel passes, 0..=1.
+/// One-way amplitude that passes a gap of `gap_mm` beyond the film of gel, 0..=1.
 pub fn coupling(gap_mm: f64) -> f64 {
     let gap_mm = gap_mm.max(0.0);
     if gap_mm >= GAP_MAX_MM { 0.0 } else { (-GAP_NP_MM * gap_mm * gap_mm / (1.0 + gap_mm)).exp() }
@@ -109,7 +109,8 @@ mod tests {
     #[test]
     fn a_tilted_probe_touches_with_one_side() {
         let contact = touch(&skin(), &Probe::default(), &at(0.0, 15.0), &ContactSettings::default()).1;
-        // The apex plane rises by sin 15° per mm: the film reaches 11.6 mm beyond the middle of a face 46 mm wide.
+        // The plane at the foremost point of the face rises by sin 15° per mm: the film reaches 11.6 mm beyond the
+        // middle of a face 46 mm wide.
         assert!((0.65..0.85).contains(&contact.part), "{}", contact.part);
     }
 

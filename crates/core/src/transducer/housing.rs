@@ -10,7 +10,7 @@ use crate::pose::Pose;
 /// Length of the housing, mm.
 const HOUSING_MM: f64 = 45.0;
 
-/// Meshes in the scene, mm: the housing of `probe`, and a bead on the side that is the image's left.
+/// Meshes in the scene, mm: the housing of `probe`, and a bead on the side that appears on the image's left.
 pub fn housing(probe: &Probe, scene_from_probe: &Pose) -> [Mesh; 2] {
     const STEPS: u32 = 24;
     let half_height = 0.5 * probe.elevational_height_mm + 2.0;
@@ -20,7 +20,7 @@ pub fn housing(probe: &Probe, scene_from_probe: &Pose) -> [Mesh; 2] {
     let deepest = face.iter().map(|p| p.z).fold(0.0, f64::min);
     let mut outline = face;
     if outline.first().is_some_and(|p| p.x > -half_width) {
-        // A phased array's lines leave one point; its face is as wide as its aperture.
+        // The scanlines of a phased array leave one point; its face is as wide as its aperture.
         outline = vec![DVec3::new(-half_width, 0.0, 0.0), DVec3::new(half_width, 0.0, 0.0)];
     }
     let narrow = 0.7 * half_width;

@@ -1,7 +1,7 @@
 //! Probe placements that are impossible for a hand: deep in the body, or looking out of it.
 //!
 //! Such poses come from a wrong unit, a wrong order of the quaternion's components, or a missing calibration. The
-//! picture looks like one of a coupled probe, so the user is told.
+//! picture looks like that of a coupled probe, so the user needs to be told.
 
 use std::fmt;
 use std::time::Duration;
@@ -12,22 +12,22 @@ use serde::Serialize;
 use crate::anatomy::Skin;
 use crate::pose::Pose;
 
-/// Largest depth of the face below the skin, mm (assumed): a hand presses less deep.
+/// Depth of the face below the skin beyond which a placement is impossible, mm (assumed): a hand presses less deep.
 pub const DEPTH_MAX_MM: f64 = 25.0;
 
-/// Shortest duration of a misplacement that is reported: a probe may be turned in the air for a moment.
+/// Duration of a misplacement from which on it is reported: a probe may be turned in the air for a moment.
 pub const MISPLACED_FOR: Duration = Duration::from_secs(2);
 
-/// Distance in front of the face, mm, at which a probe that looks into the body has body.
+/// Distance ahead of the face, mm, at which there must be body if the probe looks into it.
 const AHEAD_MM: f64 = 15.0;
 
 /// Impossible placement of a probe.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Misplacement {
-    /// Kind of impossibility.
+    /// Kind of impossible placement.
     #[serde(flatten)]
     pub fault: Fault,
-    /// Likely cause; none if no usual mistake explains it.
+    /// Likely cause; `None` if no usual mistake explains the placement.
     pub likely: Option<Cause>,
 }
 
@@ -37,14 +37,15 @@ pub struct Misplacement {
 pub enum Fault {
     /// The face lies deeper in the body than a hand can press it.
     Deep {
-        /// Distance of the face's centre from the nearest skin along the probe's axes, mm.
+        /// Smallest distance of the face's centre from the skin along the probe's axes, mm.
         depth_mm: f64,
     },
-    /// The body lies behind the face, which looks out of it.
+    /// The body lies behind the face, so the probe looks out of it.
     LooksOut,
 }
 
-/// Usual mistake that explains a misplacement: without it, the probe is on the skin and looks into the body.
+/// Usual mistake that explains a misplacement: with the mistake corrected, the probe is on the skin and looks into the
+/// body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Cause {
@@ -60,14 +61,14 @@ pub enum Cause {
     MetresScalarLast,
 }
 
-/// Good poses of a probe that has never touched the skin.
+/// Summary of good poses of a probe that has never touched the skin.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Untouched {
     /// Total time with good poses, s.
     pub good_s: f64,
-    /// Last distance of the face's centre from the skin, mm; none if it is unknown.
+    /// Last distance of the face's centre from the skin, mm; `None` if it is unknown.
     pub away_mm: Option<f64>,
-    /// Diagonal of the bounding box of all positions, mm.
+    /// Diagonal of the bounding box of all positions of the probe, mm.
     pub extent_mm: f64,
 }
 
@@ -107,7 +108,7 @@ fn fault(skin: &Skin, pose: &Pose) -> Option<Fault> {
     let into_body = pose.orientation * DVec3::Z;
     let handle_mm = face_mm - DEPTH_MAX_MM * into_body;
     let body = skin.body();
-    // Nearly all poses return here.
+    // In nearly all poses there is no skin behind the handle, and the function returns here.
     body.way_out_mm(handle_mm, -into_body)?;
     let depth_mm = |from_mm: DVec3| body.depth_mm(from_mm, pose.orientation);
     depth_mm(handle_mm)?;
@@ -175,7 +176,7 @@ mod tests {
     use super::*;
     use crate::anatomy::{TissueTable, analytic, sdf};
 
-    /// A body 200 mm thick, its skin in front at z = 80 mm, with an organ in it.
+    /// A body 200 mm thick with an organ in it; its front skin is at z = 80 mm.
     fn body() -> Skin {
         skin(false)
     }
@@ -198,7 +199,7 @@ mod tests {
         Skin::of_scene(&analytic::scene(parts, &TissueTable::builtin().unwrap(), "gel").unwrap()).unwrap()
     }
 
-    /// A pose that looks along −z into the body, tilted by some degrees.
+    /// A pose that looks along −z into the body, tilted by `tilt_deg`.
     fn held(z_mm: f64, tilt_deg: f64) -> Pose {
         let (sin, cos) = tilt_deg.to_radians().sin_cos();
         Pose::looking(DVec3::new(3.0, 58.0, z_mm), DVec3::new(sin, 0.0, -cos), DVec3::X)
@@ -235,7 +236,7 @@ mod tests {
     fn another_order_of_the_quaternion_looks_out_of_the_body() {
         let pose = held(79.0, 12.0);
         let DQuat { x, y, z, w } = pose.orientation;
-        // A quaternion sent as x, y, z, w but read as w, x, y, z.
+        // A quaternion was sent as x, y, z, w but read as w, x, y, z.
         let mixed = Pose { orientation: DQuat::from_xyzw(y, z, w, x), ..pose };
         assert_eq!(likely(mixed), (Fault::LooksOut, Some(Cause::ScalarLast)));
         let both = Pose { position_mm: pose.position_mm / 1e3, ..mixed };

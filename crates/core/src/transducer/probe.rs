@@ -7,12 +7,12 @@ use crate::acoustics::{self, pulse, slide};
 use crate::settings::{Probe, ProbeKind};
 
 impl Probe {
-    /// Depth between two samples, mm, at 1540 m/s. Sample j is centred at depth (j + ½)·spacing.
+    /// Depth between neighbouring samples, mm, at 1540 m/s. Sample j is centred at depth (j + ½)·spacing.
     pub fn sample_spacing_mm(&self) -> f64 {
         self.depth_mm / f64::from(self.samples)
     }
 
-    /// Radius of the face, mm: 0 for a phased array, `None` for a linear one.
+    /// Radius of the face, mm: 0 for a phased array, `None` for a flat (linear) one.
     pub fn face_radius_mm(&self) -> Option<f64> {
         match self.kind {
             ProbeKind::Convex { radius_mm, .. } => Some(radius_mm),
@@ -41,7 +41,7 @@ impl Probe {
         match self.face_radius_mm() {
             Some(radius) => {
                 let (sin, cos) = lateral.sin_cos();
-                // radius·(cos − 1) without cancellation at small angles.
+                // The depth of the origin is radius·(cos − 1), computed without cancellation at small angles.
                 let sag = -2.0 * radius * (0.5 * lateral).sin().powi(2);
                 (DVec3::new(radius * sin, 0.0, sag), DVec3::new(sin, 0.0, cos))
             }
@@ -55,10 +55,10 @@ impl Probe {
         self.face_radius_mm().map_or(step, |radius| step * (radius + depth_mm))
     }
 
-    /// Standard deviation of the axial pulse-echo envelope, mm.
+    /// Standard deviation of the axial pulse-echo amplitude envelope, mm.
     pub fn axial_sigma_mm(&self) -> f64 {
         let fundamental_mm = pulse::axial_sigma_mm(self.frequency_mhz, self.fractional_bandwidth);
-        // The square of a Gaussian pulse is shorter by √2; half of the variance is due to reception.
+        // The square of a Gaussian pulse is shorter by √2; half of the variance of the echo is due to reception.
         if self.harmonics { 0.75_f64.sqrt() * fundamental_mm } else { fundamental_mm }
     }
 
@@ -85,22 +85,21 @@ impl Probe {
         }
     }
 
-    /// Standard deviation, mm, of the Gaussian with the same −6 dB width as the two-way lateral beam at `depth_mm`.
+    /// Standard deviation, mm, of the Gaussian that has the −6 dB width of the two-way lateral beam at `depth_mm`.
     ///
     /// Sums over the aperture take about 0.1 ms.
     pub fn lateral_sigma_mm(&self, depth_mm: f64) -> f64 {
         self.lateral_beam().width_mm(depth_mm) / pulse::FWHM_PER_SIGMA
     }
 
-    /// Standard deviation, mm, of the Gaussian with the same −6 dB width as the two-way elevational beam at
-    /// `depth_mm`.
+    /// Standard deviation, mm, of the Gaussian that has the −6 dB width of the two-way elevational beam at `depth_mm`.
     ///
     /// Sums over the lens take about 0.1 ms.
     pub fn elevational_sigma_mm(&self, depth_mm: f64) -> f64 {
         self.elevational_beam().width_mm(depth_mm) / pulse::FWHM_PER_SIGMA
     }
 
-    /// Lens across the slice.
+    /// The elevational lens, across the slice.
     pub fn elevational_lens(&self) -> slide::Lens {
         slide::Lens {
             frequency_mhz: self.frequency_mhz,
@@ -109,12 +108,13 @@ impl Probe {
         }
     }
 
-    /// Receive frequency, MHz.
+    /// Centre frequency of reception, MHz: twice the transmitted one for harmonics.
     pub(crate) fn returning_mhz(&self) -> f64 {
         if self.harmonics { 2.0 * self.frequency_mhz } else { self.frequency_mhz }
     }
 
-    /// Two-way loss, dB per mm, of a tissue that loses `db_cm_mhz` at 1 MHz; `exponent` is the power of the frequency.
+    /// Two-way loss, dB per mm, in a tissue whose one-way attenuation at 1 MHz is `db_cm_mhz`; `exponent` is the power
+    /// of the frequency.
     ///
     /// A harmonic is generated on the way by the square of the transmitted pressure, which loses twice as much as the
     /// pressure (quasi-linear plane waves: Hamilton and Blackstock, Nonlinear Acoustics, 1998, chapter 4).

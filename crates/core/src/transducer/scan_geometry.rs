@@ -11,7 +11,7 @@ pub struct ScanGeometry {
     pub kind: ProbeKind,
     /// Depth of the picture from the face, mm.
     pub depth_mm: f64,
-    /// Position of the sector in the picture.
+    /// Placement of the sector in the picture.
     pub sector: Sector,
 }
 
@@ -21,7 +21,7 @@ impl ScanGeometry {
         Self::new(probe, Sector::fit(probe, width, height))
     }
 
-    /// Geometry of pictures of `probe` with its sector at `sector`.
+    /// Geometry of pictures of `probe` with the given placement of the sector.
     pub fn new(probe: &Probe, sector: Sector) -> Self {
         Self { kind: probe.kind, depth_mm: probe.depth_mm, sector }
     }
@@ -30,8 +30,8 @@ impl ScanGeometry {
         Probe { kind: self.kind, depth_mm: self.depth_mm, ..Probe::default() }
     }
 
-    /// Fractional pixel (column, row) of a point at `fraction` (0..=1) of the lateral extent and `depth_mm` from the
-    /// face. The first pixel's centre is (0, 0).
+    /// Pixel (column, row), with fractions, of the point on the ray at `fraction` (0..=1) of the lateral extent,
+    /// `depth_mm` from the face. The first pixel's centre is (0, 0).
     pub fn pixel_at(&self, fraction: f64, depth_mm: f64) -> DVec2 {
         let probe = self.probe();
         let (origin, direction) = probe.ray(probe.lateral_coordinate(fraction));
@@ -39,7 +39,8 @@ impl ScanGeometry {
         self.sector.pixel_from_probe(DVec2::new(point.x, point.z)) - 0.5
     }
 
-    /// Fraction of the lateral extent and depth (mm) of a pixel's centre; `None` outside the sector.
+    /// Fraction (0..1) of the lateral extent, and depth from the face (mm), of a pixel's centre; `None` outside the
+    /// sector.
     pub fn beam_at(&self, column: u32, row: u32) -> Option<(f64, f64)> {
         Sector::polar(&self.probe(), self.sector.pixel_centre_mm(column, row))
     }

@@ -4,7 +4,7 @@ use glam::DVec2;
 
 use super::{Probe, ProbeKind};
 
-/// Mapping between pixels and the sector: square pixels, the whole sector in the image, centred.
+/// Mapping between pixels and the sector. Pixels are square; the whole sector is in the image, centred.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sector {
     /// Image width, pixels.
@@ -33,25 +33,25 @@ impl Sector {
         self.corner_mm + DVec2::new(f64::from(column) + 0.5, f64::from(row) + 0.5) * self.pixel_mm
     }
 
-    /// Fractional pixel (column, row) of a probe-frame point (x, z); the first pixel's centre is (0.5, 0.5).
+    /// Pixel (column, row), with fractions, of a probe-frame point (x, z), mm; the first pixel's centre is (0.5, 0.5).
     pub fn pixel_from_probe(&self, point_mm: DVec2) -> DVec2 {
         (point_mm - self.corner_mm) / self.pixel_mm
     }
 
-    /// [`Sector::polar`] for a probe whose scanlines are steered by an angle, radians, positive towards +x. Not for
-    /// phased arrays. `None` at points that no steered scanline reaches.
+    /// As [`Sector::polar`], for scanlines steered by `steer_rad`, positive towards +x. Not for phased arrays. `None`
+    /// at points that no steered scanline reaches.
     pub fn polar_steered(probe: &Probe, point_mm: DVec2, steer_rad: f64) -> Option<(f64, f64)> {
         let [fraction, depth_mm] = Self::steered(probe, point_mm, steer_rad);
         let inside = (0.0..1.0).contains(&fraction) && (0.0..probe.depth_mm).contains(&depth_mm);
         inside.then_some((fraction, depth_mm))
     }
 
-    /// [`Sector::polar_steered`] for any point; its fraction and depth may lie outside the sector.
+    /// As [`Sector::polar_steered`], but for any point: fraction and depth may lie outside the sector.
     pub fn steered(probe: &Probe, point_mm: DVec2, steer_rad: f64) -> [f64; 2] {
         let (sin, cos) = steer_rad.sin_cos();
         let (lateral, depth) = match probe.face_radius_mm() {
             Some(radius) => {
-                // Triangle of the apex, the position on the face and the point.
+                // Triangle of the face's centre of curvature, the scanline's origin on the face, and the point.
                 let from_apex = point_mm + DVec2::new(0.0, radius);
                 let distance = from_apex.length();
                 let at_point = (radius * sin / distance).clamp(-1.0, 1.0).asin();
@@ -62,8 +62,8 @@ impl Sector {
         [0.5 * (lateral / probe.half_extent() + 1.0), depth]
     }
 
-    /// Sector coordinates of a probe-frame point (x, z): fraction 0..1 of `probe`'s lateral extent, and depth from the
-    /// face, mm. `None` outside the sector.
+    /// Position of a probe-frame point (x, z), mm, in the sector: fraction 0..1 of `probe`'s lateral extent, and depth
+    /// from the face, mm. `None` outside the sector.
     pub fn polar(probe: &Probe, point_mm: DVec2) -> Option<(f64, f64)> {
         let (lateral, depth) = match probe.face_radius_mm() {
             Some(radius) => {
