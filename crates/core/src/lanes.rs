@@ -1,5 +1,5 @@
-//! Jobs on several lanes in parallel, each lane with threads and memory of its own. Results come in the order of the
-//! jobs.
+//! Jobs on several lanes in parallel. A lane is a worker with threads and memory of its own. Results come in the order
+//! of the jobs.
 
 use std::any::Any;
 use std::collections::VecDeque;
@@ -9,13 +9,13 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-/// Most lanes: each needs the memory of a renderer.
+/// Largest number of lanes: each needs the memory of a renderer.
 pub const LANES_MAX: usize = 8;
 
-/// Jobs per lane that are taken in advance.
+/// Number of jobs per lane that are taken in advance.
 const AHEAD: usize = 1;
 
-/// Number of lanes for the threads of this process: one per thread, up to [`LANES_MAX`].
+/// Number of lanes for this process: one per thread, up to [`LANES_MAX`].
 pub fn lane_count() -> usize {
     rayon::current_num_threads().clamp(1, LANES_MAX)
 }
@@ -62,7 +62,7 @@ pub fn in_order<L: Send, J: Send, R: Send, E: Send>(
             scope.spawn(move || run(lane, pool, given, work, &done));
         }
         drop(done);
-        // Dropping `give`, on every way out, ends the lanes.
+        // Dropping `give`, however this scope is left, ends the lanes.
         let give = give;
         hand_out(jobs.into_iter(), ahead, &give, &results, &mut each)
     })
@@ -72,7 +72,7 @@ fn pool(threads: usize) -> Result<ThreadPool, rayon::ThreadPoolBuildError> {
     ThreadPoolBuilder::new().num_threads(threads).thread_name(|n| format!("insonify-lane-{n}")).build()
 }
 
-/// Does jobs until there are no more, or one fails.
+/// Does jobs on one lane until there are no more, or one fails.
 fn run<L: Send, J: Send, R: Send, E: Send>(
     lane: &mut L,
     pool: &ThreadPool,
@@ -91,7 +91,7 @@ fn run<L: Send, J: Send, R: Send, E: Send>(
     }
 }
 
-/// Hands jobs to the lanes, at most `ahead` before the last result that `each` has received.
+/// Hands jobs to the lanes, at most `ahead` jobs beyond the last result that `each` has received.
 fn hand_out<J, R, E>(
     mut jobs: impl Iterator<Item = Result<J, E>>,
     ahead: usize,
@@ -101,7 +101,7 @@ fn hand_out<J, R, E>(
 ) -> Result<(), E> {
     let (mut taken, mut delivered) = (0, 0);
     let mut waiting: VecDeque<Option<Outcome<R, E>>> = VecDeque::new();
-    // Error of a job that could not be taken; those before it are delivered first.
+    // Error of a job that could not be taken. The results of the jobs before it are delivered first.
     let mut refused = None;
     let mut more = true;
     loop {
@@ -116,7 +116,7 @@ fn hand_out<J, R, E>(
                 Some(Err(error)) => (more, refused) = (false, Some(error)),
                 None => more = false,
             }
-            // Results are collected here, too, since making a job may take long.
+            // Results are also collected here, since making a job may take long.
             results.try_iter().for_each(|(number, outcome)| waiting[number - delivered] = Some(outcome));
             deliver(&mut waiting, &mut delivered, each)?;
         }
@@ -129,7 +129,7 @@ fn hand_out<J, R, E>(
     }
 }
 
-/// Passes the results that are next in order to `each`. A panic in a lane is resumed here.
+/// Passes the results that are next in order to `each`. A panic of a job is resumed here, on the calling thread.
 fn deliver<R, E>(
     waiting: &mut VecDeque<Option<Outcome<R, E>>>,
     delivered: &mut usize,
@@ -152,7 +152,7 @@ mod tests {
 
     use super::*;
 
-    /// Lanes, each with a counter of its jobs.
+    /// Lanes of the tests: each is a counter of its jobs.
     fn lanes(count: usize) -> Vec<usize> {
         vec![0; count]
     }

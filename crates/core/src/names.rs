@@ -13,14 +13,14 @@ macro_rules! named {
             /// Names of all variants, in the same order.
             pub const NAMES: &'static [&'static str] = &[$($name),+];
 
-            /// Name in files, on the command line and in messages.
+            /// Name of the variant in files, on the command line and in messages.
             pub fn name(self) -> &'static str {
                 match self {
                     $(Self::$variant => $name),+
                 }
             }
 
-            /// Variant with this name.
+            /// Variant called `name`; `None` if there is none.
             pub fn named(name: &str) -> Option<Self> {
                 Self::ALL.into_iter().find(|variant| variant.name() == name)
             }
@@ -30,7 +30,7 @@ macro_rules! named {
 
 pub use named;
 
-/// A whole number with thousands separators.
+/// A whole number in digits with thousands separators.
 pub fn thousands(n: usize) -> String {
     if n < 1000 { n.to_string() } else { format!("{},{:03}", thousands(n / 1000), n % 1000) }
 }
@@ -40,7 +40,7 @@ pub fn counted(n: usize, name: &str) -> String {
     format!("{} {name}{}", thousands(n), if n == 1 { "" } else { "s" })
 }
 
-/// The first `most` of `words`, joined by `separator`, and the number of the remaining ones.
+/// The first `most` of `words`, joined by `separator`; if there are more, their number follows, as in `and 3 more`.
 pub fn listed(words: &[String], most: usize, separator: &str) -> String {
     let mut shown = words[..words.len().min(most)].to_vec();
     if words.len() > most {
@@ -49,17 +49,17 @@ pub fn listed(words: &[String], most: usize, separator: &str) -> String {
     shown.join(separator)
 }
 
-/// Most characters of a name that comes from a file.
+/// Largest number of characters of a name that comes from a file.
 const NAME_CHARS_MAX: usize = 200;
 
-/// Whether a character is not allowed in a name: line breaks, control characters (including terminal sequences), marks
-/// of the writing direction, invisible characters.
+/// Whether a character is not allowed in a name: line breaks and other control characters (including terminal
+/// sequences), marks of the writing direction, invisible characters.
 fn is_hidden(c: char) -> bool {
     c.is_control()
         || matches!(c, '\u{200b}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}')
 }
 
-/// Whether a name can be shown on one line as it is.
+/// Whether a name can be shown on one line unchanged.
 pub fn is_printable(name: &str) -> bool {
     !name.chars().any(is_hidden)
 }
@@ -80,7 +80,7 @@ pub fn one_line(text: &str) -> Cow<'_, str> {
     Cow::Owned(shown.trim().to_owned())
 }
 
-/// A name on one line, as by [`one_line`], of at most 200 characters.
+/// A name on one line, as by [`one_line`], cut to at most 200 characters.
 pub fn printable(name: &str) -> Cow<'_, str> {
     let line = one_line(name);
     match line.char_indices().nth(NAME_CHARS_MAX) {

@@ -1,10 +1,10 @@
 //! Random numbers that are the same on every machine: SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom
 //! number generators", OOPSLA 2014).
 
-/// Increment of the state from one number to the next.
+/// Increment of the generator's state from one number to the next.
 const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// Output of the generator for the given `state`: 64 bits. It also serves as a hash of `state`.
+/// Output of the generator for a state: 64 random bits. It also serves as a hash of `state`.
 pub fn bits(state: u64) -> u64 {
     let mut z = state.wrapping_add(STEP);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -22,12 +22,12 @@ pub fn at(seed: u64, index: u64) -> f64 {
     fraction(bits(seed.wrapping_add(index.wrapping_mul(STEP))))
 }
 
-/// A sequence of random numbers.
+/// Generator of a sequence of random numbers.
 #[derive(Debug, Clone)]
 pub struct SplitMix64(u64);
 
 impl SplitMix64 {
-    /// The sequence of `seed`.
+    /// Generator at the start of the sequence of `seed`.
     pub fn new(seed: u64) -> Self {
         Self(seed)
     }

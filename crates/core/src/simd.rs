@@ -1,10 +1,9 @@
 //! Vectorised loops and the branch-free functions that they need.
 
-/// Defines a function that is compiled twice, for AVX2 and for any processor; the better version is chosen at run
-/// time.
+/// Defines a function that is compiled twice, for AVX2 and for any processor; the better version is chosen at run time.
 ///
-/// It suits loops over groups of eight. With AVX-512 the compiler joins two groups, and the shuffles cost more than
-/// the arithmetic saves. Multiplications and additions are never fused, so both versions give the same bits.
+/// It suits loops over groups of eight numbers. With AVX-512 the compiler joins two groups, and the shuffles cost more
+/// than the arithmetic saves. Multiplications and additions are never fused, so both versions give the same bits.
 #[macro_export]
 macro_rules! widened_to_eight {
     ($(#[$doc:meta])* $visibility:vis fn $name:ident($($argument:ident: $kind:ty),* $(,)?) = $body:ident) => {
@@ -72,7 +71,7 @@ pub fn prefetch<T: ?Sized>(value: &T) {
         const LINE: usize = 64;
         let start = std::ptr::from_ref(value).cast::<i8>();
         for offset in (0..size_of_val(value)).step_by(LINE) {
-            // SAFETY: the address lies within the value, and a prefetch changes nothing that a program sees.
+            // SAFETY: the address lies within the value, and a prefetch changes nothing that the program can observe.
             unsafe { std::arch::x86_64::_mm_prefetch::<{ std::arch::x86_64::_MM_HINT_T0 }>(start.add(offset)) };
         }
     }
@@ -80,10 +79,12 @@ pub fn prefetch<T: ?Sized>(value: &T) {
     let _ = value;
 }
 
-/// Constant 1.5·2²³: added to a number below 2²² in magnitude, it leaves the nearest integer in the sum's lowest bits.
+/// Constant 1.5·2²³. Added to a number below 2²² in magnitude, it leaves the nearest integer in the lowest bits of the
+/// sum.
 pub const TO_INTEGER: f32 = 12_582_912.0;
 
-/// Bits whose lowest 22 hold the integer nearest to `x`, half to even, for `x` in 0..2²². Higher bits are also set.
+/// The integer nearest to `x`, half to even, for `x` in 0..2²². It is in the lowest 22 bits of the result; higher bits
+/// are also set.
 #[inline(always)]
 pub fn nearest_bits(x: f32) -> u32 {
     (x + TO_INTEGER).to_bits()
@@ -97,21 +98,21 @@ pub fn floor(x: f32) -> i32 {
     nearest.wrapping_sub(i32::from(shifted - TO_INTEGER > x))
 }
 
-/// Largest integer that is not above `x`, for |x| below 2²²: as a number and as 32 bits. For an integer `x`, the
-/// result may be one lower.
+/// Largest integer that is not above `x`, for |x| below 2²²: as a float and as the 32 bits of an integer. For an
+/// integer `x`, the result may be one lower.
 #[inline(always)]
 pub fn floored(x: f32) -> (f32, u32) {
     let shifted = (x - 0.5) + TO_INTEGER;
     (shifted - TO_INTEGER, shifted.to_bits().wrapping_sub(TO_INTEGER.to_bits()))
 }
 
-/// Maximum of two numbers, in one instruction; NaN is not handled.
+/// `x`, or `least` if that is larger, in one instruction; NaN is not handled.
 #[inline(always)]
 pub fn at_least(x: f32, least: f32) -> f32 {
     if x > least { x } else { least }
 }
 
-/// Minimum of two numbers.
+/// `x`, or `most` if that is smaller, in one instruction; NaN is not handled.
 #[inline(always)]
 pub fn at_most(x: f32, most: f32) -> f32 {
     if x < most { x } else { most }
@@ -123,7 +124,7 @@ pub fn real(x: u32) -> f32 {
     x as i32 as f32
 }
 
-/// Hash of three words: pcg3d (Jarzynski and Olano, "Hash functions for GPU rendering", JCGT 2020).
+/// Hash of three words to three words: pcg3d (Jarzynski and Olano, "Hash functions for GPU rendering", JCGT 2020).
 #[inline(always)]
 pub fn pcg3d(key: [u32; 3]) -> [u32; 3] {
     let [mut x, mut y, mut z] = key.map(|v| v.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
@@ -139,7 +140,7 @@ pub fn pcg3d(key: [u32; 3]) -> [u32; 3] {
 
 /// log₂ of a normal positive number, with an error of 5·10⁻⁷ plus the rounding of the result.
 ///
-/// A minimax polynomial over √½..√2.
+/// The exponent is added to a minimax polynomial over √½..√2.
 #[inline(always)]
 pub fn log2(x: f32) -> f32 {
     const ROOT_HALF: u32 = 0x3f35_04f3;
@@ -157,12 +158,12 @@ pub fn log2(x: f32) -> f32 {
     exponent as f32 + p * t
 }
 
-/// eˣ for −87 < x < 88, with a relative error of 3·10⁻⁷.
+/// eˣ for −87 < x < 88, with a relative error of 3·10⁻⁷; e⁰ is exactly 1.
 ///
-/// x is split into an integer times ln 2 and a remainder of at most half of it, for a minimax polynomial. e⁰ is 1.
+/// x is split into an integer times ln 2 and a remainder of at most ½·ln 2, for which there is a minimax polynomial.
 #[inline(always)]
 pub fn exp(x: f32) -> f32 {
-    // ln 2 in two parts: the first has so few bits that its multiples are exact.
+    // ln 2 is the sum of two parts; the first has so few bits that its multiples are exact.
     const LN_2_HIGH: f32 = 0.693_359_4;
     const LN_2_LOW: f32 = -2.121_944_4e-4;
     let shifted = x * std::f32::consts::LOG2_E + TO_INTEGER;
@@ -175,11 +176,11 @@ pub fn exp(x: f32) -> f32 {
     let p = p * t + EXP[2];
     let p = p * t + EXP[1];
     let p = p * t + EXP[0];
-    // The integer is in the lowest bits of `shifted`. It is added to the exponent.
+    // The integer is in the lowest bits of `shifted`; the shift moves it to the exponent.
     f32::from_bits(p.to_bits().wrapping_add(shifted.to_bits() << 23))
 }
 
-/// e^(i2π·turns) for fewer than 2²¹ turns, to 2·10⁻⁷: `crates/render/shaders/shared/phasor.wgsl`.
+/// e^(i2π·turns) as [re, im], for fewer than 2²¹ turns, with an error of 2·10⁻⁷; like `shaders/shared/phasor.wgsl`.
 #[inline(always)]
 #[allow(clippy::approx_constant, reason = "a fitted coefficient, not 2π")]
 pub fn phasor(turns: f32) -> [f32; 2] {

@@ -10,12 +10,13 @@ pub fn nearest_rank<T: Copy>(sorted: &[T], part: f64) -> Option<T> {
     sorted.get(rank.clamp(1, sorted.len().max(1)) - 1).copied()
 }
 
-/// Median; the upper of the two middle values if their number is even. `sorted` is ascending. None if it is empty.
+/// Upper median: the middle value, or the upper of the two middle values if their number is even. `sorted` is
+/// ascending. `None` if it is empty.
 pub fn upper_median<T: Copy>(sorted: &[T]) -> Option<T> {
     sorted.get(sorted.len() / 2).copied()
 }
 
-/// Indices of `count` items spread evenly over `total`. `count` is at most `total`.
+/// Indices of `count` items spread evenly over `total` items. `count` is at most `total`.
 pub fn evenly(count: usize, total: usize) -> impl Iterator<Item = usize> {
     (0..count).map(move |i| (2 * i + 1) * total / (2 * count))
 }
@@ -40,12 +41,12 @@ pub fn percentile(values: &[f64], part: f64) -> Option<f64> {
     Some(if weight == 0.0 || low == high { low } else { low + (high - low) * weight })
 }
 
-/// Interpolated median: the mean of the two middle values if their number is even. None without values.
+/// Interpolated median: the mean of the two middle values if their number is even. `None` without values.
 pub fn median(values: &[f64]) -> Option<f64> {
     percentile(values, 0.5)
 }
 
-/// Arithmetic mean. None without values.
+/// Arithmetic mean. `None` without values.
 pub fn mean(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     let mut count = 0_u64;
     let sum: f64 = values.into_iter().inspect(|_| count += 1).sum();

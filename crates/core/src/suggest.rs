@@ -1,6 +1,7 @@
 //! Nearest known names, for error messages.
 
-/// ` (did you mean `x`?)` with the known name nearest to `name`; empty if none is near.
+/// Question to append to an error: ` (did you mean `x`?)`, with the known name nearest to `name`; empty if none is
+/// near.
 pub fn did_you_mean<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     let lower = name.to_lowercase();
     known
