@@ -191,7 +191,7 @@ pub struct RawScene {
     pub surfaces: Vec<RawSurface>,
     /// Findings about content that is skipped.
     pub(crate) findings: Vec<Finding>,
-    /// Errors of the file for which [`load`] refuses it. Errors of a single surface are in [`RawSurface::mesh`].
+    /// Errors of nodes, extras, motion and axes for which [`load`] refuses the file.
     pub problems: Vec<SceneError>,
     /// Motion and axes; defaults where the file's values are wrong.
     pub extras: SceneExtras,
